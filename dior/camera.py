@@ -1,0 +1,212 @@
+"""The camera model: intrinsics, lens distortion, pose, and the project's only projection.
+
+World: metres, right-handed, Z up. Camera axes as in OpenCV: x right, y down, z forward.
+Pixel (0, 0) is the centre of the top-left pixel. `wTc` is the pose of the camera in the world.
+Missing points are NaN and stay NaN.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dior.errors import DiorError
+
+MODELS = ("plumb_bob", "rational_polynomial", "inverse_brown_conrady")
+
+
+@dataclass(frozen=True)
+class Intrinsics:
+    """Pinhole and lens of a camera for one picture size.
+
+    `distortion` holds k1 k2 p1 p2 k3 (k4 k5 k6), zeros where the source gave fewer. `plumb_bob` and
+    `rational_polynomial` map ideal to recorded coordinates (OpenCV's calib3d documentation);
+    `inverse_brown_conrady` is the same polynomial from recorded to ideal (librealsense, rs2_deproject_pixel_to_point).
+    """
+
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    model: str = "plumb_bob"
+    distortion: tuple = (0.0,) * 8
+
+    def __post_init__(self):
+        if self.model not in MODELS:
+            raise DiorError(f"distortion model '{self.model}' is not one of {', '.join(MODELS)}")
+        if len(self.distortion) > 8:
+            raise DiorError(f"{len(self.distortion)} distortion coefficients: at most 8 are understood")
+        padded = tuple(float(k) for k in self.distortion) + (0.0,) * (8 - len(self.distortion))
+        object.__setattr__(self, "distortion", padded)
+
+    @property
+    def K(self):
+        """Camera matrix (3, 3), px."""
+        return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
+
+
+@dataclass(frozen=True)
+class Camera:
+    """One camera of a session. `wTc` (4, 4): pose of the camera in the world, m; None while unknown."""
+
+    name: str
+    intrinsics: Intrinsics
+    wTc: np.ndarray | None = None
+    role: str = "close"
+    locate: str = ""
+
+    @property
+    def wRc(self):
+        return self.wTc[:3, :3]
+
+    @property
+    def centre(self):
+        """Position of the camera in the world (3,), m."""
+        return self.wTc[:3, 3]
+
+    def at(self, wTc, locate=""):
+        """The same camera at another pose."""
+        return replace(self, wTc=np.asarray(wTc, float), locate=locate or self.locate)
+
+
+def pose(wRc, centre):
+    """wTc (4, 4) from rotation (3, 3) and centre (3,)."""
+    wTc = np.eye(4)
+    wTc[:3, :3], wTc[:3, 3] = wRc, centre
+    return wTc
+
+
+def inverse_pose(T):
+    """Inverse of a rigid transform (4, 4): cTw from wTc and back."""
+    R, t = T[:3, :3], T[:3, 3]
+    return pose(R.T, -R.T @ t)
+
+
+def _polynomial(distortion, xy):
+    """Brown-Conrady with rational radial part: normalised (..., 2) to normalised (..., 2)."""
+    k1, k2, p1, p2, k3, k4, k5, k6 = distortion
+    x, y = xy[..., 0], xy[..., 1]
+    r2 = x * x + y * y
+    radial = (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)))
+    return np.stack(
+        [
+            x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x),
+            y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y,
+        ],
+        axis=-1,
+    )
+
+
+def _polynomial_jacobian(distortion, xy):
+    """Derivative of `_polynomial` (..., 2, 2)."""
+    k1, k2, p1, p2, k3, k4, k5, k6 = distortion
+    x, y = xy[..., 0], xy[..., 1]
+    r2 = x * x + y * y
+    top, bottom = 1 + r2 * (k1 + r2 * (k2 + r2 * k3)), 1 + r2 * (k4 + r2 * (k5 + r2 * k6))
+    radial = top / bottom
+    slope = ((k1 + r2 * (2 * k2 + r2 * 3 * k3)) - radial * (k4 + r2 * (2 * k5 + r2 * 3 * k6))) / bottom
+    cross = 2 * x * y * slope + 2 * p1 * x + 2 * p2 * y
+    return np.stack(
+        [
+            np.stack([radial + 2 * x * x * slope + 2 * p1 * y + 6 * p2 * x, cross], axis=-1),
+            np.stack([cross, radial + 2 * y * y * slope + 6 * p1 * y + 2 * p2 * x], axis=-1),
+        ],
+        axis=-2,
+    )
+
+
+def _polynomial_inverse(distortion, xy, iterations=20):
+    """Solve `_polynomial(z) = xy` for z by Newton's method; NaN where it does not converge to 1e-9.
+
+    A lens polynomial folds over outside the picture: there the determinant of its Jacobian changes sign, and a
+    solution beyond the fold is not the lens. It is NaN, too.
+    """
+    z = np.array(xy, float)
+    for _ in range(iterations):
+        miss = _polynomial(distortion, z) - xy
+        J = _polynomial_jacobian(distortion, z)
+        det = J[..., 0, 0] * J[..., 1, 1] - J[..., 0, 1] * J[..., 1, 0]
+        with np.errstate(all="ignore"):
+            step = np.stack(
+                [
+                    (J[..., 1, 1] * miss[..., 0] - J[..., 0, 1] * miss[..., 1]) / det,
+                    (J[..., 0, 0] * miss[..., 1] - J[..., 1, 0] * miss[..., 0]) / det,
+                ],
+                axis=-1,
+            )
+            z = z - np.clip(step, -0.5, 0.5)
+            if not np.nanmax(np.abs(step), initial=0.0) > 1e-12:
+                break
+    with np.errstate(invalid="ignore"):
+        wrong = ~(np.abs(_polynomial(distortion, z) - xy).max(axis=-1) < 1e-9) | folded(distortion, z)
+    return np.where(wrong[..., None], np.nan, z)
+
+
+def folded(distortion, xy):
+    """Whether normalised points (..., 2) lie beyond the first fold of the lens polynomial.
+
+    The fold is where d(r f(r))/dr first reaches zero along the ray; tangential terms are too small to matter.
+    """
+    radii = np.linspace(0.0, 5.0, 2001)
+    along = np.stack([radii, np.zeros_like(radii)], axis=-1)
+    radial_only = (*distortion[:2], 0.0, 0.0, *distortion[4:])
+    bad = _polynomial_jacobian(radial_only, along)[:, 0, 0] <= 0
+    limit = radii[np.argmax(bad)] if bad.any() else np.inf
+    with np.errstate(invalid="ignore"):
+        return np.hypot(xy[..., 0], xy[..., 1]) >= limit
+
+
+def distort(intrinsics, xy):
+    """Ideal normalised coordinates (..., 2) to recorded pixels (..., 2); NaN beyond the lens polynomial's fold."""
+    xy = np.asarray(xy, float)
+    if intrinsics.model == "inverse_brown_conrady":
+        recorded = _polynomial_inverse(intrinsics.distortion, xy)
+    else:
+        beyond = folded(intrinsics.distortion, xy)[..., None]
+        recorded = np.where(beyond, np.nan, _polynomial(intrinsics.distortion, xy))
+    return recorded * (intrinsics.fx, intrinsics.fy) + (intrinsics.cx, intrinsics.cy)
+
+
+def undistort(intrinsics, uv):
+    """Recorded pixels (..., 2) to ideal normalised coordinates (..., 2)."""
+    xy = (np.asarray(uv, float) - (intrinsics.cx, intrinsics.cy)) / (intrinsics.fx, intrinsics.fy)
+    if intrinsics.model == "inverse_brown_conrady":
+        return np.where(folded(intrinsics.distortion, xy)[..., None], np.nan, _polynomial(intrinsics.distortion, xy))
+    return _polynomial_inverse(intrinsics.distortion, xy)
+
+
+def project(camera, points):
+    """World points (..., 3) m to recorded pixels (..., 2) and depths (...,) m.
+
+    `p = K wRc^T (P - t)` with distortion (paper, equation 1). Pixels are NaN behind the camera and where the lens
+    model has no answer; the depth is given in either case. Pixels outside the picture are given as they are.
+    """
+    in_camera = (np.asarray(points, float) - camera.centre) @ camera.wRc
+    depth = in_camera[..., 2]
+    with np.errstate(all="ignore"):
+        xy = np.where(depth[..., None] > 0, in_camera[..., :2] / depth[..., None], np.nan)
+    return distort(camera.intrinsics, xy), depth
+
+
+def in_frame(intrinsics, uv):
+    """Whether pixels (..., 2) lie in the picture; its edge is half a pixel outside the outermost centres."""
+    with np.errstate(invalid="ignore"):
+        u, v = uv[..., 0], uv[..., 1]
+        return (u >= -0.5) & (u < intrinsics.width - 0.5) & (v >= -0.5) & (v < intrinsics.height - 0.5)
+
+
+def rays(camera, uv):
+    """Unit directions (..., 3) in the world of recorded pixels (..., 2); the origin of each is `camera.centre`."""
+    xy = undistort(camera.intrinsics, uv)
+    direction = np.concatenate([xy, np.ones((*xy.shape[:-1], 1))], axis=-1)
+    return (direction / np.linalg.norm(direction, axis=-1, keepdims=True)) @ camera.wRc.T
+
+
+def check_picture_size(intrinsics, width, height, where):
+    """Refuse pictures of another size than the intrinsics were made for."""
+    if (intrinsics.width, intrinsics.height) != (int(width), int(height)):
+        raise DiorError(
+            f"{where}: the pictures are {width}x{height} but the intrinsics are for "
+            f"{intrinsics.width}x{intrinsics.height}; use the intrinsics of the recorded resolution"
+        )

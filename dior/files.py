@@ -1,0 +1,27 @@
+"""Writing files so that a reader never meets half of one."""
+
+import os
+from contextlib import contextmanager
+from pathlib import Path
+
+
+@contextmanager
+def written_whole(path):
+    """Yield a path beside `path` to write to; it takes the place of `path` only if nothing was raised.
+
+    The process id keeps two writers apart; a failed writer removes what it wrote.
+    """
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        yield part
+        os.replace(part, path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def write_text(path, text):
+    """Write `text` as UTF-8 with Unix line ends, whole or not at all."""
+    with written_whole(path) as part:
+        part.write_bytes(text.encode())

@@ -1,0 +1,102 @@
+"""What a result was made with: content hashes of files and of the code of a step."""
+
+import ast
+import hashlib
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+
+PACKAGE = Path(__file__).parent
+NUMERIC = ("numpy", "opencv-python-headless", "gtsam", "scipy")
+NOT_CODE = {"cli"}
+
+
+def file_sha256(path):
+    """Hex SHA-256 of a file's bytes."""
+    with open(path, "rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+@cache
+def code_hash(*modules):
+    """A short hash of the code that steps run: `code_hash("calibrate.locate")`.
+
+    It covers the modules, every dior module they import (inside functions, too), the files that are no Python beside
+    or below them (templates, tables) and the installed versions of the numeric packages. Comments and docstrings do
+    not count, so an edit of those re-runs nothing.
+    """
+    digest = hashlib.sha256()
+    for path in sorted(_closure(modules)):
+        digest.update(f"{path.relative_to(PACKAGE)}\0{_meaning(path)}\0".encode())
+    for path in sorted({data for module in modules for data in _data_files(module)}):
+        digest.update(f"{path.relative_to(PACKAGE)}\0{file_sha256(path)}\0".encode())
+    for package in NUMERIC:
+        digest.update(f"{package}=={metadata.version(package)}\0".encode())
+    return digest.hexdigest()[:16]
+
+
+def _path_of(module):
+    path = PACKAGE.joinpath(*module.split("."))
+    if path.is_dir():
+        return path / "__init__.py"
+    if path.with_suffix(".py").is_file():
+        return path.with_suffix(".py")
+    raise ValueError(f"there is no module dior.{module}")
+
+
+def _closure(modules):
+    found, waiting = set(), [_path_of(module) for module in modules]
+    while waiting:
+        path = waiting.pop()
+        if path not in found:
+            found.add(path)
+            waiting += _imports(path)
+    return found
+
+
+@cache
+def _tree(path):
+    return ast.parse(path.read_text(), str(path))
+
+
+@cache
+def _imports(path):
+    wanted = set()
+    for node in ast.walk(_tree(path)):
+        if isinstance(node, ast.Import):
+            wanted |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
+            wanted.add(node.module)
+            wanted |= {f"{node.module}.{alias.name}" for alias in node.names}
+    paths = []
+    for name in sorted(wanted):
+        parts = name.split(".")
+        if parts[0] != "dior" or (len(parts) > 1 and parts[1] in NOT_CODE):
+            continue
+        try:
+            paths.append(_path_of(".".join(parts[1:])) if len(parts) > 1 else PACKAGE / "__init__.py")
+        except ValueError:
+            continue
+    return tuple(paths)
+
+
+def _meaning(path):
+    tree = ast.parse(path.read_text())
+    for node in ast.walk(tree):
+        body = getattr(node, "body", None)
+        documented = isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef))
+        if documented and body and isinstance(body[0], ast.Expr) and isinstance(body[0].value, ast.Constant):
+            node.body = body[1:]
+    return ast.dump(tree)
+
+
+def _data_files(module):
+    """Files that are no Python beside the module (templates, tables): they are read by it."""
+    folder = _path_of(module).parent
+    if folder == PACKAGE:
+        return []
+    return [
+        path
+        for path in folder.rglob("*")
+        if path.is_file() and path.suffix not in (".py", ".pyc") and "__pycache__" not in path.parts
+    ]

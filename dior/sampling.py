@@ -1,0 +1,86 @@
+"""One time axis for all recordings of a sequence, and interpolation on it.
+
+t = (stamp_ns - t0_ns)/1e9 * (1 + 1e-6 drift_ppm) + offset_s (design, section 8), in seconds: after the first stored
+C3D frame indoors, the time of the reference camera outdoors.
+"""
+
+import numpy as np
+
+from dior.errors import DiorError
+
+RATES = np.array([15, 24, 25, 29.97, 30, 50, 59.94, 60, 90, 100, 120])
+SAME_TIME_S = 1e-6
+
+
+def nominal_fps(stamps_ns):
+    """Frame rate (Hz) of a recording from its stamps (F,) ns: the median period, or the standard rate it stands for."""
+    if len(stamps_ns) < 2:
+        raise DiorError("a recording of fewer than two pictures has no frame rate")
+    fps = 1e9 / np.median(np.diff(stamps_ns))
+    standard = RATES[np.argmin(np.abs(RATES - fps))]
+    return float(standard) if abs(standard / fps - 1) < 4e-4 else round(float(fps), 3)
+
+
+def bracket(times, queries, max_gap_s):
+    """Frames around each query: indices before and after (Q,), -1 for none, and the weight (Q,) of the later.
+
+    `times` (F,) s ascending. A query between frames further apart than `max_gap_s` has none (a drop), nor has one
+    outside the recording. A query within a microsecond of a frame is that frame, with weight 0.
+    """
+    times, queries = np.asarray(times, float), np.asarray(queries, float)
+    after = np.searchsorted(times, queries)
+    nearest = np.clip(after, 0, len(times) - 1)
+    nearest = np.where(
+        np.abs(times[np.maximum(nearest - 1, 0)] - queries) < np.abs(times[nearest] - queries),
+        np.maximum(nearest - 1, 0),
+        nearest,
+    )
+    exact = np.abs(times[nearest] - queries) < SAME_TIME_S
+    before, after = np.clip(after - 1, 0, len(times) - 1), np.clip(after, 0, len(times) - 1)
+    gap = times[after] - times[before]
+    inside = (queries > times[0]) & (queries < times[-1]) & (gap <= max_gap_s)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        weight = np.where(gap > 0, (queries - times[before]) / gap, 0.0)
+    before = np.where(exact, nearest, np.where(inside, before, -1))
+    after = np.where(exact, nearest, np.where(inside, after, -1))
+    return before, after, np.where(exact | (before < 0), 0.0, weight)
+
+
+def blend(values, before, after, weight):
+    """Values (F, ...) at bracketed queries (Q, ...): linear, NaN where there is no bracket or an end is missing."""
+    values = np.asarray(values, float)
+    w = weight.reshape(-1, *(1,) * (values.ndim - 1))
+    mixed = np.where(w > 0, values[before] * (1 - w) + values[after] * w, values[before])
+    return np.where((before < 0).reshape(w.shape), np.nan, mixed)
+
+
+def sample(times, values, queries, max_gap_s):
+    """Values (F, ...) recorded at `times` (F,) s, interpolated at `queries` (Q,) s; never across a drop."""
+    return blend(values, *bracket(times, queries, max_gap_s))
+
+
+def instants(fps, last_s):
+    """Times (I,) s of the regular grid 0, 1/fps, ... that ends at or before `last_s`."""
+    return np.arange(int(np.floor(last_s * fps + 1e-6)) + 1) / fps
+
+
+def start_ns(frames):
+    """t0 of a sequence: the earliest picture stamp (ns) of all its cameras."""
+    return int(frames["stamp_ns"].min())
+
+
+def camera_seconds(frames, camera, t0_ns, clock):
+    """Times (F,) s of a camera's pictures on the sequence's axis; `clock` is (offset_s, drift_ppm, source)."""
+    stamps = frames["stamp_ns"][frames["camera"] == camera]
+    if not len(stamps):
+        raise DiorError(f"camera {camera}: no pictures in the frames table; is its topic right?")
+    return seconds(stamps, t0_ns, clock[0], clock[1])
+
+
+def seconds(stamp_ns, t0_ns, offset_s=0.0, drift_ppm=0.0):
+    """Time (...,) s of header stamps (...,) int64 ns.
+
+    The subtraction is done on integers: a stamp since 1970 as a float64 is only good to 0.2 us.
+    """
+    elapsed = np.asarray(stamp_ns, np.int64) - np.int64(t0_ns)
+    return elapsed / 1e9 * (1 + 1e-6 * drift_ppm) + offset_s

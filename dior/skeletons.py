@@ -1,0 +1,82 @@
+"""Names of joints and markers, their left-right pairs, and the bones that a picture shows."""
+
+import re
+
+import numpy as np
+
+MLKIT_33 = tuple(
+    (
+        "nose left_eye_inner left_eye left_eye_outer right_eye_inner right_eye right_eye_outer left_ear right_ear "
+        "left_mouth right_mouth left_shoulder right_shoulder left_elbow right_elbow left_wrist right_wrist left_pinky "
+        "right_pinky left_index right_index left_thumb right_thumb left_hip right_hip left_knee right_knee left_ankle "
+        "right_ankle left_heel right_heel left_foot_index right_foot_index"
+    ).split()
+)
+PLUG_IN_GAIT_39 = tuple(
+    (
+        "LFHD RFHD LBHD RBHD C7 T10 CLAV STRN RBAK LSHO LUPA LELB LFRM LWRA LWRB LFIN RSHO RUPA RELB RFRM RWRA RWRB "
+        "RFIN LASI RASI LPSI RPSI LTHI LKNE LTIB LANK LHEE LTOE RTHI RKNE RTIB RANK RHEE RTOE"
+    ).split()
+)
+COCO_17 = tuple(
+    (
+        "nose left_eye right_eye left_ear right_ear left_shoulder right_shoulder left_elbow right_elbow left_wrist "
+        "right_wrist left_hip right_hip left_knee right_knee left_ankle right_ankle"
+    ).split()
+)
+# OpenPose, include/openpose/pose/poseParametersRender.hpp; BODY_25B as in its training repository
+BODY_25 = tuple(
+    (
+        "nose neck right_shoulder right_elbow right_wrist left_shoulder left_elbow left_wrist mid_hip right_hip "
+        "right_knee right_ankle left_hip left_knee left_ankle right_eye left_eye right_ear left_ear left_big_toe "
+        "left_small_toe left_heel right_big_toe right_small_toe right_heel"
+    ).split()
+)
+BODY_25B = (
+    *COCO_17,
+    *"neck head left_big_toe left_small_toe left_heel right_big_toe right_small_toe right_heel".split(),
+)
+COCO_18 = tuple(
+    (
+        "nose neck right_shoulder right_elbow right_wrist left_shoulder left_elbow left_wrist right_hip right_knee "
+        "right_ankle left_hip left_knee left_ankle right_eye left_eye right_ear left_ear"
+    ).split()
+)
+
+_JOINT_BONES = (
+    "nose-left_eye nose-right_eye left_eye-left_ear right_eye-right_ear left_shoulder-right_shoulder "
+    "left_shoulder-left_elbow left_elbow-left_wrist right_shoulder-right_elbow right_elbow-right_wrist "
+    "left_wrist-left_index right_wrist-right_index left_shoulder-left_hip right_shoulder-right_hip "
+    "left_hip-right_hip left_hip-left_knee left_knee-left_ankle right_hip-right_knee right_knee-right_ankle "
+    "left_ankle-left_heel right_ankle-right_heel left_heel-left_foot_index right_heel-right_foot_index "
+    "left_heel-left_big_toe right_heel-right_big_toe"
+)
+_MARKER_BONES = (
+    "LFHD-RFHD LFHD-LBHD RFHD-RBHD LBHD-RBHD C7-CLAV CLAV-STRN C7-T10 CLAV-LSHO CLAV-RSHO LSHO-LELB LELB-LWRA "
+    "LELB-LWRB LWRA-LFIN LWRB-LFIN RSHO-RELB RELB-RWRA RELB-RWRB RWRA-RFIN RWRB-RFIN LASI-RASI LASI-LPSI RASI-RPSI "
+    "LPSI-RPSI LASI-LTHI LTHI-LKNE LKNE-LTIB LTIB-LANK LANK-LHEE LANK-LTOE LHEE-LTOE RASI-RTHI RTHI-RKNE RKNE-RTIB "
+    "RTIB-RANK RANK-RHEE RANK-RTOE RHEE-RTOE"
+)
+BONES = tuple(tuple(bone.split("-")) for bone in f"{_JOINT_BONES} {_MARKER_BONES}".split())
+
+
+def mirrored(name):
+    """The name of the same joint or marker on the other side of the body."""
+    if name.startswith(("left_", "right_")):
+        return name.replace("left_", "right_", 1) if name[0] == "l" else name.replace("right_", "left_", 1)
+    if re.fullmatch(r"[LR][A-Z0-9]{3}", name) and name in PLUG_IN_GAIT_39:
+        other = ("R" if name[0] == "L" else "L") + name[1:]
+        return other if other in PLUG_IN_GAIT_39 else name
+    return name
+
+
+def swap_index(names):
+    """Index (J,) that exchanges left and right: `uv[..., swap_index(names), :]`. Unpaired joints stay."""
+    where = {name: i for i, name in enumerate(names)}
+    return np.array([where.get(mirrored(name), i) for i, name in enumerate(names)])
+
+
+def bones_of(names):
+    """Pairs of indices (B, 2) into `names` of the bones whose both ends are there."""
+    where = {name: i for i, name in enumerate(names)}
+    return np.array([(where[a], where[b]) for a, b in BONES if a in where and b in where]).reshape(-1, 2)

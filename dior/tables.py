@@ -1,0 +1,451 @@
+"""Every table of the project: its columns, units, vocabularies and metadata. Nothing else knows them.
+
+Tables are tidy, sorted and complete: every (frame, joint) has its row, missing values are null. A table is handled as
+a dict of numpy arrays of equal length: strings as object arrays ("" is null), floats with NaN for null, integers with
+-1 for null where the column may be null.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from dior.camera import Camera, Intrinsics
+from dior.errors import DiorError, nearest
+from dior.files import written_whole
+
+VERSION = "1"
+
+LABEL_STATUS = ("ok", "out_of_frame", "behind_camera", "missing_3d", "occluded")
+LABEL_SOURCE = ("mocap", "triangulated", "interpolated")
+SKELETON_STATUS = ("ok", "too_few_views", "rejected", "gap_filled")
+OFFSET_SOURCE = ("estimated", "manual", "assumed_zero")
+SEVERITY = ("info", "warning", "error")
+METRICS = {
+    "reprojection_error": "distance of the label from the close camera's own detection (the paper's equation)",
+    "error_to_truth_2d": "distance of the label from the true keypoint, in-frame labels",
+    "error_to_truth_3d": "distance of the 3D keypoint from the true one, as is",
+    "error_to_truth_3d_aligned": "the same after rigid alignment without scaling",
+    "in_box_share": "share of the in-frame labels inside the hand-drawn box of the subject",
+    "mark_error": "distance of a hand mark from the projection of its 3D point",
+    "check_error": "distance of the label from a hand check, which no step has used",
+    "coverage": "share of (frame, joint) with a label",
+    "adjust_error_before": "mean reprojection error of the placed cameras, before the adjustment",
+    "adjust_error_after": "mean reprojection error after the adjustment",
+    "swapped_share": "share of the instants in which a camera's left and right were exchanged",
+    "ambiguous_share": "share of the frames in which the subject was one of several possible people",
+}
+
+_text = pa.dictionary(pa.int32(), pa.string())
+
+
+def _field(name, kind, unit="", text=""):
+    return pa.field(name, kind, metadata={"unit": unit, "description": text})
+
+
+def _schema(*fields):
+    return pa.schema([_field(*field) for field in fields])
+
+
+SCHEMAS = {
+    "frames": _schema(
+        ("camera", _text),
+        ("frame", pa.int32(), "", "counted from 0 in the camera's recording, by header stamp"),
+        ("stamp_ns", pa.int64(), "ns", "header stamp, since the Unix epoch"),
+        ("receive_ns", pa.int64(), "ns", "the bag's receive stamp"),
+        ("bag", _text, "", "file, relative to data_root"),
+        ("topic", _text),
+        ("nth", pa.int32(), "", "which message of that receive stamp and topic in the bag, from 0"),
+        ("height", pa.int32(), "px"),
+        ("width", pa.int32(), "px"),
+    ),
+    "detections": _schema(
+        ("camera", _text),
+        ("frame", pa.int32()),
+        ("stamp_ns", pa.int64(), "ns"),
+        ("person", pa.int32(), "", "index of the person in the detector's output; null: nobody"),
+        ("joint", _text),
+        ("u", pa.float32(), "px"),
+        ("v", pa.float32(), "px"),
+        ("score", pa.float32()),
+    ),
+    "cameras": _schema(
+        ("session", _text),
+        ("sequence", _text, "", "null where it holds for the whole session"),
+        ("camera", _text),
+        ("role", _text),
+        ("locate", _text, "", "how the pose was found"),
+        ("width", pa.int32(), "px"),
+        ("height", pa.int32(), "px"),
+        ("fx", pa.float64(), "px"),
+        ("fy", pa.float64(), "px"),
+        ("cx", pa.float64(), "px"),
+        ("cy", pa.float64(), "px"),
+        ("distortion_model", _text),
+        ("distortion", pa.list_(pa.float64(), 8), "", "k1 k2 p1 p2 k3 k4 k5 k6"),
+        ("wTc", pa.list_(pa.float64(), 16), "m", "pose of the camera in the world, rows of the 4x4 matrix"),
+        ("offset_s", pa.float64(), "s", "true clock offset; simulation only"),
+        ("drift_ppm", pa.float64(), "ppm", "true clock drift; simulation only"),
+    ),
+    "timeline": _schema(
+        ("instant", pa.int32()),
+        ("camera", _text),
+        ("stamp_ns", pa.int64(), "ns"),
+        ("frame_before", pa.int32(), "", "null: the camera has nothing at this instant"),
+        ("frame_after", pa.int32()),
+        ("weight", pa.float64(), "", "of frame_after; frame_before has the rest"),
+    ),
+    "offsets": _schema(
+        ("sequence", _text),
+        ("camera", _text),
+        ("offset_s", pa.float64(), "s"),
+        ("drift_ppm", pa.float64(), "ppm"),
+        ("sigma_s", pa.float64(), "s"),
+        ("low", pa.float64(), "s"),
+        ("high", pa.float64(), "s"),
+        ("source", _text),
+    ),
+    "marks": _schema(
+        ("session", _text),
+        ("camera", _text),
+        ("sequence", _text),
+        ("frame", pa.int32()),
+        ("joint", _text),
+        ("u", pa.float64(), "px"),
+        ("v", pa.float64(), "px"),
+        ("x", pa.float64(), "m"),
+        ("y", pa.float64(), "m"),
+        ("z", pa.float64(), "m"),
+        ("residual_px", pa.float64(), "px"),
+        ("inlier", pa.bool_()),
+    ),
+    "skeletons_3d": _schema(
+        ("subject", _text),
+        ("sequence", _text),
+        ("joint", _text),
+        ("instant", pa.int32()),
+        ("stamp_ns", pa.int64(), "ns"),
+        ("x", pa.float32(), "m"),
+        ("y", pa.float32(), "m"),
+        ("z", pa.float32(), "m"),
+        ("sigma_x", pa.float32(), "m"),
+        ("sigma_y", pa.float32(), "m"),
+        ("sigma_z", pa.float32(), "m"),
+        ("n_views", pa.int8(), "", "null where the views are not known (mocap)"),
+        ("residual_px", pa.float32(), "px", "mean distance to the detections used"),
+        ("status", _text),
+    ),
+    "swaps": _schema(
+        ("camera", _text),
+        ("instant", pa.int32()),
+        ("stamp_ns", pa.int64(), "ns"),
+        ("swapped", pa.bool_(), "", "left and right were exchanged in this camera's detections"),
+    ),
+    "labels_2d": _schema(
+        ("subject", _text),
+        ("sequence", _text),
+        ("camera", _text),
+        ("joint", _text),
+        ("frame", pa.int32()),
+        ("stamp_ns", pa.int64(), "ns", "the picture's header stamp"),
+        ("u", pa.float32(), "px"),
+        ("v", pa.float32(), "px"),
+        ("sigma_u", pa.float32(), "px"),
+        ("sigma_v", pa.float32(), "px"),
+        ("rho_uv", pa.float32()),
+        ("depth", pa.float32(), "m"),
+        ("status", _text),
+        ("source", _text),
+    ),
+    "simulated_detections": _schema(
+        ("camera", _text),
+        ("frame", pa.int32()),
+        ("stamp_ns", pa.int64(), "ns"),
+        ("person", pa.int32()),
+        ("joint", _text),
+        ("noise_u", pa.float32(), "px", "added to the true pixel"),
+        ("noise_v", pa.float32(), "px"),
+        ("swapped", pa.bool_()),
+        ("missed", pa.bool_()),
+    ),
+    "released_frames": _schema(
+        ("camera", _text),
+        ("frame", pa.int32(), "", "counted from 0 in the camera's recording, by header stamp"),
+        ("stamp_ns", pa.int64(), "ns", "header stamp, since the Unix epoch"),
+        ("height", pa.int32(), "px"),
+        ("width", pa.int32(), "px"),
+    ),
+    "sequences": _schema(
+        ("sequence", _text),
+        ("session", _text),
+        ("session_order", pa.int32(), "", "place in the order of recording within the session"),
+        ("subject", _text, "", "pseudonym"),
+        ("environment", _text, "", "indoor or outdoor"),
+        ("outfit", _text),
+        ("walk", _text, "", "walk pattern"),
+    ),
+    "subjects": _schema(
+        ("subject", _text, "", "pseudonym"),
+        ("height_m", pa.float64(), "m"),
+        ("height_sigma_m", pa.float64(), "m", "1 sigma of the height"),
+    ),
+    "findings": _schema(("scope", _text), ("severity", _text), ("code", _text), ("text", pa.string())),
+    "metrics": _schema(
+        ("metric", _text),
+        ("tool", _text),
+        ("subject", _text),
+        ("sequence", _text),
+        ("camera", _text),
+        ("role", _text),
+        ("joint", _text),
+        ("value", pa.float64()),
+        ("low", pa.float64()),
+        ("high", pa.float64()),
+        ("unit", _text),
+        ("n", pa.int64()),
+    ),
+    "frame_metrics": _schema(
+        ("metric", _text),
+        ("subject", _text),
+        ("sequence", _text),
+        ("camera", _text),
+        ("role", _text),
+        ("frame", pa.int32()),
+        ("stamp_ns", pa.int64(), "ns", "the picture's header stamp"),
+        ("value", pa.float64(), "", "mean over the joints of this frame"),
+        ("n", pa.int64(), "", "labels that the value is the mean of"),
+    ),
+}
+VOCABULARY = {
+    ("labels_2d", "status"): LABEL_STATUS,
+    ("labels_2d", "source"): LABEL_SOURCE,
+    ("skeletons_3d", "status"): SKELETON_STATUS,
+    ("offsets", "source"): OFFSET_SOURCE,
+    ("findings", "severity"): SEVERITY,
+    ("metrics", "metric"): tuple(METRICS),
+    ("frame_metrics", "metric"): tuple(METRICS),
+}
+
+
+def columns_of(name):
+    """Column names of a table."""
+    return SCHEMAS[name].names
+
+
+def to_arrow(name, columns, metadata=None):
+    """A checked pyarrow table from a dict of arrays (see the module's docstring).
+
+    Columns that are left out are null throughout. Raises DiorError for an unknown column or a word outside the
+    table's vocabulary.
+    """
+    schema = SCHEMAS[name]
+    for column in columns:
+        if column not in schema.names:
+            raise DiorError(f"table {name} has no column '{column}'{nearest(column, schema.names)}")
+    length = len(next(iter(columns.values()))) if columns else 0
+    arrays = [
+        _to_array(name, field, columns[field.name]) if field.name in columns else pa.nulls(length, field.type)
+        for field in schema
+    ]
+    meta = {"dior_table": name, "dior_table_version": VERSION, **(metadata or {})}
+    return pa.Table.from_arrays(arrays, schema=schema.with_metadata(meta))
+
+
+def _to_array(name, field, values):
+    kind = field.type
+    if isinstance(values, Repeated):
+        vocabulary = VOCABULARY.get((name, field.name))
+        if vocabulary:
+            _check_words(name, field.name, values.words, vocabulary)
+        return pa.DictionaryArray.from_arrays(
+            pa.array(values.index, pa.int32(), mask=values.index < 0), pa.array(list(values.words), pa.string())
+        )
+    if pa.types.is_dictionary(kind) or pa.types.is_string(kind):
+        text = np.asarray(values, dtype=object)
+        words, index = np.unique(text.astype(str), return_inverse=True)
+        words = [str(word) for word in words]
+        vocabulary = VOCABULARY.get((name, field.name))
+        if vocabulary:
+            _check_words(name, field.name, [w for w in words if w], vocabulary)
+        kept = [word for word in words if word]
+        shifted = np.array([kept.index(word) if word else -1 for word in words] or [-1])[index.ravel()]
+        array = pa.DictionaryArray.from_arrays(
+            pa.array(shifted, pa.int32(), mask=shifted < 0), pa.array(kept, pa.string())
+        )
+        return array if pa.types.is_dictionary(kind) else array.cast(pa.string())
+    if pa.types.is_fixed_size_list(kind):
+        rows = np.asarray(values, float).reshape(-1, kind.list_size)
+        missing = ~np.isfinite(rows).all(axis=1)
+        return pa.array([None if gone else row.tolist() for row, gone in zip(rows, missing, strict=True)], kind)
+    values = np.asarray(values)
+    if pa.types.is_floating(kind):
+        values = values.astype(kind.to_pandas_dtype())
+        return pa.array(values, kind, mask=np.isnan(values))
+    if pa.types.is_integer(kind) and (values < 0).any():
+        return pa.array(values.astype(kind.to_pandas_dtype()), kind, mask=values < 0)
+    return pa.array(values.astype(kind.to_pandas_dtype()), kind)
+
+
+def _check_words(name, column, words, vocabulary):
+    for word in words:
+        if word not in vocabulary:
+            raise DiorError(f"table {name}: '{word}' is no {column}{nearest(word, vocabulary)}")
+
+
+class Repeated:
+    """A text column given as indices into few words, so that millions of rows need no strings. -1 is null."""
+
+    def __init__(self, words, index):
+        self.words, self.index = tuple(words), np.asarray(index, np.int32)
+
+    def __len__(self):
+        return len(self.index)
+
+
+def write(path, name, columns, metadata=None):
+    """Write a table as Parquet (zstd), whole or not at all. Same columns, same bytes."""
+    write_arrow(path, to_arrow(name, columns, metadata))
+
+
+def write_arrow(path, table):
+    """Write a pyarrow table that has a table's columns and metadata already, whole or not at all."""
+    with written_whole(path) as part:
+        pq.write_table(table, part, compression="zstd", use_dictionary=_dictionary_columns(table))
+
+
+def _dictionary_columns(table):
+    return [f.name for f in table.schema if pa.types.is_dictionary(f.type) or pa.types.is_string(f.type)] or False
+
+
+def read_arrow(path, name, columns=None):
+    """The table as pyarrow, its kind checked. Raises DiorError for a missing, broken or other file."""
+    path = Path(path)
+    if not path.is_file():
+        raise DiorError(f"{path}: there is no such file")
+    try:
+        table = pq.read_table(path, columns=columns)
+    except (pa.ArrowException, OSError) as error:
+        raise DiorError(f"{path}: not a readable Parquet file ({error}); delete it and run again") from None
+    kind = (table.schema.metadata or {}).get(b"dior_table", b"").decode()
+    if kind != name:
+        raise DiorError(f"{path}: holds the table '{kind or 'unknown'}', not '{name}'")
+    return table
+
+
+def read(path, name, columns=None):
+    """The table as a dict of arrays (see the module's docstring)."""
+    return {c: _to_numpy(a) for c, a in zip(*_columns(read_arrow(path, name, columns)), strict=True)}
+
+
+def _columns(table):
+    return table.column_names, [column.combine_chunks() for column in table.columns]
+
+
+def _to_numpy(array):
+    if isinstance(array, pa.ChunkedArray):
+        array = array.combine_chunks()
+    kind = array.type
+    if pa.types.is_dictionary(kind):
+        words = np.array([*array.dictionary.to_pylist(), ""], dtype=object)
+        return words[array.indices.fill_null(len(words) - 1).to_numpy(zero_copy_only=False)]
+    if pa.types.is_string(kind):
+        return np.array(array.fill_null("").to_pylist(), dtype=object)
+    if pa.types.is_fixed_size_list(kind):
+        empty = [np.nan] * kind.list_size
+        return np.array([row or empty for row in array.to_pylist()], float).reshape(-1, kind.list_size)
+    if pa.types.is_floating(kind):
+        return array.fill_null(np.nan).to_numpy(zero_copy_only=False)
+    if pa.types.is_boolean(kind):
+        return array.fill_null(False).to_numpy(zero_copy_only=False)
+    return array.fill_null(-1).to_numpy(zero_copy_only=False)
+
+
+def metadata(path):
+    """The key-value metadata of a table file."""
+    return {k.decode(): v.decode() for k, v in (pq.read_schema(path).metadata or {}).items()}
+
+
+def rows(table, keep):
+    """The rows of a dict of arrays where the mask `keep` is true."""
+    return {name: values[keep] for name, values in table.items()}
+
+
+def of_camera(table, camera):
+    """The rows of one camera."""
+    return rows(table, table["camera"] == camera)
+
+
+def ordered_unique(values):
+    """Distinct values in the order of their first appearance."""
+    return list(dict.fromkeys(values.tolist()))
+
+
+def grid(table, *columns):
+    """Complete rows sorted by (frame or instant, joint) as arrays (frames, joints, len(columns)), with the joints.
+
+    Raises DiorError where rows are missing.
+    """
+    joints = ordered_unique(table["joint"])
+    if not joints:
+        return np.empty((0, 0, len(columns))), []
+    count, rest = divmod(len(table["joint"]), len(joints))
+    if rest or (table["joint"].reshape(count, -1) != np.array(joints, dtype=object)).any():
+        raise DiorError("table is not complete: every frame must have a row for every joint, in the same order")
+    return np.stack([table[c].reshape(count, len(joints)) for c in columns], axis=-1), joints
+
+
+def camera_columns(cameras, session="", sequence="", offset_s=None, drift_ppm=None):
+    """Columns of the `cameras` table from a list of `Camera`."""
+    lenses = [camera.intrinsics for camera in cameras]
+    unknown = np.full(16, np.nan)
+    columns = {
+        "session": [session] * len(cameras),
+        "sequence": [sequence] * len(cameras),
+        "camera": [camera.name for camera in cameras],
+        "role": [camera.role for camera in cameras],
+        "locate": [camera.locate for camera in cameras],
+        "distortion_model": [lens.model for lens in lenses],
+        "distortion": [lens.distortion for lens in lenses],
+        "wTc": [unknown if camera.wTc is None else np.ravel(camera.wTc) for camera in cameras],
+    }
+    for key in ("width", "height", "fx", "fy", "cx", "cy"):
+        columns[key] = [getattr(lens, key) for lens in lenses]
+    if offset_s is not None:
+        columns["offset_s"] = offset_s
+    if drift_ppm is not None:
+        columns["drift_ppm"] = drift_ppm
+    return columns
+
+
+def write_cameras(path, cameras, session="", sequence="", offset_s=None, drift_ppm=None):
+    """Write a `cameras` table."""
+    write(path, "cameras", camera_columns(cameras, session, sequence, offset_s, drift_ppm))
+
+
+def read_cameras(paths):
+    """Cameras by name from one `cameras` table or several."""
+    cameras = {}
+    for path in [paths] if isinstance(paths, (str, Path)) else paths:
+        t = read(path, "cameras")
+        for i, name in enumerate(t["camera"]):
+            lens = Intrinsics(
+                *(int(t[k][i]) for k in ("width", "height")),
+                *(float(t[k][i]) for k in ("fx", "fy", "cx", "cy")),
+                t["distortion_model"][i],
+                tuple(t["distortion"][i].tolist()),
+            )
+            wTc = t["wTc"][i].reshape(4, 4)
+            known = np.isfinite(wTc).all()
+            cameras[name] = Camera(name, lens, wTc if known else None, t["role"][i], t["locate"][i])
+    return cameras
+
+
+def findings_columns(findings):
+    """Columns of the `findings` table from (scope, severity, code, text) tuples, as given."""
+    return {key: [f[i] for f in findings] for i, key in enumerate(("scope", "severity", "code", "text"))}
+
+
+def write_findings(path, findings):
+    """Write what a step wants a person to see: (scope, severity, code, text) tuples; the file may be empty."""
+    write(path, "findings", findings_columns(findings))
