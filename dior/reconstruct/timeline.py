@@ -1,0 +1,56 @@
+"""The instants of a sequence and what each camera has to say at them.
+
+INPUTS   frames (stamps), config/offsets/<sequence>.yaml where a person wrote one, the mocap table indoors
+OUTPUTS  `timeline`: per instant and camera the frames before and after and the weight of the later one;
+         `offsets`: the clock of every camera as used
+Outdoors the instants are a regular grid at the nominal frame rate, indoors the C3D's own ticks.
+"""
+
+import numpy as np
+
+from dior import tables
+from dior.calibrate import offsets as clocks
+from dior.sampling import bracket, camera_seconds, instants, nominal_fps, start_ns
+
+
+def run(*, sequence, frames, cameras, offsets, mocap, max_gap, out, out_offsets):
+    """Write the timeline of a sequence. `cameras`: those that take part; `mocap`: the instants indoors, else None."""
+    table = tables.read(frames, "frames")
+    known = tables.ordered_unique(table["camera"])
+    clock = clocks.read(offsets, known)
+    t0 = start_ns(table)
+    seconds = {camera: camera_seconds(table, camera, t0, clock[camera]) for camera in known}
+    fps = nominal_fps(table["stamp_ns"][table["camera"] == known[0]])
+    if mocap:
+        stamps = tables.read(mocap, "skeletons_3d", ["joint", "instant", "stamp_ns"])
+        stamps = stamps["stamp_ns"][stamps["joint"] == stamps["joint"][0]]
+        grid = (stamps - stamps[0]) / 1e9
+    else:
+        grid = instants(fps, max(seconds[camera][-1] for camera in cameras))
+        stamps = t0 + np.round(grid * 1e9).astype(np.int64)
+    parts = [bracket(seconds[camera], grid, max_gap / fps) for camera in cameras]
+    each = len(cameras)
+    tables.write(
+        out,
+        "timeline",
+        {
+            "instant": np.repeat(np.arange(len(grid)), each),
+            "camera": tables.Repeated(cameras, np.tile(np.arange(each), len(grid))),
+            "stamp_ns": np.repeat(stamps, each),
+            "frame_before": np.stack([p[0] for p in parts], axis=1).ravel(),
+            "frame_after": np.stack([p[1] for p in parts], axis=1).ravel(),
+            "weight": np.stack([p[2] for p in parts], axis=1).ravel(),
+        },
+        {"fps": f"{fps:g}"},
+    )
+    tables.write(
+        out_offsets,
+        "offsets",
+        {
+            "sequence": [sequence] * len(known),
+            "camera": known,
+            "offset_s": [clock[camera][0] for camera in known],
+            "drift_ppm": [clock[camera][1] for camera in known],
+            "source": [clock[camera][2] for camera in known],
+        },
+    )

@@ -1,0 +1,213 @@
+"""3D joints of an outdoor sequence from the detections of its close cameras.
+
+INPUTS   cameras (`cameras` tables), detections, timeline
+OUTPUTS  `skeletons_3d`: one row per instant and joint; `swaps`: which detections had left and right exchanged;
+         `findings`: what a person should know about them
+World frame, metres. Two methods: `rays`, the paper's intersection, and `robust`, the default.
+"""
+
+import itertools
+
+import numpy as np
+
+from dior import camera as cam
+from dior import geometry, tables
+from dior.errors import DiorError
+from dior.reconstruct.swaps import exchange, find_swaps
+from dior.sampling import blend
+
+REFERENCE_FX = 1680.0
+METHODS = ("robust", "rays")
+DROP_FACTOR = 4.0  # a view disagrees where the mean error is this many times the sequence's usual one
+
+
+def reprojection_errors(cameras, points, uv):
+    """Distances (V, ...) px between recorded pixels uv (V, ..., 2) and the projections of points (..., 3)."""
+    return np.linalg.norm(np.stack([cam.project(c, points)[0] for c in cameras]) - uv, axis=-1)
+
+
+def by_rays(cameras, uv):
+    """The paper's ray intersection: points (..., 3) from pixels (V, ..., 2)."""
+    directions = np.stack([cam.rays(c, view) for c, view in zip(cameras, uv, strict=True)])
+    return geometry.intersect_rays(np.stack([c.centre for c in cameras]), directions)
+
+
+def by_dropping(cameras, uv, weights, max_error_px):
+    """Weighted linear triangulation that leaves out the views that disagree.
+
+    `uv` (V, ..., 2) px, `weights` (V, ...), 0 for a view without a say. While the mean reprojection error of the
+    views used is above `max_error_px` (at fx 1680, scaled by each camera's fx), the best subset with one view fewer
+    is tried, down to two. Returns points (..., 3), mean error px (...,), the views used (V, ...) bool and whether the
+    error is acceptable (...,).
+    """
+    shape = uv.shape[1:-1]
+    uv = uv.reshape(len(cameras), -1, 2)
+    weights = np.where(np.isfinite(uv).all(axis=-1), weights.reshape(len(cameras), -1), 0.0)
+    xy = np.stack([cam.undistort(c.intrinsics, view) for c, view in zip(cameras, uv, strict=True)])
+    cTw = [cam.inverse_pose(c.wTc) for c in cameras]
+    scale = REFERENCE_FX / np.array([c.intrinsics.fx for c in cameras])
+    seen = weights > 0
+
+    def attempt(columns, keep):
+        """Triangulate some columns with the views `keep` (V, n): points, error at fx 1680, error px."""
+        points = geometry.triangulate(cTw, xy[:, columns], np.where(keep, weights[:, columns], 0.0))
+        errors = np.where(keep, reprojection_errors(cameras, points, uv[:, columns]), 0.0)
+        count = np.maximum(keep.sum(axis=0), 1)
+        return points, (errors * scale[:, None]).sum(axis=0) / count, errors.sum(axis=0) / count
+
+    points, scaled, pixels = attempt(np.arange(uv.shape[1]), seen)
+    used = seen.copy()
+    for views_left in range(len(cameras) - 1, 1, -1):
+        bad = np.flatnonzero((scaled > max_error_px) & (seen.sum(axis=0) > views_left))
+        if not len(bad):
+            continue
+        best = np.full(len(bad), np.inf)
+        for kept in itertools.combinations(range(len(cameras)), views_left):
+            keep = np.zeros((len(cameras), len(bad)), bool)
+            keep[list(kept)] = True
+            keep &= seen[:, bad]
+            p, s, e = attempt(bad, keep)
+            better = (keep.sum(axis=0) == views_left) & (s < best)
+            best = np.where(better, s, best)
+            at = bad[better]
+            points[at], scaled[at], pixels[at], used[:, at] = p[better], s[better], e[better], keep[:, better]
+    good = scaled <= max_error_px  # false for NaN
+    return points.reshape(*shape, 3), pixels.reshape(shape), used.reshape(len(cameras), *shape), good.reshape(shape)
+
+
+def usual_error(cameras, uv, weights):
+    """Median over all points of the mean reprojection error with every view, px at fx 1680; inf without a point."""
+    scale = np.mean([REFERENCE_FX / c.intrinsics.fx for c in cameras])
+    _, error, used, _ = by_dropping(cameras, uv, weights, np.inf)
+    known = (used.sum(axis=0) >= 2) & np.isfinite(error)
+    return float(np.median(error[known]) * scale) if known.any() else np.inf
+
+
+def in_front(cameras, points, used):
+    """Whether points (..., 3) lie in front of every camera that was used (V, ...) for them."""
+    depth = np.stack([cam.project(c, points)[1] for c in cameras])
+    with np.errstate(invalid="ignore"):
+        return ((depth > 0) | ~used).all(axis=0)
+
+
+def observations(detections, timeline, cameras, min_score):
+    """Detections at the instants: pixels (V, T, J, 2) and scores (V, T, J), NaN and 0 where missing, and the joints.
+
+    A score below `min_score` is missing. Nothing is interpolated across a dropped frame or a missing detection.
+    """
+    uv, score, names = [], [], None
+    for name in cameras:
+        rows, line = tables.of_camera(detections, name), tables.of_camera(timeline, name)
+        if not len(rows["u"]) or not len(line["instant"]):
+            raise DiorError(f"camera {name}: no detections or no timeline; both need every close camera")
+        values, joints = tables.grid(rows, "u", "v", "score")
+        if names not in (None, joints):
+            raise DiorError(f"camera {name}: its detections have other joints than the other cameras'")
+        names = joints
+        values[..., :2][~(values[..., 2] >= min_score)] = np.nan
+        at = blend(values, line["frame_before"], line["frame_after"], line["weight"])
+        uv.append(at[..., :2])
+        score.append(np.where(np.isfinite(at).all(axis=-1), at[..., 2], 0.0))
+    return np.stack(uv), np.stack(score), names
+
+
+def run(
+    *,
+    sequence,
+    subject,
+    cameras,
+    names,
+    detections,
+    timeline,
+    method,
+    min_score,
+    max_error_px,
+    out,
+    out_swaps,
+    findings,
+):
+    """Triangulate one sequence from the cameras `names`, whose poses are in the `cameras` tables."""
+    if method not in METHODS:
+        raise DiorError(f"config/config.yaml: triangulate.method is '{method}', not one of {', '.join(METHODS)}")
+    rig = tables.read_cameras(cameras)
+    for name in names:
+        if name not in rig or rig[name].wTc is None:
+            raise DiorError(f"{sequence}, camera {name}: {', '.join(map(str, cameras))} gives no pose of it")
+    rig = [rig[name] for name in names]
+    line = tables.read(timeline, "timeline")
+    uv, score, joints = observations(tables.read(detections, "detections"), line, names, min_score)
+    stamps = line["stamp_ns"][:: len(tables.ordered_unique(line["camera"]))]
+    swapped = np.zeros(uv.shape[:2], bool)
+    if method == "robust":
+        swapped = find_swaps(rig, uv, score, joints)
+        uv, score = exchange(uv, swapped, joints), exchange(score, swapped, joints)
+        limit = min(max_error_px, DROP_FACTOR * usual_error(rig, uv, score))
+        points, residual, used, good = by_dropping(rig, uv, score, limit)
+    else:
+        used = score > 0
+        points = by_rays(rig, np.where(used[..., None], uv, np.nan))
+        errors = np.where(used, reprojection_errors(rig, points, uv), 0.0)
+        residual = errors.sum(axis=0) / np.maximum(used.sum(axis=0), 1)
+        good = np.ones(residual.shape, bool)
+    enough = (used.sum(axis=0) >= 2) & np.isfinite(points).all(axis=-1)
+    good &= in_front(rig, points, used)
+    status = np.where(~enough, "too_few_views", np.where(good, "ok", "rejected"))
+    points = np.where((status == "ok")[..., None], points, np.nan)
+    residual = np.where(enough, residual, np.nan)
+    write_skeleton(out, subject, sequence, joints, stamps, points, status, used.sum(axis=0), residual)
+    write_swaps(out_swaps, names, stamps, swapped)
+    tables.write_findings(findings, _findings(sequence, names, swapped, status))
+
+
+def write_skeleton(path, subject, sequence, joints, stamps, points, status, n_views, residual):
+    """Write `skeletons_3d` from points (T, J, 3) and what is known about them (T, J)."""
+    count, each = points.shape[:2]
+    once = np.zeros(count * each, int)
+    tables.write(
+        path,
+        "skeletons_3d",
+        {
+            "subject": tables.Repeated([subject], once),
+            "sequence": tables.Repeated([sequence], once),
+            "joint": tables.Repeated(joints, np.tile(np.arange(each), count)),
+            "instant": np.repeat(np.arange(count), each),
+            "stamp_ns": np.repeat(stamps, each),
+            **{axis: points[..., i].ravel() for i, axis in enumerate("xyz")},
+            "n_views": n_views.ravel(),
+            "residual_px": residual.ravel(),
+            "status": status.ravel(),
+        },
+    )
+
+
+def write_swaps(path, names, stamps, swapped):
+    """Write `swaps` from swapped (V, T)."""
+    count = len(stamps)
+    tables.write(
+        path,
+        "swaps",
+        {
+            "camera": np.repeat(names, count).astype(object),
+            "instant": np.tile(np.arange(count), len(names)),
+            "stamp_ns": np.tile(stamps, len(names)),
+            "swapped": swapped.ravel(),
+        },
+    )
+
+
+def _findings(sequence, names, swapped, status):
+    found = [
+        (f"{sequence}/{name}", "info", "left_right_swapped", f"left and right exchanged at {n} of {len(row)} instants")
+        for name, row in zip(names, swapped, strict=True)
+        if (n := int(row.sum()))
+    ]
+    missing = np.mean(status != "ok")
+    if missing > 0.1:
+        text = f"{missing:.0%} of the 3D joints could not be triangulated: {_shares(status)}"
+        found.append((sequence, "warning", "missing_3d", text))
+    return found
+
+
+def _shares(status):
+    words, counts = np.unique(status[status != "ok"], return_counts=True)
+    return ", ".join(f"{word} {n / status.size:.0%}" for word, n in zip(words, counts, strict=True))

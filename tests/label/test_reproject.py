@@ -1,0 +1,113 @@
+import numpy as np
+import pytest
+
+from dior import camera as cam
+from dior import tables
+from dior.errors import DiorError
+from dior.label import reproject
+from dior.reconstruct.triangulate import write_skeleton
+from tests.rig import camera
+
+T0 = 1_700_000_000_000_000_000
+JOINTS = ("nose", "left_hip")
+
+
+def skeleton(path, points, rate=100, status=None):
+    stamps = T0 + np.round(np.arange(len(points)) / rate * 1e9).astype(np.int64)
+    status = np.full(points.shape[:2], "ok", object) if status is None else status
+    unknown = np.full(points.shape[:2], -1)
+    write_skeleton(path, "S01", "walk_1", JOINTS, stamps, points, status, unknown, np.full(points.shape[:2], np.nan))
+
+
+def inputs(folder, camera_, points, frame_times, offset_s=0.0, drift_ppm=0.0, width=1280, **kwargs):
+    skeleton(folder / "skeleton.parquet", points, **kwargs)
+    tables.write_cameras(folder / "cameras.parquet", [camera_])
+    count = len(frame_times)
+    stamps = T0 + np.round(np.asarray(frame_times) * 1e9).astype(np.int64)
+    tables.write(
+        folder / "frames.parquet",
+        "frames",
+        {
+            "camera": ["cam01"] * count,
+            "frame": np.arange(count),
+            "stamp_ns": stamps,
+            "receive_ns": stamps,
+            "bag": ["a.bag"] * count,
+            "topic": ["/t"] * count,
+            "nth": np.zeros(count, int),
+            "height": np.full(count, 720),
+            "width": np.full(count, width),
+        },
+    )
+    clock = {"offset_s": [offset_s], "drift_ppm": [drift_ppm], "source": ["manual"]}
+    tables.write(folder / "offsets.parquet", "offsets", {"sequence": ["walk_1"], "camera": ["cam01"], **clock})
+
+
+def run(folder, name="cam01"):
+    reproject.run(
+        sequence="walk_1",
+        subject="S01",
+        camera=name,
+        cameras=[folder / "cameras.parquet"],
+        skeleton=folder / "skeleton.parquet",
+        frames=folder / "frames.parquet",
+        offsets=folder / "offsets.parquet",
+        source="mocap",
+        out=folder / "labels.parquet",
+    )
+    return tables.read(folder / "labels.parquet", "labels_2d")
+
+
+def moving(count, rate=100):
+    t = np.arange(count) / rate
+    path = np.stack([0.5 - t, 0.2 * t, 1 + 0 * t], axis=-1)
+    return np.stack([path, path + [0, 0.1, 0.2]], axis=1)
+
+
+def test_a_label_is_taken_at_the_pictures_own_stamp_plus_offset(tmp_path):
+    c = camera("cam01", (4.0, 0.0, 1.5))
+    times = np.array([0.0, 0.0333, 0.3021])
+    inputs(tmp_path, c, moving(100), times, offset_s=0.123, drift_ppm=200.0)
+    table = run(tmp_path)
+    at = times * (1 + 200e-6) + 0.123
+    world = np.stack([0.5 - at, 0.2 * at, 1 + 0 * at], axis=-1)
+    expected, depth = cam.project(c, np.stack([world, world + [0, 0.1, 0.2]], axis=1))
+    uv, _ = tables.grid(table, "u", "v")
+    assert uv == pytest.approx(expected, abs=2e-3)
+    assert table["depth"].reshape(3, 2) == pytest.approx(depth, abs=1e-5)
+    assert set(table["status"]) == {"ok"} and set(table["source"]) == {"mocap"}
+    assert np.isnan(table["sigma_u"]).all()
+
+
+def test_every_status_has_its_meaning(tmp_path):
+    c = camera("cam01", (4.0, 0.0, 1.0), target=(0, 0, 1))
+    points = np.zeros((60, 2, 3)) + [0, 0, 1]
+    points[10:20, 0] = np.nan
+    points[20:30, 0] = [9, 0, 1]
+    points[30:40, 0] = [0, 0, 4]
+    status = np.full((60, 2), "ok", object)
+    status[10:20, 0] = "too_few_views"
+    status[40:50, 0] = "gap_filled"
+    inputs(tmp_path, c, points, np.array([0.05, 0.15, 0.25, 0.35, 0.45, 0.7]), status=status)
+    table = run(tmp_path)
+    assert table["status"].reshape(6, 2)[:, 0].tolist() == [
+        "ok", "missing_3d", "behind_camera", "out_of_frame", "ok", "missing_3d"
+    ]  # fmt: skip
+    assert table["source"].reshape(6, 2)[:, 0].tolist() == ["mocap", "", "mocap", "mocap", "interpolated", ""]
+    u = table["u"].reshape(6, 2)[:, 0]
+    assert np.isnan(u[[1, 2, 5]]).all() and np.isfinite(u[[0, 3, 4]]).all()
+
+
+def test_nothing_is_made_up_across_a_gap(tmp_path):
+    points = moving(60)
+    points[20] = np.nan
+    inputs(tmp_path, camera("cam01", (4.0, 0.0, 1.5)), points, np.array([0.189, 0.195, 0.205, 0.211]))
+    assert run(tmp_path)["status"].reshape(4, 2)[:, 0].tolist() == ["ok", "missing_3d", "missing_3d", "ok"]
+
+
+def test_wrong_inputs_are_named(tmp_path):
+    inputs(tmp_path, camera("cam01", (4.0, 0.0, 1.5)), moving(60), np.array([0.1, 0.2]), width=640)
+    with pytest.raises(DiorError, match="walk_1, camera cam01: the pictures are 640x720"):
+        run(tmp_path)
+    with pytest.raises(DiorError, match="camera cam07: .*gives no pose"):
+        run(tmp_path, "cam07")

@@ -1,0 +1,154 @@
+import numpy as np
+import pytest
+
+from dior import camera as cam
+from dior import tables
+from dior.errors import DiorError
+from dior.reconstruct import triangulate as tri
+from dior.skeletons import MLKIT_33
+from tests.reconstruct.test_swaps import observed, walker
+from tests.rig import ring
+
+
+def test_one_gross_outlier_is_left_out():
+    cameras = ring(4)
+    points = walker(10)
+    uv = observed(cameras, points, 0.0)
+    uv[2, 3, 7] += [80, -40]
+    found, error, used, good = tri.by_dropping(cameras, uv, np.ones(uv.shape[:3]), 15.0)
+    assert good.all()
+    assert found == pytest.approx(points, abs=1e-6)
+    assert used[:, 3, 7].tolist() == [True, True, False, True]
+    assert used.sum() == used.size - 1
+    assert error.max() < 1e-4
+
+
+def test_what_no_two_views_agree_on_is_not_good():
+    cameras = ring(3)
+    uv = observed(cameras, walker(4), 0.0)
+    uv[:, 1, 5] += [[0, 200], [0, -200], [0, 0]]
+    _, _, used, good = tri.by_dropping(cameras, uv, np.ones(uv.shape[:3]), 5.0)
+    assert not good[1, 5] and good.sum() == good.size - 1
+    assert used[:, 1, 5].sum() == 2
+
+
+def test_usual_error_is_in_pixels_at_fx_1680():
+    cameras = ring(3, fx=1680.0 / 2)
+    uv = observed(cameras, walker(200), 1.0)
+    assert 1.0 < tri.usual_error(cameras, uv, np.ones(uv.shape[:3])) < 3.0
+    assert tri.usual_error(cameras, uv * np.nan, np.ones(uv.shape[:3])) == np.inf
+
+
+def write_inputs(folder, cameras, uv, score=0.9):
+    """Detections and a timeline in which instants are frames."""
+    views, count, each = uv.shape[:3]
+    names = [c.name for c in cameras]
+    stamps = 10**18 + np.arange(count) * 33_333_333
+    tables.write_cameras(folder / "cameras.parquet", cameras)
+    tables.write(
+        folder / "detections.parquet",
+        "detections",
+        {
+            "camera": np.repeat(names, count * each).astype(object),
+            "frame": np.tile(np.repeat(np.arange(count), each), views),
+            "stamp_ns": np.tile(np.repeat(stamps, each), views),
+            "person": np.zeros(views * count * each, int),
+            "joint": np.tile(np.array(MLKIT_33, object), views * count),
+            "u": uv[..., 0].ravel(),
+            "v": uv[..., 1].ravel(),
+            "score": np.where(np.isfinite(uv[..., 0]), score, np.nan).ravel(),
+        },
+    )
+    tables.write(
+        folder / "timeline.parquet",
+        "timeline",
+        {
+            "instant": np.repeat(np.arange(count), views),
+            "camera": np.tile(np.array(names, object), count),
+            "stamp_ns": np.repeat(stamps, views),
+            "frame_before": np.repeat(np.arange(count), views),
+            "frame_after": np.repeat(np.arange(count), views),
+            "weight": np.zeros(count * views),
+        },
+    )
+
+
+def run(folder, names, method="robust"):
+    tri.run(
+        sequence="walk_1",
+        subject="S01",
+        cameras=[folder / "cameras.parquet"],
+        names=names,
+        detections=folder / "detections.parquet",
+        timeline=folder / "timeline.parquet",
+        method=method,
+        min_score=0.3,
+        max_error_px=45.0,
+        out=folder / "skeleton.parquet",
+        out_swaps=folder / "swaps.parquet",
+        findings=folder / "findings.parquet",
+    )
+    return tables.read(folder / "skeleton.parquet", "skeletons_3d")
+
+
+@pytest.mark.parametrize("method", tri.METHODS)
+def test_the_step_gives_every_row_and_a_reason_for_every_null(tmp_path, method):
+    cameras, points = ring(3), walker(12)
+    uv = observed(cameras, points, 0.0)
+    uv[1:, 4, 8] = np.nan
+    uv[0, 5, 9] = np.nan
+    write_inputs(tmp_path, cameras, uv)
+    table = run(tmp_path, [c.name for c in cameras], method)
+    xyz, joints = tables.grid(table, "x", "y", "z")
+    status = table["status"].reshape(12, 33)
+    assert tuple(joints) == MLKIT_33
+    assert status[4, 8] == "too_few_views" and np.isnan(xyz[4, 8]).all()
+    status[4, 8] = "ok"
+    xyz[4, 8] = points[4, 8]
+    assert (status == "ok").all()
+    assert xyz == pytest.approx(points, abs=1e-4)
+    assert table["n_views"].reshape(12, 33)[5, 9] == 2
+
+
+def test_exchanged_frames_are_undone_and_reported(tmp_path):
+    from dior.reconstruct.swaps import exchange
+
+    cameras, points = ring(3), walker(40)
+    true = np.zeros((3, 40), bool)
+    true[2, 10:30] = True
+    write_inputs(tmp_path, cameras, exchange(observed(cameras, points, 1.0), true, MLKIT_33))
+    xyz, _ = tables.grid(run(tmp_path, [c.name for c in cameras]), "x", "y", "z")
+    assert np.linalg.norm(xyz - points, axis=-1).mean() < 0.02
+    swaps = tables.read(tmp_path / "swaps.parquet", "swaps")
+    assert (swaps["swapped"].reshape(3, 40) == true).all()
+    findings = tables.read(tmp_path / "findings.parquet", "findings")
+    assert findings["text"].tolist() == ["left and right exchanged at 20 of 40 instants"]
+    assert findings["scope"].tolist() == ["walk_1/cam03"]
+
+
+def test_a_low_score_is_no_detection(tmp_path):
+    cameras = ring(3)
+    write_inputs(tmp_path, cameras, observed(cameras, walker(3), 0.0), score=0.2)
+    assert (run(tmp_path, [c.name for c in cameras])["status"] == "too_few_views").all()
+
+
+def test_a_camera_without_pose_or_detections_is_named(tmp_path):
+    cameras = ring(3)
+    write_inputs(tmp_path, cameras, observed(cameras, walker(3), 0.0))
+    with pytest.raises(DiorError, match="walk_1, camera cam09: .*no pose"):
+        run(tmp_path, ["cam01", "cam09"])
+    tables.write_cameras(tmp_path / "cameras.parquet", [*cameras, cameras[0].at(cameras[0].wTc).__class__(
+        "cam04", cameras[0].intrinsics, cameras[0].wTc)])  # fmt: skip
+    with pytest.raises(DiorError, match="camera cam04: no detections"):
+        run(tmp_path, ["cam01", "cam04"])
+    with pytest.raises(DiorError, match="triangulate.method"):
+        run(tmp_path, ["cam01", "cam02"], method="magic")
+
+
+def test_points_behind_a_camera_are_not_in_front():
+    cameras = ring(2)
+    behind = cameras[0].centre + (cameras[0].centre - cameras[1].centre) * 0.2
+    used = np.ones((2, 1), bool)
+    assert not tri.in_front(cameras, behind[None], used).any()
+    assert tri.in_front(cameras, np.array([[0.0, 0, 1]]), used).all()
+    assert cam.project(cameras[0], behind)[1] < 0
