@@ -1,0 +1,154 @@
+"""Markers of a C3D file on the clock of the pictures.
+
+INPUTS   a C3D (Vicon Plug-in-Gait labels, any order, other points ignored) and the sequence's `frames` table.
+OUTPUTS  `skeletons_3d` table: the markers of `skeletons.PLUG_IN_GAIT_39` that the file has, in that order, world of the
+         C3D (Z up), metres. An instant is a tick of the C3D, counted from 0 at the first frame stored; its stamp_ns is
+         t0 + instant / rate with t0 the earliest picture stamp of the sequence. A gap is null with `too_few_views`.
+         Metadata: rate_hz, first_frame (number of the first frame stored, as the C3D counts, from 1).
+"""
+
+import struct
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from dior import tables
+from dior.errors import DiorError, nearest
+from dior.skeletons import PLUG_IN_GAIT_39
+
+METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
+NEEDED = ("LASI", "RASI")
+FEWEST = 4
+MIPS = 86
+
+
+@dataclass(frozen=True)
+class Mocap:
+    """`points` (frames, markers, 3) m, NaN in gaps; `rate` Hz; `first_frame` as the C3D counts, from 1."""
+
+    markers: tuple
+    points: np.ndarray
+    rate: float
+    first_frame: int
+
+
+def run(*, sequence, subject, c3d, frames, trigger_log, out):
+    """Write the markers of `c3d`. See the module's docstring."""
+    if trigger_log:
+        raise DiorError(f"{sequence}: trigger logs are not read yet; leave `trigger_log` empty in sequences.tsv")
+    stamps = tables.read(frames, "frames", ["stamp_ns"])["stamp_ns"]
+    if not len(stamps):
+        raise DiorError(f"{sequence}: {frames} has no picture, so the mocap has no start")
+    mocap = read(c3d)
+    instants, joints = mocap.points.shape[:2]
+    instant = np.arange(instants)
+    stamp_ns = stamps.min() + np.rint(instant * 1e9 / mocap.rate).astype(np.int64)
+    xyz = mocap.points.reshape(-1, 3)
+    rows = len(xyz)
+    columns = {
+        "subject": tables.Repeated([subject], np.zeros(rows)),
+        "sequence": tables.Repeated([sequence], np.zeros(rows)),
+        "joint": tables.Repeated(mocap.markers, np.tile(np.arange(joints), instants)),
+        "instant": np.repeat(instant, joints),
+        "stamp_ns": np.repeat(stamp_ns, joints),
+        "x": xyz[:, 0],
+        "y": xyz[:, 1],
+        "z": xyz[:, 2],
+        "status": tables.Repeated(["ok", "too_few_views"], np.isnan(xyz[:, 0])),
+    }
+    tables.write(out, "skeletons_3d", columns, {"rate_hz": repr(mocap.rate), "first_frame": str(mocap.first_frame)})
+
+
+def read(path):
+    """The Plug-in-Gait markers of a C3D file as `Mocap`.
+
+    Raises DiorError for a missing or broken file, an unknown unit, a rate that is not positive, a marker given twice,
+    and too few markers.
+    """
+    import ezc3d
+
+    if not Path(path).is_file():
+        raise DiorError(f"{path}: there is no such C3D; check `mocap` in sequences.tsv and `data_root`")
+    try:
+        c3d = ezc3d.c3d(str(path))
+    except (OSError, RuntimeError, ValueError, IndexError) as error:
+        raise DiorError(f"{path}: not a readable C3D ({str(error).splitlines()[0]})") from None
+    parameters, header = c3d["parameters"]["POINT"], c3d["header"]["points"]
+    points = c3d["data"]["points"]
+    stored, declared = points.shape[2], _declared_frames(path)
+    if not stored or stored < declared:
+        raise DiorError(f"{path}: the C3D holds {stored} of its {declared} frames; it is cut off, so copy it again")
+    scale = _metres(parameters, path)
+    rate = _number(parameters, "RATE") or float(header["frame_rate"])
+    if not rate > 0:
+        raise DiorError(f"{path}: POINT:RATE is {rate}; a C3D needs its frame rate")
+    found = _find_markers(_labels(parameters), path)
+    index = [found[marker] for marker in PLUG_IN_GAIT_39 if marker in found]
+    xyz = points[:3, index].transpose(2, 1, 0)
+    residuals = c3d["data"]["meta_points"]["residuals"][0, index].T
+    gap = (residuals < 0) | ~np.isfinite(xyz).all(axis=-1) | (xyz == 0).all(axis=-1)
+    markers = tuple(marker for marker in PLUG_IN_GAIT_39 if marker in found)
+    # ezc3d counts frames from 0 where the file counts from 1
+    return Mocap(markers, np.where(gap[..., None], np.nan, xyz * scale), rate, int(header["first_frame"]) + 1)
+
+
+def _declared_frames(path):
+    """Number of frames that the header announces, 0 where it cannot say (its numbers end at 65535).
+
+    ezc3d corrects its header to what it found, so a file that is cut off shows in the file's own bytes only.
+    """
+    with open(path, "rb") as stream:
+        header = stream.read(512)
+        stream.seek(512 * (header[0] - 1) + 3)
+        processor = stream.read(1)
+    first, last = struct.unpack_from(">2H" if processor == bytes([MIPS]) else "<2H", header, 6)
+    return last - first + 1 if first <= last < 65535 else 0
+
+
+def _number(parameters, key):
+    values = np.ravel(parameters[key]["value"]) if key in parameters else ()
+    return float(values[0]) if len(values) else 0.0
+
+
+def _metres(parameters, path):
+    values = parameters["UNITS"]["value"] if "UNITS" in parameters else []
+    unit = values[0].strip() if len(values) else ""
+    if unit.lower() not in METRES:
+        raise DiorError(f"{path}: POINT:UNITS is '{unit}', not one of {', '.join(METRES)}; export it again with one")
+    return METRES[unit.lower()]
+
+
+def _labels(parameters):
+    """All labels in the order of the points; past 255 points they go on in LABELS2, LABELS3, ..."""
+    labels, number = [], 1
+    while (key := f"LABELS{number}" if number > 1 else "LABELS") in parameters:
+        labels += [label.strip() for label in parameters[key]["value"]]
+        number += 1
+    return labels
+
+
+def _find_markers(labels, path):
+    """Index of each marker among the labels: dict marker -> index. A prefix up to a colon is the subject's name."""
+    found = {}
+    for i, label in enumerate(labels):
+        marker = label.rpartition(":")[2].strip()
+        if marker not in PLUG_IN_GAIT_39:
+            continue
+        if marker in found:
+            raise DiorError(
+                f"{path}: the labels '{labels[found[marker]]}' and '{label}' are both the marker {marker}; "
+                "export one subject per C3D"
+            )
+        found[marker] = i
+    missing = [marker for marker in NEEDED if marker not in found]
+    if len(found) < FEWEST or missing:
+        there = ", ".join(labels[:20]) + (f" and {len(labels) - 20} more" if len(labels) > 20 else "") or "none"
+        lacks = " and ".join(missing) if missing else f"{FEWEST} Plug-in-Gait markers"
+        bare = [label.rpartition(":")[2] for label in labels]
+        hint = nearest(missing[0], bare) if missing else ""
+        raise DiorError(
+            f"{path}: a C3D without the needed markers: {lacks} missing{hint}, {len(found)} of the "
+            f"{len(PLUG_IN_GAIT_39)} Plug-in-Gait markers are there; its labels are {there}"
+        )
+    return found

@@ -1,0 +1,171 @@
+"""The people that a detector found in one camera, and which of them is the subject.
+
+INPUTS   every person of every frame, as a reader of `dior.ingest.readers` gives them.
+OUTPUTS  one person, or nobody, per frame.
+Pixels in the recorded picture, scores 0 to 1, NaN is missing.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dior.skeletons import swap_index
+
+# A person's mean joint moves 0.03 body sizes between pictures at 30 Hz when walking. A difference of REACH costs 1, and
+# REACH grows with the root of the time passed. No difference costs more than JUMP, so that a subject who comes back
+# elsewhere is found again. Leaving a frame out costs SKIP: more than the worst score (1), so that nobody is left out
+# for a low score alone, and little enough that a subject missed in every third frame is not given up for a bystander.
+REACH = 0.25
+PERIOD_S = 1 / 30
+JUMP = 60.0
+SKIP = 1.5
+MEMORY = 15
+AMBIGUOUS = 1.0
+BLOCK = 1 << 13
+
+
+@dataclass(frozen=True)
+class People:
+    """Row per person and frame, sorted by frame, then by person.
+
+    `joints` J names; `frame` and `person` (P,), the latter the index in the detector's output; `uv` (P, J, 2) px;
+    `score` (P, J), 0 where missing; `ran` the sorted frames that the detector looked at; `stamp_ns` of those, or -1.
+    """
+
+    joints: tuple
+    frame: np.ndarray
+    person: np.ndarray
+    uv: np.ndarray
+    score: np.ndarray
+    ran: np.ndarray
+    stamp_ns: np.ndarray
+
+
+@dataclass(frozen=True)
+class Track:
+    """`row` of `People` per frame, -1 for nobody; frames with `several` people; frames where the choice is `ambiguous`;
+    frames `left_out`: people were found but none of them is the subject. All (frames,)."""
+
+    row: np.ndarray
+    several: np.ndarray
+    ambiguous: np.ndarray
+    left_out: np.ndarray
+
+
+def follow(people, stamps_ns):
+    """The subject through a recording with picture stamps `stamps_ns` (frames,), as a `Track`.
+
+    The cheapest path over all frames (Viterbi), so that a gap or a bystander does not break it. A person costs 0 to 2:
+    what the mean score lacks to 1 and the size to that of the largest in the frame. Two people that follow each other
+    in time cost the square of their mean joint distance, in body sizes over REACH, at most JUMP; a frame with people
+    that is left out costs SKIP. A choice is ambiguous if the best path through another person of that frame costs less
+    than AMBIGUOUS more.
+    """
+    count = np.bincount(people.frame, minlength=len(stamps_ns))
+    row = np.full(len(stamps_ns), -1)
+    ambiguous = np.zeros(len(stamps_ns), bool)
+    if len(people.frame):
+        chosen, margin = _best_path(people, (stamps_ns - stamps_ns[0]) / 1e9)
+        row[people.frame[chosen]] = chosen
+        ambiguous[people.frame[chosen]] = margin < AMBIGUOUS
+    return Track(row, count > 1, ambiguous, (count > 0) & (row < 0))
+
+
+def _best_path(people, seconds):
+    """Rows of the chosen people, and by how much the second-best person of each one's frame is worse."""
+    costs, when = _unary(people), seconds[people.frame]
+    _, group, sizes = np.unique(people.frame, return_inverse=True, return_counts=True)
+    n, last = len(group), group[-1]
+    if sizes.max() == 1:
+        along = _steps(people, when, np.arange(1, n), np.arange(n - 1))
+        # leaving out k frames saves at most k + (k + 1) max(along) and costs SKIP k
+        if along.max(initial=0.0) <= (SKIP - 1) / 2:
+            return np.arange(n), np.full(n, np.inf)
+    a, b = _pairs(group)
+    steps = _steps(people, when, a, b) + SKIP * (group[a] - group[b] - 1)
+    before, previous = _sweep(costs, group, steps)
+    after, _ = _sweep(costs[::-1], last - group[::-1], steps[np.lexsort((-a, -b))])
+    through = before + after[::-1] - costs
+    path = [int(np.argmin(before + SKIP * (last - group)))]
+    while previous[path[-1]] >= 0:
+        path.append(int(previous[path[-1]]))
+    chosen = np.array(path[::-1])
+    other = np.ones(n, bool)
+    other[chosen] = False
+    second = np.full(last + 1, np.inf)
+    np.minimum.at(second, group[other], through[other])
+    return chosen, second[group[chosen]] - through[chosen]
+
+
+def _pairs(group):
+    """Rows (a, b) of all people a with all people b of the MEMORY frames with people before, sorted by a, then b."""
+    starts = np.searchsorted(group, np.arange(group[-1] + 1))
+    first, end = starts[np.maximum(group - MEMORY, 0)], starts[group]
+    a = np.repeat(np.arange(len(group)), end - first)
+    return a, np.arange(len(a)) - np.repeat(np.cumsum(end - first) - (end - first), end - first) + first[a]
+
+
+def _sweep(costs, group, steps):
+    """Cheapest cost (P,) of a path that ends in each person, and its predecessor (-1: it begins there).
+
+    `costs` (P,) of the people themselves, `group` (P,) their frame among those with people, ascending; `steps` the
+    cost of each of `_pairs(group)`, the frames left out in between included.
+    """
+    total, previous = costs + SKIP * group, np.full(len(group), -1)
+    starts = np.searchsorted(group, np.arange(group[-1] + 2)).tolist()
+    restart, restart_from, at = np.inf, -1, 0
+    for g in range(1, len(starts) - 1):
+        earliest, begin, end = starts[max(0, g - MEMORY)], starts[g], starts[g + 1]
+        # the cheapest of all earlier people: the way on after a jump, however long ago
+        latest = starts[g - 1] + int(total[starts[g - 1] : begin].argmin())
+        restart += SKIP
+        if total[latest] < restart:
+            restart, restart_from = total[latest], latest
+        for row in range(begin, end):
+            ways = total[earliest:begin] + steps[at : at + begin - earliest]
+            at += begin - earliest
+            best = int(ways.argmin())
+            way, origin = min((SKIP * g, -1), (ways[best], earliest + best), (restart + JUMP, restart_from))
+            total[row], previous[row] = way + costs[row], origin
+    return total, previous
+
+
+def _unary(people):
+    extent = _extent(people.uv)
+    largest = np.zeros(people.frame.max() + 1)
+    np.maximum.at(largest, people.frame, extent)
+    return 2 - np.clip(people.score, 0, 1).mean(axis=1) - extent / largest[people.frame]
+
+
+def _extent(uv):
+    """Size of each person (P,), px: the diagonal of the box around the joints, at least 1."""
+    low, high = np.nanmin(uv, axis=1), np.nanmax(uv, axis=1)
+    return np.maximum(np.hypot(*(high - low).T), 1.0)
+
+
+def _steps(people, when, a, b):
+    """Cost of the step from people `b` to people `a` (N,): the square of their distance over their reach.
+
+    The distance is the mean over the joints that both have, also with left and right exchanged: a detector that
+    exchanges them has not found another person. Without a common joint the middles are compared.
+    """
+    uv, swap, extent = people.uv, swap_index(people.joints), _extent(people.uv)
+    distance = np.empty(len(a))
+    for part in range(0, len(a), BLOCK):
+        uv_a, uv_b = uv[a[part : part + BLOCK]], uv[b[part : part + BLOCK]]
+        distance[part : part + BLOCK] = np.fmin(_mean_distance(uv_a, uv_b), _mean_distance(uv_a, uv_b[:, swap]))
+    apart = np.isnan(distance)
+    if apart.any():
+        middle = np.nanmean(uv, axis=1)
+        distance[apart] = np.hypot(*(middle[a[apart]] - middle[b[apart]]).T)
+    periods = np.maximum((when[a] - when[b]) / PERIOD_S, 1.0)
+    reach = REACH * np.sqrt(periods) * np.maximum(extent[a], extent[b])
+    return np.minimum((distance / reach) ** 2, JUMP)
+
+
+def _mean_distance(uv_a, uv_b):
+    """Mean distance (N,) px of the joints of (N, J, 2) that both have; NaN without a common one."""
+    distance = np.hypot(uv_a[..., 0] - uv_b[..., 0], uv_a[..., 1] - uv_b[..., 1])
+    common = np.isfinite(distance)
+    with np.errstate(invalid="ignore"):
+        return np.where(common, distance, 0.0).sum(axis=-1) / common.sum(axis=-1)

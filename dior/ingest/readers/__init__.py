@@ -1,0 +1,1 @@
+"""One reader per detection tool; each returns `dior.ingest.people.People`."""

@@ -1,0 +1,174 @@
+"""Intrinsics from CameraInfo messages written here, from a TOML file, and from the real recording."""
+
+import numpy as np
+import pytest
+from rosbags.rosbag1 import Writer
+from rosbags.typesys import Stores, get_typestore
+
+from dior import tables
+from dior.calibrate import intrinsics
+from dior.errors import DiorError
+
+STORE = get_typestore(Stores.ROS1_NOETIC)
+TYPES = STORE.types
+T0 = 1_708_000_000_000_000_000
+REALSENSE = "/cam01/color/image_raw/compressed"
+OTHER = "/cam01/rgb/image_raw/compressed"
+K = (600.0, 0, 320.5, 0, 601.0, 240.25, 0, 0, 1)
+TOML = """
+[cam_01]
+name = "cam_01"
+size = [640.0, 480.0]
+matrix = [[600.0, 0.0, 320.5], [0.0, 601.0, 240.25], [0.0, 0.0, 1.0]]
+distortions = [0.1, -0.2, 0.001, 0.002]
+fisheye = false
+"""
+
+
+def camera_info(d=(), k=K, model="plumb_bob", width=640, height=480, second=0):
+    time = TYPES["builtin_interfaces/msg/Time"](sec=T0 // 10**9 + second, nanosec=0)
+    roi = TYPES["sensor_msgs/msg/RegionOfInterest"](x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)
+    return TYPES["sensor_msgs/msg/CameraInfo"](
+        header=TYPES["std_msgs/msg/Header"](seq=second, stamp=time, frame_id="lens"),
+        height=height, width=width, distortion_model=model, D=np.array(d, float), K=np.array(k, float),
+        R=np.eye(3).ravel(), P=np.zeros(12), binning_x=0, binning_y=0, roi=roi,
+    )  # fmt: skip
+
+
+def run(tmp_path, infos=None, topic=REALSENSE, size=(640, 480), **kwargs):
+    """Write a bag with the CameraInfo messages and a frames table that points to it, and run the step."""
+    (tmp_path / "a.bag").unlink(missing_ok=True)
+    if infos:
+        info_topic = topic.removesuffix("/image_raw/compressed") + "/camera_info"
+        with Writer(tmp_path / "a.bag") as writer:
+            connection = writer.add_connection(info_topic, infos[0].__msgtype__, typestore=STORE)
+            for i, info in enumerate(infos):
+                writer.write(connection, T0 + i, STORE.serialize_ros1(info, info.__msgtype__))
+    frames = {"camera": ["cam01"], "frame": [0], "stamp_ns": [T0], "receive_ns": [T0], "bag": ["a.bag"]}
+    frames |= {"topic": [topic], "nth": [0], "height": [size[1]], "width": [size[0]]}
+    tables.write(tmp_path / "frames.parquet", "frames", frames)
+    arguments = {
+        "session": "lab", "camera": "cam01", "role": "close", "topic": topic, "source": "camera_info", "name": "",
+        "distortion_model": "", "frames": tmp_path / "frames.parquet", "sequence": "walk", "data_root": tmp_path,
+        "out": tmp_path / "out.parquet",
+    }  # fmt: skip
+    intrinsics.run(**(arguments | kwargs))
+    return tables.read_cameras(tmp_path / "out.parquet")["cam01"]
+
+
+@pytest.mark.parametrize("count, model", [(4, "plumb_bob"), (5, "plumb_bob"), (8, "rational_polynomial")])
+def test_camera_info(tmp_path, count, model):
+    d = tuple(0.01 * (i + 1) for i in range(count))
+    camera = run(tmp_path, [camera_info(d, model=model), camera_info(d, model=model, second=1)], OTHER)
+    lens = camera.intrinsics
+    assert (lens.width, lens.height, lens.fx, lens.fy, lens.cx, lens.cy) == (640, 480, 600, 601, 320.5, 240.25)
+    assert lens.model == model and lens.distortion == d + (0.0,) * (8 - count)
+    assert camera.wTc is None and camera.role == "close"
+    assert tables.read(tmp_path / "out.parquet", "cameras")["session"].tolist() == ["lab"]
+
+
+def test_realsense_colour_topic_needs_a_model_from_a_person(tmp_path):
+    info = camera_info((0.1, -0.2, 0, 0, 0.05))
+    with pytest.raises(DiorError) as error:
+        run(tmp_path, [info])
+    text = str(error.value)
+    for part in ("cannot tell", "inverse_brown_conrady", "`distortion_model:`", "sessions/lab/cam01.yaml"):
+        assert part in text
+    camera = run(tmp_path, [info], distortion_model="inverse_brown_conrady")
+    assert camera.intrinsics.model == "inverse_brown_conrady"
+
+
+def test_realsense_without_distortion_needs_no_word(tmp_path):
+    assert run(tmp_path, [camera_info((0, 0, 0, 0, 0))]).intrinsics.model == "plumb_bob"
+
+
+def test_picture_size_unlike_the_intrinsics(tmp_path):
+    with pytest.raises(DiorError, match=r"session lab, cam01 .*pictures are 1280x720 but the intrinsics .* 640x480"):
+        run(tmp_path, [camera_info((0, 0, 0, 0, 0))], size=(1280, 720))
+
+
+def test_camera_info_that_changes_names_the_first_that_differs(tmp_path):
+    zeros = (0, 0, 0, 0, 0)
+    other = (*K[:2], 321.5, *K[3:])
+    infos = [camera_info(zeros), camera_info(zeros), camera_info(zeros, other), camera_info(zeros, width=2)]
+    with pytest.raises(DiorError, match=r"a\.bag: message 2 of /cam01/color/camera_info says K .*321\.5"):
+        run(tmp_path, infos)
+
+
+@pytest.mark.parametrize(
+    "info, text",
+    [
+        (camera_info((0,) * 5, k=(0,) * 9), "K is all zero"),
+        (camera_info((0,) * 4, model="equidistant"), "'equidistant' is not one of plumb_bob, rational_polynomial"),
+        (camera_info((0,) * 3), "D has 3 numbers, not 4, 5 or 8"),
+        (camera_info((0, 0, 0, 0, 0, 0.1, 0, 0)), "k4, k5 and k6 are given"),
+        (camera_info((0,) * 5, k=(600, 2.0, *K[2:])), "skew 2.0"),
+    ],
+)
+def test_refused_camera_info(tmp_path, info, text):
+    with pytest.raises(DiorError, match=text):
+        run(tmp_path, [info], OTHER)
+
+
+def test_no_camera_info_in_the_bag(tmp_path):
+    run(tmp_path, [camera_info((0,) * 5)], OTHER)
+    with pytest.raises(DiorError, match=r"topic /cam02/rgb/camera_info is not in .*there are /cam01/rgb/camera_info"):
+        intrinsics.run(
+            session="lab", camera="cam01", role="close", topic="/cam02/rgb/image_raw", source="camera_info", name="",
+            distortion_model="", frames=tmp_path / "frames.parquet", sequence="walk", data_root=tmp_path,
+            out=tmp_path / "out.parquet",
+        )  # fmt: skip
+
+
+def test_toml(tmp_path):
+    (tmp_path / "calib.toml").write_text(TOML)
+    lens = run(tmp_path, source="calib.toml", name="cam_01").intrinsics
+    assert (lens.width, lens.height, lens.fx, lens.fy, lens.cx, lens.cy) == (640, 480, 600, 601, 320.5, 240.25)
+    assert lens.model == "plumb_bob" and lens.distortion == (0.1, -0.2, 0.001, 0.002, 0, 0, 0, 0)
+
+
+@pytest.mark.parametrize(
+    "old, new, name, text",
+    [
+        ("", "", "cam_1", "no camera 'cam_1' .did you mean 'cam_01'"),
+        ("size", "sizes", "cam_01", "the key 'size' is missing"),
+        ("fisheye = false", "fisheye = true", "cam_01", "fisheye"),
+        ("[640.0, 480.0]", "[640.0]", "cam_01", "`size` must be 2 numbers"),
+        ("[0.1, ", "[", "cam_01", "3 distortions"),
+        ("[cam_01]", "[cam_01", "cam_01", "not a TOML file"),
+    ],
+)
+def test_refused_toml(tmp_path, old, new, name, text):
+    (tmp_path / "calib.toml").write_text(TOML.replace(old, new) if old else TOML)
+    with pytest.raises(DiorError, match=text):
+        run(tmp_path, source="calib.toml", name=name)
+
+
+def test_toml_that_is_not_there(tmp_path):
+    with pytest.raises(DiorError, match=r"gone\.toml: there is no such file"):
+        run(tmp_path, source="gone.toml", name="cam_01")
+
+
+def test_camera_without_frames_and_unknown_model(tmp_path):
+    (tmp_path / "calib.toml").write_text(TOML)
+    with pytest.raises(DiorError, match="has no frame of cam09"):
+        run(tmp_path, source="calib.toml", name="cam_01", camera="cam09")
+    with pytest.raises(DiorError, match="did you mean 'plumb_bob'"):
+        run(tmp_path, source="calib.toml", name="cam_01", distortion_model="plumbob")
+
+
+def test_real_outdoor_camera_info_and_toml_agree(shared, tmp_path):
+    root = shared / "real_outdoor"
+    frames = {"camera": ["cam03"], "frame": [0], "stamp_ns": [T0], "receive_ns": [T0], "bag": ["pc2.bag"]}
+    frames |= {"topic": ["/cam03/color/image_raw/compressed"], "nth": [0], "height": [1920], "width": [1088]}
+    tables.write(tmp_path / "frames.parquet", "frames", frames)
+    lenses = []
+    for source, name in (("camera_info", ""), ("reference/calibration.toml", "cam_03")):
+        intrinsics.run(
+            session="beam", camera="cam03", role="close", topic=frames["topic"][0], source=source, name=name,
+            distortion_model="plumb_bob", frames=tmp_path / "frames.parquet", sequence="beam", data_root=root,
+            out=tmp_path / "out.parquet",
+        )  # fmt: skip
+        lenses.append(tables.read_cameras(tmp_path / "out.parquet")["cam03"].intrinsics)
+    assert lenses[0] == lenses[1]
+    assert lenses[0].fx == pytest.approx(1681.598, abs=1e-3)

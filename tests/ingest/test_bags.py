@@ -1,0 +1,289 @@
+"""Tiny bags written with known stamps and pictures, and the real ones."""
+
+import struct
+
+import cv2
+import numpy as np
+import pytest
+from rosbags.rosbag1 import Writer
+from rosbags.typesys import Stores, get_typestore
+
+from dior import tables
+from dior.errors import DiorError
+from dior.ingest import bags, frames
+
+STORE = get_typestore(Stores.ROS1_NOETIC)
+TYPES = STORE.types
+T0 = 1_708_000_000_000_000_000
+TOPIC = "/cam01/color/image_raw/compressed"
+
+
+def header(stamp_ns):
+    time = TYPES["builtin_interfaces/msg/Time"](sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9)
+    return TYPES["std_msgs/msg/Header"](seq=0, stamp=time, frame_id="lens")
+
+
+def picture(grey, size=(48, 64)):
+    """A picture (height, width, 3) whose left half is `grey` and whose right half is black, red highest."""
+    image = np.zeros((*size, 3), np.uint8)
+    image[:, : size[1] // 2] = (grey, grey, min(255, grey + 20))
+    return image
+
+
+def encoded(image, suffix=".png"):
+    return cv2.imencode(suffix, image)[1].ravel()
+
+
+def compressed(stamp_ns, data):
+    return TYPES["sensor_msgs/msg/CompressedImage"](header=header(stamp_ns), format="x", data=np.frombuffer(data, "u1"))
+
+
+def write_bag(path, messages, declared=()):
+    """`messages` is (topic, receive_ns, message); `declared` (topic, type) get a connection only."""
+    with Writer(path) as writer:
+        connections = {}
+        for topic, kind in [*declared, *((topic, message.__msgtype__) for topic, _, message in messages)]:
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, kind, typestore=STORE)
+        for topic, receive_ns, message in messages:
+            raw = STORE.serialize_ros1(message, message.__msgtype__)
+            writer.write(connections[topic], receive_ns, raw)
+    return path
+
+
+def pictures(stamps, topic=TOPIC, delay=4_000_000, **kwargs):
+    return [(topic, s + delay, compressed(s, encoded(picture(5 * i, **kwargs)))) for i, s in enumerate(stamps)]
+
+
+def index(tmp_path, bag_paths, topics=None, sequence="walk"):
+    out = tmp_path / "frames.parquet"
+    frames.run(sequence=sequence, bags=bag_paths, data_root=tmp_path, topics=topics or {"cam01": TOPIC}, out=out)
+    return tables.read(out, "frames")
+
+
+def test_index_takes_stamps_from_the_header_and_sizes_from_the_picture(tmp_path):
+    stamps = [T0 + 33_333_333 * i for i in range(3)]
+    (tmp_path / "day").mkdir()
+    bag = write_bag(tmp_path / "day" / "pc1.bag", pictures(stamps))
+    table = index(tmp_path, [bag])
+    assert table["stamp_ns"].tolist() == stamps
+    assert (table["receive_ns"] - table["stamp_ns"] == 4_000_000).all()
+    assert table["frame"].tolist() == [0, 1, 2] and set(table["bag"]) == {"day/pc1.bag"}
+    assert set(table["height"]) == {48} and set(table["width"]) == {64}
+
+
+def test_two_bags_of_one_camera_merge_by_stamp_and_cameras_are_sorted(tmp_path):
+    late = write_bag(tmp_path / "late.bag", pictures([T0 + 3 * 10**9, T0 + 4 * 10**9]))
+    early = write_bag(tmp_path / "early.bag", pictures([T0, T0 + 10**9]) + pictures([T0 + 5], topic="/a/image_raw"))
+    table = index(tmp_path, [late, early], {"cam02": TOPIC, "cam01": "/a/image_raw"})
+    assert table["camera"].tolist() == ["cam01"] + ["cam02"] * 4
+    second = tables.of_camera(table, "cam02")
+    assert ((second["stamp_ns"] - T0) // 10**9).tolist() == [0, 1, 3, 4]
+    assert second["bag"].tolist() == ["early.bag"] * 2 + ["late.bag"] * 2
+    assert second["frame"].tolist() == [0, 1, 2, 3]
+
+
+def test_messages_received_out_of_order_are_numbered_by_header_stamp(tmp_path):
+    stamps = [T0 + 2, T0 + 1, T0]
+    messages = [(TOPIC, T0 + 100 + i, compressed(s, encoded(picture(i)))) for i, s in enumerate(stamps)]
+    table = index(tmp_path, [write_bag(tmp_path / "a.bag", messages)])
+    assert table["stamp_ns"].tolist() == sorted(stamps)
+    assert table["receive_ns"].tolist() == [T0 + 102, T0 + 101, T0 + 100]
+
+
+def test_same_input_same_bytes(tmp_path):
+    bag = write_bag(tmp_path / "a.bag", pictures([T0, T0 + 9]))
+    index(tmp_path, [bag])
+    first = (tmp_path / "frames.parquet").read_bytes()
+    index(tmp_path, [bag])
+    assert (tmp_path / "frames.parquet").read_bytes() == first
+
+
+def test_pictures_come_back_even_with_equal_receive_stamps(tmp_path):
+    messages = [(TOPIC, T0, compressed(T0 + i, encoded(picture(40 * i)))) for i in range(4)]
+    table = index(tmp_path, [write_bag(tmp_path / "a.bag", messages)])
+    assert table["nth"].tolist() == [0, 1, 2, 3]
+    wanted = tables.rows(table, np.array([False, True, False, True]))
+    got = dict(bags.read_pictures(wanted, tmp_path))
+    assert sorted(got) == [0, 1]
+    for row, grey in ((0, 40), (1, 120)):
+        np.testing.assert_array_equal(got[row], picture(grey))
+
+
+@pytest.mark.parametrize("encoding", ["rgb8", "bgr8", "mono8"])
+def test_raw_images_with_padded_rows(tmp_path, encoding):
+    image = picture(100)
+    stored = {"rgb8": image[..., ::-1], "bgr8": image, "mono8": image[..., :1]}[encoding]
+    padded = np.concatenate([stored.reshape(48, -1), np.full((48, 5), 77, np.uint8)], axis=1)
+    message = TYPES["sensor_msgs/msg/Image"](
+        header=header(T0), height=48, width=64, encoding=encoding, is_bigendian=0, step=padded.shape[1],
+        data=padded.ravel(),
+    )  # fmt: skip
+    table = index(tmp_path, [write_bag(tmp_path / "a.bag", [(TOPIC, T0, message)])])
+    ((_, got),) = bags.read_pictures(table, tmp_path)
+    np.testing.assert_array_equal(got, image if encoding != "mono8" else np.repeat(image[..., :1], 3, axis=2))
+
+
+def test_jpeg_size_is_found_behind_other_segments(tmp_path):
+    jpeg = encoded(picture(50, size=(30, 90)), ".jpg").tobytes()
+    exif = b"\xff\xe1" + struct.pack(">H", 2 + 20) + b"\xff\xc0" * 10
+    data = jpeg[:2] + exif + jpeg[2:]
+    table = index(tmp_path, [write_bag(tmp_path / "a.bag", [(TOPIC, T0, compressed(T0, data))])])
+    assert (table["height"][0], table["width"][0]) == (30, 90)
+
+
+def test_missing_bag(tmp_path):
+    with pytest.raises(DiorError, match=r"gone\.bag: there is no such bag"):
+        index(tmp_path, [tmp_path / "gone.bag"])
+
+
+@pytest.mark.parametrize("share", [0.3, 0.9, 0.999])
+def test_truncated_bag(tmp_path, share):
+    bag = write_bag(tmp_path / "cut.bag", pictures([T0 + i for i in range(40)]))
+    content = bag.read_bytes()
+    bag.write_bytes(content[: int(share * len(content))])
+    with pytest.raises(DiorError, match=r"cut\.bag: the bag is truncated or was not closed .*rosbag reindex"):
+        index(tmp_path, [bag])
+
+
+def test_bag_that_was_never_closed(tmp_path):
+    bag = write_bag(tmp_path / "open.bag", pictures([T0]))
+    content = bag.read_bytes()
+    at = content.index(b"index_pos=") + len(b"index_pos=")
+    bag.write_bytes(content[:at] + bytes(8) + content[at + 8 :])
+    with pytest.raises(DiorError, match=r"open\.bag: the bag is truncated or was not closed"):
+        index(tmp_path, [bag])
+
+
+def test_bag_with_damaged_chunk(tmp_path):
+    bag = write_bag(tmp_path / "bad.bag", pictures([T0]))
+    content = bag.read_bytes()
+    at = content.index(TOPIC.encode())
+    bag.write_bytes(content[: at - 40] + b"\xff" * 30 + content[at - 10 :])
+    with pytest.raises(DiorError, match=r"bad\.bag: the bag is truncated or was not closed"):
+        index(tmp_path, [bag])
+
+
+def test_not_a_bag_and_empty_file(tmp_path):
+    (tmp_path / "a.bag").write_text("SQLite format 3")
+    with pytest.raises(DiorError, match=r"a\.bag: this is not a ROS 1 bag"):
+        index(tmp_path, [tmp_path / "a.bag"])
+    (tmp_path / "b.bag").write_bytes(b"")
+    with pytest.raises(DiorError, match=r"b\.bag: the bag is empty"):
+        index(tmp_path, [tmp_path / "b.bag"])
+
+
+def test_topic_not_in_the_bag_lists_those_there(tmp_path):
+    bag = write_bag(tmp_path / "a.bag", pictures([T0]) + pictures([T0], topic="/cam02/image_raw"))
+    with pytest.raises(DiorError) as error:
+        index(tmp_path, [bag], {"cam01": "/cam01/colour/image_raw/compressed"})
+    text = str(error.value)
+    assert "walk, cam01" in text and f"did you mean '{TOPIC}'" in text and f"{TOPIC}, /cam02/image_raw" in text
+
+
+def test_topic_without_messages(tmp_path):
+    declared = [("/cam02/image_raw", "sensor_msgs/msg/Image")]
+    bag = write_bag(tmp_path / "a.bag", pictures([T0]), declared)
+    with pytest.raises(DiorError, match=r"walk, cam02: topic /cam02/image_raw is declared in .* has no message"):
+        index(tmp_path, [bag], {"cam02": "/cam02/image_raw"})
+
+
+def test_bag_without_any_message(tmp_path):
+    with pytest.raises(DiorError, match=r"there is no message at all in .*a\.bag"):
+        index(tmp_path, [write_bag(tmp_path / "a.bag", [])])
+
+
+@pytest.mark.parametrize("data", [b"\xff\xd8\x00\x01\x02\x03", b"\xff\xd8\xff\xe0", b"GIF89a", b""])
+def test_bad_picture_header_names_bag_topic_and_message(tmp_path, data):
+    messages = [*pictures([T0]), (TOPIC, T0 + 10**9, compressed(T0 + 9, data))]
+    with pytest.raises(DiorError, match=rf"a\.bag: message 1 of {TOPIC} has no readable picture"):
+        index(tmp_path, [write_bag(tmp_path / "a.bag", messages)])
+
+
+def test_topic_that_holds_no_pictures(tmp_path):
+    bag = write_bag(tmp_path / "a.bag", [("/clock", T0, header(T0))])
+    with pytest.raises(DiorError, match=r"message 0 of /clock has no readable .*its type is std_msgs/msg/Header"):
+        index(tmp_path, [bag], {"cam01": "/clock"})
+
+
+def test_header_stamp_of_zero_is_refused(tmp_path):
+    bag = write_bag(tmp_path / "a.bag", [(TOPIC, T0, compressed(0, encoded(picture(1))))])
+    with pytest.raises(DiorError, match="its header stamp is zero"):
+        index(tmp_path, [bag])
+
+
+def test_mixed_picture_sizes(tmp_path):
+    small = pictures([T0 + 10**9], size=(24, 32))
+    with pytest.raises(DiorError, match=r"walk, cam01: frame 1 \(a\.bag\) is 32x24 where frame 0 \(a\.bag\) is 64x48"):
+        index(tmp_path, [write_bag(tmp_path / "a.bag", pictures([T0]) + small)])
+
+
+def test_bag_or_topic_given_twice(tmp_path):
+    bag = write_bag(tmp_path / "a.bag", pictures([T0]))
+    with pytest.raises(DiorError, match=r"walk: bag .*a\.bag is given twice"):
+        index(tmp_path, [bag, bag])
+    with pytest.raises(DiorError, match=f"walk: topic {TOPIC} is given twice"):
+        index(tmp_path, [bag], {"cam01": TOPIC, "cam02": TOPIC})
+
+
+def test_picture_that_cannot_be_decoded(tmp_path):
+    data = encoded(picture(1)).tobytes()[:40]
+    table = index(tmp_path, [write_bag(tmp_path / "a.bag", [(TOPIC, T0, compressed(T0, data))])])
+    with pytest.raises(DiorError, match=rf"a\.bag: the picture of {TOPIC} received at {T0} ns cannot be decoded"):
+        list(bags.read_pictures(table, tmp_path))
+
+
+def test_bag_that_changed_after_it_was_indexed(tmp_path):
+    table = index(tmp_path, [write_bag(tmp_path / "a.bag", pictures([T0, T0 + 10]))])
+    (tmp_path / "a.bag").unlink()
+    write_bag(tmp_path / "a.bag", pictures([T0]))
+    with pytest.raises(DiorError, match="the bag has changed since it was indexed"):
+        list(bags.read_pictures(table, tmp_path))
+
+
+@pytest.mark.parametrize(
+    "topic, expected",
+    [
+        ("/cam01/color/image_raw/compressed", "/cam01/color/camera_info"),
+        ("/cam01/color/image_raw", "/cam01/color/camera_info"),
+        ("/raspicam_node/image/compressed", "/raspicam_node/camera_info"),
+    ],
+)
+def test_camera_info_topic(topic, expected):
+    assert bags.camera_info_topic(topic) == expected
+
+
+def test_real_outdoor(shared, tmp_path):
+    root = shared / "real_outdoor"
+    topics = {f"cam0{i}": f"/cam0{i}/color/image_raw/compressed" for i in range(1, 5)}
+    out = tmp_path / "frames.parquet"
+    frames.run(sequence="beam", bags=[root / "pc1.bag", root / "pc2.bag"], data_root=root, topics=topics, out=out)
+    table = tables.read(out, "frames")
+    nominal = np.rint(T0 + np.arange(100) * (10**9 / 60)).astype(np.int64)
+    for camera in topics:
+        mine = tables.of_camera(table, camera)
+        assert np.abs(mine["stamp_ns"] - nominal).max() <= 256
+        assert mine["frame"].tolist() == list(range(100))
+        assert (set(mine["height"]), set(mine["width"])) == ({1920}, {1088})
+    assert tables.ordered_unique(table["bag"]) == ["pc1.bag", "pc2.bag"]
+
+    few = tables.rows(table, np.isin(table["frame"], [3, 98]))
+    got = dict(bags.read_pictures(few, root))
+    assert sorted(got) == list(range(8))
+    raw = {c: [m[4] for m in bags._messages(root / "pc1.bag", [topics[c]])] for c in ("cam01", "cam02")}
+    for row, camera, frame in ((0, "cam01", 3), (1, "cam01", 98), (2, "cam02", 3), (3, "cam02", 98)):
+        message = STORE.deserialize_ros1(raw[camera][frame], "sensor_msgs/msg/CompressedImage")
+        np.testing.assert_array_equal(got[row], cv2.imdecode(message.data, cv2.IMREAD_COLOR))
+
+
+def test_real_bag_with_markers(shared):
+    info = bags.read_camera_info([shared / "bags" / "aruco_images.bag"], "/raspicam_node/image/compressed")
+    assert info.K[0] == pytest.approx(1014.34, abs=0.005)
+    assert (info.width, info.height, info.model, len(info.D)) == (1280, 960, "plumb_bob", 5)
+
+
+def test_truncated_real_bag(shared, tmp_path):
+    content = (shared / "bags" / "aruco_images.bag").read_bytes()
+    (tmp_path / "cut.bag").write_bytes(content[: len(content) // 2])
+    with pytest.raises(DiorError, match="truncated or was not closed"):
+        index(tmp_path, [tmp_path / "cut.bag"], {"cam01": "/raspicam_node/image/compressed"})

@@ -1,0 +1,156 @@
+"""Following the subject: against all paths tried out, and in scenes whose answer is plain."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+
+from dior.ingest import people as module
+from dior.ingest.people import People, follow
+from dior.skeletons import COCO_17
+
+BODY = np.stack([np.linspace(-20, 20, 17) * np.cos(np.arange(17)), np.linspace(-90, 90, 17)], axis=-1)
+SIZE = np.hypot(*np.ptp(BODY, axis=0))
+
+
+def stamps(count, rate=30.0):
+    return 1_708_000_000_000_000_000 + np.rint(np.arange(count) * 1e9 / rate).astype(np.int64)
+
+
+def people(found, count=None):
+    """`found` is (frame, person, (u, v) of the middle, scale, score) tuples."""
+    found = sorted(found, key=lambda one: one[:2])
+    uv = np.array([scale * BODY + middle for _, _, middle, scale, _ in found]).reshape(-1, 17, 2)
+    score = np.array([np.full(17, one[4]) for one in found]).reshape(-1, 17)
+    frame = np.array([one[0] for one in found], int)
+    ran = np.arange(count if count is not None else frame.max() + 1)
+    return People(COCO_17, frame, np.array([one[1] for one in found], int), uv, score, ran, np.full(len(ran), -1))
+
+
+def chosen(track, all_people):
+    """Person index per frame, -1 for nobody."""
+    return np.append(all_people.person, -1)[track.row].tolist()
+
+
+def energy(path, all_people, seconds):
+    """Cost of a path (row or -1 per frame that has people), by the definition in `follow`."""
+    frames = np.unique(all_people.frame)
+    extent = np.hypot(*(np.ptp(all_people.uv, axis=1)).T)
+    total, last = 0.0, None
+    for row in path:
+        if row < 0:
+            total += module.SKIP
+            continue
+        largest = extent[all_people.frame == all_people.frame[row]].max()
+        total += 2 - all_people.score[row].mean() - extent[row] / largest
+        if last is not None:
+            distance = min(
+                np.linalg.norm(all_people.uv[row] - all_people.uv[last], axis=-1).mean(),
+                np.linalg.norm(all_people.uv[row] - all_people.uv[last][module.swap_index(COCO_17)], axis=-1).mean(),
+            )
+            passed = seconds[all_people.frame[row]] - seconds[all_people.frame[last]]
+            reach = module.REACH * max(extent[row], extent[last]) * np.sqrt(max(passed / module.PERIOD_S, 1.0))
+            total += min((distance / reach) ** 2, module.JUMP)
+        last = row
+    return total if len(path) == len(frames) else np.inf
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_the_path_is_the_cheapest_of_all(seed):
+    """Every path through 6 frames of 1 to 3 people; the margin is to the best path through another person."""
+    rng = np.random.default_rng(seed)
+    found = [
+        (frame, person, rng.uniform(0, 250, 2), rng.uniform(0.6, 1.4), rng.uniform(0.1, 1))
+        for frame in (0, 1, 3, 4, 5, 8)
+        for person in range(rng.integers(1, 4))
+    ]
+    everybody, when = people(found), stamps(9)
+    seconds = (when - when[0]) / 1e9
+    rows = [np.append(np.flatnonzero(everybody.frame == f), -1) for f in (0, 1, 3, 4, 5, 8)]
+    paths = [path for path in product(*rows) if max(path) >= 0]
+    costs = np.array([energy(path, everybody, seconds) for path in paths])
+    best = paths[int(np.argmin(costs))]
+    track = follow(everybody, when)
+    assert track.row[[0, 1, 3, 4, 5, 8]].tolist() == list(best)
+    for i, frame in enumerate((0, 1, 3, 4, 5, 8)):
+        others = [cost for path, cost in zip(paths, costs, strict=True) if path[i] not in (best[i], -1)]
+        near = best[i] >= 0 and others and min(others) - costs.min() < module.AMBIGUOUS
+        assert track.ambiguous[frame] == bool(near)
+
+
+def test_a_walker_is_followed_past_a_bystander_in_any_order_of_people():
+    rng = np.random.default_rng(1)
+    found, truth = [], []
+    for frame in range(60):
+        walker, bystander = (4.0 * frame, 100.0), (120.0, 90.0)
+        first = rng.integers(2)
+        found += [(frame, first, walker, 1.0, 0.7), (frame, 1 - first, bystander, 0.7, 0.6)]
+        truth.append(first)
+    everybody = people(found)
+    track = follow(everybody, stamps(60))
+    assert chosen(track, everybody) == truth
+    assert track.several.all() and not track.left_out.any()
+
+
+def test_a_gap_and_a_lone_bystander_do_not_break_it():
+    found = [(f, 0, (3.0 * f, 0.0), 1.0, 0.7) for f in range(40) if f not in (10, 11, 12, 20, 21)]
+    found += [(f, 1, (900.0, 0.0), 1.0, 0.9) for f in (10, 11, 12)]
+    everybody = people(found, 40)
+    track = follow(everybody, stamps(40))
+    missing = np.isin(np.arange(40), (10, 11, 12, 20, 21))
+    assert chosen(track, everybody) == np.where(missing, -1, 0).tolist()
+    assert np.flatnonzero(track.left_out).tolist() == [10, 11, 12]
+    assert not track.several.any() and not track.ambiguous.any()
+
+
+def test_a_subject_missed_in_a_third_of_the_frames_is_not_given_up_for_a_bystander():
+    found = [(f, 0, (3.0 * f, 0.0), 1.0, 0.6) for f in range(90) if f % 3]
+    found += [(f, 1, (900.0, 0.0), 0.6, 0.4) for f in range(90)]
+    everybody = people(found)
+    assert chosen(follow(everybody, stamps(90)), everybody) == [0 if f % 3 else -1 for f in range(90)]
+
+
+def test_one_person_who_comes_back_elsewhere_is_the_subject():
+    """A jump costs less than to leave 90 frames out."""
+    everybody = people([(f, 0, (0.0 if f < 90 else 4000.0, 0.0), 1.0, 0.5) for f in range(180)])
+    assert (follow(everybody, stamps(180)).row >= 0).all()
+
+
+def test_left_and_right_exchanged_is_the_same_person():
+    found = [(f, 0, (3.0 * f, 0.0), 1.0, 0.2) for f in range(10)]
+    everybody = people(found)
+    everybody.uv[5] = everybody.uv[5][module.swap_index(COCO_17)]
+    assert (follow(everybody, stamps(10)).row >= 0).all()
+
+
+def test_two_equal_people_are_ambiguous_throughout():
+    found = [(f, p, (1000.0 * p, 0.0), 1.0, 0.5) for f in range(20) for p in range(2)]
+    track = follow(people(found), stamps(20))
+    assert track.ambiguous.all()
+    assert len(set(track.row % 2)) == 1
+
+
+def test_nobody_at_all_and_one_single_person():
+    none, three = np.empty(0, int), np.arange(3)
+    nobody = People(COCO_17, none, none, np.empty((0, 17, 2)), np.empty((0, 17)), three, three)
+    assert follow(nobody, stamps(3)).row.tolist() == [-1, -1, -1]
+    alone = people([(1, 0, (0.0, 0.0), 1.0, 0.5)], 3)
+    assert follow(alone, stamps(3)).row.tolist() == [-1, 0, -1]
+
+
+def test_missing_joints_and_no_common_joint():
+    found = [(f, 0, (2.0 * f, 0.0), 1.0, 0.5) for f in range(6)]
+    everybody = people(found)
+    everybody.uv[2, :8] = np.nan
+    everybody.uv[3, 8:] = np.nan
+    assert (follow(everybody, stamps(6)).row >= 0).all()
+
+
+def test_the_short_cut_for_one_person_agrees_with_the_full_search():
+    rng = np.random.default_rng(3)
+    found = [(f, 0, (3.0 * f + rng.normal(0, 2), 0.0), 1.0, rng.uniform(0.3, 1)) for f in range(50)]
+    alone = people(found)
+    # somebody far away in one frame is enough to search
+    searched = follow(people([*found, (25, 1, (5000.0, 0.0), 0.3, 0.1)]), stamps(50))
+    assert np.delete(searched.row, range(25, 50)).tolist() == follow(alone, stamps(50)).row[:25].tolist()
+    assert (searched.row >= 0).all() and searched.several.sum() == 1
