@@ -1,0 +1,205 @@
+"""What one file of a project says about another, checked when the project is read.
+
+INPUTS: a `dior.project.Project` whose files have the right keys. OUTPUTS: a DiorError for the first contradiction: a
+sentence that names the file, line or key and the likely fix.
+"""
+
+import os
+import re
+
+from dior.checked import check, read_yaml
+from dior.errors import DiorError, nearest
+
+SAME_PLACE_M = 0.01
+YES = ("1", "true", "yes")
+
+
+def consents(subject_row, purpose="release"):
+    """Whether a subject agreed to a purpose. Only a plain yes counts."""
+    return subject_row.get(f"consent_{purpose}", "").lower() in YES
+
+
+def check_sheets(project, lines):
+    """Subjects and sessions that the sheets name must exist, pseudonyms must hide who it is. `lines` of the rows."""
+    _check_pseudonyms(project.subjects)
+    for name in project.sequences:
+        where = f"config/sequences.tsv line {lines[name]}"
+        _check_references(project, project.rows[name], where)
+        _check_name(project, project.rows[name], where)
+
+
+def check_sessions(project, lines):
+    """Sequences, sessions, cameras and the files beside them must fit together. `lines` of the sheet's rows."""
+    for session in project.sessions:
+        _check_distinct(project, session)
+        _check_bumps(project, session)
+    for name in project.sequences:
+        _check_sequence(project, project.rows[name], f"config/sequences.tsv line {lines[name]}")
+    for session in project.sessions:
+        _check_window(project, session)
+        for camera in project.cameras(session):
+            _check_marks(project, session, camera)
+    for folder in ("offsets", "boxes", "checks"):
+        _check_names(project, folder)
+    for name in project.sequences:
+        _check_offsets(project, name)
+
+
+def check_camera(camera, shown):
+    """A camera must have what its `locate` needs."""
+    locate = camera["locate"]
+    if locate == "align" and camera["role"] != "long_range":
+        raise DiorError(f"{shown}: 'locate: align' is for long_range cameras; a close one has marks, tape or reference")
+    if locate == "tape" and camera["role"] != "close":
+        raise DiorError(f"{shown}: a long_range camera is not adjusted after 'locate: tape'; use 'locate: align'")
+    if locate in ("tape", "align") and "tape" not in camera:
+        raise DiorError(f"{shown}: 'locate: {locate}' needs the key 'tape' with the measured position_m")
+    if locate == "reference" and "reference" not in camera:
+        raise DiorError(f"{shown}: 'locate: reference' needs the key 'reference' with file and name")
+    if locate != "align" and any(camera["nudge"].values()):
+        raise DiorError(f"{shown}: 'nudge' has no effect with 'locate: {locate}'; only align uses it")
+    if "tape" in camera and _distance(camera["tape"]["position_m"], camera["tape"]["target_m"]) < SAME_PLACE_M:
+        raise DiorError(f"{shown}: 'tape.target_m' is the camera's own position, so it looks nowhere")
+
+
+def _check_pseudonyms(subjects):
+    owner = {}
+    for name, row in subjects.items():
+        word = row["pseudonym"].lower()
+        if word in owner:
+            raise DiorError(
+                f"config/subjects.tsv: subjects '{owner[word]}' and '{name}' share the pseudonym '{row['pseudonym']}'"
+            )
+        owner[word] = name
+    for word, name in owner.items():
+        if word in {other.lower() for other in subjects}:
+            raise DiorError(f"config/subjects.tsv: the pseudonym of '{name}' is the name of a subject; make one up")
+
+
+def _check_references(project, row, where):
+    name = row["sequence"]
+    if row["subject"] not in project.subjects:
+        raise DiorError(
+            f"{where}: sequence '{name}' is of subject '{row['subject']}', who is not in config/subjects.tsv"
+            f"{nearest(row['subject'], project.subjects)}"
+        )
+    folder = project.root / "config/sessions"
+    if not (folder / row["session"] / "session.yaml").is_file():
+        there = sorted(os.listdir(folder)) if folder.is_dir() else []
+        raise DiorError(
+            f"{where}: session '{row['session']}' of sequence '{name}' has no "
+            f"{project.session_file(row['session'])}{nearest(row['session'], there)}"
+        )
+    for column in ("bags", "mocap", "detections", "trigger_log", "truth"):
+        for path in row[column].split(";"):
+            if os.path.isabs(path.strip()):
+                raise DiorError(f"{where}: {column} '{path.strip()}' must be relative to data_root")
+
+
+def _distance(a, b):
+    return sum((x - y) ** 2 for x, y in zip(a, b, strict=True)) ** 0.5
+
+
+def _check_name(project, row, where):
+    """A sequence's name goes into the release, so it must not hold the name of its subject."""
+    subject, words = row["subject"].lower(), re.split("[_-]", row["sequence"].lower())
+    if consents(project.subjects[row["subject"]]) and not subject.isdigit() and subject in words:
+        raise DiorError(
+            f"{where}: the name of sequence '{row['sequence']}' holds that of its subject '{row['subject']}', which "
+            "the release must not tell; rename the sequence"
+        )
+
+
+def _check_bumps(project, session):
+    for file in os.listdir(project.root / "config/sessions" / session):
+        if "@" in file:
+            raise DiorError(
+                f"config/sessions/{session}/{file}: a camera file for part of a session is not understood; "
+                "give the sequences after the bump a session of their own"
+            )
+
+
+def _check_distinct(project, session):
+    """No two cameras of a session record the same topic, stand in one place or take one pose."""
+    names = list(project.cameras(session))
+    for i, first in enumerate(names):
+        for second in names[i + 1 :]:
+            a, b = project.cameras(session)[first], project.cameras(session)[second]
+            where = f"config/sessions/{session}: cameras '{first}' and '{second}'"
+            measured = [camera["tape"]["position_m"] for camera in (a, b) if "tape" in camera]
+            if a["topic"] == b["topic"]:
+                raise DiorError(f"{where} have the same topic '{a['topic']}'")
+            if len(measured) == 2 and _distance(*measured) < SAME_PLACE_M:
+                raise DiorError(f"{where} are at the same place {measured[0]} (tape.position_m)")
+            if a["locate"] == b["locate"] == "reference" and a["reference"] == b["reference"]:
+                raise DiorError(f"{where} take the same pose '{a['reference']['name']}' (reference.name)")
+
+
+def _check_sequence(project, row, where):
+    name, session = row["sequence"], row["session"]
+    if row["environment"] == "indoor" and not row["mocap"]:
+        raise DiorError(f"{where}: sequence '{name}' is indoor but has no mocap (the C3D file)")
+    if row["environment"] == "indoor":
+        return
+    if not row["detections"]:
+        raise DiorError(f"{where}: sequence '{name}' is outdoor but has no detections")
+    if len(project.close(session)) < 2:
+        raise DiorError(
+            f"{where}: sequence '{name}' is outdoor, so session '{session}' needs at least 2 close cameras, "
+            f"but {project.session_file(session)} has {len(project.close(session))}"
+        )
+
+
+def _check_window(project, session):
+    shown, processed = project.session_file(session), project.sequences_of(session)
+    for name in project.window(session):
+        if name in project.excluded:
+            raise DiorError(f"{shown}: 'adjust.{name}' is an excluded sequence; use one that is processed")
+        if name not in processed:
+            raise DiorError(f"{shown}: 'adjust.{name}' is no sequence of session '{session}'{nearest(name, processed)}")
+        if not project.rows[name]["detections"]:
+            raise DiorError(f"{shown}: 'adjust.{name}' has no detections in config/sequences.tsv to adjust with")
+
+
+def _check_marks(project, session, camera):
+    shown, processed = project.marks_file(session, camera), project.sequences_of(session)
+    for name, (first, without_3d) in project.marks.get((session, camera), {}).items():
+        if name not in processed:
+            raise DiorError(
+                f"{shown} line {first}: '{name}' is no processed sequence of session '{session}'"
+                f"{nearest(name, processed)}"
+            )
+        if without_3d and not project.rows[name]["mocap"]:
+            raise DiorError(
+                f"{shown} line {without_3d}: the mark has no x, y, z and sequence '{name}' has no mocap to take its "
+                "3D point from"
+            )
+
+
+def _check_names(project, folder):
+    """A file whose name no sequence or camera has would be left out in silence."""
+    path = project.root / "config" / folder
+    suffix = ".yaml" if folder == "offsets" else ".csv"
+    for file in sorted(os.listdir(path)) if path.is_dir() else ():
+        if file.startswith(".") or not file.endswith(suffix):
+            continue
+        sequence, _, camera = file.removesuffix(suffix).partition(".")
+        if sequence not in project.rows:
+            raise DiorError(
+                f"config/{folder}/{file}: '{sequence}' is not in config/sequences.tsv{nearest(sequence, project.rows)}"
+            )
+        if folder == "offsets" or sequence in project.excluded:
+            continue
+        if camera not in project.cameras_of(sequence):
+            raise DiorError(
+                f"config/{folder}/{file}: '{camera}' is no camera of session '{project.session_of(sequence)}'"
+                f"{nearest(camera, project.cameras_of(sequence))}; the name is <sequence>.<camera>.csv"
+            )
+
+
+def _check_offsets(project, sequence):
+    for shown in project.offsets(sequence):
+        cameras = project.cameras_of(sequence)
+        for camera in check(read_yaml(project.root / shown, shown), "offsets", shown):
+            if camera not in cameras:
+                raise DiorError(f"{shown}: '{camera}' is no camera of this sequence{nearest(camera, cameras)}")

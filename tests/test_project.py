@@ -1,0 +1,470 @@
+"""The config is read as written, and each slip in it is one sentence that names where and the nearest word."""
+
+import dataclasses
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import yaml
+
+from dior import project
+from dior.errors import DiorError
+
+SEQUENCES = (
+    "sequence session_order subject session environment outfit walk bags mocap detections trigger_log exclude_reason"
+).split()
+CLOSE = "role: close\ntopic: /{name}/color/image_raw/compressed\nlocate: tape\ntape: {{position_m: [{x}, 0, 1.5]}}\n"
+LONG = (
+    "role: long_range\ntopic: /cam03/image\nlocate: align\ntape: {position_m: [60, 0, 2]}\n"
+    + "nudge: {azimuth_deg: 0.2}\n"
+)
+
+
+def row(**cells):
+    return "\t".join(cells.get(column, "") for column in SEQUENCES)
+
+
+@pytest.fixture
+def root(tmp_path):
+    """A project of two subjects: one indoor and two outdoor sequences, and an excluded one."""
+    texts = {
+        "config.yaml": "data_root: data\ntriangulate: {method: rays}\n"
+        "release: {version: 0.1.0, title: A test, license: CC-BY-4.0}\n",
+        "sequences.tsv": "\n".join(
+            [
+                "\t".join(SEQUENCES),
+                row(
+                    sequence="out_2",
+                    session_order="10",
+                    subject="S02",
+                    session="field",
+                    environment="outdoor",
+                    bags="out_2/a.bag;out_2/b.bag",
+                    detections="out_2/mlkit/{camera}.jsonl",
+                ),
+                row(
+                    sequence="out_1",
+                    session_order="9",
+                    subject="S01",
+                    session="field",
+                    environment="outdoor",
+                    bags="out_1/a.bag; out_1/b.bag",
+                    detections="out_1/mlkit/{camera}.jsonl",
+                ),
+                row(
+                    sequence="in_1",
+                    session_order="1",
+                    subject="S01",
+                    session="lab",
+                    environment="indoor",
+                    bags="in_1/a.bag",
+                    mocap="in_1/mocap.c3d",
+                    trigger_log="in_1/trigger.csv",
+                ),
+                row(
+                    sequence="out_3",
+                    session_order="11",
+                    subject="S01",
+                    session="field",
+                    environment="outdoor",
+                    bags="out_3/a.bag",
+                    exclude_reason="rain",
+                ),
+            ]
+        )
+        + "\n",
+        "subjects.tsv": "subject\tpseudonym\theight_m\theight_sigma_m\tconsent_release\n"
+        "S01\tzebra-0001\t1.72\t0.01\tyes\nS02\tapple-0002\t\t\tno\n",
+        "sessions/field/session.yaml": "cameras: [cam01, cam02, cam03]\nadjust: {out_1: {count: 100}}\n",
+        "sessions/field/cam01.yaml": CLOSE.format(name="cam01", x=4),
+        "sessions/field/cam02.yaml": CLOSE.format(name="cam02", x=-4),
+        "sessions/field/cam03.yaml": LONG,
+        "sessions/lab/session.yaml": "cameras: [cam01]\n",
+        "sessions/lab/cam01.yaml": "role: close\ntopic: /cam01/image\nlocate: marks\n",
+        "sessions/lab/cam01.marks.csv": "sequence,frame,joint,u,v\nin_1,3,LASI,10,20\nin_1,9,LASI,11,21\n",
+        "offsets/in_1.yaml": "cam01: {offset_s: 0.12}\n",
+        "boxes/out_1.cam03.csv": "frame,u_min,v_min,u_max,v_max\n",
+        "checks/out_1.cam01.csv": "sequence,frame,joint,u,v\n",
+    }
+    for name, text in texts.items():
+        path = tmp_path / "config" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+    return tmp_path
+
+
+def edit(root, name, old, new, count=1):
+    path = root / "config" / name
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, count))
+
+
+def fails(root, *parts):
+    with pytest.raises(DiorError) as caught:
+        project.load(root)
+    text = str(caught.value)
+    for part in parts:
+        assert part in text
+    assert "\n" not in text and str(root) not in text
+    return text
+
+
+def test_what_is_written_is_what_is_read(root):
+    p = project.load(root)
+    assert p.sequences == ("out_1", "out_2", "in_1"), "by session, order as a number, name"
+    assert p.excluded == {"out_3": "rain"}
+    assert p.sessions == ("field", "lab")
+    assert p.bags("out_1") == ["data/out_1/a.bag", "data/out_1/b.bag"]
+    assert (p.close("field"), p.long_range("field")) == (["cam01", "cam02"], ["cam03"])
+    assert p.first_sequence("field") == "out_1"
+    assert p.sequences_of("field") == ["out_1", "out_2"]
+    assert p.sequences_of_subject("S01") == ["out_1", "in_1"]
+    assert (p.mocap("in_1"), p.mocap("out_1")) == (["data/in_1/mocap.c3d"], [])
+    assert p.trigger_log("in_1") == ["data/in_1/trigger.csv"]
+    assert p.marks_sequences("lab", "cam01") == p.marks_mocap("lab", "cam01") == ["in_1"]
+    assert p.boxes("out_1") == {"cam03": "config/boxes/out_1.cam03.csv"}
+    assert p.checks("out_1") == {"cam01": "config/checks/out_1.cam01.csv"}
+    assert (p.offsets("in_1"), p.offsets("out_1")) == (["config/offsets/in_1.yaml"], [])
+    assert p.truth("out_1") == [], "a column that the sheet lacks is empty"
+    assert p.released_subjects == ("S01",) and p.released_sequences == ("out_1", "in_1")
+    assert set(p.sequence("out_1")) == {*SEQUENCES, "truth"}
+
+
+def test_defaults_are_filled_in(root):
+    p = project.load(root)
+    assert p.config["triangulate"] == {"method": "rays", "max_error_px": 45.0}
+    assert p.config["adjust"]["min_views"] == 3 and p.config["release"]["authors"] == []
+    assert p.window("field") == {"out_1": {"first": 0, "count": 100, "step": 1}} and p.window("lab") == {}
+    camera = p.cameras("field")["cam01"]
+    assert camera["intrinsics"] == "camera_info" and camera["tape"]["target_m"] == [0.0, 0.0, 0.0]
+    assert p.cameras("field")["cam03"]["nudge"] == {"azimuth_deg": 0.2, "elevation_deg": 0.0, "distance_m": 0.0}
+
+
+def test_a_config_read_elsewhere_is_used_and_left_alone(root):
+    given = yaml.safe_load((root / "config/config.yaml").read_text())
+    given["triangulate"]["method"] = "robust"
+    assert project.load(root, given).config["triangulate"]["method"] == "robust"
+    assert "adjust" not in given and given["triangulate"] == {"method": "robust"}
+
+
+def test_detections_of_a_long_range_camera_count_where_they_are(root):
+    p = project.load(root)
+    assert p.detections_cameras("out_1") == ["cam01", "cam02"] and p.detections_cameras("in_1") == []
+    file = root / "data/out_1/mlkit/cam03.jsonl"
+    file.parent.mkdir(parents=True)
+    file.touch()
+    assert p.detections("out_1")["cam03"] == "data/out_1/mlkit/cam03.jsonl"
+    assert p.detections_cameras("out_2") == ["cam01", "cam02"]
+
+
+def test_marks_with_3d_points_need_no_mocap(root):
+    (root / "config/sessions/field/cam01.marks.csv").write_text(
+        "sequence,frame,joint,u,v,x,y,z\nout_2,0,post,1,2,3,4,5\nout_1,0,post,1,2,3,4,5\n"
+    )
+    edit(root, "sessions/field/cam01.yaml", "locate: tape", "locate: marks")
+    p = project.load(root)
+    assert p.marks_sequences("field", "cam01") == ["out_2", "out_1"] and p.marks_mocap("field", "cam01") == []
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "parts"),
+    [
+        (
+            "method: rays",
+            "metod: rays",
+            ["unknown key 'triangulate.metod' (did you mean 'method'?)"],
+        ),
+        ("triangulate:", "trianguate:", ["unknown key 'trianguate' (did you mean 'triangulate'?)"]),
+        ("method: rays", "method: ray", ["'triangulate.method' is 'ray'", "robust, rays", "did you mean 'rays'"]),
+        ("method: rays", "max_error_px: abc", ["'triangulate.max_error_px' is 'abc' but should be a number above 0"]),
+        ("method: rays", "max_error_px: -1", ["'triangulate.max_error_px' is -1", "above 0"]),
+        ("{method: rays}", "[rays]", ["'triangulate' is ['rays'] but should be keys with values"]),
+        ("{method: rays}", "", ["'triangulate' is nothing but should be keys with values"]),
+        ("data_root: data", "", ["key 'data_root' is missing"]),
+        ("data_root: data\n", "- data\n# ", ["config/config.yaml line"]),
+        ("license: CC-BY-4.0", "authors: [x]", ["key 'release.license' is missing"]),
+        ("version: 0.1.0", "version: 1.0", ["'release.version' is 1.0 but should be a version such as 0.1.0"]),
+        ("version: 0.1.0", "version: ../x", ["'release.version' is '../x'"]),
+        ("data_root: data", "data_root: data\ndata_root: else", ["key 'data_root' is given twice, on lines 1 and 2"]),
+        ("{method: rays}", "{method: rays", ["config/config.yaml line", "not valid YAML"]),
+        ("triangulate:", "simulate: {fsp: 30}\ntriangulate:", ["unknown key 'simulate.fsp' (did you mean 'fps'?)"]),
+        (
+            "triangulate:",
+            "simulate: {detector: {level: x}}\ntriangulate:",
+            ["'simulate.detector.level' is 'x'", "ideal"],
+        ),
+        ("license: CC-BY-4.0", "license: CC-BY-4.0, authors: me", ["'release.authors' is 'me' but should be a list"]),
+    ],
+)
+def test_config_errors(root, old, new, parts):
+    edit(root, "config.yaml", old, new)
+    fails(root, "config/config.yaml", *parts)
+
+
+@pytest.mark.parametrize(
+    ("sheet", "old", "new", "parts"),
+    [
+        ("sequences", "out_1\t9", "out_2\t9", ["sequence 'out_2' is there twice, on lines 2 and 3"]),
+        ("subjects", "S02", "S01", ["subject 'S01' is there twice, on lines 2 and 3"]),
+        ("sequences", "out_1\t9", "out.1\t9", ["line 3", "'sequence' is 'out.1'", "letters, digits"]),
+        ("sequences", "out_1\t9\t", "out_1\tninth\t", ["line 3", "'session_order' is 'ninth'", "whole number"]),
+        ("sequences", "9\tS01", "9\tS1", ["line 3", "'S1'", "not in config/subjects.tsv (did you mean 'S01'?)"]),
+        ("sequences", "9\tS01\tfield", "9\tS01\tfeild", ["line 3", "session 'feild'", "did you mean 'field'"]),
+        ("sequences", "9\tS01\tfield\toutdoor", "9\tS01\tfield\toutdors", ["'environment' is 'outdors'", "'outdoor'"]),
+        ("sequences", "in_1/mocap.c3d", "", ["line 4", "'in_1' is indoor but has no mocap"]),
+        ("sequences", "out_1/mlkit/{camera}.jsonl", "", ["line 3", "'out_1' is outdoor but has no detections"]),
+        ("sequences", "out_1/mlkit/{camera}.jsonl", "out_1/x.jsonl", ["line 3", "{camera}"]),
+        ("sequences", "in_1/a.bag", "", ["line 4: 'bags' is nothing"]),
+        ("sequences", "in_1/a.bag", "/disk/a.bag", ["line 4", "bags '/disk/a.bag' must be relative to data_root"]),
+        ("sequences", "out_1\t9", "s01_out-1\t9", ["line 3", "'s01_out-1' holds that of its subject 'S01'"]),
+        ("sequences", "outfit", "outfitt", ["unknown column 'outfitt' (did you mean 'outfit'?)"]),
+        ("sequences", "\toutfit\twalk", "\twalk\twalk", ["column 'walk' is there twice"]),
+        ("sequences", "rain", "rain\tx\ty", ["line 5: 14 cells but the sheet has 12 columns"]),
+        ("subjects", "\tconsent_release", "", ["column 'consent_release' is missing"]),
+        ("subjects", "zebra-0001", "zebra", ["line 2", "'pseudonym' is 'zebra'", "8 or more letters"]),
+        ("subjects", "apple-0002", "zebra-0001", ["'S01' and 'S02' share the pseudonym"]),
+        ("subjects", "1.72", "172", ["line 2", "'height_m' is '172' but should be a height in metres"]),
+        ("subjects", "\tyes", "\tmaybe", ["line 2", "'consent_release' is 'maybe'", "yes or no"]),
+    ],
+)
+def test_sheet_errors(root, sheet, old, new, parts):
+    edit(root, f"{sheet}.tsv", old, new)
+    fails(root, f"config/{sheet}.tsv", *parts)
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "parts"),
+    [
+        ("field/cam01.yaml", "locate", "locat", ["unknown key 'locat' (did you mean 'locate'?)"]),
+        ("field/cam01.yaml", "position_m", "positon_m", ["unknown key 'tape.positon_m' (did you mean 'position_m'?)"]),
+        ("field/cam01.yaml", "role: close\n", "", ["key 'role' is missing"]),
+        ("field/cam01.yaml", "tape: {position_m: [4, 0, 1.5]}", "", ["needs the key 'tape'"]),
+        ("field/cam01.yaml", "[4, 0, 1.5]", "[4, 0]", ["'tape.position_m' is [4, 0]", "a list of 3 numbers"]),
+        ("field/cam01.yaml", "[4, 0, 1.5]", "[4, 0, high]", ["'tape.position_m.2' is 'high' but should be a number"]),
+        ("field/cam01.yaml", "[4, 0, 1.5]", "[0, 0, 0]", ["looks nowhere"]),
+        ("field/cam01.yaml", "locate: tape", "locate: align", ["is for long_range cameras"]),
+        ("field/cam03.yaml", "locate: align", "locate: tape", ["use 'locate: align'"]),
+        ("field/cam01.yaml", "locate: tape", "locate: reference", ["needs the key 'reference'"]),
+        ("field/cam01.yaml", "locate: tape", "locate: marks", ["needs the file config/sessions/field/cam01.marks.csv"]),
+        ("field/cam01.yaml", "locate: tape", "locate: tpe", ["'locate' is 'tpe'", "did you mean 'tape'"]),
+        ("field/cam01.yaml", "locate: tape", "locate: tape\nnudge: {distance_m: 1}", ["'nudge' has no effect"]),
+        (
+            "field/cam01.yaml",
+            "locate",
+            "intrinsics: camerainfo\nlocate",
+            ["'intrinsics' is 'camerainfo'"],
+        ),
+        ("field/cam01.yaml", "locate", "intrinsics: {fil: a, name: b}\nlocate", ["unknown key 'intrinsics.fil'"]),
+        ("field/cam01.yaml", "locate", "intrinsics: {file: a}\nlocate", ["key 'intrinsics.name' is missing"]),
+        ("field/cam02.yaml", "[-4, 0, 1.5]", "[4, 0, 1.5]", ["'cam01' and 'cam02' are at the same place"]),
+        ("field/cam02.yaml", "/cam02/", "/cam01/", ["'cam01' and 'cam02' have the same topic"]),
+        (
+            "field/cam02.yaml",
+            "role: close",
+            "role: close\nrole: close",
+            ["key 'role' is given twice, on lines 1 and 2"],
+        ),
+        ("field/session.yaml", "cam02", "kam02", ["'kam02' has no file", "did you mean 'cam02'"]),
+        ("field/session.yaml", "cam02", "cam01", ["camera 'cam01' is listed twice"]),
+        ("field/session.yaml", "[cam01, cam02, cam03]", "[]", ["'cameras' is []", "a list of 1 or more words"]),
+        ("field/session.yaml", "[cam01, cam02, cam03]", "[cam01, a/b]", ["'cameras.1' is 'a/b'", "letters, digits"]),
+        ("field/session.yaml", "[cam01, cam02, cam03]", "[cam01, cam03]", ["at least 2 close cameras", "has 1"]),
+        ("field/session.yaml", "out_1", "out_4", ["'adjust.out_4' is no sequence of session 'field'", "'out_"]),
+        ("field/session.yaml", "out_1", "out_3", ["'adjust.out_3' is an excluded sequence"]),
+        ("field/session.yaml", "out_1", "out.1", ["'adjust.out.1' is not a name of letters"]),
+        ("field/session.yaml", "out_1", "1", ["key 'adjust.1' is read as a int, not as text; put it in quotes"]),
+        ("field/session.yaml", "out_1", "[a]", ["the key on line 2 is no plain word"]),
+        ("field/session.yaml", "count", "cout", ["unknown key 'adjust.out_1.cout' (did you mean 'count'?)"]),
+        ("lab/cam01.marks.csv", "in_1,9", "in_2,9", ["line 3", "'in_2' is no processed sequence", "'in_1'"]),
+        ("lab/cam01.marks.csv", "joint", "joints", ["unknown column 'joints' (did you mean 'joint'?)"]),
+        ("lab/cam01.marks.csv", ",v\n", "\n", ["column 'v' is missing"]),
+    ],
+)
+def test_session_errors(root, file, old, new, parts):
+    edit(root, f"sessions/{file}", old, new)
+    text = fails(root, *parts)
+    assert "config/se" in text
+
+
+def test_marks_without_3d_points_need_the_mocap(root):
+    (root / "config/sessions/field/cam01.marks.csv").write_text("sequence,frame,joint,u,v\nout_1,0,LASI,1,2\n")
+    edit(root, "sessions/field/cam01.yaml", "locate: tape", "locate: marks")
+    fails(root, "config/sessions/field/cam01.marks.csv line 2", "'out_1' has no mocap")
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "parts"),
+    [
+        ("offsets/oat_1.yaml", "cam01: {offset_s: 0}\n", ["'oat_1' is not in config/sequences.tsv", "'out_1'"]),
+        (
+            "offsets/out_1.yaml",
+            "cam1: {offset_s: 0}\n",
+            ["'cam1' is no camera of this sequence", "'cam01'"],
+        ),
+        ("offsets/out_1.yaml", "cam01: {ofset_s: 0}\n", ["unknown key 'cam01.ofset_s' (did you mean 'offset_s'?)"]),
+        ("offsets/out_1.yaml", "cam01: {offset_s: 1e-3}\n", ["'cam01.offset_s' is '1e-3' but should be a number"]),
+        ("boxes/out_1.cam3.csv", "", ["'cam3' is no camera of session 'field' (did you mean 'cam03'?)"]),
+        ("boxes/oat_1.cam03.csv", "", ["'oat_1' is not in config/sequences.tsv (did you mean 'out_1'?)"]),
+        ("checks/out_1.csv", "", ["<sequence>.<camera>.csv"]),
+        ("sessions/field/cam01@out_2.yaml", "", ["config/sessions/field/cam01@out_2.yaml", "session of their own"]),
+    ],
+)
+def test_errors_of_files_beside(root, file, text, parts):
+    (root / "config" / file).write_text(text)
+    fails(root, f"config/{file}", *parts)
+
+
+@pytest.mark.parametrize("name", ["config.yaml", "sequences.tsv", "subjects.tsv"])
+def test_missing_files(root, name):
+    (root / "config" / name).unlink()
+    fails(root, f"config/{name}: there is no such file")
+
+
+def test_sheets_with_nothing_to_process(root):
+    path = root / "config/sequences.tsv"
+    header = path.read_text().splitlines()[0]
+    path.write_text(header + "\n")
+    fails(root, "config/sequences.tsv has no rows yet")
+    path.write_text("")
+    fails(root, "config/sequences.tsv: the file is empty")
+    path.write_text(header.replace("\t", ",") + "\n")
+    fails(root, "must be separated by tabs")
+    path.write_text(
+        header
+        + "\n"
+        + row(
+            sequence="a",
+            session_order="1",
+            subject="b",
+            session="c",
+            environment="indoor",
+            bags="d",
+            exclude_reason="lost",
+        )
+        + "\n"
+    )
+    fails(root, "every row has an exclude_reason")
+
+
+def test_a_sheet_from_a_spreadsheet_program_is_read(root):
+    """A byte order mark, Windows line ends, blanks around cells and dropped empty cells at the end do no harm."""
+    path = root / "config/sequences.tsv"
+    expected = project.load(root).rows
+    lines = [line.rstrip("\t").replace("\t", "\t ") for line in path.read_text().splitlines()]
+    path.write_bytes("\ufeff".encode() + "\r\n".join([*lines, "", "\t\t"]).encode())
+    assert project.load(root).rows == expected
+
+
+def test_references_must_differ(root):
+    text = "role: close\ntopic: /{}\nlocate: reference\nreference: {{file: a.toml, name: cam_01}}\n"
+    for name in ("cam01", "cam02"):
+        (root / f"config/sessions/field/{name}.yaml").write_text(text.format(name))
+    fails(root, "'cam01' and 'cam02' take the same pose 'cam_01'")
+
+
+def test_a_row_added_above_changes_no_other_row(root):
+    before = project.load(root).sequence("in_1")
+    edit(
+        root,
+        "sequences.tsv",
+        "out_2\t10",
+        row(
+            sequence="new",
+            session_order="12",
+            subject="S01",
+            session="field",
+            environment="outdoor",
+            bags="x",
+            detections="{camera}",
+        )
+        + "\nout_2\t10",
+    )
+    assert project.load(root).sequence("in_1") == before
+
+
+def test_the_schemas_themselves_are_documented_and_strict():
+    from jsonschema import Draft202012Validator
+
+    folder = Path(project.__file__).parents[1] / "workflow/schemas"
+    paths = sorted(folder.glob("*.schema.yaml"))
+    assert [p.name.split(".")[0] for p in paths] == ["camera", "config", "offsets", "sequences", "session", "subjects"]
+
+    def walk(schema, where):
+        keys = {**schema.get("properties", {}), **schema.get("patternProperties", {})}
+        if keys:
+            assert schema["additionalProperties"] is False, where
+        for key, value in keys.items():
+            assert value.get("description"), f"{where}.{key} has no description"
+            walk(value, f"{where}.{key}")
+
+    for path in paths:
+        schema = yaml.safe_load(path.read_text())
+        Draft202012Validator.check_schema(schema)
+        walk(schema, path.name)
+
+
+def test_the_template_names_every_key_with_its_default():
+    folder = Path(project.__file__).parents[1]
+    schema = yaml.safe_load((folder / "workflow/schemas/config.schema.yaml").read_text())["properties"]
+    text = (folder / "dior/templates/config.yaml").read_text()
+    template = yaml.safe_load(text)
+    assert set(template) == set(schema) - {"simulate"} and template["data_root"] == "data"
+    for section in set(template) - {"data_root"}:
+        assert set(template[section]) == set(schema[section]["properties"])
+        for key, value in template[section].items():
+            assert schema[section]["properties"][key].get("default", value) == value
+            at = text.splitlines().index(next(n for n in text.splitlines() if n.startswith(f"  {key}:")))
+            assert text.splitlines()[at - 1].startswith("  #"), f"{section}.{key} has no comment"
+
+
+def test_the_simulated_captures_schema_is_its_dataclass():
+    from dior.simulate.settings import Detector, Settings
+
+    folder = Path(project.__file__).parents[1]
+    config = yaml.safe_load((folder / "workflow/schemas/config.schema.yaml").read_text())
+    schema = config["properties"]["simulate"]["properties"]
+    for keys, settings in ((schema, Settings()), (schema["detector"]["properties"], Detector())):
+        assert set(keys) == {field.name for field in dataclasses.fields(settings)}
+        for key, description in keys.items():
+            value = getattr(settings, key)
+            if not dataclasses.is_dataclass(value):
+                assert description["default"] == (list(value) if isinstance(value, tuple) else value), key
+
+
+def test_importing_the_module_is_light():
+    code = "import sys, dior.project; print([m for m in ('numpy', 'yaml', 'pandas', 'jsonschema') if m in sys.modules])"
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert found.strip() == "[]"
+
+
+def test_a_project_of_the_papers_size_loads_quickly(root):
+    """112 sequences of 14 sessions with four cameras each, read at every parse of the workflow."""
+    config = root / "config"
+    lines = ["\t".join(SEQUENCES)]
+    for i in range(14):
+        session = f"day{i:02d}"
+        shutil.copytree(config / "sessions/field", config / "sessions" / session)
+        (config / "sessions" / session / "session.yaml").write_text("cameras: [cam01, cam02, cam03, cam04]\n")
+        (config / "sessions" / session / "cam04.yaml").write_text(CLOSE.format(name="cam04", x=7))
+        lines += [
+            row(
+                sequence=f"{session}_{j}",
+                session_order=str(j),
+                subject="S01",
+                session=session,
+                environment="outdoor",
+                bags="a.bag",
+                detections="{camera}",
+            )
+            for j in range(8)
+        ]
+    for folder in ("offsets", "boxes", "checks"):
+        shutil.rmtree(config / folder)
+    (config / "sequences.tsv").write_text("\n".join(lines) + "\n")
+    start = time.perf_counter()
+    assert len(project.load(root).sequences) == 112
+    assert time.perf_counter() - start < 1.0
