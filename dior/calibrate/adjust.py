@@ -1,0 +1,330 @@
+"""Bundle adjustment of the close cameras of a session (paper, outdoor steps 3 to 5).
+
+INPUTS   placed cameras and their YAML (tape priors); detections, frames and offsets of the window's sequences
+OUTPUTS  cameras (adjusted wTc), metrics (mean reprojection error before and after), findings
+
+Poses and points are free, intrinsics fixed. Points are joints at the window's instants (a fixed list, so that a new
+sequence does not move old labels), on the nominal grid t0 + k/fps of their sequence.
+What holds the gauge: every tape-measured camera keeps to its measured position with the tape's sigma, one without a
+tape to its placed position with 5 cm; a camera that was aimed by look-at keeps to that rotation with 30 degrees, which
+decides only what nothing else does (two cameras could turn about the line between them), another with 2 degrees.
+A reprojection error is the mean distance in recorded pixels. World in metres, Z up, floor at Z = 0.
+"""
+
+from dataclasses import dataclass
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+
+from dior import tables
+from dior.calibrate import bundle
+from dior.calibrate import offsets as clocks
+from dior.calibrate.place import camera_settings, check_above_floor
+from dior.camera import inverse_pose, project, undistort
+from dior.errors import DiorError, nearest
+from dior.geometry import triangulate
+from dior.sampling import camera_seconds, nominal_fps, sample, start_ns
+
+REFERENCE_FX = 1680.0
+AIM_SIGMA_DEG = 30.0
+PLACED_SIGMA_M, PLACED_SIGMA_DEG = 0.05, 2.0
+TAPE_SIGMA_M = 0.05
+SAME_PLACE_M = 0.01
+FEWEST_SEEN = 6
+ROUNDS = 3
+SAMPLE = 2000
+
+
+@dataclass(frozen=True)
+class Adjusted:
+    """`cameras`, `points` (N, 3) m with NaN where left out, and the errors (V, N) px before and after of those used.
+
+    `iterations` are those of the last round.
+    """
+
+    cameras: list
+    points: np.ndarray
+    before_px: np.ndarray
+    after_px: np.ndarray
+    iterations: int
+
+    @property
+    def left_out(self):
+        """Number of points that took no part."""
+        return int(np.isnan(self.points[:, 0]).sum())
+
+
+def adjust(cameras, uv, priors, huber_px, max_mean_px, where):
+    """Adjust V cameras to the detections `uv` (V, N, 2), recorded px, NaN where not seen.
+
+    `priors` are `bundle.Prior`, one per camera. `huber_px`, where the loss turns linear, and `max_mean_px`, above
+    which the result is refused, are for fx 1680 and scaled by each camera's (and the mean) fx. Of many points a sample
+    comes first, so that the large problem starts near its end; points that the placed cameras put behind one of them
+    are left out at first and tried again from the adjusted cameras.
+    Raises DiorError (beginning with `where`), see `bundle.optimise` and the checks below.
+    """
+    _check_start(cameras, uv, where)
+    _check_shared(cameras, uv, where)
+    focal = np.array([camera.intrinsics.fx for camera in cameras])
+    sigma = huber_px * focal / REFERENCE_FX / bundle.HUBER
+    adjusted, start, used = list(cameras), triangulated(cameras, uv), np.zeros(uv.shape[1], bool)
+    usable, points = _usable(cameras, uv, start), start
+    for _ in range(ROUNDS):
+        used = _sample(usable) if not used.any() else usable
+        _check_aim(adjusted, uv, used, where)
+        graph, values = bundle.build(adjusted, uv[:, used], points[used], priors, sigma)
+        found = bundle.optimise(graph, values, where)
+        poses = bundle.poses(found.values, len(cameras))
+        adjusted = [camera.at(wTc) for camera, wTc in zip(cameras, poses, strict=True)]
+        points = triangulated(adjusted, uv)
+        usable = _usable(adjusted, uv, points)
+        if not (usable & ~used).any():
+            break
+    points = np.where(used[:, None], points, np.nan)
+    points[used] = bundle.points(found.values, used.sum())
+    before, after = errors_px(cameras, uv, np.where(used[:, None], start, np.nan)), errors_px(adjusted, uv, points)
+    done = Adjusted(adjusted, points, before, after, found.iterations)
+    _check_end(done, uv, max_mean_px * focal.mean() / REFERENCE_FX, where)
+    return done
+
+
+def _sample(usable):
+    """All points of a mask (N,), or 2000 of many, spread by chance (the same at every run)."""
+    index = np.flatnonzero(usable)
+    if len(index) <= 2 * SAMPLE:
+        return usable
+    sampled = np.zeros_like(usable)
+    sampled[np.random.default_rng(0).permutation(index)[:SAMPLE]] = True
+    return sampled
+
+
+def triangulated(cameras, uv):
+    """World points (N, 3) m from recorded pixels (V, N, 2), every view with the same weight."""
+    xy = np.stack([undistort(camera.intrinsics, seen) for camera, seen in zip(cameras, uv, strict=True)])
+    return triangulate(np.stack([inverse_pose(camera.wTc) for camera in cameras]), xy, np.ones(xy.shape[:-1]))
+
+
+def in_front(cameras, uv, points):
+    """Mask (N,) of the finite points that every camera which sees them has in front of it, inside its lens model."""
+    projected = np.stack([project(camera, points)[0] for camera in cameras])
+    return (np.isfinite(projected) | ~np.isfinite(uv)).all(axis=(0, 2)) & np.isfinite(points).all(axis=1)
+
+
+def _usable(cameras, uv, points):
+    """Mask (N,) of the points that are fit for a start: in front, and not off by more than a picture.
+
+    A point nearly in the plane of a camera's centre is projected so far away that its slope tells nothing.
+    """
+    size = np.array([[max(camera.intrinsics.width, camera.intrinsics.height)] for camera in cameras])
+    with np.errstate(invalid="ignore"):
+        near = ~(errors_px(cameras, uv, points) > size)
+    return in_front(cameras, uv, points) & near.all(axis=0)
+
+
+def errors_px(cameras, uv, points):
+    """Distances (V, N) px between recorded pixels (V, N, 2) and the projected points (N, 3)."""
+    return np.stack(
+        [np.linalg.norm(project(camera, points)[0] - seen, axis=-1) for camera, seen in zip(cameras, uv, strict=True)]
+    )
+
+
+def _check_start(cameras, uv, where):
+    if len(cameras) < 2:
+        raise DiorError(f"{where}: {len(cameras)} close camera; the adjustment needs at least 2")
+    for a, b in combinations(cameras, 2):
+        if np.linalg.norm(a.centre - b.centre) < SAME_PLACE_M:
+            raise DiorError(
+                f"{where}: {a.name} and {b.name} are at the same place ({', '.join(f'{x:g}' for x in a.centre)}); "
+                "correct the tape.position_m of one of them"
+            )
+    for camera in cameras:
+        check_above_floor(f"{where}, {camera.name}", camera.centre, "is Z up?")
+    if not uv.shape[1]:
+        raise DiorError(
+            f"{where}: no joint is seen by enough cameras in the window; lower adjust.min_score or adjust.min_views, "
+            "or choose other instants"
+        )
+
+
+def _check_aim(cameras, uv, used, where):
+    """Refuse cameras whose joints cannot be in front of all of them, naming the one without which they can."""
+    seen = np.isfinite(uv).all(axis=-1)
+    if (seen[:, used].sum(axis=1) >= FEWEST_SEEN).all():
+        return
+    without = []
+    for view in range(len(cameras)):
+        rest = np.delete(np.arange(len(cameras)), view)
+        others = [cameras[i] for i in rest]
+        without.append(_usable(others, uv[rest], triangulated(others, uv[rest])).sum())
+    culprit = cameras[int(np.argmax(without))].name
+    raise DiorError(
+        f"{where}: as placed, the cameras have {used.sum()} of {len(used)} joints in front of them, without {culprit} "
+        f"it would be {max(without)}; check the tape.position_m and tape.target_m of {culprit} and its detections"
+    )
+
+
+def _check_shared(cameras, uv, where):
+    """Refuse cameras that the points do not tie to the others."""
+    seen = np.isfinite(uv).all(axis=-1)
+    for camera, count in zip(cameras, seen.sum(axis=1), strict=True):
+        if count < FEWEST_SEEN:
+            raise DiorError(
+                f"{where}: {camera.name} shares {count} joints with the others, at least {FEWEST_SEEN} are needed; "
+                "check its detections and the instants of the window"
+            )
+    together, tied = seen.astype(int) @ seen.T.astype(int) >= FEWEST_SEEN, np.arange(len(cameras)) == 0
+    for _ in cameras:
+        tied = tied | together[tied].any(axis=0)
+    if not tied.all():
+        apart = ", ".join(camera.name for camera, is_tied in zip(cameras, tied, strict=True) if not is_tied)
+        raise DiorError(f"{where}: {apart} shares no joints with {cameras[0].name}; choose instants that all see")
+
+
+def _check_end(done, uv, limit_px, where):
+    behind = ~in_front(done.cameras, uv, done.points) & np.isfinite(done.points[:, 0])
+    if behind.any():
+        raise DiorError(
+            f"{where}: {behind.sum()} of {len(behind)} adjusted joints are behind a camera that sees them; place the "
+            "cameras better"
+        )
+    for camera in done.cameras:
+        check_above_floor(f"{where}, {camera.name} after the adjustment", camera.centre, "place the cameras better")
+    if done.left_out > 0.5 * len(done.points):
+        raise DiorError(
+            f"{where}: {done.left_out} of {len(done.points)} joints fit no point in front of the cameras that see "
+            "them; place the cameras better (tape.position_m, tape.target_m)"
+        )
+    mean = np.nanmean(done.after_px)
+    if mean > limit_px:
+        per_camera = ", ".join(
+            f"{camera.name} {np.nanmean(error):.1f}" for camera, error in zip(done.cameras, done.after_px, strict=True)
+        )
+        raise DiorError(
+            f"{where}: the adjustment ends at a mean of {mean:.1f} px ({per_camera}), above the limit of "
+            f"{limit_px:.1f} px (adjust.max_mean_px scaled by fx), a local minimum or wrong detections; place the "
+            "cameras better (tape.position_m, tape.target_m)"
+        )
+
+
+def observations(cameras, detections, frames, clock, window, min_score, min_views, max_gap, where):
+    """Recorded pixels (V, N, 2) of one sequence's joints at the instants of `window`, and how many instants count.
+
+    `detections` and `frames` are tables, `clock` from `offsets.read`, `max_gap` in nominal frame periods. A joint at
+    an instant is kept where its score is above `min_score` in at least `min_views` cameras.
+    """
+    t0 = start_ns(frames)
+    fps = nominal_fps(frames["stamp_ns"][frames["camera"] == cameras[0].name])
+    queries = (window["first"] + window["step"] * np.arange(window["count"])) / fps
+    uv = []
+    for camera in cameras:
+        values, joints = tables.grid(tables.of_camera(detections, camera.name), "u", "v", "score")
+        times = camera_seconds(frames, camera.name, t0, clock[camera.name])
+        if len(values) != len(times):
+            raise DiorError(
+                f"{where}, {camera.name}: detections of {len(values)} frames but {len(times)} pictures; run "
+                "the step detections again"
+            )
+        with np.errstate(invalid="ignore"):
+            confident = np.where(values[..., 2:] > min_score, values[..., :2], np.nan)
+        uv.append(sample(times, confident, queries, max_gap / fps).reshape(-1, 2))
+    uv = np.stack(uv)
+    kept = np.isfinite(uv).all(axis=-1).sum(axis=0) >= min_views
+    return uv[:, kept], len(np.unique(np.flatnonzero(kept) // len(joints)))
+
+
+def prior_of(camera, settings):
+    """The `bundle.Prior` of a placed camera from its YAML (see the module's docstring)."""
+    tape = settings.get("tape", {"position_m": camera.centre, "sigma_m": PLACED_SIGMA_M})
+    turn = AIM_SIGMA_DEG if camera.locate == "tape" else PLACED_SIGMA_DEG
+    return bundle.Prior(
+        np.array(tape["position_m"], float), tape.get("sigma_m", TAPE_SIGMA_M), camera.wRc, np.radians(turn)
+    )
+
+
+def moved(before, after):
+    """How far a camera moved (m) and turned (degrees)."""
+    cosine = (np.trace(before.wRc.T @ after.wRc) - 1) / 2
+    return float(np.linalg.norm(after.centre - before.centre)), float(np.degrees(np.arccos(np.clip(cosine, -1, 1))))
+
+
+def run(
+    *, session, cameras, camera_files, detections, frames, offsets, window, min_score, min_views, huber_px,
+    max_mean_px, max_gap, out, out_metrics, findings,
+):  # fmt: skip
+    """Write the adjusted cameras, metrics and findings.
+
+    `detections`, `frames` and `offsets` are paths named by their sequence, `camera_files` by their camera. With an
+    empty `window` the cameras are written as placed. `min_score`, `min_views`, `max_gap`: see `observations`;
+    `huber_px`, `max_mean_px`: see `adjust`.
+    """
+    placed = list(tables.read_cameras(cameras).values())
+    if not window:
+        tables.write_cameras(out, placed, session)
+        tables.write(out_metrics, "metrics", {"metric": []})
+        text = "no instants are given to `adjust` in session.yaml, so the cameras are used as they were placed"
+        tables.write_findings(findings, [(session, "warning", "not_adjusted", text)])
+        return
+    settings = {Path(path).stem.partition("@")[0]: camera_settings(path) for path in camera_files}
+    for camera in placed:
+        if camera.name not in settings:
+            raise DiorError(f"session {session}: no YAML for {camera.name}{nearest(camera.name, settings)}")
+    priors = [prior_of(camera, settings[camera.name]) for camera in placed]
+    files = {
+        kind: {Path(path).name.partition(".")[0]: path for path in paths}
+        for kind, paths in (("detections", detections), ("frames", frames), ("offsets", offsets))
+    }
+    parts, found = [], []
+    for sequence, instants in window.items():
+        where = f"session {session}, {sequence}"
+        for kind in ("detections", "frames"):
+            if sequence not in files[kind]:
+                raise DiorError(f"{where}: no {kind} are given for it{nearest(sequence, files[kind])}")
+        pictures = tables.read(files["frames"][sequence], "frames", ["camera", "frame", "stamp_ns"])
+        clock = clocks.read(files["offsets"].get(sequence), tables.ordered_unique(pictures["camera"]))
+        seen = tables.read(files["detections"][sequence], "detections")
+        uv, count = observations(
+            placed, seen, pictures, clock, instants, min_score, min_views, max_gap, where
+        )  # fmt: skip
+        parts.append(uv)
+        text = f"{uv.shape[1]} joints at {count} of {instants['count']} instants of {sequence} used"
+        found.append((session, "info" if uv.shape[1] else "warning", "adjust_window", text))
+    uv = np.concatenate(parts, axis=1)
+    done = adjust(placed, uv, priors, huber_px, max_mean_px, f"session {session}")
+    tables.write_cameras(out, done.cameras, session)
+    tables.write(out_metrics, "metrics", _metrics(done))
+    tables.write_findings(findings, found + _findings(session, placed, priors, done))
+
+
+def _metrics(done):
+    rows = []
+    for metric, errors in (("adjust_error_before", done.before_px), ("adjust_error_after", done.after_px)):
+        for camera, error in zip(done.cameras, errors, strict=True):
+            rows.append((metric, camera.name, camera.role, np.nanmean(error), np.isfinite(error).sum()))
+        rows.append((metric, "", "", np.nanmean(errors), np.isfinite(errors).sum()))
+    keys = ("metric", "camera", "role", "value", "n")
+    return {**dict(zip(keys, map(list, zip(*rows, strict=True)), strict=True)), "unit": ["px"] * len(rows)}
+
+
+def _findings(session, placed, priors, done):
+    text = (
+        f"mean reprojection error {np.nanmean(done.before_px):.2f} px as placed, {np.nanmean(done.after_px):.2f} px "
+        f"adjusted ({len(done.points) - done.left_out} joints, {done.iterations} iterations), in recorded pixels; "
+        "it does not vouch for the scale"
+    )
+    found = [(session, "info", "adjusted", text)]
+    if done.left_out:
+        text = f"{done.left_out} of {len(done.points)} joints were left out, being behind a camera that sees them"
+        found.append((session, "warning", "adjust_left_out", text))
+    if done.iterations >= bundle.MOST_ITERATIONS:
+        text = f"the adjustment was stopped after {done.iterations} iterations, before it had settled"
+        found.append((session, "warning", "adjust_not_settled", text))
+    for before, after, prior in zip(placed, done.cameras, priors, strict=True):
+        distance, angle = moved(before, after)
+        text = f"{before.name} moved {distance:.3f} m and turned {angle:.1f} degrees from where it was placed"
+        if distance > 3 * prior.sigma_m:
+            text += f", more than 3 times its sigma of {prior.sigma_m:g} m; measure it again"
+            found.append((f"{session}/{before.name}", "warning", "camera_moved_far", text))
+        else:
+            found.append((f"{session}/{before.name}", "info", "camera_moved", text))
+    return found

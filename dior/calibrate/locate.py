@@ -1,0 +1,219 @@
+"""Locate a camera from hand-marked pairs: PnP with RANSAC, refined in recorded pixels (paper, indoor step 3).
+
+INPUTS   camera YAML, marks CSV, intrinsics, and for the marks' sequences the frames, mocap and offsets
+OUTPUTS  cameras (one row with wTc), marks (residual in recorded px and inlier flag of every mark), findings
+
+OpenCV sees ideal normalised points and K = I, so that the lens is the project's own; its cTw is inverted at once.
+World in metres, Z up, floor at Z = 0.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from dior import tables
+from dior.calibrate import marks as hand_marks
+from dior.calibrate import offsets as clocks
+from dior.calibrate.place import camera_settings, check_above_floor, unplaced
+from dior.camera import inverse_pose, pose, project, undistort
+from dior.errors import DiorError
+
+FEWEST = 4
+# a pose that fewer of the marks agree on may as well be an accident of a minimal sample
+SHARE_OF_CONSENSUS = 0.5
+RANSAC_ITERATIONS = 2000
+RANSAC_CONFIDENCE = 0.9999
+UNCERTAIN_M, UNCERTAIN_DEG = 0.10, 1.0
+
+
+@dataclass(frozen=True)
+class Located:
+    """`wTc` (4, 4) m; `residual_px` (N,) in recorded px, NaN where a mark cannot be projected; `inlier` (N,).
+
+    `sigma_m` and `sigma_deg`: largest standard error of centre and rotation, from the residuals; NaN for 4 inliers.
+    """
+
+    wTc: np.ndarray
+    residual_px: np.ndarray
+    inlier: np.ndarray
+    sigma_m: float = np.nan
+    sigma_deg: float = np.nan
+
+
+def locate(camera, xyz, uv, ransac_px, where):
+    """Pose of `camera` from world points `xyz` (N, 3) m and recorded pixels `uv` (N, 2).
+
+    RANSAC with minimal samples of AP3P finds the marks that agree within `ransac_px`; their pose minimises the squared
+    residuals in recorded pixels, and the set of inliers is renewed until it stays. The same marks give the same pose.
+    Raises DiorError (beginning with `where`): fewer than 4 marks, no consensus, a pose that the marks leave open,
+    the camera below the floor.
+    """
+    xyz, uv = np.asarray(xyz, float), np.asarray(uv, float)
+    if len(xyz) < FEWEST:
+        raise DiorError(f"{where}: {len(xyz)} usable marks, but at least {FEWEST} are needed; mark more points")
+    needed = max(FEWEST, int(np.ceil(SHARE_OF_CONSENSUS * len(xyz))))
+    inlier = _consensus(camera.intrinsics, xyz, uv, ransac_px)
+    if inlier.sum() < FEWEST:
+        raise _no_consensus(where, inlier, ransac_px)
+    _check_spread(where, xyz[inlier])
+    wTc = _start(camera.intrinsics, xyz[inlier], uv[inlier])
+    for _ in range(20):
+        wTc, J = refine(camera.at(wTc), xyz[inlier], uv[inlier])
+        residual = residuals(camera.at(wTc), xyz, uv)
+        with np.errstate(invalid="ignore"):
+            agreeing = residual <= ransac_px
+        if agreeing.sum() < needed:
+            raise _no_consensus(where, agreeing, ransac_px)
+        if (agreeing == inlier).all():
+            break
+        inlier = agreeing
+    check_above_floor(where, wTc[:3, 3], "are the marks on the right markers and is Z up?")
+    return Located(wTc, residual, inlier, *_standard_errors(J, residual[inlier]))
+
+
+def _no_consensus(where, inlier, ransac_px):
+    return DiorError(
+        f"{where}: only {inlier.sum()} of {len(inlier)} marks agree on a pose within {ransac_px:g} px; check the "
+        "marked joints, the sequence's offset and the intrinsics"
+    )
+
+
+def _consensus(intrinsics, xyz, uv, ransac_px):
+    """Mask (N,) of the marks that agree on a pose, in ideal coordinates."""
+    import cv2
+
+    xy = undistort(intrinsics, uv)
+    usable = np.flatnonzero(np.isfinite(xy).all(axis=1))
+    inlier = np.zeros(len(xyz), bool)
+    if len(usable) < FEWEST:
+        return inlier
+    focal = np.sqrt(intrinsics.fx * intrinsics.fy)
+    cv2.setRNGSeed(0)
+    found, _, _, index = cv2.solvePnPRansac(
+        xyz[usable], xy[usable], np.eye(3), None, iterationsCount=RANSAC_ITERATIONS,
+        reprojectionError=ransac_px / focal, confidence=RANSAC_CONFIDENCE, flags=cv2.SOLVEPNP_AP3P,
+    )  # fmt: skip
+    if found and index is not None:
+        inlier[usable[index.ravel()]] = True
+    return inlier
+
+
+def _start(intrinsics, xyz, uv):
+    """wTc (4, 4) by SQPnP, a global solver that planar marks do not upset."""
+    import cv2
+
+    _, rotation, translation = cv2.solvePnP(
+        xyz, undistort(intrinsics, uv), np.eye(3), None, flags=cv2.SOLVEPNP_SQPNP
+    )
+    return inverse_pose(pose(cv2.Rodrigues(rotation)[0], translation.ravel()))
+
+
+def residuals(camera, xyz, uv):
+    """Distance (N,) of recorded pixels from the projected points; NaN where a point cannot be projected."""
+    return np.linalg.norm(project(camera, xyz)[0] - uv, axis=-1)
+
+
+def refine(camera, xyz, uv):
+    """wTc (4, 4) near `camera.wTc` with the least squared residuals in recorded pixels, and its Jacobian (2N, 6).
+
+    The parameters are a turn of the camera about its own axes (rad) and a shift of its centre (m).
+    """
+    from scipy.optimize import least_squares
+    from scipy.spatial.transform import Rotation
+
+    def moved(step):
+        return camera.at(pose(camera.wRc @ Rotation.from_rotvec(step[:3]).as_matrix(), camera.centre + step[3:]))
+
+    def miss(step):
+        # a step that puts a point behind the camera must look bad, not missing
+        return np.nan_to_num(project(moved(step), xyz)[0] - uv, nan=1e4).ravel()
+
+    fit = least_squares(miss, np.zeros(6), jac="3-point", x_scale="jac", xtol=1e-14, ftol=1e-14, gtol=1e-14)
+    return moved(fit.x).wTc, fit.jac
+
+
+def _check_spread(where, xyz):
+    along, across, _ = np.linalg.svd(xyz - xyz.mean(axis=0), compute_uv=False)
+    if across < 1e-3 * along or along < 1e-6:
+        raise DiorError(f"{where}: the marks are all on a line, which leaves the pose open; spread them more")
+
+
+def _standard_errors(J, residual_px):
+    free = 2 * len(residual_px) - 6
+    if len(residual_px) <= FEWEST:
+        return np.nan, np.nan
+    covariance = np.linalg.inv(J.T @ J) * (residual_px**2).sum() / free
+    largest = [np.sqrt(np.linalg.eigvalsh(block)[-1]) for block in (covariance[3:, 3:], covariance[:3, :3])]
+    return float(largest[0]), float(np.degrees(largest[1]))
+
+
+def _findings(scope, path, marks, located, ransac_px):
+    inlier, residual = located.inlier, located.residual_px
+    found = [
+        (scope, "warning", "mark_rejected", f"{path} line {marks.line[i]}: {marks.joint[i]} on frame {marks.frame[i]} "
+         f"of {marks.sequence[i]} is {_distance(residual[i])} from where the other marks put it (limit "
+         f"{ransac_px:g} px); it was not used, mark it again")
+        for i in np.flatnonzero(~inlier)
+    ]  # fmt: skip
+    text = (
+        f"{inlier.sum()} of {len(inlier)} marks on {len(set(zip(marks.sequence, marks.frame, strict=True)))} frames "
+        f"used, residual mean {residual[inlier].mean():.2f} px, worst {residual[inlier].max():.2f} px"
+    )
+    if inlier.sum() == FEWEST:
+        found.append((scope, "warning", "pose_unchecked", f"{text}; 4 marks leave nothing to check them with"))
+        return found
+    text += f", standard error {1000 * located.sigma_m:.0f} mm and {located.sigma_deg:.2f} degrees"
+    if located.sigma_m > UNCERTAIN_M or located.sigma_deg > UNCERTAIN_DEG:
+        found.append((scope, "warning", "pose_uncertain", f"{text}; add marks that are spread more in space"))
+    else:
+        found.append((scope, "info", "pose_from_marks", text))
+    return found
+
+
+def _distance(residual_px):
+    return f"{residual_px:.1f} px" if np.isfinite(residual_px) else "behind the camera or outside of the lens model"
+
+
+def run(
+    *, session, camera, camera_file, marks, intrinsics, mocap, frames, offsets, ransac_px, out, out_marks, findings
+):
+    """Write the located camera, its marks with residuals, and findings.
+
+    `mocap`, `frames` and `offsets` are lists of paths with a file per sequence; `frames` and `offsets` are named by
+    their sequence. Raises DiorError as `locate` and the readers do.
+    """
+    settings = camera_settings(camera_file, needs="marks")
+    lens = unplaced(intrinsics, camera)
+    motions = dict(hand_marks.read_motion(path) for path in mocap)
+    stamps, known = {}, {camera}
+    for path in frames:
+        table = tables.read(path, "frames", ["camera", "frame", "stamp_ns"])
+        known |= set(table["camera"])
+        mine = tables.of_camera(table, camera)
+        stamps[Path(path).stem] = mine["frame"], mine["stamp_ns"]
+    files = {Path(path).stem: path for path in offsets}
+    clock = {sequence: clocks.read(files.get(sequence), sorted(known))[camera] for sequence in stamps}
+
+    scope = f"{session}/{camera}"
+    read = hand_marks.read(marks)
+    used, found = hand_marks.in_world(read, marks, camera, lens.intrinsics, motions, stamps, clock, scope)
+    located = locate(lens, used.xyz, used.uv, ransac_px, f"{marks} ({scope})")
+    found += _findings(scope, marks, used, located, ransac_px)
+    tables.write_cameras(out, [lens.at(located.wTc, settings["locate"])], session)
+    tables.write(out_marks, "marks", _columns(session, camera, used, located))
+    tables.write_findings(findings, found)
+
+
+def _columns(session, camera, marks, located):
+    return {
+        "session": [session] * len(marks),
+        "camera": [camera] * len(marks),
+        "sequence": marks.sequence,
+        "frame": marks.frame,
+        "joint": marks.joint,
+        **dict(zip("uv", marks.uv.T, strict=True)),
+        **dict(zip("xyz", marks.xyz.T, strict=True)),
+        "residual_px": located.residual_px,
+        "inlier": located.inlier,
+    }

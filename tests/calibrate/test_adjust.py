@@ -1,0 +1,213 @@
+"""Bundle adjustment on a simulated ring of cameras: what it recovers, what it reports and what it refuses."""
+
+import numpy as np
+import pytest
+
+from dior.calibrate import adjust as step
+from dior.calibrate import bundle
+from dior.camera import pose, project
+from dior.errors import DiorError
+from dior.geometry import look_at, similarity
+from tests.rig import ring
+
+HUBER, MOST = 15.0, 12.0
+
+
+def tape(cameras, sigma_m=0.05):
+    return [bundle.Prior(camera.centre, sigma_m, camera.wRc, np.radians(30)) for camera in cameras]
+
+
+def body(count=400, seed=0):
+    """Points (N, 3) of a person of 1.75 m who walks about."""
+    rng = np.random.default_rng(seed)
+    walked = rng.uniform(-1.2, 1.2, (count, 1)) * (1, 0.3, 0)
+    return walked + rng.uniform((-0.3, -0.2, 0.05), (0.3, 0.2, 1.75), (count, 3))
+
+
+def seen(cameras, points, sigma_px=0.0, seed=0):
+    uv = np.stack([project(camera, points)[0] for camera in cameras])
+    return uv + np.random.default_rng(seed).normal(0, sigma_px, uv.shape) if sigma_px else uv
+
+
+def misplaced(cameras, sigma_m=0.05, aim_m=0.3, seed=0):
+    """The cameras from a tape that is `sigma_m` off, looking at a target that is `aim_m` off."""
+    rng = np.random.default_rng(seed)
+    placed = []
+    for camera in cameras:
+        centre = camera.centre + rng.normal(0, sigma_m, 3)
+        placed.append(camera.at(pose(look_at(centre, np.array([0, 0, 1]) + rng.normal(0, aim_m, 3)), centre), "tape"))
+    return placed
+
+
+def test_without_noise_the_cameras_are_recovered_up_to_the_gauge():
+    cameras, points = ring(3), body()
+    placed = misplaced(cameras)
+    done = step.adjust(placed, seen(cameras, points), tape(placed, 10.0), HUBER, MOST, "s")
+    assert np.nanmean(done.after_px) < 1e-3 < np.nanmean(done.before_px)
+    s, R, t = similarity(done.points, points)
+    assert np.linalg.norm(s * done.points @ R.T + t - points, axis=1).max() < 1e-3
+    for found, true in zip(done.cameras, cameras, strict=True):
+        np.testing.assert_allclose(s * R @ found.centre + t, true.centre, atol=1e-3)
+        np.testing.assert_allclose(R @ found.wRc, true.wRc, atol=1e-4)
+
+
+def test_exact_placement_without_noise_stays_where_it_is():
+    cameras, points = ring(3), body()
+    done = step.adjust(cameras, seen(cameras, points), tape(cameras), HUBER, MOST, "s")
+    for found, true in zip(done.cameras, cameras, strict=True):
+        np.testing.assert_allclose(found.wTc, true.wTc, atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("count", [3, 4])
+def test_the_demo_s_tape_and_aim_reach_the_noise(seed, count):
+    cameras, points = ring(count), body()
+    placed = misplaced(cameras, seed=seed)
+    done = step.adjust(placed, seen(cameras, points, 2.0, seed), tape(placed), HUBER, MOST, "s")
+    # 2 px of noise per axis is 2.5 px of distance, less what the points take up
+    assert np.nanmean(done.after_px) < 2.3 and np.nanmean(done.before_px) > 5
+    _, R, t = similarity(done.points, points, scale=False)
+    assert np.linalg.norm(done.points @ R.T + t - points, axis=1).mean() < 0.05
+
+
+def test_two_cameras_keep_to_their_tape_and_horizon():
+    cameras, points = ring(2, radius=4), body()
+    cameras[1] = ring(5, radius=4)[1]
+    placed = misplaced(cameras, 0.02, 0.05)
+    done = step.adjust(placed, seen(cameras, points, 1.0), tape(placed, 0.02), HUBER, MOST, "s")
+    for found, true in zip(done.cameras, cameras, strict=True):
+        assert np.linalg.norm(found.centre - true.centre) < 0.1
+
+
+def test_a_tighter_tape_moves_less():
+    cameras, points = ring(3), body()
+    placed = misplaced(cameras)
+    shifts = []
+    for sigma in (0.001, 0.05):
+        done = step.adjust(placed, seen(cameras, points, 2.0), tape(placed, sigma), HUBER, MOST, "s")
+        shifts.append(max(step.moved(a, b)[0] for a, b in zip(placed, done.cameras, strict=True)))
+    assert shifts[0] < 0.02 < shifts[1]
+
+
+def test_gross_outliers_hardly_matter():
+    cameras, points = ring(4), body(600)
+    uv = seen(cameras, points, 2.0)
+    rng = np.random.default_rng(1)
+    wrong = rng.random(uv.shape[:2]) < 0.05
+    off = uv + wrong[..., None] * rng.choice([-1, 1], uv.shape) * rng.uniform(30, 80, uv.shape)
+    placed = misplaced(cameras)
+    clean, dirty = (step.adjust(placed, x, tape(placed), HUBER, 20.0, "s") for x in (uv, off))
+    for a, b in zip(clean.cameras, dirty.cameras, strict=True):
+        distance, angle = step.moved(a, b)
+        assert distance < 0.02 and angle < 0.4
+
+
+def test_residuals_are_in_recorded_pixels():
+    cameras, points = ring(3), body()
+    done = step.adjust(cameras, seen(cameras, points, 2.0), tape(cameras), HUBER, MOST, "s")
+    expected = np.linalg.norm(seen(done.cameras, done.points) - seen(cameras, points, 2.0), axis=-1)
+    np.testing.assert_allclose(done.after_px, expected, atol=1e-9)
+
+
+def test_joints_that_not_all_see_take_part_and_the_unseen_stay_nan():
+    cameras, points = ring(4), body()
+    uv = seen(cameras, points)
+    uv[0, :100] = np.nan
+    uv[1:, 399] = np.nan
+    done = step.adjust(misplaced(cameras), uv, tape(misplaced(cameras)), HUBER, MOST, "s")
+    assert done.left_out == 1 and np.isnan(done.points[399]).all() and np.isnan(done.after_px[0, :100]).all()
+    assert np.isfinite(done.after_px[1, :100]).all()
+
+
+def test_points_behind_a_camera_at_the_start_are_counted_or_brought_back():
+    cameras, points = ring(4), body()
+    points[0] = (60.0, 60.0, 1.0)
+    uv = seen(cameras, points)
+    uv[:, 0] = 640, 360
+    assert not step.in_front(cameras, np.full_like(uv, 640), 10 * cameras[0].centre[None] + 0 * points).any()
+    done = step.adjust(misplaced(cameras), uv, tape(misplaced(cameras)), HUBER, MOST, "s")
+    assert done.left_out <= 1 and np.nanmedian(done.after_px) < 0.1
+
+
+def test_it_is_byte_stable():
+    cameras, points = ring(4), body()
+    placed, uv = misplaced(cameras), seen(cameras, points, 2.0)
+    runs = [step.adjust(placed, uv, tape(placed), HUBER, MOST, "s") for _ in range(3)]
+    assert len({np.stack([c.wTc for c in run.cameras]).tobytes() + run.points.tobytes() for run in runs}) == 1
+
+
+def test_the_limit_scales_with_the_focal_length():
+    cameras, points = ring(3), body()
+    uv = seen(cameras, points, 6.0)
+    mean = np.nanmean(step.adjust(cameras, uv, tape(cameras), HUBER, 100.0, "s").after_px)
+    limit = mean * 1680 / 640
+    step.adjust(cameras, uv, tape(cameras), HUBER, limit * 1.001, "s")
+    with pytest.raises(DiorError, match=r"session x: .* ends at a mean of \d.* \(cam01 .*adjust.max_mean_px"):
+        step.adjust(cameras, uv, tape(cameras), HUBER, limit * 0.999, "session x")
+
+
+def refused(cameras, uv, message):
+    with pytest.raises(DiorError, match=message):
+        step.adjust(cameras, uv, tape(cameras), HUBER, MOST, "session field")
+
+
+def test_priors_come_from_the_tape_or_the_placement():
+    camera = ring(1)[0]
+    measured = {"tape": {"position_m": [1, 2, 3], "sigma_m": 0.02}}
+    for locate, settings, position, sigma_m, turn in (
+        ("tape", measured, [1, 2, 3], 0.02, 30),
+        ("reference", measured, [1, 2, 3], 0.02, 2),
+        ("reference", {}, camera.centre, 0.05, 2),
+    ):
+        prior = step.prior_of(camera.at(camera.wTc, locate), settings)
+        np.testing.assert_array_equal(prior.position, position)
+        assert (prior.sigma_m, prior.sigma_rad) == (sigma_m, np.radians(turn))
+        np.testing.assert_array_equal(prior.wRc, camera.wRc)
+
+
+def test_two_cameras_at_the_same_place_are_named():
+    cameras, points = ring(3), body()
+    cameras[2] = cameras[2].at(pose(cameras[2].wRc, cameras[0].centre + (0.009, 0, 0)))
+    refused(cameras, seen(cameras, points), "session field: cam01 and cam03 are at the same place")
+
+
+def test_a_camera_below_the_floor_is_refused():
+    cameras = ring(3, height=1.5)
+    cameras[1] = cameras[1].at(pose(cameras[1].wRc, cameras[1].centre - (0, 0, 2)))
+    refused(cameras, seen(cameras, body()), "session field, cam02: the camera is 0.50 m below the floor")
+
+
+def test_one_camera_and_no_joints_are_refused():
+    refused(ring(3)[:1], seen(ring(3)[:1], body()), "1 close camera; .* at least 2")
+    refused(ring(3), np.empty((3, 0, 2)), "no joint is seen by enough cameras")
+
+
+def test_a_camera_that_looks_away_is_named():
+    cameras, points = ring(3), body()
+    uv = seen(cameras, points)
+    away = cameras[1].centre * (2, 2, 1)
+    cameras[1] = cameras[1].at(pose(look_at(cameras[1].centre, away), cameras[1].centre))
+    refused(cameras, uv, "0 of 400 joints in front of them, without cam02 it would be 400")
+
+
+def test_cameras_that_share_no_joints_are_named():
+    cameras, points = ring(4), body()
+    uv = seen(cameras, points)
+    uv[:2, :200], uv[2:, 200:] = np.nan, np.nan
+    refused(cameras, uv, "cam03, cam04 shares no joints with cam01")
+
+
+def test_poor_tape_held_too_tight_is_refused():
+    """Cameras that may turn but not move cannot explain the pixels."""
+    cameras, points = ring(4), body()
+    placed = misplaced(cameras, 0.8, seed=2)
+    with pytest.raises(DiorError, match="above the limit of 4.6 px"):
+        step.adjust(placed, seen(cameras, points, 2.0), tape(placed, 0.0005), HUBER, MOST, "s")
+
+
+def test_at_the_papers_size():
+    cameras, points = ring(3), body(400 * 33)
+    placed = misplaced(cameras)
+    done = step.adjust(placed, seen(cameras, points, 2.0), tape(placed), HUBER, MOST, "s")
+    assert np.nanmean(done.after_px) < 1.8
+
