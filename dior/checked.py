@@ -80,6 +80,14 @@ def columns_of(kind):
     return list(_schema(kind)["required"])
 
 
+def describe(kind, *keys):
+    """The description of a key (a path of keys) in a schema."""
+    schema = _schema(kind)
+    for key in keys:
+        schema = schema["properties"][key]
+    return " ".join(schema["description"].split())
+
+
 def read_sheet(path, kind, key, shown=None):
     """Rows of a tab-separated sheet by the value of column `key`, in order, as dicts of strings; and their lines.
 

@@ -9,11 +9,12 @@ from pathlib import Path
 def written_whole(path):
     """Yield a path beside `path` to write to; it takes the place of `path` only if nothing was raised.
 
-    The process id keeps two writers apart; a failed writer removes what it wrote.
+    The process id keeps two writers apart, the suffix stays for libraries that look at it; a failed writer removes
+    what it wrote.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    part = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")
     try:
         yield part
         os.replace(part, path)

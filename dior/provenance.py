@@ -30,11 +30,16 @@ def code_hash(*modules):
         digest.update(f"{path.relative_to(PACKAGE)}\0{_meaning(path)}\0".encode())
     for path in sorted({data for module in modules for data in _data_files(module)}):
         digest.update(f"{path.relative_to(PACKAGE)}\0{file_sha256(path)}\0".encode())
-    for package in NUMERIC:
-        digest.update(f"{package}=={metadata.version(package)}\0".encode())
+    digest.update(_versions().encode())
     return digest.hexdigest()[:16]
 
 
+@cache
+def _versions():
+    return "\0".join(f"{package}=={metadata.version(package)}" for package in NUMERIC)
+
+
+@cache
 def _path_of(module):
     path = PACKAGE.joinpath(*module.split("."))
     if path.is_dir():
@@ -55,14 +60,9 @@ def _closure(modules):
 
 
 @cache
-def _tree(path):
-    return ast.parse(path.read_text(), str(path))
-
-
-@cache
 def _imports(path):
     wanted = set()
-    for node in ast.walk(_tree(path)):
+    for node in ast.walk(ast.parse(path.read_text(), str(path))):
         if isinstance(node, ast.Import):
             wanted |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
@@ -80,14 +80,15 @@ def _imports(path):
     return tuple(paths)
 
 
+@cache
 def _meaning(path):
+    """Hash of a module's syntax tree without docstrings; comments are not in a tree."""
     tree = ast.parse(path.read_text())
     for node in ast.walk(tree):
-        body = getattr(node, "body", None)
         documented = isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef))
-        if documented and body and isinstance(body[0], ast.Expr) and isinstance(body[0].value, ast.Constant):
-            node.body = body[1:]
-    return ast.dump(tree)
+        if documented and ast.get_docstring(node, clean=False) is not None:
+            node.body = node.body[1:]
+    return hashlib.sha256(ast.dump(tree).encode()).hexdigest()
 
 
 def _data_files(module):

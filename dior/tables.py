@@ -253,43 +253,53 @@ def to_arrow(name, columns, metadata=None):
 
 
 def _to_array(name, field, values):
+    """One column as pyarrow, built from buffers: `pa.array` imports pandas, 0.4 s in every job."""
     kind = field.type
     if isinstance(values, Repeated):
-        vocabulary = VOCABULARY.get((name, field.name))
-        if vocabulary:
-            _check_words(name, field.name, values.words, vocabulary)
-        return pa.DictionaryArray.from_arrays(
-            pa.array(values.index, pa.int32(), mask=values.index < 0), pa.array(list(values.words), pa.string())
-        )
-    if pa.types.is_dictionary(kind) or pa.types.is_string(kind):
-        text = np.asarray(values, dtype=object)
-        words, index = np.unique(text.astype(str), return_inverse=True)
-        words = [str(word) for word in words]
-        vocabulary = VOCABULARY.get((name, field.name))
-        if vocabulary:
-            _check_words(name, field.name, [w for w in words if w], vocabulary)
-        kept = [word for word in words if word]
-        shifted = np.array([kept.index(word) if word else -1 for word in words] or [-1])[index.ravel()]
-        array = pa.DictionaryArray.from_arrays(
-            pa.array(shifted, pa.int32(), mask=shifted < 0), pa.array(kept, pa.string())
-        )
-        return array if pa.types.is_dictionary(kind) else array.cast(pa.string())
+        _check_words(name, field.name, values.words)
+        return pa.DictionaryArray.from_arrays(_fixed(values.index, pa.int32(), values.index < 0), _texts(values.words))
+    if pa.types.is_string(kind):
+        return _texts(values)
+    if pa.types.is_dictionary(kind):
+        words, index = np.unique(np.asarray(values, dtype=object).astype(str), return_inverse=True)
+        # np.unique sorts, so that the null word "" comes first where there is one
+        has_null = int(len(words) > 0 and words[0] == "")
+        index = index.ravel() - has_null
+        _check_words(name, field.name, words[has_null:])
+        return pa.DictionaryArray.from_arrays(_fixed(index, pa.int32(), index < 0), _texts(words[has_null:]))
     if pa.types.is_fixed_size_list(kind):
         rows = np.asarray(values, float).reshape(-1, kind.list_size)
         missing = ~np.isfinite(rows).all(axis=1)
-        return pa.array([None if gone else row.tolist() for row, gone in zip(rows, missing, strict=True)], kind)
+        inner = _fixed(np.where(missing[:, None], 0.0, rows).ravel(), kind.value_type, np.zeros(rows.size, bool))
+        return pa.Array.from_buffers(kind, len(rows), [_bits(~missing) if missing.any() else None], children=[inner])
     values = np.asarray(values)
-    if pa.types.is_floating(kind):
-        values = values.astype(kind.to_pandas_dtype())
-        return pa.array(values, kind, mask=np.isnan(values))
-    if pa.types.is_integer(kind) and (values < 0).any():
-        return pa.array(values.astype(kind.to_pandas_dtype()), kind, mask=values < 0)
-    return pa.array(values.astype(kind.to_pandas_dtype()), kind)
+    if pa.types.is_boolean(kind):
+        return pa.Array.from_buffers(kind, len(values), [None, _bits(values.astype(bool))])
+    return _fixed(values, kind, np.isnan(values) if pa.types.is_floating(kind) else values < 0)
 
 
-def _check_words(name, column, words, vocabulary):
+def _fixed(values, kind, missing):
+    """Numbers of a fixed width, null where `missing`; the value under a null is 0, so that bytes repeat."""
+    data = np.where(missing, 0, values).astype(kind.to_pandas_dtype())
+    validity = _bits(~missing) if missing.any() else None
+    return pa.Array.from_buffers(kind, len(data), [validity, pa.py_buffer(data)])
+
+
+def _bits(flags):
+    return pa.py_buffer(np.packbits(flags, bitorder="little"))
+
+
+def _texts(words):
+    encoded = [str(word).encode() for word in words]
+    offsets = np.concatenate([[0], np.cumsum([len(word) for word in encoded])]).astype(np.int32)
+    buffers = [None, pa.py_buffer(offsets), pa.py_buffer(b"".join(encoded))]
+    return pa.Array.from_buffers(pa.string(), len(encoded), buffers)
+
+
+def _check_words(name, column, words):
+    vocabulary = VOCABULARY.get((name, column))
     for word in words:
-        if word not in vocabulary:
+        if vocabulary and word not in vocabulary:
             raise DiorError(f"table {name}: '{word}' is no {column}{nearest(word, vocabulary)}")
 
 
@@ -324,7 +334,9 @@ def read_arrow(path, name, columns=None):
     if not path.is_file():
         raise DiorError(f"{path}: there is no such file")
     try:
-        table = pq.read_table(path, columns=columns)
+        # pq.read_table would import pyarrow.dataset and, through it, pandas: 0.4 s in every job
+        with pq.ParquetFile(path) as file:
+            table = file.read(columns=columns)
     except (pa.ArrowException, OSError) as error:
         raise DiorError(f"{path}: not a readable Parquet file ({error}); delete it and run again") from None
     kind = (table.schema.metadata or {}).get(b"dior_table", b"").decode()
@@ -343,22 +355,31 @@ def _columns(table):
 
 
 def _to_numpy(array):
-    if isinstance(array, pa.ChunkedArray):
-        array = array.combine_chunks()
+    """One column as numpy, from its buffers: pyarrow's own conversions import pandas, 0.4 s in every job."""
     kind = array.type
     if pa.types.is_dictionary(kind):
         words = np.array([*array.dictionary.to_pylist(), ""], dtype=object)
-        return words[array.indices.fill_null(len(words) - 1).to_numpy(zero_copy_only=False)]
+        return words[_numbers(array.indices, len(words) - 1)]
     if pa.types.is_string(kind):
-        return np.array(array.fill_null("").to_pylist(), dtype=object)
+        return np.array([word or "" for word in array.to_pylist()], dtype=object)
     if pa.types.is_fixed_size_list(kind):
         empty = [np.nan] * kind.list_size
         return np.array([row or empty for row in array.to_pylist()], float).reshape(-1, kind.list_size)
-    if pa.types.is_floating(kind):
-        return array.fill_null(np.nan).to_numpy(zero_copy_only=False)
     if pa.types.is_boolean(kind):
-        return array.fill_null(False).to_numpy(zero_copy_only=False)
-    return array.fill_null(-1).to_numpy(zero_copy_only=False)
+        return np.array([value or False for value in array.to_pylist()], bool)
+    return _numbers(array, np.nan if pa.types.is_floating(kind) else -1)
+
+
+def _numbers(array, null):
+    """A copy of a numeric column with `null` where it is null."""
+    validity, data = array.buffers()
+    if not len(array):
+        return np.empty(0, array.type.to_pandas_dtype())
+    values = np.frombuffer(data, array.type.to_pandas_dtype(), len(array) + array.offset)[array.offset :].copy()
+    if array.null_count:
+        bits = np.unpackbits(np.frombuffer(validity, np.uint8), bitorder="little")
+        values[bits[array.offset : array.offset + len(array)] == 0] = null
+    return values
 
 
 def metadata(path):
