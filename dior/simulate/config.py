@@ -1,0 +1,192 @@
+"""The `config/` of a simulated capture: what a person would have measured, clicked and drawn.
+
+INPUTS   settings (the `simulate:` section)
+OUTPUTS  config.yaml, sequences.tsv, subjects.tsv, sessions/, offsets/, boxes/ in a folder
+The committed demo config is what `dior simulate --write-config config` writes. Values are rounded as a person would
+note them (0.01 px, 1 mm, 0.1 ms), and no picture is rendered for them.
+"""
+
+from dataclasses import asdict, fields
+from pathlib import Path
+
+import numpy as np
+
+import dior
+from dior.checked import describe
+from dior.files import write_text
+from dior.simulate import scene, truth
+from dior.simulate.body import body_of
+from dior.simulate.motion import motion_of
+from dior.simulate.settings import CAMERAS, SESSIONS, Settings, from_dict, generator, sequences
+
+MARKED_FRAMES = 3
+MOST_MARKS = 16
+BOX_EVERY = 10
+ADJUST_INSTANTS = 400
+ALWAYS_SHOWN = ("seed", "subjects", "sequences", "duration_s", "long_range_m", "detector")
+HEIGHT_SIGMA_M = 0.01
+
+
+def run(*, settings, write_config):
+    """Write the config of the capture that `settings` (a dict) describe into the folder `write_config`."""
+    write(from_dict(settings), Path(write_config))
+
+
+def write(settings, folder):
+    """Write every file of the config below `folder`."""
+    walks = sequences(settings)
+    write_text(folder / "config.yaml", config_yaml(settings))
+    write_text(folder / "sequences.tsv", _sheet([_sequence_row(settings, walk) for walk in walks]))
+    write_text(folder / "subjects.tsv", _sheet([_subject_row(settings, s) for s in _subjects(walks)]))
+    for environment in settings.environments:
+        session = SESSIONS[environment]
+        own = [walk for walk in walks if walk.session == session]
+        _write_session(settings, folder / "sessions" / session, session, own)
+    for walk in walks:
+        write_text(folder / "offsets" / f"{walk.name}.yaml", _offsets(settings, walk))
+        if walk.environment == "outdoor":
+            path = folder / "boxes" / f"{walk.name}.{scene.LONG_RANGE}.csv"
+            write_text(path, _boxes(settings, walk))
+
+
+def config_yaml(settings):
+    """config.yaml: the template of `dior init`, with the data below results/ and the `simulate:` section."""
+    template = (Path(dior.__file__).parent / "templates/config.yaml").read_text(encoding="utf-8")
+    assert "\ndata_root: data\n" in template
+    text = template.replace("\ndata_root: data\n", "\ndata_root: results/simulate\n")
+    text += (
+        "\n# The capture is simulated. All keys and their defaults: workflow/schemas/config.schema.yaml.\nsimulate:\n"
+    )
+    default, given = asdict(Settings()), asdict(settings)
+    for key in (field.name for field in fields(Settings)):
+        if key not in ALWAYS_SHOWN and given[key] == default[key]:
+            continue
+        text += f"  # {describe('config', 'simulate', key)}\n  {key}: {_yaml(given[key])}\n"
+    return text
+
+
+def _yaml(value):
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key}: {_yaml(entry)}" for key, entry in value.items()) + "}"
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(_yaml(entry) for entry in value) + "]"
+    return str(value)
+
+
+def _sheet(rows):
+    lines = [list(rows[0]), *(row.values() for row in rows)]
+    return "".join("\t".join(map(str, line)) + "\n" for line in lines)
+
+
+def _subjects(walks):
+    return list(dict.fromkeys(walk.subject for walk in walks))
+
+
+def _sequence_row(settings, walk):
+    indoor = walk.environment == "indoor"
+    return {
+        "sequence": walk.name,
+        "session_order": int(walk.name.rsplit("_", 1)[1]),
+        "subject": walk.subject,
+        "session": walk.session,
+        "environment": walk.environment,
+        "outfit": walk.outfit,
+        "walk": walk.walk,
+        "bags": f"{walk.name}/pc1.bag;{walk.name}/pc2.bag",
+        "mocap": f"{walk.name}/mocap.c3d" if indoor else "",
+        "detections": f"{walk.name}/mlkit/{{camera}}.jsonl",
+        "trigger_log": "",
+        "exclude_reason": "",
+        "truth": f"truth/{walk.name}",
+    }
+
+
+def _subject_row(settings, subject):
+    random = generator(settings, "person", subject)
+    height = body_of(settings, subject).height + HEIGHT_SIGMA_M * random.standard_normal()
+    return {
+        "subject": subject,
+        "pseudonym": f"p{random.integers(16**9, 16**10):010x}",
+        "height_m": f"{height:.2f}",
+        "height_sigma_m": f"{HEIGHT_SIGMA_M:g}",
+        "consent_release": "yes",
+    }
+
+
+def _write_session(settings, folder, session, walks):
+    outdoor = session == SESSIONS["outdoor"]
+    text = f"cameras: [{', '.join(CAMERAS)}]\n"
+    if outdoor:
+        first = {walk.subject: walk.name for walk in reversed(walks)}
+        count = min(ADJUST_INSTANTS // len(first), int(settings.duration_s * settings.fps) - 1)
+        text += "# a walk of every person, which together cover the walkway\nadjust:\n"
+        text += "".join(f"  {name}: {{first: 0, count: {count}, step: 1}}\n" for name in sorted(first.values()))
+    write_text(folder / "session.yaml", text)
+    for name, placed in scene.cameras_of(settings, session).items():
+        write_text(folder / f"{name}.yaml", _camera_yaml(settings, session, name, placed, outdoor))
+        if not outdoor:
+            write_text(folder / f"{name}.marks.csv", _marks(settings, walks, name))
+
+
+def _camera_yaml(settings, session, name, placed, outdoor):
+    long_range = placed.camera.role == "long_range"
+    lines = [
+        f"role: {placed.camera.role}",
+        f"topic: /{name}/color/image_raw/compressed",
+        "intrinsics: camera_info",
+        "# the simulator's lens is what the bag says; a real RealSense may not be",
+        "distortion_model: plumb_bob",
+        f"locate: {'align' if long_range else 'tape' if outdoor else 'marks'}",
+    ]
+    if outdoor:
+        numbers = [f"[{', '.join(f'{x:.3f}' for x in point)}]" for point in (placed.tape, placed.target)]
+        lines.append(f"tape: {{position_m: {numbers[0]}, sigma_m: {placed.sigma:g}, target_m: {numbers[1]}}}")
+    if long_range:
+        azimuth, elevation, distance = scene.nudge_of(settings, session, name)
+        lines.append("# found by eye: the labels of the whole session were turned and moved onto the person")
+        lines.append(
+            f"nudge: {{azimuth_deg: {azimuth:.3f}, elevation_deg: {elevation:.3f}, distance_m: {distance:.3f}}}"
+        )
+    return "\n".join(lines) + "\n"
+
+
+def _marks(settings, walks, camera):
+    """Clicked markers: on a few frames of the session's first walk, those that show best."""
+    walk = walks[0]
+    motion = motion_of(settings, walk)
+    seen = truth.view(settings, walk, motion, camera)
+    markers = [i for i, name in enumerate(seen.joints) if name in motion.names]
+    visible = seen.status[:, markers] == "ok"
+    random = generator(settings, "marks", walk.session, camera)
+    lines = ["sequence,frame,joint,u,v"]
+    for part in np.array_split(np.arange(len(visible)), MARKED_FRAMES):
+        frame = int(part[visible[part].sum(axis=1).argmax()])
+        shown = np.flatnonzero(visible[frame])
+        for i in sorted(random.permutation(shown)[:MOST_MARKS].tolist()):
+            u, v = seen.uv[frame, markers[i]] + settings.mark_noise_px * random.standard_normal(2)
+            lines.append(f"{walk.name},{frame},{seen.joints[markers[i]]},{u:.2f},{v:.2f}")
+    return "\n".join(lines) + "\n"
+
+
+def _boxes(settings, walk):
+    """Boxes drawn around the person in the long-range picture; an edge is `box_margin_px` too far out, give or take."""
+    seen = truth.view(settings, walk, motion_of(settings, walk), scene.LONG_RANGE)
+    uv, status = seen.landmark(seen.uv), seen.landmark(seen.status)
+    uv = np.where(((status == "ok") | (status == "occluded"))[..., None], uv, np.nan)
+    random = generator(settings, "boxes", walk.name)
+    lines = ["frame,u_min,v_min,u_max,v_max"]
+    for frame in range(0, len(uv), BOX_EVERY):
+        error = settings.box_margin_px + settings.box_sd_px * random.standard_normal(4)
+        if not np.isfinite(uv[frame]).any():
+            continue
+        low, high = np.nanmin(uv[frame], axis=0) - error[:2], np.nanmax(uv[frame], axis=0) + error[2:]
+        lines.append(f"{frame},{low[0]:.2f},{low[1]:.2f},{high[0]:.2f},{high[1]:.2f}")
+    return "\n".join(lines) + "\n"
+
+
+def _offsets(settings, walk):
+    clocks, _ = scene.clocks_of(settings, walk)
+    lines = [
+        f"{name}: {{offset_s: {clock.offset_s:.4f}, drift_ppm: {clock.drift_ppm:g}}}" for name, clock in clocks.items()
+    ]
+    return "\n".join(lines) + "\n"

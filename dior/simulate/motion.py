@@ -1,0 +1,161 @@
+"""Whose walk is recorded: the parametric walker, or the markers of a real C3D; both are evaluable at any time.
+
+OUTPUTS: `Motion.at(t)`: landmarks (T, 33, 3) and markers (T, M, 3), m, world with Z up.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dior.errors import DiorError
+from dior.simulate import body as bodies
+from dior.simulate.gait import Walker
+from dior.simulate.settings import generator, motion_path
+from dior.skeletons import MLKIT_33, PLUG_IN_GAIT_39
+
+MOCAP_AFTER_S = 0.6
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A walk. `names` of the markers; `at(t)` gives landmarks and markers, `seen(t)` (T, M) where a marker was seen."""
+
+    names: tuple
+    height: float
+    at: object
+    seen: object
+    lasts_s: float = np.inf
+
+
+def motion_of(settings, sequence):
+    """The motion of a sequence. Raises DiorError where a C3D is shorter than the recording."""
+    path = motion_path(settings)
+    if path:
+        motion = from_c3d(path)
+        needed = settings.duration_s + MOCAP_AFTER_S
+        if motion.lasts_s < needed:
+            raise DiorError(
+                f"simulate.motion: {path.name} lasts {motion.lasts_s:.2f} s; set simulate.duration_s to at most "
+                f"{motion.lasts_s - MOCAP_AFTER_S:.2f}"
+            )
+        return motion
+    body = bodies.body_of(settings, sequence.subject)
+    person = generator(settings, "speed", sequence.subject)
+    draw = generator(settings, "walk", sequence.name)
+    speed = person.uniform(1.0, 1.15) * draw.uniform(0.97, 1.03)
+    direction = (0.0 if sequence.walk == "across" else np.pi / 2) + np.deg2rad(draw.uniform(-4, 4))
+    walker = Walker(
+        body,
+        speed=float(speed),
+        direction=float(direction),
+        start=float(draw.uniform(0.0, 8.0)),
+        until=settings.duration_s + 2.0,
+    )
+    return Motion(PLUG_IN_GAIT_39, body.height, walker.at, lambda t: np.ones((len(t), len(PLUG_IN_GAIT_39)), bool))
+
+
+def from_c3d(path):
+    """The walk of a real C3D with Plug-in-Gait markers, centred on the walkway; gaps are filled, but told by `seen`."""
+    import ezc3d
+    from scipy.interpolate import CubicSpline
+
+    file = ezc3d.c3d(str(path))
+    point = file["parameters"]["POINT"]
+    labels = [label.split(":")[-1].strip() for label in point["LABELS"]["value"]]
+    names = tuple(name for name in PLUG_IN_GAIT_39 if name in labels)
+    missing = [name for name in NEEDED if name not in names]
+    if missing:
+        raise DiorError(f"simulate.motion: {path} has no marker {', '.join(missing)}")
+    unit = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}[point["UNITS"]["value"][0].strip()]
+    xyz = np.moveaxis(file["data"]["points"][:3, [labels.index(n) for n in names]], 0, -1).swapaxes(0, 1) * unit
+    seen = np.isfinite(xyz).all(axis=-1) & (np.abs(xyz).sum(axis=-1) > 0)
+    xyz = _filled(xyz, seen)
+    middle = (xyz.max(axis=(0, 1)) + xyz.min(axis=(0, 1))) / 2
+    xyz = xyz - (middle[0], middle[1], 0.0)
+    ticks = np.arange(len(xyz)) / float(point["RATE"]["value"][0])
+    curve = CubicSpline(ticks, xyz, axis=0)
+
+    def at(t):
+        found = curve(np.clip(t, 0.0, ticks[-1]))
+        return landmarks_of(found, names), found
+
+    def seen_at(t):
+        before = np.clip(np.searchsorted(ticks, t + 1e-9, side="right") - 1, 0, len(ticks) - 1)
+        after = np.minimum(before + (np.abs(ticks[before] - t) > 1e-6), len(ticks) - 1)
+        return seen[before] & seen[after]
+
+    top = np.mean([xyz[:, names.index(n), 2].mean() for n in ("LFHD", "RFHD", "LBHD", "RBHD")])
+    return Motion(names, float(top) * 1.05, at, seen_at, float(ticks[-1]))
+
+
+NEEDED = (
+    "LFHD RFHD LBHD RBHD C7 CLAV LSHO RSHO LELB RELB LWRA LWRB RWRA RWRB LFIN RFIN LASI RASI LPSI RPSI LKNE RKNE LANK "
+    "RANK LHEE RHEE LTOE RTOE"
+).split()
+
+
+def _filled(xyz, seen):
+    """Gaps (T, M, 3) filled by the marker's place relative to the markers without any gap."""
+    whole = seen.all(axis=0)
+    middle = xyz[:, whole].mean(axis=1)
+    rows = np.arange(len(xyz))
+    out = xyz.copy()
+    for m in np.flatnonzero(~whole & seen.any(axis=0)):
+        good = seen[:, m]
+        for axis in range(3):
+            own = xyz[good, m, axis] - middle[good, axis]
+            out[~good, m, axis] = (np.interp(rows, rows[good], own) + middle[:, axis])[~good]
+    return out
+
+
+def _unit(v):
+    return v / np.linalg.norm(v, axis=-1, keepdims=True)
+
+
+def landmarks_of(markers, names):
+    """Landmarks (T, 33, 3) from Plug-in-Gait markers (T, M, 3), m.
+
+    Joint centres by the rules that need no anthropometry: hips by Bell and Brand from the ASIS distance, knees, ankles
+    and elbows half a joint width (105, 72, 75 mm, Vicon's usual values) and a marker radius towards the body's middle,
+    shoulders a sixth of the shoulder width below SHO, the face from the head markers.
+    """
+    m = {name: markers[:, i] for i, name in enumerate(names)}
+    p = {}
+    origin, W = (m["LASI"] + m["RASI"]) / 2, np.linalg.norm(m["LASI"] - m["RASI"], axis=-1, keepdims=True)
+    sacrum = (m["LPSI"] + m["RPSI"]) / 2
+    left = _unit(m["LASI"] - origin)
+    up = _unit(np.cross(left, sacrum - origin))
+    forward = np.cross(left, up)
+    down = _unit((m["LASI"] + m["RASI"]) / 2 - (m["LSHO"] + m["RSHO"]) / 2)
+    width = np.linalg.norm(m["LSHO"] - m["RSHO"], axis=-1, keepdims=True)
+    front, back = (m["LFHD"] + m["RFHD"]) / 2, (m["LBHD"] + m["RBHD"]) / 2
+    X = _unit(front - back)
+    Y = m["LFHD"] + m["LBHD"] - m["RFHD"] - m["RBHD"]
+    Y = _unit(Y - (Y * X).sum(axis=-1, keepdims=True) * X)
+    Z, s = np.cross(X, Y), np.linalg.norm(front - back, axis=-1, keepdims=True) / 0.19
+    p["nose"] = front + s * (0.050 * X - 0.085 * Z)
+    for side, L, sign in (("left", "L", 1), ("right", "R", -1)):
+        for name, out in (("eye_inner", 0.018), ("eye", 0.032), ("eye_outer", 0.045)):
+            p[f"{side}_{name}"] = front + s * (0.025 * X + sign * out * Y - 0.045 * Z)
+        p[f"{side}_ear"] = (m[f"{L}FHD"] + m[f"{L}BHD"]) / 2 - s * 0.050 * Z
+        p[f"{side}_mouth"] = front + s * (0.030 * X + sign * 0.025 * Y - 0.125 * Z)
+        hip = p[f"{side}_hip"] = origin - 0.19 * W * forward - 0.30 * W * up + sign * 0.36 * W * left
+        shoulder = p[f"{side}_shoulder"] = m[f"{L}SHO"] + 0.17 * width * down
+        wrist = p[f"{side}_wrist"] = (m[f"{L}WRA"] + m[f"{L}WRB"]) / 2
+
+        def inwards(marker, towards, half_width, inner=-sign * left):
+            along = _unit(towards - marker)
+            across = _unit(inner - (inner * along).sum(axis=-1, keepdims=True) * along)
+            return marker + (half_width + bodies.MARKER_RADIUS_M) * across
+
+        knee = p[f"{side}_knee"] = inwards(m[f"{L}KNE"], hip, 0.0525)
+        p[f"{side}_ankle"] = inwards(m[f"{L}ANK"], knee, 0.036)
+        p[f"{side}_elbow"] = inwards(m[f"{L}ELB"], shoulder, 0.0375)
+        thumb = _unit(m[f"{L}WRA"] - m[f"{L}WRB"])
+        fingers = m[f"{L}FIN"] - wrist
+        p[f"{side}_index"] = wrist + 1.05 * fingers + 0.02 * thumb
+        p[f"{side}_pinky"] = wrist + 1.0 * fingers - 0.03 * thumb
+        p[f"{side}_thumb"] = wrist + 0.6 * fingers + 0.04 * thumb
+        p[f"{side}_heel"] = m[f"{L}HEE"] + 0.012 * _unit(m[f"{L}TOE"] - m[f"{L}HEE"]) - (0.0, 0.0, 0.010)
+        p[f"{side}_foot_index"] = m[f"{L}TOE"] + 0.030 * _unit(m[f"{L}TOE"] - m[f"{L}HEE"]) - (0.0, 0.0, 0.015)
+    return np.stack([p[name] for name in MLKIT_33], axis=1)

@@ -1,0 +1,135 @@
+"""Record one simulated walk as a lab would bring it home: bags, a C3D indoors, detections; and the truth apart.
+
+INPUTS   the `simulate:` section and the sequence's name
+OUTPUTS  below `out` (data_root): <sequence>/pc1.bag and pc2.bag (ROS 1, a recording computer each),
+         <sequence>/mlkit/<camera>.jsonl, <sequence>/mocap.c3d indoors, truth/<sequence>/*.parquet
+Every random number derives from the seed and a name, so that the same settings give the same bytes.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from dior.files import written_whole
+from dior.simulate import draw, truth
+from dior.simulate.detector import detect, write_mlkit
+from dior.simulate.motion import motion_of
+from dior.simulate.settings import COMPUTERS, from_dict, generator, sequence_named
+
+IMAGE, INFO = "sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/CameraInfo"
+FIRST_MOCAP_FRAME = 101
+
+
+def run(*, settings, sequence, out, only):
+    """Write one sequence below `out`; `only`: "recording" for bags, detections and truth, "mocap" for the C3D.
+
+    `settings` is the section as a dict. Raises DiorError for a wrong key or an unknown sequence.
+    """
+    settings, out = from_dict(settings), Path(out)
+    walk = sequence_named(settings, sequence)
+    motion = motion_of(settings, walk)
+    folder = out / walk.name
+    if only == "mocap":
+        write_c3d(folder / "mocap.c3d", settings, walk, motion)
+        return
+    cameras = [camera for group in COMPUTERS.values() for camera in group]
+    views = {camera: truth.view(settings, walk, motion, camera) for camera in cameras}
+    found = {
+        camera: detect(seen, settings.detector.noise_px, truth.detector_generator(settings, walk, camera))
+        for camera, seen in views.items()
+    }
+    for camera, detected in found.items():
+        write_mlkit(folder / "mlkit" / f"{camera}.jsonl", views[camera].clock.stamp_ns, detected)
+    truth.write(settings, walk, views, found, out / "truth" / walk.name)
+    for computer, group in COMPUTERS.items():
+        write_bag(folder / f"{computer}.bag", settings, walk, motion.height, {name: views[name] for name in group})
+
+
+def write_bag(path, settings, sequence, height, views):
+    """Render the pictures of some cameras into a ROS 1 bag, in the order in which a recorder received them."""
+    import cv2
+    from rosbags.rosbag1 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    cv2.setNumThreads(1)
+    store = get_typestore(Stores.ROS1_NOETIC)
+    painters = {name: _painter(settings, sequence, height, seen) for name, seen in views.items()}
+    order = sorted((int(r), name, i) for name, v in views.items() for i, r in enumerate(v.clock.receive_ns))
+    with written_whole(path) as part, Writer(part) as bag:
+        topics = {
+            name: [
+                bag.add_connection(f"/{name}/color/{what}", kind, typestore=store)
+                for what, kind in (("image_raw/compressed", IMAGE), ("camera_info", INFO))
+            ]
+            for name in views
+        }
+        for receive_ns, name, i in order:
+            header = _header(store, i, int(views[name].clock.stamp_ns[i]), name)
+            messages = (_image(store, header, painters[name](i)), _info(store, header, views[name].camera.intrinsics))
+            for topic, message in zip(topics[name], messages, strict=True):
+                bag.write(topic, receive_ns, store.serialize_ros1(message, topic.msgtype))
+
+
+def _painter(settings, sequence, height, seen):
+    """A function that gives the JPEG bytes (N,) of a frame."""
+    import cv2
+
+    empty = draw.background(settings, seen.camera, sequence.environment)
+    figure = draw.figure(seen.landmarks, height)
+    outlines = draw.outlines(seen.camera, figure, height, sequence.outfit, sequence.subject)
+
+    def jpeg(i):
+        picture = empty.copy()
+        draw.paint(picture, outlines, i)
+        return cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, settings.jpeg_quality])[1].ravel()
+
+    return jpeg
+
+
+def _header(store, seq, stamp_ns, camera):
+    stamp = store.types["builtin_interfaces/msg/Time"](sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9)
+    return store.types["std_msgs/msg/Header"](seq=seq, stamp=stamp, frame_id=f"{camera}_color_optical_frame")
+
+
+def _image(store, header, jpeg):
+    return store.types[IMAGE](header=header, format="rgb8; jpeg compressed bgr8", data=jpeg)
+
+
+def _info(store, header, lens):
+    K = np.array([lens.fx, 0, lens.cx, 0, lens.fy, lens.cy, 0, 0, 1.0])
+    P = np.array([lens.fx, 0, lens.cx, 0, 0, lens.fy, lens.cy, 0, 0, 0, 1.0, 0])
+    whole = store.types["sensor_msgs/msg/RegionOfInterest"](x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)
+    return store.types[INFO](
+        header=header,
+        height=lens.height,
+        width=lens.width,
+        distortion_model="plumb_bob",
+        D=np.array(lens.distortion[:5]),
+        K=K,
+        R=np.eye(3).ravel(),
+        P=P,
+        binning_x=0,
+        binning_y=0,
+        roi=whole,
+    )
+
+
+def write_c3d(path, settings, sequence, motion):
+    """Write the markers as Vicon does: mm, `<subject>:<label>`, the first frame not the first of the trial."""
+    import ezc3d
+
+    seconds = truth.mocap_seconds(settings)
+    markers = motion.at(seconds)[1]
+    noise = generator(settings, "mocap", sequence.name).standard_normal(markers.shape) * settings.mocap_noise_mm
+    seen = motion.seen(seconds)
+    millimetres = np.where(seen[..., None], markers * 1000 + noise, np.nan)
+    file = ezc3d.c3d()
+    file["header"]["points"]["first_frame"] = FIRST_MOCAP_FRAME
+    file["parameters"]["POINT"]["RATE"]["value"] = [settings.mocap_hz]
+    file["parameters"]["POINT"]["UNITS"]["value"] = ["mm"]
+    file["parameters"]["POINT"]["LABELS"]["value"] = [f"{sequence.subject}:{name}" for name in motion.names]
+    points = np.ones((4, *millimetres.shape[1::-1]))
+    points[:3] = np.moveaxis(millimetres, -1, 0).swapaxes(1, 2)
+    file["data"]["points"] = points
+    with written_whole(path) as part:
+        file.write(str(part))

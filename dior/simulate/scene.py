@@ -1,0 +1,154 @@
+"""What stands around the walkway: cameras, their true poses, what the tape says about them, and their clocks.
+
+World: metres, Z up, origin in the middle of the walkway. The projection here is the simulator's own, apart from
+`dior.camera.project`, so that a mistake in one shows against the other.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dior.camera import Camera, Intrinsics, pose
+from dior.geometry import look_at, look_at_angles, rotation_x, rotation_z
+from dior.simulate.settings import CAMERAS, SESSIONS, generator, pictures_per_camera
+
+LONG_RANGE = "cam04"
+START_NS = 1_700_000_000_000_000_000
+DAY_NS = 86_400_000_000_000
+# azimuth (degrees) and distance (m) from the middle of the walkway; outdoors the long-range camera is on the Y axis
+PLACES = {
+    "lab": {"cam01": (38, 4.5), "cam02": (142, 4.6), "cam03": (-141, 4.5), "cam04": (-37, 4.7)},
+    "field": {"cam01": (32, 4.7), "cam02": (150, 4.6), "cam03": (-92, 4.8), "cam04": (90, None)},
+}
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A camera as it stands, and what a person measured of it. `tape` and `target` (3,), m."""
+
+    camera: Camera
+    tape: tuple
+    target: tuple
+    sigma: float
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Stamps of one camera in one sequence: header and receive (F,) int64 ns; its offset and drift."""
+
+    stamp_ns: np.ndarray
+    receive_ns: np.ndarray
+    offset_s: float
+    drift_ppm: float = 0.0
+
+
+def cameras_of(settings, session):
+    """The cameras of a session by name, as `Placed`."""
+    return {name: _placed(settings, session, name) for name in CAMERAS}
+
+
+def _placed(settings, session, name):
+    draw = generator(settings, "camera", session, name)
+    far = session == SESSIONS["outdoor"] and name == LONG_RANGE
+    scale = settings.width / 1280
+    fx = (settings.long_range_fx if far else settings.fx) * (1 + 0.004 * draw.standard_normal())
+    fy = fx * (1 + 0.0008 * draw.standard_normal())
+    cx = (settings.width - 1) / 2 + 4.0 * scale * draw.standard_normal()
+    cy = (settings.height - 1) / 2 + 3.0 * scale * draw.standard_normal()
+    lens = np.array([-0.055, 0.064, -0.0006, 0.0006, -0.020]) + draw.standard_normal(5) * (
+        0.001,
+        0.001,
+        0.0002,
+        0.0002,
+        0.0005,
+    )
+    numbers = [round(float(x), 4) for x in (fx, fy, cx, cy)]
+    intrinsics = Intrinsics(
+        settings.width, settings.height, *numbers, "plumb_bob", tuple(round(float(k), 6) for k in lens)
+    )
+
+    azimuth, distance = PLACES[session][name]
+    distance = settings.long_range_m if far else distance
+    angle = np.deg2rad(azimuth + (0.0 if far else 2.0 * draw.standard_normal()))
+    height = 1.5 + 0.05 * draw.standard_normal() + (0.4 if far else 0.0)
+    centre = np.array([distance * np.cos(angle), distance * np.sin(angle), height]).round(4)
+    target = (0.0, 0.0, 1.0)
+    aim = np.deg2rad(0.4 if far else settings.aim_sd_deg)
+    a, e = look_at_angles(centre, target) + np.clip(draw.standard_normal(2), -1.5, 1.5) * aim * (1.0, 0.6)
+    roll = np.deg2rad(0.1 if far else 0.7) * draw.standard_normal()
+    wTc = pose(rotation_z(a) @ rotation_x(e) @ rotation_z(roll), centre)
+
+    sigma = np.full(3, settings.tape_sigma_m)
+    if far:
+        sigma[1] = settings.long_range_tape_sigma_m
+    tape = tuple(float(x) for x in (centre + sigma * draw.standard_normal(3)).round(3))
+    role = "long_range" if far else "close"
+    return Placed(Camera(name, intrinsics, wTc, role, "simulated"), tape, target, float(sigma.max()))
+
+
+def nudge_of(settings, session, name):
+    """Nudges of a long-range camera as a careful person finds them: (azimuth deg, elevation deg, distance m).
+
+    The angles put the target where the true camera sees it, the distance is the true one; small errors are left.
+    """
+    placed = _placed(settings, session, name)
+    draw = generator(settings, "nudge", session, name)
+    away = placed.camera.centre[:2] - np.array(placed.target[:2])
+    taped = np.array(placed.tape[:2]) - np.array(placed.target[:2])
+    distance = np.linalg.norm(away) - np.linalg.norm(taped)
+    moved = np.array(placed.tape)
+    moved[:2] += distance * taped / np.linalg.norm(taped)
+    wRc = look_at(moved, placed.target)
+    seen = placed.camera.wRc.T @ (np.array(placed.target) - placed.camera.centre)
+    # the direction in the world in which the nudged camera must have `seen`: yaw and tilt from the look-at's own
+    expected = wRc.T @ (np.array(placed.target) - moved)
+    azimuth = np.arctan2(seen[0], seen[2]) - np.arctan2(expected[0], expected[2])
+    elevation = np.arctan2(seen[1], seen[2]) - np.arctan2(expected[1], expected[2])
+    error = draw.standard_normal(3) * (settings.nudge_sd_deg, settings.nudge_sd_deg, settings.nudge_sd_m)
+    found = np.array([np.rad2deg(azimuth), np.rad2deg(elevation), distance]) + error
+    return tuple(float(x) for x in found.round(3))
+
+
+def clocks_of(settings, sequence):
+    """`Clock` of every camera, and t0_ns: the earliest picture stamp of the sequence.
+
+    `t = (stamp_ns - t0_ns)/1e9 (1 + 1e-6 drift_ppm) + offset_s`: seconds after the first stored frame of the C3D,
+    outdoors the time of the first close camera. Cameras run free, each with its own phase.
+    """
+    count = pictures_per_camera(settings)
+    draw = generator(settings, "start", sequence.name)
+    index = int(sequence.name.rsplit("_", 1)[1])
+    day = 0 if sequence.environment == "indoor" else 1
+    start = START_NS + day * DAY_NS + index * 300_000_000_000 + int(draw.integers(0, 1_000_000_000))
+    delay = draw.uniform(0.40, 0.53)
+    clocks = {}
+    for i, name in enumerate(CAMERAS):
+        draw = generator(settings, "clock", sequence.name, name)
+        phase = draw.uniform(0.0, 1.0 / settings.fps)
+        stamp = start + np.round((phase + np.arange(count) / settings.fps) * 1e9).astype(np.int64)
+        receive = np.maximum.accumulate(stamp + draw.integers(3_000_000, 8_000_000, count))
+        own = draw.uniform(-0.02, 0.02)
+        offset = delay + own if sequence.environment == "indoor" else own if i else 0.0
+        clocks[name] = Clock(stamp, receive, round(float(offset), 4))
+    return clocks, int(min(clock.stamp_ns[0] for clock in clocks.values()))
+
+
+def seconds(clock, t0_ns):
+    """Scene time (F,), s, of a camera's pictures."""
+    return (clock.stamp_ns - t0_ns) / 1e9 * (1 + 1e-6 * clock.drift_ppm) + clock.offset_s
+
+
+def project(camera, points):
+    """World points (..., 3) to pixels (..., 2) and depths (...,): pinhole and Brown-Conrady, five coefficients."""
+    points = np.asarray(points, float)
+    R, c, lens = camera.wTc[:3, :3], camera.wTc[:3, 3], camera.intrinsics
+    X, Y, Z = ((points - c) @ R[:, i] for i in range(3))
+    ahead = Z > 0.05
+    x, y = X / np.where(ahead, Z, np.nan), Y / np.where(ahead, Z, np.nan)
+    k1, k2, p1, p2, k3 = lens.distortion[:5]
+    r2 = x**2 + y**2
+    scale = 1 + k1 * r2 + k2 * r2**2 + k3 * r2**3
+    u = lens.fx * (x * scale + 2 * p1 * x * y + p2 * (r2 + 2 * x**2)) + lens.cx
+    v = lens.fy * (y * scale + p1 * (r2 + 2 * y**2) + 2 * p2 * x * y) + lens.cy
+    # the polynomial turns back beyond a radius that no picture reaches
+    return np.where((r2 < 4.0)[..., None], np.stack([u, v], axis=-1), np.nan), Z

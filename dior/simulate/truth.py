@@ -1,0 +1,177 @@
+"""What is true of a simulated walk, and the tables that say so.
+
+INPUTS   settings and a sequence's name
+OUTPUTS  `View` of each camera in memory; truth/<sequence>/{labels_2d,skeletons_3d,cameras,detections}.parquet
+Indoors the joints are the markers and, after them, the landmarks; outdoors the landmarks. World metres, Z up; pixels
+as recorded.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dior import tables
+from dior.simulate import draw, scene
+from dior.simulate.motion import MOCAP_AFTER_S, motion_of
+from dior.simulate.settings import generator
+from dior.skeletons import MLKIT_33
+
+# how deep a joint lies below the drawn surface around it, as a fraction of the body height
+DEPTH = {"hip": 0.075, "shoulder": 0.055, "knee": 0.048, "elbow": 0.038, "ankle": 0.034, "wrist": 0.028}
+DEPTH_OTHER = 0.03
+DEPTH_FACE = 0.066
+FACE = ("nose", "eye", "ear", "mouth", "FHD", "BHD")
+
+
+@dataclass(frozen=True)
+class View:
+    """One camera of one walk: times (F,) s, landmarks (F, 33, 3), and of every joint (F, J) pixel, depth and status."""
+
+    placed: scene.Placed
+    clock: scene.Clock
+    seconds: np.ndarray
+    landmarks: np.ndarray
+    joints: tuple
+    uv: np.ndarray
+    depth: np.ndarray
+    status: np.ndarray
+
+    @property
+    def camera(self):
+        return self.placed.camera
+
+    def landmark(self, values):
+        """The columns of values (F, J, ...) that belong to the 33 landmarks."""
+        return values[:, [self.joints.index(name) for name in MLKIT_33]]
+
+
+def view(settings, sequence, motion, camera):
+    """`View` of the camera of that name."""
+    placed = scene.cameras_of(settings, sequence.session)[camera]
+    clocks, t0 = scene.clocks_of(settings, sequence)
+    seconds = scene.seconds(clocks[camera], t0)
+    joints, points, known, landmarks = _joints(sequence, motion, seconds)
+    uv, depth = scene.project(placed.camera, points)
+    inside = _in_picture(placed.camera.intrinsics, uv)
+    slack = motion.height * np.array([_depth_below_surface(name) for name in joints])
+    behind_body = draw.hidden(placed.camera, draw.figure(landmarks, motion.height), motion.height, points, slack)
+    status = np.select(
+        [~known, depth <= 0, ~inside, behind_body],
+        ["missing_3d", "behind_camera", "out_of_frame", "occluded"],
+        "ok",
+    )
+    uv = np.where((known & (depth > 0))[..., None], uv, np.nan)
+    return View(placed, clocks[camera], seconds, landmarks, joints, uv, np.where(known, depth, np.nan), status)
+
+
+def _joints(sequence, motion, seconds):
+    """Names, points (T, J, 3), whether each is known (T, J), and the landmarks (T, 33, 3) at some times."""
+    landmarks, markers = motion.at(seconds)
+    everywhere = np.ones(landmarks.shape[:2], bool)
+    if sequence.environment == "outdoor":
+        return MLKIT_33, landmarks, everywhere, landmarks
+    points = np.concatenate([markers, landmarks], axis=1)
+    known = np.concatenate([motion.seen(seconds), everywhere], axis=1)
+    return (*motion.names, *MLKIT_33), points, known, landmarks
+
+
+def _depth_below_surface(name):
+    if any(part in name for part in FACE):
+        return DEPTH_FACE
+    return next((depth for part, depth in DEPTH.items() if name.endswith(part)), DEPTH_OTHER)
+
+
+def _in_picture(lens, uv):
+    with np.errstate(invalid="ignore"):
+        u, v = uv[..., 0], uv[..., 1]
+        return (u >= -0.5) & (u < lens.width - 0.5) & (v >= -0.5) & (v < lens.height - 0.5)
+
+
+def mocap_seconds(settings):
+    """Times (T,) s of the C3D's ticks: the recording and a little more, since the cameras start later."""
+    return np.arange(int(round((settings.duration_s + MOCAP_AFTER_S) * settings.mocap_hz)) + 1) / settings.mocap_hz
+
+
+def write(settings, sequence, views, noise, folder):
+    """Write the truth of a sequence. `views`: camera -> `View`; `noise`: camera -> what `detector.detect` did."""
+    tables.write(folder / "labels_2d.parquet", "labels_2d", _stacked(_labels(sequence, v) for v in views.values()))
+    motion = motion_of(settings, sequence)
+    tables.write(folder / "skeletons_3d.parquet", "skeletons_3d", _skeleton(settings, sequence, motion, views))
+    cameras = [v.camera for v in views.values()]
+    tables.write_cameras(
+        folder / "cameras.parquet",
+        cameras,
+        sequence.session,
+        sequence.name,
+        [v.clock.offset_s for v in views.values()],
+        [v.clock.drift_ppm for v in views.values()],
+    )
+    tables.write(
+        folder / "detections.parquet",
+        "simulated_detections",
+        _stacked(_detections(views[camera], done) for camera, done in noise.items()),
+    )
+
+
+def _stacked(parts):
+    parts = list(parts)
+    return {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
+
+
+def _labels(sequence, seen):
+    count, each = seen.depth.shape
+    rows = count * each
+    return {
+        "subject": np.full(rows, sequence.subject, object),
+        "sequence": np.full(rows, sequence.name, object),
+        "camera": np.full(rows, seen.camera.name, object),
+        "joint": np.tile(np.array(seen.joints, object), count),
+        "frame": np.repeat(np.arange(count), each),
+        "stamp_ns": np.repeat(seen.clock.stamp_ns, each),
+        "u": seen.uv[..., 0].ravel(),
+        "v": seen.uv[..., 1].ravel(),
+        "depth": seen.depth.ravel(),
+        "status": seen.status.ravel().astype(object),
+    }
+
+
+def _skeleton(settings, sequence, motion, views):
+    _, t0 = scene.clocks_of(settings, sequence)
+    if sequence.environment == "indoor":
+        seconds = mocap_seconds(settings)
+    else:
+        last = max(v.seconds[-1] for v in views.values())
+        seconds = np.arange(int(np.floor(last * settings.fps)) + 1) / settings.fps
+    joints, points, known, _ = _joints(sequence, motion, seconds)
+    points = np.where(known[..., None], points, np.nan)
+    count, each = known.shape
+    return {
+        "subject": np.full(count * each, sequence.subject, object),
+        "sequence": np.full(count * each, sequence.name, object),
+        "joint": np.tile(np.array(joints, object), count),
+        "instant": np.repeat(np.arange(count), each),
+        "stamp_ns": np.repeat(t0 + np.round(seconds * 1e9).astype(np.int64), each),
+        **{axis: points[..., i].ravel() for i, axis in enumerate("xyz")},
+        "n_views": np.full(count * each, -1),
+        "status": np.where(known, "ok", "too_few_views").ravel().astype(object),
+    }
+
+
+def _detections(seen, done):
+    count, each = done.noise.shape[:2]
+    return {
+        "camera": np.full(count * each, seen.camera.name, object),
+        "frame": np.repeat(np.arange(count), each),
+        "stamp_ns": np.repeat(seen.clock.stamp_ns, each),
+        "person": np.repeat(np.where(done.found, 0, -1), each),
+        "joint": np.tile(np.array(MLKIT_33, object), count),
+        "noise_u": np.where(done.found[:, None], done.noise[..., 0], np.nan).ravel(),
+        "noise_v": np.where(done.found[:, None], done.noise[..., 1], np.nan).ravel(),
+        "swapped": np.zeros(count * each, bool),
+        "missed": np.repeat(~done.found, each),
+    }
+
+
+def detector_generator(settings, sequence, camera):
+    """The generator of a camera's detector in a sequence."""
+    return generator(settings, "detector", sequence.name, camera)

@@ -1,0 +1,32 @@
+"""The committed demo config is what the simulator writes."""
+
+from pathlib import Path
+
+from dior import cli, project
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def contents(folder):
+    return {p.relative_to(folder).as_posix(): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
+
+
+def test_the_shipped_config_is_written_again_byte_for_byte(tmp_path):
+    assert cli.main(["simulate", "--write-config", str(tmp_path / "config")]) == 0
+    again, shipped = contents(tmp_path / "config"), contents(ROOT / "config")
+    assert again.keys() == shipped.keys()
+    assert [name for name in shipped if again[name] != shipped[name]] == []
+
+
+def test_it_is_a_valid_project():
+    demo = project.load(ROOT)
+    assert len(demo.sequences) == 8 and demo.long_range("field") == ["cam04"]
+    assert all(demo.boxes(name) for name in demo.sequences if not demo.indoor(name))
+
+
+def test_settings_on_the_command_line_reach_the_config(tmp_path):
+    words = ["--settings", '{"subjects": 1, "sequences": 1, "duration_s": 2.0, "fps": 25.0}']
+    assert cli.main(["simulate", "--write-config", str(tmp_path / "config"), *words]) == 0
+    small = project.load(tmp_path)
+    assert small.sequences == ("outdoor_01", "indoor_01")
+    assert small.config["simulate"]["fps"] == 25.0 and small.config["simulate"]["duration_s"] == 2.0
