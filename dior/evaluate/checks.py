@@ -1,0 +1,61 @@
+"""Hand-marked points: how well the marks fit their camera, and how far labels are from checks nobody used.
+
+INPUTS   `marks` tables of locate; `checks/<sequence>.<camera>.csv`: `sequence,frame,joint,u,v`, px.
+OUTPUT   distances px.
+"""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+
+from dior import tables
+from dior.errors import DiorError, nearest
+
+REQUIRED = ("sequence", "frame", "joint", "u", "v")
+
+
+def mark_errors(paths, sequence):
+    """Residuals px by camera of this sequence's marks, outliers included: leaving them out would flatter."""
+    errors = {}
+    for path in paths:
+        marks = tables.read(path, "marks", ["camera", "sequence", "residual_px"])
+        for camera in tables.ordered_unique(marks["camera"]):
+            here = (marks["camera"] == camera) & (marks["sequence"] == sequence)
+            errors[camera] = np.concatenate([errors.get(camera, []), marks["residual_px"][here]])
+    return dict(sorted(errors.items()))
+
+
+def check_errors(path, sequence, grid):
+    """Distances (F, J) px of the labels from the hand checks, NaN where nothing was checked.
+
+    Raises DiorError, naming file and line, for a malformed row, another sequence's row, and a frame or joint that
+    the labels do not have.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise DiorError(f"{path}: there is no such file")
+    lines = list(csv.reader(path.read_text(encoding="utf-8-sig").splitlines()))
+    header = [word.strip() for word in lines[0]] if lines else []
+    for column in REQUIRED:
+        if column not in header:
+            raise DiorError(f"{path}: the first line has no column '{column}'{nearest(column, header)}")
+    row_of = {frame: i for i, frame in enumerate(grid.frames.tolist())}
+    checked = np.full(grid.uv.shape, np.nan)
+    for number, words in enumerate(lines[1:], start=2):
+        if not any(word.strip() for word in words):
+            continue
+        where = f"{path}, line {number}"
+        cells = dict(zip(header, words, strict=False))
+        try:
+            frame, uv = int(cells["frame"]), (float(cells["u"]), float(cells["v"]))
+        except (ValueError, KeyError):
+            raise DiorError(f"{where}: '{','.join(words)}' has no whole frame number and no two pixel values") from None
+        if cells["sequence"] != sequence:
+            raise DiorError(f"{where}: is of sequence '{cells['sequence']}', not '{sequence}'")
+        if frame not in row_of:
+            raise DiorError(f"{where}: frame {frame} is not in the recording; frames count from 0")
+        if cells["joint"] not in grid.joints:
+            raise DiorError(f"{where}: no label is called '{cells['joint']}'{nearest(cells['joint'], grid.joints)}")
+        checked[row_of[frame], grid.joints.index(cells["joint"])] = uv
+    return np.linalg.norm(grid.uv - checked, axis=-1)

@@ -1,0 +1,176 @@
+"""The figures of one sequence: how good its labels are, by every yardstick that the sequence offers.
+
+INPUTS   the sequence's `labels_2d` (one file per camera), `skeletons_3d`, and where there are any: `detections`,
+         hand boxes, `marks` and hand checks, `swaps`, the truth's folder.
+OUTPUTS  results/evaluate/<sequence>.parquet         `metrics`, every row a mean with its count
+         results/evaluate/<sequence>.frames.parquet  `frame_metrics`, the same per picture, for the report's timelines
+
+Pixels are recorded (distorted) pixels, lengths metres, shares 0 to 1.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from dior import tables
+from dior.errors import DiorError, nearest
+from dior.evaluate import boxes as box_files
+from dior.evaluate import checks as check_files
+from dior.evaluate import reprojection, rows
+from dior.evaluate import truth as against
+from dior.evaluate.grids import label_grids, onto, value_grid
+
+# the simulated clocks are off by tenths of a second at most; a second means other instants
+INSTANT_TOLERANCE_NS = 1_000_000_000
+
+
+def run(
+    *,
+    sequence,
+    subject,
+    labels,
+    skeleton,
+    roles,
+    detections,
+    min_score,
+    boxes,
+    marks,
+    checks,
+    swaps,
+    truth,
+    out,
+    out_frames,
+):
+    """Evaluate one sequence.
+
+    `labels`: label files, `roles`: camera -> close | long_range, `boxes` and `checks`: camera -> CSV,
+    `marks`: `marks` tables, `truth`: the folder with `labels_2d.parquet` and `skeletons_3d.parquet`. `skeleton`,
+    `detections`, `swaps` and `truth` may be None. Detections below `min_score` are not compared with.
+    """
+    grids = label_grids(labels)
+    for camera in [*boxes, *checks]:
+        if camera not in grids:
+            raise DiorError(f"sequence {sequence}: there are no labels of camera '{camera}'{nearest(camera, grids)}")
+    found, per_frame = _coverage(grids, roles)
+    for part, part_frames in (
+        _reprojection(grids, roles, detections, min_score),
+        _boxes(grids, roles, boxes),
+        _truth_2d(grids, roles, truth),
+    ):
+        found += part
+        per_frame += part_frames
+    found += _marks(roles, marks, sequence) + _checks(grids, roles, checks, sequence)
+    found += _swaps(roles, swaps) + _truth_3d(skeleton, truth, sequence)
+    tables.write(out, "metrics", rows.metric_columns(found, subject, sequence))
+    tables.write(out_frames, "frame_metrics", _frame_columns(per_frame, subject, sequence))
+
+
+def _frame_columns(parts, subject, sequence):
+    columns = {key: np.concatenate([part[key] for part in parts]) for key in parts[0]} if parts else {"metric": []}
+    count = len(columns["metric"])
+    return columns | {
+        "subject": np.full(count, subject, dtype=object),
+        "sequence": np.full(count, sequence, dtype=object),
+    }
+
+
+def _summed(metric, unit, measured, roles, by_joint=True):
+    """Rows by camera, by camera and joint, and by frame of `measured`: (LabelGrid, values (F, J)) pairs."""
+    found, per_frame = [], []
+    for grid, values in measured:
+        role = roles[grid.camera]
+        found += rows.mean_row(metric, values, unit, grid.camera, role)
+        if by_joint:
+            found += rows.joint_rows(metric, values, grid.joints, unit, grid.camera, role)
+        per_frame.append(rows.frame_rows(metric, values, grid, role))
+    return found, per_frame
+
+
+def _coverage(grids, roles):
+    measured = [(grid, (~grid.missing).astype(float)) for grid in grids.values()]
+    return _summed("coverage", "share", measured, roles)
+
+
+def _reprojection(grids, roles, detections, min_score):
+    if detections is None:
+        return [], []
+    table = tables.read(detections, "detections", ["camera", "frame", "joint", "u", "v", "score"])
+    measured = []
+    for camera, grid in grids.items():
+        own = tables.of_camera(table, camera)
+        if roles[camera] == "close" and reprojection.comparable(grid, own):
+            measured.append((grid, reprojection.errors(grid, own, min_score)))
+    return _summed("reprojection_error", "px", measured, roles)
+
+
+def _boxes(grids, roles, boxes):
+    measured = [
+        (grids[camera], box_files.inside(grids[camera], *box_files.read(path, grids[camera].frames)))
+        for camera, path in sorted(boxes.items())
+        if roles[camera] == "long_range"
+    ]
+    return _summed("in_box_share", "share", measured, roles, by_joint=False)
+
+
+def _marks(roles, marks, sequence):
+    return [
+        row
+        for camera, errors in check_files.mark_errors(marks, sequence).items()
+        for row in rows.mean_row("mark_error", errors, "px", camera, roles.get(camera, ""))
+    ]
+
+
+def _checks(grids, roles, checks, sequence):
+    measured = [
+        (grids[camera], check_files.check_errors(path, sequence, grids[camera]))
+        for camera, path in sorted(checks.items())
+    ]
+    return _summed("check_error", "px", measured, roles)[0]
+
+
+def _swaps(roles, swaps):
+    if swaps is None:
+        return []
+    table = tables.read(swaps, "swaps", ["camera", "swapped"])
+    return [
+        row
+        for camera in sorted(tables.ordered_unique(table["camera"]))
+        for row in rows.mean_row(
+            "swapped_share",
+            tables.of_camera(table, camera)["swapped"].astype(float),
+            "share",
+            camera,
+            roles.get(camera, ""),
+        )
+    ]
+
+
+def _truth_2d(grids, roles, truth):
+    if truth is None:
+        return [], []
+    true = label_grids([Path(truth) / "labels_2d.parquet"])
+    measured = [(grid, against.errors_2d(grid, true[camera])) for camera, grid in grids.items() if camera in true]
+    return _summed("error_to_truth_2d", "px", measured, roles)
+
+
+def _truth_3d(skeleton, truth, sequence):
+    if truth is None or skeleton is None:
+        return []
+    columns = ["joint", "instant", "stamp_ns", "x", "y", "z"]
+    ours, theirs = (
+        tables.read(path, "skeletons_3d", columns) for path in (skeleton, Path(truth) / "skeletons_3d.parquet")
+    )
+    points, instants, joints = value_grid(ours, "instant", "x", "y", "z")
+    true, true_instants, true_joints = value_grid(theirs, "instant", "x", "y", "z")
+    stamps, true_stamps = (
+        t["stamp_ns"].reshape(-1, max(len(names), 1))[:, 0] for t, names in ((ours, joints), (theirs, true_joints))
+    )
+    _, here, there = np.intersect1d(instants, true_instants, return_indices=True)
+    against.check_instants(stamps[here], true_stamps[there], INSTANT_TOLERANCE_NS, f"sequence {sequence}")
+    plain, aligned = against.errors_3d(points, onto(instants, joints, true, true_instants, true_joints))
+    return [
+        *rows.mean_row("error_to_truth_3d", plain, "m"),
+        *rows.joint_rows("error_to_truth_3d", plain, joints, "m"),
+        *rows.mean_row("error_to_truth_3d_aligned", aligned, "m"),
+        *rows.joint_rows("error_to_truth_3d_aligned", aligned, joints, "m"),
+    ]

@@ -1,0 +1,115 @@
+"""One table of all figures: those of every sequence, and means over subjects, roles and everything.
+
+INPUTS   `metrics` tables: of evaluate (one per sequence) and of adjust (one per session).
+OUTPUT   results/evaluate/metrics.csv: metric, tool, subject, sequence, camera, role, joint, value, low, high, unit, n;
+         an empty cell means all. Sorted; numbers with six significant digits, so that the file is the same on every
+         machine.
+"""
+
+import csv
+import io
+
+import numpy as np
+
+from dior import tables
+from dior.errors import DiorError
+from dior.files import write_text
+
+COLUMNS = tables.columns_of("metrics")
+KEY = ("metric", "tool", "subject", "sequence", "camera", "role", "joint")
+# what a pooled row keeps; the joints of a skeleton are pooled apart from its means
+POOLS = (
+    ("metric", "tool", "subject", "role"),
+    ("metric", "tool", "subject"),
+    ("metric", "tool", "role"),
+    ("metric", "tool"),
+    ("metric", "tool", "subject", "sequence", "role"),
+)
+JOINT_POOLS = (("metric", "tool", "role", "joint"),)
+
+
+def run(*, inputs, out):
+    """Merge `metrics` tables and add the pooled rows."""
+    found = []
+    for path in inputs:
+        found += _rows(tables.read(path, "metrics"))
+    write_text(out, as_csv(merged(found)))
+
+
+def _rows(table):
+    lines = zip(*(table[c].tolist() for c in COLUMNS), strict=True)
+    return [dict(zip(COLUMNS, line, strict=True)) for line in lines]
+
+
+def merged(rows):
+    """`rows` and their pooled rows, sorted by key.
+
+    Only rows of a sequence are pooled. The adjustment's rows are of a session, for which there is no column: where
+    several sessions have the same key, their rows become one.
+    """
+    seen = {tuple(row[k] for k in KEY): row for row in pooled([r for r in rows if not r["sequence"]], KEY)}
+    for row in (r for r in rows if r["sequence"]):
+        key = tuple(row[k] for k in KEY)
+        if key in seen:
+            named = ", ".join(f"{k} {v}" for k, v in zip(KEY, key, strict=True) if v)
+            raise DiorError(f"metrics: two inputs have the figure of {named}; is a file listed twice?")
+        seen[key] = row
+    for pools, with_joint in ((POOLS, False), (JOINT_POOLS, True)):
+        of_sequences = [row for row in rows if row["sequence"] and bool(row["joint"]) == with_joint]
+        for pool in pools:
+            for row in pooled(of_sequences, pool):
+                seen.setdefault(tuple(row[k] for k in KEY), row)
+    return [seen[key] for key in sorted(seen)]
+
+
+def pooled(rows, keep):
+    """Means weighted by n of rows that agree in the columns `keep`: exactly the mean over all values behind them."""
+    groups = {}
+    for row in rows:
+        groups.setdefault(tuple(row[k] for k in keep), []).append(row)
+    return [_mean(dict(zip(keep, key, strict=True)), members) for key, members in groups.items()]
+
+
+def _mean(kept, members):
+    units = sorted({row["unit"] for row in members})
+    if len(units) > 1:
+        raise DiorError(f"metrics: {kept['metric']} is given in {' and '.join(units)}; give it one unit")
+    n = np.array([row["n"] for row in members], np.int64)
+    value = float(np.dot(n, [row["value"] for row in members]) / n.sum())
+    return {
+        **dict.fromkeys(COLUMNS, ""),
+        **kept,
+        "value": value,
+        "low": np.nan,
+        "high": np.nan,
+        "unit": units[0],
+        "n": int(n.sum()),
+    }
+
+
+def as_csv(rows):
+    """The rows as CSV text."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    writer.writerows([_cell(row[c]) for c in COLUMNS] for row in rows)
+    return text.getvalue()
+
+
+def _cell(value):
+    if not isinstance(value, float):
+        return value
+    return "" if np.isnan(value) else repr(float(f"{value:.6g}"))
+
+
+def read(path):
+    """Rows of metrics.csv as dicts; value, low and high are floats (NaN: unknown), n is an int."""
+    with open(path, newline="", encoding="utf-8") as stream:
+        rows = list(csv.DictReader(stream))
+    if rows and tuple(rows[0]) != tuple(COLUMNS):
+        raise DiorError(f"{path}: the columns are not {','.join(COLUMNS)}; delete it and run again")
+    for row in rows:
+        for key in ("value", "low", "high"):
+            row[key] = float(row[key]) if row[key] else np.nan
+        row["n"] = int(row["n"])
+    return rows

@@ -1,0 +1,60 @@
+"""Rows of the `metrics` and `frame_metrics` tables from grids of values, NaN where there is nothing to measure."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+
+class Row(NamedTuple):
+    """One figure: a mean with the number of values behind it. Empty text means all."""
+
+    metric: str
+    camera: str
+    role: str
+    joint: str
+    value: float
+    unit: str
+    n: int
+
+
+def mean_row(metric, values, unit, camera="", role="", joint=""):
+    """The mean of what is there in `values` as a list of one `Row`; empty where nothing is."""
+    known = values[np.isfinite(values)]
+    return [Row(metric, camera, role, joint, float(known.mean()), unit, known.size)] if known.size else []
+
+
+def joint_rows(metric, values, joints, unit, camera="", role=""):
+    """One `Row` per joint of `values` (F, J)."""
+    return [row for i, joint in enumerate(joints) for row in mean_row(metric, values[:, i], unit, camera, role, joint)]
+
+
+def frame_rows(metric, values, grid, role):
+    """Columns of `frame_metrics`, one row per frame of `values` (F, J) in which anything is known."""
+    known = np.isfinite(values)
+    n = known.sum(axis=1)
+    some = n > 0
+    mean = np.where(known, values, 0.0).sum(axis=1)[some] / n[some]
+    return {
+        "metric": np.full(some.sum(), metric, dtype=object),
+        "camera": np.full(some.sum(), grid.camera, dtype=object),
+        "role": np.full(some.sum(), role, dtype=object),
+        "frame": grid.frames[some],
+        "stamp_ns": grid.stamp_ns[some],
+        "value": mean,
+        "n": n[some],
+    }
+
+
+def metric_columns(rows, subject, sequence):
+    """Columns of the `metrics` table; the interval is not known yet."""
+    columns = {key: np.array([getattr(row, key) for row in rows], dtype=object) for key in Row._fields}
+    nothing = np.full(len(rows), np.nan)
+    return columns | {
+        "tool": np.full(len(rows), "", dtype=object),
+        "subject": np.full(len(rows), subject, dtype=object),
+        "sequence": np.full(len(rows), sequence, dtype=object),
+        "value": np.array([row.value for row in rows], float),
+        "n": np.array([row.n for row in rows], np.int64),
+        "low": nothing,
+        "high": nothing,
+    }

@@ -1,0 +1,213 @@
+"""Contact sheets: a few pictures of every camera of a sequence with the labels drawn on them.
+
+INPUTS   frames table, the pictures it indexes, `labels_2d` files, and where there are any `detections` and hand boxes
+OUTPUT   <out>/<camera>.jpg: the frames side by side. Long-range pictures are enlarged around the subject.
+Drawing happens in tile pixels: a picture is scaled first, so that lines stay thin and sharp.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from dior import skeletons, tables
+from dior.errors import DiorError, nearest
+from dior.evaluate import boxes as box_files
+from dior.evaluate.grids import distance, label_grids, onto, value_grid
+from dior.files import written_whole
+
+TILE = (640, 360)
+ZOOM = 8.0
+CAPTION_HEIGHT = 26
+JPEG_QUALITY = 85
+# a label further than this from the detection is drawn red: a tenth of the person's height in the picture
+OUTLIER_OF_HEIGHT = 0.1
+LEFT, RIGHT, MIDDLE = (255, 170, 60), (40, 160, 255), (235, 235, 235)  # BGR: blue, orange, near white
+OUTLIER, DETECTION, BOX = (40, 40, 230), (80, 230, 80), (200, 90, 230)
+
+
+@dataclass(frozen=True)
+class View:
+    """Part of a picture shown in a tile: `tile = (picture - origin + 0.5) * scale - 0.5`, px."""
+
+    origin: tuple
+    scale: float
+    size: tuple
+
+    def of(self, uv):
+        """Pixels (..., 2) of the picture in the tile."""
+        return (np.asarray(uv, float) - self.origin + 0.5) * self.scale - 0.5
+
+
+def run(*, sequence, frames, data_root, labels, detections, min_score, boxes, roles, count, out):
+    """Write `<out>/<camera>.jpg` for every camera with labels.
+
+    `labels`: label files, `boxes`: camera -> CSV, `roles`: camera -> close | long_range, `count`: frames per sheet,
+    spread over the recording; where there are boxes, the boxed frames nearest to those. `detections` may be None.
+    """
+    import cv2
+
+    from dior.ingest import bags
+
+    grids = label_grids(labels)
+    index = tables.read(frames, "frames")
+    found = None if detections is None else tables.read(detections, "detections")
+    chosen = {}
+    for camera, grid in grids.items():
+        boxed = box_files.read(boxes[camera], grid.frames) if camera in boxes else (np.array([], int), np.empty((0, 4)))
+        chosen[camera] = (choose(grid.frames, count, boxed[0]), boxed)
+    wanted = np.zeros(len(index["frame"]), bool)
+    for camera, (numbers, _) in chosen.items():
+        wanted |= (index["camera"] == camera) & np.isin(index["frame"], numbers)
+    picked = tables.rows(index, wanted)
+    pictures = {
+        (picked["camera"][row], int(picked["frame"][row])): picture
+        for row, picture in bags.read_pictures(picked, Path(data_root))
+    }
+    for camera, (numbers, boxed) in chosen.items():
+        tiles = []
+        for number in numbers:
+            picture = pictures.get((camera, number))
+            if picture is None:
+                raise DiorError(
+                    f"sequence {sequence}, camera {camera}: the frame index has no picture {number}"
+                    f"{nearest(camera, np.unique(index['camera'].astype(str)))}; run the frames step again"
+                )
+            seen = None if found is None else _detected(tables.of_camera(found, camera), number, min_score)
+            tiles.append(_tile(picture, grids[camera], number, seen, _box(boxed, number), roles[camera], sequence))
+        done, jpeg = cv2.imencode(".jpg", _side_by_side(tiles), [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+        if not done:
+            raise DiorError(f"sequence {sequence}, camera {camera}: the contact sheet could not be written as JPEG")
+        with written_whole(Path(out) / f"{camera}.jpg") as part:
+            part.write_bytes(jpeg.tobytes())
+
+
+def choose(frames, count, preferred=()):
+    """`count` of the frame numbers `frames` (F,), at the middles of equal parts; the nearest of `preferred` if any.
+
+    A fixed choice, so that two runs show the same pictures.
+    """
+    count = min(count, len(frames))
+    middles = np.asarray(frames)[((np.arange(count) + 0.5) * len(frames) / max(count, 1)).astype(int)]
+    if len(preferred):
+        preferred = np.asarray(preferred)
+        middles = preferred[np.abs(preferred[None] - middles[:, None]).argmin(axis=1)]
+    return np.unique(middles).tolist()
+
+
+def view_of(width, height, uv, zoomed):
+    """The `View` of a picture: all of it in the area of a tile, or enlarged around the points `uv` (J, 2).
+
+    Enlarged 8 times, less where the person would not fit, and never smaller than the whole picture.
+    """
+    whole = float(np.sqrt(TILE[0] * TILE[1] / (width * height)))
+    known = uv[np.isfinite(uv).all(axis=1)]
+    if not zoomed or not len(known):
+        return View((0.0, 0.0), whole, (round(width * whole), round(height * whole)))
+    low, high = known.min(axis=0), known.max(axis=0)
+    span = np.maximum(high - low, 1.0)
+    scale = max(whole, min(ZOOM, *(0.7 * np.array(TILE) / span)))
+    part = np.minimum(np.array(TILE) / scale, (width, height))
+    origin = np.clip(np.round((low + high) / 2 - part / 2), 0, np.array([width, height]) - part)
+    return View(tuple(origin.tolist()), float(scale), tuple(int(round(s)) for s in part * scale))
+
+
+def _detected(table, number, min_score):
+    rows = tables.rows(table, table["frame"] == number)
+    values, _, joints = value_grid(rows, "frame", "u", "v", "score")
+    if not joints:
+        return None
+    with np.errstate(invalid="ignore"):
+        sure = values[0, :, 2] >= min_score
+    return np.where(sure[:, None], values[0, :, :2], np.nan), joints
+
+
+def _box(boxed, number):
+    frames, edges = boxed
+    return edges[frames == number][0] if (frames == number).any() else None
+
+
+def _tile(picture, grid, number, seen, box, role, sequence):
+    import cv2
+
+    height, width = picture.shape[:2]
+    uv = grid.uv[np.flatnonzero(grid.frames == number)[0]]
+    view = view_of(width, height, uv, role == "long_range")
+    to_tile = np.array([[view.scale, 0, 0], [0, view.scale, 0]])
+    to_tile[:, 2] = view.of((0.0, 0.0))
+    method = cv2.INTER_CUBIC if view.scale > 1 else cv2.INTER_AREA
+    if view.scale > 1:
+        canvas = cv2.warpAffine(picture, to_tile, view.size, flags=method, borderMode=cv2.BORDER_REPLICATE)
+    else:
+        canvas = cv2.resize(picture, view.size, interpolation=method)
+    off = np.full(len(grid.joints), np.nan)
+    if seen is not None:
+        seen_uv, joints = seen
+        off = distance(uv, onto(np.array([0]), grid.joints, seen_uv[None], np.array([0]), joints)[0])
+        _crosses(canvas, view.of(seen_uv))
+    if box is not None:
+        corners = view.of(np.array([[box[0] - 0.5, box[1] - 0.5], [box[2] + 0.5, box[3] + 0.5]]))
+        cv2.rectangle(canvas, _point(corners[0]), _point(corners[1]), BOX, 1, cv2.LINE_AA)
+    _skeleton(canvas, view.of(uv), grid.joints, off > OUTLIER_OF_HEIGHT * _height(uv))
+    shown = int(np.isfinite(uv).all(axis=1).sum())
+    scale = f", {view.scale:.1f}x" if view.scale > 1 else ""
+    return _captioned(canvas, f"{sequence} {grid.camera} frame {number}{scale}: {shown} of {len(uv)} labels")
+
+
+def _height(uv):
+    known = uv[np.isfinite(uv).all(axis=1)]
+    return max(float(np.ptp(known[:, 1])), 1.0) if len(known) else np.inf
+
+
+def _point(xy):
+    return int(round(float(xy[0]))), int(round(float(xy[1])))
+
+
+def _colour(joint):
+    if skeletons.mirrored(joint) == joint:
+        return MIDDLE
+    return LEFT if joint[0] in "lL" else RIGHT
+
+
+def _skeleton(canvas, uv, joints, outlier):
+    import cv2
+
+    known = np.isfinite(uv).all(axis=1)
+    for a, b in skeletons.bones_of(joints):
+        if known[a] and known[b]:
+            sides = {_colour(joints[a]), _colour(joints[b])}
+            colour = sides.pop() if len(sides) == 1 else MIDDLE
+            cv2.line(canvas, _point(uv[a]), _point(uv[b]), colour, 1, cv2.LINE_AA)
+    for i in np.flatnonzero(known):
+        colour = OUTLIER if outlier[i] else _colour(joints[i])
+        cv2.circle(canvas, _point(uv[i]), 3, (20, 20, 20), -1, cv2.LINE_AA)
+        cv2.circle(canvas, _point(uv[i]), 2, colour, -1, cv2.LINE_AA)
+
+
+def _crosses(canvas, uv):
+    import cv2
+
+    for point in uv[np.isfinite(uv).all(axis=1)]:
+        x, y = _point(point)
+        cv2.line(canvas, (x - 2, y - 2), (x + 2, y + 2), DETECTION, 1)
+        cv2.line(canvas, (x - 2, y + 2), (x + 2, y - 2), DETECTION, 1)
+
+
+def _captioned(canvas, text):
+    import cv2
+
+    band = np.full((CAPTION_HEIGHT, canvas.shape[1], 3), 32, np.uint8)
+    (width, _), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, 0.45, 1)
+    size = 0.45 * min(1.0, (canvas.shape[1] - 12) / max(width, 1))
+    cv2.putText(band, text, (6, 17), cv2.FONT_HERSHEY_SIMPLEX, size, (240, 240, 240), 1, cv2.LINE_AA)
+    return np.vstack([canvas, band])
+
+
+def _side_by_side(tiles):
+    height = max(tile.shape[0] for tile in tiles)
+    padded = []
+    for i, tile in enumerate(tiles):
+        below = np.full((height - tile.shape[0], tile.shape[1], 3), 32, np.uint8)
+        gap = np.full((height, 4 if i else 0, 3), 255, np.uint8)
+        padded += [gap, np.vstack([tile, below])]
+    return np.hstack(padded)

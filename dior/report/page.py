@@ -1,0 +1,224 @@
+"""The report: one HTML page with its pictures beside it, made of relative links, readable from disk and on a phone.
+
+INPUTS   the project's sheets, results/evaluate/metrics.csv, `frame_metrics`, `findings`, `cameras`, `skeletons_3d`,
+         contact sheets (overlays)
+OUTPUTS  <out>/index.html, written last; <out>/assets/plots/*.svg
+"""
+
+import os
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+
+from dior import tables
+from dior.errors import DiorError
+from dior.evaluate import metrics as metrics_csv
+from dior.files import write_text
+from dior.report import summary
+from dior.report.figures import Figures
+
+TEMPLATES = Path(__file__).parent / "templates"
+SEVERITY_ORDER = ("error", "warning", "info")
+# name of a metric for people, in the order of the page
+TITLES = {
+    "coverage": "Joints with a label",
+    "mark_error": "Clicked marks, residual of the fit",
+    "check_error": "Hand checks against labels",
+    "reprojection_error": "Labels against detections",
+    "adjust_error_before": "Reprojection error before the adjustment",
+    "adjust_error_after": "Reprojection error after the adjustment",
+    "in_box_share": "Labels in the hand boxes",
+    "error_to_truth_2d": "2D labels against the truth",
+    "error_to_truth_3d": "3D against the truth, as is",
+    "error_to_truth_3d_aligned": "3D against the truth, rigidly aligned",
+    "swapped_share": "Left and right exchanged in the detections",
+    "ambiguous_share": "Several possible people",
+}
+
+
+def run(*, root, title, metrics, frame_metrics, findings, cameras, skeletons, overlays, out):
+    """Write the report of the project in `root` into the folder `out`.
+
+    `frame_metrics`, `findings`, `cameras`, `skeletons`: files of those tables; `overlays`: the contact sheets
+    `<out>/assets/<sequence>/<camera>.jpg`.
+    """
+    from dior import project as projects
+
+    project, out = projects.load(root), Path(out)
+    rows = metrics_csv.read(metrics)
+    recorded = recordings(frame_metrics)
+    found = [finding for path in findings for finding in _findings(path)]
+    stations = session_cameras(cameras)
+    sheets = _sheets(overlays, out)
+    by_camera = rows_by_camera(rows)
+    cards = [_card(project, s, by_camera, recorded, found, stations, sheets) for s in project.sequences]
+    folder = out / "assets" / "plots"
+    made = Figures(folder, project, rows, recorded)
+    sections = [*made.paper(), *made.truth()]
+    timelines = made.timelines()
+    scenes = made.scenes(stations, skeletons)
+    _remove_stale(folder, made.names)
+    page = _environment().get_template("index.html.j2").render(
+        title=title,
+        tiles=_tiles(project, recorded),
+        tally=Counter(cell["light"].level for card in cards for cell in card["cells"]),
+        cards=cards,
+        excluded=sorted(project.excluded.items()),
+        findings=_sorted(found),
+        figures=_named(summary.table_of(rows, made.environment)),
+        sections=sections,
+        scenes=scenes,
+        timelines=timelines,
+        sheets=[(sequence, sorted(by_camera.items())) for sequence, by_camera in sorted(sheets.items())],
+        limits=[_limit(limit) for limit in summary.LIMITS],
+        words=summary.WORDS,
+        meanings=[(TITLES[name], name, text) for name, text in tables.METRICS.items()],
+        fx_of_limits=f"{summary.FX_OF_LIMITS:.0f}",
+    )  # fmt: skip
+    write_text(out / "index.html", page)
+
+
+def _environment():
+    import jinja2
+
+    return jinja2.Environment(
+        loader=jinja2.FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+    )
+
+
+def rows_by_camera(rows):
+    """metric -> value by (sequence, camera), of the rows over all joints."""
+    found = {}
+    for row in rows:
+        if row["sequence"] and row["camera"] and not row["joint"]:
+            found.setdefault((row["sequence"], row["camera"]), {})[row["metric"]] = row["value"]
+    return found
+
+
+def recordings(paths):
+    """(sequence, camera) -> metric -> (stamp_ns (N,), value (N,), n (N,)) of `frame_metrics` files."""
+    found = {}
+    for path in paths:
+        table = tables.read(path, "frame_metrics")
+        if not len(table["metric"]):
+            continue
+        keys = np.stack([table[c].astype(str) for c in ("sequence", "camera", "metric")], axis=1)
+        starts = np.flatnonzero(np.r_[True, (keys[1:] != keys[:-1]).any(axis=1)])
+        for start, end in zip(starts, np.r_[starts[1:], len(keys)], strict=True):
+            sequence, camera, metric = keys[start].tolist()
+            part = tuple(table[c][start:end] for c in ("stamp_ns", "value", "n"))
+            found.setdefault((sequence, camera), {})[metric] = part
+    return found
+
+
+def _findings(path):
+    table = tables.read(path, "findings")
+    return list(zip(*(table[c].tolist() for c in ("scope", "severity", "code", "text")), strict=True))
+
+
+def _sorted(found):
+    return [
+        {"scope": scope.replace("/", " \u203a "), "severity": severity, "code": code, "text": text}
+        for scope, severity, code, text in sorted(
+            set(found), key=lambda f: (SEVERITY_ORDER.index(f[1]) if f[1] in SEVERITY_ORDER else 9, f)
+        )
+    ]
+
+
+def session_cameras(paths):
+    """session -> camera -> `Camera` of `cameras` files; a file later in the list replaces an earlier one's camera."""
+    found = {}
+    for path in paths:
+        for session in tables.ordered_unique(tables.read(path, "cameras", ["session"])["session"]):
+            found.setdefault(session, {}).update(tables.read_cameras(path))
+    return found
+
+
+def _sheets(overlays, out):
+    """sequence -> camera -> link of the contact sheet."""
+    links = {}
+    for path in map(Path, overlays):
+        if not path.is_file():
+            raise DiorError(f"{path}: there is no such contact sheet; run the overlays step")
+        link = os.path.relpath(path, out)
+        if link.startswith(".."):
+            raise DiorError(f"{path}: lies outside the report's folder {out}, so that the report could not be moved")
+        links.setdefault(path.parent.name, {})[path.stem] = Path(link).as_posix()
+    return links
+
+
+def _card(project, sequence, figures, recorded, found, stations, sheets):
+    session, subject = project.session_of(sequence), project.subject_of(sequence)
+    row = project.sequence(sequence)
+    cells = []
+    for camera, settings in project.cameras(session).items():
+        values = dict(figures.get((sequence, camera), {}))
+        if "coverage" in recorded.get((sequence, camera), {}):
+            values["lost_pictures"] = summary.lost_share(recorded[sequence, camera]["coverage"][0])
+        known = stations.get(session, {}).get(camera)
+        light = summary.judge(
+            values,
+            known.intrinsics.fx if known else None,
+            summary.findings_of(found, sequence, session, subject, camera),
+        )
+        cells.append(
+            {
+                "camera": camera,
+                "role": settings["role"].replace("_", " "),
+                "light": light,
+                "sheet": sheets.get(sequence, {}).get(camera),
+            }
+        )
+    own = summary.findings_of(found, sequence, session, subject)
+    level = summary.worst([*(cell["light"].level for cell in cells), *(summary.SEVERITY_LEVEL[s] for s, _ in own)])
+    return {
+        "sequence": sequence,
+        "about": ", ".join(w for w in (subject, row["environment"], session, row["outfit"], row["walk"]) if w),
+        "level": level,
+        "word": summary.WORDS[level],
+        "notes": [text for severity, text in own if severity != "info"],
+        "cells": cells,
+    }
+
+
+def _tiles(project, recorded):
+    pictures = labels = 0
+    for by_metric in recorded.values():
+        if "coverage" in by_metric:
+            _, value, n = by_metric["coverage"]
+            pictures, labels = pictures + len(n), labels + int(np.rint(value * n).sum())
+    return [
+        (summary.count(len(project.sequences)), "sequences"),
+        (summary.count(len(project.processed_subjects)), "subjects"),
+        (summary.count(len(project.sessions)), "sessions"),
+        (summary.count(len(recorded)), "camera recordings"),
+        (summary.count(pictures), "pictures"),
+        (summary.count(labels), "2D labels"),
+    ]
+
+
+def _named(lines):
+    order = list(TITLES)
+    lines = sorted(lines, key=lambda line: (order.index(line["metric"]), line["where"]))
+    return [line | {"title": TITLES[line["metric"]]} for line in lines]
+
+
+def _limit(limit):
+    word = "above" if limit.sign > 0 else "below"
+    return {
+        "title": TITLES.get(limit.metric, limit.metric.replace("_", " ").capitalize()),
+        "look": f"{word} {summary.show(limit.look, limit.unit)}",
+        "bad": f"{word} {summary.show(limit.bad, limit.unit)}" if np.isfinite(limit.bad) else "never",
+        "why": limit.why,
+    }
+
+
+def _remove_stale(folder, names):
+    for path in folder.glob("*.svg") if folder.is_dir() else ():
+        if path.name not in names:
+            path.unlink()

@@ -1,0 +1,289 @@
+"""The report's figures, each a function from numbers to an SVG file. Same numbers, same bytes.
+
+Figures are narrow, with type that can still be read when a phone scales them down.
+"""
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from dior import skeletons
+
+COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#7F7F7F", "#8A6FB0")
+RED, GREY = "#C0392B", "#8a8f98"
+WIDTH = 5.2
+STYLE = {
+    "svg.hashsalt": "dior",
+    "svg.fonttype": "path",
+    "font.family": "DejaVu Sans",
+    "font.size": 10,
+    "axes.titlesize": 10,
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": GREY,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "#e3e6ea",
+    "grid.linewidth": 0.8,
+    "legend.frameon": False,
+    "legend.fontsize": 9,
+    "figure.constrained_layout.use": True,
+}
+
+
+@cache
+def _pyplot():
+    import matplotlib
+
+    matplotlib.use("Agg")
+    matplotlib.rcdefaults()
+    matplotlib.rcParams.update(STYLE)
+    from matplotlib import pyplot
+
+    return pyplot
+
+
+def _figure(rows=1, columns=1, height=3.1, **options):
+    return _pyplot().subplots(rows, columns, figsize=(WIDTH, height), **options)
+
+
+def _save(figure, path):
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, format="svg", metadata={"Date": None, "Creator": None})
+    _pyplot().close(figure)
+
+
+def _colours(names):
+    return {name: COLOURS[i % len(COLOURS)] for i, name in enumerate(names)}
+
+
+def strip(path, points, label, percent=False, limit=None):
+    """Figures by group: one dot per row, a dark bar at the mean weighted by n.
+
+    `points`: (group, colour group, value, n) tuples; `label` names the vertical axis with its unit; `limit`: (value,
+    text) drawn as a line.
+    """
+    groups = sorted({p[0] for p in points})
+    kinds = sorted({p[1] for p in points})
+    colours = _colours(kinds)
+    figure, axis = _figure()
+    scale = 100 if percent else 1
+    for at, group in enumerate(groups):
+        members = [p for p in points if p[0] == group]
+        spread = (np.arange(len(members)) - (len(members) - 1) / 2) * min(0.12, 0.6 / len(members))
+        for shift, (_, kind, value, _) in zip(spread, sorted(members, key=lambda p: p[1]), strict=True):
+            axis.plot(at + shift, value * scale, "o", ms=5, color=colours[kind], alpha=0.85, mec="white", mew=0.5)
+        n = np.array([p[3] for p in members])
+        mean = scale * np.dot(n, [p[2] for p in members]) / n.sum()
+        axis.plot([at - 0.32, at + 0.32], [mean, mean], color="#20242b", lw=1.8, solid_capstyle="butt", zorder=1)
+        axis.annotate(f"{mean:.3g}", (at + 0.34, mean), va="center", fontsize=9, color="#20242b", annotation_clip=False)
+    if limit:
+        axis.axhline(limit[0] * scale, color=RED, lw=1, ls=(0, (4, 3)), zorder=0)
+        axis.annotate(limit[1], (0.01, limit[0] * scale), xycoords=("axes fraction", "data"), va="bottom", fontsize=9,
+                      color=RED)  # fmt: skip
+    totals = [sum(p[3] for p in points if p[0] == group) for group in groups]
+    rotate = len(groups) > 6
+    axis.set_xticks(
+        range(len(groups)),
+        [f"{g}\nn {_short(t)}" if not rotate else f"{g} (n {_short(t)})" for g, t in zip(groups, totals, strict=True)],
+        rotation=60 if rotate else 0,
+        ha="right" if rotate else "center",
+    )
+    axis.set_xlim(-0.6, len(groups) - 0.2)
+    axis.margins(y=0.12)
+    if percent:
+        low = min(p[2] for p in points) * 100
+        axis.set_ylim(max(0, 5 * np.floor((low - 2) / 5)), 101)
+    else:
+        axis.set_ylim(0, None)
+    axis.set_ylabel(label)
+    axis.grid(axis="x", visible=False)
+    if len(kinds) > 1:
+        _legend(figure, axis, colours)
+    _save(figure, path)
+
+
+def _legend(figure, axis, colours):
+    from matplotlib.lines import Line2D
+
+    handles = [Line2D([], [], marker="o", ls="", color=c, label=name) for name, c in colours.items()]
+    figure.legend(handles=handles, loc="outside upper left", ncols=min(len(handles), 4), handletextpad=0.2,
+                  columnspacing=1.2)  # fmt: skip
+
+
+def _short(n):
+    return f"{n / 1e6:.3g}M" if n >= 1e6 else f"{n / 1e3:.3g}k" if n >= 1e4 else str(int(n))
+
+
+def distribution(path, series, label):
+    """Cumulative distributions of values per picture. `series`: name -> values (N,)."""
+    figure, axis = _figure()
+    q = np.linspace(0, 1, 201)
+    end = max(float(np.quantile(values, 0.99)) for values in series.values())
+    for (name, values), colour in zip(sorted(series.items()), COLOURS * 4, strict=False):
+        axis.plot(np.quantile(values, q), 100 * q, color=colour, lw=1.8, label=f"{name} (n {_short(len(values))})")
+    axis.set_xlim(0, end * 1.02 or 1)
+    axis.set_ylim(0, 100)
+    axis.set_xlabel(label)
+    axis.set_ylabel("share of the pictures, %")
+    axis.legend(loc="lower right")
+    _save(figure, path)
+
+
+def joints(path, values, label):
+    """Means by joint as horizontal bars. `values`: group -> {joint: (value, n)}; one panel per group."""
+    most = max(len(by_joint) for by_joint in values.values())
+    figure, axes = _figure(1, len(values), height=0.9 + 0.165 * most, squeeze=False)
+    for axis, (group, by_joint), colour in zip(axes[0], sorted(values.items()), COLOURS * 4, strict=False):
+        names = list(by_joint)
+        axis.barh(range(len(names)), [by_joint[name][0] for name in names], color=colour, height=0.7)
+        axis.set_yticks(range(len(names)), [name.replace("_", " ") for name in names], fontsize=7.5)
+        axis.set_ylim(len(names) - 0.4, -0.6)
+        axis.grid(axis="y", visible=False)
+        axis.set_title(f"{group} (n {_short(sum(n for _, n in by_joint.values()))})", fontsize=9)
+        axis.set_xlabel(label, fontsize=9)
+    _save(figure, path)
+
+
+def before_after(path, bars, label):
+    """Pairs of bars. `bars`: name -> (before, after, n)."""
+    figure, axis = _figure(height=2.9)
+    at = np.arange(len(bars))
+    for shift, index, colour, name in ((-0.2, 0, "#b9c0c9", "before"), (0.2, 1, COLOURS[0], "after")):
+        heights = [bar[index] for bar in bars.values()]
+        drawn = axis.bar(at + shift, heights, 0.36, color=colour, label=name)
+        axis.bar_label(drawn, fmt="%.3g", fontsize=9, padding=2)
+    axis.set_xticks(at, [f"{name}\nn {_short(bar[2])}" for name, bar in bars.items()])
+    axis.set_ylabel(label)
+    axis.margins(y=0.15)
+    axis.grid(axis="x", visible=False)
+    figure.legend(loc="outside upper left", ncols=2)
+    _save(figure, path)
+
+
+def timeline(path, lanes, errors, label):
+    """Errors over time, and below a lane per camera: joints without a label, and pictures lost in the recording.
+
+    `lanes`: camera -> (t (F,) s, missing (F,) share, lost (L,) s); `errors`: camera -> (t (N,) s, value (N,)); `label`
+    names the error with its unit.
+    """
+    names = list(lanes)
+    colours = _colours(names)
+    with_errors = any(len(t) for t, _ in errors.values())
+    figure, axes = _figure(
+        1 + with_errors, 1, height=(1.7 if with_errors else 0) + 0.75 + 0.3 * len(names), sharex=True, squeeze=False,
+        gridspec_kw={"height_ratios": ([1.6] if with_errors else []) + [0.45 + 0.3 * len(names)]},
+    )  # fmt: skip
+    if with_errors:
+        axis = axes[0, 0]
+        for name, (t, value) in errors.items():
+            axis.plot(*_binned(t, value), color=colours[name], lw=1.2, label=name)
+        axis.set_ylim(0, None)
+        axis.set_ylabel(label)
+    axis = axes[-1, 0]
+    for row, (name, (t, missing, lost)) in enumerate(lanes.items()):
+        axis.axhline(row, color="#e3e6ea", lw=0.8)
+        times, share = _binned(t, missing)
+        axis.fill_between(times, row, row + 0.8 * share, color=colours[name], lw=0, step="mid")
+        axis.plot(lost, np.full(len(lost), row - 0.12), "|", color=RED, ms=5, mew=1)
+    counts = [f"{name}\n{_short(len(lanes[name][0]))} pictures" for name in names]
+    axis.set_yticks(np.arange(len(names)) + 0.3, counts, fontsize=8)
+    axis.set_ylim(-0.3, len(names))
+    axis.grid(axis="y", visible=False)
+    axis.set_title("joints without a label (full height: all), red: lost pictures", fontsize=9)
+    axis.set_xlabel("time, s")
+    if with_errors:
+        figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=4, handlelength=1.2)
+    _save(figure, path)
+
+
+def _binned(t, value, bins=240):
+    """Means in at most `bins` equal parts, so that an hour draws as fast as a minute."""
+    if len(t) <= bins:
+        return t, value
+    edges = np.linspace(0, len(t), bins + 1).astype(int)[:-1]
+    size = np.diff(np.append(edges, len(t)))
+    return np.add.reduceat(t, edges) / size, np.add.reduceat(value, edges) / size
+
+
+def scene(path, cameras, walks, pose):
+    """Cameras and walks of a session from above and from the side.
+
+    `cameras`: `Camera`s with a pose; `walks`: sequence -> (N, 3) m; `pose`: (points (J, 3) m, joints) or None.
+    The side view looks along the horizontal direction in which there is least to see.
+    """
+    everything = np.concatenate([np.array([c.centre for c in cameras]).reshape(-1, 3), *walks.values()])
+    everything = everything[np.isfinite(everything).all(axis=1)]
+    walked = np.concatenate([*walks.values(), np.empty((0, 3))])
+    walked = walked[np.isfinite(walked).all(axis=1)]
+    far = len(walked) and np.ptp(everything[:, :2], axis=0).max() > 4 * max(np.ptp(walked[:, :2], axis=0).max(), 3)
+    panels = 3 if far else 2
+    figure, axes = _figure(panels, 1, height=2.4 + 2.6 * (panels - 1), squeeze=False)
+    axes = axes[:, 0]
+    _top(axes[0], cameras, walks, None)
+    axes[0].set_title(f"from above, {len(cameras)} cameras, {len(walks)} walks")
+    if far:
+        near = [c for c in cameras if np.abs(c.centre[:2] - np.median(walked[:, :2], axis=0)).max() < 20]
+        _top(axes[1], near, walks, pose)
+        axes[1].set_title("from above, without the far camera")
+    _side(axes[-1], cameras if not far else near, walks, pose, everything if not far else walked)
+    for name, colour in _colours(sorted(walks)).items():
+        axes[0].plot([], [], color=colour, label=name)
+    figure.legend(loc="outside lower left", ncols=3, handlelength=1.2, columnspacing=1)
+    _save(figure, path)
+
+
+def _walks(axis, walks, across, up):
+    for name, colour in _colours(sorted(walks)).items():
+        axis.plot(walks[name] @ across, walks[name] @ up, color=colour, lw=1.2, alpha=0.8)
+
+
+def _cameras(axis, cameras, across, up, extent):
+    for camera in cameras:
+        centre, ahead = camera.centre, camera.wRc[:, 2]
+        x, y = centre @ across, centre @ up
+        direction = np.array([ahead @ across, ahead @ up]) * 0.12 * extent
+        axis.annotate("", (x + direction[0], y + direction[1]), (x, y), arrowprops={"arrowstyle": "->", "color": GREY})
+        long_range = camera.role == "long_range"
+        axis.plot(x, y, "s", ms=6, color=COLOURS[5] if long_range else "#20242b")
+        axis.annotate(camera.name, (x, y), xytext=(0, 7), textcoords="offset points", fontsize=8.5, ha="center")
+
+
+def _pose(axis, pose, across, up):
+    if pose is None:
+        return
+    points, names = pose
+    for a, b in skeletons.bones_of(names):
+        axis.plot(points[[a, b]] @ across, points[[a, b]] @ up, color="#20242b", lw=1)
+
+
+def _top(axis, cameras, walks, pose):
+    x, y = np.eye(3)[:2]
+    _walks(axis, walks, x, y)
+    spread = [np.array([c.centre for c in cameras]).reshape(-1, 3), *walks.values()]
+    extent = np.nanmax(np.ptp(np.concatenate(spread)[:, :2], axis=0), initial=1.0) if len(cameras) else 5.0
+    _cameras(axis, cameras, x, y, extent)
+    _pose(axis, pose, x, y)
+    axis.set_aspect("equal", adjustable="datalim")
+    axis.margins(0.1)
+    axis.set_xlabel("x, m")
+    axis.set_ylabel("y, m")
+
+
+def _side(axis, cameras, walks, pose, points):
+    flat = points[:, :2] - points[:, :2].mean(axis=0)
+    across = np.append(np.linalg.svd(flat, full_matrices=False)[2][0], 0.0) if len(flat) > 1 else np.eye(3)[0]
+    across = across * np.sign(across[np.abs(across).argmax()])
+    up = np.eye(3)[2]
+    _walks(axis, walks, across, up)
+    _cameras(axis, cameras, across, up, 8.0)
+    _pose(axis, pose, across, up)
+    axis.axhline(0, color=GREY, lw=1)
+    axis.margins(0.12)
+    axis.set_ylim(min(-0.2, axis.get_ylim()[0]), max(2.2, axis.get_ylim()[1]))
+    axis.set_title("from the side, heights stretched")
+    axis.set_xlabel("along the walk, m")
+    axis.set_ylabel("height, m")

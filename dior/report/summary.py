@@ -1,0 +1,168 @@
+"""What the numbers mean: a traffic light per sequence and camera, with the reason in words.
+
+INPUTS   rows of metrics.csv, `frame_metrics`, `findings`, the sheets
+OUTPUT   `Light`s, counts and the figures of the table; nothing is drawn or written here
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+LEVELS = ("good", "look", "bad", "none")
+WORDS = {"good": "good", "look": "look at it", "bad": "fix it", "none": "left out"}
+FX_OF_LIMITS = 1680.0
+
+
+@dataclass(frozen=True)
+class Limit:
+    """From where on a figure is amber (`look`) and red (`bad`). `sign` +1: large is bad, -1: small is bad."""
+
+    metric: str
+    look: float
+    bad: float
+    sign: int
+    unit: str
+    words: str
+    why: str
+    scaled_by_fx: bool = False
+
+
+LIMITS = (
+    Limit("coverage", 0.95, 0.80, -1, "share", "{} of the joints have a label", "more than a few gaps"),
+    Limit(
+        "lost_pictures", 0.01, 0.05, 1, "share", "{} of the pictures were lost in the recording",
+        "estimated from gaps between the stamps; labels are never made up for lost pictures",
+    ),
+    Limit(
+        "reprojection_error", 15.0, 30.0, 1, "px", "labels are {} from the detections",
+        "a real detector has 10-15 px of noise at a focal length of 1680 px; limits are scaled by the focal length",
+        scaled_by_fx=True,
+    ),
+    Limit("mark_error", 3.0, 6.0, 1, "px", "the clicked marks fit to {}", "a person clicks to about 1-2 px"),
+    Limit("check_error", 3.0, 6.0, 1, "px", "labels are {} from the hand checks", "a person clicks to about 1-2 px"),
+    Limit(
+        "in_box_share", 0.95, 0.70, -1, "share", "{} of the labels are in the hand boxes",
+        "perfect labels score 98 % in boxes drawn 3 px large, but only 73-78 % in boxes that are tight",
+    ),
+    Limit("error_to_truth_2d", 3.0, 6.0, 1, "px", "labels are {} from the truth", "only in simulated captures"),
+    Limit(
+        "swapped_share", 0.25, np.inf, 1, "share", "left and right were exchanged in {} of the detections",
+        "they are turned back before use; when they are many, some will have been overlooked",
+    ),
+)  # fmt: skip
+SEVERITY_LEVEL = {"info": "good", "warning": "look", "error": "bad"}
+
+
+@dataclass(frozen=True)
+class Light:
+    """`level` is one of LEVELS; `reasons`: what made it amber or red; `facts`: the other figures in words."""
+
+    level: str
+    reasons: tuple = ()
+    facts: tuple = ()
+
+    @property
+    def word(self):
+        return WORDS[self.level]
+
+
+def worst(levels):
+    """The most serious of levels."""
+    return max(levels, key=LEVELS.index, default="good")
+
+
+def judge(figures, fx, findings=()):
+    """The `Light` of a camera of a sequence.
+
+    `figures`: metric -> value, `fx` px or None, `findings`: (severity, text) pairs that are about this camera.
+    No `coverage` means that there are no labels.
+    """
+    found = [(SEVERITY_LEVEL[severity], text) for severity, text in findings]
+    if "coverage" not in figures:
+        found.append(("bad", "no labels were made"))
+    for limit in LIMITS:
+        value = figures.get(limit.metric)
+        if value is None:
+            continue
+        by = fx / FX_OF_LIMITS if limit.scaled_by_fx and fx else 1.0
+        look, bad = limit.sign * limit.look * by, limit.sign * limit.bad * by
+        level = "bad" if limit.sign * value > bad else "look" if limit.sign * value > look else "good"
+        text = limit.words.format(show(value, limit.unit))
+        if level != "good":
+            text += f" (limit {show(limit.look * by, limit.unit)})"
+        if level != "good" or limit.metric not in ("lost_pictures", "swapped_share"):
+            found.append((level, text))
+    ordered = sorted(found, key=lambda item: -LEVELS.index(item[0]))
+    return Light(
+        worst(level for level, _ in found),
+        tuple(text for level, text in ordered if level != "good"),
+        tuple(text for level, text in ordered if level == "good"),
+    )
+
+
+def about(scope, names):
+    """Whether a finding's scope, words separated by "/", says nothing but `names` (of a sequence, camera, ...)."""
+    return {word for word in scope.split("/") if word} <= set(names)
+
+
+def findings_of(findings, sequence, session, subject, camera=""):
+    """(severity, text) of `findings` (scope, severity, code, text) about a sequence, or about one of its cameras."""
+    names = {sequence, session, subject, camera} - {""}
+    return [
+        (severity, text)
+        for scope, severity, _, text in findings
+        if about(scope, names) and scope and ((camera in scope.split("/")) if camera else True)
+    ]
+
+
+def show(value, unit):
+    """A figure for people: shares in percent, metres in millimetres, three significant digits."""
+    if not np.isfinite(value):
+        return "unknown"
+    value, unit = (100 * value, "%") if unit == "share" else (1000 * value, "mm") if unit == "m" else (value, unit)
+    digits = 1 if abs(value) >= 9.95 or unit == "%" else 2
+    return f"{value:.{digits}f} {unit}"
+
+
+def count(number):
+    """A whole number with thin spaces between thousands."""
+    return f"{int(number):,}".replace(",", "\u202f")
+
+
+def lost_share(stamp_ns):
+    """Share of pictures missing from stamps (F,) ns, by the gaps that are a multiple of the median period."""
+    if len(stamp_ns) < 3:
+        return 0.0
+    steps = np.diff(stamp_ns)
+    lost = (np.rint(steps / np.median(steps)).astype(int) - 1).clip(0).sum()
+    return float(lost / (lost + len(stamp_ns)))
+
+
+def table_of(rows, environment):
+    """Rows of the key figures: dicts metric, where, value, n; means weighted by n over the sequences.
+
+    `environment`: sequence -> indoor | outdoor. Rows of no sequence (the adjustment's) are taken as they are.
+    """
+    whole = [row for row in rows if not row["joint"]]
+    groups = {}
+    for row in whole:
+        if row["sequence"] and (row["camera"] or not row["role"]):
+            key = (row["metric"], environment.get(row["sequence"], ""), row["role"])
+            groups.setdefault(key, []).append(row)
+    lines = [
+        {
+            "metric": metric,
+            "where": " ".join(word for word in (env, role.replace("_", " ")) if word),
+            "value": show(np.dot([r["n"] for r in members], [r["value"] for r in members]) / n, members[0]["unit"]),
+            "n": count(n),
+        }
+        for (metric, env, role), members in sorted(groups.items())
+        if (n := sum(r["n"] for r in members))
+    ]
+    pooled = {row["metric"] for row in whole if row["sequence"]}
+    lines += [
+        {"metric": row["metric"], "where": "all", "value": show(row["value"], row["unit"]), "n": count(row["n"])}
+        for row in whole
+        if row["metric"] not in pooled and not row["camera"] and not row["subject"] and not row["role"]
+    ]
+    return lines
