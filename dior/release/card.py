@@ -1,0 +1,118 @@
+"""The dataset card of a release: what the tables hold, how they were made, how good they are and what they lack.
+
+INPUTS   facts of the config, released sheet rows, counts per labels table, cameras, figures. OUTPUT: Markdown with
+         the front matter that the Hugging Face Hub reads.
+"""
+
+import json
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+
+from dior import tables
+
+TEMPLATE = Path(__file__).with_name("card.md.j2")
+FILES = {
+    "labels_2d": ("labels_2d/<subject>/<sequence>.<camera>.parquet", "one row per frame and joint of a camera"),
+    "skeletons_3d": ("skeletons_3d/<subject>/<sequence>.parquet", "one row per instant and joint"),
+    "released_frames": ("frames/<subject>/<sequence>.parquet", "one row per picture, all cameras"),
+    "cameras": ("cameras.parquet", "one row per session and camera"),
+    "sequences": ("sequences.parquet", "one row per walk"),
+    "subjects": ("subjects.parquet", "one row per person"),
+}
+SIZES = (
+    (10**3, "n<1K"),
+    (10**4, "1K<n<10K"),
+    (10**5, "10K<n<100K"),
+    (10**6, "100K<n<1M"),
+    (10**7, "1M<n<10M"),
+    (10**8, "10M<n<100M"),
+    (10**9, "100M<n<1B"),
+)
+
+
+def text(facts, sequences, counts, cameras, figures):
+    """The card. `facts`: version, title, license, authors. `sequences`: released sheet rows. `counts`: one dict per
+    labels table (sequence, environment, session, camera, frames, rows, labels). `cameras`: columns. `figures`: rows of
+    metrics.csv.
+    """
+    from jinja2 import Environment, StrictUndefined
+
+    environment = Environment(
+        undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True
+    )
+    environment.filters["quoted"] = lambda word: json.dumps(str(word), ensure_ascii=False)
+    environment.filters["cell"] = lambda word: str(word).replace("|", "\\|")
+    rows = sum(count["rows"] for count in counts)
+    return environment.from_string(TEMPLATE.read_text(encoding="utf-8")).render(
+        **facts,
+        simulated=any(row.get("truth") for row in sequences),
+        size=next((name for limit, name in SIZES if rows < limit), "n>1T"),
+        environments=dict(sorted(Counter(row["environment"] for row in sequences).items())),
+        long_range="long_range" in set(cameras["role"]),
+        n_sequences=len(sequences),
+        n_subjects=len({row["subject"] for row in sequences}),
+        n_frames=sum(count["frames"] for count in counts),
+        n_labels=sum(count["labels"] for count in counts),
+        counts=_counted(counts, cameras),
+        described=[(*FILES[name], _columns(name)) for name in FILES],
+        metric_columns=tables.columns_of("metrics"),
+        figures=[figure for figure in map(_figure, figures) if figure],
+        metrics={name: meaning for name, meaning in tables.METRICS.items() if _has(figures, name)},
+        example=_example(sequences, counts),
+    )
+
+
+def _has(figures, name):
+    return any(figure["metric"] == name for figure in figures)
+
+
+def _columns(name):
+    """(name, type, unit, meaning) of a table's columns; the words that a column may hold are part of its meaning."""
+    return [
+        (field.name, _type(field.type), field.metadata[b"unit"].decode(), _meaning(name, field))
+        for field in tables.SCHEMAS[name]
+    ]
+
+
+def _meaning(name, field):
+    words = ", ".join(tables.VOCABULARY.get((name, field.name), ()))
+    return "; ".join(part for part in (field.metadata[b"description"].decode(), words) if part)
+
+
+def _type(kind):
+    if pa.types.is_dictionary(kind):
+        return "string"
+    if pa.types.is_fixed_size_list(kind):
+        return f"{kind.list_size} x {_type(kind.value_type)}"
+    return str(np.dtype(kind.to_pandas_dtype()))
+
+
+def _counted(counts, cameras):
+    """Totals by environment, camera and role, in that order."""
+    names = zip(cameras["session"], cameras["camera"], cameras["role"], strict=True)
+    roles = {(session, camera): role for session, camera, role in names}
+    totals = {}
+    for count in counts:
+        key = (count["environment"], count["camera"], roles.get((count["session"], count["camera"]), ""))
+        total = totals.setdefault(key, Counter())
+        total.update({"sequences": 1, **{k: count[k] for k in ("frames", "rows", "labels")}})
+    return [(*key, totals[key]) for key in sorted(totals)]
+
+
+def _figure(row):
+    """A pooled figure as cells of the card's table; nothing for one of a subject, sequence or joint."""
+    if row["subject"] or row["sequence"] or row["joint"]:
+        return None
+    where = row["camera"] or row["role"] or "all"
+    value = "" if np.isnan(row["value"]) else f"{row['value']:.3g}"
+    return row["metric"], row["tool"], where.replace("_", "-"), value, row["unit"], row["n"]
+
+
+def _example(sequences, counts):
+    """A labels file that exists, for the lines that show how to read it."""
+    first = sequences[0]
+    camera = min(count["camera"] for count in counts if count["sequence"] == first["sequence"])
+    return f"labels_2d/{first['subject']}/{first['sequence']}.{camera}.parquet"
