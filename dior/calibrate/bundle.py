@@ -75,9 +75,7 @@ def build(cameras, uv, points, priors, sigma_px):
             gtsam.PoseTranslationPrior3D(view, prior.position, gtsam.noiseModel.Isotropic.Sigma(3, prior.sigma_m))
         )
         graph.push_back(
-            gtsam.PoseRotationPrior3D(
-                view, gtsam.Rot3(prior.wRc), gtsam.noiseModel.Isotropic.Sigma(3, prior.sigma_rad)
-            )
+            gtsam.PoseRotationPrior3D(view, gtsam.Rot3(prior.wRc), gtsam.noiseModel.Isotropic.Sigma(3, prior.sigma_rad))
         )
         values.insert(view, gtsam.Pose3(camera.wTc))
     for j, point in enumerate(points):

@@ -103,9 +103,7 @@ def _start(intrinsics, xyz, uv):
     """wTc (4, 4) by SQPnP, a global solver that planar marks do not upset."""
     import cv2
 
-    _, rotation, translation = cv2.solvePnP(
-        xyz, undistort(intrinsics, uv), np.eye(3), None, flags=cv2.SOLVEPNP_SQPNP
-    )
+    _, rotation, translation = cv2.solvePnP(xyz, undistort(intrinsics, uv), np.eye(3), None, flags=cv2.SOLVEPNP_SQPNP)
     return inverse_pose(pose(cv2.Rodrigues(rotation)[0], translation.ravel()))
 
 

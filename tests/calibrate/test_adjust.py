@@ -210,4 +210,3 @@ def test_at_the_papers_size():
     placed = misplaced(cameras)
     done = step.adjust(placed, seen(cameras, points, 2.0), tape(placed), HUBER, MOST, "s")
     assert np.nanmean(done.after_px) < 1.8
-

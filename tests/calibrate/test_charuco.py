@@ -32,9 +32,7 @@ def board(shared):
     cameras = {}
     for key, entry in array.items():
         K = np.array(entry["matrix"])
-        lens = Intrinsics(
-            *entry["size"], K[0, 0], K[1, 1], K[0, 2], K[1, 2], "plumb_bob", tuple(entry["distortions"])
-        )
+        lens = Intrinsics(*entry["size"], K[0, 0], K[1, 1], K[0, 2], K[1, 2], "plumb_bob", tuple(entry["distortions"]))
         wTc = reference_pose(folder / "camera_array.toml", f"cameras.{key}")
         wTc[:3, 3] += UP
         cameras[int(key)] = Camera(f"cam{key}", lens, wTc)

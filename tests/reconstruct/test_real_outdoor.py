@@ -108,5 +108,3 @@ def read_trc(path):
     cells = [line.split("\t")[2 : 2 + 3 * len(names)] for line in lines[5:] if line.strip()]
     values = np.array([[float(cell) if cell.strip() else np.nan for cell in row] for row in cells])
     return names, values.reshape(-1, len(names), 3)[..., [2, 0, 1]]
-
-

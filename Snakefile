@@ -1,0 +1,58 @@
+from snakemake.utils import min_version
+
+min_version("9.0")
+
+
+configfile: "config/config.yaml"
+
+
+include: "workflow/rules/common.smk"
+include: "workflow/rules/inputs.smk"
+
+
+if "simulate" in config:
+
+    include: "workflow/rules/simulate.smk"
+
+
+include: "workflow/rules/ingest.smk"
+include: "workflow/rules/calibrate.smk"
+include: "workflow/rules/reconstruct.smk"
+include: "workflow/rules/label.smk"
+include: "workflow/rules/evaluate.smk"
+include: "workflow/rules/report.smk"
+include: "workflow/rules/release.smk"
+
+
+rule all:
+    """Report, release and tarballs (the default)."""
+    default_target: True
+    input:
+        rules.report.output.page,
+        released_files() if PROJECT.released_subjects else [],
+        tarballs_of(PROJECT.released_subjects),
+
+
+rule release:
+    """The release folder and its tarballs."""
+    input:
+        rules.package.output,
+        tarballs_of(PROJECT.released_subjects),
+
+
+for name in PROJECT.processed_subjects:
+
+    rule:
+        name:
+            f"subject_{name}"
+        input:
+            [labels_of(sequence) for sequence in PROJECT.sequences_of_subject(name)],
+            [
+                f"results/evaluate/{sequence}.parquet"
+                for sequence in PROJECT.sequences_of_subject(name)
+            ],
+            [
+                overlay
+                for overlay in all_overlays()
+                if overlay.split("/")[3] in PROJECT.sequences_of_subject(name)
+            ],

@@ -1,0 +1,76 @@
+"""Run the demo as a newcomer does, in a folder of its own, and print what it took and how near the truth it is.
+
+usage: python -m benchmarks.demo [FOLDER]      (FOLDER: a new temporary one, removed afterwards)
+"""
+
+import csv
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+LIMITS = (
+    ("wall time, s", "", 180),
+    ("on disk, GB", "", 1.0),
+    ("error_to_truth_2d", "indoor", 1.0),
+    ("error_to_truth_2d", "outdoor close", 3.0),
+    ("error_to_truth_2d", "outdoor long_range", 2.0),
+    ("1 - in_box_share", "outdoor long_range", 1 - 0.967),
+)
+
+
+def run(folder):
+    """Wall time (s) of a first and a second `snakemake -j2` in `folder`."""
+    times = []
+    for _ in range(2):
+        start = time.perf_counter()
+        command = [sys.executable, "-m", "snakemake", "-j2", "--quiet", "all", "--directory", folder]
+        subprocess.run(command, cwd=ROOT, check=True, env=os.environ | {"PYTHONPATH": str(ROOT)})
+        times.append(time.perf_counter() - start)
+    return times
+
+
+def pooled(rows, metric, environment, role):
+    """Mean of a metric weighted by its count, over the cameras of a role, from the rows by sequence and camera."""
+    mine = [
+        (float(row["value"]), int(row["n"]))
+        for row in rows
+        if row["metric"] == metric
+        and row["role"] == role
+        and row["sequence"].startswith(environment)
+        and row["camera"]
+        and not row["joint"]
+    ]
+    return sum(value * n for value, n in mine) / sum(n for _, n in mine)
+
+
+def main():
+    given = Path(sys.argv[1]) if len(sys.argv) > 1 else None
+    folder = given or Path(tempfile.mkdtemp(prefix="dior-demo-"))
+    shutil.copytree(ROOT / "config", folder / "config", dirs_exist_ok=True)
+    first, second = run(folder)
+    size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+    with open(folder / "results/evaluate/metrics.csv", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    measured = (
+        first,
+        size / 1e9,
+        pooled(rows, "error_to_truth_2d", "indoor", "close"),
+        pooled(rows, "error_to_truth_2d", "outdoor", "close"),
+        pooled(rows, "error_to_truth_2d", "outdoor", "long_range"),
+        1 - pooled(rows, "in_box_share", "outdoor", "long_range"),
+    )
+    print(f"{'what':<40}{'measured':>10}{'at most':>10}{'ratio':>8}")
+    for (what, where, limit), value in zip(LIMITS, measured, strict=True):
+        print(f"{f'{what} {where}':<40}{value:>10.3f}{limit:>10.3f}{value / limit:>8.2f}")
+    print(f"{'a second call, s':<40}{second:>10.3f}")
+    if given is None:
+        shutil.rmtree(folder)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,308 @@
+"""The command `dior`: one subcommand per rule of the workflow, and the few that a person types. No logic here."""
+
+import argparse
+import json
+import sys
+from importlib import import_module
+from pathlib import Path
+
+from dior.errors import DiorError
+
+
+def pairs(words):
+    """`key=value` words as a dict."""
+    return dict(word.split("=", 1) for word in words)
+
+
+def path_pairs(words):
+    return {key: Path(value) for key, value in pairs(words).items()}
+
+
+def path_or_none(words):
+    """Zero paths or one."""
+    return Path(words[0]) if words else None
+
+
+TEXT, PATH, NUMBER, INTEGER, JSON = {}, {"type": Path}, {"type": float}, {"type": int}, {"type": json.loads}
+OPTIONAL = {"nargs": "?", "const": "", "default": ""}
+PATHS = {"type": Path, "nargs": "*", "default": []}
+WORDS = {"nargs": "*", "default": []}
+# flags whose words become something else: flag kind -> conversion after parsing
+PAIRS, PATH_PAIRS, MAYBE = {**WORDS, "dest": pairs}, {**WORDS, "dest": path_pairs}, {**WORDS, "dest": path_or_none}
+
+STEPS = {
+    "simulate": (
+        "simulate.recording",
+        "record one sequence of a simulated capture",
+        {"settings": JSON, "sequence": TEXT, "out": PATH, "only": {"choices": ["recording", "mocap"]}},
+    ),
+    "frames": (
+        "ingest.frames",
+        "index the pictures of a sequence",
+        {"sequence": TEXT, "bags": PATHS, "data-root": PATH, "topics": PAIRS, "out": PATH},
+    ),
+    "mocap": (
+        "ingest.mocap",
+        "read the markers of a C3D",
+        {"sequence": TEXT, "subject": TEXT, "c3d": PATH, "frames": PATH, "trigger-log": MAYBE, "out": PATH},
+    ),
+    "detections": (
+        "ingest.detections",
+        "read 2D detections and follow the subject",
+        {
+            "sequence": TEXT,
+            "pattern": TEXT,
+            "cameras": WORDS,
+            "format": TEXT,
+            "frames": PATH,
+            "out": PATH,
+            "findings": PATH,
+        },
+    ),
+    "intrinsics": (
+        "calibrate.intrinsics",
+        "intrinsics of one camera",
+        {
+            "session": TEXT,
+            "camera": TEXT,
+            "role": TEXT,
+            "topic": TEXT,
+            "source": TEXT,
+            "name": OPTIONAL,
+            "distortion-model": OPTIONAL,
+            "frames": PATH,
+            "sequence": TEXT,
+            "data-root": PATH,
+            "out": PATH,
+        },
+    ),
+    "locate": (
+        "calibrate.locate",
+        "pose of an indoor camera from hand marks",
+        {
+            "session": TEXT,
+            "camera": TEXT,
+            "camera-file": PATH,
+            "marks": PATH,
+            "intrinsics": PATH,
+            "mocap": PATHS,
+            "frames": PATHS,
+            "offsets": PATHS,
+            "ransac-px": NUMBER,
+            "out": PATH,
+            "out-marks": PATH,
+            "findings": PATH,
+        },
+    ),
+    "place": (
+        "calibrate.place",
+        "pose of a camera from the tape or a reference",
+        {
+            "session": TEXT,
+            "camera": TEXT,
+            "camera-file": PATH,
+            "intrinsics": PATH,
+            "data-root": PATH,
+            "out": PATH,
+        },
+    ),
+    "adjust": (
+        "calibrate.adjust",
+        "bundle adjustment of the close cameras of a session",
+        {
+            "session": TEXT,
+            "cameras": PATHS,
+            "camera-files": PATHS,
+            "detections": PATHS,
+            "frames": PATHS,
+            "offsets": PATHS,
+            "window": JSON,
+            "min-score": NUMBER,
+            "min-views": INTEGER,
+            "huber-px": NUMBER,
+            "max-mean-px": NUMBER,
+            "max-gap": NUMBER,
+            "out": PATH,
+            "out-metrics": PATH,
+            "findings": PATH,
+        },
+    ),
+    "align": (
+        "calibrate.align",
+        "pose of the long-range camera from the tape and nudges",
+        {"session": TEXT, "camera": TEXT, "camera-file": PATH, "intrinsics": PATH, "out": PATH},
+    ),
+    "timeline": (
+        "reconstruct.timeline",
+        "the instants of a sequence",
+        {
+            "sequence": TEXT,
+            "frames": PATH,
+            "cameras": WORDS,
+            "offsets": MAYBE,
+            "mocap": MAYBE,
+            "max-gap": NUMBER,
+            "out": PATH,
+            "out-offsets": PATH,
+        },
+    ),
+    "triangulate": (
+        "reconstruct.triangulate",
+        "3D joints of an outdoor sequence",
+        {
+            "sequence": TEXT,
+            "subject": TEXT,
+            "cameras": PATHS,
+            "names": WORDS,
+            "detections": PATH,
+            "timeline": PATH,
+            "method": TEXT,
+            "min-score": NUMBER,
+            "max-error-px": NUMBER,
+            "out": PATH,
+            "out-swaps": PATH,
+            "findings": PATH,
+        },
+    ),
+    "reproject": (
+        "label.reproject",
+        "2D labels of one camera of a sequence",
+        {
+            "sequence": TEXT,
+            "subject": TEXT,
+            "camera": TEXT,
+            "cameras": PATHS,
+            "skeleton": PATH,
+            "frames": PATH,
+            "offsets": PATH,
+            "source": TEXT,
+            "out": PATH,
+        },
+    ),
+    "evaluate": (
+        "evaluate.evaluate",
+        "measure the labels of a sequence",
+        {
+            "sequence": TEXT,
+            "subject": TEXT,
+            "labels": PATHS,
+            "skeleton": MAYBE,
+            "roles": PAIRS,
+            "detections": MAYBE,
+            "min-score": NUMBER,
+            "boxes": PATH_PAIRS,
+            "marks": PATHS,
+            "checks": PATH_PAIRS,
+            "swaps": MAYBE,
+            "truth": MAYBE,
+            "out": PATH,
+            "out-frames": PATH,
+        },
+    ),
+    "metrics": ("evaluate.metrics", "pool the figures of all sequences", {"inputs": PATHS, "out": PATH}),
+    "overlays": (
+        "report.overlays",
+        "draw labels on a few pictures",
+        {
+            "sequence": TEXT,
+            "frames": PATH,
+            "data-root": PATH,
+            "labels": PATHS,
+            "detections": MAYBE,
+            "min-score": NUMBER,
+            "boxes": PATH_PAIRS,
+            "roles": PAIRS,
+            "count": INTEGER,
+            "out": PATH,
+        },
+    ),
+    "report": (
+        "report.page",
+        "write the report's page",
+        {
+            "root": PATH,
+            "title": TEXT,
+            "metrics": PATH,
+            "frame-metrics": PATHS,
+            "findings": PATHS,
+            "cameras": PATHS,
+            "skeletons": PATHS,
+            "overlays": PATHS,
+            "out": PATH,
+        },
+    ),
+    "package": (
+        "release.package",
+        "write the release folder",
+        {
+            "project": PATH,
+            "version": TEXT,
+            "title": TEXT,
+            "license": TEXT,
+            "authors": WORDS,
+            "labels": PATHS,
+            "skeletons": PATHS,
+            "frames": PATHS,
+            "cameras": PATHS,
+            "metrics": PATHS,
+            "out": PATH,
+        },
+    ),
+    "tarballs": (
+        "release.tarballs",
+        "pack one subject's part of the release",
+        {"release": PATH, "subject": TEXT, "out": PATH},
+    ),
+}
+
+
+def _parser():
+    parser = argparse.ArgumentParser(prog="dior", description=__doc__.splitlines()[0])
+    commands = parser.add_subparsers(dest="command", required=True, metavar="command")
+    for name, (_, text, flags) in STEPS.items():
+        command = commands.add_parser(name, help=text, description=text)
+        for flag, how in flags.items():
+            options = {key: value for key, value in how.items() if key != "dest"}
+            command.add_argument(f"--{flag}", required="default" not in how, **options)
+    init = commands.add_parser("init", help="start a project folder for your own recordings")
+    init.add_argument("folder", type=Path)
+    return parser
+
+
+def _config_parser():
+    """`dior simulate --write-config FOLDER`: not a step, it makes the config that the steps run with."""
+    parser = argparse.ArgumentParser(prog="dior simulate", description="write the config of a simulated capture")
+    parser.add_argument("--write-config", type=Path, required=True, metavar="FOLDER")
+    parser.add_argument("--settings", default={}, help="JSON of what differs from the demo", **JSON)
+    return parser
+
+
+def _arguments(args):
+    values = vars(args)
+    for flag, how in STEPS[args.command][2].items():
+        key = flag.replace("-", "_")
+        if "dest" in how:
+            values[key] = how["dest"](values[key])
+    return {key: value for key, value in values.items() if key != "command"}
+
+
+def main(argv=None):
+    """Run one subcommand; a DiorError is one line on standard error and exit code 1."""
+    argv = sys.argv[1:] if argv is None else argv
+    try:
+        if argv[:1] == ["simulate"] and "--write-config" in argv:
+            import_module("dior.simulate.config").run(**vars(_config_parser().parse_args(argv[1:])))
+            return 0
+        args = _parser().parse_args(argv)
+        if args.command == "init":
+            import_module("dior.init").run(args.folder)
+            return 0
+        import_module(f"dior.{STEPS[args.command][0]}").run(**_arguments(args))
+    except DiorError as error:
+        print(f"dior {argv[0]}: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,95 @@
+"""The workflow on a real recording: ../shared/data/real_outdoor, by its reference cameras and by adjusted ones."""
+
+import os
+import shutil
+import subprocess
+import sys
+import tomllib
+
+import numpy as np
+import pytest
+
+from dior import tables
+from tests.end_to_end.workflow import ROOT, edit, snakemake
+
+PROJECT = ROOT / "tests/projects/real_outdoor"
+
+
+@pytest.fixture
+def project(shared, tmp_path):
+    folder = tmp_path / "real_outdoor"
+    shutil.copytree(PROJECT / "config", folder / "config")
+    edit(folder / "config/config.yaml", "../../../../shared/data/real_outdoor", str(shared / "real_outdoor"))
+    return folder
+
+
+def score(shared, labels):
+    tool = shared.parent / "tools/score_real_outdoor.py"
+    words = subprocess.run([sys.executable, tool, labels], capture_output=True, text=True, check=True).stdout.split()
+    return {words[i]: float(words[i + 1]) for i in (0, 2, 4, 6)}
+
+
+def test_reference_cameras_label_the_unseen_one(project, shared):
+    snakemake(project)
+    figures = score(shared, project / "results/reproject/beam_01.cam04.parquet")
+    assert figures["mean"] <= 22.5 and figures["median"] <= 19.5 and figures["coverage"] >= 0.98
+    swaps = tables.read(project / "results/triangulate/beam_01.swaps.parquet", "swaps")
+    found = {name: tables.of_camera(swaps, name)["swapped"] for name in ("cam01", "cam02", "cam03")}
+    true = np.zeros(100, bool)
+    true[[*range(41, 62), 65, *range(67, 75), 77, 78, 81]] = True
+    assert (found["cam02"] & true).sum() >= 30
+    assert (found["cam02"] & ~true).sum() + found["cam01"].sum() + found["cam03"].sum() <= 2
+    assert (project / "results/report/index.html").is_file()
+    assert (project / "results/release/dior-0.1.0-beamwalker.tar").is_file()
+
+
+def perturbed(text, seed, metres=0.05, degrees=2.0):
+    """The TOML with every camera moved and turned by that much, each in a random direction."""
+    import cv2
+
+    from dior.camera import inverse_pose, pose
+
+    rng = np.random.default_rng(seed)
+    lines = []
+    for name, entry in tomllib.loads(text).items():
+        if "matrix" not in entry:
+            continue
+        wTc = inverse_pose(pose(cv2.Rodrigues(np.array(entry["rotation"]))[0], entry["translation"]))
+        step, axis = (v / np.linalg.norm(v) for v in rng.normal(size=(2, 3)))
+        turn = cv2.Rodrigues(axis * np.radians(degrees))[0]
+        cTw = inverse_pose(pose(wTc[:3, :3] @ turn, wTc[:3, 3] + metres * step))
+        lines += [f"[{name}]", f'name = "{entry["name"]}"']
+        lines += [f"rotation = {cv2.Rodrigues(cTw[:3, :3])[0].ravel().tolist()}"]
+        lines += [f"translation = {cTw[:3, 3].tolist()}", ""]
+    return "\n".join(lines)
+
+
+def adjusted_project(project, shared, metres, degrees):
+    """OpenPose, all four cameras close, adjusted on frames 1, 3, ... 99 from perturbed reference cameras."""
+    data = shared / "real_outdoor"
+    moved = project / "moved.toml"
+    moved.write_text(perturbed((data / "reference/calibration.toml").read_text(), 1, metres, degrees))
+    edit(project / "config/sequences.tsv", "mlkit/{camera}.jsonl", "openpose_single/{camera}")
+    for i in range(1, 5):
+        path = project / f"config/sessions/beam/cam0{i}.yaml"
+        edit(path, "reference/calibration.toml", os.path.relpath(moved, data))
+    edit(project / "config/sessions/beam/cam04.yaml", "role: long_range", "role: close")
+    with open(project / "config/sessions/beam/session.yaml", "a") as stream:
+        stream.write("adjust:\n  beam_01: {first: 1, count: 50, step: 2}\n")
+
+
+@pytest.mark.parametrize(
+    ("metres", "degrees", "start"),
+    [(0.0, 0.0, (14.0, 14.5)), (0.05, 2.0, (30.0, 150.0))],
+    ids=["reference", "perturbed"],
+)
+def test_adjusted_cameras(project, shared, metres, degrees, start):
+    adjusted_project(project, shared, metres, degrees)
+    snakemake(project)
+    rows = tables.read(project / "results/adjust/beam.metrics.parquet", "metrics")
+    value = {(m, c): v for m, c, v in zip(rows["metric"], rows["camera"], rows["value"], strict=True)}
+    assert start[0] <= value["adjust_error_before", ""] <= start[1]
+    assert value["adjust_error_after", ""] <= 9.0
+    for camera in ("cam01", "cam02", "cam03", "cam04"):
+        labels = tables.read(project / f"results/reproject/beam_01.{camera}.parquet", "labels_2d")
+        assert (labels["status"] == "ok").mean() > 0.9

@@ -1,0 +1,184 @@
+"""The whole workflow on a tiny simulated capture: results, nothing to do twice, and only what depends on an edit."""
+
+import csv
+import hashlib
+import shutil
+
+import numpy as np
+import pytest
+
+from dior import tables
+from dior.cli import STEPS
+from dior.simulate import config as simulated
+from dior.simulate import settings
+from tests.end_to_end.workflow import ROOT, edit, nudge, planned, snakemake
+
+TINY = {"subjects": 2, "sequences": 1, "duration_s": 3.0, "width": 640, "height": 360, "fx": 320.0}
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory):
+    """A finished run. Tests that edit it work on a copy."""
+    folder = tmp_path_factory.mktemp("tiny")
+    simulated.write(settings.from_dict(TINY), folder / "config")
+    snakemake(folder)
+    return folder
+
+
+@pytest.fixture
+def copy(project, tmp_path):
+    folder = tmp_path / "copy"
+    shutil.copytree(project, folder, symlinks=True)
+    return folder
+
+
+def metrics(folder):
+    with open(folder / "results/evaluate/metrics.csv", newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+def figure(rows, metric, **where):
+    keys = {"subject": "", "sequence": "", "camera": "", "role": "", "joint": ""} | where
+    found = [row for row in rows if row["metric"] == metric and all(row[k] == v for k, v in keys.items())]
+    assert len(found) == 1, f"{len(found)} rows of {metric} {where}"
+    return float(found[0]["value"])
+
+
+def test_labels_are_near_the_truth(project):
+    rows = metrics(project)
+    assert figure(rows, "error_to_truth_2d", role="long_range") < 2.0
+    assert figure(rows, "error_to_truth_2d", role="close") < 3.0
+    assert figure(rows, "in_box_share", role="long_range") > 0.9
+
+
+def test_every_frame_of_every_camera_has_every_joint(project):
+    for sequence, joints in (("indoor_01", 39), ("outdoor_01", 33)):
+        frames = tables.read(project / f"results/frames/{sequence}.parquet", "frames")
+        for camera in ("cam01", "cam02", "cam03", "cam04"):
+            labels = tables.read(project / f"results/reproject/{sequence}.{camera}.parquet", "labels_2d")
+            mine = tables.of_camera(frames, camera)
+            assert len(labels["frame"]) == 90 * joints
+            assert (labels["stamp_ns"].reshape(90, joints) == mine["stamp_ns"][:, None]).all()
+            missing = np.isnan(labels["u"])
+            assert not (missing & (labels["status"] == "ok")).any()
+            assert (labels["status"] != "").all()
+
+
+def test_report_and_release_are_there(project):
+    page = (project / "results/report/index.html").read_text()
+    assert "outdoor_01" in page and "http://" not in page and "https://" not in page
+    release = project / "results/release"
+    assert sorted(path.name for path in release.glob("*.tar"))
+    assert (release / "dior-0.1.0/SHA256SUMS").is_file()
+    assert not list(project.rglob(".*.part*"))
+
+
+def test_every_rule_left_a_log_and_a_benchmark(project):
+    for step in STEPS:
+        # its log lies with those of evaluate, whose tables it pools
+        step = "evaluate" if step == "metrics" else step
+        assert list((project / "logs" / step).glob("*.log")), step
+        assert list((project / "logs" / step).glob("*.benchmark.tsv")), step
+
+
+def test_a_second_call_has_nothing_to_do(project):
+    assert planned(project) == {}
+    _, text = snakemake(project)
+    assert "Nothing to be done" in text
+
+
+def test_an_edited_long_range_camera_touches_only_its_own_labels(copy):
+    nudge(copy / "config/sessions/field/cam04.yaml", "elevation_deg")
+    assert planned(copy) == {
+        "align": 1, "reproject": 2, "evaluate": 2, "overlays": 2, "metrics": 1, "report": 1, "package": 1, "tarballs": 2
+    }  # fmt: skip
+
+
+def test_an_edited_close_camera_touches_its_session(copy):
+    nudge(copy / "config/sessions/field/cam01.yaml", "sigma_m")
+    assert planned(copy) == {
+        "place": 1, "adjust": 1, "triangulate": 2, "reproject": 8, "evaluate": 2, "overlays": 8, "metrics": 1,
+        "report": 1, "package": 1, "tarballs": 2,
+    }  # fmt: skip
+
+
+def test_an_edited_indoor_mark_touches_its_camera(copy):
+    path = copy / "config/sessions/lab/cam02.marks.csv"
+    path.write_text("\n".join(path.read_text().splitlines()[:-1]) + "\n")
+    jobs = planned(copy)
+    assert jobs["locate"] == 1 and jobs["reproject"] == 2 and "triangulate" not in jobs and "adjust" not in jobs
+
+
+def test_an_edited_sheet_row_touches_its_sequence(copy):
+    row = next(r for r in (copy / "config/sequences.tsv").read_text().splitlines() if r.startswith("outdoor_02"))
+    edit(copy / "config/sequences.tsv", row, row.replace("\tS02\t", "\tS01\t"))
+    assert planned(copy) == {
+        "triangulate": 1, "reproject": 4, "evaluate": 1, "overlays": 4, "metrics": 1, "report": 1, "package": 1,
+        "tarballs": 2,
+    }  # fmt: skip
+
+
+def test_an_edited_subject_touches_no_label(copy):
+    edit(copy / "config/subjects.tsv", "\tyes", "\tno")
+    jobs = planned(copy)
+    assert set(jobs) <= {"package", "tarballs", "report"} and jobs["package"] == 1
+
+
+def test_edited_code_of_one_step_reruns_what_depends_on_it(copy, tmp_path):
+    checkout = tmp_path / "checkout"
+    for name in ("dior", "workflow"):
+        shutil.copytree(ROOT / name, checkout / name, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "Snakefile", checkout)
+    assert planned(copy, root=checkout) == {}
+    edit(checkout / "dior/report/overlays.py", '"""', '"""Other words. ')
+    assert planned(copy, root=checkout) == {}
+    with open(checkout / "dior/report/overlays.py", "a") as stream:
+        stream.write("\nMORE = 1\n")
+    assert planned(copy, root=checkout) == {"overlays": 16, "report": 1}
+
+
+def test_a_broken_sequence_does_not_stop_the_others(copy):
+    """The bag is cut in the middle, as a full disk leaves it."""
+    bag = copy / "results/simulate/indoor_02/pc2.bag"
+    bag.write_bytes(bag.read_bytes()[: bag.stat().st_size // 2])
+    shutil.rmtree(copy / "results/reproject")
+    (copy / "results/frames/indoor_02.parquet").unlink()
+    code, text = snakemake(copy, "--keep-going", check=False)
+    assert code != 0
+    assert "dior frames: " in text and "pc2.bag" in text and "truncated" in text
+    made = {path.name.split(".")[0] for path in (copy / "results/reproject").glob("*.parquet")}
+    assert made == {"indoor_01", "outdoor_01", "outdoor_02"}
+    assert not (copy / "results/frames/indoor_02.parquet").exists()
+    assert not list(copy.rglob(".*.part*"))
+
+
+@pytest.mark.slow
+def test_two_runs_of_the_same_input_give_the_same_bytes(project, tmp_path):
+    simulated.write(settings.from_dict(TINY), tmp_path / "again/config")
+    snakemake(tmp_path / "again")
+
+    def contents(folder):
+        files = sorted(path for path in (folder / "results").rglob("*") if path.is_file())
+        return {str(p.relative_to(folder)): hashlib.sha256(p.read_bytes()).hexdigest() for p in files}
+
+    assert contents(tmp_path / "again") == contents(project)
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "words"),
+    [
+        (
+            "config.yaml",
+            "max_error_px:",
+            "max_eror_px:",
+            ["config.yaml", "max_eror_px", "did you mean", "max_error_px"],
+        ),
+        ("sessions/field/cam01.yaml", "role: close", "role: closed", ["cam01.yaml", "role", "close"]),
+        ("sequences.tsv", "\tfield\t", "\tfeild\t", ["sequences.tsv", "feild", "field"]),
+    ],
+)
+def test_a_typo_is_one_clear_sentence(copy, file, old, new, words):
+    edit(copy / "config" / file, old, new)
+    code, text = snakemake(copy, "-n", check=False)
+    assert code != 0 and all(word in text for word in words)
+    assert "Traceback" not in text

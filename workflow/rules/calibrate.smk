@@ -1,0 +1,172 @@
+"""Calibrate: intrinsics and poses of every camera.
+
+Required inputs: config/sessions/<session>/, the frames, indoors the mocap, outdoors the detections.
+Outputs: results/intrinsics, results/locate (indoors), results/place, results/adjust, results/align.
+"""
+
+
+rule intrinsics:
+    """Take a camera's intrinsics from the session's first recording or from a file."""
+    input:
+        frames=first_frames,
+        bags=first_bags,
+        file=intrinsics_file,
+    output:
+        "results/intrinsics/{session}/{camera}.parquet",
+    log:
+        "logs/intrinsics/{session}.{camera}.log",
+    benchmark:
+        "logs/intrinsics/{session}.{camera}.benchmark.tsv"
+    params:
+        role=setting("role"),
+        topic=setting("topic"),
+        source=intrinsics_source,
+        name=intrinsics_name,
+        model=setting("distortion_model"),
+        sequence=first_sequence,
+        data_root=DATA,
+        code=code("calibrate.intrinsics"),
+    shell:
+        "dior intrinsics"
+        " --session {wildcards.session}"
+        " --camera {wildcards.camera}"
+        " --role {params.role}"
+        " --topic {params.topic:q}"
+        " --source {params.source:q}"
+        " --name {params.name:q}"
+        " --distortion-model {params.model:q}"
+        " --frames {input.frames:q}"
+        " --sequence {params.sequence}"
+        " --data-root {params.data_root:q}"
+        " --out {output:q}"
+        " 2>&1 | tee {log:q}"
+
+
+rule locate:
+    """Locate an indoor camera from hand marks by PnP."""
+    input:
+        camera="config/sessions/{session}/{camera}.yaml",
+        marks="config/sessions/{session}/{camera}.marks.csv",
+        intrinsics="results/intrinsics/{session}/{camera}.parquet",
+        mocap=marked_mocap,
+        frames=marked_frames,
+        offsets=marked_offsets,
+    output:
+        camera="results/locate/{session}/{camera}.parquet",
+        marks="results/locate/{session}/{camera}.marks.parquet",
+        findings="results/locate/{session}/{camera}.findings.parquet",
+    log:
+        "logs/locate/{session}.{camera}.log",
+    benchmark:
+        "logs/locate/{session}.{camera}.benchmark.tsv"
+    params:
+        ransac_px=CONFIG["locate"]["ransac_px"],
+        code=code("calibrate.locate"),
+    shell:
+        "dior locate"
+        " --session {wildcards.session}"
+        " --camera {wildcards.camera}"
+        " --camera-file {input.camera:q}"
+        " --marks {input.marks:q}"
+        " --intrinsics {input.intrinsics:q}"
+        " --mocap {input.mocap:q}"
+        " --frames {input.frames:q}"
+        " --offsets {input.offsets:q}"
+        " --ransac-px {params.ransac_px}"
+        " --out {output.camera:q}"
+        " --out-marks {output.marks:q}"
+        " --findings {output.findings:q}"
+        " 2>&1 | tee {log:q}"
+
+
+rule place:
+    """Place a camera from the tape, or where a reference says it is."""
+    input:
+        camera="config/sessions/{session}/{camera}.yaml",
+        intrinsics="results/intrinsics/{session}/{camera}.parquet",
+        reference=reference_file,
+    output:
+        "results/place/{session}/{camera}.parquet",
+    log:
+        "logs/place/{session}.{camera}.log",
+    benchmark:
+        "logs/place/{session}.{camera}.benchmark.tsv"
+    params:
+        data_root=DATA,
+        code=code("calibrate.place"),
+    shell:
+        "dior place"
+        " --session {wildcards.session}"
+        " --camera {wildcards.camera}"
+        " --camera-file {input.camera:q}"
+        " --intrinsics {input.intrinsics:q}"
+        " --data-root {params.data_root:q}"
+        " --out {output:q}"
+        " 2>&1 | tee {log:q}"
+
+
+rule adjust:
+    """Adjust the close cameras of a session together with the joints they see."""
+    input:
+        cameras=placed,
+        camera_files=close_yamls,
+        detections=adjusted("detections"),
+        frames=adjusted("frames"),
+        offsets=adjusted_offsets,
+    output:
+        cameras="results/adjust/{session}.parquet",
+        metrics="results/adjust/{session}.metrics.parquet",
+        findings="results/adjust/{session}.findings.parquet",
+    log:
+        "logs/adjust/{session}.log",
+    benchmark:
+        "logs/adjust/{session}.benchmark.tsv"
+    params:
+        window=windows,
+        min_score=CONFIG["adjust"]["min_score"],
+        min_views=CONFIG["adjust"]["min_views"],
+        huber_px=CONFIG["adjust"]["huber_px"],
+        max_mean_px=CONFIG["adjust"]["max_mean_px"],
+        max_gap=CONFIG["time"]["max_gap"],
+        code=code("calibrate.adjust"),
+    shell:
+        "dior adjust"
+        " --session {wildcards.session}"
+        " --cameras {input.cameras:q}"
+        " --camera-files {input.camera_files:q}"
+        " --detections {input.detections:q}"
+        " --frames {input.frames:q}"
+        " --offsets {input.offsets:q}"
+        " --window {params.window:q}"
+        " --min-score {params.min_score}"
+        " --min-views {params.min_views}"
+        " --huber-px {params.huber_px}"
+        " --max-mean-px {params.max_mean_px}"
+        " --max-gap {params.max_gap}"
+        " --out {output.cameras:q}"
+        " --out-metrics {output.metrics:q}"
+        " --findings {output.findings:q}"
+        " 2>&1 | tee {log:q}"
+
+
+rule align:
+    """Place the long-range camera from the tape and turn it as a person found right."""
+    input:
+        camera="config/sessions/{session}/{camera}.yaml",
+        intrinsics="results/intrinsics/{session}/{camera}.parquet",
+    output:
+        "results/align/{session}/{camera}.parquet",
+    log:
+        "logs/align/{session}.{camera}.log",
+    benchmark:
+        "logs/align/{session}.{camera}.benchmark.tsv"
+    params:
+        code=code("calibrate.align"),
+    shell:
+        "dior align"
+        " --session {wildcards.session}"
+        " --camera {wildcards.camera}"
+        " --camera-file {input.camera:q}"
+        " --intrinsics {input.intrinsics:q}"
+        " --out {output:q}"
+        " 2>&1 | tee {log:q}"

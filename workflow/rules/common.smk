@@ -1,0 +1,94 @@
+"""What the rules ask about the project: which files belong to a sequence, a session, a camera.
+
+Required inputs: config/ of the working directory, read and checked once per parse. Nothing is globbed.
+"""
+
+import json
+import os
+import sys
+
+from snakemake.exceptions import WorkflowError
+
+from dior import project
+from dior.errors import DiorError
+from dior.provenance import code_hash as code
+
+# `dior` is found beside the Python that runs Snakemake, without activating the environment
+os.environ.update(PATH=os.pathsep.join([os.path.dirname(sys.executable), os.getenv("PATH", "")]))
+
+try:
+    PROJECT = project.load(os.getcwd(), config)
+except DiorError as error:
+    raise WorkflowError(str(error)) from None
+
+CONFIG = PROJECT.config
+DATA = str(PROJECT.data_root)
+SEQUENCES = PROJECT.sequences
+ADJUSTED = [session for session in PROJECT.sessions if PROJECT.window(session)]
+VERSION = CONFIG["release"]["version"]
+RELEASE = f"results/release/dior-{VERSION}"
+
+
+wildcard_constraints:
+    sequence=r"[A-Za-z0-9_-]+",
+    session=r"[A-Za-z0-9_-]+",
+    camera=r"[A-Za-z0-9_-]+",
+    pseudonym=r"[A-Za-z0-9_-]+",
+
+
+def data_root(wildcards):
+    return DATA
+
+
+def release_folder(wildcards):
+    return RELEASE
+
+
+def session_of(wildcards):
+    return PROJECT.session_of(wildcards.sequence)
+
+
+def subject(wildcards):
+    return PROJECT.subject_of(wildcards.sequence)
+
+
+def skeleton_of(sequence):
+    """The 3D of a sequence: the mocap indoors, the triangulation outdoors."""
+    step = "mocap" if PROJECT.indoor(sequence) else "triangulate"
+    return f"results/{step}/{sequence}.parquet"
+
+
+def skeleton(wildcards):
+    return skeleton_of(wildcards.sequence)
+
+
+def camera_of(session, camera):
+    """The file with the final pose of a camera."""
+    how = PROJECT.cameras(session)[camera]["locate"]
+    if how == "marks":
+        return f"results/locate/{session}/{camera}.parquet"
+    if how == "align":
+        return f"results/align/{session}/{camera}.parquet"
+    if PROJECT.window(session) and camera in PROJECT.close(session):
+        return f"results/adjust/{session}.parquet"
+    return f"results/place/{session}/{camera}.parquet"
+
+
+def cameras_of(session, names):
+    """The files with the final poses of some cameras of a session."""
+    return list(dict.fromkeys(camera_of(session, camera) for camera in names))
+
+
+def labels_of(sequence):
+    return [
+        f"results/reproject/{sequence}.{camera}.parquet" for camera in PROJECT.cameras_of(sequence)
+    ]
+
+
+def as_json(value):
+    """A function for params that gives a value as text; a plain string with braces would be taken for wildcards."""
+
+    def text(wildcards):
+        return json.dumps(value, sort_keys=True)
+
+    return text

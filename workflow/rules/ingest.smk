@@ -1,0 +1,84 @@
+"""Ingest: what was recorded, as tables.
+
+Required inputs: the bags, C3D files and detections named in config/sequences.tsv.
+Outputs: results/frames, results/mocap, results/detections.
+"""
+
+
+rule frames:
+    """Index the pictures of a sequence by stamp; the pixels stay in the bags."""
+    input:
+        bags=bags,
+    output:
+        "results/frames/{sequence}.parquet",
+    log:
+        "logs/frames/{sequence}.log",
+    benchmark:
+        "logs/frames/{sequence}.benchmark.tsv"
+    params:
+        topics=topics,
+        data_root=DATA,
+        code=code("ingest.frames"),
+    shell:
+        "dior frames"
+        " --sequence {wildcards.sequence}"
+        " --bags {input.bags:q}"
+        " --data-root {params.data_root:q}"
+        " --topics {params.topics:q}"
+        " --out {output:q}"
+        " 2>&1 | tee {log:q}"
+
+
+rule mocap:
+    """Read the markers of an indoor sequence, by name and in metres."""
+    input:
+        c3d=mocap_file,
+        trigger_log=trigger_log,
+        frames="results/frames/{sequence}.parquet",
+    output:
+        "results/mocap/{sequence}.parquet",
+    log:
+        "logs/mocap/{sequence}.log",
+    benchmark:
+        "logs/mocap/{sequence}.benchmark.tsv"
+    params:
+        subject=subject,
+        code=code("ingest.mocap"),
+    shell:
+        "dior mocap"
+        " --sequence {wildcards.sequence}"
+        " --subject {params.subject}"
+        " --c3d {input.c3d:q}"
+        " --frames {input.frames:q}"
+        " --trigger-log {input.trigger_log:q}"
+        " --out {output:q}"
+        " 2>&1 | tee {log:q}"
+
+
+rule detections:
+    """Read the 2D detections of a sequence and follow the subject in them."""
+    input:
+        files=detection_files,
+        frames="results/frames/{sequence}.parquet",
+    output:
+        table="results/detections/{sequence}.parquet",
+        findings="results/detections/{sequence}.findings.parquet",
+    log:
+        "logs/detections/{sequence}.log",
+    benchmark:
+        "logs/detections/{sequence}.benchmark.tsv"
+    params:
+        pattern=detection_pattern,
+        cameras=close_names,
+        format=CONFIG["detector"]["format"],
+        code=code("ingest.detections"),
+    shell:
+        "dior detections"
+        " --sequence {wildcards.sequence}"
+        " --pattern {params.pattern:q}"
+        " --cameras {params.cameras}"
+        " --format {params.format}"
+        " --frames {input.frames:q}"
+        " --out {output.table:q}"
+        " --findings {output.findings:q}"
+        " 2>&1 | tee {log:q}"

@@ -1,0 +1,295 @@
+"""Input and parameter functions of the rules, in the order of the stages. They only look things up in the project."""
+
+
+def bags(wildcards):
+    return PROJECT.bags(wildcards.sequence)
+
+
+def topics(wildcards):
+    cameras = PROJECT.cameras(session_of(wildcards))
+    return [f"{name}={camera['topic']}" for name, camera in cameras.items()]
+
+
+def mocap_file(wildcards):
+    return PROJECT.mocap(wildcards.sequence)
+
+
+def trigger_log(wildcards):
+    return PROJECT.trigger_log(wildcards.sequence)
+
+
+def close_names(wildcards):
+    return PROJECT.close(session_of(wildcards))
+
+
+def detection_pattern(wildcards):
+    return PROJECT.detections_pattern(wildcards.sequence)
+
+
+def detection_files(wildcards):
+    pattern = PROJECT.detections_pattern(wildcards.sequence)
+    return [pattern.format(camera=camera) for camera in close_names(wildcards)]
+
+
+def first_sequence(wildcards):
+    return PROJECT.first_sequence(wildcards.session)
+
+
+def first_frames(wildcards):
+    return f"results/frames/{PROJECT.first_sequence(wildcards.session)}.parquet"
+
+
+def first_bags(wildcards):
+    return PROJECT.bags(PROJECT.first_sequence(wildcards.session))
+
+
+def setting(key):
+    """A function that gives a setting of the camera's YAML, for a rule's params."""
+
+    def value(wildcards):
+        return PROJECT.cameras(wildcards.session)[wildcards.camera].get(key) or ""
+
+    return value
+
+
+def intrinsics_source(wildcards):
+    """The file of a camera's intrinsics below data_root, or `camera_info` for the bag's own."""
+    source = setting("intrinsics")(wildcards)
+    return source["file"] if isinstance(source, dict) else source
+
+
+def intrinsics_name(wildcards):
+    source = setting("intrinsics")(wildcards)
+    return source.get("name", "") if isinstance(source, dict) else ""
+
+
+def intrinsics_file(wildcards):
+    source = intrinsics_source(wildcards)
+    return [] if source == "camera_info" else PROJECT.in_data(source)
+
+
+def reference_file(wildcards):
+    if setting("locate")(wildcards) != "reference":
+        return []
+    return PROJECT.in_data(setting("reference")(wildcards)["file"])
+
+
+def marked_mocap(wildcards):
+    names = PROJECT.marks_mocap(wildcards.session, wildcards.camera)
+    return [f"results/mocap/{sequence}.parquet" for sequence in names]
+
+
+def marked_frames(wildcards):
+    names = PROJECT.marks_sequences(wildcards.session, wildcards.camera)
+    return [f"results/frames/{sequence}.parquet" for sequence in names]
+
+
+def marked_offsets(wildcards):
+    names = PROJECT.marks_sequences(wildcards.session, wildcards.camera)
+    return [path for sequence in names for path in PROJECT.offsets(sequence)]
+
+
+def adjusted(step):
+    """Tables of a step for the sequences whose instants adjust uses."""
+
+    def files(wildcards):
+        names = PROJECT.window(wildcards.session)
+        return [f"results/{step}/{sequence}.parquet" for sequence in names]
+
+    return files
+
+
+def adjusted_offsets(wildcards):
+    names = PROJECT.window(wildcards.session)
+    return [path for sequence in names for path in PROJECT.offsets(sequence)]
+
+
+def placed(wildcards):
+    return [
+        f"results/place/{wildcards.session}/{camera}.parquet"
+        for camera in PROJECT.close(wildcards.session)
+    ]
+
+
+def close_yamls(wildcards):
+    return [
+        PROJECT.camera_file(wildcards.session, camera)
+        for camera in PROJECT.close(wildcards.session)
+    ]
+
+
+def windows(wildcards):
+    return json.dumps(PROJECT.window(wildcards.session))
+
+
+def sequence_offsets(wildcards):
+    return PROJECT.offsets(wildcards.sequence)
+
+
+def mocap_table(wildcards):
+    return skeleton(wildcards) if PROJECT.indoor(wildcards.sequence) else []
+
+
+def close_cameras(wildcards):
+    session = session_of(wildcards)
+    return cameras_of(session, PROJECT.close(session))
+
+
+def camera_file(wildcards):
+    return camera_of(session_of(wildcards), wildcards.camera)
+
+
+def label_source(wildcards):
+    return "mocap" if PROJECT.indoor(wildcards.sequence) else "triangulated"
+
+
+def labels(wildcards):
+    return labels_of(wildcards.sequence)
+
+
+def outdoor_only(path):
+    """A table of the sequence that only outdoor ones have."""
+
+    def file(wildcards):
+        indoor = PROJECT.indoor(wildcards.sequence)
+        return [] if indoor else path.format(sequence=wildcards.sequence)
+
+    return file
+
+
+def hand_boxes(wildcards):
+    return list(PROJECT.boxes(wildcards.sequence).values())
+
+
+def hand_checks(wildcards):
+    return list(PROJECT.checks(wildcards.sequence).values())
+
+
+def named(getter):
+    """Files by camera as `camera=file` words."""
+
+    def words(wildcards):
+        return [f"{camera}={path}" for camera, path in getter(wildcards.sequence).items()]
+
+    return words
+
+
+def marks_tables(wildcards):
+    session = session_of(wildcards)
+    return [
+        f"results/locate/{session}/{camera}.marks.parquet"
+        for camera, setting in PROJECT.cameras(session).items()
+        if wildcards.sequence in PROJECT.marks_sequences(session, camera)
+        and setting["locate"] == "marks"
+    ]
+
+
+def truth_tables(wildcards):
+    folders = PROJECT.truth(wildcards.sequence)
+    return expand("{folder}/{table}.parquet", folder=folders, table=["labels_2d", "skeletons_3d"])
+
+
+def truth_folder(wildcards):
+    return PROJECT.truth(wildcards.sequence)
+
+
+def roles(wildcards):
+    cameras = PROJECT.cameras(session_of(wildcards))
+    return [f"{name}={camera['role']}" for name, camera in cameras.items()]
+
+
+def own_label(wildcards):
+    return f"results/reproject/{wildcards.sequence}.{wildcards.camera}.parquet"
+
+
+def own_detections(wildcards):
+    session = session_of(wildcards)
+    drawn = not PROJECT.indoor(wildcards.sequence) and wildcards.camera in PROJECT.close(session)
+    return f"results/detections/{wildcards.sequence}.parquet" if drawn else []
+
+
+def own_boxes(wildcards):
+    path = PROJECT.boxes(wildcards.sequence).get(wildcards.camera)
+    return [path] if path else []
+
+
+def own_boxes_words(wildcards):
+    return [f"{wildcards.camera}={path}" for path in own_boxes(wildcards)]
+
+
+def own_role(wildcards):
+    camera = PROJECT.cameras(session_of(wildcards))[wildcards.camera]
+    return f"{wildcards.camera}={camera['role']}"
+
+
+def all_findings():
+    """The findings of every step and every unit of it."""
+    outdoor = [sequence for sequence in SEQUENCES if not PROJECT.indoor(sequence)]
+    located = [
+        (session, camera)
+        for session in PROJECT.sessions
+        for camera, setting in PROJECT.cameras(session).items()
+        if setting["locate"] == "marks"
+    ]
+    return [
+        *[f"results/detections/{sequence}.findings.parquet" for sequence in outdoor],
+        *[f"results/triangulate/{sequence}.findings.parquet" for sequence in outdoor],
+        *[f"results/adjust/{session}.findings.parquet" for session in ADJUSTED],
+        *[f"results/locate/{session}/{camera}.findings.parquet" for session, camera in located],
+    ]
+
+
+def all_cameras():
+    """The final poses of every camera."""
+    return [
+        path
+        for session in PROJECT.sessions
+        for path in cameras_of(session, PROJECT.cameras(session))
+    ]
+
+
+def all_overlays():
+    return [
+        f"results/report/assets/{sequence}/{camera}.jpg"
+        for sequence in SEQUENCES
+        for camera in PROJECT.cameras_of(sequence)
+    ]
+
+
+def released(path):
+    """A file of every released sequence."""
+    return expand(path, sequence=PROJECT.released_sequences)
+
+
+def released_sessions():
+    return [
+        session
+        for session in PROJECT.sessions
+        if set(PROJECT.sequences_of(session)) & set(PROJECT.released_sequences)
+    ]
+
+
+def released_files():
+    """Every table of the release, so that a lost one is noticed."""
+    people = {
+        sequence: PROJECT.pseudonym(PROJECT.subject_of(sequence))
+        for sequence in PROJECT.released_sequences
+    }
+    return [
+        *[
+            f"{RELEASE}/labels_2d/{who}/{sequence}.{camera}.parquet"
+            for sequence, who in people.items()
+            for camera in PROJECT.cameras_of(sequence)
+        ],
+        *[
+            f"{RELEASE}/{table}/{who}/{sequence}.parquet"
+            for table in ("skeletons_3d", "frames")
+            for sequence, who in people.items()
+        ],
+        *[f"{RELEASE}/{table}.parquet" for table in ("cameras", "sequences", "subjects")],
+        *[f"{RELEASE}/{file}" for file in ("metrics.csv", "README.md", "SHA256SUMS")],
+    ]
+
+
+def tarballs_of(subjects):
+    return [f"{RELEASE}-{PROJECT.pseudonym(name)}.tar" for name in subjects]

@@ -1,0 +1,36 @@
+"""Label: the 2D keypoints of every frame of every camera.
+
+Required inputs: skeletons, cameras, frames, clock offsets.
+Outputs: results/reproject.
+"""
+
+
+rule reproject:
+    """Project the skeleton into every picture of one camera."""
+    input:
+        camera=camera_file,
+        skeleton=skeleton,
+        frames="results/frames/{sequence}.parquet",
+        offsets="results/timeline/{sequence}.offsets.parquet",
+    output:
+        "results/reproject/{sequence}.{camera}.parquet",
+    log:
+        "logs/reproject/{sequence}.{camera}.log",
+    benchmark:
+        "logs/reproject/{sequence}.{camera}.benchmark.tsv"
+    params:
+        subject=subject,
+        source=label_source,
+        code=code("label.reproject"),
+    shell:
+        "dior reproject"
+        " --sequence {wildcards.sequence}"
+        " --subject {params.subject}"
+        " --camera {wildcards.camera}"
+        " --cameras {input.camera:q}"
+        " --skeleton {input.skeleton:q}"
+        " --frames {input.frames:q}"
+        " --offsets {input.offsets:q}"
+        " --source {params.source}"
+        " --out {output:q}"
+        " 2>&1 | tee {log:q}"

@@ -1,0 +1,73 @@
+"""Reconstruct: the instants of every sequence, and outdoors the 3D joints at them.
+
+Required inputs: frames, cameras, detections, config/offsets/.
+Outputs: results/timeline, results/triangulate.
+"""
+
+
+rule timeline:
+    """Say which pictures of each camera surround every instant."""
+    input:
+        frames="results/frames/{sequence}.parquet",
+        offsets=sequence_offsets,
+        mocap=mocap_table,
+    output:
+        timeline="results/timeline/{sequence}.parquet",
+        offsets="results/timeline/{sequence}.offsets.parquet",
+    log:
+        "logs/timeline/{sequence}.log",
+    benchmark:
+        "logs/timeline/{sequence}.benchmark.tsv"
+    params:
+        cameras=close_names,
+        max_gap=CONFIG["time"]["max_gap"],
+        code=code("reconstruct.timeline"),
+    shell:
+        "dior timeline"
+        " --sequence {wildcards.sequence}"
+        " --frames {input.frames:q}"
+        " --cameras {params.cameras}"
+        " --offsets {input.offsets:q}"
+        " --mocap {input.mocap:q}"
+        " --max-gap {params.max_gap}"
+        " --out {output.timeline:q}"
+        " --out-offsets {output.offsets:q}"
+        " 2>&1 | tee {log:q}"
+
+
+rule triangulate:
+    """Triangulate the joints of an outdoor sequence from its close cameras."""
+    input:
+        cameras=close_cameras,
+        detections="results/detections/{sequence}.parquet",
+        timeline="results/timeline/{sequence}.parquet",
+    output:
+        skeleton="results/triangulate/{sequence}.parquet",
+        swaps="results/triangulate/{sequence}.swaps.parquet",
+        findings="results/triangulate/{sequence}.findings.parquet",
+    log:
+        "logs/triangulate/{sequence}.log",
+    benchmark:
+        "logs/triangulate/{sequence}.benchmark.tsv"
+    params:
+        subject=subject,
+        names=close_names,
+        method=CONFIG["triangulate"]["method"],
+        max_error_px=CONFIG["triangulate"]["max_error_px"],
+        min_score=CONFIG["detector"]["min_score"],
+        code=code("reconstruct.triangulate"),
+    shell:
+        "dior triangulate"
+        " --sequence {wildcards.sequence}"
+        " --subject {params.subject}"
+        " --cameras {input.cameras:q}"
+        " --names {params.names}"
+        " --detections {input.detections:q}"
+        " --timeline {input.timeline:q}"
+        " --method {params.method}"
+        " --min-score {params.min_score}"
+        " --max-error-px {params.max_error_px}"
+        " --out {output.skeleton:q}"
+        " --out-swaps {output.swaps:q}"
+        " --findings {output.findings:q}"
+        " 2>&1 | tee {log:q}"

@@ -1,0 +1,76 @@
+"""Report: one page that shows what came out and what needs a look.
+
+Required inputs: metrics, findings, labels, cameras, skeletons, and pictures of the bags.
+Outputs: results/report/index.html with its assets beside it; it opens from disk.
+"""
+
+
+rule overlays:
+    """Draw the labels of one camera on a few of its pictures."""
+    input:
+        bags=bags,
+        frames="results/frames/{sequence}.parquet",
+        labels=own_label,
+        detections=own_detections,
+        boxes=own_boxes,
+    output:
+        "results/report/assets/{sequence}/{camera}.jpg",
+    log:
+        "logs/overlays/{sequence}.{camera}.log",
+    benchmark:
+        "logs/overlays/{sequence}.{camera}.benchmark.tsv"
+    params:
+        out="results/report/assets/{sequence}",
+        data_root=DATA,
+        boxes=own_boxes_words,
+        roles=own_role,
+        pictures=CONFIG["report"]["overlay_frames"],
+        min_score=CONFIG["detector"]["min_score"],
+        code=code("report.overlays"),
+    shell:
+        "dior overlays"
+        " --sequence {wildcards.sequence}"
+        " --frames {input.frames:q}"
+        " --data-root {params.data_root:q}"
+        " --labels {input.labels:q}"
+        " --detections {input.detections:q}"
+        " --min-score {params.min_score}"
+        " --boxes {params.boxes:q}"
+        " --roles {params.roles}"
+        " --count {params.pictures}"
+        " --out {params.out:q}"
+        " 2>&1 | tee {log:q}"
+
+
+rule report:
+    """Write the page."""
+    input:
+        metrics="results/evaluate/metrics.csv",
+        frame_metrics=expand("results/evaluate/{sequence}.frames.parquet", sequence=SEQUENCES),
+        findings=all_findings(),
+        cameras=all_cameras(),
+        skeletons=[skeleton_of(sequence) for sequence in SEQUENCES],
+        overlays=all_overlays(),
+    output:
+        page="results/report/index.html",
+        plots=directory("results/report/assets/plots"),
+    log:
+        "logs/report/report.log",
+    benchmark:
+        "logs/report/report.benchmark.tsv"
+    params:
+        title=CONFIG["release"]["title"],
+        sheet=as_json(PROJECT.rows),
+        code=code("report.page"),
+    shell:
+        "dior report"
+        " --root ."
+        " --title {params.title:q}"
+        " --metrics {input.metrics:q}"
+        " --frame-metrics {input.frame_metrics:q}"
+        " --findings {input.findings:q}"
+        " --cameras {input.cameras:q}"
+        " --skeletons {input.skeletons:q}"
+        " --overlays {input.overlays:q}"
+        " --out results/report"
+        " 2>&1 | tee {log:q}"

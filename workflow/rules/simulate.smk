@@ -1,0 +1,57 @@
+"""Simulate: a capture with known truth, where config.yaml asks for one.
+
+Required inputs: the `simulate:` section of config.yaml and the sheet.
+Outputs: below data_root, the recordings of each sequence as a lab would bring them, and the truth apart.
+"""
+
+
+rule simulate:
+    """Render the bags of one sequence and detect the person in them."""
+    output:
+        bags=expand("{data}/{{sequence}}/{pc}.bag", data=DATA, pc=["pc1", "pc2"]),
+        detections=expand(
+            "{data}/{{sequence}}/mlkit/{camera}.jsonl",
+            data=DATA,
+            camera=["cam01", "cam02", "cam03", "cam04"],
+        ),
+        truth=expand(
+            "{data}/truth/{{sequence}}/{table}.parquet",
+            data=DATA,
+            table=["labels_2d", "skeletons_3d", "cameras", "detections"],
+        ),
+    log:
+        "logs/simulate/{sequence}.log",
+    benchmark:
+        "logs/simulate/{sequence}.benchmark.tsv"
+    params:
+        settings=as_json(CONFIG["simulate"]),
+        out=data_root,
+        code=code("simulate.recording"),
+    shell:
+        "dior simulate"
+        " --settings {params.settings:q}"
+        " --sequence {wildcards.sequence}"
+        " --only recording"
+        " --out {params.out:q}"
+        " 2>&1 | tee {log:q}"
+
+
+rule simulate_mocap:
+    """Write the C3D of one indoor sequence."""
+    output:
+        f"{DATA}/{{sequence}}/mocap.c3d",
+    log:
+        "logs/simulate/{sequence}.mocap.log",
+    benchmark:
+        "logs/simulate/{sequence}.mocap.benchmark.tsv"
+    params:
+        settings=as_json(CONFIG["simulate"]),
+        out=data_root,
+        code=code("simulate.recording"),
+    shell:
+        "dior simulate"
+        " --settings {params.settings:q}"
+        " --sequence {wildcards.sequence}"
+        " --only mocap"
+        " --out {params.out:q}"
+        " 2>&1 | tee {log:q}"
