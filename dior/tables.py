@@ -23,7 +23,8 @@ SKELETON_STATUS = ("ok", "too_few_views", "rejected", "gap_filled")
 OFFSET_SOURCE = ("estimated", "manual", "assumed_zero")
 SEVERITY = ("info", "warning", "error")
 METRICS = {
-    "reprojection_error": "distance of the label from the close camera's own detection (the paper's equation)",
+    "reprojection_error": "distance of the label from the close camera's own detection (the paper's equation), with "
+    "left and right put right where they were found exchanged",
     "error_to_truth_2d": "distance of the label from the true keypoint, in-frame labels",
     "error_to_truth_3d": "distance of the 3D keypoint from the true one, as is",
     "error_to_truth_3d_aligned": "the same after rigid alignment without scaling",
@@ -140,6 +141,7 @@ SCHEMAS = {
         ("camera", _text),
         ("instant", pa.int32()),
         ("stamp_ns", pa.int64(), "ns"),
+        ("frame", pa.int32(), "", "the camera's picture nearest to the instant; null where there is none"),
         ("swapped", pa.bool_(), "", "left and right were exchanged in this camera's detections"),
     ),
     "labels_2d": _schema(

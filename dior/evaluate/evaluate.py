@@ -53,7 +53,7 @@ def run(
             raise DiorError(f"sequence {sequence}: there are no labels of camera '{camera}'{nearest(camera, grids)}")
     found, per_frame = _coverage(grids, roles)
     for part, part_frames in (
-        _reprojection(grids, roles, detections, min_score),
+        _reprojection(grids, roles, detections, swaps, min_score),
         _boxes(grids, roles, boxes),
         _truth_2d(grids, roles, truth),
     ):
@@ -91,15 +91,21 @@ def _coverage(grids, roles):
     return _summed("coverage", "share", measured, roles)
 
 
-def _reprojection(grids, roles, detections, min_score):
+def _reprojection(grids, roles, detections, swaps, min_score):
     if detections is None:
         return [], []
     table = tables.read(detections, "detections", ["camera", "frame", "joint", "u", "v", "score"])
+    exchanged = tables.read(swaps, "swaps", ["camera", "frame", "swapped"]) if swaps else None
     measured = []
     for camera, grid in grids.items():
         own = tables.of_camera(table, camera)
-        if roles[camera] == "close" and reprojection.comparable(grid, own):
-            measured.append((grid, reprojection.errors(grid, own, min_score)))
+        if roles[camera] != "close" or not reprojection.comparable(grid, own):
+            continue
+        frames = []
+        if exchanged:
+            mine = tables.of_camera(exchanged, camera)
+            frames = mine["frame"][mine["swapped"]]
+        measured.append((grid, reprojection.errors(grid, own, min_score, frames)))
     return _summed("reprojection_error", "px", measured, roles)
 
 

@@ -155,7 +155,7 @@ def run(
     points = np.where((status == "ok")[..., None], points, np.nan)
     residual = np.where(enough, residual, np.nan)
     write_skeleton(out, subject, sequence, joints, stamps, points, status, used.sum(axis=0), residual)
-    write_swaps(out_swaps, names, stamps, swapped)
+    write_swaps(out_swaps, names, stamps, nearest_frames(line, names), swapped)
     tables.write_findings(findings, _findings(sequence, names, swapped, status))
 
 
@@ -180,8 +180,14 @@ def write_skeleton(path, subject, sequence, joints, stamps, points, status, n_vi
     )
 
 
-def write_swaps(path, names, stamps, swapped):
-    """Write `swaps` from swapped (V, T)."""
+def nearest_frames(timeline, names):
+    """The picture nearest to each instant by camera, (V, T); -1 where there is none."""
+    lines = [tables.of_camera(timeline, name) for name in names]
+    return np.stack([np.where(at["weight"] < 0.5, at["frame_before"], at["frame_after"]) for at in lines])
+
+
+def write_swaps(path, names, stamps, frames, swapped):
+    """Write `swaps` from the nearest frames (V, T) and swapped (V, T)."""
     count = len(stamps)
     tables.write(
         path,
@@ -190,6 +196,7 @@ def write_swaps(path, names, stamps, swapped):
             "camera": np.repeat(names, count).astype(object),
             "instant": np.tile(np.arange(count), len(names)),
             "stamp_ns": np.tile(stamps, len(names)),
+            "frame": frames.ravel(),
             "swapped": swapped.ravel(),
         },
     )

@@ -15,6 +15,11 @@ from tests.end_to_end.workflow import ROOT, edit, snakemake
 PROJECT = ROOT / "tests/projects/real_outdoor"
 
 
+def slow(*values):
+    """A case that only `pytest -m slow` runs."""
+    return pytest.param(*values, marks=pytest.mark.slow)
+
+
 @pytest.fixture
 def project(shared, tmp_path):
     folder = tmp_path / "real_outdoor"
@@ -93,3 +98,25 @@ def test_adjusted_cameras(project, shared, metres, degrees, start):
     for camera in ("cam01", "cam02", "cam03", "cam04"):
         labels = tables.read(project / f"results/reproject/beam_01.{camera}.parquet", "labels_2d")
         assert (labels["status"] == "ok").mean() > 0.9
+
+
+@pytest.mark.parametrize(
+    ("file", "right", "wrong", "step", "words"),
+    [
+        ("sequences.tsv", "pc2.bag", "pc3.bag", "frames", ["pc3.bag", "no such bag"]),
+        slow("sequences.tsv", "mlkit/", "mlkt/", "detections", ["beam_01", "mlkt/cam01.jsonl"]),
+        ("sequences.tsv", "mlkit/{camera}.jsonl", "openpose/{camera}", "detections", ["OpenPose", "mlkit"]),
+        slow(
+            "sessions/beam/cam02.yaml", "/cam02/color/image_raw", "/cam02/colour/image_raw", "frames", ["/cam02/color/"]
+        ),
+        slow("sessions/beam/cam02.yaml", "name: cam_02", "name: cam_20", "place", ["cam_20", "it has cam_01, cam_02"]),
+        slow("sessions/beam/cam02.yaml", "reference/cal", "refrence/cal", "place", ["refrence/calibration.toml"]),
+    ],
+)
+def test_a_mistake_is_one_clear_sentence(project, file, right, wrong, step, words):
+    edit(project / "config/config.yaml", "report:", "detector: {format: mlkit}\nreport:")
+    edit(project / "config" / file, right, wrong)
+    code, text = snakemake(project, check=False)
+    said = [line for line in text.splitlines() if line.startswith(f"dior {step}: ")]
+    assert code != 0 and len(said) == 1 and all(word in said[0] for word in words), text[-3000:]
+    assert "Traceback" not in text

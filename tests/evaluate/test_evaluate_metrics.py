@@ -91,6 +91,21 @@ def test_joints_are_matched_by_name(tmp_path, uv):
     assert (reprojection.errors(grid, table, 0.3) == 0).all()
 
 
+def test_exchanged_detections_are_compared_the_right_way_round(tmp_path, uv):
+    wrong = uv.copy()
+    wrong[2:4] = wrong[2:4][:, [0, 2, 1]]
+    table = detections(wrong, 0.9)
+    labels = write_labels(tmp_path / "l.parquet", uv)
+    assert (reprojection.errors(label_grid(tmp_path / "l.parquet", uv), table, 0.3)[2:4, 1:] > 0).all()
+    path = tmp_path / "swaps.parquet"
+    swapped = {"frame": np.array([0, 2, 3, -1]), "swapped": np.array([False, True, True, True])}
+    names = {"camera": np.full(4, "cam01", dtype=object), "instant": np.arange(4), "stamp_ns": np.arange(4)}
+    tables.write(path, "swaps", names | swapped)
+    tables.write(tmp_path / "d.parquet", "detections", table | {"person": np.zeros(15, int)})
+    found = run(tmp_path, labels, swaps=path, detections=tmp_path / "d.parquet")
+    assert found["reprojection_error", "cam01", ""] == (0.0, 15)
+
+
 def test_markers_are_not_compared_with_keypoints(tmp_path, uv):
     table = detections(uv, 0.9)
     grid = label_grid(tmp_path / "l.parquet", uv)

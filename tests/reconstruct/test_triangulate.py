@@ -121,6 +121,7 @@ def test_exchanged_frames_are_undone_and_reported(tmp_path):
     assert np.linalg.norm(xyz - points, axis=-1).mean() < 0.02
     swaps = tables.read(tmp_path / "swaps.parquet", "swaps")
     assert (swaps["swapped"].reshape(3, 40) == true).all()
+    assert (swaps["frame"].reshape(3, 40) == np.arange(40)).all()
     findings = tables.read(tmp_path / "findings.parquet", "findings")
     assert findings["text"].tolist() == ["left and right exchanged at 20 of 40 instants"]
     assert findings["scope"].tolist() == ["walk_1/cam03"]

@@ -9,8 +9,7 @@ rule intrinsics:
     """Take a camera's intrinsics from the session's first recording or from a file."""
     input:
         frames=first_frames,
-        bags=first_bags,
-        file=intrinsics_file,
+        file=there(intrinsics_file),
     output:
         "results/intrinsics/{session}/{camera}.parquet",
     log:
@@ -84,7 +83,7 @@ rule place:
     input:
         camera="config/sessions/{session}/{camera}.yaml",
         intrinsics="results/intrinsics/{session}/{camera}.parquet",
-        reference=reference_file,
+        reference=there(reference_file),
     output:
         "results/place/{session}/{camera}.parquet",
     log:

@@ -8,7 +8,7 @@ Outputs: results/frames, results/mocap, results/detections.
 rule frames:
     """Index the pictures of a sequence by stamp; the pixels stay in the bags."""
     input:
-        bags=bags,
+        bags=there(bags),
     output:
         "results/frames/{sequence}.parquet",
     log:
@@ -16,13 +16,14 @@ rule frames:
     benchmark:
         "logs/frames/{sequence}.benchmark.tsv"
     params:
+        bags=bags,
         topics=topics,
         data_root=DATA,
         code=code("ingest.frames"),
     shell:
         "dior frames"
         " --sequence {wildcards.sequence}"
-        " --bags {input.bags:q}"
+        " --bags {params.bags:q}"
         " --data-root {params.data_root:q}"
         " --topics {params.topics:q}"
         " --out {output:q}"
@@ -32,8 +33,8 @@ rule frames:
 rule mocap:
     """Read the markers of an indoor sequence, by name and in metres."""
     input:
-        c3d=mocap_file,
-        trigger_log=trigger_log,
+        c3d=there(mocap_file),
+        trigger_log=there(trigger_log),
         frames="results/frames/{sequence}.parquet",
     output:
         "results/mocap/{sequence}.parquet",
@@ -42,15 +43,17 @@ rule mocap:
     benchmark:
         "logs/mocap/{sequence}.benchmark.tsv"
     params:
+        c3d=mocap_file,
+        trigger_log=trigger_log,
         subject=subject,
         code=code("ingest.mocap"),
     shell:
         "dior mocap"
         " --sequence {wildcards.sequence}"
         " --subject {params.subject}"
-        " --c3d {input.c3d:q}"
+        " --c3d {params.c3d:q}"
         " --frames {input.frames:q}"
-        " --trigger-log {input.trigger_log:q}"
+        " --trigger-log {params.trigger_log:q}"
         " --out {output:q}"
         " 2>&1 | tee {log:q}"
 
@@ -58,7 +61,7 @@ rule mocap:
 rule detections:
     """Read the 2D detections of a sequence and follow the subject in them."""
     input:
-        files=detection_files,
+        files=there(detection_files),
         frames="results/frames/{sequence}.parquet",
     output:
         table="results/detections/{sequence}.parquet",

@@ -1,6 +1,20 @@
 """Input and parameter functions of the rules, in the order of the stages. They only look things up in the project."""
 
 
+def there(files):
+    """A function for the files that exist, or will, of those that `files` names.
+
+    Snakemake stops everything where an input is missing. So a missing recording is no input: the step that reads it
+    says what is wrong, in its own words, and the other sequences go on.
+    """
+
+    def existing(wildcards):
+        made = "simulate" in CONFIG
+        return [path for path in files(wildcards) if made or os.path.exists(path)]
+
+    return existing
+
+
 def bags(wildcards):
     return PROJECT.bags(wildcards.sequence)
 
@@ -39,10 +53,6 @@ def first_frames(wildcards):
     return f"results/frames/{PROJECT.first_sequence(wildcards.session)}.parquet"
 
 
-def first_bags(wildcards):
-    return PROJECT.bags(PROJECT.first_sequence(wildcards.session))
-
-
 def setting(key):
     """A function that gives a setting of the camera's YAML, for a rule's params."""
 
@@ -65,13 +75,13 @@ def intrinsics_name(wildcards):
 
 def intrinsics_file(wildcards):
     source = intrinsics_source(wildcards)
-    return [] if source == "camera_info" else PROJECT.in_data(source)
+    return [] if source == "camera_info" else [PROJECT.in_data(source)]
 
 
 def reference_file(wildcards):
     if setting("locate")(wildcards) != "reference":
         return []
-    return PROJECT.in_data(setting("reference")(wildcards)["file"])
+    return [PROJECT.in_data(setting("reference")(wildcards)["file"])]
 
 
 def marked_mocap(wildcards):

@@ -8,7 +8,7 @@ Outputs: results/report/index.html with its assets beside it; it opens from disk
 rule overlays:
     """Draw the labels of one camera on a few of its pictures."""
     input:
-        bags=bags,
+        bags=there(bags),
         frames="results/frames/{sequence}.parquet",
         labels=own_label,
         detections=own_detections,
