@@ -133,13 +133,7 @@ def _tile(picture, grid, number, seen, box, role, sequence):
     height, width = picture.shape[:2]
     uv = grid.uv[np.flatnonzero(grid.frames == number)[0]]
     view = view_of(width, height, uv, role == "long_range")
-    to_tile = np.array([[view.scale, 0, 0], [0, view.scale, 0]])
-    to_tile[:, 2] = view.of((0.0, 0.0))
-    method = cv2.INTER_CUBIC if view.scale > 1 else cv2.INTER_AREA
-    if view.scale > 1:
-        canvas = cv2.warpAffine(picture, to_tile, view.size, flags=method, borderMode=cv2.BORDER_REPLICATE)
-    else:
-        canvas = cv2.resize(picture, view.size, interpolation=method)
+    canvas = shown_in(view, picture)
     off = np.full(len(grid.joints), np.nan)
     if seen is not None:
         seen_uv, joints = seen
@@ -152,6 +146,20 @@ def _tile(picture, grid, number, seen, box, role, sequence):
     shown = int(np.isfinite(uv).all(axis=1).sum())
     scale = f", {view.scale:.1f}x" if view.scale > 1 else ""
     return _captioned(canvas, f"{sequence} {grid.camera} frame {number}{scale}: {shown} of {len(uv)} labels")
+
+
+def shown_in(view, picture):
+    """The part of a picture that a `View` shows, at its scale."""
+    import cv2
+
+    if view.scale > 1:
+        to_tile = np.array([[view.scale, 0, 0], [0, view.scale, 0]])
+        to_tile[:, 2] = view.of((0.0, 0.0))
+        return cv2.warpAffine(picture, to_tile, view.size, flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+    # warpAffine skips pixels when it shrinks
+    left, top = (int(edge) for edge in view.origin)
+    wide, high = (round(side / view.scale) for side in view.size)
+    return cv2.resize(picture[top : top + high, left : left + wide], view.size, interpolation=cv2.INTER_AREA)
 
 
 def _height(uv):
