@@ -2,7 +2,11 @@
 
 import csv
 import hashlib
+import os
+import re
 import shutil
+import signal
+import time
 
 import numpy as np
 import pytest
@@ -11,7 +15,7 @@ from dior import tables
 from dior.cli import STEPS
 from dior.simulate import config as simulated
 from dior.simulate import settings
-from tests.end_to_end.workflow import ROOT, edit, nudge, planned, snakemake
+from tests.end_to_end.workflow import ROOT, edit, nudge, planned, snakemake, start
 
 TINY = {"subjects": 2, "sequences": 1, "duration_s": 3.0, "width": 640, "height": 360, "fx": 320.0}
 
@@ -44,6 +48,12 @@ def figure(rows, metric, **where):
     return float(found[0]["value"])
 
 
+def contents(folder):
+    """Hashes of all results by path."""
+    files = sorted(path for path in (folder / "results").rglob("*") if path.is_file())
+    return {str(p.relative_to(folder)): hashlib.sha256(p.read_bytes()).hexdigest() for p in files}
+
+
 def test_labels_are_near_the_truth(project):
     rows = metrics(project)
     assert figure(rows, "error_to_truth_2d", role="long_range") < 2.0
@@ -67,6 +77,9 @@ def test_every_frame_of_every_camera_has_every_joint(project):
 def test_report_and_release_are_there(project):
     page = (project / "results/report/index.html").read_text()
     assert "outdoor_01" in page and "http://" not in page and "https://" not in page
+    wanted = {link for link in re.findall(r'(?:src|href)="([^"#]+)"', page)}
+    assert len(wanted) > 16
+    assert [link for link in wanted if not (project / "results/report" / link).is_file()] == []
     release = project / "results/release"
     assert sorted(path.name for path in release.glob("*.tar"))
     assert (release / "dior-0.1.0/SHA256SUMS").is_file()
@@ -85,6 +98,14 @@ def test_a_second_call_has_nothing_to_do(project):
     assert planned(project) == {}
     _, text = snakemake(project)
     assert "Nothing to be done" in text
+
+
+@pytest.mark.parametrize("target", ["report", "release", "subject_S01"])
+def test_targets_have_names(project, tmp_path, target):
+    shutil.copytree(project / "config", tmp_path / "config")
+    jobs = planned(tmp_path, target)
+    assert jobs["reproject"] == (8 if target == "subject_S01" else 16)
+    assert ("tarballs" in jobs) == (target == "release")
 
 
 def test_an_edited_long_range_camera_touches_only_its_own_labels(copy):
@@ -156,12 +177,22 @@ def test_a_broken_sequence_does_not_stop_the_others(copy):
 def test_two_runs_of_the_same_input_give_the_same_bytes(project, tmp_path):
     simulated.write(settings.from_dict(TINY), tmp_path / "again/config")
     snakemake(tmp_path / "again")
-
-    def contents(folder):
-        files = sorted(path for path in (folder / "results").rglob("*") if path.is_file())
-        return {str(p.relative_to(folder)): hashlib.sha256(p.read_bytes()).hexdigest() for p in files}
-
     assert contents(tmp_path / "again") == contents(project)
+
+
+@pytest.mark.slow
+def test_a_killed_run_goes_on_to_the_same_bytes(project, tmp_path):
+    """Everything is killed at once, as a power cut does, at three moments."""
+    folder = tmp_path / "killed"
+    shutil.copytree(project / "config", folder / "config")
+    for seconds in (8, 14, 20):
+        run = start(folder)
+        time.sleep(seconds)
+        os.killpg(run.pid, signal.SIGKILL)
+        run.wait()
+        shutil.rmtree(folder / ".snakemake/locks", ignore_errors=True)
+    snakemake(folder)
+    assert contents(folder) == contents(project)
 
 
 @pytest.mark.parametrize(

@@ -9,13 +9,26 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 
 
+def command(project, words, root):
+    """Arguments of `subprocess` for Snakemake with the code of the checkout `root`."""
+    base = [sys.executable, "-m", "snakemake", "-j2", "--snakefile", root / "Snakefile", "--directory", project]
+    return {
+        "args": [str(word) for word in (*base, *words)],
+        "env": os.environ | {"PYTHONPATH": str(root)},
+        "cwd": root,
+        "text": True,
+    }
+
+
+def start(project, root=ROOT):
+    """Start the workflow as a process group of its own."""
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    return subprocess.Popen(**command(project, (), root), **quiet, start_new_session=True)
+
+
 def snakemake(project, *words, root=ROOT, check=True):
-    """Run the workflow of the checkout `root` in a project folder; returns what it printed."""
-    command = [sys.executable, "-m", "snakemake", "-j2", "--snakefile", root / "Snakefile", "--directory", project]
-    environment = os.environ | {"PYTHONPATH": str(root)}
-    done = subprocess.run(
-        [str(word) for word in (*command, *words)], capture_output=True, text=True, env=environment, cwd=root
-    )
+    """Run the workflow of the checkout `root` in a project folder; returns its exit code and what it printed."""
+    done = subprocess.run(**command(project, words, root), capture_output=True)
     text = done.stdout + done.stderr
     if check and done.returncode:
         raise AssertionError(f"snakemake {' '.join(map(str, words))} ended with {done.returncode}:\n{text[-6000:]}")
