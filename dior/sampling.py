@@ -69,6 +69,12 @@ def start_ns(frames):
     return int(frames["stamp_ns"].min())
 
 
+def rates(frames, cameras):
+    """Nominal frame rate (Hz) of each camera, by name, and that of the instants: the first camera's by name."""
+    own = {camera: nominal_fps(frames["stamp_ns"][frames["camera"] == camera]) for camera in cameras}
+    return own, own[min(own)]
+
+
 def camera_seconds(frames, camera, t0_ns, clock):
     """Times (F,) s of a camera's pictures on the sequence's axis; `clock` is (offset_s, drift_ppm, source)."""
     stamps = frames["stamp_ns"][frames["camera"] == camera]

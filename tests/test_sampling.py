@@ -56,3 +56,11 @@ def test_a_straight_line_is_reproduced_anywhere_inside(queries, count):
 def test_instants_end_at_the_last_picture():
     assert len(sampling.instants(60, 99 / 60)) == 100
     assert sampling.instants(30, 1.0)[-1] == pytest.approx(1.0)
+
+
+def test_the_first_camera_by_name_sets_the_grid_and_each_has_its_own_rate():
+    frames = {
+        "camera": np.repeat(["cam02", "cam01"], 10).astype(object),
+        "stamp_ns": T0 + np.concatenate([np.arange(10) * 16_666_667, np.arange(10) * 33_333_333]),
+    }
+    assert sampling.rates(frames, ["cam02", "cam01"]) == ({"cam01": 30.0, "cam02": 60.0}, 30.0)

@@ -24,7 +24,7 @@ from dior.calibrate.place import camera_settings, check_above_floor
 from dior.camera import inverse_pose, project, undistort
 from dior.errors import DiorError, nearest
 from dior.geometry import triangulate
-from dior.sampling import camera_seconds, nominal_fps, sample, start_ns
+from dior.sampling import camera_seconds, rates, sample, start_ns
 
 REFERENCE_FX = 1680.0
 AIM_SIGMA_DEG = 30.0
@@ -214,7 +214,7 @@ def observations(cameras, detections, frames, clock, window, min_score, min_view
     an instant is kept where its score is above `min_score` in at least `min_views` cameras.
     """
     t0 = start_ns(frames)
-    fps = nominal_fps(frames["stamp_ns"][frames["camera"] == cameras[0].name])
+    own, fps = rates(frames, [camera.name for camera in cameras])
     queries = (window["first"] + window["step"] * np.arange(window["count"])) / fps
     uv = []
     for camera in cameras:
@@ -227,7 +227,7 @@ def observations(cameras, detections, frames, clock, window, min_score, min_view
             )
         with np.errstate(invalid="ignore"):
             confident = np.where(values[..., 2:] > min_score, values[..., :2], np.nan)
-        uv.append(sample(times, confident, queries, max_gap / fps).reshape(-1, 2))
+        uv.append(sample(times, confident, queries, max_gap / own[camera.name]).reshape(-1, 2))
     uv = np.stack(uv)
     kept = np.isfinite(uv).all(axis=-1).sum(axis=0) >= min_views
     return uv[:, kept], len(np.unique(np.flatnonzero(kept) // len(joints)))

@@ -10,7 +10,7 @@ import numpy as np
 
 from dior import tables
 from dior.calibrate import offsets as clocks
-from dior.sampling import bracket, camera_seconds, instants, nominal_fps, start_ns
+from dior.sampling import bracket, camera_seconds, instants, rates, start_ns
 
 
 def run(*, sequence, frames, cameras, offsets, mocap, max_gap, out, out_offsets):
@@ -20,7 +20,7 @@ def run(*, sequence, frames, cameras, offsets, mocap, max_gap, out, out_offsets)
     clock = clocks.read(offsets, known)
     t0 = start_ns(table)
     seconds = {camera: camera_seconds(table, camera, t0, clock[camera]) for camera in known}
-    fps = nominal_fps(table["stamp_ns"][table["camera"] == known[0]])
+    own, fps = rates(table, cameras)
     if mocap:
         stamps = tables.read(mocap, "skeletons_3d", ["joint", "instant", "stamp_ns"])
         stamps = stamps["stamp_ns"][stamps["joint"] == stamps["joint"][0]]
@@ -28,7 +28,7 @@ def run(*, sequence, frames, cameras, offsets, mocap, max_gap, out, out_offsets)
     else:
         grid = instants(fps, max(seconds[camera][-1] for camera in cameras))
         stamps = t0 + np.round(grid * 1e9).astype(np.int64)
-    parts = [bracket(seconds[camera], grid, max_gap / fps) for camera in cameras]
+    parts = [bracket(seconds[camera], grid, max_gap / own[camera]) for camera in cameras]
     each = len(cameras)
     tables.write(
         out,

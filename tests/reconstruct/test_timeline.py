@@ -1,0 +1,88 @@
+import numpy as np
+import pytest
+
+from dior import tables
+from dior.errors import DiorError
+from dior.reconstruct import timeline
+
+T0 = 1_700_000_000_000_000_000
+
+
+def run(folder, starts, counts, drop=None, offsets=None, mocap=None):
+    stamps = [T0 + start + np.arange(count) * 33_333_333 for start, count in zip(starts, counts, strict=True)]
+    if drop is not None:
+        stamps[1] = np.delete(stamps[1], drop)
+    names = [f"cam{i + 1:02d}" for i in range(len(stamps))]
+    total = sum(map(len, stamps))
+    blank = {"bag": ["a"] * total, "topic": ["t"] * total, "nth": np.zeros(total, int)}
+    columns = {
+        "camera": np.concatenate([np.full(len(s), n, object) for s, n in zip(stamps, names, strict=True)]),
+        "frame": np.concatenate([np.arange(len(s)) for s in stamps]),
+        "stamp_ns": np.concatenate(stamps),
+        "receive_ns": np.concatenate(stamps),
+        "height": np.full(total, 720),
+        "width": np.full(total, 1280),
+    }
+    tables.write(folder / "frames.parquet", "frames", columns | blank)
+    path = None
+    if offsets:
+        path = folder / "walk.yaml"
+        path.write_text(offsets)
+    timeline.run(
+        sequence="walk",
+        frames=folder / "frames.parquet",
+        cameras=names,
+        offsets=path,
+        mocap=mocap,
+        max_gap=1.5,
+        out=folder / "t.parquet",
+        out_offsets=folder / "o.parquet",
+    )
+    line = tables.read(folder / "t.parquet", "timeline")
+    return {name: tables.of_camera(line, name) for name in names}
+
+
+def test_instants_are_a_grid_and_every_camera_is_bracketed(tmp_path):
+    line = run(tmp_path, (0, 10_000_000), (30, 30))
+    assert (line["cam01"]["frame_before"][:30] == np.arange(30)).all()
+    assert line["cam01"]["weight"][:30] == pytest.approx(0, abs=1e-4)
+    second = line["cam02"]
+    assert second["frame_before"][0] == -1, "the second camera starts 10 ms later"
+    assert (second["frame_before"][1:30] == np.arange(29)).all()
+    assert (second["frame_after"][1:30] == np.arange(1, 30)).all()
+    assert second["weight"][1:30] == pytest.approx(0.7, abs=1e-3)
+    assert (np.diff(line["cam01"]["stamp_ns"]) > 33_333_332).all() and line["cam01"]["stamp_ns"][0] == T0
+
+
+def test_a_dropped_picture_leaves_its_instants_empty(tmp_path):
+    line = run(tmp_path, (0, 10_000_000), (30, 30), drop=12)["cam02"]
+    empty = np.flatnonzero(line["frame_before"] == -1)
+    assert empty.tolist() == [0, 12, 13]
+
+
+def test_a_clock_offset_moves_a_camera_and_is_written_down(tmp_path):
+    line = run(tmp_path, (0, 10_000_000), (30, 30), offsets="cam02: {offset_s: -0.01}")
+    assert line["cam02"]["weight"] == pytest.approx(0, abs=1e-4)
+    clock = tables.read(tmp_path / "o.parquet", "offsets")
+    assert clock["source"].tolist() == ["assumed_zero", "manual"] and clock["offset_s"].tolist() == [0.0, -0.01]
+
+
+def test_a_wrong_camera_in_the_offsets_is_named(tmp_path):
+    with pytest.raises(DiorError, match="'cam2' is not one of the cameras cam01, cam02"):
+        run(tmp_path, (0, 0), (5, 5), offsets="cam2: {offset_s: 0.1}")
+
+
+def test_indoors_the_instants_are_the_mocaps(tmp_path):
+    ticks = T0 + np.arange(50) * 10_000_000
+    tables.write(
+        tmp_path / "m.parquet",
+        "skeletons_3d",
+        {
+            "joint": np.tile(np.array(["LASI", "RASI"], object), 50),
+            "instant": np.repeat(np.arange(50), 2),
+            "stamp_ns": np.repeat(ticks, 2),
+        },
+    )
+    line = run(tmp_path, (0, 10_000_000), (30, 30), mocap=tmp_path / "m.parquet")
+    assert (line["cam01"]["stamp_ns"] == ticks).all()
+    assert line["cam01"]["weight"][:4] == pytest.approx([0, 0.3, 0.6, 0.9], abs=1e-4)
