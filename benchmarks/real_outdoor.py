@@ -87,7 +87,7 @@ def print_unseen_camera(data, cameras):
     true = np.zeros_like(swapped)
     true[1, SWAPPED] = True
     uv, score = exchange(uv, swapped, joints), exchange(score, swapped, joints)
-    points, _, _, good = by_dropping(close, uv, score, min(45.0, DROP_FACTOR * usual_error(close, uv, score)))
+    points, _, _, good = by_dropping(close, uv, score, min(45.0, DROP_FACTOR * usual_error(close, uv, score)), 45.0)
     print(f"  robust                  {cam04_score(np.where(good[..., None], points, np.nan), cameras, joints)}")
     found, false = (swapped & true).sum(), (swapped & ~true).sum()
     print(f"  exchanged frames found  {found} of {true.sum()} (limit 30), false {false} (limit 2)")

@@ -11,6 +11,8 @@ import numpy as np
 
 from dior.errors import DiorError
 
+# thresholds in pixels are given for this focal length and scaled to the camera's own
+REFERENCE_FX = 1680.0
 MODELS = ("plumb_bob", "rational_polynomial", "inverse_brown_conrady")
 
 
@@ -187,6 +189,11 @@ def project(camera, points):
     with np.errstate(all="ignore"):
         xy = np.where(depth[..., None] > 0, in_camera[..., :2] / depth[..., None], np.nan)
     return distort(camera.intrinsics, xy), depth
+
+
+def reprojection_errors(cameras, points, uv):
+    """Distances (V, ...) px between recorded pixels uv (V, ..., 2) and the projections of points (..., 3)."""
+    return np.linalg.norm(np.stack([project(c, points)[0] for c in cameras]) - uv, axis=-1)
 
 
 def in_frame(intrinsics, uv):

@@ -5,6 +5,7 @@ defaults filled in. Every complaint is one DiorError that names the file, the ke
 """
 
 import csv
+import math
 import re
 from copy import deepcopy
 from functools import cache
@@ -148,11 +149,21 @@ def check(content, kind, shown):
 
     try:
         _fill(_schema(kind), content, "")
+        _check_finite(content, "")
         return _validator(kind)(content)
     except fastjsonschema.JsonSchemaValueException as error:
         raise DiorError(f"{shown}: {_sentence(error)}") from None
     except DiorError as error:
         raise DiorError(f"{shown}: {error}") from None
+
+
+def _check_finite(content, inside):
+    """YAML's .nan and .inf are numbers to a schema, but never what a person measured."""
+    if isinstance(content, float) and not math.isfinite(content):
+        raise DiorError(f"'{inside}' is {content} but should be a finite number")
+    keys = content.items() if isinstance(content, dict) else enumerate(content) if isinstance(content, list) else ()
+    for key, value in keys:
+        _check_finite(value, f"{inside}.{key}" if inside else str(key))
 
 
 def _fill(schema, content, inside):

@@ -13,9 +13,7 @@ SAME_TIME_S = 1e-6
 
 
 def nominal_fps(stamps_ns):
-    """Frame rate (Hz) of a recording from its stamps (F,) ns: the median period, or the standard rate it stands for."""
-    if len(stamps_ns) < 2:
-        raise DiorError("a recording of fewer than two pictures has no frame rate")
+    """Rate (Hz) of a recording from its stamps (F,) ns, F > 1: by the median period, or the standard rate near it."""
     fps = 1e9 / np.median(np.diff(stamps_ns))
     standard = RATES[np.argmin(np.abs(RATES - fps))]
     return float(standard) if abs(standard / fps - 1) < 4e-4 else round(float(fps), 3)
@@ -71,7 +69,12 @@ def start_ns(frames):
 
 def rates(frames, cameras):
     """Nominal frame rate (Hz) of each camera, by name, and that of the instants: the first camera's by name."""
-    own = {camera: nominal_fps(frames["stamp_ns"][frames["camera"] == camera]) for camera in cameras}
+    own = {}
+    for camera in cameras:
+        stamps = frames["stamp_ns"][frames["camera"] == camera]
+        if len(stamps) < 2:
+            raise DiorError(f"camera {camera}: {len(stamps)} pictures in the frames table; is its topic right?")
+        own[camera] = nominal_fps(stamps)
     return own, own[min(own)]
 
 

@@ -26,8 +26,9 @@ def test_nominal_rate_from_rounded_and_jittered_stamps(rate):
 
 
 def test_one_picture_has_no_rate():
-    with pytest.raises(DiorError, match="fewer than two"):
-        sampling.nominal_fps(np.array([T0]))
+    frames = {"camera": np.array(["cam01", "cam01", "cam02"], object), "stamp_ns": T0 + np.array([0, 10**8, 0])}
+    with pytest.raises(DiorError, match="camera cam02: 1 pictures"):
+        sampling.rates(frames, ["cam01", "cam02"])
 
 
 def test_interpolation_never_crosses_a_drop_and_snaps_to_frames():

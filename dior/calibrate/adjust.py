@@ -21,12 +21,11 @@ from dior import tables
 from dior.calibrate import bundle
 from dior.calibrate import offsets as clocks
 from dior.calibrate.place import camera_settings, check_above_floor
-from dior.camera import inverse_pose, project, undistort
+from dior.camera import REFERENCE_FX, inverse_pose, project, reprojection_errors, undistort
 from dior.errors import DiorError, nearest
 from dior.geometry import triangulate
 from dior.sampling import camera_seconds, rates, sample, start_ns
 
-REFERENCE_FX = 1680.0
 AIM_SIGMA_DEG = 30.0
 PLACED_SIGMA_M, PLACED_SIGMA_DEG = 0.05, 2.0
 TAPE_SIGMA_M = 0.05
@@ -83,7 +82,8 @@ def adjust(cameras, uv, priors, huber_px, max_mean_px, where):
             break
     points = np.where(used[:, None], points, np.nan)
     points[used] = bundle.points(found.values, used.sum())
-    before, after = errors_px(cameras, uv, np.where(used[:, None], start, np.nan)), errors_px(adjusted, uv, points)
+    before = reprojection_errors(cameras, np.where(used[:, None], start, np.nan), uv)
+    after = reprojection_errors(adjusted, points, uv)
     done = Adjusted(adjusted, points, before, after, found.iterations)
     _check_end(done, uv, max_mean_px * focal.mean() / REFERENCE_FX, where)
     return done
@@ -118,15 +118,8 @@ def _usable(cameras, uv, points):
     """
     size = np.array([[max(camera.intrinsics.width, camera.intrinsics.height)] for camera in cameras])
     with np.errstate(invalid="ignore"):
-        near = ~(errors_px(cameras, uv, points) > size)
+        near = ~(reprojection_errors(cameras, points, uv) > size)
     return in_front(cameras, uv, points) & near.all(axis=0)
-
-
-def errors_px(cameras, uv, points):
-    """Distances (V, N) px between recorded pixels (V, N, 2) and the projected points (N, 3)."""
-    return np.stack(
-        [np.linalg.norm(project(camera, points)[0] - seen, axis=-1) for camera, seen in zip(cameras, uv, strict=True)]
-    )
 
 
 def _check_start(cameras, uv, where):

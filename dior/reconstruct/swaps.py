@@ -73,14 +73,11 @@ def _cheapest_path(errors, points, states):
         usual = usual if np.isfinite(usual) and usual > 0 else 1.0
         unary = np.nanmean(np.minimum(errors / usual, CAP), axis=(1, 3))
         unary = np.where(np.isfinite(unary), unary, 0.0) + PRICE_SWAPPED * states.sum(axis=1)[:, None]
-        moved = np.linalg.norm(points[:, None, 1:] - points[None, :, :-1], axis=-1)
-        step = np.nanmean(np.minimum(moved / STEP_M, CAP), axis=-1)
     change = PRICE_CHANGE * (states[:, None] != states[None]).sum(axis=-1)
-    step = np.where(np.isfinite(step), step, 0.0) + change[:, :, None]
     count = unary.shape[1]
     total, came = unary[:, 0], np.zeros((count, len(states)), int)
     for t in range(1, count):
-        reach = step[:, :, t - 1] + total[None]
+        reach = total[None] + change + _movement(points[:, t], points[:, t - 1])
         came[t] = reach.argmin(axis=1)
         total = reach.min(axis=1) + unary[:, t]
     path = np.empty(count, int)
@@ -88,3 +85,10 @@ def _cheapest_path(errors, points, states):
     for t in range(count - 1, 0, -1):
         path[t - 1] = came[t, path[t]]
     return path
+
+
+def _movement(now, before):
+    """What it costs (S, S) that joints `before` (S, J, 3) m in one state are at `now` (S, J, 3) in another."""
+    moved = np.minimum(np.linalg.norm(now[:, None] - before[None], axis=-1) / STEP_M, CAP)
+    known = np.isfinite(moved)
+    return np.where(known, moved, 0.0).sum(axis=-1) / np.maximum(known.sum(axis=-1), 1)

@@ -16,14 +16,8 @@ from dior.errors import DiorError
 from dior.reconstruct.swaps import exchange, find_swaps
 from dior.sampling import blend
 
-REFERENCE_FX = 1680.0
 METHODS = ("robust", "rays")
 DROP_FACTOR = 4.0  # a view disagrees where the mean error is this many times the sequence's usual one
-
-
-def reprojection_errors(cameras, points, uv):
-    """Distances (V, ...) px between recorded pixels uv (V, ..., 2) and the projections of points (..., 3)."""
-    return np.linalg.norm(np.stack([cam.project(c, points)[0] for c in cameras]) - uv, axis=-1)
 
 
 def by_rays(cameras, uv):
@@ -32,33 +26,34 @@ def by_rays(cameras, uv):
     return geometry.intersect_rays(np.stack([c.centre for c in cameras]), directions)
 
 
-def by_dropping(cameras, uv, weights, max_error_px):
+def by_dropping(cameras, uv, weights, drop_px, max_error_px):
     """Weighted linear triangulation that leaves out the views that disagree.
 
     `uv` (V, ..., 2) px, `weights` (V, ...), 0 for a view without a say. While the mean reprojection error of the
-    views used is above `max_error_px` (at fx 1680, scaled by each camera's fx), the best subset with one view fewer
-    is tried, down to two. Returns points (..., 3), mean error px (...,), the views used (V, ...) bool and whether the
-    error is acceptable (...,).
+    views used is above `drop_px` (at fx 1680, scaled by each camera's fx), or they meet nowhere, the best subset with
+    one view fewer is tried, down to two. Returns points (..., 3), mean error px (...,), the views used (V, ...) bool
+    and whether the error is at most `max_error_px` (...,).
     """
     shape = uv.shape[1:-1]
     uv = uv.reshape(len(cameras), -1, 2)
     weights = np.where(np.isfinite(uv).all(axis=-1), weights.reshape(len(cameras), -1), 0.0)
     xy = np.stack([cam.undistort(c.intrinsics, view) for c, view in zip(cameras, uv, strict=True)])
     cTw = [cam.inverse_pose(c.wTc) for c in cameras]
-    scale = REFERENCE_FX / np.array([c.intrinsics.fx for c in cameras])
+    scale = cam.REFERENCE_FX / np.array([c.intrinsics.fx for c in cameras])
     seen = weights > 0
 
     def attempt(columns, keep):
         """Triangulate some columns with the views `keep` (V, n): points, error at fx 1680, error px."""
         points = geometry.triangulate(cTw, xy[:, columns], np.where(keep, weights[:, columns], 0.0))
-        errors = np.where(keep, reprojection_errors(cameras, points, uv[:, columns]), 0.0)
+        errors = np.where(keep, cam.reprojection_errors(cameras, points, uv[:, columns]), 0.0)
         count = np.maximum(keep.sum(axis=0), 1)
         return points, (errors * scale[:, None]).sum(axis=0) / count, errors.sum(axis=0) / count
 
     points, scaled, pixels = attempt(np.arange(uv.shape[1]), seen)
     used = seen.copy()
     for views_left in range(len(cameras) - 1, 1, -1):
-        bad = np.flatnonzero((scaled > max_error_px) & (seen.sum(axis=0) > views_left))
+        # NaN, where the point of all views lies behind one of them, is no agreement
+        bad = np.flatnonzero(~(scaled <= drop_px) & (seen.sum(axis=0) > views_left))
         if not len(bad):
             continue
         best = np.full(len(bad), np.inf)
@@ -77,8 +72,8 @@ def by_dropping(cameras, uv, weights, max_error_px):
 
 def usual_error(cameras, uv, weights):
     """Median over all points of the mean reprojection error with every view, px at fx 1680; inf without a point."""
-    scale = np.mean([REFERENCE_FX / c.intrinsics.fx for c in cameras])
-    _, error, used, _ = by_dropping(cameras, uv, weights, np.inf)
+    scale = np.mean([cam.REFERENCE_FX / c.intrinsics.fx for c in cameras])
+    _, error, used, _ = by_dropping(cameras, uv, weights, np.inf, np.inf)
     known = (used.sum(axis=0) >= 2) & np.isfinite(error)
     return float(np.median(error[known]) * scale) if known.any() else np.inf
 
@@ -142,11 +137,11 @@ def run(
         swapped = find_swaps(rig, uv, score, joints)
         uv, score = exchange(uv, swapped, joints), exchange(score, swapped, joints)
         limit = min(max_error_px, DROP_FACTOR * usual_error(rig, uv, score))
-        points, residual, used, good = by_dropping(rig, uv, score, limit)
+        points, residual, used, good = by_dropping(rig, uv, score, limit, max_error_px)
     else:
         used = score > 0
         points = by_rays(rig, np.where(used[..., None], uv, np.nan))
-        errors = np.where(used, reprojection_errors(rig, points, uv), 0.0)
+        errors = np.where(used, cam.reprojection_errors(rig, points, uv), 0.0)
         residual = errors.sum(axis=0) / np.maximum(used.sum(axis=0), 1)
         good = np.ones(residual.shape, bool)
     enough = (used.sum(axis=0) >= 2) & np.isfinite(points).all(axis=-1)

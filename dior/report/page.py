@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from dior import tables
+from dior.camera import REFERENCE_FX
 from dior.errors import DiorError
 from dior.evaluate import metrics as metrics_csv
 from dior.files import write_text
@@ -74,7 +75,7 @@ def run(*, root, title, metrics, frame_metrics, findings, cameras, skeletons, ov
         limits=[_limit(limit) for limit in summary.LIMITS],
         words=summary.WORDS,
         meanings=[(TITLES[name], name, text) for name, text in tables.METRICS.items()],
-        fx_of_limits=f"{summary.FX_OF_LIMITS:.0f}",
+        fx_of_limits=f"{REFERENCE_FX:.0f}",
     )  # fmt: skip
     write_text(out / "index.html", page)
 

@@ -4,11 +4,11 @@ Figures are narrow, with type that can still be read when a phone scales them do
 """
 
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 
 from dior import skeletons
+from dior.files import written_whole
 
 COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#7F7F7F", "#8A6FB0")
 RED, GREY = "#C0392B", "#8a8f98"
@@ -50,9 +50,8 @@ def _figure(rows=1, columns=1, height=3.1, **options):
 
 
 def _save(figure, path):
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, format="svg", metadata={"Date": None, "Creator": None})
+    with written_whole(path) as part:
+        figure.savefig(part, format="svg", metadata={"Date": None, "Creator": None})
     _pyplot().close(figure)
 
 

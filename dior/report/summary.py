@@ -8,9 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dior.camera import REFERENCE_FX
+
 LEVELS = ("good", "look", "bad", "none")
 WORDS = {"good": "good", "look": "look at it", "bad": "fix it", "none": "left out"}
-FX_OF_LIMITS = 1680.0
 
 
 @dataclass(frozen=True)
@@ -84,7 +85,7 @@ def judge(figures, fx, findings=()):
         value = figures.get(limit.metric)
         if value is None:
             continue
-        by = fx / FX_OF_LIMITS if limit.scaled_by_fx and fx else 1.0
+        by = fx / REFERENCE_FX if limit.scaled_by_fx and fx else 1.0
         look, bad = limit.sign * limit.look * by, limit.sign * limit.bad * by
         level = "bad" if limit.sign * value > bad else "look" if limit.sign * value > look else "good"
         text = limit.words.format(show(value, limit.unit))
