@@ -29,7 +29,7 @@ rule all:
     default_target: True
     input:
         rules.report.output.page,
-        released_files() if PROJECT.released_subjects else [],
+        released_files() if PROJECT.released_subjects or os.path.exists(RELEASE) else [],
         tarballs_of(PROJECT.released_subjects),
 
 

@@ -72,8 +72,11 @@ def _check_pseudonyms(subjects):
             )
         owner[word] = name
     for word, name in owner.items():
-        if word in {other.lower() for other in subjects}:
-            raise DiorError(f"config/subjects.tsv: the pseudonym of '{name}' is the name of a subject; make one up")
+        for other in subjects:
+            if _holds(word, other):
+                raise DiorError(
+                    f"config/subjects.tsv: the pseudonym of '{name}' holds the name of subject '{other}'; make one up"
+                )
 
 
 def _check_references(project, row, where):
@@ -101,13 +104,21 @@ def _distance(a, b):
 
 
 def _check_name(project, row, where):
-    """A sequence's name goes into the release, so it must not hold the name of its subject."""
-    subject, words = row["subject"].lower(), re.split("[_-]", row["sequence"].lower())
-    if consents(project.subjects[row["subject"]]) and not subject.isdigit() and subject in words:
-        raise DiorError(
-            f"{where}: the name of sequence '{row['sequence']}' holds that of its subject '{row['subject']}', which "
-            "the release must not tell; rename the sequence"
-        )
+    """The names of sequences and sessions go into the release, so they must not hold the name of a subject."""
+    for column in ("sequence", "session"):
+        for subject in project.subjects:
+            if _holds(row[column], subject):
+                raise DiorError(
+                    f"{where}: the name of {column} '{row[column]}' holds that of subject '{subject}', which the "
+                    f"release must not tell; rename the {column}"
+                )
+
+
+def _holds(text, subject):
+    """Whether a name is there as a word. One or two digits are a number of something, not a person's name."""
+    if subject.isdigit() and len(subject) < 3:
+        return False
+    return bool(re.search(rf"(^|[_-]){re.escape(subject)}([_-]|$)", text, re.IGNORECASE))
 
 
 def _check_bumps(project, session):
@@ -152,6 +163,18 @@ def _check_sequence(project, row, where):
 
 def _check_window(project, session):
     shown, processed = project.session_file(session), project.sequences_of(session)
+    close = {name: project.cameras(session)[name]["locate"] for name in project.close(session)}
+    taped = [name for name, how in close.items() if how == "tape"]
+    if taped and not project.window(session):
+        raise DiorError(
+            f"{shown}: {', '.join(taped)} are placed by tape, which is some degrees off until they are adjusted; name "
+            f"the walks to adjust with, such as 'adjust: {{{processed[0]}: {{first: 0, count: 400, step: 1}}}}'"
+        )
+    marked = [name for name, how in close.items() if how == "marks"]
+    if marked and project.window(session):
+        raise DiorError(
+            f"{shown}: 'adjust' is for close cameras placed by tape or reference, but {marked[0]} has 'locate: marks'"
+        )
     for name in project.window(session):
         if name in project.excluded:
             raise DiorError(f"{shown}: 'adjust.{name}' is an excluded sequence; use one that is processed")

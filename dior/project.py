@@ -26,7 +26,7 @@ class Project:
 
     `session_files` and `camera_files`: contents of session.yaml by session and of the camera YAMLs by session and
     camera, defaults filled in. `marks`: by (session, camera), the sequences named in the marks, in order, each with
-    whether a mark of it takes its 3D point from the motion capture.
+    the line of its first mark and that of its first mark without x, y, z (None if all have them).
     """
 
     root: Path
@@ -111,9 +111,6 @@ class Project:
     def close(self, session):
         return [name for name, camera in self.camera_files[session].items() if camera["role"] == "close"]
 
-    def long_range(self, session):
-        return [name for name, camera in self.camera_files[session].items() if camera["role"] == "long_range"]
-
     def window(self, session):
         """Instants that the adjustment uses: sequence -> {first, count, step}; empty means no adjustment."""
         return self.session_files[session]["adjust"]
@@ -150,25 +147,6 @@ class Project:
         """Path of the detections with {camera} in it, or "" where there are none."""
         pattern = self.rows[sequence]["detections"]
         return self.in_data(pattern) if pattern else ""
-
-    def detections_cameras(self, sequence):
-        """Cameras with detections: every close one, and the long-range ones where the file or folder exists.
-
-        A simulated capture has them all, also before it is made.
-        """
-        pattern, cameras = self.detections_pattern(sequence), self.camera_files[self.session_of(sequence)]
-        if not pattern:
-            return []
-        return [
-            name
-            for name, camera in cameras.items()
-            if camera["role"] == "close" or "simulate" in self.config or self._exists(pattern.format(camera=name))
-        ]
-
-    def detections(self, sequence):
-        """Files or folders of the detections by camera."""
-        pattern = self.detections_pattern(sequence)
-        return {camera: pattern.format(camera=camera) for camera in self.detections_cameras(sequence)}
 
     def session_file(self, session):
         return f"config/sessions/{session}/session.yaml"

@@ -2,6 +2,7 @@
 
 import ast
 import hashlib
+import os
 from functools import cache
 from importlib import metadata
 from pathlib import Path
@@ -21,15 +22,16 @@ def file_sha256(path):
 def code_hash(*modules):
     """A short hash of the code that steps run: `code_hash("calibrate.locate")`.
 
-    It covers the modules, every dior module they import (inside functions, too), the files that are no Python beside
-    or below them (templates, tables) and the installed versions of the numeric packages. Comments and docstrings do
-    not count, so an edit of those re-runs nothing.
+    It covers the modules, every dior module they import (inside functions, too), the files that are no Python and
+    that those name (templates; the schemas, whose defaults are filled in, for `checked`) and the installed versions
+    of the numeric packages. Comments and docstrings do not count, so an edit of those re-runs nothing.
     """
     digest = hashlib.sha256()
-    for path in sorted(_closure(modules)):
+    closure = sorted(_closure(modules))
+    for path in closure:
         digest.update(f"{path.relative_to(PACKAGE)}\0{_meaning(path)}\0".encode())
-    for path in sorted({data for module in modules for data in _data_files(module)}):
-        digest.update(f"{path.relative_to(PACKAGE)}\0{file_sha256(path)}\0".encode())
+    for path in sorted({data for module in closure for data in _data_files(module)}):
+        digest.update(f"{path.relative_to(PACKAGE.parent)}\0{file_sha256(path)}\0".encode())
     digest.update(_versions().encode())
     return digest.hexdigest()[:16]
 
@@ -91,13 +93,30 @@ def _meaning(path):
     return hashlib.sha256(ast.dump(tree).encode()).hexdigest()
 
 
-def _data_files(module):
-    """Files that are no Python beside the module (templates, tables): they are read by it."""
-    folder = _path_of(module).parent
-    if folder == PACKAGE:
-        return []
-    return [
-        path
-        for path in folder.rglob("*")
-        if path.is_file() and path.suffix not in (".py", ".pyc") and "__pycache__" not in path.parts
-    ]
+@cache
+def _data_files(path):
+    """Files that a module reads: those below its folder whose name, or whose subfolder's name, it spells out."""
+    if path == PACKAGE / "checked.py":
+        return tuple(sorted((PACKAGE.parent / "workflow/schemas").glob("*.yaml")))
+    if path.parent == PACKAGE:
+        return ()
+    nodes = ast.walk(ast.parse(path.read_text()))
+    spelled = {node.value for node in nodes if isinstance(node, ast.Constant) and isinstance(node.value, str)}
+    return tuple(
+        file
+        for file in path.parent.rglob("*")
+        if file.is_file()
+        and file.suffix not in (".py", ".pyc")
+        and spelled & {file.name, *file.relative_to(path.parent).parts[:-1]}
+    )
+
+
+def folder_state(path):
+    """A short hash of the names, sizes and times of the files in a folder; "" for what is no folder.
+
+    Snakemake looks at a folder's own time, which does not change when a file in it is written again.
+    """
+    if not os.path.isdir(path):
+        return ""
+    files = sorted((e.name, e.stat().st_size, e.stat().st_mtime_ns) for e in os.scandir(path) if e.is_file())
+    return hashlib.sha256(repr(files).encode()).hexdigest()[:16]

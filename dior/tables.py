@@ -31,11 +31,11 @@ METRICS = {
     "in_box_share": "share of the in-frame labels inside the hand-drawn box of the subject",
     "mark_error": "distance of a hand mark from the projection of its 3D point",
     "check_error": "distance of the label from a hand check, which no step has used",
-    "coverage": "share of (frame, joint) with a label",
+    "coverage": "share of (frame, joint) with a 3D point",
+    "in_picture_share": "share of the labels with a 3D point that lie in the picture",
     "adjust_error_before": "mean reprojection error of the placed cameras, before the adjustment",
     "adjust_error_after": "mean reprojection error after the adjustment",
     "swapped_share": "share of the instants in which a camera's left and right were exchanged",
-    "ambiguous_share": "share of the frames in which the subject was one of several possible people",
 }
 
 _text = pa.dictionary(pa.int32(), pa.string())

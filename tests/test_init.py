@@ -19,7 +19,7 @@ def filled_in(root):
         text = (session / "cam01.yaml").read_text().replace("/cam01/", f"/{name}/")
         (session / f"{name}.yaml").write_text(text.replace("[4.0,", f"[{name[-1]}.5,"))
     text = (session / "session.yaml").read_text()
-    (session / "session.yaml").write_text(text.replace(", cam04", ""))
+    (session / "session.yaml").write_text(text.replace(", cam04", "").replace("adjust: {}", "adjust: {walk_01: {}}"))
     walk = dict(sequence="walk_01", session_order="1", subject="P1", session="session_01", environment="outdoor",
                 bags="a.bag", detections="mlkit/{camera}.jsonl")  # fmt: skip
     person = dict(subject="P1", pseudonym="violet-77", height_m="1.8", consent_release="no")

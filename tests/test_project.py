@@ -1,10 +1,8 @@
 """The config is read as written, and each slip in it is one sentence that names where and the nearest word."""
 
 import dataclasses
-import shutil
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -119,7 +117,7 @@ def test_what_is_written_is_what_is_read(root):
     assert p.excluded == {"out_3": "rain"}
     assert p.sessions == ("field", "lab")
     assert p.bags("out_1") == ["data/out_1/a.bag", "data/out_1/b.bag"]
-    assert (p.close("field"), p.long_range("field")) == (["cam01", "cam02"], ["cam03"])
+    assert p.close("field") == ["cam01", "cam02"] and list(p.cameras("field")) == ["cam01", "cam02", "cam03"]
     assert p.first_sequence("field") == "out_1"
     assert p.sequences_of("field") == ["out_1", "out_2"]
     assert p.sequences_of_subject("S01") == ["out_1", "in_1"]
@@ -151,23 +149,26 @@ def test_a_config_read_elsewhere_is_used_and_left_alone(root):
     assert "adjust" not in given and given["triangulate"] == {"method": "robust"}
 
 
-def test_detections_of_a_long_range_camera_count_where_they_are(root):
-    p = project.load(root)
-    assert p.detections_cameras("out_1") == ["cam01", "cam02"] and p.detections_cameras("in_1") == []
-    file = root / "data/out_1/mlkit/cam03.jsonl"
-    file.parent.mkdir(parents=True)
-    file.touch()
-    assert p.detections("out_1")["cam03"] == "data/out_1/mlkit/cam03.jsonl"
-    assert p.detections_cameras("out_2") == ["cam01", "cam02"]
+def all_marked(root, marks):
+    """Both close cameras of the outdoor session are located by marks, so that nothing is adjusted."""
+    edit(root, "sessions/field/session.yaml", "adjust: {out_1: {count: 100}}", "")
+    for camera in ("cam01", "cam02"):
+        (root / f"config/sessions/field/{camera}.marks.csv").write_text(marks)
+        edit(root, f"sessions/field/{camera}.yaml", "locate: tape", "locate: marks")
 
 
 def test_marks_with_3d_points_need_no_mocap(root):
-    (root / "config/sessions/field/cam01.marks.csv").write_text(
-        "sequence,frame,joint,u,v,x,y,z\nout_2,0,post,1,2,3,4,5\nout_1,0,post,1,2,3,4,5\n"
-    )
-    edit(root, "sessions/field/cam01.yaml", "locate: tape", "locate: marks")
+    all_marked(root, "sequence,frame,joint,u,v,x,y,z\nout_2,0,post,1,2,3,4,5\nout_1,0,post,1,2,3,4,5\n")
     p = project.load(root)
     assert p.marks_sequences("field", "cam01") == ["out_2", "out_1"] and p.marks_mocap("field", "cam01") == []
+
+
+def test_cameras_by_marks_are_not_adjusted_and_cameras_by_tape_are(root):
+    (root / "config/sessions/field/cam01.marks.csv").write_text("sequence,frame,joint,u,v\n")
+    edit(root, "sessions/field/cam01.yaml", "locate: tape", "locate: marks")
+    fails(root, "config/sessions/field/session.yaml", "cam01 has 'locate: marks'")
+    edit(root, "sessions/field/session.yaml", "adjust: {out_1: {count: 100}}", "")
+    fails(root, "config/sessions/field/session.yaml", "cam02 are placed by tape", "adjust: {out_")
 
 
 @pytest.mark.parametrize(
@@ -220,7 +221,8 @@ def test_config_errors(root, old, new, parts):
         ("sequences", "out_1/mlkit/{camera}.jsonl", "out_1/x.jsonl", ["line 3", "{camera}"]),
         ("sequences", "in_1/a.bag", "", ["line 4: 'bags' is nothing"]),
         ("sequences", "in_1/a.bag", "/disk/a.bag", ["line 4", "bags '/disk/a.bag' must be relative to data_root"]),
-        ("sequences", "out_1\t9", "s01_out-1\t9", ["line 3", "'s01_out-1' holds that of its subject 'S01'"]),
+        ("sequences", "out_1\t9", "s01_out-1\t9", ["line 3", "'s01_out-1' holds that of subject 'S01'"]),
+        ("sequences", "out_1\t9", "take-S02\t9", ["line 3", "'take-S02' holds that of subject 'S02'"]),
         ("sequences", "outfit", "outfitt", ["unknown column 'outfitt' (did you mean 'outfit'?)"]),
         ("sequences", "\toutfit\twalk", "\twalk\twalk", ["column 'walk' is there twice"]),
         ("sequences", "rain", "rain\tx\ty", ["line 5: 14 cells but the sheet has 12 columns"]),
@@ -291,8 +293,7 @@ def test_session_errors(root, file, old, new, parts):
 
 
 def test_marks_without_3d_points_need_the_mocap(root):
-    (root / "config/sessions/field/cam01.marks.csv").write_text("sequence,frame,joint,u,v\nout_1,0,LASI,1,2\n")
-    edit(root, "sessions/field/cam01.yaml", "locate: tape", "locate: marks")
+    all_marked(root, "sequence,frame,joint,u,v\nout_1,0,LASI,1,2\n")
     fails(root, "config/sessions/field/cam01.marks.csv line 2", "'out_1' has no mocap")
 
 
@@ -439,32 +440,3 @@ def test_importing_the_module_is_light():
     code = "import sys, dior.project; print([m for m in ('numpy', 'yaml', 'pandas', 'jsonschema') if m in sys.modules])"
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
     assert found.strip() == "[]"
-
-
-def test_a_project_of_the_papers_size_loads_quickly(root):
-    """112 sequences of 14 sessions with four cameras each, read at every parse of the workflow."""
-    config = root / "config"
-    lines = ["\t".join(SEQUENCES)]
-    for i in range(14):
-        session = f"day{i:02d}"
-        shutil.copytree(config / "sessions/field", config / "sessions" / session)
-        (config / "sessions" / session / "session.yaml").write_text("cameras: [cam01, cam02, cam03, cam04]\n")
-        (config / "sessions" / session / "cam04.yaml").write_text(CLOSE.format(name="cam04", x=7))
-        lines += [
-            row(
-                sequence=f"{session}_{j}",
-                session_order=str(j),
-                subject="S01",
-                session=session,
-                environment="outdoor",
-                bags="a.bag",
-                detections="{camera}",
-            )
-            for j in range(8)
-        ]
-    for folder in ("offsets", "boxes", "checks"):
-        shutil.rmtree(config / folder)
-    (config / "sequences.tsv").write_text("\n".join(lines) + "\n")
-    start = time.perf_counter()
-    assert len(project.load(root).sequences) == 112
-    assert time.perf_counter() - start < 1.0

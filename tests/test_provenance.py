@@ -9,19 +9,29 @@ from dior import provenance
 def package(tmp_path, monkeypatch):
     """A copy of the package that a test may edit."""
     shutil.copytree(provenance.PACKAGE, tmp_path / "dior", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(provenance.PACKAGE.parent / "workflow", tmp_path / "workflow")
     monkeypatch.setattr(provenance, "PACKAGE", tmp_path / "dior")
     yield tmp_path / "dior"
     clear()
 
 
+STEPS = ("ingest.frames", "calibrate.align", "label.reproject", "report.page", "report.overlays", "release.package")
+
+
 def clear():
-    for function in (provenance.code_hash, provenance._path_of, provenance._imports, provenance._meaning):
+    for function in (
+        provenance.code_hash,
+        provenance._path_of,
+        provenance._imports,
+        provenance._meaning,
+        provenance._data_files,
+    ):
         function.cache_clear()
 
 
 def hashes():
     clear()
-    return {name: provenance.code_hash(name) for name in ("ingest.frames", "calibrate.align", "label.reproject")}
+    return {name: provenance.code_hash(name) for name in STEPS}
 
 
 def changed(before, after):
@@ -51,6 +61,31 @@ def test_comments_and_docstrings_change_nothing(package):
     path = package / "label/reproject.py"
     path.write_text(path.read_text().replace('"""2D labels', '"""Some labels') + "\n# a comment\n")
     assert changed(before, hashes()) == set()
+
+
+def test_a_template_changes_the_steps_that_name_it(package):
+    before = hashes()
+    edit(package / "report/templates/style.css", "{", "{ ")
+    assert changed(before, hashes()) == {"report.page"}
+    before = hashes()
+    edit(package / "release/card.md.j2", "#", "##")
+    assert changed(before, hashes()) == {"release.package"}
+
+
+def test_a_schemas_default_changes_the_steps_that_fill_it_in(package):
+    before = hashes()
+    edit(package.parent / "workflow/schemas/camera.schema.yaml", "default: 0.05", "default: 0.5")
+    assert "calibrate.align" in changed(before, hashes())
+    assert "label.reproject" not in changed(before, hashes())
+
+
+def test_a_file_written_again_in_a_folder_is_noticed(tmp_path):
+    assert provenance.folder_state(tmp_path / "none") == ""
+    (tmp_path / "a.json").write_text("1")
+    before = provenance.folder_state(tmp_path)
+    assert provenance.folder_state(tmp_path) == before
+    (tmp_path / "a.json").write_text("22")
+    assert provenance.folder_state(tmp_path) != before
 
 
 def test_a_module_that_is_not_there_is_an_error():

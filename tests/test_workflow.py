@@ -36,3 +36,12 @@ def test_rule_is_subcommand_is_log_folder():
 
 def test_every_step_has_a_rule():
     assert set(STEPS) <= set(RULES)
+
+
+def test_only_evaluate_reads_the_truth():
+    """The truth of a simulated capture must not help to make the labels."""
+    readers = {name for name, text in RULES.items() if "truth" in text.split("output:")[0]}
+    assert readers == {"evaluate"}
+    inputs = (ROOT / "workflow/rules/inputs.smk").read_text()
+    users = {name for name, text in RULES.items() for part in re.findall(r"=(truth\w*)", text)}
+    assert users == {"evaluate"} and inputs.count("PROJECT.truth(") == 2

@@ -247,17 +247,10 @@ def run(
 ):  # fmt: skip
     """Write the adjusted cameras, metrics and findings.
 
-    `detections`, `frames` and `offsets` are paths named by their sequence, `camera_files` by their camera. With an
-    empty `window` the cameras are written as placed. `min_score`, `min_views`, `max_gap`: see `observations`;
-    `huber_px`, `max_mean_px`: see `adjust`.
+    `detections`, `frames` and `offsets` are paths named by their sequence, `camera_files` by their camera.
+    `min_score`, `min_views`, `max_gap`: see `observations`; `huber_px`, `max_mean_px`: see `adjust`.
     """
     placed = list(tables.read_cameras(cameras).values())
-    if not window:
-        tables.write_cameras(out, placed, session)
-        tables.write(out_metrics, "metrics", {"metric": []})
-        text = "no instants are given to `adjust` in session.yaml, so the cameras are used as they were placed"
-        tables.write_findings(findings, [(session, "warning", "not_adjusted", text)])
-        return
     settings = {Path(path).stem.partition("@")[0]: camera_settings(path) for path in camera_files}
     for camera in placed:
         if camera.name not in settings:

@@ -5,10 +5,10 @@ INPUTS   CameraInfo of the bags in the `frames` table, or a TOML file in the sty
 OUTPUTS  `cameras` table of one row: pixels, distortion as k1 k2 p1 p2 k3 (k4 k5 k6), pose null.
 """
 
-import tomllib
 from pathlib import Path
 
 from dior import tables
+from dior.calibrate import toml_cameras
 from dior.camera import MODELS, Camera, Intrinsics, check_picture_size
 from dior.errors import DiorError, nearest
 from dior.ingest import bags as rosbag
@@ -74,16 +74,7 @@ def from_camera_info(info, topic, distortion_model, yaml):
 
 def from_toml(path, name, distortion_model=""):
     """Intrinsics from the table `name` of a TOML file; OpenCV's plumb_bob unless `distortion_model` says otherwise."""
-    if not path.is_file():
-        raise DiorError(f"{path}: there is no such file; check `intrinsics: {{file, name}}` in the camera's YAML")
-    try:
-        content = tomllib.loads(path.read_text())
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise DiorError(f"{path}: not a TOML file ({error})") from None
-    cameras = {key: value for key, value in content.items() if isinstance(value, dict) and "matrix" in value}
-    if name not in cameras:
-        raise DiorError(f"{path}: no camera '{name}'{nearest(name, cameras)}; there are {', '.join(cameras) or 'none'}")
-    where, table = f"{path}, [{name}]", cameras[name]
+    where, table = f"{path}, [{name}]", toml_cameras.section(path, name, ("matrix",))
     missing = [key for key in ("size", "distortions") if key not in table]
     if missing:
         raise DiorError(f"{where}: the key '{missing[0]}' is missing")

@@ -7,12 +7,12 @@ World in metres, Z up, floor at Z = 0. A reference file is a TOML with a section
 (Rodrigues vector in radians or 3x3) and `translation` (m), as Pose2Sim and caliscope write them.
 """
 
-import tomllib
 from pathlib import Path
 
 import numpy as np
 
 from dior import checked, tables
+from dior.calibrate import toml_cameras
 from dior.camera import inverse_pose, pose
 from dior.errors import DiorError, nearest
 from dior.geometry import look_at
@@ -66,40 +66,13 @@ def reference_pose(path, name, convention="cTw"):
     """
     if convention not in CONVENTIONS:
         raise DiorError(f"{path}: convention '{convention}' is not one of {', '.join(CONVENTIONS)}")
-    section = _section(path, name)
+    section = toml_cameras.section(path, name, ("rotation", "translation"))
     where = f"{path} [{name}]"
     translation = _numbers(where, section, "translation")
     if translation.shape != (3,):
         raise DiorError(f"{where}: translation must have 3 numbers, it has the shape {translation.shape}")
     T = pose(_rotation(where, _numbers(where, section, "rotation")), translation)
     return inverse_pose(T) if convention == "cTw" else T
-
-
-def _section(path, name):
-    try:
-        content = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise DiorError(f"{path}: there is no such file") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise DiorError(f"{path}: not readable as TOML ({error})") from None
-    sections = dict(_tables("", content))
-    posed = {key: table for key, table in sections.items() if "rotation" in table or "translation" in table}
-    matching = [
-        key for key, table in posed.items() if name in (key, key.rpartition(".")[2], str(table.get("name", "")))
-    ]
-    if not matching:
-        known = [*posed, *(str(table["name"]) for table in posed.values() if "name" in table)]
-        raise DiorError(f"{path}: no camera '{name}'{nearest(name, known)}; it has {', '.join(posed) or 'none'}")
-    if len(matching) > 1:
-        raise DiorError(f"{path}: '{name}' is the name of {len(matching)} sections: {', '.join(matching)}")
-    return posed[matching[0]]
-
-
-def _tables(prefix, content):
-    for key, value in content.items():
-        if isinstance(value, dict):
-            yield prefix + key, value
-            yield from _tables(f"{prefix}{key}.", value)
 
 
 def _numbers(where, section, key):

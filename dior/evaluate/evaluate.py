@@ -88,7 +88,9 @@ def _summed(metric, unit, measured, roles, by_joint=True):
 
 def _coverage(grids, roles):
     measured = [(grid, (~grid.missing).astype(float)) for grid in grids.values()]
-    return _summed("coverage", "share", measured, roles)
+    found, per_frame = _summed("coverage", "share", measured, roles)
+    inside = [(grid, np.where(grid.missing, np.nan, grid.in_frame)) for grid in grids.values()]
+    return found + _summed("in_picture_share", "share", inside, roles, by_joint=False)[0], per_frame
 
 
 def _reprojection(grids, roles, detections, swaps, min_score):

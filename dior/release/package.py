@@ -42,7 +42,9 @@ def run(*, project, version, title, license, authors, labels, skeletons, frames,
     (rows, _), (subjects, _) = sheets(project)
     processed = [row for row in rows.values() if not row["exclude_reason"]]
     released = released_rows(processed, subjects)
+    _withdraw(Path(out), {row["subject"] for row in released.values()})
     if not released:
+        shutil.rmtree(out, ignore_errors=True)
         raise DiorError("config/subjects.tsv: no subject's consent_release is yes, so there is nothing to release")
     found = {
         "labels_2d": _by_sequence(labels, released, "labels"),
@@ -66,6 +68,13 @@ def run(*, project, version, title, license, authors, labels, skeletons, frames,
         facts = {"version": version, "title": title, "license": license, "authors": list(authors)}
         write_text(folder / "README.md", card.text(facts, list(released.values()), counts, rig, figures))
         write_text(folder / SUMS, _sums(folder))
+
+
+def _withdraw(out, kept):
+    """Remove the tarballs beside the release of everybody but `kept`: who withdrew is in no file any more."""
+    for tarball in out.parent.glob(f"{out.name}-*.tar"):
+        if tarball.name.removeprefix(f"{out.name}-").removesuffix(".tar") not in kept:
+            tarball.unlink()
 
 
 def released_rows(rows, subjects):

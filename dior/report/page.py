@@ -24,6 +24,7 @@ SEVERITY_ORDER = ("error", "warning", "info")
 # name of a metric for people, in the order of the page
 TITLES = {
     "coverage": "Joints with a label",
+    "in_picture_share": "Labels in the picture",
     "mark_error": "Clicked marks, residual of the fit",
     "check_error": "Hand checks against labels",
     "reprojection_error": "Labels against detections",
@@ -34,7 +35,6 @@ TITLES = {
     "error_to_truth_3d": "3D against the truth, as is",
     "error_to_truth_3d_aligned": "3D against the truth, rigidly aligned",
     "swapped_share": "Left and right exchanged in the detections",
-    "ambiguous_share": "Several possible people",
 }
 
 
@@ -166,6 +166,7 @@ def _card(project, sequence, figures, recorded, found, stations, sheets):
             values,
             known.intrinsics.fx if known else None,
             summary.findings_of(found, sequence, session, subject, camera),
+            settings["role"],
         )
         cells.append(
             {

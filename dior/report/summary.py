@@ -31,6 +31,10 @@ class Limit:
 LIMITS = (
     Limit("coverage", 0.95, 0.80, -1, "share", "{} of the joints have a label", "more than a few gaps"),
     Limit(
+        "in_picture_share", 0.50, 0.05, -1, "share", "{} of the labels are in the picture",
+        "a camera that looks elsewhere has all its labels outside, and nothing else shows it",
+    ),
+    Limit(
         "lost_pictures", 0.01, 0.05, 1, "share", "{} of the pictures were lost in the recording",
         "estimated from gaps between the stamps; labels are never made up for lost pictures",
     ),
@@ -51,6 +55,7 @@ LIMITS = (
         "they are turned back before use; when they are many, some will have been overlooked",
     ),
 )  # fmt: skip
+YARDSTICKS = {"in_box_share", "check_error", "error_to_truth_2d"}
 SEVERITY_LEVEL = {"info": "good", "warning": "look", "error": "bad"}
 
 
@@ -72,15 +77,17 @@ def worst(levels):
     return max(levels, key=LEVELS.index, default="good")
 
 
-def judge(figures, fx, findings=()):
+def judge(figures, fx, findings=(), role="close"):
     """The `Light` of a camera of a sequence.
 
     `figures`: metric -> value, `fx` px or None, `findings`: (severity, text) pairs that are about this camera.
-    No `coverage` means that there are no labels.
+    No `coverage` means that there are no labels. A long-range camera without a yardstick is never good.
     """
     found = [(SEVERITY_LEVEL[severity], text) for severity, text in findings]
     if "coverage" not in figures:
         found.append(("bad", "no labels were made"))
+    if role == "long_range" and not YARDSTICKS & set(figures):
+        found.append(("look", "nothing checks these labels: draw boxes on some frames (config/boxes/)"))
     for limit in LIMITS:
         value = figures.get(limit.metric)
         if value is None:
@@ -91,7 +98,7 @@ def judge(figures, fx, findings=()):
         text = limit.words.format(show(value, limit.unit))
         if level != "good":
             text += f" (limit {show(limit.look * by, limit.unit)})"
-        if level != "good" or limit.metric not in ("lost_pictures", "swapped_share"):
+        if level != "good" or limit.metric not in ("in_picture_share", "lost_pictures", "swapped_share"):
             found.append((level, text))
     ordered = sorted(found, key=lambda item: -LEVELS.index(item[0]))
     return Light(

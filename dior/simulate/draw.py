@@ -127,7 +127,6 @@ def outlines(camera, points, height, outfit, subject):
     trunk = np.stack(layers, axis=1)
 
     deep = np.concatenate([(za + zb) / 2, ((depth["chest"] + depth["waist"]) / 2)[:, None]], axis=1)
-    # the face lies on the skull and the head on the neck, whatever the middles say
     order = np.argsort(-deep, axis=1, kind="stable")
     kinds = [limb[4] for limb in _LIMBS] + ["top"]
     shades = np.array([0.68, 0.88, 1.05])
@@ -244,7 +243,7 @@ def background(settings, camera, environment):
     ray = cv2.resize(ray.astype(np.float32), (wide * step, high * step), interpolation=cv2.INTER_LINEAR)
     # resize puts sample (i, j) at pixel centre step (i + 1/2) - 1/2
     half = step // 2
-    ray = np.pad(ray, ((0, 0), (0, 0), (0, 0)))[half : half + lens.height, half : half + lens.width]
+    ray = ray[half : half + lens.height, half : half + lens.width]
     eye = camera.wTc[:3, 3].astype(np.float32)
     colour = _room(ray, eye, lens.fx) if environment == "indoor" else _field(ray, eye, lens.fx)
     noise = generator(settings, "texture", environment, camera.name).standard_normal((lens.height // 24, 54, 1))

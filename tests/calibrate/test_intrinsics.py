@@ -135,7 +135,7 @@ def test_toml(tmp_path):
         ("fisheye = false", "fisheye = true", "cam_01", "fisheye"),
         ("[640.0, 480.0]", "[640.0]", "cam_01", "`size` must be 2 numbers"),
         ("[0.1, ", "[", "cam_01", "3 distortions"),
-        ("[cam_01]", "[cam_01", "cam_01", "not a TOML file"),
+        ("[cam_01]", "[cam_01", "cam_01", "not readable as TOML"),
     ],
 )
 def test_refused_toml(tmp_path, old, new, name, text):

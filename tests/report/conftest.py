@@ -154,10 +154,12 @@ def write_project(root, sequences):
         folder = config / "sessions" / session
         folder.mkdir(parents=True)
         cameras = rig(session == "field")
-        (folder / "session.yaml").write_text(f"cameras: [{', '.join(c.name for c in cameras)}]\n")
+        window = "adjust: {outdoor_01: {}}\n" if session == "field" else ""
+        (folder / "session.yaml").write_text(f"cameras: [{', '.join(c.name for c in cameras)}]\n{window}")
         for camera in cameras:
             place = [round(float(x), 3) for x in camera.centre]
-            locate = "align" if camera.role == "long_range" else "tape"
+            locate = "align" if camera.role == "long_range" else "tape" if session == "field" else "marks"
+            (folder / f"{camera.name}.marks.csv").write_text("sequence,frame,joint,u,v\n")
             (folder / f"{camera.name}.yaml").write_text(
                 f"role: {camera.role}\ntopic: /{camera.name}/color/image_raw/compressed\nintrinsics: camera_info\n"
                 f"distortion_model: plumb_bob\nlocate: {locate}\n"

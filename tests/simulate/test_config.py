@@ -20,7 +20,7 @@ def test_the_shipped_config_is_written_again_byte_for_byte(tmp_path):
 
 def test_it_is_a_valid_project():
     demo = project.load(ROOT)
-    assert len(demo.sequences) == 8 and demo.long_range("field") == ["cam04"]
+    assert len(demo.sequences) == 8 and demo.close("field") == ["cam01", "cam02", "cam03"]
     assert all(demo.boxes(name) for name in demo.sequences if not demo.indoor(name))
 
 

@@ -73,6 +73,7 @@ rule detections:
     params:
         pattern=detection_pattern,
         cameras=close_names,
+        folders=detection_folders,
         format=CONFIG["detector"]["format"],
         code=code("ingest.detections"),
     shell:

@@ -45,6 +45,17 @@ def detection_files(wildcards):
     return [pattern.format(camera=camera) for camera in close_names(wildcards)]
 
 
+def detection_folders(wildcards):
+    """What is in the detections that are folders: a file written again in one does not change the folder's time."""
+    return [folder_state(path) for path in detection_files(wildcards)]
+
+
+def motion(wildcards):
+    """The C3D whose walk the simulation uses, if any."""
+    path = CONFIG["simulate"]["motion"]
+    return [path] if path else []
+
+
 def first_sequence(wildcards):
     return PROJECT.first_sequence(wildcards.session)
 

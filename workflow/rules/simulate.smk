@@ -7,6 +7,8 @@ Outputs: below data_root, the recordings of each sequence as a lab would bring t
 
 rule simulate:
     """Render the bags of one sequence and detect the person in them."""
+    input:
+        motion=motion,
     output:
         bags=expand("{data}/{{sequence}}/{pc}.bag", data=DATA, pc=["pc1", "pc2"]),
         detections=expand(
@@ -38,6 +40,8 @@ rule simulate:
 
 rule simulate_mocap:
     """Write the C3D of one indoor sequence."""
+    input:
+        motion=motion,
     output:
         f"{DATA}/{{sequence}}/mocap.c3d",
     log:

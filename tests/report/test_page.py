@@ -1,0 +1,67 @@
+import hashlib
+import re
+
+import pytest
+
+from dior.report import page
+
+
+def write(capture, out):
+    page.run(
+        root=capture.root,
+        title="A & B",
+        metrics=capture.metrics,
+        frame_metrics=capture.frame_metrics,
+        findings=capture.findings,
+        cameras=capture.cameras,
+        skeletons=capture.skeletons,
+        overlays=[],
+        out=out,
+    )
+    return (out / "index.html").read_text()
+
+
+@pytest.fixture(scope="module")
+def made(capture, tmp_path_factory):
+    out = tmp_path_factory.mktemp("report") / "report"
+    return out, write(capture, out)
+
+
+def test_every_asset_is_there_and_nothing_comes_from_the_network(made):
+    out, text = made
+    links = {link for link in re.findall(r'(?:src|href)="([^"#]+)"', text)}
+    assert len(links) > 5 and all((out / link).is_file() for link in links)
+    assert "http://" not in text and "https://" not in text
+
+
+def test_findings_are_told_in_words_and_escaped(made):
+    _, text = made
+    assert "something is &lt;wrong&gt; here" in text and "<wrong>" not in text
+    assert "no detections between 1.2 s and 1.9 s" in text
+    assert "A &amp; B" in text
+
+
+def test_every_sequence_and_camera_has_a_light(made, capture):
+    _, text = made
+    for sequence in capture.sequences:
+        assert sequence in text
+    assert text.count("cam04") >= len(capture.sequences)
+
+
+def test_plots_have_axes_with_units(made):
+    out, _ = made
+    plots = sorted((out / "assets/plots").glob("*.svg"))
+    assert len(plots) > 4
+    words = " ".join(path.read_text() for path in plots)
+    assert "px" in words and "n " in words
+
+
+def test_two_runs_give_the_same_bytes(made, capture, tmp_path):
+    out, _ = made
+    write(capture, tmp_path / "again")
+
+    def hashes(folder):
+        files = sorted(p for p in folder.rglob("*") if p.is_file())
+        return {p.relative_to(folder).as_posix(): hashlib.sha256(p.read_bytes()).hexdigest() for p in files}
+
+    assert hashes(out) == hashes(tmp_path / "again")
