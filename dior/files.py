@@ -9,12 +9,13 @@ from pathlib import Path
 def written_whole(path):
     """Yield a path beside `path` to write to; it takes the place of `path` only if nothing was raised.
 
-    The process id keeps two writers apart, the suffix stays for libraries that look at it; a failed writer removes
-    what it wrote.
+    A failed writer removes what it wrote; what a killed one left is removed by the next. A file has one writer at a
+    time: the workflow sees to that. The suffix stays for libraries that look at it.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")
+    part = path.with_name(f".{path.stem}.part{path.suffix}")
+    part.unlink(missing_ok=True)
     try:
         yield part
         os.replace(part, path)

@@ -168,14 +168,6 @@ def test_a_far_move_is_a_warning(capture, tmp_path):
     assert any(text.startswith("cam02 moved 0.") and "measure it again" in text for text in far)
 
 
-def test_an_empty_window_leaves_the_cameras_as_placed(capture, tmp_path):
-    folder, cameras = capture
-    found, metrics, findings = adjusted(folder, cameras, tmp_path, sections={})
-    for camera in cameras:
-        np.testing.assert_array_equal(found[camera.name].wTc, camera.wTc)
-    assert len(metrics["value"]) == 0 and findings["code"].tolist() == ["not_adjusted"]
-
-
 def test_a_window_outside_of_the_recording_is_refused(capture, tmp_path):
     folder, cameras = capture
     with pytest.raises(DiorError, match="no joint is seen by enough cameras in the window"):
