@@ -11,4 +11,5 @@ def shared():
     folder = Path(__file__).resolve().parents[2] / "shared" / "data"
     if not folder.is_dir():
         pytest.skip(f"real data is not there: {folder}")
-    return folder
+    # a link is followed, since tests build paths relative to it
+    return folder.resolve()
