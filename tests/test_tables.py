@@ -7,6 +7,7 @@ from dior import tables
 from dior.camera import pose
 from dior.errors import DiorError
 from dior.geometry import look_at
+from dior.schemas import SCHEMAS
 from tests.rig import camera
 
 
@@ -39,7 +40,7 @@ def test_round_trip_with_nulls_units_and_same_bytes(tmp_path):
 
 
 def test_every_declared_column_has_a_type_that_can_be_written_empty(tmp_path):
-    for name, schema in tables.SCHEMAS.items():
+    for name, schema in SCHEMAS.items():
         tables.write(tmp_path / f"{name}.parquet", name, {schema.names[0]: np.array([], object)})
         assert tables.read(tmp_path / f"{name}.parquet", name).keys() == set(schema.names)
 

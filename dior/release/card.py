@@ -12,6 +12,7 @@ import numpy as np
 import pyarrow as pa
 
 from dior import tables
+from dior.schemas import METRICS, SCHEMAS, VOCABULARY
 
 TEMPLATE = Path(__file__).with_name("card.md.j2")
 FILES = {
@@ -63,7 +64,7 @@ def text(facts, sequences, counts, cameras, figures):
         described=[(*FILES[name], _columns(name)) for name in FILES],
         metric_columns=tables.columns_of("metrics"),
         figures=[figure for figure in map(_figure, figures) if figure],
-        metrics={name: meaning for name, meaning in tables.METRICS.items() if _has(figures, name)},
+        metrics={name: meaning for name, meaning in METRICS.items() if _has(figures, name)},
         example=_example(sequences, counts),
     )
 
@@ -76,12 +77,12 @@ def _columns(name):
     """(name, type, unit, meaning) of a table's columns; the words that a column may hold are part of its meaning."""
     return [
         (field.name, _type(field.type), field.metadata[b"unit"].decode(), _meaning(name, field))
-        for field in tables.SCHEMAS[name]
+        for field in SCHEMAS[name]
     ]
 
 
 def _meaning(name, field):
-    words = ", ".join(tables.VOCABULARY.get((name, field.name), ()))
+    words = ", ".join(VOCABULARY.get((name, field.name), ()))
     return "; ".join(part for part in (field.metadata[b"description"].decode(), words) if part)
 
 

@@ -5,7 +5,7 @@ INPUTS   the project's sheets; `labels_2d` per sequence and camera, `skeletons_3
 OUTPUT   results/release/dior-<version>/: labels_2d/<subject>/<sequence>.<camera>.parquet,
          skeletons_3d/<subject>/<sequence>.parquet, frames/<subject>/<sequence>.parquet, cameras.parquet,
          sequences.parquet, subjects.parquet, metrics.csv, README.md (dataset card), SHA256SUMS
-Units as in tables.py. A subject is its pseudonym in every path and column. Same input, same bytes: no clock, no names
+Units as in schemas.py. A subject is its pseudonym in every path and column. Same input, same bytes: no clock, no names
 of machines or files. A subject who did not agree is in no file and no count.
 """
 
@@ -26,6 +26,7 @@ from dior.files import write_text
 from dior.project import sheets
 from dior.provenance import file_sha256
 from dior.release import card
+from dior.schemas import SCHEMAS, VERSION
 
 SUMS = "SHA256SUMS"
 SHEET_COLUMNS = ("sequence", "session", "environment", "outfit", "walk")
@@ -129,14 +130,14 @@ def _as_pseudonym(table, path, row):
                 f"{path}: the {column} is {names[0]}, but the sheet says {expected}; delete it and run again"
             )
     at = table.schema.get_field_index("subject")
-    field = tables.SCHEMAS["labels_2d"].field("subject")
+    field = SCHEMAS["labels_2d"].field("subject")
     one = pa.DictionaryArray.from_arrays(pa.array(np.zeros(len(table), np.int32)), pa.array([row["subject"]]))
     return _plain_metadata(table.set_column(at, field, one))
 
 
 def _plain_metadata(table):
     kind = table.schema.metadata[b"dior_table"].decode()
-    return table.replace_schema_metadata({"dior_table": kind, "dior_table_version": tables.VERSION})
+    return table.replace_schema_metadata({"dior_table": kind, "dior_table_version": VERSION})
 
 
 def _release_frames(path, out):

@@ -18,6 +18,7 @@ from dior.evaluate import metrics as metrics_csv
 from dior.files import write_text
 from dior.report import summary
 from dior.report.figures import Figures
+from dior.schemas import METRICS
 
 TEMPLATES = Path(__file__).parent / "templates"
 SEVERITY_ORDER = ("error", "warning", "info")
@@ -74,7 +75,7 @@ def run(*, root, title, metrics, frame_metrics, findings, cameras, skeletons, ov
         sheets=[(sequence, sorted(by_camera.items())) for sequence, by_camera in sorted(sheets.items())],
         limits=[_limit(limit) for limit in summary.LIMITS],
         words=summary.WORDS,
-        meanings=[(TITLES[name], name, text) for name, text in tables.METRICS.items()],
+        meanings=[(TITLES[name], name, text) for name, text in METRICS.items()],
         fx_of_limits=f"{REFERENCE_FX:.0f}",
     )  # fmt: skip
     write_text(out / "index.html", page)
