@@ -18,7 +18,8 @@ from dior.camera import Camera, Intrinsics, inverse_pose, project, undistort
 from dior.geometry import triangulate
 from dior.ingest.readers import mlkit, openpose
 from dior.reconstruct.swaps import exchange, find_swaps
-from dior.reconstruct.triangulate import DROP_FACTOR, by_dropping, by_rays, usual_error
+from dior.reconstruct.triangulate import by_rays
+from dior.views import DROP_FACTOR, by_dropping, usual_error
 
 ROOT = Path(__file__).resolve().parents[1]
 CAMERAS = ("cam01", "cam02", "cam03", "cam04")

@@ -8,6 +8,8 @@ sequence does not move old labels), on the nominal grid t0 + k/fps of their sequ
 What holds the gauge: every tape-measured camera keeps to its measured position with the tape's sigma, one without a
 tape to its placed position with 5 cm; a camera that was aimed by look-at keeps to that rotation with 30 degrees, which
 decides only what nothing else does (two cameras could turn about the line between them), another with 2 degrees.
+Detections that disagree with the other views of their joint (another person, exchanged sides, a wrong limb) take no
+part: they are looked for from the adjusted cameras, and the adjustment is repeated without them.
 A reprojection error is the mean distance in recorded pixels. World in metres, Z up, floor at Z = 0.
 """
 
@@ -18,34 +20,40 @@ from pathlib import Path
 import numpy as np
 
 from dior import tables
-from dior.calibrate import bundle
+from dior.calibrate import bundle, realsense
 from dior.calibrate import offsets as clocks
 from dior.calibrate.place import camera_settings, check_above_floor
 from dior.camera import REFERENCE_FX, inverse_pose, project, reprojection_errors, undistort
 from dior.errors import DiorError, nearest
 from dior.geometry import triangulate
 from dior.sampling import camera_seconds, rates, sample, start_ns
+from dior.views import DROP_FACTOR, by_dropping, usual_error
 
 AIM_SIGMA_DEG = 30.0
 PLACED_SIGMA_M, PLACED_SIGMA_DEG = 0.05, 2.0
 TAPE_SIGMA_M = 0.05
 SAME_PLACE_M = 0.01
 FEWEST_SEEN = 6
-ROUNDS = 3
+ROUNDS = 5
 SAMPLE = 2000
+BEST_DETECTOR_PX = 1.0  # at fx 1680
+SETTLED = 0.001
+MOST_DISAGREEING = 0.3
+WORTH_TELLING = 0.02
 
 
 @dataclass(frozen=True)
 class Adjusted:
     """`cameras`, `points` (N, 3) m with NaN where left out, and the errors (V, N) px before and after of those used.
 
-    `iterations` are those of the last round.
+    `disagreeing` is the share of the detections that were left out, `iterations` are those of the last round.
     """
 
     cameras: list
     points: np.ndarray
     before_px: np.ndarray
     after_px: np.ndarray
+    disagreeing: float
     iterations: int
 
     @property
@@ -60,33 +68,49 @@ def adjust(cameras, uv, priors, huber_px, max_mean_px, where):
     `priors` are `bundle.Prior`, one per camera. `huber_px`, where the loss turns linear, and `max_mean_px`, above
     which the result is refused, are for fx 1680 and scaled by each camera's (and the mean) fx. Of many points a sample
     comes first, so that the large problem starts near its end; points that the placed cameras put behind one of them
-    are left out at first and tried again from the adjusted cameras.
+    are left out at first and tried again from the adjusted cameras, which also tell the detections that disagree.
     Raises DiorError (beginning with `where`), see `bundle.optimise` and the checks below.
     """
     _check_start(cameras, uv, where)
     _check_shared(cameras, uv, where)
     focal = np.array([camera.intrinsics.fx for camera in cameras])
     sigma = huber_px * focal / REFERENCE_FX / bundle.HUBER
-    adjusted, start, used = list(cameras), triangulated(cameras, uv), np.zeros(uv.shape[1], bool)
-    usable, points = _usable(cameras, uv, start), start
+    adjusted, agreed, used = list(cameras), uv, np.zeros(uv.shape[1], bool)
+    points = triangulated(cameras, uv)
+    usable = _usable(cameras, uv, points)
     for _ in range(ROUNDS):
         used = _sample(usable) if not used.any() else usable
-        _check_aim(adjusted, uv, used, where)
-        graph, values = bundle.build(adjusted, uv[:, used], points[used], priors, sigma)
+        _check_aim(adjusted, agreed, used, where)
+        graph, values = bundle.build(adjusted, agreed[:, used], points[used], priors, sigma)
         found = bundle.optimise(graph, values, where)
         poses = bundle.poses(found.values, len(cameras))
         adjusted = [camera.at(wTc) for camera, wTc in zip(cameras, poses, strict=True)]
-        points = triangulated(adjusted, uv)
-        usable = _usable(adjusted, uv, points)
-        if not (usable & ~used).any():
+        solved, last = bundle.points(found.values, used.sum()), agreed
+        agreed = agreeing(adjusted, uv)
+        points = triangulated(adjusted, agreed)
+        usable = _usable(adjusted, agreed, points)
+        changed = np.isfinite(agreed) != np.isfinite(last)
+        if changed.mean() < SETTLED and not (usable & ~used).any():
             break
-    points = np.where(used[:, None], points, np.nan)
-    points[used] = bundle.points(found.values, used.sum())
-    before = reprojection_errors(cameras, np.where(used[:, None], start, np.nan), uv)
-    after = reprojection_errors(adjusted, points, uv)
-    done = Adjusted(adjusted, points, before, after, found.iterations)
-    _check_end(done, uv, max_mean_px * focal.mean() / REFERENCE_FX, where)
+    points = np.full_like(points, np.nan)
+    points[used] = solved
+    start = np.where(used[:, None], triangulated(cameras, last), np.nan)
+    before, after = reprojection_errors(cameras, start, last), reprojection_errors(adjusted, points, last)
+    disagreeing = 1 - np.isfinite(last).sum() / np.isfinite(uv).sum()
+    done = Adjusted(adjusted, points, before, after, float(disagreeing), found.iterations)
+    _check_end(done, last, max_mean_px * focal.mean() / REFERENCE_FX, where)
     return done
+
+
+def agreeing(cameras, uv):
+    """The detections uv (V, N, 2), NaN for those that disagree with the other views of their point.
+
+    Where only two views are left and disagree, or nothing tells which one is wrong, all of the point are left out.
+    """
+    weights = np.isfinite(uv).all(axis=-1).astype(float)
+    limit = max(DROP_FACTOR * usual_error(cameras, uv, weights), BEST_DETECTOR_PX)
+    _, _, used, good = by_dropping(cameras, uv, weights, limit, limit)
+    return np.where((used & good)[..., None], uv, np.nan)
 
 
 def _sample(usable):
@@ -188,6 +212,12 @@ def _check_end(done, uv, limit_px, where):
             f"{where}: {done.left_out} of {len(done.points)} joints fit no point in front of the cameras that see "
             "them; place the cameras better (tape.position_m, tape.target_m)"
         )
+    if done.disagreeing > MOST_DISAGREEING:
+        raise DiorError(
+            f"{where}: {done.disagreeing:.0%} of the detections disagree with the other views of their joint, more "
+            f"than {MOST_DISAGREEING:.0%}; a local minimum or wrong detections, so place the cameras better "
+            "(tape.position_m, tape.target_m) or choose other instants in session.yaml"
+        )
     mean = np.nanmean(done.after_px)
     if mean > limit_px:
         per_camera = ", ".join(
@@ -251,7 +281,8 @@ def run(
     `min_score`, `min_views`, `max_gap`: see `observations`; `huber_px`, `max_mean_px`: see `adjust`.
     """
     placed = list(tables.read_cameras(cameras).values())
-    settings = {Path(path).stem.partition("@")[0]: camera_settings(path) for path in camera_files}
+    yamls = {Path(path).stem.partition("@")[0]: path for path in camera_files}
+    settings = {name: camera_settings(path) for name, path in yamls.items()}
     for camera in placed:
         if camera.name not in settings:
             raise DiorError(f"session {session}: no YAML for {camera.name}{nearest(camera.name, settings)}")
@@ -277,9 +308,36 @@ def run(
         found.append((session, "info" if uv.shape[1] else "warning", "adjust_window", text))
     uv = np.concatenate(parts, axis=1)
     done = adjust(placed, uv, priors, huber_px, max_mean_px, f"session {session}")
+    found += _findings(session, placed, priors, done)
+    found += _lens_models(
+        session, yamls, {name: s["topic"] for name, s in settings.items()}, done, uv, priors, huber_px
+    )
     tables.write_cameras(out, done.cameras, session)
     tables.write(out_metrics, "metrics", _metrics(done))
-    tables.write_findings(findings, found + _findings(session, placed, priors, done))
+    tables.write_findings(findings, found)
+
+
+def _lens_models(session, yamls, topics, done, uv, priors, huber_px):
+    """Findings on how the joints fit either model that a RealSense may have; `yamls` and `topics` by camera.
+
+    The cameras are adjusted again for the other model, so that the poses cannot favour the one they were found with.
+    """
+    views = [i for i, c in enumerate(done.cameras) if realsense.is_ambiguous(topics[c.name], c.intrinsics)]
+    if not views:
+        return []
+    sampled = _sample(np.isfinite(done.points[:, 0]))
+    assumed = [realsense.as_other(c) if i in views else c for i, c in enumerate(done.cameras)]
+    try:
+        other_px = adjust(assumed, uv[:, sampled], priors, huber_px, np.inf, "").after_px
+    except DiorError:
+        other_px = np.full((len(assumed), 1), np.inf)
+    found = []
+    for i in views:
+        camera = done.cameras[i]
+        means = (float(np.nanmean(errors[i])) for errors in (done.after_px[:, sampled], other_px))
+        scope = f"{session}/{camera.name}"
+        found.append(realsense.finding(scope, "the joints", camera.intrinsics.model, *means, yamls[camera.name]))
+    return found
 
 
 def _metrics(done):
@@ -302,6 +360,11 @@ def _findings(session, placed, priors, done):
     if done.left_out:
         text = f"{done.left_out} of {len(done.points)} joints were left out, being behind a camera that sees them"
         found.append((session, "warning", "adjust_left_out", text))
+    if done.disagreeing > 0:
+        text = (
+            f"{done.disagreeing:.1%} of the detections were left out, disagreeing with the other views of their joint"
+        )
+        found.append((session, "warning" if done.disagreeing > WORTH_TELLING else "info", "adjust_disagreeing", text))
     if done.iterations >= bundle.MOST_ITERATIONS:
         text = f"the adjustment was stopped after {done.iterations} iterations, before it had settled"
         found.append((session, "warning", "adjust_not_settled", text))

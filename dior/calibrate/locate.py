@@ -15,6 +15,7 @@ import numpy as np
 from dior import tables
 from dior.calibrate import marks as hand_marks
 from dior.calibrate import offsets as clocks
+from dior.calibrate import realsense
 from dior.calibrate.place import camera_settings, check_above_floor, unplaced
 from dior.camera import inverse_pose, pose, project, undistort
 from dior.errors import DiorError
@@ -169,6 +170,21 @@ def _findings(scope, path, marks, located, ransac_px):
     return found
 
 
+def _lens_models(scope, path, lens, marks, located):
+    """Finding on how the inliers fit either model that a RealSense may have.
+
+    The pose is refined for each, so that it cannot favour the one that it was found with.
+    """
+    xyz, uv = marks.xyz[located.inlier], marks.uv[located.inlier]
+    if len(xyz) <= FEWEST:
+        return []
+    mean = []
+    for assumed in (lens, realsense.as_other(lens)):
+        assumed = assumed.at(located.wTc)
+        mean.append(residuals(assumed.at(refine(assumed, xyz, uv)[0]), xyz, uv).mean())
+    return [realsense.finding(scope, "the marks", lens.intrinsics.model, *mean, path)]
+
+
 def _distance(residual_px):
     return f"{residual_px:.1f} px" if np.isfinite(residual_px) else "behind the camera or outside of the lens model"
 
@@ -198,6 +214,8 @@ def run(
     used, found = hand_marks.in_world(read, marks, camera, lens.intrinsics, motions, stamps, clock, scope)
     located = locate(lens, used.xyz, used.uv, ransac_px, f"{marks} ({scope})")
     found += _findings(scope, marks, used, located, ransac_px)
+    if realsense.is_ambiguous(settings["topic"], lens.intrinsics):
+        found += _lens_models(scope, camera_file, lens, used, located)
     tables.write_cameras(out, [lens.at(located.wTc, settings["locate"])], session)
     tables.write(out_marks, "marks", _columns(session, camera, used, located))
     tables.write_findings(findings, found)

@@ -21,6 +21,7 @@ from dior.sampling import sample, seconds
 
 COLUMNS = ("sequence", "frame", "joint", "u", "v")
 WORLD = ("x", "y", "z")
+MANY_LOST = 0.2
 
 
 @dataclass(frozen=True)
@@ -160,12 +161,19 @@ def in_world(marks, path, camera, intrinsics, motions, stamps, clocks, scope):
         t[i] = seconds(stamp, motion.t0_ns, *clocks[sequence][:2])
         xyz[i] = sample(motion.t, motion.xyz[:, motion.joints.index(joint)], t[i : i + 1], _longest_step(motion))[0]
     known = np.isfinite(xyz).all(axis=1)
-    findings = [
-        (scope, "warning", "mark_without_marker", f"{path} line {marks.line[i]}: {marks.joint[i]} is missing in the "
-         f"mocap of {marks.sequence[i]} at {t[i]:.3f} s (frame {marks.frame[i]}), so the mark is not used")
-        for i in np.flatnonzero(~known)
-    ]  # fmt: skip
+    findings = _without_marker(marks, known, path, scope)
     return replace(marks, xyz=xyz).only(known), findings
+
+
+def _without_marker(marks, known, path, scope):
+    """One finding for the marks that are not `known` (N,), since their marker being missing in the mocap."""
+    lost = np.flatnonzero(~known)
+    if not len(lost):
+        return []
+    each = (f"line {marks.line[i]} {marks.joint[i]}, frame {marks.frame[i]} of {marks.sequence[i]}" for i in lost)
+    severity = "warning" if len(lost) > MANY_LOST * len(known) else "info"
+    text = f"{len(lost)} of {len(known)} marks are not used, their markers are missing in the mocap there"
+    return [(scope, severity, "mark_without_marker", f"{path}: {text} ({'; '.join(each)})")]
 
 
 def _stamp(where, stamps, sequence, frame, camera):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dior.calibrate import adjust as step
-from dior.calibrate import bundle
+from dior.calibrate import bundle, realsense
 from dior.camera import pose, project
 from dior.errors import DiorError
 from dior.geometry import look_at, similarity
@@ -68,6 +68,33 @@ def test_the_demo_s_tape_and_aim_reach_the_noise(seed, count):
     assert np.nanmean(done.after_px) < 2.3 and np.nanmean(done.before_px) > 5
     _, R, t = similarity(done.points, points, scale=False)
     assert np.linalg.norm(done.points @ R.T + t - points, axis=1).mean() < 0.05
+
+
+def with_wrong_person(uv, share, by_px=(90.0, 30.0)):
+    """Detections (V, N, 2) of which the second camera has the first `share` (at a moment each) of somebody else."""
+    uv = uv.copy()
+    count = int(share * uv.shape[1])
+    uv[1, :count] += by_px
+    return uv
+
+
+def test_another_person_in_one_camera_does_not_move_the_cameras():
+    cameras, points = ring(3), body()
+    placed, uv = misplaced(cameras), seen(cameras, points, 2.0)
+    clean = step.adjust(placed, uv, tape(placed), HUBER, MOST, "s")
+    done = step.adjust(placed, with_wrong_person(uv, 0.12), tape(placed), HUBER, MOST, "s")
+    assert clean.disagreeing < 0.005 and 0.03 < done.disagreeing < 0.13
+    assert np.nanmean(done.after_px) < 2.4
+    for found, true in zip(done.cameras, clean.cameras, strict=True):
+        distance, angle = step.moved(true, found)
+        assert distance < 0.02 and angle < 0.4
+
+
+def test_cameras_that_mostly_see_another_person_are_refused():
+    cameras, points = ring(3), body()
+    uv = seen(cameras, points, 2.0)
+    uv[0] += np.random.default_rng(1).uniform(-200, 200, (len(points), 1)) * (1, 0.5)
+    refused(cameras, uv, "session field: (.* detections disagree|the adjustment ends at a mean)")
 
 
 def test_two_cameras_keep_to_their_tape_and_horizon():
@@ -210,3 +237,19 @@ def test_at_the_papers_size():
     placed = misplaced(cameras)
     done = step.adjust(placed, seen(cameras, points, 2.0), tape(placed), HUBER, MOST, "s")
     assert np.nanmean(done.after_px) < 1.8
+
+
+@pytest.mark.parametrize("named", ["plumb_bob", "inverse_brown_conrady"])
+def test_the_joints_tell_a_realsense_its_lens_model(named):
+    """The pixels are those of a plumb_bob lens; what a person names is the same or the other."""
+    cameras = ring(4, radius=3.0)
+    uv = seen(cameras, body(600), 0.3)
+    if named != "plumb_bob":
+        cameras = [*map(realsense.as_other, cameras[:3]), cameras[3]]
+    done = step.adjust(cameras, uv, tape(cameras), HUBER, MOST, "s")
+    yamls = {camera.name: f"{camera.name}.yaml" for camera in cameras}
+    topics = dict.fromkeys(yamls, "/cam/color/image_raw") | {"cam04": "/cam/image"}
+    found = step._lens_models("field", yamls, topics, done, uv, tape(cameras), HUBER)
+    wanted = ("info", "lens_models") if named == "plumb_bob" else ("warning", "lens_model_doubtful")
+    assert [(scope, *rest) for scope, *rest, _ in found] == [(f"field/cam0{i}", *wanted) for i in (1, 2, 3)]
+    assert f"with the lens as {named}" in found[0][3]

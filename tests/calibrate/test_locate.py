@@ -1,5 +1,7 @@
 """PnP from marks: exact without noise, for every lens model, with wrong marks, and what it refuses."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -183,6 +185,24 @@ def test_the_step_keeps_the_wrong_mark_as_outlier_and_names_it(tmp_path):
     assert findings["code"].tolist() == ["mark_rejected", "pose_from_marks"]
     assert findings["severity"][0] == "warning"
     assert "line 5: M03 on frame 0 of indoor_01 is 40.0 px from" in findings["text"][0]
+
+
+@pytest.mark.parametrize("named", ["plumb_bob", "inverse_brown_conrady"])
+def test_the_marks_of_a_realsense_tell_its_lens_model(tmp_path, named):
+    """The marks are those of a plumb_bob lens; what a person names is the other or the same."""
+    view = session(tmp_path)
+    assert view.intrinsics.model == "plumb_bob" and any(view.intrinsics.distortion)
+    lens = replace(view, intrinsics=replace(view.intrinsics, model=named)).at(np.full((4, 4), np.nan))
+    tables.write_cameras(tmp_path / "lens.parquet", [lens], "lab")
+    _, _, findings = located(tmp_path)
+    assert "lens_models" not in findings["code"]
+    text = (tmp_path / "cam01.yaml").read_text()
+    (tmp_path / "cam01.yaml").write_text(text.replace("/cam01/image", "cam01/color/image_raw"))
+    _, _, findings = located(tmp_path)
+    severity, code, text = (findings[key][-1] for key in ("severity", "code", "text"))
+    assert "px as " in text and f"px off with the lens as {named}" in text
+    wanted = ("info", "lens_models") if named == "plumb_bob" else ("warning", "lens_model_doubtful")
+    assert (severity, code) == wanted and ("check `distortion_model`" in text) == (named != "plumb_bob")
 
 
 def test_a_wrong_offset_shows_in_the_residuals(tmp_path):

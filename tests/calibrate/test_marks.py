@@ -94,7 +94,7 @@ def test_a_mark_without_its_marker_is_dropped_and_named(tmp_path, seconds):
     assert "LASI" not in found.joint
     scope, severity, code, text = findings[0]
     assert (scope, severity, code) == ("lab/cam01", "warning", "mark_without_marker")
-    assert "line 2: LASI is missing" in text and "frame 0" in text
+    assert "of 2 marks are not used" in text and "line 2 LASI, frame 0 of indoor_01" in text
 
 
 def test_own_world_points_need_no_mocap(tmp_path):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dior import camera as cam
-from dior.reconstruct import triangulate as tri
+from dior import views
 from dior.reconstruct.swaps import exchange, find_swaps
 from dior.skeletons import BODY_25B, MLKIT_33
 
@@ -72,8 +72,8 @@ def test_the_unseen_camera_is_labelled(shared, rig):
     score = np.where(score >= 0.3, score, 0.0)
     swapped = find_swaps(rig[:3], uv, score, MLKIT_33)
     uv, score = exchange(uv, swapped, MLKIT_33), exchange(score, swapped, MLKIT_33)
-    limit = min(45.0, tri.DROP_FACTOR * tri.usual_error(rig[:3], uv, score))
-    points, _, _, good = tri.by_dropping(rig[:3], uv, score, limit, 45.0)
+    limit = min(45.0, views.DROP_FACTOR * views.usual_error(rig[:3], uv, score))
+    points, _, _, good = views.by_dropping(rig[:3], uv, score, limit, 45.0)
     points[~good] = np.nan
     spec = importlib.util.spec_from_file_location("score", shared.parent / "tools/score_real_outdoor.py")
     tool = importlib.util.module_from_spec(spec)
@@ -87,7 +87,7 @@ def test_dropping_agrees_with_the_publishers_skeleton(shared, rig):
     """Plain confidence-weighted triangulation, cameras dropped at 15 px: median below 1 mm."""
     names, theirs = read_trc(shared / "real_outdoor/reference/skeleton.trc")
     uv, score = stack(openpose, shared, rig)
-    points, *_ = tri.by_dropping(rig, uv, np.where(score >= 0.3, score, 0.0), 15.0, 15.0)
+    points, *_ = views.by_dropping(rig, uv, np.where(score >= 0.3, score, 0.0), 15.0, 15.0)
     ours = points[:, [BODY_25B.index(name) for name in names]]
     distance = np.linalg.norm(ours - theirs, axis=-1)
     assert np.isfinite(distance).mean() > 0.99
