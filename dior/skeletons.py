@@ -43,6 +43,45 @@ COCO_18 = tuple(
     ).split()
 )
 
+# iBUG's 68 face points: numbers on the subject's right, and what they and their mirrors on the left add up to
+_FACE_PAIRS = (
+    (range(0, 8), 16),
+    (range(17, 22), 43),
+    (range(31, 33), 66),
+    (range(36, 40), 81),
+    (range(40, 42), 87),
+    (range(48, 51), 102),
+    (range(58, 60), 114),
+    (range(60, 62), 124),
+    (range(67, 68), 132),
+)
+
+
+def _sided_face():
+    names = [f"face_{number:02d}" for number in range(68)]
+    for numbers, total in _FACE_PAIRS:
+        for right in numbers:
+            names[right], names[total - right] = f"right_face_{right:02d}", f"left_face_{right:02d}"
+    return tuple(names)
+
+
+FACE_68 = _sided_face()
+HANDS_42 = tuple(f"{side}_hand_{i:02d}" for side in ("left", "right") for i in range(21))
+# github.com/Fang-Haoshu/Halpe-FullBody and github.com/jin-s13/COCO-WholeBody
+HALPE_26 = (
+    *COCO_17,
+    *"head neck mid_hip left_big_toe right_big_toe left_small_toe right_small_toe left_heel right_heel".split(),
+)
+HALPE_136 = (*HALPE_26, *FACE_68, *HANDS_42)
+WHOLEBODY_133 = (
+    *COCO_17,
+    *"left_big_toe left_small_toe left_heel right_big_toe right_small_toe right_heel".split(),
+    *FACE_68,
+    *HANDS_42,
+)
+# keypoint lists that their length tells apart
+BY_COUNT = {len(names): names for names in (COCO_17, COCO_18, HALPE_26, MLKIT_33, WHOLEBODY_133, HALPE_136)}
+
 _JOINT_BONES = (
     "nose-left_eye nose-right_eye left_eye-left_ear right_eye-right_ear left_shoulder-right_shoulder "
     "left_shoulder-left_elbow left_elbow-left_wrist right_shoulder-right_elbow right_elbow-right_wrist "

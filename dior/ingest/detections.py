@@ -1,13 +1,13 @@
 """Detections of every tool in one table: the subject's joints on every frame of every camera.
 
-INPUTS   one file or folder per camera (`pattern` with {camera}; ML Kit JSON lines or an OpenPose folder) and the
-         sequence's `frames` table.
+INPUTS   one file or folder per camera (`pattern` with {camera}; the formats of `readers.READERS`) and the sequence's
+         `frames` table.
 OUTPUTS  `detections` table, complete camera x frame x joint, recorded pixels, of the subject only: `person` is its
          index in the detector's output, null with u, v, score where the subject was not found or the detector not run.
          `findings`: pictures without output, without a person, with several people, and ambiguous choices.
 """
 
-import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,17 +15,18 @@ import numpy as np
 from dior import tables
 from dior.errors import DiorError, nearest
 from dior.ingest import people as subject
-from dior.ingest.readers import mlkit, openpose
+from dior.ingest.readers import READERS
+from dior.ingest.readers.recognise import recognise
 
-READERS = {"mlkit": mlkit.read, "openpose": openpose.read}
-TOOLS = {"mlkit": "ML Kit", "openpose": "OpenPose"}
 FEW = 0.1
+# a body is larger than this in pixels, and no larger in fractions of the picture
+FRACTIONS_END = 3.0
 
 
 def run(*, sequence, pattern, cameras, format, frames, out, findings):
     """Write the subject's detections of `cameras`, those whose detections are used. See the module's docstring.
 
-    `format` is auto, mlkit or openpose. Raises DiorError for a missing file, a wrong format, frames or stamps of
+    `format` is auto or a key of READERS. Raises DiorError for a missing file, a wrong format, frames or stamps of
     another recording, and a camera in which nobody was ever found.
     """
     if format != "auto" and format not in READERS:
@@ -33,18 +34,20 @@ def run(*, sequence, pattern, cameras, format, frames, out, findings):
         raise DiorError(f"detector.format '{format}' is not one of {', '.join(known)}{nearest(format, known)}")
     if "{camera}" not in pattern and len(cameras) > 1:
         raise DiorError(f"{sequence}: `detections` in sequences.tsv is '{pattern}', which needs a {{camera}} in it")
-    pictures = tables.read(frames, "frames", ["camera", "frame", "stamp_ns"])
+    pictures = tables.read(frames, "frames", ["camera", "frame", "stamp_ns", "width", "height"])
     parts, seen = [], []
     for camera in sorted(cameras):
         where = f"{sequence}, {camera}"
-        stamps_ns = tables.of_camera(pictures, camera)["stamp_ns"]
+        mine = tables.of_camera(pictures, camera)
+        stamps_ns = mine["stamp_ns"]
         if not len(stamps_ns):
             raise DiorError(f"{where}: {frames} has no frame of this camera")
         path = Path(pattern.replace("{camera}", camera))
-        people = READERS[_format(path, format, where)](path)
+        reader = READERS[_format(path, format, where)]
+        people = _in_pixels(reader.read(path), reader, (mine["width"][0], mine["height"][0]), path, where)
         _check(people, stamps_ns, path, where)
         track = subject.follow(people, stamps_ns)
-        seen += [(f"{sequence}/{camera}", *finding) for finding in _findings(people, track, camera)]
+        seen += [(f"{sequence}/{camera}", *finding) for finding in _findings(people, track, camera, reader)]
         parts.append(_columns(camera, stamps_ns, people, track))
     tables.write(out, "detections", _concatenated(parts))
     tables.write_findings(findings, seen)
@@ -59,40 +62,37 @@ def _format(path, wanted, where):
     if found == "empty":
         raise DiorError(f"{where}: the {kind} {path} is empty; run the detector")
     if wanted != "auto" and found != wanted:
-        what = f"{TOOLS[found]} output" if found else "something else"
+        what = f"{READERS[found].tool} output" if found else "something else"
         raise DiorError(f"{where}: the {kind} {path} is {what}, not {wanted}; correct detector.format or the path")
     if not found:
-        raise DiorError(f"{where}: {path} is neither ML Kit JSON lines nor a folder of OpenPose JSON files")
-    if found == "openpose" and not path.is_dir() or found == "mlkit" and path.is_dir():
-        shape = "the folder of the files" if found == "openpose" else "the .jsonl file itself"
-        raise DiorError(f"{where}: {path} is {TOOLS[found]} output, but `detections` must name {shape}")
+        known = ", ".join(reader.tool for reader in READERS.values())
+        raise DiorError(f"{where}: {path} is output of none of {known}; docs/formats.md shows what they look like")
+    if READERS[found].shape not in (kind, "either"):
+        shape = "the folder of the files" if READERS[found].shape == "folder" else "the file itself"
+        raise DiorError(f"{where}: {path} is {READERS[found].tool} output, but `detections` must name {shape}")
     return found
 
 
-def recognise(path):
-    """Which tool wrote a file or folder, by its content: "mlkit", "openpose", "empty" or None (none of them)."""
-    if path.is_dir():
-        names = sorted(one for one in path.iterdir() if one.suffix in (".json", ".jsonl"))
-        return recognise(names[0]) if names else "empty"
-    with open(path, "rb") as stream:
-        line = next((line for line in stream if line.strip()), b"")
-    if not line:
-        return "empty"
-    try:
-        content = json.loads(line)
-    except ValueError:
-        content = _whole(path)
-    if not isinstance(content, dict):
-        return None
-    return "mlkit" if "landmarks" in content else "openpose" if "people" in content else None
+def _in_pixels(people, reader, size, path, where):
+    """`people` of pictures of `size` (width, height) in pixels, whether the reader gives fractions or pixels.
 
-
-def _whole(path):
-    """The JSON of a file that spreads over several lines, or None."""
-    try:
-        return json.loads(path.read_bytes())
-    except ValueError:
-        return None
+    Fractions count from the picture's edges and pixels from the centre of the first one, hence the half. Raises
+    DiorError where the numbers are the other of the two.
+    """
+    if not len(people.frame):
+        return people
+    largest = np.nanmedian(np.nanmax(np.abs(people.uv), axis=(1, 2)))
+    if (largest <= FRACTIONS_END) != reader.fractions:
+        is_, should = ("pixels", "fractions of the picture") if reader.fractions else ("fractions", "pixels")
+        raise DiorError(
+            f"{where}: the coordinates in {path} go to {largest:.6g}, which is {is_}, but {reader.tool} output is read "
+            f"as {should}; write it again in the tool's usual unit"
+        )
+    if not reader.fractions:
+        return people
+    if min(size) < 1:
+        raise DiorError(f"{where}: the size of the pictures is not known, and {path} holds fractions of it")
+    return replace(people, uv=people.uv * np.array(size, float) - 0.5)
 
 
 def _check(people, stamps_ns, path, where):
@@ -100,9 +100,10 @@ def _check(people, stamps_ns, path, where):
     count = len(stamps_ns)
     beyond = people.ran[(people.ran < 0) | (people.ran >= count)]
     if len(beyond):
+        from_one = "; are they counted from 1?" if people.ran[0] == 1 and beyond[-1] == count else ""
         raise DiorError(
             f"{where}: {path} has frame {beyond[-1]} but the recording has frames 0 to {count - 1}; "
-            "the detections belong to another recording"
+            f"the detections belong to another recording{from_one}"
         )
     period_ns = np.median(np.diff(stamps_ns)) if count > 1 else 1e9
     off = (people.stamp_ns >= 0) & (np.abs(people.stamp_ns - stamps_ns[people.ran]) > period_ns / 2)
@@ -151,7 +152,7 @@ def _concatenated(parts):
     return columns
 
 
-def _findings(people, track, camera):
+def _findings(people, track, camera, reader):
     """(severity, code, text) of one camera."""
     frames = len(track.row)
     count = np.bincount(people.frame, minlength=frames)
@@ -161,7 +162,12 @@ def _findings(people, track, camera):
     found = []
     if not_run:
         text = f"{camera}: the detector was not run on {not_run} of {frames} frames"
+        if reader.silent:
+            text += f", or found nobody there: {reader.tool} output does not tell"
         found.append(("warning" if not_run > FEW * frames else "info", "detector_not_run", text))
+    if len(people.ran) and people.ran[0] == 1:
+        text = f"{camera}: the detections begin at frame 1; if the tool counts from 1, all of them are a frame late"
+        found.append(("warning", "frames_from_one", text))
     if nobody:
         text = f"{camera}: the detector found nobody in {nobody} of {frames} frames"
         found.append(("warning" if nobody > FEW * frames else "info", "nobody_found", text))

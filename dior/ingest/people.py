@@ -9,19 +9,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dior.errors import DiorError
 from dior.skeletons import swap_index
 
-# A person's mean joint moves 0.03 body sizes between pictures at 30 Hz when walking. A difference of REACH costs 1, and
-# REACH grows with the root of the time passed. No difference costs more than JUMP, so that a subject who comes back
-# elsewhere is found again. Leaving a frame out costs SKIP: more than the worst score (1), so that nobody is left out
-# for a low score alone, and little enough that a subject missed in every third frame is not given up for a bystander.
-REACH = 0.25
+# A person's mean joint moves 0.03 body sizes between pictures at 30 Hz when walking, 0.05 when running, and a detector
+# adds its own noise. A difference of REACH and SPEED per period costs 1: it grows no faster with the time passed, or
+# leaving out a few frames would make any jump cheap and a bystander of a second the subject. No difference costs more
+# than JUMP, so that a subject who comes back elsewhere is found again. Leaving a frame out costs SKIP: more than the
+# worst score (1), so that nobody is left out for a low score alone, and little enough that a subject missed in every
+# third frame is not given up for a bystander.
+REACH, SPEED = 0.15, 0.03
 PERIOD_S = 1 / 30
 JUMP = 60.0
 SKIP = 1.5
-MEMORY = 15
+MEMORY = 45
 AMBIGUOUS = 1.0
 BLOCK = 1 << 13
+# no picture is this large; beyond it float32 loses a tenth of a pixel
+FAR_PX = 1e6
 
 
 @dataclass(frozen=True)
@@ -41,6 +46,60 @@ class People:
     stamp_ns: np.ndarray
 
 
+def gathered(path, joints, frame, points, ran=None, stamp_ns=None):
+    """`People` from what a file holds, in any order.
+
+    `frame` (P,) numbers from 0, `points` (P, J, 3) u, v, score; a coordinate that is not finite is missing. `ran` are
+    the frames that the detector looked at (those of `frame` where it does not say) and `stamp_ns` their stamps. A
+    person is counted by its place among those of its frame, one without any joint is left out. `points` is written
+    to and not copied: it is the largest thing that a reader has. Raises DiorError for
+    frames and coordinates that cannot be.
+    """
+    frame = whole_numbers(path, frame)
+    points = np.asarray(points, float).reshape(len(frame), len(joints), 3)
+    ran = np.unique(frame) if ran is None else whole_numbers(path, ran)
+    stamp_ns = np.full(len(ran), -1, np.int64) if stamp_ns is None else np.asarray(stamp_ns, np.int64)
+    for numbers in (frame, ran):
+        if len(numbers) and numbers.min() < 0:
+            raise DiorError(f"{path}: frame {numbers.min()} is negative; frames are counted from 0")
+    order, of_ran = _order(frame), _order(ran)
+    frame, points, ran, stamp_ns = frame[order], points[order], ran[of_ran], stamp_ns[of_ran]
+    twice = np.flatnonzero(np.diff(ran) == 0)
+    if len(twice):
+        raise DiorError(f"{path}: frame {ran[twice[0]]} is there twice")
+    person = np.arange(len(frame)) - np.searchsorted(frame, frame)
+    uv, score = points[..., :2], points[..., 2]
+    missing = ~np.isfinite(uv.sum(axis=-1))
+    uv[missing], score[missing] = np.nan, 0.0
+    if len(uv) and max(np.nanmax(uv, initial=0), -np.nanmin(uv, initial=0)) > FAR_PX:
+        row, joint = np.argwhere((np.abs(uv) > FAR_PX).any(axis=-1))[0]
+        u, v = uv[row, joint]
+        raise DiorError(
+            f"{path}: frame {frame[row]} has {joints[joint]} at ({u:.6g}, {v:.6g}), which is in no picture; "
+            "is the file damaged?"
+        )
+    np.clip(np.nan_to_num(score, copy=False), 0.0, 1.0, out=score)
+    seen = ~missing.all(axis=1)
+    rows = slice(None) if seen.all() else seen
+    return People(tuple(joints), frame[rows], person[rows], uv[rows], score[rows], ran, stamp_ns)
+
+
+def _order(numbers):
+    """An index that sorts, stable; a slice, which copies nothing, where they are in order."""
+    return slice(None) if (np.diff(numbers) >= 0).all() else np.argsort(numbers, kind="stable")
+
+
+def whole_numbers(path, numbers):
+    """`numbers` as int64 (N,). Raises DiorError where one is no whole number of that size."""
+    try:
+        exact = np.array([int(number) for number in numbers], np.int64)
+    except (OverflowError, TypeError, ValueError):
+        exact = None
+    if exact is None or any(a != b for a, b in zip(exact.tolist(), numbers, strict=True)):
+        raise DiorError(f"{path}: a frame number is no whole number; is the file damaged?")
+    return exact
+
+
 @dataclass(frozen=True)
 class Track:
     """`row` of `People` per frame, -1 for nobody; frames with `several` people; frames where the choice is `ambiguous`;
@@ -57,9 +116,9 @@ def follow(people, stamps_ns):
 
     The cheapest path over all frames (Viterbi), so that a gap or a bystander does not break it. A person costs 0 to 2:
     what the mean score lacks to 1 and the size to that of the largest in the frame. Two people that follow each other
-    in time cost the square of their mean joint distance, in body sizes over REACH, at most JUMP; a frame with people
-    that is left out costs SKIP. A choice is ambiguous if the best path through another person of that frame costs less
-    than AMBIGUOUS more.
+    in time cost the square of their mean joint distance, in body sizes over what they could have moved, at most JUMP; a
+    frame with people that is left out costs SKIP. A choice is ambiguous if the best path through another person of that
+    frame costs less than AMBIGUOUS more.
     """
     count = np.bincount(people.frame, minlength=len(stamps_ns))
     row = np.full(len(stamps_ns), -1)
@@ -159,7 +218,7 @@ def _steps(people, when, a, b):
         middle = np.nanmean(uv, axis=1)
         distance[apart] = np.hypot(*(middle[a[apart]] - middle[b[apart]]).T)
     periods = np.maximum((when[a] - when[b]) / PERIOD_S, 1.0)
-    reach = REACH * np.sqrt(periods) * np.maximum(extent[a], extent[b])
+    reach = (REACH + SPEED * periods) * np.maximum(extent[a], extent[b])
     return np.minimum((distance / reach) ** 2, JUMP)
 
 

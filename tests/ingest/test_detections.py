@@ -178,7 +178,7 @@ def test_wrong_detector_format(tmp_path):
     with pytest.raises(DiorError, match=r"walk, cam01: the file .*cam01\.jsonl is ML Kit output, not openpose"):
         run(tmp_path, "{camera}.jsonl", format="openpose")
     (tmp_path / "cam01.csv").write_text("frame,u,v\n")
-    with pytest.raises(DiorError, match="neither ML Kit JSON lines nor a folder of OpenPose"):
+    with pytest.raises(DiorError, match="output of none of ML Kit, OpenPose, MediaPipe"):
         run(tmp_path, "{camera}.csv")
     with pytest.raises(DiorError, match=r"cam01\.csv is something else, not mlkit"):
         run(tmp_path, "{camera}.csv", format="mlkit")
@@ -216,7 +216,7 @@ def test_detections_of_another_recording(tmp_path):
 @pytest.mark.parametrize(
     "lines, text",
     [
-        ([line(0), line(1)[:-30]], "a line is not ML Kit's JSON"),
+        ([line(0), line(1)[:-30]], "line 2: not the JSON of ML Kit .*interrupted"),
         ([line(0), line(0)], "frame 0 is there twice"),
         ([line(0), '{"stamp_ns": 1, "landmarks": []}'], "line 2 has no 'frame'"),
         ([line(0), '{"frame": 1, "stamp_ns": 1}'], "line 2 has no 'landmarks'"),

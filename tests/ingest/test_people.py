@@ -49,7 +49,8 @@ def energy(path, all_people, seconds):
                 np.linalg.norm(all_people.uv[row] - all_people.uv[last][module.swap_index(COCO_17)], axis=-1).mean(),
             )
             passed = seconds[all_people.frame[row]] - seconds[all_people.frame[last]]
-            reach = module.REACH * max(extent[row], extent[last]) * np.sqrt(max(passed / module.PERIOD_S, 1.0))
+            reach = module.REACH + module.SPEED * max(passed / module.PERIOD_S, 1.0)
+            reach *= max(extent[row], extent[last])
             total += min((distance / reach) ** 2, module.JUMP)
         last = row
     return total if len(path) == len(frames) else np.inf
@@ -101,6 +102,15 @@ def test_a_gap_and_a_lone_bystander_do_not_break_it():
     assert chosen(track, everybody) == np.where(missing, -1, 0).tolist()
     assert np.flatnonzero(track.left_out).tolist() == [10, 11, 12]
     assert not track.several.any() and not track.ambiguous.any()
+
+
+def test_a_bystander_found_instead_for_two_thirds_of_a_second_is_left_out():
+    """Leaving out the pictures around would make the two jumps cheap if reach grew with the root of the time passed."""
+    found = [(f, 0, (4.0 * f, 0.0), 1.0, 0.9) for f in range(90) if not 30 <= f < 50]
+    size = np.hypot(*np.ptp(people(found[:1]).uv[0], axis=0))
+    found += [(f, 0, (4.0 * 40 + 1.7 * size, 0.0), 1.0, 0.9) for f in range(30, 50)]
+    track = follow(people(found), stamps(90))
+    assert np.flatnonzero(track.left_out).tolist() == list(range(30, 50))
 
 
 def test_a_subject_missed_in_a_third_of_the_frames_is_not_given_up_for_a_bystander():

@@ -5,75 +5,84 @@ INPUTS   <anything><frame>[<no digits>].json with `people[].pose_keypoints_2d` =
 OUTPUTS  `People` with the joints of BODY_25, BODY_25B or COCO_18, told apart by the number and place of the points.
 """
 
-import json
 import os
-import re
+from array import array
 
+import msgspec
 import numpy as np
 
 from dior.errors import DiorError
-from dior.ingest.people import People
+from dior.ingest.people import gathered
+from dior.ingest.readers.common import files_by_frame
 from dior.skeletons import BODY_25, BODY_25B, COCO_18, bones_of
 
 CANDIDATES = {len(COCO_18): {"COCO_18": COCO_18}, len(BODY_25): {"BODY_25": BODY_25, "BODY_25B": BODY_25B}}
 # of the right naming the bones are 2 to 4 times shorter than of the wrong one
 CLEARLY_SHORTER = 0.8
+# people that tell models with the same number of points apart
+ENOUGH_PEOPLE = 500
+# files are a few kB, and a buffer of this size costs no system call of its own
+READ_AT_ONCE = 1 << 15
+
+
+class _Person(msgspec.Struct, gc=False):
+    pose_keypoints_2d: list[float] = []
+
+
+class _Picture(msgspec.Struct, gc=False):
+    people: list[_Person]
+
+
+_FILE = msgspec.json.Decoder(_Picture)
 
 
 def read(folder):
     """All people of the folder. Raises DiorError for a file that is not OpenPose's and for a frame given twice."""
-    names = sorted(name for name in os.listdir(folder) if name.endswith(".json"))
-    numbers = [_frame(folder, name) for name in names]
-    where = {}
-    for number, name in zip(numbers, names, strict=True):
-        if number in where:
-            raise DiorError(f"{folder}: {where[number]} and {name} are both frame {number}")
-        where[number] = name
-    ran = np.array(sorted(where), dtype=np.int64)
-    frame, person, values = [], [], []
-    for number in ran.tolist():
-        for index, keypoints in enumerate(_people(folder, where[number])):
-            if any(keypoints):
-                if values and len(keypoints) != len(values[0]):
-                    raise DiorError(
-                        f"{folder}/{where[number]}: {len(keypoints) // 3} keypoints where the files before have "
-                        f"{len(values[0]) // 3}; one folder must hold one model's output"
-                    )
-                frame.append(number)
-                person.append(index)
-                values.append(keypoints)
-    stamp_ns = np.full(len(ran), -1, np.int64)
-    if not values:
-        empty = np.empty((0, len(BODY_25)))
-        none = np.empty(0, np.int64)
-        return People(BODY_25, none, none, np.empty((0, len(BODY_25), 2)), empty, ran, stamp_ns)
-    points = np.array(values, float).reshape(len(values), -1, 3)
-    missing = (points == 0).all(axis=-1)
-    uv = np.where(missing[..., None], np.nan, points[..., :2])
-    joints = _joints(uv, folder)
-    return People(joints, np.array(frame), np.array(person), uv, points[..., 2], ran, stamp_ns)
+    names, frame, values, size = files_by_frame(folder, ".json"), [], [], 0
+    for number, name in names.items():
+        path = f"{folder}/{name}"
+        try:
+            people = _FILE.decode(_text(path)).people
+        except (msgspec.MsgspecError, RecursionError):
+            raise DiorError(f"{path}: not a JSON file of OpenPose; was it interrupted?") from None
+        for person in people:
+            keypoints = person.pose_keypoints_2d
+            if keypoints and len(keypoints) != size:
+                _check_count(len(keypoints), size, path)
+                size = len(keypoints)
+            frame.append(number)
+            values.append(array("d", keypoints) if keypoints else None)
+    if not size:
+        return gathered(folder, BODY_25, [], np.empty((0, len(BODY_25), 3)), list(names))
+    # a bytearray can be written to, so that nothing is copied; a person without keypoints has zeros, which are missing
+    values = bytearray().join([bytes(8 * size) if one is None else one for one in values])
+    points = np.frombuffer(values).reshape(len(frame), -1, 3)
+    points[(points[..., 0] == 0) & (points[..., 1] == 0)] = np.nan
+    return gathered(folder, _joints(points[..., :2], folder), frame, points, list(names))
 
 
-def _frame(folder, name):
-    numbers = re.findall(r"\d+", name.removesuffix(".json"))
-    if not numbers:
-        raise DiorError(f"{folder}/{name}: the file name holds no frame number")
-    return int(numbers[-1])
-
-
-def _people(folder, name):
-    """Keypoint lists of all people of one file; an empty list for one without."""
+def _text(path):
+    file = os.open(path, os.O_RDONLY)
     try:
-        with open(os.path.join(folder, name), "rb") as stream:
-            people = json.load(stream)["people"]
-        keypoints = [one.get("pose_keypoints_2d") or [] for one in people]
-    except (ValueError, KeyError, TypeError, AttributeError):
-        raise DiorError(f"{folder}/{name}: not a JSON file of OpenPose; was it interrupted?") from None
-    for one in keypoints:
-        if len(one) % 3 or (one and len(one) // 3 not in CANDIDATES):
-            known = " or ".join(f"{count} ({', '.join(names)})" for count, names in CANDIDATES.items())
-            raise DiorError(f"{folder}/{name}: {len(one)} numbers per person, which is not 3 x {known} keypoints")
-    return keypoints
+        text = part = os.read(file, READ_AT_ONCE)
+        while len(part) == READ_AT_ONCE:
+            part = os.read(file, READ_AT_ONCE)
+            text += part
+        return text
+    finally:
+        os.close(file)
+
+
+def _check_count(size, before, path):
+    count = size // 3
+    if size % 3 or count not in CANDIDATES:
+        known = " or ".join(f"{count} ({', '.join(names)})" for count, names in CANDIDATES.items())
+        raise DiorError(f"{path}: {size} numbers per person, which is not 3 x {known} keypoints")
+    if before:
+        raise DiorError(
+            f"{path}: {count} keypoints where the files before have {before // 3}; "
+            "one folder must hold one model's output"
+        )
 
 
 def _joints(uv, folder):
@@ -81,7 +90,7 @@ def _joints(uv, folder):
     candidates = CANDIDATES[uv.shape[1]]
     if len(candidates) == 1:
         return next(iter(candidates.values()))
-    lengths = {name: _bone_length(uv, joints) for name, joints in candidates.items()}
+    lengths = {name: _bone_length(uv[:: -(-len(uv) // ENOUGH_PEOPLE)], joints) for name, joints in candidates.items()}
     (best, shortest), (other, longer) = sorted(lengths.items(), key=lambda item: item[1])
     if not shortest < CLEARLY_SHORTER * longer:
         raise DiorError(

@@ -1,0 +1,41 @@
+"""Detections in the results format of COCO's keypoint task: one JSON list for a camera.
+
+INPUTS   [{"image_id": frame, "keypoints": [x, y, score, ...], "score"}], pixels, of 17 (COCO), 26 (Halpe), 133 (COCO
+         WholeBody) or 136 (Halpe full body) keypoints; (0, 0) is a missing joint. COCO lets the third number be 1 (or
+         0) throughout; then the person's score takes its place. A picture without a person is not in the list.
+OUTPUTS  `People`.
+"""
+
+import numpy as np
+
+from dior.errors import DiorError
+from dior.ingest.people import gathered
+from dior.ingest.readers.common import load_json, number, one_model, triples
+from dior.skeletons import BY_COUNT
+
+
+def read(path):
+    """All people of the file. Raises DiorError for a file that is no such list."""
+    return from_list(load_json(path, "COCO results"), path, lambda name, _: name)
+
+
+def from_list(content, path, frame_of):
+    """`People` of a list of results; `frame_of(image_id, where)` is the frame. Raises DiorError for any other."""
+    if not isinstance(content, list):
+        raise DiorError(f"{path}: not a list of results but a single {type(content).__name__}")
+    frame, people, score = [], [], []
+    for count, one in enumerate(content):
+        where = f"{path}: result {count}"
+        try:
+            frame.append(frame_of(one["image_id"], where))
+            people.append(triples(one["keypoints"], where))
+            score.append(number(one.get("score")))
+        except (KeyError, TypeError, AttributeError, OverflowError) as error:
+            raise DiorError(f"{where} has no such image_id, keypoints and score ({error!r:.80})") from None
+    if not people:
+        raise DiorError(f"{path} is empty; run the detector")
+    points = one_model(people, path)
+    given = points[..., 2][np.isfinite(points[..., 2])]
+    if len(given) and given[0] in (0, 1) and (given == given[0]).all() and np.isfinite(score).all():
+        points[..., 2] = np.array(score)[:, None]
+    return gathered(path, BY_COUNT[points.shape[1]], frame, points)

@@ -1,0 +1,84 @@
+"""What several readers need: the frame in a file's name, JSON that is complete, keypoint lists as numbers."""
+
+import json
+import math
+import os
+import re
+
+import numpy as np
+
+from dior.errors import DiorError
+from dior.skeletons import BY_COUNT
+
+INTERRUPTED = "was the detector interrupted?"
+_LAST_NUMBER = re.compile(r"([0-9]{1,18})[^0-9]*$")
+
+
+def frame_of(name, where):
+    """The last number in a file's name, its extension apart: `run2_000012_keypoints.json` is frame 12.
+
+    Raises DiorError for a name without one.
+    """
+    found = _LAST_NUMBER.search(name.rpartition(".")[0] or name)
+    if not found:
+        raise DiorError(f"{where}: the file name holds no frame number")
+    return int(found[1])
+
+
+def files_by_frame(folder, suffixes):
+    """Names of the folder's files with one of `suffixes`, by frame, ascending. Raises DiorError for a frame twice."""
+    found = {}
+    for name in sorted(os.listdir(folder)):
+        if name.endswith(suffixes):
+            frame = frame_of(name, f"{folder}/{name}")
+            if frame in found:
+                raise DiorError(f"{folder}: {found[frame]} and {name} are both frame {frame}")
+            found[frame] = name
+    return dict(sorted(found.items()))
+
+
+def load_json(path, what):
+    """The JSON of a whole file. Raises DiorError where it is none; `what` it should be is for the message."""
+    with open(path, "rb") as stream:
+        return from_json(stream.read(), path, what)
+
+
+def from_json(text, where, what):
+    """The content of JSON `text` (bytes). Raises DiorError where it is none."""
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError) as error:
+        reason = "it is nested too deeply" if isinstance(error, RecursionError) else error
+        raise DiorError(f"{where}: not the JSON of {what} ({reason}); {INTERRUPTED}") from None
+
+
+def number(value):
+    """A number as float; NaN for null. Raises TypeError for anything else, true and false included."""
+    if value is None:
+        return math.nan
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise TypeError(f"{value!r:.40} is no number")
+    return float(value)
+
+
+def triples(flat, where):
+    """A flat list x, y, score, x, ... as an array (J, 3), (0, 0, any) as NaN. Raises DiorError for anything else."""
+    try:
+        points = np.array([number(value) for value in flat], float)
+    except (TypeError, OverflowError) as error:
+        raise DiorError(f"{where}: the keypoints are no list of numbers ({error})") from None
+    if len(points) % 3 or len(points) // 3 not in BY_COUNT:
+        raise DiorError(
+            f"{where}: {len(points)} numbers per person, which is not 3 x {', '.join(map(str, sorted(BY_COUNT)))}"
+        )
+    points = points.reshape(-1, 3)
+    points[(points[:, :2] == 0).all(axis=1)] = np.nan
+    return points
+
+
+def one_model(people, where):
+    """Arrays (J, 3) of people as one (P, J, 3). Raises DiorError where they differ in length."""
+    counts = sorted({len(one) for one in people})
+    if len(counts) > 1:
+        raise DiorError(f"{where}: people of {counts[0]} and of {counts[1]} keypoints; a file must be of one model")
+    return np.stack(people)

@@ -1,0 +1,123 @@
+"""Detections of MediaPipe's pose landmarker, JSON or protobuf text.
+
+INPUTS   per picture the result as its Python packages give it:
+         tasks      {"pose_landmarks": [[{"x", "y", "z", "visibility", "presence"}, ...], ...]}, a list per person
+         solutions  {"pose_landmarks": {"landmark": [{...}, ...]}}, or only what is within
+         web        {"landmarks": [[{...}, ...], ...]}
+         text       landmarks { landmark { x: ... y: ... visibility: ... presence: ... } ... }
+         as a folder of <anything><frame>.json, .pbtxt or .txtpb; as JSON lines or a JSON list whose entries have a
+         "frame"; or as a single .pbtxt, which is frame 0. Nobody is null or an empty list.
+         Fractions of the picture's width and height; the score is `visibility`, else `presence`, else 1.
+OUTPUTS  `People` with the joints MLKIT_33, in fractions of the picture.
+"""
+
+import os
+from pathlib import Path
+
+import numpy as np
+
+from dior.errors import DiorError
+from dior.ingest.people import gathered
+from dior.ingest.readers import prototext
+from dior.ingest.readers.common import files_by_frame, from_json, number
+from dior.skeletons import MLKIT_33
+
+TEXT = (".pbtxt", ".txtpb", ".textproto")
+KEYS = ("pose_landmarks", "poseLandmarks", "landmarks", "landmark")
+SCORES = ("visibility", "presence")
+
+
+def read(path):
+    """All people of the folder or file. Raises DiorError for what is not MediaPipe's and for a frame given twice."""
+    if os.path.isdir(path):
+        names = files_by_frame(path, (".json", *TEXT))
+        pictures = [(frame, _whole_file(Path(path) / name), f"{path}/{name}") for frame, name in names.items()]
+    elif str(path).endswith(TEXT):
+        pictures = [(0, _whole_file(path), str(path))]
+    else:
+        pictures = [(_frame(one, where), one, where) for one, where in _entries(path)]
+    frames, points = [], []
+    for frame, content, where in pictures:
+        people = _people(content, where)
+        frames += [frame] * len(people)
+        points += people
+    points = np.array(points).reshape(-1, len(MLKIT_33), 3)
+    return gathered(path, MLKIT_33, frames, points, [frame for frame, _, _ in pictures])
+
+
+def _whole_file(path):
+    text = Path(path).read_bytes()
+    if not text.strip():
+        raise DiorError(f"{path} is empty; run the detector")
+    if str(path).endswith(TEXT):
+        try:
+            return _from_text(prototext.parse(text.decode(), path), path)
+        except UnicodeDecodeError:
+            raise DiorError(f"{path}: is no text; is the file damaged?") from None
+    return from_json(text, path, "MediaPipe")
+
+
+def _entries(path):
+    """(content, where) of every picture of a JSON list or of JSON lines."""
+    text = Path(path).read_bytes()
+    if text.lstrip()[:1] == b"[":
+        return [(one, f"{path}: entry {i}") for i, one in enumerate(from_json(text, path, "MediaPipe"))]
+    lines = [(line, f"{path}: line {i}") for i, line in enumerate(text.splitlines(), 1) if line.strip()]
+    if not lines:
+        raise DiorError(f"{path} is empty; run the detector")
+    return [(from_json(line, where, "MediaPipe"), where) for line, where in lines]
+
+
+def _frame(content, where):
+    if not isinstance(content, dict) or "frame" not in content:
+        raise DiorError(f'{where} has no "frame"; write it with each picture, or a file per picture')
+    return content["frame"]
+
+
+def _people(content, where):
+    """Points (33, 3) of every person of a picture."""
+    try:
+        found = _lists(content)
+        return [_points(one, where) for one in found]
+    except (KeyError, TypeError, AttributeError, OverflowError) as error:
+        raise DiorError(f"{where}: no pose landmarks as MediaPipe gives them ({error!r:.80})") from None
+
+
+def _lists(content):
+    """The landmark lists, one per person, of all the ways to nest them."""
+    while isinstance(content, dict):
+        content = content[next((key for key in KEYS if key in content), KEYS[0])]
+    if not content:
+        return []
+    if isinstance(content[0], dict) and "x" in content[0]:
+        return [content]
+    return [one for person in content for one in (_lists(person) if isinstance(person, dict) else [person]) if one]
+
+
+def _points(landmarks, where):
+    if len(landmarks) != len(MLKIT_33):
+        raise DiorError(f"{where}: {len(landmarks)} landmarks, but a pose has {len(MLKIT_33)}; is it another solution?")
+    points = []
+    for one in landmarks:
+        score = next((one[key] for key in SCORES if one.get(key) is not None), 1.0)
+        points.append([number(one["x"]), number(one["y"]), number(score)])
+    return points
+
+
+def _from_text(message, where):
+    """What the JSON of the same message would be."""
+    if any(name == "landmark" for name, _ in message):
+        message = [("landmarks", message)]
+    people = [value for name, value in message if name in KEYS]
+    if not people:
+        raise DiorError(f"{where}: holds no message `landmarks`; is it MediaPipe's?")
+    try:
+        return {
+            "landmarks": [
+                [{key: float(value) for key, value in one if key in ("x", "y", *SCORES)} for name, one in person
+                 if name == "landmark"]
+                for person in people
+            ]
+        }  # fmt: skip
+    except (TypeError, ValueError) as error:
+        raise DiorError(f"{where}: a landmark holds something that is no number ({error})") from None

@@ -1,0 +1,51 @@
+"""Landmarks as CSV, the layout of ML Kit's fitness pose samples.
+
+INPUTS   rows without a header: picture name, class, 33 x (x, y, z); x and y are pixels of that picture, z is as large
+         as x and counts from the hips, and there is no score. A recording has one row per picture, whose name is
+         <anything><frame>.<ext>; the class is not used.
+OUTPUTS  `People` with the joints MLKIT_33, every score 1.
+"""
+
+import csv
+import re
+
+import numpy as np
+
+from dior.errors import DiorError
+from dior.ingest.people import gathered
+from dior.ingest.readers.common import INTERRUPTED, frame_of
+from dior.skeletons import MLKIT_33
+
+COLUMNS = 2 + 3 * len(MLKIT_33)
+
+
+def read(path):
+    """The landmarks of a recording. Raises DiorError for other rows and for pictures of more than one recording."""
+    names, _, points = poses(path)
+    stems = sorted({re.sub(r"\d+(?!.*\d)", "#", name.rpartition(".")[0] or name) for name in names})
+    if len(stems) > 1:
+        raise DiorError(
+            f"{path}: pictures of {len(stems)} recordings ({stems[0]}, {stems[1]}, ...), which are no frames of one "
+            "camera; keep the rows of one"
+        )
+    frame = [frame_of(name, f"{path}: {name}") for name in names]
+    points[..., 2] = 1.0
+    return gathered(path, MLKIT_33, frame, points, frame)
+
+
+def poses(path):
+    """(names, classes, points (rows, 33, 3)) as the file has them, of any pictures."""
+    names, classes, rows = [], [], []
+    try:
+        with open(path, encoding="utf-8", newline="") as stream:
+            for count, row in enumerate(csv.reader(stream, strict=True), 1):
+                if len(row) != COLUMNS:
+                    raise DiorError(f"{path}: line {count} has {len(row)} columns, not {COLUMNS}; {INTERRUPTED}")
+                names.append(row[0])
+                classes.append(row[1])
+                rows.append([float(cell) for cell in row[2:]])
+    except (ValueError, csv.Error) as error:
+        raise DiorError(f"{path}: line {len(rows) + 1} is not name, class, 99 numbers ({error})") from None
+    if not rows:
+        raise DiorError(f"{path} is empty; run the detector")
+    return names, classes, np.array(rows).reshape(-1, len(MLKIT_33), 3)

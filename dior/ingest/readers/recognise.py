@@ -1,0 +1,71 @@
+"""Which tool wrote a file or folder of detections, by the beginning of its content."""
+
+import os
+import re
+from pathlib import Path
+
+from dior.ingest.readers import mlkit_csv, yolo
+from dior.ingest.readers.mediapipe import TEXT
+
+HEAD_BYTES = 1 << 16
+SUFFIXES = (".json", ".jsonl", ".txt", *TEXT)
+_KEY = re.compile(rb'"([^"\\\n]{1,200})"\s*:')
+_MESSAGE = re.compile(rb"(?:\s+|#[^\n]*\n)*(?:pose_)?landmarks?\s*:?\s*\{")
+_PICTURE = re.compile(rb"\.\w{3,4}$")
+
+
+def recognise(path):
+    """The key in `READERS` of the tool that wrote a file or folder, "empty", or None: none of them.
+
+    Only the first HEAD_BYTES are looked at, and only the first file of a folder that is not empty.
+    """
+    path = Path(path)
+    if not path.is_dir():
+        return _of_head(_head(path), alone=True)
+    heads = (_head(path / name) for name in sorted(os.listdir(path)) if name.endswith(SUFFIXES))
+    return next((_of_head(head, alone=False) for head in heads if head), "empty")
+
+
+def _head(path):
+    with open(path, "rb") as stream:
+        return stream.read(HEAD_BYTES).strip()
+
+
+def _of_head(head, alone):
+    if not head:
+        return "empty"
+    if head[:1] in b"{[":
+        return _of_json(head)
+    if _MESSAGE.match(head):
+        return "mediapipe"
+    line = head.split(b"\n", 1)[0]
+    if line.count(b",") + 1 == mlkit_csv.COLUMNS:
+        return "mlkit_csv"
+    numbers = re.fullmatch(rb"[-+.\deEnaif\s]*", line)
+    count = len(line.split())
+    # a picture's file where a stream is expected is YOLO's, too; the reader says what is wrong
+    return "yolo" if numbers and (yolo.keypoint_width(count - alone) or yolo.keypoint_width(count)) else None
+
+
+def _of_json(head):
+    keys = _KEY.findall(head)
+    names = set(keys)
+    if head[:1] == b"[":
+        if not keys:
+            return "empty" if re.fullmatch(rb"\[[\s\[\]]*", head) else None
+        if {b"image_id", b"keypoints"} <= names:
+            return "alphapose" if re.search(rb'"image_id"\s*:\s*"', head) else "coco"
+        return "mediapipe" if _is_mediapipe(names) else None
+    if _PICTURE.search(keys[0] if keys else b"") and names & {b"bodies", b"people"}:
+        return "alphapose"
+    if b"people" in names:
+        return "openpose"
+    if _is_mediapipe(names):
+        return "mediapipe"
+    return "mlkit" if b"landmarks" in names else None
+
+
+def _is_mediapipe(names):
+    if names & {b"pose_landmarks", b"poseLandmarks", b"landmark", b"worldLandmarks"}:
+        return True
+    return b"landmarks" in names and b"visibility" in names and b"inFrameLikelihood" not in names
