@@ -1,10 +1,13 @@
 """The index of all pictures of a sequence.
 
-INPUTS   the sequence's bags (one per recording computer, possibly split in time).
+INPUTS   the sequence's bags (one per recording computer, possibly split in time, possibly overlapping).
 OUTPUTS  `frames` table: cameras in the order of their names, frames numbered from 0 per camera by header stamp (ns);
-         with bag, topic, receive stamp and nth it takes to read a picture back (`bags.read_pictures`).
+         with bag, topic, receive stamp and nth it takes to read a picture back (`bags.read_pictures`). A picture that
+         several bags recorded is one frame, of the first of them in the sheet; the table's metadata `recorded_twice`
+         says how many were left out, per camera. One that a single bag holds twice is the camera's doing and stays.
 """
 
+import json
 import os
 from collections import Counter
 from pathlib import Path
@@ -15,40 +18,70 @@ from dior import tables
 from dior.errors import DiorError
 from dior.ingest import bags as rosbag
 
+JUMP_NS = 1_000_000_000
+MOST_OUT_OF_ORDER = 0.1
+
 
 def run(*, sequence, bags, data_root, topics, out):
     """Index `bags` (paths) for the cameras of `topics` (dict camera -> image topic). See the module's docstring."""
-    for what, values in (("bag", [str(bag) for bag in bags]), ("topic", list(topics.values()))):
+    full_names = [rosbag.full_name(topic) for topic in topics.values()]
+    for what, values in (("bag", [os.path.normpath(bag) for bag in bags]), ("topic", full_names)):
         twice = [value for value, count in Counter(values).items() if count > 1]
         if twice:
             raise DiorError(f"{sequence}: {what} {twice[0]} is given twice")
     if not bags:
         raise DiorError(f"{sequence}: no bag is given; fill in `bags` in sequences.tsv")
-    holders = {camera: rosbag.bags_with(bags, topic, f"{sequence}, {camera}") for camera, topic in topics.items()}
+    there = {bag: rosbag.topics_of(bag) for bag in bags}
+    holders = {camera: rosbag.holding(there, topic, f"{sequence}, {camera}") for camera, topic in topics.items()}
     indexes = {}
     for bag in bags:
         wanted = [topics[camera] for camera, holding in holders.items() if bag in holding]
         if wanted:
-            indexes[_relative(bag, data_root)] = rosbag.index(bag, wanted)
-    parts = [_of_camera(sequence, camera, topics[camera], indexes) for camera in sorted(topics)]
-    tables.write(out, "frames", {key: np.concatenate([part[key] for part in parts]) for key in parts[0]})
+            index = rosbag.index(bag, wanted)
+            _check_complete(bag, there[bag], index, wanted)
+            indexes[_relative(bag, data_root)] = index
+    parts, twice = [], {}
+    for camera in sorted(topics):
+        table, twice[camera] = _of_camera(sequence, camera, topics[camera], indexes)
+        parts.append(table)
+    columns = {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
+    tables.write(out, "frames", columns, {"recorded_twice": json.dumps(twice)})
 
 
 def _relative(bag, data_root):
     return Path(os.path.relpath(bag, data_root)).as_posix()
 
 
+def _check_complete(bag, there, index, topics):
+    """Refuse a bag that says it holds other messages than are there."""
+    for topic in topics:
+        said, found = there[rosbag.full_name(topic)][1], int((index["topic"] == topic).sum())
+        if said != found:
+            raise DiorError(f"{bag}: it says it holds {said} messages of {topic}, but there are {found}; copy it again")
+
+
 def _of_camera(sequence, camera, topic, indexes):
-    """Rows of one camera from the indexes of all bags, sorted by header stamp."""
+    """Rows of one camera from the indexes of all bags, sorted by header stamp, and how many were left out."""
     picked = {bag: tables.rows(index, index["topic"] == topic) for bag, index in indexes.items()}
     table = {key: np.concatenate([part[key] for part in picked.values()]) for key in next(iter(picked.values()))}
     table["bag"] = np.concatenate([np.full(len(part["topic"]), bag, object) for bag, part in picked.items()])
+    number = np.repeat(np.arange(len(picked)), [len(part["topic"]) for part in picked.values()])
     order = np.lexsort((table["receive_ns"], table["stamp_ns"]))
-    table = tables.rows(table, order)
+    order = order[_of_first_bag(table["stamp_ns"][order], number[order])]
+    left_out, table = len(number) - len(order), tables.rows(table, order)
     _check_one_size(sequence, camera, table)
+    check_usable(table["stamp_ns"], table["receive_ns"], f"{sequence}, {camera}")
     table["camera"] = np.full(len(order), camera, object)
     table["frame"] = np.arange(len(order), dtype=np.int32)
-    return table
+    return table, left_out
+
+
+def _of_first_bag(stamp_ns, bag):
+    """Mask (N,) of the rows whose stamp no bag of a lower number `bag` (N,) has."""
+    _, index = np.unique(stamp_ns, return_inverse=True)
+    first = np.full(len(stamp_ns), np.iinfo(int).max)
+    np.minimum.at(first, index, bag)
+    return bag == first[index]
 
 
 def _check_one_size(sequence, camera, table):
@@ -59,4 +92,37 @@ def _check_one_size(sequence, camera, table):
         raise DiorError(
             f"{sequence}, {camera}: frame {i} ({table['bag'][i]}) is {width[i]}x{height[i]} where frame 0 "
             f"({table['bag'][0]}) is {width[0]}x{height[0]}; a camera must keep one resolution in a recording"
+        )
+
+
+def check_usable(stamp_ns, receive_ns, where):
+    """Refuse stamps (F,) of one camera, sorted by header stamp, that no step can work with.
+
+    Raises DiorError, beginning with `where`: fewer than two pictures, header stamps that are zero, all the same, set
+    back by more than a second while recording, or in another order than the pictures came in.
+    """
+    if len(stamp_ns) < 2:
+        raise DiorError(f"{where}: {len(stamp_ns)} picture is no recording; exclude the sequence or drop the camera")
+    if stamp_ns.min() <= 0:
+        raise DiorError(
+            f"{where}: {int((stamp_ns <= 0).sum())} of {len(stamp_ns)} header stamps are zero, so the driver did not "
+            "stamp its pictures; receive stamps are no replacement without a look at their lag: write them into the "
+            "headers of a copy of the bag if some 10 ms do not matter, and exclude the sequence if they do"
+        )
+    if stamp_ns[0] == stamp_ns[-1]:
+        raise DiorError(f"{where}: all {len(stamp_ns)} header stamps are the same; the driver stamps its start only")
+    recorded = np.argsort(receive_ns, kind="stable")
+    steps = np.diff(stamp_ns[recorded])
+    worst = int(np.argmin(steps))
+    if steps[worst] < -JUMP_NS:
+        raise DiorError(
+            f"{where}: the header clock was set back by {-steps[worst] / 1e9:.1f} s after picture {worst} of the "
+            "recording, so stamps before and after it mean different times; split the bag there and give the parts as "
+            "two sequences"
+        )
+    back = float((steps < 0).mean())
+    if back > MOST_OUT_OF_ORDER:
+        raise DiorError(
+            f"{where}: {back:.0%} of the header stamps are earlier than the one before in the recording; the driver "
+            "does not stamp in the order of the pictures, or two cameras publish to one topic"
         )

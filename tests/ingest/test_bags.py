@@ -6,32 +6,20 @@ import cv2
 import numpy as np
 import pytest
 from rosbags.rosbag1 import Writer
-from rosbags.typesys import Stores, get_typestore
 
 from dior import tables
 from dior.errors import DiorError
-from dior.ingest import bags, frames
+from dior.ingest import bags, containers, frames
+from tests.ingest.bagfiles import STORES, T0, encoded, picture
 
-STORE = get_typestore(Stores.ROS1_NOETIC)
+STORE = STORES["ros1"]
 TYPES = STORE.types
-T0 = 1_708_000_000_000_000_000
 TOPIC = "/cam01/color/image_raw/compressed"
 
 
 def header(stamp_ns):
     time = TYPES["builtin_interfaces/msg/Time"](sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9)
     return TYPES["std_msgs/msg/Header"](seq=0, stamp=time, frame_id="lens")
-
-
-def picture(grey, size=(48, 64)):
-    """A picture (height, width, 3) whose left half is `grey` and whose right half is black, red highest."""
-    image = np.zeros((*size, 3), np.uint8)
-    image[:, : size[1] // 2] = (grey, grey, min(255, grey + 20))
-    return image
-
-
-def encoded(image, suffix=".png"):
-    return cv2.imencode(suffix, image)[1].ravel()
 
 
 def compressed(stamp_ns, data):
@@ -61,6 +49,12 @@ def index(tmp_path, bag_paths, topics=None, sequence="walk"):
     return tables.read(out, "frames")
 
 
+def rows(bag, topic=TOPIC):
+    """The index of one bag with what `read_pictures` needs besides; its bag lies directly in data_root."""
+    index_of = bags.index(bag, [topic])
+    return index_of | {"bag": np.full(len(index_of["topic"]), bag.name, object)}
+
+
 def test_index_takes_stamps_from_the_header_and_sizes_from_the_picture(tmp_path):
     stamps = [T0 + 33_333_333 * i for i in range(3)]
     (tmp_path / "day").mkdir()
@@ -74,9 +68,10 @@ def test_index_takes_stamps_from_the_header_and_sizes_from_the_picture(tmp_path)
 
 def test_two_bags_of_one_camera_merge_by_stamp_and_cameras_are_sorted(tmp_path):
     late = write_bag(tmp_path / "late.bag", pictures([T0 + 3 * 10**9, T0 + 4 * 10**9]))
-    early = write_bag(tmp_path / "early.bag", pictures([T0, T0 + 10**9]) + pictures([T0 + 5], topic="/a/image_raw"))
+    other = pictures([T0 + 5, T0 + 6], topic="/a/image_raw")
+    early = write_bag(tmp_path / "early.bag", pictures([T0, T0 + 10**9]) + other)
     table = index(tmp_path, [late, early], {"cam02": TOPIC, "cam01": "/a/image_raw"})
-    assert table["camera"].tolist() == ["cam01"] + ["cam02"] * 4
+    assert table["camera"].tolist() == ["cam01"] * 2 + ["cam02"] * 4
     second = tables.of_camera(table, "cam02")
     assert ((second["stamp_ns"] - T0) // 10**9).tolist() == [0, 1, 3, 4]
     assert second["bag"].tolist() == ["early.bag"] * 2 + ["late.bag"] * 2
@@ -84,11 +79,11 @@ def test_two_bags_of_one_camera_merge_by_stamp_and_cameras_are_sorted(tmp_path):
 
 
 def test_messages_received_out_of_order_are_numbered_by_header_stamp(tmp_path):
-    stamps = [T0 + 2, T0 + 1, T0]
+    stamps = [T0 + i for i in (0, 1, 3, 2, *range(4, 20))]
     messages = [(TOPIC, T0 + 100 + i, compressed(s, encoded(picture(i)))) for i, s in enumerate(stamps)]
     table = index(tmp_path, [write_bag(tmp_path / "a.bag", messages)])
     assert table["stamp_ns"].tolist() == sorted(stamps)
-    assert table["receive_ns"].tolist() == [T0 + 102, T0 + 101, T0 + 100]
+    assert table["receive_ns"][:5].tolist() == [T0 + 100, T0 + 101, T0 + 103, T0 + 102, T0 + 104]
 
 
 def test_same_input_same_bytes(tmp_path):
@@ -110,25 +105,11 @@ def test_pictures_come_back_even_with_equal_receive_stamps(tmp_path):
         np.testing.assert_array_equal(got[row], picture(grey))
 
 
-@pytest.mark.parametrize("encoding", ["rgb8", "bgr8", "mono8"])
-def test_raw_images_with_padded_rows(tmp_path, encoding):
-    image = picture(100)
-    stored = {"rgb8": image[..., ::-1], "bgr8": image, "mono8": image[..., :1]}[encoding]
-    padded = np.concatenate([stored.reshape(48, -1), np.full((48, 5), 77, np.uint8)], axis=1)
-    message = TYPES["sensor_msgs/msg/Image"](
-        header=header(T0), height=48, width=64, encoding=encoding, is_bigendian=0, step=padded.shape[1],
-        data=padded.ravel(),
-    )  # fmt: skip
-    table = index(tmp_path, [write_bag(tmp_path / "a.bag", [(TOPIC, T0, message)])])
-    ((_, got),) = bags.read_pictures(table, tmp_path)
-    np.testing.assert_array_equal(got, image if encoding != "mono8" else np.repeat(image[..., :1], 3, axis=2))
-
-
 def test_jpeg_size_is_found_behind_other_segments(tmp_path):
     jpeg = encoded(picture(50, size=(30, 90)), ".jpg").tobytes()
     exif = b"\xff\xe1" + struct.pack(">H", 2 + 20) + b"\xff\xc0" * 10
     data = jpeg[:2] + exif + jpeg[2:]
-    table = index(tmp_path, [write_bag(tmp_path / "a.bag", [(TOPIC, T0, compressed(T0, data))])])
+    table = rows(write_bag(tmp_path / "a.bag", [(TOPIC, T0, compressed(T0, data))]))
     assert (table["height"][0], table["width"][0]) == (30, 90)
 
 
@@ -166,7 +147,7 @@ def test_bag_with_damaged_chunk(tmp_path):
 
 def test_not_a_bag_and_empty_file(tmp_path):
     (tmp_path / "a.bag").write_text("SQLite format 3")
-    with pytest.raises(DiorError, match=r"a\.bag: this is not a ROS 1 bag"):
+    with pytest.raises(DiorError, match=r"a\.bag: this is not a bag .* ROS 1 \.bag files, ROS 2"):
         index(tmp_path, [tmp_path / "a.bag"])
     (tmp_path / "b.bag").write_bytes(b"")
     with pytest.raises(DiorError, match=r"b\.bag: the bag is empty"):
@@ -207,8 +188,8 @@ def test_topic_that_holds_no_pictures(tmp_path):
 
 
 def test_header_stamp_of_zero_is_refused(tmp_path):
-    bag = write_bag(tmp_path / "a.bag", [(TOPIC, T0, compressed(0, encoded(picture(1))))])
-    with pytest.raises(DiorError, match="its header stamp is zero"):
+    bag = write_bag(tmp_path / "a.bag", pictures([0, T0, T0 + 9]))
+    with pytest.raises(DiorError, match="walk, cam01: 1 of 3 header stamps are zero, so the driver did not stamp"):
         index(tmp_path, [bag])
 
 
@@ -228,7 +209,7 @@ def test_bag_or_topic_given_twice(tmp_path):
 
 def test_picture_that_cannot_be_decoded(tmp_path):
     data = encoded(picture(1)).tobytes()[:40]
-    table = index(tmp_path, [write_bag(tmp_path / "a.bag", [(TOPIC, T0, compressed(T0, data))])])
+    table = rows(write_bag(tmp_path / "a.bag", [(TOPIC, T0, compressed(T0, data))]))
     with pytest.raises(DiorError, match=rf"a\.bag: the picture of {TOPIC} received at {T0} ns cannot be decoded"):
         list(bags.read_pictures(table, tmp_path))
 
@@ -270,16 +251,26 @@ def test_real_outdoor(shared, tmp_path):
     few = tables.rows(table, np.isin(table["frame"], [3, 98]))
     got = dict(bags.read_pictures(few, root))
     assert sorted(got) == list(range(8))
-    raw = {c: [m[4] for m in bags._messages(root / "pc1.bag", [topics[c]])] for c in ("cam01", "cam02")}
+    raw = {c: [m.fetch(None) for m in containers.messages(root / "pc1.bag", [topics[c]])] for c in ("cam01", "cam02")}
     for row, camera, frame in ((0, "cam01", 3), (1, "cam01", 98), (2, "cam02", 3), (3, "cam02", 98)):
         message = STORE.deserialize_ros1(raw[camera][frame], "sensor_msgs/msg/CompressedImage")
         np.testing.assert_array_equal(got[row], cv2.imdecode(message.data, cv2.IMREAD_COLOR))
 
 
-def test_real_bag_with_markers(shared):
-    info = bags.read_camera_info([shared / "bags" / "aruco_images.bag"], "/raspicam_node/image/compressed")
+def test_real_bag_with_markers(shared, tmp_path):
+    bag, topic = shared / "bags/aruco_images.bag", "/raspicam_node/image/compressed"
+    assert bags.topics_of(bag) == {
+        topic: ("sensor_msgs/msg/CompressedImage", 1),
+        "/raspicam_node/camera_info": ("sensor_msgs/msg/CameraInfo", 15),
+    }
+    info = bags.read_camera_info([bag], topic)
     assert info.K[0] == pytest.approx(1014.34, abs=0.005)
     assert (info.width, info.height, info.model, len(info.D)) == (1280, 960, "plumb_bob", 5)
+    ((_, picture_),) = bags.read_pictures(rows(bag, topic), bag.parent)
+    marks = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_5X5_250))
+    assert sorted(marks.detectMarkers(picture_)[1].ravel()) == [100, 103, 106, 107, 110, 111, 112]
+    with pytest.raises(DiorError, match="1 picture is no recording"):
+        index(tmp_path, [bag], {"cam01": topic})
 
 
 def test_truncated_real_bag(shared, tmp_path):
