@@ -15,12 +15,12 @@ import numpy as np
 
 from dior import tables
 from dior.errors import DiorError, nearest
+from dior.ingest.c3d_check import MIPS, check_parameters
 from dior.skeletons import PLUG_IN_GAIT_39
 
 METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 NEEDED = ("LASI", "RASI")
 FEWEST = 4
-MIPS = 86
 
 
 @dataclass(frozen=True)
@@ -71,6 +71,7 @@ def read(path):
     if not Path(path).is_file():
         raise DiorError(f"{path}: there is no such C3D; check `mocap` in sequences.tsv and `data_root`")
     try:
+        check_parameters(path)
         c3d = ezc3d.c3d(str(path))
     except (OSError, RuntimeError, ValueError, IndexError) as error:
         raise DiorError(f"{path}: not a readable C3D ({str(error).splitlines()[0]})") from None
@@ -83,7 +84,7 @@ def read(path):
     rate = _number(parameters, "RATE") or float(header["frame_rate"])
     if not rate > 0:
         raise DiorError(f"{path}: POINT:RATE is {rate}; a C3D needs its frame rate")
-    found = _find_markers(_labels(parameters), path)
+    found = _find_markers(_labels(parameters)[: points.shape[1]], path)
     index = [found[marker] for marker in PLUG_IN_GAIT_39 if marker in found]
     xyz = points[:3, index].transpose(2, 1, 0)
     residuals = c3d["data"]["meta_points"]["residuals"][0, index].T

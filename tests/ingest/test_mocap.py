@@ -3,6 +3,8 @@
 import ezc3d
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from dior import tables
 from dior.errors import DiorError
@@ -114,6 +116,28 @@ def test_missing_and_broken_c3d(tmp_path):
         (tmp_path / "bad.c3d").write_bytes(content)
         with pytest.raises(DiorError, match=r"bad\.c3d: not a readable C3D"):
             mocap.read(tmp_path / "bad.c3d")
+
+
+@pytest.fixture(scope="module")
+def content(tmp_path_factory):
+    return write_c3d(tmp_path_factory.mktemp("c3d") / "a.c3d", frames=20).read_bytes()
+
+
+@settings(
+    max_examples=150, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(data=st.data())
+def test_a_flipped_bit_or_a_cut_is_read_or_refused_in_one_sentence(content, tmp_path, data):
+    damaged = bytearray(content)
+    at = data.draw(st.integers(0, len(content) - 1))
+    damaged[at] ^= 1 << data.draw(st.integers(0, 7))
+    (tmp_path / "bad.c3d").write_bytes(damaged[: data.draw(st.sampled_from([len(content), len(content) - 1, at]))])
+    try:
+        read = mocap.read(tmp_path / "bad.c3d")
+    except DiorError as error:
+        assert "bad.c3d" in str(error) and "\n" not in str(error)
+    else:
+        assert read.points.size <= len(content)
 
 
 def test_trigger_log_and_frames_without_pictures(tmp_path):
