@@ -92,6 +92,7 @@ def describe(kind, *keys):
 def read_sheet(path, kind, key, shown=None):
     """Rows of a tab-separated sheet by the value of column `key`, in order, as dicts of strings; and their lines.
 
+    `key` may be several columns: then a row's name is the tuple of their values.
     A row does not know its line: it goes into Snakemake's params, and a row added above must not re-run it. Raises
     DiorError for a missing file, unknown or missing columns, cells that the schema refuses and a key that is there
     twice.
@@ -117,10 +118,12 @@ def read_sheet(path, kind, key, shown=None):
             raise DiorError(f"{shown} line {line}: {len(cells)} cells but the sheet has {len(header)} columns")
         row = dict(zip(header, [*cells, *[""] * (len(header) - len(cells))], strict=True))
         check(row, kind, f"{shown} line {line}")
-        if row[key] in rows:
-            raise DiorError(f"{shown}: {key} '{row[key]}' is there twice, on lines {lines[row[key]]} and {line}")
-        rows[row[key]] = {**dict.fromkeys(known, ""), **row}
-        lines[row[key]] = line
+        name = row[key] if isinstance(key, str) else tuple(row[column] for column in key)
+        if name in rows:
+            what = f"{key} '{name}'" if isinstance(key, str) else f"{', '.join(key)} '{', '.join(name)}'"
+            raise DiorError(f"{shown}: {what} is there twice, on lines {lines[name]} and {line}")
+        rows[name] = {**dict.fromkeys(known, ""), **row}
+        lines[name] = line
     return rows, lines
 
 

@@ -28,6 +28,29 @@ def check_sheets(project, lines):
         _check_name(project, project.rows[name], where)
 
 
+def check_gallery(project, lines):
+    """Rows of the gallery name a subject and one place of their pictures. `lines` of the rows."""
+    for name, row in project.gallery.items():
+        where = f"config/gallery.tsv line {lines[name]}"
+        if row["subject"] not in project.subjects:
+            raise DiorError(
+                f"{where}: subject '{row['subject']}' is not in config/subjects.tsv"
+                f"{nearest(row['subject'], project.subjects)}"
+            )
+        if bool(row["path"]) == bool(row["bag"]):
+            raise DiorError(f"{where}: give either path (a folder of pictures) or bag (with its topic)")
+        if bool(row["bag"]) != bool(row["topic"]):
+            raise DiorError(f"{where}: {'bag needs its topic' if row['bag'] else 'topic is of no bag'}")
+        if os.path.isabs(row["path"] or row["bag"]):
+            raise DiorError(f"{where}: '{row['path'] or row['bag']}' must be relative to data_root")
+        words = re.split(r"\W|_", f"{row['outfit']} {row['angle']}".lower())
+        if not row["subject"].isdigit() and row["subject"].lower() in words:
+            raise DiorError(
+                f"{where}: outfit and angle must not hold the name of subject '{row['subject']}', which the release "
+                "must not tell"
+            )
+
+
 def check_sessions(project, lines):
     """Sequences, sessions, cameras and the files beside them must fit together. `lines` of the sheet's rows."""
     for session in project.sessions:
@@ -37,6 +60,7 @@ def check_sessions(project, lines):
         _check_sequence(project, project.rows[name], f"config/sequences.tsv line {lines[name]}")
     for session in project.sessions:
         _check_window(project, session)
+        _check_tag(project, session)
         for camera in project.cameras(session):
             _check_marks(project, session, camera)
     for folder in ("offsets", "boxes", "checks"):
@@ -47,11 +71,12 @@ def check_sessions(project, lines):
 
 def check_camera(camera, shown):
     """A camera must have what its `locate` needs."""
+    _check_intrinsics(camera, shown)
     locate = camera["locate"]
     if locate == "align" and camera["role"] != "long_range":
         raise DiorError(f"{shown}: 'locate: align' is for long_range cameras; a close one has marks, tape or reference")
-    if locate == "tape" and camera["role"] != "close":
-        raise DiorError(f"{shown}: a long_range camera is not adjusted after 'locate: tape'; use 'locate: align'")
+    if locate in ("tape", "apriltag") and camera["role"] != "close":
+        raise DiorError(f"{shown}: a long_range camera is not adjusted after 'locate: {locate}'; use 'locate: align'")
     if locate in ("tape", "align") and "tape" not in camera:
         raise DiorError(f"{shown}: 'locate: {locate}' needs the key 'tape' with the measured position_m")
     if locate == "reference" and "reference" not in camera:
@@ -60,6 +85,23 @@ def check_camera(camera, shown):
         raise DiorError(f"{shown}: 'nudge' has no effect with 'locate: {locate}'; only align uses it")
     if "tape" in camera and _distance(camera["tape"]["position_m"], camera["tape"]["target_m"]) < SAME_PLACE_M:
         raise DiorError(f"{shown}: 'tape.target_m' is the camera's own position, so it looks nowhere")
+
+
+def _check_intrinsics(camera, shown):
+    """Intrinsics come from one place, and a board gives the whole lens model."""
+    source = camera["intrinsics"]
+    if not isinstance(source, dict):
+        return
+    ways = [key for key in ("file", "chessboard", "charuco") if key in source]
+    for key, other in (("file", "name"), ("name", "file")):
+        if key in source and other not in source:
+            raise DiorError(f"{shown}: key 'intrinsics.{other}' is missing; intrinsics from a file need file and name")
+    if len(ways) != 1:
+        given = " and ".join(ways) or "nothing"
+        raise DiorError(f"{shown}: 'intrinsics' names {given}; give one of file (with name), chessboard and charuco")
+    model = camera.get("distortion_model", "plumb_bob")
+    if ways[0] != "file" and model != "plumb_bob":
+        raise DiorError(f"{shown}: 'distortion_model: {model}' does not fit: a {ways[0]} gives a plumb_bob lens")
 
 
 def _check_pseudonyms(subjects):
@@ -93,10 +135,23 @@ def _check_references(project, row, where):
             f"{where}: session '{row['session']}' of sequence '{name}' has no "
             f"{project.session_file(row['session'])}{nearest(row['session'], there)}"
         )
+    if project.detected_here(name):
+        _check_detector(project, f"{where}: sequence '{name}' has 'detections: detect'")
     for column in ("bags", "mocap", "detections", "trigger_log", "truth"):
         for path in row[column].split(";"):
             if os.path.isabs(path.strip()):
                 raise DiorError(f"{where}: {column} '{path.strip()}' must be relative to data_root")
+
+
+def _check_detector(project, asking):
+    model = project.config["detector"]["model"]
+    if not model:
+        raise DiorError(f"{asking}, which needs the pose network `detector.model` in config/config.yaml")
+    if not os.path.isfile(os.path.join(project.root, model)):
+        raise DiorError(
+            f"{asking}, but `detector.model` in config/config.yaml is '{model}', where there is no file; it is "
+            "relative to the folder that holds config/"
+        )
 
 
 def _distance(a, b):
@@ -182,6 +237,19 @@ def _check_window(project, session):
             raise DiorError(f"{shown}: 'adjust.{name}' is no sequence of session '{session}'{nearest(name, processed)}")
         if not project.rows[name]["detections"]:
             raise DiorError(f"{shown}: 'adjust.{name}' has no detections in config/sequences.tsv to adjust with")
+
+
+def _check_tag(project, session):
+    shown, tag = project.session_file(session), project.session_files[session].get("tag")
+    asking = [name for name, camera in project.cameras(session).items() if camera["locate"] == "apriltag"]
+    if asking and not tag:
+        raise DiorError(f"{shown}: camera '{asking[0]}' has 'locate: apriltag', which needs the key 'tag' here")
+    processed = project.sequences_of(session)
+    if tag and tag.get("sequence", processed[0]) not in processed:
+        raise DiorError(
+            f"{shown}: 'tag.sequence' is '{tag['sequence']}', no processed sequence of session '{session}'"
+            f"{nearest(tag['sequence'], processed)}"
+        )
 
 
 def _check_marks(project, session, camera):

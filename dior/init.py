@@ -39,11 +39,12 @@ def contents():
         "config.yaml": template["config.yaml"],
         "sequences.tsv": header("sequences"),
         "subjects.tsv": header("subjects"),
+        "gallery.tsv": header("gallery", "path"),
         f"sessions/{SESSION}/session.yaml": template["session.yaml"],
         f"sessions/{SESSION}/{CAMERA}.yaml": template["camera.yaml"],
     }
 
 
-def header(kind):
-    """The first line of a sheet: the columns that every project needs."""
-    return "\t".join(columns_of(kind)) + "\n"
+def header(kind, *more):
+    """The first line of a sheet: the columns that every project needs, and `more`."""
+    return "\t".join((*columns_of(kind), *more)) + "\n"

@@ -1,9 +1,10 @@
 """A project folder: its config, sheets, sessions and cameras, read and checked as a whole.
 
-INPUTS: `<root>/config/`: config.yaml, sequences.tsv, subjects.tsv, sessions/<session>/{session.yaml, <camera>.yaml,
-<camera>.marks.csv}, offsets/, boxes/, checks/. OUTPUTS: a `Project`, whose paths are strings relative to `root`,
-Snakemake's working directory. Nothing is globbed: the sheets and session.yaml say what exists. It is read each time
-Snakemake parses the workflow, so this module loads no numerics, and YAML and the schemas' validator only when asked.
+INPUTS: `<root>/config/`: config.yaml, sequences.tsv, subjects.tsv, gallery.tsv (may be missing),
+sessions/<session>/{session.yaml, <camera>.yaml, <camera>.marks.csv}, offsets/, boxes/, checks/. OUTPUTS: a `Project`,
+whose paths are strings relative to `root`, Snakemake's working directory. Nothing is globbed: the sheets and
+session.yaml say what exists. It is read each time Snakemake parses the workflow, so this module loads no numerics, and
+YAML and the schemas' validator only when asked.
 """
 
 import csv
@@ -22,7 +23,8 @@ MARK_COLUMNS = ("sequence", "frame", "joint", "u", "v")
 
 @dataclass(frozen=True)
 class Project:
-    """What the workflow and the release know of a project. `rows` and `subjects`: sheet rows by name, as strings.
+    """What the workflow and the release know of a project. `rows` and `subjects`: sheet rows by name, as strings;
+    `gallery`: those of gallery.tsv by (subject, outfit, angle).
 
     `session_files` and `camera_files`: contents of session.yaml by session and of the camera YAMLs by session and
     camera, defaults filled in. `marks`: by (session, camera), the sequences named in the marks, in order, each with
@@ -36,6 +38,7 @@ class Project:
     session_files: dict = field(default_factory=dict)
     camera_files: dict = field(default_factory=dict)
     marks: dict = field(default_factory=dict)
+    gallery: dict = field(default_factory=dict)
 
     @property
     def data_root(self):
@@ -143,10 +146,20 @@ class Project:
         path = self.rows[sequence][column]
         return [self.in_data(path)] if path else []
 
+    def detected_here(self, sequence):
+        """Whether the sheet asks for the project's own detector."""
+        return self.rows[sequence]["detections"] == "detect"
+
     def detections_pattern(self, sequence):
         """Path of the detections with {camera} in it, or "" where there are none."""
         pattern = self.rows[sequence]["detections"]
+        if self.detected_here(sequence):
+            return f"results/detect/{sequence}.{{camera}}.json"
         return self.in_data(pattern) if pattern else ""
+
+    def gallery_files(self):
+        """Folders and bags of the gallery's pictures."""
+        return [self.in_data((row["path"] or row["bag"]).rstrip("/")) for row in self.gallery.values()]
 
     def session_file(self, session):
         return f"config/sessions/{session}/session.yaml"
@@ -179,8 +192,8 @@ class Project:
 
 
 def bags_of(row):
-    """Bag paths of a sheet row, relative to data_root."""
-    return [bag.strip() for bag in row["bags"].split(";") if bag.strip()]
+    """Bag paths of a sheet row, relative to data_root; a ROS 2 bag is a folder, which may be written with a slash."""
+    return [bag.strip().rstrip("/") for bag in row["bags"].split(";") if bag.strip()]
 
 
 def load(root, config=None):
@@ -195,10 +208,12 @@ def load(root, config=None):
     (rows, lines), (subjects, _) = sheets(root)
     if not rows:
         raise DiorError("config/sequences.tsv has no rows yet: enter one row per recorded walk")
-    project = Project(root, config, rows, subjects)
+    gallery, gallery_lines = _gallery(root)
+    project = Project(root, config, rows, subjects, gallery=gallery)
     if not project.sequences:
         raise DiorError("config/sequences.tsv: every row has an exclude_reason, so there is nothing to process")
     consistency.check_sheets(project, lines)
+    consistency.check_gallery(project, gallery_lines)
     for session in project.sessions:
         _read_session(project, session)
     consistency.check_sessions(project, lines)
@@ -211,6 +226,14 @@ def sheets(root):
         read_sheet(Path(root) / f"config/{kind}.tsv", kind, key, f"config/{kind}.tsv")
         for kind, key in (("sequences", "sequence"), ("subjects", "subject"))
     )
+
+
+def _gallery(root):
+    """Rows of gallery.tsv and their lines; none where there is no such sheet."""
+    path = Path(root) / "config/gallery.tsv"
+    if not path.is_file():
+        return {}, {}
+    return read_sheet(path, "gallery", ("subject", "outfit", "angle"), "config/gallery.tsv")
 
 
 def _plain(mapping):

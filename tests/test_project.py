@@ -367,6 +367,77 @@ def test_references_must_differ(root):
     fails(root, "'cam01' and 'cam02' take the same pose 'cam_01'")
 
 
+BOARD = "{path: board, rows: 7, columns: 4, square_m: 0.06}"
+
+
+def test_intrinsics_from_a_board_and_placement_by_a_tag(root):
+    path = root / "config/sessions/field/cam01.yaml"
+    text = path.read_text().replace("locate: tape", f"intrinsics: {{chessboard: {BOARD}}}\nlocate: apriltag")
+    path.write_text(text)
+    edit(root, "sessions/field/session.yaml", "adjust:", "tag: {id: 3, size_m: 0.4}\nadjust:")
+    loaded = project.load(root)
+    camera = loaded.cameras("field")["cam01"]
+    assert camera["intrinsics"]["chessboard"]["rows"] == 7 and camera["locate"] == "apriltag"
+    tag = loaded.session_files["field"]["tag"]
+    assert tag["family"] == "36h11" and tag["normal"] == [0, 0, 1] and tag["up"] == [0, 1, 0]
+    edit(root, "sessions/field/session.yaml", "id: 3,", "id: 3, sequence: in_1,")
+    fails(root, "field/session.yaml", "'tag.sequence' is 'in_1', no processed sequence of session 'field'")
+    edit(root, "sessions/field/session.yaml", "tag: {id: 3, sequence: in_1, size_m: 0.4}\n", "")
+    fails(root, "field/session.yaml", "camera 'cam01' has 'locate: apriltag', which needs the key 'tag'")
+
+
+@pytest.mark.parametrize(
+    ("given", "parts"),
+    [
+        (f"{{chessboard: {BOARD}, file: a, name: b}}", ["names file and chessboard; give one of"]),
+        ("{}", ["'intrinsics' names nothing"]),
+        ("{chessboard: {path: board, rows: 7, columns: 4}}", ["key 'intrinsics.chessboard.square_m' is missing"]),
+        (f"{{chesboard: {BOARD}}}", ["unknown key 'intrinsics.chesboard' (did you mean 'chessboard'?)"]),
+        (f"{{charuco: {BOARD}}}", ["key 'intrinsics.charuco.marker_m' is missing"]),
+        (f"{{chessboard: {BOARD}}}\ndistortion_model: inverse_brown_conrady", ["a chessboard gives a plumb_bob lens"]),
+    ],
+)
+def test_intrinsics_that_contradict_themselves(root, given, parts):
+    path = root / "config/sessions/field/cam01.yaml"
+    lines = [line for line in path.read_text().splitlines() if not line.startswith("distortion_model")]
+    path.write_text("\n".join([*lines, f"intrinsics: {given}"]) + "\n")
+    fails(root, "field/cam01.yaml", *parts)
+
+
+def test_the_network_must_be_there_where_a_sequence_asks_for_it(root):
+    edit(root, "sequences.tsv", "out_2/mlkit/{camera}.jsonl", "detect")
+    fails(root, "line 2: sequence 'out_2' has 'detections: detect', which needs the pose network `detector.model`")
+    edit(root, "config.yaml", "triangulate:", "detector: {model: nets/pose.task}\ntriangulate:")
+    fails(root, "`detector.model` in config/config.yaml is 'nets/pose.task', where there is no file; it is relative to")
+    (root / "nets").mkdir()
+    (root / "nets/pose.task").touch()
+    assert project.load(root).detected_here("out_2")
+
+
+def test_the_gallery_may_be_there(root):
+    assert project.load(root).gallery == {}
+    header = "subject\toutfit\tangle\tpath\tbag\ttopic\n"
+    sheet = root / "config/gallery.tsv"
+    sheet.write_text(f"{header}S01\tcoat\tfrontal\tgallery/a/\t\t\nS01\tcoat\tdown45\t\tg.bag\t/cam/image\n")
+    loaded = project.load(root)
+    assert list(loaded.gallery) == [("S01", "coat", "frontal"), ("S01", "coat", "down45")]
+    assert loaded.gallery_files() == [loaded.in_data("gallery/a"), loaded.in_data("g.bag")]
+    for line, text in (
+        ("S09\tcoat\tfrontal\ta\t\t", "subject 'S09' is not in config/subjects.tsv"),
+        ("S01\tcoat\tfrontal\t\t\t", "give either path .* or bag"),
+        ("S01\tcoat\tfrontal\ta\tb.bag\t/c", "give either path .* or bag"),
+        ("S01\tcoat\tfrontal\t\tb.bag\t", "bag needs its topic"),
+        ("S01\tcoat\tfrontal\t/a\t\t", "must be relative to data_root"),
+        ("S01\tcoat of s01\tfrontal\ta\t\t", "must not hold the name of subject 'S01'"),
+        ("S01\tcoat\tfrom above\ta\t\t", "'angle' is 'from above'"),
+    ):
+        sheet.write_text(f"{header}{line}\n")
+        with pytest.raises(DiorError, match=f"config/gallery.tsv line 2.*{text}"):
+            project.load(root)
+    sheet.write_text(header + "S01\tcoat\tfrontal\ta\t\t\n" * 2)
+    fails(root, "subject, outfit, angle 'S01, coat, frontal' is there twice, on lines 2 and 3")
+
+
 def test_a_row_added_above_changes_no_other_row(root):
     before = project.load(root).sequence("in_1")
     edit(
@@ -392,7 +463,8 @@ def test_the_schemas_themselves_are_documented_and_strict():
 
     folder = Path(project.__file__).parents[1] / "workflow/schemas"
     paths = sorted(folder.glob("*.schema.yaml"))
-    assert [p.name.split(".")[0] for p in paths] == ["camera", "config", "offsets", "sequences", "session", "subjects"]
+    kinds = ["camera", "config", "gallery", "offsets", "sequences", "session", "subjects"]
+    assert [p.name.split(".")[0] for p in paths] == kinds
 
     def walk(schema, where):
         keys = {**schema.get("properties", {}), **schema.get("patternProperties", {})}
@@ -423,17 +495,35 @@ def test_the_template_names_every_key_with_its_default():
 
 
 def test_the_simulated_captures_schema_is_its_dataclass():
-    from dior.simulate.settings import Detector, Settings
+    """A key that a preset sets has no default in the schema: the default would hide the preset."""
+    from dior.simulate.settings import PRESETS, SECTIONS, Settings
 
     folder = Path(project.__file__).parents[1]
     config = yaml.safe_load((folder / "workflow/schemas/config.schema.yaml").read_text())
-    schema = config["properties"]["simulate"]["properties"]
-    for keys, settings in ((schema, Settings()), (schema["detector"]["properties"], Detector())):
+    schema, real = config["properties"]["simulate"]["properties"], PRESETS["real"]
+    parts = [(schema, Settings(), real)]
+    parts += [(schema[name]["properties"], cls(), real.get(name, {})) for name, cls in SECTIONS.items()]
+    for keys, settings, preset in parts:
         assert set(keys) == {field.name for field in dataclasses.fields(settings)}
         for key, description in keys.items():
             value = getattr(settings, key)
-            if not dataclasses.is_dataclass(value):
+            if dataclasses.is_dataclass(value):
+                continue
+            assert ("default" in description) == (key not in preset), key
+            if key not in preset:
                 assert description["default"] == (list(value) if isinstance(value, tuple) else value), key
+
+
+def test_a_preset_reaches_the_simulated_capture(root):
+    from dior.simulate.settings import from_dict
+
+    given = "simulate: {preset: real, clocks: {dropped: 0.2}}\ntriangulate:"
+    edit(root, "config.yaml", "triangulate:", given)
+    used = from_dict(project.load(root).config["simulate"])
+    assert used.detector.level == "real" and used.mocap_hz == 120.0
+    assert used.clocks.dropped == 0.2 and used.clocks.jitter_ms == 0.5
+    edit(root, "config.yaml", "dropped: 0.2", "dropped: 2")
+    fails(root, "config/config.yaml", "'simulate.clocks.dropped' is 2 but should be a number", "below 1")
 
 
 def test_importing_the_module_is_light():

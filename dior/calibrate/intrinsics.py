@@ -1,27 +1,29 @@
 """Intrinsics of one camera of a session, checked against the pictures it recorded.
 
-INPUTS   CameraInfo of the bags in the `frames` table, or a TOML file in the style of Pose2Sim and Qualisys
-         (`[name]` with `size`, `matrix`, `distortions`).
-OUTPUTS  `cameras` table of one row: pixels, distortion as k1 k2 p1 p2 k3 (k4 k5 k6), pose null.
+INPUTS   CameraInfo of the bags in the `frames` table; or a TOML file in the style of Pose2Sim and Qualisys (`[name]`
+         with `size`, `matrix`, `distortions`); or pictures of a chessboard or ChArUco board (board.py)
+OUTPUTS  `cameras` table of one row: pixels, distortion as k1 k2 p1 p2 k3 (k4 k5 k6), pose null; findings
 """
 
 from pathlib import Path
 
 from dior import tables
-from dior.calibrate import toml_cameras
+from dior.calibrate import realsense, toml_cameras
 from dior.camera import MODELS, Camera, Intrinsics, check_picture_size
 from dior.errors import DiorError, nearest
 from dior.ingest import bags as rosbag
 
 BAG_MODELS = ("plumb_bob", "rational_polynomial")
 COEFFICIENTS = (4, 5, 8)
-REALSENSE_COLOUR = "/color/image_raw"
 
 
-def run(*, session, camera, role, topic, source, name, distortion_model, frames, sequence, data_root, out):
-    """Write the intrinsics of `camera`, from `source`: "camera_info" or the path of a TOML file below `data_root`.
+def run(
+    *, session, camera, role, topic, source, name, board, distortion_model, frames, sequence, data_root, out, findings
+):
+    """Write the intrinsics of `camera`, from `source`: "camera_info", "board" or a TOML file's path below `data_root`.
 
-    `name` is the table in the TOML; `distortion_model` is what the camera's YAML says, "" if nothing.
+    `name` is the table in the TOML, `board` the section of the camera's YAML ({"chessboard": ...} or {"charuco": ...});
+    `distortion_model` is what the camera's YAML says, "" if nothing.
     """
     where = f"session {session}, {camera}"
     pictures = tables.of_camera(tables.read(frames, "frames", ["camera", "bag", "height", "width"]), camera)
@@ -32,7 +34,13 @@ def run(*, session, camera, role, topic, source, name, distortion_model, frames,
             f"{where}: distortion_model '{distortion_model}' is not one of {', '.join(MODELS)}"
             f"{nearest(distortion_model, MODELS)}"
         )
-    if source == "camera_info":
+    found = []
+    if source == "board":
+        from dior.calibrate.board import from_board
+
+        [(kind, settings)] = board.items()
+        lens, found = from_board(kind, settings, data_root, where)
+    elif source == "camera_info":
         bags = [Path(data_root) / bag for bag in tables.ordered_unique(pictures["bag"])]
         yaml = f"sessions/{session}/{camera}.yaml"
         lens = from_camera_info(rosbag.read_camera_info(bags, topic), topic, distortion_model, yaml)
@@ -40,6 +48,7 @@ def run(*, session, camera, role, topic, source, name, distortion_model, frames,
         lens = from_toml(Path(data_root) / source, name, distortion_model)
     check_picture_size(lens, pictures["width"][0], pictures["height"][0], f"{where} ({sequence})")
     tables.write_cameras(out, [Camera(camera, lens, role=role)], session=session)
+    tables.write_findings(findings, [(f"{session}/{camera}", *finding) for finding in found])
 
 
 def from_camera_info(info, topic, distortion_model, yaml):
@@ -59,7 +68,7 @@ def from_camera_info(info, topic, distortion_model, yaml):
         )
     if len(info.D) not in COEFFICIENTS:
         raise DiorError(f"{info.where}: D has {len(info.D)} numbers, not 4, 5 or 8")
-    if REALSENSE_COLOUR in topic and any(info.D) and not distortion_model:
+    if realsense.is_colour(topic) and any(info.D) and not distortion_model:
         raise DiorError(
             f"{info.where}: a bag cannot tell a RealSense's lens model, because realsense-ros writes {info.model} even "
             "where the coefficients are inverse_brown_conrady (3 px off at a normalised radius of 0.4, 12 px at 0.8); "

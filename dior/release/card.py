@@ -22,6 +22,7 @@ FILES = {
     "cameras": ("cameras.parquet", "one row per session and camera"),
     "sequences": ("sequences.parquet", "one row per walk"),
     "subjects": ("subjects.parquet", "one row per person"),
+    "released_gallery": ("gallery.parquet", "one row per picture of a person from all around"),
 }
 SIZES = (
     (10**3, "n<1K"),
@@ -37,10 +38,10 @@ SIZES = (
 )
 
 
-def text(facts, sequences, counts, cameras, figures):
+def text(facts, sequences, counts, cameras, figures, gallery):
     """The card. `facts`: version, title, license, authors. `sequences`: released sheet rows. `counts`: one dict per
     labels table (sequence, environment, session, camera, frames, rows, labels). `cameras`: columns. `figures`: rows of
-    metrics.csv.
+    metrics.csv. `gallery`: whether there is a gallery.parquet.
     """
     from jinja2 import Environment, StrictUndefined
 
@@ -61,7 +62,8 @@ def text(facts, sequences, counts, cameras, figures):
         n_frames=sum(count["frames"] for count in counts),
         n_labels=sum(count["labels"] for count in counts),
         counts=_counted(counts, cameras),
-        described=[(*FILES[name], _columns(name)) for name in FILES],
+        gallery=gallery,
+        described=[(*FILES[name], _columns(name)) for name in FILES if gallery or name != "released_gallery"],
         metric_columns=tables.columns_of("metrics"),
         figures=[figure for figure in map(_figure, figures) if figure],
         metrics={name: meaning for name, meaning in METRICS.items() if _has(figures, name)},

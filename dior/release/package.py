@@ -1,10 +1,10 @@
 """The release: the labels of the subjects who agreed to it, under pseudonyms, with a card and checksums.
 
 INPUTS   the project's sheets; `labels_2d` per sequence and camera, `skeletons_3d` and `frames` per sequence, `cameras`,
-         `metrics` per sequence (results/evaluate) and per session (results/adjust)
+         `metrics` per sequence (results/evaluate) and per session (results/adjust), `gallery` if there is one
 OUTPUT   results/release/dior-<version>/: labels_2d/<subject>/<sequence>.<camera>.parquet,
          skeletons_3d/<subject>/<sequence>.parquet, frames/<subject>/<sequence>.parquet, cameras.parquet,
-         sequences.parquet, subjects.parquet, metrics.csv, README.md (dataset card), SHA256SUMS
+         sequences.parquet, subjects.parquet, gallery.parquet, metrics.csv, README.md (dataset card), SHA256SUMS
 Units as in schemas.py. A subject is its pseudonym in every path and column. Same input, same bytes: no clock, no names
 of machines or files. A subject who did not agree is in no file and no count.
 """
@@ -32,13 +32,13 @@ SUMS = "SHA256SUMS"
 SHEET_COLUMNS = ("sequence", "session", "environment", "outfit", "walk")
 
 
-def run(*, project, version, title, license, authors, labels, skeletons, frames, cameras, metrics, out):
+def run(*, project, version, title, license, authors, labels, skeletons, frames, cameras, metrics, gallery, out):
     """Build the release folder `out` whole beside its place and put it there.
 
     `project`: the folder that holds config/. `labels`, `skeletons`, `frames`, `cameras`, `metrics`: lists of tables,
     named as the steps name them (<sequence>.<camera>.parquet, <sequence>.parquet); those of sequences that are not
-    released may be among them and are left out. Raises DiorError where nobody agreed to the release and where a
-    released sequence lacks a table or is labelled as another subject's.
+    released may be among them and are left out. `gallery`: its table or None. Raises DiorError where nobody agreed to
+    the release and where a released sequence lacks a table or is labelled as another subject's.
     """
     (rows, _), (subjects, _) = sheets(project)
     processed = [row for row in rows.values() if not row["exclude_reason"]]
@@ -64,10 +64,12 @@ def run(*, project, version, title, license, authors, labels, skeletons, frames,
         tables.write(folder / "cameras.parquet", "cameras", rig)
         tables.write(folder / "sequences.parquet", "sequences", _sequences(released))
         tables.write(folder / "subjects.parquet", "subjects", _subjects(released, subjects))
+        if gallery:
+            tables.write(folder / "gallery.parquet", "released_gallery", _gallery(gallery, released))
         figures = _figures(metrics, released, everyone=len(released) == len(processed))
         write_text(folder / "metrics.csv", as_csv(figures))
         facts = {"version": version, "title": title, "license": license, "authors": list(authors)}
-        write_text(folder / "README.md", card.text(facts, list(released.values()), counts, rig, figures))
+        write_text(folder / "README.md", card.text(facts, list(released.values()), counts, rig, figures, bool(gallery)))
         write_text(folder / SUMS, _sums(folder))
 
 
@@ -175,6 +177,16 @@ def _subjects(released, subjects):
         return [float(subjects[real[name]][column] or "nan") for name in names]
 
     return {"subject": names, "height_m": metres("height_m"), "height_sigma_m": metres("height_sigma_m")}
+
+
+def _gallery(path, released):
+    """Columns of the gallery of the released subjects, by pseudonym, without the files, which name machines."""
+    pseudonyms = {row["real"]: row["subject"] for row in released.values()}
+    table = tables.read(path, "gallery")
+    table = tables.rows(table, np.array([name in pseudonyms for name in table["subject"]], bool))
+    table["subject"] = np.array([pseudonyms[name] for name in table["subject"]], object)
+    order = np.lexsort([table[key].astype(str) for key in ("angle", "outfit", "subject")])
+    return {key: table[key][order] for key in tables.columns_of("released_gallery")}
 
 
 def _figures(paths, released, everyone):

@@ -195,6 +195,17 @@ class Figures:
             alt=f"Timeline of {sequence}: {len(lanes)} cameras",
         )  # fmt: skip
 
+    def stamps(self, audited):
+        """One figure per sequence of `recordings.Recorded`: when pictures came late, are missing or repeated."""
+        return [
+            self._draw(
+                f"stamps_{sequence}", plots.stamps, one.lags, one.dropped, title=sequence,
+                caption="A picture that is late only in its receive stamp does no harm: labels use header stamps.",
+                alt=f"Stamps of {sequence}: {len(one.lags)} cameras",
+            )
+            for sequence, one in audited.items()
+        ]  # fmt: skip
+
     def scenes(self, stations, paths):
         """One figure per session: the cameras and the walks."""
         walks, poses = {}, {}

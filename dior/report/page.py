@@ -1,7 +1,7 @@
 """The report: one HTML page with its pictures beside it, made of relative links, readable from disk and on a phone.
 
 INPUTS   the project's sheets, results/evaluate/metrics.csv, `frame_metrics`, `findings`, `cameras`, `skeletons_3d`,
-         contact sheets (overlays)
+         `stamp_audit`, `dropped_frames`, `frames`, contact sheets (overlays)
 OUTPUTS  <out>/index.html, written last; <out>/assets/plots/*.svg
 """
 
@@ -16,6 +16,7 @@ from dior.camera import REFERENCE_FX
 from dior.errors import DiorError
 from dior.evaluate import metrics as metrics_csv
 from dior.files import write_text
+from dior.report import recordings as recording_stamps
 from dior.report import summary
 from dior.report.figures import Figures
 from dior.schemas import METRICS
@@ -39,11 +40,13 @@ TITLES = {
 }
 
 
-def run(*, root, title, metrics, frame_metrics, findings, cameras, skeletons, overlays, out):
+def run(
+    *, root, title, metrics, frame_metrics, findings, cameras, skeletons, audits, dropped, frames, overlays, out
+):  # fmt: skip
     """Write the report of the project in `root` into the folder `out`.
 
-    `frame_metrics`, `findings`, `cameras`, `skeletons`: files of those tables; `overlays`: the contact sheets
-    `<out>/assets/<sequence>/<camera>.jpg`.
+    `frame_metrics`, `findings`, `cameras`, `skeletons`, `frames`: files of those tables; `audits`: of `stamp_audit`,
+    `dropped`: of `dropped_frames`; `overlays`: the contact sheets `<out>/assets/<sequence>/<camera>.jpg`.
     """
     from dior import project as projects
 
@@ -60,6 +63,8 @@ def run(*, root, title, metrics, frame_metrics, findings, cameras, skeletons, ov
     sections = [*made.paper(), *made.truth()]
     timelines = made.timelines()
     scenes = made.scenes(stations, skeletons)
+    audited = recording_stamps.read(audits, dropped, frames)
+    stamps = made.stamps(audited)
     _remove_stale(folder, made.names)
     page = _environment().get_template("index.html.j2").render(
         title=title,
@@ -72,6 +77,8 @@ def run(*, root, title, metrics, frame_metrics, findings, cameras, skeletons, ov
         sections=sections,
         scenes=scenes,
         timelines=timelines,
+        stamps=stamps,
+        stamp_rows=[row for one in audited.values() for row in one.rows],
         sheets=[(sequence, sorted(by_camera.items())) for sequence, by_camera in sorted(sheets.items())],
         limits=[_limit(limit) for limit in summary.LIMITS],
         words=summary.WORDS,

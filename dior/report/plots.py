@@ -9,6 +9,7 @@ import numpy as np
 
 from dior import skeletons
 from dior.files import written_whole
+from dior.schemas import DROP_REASON
 
 COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#7F7F7F", "#8A6FB0")
 RED, GREY = "#C0392B", "#8a8f98"
@@ -196,6 +197,34 @@ def timeline(path, lanes, errors, label):
     axis.set_xlabel("time, s")
     if with_errors:
         figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=4, handlelength=1.2)
+    _save(figure, path)
+
+
+def stamps(path, lags, dropped):
+    """How late pictures were received, and which are missing or there twice.
+
+    `lags`: camera -> (times (F,) s, lag beyond its median (F,) ms); `dropped`: camera -> reason -> times s.
+    """
+    colours = _colours(list(lags))
+    # the same colour for a reason in every plot
+    there = {reason for by_reason in dropped.values() for reason in by_reason}
+    kinds = {reason: colour for reason, colour in _colours(DROP_REASON).items() if reason in there}
+    figure, axes = _figure(2, 1, height=2.4 + 0.25 * len(lags), sharex=True, height_ratios=(3, 0.5 + 0.5 * len(lags)))
+    for camera, (t, lag) in lags.items():
+        edges = np.unique(np.linspace(0, len(t), 401).astype(int))[:-1]
+        axes[0].plot(t[edges], np.maximum.reduceat(lag, edges), color=colours[camera], lw=1, label=camera)
+    axes[0].set_ylabel("late, ms")
+    axes[0].set_title("receive minus header stamp, beyond its median", fontsize=9)
+    for lane, camera in enumerate(lags):
+        for reason, t in sorted(dropped.get(camera, {}).items()):
+            axes[1].plot(t, np.full(len(t), lane), "|", ms=9, mew=1.4, color=kinds[reason])
+    for reason, colour in kinds.items():
+        axes[1].plot([], [], "|", ms=9, mew=1.4, color=colour, label=reason.replace("_", " "))
+    axes[1].set_yticks(range(len(lags)), list(lags))
+    axes[1].set_ylim(len(lags) - 0.4, -0.6)
+    axes[1].set_xlabel("time, s")
+    axes[1].set_title("missing and repeated pictures" if kinds else "no picture is missing or there twice", fontsize=9)
+    figure.legend(loc="outside upper left", ncols=4, handlelength=1.2)
     _save(figure, path)
 
 

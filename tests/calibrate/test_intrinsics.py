@@ -49,8 +49,8 @@ def run(tmp_path, infos=None, topic=REALSENSE, size=(640, 480), **kwargs):
     tables.write(tmp_path / "frames.parquet", "frames", frames)
     arguments = {
         "session": "lab", "camera": "cam01", "role": "close", "topic": topic, "source": "camera_info", "name": "",
-        "distortion_model": "", "frames": tmp_path / "frames.parquet", "sequence": "walk", "data_root": tmp_path,
-        "out": tmp_path / "out.parquet",
+        "board": {}, "distortion_model": "", "frames": tmp_path / "frames.parquet", "sequence": "walk",
+        "data_root": tmp_path, "out": tmp_path / "out.parquet", "findings": tmp_path / "findings.parquet",
     }  # fmt: skip
     intrinsics.run(**(arguments | kwargs))
     return tables.read_cameras(tmp_path / "out.parquet")["cam01"]
@@ -115,8 +115,8 @@ def test_no_camera_info_in_the_bag(tmp_path):
     with pytest.raises(DiorError, match=r"topic /cam02/rgb/camera_info is not in .*there are /cam01/rgb/camera_info"):
         intrinsics.run(
             session="lab", camera="cam01", role="close", topic="/cam02/rgb/image_raw", source="camera_info", name="",
-            distortion_model="", frames=tmp_path / "frames.parquet", sequence="walk", data_root=tmp_path,
-            out=tmp_path / "out.parquet",
+            board={}, distortion_model="", frames=tmp_path / "frames.parquet", sequence="walk", data_root=tmp_path,
+            out=tmp_path / "out.parquet", findings=tmp_path / "findings.parquet",
         )  # fmt: skip
 
 
@@ -166,8 +166,8 @@ def test_real_outdoor_camera_info_and_toml_agree(shared, tmp_path):
     for source, name in (("camera_info", ""), ("reference/calibration.toml", "cam_03")):
         intrinsics.run(
             session="beam", camera="cam03", role="close", topic=frames["topic"][0], source=source, name=name,
-            distortion_model="plumb_bob", frames=tmp_path / "frames.parquet", sequence="beam", data_root=root,
-            out=tmp_path / "out.parquet",
+            board={}, distortion_model="plumb_bob", frames=tmp_path / "frames.parquet", sequence="beam",
+            data_root=root, out=tmp_path / "out.parquet", findings=tmp_path / "findings.parquet",
         )  # fmt: skip
         lenses.append(tables.read_cameras(tmp_path / "out.parquet")["cam03"].intrinsics)
     assert lenses[0] == lenses[1]

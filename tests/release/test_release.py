@@ -115,7 +115,7 @@ def made(tmp_path):
         tables.write_cameras(found["cameras"][-1], rig, session)
     found["metrics"].append(results / "adjust/field.metrics.parquet")
     figure(found["metrics"][-1], "", "", 8.0, 5, "adjust_error_after")
-    return {"project": tmp_path, **FACTS, **found, "out": results / "release/dior-0.1.0"}
+    return {"project": tmp_path, **FACTS, **found, "gallery": None, "out": results / "release/dior-0.1.0"}
 
 
 def files(folder):
@@ -334,3 +334,32 @@ def test_what_no_tarball_can_be_made_of(made, tmp_path):
     with pytest.raises(DiorError, match="walk_1.parquet: listed in SHA256SUMS but gone"):
         tarballs.run(release=made["out"], subject="zebra-0001", out=out)
     assert not out.exists()
+
+
+def test_the_gallery_is_of_released_subjects_under_pseudonyms_without_files(made, tmp_path):
+    who = ["Refuser", "Secondname", "Realname", "Realname"]
+    table = {"subject": who, "outfit": ["coat", "", "coat", "coat"], "angle": ["frontal"] * 4, "picture": [0, 0, 0, 1],
+             "file": [f"gallery/{name}/{i}.jpg" for i, name in enumerate(who)], "height": [72] * 4,
+             "width": [128] * 4}  # fmt: skip
+    tables.write(tmp_path / "gallery.parquet", "gallery", table)
+    package.run(**made | {"gallery": tmp_path / "gallery.parquet"})
+    found = pq.read_table(made["out"] / "gallery.parquet").to_pandas()
+    assert found["subject"].tolist() == ["apple-0002", "zebra-0001", "zebra-0001"]
+    assert found["picture"].tolist() == [0, 0, 1] and "file" not in found and found["stamp_ns"].isna().all()
+    content = (made["out"] / "gallery.parquet").read_bytes()
+    assert not [name for name in (b"Refuser", b"Realname", b"mango-0003") if name in content]
+    card = (made["out"] / "README.md").read_text()
+    assert "### `gallery.parquet`" in card and "config_name: gallery" in card
+    names = tarballs.members(made["out"], "zebra-0001")
+    assert "gallery.parquet" in names
+    sheet = made["project"] / "config/sequences.tsv"
+    third = "walk_3/host.bag\t\t\t\t"
+    assert third in sheet.read_text()
+    sheet.write_text(sheet.read_text().replace(third, third + "limped"))
+    package.run(**made | {"gallery": tmp_path / "gallery.parquet"})
+    kept = pq.read_table(made["out"] / "gallery.parquet").to_pandas()
+    assert kept["subject"].tolist() == ["zebra-0001"] * 2, "every sequence of apple-0002 is excluded"
+    sheet.write_text(sheet.read_text().replace("limped", ""))
+    package.run(**made)
+    assert not (made["out"] / "gallery.parquet").exists()
+    assert "gallery" not in (made["out"] / "README.md").read_text()

@@ -1,9 +1,31 @@
 import hashlib
 import re
 
+import numpy as np
 import pytest
 
+from dior import tables
+from dior.ingest import stamps
 from dior.report import page
+
+
+def audited(capture):
+    """Files of the audit of each sequence: the table, what was dropped, and the frames it is about."""
+    folder, files = capture.root / "results", {"audits": [], "dropped": [], "frames": []}
+    for sequence in capture.sequences:
+        frames = tables.read(folder / f"frames/{sequence}.parquet", "frames")
+        rows, dropped = [], []
+        for camera in tables.ordered_unique(frames["camera"]):
+            one = stamps.audit(tables.of_camera(frames, camera), np.zeros((frames["camera"] == camera).sum(), bool))
+            rows.append(one.row | {"camera": camera, "bag": "a.bag", "looked_at": 0, "black": 0})
+            dropped += [(camera, *lost) for lost in one.dropped]
+        tables.write(folder / f"audit/{sequence}.parquet", "stamp_audit", {k: [r[k] for r in rows] for k in rows[0]})
+        columns = dict(zip(("camera", "frame", "stamp_ns", "reason"), zip(*dropped, strict=True), strict=True))
+        tables.write(folder / f"audit/{sequence}.dropped.parquet", "dropped_frames", columns)
+        files["audits"].append(folder / f"audit/{sequence}.parquet")
+        files["dropped"].append(folder / f"audit/{sequence}.dropped.parquet")
+        files["frames"].append(folder / f"frames/{sequence}.parquet")
+    return files
 
 
 def write(capture, out):
@@ -15,6 +37,7 @@ def write(capture, out):
         findings=capture.findings,
         cameras=capture.cameras,
         skeletons=capture.skeletons,
+        **audited(capture),
         overlays=[],
         out=out,
     )
@@ -46,6 +69,15 @@ def test_every_sequence_and_camera_has_a_light(made, capture):
     for sequence in capture.sequences:
         assert sequence in text
     assert text.count("cam04") >= len(capture.sequences)
+
+
+def test_stamps_are_told_and_drawn(made, capture):
+    """cam03 loses five pictures."""
+    out, text = made
+    row = re.search(r"<tr><td>outdoor_01</td><td[^>]*>cam03</td>(.*?)</tr>", text)[1]
+    assert re.findall(r">([^<]*)</td>", row)[3] == "5"
+    for sequence in capture.sequences:
+        assert (out / f"assets/plots/stamps_{sequence}.svg").stat().st_size > 2000
 
 
 def test_plots_have_axes_with_units(made):

@@ -6,12 +6,13 @@ Outputs: results/intrinsics, results/locate (indoors), results/place, results/ad
 
 
 rule intrinsics:
-    """Take a camera's intrinsics from the session's first recording or from a file."""
+    """Take a camera's intrinsics from the session's first recording, from a file or from pictures of a board."""
     input:
         frames=first_frames,
         file=there(intrinsics_file),
     output:
-        "results/intrinsics/{session}/{camera}.parquet",
+        camera="results/intrinsics/{session}/{camera}.parquet",
+        findings="results/intrinsics/{session}/{camera}.findings.parquet",
     log:
         "logs/intrinsics/{session}.{camera}.log",
     benchmark:
@@ -21,6 +22,7 @@ rule intrinsics:
         topic=setting("topic"),
         source=intrinsics_source,
         name=intrinsics_name,
+        board=intrinsics_board,
         model=setting("distortion_model"),
         sequence=first_sequence,
         data_root=DATA,
@@ -33,11 +35,13 @@ rule intrinsics:
         " --topic {params.topic:q}"
         " --source {params.source:q}"
         " --name {params.name:q}"
+        " --board {params.board:q}"
         " --distortion-model {params.model:q}"
         " --frames {input.frames:q}"
         " --sequence {params.sequence}"
         " --data-root {params.data_root:q}"
-        " --out {output:q}"
+        " --out {output.camera:q}"
+        " --findings {output.findings:q}"
         " 2>&1 | tee {log:q}"
 
 
@@ -79,28 +83,35 @@ rule locate:
 
 
 rule place:
-    """Place a camera from the tape, or where a reference says it is."""
+    """Place a camera from the tape, by an AprilTag, or where a reference says it is."""
     input:
         camera="config/sessions/{session}/{camera}.yaml",
         intrinsics="results/intrinsics/{session}/{camera}.parquet",
         reference=there(reference_file),
+        frames=tag_frames,
+        bags=there(tag_bags),
     output:
-        "results/place/{session}/{camera}.parquet",
+        camera="results/place/{session}/{camera}.parquet",
+        findings="results/place/{session}/{camera}.findings.parquet",
     log:
         "logs/place/{session}.{camera}.log",
     benchmark:
         "logs/place/{session}.{camera}.benchmark.tsv"
     params:
         data_root=DATA,
+        tag=tag,
         code=code("calibrate.place"),
     shell:
         "dior place"
         " --session {wildcards.session}"
         " --camera {wildcards.camera}"
         " --camera-file {input.camera:q}"
+        " --tag {params.tag:q}"
         " --intrinsics {input.intrinsics:q}"
+        " --frames {input.frames:q}"
         " --data-root {params.data_root:q}"
-        " --out {output:q}"
+        " --out {output.camera:q}"
+        " --findings {output.findings:q}"
         " 2>&1 | tee {log:q}"
 
 

@@ -1,7 +1,8 @@
 """Ingest: what was recorded, as tables.
 
 Required inputs: the bags, C3D files and detections named in config/sequences.tsv.
-Outputs: results/frames, results/mocap, results/detections.
+Outputs: results/frames, results/audit, results/mocap, results/detect (where the sheet asks for it),
+results/detections, results/gallery (where there is a gallery.tsv).
 """
 
 
@@ -27,6 +28,33 @@ rule frames:
         " --data-root {params.data_root:q}"
         " --topics {params.topics:q}"
         " --out {output:q}"
+        " 2>&1 | tee {log:q}"
+
+
+rule audit:
+    """Audit the stamps of a sequence: what is late, lost, repeated, black or out of order."""
+    input:
+        bags=there(bags),
+        frames="results/frames/{sequence}.parquet",
+    output:
+        table="results/audit/{sequence}.parquet",
+        dropped="results/audit/{sequence}.dropped.parquet",
+        findings="results/audit/{sequence}.findings.parquet",
+    log:
+        "logs/audit/{sequence}.log",
+    benchmark:
+        "logs/audit/{sequence}.benchmark.tsv"
+    params:
+        data_root=DATA,
+        code=code("ingest.stamps"),
+    shell:
+        "dior audit"
+        " --sequence {wildcards.sequence}"
+        " --frames {input.frames:q}"
+        " --data-root {params.data_root:q}"
+        " --out {output.table:q}"
+        " --out-dropped {output.dropped:q}"
+        " --findings {output.findings:q}"
         " 2>&1 | tee {log:q}"
 
 
@@ -58,10 +86,38 @@ rule mocap:
         " 2>&1 | tee {log:q}"
 
 
+rule detect:
+    """Run the project's pose network on the pictures of a close camera."""
+    input:
+        model=detector_model,
+        bags=there(bags),
+        frames="results/frames/{sequence}.parquet",
+    output:
+        "results/detect/{sequence}.{camera}.json",
+    log:
+        "logs/detect/{sequence}.{camera}.log",
+    benchmark:
+        "logs/detect/{sequence}.{camera}.benchmark.tsv"
+    params:
+        crop=CONFIG["detector"]["crop"],
+        data_root=DATA,
+        code=code("ingest.detect"),
+    shell:
+        "dior detect"
+        " --sequence {wildcards.sequence}"
+        " --camera {wildcards.camera}"
+        " --frames {input.frames:q}"
+        " --data-root {params.data_root:q}"
+        " --model {input.model:q}"
+        " --crop {params.crop}"
+        " --out {output:q}"
+        " 2>&1 | tee {log:q}"
+
+
 rule detections:
     """Read the 2D detections of a sequence and follow the subject in them."""
     input:
-        files=there(detection_files),
+        files=detection_files,
         frames="results/frames/{sequence}.parquet",
     output:
         table="results/detections/{sequence}.parquet",
@@ -74,7 +130,7 @@ rule detections:
         pattern=detection_pattern,
         cameras=close_names,
         folders=detection_folders,
-        format=CONFIG["detector"]["format"],
+        format=detection_format,
         code=code("ingest.detections"),
     shell:
         "dior detections"
@@ -83,6 +139,30 @@ rule detections:
         " --cameras {params.cameras}"
         " --format {params.format}"
         " --frames {input.frames:q}"
+        " --out {output.table:q}"
+        " --findings {output.findings:q}"
+        " 2>&1 | tee {log:q}"
+
+
+rule gallery:
+    """Index the pictures of the subjects from all around."""
+    input:
+        recordings=there(gallery_files),
+    output:
+        table="results/gallery/gallery.parquet",
+        findings="results/gallery/gallery.findings.parquet",
+    log:
+        "logs/gallery/gallery.log",
+    benchmark:
+        "logs/gallery/gallery.benchmark.tsv"
+    params:
+        rows=as_json(list(PROJECT.gallery.values())),
+        data_root=DATA,
+        code=code("ingest.gallery"),
+    shell:
+        "dior gallery"
+        " --rows {params.rows:q}"
+        " --data-root {params.data_root:q}"
         " --out {output.table:q}"
         " --findings {output.findings:q}"
         " 2>&1 | tee {log:q}"

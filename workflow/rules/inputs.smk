@@ -19,6 +19,10 @@ def bags(wildcards):
     return PROJECT.bags(wildcards.sequence)
 
 
+def gallery_files(wildcards):
+    return PROJECT.gallery_files()
+
+
 def topics(wildcards):
     cameras = PROJECT.cameras(session_of(wildcards))
     return [f"{name}={camera['topic']}" for name, camera in cameras.items()]
@@ -41,6 +45,23 @@ def detection_pattern(wildcards):
 
 
 def detection_files(wildcards):
+    """The detections of the close cameras: as the sheet has them, where they exist, or those of rule detect."""
+    if PROJECT.detected_here(wildcards.sequence):
+        return recorded_detections(wildcards)
+    return there(recorded_detections)(wildcards)
+
+
+def detection_format(wildcards):
+    """What rule detect writes is known."""
+    here = PROJECT.detected_here(wildcards.sequence)
+    return "coco" if here else CONFIG["detector"]["format"]
+
+
+def detector_model(wildcards):
+    return [CONFIG["detector"]["model"]]
+
+
+def recorded_detections(wildcards):
     pattern = PROJECT.detections_pattern(wildcards.sequence)
     return [pattern.format(camera=camera) for camera in close_names(wildcards)]
 
@@ -74,9 +95,9 @@ def setting(key):
 
 
 def intrinsics_source(wildcards):
-    """The file of a camera's intrinsics below data_root, or `camera_info` for the bag's own."""
+    """The file of a camera's intrinsics below data_root, `camera_info` for the bag's own, or `board`."""
     source = setting("intrinsics")(wildcards)
-    return source["file"] if isinstance(source, dict) else source
+    return source.get("file", "board") if isinstance(source, dict) else source
 
 
 def intrinsics_name(wildcards):
@@ -84,9 +105,41 @@ def intrinsics_name(wildcards):
     return source.get("name", "") if isinstance(source, dict) else ""
 
 
+def intrinsics_board(wildcards):
+    """The board that a camera's intrinsics are found with, by its kind, as JSON; {} where there is none."""
+    source = setting("intrinsics")(wildcards)
+    return json.dumps({} if not isinstance(source, dict) or "file" in source else source)
+
+
 def intrinsics_file(wildcards):
-    source = intrinsics_source(wildcards)
-    return [] if source == "camera_info" else [PROJECT.in_data(source)]
+    source = setting("intrinsics")(wildcards)
+    if not isinstance(source, dict):
+        return []
+    return [PROJECT.in_data(source.get("file") or next(iter(source.values()))["path"])]
+
+
+def tag_sequence(wildcards):
+    tag = PROJECT.session_files[wildcards.session].get("tag", {})
+    return tag.get("sequence") or PROJECT.first_sequence(wildcards.session)
+
+
+def tag_frames(wildcards):
+    """The pictures with the AprilTag, where a camera is placed by it."""
+    if setting("locate")(wildcards) != "apriltag":
+        return []
+    return [f"results/frames/{tag_sequence(wildcards)}.parquet"]
+
+
+def tag_bags(wildcards):
+    if setting("locate")(wildcards) != "apriltag":
+        return []
+    return PROJECT.bags(tag_sequence(wildcards))
+
+
+def tag(wildcards):
+    """The session's AprilTag as JSON, {} for a camera that is not placed by it."""
+    wanted = setting("locate")(wildcards) == "apriltag"
+    return json.dumps(PROJECT.session_files[wildcards.session]["tag"] if wanted else {})
 
 
 def reference_file(wildcards):
@@ -253,8 +306,21 @@ def all_findings():
         if setting["locate"] == "marks"
     ]
     return [
+        *[f"results/audit/{sequence}.findings.parquet" for sequence in SEQUENCES],
+        *(["results/gallery/gallery.findings.parquet"] if PROJECT.gallery else []),
         *[f"results/detections/{sequence}.findings.parquet" for sequence in outdoor],
         *[f"results/triangulate/{sequence}.findings.parquet" for sequence in outdoor],
+        *[
+            f"results/intrinsics/{session}/{camera}.findings.parquet"
+            for session in PROJECT.sessions
+            for camera in PROJECT.cameras(session)
+        ],
+        *[
+            f"results/place/{session}/{camera}.findings.parquet"
+            for session in PROJECT.sessions
+            for camera, setting in PROJECT.cameras(session).items()
+            if setting["locate"] in ("tape", "apriltag", "reference")
+        ],
         *[f"results/adjust/{session}.findings.parquet" for session in ADJUSTED],
         *[f"results/locate/{session}/{camera}.findings.parquet" for session, camera in located],
     ]
@@ -308,6 +374,7 @@ def released_files():
             for sequence, who in people.items()
         ],
         *[f"{RELEASE}/{table}.parquet" for table in ("cameras", "sequences", "subjects")],
+        *([f"{RELEASE}/gallery.parquet"] if PROJECT.gallery else []),
         *[f"{RELEASE}/{file}" for file in ("metrics.csv", "README.md", "SHA256SUMS")],
     ]
 

@@ -24,6 +24,7 @@ rule package:
                 if session in released_sessions()
             ],
         ],
+        gallery=["results/gallery/gallery.parquet"] if PROJECT.gallery else [],
     output:
         released_files(),
     log:
@@ -50,6 +51,7 @@ rule package:
         " --frames {input.frames:q}"
         " --cameras {input.cameras:q}"
         " --metrics {input.metrics:q}"
+        " --gallery {input.gallery:q}"
         " --out {params.out:q}"
         " 2>&1 | tee {log:q}"
 

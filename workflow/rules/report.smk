@@ -50,6 +50,9 @@ rule report:
         findings=all_findings(),
         cameras=all_cameras(),
         skeletons=[skeleton_of(sequence) for sequence in SEQUENCES],
+        audits=expand("results/audit/{sequence}.parquet", sequence=SEQUENCES),
+        dropped=expand("results/audit/{sequence}.dropped.parquet", sequence=SEQUENCES),
+        frames=expand("results/frames/{sequence}.parquet", sequence=SEQUENCES),
         overlays=all_overlays(),
     output:
         page="results/report/index.html",
@@ -71,6 +74,9 @@ rule report:
         " --findings {input.findings:q}"
         " --cameras {input.cameras:q}"
         " --skeletons {input.skeletons:q}"
+        " --audits {input.audits:q}"
+        " --dropped {input.dropped:q}"
+        " --frames {input.frames:q}"
         " --overlays {input.overlays:q}"
         " --out results/report"
         " 2>&1 | tee {log:q}"

@@ -1,0 +1,105 @@
+"""The gallery: pictures of the subjects from all around, per outfit and angle.
+
+INPUTS   config/gallery.tsv (subject, outfit, angle and a folder of pictures, or a bag and its topic)
+OUTPUTS  `gallery` table: a row per picture with what it takes to read it back; findings with the counts
+
+The number in a file's name is the picture's place in its row's recording and, in a folder of pictures at equal steps,
+the turn in degrees; it is not interpreted. The pixels stay where they are.
+"""
+
+import re
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+
+from dior import tables
+from dior.errors import DiorError
+from dior.ingest import bags as rosbag
+
+SHEET = "config/gallery.tsv"
+KEY = ("subject", "outfit", "angle")
+SUFFIXES = (".jpeg", ".jpg", ".png")
+FEW_PICTURES = 0.5
+
+
+def run(*, rows, data_root, out, findings):
+    """Index the pictures of `rows`, those of the sheet as dicts; their folders and bags are below `data_root`.
+
+    Raises DiorError for a folder or bag that is not there, holds no pictures or a broken one.
+    """
+    parts = []
+    for row in sorted(rows, key=lambda row: tuple(row[key] for key in KEY)):
+        where = f"{SHEET}, {row['subject']}, {row['outfit'] or 'no outfit'}, {row['angle']}"
+        part = _of_bag(row, data_root) if row["bag"] else _of_folder(row, data_root, where)
+        count = len(part["height"])
+        part |= {key: np.full(count, row[key], object) for key in KEY}
+        part["picture"] = np.arange(count)
+        parts.append(part)
+    columns = tables.columns_of("gallery")
+    whole = {key: np.concatenate([part[key] for part in parts]) if parts else [] for key in columns}
+    tables.write(out, "gallery", whole)
+    found = [finding for subject in sorted({row["subject"] for row in rows}) for finding in counts(whole, subject)]
+    tables.write_findings(findings, found)
+
+
+def counts(table, subject):
+    """Findings about the pictures of one subject: how many per outfit and angle, and which are few or missing."""
+    mine = tables.rows(table, table["subject"] == subject)
+    by_pair = dict(sorted(Counter(zip(mine["outfit"], mine["angle"], strict=True)).items()))
+    outfits, angles = (sorted({pair[i] for pair in by_pair}) for i in (0, 1))
+    each = ", ".join(f"{outfit or 'no outfit'} {angle} {number}" for (outfit, angle), number in by_pair.items())
+    found = [(subject, "info", "gallery", f"{sum(by_pair.values())} gallery pictures: {each}")]
+    usual = np.median(list(by_pair.values()))
+    for outfit in outfits:
+        for angle in angles:
+            number = by_pair.get((outfit, angle), 0)
+            if number < FEW_PICTURES * usual:
+                text = f"{outfit or 'no outfit'} from {angle} has {number} pictures in the gallery, others {usual:.0f}"
+                found.append((subject, "warning", "gallery_incomplete", text))
+    return found
+
+
+def _of_folder(row, data_root, where):
+    folder = Path(data_root) / row["path"]
+    if not folder.is_dir():
+        raise DiorError(f"{where}: there is no folder {folder}; path is relative to data_root")
+    files = sorted((file for file in folder.iterdir() if file.suffix.lower() in SUFFIXES), key=_natural)
+    if not files:
+        raise DiorError(f"{where}: {folder} holds no picture ({', '.join(SUFFIXES)})")
+    sizes = np.array([_size(file, where) for file in files])
+    count, empty = len(files), np.full(len(files), "", object)
+    return {
+        "file": np.array([f"{row['path'].rstrip('/')}/{file.name}" for file in files], object),
+        "topic": empty,
+        "stamp_ns": np.full(count, -1, np.int64),
+        "receive_ns": np.full(count, -1, np.int64),
+        "nth": np.full(count, -1),
+        "height": sizes[:, 0],
+        "width": sizes[:, 1],
+    }
+
+
+def _natural(file):
+    """Sorts 2.jpg before 10.jpg."""
+    return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", file.name)]
+
+
+def _size(file, where):
+    """(height, width) px of a picture file. Raises DiorError for one that cannot be decoded."""
+    import cv2
+
+    content = np.fromfile(file, np.uint8)
+    flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
+    picture = cv2.imdecode(content, flags) if len(content) else None
+    if picture is None:
+        raise DiorError(f"{where}: {file} is no readable picture; remove it or copy it again")
+    return picture.shape
+
+
+def _of_bag(row, data_root):
+    path = Path(data_root) / row["bag"]
+    rosbag.bags_with([path], row["topic"], SHEET)
+    index = rosbag.index(path, [row["topic"]])
+    index = tables.rows(index, np.argsort(index["stamp_ns"], kind="stable"))
+    return {**index, "file": np.full(len(index["stamp_ns"]), row["bag"], object)}

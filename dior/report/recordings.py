@@ -1,0 +1,69 @@
+"""What the report says of the stamps of each sequence, from the audit's tables.
+
+INPUTS   `stamp_audit`, `dropped_frames` and `frames` tables, a file per sequence, named by it
+OUTPUTS  a `Recorded` per sequence: numbers to draw and rows of text
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from dior import tables
+from dior.report.summary import count, show
+
+REPEATED = ("same_stamp", "same_picture")
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """`lags`: camera -> (times (F,) s, lag beyond its median (F,) ms); `dropped`: camera -> reason -> times s.
+
+    `rows`: what the page's table shows, a dict per camera and bag.
+    """
+
+    lags: dict
+    dropped: dict
+    rows: tuple
+
+
+def read(audits, dropped, frames):
+    """`Recorded` by sequence, in the order of `audits`; the three lists hold the same sequences."""
+    lost = {Path(path).name.partition(".")[0]: path for path in dropped}
+    pictures = {Path(path).name.partition(".")[0]: path for path in frames}
+    return {
+        sequence: _recorded(sequence, path, lost[sequence], pictures[sequence])
+        for path in audits
+        for sequence in [Path(path).name.partition(".")[0]]
+    }
+
+
+def _recorded(sequence, audit, dropped, frames):
+    table = tables.read(frames, "frames", ["camera", "stamp_ns", "receive_ns"])
+    start = table["stamp_ns"].min()
+    lags = {}
+    for camera in tables.ordered_unique(table["camera"]):
+        own = tables.of_camera(table, camera)
+        lag = (own["receive_ns"] - own["stamp_ns"]) / 1e6
+        lags[camera] = (own["stamp_ns"] - start) / 1e9, lag - np.median(lag)
+    lost, reasons = tables.read(dropped, "dropped_frames"), {}
+    for camera, stamp, reason in zip(lost["camera"], lost["stamp_ns"].tolist(), lost["reason"], strict=True):
+        reasons.setdefault(camera, {}).setdefault(reason, []).append((stamp - start) / 1e9)
+    rows = tables.read(audit, "stamp_audit")
+    return Recorded(lags, reasons, tuple(_row(sequence, rows, i) for i in range(len(rows["camera"]))))
+
+
+def _row(sequence, table, i):
+    one = {key: values[i] for key, values in table.items()}
+    return {
+        "sequence": sequence,
+        "camera": one["camera"],
+        "bag": one["bag"],
+        "pictures": count(one["pictures"]),
+        "rate": f"{one['rate_hz']:.2f}" if np.isfinite(one["rate_hz"]) else "unknown",
+        "jitter": show(one["jitter_ms"], "ms"),
+        "lost": count(one["lost"]),
+        "repeated": count(sum(one[key] for key in REPEATED)),
+        "lag": f"{show(one['lag_ms'], 'ms')} (+{show(one['lag_max_ms'], 'ms')})",
+        "drift": f"{one['drift_ppm']:.0f} ppm" if np.isfinite(one["drift_ppm"]) else "unknown",
+    }

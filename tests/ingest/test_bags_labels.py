@@ -1,0 +1,137 @@
+"""One capture, written again as every recorder would have it: the labels are the same bytes.
+
+A simulated walk goes through the steps of an indoor sequence, the real recording through the whole workflow.
+"""
+
+import shutil
+
+import numpy as np
+import pytest
+from rosbags.rosbag1 import Reader
+
+from dior import tables
+from dior.calibrate import intrinsics, locate
+from dior.ingest import frames, mocap
+from dior.label import reproject
+from dior.reconstruct import timeline
+from dior.simulate import config, recording, settings
+from tests.end_to_end.workflow import ROOT, edit, snakemake
+from tests.ingest.bagfiles import INFO, PACKED, STORES, Sent, write
+
+CAMERAS = tuple(f"cam{i:02d}" for i in range(1, 5))
+COMPUTERS = ("pc1", "pc2")
+FORMATS = ("ros1 lz4", "ros1 bz2", "db3", "db3 message", "db3 zstd alone", "mcap", "mcap zstd", "mcap ros1")
+WALK = "indoor_01"
+TINY = {
+    "subjects": 1, "sequences": 1, "environments": ["indoor"], "duration_s": 1.0, "width": 640, "height": 360,
+    "fx": 320.0,
+}  # fmt: skip
+LABELS = [f"results/reproject/beam_01.{camera}.parquet" for camera in CAMERAS]
+
+
+def sent_in(bag):
+    """The messages of a ROS 1 bag of CompressedImage and CameraInfo."""
+    with Reader(bag) as reader:
+        for connection, receive_ns, data in reader.messages():
+            message = STORES["ros1"].deserialize_ros1(data, connection.msgtype)
+            stamp = message.header.stamp
+            if connection.msgtype == PACKED:
+                content = {"format": message.format, "data": message.data}
+            else:
+                content = {key: getattr(message, key) for key in ("height", "width", "distortion_model")}
+                content |= {key: getattr(message, key.upper()) for key in "dkrp"} | {"binning_x": 0, "binning_y": 0}
+            kind = PACKED if connection.msgtype == PACKED else INFO
+            yield Sent(connection.topic, receive_ns, stamp.sec * 10**9 + stamp.nanosec, kind, content)
+
+
+@pytest.fixture(scope="module")
+def simulated(tmp_path_factory):
+    """A simulated indoor walk: its `config/`, its C3D, and the labels by camera that its own bags give."""
+    folder = tmp_path_factory.mktemp("simulated")
+    config.write(settings.from_dict(TINY), folder / "config")
+    for only in ("recording", "mocap"):
+        recording.run(settings=TINY, sequence=WALK, out=folder, only=only)
+    (folder / "made").mkdir()
+    bags = [folder / WALK / f"{computer}.bag" for computer in COMPUTERS]
+    return folder, bags, labels_from(folder, bags, folder, folder / "made")
+
+
+def labels_from(simulated, bags, data_root, out):
+    """Bytes of the labels by camera, from the bags through every step between; results lie in the folder `out`."""
+    session = simulated / "config/sessions/lab"
+    topics = {camera: f"/{camera}/color/image_raw/compressed" for camera in CAMERAS}
+    indexed, markers, clocks = out / f"{WALK}.parquet", out / "mocap.parquet", out / f"{WALK}.offsets.parquet"
+    offsets = simulated / f"config/offsets/{WALK}.yaml"
+    frames.run(sequence=WALK, bags=bags, data_root=data_root, topics=topics, out=indexed)
+    c3d = simulated / WALK / "mocap.c3d"
+    mocap.run(sequence=WALK, subject="S01", c3d=c3d, frames=indexed, trigger_log=None, out=markers)
+    timeline.run(
+        sequence=WALK, frames=indexed, cameras=CAMERAS, offsets=offsets, mocap=markers, max_gap=1.5,
+        out=out / "timeline.parquet", out_offsets=clocks,
+    )  # fmt: skip
+    found = {}
+    for camera in CAMERAS:
+        lens, placed, labels = (out / f"{camera}.{step}.parquet" for step in ("lens", "placed", "labels"))
+        intrinsics.run(
+            session="lab", camera=camera, role="close", topic=topics[camera], source="camera_info", name="", board={},
+            distortion_model="plumb_bob", frames=indexed, sequence=WALK, data_root=data_root, out=lens,
+            findings=out / "findings.parquet",
+        )  # fmt: skip
+        locate.run(
+            session="lab", camera=camera, camera_file=session / f"{camera}.yaml", marks=session / f"{camera}.marks.csv",
+            intrinsics=lens, mocap=[markers], frames=[indexed], offsets=[offsets], ransac_px=8.0, out=placed,
+            out_marks=out / "marks.parquet", findings=out / "findings.parquet",
+        )  # fmt: skip
+        reproject.run(
+            sequence=WALK, subject="S01", camera=camera, cameras=[placed], skeleton=markers, frames=indexed,
+            offsets=clocks, source="mocap", out=labels,
+        )  # fmt: skip
+        found[camera] = labels.read_bytes()
+    return found
+
+
+def test_the_simulated_walk_has_labels(simulated):
+    folder, _, labels = simulated
+    assert set(labels) == set(CAMERAS)
+    for camera in CAMERAS:
+        table = tables.read(folder / f"made/{camera}.labels.parquet", "labels_2d")
+        assert len(table["u"]) == 30 * 39 and np.isfinite(table["u"]).mean() > 0.9
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_labels_of_a_simulated_walk_are_the_same_bytes_from_every_format(simulated, tmp_path, form):
+    folder, bags, wanted = simulated
+    again = [write(tmp_path / bag.stem, list(sent_in(bag)), form) for bag in bags]
+    assert labels_from(folder, again, tmp_path, tmp_path) == wanted
+    named = set(tables.read(tmp_path / f"{WALK}.parquet", "frames")["bag"])
+    assert named == {bag.relative_to(tmp_path).as_posix() for bag in again}
+
+
+def labelled(shared, folder, form):
+    """A project folder that was run on the recording in another format."""
+    data = folder / "data"
+    data.mkdir(parents=True)
+    (data / "mlkit").symlink_to(shared / "real_outdoor/mlkit")
+    (data / "reference").symlink_to(shared / "real_outdoor/reference")
+    names = []
+    for computer in COMPUTERS:
+        source = shared / f"real_outdoor/{computer}.bag"
+        bag = write(data / computer, list(sent_in(source)), form) if form else shutil.copy(source, data)
+        names.append(str(bag).removeprefix(f"{data}/") + ("/" if bag != str(bag) and bag.is_dir() else ""))
+    shutil.copytree(ROOT / "tests/projects/real_outdoor/config", folder / "config")
+    edit(folder / "config/config.yaml", "../../../../shared/data/real_outdoor", "data")
+    edit(folder / "config/sequences.tsv", "pc1.bag;pc2.bag", ";".join(names))
+    snakemake(folder, *LABELS)
+    return folder
+
+
+@pytest.mark.slow
+def test_labels_of_the_real_recording_are_the_same_bytes_from_every_recorder(shared, tmp_path):
+    first = labelled(shared, tmp_path / "ros1", "")
+    for form in ("db3", "mcap zstd", "ros1 lz4"):
+        other = labelled(shared, tmp_path / form.replace(" ", "_"), form)
+        for name in LABELS:
+            assert (other / name).read_bytes() == (first / name).read_bytes(), (form, name)
+        bags = tables.read(other / "results/frames/beam_01.parquet", "frames")["bag"]
+        suffix = ".bag" if form.startswith("ros1") else ""
+        assert set(bags) == {f"pc1{suffix}", f"pc2{suffix}"}
