@@ -35,14 +35,15 @@ def run(folder):
 
 
 def pooled(rows, metric, environment, role):
-    """Mean of a metric weighted by its count, over the cameras of a role, from the rows by sequence and camera."""
+    """Mean of a metric weighted by its count, from the rows by sequence (and camera, where it has a role)."""
     mine = [
         (float(row["value"]), int(row["n"]))
         for row in rows
         if row["metric"] == metric
         and row["role"] == role
         and row["sequence"].startswith(environment)
-        and row["camera"]
+        and bool(row["camera"]) == bool(role)
+        and row["sequence"]
         and not row["joint"]
     ]
     return sum(value * n for value, n in mine) / sum(n for _, n in mine)

@@ -1,7 +1,7 @@
 """The `config/` of a simulated capture: what a person would have measured, clicked and drawn.
 
 INPUTS   settings (the `simulate:` section)
-OUTPUTS  config.yaml, sequences.tsv, subjects.tsv, sessions/, offsets/, boxes/ in a folder
+OUTPUTS  config.yaml, sequences.tsv, subjects.tsv, sessions/, offsets/, boxes/ in a folder, gallery.tsv if asked for
 The committed demo config is what `dior simulate --write-config config` writes. Values are rounded as a person would
 note them (0.01 px, 1 mm, 0.1 ms), and no picture is rendered for them.
 """
@@ -14,16 +14,18 @@ import numpy as np
 import dior
 from dior.checked import describe
 from dior.files import write_text
-from dior.simulate import scene, truth
+from dior.simulate import gallery, scene, truth
 from dior.simulate.body import body_of
+from dior.simulate.clocks import clocks_of
 from dior.simulate.motion import motion_of
-from dior.simulate.settings import CAMERAS, SESSIONS, Settings, from_dict, generator, sequences
+from dior.simulate.settings import CAMERAS, SECTIONS, SESSIONS, Settings, from_dict, generator, sequences
 
 MARKED_FRAMES = 3
 MOST_MARKS = 16
 BOX_EVERY = 10
 ADJUST_INSTANTS = 400
 ALWAYS_SHOWN = ("seed", "subjects", "sequences", "duration_s", "long_range_m", "detector")
+DETECTOR_SHOWN = {"ideal": ("level", "noise_px"), "real": ("level",)}
 HEIGHT_SIGMA_M = 0.01
 
 
@@ -38,6 +40,8 @@ def write(settings, folder):
     write_text(folder / "config.yaml", config_yaml(settings))
     write_text(folder / "sequences.tsv", _sheet([_sequence_row(settings, walk) for walk in walks]))
     write_text(folder / "subjects.tsv", _sheet([_subject_row(settings, s) for s in _subjects(walks)]))
+    if settings.gallery:
+        write_text(folder / "gallery.tsv", _sheet(gallery.rows(walks)))
     for environment in settings.environments:
         session = SESSIONS[environment]
         own = [walk for walk in walks if walk.session == session]
@@ -57,11 +61,16 @@ def config_yaml(settings):
     text += (
         "\n# The capture is simulated. All keys and their defaults: workflow/schemas/config.schema.yaml.\nsimulate:\n"
     )
-    default, given = asdict(Settings()), asdict(settings)
+    default, given = asdict(from_dict({"preset": settings.preset})), asdict(settings)
+    default["preset"] = Settings.preset
     for key in (field.name for field in fields(Settings)):
         if key not in ALWAYS_SHOWN and given[key] == default[key]:
             continue
-        text += f"  # {describe('config', 'simulate', key)}\n  {key}: {_yaml(given[key])}\n"
+        value = given[key]
+        if key in SECTIONS:
+            shown = DETECTOR_SHOWN[value["level"]] if key == "detector" else ()
+            value = {name: entry for name, entry in value.items() if name in shown or entry != default[key][name]}
+        text += f"  # {describe('config', 'simulate', key)}\n  {key}: {_yaml(value)}\n"
     return text
 
 
@@ -70,6 +79,8 @@ def _yaml(value):
         return "{" + ", ".join(f"{key}: {_yaml(entry)}" for key, entry in value.items()) + "}"
     if isinstance(value, (list, tuple)):
         return "[" + ", ".join(_yaml(entry) for entry in value) + "]"
+    if isinstance(value, bool):
+        return str(value).lower()
     return str(value)
 
 
@@ -158,13 +169,14 @@ def _marks(settings, walks, camera):
     markers = [i for i, name in enumerate(seen.joints) if name in motion.names]
     visible = seen.status[:, markers] == "ok"
     random = generator(settings, "marks", walk.session, camera)
+    numbers = seen.clock.frame_numbers
     lines = ["sequence,frame,joint,u,v"]
     for part in np.array_split(np.arange(len(visible)), MARKED_FRAMES):
         frame = int(part[visible[part].sum(axis=1).argmax()])
         shown = np.flatnonzero(visible[frame])
         for i in sorted(random.permutation(shown)[:MOST_MARKS].tolist()):
             u, v = seen.uv[frame, markers[i]] + settings.mark_noise_px * random.standard_normal(2)
-            lines.append(f"{walk.name},{frame},{seen.joints[markers[i]]},{u:.2f},{v:.2f}")
+            lines.append(f"{walk.name},{numbers[frame]},{seen.joints[markers[i]]},{u:.2f},{v:.2f}")
     return "\n".join(lines) + "\n"
 
 
@@ -174,18 +186,19 @@ def _boxes(settings, walk):
     uv, status = seen.landmark(seen.uv), seen.landmark(seen.status)
     uv = np.where(((status == "ok") | (status == "occluded"))[..., None], uv, np.nan)
     random = generator(settings, "boxes", walk.name)
+    numbers = seen.clock.frame_numbers
     lines = ["frame,u_min,v_min,u_max,v_max"]
     for frame in range(0, len(uv), BOX_EVERY):
         error = settings.box_margin_px + settings.box_sd_px * random.standard_normal(4)
         if not np.isfinite(uv[frame]).any():
             continue
         low, high = np.nanmin(uv[frame], axis=0) - error[:2], np.nanmax(uv[frame], axis=0) + error[2:]
-        lines.append(f"{frame},{low[0]:.2f},{low[1]:.2f},{high[0]:.2f},{high[1]:.2f}")
+        lines.append(f"{numbers[frame]},{low[0]:.2f},{low[1]:.2f},{high[0]:.2f},{high[1]:.2f}")
     return "\n".join(lines) + "\n"
 
 
 def _offsets(settings, walk):
-    clocks, _ = scene.clocks_of(settings, walk)
+    clocks, _ = clocks_of(settings, walk)
     lines = [
         f"{name}: {{offset_s: {clock.offset_s:.4f}, drift_ppm: {clock.drift_ppm:g}}}" for name, clock in clocks.items()
     ]

@@ -18,13 +18,23 @@ SMALLEST_PX = 60.0
 
 @dataclass(frozen=True)
 class Detected:
-    """Pixels (F, 33, 2), scores (F, 33), relative depth (F, 33) px, the noise added, and where there is a person."""
+    """What a detector gives, and what was done to it: a row per picture, a column per landmark as it is named.
+
+    Pixels (P, 33, 2), scores (P, 33), relative depth (P, 33) px, and where there is a person (P,). Of the pixels, the
+    noise and the constant offset (P, 33, 2) px, NaN where it is another person's; whether the landmark is the one of
+    the other side, was hidden, lies on the other limb, or is the second person's (P, 33).
+    """
 
     uv: np.ndarray
     score: np.ndarray
     z: np.ndarray
-    noise: np.ndarray
     found: np.ndarray
+    noise: np.ndarray
+    bias: np.ndarray
+    swapped: np.ndarray
+    guessed: np.ndarray
+    wrong_together: np.ndarray
+    bystander: np.ndarray
 
 
 def detect(seen, noise_px, random):
@@ -32,22 +42,42 @@ def detect(seen, noise_px, random):
     uv, depth, status = (seen.landmark(values) for values in (seen.uv, seen.depth, seen.status))
     inside = (status == "ok") | (status == "occluded")
     noise = noise_px * random.standard_normal(uv.shape)
+    never = np.zeros(inside.shape, bool)
+    return Detected(
+        uv=uv + noise,
+        score=np.where(inside, SCORE_IN, SCORE_OUT),
+        z=relative_depth(seen.camera, depth),
+        found=detectable(uv, inside),
+        noise=noise,
+        bias=np.zeros(uv.shape),
+        swapped=never,
+        guessed=never,
+        wrong_together=never,
+        bystander=never,
+    )
+
+
+def detectable(uv, inside):
+    """Whether (F,) a person with landmarks uv (F, 33, 2) is large enough and enough of them is `inside` (F, 33)."""
     with np.errstate(invalid="ignore"):
         tall = np.nanmax(uv[..., 1], axis=1) - np.nanmin(uv[..., 1], axis=1) >= SMALLEST_PX
-    found = (inside.mean(axis=1) >= LEAST_IN_PICTURE) & tall & np.isfinite(uv).all(axis=(1, 2))
+    return (inside.mean(axis=1) >= LEAST_IN_PICTURE) & tall & np.isfinite(uv).all(axis=(1, 2))
+
+
+def relative_depth(camera, depth):
+    """ML Kit's z (F, 33): depth (F, 33) m behind the middle of the hips, in pixels at their distance."""
     middle = depth[:, 23:25].mean(axis=1, keepdims=True)
-    z = (depth - middle) * seen.camera.intrinsics.fx / middle
-    return Detected(uv + noise, np.where(inside, SCORE_IN, SCORE_OUT), z, noise, found)
+    return (depth - middle) * camera.intrinsics.fx / middle
 
 
-def write_mlkit(path, stamp_ns, detected):
-    """Write one camera's detections as ML Kit JSON lines."""
+def write_mlkit(path, clock, detected):
+    """Write one camera's detections as ML Kit JSON lines, a line per recorded message of its `clocks.Clock`."""
     lines = []
     uv, z, score = detected.uv.round(2).tolist(), detected.z.round(2).tolist(), detected.score.tolist()
-    for frame, stamp in enumerate(stamp_ns.tolist()):
+    for frame, picture in enumerate(clock.messages.tolist()):
         landmarks = [
-            {"type": i, "x": x, "y": y, "z": z[frame][i], "inFrameLikelihood": score[frame][i]}
-            for i, (x, y) in enumerate(uv[frame] if detected.found[frame] else [])
+            {"type": i, "x": x, "y": y, "z": z[picture][i], "inFrameLikelihood": score[picture][i]}
+            for i, (x, y) in enumerate(uv[picture] if detected.found[picture] else [])
         ]
-        lines.append(json.dumps({"frame": frame, "stamp_ns": stamp, "landmarks": landmarks}))
+        lines.append(json.dumps({"frame": frame, "stamp_ns": int(clock.stamp_ns[picture]), "landmarks": landmarks}))
     write_text(path, "\n".join(lines) + "\n")

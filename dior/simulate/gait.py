@@ -15,33 +15,17 @@ from functools import cached_property
 import numpy as np
 
 from dior.simulate.body import Body, landmarks, markers
+from dior.simulate.patterns import WALK, Pattern
 
-# Joint angles (degrees, flexion and dorsiflexion positive) at 0, 5, ... 95 % of the cycle from heel contact, natural
-# cadence: Winter, The Biomechanics and Motor Control of Human Gait, 2nd ed. (1991), as read off its mean curves; they
-# agree with Kadaba et al., J. Orthop. Res. 8 (1990) 383-392 where the hip is taken against the vertical.
-HIP = (20, 19, 17, 14, 10, 6, 2, -3, -8, -12, -15, -14, -9, -1, 7, 14, 18.5, 21, 21.5, 20.5)
-KNEE = (4, 10, 16, 18, 17, 14, 11, 8, 7, 8, 12, 20, 34, 49, 60, 64, 59, 45, 26, 9)
-ANKLE = (0, -5, -4, 0, 3, 5.5, 7, 8.3, 9.4, 9.6, 7, -1, -14, -19, -15, -9, -4.5, -2, -1, 0)
-TOE_OFF = 0.62
-# where in the cycle the hip passes over the place of the ankle
-MIDSTANCE = 0.21
 # a leg is at most this share of its length: a knee is never quite straight
 STRETCH = 0.996
 SMOOTH = 15
 LIFT = np.deg2rad(1.2)
 
 
-def cadence(speed, height):
-    """Strides per second at a speed (m/s): 64.8 v^0.57 per minute with v in statures per second, adult men.
-
-    Grieve and Gear, Ergonomics 9 (1966) 379-399.
-    """
-    return 64.8 / 60.0 * (np.asarray(speed) / height) ** 0.57
-
-
-def stride_length(speed, height):
-    """Length of a stride (two steps), m; see `cadence`."""
-    return np.asarray(speed) / cadence(speed, height)
+def stride_length(speed, height, pattern=WALK):
+    """Length of a stride (two steps), m."""
+    return np.asarray(speed) / pattern.strides(speed, height)
 
 
 def _smooth(u):
@@ -112,6 +96,7 @@ class Walker:
     """
 
     body: Body
+    pattern: Pattern = WALK
     speed: float = 1.1
     half_length: float = 1.3
     turn_radius: float = 0.45
@@ -151,7 +136,7 @@ class Walker:
         near = np.mod(many - self.half_length + turn / 2, lap / 2)
         slow = _smooth(near / (turn / 2)) - _smooth((near - 1.5 * turn) / (turn / 2))
         v = self.speed * (1 - 0.3 * slow)
-        rate_t, rate_phase = 1 / v, 1 / stride_length(v, self.body.height)
+        rate_t, rate_phase = 1 / v, 1 / stride_length(v, self.body.height, self.pattern)
         step = np.diff(many)
         t = np.concatenate([[0.0], np.cumsum(step * (rate_t[1:] + rate_t[:-1]) / 2)])
         phase = np.concatenate([[0.0], np.cumsum(step * (rate_phase[1:] + rate_phase[:-1]) / 2)])
@@ -163,7 +148,7 @@ class Walker:
 
     @cached_property
     def _angles(self):
-        return _cycle(HIP), _cycle(KNEE), _cycle(ANKLE)
+        return _cycle(self.pattern.hip), _cycle(self.pattern.knee), _cycle(self.pattern.ankle)
 
     def _foot_angle(self, phase):
         """Angle of the sole to the floor (rad, toes up positive): the published angles, flat where they nearly are."""
@@ -188,7 +173,7 @@ class Walker:
         """Place of the flat foot's ankle (T, 3) and its yaw (T,); `cycle` counts the leg's heel contacts."""
         place, _, _, s_of = self._tables
         phase = cycle + (0.0 if side > 0 else 0.5)
-        x, y, yaw = np.moveaxis(place(s_of(phase + MIDSTANCE)), -1, 0)
+        x, y, yaw = np.moveaxis(place(s_of(phase + self.pattern.midstance)), -1, 0)
         out = side * 0.026 * self.body.height
         ankle = np.stack([x - out * np.sin(yaw), y + out * np.cos(yaw), np.full_like(x, self.body.ankle_height)], -1)
         return ankle, yaw + side * np.deg2rad(6.0)
@@ -226,17 +211,18 @@ class Walker:
             )
             return here, (after - before) / (2 * h), (after - 2 * here + before) / h**2
 
-        w = np.clip((u - TOE_OFF) / (1 - TOE_OFF), 0.0, 1.0)
-        change = _quintic(w[..., None], 1 - TOE_OFF, bend(cycle + TOE_OFF, cycle), bend(cycle + 1.0, cycle + 1.0))
+        toe_off = self.pattern.toe_off
+        w = np.clip((u - toe_off) / (1 - toe_off), 0.0, 1.0)
+        change = _quintic(w[..., None], 1 - toe_off, bend(cycle + toe_off, cycle), bend(cycle + 1.0, cycle + 1.0))
         swinging = self._free(phase, side, height) + change
         angle = self._foot_angle(phase)
         # never through the floor: a smooth maximum with the height at which the lower of heel and ball touches it
         c, s = np.cos(angle), np.sin(angle)
         floor = np.maximum(*(-(s * p[0] + c * p[1]) for p in (self.body.heel, self.body.ball)))
         bump = (4 * w * (1 - w)) ** 2
-        above = swinging[..., 2] - floor - 0.012 * bump
+        above = swinging[..., 2] - floor - self.pattern.clearance * bump
         swinging[..., 2] += (np.sqrt(above**2 + (0.03 * bump) ** 2) - above) / 2 * (bump > 0)
-        ankle = np.where((u < TOE_OFF)[..., None], standing, swinging)
+        ankle = np.where((u < toe_off)[..., None], standing, swinging)
         yaw0, yaw1 = self._footprint(cycle, side)[1], self._footprint(cycle + 1, side)[1]
         return ankle, yaw0 + (yaw1 - yaw0) * _smooth(w), angle
 
@@ -255,7 +241,7 @@ class Walker:
         flat = 0.52 * self.body.height
         height = CubicSpline(phase[[0, 1, 2, -1]], [flat] * 4)
         for _ in range(4):
-            limit = np.full(len(phase), 0.53 * self.body.height)
+            limit = self._at_most(phase)
             for side in (1, -1):
                 centre, axes, _ = self._pelvis(phase, height)
                 hip = axes @ np.array([0.0, side * self.body.half_hips, 0.0])
@@ -266,6 +252,11 @@ class Walker:
             height = CubicSpline(phase, _from_below(limit, SMOOTH))
         return height
 
+    def _at_most(self, phase):
+        """Height of the pelvis (m) that the gait would like: lowest at each leg's midstance, two times per cycle."""
+        dip = self.pattern.bounce * (1 + np.cos(4 * np.pi * (phase - self.pattern.midstance))) / 2
+        return (self.pattern.height - dip) * self.body.height
+
     def segments(self, t):
         """Origin (T, 3) and axes (T, 3, 3) of every segment at times `t` (T,), s; see `body.landmarks`."""
         _, _, phase_of, _ = self._tables
@@ -274,7 +265,7 @@ class Walker:
         turn = 2 * np.pi * phase
         centre, pelvis, heading = self._pelvis(phase, self._height)
         found = {"pelvis": (centre, pelvis)}
-        chest_axes = _axes(heading + np.deg2rad(4.0) * np.cos(turn), np.deg2rad(-3.0))
+        chest_axes = _axes(heading + np.deg2rad(4.0) * np.cos(turn), np.deg2rad(-self.pattern.lean))
         shoulders = centre + chest_axes @ np.array([0.0, 0.0, body.trunk])
         found["chest"] = (shoulders, chest_axes)
         head_axes = _axes(heading)
@@ -304,11 +295,11 @@ class Walker:
         }
 
     def _arm(self, name, side, turn, shoulders, chest):
-        """Arm swing: shoulder 24 degrees back to 8 forward, elbow 20-40 (Murray et al. 1967, Am. J. Phys. Med.)."""
-        body = self.body
+        """Arm swing, against the leg of the same side."""
+        body, (shoulder_at, shoulder_by, elbow_at, elbow_by) = self.body, self.pattern.arm
         shoulder = shoulders + chest @ np.array([0.0, side * body.half_shoulders, 0.0])
-        flexion = np.deg2rad(-8.0 - 16.0 * np.cos(turn))
-        elbow_flexion = np.deg2rad(30.0 - 10.0 * np.cos(turn))
+        flexion = np.deg2rad(shoulder_at - shoulder_by * np.cos(turn))
+        elbow_flexion = np.deg2rad(elbow_at - elbow_by * np.cos(turn))
         out = side * np.deg2rad(7.0)
 
         def limb(angle):

@@ -3,17 +3,22 @@
 OUTPUTS: `Motion.at(t)`: landmarks (T, 33, 3) and markers (T, M, 3), m, world with Z up.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dior.errors import DiorError
 from dior.simulate import body as bodies
 from dior.simulate.gait import Walker
+from dior.simulate.patterns import RUN, WALK
 from dior.simulate.settings import generator, motion_path
+from dior.simulate.soft_tissue import movement
 from dior.skeletons import MLKIT_33, PLUG_IN_GAIT_39
 
-MOCAP_AFTER_S = 0.6
+# the cameras run on for a while after the trigger's delay, and their clocks differ
+AFTER_DELAY_S = 0.07
+RUNNING = 2.1  # times as fast as walking
+C3D_STRIDE_HZ = 0.9  # strides per second of a natural walk
 
 
 @dataclass(frozen=True)
@@ -27,31 +32,58 @@ class Motion:
     lasts_s: float = np.inf
 
 
+def mocap_lasts(settings):
+    """Length of the motion capture, s: the recording and a little more, since the cameras start later."""
+    return settings.duration_s + settings.clocks.start_delay_s[1] + AFTER_DELAY_S
+
+
 def motion_of(settings, sequence):
-    """The motion of a sequence. Raises DiorError where a C3D is shorter than the recording."""
+    """The motion of a sequence, soft tissue included. Raises DiorError where a C3D is shorter than the recording."""
+    motion, stride_hz = _motion(settings, sequence)
+    if not settings.soft_tissue_mm[1]:
+        return motion
+    random = generator(settings, "soft tissue", sequence.name)
+    slip = movement(random, len(motion.names), [mm / 1000 for mm in settings.soft_tissue_mm], stride_hz)
+
+    def at(t):
+        landmarks, markers = motion.at(t)
+        return landmarks, markers + slip(t)
+
+    return replace(motion, at=at)
+
+
+def _motion(settings, sequence):
+    """The motion without soft tissue, and its strides per second."""
     path = motion_path(settings)
     if path:
         motion = from_c3d(path)
-        needed = settings.duration_s + MOCAP_AFTER_S
+        needed = mocap_lasts(settings)
         if motion.lasts_s < needed:
             raise DiorError(
                 f"simulate.motion: {path.name} lasts {motion.lasts_s:.2f} s; set simulate.duration_s to at most "
-                f"{motion.lasts_s - MOCAP_AFTER_S:.2f}"
+                f"{motion.lasts_s - (needed - settings.duration_s):.2f}"
             )
-        return motion
+        return motion, C3D_STRIDE_HZ
     body = bodies.body_of(settings, sequence.subject)
     person = generator(settings, "speed", sequence.subject)
     draw = generator(settings, "walk", sequence.name)
     speed = person.uniform(1.0, 1.15) * draw.uniform(0.97, 1.03)
-    direction = (0.0 if sequence.walk == "across" else np.pi / 2) + np.deg2rad(draw.uniform(-4, 4))
+    running = sequence.walk == "running"
+    # a runner needs a longer loop with wider turns; it still lies in view of every camera
+    pattern, speed = (RUN, RUNNING * speed) if running else (WALK, speed)
+    loop = {"half_length": 1.25, "turn_radius": 0.8} if running else {}
+    direction = (np.pi / 2 if sequence.walk == "along" else 0.0) + np.deg2rad(draw.uniform(-4, 4))
     walker = Walker(
         body,
+        pattern,
         speed=float(speed),
         direction=float(direction),
         start=float(draw.uniform(0.0, 8.0)),
         until=settings.duration_s + 2.0,
+        **loop,
     )
-    return Motion(PLUG_IN_GAIT_39, body.height, walker.at, lambda t: np.ones((len(t), len(PLUG_IN_GAIT_39)), bool))
+    motion = Motion(PLUG_IN_GAIT_39, body.height, walker.at, lambda t: np.ones((len(t), len(PLUG_IN_GAIT_39)), bool))
+    return motion, float(pattern.strides(speed, body.height))
 
 
 def from_c3d(path):

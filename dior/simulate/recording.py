@@ -2,7 +2,8 @@
 
 INPUTS   the `simulate:` section and the sequence's name
 OUTPUTS  below `out` (data_root): <sequence>/pc1.bag and pc2.bag (ROS 1, a recording computer each),
-         <sequence>/mlkit/<camera>.jsonl, <sequence>/mocap.c3d indoors, truth/<sequence>/*.parquet
+         <sequence>/mlkit/<camera>.jsonl, <sequence>/mocap.c3d indoors, truth/<sequence>/*.parquet,
+         gallery/<sequence>/<angle>/<degrees>.jpg
 Every random number derives from the seed and a name, so that the same settings give the same bytes.
 """
 
@@ -11,17 +12,20 @@ from pathlib import Path
 import numpy as np
 
 from dior.files import written_whole
-from dior.simulate import draw, truth
+from dior.simulate import backdrop, bystander, detector_real, draw, gallery, scene, truth
 from dior.simulate.detector import detect, write_mlkit
 from dior.simulate.motion import motion_of
+from dior.simulate.runs import runs
 from dior.simulate.settings import COMPUTERS, from_dict, generator, sequence_named
 
 IMAGE, INFO = "sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/CameraInfo"
 FIRST_MOCAP_FRAME = 101
+REPEATED_AFTER_NS = 1_000_000
 
 
 def run(*, settings, sequence, out, only):
-    """Write one sequence below `out`; `only`: "recording" for bags, detections and truth, "mocap" for the C3D.
+    """Write one sequence below `out`; `only`: "recording" for bags, detections and truth, "mocap" for the C3D,
+    "gallery" for the pictures from all around of its subject.
 
     `settings` is the section as a dict. Raises DiorError for a wrong key or an unknown sequence.
     """
@@ -29,32 +33,57 @@ def run(*, settings, sequence, out, only):
     walk = sequence_named(settings, sequence)
     motion = motion_of(settings, walk)
     folder = out / walk.name
+    if only == "gallery":
+        gallery.write(settings, walk, out / "gallery" / walk.name)
+        return
     if only == "mocap":
         write_c3d(folder / "mocap.c3d", settings, walk, motion)
         return
-    cameras = [camera for group in COMPUTERS.values() for camera in group]
-    views = {camera: truth.view(settings, walk, motion, camera) for camera in cameras}
-    found = {
-        camera: detect(seen, settings.detector.noise_px, truth.detector_generator(settings, walk, camera))
-        for camera, seen in views.items()
-    }
-    for camera, detected in found.items():
-        write_mlkit(folder / "mlkit" / f"{camera}.jsonl", views[camera].clock.stamp_ns, detected)
-    truth.write(settings, walk, views, found, out / "truth" / walk.name)
+    views, others = observe(settings, walk, motion)
+    write_detections(settings, walk, motion.height, views, others, out)
     for computer, group in COMPUTERS.items():
-        write_bag(folder / f"{computer}.bag", settings, walk, motion.height, {name: views[name] for name in group})
+        seen = {name: (views[name], others[name]) for name in group}
+        write_bag(folder / f"{computer}.bag", settings, walk, motion.height, seen)
+
+
+def observe(settings, walk, motion):
+    """What every camera sees of the subject (`truth.View`) and of the second person (`bystander.Seen`), by name."""
+    views = {name: truth.view(settings, walk, motion, name) for group in COMPUTERS.values() for name in group}
+    others = {name: bystander.seen(settings, walk, seen.camera, seen.clock.seconds) for name, seen in views.items()}
+    return views, others
+
+
+def write_detections(settings, walk, height, views, others, out):
+    """Detect the person in every camera, and write the detections and the truth below `out`."""
+    if settings.detector.level == "real":
+        found = detector_real.detect(settings, walk, height, views, others)
+    else:
+        noise_px = settings.detector.noise_px
+        found = {
+            camera: detect(seen, noise_px, truth.detector_generator(settings, walk, camera))
+            for camera, seen in views.items()
+        }
+    for camera, detected in found.items():
+        write_mlkit(out / walk.name / "mlkit" / f"{camera}.jsonl", views[camera].clock, detected)
+    truth.write(settings, walk, views, found, out / "truth" / walk.name)
 
 
 def write_bag(path, settings, sequence, height, views):
-    """Render the pictures of some cameras into a ROS 1 bag, in the order in which a recorder received them."""
+    """Render the pictures of some cameras into a ROS 1 bag, in the order in which a recorder received them.
+
+    `views`: camera -> its `truth.View` and what it sees of the second person. A message that is there twice has one
+    header stamp and two receive stamps.
+    """
     import cv2
     from rosbags.rosbag1 import Writer
     from rosbags.typesys import Stores, get_typestore
 
     cv2.setNumThreads(1)
     store = get_typestore(Stores.ROS1_NOETIC)
-    painters = {name: _painter(settings, sequence, height, seen) for name, seen in views.items()}
-    order = sorted((int(r), name, i) for name, v in views.items() for i, r in enumerate(v.clock.receive_ns))
+    painters = {name: painter(settings, sequence, height, *both) for name, both in views.items()}
+    clock = {name: seen.clock for name, (seen, _) in views.items()}
+    lens = {name: scene.reported(settings, sequence.session, seen.camera) for name, (seen, _) in views.items()}
+    order = sorted(_arrivals(clock))
     with written_whole(path) as part, Writer(part) as bag:
         topics = {
             name: [
@@ -64,26 +93,49 @@ def write_bag(path, settings, sequence, height, views):
             for name in views
         }
         for receive_ns, name, i in order:
-            header = _header(store, i, int(views[name].clock.stamp_ns[i]), name)
-            messages = (_image(store, header, painters[name](i)), _info(store, header, views[name].camera.intrinsics))
+            header = _header(store, i, int(clock[name].stamp_ns[i]), name)
+            messages = (_image(store, header, painters[name](i)), _info(store, header, lens[name]))
             for topic, message in zip(topics[name], messages, strict=True):
                 bag.write(topic, receive_ns, store.serialize_ros1(message, topic.msgtype))
 
 
-def _painter(settings, sequence, height, seen):
+def _arrivals(clocks):
+    """(receive_ns, camera, number) of every message of the clocks by camera; a repeated one comes a moment later."""
+    for name, clock in clocks.items():
+        for i, (receive, twice) in enumerate(zip(clock.receive_ns.tolist(), clock.twice.tolist(), strict=True)):
+            yield receive, name, i
+            if twice:
+                yield receive + REPEATED_AFTER_NS, name, i
+
+
+def painter(settings, sequence, height, seen, other):
     """A function that gives the JPEG bytes (N,) of a frame."""
     import cv2
 
-    empty = draw.background(settings, seen.camera, sequence.environment)
-    figure = draw.figure(seen.landmarks, height)
-    outlines = draw.outlines(seen.camera, figure, height, sequence.outfit, sequence.subject)
+    empty = backdrop.background(settings, seen.camera, sequence.environment)
+    figures = [_outlines(seen.camera, seen.landmarks, height, sequence.outfit, sequence.subject)]
+    if other.present.any():
+        second = _outlines(seen.camera, other.landmarks, other.height, "shirt", bystander.SUBJECT)
+        figures.append(second)
+        nearer = other.depth.mean(axis=1) < np.nanmean(seen.landmark(seen.depth), axis=1)
+    wall = backdrop.in_front(settings, seen.camera, sequence.environment)
 
     def jpeg(i):
         picture = empty.copy()
-        draw.paint(picture, outlines, i)
+        if other.present[i]:
+            for figure in figures if nearer[i] else figures[::-1]:
+                draw.paint(picture, figure, i)
+        else:
+            draw.paint(picture, figures[0], i)
+        if wall is not None:
+            picture = np.where(wall, empty, picture)
         return cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, settings.jpeg_quality])[1].ravel()
 
     return jpeg
+
+
+def _outlines(camera, landmarks, height, outfit, subject):
+    return draw.outlines(camera, draw.figure(landmarks, height), height, outfit, subject)
 
 
 def _header(store, seq, stamp_ns, camera):
@@ -121,7 +173,7 @@ def write_c3d(path, settings, sequence, motion):
     seconds = truth.mocap_seconds(settings)
     markers = motion.at(seconds)[1]
     noise = generator(settings, "mocap", sequence.name).standard_normal(markers.shape) * settings.mocap_noise_mm
-    seen = motion.seen(seconds)
+    seen = motion.seen(seconds) & ~_gaps(settings, sequence, len(seconds), markers.shape[1])
     millimetres = np.where(seen[..., None], markers * 1000 + noise, np.nan)
     file = ezc3d.c3d()
     file["header"]["points"]["first_frame"] = FIRST_MOCAP_FRAME
@@ -133,3 +185,10 @@ def write_c3d(path, settings, sequence, motion):
     file["data"]["points"] = points
     with written_whole(path) as part:
         file.write(str(part))
+
+
+def _gaps(settings, sequence, ticks, markers):
+    """Where a marker is not seen by the motion capture, in runs: (ticks, markers) bool."""
+    random = generator(settings, "gaps", sequence.name)
+    lost = [runs(random, ticks, settings.mocap_gaps, settings.mocap_gap_ticks) >= 0 for _ in range(markers)]
+    return np.stack(lost, axis=1)

@@ -1,25 +1,25 @@
-"""What stands around the walkway: cameras, their true poses, what the tape says about them, and their clocks.
+"""What stands around the walkway: cameras, their true poses, and what the tape and the bag say about them.
 
 World: metres, Z up, origin in the middle of the walkway. The projection here is the simulator's own, apart from
 `dior.camera.project`, so that a mistake in one shows against the other.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dior.camera import Camera, Intrinsics, pose
 from dior.geometry import look_at, look_at_angles, rotation_x, rotation_z
-from dior.simulate.settings import CAMERAS, SESSIONS, generator, pictures_per_camera
+from dior.simulate.settings import CAMERAS, SESSIONS, generator
 
 LONG_RANGE = "cam04"
-START_NS = 1_700_000_000_000_000_000
-DAY_NS = 86_400_000_000_000
 # azimuth (degrees) and distance (m) from the middle of the walkway; outdoors the long-range camera is on the Y axis
 PLACES = {
     "lab": {"cam01": (38, 4.5), "cam02": (142, 4.6), "cam03": (-141, 4.5), "cam04": (-37, 4.7)},
     "field": {"cam01": (32, 4.7), "cam02": (150, 4.6), "cam03": (-92, 4.8), "cam04": (90, None)},
 }
+# a wall between the walkway and the long-range camera: from 60 m away it hides a body up to the hips
+WALL_Y, WALL_HALF_M, WALL_TOP_M = 6.0, 5.0, 0.98
 
 
 @dataclass(frozen=True)
@@ -30,16 +30,6 @@ class Placed:
     tape: tuple
     target: tuple
     sigma: float
-
-
-@dataclass(frozen=True)
-class Clock:
-    """Stamps of one camera in one sequence: header and receive (F,) int64 ns; its offset and drift."""
-
-    stamp_ns: np.ndarray
-    receive_ns: np.ndarray
-    offset_s: float
-    drift_ppm: float = 0.0
 
 
 def cameras_of(settings, session):
@@ -109,33 +99,38 @@ def nudge_of(settings, session, name):
     return tuple(float(x) for x in found.round(3))
 
 
-def clocks_of(settings, sequence):
-    """`Clock` of every camera, and t0_ns: the earliest picture stamp of the sequence.
+def in_picture(lens, uv):
+    """Whether pixels (..., 2) lie in the picture: (...,) bool."""
+    with np.errstate(invalid="ignore"):
+        u, v = uv[..., 0], uv[..., 1]
+        return (u >= -0.5) & (u < lens.width - 0.5) & (v >= -0.5) & (v < lens.height - 0.5)
 
-    `t = (stamp_ns - t0_ns)/1e9 (1 + 1e-6 drift_ppm) + offset_s`: seconds after the first stored frame of the C3D,
-    outdoors the time of the first close camera. Cameras run free, each with its own phase.
+
+def behind_wall(settings, camera, points):
+    """Whether world points (..., 3) are hidden behind the wall of the field from a camera: (...,) bool."""
+    if not settings.occluder:
+        return np.zeros(points.shape[:-1], bool)
+    eye = camera.centre
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = (WALL_Y - eye[1]) / (points[..., 1] - eye[1])
+        at = eye + share[..., None] * (points - eye)
+    return (share > 0) & (share < 1) & (np.abs(at[..., 0]) < WALL_HALF_M) & (at[..., 2] < WALL_TOP_M)
+
+
+def reported(settings, session, camera):
+    """The intrinsics in CameraInfo: those of a `Camera`, wrong by `intrinsics_error` of the focal length.
+
+    The focal length is too long or too short, the principal point is off by as much in some direction.
     """
-    count = pictures_per_camera(settings)
-    draw = generator(settings, "start", sequence.name)
-    index = int(sequence.name.rsplit("_", 1)[1])
-    day = 0 if sequence.environment == "indoor" else 1
-    start = START_NS + day * DAY_NS + index * 300_000_000_000 + int(draw.integers(0, 1_000_000_000))
-    delay = draw.uniform(0.40, 0.53)
-    clocks = {}
-    for i, name in enumerate(CAMERAS):
-        draw = generator(settings, "clock", sequence.name, name)
-        phase = draw.uniform(0.0, 1.0 / settings.fps)
-        stamp = start + np.round((phase + np.arange(count) / settings.fps) * 1e9).astype(np.int64)
-        receive = np.maximum.accumulate(stamp + draw.integers(3_000_000, 8_000_000, count))
-        own = draw.uniform(-0.02, 0.02)
-        offset = delay + own if sequence.environment == "indoor" else own if i else 0.0
-        clocks[name] = Clock(stamp, receive, round(float(offset), 4))
-    return clocks, int(min(clock.stamp_ns[0] for clock in clocks.values()))
-
-
-def seconds(clock, t0_ns):
-    """Scene time (F,), s, of a camera's pictures."""
-    return (clock.stamp_ns - t0_ns) / 1e9 * (1 + 1e-6 * clock.drift_ppm) + clock.offset_s
+    lens = camera.intrinsics
+    if not settings.intrinsics_error:
+        return lens
+    draw = generator(settings, "camera_info", session, camera.name)
+    factor = 1 + settings.intrinsics_error * (1 if draw.random() < 0.5 else -1)
+    off, angle = settings.intrinsics_error * lens.fx, draw.uniform(0, 2 * np.pi)
+    numbers = (lens.fx * factor, lens.fy * factor, lens.cx + off * np.cos(angle), lens.cy + off * np.sin(angle))
+    fx, fy, cx, cy = (round(float(x), 4) for x in numbers)
+    return replace(lens, fx=fx, fy=fy, cx=cx, cy=cy)
 
 
 def project(camera, points):

@@ -14,21 +14,82 @@ from dior.errors import DiorError, nearest
 CAMERAS = ("cam01", "cam02", "cam03", "cam04")
 COMPUTERS = {"pc1": ("cam01", "cam02"), "pc2": ("cam03", "cam04")}
 SESSIONS = {"indoor": "lab", "outdoor": "field"}
-WALKS = ("across", "along")
+WALKS = ("across", "along", "running")
 OUTFITS = ("shirt", "jacket")
-LEVELS = ("ideal",)
+LEVELS = ("ideal", "real")
 
 
 @dataclass(frozen=True)
 class Detector:
-    level: str = "ideal"  # ideal: white noise, nothing missed
-    noise_px: float = 2.0  # standard deviation of a landmark in u and in v
+    """Errors of the 2D detector; all but `level` and `noise_px` count at level `real` only."""
+
+    level: str = "ideal"  # ideal: white noise, nothing missed; real: all of the below
+    noise_px: float = 2.0  # ideal: standard deviation of a landmark in u and in v
+    noise_sd_px: tuple = (2.5, 3.5)  # real: range of a joint's standard deviation in u and in v
+    noise_time_s: float = 0.15  # time after which the autocorrelation of the noise is 1/e
+    noise_dof: float = 5.0  # degrees of freedom of its innovations (Student t), more than 2
+    bias: float = 0.01  # rms length of a joint's constant offset for a side of the body, body heights
+    guess_bias: float = 0.02  # the same, added where the joint is hidden
+    guess_sd: float = 0.01  # slow noise added where the joint is hidden, body heights in u and in v
+    score_seen: tuple = (0.85, 0.99)  # range of the scores of joints that are seen
+    score_guessed: tuple = (0.3, 0.8)  # the same of joints that are hidden
+    wrong_together: float = 0.02  # share of the time in which two views take one limb for the other
+    wrong_frames: tuple = (5, 20)  # how long that lasts, pictures
+    swapped: float = 0.05  # share of the pictures in which left and right are exchanged
+    swapped_frames: tuple = (5, 40)  # how long that lasts, pictures
+    swapped_legs: float = 0.4  # share of those runs in which only the legs are exchanged
+    missed: float = 0.02  # share of the pictures in which nobody is found
+    missed_frames: tuple = (1, 5)  # how long that lasts, pictures
+    taken: float = 0.2  # share of the bystander's pictures in which he is found instead of the subject
+    taken_frames: tuple = (3, 15)  # how long that lasts, pictures
+
+
+@dataclass(frozen=True)
+class Clocks:
+    """Errors of the stamps, and pictures that are lost or recorded twice. Each camera runs free in any case."""
+
+    start_delay_s: tuple = (0.40, 0.53)  # the cameras start this long after the motion capture
+    drift_ppm: float = 0.0  # standard deviation of a camera's drift
+    jitter_ms: float = 0.0  # standard deviation of a header stamp
+    late_stamps: float = 0.0  # share of the header stamps that are late
+    late_stamp_ms: float = 8.0  # by how much on average (exponential, less than a picture period)
+    late_arrivals: float = 0.0  # share of the messages that reach the recorder late
+    late_arrival_ms: float = 60.0  # by how much on average (exponential); those behind it queue
+    dropped: float = 0.0  # share of the pictures that are not in the bag
+    duplicated: float = 0.0  # share of the recorded messages that are there twice
+
+
+# what a preset changes; the defaults are `ideal`
+PRESETS = {
+    "ideal": {},
+    "real": {
+        "mocap_hz": 120.0,
+        "mocap_gaps": 0.02,
+        "soft_tissue_mm": [5.0, 10.0],
+        "intrinsics_error": 0.003,
+        "walks": ["across", "along", "running"],
+        "bystander": 0.3,
+        "occluder": True,
+        "sun": True,
+        "gallery": True,
+        "detector": {"level": "real"},
+        "clocks": {
+            "drift_ppm": 20.0,
+            "jitter_ms": 0.5,
+            "late_stamps": 0.005,
+            "late_arrivals": 0.01,
+            "dropped": 0.01,
+            "duplicated": 0.003,
+        },
+    },
+}
 
 
 @dataclass(frozen=True)
 class Settings:
     """All keys of the `simulate:` section."""
 
+    preset: str = "ideal"  # where the values of keys that are not given come from
     seed: int = 1  # every random number of the capture derives from it
     subjects: int = 2  # number of people
     sequences: int = 2  # walks of each person in each environment
@@ -37,6 +98,15 @@ class Settings:
     fps: float = 30.0  # pictures per second of every camera
     mocap_hz: float = 100.0  # rate of the motion capture
     mocap_noise_mm: float = 0.2  # standard deviation of a marker coordinate
+    mocap_gaps: float = 0.0  # share of the ticks at which a marker is not seen
+    mocap_gap_ticks: tuple = (5, 40)  # length of such a gap
+    soft_tissue_mm: tuple = (0.0, 0.0)  # range of a marker's rms movement against the skeleton
+    intrinsics_error: float = 0.0  # by how much the focal length in CameraInfo is wrong, as a share
+    walks: tuple = ("across", "along")  # walk patterns, in turn
+    bystander: float = 0.0  # share of a recording in which a second person stands by
+    occluder: bool = False  # outdoors a wall hides the lower half of the body from the long-range camera
+    sun: bool = False  # the sun stands in the long-range picture
+    gallery: bool = False  # pictures of each subject and outfit from all around
     width: int = 1280  # picture width
     height: int = 720  # picture height
     fx: float = 640.0  # focal length of the close cameras (D455 at 1280x720)
@@ -53,37 +123,74 @@ class Settings:
     jpeg_quality: int = 85  # of the recorded pictures
     motion: str | None = None  # path of a C3D whose walk is used instead of the parametric walker
     detector: Detector = field(default_factory=Detector)
+    clocks: Clocks = field(default_factory=Clocks)
+
+
+SECTIONS = {"detector": Detector, "clocks": Clocks}
+SHARES = ("mocap_gaps", "bystander")
+POSITIVE = ("subjects", "sequences", "duration_s", "fps", "mocap_hz", "width", "height", "fx", "long_range_fx")
 
 
 def from_dict(values):
-    """`Settings` from the parsed section. Raises DiorError for an unknown key or a value of the wrong kind."""
-    given = _checked(Settings, dict(values or {}), "simulate")
-    given["detector"] = Detector(**_checked(Detector, dict(given.get("detector") or {}), "simulate.detector"))
-    if "environments" in given:
-        given["environments"] = tuple(given["environments"])
+    """`Settings` from the parsed section, with the preset's values where it says nothing.
+
+    Raises DiorError for an unknown key or word, a value of the wrong kind and one out of its limits.
+    """
+    values = dict(values or {})
+    preset = values.get("preset", "ideal")
+    _known(preset, PRESETS, "simulate.preset")
+    given = _checked(Settings, PRESETS[preset] | values, "simulate")
+    for name, cls in SECTIONS.items():
+        own = PRESETS[preset].get(name, {}) | dict(values.get(name) or {})
+        given[name] = cls(**_checked(cls, own, f"simulate.{name}"))
     settings = Settings(**given)
     for environment in settings.environments:
-        if environment not in SESSIONS:
-            raise DiorError(f"simulate.environments: '{environment}' is unknown{nearest(environment, SESSIONS)}")
-    if settings.detector.level not in LEVELS:
-        raise DiorError(
-            f"simulate.detector.level: '{settings.detector.level}' is unknown{nearest(settings.detector.level, LEVELS)}"
-        )
-    for key in ("subjects", "sequences", "duration_s", "fps", "mocap_hz", "width", "height", "fx", "long_range_fx"):
+        _known(environment, SESSIONS, "simulate.environments")
+    for walk in settings.walks:
+        _known(walk, WALKS, "simulate.walks")
+    _known(settings.detector.level, LEVELS, "simulate.detector.level")
+    for key in POSITIVE:
         if not getattr(settings, key) > 0:
             raise DiorError(f"simulate.{key} is {getattr(settings, key)}: it must be above 0")
+    for shown, value in _shares(settings):
+        if not 0 <= value < 1:
+            raise DiorError(f"simulate.{shown} is {value}: a share must be at least 0 and below 1")
     return settings
+
+
+def _known(word, words, where):
+    if word not in words:
+        raise DiorError(f"{where}: '{word}' is unknown{nearest(word, words)}")
+
+
+def _shares(settings):
+    detector = ("wrong_together", "swapped", "missed", "taken")
+    clocks = ("late_stamps", "late_arrivals", "dropped", "duplicated")
+    yield from ((key, getattr(settings, key)) for key in SHARES)
+    yield from ((f"detector.{key}", getattr(settings.detector, key)) for key in detector)
+    yield from ((f"clocks.{key}", getattr(settings.clocks, key)) for key in clocks)
 
 
 def _checked(cls, values, where):
     kinds = {f.name: f.type for f in fields(cls)}
+    found = {}
     for key, value in values.items():
         if key not in kinds:
             raise DiorError(f"{where} has no key '{key}'{nearest(key, kinds)}")
-        wanted = {int: int, float: (int, float), str: str}.get(kinds[key])
-        if wanted and (isinstance(value, bool) or not isinstance(value, wanted)):
-            raise DiorError(f"{where}.{key}: '{value}' is not of type {kinds[key].__name__}")
-    return values
+        kind = kinds[key]
+        wanted = {int: int, float: (int, float), str: str, bool: bool, tuple: (list, tuple)}.get(kind)
+        if wanted and (isinstance(value, bool) and kind is not bool or not isinstance(value, wanted)):
+            raise DiorError(f"{where}.{key}: '{value}' is not of type {'list' if kind is tuple else kind.__name__}")
+        found[key] = tuple(value) if kind is tuple else value
+        if kind is tuple and not isinstance(value[0] if value else None, str):
+            _check_range(found[key], f"{where}.{key}")
+    return found
+
+
+def _check_range(value, where):
+    numbers = all(isinstance(x, (int, float)) and not isinstance(x, bool) for x in value)
+    if len(value) != 2 or not numbers or value[0] > value[1]:
+        raise DiorError(f"{where} is {list(value)}: a range is two numbers, the smaller first")
 
 
 @dataclass(frozen=True)
@@ -111,7 +218,7 @@ def sequences(settings):
                     SESSIONS[environment],
                     f"S{person + 1:02d}",
                     OUTFITS[take % len(OUTFITS)],
-                    WALKS[take % len(WALKS)],
+                    settings.walks[i % len(settings.walks)],
                 )
             )
     return found

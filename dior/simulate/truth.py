@@ -11,8 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from dior import tables
-from dior.simulate import draw, scene
-from dior.simulate.motion import MOCAP_AFTER_S, motion_of
+from dior.simulate import bystander, draw, scene
+from dior.simulate.clocks import Clock, clocks_of
+from dior.simulate.motion import mocap_lasts, motion_of
 from dior.simulate.settings import generator
 from dior.skeletons import MLKIT_33
 
@@ -25,10 +26,12 @@ FACE = ("nose", "eye", "ear", "mouth", "FHD", "BHD")
 
 @dataclass(frozen=True)
 class View:
-    """One camera of one walk: times (F,) s, landmarks (F, 33, 3), and of every joint (F, J) pixel, depth and status."""
+    """One camera of one walk, a row per picture of its clock: times (P,) s, landmarks (P, 33, 3), and of every joint
+    (P, J) pixel, depth and status. In the tables a picture that is recorded twice is two frames.
+    """
 
     placed: scene.Placed
-    clock: scene.Clock
+    clock: Clock
     seconds: np.ndarray
     landmarks: np.ndarray
     joints: tuple
@@ -48,13 +51,14 @@ class View:
 def view(settings, sequence, motion, camera):
     """`View` of the camera of that name."""
     placed = scene.cameras_of(settings, sequence.session)[camera]
-    clocks, t0 = scene.clocks_of(settings, sequence)
-    seconds = scene.seconds(clocks[camera], t0)
+    clocks, _ = clocks_of(settings, sequence)
+    seconds = clocks[camera].seconds
     joints, points, known, landmarks = _joints(sequence, motion, seconds)
     uv, depth = scene.project(placed.camera, points)
-    inside = _in_picture(placed.camera.intrinsics, uv)
+    inside = scene.in_picture(placed.camera.intrinsics, uv)
     slack = motion.height * np.array([_depth_below_surface(name) for name in joints])
     behind_body = draw.hidden(placed.camera, draw.figure(landmarks, motion.height), motion.height, points, slack)
+    behind_body |= _behind_others(settings, sequence, placed.camera, seconds, points)
     status = np.select(
         [~known, depth <= 0, ~inside, behind_body],
         ["missing_3d", "behind_camera", "out_of_frame", "occluded"],
@@ -81,19 +85,26 @@ def _depth_below_surface(name):
     return next((depth for part, depth in DEPTH.items() if name.endswith(part)), DEPTH_OTHER)
 
 
-def _in_picture(lens, uv):
-    with np.errstate(invalid="ignore"):
-        u, v = uv[..., 0], uv[..., 1]
-        return (u >= -0.5) & (u < lens.width - 0.5) & (v >= -0.5) & (v < lens.height - 0.5)
+def _behind_others(settings, sequence, camera, seconds, points):
+    """Whether points (F, J, 3) are hidden behind the second person, outdoors also behind the wall: (F, J) bool."""
+    out = np.zeros(points.shape[:2], bool)
+    if sequence.environment == "outdoor":
+        out |= scene.behind_wall(settings, camera, points)
+    other = bystander.seen(settings, sequence, camera, seconds) if settings.bystander else None
+    if other is not None and other.present.any():
+        there = other.present
+        figure = draw.figure(other.landmarks[there], other.height)
+        out[there] |= draw.hidden(camera, figure, other.height, points[there], np.zeros(points.shape[1]))
+    return out
 
 
 def mocap_seconds(settings):
     """Times (T,) s of the C3D's ticks: the recording and a little more, since the cameras start later."""
-    return np.arange(int(round((settings.duration_s + MOCAP_AFTER_S) * settings.mocap_hz)) + 1) / settings.mocap_hz
+    return np.arange(int(round(mocap_lasts(settings) * settings.mocap_hz)) + 1) / settings.mocap_hz
 
 
-def write(settings, sequence, views, noise, folder):
-    """Write the truth of a sequence. `views`: camera -> `View`; `noise`: camera -> what `detector.detect` did."""
+def write(settings, sequence, views, found, folder):
+    """Write the truth of a sequence. `views`: camera -> `View`; `found`: camera -> `detector.Detected`."""
     tables.write(folder / "labels_2d.parquet", "labels_2d", _stacked(_labels(sequence, v) for v in views.values()))
     motion = motion_of(settings, sequence)
     tables.write(folder / "skeletons_3d.parquet", "skeletons_3d", _skeleton(settings, sequence, motion, views))
@@ -109,7 +120,7 @@ def write(settings, sequence, views, noise, folder):
     tables.write(
         folder / "detections.parquet",
         "simulated_detections",
-        _stacked(_detections(views[camera], done) for camera, done in noise.items()),
+        _stacked(_detections(views[camera], done) for camera, done in found.items()),
     )
 
 
@@ -119,7 +130,8 @@ def _stacked(parts):
 
 
 def _labels(sequence, seen):
-    count, each = seen.depth.shape
+    shown, each = seen.clock.messages, seen.depth.shape[1]
+    count = len(shown)
     rows = count * each
     return {
         "subject": np.full(rows, sequence.subject, object),
@@ -127,16 +139,16 @@ def _labels(sequence, seen):
         "camera": np.full(rows, seen.camera.name, object),
         "joint": np.tile(np.array(seen.joints, object), count),
         "frame": np.repeat(np.arange(count), each),
-        "stamp_ns": np.repeat(seen.clock.stamp_ns, each),
-        "u": seen.uv[..., 0].ravel(),
-        "v": seen.uv[..., 1].ravel(),
-        "depth": seen.depth.ravel(),
-        "status": seen.status.ravel().astype(object),
+        "stamp_ns": np.repeat(seen.clock.stamp_ns[shown], each),
+        "u": seen.uv[shown, :, 0].ravel(),
+        "v": seen.uv[shown, :, 1].ravel(),
+        "depth": seen.depth[shown].ravel(),
+        "status": seen.status[shown].ravel().astype(object),
     }
 
 
 def _skeleton(settings, sequence, motion, views):
-    _, t0 = scene.clocks_of(settings, sequence)
+    _, t0 = clocks_of(settings, sequence)
     if sequence.environment == "indoor":
         seconds = mocap_seconds(settings)
     else:
@@ -158,17 +170,20 @@ def _skeleton(settings, sequence, motion, views):
 
 
 def _detections(seen, done):
-    count, each = done.noise.shape[:2]
+    shown, each = seen.clock.messages, done.noise.shape[1]
+    count, somebody = len(shown), done.found[:, None]
+    errors = {"noise_u": done.noise[..., 0], "noise_v": done.noise[..., 1]}
+    errors |= {"bias_u": done.bias[..., 0], "bias_v": done.bias[..., 1]}
+    flags = {key: getattr(done, key) & somebody for key in ("swapped", "guessed", "wrong_together", "bystander")}
     return {
         "camera": np.full(count * each, seen.camera.name, object),
         "frame": np.repeat(np.arange(count), each),
-        "stamp_ns": np.repeat(seen.clock.stamp_ns, each),
-        "person": np.repeat(np.where(done.found, 0, -1), each),
+        "stamp_ns": np.repeat(seen.clock.stamp_ns[shown], each),
+        "person": np.repeat(np.where(done.found, 0, -1)[shown], each),
         "joint": np.tile(np.array(MLKIT_33, object), count),
-        "noise_u": np.where(done.found[:, None], done.noise[..., 0], np.nan).ravel(),
-        "noise_v": np.where(done.found[:, None], done.noise[..., 1], np.nan).ravel(),
-        "swapped": np.zeros(count * each, bool),
-        "missed": np.repeat(~done.found, each),
+        **{key: np.where(somebody, values, np.nan)[shown].ravel() for key, values in errors.items()},
+        "missed": np.repeat(~done.found[shown], each),
+        **{key: values[shown].ravel() for key, values in flags.items()},
     }
 
 

@@ -3,7 +3,8 @@ import pytest
 
 from dior.simulate import motion, settings
 from dior.simulate.body import body_of
-from dior.simulate.gait import Walker, cadence, stride_length
+from dior.simulate.gait import Walker, stride_length
+from dior.simulate.patterns import walking_cadence
 from dior.skeletons import MLKIT_33, PLUG_IN_GAIT_39
 
 RATE = 200
@@ -22,9 +23,9 @@ def joint(points, name):
 
 def test_a_speed_gives_a_plausible_stride():
     """Grieve and Gear: at 1.3 m/s and 1.75 m about 54 strides a minute, 1.4 m long."""
-    assert 60 * cadence(1.3, 1.75) == pytest.approx(64.8 * (1.3 / 1.75) ** 0.57)
+    assert 60 * walking_cadence(1.3, 1.75) == pytest.approx(64.8 * (1.3 / 1.75) ** 0.57)
     assert 1.2 < stride_length(1.3, 1.75) < 1.6
-    assert stride_length(1.3, 1.75) * cadence(1.3, 1.75) == pytest.approx(1.3)
+    assert stride_length(1.3, 1.75) * walking_cadence(1.3, 1.75) == pytest.approx(1.3)
 
 
 @pytest.mark.parametrize("a, b", [("hip", "knee"), ("knee", "ankle"), ("shoulder", "elbow"), ("elbow", "wrist")])

@@ -8,7 +8,7 @@ from dior import camera as cam
 from dior import tables
 from dior.errors import DiorError
 from dior.ingest import bags, mocap
-from dior.simulate import config, draw, recording, scene, settings, truth
+from dior.simulate import backdrop, bystander, config, recording, scene, settings, truth
 from dior.simulate.motion import motion_of
 from dior.skeletons import MLKIT_33, PLUG_IN_GAIT_39
 from tests.simulate.conftest import TINY
@@ -104,8 +104,9 @@ def test_the_drawn_body_covers_the_labels(name, camera):
     walk = settings.sequence_named(used, name)
     motion = motion_of(used, walk)
     seen = truth.view(used, walk, motion, camera)
-    empty = draw.background(used, seen.camera, walk.environment).astype(int)
-    painter = recording._painter(used, walk, motion.height, seen)
+    empty = backdrop.background(used, seen.camera, walk.environment).astype(int)
+    other = bystander.seen(used, walk, seen.camera, seen.clock.seconds)
+    painter = recording.painter(used, walk, motion.height, seen, other)
     covered = []
     for frame in range(0, 90, 15):
         picture = cv2.imdecode(painter(frame), cv2.IMREAD_COLOR).astype(int)

@@ -59,3 +59,25 @@ rule simulate_mocap:
         " --only mocap"
         " --out {params.out:q}"
         " 2>&1 | tee {log:q}"
+
+
+rule simulate_gallery:
+    """Render the subject of one sequence from all around, as gallery.tsv asks for it."""
+    output:
+        frontal=directory(f"{DATA}/gallery/{{sequence}}/frontal"),
+        down=directory(f"{DATA}/gallery/{{sequence}}/down45"),
+    log:
+        "logs/simulate/{sequence}.gallery.log",
+    benchmark:
+        "logs/simulate/{sequence}.gallery.benchmark.tsv"
+    params:
+        settings=as_json(CONFIG["simulate"]),
+        out=data_root,
+        code=code("simulate.recording"),
+    shell:
+        "dior simulate"
+        " --settings {params.settings:q}"
+        " --sequence {wildcards.sequence}"
+        " --only gallery"
+        " --out {params.out:q}"
+        " 2>&1 | tee {log:q}"

@@ -1,0 +1,88 @@
+"""A second person who stands beside the walkway for a part of the recording.
+
+OUTPUT   `Seen`: the landmarks at the pictures of a camera, and what the camera sees of them
+"""
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from dior.simulate import scene
+from dior.simulate.body import Body
+from dior.simulate.gait import Walker
+from dior.simulate.settings import generator
+from dior.skeletons import MLKIT_33, swap_index
+
+# azimuth (degrees) and distance (m) from the middle of the walkway: in view of several cameras, in the way of none
+PLACES = {"indoor": (90.0, 3.3), "outdoor": (-30.0, 3.3)}
+SWAY_M, SWAY_S = 0.015, 3.7
+SUBJECT = "S00"
+_LEFT = [i for i, name in enumerate(MLKIT_33) if name.startswith("left_")]
+_RIGHT = swap_index(MLKIT_33)[_LEFT].tolist()
+
+
+@dataclass(frozen=True)
+class Seen:
+    """Of a second person: landmarks (P, 33, 3) m, pixels (P, 33, 2), depths and which are in the picture (P, 33), and
+    when the person is there (P,); a row per picture.
+    """
+
+    height: float
+    landmarks: np.ndarray
+    uv: np.ndarray
+    depth: np.ndarray
+    inside: np.ndarray
+    present: np.ndarray
+
+
+def seen(settings, sequence, camera, seconds):
+    """`Seen` by a camera at `seconds` (P,); NaN where there is nobody in the whole recording."""
+    count = len(seconds)
+    if not settings.bystander:
+        nowhere, never = np.full((count, len(MLKIT_33), 3), np.nan), np.zeros((count, len(MLKIT_33)), bool)
+        return Seen(np.nan, nowhere, nowhere[..., :2], nowhere[..., 2], never, never[:, 0])
+    draw = generator(settings, "bystander", sequence.name)
+    body = Body(round(float(draw.uniform(1.66, 1.84)), 3))
+    length = settings.bystander * settings.duration_s
+    begin = draw.uniform(0.0, settings.duration_s - length)
+    first = settings.clocks.start_delay_s[0] if sequence.environment == "indoor" else 0.0
+    present = (seconds >= first + begin) & (seconds < first + begin + length)
+    azimuth, distance = PLACES[sequence.environment]
+    angle = np.deg2rad(azimuth)
+    points = standing(body, np.array([distance * np.cos(angle), distance * np.sin(angle)]), angle + np.pi)
+    height = points[:, 2:] / body.height
+    sway = SWAY_M * np.stack([np.sin(2 * np.pi * seconds / SWAY_S), np.cos(4.4 * seconds / SWAY_S)], axis=-1)
+    landmarks = np.repeat(points[None], count, axis=0)
+    landmarks[..., :2] += sway[:, None] * height
+    uv, depth = scene.project(camera, landmarks)
+    uv = np.where((depth > 0)[..., None], uv, np.nan)
+    return Seen(body.height, landmarks, uv, depth, scene.in_picture(camera.intrinsics, uv), present)
+
+
+def standing(body, place, heading):
+    """Landmarks (33, 3) m of a body that stands at `place` (2,) m and looks along `heading` (rad)."""
+    return _turned(_upright(body), heading) + (*place, 0.0)
+
+
+@cache
+def _upright(body):
+    """Landmarks (33, 3) m of a body that stands at the origin and looks along x."""
+    walking = Walker(body, until=2.0).at(np.linspace(0.0, 2.0, 80))[0]
+    left_ankle, right_ankle = (MLKIT_33.index(f"{side}_ankle") for side in ("left", "right"))
+    apart = np.linalg.norm(walking[:, left_ankle, :2] - walking[:, right_ankle, :2], axis=-1)
+    # of one stride, the picture in which the feet are side by side; the leg that stands, on both sides
+    points = walking[apart.argmin()]
+    hips = points[[MLKIT_33.index("left_hip"), MLKIT_33.index("right_hip")]]
+    left = hips[0] - hips[1]
+    points = _turned(points - (*hips.mean(axis=0)[:2], 0.0), -np.arctan2(-left[0], left[1]))
+    below, other = (_LEFT, _RIGHT) if points[left_ankle, 2] < points[right_ankle, 2] else (_RIGHT, _LEFT)
+    points[other] = points[below] * (1.0, -1.0, 1.0)
+    points[MLKIT_33.index("nose"), 1] = 0.0
+    return points
+
+
+def _turned(points, angle):
+    """Points (..., 3) turned about the vertical axis by `angle` (rad)."""
+    c, s = np.cos(angle), np.sin(angle)
+    return points @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
