@@ -225,9 +225,14 @@ STEPS = {
             "truth": MAYBE,
             "out": PATH,
             "out-frames": PATH,
+            "out-checks": PATH,
         },
     ),
-    "metrics": ("evaluate.metrics", "pool the figures of all sequences", {"inputs": PATHS, "out": PATH}),
+    "metrics": (
+        "evaluate.metrics",
+        "pool the figures of all sequences",
+        {"inputs": PATHS, "checks": PATHS, "out": PATH},
+    ),
     "overlays": (
         "report.overlays",
         "draw labels on a few pictures",

@@ -1,6 +1,7 @@
 """Share of the labels inside hand-drawn boxes, the paper's measure of the long-range labels.
 
-INPUTS   `boxes/<sequence>.<camera>.csv`: `frame,u_min,v_min,u_max,v_max`, px; inside is `u_min <= u <= u_max`.
+INPUTS   `boxes/<sequence>.<camera>.csv`: `frame,u_min,v_min,u_max,v_max`, px; inside is `u_min <= u <= u_max`. A row
+         with nothing but a frame is one of `to_mark` that is not drawn yet, or where nobody is seen: no box.
 OUTPUT   0 or 1 per (frame, joint), NaN for frames without a box and labels outside the picture.
 """
 
@@ -36,6 +37,8 @@ def read(path, frames):
             continue
         where = f"{path}, line {number}"
         frame, edges = _row(words, where)
+        if edges is None:
+            continue
         if frame not in known:
             raise DiorError(
                 f"{where}: frame {frame} is not in the recording, whose frames are "
@@ -51,6 +54,8 @@ def read(path, frames):
 def _row(words, where):
     if len(words) != len(COLUMNS):
         raise DiorError(f"{where}: has {len(words)} values, not the {len(COLUMNS)} of '{','.join(COLUMNS)}'")
+    if not any(word.strip() for word in words[1:]):
+        return words[0], None
     try:
         frame, edges = int(words[0]), [float(word) for word in words[1:]]
     except ValueError:
@@ -63,13 +68,18 @@ def _row(words, where):
     return frame, edges
 
 
-def inside(grid, box_frames, boxes):
-    """1 or 0 (F, J) whether an in-frame label lies in its frame's box, NaN where there is nothing to judge."""
+def of_frames(grid, box_frames, boxes):
+    """Edges (F, 4) px of the box of every frame of the labels, NaN where there is none."""
     edges = np.full((len(grid.frames), 4), np.nan)
     _, row, box = np.intersect1d(grid.frames, box_frames, return_indices=True)
     edges[row] = boxes[box]
+    return edges
+
+
+def inside(grid, box_frames, boxes):
+    """1 or 0 (F, J) whether an in-frame label lies in its frame's box, NaN where there is nothing to judge."""
     u, v = grid.uv[..., 0], grid.uv[..., 1]
-    u_min, v_min, u_max, v_max = edges.T[:, :, None]
+    u_min, v_min, u_max, v_max = of_frames(grid, box_frames, boxes).T[:, :, None]
     with np.errstate(invalid="ignore"):
         hit = (u >= u_min) & (u <= u_max) & (v >= v_min) & (v <= v_max)
     judged = np.isfinite(u_min) & grid.in_frame

@@ -1,6 +1,7 @@
 """Hand-marked points: how well the marks fit their camera, and how far labels are from checks nobody used.
 
-INPUTS   `marks` tables of locate; `checks/<sequence>.<camera>.csv`: `sequence,frame,joint,u,v`, px.
+INPUTS   `marks` tables of locate; `checks/<sequence>.<camera>.csv`: `sequence,frame,joint,u,v`, px. A row without u and
+         v is one of `to_mark` that is not marked yet, or where the marker is not seen: it does not count.
 OUTPUT   distances px.
 """
 
@@ -11,6 +12,7 @@ import numpy as np
 
 from dior import tables
 from dior.errors import DiorError, nearest
+from dior.evaluate.grids import distance
 
 REQUIRED = ("sequence", "frame", "joint", "u", "v")
 
@@ -26,8 +28,8 @@ def mark_errors(paths, sequence):
     return dict(sorted(errors.items()))
 
 
-def check_errors(path, sequence, grid):
-    """Distances (F, J) px of the labels from the hand checks, NaN where nothing was checked.
+def check_points(path, sequence, grid):
+    """Hand checks (F, J, 2) px on the frames and joints of the labels, NaN where nothing was checked.
 
     Raises DiorError, naming file and line, for a malformed row, another sequence's row, and a frame or joint that
     the labels do not have.
@@ -47,6 +49,8 @@ def check_errors(path, sequence, grid):
             continue
         where = f"{path}, line {number}"
         cells = dict(zip(header, words, strict=False))
+        if not cells.get("u", "-").strip() and not cells.get("v", "-").strip():
+            continue
         try:
             frame, uv = int(cells["frame"]), (float(cells["u"]), float(cells["v"]))
         except (ValueError, KeyError):
@@ -58,4 +62,19 @@ def check_errors(path, sequence, grid):
         if cells["joint"] not in grid.joints:
             raise DiorError(f"{where}: no label is called '{cells['joint']}'{nearest(cells['joint'], grid.joints)}")
         checked[row_of[frame], grid.joints.index(cells["joint"])] = uv
-    return np.linalg.norm(grid.uv - checked, axis=-1)
+    return checked
+
+
+def error_columns(grid, checked, role):
+    """Columns of `check_errors` of one camera, a row per hand check of an in-frame label."""
+    errors = distance(grid.uv, checked)
+    frame, joint = np.nonzero(np.isfinite(errors))
+    return {
+        "camera": np.full(len(frame), grid.camera, dtype=object),
+        "role": np.full(len(frame), role, dtype=object),
+        "joint": np.array(grid.joints, dtype=object)[joint],
+        "frame": grid.frames[frame],
+        "u": checked[frame, joint, 0],
+        "v": checked[frame, joint, 1],
+        "error": errors[frame, joint],
+    }

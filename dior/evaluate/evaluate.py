@@ -4,6 +4,7 @@ INPUTS   the sequence's `labels_2d` (one file per camera), `skeletons_3d`, and w
          hand boxes, `marks` and hand checks, `swaps`, the truth's folder.
 OUTPUTS  results/evaluate/<sequence>.parquet         `metrics`, every row a mean with its count
          results/evaluate/<sequence>.frames.parquet  `frame_metrics`, the same per picture, for the report's timelines
+         results/evaluate/<sequence>.checks.parquet  `check_errors`, every hand check, for quantiles over sequences
 
 Pixels are recorded (distorted) pixels, lengths metres, shares 0 to 1.
 """
@@ -14,11 +15,11 @@ import numpy as np
 
 from dior import tables
 from dior.errors import DiorError, nearest
+from dior.evaluate import box_fit, reprojection, rows
 from dior.evaluate import boxes as box_files
 from dior.evaluate import checks as check_files
-from dior.evaluate import reprojection, rows
 from dior.evaluate import truth as against
-from dior.evaluate.grids import label_grids, onto, value_grid
+from dior.evaluate.grids import distance, label_grids, onto, value_grid
 
 # the simulated clocks are off by tenths of a second at most; a second means other instants
 INSTANT_TOLERANCE_NS = 1_000_000_000
@@ -40,6 +41,7 @@ def run(
     truth,
     out,
     out_frames,
+    out_checks,
 ):
     """Evaluate one sequence.
 
@@ -59,15 +61,18 @@ def run(
     ):
         found += part
         per_frame += part_frames
-    found += _marks(roles, marks, sequence) + _checks(grids, roles, checks, sequence)
+    checked = {camera: check_files.check_points(path, sequence, grids[camera]) for camera, path in checks.items()}
+    found += _marks(roles, marks, sequence) + _checks(grids, roles, checked)
     found += _swaps(roles, swaps) + _truth_3d(skeleton, truth, sequence)
     tables.write(out, "metrics", rows.metric_columns(found, subject, sequence))
-    tables.write(out_frames, "frame_metrics", _frame_columns(per_frame, subject, sequence))
+    tables.write(out_frames, "frame_metrics", _stacked(per_frame, subject, sequence))
+    each = [check_files.error_columns(grids[camera], checked[camera], roles[camera]) for camera in sorted(checked)]
+    tables.write(out_checks, "check_errors", _stacked(each, subject, sequence))
 
 
-def _frame_columns(parts, subject, sequence):
-    columns = {key: np.concatenate([part[key] for part in parts]) for key in parts[0]} if parts else {"metric": []}
-    count = len(columns["metric"])
+def _stacked(parts, subject, sequence):
+    columns = {key: np.concatenate([part[key] for part in parts]) for key in parts[0]} if parts else {"camera": []}
+    count = len(columns["camera"])
     return columns | {
         "subject": np.full(count, subject, dtype=object),
         "sequence": np.full(count, sequence, dtype=object),
@@ -112,12 +117,19 @@ def _reprojection(grids, roles, detections, swaps, min_score):
 
 
 def _boxes(grids, roles, boxes):
-    measured = [
-        (grids[camera], box_files.inside(grids[camera], *box_files.read(path, grids[camera].frames)))
-        for camera, path in sorted(boxes.items())
-        if roles[camera] == "long_range"
-    ]
-    return _summed("in_box_share", "share", measured, roles, by_joint=False)
+    found, per_frame = [], []
+    for camera, path in sorted(boxes.items()):
+        if roles[camera] != "long_range":
+            continue
+        grid = grids[camera]
+        drawn = box_files.read(path, grid.frames)
+        parts = [("in_box_share", "share", box_files.inside(grid, *drawn))]
+        parts += box_fit.figures(grid, box_files.of_frames(grid, *drawn))
+        for metric, unit, values in parts:
+            rows_of, frames_of = _summed(metric, unit, [(grid, values)], roles, by_joint=False)
+            found += rows_of
+            per_frame += frames_of
+    return found, per_frame
 
 
 def _marks(roles, marks, sequence):
@@ -128,11 +140,8 @@ def _marks(roles, marks, sequence):
     ]
 
 
-def _checks(grids, roles, checks, sequence):
-    measured = [
-        (grids[camera], check_files.check_errors(path, sequence, grids[camera]))
-        for camera, path in sorted(checks.items())
-    ]
+def _checks(grids, roles, checked):
+    measured = [(grids[camera], distance(grids[camera].uv, checked[camera])) for camera in sorted(checked)]
     return _summed("check_error", "px", measured, roles)[0]
 
 

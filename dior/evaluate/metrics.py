@@ -1,9 +1,11 @@
 """One table of all figures: those of every sequence, and means over subjects, roles and everything.
 
-INPUTS   `metrics` tables: of evaluate (one per sequence) and of adjust (one per session).
+INPUTS   `metrics` tables: of evaluate and detectors (one per sequence) and of adjust (one per session); `check_errors`
+         tables, for the quantiles that means of means cannot give.
 OUTPUT   results/evaluate/metrics.csv: metric, tool, subject, sequence, camera, role, joint, value, low, high, unit, n;
-         an empty cell means all. Sorted; numbers with six significant digits, so that the file is the same on every
-         machine.
+         an empty cell means all. `low` and `high` are the bootstrap's 95 % interval over subjects (bootstrap.py), of
+         pooled rows without a subject; empty with fewer than two subjects. Sorted; numbers with six significant
+         digits, so that the file is the same on every machine.
 """
 
 import csv
@@ -13,6 +15,7 @@ import numpy as np
 
 from dior import tables
 from dior.errors import DiorError
+from dior.evaluate import bootstrap
 from dior.files import write_text
 
 COLUMNS = tables.columns_of("metrics")
@@ -22,18 +25,26 @@ POOLS = (
     ("metric", "tool", "subject", "role"),
     ("metric", "tool", "subject"),
     ("metric", "tool", "role"),
+    ("metric", "tool", "camera", "role"),
     ("metric", "tool"),
     ("metric", "tool", "subject", "sequence", "role"),
 )
 JOINT_POOLS = (("metric", "tool", "role", "joint"),)
 
 
-def run(*, inputs, out):
-    """Merge `metrics` tables and add the pooled rows."""
+# the quantiles of a metric whose values are all kept
+QUANTILES = {"check_error_median": 0.5, "check_error_p95": 0.95}
+
+
+def run(*, inputs, checks, out):
+    """Merge `metrics` tables and add the pooled rows, and the quantiles of the `check_errors` tables `checks`."""
     found = []
     for path in inputs:
         found += _rows(tables.read(path, "metrics"))
-    write_text(out, as_csv(merged(found)))
+    parts = [tables.read(path, "check_errors") for path in checks]
+    parts = [part for part in parts if len(part["error"])]
+    quantiles = quantile_rows({key: np.concatenate([part[key] for part in parts]) for key in parts[0]}) if parts else []
+    write_text(out, as_csv(in_order([*merged(found), *quantiles])))
 
 
 def _rows(table):
@@ -42,7 +53,7 @@ def _rows(table):
 
 
 def merged(rows):
-    """`rows` and their pooled rows, sorted by key.
+    """`rows` and their pooled rows, in order.
 
     Only rows of a sequence are pooled. The adjustment's rows are of a session, for which there is no column: where
     several sessions have the same key, their rows become one.
@@ -59,11 +70,19 @@ def merged(rows):
         for pool in pools:
             for row in pooled(of_sequences, pool):
                 seen.setdefault(tuple(row[k] for k in KEY), row)
-    return [seen[key] for key in sorted(seen)]
+    return in_order(seen.values())
+
+
+def in_order(rows):
+    """`rows` sorted by key."""
+    return sorted(rows, key=lambda row: tuple(row[k] for k in KEY))
 
 
 def pooled(rows, keep):
-    """Means weighted by n of rows that agree in the columns `keep`: exactly the mean over all values behind them."""
+    """Means weighted by n of rows that agree in the columns `keep`: exactly the mean over all values behind them.
+
+    Where subjects are pooled, with the bootstrap's interval.
+    """
     groups = {}
     for row in rows:
         groups.setdefault(tuple(row[k] for k in keep), []).append(row)
@@ -75,16 +94,41 @@ def _mean(kept, members):
     if len(units) > 1:
         raise DiorError(f"metrics: {kept['metric']} is given in {' and '.join(units)}; give it one unit")
     n = np.array([row["n"] for row in members], np.int64)
-    value = float(np.dot(n, [row["value"] for row in members]) / n.sum())
+    sums = n * np.array([row["value"] for row in members])
+    low, high = bootstrap.NOTHING
+    if "subject" not in kept:
+        _, index = np.unique([row["subject"] for row in members], return_inverse=True)
+        low, high = bootstrap.of_mean(np.bincount(index, sums), np.bincount(index, n))
     return {
         **dict.fromkeys(COLUMNS, ""),
         **kept,
-        "value": value,
-        "low": np.nan,
-        "high": np.nan,
+        "value": float(sums.sum() / n.sum()),
+        "low": low,
+        "high": high,
         "unit": units[0],
         "n": int(n.sum()),
     }
+
+
+def quantile_rows(checks):
+    """Rows of QUANTILES of a `check_errors` table (a dict of arrays), pooled like the means."""
+    errors, text = checks["error"].astype(float), {k: checks[k].astype(str) for k in KEY if k in checks}
+    found = []
+    for pool in (*POOLS, KEY):
+        keep = [k for k in pool if k in ("subject", "sequence", "camera", "role")]
+        groups = {}
+        for i, key in enumerate(zip(*(text[k].tolist() for k in keep), strict=True) if keep else [()] * len(errors)):
+            groups.setdefault(key, []).append(i)
+        for key, members in groups.items():
+            for metric, q in QUANTILES.items():
+                of = errors[members]
+                one = "subject" in keep
+                low, high = bootstrap.NOTHING if one else bootstrap.of_quantile(of, text["subject"][members], q)
+                value = {"value": float(np.quantile(of, q)), "low": low, "high": high, "unit": "px", "n": len(of)}
+                found.append(
+                    {**dict.fromkeys(COLUMNS, ""), **dict(zip(keep, key, strict=True)), "metric": metric, **value}
+                )
+    return found
 
 
 def as_csv(rows):

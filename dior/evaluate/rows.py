@@ -15,12 +15,13 @@ class Row(NamedTuple):
     value: float
     unit: str
     n: int
+    tool: str = ""
 
 
-def mean_row(metric, values, unit, camera="", role="", joint=""):
+def mean_row(metric, values, unit, camera="", role="", joint="", tool=""):
     """The mean of what is there in `values` as a list of one `Row`; empty where nothing is."""
     known = values[np.isfinite(values)]
-    return [Row(metric, camera, role, joint, float(known.mean()), unit, known.size)] if known.size else []
+    return [Row(metric, camera, role, joint, float(known.mean()), unit, known.size, tool)] if known.size else []
 
 
 def joint_rows(metric, values, joints, unit, camera="", role=""):
@@ -46,11 +47,10 @@ def frame_rows(metric, values, grid, role):
 
 
 def metric_columns(rows, subject, sequence):
-    """Columns of the `metrics` table; the interval is not known yet."""
+    """Columns of the `metrics` table; one subject has no interval."""
     columns = {key: np.array([getattr(row, key) for row in rows], dtype=object) for key in Row._fields}
     nothing = np.full(len(rows), np.nan)
     return columns | {
-        "tool": np.full(len(rows), "", dtype=object),
         "subject": np.full(len(rows), subject, dtype=object),
         "sequence": np.full(len(rows), sequence, dtype=object),
         "value": np.array([row.value for row in rows], float),

@@ -58,6 +58,7 @@ def run(tmp_path, labels, **given):
         sequence="walk", subject="S1", labels=[labels], skeleton=None, roles={"cam01": "close"}, detections=None,
         min_score=0.3, boxes={}, marks=[], checks={}, swaps=None, truth=None,
         out=tmp_path / "walk.parquet", out_frames=tmp_path / "walk.frames.parquet",
+        out_checks=tmp_path / "walk.checks.parquet",
     )  # fmt: skip
     evaluate.run(**(inputs | given))
     return read_metrics(tmp_path / "walk.parquet")
@@ -271,7 +272,7 @@ def test_bad_checks_are_refused(tmp_path, uv, row, words):
     path = tmp_path / "walk.cam01.csv"
     path.write_text(f"sequence,frame,joint,u,v\n{row}\n")
     with pytest.raises(DiorError) as caught:
-        checks.check_errors(path, "walk", label_grid(tmp_path / "l.parquet", uv))
+        checks.check_points(path, "walk", label_grid(tmp_path / "l.parquet", uv))
     assert words in str(caught.value)
 
 
@@ -334,8 +335,8 @@ def test_csv_has_fixed_numbers_and_stable_bytes(tmp_path):
         k: [r[k] for r in [row(value=1 / 3, n=3), row(value=2e-7, n=1, camera="cam02")]] for k in metrics.COLUMNS
     }
     tables.write(path, "metrics", columns)
-    metrics.run(inputs=[path], out=tmp_path / "1.csv")
-    metrics.run(inputs=[path], out=tmp_path / "2.csv")
+    metrics.run(inputs=[path], checks=[], out=tmp_path / "1.csv")
+    metrics.run(inputs=[path], checks=[], out=tmp_path / "2.csv")
     text = (tmp_path / "1.csv").read_text()
     assert text == (tmp_path / "2.csv").read_text()
     assert text.splitlines()[0] == "metric,tool,subject,sequence,camera,role,joint,value,low,high,unit,n"

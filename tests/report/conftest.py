@@ -240,6 +240,7 @@ def write_sequence(root, number, sequence, subject, session):
         truth=truth,
         out=results / f"evaluate/{sequence}.parquet",
         out_frames=results / f"evaluate/{sequence}.frames.parquet",
+        out_checks=results / f"evaluate/{sequence}.checks.parquet",
     )
     return SimpleNamespace(labels=labels, detections=detections, boxes=boxes, skeleton=skeleton)
 
@@ -278,7 +279,8 @@ def write_capture(root):
     adjusted = root / "results/adjust/field.metrics.parquet"
     tables.write(adjusted, "metrics", adjust_columns())
     csv = root / "results/evaluate/metrics.csv"
-    metrics.run(inputs=[adjusted, *(root / f"results/evaluate/{s[0]}.parquet" for s in SEQUENCES)], out=csv)
+    each = [root / f"results/evaluate/{s[0]}.parquet" for s in SEQUENCES]
+    metrics.run(inputs=[adjusted, *each], checks=[path.with_suffix(".checks.parquet") for path in each], out=csv)
     return SimpleNamespace(
         root=root,
         sequences=made,

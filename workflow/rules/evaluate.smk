@@ -19,6 +19,7 @@ rule evaluate:
     output:
         metrics="results/evaluate/{sequence}.parquet",
         frames="results/evaluate/{sequence}.frames.parquet",
+        checks="results/evaluate/{sequence}.checks.parquet",
     log:
         "logs/evaluate/{sequence}.log",
     benchmark:
@@ -47,6 +48,7 @@ rule evaluate:
         " --truth {params.truth:q}"
         " --out {output.metrics:q}"
         " --out-frames {output.frames:q}"
+        " --out-checks {output.checks:q}"
         " 2>&1 | tee {log:q}"
 
 
@@ -55,6 +57,7 @@ rule metrics:
     input:
         sequences=expand("results/evaluate/{sequence}.parquet", sequence=SEQUENCES),
         adjust=expand("results/adjust/{session}.metrics.parquet", session=ADJUSTED),
+        checks=expand("results/evaluate/{sequence}.checks.parquet", sequence=SEQUENCES),
     output:
         "results/evaluate/metrics.csv",
     log:
@@ -64,4 +67,8 @@ rule metrics:
     params:
         code=code("evaluate.metrics"),
     shell:
-        "dior metrics" " --inputs {input:q}" " --out {output:q}" " 2>&1 | tee {log:q}"
+        "dior metrics"
+        " --inputs {input.sequences:q} {input.adjust:q}"
+        " --checks {input.checks:q}"
+        " --out {output:q}"
+        " 2>&1 | tee {log:q}"

@@ -1,0 +1,94 @@
+"""How the box around the labels lies in the hand-drawn box, and what perfect labels would score in such boxes.
+
+INPUTS   `LabelGrid` of a long-range camera, hand boxes (F, 4) px in the order u_min, v_min, u_max, v_max, NaN without.
+OUTPUTS  per frame intersection over union, signed centre and size offset px; per label the probability that a perfect
+         one would lie in a box drawn like these. All (F, 1) or (F, J), NaN where there is nothing to judge.
+
+The share of labels in hand boxes rewards large boxes: perfect labels score 73-78 % in unbiased boxes with 2 px of
+error, and 98 % in boxes drawn 3 px large. So the share is only as good as it is near to `in_box_expected`.
+"""
+
+import numpy as np
+
+WILD = 4.0
+SD_OF_MAD = 1.4826  # of a normal distribution
+
+
+def figures(grid, hand):
+    """(metric, unit, values) of everything this module measures."""
+    label = label_boxes(grid)
+    offset, size = _centre(label) - _centre(hand), _size(label) - _size(hand)
+    return [
+        ("in_box_expected", "share", expected(grid, hand)),
+        ("box_iou", "share", iou(label, hand)[:, None]),
+        ("box_offset_u", "px", offset[:, :1]),
+        ("box_offset_v", "px", offset[:, 1:]),
+        ("box_width_difference", "px", size[:, :1]),
+        ("box_height_difference", "px", size[:, 1:]),
+    ]
+
+
+def label_boxes(grid):
+    """Tight boxes (F, 4) px of the in-frame labels, NaN where there are none."""
+    uv = np.where(grid.in_frame[..., None], grid.uv, np.nan)
+    low = np.where(np.isnan(uv), np.inf, uv).min(axis=1, initial=np.inf)
+    high = np.where(np.isnan(uv), -np.inf, uv).max(axis=1, initial=-np.inf)
+    return np.where(np.isfinite(low).all(axis=1)[:, None], np.concatenate([low, high], axis=1), np.nan)
+
+
+def iou(a, b):
+    """Area of the intersection of boxes `a` and `b`, (F, 4) px, over that of their union: (F,), NaN without area."""
+    sides = np.minimum(a[:, 2:], b[:, 2:]) - np.maximum(a[:, :2], b[:, :2])
+    common = np.clip(sides, 0, None).prod(axis=1)
+    union = _size(a).prod(axis=1) + _size(b).prod(axis=1) - common
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.where(union > 0, common / union, np.nan)
+
+
+def drawing(label, hand):
+    """How a person draws: margin (2,) px by which the edges lie outside and their sd (2,) px, along u and v.
+
+    From half the difference of the sizes, h = (right + left) / 2 of what the edges are outside of `label` boxes: its
+    mean is the margin and its variance half that of an edge, edges being drawn independently. Labels that are all off
+    by the same, in a frame or in all of them, move the centre and leave h alone. Values further than WILD from the
+    median, in sd by the MAD, are left out: a frame with one wild label would make the boxes look carelessly drawn. NaN
+    with fewer than two boxes.
+    """
+    half = (_size(hand) - _size(label)) / 2
+    half = half[np.isfinite(half).all(axis=1)]
+    if len(half) < 2:
+        return np.full(2, np.nan), np.full(2, np.nan)
+    off = np.abs(half - np.median(half, axis=0))
+    usual = np.where(off <= WILD * SD_OF_MAD * np.median(off, axis=0), half, np.nan)
+    return np.nanmean(usual, axis=0), np.sqrt(2 * np.nanvar(usual, axis=0))
+
+
+def expected(grid, hand):
+    """Probability (F, J) that a perfect label would lie in a box drawn like `hand` (F, 4), of frames with a box.
+
+    A label that lies `a` px inside the left edge of its own tight box is inside a hand box, whose left edge is the
+    margin m further out with a spread s, with probability Phi((a + m) / s); the four edges are independent. The shape
+    of the labels and the size of the boxes are used, their place is not: so this is the share of labels moved to where
+    they have no offset.
+    """
+    label = label_boxes(grid)
+    margin, sd = drawing(label, hand)
+    within = np.concatenate([grid.uv - label[:, None, :2], label[:, None, 2:] - grid.uv], axis=-1)
+    probability = _normal(within + np.tile(margin, 2), np.tile(sd, 2)).prod(axis=-1)
+    return np.where(np.isfinite(hand).all(axis=1)[:, None] & grid.in_frame, probability, np.nan)
+
+
+def _normal(distance, sd):
+    """Probability that a normal deviation of `sd` is at most `distance`; a step where sd is 0."""
+    from scipy.special import ndtr
+
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.where(sd > 0, ndtr(distance / sd), np.where(np.isnan(sd + distance), np.nan, distance >= 0))
+
+
+def _centre(box):
+    return (box[:, :2] + box[:, 2:]) / 2
+
+
+def _size(box):
+    return box[:, 2:] - box[:, :2]

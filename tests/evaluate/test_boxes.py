@@ -1,0 +1,128 @@
+"""Label boxes and hand boxes: known overlaps and offsets, and the share of perfect labels against a simulation."""
+
+import numpy as np
+import pytest
+
+from dior.camera import project
+from dior.evaluate import box_fit, boxes
+from dior.evaluate.grids import LabelGrid
+from tests.report.conftest import rig, walk
+
+FRAMES = 400
+
+
+def grid_of(uv, in_frame=None):
+    count, joints = uv.shape[:2]
+    in_frame = np.ones((count, joints), bool) if in_frame is None else in_frame
+    uv = np.where(in_frame[..., None], uv, np.nan)
+    names = [f"joint_{i}" for i in range(joints)]
+    return LabelGrid("cam04", np.arange(count), np.arange(count), names, uv, in_frame, np.zeros((count, joints), bool))
+
+
+def figure(grid, hand, metric):
+    return next(values for name, _, values in box_fit.figures(grid, hand) if name == metric)
+
+
+SQUARE = np.array([[[10.0, 20.0], [14.0, 30.0], [12.0, 25.0]]])
+
+
+def test_label_box_holds_the_in_frame_labels():
+    uv = np.repeat(SQUARE, 3, axis=0)
+    in_frame = np.ones((3, 3), bool)
+    in_frame[1, 1] = False
+    in_frame[2] = False
+    found = box_fit.label_boxes(grid_of(uv, in_frame))
+    np.testing.assert_array_equal(found[:2], [[10, 20, 14, 30], [10, 20, 12, 25]])
+    assert np.isnan(found[2]).all()
+
+
+def test_offsets_are_label_minus_hand_and_have_a_sign():
+    hand = np.array([[9.0, 16.0, 17.0, 28.0]])
+    grid = grid_of(SQUARE)
+    assert figure(grid, hand, "box_offset_u") == -1.0
+    assert figure(grid, hand, "box_offset_v") == 3.0
+    assert figure(grid, hand, "box_width_difference") == -4.0
+    assert figure(grid, hand, "box_height_difference") == -2.0
+
+
+@pytest.mark.parametrize(
+    "hand, share",
+    [
+        ((10, 20, 14, 30), 1.0),
+        ((12, 20, 16, 30), 1 / 3),
+        ((14, 20, 18, 30), 0.0),
+        ((0, 0, 5, 5), 0.0),
+        ((8, 15, 16, 35), 0.25),
+    ],
+)
+def test_iou_of_boxes_with_known_overlap(hand, share):
+    assert figure(grid_of(SQUARE), np.array([hand], float), "box_iou")[0, 0] == pytest.approx(share)
+
+
+def test_frames_without_a_box_are_not_judged():
+    grid = grid_of(np.repeat(SQUARE, 4, axis=0))
+    hand = boxes.of_frames(grid, np.array([1, 2, 3]), np.array([[9.0, 19.0, 15.0, 31.0]] * 3))
+    for _, _, values in box_fit.figures(grid, hand):
+        assert np.isnan(values[0]).all() and np.isfinite(values[1:]).all()
+
+
+def test_one_box_tells_nothing_about_its_spread():
+    assert np.isnan(figure(grid_of(SQUARE), np.array([[9.0, 19.0, 15.0, 31.0]]), "in_box_expected")).all()
+
+
+def walker(frames=FRAMES):
+    """True landmarks (F, 33, 2) px of a person 60 m away, about 20 px tall."""
+    return project(rig(far=True)[3], walk(frames))[0]
+
+
+def drawn(rng, uv, margin, sd):
+    tight = np.concatenate([uv.min(axis=1), uv.max(axis=1)], axis=1)
+    return tight + margin * np.array([-1, -1, 1, 1]) + rng.normal(0, sd, tight.shape)
+
+
+def share(uv, hand):
+    inside = (uv >= hand[:, None, :2]) & (uv <= hand[:, None, 2:])
+    return inside.all(axis=-1).mean()
+
+
+@pytest.mark.parametrize("margin", [-1.0, 0.0, 1.0, 3.0])
+@pytest.mark.parametrize("sd", [0.5, 1.0, 2.0])
+@pytest.mark.parametrize("error", ["perfect", "shifted", "jittered"])
+def test_expected_share_is_what_perfect_labels_score(margin, sd, error):
+    """Labels that are off as a whole, by the same in all frames or by another in each, must not change it."""
+    rng = np.random.default_rng(7)
+    scored, expected, own = [], [], []
+    for _ in range(6):
+        true = walker()
+        hand = drawn(rng, true, margin, sd)
+        shift = {"perfect": (0, 0), "shifted": (2.0, -1.5), "jittered": rng.normal(0, 1.5, (FRAMES, 1, 2))}[error]
+        scored.append(share(true, hand))
+        own.append(share(true + shift, hand))
+        expected.append(np.nanmean(figure(grid_of(true + shift), hand, "in_box_expected")))
+    assert np.mean(expected) == pytest.approx(np.mean(scored), abs=0.01)
+    if error != "perfect" and margin in (0, 1):
+        assert np.mean(own) < np.mean(scored) - 0.01, "the labels themselves must score less, or the test shows nothing"
+
+
+def test_a_few_wild_labels_do_not_make_the_boxes_look_carelessly_drawn():
+    rng = np.random.default_rng(3)
+    true = walker()
+    hand = drawn(rng, true, 3.0, 1.0)
+    ours = true.copy()
+    ours[::20, 5, 0] += 25
+    found = figure(grid_of(ours), hand, "in_box_expected")
+    assert np.nanmean(found) == pytest.approx(share(true, hand), abs=0.01)
+
+
+def test_thirty_boxes_are_enough_for_a_few_percent():
+    rng, off = np.random.default_rng(4), []
+    for _ in range(100):
+        true = walker()[::13][:30]
+        hand = drawn(rng, true, 1.0, 1.0)
+        off.append(np.nanmean(figure(grid_of(true), hand, "in_box_expected")) - share(true, hand))
+    assert abs(np.mean(off)) < 0.01 and np.std(off) < 0.04
+
+
+def test_exact_boxes_hold_perfect_labels():
+    true = walker()
+    assert (figure(grid_of(true), drawn(np.random.default_rng(1), true, 0.0, 0.0), "in_box_expected") == 1).all()
