@@ -40,6 +40,12 @@ rule release:
         tarballs_of(PROJECT.released_subjects),
 
 
+rule zoomed:
+    """The centre of every long-range picture, for a detector."""
+    input:
+        [f"results/zoom/{sequence}.{camera}" for sequence, camera in long_range_recordings()],
+
+
 for name in PROJECT.processed_subjects:
 
     rule:

@@ -228,6 +228,31 @@ STEPS = {
             "out-checks": PATH,
         },
     ),
+    "detectors": (
+        "evaluate.detectors",
+        "measure what other detectors find",
+        {
+            "sequence": TEXT,
+            "subject": TEXT,
+            "rows": JSON,
+            "roles": PAIRS,
+            "frames": PATH,
+            "labels": PATHS,
+            "out": PATH,
+            "out-frames": PATH,
+            "findings": PATH,
+        },
+    ),
+    "zoom": (
+        "evaluate.zoom",
+        "write the centre of a camera's pictures for a detector",
+        {"sequence": TEXT, "camera": TEXT, "frames": PATH, "data-root": PATH, "out": PATH},
+    ),
+    "to_mark": (
+        "evaluate.to_mark",
+        "draw what is to be marked by hand",
+        {"indoor": PATHS, "long-range": PATHS, "out": PATH},
+    ),
     "metrics": (
         "evaluate.metrics",
         "pool the figures of all sequences",

@@ -51,6 +51,26 @@ def check_gallery(project, lines):
             )
 
 
+def check_detectors(project, lines):
+    """Rows of detectors.tsv name a sequence and one of its cameras; those of excluded ones wait. `lines` of them."""
+    for name, row in project.detectors.items():
+        where = f"config/detectors.tsv line {lines[name]}"
+        if row["sequence"] not in project.rows:
+            raise DiorError(
+                f"{where}: '{row['sequence']}' is not in config/sequences.tsv{nearest(row['sequence'], project.rows)}"
+            )
+        if os.path.isabs(row["path"]):
+            raise DiorError(f"{where}: path '{row['path']}' must be relative to data_root")
+        if row["sequence"] in project.excluded:
+            continue
+        cameras = project.cameras_of(row["sequence"])
+        if row["camera"] not in cameras:
+            raise DiorError(
+                f"{where}: '{row['camera']}' is no camera of session '{project.session_of(row['sequence'])}'"
+                f"{nearest(row['camera'], cameras)}"
+            )
+
+
 def check_sessions(project, lines):
     """Sequences, sessions, cameras and the files beside them must fit together. `lines` of the sheet's rows."""
     for session in project.sessions:

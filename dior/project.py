@@ -1,6 +1,6 @@
 """A project folder: its config, sheets, sessions and cameras, read and checked as a whole.
 
-INPUTS: `<root>/config/`: config.yaml, sequences.tsv, subjects.tsv, gallery.tsv (may be missing),
+INPUTS: `<root>/config/`: config.yaml, sequences.tsv, subjects.tsv, gallery.tsv and detectors.tsv (may be missing),
 sessions/<session>/{session.yaml, <camera>.yaml, <camera>.marks.csv}, offsets/, boxes/, checks/. OUTPUTS: a `Project`,
 whose paths are strings relative to `root`, Snakemake's working directory. Nothing is globbed: the sheets and
 session.yaml say what exists. It is read each time Snakemake parses the workflow, so this module loads no numerics, and
@@ -24,7 +24,8 @@ MARK_COLUMNS = ("sequence", "frame", "joint", "u", "v")
 @dataclass(frozen=True)
 class Project:
     """What the workflow and the release know of a project. `rows` and `subjects`: sheet rows by name, as strings;
-    `gallery`: those of gallery.tsv by (subject, outfit, angle).
+    `gallery`: those of gallery.tsv by (subject, outfit, angle); `detectors`: those of detectors.tsv by (sequence,
+    camera, tool, zoom).
 
     `session_files` and `camera_files`: contents of session.yaml by session and of the camera YAMLs by session and
     camera, defaults filled in. `marks`: by (session, camera), the sequences named in the marks, in order, each with
@@ -39,6 +40,7 @@ class Project:
     camera_files: dict = field(default_factory=dict)
     marks: dict = field(default_factory=dict)
     gallery: dict = field(default_factory=dict)
+    detectors: dict = field(default_factory=dict)
 
     @property
     def data_root(self):
@@ -157,6 +159,14 @@ class Project:
             return f"results/detect/{sequence}.{{camera}}.json"
         return self.in_data(pattern) if pattern else ""
 
+    def detectors_of(self, sequence):
+        """Outputs of other detectors: dicts camera, tool, zoom, path (as seen from the root), sorted."""
+        mine = [row for _, row in sorted(self.detectors.items()) if row["sequence"] == sequence]
+        return [
+            {**{key: row[key] for key in ("camera", "tool", "zoom")}, "path": self.in_data(row["path"].rstrip("/"))}
+            for row in mine
+        ]
+
     def gallery_files(self):
         """Folders and bags of the gallery's pictures."""
         return [self.in_data((row["path"] or row["bag"]).rstrip("/")) for row in self.gallery.values()]
@@ -208,8 +218,9 @@ def load(root, config=None):
     (rows, lines), (subjects, _) = sheets(root)
     if not rows:
         raise DiorError("config/sequences.tsv has no rows yet: enter one row per recorded walk")
-    gallery, gallery_lines = _gallery(root)
-    project = Project(root, config, rows, subjects, gallery=gallery)
+    gallery, gallery_lines = _optional_sheet(root, "gallery", ("subject", "outfit", "angle"))
+    detectors, detector_lines = _optional_sheet(root, "detectors", ("sequence", "camera", "tool", "zoom"))
+    project = Project(root, config, rows, subjects, gallery=gallery, detectors=detectors)
     if not project.sequences:
         raise DiorError("config/sequences.tsv: every row has an exclude_reason, so there is nothing to process")
     consistency.check_sheets(project, lines)
@@ -217,6 +228,7 @@ def load(root, config=None):
     for session in project.sessions:
         _read_session(project, session)
     consistency.check_sessions(project, lines)
+    consistency.check_detectors(project, detector_lines)
     return project
 
 
@@ -228,12 +240,10 @@ def sheets(root):
     )
 
 
-def _gallery(root):
-    """Rows of gallery.tsv and their lines; none where there is no such sheet."""
-    path = Path(root) / "config/gallery.tsv"
-    if not path.is_file():
-        return {}, {}
-    return read_sheet(path, "gallery", ("subject", "outfit", "angle"), "config/gallery.tsv")
+def _optional_sheet(root, kind, key):
+    """Rows of a sheet and their lines; none where there is no such sheet."""
+    path = Path(root) / f"config/{kind}.tsv"
+    return read_sheet(path, kind, key, f"config/{kind}.tsv") if path.is_file() else ({}, {})
 
 
 def _plain(mapping):

@@ -458,12 +458,46 @@ def test_a_row_added_above_changes_no_other_row(root):
     assert project.load(root).sequence("in_1") == before
 
 
+DETECTORS = "sequence\tcamera\ttool\tzoom\tpath\n"
+
+
+def test_outputs_of_other_detectors_may_be_there(root):
+    assert project.load(root).detectors_of("out_1") == []
+    sheet = root / "config/detectors.tsv"
+    sheet.write_text(DETECTORS + "out_1\tcam03\tmlkit\t4\tz/a.jsonl\nout_1\tcam03\tmlkit\t1\tr/\n")
+    loaded = project.load(root)
+    assert loaded.detectors_of("out_1") == [
+        {"camera": "cam03", "tool": "mlkit", "zoom": "1", "path": loaded.in_data("r")},
+        {"camera": "cam03", "tool": "mlkit", "zoom": "4", "path": loaded.in_data("z/a.jsonl")},
+    ]
+    assert loaded.detectors_of("out_2") == []
+
+
+@pytest.mark.parametrize(
+    "line, text",
+    [
+        ("out_9\tcam03\tmlkit\t1\ta", "line 2: 'out_9' is not in config/sequences.tsv"),
+        ("out_1\tcam3\tmlkit\t1\ta", "'cam3' is no camera of session 'field'"),
+        ("out_1\tcam03\tmlkit 4x\t4\ta", "'tool'"),
+        ("out_1\tcam03\tmlkit\t0\ta", "'zoom' is '0' but should be 1 or the zoom"),
+        ("out_1\tcam03\tmlkit\t4x\ta", "'zoom'"),
+        ("out_1\tcam03\tmlkit\t1\t/a", "relative to data_root"),
+        ("out_1\tcam03\tmlkit\t1\t", "'path' is nothing"),
+        ("out_1\tcam03\tm\t1\ta\nout_1\tcam03\tm\t1\tb", "there twice, on lines 2 and 3"),
+    ],
+)
+def test_wrong_outputs_of_other_detectors_are_refused(root, line, text):
+    (root / "config/detectors.tsv").write_text(DETECTORS + line + "\n")
+    with pytest.raises(DiorError, match=f"config/detectors.tsv.*{text}"):
+        project.load(root)
+
+
 def test_the_schemas_themselves_are_documented_and_strict():
     from jsonschema import Draft202012Validator
 
     folder = Path(project.__file__).parents[1] / "workflow/schemas"
     paths = sorted(folder.glob("*.schema.yaml"))
-    kinds = ["camera", "config", "gallery", "offsets", "sequences", "session", "subjects"]
+    kinds = ["camera", "config", "detectors", "gallery", "offsets", "sequences", "session", "subjects"]
     assert [p.name.split(".")[0] for p in paths] == kinds
 
     def walk(schema, where):

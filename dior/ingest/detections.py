@@ -44,8 +44,9 @@ def run(*, sequence, pattern, cameras, format, frames, out, findings):
             raise DiorError(f"{where}: {frames} has no frame of this camera")
         path = Path(pattern.replace("{camera}", camera))
         reader = READERS[_format(path, format, where)]
-        people = _in_pixels(reader.read(path), reader, (mine["width"][0], mine["height"][0]), path, where)
-        _check(people, stamps_ns, path, where)
+        people = in_pixels(reader.read(path), reader, (mine["width"][0], mine["height"][0]), path, where)
+        check_recording(people, stamps_ns, path, where)
+        _check_anybody(people, path, where)
         track = subject.follow(people, stamps_ns)
         seen += [(f"{sequence}/{camera}", *finding) for finding in _findings(people, track, camera, reader)]
         parts.append(_columns(camera, stamps_ns, people, track))
@@ -73,7 +74,7 @@ def _format(path, wanted, where):
     return found
 
 
-def _in_pixels(people, reader, size, path, where):
+def in_pixels(people, reader, size, path, where):
     """`people` of pictures of `size` (width, height) in pixels, whether the reader gives fractions or pixels.
 
     Fractions count from the picture's edges and pixels from the centre of the first one, hence the half. Raises
@@ -95,8 +96,8 @@ def _in_pixels(people, reader, size, path, where):
     return replace(people, uv=people.uv * np.array(size, float) - 0.5)
 
 
-def _check(people, stamps_ns, path, where):
-    """Refuse detections of another recording, and those in which nobody was found."""
+def check_recording(people, stamps_ns, path, where):
+    """Refuse detections of another recording than that with picture stamps `stamps_ns` (frames,)."""
     count = len(stamps_ns)
     beyond = people.ran[(people.ran < 0) | (people.ran >= count)]
     if len(beyond):
@@ -113,6 +114,9 @@ def _check(people, stamps_ns, path, where):
             f"{where}: {path} gives frame {people.ran[i]} the stamp {people.stamp_ns[i]} where the bag has "
             f"{stamps_ns[people.ran[i]]}; the detections belong to another recording"
         )
+
+
+def _check_anybody(people, path, where):
     if not len(people.frame):
         raise DiorError(
             f"{where}: no person found in any of {len(people.ran)} frames of {path}; "

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dior.camera import REFERENCE_FX
+from dior.evaluate.metrics import QUANTILES
 
 LEVELS = ("good", "look", "bad", "none")
 WORDS = {"good": "good", "look": "look at it", "bad": "fix it", "none": "left out"}
@@ -152,22 +153,24 @@ def table_of(rows, environment):
     `environment`: sequence -> indoor | outdoor. Rows of no sequence (the adjustment's) are taken as they are.
     """
     whole = [row for row in rows if not row["joint"]]
+    # the mean of quantiles is no quantile
+    means = [row for row in whole if row["metric"] not in QUANTILES]
     groups = {}
-    for row in whole:
+    for row in means:
         if row["sequence"] and (row["camera"] or not row["role"]):
-            key = (row["metric"], environment.get(row["sequence"], ""), row["role"])
+            key = (row["metric"], environment.get(row["sequence"], ""), row["role"], row["tool"])
             groups.setdefault(key, []).append(row)
     lines = [
         {
             "metric": metric,
-            "where": " ".join(word for word in (env, role.replace("_", " ")) if word),
+            "where": " ".join(word for word in (env, role.replace("_", " "), tool) if word),
             "value": show(np.dot([r["n"] for r in members], [r["value"] for r in members]) / n, members[0]["unit"]),
             "n": count(n),
         }
-        for (metric, env, role), members in sorted(groups.items())
+        for (metric, env, role, tool), members in sorted(groups.items())
         if (n := sum(r["n"] for r in members))
     ]
-    pooled = {row["metric"] for row in whole if row["sequence"]}
+    pooled = {row["metric"] for row in means if row["sequence"]}
     lines += [
         {"metric": row["metric"], "where": "all", "value": show(row["value"], row["unit"]), "n": count(row["n"])}
         for row in whole

@@ -2,6 +2,7 @@
 
 import csv
 import hashlib
+import json
 import os
 import re
 import shutil
@@ -9,13 +10,18 @@ import signal
 import time
 from collections import Counter
 
+import cv2
 import numpy as np
 import pytest
 
 from dior import tables
 from dior.cli import STEPS
+from dior.evaluate import bootstrap
+from dior.ingest import bags
 from dior.simulate import config as simulated
 from dior.simulate import settings
+from dior.skeletons import COCO_17
+from tests.end_to_end import recomputed
 from tests.end_to_end.workflow import ROOT, edit, nudge, planned, snakemake, start
 
 TINY = {"subjects": 2, "sequences": 1, "duration_s": 3.0, "width": 640, "height": 360, "fx": 320.0, "gallery": True}
@@ -60,6 +66,68 @@ def test_labels_are_near_the_truth(project):
     assert figure(rows, "error_to_truth_2d", role="long_range") < 2.0
     assert figure(rows, "error_to_truth_2d", role="close") < 3.0
     assert figure(rows, "in_box_share", role="long_range") > 0.9
+
+
+def test_metrics_are_those_of_an_independent_computation(project):
+    """Every figure of these metrics, pooled or not, by joint or not, to the six digits of the file."""
+    rows = metrics(project)
+    of = {tuple(row[k] for k in ("metric", *recomputed.KEY, "joint")): row for row in rows if not row["tool"]}
+    checked = Counter()
+    for metric, table in recomputed.values(project).items():
+        pools = dict(recomputed.POOLS)
+        if metric in ("coverage", "error_to_truth_2d", "reprojection_error"):
+            pools |= {"joint": ["role", "joint"], "joint of a recording": [*recomputed.KEY, "joint"]}
+        for name, keep in pools.items():
+            for line in recomputed.pooled(table, keep).to_dict("records"):
+                row = of[(metric, *(line[k] for k in (*recomputed.KEY, "joint")))]
+                assert int(row["n"]) == line["size"], (name, line)
+                assert float(row["value"]) == pytest.approx(line["mean"], rel=2e-5), (name, line)
+                checked[metric] += 1
+                if name == "everything":
+                    interval = [float(row[k]) for k in ("low", "high") if row[k]]
+                    assert interval == pytest.approx(recomputed.interval(table, bootstrap.draws), rel=2e-5)
+    missed = Counter(row["metric"] for row in rows if row["metric"] in checked) - checked
+    assert not missed and min(checked.values()) > 5 and checked["reprojection_error"] > 100, (missed, checked)
+
+
+def test_detectors_and_what_is_to_mark(copy):
+    """Pictures are cut out; a detector that finds the subject in some and one that finds nobody are measured."""
+    snakemake(copy, "zoomed", "to_mark")
+    folder = copy / "results/zoom/outdoor_01.cam04"
+    index = list(csv.DictReader((folder / "index.csv").open()))
+    assert [row["file"] for row in index] == [f"frame_{i:06d}.png" for i in range(90)]
+    frames = tables.of_camera(tables.read(copy / "results/frames/outdoor_01.parquet", "frames"), "cam04")
+    row, picture = next(iter(bags.read_pictures(frames, copy / "results/simulate")))
+    piece = cv2.imread(str(folder / index[row]["file"]))
+    assert piece.shape == (90, 160, 3) and (piece == picture[135:225, 240:400]).all()
+    drawn = copy / "results/evaluate/to_mark"
+    assert sum(len(path.read_text().splitlines()) - 1 for path in (drawn / "checks").glob("*.csv")) == 100
+    assert len(list((drawn / "boxes").glob("*.cam04.csv"))) == 2
+    labels = tables.read(copy / "results/reproject/outdoor_01.cam04.parquet", "labels_2d")
+    uv, joints = tables.grid(labels, "u", "v")
+    order = [joints.index(joint) for joint in COCO_17]
+    found = [
+        {"image_id": i, "score": 1, "keypoints": np.column_stack([one - (240, 135), np.ones(17)]).ravel().tolist()}
+        for i, one in enumerate(uv[:, order]) if i % 3 and np.isfinite(one).all()
+    ]  # fmt: skip
+    (copy / "results/simulate/found.json").write_text(json.dumps(found))
+    (copy / "results/simulate/nobody.json").write_text("[]\n")
+    sheet = "sequence\tcamera\ttool\tzoom\tpath\n"
+    sheet += "outdoor_01\tcam04\tyolo\t4\tfound.json\noutdoor_01\tcam04\tyolo\t1\tnobody.json\n"
+    (copy / "config/detectors.tsv").write_text(sheet)
+    assert planned(copy, "results/evaluate/metrics.csv") == {"detectors": 1, "metrics": 1}
+    snakemake(copy, "results/evaluate/metrics.csv")
+    rows = [row for row in metrics(copy) if row["tool"] and row["sequence"] and row["camera"]]
+    shares = {(row["metric"], row["tool"]): (float(row["value"]), int(row["n"])) for row in rows}
+    labelled = int(np.isfinite(uv).all(axis=-1).any(axis=1).sum())
+    assert 80 < labelled <= 90 and 50 < len(found) <= 60
+    assert shares == {
+        ("detected_share", "yolo 4x"): (pytest.approx(len(found) / 90, rel=1e-5), 90),
+        ("success_share", "yolo 4x"): (pytest.approx(len(found) / labelled, rel=1e-5), labelled),
+        ("detected_share", "yolo"): (0.0, 90), ("success_share", "yolo"): (0.0, labelled),
+    }  # fmt: skip
+    later = planned(copy)
+    assert later["report"] == later["package"] == 1 and not {"detectors", "reproject", "evaluate"} & set(later)
 
 
 def test_every_frame_of_every_camera_has_every_joint(project):
@@ -113,7 +181,7 @@ def test_the_gallery_is_counted_and_released_until_its_subject_withdraws(copy):
 
 
 def test_every_rule_left_a_log_and_a_benchmark(project):
-    for step in STEPS.keys() - {"detect"}:
+    for step in STEPS.keys() - {"detect", "detectors", "zoom", "to_mark"}:
         # its log lies with those of evaluate, whose tables it pools
         step = "evaluate" if step == "metrics" else step
         assert list((project / "logs" / step).glob("*.log")), step

@@ -25,6 +25,7 @@ except DiorError as error:
 CONFIG = PROJECT.config
 DATA = str(PROJECT.data_root)
 SEQUENCES = PROJECT.sequences
+DETECTED = [sequence for sequence in SEQUENCES if PROJECT.detectors_of(sequence)]
 ADJUSTED = [session for session in PROJECT.sessions if PROJECT.window(session)]
 VERSION = CONFIG["release"]["version"]
 RELEASE = f"results/release/dior-{VERSION}"

@@ -1,7 +1,9 @@
 """Evaluate: how good the labels are, by every yardstick that a sequence offers.
 
-Required inputs: labels and skeletons; detections, boxes, marks, checks and truth where there are any.
-Outputs: results/evaluate/<sequence>.parquet, results/evaluate/metrics.csv.
+Required inputs: labels and skeletons; detections, boxes, marks, checks and truth where there are any; outputs of other
+detectors where there is a detectors.tsv.
+Outputs: results/evaluate/<sequence>.parquet, results/detectors/<sequence>.parquet, results/evaluate/metrics.csv; and
+when asked for, results/evaluate/to_mark (what to mark by hand) and results/zoom (pictures for a detector).
 """
 
 
@@ -52,11 +54,91 @@ rule evaluate:
         " 2>&1 | tee {log:q}"
 
 
+rule detectors:
+    """Measure what other detectors find in the pictures of one sequence."""
+    input:
+        files=there(detector_files),
+        frames="results/frames/{sequence}.parquet",
+        labels=detector_labels,
+    output:
+        metrics="results/detectors/{sequence}.parquet",
+        frames="results/detectors/{sequence}.frames.parquet",
+        findings="results/detectors/{sequence}.findings.parquet",
+    log:
+        "logs/detectors/{sequence}.log",
+    benchmark:
+        "logs/detectors/{sequence}.benchmark.tsv"
+    params:
+        subject=subject,
+        rows=detector_rows,
+        states=detector_states,
+        roles=roles,
+        code=code("evaluate.detectors"),
+    shell:
+        "dior detectors"
+        " --sequence {wildcards.sequence}"
+        " --subject {params.subject}"
+        " --rows {params.rows:q}"
+        " --roles {params.roles}"
+        " --frames {input.frames:q}"
+        " --labels {input.labels:q}"
+        " --out {output.metrics:q}"
+        " --out-frames {output.frames:q}"
+        " --findings {output.findings:q}"
+        " 2>&1 | tee {log:q}"
+
+
+rule zoom:
+    """Write the centre of a camera's pictures for a detector (only when asked for)."""
+    input:
+        bags=there(bags),
+        frames="results/frames/{sequence}.parquet",
+    output:
+        directory("results/zoom/{sequence}.{camera}"),
+    log:
+        "logs/zoom/{sequence}.{camera}.log",
+    benchmark:
+        "logs/zoom/{sequence}.{camera}.benchmark.tsv"
+    params:
+        data_root=DATA,
+        code=code("evaluate.zoom"),
+    shell:
+        "dior zoom"
+        " --sequence {wildcards.sequence}"
+        " --camera {wildcards.camera}"
+        " --frames {input.frames:q}"
+        " --data-root {params.data_root:q}"
+        " --out {output:q}"
+        " 2>&1 | tee {log:q}"
+
+
+rule to_mark:
+    """Draw what a person is to mark by hand (only when asked for)."""
+    input:
+        indoor=indoor_labels,
+        long_range=long_range_labels,
+    output:
+        directory("results/evaluate/to_mark"),
+    log:
+        "logs/evaluate/to_mark.log",
+    benchmark:
+        "logs/evaluate/to_mark.benchmark.tsv"
+    params:
+        code=code("evaluate.to_mark"),
+    shell:
+        "dior to_mark"
+        " --indoor {input.indoor:q}"
+        " --long-range {input.long_range:q}"
+        " --out {output:q}"
+        " 2>&1 | tee {log:q}"
+
+
 rule metrics:
     """Pool the figures over sequences, subjects and cameras."""
     input:
         sequences=expand("results/evaluate/{sequence}.parquet", sequence=SEQUENCES),
         adjust=expand("results/adjust/{session}.metrics.parquet", session=ADJUSTED),
+        detectors=expand("results/detectors/{sequence}.parquet", sequence=DETECTED),
         checks=expand("results/evaluate/{sequence}.checks.parquet", sequence=SEQUENCES),
     output:
         "results/evaluate/metrics.csv",
@@ -68,7 +150,7 @@ rule metrics:
         code=code("evaluate.metrics"),
     shell:
         "dior metrics"
-        " --inputs {input.sequences:q} {input.adjust:q}"
+        " --inputs {input.sequences:q} {input.adjust:q} {input.detectors:q}"
         " --checks {input.checks:q}"
         " --out {output:q}"
         " 2>&1 | tee {log:q}"

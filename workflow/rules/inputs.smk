@@ -272,6 +272,46 @@ def roles(wildcards):
     return [f"{name}={camera['role']}" for name, camera in cameras.items()]
 
 
+def detector_files(wildcards):
+    return [row["path"] for row in PROJECT.detectors_of(wildcards.sequence)]
+
+
+def detector_rows(wildcards):
+    return json.dumps(PROJECT.detectors_of(wildcards.sequence))
+
+
+def detector_states(wildcards):
+    """What is in the outputs that are folders, as for the detections."""
+    return [folder_state(path) for path in detector_files(wildcards)]
+
+
+def detector_labels(wildcards):
+    cameras = {row["camera"] for row in PROJECT.detectors_of(wildcards.sequence)}
+    return [
+        f"results/reproject/{wildcards.sequence}.{camera}.parquet" for camera in sorted(cameras)
+    ]
+
+
+def indoor_labels(wildcards):
+    indoor = [sequence for sequence in SEQUENCES if PROJECT.indoor(sequence)]
+    return [path for sequence in indoor for path in labels_of(sequence)]
+
+
+def long_range_recordings():
+    """(sequence, camera) of every long-range camera."""
+    return [
+        (sequence, camera)
+        for sequence in SEQUENCES
+        for camera, setting in PROJECT.cameras(PROJECT.session_of(sequence)).items()
+        if setting["role"] == "long_range"
+    ]
+
+
+def long_range_labels(wildcards):
+    pairs = long_range_recordings()
+    return [f"results/reproject/{sequence}.{camera}.parquet" for sequence, camera in pairs]
+
+
 def own_label(wildcards):
     return f"results/reproject/{wildcards.sequence}.{wildcards.camera}.parquet"
 
@@ -310,6 +350,7 @@ def all_findings():
         *(["results/gallery/gallery.findings.parquet"] if PROJECT.gallery else []),
         *[f"results/detections/{sequence}.findings.parquet" for sequence in outdoor],
         *[f"results/triangulate/{sequence}.findings.parquet" for sequence in outdoor],
+        *[f"results/detectors/{sequence}.findings.parquet" for sequence in DETECTED],
         *[
             f"results/intrinsics/{session}/{camera}.findings.parquet"
             for session in PROJECT.sessions

@@ -23,6 +23,11 @@ rule package:
                 for session in ADJUSTED
                 if session in released_sessions()
             ],
+            *[
+                f"results/detectors/{sequence}.parquet"
+                for sequence in PROJECT.released_sequences
+                if sequence in DETECTED
+            ],
         ],
         gallery=["results/gallery/gallery.parquet"] if PROJECT.gallery else [],
     output:

@@ -1,0 +1,84 @@
+"""What a person has to mark so that the labels are measured: indoor labels to click, long-range frames to box.
+
+INPUTS   `labels_2d` files <sequence>.<camera>.parquet: of indoor sequences, and of long-range cameras
+OUTPUTS  <out>/checks/<sequence>.<camera>.csv   `sequence,frame,joint,u,v`, u and v left empty
+         <out>/boxes/<sequence>.<camera>.csv    `frame,u_min,v_min,u_max,v_max`, the edges left empty
+
+Copy a file to the folder of the same name in config/ and fill it in; rows left empty do not count. No pixel of a label
+is in them, or the hand would follow it. The draw has a fixed seed, and every file its own lots: a sequence more or
+less changes as little of it as can be.
+"""
+
+import shutil
+from pathlib import Path
+from zlib import crc32
+
+import numpy as np
+
+from dior import tables
+from dior.evaluate import boxes, checks
+from dior.files import write_text
+
+SEED = 20240104
+LABELS = 100
+FRAMES = 20  # of each long-range camera and sequence; the paper drew 14245 of 211798
+
+
+def run(*, indoor, long_range, out):
+    """Draw LABELS labels of the files `indoor`, and FRAMES frames of each of the files `long_range`."""
+    out = Path(out)
+    shutil.rmtree(out, ignore_errors=True)
+    (out / "checks").mkdir(parents=True)
+    (out / "boxes").mkdir()
+    for path, rows in labels(indoor).items():
+        sequence = path.stem.split(".")[0]
+        lines = [f"{sequence},{frame},{joint},," for frame, joint in rows]
+        _write(out / "checks" / f"{path.stem}.csv", checks.REQUIRED, lines)
+    for path in sorted(map(Path, long_range)):
+        lines = [f"{frame},,,," for frame in frames(path)]
+        if lines:
+            _write(out / "boxes" / f"{path.stem}.csv", boxes.COLUMNS, lines)
+
+
+def labels(paths, count=LABELS):
+    """(frame, joint) pairs by path: `count` labels of status ok, as many as can be of each subject and camera.
+
+    A marker that a body or the picture's edge hides cannot be clicked, so that only `ok` ones are drawn.
+    """
+    drawn = [row for path in sorted(map(Path, paths)) for row in _lots(path, count)]
+    by_cell = {}
+    for row in sorted(drawn):
+        by_cell.setdefault(row[1], []).append(row)
+    turns = sorted((turn, *row) for cell in by_cell.values() for turn, row in enumerate(cell))
+    found = {}
+    for _, _, _, path, frame, number, joint in turns[:count]:
+        found.setdefault(path, []).append((frame, number, joint))
+    return {path: [(frame, joint) for frame, _, joint in sorted(rows)] for path, rows in sorted(found.items())}
+
+
+def _lots(path, count):
+    """(lot, (subject, camera), path, frame, row, joint) of the `count` lowest lots of a file."""
+    table = tables.read(path, "labels_2d", ["subject", "camera", "joint", "frame", "status"])
+    ok = np.flatnonzero(table["status"] == "ok")
+    lot = _generator(path).random(len(table["status"]))[ok]
+    for i in np.argsort(lot, kind="stable")[:count]:
+        row = ok[i]
+        cell = (table["subject"][row], table["camera"][row])
+        yield float(lot[i]), cell, path, int(table["frame"][row]), int(row), table["joint"][row]
+
+
+def frames(path, count=FRAMES):
+    """`count` frames of a label file, one of each of as many equal parts of the frames that have a label in them."""
+    table = tables.read(path, "labels_2d", ["frame", "status"])
+    seen = np.unique(table["frame"][(table["status"] == "ok") | (table["status"] == "occluded")])
+    parts = np.array_split(seen, min(count, len(seen))) if len(seen) else []
+    generator = _generator(path)
+    return [int(part[int(generator.random() * len(part))]) for part in parts]
+
+
+def _generator(path):
+    return np.random.default_rng([SEED, crc32(path.stem.encode())])
+
+
+def _write(path, columns, lines):
+    write_text(path, "\n".join([",".join(columns), *lines]) + "\n")
