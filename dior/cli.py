@@ -246,7 +246,7 @@ STEPS = {
     "zoom": (
         "evaluate.zoom",
         "write the centre of a camera's pictures for a detector",
-        {"sequence": TEXT, "camera": TEXT, "frames": PATH, "data-root": PATH, "out": PATH},
+        {"sequence": TEXT, "camera": TEXT, "frames": PATH, "data-root": PATH, "out": PATH, "out-index": PATH},
     ),
     "to_mark": (
         "evaluate.to_mark",

@@ -40,6 +40,7 @@ def contents():
         "sequences.tsv": header("sequences"),
         "subjects.tsv": header("subjects"),
         "gallery.tsv": header("gallery", "path"),
+        "detectors.tsv": header("detectors"),
         f"sessions/{SESSION}/session.yaml": template["session.yaml"],
         f"sessions/{SESSION}/{CAMERA}.yaml": template["camera.yaml"],
     }

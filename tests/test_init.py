@@ -42,7 +42,7 @@ def test_every_file_passes_its_schema(tmp_path):
     config = tmp_path / "mine/config"
     found = sorted(path.relative_to(config).as_posix() for path in config.rglob("*") if path.is_file())
     assert found == [
-        "config.yaml", "gallery.tsv", "sequences.tsv", "sessions/session_01/cam01.yaml",
+        "config.yaml", "detectors.tsv", "gallery.tsv", "sequences.tsv", "sessions/session_01/cam01.yaml",
         "sessions/session_01/session.yaml", "subjects.tsv",
     ]  # fmt: skip
     for path, kind in (("config", "config"), ("sessions/session_01/session", "session"),

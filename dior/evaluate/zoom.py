@@ -2,8 +2,9 @@
 
 INPUTS   the sequence's `frames` table and its bags below data_root
 OUTPUTS  <out>/frame_<frame>.png: the middle of every picture of one camera, a quarter of its width and height (320x180
-         of 1280x720), pixel by pixel as recorded; nothing is enlarged or compressed again. <out>/index.csv: `file,
-         frame,stamp_ns,u_min,v_min,width,height`, where the piece lies in the recorded picture.
+         of 1280x720), pixel by pixel as recorded; nothing is enlarged or compressed again
+         index CSV: `file,frame,stamp_ns,u_min,v_min,width,height`, where the piece lies in the recorded picture; beside
+         the folder, in which a detector shall find nothing but pictures
 
 A row of config/detectors.tsv with `zoom` 4 names a detector's output on these files; the frame is in the file name, as
 every reader wants it. Pixel (0, 0) of the piece is the centre of its first pixel, as in the recorded picture, so that a
@@ -23,7 +24,7 @@ ZOOM = 4
 INDEX = ("file", "frame", "stamp_ns", "u_min", "v_min", "width", "height")
 
 
-def run(*, sequence, camera, frames, data_root, out):
+def run(*, sequence, camera, frames, data_root, out, out_index):
     """Write the centre of every picture of one camera. Raises DiorError for a camera without pictures."""
     import cv2
 
@@ -39,7 +40,7 @@ def run(*, sequence, camera, frames, data_root, out):
         with written_whole(Path(out) / name) as part:
             part.write_bytes(cv2.imencode(".png", piece)[1].tobytes())
         lines[frame] = f"{name},{frame},{pictures['stamp_ns'][row]},{u},{v},{width},{height}"
-    write_text(Path(out) / "index.csv", "\n".join([",".join(INDEX), *(lines[f] for f in sorted(lines))]) + "\n")
+    write_text(out_index, "\n".join([",".join(INDEX), *(lines[f] for f in sorted(lines))]) + "\n")
 
 
 def window(width, height, zoom):

@@ -94,7 +94,7 @@ def test_detectors_and_what_is_to_mark(copy):
     """Pictures are cut out; a detector that finds the subject in some and one that finds nobody are measured."""
     snakemake(copy, "zoomed", "to_mark")
     folder = copy / "results/zoom/outdoor_01.cam04"
-    index = list(csv.DictReader((folder / "index.csv").open()))
+    index = list(csv.DictReader(folder.with_name(f"{folder.name}.csv").open()))
     assert [row["file"] for row in index] == [f"frame_{i:06d}.png" for i in range(90)]
     frames = tables.of_camera(tables.read(copy / "results/frames/outdoor_01.parquet", "frames"), "cam04")
     row, picture = next(iter(bags.read_pictures(frames, copy / "results/simulate")))

@@ -94,7 +94,8 @@ rule zoom:
         bags=there(bags),
         frames="results/frames/{sequence}.parquet",
     output:
-        directory("results/zoom/{sequence}.{camera}"),
+        pictures=directory("results/zoom/{sequence}.{camera}"),
+        index="results/zoom/{sequence}.{camera}.csv",
     log:
         "logs/zoom/{sequence}.{camera}.log",
     benchmark:
@@ -108,7 +109,8 @@ rule zoom:
         " --camera {wildcards.camera}"
         " --frames {input.frames:q}"
         " --data-root {params.data_root:q}"
-        " --out {output:q}"
+        " --out {output.pictures:q}"
+        " --out-index {output.index:q}"
         " 2>&1 | tee {log:q}"
 
 
