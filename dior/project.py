@@ -183,6 +183,10 @@ class Project:
         """Hand checks: camera -> file, where there is one."""
         return self._per_camera("checks", sequence)
 
+    def effort(self):
+        """[path] of the sheet of manual work, or []."""
+        return ["config/effort.tsv"] if self._exists("config/effort.tsv") else []
+
     def _per_camera(self, folder, sequence):
         paths = {camera: f"config/{folder}/{sequence}.{camera}.csv" for camera in self.cameras_of(sequence)}
         return {camera: path for camera, path in paths.items() if self._exists(path)}

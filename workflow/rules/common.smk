@@ -16,6 +16,8 @@ from dior.provenance import folder_state
 
 # `dior` is found beside the Python that runs Snakemake, without activating the environment
 os.environ.update(PATH=os.pathsep.join([os.path.dirname(sys.executable), os.getenv("PATH", "")]))
+# each job leaves what it cost beside its log (dior/evaluate/timing.py); no rule knows of it
+os.environ.update(DIOR_TIMINGS="logs")
 
 try:
     PROJECT = project.load(os.getcwd(), config)

@@ -1,7 +1,7 @@
 """Evaluate: how good the labels are, by every yardstick that a sequence offers.
 
 Required inputs: labels and skeletons; detections, boxes, marks, checks and truth where there are any.
-Outputs: results/evaluate/<sequence>.parquet, results/evaluate/metrics.csv.
+Outputs: results/evaluate/<sequence>.parquet, results/evaluate/metrics.csv, results/evaluate/statistics.csv.
 """
 
 
@@ -58,10 +58,39 @@ rule metrics:
     output:
         "results/evaluate/metrics.csv",
     log:
-        "logs/evaluate/metrics.log",
+        "logs/metrics/metrics.log",
     benchmark:
-        "logs/evaluate/metrics.benchmark.tsv"
+        "logs/metrics/metrics.benchmark.tsv"
     params:
         code=code("evaluate.metrics"),
     shell:
         "dior metrics" " --inputs {input:q}" " --out {output:q}" " 2>&1 | tee {log:q}"
+
+
+rule statistics:
+    """Count what is in the dataset, what is missing and why."""
+    input:
+        labels=[path for sequence in SEQUENCES for path in labels_of(sequence)],
+        skeletons=[skeleton_of(sequence) for sequence in SEQUENCES],
+        frames=expand("results/frames/{sequence}.parquet", sequence=SEQUENCES),
+        dropped=expand("results/audit/{sequence}.dropped.parquet", sequence=SEQUENCES),
+        gallery=["results/gallery/gallery.parquet"] if PROJECT.gallery else [],
+    output:
+        "results/evaluate/statistics.csv",
+    log:
+        "logs/statistics/statistics.log",
+    benchmark:
+        "logs/statistics/statistics.benchmark.tsv"
+    params:
+        sheet=as_json(PROJECT.rows),
+        code=code("evaluate.statistics"),
+    shell:
+        "dior statistics"
+        " --root ."
+        " --labels {input.labels:q}"
+        " --skeletons {input.skeletons:q}"
+        " --frames {input.frames:q}"
+        " --dropped {input.dropped:q}"
+        " --gallery {input.gallery:q}"
+        " --out {output:q}"
+        " 2>&1 | tee {log:q}"

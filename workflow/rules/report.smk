@@ -54,8 +54,12 @@ rule report:
         dropped=expand("results/audit/{sequence}.dropped.parquet", sequence=SEQUENCES),
         frames=expand("results/frames/{sequence}.parquet", sequence=SEQUENCES),
         overlays=all_overlays(),
+        statistics="results/evaluate/statistics.csv",
+        effort=PROJECT.effort(),
     output:
         page="results/report/index.html",
+        cost="results/report/cost.html",
+        timing="results/timing.csv",
         plots=directory("results/report/assets/plots"),
     log:
         "logs/report/report.log",
@@ -78,5 +82,8 @@ rule report:
         " --dropped {input.dropped:q}"
         " --frames {input.frames:q}"
         " --overlays {input.overlays:q}"
+        " --statistics {input.statistics:q}"
+        " --effort {input.effort:q}"
         " --out results/report"
+        " --out-timing {output.timing:q}"
         " 2>&1 | tee {log:q}"
