@@ -58,6 +58,13 @@ def run(
     rows = metrics_csv.read(metrics)
     recorded = recordings(frame_metrics)
     found = [finding for path in findings for finding in _findings(path)]
+    audited = recording_stamps.read(audits, dropped, frames)
+    found += summary.noticed(
+        {name: project.cameras_of(name) for name in project.sequences},
+        {name: set(one.lags) for name, one in audited.items()},
+        rows,
+        {name: project.sequence(name)["environment"] for name in project.sequences},
+    )
     stations = session_cameras(cameras)
     sheets = _sheets(overlays, out)
     by_camera = rows_by_camera(rows)
@@ -67,7 +74,6 @@ def run(
     sections = [*made.paper(), *made.truth()]
     timelines = made.timelines()
     scenes = made.scenes(stations, skeletons)
-    audited = recording_stamps.read(audits, dropped, frames)
     stamps = made.stamps(audited)
     _remove_stale(folder, made.names)
     counted = statistics_csv.read(statistics)
