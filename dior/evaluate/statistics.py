@@ -28,6 +28,7 @@ from dior import project as projects
 from dior import tables
 from dior.errors import DiorError
 from dior.files import write_text
+from dior.progress import told
 
 COLUMNS = ("what", "environment", "role", "camera", "reason", "value", "unit")
 THERE_3D = ("ok", "gap_filled")
@@ -63,7 +64,8 @@ def rows_of(sheet, roles, labels, skeletons, frames, dropped=(), angles=()):
         for camera, n in Counter(tables.read(path, "frames", ["camera"])["camera"].tolist()).items():
             add("frames", place(path, camera), "", n)
             add("camera_recordings", place(path, camera), "", 1)
-    for path in _of(sheet, labels):
+    of_labels = _of(sheet, labels)
+    for path in told(of_labels, len(of_labels), "tables of labels", "statistics"):
         where = place(path, Path(path).name.split(".")[1])
         for status, n in _words(path, "labels_2d", "status"):
             add("keypoints_2d" if status == "ok" else "missing_2d", where, "" if status == "ok" else status, n)

@@ -24,6 +24,7 @@ from dior.errors import DiorError
 from dior.evaluate import statistics
 from dior.evaluate.metrics import as_csv, merged
 from dior.files import write_text
+from dior.progress import told
 from dior.project import sheets
 from dior.provenance import file_sha256
 from dior.release import card
@@ -54,7 +55,7 @@ def run(*, project, version, title, license, authors, labels, skeletons, frames,
         "frames": _by_sequence(frames, released, "frames"),
     }
     with _folder_in_place(Path(out)) as folder:
-        for name, row in released.items():
+        for name, row in told(released.items(), len(released), "sequences", "release"):
             who = row["subject"]
             for path in found["labels_2d"][name]:
                 _release_labels(path, row, folder / "labels_2d" / who / path.name)

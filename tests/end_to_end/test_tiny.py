@@ -82,6 +82,16 @@ def test_every_frame_of_every_camera_has_every_joint(project):
             assert (labels["status"] != "").all()
 
 
+def test_a_run_ends_with_what_to_open(copy):
+    (copy / "results/evaluate/statistics.csv").unlink()
+    code, text = snakemake(copy, "--quiet", "all", "--", "results/evaluate/statistics.csv")
+    assert f"Open {copy}/results/report/index.html\n" in text
+    shutil.rmtree(copy / "results/report")
+    (copy / "results/evaluate/statistics.csv").unlink()
+    assert "Open " not in snakemake(copy, "results/evaluate/statistics.csv")[1]
+    assert "Open " not in snakemake(copy, "-n")[1]
+
+
 def test_report_and_release_are_there(project):
     page = (project / "results/report/index.html").read_text()
     assert "outdoor_01" in page and "http://" not in page and "https://" not in page
@@ -236,6 +246,9 @@ def test_a_broken_sequence_does_not_stop_the_others(copy):
     code, text = snakemake(copy, "--keep-going", check=False)
     assert code != 0
     assert "dior frames: " in text and "pc2.bag" in text and "truncated" in text
+    last = text.split("Exiting because a job execution failed")[1]
+    assert re.search(r"^logs/frames/indoor_02.log: dior frames: .*pc2.bag.* truncated", last, re.MULTILINE)
+    assert "Open " not in last
     made = {path.name.split(".")[0] for path in (copy / "results/reproject").glob("*.parquet")}
     assert made == {"indoor_01", "outdoor_01", "outdoor_02"}
     assert not (copy / "results/frames/indoor_02.parquet").exists()
