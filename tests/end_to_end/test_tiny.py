@@ -7,7 +7,9 @@ import re
 import shutil
 import signal
 import time
+import zipfile
 from collections import Counter
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -253,6 +255,18 @@ def test_a_broken_sequence_does_not_stop_the_others(copy):
     assert made == {"indoor_01", "outdoor_01", "outdoor_02"}
     assert not (copy / "results/frames/indoor_02.parquet").exists()
     assert not list(copy.rglob(".*.part*"))
+
+
+@pytest.mark.slow
+def test_snakemakes_own_report(project, tmp_path):
+    snakemake(project, "--report", tmp_path / "report.zip")
+    snakemake(project, "--report", tmp_path / "report.html")
+    with zipfile.ZipFile(tmp_path / "report.zip") as packed:
+        found = {Path(name).name: packed.read(name) for name in packed.namelist()}
+    for path in (*(project / "results/report/assets/plots").glob("*.svg"), *(project / "results").glob("*/*.csv")):
+        assert found[path.name] == path.read_bytes(), path.name
+    page = (tmp_path / "report.html").read_text()
+    assert "metrics.csv" in page and not re.findall(r'(?:src|href)="https?://[^"]*"', page)
 
 
 @pytest.mark.slow

@@ -56,7 +56,7 @@ rule metrics:
         sequences=expand("results/evaluate/{sequence}.parquet", sequence=SEQUENCES),
         adjust=expand("results/adjust/{session}.metrics.parquet", session=ADJUSTED),
     output:
-        "results/evaluate/metrics.csv",
+        report("results/evaluate/metrics.csv", category="Tables"),
     log:
         "logs/metrics/metrics.log",
     benchmark:
@@ -76,7 +76,7 @@ rule statistics:
         dropped=expand("results/audit/{sequence}.dropped.parquet", sequence=SEQUENCES),
         gallery=["results/gallery/gallery.parquet"] if PROJECT.gallery else [],
     output:
-        "results/evaluate/statistics.csv",
+        report("results/evaluate/statistics.csv", category="Tables"),
     log:
         "logs/statistics/statistics.log",
     benchmark:

@@ -60,7 +60,9 @@ rule report:
         page="results/report/index.html",
         cost="results/report/cost.html",
         timing="results/timing.csv",
-        plots=directory("results/report/assets/plots"),
+        plots=report(
+            directory("results/report/assets/plots"), patterns=["{name}.svg"], category="Figures"
+        ),
     log:
         "logs/report/report.log",
     benchmark:
