@@ -45,8 +45,13 @@ def _machine(row, most):
 
 
 def human(effort, frames):
-    """What people did, as `lines` (what, minutes, count, minutes each), all `minutes`, and `seconds_per_frame`."""
+    """What people did, as `lines` (what, minutes, count, minutes each), all `minutes`, and `seconds_per_frame`.
+
+    None where nothing is noted yet.
+    """
     sheet, _ = read_sheet(effort, "effort", "what", EFFORT)
+    if not sheet:
+        return None
     lines, minutes = [], 0.0
     for row in sheet.values():
         took = float(row["minutes"])
