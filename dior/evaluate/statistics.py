@@ -159,13 +159,17 @@ def properties(rows):
     mocap, far = of(rows, "frames", "indoor"), of(rows, "frames", role="long_range")
     views = of(rows, "camera_recordings") / max(of(rows, "sequences"), 1)
     height, distance = of(rows, "person_height", role="long_range"), of(rows, "distance", role="long_range")
-    gallery = of(rows, "gallery_pictures")
+    gallery, flat, deep = (of(rows, what) for what in ("gallery_pictures", "keypoints_2d", "keypoints_3d"))
     return [
-        ("MoCap pose", mocap > 0, f"{mocap} of {of(rows, 'frames')} pictures"),
-        ("Gallery from all around", gallery > 0, f"{gallery} pictures"),
+        ("MoCap pose", mocap > 0, f"{_thousands(mocap)} of {_thousands(of(rows, 'frames'))} pictures"),
+        ("Gallery from all around", gallery > 0, f"{_thousands(gallery)} pictures"),
         ("Multi-view", views >= 2, f"{views:.3g} cameras"),
-        ("2D pose", of(rows, "keypoints_2d") > 0, f"{of(rows, 'keypoints_2d')} keypoints"),
-        ("3D pose", of(rows, "keypoints_3d") > 0, f"{of(rows, 'keypoints_3d')} keypoints"),
-        ("Long range", far > 0, f"{far} pictures from {distance:.3g} m" if far else ""),
+        ("2D pose", flat > 0, f"{_thousands(flat)} keypoints"),
+        ("3D pose", deep > 0, f"{_thousands(deep)} keypoints"),
+        ("Long range", far > 0, f"{_thousands(far)} pictures from {distance:.3g} m" if far else ""),
         ("Less than 25 px tall", 0 < height < 25, f"{height:.3g} px, lowest to highest keypoint" if far else ""),
     ]
+
+
+def _thousands(number):
+    return f"{number:,}".replace(",", "\u202f")

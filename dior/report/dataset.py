@@ -16,7 +16,7 @@ LINES = (
     ("dropped_frames", "pictures lost or there twice"),
 )
 OF_CAMERA = ("frames", "keypoints_2d", "missing_2d", "dropped_frames")
-REASONS = (("missing_2d", "2D"), ("missing_3d", "3D"), ("dropped_frames", "pictures"))
+REASONS = (("missing_2d", "2D keypoints"), ("missing_3d", "3D keypoints"), ("dropped_frames", "pictures"))
 
 
 def section(rows):
@@ -24,7 +24,7 @@ def section(rows):
     environments = sorted({row["environment"] for row in rows} - {""})
     places = [(name, name, "") for name in environments]
     if statistics.of(rows, "frames", role="long_range"):
-        places.append(("long range", "", "long_range"))
+        places.append(("of these, long range", "", "long_range"))
     places.append(("all", "", ""))
     lines = [
         (title, [_cell(rows, what, environment, role) for _, environment, role in places])
