@@ -1,6 +1,6 @@
 """A project folder: its config, sheets, sessions and cameras, read and checked as a whole.
 
-INPUTS: `<root>/config/`: config.yaml, sequences.tsv, subjects.tsv, gallery.tsv (may be missing),
+INPUTS: `<root>/config/`: config.yaml, sequences.tsv, subjects.tsv, gallery.tsv, effort.tsv (may be missing),
 sessions/<session>/{session.yaml, <camera>.yaml, <camera>.marks.csv}, offsets/, boxes/, checks/. OUTPUTS: a `Project`,
 whose paths are strings relative to `root`, Snakemake's working directory. Nothing is globbed: the sheets and
 session.yaml say what exists. It is read each time Snakemake parses the workflow, so this module loads no numerics, and
