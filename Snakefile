@@ -24,6 +24,14 @@ include: "workflow/rules/report.smk"
 include: "workflow/rules/release.smk"
 
 
+onsuccess:
+    say_what_to_open()
+
+
+onerror:
+    say_what_failed(log)
+
+
 rule all:
     """Report, release and tarballs (the default)."""
     default_target: True

@@ -3,10 +3,12 @@
 import argparse
 import json
 import sys
+import time
 from importlib import import_module
 from pathlib import Path
 
 from dior.errors import DiorError
+from dior.evaluate import timing
 
 
 def pairs(words):
@@ -258,6 +260,19 @@ STEPS = {
         "pool the figures of all sequences",
         {"inputs": PATHS, "checks": PATHS, "out": PATH},
     ),
+    "statistics": (
+        "evaluate.statistics",
+        "count what is in the dataset and what is missing",
+        {
+            "root": PATH,
+            "labels": PATHS,
+            "skeletons": PATHS,
+            "frames": PATHS,
+            "dropped": PATHS,
+            "gallery": MAYBE,
+            "out": PATH,
+        },
+    ),
     "overlays": (
         "report.overlays",
         "draw labels on a few pictures",
@@ -289,7 +304,10 @@ STEPS = {
             "dropped": PATHS,
             "frames": PATHS,
             "overlays": PATHS,
+            "statistics": PATH,
+            "effort": MAYBE,
             "out": PATH,
+            "out-timing": PATH,
         },
     ),
     "package": (
@@ -351,6 +369,7 @@ def _arguments(args):
 def main(argv=None):
     """Run one subcommand; a DiorError is one line on standard error and exit code 1."""
     argv = sys.argv[1:] if argv is None else argv
+    started = time.monotonic()
     try:
         if argv[:1] == ["simulate"] and "--write-config" in argv:
             import_module("dior.simulate.config").run(**vars(_config_parser().parse_args(argv[1:])))
@@ -359,7 +378,9 @@ def main(argv=None):
         if args.command == "init":
             import_module("dior.init").run(args.folder)
             return 0
-        import_module(f"dior.{STEPS[args.command][0]}").run(**_arguments(args))
+        step, arguments = args.command, _arguments(args)
+        import_module(f"dior.{STEPS[step][0]}").run(**arguments)
+        timing.write(step, arguments, started)
     except DiorError as error:
         print(f"dior {argv[0]}: {error}", file=sys.stderr)
         return 1

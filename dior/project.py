@@ -1,8 +1,8 @@
 """A project folder: its config, sheets, sessions and cameras, read and checked as a whole.
 
-INPUTS: `<root>/config/`: config.yaml, sequences.tsv, subjects.tsv, gallery.tsv and detectors.tsv (may be missing),
-sessions/<session>/{session.yaml, <camera>.yaml, <camera>.marks.csv}, offsets/, boxes/, checks/. OUTPUTS: a `Project`,
-whose paths are strings relative to `root`, Snakemake's working directory. Nothing is globbed: the sheets and
+INPUTS: `<root>/config/`: config.yaml, sequences.tsv, subjects.tsv; gallery.tsv, detectors.tsv and effort.tsv, which may
+be missing; sessions/<session>/{session.yaml, <camera>.yaml, <camera>.marks.csv}, offsets/, boxes/, checks/. OUTPUTS: a
+`Project`, whose paths are strings relative to `root`, Snakemake's working directory. Nothing is globbed: the sheets and
 session.yaml say what exists. It is read each time Snakemake parses the workflow, so this module loads no numerics, and
 YAML and the schemas' validator only when asked.
 """
@@ -192,6 +192,10 @@ class Project:
     def checks(self, sequence):
         """Hand checks: camera -> file, where there is one."""
         return self._per_camera("checks", sequence)
+
+    def effort(self):
+        """[path] of the sheet of manual work, or []."""
+        return ["config/effort.tsv"] if self._exists("config/effort.tsv") else []
 
     def _per_camera(self, folder, sequence):
         paths = {camera: f"config/{folder}/{sequence}.{camera}.csv" for camera in self.cameras_of(sequence)}

@@ -18,6 +18,7 @@ import numpy as np
 from dior import tables
 from dior.camera import inverse_pose, pose, project, undistort
 from dior.errors import DiorError
+from dior.progress import told
 
 FAMILIES = {"36h11": "APRILTAG_36h11"}
 # bits of tag 0 by rows from the top left, as in AprilTag's own sources (tag36h11.c of AprilTag 2) and pictures
@@ -270,7 +271,7 @@ def _detections(camera, tag, frames, data_root, where):
     chosen = np.unique(np.linspace(0, count - 1, min(count, MOST_FRAMES)).round().astype(int))
     rows = {key: values[chosen] for key, values in rows.items()}
     detect, found = detector(FAMILIES[tag["family"]]), {}
-    for row, picture in bags.read_pictures(rows, data_root):
+    for row, picture in told(bags.read_pictures(rows, data_root), len(rows["frame"]), "pictures", where):
         corners = detect(picture).get(tag["id"])
         if corners is not None:
             found[row] = corners

@@ -24,6 +24,7 @@ import numpy as np
 from dior.camera import Intrinsics
 from dior.errors import DiorError, nearest
 from dior.ingest import bags as rosbag
+from dior.progress import told
 
 SUFFIXES = (".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff")
 MOST_PICTURES = 120
@@ -127,7 +128,7 @@ def _of_bag(path, topic):
     order = np.argsort(rows["stamp_ns"], kind="stable")
     chosen = order[np.unique(np.linspace(0, len(order) - 1, min(len(order), MOST_PICTURES)).round().astype(int))]
     rows = {key: values[chosen] for key, values in rows.items()}
-    for row, picture in rosbag.read_pictures(rows, path.parent):
+    for row, picture in told(rosbag.read_pictures(rows, path.parent), len(chosen), "pictures", path.name):
         yield f"{path.name} {rows['stamp_ns'][row]}", cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
 
 

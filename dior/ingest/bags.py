@@ -17,6 +17,7 @@ from dior.ingest import messages
 from dior.ingest.containers import BROKEN, HEAD, full_name
 from dior.ingest.containers import messages as messages_of
 from dior.ingest.containers import topics as topics_of
+from dior.progress import told
 
 __all__ = [
     "bags_with", "camera_info_topic", "full_name", "holding", "index", "read_camera_info", "read_pictures", "repeated",
@@ -67,7 +68,7 @@ def index(bag, topics):
     columns = {key: [] for key in ("topic", "stamp_ns", "receive_ns", "nth", "height", "width")}
     given = {full_name(topic): topic for topic in topics}
     count = Counter()
-    for message, nth in _numbered(bag, given):
+    for message, nth in _told(bag, given):
         topic = given[message.topic]
         stamp_ns, height, width = _picture_header(message, f"{bag}: message {count[topic]} of {topic}")
         count[topic] += 1
@@ -85,6 +86,16 @@ def _numbered(bag, wanted, received=None):
         key = (message.topic, message.receive_ns)
         yield message, before[key]
         before[key] += 1
+
+
+def _told(bag, given):
+    """`_numbered` of all messages of some topics, telling how far it is."""
+
+    def total():
+        there = topics_of(bag)
+        return sum(there.get(topic, ("", 0))[1] for topic in given)
+
+    return told(_numbered(bag, given), total, "messages", bag)
 
 
 def _picture_header(message, where):
@@ -138,7 +149,7 @@ def repeated(bag, topics):
     """
     given = {full_name(topic): topic for topic in topics}
     found, before = set(), {}
-    for message, nth in _numbered(bag, given):
+    for message, nth in _told(bag, given):
         try:
             head = messages.after_header(message.fetch(HEAD), message.wire)
             last_head, last = before.get(message.topic, (None, None))

@@ -20,6 +20,7 @@ from dior.errors import DiorError
 from dior.files import write_text
 from dior.ingest import bags as rosbag
 from dior.ingest import detect_task
+from dior.progress import told
 from dior.skeletons import BY_COUNT
 
 BATCH = 16
@@ -27,7 +28,6 @@ MEAN, DEVIATION = np.float32([123.675, 116.28, 103.53]), np.float32([58.395, 57.
 # somebody is found where that many joints have that score; the box around them, enlarged, is looked at again
 SCORE, JOINTS = 0.3, 4
 AROUND = 1.25
-PROGRESS_S = 5.0
 
 
 @dataclass(frozen=True)
@@ -61,10 +61,8 @@ def run(*, sequence, camera, frames, data_root, model, crop, out):
     if not total:
         raise DiorError(f"{where}: {frames} has no frame of this camera")
     found = {}
-    with _tqdm()(total=total, desc=where, unit="picture", mininterval=PROGRESS_S) as progress:
-        for row, people in finder(rosbag.read_pictures(pictures, data_root)):
-            found[int(pictures["frame"][row])] = people
-            progress.update()
+    for row, people in told(finder(rosbag.read_pictures(pictures, data_root)), total, "pictures", where):
+        found[int(pictures["frame"][row])] = people
     results = [_result(frame, one) for frame in sorted(found) for one in found[frame]]
     if not results:
         raise DiorError(f"{where}: {model} found nobody in any of {total} pictures; is it a pose network?")
@@ -95,7 +93,7 @@ def load(model):
     try:
         import onnxruntime
     except ImportError:
-        raise _not_installed("onnxruntime") from None
+        raise DiorError("`detections: detect` needs onnxruntime; install it: pip install -e '.[detect]'") from None
     options = onnxruntime.SessionOptions()
     # Snakemake says by this variable how many cores a job has; 0 is all
     options.intra_op_num_threads = int(os.environ.get("OMP_NUM_THREADS") or 0)
@@ -116,18 +114,6 @@ def load(model):
     name = inputs[0].name
     batch = shape[0] if isinstance(shape[0], int) else BATCH
     return Network(lambda values: session.run(None, {name: values}), shape[3], shape[2], batch, str(model))
-
-
-def _not_installed(package):
-    return DiorError(f"`detections: detect` needs {package}; install it: pip install -e '.[detect]'")
-
-
-def _tqdm():
-    try:
-        from tqdm import tqdm
-    except ImportError:
-        raise _not_installed("tqdm") from None
-    return tqdm
 
 
 def _batches(pictures, size):

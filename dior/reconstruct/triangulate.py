@@ -16,6 +16,8 @@ from dior.sampling import blend
 from dior.views import DROP_FACTOR, by_dropping, usual_error
 
 METHODS = ("robust", "rays")
+# a detector exchanges the sides of some walkers who turn away, but not those of most pictures
+MOSTLY = 0.5
 
 
 def by_rays(cameras, uv):
@@ -144,11 +146,15 @@ def write_swaps(path, names, stamps, frames, swapped):
 
 
 def _findings(sequence, names, swapped, status):
-    found = [
-        (f"{sequence}/{name}", "info", "left_right_swapped", f"left and right exchanged at {n} of {len(row)} instants")
-        for name, row in zip(names, swapped, strict=True)
-        if (n := int(row.sum()))
-    ]
+    found = []
+    for name, row in zip(names, swapped, strict=True):
+        n = int(row.sum())
+        text = f"left and right exchanged at {n} of {len(row)} instants"
+        if n > MOSTLY * len(row):
+            text = f"the detector is swapped: {text}, so its pictures or its joints are mirrored; they are turned back"
+            found.append((f"{sequence}/{name}", "warning", "detector_swapped", text))
+        elif n:
+            found.append((f"{sequence}/{name}", "info", "left_right_swapped", text))
     missing = np.mean(status != "ok")
     if missing > 0.1:
         text = f"{missing:.0%} of the 3D joints could not be triangulated: {_shares(status)}"

@@ -1,6 +1,6 @@
 """The dataset card of a release: what the tables hold, how they were made, how good they are and what they lack.
 
-INPUTS   facts of the config, released sheet rows, counts per labels table, cameras, figures. OUTPUT: Markdown with
+INPUTS   facts of the config, released sheet rows, what is counted in them, figures. OUTPUT: Markdown with
          the front matter that the Hugging Face Hub reads.
 """
 
@@ -12,8 +12,10 @@ import numpy as np
 import pyarrow as pa
 
 from dior import tables
+from dior.evaluate import statistics
 from dior.schemas import METRICS, SCHEMAS, VOCABULARY
 
+COUNTED = ("camera_recordings", "frames", "keypoints_2d", "missing_2d")
 TEMPLATE = Path(__file__).with_name("card.md.j2")
 FILES = {
     "labels_2d": ("labels_2d/<subject>/<sequence>.<camera>.parquet", "one row per frame and joint of a camera"),
@@ -38,10 +40,10 @@ SIZES = (
 )
 
 
-def text(facts, sequences, counts, cameras, figures, gallery):
-    """The card. `facts`: version, title, license, authors. `sequences`: released sheet rows. `counts`: one dict per
-    labels table (sequence, environment, session, camera, frames, rows, labels). `cameras`: columns. `figures`: rows of
-    metrics.csv. `gallery`: whether there is a gallery.parquet.
+def text(facts, sequences, counted, figures, gallery, example):
+    """The card. `facts`: version, title, license, authors. `sequences`: released sheet rows. `counted`: rows of
+    `statistics.rows_of` for them. `figures`: rows of metrics.csv. `gallery`: whether there is a gallery.parquet.
+    `example`: the name of a labels file of the first sequence.
     """
     from jinja2 import Environment, StrictUndefined
 
@@ -50,24 +52,25 @@ def text(facts, sequences, counts, cameras, figures, gallery):
     )
     environment.filters["quoted"] = lambda word: json.dumps(str(word), ensure_ascii=False)
     environment.filters["cell"] = lambda word: str(word).replace("|", "\\|")
-    rows = sum(count["rows"] for count in counts)
+    rows = statistics.of(counted, "keypoints_2d") + statistics.of(counted, "missing_2d")
     return environment.from_string(TEMPLATE.read_text(encoding="utf-8")).render(
         **facts,
         simulated=any(row.get("truth") for row in sequences),
         size=next((name for limit, name in SIZES if rows < limit), "n>1T"),
         environments=dict(sorted(Counter(row["environment"] for row in sequences).items())),
-        long_range="long_range" in set(cameras["role"]),
+        long_range=statistics.of(counted, "frames", role="long_range") > 0,
         n_sequences=len(sequences),
         n_subjects=len({row["subject"] for row in sequences}),
-        n_frames=sum(count["frames"] for count in counts),
-        n_labels=sum(count["labels"] for count in counts),
-        counts=_counted(counts, cameras),
+        n_frames=statistics.of(counted, "frames"),
+        n_labels=statistics.of(counted, "keypoints_2d"),
+        counts=_by_camera(counted),
+        properties=statistics.properties(counted),
         gallery=gallery,
         described=[(*FILES[name], _columns(name)) for name in FILES if gallery or name != "released_gallery"],
         metric_columns=tables.columns_of("metrics"),
         figures=[figure for figure in map(_figure, figures) if figure],
         metrics={name: meaning for name, meaning in METRICS.items() if _has(figures, name)},
-        example=_example(sequences, counts),
+        example=f"labels_2d/{sequences[0]['subject']}/{example}",
     )
 
 
@@ -96,16 +99,14 @@ def _type(kind):
     return str(np.dtype(kind.to_pandas_dtype()))
 
 
-def _counted(counts, cameras):
-    """Totals by environment, camera and role, in that order."""
-    names = zip(cameras["session"], cameras["camera"], cameras["role"], strict=True)
-    roles = {(session, camera): role for session, camera, role in names}
-    totals = {}
-    for count in counts:
-        key = (count["environment"], count["camera"], roles.get((count["session"], count["camera"]), ""))
-        total = totals.setdefault(key, Counter())
-        total.update({"sequences": 1, **{k: count[k] for k in ("frames", "rows", "labels")}})
-    return [(*key, totals[key]) for key in sorted(totals)]
+def _by_camera(counted):
+    """(environment, camera, role, what -> n) rows, in that order."""
+    places = {(row["environment"], row["camera"], row["role"]) for row in counted if row["what"] == "frames"}
+    return [
+        (environment, camera, role, {what: statistics.of(counted, what, environment, role, camera) for what in COUNTED})
+        for environment, camera, role in sorted(places)
+        if camera
+    ]
 
 
 def _figure(row):
@@ -115,10 +116,3 @@ def _figure(row):
     where = row["camera"] or row["role"] or "all"
     value = "" if np.isnan(row["value"]) else f"{row['value']:.3g}"
     return row["metric"], row["tool"], where.replace("_", "-"), value, row["unit"], row["n"]
-
-
-def _example(sequences, counts):
-    """A labels file that exists, for the lines that show how to read it."""
-    first = sequences[0]
-    camera = min(count["camera"] for count in counts if count["sequence"] == first["sequence"])
-    return f"labels_2d/{first['subject']}/{first['sequence']}.{camera}.parquet"

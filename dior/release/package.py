@@ -21,8 +21,10 @@ import pyarrow.compute as pc
 from dior import tables
 from dior.consistency import consents
 from dior.errors import DiorError
+from dior.evaluate import statistics
 from dior.evaluate.metrics import as_csv, merged
 from dior.files import write_text
+from dior.progress import told
 from dior.project import sheets
 from dior.provenance import file_sha256
 from dior.release import card
@@ -53,23 +55,29 @@ def run(*, project, version, title, license, authors, labels, skeletons, frames,
         "frames": _by_sequence(frames, released, "frames"),
     }
     with _folder_in_place(Path(out)) as folder:
-        counts = []
-        for name, row in released.items():
+        for name, row in told(released.items(), len(released), "sequences", "release"):
             who = row["subject"]
             for path in found["labels_2d"][name]:
-                counts.append(_release_labels(path, row, folder / "labels_2d" / who / path.name))
+                _release_labels(path, row, folder / "labels_2d" / who / path.name)
             _release_skeleton(found["skeletons_3d"][name][0], row, folder / "skeletons_3d" / who / f"{name}.parquet")
             _release_frames(found["frames"][name][0], folder / "frames" / who / f"{name}.parquet")
         rig = _released_cameras(cameras, {row["session"] for row in released.values()})
         tables.write(folder / "cameras.parquet", "cameras", rig)
         tables.write(folder / "sequences.parquet", "sequences", _sequences(released))
         tables.write(folder / "subjects.parquet", "subjects", _subjects(released, subjects))
+        pictures = _gallery(gallery, released) if gallery else {"angle": ()}
         if gallery:
-            tables.write(folder / "gallery.parquet", "released_gallery", _gallery(gallery, released))
+            tables.write(folder / "gallery.parquet", "released_gallery", pictures)
         figures = _figures(metrics, released, everyone=len(released) == len(processed))
         write_text(folder / "metrics.csv", as_csv(figures))
         facts = {"version": version, "title": title, "license": license, "authors": list(authors)}
-        write_text(folder / "README.md", card.text(facts, list(released.values()), counts, rig, figures, bool(gallery)))
+        roles = dict(zip(zip(rig["session"], rig["camera"], strict=True), rig["role"], strict=True))
+        files = {name: [path for paths in found[name].values() for path in paths] for name in found}
+        counted = statistics.rows_of(released, roles, *files.values(), angles=pictures["angle"])
+        example = next(iter(found["labels_2d"].values()))[0].name
+        write_text(
+            folder / "README.md", card.text(facts, list(released.values()), counted, figures, bool(gallery), example)
+        )
         write_text(folder / SUMS, _sums(folder))
 
 
@@ -104,19 +112,7 @@ def _by_sequence(paths, released, what):
 
 
 def _release_labels(path, row, out):
-    """Write the labels of one camera; returns what the card counts."""
-    table = _as_pseudonym(tables.read_arrow(path, "labels_2d"), path, row)
-    tables.write_arrow(out, table)
-    frames, status = table["frame"], table["status"]
-    return {
-        "sequence": row["sequence"],
-        "environment": row["environment"],
-        "session": row["session"],
-        "camera": path.name.removesuffix(".parquet").split(".")[1],
-        "frames": pc.count_distinct(frames).as_py(),
-        "rows": len(table),
-        "labels": pc.sum(pc.equal(status.cast(pa.string()), "ok")).as_py() or 0,
-    }
+    tables.write_arrow(out, _as_pseudonym(tables.read_arrow(path, "labels_2d"), path, row))
 
 
 def _release_skeleton(path, row, out):

@@ -2,7 +2,8 @@
 
 INPUTS   the project's sheets, results/evaluate/metrics.csv, `frame_metrics`, `findings`, `cameras`, `skeletons_3d`,
          `stamp_audit`, `dropped_frames`, `frames`, contact sheets (overlays)
-OUTPUTS  <out>/index.html, written last; <out>/assets/plots/*.svg
+         statistics.csv, and what is there of the jobs' timings and effort.tsv (see cost.py)
+OUTPUTS  <out>/index.html, written last; <out>/assets/plots/*.svg; <out>/cost.html and results/timing.csv
 """
 
 import os
@@ -15,9 +16,10 @@ from dior import tables
 from dior.camera import REFERENCE_FX
 from dior.errors import DiorError
 from dior.evaluate import metrics as metrics_csv
+from dior.evaluate import statistics as statistics_csv
 from dior.files import write_text
+from dior.report import cost, dataset, summary
 from dior.report import recordings as recording_stamps
-from dior.report import summary
 from dior.report.figures import Figures
 from dior.schemas import METRICS
 
@@ -51,12 +53,14 @@ TITLES = {
 
 
 def run(
-    *, root, title, metrics, frame_metrics, findings, cameras, skeletons, audits, dropped, frames, overlays, out
+    *, root, title, metrics, frame_metrics, findings, cameras, skeletons, audits, dropped, frames, overlays, statistics,
+    effort, out, out_timing
 ):  # fmt: skip
     """Write the report of the project in `root` into the folder `out`.
 
     `frame_metrics`, `findings`, `cameras`, `skeletons`, `frames`: files of those tables; `audits`: of `stamp_audit`,
-    `dropped`: of `dropped_frames`; `overlays`: the contact sheets `<out>/assets/<sequence>/<camera>.jpg`.
+    `dropped`: of `dropped_frames`; `overlays`: the contact sheets `<out>/assets/<sequence>/<camera>.jpg`;
+    `statistics`: statistics.csv; `effort`: effort.tsv or None. What it cost goes to `<out>/cost.html` and `out_timing`.
     """
     from dior import project as projects
 
@@ -64,6 +68,13 @@ def run(
     rows = metrics_csv.read(metrics)
     recorded = recordings(frame_metrics)
     found = [finding for path in findings for finding in _findings(path)]
+    audited = recording_stamps.read(audits, dropped, frames)
+    found += summary.noticed(
+        {name: project.cameras_of(name) for name in project.sequences},
+        {name: set(one.lags) for name, one in audited.items()},
+        rows,
+        {name: project.sequence(name)["environment"] for name in project.sequences},
+    )
     stations = session_cameras(cameras)
     sheets = _sheets(overlays, out)
     by_camera = rows_by_camera(rows)
@@ -73,11 +84,13 @@ def run(
     sections = [*made.paper(), *made.truth()]
     timelines = made.timelines()
     scenes = made.scenes(stations, skeletons)
-    audited = recording_stamps.read(audits, dropped, frames)
     stamps = made.stamps(audited)
     _remove_stale(folder, made.names)
+    counted = statistics_csv.read(statistics)
+    cost.write(_environment(), project, statistics_csv.of(counted, "frames"), effort, out_timing, out / "cost.html")
     page = _environment().get_template("index.html.j2").render(
         title=title,
+        dataset=dataset.section(counted),
         tiles=_tiles(project, recorded),
         tally=Counter(cell["light"].level for card in cards for cell in card["cells"]),
         cards=cards,

@@ -56,6 +56,8 @@ LIMITS = (
         "they are turned back before use; when they are many, some will have been overlooked",
     ),
 )  # fmt: skip
+# a walk whose error is that many times the median of at least so many others stands out
+STANDS_OUT, OTHERS = 2.0, 2
 YARDSTICKS = {"in_box_share", "check_error", "error_to_truth_2d"}
 SEVERITY_LEVEL = {"info": "good", "warning": "look", "error": "bad"}
 
@@ -122,6 +124,52 @@ def findings_of(findings, sequence, session, subject, camera=""):
         for scope, severity, _, text in findings
         if about(scope, names) and scope and ((camera in scope.split("/")) if camera else True)
     ]
+
+
+def noticed(cameras, pictures, rows, environment):
+    """Findings that only show when all sequences are looked at: one that failed, a camera that is missing, high error.
+
+    `cameras`: sequence -> names of its cameras, `pictures`: sequence -> those that have recorded any, where known,
+    `rows`: of metrics.csv, `environment`: sequence -> indoor | outdoor. (scope, severity, code, text) tuples.
+    """
+    labelled = {(row["sequence"], row["camera"]) for row in rows if row["metric"] == "coverage"}
+    found = []
+    for sequence, names in cameras.items():
+        if not any((sequence, camera) in labelled for camera in names):
+            text = (
+                "the sequence failed: none of its cameras has labels; the logs say why, and an exclude_reason in "
+                "config/sequences.tsv leaves it out"
+            )
+            found.append((sequence, "error", "sequence_failed", text))
+        for camera in names:
+            if camera not in pictures.get(sequence, names):
+                text = "the camera is missing: the recordings of this sequence have no picture of it"
+                found.append((f"{sequence}/{camera}", "error", "camera_missing", text))
+    return found + _standing_out(rows, environment)
+
+
+def _standing_out(rows, environment):
+    """Findings about sequences whose labels are much further from the detections than those of the others."""
+    errors = {
+        row["sequence"]: row["value"]
+        for row in rows
+        if row["metric"] == "reprojection_error"
+        and row["sequence"] in environment
+        and row["role"] == "close"
+        and not row["camera"]
+        and not row["joint"]
+    }
+    found = []
+    for sequence, error in errors.items():
+        others = [e for s, e in errors.items() if s != sequence and environment[s] == environment[sequence]]
+        if len(others) >= OTHERS and error > STANDS_OUT * np.median(others):
+            text = (
+                f"the error is high: labels are {show(error, 'px')} from the detections, where those of the other "
+                f"sequences are {show(float(np.median(others)), 'px')}; look for a wrong offset of a clock, a "
+                "bystander who was followed and a camera that was moved"
+            )
+            found.append((sequence, "warning", "high_error", text))
+    return found
 
 
 def show(value, unit):

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from dior.files import written_whole
+from dior.progress import told
 from dior.simulate import backdrop, bystander, detector_real, draw, gallery, scene, truth
 from dior.simulate.detector import detect, write_mlkit
 from dior.simulate.motion import motion_of
@@ -92,7 +93,7 @@ def write_bag(path, settings, sequence, height, views):
             ]
             for name in views
         }
-        for receive_ns, name, i in order:
+        for receive_ns, name, i in told(order, len(order), "pictures", f"{sequence.name}, {path.name}"):
             header = _header(store, i, int(clock[name].stamp_ns[i]), name)
             messages = (_image(store, header, painters[name](i)), _info(store, header, lens[name]))
             for topic, message in zip(topics[name], messages, strict=True):

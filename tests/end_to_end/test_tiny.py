@@ -8,15 +8,18 @@ import re
 import shutil
 import signal
 import time
+import zipfile
 from collections import Counter
+from pathlib import Path
 
 import cv2
 import numpy as np
+import pandas as pd
 import pytest
 
 from dior import tables
 from dior.cli import STEPS
-from dior.evaluate import bootstrap
+from dior.evaluate import bootstrap, statistics
 from dior.ingest import bags
 from dior.simulate import config as simulated
 from dior.simulate import settings
@@ -24,6 +27,8 @@ from dior.skeletons import COCO_17
 from tests.end_to_end import recomputed
 from tests.end_to_end.workflow import ROOT, edit, nudge, planned, snakemake, start
 
+# steps that the capture has nothing for, or that are made only when asked for
+NOT_IN_IT = {"detect", "detectors", "zoom", "to_mark"}
 TINY = {"subjects": 2, "sequences": 1, "duration_s": 3.0, "width": 640, "height": 360, "fx": 320.0, "gallery": True}
 
 
@@ -55,9 +60,14 @@ def figure(rows, metric, **where):
     return float(found[0]["value"])
 
 
+# what the jobs cost is the only output that differs between two runs
+COSTS = ("timing.csv", "report/cost.html")
+
+
 def contents(folder):
-    """Hashes of all results by path."""
-    files = sorted(path for path in (folder / "results").rglob("*") if path.is_file())
+    """Hashes of all results but the costs, by path."""
+    costs = [folder / "results" / name for name in COSTS]
+    files = sorted(path for path in (folder / "results").rglob("*") if path.is_file() and path not in costs)
     return {str(p.relative_to(folder)): hashlib.sha256(p.read_bytes()).hexdigest() for p in files}
 
 
@@ -143,6 +153,16 @@ def test_every_frame_of_every_camera_has_every_joint(project):
             assert (labels["status"] != "").all()
 
 
+def test_a_run_ends_with_what_to_open(copy):
+    (copy / "results/evaluate/statistics.csv").unlink()
+    code, text = snakemake(copy, "--quiet", "all", "--", "results/evaluate/statistics.csv")
+    assert f"Open {copy}/results/report/index.html\n" in text
+    shutil.rmtree(copy / "results/report")
+    (copy / "results/evaluate/statistics.csv").unlink()
+    assert "Open " not in snakemake(copy, "results/evaluate/statistics.csv")[1]
+    assert "Open " not in snakemake(copy, "-n")[1]
+
+
 def test_report_and_release_are_there(project):
     page = (project / "results/report/index.html").read_text()
     assert "outdoor_01" in page and "http://" not in page and "https://" not in page
@@ -181,11 +201,46 @@ def test_the_gallery_is_counted_and_released_until_its_subject_withdraws(copy):
 
 
 def test_every_rule_left_a_log_and_a_benchmark(project):
-    for step in STEPS.keys() - {"detect", "detectors", "zoom", "to_mark"}:
-        # its log lies with those of evaluate, whose tables it pools
-        step = "evaluate" if step == "metrics" else step
+    for step in STEPS.keys() - NOT_IN_IT:
         assert list((project / "logs" / step).glob("*.log")), step
         assert list((project / "logs" / step).glob("*.benchmark.tsv")), step
+
+
+def test_every_job_left_its_cost_beside_its_log(project):
+    logs, costs = (
+        {str(path.relative_to(project)).removesuffix(suffix) for path in (project / "logs").glob(f"*/*{suffix}")}
+        for suffix in (".log", ".timing.json")
+    )
+    assert logs == costs and len(logs) > 80
+    with open(project / "results/timing.csv", newline="") as stream:
+        rows = {row["step"]: row for row in csv.DictReader(stream)}
+    # the report is written before its own job has ended, and the release may be made after it
+    assert set(STEPS) - NOT_IN_IT - {"report", "package", "tarballs"} <= set(rows) - {"all"} <= set(STEPS)
+    assert rows["reproject"]["jobs"] == "16" and rows["reproject"]["frames"] == "1440"
+    assert 0 < float(rows["all"]["cpu_s_per_frame"]) < 1
+
+
+def test_statistics_are_those_of_pandas(project):
+    counted = statistics.read(project / "results/evaluate/statistics.csv")
+    labels = pd.concat(map(pd.read_parquet, (project / "results/reproject").glob("*.parquet")))
+    labels["environment"] = labels["sequence"].astype(str).str.split("_").str[0]
+    for (environment, camera), part in labels.groupby(["environment", "camera"], observed=True):
+        far = (environment, camera) == ("outdoor", "cam04")
+        where = {"environment": environment, "role": "long_range" if far else "close", "camera": camera}
+        pictures = part[["sequence", "frame"]].drop_duplicates()
+        assert statistics.of(counted, "frames", **where) == len(pictures) == 180
+        for status, n in part["status"].astype(str).value_counts().items():
+            what, reason = ("keypoints_2d", "") if status == "ok" else ("missing_2d", status)
+            assert statistics.of(counted, what, **where, reason=reason) == n
+    steps = ("mocap", "triangulate")
+    points = pd.concat(pd.read_parquet(p) for s in steps for p in (project / "results" / s).glob("*door_0?.parquet"))
+    assert statistics.of(counted, "keypoints_3d") == points["x"].notna().sum()
+    assert statistics.of(counted, "missing_3d") == points["x"].isna().sum()
+    gallery = pd.read_parquet(project / "results/gallery/gallery.parquet")
+    assert statistics.of(counted, "gallery_pictures") == len(gallery)
+    far = labels[(labels["environment"] == "outdoor") & (labels["camera"] == "cam04")].dropna(subset="v")
+    tall = far.groupby(["sequence", "frame"], observed=True)["v"].agg(lambda v: v.max() - v.min())
+    assert statistics.of(counted, "person_height", role="long_range") == pytest.approx(tall.median(), rel=1e-5)
 
 
 def test_a_second_call_has_nothing_to_do(project):
@@ -205,7 +260,8 @@ def test_targets_have_names(project, tmp_path, target):
 def test_an_edited_long_range_camera_touches_only_its_own_labels(copy):
     nudge(copy / "config/sessions/field/cam04.yaml", "elevation_deg")
     assert planned(copy) == {
-        "align": 1, "reproject": 2, "evaluate": 2, "overlays": 2, "metrics": 1, "report": 1, "package": 1, "tarballs": 2
+        "align": 1, "reproject": 2, "evaluate": 2, "overlays": 2, "metrics": 1, "statistics": 1, "report": 1,
+        "package": 1, "tarballs": 2,
     }  # fmt: skip
 
 
@@ -213,7 +269,7 @@ def test_an_edited_close_camera_touches_its_session(copy):
     nudge(copy / "config/sessions/field/cam01.yaml", "sigma_m")
     assert planned(copy) == {
         "place": 1, "adjust": 1, "triangulate": 2, "reproject": 8, "evaluate": 2, "overlays": 8, "metrics": 1,
-        "report": 1, "package": 1, "tarballs": 2,
+        "statistics": 1, "report": 1, "package": 1, "tarballs": 2,
     }  # fmt: skip
 
 
@@ -228,8 +284,8 @@ def test_an_edited_sheet_row_touches_its_sequence(copy):
     row = next(r for r in (copy / "config/sequences.tsv").read_text().splitlines() if r.startswith("outdoor_02"))
     edit(copy / "config/sequences.tsv", row, row.replace("\tS02\t", "\tS01\t"))
     assert planned(copy) == {
-        "triangulate": 1, "reproject": 4, "evaluate": 1, "overlays": 4, "metrics": 1, "report": 1, "package": 1,
-        "tarballs": 2,
+        "triangulate": 1, "reproject": 4, "evaluate": 1, "overlays": 4, "metrics": 1, "statistics": 1, "report": 1,
+        "package": 1, "tarballs": 2,
     }  # fmt: skip
 
 
@@ -261,10 +317,25 @@ def test_a_broken_sequence_does_not_stop_the_others(copy):
     code, text = snakemake(copy, "--keep-going", check=False)
     assert code != 0
     assert "dior frames: " in text and "pc2.bag" in text and "truncated" in text
+    last = text.split("Exiting because a job execution failed")[1]
+    assert re.search(r"^logs/frames/indoor_02.log: dior frames: .*pc2.bag.* truncated", last, re.MULTILINE)
+    assert "Open " not in last
     made = {path.name.split(".")[0] for path in (copy / "results/reproject").glob("*.parquet")}
     assert made == {"indoor_01", "outdoor_01", "outdoor_02"}
     assert not (copy / "results/frames/indoor_02.parquet").exists()
     assert not list(copy.rglob(".*.part*"))
+
+
+@pytest.mark.slow
+def test_snakemakes_own_report(project, tmp_path):
+    snakemake(project, "--report", tmp_path / "report.zip")
+    snakemake(project, "--report", tmp_path / "report.html")
+    with zipfile.ZipFile(tmp_path / "report.zip") as packed:
+        found = {Path(name).name: packed.read(name) for name in packed.namelist()}
+    for path in (*(project / "results/report/assets/plots").glob("*.svg"), *(project / "results").glob("*/*.csv")):
+        assert found[path.name] == path.read_bytes(), path.name
+    page = (tmp_path / "report.html").read_text()
+    assert "metrics.csv" in page and not re.findall(r'(?:src|href)="https?://[^"]*"', page)
 
 
 @pytest.mark.slow

@@ -14,7 +14,6 @@ from dior.skeletons import MLKIT_33
 from tests.ingest.bagfiles import raw, write
 
 HEIGHT, WIDTH = 120, 160
-pytest.importorskip("tqdm", reason="pip install -e '.[detect]'")
 
 
 def person(u, v, visibility=0.9):

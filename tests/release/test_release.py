@@ -77,9 +77,9 @@ def skeleton(path, who, name):
 
 
 def frames(path, name):
-    columns = {"camera": ["cam01"] * 3, "frame": [0, 1, 2], "stamp_ns": [0, 10**8, 2 * 10**8], "receive_ns": [7, 8, 9],
-               "bag": [f"{name}/host.bag"] * 3, "topic": ["/host/image"] * 3, "nth": [0, 0, 0],
-               "height": [720] * 3, "width": [1280] * 3}  # fmt: skip
+    columns = {"camera": ["cam01"] * 3 + ["cam02"] * 3, "frame": [0, 1, 2] * 2, "stamp_ns": [0, 10**8, 2 * 10**8] * 2,
+               "receive_ns": [7, 8, 9] * 2, "bag": [f"{name}/host.bag"] * 6, "topic": ["/host/image"] * 6,
+               "nth": [0] * 6, "height": [720] * 6, "width": [1280] * 6}  # fmt: skip
     tables.write(path, "frames", columns)
 
 
@@ -152,7 +152,7 @@ def test_tables_are_those_of_the_pipeline_but_for_the_subject(made):
     assert pq.read_schema(made["out"] / name).field("u").metadata[b"unit"] == b"px"
     assert tables.metadata(made["out"] / name)["dior_table"] == "labels_2d"
     index = pd.read_parquet(made["out"] / "frames/zebra-0001/walk_1.parquet")
-    assert list(index) == ["camera", "frame", "stamp_ns", "height", "width"] and len(index) == 3
+    assert list(index) == ["camera", "frame", "stamp_ns", "height", "width"] and len(index) == 6
     people = tables.read(made["out"] / "subjects.parquet", "subjects")
     assert people["subject"].tolist() == ["apple-0002", "zebra-0001"]
     np.testing.assert_array_equal(people["height_m"], [np.nan, 1.72])
@@ -265,6 +265,8 @@ def test_the_card(made):
     )
     assert "| indoor | cam01 | close | 1 | 3 | 3 | 0.500 |" in body
     assert "| outdoor | cam02 | long-range | 2 | 6 | 6 | 0.500 |" in body
+    assert "| Multi-view | yes | 2 cameras |" in body and "| 2D pose | yes | 18 keypoints |" in body
+    assert "| MoCap pose | yes | 6 of 18 pictures |" in body and "| Gallery from all around | no | 0 pictures |" in body
     assert "| coverage |  | all | 0.775 | share | 40 |" in body
     assert "A. Person, B. Other" in body and "no uncertainty is claimed" in body
     for name in ("labels_2d", "skeletons_3d", "released_frames", "cameras", "sequences", "subjects"):

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from dior import tables
+from dior.evaluate import statistics
 from dior.ingest import stamps
 from dior.report import page
 
@@ -28,6 +29,22 @@ def audited(capture):
     return files
 
 
+def counted(capture):
+    """statistics.csv of the capture."""
+    made = capture.root / "results/evaluate/statistics.csv"
+    files = audited(capture)
+    statistics.run(
+        root=capture.root,
+        labels=[path for one in capture.sequences.values() for path in one.labels],
+        skeletons=capture.skeletons,
+        frames=files["frames"],
+        dropped=files["dropped"],
+        gallery=None,
+        out=made,
+    )
+    return made
+
+
 def write(capture, out):
     page.run(
         root=capture.root,
@@ -39,7 +56,10 @@ def write(capture, out):
         skeletons=capture.skeletons,
         **audited(capture),
         overlays=[],
+        statistics=counted(capture),
+        effort=None,
         out=out,
+        out_timing=out.parent / "timing.csv",
     )
     return (out / "index.html").read_text()
 

@@ -5,6 +5,7 @@ Required inputs: config/ of the working directory, read and checked once per par
 
 import json
 import os
+import re
 import sys
 
 from snakemake.exceptions import WorkflowError
@@ -16,6 +17,8 @@ from dior.provenance import folder_state
 
 # `dior` is found beside the Python that runs Snakemake, without activating the environment
 os.environ.update(PATH=os.pathsep.join([os.path.dirname(sys.executable), os.getenv("PATH", "")]))
+# each job leaves what it cost beside its log (dior/evaluate/timing.py); no rule knows of it
+os.environ.update(DIOR_TIMINGS="logs")
 
 try:
     PROJECT = project.load(os.getcwd(), config)
@@ -94,3 +97,21 @@ def as_json(value):
         return json.dumps(value, sort_keys=True)
 
     return text
+
+
+def say_what_to_open():
+    """The end of a run: where to look."""
+    for page in filter(os.path.exists, ["results/report/index.html"]):
+        print(f"Open {os.path.abspath(page)}", file=sys.stderr)
+
+
+def say_what_failed(run_logs):
+    """The end of a run that failed: the last line of the log of each job that did, which says why."""
+    failed = []
+    for run_log in filter(os.path.exists, run_logs):
+        with open(run_log) as stream:
+            failed += re.findall(r"^    log: (\S+) \(check log", stream.read(), re.MULTILINE)
+    for path in filter(os.path.exists, dict.fromkeys(failed)):
+        with open(path) as stream:
+            lines = stream.read().strip().splitlines()
+        print(f"{path}: {lines[-1] if lines else 'empty'}", file=sys.stderr)

@@ -2,8 +2,8 @@
 
 Required inputs: labels and skeletons; detections, boxes, marks, checks and truth where there are any; outputs of other
 detectors where there is a detectors.tsv.
-Outputs: results/evaluate/<sequence>.parquet, results/detectors/<sequence>.parquet, results/evaluate/metrics.csv; and
-when asked for, results/evaluate/to_mark (what to mark by hand) and results/zoom (pictures for a detector).
+Outputs: results/evaluate/<sequence>.parquet, results/detectors/<sequence>.parquet, results/evaluate/metrics.csv and
+statistics.csv; when asked for, results/evaluate/to_mark (what to mark by hand) and results/zoom (pictures for a detector).
 """
 
 
@@ -143,16 +143,45 @@ rule metrics:
         detectors=expand("results/detectors/{sequence}.parquet", sequence=DETECTED),
         checks=expand("results/evaluate/{sequence}.checks.parquet", sequence=SEQUENCES),
     output:
-        "results/evaluate/metrics.csv",
+        report("results/evaluate/metrics.csv", category="Tables"),
     log:
-        "logs/evaluate/metrics.log",
+        "logs/metrics/metrics.log",
     benchmark:
-        "logs/evaluate/metrics.benchmark.tsv"
+        "logs/metrics/metrics.benchmark.tsv"
     params:
         code=code("evaluate.metrics"),
     shell:
         "dior metrics"
         " --inputs {input.sequences:q} {input.adjust:q} {input.detectors:q}"
         " --checks {input.checks:q}"
+        " --out {output:q}"
+        " 2>&1 | tee {log:q}"
+
+
+rule statistics:
+    """Count what is in the dataset, what is missing and why."""
+    input:
+        labels=[path for sequence in SEQUENCES for path in labels_of(sequence)],
+        skeletons=[skeleton_of(sequence) for sequence in SEQUENCES],
+        frames=expand("results/frames/{sequence}.parquet", sequence=SEQUENCES),
+        dropped=expand("results/audit/{sequence}.dropped.parquet", sequence=SEQUENCES),
+        gallery=["results/gallery/gallery.parquet"] if PROJECT.gallery else [],
+    output:
+        report("results/evaluate/statistics.csv", category="Tables"),
+    log:
+        "logs/statistics/statistics.log",
+    benchmark:
+        "logs/statistics/statistics.benchmark.tsv"
+    params:
+        sheet=as_json(PROJECT.rows),
+        code=code("evaluate.statistics"),
+    shell:
+        "dior statistics"
+        " --root ."
+        " --labels {input.labels:q}"
+        " --skeletons {input.skeletons:q}"
+        " --frames {input.frames:q}"
+        " --dropped {input.dropped:q}"
+        " --gallery {input.gallery:q}"
         " --out {output:q}"
         " 2>&1 | tee {log:q}"

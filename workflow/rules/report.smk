@@ -54,9 +54,15 @@ rule report:
         dropped=expand("results/audit/{sequence}.dropped.parquet", sequence=SEQUENCES),
         frames=expand("results/frames/{sequence}.parquet", sequence=SEQUENCES),
         overlays=all_overlays(),
+        statistics="results/evaluate/statistics.csv",
+        effort=PROJECT.effort(),
     output:
         page="results/report/index.html",
-        plots=directory("results/report/assets/plots"),
+        cost="results/report/cost.html",
+        timing="results/timing.csv",
+        plots=report(
+            directory("results/report/assets/plots"), patterns=["{name}.svg"], category="Figures"
+        ),
     log:
         "logs/report/report.log",
     benchmark:
@@ -78,5 +84,8 @@ rule report:
         " --dropped {input.dropped:q}"
         " --frames {input.frames:q}"
         " --overlays {input.overlays:q}"
+        " --statistics {input.statistics:q}"
+        " --effort {input.effort:q}"
         " --out results/report"
+        " --out-timing {output.timing:q}"
         " 2>&1 | tee {log:q}"

@@ -1,0 +1,118 @@
+"""What the jobs cost: each writes what it used beside its log, and the report collects what is there.
+
+INPUTS   logs/<step>/<unit>.timing.json, written by the command `dior` when a job has succeeded; a sequence, session or
+         subject, and a camera make a unit
+OUTPUT   results/timing.csv: a row per step and one for all. It and the report's page of costs are the only outputs that
+         differ between two runs of the same input.
+Seconds. CPU seconds are those of the job's process from its start and of its finished children; wall seconds begin when
+the command has started. `cores` is what Snakemake gave the job.
+"""
+
+import csv
+import io
+import json
+import os
+import resource
+import time
+from pathlib import Path
+
+from dior.files import write_text
+
+# names the folder of the logs; the workflow sets it, so that `dior` typed by hand leaves nothing behind
+FOLDER = "DIOR_TIMINGS"
+COLUMNS = ("step", "jobs", "frames", "cpu_s", "wall_s", "cpu_s_per_frame")
+ALL = "all"
+# what makes the recordings is no cost of labelling them
+NOT_COUNTED = "simulate"
+
+
+def write(step, arguments, started):
+    """Write what this process has used for a step, where the workflow wants it. `started`: time.monotonic() then."""
+    folder = os.environ.get(FOLDER)
+    if not folder:
+        return
+    own, children = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    used = {
+        "step": step,
+        **{key: arguments.get(key) for key in ("session", "sequence")},
+        "camera": camera_of(arguments),
+        "frames": frames_of(step, arguments),
+        "cpu_s": round(sum(one.ru_utime + one.ru_stime for one in (own, children)), 3),
+        "wall_s": round(time.monotonic() - started, 3),
+        "cores": int(os.environ.get("OMP_NUM_THREADS") or os.cpu_count()),
+    }
+    write_text(Path(folder) / step / f"{unit(step, arguments)}.timing.json", json.dumps(used) + "\n")
+
+
+def unit(step, arguments):
+    """What the rule calls the job in its log: what it is about, the camera, and the part of what has several."""
+    about = [arguments.get(key) for key in ("session", "sequence", "subject")]
+    part = arguments.get("only")
+    words = [next(filter(None, about), step), camera_of(arguments), part if part != "recording" else ""]
+    return ".".join(filter(None, words))
+
+
+def camera_of(arguments):
+    """The one camera that a job is about, or None; some steps are told its name by its role only."""
+    roles = arguments.get("roles") or {}
+    return arguments.get("camera") or (next(iter(roles)) if len(roles) == 1 else None)
+
+
+def frames_of(step, arguments):
+    """How many pictures a job is about, None where it is not about those of one sequence."""
+    table = arguments.get("out" if step == "frames" else "frames")
+    if arguments.get("session") or not arguments.get("sequence") or not isinstance(table, Path):
+        return None
+    from dior import tables
+
+    cameras, one = tables.read(table, "frames", ["camera"])["camera"].tolist(), camera_of(arguments)
+    return cameras.count(one) if one else len(cameras)
+
+
+def collect(logs, sequences, sessions):
+    """What the jobs of these `sequences` and `sessions` used, as dicts; what is left of others is not counted."""
+    found = [json.loads(path.read_text()) for path in sorted(Path(logs).glob("*/*.timing.json"))]
+    return [
+        one
+        for one in found
+        if one["session"] in (*sessions, None) and (one["session"] or one["sequence"] in (*sequences, None))
+    ]
+
+
+def by_step(jobs, frames):
+    """Rows of results/timing.csv, by step and at the end of all but the simulation.
+
+    `frames`: pictures of the dataset; a step whose jobs do not all know how many they are about is about all of them.
+    """
+    steps = {}
+    for job in jobs:
+        steps.setdefault(job["step"], []).append(job)
+    rows = [_row(step, members, frames) for step, members in sorted(steps.items())]
+    labelling = [job | {"frames": None} for job in jobs if job["step"] != NOT_COUNTED]
+    return [*rows, _row(ALL, labelling, frames)]
+
+
+def _row(step, jobs, frames):
+    known = [job["frames"] for job in jobs]
+    about = frames if None in known else sum(known)
+    return {
+        "step": step,
+        "jobs": len(jobs),
+        "frames": about,
+        "cpu_s": round(sum(job["cpu_s"] for job in jobs), 3),
+        "wall_s": round(sum(job["wall_s"] for job in jobs), 3),
+        "cpu_s_per_frame": _over(jobs, about),
+    }
+
+
+def _over(jobs, frames):
+    return float(f"{sum(job['cpu_s'] for job in jobs) / frames:.4g}") if frames else ""
+
+
+def as_csv(rows):
+    """The rows as CSV text."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
