@@ -1,12 +1,12 @@
-"""The report: one HTML page with its pictures beside it, made of relative links, readable from disk and on a phone.
+"""The report: a page for all and one for each sequence, of relative links, readable from disk and on a phone.
 
 INPUTS   the project's sheets, results/evaluate/metrics.csv, `frame_metrics`, `findings`, `cameras`, `skeletons_3d`,
          `stamp_audit`, `dropped_frames`, `frames`, contact sheets (overlays)
          statistics.csv, and what is there of the jobs' timings and effort.tsv (see cost.py)
-OUTPUTS  <out>/index.html, written last; <out>/assets/plots/*.svg; <out>/cost.html and results/timing.csv
+OUTPUTS  <out>/index.html, written last; <out>/sequences/<sequence>.html; <out>/assets/plots/*.svg; <out>/cost.html and
+         results/timing.csv
 """
 
-import os
 from collections import Counter
 from pathlib import Path
 
@@ -14,17 +14,15 @@ import numpy as np
 
 from dior import tables
 from dior.camera import REFERENCE_FX
-from dior.errors import DiorError
 from dior.evaluate import metrics as metrics_csv
 from dior.evaluate import statistics as statistics_csv
 from dior.files import write_text
-from dior.report import cost, dataset, summary
+from dior.report import cards, cost, dataset, sequence_pages, summary, worst
 from dior.report import recordings as recording_stamps
 from dior.report.figures import Figures
 from dior.schemas import METRICS
 
 TEMPLATES = Path(__file__).parent / "templates"
-SEVERITY_ORDER = ("error", "warning", "info")
 # name of a metric for people, in the order of the page
 TITLES = {
     "coverage": "Joints with a label",
@@ -76,39 +74,47 @@ def run(
         {name: project.sequence(name)["environment"] for name in project.sequences},
     )
     stations = session_cameras(cameras)
-    sheets = _sheets(overlays, out)
-    by_camera = rows_by_camera(rows)
-    cards = [_card(project, s, by_camera, recorded, found, stations, sheets) for s in project.sequences]
+    sheets = cards.sheets_of(overlays, out)
+    by_camera = cards.rows_by_camera(rows)
+    lights = [cards.card(project, s, by_camera, recorded, found, stations, sheets) for s in project.sequences]
     folder = out / "assets" / "plots"
     made = Figures(folder, project, rows, recorded)
     sections = [*made.paper(), *made.truth()]
-    timelines = made.timelines()
     scenes = made.scenes(stations, skeletons)
-    stamps = made.stamps(audited)
+    timelines = {figure["title"]: figure for figure in made.timelines()}
+    stamps = {figure["title"]: figure for figure in made.stamps(audited)}
     _remove_stale(folder, made.names)
     counted = statistics_csv.read(statistics)
-    cost.write(_environment(), project, statistics_csv.of(counted, "frames"), effort, out_timing, out / "cost.html")
-    page = _environment().get_template("index.html.j2").render(
+    environment = _environment()
+    cost.write(environment, project, statistics_csv.of(counted, "frames"), effort, out_timing, out / "cost.html")
+    sequence_pages.write(
+        environment, out, title, lights, found, {s: _names(project, s) for s in project.sequences}, timelines, stamps,
+        {sequence: one.rows for sequence, one in audited.items()}, {},
+    )  # fmt: skip
+    page = environment.get_template("index.html.j2").render(
         title=title,
         dataset=dataset.section(counted),
         tiles=_tiles(project, recorded),
-        tally=Counter(cell["light"].level for card in cards for cell in card["cells"]),
-        cards=cards,
+        tally=Counter(cell["light"].level for card in lights for cell in card["cells"]),
+        cards=lights,
         excluded=sorted(project.excluded.items()),
-        findings=_sorted(found),
+        findings=cards.shown([finding for finding in found if finding[1] != "info"]),
         figures=_named(summary.table_of(rows, made.environment)),
         sections=sections,
+        worst=worst.of_sections(frame_metrics),
         scenes=scenes,
-        timelines=timelines,
-        stamps=stamps,
-        stamp_rows=[row for one in audited.values() for row in one.rows],
-        sheets=[(sequence, sorted(by_camera.items())) for sequence, by_camera in sorted(sheets.items())],
         limits=[_limit(limit) for limit in summary.LIMITS],
         words=summary.WORDS,
         meanings=[(TITLES[name], name, text) for name, text in METRICS.items()],
         fx_of_limits=f"{REFERENCE_FX:.0f}",
-    )  # fmt: skip
+    )
     write_text(out / "index.html", page)
+
+
+def _names(project, sequence):
+    """The words that the scope of a finding about a sequence may be made of."""
+    session = project.session_of(sequence)
+    return {sequence, session, project.subject_of(sequence), *project.cameras(session)}
 
 
 def _environment():
@@ -121,15 +127,6 @@ def _environment():
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
-
-
-def rows_by_camera(rows):
-    """metric -> value by (sequence, camera), of the rows over all joints."""
-    found = {}
-    for row in rows:
-        if row["sequence"] and row["camera"] and not row["joint"]:
-            found.setdefault((row["sequence"], row["camera"]), {})[row["metric"]] = row["value"]
-    return found
 
 
 def recordings(paths):
@@ -153,15 +150,6 @@ def _findings(path):
     return list(zip(*(table[c].tolist() for c in ("scope", "severity", "code", "text")), strict=True))
 
 
-def _sorted(found):
-    return [
-        {"scope": scope.replace("/", " \u203a "), "severity": severity, "code": code, "text": text}
-        for scope, severity, code, text in sorted(
-            set(found), key=lambda f: (SEVERITY_ORDER.index(f[1]) if f[1] in SEVERITY_ORDER else 9, f)
-        )
-    ]
-
-
 def session_cameras(paths):
     """session -> camera -> `Camera` of `cameras` files; a file later in the list replaces an earlier one's camera."""
     found = {}
@@ -169,54 +157,6 @@ def session_cameras(paths):
         for session in tables.ordered_unique(tables.read(path, "cameras", ["session"])["session"]):
             found.setdefault(session, {}).update(tables.read_cameras(path))
     return found
-
-
-def _sheets(overlays, out):
-    """sequence -> camera -> link of the contact sheet."""
-    links = {}
-    for path in map(Path, overlays):
-        if not path.is_file():
-            raise DiorError(f"{path}: there is no such contact sheet; run the overlays step")
-        link = os.path.relpath(path, out)
-        if link.startswith(".."):
-            raise DiorError(f"{path}: lies outside the report's folder {out}, so that the report could not be moved")
-        links.setdefault(path.parent.name, {})[path.stem] = Path(link).as_posix()
-    return links
-
-
-def _card(project, sequence, figures, recorded, found, stations, sheets):
-    session, subject = project.session_of(sequence), project.subject_of(sequence)
-    row = project.sequence(sequence)
-    cells = []
-    for camera, settings in project.cameras(session).items():
-        values = dict(figures.get((sequence, camera), {}))
-        if "coverage" in recorded.get((sequence, camera), {}):
-            values["lost_pictures"] = summary.lost_share(recorded[sequence, camera]["coverage"][0])
-        known = stations.get(session, {}).get(camera)
-        light = summary.judge(
-            values,
-            known.intrinsics.fx if known else None,
-            summary.findings_of(found, sequence, session, subject, camera),
-            settings["role"],
-        )
-        cells.append(
-            {
-                "camera": camera,
-                "role": settings["role"].replace("_", " "),
-                "light": light,
-                "sheet": sheets.get(sequence, {}).get(camera),
-            }
-        )
-    own = summary.findings_of(found, sequence, session, subject)
-    level = summary.worst([*(cell["light"].level for cell in cells), *(summary.SEVERITY_LEVEL[s] for s, _ in own)])
-    return {
-        "sequence": sequence,
-        "about": ", ".join(w for w in (subject, row["environment"], session, row["outfit"], row["walk"]) if w),
-        "level": level,
-        "word": summary.WORDS[level],
-        "notes": [text for severity, text in own if severity != "info"],
-        "cells": cells,
-    }
 
 
 def _tiles(project, recorded):

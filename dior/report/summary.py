@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dior.camera import REFERENCE_FX
+from dior.evaluate import bootstrap
 from dior.evaluate.metrics import QUANTILES
 
 LEVELS = ("good", "look", "bad", "none")
@@ -195,8 +196,20 @@ def lost_share(stamp_ns):
     return float(lost / (lost + len(stamp_ns)))
 
 
+def _interval(members):
+    """The bootstrap's interval over the subjects of rows, in words; empty with one subject."""
+    _, index = np.unique([row["subject"] for row in members], return_inverse=True)
+    n = np.array([row["n"] for row in members])
+    sums = n * np.array([row["value"] for row in members])
+    low, high = bootstrap.of_mean(np.bincount(index, sums), np.bincount(index, n))
+    if not np.isfinite(low):
+        return ""
+    unit = members[0]["unit"]
+    return f"{show(low, unit).split(' ')[0]} to {show(high, unit)}"
+
+
 def table_of(rows, environment):
-    """Rows of the key figures: dicts metric, where, value, n; means weighted by n over the sequences.
+    """Rows of the key figures: dicts metric, where, value, interval, n; means weighted by n over the sequences.
 
     `environment`: sequence -> indoor | outdoor. Rows of no sequence (the adjustment's) are taken as they are.
     """
@@ -213,6 +226,7 @@ def table_of(rows, environment):
             "metric": metric,
             "where": " ".join(word for word in (env, role.replace("_", " "), tool) if word),
             "value": show(np.dot([r["n"] for r in members], [r["value"] for r in members]) / n, members[0]["unit"]),
+            "interval": _interval(members),
             "n": count(n),
         }
         for (metric, env, role, tool), members in sorted(groups.items())
@@ -220,7 +234,13 @@ def table_of(rows, environment):
     ]
     pooled = {row["metric"] for row in means if row["sequence"]}
     lines += [
-        {"metric": row["metric"], "where": "all", "value": show(row["value"], row["unit"]), "n": count(row["n"])}
+        {
+            "metric": row["metric"],
+            "where": "all",
+            "value": show(row["value"], row["unit"]),
+            "interval": "",
+            "n": count(row["n"]),
+        }
         for row in whole
         if row["metric"] not in pooled and not row["camera"] and not row["subject"] and not row["role"]
     ]

@@ -64,23 +64,48 @@ def write(capture, out):
     return (out / "index.html").read_text()
 
 
+def pages(out):
+    """Texts of all pages of a report by path."""
+    return {path: path.read_text() for path in sorted(out.rglob("*.html"))}
+
+
 @pytest.fixture(scope="module")
 def made(capture, tmp_path_factory):
     out = tmp_path_factory.mktemp("report") / "report"
     return out, write(capture, out)
 
 
-def test_every_asset_is_there_and_nothing_comes_from_the_network(made):
+def test_every_asset_is_there_and_nothing_comes_from_the_network(made, capture):
+    out, _ = made
+    assert len(pages(out)) == 2 + len(capture.sequences)
+    for page_path, text in pages(out).items():
+        links = set(re.findall(r'(?:src|href|poster)="([^"]+)"', text))
+        assert links, page_path
+        for link in links:
+            path, _, anchor = link.partition("#")
+            target = page_path if not path else page_path.parent / path
+            assert target.is_file(), f"{page_path}: {link}"
+            assert not anchor or f'id="{anchor}"' in target.read_text(), f"{page_path}: {link}"
+        assert "http://" not in text and "https://" not in text
+
+
+def test_a_sequence_has_a_page_that_is_linked_both_ways(made, capture):
     out, text = made
-    links = {link for link in re.findall(r'(?:src|href)="([^"#]+)"', text)}
-    assert len(links) > 5 and all((out / link).is_file() for link in links)
-    assert "http://" not in text and "https://" not in text
+    names = list(dict.fromkeys(re.findall(r'href="sequences/(\w+)\.html', text)))
+    assert sorted(names) == sorted(capture.sequences)
+    for i, sequence in enumerate(names):
+        assert f'href="sequences/{sequence}.html' in text
+        page_text = (out / f"sequences/{sequence}.html").read_text()
+        assert 'href="../index.html"' in page_text and f"timeline_{sequence}.svg" in page_text
+        for other in names[max(i - 1, 0) : i] + names[i + 1 : i + 2]:
+            assert f'href="{other}.html"' in page_text
 
 
 def test_findings_are_told_in_words_and_escaped(made):
-    _, text = made
-    assert "something is &lt;wrong&gt; here" in text and "<wrong>" not in text
-    assert "no detections between 1.2 s and 1.9 s" in text
+    out, text = made
+    whole = " ".join(pages(out).values())
+    assert "something is &lt;wrong&gt; here" in text and "<wrong>" not in whole
+    assert "no detections between 1.2 s and 1.9 s" in whole
     assert "A &amp; B" in text
 
 
@@ -94,8 +119,9 @@ def test_every_sequence_and_camera_has_a_light(made, capture):
 def test_stamps_are_told_and_drawn(made, capture):
     """cam03 loses five pictures."""
     out, text = made
-    row = re.search(r"<tr><td>outdoor_01</td><td[^>]*>cam03</td>(.*?)</tr>", text)[1]
-    assert re.findall(r">([^<]*)</td>", row)[3] == "5"
+    page_text = (out / "sequences/outdoor_01.html").read_text()
+    row = re.search(r"<tr><td>cam03</td>(.*?)</tr>", page_text)[1]
+    assert re.findall(r">([^<]*)</td>", row)[4] == "5"
     for sequence in capture.sequences:
         assert (out / f"assets/plots/stamps_{sequence}.svg").stat().st_size > 2000
 

@@ -58,6 +58,7 @@ rule report:
         effort=PROJECT.effort(),
     output:
         page="results/report/index.html",
+        sequences=directory("results/report/sequences"),
         cost="results/report/cost.html",
         timing="results/timing.csv",
         plots=report(

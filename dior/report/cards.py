@@ -1,0 +1,79 @@
+"""The traffic lights of a sequence and its cameras, as the index and the sequence's page show them.
+
+INPUTS   the project, figures by camera, `frame_metrics` by recording, findings, cameras, contact sheets
+OUTPUTS  dicts for the templates: sequence, about, level, word, notes, cells
+"""
+
+import os
+from pathlib import Path
+
+from dior.errors import DiorError
+from dior.report import summary
+
+SEVERITY_ORDER = ("error", "warning", "info")
+
+
+def rows_by_camera(rows):
+    """metric -> value by (sequence, camera), of the rows over all joints."""
+    found = {}
+    for row in rows:
+        if row["sequence"] and row["camera"] and not row["joint"]:
+            found.setdefault((row["sequence"], row["camera"]), {})[row["metric"]] = row["value"]
+    return found
+
+
+def sheets_of(overlays, out):
+    """sequence -> camera -> link of the contact sheet."""
+    links = {}
+    for path in map(Path, overlays):
+        if not path.is_file():
+            raise DiorError(f"{path}: there is no such contact sheet; run the overlays step")
+        link = os.path.relpath(path, out)
+        if link.startswith(".."):
+            raise DiorError(f"{path}: lies outside the report's folder {out}, so that the report could not be moved")
+        links.setdefault(path.parent.name, {})[path.stem] = Path(link).as_posix()
+    return links
+
+
+def card(project, sequence, figures, recorded, found, stations, sheets):
+    session, subject = project.session_of(sequence), project.subject_of(sequence)
+    row = project.sequence(sequence)
+    cells = []
+    for camera, settings in project.cameras(session).items():
+        values = dict(figures.get((sequence, camera), {}))
+        if "coverage" in recorded.get((sequence, camera), {}):
+            values["lost_pictures"] = summary.lost_share(recorded[sequence, camera]["coverage"][0])
+        known = stations.get(session, {}).get(camera)
+        light = summary.judge(
+            values,
+            known.intrinsics.fx if known else None,
+            summary.findings_of(found, sequence, session, subject, camera),
+            settings["role"],
+        )
+        cells.append(
+            {
+                "camera": camera,
+                "role": settings["role"].replace("_", " "),
+                "light": light,
+                "sheet": sheets.get(sequence, {}).get(camera),
+            }
+        )
+    own = summary.findings_of(found, sequence, session, subject)
+    level = summary.worst([*(cell["light"].level for cell in cells), *(summary.SEVERITY_LEVEL[s] for s, _ in own)])
+    return {
+        "sequence": sequence,
+        "about": ", ".join(w for w in (subject, row["environment"], session, row["outfit"], row["walk"]) if w),
+        "level": level,
+        "word": summary.WORDS[level],
+        "notes": [text for severity, text in own if severity != "info"],
+        "cells": cells,
+    }
+
+
+def shown(findings):
+    """Findings (scope, severity, code, text) as dicts for the templates, the worst first, each once."""
+    ordered = sorted(set(findings), key=lambda f: (SEVERITY_ORDER.index(f[1]), f))
+    return [
+        {"where": scope.replace("/", " \u203a "), "severity": severity, "code": code, "text": text}
+        for scope, severity, code, text in ordered
+    ]

@@ -1,0 +1,38 @@
+"""A page per sequence: its cameras in all their words, what happened over time, pictures, clip and findings.
+
+INPUTS   the cards of all sequences, findings, figures and rows of the stamps by sequence, clips
+OUTPUTS  <out>/sequences/<sequence>.html, with links that hold from there
+"""
+
+from dior.files import write_text
+from dior.report import summary
+from dior.report.cards import shown
+
+
+def write(environment, out, title, cards, findings, names, timelines, stamps, stamp_rows, clips):
+    """Write the pages of `cards`, each linked to the one before and after, and remove those of other sequences.
+
+    `environment`: Jinja's; `findings`: (scope, severity, code, text) of the whole project; `names`: sequence -> the
+    words that a finding's scope may be made of to be about it; `timelines`, `stamps` (figures), `stamp_rows` and
+    `clips` (dicts video, poster) by sequence, each only where there is one.
+    """
+    template, sequences = environment.get_template("sequence.html.j2"), [card["sequence"] for card in cards]
+    folder = out / "sequences"
+    for i, card in enumerate(cards):
+        sequence = card["sequence"]
+        own = [finding for finding in findings if finding[0] and summary.about(finding[0], names[sequence])]
+        page = template.render(
+            title=title,
+            card=card,
+            before=sequences[i - 1] if i else "",
+            after=sequences[i + 1] if i + 1 < len(sequences) else "",
+            timeline=timelines.get(sequence),
+            stamps=stamps.get(sequence),
+            stamp_rows=stamp_rows.get(sequence, ()),
+            clip=clips.get(sequence),
+            findings=shown(own),
+        )
+        write_text(folder / f"{sequence}.html", page)
+    for path in folder.glob("*.html"):
+        if path.stem not in sequences:
+            path.unlink()

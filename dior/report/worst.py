@@ -1,0 +1,42 @@
+"""The pictures at which a figure is worst, so that the index can lead to them.
+
+INPUTS   `frame_metrics` files
+OUTPUTS  per section of the index: words and the worst picture of each of a few recordings
+"""
+
+import numpy as np
+
+from dior import tables
+from dior.report.summary import show
+
+# by section of the index: metric, sign (+1: large is bad), unit, words
+SECTIONS = {
+    "Outdoor, close range": ("reprojection_error", 1, "px", "Furthest from the detections"),
+    "Long range": ("in_box_share", -1, "share", "Fewest labels in the hand box"),
+    "Against the known truth": ("error_to_truth_2d", 1, "px", "Furthest from the truth"),
+}
+MOST = 5
+
+
+def of_sections(paths):
+    """Section -> dict words, pictures: the worst picture of each of the MOST worst recordings."""
+    wanted = {metric for metric, *_ in SECTIONS.values()}
+    worst = {metric: {} for metric in wanted}
+    for path in paths:
+        table = tables.read(path, "frame_metrics", ["metric", "sequence", "camera", "frame", "value"])
+        for metric, sign, *_ in SECTIONS.values():
+            rows = tables.rows(table, (table["metric"] == metric) & np.isfinite(table["value"]))
+            for camera in tables.ordered_unique(rows["camera"]):
+                mine = tables.of_camera(rows, camera)
+                i = int(np.argmax(sign * mine["value"]))
+                recording = (mine["sequence"][i], camera)
+                worst[metric][recording] = (float(mine["value"][i]), int(mine["frame"][i]))
+    found = {}
+    for section, (metric, sign, unit, words) in SECTIONS.items():
+        ordered = sorted(worst[metric].items(), key=lambda item: (-sign * item[1][0], item[0]))[:MOST]
+        pictures = [
+            {"sequence": sequence, "camera": camera, "frame": frame, "value": show(value, unit)}
+            for (sequence, camera), (value, frame) in ordered
+        ]
+        found[section] = {"words": words, "pictures": pictures} if pictures else None
+    return found
