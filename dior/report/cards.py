@@ -26,13 +26,28 @@ def sheets_of(overlays, out):
     """sequence -> camera -> link of the contact sheet."""
     links = {}
     for path in map(Path, overlays):
-        if not path.is_file():
-            raise DiorError(f"{path}: there is no such contact sheet; run the overlays step")
-        link = os.path.relpath(path, out)
-        if link.startswith(".."):
-            raise DiorError(f"{path}: lies outside the report's folder {out}, so that the report could not be moved")
-        links.setdefault(path.parent.name, {})[path.stem] = Path(link).as_posix()
+        links.setdefault(path.parent.name, {})[path.stem] = _link(path, out, "overlays")
     return links
+
+
+def clips_of(clips, out):
+    """sequence -> dict video, poster: links of its clip and of the picture shown before it runs."""
+    return {
+        path.parent.name: {
+            "video": _link(path, out, "clip"),
+            "poster": _link(path.with_suffix(".poster.jpg"), out, "clip"),
+        }
+        for path in map(Path, clips)
+    }
+
+
+def _link(path, out, step):
+    if not path.is_file():
+        raise DiorError(f"{path}: there is no such file; run the step {step}")
+    link = os.path.relpath(path, out)
+    if link.startswith(".."):
+        raise DiorError(f"{path}: lies outside the report's folder {out}, so that the report could not be moved")
+    return Path(link).as_posix()
 
 
 def card(project, sequence, figures, recorded, found, stations, sheets):

@@ -1,7 +1,9 @@
 """Contact sheets: a few pictures of every camera of a sequence with the labels drawn on them.
 
-INPUTS   frames table, the pictures it indexes, `labels_2d` files, and where there are any `detections` and hand boxes
-OUTPUT   <out>/<camera>.jpg: the frames side by side. Long-range pictures are enlarged around the subject.
+INPUTS   frames table, the pictures it indexes, `labels_2d` files, and where there are any: `detections`, `swaps` and
+         hand boxes
+OUTPUT   <out>/<camera>.jpg: the best, the median and the worst frame (see choice.py) side by side. Long-range pictures
+         are enlarged around the subject.
 Drawing happens in tile pixels: a picture is scaled first, so that lines stay thin and sharp.
 """
 
@@ -15,6 +17,7 @@ from dior.errors import DiorError, nearest
 from dior.evaluate import boxes as box_files
 from dior.evaluate.grids import distance, label_grids, onto, value_grid
 from dior.files import written_whole
+from dior.report import choice
 
 TILE = (640, 360)
 ZOOM = 8.0
@@ -39,11 +42,11 @@ class View:
         return (np.asarray(uv, float) - self.origin + 0.5) * self.scale - 0.5
 
 
-def run(*, sequence, frames, data_root, labels, detections, min_score, boxes, roles, count, out):
+def run(*, sequence, frames, data_root, labels, detections, swaps, min_score, boxes, roles, count, out):
     """Write `<out>/<camera>.jpg` for every camera with labels.
 
-    `labels`: label files, `boxes`: camera -> CSV, `roles`: camera -> close | long_range, `count`: frames per sheet,
-    spread over the recording; where there are boxes, the boxed frames nearest to those. `detections` may be None.
+    `labels`: label files, `boxes`: camera -> CSV, `roles`: camera -> close | long_range, `count`: frames per sheet.
+    `detections` and `swaps` may be None.
     """
     import cv2
 
@@ -52,13 +55,17 @@ def run(*, sequence, frames, data_root, labels, detections, min_score, boxes, ro
     grids = label_grids(labels)
     index = tables.read(frames, "frames")
     found = None if detections is None else tables.read(detections, "detections")
+    exchanged = None if swaps is None else tables.read(swaps, "swaps", ["camera", "frame", "swapped"])
     chosen = {}
     for camera, grid in grids.items():
         boxed = box_files.read(boxes[camera], grid.frames) if camera in boxes else (np.array([], int), np.empty((0, 4)))
-        chosen[camera] = (choose(grid.frames, count, boxed[0]), boxed)
+        seen = None if found is None else tables.of_camera(found, camera)
+        how = choice.measured(grid, roles[camera], seen, _exchanged(exchanged, camera), boxed, min_score)
+        ranked = choice.by_rank(grid.frames, *how, count) if how else []
+        chosen[camera] = (ranked or choice.spread(grid.frames, count), boxed)
     wanted = np.zeros(len(index["frame"]), bool)
     for camera, (numbers, _) in chosen.items():
-        wanted |= (index["camera"] == camera) & np.isin(index["frame"], numbers)
+        wanted |= (index["camera"] == camera) & np.isin(index["frame"], [number for number, _ in numbers])
     picked = tables.rows(index, wanted)
     pictures = {
         (picked["camera"][row], int(picked["frame"][row])): picture
@@ -66,7 +73,7 @@ def run(*, sequence, frames, data_root, labels, detections, min_score, boxes, ro
     }
     for camera, (numbers, boxed) in chosen.items():
         tiles = []
-        for number in numbers:
+        for number, words in numbers:
             picture = pictures.get((camera, number))
             if picture is None:
                 raise DiorError(
@@ -74,25 +81,13 @@ def run(*, sequence, frames, data_root, labels, detections, min_score, boxes, ro
                     f"{nearest(camera, np.unique(index['camera'].astype(str)))}; run the frames step again"
                 )
             seen = None if found is None else _detected(tables.of_camera(found, camera), number, min_score)
-            tiles.append(_tile(picture, grids[camera], number, seen, _box(boxed, number), roles[camera], sequence))
+            tile = _tile(picture, grids[camera], number, seen, _box(boxed, number), roles[camera])
+            tiles.append(_captioned(tile, f"{sequence} {camera} frame {number}{', ' if words else ''}{words}"))
         done, jpeg = cv2.imencode(".jpg", _side_by_side(tiles), [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
         if not done:
             raise DiorError(f"sequence {sequence}, camera {camera}: the contact sheet could not be written as JPEG")
         with written_whole(Path(out) / f"{camera}.jpg") as part:
             part.write_bytes(jpeg.tobytes())
-
-
-def choose(frames, count, preferred=()):
-    """`count` of the frame numbers `frames` (F,), at the middles of equal parts; the nearest of `preferred` if any.
-
-    A fixed choice, so that two runs show the same pictures.
-    """
-    count = min(count, len(frames))
-    middles = np.asarray(frames)[((np.arange(count) + 0.5) * len(frames) / max(count, 1)).astype(int)]
-    if len(preferred):
-        preferred = np.asarray(preferred)
-        middles = preferred[np.abs(preferred[None] - middles[:, None]).argmin(axis=1)]
-    return np.unique(middles).tolist()
 
 
 def view_of(width, height, uv, zoomed):
@@ -112,6 +107,14 @@ def view_of(width, height, uv, zoomed):
     return View(tuple(origin.tolist()), float(scale), tuple(int(round(s)) for s in part * scale))
 
 
+def _exchanged(swaps, camera):
+    """Frames in which a camera's left and right were found exchanged."""
+    if swaps is None:
+        return []
+    mine = tables.of_camera(swaps, camera)
+    return mine["frame"][mine["swapped"]]
+
+
 def _detected(table, number, min_score):
     rows = tables.rows(table, table["frame"] == number)
     values, _, joints = value_grid(rows, "frame", "u", "v", "score")
@@ -127,7 +130,7 @@ def _box(boxed, number):
     return edges[frames == number][0] if (frames == number).any() else None
 
 
-def _tile(picture, grid, number, seen, box, role, sequence):
+def _tile(picture, grid, number, seen, box, role):
     import cv2
 
     height, width = picture.shape[:2]
@@ -142,10 +145,8 @@ def _tile(picture, grid, number, seen, box, role, sequence):
     if box is not None:
         corners = view.of(np.array([[box[0] - 0.5, box[1] - 0.5], [box[2] + 0.5, box[3] + 0.5]]))
         cv2.rectangle(canvas, _point(corners[0]), _point(corners[1]), BOX, 1, cv2.LINE_AA)
-    _skeleton(canvas, view.of(uv), grid.joints, off > OUTLIER_OF_HEIGHT * _height(uv))
-    shown = int(np.isfinite(uv).all(axis=1).sum())
-    scale = f", {view.scale:.1f}x" if view.scale > 1 else ""
-    return _captioned(canvas, f"{sequence} {grid.camera} frame {number}{scale}: {shown} of {len(uv)} labels")
+    draw_skeleton(canvas, view.of(uv), grid.joints, off > OUTLIER_OF_HEIGHT * _height(uv))
+    return canvas
 
 
 def shown_in(view, picture):
@@ -177,7 +178,8 @@ def _colour(joint):
     return LEFT if joint[0] in "lL" else RIGHT
 
 
-def _skeleton(canvas, uv, joints, outlier):
+def draw_skeleton(canvas, uv, joints, outlier):
+    """Draw labels uv (J, 2) px of a BGR canvas, NaN for none; those that are `outlier` (J,) in red."""
     import cv2
 
     known = np.isfinite(uv).all(axis=1)

@@ -51,14 +51,15 @@ TITLES = {
 
 
 def run(
-    *, root, title, metrics, frame_metrics, findings, cameras, skeletons, audits, dropped, frames, overlays, statistics,
-    effort, out, out_timing
+    *, root, title, metrics, frame_metrics, findings, cameras, skeletons, audits, dropped, frames, overlays, clips,
+    statistics, effort, out, out_timing
 ):  # fmt: skip
     """Write the report of the project in `root` into the folder `out`.
 
     `frame_metrics`, `findings`, `cameras`, `skeletons`, `frames`: files of those tables; `audits`: of `stamp_audit`,
-    `dropped`: of `dropped_frames`; `overlays`: the contact sheets `<out>/assets/<sequence>/<camera>.jpg`;
-    `statistics`: statistics.csv; `effort`: effort.tsv or None. What it cost goes to `<out>/cost.html` and `out_timing`.
+    `dropped`: of `dropped_frames`; `overlays`: the contact sheets `<out>/assets/<sequence>/<camera>.jpg`; `clips`:
+    `<out>/assets/<sequence>/clip.webm`, each with its poster beside it; `statistics`: statistics.csv; `effort`:
+    effort.tsv or None. What it cost goes to `<out>/cost.html` and `out_timing`.
     """
     from dior import project as projects
 
@@ -89,7 +90,7 @@ def run(
     cost.write(environment, project, statistics_csv.of(counted, "frames"), effort, out_timing, out / "cost.html")
     sequence_pages.write(
         environment, out, title, lights, found, {s: _names(project, s) for s in project.sequences}, timelines, stamps,
-        {sequence: one.rows for sequence, one in audited.items()}, {},
+        {sequence: one.rows for sequence, one in audited.items()}, cards.clips_of(clips, out),
     )  # fmt: skip
     page = environment.get_template("index.html.j2").render(
         title=title,

@@ -56,6 +56,7 @@ def write(capture, out):
         skeletons=capture.skeletons,
         **audited(capture),
         overlays=[],
+        clips=[],
         statistics=counted(capture),
         effort=None,
         out=out,

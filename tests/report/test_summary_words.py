@@ -118,6 +118,7 @@ def test_the_page_has_the_words_of_each(capture, tmp_path):
         skeletons=[path for path in capture.skeletons if "indoor_01" not in path.name],
         **files,
         overlays=[],
+        clips=[],
         statistics=counted(capture),
         effort=None,
         out=tmp_path / "report",

@@ -322,6 +322,11 @@ def own_detections(wildcards):
     return f"results/detections/{wildcards.sequence}.parquet" if drawn else []
 
 
+def own_swaps(wildcards):
+    drawn = own_detections(wildcards)
+    return f"results/triangulate/{wildcards.sequence}.swaps.parquet" if drawn else []
+
+
 def own_boxes(wildcards):
     path = PROJECT.boxes(wildcards.sequence).get(wildcards.camera)
     return [path] if path else []
@@ -374,6 +379,12 @@ def all_cameras():
         for session in PROJECT.sessions
         for path in cameras_of(session, PROJECT.cameras(session))
     ]
+
+
+def all_clips():
+    if not CONFIG["report"]["clip_seconds"]:
+        return []
+    return [f"results/report/assets/{sequence}/clip.webm" for sequence in SEQUENCES]
 
 
 def all_overlays():

@@ -12,6 +12,7 @@ rule overlays:
         frames="results/frames/{sequence}.parquet",
         labels=own_label,
         detections=own_detections,
+        swaps=own_swaps,
         boxes=own_boxes,
     output:
         "results/report/assets/{sequence}/{camera}.jpg",
@@ -34,11 +35,45 @@ rule overlays:
         " --data-root {params.data_root:q}"
         " --labels {input.labels:q}"
         " --detections {input.detections:q}"
+        " --swaps {input.swaps:q}"
         " --min-score {params.min_score}"
         " --boxes {params.boxes:q}"
         " --roles {params.roles}"
         " --count {params.pictures}"
         " --out {params.out:q}"
+        " 2>&1 | tee {log:q}"
+
+
+rule clip:
+    """Film the labels of all cameras of a sequence side by side."""
+    input:
+        bags=there(bags),
+        frames="results/frames/{sequence}.parquet",
+        offsets="results/timeline/{sequence}.offsets.parquet",
+        labels=labels,
+    output:
+        video="results/report/assets/{sequence}/clip.webm",
+        poster="results/report/assets/{sequence}/clip.poster.jpg",
+    log:
+        "logs/clip/{sequence}.log",
+    benchmark:
+        "logs/clip/{sequence}.benchmark.tsv"
+    params:
+        data_root=DATA,
+        roles=roles,
+        seconds=CONFIG["report"]["clip_seconds"],
+        code=code("report.clip"),
+    shell:
+        "dior clip"
+        " --sequence {wildcards.sequence}"
+        " --frames {input.frames:q}"
+        " --offsets {input.offsets:q}"
+        " --data-root {params.data_root:q}"
+        " --labels {input.labels:q}"
+        " --roles {params.roles}"
+        " --seconds {params.seconds}"
+        " --out {output.video:q}"
+        " --poster {output.poster:q}"
         " 2>&1 | tee {log:q}"
 
 
@@ -54,6 +89,7 @@ rule report:
         dropped=expand("results/audit/{sequence}.dropped.parquet", sequence=SEQUENCES),
         frames=expand("results/frames/{sequence}.parquet", sequence=SEQUENCES),
         overlays=all_overlays(),
+        clips=all_clips(),
         statistics="results/evaluate/statistics.csv",
         effort=PROJECT.effort(),
     output:
@@ -85,6 +121,7 @@ rule report:
         " --dropped {input.dropped:q}"
         " --frames {input.frames:q}"
         " --overlays {input.overlays:q}"
+        " --clips {input.clips:q}"
         " --statistics {input.statistics:q}"
         " --effort {input.effort:q}"
         " --out results/report"

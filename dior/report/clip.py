@@ -1,0 +1,133 @@
+"""A short film of a sequence: all its cameras side by side at the same time, with the labels drawn on them.
+
+INPUTS   frames table, the pictures it indexes, the cameras' offsets (`offsets` table), `labels_2d` files
+OUTPUTS  a VP8 .webm of the middle of the walk and a JPEG of its middle picture
+
+At each moment every camera shows its nearest picture, by its clock. A long-range camera is enlarged around all places
+of the person in the clip, so that the picture stands still. VP8 because OpenCV's wheel cannot write H.264 and browsers
+play it.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from dior import tables
+from dior.errors import DiorError
+from dior.evaluate.grids import label_grids
+from dior.files import written_whole
+from dior.report.overlays import View, draw_skeleton, shown_in
+from dior.sampling import camera_seconds, nominal_fps, start_ns
+
+TILE = (480, 270)
+ZOOM = 8.0
+EVERY = 2
+GROUND = 32
+# Matroska's element TrackUID with its length of 8 bytes; a tag in the header names the track by it
+TRACK_UID, HEADER = b"\x73\xc5\x88", 4096
+
+
+def run(*, sequence, frames, offsets, data_root, labels, roles, seconds, out, poster):
+    """Write the clip of one sequence. `labels`: label files, `roles`: camera -> close | long_range.
+
+    Raises DiorError for a camera without labels or offset, and a picture that cannot be read.
+    """
+    import cv2
+
+    from dior.ingest import bags
+
+    # several threads would divide the picture in another way on another machine
+    cv2.setNumThreads(1)
+    index, grids = tables.read(frames, "frames"), label_grids(labels)
+    times, fps = clocked(index, offsets, sorted(grids), sequence)
+    moments = middle(times, fps / EVERY, seconds)
+    size, cells = mosaic(len(grids))
+    film = np.full((len(moments), size[1], size[0], 3), GROUND, np.uint8)
+    shown = {camera: nearest(times[camera], moments) for camera in grids}
+    for (camera, grid), (left, top) in zip(sorted(grids.items()), cells, strict=True):
+        own = tables.of_camera(index, camera)
+        wanted = tables.rows(own, np.unique(shown[camera]))
+        row_of = {int(frame): i for i, frame in enumerate(grid.frames)}
+        uv = grid.uv[[row_of[int(frame)] for frame in wanted["frame"]]]
+        view = still(int(own["width"][0]), int(own["height"][0]), uv, roles[camera] == "long_range")
+        tiles = {}
+        for row, picture in bags.read_pictures(wanted, Path(data_root)):
+            tile = shown_in(view, picture)
+            draw_skeleton(tile, view.of(uv[row]), grid.joints, np.zeros(len(grid.joints), bool))
+            name = f"{camera}{f' {view.scale:.1f}x' if view.scale > 1 else ''}"
+            cv2.putText(tile, name, (6, 16), cv2.FONT_HERSHEY_SIMPLEX, 0.45, (255, 255, 255), 1, cv2.LINE_AA)
+            tiles[int(wanted["frame"][row])] = tile
+        for i, frame in enumerate(own["frame"][shown[camera]].tolist()):
+            tile = tiles[frame]
+            film[i, top : top + tile.shape[0], left : left + tile.shape[1]] = tile
+    _write(Path(out), film, fps / EVERY, sequence)
+    with written_whole(Path(poster)) as part:
+        part.write_bytes(cv2.imencode(".jpg", film[len(film) // 2], [cv2.IMWRITE_JPEG_QUALITY, 80])[1].tobytes())
+
+
+def clocked(index, offsets, cameras, sequence):
+    """camera -> times (F,) s of its pictures on the sequence's clock, and the pictures per second."""
+    table = tables.read(offsets, "offsets", ["camera", "offset_s", "drift_ppm"])
+    clock = {c: (float(o), float(d), "") for c, o, d in zip(*table.values(), strict=True)}
+    for camera in cameras:
+        if camera not in clock or not (index["camera"] == camera).any():
+            raise DiorError(f"sequence {sequence}, camera {camera}: no pictures or no offset; run frames and timeline")
+    t0 = start_ns(index)
+    fps = min(nominal_fps(tables.of_camera(index, camera)["stamp_ns"]) for camera in cameras)
+    return {camera: camera_seconds(index, camera, t0, clock[camera]) for camera in cameras}, fps
+
+
+def middle(times, fps, seconds):
+    """Moments (N,) s, at least one, at `fps` in the middle of what all cameras have recorded."""
+    begin, end = max(t[0] for t in times.values()), min(t[-1] for t in times.values())
+    length = min(seconds, max(end - begin, 0.0))
+    return (begin + end - length) / 2 + np.arange(max(int(length * fps), 1)) / fps
+
+
+def nearest(times, moments):
+    """Index (N,) of the picture nearest to each moment; `times` (F,) ascending."""
+    after = np.clip(np.searchsorted(times, moments), 1, len(times) - 1)
+    return np.where(moments - times[after - 1] <= times[after] - moments, after - 1, after)
+
+
+def mosaic(count):
+    """Size (width, height) px of `count` tiles in rows of two (one tile: alone), and where each begins (left, top)."""
+    columns = min(count, 2)
+    cells = [((i % columns) * TILE[0], (i // columns) * TILE[1]) for i in range(count)]
+    return (columns * TILE[0], -(-count // columns) * TILE[1]), cells
+
+
+def still(width, height, uv, zoomed):
+    """The `View` of all pictures of a camera, that fits a tile: all of it, or enlarged around labels uv (N, J, 2)."""
+    tile = np.array(TILE, float)
+    whole = float(min(tile / (width, height)))
+    known = uv[np.isfinite(uv).all(axis=-1)]
+    if not zoomed or not len(known):
+        return View((0.0, 0.0), whole, (round(width * whole), round(height * whole)))
+    low, high = known.min(axis=0), known.max(axis=0)
+    scale = max(whole, min(ZOOM, *(0.7 * tile / np.maximum(high - low, 1.0))))
+    part = np.minimum(tile / scale, (width, height))
+    origin = np.clip(np.round((low + high) / 2 - part / 2), 0, np.array([width, height]) - part)
+    return View(tuple(origin.tolist()), float(scale), tuple(int(round(s)) for s in part * scale))
+
+
+def _write(path, film, fps, sequence):
+    import cv2
+
+    with written_whole(path) as part:
+        writer = cv2.VideoWriter(str(part), cv2.VideoWriter_fourcc(*"VP80"), fps, film.shape[2:0:-1])
+        if not writer.isOpened():
+            raise DiorError(f"sequence {sequence}: this OpenCV cannot write VP8; set report.clip_seconds to 0")
+        for picture in film:
+            writer.write(picture)
+        writer.release()
+        part.write_bytes(numbered(part.read_bytes()))
+
+
+def numbered(webm):
+    """The bytes of a WebM file with 1 for the random number that its writer gave the track, where it stands."""
+    at = webm.find(TRACK_UID, 0, HEADER)
+    if at < 0:
+        return webm
+    number = webm[at + len(TRACK_UID) :][:8]
+    return webm[:HEADER].replace(number, (1).to_bytes(8, "big")) + webm[HEADER:]
