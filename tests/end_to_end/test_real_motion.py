@@ -1,11 +1,14 @@
 """A real Plug-in-Gait walk (../shared/data/mocap) as the motion of a simulated indoor capture."""
 
+import pytest
+
 from dior.simulate import config as simulated
 from dior.simulate import settings
 from tests.end_to_end.test_tiny import figure, metrics
 from tests.end_to_end.workflow import snakemake
 
 
+@pytest.mark.slow
 def test_labels_of_a_real_walk(shared, tmp_path):
     simulated.write(
         settings.from_dict(

@@ -260,7 +260,7 @@ def test_targets_have_names(project, tmp_path, target):
 def test_an_edited_long_range_camera_touches_only_its_own_labels(copy):
     nudge(copy / "config/sessions/field/cam04.yaml", "elevation_deg")
     assert planned(copy) == {
-        "align": 1, "reproject": 2, "evaluate": 2, "overlays": 2, "metrics": 1, "statistics": 1, "report": 1,
+        "align": 1, "reproject": 2, "evaluate": 2, "overlays": 2, "clip": 2, "metrics": 1, "statistics": 1, "report": 1,
         "package": 1, "tarballs": 2,
     }  # fmt: skip
 
@@ -268,7 +268,7 @@ def test_an_edited_long_range_camera_touches_only_its_own_labels(copy):
 def test_an_edited_close_camera_touches_its_session(copy):
     nudge(copy / "config/sessions/field/cam01.yaml", "sigma_m")
     assert planned(copy) == {
-        "place": 1, "adjust": 1, "triangulate": 2, "reproject": 8, "evaluate": 2, "overlays": 8, "metrics": 1,
+        "place": 1, "adjust": 1, "triangulate": 2, "reproject": 8, "evaluate": 2, "overlays": 8, "clip": 2, "metrics": 1,
         "statistics": 1, "report": 1, "package": 1, "tarballs": 2,
     }  # fmt: skip
 
@@ -284,7 +284,7 @@ def test_an_edited_sheet_row_touches_its_sequence(copy):
     row = next(r for r in (copy / "config/sequences.tsv").read_text().splitlines() if r.startswith("outdoor_02"))
     edit(copy / "config/sequences.tsv", row, row.replace("\tS02\t", "\tS01\t"))
     assert planned(copy) == {
-        "triangulate": 1, "reproject": 4, "evaluate": 1, "overlays": 4, "metrics": 1, "statistics": 1, "report": 1,
+        "triangulate": 1, "reproject": 4, "evaluate": 1, "overlays": 4, "clip": 1, "metrics": 1, "statistics": 1, "report": 1,
         "package": 1, "tarballs": 2,
     }  # fmt: skip
 
@@ -305,7 +305,7 @@ def test_edited_code_of_one_step_reruns_what_depends_on_it(copy, tmp_path):
     assert planned(copy, root=checkout) == {}
     with open(checkout / "dior/report/overlays.py", "a") as stream:
         stream.write("\nMORE = 1\n")
-    assert planned(copy, root=checkout) == {"overlays": 16, "report": 1}
+    assert planned(copy, root=checkout) == {"overlays": 16, "clip": 4, "report": 1}
 
 
 def test_a_broken_sequence_does_not_stop_the_others(copy):

@@ -19,7 +19,7 @@ from tests.ingest.formats import WRITERS, scene
 from tests.ingest.test_detections_formats import run
 
 each_writer = pytest.mark.parametrize("writer", WRITERS, ids=lambda writer: writer.__name__)
-often = settings(max_examples=30, deadline=2000, suppress_health_check=list(HealthCheck), derandomize=True)
+often = settings(max_examples=15, deadline=2000, suppress_health_check=list(HealthCheck), derandomize=True)
 JSON_WRITERS = [writer for writer in WRITERS if "text" not in writer.__name__ and writer.__name__[:4] != "yolo"]
 JSON_WRITERS.remove(formats.mlkit_csv)
 
