@@ -268,8 +268,8 @@ def test_an_edited_long_range_camera_touches_only_its_own_labels(copy):
 def test_an_edited_close_camera_touches_its_session(copy):
     nudge(copy / "config/sessions/field/cam01.yaml", "sigma_m")
     assert planned(copy) == {
-        "place": 1, "adjust": 1, "triangulate": 2, "reproject": 8, "evaluate": 2, "overlays": 8, "clip": 2, "metrics": 1,
-        "statistics": 1, "report": 1, "package": 1, "tarballs": 2,
+        "place": 1, "adjust": 1, "triangulate": 2, "reproject": 8, "evaluate": 2, "overlays": 8, "clip": 2,
+        "metrics": 1, "statistics": 1, "report": 1, "package": 1, "tarballs": 2,
     }  # fmt: skip
 
 
@@ -284,8 +284,8 @@ def test_an_edited_sheet_row_touches_its_sequence(copy):
     row = next(r for r in (copy / "config/sequences.tsv").read_text().splitlines() if r.startswith("outdoor_02"))
     edit(copy / "config/sequences.tsv", row, row.replace("\tS02\t", "\tS01\t"))
     assert planned(copy) == {
-        "triangulate": 1, "reproject": 4, "evaluate": 1, "overlays": 4, "clip": 1, "metrics": 1, "statistics": 1, "report": 1,
-        "package": 1, "tarballs": 2,
+        "triangulate": 1, "reproject": 4, "evaluate": 1, "overlays": 4, "clip": 1, "metrics": 1,
+        "statistics": 1, "report": 1, "package": 1, "tarballs": 2,
     }  # fmt: skip
 
 
