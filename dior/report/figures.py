@@ -4,10 +4,12 @@ INPUTS   the project's sheets, rows of metrics.csv, `frame_metrics` by sequence 
 OUTPUTS  SVG files in one folder, and for each a dict src, title, caption, alt for the page's template
 """
 
+from collections import Counter
+
 import numpy as np
 
 from dior import tables
-from dior.report import plots
+from dior.report import measures, plots, scene
 
 OF_PICTURE = "mean of a picture, px"
 
@@ -17,6 +19,7 @@ class Figures:
 
     def __init__(self, folder, project, rows, recorded):
         self.folder, self.project, self.recorded = folder, project, recorded
+        self.all_rows = rows
         self.rows = [row for row in rows if row["sequence"] and row["camera"]]
         self.adjusted = [row for row in rows if row["metric"].startswith("adjust_error")]
         self.environment = {name: project.sequence(name)["environment"] for name in project.sequences}
@@ -36,9 +39,16 @@ class Figures:
         ]
         if not points:
             return []
-        caption += " One dot per sequence and camera, the bar is the mean weighted by n."
+        counts = Counter()
+        for at, _, _, n in points:
+            counts[at] += n
+        total = measures.whole(self.all_rows, metric, sum(counts.values()))
+        intervals = {at: measures.interval(self.all_rows, metric, n, camera=at) for at, n in counts.items()}
+        caption += " One dot per sequence and camera, the bar is the mean weighted by n"
+        caption += ", the line its 95 % interval over the subjects." if total else "."
         alt = f"{title}, {len(points)} values in {len({p[0] for p in points})} groups"
-        return [self._draw(name, plots.strip, points, label, title=title, caption=caption, alt=alt, **options)]
+        return [self._draw(name, plots.strip, points, label, title=title, caption=caption, alt=alt,
+                           intervals=intervals, total=total, **options)]  # fmt: skip
 
     def _in(self, row, environment):
         return environment in (None, self.environment.get(row["sequence"]))
@@ -51,10 +61,7 @@ class Figures:
 
         error = "error, px"
         indoor = [
-            *self._strip(
-                "check_error_subject", "check_error", by("subject"), by("camera"), error,
-                "Labels against hand checks, by subject", "Points marked by hand for this purpose only.", "indoor",
-            ),
+            *self._measures(measures.indoor),
             *self._strip(
                 "mark_error_camera", "mark_error", by("camera"), by("sequence"), error,
                 "Marks used to locate the cameras", "Residuals of the fit, outliers included.",
@@ -73,15 +80,15 @@ class Figures:
             *self._distribution("reprojection_error", "Labels against detections, distribution", OF_PICTURE),
             *self._adjusted(),
         ]  # fmt: skip
-        far = self._strip(
-            "in_box_subject", "in_box_share", by("subject"), by("camera"), "labels in the box, %",
-            "Labels in the hand boxes, by subject",
-            "Perfect labels score 98 % in boxes drawn 3 px large and 73-78 % in tight ones, so the share says as much "
-            "about the boxes as about the labels.",
-            percent=True, limit=(0.9669, "96.69 % in the paper"),
-        )  # fmt: skip
+        far = [*self._measures(measures.long_range), *self._measures(measures.detectors)]
         sections = (("Indoor", indoor), ("Outdoor, close range", close), ("Long range", far))
         return [(title, figures) for title, figures in sections if figures]
+
+    def _measures(self, of):
+        return [
+            self._draw(m.name, m.draw, *m.args, title=m.title, caption=m.caption, alt=m.alt, **m.options)
+            for m in of(self.all_rows)
+        ]
 
     def truth(self):
         """The section with errors against a known truth."""
@@ -207,7 +214,7 @@ class Figures:
         ]  # fmt: skip
 
     def scenes(self, stations, paths):
-        """One figure per session: the cameras and the walks."""
+        """Two figures per session: the cameras and the walks in space, and from above and the side."""
         walks, poses = {}, {}
         for path in paths:
             sequence, walk, pose = read_walk(path)
@@ -221,14 +228,22 @@ class Figures:
             if not cameras:
                 continue
             of_session = walks.get(session, {})
-            figures.append(
+            drawn = cameras, of_session, poses.get(session)
+            about = f"{len(cameras)} cameras, {len(of_session)} walks"
+            figures += [
                 self._draw(
-                    f"scene_{session}", plots.scene, cameras, of_session, poses.get(session), title=session,
+                    f"space_{session}", scene.space, *drawn, title=f"{session}, in space",
+                    caption=f"{about}. Pyramids show where the cameras look; lines are the mean of the joints over "
+                    "each walk, grey on the floor; a camera that is far away is an arrow.",
+                    alt=f"Session {session} in space: {about}",
+                ),
+                self._draw(
+                    f"scene_{session}", scene.plan, *drawn, title=f"{session}, from above and from the side",
                     caption="Squares are cameras with their viewing direction (long range in orange); lines are the "
                     "mean of the joints over each walk.",
-                    alt=f"Session {session} from above and the side: {len(cameras)} cameras, {len(of_session)} walks",
-                )
-            )  # fmt: skip
+                    alt=f"Session {session} from above and the side: {about}",
+                ),
+            ]  # fmt: skip
         return figures
 
 

@@ -7,7 +7,6 @@ from functools import cache
 
 import numpy as np
 
-from dior import skeletons
 from dior.files import written_whole
 from dior.schemas import DROP_REASON
 
@@ -60,11 +59,12 @@ def _colours(names):
     return {name: COLOURS[i % len(COLOURS)] for i, name in enumerate(names)}
 
 
-def strip(path, points, label, percent=False, limit=None):
+def strip(path, points, label, percent=False, limit=None, intervals=None, total=None):
     """Figures by group: one dot per row, a dark bar at the mean weighted by n.
 
     `points`: (group, colour group, value, n) tuples; `label` names the vertical axis with its unit; `limit`: (value,
-    text) drawn as a line.
+    text) drawn as a line; `intervals`: group -> (low, high) of its mean; `total`: (value, low, high, n) of all, drawn
+    last.
     """
     groups = sorted({p[0] for p in points})
     kinds = sorted({p[1] for p in points})
@@ -78,13 +78,15 @@ def strip(path, points, label, percent=False, limit=None):
             axis.plot(at + shift, value * scale, "o", ms=5, color=colours[kind], alpha=0.85, mec="white", mew=0.5)
         n = np.array([p[3] for p in members])
         mean = scale * np.dot(n, [p[2] for p in members]) / n.sum()
-        axis.plot([at - 0.32, at + 0.32], [mean, mean], color="#20242b", lw=1.8, solid_capstyle="butt", zorder=1)
-        axis.annotate(f"{mean:.3g}", (at + 0.34, mean), va="center", fontsize=9, color="#20242b", annotation_clip=False)
+        _mean(axis, at, mean, *(scale * np.array((intervals or {}).get(group, (np.nan, np.nan)))))
+    totals = [sum(p[3] for p in points if p[0] == group) for group in groups]
+    if total:
+        _mean(axis, len(groups), *(scale * np.array(total[:3])))
+        groups, totals = [*groups, "all"], [*totals, total[3]]
     if limit:
         axis.axhline(limit[0] * scale, color=RED, lw=1, ls=(0, (4, 3)), zorder=0)
         axis.annotate(limit[1], (0.01, limit[0] * scale), xycoords=("axes fraction", "data"), va="bottom", fontsize=9,
                       color=RED)  # fmt: skip
-    totals = [sum(p[3] for p in points if p[0] == group) for group in groups]
     rotate = len(groups) > 6
     axis.set_xticks(
         range(len(groups)),
@@ -104,6 +106,15 @@ def strip(path, points, label, percent=False, limit=None):
     if len(kinds) > 1:
         _legend(figure, axis, colours)
     _save(figure, path)
+
+
+def _mean(axis, at, mean, low, high):
+    """A bar at a group's mean, its value, and its interval where it is known."""
+    axis.plot([at - 0.32, at + 0.32], [mean, mean], color="#20242b", lw=1.8, solid_capstyle="butt", zorder=1)
+    axis.annotate(f"{mean:.3g}", (at + 0.34, mean), va="center", fontsize=9, color="#20242b", annotation_clip=False)
+    if np.isfinite([low, high]).all():
+        axis.vlines(at + 0.28, low, high, color="#20242b", lw=1.2)
+        axis.hlines([low, high], at + 0.24, at + 0.32, color="#20242b", lw=1.2)
 
 
 def _legend(figure, axis, colours):
@@ -237,81 +248,64 @@ def _binned(t, value, bins=240):
     return np.add.reduceat(t, edges) / size, np.add.reduceat(value, edges) / size
 
 
-def scene(path, cameras, walks, pose):
-    """Cameras and walks of a session from above and from the side.
+def marks(path, groups, series, label, percent=False, limit=None):
+    """Values with their intervals, a row per group and a mark per series; n stands below a group's name.
 
-    `cameras`: `Camera`s with a pose; `walks`: sequence -> (N, 3) m; `pose`: (points (J, 3) m, joints) or None.
-    The side view looks along the horizontal direction in which there is least to see.
+    `series`: name -> group -> (value, low, high, n); `label` names the axis with its unit; `limit`: (value, text).
     """
-    everything = np.concatenate([np.array([c.centre for c in cameras]).reshape(-1, 3), *walks.values()])
-    everything = everything[np.isfinite(everything).all(axis=1)]
-    walked = np.concatenate([*walks.values(), np.empty((0, 3))])
-    walked = walked[np.isfinite(walked).all(axis=1)]
-    far = len(walked) and np.ptp(everything[:, :2], axis=0).max() > 4 * max(np.ptp(walked[:, :2], axis=0).max(), 3)
-    panels = 3 if far else 2
-    figure, axes = _figure(panels, 1, height=2.4 + 2.6 * (panels - 1), squeeze=False)
-    axes = axes[:, 0]
-    _top(axes[0], cameras, walks, None)
-    axes[0].set_title(f"from above, {len(cameras)} cameras, {len(walks)} walks")
-    if far:
-        near = [c for c in cameras if np.abs(c.centre[:2] - np.median(walked[:, :2], axis=0)).max() < 20]
-        _top(axes[1], near, walks, pose)
-        axes[1].set_title("from above, without the far camera")
-    _side(axes[-1], cameras if not far else near, walks, pose, everything if not far else walked)
-    for name, colour in _colours(sorted(walks)).items():
-        axes[0].plot([], [], color=colour, label=name)
-    figure.legend(loc="outside lower left", ncols=3, handlelength=1.2, columnspacing=1)
+    scale = 100 if percent else 1
+    figure, axis = _figure(height=1.15 + len(groups) * (0.3 + 0.06 * len(series)))
+    for nth, ((name, values), colour) in enumerate(zip(series.items(), COLOURS, strict=False)):
+        at = np.array([groups.index(group) for group in values]) + 0.22 * (nth - (len(series) - 1) / 2)
+        value, low, high = scale * np.array([v[:3] for v in values.values()], float).T.reshape(3, -1)
+        axis.hlines(at, low, high, color=colour, lw=1.6)
+        axis.plot(value, at, "osD^"[nth % 4], ms=5.5, color=colour, mec="white", mew=0.6, label=name)
+    counts = [max((values[g][3] for values in series.values() if g in values), default=0) for g in groups]
+    axis.set_yticks(range(len(groups)), [f"{g} (n {_short(n)})" for g, n in zip(groups, counts, strict=True)],
+                    fontsize=9)  # fmt: skip
+    axis.set_ylim(len(groups) - 0.5, -0.5)
+    axis.grid(axis="y", visible=False)
+    for edge in np.arange(len(groups) - 1) + 0.5:
+        axis.axhline(edge, color="#eef0f2", lw=0.8, zorder=0)
+    _from_zero(axis)
+    if percent:
+        axis.set_xlim(max(0, axis.get_xlim()[0]), 101)
+    if limit:
+        axis.axvline(limit[0] * scale, color=RED, lw=1, ls=(0, (4, 3)), zorder=0)
+        figure.text(1, 1, limit[1], color=RED, fontsize=9, ha="right", va="top")
+    axis.set_xlabel(label)
+    if len(series) > 1:
+        figure.legend(*axis.get_legend_handles_labels(), loc="outside upper left", ncols=3, handletextpad=0.1,
+                      columnspacing=1.2)  # fmt: skip
     _save(figure, path)
 
 
-def _walks(axis, walks, across, up):
-    for name, colour in _colours(sorted(walks)).items():
-        axis.plot(walks[name] @ across, walks[name] @ up, color=colour, lw=1.2, alpha=0.8)
+def _from_zero(axis):
+    """Signed values show where zero is; others that are not shares start there."""
+    low, high = axis.get_xlim()
+    if low < 0 < high:
+        axis.axvline(0, color=GREY, lw=1.2, zorder=0)
+    elif low > 0 and low < 0.6 * high:
+        axis.set_xlim(0, high)
 
 
-def _cameras(axis, cameras, across, up, extent):
-    for camera in cameras:
-        centre, ahead = camera.centre, camera.wRc[:, 2]
-        x, y = centre @ across, centre @ up
-        direction = np.array([ahead @ across, ahead @ up]) * 0.12 * extent
-        axis.annotate("", (x + direction[0], y + direction[1]), (x, y), arrowprops={"arrowstyle": "->", "color": GREY})
-        long_range = camera.role == "long_range"
-        axis.plot(x, y, "s", ms=6, color=COLOURS[5] if long_range else "#20242b")
-        axis.annotate(camera.name, (x, y), xytext=(0, 7), textcoords="offset points", fontsize=8.5, ha="center")
-
-
-def _pose(axis, pose, across, up):
-    if pose is None:
-        return
-    points, names = pose
-    for a, b in skeletons.bones_of(names):
-        axis.plot(points[[a, b]] @ across, points[[a, b]] @ up, color="#20242b", lw=1)
-
-
-def _top(axis, cameras, walks, pose):
-    x, y = np.eye(3)[:2]
-    _walks(axis, walks, x, y)
-    spread = [np.array([c.centre for c in cameras]).reshape(-1, 3), *walks.values()]
-    extent = np.nanmax(np.ptp(np.concatenate(spread)[:, :2], axis=0), initial=1.0) if len(cameras) else 5.0
-    _cameras(axis, cameras, x, y, extent)
-    _pose(axis, pose, x, y)
-    axis.set_aspect("equal", adjustable="datalim")
-    axis.margins(0.1)
-    axis.set_xlabel("x, m")
-    axis.set_ylabel("y, m")
-
-
-def _side(axis, cameras, walks, pose, points):
-    flat = points[:, :2] - points[:, :2].mean(axis=0)
-    across = np.append(np.linalg.svd(flat, full_matrices=False)[2][0], 0.0) if len(flat) > 1 else np.eye(3)[0]
-    across = across * np.sign(across[np.abs(across).argmax()])
-    up = np.eye(3)[2]
-    _walks(axis, walks, across, up)
-    _cameras(axis, cameras, across, up, 8.0)
-    _pose(axis, pose, across, up)
-    axis.axhline(0, color=GREY, lw=1)
-    axis.margins(0.12)
-    axis.set_ylim(min(-0.2, axis.get_ylim()[0]), max(2.2, axis.get_ylim()[1]))
-    axis.set_title("from the side, heights stretched")
-    axis.set_xlabel("along the walk, m")
-    axis.set_ylabel("height, m")
+def bars(path, values, label, percent=False):
+    """Horizontal bars with their values, intervals and counts written out. `values`: name -> (value, low, high, n)."""
+    scale = 100 if percent else 1
+    figure, axis = _figure(height=0.9 + 0.42 * len(values))
+    at = np.arange(len(values))
+    value, low, high = scale * np.array([v[:3] for v in values.values()], float).T
+    axis.barh(at, value, 0.62, color=COLOURS[4])
+    axis.hlines(at, low, high, color="#20242b", lw=1.6)
+    ends = np.fmax(value, high)
+    for y, end, shown, one in zip(at, ends, value, values.values(), strict=True):
+        axis.annotate(f"{shown:.1f} (n {_short(one[3])})", (end, y), xytext=(5, 0), textcoords="offset points",
+                      va="center", fontsize=9, annotation_clip=False)  # fmt: skip
+    axis.set_yticks(at, list(values), fontsize=9)
+    axis.set_ylim(len(values) - 0.4, -0.6)
+    axis.set_xlim(0, 130 if percent else 1.3 * np.nanmax(ends))
+    if percent:
+        axis.set_xticks(range(0, 101, 20))
+    axis.grid(axis="y", visible=False)
+    axis.set_xlabel(label)
+    _save(figure, path)
