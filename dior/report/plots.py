@@ -67,6 +67,7 @@ def strip(path, points, label, percent=False, limit=None, intervals=None, total=
     last.
     """
     groups = sorted({p[0] for p in points})
+    crowded = len(groups) > 6
     kinds = sorted({p[1] for p in points})
     colours = _colours(kinds)
     figure, axis = _figure()
@@ -78,10 +79,10 @@ def strip(path, points, label, percent=False, limit=None, intervals=None, total=
             axis.plot(at + shift, value * scale, "o", ms=5, color=colours[kind], alpha=0.85, mec="white", mew=0.5)
         n = np.array([p[3] for p in members])
         mean = scale * np.dot(n, [p[2] for p in members]) / n.sum()
-        _mean(axis, at, mean, *(scale * np.array((intervals or {}).get(group, (np.nan, np.nan)))))
+        _mean(axis, at, mean, *(scale * np.array((intervals or {}).get(group, (np.nan, np.nan)))), crowded)
     totals = [sum(p[3] for p in points if p[0] == group) for group in groups]
     if total:
-        _mean(axis, len(groups), *(scale * np.array(total[:3])))
+        _mean(axis, len(groups), *(scale * np.array(total[:3])), crowded)
         groups, totals = [*groups, "all"], [*totals, total[3]]
     if limit:
         axis.axhline(limit[0] * scale, color=RED, lw=1, ls=(0, (4, 3)), zorder=0)
@@ -108,10 +109,14 @@ def strip(path, points, label, percent=False, limit=None, intervals=None, total=
     _save(figure, path)
 
 
-def _mean(axis, at, mean, low, high):
+def _mean(axis, at, mean, low, high, crowded):
     """A bar at a group's mean, its value, and its interval where it is known."""
     axis.plot([at - 0.32, at + 0.32], [mean, mean], color="#20242b", lw=1.8, solid_capstyle="butt", zorder=1)
-    axis.annotate(f"{mean:.3g}", (at + 0.34, mean), va="center", fontsize=9, color="#20242b", annotation_clip=False)
+    # beside the bar there is room for few groups only
+    place = {"xytext": (0, 9), "ha": "center", "fontsize": 7.5} if crowded else {"xytext": (3, 0), "fontsize": 9}
+    xy = (at if crowded else at + 0.32, mean)
+    axis.annotate(f"{mean:.3g}", xy, va="center", textcoords="offset points", color="#20242b",
+                  annotation_clip=False, **place)  # fmt: skip
     if np.isfinite([low, high]).all():
         axis.vlines(at + 0.28, low, high, color="#20242b", lw=1.2)
         axis.hlines([low, high], at + 0.24, at + 0.32, color="#20242b", lw=1.2)
