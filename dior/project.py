@@ -224,6 +224,8 @@ def load(root, config=None):
         raise DiorError("config/sequences.tsv has no rows yet: enter one row per recorded walk")
     gallery, gallery_lines = _optional_sheet(root, "gallery", ("subject", "outfit", "angle"))
     detectors, detector_lines = _optional_sheet(root, "detectors", ("sequence", "camera", "tool", "zoom"))
+    # only the report reads what is in it, hours later
+    _optional_sheet(root, "effort", "what")
     project = Project(root, config, rows, subjects, gallery=gallery, detectors=detectors)
     if not project.sequences:
         raise DiorError("config/sequences.tsv: every row has an exclude_reason, so there is nothing to process")

@@ -564,3 +564,12 @@ def test_importing_the_module_is_light():
     code = "import sys, dior.project; print([m for m in ('numpy', 'yaml', 'pandas', 'jsonschema') if m in sys.modules])"
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
     assert found.strip() == "[]"
+
+
+def test_a_slip_in_the_noted_minutes_shows_at_the_start(root):
+    sheet = root / "config/effort.tsv"
+    sheet.write_text("what\tminutes\nmarks\t30\n")
+    project.load(root)
+    sheet.write_text("what\tminute\nmarks\t30\n")
+    with pytest.raises(DiorError, match="config/effort.tsv.*minute"):
+        project.load(root)

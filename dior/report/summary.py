@@ -49,7 +49,7 @@ LIMITS = (
     Limit("check_error", 3.0, 6.0, 1, "px", "labels are {} from the hand checks", "a person clicks to about 1-2 px"),
     Limit(
         "in_box_share", 0.95, 0.70, -1, "share", "{} of the labels are in the hand boxes",
-        "perfect labels score 98 % in boxes drawn 3 px large, but only 73-78 % in boxes that are tight",
+        "perfect labels score 95-97 % in boxes drawn 3 px large, but only 55-63 % in tight ones",
     ),
     Limit("error_to_truth_2d", 3.0, 6.0, 1, "px", "labels are {} from the truth", "only in simulated captures"),
     Limit(
