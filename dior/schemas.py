@@ -143,6 +143,18 @@ SCHEMAS = {
         ("offset_s", pa.float64(), "s", "true clock offset; simulation only"),
         ("drift_ppm", pa.float64(), "ppm", "true clock drift; simulation only"),
     ),
+    "camera_covariance": _schema(
+        ("session", _text),
+        ("camera", _text),
+        ("other", _text),
+        (
+            "covariance",
+            pa.list_(pa.float64(), 36),
+            "rad, m",
+            "of the errors of camera (rows) and other (columns), rows of the 6x6 matrix: a turn about the camera's own "
+            "axes, then a shift of its centre in the world",
+        ),
+    ),
     "timeline": _schema(
         ("instant", pa.int32()),
         ("camera", _text),
@@ -184,9 +196,12 @@ SCHEMAS = {
         ("x", pa.float32(), "m"),
         ("y", pa.float32(), "m"),
         ("z", pa.float32(), "m"),
-        ("sigma_x", pa.float32(), "m"),
+        ("sigma_x", pa.float32(), "m", "1 sigma given the cameras, whose own errors all points share"),
         ("sigma_y", pa.float32(), "m"),
         ("sigma_z", pa.float32(), "m"),
+        ("rho_xy", pa.float32(), "", "correlation of the errors"),
+        ("rho_xz", pa.float32()),
+        ("rho_yz", pa.float32()),
         ("n_views", pa.int8(), "", "null where the views are not known (mocap)"),
         ("residual_px", pa.float32(), "px", "mean distance to the detections used"),
         ("status", _text),

@@ -212,6 +212,42 @@ def read_cameras(paths):
     return cameras
 
 
+def write_camera_covariance(path, names, covariance, session="", own=None):
+    """Write a `camera_covariance` table of V cameras from (6V, 6V); NaN is unknown.
+
+    `own`: the cameras whose rows are written, all by default; the others' are in another file.
+    """
+    pairs = [(i, j) for i, name in enumerate(names) if own is None or name in own for j in range(len(names))]
+    blocks = np.asarray(covariance, float).reshape(len(names), 6, len(names), 6)
+    columns = {
+        "session": [session] * len(pairs),
+        "camera": [names[i] for i, _ in pairs],
+        "other": [names[j] for _, j in pairs],
+        "covariance": [blocks[i, :, j].ravel() for i, j in pairs],
+    }
+    write(path, "camera_covariance", columns)
+
+
+def read_camera_covariance(paths, names):
+    """Covariance (6V, 6V) of the cameras `names` from one or several `camera_covariance` tables.
+
+    A camera that is in none of them, or not known, has NaN in its own block and with every other; cameras of which no
+    table has a pair are taken as independent.
+    """
+    blocks = {}
+    for path in [paths] if isinstance(paths, (str, Path)) else paths:
+        t = read(path, "camera_covariance")
+        for a, b, values in zip(t["camera"], t["other"], t["covariance"], strict=True):
+            blocks[a, b] = values.reshape(6, 6)
+    out = np.zeros((len(names), 6, len(names), 6))
+    for i, a in enumerate(names):
+        for j, b in enumerate(names):
+            unknown = any(not np.isfinite(blocks.get((c, c), np.nan)).all() for c in (a, b))
+            pair = blocks[a, b] if (a, b) in blocks else blocks[b, a].T if (b, a) in blocks else np.zeros((6, 6))
+            out[i, :, j] = np.nan if unknown else pair
+    return out.reshape(6 * len(names), 6 * len(names))
+
+
 def findings_columns(findings):
     """Columns of the `findings` table from (scope, severity, code, text) tuples, as given."""
     return {key: [f[i] for f in findings] for i, key in enumerate(("scope", "severity", "code", "text"))}

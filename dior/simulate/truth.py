@@ -56,7 +56,7 @@ def view(settings, sequence, motion, camera):
     joints, points, known, landmarks = _joints(sequence, motion, seconds)
     uv, depth = scene.project(placed.camera, points)
     inside = scene.in_picture(placed.camera.intrinsics, uv)
-    slack = motion.height * np.array([_depth_below_surface(name) for name in joints])
+    slack = motion.height * np.array([depth_below_surface(name) for name in joints])
     behind_body = draw.hidden(placed.camera, draw.figure(landmarks, motion.height), motion.height, points, slack)
     behind_body |= _behind_others(settings, sequence, placed.camera, seconds, points)
     status = np.select(
@@ -79,7 +79,7 @@ def _joints(sequence, motion, seconds):
     return (*motion.names, *MLKIT_33), points, known, landmarks
 
 
-def _depth_below_surface(name):
+def depth_below_surface(name):
     if any(part in name for part in FACE):
         return DEPTH_FACE
     return next((depth for part, depth in DEPTH.items() if name.endswith(part)), DEPTH_OTHER)
