@@ -202,6 +202,8 @@ STEPS = {
             "subject": TEXT,
             "camera": TEXT,
             "cameras": PATHS,
+            "makers": WORDS,
+            "covariance": PATHS,
             "skeleton": PATH,
             "frames": PATH,
             "offsets": PATH,

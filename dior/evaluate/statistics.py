@@ -32,6 +32,7 @@ from dior.progress import told
 
 COLUMNS = ("what", "environment", "role", "camera", "reason", "value", "unit")
 THERE_3D = ("ok", "gap_filled")
+THERE_2D = ("ok", "occluded")
 NAMED = {"subjects": "subject", "outfits": "outfit", "walks": "walk", "sessions": "session"}
 
 
@@ -68,7 +69,8 @@ def rows_of(sheet, roles, labels, skeletons, frames, dropped=(), angles=()):
     for path in told(of_labels, len(of_labels), "tables of labels", "statistics"):
         where = place(path, Path(path).name.split(".")[1])
         for status, n in _words(path, "labels_2d", "status"):
-            add("keypoints_2d" if status == "ok" else "missing_2d", where, "" if status == "ok" else status, n)
+            what = "keypoints_2d" if status in THERE_2D else "missing_2d"
+            add(what, where, "" if status == "ok" else status, n)
         if where[1] == "long_range":
             for what, values in _seen(path).items():
                 for key in _with_totals(*where, ""):

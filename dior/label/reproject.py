@@ -1,8 +1,10 @@
 """2D labels of one camera: the 3D skeleton at every picture's own stamp, projected.
 
-INPUTS   skeleton (`skeletons_3d`: mocap indoors, triangulated outdoors), the camera, frames, offsets
+INPUTS   skeleton (`skeletons_3d`: mocap indoors, triangulated outdoors), the camera, frames, offsets; the cameras that
+         the skeleton was triangulated from and the joint covariance of all of them
 OUTPUTS  `labels_2d`: one row per frame and joint, px in the recorded picture
 Paper, section 3D-2D re-projection. A label is evaluated at its picture's stamp, between the instants of the skeleton.
+Its sigma is null where its camera's pose, or the 3D, has no known uncertainty.
 """
 
 import numpy as np
@@ -10,13 +12,17 @@ import numpy as np
 from dior import camera as cam
 from dior import tables
 from dior.errors import DiorError
+from dior.label import uncertainty
+from dior.label.visibility import hidden
 from dior.sampling import SAME_TIME_S, blend, bracket, seconds
 
 
 def at_pictures(skeleton, stamps_ns, offset_s, drift_ppm):
-    """3D joints at the pictures' stamps: points (F, J, 3) m, whether a gap was bridged (F, J), and the joint names.
+    """3D joints at the pictures' stamps: points (F, J, 3) m, their covariance given the cameras (F, J, 3, 3) m^2,
+    whether a gap was bridged (F, J), and the joint names.
 
     Linear between instants, never across a missing one. Before the first instant and after the last there is nothing.
+    The covariance is interpolated as if the errors of neighbouring instants were the same: a detector's nearly are.
     """
     points, joints = tables.grid(skeleton, "x", "y", "z")
     filled = (skeleton["status"] == "gap_filled").reshape(points.shape[:2])
@@ -26,14 +32,15 @@ def at_pictures(skeleton, stamps_ns, offset_s, drift_ppm):
     gap = 1.5 * np.median(np.diff(grid)) if len(grid) > 1 else SAME_TIME_S
     where = bracket(grid, seconds(stamps_ns, t0, offset_s, drift_ppm), gap)
     before, after, weight = where
+    noise = uncertainty.point_covariance(skeleton, points.shape[:2])
     bridged = (filled[before] | (filled[after] & (weight[:, None] > 0))) & (before >= 0)[:, None]
-    return blend(points, *where), bridged, joints
+    return blend(points, *where), blend(noise, *where), bridged, joints
 
 
-def labels(camera, points):
-    """Pixels (F, J, 2), depth (F, J) m and status (F, J) of world points (F, J, 3).
+def labels(camera, points, names):
+    """Pixels (F, J, 2), depth (F, J) m and status (F, J) of world points (F, J, 3), joints called `names`.
 
-    A label outside the picture keeps its pixel; behind the camera there is none.
+    A label outside the picture keeps its pixel, as does one that the body hides; behind the camera there is none.
     """
     uv, depth = cam.project(camera, points)
     known = np.isfinite(points).all(axis=-1)
@@ -44,11 +51,16 @@ def labels(camera, points):
         "missing_3d",
         np.where(behind, "behind_camera", np.where(cam.in_frame(camera.intrinsics, uv), "ok", "out_of_frame")),
     )
+    status = np.where((status == "ok") & hidden(camera, points, names), "occluded", status)
     return uv, np.where(known, depth, np.nan), status
 
 
-def run(*, sequence, subject, camera, cameras, skeleton, frames, offsets, source, out):
-    """Write the labels of one camera of one sequence. `cameras`: `cameras` tables, one of which holds the camera."""
+def run(*, sequence, subject, camera, cameras, makers, covariance, skeleton, frames, offsets, source, out):
+    """Write the labels of one camera of one sequence.
+
+    `cameras`: `cameras` tables that hold the camera and those called `makers`, which the skeleton was triangulated from
+    (none indoors); `covariance`: their `camera_covariance` tables.
+    """
     rig = tables.read_cameras(cameras)
     if camera not in rig or rig[camera].wTc is None:
         raise DiorError(f"{sequence}, camera {camera}: {', '.join(map(str, cameras))} gives no pose of it")
@@ -61,8 +73,16 @@ def run(*, sequence, subject, camera, cameras, skeleton, frames, offsets, source
     if not len(mine):
         raise DiorError(f"{sequence}, camera {camera}: {offsets} has no clock for it")
     offset_s, drift_ppm = clock["offset_s"][mine[0]], clock["drift_ppm"][mine[0]]
-    points, bridged, joints = at_pictures(tables.read(skeleton, "skeletons_3d"), rows["stamp_ns"], offset_s, drift_ppm)
-    uv, depth, status = labels(rig[camera], points)
+    points, noise, bridged, joints = at_pictures(
+        tables.read(skeleton, "skeletons_3d"), rows["stamp_ns"], offset_s, drift_ppm
+    )
+    uv, depth, status = labels(rig[camera], points, joints)
+    if source == "mocap":
+        noise = np.zeros_like(noise)
+    names = list(dict.fromkeys([*makers, camera]))
+    joint = tables.read_camera_covariance(covariance, names)
+    spread = uncertainty.of_labels(rig[camera], points, noise, [rig[name] for name in makers], names, joint)
+    sigma_u, sigma_v, rho_uv = uncertainty.columns(spread)
     count, each = status.shape
     once = np.zeros(count * each, int)
     words = [source, "interpolated"]
@@ -79,6 +99,9 @@ def run(*, sequence, subject, camera, cameras, skeleton, frames, offsets, source
             "stamp_ns": np.repeat(rows["stamp_ns"], each),
             "u": uv[..., 0].ravel(),
             "v": uv[..., 1].ravel(),
+            "sigma_u": sigma_u.ravel(),
+            "sigma_v": sigma_v.ravel(),
+            "rho_uv": rho_uv.ravel(),
             "depth": depth.ravel(),
             "status": status.ravel(),
             "source": tables.Repeated(words, np.where(has_source, bridged.ravel().astype(int), -1)),

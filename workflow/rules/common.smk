@@ -79,6 +79,13 @@ def camera_of(session, camera):
     return f"results/place/{session}/{camera}.parquet"
 
 
+def covariance_of(session, camera):
+    """The file with the uncertainty of a camera's pose; "" where the step that gives the pose does not know it."""
+    path = camera_of(session, camera)
+    known = ("results/locate/", "results/align/", "results/adjust/")
+    return path.replace(".parquet", ".covariance.parquet") if path.startswith(known) else ""
+
+
 def cameras_of(session, names):
     """The files with the final poses of some cameras of a session."""
     return list(dict.fromkeys(camera_of(session, camera) for camera in names))

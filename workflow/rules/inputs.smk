@@ -213,6 +213,24 @@ def camera_file(wildcards):
     return camera_of(session_of(wildcards), wildcards.camera)
 
 
+def makers(wildcards):
+    """The cameras that the sequence's 3D was triangulated from; none indoors."""
+    return [] if PROJECT.indoor(wildcards.sequence) else close_names(wildcards)
+
+
+def label_cameras(wildcards):
+    """The poses of the label's camera and of those that made the 3D."""
+    names = [*makers(wildcards), wildcards.camera]
+    return cameras_of(session_of(wildcards), names)
+
+
+def label_covariance(wildcards):
+    """The covariances of the same cameras, of those whose step tells it."""
+    session = session_of(wildcards)
+    files = [covariance_of(session, camera) for camera in [*makers(wildcards), wildcards.camera]]
+    return list(dict.fromkeys(path for path in files if path))
+
+
 def label_source(wildcards):
     return "mocap" if PROJECT.indoor(wildcards.sequence) else "triangulated"
 

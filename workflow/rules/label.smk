@@ -8,7 +8,8 @@ Outputs: results/reproject.
 rule reproject:
     """Project the skeleton into every picture of one camera."""
     input:
-        camera=camera_file,
+        cameras=label_cameras,
+        covariance=label_covariance,
         skeleton=skeleton,
         frames="results/frames/{sequence}.parquet",
         offsets="results/timeline/{sequence}.offsets.parquet",
@@ -21,13 +22,16 @@ rule reproject:
     params:
         subject=subject,
         source=label_source,
+        makers=makers,
         code=code("label.reproject"),
     shell:
         "dior reproject"
         " --sequence {wildcards.sequence}"
         " --subject {params.subject}"
         " --camera {wildcards.camera}"
-        " --cameras {input.camera:q}"
+        " --cameras {input.cameras:q}"
+        " --makers {params.makers}"
+        " --covariance {input.covariance:q}"
         " --skeleton {input.skeleton:q}"
         " --frames {input.frames:q}"
         " --offsets {input.offsets:q}"

@@ -1,0 +1,152 @@
+"""Which joints the body itself hides from a camera: limbs as tapered capsules around the skeleton.
+
+INPUTS   world points (F, J, 3) m of joints or Plug-in-Gait markers, the camera
+OUTPUTS  hidden (F, J) bool
+A joint is hidden where its line of sight enters a limb clearly before it reaches the joint. Limbs of which an end is
+not known hide nothing. Things in the scene (a wall, another person) are not modelled.
+"""
+
+import numpy as np
+
+# radii as fractions of the stature, from girths and breadths of adults (ANSUR II, 2012: means of men and women,
+# rounded; a girth is taken for a circle)
+LIMBS = (
+    ("head", "head", 0.050, 0.050),
+    ("neck", "head", 0.033, 0.033),
+    ("left_shoulder", "left_elbow", 0.030, 0.025),
+    ("left_elbow", "left_wrist", 0.026, 0.016),
+    ("left_wrist", "left_hand", 0.016, 0.020),
+    ("left_hip", "left_knee", 0.054, 0.036),
+    ("left_knee", "left_ankle", 0.036, 0.021),
+    ("left_ankle", "left_toe", 0.024, 0.016),
+    ("left_shoulder", "left_hip", 0.045, 0.058),
+    ("neck", "mid_hip", 0.062, 0.066),
+    ("left_hip", "right_hip", 0.058, 0.058),
+)
+SHANK = 0.246  # of the stature (Drillis and Contini 1966)
+OWN = 1.2  # a joint within this many radii of a limb's axis belongs to it,
+OWN_DEPTH = 1.4  # and is hidden by it only where it lies this many radii behind its surface
+OTHER_DEPTH = 0.3  # the same for the other limbs
+# how far below a marker its joint lies, towards the other side of the body, fractions of the stature
+INWARDS = {"shoulder": 0.0, "elbow": 0.022, "knee": 0.036, "ankle": 0.024}
+
+
+def hidden(camera, points, names):
+    """Whether points (F, J, 3) m, called `names`, are behind a part of the body as seen by `camera`: (F, J) bool."""
+    at = body_points(points, names)
+    stature = _stature(at)
+    out = np.zeros(points.shape[:2], bool)
+    if not np.isfinite(stature):
+        return out
+    eye = camera.centre
+    sight = points - eye
+    far = np.linalg.norm(sight, axis=-1)
+    with np.errstate(invalid="ignore"):
+        sight = sight / far[..., None]
+        for start, end, r0, r1 in _both_sides():
+            if start in at and end in at:
+                a, b = at[start] - eye, at[end] - eye
+                out |= _behind(sight, far, a, b, r0 * stature, r1 * stature)
+    return out
+
+
+def _both_sides():
+    for start, end, r0, r1 in LIMBS:
+        yield start, end, r0, r1
+        if start.startswith("left_") and not end.startswith("right_"):
+            yield start.replace("left_", "right_"), end.replace("left_", "right_"), r0, r1
+
+
+def _behind(sight, far, a, b, r0, r1):
+    """Whether joints `far` (F, J) m along unit `sight` (F, J, 3) lie behind the limb from a to b (F, 3), eye at 0."""
+    axis = b - a
+    length2 = np.maximum((axis**2).sum(axis=-1), 1e-8)[:, None]
+    along = np.einsum("fjk,fk->fj", sight, axis)
+    start = np.einsum("fjk,fk->fj", sight, a)
+    onto = (a * axis).sum(axis=-1)[:, None]
+    # the points of the line of sight and of the axis that are nearest to each other
+    share = np.clip((along * start - onto) / np.maximum(length2 - along**2, 1e-8), 0.0, 1.0)
+    near = a[:, None] + share[..., None] * axis[:, None]
+    depth = np.einsum("fjk,fjk->fj", sight, near)
+    radius = r0 + share * (r1 - r0)
+    gap2 = radius**2 - ((near**2).sum(axis=-1) - depth**2)
+    enters = depth - np.sqrt(np.maximum(gap2, 0.0))
+    # the joint's own distance from the axis
+    joint = far[..., None] * sight - a[:, None]
+    s = np.clip(np.einsum("fjk,fk->fj", joint, axis) / length2, 0.0, 1.0)
+    own = np.linalg.norm(joint - s[..., None] * axis[:, None], axis=-1) < OWN * (r0 + s * (r1 - r0))
+    return (gap2 > 0) & (far - enters > np.where(own, OWN_DEPTH, OTHER_DEPTH) * radius)
+
+
+def body_points(points, names):
+    """Joint centres (F, 3) m by name, and `head`, `neck`, `mid_hip`, `<side>_hand`, `<side>_toe`, as far as known."""
+    at = {name: points[:, i] for i, name in enumerate(names)}
+    if "LASI" in at or "LKNE" in at:
+        at = _from_markers(at)
+    for target, sources in (
+        ("head", ("left_ear", "right_ear")),
+        ("neck", ("left_shoulder", "right_shoulder")),
+        ("mid_hip", ("left_hip", "right_hip")),
+    ):
+        if target not in at and all(name in at for name in sources):
+            at[target] = sum(at[name] for name in sources) / len(sources)
+    for side in ("left", "right"):
+        _first(at, f"{side}_hand", f"{side}_index", f"{side}_wrist")
+        _first(at, f"{side}_toe", f"{side}_foot_index", f"{side}_big_toe")
+    return at
+
+
+def _first(at, target, *names):
+    found = [name for name in names if name in at]
+    if target not in at and found:
+        at[target] = at[found[0]]
+
+
+def _from_markers(m):
+    """Joint centres from Plug-in-Gait markers, to a few centimetres: enough to say what hides what."""
+    at = {}
+
+    def mean(target, *names):
+        if all(name in m for name in names):
+            at[target] = sum(m[name] for name in names) / len(names)
+
+    mean("head", "LFHD", "RFHD", "LBHD", "RBHD")
+    mean("neck", "C7", "CLAV")
+    mean("mid_hip", "LASI", "RASI", "LPSI", "RPSI")
+    for side, L in (("left", "L"), ("right", "R")):
+        mean(f"{side}_hip", f"{L}ASI", f"{L}PSI")
+        mean(f"{side}_shoulder", f"{L}SHO")
+        mean(f"{side}_elbow", f"{L}ELB")
+        mean(f"{side}_wrist", f"{L}WRA", f"{L}WRB")
+        mean(f"{side}_hand", f"{L}FIN")
+        mean(f"{side}_knee", f"{L}KNE")
+        mean(f"{side}_ankle", f"{L}ANK")
+        mean(f"{side}_toe", f"{L}TOE")
+    stature = _stature(at)
+    hips = [at.get(f"{side}_hip") for side in ("left", "right")]
+    if not np.isfinite(stature) or any(hip is None for hip in hips):
+        return at
+    left = hips[0] - hips[1]
+    left = left / np.linalg.norm(left, axis=-1, keepdims=True)
+    for joint, depth in INWARDS.items():
+        for side, sign in (("left", -1.0), ("right", 1.0)):
+            if f"{side}_{joint}" in at:
+                at[f"{side}_{joint}"] = at[f"{side}_{joint}"] + sign * depth * stature * left
+    for side, sign in (("left", -1.0), ("right", 1.0)):
+        down = np.array([0.0, 0.0, -0.04 * stature])
+        at[f"{side}_hip"] = at[f"{side}_hip"] + sign * 0.02 * stature * left + down
+        if f"{side}_shoulder" in at:
+            at[f"{side}_shoulder"] = at[f"{side}_shoulder"] + down
+    return at
+
+
+def _stature(at):
+    """Stature (m) from the shanks; NaN where neither is known."""
+    shanks = [
+        np.linalg.norm(at[f"{side}_knee"] - at[f"{side}_ankle"], axis=-1)
+        for side in ("left", "right")
+        if f"{side}_knee" in at and f"{side}_ankle" in at
+    ]
+    known = [length[np.isfinite(length)] for length in shanks]
+    known = np.concatenate(known) if known else np.empty(0)
+    return float(np.median(known)) / SHANK if len(known) else np.nan

@@ -1,0 +1,84 @@
+"""Covariances of labels: what must cancel, and against many tries."""
+
+import numpy as np
+import pytest
+
+from dior import camera as cam
+from dior import covariance as cov
+from dior import geometry
+from dior.label import uncertainty
+from tests.rig import camera, ring
+
+POINTS = np.array([[0.3, -0.2, 1.1], [-0.5, 0.4, 0.1]])
+NONE = np.zeros((2, 3, 3))
+
+
+def test_a_shift_of_the_whole_world_moves_no_label():
+    rig = ring(3)
+    names = [c.name for c in rig]
+    together = np.zeros((18, 3))
+    for i in range(3):
+        together[6 * i + 3 : 6 * i + 6] = np.eye(3)
+    joint = 0.1**2 * together @ together.T
+    for c in rig:
+        spread = uncertainty.of_labels(c, POINTS, NONE, rig, names, joint)
+        assert np.abs(spread).max() < 1e-12
+        alone = uncertainty.of_labels(c, POINTS, NONE, [], names, joint)
+        assert np.sqrt(alone[:, 0, 0]).min() > 5  # 10 cm at 5 m and fx 640
+
+
+def test_a_turn_of_the_whole_world_moves_no_label():
+    rig = ring(3)
+    about_up = np.concatenate([[*c.wRc.T @ [0, 0, 1.0], *np.cross([0, 0, 1.0], c.centre)] for c in rig])
+    joint = np.radians(1.0) ** 2 * np.outer(about_up, about_up)
+    spread = uncertainty.of_labels(rig[1], POINTS, NONE, rig, [c.name for c in rig], joint)
+    assert np.abs(spread).max() < 1e-12
+
+
+@pytest.mark.parametrize("far", [False, True])
+def test_covariance_is_that_of_many_tries(far):
+    rig = ring(3)
+    own = camera("cam04", (0.0, 60.0, 1.9), role="long_range") if far else rig[2]
+    names = [c.name for c in rig] + ["cam04"] * far
+    random = np.random.default_rng(0)
+    size = np.tile(np.repeat([1e-3, 5e-3], 3), len(names))
+    mix = 0.5 * random.standard_normal((len(size), len(size))) + np.eye(len(size))
+    joint = size[:, None] * (mix @ mix.T) / 3 * size
+    joint = joint / (30 if far else 1)
+    say = np.broadcast_to(np.eye(2) / 2.0**2, (3, 2, 2, 2))
+    noise, _ = cov.triangulated(rig, POINTS, say)
+    wanted = uncertainty.of_labels(own, POINTS, noise, rig, names, joint)
+
+    uv = np.stack([cam.project(c, POINTS)[0] for c in rig])
+    weights = 1 / np.stack([cam.project(c, POINTS)[1] for c in rig])
+    true, errors = cam.project(own, POINTS)[0], []
+    for step in random.multivariate_normal(np.zeros(len(size)), joint, 3000).reshape(3000, -1, 6):
+        moved = [cov.moved(c, s) for c, s in zip([*rig, own] if far else rig, step, strict=True)]
+        seen = uv + 2.0 * random.standard_normal(uv.shape)
+        xy = np.stack([cam.undistort(c.intrinsics, view) for c, view in zip(rig, seen, strict=True)])
+        points = geometry.triangulate([cam.inverse_pose(c.wTc) for c in moved[:3]], xy, weights)
+        errors.append(cam.project(moved[-1], points)[0] - true)
+    errors = np.array(errors)
+    found = np.einsum("nij,nik->ijk", errors, errors) / len(errors)
+    scale = np.sqrt(np.einsum("ij,ik->ijk", *[np.diagonal(wanted, axis1=1, axis2=2)] * 2))
+    np.testing.assert_allclose(found / scale, wanted / scale, atol=0.12)
+
+
+def test_unknown_cameras_or_points_have_no_sigma():
+    rig = ring(2)
+    names = [c.name for c in rig]
+    unknown = np.full((12, 12), np.nan)
+    sigma_u, sigma_v, rho = uncertainty.columns(uncertainty.of_labels(rig[0], POINTS, NONE, rig, names, unknown))
+    assert np.isnan([sigma_u, sigma_v, rho]).all()
+    lost = np.full((2, 3, 3), np.nan)
+    assert np.isnan(uncertainty.of_labels(rig[0], POINTS, lost, rig, names, np.eye(12))).all()
+
+
+def test_point_covariance_is_read_from_its_columns():
+    A = np.random.default_rng(2).standard_normal((3, 3))
+    S = A @ A.T
+    sd = np.sqrt(np.diag(S))
+    table = {f"sigma_{axis}": np.array([s]) for axis, s in zip("xyz", sd, strict=True)}
+    for key, (i, j) in {"xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}.items():
+        table[f"rho_{key}"] = np.array([S[i, j] / sd[i] / sd[j]])
+    np.testing.assert_allclose(uncertainty.point_covariance(table, (1, 1))[0, 0], S)
