@@ -7,6 +7,7 @@ sentence that names the file, line or key and the likely fix.
 import os
 import re
 
+from dior.bumps import session_folder
 from dior.checked import check, read_yaml
 from dior.errors import DiorError, nearest
 
@@ -75,7 +76,6 @@ def check_sessions(project, lines):
     """Sequences, sessions, cameras and the files beside them must fit together. `lines` of the sheet's rows."""
     for session in project.sessions:
         _check_distinct(project, session)
-        _check_bumps(project, session)
     for name in project.sequences:
         _check_sequence(project, project.rows[name], f"config/sequences.tsv line {lines[name]}")
     for session in project.sessions:
@@ -149,7 +149,7 @@ def _check_references(project, row, where):
             f"{nearest(row['subject'], project.subjects)}"
         )
     folder = project.root / "config/sessions"
-    if not (folder / row["session"] / "session.yaml").is_file():
+    if not (folder / session_folder(row["session"]) / "session.yaml").is_file():
         there = sorted(os.listdir(folder)) if folder.is_dir() else []
         raise DiorError(
             f"{where}: session '{row['session']}' of sequence '{name}' has no "
@@ -196,15 +196,6 @@ def _holds(text, subject):
     return bool(re.search(rf"(^|[_-]){re.escape(subject)}([_-]|$)", text, re.IGNORECASE))
 
 
-def _check_bumps(project, session):
-    for file in os.listdir(project.root / "config/sessions" / session):
-        if "@" in file:
-            raise DiorError(
-                f"config/sessions/{session}/{file}: a camera file for part of a session is not understood; "
-                "give the sequences after the bump a session of their own"
-            )
-
-
 def _check_distinct(project, session):
     """No two cameras of a session record the same topic, stand in one place or take one pose."""
     names = list(project.cameras(session))
@@ -243,7 +234,8 @@ def _check_window(project, session):
     if taped and not project.window(session):
         raise DiorError(
             f"{shown}: {', '.join(taped)} are placed by tape, which is some degrees off until they are adjusted; name "
-            f"the walks to adjust with, such as 'adjust: {{{processed[0]}: {{first: 0, count: 400, step: 1}}}}'"
+            f"walks of session '{session}' to adjust with, such as "
+            f"'adjust: {{{processed[0]}: {{first: 0, count: 400, step: 1}}}}'"
         )
     marked = [name for name, how in close.items() if how == "marks"]
     if marked and project.window(session):
@@ -273,7 +265,8 @@ def _check_tag(project, session):
 
 
 def _check_marks(project, session, camera):
-    shown, processed = project.marks_file(session, camera), project.sequences_of(session)
+    # a camera that stands still may be marked in any part of its session
+    shown, processed = project.marks_file(session, camera), project.whole_session(session)
     for name, (first, without_3d) in project.marks.get((session, camera), {}).items():
         if name not in processed:
             raise DiorError(

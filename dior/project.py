@@ -2,9 +2,10 @@
 
 INPUTS: `<root>/config/`: config.yaml, sequences.tsv, subjects.tsv; gallery.tsv, detectors.tsv and effort.tsv, which may
 be missing; sessions/<session>/{session.yaml, <camera>.yaml, <camera>.marks.csv}, offsets/, boxes/, checks/. OUTPUTS: a
-`Project`, whose paths are strings relative to `root`, Snakemake's working directory. Nothing is globbed: the sheets and
-session.yaml say what exists. It is read each time Snakemake parses the workflow, so this module loads no numerics, and
-YAML and the schemas' validator only when asked.
+`Project`, whose paths are strings relative to `root`, Snakemake's working directory. A session that a bump splits
+counts as two (dior/bumps.py). Nothing else is globbed: the sheets and session.yaml say what exists. It is read each
+time Snakemake parses the workflow, so this module loads no numerics, and YAML and the schemas' validator only when
+asked.
 """
 
 import csv
@@ -13,7 +14,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
-from dior import consistency
+from dior import bumps, consistency
 from dior.checked import check, read_sheet, read_yaml
 from dior.consistency import consents
 from dior.errors import DiorError, nearest
@@ -171,14 +172,19 @@ class Project:
         """Folders and bags of the gallery's pictures."""
         return [self.in_data((row["path"] or row["bag"]).rstrip("/")) for row in self.gallery.values()]
 
+    def whole_session(self, session):
+        """Processed sequences of a session with all its parts."""
+        folder = bumps.session_folder(session)
+        return [name for name in self.sequences if bumps.session_folder(self.session_of(name)) == folder]
+
     def session_file(self, session):
-        return f"config/sessions/{session}/session.yaml"
+        return f"config/sessions/{bumps.session_folder(session)}/session.yaml"
 
     def camera_file(self, session, camera):
-        return f"config/sessions/{session}/{camera}.yaml"
+        return bumps.file_of(self.root, session, camera, ".yaml", self.rows)
 
     def marks_file(self, session, camera):
-        return f"config/sessions/{session}/{camera}.marks.csv"
+        return bumps.file_of(self.root, session, camera, ".marks.csv", self.rows)
 
     def offsets(self, sequence):
         """[path] of the offsets given by hand, or []."""
@@ -226,6 +232,7 @@ def load(root, config=None):
     detectors, detector_lines = _optional_sheet(root, "detectors", ("sequence", "camera", "tool", "zoom"))
     # only the report reads what is in it, hours later
     _optional_sheet(root, "effort", "what")
+    rows = bumps.in_parts(root, rows)
     project = Project(root, config, rows, subjects, gallery=gallery, detectors=detectors)
     if not project.sequences:
         raise DiorError("config/sequences.tsv: every row has an exclude_reason, so there is nothing to process")
@@ -263,6 +270,11 @@ def _read_session(project, session):
     repeated = [name for name in content["cameras"] if content["cameras"].count(name) > 1]
     if repeated:
         raise DiorError(f"{shown}: camera '{repeated[0]}' is listed twice")
+    here = project.sequences_of(session)
+    elsewhere = set(project.whole_session(session)) - set(here)
+    content["adjust"] = {name: window for name, window in content["adjust"].items() if name not in elsewhere}
+    if content.get("tag", {}).get("sequence") in elsewhere:
+        content["tag"]["sequence"] = here[0]
     project.session_files[session] = content
     project.camera_files[session] = {name: _read_camera(project, session, name) for name in content["cameras"]}
 

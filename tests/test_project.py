@@ -311,7 +311,11 @@ def test_marks_without_3d_points_need_the_mocap(root):
         ("boxes/out_1.cam3.csv", "", ["'cam3' is no camera of session 'field' (did you mean 'cam03'?)"]),
         ("boxes/oat_1.cam03.csv", "", ["'oat_1' is not in config/sequences.tsv (did you mean 'out_1'?)"]),
         ("checks/out_1.csv", "", ["<sequence>.<camera>.csv"]),
-        ("sessions/field/cam01@out_2.yaml", "", ["config/sessions/field/cam01@out_2.yaml", "session of their own"]),
+        ("sessions/field/cam01@oat_2.yaml", "", ["'oat_2' is no sequence of session 'field'", "'out_2'"]),
+        ("sessions/field/cam1@out_2.yaml", "", ["cam1.yaml is missing beside it (did you mean 'cam01'?)"]),
+        ("sessions/field/cam01@out_2.marks.csv", "", ["cam01@out_2.yaml is missing beside it"]),
+        ("sessions/field/cam01@out_2.yml", "", ["<camera>@<first sequence>.yaml"]),
+        ("sessions/field/cam01@out_1.yaml", "", ["out_1 is the first sequence of the session; edit cam01.yaml itself"]),
     ],
 )
 def test_errors_of_files_beside(root, file, text, parts):

@@ -26,6 +26,7 @@ import numpy as np
 
 from dior import project as projects
 from dior import tables
+from dior.bumps import session_folder
 from dior.errors import DiorError
 from dior.files import write_text
 from dior.progress import told
@@ -88,7 +89,9 @@ def rows_of(sheet, roles, labels, skeletons, frames, dropped=(), angles=()):
     for environment in {"", *(row["environment"] for row in sheet.values())}:
         members = [row for row in sheet.values() if environment in ("", row["environment"])]
         for what, column in NAMED.items():
-            counts[what, environment, "", "", ""] = len({row[column] for row in members} - {""})
+            # parts of a session that a bump splits are one session
+            words = {session_folder(row[column]) if column == "session" else row[column] for row in members}
+            counts[what, environment, "", "", ""] = len(words - {""})
     for angle, n in Counter(angles).items():
         add("gallery_pictures", ("", "", angle), "", n)
         counts["gallery_pictures", "", "", angle, ""] = n

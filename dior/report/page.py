@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from dior import tables
+from dior.bumps import session_folder
 from dior.camera import REFERENCE_FX
 from dior.evaluate import metrics as metrics_csv
 from dior.evaluate import statistics as statistics_csv
@@ -169,7 +170,7 @@ def _tiles(project, recorded):
     return [
         (summary.count(len(project.sequences)), "sequences"),
         (summary.count(len(project.processed_subjects)), "subjects"),
-        (summary.count(len(project.sessions)), "sessions"),
+        (summary.count(len({session_folder(session) for session in project.sessions})), "sessions"),
         (summary.count(len(recorded)), "camera recordings"),
         (summary.count(pictures), "pictures"),
         (summary.count(labels), "2D labels"),

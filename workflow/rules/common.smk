@@ -36,7 +36,7 @@ RELEASE = f"results/release/dior-{VERSION}"
 
 wildcard_constraints:
     sequence=r"[A-Za-z0-9_-]+",
-    session=r"[A-Za-z0-9_-]+",
+    session=r"[A-Za-z0-9_@-]+",
     camera=r"[A-Za-z0-9_-]+",
     pseudonym=r"[A-Za-z0-9_-]+",
 
