@@ -53,8 +53,11 @@ def camera(name, azimuth_deg, distance_m=DISTANCE_M, height_m=HEIGHT_M, fx=FX, r
     return Camera(name, Intrinsics(1280, 720, fx, fx, 639.5, 359.5), pose(look_at(centre, target), centre), role)
 
 
-def make(level="ideal", seed=0, frames=400, cameras=None, walk="across", **errors):
-    """`Scene` of one walk. `cameras`: true `Camera`s, else three around; `errors`: keys of the simulated detector."""
+def make(level="ideal", seed=0, frames=400, cameras=None, walk="across", take=0, **errors):
+    """`Scene` of one walk. `cameras`: true `Camera`s, else three around; `errors`: keys of the simulated detector.
+
+    `take` counts the walks of one person with one detector, which the seed decides.
+    """
     if cameras is None:
         cameras = [camera(f"cam{i + 1:02d}", azimuth) for i, azimuth in enumerate(AZIMUTHS)]
     settings = levels.from_dict(
@@ -62,7 +65,7 @@ def make(level="ideal", seed=0, frames=400, cameras=None, walk="across", **error
             "preset": level,
             "seed": seed,
             "subjects": 1,
-            "sequences": 1,
+            "sequences": take + 1,
             "duration_s": frames / FPS,
             "walks": [walk],
             "bystander": 0.0,
@@ -70,7 +73,7 @@ def make(level="ideal", seed=0, frames=400, cameras=None, walk="across", **error
             "detector": {"level": level, **errors},
         }
     )
-    sequence = replace(levels.sequences(settings)[1], walk=walk)
+    sequence = replace(levels.sequences(settings)[-1], walk=walk)
     seconds = np.arange(frames) / FPS
     motion = motion_of(settings, sequence)
     landmarks, _ = motion.at(seconds)

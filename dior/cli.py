@@ -211,6 +211,22 @@ STEPS = {
             "out": PATH,
         },
     ),
+    "moved": (
+        "evaluate.moved",
+        "did a camera move in the course of a session",
+        {
+            "session": TEXT,
+            "sequences": WORDS,
+            "names": WORDS,
+            "cameras": PATHS,
+            "detections": PATHS,
+            "timelines": PATHS,
+            "swaps": PATHS,
+            "min-score": NUMBER,
+            "out": PATH,
+            "findings": PATH,
+        },
+    ),
     "evaluate": (
         "evaluate.evaluate",
         "measure the labels of a sequence",

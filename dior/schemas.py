@@ -155,6 +155,17 @@ SCHEMAS = {
             "axes, then a shift of its centre in the world",
         ),
     ),
+    "camera_turns": _schema(
+        ("session", _text),
+        ("sequence", _text),
+        ("camera", _text),
+        ("turn_x", pa.float64(), "deg", "by which the camera, alone, would agree better than in the other sequences"),
+        ("turn_y", pa.float64(), "deg"),
+        ("turn_z", pa.float64(), "deg"),
+        ("sigma_x", pa.float64(), "deg"),
+        ("sigma_y", pa.float64(), "deg"),
+        ("sigma_z", pa.float64(), "deg"),
+    ),
     "timeline": _schema(
         ("instant", pa.int32()),
         ("camera", _text),

@@ -2,9 +2,43 @@
 
 Required inputs: labels and skeletons; detections, boxes, marks, checks and truth where there are any; outputs of other
 detectors where there is a detectors.tsv.
-Outputs: results/evaluate/<sequence>.parquet, results/detectors/<sequence>.parquet, results/evaluate/metrics.csv and
+Outputs: results/moved/<session>.parquet, results/evaluate/<sequence>.parquet, results/detectors/<sequence>.parquet, results/evaluate/metrics.csv and
 statistics.csv; when asked for, results/evaluate/to_mark (what to mark by hand) and results/zoom (pictures for a detector).
 """
+
+
+rule moved:
+    """Look for a camera that moved in the course of a session."""
+    input:
+        cameras=watched_cameras,
+        detections=watched("detections/{sequence}.parquet"),
+        timelines=watched("timeline/{sequence}.parquet"),
+        swaps=watched("triangulate/{sequence}.swaps.parquet"),
+    output:
+        turns="results/moved/{session}.parquet",
+        findings="results/moved/{session}.findings.parquet",
+    log:
+        "logs/moved/{session}.log",
+    benchmark:
+        "logs/moved/{session}.benchmark.tsv"
+    params:
+        sequences=watched("{sequence}"),
+        names=watched_names,
+        min_score=CONFIG["detector"]["min_score"],
+        code=code("evaluate.moved"),
+    shell:
+        "dior moved"
+        " --session {wildcards.session}"
+        " --sequences {params.sequences}"
+        " --names {params.names}"
+        " --cameras {input.cameras:q}"
+        " --detections {input.detections:q}"
+        " --timelines {input.timelines:q}"
+        " --swaps {input.swaps:q}"
+        " --min-score {params.min_score}"
+        " --out {output.turns:q}"
+        " --findings {output.findings:q}"
+        " 2>&1 | tee {log:q}"
 
 
 rule evaluate:

@@ -231,6 +231,37 @@ def label_covariance(wildcards):
     return list(dict.fromkeys(path for path in files if path))
 
 
+def outdoor_walks(session):
+    return [name for name in PROJECT.sequences_of(session) if not PROJECT.indoor(name)]
+
+
+def watched_sessions():
+    """Sessions in which a camera that moves shows: three views of several walks."""
+    return [
+        session
+        for session in PROJECT.sessions
+        if len(outdoor_walks(session)) > 1 and len(PROJECT.close(session)) > 2
+    ]
+
+
+def watched(path):
+    """Names of, or tables below results/ of, a session's outdoor sequences in order of recording."""
+    root = "" if path == "{sequence}" else "results/"
+
+    def files(wildcards):
+        return [root + path.format(sequence=name) for name in outdoor_walks(wildcards.session)]
+
+    return files
+
+
+def watched_names(wildcards):
+    return PROJECT.close(wildcards.session)
+
+
+def watched_cameras(wildcards):
+    return cameras_of(wildcards.session, PROJECT.close(wildcards.session))
+
+
 def label_source(wildcards):
     return "mocap" if PROJECT.indoor(wildcards.sequence) else "triangulated"
 
@@ -386,6 +417,7 @@ def all_findings():
             if setting["locate"] in ("tape", "apriltag", "reference")
         ],
         *[f"results/adjust/{session}.findings.parquet" for session in ADJUSTED],
+        *[f"results/moved/{session}.findings.parquet" for session in watched_sessions()],
         *[f"results/locate/{session}/{camera}.findings.parquet" for session, camera in located],
     ]
 

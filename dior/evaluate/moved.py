@@ -1,0 +1,216 @@
+"""Did a camera move in the course of a session? Told by its residuals, walk by walk.
+
+INPUTS   cameras of a session; of each of its outdoor sequences the detections, timeline and swaps
+OUTPUTS  `camera_turns`: by which turn each camera, alone, would agree better in a sequence than in the others; findings
+         that name the camera and the first sequence after a change
+For every walk the bundle's normal equations are reduced to one camera (Hartley and Zisserman A6.3, p. 608): the points
+may give way, so that a camera that moved is not hidden by the points that it pulled along. A detector's offsets, which
+depend on the joint and on the side of the body that a camera sees, are no motion: only equal joints and headings are
+compared between walks, and what all walks share cancels.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dior import camera as cam
+from dior import covariance as cov
+from dior import tables
+from dior.reconstruct.swaps import exchange
+from dior.reconstruct.triangulate import observations
+from dior.views import DROP_FACTOR, by_dropping, usual_error
+
+MOST_INSTANTS = 600
+HEADINGS = 16
+FEWEST = 3  # moments of a joint and heading that both sides of a comparison need
+FEWEST_CELLS = 20
+LEAST_DEG = 0.1  # less is no reason to measure a camera again
+SURE = 20.0  # squared distance in standard errors, 3 degrees of freedom: by chance once in six thousand
+FLOOR_DEG = 0.01
+HUBER = 2.0  # residuals beyond this many times their median pull no harder
+
+
+@dataclass(frozen=True)
+class Normal:
+    """Of one sequence, K cells (joint and heading): moments in each (K,), and per camera (V) alone the normal equations
+    of its turn, points eliminated: `H` (V, K, 3, 3) and `g` (V, K, 3) in px^2.
+    """
+
+    count: np.ndarray
+    H: np.ndarray
+    g: np.ndarray
+
+    def __add__(self, other):
+        return Normal(self.count + other.count, self.H + other.H, self.g + other.g)
+
+
+@dataclass(frozen=True)
+class Change:
+    """Camera (index) that moved before the sequence `first` (index), by how much, and its distance from chance."""
+
+    camera: int
+    first: int
+    turn_deg: float
+    distance: float
+
+
+def normal(cameras, uv, weights, names):
+    """`Normal` from pixels uv (V, T, J, 2) and weights (V, T, J) of one sequence, joints called `names`."""
+    limit = DROP_FACTOR * usual_error(cameras, uv, weights)
+    points, _, used, good = by_dropping(cameras, uv, weights, limit, limit)
+    used &= good & np.isfinite(points).all(axis=-1)
+    miss, J, C = [], [], []
+    for camera, seen, use in zip(cameras, uv, used, strict=True):
+        by_point, by_camera = cov.projection(camera, points)
+        miss.append(np.where(use[..., None], seen - cam.project(camera, points)[0], 0.0))
+        J.append(np.where(use[..., None, None], by_point, 0.0))
+        C.append(np.where(use[..., None, None], by_camera[..., :3], 0.0))
+    known = used.all(axis=0)  # every view: otherwise it is other views that are compared
+    miss = _bounded(np.stack(miss), known)
+    N = np.where(known[..., None, None], sum(_t(j) @ j for j in J), np.eye(3))
+    inverse = np.linalg.inv(N)
+    pull = sum(_t(j) @ m[..., None] for j, m in zip(J, miss, strict=True))
+    cell = np.where(known, np.arange(len(names)) * HEADINGS + _heading(points, names)[:, None], -1)
+    keep, total = cell >= 0, len(names) * HEADINGS
+    H, g = [], []
+    for v in range(len(cameras)):
+        W = _t(C[v]) @ J[v]
+        each_H = _t(C[v]) @ C[v] - W @ inverse @ _t(W)
+        each_g = (_t(C[v]) @ miss[v][..., None] - W @ inverse @ pull)[..., 0]
+        H.append(_sums(cell[keep], each_H[keep].reshape(-1, 9), total).reshape(total, 3, 3))
+        g.append(_sums(cell[keep], each_g[keep], total))
+    return Normal(np.bincount(cell[keep], minlength=total).astype(float), np.stack(H), np.stack(g))
+
+
+def _t(matrix):
+    return np.swapaxes(matrix, -1, -2)
+
+
+def _bounded(miss, known):
+    """Residuals (V, T, J, 2) px, shortened to twice the median of their camera where they are longer."""
+    length = np.linalg.norm(miss, axis=-1)
+    usual = np.array([np.median(one[known]) if known.any() else 1.0 for one in length])[:, None, None]
+    return miss * np.minimum(1.0, HUBER * usual / np.maximum(length, 1e-9))[..., None]
+
+
+def _heading(points, names):
+    """Heading of the body in the world (T,), 0 to 15, from the hips of points (T, J, 3); -8000 where not known."""
+    if "left_hip" not in names or "right_hip" not in names:
+        return np.zeros(len(points), int)
+    left, right = (points[:, list(names).index(f"{side}_hip")] for side in ("left", "right"))
+    across = left - right
+    angle = np.arctan2(across[:, 1], across[:, 0])
+    heading = np.round(np.nan_to_num(angle) / (2 * np.pi / HEADINGS)).astype(int) % HEADINGS
+    return np.where(np.isfinite(angle), heading, -1000 * HEADINGS)
+
+
+def _sums(cell, values, total):
+    return np.stack([np.bincount(cell, column, minlength=total) for column in values.T], axis=-1)
+
+
+def turn(before, after, camera):
+    """By which turn (3,) rad a camera, alone, stands otherwise in one `Normal` than in another; its covariance (3, 3).
+
+    Of a bump the turn is what shows: 1 cm of shift looks like 0.1 degrees, 5 m away.
+
+    None where they share too few joints and headings.
+    """
+    both = (before.count >= FEWEST) & (after.count >= FEWEST)
+    if both.sum() < FEWEST_CELLS:
+        return None
+    a, b = before.count[both], after.count[both]
+    weight = a * b / (a + b)
+    H = (before.H[camera][both] + after.H[camera][both]) / (a + b)[:, None, None]
+    apart = after.g[camera][both] / b[:, None] - before.g[camera][both] / a[:, None]
+    inverse = np.linalg.inv(np.tensordot(weight, H, 1))
+    step = inverse @ (weight @ apart)
+    left = weight[:, None] * (apart - H @ step)
+    return step, inverse @ (left.T @ left) @ inverse
+
+
+def find_change(found):
+    """The `Change` of a session from the `Normal`s of its sequences in order of recording, or None.
+
+    Only the clearest one: where it is put right, the next shows.
+    """
+    best = None
+    for v in range(len(found[0].g) if len(found) > 1 else 0):
+        each = [_against_others(found, s, v) for s in range(len(found))]
+        for first in range(1, len(found)):
+            known = turn(sum(found[1:first], found[0]), sum(found[first + 1 :], found[first]), v)
+            if known is None:
+                continue
+            spread = known[1] + np.radians(FLOOR_DEG) ** 2 * np.eye(3) + _scatter(each, first)
+            distance = float(known[0] @ np.linalg.solve(spread, known[0]))
+            degrees = float(np.degrees(np.linalg.norm(known[0])))
+            if degrees >= LEAST_DEG and distance >= SURE and (best is None or distance > best.distance):
+                best = Change(v, first, degrees, distance)
+    return best
+
+
+def _scatter(each, first):
+    """Covariance (3, 3) of a change of the mean, from how the walks on either side of `first` differ among themselves.
+
+    Diagonal: a few walks tell no more. `each`: a camera's turn in every sequence and its covariance, or None.
+    """
+    sides = [[t[0] for t in side if t is not None] for side in (each[:first], each[first:])]
+    left = [np.array(side) - np.mean(side, axis=0) for side in sides if side]
+    free = sum(max(len(side) - 1, 0) for side in left)
+    if not free:
+        return np.zeros((3, 3))
+    left = np.concatenate(left)
+    return np.diag((left**2).sum(axis=0)) / free * sum(1 / len(side) for side in sides if side)
+
+
+def run(*, session, sequences, names, cameras, detections, timelines, swaps, min_score, out, findings):
+    """Write the corrections of the cameras `names` in the `sequences` of a session, in order of recording.
+
+    `detections`, `timelines` and `swaps`: a file for each of the sequences.
+    """
+    rig = tables.read_cameras(cameras)
+    rig = [rig[name] for name in names]
+    found = []
+    for paths in zip(detections, timelines, swaps, strict=True):
+        uv, score, joints = observations(
+            tables.read(paths[0], "detections"), tables.read(paths[1], "timeline"), names, min_score
+        )
+        turned = tables.read(paths[2], "swaps")
+        swapped = np.stack([tables.of_camera(turned, name)["swapped"] for name in names])
+        uv, score = exchange(uv, swapped, joints), exchange(score, swapped, joints)
+        chosen = np.unique(np.linspace(0, uv.shape[1] - 1, min(uv.shape[1], MOST_INSTANTS)).round().astype(int))
+        found.append(normal(rig, uv[:, chosen], score[:, chosen], joints))
+    change = find_change(found)
+    rows = [
+        (session, sequence, name, *_row(_against_others(found, s, v)))
+        for s, sequence in enumerate(sequences)
+        for v, name in enumerate(names)
+    ]
+    keys = tables.columns_of("camera_turns")
+    tables.write(out, "camera_turns", {key: [row[i] for row in rows] for i, key in enumerate(keys)})
+    tables.write_findings(findings, _findings(session, names, sequences, change))
+
+
+def _against_others(found, s, v):
+    """`turn` of camera v in sequence s against the other sequences."""
+    others = [one for i, one in enumerate(found) if i != s]
+    return turn(sum(others[1:], others[0]), found[s], v) if others else None
+
+
+def _row(known):
+    """A turn about the camera's three axes and its sigma, degrees."""
+    if known is None:
+        return (np.nan,) * 6
+    return (*np.degrees(known[0]).tolist(), *np.degrees(np.sqrt(np.diag(known[1]))).tolist())
+
+
+def _findings(session, names, sequences, change):
+    if change is None:
+        return []
+    name, first = names[change.camera], sequences[change.first]
+    folder = session.partition("@")[0]
+    text = (
+        f"{name} was turned by {change.turn_deg:.2f} degrees between {sequences[change.first - 1]} and {first}, by its "
+        f"residuals against the other cameras; if it was bumped, copy config/sessions/{folder}/{name}.yaml to "
+        f"{name}@{first}.yaml, correct it there, and name a walk from {first} on in session.yaml's `adjust`"
+    )
+    return [(f"{session}/{name}", "error", "camera_bumped", text)]

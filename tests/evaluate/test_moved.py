@@ -1,0 +1,120 @@
+"""A camera that was turned between two walks is named with the walk, and one that stood still is not."""
+
+import numpy as np
+import pytest
+
+from dior import camera as cam
+from dior import covariance as cov
+from dior import tables
+from dior.evaluate import moved
+from dior.skeletons import MLKIT_33
+from tests.rig import ring
+
+HIPS = MLKIT_33.index("left_hip"), MLKIT_33.index("right_hip")
+
+
+def walk(seed, count=80):
+    """Somebody who walks in a circle: points (T, 33, 3) m of a body of fixed shape."""
+    shape = np.random.default_rng(7).uniform((-0.3, -0.3, 0.05), (0.3, 0.3, 1.7), (33, 3))
+    shape[list(HIPS)] = [(0.0, 0.15, 0.9), (0.0, -0.15, 0.9)]
+    turn = np.linspace(0, 2 * np.pi, count) + seed
+    c, s, zero, one = np.cos(turn), np.sin(turn), np.zeros(count), np.ones(count)
+    R = np.stack([c, -s, zero, s, c, zero, zero, zero, one], axis=-1).reshape(-1, 3, 3)
+    return shape @ np.swapaxes(R, 1, 2) + np.stack([np.sin(turn), -np.cos(turn), zero], axis=-1)[:, None]
+
+
+def seen(cameras, seed, noise=1.0, bias=0.0):
+    points = walk(seed)
+    uv = np.stack([cam.project(c, points)[0] for c in cameras])
+    offsets = bias * np.random.default_rng(3).standard_normal((len(cameras), 1, 33, 2))
+    return uv + offsets + noise * np.random.default_rng([seed, 1]).standard_normal(uv.shape)
+
+
+def normals(stood, true, **kwargs):
+    out = []
+    for seed, cameras in enumerate(true):
+        uv = seen(cameras, seed, **kwargs)
+        out.append(moved.normal(stood, uv, np.ones(uv.shape[:3]), MLKIT_33))
+    return out
+
+
+def turned(cameras, which, degrees):
+    step = np.zeros(6)
+    step[1] = np.radians(degrees)
+    return [cov.moved(c, step) if i == which else c for i, c in enumerate(cameras)]
+
+
+@pytest.mark.parametrize("bias", [0.0, 4.0])
+@pytest.mark.parametrize("first", [1, 3])
+def test_a_bump_is_found_where_it_was(first, bias):
+    rig = ring(3)
+    true = [turned(rig, 1, 0.3 if i >= first else 0.0) for i in range(5)]
+    change = moved.find_change(normals(rig, true, bias=bias))
+    assert (change.camera, change.first) == (1, first)
+    assert change.turn_deg == pytest.approx(0.3, abs=0.04)
+
+
+@pytest.mark.parametrize("bias", [0.0, 4.0])
+def test_cameras_that_stand_still_raise_no_alarm(bias):
+    rig = ring(3)
+    # a calibration that is wrong throughout is no motion
+    assert moved.find_change(normals(turned(rig, 2, 0.3), [rig] * 5, bias=bias)) is None
+
+
+def test_one_walk_tells_nothing():
+    rig = ring(3)
+    assert moved.find_change(normals(rig, [rig])) is None
+
+
+def test_run_names_camera_and_sequence(tmp_path):
+    rig = ring(3)
+    names, sequences = [c.name for c in rig], ["walk_1", "walk_2", "walk_3"]
+    tables.write_cameras(tmp_path / "cameras.parquet", rig, "field")
+    for seed, sequence in enumerate(sequences):
+        uv = seen(turned(rig, 0, 0.4 if seed else 0.0), seed)
+        write(tmp_path, sequence, names, uv)
+    moved.run(
+        session="field", sequences=sequences, names=names, cameras=[tmp_path / "cameras.parquet"],
+        detections=[tmp_path / f"{s}.detections.parquet" for s in sequences],
+        timelines=[tmp_path / f"{s}.timeline.parquet" for s in sequences],
+        swaps=[tmp_path / f"{s}.swaps.parquet" for s in sequences],
+        min_score=0.3, out=tmp_path / "turns.parquet", findings=tmp_path / "findings.parquet",
+    )  # fmt: skip
+    (text,) = tables.read(tmp_path / "findings.parquet", "findings")["text"]
+    assert "cam01 was turned by 0.4" in text and "between walk_1 and walk_2" in text and "cam01@walk_2.yaml" in text
+    table = tables.read(tmp_path / "turns.parquet", "camera_turns")
+    assert len(table["camera"]) == 9
+    first = (table["camera"] == "cam01") & (table["sequence"] == "walk_1")
+    assert table["turn_y"][first] == pytest.approx(-0.4, abs=0.05)
+
+
+def write(folder, sequence, names, uv):
+    views, count, joints = uv.shape[:3]
+    frame = np.tile(np.repeat(np.arange(count), joints), views)
+    stamps = np.arange(count) * 33_333_333
+    tables.write(
+        folder / f"{sequence}.detections.parquet",
+        "detections",
+        {
+            "camera": np.repeat(names, count * joints).astype(object),
+            "frame": frame,
+            "stamp_ns": stamps[frame],
+            "person": np.zeros(len(frame), int),
+            "joint": np.tile(np.array(MLKIT_33, object), views * count),
+            "u": uv[..., 0].ravel(),
+            "v": uv[..., 1].ravel(),
+            "score": np.ones(len(frame)),
+        },
+    )
+    instant = np.tile(np.arange(count), views)
+    by_camera = {"camera": np.repeat(names, count).astype(object), "instant": instant, "stamp_ns": stamps[instant]}
+    tables.write(
+        folder / f"{sequence}.timeline.parquet",
+        "timeline",
+        by_camera | {"frame_before": instant, "frame_after": instant, "weight": np.zeros(len(instant))},
+    )
+    tables.write(
+        folder / f"{sequence}.swaps.parquet",
+        "swaps",
+        by_camera | {"frame": instant, "swapped": np.zeros(len(instant), bool)},
+    )
