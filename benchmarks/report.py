@@ -65,10 +65,13 @@ def write(root):
     rng = np.random.default_rng(1)
     _write_sheets(root)
     results, files = root / "results", {k: [] for k in ("frame_metrics", "skeletons", "audits", "dropped", "frames")}
-    cameras, overlays, rows = [], [], []
+    cameras, covariances, overlays, rows = [], [], [], []
     for session in ("lab_1", "lab_2", "field_1", "field_2"):
         cameras.append(results / f"cameras/{session}.parquet")
         tables.write_cameras(cameras[-1], rig(session.startswith("field")), session)
+        covariances.append(results / f"cameras/{session}.covariance.parquet")
+        known = np.diag(np.tile(np.repeat([1e-3, 1e-2], 3), len(CAMERAS)) ** 2)
+        tables.write_camera_covariance(covariances[-1], CAMERAS, known, session)
     findings = results / "findings.parquet"
     tables.write_findings(
         findings, [(f"{s}/cam02", "warning", "gap", "no detections between 1.2 s and 1.9 s") for s, *_ in sequences()]
@@ -89,6 +92,7 @@ def write(root):
                    dropped=files["dropped"], gallery=None, out=counted)  # fmt: skip
     return files | {
         "root": root, "title": "DIOR size", "metrics": csv, "findings": [findings], "cameras": cameras,
+        "covariances": covariances, "turns": [],
         "overlays": overlays, "clips": [], "statistics": counted, "effort": None, "out": root / "report",
         "out_timing": root / "timing.csv",
     }  # fmt: skip

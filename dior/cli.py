@@ -333,6 +333,8 @@ STEPS = {
             "frame-metrics": PATHS,
             "findings": PATHS,
             "cameras": PATHS,
+            "covariances": PATHS,
+            "turns": PATHS,
             "skeletons": PATHS,
             "audits": PATHS,
             "dropped": PATHS,

@@ -9,7 +9,7 @@ from collections import Counter
 import numpy as np
 
 from dior import tables
-from dior.report import measures, plots, scene
+from dior.report import certainty, measures, plots, scene
 
 OF_PICTURE = "mean of a picture, px"
 
@@ -244,6 +244,30 @@ class Figures:
                     alt=f"Session {session} from above and the side: {about}",
                 ),
             ]  # fmt: skip
+        return figures
+
+    def certainty(self, covariances, turns):
+        """Per session how well the poses of its cameras are known, and whether the cameras stood still."""
+        spreads, moved = certainty.spreads(covariances), certainty.turns(turns)
+        figures = []
+        for session in self.project.sessions:
+            if session in spreads:
+                figures.append(self._draw(
+                    f"certainty_{session}", certainty.poses, spreads[session],
+                    title=f"{session}, how well the cameras are known",
+                    caption="Standard errors: of the position along the world's axes, of the direction about the "
+                    "camera's own. What all cameras share, such as the scale, is in it.",
+                    alt=f"Standard errors of {len(spreads[session])} cameras of session {session}",
+                ))  # fmt: skip
+            if session in moved:
+                figures.append(self._draw(
+                    f"moved_{session}", certainty.stood_still, moved[session],
+                    title=f"{session}, did the cameras stand still?",
+                    caption="By which turn a camera, alone, would agree better with the others in a walk than in all "
+                    "other walks, with 95 % bars. A camera that was bumped stays off from one walk on, and pulls the "
+                    "others along.",
+                    alt=f"Turns of {len(moved[session])} cameras of session {session} by walk",
+                ))  # fmt: skip
         return figures
 
 

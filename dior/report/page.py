@@ -52,13 +52,14 @@ TITLES = {
 
 
 def run(
-    *, root, title, metrics, frame_metrics, findings, cameras, skeletons, audits, dropped, frames, overlays, clips,
-    statistics, effort, out, out_timing
+    *, root, title, metrics, frame_metrics, findings, cameras, covariances, turns, skeletons, audits, dropped, frames,
+    overlays, clips, statistics, effort, out, out_timing
 ):  # fmt: skip
     """Write the report of the project in `root` into the folder `out`.
 
-    `frame_metrics`, `findings`, `cameras`, `skeletons`, `frames`: files of those tables; `audits`: of `stamp_audit`,
-    `dropped`: of `dropped_frames`; `overlays`: the contact sheets `<out>/assets/<sequence>/<camera>.jpg`; `clips`:
+    `frame_metrics`, `findings`, `cameras`, `skeletons`, `frames`: files of those tables; `covariances`: of
+    `camera_covariance`, `turns`: of `camera_turns`, `audits`: of `stamp_audit`, `dropped`: of `dropped_frames`;
+    `overlays`: the contact sheets `<out>/assets/<sequence>/<camera>.jpg`; `clips`:
     `<out>/assets/<sequence>/clip.webm`, each with its poster beside it; `statistics`: statistics.csv; `effort`:
     effort.tsv or None. What it cost goes to `<out>/cost.html` and `out_timing`.
     """
@@ -82,7 +83,7 @@ def run(
     folder = out / "assets" / "plots"
     made = Figures(folder, project, rows, recorded)
     sections = [*made.paper(), *made.truth()]
-    scenes = made.scenes(stations, skeletons)
+    scenes = [*made.scenes(stations, skeletons), *made.certainty(covariances, turns)]
     timelines = {figure["title"]: figure for figure in made.timelines()}
     stamps = {figure["title"]: figure for figure in made.stamps(audited)}
     _remove_stale(folder, made.names)

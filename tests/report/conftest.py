@@ -267,6 +267,7 @@ def write_capture(root):
     for session in ("lab", "field"):
         cameras.append(root / f"results/cameras/{session}.parquet")
         tables.write_cameras(cameras[-1], rig(session == "field"), session)
+    covariances, turns = write_certainty(root / "results")
     findings = root / "results/findings.parquet"
     tables.write_findings(
         findings,
@@ -285,11 +286,29 @@ def write_capture(root):
         root=root,
         sequences=made,
         cameras=cameras,
+        covariances=covariances,
+        turns=turns,
         findings=[findings],
         metrics=csv,
         frame_metrics=[root / f"results/evaluate/{s[0]}.frames.parquet" for s in SEQUENCES],
         skeletons=[one.skeleton for one in made.values()],
     )
+
+
+def write_certainty(results):
+    """`camera_covariance` of the field's cameras and `camera_turns` of its close ones."""
+    names = ["cam01", "cam02", "cam03", "cam04"]
+    sigma = np.concatenate([np.repeat([np.radians(0.05 * (i + 1)), 0.01 * 3**i], 3) for i in range(4)])
+    covariance = results / "cameras/field.covariance.parquet"
+    tables.write_camera_covariance(covariance, names, np.diag(sigma**2), "field")
+    turns, random = results / "moved/field.parquet", np.random.default_rng(5)
+    count = 2 * 3
+    columns = {key: 0.05 * random.standard_normal(count) for key in ("turn_x", "turn_y", "turn_z")}
+    columns |= {key: np.full(count, 0.03) for key in ("sigma_x", "sigma_y", "sigma_z")}
+    words = {"session": repeat(["field"], count), "camera": np.array(names[:3] * 2, object)}
+    words["sequence"] = repeat(["outdoor_01", "outdoor_02"], 3)
+    tables.write(turns, "camera_turns", words | columns)
+    return [covariance], [turns]
 
 
 def adjust_columns():

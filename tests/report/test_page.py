@@ -53,6 +53,8 @@ def write(capture, out):
         frame_metrics=capture.frame_metrics,
         findings=capture.findings,
         cameras=capture.cameras,
+        covariances=capture.covariances,
+        turns=capture.turns,
         skeletons=capture.skeletons,
         **audited(capture),
         overlays=[],

@@ -115,6 +115,8 @@ def test_the_page_has_the_words_of_each(capture, tmp_path):
         frame_metrics=frame_metrics,
         findings=[findings],
         cameras=capture.cameras,
+        covariances=capture.covariances,
+        turns=capture.turns,
         skeletons=[path for path in capture.skeletons if "indoor_01" not in path.name],
         **files,
         overlays=[],

@@ -431,6 +431,16 @@ def all_cameras():
     ]
 
 
+def all_covariances():
+    """The uncertainties of every camera, where they are known."""
+    files = [
+        covariance_of(session, camera)
+        for session in PROJECT.sessions
+        for camera in PROJECT.cameras(session)
+    ]
+    return list(dict.fromkeys(path for path in files if path))
+
+
 def all_clips():
     if not CONFIG["report"]["clip_seconds"]:
         return []

@@ -84,6 +84,8 @@ rule report:
         frame_metrics=expand("results/evaluate/{sequence}.frames.parquet", sequence=SEQUENCES),
         findings=all_findings(),
         cameras=all_cameras(),
+        covariances=all_covariances(),
+        turns=expand("results/moved/{session}.parquet", session=watched_sessions()),
         skeletons=[skeleton_of(sequence) for sequence in SEQUENCES],
         audits=expand("results/audit/{sequence}.parquet", sequence=SEQUENCES),
         dropped=expand("results/audit/{sequence}.dropped.parquet", sequence=SEQUENCES),
@@ -116,6 +118,8 @@ rule report:
         " --frame-metrics {input.frame_metrics:q}"
         " --findings {input.findings:q}"
         " --cameras {input.cameras:q}"
+        " --covariances {input.covariances:q}"
+        " --turns {input.turns:q}"
         " --skeletons {input.skeletons:q}"
         " --audits {input.audits:q}"
         " --dropped {input.dropped:q}"

@@ -1,0 +1,90 @@
+"""How well the cameras are known: the standard errors of their poses, and whether they stood still.
+
+INPUTS   `camera_covariance` and `camera_turns` tables of the sessions
+OUTPUTS  SVG files. Same numbers, same bytes.
+"""
+
+import numpy as np
+
+from dior import tables
+from dior.report.plots import COLOURS, _colours, _figure, _legend, _save
+
+WORLD_AXES = (("x", "o"), ("y", "s"), ("z", "^"))
+OWN_AXES = (("up and down", "o"), ("left and right", "s"), ("roll", "^"))
+
+
+def spreads(paths):
+    """session -> camera -> standard errors (6,): turn about the camera's own axes, degrees, and position in cm."""
+    found = {}
+    for path in paths:
+        table = tables.read(path, "camera_covariance")
+        for session, camera, other, values in zip(*table.values(), strict=True):
+            sigma = np.sqrt(np.diag(values.reshape(6, 6))) if camera == other else [np.nan]
+            if np.isfinite(sigma).all():
+                scale = np.repeat([180 / np.pi, 100.0], 3)
+                found.setdefault(session, {})[camera] = sigma * scale
+    return found
+
+
+def turns(paths):
+    """session -> camera -> (sequences, turn (S,) degrees in whatever direction, its standard error (S,))."""
+    found = {}
+    for path in paths:
+        table = tables.read(path, "camera_turns")
+        turn, sigma = (np.stack([table[f"{kind}_{axis}"] for axis in "xyz"], axis=-1) for kind in ("turn", "sigma"))
+        length = np.linalg.norm(turn, axis=1)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            along = np.linalg.norm(turn / length[:, None] * sigma, axis=1)
+        for session in tables.ordered_unique(table["session"]):
+            for camera in tables.ordered_unique(table["camera"]):
+                mine = (table["session"] == session) & (table["camera"] == camera)
+                if np.isfinite(length[mine]).any():
+                    found.setdefault(session, {})[camera] = (table["sequence"][mine], length[mine], along[mine])
+    return found
+
+
+def poses(path, sigmas):
+    """Standard errors of position and direction, on logarithmic axes. `sigmas`: camera -> (6,), as of `spreads`."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+
+    figure, axes = _figure(1, 2, height=3.4)
+    at = np.arange(len(sigmas))
+    values = np.stack(list(sigmas.values()))
+    for axis, first, names, label in (
+        (axes[0], 3, WORLD_AXES, "position, cm"),
+        (axes[1], 0, OWN_AXES, "direction, degrees"),
+    ):
+        for i, (name, mark) in enumerate(names):
+            axis.plot(at + 0.16 * (i - 1), values[:, first + i], mark, ms=5, color=COLOURS[i], label=name)
+        axis.set_yscale("log")
+        shown = values[:, first : first + 3]
+        # at least a decade, and room for the legend below
+        axis.set_ylim(min(shown.min() / 6, shown.max() / 20), 1.4 * shown.max())
+        axis.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axis.yaxis.set_minor_locator(NullLocator())
+        axis.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.set_xticks(at, list(sigmas))
+        axis.tick_params(axis="x", labelsize=8.5)
+        axis.set_xlim(-0.6, len(sigmas) - 0.4)
+        axis.set_title(label)
+        axis.legend(loc="lower left", fontsize=8, handletextpad=0.1)
+        axis.grid(axis="x", visible=False)
+    axes[0].set_ylabel("standard error")
+    _save(figure, path)
+
+
+def stood_still(path, by_camera):
+    """Turn of each camera in each walk against the other walks. `by_camera`: as of `turns`."""
+    figure, axis = _figure(height=2.9)
+    colours = _colours(by_camera)
+    sequences = list(dict.fromkeys(name for names, _, _ in by_camera.values() for name in names))
+    for i, (camera, (names, turn, sigma)) in enumerate(by_camera.items()):
+        at = np.array([sequences.index(name) for name in names]) + 0.12 * (i - (len(by_camera) - 1) / 2)
+        axis.errorbar(at, turn, 2 * sigma, fmt="o", ms=4, lw=1, color=colours[camera], label=camera)
+    many = len(sequences) > 12
+    axis.set_xticks(range(len(sequences)), [n if not many else "" for n in sequences], rotation=30, ha="right")
+    axis.set_xlabel(f"{len(sequences)} walks in order of recording" if many else "")
+    axis.set_ylabel("turn, degrees")
+    axis.set_ylim(0, None)
+    _legend(figure, axis, colours)
+    _save(figure, path)
