@@ -88,7 +88,7 @@ def fitted(level, seed, margin, true_3d, occluder=False, count=BOXES):
         random = np.random.default_rng([seed, 3])
         drawn[:, 3] = hips + margin + EDGE_SD_PX * random.standard_normal(drawn.shape)[:, 3]
     seen = boxes_fit.Seen(
-        points[frames], drawn, np.full((count, 33, 2), np.nan), made.seconds[frames], np.zeros(count, int), BIAS_M[level]
+        points[frames], drawn, np.full((count, 33, 2), np.nan), made.seconds[frames], np.zeros(count, int)
     )
     freedom = boxes_fit.Freedom(shift=(START_M, 0.0, 0.0))
     return boxes_fit.fit(off(made.given[3], seed), freedom, seen, f"{level} {seed}")
@@ -97,13 +97,10 @@ def fitted(level, seed, margin, true_3d, occluder=False, count=BOXES):
 def label_errors(level, seed, fit):
     """Errors (T, J, 2) px of the camera's labels, and their covariance (T, J, 2, 2)."""
     made, _ = capture(level, seed)
-    points = made.points[::20]
-    error = project(fit.camera, points)[0] - made.true_uv[3][::20]
+    points = made.points[::60]
+    error = project(fit.camera, points)[0] - made.true_uv[3][::60]
     _, by_camera = covariance.projection(fit.camera, points)
     return error, by_camera @ fit.pose_covariance @ np.swapaxes(by_camera, -1, -2)
-
-
-BIAS_M = {"ideal": 0.0, "real": 0.0175}
 
 
 def line(level, seeds, name, **how):

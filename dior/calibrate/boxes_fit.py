@@ -25,9 +25,11 @@ SIDES = ("u_min", "v_min", "u_max", "v_max")
 LEAST_SD_PX = 0.3
 SCALES = (16.0, 8.0, 4.0)  # of the weights, px, before they follow the residuals
 CUT = 3.0  # residuals of that many sd weigh a quarter
-# what an edge costs that is left out as an occluder's, in units of the largest cost of an edge
-COST_OF_HIDING = 0.7
+# what it costs to read a side as an occluder's, beyond the usual cost of the edges that are left out: a chi2
+COST_OF_HIDING = 25.0
 NEAR_LINE_PX = 3.0
+# 3D joints of real detectors are off by about 1 % of the body height, for as long as the same side is seen
+JOINT_BIAS_M = 0.02
 
 
 @dataclass(frozen=True)
@@ -41,7 +43,7 @@ class Freedom:
     shift: tuple = (0.3, 0.0, 0.0)
     focal: float = 0.0
     margin_px: float = 3.0
-    margin_split_px: float = 0.5
+    margin_split_px: float = 0.3
 
 
 @dataclass(frozen=True)
@@ -57,7 +59,7 @@ class Seen:
     clicks: np.ndarray
     seconds: np.ndarray
     walk: np.ndarray
-    bias_m: float = 0.0
+    bias_m: float = JOINT_BIAS_M
 
 
 @dataclass(frozen=True)
@@ -127,7 +129,8 @@ def fit(start, freedom, seen, where, derivative=None):
         raise DiorError(f"{where}: {count} usable edges and clicked coordinates; draw boxes on at least 4 pictures")
     readings = [""] if not np.isfinite(seen.edges).any() else ["", "v_max", "v_min"]
     tried = [_Reading(start, freedom, seen, side).solve(where) for side in readings]
-    best = min(tried, key=lambda reading: reading.cost())
+    sd_px = min(reading.sd for reading in tried)
+    best = min(tried, key=lambda reading: reading.cost(sd_px))
     return best.fitted(derivative)
 
 
@@ -226,14 +229,13 @@ class _Reading:
         step[self.free] = np.linalg.solve(H[np.ix_(self.free, self.free)], g[self.free])
         return step
 
-    def cost(self):
-        """Sum of the robust costs with a scale that is the same for all readings, and of the priors."""
+    def cost(self, sd_px):
+        """Chi2 of the edges, no more than that of an outlier each, and of the priors; `sd_px` of an edge."""
         rows = self.rows()
-        scale = CUT * max(1.0, LEAST_SD_PX)
-        each = rows.residual**2 / (rows.residual**2 + scale**2)
+        z2 = (rows.residual / sd_px) ** 2
         missing = np.isfinite(self.seen.edges).sum() - (rows.kind >= 0).sum()
         prior = self.values[self.free] @ self.prior[np.ix_(self.free, self.free)] @ self.values[self.free]
-        return each.sum() + COST_OF_HIDING * missing + prior / scale**2
+        return (z2 / (1 + z2 / CUT**2)).sum() + missing + prior + COST_OF_HIDING * bool(self.side)
 
     def fitted(self, derivative):
         rows = self.rows()
@@ -241,7 +243,9 @@ class _Reading:
         weight = _weights(rows.residual, scale)
         free = np.ix_(self.free, self.free)
         inflation = _inflation(rows, weight, self.seen)
-        H = (rows.J * weight[:, None]).T @ rows.J / self.sd**2 + self.prior
+        # the derivative of the weighted residual, in the mean: weights that fall make the valley flatter
+        slope = _slopes(rows.residual, scale).sum() / weight.sum()
+        H = max(slope, 0.2) * (rows.J * weight[:, None]).T @ rows.J / self.sd**2 + self.prior
         inverse = np.zeros((9, 9))
         inverse[free] = np.linalg.inv(H[free])
         meat = inflation * (rows.J * (weight**2 * rows.residual**2)[:, None]).T @ rows.J / self.sd**4
@@ -303,6 +307,12 @@ def _extremes(uv, known):
 def _weights(residual, scale):
     """Geman-McClure: an edge that is far off does not pull at all."""
     return 1 / (1 + (residual / scale) ** 2) ** 2
+
+
+def _slopes(residual, scale):
+    """Derivative of the weighted residual by the residual."""
+    z2 = (residual / scale) ** 2
+    return (1 - 3 * z2) / (1 + z2) ** 3
 
 
 def _spread(residual):
