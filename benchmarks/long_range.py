@@ -17,7 +17,7 @@ from benchmarks import scene
 from dior import covariance
 from dior.calibrate import boxes_fit
 from dior.camera import Camera, Intrinsics, in_frame, pose, project
-from dior.geometry import look_at, look_at_angles, rotation_x, rotation_z
+from dior.geometry import look_at_angles, rotation_x, rotation_z
 from dior.reconstruct.swaps import exchange, find_swaps
 from dior.views import DROP_FACTOR, by_dropping, usual_error
 
@@ -43,7 +43,8 @@ def off(camera, seed):
     forward = camera.wRc[:, 2]
     azimuth, elevation = look_at_angles(camera.centre, camera.centre + forward)
     angle = random.uniform(0, 2 * np.pi)
-    azimuth, elevation = azimuth + np.radians(START_DEG) * np.cos(angle), elevation + np.radians(START_DEG) * np.sin(angle)
+    azimuth += np.radians(START_DEG) * np.cos(angle)
+    elevation += np.radians(START_DEG) * np.sin(angle)
     centre = camera.centre + START_M * random.choice([-1, 1]) * np.array([0.0, 1.0, 0.0])
     return camera.at(pose(rotation_z(azimuth) @ rotation_x(elevation), centre))
 

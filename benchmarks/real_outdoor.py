@@ -113,8 +113,9 @@ def print_unseen_from_boxes(data, cameras):
     points, joints = robust_points(data, cameras)
     uv, score, theirs = stack(openpose, [data / "openpose_single/cam04"])
     # the joints that both detectors have: ML Kit has no crown and no neck, OpenPose no hands
-    pairs = [(joints.index(BOXED.get(name, name)), i) for i, name in enumerate(theirs) if BOXED.get(name, name) in joints]
-    own, other = (list(side) for side in zip(*pairs, strict=True))
+    names = [BOXED.get(name, name) for name in theirs]
+    other = [i for i, name in enumerate(names) if name in joints]
+    own = [joints.index(names[i]) for i in other]
     seen = np.where((score[0] > 0.3)[..., None], uv[0], np.nan)[:, other]
     edges = np.full((FRAMES, 4), np.nan)
     edges[BOXED_FRAMES] = np.concatenate([np.nanmin(seen, axis=1), np.nanmax(seen, axis=1)], axis=1)[BOXED_FRAMES]
@@ -135,8 +136,9 @@ def print_unseen_from_boxes(data, cameras):
         print(f"  {name:<24}{cam04_score(others, [*cameras[:3], camera], joints)}")
     turn = Rotation.from_matrix(true.wRc.T @ fitted.camera.wRc).magnitude()
     print(
-        f"  centre {1000 * np.linalg.norm(fitted.camera.centre - true.centre):.0f} mm and {np.degrees(turn):.2f} degrees "
-        f"from the reference, margins {fitted.values[7]:.1f}, {fitted.values[8]:.1f} px, edges {fitted.sd_px:.1f} px sd"
+        f"  centre {1000 * np.linalg.norm(fitted.camera.centre - true.centre):.0f} mm and {np.degrees(turn):.2f} "
+        f"degrees from the reference, margins {fitted.values[7]:.1f}, {fitted.values[8]:.1f} px, "
+        f"edges {fitted.sd_px:.1f} px sd"
     )
 
 

@@ -29,7 +29,7 @@ CUT = 3.0  # residuals of that many sd weigh a quarter
 COST_OF_HIDING = 25.0
 NEAR_LINE_PX = 3.0
 # 3D joints of real detectors are off by about 1 % of the body height, for as long as the same side is seen
-JOINT_BIAS_M = 0.02
+JOINT_BIAS_M = 0.025
 
 
 @dataclass(frozen=True)
@@ -117,17 +117,21 @@ def moved(start, axes, values):
     return replace(camera, intrinsics=replace(lens, fx=lens.fx * grown, fy=lens.fy * grown))
 
 
-def fit(start, freedom, seen, where, derivative=None):
+READINGS = {"auto": ("", "v_max", "v_min"), "none": ("",), "below": ("v_max",), "above": ("v_min",)}
+
+
+def fit(start, freedom, seen, where, derivative=None, occluder="auto"):
     """`Fitted` from a start a few degrees off.
 
     `derivative` (F, J, 3, 6V): the points' by the errors of the close cameras, for `by_cameras`. Of the readings "all
     edges are the body's" and "the lower (upper) edge is an occluder's, which hides the joints beyond it" the one is
-    taken that the edges cost least in. Raises DiorError (beginning with `where`) with too little to fit.
+    taken that the edges agree with best; `occluder` (auto, none, below, above) may say which. Raises DiorError
+    (beginning with `where`) with too little to fit.
     """
     count = np.isfinite(seen.edges).sum() + np.isfinite(seen.clicks).sum()
     if count < 8:
         raise DiorError(f"{where}: {count} usable edges and clicked coordinates; draw boxes on at least 4 pictures")
-    readings = [""] if not np.isfinite(seen.edges).any() else ["", "v_max", "v_min"]
+    readings = READINGS[occluder] if np.isfinite(seen.edges).any() else ("",)
     tried = [_Reading(start, freedom, seen, side).solve(where) for side in readings]
     sd_px = min(reading.sd for reading in tried)
     best = min(tried, key=lambda reading: reading.cost(sd_px))
@@ -290,8 +294,8 @@ def _prior(freedom):
     sd = np.array([*freedom.turn, *freedom.shift, freedom.focal, 1, 1], float)
     P = np.diag([1 / s**2 if s > 0 else 1e18 for s in sd])
     if freedom.margin_px > 0:
-        common, split = freedom.margin_px**2, freedom.margin_split_px**2
-        P[MARGIN, MARGIN] = np.linalg.inv([[common + split / 2, common - split / 2], [common - split / 2, common + split / 2]])
+        common, half = freedom.margin_px**2, freedom.margin_split_px**2 / 2
+        P[MARGIN, MARGIN] = np.linalg.inv([[common + half, common - half], [common - half, common + half]])
     else:
         P[MARGIN, MARGIN] = 1e18 * np.eye(2)
     return P

@@ -10,24 +10,7 @@ import numpy as np
 from dior import camera as cam
 from dior import tables
 from dior.errors import DiorError
-from dior.sampling import SAME_TIME_S, blend, bracket, seconds
-
-
-def at_pictures(skeleton, stamps_ns, offset_s, drift_ppm):
-    """3D joints at the pictures' stamps: points (F, J, 3) m, whether a gap was bridged (F, J), and the joint names.
-
-    Linear between instants, never across a missing one. Before the first instant and after the last there is nothing.
-    """
-    points, joints = tables.grid(skeleton, "x", "y", "z")
-    filled = (skeleton["status"] == "gap_filled").reshape(points.shape[:2])
-    instants_ns = skeleton["stamp_ns"].reshape(points.shape[:2])[:, 0]
-    t0 = instants_ns[0]
-    grid = seconds(instants_ns, t0, 0.0, 0.0)
-    gap = 1.5 * np.median(np.diff(grid)) if len(grid) > 1 else SAME_TIME_S
-    where = bracket(grid, seconds(stamps_ns, t0, offset_s, drift_ppm), gap)
-    before, after, weight = where
-    bridged = (filled[before] | (filled[after] & (weight[:, None] > 0))) & (before >= 0)[:, None]
-    return blend(points, *where), bridged, joints
+from dior.sampling import at_pictures
 
 
 def labels(camera, points):
