@@ -198,6 +198,11 @@ def found_out(scope, walks, seen, fitted, pose_covariance, taped):
         f"{', '.join(walk.name for walk in walks)}: {agreed.mean():.0%} of {len(residual)} edges and clicks agree, "
         f"rms {np.sqrt((residual[agreed] ** 2).mean()):.2f} px. ± is a 95 % interval"
     )
+    _, J = covariance.projection(fitted.camera, np.nanmean(seen.points, axis=(0, 1)))
+    middle = 1.96 * np.sqrt(np.diagonal(J @ pose_covariance @ J.T))
+    text += (
+        f"; in the middle of the walks the camera's part of a label is ± {middle[0]:.2f} px in u, {middle[1]:.2f} in v"
+    )
     found = [(scope, "info", "camera_aligned", text)]
     if agreed.mean() < FEW_AGREE:
         found.append(

@@ -355,7 +355,9 @@ def _of_bias(pull, rows, camera, seen):
 
 def _facing(camera, points):
     """-1 or 1 (F,): which way the body goes across the picture, by how it moves; the side of it that is seen."""
-    middle = (np.nanmean(np.where(np.isfinite(points), points, np.nan), axis=1) - camera.centre) @ camera.wRc
-    if len(middle) < 2:
-        return np.zeros(len(middle), int)
-    return np.where(np.gradient(middle[:, 0]) < 0, -1, 1)
+    known = np.isfinite(points).all(axis=-1)[..., None]
+    middle = np.where(known, points, 0.0).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
+    across = (middle - camera.centre) @ camera.wRc[:, 0]
+    if len(across) < 2:
+        return np.zeros(len(across), int)
+    return np.where(np.gradient(across) < 0, -1, 1)
