@@ -83,6 +83,7 @@ def check_sessions(project, lines):
         _check_tag(project, session)
         for camera in project.cameras(session):
             _check_marks(project, session, camera)
+            _check_align(project, session, camera)
     for folder in ("offsets", "boxes", "checks"):
         _check_names(project, folder)
     for name in project.sequences:
@@ -103,6 +104,8 @@ def check_camera(camera, shown):
         raise DiorError(f"{shown}: 'locate: reference' needs the key 'reference' with file and name")
     if locate != "align" and any(camera["nudge"].values()):
         raise DiorError(f"{shown}: 'nudge' has no effect with 'locate: {locate}'; only align uses it")
+    if "align" in camera and locate != "align":
+        raise DiorError(f"{shown}: the section 'align' has no effect with 'locate: {locate}'")
     if "tape" in camera and _distance(camera["tape"]["position_m"], camera["tape"]["target_m"]) < SAME_PLACE_M:
         raise DiorError(f"{shown}: 'tape.target_m' is the camera's own position, so it looks nowhere")
 
@@ -122,6 +125,25 @@ def _check_intrinsics(camera, shown):
     model = camera.get("distortion_model", "plumb_bob")
     if ways[0] != "file" and model != "plumb_bob":
         raise DiorError(f"{shown}: 'distortion_model: {model}' does not fit: a {ways[0]} gives a plumb_bob lens")
+
+
+def _check_align(project, session, camera):
+    """A camera is aligned to sequences of its session that are processed and have what it is aligned to."""
+    how = project.cameras(session)[camera].get("align")
+    if not how:
+        return
+    shown = project.camera_file(session, camera)
+    here = project.sequences_of(session)
+    for name in how["sequences"]:
+        if name in project.excluded:
+            raise DiorError(f"{shown}: align.sequences names '{name}', which has an exclude_reason")
+        if name not in here:
+            raise DiorError(f"{shown}: align.sequences: '{name}' is no sequence of {session}{nearest(name, here)}")
+        if how["from"] == "boxes" and camera not in project.boxes(name):
+            raise DiorError(f"{shown}: 'align.from: boxes' needs the file config/boxes/{name}.{camera}.csv")
+    path = project.marks_file(session, camera)
+    if how["from"] == "marks" and not (project.root / path).is_file():
+        raise DiorError(f"{shown}: 'align.from: marks' needs the file {path}")
 
 
 def _check_pseudonyms(subjects):

@@ -83,3 +83,13 @@ def triangulated(cameras, points, information):
     by_cameras = -noise @ np.concatenate([wj @ c for wj, c in zip(weighted, C, strict=True)], axis=-1)
     missing = ~enough[..., None, None]
     return np.where(missing, np.nan, noise), np.where(missing, np.nan, by_cameras)
+
+
+def point_covariance(table, shape):
+    """Covariance (*shape, 3, 3) m^2 from the sigma and rho columns of a `skeletons_3d` table."""
+    x, y, z, xy, xz, yz = (
+        table[key].reshape(shape).astype(float)
+        for key in ("sigma_x", "sigma_y", "sigma_z", "rho_xy", "rho_xz", "rho_yz")
+    )
+    out = np.stack([x * x, xy * x * y, xz * x * z, xy * x * y, y * y, yz * y * z, xz * x * z, yz * y * z, z * z], -1)
+    return out.reshape(*shape, 3, 3)

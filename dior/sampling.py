@@ -6,6 +6,8 @@ C3D frame indoors, the time of the reference camera outdoors.
 
 import numpy as np
 
+from dior import tables
+from dior.covariance import point_covariance
 from dior.errors import DiorError
 
 RATES = np.array([15, 24, 25, 29.97, 30, 50, 59.94, 60, 90, 100, 120])
@@ -93,3 +95,23 @@ def seconds(stamp_ns, t0_ns, offset_s=0.0, drift_ppm=0.0):
     """
     elapsed = np.asarray(stamp_ns, np.int64) - np.int64(t0_ns)
     return elapsed / 1e9 * (1 + 1e-6 * drift_ppm) + offset_s
+
+
+def at_pictures(skeleton, stamps_ns, offset_s, drift_ppm):
+    """3D joints at the pictures' stamps: points (F, J, 3) m, their covariance given the cameras (F, J, 3, 3) m^2,
+    whether a gap was bridged (F, J), and the joint names.
+
+    Linear between instants, never across a missing one. Before the first instant and after the last there is nothing.
+    The covariance is interpolated as if the errors of neighbouring instants were the same: a detector's nearly are.
+    """
+    points, joints = tables.grid(skeleton, "x", "y", "z")
+    filled = (skeleton["status"] == "gap_filled").reshape(points.shape[:2])
+    instants_ns = skeleton["stamp_ns"].reshape(points.shape[:2])[:, 0]
+    t0 = instants_ns[0]
+    grid = seconds(instants_ns, t0, 0.0, 0.0)
+    gap = 1.5 * np.median(np.diff(grid)) if len(grid) > 1 else SAME_TIME_S
+    where = bracket(grid, seconds(stamps_ns, t0, offset_s, drift_ppm), gap)
+    before, after, weight = where
+    bridged = (filled[before] | (filled[after] & (weight[:, None] > 0))) & (before >= 0)[:, None]
+    noise = point_covariance(skeleton, points.shape[:2])
+    return blend(points, *where), blend(noise, *where), bridged, joints

@@ -9,7 +9,8 @@ from dior import cli
 def test_a_dior_error_is_one_line_and_exit_code_1(tmp_path, capsys):
     code = cli.main(
         ["align", "--session", "field", "--camera", "cam04", "--camera-file", str(tmp_path / "cam04.yaml")]
-        + ["--intrinsics", str(tmp_path / "i.parquet"), "--out", str(tmp_path / "o.parquet")]
+        + ["--intrinsics", str(tmp_path / "i.parquet"), "--out", str(tmp_path / "o.parquet"), "--data-root", "data"]
+        + ["--out-covariance", str(tmp_path / "c.parquet"), "--findings", str(tmp_path / "f.parquet")]
     )
     said = capsys.readouterr().err
     assert code == 1 and said.startswith("dior align: ") and "cam04.yaml" in said and said.count("\n") == 1

@@ -77,3 +77,13 @@ def test_camera_covariance_is_read_as_written_and_joined(tmp_path):
     np.testing.assert_array_equal(turned[:6, 6:], S[12:, :6])
     alone = tables.read_camera_covariance(both[0], names)
     assert np.isnan(alone[12:]).all() and np.isnan(alone[:, 12:]).all() and np.isfinite(alone[:12, :12]).all()
+
+
+def test_point_covariance_is_read_from_its_columns():
+    A = np.random.default_rng(2).standard_normal((3, 3))
+    S = A @ A.T
+    sd = np.sqrt(np.diag(S))
+    table = {f"sigma_{axis}": np.array([s]) for axis, s in zip("xyz", sd, strict=True)}
+    for key, (i, j) in {"xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}.items():
+        table[f"rho_{key}"] = np.array([S[i, j] / sd[i] / sd[j]])
+    np.testing.assert_allclose(covariance.point_covariance(table, (1, 1))[0, 0], S)

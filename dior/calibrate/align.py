@@ -1,22 +1,39 @@
-"""Place the long-range camera: tape and look-at, corrected by eye with three nudges.
+"""Place the long-range camera: by hand boxes, silhouettes or clicked joints around the known walker, or by eye.
 
-INPUTS   camera YAML (`locate: align`, `tape`, `nudge`), intrinsics
-OUTPUTS  cameras (one row with wTc)
+INPUTS   camera YAML (`locate: align`, `tape`, and `align` or `nudge`), intrinsics; with `align` the skeletons, frames
+         and clocks of the sequences it lists, their boxes, marks or pictures; the close cameras and their covariance
+OUTPUTS  cameras (one row with wTc), camera_covariance (rows of this camera), findings
 
-`wRc = Rz(azimuth + da) Rx(elevation + de)` with the look-at angles of the un-nudged centre, then the centre moves
-`distance_m` away from the target, horizontally; the aim is not recomputed (design, section 2; the paper's long-range
-refinement). World in metres, Z up. In the picture, by about f times the angle: a positive azimuth turns the camera to
-the left and moves the labels right, a positive elevation turns it up and moves them down, a positive distance shrinks
-them.
+By eye: `wRc = Rz(azimuth + da) Rx(elevation + de)` with the look-at angles of the un-nudged centre, then the centre
+moves `distance_m` away from the target, horizontally; the aim is not recomputed (design, section 2; the paper's
+long-range refinement). In the picture, by about f times the angle: a positive azimuth turns the camera to the left and
+moves the labels right, a positive elevation turns it up and moves them down, a positive distance shrinks them.
+
+With `align` this is only the start, and `boxes_fit` does the rest. The 3D is that of the close cameras, so the camera
+takes over the world's errors: its covariance has blocks with theirs. World in metres, Z up.
 """
+
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
-from dior import tables
+from dior import camera as cam
+from dior import covariance, hand_boxes, tables
+from dior.calibrate import boxes_fit, silhouettes
+from dior.calibrate import marks as hand_marks
 from dior.calibrate.place import camera_settings, check_above_floor, look_at_pose, unplaced
 from dior.camera import pose
-from dior.errors import DiorError
+from dior.errors import DiorError, nearest
 from dior.geometry import look_at_angles, rotation_x, rotation_z
+from dior.sampling import at_pictures
+
+# a person pays out the tape along the sight and sets the tripod down beside it
+ACROSS_M, HEIGHT_M = 0.1, 0.05
+FOCAL_SIGMA = 0.03
+PICTURES = 150  # of a sequence, for silhouettes
+AROUND_PX = 60.0  # about where the start has the person, at fx 760
+FEW_AGREE = 0.6
 
 
 def aligned_pose(where, tape, nudge):
@@ -40,8 +57,223 @@ def aligned_pose(where, tape, nudge):
     return pose(rotation_z(azimuth) @ rotation_x(elevation), moved)
 
 
-def run(*, session, camera, camera_file, intrinsics, out):
-    """Write the aligned camera."""
+def freedom(settings):
+    """`boxes_fit.Freedom` of a camera's YAML: how far the tape is trusted, by what `align.fit` says."""
+    sigma = settings["tape"].get("sigma_m", 0.05)
+    beside = (min(sigma, ACROSS_M), min(sigma, HEIGHT_M))
+    how = settings["align"].get("fit", "range")
+    if how == "position":
+        return boxes_fit.Freedom(shift=(sigma,) * 3)
+    return boxes_fit.Freedom(shift=(sigma, *beside), focal=FOCAL_SIGMA if how == "focal" else 0.0)
+
+
+@dataclass(frozen=True)
+class Walk:
+    """One sequence at all pictures of the camera: their `rows`, `seconds` (F,), `points` (F, J, 3) m, `joints`."""
+
+    name: str
+    rows: dict
+    seconds: np.ndarray
+    points: np.ndarray
+    joints: list
+
+
+def read_walk(name, camera, skeleton, frames, offsets):
+    """`Walk` of one sequence. Raises DiorError where the camera has no picture or no clock in it."""
+    rows = tables.of_camera(tables.read(frames, "frames"), camera)
+    if not len(rows["frame"]):
+        raise DiorError(f"{name}, camera {camera}: {frames} lists no picture of it; take it off align.sequences")
+    clock = tables.of_camera(tables.read(offsets, "offsets"), camera)
+    if not len(clock["offset_s"]):
+        raise DiorError(f"{name}, camera {camera}: {offsets} has no clock for it")
+    table = tables.read(skeleton, "skeletons_3d")
+    points, _, _, joints = at_pictures(table, rows["stamp_ns"], clock["offset_s"][0], clock["drift_ppm"][0])
+    return Walk(name, rows, (rows["stamp_ns"] - rows["stamp_ns"][0]) / 1e9, points, joints)
+
+
+def from_boxes(walk, path):
+    """Pictures (F,) with a box, by their row, and its edges (F, 4) px."""
+    numbers, edges = hand_boxes.read(path, walk.rows["frame"])
+    return np.searchsorted(walk.rows["frame"], numbers), edges
+
+
+def from_marks(walk, marks, path):
+    """Pictures (F,) with clicked joints, by their row, and the clicks (F, J, 2) px with NaN."""
+    mine = marks.only(marks.sequence == walk.name)
+    rows = []
+    for i in range(len(mine)):
+        where = f"{path} line {mine.line[i]}"
+        if mine.joint[i] not in walk.joints:
+            raise DiorError(
+                f"{where}: '{mine.joint[i]}' is no joint of {walk.name}{nearest(mine.joint[i], walk.joints)}"
+            )
+        found = np.flatnonzero(walk.rows["frame"] == mine.frame[i])
+        if not len(found):
+            raise DiorError(f"{where}: {walk.name} has no frame {mine.frame[i]} of this camera")
+        rows.append(found[0])
+    shown, at = np.unique(np.array(rows, int), return_inverse=True)
+    clicks = np.full((len(shown), len(walk.joints), 2), np.nan)
+    clicks[at, [walk.joints.index(joint) for joint in mine.joint]] = mine.uv
+    return shown, clicks
+
+
+def from_pictures(walk, start, data_root):
+    """Pictures (F,) spread over the walk, by their row, and the edges (F, 4) px of the silhouette in each."""
+    from dior.ingest.bags import read_pictures
+
+    count = len(walk.rows["frame"])
+    chosen = np.unique(np.linspace(0, count - 1, min(PICTURES, count)).round().astype(int))
+    uv = cam.project(start, walk.points[chosen])[0]
+    lens = start.intrinsics
+    if not np.isfinite(uv).any():
+        return chosen[:0], np.zeros((0, 4))
+    u0, v0, u1, v1 = silhouettes.window(uv, (lens.width, lens.height), AROUND_PX * max(lens.fx / 760, 1.0))
+    pieces = [None] * len(chosen)
+    for row, picture in read_pictures(tables.rows(walk.rows, chosen), data_root):
+        pieces[row] = picture[v0:v1, u0:u1]
+    tall = np.nanmedian(np.nanmax(uv[..., 1], axis=1) - np.nanmin(uv[..., 1], axis=1))
+    return chosen, silhouettes.edges(pieces, tall) + np.array([u0, v0, u0, v0])
+
+
+def gather(walks, start, source, files, data_root, marks):
+    """`boxes_fit.Seen` of all sequences, and the walk of each picture. `files`: boxes by sequence; `marks`: a path."""
+    clicked = hand_marks.read(marks) if source == "marks" else None
+    parts = []
+    for k, walk in enumerate(walks):
+        points = walk.points
+        clicks = np.zeros((0,))
+        if source == "boxes":
+            if walk.name not in files:
+                raise DiorError(f"{walk.name}: align.sequences names it, but there is no config/boxes file of it")
+            shown, edges = from_boxes(walk, files[walk.name])
+        elif source == "marks":
+            shown, clicks = from_marks(walk, clicked, marks)
+            edges = np.full((len(shown), 4), np.nan)
+        else:
+            shown, edges = from_pictures(walk, start, data_root)
+            points = np.concatenate([points, silhouettes.crown(points, walk.joints)[:, None]], axis=1)
+        if source != "marks":
+            clicks = np.full((len(shown), points.shape[1], 2), np.nan)
+        parts.append((points[shown], edges, clicks, walk.seconds[shown], np.full(len(shown), k)))
+    return boxes_fit.Seen(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+
+def by_close(close, points):
+    """Derivative (F, J, 3, 6V) of triangulated points by the close cameras' errors; all that see them count alike."""
+    inside = np.stack([cam.in_frame(c.intrinsics, cam.project(c, points)[0]) for c in close])
+    return covariance.triangulated(close, points, inside[..., None, None] * np.eye(2))[1]
+
+
+def joint_covariance(fitted, close_covariance, range_m):
+    """(6 + 6V, 6 + 6V) of this camera and the V close ones, whose errors it takes over. NaN of them is none known."""
+    T = boxes_fit.to_pose(fitted.camera, range_m)
+    own = T @ fitted.covariance @ T.T
+    if close_covariance is None or not np.isfinite(close_covariance).all():
+        return own
+    taken = T @ fitted.by_cameras
+    cross = taken @ close_covariance
+    return np.block([[own + cross @ taken.T, cross], [cross.T, close_covariance]])
+
+
+def found_out(scope, walks, seen, fitted, pose_covariance, taped):
+    """What the fit found, with 95 % intervals: (scope, severity, code, text)."""
+    edge = np.isfinite(fitted.residual)
+    residual = np.concatenate([fitted.residual[edge], fitted.click_residual[np.isfinite(fitted.click_residual)]])
+    agreed = np.abs(residual) <= boxes_fit.CUT * fitted.sd_px
+    half = 1.96 * np.sqrt(np.diagonal(pose_covariance))
+    turn = np.degrees(fitted.values[:3]) * (1, -1, 1)
+    turn_half = np.degrees(half[:3])
+    spread = 1.96 * np.sqrt(np.diagonal(fitted.covariance))
+    focal = f", focal length {100 * np.expm1(fitted.values[6]):+.2f} ± {100 * spread[6]:.2f} %" if spread[6] else ""
+    margins = ""
+    if edge.any():
+        margins = (
+            f"; the boxes are {fitted.values[7]:.1f} ± {spread[7]:.1f} px too large along u and "
+            f"{fitted.values[8]:.1f} ± {spread[8]:.1f} px along v, on each edge"
+        )
+    text = (
+        f"turned from its start by {turn[1]:+.3f} ± {turn_half[1]:.3f} degrees to the left, "
+        f"{turn[0]:+.3f} ± {turn_half[0]:.3f} up and {turn[2]:+.2f} ± {turn_half[2]:.2f} about its axis, moved "
+        f"{fitted.values[3]:+.2f} ± {spread[3]:.2f} m along its sight{focal}{margins}. {len(seen.points)} pictures of "
+        f"{', '.join(walk.name for walk in walks)}: {agreed.mean():.0%} of {len(residual)} edges and clicks agree, "
+        f"rms {np.sqrt((residual[agreed] ** 2).mean()):.2f} px. ± is a 95 % interval"
+    )
+    _, J = covariance.projection(fitted.camera, np.nanmean(seen.points, axis=(0, 1)))
+    middle = 1.96 * np.sqrt(np.diagonal(J @ pose_covariance @ J.T))
+    text += (
+        f"; in the middle of the walks the camera's part of a label is ± {middle[0]:.2f} px in u, {middle[1]:.2f} in v"
+    )
+    found = [(scope, "info", "camera_aligned", text)]
+    if agreed.mean() < FEW_AGREE:
+        found.append(
+            (scope, "warning", "align_disagrees", f"only {agreed.mean():.0%} of the edges agree with one camera; is "
+             "everything drawn around the subject, is the clock right, is the tape right within its sigma_m?")
+        )  # fmt: skip
+    if fitted.hidden:
+        side = "lower" if fitted.hidden == "v_max" else "upper"
+        found.append(
+            (scope, "info", "occluder", f"the {side} edges are read as those of something that hides the body beyond; "
+             "say align.occluder: none if nothing does")
+        )  # fmt: skip
+    moved = fitted.values[3:6] / np.maximum(taped, 1e-9)
+    if np.abs(moved).max() > 3:
+        found.append(
+            (scope, "warning", "far_from_tape", f"the camera ends {np.linalg.norm(fitted.values[3:6]):.2f} m from its "
+             "tape position, more than 3 times the tape's sigma_m; measure again")
+        )  # fmt: skip
+    return found
+
+
+def run(
+    *,
+    session,
+    camera,
+    camera_file,
+    intrinsics,
+    skeletons,
+    frames,
+    offsets,
+    boxes,
+    marks,
+    data_root,
+    close,
+    close_covariance,
+    out,
+    out_covariance,
+    findings,
+):
+    """Write the aligned camera, its covariance and findings.
+
+    `skeletons`, `frames`, `offsets` and `boxes`: a file per sequence of the YAML's `align.sequences`; none without
+    that section. `close`: `cameras` tables of the close cameras, `close_covariance` their `camera_covariance` tables.
+    """
     settings = camera_settings(camera_file, needs="align")
-    wTc = aligned_pose(camera_file, settings["tape"], settings.get("nudge", {}))
-    tables.write_cameras(out, [unplaced(intrinsics, camera).at(wTc, settings["locate"])], session)
+    lens = unplaced(intrinsics, camera)
+    start = lens.at(aligned_pose(camera_file, settings["tape"], settings.get("nudge", {})), settings["locate"])
+    how = settings.get("align")
+    if not how:
+        tables.write_cameras(out, [start], session)
+        tables.write_camera_covariance(out_covariance, [camera], np.full((6, 6), np.nan), session)
+        tables.write_findings(findings, [])
+        return
+    scope = f"{session}/{camera}"
+    names = sorted(how["sequences"])
+    by_name = [{Path(path).name.split(".")[0]: path for path in paths} for paths in (skeletons, frames, offsets, boxes)]
+    walks = [read_walk(name, camera, *(files[name] for files in by_name[:3])) for name in names]
+    cam.check_picture_size(lens.intrinsics, walks[0].rows["width"][0], walks[0].rows["height"][0], scope)
+    seen = gather(walks, start, how["from"], by_name[3], data_root, marks)
+    rig = [c for c in tables.read_cameras(close).values() if c.wTc is not None and c.role == "close"] if close else []
+    derivative = by_close(rig, seen.points) if rig else None
+    trusted = freedom(settings)
+    fitted = boxes_fit.fit(start, trusted, seen, scope, derivative, how.get("occluder", "auto"))
+    check_above_floor(camera_file, fitted.camera.centre, "are the boxes the subject's, and is the tape right?")
+    known = None
+    if rig and close_covariance:
+        known = tables.read_camera_covariance(close_covariance, [c.name for c in rig])
+    range_m = float(np.nanmedian(cam.project(fitted.camera, seen.points)[1]))
+    spread = joint_covariance(fitted, known, range_m)
+    all_names = [camera, *(c.name for c in rig)][: len(spread) // 6]
+    tables.write_cameras(out, [fitted.camera], session)
+    tables.write_camera_covariance(out_covariance, all_names, spread, session, own=[camera])
+    told = found_out(scope, walks, seen, fitted, spread[:6, :6], np.array(trusted.shift))
+    tables.write_findings(findings, told)

@@ -1,71 +1,14 @@
 """Share of the labels inside hand-drawn boxes, the paper's measure of the long-range labels.
 
-INPUTS   `boxes/<sequence>.<camera>.csv`: `frame,u_min,v_min,u_max,v_max`, px; inside is `u_min <= u <= u_max`. A row
-         with nothing but a frame is one of `to_mark` that is not drawn yet, or where nobody is seen: no box.
+INPUTS   frames and edges as `dior.hand_boxes` reads them, px; inside is `u_min <= u <= u_max`
 OUTPUT   0 or 1 per (frame, joint), NaN for frames without a box and labels outside the picture.
 """
 
-import csv
-from pathlib import Path
-
 import numpy as np
 
-from dior.errors import DiorError, nearest
+from dior.hand_boxes import COLUMNS, read
 
-COLUMNS = ("frame", "u_min", "v_min", "u_max", "v_max")
-
-
-def read(path, frames):
-    """Boxes as frames (B,) and edges (B, 4) px in the order u_min, v_min, u_max, v_max, sorted by frame.
-
-    `frames`: the frames of the recording. Raises DiorError, naming file and line, for a malformed row, an empty box,
-    a frame that the recording does not have and a second box of one frame.
-    """
-    path = Path(path)
-    if not path.is_file():
-        raise DiorError(f"{path}: there is no such file")
-    lines = list(csv.reader(path.read_text(encoding="utf-8-sig").splitlines()))
-    if not lines:
-        raise DiorError(f"{path}: is empty; its first line must be '{','.join(COLUMNS)}'")
-    if tuple(word.strip() for word in lines[0]) != COLUMNS:
-        wrong = next((f", not '{word}'{nearest(word, COLUMNS)}" for word in lines[0] if word not in COLUMNS), "")
-        raise DiorError(f"{path}: the first line must be '{','.join(COLUMNS)}'{wrong}")
-    known = set(np.asarray(frames).tolist())
-    boxes = {}
-    for number, words in enumerate(lines[1:], start=2):
-        if not any(word.strip() for word in words):
-            continue
-        where = f"{path}, line {number}"
-        frame, edges = _row(words, where)
-        if edges is None:
-            continue
-        if frame not in known:
-            raise DiorError(
-                f"{where}: frame {frame} is not in the recording, whose frames are "
-                f"{min(known, default=0)} to {max(known, default=-1)}; frames count from 0"
-            )
-        if frame in boxes:
-            raise DiorError(f"{where}: frame {frame} has a second box; keep the one of the subject")
-        boxes[frame] = edges
-    ordered = sorted(boxes)
-    return np.array(ordered, np.int64), np.array([boxes[f] for f in ordered], float).reshape(-1, 4)
-
-
-def _row(words, where):
-    if len(words) != len(COLUMNS):
-        raise DiorError(f"{where}: has {len(words)} values, not the {len(COLUMNS)} of '{','.join(COLUMNS)}'")
-    if not any(word.strip() for word in words[1:]):
-        return words[0], None
-    try:
-        frame, edges = int(words[0]), [float(word) for word in words[1:]]
-    except ValueError:
-        raise DiorError(f"{where}: '{','.join(words)}' is not a whole frame number and four numbers") from None
-    if not np.isfinite(edges).all():
-        raise DiorError(f"{where}: an edge of the box is not a finite number")
-    u_min, v_min, u_max, v_max = edges
-    if u_min > u_max or v_min > v_max:
-        raise DiorError(f"{where}: the box is inside out (u_min {u_min} u_max {u_max}, v_min {v_min} v_max {v_max})")
-    return frame, edges
+__all__ = ["COLUMNS", "inside", "of_frames", "read"]
 
 
 def of_frames(grid, box_frames, boxes):

@@ -14,27 +14,7 @@ from dior import tables
 from dior.errors import DiorError
 from dior.label import uncertainty
 from dior.label.visibility import hidden
-from dior.sampling import SAME_TIME_S, blend, bracket, seconds
-
-
-def at_pictures(skeleton, stamps_ns, offset_s, drift_ppm):
-    """3D joints at the pictures' stamps: points (F, J, 3) m, their covariance given the cameras (F, J, 3, 3) m^2,
-    whether a gap was bridged (F, J), and the joint names.
-
-    Linear between instants, never across a missing one. Before the first instant and after the last there is nothing.
-    The covariance is interpolated as if the errors of neighbouring instants were the same: a detector's nearly are.
-    """
-    points, joints = tables.grid(skeleton, "x", "y", "z")
-    filled = (skeleton["status"] == "gap_filled").reshape(points.shape[:2])
-    instants_ns = skeleton["stamp_ns"].reshape(points.shape[:2])[:, 0]
-    t0 = instants_ns[0]
-    grid = seconds(instants_ns, t0, 0.0, 0.0)
-    gap = 1.5 * np.median(np.diff(grid)) if len(grid) > 1 else SAME_TIME_S
-    where = bracket(grid, seconds(stamps_ns, t0, offset_s, drift_ppm), gap)
-    before, after, weight = where
-    noise = uncertainty.point_covariance(skeleton, points.shape[:2])
-    bridged = (filled[before] | (filled[after] & (weight[:, None] > 0))) & (before >= 0)[:, None]
-    return blend(points, *where), blend(noise, *where), bridged, joints
+from dior.sampling import at_pictures
 
 
 def labels(camera, points, names):

@@ -40,13 +40,3 @@ def columns(covariance):
         sigma = np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
         rho = covariance[..., 0, 1] / (sigma[..., 0] * sigma[..., 1])
     return sigma[..., 0], sigma[..., 1], rho
-
-
-def point_covariance(table, shape):
-    """Covariance (*shape, 3, 3) m^2 from the sigma and rho columns of a `skeletons_3d` table."""
-    x, y, z, xy, xz, yz = (
-        table[key].reshape(shape).astype(float)
-        for key in ("sigma_x", "sigma_y", "sigma_z", "rho_xy", "rho_xz", "rho_yz")
-    )
-    out = np.stack([x * x, xy * x * y, xz * x * z, xy * x * y, y * y, yz * y * z, xz * x * z, yz * y * z, z * z], -1)
-    return out.reshape(*shape, 3, 3)

@@ -21,6 +21,7 @@ from dior.simulate.motion import motion_of
 from dior.simulate.settings import CAMERAS, SECTIONS, SESSIONS, Settings, from_dict, generator, sequences
 
 MARKED_FRAMES = 3
+ALIGNED = 2
 MOST_MARKS = 16
 BOX_EVERY = 10
 ADJUST_INSTANTS = 400
@@ -133,13 +134,14 @@ def _write_session(settings, folder, session, walks):
         text += "# a walk of every person, which together cover the walkway\nadjust:\n"
         text += "".join(f"  {name}: {{first: 0, count: {count}, step: 1}}\n" for name in sorted(first.values()))
     write_text(folder / "session.yaml", text)
+    boxed = sorted(walk.name for walk in walks)[:ALIGNED]
     for name, placed in scene.cameras_of(settings, session).items():
-        write_text(folder / f"{name}.yaml", _camera_yaml(settings, session, name, placed, outdoor))
+        write_text(folder / f"{name}.yaml", _camera_yaml(name, placed, outdoor, boxed))
         if not outdoor:
             write_text(folder / f"{name}.marks.csv", _marks(settings, walks, name))
 
 
-def _camera_yaml(settings, session, name, placed, outdoor):
+def _camera_yaml(name, placed, outdoor, boxed):
     long_range = placed.camera.role == "long_range"
     lines = [
         f"role: {placed.camera.role}",
@@ -153,11 +155,10 @@ def _camera_yaml(settings, session, name, placed, outdoor):
         numbers = [f"[{', '.join(f'{x:.3f}' for x in point)}]" for point in (placed.tape, placed.target)]
         lines.append(f"tape: {{position_m: {numbers[0]}, sigma_m: {placed.sigma:g}, target_m: {numbers[1]}}}")
     if long_range:
-        azimuth, elevation, distance = scene.nudge_of(settings, session, name)
-        lines.append("# found by eye: the labels of the whole session were turned and moved onto the person")
         lines.append(
-            f"nudge: {{azimuth_deg: {azimuth:.3f}, elevation_deg: {elevation:.3f}, distance_m: {distance:.3f}}}"
+            "# the boxes of two walks place it; the list is fixed, so that a new walk does not move old labels"
         )
+        lines.append(f"align: {{from: boxes, sequences: [{', '.join(boxed)}], fit: range}}")
     return "\n".join(lines) + "\n"
 
 

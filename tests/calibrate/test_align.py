@@ -1,4 +1,6 @@
-"""The three nudges of the long-range camera, each by what it does to the picture."""
+"""The long-range camera: the three nudges, each by what it does to the picture, and the fit to what was drawn."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -66,19 +68,136 @@ def test_impossible_moves_are_refused():
         aligned_pose("cam04.yaml", TAPE, {"distance_m": -70.0})
 
 
-def test_run_writes_the_aligned_camera(tmp_path):
-    lens = ring(1, role="long_range")[0]
-    tables.write_cameras(tmp_path / "lens.parquet", [lens.at(np.full((4, 4), np.nan))], "field")
-    yaml = tmp_path / "cam01.yaml"
-    yaml.write_text(
-        "role: long_range\ntopic: /cam01/image\nlocate: align\n"
-        "tape: {position_m: [3, 60, 1.5], target_m: [0, 0, 1]}\nnudge: {azimuth_deg: 0.3, distance_m: 1.5}\n"
-    )
+def run_in(folder, **files):
     run(
-        session="field", camera="cam01", camera_file=yaml, intrinsics=tmp_path / "lens.parquet",
-        out=tmp_path / "out.parquet",
+        session="field", camera="cam04", camera_file=folder / "cam04.yaml", intrinsics=folder / "lens.parquet",
+        out=folder / "out.parquet", out_covariance=folder / "covariance.parquet", findings=folder / "findings.parquet",
+        data_root=folder,
+        **{"skeletons": [], "frames": [], "offsets": [], "boxes": [], "marks": None, "close": [],
+           "close_covariance": []} | files,
     )  # fmt: skip
-    camera = tables.read_cameras(tmp_path / "out.parquet")["cam01"]
+    return tables.read_cameras(folder / "out.parquet")["cam04"]
+
+
+def write_camera(folder, lines):
+    lens = replace(ring(1, role="long_range")[0], name="cam04")
+    tables.write_cameras(folder / "lens.parquet", [lens.at(np.full((4, 4), np.nan))], "field")
+    (folder / "cam04.yaml").write_text(f"role: long_range\ntopic: /cam04/image\nlocate: align\n{lines}\n")
+    return lens
+
+
+def test_run_writes_the_camera_as_nudged(tmp_path):
+    tape = "tape: {position_m: [3, 60, 1.5], target_m: [0, 0, 1]}\n"
+    write_camera(tmp_path, tape + "nudge: {azimuth_deg: 0.3, distance_m: 1.5}")
+    camera = run_in(tmp_path)
     expected = aligned_pose("", TAPE, {"azimuth_deg": 0.3, "distance_m": 1.5})
     np.testing.assert_allclose(camera.wTc, expected, atol=1e-15)
     assert (camera.role, camera.locate) == ("long_range", "align")
+    assert np.isnan(tables.read_camera_covariance(tmp_path / "covariance.parquet", ["cam04"])).all()
+    assert len(tables.read(tmp_path / "findings.parquet", "findings")["text"]) == 0
+
+
+def recorded(folder, true, offset_s=0.25):
+    """A walk of 12 s at 100 Hz, the camera's pictures at 30 Hz by a clock that is late, and 20 boxes of it."""
+    t0, t = 10**18, np.arange(1200) / 100
+    middle = np.stack([2.5 * np.sin(0.8 * t), 0.5 * np.cos(0.8 * t), 0 * t], axis=-1)
+    swing = np.stack([0.35 * np.sin(6 * t), 0 * t, 0 * t], axis=-1)
+    parts = {
+        "nose": (0, 0, 1.65),
+        "left_wrist": (0, 0.3, 0.9),
+        "left_heel": (0, 0.1, 0.0),
+        "right_heel": (0, -0.1, 0.0),
+    }
+    points = np.stack(
+        [middle + (swing if "heel" in n else 0) * (1 if "left" in n else -1) + p for n, p in parts.items()]
+    )
+    points = np.moveaxis(points, 0, 1)
+    count = len(t) * len(parts)
+    columns = {axis: points[..., i].ravel() for i, axis in enumerate("xyz")}
+    columns |= {"joint": list(parts) * len(t), "instant": np.repeat(np.arange(len(t)), len(parts))}
+    columns |= {"stamp_ns": t0 + columns["instant"] * 10**7, "status": ["ok"] * count, "subject": ["S01"] * count}
+    tables.write(folder / "walk.parquet", "skeletons_3d", columns | {"sequence": ["walk"] * count})
+    seconds = np.arange(0, 11, 1 / 30)
+    stamps = t0 + np.round((seconds - offset_s) * 1e9).astype(np.int64)
+    rows = {
+        "camera": ["cam04"] * len(stamps),
+        "frame": np.arange(len(stamps)),
+        "stamp_ns": stamps,
+        "receive_ns": stamps,
+    }
+    rows |= {"bag": ["a.bag"] * len(stamps), "topic": ["/t"] * len(stamps), "nth": np.zeros(len(stamps), int)}
+    rows |= {"height": np.full(len(stamps), 720), "width": np.full(len(stamps), 1280)}
+    tables.write(folder / "frames" / "walk.parquet", "frames", rows)
+    clock = {
+        "sequence": ["walk"],
+        "camera": ["cam04"],
+        "offset_s": [offset_s],
+        "drift_ppm": [0.0],
+        "source": ["manual"],
+    }
+    tables.write(folder / "walk.offsets.parquet", "offsets", clock)
+    at = np.stack(
+        [np.stack([np.interp(seconds, t, points[:, j, i]) for i in range(3)], axis=-1) for j in range(4)], axis=1
+    )
+    uv = project(true, at)[0]
+    boxes = np.concatenate([uv.min(axis=1) - 2, uv.max(axis=1) + 2], axis=1)
+    lines = [f"{f},{','.join(f'{x:.2f}' for x in boxes[f])}" for f in range(0, 330, 16)]
+    (folder / "walk.cam04.csv").write_text("\n".join(["frame,u_min,v_min,u_max,v_max", *lines]) + "\n")
+    clicks = [
+        f"walk,{f},{j},{uv[f, k, 0]:.2f},{uv[f, k, 1]:.2f}" for f in (5, 100, 200, 300) for k, j in enumerate(parts)
+    ]
+    (folder / "cam04.marks.csv").write_text("\n".join(["sequence,frame,joint,u,v", *clicks]) + "\n")
+    return {
+        "skeletons": [folder / "walk.parquet"], "frames": [folder / "frames" / "walk.parquet"],
+        "offsets": [folder / "walk.offsets.parquet"], "boxes": [folder / "walk.cam04.csv"],
+        "marks": folder / "cam04.marks.csv",
+    }, at, uv  # fmt: skip
+
+
+def prepared(folder, source, lines=""):
+    tape = "tape: {position_m: [0, 61, 1.9], sigma_m: 1.0, target_m: [0.4, 0, 0.7]}\n"
+    lens = write_camera(folder, tape + f"align: {{from: {source}, sequences: [walk]{lines}}}")
+    true = lens.at(look_at_pose("", {"position_m": [0, 60, 1.9], "target_m": [-0.2, 0, 1.1]}))
+    return true, *recorded(folder, true)
+
+
+@pytest.mark.parametrize("source", ["boxes", "marks"])
+def test_run_places_the_camera_by_what_was_drawn(tmp_path, source):
+    true, files, points, uv = prepared(tmp_path, source)
+    camera = run_in(tmp_path, **files)
+    assert np.abs(project(camera, points)[0] - uv).max() < 0.1
+    covariance = tables.read_camera_covariance(tmp_path / "covariance.parquet", ["cam04"])
+    error = camera.centre - true.centre
+    assert np.isfinite(covariance).all() and abs(error[1]) < 3 * np.sqrt(covariance[4, 4])
+    said = tables.read(tmp_path / "findings.parquet", "findings")
+    assert list(said["code"]) == ["camera_aligned"] and ("2.0 ±" in said["text"][0]) == (source == "boxes")
+
+
+def test_the_covariance_has_blocks_with_the_close_cameras(tmp_path):
+    _, files, _, _ = prepared(tmp_path, "boxes")
+    close = [replace(c, role="close") for c in ring(3)]
+    tables.write_cameras(tmp_path / "adjust.parquet", close, "field")
+    names = [c.name for c in close]
+    shared = np.kron(np.ones((3, 3)), np.diag([0, 0, 0, 1e-4, 1e-4, 1e-4])) + 1e-12 * np.eye(18)
+    tables.write_camera_covariance(tmp_path / "close.parquet", names, shared, "field")
+    files |= {"close": [tmp_path / "adjust.parquet"], "close_covariance": [tmp_path / "close.parquet"]}
+    run_in(tmp_path, **files)
+    table = tables.read(tmp_path / "covariance.parquet", "camera_covariance")
+    assert list(table["camera"]) == ["cam04"] * 4 and list(table["other"]) == ["cam04", *names]
+    joint = tables.read_camera_covariance(
+        [tmp_path / "covariance.parquet", tmp_path / "close.parquet"], ["cam04", *names]
+    )
+    assert np.linalg.eigvalsh(joint).min() > -1e-9
+    # a world 1 cm higher turns the camera up by 1 cm in 60 m
+    assert joint[0, 6 + 5] == pytest.approx(1e-4 / 60, rel=0.2)
+
+
+def test_what_is_missing_is_said(tmp_path):
+    _, files, _, _ = prepared(tmp_path, "boxes")
+    with pytest.raises(DiorError, match="no config/boxes file"):
+        run_in(tmp_path, **files | {"boxes": []})
+    marks = tmp_path / "cam04.marks.csv"
+    (tmp_path / "cam04.yaml").write_text((tmp_path / "cam04.yaml").read_text().replace("boxes", "marks"))
+    marks.write_text("sequence,frame,joint,u,v\nwalk,5,left_heal,600,300\n")
+    with pytest.raises(DiorError, match="line 2: 'left_heal' is no joint of walk.*left_heel"):
+        run_in(tmp_path, **files)

@@ -72,13 +72,3 @@ def test_unknown_cameras_or_points_have_no_sigma():
     assert np.isnan([sigma_u, sigma_v, rho]).all()
     lost = np.full((2, 3, 3), np.nan)
     assert np.isnan(uncertainty.of_labels(rig[0], POINTS, lost, rig, names, np.eye(12))).all()
-
-
-def test_point_covariance_is_read_from_its_columns():
-    A = np.random.default_rng(2).standard_normal((3, 3))
-    S = A @ A.T
-    sd = np.sqrt(np.diag(S))
-    table = {f"sigma_{axis}": np.array([s]) for axis, s in zip("xyz", sd, strict=True)}
-    for key, (i, j) in {"xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}.items():
-        table[f"rho_{key}"] = np.array([S[i, j] / sd[i] / sd[j]])
-    np.testing.assert_allclose(uncertainty.point_covariance(table, (1, 1))[0, 0], S)

@@ -1,6 +1,7 @@
 """Calibrate: intrinsics and poses of every camera.
 
-Required inputs: config/sessions/<session>/, the frames, indoors the mocap, outdoors the detections.
+Required inputs: config/sessions/<session>/, the frames, indoors the mocap, outdoors the detections; for the long-range
+camera the skeletons of the sequences that its file lists, and their boxes, marks or pictures.
 Outputs: results/intrinsics, results/locate (indoors), results/place, results/adjust, results/align.
 """
 
@@ -160,17 +161,28 @@ rule adjust:
 
 
 rule align:
-    """Place the long-range camera from the tape and turn it as a person found right."""
+    """Place the long-range camera by what is drawn or seen around the known walker, or as a person nudged it."""
     input:
         camera="config/sessions/{session}/{camera}.yaml",
         intrinsics="results/intrinsics/{session}/{camera}.parquet",
+        skeletons=aligned_skeletons,
+        frames=aligned("frames/{sequence}.parquet"),
+        offsets=aligned("timeline/{sequence}.offsets.parquet"),
+        boxes=aligned_boxes,
+        marks=aligned_marks,
+        bags=there(aligned_bags),
+        close=aligned_close,
+        covariance=aligned_covariance,
     output:
-        "results/align/{session}/{camera}.parquet",
+        camera="results/align/{session}/{camera}.parquet",
+        covariance="results/align/{session}/{camera}.covariance.parquet",
+        findings="results/align/{session}/{camera}.findings.parquet",
     log:
         "logs/align/{session}.{camera}.log",
     benchmark:
         "logs/align/{session}.{camera}.benchmark.tsv"
     params:
+        data_root=DATA,
         code=code("calibrate.align"),
     shell:
         "dior align"
@@ -178,5 +190,15 @@ rule align:
         " --camera {wildcards.camera}"
         " --camera-file {input.camera:q}"
         " --intrinsics {input.intrinsics:q}"
-        " --out {output:q}"
+        " --skeletons {input.skeletons:q}"
+        " --frames {input.frames:q}"
+        " --offsets {input.offsets:q}"
+        " --boxes {input.boxes:q}"
+        " --marks {input.marks:q}"
+        " --data-root {params.data_root:q}"
+        " --close {input.close:q}"
+        " --close-covariance {input.covariance:q}"
+        " --out {output.camera:q}"
+        " --out-covariance {output.covariance:q}"
+        " --findings {output.findings:q}"
         " 2>&1 | tee {log:q}"

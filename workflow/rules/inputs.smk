@@ -196,6 +196,62 @@ def windows(wildcards):
     return json.dumps(PROJECT.window(wildcards.session))
 
 
+def aligned_sequences(wildcards):
+    """The sequences that a long-range camera is aligned to: those its file lists, none where it is nudged by eye."""
+    return (setting("align")(wildcards) or {}).get("sequences", [])
+
+
+def aligned(path):
+    """Tables, below results/, of the sequences that a long-range camera is aligned to."""
+
+    def files(wildcards):
+        return [f"results/{path.format(sequence=s)}" for s in aligned_sequences(wildcards)]
+
+    return files
+
+
+def aligned_skeletons(wildcards):
+    return [skeleton_of(sequence) for sequence in aligned_sequences(wildcards)]
+
+
+def aligned_from(wildcards, source):
+    return (setting("align")(wildcards) or {}).get("from") == source
+
+
+def aligned_boxes(wildcards):
+    if not aligned_from(wildcards, "boxes"):
+        return []
+    return [PROJECT.boxes(sequence)[wildcards.camera] for sequence in aligned_sequences(wildcards)]
+
+
+def aligned_marks(wildcards):
+    if not aligned_from(wildcards, "marks"):
+        return []
+    return [PROJECT.marks_file(wildcards.session, wildcards.camera)]
+
+
+def aligned_bags(wildcards):
+    if not aligned_from(wildcards, "silhouettes"):
+        return []
+    return [bag for sequence in aligned_sequences(wildcards) for bag in PROJECT.bags(sequence)]
+
+
+def aligned_close(wildcards):
+    """The close cameras that made the 3D of outdoor sequences."""
+    outdoor = [s for s in aligned_sequences(wildcards) if not PROJECT.indoor(s)]
+    if not outdoor:
+        return []
+    return cameras_of(wildcards.session, PROJECT.close(wildcards.session))
+
+
+def aligned_covariance(wildcards):
+    """The covariance of the close cameras, where they were adjusted."""
+    made = dict(rules.adjust.output.items()).get("covariance")
+    if not (made and aligned_close(wildcards) and PROJECT.window(wildcards.session)):
+        return []
+    return [f"results/adjust/{wildcards.session}.covariance.parquet"]
+
+
 def sequence_offsets(wildcards):
     return PROJECT.offsets(wildcards.sequence)
 
@@ -419,6 +475,12 @@ def all_findings():
         *[f"results/adjust/{session}.findings.parquet" for session in ADJUSTED],
         *[f"results/moved/{session}.findings.parquet" for session in watched_sessions()],
         *[f"results/locate/{session}/{camera}.findings.parquet" for session, camera in located],
+        *[
+            f"results/align/{session}/{camera}.findings.parquet"
+            for session in PROJECT.sessions
+            for camera, setting in PROJECT.cameras(session).items()
+            if setting["locate"] == "align"
+        ],
     ]
 
 

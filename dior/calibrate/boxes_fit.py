@@ -1,0 +1,363 @@
+"""Fit a camera to what a person draws or a still camera shows: boxes around a body whose 3D is known, clicked joints.
+
+INPUTS   a start, `Freedom` (what may move, how far the tape is trusted), `Seen` (3D at the pictures, edges, clicks)
+OUTPUTS  `Fitted`: the camera, what was fitted with its covariance, which edges agreed
+
+An edge of a box is the extreme of the projected joints in its direction, moved outwards by a margin. Which joint is
+the extreme changes from step to step; between the changes the edge has that joint's derivative. Robust least squares
+(Geman-McClure weights, the scale lowered in steps) with the priors as further observations.
+
+World in metres, recorded pixels, radians. Parameters: turn about the camera's own axes (3), shift of its centre along
+the line of sight, to its right and up (3), log of the focal length, margin along u and along v.
+"""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from dior import camera as cam
+from dior import covariance
+from dior.errors import DiorError
+
+TURN, SHIFT, FOCAL, MARGIN = slice(0, 3), slice(3, 6), 6, slice(7, 9)
+AXIS, OUTWARDS = np.array([0, 1, 0, 1]), np.array([-1.0, -1.0, 1.0, 1.0])  # of u_min, v_min, u_max, v_max
+SIDES = ("u_min", "v_min", "u_max", "v_max")
+LEAST_SD_PX = 0.3
+SCALES = (16.0, 8.0, 4.0)  # of the weights, px, before they follow the residuals
+CUT = 3.0  # residuals of that many sd weigh a quarter
+# what it costs to read a side as an occluder's, beyond the usual cost of the edges that are left out: a chi2
+COST_OF_HIDING = 25.0
+NEAR_LINE_PX = 3.0
+# 3D joints of real detectors are off by about 1 % of the body height, for as long as the same side is seen
+JOINT_BIAS_M = 0.025
+
+
+@dataclass(frozen=True)
+class Freedom:
+    """Standard errors of what is known before: `turn` (3,) rad, `shift` (3,) m along, right and up, `focal` of the log.
+
+    0 holds a value. `margin_px` that of the margin of all edges, `margin_split_px` that of v against u.
+    """
+
+    turn: tuple = (np.radians(5), np.radians(5), np.radians(3))
+    shift: tuple = (0.3, 0.0, 0.0)
+    focal: float = 0.0
+    margin_px: float = 3.0
+    margin_split_px: float = 0.3
+
+
+@dataclass(frozen=True)
+class Seen:
+    """F pictures: `points` (F, J, 3) m with NaN, `edges` (F, 4) px with NaN, `clicks` (F, J, 2) px with NaN.
+
+    `seconds` (F,) and `walk` (F,): pictures of one walk near in time may share their errors. `bias_m`: standard error
+    of a joint's place that stays while the same side of the body is seen, of which no residual tells.
+    """
+
+    points: np.ndarray
+    edges: np.ndarray
+    clicks: np.ndarray
+    seconds: np.ndarray
+    walk: np.ndarray
+    bias_m: float = JOINT_BIAS_M
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """`values` (9,) and `covariance` (9, 9) of the parameters, of the six of `dior.covariance` with those of V close
+    cameras `by_cameras` (9, 6V); `residual` (F, 4) px of the edges, NaN where none; `agree` (F, 4); `click_residual`
+    (F, J, 2) px; `hidden` the side that an occluder has, or ""; `sd_px` of an edge; `inflation` by time.
+    """
+
+    camera: cam.Camera
+    values: np.ndarray
+    covariance: np.ndarray
+    residual: np.ndarray
+    agree: np.ndarray
+    click_residual: np.ndarray
+    hidden: str
+    sd_px: float
+    inflation: float
+    by_cameras: np.ndarray = field(default_factory=lambda: np.zeros((9, 0)))
+
+    @property
+    def pose_covariance(self):
+        """(6, 6) of the camera's turn (rad) and shift (m, world)."""
+        T = to_pose(self.camera)
+        return T @ self.covariance @ T.T
+
+
+def sight(camera):
+    """(3, 3) with columns along the line of sight, to the right and up; the first two are horizontal."""
+    ahead = camera.wRc[:, 2] * (1, 1, 0)
+    if np.linalg.norm(ahead) < 1e-6:
+        return np.eye(3)
+    ahead = ahead / np.linalg.norm(ahead)
+    return np.stack([ahead, np.cross(ahead, (0, 0, 1)), (0, 0, 1)], axis=1)
+
+
+def to_pose(camera, range_m=None):
+    """(6, 9) that brings the parameters' errors to those of `dior.covariance`.
+
+    An error of the focal length is given as the shift along the optical axis that looks alike `range_m` away.
+    """
+    T = np.zeros((6, 9))
+    T[:3, TURN], T[3:, SHIFT] = np.eye(3), sight(camera)
+    if range_m is not None:
+        T[3:, FOCAL] = range_m * camera.wRc[:, 2]
+    return T
+
+
+def moved(start, axes, values):
+    """The camera with the parameters `values` (9,); `axes` as from `sight(start)`."""
+    step = np.concatenate([values[TURN], axes @ values[SHIFT]])
+    camera = covariance.moved(start, step)
+    lens = camera.intrinsics
+    grown = np.exp(values[FOCAL])
+    return replace(camera, intrinsics=replace(lens, fx=lens.fx * grown, fy=lens.fy * grown))
+
+
+READINGS = {"auto": ("", "v_max", "v_min"), "none": ("",), "below": ("v_max",), "above": ("v_min",)}
+
+
+def fit(start, freedom, seen, where, derivative=None, occluder="auto"):
+    """`Fitted` from a start a few degrees off.
+
+    `derivative` (F, J, 3, 6V): the points' by the errors of the close cameras, for `by_cameras`. Of the readings "all
+    edges are the body's" and "the lower (upper) edge is an occluder's, which hides the joints beyond it" the one is
+    taken that the edges agree with best; `occluder` (auto, none, below, above) may say which. Raises DiorError
+    (beginning with `where`) with too little to fit.
+    """
+    count = np.isfinite(seen.edges).sum() + np.isfinite(seen.clicks).sum()
+    if count < 8:
+        raise DiorError(f"{where}: {count} usable edges and clicked coordinates; draw boxes on at least 4 pictures")
+    readings = READINGS[occluder] if np.isfinite(seen.edges).any() else ("",)
+    tried = [_Reading(start, freedom, seen, side).solve(where) for side in readings]
+    sd_px = min(reading.sd for reading in tried)
+    best = min(tried, key=lambda reading: reading.cost(sd_px))
+    return best.fitted(derivative)
+
+
+class _Reading:
+    """One reading of the edges, with the state of its iteration."""
+
+    def __init__(self, start, freedom, seen, side):
+        self.start, self.axes, self.seen, self.side = start, sight(start), seen, side
+        self.prior = _prior(freedom)
+        self.free = np.diagonal(self.prior) < 1e15
+        self.values = np.zeros(9)
+        self.sd = SCALES[-1] / CUT
+        self.line = np.nanmedian(seen.edges[:, SIDES.index(side)]) if side else np.nan
+
+    def solve(self, where):
+        self.values[TURN] = self._aim(where)
+        for scale in (*SCALES, *(None,) * 12):
+            for _ in range(6 if scale else 3):
+                rows = self.rows()
+                if scale is None:
+                    self.sd = _spread(rows.residual)
+                step = self._step(rows, scale or CUT * self.sd)
+                self.values = self.values + step
+                if np.abs(step[TURN]).max() < 1e-9 and np.abs(step[SHIFT]).max() < 1e-7:
+                    break
+        return self
+
+    def _aim(self, where):
+        """The turn that brings the middles of the projected boxes onto the drawn ones, in the median."""
+        uv = cam.project(self.start, self.seen.points)[0]
+        if not np.isfinite(uv).any():
+            raise DiorError(f"{where}: none of the 3D is in front of the camera; is tape.target_m where the person is?")
+        low, high = _extremes(uv, np.isfinite(uv).all(axis=-1))
+        miss = np.concatenate(
+            [
+                (self.seen.edges[:, :2] + self.seen.edges[:, 2:] - low - high) / 2,
+                (self.seen.clicks - uv).reshape(-1, 2),
+            ]
+        )
+        if self.side:
+            # one edge is not the body's: the other says where it is
+            other = self.seen.edges[:, 1] - low[:, 1] if self.side == "v_max" else self.seen.edges[:, 3] - high[:, 1]
+            miss[: len(other), 1] = other
+        u, v = np.nanmedian(miss, axis=0)
+        lens = self.start.intrinsics
+        return np.array([np.arctan(v / lens.fy), -np.arctan(u / lens.fx), 0.0])
+
+    def camera(self):
+        return moved(self.start, self.axes, self.values)
+
+    def visible(self, uv):
+        """Joints (F, J) that are not behind the occluder, in the pictures whose edge lies at its line."""
+        there = np.isfinite(uv).all(axis=-1) & cam.in_frame(self.start.intrinsics, uv)
+        if not self.side:
+            return there, np.zeros(len(uv), bool)
+        k = SIDES.index(self.side)
+        cut = np.abs(self.seen.edges[:, k] - self.line) <= NEAR_LINE_PX
+        beyond = OUTWARDS[k] * (uv[..., 1] - self.line) + self.values[8] > 0
+        return there & ~(beyond & cut[:, None]), cut
+
+    def rows(self):
+        """`_Rows` of every edge and click at the present values."""
+        camera = self.camera()
+        uv = cam.project(camera, self.seen.points)[0]
+        shown, cut = self.visible(uv)
+        shown &= shown.any(axis=1)[:, None]
+        edges = np.where(shown.any(axis=1)[:, None], self.seen.edges, np.nan)
+        if self.side:
+            edges[cut, SIDES.index(self.side)] = np.nan
+        outwards = np.where(shown[..., None], uv[..., AXIS] * OUTWARDS, -np.inf)
+        frame, side = np.nonzero(np.isfinite(edges))
+        joint = outwards.argmax(axis=1)[frame, side]
+        clicked = np.argwhere(np.isfinite(self.seen.clicks) & np.isfinite(uv))
+        sign = np.concatenate([OUTWARDS[side], np.zeros(len(clicked))])
+        frame, joint, axis = (
+            np.concatenate(pair).astype(int) for pair in zip((frame, joint, AXIS[side]), clicked.T, strict=True)
+        )
+        observed = np.concatenate([edges[np.isfinite(edges)], self.seen.clicks[tuple(clicked.T)]])
+        by_point, by_camera = covariance.projection(camera, self.seen.points[frame, joint])
+        at = np.arange(len(frame))
+        lens = camera.intrinsics
+        J = np.zeros((len(frame), 9))
+        J[:, :6] = by_camera[at, axis]
+        J[:, SHIFT] = J[:, 3:6] @ self.axes
+        J[:, FOCAL] = (uv[frame, joint] - (lens.cx, lens.cy))[at, axis]
+        J[at, 7 + axis] = sign
+        model = uv[frame, joint, axis] + sign * self.values[7 + axis]
+        kind = np.concatenate([side, np.full(len(clicked), -1)])
+        return _Rows(frame, joint, axis, kind, observed - model, J, by_point[at, axis])
+
+    def _step(self, rows, scale):
+        weight = _weights(rows.residual, scale)
+        H = (rows.J * weight[:, None]).T @ rows.J / self.sd**2 + self.prior
+        g = rows.J.T @ (weight * rows.residual) / self.sd**2 - self.prior @ self.values
+        step = np.zeros(9)
+        step[self.free] = np.linalg.solve(H[np.ix_(self.free, self.free)], g[self.free])
+        return step
+
+    def cost(self, sd_px):
+        """Chi2 of the edges, no more than that of an outlier each, and of the priors; `sd_px` of an edge."""
+        rows = self.rows()
+        z2 = (rows.residual / sd_px) ** 2
+        missing = np.isfinite(self.seen.edges).sum() - (rows.kind >= 0).sum()
+        prior = self.values[self.free] @ self.prior[np.ix_(self.free, self.free)] @ self.values[self.free]
+        return (z2 / (1 + z2 / CUT**2)).sum() + missing + prior + COST_OF_HIDING * bool(self.side)
+
+    def fitted(self, derivative):
+        rows = self.rows()
+        scale = CUT * self.sd
+        weight = _weights(rows.residual, scale)
+        free = np.ix_(self.free, self.free)
+        inflation = _inflation(rows, weight, self.seen)
+        # the derivative of the weighted residual, in the mean: weights that fall make the valley flatter
+        slope = _slopes(rows.residual, scale).sum() / weight.sum()
+        H = max(slope, 0.2) * (rows.J * weight[:, None]).T @ rows.J / self.sd**2 + self.prior
+        inverse = np.zeros((9, 9))
+        inverse[free] = np.linalg.inv(H[free])
+        meat = inflation * (rows.J * (weight**2 * rows.residual**2)[:, None]).T @ rows.J / self.sd**4
+        meat = meat * len(rows.residual) / max(len(rows.residual) - self.free.sum(), 1)
+        meat[free] += self.prior[free]
+        # what moves a point moves the edge: by_point along its axis
+        pull = inverse @ (rows.J * weight[:, None]).T / self.sd**2
+        meat_of_bias = _of_bias(pull, rows, self.camera(), self.seen)
+        spread = inverse @ meat @ inverse + meat_of_bias
+        by_cameras = np.zeros((9, 0))
+        if derivative is not None:
+            moved_by = np.einsum("ni,nij->nj", rows.by_point, np.nan_to_num(derivative[rows.frame, rows.joint]))
+            by_cameras = -pull @ moved_by
+        edge = rows.kind >= 0
+        residual = np.full(self.seen.edges.shape, np.nan)
+        residual[rows.frame[edge], rows.kind[edge]] = rows.residual[edge]
+        clicks = np.full(self.seen.clicks.shape, np.nan)
+        clicks[rows.frame[~edge], rows.joint[~edge], rows.axis[~edge]] = rows.residual[~edge]
+        with np.errstate(invalid="ignore"):
+            agree = np.abs(residual) <= scale
+        camera = self.camera()
+        return Fitted(
+            camera, self.values, spread, residual, agree, clicks, self.side, self.sd, inflation, by_cameras
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """N coordinates: picture, joint, axis, side (-1 for a click), residual px, derivatives (N, 9) and (N, 3)."""
+
+    frame: np.ndarray
+    joint: np.ndarray
+    axis: np.ndarray
+    kind: np.ndarray
+    residual: np.ndarray
+    J: np.ndarray
+    by_point: np.ndarray
+
+
+def _prior(freedom):
+    """Precision (9, 9) of the parameters; 1e18 for what is held."""
+    sd = np.array([*freedom.turn, *freedom.shift, freedom.focal, 1, 1], float)
+    P = np.diag([1 / s**2 if s > 0 else 1e18 for s in sd])
+    if freedom.margin_px > 0:
+        common, half = freedom.margin_px**2, freedom.margin_split_px**2 / 2
+        P[MARGIN, MARGIN] = np.linalg.inv([[common + half, common - half], [common - half, common + half]])
+    else:
+        P[MARGIN, MARGIN] = 1e18 * np.eye(2)
+    return P
+
+
+def _extremes(uv, known):
+    """Lowest and highest pixel (F, 2) of the known joints, NaN where there are none."""
+    low = np.where(known[..., None], uv, np.inf).min(axis=1)
+    high = np.where(known[..., None], uv, -np.inf).max(axis=1)
+    return np.where(np.isfinite(low), low, np.nan), np.where(np.isfinite(high), high, np.nan)
+
+
+def _weights(residual, scale):
+    """Geman-McClure: an edge that is far off does not pull at all."""
+    return 1 / (1 + (residual / scale) ** 2) ** 2
+
+
+def _slopes(residual, scale):
+    """Derivative of the weighted residual by the residual."""
+    z2 = (residual / scale) ** 2
+    return (1 - 3 * z2) / (1 + z2) ** 3
+
+
+def _spread(residual):
+    return max(1.4826 * np.median(np.abs(residual)), LEAST_SD_PX)
+
+
+def _inflation(rows, weight, seen):
+    """By how much errors alike in time widen the intervals: 1 + 2 sum of the autocorrelations up to 1 s, at least 1.
+
+    Pairs of the same side (or joint and axis) of one walk, pooled; the mean of each side is taken out.
+    """
+    label = np.where(rows.kind >= 0, rows.kind, 4 + 2 * rows.joint + rows.axis)
+    own = weight * rows.residual
+    for k in np.unique(label):
+        own[label == k] -= own[label == k].mean()
+    t, walk = seen.seconds[rows.frame], seen.walk[rows.frame]
+    alike = (label[:, None] == label) & (walk[:, None] == walk) & (np.abs(t[:, None] - t) <= 1.0)
+    np.fill_diagonal(alike, False)
+    products = np.where(alike, np.outer(own, own), 0.0).sum()
+    return float(max(1.0, 1.0 + products / max((own**2).sum(), 1e-12)))
+
+
+def _of_bias(pull, rows, camera, seen):
+    """Covariance (9, 9) from joints that are off by `bias_m` alike in every picture that shows the same side."""
+    if not seen.bias_m:
+        return np.zeros((9, 9))
+    facing = _facing(camera, seen.points)[rows.frame]
+    group = rows.joint * 3 + facing + 1
+    out = np.zeros((9, 9))
+    for g in np.unique(group):
+        mine = group == g
+        G = pull[:, mine] @ rows.by_point[mine]
+        out += seen.bias_m**2 * G @ G.T
+    return out
+
+
+def _facing(camera, points):
+    """-1 or 1 (F,): which way the body goes across the picture, by how it moves; the side of it that is seen."""
+    known = np.isfinite(points).all(axis=-1)[..., None]
+    middle = np.where(known, points, 0.0).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
+    across = (middle - camera.centre) @ camera.wRc[:, 0]
+    if len(across) < 2:
+        return np.zeros(len(across), int)
+    return np.where(np.gradient(across) < 0, -1, 1)
