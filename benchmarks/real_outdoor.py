@@ -17,14 +17,14 @@ from dior.calibrate import adjust, bundle, place
 from dior.camera import Camera, Intrinsics, inverse_pose, project, undistort
 from dior.geometry import triangulate
 from dior.ingest.readers import mlkit, openpose
+from dior.reconstruct import robust
 from dior.reconstruct.swaps import exchange, find_swaps
 from dior.reconstruct.triangulate import by_rays
-from dior.views import DROP_FACTOR, by_dropping, usual_error
 
 ROOT = Path(__file__).resolve().parents[1]
 CAMERAS = ("cam01", "cam02", "cam03", "cam04")
 SWAPPED = [*range(41, 62), 65, *range(67, 75), 77, 78, 81]
-FRAMES = 100
+FRAMES, FPS = 100, 60.0
 
 
 def rig(data):
@@ -88,7 +88,8 @@ def print_unseen_camera(data, cameras):
     true = np.zeros_like(swapped)
     true[1, SWAPPED] = True
     uv, score = exchange(uv, swapped, joints), exchange(score, swapped, joints)
-    points, _, _, good = by_dropping(close, uv, score, min(45.0, DROP_FACTOR * usual_error(close, uv, score)), 45.0)
+    found = robust.triangulate(close, uv, score, FPS)
+    points, good = found.points, found.scaled <= 45.0
     print(f"  robust                  {cam04_score(np.where(good[..., None], points, np.nan), cameras, joints)}")
     found, false = (swapped & true).sum(), (swapped & ~true).sum()
     print(f"  exchanged frames found  {found} of {true.sum()} (limit 30), false {false} (limit 2)")

@@ -11,9 +11,9 @@ import numpy as np
 from dior import camera as cam
 from dior import geometry, tables
 from dior.errors import DiorError
+from dior.reconstruct import robust
 from dior.reconstruct.swaps import exchange, find_swaps
 from dior.sampling import blend
-from dior.views import DROP_FACTOR, by_dropping, usual_error
 
 METHODS = ("robust", "rays")
 # a detector exchanges the sides of some walkers who turn away, but not those of most pictures
@@ -84,26 +84,29 @@ def run(
     if method == "robust":
         swapped = find_swaps(rig, uv, score, joints)
         uv, score = exchange(uv, swapped, joints), exchange(score, swapped, joints)
-        limit = min(max_error_px, DROP_FACTOR * usual_error(rig, uv, score))
-        points, residual, used, good = by_dropping(rig, uv, score, limit, max_error_px)
+        found = robust.triangulate(rig, uv, score, rate(stamps))
+        points, used, residual, sigma = found.points, found.used, found.residual, found.sigma
+        good = found.scaled <= max_error_px  # false for NaN
     else:
         used = score > 0
         points = by_rays(rig, np.where(used[..., None], uv, np.nan))
         errors = np.where(used, cam.reprojection_errors(rig, points, uv), 0.0)
         residual = errors.sum(axis=0) / np.maximum(used.sum(axis=0), 1)
         good = np.ones(residual.shape, bool)
+        sigma = robust.noise(rig, uv, score, rate(stamps))
     enough = (used.sum(axis=0) >= 2) & np.isfinite(points).all(axis=-1)
     good &= in_front(rig, points, used)
     status = np.where(~enough, "too_few_views", np.where(good, "ok", "rejected"))
     points = np.where((status == "ok")[..., None], points, np.nan)
     residual = np.where(enough, residual, np.nan)
-    write_skeleton(out, subject, sequence, joints, stamps, points, status, used.sum(axis=0), residual)
+    covariance = robust.covariance(rig, points, np.where(used, score, 0.0) / sigma[:, None])
+    write_skeleton(out, subject, sequence, joints, stamps, points, status, used.sum(axis=0), residual, covariance)
     write_swaps(out_swaps, names, stamps, nearest_frames(line, names), swapped)
     tables.write_findings(findings, _findings(sequence, names, swapped, status))
 
 
-def write_skeleton(path, subject, sequence, joints, stamps, points, status, n_views, residual):
-    """Write `skeletons_3d` from points (T, J, 3) and what is known about them (T, J)."""
+def write_skeleton(path, subject, sequence, joints, stamps, points, status, n_views, residual, covariance=None):
+    """Write `skeletons_3d` from points (T, J, 3), their covariance (T, J, 3, 3) and what is known about them (T, J)."""
     count, each = points.shape[:2]
     once = np.zeros(count * each, int)
     tables.write(
@@ -116,11 +119,27 @@ def write_skeleton(path, subject, sequence, joints, stamps, points, status, n_vi
             "instant": np.repeat(np.arange(count), each),
             "stamp_ns": np.repeat(stamps, each),
             **{axis: points[..., i].ravel() for i, axis in enumerate("xyz")},
+            **({} if covariance is None else sigmas(covariance.reshape(-1, 3, 3))),
             "n_views": n_views.ravel(),
             "residual_px": residual.ravel(),
             "status": status.ravel(),
         },
     )
+
+
+def sigmas(covariance):
+    """The columns of `skeletons_3d` that say a covariance (N, 3, 3) m^2."""
+    sd = np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
+    axes = "xyz"
+    pairs = ((0, 1), (0, 2), (1, 2))
+    return {f"sigma_{axis}": sd[:, i] for i, axis in enumerate(axes)} | {
+        f"rho_{axes[i]}{axes[j]}": covariance[:, i, j] / (sd[:, i] * sd[:, j]) for i, j in pairs
+    }
+
+
+def rate(stamps_ns):
+    """Instants per second."""
+    return 1e9 / float(np.median(np.diff(stamps_ns))) if len(stamps_ns) > 1 else 1.0
 
 
 def nearest_frames(timeline, names):
