@@ -6,7 +6,8 @@ usage: python -m benchmarks.triangulation [1 2 3 4]      (the tables to print; a
 2  legs exchanged in one view, and a limb taken for the other in two views; limits: recall 95 %, false 0.5 %
 3  the covariance of the points: rms(error / sigma) 0.8-1.25, 95 % ellipsoids hold 90-98 %
 4  triangulated and refined: errors, covariance and lag
-Tables 1 and 2: one walk of two minutes; 3 and 4: `SEEDS` walks. One thread, as Snakemake gives a job.
+Tables 1 and 2: one walk of two minutes; 3 and 4: `SEEDS` walks. Times are those of the
+processor, in one thread, as Snakemake gives a job.
 """
 
 import os
@@ -142,21 +143,21 @@ def print_accuracy():
             spent, found = {name: [] for name in FAST}, {}
             for _ in range(RUNS):
                 for name, method in FAST.items():
-                    start = time.perf_counter()
+                    start = time.process_time()
                     found[name] = method(s.cameras, uv, score)
-                    spent[name].append((time.perf_counter() - start) / score[0].size * 1e6)
+                    spent[name].append((time.process_time() - start) / score[0].size * 1e6)
             usual = np.median(spent["plain DLT, batched"])
             for name, times in spent.items():
                 _print_row(name, errors_mm(found[name], s.points, sound), np.median(times), usual)
             rows = slice(0, PEER_POINTS // score.shape[2])
             for name, method in SLOW.items():
                 try:
-                    start = time.perf_counter()
+                    start = time.process_time()
                     points = method(s.cameras, uv[:, rows], score[:, rows])
                 except ImportError:
                     print(f"   {name:<28}not installed")
                     continue
-                each = (time.perf_counter() - start) / score[0, rows].size * 1e6
+                each = (time.process_time() - start) / score[0, rows].size * 1e6
                 _print_row(name, errors_mm(points, s.points[rows], sound[rows]), each, usual)
 
 

@@ -198,7 +198,11 @@ def distort(intrinsics, xy):
 
 def undistort(intrinsics, uv):
     """Recorded pixels (..., 2) to ideal normalised coordinates (..., 2)."""
-    xy = (np.asarray(uv, float) - (intrinsics.cx, intrinsics.cy)) / (intrinsics.fx, intrinsics.fy)
+    uv = np.asarray(uv, float)
+    # one axis at a time: numpy is slow along an axis of two
+    xy = np.empty(uv.shape)
+    xy[..., 0] = (uv[..., 0] - intrinsics.cx) / intrinsics.fx
+    xy[..., 1] = (uv[..., 1] - intrinsics.cy) / intrinsics.fy
     if not any(intrinsics.distortion):
         return xy
     if intrinsics.model == "inverse_brown_conrady":

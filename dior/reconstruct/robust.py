@@ -20,7 +20,7 @@ from dior import geometry
 DROP_FACTOR = 3.0  # a view disagrees where the residuals are this many times what the noise makes of them
 ROUNDS = 3
 LEAST_PX = 0.05  # no detector is better
-SAMPLE = 4000  # points that the noise is estimated from: its error is then a few per cent
+SAMPLE = 2500  # points that the noise is estimated from: its error is then a few per cent
 APART_S = 0.3  # residuals nearer in time say the same: the noise of pose networks is correlated over 0.15 s
 SHRINK = 30.0  # a joint's noise in a view is mixed with the view's as if so many independent equations spoke for that
 PREDICT_S = 0.2  # a joint is predicted from good instants at most this far away on either side
@@ -42,74 +42,76 @@ class Points:
 
 
 @dataclass(frozen=True)
-class Views:
-    """What the views say, flat: coordinates x, y and weights w (V, N), 1/w the standard deviation (normalised).
+class Rig:
+    """`linear` and `origin` of `geometry.equations`; `rows` (V, 3, 4): cTw from that origin; `cameras`."""
 
-    `linear`, `origin`: of `geometry.equations`; `rows` (V, 3, 4): cTw from that origin.
-    """
-
+    cameras: tuple
     linear: np.ndarray
     origin: np.ndarray
     rows: np.ndarray
+
+
+@dataclass(frozen=True)
+class Views:
+    """What the views of a rig say, flat: coordinates x, y and weights w (V, N); 1/w is the noise of x and y."""
+
+    rig: Rig
     x: np.ndarray
     y: np.ndarray
     w: np.ndarray
 
-    def at(self, columns, keep=None):
-        """The views of some points; those that are not to be kept (V, n) lose their say."""
-        w = self.w[:, columns]
-        w = w if keep is None else np.where(keep, w, 0.0)
-        return replace(self, x=self.x[:, columns], y=self.y[:, columns], w=w)
+    def at(self, columns):
+        """The views of some points."""
+        return Views(self.rig, self.x[:, columns], self.y[:, columns], self.w[:, columns])
 
 
-def views_of(cameras, uv, weights):
-    """`Views` of pixels (V, ..., 2) with weights (V, ...) in 1/px; a missing one has weight 0."""
-    count = len(cameras)
-    xy = [cam.undistort(c.intrinsics, view) for c, view in zip(cameras, uv, strict=True)]
-    x, y = (np.stack([view[..., i] for view in xy]).reshape(count, -1) for i in range(2))
-    focal = np.array([c.intrinsics.fx for c in cameras])[:, None]
-    w = weights.reshape(count, -1) * focal
-    seen = np.isfinite(x + y) & (w > 0)
-    if not seen.all():
-        x, y, w = (np.where(seen, values, 0.0) for values in (x, y, w))
+def rig_of(cameras):
     cTw = np.stack([cam.inverse_pose(c.wTc) for c in cameras])
     linear, origin = geometry.equations(cTw)
     rows = cTw[:, :3].copy()
     rows[..., 3] += rows[..., :3] @ origin
-    return Views(linear, origin, rows, x, y, w)
+    return Rig(tuple(cameras), linear, origin, rows)
+
+
+def views_of(rig, uv, weights):
+    """`Views` of pixels (V, ..., 2) with weights (V, ...) in 1/px; a missing one has weight 0."""
+    xy = [cam.undistort(c.intrinsics, view).reshape(-1, 2) for c, view in zip(rig.cameras, uv, strict=True)]
+    x, y = (np.stack([view[:, i] for view in xy]) for i in range(2))
+    w = weights.reshape(len(xy), -1) * np.array([c.intrinsics.fx for c in rig.cameras])[:, None]
+    seen = np.isfinite(x + y) & (w > 0)
+    if not seen.all():
+        x, y, w = (np.where(seen, values, 0.0) for values in (x, y, w))
+    return Views(rig, x, y, w)
 
 
 def meet(views):
-    """Points (3, N) from the views' origin and their chi squared (N,); NaN where they meet nowhere.
+    """Points (3, N) from the rig's origin and their chi squared (N,); NaN where they meet nowhere.
 
     The equations are weighted by the depths of a first solution, which makes them the reprojection's own. A point
     behind a view that has a say is nowhere.
     """
-    count = views.x.shape[1]
-    points, chi2 = np.empty((3, count)), np.empty(count)
-    axes, shift = views.rows[:, 2, :3], views.rows[:, 2, 3:]
+    axes, shift = views.rig.rows[:, 2, :3], views.rig.rows[:, 2, 3:]
+    says = views.w > 0
     with np.errstate(all="ignore"):
-        for start in range(0, count, geometry.BLOCK):
-            block = slice(start, start + geometry.BLOCK)
-            x, y, w = views.x[:, block], views.y[:, block], views.w[:, block]
-            first, _, _ = geometry.meet(views.linear, x, y, w * w)
-            w2 = w / (axes @ first + shift)
-            w2 *= w2
-            p, left, fine = geometry.meet(views.linear, x, y, w2)
-            says = w > 0
-            fine &= ((axes @ p + shift > 0) | ~says).all(axis=0) & (says.sum(axis=0) >= 2)
-            points[:, block] = np.where(fine, p, np.nan)
-            chi2[block] = np.where(fine, np.maximum(left, 0.0), np.nan)
-    return points, chi2
+        first, _, _ = geometry.meet(views.rig.linear, views.x, views.y, views.w * views.w)
+        w2 = views.w / (axes @ first + shift)
+        w2 *= w2
+        points, chi2, fine = geometry.meet(views.rig.linear, views.x, views.y, w2)
+        fine &= ((axes @ points + shift > 0) | ~says).all(axis=0) & (says.sum(axis=0) >= 2)
+    points[:, ~fine] = np.nan
+    chi2[~fine] = np.nan
+    return points, np.maximum(chi2, 0.0, out=chi2)
 
 
 def residuals(views, points):
     """Whitened residuals (V, 2, N) of points (3, N), and their share (V, N) of 2 that the view's own say left over."""
-    p = views.rows[..., :3] @ points + views.rows[..., 3:]
+    p = views.rig.rows[..., :3] @ points + views.rig.rows[..., 3:]
     scale = views.w / p[:, 2]
     left = np.stack([views.x * p[:, 2] - p[:, 0], views.y * p[:, 2] - p[:, 1]], axis=1) * scale[:, None]
-    third = views.rows[:, 2, :3, None]
-    J = np.stack([c[:, None] * third - views.rows[:, i, :3, None] for i, c in enumerate((views.x, views.y))], axis=1)
+    third = views.rig.rows[:, 2, :3, None]
+    J = np.stack(
+        [c[:, None] * third - views.rig.rows[:, i, :3, None] for i, c in enumerate((views.x, views.y))], axis=1
+    )
     J = np.moveaxis(J * scale[:, None, None], -1, 0)  # (N, V, 2, 3)
     C = np.linalg.inv(np.einsum("nvai,nvaj->nij", J, J))
     return left, 2.0 - np.einsum("nvai,nij,nvaj->vn", J, C, J)
@@ -129,7 +131,7 @@ def noise(cameras, uv, score, fps):
     independent = min(1.0, every / fps / APART_S)
     uv, score = uv[:, rows], score[:, rows]
     joint = np.tile(np.arange(joints), len(rows))
-    start = views_of(cameras, uv, np.where(score > 0, score, 0.0))
+    start = views_of(rig_of(cameras), uv, np.where(score > 0, score, 0.0))
     degrees = 2 * (start.w > 0).sum(axis=0) - 3
     points, chi2 = meet(start)
     known = np.isfinite(chi2) & (degrees >= 1)
@@ -165,41 +167,53 @@ def triangulate(cameras, uv, score, fps, sigma=None):
     Views that disagree are left out, one more at a time, as long as a point's residuals are `DROP_FACTOR` times the
     noise. Of the subsets of one size that is taken which agrees best with itself and with the joint's prediction.
     """
-    count, joints = uv.shape[1:3]
+    shape = count, joints = uv.shape[1:3]
     sigma = noise(cameras, uv, score, fps) if sigma is None else sigma
-    views = views_of(cameras, uv, score / sigma[:, None])
-    points, chi2 = meet(views)
-    used = views.w > 0
-    seen = used.sum(axis=0)
-    good = (chi2 <= DROP_FACTOR**2 * (2 * seen - 3)).reshape(count, joints)
-    bad = np.flatnonzero(~good.ravel() & (seen > 2))
+    rig = rig_of(cameras)
+    weights = score / sigma[:, None]
+    points, chi2, used, pixels, scaled = _all_views(rig, uv, weights)
+    seen = used.sum(axis=0, dtype=np.int8)
+    good = chi2 <= DROP_FACTOR**2 * (2 * seen - 3)
+    bad = np.flatnonzero(~good & (seen > 2))
     if len(bad):
-        expected, spread = predicted(points.reshape(3, count, joints), good, bad, fps)
-        for views_left in range(len(cameras) - 1, 1, -1):
-            now = np.flatnonzero(~(chi2[bad] <= DROP_FACTOR**2 * (2 * used[:, bad].sum(axis=0) - 3)))
-            now = now[seen[bad[now]] > views_left]
-            at = bad[now]
-            p, c, k = _best_subset(views, at, views_left, expected[:, now], spread[now])
-            found = np.isfinite(c)
-            points[:, at[found]], chi2[at[found]], used[:, at[found]] = p[:, found], c[found], k[:, found]
-    xyz = points.T + views.origin
-    pixels, scaled = _errors(cameras, views, points, uv.reshape(len(cameras), -1, 2), used)
-    shape = (count, joints)
+        expected, spread = predicted(points.reshape(3, count, joints), good.reshape(shape), bad, fps)
+        uv = uv.reshape(len(cameras), -1, 2)[:, bad]
+        views = views_of(rig, uv, weights.reshape(len(cameras), -1)[:, bad])
+        points[:, bad], used[:, bad] = _best_subsets(views, points[:, bad], chi2[bad], expected, spread)
+        pixels[bad], scaled[bad] = _errors(rig, points[:, bad], uv, used[:, bad])
+    xyz = np.empty((points.shape[1], 3))
+    np.add(points.T, rig.origin, out=xyz)
     return Points(xyz.reshape(*shape, 3), used.reshape(-1, *shape), pixels.reshape(shape), scaled.reshape(shape), sigma)
 
 
-def _errors(cameras, views, points, uv, used):
+def _all_views(rig, uv, weights):
+    """With every view: points (3, N) from the rig's origin, chi squared (N,), views used (V, N), both `_errors`."""
+    joints = uv.shape[2]
+    count = uv.shape[1] * joints
+    points, left, used = np.empty((3, count)), np.empty((3, count)), np.empty((len(uv), count), bool)
+    step = max(1, geometry.BLOCK // joints)
+    for start in range(0, uv.shape[1], step):
+        block = slice(start * joints, (start + step) * joints)
+        some = uv[:, start : start + step]
+        views = views_of(rig, some, weights[:, start : start + step])
+        points[:, block], left[0, block] = meet(views)
+        used[:, block] = views.w > 0
+        left[1:, block] = _errors(rig, points[:, block], some.reshape(len(uv), -1, 2), used[:, block])
+    return points, left[0], used, left[1], left[2]
+
+
+def _errors(rig, points, uv, used):
     """Mean distance (N,) of recorded pixels uv (V, N, 2) used (V, N) from the projected points: px, and at fx 1680."""
     pixels, scaled = np.zeros((2, len(used[0])))
-    for start in range(0, len(pixels), geometry.BLOCK):
-        block = slice(start, start + geometry.BLOCK)
-        for camera, rows, view, say in zip(cameras, views.rows, uv[:, block], used[:, block], strict=True):
-            p = rows[:, :3] @ points[:, block] + rows[:, 3:]
-            with np.errstate(all="ignore"):
-                off = cam.distort(camera.intrinsics, (p[:2] / p[2]).T) - view
-            error = np.where(say, np.sqrt(off[:, 0] ** 2 + off[:, 1] ** 2), 0.0)
-            pixels[block] += error
-            scaled[block] += error * (cam.REFERENCE_FX / camera.intrinsics.fx)
+    for camera, rows, view, say in zip(rig.cameras, rig.rows, uv, used, strict=True):
+        p = rows[:, :3] @ points + rows[:, 3:]
+        with np.errstate(all="ignore"):
+            off = cam.distort(camera.intrinsics, (p[:2] / p[2]).T).T
+            du, dv = off[0] - view[:, 0], off[1] - view[:, 1]
+            error = np.sqrt(du * du + dv * dv)
+        error[~say] = 0.0
+        pixels += error
+        scaled += error * (cam.REFERENCE_FX / camera.intrinsics.fx)
     count = np.maximum(used.sum(axis=0), 1)
     return pixels / count, scaled / count
 
@@ -209,35 +223,45 @@ def covariance(cameras, points, weights):
 
     NaN where a point is, and with fewer than two views.
     """
-    rows = np.stack([cam.inverse_pose(c.wTc) for c in cameras])[:, :3]
-    shape = points.shape[:-1]
-    p = points.reshape(-1, 3).T
-    focal = np.array([c.intrinsics.fx for c in cameras])[:, None]
-    w = weights.reshape(len(cameras), -1) * focal
-    origin_rows, _ = geometry.equations(np.stack([cam.inverse_pose(c.wTc) for c in cameras]))
+    rig = rig_of(cameras)
+    p = (points - rig.origin).reshape(-1, 3).T
+    w = weights.reshape(len(cameras), -1) * np.array([c.intrinsics.fx for c in cameras])[:, None]
     with np.errstate(all="ignore"):
-        c = rows[..., :3] @ p + rows[..., 3:]
-        x, y, depth = c[:, 0] / c[:, 2], c[:, 1] / c[:, 2], c[:, 2]
-        w2 = np.where(w > 0, (w / depth) ** 2, 0.0)
+        at = rig.rows[..., :3] @ p + rig.rows[..., 3:]
+        x, y = at[:, 0] / at[:, 2], at[:, 1] / at[:, 2]
+        w2 = np.where(w > 0, (w / at[:, 2]) ** 2, 0.0)
         features = np.stack([w2 * (x * x + y * y), w2 * x, w2 * y, w2], axis=1)
-        information = (origin_rows[:6] @ features.reshape(-1, p.shape[1]))[[0, 1, 2, 1, 3, 4, 2, 4, 5]]
-    information = information.T.reshape(-1, 3, 3)
-    known = np.isfinite(information).all(axis=(1, 2)) & ((w > 0).sum(axis=0) >= 2)
+        information = (rig.linear[:6] @ features.reshape(-1, p.shape[1]))[[0, 1, 2, 1, 3, 4, 2, 4, 5]].T
+    known = np.isfinite(information).all(axis=1) & ((w > 0).sum(axis=0) >= 2)
     out = np.full((p.shape[1], 3, 3), np.nan)
-    out[known] = np.linalg.inv(information[known])
-    return out.reshape(*shape, 3, 3)
+    out[known] = np.linalg.inv(information[known].reshape(-1, 3, 3))
+    return out.reshape(*points.shape, 3)
 
 
-def _best_subset(views, at, views_left, expected, spread):
-    """Of the points `at` (n,): point (3, n), chi squared (n,) and views (V, n) of the best `views_left` views."""
-    seen = views.w[:, at] > 0
-    best, points, chi2 = np.full(len(at), np.inf), np.full((3, len(at)), np.nan), np.full(len(at), np.nan)
+def _best_subsets(views, points, chi2, expected, spread):
+    """Points (3, n) and views used (V, n), views left out one by one as long as those left disagree."""
+    points, chi2, used = points.copy(), chi2.copy(), views.w > 0
+    seen = used.sum(axis=0)
+    for views_left in range(len(used) - 1, 1, -1):
+        at = np.flatnonzero(~(chi2 <= DROP_FACTOR**2 * (2 * used.sum(axis=0) - 3)) & (seen > views_left))
+        p, c, k = _best_subset(views.at(at), views_left, expected[:, at], spread[at])
+        found = np.isfinite(c)
+        at = at[found]
+        points[:, at], chi2[at], used[:, at] = p[:, found], c[found], k[:, found]
+    return points, used
+
+
+def _best_subset(views, views_left, expected, spread):
+    """Point (3, n), chi squared (n,) and views (V, n) of the best `views_left` views."""
+    seen = views.w > 0
+    count = seen.shape[1]
+    best, points, chi2 = np.full(count, np.inf), np.full((3, count), np.nan), np.full(count, np.nan)
     used = seen.copy()
     for kept in combinations(range(len(seen)), views_left):
         keep = np.zeros(seen.shape, bool)
         keep[list(kept)] = True
         keep &= seen
-        p, c = meet(views.at(at, keep))
+        p, c = meet(replace(views, w=np.where(keep, views.w, 0.0)))
         off = ((p - expected) ** 2).sum(axis=0) / spread**2
         cost = c + np.where(np.isfinite(off), off, 0.0)
         better = (keep.sum(axis=0) == views_left) & (cost < best)
