@@ -122,7 +122,7 @@ def meet(linear, x, y, squared_weights):
     """
     w2 = squared_weights
     features = np.stack([w2 * (x * x + y * y), w2 * x, w2 * y, w2], axis=1)
-    sums = linear @ features.reshape(-1, x.shape[1])
+    sums = linear @ features.reshape(4 * len(x), x.shape[1])
     points, well_posed = _solve_symmetric(sums[:6], sums[6:9])
     with np.errstate(invalid="ignore"):
         left = sums[9] - (sums[6] * points[0] + sums[7] * points[1] + sums[8] * points[2])

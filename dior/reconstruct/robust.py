@@ -126,6 +126,8 @@ def noise(cameras, uv, score, fps):
     joints = uv.shape[2]
     seen = (score > 0).sum(axis=0) >= 2
     rows = np.flatnonzero(seen.any(axis=1))
+    if not len(rows):
+        return np.full((len(cameras), joints), np.nan)
     every = max(1, len(rows) * joints // SAMPLE)
     rows = rows[::every]
     independent = min(1.0, every / fps / APART_S)
