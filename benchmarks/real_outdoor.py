@@ -18,7 +18,7 @@ from dior.camera import Camera, Intrinsics, inverse_pose, project, undistort
 from dior.geometry import triangulate
 from dior.ingest.readers import mlkit, openpose
 from dior.reconstruct import robust
-from dior.reconstruct.swaps import exchange, find_swaps
+from dior.reconstruct.swaps import exchange, find_exchanged, find_taken
 from dior.reconstruct.triangulate import by_rays
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -84,14 +84,17 @@ def print_unseen_camera(data, cameras):
     print(f"  plain DLT               {cam04_score(triangulate(cTw, xy, np.ones_like(score)), cameras, joints)}")
     print(f"  the paper's rays        {cam04_score(by_rays(close, uv), cameras, joints)}")
     score = np.where(score >= 0.3, score, 0.0)
-    swapped = find_swaps(close, uv, score, joints)
-    true = np.zeros_like(swapped)
+    swapped = find_exchanged(close, uv, score, joints)
+    true = np.zeros(swapped.shape[:2], bool)
     true[1, SWAPPED] = True
     uv, score = exchange(uv, swapped, joints), exchange(score, swapped, joints)
-    found = robust.triangulate(close, uv, score, FPS)
+    sigma = robust.noise(close, uv, score, FPS)
+    score = np.where(find_taken(close, uv, score, sigma, joints), 0.0, score)
+    found = robust.triangulate(close, uv, score, FPS, sigma)
     points, good = found.points, found.scaled <= 45.0
     print(f"  robust                  {cam04_score(np.where(good[..., None], points, np.nan), cameras, joints)}")
-    found, false = (swapped & true).sum(), (swapped & ~true).sum()
+    some = swapped.any(axis=2)
+    found, false = (some & true).sum(), (some & ~true).sum()
     print(f"  exchanged frames found  {found} of {true.sum()} (limit 30), false {false} (limit 2)")
 
 

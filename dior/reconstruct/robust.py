@@ -103,6 +103,16 @@ def meet(views):
     return points, np.maximum(chi2, 0.0, out=chi2)
 
 
+def meet_in_blocks(views):
+    """`meet` of many points."""
+    count = views.x.shape[1]
+    points, chi2 = np.empty((3, count)), np.empty(count)
+    for start in range(0, count, geometry.BLOCK):
+        block = slice(start, start + geometry.BLOCK)
+        points[:, block], chi2[block] = meet(views.at(block))
+    return points, chi2
+
+
 def residuals(views, points):
     """Whitened residuals (V, 2, N) of points (3, N), and their share (V, N) of 2 that the view's own say left over."""
     p = views.rig.rows[..., :3] @ points + views.rig.rows[..., 3:]

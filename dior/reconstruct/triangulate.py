@@ -12,8 +12,9 @@ from dior import camera as cam
 from dior import geometry, tables
 from dior.errors import DiorError
 from dior.reconstruct import robust
-from dior.reconstruct.swaps import exchange, find_swaps
+from dior.reconstruct.swaps import exchange, find_exchanged, find_taken
 from dior.sampling import blend
+from dior.skeletons import is_leg
 
 METHODS = ("robust", "rays")
 # a detector exchanges the sides of some walkers who turn away, but not those of most pictures
@@ -80,12 +81,17 @@ def run(
     line = tables.read(timeline, "timeline")
     uv, score, joints = observations(tables.read(detections, "detections"), line, names, min_score)
     stamps = line["stamp_ns"][:: len(tables.ordered_unique(line["camera"]))]
-    swapped = np.zeros(uv.shape[:2], bool)
+    fps = rate(stamps)
+    swapped = np.zeros(uv.shape[:3], bool)
+    taken = np.zeros(uv.shape[:3], bool)
     if method == "robust":
-        swapped = find_swaps(rig, uv, score, joints)
+        swapped = find_exchanged(rig, uv, score, joints)
         uv, score = exchange(uv, swapped, joints), exchange(score, swapped, joints)
-        found = robust.triangulate(rig, uv, score, rate(stamps))
-        points, used, residual, sigma = found.points, found.used, found.residual, found.sigma
+        sigma = robust.noise(rig, uv, score, fps)
+        taken = find_taken(rig, uv, score, sigma, joints)
+        score = np.where(taken, 0.0, score)
+        found = robust.triangulate(rig, uv, score, fps, sigma)
+        points, used, residual = found.points, found.used, found.residual
         good = found.scaled <= max_error_px  # false for NaN
     else:
         used = score > 0
@@ -93,7 +99,7 @@ def run(
         errors = np.where(used, cam.reprojection_errors(rig, points, uv), 0.0)
         residual = errors.sum(axis=0) / np.maximum(used.sum(axis=0), 1)
         good = np.ones(residual.shape, bool)
-        sigma = robust.noise(rig, uv, score, rate(stamps))
+        sigma = robust.noise(rig, uv, score, fps)
     enough = (used.sum(axis=0) >= 2) & np.isfinite(points).all(axis=-1)
     good &= in_front(rig, points, used)
     status = np.where(~enough, "too_few_views", np.where(good, "ok", "rejected"))
@@ -101,8 +107,9 @@ def run(
     residual = np.where(enough, residual, np.nan)
     covariance = robust.covariance(rig, points, np.where(used, score, 0.0) / sigma[:, None])
     write_skeleton(out, subject, sequence, joints, stamps, points, status, used.sum(axis=0), residual, covariance)
-    write_swaps(out_swaps, names, stamps, nearest_frames(line, names), swapped)
-    tables.write_findings(findings, _findings(sequence, names, swapped, status))
+    write_swaps(out_swaps, names, stamps, nearest_frames(line, names), swapped, joints)
+    found = _findings(sequence, names, swapped.any(axis=2), status) + _taken_findings(sequence, names, taken)
+    tables.write_findings(findings, found)
 
 
 def write_skeleton(path, subject, sequence, joints, stamps, points, status, n_views, residual, covariance=None):
@@ -148,9 +155,11 @@ def nearest_frames(timeline, names):
     return np.stack([np.where(at["weight"] < 0.5, at["frame_before"], at["frame_after"]) for at in lines])
 
 
-def write_swaps(path, names, stamps, frames, swapped):
-    """Write `swaps` from the nearest frames (V, T) and swapped (V, T)."""
+def write_swaps(path, names, stamps, frames, swapped, joints):
+    """Write `swaps` from the nearest frames (V, T) and swapped (V, T, J)."""
     count = len(stamps)
+    legs = np.array([is_leg(name) for name in joints])
+    of_legs, of_rest = swapped[:, :, legs].any(axis=2).ravel(), swapped[:, :, ~legs].any(axis=2).ravel()
     tables.write(
         path,
         "swaps",
@@ -159,7 +168,8 @@ def write_swaps(path, names, stamps, frames, swapped):
             "instant": np.tile(np.arange(count), len(names)),
             "stamp_ns": np.tile(stamps, len(names)),
             "frame": frames.ravel(),
-            "swapped": swapped.ravel(),
+            "swapped": of_legs | of_rest,
+            "part": np.select([of_legs & of_rest, of_legs, of_rest], ["all", "legs", "rest"], ""),
         },
     )
 
@@ -179,6 +189,17 @@ def _findings(sequence, names, swapped, status):
         text = f"{missing:.0%} of the 3D joints could not be triangulated: {_shares(status)}"
         found.append((sequence, "warning", "missing_3d", text))
     return found
+
+
+def _taken_findings(sequence, names, taken):
+    """Where a camera's detections (V, T, J) put both sides' names on one limb together with another camera's."""
+    text = "with another camera, one limb was taken for the other at {} of {} instants; left out there"
+    hit = taken.any(axis=2)
+    return [
+        (f"{sequence}/{name}", "info", "limb_taken_for_other", text.format(int(row.sum()), len(row)))
+        for name, row in zip(names, hit, strict=True)
+        if row.any()
+    ]
 
 
 def _shares(status):
