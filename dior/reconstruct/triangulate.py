@@ -12,6 +12,7 @@ from dior import camera as cam
 from dior import geometry, tables
 from dior.errors import DiorError
 from dior.reconstruct import robust
+from dior.reconstruct.gates import implausible
 from dior.reconstruct.swaps import exchange, find_exchanged, find_taken
 from dior.sampling import blend
 from dior.skeletons import is_leg
@@ -66,6 +67,9 @@ def run(
     method,
     min_score,
     max_error_px,
+    max_speed,
+    max_body_speed,
+    max_bone_change,
     out,
     out_swaps,
     findings,
@@ -100,12 +104,17 @@ def run(
         residual = errors.sum(axis=0) / np.maximum(used.sum(axis=0), 1)
         good = np.ones(residual.shape, bool)
         sigma = robust.noise(rig, uv, score, fps)
+    weights = np.where(used, score, 0.0) / sigma[:, None]
+    covariance = robust.covariance(rig, points, weights)
     enough = (used.sum(axis=0) >= 2) & np.isfinite(points).all(axis=-1)
     good &= in_front(rig, points, used)
+    if method == "robust":
+        sound = np.where((enough & good)[..., None], points, np.nan)
+        good &= ~implausible(sound, covariance, joints, fps, max_speed, max_body_speed, max_bone_change)
     status = np.where(~enough, "too_few_views", np.where(good, "ok", "rejected"))
     points = np.where((status == "ok")[..., None], points, np.nan)
     residual = np.where(enough, residual, np.nan)
-    covariance = robust.covariance(rig, points, np.where(used, score, 0.0) / sigma[:, None])
+    covariance = np.where((status == "ok")[..., None, None], covariance, np.nan)
     write_skeleton(out, subject, sequence, joints, stamps, points, status, used.sum(axis=0), residual, covariance)
     write_swaps(out_swaps, names, stamps, nearest_frames(line, names), swapped, joints)
     found = _findings(sequence, names, swapped.any(axis=2), status) + _taken_findings(sequence, names, taken)
