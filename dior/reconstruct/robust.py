@@ -23,6 +23,7 @@ LEAST_PX = 0.05  # no detector is better
 SAMPLE = 2500  # points that the noise is estimated from: its error is then a few per cent
 APART_S = 0.3  # residuals nearer in time say the same: the noise of pose networks is correlated over 0.15 s
 SHRINK = 30.0  # a joint's noise in a view is mixed with the view's as if so many independent equations spoke for that
+LASTS_S, DIES_S = 1.0, 0.1  # lags at which the correlation of the residuals is looked at
 PREDICT_S = 0.2  # a joint is predicted from good instants at most this far away on either side
 
 
@@ -317,3 +318,40 @@ def _prediction_error(points, good, half):
     for j in np.flatnonzero(known.any(axis=0)):
         out[j] = np.sqrt(np.median(square[known[:, j], j]) / _median_chi2(3))
     return out
+
+
+def persistence(cameras, uv, score, found, fps):
+    """How the errors of the detections last: time constant (s) of what dies away, share of the variance that stays.
+
+    From the correlation in time of the residuals of `found` (`Points`), which the walk itself does not move: what is
+    left after `LASTS_S` is taken to stay (a detector's offset of a joint), the rest to be autoregressive, with its
+    correlation after `DIES_S`. 0 s is white noise.
+    """
+    count, joints = uv.shape[1:3]
+    views = views_of(rig_of(cameras), uv, np.where(found.used, score, 0.0) / found.sigma[:, None])
+    origin = views.rig.origin
+    rows = slice(0, min(count, max(1, 10 * SAMPLE // joints)))
+    columns = np.arange(count * joints).reshape(count, joints)[rows].ravel()
+    some = views.at(columns)
+    p = found.points.reshape(-1, 3)[columns] - origin
+    known = np.isfinite(p).all(axis=1) & ((some.w > 0).sum(axis=0) >= 2)
+    some = views.at(columns[known])
+    at = some.rig.rows[..., :3] @ p[known].T + some.rig.rows[..., 3:]
+    left = np.full((len(cameras), 2, len(columns)), np.nan)
+    ideal = np.stack([some.x - at[:, 0] / at[:, 2], some.y - at[:, 1] / at[:, 2]], axis=1)
+    left[..., known] = np.where(some.w[:, None] > 0, np.clip(ideal * some.w[:, None], -3.0, 3.0), np.nan)
+    left = left.reshape(len(cameras), 2, -1, joints)
+
+    def correlation(lag):
+        if lag >= left.shape[2] or lag < 1:
+            return 0.0
+        a, b = left[:, :, lag:], left[:, :, :-lag]
+        both = np.isfinite(a) & np.isfinite(b)
+        a, b = np.where(both, a, 0.0), np.where(both, b, 0.0)
+        return float((a * b).sum() / max(np.sqrt((a * a).sum() * (b * b).sum()), 1e-12))
+
+    stays = float(np.clip(correlation(round(LASTS_S * fps)), 0.0, 0.9))
+    lag = max(1, round(DIES_S * fps))
+    rest = (correlation(lag) - stays) / (1 - stays)
+    time = -lag / fps / np.log(min(rest, 0.95)) if rest > 0.05 else 0.0
+    return time, stays
