@@ -13,7 +13,7 @@ import numpy as np
 from benchmarks import scene
 from dior import covariance as cov
 from dior.evaluate import moved
-from dior.reconstruct.swaps import exchange, find_swaps
+from dior.reconstruct.swaps import exchange, find_exchanged
 from dior.simulate.settings import WALKS
 
 BUMP_DEG, SEQUENCES, FIRST = 0.3, 6, 3
@@ -31,7 +31,7 @@ def session(level, seed, bump_deg, frames):
         true = [cov.moved(c, step) if take >= FIRST and i == which else c for i, c in enumerate(stood)]
         walk = scene.make(level, seed, frames, true, WALKS[take % len(WALKS)], take)
         rig = [given.at(c.wTc) for given, c in zip(walk.given, stood, strict=True)]
-        swapped = find_swaps(rig, walk.uv, walk.score, walk.names)
+        swapped = find_exchanged(rig, walk.uv, walk.score, walk.names)
         uv, score = (exchange(values, swapped, walk.names) for values in (walk.uv, walk.score))
         found.append(moved.normal(rig, uv, score, walk.names))
     return moved.find_change(found), which

@@ -18,7 +18,7 @@ from dior import covariance
 from dior.calibrate import boxes_fit
 from dior.camera import Camera, Intrinsics, in_frame, pose, project
 from dior.geometry import look_at_angles, rotation_x, rotation_z
-from dior.reconstruct.swaps import exchange, find_swaps
+from dior.reconstruct.swaps import exchange, find_exchanged
 from dior.views import DROP_FACTOR, by_dropping, usual_error
 
 FRAMES, BOXES = 600, 30
@@ -57,7 +57,7 @@ def capture(level, seed):
     made = scene.make(level, seed, FRAMES, [*around, long_range(seed)], walk)
     close, uv = made.given[:3], made.uv[:3]
     score = np.where(made.score[:3] >= 0.3, made.score[:3], 0.0)
-    swapped = find_swaps(close, uv, score, list(made.names))
+    swapped = find_exchanged(close, uv, score, list(made.names))
     uv, score = exchange(uv, swapped, list(made.names)), exchange(score, swapped, list(made.names))
     limit = min(45.0, DROP_FACTOR * usual_error(close, uv, score))
     points, _, _, good = by_dropping(close, uv, score, limit, 45.0)

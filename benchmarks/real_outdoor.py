@@ -18,14 +18,14 @@ from dior.calibrate import adjust, boxes_fit, bundle, place
 from dior.camera import Camera, Intrinsics, inverse_pose, pose, project, undistort
 from dior.geometry import look_at, triangulate
 from dior.ingest.readers import mlkit, openpose
-from dior.reconstruct.swaps import exchange, find_swaps
+from dior.reconstruct import robust
+from dior.reconstruct.swaps import exchange, find_exchanged, find_taken
 from dior.reconstruct.triangulate import by_rays
-from dior.views import DROP_FACTOR, by_dropping, usual_error
 
 ROOT = Path(__file__).resolve().parents[1]
 CAMERAS = ("cam01", "cam02", "cam03", "cam04")
 SWAPPED = [*range(41, 62), 65, *range(67, 75), 77, 78, 81]
-FRAMES = 100
+FRAMES, FPS = 100, 60.0
 BOXED_FRAMES = range(0, FRAMES, 5)
 BOXED = {"left_big_toe": "left_foot_index", "right_big_toe": "right_foot_index"}
 
@@ -79,38 +79,39 @@ def cam04_score(points, cameras, joints):
 
 
 def robust_points(data, cameras):
-    """3D (100, 33, 3) of ML Kit in cam01-cam03 by the default method, and the joints."""
+    """3D (100, 33, 3) of ML Kit in cam01-cam03 by the default method, what was exchanged (3, 100, 33), the joints."""
+    close = cameras[:3]
     uv, score, joints = stack(mlkit, [data / f"mlkit/{name}.jsonl" for name in CAMERAS[:3]])
     score = np.where(score >= 0.3, score, 0.0)
-    swapped = find_swaps(cameras[:3], uv, score, joints)
+    swapped = find_exchanged(close, uv, score, joints)
     uv, score = exchange(uv, swapped, joints), exchange(score, swapped, joints)
-    limit = min(45.0, DROP_FACTOR * usual_error(cameras[:3], uv, score))
-    points, _, _, good = by_dropping(cameras[:3], uv, score, limit, 45.0)
-    return np.where(good[..., None], points, np.nan), joints
+    sigma = robust.noise(close, uv, score, FPS)
+    score = np.where(find_taken(close, uv, score, sigma, joints), 0.0, score)
+    found = robust.triangulate(close, uv, score, FPS, sigma)
+    return np.where((found.scaled <= 45.0)[..., None], found.points, np.nan), swapped, joints
 
 
 def print_unseen_camera(data, cameras):
-    uv, score, joints = stack(mlkit, [data / f"mlkit/{name}.jsonl" for name in CAMERAS[:3]])
+    uv, _, joints = stack(mlkit, [data / f"mlkit/{name}.jsonl" for name in CAMERAS[:3]])
     close = cameras[:3]
     cTw = [inverse_pose(c.wTc) for c in close]
     xy = np.stack([undistort(c.intrinsics, view) for c, view in zip(close, uv, strict=True)])
+    plain = triangulate(cTw, xy, np.ones(xy.shape[:-1]))
+    points, swapped, _ = robust_points(data, cameras)
     print("ML Kit, 3D of cam01-cam03 projected into cam04 (limit: mean 22.5, median 19.5, coverage 0.98)")
-    print(f"  plain DLT               {cam04_score(triangulate(cTw, xy, np.ones_like(score)), cameras, joints)}")
+    print(f"  plain DLT               {cam04_score(plain, cameras, joints)}")
     print(f"  the paper's rays        {cam04_score(by_rays(close, uv), cameras, joints)}")
-    score = np.where(score >= 0.3, score, 0.0)
-    swapped = find_swaps(close, uv, score, joints)
-    true = np.zeros_like(swapped)
+    print(f"  robust                  {cam04_score(points, cameras, joints)}")
+    some = swapped.any(axis=2)
+    true = np.zeros(some.shape, bool)
     true[1, SWAPPED] = True
-    uv, score = exchange(uv, swapped, joints), exchange(score, swapped, joints)
-    points, _, _, good = by_dropping(close, uv, score, min(45.0, DROP_FACTOR * usual_error(close, uv, score)), 45.0)
-    print(f"  robust                  {cam04_score(np.where(good[..., None], points, np.nan), cameras, joints)}")
-    found, false = (swapped & true).sum(), (swapped & ~true).sum()
+    found, false = (some & true).sum(), (some & ~true).sum()
     print(f"  exchanged frames found  {found} of {true.sum()} (limit 30), false {false} (limit 2)")
 
 
 def print_unseen_from_boxes(data, cameras):
     """cam04 from 20 boxes of its OpenPose joints, started where it stands and looking at where the person is."""
-    points, joints = robust_points(data, cameras)
+    points, _, joints = robust_points(data, cameras)
     uv, score, theirs = stack(openpose, [data / "openpose_single/cam04"])
     # the joints that both detectors have: ML Kit has no crown and no neck, OpenPose no hands
     names = [BOXED.get(name, name) for name in theirs]
@@ -126,7 +127,7 @@ def print_unseen_from_boxes(data, cameras):
         start,
         boxes_fit.Freedom(shift=(0.2, 0.2, 0.2)),
         boxes_fit.Seen(
-            points[:, own], edges, np.full((FRAMES, len(own), 2), np.nan), np.arange(FRAMES) / 30, np.zeros(FRAMES)
+            points[:, own], edges, np.full((FRAMES, len(own), 2), np.nan), np.arange(FRAMES) / FPS, np.zeros(FRAMES)
         ),
         "real_outdoor",
     )

@@ -6,6 +6,7 @@ Missing points are NaN and stay NaN.
 """
 
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from dior.errors import DiorError
 
 # thresholds in pixels are given for this focal length and scaled to the camera's own
 REFERENCE_FX = 1680.0
+BLOCK = 8192
 MODELS = ("plumb_bob", "rational_polynomial", "inverse_brown_conrady")
 
 
@@ -124,25 +126,41 @@ def _polynomial_inverse(distortion, xy, iterations=20):
     A lens polynomial folds over outside the picture: there the determinant of its Jacobian changes sign, and a
     solution beyond the fold is not the lens. It is NaN, too.
     """
-    z = np.array(xy, float)
-    for _ in range(iterations):
-        miss = _polynomial(distortion, z) - xy
-        J = _polynomial_jacobian(distortion, z)
-        det = J[..., 0, 0] * J[..., 1, 1] - J[..., 0, 1] * J[..., 1, 0]
-        with np.errstate(all="ignore"):
-            step = np.stack(
-                [
-                    (J[..., 1, 1] * miss[..., 0] - J[..., 0, 1] * miss[..., 1]) / det,
-                    (J[..., 0, 0] * miss[..., 1] - J[..., 1, 0] * miss[..., 0]) / det,
-                ],
-                axis=-1,
-            )
-            z = z - np.clip(step, -0.5, 0.5)
-            if not np.nanmax(np.abs(step), initial=0.0) > 1e-12:
+    flat = xy.reshape(-1, 2)
+    out = np.empty(flat.shape)
+    # blocks that stay in the processor's cache: the iterations are three times as fast
+    for start in range(0, len(flat), BLOCK):
+        out[start : start + BLOCK] = _inverse_of_block(distortion, flat[start : start + BLOCK], iterations)
+    return out.reshape(xy.shape)
+
+
+def _inverse_of_block(distortion, xy, iterations):
+    """`_polynomial_inverse` of points (N, 2)."""
+    k1, k2, p1, p2, k3, k4, k5, k6 = distortion
+    goal_x, goal_y = (np.ascontiguousarray(xy[:, i]) for i in range(2))
+    x, y = goal_x.copy(), goal_y.copy()
+    last = np.inf
+    with np.errstate(all="ignore"):
+        for _ in range(iterations + 1):
+            r2 = x * x + y * y
+            top, bottom = 1 + r2 * (k1 + r2 * (k2 + r2 * k3)), 1 + r2 * (k4 + r2 * (k5 + r2 * k6))
+            radial = top / bottom
+            px, py = 2 * p1 * x + 2 * p2 * y, 2 * p1 * y + 2 * p2 * x
+            miss_x = x * radial + p1 * (2 * x * y) + p2 * (r2 + 2 * x * x) - goal_x
+            miss_y = y * radial + p1 * (r2 + 2 * y * y) + p2 * (2 * x * y) - goal_y
+            if last <= 1e-12:
                 break
-    with np.errstate(invalid="ignore"):
-        wrong = ~(np.abs(_polynomial(distortion, z) - xy).max(axis=-1) < 1e-9) | folded(distortion, z)
-    return np.where(wrong[..., None], np.nan, z)
+            slope = ((k1 + r2 * (2 * k2 + r2 * 3 * k3)) - radial * (k4 + r2 * (2 * k5 + r2 * 3 * k6))) / bottom
+            xx, yy = radial + 2 * x * x * slope + py + 4 * p2 * x, radial + 2 * y * y * slope + 4 * p1 * y + py
+            cross = 2 * x * y * slope + px
+            det = xx * yy - cross * cross
+            step_x, step_y = (yy * miss_x - cross * miss_y) / det, (xx * miss_y - cross * miss_x) / det
+            x -= np.clip(step_x, -0.5, 0.5)
+            y -= np.clip(step_y, -0.5, 0.5)
+            last = np.nanmax(np.abs([step_x, step_y]), initial=0.0)
+        wrong = ~(np.maximum(np.abs(miss_x), np.abs(miss_y)) < 1e-9)
+    z = np.stack([x, y], axis=-1)
+    return np.where((wrong | folded(distortion, z))[:, None], np.nan, z)
 
 
 def folded(distortion, xy):
@@ -150,18 +168,26 @@ def folded(distortion, xy):
 
     The fold is where d(r f(r))/dr first reaches zero along the ray; tangential terms are too small to matter.
     """
+    limit = _fold(tuple(distortion))
+    with np.errstate(invalid="ignore"):
+        return np.hypot(xy[..., 0], xy[..., 1]) >= limit
+
+
+@cache
+def _fold(distortion):
+    """Normalised radius of the first fold, inf where there is none up to 5."""
     radii = np.linspace(0.0, 5.0, 2001)
     along = np.stack([radii, np.zeros_like(radii)], axis=-1)
     radial_only = (*distortion[:2], 0.0, 0.0, *distortion[4:])
     bad = _polynomial_jacobian(radial_only, along)[:, 0, 0] <= 0
-    limit = radii[np.argmax(bad)] if bad.any() else np.inf
-    with np.errstate(invalid="ignore"):
-        return np.hypot(xy[..., 0], xy[..., 1]) >= limit
+    return radii[np.argmax(bad)] if bad.any() else np.inf
 
 
 def distort(intrinsics, xy):
     """Ideal normalised coordinates (..., 2) to recorded pixels (..., 2); NaN beyond the lens polynomial's fold."""
     xy = np.asarray(xy, float)
+    if not any(intrinsics.distortion):
+        return xy * (intrinsics.fx, intrinsics.fy) + (intrinsics.cx, intrinsics.cy)
     if intrinsics.model == "inverse_brown_conrady":
         recorded = _polynomial_inverse(intrinsics.distortion, xy)
     else:
@@ -172,7 +198,13 @@ def distort(intrinsics, xy):
 
 def undistort(intrinsics, uv):
     """Recorded pixels (..., 2) to ideal normalised coordinates (..., 2)."""
-    xy = (np.asarray(uv, float) - (intrinsics.cx, intrinsics.cy)) / (intrinsics.fx, intrinsics.fy)
+    uv = np.asarray(uv, float)
+    # one axis at a time: numpy is slow along an axis of two
+    xy = np.empty(uv.shape)
+    xy[..., 0] = (uv[..., 0] - intrinsics.cx) / intrinsics.fx
+    xy[..., 1] = (uv[..., 1] - intrinsics.cy) / intrinsics.fy
+    if not any(intrinsics.distortion):
+        return xy
     if intrinsics.model == "inverse_brown_conrady":
         return np.where(folded(intrinsics.distortion, xy)[..., None], np.nan, _polynomial(intrinsics.distortion, xy))
     return _polynomial_inverse(intrinsics.distortion, xy)

@@ -5,6 +5,7 @@ import pyarrow as pa
 VERSION = "1"
 
 LABEL_STATUS = ("ok", "out_of_frame", "behind_camera", "missing_3d", "occluded")
+SWAPPED_PART = ("all", "legs", "rest")
 LABEL_SOURCE = ("mocap", "triangulated", "interpolated")
 SKELETON_STATUS = ("ok", "too_few_views", "rejected", "gap_filled")
 OFFSET_SOURCE = ("estimated", "manual", "assumed_zero")
@@ -223,6 +224,7 @@ SCHEMAS = {
         ("stamp_ns", pa.int64(), "ns"),
         ("frame", pa.int32(), "", "the camera's picture nearest to the instant; null where there is none"),
         ("swapped", pa.bool_(), "", "left and right were exchanged in this camera's detections"),
+        ("part", _text, "", "of which joints: all, legs (hips included), rest; null: of none"),
     ),
     "labels_2d": _schema(
         ("subject", _text),
@@ -333,6 +335,7 @@ VOCABULARY = {
     ("skeletons_3d", "status"): SKELETON_STATUS,
     ("offsets", "source"): OFFSET_SOURCE,
     ("dropped_frames", "reason"): DROP_REASON,
+    ("swaps", "part"): SWAPPED_PART,
     ("findings", "severity"): SEVERITY,
     ("metrics", "metric"): tuple(METRICS),
     ("frame_metrics", "metric"): tuple(METRICS),

@@ -99,6 +99,26 @@ _MARKER_BONES = (
 BONES = tuple(tuple(bone.split("-")) for bone in f"{_JOINT_BONES} {_MARKER_BONES}".split())
 
 
+_LEG = re.compile(
+    r"(left|right)_(hip|knee|ankle|heel|foot_index|big_toe|small_toe)|[LR](ASI|PSI|THI|KNE|TIB|ANK|HEE|TOE)"
+)
+_LIMB_PARTS = (
+    ("elbow", "wrist", "pinky", "index", "thumb"),
+    ("knee", "ankle", "heel", "foot_index", "big_toe", "small_toe"),
+)
+# joints of a limb and the same ones of the limb that a detector may take for it
+LIMBS = tuple(
+    tuple(tuple(f"{side}_{part}" for part in parts) for side in sides)
+    for parts in _LIMB_PARTS
+    for sides in (("left", "right"), ("right", "left"))
+)
+
+
+def is_leg(name):
+    """Whether a joint or marker belongs to the legs, hips included."""
+    return _LEG.fullmatch(name) is not None
+
+
 def mirrored(name):
     """The name of the same joint or marker on the other side of the body."""
     if name.startswith(("left_", "right_")):

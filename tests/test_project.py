@@ -134,7 +134,7 @@ def test_what_is_written_is_what_is_read(root):
 
 def test_defaults_are_filled_in(root):
     p = project.load(root)
-    assert p.config["triangulate"] == {"method": "rays", "max_error_px": 45.0}
+    assert p.config["triangulate"]["method"] == "rays" and p.config["triangulate"]["max_error_px"] == 45.0
     assert p.config["adjust"]["min_views"] == 3 and p.config["release"]["authors"] == []
     assert p.window("field") == {"out_1": {"first": 0, "count": 100, "step": 1}} and p.window("lab") == {}
     camera = p.cameras("field")["cam01"]

@@ -102,17 +102,14 @@ def _reprojection(grids, roles, detections, swaps, min_score):
     if detections is None:
         return [], []
     table = tables.read(detections, "detections", ["camera", "frame", "joint", "u", "v", "score"])
-    exchanged = tables.read(swaps, "swaps", ["camera", "frame", "swapped"]) if swaps else None
+    exchanged = tables.read(swaps, "swaps", ["camera", "frame", "swapped", "part"]) if swaps else None
     measured = []
     for camera, grid in grids.items():
         own = tables.of_camera(table, camera)
         if roles[camera] != "close" or not reprojection.comparable(grid, own):
             continue
-        frames = []
-        if exchanged:
-            mine = tables.of_camera(exchanged, camera)
-            frames = mine["frame"][mine["swapped"]]
-        measured.append((grid, reprojection.errors(grid, own, min_score, frames)))
+        turned = tables.of_camera(exchanged, camera) if exchanged else None
+        measured.append((grid, reprojection.errors(grid, own, min_score, turned)))
     return _summed("reprojection_error", "px", measured, roles)
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from dior import camera as cam
 from dior import covariance as cov
 from dior import tables
-from dior.reconstruct.swaps import exchange
+from dior.reconstruct.swaps import exchange, in_table
 from dior.reconstruct.triangulate import observations
 from dior.views import DROP_FACTOR, by_dropping, usual_error
 
@@ -174,8 +174,7 @@ def run(*, session, sequences, names, cameras, detections, timelines, swaps, min
         uv, score, joints = observations(
             tables.read(paths[0], "detections"), tables.read(paths[1], "timeline"), names, min_score
         )
-        turned = tables.read(paths[2], "swaps")
-        swapped = np.stack([tables.of_camera(turned, name)["swapped"] for name in names])
+        swapped = in_table(tables.read(paths[2], "swaps"), names, joints)
         uv, score = exchange(uv, swapped, joints), exchange(score, swapped, joints)
         chosen = np.unique(np.linspace(0, uv.shape[1] - 1, min(uv.shape[1], MOST_INSTANTS)).round().astype(int))
         found.append(normal(rig, uv[:, chosen], score[:, chosen], joints))

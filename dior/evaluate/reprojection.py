@@ -7,25 +7,35 @@ OUTPUT   distances (frames, joints) px, NaN where either is missing or the detec
 import numpy as np
 
 from dior.evaluate.grids import distance, onto, value_grid
-from dior.skeletons import swap_index
+from dior.skeletons import is_leg, swap_index
 
 
-def errors(grid, detections, min_score, swapped_frames=()):
+def errors(grid, detections, min_score, exchanged=None):
     """Distances (F, J) px of the labels from the detections of the same frame and joint.
 
     The paper's equation (section 4.2, close range cameras) is the mean of these. Detections below `min_score` are
-    left out: the detector itself says that it guessed them. In `swapped_frames`, where triangulate found left and
-    right exchanged, they are exchanged back: swaps are counted on their own, and would drown every other error.
+    left out: the detector itself says that it guessed them. In the rows `exchanged` of `swaps`, where triangulate
+    found left and right exchanged, they are exchanged back: swaps are counted on their own, and would drown every other
+    error.
     """
     if not len(detections["frame"]):
         return np.full(grid.in_frame.shape, np.nan)
     values, frames, joints = value_grid(detections, "frame", "u", "v", "score")
-    swapped = np.isin(frames, swapped_frames)
-    values[swapped] = values[swapped][:, swap_index(joints)]
+    if exchanged is not None:
+        values = np.where(_turned(exchanged, frames, joints)[..., None], values[:, swap_index(joints)], values)
     found = onto(grid.frames, grid.joints, values, frames, joints)
     with np.errstate(invalid="ignore"):
         sure = found[..., 2] >= min_score
     return np.where(sure, distance(grid.uv, found[..., :2]), np.nan)
+
+
+def _turned(exchanged, frames, joints):
+    """Whether (F, J) a joint was exchanged in a frame. Without a part it was the whole body."""
+    legs = np.array([is_leg(name) for name in joints])
+    part = exchanged.get("part", np.full(len(exchanged["frame"]), ""))
+    found = exchanged["swapped"].astype(bool)
+    of_legs, of_rest = (np.isin(frames, exchanged["frame"][found & (part != other)]) for other in ("rest", "legs"))
+    return np.where(legs, of_legs[:, None], of_rest[:, None])
 
 
 def comparable(grid, detections):

@@ -1,10 +1,14 @@
-"""Left and right exchanged by a detector: decided per camera and instant from all views and over time.
+"""Left and right exchanged by a detector, or one limb taken for the other: decided from all views and over time.
 
-A detector that sees a person from behind may call the left side right. Every view alone looks fine; together they do
-not meet. For each combination of exchanged views the paired joints are triangulated and their reprojection error
-taken; the sequence of combinations with the least total cost is found by dynamic programming (Viterbi 1967). Exchanging
-every view gives the same pixels, so that the side itself is kept by the continuity of the 3D joints and a small price
-per exchanged view.
+A detector that sees a person from behind may call the left side right, or only the left leg. Every view alone looks
+fine; together they do not meet. For each combination of exchanged views the paired joints are triangulated and their
+disagreement taken; the sequence of combinations with the least total cost is found by dynamic programming (Viterbi
+1967), first for the whole body, then for what is left of the legs and of the rest alone. Exchanging every view gives
+the same pixels, so that the side itself is kept by the continuity of the 3D joints and a small price per exchanged
+view.
+
+Two views may also put both names on one limb. They agree with each other and not with the third, which is right. It
+shows in that their left and their right limb lie on one another in both pictures.
 """
 
 import itertools
@@ -12,15 +16,17 @@ import warnings
 
 import numpy as np
 
-from dior import camera as cam
-from dior import geometry
-from dior.skeletons import swap_index
+from dior import tables
+from dior.reconstruct import robust
+from dior.skeletons import LIMBS, is_leg, swap_index
 
 CAP = 6.0  # an error counts up to this many times the usual one, so that one wild joint does not decide
 PRICE_CHANGE = 1.0  # per view and instant, in units of the usual error: swaps come in runs
 PRICE_SWAPPED = 0.02  # per view and instant: of two equal explanations the one with fewer exchanged views
 STEP_M = 0.1  # a mean movement of the paired joints between instants that costs one usual error
 MOST_STATES = 32
+PRICE_BEGIN = 6.0  # that two views begin or cease to take one limb for the other, in units of chi squared per equation
+PRICE_WRONG = 1.0  # per instant, the same
 
 
 def combinations(views):
@@ -30,17 +36,38 @@ def combinations(views):
 
 
 def exchange(values, swapped, names):
-    """Exchange left and right joints of values (V, T, J, ...) where `swapped` (V, T) says so."""
+    """Exchange left and right joints of values (V, T, J, ...) where `swapped` (V, T) or (V, T, J) says so."""
     index = swap_index(names)
-    mask = swapped.reshape(*swapped.shape, *(1,) * (values.ndim - 2))
+    mask = swapped if swapped.ndim == 3 else swapped[:, :, None]
+    mask = mask.reshape(*mask.shape, *(1,) * (values.ndim - 3))
     return np.where(mask, values[:, :, index], values)
 
 
-def find_swaps(cameras, uv, weights, names):
-    """Whether each view's left and right are exchanged, (V, T) bool.
+def in_table(table, cameras, joints):
+    """What a `swaps` table says was exchanged, (V, T, J) bool."""
+    legs = np.array([is_leg(name) for name in joints])
+    parts = [tables.of_camera(table, camera) for camera in cameras]
+    of = np.stack([np.where(part["swapped"].astype(bool), part["part"].astype(str), "") for part in parts])
+    return np.isin(of, ("all", "legs"))[..., None] & legs | np.isin(of, ("all", "rest"))[..., None] & ~legs
+
+
+def find_exchanged(cameras, uv, weights, names):
+    """Whether each joint of each view has the other side's name, (V, T, J) bool: the whole body, the legs or the rest.
 
     `cameras` V of them, `uv` (V, T, J, 2) recorded pixels, `weights` (V, T, J), `names` J joint names.
     """
+    found = np.repeat(find_swaps(cameras, uv, weights, names)[..., None], len(names), axis=2)
+    uv, weights = exchange(uv, found, names), exchange(weights, found, names)
+    legs = np.array([is_leg(name) for name in names])
+    for part in (legs, ~legs):
+        own = [name for name, inside in zip(names, part, strict=True) if inside]
+        found[:, :, part] ^= find_swaps(cameras, uv[:, :, part], weights[:, :, part], own)[..., None]
+    found[:, :, swap_index(names) == np.arange(len(names))] = False
+    return found
+
+
+def find_swaps(cameras, uv, weights, names):
+    """Whether each view's left and right are exchanged, (V, T) bool. The same arguments as `find_exchanged`."""
     index = swap_index(names)
     paired = np.flatnonzero(index != np.arange(len(names)))
     views, count = uv.shape[:2]
@@ -48,36 +75,65 @@ def find_swaps(cameras, uv, weights, names):
         return np.zeros((views, count), bool)
     where = {joint: i for i, joint in enumerate(paired)}
     mirror = np.array([where[index[joint]] for joint in paired])
-    uv, weights = uv[:, :, paired], weights[:, :, paired]
-    xy = np.stack([cam.undistort(c.intrinsics, view) for c, view in zip(cameras, uv, strict=True)])
-    cTw = [cam.inverse_pose(c.wTc) for c in cameras]
     states = combinations(views)
-    errors, points = [], []
-    for state in states:
-        turned = [np.arange(len(paired)) if not flag else mirror for flag in state]
-        at = [np.stack([a[v][:, turned[v]] for v in range(views)]) for a in (uv, xy, weights)]
-        point = geometry.triangulate(cTw, at[1], at[2])
-        seen = np.stack([cam.project(c, point)[0] for c in cameras])
-        focal = np.array([c.intrinsics.fx for c in cameras])[:, None, None]
-        errors.append(np.linalg.norm(seen - at[0], axis=-1) / focal)
-        points.append(point)
-    return states[_cheapest_path(np.stack(errors), np.stack(points), states)].T
+    errors, points = _every_state(cameras, uv[:, :, paired], weights[:, :, paired], states, mirror)
+    return states[_cheapest_path(errors, points, states)].T
+
+
+def _every_state(cameras, uv, weights, states, mirror):
+    """Disagreement (S, T, J) px per equation to spare and points (S, T, J, 3) of the paired joints in every state.
+
+    Exchanging all views gives the mirrored joints, so that half the states need no work. NaN where fewer than two views
+    see a joint, infinite where they meet nowhere.
+    """
+    views, count, joints = uv.shape[:3]
+    rig = robust.rig_of(cameras)
+    said = robust.views_of(rig, uv, weights)
+    x, y, w = (values.reshape(views, count, joints) for values in (said.x, said.y, said.w))
+    errors, points = np.empty((len(states), count, joints)), np.empty((len(states), count, joints, 3))
+    number = {tuple(state): i for i, state in enumerate(states.tolist())}
+    done = set()
+    for i, state in enumerate(states.tolist()):
+        opposite = number.get(tuple(not flag for flag in state))
+        if opposite in done:
+            errors[i], points[i] = errors[opposite][:, mirror], points[opposite][:, mirror]
+            continue
+        done.add(i)
+        turned = [mirror if flag else slice(None) for flag in state]
+        at = robust.Views(
+            rig, *(np.stack([a[v][:, turned[v]] for v in range(views)]).reshape(views, -1) for a in (x, y, w))
+        )
+        p, chi2 = robust.meet_in_blocks(at)
+        seen = (at.w > 0).sum(axis=0)
+        error = np.where(np.isfinite(chi2), np.sqrt(chi2 / np.maximum(2 * seen - 3, 1)), np.inf)
+        errors[i] = np.where(seen >= 2, error, np.nan).reshape(count, joints)
+        points[i] = p.T.reshape(count, joints, 3)
+    return errors, points
 
 
 def _cheapest_path(errors, points, states):
-    """Index (T,) of the best state per instant. `errors` (S, V, T, J) rad, `points` (S, T, J, 3) m."""
+    """Index (T,) of the best state per instant. `errors` (S, T, J) px, `points` (S, T, J, 3) m."""
     with warnings.catch_warnings():
         # an instant that nobody saw is NaN throughout; it costs nothing below
         warnings.filterwarnings("ignore", "(Mean of empty slice|All-NaN)", RuntimeWarning)
-        usual = np.nanmedian(np.nanmin(np.nanmean(errors, axis=(1, 3)), axis=0))
+        usual = np.nanmedian(np.nanmin(np.nanmean(errors, axis=2), axis=0))
         usual = usual if np.isfinite(usual) and usual > 0 else 1.0
-        unary = np.nanmean(np.minimum(errors / usual, CAP), axis=(1, 3))
+        unary = np.nanmean(np.minimum(errors / usual, CAP), axis=2)
         unary = np.where(np.isfinite(unary), unary, 0.0) + PRICE_SWAPPED * states.sum(axis=1)[:, None]
     change = PRICE_CHANGE * (states[:, None] != states[None]).sum(axis=-1)
-    count = unary.shape[1]
-    total, came = unary[:, 0], np.zeros((count, len(states)), int)
+    return cheapest_path(unary, change + _movement(points))
+
+
+def cheapest_path(unary, change):
+    """Index (T,) of the state per instant with the least total cost (Viterbi).
+
+    `unary` (S, T), `change` (T - 1, S, S) or (S, S): cost of a state (second axis) after another (last axis).
+    """
+    states, count = unary.shape
+    change = np.broadcast_to(change, (max(count - 1, 0), states, states))
+    total, came = unary[:, 0], np.zeros((count, states), int)
     for t in range(1, count):
-        reach = total[None] + change + _movement(points[:, t], points[:, t - 1])
+        reach = total[None] + change[t - 1]
         came[t] = reach.argmin(axis=1)
         total = reach.min(axis=1) + unary[:, t]
     path = np.empty(count, int)
@@ -87,8 +143,72 @@ def _cheapest_path(errors, points, states):
     return path
 
 
-def _movement(now, before):
-    """What it costs (S, S) that joints `before` (S, J, 3) m in one state are at `now` (S, J, 3) in another."""
-    moved = np.minimum(np.linalg.norm(now[:, None] - before[None], axis=-1) / STEP_M, CAP)
-    known = np.isfinite(moved)
-    return np.where(known, moved, 0.0).sum(axis=-1) / np.maximum(known.sum(axis=-1), 1)
+def _movement(points):
+    """What it costs (T - 1, S, S) that joints (S, T, J, 3) m move from one state (last axis) to another (second)."""
+    states, count, joints = points.shape[:3]
+    out = np.empty((count - 1, states, states))
+    p = np.ascontiguousarray(np.moveaxis(points, -1, 0))
+    for now in range(states):
+        for before in range(states):
+            d = p[:, now, 1:] - p[:, before, :-1]
+            moved = np.minimum(np.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]) / STEP_M, CAP)
+            known = np.isfinite(moved)
+            out[:, now, before] = np.where(known, moved, 0.0).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
+    return out
+
+
+def find_taken(cameras, uv, score, sigma, names):
+    """Where several views put both names on one limb: (V, T, J) bool, of the name that is wrong.
+
+    `uv` with exchanged sides already turned back, `sigma` (V, J) px. Compared are, per limb and instant, chi squared of
+    the limb's own views, and that of some views' pixels from the point of the other limb, the rest being right.
+    """
+    views, count, joints = uv.shape[:3]
+    out = np.zeros((views, count, joints), bool)
+    at = {name: i for i, name in enumerate(names)}
+    weights = np.where(np.isfinite(uv).all(axis=-1), score, 0.0) / sigma[:, None]
+    for limb, other in LIMBS:
+        pairs = [(at[a], at[b]) for a, b in zip(limb, other, strict=True) if a in at and b in at]
+        if not pairs:
+            continue
+        own, others = (list(side) for side in zip(*pairs, strict=True))
+        wrong = _limb_taken(cameras, uv, weights, own, others)
+        out[:, :, own] = wrong[..., None]
+    return out
+
+
+def _limb_taken(cameras, uv, weights, own, others):
+    """Views (V, T) whose limb `own` lies on the limb `others` (joint indices) while they are the more."""
+    views, count = uv.shape[:2]
+    rig = robust.rig_of(cameras)
+    w = weights[:, :, own]
+    _, chi2 = robust.meet_in_blocks(robust.views_of(rig, uv[:, :, own], w))
+    seen = (w > 0).sum(axis=0)
+    chi2 = np.where(seen >= 2, chi2.reshape(seen.shape), np.nan)
+    states = [np.zeros(views, bool)]
+    apart = np.linalg.norm(uv[:, :, own] - uv[:, :, others], axis=-1) ** 2
+    w_apart = 1 / (1 / np.maximum(w, 1e-9) ** 2 + 1 / np.maximum(weights[:, :, others], 1e-9) ** 2)
+    apart = np.where((w > 0) & (weights[:, :, others] > 0), apart * w_apart, np.nan)
+    costs = [_mean_cost(chi2 / np.maximum(2 * seen - 3, 1))]
+    for kept in itertools.product((False, True), repeat=views):
+        wrong = np.array(kept)
+        if wrong.sum() < 2 or wrong.sum() > 3:
+            continue
+        on_other = np.where(wrong[:, None, None], apart, 0.0).sum(axis=0) / (2 * wrong.sum())
+        if views - wrong.sum() >= 2:
+            _, rest = robust.meet_in_blocks(robust.views_of(rig, uv[:, :, own], np.where(wrong[:, None, None], 0.0, w)))
+            left = np.where(wrong[:, None, None], 0.0, w > 0).sum(axis=0)
+            rest = rest.reshape(seen.shape) / np.maximum(2 * left - 3, 1)
+            on_other = np.maximum(on_other, rest)
+        states.append(wrong)
+        costs.append(_mean_cost(on_other) + PRICE_WRONG)
+    states = np.stack(states)
+    change = PRICE_BEGIN * (1.0 - np.eye(len(states)))
+    return states[cheapest_path(np.stack(costs), change)].T
+
+
+def _mean_cost(per_degree):
+    """Mean over joints (T, J), each at most `CAP` squared; 0 where nothing is known."""
+    known = ~np.isnan(per_degree)
+    cost = np.where(known, np.minimum(per_degree, CAP**2), 0.0).sum(axis=1)
+    return cost / np.maximum(known.sum(axis=1), 1)

@@ -11,9 +11,11 @@ import numpy as np
 from dior import camera as cam
 from dior import geometry, tables
 from dior.errors import DiorError
-from dior.reconstruct.swaps import exchange, find_swaps
+from dior.reconstruct import robust
+from dior.reconstruct.gates import implausible
+from dior.reconstruct.swaps import exchange, find_exchanged, find_taken
 from dior.sampling import blend
-from dior.views import DROP_FACTOR, by_dropping, usual_error
+from dior.skeletons import is_leg
 
 METHODS = ("robust", "rays")
 # a detector exchanges the sides of some walkers who turn away, but not those of most pictures
@@ -65,6 +67,9 @@ def run(
     method,
     min_score,
     max_error_px,
+    max_speed,
+    max_body_speed,
+    max_bone_change,
     out,
     out_swaps,
     findings,
@@ -80,30 +85,44 @@ def run(
     line = tables.read(timeline, "timeline")
     uv, score, joints = observations(tables.read(detections, "detections"), line, names, min_score)
     stamps = line["stamp_ns"][:: len(tables.ordered_unique(line["camera"]))]
-    swapped = np.zeros(uv.shape[:2], bool)
+    fps = rate(stamps)
+    swapped = np.zeros(uv.shape[:3], bool)
+    taken = np.zeros(uv.shape[:3], bool)
     if method == "robust":
-        swapped = find_swaps(rig, uv, score, joints)
+        swapped = find_exchanged(rig, uv, score, joints)
         uv, score = exchange(uv, swapped, joints), exchange(score, swapped, joints)
-        limit = min(max_error_px, DROP_FACTOR * usual_error(rig, uv, score))
-        points, residual, used, good = by_dropping(rig, uv, score, limit, max_error_px)
+        sigma = robust.noise(rig, uv, score, fps)
+        taken = find_taken(rig, uv, score, sigma, joints)
+        score = np.where(taken, 0.0, score)
+        found = robust.triangulate(rig, uv, score, fps, sigma)
+        points, used, residual = found.points, found.used, found.residual
+        good = found.scaled <= max_error_px  # false for NaN
     else:
         used = score > 0
         points = by_rays(rig, np.where(used[..., None], uv, np.nan))
         errors = np.where(used, cam.reprojection_errors(rig, points, uv), 0.0)
         residual = errors.sum(axis=0) / np.maximum(used.sum(axis=0), 1)
         good = np.ones(residual.shape, bool)
+        sigma = robust.noise(rig, uv, score, fps)
+    weights = np.where(used, score, 0.0) / sigma[:, None]
+    covariance = robust.covariance(rig, points, weights)
     enough = (used.sum(axis=0) >= 2) & np.isfinite(points).all(axis=-1)
     good &= in_front(rig, points, used)
+    if method == "robust":
+        sound = np.where((enough & good)[..., None], points, np.nan)
+        good &= ~implausible(sound, covariance, joints, fps, max_speed, max_body_speed, max_bone_change)
     status = np.where(~enough, "too_few_views", np.where(good, "ok", "rejected"))
     points = np.where((status == "ok")[..., None], points, np.nan)
     residual = np.where(enough, residual, np.nan)
-    write_skeleton(out, subject, sequence, joints, stamps, points, status, used.sum(axis=0), residual)
-    write_swaps(out_swaps, names, stamps, nearest_frames(line, names), swapped)
-    tables.write_findings(findings, _findings(sequence, names, swapped, status))
+    covariance = np.where((status == "ok")[..., None, None], covariance, np.nan)
+    write_skeleton(out, subject, sequence, joints, stamps, points, status, used.sum(axis=0), residual, covariance)
+    write_swaps(out_swaps, names, stamps, nearest_frames(line, names), swapped, joints)
+    found = _findings(sequence, names, swapped.any(axis=2), status) + _taken_findings(sequence, names, taken)
+    tables.write_findings(findings, found)
 
 
-def write_skeleton(path, subject, sequence, joints, stamps, points, status, n_views, residual):
-    """Write `skeletons_3d` from points (T, J, 3) and what is known about them (T, J)."""
+def write_skeleton(path, subject, sequence, joints, stamps, points, status, n_views, residual, covariance=None):
+    """Write `skeletons_3d` from points (T, J, 3), their covariance (T, J, 3, 3) and what is known about them (T, J)."""
     count, each = points.shape[:2]
     once = np.zeros(count * each, int)
     tables.write(
@@ -116,11 +135,27 @@ def write_skeleton(path, subject, sequence, joints, stamps, points, status, n_vi
             "instant": np.repeat(np.arange(count), each),
             "stamp_ns": np.repeat(stamps, each),
             **{axis: points[..., i].ravel() for i, axis in enumerate("xyz")},
+            **({} if covariance is None else sigmas(covariance.reshape(-1, 3, 3))),
             "n_views": n_views.ravel(),
             "residual_px": residual.ravel(),
             "status": status.ravel(),
         },
     )
+
+
+def sigmas(covariance):
+    """The columns of `skeletons_3d` that say a covariance (N, 3, 3) m^2."""
+    sd = np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
+    axes = "xyz"
+    pairs = ((0, 1), (0, 2), (1, 2))
+    return {f"sigma_{axis}": sd[:, i] for i, axis in enumerate(axes)} | {
+        f"rho_{axes[i]}{axes[j]}": covariance[:, i, j] / (sd[:, i] * sd[:, j]) for i, j in pairs
+    }
+
+
+def rate(stamps_ns):
+    """Instants per second."""
+    return 1e9 / float(np.median(np.diff(stamps_ns))) if len(stamps_ns) > 1 else 1.0
 
 
 def nearest_frames(timeline, names):
@@ -129,9 +164,11 @@ def nearest_frames(timeline, names):
     return np.stack([np.where(at["weight"] < 0.5, at["frame_before"], at["frame_after"]) for at in lines])
 
 
-def write_swaps(path, names, stamps, frames, swapped):
-    """Write `swaps` from the nearest frames (V, T) and swapped (V, T)."""
+def write_swaps(path, names, stamps, frames, swapped, joints):
+    """Write `swaps` from the nearest frames (V, T) and swapped (V, T, J)."""
     count = len(stamps)
+    legs = np.array([is_leg(name) for name in joints])
+    of_legs, of_rest = swapped[:, :, legs].any(axis=2).ravel(), swapped[:, :, ~legs].any(axis=2).ravel()
     tables.write(
         path,
         "swaps",
@@ -140,7 +177,8 @@ def write_swaps(path, names, stamps, frames, swapped):
             "instant": np.tile(np.arange(count), len(names)),
             "stamp_ns": np.tile(stamps, len(names)),
             "frame": frames.ravel(),
-            "swapped": swapped.ravel(),
+            "swapped": of_legs | of_rest,
+            "part": np.select([of_legs & of_rest, of_legs, of_rest], ["all", "legs", "rest"], ""),
         },
     )
 
@@ -160,6 +198,17 @@ def _findings(sequence, names, swapped, status):
         text = f"{missing:.0%} of the 3D joints could not be triangulated: {_shares(status)}"
         found.append((sequence, "warning", "missing_3d", text))
     return found
+
+
+def _taken_findings(sequence, names, taken):
+    """Where a camera's detections (V, T, J) put both sides' names on one limb together with another camera's."""
+    text = "with another camera, one limb was taken for the other at {} of {} instants; left out there"
+    hit = taken.any(axis=2)
+    return [
+        (f"{sequence}/{name}", "info", "limb_taken_for_other", text.format(int(row.sum()), len(row)))
+        for name, row in zip(names, hit, strict=True)
+        if row.any()
+    ]
 
 
 def _shares(status):

@@ -55,7 +55,7 @@ def run(*, sequence, frames, data_root, labels, detections, swaps, min_score, bo
     grids = label_grids(labels)
     index = tables.read(frames, "frames")
     found = None if detections is None else tables.read(detections, "detections")
-    exchanged = None if swaps is None else tables.read(swaps, "swaps", ["camera", "frame", "swapped"])
+    exchanged = None if swaps is None else tables.read(swaps, "swaps", ["camera", "frame", "swapped", "part"])
     chosen = {}
     for camera, grid in grids.items():
         boxed = box_files.read(boxes[camera], grid.frames) if camera in boxes else (np.array([], int), np.empty((0, 4)))
@@ -108,11 +108,8 @@ def view_of(width, height, uv, zoomed):
 
 
 def _exchanged(swaps, camera):
-    """Frames in which a camera's left and right were found exchanged."""
-    if swaps is None:
-        return []
-    mine = tables.of_camera(swaps, camera)
-    return mine["frame"][mine["swapped"]]
+    """The rows of `swaps` of a camera."""
+    return None if swaps is None else tables.of_camera(swaps, camera)
 
 
 def _detected(table, number, min_score):

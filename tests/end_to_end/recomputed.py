@@ -87,12 +87,14 @@ def _reprojection(project, seen):
             continue
         found = pd.read_parquet(path).astype({"camera": str, "joint": str}).assign(sequence=sequence)
         swaps = pd.read_parquet(project / f"results/triangulate/{sequence}.swaps.parquet").astype({"camera": str})
-        swaps = swaps.loc[swaps["swapped"] & swaps["frame"].notna(), ["camera", "frame"]].drop_duplicates()
+        swaps = swaps.loc[swaps["swapped"] & swaps["frame"].notna(), ["camera", "frame", "part"]].drop_duplicates()
         found = found.merge(swaps.assign(swapped=True), on=["camera", "frame"], how="left")
         side = found["joint"].str.extract("^(left|right)_")[0]
         turned = found["joint"].str.replace("^(left|right)_", "", regex=True)
         turned = side.map({"left": "right_", "right": "left_"}).fillna("") + turned
-        found["joint"] = np.where(found["swapped"].eq(True), turned, found["joint"])
+        leg = found["joint"].str.contains("hip|knee|ankle|heel|foot")
+        of_joint = found["part"].isin(["all", "legs"]).where(leg, found["part"].isin(["all", "rest"]))
+        found["joint"] = np.where(found["swapped"].eq(True) & of_joint, turned, found["joint"])
         parts.append(found[found["score"] >= 0.3])
     found = _other(pd.concat(parts))[["sequence", "camera", "frame", "joint", "other_u", "other_v"]]
     close = seen[seen["role"] == "close"]

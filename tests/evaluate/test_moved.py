@@ -116,5 +116,5 @@ def write(folder, sequence, names, uv):
     tables.write(
         folder / f"{sequence}.swaps.parquet",
         "swaps",
-        by_camera | {"frame": instant, "swapped": np.zeros(len(instant), bool)},
+        by_camera | {"frame": instant, "swapped": np.zeros(len(instant), bool), "part": [""] * len(instant)},
     )

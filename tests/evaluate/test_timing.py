@@ -28,10 +28,11 @@ def test_what_a_job_used_is_written_beside_its_log(tmp_path, monkeypatch):
 
 def test_nothing_is_written_by_hand_or_by_a_job_that_failed(tmp_path, monkeypatch):
     monkeypatch.delenv(timing.FOLDER, raising=False)
-    timing.write("align", {"session": "field"}, time.monotonic())
+    timing.write("audit", {"sequence": "walk_1"}, time.monotonic())
     monkeypatch.setenv(timing.FOLDER, str(tmp_path / "logs"))
-    missing = [word for flag in ("camera-file", "intrinsics", "out") for word in (f"--{flag}", str(tmp_path / flag))]
-    assert cli.main(["align", "--session", "field", "--camera", "cam04", *missing]) == 1
+    missing = [word for flag in ("frames", "data-root", "out") for word in (f"--{flag}", str(tmp_path / flag))]
+    missing += [word for flag in ("out-dropped", "findings") for word in (f"--{flag}", str(tmp_path / flag))]
+    assert cli.main(["audit", "--sequence", "walk_1", *missing]) == 1
     assert not (tmp_path / "logs").exists()
 
 

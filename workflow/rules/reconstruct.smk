@@ -54,6 +54,9 @@ rule triangulate:
         names=close_names,
         method=CONFIG["triangulate"]["method"],
         max_error_px=CONFIG["triangulate"]["max_error_px"],
+        max_speed=CONFIG["triangulate"]["max_speed_m_s"],
+        max_body_speed=CONFIG["triangulate"]["max_body_speed_m_s"],
+        max_bone_change=CONFIG["triangulate"]["max_bone_change"],
         min_score=CONFIG["detector"]["min_score"],
         code=code("reconstruct.triangulate"),
     shell:
@@ -67,6 +70,9 @@ rule triangulate:
         " --method {params.method}"
         " --min-score {params.min_score}"
         " --max-error-px {params.max_error_px}"
+        " --max-speed {params.max_speed}"
+        " --max-body-speed {params.max_body_speed}"
+        " --max-bone-change {params.max_bone_change}"
         " --out {output.skeleton:q}"
         " --out-swaps {output.swaps:q}"
         " --findings {output.findings:q}"

@@ -1,0 +1,103 @@
+"""What a body cannot do: be somewhere else the next instant, or have bones of other lengths.
+
+INPUTS   triangulated joints (T, J, 3) m, their covariance, the rate of the instants
+OUTPUTS  which joints are implausible (T, J)
+Two views that agree on another person, or on a wrong thing, pass every test in pixels; they do not pass these.
+"""
+
+import numpy as np
+
+from dior.skeletons import bones_of
+
+SIGMAS = 4.0  # a gate opens by so many standard deviations of what it looks at
+MOST_MISSING_S = 0.5  # after a longer gap the body may be anywhere
+BODY = ("left_hip", "right_hip", "left_shoulder", "right_shoulder", "LASI", "RASI", "LSHO", "RSHO")
+# A way there and back is worth as much as what is left out without it lasts (s/m): nobody goes 2 m aside and back in
+# less than 0.6 s, but a hand goes 0.6 m and back in 0.1 s.
+DETOUR_BODY, DETOUR_JOINT = 0.15, 0.03
+FEWEST = 10  # instants that a bone's usual length needs
+
+
+def implausible(points, covariance, names, fps, max_speed, max_body_speed, max_bone_change):
+    """Whether (T, J) each known joint cannot be where it is.
+
+    First the middle of the body, with all its joints, then each joint: the best history is kept in which it moves no
+    faster than the speed (m/s). Then bones whose length is off their median by more than the share `max_bone_change`.
+    """
+    known = np.isfinite(points).all(axis=-1)
+    variance = np.where(known, np.trace(covariance, axis1=-2, axis2=-1), np.nan)
+    trunk = [names.index(name) for name in BODY if name in names] or list(range(len(names)))
+    few = known[:, trunk].sum(axis=1)
+    weight = known[:, trunk] / np.maximum(few, 1)[:, None]
+    middle = np.einsum("tj,tjx->tx", weight, np.where(known[..., None], points, 0.0)[:, trunk])
+    spread = np.einsum("tj,tj->t", weight, np.where(known, variance, 0.0)[:, trunk])
+    stranger = (few > 0) & ~_reachable(
+        middle[:, None], spread[:, None], few[:, None] > 0, fps, max_body_speed, DETOUR_BODY
+    )[:, 0]
+    bad = known & stranger[:, None]
+    bad |= known & ~bad & ~_reachable(points, variance, known & ~bad, fps, max_speed, DETOUR_JOINT)
+    return bad | _odd_bones(points, variance, known & ~bad, names, max_bone_change)
+
+
+def _reachable(points, variance, known, fps, speed, detour):
+    """Which of the known points (T, K, 3) belong to the best history without a jump, (T, K) bool, each k on its own.
+
+    The best has the most instants, less `detour` (s/m) for the way that it goes. Dynamic programming over the instants:
+    a point follows one of the last `MOST_MISSING_S` that is near enough for the time in between, or anything before.
+    """
+    count, each = known.shape
+    window = max(1, int(MOST_MISSING_S * fps))
+    worth, came = np.full((count, each), -np.inf), np.full((count, each), -1)
+    highest, where = np.zeros(each), np.full(each, -1)  # of what is older than the window
+    columns = np.arange(each)
+    for t in range(count):
+        older = t - window - 1
+        if older >= 0:
+            more = worth[older] > highest
+            highest, where = np.where(more, worth[older], highest), np.where(more, older, where)
+        since = np.arange(max(0, t - window), t)
+        best, before = highest, where
+        if len(since):
+            far = np.sqrt(((points[since] - points[t]) ** 2).sum(axis=-1))
+            room = speed * (t - since)[:, None] / fps + SIGMAS * np.sqrt(variance[since] + variance[t])
+            can = np.where(known[since] & (far <= room), worth[since] - detour * fps * far, -np.inf)
+            last = can.argmax(axis=0)
+            better = can[last, columns] > highest
+            best, before = np.where(better, can[last, columns], highest), np.where(better, since[last], where)
+        worth[t] = np.where(known[t], best + 1, -np.inf)
+        came[t] = before
+    keep = np.zeros((count, each), bool)
+    at = np.where(known.any(axis=0), worth.argmax(axis=0), -1)
+    while (at >= 0).any():
+        on = columns[at >= 0]
+        keep[at[on], on] = True
+        at[on] = came[at[on], on]
+    return keep
+
+
+def _odd_bones(points, variance, known, names, most):
+    """Joints (T, J) at the end of bones that are too long or too short. Of the two ends the one with more such bones.
+
+    With as many at both ends it is the farther one from the trunk, which detectors get wrong more often.
+    """
+    bones = bones_of(names)
+    bad = np.zeros(known.shape, bool)
+    if not len(bones):
+        return bad
+    a, b = bones.T
+    with np.errstate(invalid="ignore"):
+        length = np.where(known[:, a] & known[:, b], np.linalg.norm(points[:, a] - points[:, b], axis=-1), np.nan)
+    enough = np.isfinite(length).sum(axis=0) >= FEWEST
+    usual = np.full(len(bones), np.nan)
+    usual[enough] = np.nanmedian(length[:, enough], axis=0)
+    with np.errstate(invalid="ignore"):
+        odd = np.abs(length - usual) > most * usual + SIGMAS * np.sqrt(variance[:, a] + variance[:, b])
+    count = np.zeros(known.shape, int)
+    for bone, (one, two) in enumerate(bones):
+        count[:, one] += odd[:, bone]
+        count[:, two] += odd[:, bone]
+    for bone, (one, two) in enumerate(bones):
+        near = count[:, one] > count[:, two]
+        bad[:, one] |= odd[:, bone] & near
+        bad[:, two] |= odd[:, bone] & ~near
+    return bad

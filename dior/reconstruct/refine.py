@@ -1,0 +1,145 @@
+"""3D joints smoothed over the whole sequence.
+
+INPUTS   `skeletons_3d` of triangulate, with covariances and how long the errors last (its metadata)
+OUTPUTS  `skeletons_3d`: the same rows, smoothed; short gaps bridged as `gap_filled`; `findings`
+World frame, metres. Every joint follows the best path through all its points (`smooth`): jerk as small as the joint's
+own movement asks for (by likelihood), noise correlated in time as the residuals show. What of the noise lasts cannot be
+smoothed away: it is left in the covariance. Then the bones get their lengths back, as far as these are constant.
+"""
+
+import numpy as np
+
+from dior import tables
+from dior.reconstruct.smooth import smooth
+from dior.reconstruct.triangulate import rate, write_skeleton
+
+JERKS = np.geomspace(10.0, 10000.0, 9)  # m/s^3 of a joint: from a head to a foot that meets the floor
+LEARN = 400  # instants that a joint's jerk is learned from
+LEAST_POINTS = 10  # a joint seen less often is left as it is
+LEAST_SD_M = 0.003  # no landmark of a body keeps its distance to another better than this
+RIGID = tuple(
+    pair
+    for side in ("left", "right")
+    for pair in (
+        (f"{side}_shoulder", f"{side}_elbow"),
+        (f"{side}_elbow", f"{side}_wrist"),
+        (f"{side}_hip", f"{side}_knee"),
+        (f"{side}_knee", f"{side}_ankle"),
+        (f"{side}_ankle", f"{side}_heel"),
+        (f"{side}_heel", f"{side}_foot_index"),
+        (f"{side}_heel", f"{side}_big_toe"),
+    )
+) + (("left_hip", "right_hip"), ("left_ear", "right_ear"))
+
+
+def run(*, sequence, subject, skeleton, max_gap_s, out, findings):
+    """Write the refined skeleton of one sequence."""
+    table = tables.read(skeleton, "skeletons_3d")
+    about = tables.metadata(skeleton)
+    points, joints = tables.grid(table, "x", "y", "z")
+    shape = points.shape[:2]
+    covariance = covariance_of(table).reshape(*shape, 3, 3)
+    stamps = table["stamp_ns"].reshape(shape)[:, 0]
+    status = table["status"].astype(str).reshape(shape)
+    time, stays = (float(about.get(key, 0.0)) for key in ("noise_time_s", "noise_stays"))
+    points, covariance, filled = refined(points, covariance, joints, rate(stamps), time, stays, max_gap_s)
+    status = np.where(filled, "gap_filled", status)
+    n_views = np.where(filled, 0, table["n_views"].reshape(shape))
+    residual = table["residual_px"].reshape(shape)
+    write_skeleton(out, subject, sequence, joints, stamps, points, status, n_views, residual, covariance)
+    text = f"{filled.mean():.1%} of the 3D joints were bridged over gaps of at most {max_gap_s:g} s"
+    tables.write_findings(findings, [(sequence, "info", "gaps_bridged", text)] if filled.any() else [])
+
+
+def covariance_of(table):
+    """Covariances (N, 3, 3) m^2 of the rows of `skeletons_3d`."""
+    sd = np.stack([table[f"sigma_{axis}"] for axis in "xyz"], axis=-1).astype(float)
+    rho = np.ones((len(sd), 3, 3))
+    for i, j in ((0, 1), (0, 2), (1, 2)):
+        rho[:, i, j] = rho[:, j, i] = table[f"rho_{'xyz'[i]}{'xyz'[j]}"]
+    return rho * sd[:, :, None] * sd[:, None]
+
+
+def refined(points, covariance, names, fps, time_s, stays, max_gap_s):
+    """Smoothed points (T, J, 3), their covariance (T, J, 3, 3), and which were bridged (T, J).
+
+    `time_s`, `stays`: the noise dies away with this time constant but for this share of its variance.
+    """
+    known = np.isfinite(points).all(axis=-1) & np.isfinite(covariance).all(axis=(-1, -2))
+    enough = np.flatnonzero(known.sum(axis=0) >= LEAST_POINTS)
+    filled = np.zeros(known.shape, bool)
+    if not len(enough):
+        return points, covariance, filled
+    given = np.where(known[..., None], points, np.nan)[:, enough]
+    # of what does not die away the smoother knows nothing
+    noise = (1 - stays) * covariance[:, enough]
+    keep = float(np.exp(-1 / (fps * time_s))) if time_s > 0 else 0.0
+    path, spread, _ = smooth(given, noise, keep, learned(given, noise, keep, fps))
+    gaps = _short_gaps(known[:, enough], int(max_gap_s * fps))
+    lasting = stays * _carried(covariance[:, enough], known[:, enough])
+    path, spread = with_bones(path, spread, lasting, [names[j] for j in enough])
+    told = known[:, enough] | gaps
+    points, covariance = points.copy(), covariance.copy()
+    points[:, enough] = np.where(told[..., None], path, np.nan)
+    covariance[:, enough] = np.where(told[..., None, None], spread + lasting, np.nan)
+    filled[:, enough] = gaps
+    return points, covariance, filled
+
+
+def learned(points, noise, keep, fps):
+    """Standard deviation (J,) m of third differences under which the points are most likely, of `JERKS`."""
+    known = np.isfinite(points).all(axis=-1)
+    # where most is known
+    seen = np.convolve(known.sum(axis=1), np.ones(min(LEARN, len(known))), "valid")
+    rows = slice(int(seen.argmax()), int(seen.argmax()) + LEARN)
+    likelihood = []
+    for jerk in JERKS:
+        sd = np.full(points.shape[1], jerk / fps**3)
+        likelihood.append(smooth(points[rows], noise[rows], keep, sd)[2])
+    return JERKS[np.argmax(likelihood, axis=0)] / fps**3
+
+
+def _short_gaps(known, most):
+    """Missing (T, J) between known instants at most `most` + 1 apart."""
+    count = len(known)
+    at = np.arange(count)[:, None]
+    before = np.maximum.accumulate(np.where(known, at, -1), axis=0)
+    after = np.minimum.accumulate(np.where(known, at, count)[::-1], axis=0)[::-1]
+    return ~known & (before >= 0) & (after < count) & (after - before - 1 <= most)
+
+
+def _carried(covariance, known):
+    """Covariances (T, J, 3, 3), those of the last known instant where there is none."""
+    at = np.maximum.accumulate(np.where(known, np.arange(len(known))[:, None], 0), axis=0)
+    first = known.argmax(axis=0)
+    at = np.maximum(at, first)
+    return covariance[at, np.arange(known.shape[1])]
+
+
+def with_bones(path, spread, lasting, names):
+    """Path (T, J, 3) and its covariance (T, J, 3, 3) after the rigid segments were told their length.
+
+    A length is the median over the sequence; how well it holds is what its scatter has over the path's own uncertainty,
+    and the lasting error of its ends, which the median has too. One update per bone, as of a Kalman filter.
+    """
+    path, spread = path.copy(), spread.copy()
+    for one, two in RIGID:
+        if one not in names or two not in names:
+            continue
+        a, b = names.index(one), names.index(two)
+        d = path[:, b] - path[:, a]
+        length = np.linalg.norm(d, axis=-1)
+        n = d / np.maximum(length, 1e-9)[:, None]
+        Ca, Cb = (np.einsum("tij,tj->ti", spread[:, j], n) for j in (a, b))
+        own = np.einsum("ti,ti->t", n, Ca + Cb)
+        bias = np.einsum("ti,tij,tj->t", n, lasting[:, a] + lasting[:, b], n)
+        usual = np.median(length)
+        scatter = (1.4826 * np.median(np.abs(length - usual))) ** 2
+        soft = max(scatter - np.median(own), LEAST_SD_M**2) + np.median(bias)
+        gain = 1 / (own + soft)
+        off = usual - length
+        path[:, a] -= Ca * (gain * off)[:, None]
+        path[:, b] += Cb * (gain * off)[:, None]
+        spread[:, a] -= gain[:, None, None] * Ca[:, :, None] * Ca[:, None]
+        spread[:, b] -= gain[:, None, None] * Cb[:, :, None] * Cb[:, None]
+    return path, spread

@@ -1,0 +1,357 @@
+"""Points from several views of which some are wrong: fast where all agree, subsets of views only where they do not.
+
+INPUTS   cameras, detections at the instants (V, T, J), their scores
+OUTPUTS  `Points`: 3D joints (T, J, 3), the views used, residuals, and the noise of the detections
+World in metres, recorded pixels; NaN is missing. What no two views agree on is not good.
+
+A point of three views in which one is wrong leaves three pairs, and each pair has one equation more than unknowns: a
+wrong view whose error lies along the epipolar lines agrees with both others. So the choice also asks where the joint
+was just before and after: its prediction between the nearest good instants, whose error is measured on good points.
+"""
+
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+
+from dior import camera as cam
+from dior import geometry
+
+DROP_FACTOR = 3.0  # a view disagrees where the residuals are this many times what the noise makes of them
+ROUNDS = 3
+LEAST_PX = 0.05  # no detector is better
+SAMPLE = 2500  # points that the noise is estimated from: its error is then a few per cent
+APART_S = 0.3  # residuals nearer in time say the same: the noise of pose networks is correlated over 0.15 s
+SHRINK = 30.0  # a joint's noise in a view is mixed with the view's as if so many independent equations spoke for that
+LASTS_S, DIES_S = 1.0, 0.1  # lags at which the correlation of the residuals is looked at
+PREDICT_S = 0.2  # a joint is predicted from good instants at most this far away on either side
+
+
+@dataclass(frozen=True)
+class Points:
+    """Triangulated joints.
+
+    `points` (T, J, 3) m, `used` (V, T, J) bool, `residual` (T, J) px mean distance of the detections used, `scaled` the
+    same at fx 1680, `sigma` (V, J) px of a detection with score 1, in u and in v.
+    """
+
+    points: np.ndarray
+    used: np.ndarray
+    residual: np.ndarray
+    scaled: np.ndarray
+    sigma: np.ndarray
+
+
+@dataclass(frozen=True)
+class Rig:
+    """`linear` and `origin` of `geometry.equations`; `rows` (V, 3, 4): cTw from that origin; `cameras`."""
+
+    cameras: tuple
+    linear: np.ndarray
+    origin: np.ndarray
+    rows: np.ndarray
+
+
+@dataclass(frozen=True)
+class Views:
+    """What the views of a rig say, flat: coordinates x, y and weights w (V, N); 1/w is the noise of x and y."""
+
+    rig: Rig
+    x: np.ndarray
+    y: np.ndarray
+    w: np.ndarray
+
+    def at(self, columns):
+        """The views of some points."""
+        return Views(self.rig, self.x[:, columns], self.y[:, columns], self.w[:, columns])
+
+
+def rig_of(cameras):
+    cTw = np.stack([cam.inverse_pose(c.wTc) for c in cameras])
+    linear, origin = geometry.equations(cTw)
+    rows = cTw[:, :3].copy()
+    rows[..., 3] += rows[..., :3] @ origin
+    return Rig(tuple(cameras), linear, origin, rows)
+
+
+def views_of(rig, uv, weights):
+    """`Views` of pixels (V, ..., 2) with weights (V, ...) in 1/px; a missing one has weight 0."""
+    xy = [cam.undistort(c.intrinsics, view).reshape(-1, 2) for c, view in zip(rig.cameras, uv, strict=True)]
+    x, y = (np.stack([view[:, i] for view in xy]) for i in range(2))
+    w = weights.reshape(len(xy), -1) * np.array([c.intrinsics.fx for c in rig.cameras])[:, None]
+    seen = np.isfinite(x + y) & (w > 0)
+    if not seen.all():
+        x, y, w = (np.where(seen, values, 0.0) for values in (x, y, w))
+    return Views(rig, x, y, w)
+
+
+def meet(views):
+    """Points (3, N) from the rig's origin and their chi squared (N,); NaN where they meet nowhere.
+
+    The equations are weighted by the depths of a first solution, which makes them the reprojection's own. A point
+    behind a view that has a say is nowhere.
+    """
+    axes, shift = views.rig.rows[:, 2, :3], views.rig.rows[:, 2, 3:]
+    says = views.w > 0
+    with np.errstate(all="ignore"):
+        first, _, _ = geometry.meet(views.rig.linear, views.x, views.y, views.w * views.w)
+        w2 = views.w / (axes @ first + shift)
+        w2 *= w2
+        points, chi2, fine = geometry.meet(views.rig.linear, views.x, views.y, w2)
+        fine &= ((axes @ points + shift > 0) | ~says).all(axis=0) & (says.sum(axis=0) >= 2)
+    points[:, ~fine] = np.nan
+    chi2[~fine] = np.nan
+    return points, np.maximum(chi2, 0.0, out=chi2)
+
+
+def meet_in_blocks(views):
+    """`meet` of many points."""
+    count = views.x.shape[1]
+    points, chi2 = np.empty((3, count)), np.empty(count)
+    for start in range(0, count, geometry.BLOCK):
+        block = slice(start, start + geometry.BLOCK)
+        points[:, block], chi2[block] = meet(views.at(block))
+    return points, chi2
+
+
+def residuals(views, points):
+    """Whitened residuals (V, 2, N) of points (3, N), and their share (V, N) of 2 that the view's own say left over."""
+    p = views.rig.rows[..., :3] @ points + views.rig.rows[..., 3:]
+    scale = views.w / p[:, 2]
+    left = np.stack([views.x * p[:, 2] - p[:, 0], views.y * p[:, 2] - p[:, 1]], axis=1) * scale[:, None]
+    third = views.rig.rows[:, 2, :3, None]
+    J = np.stack(
+        [c[:, None] * third - views.rig.rows[:, i, :3, None] for i, c in enumerate((views.x, views.y))], axis=1
+    )
+    J = np.moveaxis(J * scale[:, None, None], -1, 0)  # (N, V, 2, 3)
+    C = np.linalg.inv(np.einsum("nvai,nvaj->nij", J, J))
+    return left, 2.0 - np.einsum("nvai,nij,nvaj->vn", J, C, J)
+
+
+def noise(cameras, uv, score, fps):
+    """Standard deviation (V, J) px, in u and in v, of a detection with score 1; that of score s is 1/s of it.
+
+    From the residuals of a sample of the instants at which all views agree, with the degrees of freedom that the points
+    took (Helmert's variance components): the residuals themselves are smaller than the errors.
+    """
+    joints = uv.shape[2]
+    seen = (score > 0).sum(axis=0) >= 2
+    rows = np.flatnonzero(seen.any(axis=1))
+    if not len(rows):
+        return np.full((len(cameras), joints), np.nan)
+    every = max(1, len(rows) * joints // SAMPLE)
+    rows = rows[::every]
+    independent = min(1.0, every / fps / APART_S)
+    uv, score = uv[:, rows], score[:, rows]
+    joint = np.tile(np.arange(joints), len(rows))
+    start = views_of(rig_of(cameras), uv, np.where(score > 0, score, 0.0))
+    degrees = 2 * (start.w > 0).sum(axis=0) - 3
+    points, chi2 = meet(start)
+    known = np.isfinite(chi2) & (degrees >= 1)
+    if not known.any():
+        return np.full((len(cameras), joints), np.nan)
+    # half of the points agree, whatever the others do
+    per_degree = np.median(chi2[known] / _median_chi2(degrees[known]))
+    sigma = np.full((len(cameras), joints), np.sqrt(per_degree))
+    for _ in range(ROUNDS):
+        views = replace(start, w=start.w / sigma[:, joint])
+        points, chi2 = meet(views)
+        agree = np.flatnonzero(chi2 <= DROP_FACTOR**2 * degrees)
+        left, free = residuals(views.at(agree), points[:, agree])
+        free = np.where(views.w[:, agree] > 0, free, 0.0)
+        square = (left**2).sum(axis=1) * sigma[:, joint[agree]] ** 2
+        sums = [np.stack([np.bincount(joint[agree], v, joints) for v in values]) for values in (square, free)]
+        total = sums[0].sum() / sums[1].sum()
+        sums = [values * independent for values in sums]
+        of_view = [values.sum(axis=1, keepdims=True) for values in sums]
+        of_view = (of_view[0] + SHRINK * total) / (of_view[1] + SHRINK)
+        sigma = np.maximum(np.sqrt((sums[0] + SHRINK * of_view) / (sums[1] + SHRINK)), LEAST_PX)
+    return sigma
+
+
+def _median_chi2(degrees):
+    """Median of chi squared (Wilson and Hilferty 1931), good to 1 % from one degree on."""
+    return degrees * (1 - 2 / (9 * degrees)) ** 3
+
+
+def triangulate(cameras, uv, score, fps, sigma=None):
+    """`Points` of pixels uv (V, T, J, 2) with scores (V, T, J), 0 for a view without a say.
+
+    Views that disagree are left out, one more at a time, as long as a point's residuals are `DROP_FACTOR` times the
+    noise. Of the subsets of one size that is taken which agrees best with itself and with the joint's prediction.
+    """
+    shape = count, joints = uv.shape[1:3]
+    sigma = noise(cameras, uv, score, fps) if sigma is None else sigma
+    rig = rig_of(cameras)
+    weights = score / sigma[:, None]
+    points, chi2, used, pixels, scaled = _all_views(rig, uv, weights)
+    seen = used.sum(axis=0, dtype=np.int8)
+    good = chi2 <= DROP_FACTOR**2 * (2 * seen - 3)
+    bad = np.flatnonzero(~good & (seen > 2))
+    if len(bad):
+        expected, spread = predicted(points.reshape(3, count, joints), good.reshape(shape), bad, fps)
+        uv = uv.reshape(len(cameras), -1, 2)[:, bad]
+        views = views_of(rig, uv, weights.reshape(len(cameras), -1)[:, bad])
+        points[:, bad], used[:, bad] = _best_subsets(views, points[:, bad], chi2[bad], expected, spread)
+        pixels[bad], scaled[bad] = _errors(rig, points[:, bad], uv, used[:, bad])
+    xyz = np.empty((points.shape[1], 3))
+    np.add(points.T, rig.origin, out=xyz)
+    return Points(xyz.reshape(*shape, 3), used.reshape(-1, *shape), pixels.reshape(shape), scaled.reshape(shape), sigma)
+
+
+def _all_views(rig, uv, weights):
+    """With every view: points (3, N) from the rig's origin, chi squared (N,), views used (V, N), both `_errors`."""
+    joints = uv.shape[2]
+    count = uv.shape[1] * joints
+    points, left, used = np.empty((3, count)), np.empty((3, count)), np.empty((len(uv), count), bool)
+    step = max(1, geometry.BLOCK // joints)
+    for start in range(0, uv.shape[1], step):
+        block = slice(start * joints, (start + step) * joints)
+        some = uv[:, start : start + step]
+        views = views_of(rig, some, weights[:, start : start + step])
+        points[:, block], left[0, block] = meet(views)
+        used[:, block] = views.w > 0
+        left[1:, block] = _errors(rig, points[:, block], some.reshape(len(uv), -1, 2), used[:, block])
+    return points, left[0], used, left[1], left[2]
+
+
+def _errors(rig, points, uv, used):
+    """Mean distance (N,) of recorded pixels uv (V, N, 2) used (V, N) from the projected points: px, and at fx 1680."""
+    pixels, scaled = np.zeros((2, len(used[0])))
+    for camera, rows, view, say in zip(rig.cameras, rig.rows, uv, used, strict=True):
+        p = rows[:, :3] @ points + rows[:, 3:]
+        with np.errstate(all="ignore"):
+            off = cam.distort(camera.intrinsics, (p[:2] / p[2]).T).T
+            du, dv = off[0] - view[:, 0], off[1] - view[:, 1]
+            error = np.sqrt(du * du + dv * dv)
+        error[~say] = 0.0
+        pixels += error
+        scaled += error * (cam.REFERENCE_FX / camera.intrinsics.fx)
+    count = np.maximum(used.sum(axis=0), 1)
+    return pixels / count, scaled / count
+
+
+def covariance(cameras, points, weights):
+    """Covariance (T, J, 3, 3) m^2 of points (T, J, 3) given the cameras; weights (V, T, J) 1/px, 0: not used.
+
+    NaN where a point is, and with fewer than two views.
+    """
+    rig = rig_of(cameras)
+    p = (points - rig.origin).reshape(-1, 3).T
+    w = weights.reshape(len(cameras), -1) * np.array([c.intrinsics.fx for c in cameras])[:, None]
+    with np.errstate(all="ignore"):
+        at = rig.rows[..., :3] @ p + rig.rows[..., 3:]
+        x, y = at[:, 0] / at[:, 2], at[:, 1] / at[:, 2]
+        w2 = np.where(w > 0, (w / at[:, 2]) ** 2, 0.0)
+        features = np.stack([w2 * (x * x + y * y), w2 * x, w2 * y, w2], axis=1)
+        information = (rig.linear[:6] @ features.reshape(-1, p.shape[1]))[[0, 1, 2, 1, 3, 4, 2, 4, 5]].T
+    known = np.isfinite(information).all(axis=1) & ((w > 0).sum(axis=0) >= 2)
+    out = np.full((p.shape[1], 3, 3), np.nan)
+    out[known] = np.linalg.inv(information[known].reshape(-1, 3, 3))
+    return out.reshape(*points.shape, 3)
+
+
+def _best_subsets(views, points, chi2, expected, spread):
+    """Points (3, n) and views used (V, n), views left out one by one as long as those left disagree."""
+    points, chi2, used = points.copy(), chi2.copy(), views.w > 0
+    seen = used.sum(axis=0)
+    for views_left in range(len(used) - 1, 1, -1):
+        at = np.flatnonzero(~(chi2 <= DROP_FACTOR**2 * (2 * used.sum(axis=0) - 3)) & (seen > views_left))
+        p, c, k = _best_subset(views.at(at), views_left, expected[:, at], spread[at])
+        found = np.isfinite(c)
+        at = at[found]
+        points[:, at], chi2[at], used[:, at] = p[:, found], c[found], k[:, found]
+    return points, used
+
+
+def _best_subset(views, views_left, expected, spread):
+    """Point (3, n), chi squared (n,) and views (V, n) of the best `views_left` views."""
+    seen = views.w > 0
+    count = seen.shape[1]
+    best, points, chi2 = np.full(count, np.inf), np.full((3, count), np.nan), np.full(count, np.nan)
+    used = seen.copy()
+    for kept in combinations(range(len(seen)), views_left):
+        keep = np.zeros(seen.shape, bool)
+        keep[list(kept)] = True
+        keep &= seen
+        p, c = meet(replace(views, w=np.where(keep, views.w, 0.0)))
+        off = ((p - expected) ** 2).sum(axis=0) / spread**2
+        cost = c + np.where(np.isfinite(off), off, 0.0)
+        better = (keep.sum(axis=0) == views_left) & (cost < best)
+        best, chi2 = np.where(better, cost, best), np.where(better, c, chi2)
+        points, used = np.where(better, p, points), np.where(better, keep, used)
+    return points, chi2, used
+
+
+def predicted(points, good, at, fps):
+    """Where joints should be, from the nearest good instants on both sides: (3, n) m, and its sd per axis (n,) m.
+
+    `points` (3, T, J), `good` (T, J), `at` (n,) indices into T J. The sd is that of the prediction of good points from
+    instants as far away. NaN where there is none within `PREDICT_S` on either side.
+    """
+    count, joints = good.shape
+    t, j = np.divmod(at, joints)
+    index = np.where(good, np.arange(count)[:, None], -1)
+    before = np.maximum.accumulate(index, axis=0)[t, j]
+    after = np.minimum.accumulate(np.where(good, index, count)[::-1], axis=0)[::-1][t, j]
+    reach = max(1, int(PREDICT_S * fps))
+    there = (before >= 0) & (after < count) & (t - before <= reach) & (after - t <= reach)
+    before, after = np.where(there, before, t), np.where(there, after, t)
+    weight = (t - before) / np.maximum(after - before, 1)
+    expected = points[:, before, j] * (1 - weight) + points[:, after, j] * weight
+    half = np.where(there, -(-(after - before) // 2), 0)
+    spread = np.full(len(at), np.nan)
+    for h in np.unique(half[there]).tolist():
+        sd = _prediction_error(points, good, h)
+        spread[half == h] = sd[j[half == h]]
+    return np.where(there & np.isfinite(spread), expected, np.nan), spread
+
+
+def _prediction_error(points, good, half):
+    """Standard deviation (J,) m per axis of the mean of a joint `half` instants before and after, as a prediction."""
+    middle = np.arange(half, points.shape[1] - half)
+    middle = middle[:: max(1, len(middle) * points.shape[2] // SAMPLE)]
+    off = points[:, middle] - (points[:, middle - half] + points[:, middle + half]) / 2
+    square = np.where(good[middle] & good[middle - half] & good[middle + half], (off**2).sum(axis=0), np.nan)
+    known = np.isfinite(square)
+    out = np.full(points.shape[2], np.nan)
+    for j in np.flatnonzero(known.any(axis=0)):
+        out[j] = np.sqrt(np.median(square[known[:, j], j]) / _median_chi2(3))
+    return out
+
+
+def persistence(cameras, uv, score, found, fps):
+    """How the errors of the detections last: time constant (s) of what dies away, share of the variance that stays.
+
+    From the correlation in time of the residuals of `found` (`Points`), which the walk itself does not move: what is
+    left after `LASTS_S` is taken to stay (a detector's offset of a joint), the rest to be autoregressive, with its
+    correlation after `DIES_S`. 0 s is white noise.
+    """
+    count, joints = uv.shape[1:3]
+    views = views_of(rig_of(cameras), uv, np.where(found.used, score, 0.0) / found.sigma[:, None])
+    origin = views.rig.origin
+    rows = slice(0, min(count, max(1, 10 * SAMPLE // joints)))
+    columns = np.arange(count * joints).reshape(count, joints)[rows].ravel()
+    some = views.at(columns)
+    p = found.points.reshape(-1, 3)[columns] - origin
+    known = np.isfinite(p).all(axis=1) & ((some.w > 0).sum(axis=0) >= 2)
+    some = views.at(columns[known])
+    at = some.rig.rows[..., :3] @ p[known].T + some.rig.rows[..., 3:]
+    left = np.full((len(cameras), 2, len(columns)), np.nan)
+    ideal = np.stack([some.x - at[:, 0] / at[:, 2], some.y - at[:, 1] / at[:, 2]], axis=1)
+    left[..., known] = np.where(some.w[:, None] > 0, np.clip(ideal * some.w[:, None], -3.0, 3.0), np.nan)
+    left = left.reshape(len(cameras), 2, -1, joints)
+
+    def correlation(lag):
+        if lag >= left.shape[2] or lag < 1:
+            return 0.0
+        a, b = left[:, :, lag:], left[:, :, :-lag]
+        both = np.isfinite(a) & np.isfinite(b)
+        a, b = np.where(both, a, 0.0), np.where(both, b, 0.0)
+        return float((a * b).sum() / max(np.sqrt((a * a).sum() * (b * b).sum()), 1e-12))
+
+    stays = float(np.clip(correlation(round(LASTS_S * fps)), 0.0, 0.9))
+    lag = max(1, round(DIES_S * fps))
+    rest = (correlation(lag) - stays) / (1 - stays)
+    time = -lag / fps / np.log(min(rest, 0.95)) if rest > 0.05 else 0.0
+    return time, stays
