@@ -46,12 +46,12 @@ class Normal:
 
 @dataclass(frozen=True)
 class Change:
-    """Camera (index) that moved before the sequence `first` (index), by how much, and its distance from chance."""
+    """Camera (index) that moved before the sequence `first` (index), by how much, and what that explains, px^2."""
 
     camera: int
     first: int
     turn_deg: float
-    distance: float
+    gain: float
 
 
 def normal(cameras, uv, weights, names):
@@ -109,7 +109,8 @@ def _sums(cell, values, total):
 
 
 def turn(before, after, camera):
-    """By which turn (3,) rad a camera, alone, stands otherwise in one `Normal` than in another; its covariance (3, 3).
+    """By which turn (3,) rad a camera, alone, stands otherwise in one `Normal` than in another; its covariance (3, 3);
+    and how much of the squared residuals that explains, px^2.
 
     Of a bump the turn is what shows: 1 cm of shift looks like 0.1 degrees, 5 m away.
 
@@ -125,7 +126,7 @@ def turn(before, after, camera):
     inverse = np.linalg.inv(np.tensordot(weight, H, 1))
     step = inverse @ (weight @ apart)
     left = weight[:, None] * (apart - H @ step)
-    return step, inverse @ (left.T @ left) @ inverse
+    return step, inverse @ (left.T @ left) @ inverse, float(weight @ apart @ step)
 
 
 def find_change(found):
@@ -143,8 +144,9 @@ def find_change(found):
             spread = known[1] + np.radians(FLOOR_DEG) ** 2 * np.eye(3) + _scatter(each, first)
             distance = float(known[0] @ np.linalg.solve(spread, known[0]))
             degrees = float(np.degrees(np.linalg.norm(known[0])))
-            if degrees >= LEAST_DEG and distance >= SURE and (best is None or distance > best.distance):
-                best = Change(v, first, degrees, distance)
+            # which camera it was: the one that explains most; the others only give way
+            if degrees >= LEAST_DEG and distance >= SURE and (best is None or known[2] > best.gain):
+                best = Change(v, first, degrees, known[2])
     return best
 
 
