@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from dior import tables
-from dior.calibrate import bundle, realsense
+from dior.calibrate import bundle, facts, realsense, reduced, uncertainty
 from dior.calibrate import offsets as clocks
 from dior.calibrate.place import camera_settings, check_above_floor
 from dior.camera import REFERENCE_FX, inverse_pose, project, reprojection_errors, undistort
@@ -35,6 +35,9 @@ TAPE_SIGMA_M = 0.05
 SAME_PLACE_M = 0.01
 FEWEST_SEEN = 6
 ROUNDS = 5
+SAMPLE_ROUNDS = 3
+MOST_USABLE = 0.9
+LENS_SIGMA = 0.003
 SAMPLE = 2000
 BEST_DETECTOR_PX = 1.0  # at fx 1680
 SETTLED = 0.001
@@ -47,6 +50,8 @@ class Adjusted:
     """`cameras`, `points` (N, 3) m with NaN where left out, and the errors (V, N) px before and after of those used.
 
     `disagreeing` is the share of the detections that were left out, `iterations` are those of the last round.
+    `uncertainty`: `uncertainty.Uncertainty`, None where the points' joints are not known; `facts`: `facts.Fact`s with
+    what the adjusted points say of them, [(fact, m)].
     """
 
     cameras: list
@@ -55,6 +60,8 @@ class Adjusted:
     after_px: np.ndarray
     disagreeing: float
     iterations: int
+    uncertainty: object = None
+    facts: tuple = ()
 
     @property
     def left_out(self):
@@ -62,44 +69,80 @@ class Adjusted:
         return int(np.isnan(self.points[:, 0]).sum())
 
 
-def adjust(cameras, uv, priors, huber_px, max_mean_px, where):
+def adjust(
+    cameras, uv, priors, huber_px, max_mean_px, where, tracks=None, known=(), marked=None, lens_sigma=LENS_SIGMA
+):  # fmt: skip
     """Adjust V cameras to the detections `uv` (V, N, 2), recorded px, NaN where not seen.
 
     `priors` are `bundle.Prior`, one per camera. `huber_px`, where the loss turns linear, and `max_mean_px`, above
-    which the result is refused, are for fx 1680 and scaled by each camera's (and the mean) fx. Of many points a sample
-    comes first, so that the large problem starts near its end; points that the placed cameras put behind one of them
-    are left out at first and tried again from the adjusted cameras, which also tell the detections that disagree.
+    which the result is refused, are for fx 1680 and scaled by each camera's (and the mean) fx. `tracks`
+    (`uncertainty.Tracks`) says what the points are; `known` are metric facts (`facts.KeypointDistance` and so on),
+    `marked` (`facts.Marked`) points that a person marked for them. Of many points a sample comes first, so that the
+    large problem starts near its end; points that the placed cameras put behind one of them are left out at first and
+    tried again from the adjusted cameras, which also tell the detections that disagree.
     Raises DiorError (beginning with `where`), see `bundle.optimise` and the checks below.
     """
     _check_start(cameras, uv, where)
     _check_shared(cameras, uv, where)
     focal = np.array([camera.intrinsics.fx for camera in cameras])
     sigma = huber_px * focal / REFERENCE_FX / bundle.HUBER
-    adjusted, agreed, used = list(cameras), uv, np.zeros(uv.shape[1], bool)
-    points = triangulated(cameras, uv)
-    usable = _usable(cameras, uv, points)
+    adjusted, found = sampled(cameras, uv, priors, sigma, where)
     for _ in range(ROUNDS):
-        used = _sample(usable) if not used.any() else usable
+        agreed = agreeing(adjusted, uv)
+        points = triangulated(adjusted, agreed)
+        used = _usable(adjusted, agreed, points)
+        _check_aim(adjusted, agreed, used, where)
+        taken = np.where(used[:, None], agreed, np.nan)
+        solved, stated = metric(adjusted, taken, points, priors, sigma, tracks, known, marked, where)
+        adjusted = solved.cameras
+        again = agreeing(adjusted, uv)
+        if (np.isfinite(again) != np.isfinite(agreed)).mean() < SETTLED:
+            break
+    count = uv.shape[1]
+    points = np.where(used[:, None], solved.points[:count], np.nan)
+    start = np.where(used[:, None], triangulated(cameras, taken), np.nan)
+    before, after = reprojection_errors(cameras, start, taken), reprojection_errors(adjusted, points, taken)
+    disagreeing = 1 - np.isfinite(agreed).sum() / np.isfinite(uv).sum()
+    spread = None if tracks is None else uncertainty.of(solved, tracks, lens_sigma)
+    measured = tuple((fact, fact.measured(solved.points, solved.linear.noise)) for fact in stated if fact.measured)
+    done = Adjusted(adjusted, points, before, after, float(disagreeing), solved.iterations, spread, measured)
+    _check_end(done, taken, max_mean_px * focal.mean() / REFERENCE_FX, where)
+    return done
+
+
+def sampled(cameras, uv, priors, sigma, where):
+    """The cameras adjusted by GTSAM to a sample of the points, and its `bundle.Optimum`; `sigma` (V,) px."""
+    adjusted, agreed, found = list(cameras), uv, None
+    for _ in range(SAMPLE_ROUNDS):
+        points = triangulated(adjusted, agreed)
+        usable = _usable(adjusted, agreed, points)
+        used = _sample(usable)
         _check_aim(adjusted, agreed, used, where)
         graph, values = bundle.build(adjusted, agreed[:, used], points[used], priors, sigma)
         found = bundle.optimise(graph, values, where)
         poses = bundle.poses(found.values, len(cameras))
         adjusted = [camera.at(wTc) for camera, wTc in zip(cameras, poses, strict=True)]
-        solved, last = bundle.points(found.values, used.sum()), agreed
-        agreed = agreeing(adjusted, uv)
-        points = triangulated(adjusted, agreed)
-        usable = _usable(adjusted, agreed, points)
-        changed = np.isfinite(agreed) != np.isfinite(last)
-        if changed.mean() < SETTLED and not (usable & ~used).any():
+        if usable.mean() > MOST_USABLE:
             break
-    points = np.full_like(points, np.nan)
-    points[used] = solved
-    start = np.where(used[:, None], triangulated(cameras, last), np.nan)
-    before, after = reprojection_errors(cameras, start, last), reprojection_errors(adjusted, points, last)
-    disagreeing = 1 - np.isfinite(last).sum() / np.isfinite(uv).sum()
-    done = Adjusted(adjusted, points, before, after, float(disagreeing), found.iterations)
-    _check_end(done, last, max_mean_px * focal.mean() / REFERENCE_FX, where)
-    return done
+        agreed = agreeing(adjusted, uv)
+    return adjusted, found
+
+
+def metric(cameras, uv, points, priors, sigma, tracks, known, marked, where):
+    """`reduced.Solved` of all points uv (V, N, 2) recorded px and the metric facts, and these as `facts.Fact`."""
+    taking_part = np.isfinite(points).all(axis=1) & (np.isfinite(uv).all(axis=-1).sum(axis=0) >= 2)
+    each = np.broadcast_to(sigma[:, None], uv.shape[:2])
+    if marked is not None:
+        uv = np.concatenate([uv, marked.uv], axis=1)
+        points = np.concatenate([points, triangulated(cameras, marked.uv)])
+        each = np.concatenate([each, np.full(marked.uv.shape[:2], marked.sigma_px)], axis=1)
+    ideal = np.stack([bundle.ideal_pixels(c.intrinsics, seen) for c, seen in zip(cameras, uv, strict=True)])
+    ideal[:, : len(taking_part)][:, ~taking_part] = np.nan
+    about = facts.About([c.name for c in cameras], tracks, taking_part, points, marked, where)
+    stated = [facts.placed(view, prior) for view, prior in enumerate(priors)]
+    stated += [one for fact in known for one in fact.made(about)]
+    points = np.where(np.isfinite(points), points, 0.0)
+    return reduced.solve(cameras, reduced.Observed(ideal, each), points, stated), stated
 
 
 def agreeing(cameras, uv):
@@ -365,7 +408,7 @@ def _findings(session, placed, priors, done):
             f"{done.disagreeing:.1%} of the detections were left out, disagreeing with the other views of their joint"
         )
         found.append((session, "warning" if done.disagreeing > WORTH_TELLING else "info", "adjust_disagreeing", text))
-    if done.iterations >= bundle.MOST_ITERATIONS:
+    if done.iterations >= reduced.MOST_ITERATIONS:
         text = f"the adjustment was stopped after {done.iterations} iterations, before it had settled"
         found.append((session, "warning", "adjust_not_settled", text))
     for before, after, prior in zip(placed, done.cameras, priors, strict=True):

@@ -111,7 +111,7 @@ def test_from_the_reference_extrinsics(capture, tmp_path):
     assert per_camera.shape == (4,) and per_camera.max() < 11
     for camera in cameras:
         assert step.moved(camera, found[camera.name])[0] < 0.06
-    assert findings["code"].tolist() == ["adjust_window", "adjusted", *["camera_moved"] * 4]
+    assert findings["code"].tolist() == ["adjust_window", "adjusted", "adjust_disagreeing", *["camera_moved"] * 4]
     assert "1001 joints at 50 of 50 instants of beam" in findings["text"][0]
 
 
