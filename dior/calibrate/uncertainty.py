@@ -126,110 +126,147 @@ def autocorrelation_sum(residuals, observed, cluster, tracks):
     return total
 
 
-def of(solved, tracks, lens_sigma=0.0, fact_sigma=()):
-    """`Uncertainty` of an adjustment; `tracks` of its first points, more points (marked ones) have no clusters.
+@dataclass(frozen=True)
+class Considered:
+    """What parameters that are not adjusted do to those that are, with the points eliminated.
 
-    `lens_sigma`: 1 sigma of the focal length and principal point, both relative to the focal length.
+    `cross` (6V, Q) with the cameras, `own` (Q, Q) with each other, of the pixels alone; `through` (6V, Q): what they
+    do to the cameras in all, the facts included. `gradient` (Q,) of the cost at the solution.
+    """
+
+    cross: np.ndarray
+    own: np.ndarray
+    through: np.ndarray
+    gradient: np.ndarray
+
+    def part(self, keep):
+        """`cross`, `through`, `gradient` of some of the parameters."""
+        return self.cross[:, keep], self.through[:, keep], self.gradient[keep]
+
+
+def considered(solved, derivative, at, size, by_facts):
+    """`Considered` of `size` parameters.
+
+    `derivative` (V, 2, q, N) of the pixels (divided by their sigmas) by the parameters `at` (V, q, N); `by_facts`:
+    the facts' own derivatives [(m, Q)].
     """
     from scipy import sparse
 
-    linear, views = solved.linear, len(solved.cameras)
-    count = linear.r.shape[1]
-    seen = linear.root > 0
-    B = reduced.by_all_cameras(linear)
-    F = linear.factor @ B
-    H = solved.normal
-    inverse = np.linalg.inv(H)
-    facts = [(row, reduced.total(row, linear, B)) for row in solved.facts]
-
-    def considered(columns):
-        """Blocks of parameters whose pixels' derivatives (V, N, 2, q) go to columns (V, N, q): with the cameras
-        (6V, Q), with each other (Q, Q), and the facts' own derivatives [(m, Q)]."""
-        (derivative, at, size) = columns
-        q = derivative.shape[-1]
-        rows = 3 * np.arange(count)[:, None, None] + np.arange(3)[:, None]
-        data, row_index, column_index = [], [], []
-        cross, own = np.zeros((6 * views, size)), np.zeros((size, size))
-        for v in range(views):
-            use = seen[v]
-            E = np.swapaxes(linear.J[v], -1, -2) @ derivative[v]
-            G = linear.factor @ E
-            data.append(G[use].ravel())
-            row_index.append(np.broadcast_to(rows, (count, 3, q))[use].ravel())
-            column_index.append(np.broadcast_to(at[v][:, None, :], (count, 3, q))[use].ravel())
-            W = np.swapaxes(linear.C[v], -1, -2) @ derivative[v]
-            for a in range(6):
-                for b in range(q):
-                    cross[6 * v + a] += np.bincount(at[v][use, b], W[use, a, b], minlength=size)
-            D = np.swapaxes(derivative[v], -1, -2) @ derivative[v]
-            for a in range(q):
-                for b in range(q):
-                    np.add.at(own, (at[v][use, a], at[v][use, b]), D[use, a, b])
-        G = sparse.csr_matrix(
-            (np.concatenate(data), (np.concatenate(row_index), np.concatenate(column_index))), shape=(3 * count, size)
-        )
-        cross -= (G.T @ F.reshape(-1, 6 * views)).T
-        own -= (G.T @ G).toarray()
-        by_fact = []
-        for row, _ in facts:
-            # a fact's points follow the parameter: -noise E, and noise E = factor^T G
-            if not len(row.points):
-                by_fact.append(np.zeros((len(row.residual), size)))
-                continue
-            T = np.einsum("mka,kba->mkb", row.by_points, linear.factor[row.points])
-            pick = (3 * row.points[:, None] + np.arange(3)).ravel()
-            by_fact.append(-(G[pick].T @ T.reshape(len(T), -1).T).T)
-        return cross, own, by_fact
-
-    # the cameras' score by a parameter, and what of it comes through the facts
-    joint, side = np.full((views, count), -1), sides(solved.cameras, solved.points[: len(tracks.joint)], tracks)
-    joint[:, : len(tracks.joint)] = np.where(side >= 0, tracks.joint * SIDES + side, tracks.joint * SIDES)
-    size = SIDES * len(tracks.names)
-    scale = np.where(joint >= 0, linear.focal_px / linear.depth, 0.0) * linear.root
-    by_bias = scale[..., None, None] * np.eye(2)
-    at = 2 * np.maximum(joint, 0)[..., None] + np.arange(2)
-    cross, own, by_fact = considered((by_bias, at, 2 * size))
-    straight = own - cross.T @ inverse @ cross
-    full = cross + sum(h.T @ d for (_, h), d in zip(facts, by_fact, strict=True))
-
-    # moments: what the clusters' sums and the residuals' sum should be, against what they are
-    gradient = np.zeros(2 * size)
-    part = slice(0, len(tracks.joint))
+    linear = solved.linear
+    views, q, count = derivative.shape[0], derivative.shape[2], derivative.shape[3]
+    F = reduced.eliminated(linear.factor, linear.mixed)
+    rows = np.broadcast_to(np.arange(3)[:, None] * count + np.arange(count), (q, 3, count))
+    G, cross, own = sparse.csr_matrix((3 * count, size)), np.zeros((6 * views, size)), np.zeros((size, size))
+    gradient = np.zeros(size)
     for v in range(views):
-        for axis in range(2):
-            gradient += np.bincount(
-                at[v, :, axis][seen[v]], (scale[v] * linear.r[v, :, axis])[seen[v]], minlength=2 * size
-            )
-    residuals, observed, cluster = linear.r[:, part], seen[:, part], np.maximum(joint[:, part], 0)
-    degrees = 2 * observed.sum() - 3 * (observed.sum(axis=0) >= 2).sum()
-    lasting = autocorrelation_sum(residuals, observed, cluster, tracks)
-    trace, squares = np.trace(straight), np.sum(straight * straight)
-    A = np.array([[squares, lasting * trace], [trace, degrees]])
-    found = np.linalg.solve(A, [gradient @ gradient, np.sum(residuals**2)])
-    bias, noise = max(found[0], 0.0), max(found[1], 0.0)
-    if not found[1] > 0 or not found[0] > 0:
-        noise = np.sum(residuals**2) / degrees
-
-    middle = bias * full @ full.T
-    pixels = H - sum(h.T @ h for _, h in facts)
-    middle += lasting * noise * pixels
-    for row, h in facts:
-        own_noise = np.eye(len(row.residual))
+        D = derivative[v]
+        E = np.stack([(linear.J[v, :, a, None] * D).sum(axis=0) for a in range(3)])
+        values = reduced.eliminated(linear.factor, E)
+        columns = np.broadcast_to(at[v][:, None], (q, 3, count))
+        G = G + sparse.csr_matrix((values.ravel(), (rows.ravel(), columns.ravel())), shape=G.shape)
+        for a in range(q):
+            use = linear.root[v] > 0
+            where = at[v, a][use]
+            gradient += np.bincount(where, (D[:, a] * linear.r[v]).sum(axis=0)[use], minlength=size)
+            for i in range(6):
+                cross[6 * v + i] += np.bincount(where, (linear.C[v, :, i] * D[:, a]).sum(axis=0)[use], minlength=size)
+            for b in range(q):
+                pair = where * size + at[v, b][use]
+                own += np.bincount(pair, (D[:, a] * D[:, b]).sum(axis=0)[use], minlength=size**2).reshape(size, size)
+    cross -= (G.T @ F.T).T
+    own -= (G.T @ G).toarray()
+    through = cross.copy()
+    for row, its_own in zip(solved.facts, by_facts, strict=True):
+        h, by_parameter = reduced.total(row, linear), its_own
         if len(row.points):
-            C = linear.noise[row.points]
-            own_noise = own_noise + noise * lasting * np.einsum("mka,kab,nkb->mn", row.by_points, C, row.by_points)
-        middle += h.T @ own_noise @ h
+            # its points follow the parameters as noise E = factor^T G
+            T = np.einsum("mka,bak->mbk", row.by_points, linear.factor[:, :, row.points])
+            pick = (np.arange(3)[:, None] * count + row.points).ravel()
+            by_parameter = by_parameter - (G[pick].T @ T.reshape(len(T), -1).T).T
+        through += h.T @ by_parameter
+    return Considered(cross, own, through, gradient)
+
+
+def of(solved, tracks, lens_sigma=0.0):
+    """`Uncertainty` of an adjustment; `tracks` of its first points, more points (marked ones) have no clusters.
+
+    `lens_sigma`: 1 sigma of the focal length and principal point, both relative to the focal length, before the
+    pixels are asked.
+    """
+    linear, views, count = solved.linear, len(solved.cameras), solved.linear.r.shape[-1]
+    people = len(tracks.joint)
+    side = sides(solved.cameras, solved.points[:people], tracks)
+    cluster = np.zeros((views, count), int)
+    cluster[:, :people] = np.where(side >= 0, tracks.joint * SIDES + side, tracks.joint * SIDES)
+    size, lenses = 2 * SIDES * len(tracks.names), 3 * views
+    derivative, at = np.zeros((views, 2, 5, count)), np.zeros((views, 5, count), int)
+    derivative[:, 0, 0, :people] = derivative[:, 1, 1, :people] = linear.scale[:, :people]
+    derivative[:, :, 2] = linear.pixel * linear.root[:, None]
+    derivative[:, 0, 3] = derivative[:, 1, 4] = linear.root * np.array([[c.intrinsics.fx] for c in solved.cameras])
+    at[:, 0], at[:, 1] = 2 * cluster, 2 * cluster + 1
+    at[:, 2:] = size + 3 * np.arange(views)[:, None, None] + np.arange(3)[:, None]
+    own_facts = [np.hstack([np.zeros((len(row.residual), size)), row.by_lens]) for row in solved.facts]
+    whole = considered(solved, derivative, at, size + lenses, own_facts)
+
+    inverse = np.linalg.inv(solved.normal)
+    bias, noise, lasting = variances(linear, whole, slice(0, size), inverse, cluster[:, :people], tracks)
+    rows = [(row, reduced.total(row, linear)) for row in solved.facts]
+    of_facts = sum(h.T @ _fact_noise(row, linear, noise * lasting) @ h for row, h in rows)
+    pixels = lasting * noise * (solved.normal - sum(h.T @ h for _, h in rows))
+    through = whole.through[:, :size]
+    middle = bias * through @ through.T + pixels + of_facts
     if lens_sigma:
-        by_lens = np.zeros((views, count, 2, 3))
-        f = np.array([c.intrinsics.fx for c in solved.cameras])[:, None]
-        by_lens[..., 0] = linear.pixel * linear.root[..., None]
-        by_lens[..., 0, 1] = by_lens[..., 1, 2] = f * linear.root
-        at = np.broadcast_to(3 * np.arange(views)[:, None, None] + np.arange(3), (views, count, 3))
-        cross, _, by_fact = considered((by_lens, at, 3 * views))
-        full = cross + sum(h.T @ (d + row.by_lens) for (row, h), d in zip(facts, by_fact, strict=True))
-        middle += lens_sigma**2 * full @ full.T
+        L = whole.through[:, size:]
+        middle = middle + L @ lens_moment(whole, size, inverse, middle, bias, noise * lasting, lens_sigma) @ L.T
     covariance = inverse @ middle @ inverse
     return Uncertainty((covariance + covariance.T) / 2, float(np.sqrt(bias)), float(noise), float(lasting))
+
+
+def _fact_noise(row, linear, noise):
+    """Covariance (m, m) of a fact's residuals: its own sigma and the noise of the points that it speaks of."""
+    own = np.eye(len(row.residual))
+    if not len(row.points):
+        return own
+    return own + noise * np.einsum("mka,kab,nkb->mn", row.by_points, linear.noise[row.points], row.by_points)
+
+
+def variances(linear, whole, clusters, inverse, cluster, tracks):
+    """Variance of the clusters' offsets (m^2) and of the noise (in assumed ones), and how long the noise lasts.
+
+    By moments: what the squares of the clusters' sums and of all residuals should be, against what they are.
+    """
+    people = len(tracks.joint)
+    residuals, observed = np.moveaxis(linear.r[..., :people], 1, -1), linear.root[:, :people] > 0
+    lasting = autocorrelation_sum(residuals, observed, cluster, tracks)
+    degrees = 2 * observed.sum() - 3 * (observed.sum(axis=0) >= 2).sum()
+    cross, _, gradient = whole.part(clusters)
+    straight = whole.own[clusters, clusters] - cross.T @ inverse @ cross
+    A = np.array([[np.sum(straight**2), lasting * np.trace(straight)], [np.trace(straight), degrees]])
+    sums = gradient @ gradient, np.sum(residuals**2)
+    bias, noise = np.linalg.solve(A, sums)
+    if bias > 0 and noise > 0:
+        return bias, noise, lasting
+    return max(bias, 0.0), sums[1] / degrees, lasting
+
+
+def lens_moment(whole, size, inverse, middle, bias, noise, sigma):
+    """Second moment (3V, 3V) of the intrinsics' errors, given what the pixels say of them.
+
+    They are not adjusted. With white noise many pixels tell that there is hardly any error; where a detector's
+    habits hide it, what was assumed remains.
+    """
+    b, k = slice(0, size), slice(size, None)
+    cross, through, gradient = whole.part(k)
+    gain = cross.T @ inverse
+    T = whole.own[k, k] - gain @ through
+    with_cameras = noise * cross.T + bias * whole.own[k, b] @ whole.through[:, b].T
+    M = noise * whole.own[k, k] + bias * whole.own[k, b] @ whole.own[b, k]
+    M = M - with_cameras @ gain.T - gain @ with_cameras.T + gain @ middle @ gain.T
+    M = (M + M.T) / 2 + 1e-9 * np.trace(M) / len(M) * np.eye(len(M))
+    told = np.linalg.solve(M, T)
+    P = np.linalg.inv(T.T @ told + np.eye(len(M)) / sigma**2)
+    mean = -P @ told.T @ gradient
+    return P + np.outer(mean, mean)
 
 
 def gauge(cameras):
