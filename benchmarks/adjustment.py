@@ -94,7 +94,7 @@ def bar(made, random, places=8, sigma_px=0.7):
         0, sigma_px, (len(made.cameras), 2 * places, 2)
     )
     marked = facts.Marked(uv, ("end_a", "end_b") * places, tuple(np.repeat(range(places), 2).tolist()), sigma_px)
-    return facts.ScaleBar(("end_a", "end_b"), 1.0 + random.normal(0, 0.002), 0.002), marked
+    return facts.ScaleBar((("end_a", "end_b"),), 1.0 + random.normal(0, 0.002), 0.002), marked
 
 
 def tag(made, random, world, sigma_px=facts.TAG_SIGMA_PX):

@@ -22,11 +22,11 @@ import numpy as np
 from dior import tables
 from dior.calibrate import bundle, facts, realsense, reduced, uncertainty
 from dior.calibrate import offsets as clocks
+from dior.calibrate import window as seen_in
 from dior.calibrate.place import camera_settings, check_above_floor
 from dior.camera import REFERENCE_FX, inverse_pose, project, reprojection_errors, undistort
 from dior.errors import DiorError, nearest
 from dior.geometry import triangulate
-from dior.sampling import camera_seconds, rates, sample, start_ns
 from dior.views import DROP_FACTOR, by_dropping, usual_error
 
 AIM_SIGMA_DEG = 30.0
@@ -38,6 +38,8 @@ ROUNDS = 5
 SAMPLE_ROUNDS = 3
 MOST_USABLE = 0.9
 LENS_SIGMA = 0.003
+MARK_SIGMA_PX = 1.0
+DOUBTFUL_SCALE = 0.02
 SAMPLE = 2000
 BEST_DETECTOR_PX = 1.0  # at fx 1680
 SETTLED = 0.001
@@ -273,32 +275,6 @@ def _check_end(done, uv, limit_px, where):
         )
 
 
-def observations(cameras, detections, frames, clock, window, min_score, min_views, max_gap, where):
-    """Recorded pixels (V, N, 2) of one sequence's joints at the instants of `window`, and how many instants count.
-
-    `detections` and `frames` are tables, `clock` from `offsets.read`, `max_gap` in nominal frame periods. A joint at
-    an instant is kept where its score is above `min_score` in at least `min_views` cameras.
-    """
-    t0 = start_ns(frames)
-    own, fps = rates(frames, [camera.name for camera in cameras])
-    queries = (window["first"] + window["step"] * np.arange(window["count"])) / fps
-    uv = []
-    for camera in cameras:
-        values, joints = tables.grid(tables.of_camera(detections, camera.name), "u", "v", "score")
-        times = camera_seconds(frames, camera.name, t0, clock[camera.name])
-        if len(values) != len(times):
-            raise DiorError(
-                f"{where}, {camera.name}: detections of {len(values)} frames but {len(times)} pictures; run "
-                "the step detections again"
-            )
-        with np.errstate(invalid="ignore"):
-            confident = np.where(values[..., 2:] > min_score, values[..., :2], np.nan)
-        uv.append(sample(times, confident, queries, max_gap / own[camera.name]).reshape(-1, 2))
-    uv = np.stack(uv)
-    kept = np.isfinite(uv).all(axis=-1).sum(axis=0) >= min_views
-    return uv[:, kept], len(np.unique(np.flatnonzero(kept) // len(joints)))
-
-
 def prior_of(camera, settings):
     """The `bundle.Prior` of a placed camera from its YAML (see the module's docstring)."""
     tape = settings.get("tape", {"position_m": camera.centre, "sigma_m": PLACED_SIGMA_M})
@@ -316,12 +292,15 @@ def moved(before, after):
 
 def run(
     *, session, cameras, camera_files, detections, frames, offsets, window, min_score, min_views, huber_px,
-    max_mean_px, max_gap, out, out_metrics, findings,
+    max_mean_px, max_gap, out, out_metrics, findings, known=None, marks=(), intrinsics_sigma=LENS_SIGMA,
+    out_covariance=None,
 ):  # fmt: skip
     """Write the adjusted cameras, metrics and findings.
 
     `detections`, `frames` and `offsets` are paths named by their sequence, `camera_files` by their camera.
-    `min_score`, `min_views`, `max_gap`: see `observations`; `huber_px`, `max_mean_px`: see `adjust`.
+    `min_score`, `min_views`, `max_gap`: see `window.observations`; `huber_px`, `max_mean_px`: see `adjust`. `known`:
+    metric facts (`Project.metric_facts`), `marks` the marks CSVs of the close cameras; `intrinsics_sigma`: 1 sigma of
+    the focal length and principal point, relative to the focal length.
     """
     placed = list(tables.read_cameras(cameras).values())
     yamls = {Path(path).stem.partition("@")[0]: path for path in camera_files}
@@ -343,19 +322,28 @@ def run(
         pictures = tables.read(files["frames"][sequence], "frames", ["camera", "frame", "stamp_ns"])
         clock = clocks.read(files["offsets"].get(sequence), tables.ordered_unique(pictures["camera"]))
         seen = tables.read(files["detections"][sequence], "detections")
-        uv, count = observations(
+        part = seen_in.observations(
             placed, seen, pictures, clock, instants, min_score, min_views, max_gap, where
         )  # fmt: skip
-        parts.append(uv)
-        text = f"{uv.shape[1]} joints at {count} of {instants['count']} instants of {sequence} used"
-        found.append((session, "info" if uv.shape[1] else "warning", "adjust_window", text))
-    uv = np.concatenate(parts, axis=1)
-    done = adjust(placed, uv, priors, huber_px, max_mean_px, f"session {session}")
+        parts.append(part)
+        text = f"{len(part.joint)} joints at {part.count} of {instants['count']} instants of {sequence} used"
+        found.append((session, "info" if len(part.joint) else "warning", "adjust_window", text))
+    uv, tracks = seen_in.together(parts, [instants["count"] for instants in window.values()])
+    known = known or {}
+    stated, priors = seen_in.metric_facts(known, list(window), placed, priors)
+    clicked = {Path(path).name.partition(".")[0].partition("@")[0]: path for path in marks}
+    names = [camera.name for camera in placed]
+    marked = seen_in.marked(clicked, names, seen_in.names_of_marks(known) - set(names), MARK_SIGMA_PX)
+    done = adjust(
+        placed, uv, priors, huber_px, max_mean_px, f"session {session}", tracks, stated, marked, intrinsics_sigma
+    )
     found += _findings(session, placed, priors, done)
     found += _lens_models(
         session, yamls, {name: s["topic"] for name, s in settings.items()}, done, uv, priors, huber_px
     )
     tables.write_cameras(out, done.cameras, session)
+    if out_covariance:
+        tables.write_camera_covariance(out_covariance, names, done.uncertainty.covariance, session)
     tables.write(out_metrics, "metrics", _metrics(done))
     tables.write_findings(findings, found)
 
@@ -411,6 +399,7 @@ def _findings(session, placed, priors, done):
     if done.iterations >= reduced.MOST_ITERATIONS:
         text = f"the adjustment was stopped after {done.iterations} iterations, before it had settled"
         found.append((session, "warning", "adjust_not_settled", text))
+    found += _known_to(session, done)
     for before, after, prior in zip(placed, done.cameras, priors, strict=True):
         distance, angle = moved(before, after)
         text = f"{before.name} moved {distance:.3f} m and turned {angle:.1f} degrees from where it was placed"
@@ -419,4 +408,29 @@ def _findings(session, placed, priors, done):
             found.append((f"{session}/{before.name}", "warning", "camera_moved_far", text))
         else:
             found.append((f"{session}/{before.name}", "info", "camera_moved", text))
+    return found
+
+
+def _known_to(session, done):
+    """Findings: how well each camera and the scale are known, and what the adjusted world says of each metric fact."""
+    if done.uncertainty is None:
+        return []
+    variance = np.diag(done.uncertainty.covariance).reshape(-1, 6)
+    turns, shifts = (np.sqrt(part.sum(axis=1) / 3) for part in (variance[:, :3], variance[:, 3:]))
+    each = (
+        f"{camera.name} {100 * shift:.1f} cm, {np.degrees(turn):.2f} degrees"
+        for camera, shift, turn in zip(done.cameras, shifts, turns, strict=True)
+    )
+    scale = uncertainty.scale_sigma(done.cameras, done.uncertainty.covariance)
+    text = (
+        f"1 sigma in each axis: {'; '.join(each)}; the scale is known to {100 * scale:.1f} % (95 % of the time within "
+        f"{196 * scale:.1f} %)"
+    )
+    found = [(session, "warning" if scale > DOUBTFUL_SCALE else "info", "adjust_uncertainty", text)]
+    for fact, length in done.facts:
+        off = abs(length - fact.known) / fact.sigma
+        text = f"{fact.name}: {length:.3f} m, measured {fact.known:.3f} +- {fact.sigma:.3f} m"
+        if off > 3:
+            text += f", {off:.1f} sigmas apart; measure it again"
+        found.append((session, "warning" if off > 3 else "info", "metric_fact", text))
     return found

@@ -7,7 +7,7 @@ A length between joints is the mean over the frames, so that 400 frames weigh as
 floor at Z = 0. A camera's error as in `dior.covariance`.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -31,6 +31,7 @@ STATURE_SHARE_SIGMA = 0.02
 # Corners found on the sides of a tag are right to 0.06 px in drawn pictures; blur and paper that is not flat add to it.
 TAG_SIGMA_PX = 0.3
 FEWEST_MOMENTS = 10
+UNKNOWN_M = 1000.0
 STANCE_SHARE = 0.25
 # how high the joints of a standing foot are above the floor, m: the ankle by Winter's 0.039 body heights
 SOLE_M = {"left_heel": 0.03, "right_heel": 0.03, "left_foot_index": 0.03, "right_foot_index": 0.03}
@@ -201,6 +202,16 @@ def floor(index, above_m, sigma_m, sigma_rad, name="floor"):
     return Fact(name, row, 0.0, sigma_m)
 
 
+def seen_by(camera, world):
+    """Recorded pixels (K, 2) of world points."""
+    return project(camera, world)[0]
+
+
+def loosened(prior):
+    """The prior of a camera whose place is told by something else: a kilometre, and half a turn."""
+    return replace(prior, sigma_m=UNKNOWN_M, sigma_rad=np.pi)
+
+
 @dataclass(frozen=True)
 class Marked:
     """Points that a person marked in several cameras: `uv` (V, M, 2) recorded px, names (M,) and pictures (M,).
@@ -308,19 +319,22 @@ class Distance:
 
 @dataclass(frozen=True)
 class ScaleBar:
-    """A bar whose two ends are marked in pictures of the same moment."""
+    """A bar whose two ends are marked; each pair of names in `ends` is a place where it lay."""
 
     ends: tuple
     length_m: float
     sigma_m: float
 
     def made(self, about):
-        one, other = (about.of_mark(name) for name in self.ends)
-        moments = [moment for moment in one if moment in other]
-        if not moments:
-            raise DiorError(f"{about.where}: {' and '.join(self.ends)} are marked at no moment together")
-        a, b = (np.array([[end[moment]] for moment in moments]) for end in (one, other))
-        return [length([(a, b, 1.0)], self.length_m, self.sigma_m, f"scale bar {self.ends[0]} to {self.ends[1]}")]
+        pairs = []
+        for names in self.ends:
+            one, other = (about.of_mark(name) for name in names)
+            pairs += [(one[moment], other[moment]) for moment in one if moment in other]
+            if not set(one) & set(other):
+                raise DiorError(f"{about.where}: {' and '.join(names)} are marked in no sequence together")
+        a, b = np.array(pairs).T[..., None]
+        name = f"scale bar {self.ends[0][0]} to {self.ends[0][1]}"
+        return [length([(a, b, 1.0)], self.length_m, self.sigma_m, name)]
 
 
 @dataclass(frozen=True)

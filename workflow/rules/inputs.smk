@@ -196,6 +196,21 @@ def windows(wildcards):
     return json.dumps(PROJECT.window(wildcards.session))
 
 
+def metric_facts(wildcards):
+    """What session.yaml and subjects.tsv know in metres, as JSON."""
+    return json.dumps(PROJECT.metric_facts(wildcards.session), sort_keys=True)
+
+
+def fact_marks(wildcards):
+    """The close cameras' marks, where a scale bar or a distance needs its points marked."""
+    known, close = PROJECT.metric_facts(wildcards.session), PROJECT.close(wildcards.session)
+    points = [fact["between"][1] for fact in known.get("distances", [])]
+    if not known.get("scale_bar") and all(name in close for name in points):
+        return []
+    paths = [PROJECT.marks_file(wildcards.session, camera) for camera in close]
+    return [path for path in paths if os.path.exists(path)]
+
+
 def sequence_offsets(wildcards):
     return PROJECT.offsets(wildcards.sequence)
 
