@@ -256,7 +256,30 @@ def shaped(done, e, C):
     return (L.eigenvectors.T @ free.T @ e) / np.sqrt(L.eigenvalues)
 
 
-PARTS = {"time": print_time, "facts": print_facts, "sigmas": print_sigmas}
+def print_starts(level):
+    made = scene.make(level, 0)
+    uv, _ = observed(made)
+    ends, refused = [], []
+    for seed in range(SEEDS):
+        start = placed(made.given, 1000 + seed, 0.3, 10.0, exactly=True)
+        try:
+            done = run(made, seed, start=start, prior=priors(start, 0.3))
+        except DiorError as error:
+            refused.append(str(error))
+            continue
+        ends.append((np.nanmean(done.after_px), errors(done, made)[1]))
+    px, rigid = np.array(ends).T
+    best = px.min()
+    right = (px < 1.02 * best).sum()
+    print(
+        f"  20 starts 30 cm and 10 degrees off: {right} end at the best {best:.2f} px (15), {len(px) - right} wrong "
+        f"ones accepted (0), {len(refused)} refused; 3D rigid {1000 * rigid.mean():.1f} mm"
+    )
+    for text in refused:
+        print(f"  {text}")
+
+
+PARTS = {"time": print_time, "facts": print_facts, "starts": print_starts, "sigmas": print_sigmas}
 
 
 def main():

@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from dior import tables
-from dior.calibrate import bundle, facts, realsense, reduced, uncertainty
+from dior.calibrate import bundle, facts, realsense, reduced, starts, uncertainty
 from dior.calibrate import offsets as clocks
 from dior.calibrate import window as seen_in
 from dior.calibrate.place import camera_settings, check_above_floor
@@ -53,7 +53,7 @@ class Adjusted:
 
     `disagreeing` is the share of the detections that were left out, `iterations` are those of the last round.
     `uncertainty`: `uncertainty.Uncertainty`, None where the points' joints are not known; `facts`: `facts.Fact`s with
-    what the adjusted points say of them, [(fact, m)].
+    what the adjusted points say of them, [(fact, m)]; `starts`: `starts.Tried`.
     """
 
     cameras: list
@@ -64,6 +64,7 @@ class Adjusted:
     iterations: int
     uncertainty: object = None
     facts: tuple = ()
+    starts: tuple = ()
 
     @property
     def left_out(self):
@@ -88,7 +89,12 @@ def adjust(
     _check_shared(cameras, uv, where)
     focal = np.array([camera.intrinsics.fx for camera in cameras])
     sigma = huber_px * focal / REFERENCE_FX / bundle.HUBER
-    adjusted, found = sampled(cameras, uv, priors, sigma, where)
+
+    def attempt(start):
+        return sampled(start, uv, priors, sigma, where)
+
+    chosen, tried = starts.best(cameras, uv, attempt, where)
+    adjusted = chosen.cameras
     for _ in range(ROUNDS):
         agreed = agreeing(adjusted, uv)
         points = triangulated(adjusted, agreed)
@@ -107,14 +113,16 @@ def adjust(
     disagreeing = 1 - np.isfinite(agreed).sum() / np.isfinite(uv).sum()
     spread = None if tracks is None else uncertainty.of(solved, tracks, lens_sigma)
     measured = tuple((fact, fact.measured(solved.points, solved.linear.noise)) for fact in stated if fact.measured)
-    done = Adjusted(adjusted, points, before, after, float(disagreeing), solved.iterations, spread, measured)
+    done = Adjusted(
+        adjusted, points, before, after, float(disagreeing), solved.iterations, spread, measured, tuple(tried)
+    )
     _check_end(done, taken, max_mean_px * focal.mean() / REFERENCE_FX, where)
     return done
 
 
 def sampled(cameras, uv, priors, sigma, where):
-    """The cameras adjusted by GTSAM to a sample of the points, and its `bundle.Optimum`; `sigma` (V,) px."""
-    adjusted, agreed, found = list(cameras), uv, None
+    """The cameras adjusted by GTSAM to a sample of the points; `sigma` (V,) px."""
+    adjusted, agreed = list(cameras), uv
     for _ in range(SAMPLE_ROUNDS):
         points = triangulated(adjusted, agreed)
         usable = _usable(adjusted, agreed, points)
@@ -127,7 +135,7 @@ def sampled(cameras, uv, priors, sigma, where):
         if usable.mean() > MOST_USABLE:
             break
         agreed = agreeing(adjusted, uv)
-    return adjusted, found
+    return adjusted
 
 
 def metric(cameras, uv, points, priors, sigma, tracks, known, marked, where):
@@ -400,6 +408,10 @@ def _findings(session, placed, priors, done):
         text = f"the adjustment was stopped after {done.iterations} iterations, before it had settled"
         found.append((session, "warning", "adjust_not_settled", text))
     found += _known_to(session, done)
+    if any(one.cameras is None for one in done.starts) or len(done.starts) > 2:
+        ends = ", ".join(f"{s.name} {s.cost_px:.1f} px" if s.cameras else f"{s.name} failed" for s in done.starts)
+        text = f"the starts did not all end in the same world, the best one counts (at fx 1680): {ends}"
+        found.append((session, "warning", "adjust_starts", text))
     for before, after, prior in zip(placed, done.cameras, priors, strict=True):
         distance, angle = moved(before, after)
         text = f"{before.name} moved {distance:.3f} m and turned {angle:.1f} degrees from where it was placed"
