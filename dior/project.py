@@ -121,6 +121,32 @@ class Project:
         """Instants that the adjustment uses: sequence -> {first, count, step}; empty means no adjustment."""
         return self.session_files[session]["adjust"]
 
+    def metric_facts(self, session):
+        """What is known in metres of a session that is adjusted, subjects replaced by their sequences of the window."""
+        settings, window = self.session_files[session], self.window(session)
+
+        def sequences(subject):
+            return [name for name in window if self.subject_of(name) == subject]
+
+        known = {key: settings[key] for key in ("distances", "scale_bar", "floor", "tag") if key in settings}
+        known["keypoint_distance"] = [
+            {key: value for key, value in fact.items() if key != "subject"}
+            | ({"sequences": sequences(fact["subject"])} if "subject" in fact else {})
+            for fact in settings.get("keypoint_distance", [])
+        ]
+        known["stature"] = [
+            {
+                "height_m": float(self.subjects[subject]["height_m"]),
+                "sigma_m": float(self.subjects[subject]["height_sigma_m"]),
+                "sequences": sequences(subject),
+            }
+            for subject in sorted({self.subject_of(name) for name in window})
+            if settings.get("stature")
+            and self.subjects[subject]["height_m"]
+            and self.subjects[subject]["height_sigma_m"]
+        ]
+        return known
+
     def marks_sequences(self, session, camera):
         """Sequences named in the camera's marks, in order."""
         return list(self.marks.get((session, camera), {}))

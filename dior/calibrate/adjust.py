@@ -20,13 +20,13 @@ from pathlib import Path
 import numpy as np
 
 from dior import tables
-from dior.calibrate import bundle, realsense
+from dior.calibrate import bundle, facts, realsense, reduced, starts, uncertainty
 from dior.calibrate import offsets as clocks
+from dior.calibrate import window as seen_in
 from dior.calibrate.place import camera_settings, check_above_floor
 from dior.camera import REFERENCE_FX, inverse_pose, project, reprojection_errors, undistort
 from dior.errors import DiorError, nearest
 from dior.geometry import triangulate
-from dior.sampling import camera_seconds, rates, sample, start_ns
 from dior.views import DROP_FACTOR, by_dropping, usual_error
 
 AIM_SIGMA_DEG = 30.0
@@ -35,6 +35,11 @@ TAPE_SIGMA_M = 0.05
 SAME_PLACE_M = 0.01
 FEWEST_SEEN = 6
 ROUNDS = 5
+SAMPLE_ROUNDS = 3
+MOST_USABLE = 0.9
+LENS_SIGMA = 0.003
+MARK_SIGMA_PX = 1.0
+DOUBTFUL_SCALE = 0.02
 SAMPLE = 2000
 BEST_DETECTOR_PX = 1.0  # at fx 1680
 SETTLED = 0.001
@@ -47,6 +52,8 @@ class Adjusted:
     """`cameras`, `points` (N, 3) m with NaN where left out, and the errors (V, N) px before and after of those used.
 
     `disagreeing` is the share of the detections that were left out, `iterations` are those of the last round.
+    `uncertainty`: `uncertainty.Uncertainty`, None where the points' joints are not known; `facts`: `facts.Fact`s with
+    what the adjusted points say of them, [(fact, m)]; `starts`: `starts.Tried`.
     """
 
     cameras: list
@@ -55,6 +62,9 @@ class Adjusted:
     after_px: np.ndarray
     disagreeing: float
     iterations: int
+    uncertainty: object = None
+    facts: tuple = ()
+    starts: tuple = ()
 
     @property
     def left_out(self):
@@ -62,44 +72,87 @@ class Adjusted:
         return int(np.isnan(self.points[:, 0]).sum())
 
 
-def adjust(cameras, uv, priors, huber_px, max_mean_px, where):
+def adjust(
+    cameras, uv, priors, huber_px, max_mean_px, where, tracks=None, known=(), marked=None, lens_sigma=LENS_SIGMA
+):  # fmt: skip
     """Adjust V cameras to the detections `uv` (V, N, 2), recorded px, NaN where not seen.
 
     `priors` are `bundle.Prior`, one per camera. `huber_px`, where the loss turns linear, and `max_mean_px`, above
-    which the result is refused, are for fx 1680 and scaled by each camera's (and the mean) fx. Of many points a sample
-    comes first, so that the large problem starts near its end; points that the placed cameras put behind one of them
-    are left out at first and tried again from the adjusted cameras, which also tell the detections that disagree.
+    which the result is refused, are for fx 1680 and scaled by each camera's (and the mean) fx. `tracks`
+    (`uncertainty.Tracks`) says what the points are; `known` are metric facts (`facts.KeypointDistance` and so on),
+    `marked` (`facts.Marked`) points that a person marked for them. Of many points a sample comes first, so that the
+    large problem starts near its end; points that the placed cameras put behind one of them are left out at first and
+    tried again from the adjusted cameras, which also tell the detections that disagree.
     Raises DiorError (beginning with `where`), see `bundle.optimise` and the checks below.
     """
     _check_start(cameras, uv, where)
     _check_shared(cameras, uv, where)
     focal = np.array([camera.intrinsics.fx for camera in cameras])
     sigma = huber_px * focal / REFERENCE_FX / bundle.HUBER
-    adjusted, agreed, used = list(cameras), uv, np.zeros(uv.shape[1], bool)
-    points = triangulated(cameras, uv)
-    usable = _usable(cameras, uv, points)
+
+    def attempt(start):
+        return sampled(start, uv, priors, sigma, where)
+
+    chosen, tried = starts.best(cameras, uv, attempt, where)
+    adjusted = chosen.cameras
     for _ in range(ROUNDS):
-        used = _sample(usable) if not used.any() else usable
+        agreed = agreeing(adjusted, uv)
+        points = triangulated(adjusted, agreed)
+        used = _usable(adjusted, agreed, points)
+        _check_aim(adjusted, agreed, used, where)
+        taken = np.where(used[:, None], agreed, np.nan)
+        solved, stated = metric(adjusted, taken, points, priors, sigma, tracks, known, marked, where)
+        adjusted = solved.cameras
+        again = agreeing(adjusted, uv)
+        if (np.isfinite(again) != np.isfinite(agreed)).mean() < SETTLED:
+            break
+    count = uv.shape[1]
+    points = np.where(used[:, None], solved.points[:count], np.nan)
+    start = np.where(used[:, None], triangulated(cameras, taken), np.nan)
+    before, after = reprojection_errors(cameras, start, taken), reprojection_errors(adjusted, points, taken)
+    disagreeing = 1 - np.isfinite(agreed).sum() / np.isfinite(uv).sum()
+    spread = None if tracks is None else uncertainty.of(solved, tracks, lens_sigma)
+    measured = tuple((fact, fact.measured(solved.points, solved.linear.noise)) for fact in stated if fact.measured)
+    done = Adjusted(
+        adjusted, points, before, after, float(disagreeing), solved.iterations, spread, measured, tuple(tried)
+    )
+    _check_end(done, taken, max_mean_px * focal.mean() / REFERENCE_FX, where)
+    return done
+
+
+def sampled(cameras, uv, priors, sigma, where):
+    """The cameras adjusted by GTSAM to a sample of the points; `sigma` (V,) px."""
+    adjusted, agreed = list(cameras), uv
+    for _ in range(SAMPLE_ROUNDS):
+        points = triangulated(adjusted, agreed)
+        usable = _usable(adjusted, agreed, points)
+        used = _sample(usable)
         _check_aim(adjusted, agreed, used, where)
         graph, values = bundle.build(adjusted, agreed[:, used], points[used], priors, sigma)
         found = bundle.optimise(graph, values, where)
         poses = bundle.poses(found.values, len(cameras))
         adjusted = [camera.at(wTc) for camera, wTc in zip(cameras, poses, strict=True)]
-        solved, last = bundle.points(found.values, used.sum()), agreed
-        agreed = agreeing(adjusted, uv)
-        points = triangulated(adjusted, agreed)
-        usable = _usable(adjusted, agreed, points)
-        changed = np.isfinite(agreed) != np.isfinite(last)
-        if changed.mean() < SETTLED and not (usable & ~used).any():
+        if usable.mean() > MOST_USABLE:
             break
-    points = np.full_like(points, np.nan)
-    points[used] = solved
-    start = np.where(used[:, None], triangulated(cameras, last), np.nan)
-    before, after = reprojection_errors(cameras, start, last), reprojection_errors(adjusted, points, last)
-    disagreeing = 1 - np.isfinite(last).sum() / np.isfinite(uv).sum()
-    done = Adjusted(adjusted, points, before, after, float(disagreeing), found.iterations)
-    _check_end(done, last, max_mean_px * focal.mean() / REFERENCE_FX, where)
-    return done
+        agreed = agreeing(adjusted, uv)
+    return adjusted
+
+
+def metric(cameras, uv, points, priors, sigma, tracks, known, marked, where):
+    """`reduced.Solved` of all points uv (V, N, 2) recorded px and the metric facts, and these as `facts.Fact`."""
+    taking_part = np.isfinite(points).all(axis=1) & (np.isfinite(uv).all(axis=-1).sum(axis=0) >= 2)
+    each = np.broadcast_to(sigma[:, None], uv.shape[:2])
+    if marked is not None:
+        uv = np.concatenate([uv, marked.uv], axis=1)
+        points = np.concatenate([points, triangulated(cameras, marked.uv)])
+        each = np.concatenate([each, np.full(marked.uv.shape[:2], marked.sigma_px)], axis=1)
+    ideal = np.stack([bundle.ideal_pixels(c.intrinsics, seen) for c, seen in zip(cameras, uv, strict=True)])
+    ideal[:, : len(taking_part)][:, ~taking_part] = np.nan
+    about = facts.About([c.name for c in cameras], tracks, taking_part, points, marked, where)
+    stated = [facts.placed(view, prior) for view, prior in enumerate(priors)]
+    stated += [one for fact in known for one in fact.made(about)]
+    points = np.where(np.isfinite(points), points, 0.0)
+    return reduced.solve(cameras, reduced.Observed(ideal, each), points, stated), stated
 
 
 def agreeing(cameras, uv):
@@ -230,32 +283,6 @@ def _check_end(done, uv, limit_px, where):
         )
 
 
-def observations(cameras, detections, frames, clock, window, min_score, min_views, max_gap, where):
-    """Recorded pixels (V, N, 2) of one sequence's joints at the instants of `window`, and how many instants count.
-
-    `detections` and `frames` are tables, `clock` from `offsets.read`, `max_gap` in nominal frame periods. A joint at
-    an instant is kept where its score is above `min_score` in at least `min_views` cameras.
-    """
-    t0 = start_ns(frames)
-    own, fps = rates(frames, [camera.name for camera in cameras])
-    queries = (window["first"] + window["step"] * np.arange(window["count"])) / fps
-    uv = []
-    for camera in cameras:
-        values, joints = tables.grid(tables.of_camera(detections, camera.name), "u", "v", "score")
-        times = camera_seconds(frames, camera.name, t0, clock[camera.name])
-        if len(values) != len(times):
-            raise DiorError(
-                f"{where}, {camera.name}: detections of {len(values)} frames but {len(times)} pictures; run "
-                "the step detections again"
-            )
-        with np.errstate(invalid="ignore"):
-            confident = np.where(values[..., 2:] > min_score, values[..., :2], np.nan)
-        uv.append(sample(times, confident, queries, max_gap / own[camera.name]).reshape(-1, 2))
-    uv = np.stack(uv)
-    kept = np.isfinite(uv).all(axis=-1).sum(axis=0) >= min_views
-    return uv[:, kept], len(np.unique(np.flatnonzero(kept) // len(joints)))
-
-
 def prior_of(camera, settings):
     """The `bundle.Prior` of a placed camera from its YAML (see the module's docstring)."""
     tape = settings.get("tape", {"position_m": camera.centre, "sigma_m": PLACED_SIGMA_M})
@@ -273,12 +300,15 @@ def moved(before, after):
 
 def run(
     *, session, cameras, camera_files, detections, frames, offsets, window, min_score, min_views, huber_px,
-    max_mean_px, max_gap, out, out_metrics, findings,
+    max_mean_px, max_gap, out, out_metrics, findings, known=None, marks=(), intrinsics_sigma=LENS_SIGMA,
+    out_covariance=None,
 ):  # fmt: skip
     """Write the adjusted cameras, metrics and findings.
 
     `detections`, `frames` and `offsets` are paths named by their sequence, `camera_files` by their camera.
-    `min_score`, `min_views`, `max_gap`: see `observations`; `huber_px`, `max_mean_px`: see `adjust`.
+    `min_score`, `min_views`, `max_gap`: see `window.observations`; `huber_px`, `max_mean_px`: see `adjust`. `known`:
+    metric facts (`Project.metric_facts`), `marks` the marks CSVs of the close cameras; `intrinsics_sigma`: 1 sigma of
+    the focal length and principal point, relative to the focal length.
     """
     placed = list(tables.read_cameras(cameras).values())
     yamls = {Path(path).stem.partition("@")[0]: path for path in camera_files}
@@ -300,19 +330,28 @@ def run(
         pictures = tables.read(files["frames"][sequence], "frames", ["camera", "frame", "stamp_ns"])
         clock = clocks.read(files["offsets"].get(sequence), tables.ordered_unique(pictures["camera"]))
         seen = tables.read(files["detections"][sequence], "detections")
-        uv, count = observations(
+        part = seen_in.observations(
             placed, seen, pictures, clock, instants, min_score, min_views, max_gap, where
         )  # fmt: skip
-        parts.append(uv)
-        text = f"{uv.shape[1]} joints at {count} of {instants['count']} instants of {sequence} used"
-        found.append((session, "info" if uv.shape[1] else "warning", "adjust_window", text))
-    uv = np.concatenate(parts, axis=1)
-    done = adjust(placed, uv, priors, huber_px, max_mean_px, f"session {session}")
+        parts.append(part)
+        text = f"{len(part.joint)} joints at {part.count} of {instants['count']} instants of {sequence} used"
+        found.append((session, "info" if len(part.joint) else "warning", "adjust_window", text))
+    uv, tracks = seen_in.together(parts, [instants["count"] for instants in window.values()])
+    known = known or {}
+    stated, priors = seen_in.metric_facts(known, list(window), placed, priors)
+    clicked = {Path(path).name.partition(".")[0].partition("@")[0]: path for path in marks}
+    names = [camera.name for camera in placed]
+    marked = seen_in.marked(clicked, names, seen_in.names_of_marks(known) - set(names), MARK_SIGMA_PX)
+    done = adjust(
+        placed, uv, priors, huber_px, max_mean_px, f"session {session}", tracks, stated, marked, intrinsics_sigma
+    )
     found += _findings(session, placed, priors, done)
     found += _lens_models(
         session, yamls, {name: s["topic"] for name, s in settings.items()}, done, uv, priors, huber_px
     )
     tables.write_cameras(out, done.cameras, session)
+    if out_covariance:
+        tables.write_camera_covariance(out_covariance, names, done.uncertainty.covariance, session)
     tables.write(out_metrics, "metrics", _metrics(done))
     tables.write_findings(findings, found)
 
@@ -365,9 +404,14 @@ def _findings(session, placed, priors, done):
             f"{done.disagreeing:.1%} of the detections were left out, disagreeing with the other views of their joint"
         )
         found.append((session, "warning" if done.disagreeing > WORTH_TELLING else "info", "adjust_disagreeing", text))
-    if done.iterations >= bundle.MOST_ITERATIONS:
+    if done.iterations >= reduced.MOST_ITERATIONS:
         text = f"the adjustment was stopped after {done.iterations} iterations, before it had settled"
         found.append((session, "warning", "adjust_not_settled", text))
+    found += _known_to(session, done)
+    if any(one.cameras is None for one in done.starts) or len(done.starts) > 2:
+        ends = ", ".join(f"{s.name} {s.cost_px:.1f} px" if s.cameras else f"{s.name} failed" for s in done.starts)
+        text = f"the starts did not all end in the same world, the best one counts (at fx 1680): {ends}"
+        found.append((session, "warning", "adjust_starts", text))
     for before, after, prior in zip(placed, done.cameras, priors, strict=True):
         distance, angle = moved(before, after)
         text = f"{before.name} moved {distance:.3f} m and turned {angle:.1f} degrees from where it was placed"
@@ -376,4 +420,29 @@ def _findings(session, placed, priors, done):
             found.append((f"{session}/{before.name}", "warning", "camera_moved_far", text))
         else:
             found.append((f"{session}/{before.name}", "info", "camera_moved", text))
+    return found
+
+
+def _known_to(session, done):
+    """Findings: how well each camera and the scale are known, and what the adjusted world says of each metric fact."""
+    if done.uncertainty is None:
+        return []
+    variance = np.diag(done.uncertainty.covariance).reshape(-1, 6)
+    turns, shifts = (np.sqrt(part.sum(axis=1) / 3) for part in (variance[:, :3], variance[:, 3:]))
+    each = (
+        f"{camera.name} {100 * shift:.1f} cm, {np.degrees(turn):.2f} degrees"
+        for camera, shift, turn in zip(done.cameras, shifts, turns, strict=True)
+    )
+    scale = uncertainty.scale_sigma(done.cameras, done.uncertainty.covariance)
+    text = (
+        f"1 sigma in each axis: {'; '.join(each)}; the scale is known to {100 * scale:.1f} % (95 % of the time within "
+        f"{196 * scale:.1f} %)"
+    )
+    found = [(session, "warning" if scale > DOUBTFUL_SCALE else "info", "adjust_uncertainty", text)]
+    for fact, length in done.facts:
+        off = abs(length - fact.known) / fact.sigma
+        text = f"{fact.name}: {length:.3f} m, measured {fact.known:.3f} +- {fact.sigma:.3f} m"
+        if off > 3:
+            text += f", {off:.1f} sigmas apart; measure it again"
+        found.append((session, "warning" if off > 3 else "info", "metric_fact", text))
     return found

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from dior import tables
 from dior.calibrate import adjust as step
+from dior.calibrate import window
 from dior.calibrate.adjust import run
 from dior.calibrate.place import reference_pose
 from dior.camera import Camera, Intrinsics, pose
@@ -74,7 +75,7 @@ def adjusted(folder, cameras, out, tape_sigma=None, sections=None):
         detections=[folder / f"detections/{SEQUENCE}.parquet"], frames=[folder / f"frames/{SEQUENCE}.parquet"],
         offsets=[], window=WINDOW if sections is None else sections, min_score=0.4, min_views=3, huber_px=15.0,
         max_mean_px=12.0, max_gap=1.5, out=out / "adjust.parquet", out_metrics=out / "metrics.parquet",
-        findings=out / "findings.parquet",
+        findings=out / "findings.parquet", out_covariance=out / "covariance.parquet",
     )  # fmt: skip
     return (
         tables.read_cameras(out / "adjust.parquet"),
@@ -93,12 +94,12 @@ def looking_at(cameras, target):
 
 def test_about_a_thousand_joints_are_used(capture):
     folder, cameras = capture
-    uv, instants = step.observations(
+    seen = window.observations(
         cameras, tables.read(folder / f"detections/{SEQUENCE}.parquet", "detections"),
         tables.read(folder / f"frames/{SEQUENCE}.parquet", "frames"), dict.fromkeys(NAMES, (0.0, 0.0, "")),
         WINDOW[SEQUENCE], 0.4, 3, 1.5, "beam",
     )  # fmt: skip
-    assert uv.shape == (4, 1001, 2) and instants == 50
+    assert seen.uv.shape == (4, 1001, 2) and seen.count == 50
 
 
 def test_from_the_reference_extrinsics(capture, tmp_path):
@@ -111,7 +112,13 @@ def test_from_the_reference_extrinsics(capture, tmp_path):
     assert per_camera.shape == (4,) and per_camera.max() < 11
     for camera in cameras:
         assert step.moved(camera, found[camera.name])[0] < 0.06
-    assert findings["code"].tolist() == ["adjust_window", "adjusted", *["camera_moved"] * 4]
+    assert findings["code"].tolist() == [
+        "adjust_window",
+        "adjusted",
+        "adjust_disagreeing",
+        "adjust_uncertainty",
+        *["camera_moved"] * 4,
+    ]
     assert "1001 joints at 50 of 50 instants of beam" in findings["text"][0]
 
 
@@ -184,5 +191,5 @@ def test_the_step_is_byte_stable(capture, tmp_path):
     folder, cameras = capture
     for name in ("a", "b"):
         adjusted(folder, cameras, tmp_path / name)
-    for name in ("adjust.parquet", "metrics.parquet", "findings.parquet"):
+    for name in ("adjust.parquet", "covariance.parquet", "metrics.parquet", "findings.parquet"):
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()

@@ -124,8 +124,10 @@ rule adjust:
         detections=adjusted("detections"),
         frames=adjusted("frames"),
         offsets=adjusted_offsets,
+        marks=fact_marks,
     output:
         cameras="results/adjust/{session}.parquet",
+        covariance="results/adjust/{session}.covariance.parquet",
         metrics="results/adjust/{session}.metrics.parquet",
         findings="results/adjust/{session}.findings.parquet",
     log:
@@ -139,6 +141,8 @@ rule adjust:
         huber_px=CONFIG["adjust"]["huber_px"],
         max_mean_px=CONFIG["adjust"]["max_mean_px"],
         max_gap=CONFIG["time"]["max_gap"],
+        known=metric_facts,
+        intrinsics_sigma=CONFIG["adjust"]["intrinsics_sigma"],
         code=code("calibrate.adjust"),
     shell:
         "dior adjust"
@@ -154,7 +158,11 @@ rule adjust:
         " --huber-px {params.huber_px}"
         " --max-mean-px {params.max_mean_px}"
         " --max-gap {params.max_gap}"
+        " --known {params.known:q}"
+        " --marks {input.marks:q}"
+        " --intrinsics-sigma {params.intrinsics_sigma}"
         " --out {output.cameras:q}"
+        " --out-covariance {output.covariance:q}"
         " --out-metrics {output.metrics:q}"
         " --findings {output.findings:q}"
         " 2>&1 | tee {log:q}"

@@ -245,11 +245,27 @@ def aligned_close(wildcards):
 
 
 def aligned_covariance(wildcards):
-    """The covariance of the close cameras, where they were adjusted."""
-    made = dict(rules.adjust.output.items()).get("covariance")
-    if not (made and aligned_close(wildcards) and PROJECT.window(wildcards.session)):
+    """The covariance of the close cameras, where it is known."""
+    session = wildcards.session
+    if not aligned_close(wildcards):
         return []
-    return [f"results/adjust/{wildcards.session}.covariance.parquet"]
+    files = [covariance_of(session, camera) for camera in PROJECT.close(session)]
+    return list(dict.fromkeys(path for path in files if path))
+
+
+def metric_facts(wildcards):
+    """What session.yaml and subjects.tsv know in metres, as JSON."""
+    return json.dumps(PROJECT.metric_facts(wildcards.session), sort_keys=True)
+
+
+def fact_marks(wildcards):
+    """The close cameras' marks, where a scale bar or a distance needs its points marked."""
+    known, close = PROJECT.metric_facts(wildcards.session), PROJECT.close(wildcards.session)
+    points = [fact["between"][1] for fact in known.get("distances", [])]
+    if not known.get("scale_bar") and all(name in close for name in points):
+        return []
+    paths = [PROJECT.marks_file(wildcards.session, camera) for camera in close]
+    return [path for path in paths if os.path.exists(path)]
 
 
 def sequence_offsets(wildcards):

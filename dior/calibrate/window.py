@@ -1,0 +1,132 @@
+"""The joints that the adjustment of a session uses: the detections at the instants of its window.
+
+INPUTS   detections, frames and offsets of the window's sequences, hand marks of the close cameras
+OUTPUTS  recorded pixels of every joint at every instant, which joint, instant and sequence they are; marked points
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from dior import tables
+from dior.calibrate import facts
+from dior.calibrate import marks as hand_marks
+from dior.calibrate.uncertainty import Tracks
+from dior.errors import DiorError
+from dior.sampling import camera_seconds, rates, sample, start_ns
+
+
+@dataclass(frozen=True)
+class Seen:
+    """`uv` (V, N, 2) recorded px of N joints: `joint` (N,) index into `names`, `instant` (N,) of the window."""
+
+    uv: np.ndarray
+    joint: np.ndarray
+    instant: np.ndarray
+    names: tuple
+
+    @property
+    def count(self):
+        """How many instants take part."""
+        return len(np.unique(self.instant))
+
+
+def observations(cameras, detections, frames, clock, window, min_score, min_views, max_gap, where):
+    """`Seen` of one sequence: the joints at the instants of `window`.
+
+    `detections` and `frames` are tables, `clock` from `offsets.read`, `max_gap` in nominal frame periods. A joint at
+    an instant is kept where its score is above `min_score` in at least `min_views` cameras.
+    """
+    t0 = start_ns(frames)
+    own, fps = rates(frames, [camera.name for camera in cameras])
+    queries = (window["first"] + window["step"] * np.arange(window["count"])) / fps
+    uv = []
+    for camera in cameras:
+        values, joints = tables.grid(tables.of_camera(detections, camera.name), "u", "v", "score")
+        times = camera_seconds(frames, camera.name, t0, clock[camera.name])
+        if len(values) != len(times):
+            raise DiorError(
+                f"{where}, {camera.name}: detections of {len(values)} frames but {len(times)} pictures; run "
+                "the step detections again"
+            )
+        with np.errstate(invalid="ignore"):
+            confident = np.where(values[..., 2:] > min_score, values[..., :2], np.nan)
+        uv.append(sample(times, confident, queries, max_gap / own[camera.name]).reshape(-1, 2))
+    uv = np.stack(uv)
+    kept = np.isfinite(uv).all(axis=-1).sum(axis=0) >= min_views
+    index = np.flatnonzero(kept)
+    return Seen(uv[:, kept], index % len(joints), index // len(joints), tuple(joints))
+
+
+def together(parts, counts):
+    """The `Seen` of several sequences as uv (V, N, 2) and `Tracks`; `counts`: instants of each one's window."""
+    names = tuple(dict.fromkeys(name for part in parts for name in part.names))
+    number = {name: i for i, name in enumerate(names)}
+    joint = [np.array([number[name] for name in part.names], int)[part.joint] for part in parts]
+    first = np.cumsum([0, *counts[:-1]])
+    moment = [part.instant + start for part, start in zip(parts, first, strict=True)]
+    sequence = [np.full(len(part.joint), i) for i, part in enumerate(parts)]
+    tracks = Tracks(*(np.concatenate(each) for each in (joint, moment, sequence)), names)
+    return np.concatenate([part.uv for part in parts], axis=1), tracks
+
+
+def marked(files, cameras, wanted, sigma_px):
+    """`facts.Marked` of the points `wanted` in the marks CSVs of the cameras; None where none is wanted.
+
+    `files`: camera -> path. A point lies still during a sequence: the clicks of a camera in it are averaged, and each
+    sequence gives a point of its own.
+    """
+    if not wanted:
+        return None
+    found = {}
+    for view, camera in enumerate(cameras):
+        if camera not in files or not Path(files[camera]).is_file():
+            continue
+        rows = hand_marks.read(files[camera])
+        for name, sequence, uv in zip(rows.joint, rows.sequence, rows.uv, strict=True):
+            if name in wanted:
+                found.setdefault((name, sequence), {}).setdefault(view, []).append(uv)
+    points = sorted(key for key, views in found.items() if len(views) >= 2)
+    uv = np.full((len(cameras), len(points), 2), np.nan)
+    for i, key in enumerate(points):
+        for view, clicks in found[key].items():
+            uv[view, i] = np.mean(clicks, axis=0)
+    return facts.Marked(uv, tuple(name for name, _ in points), tuple(sequence for _, sequence in points), sigma_px)
+
+
+def metric_facts(known, sequences, cameras, priors):
+    """`facts` objects of the dict that session.yaml gives (see `dior.project`), and the priors (a tag's replaces one).
+
+    `sequences` are those of the window, in order; `cameras` as placed.
+    """
+    from dior.calibrate import apriltag
+
+    def numbers(names):
+        return None if names is None else tuple(sequences.index(name) for name in names if name in sequences)
+
+    made = [facts.Distance(tuple(x["between"]), x["length_m"], x["sigma_m"]) for x in known.get("distances", [])]
+    for x in known.get("scale_bar", []):
+        made.append(facts.ScaleBar(tuple(map(tuple, x["ends"])), x["length_m"], x["sigma_m"]))
+    for x in known.get("keypoint_distance", []):
+        of = numbers(x.get("sequences"))
+        made.append(facts.KeypointDistance(tuple(x["joints"]), x["length_m"], x["sigma_m"], of))
+    for x in known.get("stature", []):
+        made.append(facts.Stature(x["height_m"], x["sigma_m"], numbers(x["sequences"])))
+    if "floor" in known:
+        x = known["floor"]
+        made.append(facts.Floor(x["sigma_m"], np.radians(x["sigma_deg"])))
+    by_tag = [view for view, camera in enumerate(cameras) if camera.locate == "apriltag"]
+    if "tag" in known and by_tag:
+        wTm, size = apriltag.tag_pose(known["tag"], "session.yaml"), known["tag"]["size_m"]
+        world = apriltag.marker_points(size) @ wTm[:3, :3].T + wTm[:3, 3]
+        # the pose by which the camera was placed says where it saw the corners
+        seen = {cameras[view].name: facts.seen_by(cameras[view], world) for view in by_tag}
+        made.append(facts.Tag(world, seen))
+    return made, [facts.loosened(prior) if view in by_tag else prior for view, prior in enumerate(priors)]
+
+
+def names_of_marks(known):
+    """Names of the points that the facts want to be marked."""
+    ends = {name for x in known.get("scale_bar", []) for pair in x["ends"] for name in pair}
+    return ends | {x["between"][1] for x in known.get("distances", [])}
