@@ -4,6 +4,7 @@ OUTPUTS: `Motion.at(t)`: landmarks (T, 33, 3) and markers (T, M, 3), m, world wi
 """
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -37,6 +38,7 @@ def mocap_lasts(settings):
     return settings.duration_s + settings.clocks.start_delay_s[1] + AFTER_DELAY_S
 
 
+@lru_cache(maxsize=16)
 def motion_of(settings, sequence):
     """The motion of a sequence, soft tissue included. Raises DiorError where a C3D is shorter than the recording."""
     motion, stride_hz = _motion(settings, sequence)

@@ -49,8 +49,8 @@ rule intrinsics:
 rule locate:
     """Locate an indoor camera from hand marks by PnP."""
     input:
-        camera="config/sessions/{session}/{camera}.yaml",
-        marks="config/sessions/{session}/{camera}.marks.csv",
+        camera=own_yaml,
+        marks=own_marks,
         intrinsics="results/intrinsics/{session}/{camera}.parquet",
         mocap=marked_mocap,
         frames=marked_frames,
@@ -86,7 +86,7 @@ rule locate:
 rule place:
     """Place a camera from the tape, by an AprilTag, or where a reference says it is."""
     input:
-        camera="config/sessions/{session}/{camera}.yaml",
+        camera=own_yaml,
         intrinsics="results/intrinsics/{session}/{camera}.parquet",
         reference=there(reference_file),
         frames=tag_frames,
@@ -171,7 +171,7 @@ rule adjust:
 rule align:
     """Place the long-range camera by what is drawn or seen around the known walker, or as a person nudged it."""
     input:
-        camera="config/sessions/{session}/{camera}.yaml",
+        camera=own_yaml,
         intrinsics="results/intrinsics/{session}/{camera}.parquet",
         skeletons=aligned_skeletons,
         frames=aligned("frames/{sequence}.parquet"),

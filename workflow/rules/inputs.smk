@@ -185,6 +185,15 @@ def placed(wildcards):
     ]
 
 
+def own_yaml(wildcards):
+    """The file of a camera, after a bump the one from then on."""
+    return PROJECT.camera_file(wildcards.session, wildcards.camera)
+
+
+def own_marks(wildcards):
+    return PROJECT.marks_file(wildcards.session, wildcards.camera)
+
+
 def close_yamls(wildcards):
     return [
         PROJECT.camera_file(wildcards.session, camera)

@@ -1,0 +1,208 @@
+"""A simulated capture taken through the steps in one process, without a picture being drawn: what benchmarks of many
+captures share.
+
+The config is the one that `dior simulate --write-config` writes; recordings are the tables that ingest would make of
+the bags, the detections and the C3D go through their own steps.
+"""
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from dior import project as projects
+from dior import tables
+from dior.calibrate import adjust, align, locate, place
+from dior.ingest import detections, mocap
+from dior.label import reproject
+from dior.reconstruct import timeline, triangulate
+from dior.simulate import config, recording, scene
+from dior.simulate import settings as levels
+from dior.simulate.motion import motion_of
+
+
+@dataclass(frozen=True)
+class Capture:
+    """A simulated capture in `folder`, labelled; `views`: sequence -> camera -> its `simulate.truth.View`."""
+
+    folder: Path
+    settings: object
+    project: object
+    views: dict = field(default_factory=dict)
+
+    def made(self, step, unit, kind=""):
+        """Path of a step's table."""
+        return self.folder / f"results/{step}/{unit}{kind}.parquet"
+
+
+def labelled(folder, **settings):
+    """`Capture` with every label of it made in `folder`; `settings` of the `simulate:` section."""
+    made = levels.from_dict(settings)
+    config.write(made, Path(folder) / "config")
+    capture = Capture(Path(folder), made, projects.load(folder))
+    for walk in levels.sequences(made):
+        _record(capture, walk)
+        _timeline(capture, walk)
+    for session in capture.project.sessions:
+        (_indoors if session == "lab" else _outdoors)(capture, session)
+    for name in capture.project.sequences:
+        for camera in capture.project.cameras_of(name):
+            _reproject(capture, name, camera)
+    return capture
+
+
+def _record(capture, walk):
+    """What ingest makes of a recorded walk."""
+    motion = motion_of(capture.settings, walk)
+    views, others = recording.observe(capture.settings, walk, motion)
+    capture.views[walk.name] = views
+    data, frames = capture.folder / "data", capture.made("frames", walk.name)
+    recording.write_detections(capture.settings, walk, motion.height, views, others, data)
+    tables.write(frames, "frames", _frames(views))
+    for name, seen in views.items():
+        lens = replace(
+            seen.camera, intrinsics=scene.reported(capture.settings, walk.session, seen.camera), wTc=None, locate=""
+        )
+        tables.write_cameras(capture.made("intrinsics", f"{walk.session}/{name}"), [lens], walk.session)
+    if walk.environment == "indoor":
+        recording.write_c3d(data / f"{walk.name}/mocap.c3d", capture.settings, walk, motion)
+        mocap.run(
+            sequence=walk.name, subject=walk.subject, c3d=data / f"{walk.name}/mocap.c3d", frames=frames,
+            trigger_log=None, out=capture.made("mocap", walk.name),
+        )  # fmt: skip
+        return
+    detections.run(
+        sequence=walk.name, pattern=str(data / f"{walk.name}/mlkit/{{camera}}.jsonl"),
+        cameras=capture.project.close(walk.session), format="mlkit", frames=frames,
+        out=capture.made("detections", walk.name), findings=capture.made("detections", walk.name, ".findings"),
+    )  # fmt: skip
+
+
+def _frames(views):
+    """The `frames` table of the recorded messages of every camera."""
+    parts = []
+    for name, seen in views.items():
+        shown, lens = seen.clock.messages, seen.camera.intrinsics
+        count = len(shown)
+        parts.append(
+            {
+                "camera": np.full(count, name, object),
+                "frame": np.arange(count),
+                "stamp_ns": seen.clock.stamp_ns[shown],
+                "receive_ns": seen.clock.receive_ns[shown],
+                "height": np.full(count, lens.height),
+                "width": np.full(count, lens.width),
+            }
+        )
+    return {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
+
+
+def _config(capture, session, camera, kind="yaml"):
+    return capture.folder / f"config/sessions/{session}/{camera}.{kind}"
+
+
+def _offsets(capture, name):
+    return capture.folder / f"config/offsets/{name}.yaml"
+
+
+def _timeline(capture, walk):
+    indoor = walk.environment == "indoor"
+    timeline.run(
+        sequence=walk.name, frames=capture.made("frames", walk.name), cameras=capture.project.close(walk.session),
+        offsets=_offsets(capture, walk.name), mocap=capture.made("mocap", walk.name) if indoor else None,
+        max_gap=capture.project.config["time"]["max_gap"], out=capture.made("timeline", walk.name),
+        out_offsets=capture.made("timeline", walk.name, ".offsets"),
+    )  # fmt: skip
+
+
+def _indoors(capture, session):
+    for camera in capture.project.cameras(session):
+        unit, marked = f"{session}/{camera}", capture.project.marks_sequences(session, camera)
+        locate.run(
+            session=session, camera=camera, camera_file=_config(capture, session, camera),
+            marks=_config(capture, session, camera, "marks.csv"), intrinsics=capture.made("intrinsics", unit),
+            mocap=[capture.made("mocap", name) for name in marked],
+            frames=[capture.made("frames", name) for name in marked],
+            offsets=[_offsets(capture, name) for name in marked],
+            ransac_px=capture.project.config["locate"]["ransac_px"], out=capture.made("locate", unit),
+            out_marks=capture.made("locate", unit, ".marks"),
+            findings=capture.made("locate", unit, ".findings"),
+        )  # fmt: skip
+
+
+def _outdoors(capture, session):
+    project, close = capture.project, capture.project.close(session)
+    for camera in close:
+        unit = f"{session}/{camera}"
+        place.run(
+            session=session, camera=camera, camera_file=_config(capture, session, camera), tag={},
+            intrinsics=capture.made("intrinsics", unit), frames=None, data_root=capture.folder / "data",
+            out=capture.made("place", unit), findings=capture.made("place", unit, ".findings"),
+        )  # fmt: skip
+    window, choices = project.window(session), project.config["adjust"]
+    adjust.run(
+        session=session, cameras=[capture.made("place", f"{session}/{camera}") for camera in close],
+        camera_files=[_config(capture, session, camera) for camera in close],
+        detections=[capture.made("detections", name) for name in window],
+        frames=[capture.made("frames", name) for name in window], offsets=[_offsets(capture, name) for name in window],
+        window=window, **choices, max_gap=project.config["time"]["max_gap"], known=project.metric_facts(session),
+        marks=[], out=capture.made("adjust", session), out_covariance=capture.made("adjust", session, ".covariance"),
+        out_metrics=capture.made("adjust", session, ".metrics"),
+        findings=capture.made("adjust", session, ".findings"),
+    )  # fmt: skip
+    for name in project.sequences_of(session):
+        _skeleton(capture, session, name, close)
+    for camera in (name for name in project.cameras(session) if name not in close):
+        _align(capture, session, camera)
+
+
+def _skeleton(capture, session, name, close):
+    choices = capture.project.config["triangulate"]
+    triangulate.run(
+        sequence=name, subject=capture.project.subject_of(name), cameras=[capture.made("adjust", session)],
+        names=close, detections=capture.made("detections", name), timeline=capture.made("timeline", name),
+        method=choices["method"], min_score=capture.project.config["detector"]["min_score"],
+        max_error_px=choices["max_error_px"], max_speed=choices["max_speed_m_s"],
+        max_body_speed=choices["max_body_speed_m_s"], max_bone_change=choices["max_bone_change"],
+        out=capture.made("triangulate", name), out_swaps=capture.made("triangulate", name, ".swaps"),
+        findings=capture.made("triangulate", name, ".findings"),
+    )  # fmt: skip
+
+
+def _align(capture, session, camera):
+    unit, drawn = f"{session}/{camera}", capture.project.cameras(session)[camera]["align"]["sequences"]
+    align.run(
+        session=session, camera=camera, camera_file=_config(capture, session, camera),
+        intrinsics=capture.made("intrinsics", unit), skeletons=[skeleton_of(capture, name) for name in drawn],
+        frames=[capture.made("frames", name) for name in drawn],
+        offsets=[capture.made("timeline", name, ".offsets") for name in drawn],
+        boxes=[capture.folder / f"config/boxes/{name}.{camera}.csv" for name in drawn], marks=[],
+        data_root=capture.folder / "data", close=[capture.made("adjust", session)],
+        close_covariance=[capture.made("adjust", session, ".covariance")], out=capture.made("align", unit),
+        out_covariance=capture.made("align", unit, ".covariance"), findings=capture.made("align", unit, ".findings"),
+    )  # fmt: skip
+
+
+def skeleton_of(capture, name):
+    """The 3D that the labels of a sequence come from."""
+    return capture.made("mocap" if capture.project.indoor(name) else "triangulate", name)
+
+
+def labels_of(capture, name, camera):
+    """The labels of a camera of a sequence."""
+    return capture.made("reproject", f"{name}.{camera}")
+
+
+def _reproject(capture, name, camera):
+    session, indoor = capture.project.session_of(name), capture.project.indoor(name)
+    own = "locate" if indoor else "adjust" if camera in capture.project.close(session) else "align"
+    steps = [(own, session if own == "adjust" else f"{session}/{camera}")]
+    if own == "align":
+        steps.insert(0, ("adjust", session))
+    reproject.run(
+        sequence=name, subject=capture.project.subject_of(name), camera=camera,
+        cameras=[capture.made(*step) for step in steps], makers=[] if indoor else capture.project.close(session),
+        covariance=[capture.made(*step, ".covariance") for step in steps if step[0] != "locate"], skeleton=skeleton_of(capture, name),
+        frames=capture.made("frames", name), offsets=capture.made("timeline", name, ".offsets"),
+        source="mocap" if indoor else "triangulated", out=labels_of(capture, name, camera),
+    )  # fmt: skip
