@@ -1,8 +1,8 @@
 """The best path of joints through noisy points, from all instants before and after: no lag.
 
-A path is the least squares of two kinds of equations: third differences that are small (jerk), and points that are near,
-whose noise is autoregressive (AR(1)) with the covariance of each point. The normal equations are block tridiagonal, so
-that a forward and a backward sweep give the path and its covariance, for all joints at once.
+A path is the least squares of two kinds of equations: third differences that are small (jerk), and points that are
+near, whose noise is autoregressive (AR(1)) with the covariance of each point. The normal equations are block
+tridiagonal, so that a forward and a backward sweep give the path and its covariance, for all joints at once.
 Shapes (T, J, ...); metres; NaN is missing.
 """
 
@@ -82,7 +82,9 @@ def _equations(points, covariance, keep, jerk, blocks):
     before = np.vstack([np.full((1, joints), -length), last[:-1]])
     lag = np.arange(length)[:, None] - before
     white = weight @ y[..., None]
-    constant += np.log(np.where(known, np.abs(np.linalg.det(np.where(known[..., None, None], weight, np.eye(3)))), 1)).sum(axis=0)
+    constant += np.log(
+        np.where(known, np.abs(np.linalg.det(np.where(known[..., None, None], weight, np.eye(3)))), 1)
+    ).sum(axis=0)
     for step in range(1, B + 1):
         t, j = np.nonzero(known & (lag == step)) if keep > 0 else (np.empty(0, int),) * 2
         a = keep**step
