@@ -40,7 +40,7 @@ def figures(folder):
     for environment in ("indoor", "outdoor"):
         for metric in ("error_to_truth_3d", "error_to_truth_3d_aligned"):
             found[f"{metric}, {environment}, mm"] = 1000 * pooled(rows, metric, environment, "")
-    for table, pattern in (("labels_2d", "reproject/*.parquet"), ("skeletons_3d", "triangulate/outdoor_??.parquet")):
+    for table, pattern in (("labels_2d", "reproject/*.parquet"), ("skeletons_3d", "refine/outdoor_??.parquet")):
         counts = statuses(sorted((folder / "results").glob(pattern)), table)
         total = sum(counts.values())
         found |= {f"{table}, {status}": count / total for status, count in sorted(counts.items())}

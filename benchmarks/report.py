@@ -187,7 +187,7 @@ def _tables(rng, results, sequence, subject, env):
     }  # fmt: skip
     return {
         "frame_metrics": (results / f"evaluate/{sequence}.frames.parquet", "frame_metrics", frames),
-        "skeletons": (results / f"triangulate/{sequence}.parquet", "skeletons_3d", skeleton),
+        "skeletons": (results / f"refine/{sequence}.parquet", "skeletons_3d", skeleton),
         "audits": (results / f"audit/{sequence}.parquet", "stamp_audit", audit),
         "dropped": (results / f"audit/{sequence}.dropped.parquet", "dropped_frames", dropped),
         "frames": (results / f"frames/{sequence}.parquet", "frames", index),

@@ -15,7 +15,7 @@ from dior import tables
 from dior.calibrate import adjust, align, locate, place
 from dior.ingest import detections, mocap
 from dior.label import reproject
-from dior.reconstruct import timeline, triangulate
+from dior.reconstruct import refine, timeline, triangulate
 from dior.simulate import config, recording, scene
 from dior.simulate import settings as levels
 from dior.simulate.motion import motion_of
@@ -167,6 +167,11 @@ def _skeleton(capture, session, name, close):
         out=capture.made("triangulate", name), out_swaps=capture.made("triangulate", name, ".swaps"),
         findings=capture.made("triangulate", name, ".findings"),
     )  # fmt: skip
+    refine.run(
+        sequence=name, subject=capture.project.subject_of(name), skeleton=capture.made("triangulate", name),
+        max_gap_s=capture.project.config["refine"]["max_gap_s"], out=capture.made("refine", name),
+        findings=capture.made("refine", name, ".findings"),
+    )  # fmt: skip
 
 
 def _align(capture, session, camera):
@@ -185,7 +190,7 @@ def _align(capture, session, camera):
 
 def skeleton_of(capture, name):
     """The 3D that the labels of a sequence come from."""
-    return capture.made("mocap" if capture.project.indoor(name) else "triangulate", name)
+    return capture.made("mocap" if capture.project.indoor(name) else "refine", name)
 
 
 def labels_of(capture, name, camera):
@@ -202,7 +207,8 @@ def _reproject(capture, name, camera):
     reproject.run(
         sequence=name, subject=capture.project.subject_of(name), camera=camera,
         cameras=[capture.made(*step) for step in steps], makers=[] if indoor else capture.project.close(session),
-        covariance=[capture.made(*step, ".covariance") for step in steps if step[0] != "locate"], skeleton=skeleton_of(capture, name),
+        covariance=[capture.made(*step, ".covariance") for step in steps if step[0] != "locate"],
+        skeleton=skeleton_of(capture, name),
         frames=capture.made("frames", name), offsets=capture.made("timeline", name, ".offsets"),
         source="mocap" if indoor else "triangulated", out=labels_of(capture, name, camera),
     )  # fmt: skip

@@ -217,6 +217,11 @@ STEPS = {
             "findings": PATH,
         },
     ),
+    "refine": (
+        "reconstruct.refine",
+        "3D joints smoothed over a sequence",
+        {"sequence": TEXT, "subject": TEXT, "skeleton": PATH, "max-gap-s": NUMBER, "out": PATH, "findings": PATH},
+    ),
     "reproject": (
         "label.reproject",
         "2D labels of one camera of a sequence",

@@ -14,9 +14,11 @@ from dior.reconstruct.smooth import smooth
 from dior.reconstruct.triangulate import rate, write_skeleton
 
 JERKS = np.geomspace(10.0, 10000.0, 9)  # m/s^3 of a joint: from a head to a foot that meets the floor
+MARGIN = 1.5  # jerk is not white: where a foot lands it is larger than where it is likeliest
 LEARN = 400  # instants that a joint's jerk is learned from
 LEAST_POINTS = 10  # a joint seen less often is left as it is
 LEAST_SD_M = 0.003  # no landmark of a body keeps its distance to another better than this
+STEADY = 1.5  # covariances are averaged over so many time constants of the noise to either side
 RIGID = tuple(
     pair
     for side in ("left", "right")
@@ -72,7 +74,8 @@ def refined(points, covariance, names, fps, time_s, stays, max_gap_s):
         return points, covariance, filled
     given = np.where(known[..., None], points, np.nan)[:, enough]
     # of what does not die away the smoother knows nothing
-    noise = (1 - stays) * covariance[:, enough]
+    steady = _steady(covariance[:, enough], known[:, enough], round(STEADY * time_s * fps))
+    noise = (1 - stays) * steady
     keep = float(np.exp(-1 / (fps * time_s))) if time_s > 0 else 0.0
     path, spread, _ = smooth(given, noise, keep, learned(given, noise, keep, fps))
     gaps = _short_gaps(known[:, enough], int(max_gap_s * fps))
@@ -96,7 +99,23 @@ def learned(points, noise, keep, fps):
     for jerk in JERKS:
         sd = np.full(points.shape[1], jerk / fps**3)
         likelihood.append(smooth(points[rows], noise[rows], keep, sd)[2])
-    return JERKS[np.argmax(likelihood, axis=0)] / fps**3
+    return MARGIN * JERKS[np.argmax(likelihood, axis=0)] / fps**3
+
+
+def _steady(covariance, known, half):
+    """Covariances (T, J, 3, 3), the mean of those known at most `half` instants away.
+
+    A detector's scores, and so the covariances, change from picture to picture faster than its errors do. Taken at
+    their word, two points with the same error of different size would tell the smoother what that error is.
+    """
+    count = len(covariance)
+    sums = np.cumsum(np.where(known[..., None, None], covariance, 0.0), axis=0)
+    counts = np.cumsum(known, axis=0)
+    low, high = np.arange(count) - half - 1, np.minimum(np.arange(count) + half, count - 1)
+    first = (low < 0)[:, None]
+    total = sums[high] - np.where(first[..., None, None], 0.0, sums[np.maximum(low, 0)])
+    n = counts[high] - np.where(first, 0, counts[np.maximum(low, 0)])
+    return np.where((n > 0)[..., None, None], total / np.maximum(n, 1)[..., None, None], np.nan)
 
 
 def _short_gaps(known, most):

@@ -2,8 +2,7 @@
 
 A path is the least squares of two kinds of equations: third differences that are small (jerk), and points that are
 near, whose noise is autoregressive (AR(1)) with the covariance of each point. The normal equations are block
-tridiagonal, so
-that a forward and a backward sweep give the path and its covariance, for all joints at once.
+tridiagonal, so that a forward and a backward sweep give the path and its covariance, for all joints at once.
 Shapes (T, J, ...); metres; NaN is missing.
 """
 

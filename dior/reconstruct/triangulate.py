@@ -96,6 +96,7 @@ def run(
         score = np.where(taken, 0.0, score)
         found = robust.triangulate(rig, uv, score, fps, sigma)
         points, used, residual = found.points, found.used, found.residual
+        time_s, stays = robust.persistence(rig, uv, score, found, fps)
         good = found.scaled <= max_error_px  # false for NaN
     else:
         used = score > 0
@@ -104,6 +105,8 @@ def run(
         residual = errors.sum(axis=0) / np.maximum(used.sum(axis=0), 1)
         good = np.ones(residual.shape, bool)
         sigma = robust.noise(rig, uv, score, fps)
+        found = robust.Points(points, used, residual, residual, sigma)
+        time_s, stays = robust.persistence(rig, uv, score, found, fps)
     weights = np.where(used, score, 0.0) / sigma[:, None]
     covariance = robust.covariance(rig, points, weights)
     enough = (used.sum(axis=0) >= 2) & np.isfinite(points).all(axis=-1)
@@ -115,13 +118,18 @@ def run(
     points = np.where((status == "ok")[..., None], points, np.nan)
     residual = np.where(enough, residual, np.nan)
     covariance = np.where((status == "ok")[..., None, None], covariance, np.nan)
-    write_skeleton(out, subject, sequence, joints, stamps, points, status, used.sum(axis=0), residual, covariance)
+    lasts = {"noise_time_s": f"{time_s:.6g}", "noise_stays": f"{stays:.6g}"}
+    write_skeleton(
+        out, subject, sequence, joints, stamps, points, status, used.sum(axis=0), residual, covariance, lasts
+    )
     write_swaps(out_swaps, names, stamps, nearest_frames(line, names), swapped, joints)
     found = _findings(sequence, names, swapped.any(axis=2), status) + _taken_findings(sequence, names, taken)
     tables.write_findings(findings, found)
 
 
-def write_skeleton(path, subject, sequence, joints, stamps, points, status, n_views, residual, covariance=None):
+def write_skeleton(
+    path, subject, sequence, joints, stamps, points, status, n_views, residual, covariance=None, metadata=None
+):
     """Write `skeletons_3d` from points (T, J, 3), their covariance (T, J, 3, 3) and what is known about them (T, J)."""
     count, each = points.shape[:2]
     once = np.zeros(count * each, int)
@@ -140,6 +148,7 @@ def write_skeleton(path, subject, sequence, joints, stamps, points, status, n_vi
             "residual_px": residual.ravel(),
             "status": status.ravel(),
         },
+        metadata,
     )
 
 

@@ -232,7 +232,7 @@ def test_statistics_are_those_of_pandas(project):
         for status, n in part["status"].astype(str).value_counts().items():
             what, reason = ("keypoints_2d", "") if status == "ok" else ("missing_2d", status)
             assert statistics.of(counted, what, **where, reason=reason) == n
-    steps = ("mocap", "triangulate")
+    steps = ("mocap", "refine")
     points = pd.concat(pd.read_parquet(p) for s in steps for p in (project / "results" / s).glob("*door_0?.parquet"))
     assert statistics.of(counted, "keypoints_3d") == points["x"].notna().sum()
     assert statistics.of(counted, "missing_3d") == points["x"].isna().sum()
@@ -268,7 +268,7 @@ def test_an_edited_long_range_camera_touches_only_its_own_labels(copy):
 def test_an_edited_close_camera_touches_its_session(copy):
     nudge(copy / "config/sessions/field/cam01.yaml", "sigma_m")
     assert planned(copy) == {
-        "place": 1, "adjust": 1, "triangulate": 2, "reproject": 8, "evaluate": 2, "overlays": 8, "clip": 2,
+        "place": 1, "adjust": 1, "triangulate": 2, "refine": 2, "reproject": 8, "evaluate": 2, "overlays": 8, "clip": 2,
         "metrics": 1, "statistics": 1, "report": 1, "package": 1, "tarballs": 2,
     }  # fmt: skip
 
@@ -284,7 +284,7 @@ def test_an_edited_sheet_row_touches_its_sequence(copy):
     row = next(r for r in (copy / "config/sequences.tsv").read_text().splitlines() if r.startswith("outdoor_02"))
     edit(copy / "config/sequences.tsv", row, row.replace("\tS02\t", "\tS01\t"))
     assert planned(copy) == {
-        "triangulate": 1, "reproject": 4, "evaluate": 1, "overlays": 4, "clip": 1, "metrics": 1,
+        "triangulate": 1, "refine": 1, "reproject": 4, "evaluate": 1, "overlays": 4, "clip": 1, "metrics": 1,
         "statistics": 1, "report": 1, "package": 1, "tarballs": 2,
     }  # fmt: skip
 

@@ -58,8 +58,9 @@ def subject(wildcards):
 
 
 def skeleton_of(sequence):
-    """The 3D of a sequence: the mocap indoors, the triangulation outdoors."""
-    step = "mocap" if PROJECT.indoor(sequence) else "triangulate"
+    """The 3D of a sequence: the mocap indoors, outdoors the triangulation, refined unless that is off."""
+    outdoor = "triangulate" if CONFIG["refine"]["method"] == "none" else "refine"
+    step = "mocap" if PROJECT.indoor(sequence) else outdoor
     return f"results/{step}/{sequence}.parquet"
 
 

@@ -474,6 +474,7 @@ def own_role(wildcards):
 def all_findings():
     """The findings of every step and every unit of it."""
     outdoor = [sequence for sequence in SEQUENCES if not PROJECT.indoor(sequence)]
+    refines = CONFIG["refine"]["method"] != "none"
     located = [
         (session, camera)
         for session in PROJECT.sessions
@@ -485,6 +486,7 @@ def all_findings():
         *(["results/gallery/gallery.findings.parquet"] if PROJECT.gallery else []),
         *[f"results/detections/{sequence}.findings.parquet" for sequence in outdoor],
         *[f"results/triangulate/{sequence}.findings.parquet" for sequence in outdoor],
+        *[f"results/refine/{sequence}.findings.parquet" for sequence in outdoor if refines],
         *[f"results/detectors/{sequence}.findings.parquet" for sequence in DETECTED],
         *[
             f"results/intrinsics/{session}/{camera}.findings.parquet"

@@ -1,7 +1,7 @@
-"""Reconstruct: the instants of every sequence, and outdoors the 3D joints at them.
+"""Reconstruct: the instants of every sequence, and outdoors the 3D joints at them, as they are and smoothed.
 
 Required inputs: frames, cameras, detections, config/offsets/.
-Outputs: results/timeline, results/triangulate.
+Outputs: results/timeline, results/triangulate, results/refine.
 """
 
 
@@ -75,5 +75,31 @@ rule triangulate:
         " --max-bone-change {params.max_bone_change}"
         " --out {output.skeleton:q}"
         " --out-swaps {output.swaps:q}"
+        " --findings {output.findings:q}"
+        " 2>&1 | tee {log:q}"
+
+
+rule refine:
+    """Smooth the joints of an outdoor sequence over time."""
+    input:
+        "results/triangulate/{sequence}.parquet",
+    output:
+        skeleton="results/refine/{sequence}.parquet",
+        findings="results/refine/{sequence}.findings.parquet",
+    log:
+        "logs/refine/{sequence}.log",
+    benchmark:
+        "logs/refine/{sequence}.benchmark.tsv"
+    params:
+        subject=subject,
+        max_gap_s=CONFIG["refine"]["max_gap_s"],
+        code=code("reconstruct.refine"),
+    shell:
+        "dior refine"
+        " --sequence {wildcards.sequence}"
+        " --subject {params.subject}"
+        " --skeleton {input:q}"
+        " --max-gap-s {params.max_gap_s}"
+        " --out {output.skeleton:q}"
         " --findings {output.findings:q}"
         " 2>&1 | tee {log:q}"
