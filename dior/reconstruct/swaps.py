@@ -25,6 +25,7 @@ PRICE_SWAPPED = 0.02  # per view and instant: of two equal explanations the one 
 STEP_M = 0.1  # a mean movement of the paired joints between instants that costs one usual error
 MOST_STATES = 32
 PRICE_BEGIN = 6.0  # that two views begin or cease to take one limb for the other, in units of chi squared per equation
+FITS = 4.0  # the two limbs lie on one another in a picture where half their joints do, up to this chi squared
 PRICE_WRONG = 1.0  # per instant, the same
 
 
@@ -192,10 +193,18 @@ def _limb_taken(cameras, uv, weights, own, others):
             rest = rest.reshape(seen.shape) / np.maximum(2 * left - 3, 1)
             on_other = np.maximum(on_other, rest)
         states.append(wrong)
-        costs.append(_mean_cost(on_other) + PRICE_WRONG)
+        costs.append(_fit(on_other) + PRICE_WRONG)
     states = np.stack(states)
     change = PRICE_BEGIN * (1.0 - np.eye(len(states)))
     return states[cheapest_path(np.stack(costs), change)].T
+
+
+def _fit(per_degree):
+    """Median over joints (T, J) where it is small, else out of the question."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "All-NaN", RuntimeWarning)
+        middle = np.nanmedian(per_degree, axis=1)
+    return np.where(middle <= FITS, middle, CAP**2 * len(per_degree))
 
 
 def _mean_cost(per_degree):
