@@ -12,9 +12,9 @@ from dior.skeletons import bones_of
 SIGMAS = 4.0  # a gate opens by so many standard deviations of what it looks at
 MOST_MISSING_S = 0.5  # after a longer gap the body may be anywhere
 BODY = ("left_hip", "right_hip", "left_shoulder", "right_shoulder", "LASI", "RASI", "LSHO", "RSHO")
-# A way there and back is worth as much as what is left out without it lasts (s/m): nobody goes 2 m aside and back in
-# less than 0.6 s, but a hand goes 0.6 m and back in 0.1 s.
-DETOUR_BODY, DETOUR_JOINT = 0.15, 0.03
+# What a way costs, as the share of the instants that it takes at the highest speed: a way there and back is not worth
+# the fewer instants that it explains. Below 1, or the fastest would be a stranger.
+DETOUR_BODY, DETOUR_JOINT = 0.8, 0.35
 FEWEST = 10  # instants that a bone's usual length needs
 
 
@@ -42,8 +42,9 @@ def implausible(points, covariance, names, fps, max_speed, max_body_speed, max_b
 def _reachable(points, variance, known, fps, speed, detour):
     """Which of the known points (T, K, 3) belong to the best history without a jump, (T, K) bool, each k on its own.
 
-    The best has the most instants, less `detour` (s/m) for the way that it goes. Dynamic programming over the instants:
-    a point follows one of the last `MOST_MISSING_S` that is near enough for the time in between, or anything before.
+    The best has the most instants, less `detour` of those that its way takes at `speed`. Dynamic programming over the
+    instants: a point follows one of the last `MOST_MISSING_S` that is near enough for the time in between, or anything
+    before.
     """
     count, each = known.shape
     window = max(1, int(MOST_MISSING_S * fps))
@@ -60,7 +61,7 @@ def _reachable(points, variance, known, fps, speed, detour):
         if len(since):
             far = np.sqrt(((points[since] - points[t]) ** 2).sum(axis=-1))
             room = speed * (t - since)[:, None] / fps + SIGMAS * np.sqrt(variance[since] + variance[t])
-            can = np.where(known[since] & (far <= room), worth[since] - detour * fps * far, -np.inf)
+            can = np.where(known[since] & (far <= room), worth[since] - detour * fps / speed * far, -np.inf)
             last = can.argmax(axis=0)
             better = can[last, columns] > highest
             best, before = np.where(better, can[last, columns], highest), np.where(better, since[last], where)

@@ -152,7 +152,7 @@ def noise(cameras, uv, score, fps):
         return np.full((len(cameras), joints), np.nan)
     # half of the points agree, whatever the others do
     per_degree = np.median(chi2[known] / _median_chi2(degrees[known]))
-    sigma = np.full((len(cameras), joints), np.sqrt(per_degree))
+    sigma = np.full((len(cameras), joints), max(np.sqrt(per_degree), LEAST_PX))
     for _ in range(ROUNDS):
         views = replace(start, w=start.w / sigma[:, joint])
         points, chi2 = meet(views)

@@ -103,6 +103,7 @@ def _equations(points, covariance, keep, jerk, blocks):
     np.add.at(rhs, (t, j), (np.swapaxes(now, -1, -2) @ w)[..., 0])
     np.add.at(constant, j, -0.5 * (w * w).sum(axis=(-1, -2)))
     ridge = np.where(known, 0.0, 1 / RIDGE_M**2)
+    ridge[count:] = 1e-6 / RIDGE_M**2  # only there to fill the last block
     band[0] += ridge[..., None, None] * np.eye(3)
     rhs += ridge[..., None] * _line(y, known)
     return (*_blocks(band, rhs, blocks), constant)

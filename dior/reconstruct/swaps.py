@@ -25,8 +25,10 @@ PRICE_CHANGE = 1.0  # per view and instant, in units of the usual error: swaps c
 PRICE_SWAPPED = 0.02  # per view and instant: of two equal explanations the one with fewer exchanged views
 STEP_M = 0.1  # a mean movement of the paired joints between instants that costs one usual error
 MOST_STATES = 32
-PRICE_BEGIN = 6.0  # that two views begin or cease to take one limb for the other, in units of chi squared per equation
-PRICE_WRONG = 1.0  # per instant, the same
+PRICE_BEGIN = 4.0  # that two views begin or cease to take one limb for the other, in units of chi squared per equation
+FITS = 4.0  # the two limbs lie on one another in a picture where half their joints do, up to this chi squared
+JUMP = 1.5  # a limb's movement between instants from which on it counts, in `STEP_M`
+PRICE_WRONG = 0.3  # per instant, the same
 
 
 def combinations(views):
@@ -182,7 +184,7 @@ def _limb_taken(cameras, uv, weights, own, others):
     views, count = uv.shape[:2]
     rig = robust.rig_of(cameras)
     w = weights[:, :, own]
-    _, chi2 = robust.meet_in_blocks(robust.views_of(rig, uv[:, :, own], w))
+    points, chi2 = robust.meet_in_blocks(robust.views_of(rig, uv[:, :, own], w))
     seen = (w > 0).sum(axis=0)
     chi2 = np.where(seen >= 2, chi2.reshape(seen.shape), np.nan)
     states = [np.zeros(views, bool)]
@@ -201,10 +203,21 @@ def _limb_taken(cameras, uv, weights, own, others):
             rest = rest.reshape(seen.shape) / np.maximum(2 * left - 3, 1)
             on_other = np.maximum(on_other, rest)
         states.append(wrong)
-        costs.append(_mean_cost(on_other) + PRICE_WRONG)
+        costs.append(_fit(on_other) + PRICE_WRONG)
     states = np.stack(states)
-    change = PRICE_BEGIN * (1.0 - np.eye(len(states)))
+    change = np.tile(PRICE_BEGIN * (1.0 - np.eye(len(states))), (max(count - 1, 0), 1, 1))
+    # the third view may see both limbs in one place, too; but then the limb has jumped onto the other
+    jump = _movement(points.T.reshape(1, count, len(own), 3))[:, 0, 0]
+    change[:, 0, 0] += np.maximum(jump - JUMP, 0.0)
     return states[cheapest_path(np.stack(costs), change)].T
+
+
+def _fit(per_degree):
+    """Median over joints (T, J) where it is small, else out of the question."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "All-NaN", RuntimeWarning)
+        middle = np.nanmedian(per_degree, axis=1)
+    return np.where(middle <= FITS, middle, CAP**2 * len(per_degree))
 
 
 def _mean_cost(per_degree):

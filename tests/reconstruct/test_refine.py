@@ -1,0 +1,142 @@
+"""The smoothed skeleton: as the whole system of equations has it, without lag, as sure of itself as it may be."""
+
+import numpy as np
+import pytest
+
+from dior import tables
+from dior.reconstruct import refine
+from dior.reconstruct.smooth import smooth
+from dior.reconstruct.triangulate import write_skeleton
+
+FPS = 30.0
+
+
+def dense(points, covariance, keep, jerk):
+    """The same least squares, of one joint, by its full matrices: path (T, 3) and covariance (T, 3, 3)."""
+    count = len(points)
+    known = np.isfinite(points).all(axis=1)
+    D = np.kron(np.diff(np.eye(count), 3, axis=0), np.eye(3)) / jerk
+    N, rhs = D.T @ D, np.zeros(3 * count)
+    at = np.flatnonzero(known)
+    L = np.zeros((3 * len(at), 3 * len(at)))
+    for i, t in enumerate(at):
+        L[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] = np.linalg.cholesky(covariance[t])
+    noise = L @ np.kron(keep ** np.abs(at[:, None] - at[None]), np.eye(3)) @ L.T
+    H = np.kron(np.eye(count)[at], np.eye(3))
+    N += H.T @ np.linalg.solve(noise, H)
+    rhs += H.T @ np.linalg.solve(noise, points[at].ravel())
+    C = np.linalg.inv(N)
+    return (C @ rhs).reshape(-1, 3), np.stack([C[3 * t : 3 * t + 3, 3 * t : 3 * t + 3] for t in range(count)])
+
+
+def moving(count, seed=0):
+    """A joint that swings and walks, (T, 1, 3) m."""
+    t = np.arange(count) / FPS
+    return np.stack([1.2 * t, 0.2 * np.sin(5 * t), 1 + 0.1 * np.cos(9 * t)], axis=-1)[:, None]
+
+
+@pytest.mark.parametrize("keep", [0.0, 0.8])
+@pytest.mark.parametrize("count", [8, 21])
+def test_blocks_solve_the_whole_system(keep, count):
+    random = np.random.default_rng(1)
+    points = moving(count) + random.normal(0, 0.02, (count, 1, 3))
+    A = random.normal(0, 0.01, (count, 1, 3, 3))
+    covariance = A @ np.swapaxes(A, -1, -2) + 1e-4 * np.eye(3)
+    points[5] = np.nan
+    path, spread, _ = smooth(points, covariance, keep, np.array([0.01]))
+    expected, C = dense(points[:, 0], covariance[:, 0], keep, 0.01)
+    # instants without a point are held by a ridge, a thousandth of what is known of them
+    assert path[:, 0] == pytest.approx(expected, abs=2e-4)
+    assert spread[:, 0] == pytest.approx(C, rel=0.02, abs=1e-7)
+
+
+def noisy(points, sd, time_s, random):
+    noise = random.normal(size=points.shape)
+    keep = np.exp(-1 / (FPS * time_s)) if time_s else 0.0
+    for t in range(1, len(points)):
+        noise[t] = keep * noise[t - 1] + np.sqrt(1 - keep**2) * noise[t]
+    return points + sd * noise
+
+
+@pytest.mark.parametrize("time_s", [0.0, 0.15])
+def test_smoothing_helps_has_no_lag_and_knows_what_is_left(time_s):
+    random = np.random.default_rng(2)
+    truth = np.repeat(moving(300), 12, axis=1)
+    points = noisy(truth, 0.02, time_s, random)
+    covariance = np.broadcast_to(4e-4 * np.eye(3), (300, 12, 3, 3)).copy()
+    path, spread, filled = refine.refined(points, covariance, [f"j{i}" for i in range(12)], FPS, time_s, 0.0, 0.2)
+    error = path - truth
+    assert (error**2).mean() < (0.3 if time_s == 0 else 0.8) * ((points - truth) ** 2).mean()
+    z = error / np.sqrt(np.diagonal(spread, axis1=-2, axis2=-1))
+    assert 0.8 < np.sqrt((z**2).mean()) < 1.25
+    assert not filled.any()
+    shifts = np.arange(-3, 4)
+    match = [((path[10:-10] - truth[10 - s : len(truth) - 10 - s]) ** 2).mean() for s in shifts]
+    assert shifts[np.argmin(match)] == 0
+    # white noise is smoothed away, noise that lasts is not, and it is not claimed to be
+    assert (np.trace(spread.mean(axis=(0, 1))) < 0.3 * 12e-4) == (time_s == 0)
+
+
+def test_what_stays_of_the_noise_stays_in_the_covariance():
+    points = noisy(np.repeat(moving(120), 2, axis=1), 0.02, 0.0, np.random.default_rng(3))
+    covariance = np.broadcast_to(4e-4 * np.eye(3), (120, 2, 3, 3)).copy()
+    _, spread, _ = refine.refined(points, covariance, ["a", "b"], FPS, 0.0, 0.5, 0.2)
+    assert (np.diagonal(spread, axis1=-2, axis2=-1) >= 2e-4).all()
+
+
+def test_short_gaps_are_bridged_with_more_doubt_and_long_ones_are_not():
+    truth = np.repeat(moving(200), 2, axis=1)
+    points = noisy(truth, 0.01, 0.0, np.random.default_rng(4))
+    points[50:55, 0] = points[100:110, 0] = points[:3, 0] = np.nan
+    covariance = np.where(np.isfinite(points)[..., None], 1e-4 * np.eye(3), np.nan)
+    path, spread, filled = refine.refined(points, covariance, ["a", "b"], FPS, 0.0, 0.0, 0.2)
+    assert np.flatnonzero(filled[:, 0]).tolist() == [50, 51, 52, 53, 54] and not filled[:, 1].any()
+    assert np.isnan(path[100:110, 0]).all() and np.isnan(path[:3, 0]).all() and np.isnan(spread[100:110, 0]).all()
+    assert np.linalg.norm(path[50:55, 0] - truth[50:55, 0], axis=-1).max() < 0.05
+    assert np.trace(spread[52, 0]) > 1.5 * np.trace(spread[40, 0])
+
+
+def test_bones_get_their_length_back():
+    random = np.random.default_rng(5)
+    hip = np.repeat(moving(200), 1, axis=1)
+    swing = 0.4 * np.sin(np.arange(200) / 8)[:, None]
+    knee = hip + 0.45 * np.stack([np.sin(swing), 0 * swing, -np.cos(swing)], axis=-1)
+    truth = np.concatenate([hip, knee], axis=1)
+    path = truth + random.normal(0, 0.01, truth.shape)
+    spread = np.broadcast_to(1e-4 * np.eye(3), (200, 2, 3, 3)).copy()
+    after, less = refine.with_bones(path, spread, 0 * spread, ["left_hip", "left_knee"])
+
+    def scatter(p):
+        return np.linalg.norm(p[:, 1] - p[:, 0], axis=-1).std()
+
+    assert scatter(after) < 0.4 * scatter(path)
+    assert ((after - truth) ** 2).mean() < ((path - truth) ** 2).mean()
+    assert np.trace(less.mean(axis=(0, 1))) < np.trace(spread.mean(axis=(0, 1)))
+
+
+def test_the_step_keeps_every_row(tmp_path):
+    random = np.random.default_rng(6)
+    points = noisy(np.repeat(moving(60), 2, axis=1), 0.01, 0.0, random)
+    status = np.full((60, 2), "ok", object)
+    points[20:23, 0], status[20:23, 0] = np.nan, "rejected"
+    points[:, 1], status[:, 1] = np.nan, "too_few_views"
+    points[4:9, 1], status[4:9, 1] = 1.0, "ok"
+    covariance = np.where(np.isfinite(points)[..., None], 1e-4 * np.eye(3), np.nan)
+    stamps = 10**18 + np.arange(60) * 33_333_333
+    views, residual = np.full((60, 2), 3), np.where(np.isfinite(points[..., 0]), 1.0, np.nan)
+    about = {"noise_time_s": "0.1", "noise_stays": "0.2"}
+    names = ["left_knee", "left_ankle"]
+    write_skeleton(tmp_path / "t.parquet", "S", "w", names, stamps, points, status, views, residual, covariance, about)
+    refine.run(
+        sequence="w", subject="S", skeleton=tmp_path / "t.parquet", max_gap_s=0.2,
+        out=tmp_path / "r.parquet", findings=tmp_path / "f.parquet",
+    )  # fmt: skip
+    table = tables.read(tmp_path / "r.parquet", "skeletons_3d")
+    after, joints = tables.grid(table, "x", "y", "z")
+    assert joints == names and after.shape == points.shape
+    words = table["status"].reshape(60, 2)
+    assert (words[20:23, 0] == "gap_filled").all() and np.isfinite(after[20:23, 0]).all()
+    # a joint that was hardly seen is left as it is
+    assert (words[:, 1] == status[:, 1]).all() and after[4:9, 1] == pytest.approx(np.ones((5, 3)))
+    assert np.isfinite(table["sigma_x"].reshape(60, 2)[:, 0]).all()
+    assert "bridged" in tables.read(tmp_path / "f.parquet", "findings")["text"][0]

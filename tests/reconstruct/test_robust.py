@@ -1,0 +1,103 @@
+"""Points of views of which some are wrong, and how well they are known."""
+
+import numpy as np
+import pytest
+
+from dior.reconstruct import robust
+from dior.skeletons import MLKIT_33
+from tests.reconstruct.test_swaps import observed, walker
+from tests.rig import ring
+
+FPS = 30.0
+
+
+def test_exact_pixels_give_the_exact_points():
+    cameras, points = ring(3), walker(6)
+    uv = observed(cameras, points, 0.0)
+    found = robust.triangulate(cameras, uv, np.ones(uv.shape[:3]), FPS)
+    assert found.points == pytest.approx(points, abs=1e-7)
+    assert found.used.all() and found.residual.max() < 1e-6
+
+
+def test_the_wrong_view_is_left_out_even_where_its_error_lies_along_the_epipolar_line():
+    """Between two of three cameras of one height a horizontal error hides; the neighbours in time tell."""
+    cameras, points = ring(3), walker(60)
+    uv = observed(cameras, points, 2.0)
+    random = np.random.default_rng(3)
+    hit = random.random(points.shape[:2]) < 0.05
+    view = random.integers(3, size=hit.shape)
+    for v in range(3):
+        uv[v, hit & (view == v), 0] += 60
+    found = robust.triangulate(cameras, uv, np.ones(uv.shape[:3]), FPS)
+    right = (np.arange(3)[:, None, None] != view)[:, hit]
+    alone = np.stack(
+        [robust.triangulate(cameras, uv[:, [t]], np.ones((3, 1, 33)), FPS, found.sigma).used[:, 0] for t in range(60)],
+        axis=1,
+    )
+    chosen, guessed = ((used[:, hit] == right).all(axis=0).mean() for used in (found.used, alone))
+    assert chosen > 0.97 and guessed < 0.9
+    assert found.used[:, ~hit].mean() > 0.999
+    assert np.linalg.norm(found.points - points, axis=-1)[hit].mean() < 0.05
+
+
+def test_of_four_views_two_may_be_wrong():
+    cameras, points = ring(4), walker(40)
+    uv = observed(cameras, points, 1.0)
+    uv[1, 10, 5] += [70, 40]
+    uv[3, 10, 5] += [-20, 90]
+    found = robust.triangulate(cameras, uv, np.ones(uv.shape[:3]), FPS)
+    assert found.used[:, 10, 5].tolist() == [True, False, True, False]
+
+
+def test_a_missing_view_and_a_score_of_zero_have_no_say():
+    cameras, points = ring(3), walker(8)
+    uv, score = observed(cameras, points, 0.0), np.ones((3, 8, 33))
+    uv[0, 2, 3] = np.nan
+    uv[1, 4, 5] += 200
+    score[1, 4, 5] = 0.0
+    score[1:, 6, 7] = 0.0
+    found = robust.triangulate(cameras, uv, score, FPS)
+    assert found.used[:, 2, 3].tolist() == [False, True, True]
+    assert found.points[4, 5] == pytest.approx(points[4, 5], abs=1e-7)
+    assert np.isnan(found.points[6, 7]).all()
+
+
+def test_noise_is_what_was_added_though_residuals_are_smaller():
+    cameras, points = ring(3), walker(400)
+    uv = observed(cameras, points, 2.0)
+    sigma = robust.noise(cameras, uv, np.ones(uv.shape[:3]), FPS)
+    assert sigma.mean() == pytest.approx(2.0, rel=0.03)
+    # a score of a half is twice the noise
+    assert robust.noise(cameras, uv, np.full(uv.shape[:3], 0.5), FPS) == pytest.approx(sigma / 2)
+    assert np.isnan(robust.noise(cameras, uv, np.zeros(uv.shape[:3]), FPS)).all()
+
+
+def test_covariance_is_that_of_many_tries():
+    cameras, point = ring(3), np.array([[[0.2, -0.3, 1.1]]])
+    repeated = np.broadcast_to(point, (4000, 1, 3))
+    uv = observed(cameras, repeated, 2.0)
+    found = robust.triangulate(cameras, uv, np.ones(uv.shape[:3]), FPS, np.full((3, 1), 2.0))
+    C = robust.covariance(cameras, point, np.full((3, 1, 1), 0.5))[0, 0]
+    tried = np.cov((found.points - point)[:, 0].T)
+    assert tried == pytest.approx(C, abs=0.06 * np.trace(C))
+    two = robust.covariance(cameras, point, np.array([0.5, 0.5, 0.0])[:, None, None])[0, 0]
+    assert np.trace(two) > np.trace(C)
+    assert np.isnan(robust.covariance(cameras, point, np.array([0.5, 0, 0])[:, None, None])).all()
+
+
+@pytest.mark.parametrize(("time_s", "stays"), [(0.0, 0.0), (0.15, 0.0), (0.15, 0.3)])
+def test_persistence_is_read_from_the_residuals(time_s, stays):
+    cameras, points = ring(3), walker(900)
+    uv = observed(cameras, points, 0.0)
+    random = np.random.default_rng(5)
+    keep = np.exp(-1 / (FPS * time_s)) if time_s else 0.0
+    noise = random.normal(size=uv.shape)
+    for t in range(1, 900):
+        noise[:, t] = keep * noise[:, t - 1] + np.sqrt(1 - keep**2) * noise[:, t]
+    noise = np.sqrt(1 - stays) * noise + np.sqrt(stays) * random.normal(size=(3, 1, 33, 2))
+    uv = uv + 2 * noise
+    found = robust.triangulate(cameras, uv, np.ones(uv.shape[:3]), FPS)
+    told = robust.persistence(cameras, uv, np.ones(uv.shape[:3]), found, FPS)
+    assert told[0] == pytest.approx(time_s, abs=0.04)
+    assert told[1] == pytest.approx(stays, abs=0.08)
+    assert len(MLKIT_33) == uv.shape[2]
