@@ -112,7 +112,8 @@ def adjust(
     before, after = reprojection_errors(cameras, start, taken), reprojection_errors(adjusted, points, taken)
     disagreeing = 1 - np.isfinite(agreed).sum() / np.isfinite(uv).sum()
     spread = None if tracks is None else uncertainty.of(solved, tracks, lens_sigma)
-    measured = tuple((fact, fact.measured(solved.points, solved.linear.noise)) for fact in stated if fact.measured)
+    noise = solved.linear.noise * solved.linear.variance[:, None, None]
+    measured = tuple((fact, fact.measured(solved.points, noise)) for fact in stated if fact.measured)
     done = Adjusted(
         adjusted, points, before, after, float(disagreeing), solved.iterations, spread, measured, tuple(tried)
     )
@@ -152,7 +153,7 @@ def metric(cameras, uv, points, priors, sigma, tracks, known, marked, where):
     stated = [facts.placed(view, prior) for view, prior in enumerate(priors)]
     stated += [one for fact in known for one in fact.made(about)]
     points = np.where(np.isfinite(points), points, 0.0)
-    return reduced.solve(cameras, reduced.Observed(ideal, each), points, stated), stated
+    return reduced.solve(cameras, reduced.Observed(ideal, each, len(taking_part)), points, stated), stated
 
 
 def agreeing(cameras, uv):
