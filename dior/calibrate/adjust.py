@@ -90,10 +90,12 @@ def adjust(
     focal = np.array([camera.intrinsics.fx for camera in cameras])
     sigma = huber_px * focal / REFERENCE_FX / bundle.HUBER
 
-    def attempt(start):
-        return sampled(start, uv, priors, sigma, where)
+    few = uv[:, _sample(np.isfinite(uv).all(axis=-1).sum(axis=0) >= 2)]
 
-    chosen, tried = starts.best(cameras, uv, attempt, where)
+    def attempt(start):
+        return sampled(start, few, priors, sigma, where)
+
+    chosen, tried = starts.best(cameras, few, attempt, where)
     adjusted = chosen.cameras
     for _ in range(ROUNDS):
         agreed = agreeing(adjusted, uv)
@@ -122,14 +124,13 @@ def adjust(
 
 
 def sampled(cameras, uv, priors, sigma, where):
-    """The cameras adjusted by GTSAM to a sample of the points; `sigma` (V,) px."""
+    """The cameras adjusted by GTSAM to points uv (V, N, 2), those that the start puts behind a camera later."""
     adjusted, agreed = list(cameras), uv
     for _ in range(SAMPLE_ROUNDS):
         points = triangulated(adjusted, agreed)
         usable = _usable(adjusted, agreed, points)
-        used = _sample(usable)
-        _check_aim(adjusted, agreed, used, where)
-        graph, values = bundle.build(adjusted, agreed[:, used], points[used], priors, sigma)
+        _check_aim(adjusted, agreed, usable, where)
+        graph, values = bundle.build(adjusted, agreed[:, usable], points[usable], priors, sigma)
         found = bundle.optimise(graph, values, where)
         poses = bundle.poses(found.values, len(cameras))
         adjusted = [camera.at(wTc) for camera, wTc in zip(cameras, poses, strict=True)]

@@ -18,9 +18,10 @@ from dior.camera import REFERENCE_FX, pose, reprojection_errors, undistort
 from dior.errors import DiorError
 from dior.geometry import rotation_x, rotation_z, similarity, triangulate
 
-EPIPOLAR_PX = (4.0, 8.0, 16.0)  # at fx 1680
+EPIPOLAR_PX = (4.0, 12.0)  # at fx 1680
 FEWEST_SHARED = 30
-SAMPLE = 2000
+SAMPLE = 1000
+MOST_DRAWS = 300
 TURNED_DEG = (12.0, 25.0)
 MOST_TURNED = 4
 CAPPED_PX = 60.0  # at fx 1680
@@ -140,7 +141,9 @@ def _pair(rays, seen, a, b, threshold):
         return None
     one, other = (np.ascontiguousarray(rays[view][both]) for view in (a, b))
     cv2.setRNGSeed(0)
-    E, agree = cv2.findEssentialMat(one, other, np.eye(3), method=cv2.RANSAC, prob=0.9999, threshold=threshold)
+    E, agree = cv2.findEssentialMat(
+        one, other, np.eye(3), method=cv2.RANSAC, prob=0.999, threshold=threshold, maxIters=MOST_DRAWS
+    )
     if E is None or E.shape != (3, 3):
         return None
     count, R, t, _ = cv2.recoverPose(E, one, other, np.eye(3), mask=agree)
