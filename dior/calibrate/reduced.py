@@ -17,7 +17,7 @@ from dior import covariance
 from dior.calibrate.bundle import HUBER
 
 MOST_ITERATIONS = 30
-SETTLED = 2e-3  # of the cost, half the square of how far the cameras still move in their (too small) sigmas
+SETTLED = 5e-4  # of the cost, half the square of how far the cameras still move in their (too small) sigmas
 NEAREST_M = 0.05
 
 
