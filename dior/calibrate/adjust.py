@@ -19,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
+from dior import physics as people
 from dior import tables
 from dior.calibrate import bundle, facts, realsense, reduced, starts, uncertainty
 from dior.calibrate import offsets as clocks
@@ -303,14 +304,14 @@ def moved(before, after):
 def run(
     *, session, cameras, camera_files, detections, frames, offsets, window, min_score, min_views, huber_px,
     max_mean_px, max_gap, out, out_metrics, findings, known=None, marks=(), intrinsics_sigma=LENS_SIGMA,
-    out_covariance=None,
+    physics=None, out_covariance=None,
 ):  # fmt: skip
     """Write the adjusted cameras, metrics and findings.
 
     `detections`, `frames` and `offsets` are paths named by their sequence, `camera_files` by their camera.
     `min_score`, `min_views`, `max_gap`: see `window.observations`; `huber_px`, `max_mean_px`: see `adjust`. `known`:
     metric facts (`Project.metric_facts`), `marks` the marks CSVs of the close cameras; `intrinsics_sigma`: 1 sigma of
-    the focal length and principal point, relative to the focal length.
+    the focal length and principal point, relative to the focal length; `physics`: limits (`dior.physics`).
     """
     placed = list(tables.read_cameras(cameras).values())
     yamls = {Path(path).stem.partition("@")[0]: path for path in camera_files}
@@ -347,6 +348,10 @@ def run(
     done = adjust(
         placed, uv, priors, huber_px, max_mean_px, f"session {session}", tracks, stated, marked, intrinsics_sigma
     )
+    for i, (sequence, part) in enumerate(zip(window, parts, strict=True)):
+        skeleton = np.full((len(part.seconds), len(part.names), 3), np.nan)
+        skeleton[part.instant, part.joint] = done.points[tracks.sequence == i]
+        people.check(skeleton, part.names, f"session {session}, {sequence}", physics, part.seconds)
     found += _findings(session, placed, priors, done)
     found += _lens_models(
         session, yamls, {name: s["topic"] for name, s in settings.items()}, done, uv, priors, huber_px
