@@ -155,6 +155,7 @@ STEPS = {
             "known": JSON,
             "marks": PATHS,
             "intrinsics-sigma": NUMBER,
+            "physics": JSON,
             "out": PATH,
             "out-covariance": PATH,
             "out-metrics": PATH,

@@ -19,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
+from dior import physics as people
 from dior import tables
 from dior.calibrate import bundle, facts, realsense, reduced, starts, uncertainty
 from dior.calibrate import offsets as clocks
@@ -90,10 +91,12 @@ def adjust(
     focal = np.array([camera.intrinsics.fx for camera in cameras])
     sigma = huber_px * focal / REFERENCE_FX / bundle.HUBER
 
-    def attempt(start):
-        return sampled(start, uv, priors, sigma, where)
+    few = uv[:, _sample(np.isfinite(uv).all(axis=-1).sum(axis=0) >= 2)]
 
-    chosen, tried = starts.best(cameras, uv, attempt, where)
+    def attempt(start):
+        return sampled(start, few, priors, sigma, where)
+
+    chosen, tried = starts.best(cameras, few, attempt, where)
     adjusted = chosen.cameras
     for _ in range(ROUNDS):
         agreed = agreeing(adjusted, uv)
@@ -112,7 +115,8 @@ def adjust(
     before, after = reprojection_errors(cameras, start, taken), reprojection_errors(adjusted, points, taken)
     disagreeing = 1 - np.isfinite(agreed).sum() / np.isfinite(uv).sum()
     spread = None if tracks is None else uncertainty.of(solved, tracks, lens_sigma)
-    measured = tuple((fact, fact.measured(solved.points, solved.linear.noise)) for fact in stated if fact.measured)
+    noise = solved.linear.noise * solved.linear.variance[:, None, None]
+    measured = tuple((fact, fact.measured(solved.points, noise)) for fact in stated if fact.measured)
     done = Adjusted(
         adjusted, points, before, after, float(disagreeing), solved.iterations, spread, measured, tuple(tried)
     )
@@ -121,14 +125,13 @@ def adjust(
 
 
 def sampled(cameras, uv, priors, sigma, where):
-    """The cameras adjusted by GTSAM to a sample of the points; `sigma` (V,) px."""
+    """The cameras adjusted by GTSAM to points uv (V, N, 2), those that the start puts behind a camera later."""
     adjusted, agreed = list(cameras), uv
     for _ in range(SAMPLE_ROUNDS):
         points = triangulated(adjusted, agreed)
         usable = _usable(adjusted, agreed, points)
-        used = _sample(usable)
-        _check_aim(adjusted, agreed, used, where)
-        graph, values = bundle.build(adjusted, agreed[:, used], points[used], priors, sigma)
+        _check_aim(adjusted, agreed, usable, where)
+        graph, values = bundle.build(adjusted, agreed[:, usable], points[usable], priors, sigma)
         found = bundle.optimise(graph, values, where)
         poses = bundle.poses(found.values, len(cameras))
         adjusted = [camera.at(wTc) for camera, wTc in zip(cameras, poses, strict=True)]
@@ -152,7 +155,7 @@ def metric(cameras, uv, points, priors, sigma, tracks, known, marked, where):
     stated = [facts.placed(view, prior) for view, prior in enumerate(priors)]
     stated += [one for fact in known for one in fact.made(about)]
     points = np.where(np.isfinite(points), points, 0.0)
-    return reduced.solve(cameras, reduced.Observed(ideal, each), points, stated), stated
+    return reduced.solve(cameras, reduced.Observed(ideal, each, len(taking_part)), points, stated), stated
 
 
 def agreeing(cameras, uv):
@@ -301,14 +304,14 @@ def moved(before, after):
 def run(
     *, session, cameras, camera_files, detections, frames, offsets, window, min_score, min_views, huber_px,
     max_mean_px, max_gap, out, out_metrics, findings, known=None, marks=(), intrinsics_sigma=LENS_SIGMA,
-    out_covariance=None,
+    physics=None, out_covariance=None,
 ):  # fmt: skip
     """Write the adjusted cameras, metrics and findings.
 
     `detections`, `frames` and `offsets` are paths named by their sequence, `camera_files` by their camera.
     `min_score`, `min_views`, `max_gap`: see `window.observations`; `huber_px`, `max_mean_px`: see `adjust`. `known`:
     metric facts (`Project.metric_facts`), `marks` the marks CSVs of the close cameras; `intrinsics_sigma`: 1 sigma of
-    the focal length and principal point, relative to the focal length.
+    the focal length and principal point, relative to the focal length; `physics`: limits (`dior.physics`).
     """
     placed = list(tables.read_cameras(cameras).values())
     yamls = {Path(path).stem.partition("@")[0]: path for path in camera_files}
@@ -345,6 +348,10 @@ def run(
     done = adjust(
         placed, uv, priors, huber_px, max_mean_px, f"session {session}", tracks, stated, marked, intrinsics_sigma
     )
+    for i, (sequence, part) in enumerate(zip(window, parts, strict=True)):
+        skeleton = np.full((len(part.seconds), len(part.names), 3), np.nan)
+        skeleton[part.instant, part.joint] = done.points[tracks.sequence == i]
+        people.check(skeleton, part.names, f"session {session}, {sequence}", physics, part.seconds)
     found += _findings(session, placed, priors, done)
     found += _lens_models(
         session, yamls, {name: s["topic"] for name, s in settings.items()}, done, uv, priors, huber_px

@@ -17,16 +17,20 @@ from dior import covariance
 from dior.calibrate.bundle import HUBER
 
 MOST_ITERATIONS = 30
-SETTLED = 2e-3  # of the cost, half the square of how far the cameras still move in their (too small) sigmas
+SETTLED = 5e-4  # of the cost, half the square of how far the cameras still move in their (too small) sigmas
 NEAREST_M = 0.05
 
 
 @dataclass(frozen=True)
 class Observed:
-    """`ideal` (V, N, 2) px, NaN where not seen; `sigma_px` (V, N)."""
+    """`ideal` (V, N, 2) px, NaN where not seen; `sigma_px` (V, N).
+
+    The first `detected` points are a detector's, their sigma is a guess; the others' (marked by hand) is right.
+    """
 
     ideal: np.ndarray
     sigma_px: np.ndarray
+    detected: int
 
 
 @dataclass(frozen=True)
@@ -37,6 +41,7 @@ class Linear:
     zeros where not seen; the points come last, which is several times as fast. `root` (V, N): what a pixel is
     multiplied with. `scale` (V, N) px/m at the point, `pixel` (V, 2, N) predicted, from the principal point. `noise`
     (N, 3, 3): covariance of a point by the pixels' sigmas; `factor` (3, 3, N) with `factor^T factor = noise`.
+    `variance` (N,): by what it is to be multiplied, from the residuals.
     `mixed` (3, 6V, N) = sum J^T C and `gradient` (3, N) = sum J^T r. `cost`: robust, of the pixels.
     """
 
@@ -48,6 +53,7 @@ class Linear:
     pixel: np.ndarray
     noise: np.ndarray
     factor: np.ndarray
+    variance: np.ndarray
     mixed: np.ndarray
     gradient: np.ndarray
     cost: float
@@ -82,7 +88,11 @@ def linearise(cameras, observed, points):
         [np.stack([(J[v, :, a, None] * C[v]).sum(axis=0) for a in range(3)]) for v in range(len(J))], axis=1
     )
     gradient = np.stack([(J[:, :, a] * r).sum(axis=(0, 1)) for a in range(3)])
-    return Linear(J, C, r, root, scale, pixel, noise, factor, mixed, gradient, cost)
+    known, count = observed.detected, (root > 0).sum(axis=0)
+    free = 2 * count[:known].sum() - 3 * (count[:known] >= 2).sum()
+    usual = np.sum(r[..., :known] ** 2) / free if free > 0 else 1.0
+    variance = np.where(np.arange(len(points)) < known, usual, 1.0)
+    return Linear(J, C, r, root, scale, pixel, noise, factor, variance, mixed, gradient, cost)
 
 
 def _view(camera, ideal, sigma, X):
@@ -173,7 +183,7 @@ def solve(cameras, observed, points, facts):
 
     def at(cameras, points):
         linear = linearise(cameras, observed, points)
-        rows = [fact(cameras, points, linear.noise) for fact in facts]
+        rows = [fact(cameras, points, linear.noise * linear.variance[:, None, None]) for fact in facts]
         return linear, rows, linear.cost + sum(0.5 * row.residual @ row.residual for row in rows)
 
     linear, rows, cost = at(cameras, points)

@@ -18,9 +18,10 @@ from dior.camera import REFERENCE_FX, pose, reprojection_errors, undistort
 from dior.errors import DiorError
 from dior.geometry import rotation_x, rotation_z, similarity, triangulate
 
-EPIPOLAR_PX = 15.0  # at fx 1680
+EPIPOLAR_PX = (4.0, 12.0)  # at fx 1680
 FEWEST_SHARED = 30
-SAMPLE = 2000
+SAMPLE = 1000
+MOST_DRAWS = 300
 TURNED_DEG = (12.0, 25.0)
 MOST_TURNED = 4
 CAPPED_PX = 60.0  # at fx 1680
@@ -107,15 +108,21 @@ def turned(cameras):
 def epipolar(cameras, uv):
     """The cameras (V) placed by the pixels uv (V, N, 2), their scale and place by the centres they have.
 
-    None where two cameras do not share enough, or the others cannot be tied to them.
+    None where two cameras do not share enough, or the others cannot be tied to them. How near to its epipolar line a
+    joint has to be is tried strictly and less so, as detectors differ; the one with the least cost counts.
     """
+    each = [_epipolar(cameras, uv, limit / REFERENCE_FX) for limit in EPIPOLAR_PX]
+    each = [start for start in each if start is not None]
+    return min(each, key=lambda start: cost(start, uv)) if each else None
+
+
+def _epipolar(cameras, uv, threshold):
     rays = np.stack([undistort(c.intrinsics, view) for c, view in zip(cameras, uv, strict=True)])
     seen = np.isfinite(rays).all(axis=-1)
     index = np.flatnonzero(seen.sum(axis=0) >= 2)
     if len(index) > SAMPLE:
         index = np.sort(np.random.default_rng(0).permutation(index)[:SAMPLE])
     rays, seen = rays[:, index], seen[:, index]
-    threshold = EPIPOLAR_PX / REFERENCE_FX
     pairs = [_pair(rays, seen, a, b, threshold) for a, b in combinations(range(len(cameras)), 2)]
     pairs = sorted((pair for pair in pairs if pair is not None), key=lambda pair: -pair[0])
     for _, a, b, bTa in pairs:
@@ -134,7 +141,9 @@ def _pair(rays, seen, a, b, threshold):
         return None
     one, other = (np.ascontiguousarray(rays[view][both]) for view in (a, b))
     cv2.setRNGSeed(0)
-    E, agree = cv2.findEssentialMat(one, other, np.eye(3), method=cv2.RANSAC, prob=0.9999, threshold=threshold)
+    E, agree = cv2.findEssentialMat(
+        one, other, np.eye(3), method=cv2.RANSAC, prob=0.999, threshold=threshold, maxIters=MOST_DRAWS
+    )
     if E is None or E.shape != (3, 3):
         return None
     count, R, t, _ = cv2.recoverPose(E, one, other, np.eye(3), mask=agree)

@@ -211,7 +211,9 @@ def of(solved, tracks, lens_sigma=0.0):
     inverse = np.linalg.inv(solved.normal)
     bias, noise, lasting = variances(linear, whole, slice(0, size), inverse, cluster[:, :people], tracks)
     rows = [(row, reduced.total(row, linear)) for row in solved.facts]
-    of_facts = sum(h.T @ _fact_noise(row, linear, noise * lasting) @ h for row, h in rows)
+    of_facts = sum(
+        h.T @ _fact_noise(row, linear, np.where(np.arange(count) < people, noise * lasting, 1.0)) @ h for row, h in rows
+    )
     pixels = lasting * noise * (solved.normal - sum(h.T @ h for _, h in rows))
     through = whole.through[:, :size]
     middle = bias * through @ through.T + pixels + of_facts
@@ -223,11 +225,15 @@ def of(solved, tracks, lens_sigma=0.0):
 
 
 def _fact_noise(row, linear, noise):
-    """Covariance (m, m) of a fact's residuals: its own sigma and the noise of the points that it speaks of."""
+    """Covariance (m, m) of a fact's residuals: its own sigma and the noise of the points that it speaks of.
+
+    `noise` (N,): variance of the points' pixels in assumed ones, hand marks' is 1.
+    """
     own = np.eye(len(row.residual))
     if not len(row.points):
         return own
-    return own + noise * np.einsum("mka,kab,nkb->mn", row.by_points, linear.noise[row.points], row.by_points)
+    C = linear.noise[row.points] * noise[row.points, None, None]
+    return own + np.einsum("mka,kab,nkb->mn", row.by_points, C, row.by_points)
 
 
 def variances(linear, whole, clusters, inverse, cluster, tracks):

@@ -19,12 +19,16 @@ from dior.sampling import camera_seconds, rates, sample, start_ns
 
 @dataclass(frozen=True)
 class Seen:
-    """`uv` (V, N, 2) recorded px of N joints: `joint` (N,) index into `names`, `instant` (N,) of the window."""
+    """`uv` (V, N, 2) recorded px of N joints: `joint` (N,) index into `names`, `instant` (N,) of the window.
+
+    `seconds` (T,): the instants' times.
+    """
 
     uv: np.ndarray
     joint: np.ndarray
     instant: np.ndarray
     names: tuple
+    seconds: np.ndarray
 
     @property
     def count(self):
@@ -56,7 +60,7 @@ def observations(cameras, detections, frames, clock, window, min_score, min_view
     uv = np.stack(uv)
     kept = np.isfinite(uv).all(axis=-1).sum(axis=0) >= min_views
     index = np.flatnonzero(kept)
-    return Seen(uv[:, kept], index % len(joints), index // len(joints), tuple(joints))
+    return Seen(uv[:, kept], index % len(joints), index // len(joints), tuple(joints), queries)
 
 
 def together(parts, counts):

@@ -59,6 +59,8 @@ def config_yaml(settings):
     template = (Path(dior.__file__).parent / "templates/config.yaml").read_text(encoding="utf-8")
     assert "\ndata_root: data\n" in template
     text = template.replace("\ndata_root: data\n", "\ndata_root: results/simulate\n")
+    assert "intrinsics_sigma: 0.003\n" in text
+    text = text.replace("intrinsics_sigma: 0.003\n", f"intrinsics_sigma: {settings.intrinsics_error:g}\n")
     text += (
         "\n# The capture is simulated. All keys and their defaults: workflow/schemas/config.schema.yaml.\nsimulate:\n"
     )

@@ -143,6 +143,7 @@ rule adjust:
         max_gap=CONFIG["time"]["max_gap"],
         known=metric_facts,
         intrinsics_sigma=CONFIG["adjust"]["intrinsics_sigma"],
+        physics=as_json(CONFIG["physics"]),
         code=code("calibrate.adjust"),
     shell:
         "dior adjust"
@@ -161,6 +162,7 @@ rule adjust:
         " --known {params.known:q}"
         " --marks {input.marks:q}"
         " --intrinsics-sigma {params.intrinsics_sigma}"
+        " --physics {params.physics:q}"
         " --out {output.cameras:q}"
         " --out-covariance {output.covariance:q}"
         " --out-metrics {output.metrics:q}"

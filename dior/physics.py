@@ -1,0 +1,118 @@
+"""Is the reconstructed person possible? Pixels can be right while the world is wrong.
+
+INPUTS   joints of one sequence in the world, points (T, J, 3) m with NaN for missing, their names
+OUTPUTS  measured figures, or a DiorError that says which one is impossible, by how much, and what to look at
+
+World in metres, Z up, floor at Z = 0. Vocabulary of adjust and reconstruct. A figure whose joints are missing is NaN
+and passes. Limits are the section `physics` of config.yaml.
+"""
+
+import warnings
+
+import numpy as np
+
+from dior.errors import DiorError
+
+SIDES = ("left", "right")
+# thigh, shank and trunk as shares of the height (Drillis and Contini 1966, in Winter, Biomechanics, fig. 4.1)
+SEGMENTS = {("hip", "knee"): 0.245, ("knee", "ankle"): 0.246, ("shoulder", "hip"): 0.288}
+FEET = ("heel", "foot_index", "big_toe")
+SOLE_M = 0.03
+STANDING_SHARE = 0.25
+LIMITS = {"stature_m": [1.0, 2.2], "feet_m": 0.3, "lean_deg": 40.0, "speed_m_s": 8.0}
+
+
+def check(points, joints, where, limits=None, seconds=None):
+    """Refuse an impossible person, naming the figure; returns the figures by name.
+
+    `limits`: some of `LIMITS`; `seconds` (T,): when, for the speed.
+    """
+    limits = LIMITS | (limits or {})
+    found = {
+        "stature_m": stature(points, joints),
+        "feet_m": feet(points, joints),
+        "lean_deg": lean(points, joints),
+        "speed_m_s": np.nan if seconds is None else speed(points, joints, seconds),
+    }
+    low, high = limits["stature_m"]
+    if found["stature_m"] < low or found["stature_m"] > high:
+        raise DiorError(
+            f"{where}: the person would be {found['stature_m']:.2f} m tall, outside of {low:g}-{high:g} m "
+            "(physics.stature_m); the scale is wrong, check the tape, the tag's size_m and other metric facts"
+        )
+    if abs(found["feet_m"]) > limits["feet_m"]:
+        side = "above" if found["feet_m"] > 0 else "below"
+        raise DiorError(
+            f"{where}: the feet stand {abs(found['feet_m']):.2f} m {side} the floor, more than {limits['feet_m']:g} m "
+            "(physics.feet_m); is Z = 0 the floor in tape.position_m and tag.position_m?"
+        )
+    if found["lean_deg"] > limits["lean_deg"]:
+        raise DiorError(
+            f"{where}: the body leans by {found['lean_deg']:.0f} degrees on average, more than {limits['lean_deg']:g} "
+            "(physics.lean_deg); is Z up, and is tag.up right?"
+        )
+    if found["speed_m_s"] > limits["speed_m_s"]:
+        raise DiorError(
+            f"{where}: the person moves at {found['speed_m_s']:.1f} m/s, more than {limits['speed_m_s']:g} "
+            "(physics.speed_m_s); check the scale and the stamps"
+        )
+    return found
+
+
+def _joint(points, joints, name):
+    """A joint (T, 3), NaN where the detector has none of that name."""
+    return points[:, list(joints).index(name)] if name in joints else np.full((len(points), 3), np.nan)
+
+
+def _middle(points, joints, part):
+    """Mean of the left and right `part` (T, 3), NaN where one is missing."""
+    return np.mean([_joint(points, joints, f"{side}_{part}") for side in SIDES], axis=0)
+
+
+def _median(values, axis=None):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)
+        return np.nanmedian(values, axis=axis)
+
+
+def stature(points, joints):
+    """Height (m) by the lengths of thighs, shanks and trunk; NaN where none of them is known."""
+    length, share = 0.0, 0.0
+    for (a, b), part in SEGMENTS.items():
+        if a == "shoulder":
+            each = [_middle(points, joints, a) - _middle(points, joints, b)]
+        else:
+            each = [_joint(points, joints, f"{s}_{a}") - _joint(points, joints, f"{s}_{b}") for s in SIDES]
+        size = _median(np.linalg.norm(each, axis=-1))
+        if np.isfinite(size):
+            length, share = length + size, share + part
+    return float(length / share) if share else np.nan
+
+
+def feet(points, joints):
+    """How far (m) the soles of the standing feet are above the floor: the lowest quarter of heels and toes."""
+    heights = [np.stack([_joint(points, joints, f"{side}_{part}")[:, 2] for part in FEET], axis=-1) for side in SIDES]
+    heights = np.concatenate(heights).ravel()
+    heights = heights[np.isfinite(heights)]
+    if not len(heights):
+        return np.nan
+    return float(np.median(heights[heights <= np.quantile(heights, STANDING_SHARE)]) - SOLE_M)
+
+
+def lean(points, joints):
+    """Angle (degrees) of the mean direction from hips to shoulders with the vertical."""
+    trunk = _middle(points, joints, "shoulder") - _middle(points, joints, "hip")
+    with np.errstate(invalid="ignore"):
+        direction = _median(trunk / np.linalg.norm(trunk, axis=1, keepdims=True), axis=0)
+    size = np.linalg.norm(direction)
+    return float(np.degrees(np.arccos(np.clip(direction[2] / size, -1, 1)))) if size > 0 else np.nan
+
+
+def speed(points, joints, seconds):
+    """Median horizontal speed (m/s) of the hips between instants about a third of a second apart."""
+    hips, seconds = _middle(points, joints, "hip"), np.asarray(seconds, float)
+    if len(seconds) < 2:
+        return np.nan
+    apart = min(max(1, round(1 / 3 / np.median(np.diff(seconds)))), len(seconds) - 1)
+    step = np.linalg.norm((hips[apart:] - hips[:-apart])[:, :2], axis=1)
+    return float(_median(step / (seconds[apart:] - seconds[:-apart])))
