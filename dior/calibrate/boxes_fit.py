@@ -25,7 +25,8 @@ SIDES = ("u_min", "v_min", "u_max", "v_max")
 LEAST_SD_PX = 0.3
 SCALES = (16.0, 8.0, 4.0)  # of the weights, px, before they follow the residuals
 CUT = 3.0  # residuals of that many sd weigh a quarter
-# what it costs to read a side as an occluder's, beyond the usual cost of the edges that are left out: a chi2
+# what it costs to read a side as an occluder's, beyond the usual cost 1 of each edge that is left out: a chi2. As much
+# again with many edges, so that a small misfit of all of them is not taken for a wall.
 COST_OF_HIDING = 25.0
 NEAR_LINE_PX = 3.0
 # 3D joints of real detectors are off by about 1 % of the body height, for as long as the same side is seen
@@ -51,7 +52,8 @@ class Seen:
     """F pictures: `points` (F, J, 3) m with NaN, `edges` (F, 4) px with NaN, `clicks` (F, J, 2) px with NaN.
 
     `seconds` (F,) and `walk` (F,): pictures of one walk near in time may share their errors. `bias_m`: standard error
-    of a joint's place that stays while the same side of the body is seen, of which no residual tells.
+    of a joint's place that stays while the same side of the body is seen, of which no residual tells. `flesh_m` (J,):
+    how far the outline that the edges are of lies outside of each joint.
     """
 
     points: np.ndarray
@@ -60,6 +62,7 @@ class Seen:
     seconds: np.ndarray
     walk: np.ndarray
     bias_m: float = JOINT_BIAS_M
+    flesh_m: np.ndarray | float = 0.0
 
 
 @dataclass(frozen=True)
@@ -204,7 +207,10 @@ class _Reading:
         edges = np.where(shown.any(axis=1)[:, None], self.seen.edges, np.nan)
         if self.side:
             edges[cut, SIDES.index(self.side)] = np.nan
-        outwards = np.where(shown[..., None], uv[..., AXIS] * OUTWARDS, -np.inf)
+        depth = cam.project(camera, self.seen.points)[1]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            flesh = np.broadcast_to(camera.intrinsics.fx * np.asarray(self.seen.flesh_m) / depth, uv.shape[:2])
+        outwards = np.where(shown[..., None], uv[..., AXIS] * OUTWARDS + flesh[..., None], -np.inf)
         frame, side = np.nonzero(np.isfinite(edges))
         joint = outwards.argmax(axis=1)[frame, side]
         clicked = np.argwhere(np.isfinite(self.seen.clicks) & np.isfinite(uv))
@@ -221,7 +227,7 @@ class _Reading:
         J[:, SHIFT] = J[:, 3:6] @ self.axes
         J[:, FOCAL] = (uv[frame, joint] - (lens.cx, lens.cy))[at, axis]
         J[at, 7 + axis] = sign
-        model = uv[frame, joint, axis] + sign * self.values[7 + axis]
+        model = uv[frame, joint, axis] + sign * (self.values[7 + axis] + np.nan_to_num(flesh[frame, joint]))
         kind = np.concatenate([side, np.full(len(clicked), -1)])
         return _Rows(frame, joint, axis, kind, observed - model, J, by_point[at, axis])
 
@@ -239,7 +245,8 @@ class _Reading:
         z2 = (rows.residual / sd_px) ** 2
         missing = np.isfinite(self.seen.edges).sum() - (rows.kind >= 0).sum()
         prior = self.values[self.free] @ self.prior[np.ix_(self.free, self.free)] @ self.values[self.free]
-        return (z2 / (1 + z2 / CUT**2)).sum() + missing + prior + COST_OF_HIDING * bool(self.side)
+        hiding = missing + max(COST_OF_HIDING, missing) if self.side else 0.0
+        return (z2 / (1 + z2 / CUT**2)).sum() + hiding + prior
 
     def fitted(self, derivative):
         rows = self.rows()
