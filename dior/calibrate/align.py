@@ -226,6 +226,11 @@ def found_out(scope, walks, seen, fitted, pose_covariance, taped):
             (scope, "info", "occluder", f"the {side} edges are read as those of something that hides the body beyond; "
              "say align.occluder: none if nothing does")
         )  # fmt: skip
+    if fitted.ahead < boxes_fit.DOUBTFUL:
+        found.append(
+            (scope, "warning", "occluder_doubtful", "it cannot be told whether something hides a part of the body in "
+             "the boxes; say align.occluder: none, below or above")
+        )  # fmt: skip
     moved = fitted.values[3:6] / np.maximum(taped, 1e-9)
     if np.abs(moved).max() > 3:
         found.append(
