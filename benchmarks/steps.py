@@ -126,6 +126,7 @@ def _indoors(capture, session):
             offsets=[_offsets(capture, name) for name in marked],
             ransac_px=capture.project.config["locate"]["ransac_px"], out=capture.made("locate", unit),
             out_marks=capture.made("locate", unit, ".marks"),
+            out_covariance=capture.made("locate", unit, ".covariance"),
             findings=capture.made("locate", unit, ".findings"),
         )  # fmt: skip
 
@@ -207,7 +208,7 @@ def _reproject(capture, name, camera):
     reproject.run(
         sequence=name, subject=capture.project.subject_of(name), camera=camera,
         cameras=[capture.made(*step) for step in steps], makers=[] if indoor else capture.project.close(session),
-        covariance=[capture.made(*step, ".covariance") for step in steps if step[0] != "locate"],
+        covariance=[capture.made(*step, ".covariance") for step in steps],
         skeleton=skeleton_of(capture, name),
         frames=capture.made("frames", name), offsets=capture.made("timeline", name, ".offsets"),
         source="mocap" if indoor else "triangulated", out=labels_of(capture, name, camera),

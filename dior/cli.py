@@ -117,6 +117,7 @@ STEPS = {
             "offsets": PATHS,
             "ransac-px": NUMBER,
             "out": PATH,
+            "out-covariance": PATH,
             "out-marks": PATH,
             "findings": PATH,
         },

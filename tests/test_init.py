@@ -50,7 +50,7 @@ def test_every_file_passes_its_schema(tmp_path):
         check(yaml.safe_load((config / f"{path}.yaml").read_text()), kind, path)
 
 
-@pytest.mark.parametrize("line", ["nudge", "reference"])
+@pytest.mark.parametrize("line", ["align", "nudge", "reference"])
 def test_the_commented_keys_of_the_camera_are_valid_too(line):
     text = init.contents()["sessions/session_01/cam01.yaml"]
     assert f"# {line}: {{" in text

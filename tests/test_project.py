@@ -292,6 +292,31 @@ def test_session_errors(root, file, old, new, parts):
     assert "config/se" in text
 
 
+@pytest.mark.parametrize(
+    ("align", "part"),
+    [
+        ("{from: boxes, sequences: [out_4]}", "'out_4' is no sequence of field (did you mean 'out_"),
+        ("{from: boxes, sequences: [in_1]}", "'in_1' is no sequence of field"),
+        ("{from: boxes, sequences: [out_3]}", "'out_3', which has an exclude_reason"),
+        ("{from: boxes, sequences: [out_1, out_2]}", "needs the file config/boxes/out_2.cam03.csv"),
+        ("{from: marks, sequences: [out_1]}", "needs the file config/sessions/field/cam03.marks.csv"),
+        ("{from: boxes, sequences: []}", "a list of 1 or more"),
+        ("{from: boxs, sequences: [out_1]}", "did you mean 'boxes'"),
+    ],
+)
+def test_what_a_camera_is_aligned_to_must_be_there(root, align, part):
+    edit(root, "sessions/field/cam03.yaml", "nudge: {azimuth_deg: 0.2}", f"align: {align}")
+    fails(root, "config/sessions/field/cam03.yaml", part)
+
+
+def test_a_camera_that_is_aligned_to_boxes(root):
+    edit(root, "sessions/field/cam03.yaml", "nudge: {azimuth_deg: 0.2}", "align: {from: boxes, sequences: [out_1]}")
+    found = project.load(root).cameras("field")["cam03"]["align"]
+    assert found == {"from": "boxes", "sequences": ["out_1"], "fit": "range", "occluder": "auto"}
+    edit(root, "sessions/field/cam01.yaml", "locate: tape", "locate: tape\nalign: {from: boxes, sequences: [out_1]}")
+    fails(root, "config/sessions/field/cam01.yaml", "'align' has no effect")
+
+
 def test_marks_without_3d_points_need_the_mocap(root):
     all_marked(root, "sequence,frame,joint,u,v\nout_1,0,LASI,1,2\n")
     fails(root, "config/sessions/field/cam01.marks.csv line 2", "'out_1' has no mocap")

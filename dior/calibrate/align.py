@@ -31,6 +31,7 @@ from dior.sampling import at_pictures
 # a person pays out the tape along the sight and sets the tripod down beside it
 ACROSS_M, HEIGHT_M = 0.1, 0.05
 FOCAL_SIGMA = 0.03
+SILHOUETTE_MARGIN_PX = 0.5  # beyond the flesh
 PICTURES = 150  # of a sequence, for silhouettes
 AROUND_PX = 60.0  # about where the start has the person, at fx 760
 FEW_AGREE = 0.6
@@ -62,9 +63,9 @@ def freedom(settings):
     sigma = settings["tape"].get("sigma_m", 0.05)
     beside = (min(sigma, ACROSS_M), min(sigma, HEIGHT_M))
     how = settings["align"].get("fit", "range")
-    if how == "position":
-        return boxes_fit.Freedom(shift=(sigma,) * 3)
-    return boxes_fit.Freedom(shift=(sigma, *beside), focal=FOCAL_SIGMA if how == "focal" else 0.0)
+    shift = (sigma,) * 3 if how == "position" else (sigma, *beside)
+    margin = SILHOUETTE_MARGIN_PX if settings["align"]["from"] == "silhouettes" else boxes_fit.Freedom.margin_px
+    return boxes_fit.Freedom(shift=shift, focal=FOCAL_SIGMA if how == "focal" else 0.0, margin_px=margin)
 
 
 @dataclass(frozen=True)
@@ -117,45 +118,55 @@ def from_marks(walk, marks, path):
     return shown, clicks
 
 
-def from_pictures(walk, start, data_root):
-    """Pictures (F,) spread over the walk, by their row, and the edges (F, 4) px of the silhouette in each."""
+def from_pictures(walks, start, data_root):
+    """By walk, pictures (F,) spread over it, by their row, and the edges (F, 4) px of the silhouette in each."""
     from dior.ingest.bags import read_pictures
 
-    count = len(walk.rows["frame"])
-    chosen = np.unique(np.linspace(0, count - 1, min(PICTURES, count)).round().astype(int))
-    uv = cam.project(start, walk.points[chosen])[0]
+    rows = [
+        np.unique(np.linspace(0, len(w.seconds) - 1, min(PICTURES, len(w.seconds))).round().astype(int)) for w in walks
+    ]
+    seen = [cam.project(start, walk.points[chosen])[0] for walk, chosen in zip(walks, rows, strict=True)]
     lens = start.intrinsics
-    if not np.isfinite(uv).any():
-        return chosen[:0], np.zeros((0, 4))
-    u0, v0, u1, v1 = silhouettes.window(uv, (lens.width, lens.height), AROUND_PX * max(lens.fx / 760, 1.0))
-    pieces = [None] * len(chosen)
-    for row, picture in read_pictures(tables.rows(walk.rows, chosen), data_root):
-        pieces[row] = picture[v0:v1, u0:u1]
-    tall = np.nanmedian(np.nanmax(uv[..., 1], axis=1) - np.nanmin(uv[..., 1], axis=1))
-    return chosen, silhouettes.edges(pieces, tall) + np.array([u0, v0, u0, v0])
+    flat = np.concatenate([uv.reshape(-1, 2) for uv in seen])
+    if not np.isfinite(flat).any():
+        raise DiorError(f"{start.name}: the start sees nobody; is tape.target_m where the person is?")
+    u0, v0, u1, v1 = silhouettes.window(flat, (lens.width, lens.height), AROUND_PX * max(lens.fx / 760, 1.0))
+    pieces = []
+    for walk, chosen in zip(walks, rows, strict=True):
+        mine = [None] * len(chosen)
+        for row, picture in read_pictures(tables.rows(walk.rows, chosen), data_root):
+            mine[row] = picture[v0:v1, u0:u1]
+        pieces.append(mine)
+    few = [picture for mine in pieces for picture in mine[:: max(1, len(walks))]]
+    empty = silhouettes.empty_scene(few)
+    tall = float(np.nanmedian([np.nanmedian(np.ptp(uv[..., 1], axis=1)) for uv in seen]))
+    corner = np.array([u0, v0, u0, v0])
+    return [(chosen, silhouettes.edges(mine, tall, empty) + corner) for chosen, mine in zip(rows, pieces, strict=True)]
 
 
 def gather(walks, start, source, files, data_root, marks):
-    """`boxes_fit.Seen` of all sequences, and the walk of each picture. `files`: boxes by sequence; `marks`: a path."""
-    clicked = hand_marks.read(marks) if source == "marks" else None
-    parts = []
-    for k, walk in enumerate(walks):
-        points = walk.points
-        clicks = np.zeros((0,))
-        if source == "boxes":
-            if walk.name not in files:
-                raise DiorError(f"{walk.name}: align.sequences names it, but there is no config/boxes file of it")
-            shown, edges = from_boxes(walk, files[walk.name])
-        elif source == "marks":
-            shown, clicks = from_marks(walk, clicked, marks)
-            edges = np.full((len(shown), 4), np.nan)
-        else:
-            shown, edges = from_pictures(walk, start, data_root)
-            points = np.concatenate([points, silhouettes.crown(points, walk.joints)[:, None]], axis=1)
-        if source != "marks":
-            clicks = np.full((len(shown), points.shape[1], 2), np.nan)
-        parts.append((points[shown], edges, clicks, walk.seconds[shown], np.full(len(shown), k)))
-    return boxes_fit.Seen(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+    """`boxes_fit.Seen` of all sequences. `files`: boxes by sequence; `marks`: a path."""
+    if source == "boxes":
+        missing = [walk.name for walk in walks if walk.name not in files]
+        if missing:
+            raise DiorError(f"{missing[0]}: align.sequences names it, but there is no config/boxes file of it")
+        found = [from_boxes(walk, files[walk.name]) for walk in walks]
+    elif source == "silhouettes":
+        found = from_pictures(walks, start, data_root)
+    else:
+        clicked = hand_marks.read(marks)
+        found = [from_marks(walk, clicked, marks) for walk in walks]
+    parts, flesh = [], 0.0
+    for k, (walk, (shown, values)) in enumerate(zip(walks, found, strict=True)):
+        points, count = walk.points[shown], len(shown)
+        if source == "silhouettes":
+            top = silhouettes.crown(walk.points, walk.joints)[shown]
+            points = np.concatenate([points, top[:, None]], axis=1)
+            flesh = silhouettes.flesh([*walk.joints, "crown"], float(np.nanmedian(top[:, 2])))
+        clicks = values if source == "marks" else np.full((*points.shape[:2], 2), np.nan)
+        edges = np.full((count, 4), np.nan) if source == "marks" else values
+        parts.append((points, edges, clicks, walk.seconds[shown], np.full(count, k)))
+    return boxes_fit.Seen(*(np.concatenate(column) for column in zip(*parts, strict=True)), flesh_m=flesh)
 
 
 def by_close(close, points):
@@ -214,6 +225,11 @@ def found_out(scope, walks, seen, fitted, pose_covariance, taped):
         found.append(
             (scope, "info", "occluder", f"the {side} edges are read as those of something that hides the body beyond; "
              "say align.occluder: none if nothing does")
+        )  # fmt: skip
+    if fitted.ahead < boxes_fit.DOUBTFUL:
+        found.append(
+            (scope, "warning", "occluder_doubtful", "it cannot be told whether something hides a part of the body in "
+             "the boxes; say align.occluder: none, below or above")
         )  # fmt: skip
     moved = fitted.values[3:6] / np.maximum(taped, 1e-9)
     if np.abs(moved).max() > 3:

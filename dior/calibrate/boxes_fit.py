@@ -25,9 +25,12 @@ SIDES = ("u_min", "v_min", "u_max", "v_max")
 LEAST_SD_PX = 0.3
 SCALES = (16.0, 8.0, 4.0)  # of the weights, px, before they follow the residuals
 CUT = 3.0  # residuals of that many sd weigh a quarter
-# what it costs to read a side as an occluder's, beyond the usual cost of the edges that are left out: a chi2
-COST_OF_HIDING = 25.0
+# what it costs to read a side as an occluder's, beyond the usual cost 1 of each edge that is left out: a chi2. As much
+# again with many edges, so that a small misfit of all of them is not taken for a wall.
+COST_OF_HIDING = {"": 0.0, "v_max": 25.0, "v_min": 45.0}  # walls and hedges hide legs; little hides heads
+DOUBTFUL = 12.0
 NEAR_LINE_PX = 3.0
+LINE_PX = 1.0  # how well the line of an occluder is known
 # 3D joints of real detectors are off by about 1 % of the body height, for as long as the same side is seen
 JOINT_BIAS_M = 0.025
 
@@ -51,7 +54,8 @@ class Seen:
     """F pictures: `points` (F, J, 3) m with NaN, `edges` (F, 4) px with NaN, `clicks` (F, J, 2) px with NaN.
 
     `seconds` (F,) and `walk` (F,): pictures of one walk near in time may share their errors. `bias_m`: standard error
-    of a joint's place that stays while the same side of the body is seen, of which no residual tells.
+    of a joint's place that stays while the same side of the body is seen, of which no residual tells. `flesh_m` (J,):
+    how far the outline that the edges are of lies outside of each joint.
     """
 
     points: np.ndarray
@@ -60,13 +64,15 @@ class Seen:
     seconds: np.ndarray
     walk: np.ndarray
     bias_m: float = JOINT_BIAS_M
+    flesh_m: np.ndarray | float = 0.0
 
 
 @dataclass(frozen=True)
 class Fitted:
     """`values` (9,) and `covariance` (9, 9) of the parameters, of the six of `dior.covariance` with those of V close
     cameras `by_cameras` (9, 6V); `residual` (F, 4) px of the edges, NaN where none; `agree` (F, 4); `click_residual`
-    (F, J, 2) px; `hidden` the side that an occluder has, or ""; `sd_px` of an edge; `inflation` by time.
+    (F, J, 2) px; `hidden` the side that an occluder has, or ""; `sd_px` of an edge; `inflation` by time; `ahead` by how
+    much (chi2) the edges prefer this reading to the next.
     """
 
     camera: cam.Camera
@@ -78,6 +84,7 @@ class Fitted:
     hidden: str
     sd_px: float
     inflation: float
+    ahead: float = np.inf
     by_cameras: np.ndarray = field(default_factory=lambda: np.zeros((9, 0)))
 
     @property
@@ -134,8 +141,10 @@ def fit(start, freedom, seen, where, derivative=None, occluder="auto"):
     readings = READINGS[occluder] if np.isfinite(seen.edges).any() else ("",)
     tried = [_Reading(start, freedom, seen, side).solve(where) for side in readings]
     sd_px = min(reading.sd for reading in tried)
-    best = min(tried, key=lambda reading: reading.cost(sd_px))
-    return best.fitted(derivative)
+    costs = np.array([reading.cost(sd_px) for reading in tried])
+    best = int(np.argmin(costs))
+    others = np.delete(costs, best)
+    return replace(tried[best].fitted(derivative), ahead=float(min(others - costs[best], default=np.inf)))
 
 
 class _Reading:
@@ -186,25 +195,34 @@ class _Reading:
         return moved(self.start, self.axes, self.values)
 
     def visible(self, uv):
-        """Joints (F, J) that are not behind the occluder, in the pictures whose edge lies at its line."""
+        """Joints (F, J) that are surely not behind the occluder, those that may not be, and pictures (F,) it cuts."""
         there = np.isfinite(uv).all(axis=-1) & cam.in_frame(self.start.intrinsics, uv)
         if not self.side:
-            return there, np.zeros(len(uv), bool)
+            return there, there, np.zeros(len(uv), bool)
         k = SIDES.index(self.side)
         cut = np.abs(self.seen.edges[:, k] - self.line) <= NEAR_LINE_PX
-        beyond = OUTWARDS[k] * (uv[..., 1] - self.line) + self.values[8] > 0
-        return there & ~(beyond & cut[:, None]), cut
+        beyond = OUTWARDS[k] * (uv[..., 1] - self.line) + self.values[8]
+        surely, perhaps = (there & ~((beyond > slack) & cut[:, None]) for slack in (-LINE_PX, LINE_PX))
+        return surely, perhaps, cut
 
     def rows(self):
         """`_Rows` of every edge and click at the present values."""
         camera = self.camera()
         uv = cam.project(camera, self.seen.points)[0]
-        shown, cut = self.visible(uv)
-        shown &= shown.any(axis=1)[:, None]
+        shown, perhaps, cut = self.visible(uv)
         edges = np.where(shown.any(axis=1)[:, None], self.seen.edges, np.nan)
         if self.side:
             edges[cut, SIDES.index(self.side)] = np.nan
-        outwards = np.where(shown[..., None], uv[..., AXIS] * OUTWARDS, -np.inf)
+        depth = cam.project(camera, self.seen.points)[1]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            flesh = np.broadcast_to(camera.intrinsics.fx * np.asarray(self.seen.flesh_m) / depth, uv.shape[:2])
+        outwards, most = (
+            np.where(known[..., None], uv[..., AXIS] * OUTWARDS + flesh[..., None], -np.inf)
+            for known in (shown, perhaps)
+        )
+        if self.side:
+            # an edge that hangs on a joint at the occluder's line tells nothing
+            edges[~(most.max(axis=1) - outwards.max(axis=1) < LINE_PX / 2)] = np.nan
         frame, side = np.nonzero(np.isfinite(edges))
         joint = outwards.argmax(axis=1)[frame, side]
         clicked = np.argwhere(np.isfinite(self.seen.clicks) & np.isfinite(uv))
@@ -221,7 +239,7 @@ class _Reading:
         J[:, SHIFT] = J[:, 3:6] @ self.axes
         J[:, FOCAL] = (uv[frame, joint] - (lens.cx, lens.cy))[at, axis]
         J[at, 7 + axis] = sign
-        model = uv[frame, joint, axis] + sign * self.values[7 + axis]
+        model = uv[frame, joint, axis] + sign * (self.values[7 + axis] + np.nan_to_num(flesh[frame, joint]))
         kind = np.concatenate([side, np.full(len(clicked), -1)])
         return _Rows(frame, joint, axis, kind, observed - model, J, by_point[at, axis])
 
@@ -239,7 +257,11 @@ class _Reading:
         z2 = (rows.residual / sd_px) ** 2
         missing = np.isfinite(self.seen.edges).sum() - (rows.kind >= 0).sum()
         prior = self.values[self.free] @ self.prior[np.ix_(self.free, self.free)] @ self.values[self.free]
-        return (z2 / (1 + z2 / CUT**2)).sum() + missing + prior + COST_OF_HIDING * bool(self.side)
+        hiding = 0.0
+        if self.side:
+            hidden = (np.abs(self.seen.edges[:, SIDES.index(self.side)] - self.line) <= NEAR_LINE_PX).sum()
+            hiding = missing + max(COST_OF_HIDING[self.side], hidden)
+        return (z2 / (1 + z2 / CUT**2)).sum() + hiding + prior
 
     def fitted(self, derivative):
         rows = self.rows()
@@ -272,7 +294,7 @@ class _Reading:
             agree = np.abs(residual) <= scale
         camera = self.camera()
         return Fitted(
-            camera, self.values, spread, residual, agree, clicks, self.side, self.sd, inflation, by_cameras
+            camera, self.values, spread, residual, agree, clicks, self.side, self.sd, inflation, by_cameras=by_cameras
         )  # fmt: skip
 
 

@@ -1,7 +1,8 @@
 """Locate a camera from hand-marked pairs: PnP with RANSAC, refined in recorded pixels (paper, indoor step 3).
 
 INPUTS   camera YAML, marks CSV, intrinsics, and for the marks' sequences the frames, mocap and offsets
-OUTPUTS  cameras (one row with wTc), marks (residual in recorded px and inlier flag of every mark), findings
+OUTPUTS  cameras (one row with wTc), camera_covariance, marks (residual in recorded px and inlier flag of every mark),
+         findings
 
 OpenCV sees ideal normalised points and K = I, so that the lens is the project's own; its cTw is inverted at once.
 World in metres, Z up, floor at Z = 0.
@@ -15,7 +16,7 @@ import numpy as np
 from dior import tables
 from dior.calibrate import marks as hand_marks
 from dior.calibrate import offsets as clocks
-from dior.calibrate import realsense
+from dior.calibrate import pnp, realsense
 from dior.calibrate.place import camera_settings, check_above_floor, unplaced
 from dior.camera import inverse_pose, pose, project, undistort
 from dior.errors import DiorError
@@ -33,6 +34,7 @@ class Located:
     """`wTc` (4, 4) m; `residual_px` (N,) in recorded px, NaN where a mark cannot be projected; `inlier` (N,).
 
     `sigma_m` and `sigma_deg`: largest standard error of centre and rotation, from the residuals; NaN for 4 inliers.
+    `jacobian` (2I, 6) and `miss` (I, 2) px of the I inliers, `other`: what to say of a second pose.
     """
 
     wTc: np.ndarray
@@ -40,6 +42,13 @@ class Located:
     inlier: np.ndarray
     sigma_m: float = np.nan
     sigma_deg: float = np.nan
+    jacobian: np.ndarray | None = None
+    miss: np.ndarray | None = None
+    other: str = ""
+
+    def covariance(self, joint=None, frame=None):
+        """(6, 6) of the pose; `joint` and `frame` (I,) of the inliers as in `pnp.pose_covariance`."""
+        return pnp.pose_covariance(self.jacobian, self.miss, joint, frame)
 
 
 def locate(camera, xyz, uv, ransac_px, where):
@@ -69,8 +78,14 @@ def locate(camera, xyz, uv, ransac_px, where):
         if (agreeing == inlier).all():
             break
         inlier = agreeing
+    other = pnp.other_solution(camera.at(wTc), xyz[inlier], uv[inlier], refine)
+    wTc, said = pnp.decide(camera.at(wTc), other, xyz[inlier], uv[inlier], where)
     check_above_floor(where, wTc[:3, 3], "are the marks on the right markers and is Z up?")
-    return Located(wTc, residual, inlier, *_standard_errors(J, residual[inlier]))
+    wTc, J = refine(camera.at(wTc), xyz[inlier], uv[inlier])
+    placed = camera.at(wTc)
+    miss = project(placed, xyz[inlier])[0] - uv[inlier]
+    residual = residuals(placed, xyz, uv)
+    return Located(wTc, residual, inlier, *_standard_errors(J, residual[inlier]), J, miss, said)
 
 
 def _no_consensus(where, inlier, ransac_px):
@@ -155,6 +170,17 @@ def _findings(scope, path, marks, located, ransac_px):
          f"{ransac_px:g} px); it was not used, mark it again")
         for i in np.flatnonzero(~inlier)
     ]  # fmt: skip
+    if located.other:
+        found.append((scope, "info", "second_pose", located.other))
+    used = marks.only(inlier)
+    wrong = pnp.suspect(located.jacobian, located.miss)
+    if wrong:
+        i, distance, shift = wrong
+        found.append(
+            (scope, "warning", "mark_suspect", f"{path} line {used.line[i]}: {used.joint[i]} on frame {used.frame[i]} "
+             f"of {used.sequence[i]} is {distance:.1f} px from where the other {len(used) - 1} marks put it, more than "
+             f"they scatter; it moves the camera by {1000 * shift:.0f} mm, look at it again")
+        )  # fmt: skip
     text = (
         f"{inlier.sum()} of {len(inlier)} marks on {len(set(zip(marks.sequence, marks.frame, strict=True)))} frames "
         f"used, residual mean {residual[inlier].mean():.2f} px, worst {residual[inlier].max():.2f} px"
@@ -185,14 +211,42 @@ def _lens_models(scope, path, lens, marks, located):
     return [realsense.finding(scope, "the marks", lens.intrinsics.model, *mean, path)]
 
 
+def _next_mark(scope, camera, located, spread, marks, motions, stamps, clock):
+    """Finding on the marker, on a picture with marks, that would make the labels on the walks most certain."""
+    candidates = hand_marks.unmarked(marks, camera, motions, stamps, clock)
+    if not candidates:
+        return []
+    places = np.concatenate([motion.xyz[:: max(1, len(motion.t) // 20)].reshape(-1, 3) for motion in motions.values()])
+    sd_px = np.sqrt(pnp.variance(located.miss, located.miss.size - 6))
+    mark, before, after = pnp.best_next(camera, spread, sd_px, candidates, places[np.isfinite(places).all(axis=1)])
+    text = (
+        f"the camera's part of a label is {before:.2f} px (1 sigma of u or v); of all further marks on these pictures, "
+        f"{mark.joint} on frame {mark.frame} of {mark.sequence} would help most, to {after:.2f} px"
+    )
+    return [(scope, "info", "next_mark", text)]
+
+
 def _distance(residual_px):
     return f"{residual_px:.1f} px" if np.isfinite(residual_px) else "behind the camera or outside of the lens model"
 
 
 def run(
-    *, session, camera, camera_file, marks, intrinsics, mocap, frames, offsets, ransac_px, out, out_marks, findings
+    *,
+    session,
+    camera,
+    camera_file,
+    marks,
+    intrinsics,
+    mocap,
+    frames,
+    offsets,
+    ransac_px,
+    out,
+    out_covariance,
+    out_marks,
+    findings,
 ):
-    """Write the located camera, its marks with residuals, and findings.
+    """Write the located camera, its covariance, its marks with residuals, and findings.
 
     `mocap`, `frames` and `offsets` are lists of paths with a file per sequence; `frames` and `offsets` are named by
     their sequence. Raises DiorError as `locate` and the readers do.
@@ -216,7 +270,13 @@ def run(
     found += _findings(scope, marks, used, located, ransac_px)
     if realsense.is_ambiguous(settings["topic"], lens.intrinsics):
         found += _lens_models(scope, camera_file, lens, used, located)
+    inliers = used.only(located.inlier)
+    spread = located.covariance(
+        inliers.joint, [f"{s} {f}" for s, f in zip(inliers.sequence, inliers.frame, strict=True)]
+    )
+    found += _next_mark(scope, lens.at(located.wTc), located, spread, used, motions, stamps, clock)
     tables.write_cameras(out, [lens.at(located.wTc, settings["locate"])], session)
+    tables.write_camera_covariance(out_covariance, [camera], spread, session)
     tables.write(out_marks, "marks", _columns(session, camera, used, located))
     tables.write_findings(findings, found)
 

@@ -15,7 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from dior import tables
-from dior.camera import in_frame
+from dior.calibrate.pnp import Mark
+from dior.camera import in_frame, project
 from dior.errors import DiorError, nearest
 from dior.sampling import sample, seconds
 
@@ -163,6 +164,26 @@ def in_world(marks, path, camera, intrinsics, motions, stamps, clocks, scope):
     known = np.isfinite(xyz).all(axis=1)
     findings = _without_marker(marks, known, path, scope)
     return replace(marks, xyz=xyz).only(known), findings
+
+
+def unmarked(marks, camera, motions, stamps, clocks):
+    """`pnp.Mark` of every marker that is in the picture and not marked, on the frames that have marks.
+
+    Whether the body hides it is not known. Arguments as of `in_world`.
+    """
+    found = []
+    for sequence, frame in dict.fromkeys(zip(marks.sequence, marks.frame.tolist(), strict=True)):
+        if sequence not in motions:
+            continue
+        motion = motions[sequence]
+        at = seconds(_stamp("marks", stamps, sequence, frame, camera.name), motion.t0_ns, *clocks[sequence][:2])
+        xyz = sample(motion.t, motion.xyz, np.array([at]), _longest_step(motion))[0]
+        uv, depth = project(camera, xyz)
+        there = marks.joint[(marks.sequence == sequence) & (marks.frame == frame)]
+        for j, joint in enumerate(motion.joints):
+            if np.isfinite(uv[j]).all() and depth[j] > 0 and in_frame(camera.intrinsics, uv[j]) and joint not in there:
+                found.append(Mark(sequence, frame, joint, xyz[j]))
+    return found
 
 
 def _without_marker(marks, known, path, scope):

@@ -20,6 +20,18 @@ GAIN_STEP = 7
 EAR_TO_CROWN = 0.0755
 
 
+# how far skin and clothes lie outside of a joint, as a share of the stature; what is not here (eyes) adds nothing
+FLESH = {
+    "nose": 0.015, "ear": 0.012, "shoulder": 0.040, "elbow": 0.030, "wrist": 0.020, "pinky": 0.015, "index": 0.015,
+    "thumb": 0.015, "hip": 0.060, "knee": 0.037, "ankle": 0.027, "heel": 0.018, "foot_index": 0.018, "crown": 0.0,
+}  # fmt: skip
+
+
+def flesh(joints, height_m):
+    """How far the outline lies outside of each of the joints (J,), m."""
+    return height_m * np.array([FLESH.get(joint.removeprefix("left_").removeprefix("right_"), 0.0) for joint in joints])
+
+
 def crown(points, joints):
     """The crown of the head (F, 3) m above the ears, from points (F, J, 3): a silhouette ends there, joints do not."""
     ears = np.stack([points[:, joints.index(f"{side}_ear")] for side in ("left", "right")]).mean(axis=0)
@@ -36,15 +48,22 @@ def window(uv, size, around_px):
     return (*low.tolist(), *(high + 1).tolist())
 
 
-def edges(pictures, height_px):
+def empty_scene(pictures):
+    """The scene (height, width, 3) without anybody: the median of pictures (F, height, width, 3).
+
+    They should be of several walks: one straight towards the camera hides the same place all the time.
+    """
+    return np.median(np.asarray(pictures), axis=0).astype(np.float32)
+
+
+def edges(pictures, height_px, empty):
     """Edges (F, 4) px, in the coordinates of the pictures (F, height, width, 3) uint8, of a person `height_px` tall.
 
-    The largest group of pixels that stand out is the person, if it is neither too small nor more than twice as tall.
+    `empty` as from `empty_scene`. The largest group of pixels that stand out is the person, if it is neither too small
+    nor more than twice as tall.
     """
     import cv2
 
-    pictures = np.asarray(pictures)
-    empty = np.median(pictures, axis=0).astype(np.float32)
     known = (empty < SATURATED).all(axis=-1)
     each = [_same_light(picture.astype(np.float32), empty, known) - empty for picture in pictures]
     differs = np.stack([np.where(known, np.abs(d).max(axis=-1), 0.0) for d in each])

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dior.camera import Camera, Intrinsics, pose
-from dior.geometry import look_at, look_at_angles, rotation_x, rotation_z
+from dior.geometry import look_at_angles, rotation_x, rotation_z
 from dior.simulate.settings import CAMERAS, SESSIONS, generator
 
 LONG_RANGE = "cam04"
@@ -74,29 +74,6 @@ def _placed(settings, session, name):
     tape = tuple(float(x) for x in (centre + sigma * draw.standard_normal(3)).round(3))
     role = "long_range" if far else "close"
     return Placed(Camera(name, intrinsics, wTc, role, "simulated"), tape, target, float(sigma.max()))
-
-
-def nudge_of(settings, session, name):
-    """Nudges of a long-range camera as a careful person finds them: (azimuth deg, elevation deg, distance m).
-
-    The angles put the target where the true camera sees it, the distance is the true one; small errors are left.
-    """
-    placed = _placed(settings, session, name)
-    draw = generator(settings, "nudge", session, name)
-    away = placed.camera.centre[:2] - np.array(placed.target[:2])
-    taped = np.array(placed.tape[:2]) - np.array(placed.target[:2])
-    distance = np.linalg.norm(away) - np.linalg.norm(taped)
-    moved = np.array(placed.tape)
-    moved[:2] += distance * taped / np.linalg.norm(taped)
-    wRc = look_at(moved, placed.target)
-    seen = placed.camera.wRc.T @ (np.array(placed.target) - placed.camera.centre)
-    # the direction in the world in which the nudged camera must have `seen`: yaw and tilt from the look-at's own
-    expected = wRc.T @ (np.array(placed.target) - moved)
-    azimuth = np.arctan2(seen[0], seen[2]) - np.arctan2(expected[0], expected[2])
-    elevation = np.arctan2(seen[1], seen[2]) - np.arctan2(expected[1], expected[2])
-    error = draw.standard_normal(3) * (settings.nudge_sd_deg, settings.nudge_sd_deg, settings.nudge_sd_m)
-    found = np.array([np.rad2deg(azimuth), np.rad2deg(elevation), distance]) + error
-    return tuple(float(x) for x in found.round(3))
 
 
 def in_picture(lens, uv):

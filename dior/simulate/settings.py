@@ -118,8 +118,6 @@ class Settings:
     mark_noise_px: float = 1.0  # error of a hand mark in u and in v
     box_margin_px: float = 3.0  # how much too large a hand-drawn box is, on each edge
     box_sd_px: float = 1.0  # random error of each edge of a box
-    nudge_sd_deg: float = 0.02  # what is left of the long-range camera's aim after nudging by hand
-    nudge_sd_m: float = 0.1  # the same of its distance
     jpeg_quality: int = 85  # of the recorded pictures
     motion: str | None = None  # path of a C3D whose walk is used instead of the parametric walker
     detector: Detector = field(default_factory=Detector)

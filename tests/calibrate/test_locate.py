@@ -1,5 +1,6 @@
 """PnP from marks: exact without noise, for every lens model, with wrong marks, and what it refuses."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -158,7 +159,8 @@ def located(folder):
         session="lab", camera="cam01", camera_file=folder / "cam01.yaml", marks=folder / "cam01.marks.csv",
         intrinsics=folder / "lens.parquet", mocap=[folder / "mocap.parquet"],
         frames=[folder / "frames/indoor_01.parquet"], offsets=[folder / "indoor_01.yaml"], ransac_px=8.0,
-        out=folder / "cam.parquet", out_marks=folder / "marks.parquet", findings=folder / "findings.parquet",
+        out=folder / "cam.parquet", out_covariance=folder / "covariance.parquet", out_marks=folder / "marks.parquet",
+        findings=folder / "findings.parquet",
     )  # fmt: skip
     return (
         tables.read_cameras(folder / "cam.parquet")["cam01"],
@@ -174,6 +176,23 @@ def test_the_step_on_two_frames_of_a_moving_body_with_an_offset(tmp_path):
     assert_at(found.wTc, view.wTc, 2e-5)
     assert found.locate == "marks" and marks["inlier"].all() and marks["residual_px"].max() < 1e-3
     assert findings["code"].tolist() == ["pose_from_marks"] and "20 of 20 marks on 2 frames" in findings["text"][0]
+
+
+def test_the_step_writes_the_covariance_and_says_what_to_mark_next(tmp_path):
+    view = session(tmp_path)
+    path = tmp_path / "cam01.marks.csv"
+    lines = path.read_text().splitlines()
+    # without the highest and the lowest marker the rest leave the tilt open most
+    path.write_text("\n".join(line for line in lines if ",M0" not in line or line.split(",")[2] < "M06") + "\n")
+    _, marks, findings = located(tmp_path)
+    covariance = tables.read_camera_covariance(tmp_path / "covariance.parquet", ["cam01"])
+    assert np.linalg.eigvalsh(covariance).min() > 0
+    said = dict(zip(findings["code"], findings["text"], strict=True))
+    named = re.search(r"(M\d\d) on frame (\d) of indoor_01 would help most, to ([0-9.]+) px", said["next_mark"])
+    assert named[1] in ("M06", "M07", "M08", "M09") and named[2] in "03"
+    before = float(re.search(r"label is ([0-9.]+) px", said["next_mark"])[1])
+    assert float(named[3]) < before
+    assert view.name == "cam01" and len(marks["joint"]) == 12
 
 
 def test_the_step_keeps_the_wrong_mark_as_outlier_and_names_it(tmp_path):
@@ -216,7 +235,7 @@ def test_a_wrong_offset_shows_in_the_residuals(tmp_path):
 
 def test_the_step_is_byte_stable(tmp_path):
     session(tmp_path, wrong=True)
-    names = ("cam.parquet", "marks.parquet", "findings.parquet")
+    names = ("cam.parquet", "covariance.parquet", "marks.parquet", "findings.parquet")
     located(tmp_path)
     first = [(tmp_path / name).read_bytes() for name in names]
     located(tmp_path)

@@ -31,7 +31,7 @@ def walk(empty, gain=None, noise=1.5, hide_below=None, count=30):
 
 def test_the_edges_are_those_of_the_bar():
     pictures, expected = walk(scene())
-    found = silhouettes.edges(pictures, 20)
+    found = silhouettes.edges(pictures, 20, silhouettes.empty_scene(pictures))
     np.testing.assert_allclose(found, expected, atol=0.6)
     assert np.abs((found - expected).mean(axis=0)).max() < 0.3
 
@@ -39,7 +39,7 @@ def test_the_edges_are_those_of_the_bar():
 def test_light_that_changes_is_no_person():
     gain = 1 + 0.12 * np.sin(np.arange(30))
     pictures, expected = walk(scene(), gain)
-    np.testing.assert_allclose(silhouettes.edges(pictures, 20), expected, atol=0.8)
+    np.testing.assert_allclose(silhouettes.edges(pictures, 20, silhouettes.empty_scene(pictures)), expected, atol=0.8)
 
 
 def test_a_saturated_disc_beside_the_walk_changes_nothing():
@@ -47,19 +47,20 @@ def test_a_saturated_disc_beside_the_walk_changes_nothing():
     sun = np.exp(-np.maximum(np.hypot(u - 60, v - 5) - 8, 0) / 3)[..., None] * 255
     plain, expected = walk(scene())
     shining, _ = walk(scene() + sun)
-    np.testing.assert_allclose(silhouettes.edges(shining, 20), silhouettes.edges(plain, 20), atol=0.6)
+    found = [silhouettes.edges(p, 20, silhouettes.empty_scene(p)) for p in (shining, plain)]
+    np.testing.assert_allclose(*found, atol=0.6)
 
 
 def test_the_part_above_a_wall_is_found():
     pictures, expected = walk(scene(), hide_below=36)
-    np.testing.assert_allclose(silhouettes.edges(pictures, 20), expected, atol=0.6)
+    np.testing.assert_allclose(silhouettes.edges(pictures, 20, silhouettes.empty_scene(pictures)), expected, atol=0.6)
 
 
 def test_nobody_is_nan_and_a_wide_change_is_nobody():
     empty = scene()
     pictures, _ = walk(empty)
     pictures[7] = np.clip(empty, 0, 255)
-    found = silhouettes.edges(pictures, 8)
+    found = silhouettes.edges(pictures, 8, silhouettes.empty_scene(pictures))
     assert np.isnan(found[7]).all() and np.isnan(found).all(), "the bar is more than twice as tall as expected"
 
 
@@ -73,3 +74,8 @@ def test_the_crown_is_above_the_ears():
 def test_the_window_stays_in_the_picture():
     uv = np.array([[[5.0, 300.0], [np.nan, np.nan]], [[700.0, 310.0], [650.0, 330.0]]])
     assert silhouettes.window(uv, (720, 480), 20) == (0, 280, 720, 351)
+
+
+def test_the_outline_lies_outside_of_the_joints():
+    out = silhouettes.flesh(["left_hip", "right_knee", "left_eye", "crown"], 2.0)
+    assert out == pytest.approx([0.12, 0.074, 0.0, 0.0])

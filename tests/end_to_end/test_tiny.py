@@ -258,7 +258,7 @@ def test_targets_have_names(project, tmp_path, target):
 
 
 def test_an_edited_long_range_camera_touches_only_its_own_labels(copy):
-    nudge(copy / "config/sessions/field/cam04.yaml", "elevation_deg")
+    nudge(copy / "config/sessions/field/cam04.yaml", "sigma_m")
     assert planned(copy) == {
         "align": 1, "reproject": 2, "evaluate": 2, "overlays": 2, "clip": 2, "metrics": 1, "statistics": 1, "report": 1,
         "package": 1, "tarballs": 2,
@@ -268,7 +268,8 @@ def test_an_edited_long_range_camera_touches_only_its_own_labels(copy):
 def test_an_edited_close_camera_touches_its_session(copy):
     nudge(copy / "config/sessions/field/cam01.yaml", "sigma_m")
     assert planned(copy) == {
-        "place": 1, "adjust": 1, "triangulate": 2, "refine": 2, "reproject": 8, "evaluate": 2, "overlays": 8, "clip": 2,
+        "place": 1, "adjust": 1, "triangulate": 2, "refine": 2, "align": 1, "moved": 1, "reproject": 8, "evaluate": 2,
+        "overlays": 8, "clip": 2,
         "metrics": 1, "statistics": 1, "report": 1, "package": 1, "tarballs": 2,
     }  # fmt: skip
 
@@ -283,8 +284,10 @@ def test_an_edited_indoor_mark_touches_its_camera(copy):
 def test_an_edited_sheet_row_touches_its_sequence(copy):
     row = next(r for r in (copy / "config/sequences.tsv").read_text().splitlines() if r.startswith("outdoor_02"))
     edit(copy / "config/sequences.tsv", row, row.replace("\tS02\t", "\tS01\t"))
+    # the boxes of this walk, too, place the long-range camera
     assert planned(copy) == {
-        "triangulate": 1, "refine": 1, "reproject": 4, "evaluate": 1, "overlays": 4, "clip": 1, "metrics": 1,
+        "triangulate": 1, "refine": 1, "align": 1, "moved": 1, "reproject": 5, "evaluate": 2, "overlays": 5, "clip": 2,
+        "metrics": 1,
         "statistics": 1, "report": 1, "package": 1, "tarballs": 2,
     }  # fmt: skip
 

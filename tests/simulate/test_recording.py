@@ -139,22 +139,6 @@ def test_boxes_are_as_large_and_as_rough_as_they_say(tmp_path):
     assert grown.std() == pytest.approx(used.box_sd_px, rel=0.12)
 
 
-def test_the_nudge_aims_the_taped_camera_where_the_true_one_looks():
-    from dior.calibrate.align import aligned_pose
-
-    used = settings.Settings()
-    placed = scene.cameras_of(used, "field")["cam04"]
-    azimuth, elevation, distance = scene.nudge_of(used, "field", "cam04")
-    wTc = aligned_pose(
-        "here",
-        {"position_m": list(placed.tape), "target_m": list(placed.target)},
-        {"azimuth_deg": azimuth, "elevation_deg": elevation, "distance_m": distance},
-    )
-    walkway = np.random.default_rng(1).uniform([-1.5, -1.5, 0], [1.5, 1.5, 1.8], (50, 3))
-    error = cam.project(placed.camera.at(wTc), walkway)[0] - cam.project(placed.camera, walkway)[0]
-    assert np.linalg.norm(error, axis=-1).max() < 1.5
-
-
 def test_a_wrong_key_is_refused_with_the_nearest():
     for section, words in (({"duraton_s": 3}, "duration_s"), ({"detector": {"nois_px": 1}}, "noise_px")):
         with pytest.raises(DiorError, match=f"did you mean '{words}'"):

@@ -57,6 +57,7 @@ rule locate:
         offsets=marked_offsets,
     output:
         camera="results/locate/{session}/{camera}.parquet",
+        covariance="results/locate/{session}/{camera}.covariance.parquet",
         marks="results/locate/{session}/{camera}.marks.parquet",
         findings="results/locate/{session}/{camera}.findings.parquet",
     log:
@@ -78,6 +79,7 @@ rule locate:
         " --offsets {input.offsets:q}"
         " --ransac-px {params.ransac_px}"
         " --out {output.camera:q}"
+        " --out-covariance {output.covariance:q}"
         " --out-marks {output.marks:q}"
         " --findings {output.findings:q}"
         " 2>&1 | tee {log:q}"

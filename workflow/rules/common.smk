@@ -83,7 +83,7 @@ def camera_of(session, camera):
 def covariance_of(session, camera):
     """The file with the uncertainty of a camera's pose; "" where the step that gives the pose does not know it."""
     path = camera_of(session, camera)
-    known = ("results/align/", "results/adjust/")
+    known = ("results/locate/", "results/align/", "results/adjust/")
     return path.replace(".parquet", ".covariance.parquet") if path.startswith(known) else ""
 
 
