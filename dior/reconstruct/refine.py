@@ -10,6 +10,7 @@ smoothed away: it is left in the covariance. Then the bones get their lengths ba
 import numpy as np
 
 from dior import tables
+from dior.covariance import point_covariance
 from dior.reconstruct.smooth import smooth
 from dior.reconstruct.triangulate import rate, write_skeleton
 
@@ -40,7 +41,7 @@ def run(*, sequence, subject, skeleton, max_gap_s, out, findings):
     about = tables.metadata(skeleton)
     points, joints = tables.grid(table, "x", "y", "z")
     shape = points.shape[:2]
-    covariance = covariance_of(table).reshape(*shape, 3, 3)
+    covariance = point_covariance(table, shape)
     stamps = table["stamp_ns"].reshape(shape)[:, 0]
     status = table["status"].astype(str).reshape(shape)
     time, stays = (float(about.get(key, 0.0)) for key in ("noise_time_s", "noise_stays"))
@@ -51,15 +52,6 @@ def run(*, sequence, subject, skeleton, max_gap_s, out, findings):
     write_skeleton(out, subject, sequence, joints, stamps, points, status, n_views, residual, covariance)
     text = f"{filled.mean():.1%} of the 3D joints were bridged over gaps of at most {max_gap_s:g} s"
     tables.write_findings(findings, [(sequence, "info", "gaps_bridged", text)] if filled.any() else [])
-
-
-def covariance_of(table):
-    """Covariances (N, 3, 3) m^2 of the rows of `skeletons_3d`."""
-    sd = np.stack([table[f"sigma_{axis}"] for axis in "xyz"], axis=-1).astype(float)
-    rho = np.ones((len(sd), 3, 3))
-    for i, j in ((0, 1), (0, 2), (1, 2)):
-        rho[:, i, j] = rho[:, j, i] = table[f"rho_{'xyz'[i]}{'xyz'[j]}"]
-    return rho * sd[:, :, None] * sd[:, None]
 
 
 def refined(points, covariance, names, fps, time_s, stays, max_gap_s):
