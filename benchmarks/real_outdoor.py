@@ -20,6 +20,7 @@ from dior.ingest.readers import mlkit, openpose
 from dior.reconstruct import robust
 from dior.reconstruct.swaps import exchange, find_exchanged, find_taken
 from dior.reconstruct.triangulate import by_rays
+from dior.skeletons import swap_index
 
 ROOT = Path(__file__).resolve().parents[1]
 CAMERAS = ("cam01", "cam02", "cam03", "cam04")
@@ -84,6 +85,7 @@ def print_unseen_camera(data, cameras):
     print(f"  plain DLT               {cam04_score(triangulate(cTw, xy, np.ones_like(score)), cameras, joints)}")
     print(f"  the paper's rays        {cam04_score(by_rays(close, uv), cameras, joints)}")
     score = np.where(score >= 0.3, score, 0.0)
+    score = np.where(robust.strangers(close, uv, score, FPS, swap_index(joints))[..., None], 0.0, score)
     swapped = find_exchanged(close, uv, score, joints)
     true = np.zeros(swapped.shape[:2], bool)
     true[1, SWAPPED] = True

@@ -189,7 +189,7 @@ def triangulate(cameras, uv, score, fps, sigma=None):
     rows = _strange(chi2, used, shape)
     if len(rows):
         weights = weights.copy()
-        weights[:, rows] = _same_person(rig, uv[:, rows], weights[:, rows])
+        weights[:, rows] *= _same_person(rig, uv[:, rows], weights[:, rows])[..., None]
         again = _all_views(rig, uv[:, rows], weights[:, rows])
         at = (rows[:, None] * joints + np.arange(joints)).ravel()
         for values, new in zip((points, chi2, used, pixels, scaled), again, strict=True):
@@ -224,6 +224,25 @@ def _all_views(rig, uv, weights):
     return points, left[0], used, left[1], left[2]
 
 
+def strangers(cameras, uv, score, fps, mirror):
+    """Views (V, T) that look at somebody else than the others do, whatever they call left and right.
+
+    `mirror` (J,): the joint of the other side. The middle of two such joints stays where it is when a detector
+    exchanges them.
+    """
+    both = (score > 0) & (score[:, :, mirror] > 0)
+    middle = (uv + uv[:, :, mirror]) / 2
+    certain = np.where(both, np.minimum(score, score[:, :, mirror]), 0.0)
+    rig = rig_of(cameras)
+    weights = certain / noise(cameras, middle, certain, fps)[:, None]
+    _, chi2, used, _, _ = _all_views(rig, middle, weights)
+    rows = _strange(chi2, used, uv.shape[1:3])
+    out = np.zeros(uv.shape[:2], bool)
+    if len(rows):
+        out[:, rows] = ~_same_person(rig, middle[:, rows], weights[:, rows])
+    return out
+
+
 def _strange(chi2, used, shape):
     """Instants (n,) at which most joints of three or more views disagree: a view looks at somebody else."""
     seen = used.sum(axis=0, dtype=np.int8)
@@ -233,7 +252,7 @@ def _strange(chi2, used, shape):
 
 
 def _same_person(rig, uv, weights):
-    """The weights (V, n, J) without the views that, as a whole, agree least with the others.
+    """Which views (V, n) are left without those that, as a whole, agree least with the others; weights (V, n, J).
 
     Joint by joint a stranger's pixel may meet one view of the subject by chance; all his joints do not.
     """
@@ -256,7 +275,7 @@ def _same_person(rig, uv, weights):
             best = np.where(better, cost, best)
             keep = np.where(better, say, keep)
         agreed |= best <= DROP_FACTOR**2
-    return np.where(keep[..., None], weights, 0.0)
+    return keep
 
 
 def _errors(rig, points, uv, used):
