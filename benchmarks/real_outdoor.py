@@ -22,6 +22,7 @@ from dior.ingest.readers import mlkit, openpose
 from dior.reconstruct import robust
 from dior.reconstruct.swaps import exchange, find_exchanged, find_taken
 from dior.reconstruct.triangulate import by_rays
+from dior.skeletons import swap_index
 
 ROOT = Path(__file__).resolve().parents[1]
 CAMERAS = ("cam01", "cam02", "cam03", "cam04")
@@ -84,6 +85,7 @@ def robust_points(data, cameras):
     close = cameras[:3]
     uv, score, joints = stack(mlkit, [data / f"mlkit/{name}.jsonl" for name in CAMERAS[:3]])
     score = np.where(score >= 0.3, score, 0.0)
+    score = np.where(robust.strangers(close, uv, score, FPS, swap_index(joints))[..., None], 0.0, score)
     swapped = find_exchanged(close, uv, score, joints)
     uv, score = exchange(uv, swapped, joints), exchange(score, swapped, joints)
     sigma = robust.noise(close, uv, score, FPS)

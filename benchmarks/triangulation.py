@@ -298,6 +298,8 @@ def print_refined():
 def reconstructed(s):
     """What the step triangulate makes of a scene: points, covariance, and how the noise lasts."""
     score = score_of(s.uv, s.score)
+    other = robust.strangers(s.cameras, s.uv, score, scene.FPS, swap_index(s.names))
+    score = np.where(other[..., None], 0.0, score)
     exchanged = swaps.find_exchanged(s.cameras, s.uv, score, s.names)
     uv, score = swaps.exchange(s.uv, exchanged, s.names), swaps.exchange(score, exchanged, s.names)
     sigma = robust.noise(s.cameras, uv, score, scene.FPS)

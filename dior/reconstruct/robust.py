@@ -19,6 +19,7 @@ from dior import geometry
 
 DROP_FACTOR = 3.0  # a view disagrees where the residuals are this many times what the noise makes of them
 ROUNDS = 3
+FEW_JOINTS = 5  # fewer say nothing about a person
 LEAST_PX = 0.05  # no detector is better
 SAMPLE = 2500  # points that the noise is estimated from: its error is then a few per cent
 APART_S = 0.3  # residuals nearer in time say the same: the noise of pose networks is correlated over 0.15 s
@@ -185,6 +186,14 @@ def triangulate(cameras, uv, score, fps, sigma=None):
     rig = rig_of(cameras)
     weights = score / sigma[:, None]
     points, chi2, used, pixels, scaled = _all_views(rig, uv, weights)
+    rows = _strange(chi2, used, shape)
+    if len(rows):
+        weights = weights.copy()
+        weights[:, rows] *= _same_person(rig, uv[:, rows], weights[:, rows])[..., None]
+        again = _all_views(rig, uv[:, rows], weights[:, rows])
+        at = (rows[:, None] * joints + np.arange(joints)).ravel()
+        for values, new in zip((points, chi2, used, pixels, scaled), again, strict=True):
+            values[..., at] = new
     seen = used.sum(axis=0, dtype=np.int8)
     good = chi2 <= DROP_FACTOR**2 * (2 * seen - 3)
     bad = np.flatnonzero(~good & (seen > 2))
@@ -213,6 +222,60 @@ def _all_views(rig, uv, weights):
         used[:, block] = views.w > 0
         left[1:, block] = _errors(rig, points[:, block], some.reshape(len(uv), -1, 2), used[:, block])
     return points, left[0], used, left[1], left[2]
+
+
+def strangers(cameras, uv, score, fps, mirror):
+    """Views (V, T) that look at somebody else than the others do, whatever they call left and right.
+
+    `mirror` (J,): the joint of the other side. The middle of two such joints stays where it is when a detector
+    exchanges them.
+    """
+    both = (score > 0) & (score[:, :, mirror] > 0)
+    middle = (uv + uv[:, :, mirror]) / 2
+    certain = np.where(both, np.minimum(score, score[:, :, mirror]), 0.0)
+    rig = rig_of(cameras)
+    weights = certain / noise(cameras, middle, certain, fps)[:, None]
+    _, chi2, used, _, _ = _all_views(rig, middle, weights)
+    rows = _strange(chi2, used, uv.shape[1:3])
+    out = np.zeros(uv.shape[:2], bool)
+    if len(rows):
+        out[:, rows] = ~_same_person(rig, middle[:, rows], weights[:, rows])
+    return out
+
+
+def _strange(chi2, used, shape):
+    """Instants (n,) at which most joints of three or more views disagree: a view looks at somebody else."""
+    seen = used.sum(axis=0, dtype=np.int8)
+    several = (seen > 2).reshape(shape)
+    bad = several & ~(chi2 <= DROP_FACTOR**2 * (2 * seen - 3)).reshape(shape)
+    return np.flatnonzero((bad.sum(axis=1) > several.sum(axis=1) / 2) & (several.sum(axis=1) >= FEW_JOINTS))
+
+
+def _same_person(rig, uv, weights):
+    """Which views (V, n) are left without those that, as a whole, agree least with the others; weights (V, n, J).
+
+    Joint by joint a stranger's pixel may meet one view of the subject by chance; all his joints do not.
+    """
+    shape = uv.shape[1:3]
+    views = views_of(rig, uv, weights)
+    keep = np.ones((len(uv), shape[0]), bool)
+    agreed = np.zeros(shape[0], bool)
+    for views_left in range(len(uv) - 1, 1, -1):
+        best = np.full(shape[0], np.inf)
+        for kept in combinations(range(len(uv)), views_left):
+            say = np.zeros((len(uv), 1), bool)
+            say[list(kept)] = True
+            w = np.where(say, views.w, 0.0)
+            seen = (w > 0).sum(axis=0)
+            chi2 = meet_in_blocks(replace(views, w=w))[1]
+            cost = np.minimum(np.nan_to_num(chi2, nan=np.inf) / np.maximum(2 * seen - 3, 1), 4 * DROP_FACTOR**2)
+            count = (seen >= 2).reshape(shape).sum(axis=1)
+            cost = np.where(seen >= 2, cost, 0.0).reshape(shape).sum(axis=1) / np.maximum(count, 1)
+            better = ~agreed & (count >= FEW_JOINTS) & (cost < best)
+            best = np.where(better, cost, best)
+            keep = np.where(better, say, keep)
+        agreed |= best <= DROP_FACTOR**2
+    return keep
 
 
 def _errors(rig, points, uv, used):

@@ -15,7 +15,7 @@ from dior.reconstruct import robust
 from dior.reconstruct.gates import implausible
 from dior.reconstruct.swaps import exchange, find_exchanged, find_taken
 from dior.sampling import blend
-from dior.skeletons import is_leg
+from dior.skeletons import is_leg, swap_index
 
 METHODS = ("robust", "rays")
 # a detector exchanges the sides of some walkers who turn away, but not those of most pictures
@@ -89,6 +89,8 @@ def run(
     swapped = np.zeros(uv.shape[:3], bool)
     taken = np.zeros(uv.shape[:3], bool)
     if method == "robust":
+        other = robust.strangers(rig, uv, score, fps, swap_index(joints))
+        score = np.where(other[..., None], 0.0, score)
         swapped = find_exchanged(rig, uv, score, joints)
         uv, score = exchange(uv, swapped, joints), exchange(score, swapped, joints)
         sigma = robust.noise(rig, uv, score, fps)

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from dior.reconstruct import robust
-from dior.skeletons import MLKIT_33
+from dior.reconstruct.swaps import exchange
+from dior.skeletons import MLKIT_33, swap_index
 from tests.reconstruct.test_swaps import observed, walker
 from tests.rig import ring
 
@@ -101,3 +102,14 @@ def test_persistence_is_read_from_the_residuals(time_s, stays):
     assert told[0] == pytest.approx(time_s, abs=0.04)
     assert told[1] == pytest.approx(stays, abs=0.08)
     assert len(MLKIT_33) == uv.shape[2]
+
+
+def test_a_view_of_somebody_else_is_left_out_as_a_whole_and_exchanged_sides_are_not():
+    cameras, points = ring(3), walker(60)
+    uv = observed(cameras, points, 2.0)
+    uv[1, 20:30] = observed(cameras, points * [1, 1, 0.75] + [0.9, 0.7, 0.0], 2.0)[1, 20:30]
+    exchanged = np.zeros((3, 60), bool)
+    exchanged[2, 40:50] = True
+    uv = exchange(uv, exchanged, MLKIT_33)
+    other = robust.strangers(cameras, uv, np.ones(uv.shape[:3]), FPS, swap_index(MLKIT_33))
+    assert other[1, 20:30].all() and other.sum() == 10

@@ -1,8 +1,8 @@
 import numpy as np
 
 from dior import camera as cam
-from dior.reconstruct.swaps import combinations, exchange, find_swaps
-from dior.skeletons import MLKIT_33, swap_index
+from dior.reconstruct.swaps import combinations, exchange, find_exchanged, find_swaps, find_taken
+from dior.skeletons import LIMBS, MLKIT_33, is_leg, swap_index
 from tests.rig import ring
 
 
@@ -71,3 +71,25 @@ def test_nothing_to_exchange():
     assert not find_swaps(cameras[:1], uv[:1], np.ones((1, 5, 33)), MLKIT_33).any()
     assert not find_swaps(cameras, uv[:, :, :1], np.ones((2, 5, 1)), MLKIT_33[:1]).any()
     assert len(combinations(3)) == 8 and combinations(7).sum(axis=1).max() == 2
+
+
+def test_legs_alone_are_exchanged_back():
+    cameras = ring(3)
+    uv = observed(cameras, walker(80), 2.0)
+    legs = np.array([is_leg(name) for name in MLKIT_33])
+    true = np.zeros((3, 80, 33), bool)
+    true[1, 20:40] = legs & (swap_index(MLKIT_33) != np.arange(33))
+    found = find_exchanged(cameras, exchange(uv, true, MLKIT_33), np.ones(uv.shape[:3]), MLKIT_33)
+    assert (found == true).all() and legs.sum() == 10
+
+
+def test_a_limb_that_two_views_take_for_the_other_is_left_out_in_both():
+    cameras = ring(3)
+    uv = observed(cameras, walker(60), 2.0)
+    own, others = ([MLKIT_33.index(name) for name in side if name in MLKIT_33] for side in LIMBS[2])
+    taken = uv.copy()
+    taken[:2, 20:32, own] = observed(cameras, walker(60), 2.0, seed=9)[:2, 20:32, others]
+    score, sigma = np.ones(uv.shape[:3]), np.full((3, 33), 2.0)
+    found = find_taken(cameras, taken, score, sigma, MLKIT_33)
+    assert found[:2, 20:32, own].all() and found.sum() == 2 * 12 * len(own)
+    assert not find_taken(cameras, uv, score, sigma, MLKIT_33).any()
