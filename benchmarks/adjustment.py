@@ -270,8 +270,8 @@ def print_starts(level):
     best = px.min()
     right = (px < 1.02 * best).sum()
     print(
-        f"  20 starts 30 cm and 10 degrees off: {right} end at the best {best:.2f} px (15), {len(px) - right} wrong "
-        f"ones accepted (0), {len(refused)} refused; 3D rigid {1000 * rigid.mean():.1f} mm"
+        f"  {SEEDS} starts 30 cm and 10 degrees off: {right} end at the best {best:.2f} px (15), {len(px) - right} "
+        f"wrong ones accepted (0), {len(refused)} refused; 3D rigid {1000 * rigid.mean():.1f} mm"
     )
     for text in refused:
         print(f"  {text}")

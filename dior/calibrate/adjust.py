@@ -1,27 +1,30 @@
 """Bundle adjustment of the close cameras of a session (paper, outdoor steps 3 to 5).
 
 INPUTS   placed cameras and their YAML (tape priors); detections, frames and offsets of the window's sequences
-OUTPUTS  cameras (adjusted wTc), metrics (mean reprojection error before and after), findings
+OUTPUTS  cameras (adjusted wTc) and their joint covariance, metrics (mean reprojection error before and after), findings
 
 Poses and points are free, intrinsics fixed. Points are joints at the window's instants (a fixed list, so that a new
 sequence does not move old labels), on the nominal grid t0 + k/fps of their sequence.
-What holds the gauge: every tape-measured camera keeps to its measured position with the tape's sigma, one without a
-tape to its placed position with 5 cm; a camera that was aimed by look-at keeps to that rotation with 30 degrees, which
-decides only what nothing else does (two cameras could turn about the line between them), another with 2 degrees.
+The start is the best of several (`dior.calibrate.starts`), by GTSAM on a sample of the points; all points and the
+metric facts of the session follow with the points eliminated (`reduced`), and so does the joint covariance of the
+cameras (`uncertainty`).
+What holds the gauge besides the facts: every tape-measured camera keeps to its measured position with the tape's sigma,
+one without a tape to its placed position with 5 cm; a camera that was aimed by look-at keeps to that rotation with 30
+degrees, which decides only what nothing else does (two cameras could turn about the line between them),
+another with 2 degrees.
 Detections that disagree with the other views of their joint (another person, exchanged sides, a wrong limb) take no
 part: they are looked for from the adjusted cameras, and the adjustment is repeated without them.
 A reprojection error is the mean distance in recorded pixels. World in metres, Z up, floor at Z = 0.
 """
 
 from dataclasses import dataclass
-from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 
 from dior import physics as people
 from dior import tables
-from dior.calibrate import bundle, facts, realsense, reduced, starts, uncertainty
+from dior.calibrate import beginning, bundle, facts, realsense, reduced, starts, uncertainty
 from dior.calibrate import offsets as clocks
 from dior.calibrate import window as seen_in
 from dior.calibrate.place import camera_settings, check_above_floor
@@ -33,8 +36,6 @@ from dior.views import DROP_FACTOR, by_dropping, usual_error
 AIM_SIGMA_DEG = 30.0
 PLACED_SIGMA_M, PLACED_SIGMA_DEG = 0.05, 2.0
 TAPE_SIGMA_M = 0.05
-SAME_PLACE_M = 0.01
-FEWEST_SEEN = 6
 ROUNDS = 5
 SAMPLE_ROUNDS = 3
 MOST_USABLE = 0.9
@@ -86,8 +87,8 @@ def adjust(
     tried again from the adjusted cameras, which also tell the detections that disagree.
     Raises DiorError (beginning with `where`), see `bundle.optimise` and the checks below.
     """
-    _check_start(cameras, uv, where)
-    _check_shared(cameras, uv, where)
+    beginning.check_start(cameras, uv, where)
+    beginning.check_shared(cameras, uv, where)
     focal = np.array([camera.intrinsics.fx for camera in cameras])
     sigma = huber_px * focal / REFERENCE_FX / bundle.HUBER
 
@@ -202,28 +203,10 @@ def _usable(cameras, uv, points):
     return in_front(cameras, uv, points) & near.all(axis=0)
 
 
-def _check_start(cameras, uv, where):
-    if len(cameras) < 2:
-        raise DiorError(f"{where}: {len(cameras)} close camera; the adjustment needs at least 2")
-    for a, b in combinations(cameras, 2):
-        if np.linalg.norm(a.centre - b.centre) < SAME_PLACE_M:
-            raise DiorError(
-                f"{where}: {a.name} and {b.name} are at the same place ({', '.join(f'{x:g}' for x in a.centre)}); "
-                "correct the tape.position_m of one of them"
-            )
-    for camera in cameras:
-        check_above_floor(f"{where}, {camera.name}", camera.centre, "is Z up?")
-    if not uv.shape[1]:
-        raise DiorError(
-            f"{where}: no joint is seen by enough cameras in the window; lower adjust.min_score or adjust.min_views, "
-            "or choose other instants"
-        )
-
-
 def _check_aim(cameras, uv, used, where):
     """Refuse cameras whose joints cannot be in front of all of them, naming the one without which they can."""
     seen = np.isfinite(uv).all(axis=-1)
-    if (seen[:, used].sum(axis=1) >= FEWEST_SEEN).all():
+    if (seen[:, used].sum(axis=1) >= beginning.FEWEST_SEEN).all():
         return
     without = []
     for view in range(len(cameras)):
@@ -235,23 +218,6 @@ def _check_aim(cameras, uv, used, where):
         f"{where}: as placed, the cameras have {used.sum()} of {len(used)} joints in front of them, without {culprit} "
         f"it would be {max(without)}; check the tape.position_m and tape.target_m of {culprit} and its detections"
     )
-
-
-def _check_shared(cameras, uv, where):
-    """Refuse cameras that the points do not tie to the others."""
-    seen = np.isfinite(uv).all(axis=-1)
-    for camera, count in zip(cameras, seen.sum(axis=1), strict=True):
-        if count < FEWEST_SEEN:
-            raise DiorError(
-                f"{where}: {camera.name} shares {count} joints with the others, at least {FEWEST_SEEN} are needed; "
-                "check its detections and the instants of the window"
-            )
-    together, tied = seen.astype(int) @ seen.T.astype(int) >= FEWEST_SEEN, np.arange(len(cameras)) == 0
-    for _ in cameras:
-        tied = tied | together[tied].any(axis=0)
-    if not tied.all():
-        apart = ", ".join(camera.name for camera, is_tied in zip(cameras, tied, strict=True) if not is_tied)
-        raise DiorError(f"{where}: {apart} shares no joints with {cameras[0].name}; choose instants that all see")
 
 
 def _check_end(done, uv, limit_px, where):
