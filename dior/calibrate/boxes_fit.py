@@ -222,7 +222,7 @@ class _Reading:
         )
         if self.side:
             # an edge that hangs on a joint at the occluder's line tells nothing
-            edges[~(most.max(axis=1) - outwards.max(axis=1) < LINE_PX / 2)] = np.nan
+            edges[~(most.max(axis=1) < outwards.max(axis=1) + LINE_PX / 2)] = np.nan
         frame, side = np.nonzero(np.isfinite(edges))
         joint = outwards.argmax(axis=1)[frame, side]
         clicked = np.argwhere(np.isfinite(self.seen.clicks) & np.isfinite(uv))
