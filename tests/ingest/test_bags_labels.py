@@ -80,10 +80,11 @@ def labels_from(simulated, bags, data_root, out):
         locate.run(
             session="lab", camera=camera, camera_file=session / f"{camera}.yaml", marks=session / f"{camera}.marks.csv",
             intrinsics=lens, mocap=[markers], frames=[indexed], offsets=[offsets], ransac_px=8.0, out=placed,
-            out_marks=out / "marks.parquet", findings=out / "findings.parquet",
+            out_marks=out / "marks.parquet", out_covariance=out / "covariance.parquet",
+            findings=out / "findings.parquet",
         )  # fmt: skip
         reproject.run(
-            sequence=WALK, subject="S01", camera=camera, cameras=[placed], makers=[], covariance=[], skeleton=markers,
+            sequence=WALK, subject="S01", camera=camera, cameras=[placed], makers=[], covariance=[out / "covariance.parquet"], skeleton=markers,
             frames=indexed, offsets=clocks, source="mocap", out=labels,
         )  # fmt: skip
         found[camera] = labels.read_bytes()

@@ -268,7 +268,7 @@ def test_the_card(made):
     assert "| Multi-view | yes | 2 cameras |" in body and "| 2D pose | yes | 18 keypoints |" in body
     assert "| MoCap pose | yes | 6 of 18 pictures |" in body and "| Gallery from all around | no | 0 pictures |" in body
     assert "| coverage |  | all | 0.775 | share | 40 |" in body
-    assert "A. Person, B. Other" in body and "no uncertainty is claimed" in body
+    assert "A. Person, B. Other" in body and "hold for the cameras as given" in body
     for name in ("labels_2d", "skeletons_3d", "released_frames", "cameras", "sequences", "subjects"):
         for column in tables.columns_of(name):
             assert f"| {column} |" in body
