@@ -85,7 +85,8 @@ def labels_from(simulated, bags, data_root, out):
         )  # fmt: skip
         reproject.run(
             sequence=WALK, subject="S01", camera=camera, cameras=[placed], makers=[],
-            covariance=[out / "covariance.parquet"], skeleton=markers, frames=indexed, offsets=clocks, source="mocap", out=labels,
+            covariance=[out / "covariance.parquet"], skeleton=markers, frames=indexed,
+            offsets=clocks, source="mocap", out=labels,
         )  # fmt: skip
         found[camera] = labels.read_bytes()
     return found
