@@ -128,7 +128,7 @@ class Project:
         def sequences(subject):
             return [name for name in window if self.subject_of(name) == subject]
 
-        known = {key: settings[key] for key in ("distances", "scale_bar", "floor", "tag") if key in settings}
+        known = {key: settings[key] for key in ("distances", "scale_bar", "floor") if key in settings}
         known["keypoint_distance"] = [
             {key: value for key, value in fact.items() if key != "subject"}
             | ({"sequences": sequences(fact["subject"])} if "subject" in fact else {})

@@ -1,6 +1,7 @@
 """Bundle adjustment of the close cameras of a session (paper, outdoor steps 3 to 5).
 
-INPUTS   placed cameras and their YAML (tape priors); detections, frames and offsets of the window's sequences
+INPUTS   placed cameras, their YAML (tape priors) and marks of the AprilTag; detections, frames and offsets of the
+         window's sequences
 OUTPUTS  cameras (adjusted wTc) and their joint covariance, metrics (mean reprojection error before and after), findings
 
 Poses and points are free, intrinsics fixed. Points are joints at the window's instants (a fixed list, so that a new
@@ -11,13 +12,14 @@ cameras (`uncertainty`).
 What holds the gauge besides the facts: every tape-measured camera keeps to its measured position with the tape's sigma,
 one without a tape to its placed position with 5 cm; a camera that was aimed by look-at keeps to that rotation with 30
 degrees, which decides only what nothing else does (two cameras could turn about the line between them),
-another with 2 degrees.
+another with 2 degrees. A camera that was placed by the AprilTag keeps to where it saw the corners instead, and to its
+tape where there is one.
 Detections that disagree with the other views of their joint (another person, exchanged sides, a wrong limb) take no
 part: they are looked for from the adjusted cameras, and the adjustment is repeated without them.
 A reprojection error is the mean distance in recorded pixels. World in metres, Z up, floor at Z = 0.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -36,6 +38,7 @@ from dior.views import DROP_FACTOR, by_dropping, usual_error
 AIM_SIGMA_DEG = 30.0
 PLACED_SIGMA_M, PLACED_SIGMA_DEG = 0.05, 2.0
 TAPE_SIGMA_M = 0.05
+UNKNOWN_M = 1000.0
 ROUNDS = 5
 SAMPLE_ROUNDS = 3
 MOST_USABLE = 0.9
@@ -75,11 +78,13 @@ class Adjusted:
 
 
 def adjust(
-    cameras, uv, priors, huber_px, max_mean_px, where, tracks=None, known=(), marked=None, lens_sigma=LENS_SIGMA
+    cameras, uv, priors, huber_px, max_mean_px, where, tracks=None, known=(), marked=None, lens_sigma=LENS_SIGMA,
+    start_priors=None,
 ):  # fmt: skip
     """Adjust V cameras to the detections `uv` (V, N, 2), recorded px, NaN where not seen.
 
-    `priors` are `bundle.Prior`, one per camera. `huber_px`, where the loss turns linear, and `max_mean_px`, above
+    `priors` are `bundle.Prior`, one per camera; `start_priors`, where they differ, hold the cameras while the starts
+    are compared, which knows no metric facts. `huber_px`, where the loss turns linear, and `max_mean_px`, above
     which the result is refused, are for fx 1680 and scaled by each camera's (and the mean) fx. `tracks`
     (`uncertainty.Tracks`) says what the points are; `known` are metric facts (`facts.KeypointDistance` and so on),
     `marked` (`facts.Marked`) points that a person marked for them. Of many points a sample comes first, so that the
@@ -95,7 +100,7 @@ def adjust(
     few = uv[:, _sample(np.isfinite(uv).all(axis=-1).sum(axis=0) >= 2)]
 
     def attempt(start):
-        return sampled(start, few, priors, sigma, where)
+        return sampled(start, few, start_priors or priors, sigma, where)
 
     chosen, tried = starts.best(cameras, few, attempt, where)
     adjusted = chosen.cameras
@@ -261,6 +266,13 @@ def prior_of(camera, settings):
     )
 
 
+def beside_tag(prior, camera, settings):
+    """The prior of a camera whose tag's corners take part themselves: only its tape is left of it."""
+    if camera.locate != "apriltag":
+        return prior
+    return replace(prior, sigma_m=prior.sigma_m if "tape" in settings else UNKNOWN_M, sigma_rad=np.pi)
+
+
 def moved(before, after):
     """How far a camera moved (m) and turned (degrees)."""
     cosine = (np.trace(before.wRc.T @ after.wRc) - 1) / 2
@@ -269,15 +281,16 @@ def moved(before, after):
 
 def run(
     *, session, cameras, camera_files, detections, frames, offsets, window, min_score, min_views, huber_px,
-    max_mean_px, max_gap, out, out_metrics, findings, known=None, marks=(), intrinsics_sigma=LENS_SIGMA,
+    max_mean_px, max_gap, out, out_metrics, findings, known=None, marks=(), tags=(), intrinsics_sigma=LENS_SIGMA,
     physics=None, out_covariance=None,
 ):  # fmt: skip
     """Write the adjusted cameras, metrics and findings.
 
     `detections`, `frames` and `offsets` are paths named by their sequence, `camera_files` by their camera.
     `min_score`, `min_views`, `max_gap`: see `window.observations`; `huber_px`, `max_mean_px`: see `adjust`. `known`:
-    metric facts (`Project.metric_facts`), `marks` the marks CSVs of the close cameras; `intrinsics_sigma`: 1 sigma of
-    the focal length and principal point, relative to the focal length; `physics`: limits (`dior.physics`).
+    metric facts (`Project.metric_facts`), `marks` the marks CSVs of the close cameras, `tags` the marks tables that
+    place wrote of cameras that see the AprilTag; `intrinsics_sigma`: 1 sigma of the focal length and principal point,
+    relative to the focal length; `physics`: limits (`dior.physics`).
     """
     placed = list(tables.read_cameras(cameras).values())
     yamls = {Path(path).stem.partition("@")[0]: path for path in camera_files}
@@ -285,7 +298,8 @@ def run(
     for camera in placed:
         if camera.name not in settings:
             raise DiorError(f"session {session}: no YAML for {camera.name}{nearest(camera.name, settings)}")
-    priors = [prior_of(camera, settings[camera.name]) for camera in placed]
+    start_priors = [prior_of(camera, settings[camera.name]) for camera in placed]
+    priors = [beside_tag(p, c, settings[c.name]) for p, c in zip(start_priors, placed, strict=True)]
     files = {
         kind: {Path(path).name.partition(".")[0]: path for path in paths}
         for kind, paths in (("detections", detections), ("frames", frames), ("offsets", offsets))
@@ -307,20 +321,21 @@ def run(
         found.append((session, "info" if len(part.joint) else "warning", "adjust_window", text))
     uv, tracks = seen_in.together(parts, [instants["count"] for instants in window.values()])
     known = known or {}
-    stated, priors = seen_in.metric_facts(known, list(window), placed, priors)
+    stated = seen_in.metric_facts(known, list(window)) + seen_in.tag_corners(placed, tags, f"session {session}")
     clicked = {Path(path).name.partition(".")[0].partition("@")[0]: path for path in marks}
     names = [camera.name for camera in placed]
     marked = seen_in.marked(clicked, names, seen_in.names_of_marks(known) - set(names), MARK_SIGMA_PX)
     done = adjust(
-        placed, uv, priors, huber_px, max_mean_px, f"session {session}", tracks, stated, marked, intrinsics_sigma
-    )
+        placed, uv, priors, huber_px, max_mean_px, f"session {session}", tracks, stated, marked, intrinsics_sigma,
+        start_priors,
+    )  # fmt: skip
     for i, (sequence, part) in enumerate(zip(window, parts, strict=True)):
         skeleton = np.full((len(part.seconds), len(part.names), 3), np.nan)
         skeleton[part.instant, part.joint] = done.points[tracks.sequence == i]
         people.check(skeleton, part.names, f"session {session}, {sequence}", physics, part.seconds)
     found += _findings(session, placed, priors, done)
     found += _lens_models(
-        session, yamls, {name: s["topic"] for name, s in settings.items()}, done, uv, priors, huber_px
+        session, yamls, {name: s["topic"] for name, s in settings.items()}, done, uv, start_priors, huber_px
     )
     tables.write_cameras(out, done.cameras, session)
     if out_covariance:

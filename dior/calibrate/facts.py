@@ -7,7 +7,7 @@ A length between joints is the mean over the frames, so that 400 frames weigh as
 floor at Z = 0. A camera's error as in `dior.covariance`.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -28,10 +28,7 @@ STATURE_SHARE = 0.245 + 0.246 + 0.288
 # People differ by 1-2 % of their height in what is left (neck, head, foot), and a detector's hips and shoulders are
 # not the anatomist's: together 2.5 % of the sum.
 STATURE_SHARE_SIGMA = 0.02
-# Corners found on the sides of a tag are right to 0.06 px in drawn pictures; blur and paper that is not flat add to it.
-TAG_SIGMA_PX = 0.3
 FEWEST_MOMENTS = 10
-UNKNOWN_M = 1000.0
 STANCE_SHARE = 0.25
 # how high the joints of a standing foot are above the floor, m: the ankle by Winter's 0.039 body heights
 SOLE_M = {"left_heel": 0.03, "right_heel": 0.03, "left_foot_index": 0.03, "right_foot_index": 0.03}
@@ -202,16 +199,6 @@ def floor(index, above_m, sigma_m, sigma_rad, name="floor"):
     return Fact(name, row, 0.0, sigma_m)
 
 
-def seen_by(camera, world):
-    """Recorded pixels (K, 2) of world points."""
-    return project(camera, world)[0]
-
-
-def loosened(prior):
-    """The prior of a camera whose place is told by something else: a kilometre, and half a turn."""
-    return replace(prior, sigma_m=UNKNOWN_M, sigma_rad=np.pi)
-
-
 @dataclass(frozen=True)
 class Marked:
     """Points that a person marked in several cameras: `uv` (V, M, 2) recorded px, names (M,) and pictures (M,).
@@ -339,11 +326,12 @@ class ScaleBar:
 
 @dataclass(frozen=True)
 class Tag:
-    """A tag whose corners are at `world` (4, 3) m; `corners` (4, 2) recorded px by the camera that sees it."""
+    """A tag whose corners are at `world` (4, 3) m; `corners` (4, 2) recorded px by the camera that sees it, each with
+    `sigma_px`."""
 
     world: np.ndarray
     corners: dict
-    sigma_px: float = TAG_SIGMA_PX
+    sigma_px: float
 
     def made(self, about):
         return [tag(about.view(name), seen, self.world, self.sigma_px) for name, seen in self.corners.items()]

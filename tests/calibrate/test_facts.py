@@ -6,9 +6,15 @@ import pytest
 from dior import covariance
 from dior.calibrate import adjust, bundle, facts, reduced
 from dior.calibrate.uncertainty import Tracks
+from dior.camera import project
 from dior.errors import DiorError
 from tests.calibrate.test_adjust import HUBER, MOST, body, misplaced, seen, tape
 from tests.rig import ring
+
+
+def seen_by(camera, world):
+    return project(camera, world)[0]
+
 
 CAMERAS, POINTS = ring(3), body(6)
 NONE = np.zeros((6, 3, 3))
@@ -19,7 +25,7 @@ EACH = {
     "point": facts.to_point(1, [2, 3], 4.0, 0.02),
     "length": facts.length([(np.array([[0], [1]]), np.array([[2], [3]]), 0.7)], 0.5, 0.01),
     "middles": facts.length([(np.array([[0, 1]]), np.array([[2, 3]]), 1.0)], 0.5, 0.01),
-    "tag": facts.tag(2, facts.seen_by(CAMERAS[2], SQUARE) + 1.0, SQUARE, 0.3),
+    "tag": facts.tag(2, seen_by(CAMERAS[2], SQUARE) + 1.0, SQUARE, 0.3),
     "floor": facts.floor([0, 1, 2, 3], 0.03, 0.02, 0.02),
 }
 
@@ -93,13 +99,13 @@ def test_without_a_fact_the_tape_decides_the_scale():
 def test_facts_bring_the_scale_and_say_so():
     shin = facts.KeypointDistance(("left_knee", "left_ankle"), 0.246 * 1.75, 0.001)
     bar = np.array([(0.5, 0, 0.5), (0.5, 0, 1.5)])
-    marked = facts.Marked(np.stack([facts.seen_by(c, bar) for c in ring(3)]), ("a", "b"), ("walk", "walk"), 0.5)
+    marked = facts.Marked(np.stack([seen_by(c, bar) for c in ring(3)]), ("a", "b"), ("walk", "walk"), 0.5)
     for known, marks in (
         ([shin], None),
         ([facts.ScaleBar((("a", "b"),), 1.0, 0.002)], marked),
         ([facts.Distance(("cam01", "cam02"), np.linalg.norm(ring(3)[0].centre - ring(3)[1].centre), 0.005)], None),
         ([facts.Stature(1.75, 0.0)], None),
-        ([facts.Tag(SQUARE, {c.name: facts.seen_by(c, SQUARE) for c in ring(3)})], None),
+        ([facts.Tag(SQUARE, {c.name: seen_by(c, SQUARE) for c in ring(3)}, 0.3)], None),
     ):
         done = adjusted(known, marks)
         # stature is known to 2.6 % here, against a tape that is known to 3.5 % and 4 % wrong
