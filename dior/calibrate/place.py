@@ -103,7 +103,8 @@ def _rotation(where, values):
 def run(*, session, camera, camera_file, tag, intrinsics, frames, data_root, out, out_marks, findings):
     """Write the placed camera, its marks and findings.
 
-    `reference.file` and the bags of `frames` are relative to `data_root`. `tag` and `frames`, the table of the sequence that shows it, are needed for `locate: apriltag` only.
+    `reference.file` and the bags of `frames` are relative to `data_root`. `tag` and `frames`, the table of the sequence
+    that shows it, are needed for `locate: apriltag` only.
     """
     settings = camera_settings(camera_file, needs="tape|apriltag|reference")
     found, marks = [], {}

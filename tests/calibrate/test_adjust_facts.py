@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dior import tables
-from dior.calibrate import adjust, apriltag
+from dior.calibrate import adjust, apriltag, outcome
 from dior.camera import pose, project
 from dior.errors import DiorError
 from tests.calibrate.test_facts import walker
@@ -108,7 +108,7 @@ def test_a_tag_decides_the_scale_and_the_place_of_cameras_without_a_tape(tmp_pat
     found, _ = ran(tmp_path, scaled(ring(3), 1.04, "apriltag"), tags=tags, taped=False)
     assert abs(apart(found) / apart(ring(3)) - 1) < 0.004
     for camera, true in zip(found, ring(3), strict=True):
-        distance, angle = adjust.moved(true, camera)
+        distance, angle = outcome.moved(true, camera)
         assert distance < 0.02 and angle < 0.2
 
 
