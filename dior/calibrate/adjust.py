@@ -95,7 +95,7 @@ def adjust(
     disagreeing = 1 - np.isfinite(agreed).sum() / np.isfinite(uv).sum()
     spread = None if tracks is None else uncertainty.of(solved, tracks, lens_sigma)
     noise = solved.linear.noise * solved.linear.variance[:, None, None]
-    measured = tuple((fact, fact.measured(solved.points, noise)) for fact in stated if fact.measured)
+    measured = tuple((fact, fact.measured(adjusted, solved.points, noise)) for fact in stated if fact.measured)
     done = Adjusted(
         adjusted, points, before, after, float(disagreeing), solved.iterations, spread, measured, tuple(tried)
     )
@@ -261,7 +261,13 @@ def run(
     for i, (sequence, part) in enumerate(zip(window, parts, strict=True)):
         skeleton = np.full((len(part.seconds), len(part.names), 3), np.nan)
         skeleton[part.instant, part.joint] = done.points[tracks.sequence == i]
-        people.check(skeleton, part.names, f"session {session}, {sequence}", physics, part.seconds)
+        scope = f"session {session}, {sequence}"
+        people.check(skeleton, part.names, scope, physics, part.seconds)
+        for person in known.get("heights", []):
+            if sequence in person["sequences"]:
+                share = (people.LIMITS | (physics or {}))["stature_share"]
+                given = person["subject"], person["height_m"], person["sigma_m"]
+                people.check_height(skeleton, part.names, scope, *given, share)
     found += outcome.findings(session, placed, priors, done)
     found += _lens_models(
         session, yamls, {name: s["topic"] for name, s in settings.items()}, done, uv, start_priors, huber_px

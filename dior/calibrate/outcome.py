@@ -26,7 +26,7 @@ class Adjusted:
 
     `disagreeing` is the share of the detections that were left out, `iterations` are those of the last round.
     `uncertainty`: `uncertainty.Uncertainty`, None where the points' joints are not known; `facts`: `facts.Fact`s with
-    what the adjusted points say of them, [(fact, m)]; `starts`: `starts.Tried`.
+    what the adjusted world says of them, [(fact, value)]; `starts`: `starts.Tried`.
     """
 
     cameras: list
@@ -79,8 +79,8 @@ def check_end(done, uv, limit_px, where):
         raise DiorError(
             f"{where}: the adjustment ends at a mean of {mean:.1f} px ({per_camera}), above the limit of "
             f"{limit_px:.1f} px (adjust.max_mean_px scaled by fx), a local minimum or wrong detections; place the "
-            f"cameras better (tape.position_m, tape.target_m), first {worst}, which fits worst for its focal length, and "
-            "look at its detections and intrinsics"
+            f"cameras better (tape.position_m, tape.target_m), first {worst}, which fits worst for its focal length, "
+            "and look at its detections and intrinsics"
         )
 
 
@@ -150,9 +150,9 @@ def _known_to(session, done):
         f"{196 * scale:.1f} %)"
     )
     found = [(session, "warning" if scale > DOUBTFUL_SCALE else "info", "adjust_uncertainty", text)]
-    for fact, length in done.facts:
-        off = abs(length - fact.known) / fact.sigma
-        text = f"{fact.name}: {length:.3f} m, measured {fact.known:.3f} +- {fact.sigma:.3f} m"
+    for fact, value in done.facts:
+        off = abs(value - fact.known) / fact.sigma
+        text = f"{fact.name}: {value:.3f} {fact.unit}, measured {fact.known:.3f} +- {fact.sigma:.3f} {fact.unit}"
         if off > 3:
             text += f", {off:.1f} sigmas apart; measure it again"
         found.append((session, "warning" if off > 3 else "info", "metric_fact", text))

@@ -9,7 +9,8 @@ from dior.calibrate.outcome import in_front, moved
 from dior.camera import pose, project
 from dior.errors import DiorError
 from dior.geometry import look_at, similarity
-from tests.rig import camera, ring
+from tests.rig import camera as looking_in
+from tests.rig import ring
 
 HUBER, MOST = 15.0, 12.0
 
@@ -177,7 +178,7 @@ def test_the_limit_scales_with_the_focal_length():
 def test_the_worst_camera_is_named_where_the_adjustment_ends_too_high():
     """The second camera's pixels are noisy; the third's are, too, by half, but count less for its focal length."""
     cameras, points = ring(3), body()
-    cameras[2] = camera("cam03", cameras[2].centre, fx=1280.0)
+    cameras[2] = looking_in("cam03", cameras[2].centre, fx=1280.0)
     noise = np.array([1.0, 6.0, 7.0])[:, None, None] * np.random.default_rng(0).normal(size=(3, len(points), 2))
     with pytest.raises(
         DiorError, match=r"ends at a mean of .* \(cam01 \d.*, cam02 \d.*\), above .* first cam02, which"

@@ -60,8 +60,8 @@ def test_a_length_takes_the_noise_across_it_off():
     index = np.arange(8000).reshape(4000, 2)
     fact = facts.length([(index[:, :1], index[:, 1:], 1.0)], 0.4, 0.001)
     points, noise = ends.reshape(-1, 3), np.tile(0.03**2 * np.eye(3), (8000, 1, 1))
-    assert fact.measured(points, 0 * noise) > 0.403
-    assert abs(fact.measured(points, noise) - 0.4) < 0.0015
+    assert fact.measured(CAMERAS, points, 0 * noise) > 0.403
+    assert abs(fact.measured(CAMERAS, points, noise) - 0.4) < 0.0015
 
 
 def walker(moments=60, height=1.75):
@@ -140,15 +140,24 @@ def test_the_floor_brings_the_feet_down():
 @pytest.mark.parametrize(
     ("fact", "message"),
     [
-        (facts.KeypointDistance(("left_hipp", "left_knee"), 0.4, 0.01), ".* no joint 'left_hipp' .*'left_hip'"),
-        (facts.KeypointDistance(("left_hip", "left_knee"), 0.4, 0.01, (3,)), ".* at 0 instants, at least 10"),
-        (facts.Distance(("cam01", "post"), 4.0, 0.01), "'post' is marked in fewer than two"),
-        (facts.Distance(("cam9", "cam01"), 4.0, 0.01), "'cam9' is no close camera"),
-        (facts.ScaleBar((("a", "b"),), 1.0, 0.01), "'a' is marked in fewer than two"),
+        (
+            facts.KeypointDistance(("left_hipp", "left_knee"), 0.4, 0.01),
+            "keypoint_distance: .* no joint 'left_hipp' .*'left_hip'",
+        ),
+        (
+            facts.KeypointDistance(("left_hip", "left_knee"), 0.4, 0.01, (3,)),
+            ".* at 0 instants of .* at least 10",
+        ),
+        (
+            facts.Distance(("cam01", "post"), 4.0, 0.01),
+            "distances: 'post' is no close camera and marked in fewer than two",
+        ),
+        (facts.Distance(("cam9", "cam01"), 4.0, 0.01), "distances: 'cam9' is no close camera of cam01, .*did you mean"),
+        (facts.ScaleBar((("a", "b"),), 1.0, 0.01), "scale_bar: 'a' is marked in fewer than two"),
     ],
 )
 def test_a_fact_about_nothing_is_refused(fact, message):
-    with pytest.raises(DiorError, match=f"s: {message}"):
+    with pytest.raises(DiorError, match=f"s, session.yaml, {message}"):
         adjusted([fact])
 
 
