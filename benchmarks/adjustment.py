@@ -23,6 +23,7 @@ SEEDS, CAPTURES, SHORT = 20, 40, 120
 HUBER_PX, MOST_PX = 15.0, 20.0
 KNEE, LONG = ("left_hip", "left_knee"), ("nose", "left_ankle")
 MIN_SCORE, HEIGHT_SIGMA_M = 0.5, 0.01
+CORNER_SIGMA_PX = 0.3
 
 
 def placed(cameras, seed, metres=TAPE_M, degrees=AIM_DEG, exactly=False):
@@ -97,7 +98,7 @@ def bar(made, random, places=8, sigma_px=0.7):
     return facts.ScaleBar((("end_a", "end_b"),), 1.0 + random.normal(0, 0.002), 0.002), marked
 
 
-def tag(made, random, world, sigma_px=facts.TAG_SIGMA_PX):
+def tag(made, random, world, sigma_px=CORNER_SIGMA_PX):
     seen = {c.name: project(c, world)[0] + random.normal(0, sigma_px, (4, 2)) for c in made.cameras}
     return facts.Tag(world, seen, sigma_px)
 

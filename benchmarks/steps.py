@@ -138,7 +138,8 @@ def _outdoors(capture, session):
         place.run(
             session=session, camera=camera, camera_file=_config(capture, session, camera), tag={},
             intrinsics=capture.made("intrinsics", unit), frames=None, data_root=capture.folder / "data",
-            out=capture.made("place", unit), findings=capture.made("place", unit, ".findings"),
+            out=capture.made("place", unit), out_marks=capture.made("place", unit, ".marks"),
+            findings=capture.made("place", unit, ".findings"),
         )  # fmt: skip
     window, choices = project.window(session), project.config["adjust"]
     adjust.run(

@@ -81,6 +81,7 @@ def check_sessions(project, lines):
     for session in project.sessions:
         _check_window(project, session)
         _check_tag(project, session)
+        _check_facts(project, session)
         for camera in project.cameras(session):
             _check_marks(project, session, camera)
             _check_align(project, session, camera)
@@ -283,6 +284,37 @@ def _check_tag(project, session):
         raise DiorError(
             f"{shown}: 'tag.sequence' is '{tag['sequence']}', no processed sequence of session '{session}'"
             f"{nearest(tag['sequence'], processed)}"
+        )
+
+
+def _check_facts(project, session):
+    """The metric facts are about cameras of the session and people of the walks that it is adjusted with."""
+    shown, settings, window = project.session_file(session), project.session_files[session], project.window(session)
+    close, people = project.close(session), sorted({project.subject_of(name) for name in window})
+    for i, fact in enumerate(settings.get("distances", [])):
+        first, second = fact["between"]
+        if first not in close:
+            raise DiorError(
+                f"{shown}: 'distances.{i}.between' begins with '{first}', which is no close "
+                f"camera{nearest(first, close)}; it is a camera and another one or a marked point"
+            )
+        if first == second:
+            raise DiorError(f"{shown}: 'distances.{i}.between' names '{first}' twice")
+    if not window:
+        return
+    for i, fact in enumerate(settings.get("keypoint_distance", [])):
+        name = fact.get("subject", people[0])
+        # after a bump the walks of a subject may all be in the other part of the session
+        if name not in {project.subject_of(walk) for walk in project.whole_session(session)}:
+            raise DiorError(
+                f"{shown}: 'keypoint_distance.{i}.subject' is '{name}', who walks in no sequence of session "
+                f"'{session}'{nearest(name, people)}"
+            )
+    measured = [name for name in people if project.subjects[name]["height_m"]]
+    if settings.get("stature") and not any(project.subjects[name]["height_sigma_m"] for name in measured):
+        raise DiorError(
+            f"{shown}: 'stature' needs height_m and height_sigma_m in config/subjects.tsv of one of the people in "
+            f"'adjust': {', '.join(people)}"
         )
 
 

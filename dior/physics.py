@@ -19,7 +19,8 @@ SEGMENTS = {("hip", "knee"): 0.245, ("knee", "ankle"): 0.246, ("shoulder", "hip"
 FEET = ("heel", "foot_index", "big_toe")
 SOLE_M = 0.03
 STANDING_SHARE = 0.25
-LIMITS = {"stature_m": [1.0, 2.2], "feet_m": 0.3, "lean_deg": 40.0, "speed_m_s": 8.0}
+HEIGHT_SIGMAS = 4
+LIMITS = {"stature_m": [1.0, 2.2], "stature_share": 0.15, "feet_m": 0.3, "lean_deg": 40.0, "speed_m_s": 8.0}
 
 
 def check(points, joints, where, limits=None, seconds=None):
@@ -57,6 +58,21 @@ def check(points, joints, where, limits=None, seconds=None):
             "(physics.speed_m_s); check the scale and the stamps"
         )
     return found
+
+
+def check_height(points, joints, where, subject, height_m, sigma_m=0.0, share=LIMITS["stature_share"]):
+    """Refuse a person (points as for `check`) who is not as tall as subjects.tsv says, `height_m` +- `sigma_m`.
+
+    Beyond `share` of it, and beyond 4 sigma.
+    """
+    found = stature(points, joints)
+    limit = max(share * height_m, HEIGHT_SIGMAS * sigma_m)
+    if abs(found - height_m) > limit:
+        raise DiorError(
+            f"{where}: {subject} would be {found:.2f} m tall, config/subjects.tsv says {height_m:.2f} m, which is "
+            f"{abs(found - height_m):.2f} m off and more than {limit:.2f} m (physics.stature_share); correct height_m, "
+            "or the scale by the tape, the tag's size_m and the other metric facts, or is somebody else walking?"
+        )
 
 
 def _joint(points, joints, name):

@@ -122,29 +122,33 @@ class Project:
         return self.session_files[session]["adjust"]
 
     def metric_facts(self, session):
-        """What is known in metres of a session that is adjusted, subjects replaced by their sequences of the window."""
+        """What is known in metres of a session that is adjusted, subjects replaced by their sequences of the window.
+
+        `heights`: of the window's subjects, where subjects.tsv has them, to judge the adjusted people by.
+        """
         settings, window = self.session_files[session], self.window(session)
 
         def sequences(subject):
             return [name for name in window if self.subject_of(name) == subject]
 
-        known = {key: settings[key] for key in ("distances", "scale_bar", "floor", "tag") if key in settings}
+        known = {key: settings[key] for key in ("distances", "scale_bar", "floor") if key in settings}
         known["keypoint_distance"] = [
             {key: value for key, value in fact.items() if key != "subject"}
             | ({"sequences": sequences(fact["subject"])} if "subject" in fact else {})
             for fact in settings.get("keypoint_distance", [])
         ]
-        known["stature"] = [
+        known["heights"] = [
             {
+                "subject": subject,
                 "height_m": float(self.subjects[subject]["height_m"]),
-                "sigma_m": float(self.subjects[subject]["height_sigma_m"]),
+                "sigma_m": float(self.subjects[subject]["height_sigma_m"] or 0),
                 "sequences": sequences(subject),
             }
             for subject in sorted({self.subject_of(name) for name in window})
-            if settings.get("stature")
-            and self.subjects[subject]["height_m"]
-            and self.subjects[subject]["height_sigma_m"]
+            if self.subjects[subject]["height_m"]
         ]
+        told = [fact for fact in known["heights"] if settings.get("stature") and fact["sigma_m"]]
+        known["stature"] = [{key: value for key, value in fact.items() if key != "subject"} for fact in told]
         return known
 
     def marks_sequences(self, session, camera):

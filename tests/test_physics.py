@@ -56,6 +56,20 @@ def test_a_scale_or_clock_that_makes_people_fly_is_refused():
         physics.check(points, names, "s", seconds=seconds() / 10)
 
 
+def test_a_height_beyond_the_share_or_four_sigmas_is_refused():
+    points, names = person()
+    for height_m, sigma_m in ((1.75, 0.0), (1.60, 0.0), (1.95, 0.0), (1.40, 0.1)):
+        physics.check_height(points, names, "s", "S01", height_m, sigma_m)
+    for height_m, sigma_m, share, off in ((1.50, 0.01, 0.15, 0.25), (1.40, 0.05, 0.15, 0.35), (1.65, 0.01, 0.05, 0.10)):
+        message = rf"s: S01 would be 1\.75 m tall, config/subjects.tsv says {height_m:.2f} m, which is {off:.2f} m off"
+        with pytest.raises(DiorError, match=message):
+            physics.check_height(points, names, "s", "S01", height_m, sigma_m, share)
+
+
+def test_a_person_whose_segments_are_not_seen_is_not_judged():
+    physics.check_height(np.full((5, 2, 3), np.nan), ("nose", "left_hip"), "s", "S01", 1.75)
+
+
 def test_what_is_missing_passes_as_unknown():
     found = physics.check(np.full((5, 2, 3), np.nan), ("nose", "left_hip"), "s", seconds=np.arange(5.0))
     assert all(np.isnan(value) for value in found.values())

@@ -399,6 +399,52 @@ def test_references_must_differ(root):
 BOARD = "{path: board, rows: 7, columns: 4, square_m: 0.06}"
 
 
+FACT = "distances: [{between: [cam01, cam02], length_m: 8.0, sigma_m: 0.02}]\n"
+THIGH = "keypoint_distance: [{subject: S01, joints: [left_hip, left_knee], length_m: 0.42, sigma_m: 0.01}]\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "old", "new", "parts"),
+    [
+        (FACT, "8.0", "-8.0", ["'distances.0.length_m'", "-8.0"]),
+        (FACT, "length_m", "lenght_m", ["key 'distances.0.length_m' is missing"]),
+        (FACT, "[cam01", "[cam1", ["'distances.0.between' begins with 'cam1', which is no close camera", "'cam01'"]),
+        (FACT, "cam02", "cam01", ["'distances.0.between' names 'cam01' twice"]),
+        (THIGH, "S01", "S10", ["'keypoint_distance.0.subject' is 'S10', who walks in no sequence of session", "'S01'"]),
+        (THIGH, "0.42", "0", ["'keypoint_distance.0.length_m'"]),
+    ],
+)
+def test_metric_facts_that_are_wrong_name_file_and_key(root, text, old, new, parts):
+    path = root / "config/sessions/field/session.yaml"
+    right = path.read_text()
+    path.write_text(right + text)
+    project.load(root)
+    path.write_text(right + text.replace(old, new, 1))
+    fails(root, "config/sessions/field/session.yaml", *parts)
+
+
+def test_stature_without_a_height_that_is_known_is_refused(root):
+    path = root / "config/sessions/field/session.yaml"
+    path.write_text(path.read_text() + "stature: true\n")
+    edit(root, "subjects.tsv", "1.72\t0.01", "1.72\t")
+    fails(root, "field/session.yaml: 'stature' needs height_m and height_sigma_m in config/subjects.tsv", "S01")
+
+
+def test_metric_facts_have_sequences_for_subjects_and_the_heights_of_all(root):
+    path = root / "config/sessions/field/session.yaml"
+    path.write_text(path.read_text() + FACT + THIGH + "stature: true\n")
+    known = project.load(root).metric_facts("field")
+    assert known["keypoint_distance"][0]["sequences"] == ["out_1"] and "subject" not in known["keypoint_distance"][0]
+    assert known["stature"] == [{"height_m": 1.72, "sigma_m": 0.01, "sequences": ["out_1"]}]
+    edit(root, "sessions/field/session.yaml", "stature: true\n", "")
+    edit(root, "subjects.tsv", "1.72\t0.01", "1.72\t")
+    known = project.load(root).metric_facts("field")
+    assert known["stature"] == []
+    assert known["heights"] == [{"subject": "S01", "height_m": 1.72, "sigma_m": 0.0, "sequences": ["out_1"]}]
+    edit(root, "subjects.tsv", "1.72\t", "\t")
+    assert project.load(root).metric_facts("field")["heights"] == []
+
+
 def test_intrinsics_from_a_board_and_placement_by_a_tag(root):
     path = root / "config/sessions/field/cam01.yaml"
     text = path.read_text().replace("locate: tape", f"intrinsics: {{chessboard: {BOARD}}}\nlocate: apriltag")

@@ -1,6 +1,7 @@
 """Bundle adjustment of the close cameras of a session (paper, outdoor steps 3 to 5).
 
-INPUTS   placed cameras and their YAML (tape priors); detections, frames and offsets of the window's sequences
+INPUTS   placed cameras, their YAML (tape priors) and marks of the AprilTag; detections, frames and offsets of the
+         window's sequences
 OUTPUTS  cameras (adjusted wTc) and their joint covariance, metrics (mean reprojection error before and after), findings
 
 Poses and points are free, intrinsics fixed. Points are joints at the window's instants (a fixed list, so that a new
@@ -11,24 +12,26 @@ cameras (`uncertainty`).
 What holds the gauge besides the facts: every tape-measured camera keeps to its measured position with the tape's sigma,
 one without a tape to its placed position with 5 cm; a camera that was aimed by look-at keeps to that rotation with 30
 degrees, which decides only what nothing else does (two cameras could turn about the line between them),
-another with 2 degrees.
+another with 2 degrees. A camera that was placed by the AprilTag keeps to where it saw the corners instead, and to its
+tape where there is one.
 Detections that disagree with the other views of their joint (another person, exchanged sides, a wrong limb) take no
 part: they are looked for from the adjusted cameras, and the adjustment is repeated without them.
 A reprojection error is the mean distance in recorded pixels. World in metres, Z up, floor at Z = 0.
 """
 
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from dior import physics as people
 from dior import tables
-from dior.calibrate import beginning, bundle, facts, realsense, reduced, starts, uncertainty
+from dior.calibrate import beginning, bundle, facts, outcome, realsense, reduced, starts, uncertainty
 from dior.calibrate import offsets as clocks
 from dior.calibrate import window as seen_in
-from dior.calibrate.place import camera_settings, check_above_floor
-from dior.camera import REFERENCE_FX, inverse_pose, project, reprojection_errors, undistort
+from dior.calibrate.outcome import Adjusted, check_end, in_front
+from dior.calibrate.place import camera_settings
+from dior.camera import REFERENCE_FX, inverse_pose, reprojection_errors, undistort
 from dior.errors import DiorError, nearest
 from dior.geometry import triangulate
 from dior.views import DROP_FACTOR, by_dropping, usual_error
@@ -36,50 +39,25 @@ from dior.views import DROP_FACTOR, by_dropping, usual_error
 AIM_SIGMA_DEG = 30.0
 PLACED_SIGMA_M, PLACED_SIGMA_DEG = 0.05, 2.0
 TAPE_SIGMA_M = 0.05
+UNKNOWN_M = 1000.0
 ROUNDS = 5
 SAMPLE_ROUNDS = 3
 MOST_USABLE = 0.9
 LENS_SIGMA = 0.003
 MARK_SIGMA_PX = 1.0
-DOUBTFUL_SCALE = 0.02
 SAMPLE = 2000
 BEST_DETECTOR_PX = 1.0  # at fx 1680
 SETTLED = 0.001
-MOST_DISAGREEING = 0.3
-WORTH_TELLING = 0.02
-
-
-@dataclass(frozen=True)
-class Adjusted:
-    """`cameras`, `points` (N, 3) m with NaN where left out, and the errors (V, N) px before and after of those used.
-
-    `disagreeing` is the share of the detections that were left out, `iterations` are those of the last round.
-    `uncertainty`: `uncertainty.Uncertainty`, None where the points' joints are not known; `facts`: `facts.Fact`s with
-    what the adjusted points say of them, [(fact, m)]; `starts`: `starts.Tried`.
-    """
-
-    cameras: list
-    points: np.ndarray
-    before_px: np.ndarray
-    after_px: np.ndarray
-    disagreeing: float
-    iterations: int
-    uncertainty: object = None
-    facts: tuple = ()
-    starts: tuple = ()
-
-    @property
-    def left_out(self):
-        """Number of points that took no part."""
-        return int(np.isnan(self.points[:, 0]).sum())
 
 
 def adjust(
-    cameras, uv, priors, huber_px, max_mean_px, where, tracks=None, known=(), marked=None, lens_sigma=LENS_SIGMA
+    cameras, uv, priors, huber_px, max_mean_px, where, tracks=None, known=(), marked=None, lens_sigma=LENS_SIGMA,
+    start_priors=None,
 ):  # fmt: skip
     """Adjust V cameras to the detections `uv` (V, N, 2), recorded px, NaN where not seen.
 
-    `priors` are `bundle.Prior`, one per camera. `huber_px`, where the loss turns linear, and `max_mean_px`, above
+    `priors` are `bundle.Prior`, one per camera; `start_priors`, where they differ, hold the cameras while the starts
+    are compared, which knows no metric facts. `huber_px`, where the loss turns linear, and `max_mean_px`, above
     which the result is refused, are for fx 1680 and scaled by each camera's (and the mean) fx. `tracks`
     (`uncertainty.Tracks`) says what the points are; `known` are metric facts (`facts.KeypointDistance` and so on),
     `marked` (`facts.Marked`) points that a person marked for them. Of many points a sample comes first, so that the
@@ -95,7 +73,7 @@ def adjust(
     few = uv[:, _sample(np.isfinite(uv).all(axis=-1).sum(axis=0) >= 2)]
 
     def attempt(start):
-        return sampled(start, few, priors, sigma, where)
+        return sampled(start, few, start_priors or priors, sigma, where)
 
     chosen, tried = starts.best(cameras, few, attempt, where)
     adjusted = chosen.cameras
@@ -117,11 +95,11 @@ def adjust(
     disagreeing = 1 - np.isfinite(agreed).sum() / np.isfinite(uv).sum()
     spread = None if tracks is None else uncertainty.of(solved, tracks, lens_sigma)
     noise = solved.linear.noise * solved.linear.variance[:, None, None]
-    measured = tuple((fact, fact.measured(solved.points, noise)) for fact in stated if fact.measured)
+    measured = tuple((fact, fact.measured(adjusted, solved.points, noise)) for fact in stated if fact.measured)
     done = Adjusted(
         adjusted, points, before, after, float(disagreeing), solved.iterations, spread, measured, tuple(tried)
     )
-    _check_end(done, taken, max_mean_px * focal.mean() / REFERENCE_FX, where)
+    check_end(done, taken, max_mean_px * focal.mean() / REFERENCE_FX, where)
     return done
 
 
@@ -186,12 +164,6 @@ def triangulated(cameras, uv):
     return triangulate(np.stack([inverse_pose(camera.wTc) for camera in cameras]), xy, np.ones(xy.shape[:-1]))
 
 
-def in_front(cameras, uv, points):
-    """Mask (N,) of the finite points that every camera which sees them has in front of it, inside its lens model."""
-    projected = np.stack([project(camera, points)[0] for camera in cameras])
-    return (np.isfinite(projected) | ~np.isfinite(uv)).all(axis=(0, 2)) & np.isfinite(points).all(axis=1)
-
-
 def _usable(cameras, uv, points):
     """Mask (N,) of the points that are fit for a start: in front, and not off by more than a picture.
 
@@ -220,38 +192,6 @@ def _check_aim(cameras, uv, used, where):
     )
 
 
-def _check_end(done, uv, limit_px, where):
-    behind = ~in_front(done.cameras, uv, done.points) & np.isfinite(done.points[:, 0])
-    if behind.any():
-        raise DiorError(
-            f"{where}: {behind.sum()} of {len(behind)} adjusted joints are behind a camera that sees them; place the "
-            "cameras better"
-        )
-    for camera in done.cameras:
-        check_above_floor(f"{where}, {camera.name} after the adjustment", camera.centre, "place the cameras better")
-    if done.left_out > 0.5 * len(done.points):
-        raise DiorError(
-            f"{where}: {done.left_out} of {len(done.points)} joints fit no point in front of the cameras that see "
-            "them; place the cameras better (tape.position_m, tape.target_m)"
-        )
-    if done.disagreeing > MOST_DISAGREEING:
-        raise DiorError(
-            f"{where}: {done.disagreeing:.0%} of the detections disagree with the other views of their joint, more "
-            f"than {MOST_DISAGREEING:.0%}; a local minimum or wrong detections, so place the cameras better "
-            "(tape.position_m, tape.target_m) or choose other instants in session.yaml"
-        )
-    mean = np.nanmean(done.after_px)
-    if mean > limit_px:
-        per_camera = ", ".join(
-            f"{camera.name} {np.nanmean(error):.1f}" for camera, error in zip(done.cameras, done.after_px, strict=True)
-        )
-        raise DiorError(
-            f"{where}: the adjustment ends at a mean of {mean:.1f} px ({per_camera}), above the limit of "
-            f"{limit_px:.1f} px (adjust.max_mean_px scaled by fx), a local minimum or wrong detections; place the "
-            "cameras better (tape.position_m, tape.target_m)"
-        )
-
-
 def prior_of(camera, settings):
     """The `bundle.Prior` of a placed camera from its YAML (see the module's docstring)."""
     tape = settings.get("tape", {"position_m": camera.centre, "sigma_m": PLACED_SIGMA_M})
@@ -261,23 +201,25 @@ def prior_of(camera, settings):
     )
 
 
-def moved(before, after):
-    """How far a camera moved (m) and turned (degrees)."""
-    cosine = (np.trace(before.wRc.T @ after.wRc) - 1) / 2
-    return float(np.linalg.norm(after.centre - before.centre)), float(np.degrees(np.arccos(np.clip(cosine, -1, 1))))
+def beside_tag(prior, camera, settings):
+    """The prior of a camera whose tag's corners take part themselves: only its tape is left of it."""
+    if camera.locate != "apriltag":
+        return prior
+    return replace(prior, sigma_m=prior.sigma_m if "tape" in settings else UNKNOWN_M, sigma_rad=np.pi)
 
 
 def run(
     *, session, cameras, camera_files, detections, frames, offsets, window, min_score, min_views, huber_px,
-    max_mean_px, max_gap, out, out_metrics, findings, known=None, marks=(), intrinsics_sigma=LENS_SIGMA,
+    max_mean_px, max_gap, out, out_metrics, findings, known=None, marks=(), tags=(), intrinsics_sigma=LENS_SIGMA,
     physics=None, out_covariance=None,
 ):  # fmt: skip
     """Write the adjusted cameras, metrics and findings.
 
     `detections`, `frames` and `offsets` are paths named by their sequence, `camera_files` by their camera.
     `min_score`, `min_views`, `max_gap`: see `window.observations`; `huber_px`, `max_mean_px`: see `adjust`. `known`:
-    metric facts (`Project.metric_facts`), `marks` the marks CSVs of the close cameras; `intrinsics_sigma`: 1 sigma of
-    the focal length and principal point, relative to the focal length; `physics`: limits (`dior.physics`).
+    metric facts (`Project.metric_facts`), `marks` the marks CSVs of the close cameras, `tags` the marks tables that
+    place wrote of cameras that see the AprilTag; `intrinsics_sigma`: 1 sigma of the focal length and principal point,
+    relative to the focal length; `physics`: limits (`dior.physics`).
     """
     placed = list(tables.read_cameras(cameras).values())
     yamls = {Path(path).stem.partition("@")[0]: path for path in camera_files}
@@ -285,7 +227,8 @@ def run(
     for camera in placed:
         if camera.name not in settings:
             raise DiorError(f"session {session}: no YAML for {camera.name}{nearest(camera.name, settings)}")
-    priors = [prior_of(camera, settings[camera.name]) for camera in placed]
+    start_priors = [prior_of(camera, settings[camera.name]) for camera in placed]
+    priors = [beside_tag(p, c, settings[c.name]) for p, c in zip(start_priors, placed, strict=True)]
     files = {
         kind: {Path(path).name.partition(".")[0]: path for path in paths}
         for kind, paths in (("detections", detections), ("frames", frames), ("offsets", offsets))
@@ -307,25 +250,32 @@ def run(
         found.append((session, "info" if len(part.joint) else "warning", "adjust_window", text))
     uv, tracks = seen_in.together(parts, [instants["count"] for instants in window.values()])
     known = known or {}
-    stated, priors = seen_in.metric_facts(known, list(window), placed, priors)
+    stated = seen_in.metric_facts(known, list(window)) + seen_in.tag_corners(placed, tags, f"session {session}")
     clicked = {Path(path).name.partition(".")[0].partition("@")[0]: path for path in marks}
     names = [camera.name for camera in placed]
     marked = seen_in.marked(clicked, names, seen_in.names_of_marks(known) - set(names), MARK_SIGMA_PX)
     done = adjust(
-        placed, uv, priors, huber_px, max_mean_px, f"session {session}", tracks, stated, marked, intrinsics_sigma
-    )
+        placed, uv, priors, huber_px, max_mean_px, f"session {session}", tracks, stated, marked, intrinsics_sigma,
+        start_priors,
+    )  # fmt: skip
     for i, (sequence, part) in enumerate(zip(window, parts, strict=True)):
         skeleton = np.full((len(part.seconds), len(part.names), 3), np.nan)
         skeleton[part.instant, part.joint] = done.points[tracks.sequence == i]
-        people.check(skeleton, part.names, f"session {session}, {sequence}", physics, part.seconds)
-    found += _findings(session, placed, priors, done)
+        scope = f"session {session}, {sequence}"
+        people.check(skeleton, part.names, scope, physics, part.seconds)
+        for person in known.get("heights", []):
+            if sequence in person["sequences"]:
+                share = (people.LIMITS | (physics or {}))["stature_share"]
+                given = person["subject"], person["height_m"], person["sigma_m"]
+                people.check_height(skeleton, part.names, scope, *given, share)
+    found += outcome.findings(session, placed, priors, done)
     found += _lens_models(
-        session, yamls, {name: s["topic"] for name, s in settings.items()}, done, uv, priors, huber_px
+        session, yamls, {name: s["topic"] for name, s in settings.items()}, done, uv, start_priors, huber_px
     )
     tables.write_cameras(out, done.cameras, session)
     if out_covariance:
         tables.write_camera_covariance(out_covariance, names, done.uncertainty.covariance, session)
-    tables.write(out_metrics, "metrics", _metrics(done))
+    tables.write(out_metrics, "metrics", outcome.metrics(done))
     tables.write_findings(findings, found)
 
 
@@ -349,73 +299,4 @@ def _lens_models(session, yamls, topics, done, uv, priors, huber_px):
         means = (float(np.nanmean(errors[i])) for errors in (done.after_px[:, sampled], other_px))
         scope = f"{session}/{camera.name}"
         found.append(realsense.finding(scope, "the joints", camera.intrinsics.model, *means, yamls[camera.name]))
-    return found
-
-
-def _metrics(done):
-    rows = []
-    for metric, errors in (("adjust_error_before", done.before_px), ("adjust_error_after", done.after_px)):
-        for camera, error in zip(done.cameras, errors, strict=True):
-            rows.append((metric, camera.name, camera.role, np.nanmean(error), np.isfinite(error).sum()))
-        rows.append((metric, "", "", np.nanmean(errors), np.isfinite(errors).sum()))
-    keys = ("metric", "camera", "role", "value", "n")
-    return {**dict(zip(keys, map(list, zip(*rows, strict=True)), strict=True)), "unit": ["px"] * len(rows)}
-
-
-def _findings(session, placed, priors, done):
-    text = (
-        f"mean reprojection error {np.nanmean(done.before_px):.2f} px as placed, {np.nanmean(done.after_px):.2f} px "
-        f"adjusted ({len(done.points) - done.left_out} joints, {done.iterations} iterations), in recorded pixels; "
-        "it does not vouch for the scale"
-    )
-    found = [(session, "info", "adjusted", text)]
-    if done.left_out:
-        text = f"{done.left_out} of {len(done.points)} joints were left out, being behind a camera that sees them"
-        found.append((session, "warning", "adjust_left_out", text))
-    if done.disagreeing > 0:
-        text = (
-            f"{done.disagreeing:.1%} of the detections were left out, disagreeing with the other views of their joint"
-        )
-        found.append((session, "warning" if done.disagreeing > WORTH_TELLING else "info", "adjust_disagreeing", text))
-    if done.iterations >= reduced.MOST_ITERATIONS:
-        text = f"the adjustment was stopped after {done.iterations} iterations, before it had settled"
-        found.append((session, "warning", "adjust_not_settled", text))
-    found += _known_to(session, done)
-    if any(one.cameras is None for one in done.starts) or len(done.starts) > 2:
-        ends = ", ".join(f"{s.name} {s.cost_px:.1f} px" if s.cameras else f"{s.name} failed" for s in done.starts)
-        text = f"the starts did not all end in the same world, the best one counts (at fx 1680): {ends}"
-        found.append((session, "warning", "adjust_starts", text))
-    for before, after, prior in zip(placed, done.cameras, priors, strict=True):
-        distance, angle = moved(before, after)
-        text = f"{before.name} moved {distance:.3f} m and turned {angle:.1f} degrees from where it was placed"
-        if distance > 3 * prior.sigma_m:
-            text += f", more than 3 times its sigma of {prior.sigma_m:g} m; measure it again"
-            found.append((f"{session}/{before.name}", "warning", "camera_moved_far", text))
-        else:
-            found.append((f"{session}/{before.name}", "info", "camera_moved", text))
-    return found
-
-
-def _known_to(session, done):
-    """Findings: how well each camera and the scale are known, and what the adjusted world says of each metric fact."""
-    if done.uncertainty is None:
-        return []
-    variance = np.diag(done.uncertainty.covariance).reshape(-1, 6)
-    turns, shifts = (np.sqrt(part.sum(axis=1) / 3) for part in (variance[:, :3], variance[:, 3:]))
-    each = (
-        f"{camera.name} {100 * shift:.1f} cm, {np.degrees(turn):.2f} degrees"
-        for camera, shift, turn in zip(done.cameras, shifts, turns, strict=True)
-    )
-    scale = uncertainty.scale_sigma(done.cameras, done.uncertainty.covariance)
-    text = (
-        f"1 sigma in each axis: {'; '.join(each)}; the scale is known to {100 * scale:.1f} % (95 % of the time within "
-        f"{196 * scale:.1f} %)"
-    )
-    found = [(session, "warning" if scale > DOUBTFUL_SCALE else "info", "adjust_uncertainty", text)]
-    for fact, length in done.facts:
-        off = abs(length - fact.known) / fact.sigma
-        text = f"{fact.name}: {length:.3f} m, measured {fact.known:.3f} +- {fact.sigma:.3f} m"
-        if off > 3:
-            text += f", {off:.1f} sigmas apart; measure it again"
-        found.append((session, "warning" if off > 3 else "info", "metric_fact", text))
     return found

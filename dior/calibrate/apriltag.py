@@ -1,7 +1,7 @@
 """Place a camera by an AprilTag whose place in the world is known.
 
 INPUTS   `tag` of session.yaml, intrinsics, the `frames` table of one sequence and its bags
-OUTPUTS  wTc (4, 4) of the camera and findings
+OUTPUTS  wTc (4, 4) of the camera, where the corners were seen on each picture (`marks`), and findings
 
 World in metres, Z up, floor at Z = 0. A marker's own axes: origin in its centre, x to the right and y to the top of its
 official picture, z out of the printed side. Corners are the outer corners of the black square: top left, top right,
@@ -25,12 +25,14 @@ FAMILIES = {"36h11": "APRILTAG_36h11"}
 FIRST_36H11 = 0xD5D628584
 MOST_FRAMES = 40
 MOVED_PX = 3.0
+# corners are right to 0.06 px in drawn pictures; blur and paper that is not flat add to it
 CORNER_SIGMA_PX = 0.15
+CORNERS = ("top_left", "top_right", "bottom_right", "bottom_left")
 ALONG, ACROSS = np.linspace(0.1, 0.9, 25), np.linspace(-1, 1, 25)
 EDGE_PX, EDGE_SHARE, LEAST_STEP = 3.0, 0.06, 0.15
 REFINED_PX = 2.0
 WORSE = 2.0
-ADJUST_SIGMA_M, ADJUST_SIGMA_DEG = 0.05, 2.0
+USUAL_SIGMA_M = 0.05
 
 
 @dataclass(frozen=True)
@@ -156,6 +158,34 @@ def tag_pose(tag, where):
     return pose(np.stack([np.cross(y, z), y, z], axis=1), tag["position_m"])
 
 
+def world_points(tag, where):
+    """Corners (4, 3) m of the session's tag in the world."""
+    wTm = tag_pose(tag, where)
+    return marker_points(tag["size_m"]) @ wTm[:3, :3].T + wTm[:3, 3]
+
+
+@dataclass(frozen=True)
+class Corners:
+    """Where one camera sees the corners `world` (4, 3) m of a tag: `uv` (4, 2) recorded px, each to `sigma_px`."""
+
+    uv: np.ndarray
+    world: np.ndarray
+    sigma_px: float
+
+
+def corners_of(marks):
+    """`Corners` of a camera from its `marks` table as `place` made it: the mean over the still pictures.
+
+    Their sigma is the scatter over the pictures or how far they are from the placed pose, whichever is more; more
+    pictures do not make it smaller, as what is left is constant (paper, lens).
+    """
+    kept = marks["inlier"]
+    seen = np.stack([marks["u"], marks["v"]], axis=-1)[kept].reshape(-1, 4, 2)
+    world = np.stack([marks[axis] for axis in "xyz"], axis=-1)[kept].reshape(-1, 4, 3)[0]
+    rms_px = float(np.sqrt(np.mean(marks["residual_px"][kept] ** 2)))
+    return Corners(seen.mean(axis=0), world, max(CORNER_SIGMA_PX, _noise_px(seen), rms_px))
+
+
 def still(corners):
     """Mask (F,) of the detections (F, 4, 2) that are where most are: a tag that is hidden in part, or carried, is not.
 
@@ -213,20 +243,22 @@ def uncertainty(camera, wTm, size_m, sigma_px):
 
 
 def place(camera, tag, frames, data_root, tape, where):
-    """wTc (4, 4) of `camera` from the tag in its pictures, and findings [(severity, code, text)].
+    """wTc (4, 4) of `camera` from the tag in its pictures, findings [(severity, code, text)] and columns of `marks`.
 
     At most 40 pictures of the table `frames`, evenly spread, are looked at; the corners of those in which the tag is
     where it mostly is are averaged. `tape`, the YAML's section or None, is only compared with. Raises DiorError where
-    no picture shows the tag or the pose is ambiguous.
+    no picture shows the tag or the pose is ambiguous. The marks have a row for each corner on each picture; `inlier`
+    are those of the pictures that were averaged.
     """
-    seen, looked_at = _detections(camera, tag, frames, data_root, where)
+    seen, shown, looked_at = _detections(camera, tag, frames, data_root, where)
     if not len(seen):
         raise DiorError(
             f"{where}: tag {tag['id']} of {tag['family']} is in none of the {looked_at} pictures of sequence "
             f"{Path(frames).stem} that were looked at; is it the right id, wholly in view, with a white margin? A tag "
             "of 40 cm flat on the floor is not found beyond 4 m at fx 640: put it upright, nearer, or print it larger"
         )
-    kept = seen[still(seen)]
+    steady = still(seen)
+    kept = seen[steady]
     if len(kept) < len(seen) / 2:
         raise DiorError(
             f"{where}: tag {tag['id']} lies still in {len(kept)} of the {len(seen)} pictures that show it; name a "
@@ -238,18 +270,26 @@ def place(camera, tag, frames, data_root, tape, where):
     found = solutions(camera, corners, tag["size_m"])
     wTc, why = choose(found, wTm, sigma_px, where)
     placed = camera.at(wTc, "apriltag")
-    points = marker_points(tag["size_m"]) @ wTm[:3, :3].T + wTm[:3, 3]
-    rms_px = float(np.sqrt(np.mean(np.sum((project(placed, points)[0] - corners) ** 2, axis=1))))
+    points = world_points(tag, where)
+    predicted = project(placed, points)[0]
+    rms_px = float(np.sqrt(np.mean(np.sum((predicted - corners) ** 2, axis=1))))
     sigma_m, sigma_deg = uncertainty(placed, wTm, tag["size_m"], max(sigma_px, rms_px))
+    marks = {
+        "sequence": [Path(frames).stem] * (4 * len(seen)),
+        "frame": np.repeat(shown, 4),
+        "joint": [f"tag_{tag['id']}_{corner}" for corner in CORNERS] * len(seen),
+        **dict(zip("uv", seen.reshape(-1, 2).T, strict=True)),
+        **dict(zip("xyz", np.tile(points, (len(seen), 1)).T, strict=True)),
+        "residual_px": np.linalg.norm(seen - predicted, axis=-1).ravel(),
+        "inlier": np.repeat(steady, 4),
+    }
     away = np.linalg.norm(wTc[:3, 3] - wTm[:3, 3])
-    held_m = (tape or {}).get("sigma_m", ADJUST_SIGMA_M)
     text = (
         f"placed by tag {tag['id']} in {len(kept)} of {looked_at} pictures, {away:.2f} m away, rms {rms_px:.2f} px; of "
-        f"two poses {why}; position to {100 * sigma_m:.1f} cm and {sigma_deg:.2f} degrees, where adjust holds it "
-        f"with {100 * held_m:.0f} cm{' to the tape' if tape else ''} and {ADJUST_SIGMA_DEG:.0f} degrees"
+        f"two poses {why}; position to {100 * sigma_m:.1f} cm and {sigma_deg:.2f} degrees by the tag alone"
     )
     findings = [("info", "pose_from_tag", text)]
-    if sigma_m > ADJUST_SIGMA_M:
+    if sigma_m > USUAL_SIGMA_M:
         text = f"the tag gives the position only to {100 * sigma_m:.0f} cm; put it nearer or print it larger"
         findings.append(("warning", "tag_far", text))
     if len(kept) < len(seen):
@@ -257,11 +297,11 @@ def place(camera, tag, frames, data_root, tape, where):
             f"the tag is elsewhere, or hidden in part, in {len(seen) - len(kept)} of {len(seen)} pictures that show it"
         )
         findings.append(("info", "tag_moved", text))
-    return wTc, findings + _against_tape(wTc, tape, sigma_m)
+    return wTc, findings + _against_tape(wTc, tape, sigma_m), marks
 
 
 def _detections(camera, tag, frames, data_root, where):
-    """Corners (F, 4, 2) px of the tag where it is found, and how many pictures were looked at."""
+    """Corners (F, 4, 2) px of the tag where it is found, on which frames (F,), and how many pictures were looked at."""
     from dior.ingest import bags
 
     rows = tables.of_camera(tables.read(frames, "frames"), camera.name)
@@ -275,7 +315,8 @@ def _detections(camera, tag, frames, data_root, where):
         corners = detect(picture).get(tag["id"])
         if corners is not None:
             found[row] = corners
-    return np.array([found[row] for row in sorted(found)]).reshape(-1, 4, 2), len(chosen)
+    shown = sorted(found)
+    return np.array([found[row] for row in shown]).reshape(-1, 4, 2), rows["frame"][shown], len(chosen)
 
 
 def _noise_px(corners):
@@ -288,7 +329,7 @@ def _against_tape(wTc, tape, sigma_m):
     if not tape:
         return []
     away = float(np.linalg.norm(wTc[:3, 3] - tape["position_m"]))
-    limit = 4 * float(np.hypot(tape.get("sigma_m", ADJUST_SIGMA_M), sigma_m))
+    limit = 4 * float(np.hypot(tape.get("sigma_m", USUAL_SIGMA_M), sigma_m))
     if away <= limit:
         return []
     text = (

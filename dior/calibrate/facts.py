@@ -7,7 +7,7 @@ A length between joints is the mean over the frames, so that 400 frames weigh as
 floor at Z = 0. A camera's error as in `dior.covariance`.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -28,10 +28,7 @@ STATURE_SHARE = 0.245 + 0.246 + 0.288
 # People differ by 1-2 % of their height in what is left (neck, head, foot), and a detector's hips and shoulders are
 # not the anatomist's: together 2.5 % of the sum.
 STATURE_SHARE_SIGMA = 0.02
-# Corners found on the sides of a tag are right to 0.06 px in drawn pictures; blur and paper that is not flat add to it.
-TAG_SIGMA_PX = 0.3
 FEWEST_MOMENTS = 10
-UNKNOWN_M = 1000.0
 STANCE_SHARE = 0.25
 # how high the joints of a standing foot are above the floor, m: the ankle by Winter's 0.039 body heights
 SOLE_M = {"left_heel": 0.03, "right_heel": 0.03, "left_foot_index": 0.03, "right_foot_index": 0.03}
@@ -60,13 +57,18 @@ class Row:
 
 @dataclass(frozen=True)
 class Fact:
-    """A named fact; `row` is its function, `known` and `sigma` what was measured (NaN where it is no one number)."""
+    """A named fact; `row` is its function, `known` and `sigma` (in `unit`) what was measured.
+
+    `measured`: a function of (cameras, points, noise) to what the adjusted world makes of it, None where it is no one
+    number.
+    """
 
     name: str
     row: object
     known: float = np.nan
     sigma: float = np.nan
     measured: object = None
+    unit: str = "m"
 
     def __call__(self, cameras, points, noise):
         return self.row(cameras, points, noise)
@@ -99,7 +101,10 @@ def between_cameras(one, other, length_m, sigma_m, name=""):
         D[0, 6 * other + 3 : 6 * other + 6] = -gap / length / sigma_m
         return Row.of_cameras([(length - length_m) / sigma_m], D)
 
-    return Fact(name or f"distance of cameras {one} and {other}", row, length_m, sigma_m)
+    def measured(cameras, points, noise):
+        return float(np.linalg.norm(cameras[one].centre - cameras[other].centre))
+
+    return Fact(name or f"distance of cameras {one} and {other}", row, length_m, sigma_m, measured)
 
 
 def to_point(view, points_of, length_m, sigma_m, name=""):
@@ -115,7 +120,10 @@ def to_point(view, points_of, length_m, sigma_m, name=""):
         residual = [(length.mean() - length_m) / sigma_m]
         return Row(np.array(residual), D, index, toward[None], np.zeros((1, 3 * len(cameras))))
 
-    return Fact(name, row, length_m, sigma_m)
+    def measured(cameras, points, noise):
+        return float(np.linalg.norm(points[index] - cameras[view].centre, axis=1).mean())
+
+    return Fact(name, row, length_m, sigma_m, measured)
 
 
 def length(segments, length_m, sigma_m, name=""):
@@ -146,7 +154,7 @@ def length(segments, length_m, sigma_m, name=""):
         none = np.zeros((1, 6 * len(cameras)))
         return Row(residual, none, index, D[None] / sigma_m, np.zeros((1, 3 * len(cameras))))
 
-    return Fact(name, row, length_m, sigma_m, lambda points, noise: measure(points, noise)[0])
+    return Fact(name, row, length_m, sigma_m, lambda cameras, points, noise: float(measure(points, noise)[0]))
 
 
 def stature(segments, height_m, height_sigma_m, name=""):
@@ -173,7 +181,10 @@ def tag(view, corners, world, sigma_px, name=""):
         lens[:, 3 * view : 3 * view + 3] = by_lens.reshape(-1, 3)
         return Row.of_cameras(residual.ravel(), D, lens)
 
-    return Fact(name or f"tag in camera {view}", row)
+    def off(cameras, points, noise):
+        return float(np.sqrt(np.mean((project(cameras[view], world)[0] - corners) ** 2)))
+
+    return Fact(name or f"corners of the tag in camera {view}, off by", row, 0.0, sigma_px, off, "px")
 
 
 def floor(index, above_m, sigma_m, sigma_rad, name="floor"):
@@ -199,17 +210,10 @@ def floor(index, above_m, sigma_m, sigma_rad, name="floor"):
         by_points[..., 2] = W
         return Row(W @ height, np.zeros((3, 6 * len(cameras))), index, by_points, np.zeros((3, 3 * len(cameras))))
 
-    return Fact(name, row, 0.0, sigma_m)
+    def measured(cameras, points, noise):
+        return float((points[index, 2] - above).mean())
 
-
-def seen_by(camera, world):
-    """Recorded pixels (K, 2) of world points."""
-    return project(camera, world)[0]
-
-
-def loosened(prior):
-    """The prior of a camera whose place is told by something else: a kilometre, and half a turn."""
-    return replace(prior, sigma_m=UNKNOWN_M, sigma_rad=np.pi)
+    return Fact(name, row, 0.0, sigma_m, measured)
 
 
 @dataclass(frozen=True)
@@ -237,39 +241,50 @@ class About:
     marked: object
     where: str
 
-    def view(self, name):
+    def wrong(self, key, text):
+        """The error of a fact that session.yaml states under `key`."""
+        return DiorError(f"{self.where}, session.yaml, {key}: {text}")
+
+    def view(self, name, key):
         if name not in self.cameras:
-            raise DiorError(f"{self.where}: '{name}' is no close camera{nearest(name, self.cameras)}")
+            raise self.wrong(
+                key, f"'{name}' is no close camera of {', '.join(self.cameras)}{nearest(name, self.cameras)}"
+            )
         return self.cameras.index(name)
 
-    def of_mark(self, name):
-        """Indices of the marked point `name`, by picture."""
+    def of_mark(self, name, key):
+        """Indices of the marked point `name`, by sequence."""
         names = () if self.marked is None else self.marked.names
         if name not in names:
-            raise DiorError(
-                f"{self.where}: '{name}' is marked in fewer than two close cameras at the same moment; mark it in "
-                f"their .marks.csv{nearest(name, names)}"
+            text = "is no close camera and " if key == "distances" else "is "
+            close = nearest(name, [*names, *self.cameras] if key == "distances" else names)
+            raise self.wrong(
+                key,
+                f"'{name}' {text}marked in fewer than two close cameras in the same sequence; mark it as joint "
+                f"'{name}' in their <camera>.marks.csv{close}",
             )
         at = [i for i, other in enumerate(names) if other == name]
         return {self.marked.moments[i]: len(self.known) + i for i in at}
 
-    def of_joints(self, groups, sequences=None):
+    def of_joints(self, groups, key, sequences=None):
         """Indices [(T, k)] of groups of joints at the moments at which all of them are known."""
         if self.tracks is None:
-            raise DiorError(f"{self.where}: a fact about joints needs their names")
+            raise self.wrong(key, "a fact about joints needs their names")
         wanted = [name for group in groups for name in group]
         for name in wanted:
             if name not in self.tracks.names:
-                raise DiorError(f"{self.where}: the detector has no joint '{name}'{nearest(name, self.tracks.names)}")
+                raise self.wrong(key, f"the detector has no joint '{name}'{nearest(name, self.tracks.names)}")
         use = self.known if sequences is None else self.known & np.isin(self.tracks.sequence, list(sequences))
         index = np.full((int(self.tracks.moment.max()) + 1, len(self.tracks.names)), -1)
         index[self.tracks.moment[use], self.tracks.joint[use]] = np.flatnonzero(use)
         columns = index[:, [list(self.tracks.names).index(name) for name in wanted]]
         rows = columns[(columns >= 0).all(axis=1)]
         if len(rows) < FEWEST_MOMENTS:
-            raise DiorError(
-                f"{self.where}: {', '.join(wanted)} are seen together by two cameras at {len(rows)} instants, at least "
-                f"{FEWEST_MOMENTS} are needed for the metric fact"
+            whose = "" if sequences is None else " of the subject's walks"
+            raise self.wrong(
+                key,
+                f"{', '.join(wanted)} are seen together by two cameras at {len(rows)} instants{whose}, at least "
+                f"{FEWEST_MOMENTS} are needed; choose other joints, or name more instants in `adjust`",
             )
         return np.split(rows, np.cumsum([len(group) for group in groups])[:-1], axis=1)
 
@@ -284,7 +299,7 @@ class KeypointDistance:
     sequences: tuple | None = None
 
     def made(self, about):
-        a, b = about.of_joints([(self.joints[0],), (self.joints[1],)], self.sequences)
+        a, b = about.of_joints([(self.joints[0],), (self.joints[1],)], "keypoint_distance", self.sequences)
         return [length([(a, b, 1.0)], self.length_m, self.sigma_m, f"distance {self.joints[0]} to {self.joints[1]}")]
 
 
@@ -297,8 +312,9 @@ class Stature:
     sequences: tuple | None = None
 
     def made(self, about):
-        segments = [(*about.of_joints([a, b], self.sequences), weight) for a, b, weight in STATURE_SEGMENTS]
-        return [stature(segments, self.height_m, self.sigma_m, f"stature {self.height_m:g} m")]
+        segments = [(*about.of_joints([a, b], "stature", self.sequences), weight) for a, b, weight in STATURE_SEGMENTS]
+        name = f"thigh, shank and trunk of the stature of {self.height_m:g} m"
+        return [stature(segments, self.height_m, self.sigma_m, name)]
 
 
 @dataclass(frozen=True)
@@ -311,10 +327,12 @@ class Distance:
 
     def made(self, about):
         name = f"distance {self.between[0]} to {self.between[1]}"
-        first = about.view(self.between[0])
+        first = about.view(self.between[0], "distances")
         if self.between[1] in about.cameras:
-            return [between_cameras(first, about.view(self.between[1]), self.length_m, self.sigma_m, name)]
-        return [to_point(first, list(about.of_mark(self.between[1]).values()), self.length_m, self.sigma_m, name)]
+            second = about.view(self.between[1], "distances")
+            return [between_cameras(first, second, self.length_m, self.sigma_m, name)]
+        seen = list(about.of_mark(self.between[1], "distances").values())
+        return [to_point(first, seen, self.length_m, self.sigma_m, name)]
 
 
 @dataclass(frozen=True)
@@ -328,10 +346,12 @@ class ScaleBar:
     def made(self, about):
         pairs = []
         for names in self.ends:
-            one, other = (about.of_mark(name) for name in names)
+            one, other = (about.of_mark(name, "scale_bar") for name in names)
             pairs += [(one[moment], other[moment]) for moment in one if moment in other]
             if not set(one) & set(other):
-                raise DiorError(f"{about.where}: {' and '.join(names)} are marked in no sequence together")
+                raise about.wrong(
+                    "scale_bar", f"{' and '.join(names)} are marked in no sequence together; mark both ends in one"
+                )
         a, b = np.array(pairs).T[..., None]
         name = f"scale bar {self.ends[0][0]} to {self.ends[0][1]}"
         return [length([(a, b, 1.0)], self.length_m, self.sigma_m, name)]
@@ -339,14 +359,18 @@ class ScaleBar:
 
 @dataclass(frozen=True)
 class Tag:
-    """A tag whose corners are at `world` (4, 3) m; `corners` (4, 2) recorded px by the camera that sees it."""
+    """A tag whose corners are at `world` (4, 3) m; `corners` (4, 2) recorded px by the camera that sees it, each with
+    `sigma_px`."""
 
     world: np.ndarray
     corners: dict
-    sigma_px: float = TAG_SIGMA_PX
+    sigma_px: float
 
     def made(self, about):
-        return [tag(about.view(name), seen, self.world, self.sigma_px) for name, seen in self.corners.items()]
+        return [
+            tag(about.view(name, "tag"), seen, self.world, self.sigma_px, f"corners of the tag in {name}, off by")
+            for name, seen in self.corners.items()
+        ]
 
 
 @dataclass(frozen=True)
@@ -366,7 +390,9 @@ class Floor:
                 index.append(lowest(about.points[at], at))
                 above.append(np.full(len(index[-1]), height))
         if not index:
-            raise DiorError(f"{about.where}: no foot is seen by two cameras, so `floor` says nothing")
+            raise about.wrong(
+                "floor", f"none of {', '.join(SOLE_M)} is seen by two cameras, so it says nothing; leave it out"
+            )
         return [floor(np.concatenate(index), np.concatenate(above), self.sigma_m, self.sigma_rad)]
 
 

@@ -2,7 +2,7 @@
 
 INPUTS   camera YAML (`locate: tape` with `tape`, `locate: reference` with `reference`, or `locate: apriltag` with the
          `tag` of session.yaml and the pictures of one sequence), intrinsics
-OUTPUTS  cameras (one row with wTc), findings
+OUTPUTS  cameras (one row with wTc), `marks` (where the corners of the tag were seen, else empty), findings
 
 World in metres, Z up, floor at Z = 0. A reference file is a TOML with a section per camera that holds `rotation`
 (Rodrigues vector in radians or 3x3) and `translation` (m), as Pose2Sim and caliscope write them.
@@ -100,18 +100,19 @@ def _rotation(where, values):
     return Rotation.from_matrix(values).as_matrix()
 
 
-def run(*, session, camera, camera_file, tag, intrinsics, frames, data_root, out, findings):
-    """Write the placed camera and findings; `reference.file` and the bags of `frames` are relative to `data_root`.
+def run(*, session, camera, camera_file, tag, intrinsics, frames, data_root, out, out_marks, findings):
+    """Write the placed camera, its marks and findings.
 
-    `tag` and `frames`, the table of the sequence that shows it, are needed for `locate: apriltag` only.
+    `reference.file` and the bags of `frames` are relative to `data_root`. `tag` and `frames`, the table of the sequence
+    that shows it, are needed for `locate: apriltag` only.
     """
     settings = camera_settings(camera_file, needs="tape|apriltag|reference")
-    found = []
+    found, marks = [], {}
     if settings["locate"] == "apriltag":
         from dior.calibrate.apriltag import place
 
         where = f"session {session}, {camera}"
-        wTc, found = place(unplaced(intrinsics, camera), tag, frames, data_root, settings.get("tape"), where)
+        wTc, found, marks = place(unplaced(intrinsics, camera), tag, frames, data_root, settings.get("tape"), where)
     elif settings["locate"] == "tape":
         wTc = look_at_pose(camera_file, settings["tape"])
     else:
@@ -119,4 +120,6 @@ def run(*, session, camera, camera_file, tag, intrinsics, frames, data_root, out
         wTc = reference_pose(Path(data_root) / reference["file"], reference["name"], reference.get("convention", "cTw"))
         check_above_floor(camera_file, wTc[:3, 3], "does reference.convention match the file?")
     tables.write_cameras(out, [unplaced(intrinsics, camera).at(wTc, settings["locate"])], session)
+    count = len(marks.get("joint", ()))
+    tables.write(out_marks, "marks", {"session": [session] * count, "camera": [camera] * count, **marks})
     tables.write_findings(findings, [(f"{session}/{camera}", *finding) for finding in found])

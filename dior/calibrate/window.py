@@ -99,12 +99,8 @@ def marked(files, cameras, wanted, sigma_px):
     return facts.Marked(uv, tuple(name for name, _ in points), tuple(sequence for _, sequence in points), sigma_px)
 
 
-def metric_facts(known, sequences, cameras, priors):
-    """`facts` objects of the dict that session.yaml gives (see `dior.project`), and the priors (a tag's replaces one).
-
-    `sequences` are those of the window, in order; `cameras` as placed.
-    """
-    from dior.calibrate import apriltag
+def metric_facts(known, sequences):
+    """`facts` objects of the dict that session.yaml gives (see `dior.project`); `sequences` of the window, in order."""
 
     def numbers(names):
         return None if names is None else tuple(sequences.index(name) for name in names if name in sequences)
@@ -120,14 +116,30 @@ def metric_facts(known, sequences, cameras, priors):
     if "floor" in known:
         x = known["floor"]
         made.append(facts.Floor(x["sigma_m"], np.radians(x["sigma_deg"])))
-    by_tag = [view for view, camera in enumerate(cameras) if camera.locate == "apriltag"]
-    if "tag" in known and by_tag:
-        wTm, size = apriltag.tag_pose(known["tag"], "session.yaml"), known["tag"]["size_m"]
-        world = apriltag.marker_points(size) @ wTm[:3, :3].T + wTm[:3, 3]
-        # the pose by which the camera was placed says where it saw the corners
-        seen = {cameras[view].name: facts.seen_by(cameras[view], world) for view in by_tag}
-        made.append(facts.Tag(world, seen))
-    return made, [facts.loosened(prior) if view in by_tag else prior for view, prior in enumerate(priors)]
+    return made
+
+
+def tag_corners(cameras, paths, where):
+    """`facts.Tag` of every camera that was placed by the tag, from the `marks` tables that place wrote beside them.
+
+    Raises DiorError for a camera whose corners are not there.
+    """
+    from dior.calibrate import apriltag
+
+    by_camera = {Path(path).name.partition(".")[0]: path for path in paths}
+    made = []
+    for camera in cameras:
+        if camera.locate != "apriltag":
+            continue
+        marks = tables.read(by_camera[camera.name], "marks") if camera.name in by_camera else {"inlier": np.zeros(0)}
+        if not marks["inlier"].any():
+            raise DiorError(
+                f"{where}, {camera.name}: it was placed by the tag, but the corners that it saw are not there; run the "
+                "step place again"
+            )
+        seen = apriltag.corners_of(marks)
+        made.append(facts.Tag(seen.world, {camera.name: seen.uv}, seen.sigma_px))
+    return made
 
 
 def names_of_marks(known):

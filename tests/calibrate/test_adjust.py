@@ -5,9 +5,11 @@ import pytest
 
 from dior.calibrate import adjust as step
 from dior.calibrate import bundle, realsense
+from dior.calibrate.outcome import in_front, moved
 from dior.camera import pose, project
 from dior.errors import DiorError
 from dior.geometry import look_at, similarity
+from tests.rig import camera as looking_in
 from tests.rig import ring
 
 HUBER, MOST = 15.0, 12.0
@@ -86,7 +88,7 @@ def test_another_person_in_one_camera_does_not_move_the_cameras():
     assert clean.disagreeing < 0.005 and 0.03 < done.disagreeing < 0.13
     assert np.nanmean(done.after_px) < 2.4
     for found, true in zip(done.cameras, clean.cameras, strict=True):
-        distance, angle = step.moved(true, found)
+        distance, angle = moved(true, found)
         assert distance < 0.02 and angle < 0.4
 
 
@@ -112,7 +114,7 @@ def test_a_tighter_tape_moves_less():
     shifts = []
     for sigma in (0.001, 0.05):
         done = step.adjust(placed, seen(cameras, points, 2.0), tape(placed, sigma), HUBER, MOST, "s")
-        shifts.append(max(step.moved(a, b)[0] for a, b in zip(placed, done.cameras, strict=True)))
+        shifts.append(max(moved(a, b)[0] for a, b in zip(placed, done.cameras, strict=True)))
     assert shifts[0] < 0.02 < shifts[1]
 
 
@@ -125,7 +127,7 @@ def test_gross_outliers_hardly_matter():
     placed = misplaced(cameras)
     clean, dirty = (step.adjust(placed, x, tape(placed), HUBER, 20.0, "s") for x in (uv, off))
     for a, b in zip(clean.cameras, dirty.cameras, strict=True):
-        distance, angle = step.moved(a, b)
+        distance, angle = moved(a, b)
         assert distance < 0.02 and angle < 0.4
 
 
@@ -151,7 +153,7 @@ def test_points_behind_a_camera_at_the_start_are_counted_or_brought_back():
     points[0] = (60.0, 60.0, 1.0)
     uv = seen(cameras, points)
     uv[:, 0] = 640, 360
-    assert not step.in_front(cameras, np.full_like(uv, 640), 10 * cameras[0].centre[None] + 0 * points).any()
+    assert not in_front(cameras, np.full_like(uv, 640), 10 * cameras[0].centre[None] + 0 * points).any()
     done = step.adjust(misplaced(cameras), uv, tape(misplaced(cameras)), HUBER, MOST, "s")
     assert done.left_out <= 1 and np.nanmedian(done.after_px) < 0.1
 
@@ -171,6 +173,17 @@ def test_the_limit_scales_with_the_focal_length():
     step.adjust(cameras, uv, tape(cameras), HUBER, limit * 1.001, "s")
     with pytest.raises(DiorError, match=r"session x: .* ends at a mean of \d.* \(cam01 .*adjust.max_mean_px"):
         step.adjust(cameras, uv, tape(cameras), HUBER, limit * 0.999, "session x")
+
+
+def test_the_worst_camera_is_named_where_the_adjustment_ends_too_high():
+    """The second camera's pixels are noisy; the third's are, too, by half, but count less for its focal length."""
+    cameras, points = ring(3), body()
+    cameras[2] = looking_in("cam03", cameras[2].centre, fx=1280.0)
+    noise = np.array([1.0, 6.0, 7.0])[:, None, None] * np.random.default_rng(0).normal(size=(3, len(points), 2))
+    with pytest.raises(
+        DiorError, match=r"ends at a mean of .* \(cam01 \d.*, cam02 \d.*\), above .* first cam02, which"
+    ):
+        step.adjust(cameras, seen(cameras, points) + noise, tape(cameras), HUBER, 2.0, "s")
 
 
 def refused(cameras, uv, message):
@@ -220,7 +233,7 @@ def test_a_camera_that_looks_away_is_brought_back_by_the_keypoints():
     done = step.adjust(placed, seen(ring(3), points, 1.0), tape(placed), HUBER, MOST, "s")
     assert [one.name for one in done.starts if one.cameras is None][0] == "as placed"
     for found, true in zip(done.cameras, ring(3), strict=True):
-        distance, angle = step.moved(true, found)
+        distance, angle = moved(true, found)
         assert distance < 0.1 and angle < 2
 
 

@@ -8,9 +8,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dior import tables
-from dior.calibrate import adjust as step
 from dior.calibrate import window
 from dior.calibrate.adjust import run
+from dior.calibrate.outcome import moved
 from dior.calibrate.place import reference_pose
 from dior.camera import Camera, Intrinsics, pose
 from dior.errors import DiorError
@@ -111,7 +111,7 @@ def test_from_the_reference_extrinsics(capture, tmp_path):
     per_camera = metrics["value"][(metrics["metric"] == "adjust_error_after") & (metrics["camera"] != "")]
     assert per_camera.shape == (4,) and per_camera.max() < 11
     for camera in cameras:
-        assert step.moved(camera, found[camera.name])[0] < 0.06
+        assert moved(camera, found[camera.name])[0] < 0.06
     assert findings["code"].tolist() == [
         "adjust_window",
         "adjusted",
@@ -146,7 +146,7 @@ def test_cameras_that_look_at_the_origin_end_well_or_not_at_all(capture, tmp_pat
         return
     assert mean_px(metrics, "adjust_error_after") <= 9.0
     for camera in cameras:
-        assert step.moved(camera, found[camera.name])[0] < 0.1
+        assert moved(camera, found[camera.name])[0] < 0.1
 
 
 @pytest.mark.parametrize("target", [(0, 0, 5), pytest.param((3.59, 3.65, 3.29), marks=pytest.mark.slow)])
@@ -156,7 +156,7 @@ def test_look_at_starts_with_a_local_minimum_are_brought_back_by_the_keypoints(c
     assert mean_px(metrics, "adjust_error_after") <= 9.0
     assert "adjust_starts" in findings["code"].tolist()
     for camera in cameras:
-        assert step.moved(camera, found[camera.name])[1] < 3
+        assert moved(camera, found[camera.name])[1] < 3
 
 
 def test_a_look_at_start_that_ends_at_fifteen_pixels_is_refused(capture, tmp_path):

@@ -75,10 +75,35 @@ def test_a_camera_is_placed_where_it_is(tmp_path, tag, centre, target, limit_m, 
     rng = np.random.default_rng(1)
     frames = recorded(tmp_path, [photograph(view, tag, rng)] * 2)
     unplaced = Camera("cam01", view.intrinsics)
-    wTc, findings = apriltag.place(unplaced, tag, frames, tmp_path, None, "field, cam01")
+    wTc, findings, marks = apriltag.place(unplaced, tag, frames, tmp_path, None, "field, cam01")
     assert np.linalg.norm(wTc[:3, 3] - centre) < limit_m
     assert angle_deg(wTc[:3, :3], view.wRc) < limit_deg
     assert findings[0][:2] == ("info", "pose_from_tag") and "in 2 of 2 pictures" in findings[0][2]
+    assert marks["joint"][:2] == ["tag_0_top_left", "tag_0_top_right"] and len(marks["u"]) == 8
+    np.testing.assert_allclose(np.stack([marks["u"], marks["v"]], axis=1), _truth(view, tag, 2), atol=0.15)
+
+
+def _truth(view, tag, pictures):
+    """Where the corners of a tag are seen, on each of as many pictures."""
+    return np.tile(project(view, apriltag.world_points(tag, "tag"))[0], (pictures, 1))
+
+
+def test_the_corners_that_adjust_reads_are_the_mean_of_the_still_pictures(tmp_path):
+    """Of five pictures the tag was carried in one; on the others a corner scatters by 1 px."""
+    view = camera("cam01", (2.2, -1.2, 1.5), (0, 0, 0.6))
+    off = np.array([-1.2, -0.4, 0.4, 1.2, 40.0])
+    truth, count = _truth(view, FLAT, 5), np.arange(20)
+    table = {
+        "session": ["field"] * 20, "camera": ["cam01"] * 20, "sequence": ["walk"] * 20, "frame": count // 4,
+        "joint": ["tag"] * 20, "u": truth[:, 0] + off[count // 4], "v": truth[:, 1],
+        **dict(zip("xyz", np.tile(apriltag.world_points(FLAT, "tag"), (5, 1)).T, strict=True)),
+        "residual_px": abs(off[count // 4]), "inlier": count < 16,
+    }  # fmt: skip
+    tables.write(tmp_path / "marks.parquet", "marks", table)
+    seen = apriltag.corners_of(tables.read(tmp_path / "marks.parquet", "marks"))
+    np.testing.assert_allclose(seen.uv, truth[:4])
+    np.testing.assert_allclose(seen.world, apriltag.world_points(FLAT, "tag"))
+    assert seen.sigma_px == pytest.approx(np.sqrt(np.mean(off[:4] ** 2)))
 
 
 def test_the_step_writes_the_placed_camera_and_warns_of_another_tape(tmp_path):
@@ -93,13 +118,16 @@ def test_the_step_writes_the_placed_camera_and_warns_of_another_tape(tmp_path):
     )  # fmt: skip
     place.run(
         session="field", camera="cam01", camera_file=yaml, tag=FLAT, intrinsics=tmp_path / "lens.parquet",
-        frames=frames, data_root=tmp_path, out=tmp_path / "out.parquet", findings=tmp_path / "findings.parquet",
+        frames=frames, data_root=tmp_path, out=tmp_path / "out.parquet", out_marks=tmp_path / "marks.parquet",
+        findings=tmp_path / "findings.parquet",
     )  # fmt: skip
     placed = tables.read_cameras(tmp_path / "out.parquet")["cam01"]
     assert placed.locate == "apriltag" and np.linalg.norm(placed.centre - view.centre) < 0.005
     found = tables.read(tmp_path / "findings.parquet", "findings")
     assert found["code"].tolist() == ["pose_from_tag", "tag_against_tape"] and "2 of 3 pictures" in found["text"][0]
     assert set(found["scope"]) == {"field/cam01"}
+    marks = tables.read(tmp_path / "marks.parquet", "marks")
+    assert marks["inlier"].all() and marks["frame"].tolist() == [0] * 4 + [2] * 4
 
 
 def test_no_tag_in_any_picture(tmp_path):

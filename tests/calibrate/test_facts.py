@@ -6,9 +6,15 @@ import pytest
 from dior import covariance
 from dior.calibrate import adjust, bundle, facts, reduced
 from dior.calibrate.uncertainty import Tracks
+from dior.camera import project
 from dior.errors import DiorError
 from tests.calibrate.test_adjust import HUBER, MOST, body, misplaced, seen, tape
 from tests.rig import ring
+
+
+def seen_by(camera, world):
+    return project(camera, world)[0]
+
 
 CAMERAS, POINTS = ring(3), body(6)
 NONE = np.zeros((6, 3, 3))
@@ -19,7 +25,7 @@ EACH = {
     "point": facts.to_point(1, [2, 3], 4.0, 0.02),
     "length": facts.length([(np.array([[0], [1]]), np.array([[2], [3]]), 0.7)], 0.5, 0.01),
     "middles": facts.length([(np.array([[0, 1]]), np.array([[2, 3]]), 1.0)], 0.5, 0.01),
-    "tag": facts.tag(2, facts.seen_by(CAMERAS[2], SQUARE) + 1.0, SQUARE, 0.3),
+    "tag": facts.tag(2, seen_by(CAMERAS[2], SQUARE) + 1.0, SQUARE, 0.3),
     "floor": facts.floor([0, 1, 2, 3], 0.03, 0.02, 0.02),
 }
 
@@ -54,8 +60,8 @@ def test_a_length_takes_the_noise_across_it_off():
     index = np.arange(8000).reshape(4000, 2)
     fact = facts.length([(index[:, :1], index[:, 1:], 1.0)], 0.4, 0.001)
     points, noise = ends.reshape(-1, 3), np.tile(0.03**2 * np.eye(3), (8000, 1, 1))
-    assert fact.measured(points, 0 * noise) > 0.403
-    assert abs(fact.measured(points, noise) - 0.4) < 0.0015
+    assert fact.measured(CAMERAS, points, 0 * noise) > 0.403
+    assert abs(fact.measured(CAMERAS, points, noise) - 0.4) < 0.0015
 
 
 def walker(moments=60, height=1.75):
@@ -93,13 +99,13 @@ def test_without_a_fact_the_tape_decides_the_scale():
 def test_facts_bring_the_scale_and_say_so():
     shin = facts.KeypointDistance(("left_knee", "left_ankle"), 0.246 * 1.75, 0.001)
     bar = np.array([(0.5, 0, 0.5), (0.5, 0, 1.5)])
-    marked = facts.Marked(np.stack([facts.seen_by(c, bar) for c in ring(3)]), ("a", "b"), ("walk", "walk"), 0.5)
+    marked = facts.Marked(np.stack([seen_by(c, bar) for c in ring(3)]), ("a", "b"), ("walk", "walk"), 0.5)
     for known, marks in (
         ([shin], None),
         ([facts.ScaleBar((("a", "b"),), 1.0, 0.002)], marked),
         ([facts.Distance(("cam01", "cam02"), np.linalg.norm(ring(3)[0].centre - ring(3)[1].centre), 0.005)], None),
         ([facts.Stature(1.75, 0.0)], None),
-        ([facts.Tag(SQUARE, {c.name: facts.seen_by(c, SQUARE) for c in ring(3)})], None),
+        ([facts.Tag(SQUARE, {c.name: seen_by(c, SQUARE) for c in ring(3)}, 0.3)], None),
     ):
         done = adjusted(known, marks)
         # stature is known to 2.6 % here, against a tape that is known to 3.5 % and 4 % wrong
@@ -134,15 +140,24 @@ def test_the_floor_brings_the_feet_down():
 @pytest.mark.parametrize(
     ("fact", "message"),
     [
-        (facts.KeypointDistance(("left_hipp", "left_knee"), 0.4, 0.01), ".* no joint 'left_hipp' .*'left_hip'"),
-        (facts.KeypointDistance(("left_hip", "left_knee"), 0.4, 0.01, (3,)), ".* at 0 instants, at least 10"),
-        (facts.Distance(("cam01", "post"), 4.0, 0.01), "'post' is marked in fewer than two"),
-        (facts.Distance(("cam9", "cam01"), 4.0, 0.01), "'cam9' is no close camera"),
-        (facts.ScaleBar((("a", "b"),), 1.0, 0.01), "'a' is marked in fewer than two"),
+        (
+            facts.KeypointDistance(("left_hipp", "left_knee"), 0.4, 0.01),
+            "keypoint_distance: .* no joint 'left_hipp' .*'left_hip'",
+        ),
+        (
+            facts.KeypointDistance(("left_hip", "left_knee"), 0.4, 0.01, (3,)),
+            ".* at 0 instants of .* at least 10",
+        ),
+        (
+            facts.Distance(("cam01", "post"), 4.0, 0.01),
+            "distances: 'post' is no close camera and marked in fewer than two",
+        ),
+        (facts.Distance(("cam9", "cam01"), 4.0, 0.01), "distances: 'cam9' is no close camera of cam01, .*did you mean"),
+        (facts.ScaleBar((("a", "b"),), 1.0, 0.01), "scale_bar: 'a' is marked in fewer than two"),
     ],
 )
 def test_a_fact_about_nothing_is_refused(fact, message):
-    with pytest.raises(DiorError, match=f"s: {message}"):
+    with pytest.raises(DiorError, match=f"s, session.yaml, {message}"):
         adjusted([fact])
 
 

@@ -100,18 +100,21 @@ def test_run_writes_the_placed_camera(tmp_path):
     yaml.write_text(YAML + "locate: tape\ntape: {position_m: [3, 1, 1.5], target_m: [0, 0, 1]}\n")
     place.run(
         session="field", camera="cam01", camera_file=yaml, tag={}, intrinsics=tmp_path / "lens.parquet",
-        frames=None, data_root=tmp_path, out=tmp_path / "tape.parquet", findings=tmp_path / "findings.parquet",
+        frames=None, data_root=tmp_path, out=tmp_path / "tape.parquet", out_marks=tmp_path / "marks.parquet",
+        findings=tmp_path / "findings.parquet",
     )  # fmt: skip
     placed = tables.read_cameras(tmp_path / "tape.parquet")["cam01"]
     np.testing.assert_allclose(placed.centre, [3, 1, 1.5])
     assert placed.locate == "tape" and placed.intrinsics == lens.intrinsics
+    assert not len(tables.read(tmp_path / "marks.parquet", "marks")["joint"])
 
     wTc = ring(3)[1].wTc
     toml(tmp_path, left=f"rotation = {wTc[:3, :3].T.tolist()}\ntranslation = {inverse_pose(wTc)[:3, 3].tolist()}")
     yaml.write_text(YAML + "locate: reference\nreference: {file: calibration.toml, name: left}\n")
     place.run(
         session="field", camera="cam01", camera_file=yaml, tag={}, intrinsics=tmp_path / "lens.parquet",
-        frames=None, data_root=tmp_path, out=tmp_path / "reference.parquet", findings=tmp_path / "findings.parquet",
+        frames=None, data_root=tmp_path, out=tmp_path / "reference.parquet", out_marks=tmp_path / "marks.parquet",
+        findings=tmp_path / "findings.parquet",
     )  # fmt: skip
     np.testing.assert_allclose(tables.read_cameras(tmp_path / "reference.parquet")["cam01"].wTc, wTc, atol=1e-12)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dior.calibrate import starts
-from dior.calibrate.adjust import moved
+from dior.calibrate.outcome import moved
 from dior.camera import pose
 from dior.errors import DiorError
 from tests.calibrate.test_adjust import body, misplaced, seen

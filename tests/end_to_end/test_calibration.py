@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dior import tables
-from dior.camera import Camera, Intrinsics, pose
+from dior.camera import Camera, Intrinsics, pose, project
 from dior.geometry import look_at
 from dior.init import header
 from tests.calibrate.test_apriltag import FLAT, angle_deg, photograph
@@ -79,6 +79,22 @@ def test_a_camera_that_sees_the_tag_is_placed(ran):
     assert found.locate == "apriltag" and np.linalg.norm(found.centre - AT) < 0.01
     assert angle_deg(found.wRc, VIEWS["cam01"].wRc) < 0.2
     assert findings["code"].tolist() == ["pose_from_tag"] and "in 3 of 3 pictures" in findings["text"][0]
+
+
+def test_the_corners_that_it_saw_are_there_for_the_adjustment(ran):
+    folder, _ = ran
+    marks = tables.read(folder / "results/place/field/cam01.marks.parquet", "marks")
+    world = np.stack([marks[axis] for axis in "xyz"], axis=-1)
+    seen = np.stack([marks["u"], marks["v"]], axis=-1)
+    assert len(seen) == 12 and marks["inlier"].all() and marks["frame"].tolist() == [0] * 4 + [1] * 4 + [2] * 4
+    np.testing.assert_allclose(project(VIEWS["cam01"], world)[0], seen, atol=0.3)
+    session = folder / "config/sessions/field/session.yaml"
+    before = session.read_text()
+    session.write_text(before + "adjust: {walk_01: {count: 3}}\n")
+    _, said = snakemake(folder, "--dry-run", "--printshellcmds", "results/adjust/field.parquet")
+    session.write_text(before)
+    tags = " ".join(f"results/place/field/{name}.marks.parquet" for name in VIEWS)
+    assert f"--tags {tags} " in said
 
 
 def test_a_camera_that_does_not_is_refused_in_a_sentence(ran):

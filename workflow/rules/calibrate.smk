@@ -95,6 +95,7 @@ rule place:
         bags=there(tag_bags),
     output:
         camera="results/place/{session}/{camera}.parquet",
+        marks="results/place/{session}/{camera}.marks.parquet",
         findings="results/place/{session}/{camera}.findings.parquet",
     log:
         "logs/place/{session}.{camera}.log",
@@ -114,6 +115,7 @@ rule place:
         " --frames {input.frames:q}"
         " --data-root {params.data_root:q}"
         " --out {output.camera:q}"
+        " --out-marks {output.marks:q}"
         " --findings {output.findings:q}"
         " 2>&1 | tee {log:q}"
 
@@ -127,6 +129,7 @@ rule adjust:
         frames=adjusted("frames"),
         offsets=adjusted_offsets,
         marks=fact_marks,
+        tags=tag_marks,
     output:
         cameras="results/adjust/{session}.parquet",
         covariance="results/adjust/{session}.covariance.parquet",
@@ -163,6 +166,7 @@ rule adjust:
         " --max-gap {params.max_gap}"
         " --known {params.known:q}"
         " --marks {input.marks:q}"
+        " --tags {input.tags:q}"
         " --intrinsics-sigma {params.intrinsics_sigma}"
         " --physics {params.physics:q}"
         " --out {output.cameras:q}"

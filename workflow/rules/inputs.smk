@@ -185,6 +185,16 @@ def placed(wildcards):
     ]
 
 
+def tag_marks(wildcards):
+    """Where the cameras that are placed by the AprilTag saw its corners."""
+    session = wildcards.session
+    return [
+        f"results/place/{session}/{camera}.marks.parquet"
+        for camera in PROJECT.close(session)
+        if PROJECT.cameras(session)[camera]["locate"] == "apriltag"
+    ]
+
+
 def own_yaml(wildcards):
     """The file of a camera, after a bump the one from then on."""
     return PROJECT.camera_file(wildcards.session, wildcards.camera)
