@@ -300,13 +300,17 @@ def _read_session(project, session):
     repeated = [name for name in content["cameras"] if content["cameras"].count(name) > 1]
     if repeated:
         raise DiorError(f"{shown}: camera '{repeated[0]}' is listed twice")
-    here = project.sequences_of(session)
-    elsewhere = set(project.whole_session(session)) - set(here)
+    here, elsewhere = project.sequences_of(session), _elsewhere(project, session)
     content["adjust"] = {name: window for name, window in content["adjust"].items() if name not in elsewhere}
     if content.get("tag", {}).get("sequence") in elsewhere:
         content["tag"]["sequence"] = here[0]
     project.session_files[session] = content
     project.camera_files[session] = {name: _read_camera(project, session, name) for name in content["cameras"]}
+
+
+def _elsewhere(project, session):
+    """Sequences of the other parts of a session that a bump splits."""
+    return set(project.whole_session(session)) - set(project.sequences_of(session))
 
 
 def _read_camera(project, session, name):
@@ -319,6 +323,15 @@ def _read_camera(project, session, name):
         )
     camera = check(read_yaml(project.root / shown, shown), "camera", shown)
     consistency.check_camera(camera, shown)
+    if "align" in camera:
+        # the close cameras of each part have a world of their own
+        elsewhere, listed = _elsewhere(project, session), camera["align"]["sequences"]
+        camera["align"]["sequences"] = [sequence for sequence in listed if sequence not in elsewhere]
+        if not camera["align"]["sequences"]:
+            raise DiorError(
+                f"{shown}: align.sequences has {', '.join(listed)}, none of session '{session}'; add a walk of that "
+                "part of the session"
+            )
     path = project.marks_file(session, name)
     if camera["locate"] == "marks":
         if not (project.root / path).is_file():

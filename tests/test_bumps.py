@@ -60,3 +60,12 @@ def test_a_name_of_no_sequence_is_still_refused_in_the_window(bumped):
     edit(bumped, "sessions/field/session.yaml", "out_2: {count: 50}", "out_9: {count: 50}")
     with pytest.raises(DiorError, match="'adjust.out_9' is no sequence of session"):
         project.load(bumped)
+
+
+def test_a_long_range_camera_needs_walks_of_every_part(bumped):
+    edit(bumped, "sessions/field/cam03.yaml", "nudge: {azimuth_deg: 0.2}", "align: {from: boxes, sequences: [out_1]}")
+    fails(bumped, "align.sequences has out_1, none of session 'field@out_2'")
+    edit(bumped, "sessions/field/cam03.yaml", "[out_1]", "[out_1, out_2]")
+    (bumped / "config/boxes/out_2.cam03.csv").write_text("frame,u_min,v_min,u_max,v_max\n")
+    found = project.load(bumped)
+    assert found.cameras("field@out_2")["cam03"]["align"]["sequences"] == ["out_2"]
