@@ -260,8 +260,9 @@ def run(
 ):
     """Write the aligned camera, its covariance and findings.
 
-    `skeletons`, `frames`, `offsets` and `boxes`: a file per sequence of the YAML's `align.sequences`; none without
-    that section. `close`: `cameras` tables of the close cameras, `close_covariance` their `camera_covariance` tables.
+    `skeletons`, `frames`, `offsets` and `boxes`: a file per sequence of the YAML's `align.sequences`, where a bump
+    splits the session of those of its part; none without that section. `close`: `cameras` tables of the close cameras,
+    `close_covariance` their `camera_covariance` tables.
     """
     settings = camera_settings(camera_file, needs="align")
     lens = unplaced(intrinsics, camera)
@@ -273,8 +274,8 @@ def run(
         tables.write_findings(findings, [])
         return
     scope = f"{session}/{camera}"
-    names = sorted(how["sequences"])
     by_name = [{Path(path).name.split(".")[0]: path for path in paths} for paths in (skeletons, frames, offsets, boxes)]
+    names = sorted(by_name[0])
     walks = [read_walk(name, camera, *(files[name] for files in by_name[:3])) for name in names]
     cam.check_picture_size(lens.intrinsics, walks[0].rows["width"][0], walks[0].rows["height"][0], scope)
     seen = gather(walks, start, how["from"], by_name[3], data_root, marks)
