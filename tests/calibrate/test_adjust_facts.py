@@ -110,6 +110,11 @@ def test_a_tag_decides_the_scale_and_the_place_of_cameras_without_a_tape(tmp_pat
     for camera, true in zip(found, ring(3), strict=True):
         distance, angle = outcome.moved(true, camera)
         assert distance < 0.02 and angle < 0.2
+    joint = tables.read_camera_covariance(tmp_path / "covariance.parquet", [camera.name for camera in found])
+    shift = np.concatenate([camera.centre - true.centre for camera, true in zip(found, ring(3), strict=True)])
+    at = np.add.outer(6 * np.arange(3), [3, 4, 5]).ravel()
+    # 9 degrees of freedom: 99.9 % are below 28; here it is about 2, as the mean of four pictures counts as one picture
+    assert 0.5 < shift @ np.linalg.solve(joint[np.ix_(at, at)], shift) < 28
 
 
 def test_a_camera_with_a_tag_keeps_to_its_tape_too(tmp_path):
