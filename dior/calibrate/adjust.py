@@ -287,16 +287,20 @@ def _lens_models(session, yamls, topics, done, uv, priors, huber_px):
     views = [i for i, c in enumerate(done.cameras) if realsense.is_ambiguous(topics[c.name], c.intrinsics)]
     if not views:
         return []
-    sampled = _sample(np.isfinite(done.points[:, 0]))
+    few = _sample(np.isfinite(done.points[:, 0]))
+    # the same detections for both
+    seen = np.where(np.isfinite(done.after_px)[..., None], uv, np.nan)[:, few]
     assumed = [realsense.as_other(c) if i in views else c for i, c in enumerate(done.cameras)]
+    sigma = huber_px * np.array([c.intrinsics.fx for c in assumed]) / REFERENCE_FX / bundle.HUBER
     try:
-        other_px = adjust(assumed, uv[:, sampled], priors, huber_px, np.inf, "").after_px
+        other = sampled(assumed, seen, priors, sigma, "")
+        other_px = reprojection_errors(other, triangulated(other, seen), seen)
     except DiorError:
         other_px = np.full((len(assumed), 1), np.inf)
     found = []
     for i in views:
         camera = done.cameras[i]
-        means = (float(np.nanmean(errors[i])) for errors in (done.after_px[:, sampled], other_px))
+        means = (float(np.nanmean(errors[i])) for errors in (done.after_px[:, few], other_px))
         scope = f"{session}/{camera.name}"
         found.append(realsense.finding(scope, "the joints", camera.intrinsics.model, *means, yamls[camera.name]))
     return found
