@@ -16,6 +16,7 @@ import numpy as np
 
 from benchmarks import steps
 from dior import tables
+from dior.errors import DiorError
 
 INSIDE = 5.991  # chi-square with 2 degrees of freedom, 95 %
 GROUPS = ("indoor", "close", "long range")
@@ -23,9 +24,16 @@ EVERY = 5  # labels of every fifth picture
 
 
 def errors(seed, level, seconds):
-    """Of one capture, by group: squared Mahalanobis distances, errors over sigma, errors px, sigmas px."""
+    """Of one capture, by group: squared Mahalanobis distances, errors over sigma, errors px, sigmas px.
+
+    None where the capture is refused.
+    """
     with tempfile.TemporaryDirectory() as folder:
-        made = steps.labelled(folder, preset=level, seed=seed, subjects=1, duration_s=seconds, gallery=False)
+        try:
+            made = steps.labelled(folder, preset=level, seed=seed, subjects=1, duration_s=seconds, gallery=False)
+        except DiorError as error:
+            print(f"seed {seed} is refused: {error}", file=sys.stderr)
+            return None
         found = {group: [] for group in GROUPS}
         for name, views in made.views.items():
             for camera, seen in views.items():
@@ -61,6 +69,9 @@ def main():
     for level in ("ideal", "real"):
         with ProcessPoolExecutor(os.cpu_count()) as pool:
             each = list(pool.map(errors, range(1, captures + 1), [level] * captures, [seconds] * captures))
+        each = [one for one in each if one]
+        if len(each) < captures:
+            print(f"{level:<10}{captures - len(each)} of {captures} captures were refused")
         for group in GROUPS:
             shares = [(one[group][0] <= INSIDE).mean() for one in each if one[group].size]
             pooled = np.concatenate([one[group] for one in each], axis=1)

@@ -31,6 +31,8 @@ from dior.sampling import at_pictures
 # a person pays out the tape along the sight and sets the tripod down beside it
 ACROSS_M, HEIGHT_M = 0.1, 0.05
 FOCAL_SIGMA = 0.03
+# the lasting errors of the joints of a body are alike: of the detector, of the close cameras
+ALIKE = 1.2
 SILHOUETTE_MARGIN_PX = 0.5  # beyond the flesh
 PICTURES = 150  # of a sequence, for silhouettes
 AROUND_PX = 60.0  # about where the start has the person, at fx 760
@@ -70,13 +72,17 @@ def freedom(settings):
 
 @dataclass(frozen=True)
 class Walk:
-    """One sequence at all pictures of the camera: their `rows`, `seconds` (F,), `points` (F, J, 3) m, `joints`."""
+    """One sequence at all pictures of the camera: their `rows`, `seconds` (F,), `points` (F, J, 3) m, `joints`.
+
+    `sd_m`: standard error of a joint in an axis, given the close cameras; NaN where it is not known.
+    """
 
     name: str
     rows: dict
     seconds: np.ndarray
     points: np.ndarray
     joints: list
+    sd_m: float
 
 
 def read_walk(name, camera, skeleton, frames, offsets):
@@ -88,8 +94,10 @@ def read_walk(name, camera, skeleton, frames, offsets):
     if not len(clock["offset_s"]):
         raise DiorError(f"{name}, camera {camera}: {offsets} has no clock for it")
     table = tables.read(skeleton, "skeletons_3d")
-    points, _, _, joints = at_pictures(table, rows["stamp_ns"], clock["offset_s"][0], clock["drift_ppm"][0])
-    return Walk(name, rows, (rows["stamp_ns"] - rows["stamp_ns"][0]) / 1e9, points, joints)
+    points, noise, _, joints = at_pictures(table, rows["stamp_ns"], clock["offset_s"][0], clock["drift_ppm"][0])
+    variance = np.trace(noise, axis1=-2, axis2=-1)[np.isfinite(noise).all(axis=(-2, -1))] / 3
+    sd_m = float(np.sqrt(np.median(variance))) if len(variance) else np.nan
+    return Walk(name, rows, (rows["stamp_ns"] - rows["stamp_ns"][0]) / 1e9, points, joints, sd_m)
 
 
 def from_boxes(walk, path):
@@ -166,7 +174,9 @@ def gather(walks, start, source, files, data_root, marks):
         clicks = values if source == "marks" else np.full((*points.shape[:2], 2), np.nan)
         edges = np.full((count, 4), np.nan) if source == "marks" else values
         parts.append((points, edges, clicks, walk.seconds[shown], np.full(count, k)))
-    return boxes_fit.Seen(*(np.concatenate(column) for column in zip(*parts, strict=True)), flesh_m=flesh)
+    known = [walk.sd_m for walk in walks if np.isfinite(walk.sd_m)]
+    bias_m = ALIKE * float(np.mean(known)) if known else boxes_fit.JOINT_BIAS_M
+    return boxes_fit.Seen(*(np.concatenate(column) for column in zip(*parts, strict=True)), bias_m, flesh)
 
 
 def by_close(close, points):

@@ -24,7 +24,8 @@ LEAST_PX = 0.05  # no detector is better
 SAMPLE = 2500  # points that the noise is estimated from: its error is then a few per cent
 APART_S = 0.3  # residuals nearer in time say the same: the noise of pose networks is correlated over 0.15 s
 SHRINK = 30.0  # a joint's noise in a view is mixed with the view's as if so many independent equations spoke for that
-LASTS_S, DIES_S = 1.0, 0.1  # lags at which the correlation of the residuals is looked at
+LASTS_S, DIES_S = 1.0, 0.3  # lags at which, and up to which, the correlation of the residuals is looked at
+LEAST_REST = 0.05  # a smaller sum of correlations may be chance
 PREDICT_S = 0.2  # a joint is predicted from good instants at most this far away on either side
 
 
@@ -387,8 +388,9 @@ def persistence(cameras, uv, score, found, fps):
     """How the errors of the detections last: time constant (s) of what dies away, share of the variance that stays.
 
     From the correlation in time of the residuals of `found` (`Points`), which the walk itself does not move: what is
-    left after `LASTS_S` is taken to stay (a detector's offset of a joint), the rest to be autoregressive, with its
-    correlation after `DIES_S`. 0 s is white noise.
+    left after `LASTS_S` is taken to stay (a detector's offset of a joint), the rest to be autoregressive, with the sum
+    of its correlations up to `DIES_S`, since it is slow noise that a smoother leaves: detections interpolated between
+    two pictures share one with the instant before, which is as slow. 0 s is white noise.
     """
     count, joints = uv.shape[1:3]
     views = views_of(rig_of(cameras), uv, np.where(found.used, score, 0.0) / found.sigma[:, None])
@@ -414,7 +416,12 @@ def persistence(cameras, uv, score, found, fps):
         return float((a * b).sum() / max(np.sqrt((a * a).sum() * (b * b).sum()), 1e-12))
 
     stays = float(np.clip(correlation(round(LASTS_S * fps)), 0.0, 0.9))
-    lag = max(1, round(DIES_S * fps))
-    rest = (correlation(lag) - stays) / (1 - stays)
-    time = -lag / fps / np.log(min(rest, 0.95)) if rest > 0.05 else 0.0
-    return time, stays
+    lags = max(1, round(DIES_S * fps))
+    rest = sum(correlation(lag) - stays for lag in range(1, lags + 1)) / (1 - stays)
+    if rest < LEAST_REST:
+        return 0.0, stays
+    # the autoregressive noise whose correlations have that sum
+    keep = 0.0
+    for _ in range(50):
+        keep = min(rest / (rest + 1 - keep**lags), 0.98)
+    return -1 / (fps * np.log(keep)), stays
