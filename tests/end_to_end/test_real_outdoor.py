@@ -97,7 +97,7 @@ def test_adjusted_cameras(project, shared, metres, degrees, start):
     assert value["adjust_error_after", ""] <= 9.0
     for camera in ("cam01", "cam02", "cam03", "cam04"):
         labels = tables.read(project / f"results/reproject/beam_01.{camera}.parquet", "labels_2d")
-        assert (labels["status"] == "ok").mean() > 0.9
+        assert np.isin(labels["status"], ("ok", "occluded")).mean() > 0.9
 
 
 @pytest.mark.parametrize(
