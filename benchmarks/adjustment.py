@@ -60,6 +60,15 @@ def run(made, seed, known=(), marked=None, start=None, prior=None):
     return adjust.adjust(start, uv, prior, HUBER_PX, MOST_PX, where, tracks, known, marked, sigma)
 
 
+def adjusted_or_told(made, seed, known, marked):
+    """`run`, or None where it is refused, which is printed."""
+    try:
+        return run(made, seed, known, marked)
+    except DiorError as error:
+        print(f"  refused: {error}")
+        return None
+
+
 def lens_sigma(made):
     """What is known of the intrinsics: exact at `ideal`, 0.3 % wrong at `real`."""
     exact = all(true.intrinsics == given.intrinsics for true, given in zip(made.cameras, made.given, strict=True))
@@ -154,10 +163,8 @@ def print_facts(level):
         for seed in range(SEEDS):
             made = scene.make(level, seed, cameras=around if "upright" in name else None)
             known, marked = make(made, np.random.default_rng([seed, 99]))
-            try:
-                done = run(made, seed, known, marked)
-            except DiorError as error:
-                print(f"  refused: {error}")
+            done = adjusted_or_told(made, seed, known, marked)
+            if done is None:
                 continue
             sigma = scale_sigma(done)
             rows.append((*errors(done, made), sigma))
@@ -212,10 +219,8 @@ def print_sigmas(level):
         made = scene.make(level, seed, frames=SHORT)
         for name, make in kinds.items():
             known, marked = make(made, np.random.default_rng([seed, 99]))
-            try:
-                done = run(made, seed, known, marked)
-            except DiorError as error:
-                print(f"  refused: {error}")
+            done = adjusted_or_told(made, seed, known, marked)
+            if done is None:
                 continue
             e, C = camera_errors(done, made), done.uncertainty.covariance
             each = e / np.sqrt(np.diag(C))

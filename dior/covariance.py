@@ -18,13 +18,6 @@ def moved(camera, step):
     return camera.at(cam.pose(wRc, camera.centre + step[3:]))
 
 
-def from_gtsam(camera):
-    """(6, 6) that brings GTSAM's tangent of a pose (turn and shift, both about the camera's axes) to ours."""
-    T = np.eye(6)
-    T[3:, 3:] = camera.wRc
-    return T
-
-
 def projection(camera, points):
     """Derivatives of the recorded pixel by the world point (..., 2, 3) px/m and by the camera's error (..., 2, 6).
 

@@ -29,15 +29,6 @@ def test_projection_matches_finite_differences(rig):
             np.testing.assert_allclose(by_camera[..., axis], (there - back) / 2e-6, atol=1e-3)
 
 
-def test_gtsam_tangent_is_ours(rig):
-    import gtsam
-
-    camera, step = rig[0], np.array([0.02, -0.01, 0.03, 0.004, 0.005, -0.006]) / 10
-    by_gtsam = gtsam.Pose3(camera.wTc).retract(step).matrix()
-    ours = covariance.moved(camera, covariance.from_gtsam(camera) @ step)
-    np.testing.assert_allclose(by_gtsam, ours.wTc, atol=1e-5)
-
-
 def test_triangulated_point_follows_its_cameras(rig):
     uv = np.stack([cam.project(c, POINTS)[0] for c in rig])
     say = np.broadcast_to(np.eye(2) / 2.0**2, (3, 2, 2, 2))

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dior import covariance
+from dior import covariance, physics
 from dior.camera import project
 from dior.errors import DiorError, nearest
 
@@ -24,7 +24,7 @@ STATURE_SEGMENTS = (
     (("right_knee",), ("right_ankle",), 0.5),
     (("left_hip", "right_hip"), ("left_shoulder", "right_shoulder"), 1.0),
 )
-STATURE_SHARE = 0.245 + 0.246 + 0.288
+STATURE_SHARE = sum(physics.SEGMENTS.values())
 # People differ by 1-2 % of their height in what is left (neck, head, foot), and a detector's hips and shoulders are
 # not the anatomist's: together 2.5 % of the sum.
 STATURE_SHARE_SIGMA = 0.02

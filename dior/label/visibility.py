@@ -8,6 +8,8 @@ not known hide nothing. Things in the scene (a wall, another person) are not mod
 
 import numpy as np
 
+from dior.physics import SEGMENTS
+
 # radii as fractions of the stature, from girths and breadths of adults (ANSUR II, 2012: means of men and women,
 # rounded; a girth is taken for a circle)
 LIMBS = (
@@ -23,7 +25,7 @@ LIMBS = (
     ("neck", "mid_hip", 0.062, 0.066),
     ("left_hip", "right_hip", 0.058, 0.058),
 )
-SHANK = 0.246  # of the stature (Drillis and Contini 1966)
+SHANK = SEGMENTS["knee", "ankle"]  # of the stature
 OWN = 1.2  # a joint within this many radii of a limb's axis belongs to it,
 OWN_DEPTH = 1.4  # and is hidden by it only where it lies this many radii behind its surface
 OTHER_DEPTH = 0.3  # the same for the other limbs

@@ -11,7 +11,7 @@ from tests.rig import camera, ring
 
 POINTS = np.array([[0.3, -0.2, 1.1], [-0.5, 0.4, 0.1]])
 NONE = np.zeros((2, 3, 3))
-TRIES = 800
+TRIES = 3000
 
 
 def test_a_shift_of_the_whole_world_moves_no_label():
@@ -53,16 +53,17 @@ def test_covariance_is_that_of_many_tries(far):
     uv = np.stack([cam.project(c, POINTS)[0] for c in rig])
     weights = 1 / np.stack([cam.project(c, POINTS)[1] for c in rig])
     true, errors = cam.project(own, POINTS)[0], []
-    for step in random.multivariate_normal(np.zeros(len(size)), joint, TRIES).reshape(TRIES, -1, 6):
+    seen = uv + 2.0 * random.standard_normal((TRIES, *uv.shape))
+    xy = np.stack([cam.undistort(c.intrinsics, seen[:, view]) for view, c in enumerate(rig)], axis=1)
+    steps = random.multivariate_normal(np.zeros(len(size)), joint, TRIES).reshape(TRIES, -1, 6)
+    for step, seen_xy in zip(steps, xy, strict=True):
         moved = [cov.moved(c, s) for c, s in zip([*rig, own] if far else rig, step, strict=True)]
-        seen = uv + 2.0 * random.standard_normal(uv.shape)
-        xy = np.stack([cam.undistort(c.intrinsics, view) for c, view in zip(rig, seen, strict=True)])
-        points = geometry.triangulate([cam.inverse_pose(c.wTc) for c in moved[:3]], xy, weights)
+        points = geometry.triangulate([cam.inverse_pose(c.wTc) for c in moved[:3]], seen_xy, weights)
         errors.append(cam.project(moved[-1], points)[0] - true)
     errors = np.array(errors)
     found = np.einsum("nij,nik->ijk", errors, errors) / len(errors)
     scale = np.sqrt(np.einsum("ij,ik->ijk", *[np.diagonal(wanted, axis1=1, axis2=2)] * 2))
-    np.testing.assert_allclose(found / scale, wanted / scale, atol=0.2)
+    np.testing.assert_allclose(found / scale, wanted / scale, atol=0.12)
 
 
 def test_unknown_cameras_or_points_have_no_sigma():
