@@ -271,14 +271,15 @@ class _Reading:
         inflation = _inflation(rows, weight, self.seen)
         # the derivative of the weighted residual, in the mean: weights that fall make the valley flatter
         slope = _slopes(rows.residual, scale).sum() / weight.sum()
-        H = max(slope, 0.2) * (rows.J * weight[:, None]).T @ rows.J / self.sd**2 + self.prior
+        slope = max(slope, 0.2)
+        H = slope * (rows.J * weight[:, None]).T @ rows.J / self.sd**2 + self.prior
         inverse = np.zeros((9, 9))
         inverse[free] = np.linalg.inv(H[free])
         meat = inflation * (rows.J * (weight**2 * rows.residual**2)[:, None]).T @ rows.J / self.sd**4
         meat = meat * len(rows.residual) / max(len(rows.residual) - self.free.sum(), 1)
         meat[free] += self.prior[free]
-        # what moves a point moves the edge: by_point along its axis
-        pull = inverse @ (rows.J * weight[:, None]).T / self.sd**2
+        # what moves a point moves the edge: by_point along its axis; what moves all edges moves the camera as far
+        pull = slope * inverse @ (rows.J * weight[:, None]).T / self.sd**2
         meat_of_bias = _of_bias(pull, rows, self.camera(), self.seen)
         spread = inverse @ meat @ inverse + meat_of_bias
         by_cameras = np.zeros((9, 0))
