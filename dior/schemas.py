@@ -8,7 +8,8 @@ LABEL_STATUS = ("ok", "out_of_frame", "behind_camera", "missing_3d", "occluded")
 SWAPPED_PART = ("all", "legs", "rest")
 LABEL_SOURCE = ("mocap", "triangulated", "interpolated")
 SKELETON_STATUS = ("ok", "too_few_views", "rejected", "gap_filled")
-OFFSET_SOURCE = ("estimated", "manual", "assumed_zero")
+OFFSET_SOURCE = ("estimated", "manual", "reference", "assumed_zero")
+CLOCK_METHOD = ("", "detections", "marks", "pictures", "cameras", "boxes")
 DROP_REASON = ("not_sent", "recorder_behind", "between_bags", "same_stamp", "same_picture")
 SEVERITY = ("info", "warning", "error")
 METRICS = {
@@ -180,10 +181,33 @@ SCHEMAS = {
         ("camera", _text),
         ("offset_s", pa.float64(), "s"),
         ("drift_ppm", pa.float64(), "ppm"),
-        ("sigma_s", pa.float64(), "s"),
-        ("low", pa.float64(), "s"),
+        ("middle_s", pa.float64(), "s", "after t0: sigma_s is the standard error of the camera's time there"),
+        ("sigma_s", pa.float64(), "s", "null: not known"),
+        ("sigma_drift_ppm", pa.float64(), "ppm"),
+        ("low", pa.float64(), "s", "95 % interval"),
         ("high", pa.float64(), "s"),
+        ("given_sigma_s", pa.float64(), "s", "what of sigma_s is left with the cameras' poses as given"),
+        ("given_sigma_drift_ppm", pa.float64(), "ppm"),
         ("source", _text),
+        ("method", _text),
+    ),
+    "clock_gains": _schema(
+        ("sequence", _text),
+        ("camera", _text),
+        ("quantity", _text),
+        ("by", _text, "", "the camera of whose error this is the effect"),
+        ("turn_x", pa.float64(), "s/rad, ppm/rad"),
+        ("turn_y", pa.float64(), "s/rad, ppm/rad"),
+        ("turn_z", pa.float64(), "s/rad, ppm/rad"),
+        ("shift_x", pa.float64(), "s/m, ppm/m"),
+        ("shift_y", pa.float64(), "s/m, ppm/m"),
+        ("shift_z", pa.float64(), "s/m, ppm/m"),
+    ),
+    "clock_costs": _schema(
+        ("sequence", _text),
+        ("camera", _text),
+        ("lag_s", pa.float64(), "s", "offset that was tried"),
+        ("cost_px", pa.float64(), "px", "robust mean residual with it"),
     ),
     "marks": _schema(
         ("session", _text),
@@ -334,6 +358,8 @@ VOCABULARY = {
     ("labels_2d", "source"): LABEL_SOURCE,
     ("skeletons_3d", "status"): SKELETON_STATUS,
     ("offsets", "source"): OFFSET_SOURCE,
+    ("offsets", "method"): CLOCK_METHOD,
+    ("clock_gains", "quantity"): ("time", "drift"),
     ("dropped_frames", "reason"): DROP_REASON,
     ("swaps", "part"): SWAPPED_PART,
     ("findings", "severity"): SEVERITY,
