@@ -75,7 +75,7 @@ def _free_running(settings, sequence, name, start):
     phase = draw.uniform(0.0, 1.0 / settings.fps)
     exposed = start + np.round((phase + np.arange(count) / settings.fps) * 1e9).astype(np.int64)
     transport = draw.integers(3_000_000, 8_000_000, count)
-    own = draw.uniform(-0.02, 0.02)
+    own = draw.uniform(-settings.clocks.apart_s, settings.clocks.apart_s)
     drift = settings.clocks.drift_ppm * generator(settings, "drift", sequence.name, name).standard_normal()
     return exposed, exposed + transport, own, round(float(drift), 1) + 0.0  # not -0.0
 

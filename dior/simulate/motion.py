@@ -17,9 +17,15 @@ from dior.simulate.soft_tissue import movement
 from dior.skeletons import MLKIT_33, PLUG_IN_GAIT_39
 
 # the cameras run on for a while after the trigger's delay, and their clocks differ
-AFTER_DELAY_S = 0.07
+AFTER_DELAY_S = 0.05
 RUNNING = 2.1  # times as fast as walking
 C3D_STRIDE_HZ = 0.9  # strides per second of a natural walk
+# m, of `Walker`; a runner needs a longer loop with wider turns, and every loop lies in view of every camera
+LOOPS = {
+    "running": {"half_length": 1.25, "turn_radius": 0.8},
+    "straight": {"half_length": 2.2},
+    "circling": {"half_length": 0.1, "turn_radius": 1.2},
+}
 
 
 @dataclass(frozen=True)
@@ -35,7 +41,7 @@ class Motion:
 
 def mocap_lasts(settings):
     """Length of the motion capture, s: the recording and a little more, since the cameras start later."""
-    return settings.duration_s + settings.clocks.start_delay_s[1] + AFTER_DELAY_S
+    return settings.duration_s + settings.clocks.start_delay_s[1] + settings.clocks.apart_s + AFTER_DELAY_S
 
 
 @lru_cache(maxsize=16)
@@ -71,9 +77,7 @@ def _motion(settings, sequence):
     draw = generator(settings, "walk", sequence.name)
     speed = person.uniform(1.0, 1.15) * draw.uniform(0.97, 1.03)
     running = sequence.walk == "running"
-    # a runner needs a longer loop with wider turns; it still lies in view of every camera
     pattern, speed = (RUN, RUNNING * speed) if running else (WALK, speed)
-    loop = {"half_length": 1.25, "turn_radius": 0.8} if running else {}
     direction = (np.pi / 2 if sequence.walk == "along" else 0.0) + np.deg2rad(draw.uniform(-4, 4))
     walker = Walker(
         body,
@@ -82,7 +86,7 @@ def _motion(settings, sequence):
         direction=float(direction),
         start=float(draw.uniform(0.0, 8.0)),
         until=settings.duration_s + 2.0,
-        **loop,
+        **LOOPS.get(sequence.walk, {}),
     )
     motion = Motion(PLUG_IN_GAIT_39, body.height, walker.at, lambda t: np.ones((len(t), len(PLUG_IN_GAIT_39)), bool))
     return motion, float(pattern.strides(speed, body.height))

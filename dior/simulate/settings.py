@@ -14,7 +14,7 @@ from dior.errors import DiorError, nearest
 CAMERAS = ("cam01", "cam02", "cam03", "cam04")
 COMPUTERS = {"pc1": ("cam01", "cam02"), "pc2": ("cam03", "cam04")}
 SESSIONS = {"indoor": "lab", "outdoor": "field"}
-WALKS = ("across", "along", "running")
+WALKS = ("across", "along", "running", "straight", "circling")
 OUTFITS = ("shirt", "jacket")
 LEVELS = ("ideal", "real")
 
@@ -49,6 +49,7 @@ class Clocks:
     """Errors of the stamps, and pictures that are lost or recorded twice. Each camera runs free in any case."""
 
     start_delay_s: tuple = (0.40, 0.53)  # the cameras start this long after the motion capture
+    apart_s: float = 0.02  # the cameras' clocks differ by up to this, either way
     drift_ppm: float = 0.0  # standard deviation of a camera's drift
     jitter_ms: float = 0.0  # standard deviation of a header stamp
     late_stamps: float = 0.0  # share of the header stamps that are late
