@@ -51,7 +51,15 @@ STEPS = {
     "mocap": (
         "ingest.mocap",
         "read the markers of a C3D",
-        {"sequence": TEXT, "subject": TEXT, "c3d": PATH, "frames": PATH, "trigger-log": MAYBE, "out": PATH},
+        {
+            "sequence": TEXT,
+            "subject": TEXT,
+            "c3d": PATH,
+            "frames": PATH,
+            "trigger-log": MAYBE,
+            "capture": OPTIONAL,
+            "out": PATH,
+        },
     ),
     "detect": (
         "ingest.detect",
@@ -347,6 +355,7 @@ STEPS = {
             "sequence": TEXT,
             "frames": PATH,
             "offsets": PATH,
+            "timeline": PATH,
             "data-root": PATH,
             "labels": PATHS,
             "roles": PAIRS,
@@ -404,6 +413,9 @@ STEPS = {
     ),
 }
 
+# no steps of the workflow: a person types them
+BY_HAND = {"init": "dior.init", "trigger": "dior.ingest.trigger"}
+
 
 def _parser():
     parser = argparse.ArgumentParser(prog="dior", description=__doc__.splitlines()[0])
@@ -415,7 +427,21 @@ def _parser():
             command.add_argument(f"--{flag}", required="default" not in how, **options)
     init = commands.add_parser("init", help="start a project folder for your own recordings")
     init.add_argument("folder", type=Path)
+    _trigger_parser(commands)
     return parser
+
+
+def _trigger_parser(commands):
+    text = "start and stop the recording with Vicon Nexus, and note when that was"
+    trigger = commands.add_parser("trigger", help=text, description=text)
+    trigger.add_argument("--log", type=Path, required=True, help="file to append to, such as trigger.jsonl")
+    trigger.add_argument("--bind", default="0.0.0.0", help="address to listen on (default: all of this computer's)")
+    trigger.add_argument("--port", type=int, default=30, help="UDP port, as set in Nexus (default: 30)")
+    trigger.add_argument("--on-start", default="", help="shell command that starts the recording")
+    trigger.add_argument("--on-stop", default="", help="shell command that stops it")
+    trigger.add_argument(
+        "--patience", type=float, default=10.0, help="seconds after which a command that still runs is reported"
+    )
 
 
 def _config_parser():
@@ -444,8 +470,8 @@ def main(argv=None):
             import_module("dior.simulate.config").run(**vars(_config_parser().parse_args(argv[1:])))
             return 0
         args = _parser().parse_args(argv)
-        if args.command == "init":
-            import_module("dior.init").run(args.folder)
+        if args.command in BY_HAND:
+            import_module(BY_HAND[args.command]).run(**{k: v for k, v in vars(args).items() if k != "command"})
             return 0
         step, arguments = args.command, _arguments(args)
         import_module(f"dior.{STEPS[step][0]}").run(**arguments)

@@ -170,7 +170,12 @@ class Project:
         return self._optional(sequence, "mocap")
 
     def trigger_log(self, sequence):
-        return self._optional(sequence, "trigger_log")
+        path = self.rows[sequence]["trigger_log"].partition("#")[0].strip()
+        return [self.in_data(path)] if path else []
+
+    def capture(self, sequence):
+        """What the capture is called in the trigger log, where the sheet says so: `trigger.jsonl#walk_03`."""
+        return self.rows[sequence]["trigger_log"].partition("#")[2].strip()
 
     def truth(self, sequence):
         return self._optional(sequence, "truth")

@@ -64,9 +64,10 @@ def instants(fps, last_s):
     return np.arange(int(np.floor(last_s * fps + 1e-6)) + 1) / fps
 
 
-def start_ns(frames):
-    """t0 of a sequence: the earliest picture stamp (ns) of all its cameras."""
-    return int(frames["stamp_ns"].min())
+def start_ns(frames, mocap=None):
+    """t0 of a sequence (ns): the first instant of its `mocap` (a skeletons_3d table), which ingest has put on the
+    trigger log's clock or else the pictures'; without mocap the earliest picture stamp of all cameras."""
+    return int((frames if mocap is None else mocap)["stamp_ns"].min())
 
 
 def rates(frames, cameras):

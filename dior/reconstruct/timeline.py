@@ -18,13 +18,13 @@ def run(*, sequence, frames, cameras, offsets, mocap, max_gap, out, out_offsets)
     table = tables.read(frames, "frames")
     known = tables.ordered_unique(table["camera"])
     clock = clocks.read(offsets, known)
-    t0 = start_ns(table)
+    markers = tables.read(mocap, "skeletons_3d", ["joint", "instant", "stamp_ns"]) if mocap else None
+    t0 = start_ns(table, markers)
     seconds = {camera: camera_seconds(table, camera, t0, clock[camera]) for camera in known}
     own, fps = rates(table, cameras)
     if mocap:
-        stamps = tables.read(mocap, "skeletons_3d", ["joint", "instant", "stamp_ns"])
-        stamps = stamps["stamp_ns"][stamps["joint"] == stamps["joint"][0]]
-        grid = (stamps - stamps[0]) / 1e9
+        stamps = markers["stamp_ns"][markers["joint"] == markers["joint"][0]]
+        grid = (stamps - t0) / 1e9
     else:
         grid = instants(fps, max(seconds[camera][-1] for camera in cameras))
         stamps = t0 + np.round(grid * 1e9).astype(np.int64)

@@ -36,6 +36,10 @@ def trigger_log(wildcards):
     return PROJECT.trigger_log(wildcards.sequence)
 
 
+def capture(wildcards):
+    return PROJECT.capture(wildcards.sequence)
+
+
 def close_names(wildcards):
     return PROJECT.close(session_of(wildcards))
 

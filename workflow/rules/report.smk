@@ -50,6 +50,7 @@ rule clip:
         bags=there(bags),
         frames="results/frames/{sequence}.parquet",
         offsets="results/timeline/{sequence}.offsets.parquet",
+        timeline="results/timeline/{sequence}.parquet",
         labels=labels,
     output:
         video="results/report/assets/{sequence}/clip.webm",
@@ -68,6 +69,7 @@ rule clip:
         " --sequence {wildcards.sequence}"
         " --frames {input.frames:q}"
         " --offsets {input.offsets:q}"
+        " --timeline {input.timeline:q}"
         " --data-root {params.data_root:q}"
         " --labels {input.labels:q}"
         " --roles {params.roles}"
