@@ -107,6 +107,21 @@ def test_a_capture_starts_and_stops_the_recording_and_is_noted(nexus, tmp_path):
     ]
 
 
+def test_a_broadcast_is_heard(tmp_path, monkeypatch):
+    monkeypatch.setattr(host_clock, "SERVICES", ())
+    listener = trigger.Listener(trigger.bound("0.0.0.0", 0), trigger.Log(tmp_path / "a.jsonl"))
+    thread = threading.Thread(target=listener.serve)
+    thread.start()
+    try:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+            sender.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
+            sender.sendto(start(), ("127.255.255.255", listener.port))
+        waited(lambda: '"start"' in (tmp_path / "a.jsonl").read_text(), "start")
+    finally:
+        listener.stop()
+        thread.join(LONG_S)
+
+
 def test_copies_are_dropped_by_their_number(nexus):
     listening = nexus()
     listening.send(start(), start(), start(Notes="by another way"), stop(), stop())
