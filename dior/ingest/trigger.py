@@ -42,7 +42,6 @@ def run(*, log, bind, port, on_start, on_stop, patience):
     listener = Listener(bound(bind, port), Log(log), on_start, on_stop, patience)
     for ending in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(ending, lambda *_: listener.stop())
-    tell(f"listening on {bind}, UDP port {listener.port}; the log is {log}")
     listener.serve()
 
 
@@ -147,6 +146,7 @@ class Listener:
         """Receive until `stop`. Nothing is missed meanwhile: the socket keeps what comes while something is done."""
         self._clock = host_clock.state()
         self._log.append("listening", host_ns=time.time_ns(), port=self.port, ntp=asdict(self._clock))
+        tell(f"listening on {self._sock.getsockname()[0]}, UDP port {self.port}; NTP: {self._clock.source}")
         threading.Thread(target=self._watch_clock, daemon=True).start()
         while True:
             ready, _, _ = select.select([self._sock, self._woken], [], [])
