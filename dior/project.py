@@ -117,6 +117,18 @@ class Project:
     def close(self, session):
         return [name for name, camera in self.camera_files[session].items() if camera["role"] == "close"]
 
+    def followed(self, sequence):
+        """Cameras whose clock is found by the known walker: long-range ones, and those that are aligned to him."""
+        return [
+            name
+            for name, camera in self.camera_files[self.session_of(sequence)].items()
+            if camera["locate"] == "align" or camera["role"] == "long_range" and not self.indoor(sequence)
+        ]
+
+    def clocked(self, sequence):
+        """The other cameras."""
+        return [name for name in self.cameras_of(sequence) if name not in self.followed(sequence)]
+
     def window(self, session):
         """Instants that the adjustment uses: sequence -> {first, count, step}; empty means no adjustment."""
         return self.session_files[session]["adjust"]

@@ -98,6 +98,21 @@ def seconds(stamp_ns, t0_ns, offset_s=0.0, drift_ppm=0.0):
     return elapsed / 1e9 * (1 + 1e-6 * drift_ppm) + offset_s
 
 
+def velocity_at_pictures(skeleton, stamps_ns, offset_s, drift_ppm):
+    """Velocities (F, J, 3) m/s of the joints at the pictures' stamps, 0 where a joint has no neighbour in time."""
+    points, _ = tables.grid(skeleton, "x", "y", "z")
+    instants_ns = skeleton["stamp_ns"].reshape(points.shape[:2])[:, 0]
+    grid = seconds(instants_ns, instants_ns[0])
+    if len(grid) < 2:
+        return np.zeros((len(stamps_ns), *points.shape[1:]))
+    ahead = np.diff(points, axis=0) / np.diff(grid)[:, None, None]
+    nothing = np.full((1, *points.shape[1:]), np.nan)
+    before, after = np.concatenate([nothing, ahead]), np.concatenate([ahead, nothing])
+    both = np.where(np.isfinite(before) & np.isfinite(after), (before + after) / 2, np.fmax(before, after))
+    where = bracket(grid, seconds(stamps_ns, instants_ns[0], offset_s, drift_ppm), 1.5 * np.median(np.diff(grid)))
+    return np.nan_to_num(blend(np.nan_to_num(both), *where))
+
+
 def at_pictures(skeleton, stamps_ns, offset_s, drift_ppm):
     """3D joints at the pictures' stamps: points (F, J, 3) m, their covariance given the cameras (F, J, 3, 3) m^2,
     whether a gap was bridged (F, J), and the joint names.

@@ -1,6 +1,6 @@
 """A short film of a sequence: all its cameras side by side at the same time, with the labels drawn on them.
 
-INPUTS   frames table, the pictures it indexes, the cameras' offsets (`offsets` table), the `timeline`, which begins
+INPUTS   frames table, the pictures it indexes, the cameras' clocks (`offsets` tables), the `timeline`, which begins
          at t0, `labels_2d` files
 OUTPUTS  a VP8 .webm of the middle of the walk and a JPEG of its middle picture
 
@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from dior import clocks as on_axis
 from dior import tables
 from dior.errors import DiorError
 from dior.evaluate.grids import label_grids
@@ -28,7 +29,7 @@ GROUND = 32
 TRACK_UID, HEADER = b"\x73\xc5\x88", 4096
 
 
-def run(*, sequence, frames, offsets, timeline, data_root, labels, roles, seconds, out, poster):
+def run(*, sequence, frames, clocks, timeline, data_root, labels, roles, seconds, out, poster):
     """Write the clip of one sequence. `labels`: label files, `roles`: camera -> close | long_range.
 
     Raises DiorError for a camera without labels or offset, and a picture that cannot be read.
@@ -41,7 +42,7 @@ def run(*, sequence, frames, offsets, timeline, data_root, labels, roles, second
     cv2.setNumThreads(1)
     index, grids = tables.read(frames, "frames"), label_grids(labels)
     t0 = int(tables.read(timeline, "timeline", ["stamp_ns"])["stamp_ns"][0])
-    times, fps = clocked(index, offsets, t0, sorted(grids), sequence)
+    times, fps = clocked(index, clocks, t0, sorted(grids), sequence)
     moments = middle(times, fps / EVERY, seconds)
     size, cells = mosaic(len(grids))
     film = np.full((len(moments), size[1], size[0], 3), GROUND, np.uint8)
@@ -67,10 +68,9 @@ def run(*, sequence, frames, offsets, timeline, data_root, labels, roles, second
         part.write_bytes(cv2.imencode(".jpg", film[len(film) // 2], [cv2.IMWRITE_JPEG_QUALITY, 80])[1].tobytes())
 
 
-def clocked(index, offsets, t0, cameras, sequence):
+def clocked(index, clocks, t0, cameras, sequence):
     """camera -> times (F,) s of its pictures after `t0` (ns) on the sequence's clock, and the pictures per second."""
-    table = tables.read(offsets, "offsets", ["camera", "offset_s", "drift_ppm"])
-    clock = {c: (float(o), float(d), "") for c, o, d in zip(*table.values(), strict=True)}
+    clock = {name: (one.offset_s, one.drift_ppm) for name, one in on_axis.read(clocks).items()}
     for camera in cameras:
         if camera not in clock or not (index["camera"] == camera).any():
             raise DiorError(f"sequence {sequence}, camera {camera}: no pictures or no offset; run frames and timeline")

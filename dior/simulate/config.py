@@ -1,7 +1,7 @@
 """The `config/` of a simulated capture: what a person would have measured, clicked and drawn.
 
 INPUTS   settings (the `simulate:` section)
-OUTPUTS  config.yaml, sequences.tsv, subjects.tsv, sessions/, offsets/, boxes/ in a folder, gallery.tsv if asked for
+OUTPUTS  config.yaml, sequences.tsv, subjects.tsv, sessions/, boxes/ in a folder, gallery.tsv if asked for
 The committed demo config is what `dior simulate --write-config config` writes. Values are rounded as a person would
 note them (0.01 px, 1 mm, 0.1 ms), and no picture is rendered for them.
 """
@@ -48,7 +48,6 @@ def write(settings, folder):
         own = [walk for walk in walks if walk.session == session]
         _write_session(settings, folder / "sessions" / session, session, own)
     for walk in walks:
-        write_text(folder / "offsets" / f"{walk.name}.yaml", _offsets(settings, walk))
         if walk.environment == "outdoor":
             path = folder / "boxes" / f"{walk.name}.{scene.LONG_RANGE}.csv"
             write_text(path, _boxes(settings, walk))
@@ -198,6 +197,12 @@ def _boxes(settings, walk):
         low, high = np.nanmin(uv[frame], axis=0) - error[:2], np.nanmax(uv[frame], axis=0) + error[2:]
         lines.append(f"{numbers[frame]},{low[0]:.2f},{low[1]:.2f},{high[0]:.2f},{high[1]:.2f}")
     return "\n".join(lines) + "\n"
+
+
+def write_offsets(settings, folder):
+    """Write the true clocks of every walk below `folder`, as a person would give them."""
+    for walk in sequences(settings):
+        write_text(folder / "offsets" / f"{walk.name}.yaml", _offsets(settings, walk))
 
 
 def _offsets(settings, walk):

@@ -176,6 +176,53 @@ rule adjust:
         " 2>&1 | tee {log:q}"
 
 
+rule clocks:
+    """Find the clocks of a sequence: against the motion capture indoors, of the close cameras against each other."""
+    input:
+        cameras=clocked_cameras,
+        covariance=clocked_covariance,
+        detections=clocked_detections,
+        frames="results/frames/{sequence}.parquet",
+        mocap=mocap_table,
+        marked=marked_clocks,
+        offsets=sequence_offsets,
+        bags=there(clocked_bags),
+    output:
+        offsets="results/clocks/{sequence}.parquet",
+        gains="results/clocks/{sequence}.gains.parquet",
+        costs="results/clocks/{sequence}.costs.parquet",
+        findings="results/clocks/{sequence}.findings.parquet",
+    log:
+        "logs/clocks/{sequence}.log",
+    benchmark:
+        "logs/clocks/{sequence}.benchmark.tsv"
+    params:
+        names=clocked_names,
+        min_score=CONFIG["detector"]["min_score"],
+        max_gap=CONFIG["time"]["max_gap"],
+        data_root=DATA,
+        code=code("calibrate.clocks"),
+    shell:
+        "dior clocks"
+        " --sequence {wildcards.sequence}"
+        " --cameras {input.cameras:q}"
+        " --names {params.names}"
+        " --covariance {input.covariance:q}"
+        " --detections {input.detections:q}"
+        " --frames {input.frames:q}"
+        " --mocap {input.mocap:q}"
+        " --marked {input.marked:q}"
+        " --offsets {input.offsets:q}"
+        " --min-score {params.min_score}"
+        " --max-gap {params.max_gap}"
+        " --data-root {params.data_root:q}"
+        " --out {output.offsets:q}"
+        " --out-gains {output.gains:q}"
+        " --out-costs {output.costs:q}"
+        " --findings {output.findings:q}"
+        " 2>&1 | tee {log:q}"
+
+
 rule align:
     """Place the long-range camera by what is drawn or seen around the known walker, or as a person nudged it."""
     input:
