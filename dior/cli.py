@@ -105,7 +105,7 @@ STEPS = {
     ),
     "locate": (
         "calibrate.locate",
-        "pose of an indoor camera from hand marks",
+        "pose of an indoor camera, and its clock in the marked sequences, from hand marks",
         {
             "session": TEXT,
             "camera": TEXT,
@@ -118,6 +118,8 @@ STEPS = {
             "ransac-px": NUMBER,
             "out": PATH,
             "out-covariance": PATH,
+            "out-clocks": PATH,
+            "out-clock-gains": PATH,
             "out-marks": PATH,
             "findings": PATH,
         },

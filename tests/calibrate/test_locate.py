@@ -160,6 +160,7 @@ def located(folder):
         intrinsics=folder / "lens.parquet", mocap=[folder / "mocap.parquet"],
         frames=[folder / "frames/indoor_01.parquet"], offsets=[folder / "indoor_01.yaml"], ransac_px=8.0,
         out=folder / "cam.parquet", out_covariance=folder / "covariance.parquet", out_marks=folder / "marks.parquet",
+        out_clocks=folder / "clocks.parquet", out_clock_gains=folder / "clock_gains.parquet",
         findings=folder / "findings.parquet",
     )  # fmt: skip
     return (
