@@ -66,7 +66,7 @@ def errors(seed, level, seconds=SECONDS):
 def _error(folder, settings, walk, seen, frames):
     camera = seen.camera.name
     write_text(folder / "camera.yaml", f"role: close\ntopic: /{camera}/image\nlocate: marks\n")
-    write_text(folder / "marks.csv", config.marks(settings, walk, camera, frames))
+    write_text(folder / "marks.csv", config.marks(settings, walk, seen, frames))
     lens = replace(seen.camera, intrinsics=scene.reported(settings, walk.session, seen.camera), wTc=None, locate="")
     tables.write_cameras(folder / "lens.parquet", [lens], walk.session)
     made = {key: folder / f"{key}.parquet" for key in ("out_clocks", "out_clock_gains")}
@@ -110,7 +110,7 @@ def table(seeds=SEEDS, seconds=SECONDS):
         with ProcessPoolExecutor(os.cpu_count()) as pool:
             rows = [
                 row
-                for each in pool.map(errors, *zip(*((s, level, seconds) for s in range(1, seeds + 1))))
+                for each in pool.map(errors, range(1, seeds + 1), [level] * seeds, [seconds] * seeds)
                 for row in each
             ]
         for frames in FRAMES:

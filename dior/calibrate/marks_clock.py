@@ -131,7 +131,11 @@ def search(camera, where_marked, uv, frame, ransac_px, where):
         lags = np.arange(-WINDOW_S, WINDOW_S + STEP_S / 2, STEP_S)
         tried = np.tile(np.nan_to_num(offsets), (len(lags), 1))
         tried[:, s] = lags
-        poses, cost = _grid(camera.intrinsics, part.at(tried)[0], seen, ransac_px, start)
+        xyz = part.at(tried)[0]
+        poses, cost = _grid(camera.intrinsics, xyz, seen, ransac_px, start)
+        # an offset at which there is no mocap fits nothing
+        there = np.isfinite(xyz[:, part.clock == s]).all(axis=2)
+        cost = np.where(there.mean(axis=1) < SHARE_OF_CONSENSUS, np.inf, cost)
         profile[name] = lags, np.sqrt(cost / use.sum())
         ends = _refined(camera, part, seen, np.nan_to_num(offsets), s, lags, poses, cost, ransac_px)
         why[s] = _doubts(ends, lags, cost, use.sum(), f"{where}, {name}", s)
@@ -233,7 +237,9 @@ class End:
 def _refined(camera, part, uv, offsets, s, lags, poses, cost, limit_px):
     """`End`s of the best local minima of a grid, the best one first; sequence `s` is the one that was searched."""
     padded = np.concatenate([[np.inf], cost, [np.inf]])
-    lowest = np.flatnonzero(np.isfinite(cost) & (cost <= padded[:-2]) & (cost <= padded[2:]))
+    # half a step of the grid costs less than that
+    most = cost.min() + len(uv) * limit_px**2 / 2
+    lowest = np.flatnonzero((cost <= padded[:-2]) & (cost <= padded[2:]) & np.isfinite(cost) & (cost <= most))
     ends = []
     for k in lowest[np.argsort(cost[lowest], kind="stable")][:CANDIDATES]:
         tried = offsets.copy()
@@ -292,7 +298,7 @@ def refine(camera, part, uv, offsets):
         J = jacobian(covariance.moved(camera, x[:6]), part, offsets + spread @ x[6:])
         return np.nan_to_num(np.concatenate([J[:, :6], J[:, 6:][:, used]], axis=1))
 
-    fit = least_squares(miss, np.zeros(6 + used.sum()), jac=by, x_scale="jac", xtol=1e-12, ftol=1e-12, gtol=1e-12)
+    fit = least_squares(miss, np.zeros(6 + used.sum()), jac=by, x_scale="jac", xtol=1e-9, ftol=1e-12, gtol=1e-12)
     return covariance.moved(camera, fit.x[:6]).wTc, offsets + spread @ fit.x[6:]
 
 
@@ -322,7 +328,8 @@ def _doubts(ends, lags, cost, marks, where, s):
         return f"offsets of {best.offsets[s]:.2f} s and {others} fit as well"
     raise DiorError(
         f"{where}: offsets of {best.offsets[s]:.2f} s and {others} fit the marks equally well, as one stride and the "
-        "next do; mark another frame in which the subject turns or stands, or give the offset in config/offsets"
+        "next do; mark frames of another part of the walk too, where the subject turns or changes pace, or give the "
+        "offset in config/offsets"
     )
 
 

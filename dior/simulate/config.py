@@ -140,7 +140,8 @@ def _write_session(settings, folder, session, walks):
     for name, placed in scene.cameras_of(settings, session).items():
         write_text(folder / f"{name}.yaml", _camera_yaml(name, placed, outdoor, boxed))
         if not outdoor:
-            write_text(folder / f"{name}.marks.csv", marks(settings, walks[0], name))
+            seen = truth.view(settings, walks[0], motion_of(settings, walks[0]), name)
+            write_text(folder / f"{name}.marks.csv", marks(settings, walks[0], seen))
 
 
 def _camera_yaml(name, placed, outdoor, boxed):
@@ -164,10 +165,9 @@ def _camera_yaml(name, placed, outdoor, boxed):
     return "\n".join(lines) + "\n"
 
 
-def marks(settings, walk, camera, frames=MARKED_FRAMES):
-    """Clicked markers (CSV): on a few frames of a walk, those that show best."""
-    motion = motion_of(settings, walk)
-    seen = truth.view(settings, walk, motion, camera)
+def marks(settings, walk, seen, frames=MARKED_FRAMES):
+    """Clicked markers (CSV): on a few frames of a walk, those that show best in a camera's `truth.View`."""
+    motion, camera = motion_of(settings, walk), seen.camera.name
     markers = [i for i, name in enumerate(seen.joints) if name in motion.names]
     visible = seen.status[:, markers] == "ok"
     random = generator(settings, "marks", walk.session, camera)
