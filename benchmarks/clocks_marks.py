@@ -69,7 +69,7 @@ def _error(folder, settings, walk, seen, frames):
     write_text(folder / "marks.csv", config.marks(settings, walk, seen, frames))
     lens = replace(seen.camera, intrinsics=scene.reported(settings, walk.session, seen.camera), wTc=None, locate="")
     tables.write_cameras(folder / "lens.parquet", [lens], walk.session)
-    made = {key: folder / f"{key}.parquet" for key in ("out_clocks", "out_clock_gains")}
+    made = {key: folder / f"{key}.parquet" for key in ("out_clocks", "out_clock_gains", "out_clock_costs")}
     try:
         locate.run(
             session=walk.session, camera=camera, camera_file=folder / "camera.yaml", marks=folder / "marks.csv",

@@ -129,6 +129,7 @@ def _indoors(capture, session):
             out_covariance=capture.made("locate", unit, ".covariance"),
             out_clocks=capture.made("locate", unit, ".clocks"),
             out_clock_gains=capture.made("locate", unit, ".clock_gains"),
+            out_clock_costs=capture.made("locate", unit, ".clock_costs"),
             findings=capture.made("locate", unit, ".findings"),
         )  # fmt: skip
 

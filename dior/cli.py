@@ -120,6 +120,7 @@ STEPS = {
             "out-covariance": PATH,
             "out-clocks": PATH,
             "out-clock-gains": PATH,
+            "out-clock-costs": PATH,
             "out-marks": PATH,
             "findings": PATH,
         },

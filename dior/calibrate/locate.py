@@ -2,8 +2,8 @@
 the pose the camera's clock on every marked sequence that has none in config/offsets (`marks_clock`).
 
 INPUTS   camera YAML, marks CSV, intrinsics, and for the marks' sequences the frames, mocap and offsets
-OUTPUTS  cameras (one row with wTc), camera_covariance, offsets and clock_gains of the marked sequences, marks (residual
-         in recorded px and inlier flag of every mark), findings
+OUTPUTS  cameras (one row with wTc), camera_covariance, offsets, clock_gains and clock_costs of the marked sequences,
+         marks (residual in recorded px and inlier flag of every mark), findings
 
 OpenCV sees ideal normalised points and K = I, so that the lens is the project's own; its cTw is inverted at once.
 World in metres, Z up, floor at Z = 0.
@@ -199,13 +199,15 @@ def _findings(scope, path, marks, located, ransac_px):
 @dataclass(frozen=True)
 class Solved:
     """`located` and the marks `used` for it; the camera's `clock` on each sequence, sequence -> (offset_s, drift_ppm,
-    source); `clocks`, sequence -> `Clock`, of those in which C3D markers are marked; `covariance` (6, 6) of the pose.
+    source); `clocks`, sequence -> `Clock`, of those in which C3D markers are marked; `profile` as of
+    `marks_clock.Found`; `covariance` (6, 6) of the pose.
     """
 
     located: Located
     used: hand_marks.Marks
     clock: dict
     clocks: dict
+    profile: dict
     covariance: np.ndarray
     findings: list
 
@@ -252,7 +254,7 @@ def with_clocks(camera, marks, path, motions, stamps, clock, ransac_px, scope):
     for name in dict.fromkeys(marks.sequence[np.isfinite(t)].tolist() + list(untold)):
         if name not in clocks:
             clocks[name] = Clock(*clock[name])
-    return Solved(located, used, clock, clocks, full[:6, :6], findings)
+    return Solved(located, used, clock, clocks, seen.profile, full[:6, :6], findings)
 
 
 def _lens_models(scope, path, lens, marks, located):
@@ -304,6 +306,7 @@ def run(
     out_covariance,
     out_clocks,
     out_clock_gains,
+    out_clock_costs,
     out_marks,
     findings,
 ):
@@ -336,6 +339,7 @@ def run(
     tables.write_camera_covariance(out_covariance, [camera], spread, session)
     each = {sequence: {camera: one} for sequence, one in solved.clocks.items()}
     write_all(out_clocks, out_clock_gains, each, [camera], spread)
+    tables.write(out_clock_costs, "clock_costs", marks_clock.costs(camera, solved.profile))
     tables.write(out_marks, "marks", _columns(session, camera, used, located))
     tables.write_findings(findings, found)
 

@@ -17,18 +17,15 @@ import numpy as np
 from dior import clocks as on_axis
 from dior import covariance
 from dior.calibrate import marks as hand_marks
-from dior.calibrate import pnp
-from dior.camera import inverse_pose, pose, project, undistort
+from dior.calibrate import pnp, pose_grid
+from dior.camera import project
 from dior.errors import DiorError
 
 WINDOW_S, STEP_S = 2.0, 0.02
 DRIFT_SD_PPM = 30.0  # of a computer's or a camera's quartz
-FEWEST = 4
-SHARE_OF_CONSENSUS = 0.5
 CANDIDATES = 8
 APART_S = 0.1  # offsets further apart than that are different answers
 UNCERTAIN_S = 0.010  # half a 95 % interval
-ROUNDS = 12  # of reweighting on the grid
 
 
 @dataclass(frozen=True)
@@ -120,10 +117,10 @@ def search(camera, where_marked, uv, frame, ransac_px, where):
     settled = fixed & np.isfinite(where_marked.xyz).all(axis=1)
     for s, name in enumerate(where_marked.names):
         own = where_marked.clock == s
-        if start is None and settled.sum() <= FEWEST and len(set(frame[own].tolist())) < 2:
+        if start is None and settled.sum() <= pose_grid.FEWEST and len(set(frame[own].tolist())) < 2:
             why[s] = "all its marks are on one frame"
             continue
-        if own.sum() < FEWEST:
+        if own.sum() < pose_grid.FEWEST:
             why[s] = f"it has {own.sum()} marks"
             continue
         use = settled | own
@@ -132,10 +129,10 @@ def search(camera, where_marked, uv, frame, ransac_px, where):
         tried = np.tile(np.nan_to_num(offsets), (len(lags), 1))
         tried[:, s] = lags
         xyz = part.at(tried)[0]
-        poses, cost = _grid(camera.intrinsics, xyz, seen, ransac_px, start)
+        poses, cost = pose_grid.grid(camera.intrinsics, xyz, seen, ransac_px, start)
         # an offset at which there is no mocap fits nothing
         there = np.isfinite(xyz[:, part.clock == s]).all(axis=2)
-        cost = np.where(there.mean(axis=1) < SHARE_OF_CONSENSUS, np.inf, cost)
+        cost = np.where(there.mean(axis=1) < pose_grid.SHARE_OF_CONSENSUS, np.inf, cost)
         profile[name] = lags, np.sqrt(cost / use.sum())
         ends = _refined(camera, part, seen, np.nan_to_num(offsets), s, lags, poses, cost, ransac_px)
         why[s] = _doubts(ends, lags, cost, use.sum(), f"{where}, {name}", s)
@@ -144,84 +141,6 @@ def search(camera, where_marked, uv, frame, ransac_px, where):
         start, offsets = ends[0].wTc, np.where(np.isnan(offsets) & (np.arange(count) != s), np.nan, ends[0].offsets)
         settled = use
     return Found(offsets, tuple(why), start, profile)
-
-
-def _grid(intrinsics, xyz, uv, limit_px, start=None):
-    """Best pose wTc (L, 4, 4) for each of L sets of points (L, N, 3) and its cost (L,) px^2, robust.
-
-    With `start` (4, 4) the pose is that. Ideal coordinates times the focal length, so that the lens is one for all.
-    """
-    focal = np.sqrt(intrinsics.fx * intrinsics.fy)
-    xy = undistort(intrinsics, uv)
-    there = np.isfinite(xyz).all(axis=2) & np.isfinite(xy).all(axis=1)
-    if start is not None:
-        wTc = np.tile(start, (len(xyz), 1, 1))
-        return wTc, _cost(_miss(wTc, xyz, xy)[0] * focal, there, limit_px)
-    wTc = np.stack([_start(points[keep], xy[keep]) for points, keep in zip(xyz, there, strict=True)])
-    for _ in range(ROUNDS):
-        miss, J = _miss(wTc, xyz, xy)
-        miss, J = np.nan_to_num(miss * focal), np.nan_to_num(J * focal)
-        square = (miss**2).sum(axis=2)
-        # Geman-McClure, its width that of the residuals as long as these are wide
-        with np.errstate(all="ignore"):
-            middle = np.nan_to_num(np.nanmedian(np.where(there, square, np.nan), axis=1))
-        width = np.maximum(limit_px**2 / 4, 2 * middle)[:, None]
-        weight = there * (width / (width + square)) ** 2
-        N = np.einsum("ln,lnij,lnik->ljk", weight, J, J)
-        N += (1e-9 * np.einsum("ljj->l", N) + 1e-12)[:, None, None] * np.eye(6)
-        step = -np.linalg.solve(N, np.einsum("ln,lnij,lni->lj", weight, J, miss)[..., None])[..., 0]
-        wTc = _moved(wTc, step)
-    return wTc, _cost(_miss(wTc, xyz, xy)[0] * focal, there, limit_px)
-
-
-def _start(xyz, xy):
-    """wTc (4, 4) of marks by SQPnP; at the origin where there is none."""
-    import cv2
-
-    if len(xyz) < FEWEST:
-        return np.eye(4)
-    found, rotation, translation = cv2.solvePnP(xyz, xy, np.eye(3), None, flags=cv2.SOLVEPNP_SQPNP)
-    if not found or not np.isfinite(rotation).all():
-        return np.eye(4)
-    return inverse_pose(pose(cv2.Rodrigues(rotation)[0], translation.ravel()))
-
-
-def _miss(wTc, xyz, xy):
-    """Residuals (L, N, 2) in ideal coordinates and derivatives (L, N, 2, 6) by the poses wTc (L, 4, 4).
-
-    NaN behind the camera.
-    """
-    R, centre = wTc[:, :3, :3], wTc[:, None, :3, 3]
-    p = (xyz - centre) @ R
-    with np.errstate(invalid="ignore", divide="ignore"):
-        z = np.where(p[..., 2] > 0.05, p[..., 2], np.nan)
-        seen = p[..., :2] / z[..., None]
-        by_axes = np.zeros((*z.shape, 2, 3))
-        by_axes[..., 0, 0] = by_axes[..., 1, 1] = 1 / z
-        by_axes[..., :, 2] = -seen / z[..., None]
-    by_centre = -by_axes @ np.swapaxes(R, 1, 2)[:, None]
-    return seen - xy, np.concatenate([by_axes @ covariance.cross(p), by_centre], axis=-1)
-
-
-def _moved(wTc, step):
-    """Poses (L, 4, 4) with the errors `step` (L, 6) of `dior.covariance`."""
-    from scipy.spatial.transform import Rotation
-
-    out = wTc.copy()
-    out[:, :3, :3] = wTc[:, :3, :3] @ Rotation.from_rotvec(step[:, :3]).as_matrix()
-    out[:, :3, 3] += step[:, 3:]
-    return out
-
-
-def _cost(miss, there, limit_px):
-    """Sum (...,) px^2 of squared residuals (..., N, 2), none above the limit's; a missing marker counts as the mean.
-
-    Infinite where fewer than half of the markers are there.
-    """
-    square = np.minimum(np.nan_to_num((miss**2).sum(axis=-1), nan=np.inf), limit_px**2)
-    number = there.sum(axis=-1)
-    mean = np.where(there, square, 0.0).sum(axis=-1) / np.maximum(number, 1)
-    return np.where(number >= max(FEWEST, SHARE_OF_CONSENSUS * there.shape[-1]), mean * there.shape[-1], np.inf)
 
 
 @dataclass(frozen=True)
@@ -262,14 +181,17 @@ def _end(camera, part, uv, offsets, s, limit_px):
     for limit in (4 * limit_px, 2 * limit_px, *(limit_px,) * 8):
         before = inlier
         inlier = _agree(camera.at(wTc), part, uv, offsets, limit)
-        if any(inlier[some].sum() < max(FEWEST, SHARE_OF_CONSENSUS * some.sum()) for some in (own, own | True)):
+        if any(
+            inlier[some].sum() < max(pose_grid.FEWEST, pose_grid.SHARE_OF_CONSENSUS * some.sum())
+            for some in (own, own | True)
+        ):
             return None
         if limit == limit_px and (inlier == before).all():
             break
         wTc, offsets = refine(camera.at(wTc), part.only(inlier), uv[inlier], offsets)
     xyz = part.at(offsets)[0]
     there = np.isfinite(xyz).all(axis=1)
-    return End(wTc, offsets, float(_cost(project(camera.at(wTc), xyz)[0] - uv, there, limit_px)), inlier)
+    return End(wTc, offsets, float(pose_grid.cost(project(camera.at(wTc), xyz)[0] - uv, there, limit_px)), inlier)
 
 
 def _agree(camera, part, uv, offsets, limit_px):
@@ -373,6 +295,17 @@ def clocks(camera, names, offsets, full, middle):
             float(offsets[s]), 0.0, "estimated", "marks", float(middle[s]), tuple(map(float, given)), {camera: gain}
         )
     return found
+
+
+def costs(camera, profile):
+    """Columns of table `clock_costs` from `Found.profile`; null where half of the markers are missing."""
+    lags, cost = (np.concatenate([[], *(each[i] for each in profile.values())]) for i in (0, 1))
+    return {
+        "sequence": [name for name, (lag, _) in profile.items() for _ in lag],
+        "camera": [camera] * len(lags),
+        "lag_s": lags,
+        "cost_px": np.where(np.isfinite(cost), cost, np.nan),
+    }
 
 
 def findings(scope, clocks, spread, marks):

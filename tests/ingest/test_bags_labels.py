@@ -82,6 +82,7 @@ def labels_from(simulated, bags, data_root, out):
             intrinsics=lens, mocap=[markers], frames=[indexed], offsets=[offsets], ransac_px=8.0, out=placed,
             out_marks=out / "marks.parquet", out_covariance=out / "covariance.parquet",
             out_clocks=out / "found.parquet", out_clock_gains=out / "gains.parquet",
+            out_clock_costs=out / "costs.parquet",
             findings=out / "findings.parquet",
         )  # fmt: skip
         reproject.run(

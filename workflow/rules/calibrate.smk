@@ -60,6 +60,7 @@ rule locate:
         covariance="results/locate/{session}/{camera}.covariance.parquet",
         clocks="results/locate/{session}/{camera}.clocks.parquet",
         clock_gains="results/locate/{session}/{camera}.clock_gains.parquet",
+        clock_costs="results/locate/{session}/{camera}.clock_costs.parquet",
         marks="results/locate/{session}/{camera}.marks.parquet",
         findings="results/locate/{session}/{camera}.findings.parquet",
     log:
@@ -84,6 +85,7 @@ rule locate:
         " --out-covariance {output.covariance:q}"
         " --out-clocks {output.clocks:q}"
         " --out-clock-gains {output.clock_gains:q}"
+        " --out-clock-costs {output.clock_costs:q}"
         " --out-marks {output.marks:q}"
         " --findings {output.findings:q}"
         " 2>&1 | tee {log:q}"
