@@ -139,6 +139,9 @@ def _indoors(capture, session):
             ransac_px=capture.project.config["locate"]["ransac_px"], out=capture.made("locate", unit),
             out_marks=capture.made("locate", unit, ".marks"),
             out_covariance=capture.made("locate", unit, ".covariance"),
+            out_clocks=capture.made("locate", unit, ".clocks"),
+            out_clock_gains=capture.made("locate", unit, ".clock_gains"),
+            out_clock_costs=capture.made("locate", unit, ".clock_costs"),
             findings=capture.made("locate", unit, ".findings"),
         )  # fmt: skip
     units = [f"{session}/{camera}" for camera in capture.project.cameras(session)]

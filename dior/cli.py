@@ -113,7 +113,7 @@ STEPS = {
     ),
     "locate": (
         "calibrate.locate",
-        "pose of an indoor camera from hand marks",
+        "pose of an indoor camera, and its clock in the marked sequences, from hand marks",
         {
             "session": TEXT,
             "camera": TEXT,
@@ -126,6 +126,9 @@ STEPS = {
             "ransac-px": NUMBER,
             "out": PATH,
             "out-covariance": PATH,
+            "out-clocks": PATH,
+            "out-clock-gains": PATH,
+            "out-clock-costs": PATH,
             "out-marks": PATH,
             "findings": PATH,
         },

@@ -139,7 +139,8 @@ def _write_session(settings, folder, session, walks):
     for name, placed in scene.cameras_of(settings, session).items():
         write_text(folder / f"{name}.yaml", _camera_yaml(name, placed, outdoor, boxed))
         if not outdoor:
-            write_text(folder / f"{name}.marks.csv", _marks(settings, walks, name))
+            seen = truth.view(settings, walks[0], motion_of(settings, walks[0]), name)
+            write_text(folder / f"{name}.marks.csv", marks(settings, walks[0], seen))
 
 
 def _camera_yaml(name, placed, outdoor, boxed):
@@ -163,17 +164,15 @@ def _camera_yaml(name, placed, outdoor, boxed):
     return "\n".join(lines) + "\n"
 
 
-def _marks(settings, walks, camera):
-    """Clicked markers: on a few frames of the session's first walk, those that show best."""
-    walk = walks[0]
-    motion = motion_of(settings, walk)
-    seen = truth.view(settings, walk, motion, camera)
+def marks(settings, walk, seen, frames=MARKED_FRAMES):
+    """Clicked markers (CSV): on a few frames of a walk, those that show best in a camera's `truth.View`."""
+    motion, camera = motion_of(settings, walk), seen.camera.name
     markers = [i for i, name in enumerate(seen.joints) if name in motion.names]
     visible = seen.status[:, markers] == "ok"
     random = generator(settings, "marks", walk.session, camera)
     numbers = seen.clock.frame_numbers
     lines = ["sequence,frame,joint,u,v"]
-    for part in np.array_split(np.arange(len(visible)), MARKED_FRAMES):
+    for part in np.array_split(np.arange(len(visible)), frames):
         frame = int(part[visible[part].sum(axis=1).argmax()])
         shown = np.flatnonzero(visible[frame])
         for i in sorted(random.permutation(shown)[:MOST_MARKS].tolist()):

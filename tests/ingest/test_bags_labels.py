@@ -82,6 +82,8 @@ def labels_from(simulated, bags, data_root, out, trigger_log=None, offsets=None)
             session="lab", camera=camera, camera_file=session / f"{camera}.yaml", marks=session / f"{camera}.marks.csv",
             intrinsics=lens, mocap=[markers], frames=[indexed], offsets=[offsets], ransac_px=8.0, out=placed,
             out_marks=out / "marks.parquet", out_covariance=out / "covariance.parquet",
+            out_clocks=out / "found.parquet", out_clock_gains=out / "gains.parquet",
+            out_clock_costs=out / "costs.parquet",
             findings=out / "findings.parquet",
         )  # fmt: skip
         reproject.run(

@@ -47,7 +47,7 @@ rule intrinsics:
 
 
 rule locate:
-    """Locate an indoor camera from hand marks by PnP."""
+    """Locate an indoor camera from hand marks by PnP, together with its clock on the marked sequences."""
     input:
         camera=own_yaml,
         marks=own_marks,
@@ -58,6 +58,9 @@ rule locate:
     output:
         camera="results/locate/{session}/{camera}.parquet",
         covariance="results/locate/{session}/{camera}.covariance.parquet",
+        clocks="results/locate/{session}/{camera}.clocks.parquet",
+        clock_gains="results/locate/{session}/{camera}.clock_gains.parquet",
+        clock_costs="results/locate/{session}/{camera}.clock_costs.parquet",
         marks="results/locate/{session}/{camera}.marks.parquet",
         findings="results/locate/{session}/{camera}.findings.parquet",
     log:
@@ -80,6 +83,9 @@ rule locate:
         " --ransac-px {params.ransac_px}"
         " --out {output.camera:q}"
         " --out-covariance {output.covariance:q}"
+        " --out-clocks {output.clocks:q}"
+        " --out-clock-gains {output.clock_gains:q}"
+        " --out-clock-costs {output.clock_costs:q}"
         " --out-marks {output.marks:q}"
         " --findings {output.findings:q}"
         " 2>&1 | tee {log:q}"
