@@ -43,7 +43,7 @@ def run(
     manual = given_by.by_hand(offsets, tables.ordered_unique(pictures["camera"]))
     seen = tables.read(detections, "detections") if detections else None
     if mocap:
-        told = _indoors(sequence, rig, seen, pictures, mocap, marked, min_score, data_root)
+        told = _indoors(sequence, rig, seen, pictures, mocap, marked, manual, min_score, data_root)
     else:
         told = _outdoors(sequence, rig, seen, pictures, min_score, max_gap)
     joint = tables.read_camera_covariance(covariance, names) if covariance else None
@@ -54,12 +54,13 @@ def run(
     tables.write_findings(findings, _findings(sequence, told, manual, names, joint, period, bool(mocap)))
 
 
-def _indoors(sequence, rig, seen, pictures, mocap, marked, min_score, data_root):
-    """By camera: `Clock`, lags, costs, why it is not known or ""."""
-    from dior.calibrate import mocap_clock, motion_clock
+def _indoors(sequence, rig, seen, pictures, mocap, marked, manual, min_score, data_root):
+    """By camera: `Clock`, lags, costs, why it is not known or "". Pictures are read only where nothing else tells."""
+    from dior.calibrate import mocap_clock
 
     _, motion = read_motion(mocap)
-    by_marks = on_axis.read([p for p in marked if ".clocks" in Path(p).name], _gains(marked), sequence) if marked else {}
+    kinds = {kind: [path for path in marked if f".{kind}." in Path(path).name] for kind in ("clocks", "clock_gains")}
+    by_marks = on_axis.read(kinds["clocks"], kinds["clock_gains"], sequence)
     found = {}
     for camera in rig:
         rows = tables.of_camera(pictures, camera.name)
@@ -73,22 +74,22 @@ def _indoors(sequence, rig, seen, pictures, mocap, marked, min_score, data_root)
         if not (tried and not tried[-1][3]) and camera.name in by_marks:
             clock = by_marks[camera.name]
             tried.append((clock, NONE, NONE, "" if clock.source != "assumed_zero" else "its marks do not tell"))
-        if not any(not one[3] for one in tried):
-            tried.append(_by_pictures(motion_clock, camera, motion, rows, data_root, f"{sequence}, {camera.name}"))
+        if camera.name in manual and not tried:
+            tried.append((on_axis.Clock(0.0), NONE, NONE, "there are no detections and no marks of it"))
+        elif all(one[3] for one in tried):
+            tried.append(_by_pictures(camera, motion, rows, data_root, f"{sequence}, {camera.name}"))
         known = [one for one in tried if not one[3]]
         found[camera.name] = (known or tried)[0]
     return found
 
 
-def _by_pictures(motion_clock, camera, motion, rows, data_root, where):
+def _by_pictures(camera, motion, rows, data_root, where):
+    from dior.calibrate import motion_clock
+
     try:
         return (*motion_clock.from_pictures(camera, motion, rows, data_root, where), "")
     except DiorError as error:
         return on_axis.Clock(0.0), NONE, NONE, str(error).removeprefix(f"{where}: ")
-
-
-def _gains(marked):
-    return [p for p in marked if ".clock_gains" in Path(p).name]
 
 
 def _outdoors(sequence, rig, seen, pictures, min_score, max_gap):
@@ -98,7 +99,10 @@ def _outdoors(sequence, rig, seen, pictures, min_score, max_gap):
     if seen is None or len(rig) < 2:
         why = "there are no detections of it" if len(rig) > 1 else ""
         known = on_axis.Clock(0.0, source="reference", given=AS_IT_IS)
-        return {c.name: (known, NONE, NONE, "") if c.name == reference else (on_axis.Clock(0.0), NONE, NONE, why) for c in rig}
+        return {
+            c.name: (known, NONE, NONE, "") if c.name == reference else (on_axis.Clock(0.0), NONE, NONE, why)
+            for c in rig
+        }
     own, fps = rates(pictures, [camera.name for camera in rig])
     t0 = start_ns(pictures)
     parts, joints, last = [], [], 0.0
@@ -122,7 +126,9 @@ def confident(seen, camera, count, min_score, where):
 
 
 def _costs(sequence, told):
-    lags = [(name, lag, cost) for name, (_, lags, costs, _) in told.items() for lag, cost in zip(lags, costs, strict=True)]
+    lags = [
+        (name, lag, cost) for name, (_, lags, costs, _) in told.items() for lag, cost in zip(lags, costs, strict=True)
+    ]
     camera, lag, cost = zip(*lags, strict=True) if lags else ((), (), ())
     return {
         "sequence": [sequence] * len(lags),
@@ -143,7 +149,12 @@ def _findings(sequence, told, manual, names, joint, period_s, indoor):
             used = f"{hand.offset_s:+.4f} s of config/offsets counts" if hand else "it is taken as 0 with unknown error"
             advice = "" if hand else f"; give it in config/offsets/{sequence}.yaml"
             found.append(
-                (scope, "info" if hand else "warning", "clock_unknown", f"its clock cannot be told: {why}; {used}{advice}")
+                (
+                    scope,
+                    "info" if hand else "warning",
+                    "clock_unknown",
+                    f"its clock cannot be told: {why}; {used}{advice}",
+                )
             )
             continue
         half = on_axis.NORMAL_95 * clock.sigma(names, joint)
@@ -159,8 +170,8 @@ def _findings(sequence, told, manual, names, joint, period_s, indoor):
             )  # fmt: skip
         elif not indoor and abs(clock.offset_s) > period_s / 2 and not hand:
             found.append(
-                (scope, "warning", "clock_off", f"{text}: {abs(clock.offset_s) / period_s:.1f} pictures from the reference; "
-                 "corrected, but its computer's time or its stamps want a look")
+                (scope, "warning", "clock_off", f"{text}: {abs(clock.offset_s) / period_s:.1f} pictures from "
+                 "the reference; corrected, but its computer's time or its stamps want a look")
             )  # fmt: skip
         else:
             found.append((scope, "info", "clock_found", text))
