@@ -24,8 +24,7 @@ MOST_POINTS = 600
 FEWEST_POINTS = 100
 LOSS_RAD = (0.05, 0.02, 0.01, 0.006, 0.006)  # the last is about 10 px at fx 1680
 INDEPENDENT = 100.0  # how many measurements the points of a pair amount to, as errors last
-AIM_DEG, PLACED_DEG = 12.0, 2.0
-SHIFT_M = 0.14
+AIM_DEG, MOST_SHIFT_M = 12.0, 0.3  # how far a camera by tape may be off, before its keypoints are asked
 SHARED = 0.3  # a lag at which less than this share of the best lag's points is left says nothing
 BEAM = 400
 
