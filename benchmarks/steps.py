@@ -12,7 +12,7 @@ import numpy as np
 
 from dior import project as projects
 from dior import tables
-from dior.calibrate import adjust, align, locate, place
+from dior.calibrate import adjust, align, clocks, locate, place
 from dior.ingest import detections, mocap
 from dior.label import reproject
 from dior.reconstruct import refine, timeline, triangulate
@@ -35,14 +35,18 @@ class Capture:
         return self.folder / f"results/{step}/{unit}{kind}.parquet"
 
 
-def labelled(folder, **settings):
-    """`Capture` with every label of it made in `folder`; `settings` of the `simulate:` section."""
+def labelled(folder, true_clocks=False, **settings):
+    """`Capture` with every label of it made in `folder`; `settings` of the `simulate:` section.
+
+    `true_clocks`: config/offsets has the clocks, which are estimated otherwise.
+    """
     made = levels.from_dict(settings)
     config.write(made, Path(folder) / "config")
+    if true_clocks:
+        config.write_offsets(made, Path(folder) / "config")
     capture = Capture(Path(folder), made, projects.load(folder))
     for walk in levels.sequences(made):
         _record(capture, walk)
-        _timeline(capture, walk)
     for session in capture.project.sessions:
         (_indoors if session == "lab" else _outdoors)(capture, session)
     for name in capture.project.sequences:
@@ -70,7 +74,6 @@ def _record(capture, walk):
             sequence=walk.name, subject=walk.subject, c3d=data / f"{walk.name}/mocap.c3d", frames=frames,
             trigger_log=None, out=capture.made("mocap", walk.name),
         )  # fmt: skip
-        return
     detections.run(
         sequence=walk.name, pattern=str(data / f"{walk.name}/mlkit/{{camera}}.jsonl"),
         cameras=capture.project.close(walk.session), format="mlkit", frames=frames,
@@ -105,13 +108,22 @@ def _offsets(capture, name):
     return capture.folder / f"config/offsets/{name}.yaml"
 
 
-def _timeline(capture, walk):
-    indoor = walk.environment == "indoor"
+def _clocks(capture, name, cameras, covariance, marked=()):
+    """The clocks of a sequence, and its timeline."""
+    indoor, project = capture.project.indoor(name), capture.project
+    mocap = capture.made("mocap", name) if indoor else None
+    clocks.run(
+        sequence=name, cameras=cameras, names=project.clocked(name), covariance=covariance,
+        detections=capture.made("detections", name), frames=capture.made("frames", name), mocap=mocap, marked=marked,
+        offsets=_offsets(capture, name), min_score=project.config["detector"]["min_score"],
+        max_gap=project.config["time"]["max_gap"], data_root=capture.folder / "data", out=capture.made("clocks", name),
+        out_gains=capture.made("clocks", name, ".gains"), out_costs=capture.made("clocks", name, ".costs"),
+        findings=capture.made("clocks", name, ".findings"),
+    )  # fmt: skip
     timeline.run(
-        sequence=walk.name, frames=capture.made("frames", walk.name), cameras=capture.project.close(walk.session),
-        offsets=_offsets(capture, walk.name), mocap=capture.made("mocap", walk.name) if indoor else None,
-        max_gap=capture.project.config["time"]["max_gap"], out=capture.made("timeline", walk.name),
-        out_offsets=capture.made("timeline", walk.name, ".offsets"),
+        sequence=name, frames=capture.made("frames", name), cameras=project.close(project.session_of(name)),
+        clocks=capture.made("clocks", name), mocap=mocap, max_gap=project.config["time"]["max_gap"],
+        out=capture.made("timeline", name),
     )  # fmt: skip
 
 
@@ -127,8 +139,21 @@ def _indoors(capture, session):
             ransac_px=capture.project.config["locate"]["ransac_px"], out=capture.made("locate", unit),
             out_marks=capture.made("locate", unit, ".marks"),
             out_covariance=capture.made("locate", unit, ".covariance"),
+            out_clocks=capture.made("locate", unit, ".clocks"),
+            out_clock_gains=capture.made("locate", unit, ".clock_gains"),
+            out_clock_costs=capture.made("locate", unit, ".clock_costs"),
             findings=capture.made("locate", unit, ".findings"),
         )  # fmt: skip
+    units = [f"{session}/{camera}" for camera in capture.project.cameras(session)]
+    for name in capture.project.sequences_of(session):
+        marked = [
+            capture.made("locate", unit, kind)
+            for unit in units
+            if name in capture.project.marks_sequences(*unit.split("/"))
+            for kind in (".clocks", ".clock_gains")
+        ]
+        cameras, spread = ([capture.made("locate", unit, kind) for unit in units] for kind in ("", ".covariance"))
+        _clocks(capture, name, cameras, spread, marked)
 
 
 def _outdoors(capture, session):
@@ -153,7 +178,9 @@ def _outdoors(capture, session):
         out_metrics=capture.made("adjust", session, ".metrics"),
         findings=capture.made("adjust", session, ".findings"),
     )  # fmt: skip
+    rig, spread = [capture.made("adjust", session)], [capture.made("adjust", session, ".covariance")]
     for name in project.sequences_of(session):
+        _clocks(capture, name, rig, spread)
         _skeleton(capture, session, name, close)
     for camera in (name for name in project.cameras(session) if name not in close):
         _align(capture, session, camera)
@@ -212,6 +239,14 @@ def _reproject(capture, name, camera):
         cameras=[capture.made(*step) for step in steps], makers=[] if indoor else capture.project.close(session),
         covariance=[capture.made(*step, ".covariance") for step in steps],
         skeleton=skeleton_of(capture, name),
-        frames=capture.made("frames", name), offsets=capture.made("timeline", name, ".offsets"),
+        frames=capture.made("frames", name), clocks=_clock_tables(capture, name, camera, ""),
+        clock_gains=_clock_tables(capture, name, camera, ".gains"),
         source="mocap" if indoor else "triangulated", out=labels_of(capture, name, camera),
     )  # fmt: skip
+
+
+def _clock_tables(capture, name, camera, kind):
+    """Tables with the clocks of a camera and of those that made the 3D."""
+    if camera not in capture.project.followed(name):
+        return [capture.made("clocks", name, kind)]
+    return [capture.made("clocks", name, kind), capture.made("follow", f"{name}.{camera}", kind)]

@@ -51,7 +51,15 @@ STEPS = {
     "mocap": (
         "ingest.mocap",
         "read the markers of a C3D",
-        {"sequence": TEXT, "subject": TEXT, "c3d": PATH, "frames": PATH, "trigger-log": MAYBE, "out": PATH},
+        {
+            "sequence": TEXT,
+            "subject": TEXT,
+            "c3d": PATH,
+            "frames": PATH,
+            "trigger-log": MAYBE,
+            "capture": OPTIONAL,
+            "out": PATH,
+        },
     ),
     "detect": (
         "ingest.detect",
@@ -105,7 +113,7 @@ STEPS = {
     ),
     "locate": (
         "calibrate.locate",
-        "pose of an indoor camera from hand marks",
+        "pose of an indoor camera, and its clock in the marked sequences, from hand marks",
         {
             "session": TEXT,
             "camera": TEXT,
@@ -118,6 +126,9 @@ STEPS = {
             "ransac-px": NUMBER,
             "out": PATH,
             "out-covariance": PATH,
+            "out-clocks": PATH,
+            "out-clock-gains": PATH,
+            "out-clock-costs": PATH,
             "out-marks": PATH,
             "findings": PATH,
         },
@@ -165,6 +176,28 @@ STEPS = {
             "findings": PATH,
         },
     ),
+    "clocks": (
+        "calibrate.clocks",
+        "clocks of a sequence's cameras against the motion capture or each other",
+        {
+            "sequence": TEXT,
+            "cameras": PATHS,
+            "names": WORDS,
+            "covariance": PATHS,
+            "detections": MAYBE,
+            "frames": PATH,
+            "mocap": MAYBE,
+            "marked": PATHS,
+            "offsets": MAYBE,
+            "min-score": NUMBER,
+            "max-gap": NUMBER,
+            "data-root": PATH,
+            "out": PATH,
+            "out-gains": PATH,
+            "out-costs": PATH,
+            "findings": PATH,
+        },
+    ),
     "align": (
         "calibrate.align",
         "pose of the long-range camera from boxes, silhouettes or clicked joints, or by nudges",
@@ -193,11 +226,10 @@ STEPS = {
             "sequence": TEXT,
             "frames": PATH,
             "cameras": WORDS,
-            "offsets": MAYBE,
+            "clocks": PATH,
             "mocap": MAYBE,
             "max-gap": NUMBER,
             "out": PATH,
-            "out-offsets": PATH,
         },
     ),
     "triangulate": (
@@ -238,7 +270,8 @@ STEPS = {
             "covariance": PATHS,
             "skeleton": PATH,
             "frames": PATH,
-            "offsets": PATH,
+            "clocks": PATHS,
+            "clock-gains": PATHS,
             "source": TEXT,
             "out": PATH,
         },
@@ -346,7 +379,8 @@ STEPS = {
         {
             "sequence": TEXT,
             "frames": PATH,
-            "offsets": PATH,
+            "clocks": PATHS,
+            "timeline": PATH,
             "data-root": PATH,
             "labels": PATHS,
             "roles": PAIRS,
@@ -404,6 +438,9 @@ STEPS = {
     ),
 }
 
+# no steps of the workflow: a person types them
+BY_HAND = {"init": "dior.init", "trigger": "dior.ingest.trigger"}
+
 
 def _parser():
     parser = argparse.ArgumentParser(prog="dior", description=__doc__.splitlines()[0])
@@ -415,7 +452,21 @@ def _parser():
             command.add_argument(f"--{flag}", required="default" not in how, **options)
     init = commands.add_parser("init", help="start a project folder for your own recordings")
     init.add_argument("folder", type=Path)
+    _trigger_parser(commands)
     return parser
+
+
+def _trigger_parser(commands):
+    text = "start and stop the recording with Vicon Nexus, and note when that was"
+    trigger = commands.add_parser("trigger", help=text, description=text)
+    trigger.add_argument("--log", type=Path, required=True, help="file to append to, such as trigger.jsonl")
+    trigger.add_argument("--bind", default="0.0.0.0", help="address to listen on (default: all of this computer's)")
+    trigger.add_argument("--port", type=int, default=30, help="UDP port, as set in Nexus (default: 30)")
+    trigger.add_argument("--on-start", default="", help="shell command that starts the recording")
+    trigger.add_argument("--on-stop", default="", help="shell command that stops it")
+    trigger.add_argument(
+        "--patience", type=float, default=10.0, help="seconds after which a command that still runs is reported"
+    )
 
 
 def _config_parser():
@@ -444,8 +495,8 @@ def main(argv=None):
             import_module("dior.simulate.config").run(**vars(_config_parser().parse_args(argv[1:])))
             return 0
         args = _parser().parse_args(argv)
-        if args.command == "init":
-            import_module("dior.init").run(args.folder)
+        if args.command in BY_HAND:
+            import_module(BY_HAND[args.command]).run(**{k: v for k, v in vars(args).items() if k != "command"})
             return 0
         step, arguments = args.command, _arguments(args)
         import_module(f"dior.{STEPS[step][0]}").run(**arguments)

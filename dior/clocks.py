@@ -55,50 +55,60 @@ def write(path, path_gains, sequence, clocks, names=(), joint=None):
 
     `names`, `joint`: the cameras' covariance as of `Clock.sigma`.
     """
-    sigma = np.array([clock.sigma(names, joint) for clock in clocks.values()]).reshape(-1, 2)
-    offset = np.array([clock.offset_s for clock in clocks.values()])
+    write_all(path, path_gains, {sequence: clocks}, names, joint)
+
+
+def write_all(path, path_gains, clocks, names=(), joint=None):
+    """The same of several sequences: dict sequence -> dict camera -> `Clock`."""
+    each = [(sequence, camera, clock) for sequence, own in clocks.items() for camera, clock in own.items()]
+    sigma = np.array([clock.sigma(names, joint) for _, _, clock in each]).reshape(-1, 2)
+    offset = np.array([clock.offset_s for _, _, clock in each])
     tables.write(
         path,
         "offsets",
         {
-            "sequence": [sequence] * len(clocks),
-            "camera": list(clocks),
+            "sequence": [sequence for sequence, _, _ in each],
+            "camera": [camera for _, camera, _ in each],
             "offset_s": offset,
-            "drift_ppm": [clock.drift_ppm for clock in clocks.values()],
-            "middle_s": [clock.middle_s for clock in clocks.values()],
+            "drift_ppm": [clock.drift_ppm for _, _, clock in each],
+            "middle_s": [clock.middle_s for _, _, clock in each],
             "sigma_s": sigma[:, 0],
             "sigma_drift_ppm": sigma[:, 1],
             "low": offset - NORMAL_95 * sigma[:, 0],
             "high": offset + NORMAL_95 * sigma[:, 0],
-            "given_sigma_s": [clock.given[0] for clock in clocks.values()],
-            "given_sigma_drift_ppm": [clock.given[1] for clock in clocks.values()],
-            "source": [clock.source for clock in clocks.values()],
-            "method": [clock.method for clock in clocks.values()],
+            "given_sigma_s": [clock.given[0] for _, _, clock in each],
+            "given_sigma_drift_ppm": [clock.given[1] for _, _, clock in each],
+            "source": [clock.source for _, _, clock in each],
+            "method": [clock.method for _, _, clock in each],
         },
     )
     rows = [
-        (camera, quantity, by, *gain)
-        for camera, clock in clocks.items()
+        (sequence, camera, quantity, by, *gain)
+        for sequence, camera, clock in each
         for by, gains in clock.gains.items()
         for quantity, gain in zip(("time", "drift"), gains, strict=True)
     ]
-    columns = zip(*rows, strict=True) if rows else ([] for _ in range(3 + len(SHIFTS)))
-    named = dict(zip(("camera", "quantity", "by", *SHIFTS), map(list, columns), strict=True))
-    tables.write(path_gains, "clock_gains", {"sequence": [sequence] * len(rows), **named})
+    keys = ("sequence", "camera", "quantity", "by", *SHIFTS)
+    columns = zip(*rows, strict=True) if rows else ([] for _ in keys)
+    tables.write(path_gains, "clock_gains", dict(zip(keys, map(list, columns), strict=True)))
 
 
-def read(paths, paths_gains=()):
-    """Clocks by camera of tables `offsets` (and `clock_gains`) of one sequence; a later path goes first."""
+def read(paths, paths_gains=(), sequence=None):
+    """Clocks by camera of tables `offsets` (and `clock_gains`) of one sequence; a later path goes first.
+
+    `sequence` is the one that counts in tables of several.
+    """
     gains = {}
     for path in paths_gains:
         table = tables.read(path, "clock_gains")
-        for i in range(len(table["camera"])):
+        for i in _of(table, sequence):
             own = gains.setdefault(table["camera"][i], {}).setdefault(table["by"][i], np.zeros((2, 6)))
             own[int(table["quantity"][i] == "drift")] = [table[key][i] for key in SHIFTS]
     found = {}
     for path in paths:
         table = tables.read(path, "offsets")
-        for i, camera in enumerate(table["camera"]):
+        for i in _of(table, sequence):
+            camera = table["camera"][i]
             found[camera] = Clock(
                 float(table["offset_s"][i]),
                 float(table["drift_ppm"][i]),
@@ -109,3 +119,7 @@ def read(paths, paths_gains=()):
                 gains.get(camera, {}),
             )
     return found
+
+
+def _of(table, sequence):
+    return [i for i, name in enumerate(table["sequence"]) if sequence in (None, name)]

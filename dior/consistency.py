@@ -241,6 +241,11 @@ def _check_sequence(project, row, where):
         raise DiorError(f"{where}: sequence '{name}' is indoor but has no mocap (the C3D file)")
     if row["environment"] == "indoor":
         return
+    if row["trigger_log"]:
+        raise DiorError(
+            f"{where}: sequence '{name}' is outdoor, where the first close camera gives the time; its trigger_log has "
+            "no motion capture to start, so leave it empty"
+        )
     if not row["detections"]:
         raise DiorError(f"{where}: sequence '{name}' is outdoor but has no detections")
     if len(project.close(session)) < 2:

@@ -164,3 +164,14 @@ def similarity(source, target, scale=True):
     R = U @ D @ Vt
     s = np.trace(np.diag(S) @ D) / ((a - ma) ** 2).sum() if scale else 1.0
     return s, R, mb - s * R @ ma
+
+
+def side_seen(centre, left, middle):
+    """Which side of a body a camera at `centre` (3,) sees (...,): 0 front, 1 left, 2 back, 3 right.
+
+    `left` (..., 2): direction from its right to its left; `middle` (..., 2) of the body, on the floor.
+    """
+    toward = centre[:2] - middle
+    forward = np.stack([left[..., 1], -left[..., 0]], axis=-1)
+    angle = np.arctan2((left * toward).sum(axis=-1), (forward * toward).sum(axis=-1))
+    return np.round(np.nan_to_num(angle) / (np.pi / 2)).astype(int) % 4

@@ -117,6 +117,18 @@ class Project:
     def close(self, session):
         return [name for name, camera in self.camera_files[session].items() if camera["role"] == "close"]
 
+    def followed(self, sequence):
+        """Cameras whose clock is found by the known walker: long-range ones, and those that are aligned to him."""
+        return [
+            name
+            for name, camera in self.camera_files[self.session_of(sequence)].items()
+            if camera["locate"] == "align" or camera["role"] == "long_range" and not self.indoor(sequence)
+        ]
+
+    def clocked(self, sequence):
+        """The other cameras."""
+        return [name for name in self.cameras_of(sequence) if name not in self.followed(sequence)]
+
     def window(self, session):
         """Instants that the adjustment uses: sequence -> {first, count, step}; empty means no adjustment."""
         return self.session_files[session]["adjust"]
@@ -170,7 +182,12 @@ class Project:
         return self._optional(sequence, "mocap")
 
     def trigger_log(self, sequence):
-        return self._optional(sequence, "trigger_log")
+        path = self.rows[sequence]["trigger_log"].partition("#")[0].strip()
+        return [self.in_data(path)] if path else []
+
+    def capture(self, sequence):
+        """What the capture is called in the trigger log, where the sheet says so: `trigger.jsonl#walk_03`."""
+        return self.rows[sequence]["trigger_log"].partition("#")[2].strip()
 
     def truth(self, sequence):
         return self._optional(sequence, "truth")

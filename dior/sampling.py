@@ -64,9 +64,10 @@ def instants(fps, last_s):
     return np.arange(int(np.floor(last_s * fps + 1e-6)) + 1) / fps
 
 
-def start_ns(frames):
-    """t0 of a sequence: the earliest picture stamp (ns) of all its cameras."""
-    return int(frames["stamp_ns"].min())
+def start_ns(frames, mocap=None):
+    """t0 of a sequence (ns): the first instant of its `mocap` (a skeletons_3d table), which ingest has put on the
+    trigger log's clock or else the pictures'; without mocap the earliest picture stamp of all cameras."""
+    return int((frames if mocap is None else mocap)["stamp_ns"].min())
 
 
 def rates(frames, cameras):
@@ -95,6 +96,21 @@ def seconds(stamp_ns, t0_ns, offset_s=0.0, drift_ppm=0.0):
     """
     elapsed = np.asarray(stamp_ns, np.int64) - np.int64(t0_ns)
     return elapsed / 1e9 * (1 + 1e-6 * drift_ppm) + offset_s
+
+
+def velocity_at_pictures(skeleton, stamps_ns, offset_s, drift_ppm):
+    """Velocities (F, J, 3) m/s of the joints at the pictures' stamps, 0 where a joint has no neighbour in time."""
+    points, _ = tables.grid(skeleton, "x", "y", "z")
+    instants_ns = skeleton["stamp_ns"].reshape(points.shape[:2])[:, 0]
+    grid = seconds(instants_ns, instants_ns[0])
+    if len(grid) < 2:
+        return np.zeros((len(stamps_ns), *points.shape[1:]))
+    ahead = np.diff(points, axis=0) / np.diff(grid)[:, None, None]
+    nothing = np.full((1, *points.shape[1:]), np.nan)
+    before, after = np.concatenate([nothing, ahead]), np.concatenate([ahead, nothing])
+    both = np.where(np.isfinite(before) & np.isfinite(after), (before + after) / 2, np.fmax(before, after))
+    where = bracket(grid, seconds(stamps_ns, instants_ns[0], offset_s, drift_ppm), 1.5 * np.median(np.diff(grid)))
+    return np.nan_to_num(blend(np.nan_to_num(both), *where))
 
 
 def at_pictures(skeleton, stamps_ns, offset_s, drift_ppm):

@@ -60,7 +60,7 @@ def root(tmp_path):
                     environment="indoor",
                     bags="in_1/a.bag",
                     mocap="in_1/mocap.c3d",
-                    trigger_log="in_1/trigger.csv",
+                    trigger_log="in_1/trigger.jsonl#walk 3",
                 ),
                 row(
                     sequence="out_3",
@@ -122,7 +122,8 @@ def test_what_is_written_is_what_is_read(root):
     assert p.sequences_of("field") == ["out_1", "out_2"]
     assert p.sequences_of_subject("S01") == ["out_1", "in_1"]
     assert (p.mocap("in_1"), p.mocap("out_1")) == (["data/in_1/mocap.c3d"], [])
-    assert p.trigger_log("in_1") == ["data/in_1/trigger.csv"]
+    assert p.trigger_log("in_1") == ["data/in_1/trigger.jsonl"] and p.capture("in_1") == "walk 3"
+    assert (p.trigger_log("out_1"), p.capture("out_1")) == ([], "")
     assert p.marks_sequences("lab", "cam01") == p.marks_mocap("lab", "cam01") == ["in_1"]
     assert p.boxes("out_1") == {"cam03": "config/boxes/out_1.cam03.csv"}
     assert p.checks("out_1") == {"cam01": "config/checks/out_1.cam01.csv"}
@@ -219,6 +220,8 @@ def test_config_errors(root, old, new, parts):
         ("sequences", "in_1/mocap.c3d", "", ["line 4", "'in_1' is indoor but has no mocap"]),
         ("sequences", "out_1/mlkit/{camera}.jsonl", "", ["line 3", "'out_1' is outdoor but has no detections"]),
         ("sequences", "out_1/mlkit/{camera}.jsonl", "out_1/x.jsonl", ["line 3", "{camera}"]),
+        ("sequences", "out_1/mlkit/{camera}.jsonl\t", "a/{camera}.jsonl\tlog", ["'out_1' is outdoor", "trigger_log"]),
+        ("sequences", "in_1/trigger", "/in_1/trigger", ["trigger_log '/in_1/trigger.jsonl#walk 3' must be relative"]),
         ("sequences", "in_1/a.bag", "", ["line 4: 'bags' is nothing"]),
         ("sequences", "in_1/a.bag", "/disk/a.bag", ["line 4", "bags '/disk/a.bag' must be relative to data_root"]),
         ("sequences", "out_1\t9", "s01_out-1\t9", ["line 3", "'s01_out-1' holds that of subject 'S01'"]),

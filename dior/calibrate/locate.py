@@ -1,24 +1,26 @@
-"""Locate a camera from hand-marked pairs: PnP with RANSAC, refined in recorded pixels (paper, indoor step 3).
+"""Locate a camera from hand-marked pairs: PnP with RANSAC, refined in recorded pixels (paper, indoor step 3), and with
+the pose the camera's clock on every marked sequence that has none in config/offsets (`marks_clock`).
 
 INPUTS   camera YAML, marks CSV, intrinsics, and for the marks' sequences the frames, mocap and offsets
-OUTPUTS  cameras (one row with wTc), camera_covariance, marks (residual in recorded px and inlier flag of every mark),
-         findings
+OUTPUTS  cameras (one row with wTc), camera_covariance, offsets, clock_gains and clock_costs of the marked sequences,
+         marks (residual in recorded px and inlier flag of every mark), findings
 
 OpenCV sees ideal normalised points and K = I, so that the lens is the project's own; its cTw is inverted at once.
 World in metres, Z up, floor at Z = 0.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from dior import tables
 from dior.calibrate import marks as hand_marks
-from dior.calibrate import offsets as clocks
-from dior.calibrate import pnp, realsense
+from dior.calibrate import marks_clock, pnp, realsense
+from dior.calibrate import offsets as by_hand
 from dior.calibrate.place import camera_settings, check_above_floor, unplaced
 from dior.camera import inverse_pose, pose, project, undistort
+from dior.clocks import Clock, write_all
 from dior.errors import DiorError
 
 FEWEST = 4
@@ -26,6 +28,7 @@ FEWEST = 4
 SHARE_OF_CONSENSUS = 0.5
 RANSAC_ITERATIONS = 2000
 RANSAC_CONFIDENCE = 0.9999
+ROUNDS, SAME_OFFSET_S = 10, 1e-6
 UNCERTAIN_M, UNCERTAIN_DEG = 0.10, 1.0
 
 
@@ -34,7 +37,8 @@ class Located:
     """`wTc` (4, 4) m; `residual_px` (N,) in recorded px, NaN where a mark cannot be projected; `inlier` (N,).
 
     `sigma_m` and `sigma_deg`: largest standard error of centre and rotation, from the residuals; NaN for 4 inliers.
-    `jacobian` (2I, 6) and `miss` (I, 2) px of the I inliers, `other`: what to say of a second pose.
+    `jacobian` (2I, 6 + S), by the pose and by the offsets of S clocks that were found with it, and `miss` (I, 2) px of
+    the I inliers; `other`: what to say of a second pose.
     """
 
     wTc: np.ndarray
@@ -45,10 +49,6 @@ class Located:
     jacobian: np.ndarray | None = None
     miss: np.ndarray | None = None
     other: str = ""
-
-    def covariance(self, joint=None, frame=None):
-        """(6, 6) of the pose; `joint` and `frame` (I,) of the inliers as in `pnp.pose_covariance`."""
-        return pnp.pose_covariance(self.jacobian, self.miss, joint, frame)
 
 
 def locate(camera, xyz, uv, ransac_px, where):
@@ -154,11 +154,11 @@ def _check_spread(where, xyz):
 
 
 def _standard_errors(J, residual_px):
-    free = 2 * len(residual_px) - 6
-    if len(residual_px) <= FEWEST:
+    free = 2 * len(residual_px) - J.shape[1]
+    if len(residual_px) <= FEWEST or free <= 0:
         return np.nan, np.nan
     covariance = np.linalg.inv(J.T @ J) * (residual_px**2).sum() / free
-    largest = [np.sqrt(np.linalg.eigvalsh(block)[-1]) for block in (covariance[3:, 3:], covariance[:3, :3])]
+    largest = [np.sqrt(np.linalg.eigvalsh(block)[-1]) for block in (covariance[3:6, 3:6], covariance[:3, :3])]
     return float(largest[0]), float(np.degrees(largest[1]))
 
 
@@ -196,6 +196,67 @@ def _findings(scope, path, marks, located, ransac_px):
     return found
 
 
+@dataclass(frozen=True)
+class Solved:
+    """`located` and the marks `used` for it; the camera's `clock` on each sequence, sequence -> (offset_s, drift_ppm,
+    source); `clocks`, sequence -> `Clock`, of those in which C3D markers are marked; `profile` as of
+    `marks_clock.Found`; `covariance` (6, 6) of the pose.
+    """
+
+    located: Located
+    used: hand_marks.Marks
+    clock: dict
+    clocks: dict
+    profile: dict
+    covariance: np.ndarray
+    findings: list
+
+
+def with_clocks(camera, marks, path, motions, stamps, clock, ransac_px, scope):
+    """`Solved` from `marks`; a clock that is manual (sequence -> (offset_s, drift_ppm, source)) stays as it is.
+
+    Marks of a sequence whose clock they cannot tell are left out, or, where there is nothing else, taken at offset 0.
+    Other arguments as of `marks.in_world`. Raises DiorError as `locate`, `marks.times` and `marks_clock.search` do.
+    """
+    where = f"{path} ({scope})"
+    t = hand_marks.times(marks, path, camera.name, camera.intrinsics, motions, stamps)
+    manual = {sequence: one for sequence, one in clock.items() if one[2] == "manual"}
+    at = marks_clock.places(marks, t, motions, manual)
+    seen = marks_clock.search(camera, at, marks.uv, marks.frame, ransac_px, where)
+    told = {name: offset for name, offset in zip(at.names, seen.offsets.tolist(), strict=True) if np.isfinite(offset)}
+    untold = {name: why for name, why in zip(at.names, seen.why, strict=True) if name not in told}
+    unknown = np.isfinite(t) & np.isin(marks.sequence, list(untold))
+    # what nothing is known of moves no pose that can be had without it
+    left_out = unknown & ((~unknown).sum() > FEWEST)
+    findings = marks_clock.untold(scope, untold, left_out.any())
+    marks, t = marks.only(~left_out), t[~left_out]
+
+    held = {name: one for name, one in clock.items() if name not in told}
+    for _ in range(ROUNDS):
+        clock = held | {name: (offset, 0.0, "estimated") for name, offset in told.items()}
+        used, lost = hand_marks.in_world(marks, path, camera.name, camera.intrinsics, motions, stamps, clock, scope)
+        located = locate(camera, used.xyz, used.uv, ransac_px, where)
+        inlier = np.isin(marks.line, used.line[located.inlier])
+        at = marks_clock.places(marks.only(inlier), t[inlier], motions, held)
+        offsets = np.array([told[name] for name in at.names])
+        better = marks_clock.refine(camera.at(located.wTc), at, marks.uv[inlier], offsets)[1]
+        if (np.abs(better - offsets) < SAME_OFFSET_S).all():
+            break
+        told |= dict(zip(at.names, better.tolist(), strict=True))
+
+    J, agreeing = marks_clock.jacobian(camera.at(located.wTc), at, offsets), marks.only(inlier)
+    sigma_m, sigma_deg = _standard_errors(J, located.residual_px[located.inlier])
+    located = replace(located, jacobian=J, sigma_m=sigma_m, sigma_deg=sigma_deg)
+    frame = [f"{s} {f}" for s, f in zip(agreeing.sequence, agreeing.frame, strict=True)]
+    full, middle = marks_clock.uncertainty(J, t[inlier], located.miss, agreeing.joint, frame)
+    clocks = marks_clock.clocks(camera.name, at.names, offsets, full, middle)
+    findings += lost + marks_clock.findings(scope, clocks, full[:6, :6], agreeing)
+    for name in dict.fromkeys(marks.sequence[np.isfinite(t)].tolist() + list(untold)):
+        if name not in clocks:
+            clocks[name] = Clock(*clock[name])
+    return Solved(located, used, clock, clocks, seen.profile, full[:6, :6], findings)
+
+
 def _lens_models(scope, path, lens, marks, located):
     """Finding on how the inliers fit either model that a RealSense may have.
 
@@ -217,7 +278,7 @@ def _next_mark(scope, camera, located, spread, marks, motions, stamps, clock):
     if not candidates:
         return []
     places = np.concatenate([motion.xyz[:: max(1, len(motion.t) // 20)].reshape(-1, 3) for motion in motions.values()])
-    sd_px = np.sqrt(pnp.variance(located.miss, located.miss.size - 6))
+    sd_px = np.sqrt(pnp.variance(located.miss, located.miss.size - located.jacobian.shape[1]))
     mark, before, after = pnp.best_next(camera, spread, sd_px, candidates, places[np.isfinite(places).all(axis=1)])
     text = (
         f"the camera's part of a label is {before:.2f} px (1 sigma of u or v); of all further marks on these pictures, "
@@ -243,13 +304,16 @@ def run(
     ransac_px,
     out,
     out_covariance,
+    out_clocks,
+    out_clock_gains,
+    out_clock_costs,
     out_marks,
     findings,
 ):
-    """Write the located camera, its covariance, its marks with residuals, and findings.
+    """Write the located camera, its covariance, its clocks, its marks with residuals, and findings.
 
     `mocap`, `frames` and `offsets` are lists of paths with a file per sequence; `frames` and `offsets` are named by
-    their sequence. Raises DiorError as `locate` and the readers do.
+    their sequence. Raises DiorError as `locate`, `marks_clock.search` and the readers do.
     """
     settings = camera_settings(camera_file, needs="marks")
     lens = unplaced(intrinsics, camera)
@@ -261,22 +325,21 @@ def run(
         mine = tables.of_camera(table, camera)
         stamps[Path(path).stem] = mine["frame"], mine["stamp_ns"]
     files = {Path(path).stem: path for path in offsets}
-    clock = {sequence: clocks.read(files.get(sequence), sorted(known))[camera] for sequence in stamps}
+    clock = {sequence: by_hand.read(files.get(sequence), sorted(known))[camera] for sequence in stamps}
 
     scope = f"{session}/{camera}"
     read = hand_marks.read(marks)
-    used, found = hand_marks.in_world(read, marks, camera, lens.intrinsics, motions, stamps, clock, scope)
-    located = locate(lens, used.xyz, used.uv, ransac_px, f"{marks} ({scope})")
-    found += _findings(scope, marks, used, located, ransac_px)
+    solved = with_clocks(lens, read, marks, motions, stamps, clock, ransac_px, scope)
+    located, used, spread = solved.located, solved.used, solved.covariance
+    found = solved.findings + _findings(scope, marks, used, located, ransac_px)
     if realsense.is_ambiguous(settings["topic"], lens.intrinsics):
         found += _lens_models(scope, camera_file, lens, used, located)
-    inliers = used.only(located.inlier)
-    spread = located.covariance(
-        inliers.joint, [f"{s} {f}" for s, f in zip(inliers.sequence, inliers.frame, strict=True)]
-    )
-    found += _next_mark(scope, lens.at(located.wTc), located, spread, used, motions, stamps, clock)
+    found += _next_mark(scope, lens.at(located.wTc), located, spread, used, motions, stamps, solved.clock)
     tables.write_cameras(out, [lens.at(located.wTc, settings["locate"])], session)
     tables.write_camera_covariance(out_covariance, [camera], spread, session)
+    each = {sequence: {camera: one} for sequence, one in solved.clocks.items()}
+    write_all(out_clocks, out_clock_gains, each, [camera], spread)
+    tables.write(out_clock_costs, "clock_costs", marks_clock.costs(camera, solved.profile))
     tables.write(out_marks, "marks", _columns(session, camera, used, located))
     tables.write_findings(findings, found)
 

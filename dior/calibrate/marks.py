@@ -136,14 +136,12 @@ def read_motion(path):
     return table["sequence"][0], Motion((stamps - stamps[0]) / 1e9, int(stamps[0]), xyz, joints)
 
 
-def in_world(marks, path, camera, intrinsics, motions, stamps, clocks, scope):
-    """Marks with their world points, and findings for those that were dropped.
+def times(marks, path, camera, intrinsics, motions, stamps):
+    """Seconds (N,) from the start of the mocap to the picture by the camera's clock as it is; NaN for marks with xyz.
 
-    `motions`: sequence -> Motion; `stamps`: sequence -> (frame numbers, stamps in ns) of this camera; `clocks`:
-    sequence -> (offset_s, drift_ppm, source) of this camera. A mark whose marker is missing at its time is dropped.
-    Raises DiorError for a sequence, frame or marker that is not there and a mark outside the picture.
+    `motions`: sequence -> Motion; `stamps`: sequence -> (frame numbers, stamps in ns) of this camera. Raises DiorError
+    for a sequence, frame or marker that is not there and a mark outside the picture.
     """
-    xyz = marks.xyz.copy()
     t = np.full(len(marks), np.nan)
     for i in range(len(marks)):
         where = f"{path} line {marks.line[i]}"
@@ -152,15 +150,29 @@ def in_world(marks, path, camera, intrinsics, motions, stamps, clocks, scope):
         if not in_frame(intrinsics, marks.uv[i]):
             u, v = marks.uv[i]
             raise DiorError(f"{where}: ({u:g}, {v:g}) is outside of the {intrinsics.width}x{intrinsics.height} picture")
-        if np.isfinite(xyz[i]).all():
+        if np.isfinite(marks.xyz[i]).all():
             continue
         if sequence not in motions:
             raise DiorError(f"{where}: sequence '{sequence}' has no mocap, so the mark needs x,y,z")
         motion = motions[sequence]
         if joint not in motion.joints:
             raise DiorError(f"{where}: '{joint}' is not a marker of {sequence}{nearest(joint, motion.joints)}")
-        t[i] = seconds(stamp, motion.t0_ns, *clocks[sequence][:2])
-        xyz[i] = sample(motion.t, motion.xyz[:, motion.joints.index(joint)], t[i : i + 1], _longest_step(motion))[0]
+        t[i] = seconds(stamp, motion.t0_ns)
+    return t
+
+
+def in_world(marks, path, camera, intrinsics, motions, stamps, clocks, scope):
+    """Marks with their world points, and findings for those that were dropped.
+
+    `clocks`: sequence -> (offset_s, drift_ppm, ...) of this camera; the rest as of `times`, which raises. A mark whose
+    marker is missing at its time is dropped.
+    """
+    t, xyz = times(marks, path, camera, intrinsics, motions, stamps), marks.xyz.copy()
+    for i in np.flatnonzero(np.isfinite(t)):
+        motion = motions[marks.sequence[i]]
+        offset_s, drift_ppm = clocks[marks.sequence[i]][:2]
+        at = np.array([t[i] * (1 + 1e-6 * drift_ppm) + offset_s])
+        xyz[i] = sample(motion.t, motion.xyz[:, motion.joints.index(marks.joint[i])], at, longest_step(motion))[0]
     known = np.isfinite(xyz).all(axis=1)
     findings = _without_marker(marks, known, path, scope)
     return replace(marks, xyz=xyz).only(known), findings
@@ -177,7 +189,7 @@ def unmarked(marks, camera, motions, stamps, clocks):
             continue
         motion = motions[sequence]
         at = seconds(_stamp("marks", stamps, sequence, frame, camera.name), motion.t0_ns, *clocks[sequence][:2])
-        xyz = sample(motion.t, motion.xyz, np.array([at]), _longest_step(motion))[0]
+        xyz = sample(motion.t, motion.xyz, np.array([at]), longest_step(motion))[0]
         uv, depth = project(camera, xyz)
         there = marks.joint[(marks.sequence == sequence) & (marks.frame == frame)]
         for j, joint in enumerate(motion.joints):
@@ -208,6 +220,6 @@ def _stamp(where, stamps, sequence, frame, camera):
     return ns[found[0]]
 
 
-def _longest_step(motion):
+def longest_step(motion):
     """1.5 ticks: neighbouring ticks are joined, a gap in the ticks is not."""
     return 1.5 * np.median(np.diff(motion.t)) if len(motion.t) > 1 else 0.0

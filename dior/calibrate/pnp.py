@@ -1,6 +1,6 @@
 """What a pose from hand marks is worth: its other solution, its covariance, the mark that is wrong, the one to add.
 
-INPUTS   a refined pose with its Jacobian (2N, 6) and residuals (N, 2) px of N marks
+INPUTS   a refined pose with its Jacobian (2N, 6 or more) and residuals (N, 2) px of N marks
 OUTPUTS  numbers and sentences for `locate`
 World in metres, Z up, floor at Z = 0; recorded pixels. A pose's error is that of `dior.covariance`.
 """
@@ -37,12 +37,12 @@ def variance(residual, free):
 
 
 def pose_covariance(J, residual, joint=None, frame=None):
-    """(6, 6) from the Jacobian (2N, 6) and residuals (N, 2) px.
+    """(P, P) from the Jacobian (2N, P) by the pose and what was found with it, and the residuals (N, 2) px.
 
     Marks of one `joint` (N,) share the error of the marker's place on the body, marks of one `frame` (N,) that of the
     clock: what their residuals have in common widens the result.
     """
-    free = residual.size - 6
+    free = residual.size - J.shape[1]
     grown = 1.0
     total = (residual**2).sum()
     for group in (joint, frame):
@@ -130,17 +130,17 @@ def decide(camera, other, xyz, uv, where):
 def suspect(J, residual):
     """The mark that the others contradict most: its index, distance px from where they put it, shift (m) of the camera.
 
-    None if no mark stands out. Deletion residuals by the hat matrix, tested against the noise of the others with the
-    number of marks taken into account (Cook and Weisberg 1982, 2.2.1).
+    `J` (2N, P), the pose first. None if no mark stands out. Deletion residuals by the hat matrix, tested against the
+    noise of the others with the number of marks taken into account (Cook and Weisberg 1982, 2.2.1).
     """
     from scipy.stats import f as fisher
 
     count = len(residual)
-    free = 2 * count - 8
+    free = 2 * count - J.shape[1] - 2
     if free < 1:
         return None
     inverse = np.linalg.inv(J.T @ J)
-    each = J.reshape(count, 2, 6)
+    each = J.reshape(count, 2, -1)
     left = np.linalg.inv(np.eye(2) - each @ inverse @ np.swapaxes(each, -1, -2))
     without = np.einsum("nij,nj->ni", left, residual)
     drop = np.einsum("ni,ni->n", residual, without)
@@ -150,7 +150,7 @@ def suspect(J, residual):
     if chance * count > SUSPECT:
         return None
     step = inverse @ each[worst].T @ without[worst]
-    return worst, float(np.linalg.norm(without[worst])), float(np.linalg.norm(step[3:]))
+    return worst, float(np.linalg.norm(without[worst])), float(np.linalg.norm(step[3:6]))
 
 
 def best_next(camera, spread, sd_px, candidates, places):

@@ -1,10 +1,13 @@
 """Markers of a C3D file on the clock of the pictures.
 
-INPUTS   a C3D (Vicon Plug-in-Gait labels, any order, other points ignored) and the sequence's `frames` table.
+INPUTS   a C3D (Vicon Plug-in-Gait labels, any order, other points ignored), the sequence's `frames` table, and the
+         log of `dior trigger` where there is one.
 OUTPUTS  `skeletons_3d` table: the markers of `skeletons.PLUG_IN_GAIT_39` that the file has, in that order, world of the
          C3D (Z up), metres. An instant is a tick of the C3D, counted from 0 at the first frame stored; its stamp_ns is
-         t0 + instant / rate with t0 the earliest picture stamp of the sequence. A gap is null with `too_few_views`.
-         Metadata: rate_hz, first_frame (number of the first frame stored, as the C3D counts, from 1).
+         t0 + instant / rate. t0 is decided here for all steps: when the trigger log says that the first frame stored
+         was taken, or the earliest picture stamp of the sequence where there is no log. A gap is null with
+         `too_few_views`. Metadata: rate_hz, first_frame (number of the first frame stored, as the C3D counts, from 1),
+         t0_from (trigger_log | pictures).
 """
 
 import struct
@@ -33,17 +36,19 @@ class Mocap:
     first_frame: int
 
 
-def run(*, sequence, subject, c3d, frames, trigger_log, out):
-    """Write the markers of `c3d`. See the module's docstring."""
-    if trigger_log:
-        raise DiorError(f"{sequence}: trigger logs are not read yet; leave `trigger_log` empty in sequences.tsv")
+def run(*, sequence, subject, c3d, frames, trigger_log, out, capture=""):
+    """Write the markers of `c3d`. `capture`: its name in the trigger log where it is not the C3D's, else "".
+
+    See the module's docstring.
+    """
     stamps = tables.read(frames, "frames", ["stamp_ns"])["stamp_ns"]
     if not len(stamps):
         raise DiorError(f"{sequence}: {frames} has no picture, so the mocap has no start")
     mocap = read(c3d)
     instants, joints = mocap.points.shape[:2]
     instant = np.arange(instants)
-    stamp_ns = stamps.min() + np.rint(instant * 1e9 / mocap.rate).astype(np.int64)
+    t0 = start_by_log(trigger_log, capture, c3d, mocap, stamps) if trigger_log else int(stamps.min())
+    stamp_ns = t0 + np.rint(instant * 1e9 / mocap.rate).astype(np.int64)
     xyz = mocap.points.reshape(-1, 3)
     rows = len(xyz)
     columns = {
@@ -57,7 +62,25 @@ def run(*, sequence, subject, c3d, frames, trigger_log, out):
         "z": xyz[:, 2],
         "status": tables.Repeated(["ok", "too_few_views"], np.isnan(xyz[:, 0])),
     }
-    tables.write(out, "skeletons_3d", columns, {"rate_hz": repr(mocap.rate), "first_frame": str(mocap.first_frame)})
+    metadata = {
+        "rate_hz": repr(mocap.rate),
+        "first_frame": str(mocap.first_frame),
+        "t0_from": "trigger_log" if trigger_log else "pictures",
+    }
+    tables.write(out, "skeletons_3d", columns, metadata)
+
+
+def start_by_log(log, capture, c3d, mocap, stamps):
+    """Time (ns) of the first frame stored by the trigger log, for pictures with `stamps` (F,).
+
+    Nexus counts frames from 1 at the start of the capture; a C3D of a part of it begins later.
+    """
+    from dior.ingest import trigger_log
+
+    found = trigger_log.choose(
+        trigger_log.read(log), int(stamps.min()), int(stamps.max()), log, name=capture, c3d=Path(c3d).name
+    )
+    return found.start_ns + round((mocap.first_frame - 1) * 1e9 / mocap.rate)
 
 
 def read(path):

@@ -1,20 +1,21 @@
 """2D labels of one camera: the 3D skeleton at every picture's own stamp, projected.
 
-INPUTS   skeleton (`skeletons_3d`: mocap indoors, triangulated outdoors), the camera, frames, offsets; the cameras that
-         the skeleton was triangulated from and the joint covariance of all of them
+INPUTS   skeleton (`skeletons_3d`: mocap indoors, triangulated outdoors), the camera, frames; the cameras that the
+         skeleton was triangulated from, the joint covariance of all of them, and their clocks
 OUTPUTS  `labels_2d`: one row per frame and joint, px in the recorded picture
 Paper, section 3D-2D re-projection. A label is evaluated at its picture's stamp, between the instants of the skeleton.
-Its sigma is null where its camera's pose, or the 3D, has no known uncertainty.
+Its sigma is null where its camera's pose, its clock or the 3D has no known uncertainty.
 """
 
 import numpy as np
 
 from dior import camera as cam
+from dior import clocks as on_axis
 from dior import tables
 from dior.errors import DiorError
 from dior.label import uncertainty
 from dior.label.visibility import hidden
-from dior.sampling import at_pictures
+from dior.sampling import at_pictures, seconds, velocity_at_pictures
 
 
 def labels(camera, points, names):
@@ -35,11 +36,13 @@ def labels(camera, points, names):
     return uv, np.where(known, depth, np.nan), status
 
 
-def run(*, sequence, subject, camera, cameras, makers, covariance, skeleton, frames, offsets, source, out):
+def run(
+    *, sequence, subject, camera, cameras, makers, covariance, skeleton, frames, clocks, clock_gains, source, out
+):  # fmt: skip
     """Write the labels of one camera of one sequence.
 
     `cameras`: `cameras` tables that hold the camera and those called `makers`, which the skeleton was triangulated from
-    (none indoors); `covariance`: their `camera_covariance` tables.
+    (none indoors); `covariance`: their `camera_covariance` tables; `clocks`, `clock_gains`: their tables of both names.
     """
     rig = tables.read_cameras(cameras)
     if camera not in rig or rig[camera].wTc is None:
@@ -48,20 +51,23 @@ def run(*, sequence, subject, camera, cameras, makers, covariance, skeleton, fra
     if not len(rows["frame"]):
         raise DiorError(f"{sequence}, camera {camera}: {frames} lists no picture of it")
     cam.check_picture_size(rig[camera].intrinsics, rows["width"][0], rows["height"][0], f"{sequence}, camera {camera}")
-    clock = tables.read(offsets, "offsets")
-    mine = np.flatnonzero(clock["camera"] == camera)
-    if not len(mine):
-        raise DiorError(f"{sequence}, camera {camera}: {offsets} has no clock for it")
-    offset_s, drift_ppm = clock["offset_s"][mine[0]], clock["drift_ppm"][mine[0]]
-    points, noise, bridged, joints = at_pictures(
-        tables.read(skeleton, "skeletons_3d"), rows["stamp_ns"], offset_s, drift_ppm
-    )
+    known = on_axis.read(clocks, clock_gains)
+    for name in (*makers, camera):
+        if name not in known:
+            raise DiorError(f"{sequence}, camera {camera}: {', '.join(map(str, clocks))} has no clock of {name}")
+    offset_s, drift_ppm = known[camera].offset_s, known[camera].drift_ppm
+    body = tables.read(skeleton, "skeletons_3d")
+    points, noise, bridged, joints = at_pictures(body, rows["stamp_ns"], offset_s, drift_ppm)
+    velocity = velocity_at_pictures(body, rows["stamp_ns"], offset_s, drift_ppm)
     uv, depth, status = labels(rig[camera], points, joints)
     if source == "mocap":
         noise = np.zeros_like(noise)
     names = list(dict.fromkeys([*makers, camera]))
     joint = tables.read_camera_covariance(covariance, names)
-    spread = uncertainty.of_labels(rig[camera], points, noise, [rig[name] for name in makers], names, joint)
+    elapsed = seconds(rows["stamp_ns"], body["stamp_ns"][0])
+    spread = uncertainty.of_labels(
+        rig[camera], points, noise, [rig[name] for name in makers], names, joint, velocity, elapsed, known
+    )
     sigma_u, sigma_v, rho_uv = uncertainty.columns(spread)
     count, each = status.shape
     once = np.zeros(count * each, int)

@@ -1,11 +1,12 @@
 """How uncertain a label is: what the detections, the close cameras and its own camera leave open, carried to the pixel.
 
 INPUTS   world points with their covariance given the cameras, the cameras that they were made with, the label's camera,
-         and the joint covariance of all of them
+         the joint covariance of all of them, and their clocks
 OUTPUTS  covariance (..., 2, 2) px^2 of the labels
 A point moves with the cameras that it was triangulated from, and the label's own camera moves with them, too: a world
 that is turned or shifted as a whole moves no label of a close camera. Therefore the joint covariance is carried, and
-not each camera's own. Errors of intrinsics and of the motion capture itself are not counted.
+not each camera's own. A clock that is wrong shows the point where it is earlier or later; a maker's moves the point
+against its motion. What clocks owe to the poses (`dior.clocks`) is counted with these. Errors of intrinsics and of the motion capture itself are not counted.
 """
 
 import numpy as np
@@ -14,24 +15,42 @@ from dior import camera as cam
 from dior import covariance as cov
 
 
-def of_labels(camera, points, noise, makers, names, joint):
-    """Covariance (..., 2, 2) px^2 of the labels of `camera` at world points (..., 3) m; NaN where it is not known.
+def of_labels(camera, points, noise, makers, names, joint, velocity=None, elapsed=None, clocks=None):
+    """Covariance (..., 2, 2) px^2 of the labels of `camera` at world points (F, J, 3) m; NaN where it is not known.
 
-    `noise` (..., 3, 3) m^2 given the cameras. `makers`: cameras that the points were triangulated from, none for
+    `noise` (F, J, 3, 3) m^2 given the cameras. `makers`: cameras that the points were triangulated from, none for
     motion capture. `joint` (6N, 6N): covariance of the errors of the cameras called `names`, in which are the makers
-    and `camera`.
+    and `camera`. `clocks`: of the makers and of `camera`, by name, with the points' `velocity` (F, J, 3) m/s and the
+    pictures' time `elapsed` (F,) s after t0; without them the clocks are right.
     """
     by_point, by_camera = cov.projection(camera, points)
     by_all = np.zeros((*points.shape[:-1], 2, len(names), 6))
     by_all[..., names.index(camera.name), :] = by_camera
+    late = {}
+    if clocks:
+        late[camera.name] = (by_point @ velocity[..., None])[..., 0]
     if makers:
         seen = np.stack([cam.in_frame(c.intrinsics, cam.project(c, points)[0]) for c in makers])
-        _, moves = cov.triangulated(makers, points, seen[..., None, None] * np.eye(2))
+        spread, moves = cov.triangulated(makers, points, seen[..., None, None] * np.eye(2))
         moves = (by_point @ moves).reshape(*points.shape[:-1], 2, len(makers), 6)
         for i, maker in enumerate(makers):
             by_all[..., names.index(maker.name), :] += moves[..., i, :]
+            if clocks:
+                J = np.where(seen[i][..., None, None], cov.projection(maker, points)[0], 0.0)
+                back = by_point @ spread @ np.swapaxes(J, -1, -2) @ J @ velocity[..., None]
+                late[maker.name] = late.get(maker.name, 0.0) - back[..., 0]
+    out = by_point @ noise @ np.swapaxes(by_point, -1, -2)
+    for name, moved in late.items():
+        clock, after = clocks[name], 1e-6 * (elapsed - clocks[name].middle_s)
+        variance = clock.given[0] ** 2 + (after * clock.given[1]) ** 2
+        out = out + variance[:, None, None, None] * moved[..., :, None] * moved[..., None, :]
+        for by, gain in clock.gains.items():
+            own = gain[0] + after[:, None] * gain[1]
+            # a clock that was fitted to a camera which is not here keeps only its own error
+            if by in names:
+                by_all[..., names.index(by), :] += moved[..., None] * own[:, None, None]
     by_all = by_all.reshape(*points.shape[:-1], 2, 6 * len(names))
-    return by_point @ noise @ np.swapaxes(by_point, -1, -2) + by_all @ joint @ np.swapaxes(by_all, -1, -2)
+    return out + by_all @ joint @ np.swapaxes(by_all, -1, -2)
 
 
 def columns(covariance):

@@ -1,30 +1,37 @@
 """The instants of a sequence and what each camera has to say at them.
 
-INPUTS   frames (stamps), config/offsets/<sequence>.yaml where a person wrote one, the mocap table indoors
-OUTPUTS  `timeline`: per instant and camera the frames before and after and the weight of the later one;
-         `offsets`: the clock of every camera as used
+INPUTS   frames (stamps), the cameras' clocks, the mocap table indoors
+OUTPUTS  `timeline`: per instant and camera the frames before and after and the weight of the later one
 Outdoors the instants are a regular grid at the nominal frame rate, indoors the C3D's own ticks.
 """
 
 import numpy as np
 
+from dior import clocks as on_axis
 from dior import tables
-from dior.calibrate import offsets as clocks
+from dior.errors import DiorError, nearest
 from dior.sampling import bracket, camera_seconds, instants, rates, start_ns
 
 
-def run(*, sequence, frames, cameras, offsets, mocap, max_gap, out, out_offsets):
-    """Write the timeline of a sequence. `cameras`: those that take part; `mocap`: the instants indoors, else None."""
-    table = tables.read(frames, "frames")
-    known = tables.ordered_unique(table["camera"])
-    clock = clocks.read(offsets, known)
-    t0 = start_ns(table)
-    seconds = {camera: camera_seconds(table, camera, t0, clock[camera]) for camera in known}
+def run(*, sequence, frames, cameras, clocks, mocap, max_gap, out):
+    """Write the timeline of a sequence.
+
+    `cameras`: those that take part; `clocks`: their table `offsets`; `mocap`: the instants indoors, else None.
+    """
+    table, known = tables.read(frames, "frames"), on_axis.read([clocks])
+    for camera in cameras:
+        if camera not in known:
+            raise DiorError(f"{sequence}: {clocks} has no clock of {camera}{nearest(camera, known)}; run the step clocks")
+    markers = tables.read(mocap, "skeletons_3d", ["joint", "instant", "stamp_ns"]) if mocap else None
+    t0 = start_ns(table, markers)
+    seconds = {
+        camera: camera_seconds(table, camera, t0, (known[camera].offset_s, known[camera].drift_ppm))
+        for camera in cameras
+    }
     own, fps = rates(table, cameras)
     if mocap:
-        stamps = tables.read(mocap, "skeletons_3d", ["joint", "instant", "stamp_ns"])
-        stamps = stamps["stamp_ns"][stamps["joint"] == stamps["joint"][0]]
-        grid = (stamps - stamps[0]) / 1e9
+        stamps = markers["stamp_ns"][markers["joint"] == markers["joint"][0]]
+        grid = (stamps - t0) / 1e9
     else:
         grid = instants(fps, max(seconds[camera][-1] for camera in cameras))
         stamps = t0 + np.round(grid * 1e9).astype(np.int64)
@@ -42,15 +49,4 @@ def run(*, sequence, frames, cameras, offsets, mocap, max_gap, out, out_offsets)
             "weight": np.stack([p[2] for p in parts], axis=1).ravel(),
         },
         {"fps": f"{fps:g}"},
-    )
-    tables.write(
-        out_offsets,
-        "offsets",
-        {
-            "sequence": [sequence] * len(known),
-            "camera": known,
-            "offset_s": [clock[camera][0] for camera in known],
-            "drift_ppm": [clock[camera][1] for camera in known],
-            "source": [clock[camera][2] for camera in known],
-        },
     )

@@ -1,6 +1,7 @@
 """A short film of a sequence: all its cameras side by side at the same time, with the labels drawn on them.
 
-INPUTS   frames table, the pictures it indexes, the cameras' offsets (`offsets` table), `labels_2d` files
+INPUTS   frames table, the pictures it indexes, the cameras' clocks (`offsets` tables), the `timeline`, which begins
+         at t0, `labels_2d` files
 OUTPUTS  a VP8 .webm of the middle of the walk and a JPEG of its middle picture
 
 At each moment every camera shows its nearest picture, by its clock. A long-range camera is enlarged around all places
@@ -12,12 +13,13 @@ from pathlib import Path
 
 import numpy as np
 
+from dior import clocks as on_axis
 from dior import tables
 from dior.errors import DiorError
 from dior.evaluate.grids import label_grids
 from dior.files import written_whole
 from dior.report.overlays import View, draw_skeleton, shown_in
-from dior.sampling import camera_seconds, nominal_fps, start_ns
+from dior.sampling import camera_seconds, nominal_fps
 
 TILE = (480, 270)
 ZOOM = 8.0
@@ -27,7 +29,7 @@ GROUND = 32
 TRACK_UID, HEADER = b"\x73\xc5\x88", 4096
 
 
-def run(*, sequence, frames, offsets, data_root, labels, roles, seconds, out, poster):
+def run(*, sequence, frames, clocks, timeline, data_root, labels, roles, seconds, out, poster):
     """Write the clip of one sequence. `labels`: label files, `roles`: camera -> close | long_range.
 
     Raises DiorError for a camera without labels or offset, and a picture that cannot be read.
@@ -39,7 +41,8 @@ def run(*, sequence, frames, offsets, data_root, labels, roles, seconds, out, po
     # several threads would divide the picture in another way on another machine
     cv2.setNumThreads(1)
     index, grids = tables.read(frames, "frames"), label_grids(labels)
-    times, fps = clocked(index, offsets, sorted(grids), sequence)
+    t0 = int(tables.read(timeline, "timeline", ["stamp_ns"])["stamp_ns"][0])
+    times, fps = clocked(index, clocks, t0, sorted(grids), sequence)
     moments = middle(times, fps / EVERY, seconds)
     size, cells = mosaic(len(grids))
     film = np.full((len(moments), size[1], size[0], 3), GROUND, np.uint8)
@@ -65,14 +68,12 @@ def run(*, sequence, frames, offsets, data_root, labels, roles, seconds, out, po
         part.write_bytes(cv2.imencode(".jpg", film[len(film) // 2], [cv2.IMWRITE_JPEG_QUALITY, 80])[1].tobytes())
 
 
-def clocked(index, offsets, cameras, sequence):
-    """camera -> times (F,) s of its pictures on the sequence's clock, and the pictures per second."""
-    table = tables.read(offsets, "offsets", ["camera", "offset_s", "drift_ppm"])
-    clock = {c: (float(o), float(d), "") for c, o, d in zip(*table.values(), strict=True)}
+def clocked(index, clocks, t0, cameras, sequence):
+    """camera -> times (F,) s of its pictures after `t0` (ns) on the sequence's clock, and the pictures per second."""
+    clock = {name: (one.offset_s, one.drift_ppm) for name, one in on_axis.read(clocks).items()}
     for camera in cameras:
         if camera not in clock or not (index["camera"] == camera).any():
             raise DiorError(f"sequence {sequence}, camera {camera}: no pictures or no offset; run frames and timeline")
-    t0 = start_ns(index)
     fps = min(nominal_fps(tables.of_camera(index, camera)["stamp_ns"]) for camera in cameras)
     return {camera: camera_seconds(index, camera, t0, clock[camera]) for camera in cameras}, fps
 

@@ -1,7 +1,7 @@
 """The `config/` of a simulated capture: what a person would have measured, clicked and drawn.
 
 INPUTS   settings (the `simulate:` section)
-OUTPUTS  config.yaml, sequences.tsv, subjects.tsv, sessions/, offsets/, boxes/ in a folder, gallery.tsv if asked for
+OUTPUTS  config.yaml, sequences.tsv, subjects.tsv, sessions/, boxes/ in a folder, gallery.tsv if asked for
 The committed demo config is what `dior simulate --write-config config` writes. Values are rounded as a person would
 note them (0.01 px, 1 mm, 0.1 ms), and no picture is rendered for them.
 """
@@ -48,7 +48,6 @@ def write(settings, folder):
         own = [walk for walk in walks if walk.session == session]
         _write_session(settings, folder / "sessions" / session, session, own)
     for walk in walks:
-        write_text(folder / "offsets" / f"{walk.name}.yaml", _offsets(settings, walk))
         if walk.environment == "outdoor":
             path = folder / "boxes" / f"{walk.name}.{scene.LONG_RANGE}.csv"
             write_text(path, _boxes(settings, walk))
@@ -140,7 +139,8 @@ def _write_session(settings, folder, session, walks):
     for name, placed in scene.cameras_of(settings, session).items():
         write_text(folder / f"{name}.yaml", _camera_yaml(name, placed, outdoor, boxed))
         if not outdoor:
-            write_text(folder / f"{name}.marks.csv", _marks(settings, walks, name))
+            seen = truth.view(settings, walks[0], motion_of(settings, walks[0]), name)
+            write_text(folder / f"{name}.marks.csv", marks(settings, walks[0], seen))
 
 
 def _camera_yaml(name, placed, outdoor, boxed):
@@ -164,17 +164,15 @@ def _camera_yaml(name, placed, outdoor, boxed):
     return "\n".join(lines) + "\n"
 
 
-def _marks(settings, walks, camera):
-    """Clicked markers: on a few frames of the session's first walk, those that show best."""
-    walk = walks[0]
-    motion = motion_of(settings, walk)
-    seen = truth.view(settings, walk, motion, camera)
+def marks(settings, walk, seen, frames=MARKED_FRAMES):
+    """Clicked markers (CSV): on a few frames of a walk, those that show best in a camera's `truth.View`."""
+    motion, camera = motion_of(settings, walk), seen.camera.name
     markers = [i for i, name in enumerate(seen.joints) if name in motion.names]
     visible = seen.status[:, markers] == "ok"
     random = generator(settings, "marks", walk.session, camera)
     numbers = seen.clock.frame_numbers
     lines = ["sequence,frame,joint,u,v"]
-    for part in np.array_split(np.arange(len(visible)), MARKED_FRAMES):
+    for part in np.array_split(np.arange(len(visible)), frames):
         frame = int(part[visible[part].sum(axis=1).argmax()])
         shown = np.flatnonzero(visible[frame])
         for i in sorted(random.permutation(shown)[:MOST_MARKS].tolist()):
@@ -198,6 +196,12 @@ def _boxes(settings, walk):
         low, high = np.nanmin(uv[frame], axis=0) - error[:2], np.nanmax(uv[frame], axis=0) + error[2:]
         lines.append(f"{numbers[frame]},{low[0]:.2f},{low[1]:.2f},{high[0]:.2f},{high[1]:.2f}")
     return "\n".join(lines) + "\n"
+
+
+def write_offsets(settings, folder):
+    """Write the true clocks of every walk below `folder`, as a person would give them."""
+    for walk in sequences(settings):
+        write_text(folder / "offsets" / f"{walk.name}.yaml", _offsets(settings, walk))
 
 
 def _offsets(settings, walk):

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dior import tables
+from dior import clocks, tables
 from dior.calibrate.locate import locate, run
 from dior.camera import inverse_pose, project
 from dior.errors import DiorError
@@ -160,6 +160,8 @@ def located(folder):
         intrinsics=folder / "lens.parquet", mocap=[folder / "mocap.parquet"],
         frames=[folder / "frames/indoor_01.parquet"], offsets=[folder / "indoor_01.yaml"], ransac_px=8.0,
         out=folder / "cam.parquet", out_covariance=folder / "covariance.parquet", out_marks=folder / "marks.parquet",
+        out_clocks=folder / "clocks.parquet", out_clock_gains=folder / "clock_gains.parquet",
+        out_clock_costs=folder / "clock_costs.parquet",
         findings=folder / "findings.parquet",
     )  # fmt: skip
     return (
@@ -224,6 +226,25 @@ def test_the_marks_of_a_realsense_tell_its_lens_model(tmp_path, named):
     assert (severity, code) == wanted and ("check `distortion_model`" in text) == (named != "plumb_bob")
 
 
+def test_the_step_writes_the_clocks_of_what_is_given_by_hand(tmp_path):
+    session(tmp_path)
+    located(tmp_path)
+    found = clocks.read([tmp_path / "clocks.parquet"], [tmp_path / "clock_gains.parquet"], "indoor_01")["cam01"]
+    assert (found.offset_s, found.source, found.method) == (0.0123, "manual", "") and np.isnan(found.sigma()).all()
+
+
+def test_the_step_assumes_zero_where_the_marks_tell_no_time(tmp_path):
+    """A body that does not change shape looks the same at any time to a camera that stands further on."""
+    session(tmp_path)
+    (tmp_path / "indoor_01.yaml").unlink()
+    _, marks, findings = located(tmp_path)
+    assert findings["code"].tolist() == ["clock_assumed_zero", "pose_from_marks"] and marks["inlier"].all()
+    found = clocks.read([tmp_path / "clocks.parquet"], [tmp_path / "clock_gains.parquet"])["cam01"]
+    assert (found.offset_s, found.source) == (0.0, "assumed_zero")
+    lags = tables.read(tmp_path / "clock_costs.parquet", "clock_costs")
+    assert len(lags["lag_s"]) == 201 and np.nanmax(lags["cost_px"]) < 0.01
+
+
 def test_a_wrong_offset_shows_in_the_residuals(tmp_path):
     session(tmp_path)
     (tmp_path / "indoor_01.yaml").write_text("cam01: {offset_s: 0.0}\n")
@@ -235,7 +256,15 @@ def test_a_wrong_offset_shows_in_the_residuals(tmp_path):
 
 def test_the_step_is_byte_stable(tmp_path):
     session(tmp_path, wrong=True)
-    names = ("cam.parquet", "covariance.parquet", "marks.parquet", "findings.parquet")
+    names = (
+        "cam.parquet",
+        "covariance.parquet",
+        "clocks.parquet",
+        "clock_gains.parquet",
+        "clock_costs.parquet",
+        "marks.parquet",
+        "findings.parquet",
+    )
     located(tmp_path)
     first = [(tmp_path / name).read_bytes() for name in names]
     located(tmp_path)

@@ -3,6 +3,7 @@
 A simulated walk goes through the steps of an indoor sequence, the real recording through the whole workflow.
 """
 
+import json
 import shutil
 
 import numpy as np
@@ -56,15 +57,15 @@ def simulated(tmp_path_factory):
     return folder, bags, labels_from(folder, bags, folder, folder / "made")
 
 
-def labels_from(simulated, bags, data_root, out):
+def labels_from(simulated, bags, data_root, out, trigger_log=None, offsets=None):
     """Bytes of the labels by camera, from the bags through every step between; results lie in the folder `out`."""
     session = simulated / "config/sessions/lab"
     topics = {camera: f"/{camera}/color/image_raw/compressed" for camera in CAMERAS}
     indexed, markers, clocks = out / f"{WALK}.parquet", out / "mocap.parquet", out / f"{WALK}.offsets.parquet"
-    offsets = simulated / f"config/offsets/{WALK}.yaml"
+    offsets = offsets or simulated / f"config/offsets/{WALK}.yaml"
     frames.run(sequence=WALK, bags=bags, data_root=data_root, topics=topics, out=indexed)
     c3d = simulated / WALK / "mocap.c3d"
-    mocap.run(sequence=WALK, subject="S01", c3d=c3d, frames=indexed, trigger_log=None, out=markers)
+    mocap.run(sequence=WALK, subject="S01", c3d=c3d, frames=indexed, trigger_log=trigger_log, out=markers)
     timeline.run(
         sequence=WALK, frames=indexed, cameras=CAMERAS, offsets=offsets, mocap=markers, max_gap=1.5,
         out=out / "timeline.parquet", out_offsets=clocks,
@@ -81,6 +82,8 @@ def labels_from(simulated, bags, data_root, out):
             session="lab", camera=camera, camera_file=session / f"{camera}.yaml", marks=session / f"{camera}.marks.csv",
             intrinsics=lens, mocap=[markers], frames=[indexed], offsets=[offsets], ransac_px=8.0, out=placed,
             out_marks=out / "marks.parquet", out_covariance=out / "covariance.parquet",
+            out_clocks=out / "found.parquet", out_clock_gains=out / "gains.parquet",
+            out_clock_costs=out / "costs.parquet",
             findings=out / "findings.parquet",
         )  # fmt: skip
         reproject.run(
@@ -90,6 +93,30 @@ def labels_from(simulated, bags, data_root, out):
         )  # fmt: skip
         found[camera] = labels.read_bytes()
     return found
+
+
+def test_a_trigger_log_moves_the_zero_of_all_steps_alike(simulated, tmp_path):
+    """The log says 0.3 s before the first picture: with offsets to match, the same pictures get the same labels."""
+    folder, bags, _ = simulated
+    clock = tables.read(folder / f"made/{WALK}.offsets.parquet", "offsets")
+    earlier = "".join(
+        f"{camera}: {{offset_s: {offset - 0.3}, drift_ppm: 0}}\n"
+        for camera, offset in zip(clock["camera"], clock["offset_s"], strict=True)
+    )
+    (tmp_path / f"{WALK}.yaml").write_text(earlier)
+    first = int(tables.read(folder / f"made/{WALK}.parquet", "frames")["stamp_ns"].min())
+    # which ezc3d counts from 0
+    before_c3d = round(recording.FIRST_MOCAP_FRAME * 1e9 / settings.from_dict(TINY).mocap_hz)
+    event = {"event": "start", "name": "mocap", "start_ns": first - 300_000_000 - before_c3d}
+    (tmp_path / "trigger.jsonl").write_text(json.dumps(event) + "\n")
+    labels_from(folder, bags, folder, tmp_path, tmp_path / "trigger.jsonl", tmp_path / f"{WALK}.yaml")
+    assert tables.read(tmp_path / "mocap.parquet", "skeletons_3d")["stamp_ns"][0] == first - 300_000_000
+    for camera in CAMERAS:
+        ours, theirs = (
+            tables.read(made / f"{camera}.labels.parquet", "labels_2d") for made in (tmp_path, folder / "made")
+        )
+        np.testing.assert_allclose(ours["u"], theirs["u"], atol=0.01)
+        np.testing.assert_array_equal(ours["stamp_ns"], theirs["stamp_ns"])
 
 
 def test_the_simulated_walk_has_labels(simulated):

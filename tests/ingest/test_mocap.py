@@ -140,10 +140,8 @@ def test_a_flipped_bit_or_a_cut_is_read_or_refused_in_one_sentence(content, tmp_
         assert read.points.size <= len(content)
 
 
-def test_trigger_log_and_frames_without_pictures(tmp_path):
+def test_frames_without_pictures(tmp_path):
     c3d = write_c3d(tmp_path / "a.c3d")
-    with pytest.raises(DiorError, match="walk: trigger logs are not read yet"):
-        run(tmp_path, c3d, trigger_log=tmp_path / "log.txt")
     with pytest.raises(DiorError, match="has no picture"):
         run(tmp_path, c3d, stamps=())
 

@@ -68,7 +68,8 @@ def walk(tmp_path_factory):
     labels_from(folder, bags, folder, folder / "made")
     return {
         "sequence": WALK, "frames": folder / f"made/{WALK}.parquet", "offsets": folder / f"made/{WALK}.offsets.parquet",
-        "data_root": folder, "labels": [folder / f"made/{camera}.labels.parquet" for camera in CAMERAS],
+        "timeline": folder / "made/timeline.parquet", "data_root": folder,
+        "labels": [folder / f"made/{camera}.labels.parquet" for camera in CAMERAS],
         "roles": dict.fromkeys(CAMERAS, "close"), "seconds": 0.5,
     }  # fmt: skip
 

@@ -47,7 +47,7 @@ rule intrinsics:
 
 
 rule locate:
-    """Locate an indoor camera from hand marks by PnP."""
+    """Locate an indoor camera from hand marks by PnP, together with its clock on the marked sequences."""
     input:
         camera=own_yaml,
         marks=own_marks,
@@ -58,6 +58,9 @@ rule locate:
     output:
         camera="results/locate/{session}/{camera}.parquet",
         covariance="results/locate/{session}/{camera}.covariance.parquet",
+        clocks="results/locate/{session}/{camera}.clocks.parquet",
+        clock_gains="results/locate/{session}/{camera}.clock_gains.parquet",
+        clock_costs="results/locate/{session}/{camera}.clock_costs.parquet",
         marks="results/locate/{session}/{camera}.marks.parquet",
         findings="results/locate/{session}/{camera}.findings.parquet",
     log:
@@ -80,6 +83,9 @@ rule locate:
         " --ransac-px {params.ransac_px}"
         " --out {output.camera:q}"
         " --out-covariance {output.covariance:q}"
+        " --out-clocks {output.clocks:q}"
+        " --out-clock-gains {output.clock_gains:q}"
+        " --out-clock-costs {output.clock_costs:q}"
         " --out-marks {output.marks:q}"
         " --findings {output.findings:q}"
         " 2>&1 | tee {log:q}"
@@ -172,6 +178,53 @@ rule adjust:
         " --out {output.cameras:q}"
         " --out-covariance {output.covariance:q}"
         " --out-metrics {output.metrics:q}"
+        " --findings {output.findings:q}"
+        " 2>&1 | tee {log:q}"
+
+
+rule clocks:
+    """Find the clocks of a sequence: against the motion capture indoors, of the close cameras against each other."""
+    input:
+        cameras=clocked_cameras,
+        covariance=clocked_covariance,
+        detections=clocked_detections,
+        frames="results/frames/{sequence}.parquet",
+        mocap=mocap_table,
+        marked=marked_clocks,
+        offsets=sequence_offsets,
+        bags=there(clocked_bags),
+    output:
+        offsets="results/clocks/{sequence}.parquet",
+        gains="results/clocks/{sequence}.gains.parquet",
+        costs="results/clocks/{sequence}.costs.parquet",
+        findings="results/clocks/{sequence}.findings.parquet",
+    log:
+        "logs/clocks/{sequence}.log",
+    benchmark:
+        "logs/clocks/{sequence}.benchmark.tsv"
+    params:
+        names=clocked_names,
+        min_score=CONFIG["detector"]["min_score"],
+        max_gap=CONFIG["time"]["max_gap"],
+        data_root=DATA,
+        code=code("calibrate.clocks"),
+    shell:
+        "dior clocks"
+        " --sequence {wildcards.sequence}"
+        " --cameras {input.cameras:q}"
+        " --names {params.names}"
+        " --covariance {input.covariance:q}"
+        " --detections {input.detections:q}"
+        " --frames {input.frames:q}"
+        " --mocap {input.mocap:q}"
+        " --marked {input.marked:q}"
+        " --offsets {input.offsets:q}"
+        " --min-score {params.min_score}"
+        " --max-gap {params.max_gap}"
+        " --data-root {params.data_root:q}"
+        " --out {output.offsets:q}"
+        " --out-gains {output.gains:q}"
+        " --out-costs {output.costs:q}"
         " --findings {output.findings:q}"
         " 2>&1 | tee {log:q}"
 

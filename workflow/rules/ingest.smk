@@ -73,6 +73,7 @@ rule mocap:
     params:
         c3d=mocap_file,
         trigger_log=trigger_log,
+        capture=capture,
         subject=subject,
         code=code("ingest.mocap"),
     shell:
@@ -82,6 +83,7 @@ rule mocap:
         " --c3d {params.c3d:q}"
         " --frames {input.frames:q}"
         " --trigger-log {params.trigger_log:q}"
+        " --capture {params.capture:q}"
         " --out {output:q}"
         " 2>&1 | tee {log:q}"
 

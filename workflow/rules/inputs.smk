@@ -36,6 +36,10 @@ def trigger_log(wildcards):
     return PROJECT.trigger_log(wildcards.sequence)
 
 
+def capture(wildcards):
+    return PROJECT.capture(wildcards.sequence)
+
+
 def close_names(wildcards):
     return PROJECT.close(session_of(wildcards))
 
@@ -291,6 +295,70 @@ def sequence_offsets(wildcards):
     return PROJECT.offsets(wildcards.sequence)
 
 
+def clocked_names(wildcards):
+    """The cameras whose clocks are found by detections, marks or, indoors, pictures."""
+    return PROJECT.clocked(wildcards.sequence)
+
+
+def clocked_cameras(wildcards):
+    return cameras_of(session_of(wildcards), clocked_names(wildcards))
+
+
+def clocked_covariance(wildcards):
+    session = session_of(wildcards)
+    files = [covariance_of(session, camera) for camera in clocked_names(wildcards)]
+    return list(dict.fromkeys(path for path in files if path))
+
+
+def clocked_detections(wildcards):
+    there_are = bool(PROJECT.detections_pattern(wildcards.sequence))
+    return f"results/detections/{wildcards.sequence}.parquet" if there_are else []
+
+
+def clocked_bags(wildcards):
+    """The pictures of an indoor sequence, where nothing else tells the time."""
+    if clocked_detections(wildcards) or not PROJECT.indoor(wildcards.sequence):
+        return []
+    return PROJECT.bags(wildcards.sequence)
+
+
+def marked_clocks(wildcards):
+    """What locate found about the clocks of a sequence that has marks."""
+    session, sequence = session_of(wildcards), wildcards.sequence
+    return [
+        f"results/locate/{session}/{camera}.{kind}.parquet"
+        for camera in clocked_names(wildcards)
+        if sequence in PROJECT.marks_sequences(session, camera)
+        and PROJECT.cameras(session)[camera]["locate"] == "marks"
+        for kind in ("clocks", "clock_gains")
+    ]
+
+
+def clocks_of(sequence, cameras, kind=""):
+    """The tables with the clocks of some cameras in a sequence."""
+    followed = set(PROJECT.followed(sequence))
+    return list(
+        dict.fromkeys(
+            f"results/follow/{sequence}.{camera}{kind}.parquet"
+            if camera in followed
+            else f"results/clocks/{sequence}{kind}.parquet"
+            for camera in cameras
+        )
+    )
+
+
+def label_clocks(wildcards):
+    return clocks_of(wildcards.sequence, [*makers(wildcards), wildcards.camera])
+
+
+def label_clock_gains(wildcards):
+    return clocks_of(wildcards.sequence, [*makers(wildcards), wildcards.camera], ".gains")
+
+
+def all_clocks(wildcards):
+    return clocks_of(wildcards.sequence, PROJECT.cameras_of(wildcards.sequence))
+
+
 def mocap_table(wildcards):
     return skeleton(wildcards) if PROJECT.indoor(wildcards.sequence) else []
 
@@ -494,7 +562,17 @@ def all_findings():
     return [
         *[f"results/audit/{sequence}.findings.parquet" for sequence in SEQUENCES],
         *(["results/gallery/gallery.findings.parquet"] if PROJECT.gallery else []),
-        *[f"results/detections/{sequence}.findings.parquet" for sequence in outdoor],
+        *[
+            f"results/detections/{sequence}.findings.parquet"
+            for sequence in SEQUENCES
+            if PROJECT.detections_pattern(sequence)
+        ],
+        *[f"results/clocks/{sequence}.findings.parquet" for sequence in SEQUENCES],
+        *[
+            f"results/follow/{sequence}.{camera}.findings.parquet"
+            for sequence in SEQUENCES
+            for camera in PROJECT.followed(sequence)
+        ],
         *[f"results/triangulate/{sequence}.findings.parquet" for sequence in outdoor],
         *[f"results/refine/{sequence}.findings.parquet" for sequence in outdoor if refines],
         *[f"results/detectors/{sequence}.findings.parquet" for sequence in DETECTED],

@@ -1,6 +1,6 @@
 """Label: the 2D keypoints of every frame of every camera.
 
-Required inputs: skeletons, cameras, frames, clock offsets.
+Required inputs: skeletons, cameras, frames, clocks.
 Outputs: results/reproject.
 """
 
@@ -12,7 +12,8 @@ rule reproject:
         covariance=label_covariance,
         skeleton=skeleton,
         frames="results/frames/{sequence}.parquet",
-        offsets="results/timeline/{sequence}.offsets.parquet",
+        clocks=label_clocks,
+        clock_gains=label_clock_gains,
     output:
         "results/reproject/{sequence}.{camera}.parquet",
     log:
@@ -34,7 +35,8 @@ rule reproject:
         " --covariance {input.covariance:q}"
         " --skeleton {input.skeleton:q}"
         " --frames {input.frames:q}"
-        " --offsets {input.offsets:q}"
+        " --clocks {input.clocks:q}"
+        " --clock-gains {input.clock_gains:q}"
         " --source {params.source}"
         " --out {output:q}"
         " 2>&1 | tee {log:q}"

@@ -1,6 +1,6 @@
 """Reconstruct: the instants of every sequence, and outdoors the 3D joints at them, as they are and smoothed.
 
-Required inputs: frames, cameras, detections, config/offsets/.
+Required inputs: frames, cameras, detections, clocks.
 Outputs: results/timeline, results/triangulate, results/refine.
 """
 
@@ -9,11 +9,10 @@ rule timeline:
     """Say which pictures of each camera surround every instant."""
     input:
         frames="results/frames/{sequence}.parquet",
-        offsets=sequence_offsets,
+        clocks="results/clocks/{sequence}.parquet",
         mocap=mocap_table,
     output:
         timeline="results/timeline/{sequence}.parquet",
-        offsets="results/timeline/{sequence}.offsets.parquet",
     log:
         "logs/timeline/{sequence}.log",
     benchmark:
@@ -27,11 +26,10 @@ rule timeline:
         " --sequence {wildcards.sequence}"
         " --frames {input.frames:q}"
         " --cameras {params.cameras}"
-        " --offsets {input.offsets:q}"
+        " --clocks {input.clocks:q}"
         " --mocap {input.mocap:q}"
         " --max-gap {params.max_gap}"
         " --out {output.timeline:q}"
-        " --out-offsets {output.offsets:q}"
         " 2>&1 | tee {log:q}"
 
 

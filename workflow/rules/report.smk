@@ -49,7 +49,8 @@ rule clip:
     input:
         bags=there(bags),
         frames="results/frames/{sequence}.parquet",
-        offsets="results/timeline/{sequence}.offsets.parquet",
+        clocks=all_clocks,
+        timeline="results/timeline/{sequence}.parquet",
         labels=labels,
     output:
         video="results/report/assets/{sequence}/clip.webm",
@@ -67,7 +68,8 @@ rule clip:
         "dior clip"
         " --sequence {wildcards.sequence}"
         " --frames {input.frames:q}"
-        " --offsets {input.offsets:q}"
+        " --clocks {input.clocks:q}"
+        " --timeline {input.timeline:q}"
         " --data-root {params.data_root:q}"
         " --labels {input.labels:q}"
         " --roles {params.roles}"

@@ -1,0 +1,147 @@
+"""The clock of an indoor camera from hand marks: how far off, and whether its interval holds.
+
+usage: python -m benchmarks.clocks_marks [SEEDS] [SECONDS]      (20 seeds, walks of 20 s)
+
+Every seed is a person, a walk (straight, across and circling in turn) and four cameras; each camera is located anew
+from ten and from three marked frames, with up to 16 markers each, clicked with 1 px. Nothing is known of the clocks,
+which are up to 0.6 s apart after a start of 0.40 to 0.53 s. `ideal` has exact stamps and lenses, `real` has 50 ppm of
+drift, jitter, drops, lenses that are 0.3 % off, markers on soft tissue and gaps in the mocap. The error is that of the
+camera's time in the middle of the marked frames' span, the sigma that of the tables, drift included.
+"""
+
+import os
+import sys
+import tempfile
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks import steps
+from dior import clocks, tables
+from dior.calibrate import locate
+from dior.calibrate import marks as hand_marks
+from dior.errors import DiorError
+from dior.files import write_text
+from dior.ingest import mocap
+from dior.simulate import config, recording, scene, truth
+from dior.simulate import settings as levels
+from dior.simulate.motion import motion_of
+
+SEEDS, SECONDS = 20, 20.0
+WALKS = ("straight", "across", "circling")
+FRAMES = (10, 3)
+RANSAC_PX = 8.0
+CLOCKS = {"ideal": {"apart_s": 0.6}, "real": {"apart_s": 0.6, "drift_ppm": 50.0}}
+
+
+def errors(seed, level, seconds=SECONDS):
+    """Rows (walk, camera, number of marked frames, error s, sigma s) of a seed; NaN where the clock is refused."""
+    walk_name = WALKS[seed % len(WALKS)]
+    settings = levels.from_dict(
+        {
+            "preset": level, "seed": seed, "subjects": 1, "sequences": 1, "environments": ["indoor"],
+            "duration_s": seconds, "walks": [walk_name], "clocks": CLOCKS[level], "gallery": False,
+        }
+    )  # fmt: skip
+    walk = levels.sequences(settings)[0]
+    motion = motion_of(settings, walk)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        views = {camera: truth.view(settings, walk, motion, camera) for camera in levels.CAMERAS}
+        tables.write(folder / f"frames/{walk.name}.parquet", "frames", steps._frames(views))
+        recording.write_c3d(folder / "mocap.c3d", settings, walk, motion)
+        mocap.run(
+            sequence=walk.name, subject=walk.subject, c3d=folder / "mocap.c3d",
+            frames=folder / f"frames/{walk.name}.parquet", trigger_log=None, out=folder / "mocap.parquet",
+        )  # fmt: skip
+        return [
+            (walk_name, camera, frames, *_error(folder, settings, walk, seen, frames))
+            for camera, seen in views.items()
+            for frames in FRAMES
+        ]
+
+
+def _error(folder, settings, walk, seen, frames):
+    camera = seen.camera.name
+    write_text(folder / "camera.yaml", f"role: close\ntopic: /{camera}/image\nlocate: marks\n")
+    write_text(folder / "marks.csv", config.marks(settings, walk, seen, frames))
+    lens = replace(seen.camera, intrinsics=scene.reported(settings, walk.session, seen.camera), wTc=None, locate="")
+    tables.write_cameras(folder / "lens.parquet", [lens], walk.session)
+    made = {key: folder / f"{key}.parquet" for key in ("out_clocks", "out_clock_gains", "out_clock_costs")}
+    try:
+        locate.run(
+            session=walk.session, camera=camera, camera_file=folder / "camera.yaml", marks=folder / "marks.csv",
+            intrinsics=folder / "lens.parquet", mocap=[folder / "mocap.parquet"],
+            frames=[folder / f"frames/{walk.name}.parquet"], offsets=[], ransac_px=RANSAC_PX,
+            out=folder / "camera.parquet", out_covariance=folder / "covariance.parquet",
+            out_marks=folder / "marks.parquet", findings=folder / "findings.parquet", **made,
+        )  # fmt: skip
+    except DiorError as error:
+        print(f"seed {settings.seed}, {camera}, {frames} frames: {error}", file=sys.stderr)
+        return np.nan, np.nan
+    found = clocks.read([made["out_clocks"]], [made["out_clock_gains"]], walk.name)[camera]
+    if found.source != "estimated":
+        return np.nan, np.nan
+    covariance = tables.read_camera_covariance(folder / "covariance.parquet", [camera])
+    sigma, sigma_drift = found.sigma([camera], covariance)
+    own = tables.of_camera(tables.read(folder / f"frames/{walk.name}.parquet", "frames"), camera)
+    marked = hand_marks.read(folder / "marks.csv").frame
+    stamps = own["stamp_ns"][np.isin(own["frame"], marked)]
+    middle = (stamps.min() + stamps.max()) / 2e9 - _start(folder, walk) / 1e9
+    true = middle * (1 + 1e-6 * seen.clock.drift_ppm) + seen.clock.offset_s
+    error = middle * (1 + 1e-6 * found.drift_ppm) + found.offset_s - true
+    return error, np.hypot(sigma, 1e-6 * sigma_drift * (middle - found.middle_s))
+
+
+def _start(folder, walk):
+    return tables.read(folder / f"frames/{walk.name}.parquet", "frames", ["stamp_ns"])["stamp_ns"].min()
+
+
+def table(seeds=SEEDS, seconds=SECONDS):
+    """Print a row per level, number of frames and walk; yield (error s, sigma s) of every clock that was found."""
+    print(f"pose and clock from marks, {seeds} seeds, walks of {seconds:g} s; errors of the time in the middle, ms")
+    print(
+        f"{'level':<7}{'frames':>7}{'walk':>10}{'clocks':>8}{'refused':>9}{'median':>8}{'p95':>7}{'worst':>8}{'sigma':>7}"
+        f"{'in 95 %':>9}{'rms e/s':>9}"
+    )
+    for level in CLOCKS:
+        with ProcessPoolExecutor(os.cpu_count()) as pool:
+            rows = [
+                row
+                for each in pool.map(errors, range(1, seeds + 1), [level] * seeds, [seconds] * seeds)
+                for row in each
+            ]
+        for frames in FRAMES:
+            for walk in (*WALKS, "all"):
+                own = np.array([row[3:] for row in rows if row[2] == frames and walk in (row[0], "all")]).reshape(-1, 2)
+                _print(level, frames, walk, own)
+        yield from ((row[3], row[4]) for row in rows if np.isfinite(row[3]))
+
+
+def _print(level, frames, walk, own):
+    error, sigma = own[np.isfinite(own[:, 0])].T
+    if not len(error):
+        return
+    ms, ratio = 1000 * np.abs(error), error / sigma
+    print(
+        f"{level:<7}{frames:>7}{walk:>10}{len(error):>8}{len(own) - len(error):>9}{np.median(ms):>8.2f}"
+        f"{np.percentile(ms, 95):>7.2f}{ms.max():>8.2f}{1000 * np.median(sigma):>7.2f}"
+        f"{(np.abs(ratio) < clocks.NORMAL_95).mean():>9.1%}{np.sqrt((ratio**2).mean()):>9.2f}",
+        flush=True,
+    )
+
+
+def main():
+    seeds = int(sys.argv[1]) if len(sys.argv) > 1 else SEEDS
+    found = np.array(list(table(seeds, float(sys.argv[2]) if len(sys.argv) > 2 else SECONDS))).reshape(-1, 2)
+    ratio = found[:, 0] / found[:, 1]
+    print(
+        f"all {len(found)}: {(np.abs(ratio) < clocks.NORMAL_95).mean():.1%} in their 95 % intervals, "
+        f"rms(error/sigma) {np.sqrt((ratio**2).mean()):.2f}"
+    )
+
+
+if __name__ == "__main__":
+    main()

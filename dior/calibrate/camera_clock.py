@@ -1,0 +1,300 @@
+"""The clocks of cameras against each other, from 2D detections of the walker that they all see.
+
+INPUTS   cameras with their poses, detections (px) and stamps of their pictures
+OUTPUTS  `dior.clocks.Clock` of each (method "cameras"; the first is the reference), the costs over the lag
+A search over the window, camera by camera, finds the lag at which the rays of the joints meet; then all clocks are
+fitted to how the joints move (`clock_fit`), with the 3D of every moment unknown. World in metres, recorded px, seconds.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dior import camera as cam
+from dior import covariance
+from dior.calibrate import clock_fit
+from dior.calibrate.mocap_clock import DRIFT_SD_PPM, WINDOW_S, clock_of, doubt, lowest, runs, second_minimum
+from dior.clocks import Clock
+from dior.geometry import side_seen, triangulate
+from dior.sampling import sample
+from dior.views import DROP_FACTOR, by_dropping, usual_error
+
+SEARCHED = 200  # moments
+CAP = 0.06  # of an epipolar distance, at focal length 1
+MOST = 2700  # moments of a camera that take part, in runs
+RUNS = 3
+ROUNDS = 12
+SETTLED = 0.15  # standard errors of a clock: the choice among the detections moves it by as much
+BELIEVED_ROUNDS = 3
+UNBELIEVED, LEAST_OFF_M = 8.0, 0.2
+FASTEST_M_S = 8.0
+SMOOTH_S = 0.1  # sd of the bell that velocities are taken with: noise in them would pass for a clearer time
+
+
+# the joints that move against the body tell the time
+LIMBS = {
+    f"{side}_{part}"
+    for side in ("left", "right")
+    for part in ("elbow", "wrist", "knee", "ankle", "heel", "foot_index", "big_toe")
+} | {f"{side}_{part}" for side in ("left", "right") for part in ("shoulder", "hip")}
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What a camera has: `elapsed` (F,) s after t0, `uv` (F, J, 2) px with NaN, `max_gap_s` of its pictures."""
+
+    elapsed: np.ndarray
+    uv: np.ndarray
+    max_gap_s: float
+
+    def at(self, grid, value, middle):
+        """Detections (T, J, 2) at moments `grid` (T,) s, by a clock (time in the middle s, drift ppm)."""
+        times = self.elapsed + value[0] + 1e-6 * value[1] * (self.elapsed - middle)
+        return sample(times, self.uv, grid, self.max_gap_s)
+
+
+def from_detections(cameras, seen, names, grid, fps):
+    """By camera: `Clock`, lags (L,) s, costs (L,) px, the reason why it cannot be told or "".
+
+    `cameras` (V), the first of which is the reference; `seen`: a `Seen` of each; `names` of the joints; `grid` (T,) s
+    regular, at `fps` Hz.
+    """
+    middle = float((grid[0] + grid[-1]) / 2)
+    timed = [i for i, name in enumerate(names) if name in LIMBS] or list(range(len(names)))
+    names, seen = [names[i] for i in timed], [replace(s, uv=s.uv[:, timed]) for s in seen]
+    rays = [cam.undistort(c.intrinsics, s.at(grid, (0.0, 0.0), middle)) for c, s in zip(cameras, seen, strict=True)]
+    found = search(cameras, rays, fps)
+    why = {name: reason for name, (_, _, reason) in found.items()}
+    known = [c for c in cameras if not why.get(c.name)]
+    clocks = {cameras[0].name: Clock(0.0, source="reference", given=(0.0, 0.0), middle_s=middle)}
+    if len(known) > 1:
+        of = {c.name: s for c, s in zip(cameras, seen, strict=True)}
+        start = np.array([[lowest(*found[c.name][:2]), 0.0] for c in known[1:]])
+        value, solved = fitted(known, [of[c.name] for c in known], names, grid, middle, start)
+        for i, camera in enumerate(known[1:]):
+            if solved is None:
+                why[camera.name] = "too few joints that two cameras see"
+                continue
+            why[camera.name] = doubt(solved, i)
+            made = clock_of(value[i], middle, solved, [c.name for c in known], i)
+            clocks[camera.name] = replace(made, method="cameras")
+    lags = np.zeros(0)
+    return {
+        c.name: (
+            clocks.get(c.name, Clock(0.0)) if not why.get(c.name) else Clock(0.0),
+            *(found[c.name][:2] if c.name in found else (lags, lags)),
+            why.get(c.name, ""),
+        )
+        for c in cameras
+    }
+
+
+def search(cameras, rays, fps):
+    """By camera but the first: lags (L,) s, costs (L,) px of epipolar distance, the reason against it or "".
+
+    `rays` (V) of (T, J, 2) ideal coordinates at moments 1/fps apart. The camera whose lag is clearest comes next, and
+    is compared with all that are known by then.
+    """
+    most = round(WINDOW_S * fps)
+    steps = np.arange(-most, most + 1)
+    shift = {cameras[0].name: 0}
+    costs, out = {}, {}
+    while len(shift) < len(cameras):
+        last = list(shift)[-1]
+        a = [c.name for c in cameras].index(last)
+        for b, camera in enumerate(cameras):
+            if camera.name in shift:
+                continue
+            total, count = _epipolar(cameras[a], cameras[b], rays[a], rays[b], steps - shift[last])
+            old = costs.get(camera.name, (0.0, 0))
+            costs[camera.name] = old[0] + total, old[1] + count
+        curves = {name: _mean(*costs[name]) for name in costs if name not in shift}
+        name = max(curves, key=lambda n: _contrast(curves[n]))
+        focal = next(c.intrinsics.fx for c in cameras if c.name == name)
+        # the detections of a camera that is late come late: its clock has to be put back
+        lags, curve = -steps[::-1] / fps, focal * curves[name][::-1]
+        out[name] = lags, curve, _unclear(lags, curve)
+        shift[name] = int(steps[np.nanargmin(curves[name])]) if np.isfinite(curves[name]).any() else 0
+    return out
+
+
+def _unclear(lags, costs):
+    if not np.isfinite(costs).any():
+        return "no joint is seen by it and another camera at once"
+    other = second_minimum(lags, costs)
+    if other is None:
+        return ""
+    return f"a lag of {lags[np.nanargmin(costs)]:+.2f} s fits hardly better than one of {other:+.2f} s"
+
+
+def _contrast(curve):
+    return float(np.nanmedian(curve) / max(np.nanmin(curve), 1e-9)) if np.isfinite(curve).any() else 0.0
+
+
+def _mean(total, count):
+    """A lag at which little overlaps may not win by that."""
+    enough = count > 0.5 * np.max(count)
+    return np.where(enough & (count > 0), total / np.maximum(count, 1), np.nan)
+
+
+def _epipolar(one, other, x, y, steps):
+    """Sums (L,) of capped epipolar distances, at focal length 1, of rays x (T, J, 2) and y `steps` later; counts."""
+    from dior.covariance import cross
+
+    bRa = other.wRc.T @ one.wRc
+    E = cross(other.wRc.T @ (one.centre - other.centre)) @ bRa
+    count = len(x)
+    at = np.unique(np.linspace(0, count - 1, min(SEARCHED, count)).round().astype(int))
+    x = np.concatenate([x[at], np.ones((*x[at].shape[:-1], 1))], axis=-1)
+    line = x @ E.T
+    total, seen = np.zeros(len(steps)), np.zeros(len(steps), int)
+    for k, step in enumerate(steps):
+        later = at + step
+        inside = (later >= 0) & (later < count)
+        b = np.concatenate([y[later[inside]], np.ones((inside.sum(), y.shape[1], 1))], axis=-1)
+        back = b @ E
+        miss = np.abs((b * line[inside]).sum(axis=-1))
+        size = np.sqrt((line[inside, :, :2] ** 2).sum(axis=-1) + (back[..., :2] ** 2).sum(axis=-1))
+        distance = np.minimum(miss / np.maximum(size, 1e-12), CAP)
+        known = np.isfinite(distance)
+        total[k], seen[k] = distance[known].sum(), known.sum()
+    return total, seen
+
+
+def fitted(cameras, seen, names, grid, middle, start):
+    """Clocks (V - 1, 2) of the cameras but the first, and `clock_fit.Solved` there (None with too little)."""
+    value = start
+    precision = np.tile([0.0, DRIFT_SD_PPM**-2], len(start))
+    at = runs(len(grid), MOST // len(cameras), RUNS)
+    solved = None
+    for i in range(ROUNDS):
+        full = np.concatenate([np.zeros((1, 2)), value])
+        uv = np.stack([s.at(grid[at], own, middle) for s, own in zip(seen, full, strict=True)])
+        used = _agreeing(cameras, uv)
+        last = i == ROUNDS - 1 or solved is not None and settled(solved)
+        tracks = tracks_of(cameras, np.where(used[..., None], uv, np.nan), names, grid[at], middle, last, solved)
+        solved = clock_fit.solve(tracks, value.ravel(), precision)
+        if solved is None or last:
+            break
+        value = value + np.clip(solved.step.reshape(-1, 2), [-0.05, -100], [0.05, 100])
+    return value, solved
+
+
+def settled(solved):
+    """Whether the last step was small against the standard errors of the clocks."""
+    return bool((np.abs(solved.step) < SETTLED * np.sqrt(np.diagonal(solved.given)))[::2].all())
+
+
+def _agreeing(cameras, uv):
+    """Mask (V, T, J) of the detections that agree with those of the other views."""
+    weights = np.isfinite(uv).all(axis=-1).astype(float)
+    limit = max(DROP_FACTOR * usual_error(cameras, uv, weights), 1.0)
+    _, _, used, good = by_dropping(cameras, uv, weights, limit, limit)
+    return used & good
+
+
+def tracks_of(cameras, uv, names, seconds, middle, with_cameras, noise):
+    """`clock_fit.Tracks` of detections (V, T, J, 2) px at moments `seconds` (T,); `noise`: the `Solved` before."""
+    views, count, each = uv.shape[:3]
+    xy = np.stack([cam.undistort(c.intrinsics, own) for c, own in zip(cameras, uv, strict=True)])
+    seen = np.isfinite(xy).all(axis=-1).astype(float)
+    points = triangulate(np.stack([cam.inverse_pose(c.wTc) for c in cameras]), xy, seen)
+    points, speed = smooth(points, seconds)
+    left = _left(points, names)
+    body = np.nanmedian(points[..., :2], axis=1)
+    drifted = 1e-6 * (seconds - middle)
+    feigned = np.zeros_like(speed)
+    if noise is not None:
+        feigned = _by_chance(cameras, points, np.isfinite(uv).all(axis=-1), noise, seconds)
+    parts = []
+    for v, camera in enumerate(cameras):
+        px, depth = cam.project(camera, points)
+        by_point, by_camera = covariance.projection(camera, points)
+        moves = (by_point @ speed[..., None])[..., 0]
+        by_clock, by_noise = np.zeros((2, count, each, 2, 2 * (views - 1)))
+        if v:
+            for out, seen in ((by_clock, moves), (by_noise, (by_point @ feigned[..., None])[..., 0])):
+                out[..., 2 * v - 2] = seen
+                out[..., 2 * v - 1] = seen * drifted[:, None, None]
+        by_clock[~np.isfinite(moves).all(axis=-1)] = np.nan
+        all_cameras = np.zeros((count, each, 2, 6 * views if with_cameras else 0))
+        if with_cameras:
+            all_cameras[..., 6 * v : 6 * v + 6] = by_camera
+        side = np.broadcast_to(side_seen(camera.centre, left, body)[:, None], depth.shape)
+        parts.append((px - uv[v], by_clock, all_cameras, clock_fit.constants(depth, side), by_point, by_noise))
+    residual, by_clock, by_camera, basis, by_point, by_noise = (
+        np.concatenate([np.swapaxes(x, 0, 1) for x in column]) for column in zip(*parts, strict=True)
+    )
+    joint = np.tile(np.arange(each), views)
+    return clock_fit.Tracks(
+        residual, by_clock, by_camera, basis, by_point, joint, np.repeat(np.arange(views), each), joint, seconds,
+        np.nan_to_num(by_noise),
+    )  # fmt: skip
+
+
+def _by_chance(cameras, points, used, noise, seconds):
+    """Velocities (T, J, 3) m/s that the detections' noise alone would make: that of `clock_fit.Solved`, drawn anew."""
+    from scipy.signal import lfilter
+
+    shape = (*used.shape, 2)
+    white = np.random.default_rng(0).standard_normal(shape) * noise.sd_px.reshape(shape[0], 1, shape[2], 1)
+    drawn = lfilter([1.0], [1.0, -noise.keep], white, axis=1)
+    J = [covariance.projection(c, points)[0] for c in cameras]
+    J = np.nan_to_num(np.stack(J)) * used[..., None, None]
+    N = np.einsum("vtjap,vtjaq->tjpq", J, J) + 1e-9 * np.eye(3)
+    shift = np.linalg.solve(N, np.einsum("vtjap,vtja->tjp", J, drawn)[..., None])[..., 0]
+    shift = np.where(np.isfinite(points), shift, np.nan)
+    step = np.median(np.diff(seconds))
+    tick = np.round((seconds - seconds[0]) / step).astype(int)
+    whole = np.full((tick[-1] + 1, *shift.shape[1:]), np.nan)
+    whole[tick] = shift
+    return _lines(whole, step)[1][tick]
+
+
+def smooth(points, seconds):
+    """Points (T, J, 3) m that their neighbours in time believe, NaN for the others, and their velocities (T, J, 3) m/s.
+
+    Both from straight lines under a bell; a point far from the line through its neighbours (an exchanged limb, another
+    person) is left out.
+    """
+    step = np.median(np.diff(seconds))
+    # moments of a regular grid, on which runs are apart
+    tick = np.round((seconds - seconds[0]) / step).astype(int)
+    whole = np.full((tick[-1] + 1, *points.shape[1:]), np.nan)
+    whole[tick] = points
+    for _ in range(BELIEVED_ROUNDS):
+        path, _ = _lines(whole, step)
+        off = np.linalg.norm(whole - path, axis=-1)
+        usual = np.nanmedian(off, axis=0) if np.isfinite(off).any() else np.zeros(off.shape[1])
+        whole = np.where((off <= np.maximum(UNBELIEVED * usual, LEAST_OFF_M))[..., None], whole, np.nan)
+    _, velocity = _lines(whole, step)
+    slow = np.linalg.norm(velocity, axis=-1) < FASTEST_M_S
+    return whole[tick], np.where(slow[..., None], velocity, np.nan)[tick]
+
+
+def _lines(values, step):
+    """Values and slopes per s (T, J, 3) of the straight lines under a bell around each moment; NaN with too little."""
+    reach = int(np.ceil(3 * SMOOTH_S / step))
+    lag = np.arange(-reach, reach + 1)
+    bell = np.exp(-0.5 * (lag * step / SMOOTH_S) ** 2)
+    padded = np.pad(values, ((reach, reach), (0, 0), (0, 0)), constant_values=np.nan)
+    known = np.isfinite(padded).all(axis=-1, keepdims=True)
+    filled = np.where(known, padded, 0.0)
+    n = t = tt = y = ty = 0.0
+    for k, weight in zip(lag, bell, strict=True):
+        at = slice(reach + k, len(padded) - reach + k)
+        w = weight * known[at]
+        n, t, tt = n + w, t + w * k, tt + w * k * k
+        y, ty = y + w * filled[at], ty + w * k * filled[at]
+    spread = n * tt - t * t
+    enough = (n > 0.4 * bell.sum()) & (spread > 1e-9)
+    slope = np.where(enough, (n * ty - t * y) / np.where(enough, spread, 1.0), np.nan)
+    return (y - slope * t) / np.where(enough, n, np.nan), slope / step
+
+
+def _left(points, names):
+    """(T, 2): from the right to the left of the body, by the hips and shoulders that are known."""
+    at = {name: points[:, i, :2] for i, name in enumerate(names)}
+    pairs = [(f"left_{part}", f"right_{part}") for part in ("shoulder", "hip", "knee", "ankle")]
+    found = [at[a] - at[b] for a, b in pairs if a in at and b in at]
+    return np.nansum(found, axis=0) if found else np.zeros((len(points), 2))

@@ -1,0 +1,172 @@
+"""The clocks of a sequence: every camera against the motion capture indoors, the close cameras against each other.
+
+INPUTS   cameras and their covariance, detections, frames, indoors the mocap and what locate found from marks;
+         config/offsets/<sequence>.yaml where a person overrides
+OUTPUTS  `offsets` and `clock_gains` (dior/clocks.py), `clock_costs` (how well each lag fits), findings
+Indoors in the order of what tells most: detections (`mocap_clock`), marks (locate), picture motion (`motion_clock`).
+Outdoors the first close camera by name is the reference (`camera_clock`). A long-range camera's clock is `follow`'s.
+Where the data cannot tell, the clock is zero, its sigma is null and a finding says why.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from dior import clocks as on_axis
+from dior import tables
+from dior.calibrate import offsets as given_by
+from dior.calibrate.marks import read_motion
+from dior.errors import DiorError
+from dior.sampling import camera_seconds, instants, rates, start_ns
+
+AS_IT_IS = (0.0, 0.0)
+CONTRADICTS_S = 0.002  # at least so far from the estimate a value by hand is doubted
+NONE = np.zeros(0)
+
+
+def run(
+    *, sequence, cameras, names, covariance, detections, frames, mocap, marked, offsets, min_score, max_gap, data_root,
+    out, out_gains, out_costs, findings,
+):  # fmt: skip
+    """Write the clocks of one sequence.
+
+    `cameras`: `cameras` tables of those called `names`, in the order of the session; `covariance` their
+    `camera_covariance` tables; `detections`: a table or None; `mocap`: the mocap table indoors, else None; `marked`:
+    `offsets` and `clock_gains` tables that locate wrote; `max_gap` in nominal periods.
+    """
+    rig = tables.read_cameras(cameras)
+    for name in names:
+        if name not in rig or rig[name].wTc is None:
+            raise DiorError(f"{sequence}, camera {name}: {', '.join(map(str, cameras))} gives no pose of it")
+    rig = [rig[name] for name in names]
+    pictures = tables.read(frames, "frames")
+    manual = given_by.by_hand(offsets, tables.ordered_unique(pictures["camera"]))
+    seen = tables.read(detections, "detections") if detections else None
+    if mocap:
+        told = _indoors(sequence, rig, seen, pictures, mocap, marked, min_score, data_root)
+    else:
+        told = _outdoors(sequence, rig, seen, pictures, min_score, max_gap)
+    joint = tables.read_camera_covariance(covariance, names) if covariance else None
+    used = {name: manual.get(name, clock) for name, (clock, *_) in told.items()}
+    on_axis.write(out, out_gains, sequence, used, names, joint)
+    tables.write(out_costs, "clock_costs", _costs(sequence, told))
+    period = 1 / rates(pictures, names)[1]
+    tables.write_findings(findings, _findings(sequence, told, manual, names, joint, period, bool(mocap)))
+
+
+def _indoors(sequence, rig, seen, pictures, mocap, marked, min_score, data_root):
+    """By camera: `Clock`, lags, costs, why it is not known or ""."""
+    from dior.calibrate import mocap_clock, motion_clock
+
+    _, motion = read_motion(mocap)
+    by_marks = on_axis.read([p for p in marked if ".clocks" in Path(p).name], _gains(marked), sequence) if marked else {}
+    found = {}
+    for camera in rig:
+        rows = tables.of_camera(pictures, camera.name)
+        elapsed = (rows["stamp_ns"] - motion.t0_ns) / 1e9
+        tried = []
+        if seen is not None and (seen["camera"] == camera.name).any():
+            uv, joints = confident(seen, camera.name, len(elapsed), min_score, sequence)
+            walker = mocap_clock.motion_of(motion.t, motion.xyz, motion.joints, joints)
+            uv = uv[:, [joints.index(name) for name in walker.names]]
+            tried.append(mocap_clock.from_detections(camera, walker, uv, elapsed))
+        if not (tried and not tried[-1][3]) and camera.name in by_marks:
+            clock = by_marks[camera.name]
+            tried.append((clock, NONE, NONE, "" if clock.source != "assumed_zero" else "its marks do not tell"))
+        if not any(not one[3] for one in tried):
+            tried.append(_by_pictures(motion_clock, camera, motion, rows, data_root, f"{sequence}, {camera.name}"))
+        known = [one for one in tried if not one[3]]
+        found[camera.name] = (known or tried)[0]
+    return found
+
+
+def _by_pictures(motion_clock, camera, motion, rows, data_root, where):
+    try:
+        return (*motion_clock.from_pictures(camera, motion, rows, data_root, where), "")
+    except DiorError as error:
+        return on_axis.Clock(0.0), NONE, NONE, str(error).removeprefix(f"{where}: ")
+
+
+def _gains(marked):
+    return [p for p in marked if ".clock_gains" in Path(p).name]
+
+
+def _outdoors(sequence, rig, seen, pictures, min_score, max_gap):
+    from dior.calibrate import camera_clock
+
+    reference = rig[0].name
+    if seen is None or len(rig) < 2:
+        why = "there are no detections of it" if len(rig) > 1 else ""
+        known = on_axis.Clock(0.0, source="reference", given=AS_IT_IS)
+        return {c.name: (known, NONE, NONE, "") if c.name == reference else (on_axis.Clock(0.0), NONE, NONE, why) for c in rig}
+    own, fps = rates(pictures, [camera.name for camera in rig])
+    t0 = start_ns(pictures)
+    parts, joints, last = [], [], 0.0
+    for camera in rig:
+        elapsed = camera_seconds(pictures, camera.name, t0, (0.0, 0.0))
+        uv, joints = confident(seen, camera.name, len(elapsed), min_score, sequence)
+        parts.append(camera_clock.Seen(elapsed, uv, max_gap / own[camera.name]))
+        last = max(last, elapsed[-1])
+    return camera_clock.from_detections(rig, parts, joints, instants(fps, last), fps)
+
+
+def confident(seen, camera, count, min_score, where):
+    """Pixels (F, J, 2) of a camera's detections, NaN where the score is at most `min_score`, and the joint names."""
+    values, joints = tables.grid(tables.of_camera(seen, camera), "u", "v", "score")
+    if len(values) != count:
+        raise DiorError(
+            f"{where}, {camera}: detections of {len(values)} frames but {count} pictures; run the step detections again"
+        )
+    with np.errstate(invalid="ignore"):
+        return np.where(values[..., 2:] > min_score, values[..., :2], np.nan), joints
+
+
+def _costs(sequence, told):
+    lags = [(name, lag, cost) for name, (_, lags, costs, _) in told.items() for lag, cost in zip(lags, costs, strict=True)]
+    camera, lag, cost = zip(*lags, strict=True) if lags else ((), (), ())
+    return {
+        "sequence": [sequence] * len(lags),
+        "camera": list(camera),
+        "lag_s": np.array(lag, float),
+        "cost_px": np.array(cost, float),
+    }
+
+
+def _findings(sequence, told, manual, names, joint, period_s, indoor):
+    found = []
+    for name, (clock, _, _, why) in told.items():
+        scope = f"{sequence}/{name}"
+        hand = manual.get(name)
+        if clock.source == "reference":
+            continue
+        if why:
+            used = f"{hand.offset_s:+.4f} s of config/offsets counts" if hand else "it is taken as 0 with unknown error"
+            advice = "" if hand else f"; give it in config/offsets/{sequence}.yaml"
+            found.append(
+                (scope, "info" if hand else "warning", "clock_unknown", f"its clock cannot be told: {why}; {used}{advice}")
+            )
+            continue
+        half = on_axis.NORMAL_95 * clock.sigma(names, joint)
+        text = (
+            f"offset {clock.offset_s:+.4f} ± {half[0]:.4f} s, drift {clock.drift_ppm:+.0f} ± {half[1]:.0f} ppm "
+            f"(95 %), from {clock.method}"
+        )
+        apart = _apart(hand, clock) if hand else 0.0
+        if hand and abs(apart) > max(half[0] if np.isfinite(half[0]) else 0.0, CONTRADICTS_S):
+            found.append(
+                (scope, "warning", "clock_contradicts", f"config/offsets says {hand.offset_s:+.4f} s, the recording "
+                 f"{text}: {abs(apart) / period_s:.1f} pictures apart; remove the value or check it")
+            )  # fmt: skip
+        elif not indoor and abs(clock.offset_s) > period_s / 2 and not hand:
+            found.append(
+                (scope, "warning", "clock_off", f"{text}: {abs(clock.offset_s) / period_s:.1f} pictures from the reference; "
+                 "corrected, but its computer's time or its stamps want a look")
+            )  # fmt: skip
+        else:
+            found.append((scope, "info", "clock_found", text))
+    return found
+
+
+def _apart(hand, clock):
+    """How far (s) a clock by hand is from the estimate in the middle of the recording."""
+    return hand.offset_s - clock.offset_s + 1e-6 * (hand.drift_ppm - clock.drift_ppm) * clock.middle_s
