@@ -26,7 +26,18 @@ import numpy as np
 
 from dior import physics as people
 from dior import tables
-from dior.calibrate import beginning, bundle, facts, outcome, realsense, reduced, starts, uncertainty
+from dior.calibrate import (
+    beginning,
+    bundle,
+    facts,
+    lags,
+    outcome,
+    realsense,
+    reduced,
+    starts,
+    uncertainty,
+    window_clocks,
+)
 from dior.calibrate import offsets as clocks
 from dior.calibrate import window as seen_in
 from dior.calibrate.outcome import Adjusted, check_end, in_front
@@ -41,6 +52,8 @@ PLACED_SIGMA_M, PLACED_SIGMA_DEG = 0.05, 2.0
 TAPE_SIGMA_M = 0.05
 UNKNOWN_M = 1000.0
 ROUNDS = 5
+SETTLED_S = 5e-4  # of the clocks
+TURNS, QUICK_TURNS = 8, 2  # with unknown clocks; while these are still found from fewer moments
 SAMPLE_ROUNDS = 3
 MOST_USABLE = 0.9
 LENS_SIGMA = 0.003
@@ -52,7 +65,7 @@ SETTLED = 0.001
 
 def adjust(
     cameras, uv, priors, huber_px, max_mean_px, where, tracks=None, known=(), marked=None, lens_sigma=LENS_SIGMA,
-    start_priors=None,
+    start_priors=None, timed=None,
 ):  # fmt: skip
     """Adjust V cameras to the detections `uv` (V, N, 2), recorded px, NaN where not seen.
 
@@ -62,9 +75,15 @@ def adjust(
     (`uncertainty.Tracks`) says what the points are; `known` are metric facts (`facts.KeypointDistance` and so on),
     `marked` (`facts.Marked`) points that a person marked for them. Of many points a sample comes first, so that the
     large problem starts near its end; points that the placed cameras put behind one of them are left out at first and
-    tried again from the adjusted cameras, which also tell the detections that disagree.
+    tried again from the adjusted cameras, which also tell the detections that disagree. `timed`
+    (`window_clocks.Sequences`), where clocks are unknown: they are found by turns with the poses, and `uv` and `tracks`
+    are made from it.
     Raises DiorError (beginning with `where`), see `bundle.optimise` and the checks below.
     """
+    values, fits = None, ()
+    if timed is not None:
+        values = timed.start(cameras, *_how_far_off(cameras, start_priors or priors))
+        uv, tracks, _ = timed.observations(values)
     beginning.check_start(cameras, uv, where)
     beginning.check_shared(cameras, uv, where)
     focal = np.array([camera.intrinsics.fx for camera in cameras])
@@ -76,8 +95,13 @@ def adjust(
         return sampled(start, few, start_priors or priors, sigma, where)
 
     chosen, tried = starts.best(cameras, few, attempt, where)
-    adjusted = chosen.cameras
-    for _ in range(ROUNDS):
+    adjusted, settled = chosen.cameras, timed is None
+    for turn in range(ROUNDS if timed is None else TURNS):
+        if timed is not None and not settled:
+            before, last = values, turn >= QUICK_TURNS
+            values, fits = timed.fitted(adjusted, values, *((window_clocks.MOST, True) if last else ()))
+            settled = last and window_clocks.moved(before, values) < SETTLED_S
+            uv, tracks, _ = timed.observations(values)
         agreed = agreeing(adjusted, uv)
         points = triangulated(adjusted, agreed)
         used = _usable(adjusted, agreed, points)
@@ -86,7 +110,7 @@ def adjust(
         solved, stated = metric(adjusted, taken, points, priors, sigma, tracks, known, marked, where)
         adjusted = solved.cameras
         again = agreeing(adjusted, uv)
-        if (np.isfinite(again) != np.isfinite(agreed)).mean() < SETTLED:
+        if settled and (np.isfinite(again) != np.isfinite(agreed)).mean() < SETTLED:
             break
     count = uv.shape[1]
     points = np.where(used[:, None], solved.points[:count], np.nan)
@@ -94,13 +118,23 @@ def adjust(
     before, after = reprojection_errors(cameras, start, taken), reprojection_errors(adjusted, points, taken)
     disagreeing = 1 - np.isfinite(agreed).sum() / np.isfinite(uv).sum()
     spread = None if tracks is None else uncertainty.of(solved, tracks, lens_sigma)
+    if timed is not None:
+        spread = window_clocks.widened(spread, solved, tracks, timed, fits)
     noise = solved.linear.noise * solved.linear.variance[:, None, None]
     measured = tuple((fact, fact.measured(adjusted, solved.points, noise)) for fact in stated if fact.measured)
     done = Adjusted(
-        adjusted, points, before, after, float(disagreeing), solved.iterations, spread, measured, tuple(tried)
-    )
+        adjusted, points, before, after, float(disagreeing), solved.iterations, spread, measured, tuple(tried), uv,
+        tracks, values, tuple(fits),
+    )  # fmt: skip
     check_end(done, taken, max_mean_px * focal.mean() / REFERENCE_FX, where)
     return done
+
+
+def _how_far_off(cameras, priors):
+    """How far (rad, m) each camera may be off before anything is adjusted, 1 sigma."""
+    by_tape = np.array([prior.sigma_rad > np.radians(lags.AIM_DEG) for prior in priors])
+    turns = np.where(by_tape, np.radians(lags.AIM_DEG), [prior.sigma_rad for prior in priors])
+    return turns, np.minimum([prior.sigma_m for prior in priors], lags.MOST_SHIFT_M)
 
 
 def sampled(cameras, uv, priors, sigma, where):
@@ -233,8 +267,8 @@ def run(
         kind: {Path(path).name.partition(".")[0]: path for path in paths}
         for kind, paths in (("detections", detections), ("frames", frames), ("offsets", offsets))
     }
-    parts, found = [], []
-    for sequence, instants in window.items():
+    recorded, given, found = [], [], []
+    for sequence in window:
         where = f"session {session}, {sequence}"
         for kind in ("detections", "frames"):
             if sequence not in files[kind]:
@@ -242,22 +276,23 @@ def run(
         pictures = tables.read(files["frames"][sequence], "frames", ["camera", "frame", "stamp_ns"])
         clock = clocks.read(files["offsets"].get(sequence), tables.ordered_unique(pictures["camera"]))
         seen = tables.read(files["detections"][sequence], "detections")
-        part = seen_in.observations(
-            placed, seen, pictures, clock, instants, min_score, min_views, max_gap, where
-        )  # fmt: skip
-        parts.append(part)
-        text = f"{len(part.joint)} joints at {part.count} of {instants['count']} instants of {sequence} used"
-        found.append((session, "info" if len(part.joint) else "warning", "adjust_window", text))
-    uv, tracks = seen_in.together(parts, [instants["count"] for instants in window.values()])
+        recorded.append(seen_in.recorded(placed, seen, pictures, min_score, max_gap, where))
+        given.append([clock[camera.name] for camera in placed])
+    timed = window_clocks.of(recorded, list(window.values()), [camera.name for camera in placed], given, min_views)
     known = known or {}
     stated = seen_in.metric_facts(known, list(window)) + seen_in.tag_corners(placed, tags, f"session {session}")
     clicked = {Path(path).name.partition(".")[0].partition("@")[0]: path for path in marks}
     names = [camera.name for camera in placed]
     marked = seen_in.marked(clicked, names, seen_in.names_of_marks(known) - set(names), MARK_SIGMA_PX)
     done = adjust(
-        placed, uv, priors, huber_px, max_mean_px, f"session {session}", tracks, stated, marked, intrinsics_sigma,
-        start_priors,
+        placed, None, priors, huber_px, max_mean_px, f"session {session}", None, stated, marked, intrinsics_sigma,
+        start_priors, timed,
     )  # fmt: skip
+    uv, tracks, parts = timed.observations(done.clocks)
+    for sequence, part, instants in zip(window, parts, window.values(), strict=True):
+        text = f"{len(part.joint)} joints at {part.count} of {instants['count']} instants of {sequence} used"
+        found.append((session, "info" if len(part.joint) else "warning", "adjust_window", text))
+    found += window_clocks.findings(session, list(window), timed, done)
     for i, (sequence, part) in enumerate(zip(window, parts, strict=True)):
         skeleton = np.full((len(part.seconds), len(part.names), 3), np.nan)
         skeleton[part.instant, part.joint] = done.points[tracks.sequence == i]

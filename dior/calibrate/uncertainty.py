@@ -224,6 +224,12 @@ def of(solved, tracks, lens_sigma=0.0):
     return Uncertainty((covariance + covariance.T) / 2, float(np.sqrt(bias)), float(noise), float(lasting))
 
 
+def by_parameters(solved, derivative, at, size):
+    """(6V, Q): how the solution's cameras move with parameters of the pixels; arguments as of `considered`."""
+    own_facts = [np.zeros((len(row.residual), size)) for row in solved.facts]
+    return -np.linalg.solve(solved.normal, considered(solved, derivative, at, size, own_facts).through)
+
+
 def _fact_noise(row, linear, noise):
     """Covariance (m, m) of a fact's residuals: its own sigma and the noise of the points that it speaks of.
 

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from dior import tables
-from dior.calibrate import facts
+from dior.calibrate import camera_clock, facts
 from dior.calibrate import marks as hand_marks
 from dior.calibrate.uncertainty import Tracks
 from dior.errors import DiorError
-from dior.sampling import camera_seconds, rates, sample, start_ns
+from dior.sampling import camera_seconds, rates, start_ns
 
 
 @dataclass(frozen=True)
@@ -36,19 +36,23 @@ class Seen:
         return len(np.unique(self.instant))
 
 
-def observations(cameras, detections, frames, clock, window, min_score, min_views, max_gap, where):
-    """`Seen` of one sequence: the joints at the instants of `window`.
+@dataclass(frozen=True)
+class Recorded:
+    """What every camera has of a sequence: `seen` (V), each a `camera_clock.Seen`; instants are 1/`fps` s apart."""
 
-    `detections` and `frames` are tables, `clock` from `offsets.read`, `max_gap` in nominal frame periods. A joint at
-    an instant is kept where its score is above `min_score` in at least `min_views` cameras.
-    """
+    seen: tuple
+    names: tuple
+    fps: float
+
+
+def recorded(cameras, detections, frames, min_score, max_gap, where):
+    """`Recorded` of one sequence: the pixels with a score above `min_score`; `max_gap` in nominal frame periods."""
     t0 = start_ns(frames)
     own, fps = rates(frames, [camera.name for camera in cameras])
-    queries = (window["first"] + window["step"] * np.arange(window["count"])) / fps
-    uv = []
+    seen = []
     for camera in cameras:
         values, joints = tables.grid(tables.of_camera(detections, camera.name), "u", "v", "score")
-        times = camera_seconds(frames, camera.name, t0, clock[camera.name])
+        times = camera_seconds(frames, camera.name, t0, (0.0, 0.0))
         if len(values) != len(times):
             raise DiorError(
                 f"{where}, {camera.name}: detections of {len(values)} frames but {len(times)} pictures; run "
@@ -56,11 +60,28 @@ def observations(cameras, detections, frames, clock, window, min_score, min_view
             )
         with np.errstate(invalid="ignore"):
             confident = np.where(values[..., 2:] > min_score, values[..., :2], np.nan)
-        uv.append(sample(times, confident, queries, max_gap / own[camera.name]).reshape(-1, 2))
-    uv = np.stack(uv)
+        seen.append(camera_clock.Seen(times, confident, max_gap / own[camera.name]))
+    return Recorded(tuple(seen), tuple(joints), fps)
+
+
+def observations(cameras, detections, frames, clock, window, min_score, min_views, max_gap, where):
+    """`Seen` of one sequence: the joints at the instants of `window`.
+
+    `detections` and `frames` are tables, `clock` from `offsets.read`, `max_gap` in nominal frame periods. A joint at
+    an instant is kept where its score is above `min_score` in at least `min_views` cameras.
+    """
+    found = recorded(cameras, detections, frames, min_score, max_gap, where)
+    return at_instants(found, [clock[camera.name][:2] for camera in cameras], window, min_views)
+
+
+def at_instants(found, clocks, window, min_views):
+    """`Seen` of a `Recorded` sequence by clocks (V, 2), offset s and drift ppm."""
+    queries = (window["first"] + window["step"] * np.arange(window["count"])) / found.fps
+    uv = np.stack([own.at(queries, clock, 0.0).reshape(-1, 2) for own, clock in zip(found.seen, clocks, strict=True)])
     kept = np.isfinite(uv).all(axis=-1).sum(axis=0) >= min_views
     index = np.flatnonzero(kept)
-    return Seen(uv[:, kept], index % len(joints), index // len(joints), tuple(joints), queries)
+    each = len(found.names)
+    return Seen(uv[:, kept], index % each, index // each, found.names, queries)
 
 
 def together(parts, counts):

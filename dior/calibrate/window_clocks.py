@@ -1,0 +1,274 @@
+"""The clocks of the window's sequences, found while the cameras are adjusted to them.
+
+INPUTS   what the cameras have of each sequence (`window.Recorded`), clocks that a person gave, cameras
+OUTPUTS  the clocks, the joints at the window's instants by them, and what the clocks' errors do to the cameras
+
+Poses and clocks are found by turns: with the cameras as they are the clocks follow from how the joints move
+(`clock_fit`: a detector's constant errors have no say), then the cameras are adjusted at the instants by these clocks.
+An offset and a shift of a camera along the walk are alike only as long as nothing but the even part of a walk counts,
+so that few turns settle it. Where the turns end, both are least squares of linear equations in each other:
+camera errors x = A c + e, clock errors c = G x + f. Hence x = (1 - A G)^-1 (e + A f).
+The clock of the first camera by name is the reference. A clock is the time (s) in the middle of its stretch and the
+drift (ppm).
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dior.calibrate import camera_clock, clock_fit, lags, uncertainty
+from dior.calibrate.mocap_clock import DRIFT_SD_PPM
+from dior.calibrate.window import at_instants, together
+from dior.clocks import NORMAL_95
+
+QUICK, MOST = 200, 600  # moments of a sequence that its clocks are fitted to: while the cameras still move, at last
+SETTLED_S = 2e-4
+MOST_STEPS, MOST_LONGER = 6, 8.0
+MOST_STEP_S, MOST_STEP_PPM = 0.1, 100.0
+CONTRADICTS = 2.6  # sigmas: 1 % of correct ones
+FEWEST_SHARED_S = 1.0
+
+
+@dataclass(frozen=True)
+class Sequences:
+    """`recorded`: a `window.Recorded` of each of S sequences, `windows` their instants, `names` of the V cameras.
+
+    `given` (S, V, 2): clocks as a person gave them or 0, offset s and drift ppm at t0; `held` (S, V): those that are
+    not to be estimated.
+    """
+
+    recorded: tuple
+    windows: tuple
+    names: tuple
+    given: np.ndarray
+    held: np.ndarray
+    min_views: int
+
+    @property
+    def reference(self):
+        """Index of the camera whose clock the others are told by."""
+        return self.names.index(min(self.names))
+
+    def middle(self, i):
+        """The middle (s) of the stretch that the clocks of a sequence are fitted in."""
+        grid = self.grid(i, MOST)
+        return float((grid[0] + grid[-1]) / 2)
+
+    def grid(self, i, most):
+        """Moments (T,) s that the clocks of a sequence are fitted to: about the window, as many as `most`."""
+        found, window = self.recorded[i], self.windows[i]
+        last = int(max(own.elapsed[-1] for own in found.seen) * found.fps)
+        centre = window["first"] + window["step"] * window["count"] // 2
+        first = int(np.clip(centre - most // 2, 0, max(last - most, 0)))
+        return np.arange(first, min(first + most, last) + 1) / found.fps
+
+    def at_t0(self, values):
+        """Clocks (S, V, 2) as offset (s) at t0 and drift, from the time in the middle and drift."""
+        middle = np.array([self.middle(i) for i in range(len(values))])
+        return np.stack([values[..., 0] - 1e-6 * values[..., 1] * middle[:, None], values[..., 1]], axis=-1)
+
+    def start(self, cameras, aim_rad, shift_m):
+        """Clocks (S, V, 2) as given, the others by the lags of the rays (`lags`). `aim_rad`, `shift_m` (V,)."""
+        values = self.given.copy()
+        for i, found in enumerate(self.recorded):
+            values[i, :, 0] += 1e-6 * values[i, :, 1] * self.middle(i)
+            if self.held[i].all():
+                continue
+            rays = [
+                lags.rays(camera, self.times(i, v, values[i, v]), own.uv, own.max_gap_s)
+                for v, (camera, own) in enumerate(zip(cameras, found.seen, strict=True))
+            ]
+            grid = self.grid(i, MOST)
+            values[i, :, 0] += lags.coarse(cameras, rays, self.held[i], (grid[0], grid[-1]), aim_rad, shift_m)
+        return values
+
+    def times(self, i, view, value):
+        """Times (F,) s of a camera's pictures in sequence `i` by a clock (2,)."""
+        own = self.recorded[i].seen[view]
+        return own.elapsed + value[0] + 1e-6 * value[1] * (own.elapsed - self.middle(i))
+
+    def observations(self, values):
+        """Pixels (V, N, 2) and `uncertainty.Tracks` of the joints at the windows' instants, and the `window.Seen`s."""
+        parts = [
+            at_instants(found, clocks, window, self.min_views)
+            for found, clocks, window in zip(self.recorded, self.at_t0(values), self.windows, strict=True)
+        ]
+        return *together(parts, [window["count"] for window in self.windows]), parts
+
+    def fitted(self, cameras, values, most=QUICK, last=False):
+        """Clocks (S, V, 2) by how the joints move, with the cameras as they are, and the `Fit` of each sequence.
+
+        None for a sequence of which nothing tells. With `last` also clocks that are held are compared, and gains made.
+        """
+        values, fits = values.copy(), []
+        for i in range(len(values)):
+            held = self.held[i].all()
+            fits.append(None)
+            if not held:
+                values[i], fits[i] = self._settled(i, cameras, values[i], most)
+            if last and (held or fits[i] is not None):
+                fits[i] = self._fit(i, cameras, values[i], fits[i], most, True)
+        return values, fits
+
+    def _settled(self, i, cameras, value, most):
+        """Clocks (V, 2) of a sequence, and the last `Fit`.
+
+        Noise in the joints' velocities makes every step too short, by the same share: what the step before has
+        changed tells by how much (Barzilai and Borwein, IMA J. Numer. Anal. 8 (1988) 141-148).
+        """
+        free, fit, went, wanted = ~self.held[i], None, None, None
+        for _ in range(MOST_STEPS):
+            fit = self._fit(i, cameras, value, fit, most)
+            if fit is None:
+                break
+            step, longer = fit.step * free[:, None], 1.0
+            if went is not None:
+                changed = ((wanted - step) * went)[:, 0].sum()
+                longer = (went[:, 0] ** 2).sum() / changed if changed > 0 else MOST_LONGER
+            wanted = step
+            went = np.clip(
+                np.clip(longer, 1.0, MOST_LONGER) * step, [-MOST_STEP_S, -MOST_STEP_PPM], [MOST_STEP_S, MOST_STEP_PPM]
+            )
+            value = value + went
+            if np.abs(went[:, 0]).max() < SETTLED_S:
+                break
+        return value, fit
+
+    def _fit(self, i, cameras, value, before, most, last=False):
+        grid, middle, views = self.grid(i, most), self.middle(i), len(cameras)
+        order = [self.reference, *(v for v in range(views) if v != self.reference)]
+        seen = self.recorded[i].seen
+        uv = np.stack([seen[v].at(grid, value[v], middle) for v in order])
+        ordered = [cameras[v] for v in order]
+        used = camera_clock._agreeing(ordered, uv)
+        uv = np.where(used[..., None], uv, np.nan)
+        tracks = camera_clock.tracks_of(
+            ordered, uv, self.recorded[i].names, grid, middle, last, before and before.solved
+        )
+        # only the drift is known beforehand, about nothing
+        about = (value[order] - value[self.reference])[1:]
+        solved = clock_fit.solve(tracks, about.ravel(), np.tile([0.0, DRIFT_SD_PPM**-2], views - 1))
+        if solved is None:
+            return None
+        step, given = np.zeros((views, 2)), np.zeros((2 * views, 2 * views))
+        gain = np.zeros((2 * views, 6 * views))
+        step[order[1:]] = solved.step.reshape(-1, 2)
+        clock = np.array([2 * v + k for v in order[1:] for k in (0, 1)])
+        given[np.ix_(clock, clock)] = solved.given
+        if last:
+            camera = np.array([6 * v + k for v in order for k in range(6)])
+            gain[np.ix_(clock, camera)] = solved.gain
+            # what moves and scales the world as a whole does not change the time
+            world = uncertainty.gauge(cameras)
+            gain -= gain @ world @ np.linalg.pinv(world)
+        return Fit(step, given, gain, solved)
+
+
+@dataclass(frozen=True)
+class Fit:
+    """`step` (V, 2) of the clocks of a sequence, covariance `given` (2V, 2V) with the cameras as they are, and `gain`
+    (2V, 6V) by the cameras' errors; zeros for the reference. `solved`: the `clock_fit.Solved` that they come from."""
+
+    step: np.ndarray
+    given: np.ndarray
+    gain: np.ndarray
+    solved: object
+
+
+def _together(fits, shape):
+    """Gains (2SV, 6V) and covariance (2SV, 2SV) of the fits of all sequences, zeros where there is none."""
+    sequences, views, _ = shape
+    each = 2 * views
+    gain, given = np.zeros((sequences * each, 6 * views)), np.zeros((sequences * each,) * 2)
+    for i, fit in enumerate(fits):
+        if fit is not None:
+            own = slice(i * each, (i + 1) * each)
+            gain[own], given[own, own] = fit.gain, fit.given
+    return gain, given
+
+
+def moved(before, after):
+    """By how much (s) the clocks (S, V, 2) differ at most."""
+    return float(np.abs(after[..., 0] - before[..., 0]).max(initial=0.0))
+
+
+def of(recorded, windows, names, given, min_views):
+    """`Sequences` by what `offsets.read` gives for every sequence and camera, [[(offset, drift, source)]]."""
+    values = np.array([[clock[:2] for clock in each] for each in given], float).reshape(len(given), len(names), 2)
+    held = np.array([[clock[2] == "manual" for clock in each] for each in given], bool).reshape(values.shape[:2])
+    held[:, names.index(min(names))] = True
+    return Sequences(tuple(recorded), tuple(windows), tuple(names), values, held, min_views)
+
+
+def widened(spread, solved, tracks, timed, fits):
+    """The cameras' `Uncertainty` with that of the clocks."""
+    if spread is None or timed.held.all():
+        return spread
+    free = np.repeat(~timed.held.ravel(), 2)
+    gain, given = _together(fits, timed.given.shape)
+    A, G, given = by_clocks(solved, tracks, timed)[:, free], gain[free], given[np.ix_(free, free)]
+    both = np.linalg.inv(np.eye(len(A)) - A @ G)
+    covariance = both @ (spread.covariance + A @ given @ A.T) @ both.T
+    return replace(spread, covariance=(covariance + covariance.T) / 2)
+
+
+def by_clocks(solved, tracks, timed):
+    """(6V, 2 S V): how the adjusted cameras move with the clocks (time in the middle s, drift ppm)."""
+    linear, views = solved.linear, len(solved.cameras)
+    people, count = len(tracks.joint), solved.linear.r.shape[-1]
+    speed = np.zeros((count, 3))
+    aside = np.zeros(count)
+    for i, (found, window) in enumerate(zip(timed.recorded, timed.windows, strict=True)):
+        own = np.flatnonzero(tracks.sequence == i)
+        seconds = (window["first"] + window["step"] * np.arange(window["count"])) / found.fps
+        moment = tracks.moment[own] - sum(w["count"] for w in timed.windows[:i])
+        points = np.full((window["count"], len(tracks.names), 3), np.nan)
+        points[moment, tracks.joint[own]] = solved.points[own]
+        moves = np.gradient(points, seconds, axis=0) if len(seconds) > 1 else np.zeros_like(points)
+        speed[own] = np.nan_to_num(moves)[moment, tracks.joint[own]]
+        aside[own] = 1e-6 * (seconds[moment] - timed.middle(i))
+    # the pixels at an instant move on with the clock, the residual is predicted less seen
+    by_time = -(linear.J * speed.T).sum(axis=2)
+    derivative = np.stack([by_time, by_time * aside], axis=2)
+    derivative[..., people:] = 0.0
+    sequence = np.zeros(count, int)
+    sequence[:people] = tracks.sequence
+    first = 2 * (sequence * views + np.arange(views)[:, None])
+    at = np.stack([first, first + 1], axis=1)
+    return uncertainty.by_parameters(solved, derivative, at, 2 * views * len(timed.recorded))
+
+
+def findings(session, sequences, timed, done):
+    """What the clocks are, with 95 % intervals, and where a clock given by hand contradicts the detections."""
+    found = []
+    reference = timed.reference
+    for i, sequence in enumerate(sequences):
+        fit, covariance = done.fits[i] if done.fits else None, done.uncertainty.covariance
+        period = 1.0 / timed.recorded[i].fps
+        for v, name in enumerate(timed.names):
+            scope, shift = f"{sequence}/{name}", timed.at_t0(done.clocks)[i, v]
+            if v == reference or (fit is None and timed.held[i, v]):
+                continue
+            if fit is None:
+                text = f"its clock cannot be told from the detections of {session}; it is taken as it is stamped"
+                found.append((scope, "warning", "adjust_clock_unknown", text))
+                continue
+            gain = fit.gain[2 * v]
+            sigma = float(np.sqrt(fit.given[2 * v, 2 * v] + gain @ covariance @ gain))
+            within = f"{1000 * NORMAL_95 * sigma:.1f} ms"
+            if not timed.held[i, v]:
+                text = (
+                    f"its clock is {1000 * shift[0]:+.1f} ms +- {within} from that of {timed.names[reference]}, at the "
+                    f"window's middle {1000 * done.clocks[i, v, 0]:+.1f} ms"
+                )
+                found.append((scope, "info", "adjust_clock", text))
+                continue
+            off = fit.step[v, 0]
+            if abs(off) > max(period / 2, CONTRADICTS * sigma):
+                text = (
+                    f"the offset of {1000 * shift[0]:+.1f} ms given by hand contradicts the detections, by which it is "
+                    f"{1000 * (shift[0] + off):+.1f} ms +- {within}, {abs(off) / period:.1f} pictures off; correct or "
+                    f"remove it in config/offsets/{sequence}.yaml"
+                )
+                found.append((scope, "warning", "clock_contradicts", text))
+    return found
