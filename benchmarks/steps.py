@@ -183,7 +183,7 @@ def _align(capture, session, camera):
         session=session, camera=camera, camera_file=_config(capture, session, camera),
         intrinsics=capture.made("intrinsics", unit), skeletons=[skeleton_of(capture, name) for name in drawn],
         frames=[capture.made("frames", name) for name in drawn],
-        offsets=[capture.made("timeline", name, ".offsets") for name in drawn],
+        offsets=[_offsets(capture, name) for name in drawn],
         boxes=[capture.folder / f"config/boxes/{name}.{camera}.csv" for name in drawn], marks=[],
         data_root=capture.folder / "data", close=[capture.made("adjust", session)],
         close_covariance=[capture.made("adjust", session, ".covariance")], out=capture.made("align", unit),

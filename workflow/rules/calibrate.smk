@@ -183,7 +183,7 @@ rule align:
         intrinsics="results/intrinsics/{session}/{camera}.parquet",
         skeletons=aligned_skeletons,
         frames=aligned("frames/{sequence}.parquet"),
-        offsets=aligned("timeline/{sequence}.offsets.parquet"),
+        offsets=aligned_offsets,
         boxes=aligned_boxes,
         marks=aligned_marks,
         bags=there(aligned_bags),

@@ -233,6 +233,11 @@ def aligned_skeletons(wildcards):
     return [skeleton_of(sequence) for sequence in aligned_sequences(wildcards)]
 
 
+def aligned_offsets(wildcards):
+    """The clocks given by hand of the sequences that a long-range camera is aligned to."""
+    return [path for s in aligned_sequences(wildcards) for path in PROJECT.offsets(s)]
+
+
 def aligned_from(wildcards, source):
     return (setting("align")(wildcards) or {}).get("from") == source
 
