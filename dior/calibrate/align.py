@@ -114,11 +114,10 @@ def read_walk(name, camera, skeleton, frames, offsets):
 
     Raises DiorError where the camera has no picture.
     """
-    filmed = tables.read(frames, "frames")
-    rows = tables.of_camera(filmed, camera)
+    rows = tables.of_camera(tables.read(frames, "frames"), camera)
     if not len(rows["frame"]):
         raise DiorError(f"{name}, camera {camera}: {frames} lists no picture of it; take it off align.sequences")
-    offset_s, drift_ppm, source = hand_offsets.read(offsets, tables.ordered_unique(filmed["camera"]))[camera]
+    offset_s, drift_ppm, source = given_clock(camera, frames, offsets)
     table = tables.read(skeleton, "skeletons_3d")
     track, t0_ns, joints = tracks.read(table)
     noise = point_covariance(table, track.points.shape[:2])
@@ -126,6 +125,12 @@ def read_walk(name, camera, skeleton, frames, offsets):
     sd_m = float(np.sqrt(np.median(variance))) if len(variance) else np.nan
     when = seconds(rows["stamp_ns"], t0_ns, offset_s, drift_ppm)
     return Walk(name, rows, when, track, joints, source == "manual", sd_m)
+
+
+def given_clock(camera, frames, offsets):
+    """Offset s, drift ppm and source of a camera's clock by the file of those given by hand, which may be None."""
+    known = tables.ordered_unique(tables.read(frames, "frames", ["camera"])["camera"])
+    return hand_offsets.read(offsets, known)[camera]
 
 
 def from_boxes(walk, path):
@@ -196,16 +201,20 @@ def gather(walks, start, source, files, data_root, marks):
     for k, (walk, (shown, values)) in enumerate(zip(walks, found, strict=True)):
         track, count = walk.track, len(shown)
         if source == "silhouettes":
-            top = silhouettes.crown(track.points, walk.joints)
-            track = tracks.Track(track.seconds, np.concatenate([track.points, top[:, None]], axis=1))
-            flesh = silhouettes.flesh([*walk.joints, "crown"], float(np.nanmedian(top[:, 2])))
+            whole, flesh = silhouettes.outline(track.points, walk.joints)
+            track = tracks.Track(track.seconds, whole)
         points, taken = track.at(walk.seconds[shown]), [*taken, track]
         clicks = values if source == "marks" else np.full((*points.shape[:2], 2), np.nan)
         edges = np.full((count, 4), np.nan) if source == "marks" else values
         parts.append((points, edges, clicks, walk.seconds[shown], np.full(count, k)))
-    known = [walk.sd_m for walk in walks if np.isfinite(walk.sd_m)]
-    bias_m = ALIKE * float(np.mean(known)) if known else boxes_fit.JOINT_BIAS_M
+    bias_m = lasting_bias(walks)
     return boxes_fit.Seen(*(np.concatenate(column) for column in zip(*parts, strict=True)), bias_m, flesh, tuple(taken))
+
+
+def lasting_bias(walks):
+    """Standard error (m) of a joint's place that stays while the same side of the body is seen."""
+    known = [walk.sd_m for walk in walks if np.isfinite(walk.sd_m)]
+    return ALIKE * float(np.mean(known)) if known else boxes_fit.JOINT_BIAS_M
 
 
 def by_close(close, points):

@@ -176,16 +176,15 @@ def fit(start, freedom, seen, where, derivative=None, occluder="auto"):
     """`Fitted` from a start a few degrees off.
 
     `derivative`: a function that gives the (F, J, 3, 6V) of points by the errors of the close cameras, or the array
-    itself, for `by_cameras`. Of the readings "all
-    edges are the body's" and "the lower (upper) edge is an occluder's, which hides the joints beyond it" the one is
-    taken that the edges agree with best; `occluder` (auto, none, below, above) may say which. Raises DiorError
-    (beginning with `where`) with too little to fit.
+    itself, for `by_cameras`. Of the readings "all edges are the body's" and "the lower (upper) edge is an occluder's,
+    which hides the joints beyond it" the one is taken that the edges agree with best; `occluder` (auto, none, below,
+    above) may say which. Raises DiorError (beginning with `where`) with too little to fit.
     """
     count = np.isfinite(seen.edges).sum() + np.isfinite(seen.clicks).sum()
     if count < 8:
         raise DiorError(f"{where}: {count} usable edges and clicked coordinates; draw boxes on at least 4 pictures")
     readings = READINGS[occluder] if np.isfinite(seen.edges).any() else ("",)
-    tried = [_Reading(start, freedom, seen, side).solve(where) for side in readings]
+    tried = [Reading(start, freedom, seen, side).solve(where) for side in readings]
     sd_px = min(reading.sd for reading in tried)
     costs = np.array([reading.cost(sd_px) for reading in tried])
     best = int(np.argmin(costs))
@@ -193,7 +192,7 @@ def fit(start, freedom, seen, where, derivative=None, occluder="auto"):
     return replace(tried[best].fitted(derivative), ahead=float(min(others - costs[best], default=np.inf)))
 
 
-class _Reading:
+class Reading:
     """One reading of the edges, with the state of its iteration."""
 
     def __init__(self, start, freedom, seen, side):
@@ -225,7 +224,7 @@ class _Reading:
         costs = []
         for lag in LAGS_S:
             seen = self.seen.only(walk, lag)
-            costs.append(_Reading(self.start, held, seen, self.side).cost_of_search(where))
+            costs.append(Reading(self.start, held, seen, self.side).cost_of_search(where))
         costs = np.array(costs) + (LAGS_S / self.freedom.clock_s[walk]) ** 2
         return float(LAGS_S[np.argmin(costs)])
 
@@ -234,7 +233,7 @@ class _Reading:
         count = np.isfinite(self.seen.edges).sum() + np.isfinite(self.seen.clicks).sum()
         if not np.isfinite(cam.project(self.start, self.seen.points)[0]).any():
             return float(count * CUT**2)
-        self.values[TURN] = self._aim(where)
+        self.values[TURN] = self._aim(where) * self.free[TURN]
         for scale in SEARCH_SCALES:
             for _ in range(2):
                 self.values = self.values + self._step(self.rows(), scale)
@@ -258,7 +257,7 @@ class _Reading:
             self.values, self.sd = kept, sd
 
     def _iterate(self, where):
-        self.values[TURN] = self._aim(where)
+        self.values[TURN] = self._aim(where) * self.free[TURN]
         for scale in (*SCALES, *(None,) * 12):
             for _ in range(6 if scale else 3):
                 rows = self.rows()

@@ -477,6 +477,16 @@ def own_boxes(wildcards):
     return [path] if path else []
 
 
+def followed_yaml(wildcards):
+    """The file of a camera, as it is for the sequence."""
+    return PROJECT.camera_file(session_of(wildcards), wildcards.camera)
+
+
+def followed_bags(wildcards):
+    """The pictures of a camera, where nobody drew boxes for it."""
+    return [] if own_boxes(wildcards) else PROJECT.bags(wildcards.sequence)
+
+
 def own_boxes_words(wildcards):
     return [f"{wildcards.camera}={path}" for path in own_boxes(wildcards)]
 
