@@ -201,7 +201,7 @@ def tracks_of(cameras, uv, names, seconds, middle, with_cameras, noise):
     points = triangulate(np.stack([cam.inverse_pose(c.wTc) for c in cameras]), xy, seen)
     points, speed = smooth(points, seconds)
     left = _left(points, names)
-    body = np.nanmedian(points[..., :2], axis=1)
+    body = _middle(points)
     drifted = 1e-6 * (seconds - middle)
     feigned = np.zeros_like(speed)
     if noise is not None:
@@ -230,6 +230,12 @@ def tracks_of(cameras, uv, names, seconds, middle, with_cameras, noise):
         residual, by_clock, by_camera, basis, by_point, joint, np.repeat(np.arange(views), each), joint, seconds,
         np.nan_to_num(by_noise),
     )  # fmt: skip
+
+
+def _middle(points):
+    """Middle (T, 2) of the joints (T, J, 3) that are known, NaN without any."""
+    known = np.isfinite(points).all(axis=-1, keepdims=True)
+    return np.where(known, points, 0.0).sum(axis=1)[:, :2] / np.where(known.any(axis=1), known.sum(axis=1), np.nan)
 
 
 def _by_chance(cameras, points, used, noise, seconds):

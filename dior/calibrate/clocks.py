@@ -20,6 +20,7 @@ from dior.errors import DiorError
 from dior.sampling import camera_seconds, instants, rates, start_ns
 
 AS_IT_IS = (0.0, 0.0)
+FAR_OFF = 0.9  # pictures; cameras that run free on one network's time are nearer to each other
 CONTRADICTS_S = 0.002  # at least so far from the estimate a value by hand is doubted
 NONE = np.zeros(0)
 
@@ -168,7 +169,7 @@ def _findings(sequence, told, manual, names, joint, period_s, indoor):
                 (scope, "warning", "clock_contradicts", f"config/offsets says {hand.offset_s:+.4f} s, the recording "
                  f"{text}: {abs(apart) / period_s:.1f} pictures apart; remove the value or check it")
             )  # fmt: skip
-        elif not indoor and abs(clock.offset_s) > period_s / 2 and not hand:
+        elif not indoor and abs(clock.offset_s) > FAR_OFF * period_s and not hand:
             found.append(
                 (scope, "warning", "clock_off", f"{text}: {abs(clock.offset_s) / period_s:.1f} pictures from "
                  "the reference; corrected, but its computer's time or its stamps want a look")

@@ -173,7 +173,8 @@ def tracks_of(camera, motion, uv, elapsed, middle, value):
     residual = np.where(far[..., None], np.nan, residual)
     moves = (by_point @ speed[..., None])[..., 0]
     by_clock = np.stack([moves, moves * (1e-6 * (elapsed - middle))[:, None, None]], axis=-1)
-    body = np.nanmean(np.where(np.isfinite(points), points, np.nan), axis=1)[:, :2] if len(points) else points[:, 0, :2]
+    known = np.isfinite(points).all(axis=-1, keepdims=True)
+    body = np.where(known, points, 0.0).sum(axis=1)[:, :2] / np.maximum(known.sum(axis=1), 1)
     side = side_seen(camera.centre, blend(motion.left, *where), body)
     side = np.broadcast_to(side[:, None], depth.shape)
     basis = clock_fit.constants(depth, side, by_point @ axes)
