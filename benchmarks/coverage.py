@@ -1,6 +1,6 @@
 """Do the labels' error ellipses hold? Many captures, each simulated and labelled anew, with true and with found clocks.
 
-usage: python -m benchmarks.coverage [CAPTURES] [SECONDS] [true|found]      (100 captures, seeds 1, 2, ..., walks of 8 s)
+usage: python -m benchmarks.coverage [CAPTURES] [SECONDS] [true|found]      (100 captures, seeds 1-100, walks of 8 s)
 
 A 95 % ellipse should hold 95 % of the true keypoints, and the error of a coordinate should be its sigma on average
 (rms of error / sigma of 1). The labels of one capture share its cameras' errors, so that only the number of captures
