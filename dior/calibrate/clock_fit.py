@@ -19,6 +19,7 @@ HUBER = 2.0  # sigmas of a coordinate at which a whitened residual starts to wei
 ROUNDS = 3
 MOST_FEIGNED = 0.8
 LEAST_SHARE = 0.6
+SETTLED = 0.15  # standard errors: the choice among the detections moves a clock by as much
 MOST_KEPT = 0.95  # correlation of neighbouring residuals, at most
 FEWEST = 60  # usable moments of joints
 
@@ -121,6 +122,11 @@ def solve(tracks, value, prior):
     return Solved(
         -inverse @ g, _no_more(inverse @ meat @ inverse, prior), -inverse @ N[:K, K : K + Q], sd, keep, rms, used
     )
+
+
+def settled(solved):
+    """Whether the last step was small against the standard errors of the clocks, every other unknown."""
+    return bool((np.abs(solved.step) < SETTLED * np.sqrt(np.diagonal(solved.given)))[::2].all())
 
 
 def _no_more(covariance, prior):

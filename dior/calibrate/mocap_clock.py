@@ -25,7 +25,6 @@ DRIFT_SD_PPM = 50.0  # of a quartz
 MOST = 2400  # pictures that take part, in runs
 RUNS = 3
 ROUNDS = 12
-SETTLED_S = 1e-6
 MOST_SIGMA_S = 0.1
 AMBIGUOUS = 1.1
 APART_S = 0.25
@@ -90,7 +89,7 @@ def from_detections(camera, motion, uv, elapsed):
             return Clock(0.0), lags, costs, "too few detections of moving joints"
         step = np.clip(solved.step, [-0.1, -200], [0.1, 200])
         value = value + step
-        if abs(step[0]) < SETTLED_S:
+        if clock_fit.settled(solved):
             break
     return clock_of(value, middle, solved, [camera.name]), lags, costs, doubt(solved)
 
