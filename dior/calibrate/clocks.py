@@ -158,13 +158,15 @@ def _findings(sequence, told, manual, names, joint, period_s, indoor):
                 )
             )
             continue
-        half = on_axis.NORMAL_95 * clock.sigma(names, joint)
+        half, known = on_axis.NORMAL_95 * clock.sigma(names, joint), ""
+        if not np.isfinite(half).all():
+            half, known = on_axis.NORMAL_95 * np.array(clock.given), ", if the cameras' poses are right"
         text = (
             f"offset {clock.offset_s:+.4f} ± {half[0]:.4f} s, drift {clock.drift_ppm:+.0f} ± {half[1]:.0f} ppm "
-            f"(95 %), from {clock.method}"
+            f"(95 %{known}), from {clock.method}"
         )
         apart = _apart(hand, clock) if hand else 0.0
-        if hand and abs(apart) > max(half[0] if np.isfinite(half[0]) else 0.0, CONTRADICTS_S):
+        if hand and abs(apart) > max(half[0], CONTRADICTS_S):
             found.append(
                 (scope, "warning", "clock_contradicts", f"config/offsets says {hand.offset_s:+.4f} s, the recording "
                  f"{text}: {abs(apart) / period_s:.1f} pictures apart; remove the value or check it")
