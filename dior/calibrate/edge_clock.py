@@ -6,8 +6,9 @@ OUTPUTS  `dior.clocks.Clock` and the cost of each lag (px)
 
 The edges are those of `boxes_fit`. A joint is not where the outline is, nor where the 3D has it, and that difference
 stays while the same side of the body is seen: each (joint, side) has a shift of its own in the fit, with a prior, so
-that no constant turns into time. What is left is robustly weighted; the covariance is a sandwich over blocks of time,
-since errors near in time are alike. World in metres, recorded pixels, times in s on the axis of the track.
+that no constant turns into time. What is left is robustly weighted; the covariance is a sandwich over blocks of time
+and over the edges of one side of the body, since errors near in time are alike, and so are those of every step. World
+in metres, recorded pixels, times in s on the axis of the track.
 """
 
 from dataclasses import dataclass
@@ -126,14 +127,12 @@ def _refine(reading, camera, seen, makers):
     slope = max(edge_errors.slopes(residual, boxes_fit.CUT * sd).sum() / weight.sum(), 0.2)
     inverse = np.linalg.inv(slope * (A - prior) + prior)
     score = J * (weight * residual / sd**2)[:, None]
-    block = np.floor(seen.seconds[rows.frame] / BLOCK_S).astype(int)
-    _, block = np.unique(block, return_inverse=True)
-    sums = np.zeros((block.max() + 1, J.shape[1]))
-    np.add.at(sums, block, score)
-    blocks = len(sums)
-    own, clustered = score.T @ score, sums.T @ sums * blocks / max(blocks - 2, 1)
-    spread = [inverse @ (meat + prior) @ inverse for meat in (own, clustered)]
-    given = np.sqrt(np.maximum(*(np.diagonal(s)[2:4] for s in spread)))
+    side = edge_errors.side_seen(camera, seen.at(reading.clocks)[0], seen.seconds, seen.walk)[rows.frame]
+    alike = [np.arange(len(score)), np.floor(seen.seconds[rows.frame] / BLOCK_S), 5 * rows.kind + side]
+    own, near, same = (_clustered(score, label) for label in alike)
+    # both ways of being alike, without counting an edge's own error twice
+    spread = [inverse @ (meat + prior) @ inverse for meat in (own, near, same, near + same - own)]
+    given = np.sqrt(np.max([np.diagonal(s)[2:4] for s in spread], axis=0))
     pull = slope * inverse[2:4] @ (J * weight[:, None]).T / sd**2
     gains = {camera.name: -pull @ rows.by_camera}
     if makers:
@@ -142,6 +141,14 @@ def _refine(reading, camera, seen, makers):
         by = -pull @ np.einsum("ni,nij->nj", rows.by_point, moves)
         gains |= {name: by[:, 6 * i : 6 * i + 6] for i, name in enumerate(names)}
     return given, gains, sd
+
+
+def _clustered(score, label):
+    """Sum (P, P) of the squares of the scores (N, P) added up where the label (N,) is the same."""
+    names, index = np.unique(label, return_inverse=True)
+    sums = np.zeros((len(names), score.shape[1]))
+    np.add.at(sums, index, score)
+    return sums.T @ sums * len(names) / max(len(names) - 2, 1)
 
 
 def _system(reading, rows, camera, seen, shifts):
