@@ -44,11 +44,13 @@ class Found:
     refused: str = ""
 
 
-def estimate(camera, seen, method, margin=(3.0, 0.3), side="", makers=None):
+def estimate(camera, seen, method, margin=(3.0, 0.3), side="", makers=None, trails_m=0.0):
     """`Found` for the pictures `seen` (`boxes_fit.Seen` with one track) of a camera.
 
     `margin`: prior of the margin of all edges and of v against u, px. `makers`: names of the cameras that the track
-    comes from and a function that gives the derivative (F, J, 3, 6V) of its points by their errors.
+    comes from and a function that gives the derivative (F, J, 3, 6V) of its points by their errors. `trails_m`:
+    standard error of an outline that goes ahead of or behind the body where it moves, which no residual tells from
+    time.
     """
     freedom = boxes_fit.Freedom(
         turn=(0, 0, 0), shift=(0, 0, 0), margin_px=margin[0], margin_split_px=margin[1], clock_s=(CLOCK_SIGMA_S,),
@@ -66,7 +68,8 @@ def estimate(camera, seen, method, margin=(3.0, 0.3), side="", makers=None):
         return Found(zero, costs, np.nan, np.nan, count, "no picture shows the person")
     best = int(np.nanargmin(costs))
     reading.clocks[0, 0] = LAGS_S[best]
-    given, gains, sd = _refine(reading, camera, seen, makers)
+    given, gains, sd, speed = _refine(reading, camera, seen, makers)
+    given = np.hypot(given, (trails_m / speed, 0.0))
     offset, drift = reading.clocks[0]
     # the fit has the time in the middle, the formula that at t0
     clock = Clock(
@@ -106,7 +109,8 @@ def cost_at(reading, limit_px):
 
 
 def _refine(reading, camera, seen, makers):
-    """Moves the reading's clock and margins to the best; given sigma (2,), gains by camera, sd px of an edge."""
+    """Moves the reading's clock and margins to the best; given sigma (2,), gains by camera, sd px of an
+    edge, and the speed m/s of what tells the time."""
     scale, shifts = None, None
     for _ in range(STEPS):
         rows = reading.rows()
@@ -140,7 +144,9 @@ def _refine(reading, camera, seen, makers):
         moves = np.nan_to_num(derivative(seen.at(reading.clocks)[0])[rows.frame, rows.joint])
         by = -pull @ np.einsum("ni,nij->nj", rows.by_point, moves)
         gains |= {name: by[:, 6 * i : 6 * i + 6] for i, name in enumerate(names)}
-    return given, gains, sd
+    moves = np.abs(J[:, 2])
+    trail = (weight * moves * np.linalg.norm(rows.by_point, axis=1)).sum()
+    return given, gains, sd, max(float((weight * moves**2).sum() / max(trail, 1e-12)), 1e-3)
 
 
 def _clustered(score, label):

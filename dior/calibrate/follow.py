@@ -17,7 +17,7 @@ import numpy as np
 
 from dior import camera as cam
 from dior import clocks, tables
-from dior.calibrate import align, boxes_fit, edge_clock, silhouettes, tracks
+from dior.calibrate import align, boxes_fit, edge_clock, motion_clock, silhouettes, tracks
 from dior.calibrate.place import camera_settings
 from dior.errors import DiorError
 
@@ -123,7 +123,8 @@ def run(
         side = hidden_side(rig[camera], seen, margin, occluder, scope)
     close = [rig[name] for name in makers]
     derivative = (list(makers), partial(align.by_close, close)) if makers else None
-    found = edge_clock.estimate(rig[camera], seen, method, margin, side, derivative)
+    trails_m = motion_clock.TRAILS_M if method == "pictures" else 0.0
+    found = edge_clock.estimate(rig[camera], seen, method, margin, side, derivative, trails_m)
     names = list(dict.fromkeys([*makers, camera]))
     joint = tables.read_camera_covariance(covariance, names) if covariance else None
     write(sequence, camera, found.clock, found.costs_px, told(scope, found), paths, names, joint)

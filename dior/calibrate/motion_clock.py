@@ -19,6 +19,7 @@ PICTURES = 200
 TALL_PX = 80
 BORDER_PX = 2.0  # of a shrunk picture: an edge there is the picture's
 BIAS_M = 0.02  # of a marker or what is derived from it against the outline, as long as the same side is seen
+TRAILS_M = 0.004  # of an outline where it moves: clothes swing, skin slips
 MARGIN_PX, MARGIN_SPLIT_PX = 3.0, 3.0  # at fx 760
 EMPTY_FROM = 60  # pictures
 
@@ -111,5 +112,5 @@ def from_edges(camera, track, flesh_m, moments, edges):
     points = track.at(moments)
     nothing = np.full((*points.shape[:2], 2), np.nan)
     seen = boxes_fit.Seen(points, edges, nothing, moments, np.zeros(len(moments), int), BIAS_M, flesh_m, (track,))
-    scale = camera.intrinsics.fx / 760
-    return edge_clock.estimate(camera, seen, "pictures", (MARGIN_PX * scale, MARGIN_SPLIT_PX * scale))
+    margin = np.array([MARGIN_PX, MARGIN_SPLIT_PX]) * camera.intrinsics.fx / 760
+    return edge_clock.estimate(camera, seen, "pictures", margin, trails_m=TRAILS_M)
