@@ -19,7 +19,7 @@ import numpy as np
 
 from benchmarks import long_range, scene
 from dior import covariance
-from dior.calibrate import align, boxes_fit, edge_clock, motion_clock, tracks
+from dior.calibrate import align, boxes_fit, edge_clock, motion_clock, seen_edges, tracks
 from dior.camera import in_frame, project
 from dior.simulate import backdrop, draw
 from dior.simulate import settings as levels
@@ -143,7 +143,7 @@ def _seen(parts, clocks=None, held=False):
     points = [track.at(moments) for track, moments, _ in parts]
     walk = np.repeat(np.arange(len(parts)), [len(moments) for _, moments, _ in parts])
     every = np.concatenate(points)
-    return boxes_fit.Seen(
+    return seen_edges.Seen(
         every, np.concatenate([edges for *_, edges in parts]), np.full((*every.shape[:2], 2), np.nan),
         np.concatenate([moments for _, moments, _ in parts]), walk,
         tracks=() if held else tuple(track for track, *_ in parts),
@@ -153,10 +153,11 @@ def _seen(parts, clocks=None, held=False):
 def _aligned(start, parts, clocks, held, where):
     """The camera placed by the boxes of both walks, and its covariance (6, 6)."""
     shifted = [(track, moments - late, edges) for (track, moments, edges), late in zip(parts, clocks, strict=True)]
-    freedom = boxes_fit.Freedom(
+    open_clocks = 0 if held else len(parts)
+    freedom = seen_edges.Freedom(
         shift=(long_range.START_M, 0.0, 0.0),
-        clock_s=(align.CLOCK_SIGMA_S,) * len(parts),
-        drift_ppm=(align.DRIFT_SIGMA_PPM,) * len(parts),
+        clock_s=(align.CLOCK_SIGMA_S,) * open_clocks,
+        drift_ppm=(align.DRIFT_SIGMA_PPM,) * open_clocks,
     )
     fitted = boxes_fit.fit(start, freedom, _seen(shifted, held=held), where)
     return fitted.camera, fitted.pose_covariance

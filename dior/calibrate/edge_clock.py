@@ -1,7 +1,7 @@
 """The clock of a camera that stands where it is known to: by edges of boxes or silhouettes around a walker whose 3D is
 known.
 
-INPUTS   the camera, `boxes_fit.Seen` of one walk with its track, which side an occluder has
+INPUTS   the camera, `seen_edges.Seen` of one walk with its track, which side an occluder has
 OUTPUTS  `dior.clocks.Clock` and the cost of each lag (px)
 
 The edges are those of `boxes_fit`. A joint is not where the outline is, nor where the 3D has it, and that difference
@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dior.calibrate import boxes_fit, edge_errors
+from dior.calibrate import boxes_fit, edge_errors, seen_edges
 from dior.clocks import Clock
 
 LAGS_S = np.round(np.arange(-2.0, 2.02, 0.04), 2)
@@ -45,14 +45,14 @@ class Found:
 
 
 def estimate(camera, seen, method, margin=(3.0, 0.3), side="", makers=None, trails_m=0.0):
-    """`Found` for the pictures `seen` (`boxes_fit.Seen` with one track) of a camera.
+    """`Found` for the pictures `seen` (`seen_edges.Seen` with one track) of a camera.
 
     `margin`: prior of the margin of all edges and of v against u, px. `makers`: names of the cameras that the track
     comes from and a function that gives the derivative (F, J, 3, 6V) of its points by their errors. `trails_m`:
     standard error of an outline that goes ahead of or behind the body where it moves, which no residual tells from
     time.
     """
-    freedom = boxes_fit.Freedom(
+    freedom = seen_edges.Freedom(
         turn=(0, 0, 0), shift=(0, 0, 0), margin_px=margin[0], margin_split_px=margin[1], clock_s=(CLOCK_SIGMA_S,),
         drift_ppm=(DRIFT_SIGMA_PPM,),
     )  # fmt: skip

@@ -12,7 +12,7 @@ Recorded pixels; times in s after the first stored frame of the motion capture.
 import numpy as np
 
 from dior import camera as cam
-from dior.calibrate import boxes_fit, edge_clock, silhouettes, tracks
+from dior.calibrate import edge_clock, seen_edges, silhouettes, tracks
 from dior.sampling import seconds
 
 PICTURES = 200
@@ -111,6 +111,6 @@ def from_edges(camera, track, flesh_m, moments, edges):
     """`edge_clock.Found` from edges (F, 4) px of pictures taken at `moments` (F,) s by the stamps."""
     points = track.at(moments)
     nothing = np.full((*points.shape[:2], 2), np.nan)
-    seen = boxes_fit.Seen(points, edges, nothing, moments, np.zeros(len(moments), int), BIAS_M, flesh_m, (track,))
+    seen = seen_edges.Seen(points, edges, nothing, moments, np.zeros(len(moments), int), BIAS_M, flesh_m, (track,))
     margin = np.array([MARGIN_PX, MARGIN_SPLIT_PX]) * camera.intrinsics.fx / 760
     return edge_clock.estimate(camera, seen, "pictures", margin, trails_m=TRAILS_M)
