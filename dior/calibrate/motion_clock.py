@@ -19,7 +19,7 @@ PICTURES = 200
 TALL_PX = 80
 BORDER_PX = 2.0  # of a shrunk picture: an edge there is the picture's
 BIAS_M = 0.02  # of a marker or what is derived from it against the outline, as long as the same side is seen
-TRAILS_M = 0.004  # of an outline where it moves: clothes swing, skin slips
+TRAILS_M = 0.002  # of an outline where it moves: clothes swing, skin slips
 MARGIN_PX, MARGIN_SPLIT_PX = 3.0, 3.0  # at fx 760
 EMPTY_FROM = 60  # pictures
 
