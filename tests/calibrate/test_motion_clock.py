@@ -1,11 +1,15 @@
 """The clock of an indoor camera by the silhouette of somebody whose markers are known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from benchmarks import scene
 from dior.calibrate import edge_clock, motion_clock, tracks
-from dior.camera import project
+from dior.camera import Intrinsics, project
+from dior.errors import DiorError
+from dior.simulate import draw
 from dior.simulate import settings as levels
 from dior.simulate.motion import motion_of
 
@@ -110,3 +114,29 @@ def test_a_track_has_no_points_in_a_gap_or_outside():
     np.testing.assert_allclose(found[1, 0], [2.5, 0, 0])
     assert np.isnan(found[[0, 2, 3]]).all()
     np.testing.assert_allclose(track.velocity(np.array([0.25]))[0, 0], [10.0, 0, 0])
+
+
+def test_pictures_alone_tell_the_clock(monkeypatch):
+    camera = scene.camera("cam01", 40.0)
+    camera = replace(camera, intrinsics=Intrinsics(320, 180, 160.0, 160.0, 159.5, 89.5))
+    motion, table = recorded()
+    stamps = np.arange(0.0, LASTS_S, 0.1)
+    drawn = draw.figure(motion.at(stamps + LATE_S)[0], motion.height)
+    outlines = draw.outlines(camera, drawn, motion.height, "shirt", "S01")
+    room = np.random.default_rng(0).uniform(150, 230, (180, 320, 3)).astype(np.uint8)
+
+    def read_pictures(rows, data_root):
+        for i, stamp in enumerate(rows["stamp_ns"]):
+            picture = room.copy()
+            draw.paint(picture, outlines, round(stamp / 1e8))
+            yield i, picture
+
+    monkeypatch.setattr("dior.ingest.bags.read_pictures", read_pictures)
+    rows = {"stamp_ns": np.round(stamps * 1e9).astype(np.int64)}
+    rows |= {"width": np.full(len(stamps), 320), "height": np.full(len(stamps), 180)}
+    clock, lags_s, costs_px = motion_clock.from_pictures(camera, table, rows, None, "walk, camera cam01")
+    assert (clock.source, clock.method) == ("estimated", "pictures")
+    assert late(clock) == pytest.approx(LATE_S, abs=0.015)
+    assert lags_s[np.nanargmin(costs_px)] == pytest.approx(LATE_S, abs=0.05)
+    with pytest.raises(DiorError, match="walk, camera cam01"):
+        motion_clock.from_pictures(camera, table, rows | {"width": rows["width"] * 2}, None, "walk, camera cam01")
