@@ -18,7 +18,7 @@ import numpy as np
 
 from benchmarks import scene
 from dior import covariance
-from dior.calibrate import align, boxes_fit, silhouettes
+from dior.calibrate import align, boxes_fit, seen_edges, silhouettes
 from dior.camera import Camera, Intrinsics, in_frame, pose, project
 from dior.geometry import look_at_angles, rotation_x, rotation_z
 from dior.reconstruct.swaps import exchange, find_exchanged
@@ -122,8 +122,8 @@ def by_pictures(level, seed, true_3d=False, occluder=False, sun=False):
     rows = np.concatenate([rows, FRAMES + rows])
     nothing = np.full((len(rows), points.shape[1], 2), np.nan)
     seconds = np.tile(made[0].seconds, 2)[rows]
-    seen = boxes_fit.Seen(points[rows], edges, nothing, seconds, rows // FRAMES, flesh_m=flesh)
-    freedom = boxes_fit.Freedom(shift=(START_M, 0.0, 0.0), margin_px=align.SILHOUETTE_MARGIN_PX)
+    seen = seen_edges.Seen(points[rows], edges, nothing, seconds, rows // FRAMES, flesh_m=flesh)
+    freedom = seen_edges.Freedom(shift=(START_M, 0.0, 0.0), margin_px=align.SILHOUETTE_MARGIN_PX)
     return boxes_fit.fit(off(made[0].given[3], seed), freedom, seen, f"{level} {seed}")
 
 
@@ -141,10 +141,10 @@ def fitted(level, seed, margin, true_3d, occluder=False, count=BOXES, sd=EDGE_SD
     if occluder:
         random = np.random.default_rng([seed, 3])
         drawn[:, 3] = hips + margin + sd * random.standard_normal(drawn.shape)[:, 3]
-    seen = boxes_fit.Seen(
+    seen = seen_edges.Seen(
         points[frames], drawn, np.full((count, 33, 2), np.nan), made.seconds[frames], np.zeros(count, int)
     )
-    freedom = boxes_fit.Freedom(shift=(START_M, 0.0, 0.0))
+    freedom = seen_edges.Freedom(shift=(START_M, 0.0, 0.0))
     return boxes_fit.fit(off(made.given[3], seed), freedom, seen, f"{level} {seed}")
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dior import tables
-from dior.calibrate import adjust, boxes_fit, bundle, outcome, place, starts
+from dior.calibrate import adjust, boxes_fit, bundle, outcome, place, seen_edges, starts
 from dior.camera import Camera, Intrinsics, inverse_pose, pose, project, undistort
 from dior.errors import DiorError
 from dior.geometry import look_at, triangulate
@@ -128,8 +128,8 @@ def print_unseen_from_boxes(data, cameras):
     start = true.at(pose(look_at(true.centre, target), true.centre))
     fitted = boxes_fit.fit(
         start,
-        boxes_fit.Freedom(shift=(0.2, 0.2, 0.2)),
-        boxes_fit.Seen(
+        seen_edges.Freedom(shift=(0.2, 0.2, 0.2)),
+        seen_edges.Seen(
             points[:, own], edges, np.full((FRAMES, len(own), 2), np.nan), np.arange(FRAMES) / FPS, np.zeros(FRAMES)
         ),
         "real_outdoor",

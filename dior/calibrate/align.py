@@ -23,7 +23,7 @@ import numpy as np
 
 from dior import camera as cam
 from dior import covariance, hand_boxes, tables
-from dior.calibrate import boxes_fit, silhouettes, tracks
+from dior.calibrate import boxes_fit, seen_edges, silhouettes, tracks
 from dior.calibrate import marks as hand_marks
 from dior.calibrate import offsets as hand_offsets
 from dior.calibrate.place import camera_settings, check_above_floor, look_at_pose, unplaced
@@ -69,7 +69,7 @@ def aligned_pose(where, tape, nudge):
 
 
 def freedom(settings, held):
-    """`boxes_fit.Freedom` of a camera's YAML: how far the tape is trusted, by what `align.fit` says.
+    """`seen_edges.Freedom` of a camera's YAML: how far the tape is trusted, by what `align.fit` says.
 
     `held`: of each walk, whether its clock was given by hand.
     """
@@ -77,8 +77,8 @@ def freedom(settings, held):
     beside = (min(sigma, ACROSS_M), min(sigma, HEIGHT_M))
     how = settings["align"].get("fit", "range")
     shift = (sigma,) * 3 if how == "position" else (sigma, *beside)
-    margin = SILHOUETTE_MARGIN_PX if settings["align"]["from"] == "silhouettes" else boxes_fit.Freedom.margin_px
-    return boxes_fit.Freedom(
+    margin = SILHOUETTE_MARGIN_PX if settings["align"]["from"] == "silhouettes" else seen_edges.Freedom.margin_px
+    return seen_edges.Freedom(
         shift=shift,
         focal=FOCAL_SIGMA if how == "focal" else 0.0,
         margin_px=margin,
@@ -186,7 +186,7 @@ def from_pictures(walks, start, data_root):
 
 
 def gather(walks, start, source, files, data_root, marks):
-    """`boxes_fit.Seen` of all sequences. `files`: boxes by sequence; `marks`: a path."""
+    """`seen_edges.Seen` of all sequences. `files`: boxes by sequence; `marks`: a path."""
     if source == "boxes":
         missing = [walk.name for walk in walks if walk.name not in files]
         if missing:
@@ -208,13 +208,15 @@ def gather(walks, start, source, files, data_root, marks):
         edges = np.full((count, 4), np.nan) if source == "marks" else values
         parts.append((points, edges, clicks, walk.seconds[shown], np.full(count, k)))
     bias_m = lasting_bias(walks)
-    return boxes_fit.Seen(*(np.concatenate(column) for column in zip(*parts, strict=True)), bias_m, flesh, tuple(taken))
+    return seen_edges.Seen(
+        *(np.concatenate(column) for column in zip(*parts, strict=True)), bias_m, flesh, tuple(taken)
+    )
 
 
 def lasting_bias(walks):
     """Standard error (m) of a joint's place that stays while the same side of the body is seen."""
     known = [walk.sd_m for walk in walks if np.isfinite(walk.sd_m)]
-    return ALIKE * float(np.mean(known)) if known else boxes_fit.JOINT_BIAS_M
+    return ALIKE * float(np.mean(known)) if known else seen_edges.JOINT_BIAS_M
 
 
 def by_close(close, points):

@@ -1,20 +1,21 @@
 """The clock of a camera that stands where it is known to: by edges of boxes or silhouettes around a walker whose 3D is
 known.
 
-INPUTS   the camera, `boxes_fit.Seen` of one walk with its track, which side an occluder has
+INPUTS   the camera, `seen_edges.Seen` of one walk with its track, which side an occluder has
 OUTPUTS  `dior.clocks.Clock` and the cost of each lag (px)
 
 The edges are those of `boxes_fit`. A joint is not where the outline is, nor where the 3D has it, and that difference
 stays while the same side of the body is seen: each (joint, side) has a shift of its own in the fit, with a prior, so
-that no constant turns into time. What is left is robustly weighted; the covariance is a sandwich over blocks of time,
-since errors near in time are alike. World in metres, recorded pixels, times in s on the axis of the track.
+that no constant turns into time. What is left is robustly weighted; the covariance is a sandwich over blocks of time
+and over the edges of one side of the body, since errors near in time are alike, and so are those of every step. World
+in metres, recorded pixels, times in s on the axis of the track.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from dior.calibrate import boxes_fit, edge_errors
+from dior.calibrate import boxes_fit, edge_errors, seen_edges
 from dior.clocks import Clock
 
 LAGS_S = np.round(np.arange(-2.0, 2.02, 0.04), 2)
@@ -43,13 +44,15 @@ class Found:
     refused: str = ""
 
 
-def estimate(camera, seen, method, margin=(3.0, 0.3), side="", makers=None):
-    """`Found` for the pictures `seen` (`boxes_fit.Seen` with one track) of a camera.
+def estimate(camera, seen, method, margin=(3.0, 0.3), side="", makers=None, trails_m=0.0):
+    """`Found` for the pictures `seen` (`seen_edges.Seen` with one track) of a camera.
 
     `margin`: prior of the margin of all edges and of v against u, px. `makers`: names of the cameras that the track
-    comes from and a function that gives the derivative (F, J, 3, 6V) of its points by their errors.
+    comes from and a function that gives the derivative (F, J, 3, 6V) of its points by their errors. `trails_m`:
+    standard error of an outline that goes ahead of or behind the body where it moves, which no residual tells from
+    time.
     """
-    freedom = boxes_fit.Freedom(
+    freedom = seen_edges.Freedom(
         turn=(0, 0, 0), shift=(0, 0, 0), margin_px=margin[0], margin_split_px=margin[1], clock_s=(CLOCK_SIGMA_S,),
         drift_ppm=(DRIFT_SIGMA_PPM,),
     )  # fmt: skip
@@ -65,7 +68,8 @@ def estimate(camera, seen, method, margin=(3.0, 0.3), side="", makers=None):
         return Found(zero, costs, np.nan, np.nan, count, "no picture shows the person")
     best = int(np.nanargmin(costs))
     reading.clocks[0, 0] = LAGS_S[best]
-    given, gains, sd = _refine(reading, camera, seen, makers)
+    given, gains, sd, speed = _refine(reading, camera, seen, makers)
+    given = np.hypot(given, (trails_m / speed, 0.0))
     offset, drift = reading.clocks[0]
     # the fit has the time in the middle, the formula that at t0
     clock = Clock(
@@ -105,7 +109,8 @@ def cost_at(reading, limit_px):
 
 
 def _refine(reading, camera, seen, makers):
-    """Moves the reading's clock and margins to the best; given sigma (2,), gains by camera, sd px of an edge."""
+    """Moves the reading's clock and margins to the best; given sigma (2,), gains by camera, sd px of an
+    edge, and the speed m/s of what tells the time."""
     scale, shifts = None, None
     for _ in range(STEPS):
         rows = reading.rows()
@@ -126,14 +131,12 @@ def _refine(reading, camera, seen, makers):
     slope = max(edge_errors.slopes(residual, boxes_fit.CUT * sd).sum() / weight.sum(), 0.2)
     inverse = np.linalg.inv(slope * (A - prior) + prior)
     score = J * (weight * residual / sd**2)[:, None]
-    block = np.floor(seen.seconds[rows.frame] / BLOCK_S).astype(int)
-    _, block = np.unique(block, return_inverse=True)
-    sums = np.zeros((block.max() + 1, J.shape[1]))
-    np.add.at(sums, block, score)
-    blocks = len(sums)
-    own, clustered = score.T @ score, sums.T @ sums * blocks / max(blocks - 2, 1)
-    spread = [inverse @ (meat + prior) @ inverse for meat in (own, clustered)]
-    given = np.sqrt(np.maximum(*(np.diagonal(s)[2:4] for s in spread)))
+    side = edge_errors.side_seen(camera, seen.at(reading.clocks)[0], seen.seconds, seen.walk)[rows.frame]
+    alike = [np.arange(len(score)), np.floor(seen.seconds[rows.frame] / BLOCK_S), 5 * rows.kind + side]
+    own, near, same = (_clustered(score, label) for label in alike)
+    # both ways of being alike, without counting an edge's own error twice
+    spread = [inverse @ (meat + prior) @ inverse for meat in (own, near, same, near + same - own)]
+    given = np.sqrt(np.max([np.diagonal(s)[2:4] for s in spread], axis=0))
     pull = slope * inverse[2:4] @ (J * weight[:, None]).T / sd**2
     gains = {camera.name: -pull @ rows.by_camera}
     if makers:
@@ -141,7 +144,17 @@ def _refine(reading, camera, seen, makers):
         moves = np.nan_to_num(derivative(seen.at(reading.clocks)[0])[rows.frame, rows.joint])
         by = -pull @ np.einsum("ni,nij->nj", rows.by_point, moves)
         gains |= {name: by[:, 6 * i : 6 * i + 6] for i, name in enumerate(names)}
-    return given, gains, sd
+    moves = np.abs(J[:, 2])
+    trail = (weight * moves * np.linalg.norm(rows.by_point, axis=1)).sum()
+    return given, gains, sd, max(float((weight * moves**2).sum() / max(trail, 1e-12)), 1e-3)
+
+
+def _clustered(score, label):
+    """Sum (P, P) of the squares of the scores (N, P) added up where the label (N,) is the same."""
+    names, index = np.unique(label, return_inverse=True)
+    sums = np.zeros((len(names), score.shape[1]))
+    np.add.at(sums, index, score)
+    return sums.T @ sums * len(names) / max(len(names) - 2, 1)
 
 
 def _system(reading, rows, camera, seen, shifts):

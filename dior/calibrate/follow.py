@@ -17,7 +17,7 @@ import numpy as np
 
 from dior import camera as cam
 from dior import clocks, tables
-from dior.calibrate import align, boxes_fit, edge_clock, silhouettes, tracks
+from dior.calibrate import align, boxes_fit, edge_clock, motion_clock, seen_edges, silhouettes, tracks
 from dior.calibrate.place import camera_settings
 from dior.errors import DiorError
 
@@ -25,11 +25,11 @@ FEWEST_BOXES = 4
 
 
 def watched(walk, camera, boxes, data_root):
-    """`boxes_fit.Seen` of one walk, the method's word, and the prior of the margins (all edges, v against u) px."""
+    """`seen_edges.Seen` of one walk, the method's word, and the prior of the margins (all edges, v against u) px."""
     drawn = align.from_boxes(walk, boxes) if boxes else ((), ())
     if len(drawn[0]) >= FEWEST_BOXES:
         (shown, edges), method, flesh, track = drawn, "boxes", 0.0, walk.track
-        margin = boxes_fit.Freedom.margin_px
+        margin = seen_edges.Freedom.margin_px
     else:
         ((shown, edges),) = align.from_pictures([walk], camera, data_root)
         points, flesh = silhouettes.outline(walk.track.points, walk.joints)
@@ -37,10 +37,10 @@ def watched(walk, camera, boxes, data_root):
     seconds = walk.seconds[shown]
     points = track.at(seconds)
     nothing = np.full((*points.shape[:2], 2), np.nan)
-    seen = boxes_fit.Seen(
+    seen = seen_edges.Seen(
         points, edges, nothing, seconds, np.zeros(len(shown), int), align.lasting_bias([walk]), flesh, (track,)
     )
-    return seen, method, (margin, boxes_fit.Freedom.margin_split_px)
+    return seen, method, (margin, seen_edges.Freedom.margin_split_px)
 
 
 def hidden_side(camera, seen, margin, occluder, where):
@@ -48,7 +48,7 @@ def hidden_side(camera, seen, margin, occluder, where):
     readings = boxes_fit.READINGS[occluder]
     if len(readings) == 1:
         return readings[0]
-    freedom = boxes_fit.Freedom(
+    freedom = seen_edges.Freedom(
         turn=(0, 0, 0), shift=(0, 0, 0), margin_px=margin[0], margin_split_px=margin[1],
         clock_s=(edge_clock.CLOCK_SIGMA_S,), drift_ppm=(0.0,),
     )  # fmt: skip
@@ -123,7 +123,8 @@ def run(
         side = hidden_side(rig[camera], seen, margin, occluder, scope)
     close = [rig[name] for name in makers]
     derivative = (list(makers), partial(align.by_close, close)) if makers else None
-    found = edge_clock.estimate(rig[camera], seen, method, margin, side, derivative)
+    trails_m = motion_clock.TRAILS_M if method == "pictures" else 0.0
+    found = edge_clock.estimate(rig[camera], seen, method, margin, side, derivative, trails_m)
     names = list(dict.fromkeys([*makers, camera]))
     joint = tables.read_camera_covariance(covariance, names) if covariance else None
     write(sequence, camera, found.clock, found.costs_px, told(scope, found), paths, names, joint)

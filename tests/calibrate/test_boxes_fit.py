@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from dior import covariance
-from dior.calibrate import boxes_fit
+from dior.calibrate import boxes_fit, seen_edges
 from dior.camera import Camera, Intrinsics, pose, project
 from dior.errors import DiorError
 from dior.geometry import look_at, rotation_z
 
 LENS = Intrinsics(1280, 720, 760.0, 760.0, 639.5, 359.5)
-FREE = boxes_fit.Freedom(shift=(2.0, 0.0, 0.0))
+FREE = seen_edges.Freedom(shift=(2.0, 0.0, 0.0))
 START_M = 2.0
 
 
@@ -49,7 +49,7 @@ def boxes(uv, margin=0.0, sd=0.0, seed=0):
 def seen(points, edges, clicks=None, bias_m=0.0):
     count, joints = points.shape[:2]
     clicks = np.full((count, joints, 2), np.nan) if clicks is None else clicks
-    return boxes_fit.Seen(points, edges, clicks, np.linspace(0, 20, count), np.zeros(count, int), bias_m)
+    return seen_edges.Seen(points, edges, clicks, np.linspace(0, 20, count), np.zeros(count, int), bias_m)
 
 
 def label_error(camera, points):
@@ -107,7 +107,7 @@ def test_a_focal_length_that_may_change_is_found():
     camera = boxes_fit.moved(true_camera(), np.eye(3), np.array([0, 0, 0, 0, 0, 0, np.log(1.02), 0, 0]))
     edges = boxes(project(camera, points)[0])
     known = true_camera()
-    found = boxes_fit.fit(known, boxes_fit.Freedom(shift=(0, 0, 0), focal=0.1), seen(points, edges), "cam04")
+    found = boxes_fit.fit(known, seen_edges.Freedom(shift=(0, 0, 0), focal=0.1), seen(points, edges), "cam04")
     assert found.camera.intrinsics.fx == pytest.approx(1.02 * 760, rel=2e-3)
     np.testing.assert_allclose(found.camera.centre, known.centre, atol=1e-9)
 

@@ -1,0 +1,91 @@
+"""What is given to a fit of a camera to boxes, silhouettes or clicks (`boxes_fit`): what was seen, and what may move.
+
+Recorded pixels, world in metres. `Seen` has the pictures of all walks in one row; where the clock of the pictures is to
+be found, too, it has the 3D of each walk at any moment (`tracks`).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+# 3D joints of real detectors are off by about 1 % of the body height, for as long as the same side is seen
+JOINT_BIAS_M = 0.025
+
+
+@dataclass(frozen=True)
+class Freedom:
+    """Standard errors of what is known before: `turn` (3,) rad, `shift` (3,) m along, right and up, `focal` of the log.
+
+    0 holds a value. `margin_px` that of the margin of all edges, `margin_split_px` that of v against u. `clock_s` and
+    `drift_ppm` (K,): of the clocks of the K walks.
+    """
+
+    turn: tuple = (np.radians(5), np.radians(5), np.radians(3))
+    shift: tuple = (0.3, 0.0, 0.0)
+    focal: float = 0.0
+    margin_px: float = 3.0
+    margin_split_px: float = 0.3
+    clock_s: tuple = ()
+    drift_ppm: tuple = ()
+
+
+@dataclass(frozen=True)
+class Seen:
+    """F pictures: `points` (F, J, 3) m with NaN, `edges` (F, 4) px with NaN, `clicks` (F, J, 2) px with NaN.
+
+    `seconds` (F,) and `walk` (F,): pictures of one walk near in time may share their errors. `bias_m`: standard error
+    of a joint's place that stays while the same side of the body is seen, of which no residual tells. `flesh_m` (J,):
+    how far the outline that the edges are of lies outside of each joint. `tracks`: the `Track` of each walk, on whose
+    axis the `seconds` are where a clock is to be found; `points` are then those at these `seconds`.
+    """
+
+    points: np.ndarray
+    edges: np.ndarray
+    clicks: np.ndarray
+    seconds: np.ndarray
+    walk: np.ndarray
+    bias_m: float = JOINT_BIAS_M
+    flesh_m: np.ndarray | float = 0.0
+    tracks: tuple = ()
+
+    def middle_s(self, walk):
+        """Time (s) in the middle of the pictures of a walk, where its clock and its drift are told apart."""
+        return float(self.seconds[self.walk == walk].mean())
+
+    def at(self, clocks):
+        """Points (F, J, 3) m with clocks (K, 2) s and ppm that are off, their velocities, and the time (F,) s from the
+        middle of the walk."""
+        if not self.tracks:
+            return self.points, np.zeros(self.points.shape), np.zeros(len(self.points))
+        points, velocity, since = self.points.copy(), np.zeros(self.points.shape), np.zeros(len(self.points))
+        for k, track in enumerate(self.tracks):
+            mine = self.walk == k
+            since[mine] = self.seconds[mine] - self.middle_s(k)
+            moments = self.seconds[mine] + clocks[k, 0] + 1e-6 * clocks[k, 1] * since[mine]
+            points[mine], velocity[mine] = track.at(moments), track.velocity(moments)
+        return points, velocity, since
+
+    def only(self, walk, lag_s=0.0):
+        """One walk alone, its pictures `lag_s` later."""
+        mine = self.walk == walk
+        seconds = self.seconds[mine] + lag_s
+        flesh = self.flesh_m
+        return Seen(
+            self.tracks[walk].at(seconds), self.edges[mine], self.clicks[mine], seconds,
+            np.zeros(mine.sum(), int), self.bias_m, flesh, (),
+        )  # fmt: skip
+
+
+def prior(freedom, walks=0):
+    """Precision (9 + 2K, 9 + 2K) of the parameters; 1e18 for what is held."""
+    clocks = np.zeros((walks, 2))
+    if freedom.clock_s:
+        clocks[:, 0], clocks[:, 1] = freedom.clock_s, freedom.drift_ppm or 0.0
+    sd = np.array([*freedom.turn, *freedom.shift, freedom.focal, 1, 1, *clocks.ravel()], float)
+    P = np.diag([1 / s**2 if s > 0 else 1e18 for s in sd])
+    if freedom.margin_px > 0:
+        common, half = freedom.margin_px**2, freedom.margin_split_px**2 / 2
+        P[7:9, 7:9] = np.linalg.inv([[common + half, common - half], [common - half, common + half]])
+    else:
+        P[7:9, 7:9] = 1e18 * np.eye(2)
+    return P
