@@ -26,6 +26,7 @@ from dior.skeletons import MLKIT_33
 LIMIT_S, LIMIT_BYTES = 120.0, 100e6
 SUBJECTS, WALKS, FRAMES = 14, 4, 3600
 START_NS, STEP_NS = 1_700_000_000_000_000_000, 33_333_333
+OF_SEQUENCES = ("frame_metrics", "skeletons", "audits", "dropped", "frames", "clocks", "clock_costs")
 LENS = Intrinsics(1280, 720, 640.0, 640.0, 640.0, 360.0)
 CAMERAS = ("cam01", "cam02", "cam03", "cam04")
 # (value, unit, n) of the made-up figures of a camera recording
@@ -64,7 +65,7 @@ def write(root):
     """The project's sheets and tables; the arguments of the report step."""
     rng = np.random.default_rng(1)
     _write_sheets(root)
-    results, files = root / "results", {k: [] for k in ("frame_metrics", "skeletons", "audits", "dropped", "frames")}
+    results, files = root / "results", {k: [] for k in OF_SEQUENCES}
     cameras, covariances, overlays, rows = [], [], [], []
     for session in ("lab_1", "lab_2", "field_1", "field_2"):
         cameras.append(results / f"cameras/{session}.parquet")
@@ -185,7 +186,19 @@ def _tables(rng, results, sequence, subject, env):
         "stamp_ns": np.repeat(START_NS + np.arange(FRAMES) * STEP_NS, 33), **dict(zip("xyz", points.T, strict=True)),
         "status": _repeat(["ok"], len(points)),
     }  # fmt: skip
+    lags, late = np.linspace(-2, 2, 241), rng.normal(0, 0.02, 4)
+    costs = {
+        "sequence": _repeat([sequence], 4 * 241), "camera": _repeat(CAMERAS, 241), "lag_s": np.tile(lags, 4),
+        "cost_px": (1 + 20 * np.abs(lags - late[:, None])).ravel(),
+    }  # fmt: skip
+    clocks = dict.fromkeys(tables.columns_of("offsets"), np.full(4, 0.003)) | {
+        "sequence": _repeat([sequence], 4), "camera": np.array(CAMERAS, dtype=object), "offset_s": late,
+        "low": late - 0.006, "high": late + 0.006, "source": _repeat(["estimated"], 4),
+        "method": _repeat(["detections"], 4),
+    }  # fmt: skip
     return {
+        "clocks": (results / f"clocks/{sequence}.parquet", "offsets", clocks),
+        "clock_costs": (results / f"clocks/{sequence}.costs.parquet", "clock_costs", costs),
         "frame_metrics": (results / f"evaluate/{sequence}.frames.parquet", "frame_metrics", frames),
         "skeletons": (results / f"refine/{sequence}.parquet", "skeletons_3d", skeleton),
         "audits": (results / f"audit/{sequence}.parquet", "stamp_audit", audit),

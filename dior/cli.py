@@ -426,6 +426,8 @@ STEPS = {
             "audits": PATHS,
             "dropped": PATHS,
             "frames": PATHS,
+            "clocks": PATHS,
+            "clock-costs": PATHS,
             "overlays": PATHS,
             "clips": PATHS,
             "statistics": PATH,

@@ -9,7 +9,7 @@ from collections import Counter
 import numpy as np
 
 from dior import tables
-from dior.report import certainty, measures, plots, scene
+from dior.report import certainty, clocks, measures, plots, scene
 
 OF_PICTURE = "mean of a picture, px"
 
@@ -212,6 +212,35 @@ class Figures:
             )
             for sequence, one in audited.items()
         ]  # fmt: skip
+
+    def clock_costs(self, told):
+        """Per sequence of `clocks.Told` with costs: how well each offset fits."""
+        return {
+            sequence: self._draw(
+                f"clocks_{sequence}", clocks.costs, one, title="Which offset fits",
+                caption="Mean residual with each offset of a camera's clock; a clear minimum tells the clock.",
+                alt=f"Residual over the offset of the clocks of {len(one.costs)} cameras of {sequence}",
+            )
+            for sequence, one in told.items()
+            if one.costs
+        }  # fmt: skip
+
+    def clocks(self, told):
+        """The section with the clocks of all sequences, by `clocks.Told`."""
+        groups = {}
+        for sequence, one in told.items():
+            groups.setdefault(self.environment[sequence], {})[sequence] = one
+        if not groups:
+            return []
+        figure = self._draw(
+            "clocks", clocks.overview, groups, title="Clocks by session, in the order of recording",
+            caption="Above zero a camera took its pictures later than its stamps say: 10 ms are 4 cm of a foot that "
+            "swings at 4 m/s. The labels are made with these clocks. Lines are 95 % intervals; squares were given by "
+            f"hand, red crosses are not known. {clocks.in_words(told)}",
+            alt=f"Clock offsets of {sum(len(one.clocks) for one in told.values())} recordings of cameras in "
+            f"{len(told)} sequences",
+        )  # fmt: skip
+        return [("Clocks", [figure])]
 
     def scenes(self, stations, paths):
         """Two figures per session: the cameras and the walks in space, and from above and the side."""

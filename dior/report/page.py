@@ -1,7 +1,7 @@
 """The report: a page for all and one for each sequence, of relative links, readable from disk and on a phone.
 
 INPUTS   the project's sheets, results/evaluate/metrics.csv, `frame_metrics`, `findings`, `cameras`, `skeletons_3d`,
-         `stamp_audit`, `dropped_frames`, `frames`, contact sheets (overlays)
+         `stamp_audit`, `dropped_frames`, `frames`, `offsets`, `clock_costs`, contact sheets (overlays)
          statistics.csv, and what is there of the jobs' timings and effort.tsv (see cost.py)
 OUTPUTS  <out>/index.html, written last; <out>/sequences/<sequence>.html; <out>/assets/plots/*.svg; <out>/cost.html and
          results/timing.csv
@@ -19,6 +19,7 @@ from dior.evaluate import metrics as metrics_csv
 from dior.evaluate import statistics as statistics_csv
 from dior.files import write_text
 from dior.report import cards, cost, dataset, sequence_pages, summary, worst
+from dior.report import clocks as clocks_told
 from dior.report import recordings as recording_stamps
 from dior.report.figures import Figures
 from dior.schemas import METRICS
@@ -53,12 +54,13 @@ TITLES = {
 
 def run(
     *, root, title, metrics, frame_metrics, findings, cameras, covariances, turns, skeletons, audits, dropped, frames,
-    overlays, clips, statistics, effort, out, out_timing
+    clocks, clock_costs, overlays, clips, statistics, effort, out, out_timing
 ):  # fmt: skip
     """Write the report of the project in `root` into the folder `out`.
 
     `frame_metrics`, `findings`, `cameras`, `skeletons`, `frames`: files of those tables; `covariances`: of
     `camera_covariance`, `turns`: of `camera_turns`, `audits`: of `stamp_audit`, `dropped`: of `dropped_frames`;
+    `clocks`: of `offsets`, `clock_costs`: of that table, where two have a camera's the first counts;
     `overlays`: the contact sheets `<out>/assets/<sequence>/<camera>.jpg`; `clips`:
     `<out>/assets/<sequence>/clip.webm`, each with its poster beside it; `statistics`: statistics.csv; `effort`:
     effort.tsv or None. What it cost goes to `<out>/cost.html` and `out_timing`.
@@ -76,23 +78,25 @@ def run(
         rows,
         {name: project.sequence(name)["environment"] for name in project.sequences},
     )
+    told = clocks_told.read(clocks, clock_costs, found, {s: project.cameras_of(s) for s in project.sequences})
     stations = session_cameras(cameras)
     sheets = cards.sheets_of(overlays, out)
     by_camera = cards.rows_by_camera(rows)
     lights = [cards.card(project, s, by_camera, recorded, found, stations, sheets) for s in project.sequences]
     folder = out / "assets" / "plots"
     made = Figures(folder, project, rows, recorded)
-    sections = [*made.paper(), *made.truth()]
+    sections = [*made.paper(), *made.truth(), *made.clocks(told)]
     scenes = [*made.scenes(stations, skeletons), *made.certainty(covariances, turns)]
     timelines = {figure["title"]: figure for figure in made.timelines()}
     stamps = {figure["title"]: figure for figure in made.stamps(audited)}
+    tried = made.clock_costs(told)
     _remove_stale(folder, made.names)
     counted = statistics_csv.read(statistics)
     environment = _environment()
     cost.write(environment, project, statistics_csv.of(counted, "frames"), effort, out_timing, out / "cost.html")
     sequence_pages.write(
         environment, out, title, lights, found, {s: _names(project, s) for s in project.sequences}, timelines, stamps,
-        {sequence: one.rows for sequence, one in audited.items()}, cards.clips_of(clips, out),
+        {sequence: one.rows for sequence, one in audited.items()}, told, tried, cards.clips_of(clips, out),
     )  # fmt: skip
     page = environment.get_template("index.html.j2").render(
         title=title,

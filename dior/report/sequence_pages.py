@@ -9,12 +9,13 @@ from dior.report import summary
 from dior.report.cards import shown
 
 
-def write(environment, out, title, cards, findings, names, timelines, stamps, stamp_rows, clips):
+def write(environment, out, title, cards, findings, names, timelines, stamps, stamp_rows, clocks, clock_costs, clips):
     """Write the pages of `cards`, each linked to the one before and after, and remove those of other sequences.
 
     `environment`: Jinja's; `findings`: (scope, severity, code, text) of the whole project; `names`: sequence -> the
-    words that a finding's scope may be made of to be about it; `timelines`, `stamps` (figures), `stamp_rows` and
-    `clips` (dicts video, poster) by sequence, each only where there is one.
+    words that a finding's scope may be made of to be about it; `timelines`, `stamps` (figures), `stamp_rows`, `clocks`
+    (`clocks.Told`), `clock_costs` (figures) and `clips` (dicts video, poster) by sequence, each only where there is
+    one.
     """
     template, sequences = environment.get_template("sequence.html.j2"), [card["sequence"] for card in cards]
     folder = out / "sequences"
@@ -29,6 +30,8 @@ def write(environment, out, title, cards, findings, names, timelines, stamps, st
             timeline=timelines.get(sequence),
             stamps=stamps.get(sequence),
             stamp_rows=stamp_rows.get(sequence, ()),
+            clocks=clocks.get(sequence),
+            clock_costs=clock_costs.get(sequence),
             clip=clips.get(sequence),
             findings=shown(own),
         )

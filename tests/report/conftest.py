@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from dior import clocks as on_axis
 from dior import tables
 from dior.camera import Camera, Intrinsics, pose, project
 from dior.evaluate import evaluate, metrics
@@ -268,6 +269,7 @@ def write_capture(root):
         cameras.append(root / f"results/cameras/{session}.parquet")
         tables.write_cameras(cameras[-1], rig(session == "field"), session)
     covariances, turns = write_certainty(root / "results")
+    clocks, clock_costs = write_clocks(root / "results")
     findings = root / "results/findings.parquet"
     tables.write_findings(
         findings,
@@ -288,6 +290,8 @@ def write_capture(root):
         cameras=cameras,
         covariances=covariances,
         turns=turns,
+        clocks=clocks,
+        clock_costs=clock_costs,
         findings=[findings],
         metrics=csv,
         frame_metrics=[root / f"results/evaluate/{s[0]}.frames.parquet" for s in SEQUENCES],
@@ -309,6 +313,62 @@ def write_certainty(results):
     words["sequence"] = repeat(["outdoor_01", "outdoor_02"], 3)
     tables.write(turns, "camera_turns", words | columns)
     return [covariance], [turns]
+
+
+# ms late, source, method of the cameras' clocks; what marks told is in a table of costs of its own
+CLOCKS = {
+    "indoor_01": {
+        "cam01": (499.0, "estimated", "detections"),
+        "cam02": (483.0, "estimated", "detections"),
+        "cam03": (519.0, "estimated", "detections"),
+        "cam04": (485.0, "estimated", "marks"),
+    },
+    "outdoor_01": {
+        "cam01": (0.0, "reference", ""),
+        "cam02": (9.0, "estimated", "cameras"),
+        "cam03": (50.0, "manual", ""),
+        "cam04": (0.0, "assumed_zero", ""),
+    },
+    "outdoor_02": {
+        "cam01": (0.0, "reference", ""),
+        "cam02": (-4.0, "estimated", "cameras"),
+        "cam03": (6.0, "estimated", "cameras"),
+        "cam04": (-28.0, "estimated", "boxes"),
+    },
+}
+LAGS_S = np.arange(-60, 61) / 30
+LEAST_PX, RISE = 1.5, 40.0  # px, px/s: a residual that is least at the true offset
+
+
+def write_clocks(results):
+    """`offsets` and `clock_costs` of each sequence; cam03 of outdoor_01 is 50 ms late by hand, in truth it is not."""
+    errors = {"reference": (0.0, 0.0), "estimated": (0.002, 40.0), "manual": (0.0, 0.0)}
+    offsets, costs, marked = [], [], []
+    for sequence, cameras in CLOCKS.items():
+        offsets.append(results / f"clocks/{sequence}.parquet")
+        clocks = {
+            camera: on_axis.Clock(ms / 1e3, 12.0, source, method, 1.5, errors.get(source, (np.nan, np.nan)))
+            for camera, (ms, source, method) in cameras.items()
+        }
+        on_axis.write(offsets[-1], results / f"clocks/{sequence}.gains.parquet", sequence, clocks)
+        searched = {c: 0.0 if one[1] == "manual" else one[0] for c, one in cameras.items() if one[1] != "reference"}
+        told = [camera for camera in searched if cameras[camera][2] != "marks"]
+        costs.append(results / f"clocks/{sequence}.costs.parquet")
+        tables.write(costs[-1], "clock_costs", cost_columns(sequence, {c: searched[c] for c in told}))
+        for camera in searched.keys() - set(told):
+            marked.append(results / f"locate/lab/{camera}.clock_costs.parquet")
+            tables.write(marked[-1], "clock_costs", cost_columns(sequence, {camera: searched[camera]}))
+    return offsets, costs + marked
+
+
+def cost_columns(sequence, best):
+    """Columns of `clock_costs`. `best`: camera -> ms at which it is least."""
+    return {
+        "sequence": repeat([sequence], len(best) * len(LAGS_S)),
+        "camera": repeat(list(best), len(LAGS_S)),
+        "lag_s": np.tile(LAGS_S, len(best)),
+        "cost_px": np.concatenate([LEAST_PX + RISE * np.abs(LAGS_S - ms / 1e3) for ms in best.values()]),
+    }
 
 
 def adjust_columns():

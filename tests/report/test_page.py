@@ -55,6 +55,8 @@ def write(capture, out):
         cameras=capture.cameras,
         covariances=capture.covariances,
         turns=capture.turns,
+        clocks=capture.clocks,
+        clock_costs=capture.clock_costs,
         skeletons=capture.skeletons,
         **audited(capture),
         overlays=[],
@@ -127,6 +129,22 @@ def test_stamps_are_told_and_drawn(made, capture):
     assert re.findall(r">([^<]*)</td>", row)[4] == "5"
     for sequence in capture.sequences:
         assert (out / f"assets/plots/stamps_{sequence}.svg").stat().st_size > 2000
+
+
+def test_clocks_are_told_and_drawn(made, capture):
+    """In the table, in a plot of each sequence and in one of all."""
+    out, text = made
+    assert 'src="assets/plots/clocks.svg"' in text and "8 clocks are estimated, 1 given by hand, 1 not known" in text
+    for sequence in capture.sequences:
+        page_text = (out / f"sequences/{sequence}.html").read_text()
+        clocks = page_text.split('<section id="clocks">')[1].split("</section>")[0]
+        assert [re.search(r"<td>(cam\d+)</td>", row)[1] for row in clocks.split("<tr>")[2:]] == [
+            "cam01", "cam02", "cam03", "cam04",
+        ]  # fmt: skip
+        assert f'src="../assets/plots/clocks_{sequence}.svg" alt="Residual over the offset' in clocks
+        assert (out / f"assets/plots/clocks_{sequence}.svg").stat().st_size > 2000
+    page_text = (out / "sequences/outdoor_01.html").read_text()
+    assert re.search(r'cam04</td>.*class="light look">not known</span>', page_text)
 
 
 def test_plots_have_axes_with_units(made):

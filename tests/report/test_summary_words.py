@@ -117,6 +117,8 @@ def test_the_page_has_the_words_of_each(capture, tmp_path):
         cameras=capture.cameras,
         covariances=capture.covariances,
         turns=capture.turns,
+        clocks=capture.clocks,
+        clock_costs=capture.clock_costs,
         skeletons=[path for path in capture.skeletons if "indoor_01" not in path.name],
         **files,
         overlays=[],

@@ -344,9 +344,11 @@ def clocks_of(sequence, cameras, kind=""):
     followed = set(PROJECT.followed(sequence))
     return list(
         dict.fromkeys(
-            f"results/follow/{sequence}.{camera}{kind}.parquet"
-            if camera in followed
-            else f"results/clocks/{sequence}{kind}.parquet"
+            (
+                f"results/follow/{sequence}.{camera}{kind}.parquet"
+                if camera in followed
+                else f"results/clocks/{sequence}{kind}.parquet"
+            )
             for camera in cameras
         )
     )
@@ -562,6 +564,22 @@ def own_boxes_words(wildcards):
 def own_role(wildcards):
     camera = PROJECT.cameras(session_of(wildcards))[wildcards.camera]
     return f"{wildcards.camera}={camera['role']}"
+
+
+def report_clocks(kind=""):
+    """The clocks of all cameras in all sequences."""
+    return [path for name in SEQUENCES for path in clocks_of(name, PROJECT.cameras_of(name), kind)]
+
+
+def report_clock_costs():
+    """How well each lag fits: of the clocks, then of those that marks told."""
+    located = [
+        f"results/locate/{session}/{camera}.clock_costs.parquet"
+        for session in PROJECT.sessions
+        for camera, setting in PROJECT.cameras(session).items()
+        if setting["locate"] == "marks"
+    ]
+    return report_clocks(".costs") + located
 
 
 def all_findings():

@@ -92,6 +92,8 @@ rule report:
         audits=expand("results/audit/{sequence}.parquet", sequence=SEQUENCES),
         dropped=expand("results/audit/{sequence}.dropped.parquet", sequence=SEQUENCES),
         frames=expand("results/frames/{sequence}.parquet", sequence=SEQUENCES),
+        clocks=report_clocks(),
+        clock_costs=report_clock_costs(),
         overlays=all_overlays(),
         clips=all_clips(),
         statistics="results/evaluate/statistics.csv",
@@ -126,6 +128,8 @@ rule report:
         " --audits {input.audits:q}"
         " --dropped {input.dropped:q}"
         " --frames {input.frames:q}"
+        " --clocks {input.clocks:q}"
+        " --clock-costs {input.clock_costs:q}"
         " --overlays {input.overlays:q}"
         " --clips {input.clips:q}"
         " --statistics {input.statistics:q}"

@@ -1,0 +1,253 @@
+"""The cameras' clocks for the report: what each is, how well that is known, and how well other lags fit.
+
+INPUTS   `offsets` and `clock_costs` tables of the sequences, findings
+OUTPUTS  a `Told` per sequence: rows of text and numbers to draw; SVG files. Same numbers, same bytes.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dior import tables
+from dior.clocks import NORMAL_95
+from dior.report.plots import GREY, RED, _colours, _figure, _legend, _save
+from dior.report.summary import show
+
+# what a clock was told by, where that is not the word of table `offsets`
+WORDS = {"cameras": "other cameras", "boxes": "hand boxes", "manual": "by hand", "assumed_zero": "not known"}
+DOUBTED = ("clock_unknown", "clock_contradicts", "clock_off")
+NOTHING = "\u2013"
+ZOOM_MS = 120.0
+WINDOW_MS = 2000.0
+MOST_NAMES = 12
+
+
+@dataclass(frozen=True)
+class Told:
+    """`clocks`: camera -> (offset, low, high) ms of the 95 % interval and the `source` of table `offsets`.
+
+    `costs`: camera -> (lags (L,) ms, costs (L,) px); `rows`: what the page's table shows, a dict per camera; `notes`:
+    (camera, text) of clocks that are not simply estimated.
+    """
+
+    clocks: dict
+    costs: dict
+    rows: tuple
+    notes: tuple
+
+
+def read(offsets, costs, findings, cameras):
+    """`Told` by sequence. `offsets`, `costs`: files of those tables, of costs an earlier file goes first.
+
+    `findings`: (scope, severity, code, text) of the project; `cameras`: sequence -> names in the order of the page.
+    """
+    tried = {}
+    for path in costs:
+        table = tables.read(path, "clock_costs")
+        for sequence in tables.ordered_unique(table["sequence"]):
+            of_sequence = tables.rows(table, table["sequence"] == sequence)
+            for camera in tables.ordered_unique(of_sequence["camera"]):
+                own = tables.of_camera(of_sequence, camera)
+                tried.setdefault((sequence, camera), (1e3 * own["lag_s"], own["cost_px"]))
+    said = {}
+    for scope, _, code, text in findings:
+        if code in DOUBTED and text not in said.setdefault(scope, []):
+            said[scope].append(text)
+    known = {}
+    for path in offsets:
+        table = tables.read(path, "offsets")
+        for i, key in enumerate(zip(table["sequence"], table["camera"], strict=True)):
+            known[key] = {name: values[i] for name, values in table.items()}
+    return {
+        sequence: _told(sequence, {c: known[sequence, c] for c in names if (sequence, c) in known}, tried, said)
+        for sequence, names in cameras.items()
+        if any((sequence, c) in known for c in names)
+    }
+
+
+def _told(sequence, clocks, tried, said):
+    costs = {c: tried[sequence, c] for c in clocks if (sequence, c) in tried}
+    doubts = {c: said.get(f"{sequence}/{c}", []) for c in clocks}
+    notes = []
+    for camera, one in clocks.items():
+        by_hand = [f"given in config/offsets/{sequence}.yaml"] if one["source"] == "manual" else []
+        notes += [(camera, "; ".join(by_hand + doubts[camera]))] if by_hand + doubts[camera] else []
+    return Told(
+        {c: (*(1e3 * one[key] for key in ("offset_s", "low", "high")), one["source"]) for c, one in clocks.items()},
+        costs,
+        tuple(_row(one, costs.get(c), bool(doubts[c])) for c, one in clocks.items()),
+        tuple(notes),
+    )
+
+
+def _row(one, costs, doubted):
+    unknown = one["source"] == "assumed_zero"
+    taken = unknown or one["source"] == "reference"
+    half, given = NORMAL_95 * 1e3 * one["sigma_s"], NORMAL_95 * 1e3 * one["given_sigma_s"]
+    source = one["method"] if one["source"] == "estimated" else one["source"]
+    return {
+        "camera": one["camera"],
+        "offset": "0" if taken else _signed(1e3 * one["offset_s"], 1),
+        "interval": "unknown" if unknown else NOTHING if taken else _interval(one, half),
+        # what is left of it where the poses are not doubted, if that is less
+        "given": f"as placed ±{given:.1f}" if given < 0.9 * half else "",
+        "drift": NOTHING if taken else _drift(one["drift_ppm"], NORMAL_95 * one["sigma_drift_ppm"]),
+        "residual": _residual(*costs, 1e3 * one["offset_s"], taken) if costs else NOTHING,
+        "source": WORDS.get(source, source),
+        "light": "look" if unknown or doubted else "none" if one["source"] == "manual" else "",
+    }
+
+
+def _signed(value, digits):
+    # adding zero takes the sign from -0
+    return f"{round(value, digits) + 0.0:+.{digits}f}"
+
+
+def _drift(value, half):
+    return _signed(value, 0) + (f" ±{half:.0f}" if half > 0 else "")
+
+
+def _residual(lags, costs, offset, taken):
+    """Without the offset and with it; only the first where there is none."""
+    values = [at(lags, costs, 0.0)] if taken else [at(lags, costs, 0.0), at(lags, costs, offset)]
+    return " \u2192 ".join(show(v, "px").removesuffix(" px") if np.isfinite(v) else NOTHING for v in values)
+
+
+def _interval(one, half):
+    if not np.isfinite(half):
+        return "unknown"
+    return f"{1e3 * one['low']:.1f} to {1e3 * one['high']:.1f}" if half else "taken as exact"
+
+
+def at(lags, costs, lag):
+    """The cost at the lag nearest to `lag`; NaN where none that was tried is within a step of it."""
+    if len(lags) < 2:
+        return np.nan
+    i = int(np.abs(lags - lag).argmin())
+    return float(costs[i]) if abs(lags[i] - lag) <= abs(lags[1] - lags[0]) else np.nan
+
+
+def costs(path, told):
+    """Costs over all lags that were tried and, below, near the clocks; these are marked with their intervals."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+
+    colours = _colours(told.clocks)
+    figure, axes = _figure(2, 1, height=4.6)
+    for camera, (lags, cost) in told.costs.items():
+        positive = np.where(cost > 0, cost, np.nan)
+        for axis, mark in zip(axes, ("", "."), strict=True):
+            axis.plot(lags, positive, color=colours[camera], lw=1.2, marker=mark, ms=4)
+    marked = {c: one for c, one in told.clocks.items() if one[3] in ("estimated", "manual")}
+    for camera, (offset, low, high, source) in marked.items():
+        for axis in axes:
+            axis.axvline(offset, color=colours[camera], lw=1.1, ls=(0, (2, 2)) if source == "manual" else "-")
+        if np.isfinite([low, high]).all():
+            axes[1].axvspan(low, high, color=colours[camera], alpha=0.18, lw=0)
+    for axis in axes:
+        axis.set_yscale("log")
+        axis.yaxis.set_major_locator(LogLocator(subs=(1, 1.5, 2, 3, 5, 7)))
+        axis.yaxis.set_minor_locator(NullLocator())
+        axis.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.set_ylabel("residual, px")
+    ends = np.array([one[:3] for one in marked.values()] or [(0.0, 0.0, 0.0)])
+    axes[1].set_xlim(max(np.nanmin(ends), -WINDOW_MS) - ZOOM_MS, min(np.nanmax(ends), WINDOW_MS) + ZOOM_MS)
+    near = [cost[_within(lags, axes[1].get_xlim())] for lags, cost in told.costs.values()]
+    near = np.concatenate(near) if near else np.zeros(0)
+    near = near[near > 0]
+    if len(near):
+        axes[1].set_ylim(0.85 * near.min(), 1.15 * near.max())
+    axes[0].set_title("all offsets that were tried", fontsize=9)
+    axes[1].set_title("near the clocks (lines; bands are 95 % intervals)", fontsize=9)
+    axes[1].set_xlabel("offset, ms")
+    _legend(figure, axes[0], colours)
+    _save(figure, path)
+
+
+def _within(lags, limits):
+    return (lags >= limits[0]) & (lags <= limits[1])
+
+
+def overview(path, groups):
+    """Clocks of all recordings in their order. `groups`: environment -> sequence -> `Told`, "indoor" and "outdoor".
+
+    Indoors the motion capture starts when it likes, so the cameras' median is drawn by itself and the cameras from it.
+    """
+    panels = []
+    for environment, by_sequence in groups.items():
+        middles = {name: middle(told) if environment == "indoor" else 0.0 for name, told in by_sequence.items()}
+        if environment == "indoor":
+            panels.append(("indoor: median of the cameras against the motion capture", "offset, ms", middles, None))
+            panels.append(("indoor: each camera from that median", "ms", middles, by_sequence))
+        else:
+            panels.append((f"{environment}: against the first close camera", "offset, ms", middles, by_sequence))
+    colours = _colours(dict.fromkeys(c for own in groups.values() for told in own.values() for c in told.clocks))
+    figure, axes = _figure(len(panels), 1, height=0.5 + 1.75 * len(panels), squeeze=False)
+    for axis, (title, label, middles, by_sequence) in zip(axes[:, 0], panels, strict=True):
+        axis.set_title(title, fontsize=9)
+        axis.set_ylabel(label)
+        if by_sequence is None:
+            axis.plot(range(len(middles)), list(middles.values()), "o", color=GREY, ms=5)
+            axis.margins(y=0.15)
+        else:
+            _cameras(axis, middles, by_sequence, colours)
+        many = len(middles) > MOST_NAMES
+        axis.set_xticks([] if many else range(len(middles)), [] if many else list(middles), fontsize=8)
+        axis.set_xlim(-0.6, len(middles) - 0.4)
+        axis.grid(axis="x", visible=False)
+        if many:
+            axis.set_xlabel(f"{len(middles)} recordings in their order", fontsize=9)
+    _legend(figure, axes[0, 0], colours)
+    _save(figure, path)
+
+
+def _cameras(axis, middles, by_sequence, colours):
+    """A mark per camera beside the others of its recording: round, square if given by hand, a cross if not known."""
+    axis.axhline(0, color=GREY, lw=1, zorder=0)
+    for i, (camera, colour) in enumerate(colours.items()):
+        place = 0.7 * ((i + 0.5) / len(colours) - 0.5)
+        of_camera = [
+            (nth + place, told.clocks[camera], middles[name])
+            for nth, (name, told) in enumerate(by_sequence.items())
+            if camera in told.clocks and told.clocks[camera][3] != "reference"
+        ]
+        for mark, source in (("o", "estimated"), ("s", "manual")):
+            own = [(x, *(value - middle for value in one[:3])) for x, one, middle in of_camera if one[3] == source]
+            if own:
+                x, value, low, high = np.array(own).T
+                axis.vlines(x, low, high, color=colour, lw=1)
+                axis.plot(x, value, mark, ms=4, color=colour)
+        lost = [x for x, one, _ in of_camera if one[3] == "assumed_zero"]
+        axis.plot(lost, np.zeros(len(lost)), "x", ms=6, mew=1.6, color=RED)
+
+
+def middle(told):
+    """Median offset, ms, of the clocks of a sequence that are known; NaN without any."""
+    known = _known(told)
+    return float(np.median(known)) if known else np.nan
+
+
+def in_words(by_sequence):
+    """How many clocks there are, how well they are known and how far apart, in one sentence."""
+    clocks = [one for told in by_sequence.values() for one in told.clocks.values()]
+    counts = {source: sum(one[3] == source for one in clocks) for source in ("estimated", "manual", "assumed_zero")}
+    words = [f"{counts['estimated']} clocks are estimated"]
+    words += [f"{counts['manual']} given by hand"] if counts["manual"] else []
+    words += [f"{counts['assumed_zero']} not known and taken as 0"] if counts["assumed_zero"] else []
+    text = ", ".join(words)
+    half = [(high - low) / 2 for _, low, high, source in clocks if source == "estimated" and np.isfinite(high - low)]
+    if half:
+        text += f", with 95 % intervals of ±{np.median(half):.1f} ms (median; widest ±{max(half):.1f})"
+    apart = max(map(least_apart, by_sequence.values()), default=0.0)
+    if apart >= 1:
+        text += f"; in the recording where they differ most, two are at least {apart:.0f} ms apart"
+    return f"{text}."
+
+
+def least_apart(told):
+    """How far apart, ms, two clocks of a recording are at least, by their 95 % intervals."""
+    ends = np.array([one[1:3] for one in told.clocks.values() if np.isfinite(one[1:3]).all()])
+    return max(0.0, float(ends[:, 0].max() - ends[:, 1].min())) if len(ends) else 0.0
+
+
+def _known(told):
+    return [offset for offset, _, _, source in told.clocks.values() if source != "assumed_zero"]
