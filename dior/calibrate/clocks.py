@@ -78,19 +78,17 @@ def _indoors(sequence, rig, seen, pictures, mocap, marked, manual, min_score, da
         if camera.name in manual and not tried:
             tried.append((on_axis.Clock(0.0), NONE, NONE, "there are no detections and no marks of it"))
         elif all(one[3] for one in tried):
-            tried.append(_by_pictures(camera, motion, rows, data_root, f"{sequence}, {camera.name}"))
+            tried.append(_by_pictures(camera, mocap, rows, data_root, f"{sequence}, {camera.name}"))
         known = [one for one in tried if not one[3]]
         found[camera.name] = (known or tried)[0]
     return found
 
 
-def _by_pictures(camera, motion, rows, data_root, where):
+def _by_pictures(camera, mocap, rows, data_root, where):
     from dior.calibrate import motion_clock
 
-    try:
-        return (*motion_clock.from_pictures(camera, motion, rows, data_root, where), "")
-    except DiorError as error:
-        return on_axis.Clock(0.0), NONE, NONE, str(error).removeprefix(f"{where}: ")
+    clock, lags, costs = motion_clock.from_pictures(camera, tables.read(mocap, "skeletons_3d"), rows, data_root, where)
+    return clock, lags, costs, "" if clock.source == "estimated" else "neither detections, marks nor pictures tell it"
 
 
 def _outdoors(sequence, rig, seen, pictures, min_score, max_gap):
