@@ -52,7 +52,6 @@ PLACED_SIGMA_M, PLACED_SIGMA_DEG = 0.05, 2.0
 TAPE_SIGMA_M = 0.05
 UNKNOWN_M = 1000.0
 ROUNDS = 5
-SETTLED_S = 5e-4  # of the clocks
 TURNS, QUICK_TURNS = 8, 2  # with unknown clocks; while these are still found from fewer moments
 SAMPLE_ROUNDS = 3
 MOST_USABLE = 0.9
@@ -99,8 +98,8 @@ def adjust(
     for turn in range(ROUNDS if timed is None else TURNS):
         if timed is not None and not settled:
             before, last = values, turn >= QUICK_TURNS
-            values, fits = timed.fitted(adjusted, values, *((window_clocks.MOST, True) if last else ()))
-            settled = last and window_clocks.moved(before, values) < SETTLED_S
+            values, fits = timed.fitted(adjusted, values, last)
+            settled = last and window_clocks.settled(before, values, fits)
             uv, tracks, _ = timed.observations(values)
         agreed = agreeing(adjusted, uv)
         points = triangulated(adjusted, agreed)
@@ -118,13 +117,15 @@ def adjust(
     before, after = reprojection_errors(cameras, start, taken), reprojection_errors(adjusted, points, taken)
     disagreeing = 1 - np.isfinite(agreed).sum() / np.isfinite(uv).sum()
     spread = None if tracks is None else uncertainty.of(solved, tracks, lens_sigma)
+    clocks_sigma = None
     if timed is not None:
-        spread = window_clocks.widened(spread, solved, tracks, timed, fits)
+        fits = timed.compared(adjusted, values, fits)
+        spread, clocks_sigma = window_clocks.with_errors(spread, solved, tracks, timed, fits)
     noise = solved.linear.noise * solved.linear.variance[:, None, None]
     measured = tuple((fact, fact.measured(adjusted, solved.points, noise)) for fact in stated if fact.measured)
     done = Adjusted(
         adjusted, points, before, after, float(disagreeing), solved.iterations, spread, measured, tuple(tried), uv,
-        tracks, values, tuple(fits),
+        tracks, values, clocks_sigma, tuple(fits),
     )  # fmt: skip
     check_end(done, taken, max_mean_px * focal.mean() / REFERENCE_FX, where)
     return done

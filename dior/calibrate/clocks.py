@@ -59,7 +59,9 @@ def _indoors(sequence, rig, seen, pictures, mocap, marked, min_score, data_root)
     from dior.calibrate import mocap_clock, motion_clock
 
     _, motion = read_motion(mocap)
-    by_marks = on_axis.read([p for p in marked if ".clocks" in Path(p).name], _gains(marked), sequence) if marked else {}
+    by_marks = (
+        on_axis.read([p for p in marked if ".clocks" in Path(p).name], _gains(marked), sequence) if marked else {}
+    )
     found = {}
     for camera in rig:
         rows = tables.of_camera(pictures, camera.name)
@@ -98,7 +100,10 @@ def _outdoors(sequence, rig, seen, pictures, min_score, max_gap):
     if seen is None or len(rig) < 2:
         why = "there are no detections of it" if len(rig) > 1 else ""
         known = on_axis.Clock(0.0, source="reference", given=AS_IT_IS)
-        return {c.name: (known, NONE, NONE, "") if c.name == reference else (on_axis.Clock(0.0), NONE, NONE, why) for c in rig}
+        return {
+            c.name: (known, NONE, NONE, "") if c.name == reference else (on_axis.Clock(0.0), NONE, NONE, why)
+            for c in rig
+        }
     own, fps = rates(pictures, [camera.name for camera in rig])
     t0 = start_ns(pictures)
     parts, joints, last = [], [], 0.0
@@ -122,7 +127,9 @@ def confident(seen, camera, count, min_score, where):
 
 
 def _costs(sequence, told):
-    lags = [(name, lag, cost) for name, (_, lags, costs, _) in told.items() for lag, cost in zip(lags, costs, strict=True)]
+    lags = [
+        (name, lag, cost) for name, (_, lags, costs, _) in told.items() for lag, cost in zip(lags, costs, strict=True)
+    ]
     camera, lag, cost = zip(*lags, strict=True) if lags else ((), (), ())
     return {
         "sequence": [sequence] * len(lags),
@@ -143,7 +150,12 @@ def _findings(sequence, told, manual, names, joint, period_s, indoor):
             used = f"{hand.offset_s:+.4f} s of config/offsets counts" if hand else "it is taken as 0 with unknown error"
             advice = "" if hand else f"; give it in config/offsets/{sequence}.yaml"
             found.append(
-                (scope, "info" if hand else "warning", "clock_unknown", f"its clock cannot be told: {why}; {used}{advice}")
+                (
+                    scope,
+                    "info" if hand else "warning",
+                    "clock_unknown",
+                    f"its clock cannot be told: {why}; {used}{advice}",
+                )
             )
             continue
         half = on_axis.NORMAL_95 * clock.sigma(names, joint)

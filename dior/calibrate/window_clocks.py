@@ -21,10 +21,12 @@ from dior.calibrate.mocap_clock import DRIFT_SD_PPM
 from dior.calibrate.window import at_instants, together
 from dior.clocks import NORMAL_95
 
-QUICK, MOST = 200, 600  # moments of a sequence that its clocks are fitted to: while the cameras still move, at last
+QUICK, MOST = 150, 600  # moments of a sequence that its clocks are fitted to: while the cameras still move, at last
 SETTLED_S = 2e-4
-MOST_STEPS, MOST_LONGER = 6, 8.0
+SETTLED = 0.3  # standard errors: the turns end where the clocks move by less
+STEPS, MOST_LONGER = (5, 2), 8.0  # while the cameras still move, at last
 MOST_STEP_S, MOST_STEP_PPM = 0.1, 100.0
+MANY = 20  # joints: of more only every second (third ...) is asked
 CONTRADICTS = 2.6  # sigmas: 1 % of correct ones
 FEWEST_SHARED_S = 1.0
 
@@ -95,30 +97,32 @@ class Sequences:
         ]
         return *together(parts, [window["count"] for window in self.windows]), parts
 
-    def fitted(self, cameras, values, most=QUICK, last=False):
+    def fitted(self, cameras, values, thorough=False):
         """Clocks (S, V, 2) by how the joints move, with the cameras as they are, and the `Fit` of each sequence.
 
-        None for a sequence of which nothing tells. With `last` also clocks that are held are compared, and gains made.
+        None for a sequence of which nothing tells.
         """
         values, fits = values.copy(), []
         for i in range(len(values)):
-            held = self.held[i].all()
             fits.append(None)
-            if not held:
-                values[i], fits[i] = self._settled(i, cameras, values[i], most)
-            if last and (held or fits[i] is not None):
-                fits[i] = self._fit(i, cameras, values[i], fits[i], most, True)
+            if not self.held[i].all():
+                values[i], fits[i] = self._settled(i, cameras, values[i], thorough)
         return values, fits
 
-    def _settled(self, i, cameras, value, most):
+    def compared(self, cameras, values, fits):
+        """The `Fit`s with what the cameras' errors add, also those of clocks that are held."""
+        fits = fits or [None] * len(values)
+        return [self._fit(i, cameras, values[i], fit, True, True) for i, fit in enumerate(fits)]
+
+    def _settled(self, i, cameras, value, thorough):
         """Clocks (V, 2) of a sequence, and the last `Fit`.
 
         Noise in the joints' velocities makes every step too short, by the same share: what the step before has
         changed tells by how much (Barzilai and Borwein, IMA J. Numer. Anal. 8 (1988) 141-148).
         """
         free, fit, went, wanted = ~self.held[i], None, None, None
-        for _ in range(MOST_STEPS):
-            fit = self._fit(i, cameras, value, fit, most)
+        for _ in range(STEPS[thorough]):
+            fit = self._fit(i, cameras, value, fit, thorough)
             if fit is None:
                 break
             step, longer = fit.step * free[:, None], 1.0
@@ -134,16 +138,24 @@ class Sequences:
                 break
         return value, fit
 
-    def _fit(self, i, cameras, value, before, most, last=False):
-        grid, middle, views = self.grid(i, most), self.middle(i), len(cameras)
+    def _fit(self, i, cameras, value, before, thorough, last=False):
+        grid, middle, views = self.grid(i, MOST if thorough else QUICK), self.middle(i), len(cameras)
         order = [self.reference, *(v for v in range(views) if v != self.reference)]
         seen = self.recorded[i].seen
-        uv = np.stack([seen[v].at(grid, value[v], middle) for v in order])
+        joints = slice(None, None, 1 + len(self.recorded[i].names) // MANY)
+        names = self.recorded[i].names[joints]
+        uv = np.stack([seen[v].at(grid, value[v], middle)[:, joints] for v in order])
         ordered = [cameras[v] for v in order]
         used = camera_clock._agreeing(ordered, uv)
         uv = np.where(used[..., None], uv, np.nan)
         tracks = camera_clock.tracks_of(
-            ordered, uv, self.recorded[i].names, grid, middle, last, before and before.solved
+            ordered,
+            uv,
+            names,
+            grid,
+            middle,
+            last,
+            before.solved if thorough and before and len(before.solved.sd_px) == len(names) * views else None,
         )
         # only the drift is known beforehand, about nothing
         about = (value[order] - value[self.reference])[1:]
@@ -187,9 +199,14 @@ def _together(fits, shape):
     return gain, given
 
 
-def moved(before, after):
-    """By how much (s) the clocks (S, V, 2) differ at most."""
-    return float(np.abs(after[..., 0] - before[..., 0]).max(initial=0.0))
+def settled(before, after, fits):
+    """Whether the clocks (S, V, 2) of no sequence have moved by what counts."""
+    for was, now, fit in zip(before, after, fits, strict=True):
+        if fit is not None:
+            sigma = np.sqrt(np.diagonal(fit.given)).reshape(now.shape)
+            if (np.abs(now - was) > np.maximum(SETTLED * sigma, SETTLED_S))[:, 0].any():
+                return False
+    return True
 
 
 def of(recorded, windows, names, given, min_views):
@@ -200,16 +217,18 @@ def of(recorded, windows, names, given, min_views):
     return Sequences(tuple(recorded), tuple(windows), tuple(names), values, held, min_views)
 
 
-def widened(spread, solved, tracks, timed, fits):
-    """The cameras' `Uncertainty` with that of the clocks."""
-    if spread is None or timed.held.all():
-        return spread
-    free = np.repeat(~timed.held.ravel(), 2)
+def with_errors(spread, solved, tracks, timed, fits):
+    """The cameras' `Uncertainty` with that of the clocks, and the clocks' standard errors (S, V, 2) in all."""
     gain, given = _together(fits, timed.given.shape)
-    A, G, given = by_clocks(solved, tracks, timed)[:, free], gain[free], given[np.ix_(free, free)]
-    both = np.linalg.inv(np.eye(len(A)) - A @ G)
+    free = np.repeat(~timed.held.ravel(), 2)
+    A = by_clocks(solved, tracks, timed) * free
+    cameras, clocks = np.eye(len(A)), np.eye(len(gain))
+    both = np.linalg.inv(cameras - A @ gain)
     covariance = both @ (spread.covariance + A @ given @ A.T) @ both.T
-    return replace(spread, covariance=(covariance + covariance.T) / 2)
+    back = np.linalg.inv(clocks - gain @ A)
+    of_clocks = back @ (given + gain @ spread.covariance @ gain.T) @ back.T
+    sigma = np.sqrt(np.diagonal(of_clocks)).reshape(timed.given.shape)
+    return replace(spread, covariance=(covariance + covariance.T) / 2), sigma
 
 
 def by_clocks(solved, tracks, timed):
@@ -243,7 +262,7 @@ def findings(session, sequences, timed, done):
     found = []
     reference = timed.reference
     for i, sequence in enumerate(sequences):
-        fit, covariance = done.fits[i] if done.fits else None, done.uncertainty.covariance
+        fit = done.fits[i] if done.fits else None
         period = 1.0 / timed.recorded[i].fps
         for v, name in enumerate(timed.names):
             scope, shift = f"{sequence}/{name}", timed.at_t0(done.clocks)[i, v]
@@ -253,8 +272,7 @@ def findings(session, sequences, timed, done):
                 text = f"its clock cannot be told from the detections of {session}; it is taken as it is stamped"
                 found.append((scope, "warning", "adjust_clock_unknown", text))
                 continue
-            gain = fit.gain[2 * v]
-            sigma = float(np.sqrt(fit.given[2 * v, 2 * v] + gain @ covariance @ gain))
+            sigma = float(done.clocks_sigma[i, v, 0])
             within = f"{1000 * NORMAL_95 * sigma:.1f} ms"
             if not timed.held[i, v]:
                 text = (

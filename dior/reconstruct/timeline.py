@@ -21,7 +21,9 @@ def run(*, sequence, frames, cameras, clocks, mocap, max_gap, out):
     table, known = tables.read(frames, "frames"), on_axis.read([clocks])
     for camera in cameras:
         if camera not in known:
-            raise DiorError(f"{sequence}: {clocks} has no clock of {camera}{nearest(camera, known)}; run the step clocks")
+            raise DiorError(
+                f"{sequence}: {clocks} has no clock of {camera}{nearest(camera, known)}; run the step clocks"
+            )
     markers = tables.read(mocap, "skeletons_3d", ["joint", "instant", "stamp_ns"]) if mocap else None
     t0 = start_ns(table, markers)
     seconds = {
