@@ -5,7 +5,8 @@ INPUTS   placed cameras, their YAML (tape priors) and marks of the AprilTag; det
 OUTPUTS  cameras (adjusted wTc) and their joint covariance, metrics (mean reprojection error before and after), findings
 
 Poses and points are free, intrinsics fixed. Points are joints at the window's instants (a fixed list, so that a new
-sequence does not move old labels), on the nominal grid t0 + k/fps of their sequence.
+sequence does not move old labels), on the nominal grid t0 + k/fps of their sequence. Where no person gave a camera's
+clock, it is found by turns with the poses (`window_clocks`).
 The start is the best of several (`dior.calibrate.starts`), by GTSAM on a sample of the points; all points and the
 metric facts of the session follow with the points eliminated (`reduced`), and so does the joint covariance of the
 cameras (`uncertainty`).
@@ -94,7 +95,7 @@ def adjust(
         return sampled(start, few, start_priors or priors, sigma, where)
 
     chosen, tried = starts.best(cameras, few, attempt, where)
-    adjusted, settled = chosen.cameras, timed is None
+    adjusted, settled = chosen.cameras, timed is None or timed.held.all()
     for turn in range(ROUNDS if timed is None else TURNS):
         if timed is not None and not settled:
             before, last = values, turn >= QUICK_TURNS

@@ -20,6 +20,7 @@ from dior.skeletons import BODY_25B
 NAMES = [f"cam{i:02d}" for i in range(1, 5)]
 T0 = 1_708_000_000_000_000_000
 SEQUENCE = "beam"
+GENLOCKED = "".join(f"{name}: {{offset_s: 0.0, drift_ppm: 0}}\n" for name in NAMES)
 WINDOW = {SEQUENCE: {"first": 1, "count": 50, "step": 2}}
 
 
@@ -58,9 +59,11 @@ def capture(shared, tmp_path_factory):
     return folder, cameras
 
 
-def adjusted(folder, cameras, out, tape_sigma=None, sections=None):
+def adjusted(folder, cameras, out, tape_sigma=None, sections=None, clocks=GENLOCKED):
     """Run the step from `cameras`; returns the adjusted ones, the metrics and the findings."""
-    files = []
+    files, offsets = [], out / f"{SEQUENCE}.yaml"
+    offsets.parent.mkdir(parents=True, exist_ok=True)
+    offsets.write_text(clocks)
     for camera in cameras:
         tables.write_cameras(out / f"place/{camera.name}.parquet", [camera], "field")
         yaml = out / f"{camera.name}.yaml"
@@ -73,7 +76,7 @@ def adjusted(folder, cameras, out, tape_sigma=None, sections=None):
     run(
         session="field", cameras=[out / f"place/{camera.name}.parquet" for camera in cameras], camera_files=files,
         detections=[folder / f"detections/{SEQUENCE}.parquet"], frames=[folder / f"frames/{SEQUENCE}.parquet"],
-        offsets=[], window=WINDOW if sections is None else sections, min_score=0.4, min_views=3, huber_px=15.0,
+        offsets=[offsets], window=WINDOW if sections is None else sections, min_score=0.4, min_views=3, huber_px=15.0,
         max_mean_px=12.0, max_gap=1.5, out=out / "adjust.parquet", out_metrics=out / "metrics.parquet",
         findings=out / "findings.parquet", out_covariance=out / "covariance.parquet",
     )  # fmt: skip
