@@ -53,7 +53,7 @@ PLACED_SIGMA_M, PLACED_SIGMA_DEG = 0.05, 2.0
 TAPE_SIGMA_M = 0.05
 UNKNOWN_M = 1000.0
 ROUNDS = 5
-TURNS, QUICK_TURNS = 8, 2  # with unknown clocks; while these are still found from fewer moments
+TURNS, QUICK_TURNS = 8, 1  # with unknown clocks; while these are still found from fewer moments
 SAMPLE_ROUNDS = 3
 MOST_USABLE = 0.9
 LENS_SIGMA = 0.003
@@ -96,10 +96,13 @@ def adjust(
 
     chosen, tried = starts.best(cameras, few, attempt, where)
     adjusted, settled = chosen.cameras, timed is None or timed.held.all()
+    walked = window_clocks.Walked()
     for turn in range(ROUNDS if timed is None else TURNS):
         if timed is not None and not settled:
             before, last = values, turn >= QUICK_TURNS
-            values, fits = timed.fitted(adjusted, values, last)
+            found, fits = timed.fitted(adjusted, values, last)
+            walked = walked.on(found - values)
+            values = values + walked.went
             settled = last and window_clocks.settled(before, values, fits)
             uv, tracks, _ = timed.observations(values)
         agreed = agreeing(adjusted, uv)

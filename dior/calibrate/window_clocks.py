@@ -5,8 +5,7 @@ OUTPUTS  the clocks, the joints at the window's instants by them, and what the c
 
 Poses and clocks are found by turns: with the cameras as they are the clocks follow from how the joints move
 (`clock_fit`: a detector's constant errors have no say), then the cameras are adjusted at the instants by these clocks.
-An offset and a shift of a camera along the walk are alike only as long as nothing but the even part of a walk counts,
-so that few turns settle it. Where the turns end, both are least squares of linear equations in each other:
+Each gives way to what is wrong in the other, so that the turns are lengthened by what the ones before have shown. Where the turns end, both are least squares of linear equations in each other:
 camera errors x = A c + e, clock errors c = G x + f. Hence x = (1 - A G)^-1 (e + A f).
 The clock of the first camera by name is the reference. A clock is the time (s) in the middle of its stretch and the
 drift (ppm).
@@ -24,7 +23,7 @@ from dior.clocks import NORMAL_95
 QUICK, MOST = 150, 600  # moments of a sequence that its clocks are fitted to: while the cameras still move, at last
 SETTLED_S = 2e-4
 SETTLED = 0.3  # standard errors: the turns end where the clocks move by less
-STEPS, MOST_LONGER = (5, 2), 8.0  # while the cameras still move, at last
+STEPS, MOST_LONGER = (5, 2), 5.0  # while the cameras still move, at last
 MOST_STEP_S, MOST_STEP_PPM = 0.1, 100.0
 MANY = 20  # joints: of more only every second (third ...) is asked
 CONTRADICTS = 2.6  # sigmas: 1 % of correct ones
@@ -117,24 +116,16 @@ class Sequences:
     def _settled(self, i, cameras, value, thorough):
         """Clocks (V, 2) of a sequence, and the last `Fit`.
 
-        Noise in the joints' velocities makes every step too short, by the same share: what the step before has
-        changed tells by how much (Barzilai and Borwein, IMA J. Numer. Anal. 8 (1988) 141-148).
+        Noise in the velocities of the joints makes every step too short.
         """
-        free, fit, went, wanted = ~self.held[i], None, None, None
+        free, fit, walked = ~self.held[i], None, Walked()
         for _ in range(STEPS[thorough]):
             fit = self._fit(i, cameras, value, fit, thorough)
             if fit is None:
                 break
-            step, longer = fit.step * free[:, None], 1.0
-            if went is not None:
-                changed = ((wanted - step) * went)[:, 0].sum()
-                longer = (went[:, 0] ** 2).sum() / changed if changed > 0 else MOST_LONGER
-            wanted = step
-            went = np.clip(
-                np.clip(longer, 1.0, MOST_LONGER) * step, [-MOST_STEP_S, -MOST_STEP_PPM], [MOST_STEP_S, MOST_STEP_PPM]
-            )
-            value = value + went
-            if np.abs(went[:, 0]).max() < SETTLED_S:
+            walked = walked.on(fit.step * free[:, None])
+            value = value + walked.went
+            if np.abs(walked.went[:, 0]).max() < SETTLED_S:
                 break
         return value, fit
 
@@ -174,6 +165,26 @@ class Sequences:
             world = uncertainty.gauge(cameras)
             gain -= gain @ world @ np.linalg.pinv(world)
         return Fit(step, given, gain, solved)
+
+
+@dataclass(frozen=True)
+class Walked:
+    """The last step of an iteration whose steps are too short by the same share: `wanted` of it and `went` (..., 2)."""
+
+    wanted: np.ndarray | None = None
+    went: np.ndarray | None = None
+
+    def on(self, wanted):
+        """The next step, longer by as much as the last one has changed what is wanted by less than its length.
+
+        Barzilai and Borwein, IMA J. Numer. Anal. 8 (1988) 141-148.
+        """
+        longer = 1.0
+        if self.went is not None:
+            changed = ((self.wanted - wanted) * self.went)[..., 0].sum()
+            longer = (self.went[..., 0] ** 2).sum() / changed if changed > 0 else MOST_LONGER
+        went = np.clip(longer, 1.0, MOST_LONGER) * wanted
+        return Walked(wanted, np.clip(went, [-MOST_STEP_S, -MOST_STEP_PPM], [MOST_STEP_S, MOST_STEP_PPM]))
 
 
 @dataclass(frozen=True)
