@@ -82,7 +82,7 @@ def adjust(
     """
     values, fits = None, ()
     if timed is not None:
-        values = timed.start(cameras, *_how_far_off(cameras, start_priors or priors))
+        values = timed.start(cameras, *how_far_off(cameras, start_priors or priors))
         uv, tracks, _ = timed.observations(values)
     beginning.check_start(cameras, uv, where)
     beginning.check_shared(cameras, uv, where)
@@ -135,7 +135,7 @@ def adjust(
     return done
 
 
-def _how_far_off(cameras, priors):
+def how_far_off(cameras, priors):
     """How far (rad, m) each camera may be off before anything is adjusted, 1 sigma."""
     by_tape = np.array([prior.sigma_rad > np.radians(lags.AIM_DEG) for prior in priors])
     turns = np.where(by_tape, np.radians(lags.AIM_DEG), [prior.sigma_rad for prior in priors])

@@ -5,8 +5,9 @@ OUTPUTS  the clocks, the joints at the window's instants by them, and what the c
 
 Poses and clocks are found by turns: with the cameras as they are the clocks follow from how the joints move
 (`clock_fit`: a detector's constant errors have no say), then the cameras are adjusted at the instants by these clocks.
-Each gives way to what is wrong in the other, so that the turns are lengthened by what the ones before have shown. Where the turns end, both are least squares of linear equations in each other:
-camera errors x = A c + e, clock errors c = G x + f. Hence x = (1 - A G)^-1 (e + A f).
+Each gives way to what is wrong in the other, so that the turns are lengthened by what the ones before have shown.
+Where they end, both are least squares of linear equations in each other: camera errors x = A c + e, clock errors
+c = G x + f. Hence x = (1 - A G)^-1 (e + A f).
 The clock of the first camera by name is the reference. A clock is the time (s) in the middle of its stretch and the
 drift (ppm).
 """
