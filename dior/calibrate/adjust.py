@@ -123,7 +123,7 @@ def adjust(
     spread = None if tracks is None else uncertainty.of(solved, tracks, lens_sigma)
     clocks_sigma = None
     if timed is not None:
-        fits = timed.compared(adjusted, values, fits)
+        fits = timed.compared(adjusted, values, fits or [None] * len(values))
         spread, clocks_sigma = window_clocks.with_errors(spread, solved, tracks, timed, fits)
     noise = solved.linear.noise * solved.linear.variance[:, None, None]
     measured = tuple((fact, fact.measured(adjusted, solved.points, noise)) for fact in stated if fact.measured)
@@ -297,7 +297,8 @@ def run(
     for sequence, part, instants in zip(window, parts, window.values(), strict=True):
         text = f"{len(part.joint)} joints at {part.count} of {instants['count']} instants of {sequence} used"
         found.append((session, "info" if len(part.joint) else "warning", "adjust_window", text))
-    found += window_clocks.findings(session, list(window), timed, done)
+    alone = _by_detections_alone(placed, priors, huber_px, max_mean_px, start_priors, timed, intrinsics_sigma)
+    found += window_clocks.findings(session, list(window), timed, done, alone)
     for i, (sequence, part) in enumerate(zip(window, parts, strict=True)):
         skeleton = np.full((len(part.seconds), len(part.names), 3), np.nan)
         skeleton[part.instant, part.joint] = done.points[tracks.sequence == i]
@@ -317,6 +318,23 @@ def run(
         tables.write_camera_covariance(out_covariance, names, done.uncertainty.covariance, session)
     tables.write(out_metrics, "metrics", outcome.metrics(done))
     tables.write_findings(findings, found)
+
+
+def _by_detections_alone(cameras, priors, huber_px, max_mean_px, start_priors, timed, lens_sigma):
+    """`Adjusted` with the clocks that were given by hand free, to compare them; None where there is none, or no answer.
+
+    Cameras give way to a wrong clock, so that it takes an adjustment of its own to see it.
+    """
+    free = timed.freed()
+    if (free.held == timed.held).all():
+        return None
+    try:
+        return adjust(
+            cameras, None, priors, huber_px, max_mean_px, "", lens_sigma=lens_sigma, start_priors=start_priors,
+            timed=free,
+        )  # fmt: skip
+    except DiorError:
+        return None
 
 
 def _lens_models(session, yamls, topics, done, uv, priors, huber_px):

@@ -109,10 +109,15 @@ class Sequences:
                 values[i], fits[i] = self._settled(i, cameras, values[i], thorough)
         return values, fits
 
+    def freed(self):
+        """The same with no clock held but the reference's: what the detections alone say."""
+        return replace(self, held=np.broadcast_to(np.arange(len(self.names)) == self.reference, self.held.shape))
+
     def compared(self, cameras, values, fits):
-        """The `Fit`s with what the cameras' errors add, also those of clocks that are held."""
-        fits = fits or [None] * len(values)
-        return [self._fit(i, cameras, values[i], fit, True, True) for i, fit in enumerate(fits)]
+        """The `Fit`s with what the cameras' errors add; None where all clocks are held or nothing tells."""
+        return [
+            None if fit is None else self._fit(i, cameras, values[i], fit, True, True) for i, fit in enumerate(fits)
+        ]
 
     def _settled(self, i, cameras, value, thorough):
         """Clocks (V, 2) of a sequence, and the last `Fit`.
@@ -269,36 +274,36 @@ def by_clocks(solved, tracks, timed):
     return uncertainty.by_parameters(solved, derivative, at, 2 * views * len(timed.recorded))
 
 
-def findings(session, sequences, timed, done):
-    """What the clocks are, with 95 % intervals, and where a clock given by hand contradicts the detections."""
-    found = []
-    reference = timed.reference
+def findings(session, sequences, timed, done, alone=None):
+    """What the clocks are, with 95 % intervals, and where a clock given by hand contradicts the detections.
+
+    `done`, `alone`: the `outcome.Adjusted` with the clocks that are held, and with all of them free (`freed`).
+    """
+    found, offsets = [], timed.at_t0(done.clocks)
     for i, sequence in enumerate(sequences):
-        fit = done.fits[i] if done.fits else None
-        period = 1.0 / timed.recorded[i].fps
         for v, name in enumerate(timed.names):
-            scope, shift = f"{sequence}/{name}", timed.at_t0(done.clocks)[i, v]
-            if v == reference or (fit is None and timed.held[i, v]):
+            scope, held = f"{sequence}/{name}", timed.held[i, v]
+            told = alone if held else done
+            if v == timed.reference or told is None:
                 continue
-            if fit is None:
-                text = f"its clock cannot be told from the detections of {session}; it is taken as it is stamped"
+            if told.fits[i] is None:
+                text = f"its clock cannot be told from the detections; it counts as {'given' if held else 'stamped'}"
                 found.append((scope, "warning", "adjust_clock_unknown", text))
                 continue
-            sigma = float(done.clocks_sigma[i, v, 0])
-            within = f"{1000 * NORMAL_95 * sigma:.1f} ms"
-            if not timed.held[i, v]:
+            sigma = told.clocks_sigma[i, v, 0]
+            if not held:
                 text = (
-                    f"its clock is {1000 * shift[0]:+.1f} ms +- {within} from that of {timed.names[reference]}, at the "
-                    f"window's middle {1000 * done.clocks[i, v, 0]:+.1f} ms"
+                    f"its clock is {1000 * offsets[i, v, 0]:+.1f} ms +- {1000 * NORMAL_95 * sigma:.1f} ms from that of "
+                    f"{timed.names[timed.reference]}, in the middle of the window {1000 * done.clocks[i, v, 0]:+.1f} ms"
                 )
                 found.append((scope, "info", "adjust_clock", text))
                 continue
-            off = fit.step[v, 0]
+            off, period = alone.clocks[i, v, 0] - done.clocks[i, v, 0], 1.0 / timed.recorded[i].fps
             if abs(off) > max(period / 2, CONTRADICTS * sigma):
                 text = (
-                    f"the offset of {1000 * shift[0]:+.1f} ms given by hand contradicts the detections, by which it is "
-                    f"{1000 * (shift[0] + off):+.1f} ms +- {within}, {abs(off) / period:.1f} pictures off; correct or "
-                    f"remove it in config/offsets/{sequence}.yaml"
+                    f"the offset of {1000 * offsets[i, v, 0]:+.1f} ms given by hand contradicts the detections, by "
+                    f"which it is {1000 * (offsets[i, v, 0] + off):+.1f} ms +- {1000 * NORMAL_95 * sigma:.1f} ms, "
+                    f"{abs(off) / period:.1f} pictures off; correct or remove it in config/offsets/{sequence}.yaml"
                 )
                 found.append((scope, "warning", "clock_contradicts", text))
     return found
