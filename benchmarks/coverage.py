@@ -1,6 +1,6 @@
-"""Do the labels' error ellipses hold? Many captures, each simulated and labelled anew, their clocks given.
+"""Do the labels' error ellipses hold? Many captures, each simulated and labelled anew, with true and with found clocks.
 
-usage: python -m benchmarks.coverage [CAPTURES] [SECONDS]      (100 captures, seeds 1, 2, ..., walks of 8 s)
+usage: python -m benchmarks.coverage [CAPTURES] [SECONDS] [true|found]      (100 captures, seeds 1-100, walks of 8 s)
 
 A 95 % ellipse should hold 95 % of the true keypoints, and the error of a coordinate should be its sigma on average
 (rms of error / sigma of 1). The labels of one capture share its cameras' errors, so that only the number of captures
@@ -23,14 +23,16 @@ GROUPS = ("indoor", "close", "long range")
 EVERY = 5  # labels of every fifth picture
 
 
-def errors(seed, level, seconds):
+def errors(seed, level, seconds, clocks):
     """Of one capture, by group: squared Mahalanobis distances, errors over sigma, errors px, sigmas px.
 
     None where the capture is refused.
     """
     with tempfile.TemporaryDirectory() as folder:
         try:
-            made = steps.labelled(folder, preset=level, seed=seed, subjects=1, duration_s=seconds, gallery=False)
+            made = steps.labelled(
+                folder, clocks == "true", preset=level, seed=seed, subjects=1, duration_s=seconds, gallery=False
+            )
         except DiorError as error:
             print(f"seed {seed} is refused: {error}", file=sys.stderr)
             return None
@@ -61,24 +63,27 @@ def _of_labels(table, seen):
 def main():
     captures = int(sys.argv[1]) if len(sys.argv) > 1 else 100
     seconds = float(sys.argv[2]) if len(sys.argv) > 2 else 8.0
-    print(f"{captures} captures a level, seeds 1-{captures}, walks of {seconds:g} s, true clocks")
+    chosen = sys.argv[3:] or ["true", "found"]
+    print(f"{captures} captures a level, seeds 1-{captures}, walks of {seconds:g} s")
     print(
-        f"{'detector':<10}{'labels':<12}{'in 95 % ellipse':>16}{'spread':>8}{'rms error/sigma':>17}"
+        f"{'clocks':<8}{'detector':<10}{'labels':<12}{'in 95 % ellipse':>16}{'spread':>8}{'rms error/sigma':>17}"
         f"{'error, px':>11}{'sigma, px':>11}"
     )
-    for level in ("ideal", "real"):
+    for clocks, level in ((clocks, level) for clocks in chosen for level in ("ideal", "real")):
         with ProcessPoolExecutor(os.cpu_count()) as pool:
-            each = list(pool.map(errors, range(1, captures + 1), [level] * captures, [seconds] * captures))
+            each = list(
+                pool.map(errors, range(1, captures + 1), [level] * captures, [seconds] * captures, [clocks] * captures)
+            )
         each = [one for one in each if one]
         if len(each) < captures:
-            print(f"{level:<10}{captures - len(each)} of {captures} captures were refused")
+            print(f"{clocks:<8}{level:<10}{captures - len(each)} of {captures} captures were refused")
         for group in GROUPS:
             shares = [(one[group][0] <= INSIDE).mean() for one in each if one[group].size]
             pooled = np.concatenate([one[group] for one in each], axis=1)
             rms = np.sqrt((pooled[1:3] ** 2).mean())
             spread = np.std(shares) / np.sqrt(len(shares))
             print(
-                f"{level:<10}{group:<12}{np.mean(shares):>16.3f}{spread:>8.3f}{rms:>17.2f}"
+                f"{clocks:<8}{level:<10}{group:<12}{np.mean(shares):>16.3f}{spread:>8.3f}{rms:>17.2f}"
                 f"{pooled[3].mean():>11.2f}{pooled[4].mean():>11.2f}",
                 flush=True,
             )

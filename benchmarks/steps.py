@@ -12,7 +12,7 @@ import numpy as np
 
 from dior import project as projects
 from dior import tables
-from dior.calibrate import adjust, align, clocks, locate, place
+from dior.calibrate import adjust, align, clocks, follow, locate, place
 from dior.ingest import detections, mocap
 from dior.label import reproject
 from dior.reconstruct import refine, timeline, triangulate
@@ -184,6 +184,8 @@ def _outdoors(capture, session):
         _skeleton(capture, session, name, close)
     for camera in (name for name in project.cameras(session) if name not in close):
         _align(capture, session, camera)
+        for name in project.sequences_of(session):
+            _follow(capture, session, name, camera)
 
 
 def _skeleton(capture, session, name, close):
@@ -210,11 +212,26 @@ def _align(capture, session, camera):
         session=session, camera=camera, camera_file=_config(capture, session, camera),
         intrinsics=capture.made("intrinsics", unit), skeletons=[skeleton_of(capture, name) for name in drawn],
         frames=[capture.made("frames", name) for name in drawn],
-        offsets=[capture.made("timeline", name, ".offsets") for name in drawn],
+        offsets=[_offsets(capture, name) for name in drawn],
         boxes=[capture.folder / f"config/boxes/{name}.{camera}.csv" for name in drawn], marks=[],
         data_root=capture.folder / "data", close=[capture.made("adjust", session)],
         close_covariance=[capture.made("adjust", session, ".covariance")], out=capture.made("align", unit),
         out_covariance=capture.made("align", unit, ".covariance"), findings=capture.made("align", unit, ".findings"),
+    )  # fmt: skip
+
+
+def _follow(capture, session, name, camera):
+    unit, close = f"{name}.{camera}", capture.project.close(session)
+    boxes = capture.folder / f"config/boxes/{name}.{camera}.csv"
+    steps = [("adjust", session), ("align", f"{session}/{camera}")]
+    follow.run(
+        sequence=name, camera=camera, camera_file=_config(capture, session, camera),
+        cameras=[capture.made(*step) for step in steps], makers=close,
+        covariance=[capture.made(*step, ".covariance") for step in steps], skeleton=skeleton_of(capture, name),
+        frames=capture.made("frames", name), offsets=_offsets(capture, name), boxes=boxes,
+        data_root=capture.folder / "data", out=capture.made("follow", unit),
+        out_gains=capture.made("follow", unit, ".gains"), out_costs=capture.made("follow", unit, ".costs"),
+        findings=capture.made("follow", unit, ".findings"),
     )  # fmt: skip
 
 

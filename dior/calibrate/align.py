@@ -1,7 +1,8 @@
 """Place the long-range camera: by hand boxes, silhouettes or clicked joints around the known walker, or by eye.
 
-INPUTS   camera YAML (`locate: align`, `tape`, and `align` or `nudge`), intrinsics; with `align` the skeletons, frames
-         and clocks of the sequences it lists, their boxes, marks or pictures; the close cameras and their covariance
+INPUTS   camera YAML (`locate: align`, `tape`, and `align` or `nudge`), intrinsics; with `align` the skeletons and
+         frames of the sequences it lists, their boxes, marks or pictures, and the clocks given by hand; the close
+         cameras and their covariance
 OUTPUTS  cameras (one row with wTc), camera_covariance (rows of this camera), findings
 
 By eye: `wRc = Rz(azimuth + da) Rx(elevation + de)` with the look-at angles of the un-nudged centre, then the centre
@@ -10,23 +11,27 @@ long-range refinement). In the picture, by about f times the angle: a positive a
 moves the labels right, a positive elevation turns it up and moves them down, a positive distance shrinks them.
 
 With `align` this is only the start, and `boxes_fit` does the rest. The 3D is that of the close cameras, so the camera
-takes over the world's errors: its covariance has blocks with theirs. World in metres, Z up.
+takes over the world's errors: its covariance has blocks with theirs. The camera's clock in each sequence is fitted
+with the pose (`dior follow` tells what it is), unless config/offsets says it. World in metres, Z up.
 """
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from dior import camera as cam
 from dior import covariance, hand_boxes, tables
-from dior.calibrate import boxes_fit, silhouettes
+from dior.calibrate import boxes_fit, silhouettes, tracks
 from dior.calibrate import marks as hand_marks
+from dior.calibrate import offsets as hand_offsets
 from dior.calibrate.place import camera_settings, check_above_floor, look_at_pose, unplaced
 from dior.camera import pose
+from dior.covariance import point_covariance
 from dior.errors import DiorError, nearest
 from dior.geometry import look_at_angles, rotation_x, rotation_z
-from dior.sampling import at_pictures
+from dior.sampling import seconds
 
 # a person pays out the tape along the sight and sets the tripod down beside it
 ACROSS_M, HEIGHT_M = 0.1, 0.05
@@ -37,6 +42,9 @@ SILHOUETTE_MARGIN_PX = 0.5  # beyond the flesh
 PICTURES = 150  # of a sequence, for silhouettes
 AROUND_PX = 60.0  # about where the start has the person, at fx 760
 FEW_AGREE = 0.6
+# of clocks before anything is compared: computers that keep time by the network differ by less, so does what a person
+# starts by hand on a count; a crystal is good to 30 ppm
+CLOCK_SIGMA_S, DRIFT_SIGMA_PPM = 1.0, 30.0
 
 
 def aligned_pose(where, tape, nudge):
@@ -60,19 +68,29 @@ def aligned_pose(where, tape, nudge):
     return pose(rotation_z(azimuth) @ rotation_x(elevation), moved)
 
 
-def freedom(settings):
-    """`boxes_fit.Freedom` of a camera's YAML: how far the tape is trusted, by what `align.fit` says."""
+def freedom(settings, held):
+    """`boxes_fit.Freedom` of a camera's YAML: how far the tape is trusted, by what `align.fit` says.
+
+    `held`: of each walk, whether its clock was given by hand.
+    """
     sigma = settings["tape"].get("sigma_m", 0.05)
     beside = (min(sigma, ACROSS_M), min(sigma, HEIGHT_M))
     how = settings["align"].get("fit", "range")
     shift = (sigma,) * 3 if how == "position" else (sigma, *beside)
     margin = SILHOUETTE_MARGIN_PX if settings["align"]["from"] == "silhouettes" else boxes_fit.Freedom.margin_px
-    return boxes_fit.Freedom(shift=shift, focal=FOCAL_SIGMA if how == "focal" else 0.0, margin_px=margin)
+    return boxes_fit.Freedom(
+        shift=shift,
+        focal=FOCAL_SIGMA if how == "focal" else 0.0,
+        margin_px=margin,
+        clock_s=tuple(0.0 if known else CLOCK_SIGMA_S for known in held),
+        drift_ppm=tuple(0.0 if known else DRIFT_SIGMA_PPM for known in held),
+    )
 
 
 @dataclass(frozen=True)
 class Walk:
-    """One sequence at all pictures of the camera: their `rows`, `seconds` (F,), `points` (F, J, 3) m, `joints`.
+    """One sequence and the pictures of the camera: their `rows` and `seconds` (F,) by the clock as far as it is known,
+    the `track` of the `joints`, whether the clock is `held` at what a person gave.
 
     `sd_m`: standard error of a joint in an axis, given the close cameras; NaN where it is not known.
     """
@@ -80,24 +98,39 @@ class Walk:
     name: str
     rows: dict
     seconds: np.ndarray
-    points: np.ndarray
+    track: tracks.Track
     joints: list
+    held: bool
     sd_m: float
+
+    @property
+    def points(self):
+        """(F, J, 3) m at the pictures."""
+        return self.track.at(self.seconds)
 
 
 def read_walk(name, camera, skeleton, frames, offsets):
-    """`Walk` of one sequence. Raises DiorError where the camera has no picture or no clock in it."""
+    """`Walk` of one sequence; `offsets`: the file of clocks given by hand, or None.
+
+    Raises DiorError where the camera has no picture.
+    """
     rows = tables.of_camera(tables.read(frames, "frames"), camera)
     if not len(rows["frame"]):
         raise DiorError(f"{name}, camera {camera}: {frames} lists no picture of it; take it off align.sequences")
-    clock = tables.of_camera(tables.read(offsets, "offsets"), camera)
-    if not len(clock["offset_s"]):
-        raise DiorError(f"{name}, camera {camera}: {offsets} has no clock for it")
+    offset_s, drift_ppm, source = given_clock(camera, frames, offsets)
     table = tables.read(skeleton, "skeletons_3d")
-    points, noise, _, joints = at_pictures(table, rows["stamp_ns"], clock["offset_s"][0], clock["drift_ppm"][0])
+    track, t0_ns, joints = tracks.read(table)
+    noise = point_covariance(table, track.points.shape[:2])
     variance = np.trace(noise, axis1=-2, axis2=-1)[np.isfinite(noise).all(axis=(-2, -1))] / 3
     sd_m = float(np.sqrt(np.median(variance))) if len(variance) else np.nan
-    return Walk(name, rows, (rows["stamp_ns"] - rows["stamp_ns"][0]) / 1e9, points, joints, sd_m)
+    when = seconds(rows["stamp_ns"], t0_ns, offset_s, drift_ppm)
+    return Walk(name, rows, when, track, joints, source == "manual", sd_m)
+
+
+def given_clock(camera, frames, offsets):
+    """Offset s, drift ppm and source of a camera's clock by the file of those given by hand, which may be None."""
+    known = tables.ordered_unique(tables.read(frames, "frames", ["camera"])["camera"])
+    return hand_offsets.read(offsets, known)[camera]
 
 
 def from_boxes(walk, path):
@@ -164,19 +197,24 @@ def gather(walks, start, source, files, data_root, marks):
     else:
         clicked = hand_marks.read(marks)
         found = [from_marks(walk, clicked, marks) for walk in walks]
-    parts, flesh = [], 0.0
+    parts, flesh, taken = [], 0.0, []
     for k, (walk, (shown, values)) in enumerate(zip(walks, found, strict=True)):
-        points, count = walk.points[shown], len(shown)
+        track, count = walk.track, len(shown)
         if source == "silhouettes":
-            top = silhouettes.crown(walk.points, walk.joints)[shown]
-            points = np.concatenate([points, top[:, None]], axis=1)
-            flesh = silhouettes.flesh([*walk.joints, "crown"], float(np.nanmedian(top[:, 2])))
+            whole, flesh = silhouettes.outline(track.points, walk.joints)
+            track = tracks.Track(track.seconds, whole)
+        points, taken = track.at(walk.seconds[shown]), [*taken, track]
         clicks = values if source == "marks" else np.full((*points.shape[:2], 2), np.nan)
         edges = np.full((count, 4), np.nan) if source == "marks" else values
         parts.append((points, edges, clicks, walk.seconds[shown], np.full(count, k)))
+    bias_m = lasting_bias(walks)
+    return boxes_fit.Seen(*(np.concatenate(column) for column in zip(*parts, strict=True)), bias_m, flesh, tuple(taken))
+
+
+def lasting_bias(walks):
+    """Standard error (m) of a joint's place that stays while the same side of the body is seen."""
     known = [walk.sd_m for walk in walks if np.isfinite(walk.sd_m)]
-    bias_m = ALIKE * float(np.mean(known)) if known else boxes_fit.JOINT_BIAS_M
-    return boxes_fit.Seen(*(np.concatenate(column) for column in zip(*parts, strict=True)), bias_m, flesh)
+    return ALIKE * float(np.mean(known)) if known else boxes_fit.JOINT_BIAS_M
 
 
 def by_close(close, points):
@@ -219,7 +257,14 @@ def found_out(scope, walks, seen, fitted, pose_covariance, taped):
         f"{', '.join(walk.name for walk in walks)}: {agreed.mean():.0%} of {len(residual)} edges and clicks agree, "
         f"rms {np.sqrt((residual[agreed] ** 2).mean()):.2f} px. ± is a 95 % interval"
     )
-    _, J = covariance.projection(fitted.camera, np.nanmean(seen.points, axis=(0, 1)))
+    late = [
+        f"{walk.name} {1e3 * clock[0]:+.0f} ± {1.96e3 * sigma[0]:.0f} ms"
+        for walk, clock, sigma in zip(walks, fitted.clocks, fitted.clock_sigma, strict=True)
+        if not walk.held
+    ]
+    if late:
+        text += f"; its clock, fitted with it: {', '.join(late)}"
+    _, J = covariance.projection(fitted.camera, np.nanmean(fitted.points, axis=(0, 1)))
     middle = 1.96 * np.sqrt(np.diagonal(J @ pose_covariance @ J.T))
     text += (
         f"; in the middle of the walks the camera's part of a label is ± {middle[0]:.2f} px in u, {middle[1]:.2f} in v"
@@ -270,9 +315,9 @@ def run(
 ):
     """Write the aligned camera, its covariance and findings.
 
-    `skeletons`, `frames`, `offsets` and `boxes`: a file per sequence of the YAML's `align.sequences`, where a bump
-    splits the session of those of its part; none without that section. `close`: `cameras` tables of the close cameras,
-    `close_covariance` their `camera_covariance` tables.
+    `skeletons`, `frames` and `boxes`: a file per sequence of the YAML's `align.sequences`, where a bump splits the
+    session of those of its part; none without that section. `offsets`: those given by hand. `close`: `cameras` tables
+    of the close cameras, `close_covariance` their `camera_covariance` tables.
     """
     settings = camera_settings(camera_file, needs="align")
     lens = unplaced(intrinsics, camera)
@@ -284,20 +329,20 @@ def run(
         tables.write_findings(findings, [])
         return
     scope = f"{session}/{camera}"
-    by_name = [{Path(path).name.split(".")[0]: path for path in paths} for paths in (skeletons, frames, offsets, boxes)]
-    names = sorted(by_name[0])
-    walks = [read_walk(name, camera, *(files[name] for files in by_name[:3])) for name in names]
+    by_name = [{Path(path).name.split(".")[0]: path for path in paths} for paths in (skeletons, frames, boxes, offsets)]
+    files, filmed, drawn, given = by_name
+    walks = [read_walk(name, camera, files[name], filmed[name], given.get(name)) for name in sorted(files)]
     cam.check_picture_size(lens.intrinsics, walks[0].rows["width"][0], walks[0].rows["height"][0], scope)
-    seen = gather(walks, start, how["from"], by_name[3], data_root, marks)
+    seen = gather(walks, start, how["from"], drawn, data_root, marks)
     rig = [c for c in tables.read_cameras(close).values() if c.wTc is not None and c.role == "close"] if close else []
-    derivative = by_close(rig, seen.points) if rig else None
-    trusted = freedom(settings)
+    derivative = partial(by_close, rig) if rig else None
+    trusted = freedom(settings, [walk.held for walk in walks])
     fitted = boxes_fit.fit(start, trusted, seen, scope, derivative, how.get("occluder", "auto"))
     check_above_floor(camera_file, fitted.camera.centre, "are the boxes the subject's, and is the tape right?")
     known = None
     if rig and close_covariance:
         known = tables.read_camera_covariance(close_covariance, [c.name for c in rig])
-    range_m = float(np.nanmedian(cam.project(fitted.camera, seen.points)[1]))
+    range_m = float(np.nanmedian(cam.project(fitted.camera, fitted.points)[1]))
     spread = joint_covariance(fitted, known, range_m)
     all_names = [camera, *(c.name for c in rig)][: len(spread) // 6]
     tables.write_cameras(out, [fitted.camera], session)

@@ -7,8 +7,13 @@ An edge of a box is the extreme of the projected joints in its direction, moved 
 the extreme changes from step to step; between the changes the edge has that joint's derivative. Robust least squares
 (Geman-McClure weights, the scale lowered in steps) with the priors as further observations.
 
+Where the clock of a walk's pictures is not known either, the fit has the time in the middle of its pictures and the
+drift as further parameters, and the camera's covariance is that with both left open. A walk in one direction only tells
+the turn and the time apart by the limbs.
+
 World in metres, recorded pixels, radians. Parameters: turn about the camera's own axes (3), shift of its centre along
-the line of sight, to its right and up (3), log of the focal length, margin along u and along v.
+the line of sight, to its right and up (3), log of the focal length, margin along u and along v; time (s) and drift
+(ppm) of each walk.
 """
 
 from dataclasses import dataclass, field, replace
@@ -17,12 +22,12 @@ import numpy as np
 
 from dior import camera as cam
 from dior import covariance
+from dior.calibrate import edge_errors
 from dior.errors import DiorError
 
 TURN, SHIFT, FOCAL, MARGIN = slice(0, 3), slice(3, 6), 6, slice(7, 9)
 AXIS, OUTWARDS = np.array([0, 1, 0, 1]), np.array([-1.0, -1.0, 1.0, 1.0])  # of u_min, v_min, u_max, v_max
 SIDES = ("u_min", "v_min", "u_max", "v_max")
-LEAST_SD_PX = 0.3
 SCALES = (16.0, 8.0, 4.0)  # of the weights, px, before they follow the residuals
 CUT = 3.0  # residuals of that many sd weigh a quarter
 # what it costs to read a side as an occluder's, beyond the usual cost 1 of each edge that is left out: a chi2. As much
@@ -33,13 +38,18 @@ NEAR_LINE_PX = 3.0
 LINE_PX = 1.0  # how well the line of an occluder is known
 # 3D joints of real detectors are off by about 1 % of the body height, for as long as the same side is seen
 JOINT_BIAS_M = 0.025
+# clocks: where they are searched, and the scale of the weights with which one is judged
+LAGS_S = np.round(np.arange(-2.0, 2.05, 0.1), 1)
+SEARCH_SCALES = (16.0, 8.0, 4.0)
+ANOTHER_S = 0.15  # a clock further away is another solution
 
 
 @dataclass(frozen=True)
 class Freedom:
     """Standard errors of what is known before: `turn` (3,) rad, `shift` (3,) m along, right and up, `focal` of the log.
 
-    0 holds a value. `margin_px` that of the margin of all edges, `margin_split_px` that of v against u.
+    0 holds a value. `margin_px` that of the margin of all edges, `margin_split_px` that of v against u. `clock_s` and
+    `drift_ppm` (K,): of the clocks of the K walks.
     """
 
     turn: tuple = (np.radians(5), np.radians(5), np.radians(3))
@@ -47,6 +57,8 @@ class Freedom:
     focal: float = 0.0
     margin_px: float = 3.0
     margin_split_px: float = 0.3
+    clock_s: tuple = ()
+    drift_ppm: tuple = ()
 
 
 @dataclass(frozen=True)
@@ -55,7 +67,8 @@ class Seen:
 
     `seconds` (F,) and `walk` (F,): pictures of one walk near in time may share their errors. `bias_m`: standard error
     of a joint's place that stays while the same side of the body is seen, of which no residual tells. `flesh_m` (J,):
-    how far the outline that the edges are of lies outside of each joint.
+    how far the outline that the edges are of lies outside of each joint. `tracks`: the `Track` of each walk, on whose
+    axis the `seconds` are where a clock is to be found; `points` are then those at these `seconds`.
     """
 
     points: np.ndarray
@@ -65,6 +78,34 @@ class Seen:
     walk: np.ndarray
     bias_m: float = JOINT_BIAS_M
     flesh_m: np.ndarray | float = 0.0
+    tracks: tuple = ()
+
+    def middle_s(self, walk):
+        """Time (s) in the middle of the pictures of a walk, where its clock and its drift are told apart."""
+        return float(self.seconds[self.walk == walk].mean())
+
+    def at(self, clocks):
+        """Points (F, J, 3) m with clocks (K, 2) s and ppm that are off, their velocities, and the time (F,) s from the
+        middle of the walk."""
+        if not self.tracks:
+            return self.points, np.zeros(self.points.shape), np.zeros(len(self.points))
+        points, velocity, since = self.points.copy(), np.zeros(self.points.shape), np.zeros(len(self.points))
+        for k, track in enumerate(self.tracks):
+            mine = self.walk == k
+            since[mine] = self.seconds[mine] - self.middle_s(k)
+            moments = self.seconds[mine] + clocks[k, 0] + 1e-6 * clocks[k, 1] * since[mine]
+            points[mine], velocity[mine] = track.at(moments), track.velocity(moments)
+        return points, velocity, since
+
+    def only(self, walk, lag_s=0.0):
+        """One walk alone, its pictures `lag_s` later."""
+        mine = self.walk == walk
+        seconds = self.seconds[mine] + lag_s
+        flesh = self.flesh_m
+        return Seen(
+            self.tracks[walk].at(seconds), self.edges[mine], self.clicks[mine], seconds,
+            np.zeros(mine.sum(), int), self.bias_m, flesh, (),
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -72,7 +113,8 @@ class Fitted:
     """`values` (9,) and `covariance` (9, 9) of the parameters, of the six of `dior.covariance` with those of V close
     cameras `by_cameras` (9, 6V); `residual` (F, 4) px of the edges, NaN where none; `agree` (F, 4); `click_residual`
     (F, J, 2) px; `hidden` the side that an occluder has, or ""; `sd_px` of an edge; `inflation` by time; `ahead` by how
-    much (chi2) the edges prefer this reading to the next.
+    much (chi2) the edges prefer this reading to the next. `clocks` (K, 2) s and ppm: what is to be added to each walk's
+    time in the middle of its pictures and drift, with `clock_sigma` (K, 2); `points` (F, J, 3) with these clocks.
     """
 
     camera: cam.Camera
@@ -86,6 +128,9 @@ class Fitted:
     inflation: float
     ahead: float = np.inf
     by_cameras: np.ndarray = field(default_factory=lambda: np.zeros((9, 0)))
+    clocks: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
+    clock_sigma: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
+    points: np.ndarray = None
 
     @property
     def pose_covariance(self):
@@ -130,16 +175,16 @@ READINGS = {"auto": ("", "v_max", "v_min"), "none": ("",), "below": ("v_max",), 
 def fit(start, freedom, seen, where, derivative=None, occluder="auto"):
     """`Fitted` from a start a few degrees off.
 
-    `derivative` (F, J, 3, 6V): the points' by the errors of the close cameras, for `by_cameras`. Of the readings "all
-    edges are the body's" and "the lower (upper) edge is an occluder's, which hides the joints beyond it" the one is
-    taken that the edges agree with best; `occluder` (auto, none, below, above) may say which. Raises DiorError
-    (beginning with `where`) with too little to fit.
+    `derivative`: a function that gives the (F, J, 3, 6V) of points by the errors of the close cameras, or the array
+    itself, for `by_cameras`. Of the readings "all edges are the body's" and "the lower (upper) edge is an occluder's,
+    which hides the joints beyond it" the one is taken that the edges agree with best; `occluder` (auto, none, below,
+    above) may say which. Raises DiorError (beginning with `where`) with too little to fit.
     """
     count = np.isfinite(seen.edges).sum() + np.isfinite(seen.clicks).sum()
     if count < 8:
         raise DiorError(f"{where}: {count} usable edges and clicked coordinates; draw boxes on at least 4 pictures")
     readings = READINGS[occluder] if np.isfinite(seen.edges).any() else ("",)
-    tried = [_Reading(start, freedom, seen, side).solve(where) for side in readings]
+    tried = [Reading(start, freedom, seen, side).solve(where) for side in readings]
     sd_px = min(reading.sd for reading in tried)
     costs = np.array([reading.cost(sd_px) for reading in tried])
     best = int(np.argmin(costs))
@@ -147,33 +192,86 @@ def fit(start, freedom, seen, where, derivative=None, occluder="auto"):
     return replace(tried[best].fitted(derivative), ahead=float(min(others - costs[best], default=np.inf)))
 
 
-class _Reading:
+class Reading:
     """One reading of the edges, with the state of its iteration."""
 
     def __init__(self, start, freedom, seen, side):
         self.start, self.axes, self.seen, self.side = start, sight(start), seen, side
-        self.prior = _prior(freedom)
+        self.freedom = freedom
+        self.prior = _prior(freedom, len(seen.tracks))
         self.free = np.diagonal(self.prior) < 1e15
-        self.values = np.zeros(9)
+        self.values = np.zeros(len(self.prior))
         self.sd = SCALES[-1] / CUT
         self.line = np.nanmedian(seen.edges[:, SIDES.index(side)]) if side else np.nan
 
+    @property
+    def clocks(self):
+        """(K, 2) a view of the parameters."""
+        return self.values[9:].reshape(-1, 2)
+
     def solve(self, where):
-        self.values[TURN] = self._aim(where)
+        unknown = [k for k in range(len(self.seen.tracks)) if self.free[9 + 2 * k]]
+        for k in unknown:
+            self.clocks[k, 0] = self._search(k, where)
+        self._iterate(where)
+        for k in unknown:
+            self._try_another(k, where)
+        return self
+
+    def _search(self, walk, where):
+        """The clock (s) of a walk by its pictures alone, with an aim of their own."""
+        held = replace(self.freedom, clock_s=(), drift_ppm=())
+        costs = []
+        for lag in LAGS_S:
+            seen = self.seen.only(walk, lag)
+            costs.append(Reading(self.start, held, seen, self.side).cost_of_search(where))
+        costs = np.array(costs) + (LAGS_S / self.freedom.clock_s[walk]) ** 2
+        return float(LAGS_S[np.argmin(costs)])
+
+    def cost_of_search(self, where):
+        """The cost after a few steps; what cannot be compared counts as much as what fits."""
+        count = np.isfinite(self.seen.edges).sum() + np.isfinite(self.seen.clicks).sum()
+        if not np.isfinite(cam.project(self.start, self.seen.points)[0]).any():
+            return float(count * CUT**2)
+        self.values[TURN] = self._aim(where) * self.free[TURN]
+        for scale in SEARCH_SCALES:
+            for _ in range(2):
+                self.values = self.values + self._step(self.rows(), scale)
+        return self.cost(SEARCH_SCALES[-1] / CUT) + (0 if self.side else count - len(self.rows().kind))
+
+    def _try_another(self, walk, where):
+        """Another clock of this walk, if all pictures together agree better with it."""
+        sd, kept = self.sd, self.values.copy()
+        costs = []
+        for lag in LAGS_S:
+            self.clocks[walk, 0] = lag
+            costs.append(self.cost(sd))
+        self.values = kept.copy()
+        best = float(LAGS_S[np.argmin(costs)])
+        if abs(best - self.clocks[walk, 0]) < ANOTHER_S:
+            return
+        before = self.cost(sd)
+        self.clocks[walk, 0] = best
+        self._iterate(where)
+        if self.cost(sd) > before:
+            self.values, self.sd = kept, sd
+
+    def _iterate(self, where):
+        self.values[TURN] = self._aim(where) * self.free[TURN]
         for scale in (*SCALES, *(None,) * 12):
             for _ in range(6 if scale else 3):
                 rows = self.rows()
                 if scale is None:
-                    self.sd = _spread(rows.residual)
+                    self.sd = edge_errors.spread(rows.residual)
                 step = self._step(rows, scale or CUT * self.sd)
                 self.values = self.values + step
-                if np.abs(step[TURN]).max() < 1e-9 and np.abs(step[SHIFT]).max() < 1e-7:
+                small = np.abs(step[TURN]).max() < 1e-9 and np.abs(step[SHIFT]).max() < 1e-7
+                if small and np.abs(step[9::2]).max(initial=0.0) < 1e-6:
                     break
-        return self
 
     def _aim(self, where):
         """The turn that brings the middles of the projected boxes onto the drawn ones, in the median."""
-        uv = cam.project(self.start, self.seen.points)[0]
+        uv = cam.project(self.start, self.seen.at(self.clocks)[0])[0]
         if not np.isfinite(uv).any():
             raise DiorError(f"{where}: none of the 3D is in front of the camera; is tape.target_m where the person is?")
         low, high = _extremes(uv, np.isfinite(uv).all(axis=-1))
@@ -208,12 +306,12 @@ class _Reading:
     def rows(self):
         """`_Rows` of every edge and click at the present values."""
         camera = self.camera()
-        uv = cam.project(camera, self.seen.points)[0]
+        points, velocity, since = self.seen.at(self.clocks)
+        uv, depth = cam.project(camera, points)
         shown, perhaps, cut = self.visible(uv)
         edges = np.where(shown.any(axis=1)[:, None], self.seen.edges, np.nan)
         if self.side:
             edges[cut, SIDES.index(self.side)] = np.nan
-        depth = cam.project(camera, self.seen.points)[1]
         with np.errstate(invalid="ignore", divide="ignore"):
             flesh = np.broadcast_to(camera.intrinsics.fx * np.asarray(self.seen.flesh_m) / depth, uv.shape[:2])
         outwards, most = (
@@ -231,23 +329,27 @@ class _Reading:
             np.concatenate(pair).astype(int) for pair in zip((frame, joint, AXIS[side]), clicked.T, strict=True)
         )
         observed = np.concatenate([edges[np.isfinite(edges)], self.seen.clicks[tuple(clicked.T)]])
-        by_point, by_camera = covariance.projection(camera, self.seen.points[frame, joint])
+        by_point, by_camera = covariance.projection(camera, points[frame, joint])
         at = np.arange(len(frame))
         lens = camera.intrinsics
-        J = np.zeros((len(frame), 9))
+        J = np.zeros((len(frame), len(self.values)))
         J[:, :6] = by_camera[at, axis]
         J[:, SHIFT] = J[:, 3:6] @ self.axes
         J[:, FOCAL] = (uv[frame, joint] - (lens.cx, lens.cy))[at, axis]
         J[at, 7 + axis] = sign
+        if self.seen.tracks:
+            by_time = np.einsum("ni,ni->n", by_point[at, axis], velocity[frame, joint])
+            J[at, 9 + 2 * self.seen.walk[frame]] = by_time
+            J[at, 10 + 2 * self.seen.walk[frame]] = 1e-6 * by_time * since[frame]
         model = uv[frame, joint, axis] + sign * (self.values[7 + axis] + np.nan_to_num(flesh[frame, joint]))
         kind = np.concatenate([side, np.full(len(clicked), -1)])
-        return _Rows(frame, joint, axis, kind, observed - model, J, by_point[at, axis])
+        return Rows(frame, joint, axis, kind, observed - model, J, by_point[at, axis], by_camera[at, axis])
 
     def _step(self, rows, scale):
-        weight = _weights(rows.residual, scale)
+        weight = edge_errors.weights(rows.residual, scale)
         H = (rows.J * weight[:, None]).T @ rows.J / self.sd**2 + self.prior
         g = rows.J.T @ (weight * rows.residual) / self.sd**2 - self.prior @ self.values
-        step = np.zeros(9)
+        step = np.zeros(len(self.values))
         step[self.free] = np.linalg.solve(H[np.ix_(self.free, self.free)], g[self.free])
         return step
 
@@ -257,7 +359,8 @@ class _Reading:
         z2 = (rows.residual / sd_px) ** 2
         missing = np.isfinite(self.seen.edges).sum() - (rows.kind >= 0).sum()
         prior = self.values[self.free] @ self.prior[np.ix_(self.free, self.free)] @ self.values[self.free]
-        hiding = 0.0
+        lost = np.isfinite(self.seen.clicks).sum() - (rows.kind < 0).sum() + missing
+        hiding = lost if self.seen.tracks else 0.0
         if self.side:
             hidden = (np.abs(self.seen.edges[:, SIDES.index(self.side)] - self.line) <= NEAR_LINE_PX).sum()
             hiding = missing + max(COST_OF_HIDING[self.side], hidden)
@@ -266,26 +369,28 @@ class _Reading:
     def fitted(self, derivative):
         rows = self.rows()
         scale = CUT * self.sd
-        weight = _weights(rows.residual, scale)
+        weight = edge_errors.weights(rows.residual, scale)
         free = np.ix_(self.free, self.free)
-        inflation = _inflation(rows, weight, self.seen)
+        inflation = edge_errors.inflation(rows, weight, self.seen)
         # the derivative of the weighted residual, in the mean: weights that fall make the valley flatter
-        slope = _slopes(rows.residual, scale).sum() / weight.sum()
+        slope = edge_errors.slopes(rows.residual, scale).sum() / weight.sum()
         slope = max(slope, 0.2)
         H = slope * (rows.J * weight[:, None]).T @ rows.J / self.sd**2 + self.prior
-        inverse = np.zeros((9, 9))
+        inverse = np.zeros(H.shape)
         inverse[free] = np.linalg.inv(H[free])
         meat = inflation * (rows.J * (weight**2 * rows.residual**2)[:, None]).T @ rows.J / self.sd**4
         meat = meat * len(rows.residual) / max(len(rows.residual) - self.free.sum(), 1)
         meat[free] += self.prior[free]
         # what moves a point moves the edge: by_point along its axis; what moves all edges moves the camera as far
         pull = slope * inverse @ (rows.J * weight[:, None]).T / self.sd**2
-        meat_of_bias = _of_bias(pull, rows, self.camera(), self.seen)
+        points = self.seen.at(self.clocks)[0]
+        meat_of_bias = edge_errors.of_bias(pull, rows, self.camera(), points, self.seen)
         spread = inverse @ meat @ inverse + meat_of_bias
         by_cameras = np.zeros((9, 0))
         if derivative is not None:
-            moved_by = np.einsum("ni,nij->nj", rows.by_point, np.nan_to_num(derivative[rows.frame, rows.joint]))
-            by_cameras = -pull @ moved_by
+            moves = derivative(points) if callable(derivative) else derivative
+            moved_by = np.einsum("ni,nij->nj", rows.by_point, np.nan_to_num(moves[rows.frame, rows.joint]))
+            by_cameras = -(pull @ moved_by)[:9]
         edge = rows.kind >= 0
         residual = np.full(self.seen.edges.shape, np.nan)
         residual[rows.frame[edge], rows.kind[edge]] = rows.residual[edge]
@@ -294,14 +399,17 @@ class _Reading:
         with np.errstate(invalid="ignore"):
             agree = np.abs(residual) <= scale
         camera = self.camera()
+        sigma = np.sqrt(np.diagonal(spread))[9:].reshape(-1, 2)
         return Fitted(
-            camera, self.values, spread, residual, agree, clicks, self.side, self.sd, inflation, by_cameras=by_cameras
+            camera, self.values[:9], spread[:9, :9], residual, agree, clicks, self.side, self.sd, inflation,
+            by_cameras=by_cameras, clocks=self.clocks, clock_sigma=sigma, points=points,
         )  # fmt: skip
 
 
 @dataclass(frozen=True)
-class _Rows:
-    """N coordinates: picture, joint, axis, side (-1 for a click), residual px, derivatives (N, 9) and (N, 3)."""
+class Rows:
+    """N coordinates: picture, joint, axis, side (-1 for a click), residual px, derivatives by the parameters (N, 9+2K),
+    by the 3D point (N, 3) and by the camera (N, 6)."""
 
     frame: np.ndarray
     joint: np.ndarray
@@ -310,11 +418,15 @@ class _Rows:
     residual: np.ndarray
     J: np.ndarray
     by_point: np.ndarray
+    by_camera: np.ndarray
 
 
-def _prior(freedom):
-    """Precision (9, 9) of the parameters; 1e18 for what is held."""
-    sd = np.array([*freedom.turn, *freedom.shift, freedom.focal, 1, 1], float)
+def _prior(freedom, walks=0):
+    """Precision (9 + 2K, 9 + 2K) of the parameters; 1e18 for what is held."""
+    clocks = np.zeros((walks, 2))
+    if freedom.clock_s:
+        clocks[:, 0], clocks[:, 1] = freedom.clock_s, freedom.drift_ppm or 0.0
+    sd = np.array([*freedom.turn, *freedom.shift, freedom.focal, 1, 1, *clocks.ravel()], float)
     P = np.diag([1 / s**2 if s > 0 else 1e18 for s in sd])
     if freedom.margin_px > 0:
         common, half = freedom.margin_px**2, freedom.margin_split_px**2 / 2
@@ -329,58 +441,3 @@ def _extremes(uv, known):
     low = np.where(known[..., None], uv, np.inf).min(axis=1)
     high = np.where(known[..., None], uv, -np.inf).max(axis=1)
     return np.where(np.isfinite(low), low, np.nan), np.where(np.isfinite(high), high, np.nan)
-
-
-def _weights(residual, scale):
-    """Geman-McClure: an edge that is far off does not pull at all."""
-    return 1 / (1 + (residual / scale) ** 2) ** 2
-
-
-def _slopes(residual, scale):
-    """Derivative of the weighted residual by the residual."""
-    z2 = (residual / scale) ** 2
-    return (1 - 3 * z2) / (1 + z2) ** 3
-
-
-def _spread(residual):
-    return max(1.4826 * np.median(np.abs(residual)), LEAST_SD_PX)
-
-
-def _inflation(rows, weight, seen):
-    """By how much errors alike in time widen the intervals: 1 + 2 sum of the autocorrelations up to 1 s, at least 1.
-
-    Pairs of the same side (or joint and axis) of one walk, pooled; the mean of each side is taken out.
-    """
-    label = np.where(rows.kind >= 0, rows.kind, 4 + 2 * rows.joint + rows.axis)
-    own = weight * rows.residual
-    for k in np.unique(label):
-        own[label == k] -= own[label == k].mean()
-    t, walk = seen.seconds[rows.frame], seen.walk[rows.frame]
-    alike = (label[:, None] == label) & (walk[:, None] == walk) & (np.abs(t[:, None] - t) <= 1.0)
-    np.fill_diagonal(alike, False)
-    products = np.where(alike, np.outer(own, own), 0.0).sum()
-    return float(max(1.0, 1.0 + products / max((own**2).sum(), 1e-12)))
-
-
-def _of_bias(pull, rows, camera, seen):
-    """Covariance (9, 9) from joints that are off by `bias_m` alike in every picture that shows the same side."""
-    if not seen.bias_m:
-        return np.zeros((9, 9))
-    facing = _facing(camera, seen.points)[rows.frame]
-    group = rows.joint * 3 + facing + 1
-    out = np.zeros((9, 9))
-    for g in np.unique(group):
-        mine = group == g
-        G = pull[:, mine] @ rows.by_point[mine]
-        out += seen.bias_m**2 * G @ G.T
-    return out
-
-
-def _facing(camera, points):
-    """-1 or 1 (F,): which way the body goes across the picture, by how it moves; the side of it that is seen."""
-    known = np.isfinite(points).all(axis=-1)[..., None]
-    middle = np.where(known, points, 0.0).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
-    across = (middle - camera.centre) @ camera.wRc[:, 0]
-    if len(across) < 2:
-        return np.zeros(len(across), int)
-    return np.where(np.gradient(across) < 0, -1, 1)

@@ -24,7 +24,6 @@ CAP = 0.06  # of an epipolar distance, at focal length 1
 MOST = 2700  # moments of a camera that take part, in runs
 RUNS = 3
 ROUNDS = 12
-SETTLED = 0.15  # standard errors of a clock: the choice among the detections moves it by as much
 BELIEVED_ROUNDS = 3
 UNBELIEVED, LEAST_OFF_M = 8.0, 0.2
 FASTEST_M_S = 8.0
@@ -171,18 +170,13 @@ def fitted(cameras, seen, names, grid, middle, start):
         full = np.concatenate([np.zeros((1, 2)), value])
         uv = np.stack([s.at(grid[at], own, middle) for s, own in zip(seen, full, strict=True)])
         used = _agreeing(cameras, uv)
-        last = i == ROUNDS - 1 or solved is not None and settled(solved)
+        last = i == ROUNDS - 1 or solved is not None and clock_fit.settled(solved)
         tracks = tracks_of(cameras, np.where(used[..., None], uv, np.nan), names, grid[at], middle, last, solved)
         solved = clock_fit.solve(tracks, value.ravel(), precision)
         if solved is None or last:
             break
         value = value + np.clip(solved.step.reshape(-1, 2), [-0.05, -100], [0.05, 100])
     return value, solved
-
-
-def settled(solved):
-    """Whether the last step was small against the standard errors of the clocks."""
-    return bool((np.abs(solved.step) < SETTLED * np.sqrt(np.diagonal(solved.given)))[::2].all())
 
 
 def _agreeing(cameras, uv):
@@ -201,7 +195,7 @@ def tracks_of(cameras, uv, names, seconds, middle, with_cameras, noise):
     points = triangulate(np.stack([cam.inverse_pose(c.wTc) for c in cameras]), xy, seen)
     points, speed = smooth(points, seconds)
     left = _left(points, names)
-    body = np.nanmedian(points[..., :2], axis=1)
+    body = _middle(points)
     drifted = 1e-6 * (seconds - middle)
     feigned = np.zeros_like(speed)
     if noise is not None:
@@ -230,6 +224,12 @@ def tracks_of(cameras, uv, names, seconds, middle, with_cameras, noise):
         residual, by_clock, by_camera, basis, by_point, joint, np.repeat(np.arange(views), each), joint, seconds,
         np.nan_to_num(by_noise),
     )  # fmt: skip
+
+
+def _middle(points):
+    """Middle (T, 2) of the joints (T, J, 3) that are known, NaN without any."""
+    known = np.isfinite(points).all(axis=-1, keepdims=True)
+    return np.where(known, points, 0.0).sum(axis=1)[:, :2] / np.where(known.any(axis=1), known.sum(axis=1), np.nan)
 
 
 def _by_chance(cameras, points, used, noise, seconds):

@@ -18,6 +18,8 @@ OUTLIER = 6.0  # sigmas at which a residual is another thing than noise
 HUBER = 2.0  # sigmas of a coordinate at which a whitened residual starts to weigh less
 ROUNDS = 3
 MOST_FEIGNED = 0.8
+LEAST_SHARE = 0.6
+SETTLED = 0.15  # standard errors: the choice among the detections moves a clock by as much
 MOST_KEPT = 0.95  # correlation of neighbouring residuals, at most
 FEWEST = 60  # usable moments of joints
 
@@ -117,7 +119,22 @@ def solve(tracks, value, prior):
     meat = meat + np.diag(prior)
     used = int((pair > 0).sum())
     rms = float(np.sqrt((left[..., 0] ** 2).sum(axis=-1)[weight > 0].mean()))
-    return Solved(-inverse @ g, inverse @ meat @ inverse, -inverse @ N[:K, K : K + Q], sd, keep, rms, used)
+    return Solved(
+        -inverse @ g, _no_more(inverse @ meat @ inverse, prior), -inverse @ N[:K, K : K + Q], sd, keep, rms, used
+    )
+
+
+def settled(solved):
+    """Whether the last step was small against the standard errors of the clocks, every other unknown."""
+    return bool((np.abs(solved.step) < SETTLED * np.sqrt(np.diagonal(solved.given)))[::2].all())
+
+
+def _no_more(covariance, prior):
+    """The covariance, no variance of which is more than is known before: few clusters overstate it."""
+    with np.errstate(divide="ignore"):
+        most = np.where(prior > 0, 1 / np.where(prior > 0, prior, 1.0), np.inf)
+    scale = np.sqrt(np.minimum(1.0, most / np.diagonal(covariance)))
+    return covariance * np.outer(scale, scale)
 
 
 def without(basis, weight, values):
@@ -180,7 +197,7 @@ def eliminated(J, w, y, joint, view):
 def two_way(scores, group, block):
     """Covariance (K, K) of the sum of scores (B, T, K), alike within a group of tracks (B,) and within a block (T,).
 
-    Cameron, Gelbach and Miller, J. Bus. Econ. Stat. 29 (2011) 238-249; never below that of blocks of groups alone.
+    Cameron, Gelbach and Miller, J. Bus. Econ. Stat. 29 (2011) 238-249.
     """
     groups, g = np.unique(group, return_inverse=True)
     blocks, b = np.unique(block, return_inverse=True)
@@ -188,11 +205,12 @@ def two_way(scores, group, block):
     np.add.at(cells, (g[:, None], b[None]), scores)
 
     def of(sums):
-        count = len(sums)
-        return np.einsum("ci,cj->ij", sums, sums) * count / max(count - 1, 1)
+        flat = sums.reshape(-1, scores.shape[-1])
+        return flat.T @ flat
 
-    alone = of(cells.reshape(-1, scores.shape[-1]))
+    alone = of(cells)
     both = of(cells.sum(axis=1)) + of(cells.sum(axis=0)) - alone
-    larger = np.maximum(np.diagonal(both), np.diagonal(alone))
-    scale = np.sqrt(larger / np.maximum(np.diagonal(alone), 1e-300))
+    # few clusters give a noisy answer, which may not even be positive
+    share = np.diagonal(both) / np.maximum(np.diagonal(alone), 1e-300)
+    scale = np.sqrt(np.maximum(share, LEAST_SHARE))
     return alone * np.outer(scale, scale)

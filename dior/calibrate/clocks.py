@@ -20,6 +20,7 @@ from dior.errors import DiorError
 from dior.sampling import camera_seconds, instants, rates, start_ns
 
 AS_IT_IS = (0.0, 0.0)
+FAR_OFF = 0.9  # pictures; cameras that run free on one network's time are nearer to each other
 CONTRADICTS_S = 0.002  # at least so far from the estimate a value by hand is doubted
 NONE = np.zeros(0)
 
@@ -43,7 +44,7 @@ def run(
     manual = given_by.by_hand(offsets, tables.ordered_unique(pictures["camera"]))
     seen = tables.read(detections, "detections") if detections else None
     if mocap:
-        told = _indoors(sequence, rig, seen, pictures, mocap, marked, min_score, data_root)
+        told = _indoors(sequence, rig, seen, pictures, mocap, marked, manual, min_score, data_root)
     else:
         told = _outdoors(sequence, rig, seen, pictures, min_score, max_gap)
     joint = tables.read_camera_covariance(covariance, names) if covariance else None
@@ -54,14 +55,13 @@ def run(
     tables.write_findings(findings, _findings(sequence, told, manual, names, joint, period, bool(mocap)))
 
 
-def _indoors(sequence, rig, seen, pictures, mocap, marked, min_score, data_root):
-    """By camera: `Clock`, lags, costs, why it is not known or ""."""
-    from dior.calibrate import mocap_clock, motion_clock
+def _indoors(sequence, rig, seen, pictures, mocap, marked, manual, min_score, data_root):
+    """By camera: `Clock`, lags, costs, why it is not known or "". Pictures are read only where nothing else tells."""
+    from dior.calibrate import mocap_clock
 
     _, motion = read_motion(mocap)
-    by_marks = (
-        on_axis.read([p for p in marked if ".clocks" in Path(p).name], _gains(marked), sequence) if marked else {}
-    )
+    kinds = {kind: [path for path in marked if f".{kind}." in Path(path).name] for kind in ("clocks", "clock_gains")}
+    by_marks = on_axis.read(kinds["clocks"], kinds["clock_gains"], sequence)
     found = {}
     for camera in rig:
         rows = tables.of_camera(pictures, camera.name)
@@ -75,22 +75,22 @@ def _indoors(sequence, rig, seen, pictures, mocap, marked, min_score, data_root)
         if not (tried and not tried[-1][3]) and camera.name in by_marks:
             clock = by_marks[camera.name]
             tried.append((clock, NONE, NONE, "" if clock.source != "assumed_zero" else "its marks do not tell"))
-        if not any(not one[3] for one in tried):
-            tried.append(_by_pictures(motion_clock, camera, motion, rows, data_root, f"{sequence}, {camera.name}"))
+        if camera.name in manual and not tried:
+            tried.append((on_axis.Clock(0.0), NONE, NONE, "there are no detections and no marks of it"))
+        elif all(one[3] for one in tried):
+            tried.append(_by_pictures(camera, motion, rows, data_root, f"{sequence}, {camera.name}"))
         known = [one for one in tried if not one[3]]
         found[camera.name] = (known or tried)[0]
     return found
 
 
-def _by_pictures(motion_clock, camera, motion, rows, data_root, where):
+def _by_pictures(camera, motion, rows, data_root, where):
+    from dior.calibrate import motion_clock
+
     try:
         return (*motion_clock.from_pictures(camera, motion, rows, data_root, where), "")
     except DiorError as error:
         return on_axis.Clock(0.0), NONE, NONE, str(error).removeprefix(f"{where}: ")
-
-
-def _gains(marked):
-    return [p for p in marked if ".clock_gains" in Path(p).name]
 
 
 def _outdoors(sequence, rig, seen, pictures, min_score, max_gap):
@@ -158,21 +158,23 @@ def _findings(sequence, told, manual, names, joint, period_s, indoor):
                 )
             )
             continue
-        half = on_axis.NORMAL_95 * clock.sigma(names, joint)
+        half, known = on_axis.NORMAL_95 * clock.sigma(names, joint), ""
+        if not np.isfinite(half).all():
+            half, known = on_axis.NORMAL_95 * np.array(clock.given), ", if the cameras' poses are right"
         text = (
             f"offset {clock.offset_s:+.4f} ± {half[0]:.4f} s, drift {clock.drift_ppm:+.0f} ± {half[1]:.0f} ppm "
-            f"(95 %), from {clock.method}"
+            f"(95 %{known}), from {clock.method}"
         )
         apart = _apart(hand, clock) if hand else 0.0
-        if hand and abs(apart) > max(half[0] if np.isfinite(half[0]) else 0.0, CONTRADICTS_S):
+        if hand and abs(apart) > max(half[0], CONTRADICTS_S):
             found.append(
                 (scope, "warning", "clock_contradicts", f"config/offsets says {hand.offset_s:+.4f} s, the recording "
                  f"{text}: {abs(apart) / period_s:.1f} pictures apart; remove the value or check it")
             )  # fmt: skip
-        elif not indoor and abs(clock.offset_s) > period_s / 2 and not hand:
+        elif not indoor and abs(clock.offset_s) > FAR_OFF * period_s and not hand:
             found.append(
-                (scope, "warning", "clock_off", f"{text}: {abs(clock.offset_s) / period_s:.1f} pictures from the reference; "
-                 "corrected, but its computer's time or its stamps want a look")
+                (scope, "warning", "clock_off", f"{text}: {abs(clock.offset_s) / period_s:.1f} pictures from "
+                 "the reference; corrected, but its computer's time or its stamps want a look")
             )  # fmt: skip
         else:
             found.append((scope, "info", "clock_found", text))

@@ -318,7 +318,14 @@ def findings(scope, clocks, spread, marks):
             f"marks on {len(set(marks.frame[own].tolist()))} frames"
         )
         if half > UNCERTAIN_S:
-            found.append((scope, "warning", "clock_uncertain", f"{text}; mark more frames, with legs that swing"))
+            found.append(
+                (
+                    scope,
+                    "warning",
+                    "clock_uncertain",
+                    f"{text}; mark more frames, best those in which one foot passes the other",
+                )
+            )
         else:
             found.append((scope, "info", "clock_from_marks", text))
     return found
@@ -329,7 +336,7 @@ def untold(scope, why, left_out):
     then = "its marks are not used" if left_out else "it is taken to be 0, and an error of it moves the camera"
     return [
         (scope, "warning", "clock_assumed_zero", f"{name}: the marks do not tell the offset of the clock ({reason}); "
-         f"{then}; mark 3 frames or more with the legs in different positions, or give the offset in "
+         f"{then}; mark 3 frames or more of different parts of the walk, or give the offset in "
          f"config/offsets/{name}.yaml")
         for name, reason in why.items()
     ]  # fmt: skip

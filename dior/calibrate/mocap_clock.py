@@ -25,7 +25,6 @@ DRIFT_SD_PPM = 50.0  # of a quartz
 MOST = 2400  # pictures that take part, in runs
 RUNS = 3
 ROUNDS = 12
-SETTLED_S = 1e-6
 MOST_SIGMA_S = 0.1
 AMBIGUOUS = 1.1
 APART_S = 0.25
@@ -90,7 +89,7 @@ def from_detections(camera, motion, uv, elapsed):
             return Clock(0.0), lags, costs, "too few detections of moving joints"
         step = np.clip(solved.step, [-0.1, -200], [0.1, 200])
         value = value + step
-        if abs(step[0]) < SETTLED_S:
+        if clock_fit.settled(solved):
             break
     return clock_of(value, middle, solved, [camera.name]), lags, costs, doubt(solved)
 
@@ -173,7 +172,8 @@ def tracks_of(camera, motion, uv, elapsed, middle, value):
     residual = np.where(far[..., None], np.nan, residual)
     moves = (by_point @ speed[..., None])[..., 0]
     by_clock = np.stack([moves, moves * (1e-6 * (elapsed - middle))[:, None, None]], axis=-1)
-    body = np.nanmean(np.where(np.isfinite(points), points, np.nan), axis=1)[:, :2] if len(points) else points[:, 0, :2]
+    known = np.isfinite(points).all(axis=-1, keepdims=True)
+    body = np.where(known, points, 0.0).sum(axis=1)[:, :2] / np.maximum(known.sum(axis=1), 1)
     side = side_seen(camera.centre, blend(motion.left, *where), body)
     side = np.broadcast_to(side[:, None], depth.shape)
     basis = clock_fit.constants(depth, side, by_point @ axes)

@@ -39,6 +39,38 @@ def crown(points, joints):
     return ears + (0.0, 0.0, up)
 
 
+# of the stature: the band of head markers, the crown above it, toes beyond the marker on the foot (with a shoe), what
+# lies outside of a marker that is stuck to clothes, fingers beyond the one on the hand
+BAND, ABOVE_BAND, TOES, CLOTH = 0.95, 0.05, 0.04, 0.006
+MARKER_FLESH = {"FIN": 0.025, "toes": 0.012, "HEE": 0.010, "crown": 0.0}
+HEAD = ("LFHD", "RFHD", "LBHD", "RBHD")
+
+
+def outline(points, joints):
+    """Points (F, J', 3) m that the outline of the body lies around, and how far outside of each (J',) m it does.
+
+    `points` (F, J, 3) of joints or of Plug-in-Gait markers; the crown and the toes are added where they are known.
+    """
+    if "left_ear" in joints:
+        top = crown(points, joints)
+        return np.concatenate([points, top[:, None]], axis=1), flesh([*joints, "crown"], float(np.nanmedian(top[:, 2])))
+    at = {joint: points[:, i] for i, joint in enumerate(joints)}
+    added = {}
+    band = np.stack([at[joint] for joint in HEAD if joint in at], axis=1) if any(j in at for j in HEAD) else points
+    height_m = float(np.nanmedian(band[..., 2])) / BAND if len(band) else np.nan
+    if any(joint in at for joint in HEAD):
+        added["crown"] = band.mean(axis=1) + (0.0, 0.0, ABOVE_BAND * height_m)
+    for side in "LR":
+        if f"{side}TOE" in at and f"{side}HEE" in at:
+            sole = at[f"{side}TOE"] - at[f"{side}HEE"]
+            sole = sole / np.linalg.norm(sole, axis=-1, keepdims=True)
+            added[f"{side}toes"] = at[f"{side}TOE"] + TOES * height_m * sole
+    names = [*joints, *added]
+    out = [MARKER_FLESH.get(name.removeprefix("L").removeprefix("R"), CLOTH) for name in names]
+    whole = np.concatenate([points, *(extra[:, None] for extra in added.values())], axis=1)
+    return whole, height_m * np.array(out)
+
+
 def window(uv, size, around_px):
     """The part u0, v0, u1, v1 of a picture (width, height) that holds all of uv (..., 2) with so much around."""
     flat = uv.reshape(-1, 2)

@@ -164,16 +164,20 @@ def _camera_yaml(name, placed, outdoor, boxed):
     return "\n".join(lines) + "\n"
 
 
-def marks(settings, walk, seen, frames=MARKED_FRAMES):
-    """Clicked markers (CSV): on a few frames of a walk, those that show best in a camera's `truth.View`."""
+def marks(settings, walk, seen, frames=MARKED_FRAMES, worth=None):
+    """Clicked markers (CSV): on a few frames of a walk, those that show best in a camera's `truth.View`.
+
+    `worth` (P,) of a visible marker in each picture; 1 without it.
+    """
     motion, camera = motion_of(settings, walk), seen.camera.name
     markers = [i for i, name in enumerate(seen.joints) if name in motion.names]
     visible = seen.status[:, markers] == "ok"
+    shows = visible.sum(axis=1) * (1.0 if worth is None else worth)
     random = generator(settings, "marks", walk.session, camera)
     numbers = seen.clock.frame_numbers
     lines = ["sequence,frame,joint,u,v"]
     for part in np.array_split(np.arange(len(visible)), frames):
-        frame = int(part[visible[part].sum(axis=1).argmax()])
+        frame = int(part[shows[part].argmax()])
         shown = np.flatnonzero(visible[frame])
         for i in sorted(random.permutation(shown)[:MOST_MARKS].tolist()):
             u, v = seen.uv[frame, markers[i]] + settings.mark_noise_px * random.standard_normal(2)

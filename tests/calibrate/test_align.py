@@ -1,5 +1,6 @@
 """The long-range camera: the three nudges, each by what it does to the picture, and the fit to what was drawn."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -128,14 +129,7 @@ def recorded(folder, true, offset_s=0.25):
     rows |= {"bag": ["a.bag"] * len(stamps), "topic": ["/t"] * len(stamps), "nth": np.zeros(len(stamps), int)}
     rows |= {"height": np.full(len(stamps), 720), "width": np.full(len(stamps), 1280)}
     tables.write(folder / "frames" / "walk.parquet", "frames", rows)
-    clock = {
-        "sequence": ["walk"],
-        "camera": ["cam04"],
-        "offset_s": [offset_s],
-        "drift_ppm": [0.0],
-        "source": ["manual"],
-    }
-    tables.write(folder / "walk.offsets.parquet", "offsets", clock)
+    (folder / "walk.yaml").write_text(f"cam04: {{offset_s: {offset_s}, drift_ppm: 0}}\n")
     at = np.stack(
         [np.stack([np.interp(seconds, t, points[:, j, i]) for i in range(3)], axis=-1) for j in range(4)], axis=1
     )
@@ -149,7 +143,7 @@ def recorded(folder, true, offset_s=0.25):
     (folder / "cam04.marks.csv").write_text("\n".join(["sequence,frame,joint,u,v", *clicks]) + "\n")
     return {
         "skeletons": [folder / "walk.parquet"], "frames": [folder / "frames" / "walk.parquet"],
-        "offsets": [folder / "walk.offsets.parquet"], "boxes": [folder / "walk.cam04.csv"],
+        "offsets": [folder / "walk.yaml"], "boxes": [folder / "walk.cam04.csv"],
         "marks": folder / "cam04.marks.csv",
     }, at, uv  # fmt: skip
 
@@ -171,6 +165,28 @@ def test_run_places_the_camera_by_what_was_drawn(tmp_path, source):
     assert np.isfinite(covariance).all() and abs(error[1]) < 3 * np.sqrt(covariance[4, 4])
     said = tables.read(tmp_path / "findings.parquet", "findings")
     assert list(said["code"]) == ["camera_aligned"] and ("2.0 ±" in said["text"][0]) == (source == "boxes")
+
+
+@pytest.mark.parametrize("source", ["boxes", "marks"])
+def test_a_clock_that_nobody_gave_is_found_with_the_pose(tmp_path, source):
+    true, files, points, uv = prepared(tmp_path, source)
+    camera = run_in(tmp_path, **files | {"offsets": []})
+    held = run_in(tmp_path, **files)
+    assert np.abs(project(camera, points)[0] - uv).max() < 0.3
+    assert np.linalg.norm(camera.centre - held.centre) < 0.3
+    run_in(tmp_path, **files | {"offsets": []})
+    text = tables.read(tmp_path / "findings.parquet", "findings")["text"][0]
+    found = int(re.search(r"walk ([+-]\d+) ± \d+ ms", text).group(1))
+    assert abs(found - 250) < 15
+
+
+def test_a_clock_left_open_widens_the_covariance(tmp_path):
+    _, files, _, _ = prepared(tmp_path, "marks")
+    spread = []
+    for offsets in (files["offsets"], []):
+        run_in(tmp_path, **files | {"offsets": offsets})
+        spread.append(tables.read_camera_covariance(tmp_path / "covariance.parquet", ["cam04"]))
+    assert spread[1][1, 1] > spread[0][1, 1]
 
 
 def test_the_covariance_has_blocks_with_the_close_cameras(tmp_path):

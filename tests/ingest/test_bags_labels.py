@@ -11,7 +11,7 @@ import pytest
 from rosbags.rosbag1 import Reader
 
 from dior import tables
-from dior.calibrate import intrinsics, locate
+from dior.calibrate import clocks, intrinsics, locate
 from dior.ingest import frames, mocap
 from dior.label import reproject
 from dior.reconstruct import timeline
@@ -50,6 +50,7 @@ def simulated(tmp_path_factory):
     """A simulated indoor walk: its `config/`, its C3D, and the labels by camera that its own bags give."""
     folder = tmp_path_factory.mktemp("simulated")
     config.write(settings.from_dict(TINY), folder / "config")
+    config.write_offsets(settings.from_dict(TINY), folder / "config")
     for only in ("recording", "mocap"):
         recording.run(settings=TINY, sequence=WALK, out=folder, only=only)
     (folder / "made").mkdir()
@@ -61,18 +62,14 @@ def labels_from(simulated, bags, data_root, out, trigger_log=None, offsets=None)
     """Bytes of the labels by camera, from the bags through every step between; results lie in the folder `out`."""
     session = simulated / "config/sessions/lab"
     topics = {camera: f"/{camera}/color/image_raw/compressed" for camera in CAMERAS}
-    indexed, markers, clocks = out / f"{WALK}.parquet", out / "mocap.parquet", out / f"{WALK}.offsets.parquet"
+    indexed, markers, clocked = out / f"{WALK}.parquet", out / "mocap.parquet", out / "clocks.parquet"
     offsets = offsets or simulated / f"config/offsets/{WALK}.yaml"
     frames.run(sequence=WALK, bags=bags, data_root=data_root, topics=topics, out=indexed)
     c3d = simulated / WALK / "mocap.c3d"
     mocap.run(sequence=WALK, subject="S01", c3d=c3d, frames=indexed, trigger_log=trigger_log, out=markers)
-    timeline.run(
-        sequence=WALK, frames=indexed, cameras=CAMERAS, offsets=offsets, mocap=markers, max_gap=1.5,
-        out=out / "timeline.parquet", out_offsets=clocks,
-    )  # fmt: skip
-    found = {}
+    placed = {}
     for camera in CAMERAS:
-        lens, placed, labels = (out / f"{camera}.{step}.parquet" for step in ("lens", "placed", "labels"))
+        lens, placed[camera] = out / f"{camera}.lens.parquet", out / f"{camera}.placed.parquet"
         intrinsics.run(
             session="lab", camera=camera, role="close", topic=topics[camera], source="camera_info", name="", board={},
             distortion_model="plumb_bob", frames=indexed, sequence=WALK, data_root=data_root, out=lens,
@@ -80,16 +77,27 @@ def labels_from(simulated, bags, data_root, out, trigger_log=None, offsets=None)
         )  # fmt: skip
         locate.run(
             session="lab", camera=camera, camera_file=session / f"{camera}.yaml", marks=session / f"{camera}.marks.csv",
-            intrinsics=lens, mocap=[markers], frames=[indexed], offsets=[offsets], ransac_px=8.0, out=placed,
-            out_marks=out / "marks.parquet", out_covariance=out / "covariance.parquet",
+            intrinsics=lens, mocap=[markers], frames=[indexed], offsets=[offsets], ransac_px=8.0, out=placed[camera],
+            out_marks=out / "marks.parquet", out_covariance=out / f"{camera}.covariance.parquet",
             out_clocks=out / "found.parquet", out_clock_gains=out / "gains.parquet",
-            out_clock_costs=out / "costs.parquet",
-            findings=out / "findings.parquet",
+            out_clock_costs=out / "costs.parquet", findings=out / "findings.parquet",
         )  # fmt: skip
+    clocks.run(
+        sequence=WALK, cameras=list(placed.values()), names=CAMERAS, covariance=[], detections=None, frames=indexed,
+        mocap=markers, marked=[], offsets=offsets, min_score=0.3, max_gap=1.5, data_root=data_root, out=clocked,
+        out_gains=out / "clock_gains.parquet", out_costs=out / "costs.parquet", findings=out / "findings.parquet",
+    )  # fmt: skip
+    timeline.run(
+        sequence=WALK, frames=indexed, cameras=CAMERAS, clocks=clocked, mocap=markers, max_gap=1.5,
+        out=out / "timeline.parquet",
+    )  # fmt: skip
+    found = {}
+    for camera in CAMERAS:
+        labels = out / f"{camera}.labels.parquet"
         reproject.run(
-            sequence=WALK, subject="S01", camera=camera, cameras=[placed], makers=[],
-            covariance=[out / "covariance.parquet"], skeleton=markers, frames=indexed,
-            offsets=clocks, source="mocap", out=labels,
+            sequence=WALK, subject="S01", camera=camera, cameras=[placed[camera]], makers=[],
+            covariance=[out / f"{camera}.covariance.parquet"], skeleton=markers, frames=indexed, clocks=[clocked],
+            clock_gains=[out / "clock_gains.parquet"], source="mocap", out=labels,
         )  # fmt: skip
         found[camera] = labels.read_bytes()
     return found
@@ -98,7 +106,7 @@ def labels_from(simulated, bags, data_root, out, trigger_log=None, offsets=None)
 def test_a_trigger_log_moves_the_zero_of_all_steps_alike(simulated, tmp_path):
     """The log says 0.3 s before the first picture: with offsets to match, the same pictures get the same labels."""
     folder, bags, _ = simulated
-    clock = tables.read(folder / f"made/{WALK}.offsets.parquet", "offsets")
+    clock = tables.read(folder / "made/clocks.parquet", "offsets")
     earlier = "".join(
         f"{camera}: {{offset_s: {offset - 0.3}, drift_ppm: 0}}\n"
         for camera, offset in zip(clock["camera"], clock["offset_s"], strict=True)

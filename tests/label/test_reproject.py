@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from dior import camera as cam
-from dior import tables
+from dior import clocks, tables
 from dior.errors import DiorError
-from dior.label import reproject
+from dior.label import reproject, uncertainty
 from dior.reconstruct.triangulate import write_skeleton
 from tests.rig import camera
 
@@ -39,21 +39,22 @@ def inputs(folder, camera_, points, frame_times, offset_s=0.0, drift_ppm=0.0, wi
             "width": np.full(count, width),
         },
     )
-    clock = {"offset_s": [offset_s], "drift_ppm": [drift_ppm], "source": ["manual"]}
-    tables.write(folder / "offsets.parquet", "offsets", {"sequence": ["walk_1"], "camera": ["cam01"], **clock})
+    clock = clocks.Clock(offset_s, drift_ppm, "manual", given=(0.0, 0.0))
+    clocks.write(folder / "clocks.parquet", folder / "gains.parquet", "walk_1", {"cam01": clock})
 
 
-def run(folder, name="cam01"):
+def run(folder, name="cam01", covariance=()):
     reproject.run(
         sequence="walk_1",
         subject="S01",
         camera=name,
         cameras=[folder / "cameras.parquet"],
         makers=[],
-        covariance=[],
+        covariance=list(covariance),
         skeleton=folder / "skeleton.parquet",
         frames=folder / "frames.parquet",
-        offsets=folder / "offsets.parquet",
+        clocks=[folder / "clocks.parquet"],
+        clock_gains=[folder / "gains.parquet"],
         source="mocap",
         out=folder / "labels.parquet",
     )
@@ -113,3 +114,34 @@ def test_wrong_inputs_are_named(tmp_path):
         run(tmp_path)
     with pytest.raises(DiorError, match="camera cam07: .*gives no pose"):
         run(tmp_path, "cam07")
+
+
+def test_a_clocks_error_is_in_the_sigma(tmp_path):
+    c = camera("cam01", (4.0, 0.0, 1.5))
+    inputs(tmp_path, c, moving(100), np.array([0.1, 0.2, 0.3]))
+    tables.write_camera_covariance(tmp_path / "covariance.parquet", ["cam01"], np.zeros((6, 6)), "lab")
+    late = clocks.Clock(0.0, 0.0, "estimated", "detections", given=(0.004, 0.0))
+    clocks.write(tmp_path / "clocks.parquet", tmp_path / "gains.parquet", "walk_1", {"cam01": late})
+    table = run(tmp_path, covariance=[tmp_path / "covariance.parquet"])
+    uv, _ = tables.grid(table, "u", "v", "sigma_u", "sigma_v")
+    # a joint that moves so far in 0.1 s moves 4 % of that in 4 ms
+    moved = np.abs(uv[2, :, :2] - uv[0, :, :2]) / 2
+    assert uv[1, :, 2:] == pytest.approx(0.04 * moved, rel=0.02, abs=1e-3)
+
+
+def test_clocks_that_are_all_late_alike_move_no_label_of_their_own_3d():
+    rig = [camera(f"cam0{i}", (4 * np.cos(a), 4 * np.sin(a), 1.5)) for i, a in enumerate((0.0, 2.0, 4.0))]
+    points, velocity = np.array([[[0.0, 0.0, 1.0]]]), np.array([[[1.0, 0.5, 0.0]]])
+    names, nothing = [c.name for c in rig], np.zeros((1, 1, 3, 3))
+    # one clock that all owe to the same error of a camera
+    owed = np.zeros((2, 6))
+    owed[0, 0] = 1.0
+    known = {name: clocks.Clock(0.0, given=(0.0, 0.0), gains={"cam00": owed}) for name in names}
+    joint = np.zeros((18, 18))
+    joint[0, 0] = 1e-6
+    args = rig[1], points, nothing, rig, names, joint
+    alike = uncertainty.of_labels(*args, velocity, np.zeros(1), known)
+    still = uncertainty.of_labels(*args)
+    assert alike == pytest.approx(still, abs=1e-12) and still.max() > 0
+    own = known | {"cam01": clocks.Clock(0.0, given=(0.01, 0.0))}
+    assert uncertainty.of_labels(*args, velocity, np.zeros(1), own)[0, 0, 0, 0] > still[0, 0, 0, 0] + 0.1

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from dior import tables
+from dior import clocks, tables
 from dior.errors import DiorError
 from dior.reconstruct import timeline
 
@@ -24,19 +24,16 @@ def run(folder, starts, counts, drop=None, offsets=None, mocap=None):
         "width": np.full(total, 1280),
     }
     tables.write(folder / "frames.parquet", "frames", columns | blank)
-    path = None
-    if offsets:
-        path = folder / "walk.yaml"
-        path.write_text(offsets)
+    known = {name: clocks.Clock((offsets or {}).get(name, 0.0)) for name in names}
+    clocks.write(folder / "c.parquet", folder / "g.parquet", "walk", known)
     timeline.run(
         sequence="walk",
         frames=folder / "frames.parquet",
         cameras=names,
-        offsets=path,
+        clocks=folder / "c.parquet",
         mocap=mocap,
         max_gap=1.5,
         out=folder / "t.parquet",
-        out_offsets=folder / "o.parquet",
     )
     line = tables.read(folder / "t.parquet", "timeline")
     return {name: tables.of_camera(line, name) for name in names}
@@ -60,16 +57,19 @@ def test_a_dropped_picture_leaves_its_instants_empty(tmp_path):
     assert empty.tolist() == [0, 12, 13]
 
 
-def test_a_clock_offset_moves_a_camera_and_is_written_down(tmp_path):
-    line = run(tmp_path, (0, 10_000_000), (30, 30), offsets="cam02: {offset_s: -0.01}")
+def test_a_clock_offset_moves_a_camera(tmp_path):
+    line = run(tmp_path, (0, 10_000_000), (30, 30), offsets={"cam02": -0.01})
     assert line["cam02"]["weight"] == pytest.approx(0, abs=1e-4)
-    clock = tables.read(tmp_path / "o.parquet", "offsets")
-    assert clock["source"].tolist() == ["assumed_zero", "manual"] and clock["offset_s"].tolist() == [0.0, -0.01]
 
 
-def test_a_wrong_camera_in_the_offsets_is_named(tmp_path):
-    with pytest.raises(DiorError, match="'cam2' is not one of the cameras cam01, cam02"):
-        run(tmp_path, (0, 0), (5, 5), offsets="cam2: {offset_s: 0.1}")
+def test_a_camera_without_a_clock_is_named(tmp_path):
+    run(tmp_path, (0, 0), (5, 5))
+    clocks.write(tmp_path / "c.parquet", tmp_path / "g.parquet", "walk", {"cam01": clocks.Clock(0.0)})
+    with pytest.raises(DiorError, match="walk: .*c.parquet has no clock of cam02"):
+        timeline.run(
+            sequence="walk", frames=tmp_path / "frames.parquet", cameras=["cam01", "cam02"],
+            clocks=tmp_path / "c.parquet", mocap=None, max_gap=1.5, out=tmp_path / "t.parquet",
+        )  # fmt: skip
 
 
 def test_indoors_the_instants_are_the_mocaps(tmp_path):

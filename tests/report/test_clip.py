@@ -61,13 +61,14 @@ def walk(tmp_path_factory):
 
     folder = tmp_path_factory.mktemp("clip")
     config.write(settings.from_dict(TINY), folder / "config")
+    config.write_offsets(settings.from_dict(TINY), folder / "config")
     for only in ("recording", "mocap"):
         recording.run(settings=TINY, sequence=WALK, out=folder, only=only)
     bags = [folder / WALK / f"{computer}.bag" for computer in ("pc1", "pc2")]
     (folder / "made").mkdir()
     labels_from(folder, bags, folder, folder / "made")
     return {
-        "sequence": WALK, "frames": folder / f"made/{WALK}.parquet", "offsets": folder / f"made/{WALK}.offsets.parquet",
+        "sequence": WALK, "frames": folder / f"made/{WALK}.parquet", "clocks": [folder / "made/clocks.parquet"],
         "timeline": folder / "made/timeline.parquet", "data_root": folder,
         "labels": [folder / f"made/{camera}.labels.parquet" for camera in CAMERAS],
         "roles": dict.fromkeys(CAMERAS, "close"), "seconds": 0.5,
@@ -94,9 +95,9 @@ def test_the_clip_plays_and_is_the_same_bytes_again(walk, tmp_path):
 
 
 def test_a_camera_without_an_offset_is_named(walk, tmp_path):
-    short = tables.of_camera(tables.read(walk["offsets"], "offsets"), "cam01")
+    short = tables.of_camera(tables.read(walk["clocks"][0], "offsets"), "cam01")
     tables.write(tmp_path / "offsets.parquet", "offsets", short)
-    given = walk | {"offsets": tmp_path / "offsets.parquet"}
+    given = walk | {"clocks": [tmp_path / "offsets.parquet"]}
     with pytest.raises(DiorError, match="sequence indoor_01, camera cam02: no pictures or no offset"):
         clip.run(**given, out=tmp_path / "a.webm", poster=tmp_path / "a.jpg")
     assert not list(tmp_path.glob("*.webm"))

@@ -2,7 +2,7 @@
 
 Required inputs: config/sessions/<session>/, the frames, indoors the mocap, outdoors the detections; for the long-range
 camera the skeletons of the sequences that its file lists, and their boxes, marks or pictures.
-Outputs: results/intrinsics, results/locate (indoors), results/place, results/adjust, results/align.
+Outputs: results/intrinsics, results/locate (indoors), results/place, results/adjust, results/align, results/follow.
 """
 
 
@@ -236,7 +236,7 @@ rule align:
         intrinsics="results/intrinsics/{session}/{camera}.parquet",
         skeletons=aligned_skeletons,
         frames=aligned("frames/{sequence}.parquet"),
-        offsets=aligned("timeline/{sequence}.offsets.parquet"),
+        offsets=aligned_offsets,
         boxes=aligned_boxes,
         marks=aligned_marks,
         bags=there(aligned_bags),
@@ -269,5 +269,49 @@ rule align:
         " --close-covariance {input.covariance:q}"
         " --out {output.camera:q}"
         " --out-covariance {output.covariance:q}"
+        " --findings {output.findings:q}"
+        " 2>&1 | tee {log:q}"
+
+
+rule follow:
+    """Find the clock of a long-range camera in one sequence by its boxes, or by the silhouettes in its pictures."""
+    input:
+        camera_file=followed_yaml,
+        cameras=label_cameras,
+        covariance=label_covariance,
+        skeleton=skeleton,
+        frames="results/frames/{sequence}.parquet",
+        offsets=sequence_offsets,
+        boxes=own_boxes,
+        bags=there(followed_bags),
+    output:
+        offsets="results/follow/{sequence}.{camera}.parquet",
+        gains="results/follow/{sequence}.{camera}.gains.parquet",
+        costs="results/follow/{sequence}.{camera}.costs.parquet",
+        findings="results/follow/{sequence}.{camera}.findings.parquet",
+    log:
+        "logs/follow/{sequence}.{camera}.log",
+    benchmark:
+        "logs/follow/{sequence}.{camera}.benchmark.tsv"
+    params:
+        makers=makers,
+        data_root=DATA,
+        code=code("calibrate.follow"),
+    shell:
+        "dior follow"
+        " --sequence {wildcards.sequence}"
+        " --camera {wildcards.camera}"
+        " --camera-file {input.camera_file:q}"
+        " --cameras {input.cameras:q}"
+        " --makers {params.makers}"
+        " --covariance {input.covariance:q}"
+        " --skeleton {input.skeleton:q}"
+        " --frames {input.frames:q}"
+        " --offsets {input.offsets:q}"
+        " --boxes {input.boxes:q}"
+        " --data-root {params.data_root:q}"
+        " --out {output.offsets:q}"
+        " --out-gains {output.gains:q}"
+        " --out-costs {output.costs:q}"
         " --findings {output.findings:q}"
         " 2>&1 | tee {log:q}"

@@ -237,6 +237,11 @@ def aligned_skeletons(wildcards):
     return [skeleton_of(sequence) for sequence in aligned_sequences(wildcards)]
 
 
+def aligned_offsets(wildcards):
+    """The clocks given by hand of the sequences that a long-range camera is aligned to."""
+    return [path for s in aligned_sequences(wildcards) for path in PROJECT.offsets(s)]
+
+
 def aligned_from(wildcards, source):
     return (setting("align")(wildcards) or {}).get("from") == source
 
@@ -538,6 +543,16 @@ def own_swaps(wildcards):
 def own_boxes(wildcards):
     path = PROJECT.boxes(wildcards.sequence).get(wildcards.camera)
     return [path] if path else []
+
+
+def followed_yaml(wildcards):
+    """The file of a camera, as it is for the sequence."""
+    return PROJECT.camera_file(session_of(wildcards), wildcards.camera)
+
+
+def followed_bags(wildcards):
+    """The pictures of a camera, where nobody drew boxes for it."""
+    return [] if own_boxes(wildcards) else PROJECT.bags(wildcards.sequence)
 
 
 def own_boxes_words(wildcards):

@@ -1,0 +1,129 @@
+"""The clock of a camera without detections in one sequence: when the boxes, or the silhouettes in its pictures, are
+where the known 3D goes.
+
+INPUTS   the camera's YAML and pose, the sequence's skeleton and frames, boxes drawn around the subject, else the
+         pictures; outdoors the close cameras that made the 3D; the clock given by hand, if any
+OUTPUTS  `offsets` (one row), `clock_gains`, `clock_costs`, findings
+
+For the long-range camera, after `align`. The time axis is that of the skeleton (dior/sampling.py). The clock is told
+with the pose as it is, and by how much an error of the pose moves it (`dior.clocks`): also where the same boxes placed
+the camera, both together are then what one fit of everything would say. Offsets of up to 2 s are found. Where the data
+cannot tell, the clock is that of the stamps and its error unknown.
+"""
+
+from functools import partial
+
+import numpy as np
+
+from dior import camera as cam
+from dior import clocks, tables
+from dior.calibrate import align, boxes_fit, edge_clock, silhouettes, tracks
+from dior.calibrate.place import camera_settings
+from dior.errors import DiorError
+
+FEWEST_BOXES = 4
+
+
+def watched(walk, camera, boxes, data_root):
+    """`boxes_fit.Seen` of one walk, the method's word, and the prior of the margins (all edges, v against u) px."""
+    drawn = align.from_boxes(walk, boxes) if boxes else ((), ())
+    if len(drawn[0]) >= FEWEST_BOXES:
+        (shown, edges), method, flesh, track = drawn, "boxes", 0.0, walk.track
+        margin = boxes_fit.Freedom.margin_px
+    else:
+        ((shown, edges),) = align.from_pictures([walk], camera, data_root)
+        points, flesh = silhouettes.outline(walk.track.points, walk.joints)
+        method, track, margin = "pictures", tracks.Track(walk.track.seconds, points), align.SILHOUETTE_MARGIN_PX
+    seconds = walk.seconds[shown]
+    points = track.at(seconds)
+    nothing = np.full((*points.shape[:2], 2), np.nan)
+    seen = boxes_fit.Seen(
+        points, edges, nothing, seconds, np.zeros(len(shown), int), align.lasting_bias([walk]), flesh, (track,)
+    )
+    return seen, method, (margin, boxes_fit.Freedom.margin_split_px)
+
+
+def hidden_side(camera, seen, margin, occluder, where):
+    """The side of the edges that is an occluder's, or "", as `boxes_fit.fit` reads it with the camera where it is."""
+    readings = boxes_fit.READINGS[occluder]
+    if len(readings) == 1:
+        return readings[0]
+    freedom = boxes_fit.Freedom(
+        turn=(0, 0, 0), shift=(0, 0, 0), margin_px=margin[0], margin_split_px=margin[1],
+        clock_s=(edge_clock.CLOCK_SIGMA_S,), drift_ppm=(0.0,),
+    )  # fmt: skip
+    return boxes_fit.fit(camera, freedom, seen, where).hidden
+
+
+def told(scope, found):
+    """Findings of an estimated clock: (scope, severity, code, text)."""
+    if found.refused:
+        text = f"the clock is not known: {found.refused}; its stamps are taken as they are. Draw boxes on more pictures"
+        text += " in which the subject walks, or give the offset in config/offsets"
+        return [(scope, "warning", "clock_unknown", text)]
+    clock = found.clock
+    late = clock.offset_s + 1e-6 * clock.drift_ppm * clock.middle_s
+    text = (
+        f"offset {1e3 * late:+.1f} ± {1.96e3 * clock.given[0]:.1f} ms in the middle, drift {clock.drift_ppm:+.0f} ± "
+        f"{1.96 * clock.given[1]:.0f} ppm, by {found.count} edges of {clock.method}: {found.before_px:.2f} px rms "
+        f"without it, {found.after_px:.2f} px with it. ± is a 95 % interval with the camera as it is"
+    )
+    return [(scope, "info", "clock_followed", text)]
+
+
+def write(sequence, camera, clock, costs_px, findings, paths, names=(), joint=None):
+    """Write the tables of one camera's clock; `paths`: offsets, gains, costs, findings."""
+    out, out_gains, out_costs, out_findings = paths
+    clocks.write(out, out_gains, sequence, {camera: clock}, names, joint)
+    lags = edge_clock.LAGS_S[: len(costs_px)]
+    columns = {"sequence": [sequence] * len(lags), "camera": [camera] * len(lags), "lag_s": lags, "cost_px": costs_px}
+    tables.write(out_costs, "clock_costs", columns)
+    tables.write_findings(out_findings, findings)
+
+
+def run(
+    *,
+    sequence,
+    camera,
+    camera_file,
+    cameras,
+    makers,
+    covariance,
+    skeleton,
+    frames,
+    offsets,
+    boxes,
+    data_root,
+    out,
+    out_gains,
+    out_costs,
+    findings,
+):
+    """Write the clock of one camera in one sequence.
+
+    `cameras`: `cameras` tables with its pose and those called `makers`, which the skeleton was triangulated from (none
+    indoors), `covariance`: their `camera_covariance` tables. `offsets`: the file of clocks given by hand, `boxes`:
+    those drawn; either may be None.
+    """
+    scope, paths = f"{sequence}/{camera}", (out, out_gains, out_costs, findings)
+    rig = tables.read_cameras(cameras)
+    if camera not in rig or rig[camera].wTc is None:
+        raise DiorError(f"{sequence}, camera {camera}: {', '.join(map(str, cameras))} gives no pose of it")
+    walk = align.read_walk(sequence, camera, skeleton, frames, offsets)
+    cam.check_picture_size(rig[camera].intrinsics, walk.rows["width"][0], walk.rows["height"][0], scope)
+    if walk.held:
+        offset_s, drift_ppm, source = align.given_clock(camera, frames, offsets)
+        write(sequence, camera, clocks.Clock(offset_s, drift_ppm, source), [], [], paths)
+        return
+    settings = camera_settings(camera_file)
+    seen, method, margin = watched(walk, rig[camera], boxes, data_root)
+    occluder = settings.get("align", {}).get("occluder", "auto")
+    side = ""
+    if np.isfinite(seen.edges).sum() >= edge_clock.FEWEST:
+        side = hidden_side(rig[camera], seen, margin, occluder, scope)
+    close = [rig[name] for name in makers]
+    derivative = (list(makers), partial(align.by_close, close)) if makers else None
+    found = edge_clock.estimate(rig[camera], seen, method, margin, side, derivative)
+    names = list(dict.fromkeys([*makers, camera]))
+    joint = tables.read_camera_covariance(covariance, names) if covariance else None
+    write(sequence, camera, found.clock, found.costs_px, told(scope, found), paths, names, joint)
