@@ -30,12 +30,12 @@ FASTEST_M_S = 8.0
 SMOOTH_S = 0.1  # sd of the bell that velocities are taken with: noise in them would pass for a clearer time
 
 
-# the joints that move against the body tell the time
-LIMBS = {
+# joints of which none repeats another: the face and the fingers move as one
+TIMED = {"nose", "neck", "mid_hip"} | {
     f"{side}_{part}"
     for side in ("left", "right")
-    for part in ("elbow", "wrist", "knee", "ankle", "heel", "foot_index", "big_toe")
-} | {f"{side}_{part}" for side in ("left", "right") for part in ("shoulder", "hip")}
+    for part in "ear shoulder elbow wrist hip knee ankle heel foot_index big_toe small_toe".split()
+}
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ def from_detections(cameras, seen, names, grid, fps):
     regular, at `fps` Hz.
     """
     middle = float((grid[0] + grid[-1]) / 2)
-    timed = [i for i, name in enumerate(names) if name in LIMBS] or list(range(len(names)))
+    timed = [i for i, name in enumerate(names) if name in TIMED] or list(range(len(names)))
     names, seen = [names[i] for i in timed], [replace(s, uv=s.uv[:, timed]) for s in seen]
     rays = [cam.undistort(c.intrinsics, s.at(grid, (0.0, 0.0), middle)) for c, s in zip(cameras, seen, strict=True)]
     found = search(cameras, rays, fps)

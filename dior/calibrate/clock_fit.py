@@ -18,7 +18,7 @@ OUTLIER = 6.0  # sigmas at which a residual is another thing than noise
 HUBER = 2.0  # sigmas of a coordinate at which a whitened residual starts to weigh less
 ROUNDS = 3
 MOST_FEIGNED = 0.8
-LEAST_SHARE = 0.6
+LEAST_SHARE = 1.0
 SETTLED = 0.15  # standard errors: the choice among the detections moves a clock by as much
 MOST_KEPT = 0.95  # correlation of neighbouring residuals, at most
 FEWEST = 60  # usable moments of joints
@@ -150,8 +150,10 @@ def without(basis, weight, values):
 def spread(size, known):
     """Standard deviation (B,) of each track's coordinates from the lengths (B, T) of its residuals, by the median."""
     # the median length of a plane normal is 1.1774 sigma
-    middle = np.nanmedian(np.where(known, size, np.nan), axis=1) / 1.1774 if known.any() else np.ones(len(size))
-    usual = np.nanmedian(middle)
+    some = known.any(axis=1)
+    middle = np.full(len(size), np.nan)
+    middle[some] = np.nanmedian(np.where(known, size, np.nan)[some], axis=1) / 1.1774
+    usual = np.nanmedian(middle) if some.any() else 1.0
     return np.maximum(np.where(np.isfinite(middle), middle, usual), 0.2 * usual + 1e-9)
 
 

@@ -247,7 +247,7 @@ def with_clocks(camera, marks, path, motions, stamps, clock, ransac_px, scope):
     J, agreeing = marks_clock.jacobian(camera.at(located.wTc), at, offsets), marks.only(inlier)
     sigma_m, sigma_deg = _standard_errors(J, located.residual_px[located.inlier])
     located = replace(located, jacobian=J, sigma_m=sigma_m, sigma_deg=sigma_deg)
-    frame = [f"{s} {f}" for s, f in zip(agreeing.sequence, agreeing.frame, strict=True)]
+    frame = np.array([f"{s} {f}" for s, f in zip(agreeing.sequence, agreeing.frame, strict=True)])
     full, middle = marks_clock.uncertainty(J, t[inlier], located.miss, agreeing.joint, frame)
     clocks = marks_clock.clocks(camera.name, at.names, offsets, full, middle)
     findings += lost + marks_clock.findings(scope, clocks, full[:6, :6], agreeing)

@@ -23,6 +23,7 @@ from dior.errors import DiorError
 
 WINDOW_S, STEP_S = 2.0, 0.02
 DRIFT_SD_PPM = 30.0  # of a computer's or a camera's quartz
+STAMP_SD_S = 0.0005  # of a header stamp, which all marks of a frame share
 CANDIDATES = 8
 APART_S = 0.1  # offsets further apart than that are different answers
 UNCERTAIN_S = 0.010  # half a 95 % interval
@@ -268,8 +269,9 @@ def uncertainty(J, t, miss, joint, frame):
     """Covariance (6 + 2S, 6 + 2S) of the errors of pose, times (s) and drifts (ppm); and when (S,) s those times are.
 
     `J` (2N, 6 + S) and `miss` (N, 2) px of the inliers, `t` (N,) s as in `Places`, `joint` and `frame` as in
-    `pnp.pose_covariance`. A drift that was taken for 0 moves pose and offsets by what the marks make of it; the time is
-    the camera's where its own drift does not move it, in the middle of the marked frames.
+    `pnp.pose_covariance`. Stamps have errors of their own. A drift that was taken for 0 moves pose and offsets by what
+    the marks make of it; the time is the camera's where its own drift does not move it, in the middle of the marked
+    frames.
     """
     S = J.shape[1] - 6
     solve = np.linalg.solve(J.T @ J, J.T)
@@ -280,7 +282,8 @@ def uncertainty(J, t, miss, joint, frame):
     # the error of a drift of 0 is the drift's negative
     by_error = np.concatenate([-moved, np.eye(S)])
     full = DRIFT_SD_PPM**2 * by_error @ by_error.T
-    full[: 6 + S, : 6 + S] += pnp.pose_covariance(J, miss, joint, frame)
+    by_stamp = solve @ (J[:, 6:].sum(axis=1)[:, None] * np.repeat(np.equal.outer(frame, np.unique(frame)), 2, axis=0))
+    full[: 6 + S, : 6 + S] += pnp.pose_covariance(J, miss, joint, frame) + STAMP_SD_S**2 * by_stamp @ by_stamp.T
     return full, middle
 
 

@@ -173,3 +173,19 @@ def test_what_the_camera_owes_to_the_clock():
     J = marks_clock.jacobian(turned, at, np.array([found.offset_s]))[:, 6]
     miss = (project(turned, at.at(np.array([found.offset_s]))[0])[0] - marks.uv).ravel()
     assert -(J @ miss) / (J @ J) == pytest.approx(gain[0] @ step, rel=0.2, abs=2e-4)
+
+
+def test_the_stamps_of_frames_are_uncertain(monkeypatch):
+    """Frames taken 5 ms (1 sigma) before or after their stamps: what refining makes of them, and what is stated."""
+    frames, rng, found = [3, 40, 77], np.random.default_rng(3), []
+    for _ in range(60):
+        t = np.array(frames) / FPS
+        uv = project(VIEW, walker(t + 0.31 + 0.005 * rng.standard_normal(3)))[0].reshape(-1, 2)
+        at = marks_clock.places(marked(frames, 0.31), np.repeat(t, 16), {"walk_1": motion()}, {})
+        found.append(marks_clock.refine(VIEW, at, uv, np.array([0.31]))[1][0])
+    J, part = marks_clock.jacobian(VIEW, at, np.array([0.31])), []
+    for sd in (0.0, 0.005):
+        monkeypatch.setattr(marks_clock, "STAMP_SD_S", sd)
+        full, _ = marks_clock.uncertainty(J, at.t, np.zeros((48, 2)), np.arange(48), np.repeat(frames, 16))
+        part.append(full[6, 6])
+    assert np.std(found) == pytest.approx(np.sqrt(part[1] - part[0]), rel=0.3)

@@ -1,0 +1,72 @@
+"""Clocks of a real, genlocked recording, ../shared/data/real_outdoor: they should be zero, and a shift should be found.
+
+usage: python -m benchmarks.clocks_real [DATA]      (DATA: ../shared/data/real_outdoor)
+
+100 pictures at 60 Hz of a person on a beam, four cameras at their reference poses. The stamps of one camera are made
+0, 8.3 or 50 ms too late in turn; printed is the worst error of all clocks of OpenPose's and ML Kit's detections, how
+many 95 % intervals hold it, and how many cannot be told.
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks import real_outdoor as recording
+from dior import clocks
+from dior.calibrate import camera_clock
+from dior.ingest.readers import mlkit, openpose
+
+LATE_S = (0.0, 0.0083, 0.05)
+MIN_SCORE = 0.3
+
+
+def detections(data, tool):
+    """Pixels (V, 100, J, 2) with NaN of the four cameras, and the joints."""
+    if tool == "OpenPose":
+        uv, score, joints = recording.stack(openpose, [data / f"openpose_single/{name}" for name in recording.CAMERAS])
+    else:
+        uv, score, joints = recording.stack(mlkit, [data / f"mlkit/{name}.jsonl" for name in recording.CAMERAS])
+    return np.where((score > MIN_SCORE)[..., None], uv, np.nan), joints
+
+
+def errors(data, tool, view, late_s):
+    """Rows (camera, error s, sigma s, why not), the stamps of camera number `view` being `late_s` too late."""
+    cameras = recording.rig(data)
+    uv, joints = detections(data, tool)
+    t = np.arange(recording.FRAMES) / recording.FPS
+    late = np.where(np.arange(len(cameras)) == view, late_s, 0.0)
+    seen = [camera_clock.Seen(t + own, one, 2.5 / recording.FPS) for own, one in zip(late, uv, strict=True)]
+    told = camera_clock.from_detections(cameras, seen, joints, t, recording.FPS)
+    rows = []
+    for camera, own in zip(cameras[1:], late[1:], strict=True):
+        clock, _, _, why = told[camera.name]
+        true = late[0] - own
+        rows.append((camera.name, clock.offset_s + 1e-6 * clock.drift_ppm * clock.middle_s - true, clock.given[0], why))
+    return rows
+
+
+def table(data):
+    print("real_outdoor, reference cameras: clocks against cam01, ms (limit: 3, or an interval that holds)")
+    print(f"{'detector':<10}{'late, ms':>9}{'clocks':>8}{'unknown':>9}{'worst':>8}{'sigma':>7}{'in 95 %':>9}")
+    for tool in ("OpenPose", "ML Kit"):
+        for late_s in LATE_S:
+            views = range(len(recording.CAMERAS)) if late_s else [0]
+            rows = [row for view in views for row in errors(data, tool, view, late_s)]
+            told = np.array([row[1:3] for row in rows if not row[3]]).reshape(-1, 2)
+            text = f"{tool:<10}{1000 * late_s:>9.1f}{len(told):>8}{len(rows) - len(told):>9}"
+            if len(told):
+                error, sigma = told.T
+                inside = (np.abs(error) < clocks.NORMAL_95 * sigma).mean()
+                text += f"{1000 * np.abs(error).max():>8.2f}{1000 * np.median(sigma):>7.2f}{inside:>9.0%}"
+            print(text, flush=True)
+            if not late_s:
+                print("          " + "; ".join(f"{n} {1000 * e:+.2f} ± {1960 * s:.2f} {w}" for n, e, s, w in rows))
+
+
+def main():
+    table(Path(sys.argv[1]) if len(sys.argv) > 1 else recording.ROOT.parent / "shared/data/real_outdoor")
+
+
+if __name__ == "__main__":
+    main()
