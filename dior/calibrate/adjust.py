@@ -5,7 +5,8 @@ INPUTS   placed cameras, their YAML (tape priors) and marks of the AprilTag; det
 OUTPUTS  cameras (adjusted wTc) and their joint covariance, metrics (mean reprojection error before and after), findings
 
 Poses and points are free, intrinsics fixed. Points are joints at the window's instants (a fixed list, so that a new
-sequence does not move old labels), on the nominal grid t0 + k/fps of their sequence.
+sequence does not move old labels), on the nominal grid t0 + k/fps of their sequence. Where no person gave a camera's
+clock, it is found by turns with the poses (`window_clocks`).
 The start is the best of several (`dior.calibrate.starts`), by GTSAM on a sample of the points; all points and the
 metric facts of the session follow with the points eliminated (`reduced`), and so does the joint covariance of the
 cameras (`uncertainty`).
@@ -52,8 +53,7 @@ PLACED_SIGMA_M, PLACED_SIGMA_DEG = 0.05, 2.0
 TAPE_SIGMA_M = 0.05
 UNKNOWN_M = 1000.0
 ROUNDS = 5
-SETTLED_S = 5e-4  # of the clocks
-TURNS, QUICK_TURNS = 8, 2  # with unknown clocks; while these are still found from fewer moments
+TURNS, QUICK_TURNS = 8, 1  # with unknown clocks; while these are still found from fewer moments
 SAMPLE_ROUNDS = 3
 MOST_USABLE = 0.9
 LENS_SIGMA = 0.003
@@ -82,7 +82,7 @@ def adjust(
     """
     values, fits = None, ()
     if timed is not None:
-        values = timed.start(cameras, *_how_far_off(cameras, start_priors or priors))
+        values = timed.start(cameras, *how_far_off(cameras, start_priors or priors))
         uv, tracks, _ = timed.observations(values)
     beginning.check_start(cameras, uv, where)
     beginning.check_shared(cameras, uv, where)
@@ -95,12 +95,15 @@ def adjust(
         return sampled(start, few, start_priors or priors, sigma, where)
 
     chosen, tried = starts.best(cameras, few, attempt, where)
-    adjusted, settled = chosen.cameras, timed is None
+    adjusted, settled = chosen.cameras, timed is None or timed.held.all()
+    walked = window_clocks.Walked()
     for turn in range(ROUNDS if timed is None else TURNS):
         if timed is not None and not settled:
             before, last = values, turn >= QUICK_TURNS
-            values, fits = timed.fitted(adjusted, values, *((window_clocks.MOST, True) if last else ()))
-            settled = last and window_clocks.moved(before, values) < SETTLED_S
+            found, fits = timed.fitted(adjusted, values, last)
+            walked = walked.on(found - values)
+            values = values + walked.went
+            settled = last and window_clocks.settled(before, values, fits)
             uv, tracks, _ = timed.observations(values)
         agreed = agreeing(adjusted, uv)
         points = triangulated(adjusted, agreed)
@@ -118,19 +121,21 @@ def adjust(
     before, after = reprojection_errors(cameras, start, taken), reprojection_errors(adjusted, points, taken)
     disagreeing = 1 - np.isfinite(agreed).sum() / np.isfinite(uv).sum()
     spread = None if tracks is None else uncertainty.of(solved, tracks, lens_sigma)
+    clocks_sigma = None
     if timed is not None:
-        spread = window_clocks.widened(spread, solved, tracks, timed, fits)
+        fits = timed.compared(adjusted, values, fits or [None] * len(values))
+        spread, clocks_sigma = window_clocks.with_errors(spread, solved, tracks, timed, fits)
     noise = solved.linear.noise * solved.linear.variance[:, None, None]
     measured = tuple((fact, fact.measured(adjusted, solved.points, noise)) for fact in stated if fact.measured)
     done = Adjusted(
         adjusted, points, before, after, float(disagreeing), solved.iterations, spread, measured, tuple(tried), uv,
-        tracks, values, tuple(fits),
+        tracks, values, clocks_sigma, tuple(fits),
     )  # fmt: skip
     check_end(done, taken, max_mean_px * focal.mean() / REFERENCE_FX, where)
     return done
 
 
-def _how_far_off(cameras, priors):
+def how_far_off(cameras, priors):
     """How far (rad, m) each camera may be off before anything is adjusted, 1 sigma."""
     by_tape = np.array([prior.sigma_rad > np.radians(lags.AIM_DEG) for prior in priors])
     turns = np.where(by_tape, np.radians(lags.AIM_DEG), [prior.sigma_rad for prior in priors])
@@ -292,7 +297,8 @@ def run(
     for sequence, part, instants in zip(window, parts, window.values(), strict=True):
         text = f"{len(part.joint)} joints at {part.count} of {instants['count']} instants of {sequence} used"
         found.append((session, "info" if len(part.joint) else "warning", "adjust_window", text))
-    found += window_clocks.findings(session, list(window), timed, done)
+    alone = _by_detections_alone(placed, priors, huber_px, max_mean_px, start_priors, timed, intrinsics_sigma)
+    found += window_clocks.findings(session, list(window), timed, done, alone)
     for i, (sequence, part) in enumerate(zip(window, parts, strict=True)):
         skeleton = np.full((len(part.seconds), len(part.names), 3), np.nan)
         skeleton[part.instant, part.joint] = done.points[tracks.sequence == i]
@@ -312,6 +318,23 @@ def run(
         tables.write_camera_covariance(out_covariance, names, done.uncertainty.covariance, session)
     tables.write(out_metrics, "metrics", outcome.metrics(done))
     tables.write_findings(findings, found)
+
+
+def _by_detections_alone(cameras, priors, huber_px, max_mean_px, start_priors, timed, lens_sigma):
+    """`Adjusted` with the clocks that were given by hand free, to compare them; None where there is none, or no answer.
+
+    Cameras give way to a wrong clock, so that it takes an adjustment of its own to see it.
+    """
+    free = timed.freed()
+    if (free.held == timed.held).all():
+        return None
+    try:
+        return adjust(
+            cameras, None, priors, huber_px, max_mean_px, "", lens_sigma=lens_sigma, start_priors=start_priors,
+            timed=free,
+        )  # fmt: skip
+    except DiorError:
+        return None
 
 
 def _lens_models(session, yamls, topics, done, uv, priors, huber_px):

@@ -27,7 +27,7 @@ class Adjusted:
     `disagreeing` is the share of the detections that were left out, `iterations` are those of the last round.
     `uncertainty`: `uncertainty.Uncertainty`, None where the points' joints are not known; `facts`: `facts.Fact`s with
     what the adjusted world says of them, [(fact, value)]; `starts`: `starts.Tried`. `uv` and `tracks` of the points;
-    `clocks` (S, V, 2) and `fits`: of `window_clocks`, None where they were known.
+    `clocks` (S, V, 2), their standard errors and `fits`: of `window_clocks`, None where they were known.
     """
 
     cameras: list
@@ -42,6 +42,7 @@ class Adjusted:
     uv: np.ndarray | None = None
     tracks: object = None
     clocks: np.ndarray | None = None
+    clocks_sigma: np.ndarray | None = None
     fits: tuple = ()
 
     @property

@@ -5,9 +5,9 @@ OUTPUTS  the clocks, the joints at the window's instants by them, and what the c
 
 Poses and clocks are found by turns: with the cameras as they are the clocks follow from how the joints move
 (`clock_fit`: a detector's constant errors have no say), then the cameras are adjusted at the instants by these clocks.
-An offset and a shift of a camera along the walk are alike only as long as nothing but the even part of a walk counts,
-so that few turns settle it. Where the turns end, both are least squares of linear equations in each other:
-camera errors x = A c + e, clock errors c = G x + f. Hence x = (1 - A G)^-1 (e + A f).
+Each gives way to what is wrong in the other, so that the turns are lengthened by what the ones before have shown.
+Where they end, both are least squares of linear equations in each other: camera errors x = A c + e, clock errors
+c = G x + f. Hence x = (1 - A G)^-1 (e + A f).
 The clock of the first camera by name is the reference. A clock is the time (s) in the middle of its stretch and the
 drift (ppm).
 """
@@ -21,10 +21,12 @@ from dior.calibrate.mocap_clock import DRIFT_SD_PPM
 from dior.calibrate.window import at_instants, together
 from dior.clocks import NORMAL_95
 
-QUICK, MOST = 200, 600  # moments of a sequence that its clocks are fitted to: while the cameras still move, at last
+QUICK, MOST = 150, 600  # moments of a sequence that its clocks are fitted to: while the cameras still move, at last
 SETTLED_S = 2e-4
-MOST_STEPS, MOST_LONGER = 6, 8.0
+SETTLED = 0.3  # standard errors: the turns end where the clocks move by less
+STEPS, MOST_LONGER = (5, 2), 5.0  # while the cameras still move, at last
 MOST_STEP_S, MOST_STEP_PPM = 0.1, 100.0
+MANY = 20  # joints: of more only every second (third ...) is asked
 CONTRADICTS = 2.6  # sigmas: 1 % of correct ones
 FEWEST_SHARED_S = 1.0
 
@@ -95,55 +97,62 @@ class Sequences:
         ]
         return *together(parts, [window["count"] for window in self.windows]), parts
 
-    def fitted(self, cameras, values, most=QUICK, last=False):
+    def fitted(self, cameras, values, thorough=False):
         """Clocks (S, V, 2) by how the joints move, with the cameras as they are, and the `Fit` of each sequence.
 
-        None for a sequence of which nothing tells. With `last` also clocks that are held are compared, and gains made.
+        None for a sequence of which nothing tells.
         """
         values, fits = values.copy(), []
         for i in range(len(values)):
-            held = self.held[i].all()
             fits.append(None)
-            if not held:
-                values[i], fits[i] = self._settled(i, cameras, values[i], most)
-            if last and (held or fits[i] is not None):
-                fits[i] = self._fit(i, cameras, values[i], fits[i], most, True)
+            if not self.held[i].all():
+                values[i], fits[i] = self._settled(i, cameras, values[i], thorough)
         return values, fits
 
-    def _settled(self, i, cameras, value, most):
+    def freed(self):
+        """The same with no clock held but the reference's: what the detections alone say."""
+        return replace(self, held=np.broadcast_to(np.arange(len(self.names)) == self.reference, self.held.shape))
+
+    def compared(self, cameras, values, fits):
+        """The `Fit`s with what the cameras' errors add; None where all clocks are held or nothing tells."""
+        return [
+            None if fit is None else self._fit(i, cameras, values[i], fit, True, True) for i, fit in enumerate(fits)
+        ]
+
+    def _settled(self, i, cameras, value, thorough):
         """Clocks (V, 2) of a sequence, and the last `Fit`.
 
-        Noise in the joints' velocities makes every step too short, by the same share: what the step before has
-        changed tells by how much (Barzilai and Borwein, IMA J. Numer. Anal. 8 (1988) 141-148).
+        Noise in the velocities of the joints makes every step too short.
         """
-        free, fit, went, wanted = ~self.held[i], None, None, None
-        for _ in range(MOST_STEPS):
-            fit = self._fit(i, cameras, value, fit, most)
+        free, fit, walked = ~self.held[i], None, Walked()
+        for _ in range(STEPS[thorough]):
+            fit = self._fit(i, cameras, value, fit, thorough)
             if fit is None:
                 break
-            step, longer = fit.step * free[:, None], 1.0
-            if went is not None:
-                changed = ((wanted - step) * went)[:, 0].sum()
-                longer = (went[:, 0] ** 2).sum() / changed if changed > 0 else MOST_LONGER
-            wanted = step
-            went = np.clip(
-                np.clip(longer, 1.0, MOST_LONGER) * step, [-MOST_STEP_S, -MOST_STEP_PPM], [MOST_STEP_S, MOST_STEP_PPM]
-            )
-            value = value + went
-            if np.abs(went[:, 0]).max() < SETTLED_S:
+            walked = walked.on(fit.step * free[:, None])
+            value = value + walked.went
+            if np.abs(walked.went[:, 0]).max() < SETTLED_S:
                 break
         return value, fit
 
-    def _fit(self, i, cameras, value, before, most, last=False):
-        grid, middle, views = self.grid(i, most), self.middle(i), len(cameras)
+    def _fit(self, i, cameras, value, before, thorough, last=False):
+        grid, middle, views = self.grid(i, MOST if thorough else QUICK), self.middle(i), len(cameras)
         order = [self.reference, *(v for v in range(views) if v != self.reference)]
         seen = self.recorded[i].seen
-        uv = np.stack([seen[v].at(grid, value[v], middle) for v in order])
+        joints = slice(None, None, 1 + len(self.recorded[i].names) // MANY)
+        names = self.recorded[i].names[joints]
+        uv = np.stack([seen[v].at(grid, value[v], middle)[:, joints] for v in order])
         ordered = [cameras[v] for v in order]
         used = camera_clock._agreeing(ordered, uv)
         uv = np.where(used[..., None], uv, np.nan)
         tracks = camera_clock.tracks_of(
-            ordered, uv, self.recorded[i].names, grid, middle, last, before and before.solved
+            ordered,
+            uv,
+            names,
+            grid,
+            middle,
+            last,
+            before.solved if thorough and before and len(before.solved.sd_px) == len(names) * views else None,
         )
         # only the drift is known beforehand, about nothing
         about = (value[order] - value[self.reference])[1:]
@@ -162,6 +171,26 @@ class Sequences:
             world = uncertainty.gauge(cameras)
             gain -= gain @ world @ np.linalg.pinv(world)
         return Fit(step, given, gain, solved)
+
+
+@dataclass(frozen=True)
+class Walked:
+    """The last step of an iteration whose steps are too short by the same share: `wanted` of it and `went` (..., 2)."""
+
+    wanted: np.ndarray | None = None
+    went: np.ndarray | None = None
+
+    def on(self, wanted):
+        """The next step, longer by as much as the last one has changed what is wanted by less than its length.
+
+        Barzilai and Borwein, IMA J. Numer. Anal. 8 (1988) 141-148.
+        """
+        longer = 1.0
+        if self.went is not None:
+            changed = ((self.wanted - wanted) * self.went)[..., 0].sum()
+            longer = (self.went[..., 0] ** 2).sum() / changed if changed > 0 else MOST_LONGER
+        went = np.clip(longer, 1.0, MOST_LONGER) * wanted
+        return Walked(wanted, np.clip(went, [-MOST_STEP_S, -MOST_STEP_PPM], [MOST_STEP_S, MOST_STEP_PPM]))
 
 
 @dataclass(frozen=True)
@@ -187,9 +216,14 @@ def _together(fits, shape):
     return gain, given
 
 
-def moved(before, after):
-    """By how much (s) the clocks (S, V, 2) differ at most."""
-    return float(np.abs(after[..., 0] - before[..., 0]).max(initial=0.0))
+def settled(before, after, fits):
+    """Whether the clocks (S, V, 2) of no sequence have moved by what counts."""
+    for was, now, fit in zip(before, after, fits, strict=True):
+        if fit is not None:
+            sigma = np.sqrt(np.diagonal(fit.given)).reshape(now.shape)
+            if (np.abs(now - was) > np.maximum(SETTLED * sigma, SETTLED_S))[:, 0].any():
+                return False
+    return True
 
 
 def of(recorded, windows, names, given, min_views):
@@ -200,16 +234,18 @@ def of(recorded, windows, names, given, min_views):
     return Sequences(tuple(recorded), tuple(windows), tuple(names), values, held, min_views)
 
 
-def widened(spread, solved, tracks, timed, fits):
-    """The cameras' `Uncertainty` with that of the clocks."""
-    if spread is None or timed.held.all():
-        return spread
-    free = np.repeat(~timed.held.ravel(), 2)
+def with_errors(spread, solved, tracks, timed, fits):
+    """The cameras' `Uncertainty` with that of the clocks, and the clocks' standard errors (S, V, 2) in all."""
     gain, given = _together(fits, timed.given.shape)
-    A, G, given = by_clocks(solved, tracks, timed)[:, free], gain[free], given[np.ix_(free, free)]
-    both = np.linalg.inv(np.eye(len(A)) - A @ G)
+    free = np.repeat(~timed.held.ravel(), 2)
+    A = by_clocks(solved, tracks, timed) * free
+    cameras, clocks = np.eye(len(A)), np.eye(len(gain))
+    both = np.linalg.inv(cameras - A @ gain)
     covariance = both @ (spread.covariance + A @ given @ A.T) @ both.T
-    return replace(spread, covariance=(covariance + covariance.T) / 2)
+    back = np.linalg.inv(clocks - gain @ A)
+    of_clocks = back @ (given + gain @ spread.covariance @ gain.T) @ back.T
+    sigma = np.sqrt(np.diagonal(of_clocks)).reshape(timed.given.shape)
+    return replace(spread, covariance=(covariance + covariance.T) / 2), sigma
 
 
 def by_clocks(solved, tracks, timed):
@@ -238,37 +274,36 @@ def by_clocks(solved, tracks, timed):
     return uncertainty.by_parameters(solved, derivative, at, 2 * views * len(timed.recorded))
 
 
-def findings(session, sequences, timed, done):
-    """What the clocks are, with 95 % intervals, and where a clock given by hand contradicts the detections."""
-    found = []
-    reference = timed.reference
+def findings(session, sequences, timed, done, alone=None):
+    """What the clocks are, with 95 % intervals, and where a clock given by hand contradicts the detections.
+
+    `done`, `alone`: the `outcome.Adjusted` with the clocks that are held, and with all of them free (`freed`).
+    """
+    found, offsets = [], timed.at_t0(done.clocks)
     for i, sequence in enumerate(sequences):
-        fit, covariance = done.fits[i] if done.fits else None, done.uncertainty.covariance
-        period = 1.0 / timed.recorded[i].fps
         for v, name in enumerate(timed.names):
-            scope, shift = f"{sequence}/{name}", timed.at_t0(done.clocks)[i, v]
-            if v == reference or (fit is None and timed.held[i, v]):
+            scope, held = f"{sequence}/{name}", timed.held[i, v]
+            told = alone if held else done
+            if v == timed.reference or told is None:
                 continue
-            if fit is None:
-                text = f"its clock cannot be told from the detections of {session}; it is taken as it is stamped"
+            if told.fits[i] is None:
+                text = f"its clock cannot be told from the detections; it counts as {'given' if held else 'stamped'}"
                 found.append((scope, "warning", "adjust_clock_unknown", text))
                 continue
-            gain = fit.gain[2 * v]
-            sigma = float(np.sqrt(fit.given[2 * v, 2 * v] + gain @ covariance @ gain))
-            within = f"{1000 * NORMAL_95 * sigma:.1f} ms"
-            if not timed.held[i, v]:
+            sigma = told.clocks_sigma[i, v, 0]
+            if not held:
                 text = (
-                    f"its clock is {1000 * shift[0]:+.1f} ms +- {within} from that of {timed.names[reference]}, at the "
-                    f"window's middle {1000 * done.clocks[i, v, 0]:+.1f} ms"
+                    f"its clock is {1000 * offsets[i, v, 0]:+.1f} ms +- {1000 * NORMAL_95 * sigma:.1f} ms from that of "
+                    f"{timed.names[timed.reference]}, in the middle of the window {1000 * done.clocks[i, v, 0]:+.1f} ms"
                 )
                 found.append((scope, "info", "adjust_clock", text))
                 continue
-            off = fit.step[v, 0]
+            off, period = alone.clocks[i, v, 0] - done.clocks[i, v, 0], 1.0 / timed.recorded[i].fps
             if abs(off) > max(period / 2, CONTRADICTS * sigma):
                 text = (
-                    f"the offset of {1000 * shift[0]:+.1f} ms given by hand contradicts the detections, by which it is "
-                    f"{1000 * (shift[0] + off):+.1f} ms +- {within}, {abs(off) / period:.1f} pictures off; correct or "
-                    f"remove it in config/offsets/{sequence}.yaml"
+                    f"the offset of {1000 * offsets[i, v, 0]:+.1f} ms given by hand contradicts the detections, by "
+                    f"which it is {1000 * (offsets[i, v, 0] + off):+.1f} ms +- {1000 * NORMAL_95 * sigma:.1f} ms, "
+                    f"{abs(off) / period:.1f} pictures off; correct or remove it in config/offsets/{sequence}.yaml"
                 )
                 found.append((scope, "warning", "clock_contradicts", text))
     return found

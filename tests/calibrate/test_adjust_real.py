@@ -20,6 +20,7 @@ from dior.skeletons import BODY_25B
 NAMES = [f"cam{i:02d}" for i in range(1, 5)]
 T0 = 1_708_000_000_000_000_000
 SEQUENCE = "beam"
+GENLOCKED = "".join(f"{name}: {{offset_s: 0.0, drift_ppm: 0}}\n" for name in NAMES)
 WINDOW = {SEQUENCE: {"first": 1, "count": 50, "step": 2}}
 
 
@@ -58,9 +59,11 @@ def capture(shared, tmp_path_factory):
     return folder, cameras
 
 
-def adjusted(folder, cameras, out, tape_sigma=None, sections=None):
+def adjusted(folder, cameras, out, tape_sigma=None, sections=None, clocks=GENLOCKED):
     """Run the step from `cameras`; returns the adjusted ones, the metrics and the findings."""
-    files = []
+    files, offsets = [], out / f"{SEQUENCE}.yaml"
+    offsets.parent.mkdir(parents=True, exist_ok=True)
+    offsets.write_text(clocks)
     for camera in cameras:
         tables.write_cameras(out / f"place/{camera.name}.parquet", [camera], "field")
         yaml = out / f"{camera.name}.yaml"
@@ -73,7 +76,7 @@ def adjusted(folder, cameras, out, tape_sigma=None, sections=None):
     run(
         session="field", cameras=[out / f"place/{camera.name}.parquet" for camera in cameras], camera_files=files,
         detections=[folder / f"detections/{SEQUENCE}.parquet"], frames=[folder / f"frames/{SEQUENCE}.parquet"],
-        offsets=[], window=WINDOW if sections is None else sections, min_score=0.4, min_views=3, huber_px=15.0,
+        offsets=[offsets], window=WINDOW if sections is None else sections, min_score=0.4, min_views=3, huber_px=15.0,
         max_mean_px=12.0, max_gap=1.5, out=out / "adjust.parquet", out_metrics=out / "metrics.parquet",
         findings=out / "findings.parquet", out_covariance=out / "covariance.parquet",
     )  # fmt: skip
@@ -195,3 +198,40 @@ def test_the_step_is_byte_stable(capture, tmp_path):
         adjusted(folder, cameras, tmp_path / name)
     for name in ("adjust.parquet", "covariance.parquet", "metrics.parquet", "findings.parquet"):
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+
+
+def shifted(folder, out, camera, by_s):
+    """The tables of the recording with one camera's stamps shifted."""
+    for kind in ("detections", "frames"):
+        table = dict(tables.read(folder / f"{kind}/{SEQUENCE}.parquet", kind))
+        table["stamp_ns"] = table["stamp_ns"] + np.where(table["camera"] == camera, int(by_s * 1e9), 0)
+        tables.write(out / f"{kind}/{SEQUENCE}.parquet", kind, table)
+    return out
+
+
+def told(findings, code):
+    return [f"{s}: {t}" for s, c, t in zip(*(findings[k] for k in ("scope", "code", "text")), strict=True) if c == code]
+
+
+@pytest.mark.parametrize("by_s", [0.0, 0.05])
+def test_clocks_that_nobody_gave_are_found(capture, tmp_path, by_s):
+    """Genlocked: what a camera's stamps are shifted by is what comes out, and the others' clocks are near zero."""
+    folder, cameras = capture
+    moved_by = {}
+    _, metrics, findings = adjusted(
+        shifted(folder, tmp_path / "in", "cam03", by_s), cameras, tmp_path / "out", clocks="{}\n"
+    )
+    for text in told(findings, "adjust_clock"):
+        name, value, within = re.match(rf"{SEQUENCE}/(cam..): .* ([+-][.\d]+) ms \+- ([.\d]+) ms from", text).groups()
+        moved_by[name] = float(value), float(within)
+    assert sorted(moved_by) == NAMES[1:]
+    for name, (value, within) in moved_by.items():
+        assert abs(value + 1000 * by_s * (name == "cam03")) < min(1.5 * within, 25.0)
+    assert mean_px(metrics, "adjust_error_after") <= 9.0
+
+
+def test_a_clock_given_by_hand_that_is_wrong_by_three_pictures_is_named(capture, tmp_path):
+    folder, cameras = capture
+    _, _, findings = adjusted(shifted(folder, tmp_path / "in", "cam03", 0.05), cameras, tmp_path / "out")
+    (text,) = told(findings, "clock_contradicts")
+    assert text.startswith(f"{SEQUENCE}/cam03: the offset of +0.0 ms given by hand contradicts")
