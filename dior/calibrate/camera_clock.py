@@ -21,7 +21,7 @@ from dior.views import DROP_FACTOR, by_dropping, usual_error
 
 SEARCHED = 200  # moments
 CAP = 0.06  # of an epipolar distance, at focal length 1
-MOST = 2700  # moments of a camera that take part, in runs
+MOST = 5400  # moments of a camera that take part, in runs
 RUNS = 3
 ROUNDS = 12
 BELIEVED_ROUNDS = 3

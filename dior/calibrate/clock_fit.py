@@ -88,21 +88,21 @@ def solve(tracks, value, prior):
     values = np.concatenate([tracks.residual[..., None], tracks.by_clock, tracks.by_camera, noise], axis=-1)
     values = np.where(known[..., None, None], values, 0.0)
     basis = np.where(known[..., None, None], tracks.basis, 0.0)
-    weight = known.astype(float)
+    weight, near = known.astype(float), _neighbours(tracks.seconds)
     for _ in range(ROUNDS):
-        left = without(basis, weight, values)
+        left = without(basis, weight, values[..., :1])
         size = np.linalg.norm(left[..., 0], axis=-1)
         sd = spread(size, weight > 0)
         weight = known * (size <= OUTLIER * sd[:, None])
-    keep = correlation(left[..., 0], weight, _neighbours(tracks.seconds))
-    y, pair = whitened(left, weight, _neighbours(tracks.seconds), keep)
-    size = np.linalg.norm(y[..., 0], axis=-1)
+    keep = correlation(left[..., 0], weight, near)
+    rough, pair = whitened(left, weight, near, keep)
+    size = np.linalg.norm(rough[..., 0], axis=-1)
     sd = spread(size, pair > 0)
     w = pair / sd[:, None] ** 2
     w = w * np.minimum(1.0, HUBER * sd[:, None] / np.maximum(size, 1e-12))
-    if tracks.by_point is not None:
-        J = np.where(known[..., None, None], tracks.by_point, 0.0)[:, 1:]
-        y = eliminated(J, w, y, tracks.joint, tracks.view)
+    y, basis = (whitened(x, weight, near, keep)[0] for x in (values, basis))
+    J = None if tracks.by_point is None else np.where(known[..., None, None], tracks.by_point, 0.0)[:, 1:]
+    y = cleared(y, basis, J, w, tracks.joint)
     flat = (y[..., 1:] * np.sqrt(w)[..., None, None]).reshape(-1, y.shape[-1] - 1)
     N = flat.T @ flat
     g = np.einsum("bt,btai,bta->i", w, y[..., 1 : K + 1], y[..., 0]) + prior * value
@@ -178,22 +178,41 @@ def whitened(values, weight, neighbours, keep):
     return (values[:, 1:] - keep * values[:, :-1]) * pair[..., None, None], pair
 
 
-def eliminated(J, w, y, joint, view):
-    """Values y (B, T, 2, K) less what a shift of the joint explains, the same for all views; `J` (B, T, 2, 3)."""
-    joints = np.unique(joint)
+def cleared(y, basis, J, w, joint):
+    """Values y (B, T, 2, K) less what constants, basis (B, T, 2, P), and the joint's place explain, weights w (B, T).
+
+    Tracks of one `joint` (B,) share its place, which is another at every moment; `J` (B, T, 2, 3) by it, None where it
+    is known. The constants of one view show in all of them once the place has followed.
+    """
     out = np.zeros_like(y)
-    for j in joints:
-        mine = joint == j
-        # (T, 2 views, ...)
-        a, b = (np.swapaxes(x[mine], 0, 1).reshape(x.shape[1], -1, x.shape[-1]) for x in (J, y))
-        weighted = np.swapaxes(a * np.repeat(w[mine], 2, axis=0).T[..., None], 1, 2)
-        G = weighted @ a
-        views = (w[mine] > 0).sum(axis=0)
-        # one view alone tells nothing: its point follows it
-        G = G + (1e-9 * np.trace(G, axis1=1, axis2=2) + 1e-12)[:, None, None] * np.eye(3)
-        left = (b - a @ np.linalg.solve(G, weighted @ b)) * (views >= 2)[:, None, None]
-        out[mine] = np.swapaxes(left.reshape(len(left), -1, 2, y.shape[-1]), 0, 1)
+    for j in np.unique(joint):
+        mine = np.flatnonzero(joint == j)
+        views, moments = len(mine), y.shape[1]
+        # each view has constants of its own
+        own = np.zeros((views, moments, 2, views, basis.shape[-1]))
+        own[np.arange(views), :, :, np.arange(views)] = basis[mine]
+        both = np.concatenate([y[mine], own.reshape(views, moments, 2, -1)], axis=-1)
+        rows = np.swapaxes(both, 0, 1).reshape(moments, 2 * views, -1)
+        weight = np.repeat(w[mine].T, 2, axis=1)
+        if J is not None:
+            place = np.swapaxes(J[mine], 0, 1).reshape(moments, 2 * views, 3)
+            rows = _follow(rows, place, weight) * ((w[mine] > 0).sum(axis=0) >= 2)[:, None, None]
+        flat, weight = rows.reshape(2 * views * moments, -1), weight.ravel()
+        b = flat[:, y.shape[-1] :]
+        weighted = (b * weight[:, None]).T
+        G = weighted @ b
+        G = G + (1e-9 * np.trace(G) + 1e-12) * np.eye(len(G))
+        left = flat[:, : y.shape[-1]] - b @ np.linalg.solve(G, weighted @ flat[:, : y.shape[-1]])
+        out[mine] = np.swapaxes(left.reshape(moments, views, 2, -1), 0, 1)
     return out
+
+
+def _follow(rows, place, weight):
+    """Rows (T, R, K) less what a shift of the joint, `place` (T, R, 3) by it, explains at every moment."""
+    weighted = np.swapaxes(place * weight[..., None], 1, 2)
+    G = weighted @ place
+    G = G + (1e-9 * np.trace(G, axis1=1, axis2=2) + 1e-12)[:, None, None] * np.eye(3)
+    return rows - place @ np.linalg.solve(G, weighted @ rows)
 
 
 def two_way(scores, group, block):
