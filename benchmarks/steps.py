@@ -122,7 +122,7 @@ def _clocks(capture, name, cameras, covariance, marked=()):
     )  # fmt: skip
     timeline.run(
         sequence=name, frames=capture.made("frames", name), cameras=project.close(project.session_of(name)),
-        clocks=capture.made("clocks", name), mocap=mocap, max_gap=project.config["time"]["max_gap"],
+        clocks=[capture.made("clocks", name)], mocap=mocap, max_gap=project.config["time"]["max_gap"],
         out=capture.made("timeline", name),
     )  # fmt: skip
 

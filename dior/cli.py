@@ -247,7 +247,7 @@ STEPS = {
             "sequence": TEXT,
             "frames": PATH,
             "cameras": WORDS,
-            "clocks": PATH,
+            "clocks": PATHS,
             "mocap": MAYBE,
             "max-gap": NUMBER,
             "out": PATH,

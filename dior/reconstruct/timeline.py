@@ -16,13 +16,14 @@ from dior.sampling import bracket, camera_seconds, instants, rates, start_ns
 def run(*, sequence, frames, cameras, clocks, mocap, max_gap, out):
     """Write the timeline of a sequence.
 
-    `cameras`: those that take part; `clocks`: their table `offsets`; `mocap`: the instants indoors, else None.
+    `cameras`: those that take part; `clocks`: their tables `offsets`; `mocap`: the instants indoors, else None.
     """
-    table, known = tables.read(frames, "frames"), on_axis.read([clocks])
+    table, known = tables.read(frames, "frames"), on_axis.read(clocks)
     for camera in cameras:
         if camera not in known:
+            where = ", ".join(map(str, clocks))
             raise DiorError(
-                f"{sequence}: {clocks} has no clock of {camera}{nearest(camera, known)}; run the step clocks"
+                f"{sequence}: {where} has no clock of {camera}{nearest(camera, known)}; run the step clocks"
             )
     markers = tables.read(mocap, "skeletons_3d", ["joint", "instant", "stamp_ns"]) if mocap else None
     t0 = start_ns(table, markers)

@@ -82,11 +82,13 @@ def _reprojection(project, seen):
     """Detections with the sides exchanged back where triangulate found them exchanged."""
     parts = []
     for sequence in sorted(set(seen["sequence"])):
-        path = project / f"results/detections/{sequence}.parquet"
-        if not path.exists():
+        path, exchanged = (
+            project / f"results/{name}.parquet" for name in (f"detections/{sequence}", f"triangulate/{sequence}.swaps")
+        )
+        if not exchanged.exists():
             continue
         found = pd.read_parquet(path).astype({"camera": str, "joint": str}).assign(sequence=sequence)
-        swaps = pd.read_parquet(project / f"results/triangulate/{sequence}.swaps.parquet").astype({"camera": str})
+        swaps = pd.read_parquet(exchanged).astype({"camera": str})
         swaps = swaps.loc[swaps["swapped"] & swaps["frame"].notna(), ["camera", "frame", "part"]].drop_duplicates()
         found = found.merge(swaps.assign(swapped=True), on=["camera", "frame"], how="left")
         side = found["joint"].str.extract("^(left|right)_")[0]

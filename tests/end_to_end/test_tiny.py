@@ -263,15 +263,16 @@ def test_targets_have_names(project, tmp_path, target):
 def test_an_edited_long_range_camera_touches_only_its_own_labels(copy):
     nudge(copy / "config/sessions/field/cam04.yaml", "sigma_m")
     assert planned(copy) == {
-        "align": 1, "reproject": 2, "evaluate": 2, "overlays": 2, "clip": 2, "metrics": 1, "statistics": 1, "report": 1,
-        "package": 1, "tarballs": 2,
+        "align": 1, "follow": 2, "reproject": 2, "evaluate": 2, "overlays": 2, "clip": 2, "metrics": 1, "statistics": 1,
+        "report": 1, "package": 1, "tarballs": 2,
     }  # fmt: skip
 
 
 def test_an_edited_close_camera_touches_its_session(copy):
     nudge(copy / "config/sessions/field/cam01.yaml", "sigma_m")
     assert planned(copy) == {
-        "place": 1, "adjust": 1, "triangulate": 2, "refine": 2, "align": 1, "moved": 1, "reproject": 8, "evaluate": 2,
+        "place": 1, "adjust": 1, "clocks": 2, "timeline": 2, "follow": 2, "triangulate": 2, "refine": 2,
+        "align": 1, "moved": 1, "reproject": 8, "evaluate": 2,
         "overlays": 8, "clip": 2, "metrics": 1, "statistics": 1, "report": 1, "package": 1, "tarballs": 2,
     }  # fmt: skip
 
@@ -288,7 +289,8 @@ def test_an_edited_sheet_row_touches_its_sequence(copy):
     edit(copy / "config/sequences.tsv", row, row.replace("\tS02\t", "\tS01\t"))
     # the session is adjusted with this walk, and its person's height judges that
     assert planned(copy) == {
-        "adjust": 1, "triangulate": 2, "refine": 2, "align": 1, "moved": 1, "reproject": 8, "evaluate": 2,
+        "adjust": 1, "clocks": 2, "timeline": 2, "follow": 2, "triangulate": 2, "refine": 2,
+        "align": 1, "moved": 1, "reproject": 8, "evaluate": 2,
         "overlays": 8, "clip": 2, "metrics": 1, "statistics": 1, "report": 1, "package": 1, "tarballs": 2,
     }  # fmt: skip
 

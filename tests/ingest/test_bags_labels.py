@@ -88,7 +88,7 @@ def labels_from(simulated, bags, data_root, out, trigger_log=None, offsets=None)
         out_gains=out / "clock_gains.parquet", out_costs=out / "costs.parquet", findings=out / "findings.parquet",
     )  # fmt: skip
     timeline.run(
-        sequence=WALK, frames=indexed, cameras=CAMERAS, clocks=clocked, mocap=markers, max_gap=1.5,
+        sequence=WALK, frames=indexed, cameras=CAMERAS, clocks=[clocked], mocap=markers, max_gap=1.5,
         out=out / "timeline.parquet",
     )  # fmt: skip
     found = {}

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from dior import tables
+from dior import clocks, tables
 from dior.errors import DiorError
 from dior.ingest import mocap
 from dior.ingest.trigger_log import Capture, choose, read
@@ -142,13 +142,12 @@ def test_the_timeline_counts_from_the_same_moment(tmp_path):
     c3d = write_c3d(tmp_path / "walk.c3d", frames=150)
 
     def bracketed(log, offset):
-        (tmp_path / "offsets.yaml").write_text(
-            f"cam01: {{offset_s: {offset}, drift_ppm: 0}}\ncam02: {{offset_s: {offset - 0.004}, drift_ppm: 0}}"
-        )
+        known = {"cam01": clocks.Clock(offset), "cam02": clocks.Clock(offset - 0.004)}
+        clocks.write(tmp_path / "clocks.parquet", tmp_path / "gains.parquet", "walk", known)
         timeline.run(
-            sequence="walk", frames=tmp_path / "frames.parquet", cameras=["cam01", "cam02"],
-            mocap=markers(tmp_path, c3d, log), offsets=tmp_path / "offsets.yaml", max_gap=1.5,
-            out=tmp_path / "timeline.parquet", out_offsets=tmp_path / "offsets.parquet",
+            sequence="walk", frames=tmp_path / "frames.parquet", cameras=list(known),
+            mocap=markers(tmp_path, c3d, log), clocks=[tmp_path / "clocks.parquet"], max_gap=1.5,
+            out=tmp_path / "timeline.parquet",
         )  # fmt: skip
         return tables.read(tmp_path / "timeline.parquet", "timeline")
 

@@ -30,7 +30,7 @@ def run(folder, starts, counts, drop=None, offsets=None, mocap=None):
         sequence="walk",
         frames=folder / "frames.parquet",
         cameras=names,
-        clocks=folder / "c.parquet",
+        clocks=[folder / "c.parquet"],
         mocap=mocap,
         max_gap=1.5,
         out=folder / "t.parquet",
@@ -68,7 +68,7 @@ def test_a_camera_without_a_clock_is_named(tmp_path):
     with pytest.raises(DiorError, match="walk: .*c.parquet has no clock of cam02"):
         timeline.run(
             sequence="walk", frames=tmp_path / "frames.parquet", cameras=["cam01", "cam02"],
-            clocks=tmp_path / "c.parquet", mocap=None, max_gap=1.5, out=tmp_path / "t.parquet",
+            clocks=[tmp_path / "c.parquet"], mocap=None, max_gap=1.5, out=tmp_path / "t.parquet",
         )  # fmt: skip
 
 

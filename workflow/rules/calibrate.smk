@@ -183,26 +183,27 @@ rule adjust:
 
 
 rule clocks:
-    """Find the clocks of a sequence: against the motion capture indoors, of the close cameras against each other."""
+    """Find a camera's clock against the motion capture, or those of the close cameras of a sequence with each other."""
     input:
         cameras=clocked_cameras,
         covariance=clocked_covariance,
         detections=clocked_detections,
-        frames="results/frames/{sequence}.parquet",
-        mocap=mocap_table,
+        frames=clocked_frames,
+        mocap=clocked_mocap,
         marked=marked_clocks,
-        offsets=sequence_offsets,
+        offsets=clocked_offsets,
         bags=there(clocked_bags),
     output:
-        offsets="results/clocks/{sequence}.parquet",
-        gains="results/clocks/{sequence}.gains.parquet",
-        costs="results/clocks/{sequence}.costs.parquet",
-        findings="results/clocks/{sequence}.findings.parquet",
+        offsets="results/clocks/{recording}.parquet",
+        gains="results/clocks/{recording}.gains.parquet",
+        costs="results/clocks/{recording}.costs.parquet",
+        findings="results/clocks/{recording}.findings.parquet",
     log:
-        "logs/clocks/{sequence}.log",
+        "logs/clocks/{recording}.log",
     benchmark:
-        "logs/clocks/{sequence}.benchmark.tsv"
+        "logs/clocks/{recording}.benchmark.tsv"
     params:
+        sequence=clocked_sequence,
         names=clocked_names,
         min_score=CONFIG["detector"]["min_score"],
         max_gap=CONFIG["time"]["max_gap"],
@@ -210,7 +211,7 @@ rule clocks:
         code=code("calibrate.clocks"),
     shell:
         "dior clocks"
-        " --sequence {wildcards.sequence}"
+        " --sequence {params.sequence}"
         " --cameras {input.cameras:q}"
         " --names {params.names}"
         " --covariance {input.covariance:q}"

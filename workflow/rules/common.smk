@@ -38,6 +38,7 @@ wildcard_constraints:
     sequence=r"[A-Za-z0-9_-]+",
     session=r"[A-Za-z0-9_@-]+",
     camera=r"[A-Za-z0-9_-]+",
+    recording=r"[A-Za-z0-9_-]+(\.(?!gains\.|costs\.|findings\.)[A-Za-z0-9_-]+)?",
     pseudonym=r"[A-Za-z0-9_-]+",
 
 

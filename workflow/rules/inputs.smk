@@ -300,36 +300,62 @@ def sequence_offsets(wildcards):
     return PROJECT.offsets(wildcards.sequence)
 
 
+def clocked_sequence(wildcards):
+    """The sequence of a recording: indoors `<sequence>.<camera>`, outdoors the sequence."""
+    return wildcards.recording.partition(".")[0]
+
+
 def clocked_names(wildcards):
-    """The cameras whose clocks are found by detections, marks or, indoors, pictures."""
-    return PROJECT.clocked(wildcards.sequence)
+    """The cameras whose clocks are found together: indoors each alone, so that one that is fixed leaves the others."""
+    camera = wildcards.recording.partition(".")[2]
+    return [camera] if camera else PROJECT.clocked(wildcards.recording)
+
+
+def clocked_session(wildcards):
+    return PROJECT.session_of(clocked_sequence(wildcards))
 
 
 def clocked_cameras(wildcards):
-    return cameras_of(session_of(wildcards), clocked_names(wildcards))
+    return cameras_of(clocked_session(wildcards), clocked_names(wildcards))
 
 
 def clocked_covariance(wildcards):
-    session = session_of(wildcards)
-    files = [covariance_of(session, camera) for camera in clocked_names(wildcards)]
+    files = [
+        covariance_of(clocked_session(wildcards), camera) for camera in clocked_names(wildcards)
+    ]
     return list(dict.fromkeys(path for path in files if path))
 
 
+def clocked_frames(wildcards):
+    return f"results/frames/{clocked_sequence(wildcards)}.parquet"
+
+
+def clocked_mocap(wildcards):
+    sequence = clocked_sequence(wildcards)
+    return f"results/mocap/{sequence}.parquet" if PROJECT.indoor(sequence) else []
+
+
+def clocked_offsets(wildcards):
+    return PROJECT.offsets(clocked_sequence(wildcards))
+
+
 def clocked_detections(wildcards):
-    there_are = bool(PROJECT.detections_pattern(wildcards.sequence))
-    return f"results/detections/{wildcards.sequence}.parquet" if there_are else []
+    sequence = clocked_sequence(wildcards)
+    there_are = bool(PROJECT.detections_pattern(sequence))
+    return f"results/detections/{sequence}.parquet" if there_are else []
 
 
 def clocked_bags(wildcards):
     """The pictures of an indoor sequence, where nothing else tells the time."""
-    if clocked_detections(wildcards) or not PROJECT.indoor(wildcards.sequence):
+    sequence = clocked_sequence(wildcards)
+    if clocked_detections(wildcards) or not PROJECT.indoor(sequence):
         return []
-    return PROJECT.bags(wildcards.sequence)
+    return PROJECT.bags(sequence)
 
 
 def marked_clocks(wildcards):
     """What locate found about the clocks of a sequence that has marks."""
-    session, sequence = session_of(wildcards), wildcards.sequence
+    session, sequence = clocked_session(wildcards), clocked_sequence(wildcards)
     return [
         f"results/locate/{session}/{camera}.{kind}.parquet"
         for camera in clocked_names(wildcards)
@@ -341,17 +367,21 @@ def marked_clocks(wildcards):
 
 def clocks_of(sequence, cameras, kind=""):
     """The tables with the clocks of some cameras in a sequence."""
-    followed = set(PROJECT.followed(sequence))
+    followed, indoor = PROJECT.followed(sequence), PROJECT.indoor(sequence)
     return list(
         dict.fromkeys(
             (
                 f"results/follow/{sequence}.{camera}{kind}.parquet"
                 if camera in followed
-                else f"results/clocks/{sequence}{kind}.parquet"
+                else f"results/clocks/{sequence}{f'.{camera}' if indoor else ''}{kind}.parquet"
             )
             for camera in cameras
         )
     )
+
+
+def timeline_clocks(wildcards):
+    return clocks_of(wildcards.sequence, close_names(wildcards))
 
 
 def label_clocks(wildcards):
@@ -600,11 +630,10 @@ def all_findings():
             for sequence in SEQUENCES
             if PROJECT.detections_pattern(sequence)
         ],
-        *[f"results/clocks/{sequence}.findings.parquet" for sequence in SEQUENCES],
         *[
-            f"results/follow/{sequence}.{camera}.findings.parquet"
+            path
             for sequence in SEQUENCES
-            for camera in PROJECT.followed(sequence)
+            for path in clocks_of(sequence, PROJECT.cameras_of(sequence), ".findings")
         ],
         *[f"results/triangulate/{sequence}.findings.parquet" for sequence in outdoor],
         *[f"results/refine/{sequence}.findings.parquet" for sequence in outdoor if refines],

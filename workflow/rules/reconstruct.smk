@@ -9,7 +9,7 @@ rule timeline:
     """Say which pictures of each camera surround every instant."""
     input:
         frames="results/frames/{sequence}.parquet",
-        clocks="results/clocks/{sequence}.parquet",
+        clocks=timeline_clocks,
         mocap=mocap_table,
     output:
         timeline="results/timeline/{sequence}.parquet",
