@@ -21,7 +21,8 @@ from dior.sampling import camera_seconds, instants, rates, start_ns
 
 AS_IT_IS = (0.0, 0.0)
 FAR_OFF = 0.9  # pictures; cameras that run free on one network's time are nearer to each other
-CONTRADICTS_S = 0.002  # at least so far from the estimate a value by hand is doubted
+# a value by hand is doubted that is so many standard errors from the estimate, and so far
+CONTRADICTS, CONTRADICTS_S = 3.0, 0.002
 NONE = np.zeros(0)
 
 
@@ -164,7 +165,7 @@ def _findings(sequence, told, manual, names, joint, period_s, indoor):
             f"(95 %{known}), from {clock.method}"
         )
         apart = _apart(hand, clock) if hand else 0.0
-        if hand and abs(apart) > max(half[0], CONTRADICTS_S):
+        if hand and abs(apart) > max(CONTRADICTS * np.hypot(half[0] / on_axis.NORMAL_95, hand.given[0]), CONTRADICTS_S):
             found.append(
                 (scope, "warning", "clock_contradicts", f"config/offsets says {hand.offset_s:+.4f} s, the recording "
                  f"{text}: {abs(apart) / period_s:.1f} pictures apart; remove the value or check it")

@@ -53,8 +53,10 @@ def unit(step, arguments):
 
 
 def camera_of(arguments):
-    """The one camera that a job is about, or None; some steps are told its name by its role only."""
+    """The one camera that a job is about, or None; some steps are told its name by its role or in a list only."""
     roles = arguments.get("roles") or {}
+    if arguments.get("mocap") and len(arguments.get("names") or ()) == 1:
+        return arguments["names"][0]
     return arguments.get("camera") or (next(iter(roles)) if len(roles) == 1 else None)
 
 
