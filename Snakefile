@@ -7,7 +7,12 @@ configfile: "config/config.yaml"
 
 
 include: "workflow/rules/common.smk"
-include: "workflow/rules/inputs.smk"
+include: "workflow/inputs/ingest.smk"
+include: "workflow/inputs/calibrate.smk"
+include: "workflow/inputs/label.smk"
+include: "workflow/inputs/evaluate.smk"
+include: "workflow/inputs/report.smk"
+include: "workflow/inputs/release.smk"
 
 
 if "simulate" in config:

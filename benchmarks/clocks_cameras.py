@@ -132,7 +132,7 @@ def tried(level, seed):
 
 
 def table(seeds=20):
-    """Print the rows; returns (errors, sigmas) (s) of all clocks."""
+    """Print the rows; returns (error s, sigma s) of all clocks."""
     print(f"clocks of the window, {seeds} captures each: errors in ms (worst 3), mean 3D error in mm (5 % above true)")
     print(
         f"  {'':<7}{'lags worst':>11}{'median':>9}{'worst':>9}{'rms e/s':>9}{'in 95 %':>9}"
@@ -150,8 +150,8 @@ def table(seeds=20):
             f"{1000 * np.abs(error).max():>9.2f}{np.sqrt(np.mean(z**2)):>9.2f}{(np.abs(z) < 1.96).mean():>9.0%}"
             + "".join(f"{value:>18.2f}" for value in points)
         )
-        pooled.append((error, sigma))
-    return tuple(np.concatenate(x) for x in zip(*pooled, strict=True))
+        pooled += zip(error.tolist(), sigma.tolist(), strict=True)
+    return pooled
 
 
 if __name__ == "__main__":

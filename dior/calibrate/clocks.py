@@ -53,7 +53,7 @@ def run(
     on_axis.write(out, out_gains, sequence, used, names, joint)
     tables.write(out_costs, "clock_costs", _costs(sequence, told))
     period = 1 / rates(pictures, names)[1]
-    tables.write_findings(findings, _findings(sequence, told, manual, names, joint, period, bool(mocap)))
+    tables.write_findings(findings, findings_of(sequence, told, manual, names, joint, period, bool(mocap)))
 
 
 def _indoors(sequence, rig, seen, pictures, mocap, marked, manual, min_score, data_root):
@@ -138,7 +138,7 @@ def _costs(sequence, told):
     }
 
 
-def _findings(sequence, told, manual, names, joint, period_s, indoor):
+def findings_of(sequence, told, manual, names, joint, period_s, indoor):
     found = []
     for name, (clock, _, _, why) in told.items():
         scope = f"{sequence}/{name}"

@@ -1,0 +1,102 @@
+"""Input and parameter functions of the rules of reconstruct and label: clocks, cameras and who made the 3D. They only look things up in the project."""
+
+
+def clocks_of(sequence, cameras, kind=""):
+    """The tables with the clocks of some cameras in a sequence."""
+    followed, indoor = PROJECT.followed(sequence), PROJECT.indoor(sequence)
+    return list(
+        dict.fromkeys(
+            (
+                f"results/follow/{sequence}.{camera}{kind}.parquet"
+                if camera in followed
+                else f"results/clocks/{sequence}{f'.{camera}' if indoor else ''}{kind}.parquet"
+            )
+            for camera in cameras
+        )
+    )
+
+
+def timeline_clocks(wildcards):
+    return clocks_of(wildcards.sequence, close_names(wildcards))
+
+
+def label_clocks(wildcards):
+    return clocks_of(wildcards.sequence, [*makers(wildcards), wildcards.camera])
+
+
+def label_clock_gains(wildcards):
+    return clocks_of(wildcards.sequence, [*makers(wildcards), wildcards.camera], ".gains")
+
+
+def all_clocks(wildcards):
+    return clocks_of(wildcards.sequence, PROJECT.cameras_of(wildcards.sequence))
+
+
+def mocap_table(wildcards):
+    return skeleton(wildcards) if PROJECT.indoor(wildcards.sequence) else []
+
+
+def close_cameras(wildcards):
+    session = session_of(wildcards)
+    return cameras_of(session, PROJECT.close(session))
+
+
+def camera_file(wildcards):
+    return camera_of(session_of(wildcards), wildcards.camera)
+
+
+def makers(wildcards):
+    """The cameras that the sequence's 3D was triangulated from; none indoors."""
+    return [] if PROJECT.indoor(wildcards.sequence) else close_names(wildcards)
+
+
+def label_cameras(wildcards):
+    """The poses of the label's camera and of those that made the 3D."""
+    names = [*makers(wildcards), wildcards.camera]
+    return cameras_of(session_of(wildcards), names)
+
+
+def label_covariance(wildcards):
+    """The covariances of the same cameras, of those whose step tells it."""
+    session = session_of(wildcards)
+    files = [covariance_of(session, camera) for camera in [*makers(wildcards), wildcards.camera]]
+    return list(dict.fromkeys(path for path in files if path))
+
+
+def outdoor_walks(session):
+    return [name for name in PROJECT.sequences_of(session) if not PROJECT.indoor(name)]
+
+
+def watched_sessions():
+    """Sessions in which a camera that moves shows: three views of several walks."""
+    return [
+        session
+        for session in PROJECT.sessions
+        if len(outdoor_walks(session)) > 1 and len(PROJECT.close(session)) > 2
+    ]
+
+
+def watched(path):
+    """Names of, or tables below results/ of, a session's outdoor sequences in order of recording."""
+    root = "" if path == "{sequence}" else "results/"
+
+    def files(wildcards):
+        return [root + path.format(sequence=name) for name in outdoor_walks(wildcards.session)]
+
+    return files
+
+
+def watched_names(wildcards):
+    return PROJECT.close(wildcards.session)
+
+
+def watched_cameras(wildcards):
+    return cameras_of(wildcards.session, PROJECT.close(wildcards.session))
+
+
+def label_source(wildcards):
+    return "mocap" if PROJECT.indoor(wildcards.sequence) else "triangulated"
+
+
+def labels(wildcards):
+    return labels_of(wildcards.sequence)
