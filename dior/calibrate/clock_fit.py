@@ -233,5 +233,6 @@ def two_way(scores, group, block):
     both = of(cells.sum(axis=1)) + of(cells.sum(axis=0)) - alone
     # few clusters give a noisy answer, which may not even be positive
     share = np.diagonal(both) / np.maximum(np.diagonal(alone), 1e-300)
-    scale = np.sqrt(np.maximum(share, LEAST_SHARE))
+    # few blocks know their own scatter badly: Student's t, whose variance is above 1
+    scale = np.sqrt(np.maximum(share, LEAST_SHARE) * (len(blocks) + 1) / max(len(blocks) - 1, 0.5))
     return alone * np.outer(scale, scale)

@@ -92,10 +92,6 @@ def all_findings():
             for camera, setting in PROJECT.cameras(session).items()
             if setting["locate"] == "align"
         ],
-        *[
-            f"results/follow/{sequence}.{camera}.findings.parquet"
-            for sequence, camera in long_range_recordings()
-        ],
     ]
 
 
