@@ -169,7 +169,7 @@ def fitted(cameras, seen, names, grid, middle, start):
     for i in range(ROUNDS):
         full = np.concatenate([np.zeros((1, 2)), value])
         uv = np.stack([s.at(grid[at], own, middle) for s, own in zip(seen, full, strict=True)])
-        used = _agreeing(cameras, uv)
+        used = agreeing(cameras, uv)
         last = i == ROUNDS - 1 or solved is not None and clock_fit.settled(solved)
         tracks = tracks_of(cameras, np.where(used[..., None], uv, np.nan), names, grid[at], middle, last, solved)
         solved = clock_fit.solve(tracks, value.ravel(), precision)
@@ -179,7 +179,7 @@ def fitted(cameras, seen, names, grid, middle, start):
     return value, solved
 
 
-def _agreeing(cameras, uv):
+def agreeing(cameras, uv):
     """Mask (V, T, J) of the detections that agree with those of the other views."""
     weights = np.isfinite(uv).all(axis=-1).astype(float)
     limit = max(DROP_FACTOR * usual_error(cameras, uv, weights), 1.0)
@@ -265,7 +265,9 @@ def smooth(points, seconds):
     for _ in range(BELIEVED_ROUNDS):
         path, _ = _lines(whole, step)
         off = np.linalg.norm(whole - path, axis=-1)
-        usual = np.nanmedian(off, axis=0) if np.isfinite(off).any() else np.zeros(off.shape[1])
+        some = np.isfinite(off).any(axis=0)
+        usual = np.zeros(off.shape[1])
+        usual[some] = np.nanmedian(off[:, some], axis=0)
         whole = np.where((off <= np.maximum(UNBELIEVED * usual, LEAST_OFF_M))[..., None], whole, np.nan)
     _, velocity = _lines(whole, step)
     slow = np.linalg.norm(velocity, axis=-1) < FASTEST_M_S

@@ -107,12 +107,12 @@ def solve(tracks, value, prior):
     N = flat.T @ flat
     g = np.einsum("bt,btai,bta->i", w, y[..., 1 : K + 1], y[..., 0]) + prior * value
     H = N[:K, :K] + np.diag(prior)
+    if not np.isfinite(H).all() or (np.diagonal(H) <= 0).any():
+        return None
     if noise.size:
         feigned = np.diagonal(N)[K + Q :]
         share = np.clip(feigned / np.diagonal(H), 0.0, MOST_FEIGNED)
         H = H - np.sqrt(share[:, None] * share) * H
-    if not np.isfinite(H).all() or (np.diagonal(H) <= 0).any():
-        return None
     inverse = np.linalg.inv(H)
     scores = np.einsum("bt,btai,bta->bti", w, y[..., 1 : K + 1], y[..., 0])
     meat = two_way(scores, tracks.group, ((tracks.seconds[1:] - tracks.seconds[0]) // BLOCK_S).astype(int))

@@ -143,7 +143,7 @@ class Sequences:
         names = self.recorded[i].names[joints]
         uv = np.stack([seen[v].at(grid, value[v], middle)[:, joints] for v in order])
         ordered = [cameras[v] for v in order]
-        used = camera_clock._agreeing(ordered, uv)
+        used = camera_clock.agreeing(ordered, uv)
         uv = np.where(used[..., None], uv, np.nan)
         tracks = camera_clock.tracks_of(
             ordered,
