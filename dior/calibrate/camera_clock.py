@@ -13,7 +13,16 @@ import numpy as np
 from dior import camera as cam
 from dior import covariance
 from dior.calibrate import clock_fit
-from dior.calibrate.mocap_clock import DRIFT_SD_PPM, WINDOW_S, clock_of, doubt, lowest, runs, second_minimum
+from dior.calibrate.mocap_clock import (
+    DRIFT_SD_PPM,
+    WINDOW_S,
+    clock_of,
+    disagreement,
+    doubt,
+    lowest,
+    runs,
+    second_minimum,
+)
 from dior.clocks import Clock
 from dior.geometry import side_seen, triangulate
 from dior.sampling import sample
@@ -23,6 +32,7 @@ SEARCHED = 200  # moments
 CAP = 0.06  # of an epipolar distance, at focal length 1
 MOST = 5400  # moments of a camera that take part, in runs
 RUNS = 3
+MOST_APART_S = 0.15  # of fit and search
 ROUNDS = 12
 BELIEVED_ROUNDS = 3
 UNBELIEVED, LEAST_OFF_M = 8.0, 0.2
@@ -74,7 +84,8 @@ def from_detections(cameras, seen, names, grid, fps):
             if solved is None:
                 why[camera.name] = "too few joints that two cameras see"
                 continue
-            why[camera.name] = doubt(solved, i)
+            apart = value[i, 0] - lowest(*found[camera.name][:2])
+            why[camera.name] = doubt(solved, i) or disagreement(apart, MOST_APART_S)
             made = clock_of(value[i], middle, solved, [c.name for c in known], i)
             clocks[camera.name] = replace(made, method="cameras")
     lags = np.zeros(0)

@@ -229,10 +229,20 @@ def two_way(scores, group, block):
         flat = sums.reshape(-1, scores.shape[-1])
         return flat.T @ flat
 
-    alone = of(cells)
-    both = of(cells.sum(axis=1)) + of(cells.sum(axis=0)) - alone
+    alone, by_group = of(cells), cells.sum(axis=1)
+    both = of(by_group) * _few(by_group) + of(cells.sum(axis=0)) - alone
     # few clusters give a noisy answer, which may not even be positive
     share = np.diagonal(both) / np.maximum(np.diagonal(alone), 1e-300)
-    # few blocks know their own scatter badly: Student's t, whose variance is above 1
-    scale = np.sqrt(np.maximum(share, LEAST_SHARE) * (len(blocks) + 1) / max(len(blocks) - 1, 0.5))
+    scale = np.sqrt(np.maximum(share, LEAST_SHARE) * _student(len(blocks)))
     return alone * np.outer(scale, scale)
+
+
+def _student(count):
+    """By how much clusters, so many, know their own scatter badly: Student's t, whose variance is above 1."""
+    return (count + 1) / max(count - 1, 0.5)
+
+
+def _few(sums):
+    """The same of groups (G, K) of which few count: the legs tell most of the time. By the first unknown."""
+    power = sums[:, 0] ** 2
+    return _student(power.sum() ** 2 / max((power**2).sum(), 1e-300))

@@ -26,7 +26,8 @@ MOST = 2400  # pictures that take part, in runs
 RUNS = 3
 ROUNDS = 12
 MOST_SIGMA_S = 0.1
-AMBIGUOUS = 1.1
+MOST_APART_S = 0.06
+AMBIGUOUS = 1.2
 APART_S = 0.25
 
 
@@ -91,7 +92,8 @@ def from_detections(camera, motion, uv, elapsed):
         value = value + step
         if clock_fit.settled(solved):
             break
-    return clock_of(value, middle, solved, [camera.name]), lags, costs, doubt(solved)
+    why = doubt(solved) or disagreement(value[0] - lowest(lags, costs), MOST_APART_S)
+    return clock_of(value, middle, solved, [camera.name]), lags, costs, why
 
 
 def clock_of(value, middle, solved, cameras, at=0):
@@ -109,6 +111,13 @@ def doubt(solved, at=0):
     if not sigma < MOST_SIGMA_S:
         return f"the joints hardly move: the time would be certain to ± {1.96 * sigma:.2f} s only"
     return ""
+
+
+def disagreement(apart_s, most_s):
+    """Why a clock that is far from the lag of the search cannot be trusted, or ""."""
+    if abs(apart_s) <= most_s:
+        return ""
+    return f"where the joints are and how they move tell times {abs(apart_s):.2f} s apart"
 
 
 def search(camera, motion, uv, elapsed):

@@ -38,8 +38,8 @@ def test_a_lag_is_found_whatever_the_detectors_constants():
 def test_the_stated_error_is_the_real_one():
     solved = [clock_fit.solve(tracks(noise_px=3.0, offset_px=5.0, seed=s), np.zeros(2), PRIOR) for s in range(60)]
     z = [one.step[0] / np.sqrt(one.given[0, 0]) for one in solved]
-    # a little cautious: clusters by joint never count for less than none
-    assert 0.7 < np.sqrt(np.mean(np.square(z))) < 1.25
+    # cautious with six joints, whose scatter is badly known
+    assert 0.6 < np.sqrt(np.mean(np.square(z))) < 1.25
     assert all(one.given[1, 1] <= 50.0**2 * 1.0001 for one in solved)
 
 
