@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dior.calibrate import reduced
+from dior.geometry import side_seen
 
 SIDES = 4
 FEWEST = 20
@@ -89,13 +90,7 @@ def sides(cameras, points, tracks):
     moments = np.arange(len(xyz))
     nearest = np.where(abs(known[after] - moments) < abs(known[before] - moments), known[after], known[before])
     across, middle = across[nearest], middle[nearest]
-    forward = np.stack([across[:, 1], -across[:, 0]], axis=-1)
-    out = []
-    for camera in cameras:
-        toward = camera.centre[:2] - middle
-        angle = np.arctan2((across * toward).sum(axis=1), (forward * toward).sum(axis=1))
-        out.append(np.round(angle / (np.pi / 2)).astype(int) % SIDES)
-    return np.stack(out)[:, tracks.moment]
+    return np.stack([side_seen(camera.centre, across, middle) for camera in cameras])[:, tracks.moment]
 
 
 def autocorrelation_sum(residuals, observed, cluster, tracks):
