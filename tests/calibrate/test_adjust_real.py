@@ -125,7 +125,7 @@ def test_from_the_reference_extrinsics(capture, tmp_path):
     assert "1001 joints at 50 of 50 instants of beam" in findings["text"][0]
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 5))])
 def test_from_five_centimetres_and_two_degrees(capture, tmp_path, seed):
     folder, cameras = capture
     rng = np.random.default_rng(seed)

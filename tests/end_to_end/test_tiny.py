@@ -100,6 +100,7 @@ def test_metrics_are_those_of_an_independent_computation(project):
     assert not missed and min(checked.values()) > 5 and checked["reprojection_error"] > 100, (missed, checked)
 
 
+@pytest.mark.slow
 def test_detectors_and_what_is_to_mark(copy):
     """Pictures are cut out; a detector that finds the subject in some and one that finds nobody are measured."""
     snakemake(copy, "zoomed", "to_mark")
@@ -181,6 +182,7 @@ def gallery_of(folder):
     return Counter(zip(released["subject"], released["outfit"], released["angle"], strict=True))
 
 
+@pytest.mark.slow
 def test_the_gallery_is_counted_and_released_until_its_subject_withdraws(copy):
     found = tables.read(copy / "results/gallery/gallery.findings.parquet", "findings")
     assert found["scope"].tolist() == ["S01", "S02"] and set(found["severity"]) == {"info"}
@@ -252,7 +254,10 @@ def test_a_second_call_has_nothing_to_do(project):
     assert "Nothing to be done" in text
 
 
-@pytest.mark.parametrize("target", ["report", "release", "subject_S01"])
+SLOW = pytest.mark.slow
+
+
+@pytest.mark.parametrize("target", ["subject_S01", *(pytest.param(name, marks=SLOW) for name in ("report", "release"))])
 def test_targets_have_names(project, tmp_path, target):
     shutil.copytree(project / "config", tmp_path / "config")
     jobs = planned(tmp_path, target)
@@ -301,6 +306,7 @@ def test_an_edited_subject_touches_no_label(copy):
     assert set(jobs) <= {"package", "tarballs", "report"} and jobs["package"] == 1
 
 
+@pytest.mark.slow
 def test_edited_code_of_one_step_reruns_what_depends_on_it(copy, tmp_path):
     checkout = tmp_path / "checkout"
     for name in ("dior", "workflow"):
