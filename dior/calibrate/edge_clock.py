@@ -84,6 +84,8 @@ def estimate(camera, seen, method, margin=(3.0, 0.3), side="", makers=None, trai
     at_zero = int(np.argmin(np.abs(LAGS_S)))
     after = float(cost_at(reading, limit))
     why = _doubt(costs, given, offset, sd, count)
+    if not np.isfinite(after):
+        why = "the 3D is missing at most of the pictures"
     return Found(zero if why else clock, costs, float(costs[at_zero]), after, count, why)
 
 

@@ -120,7 +120,11 @@ def run(
     occluder = settings.get("align", {}).get("occluder", "auto")
     side = ""
     if np.isfinite(seen.edges).sum() >= edge_clock.FEWEST:
-        side = hidden_side(rig[camera], seen, margin, occluder, scope)
+        try:
+            side = hidden_side(rig[camera], seen, margin, occluder, scope)
+        except DiorError:
+            # too little 3D while the camera's clock is open; the estimate says what that means for it
+            side = ""
     close = [rig[name] for name in makers]
     derivative = (list(makers), partial(align.by_close, close)) if makers else None
     trails_m = motion_clock.TRAILS_M if method == "pictures" else 0.0
