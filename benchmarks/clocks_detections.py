@@ -64,7 +64,7 @@ def indoors(seed, level, seconds, stands=False, **worse):
     ticks = np.arange(int((seconds + 1) * settings.mocap_hz)) / settings.mocap_hz
     markers = motion.at(0 * ticks if stands else ticks)[1]
     markers = markers + ROUNDING_M * np.random.default_rng(seed).standard_normal(markers.shape)
-    walker = mocap_clock.motion_of(ticks, markers, list(motion.names), list(MLKIT_33))
+    walker = mocap_clock.walker_of(ticks, markers, list(motion.names), list(MLKIT_33))
     order = [MLKIT_33.index(name) for name in walker.names]
     t0, rows = min(view.clock.stamp_ns[0] for view in views.values()), []
     for name, view in views.items():

@@ -212,6 +212,15 @@ def read_cameras(paths):
     return cameras
 
 
+def read_placed(paths, names, where):
+    """The cameras called `names`, in that order, of `cameras` tables. Raises DiorError for one without a pose."""
+    rig = read_cameras(paths)
+    for name in names:
+        if name not in rig or rig[name].wTc is None:
+            raise DiorError(f"{where}, camera {name}: {', '.join(map(str, paths))} gives no pose of it")
+    return [rig[name] for name in names]
+
+
 def write_camera_covariance(path, names, covariance, session="", own=None):
     """Write a `camera_covariance` table of V cameras from (6V, 6V); NaN is unknown.
 

@@ -12,17 +12,7 @@ import numpy as np
 
 from dior import camera as cam
 from dior import covariance
-from dior.calibrate import clock_fit
-from dior.calibrate.mocap_clock import (
-    DRIFT_SD_PPM,
-    WINDOW_S,
-    clock_of,
-    disagreement,
-    doubt,
-    lowest,
-    runs,
-    second_minimum,
-)
+from dior.calibrate import clock_fit, lag_curve
 from dior.clocks import Clock
 from dior.geometry import side_seen, triangulate
 from dior.sampling import sample
@@ -78,15 +68,15 @@ def from_detections(cameras, seen, names, grid, fps):
     clocks = {cameras[0].name: Clock(0.0, source="reference", given=(0.0, 0.0), middle_s=middle)}
     if len(known) > 1:
         of = {c.name: s for c, s in zip(cameras, seen, strict=True)}
-        start = np.array([[lowest(*found[c.name][:2]), 0.0] for c in known[1:]])
+        start = np.array([[lag_curve.lowest(*found[c.name][:2]), 0.0] for c in known[1:]])
         value, solved = fitted(known, [of[c.name] for c in known], names, grid, middle, start)
         for i, camera in enumerate(known[1:]):
             if solved is None:
                 why[camera.name] = "too few joints that two cameras see"
                 continue
-            apart = value[i, 0] - lowest(*found[camera.name][:2])
-            why[camera.name] = doubt(solved, i) or disagreement(apart, MOST_APART_S)
-            made = clock_of(value[i], middle, solved, [c.name for c in known], i)
+            apart = value[i, 0] - lag_curve.lowest(*found[camera.name][:2])
+            why[camera.name] = clock_fit.doubt(solved, i) or lag_curve.disagreement(apart, MOST_APART_S)
+            made = clock_fit.clock_of(value[i], middle, solved, [c.name for c in known], i)
             clocks[camera.name] = replace(made, method="cameras")
     lags = np.zeros(0)
     return {
@@ -105,7 +95,7 @@ def search(cameras, rays, fps):
     `rays` (V) of (T, J, 2) ideal coordinates at moments 1/fps apart. The camera whose lag is clearest comes next, and
     is compared with all that are known by then.
     """
-    most = round(WINDOW_S * fps)
+    most = round(lag_curve.WINDOW_S * fps)
     steps = np.arange(-most, most + 1)
     shift = {cameras[0].name: 0}
     costs, out = {}, {}
@@ -131,7 +121,7 @@ def search(cameras, rays, fps):
 def _unclear(lags, costs):
     if not np.isfinite(costs).any():
         return "no joint is seen by it and another camera at once"
-    other = second_minimum(lags, costs)
+    other = lag_curve.second_minimum(lags, costs)
     if other is None:
         return ""
     return f"a lag of {lags[np.nanargmin(costs)]:+.2f} s fits hardly better than one of {other:+.2f} s"
@@ -174,8 +164,8 @@ def _epipolar(one, other, x, y, steps):
 def fitted(cameras, seen, names, grid, middle, start):
     """Clocks (V - 1, 2) of the cameras but the first, and `clock_fit.Solved` there (None with too little)."""
     value = start
-    precision = np.tile([0.0, DRIFT_SD_PPM**-2], len(start))
-    at = runs(len(grid), MOST // len(cameras), RUNS)
+    precision = np.tile([0.0, clock_fit.DRIFT_SD_PPM**-2], len(start))
+    at = clock_fit.runs(len(grid), MOST // len(cameras), RUNS)
     solved = None
     for i in range(ROUNDS):
         full = np.concatenate([np.zeros((1, 2)), value])
@@ -232,7 +222,7 @@ def tracks_of(cameras, uv, names, seconds, middle, with_cameras, noise):
     )
     joint = np.tile(np.arange(each), views)
     return clock_fit.Tracks(
-        residual, by_clock, by_camera, basis, by_point, joint, np.repeat(np.arange(views), each), joint, seconds,
+        residual, by_clock, by_camera, basis, by_point, joint, joint, seconds,
         np.nan_to_num(by_noise),
     )  # fmt: skip
 

@@ -13,15 +13,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dior.clocks import NORMAL_95, Clock
+
 BLOCK_S = 1.0
 OUTLIER = 6.0  # sigmas at which a residual is another thing than noise
 HUBER = 2.0  # sigmas of a coordinate at which a whitened residual starts to weigh less
 ROUNDS = 3
-MOST_FEIGNED = 0.8
-LEAST_SHARE = 1.0
+MOST_FEIGNED = 0.8  # of the information, at most, is taken for noise
+LEAST_SHARE = 1.0  # of the variance by blocks of groups alone
 SETTLED = 0.15  # standard errors: the choice among the detections moves a clock by as much
 MOST_KEPT = 0.95  # correlation of neighbouring residuals, at most
 FEWEST = 60  # usable moments of joints
+DRIFT_SD_PPM = 50.0  # of a quartz
+MOST_SIGMA_S = 0.1  # a time that is less certain counts as unknown
 
 
 @dataclass(frozen=True)
@@ -30,7 +34,7 @@ class Tracks:
 
     `residual` (B, T, 2) px, NaN where unknown; `by_clock` (B, T, 2, K) and `by_camera` (B, T, 2, Q): its derivatives;
     `basis` (B, T, 2, P): what a constant error of the detector looks like; `by_point` (B, T, 2, 3) of the joint's 3D,
-    which is unknown, too, where several views make it, else None. `joint` and `view` (B,); `group` (B,): tracks whose
+    which is unknown, too, where several views make it, else None. `joint` (B,); `group` (B,): tracks whose
     errors may be alike at all times; `seconds` (T,). `by_noise` (B, T, 2, K): what noise alone makes of `by_clock`,
     where velocities come from the detections; the information that it feigns is taken off.
     """
@@ -41,7 +45,6 @@ class Tracks:
     basis: np.ndarray
     by_point: np.ndarray | None
     joint: np.ndarray
-    view: np.ndarray
     group: np.ndarray
     seconds: np.ndarray
     by_noise: np.ndarray | None = None
@@ -51,7 +54,7 @@ class Tracks:
 class Solved:
     """`step` (K,) of the clocks; `given` (K, K) covariance with the cameras as they are; `gain` (K, Q) by their errors.
 
-    `sd_px` (B,) of the tracks, `keep` correlation of neighbours, `rms_px` of the residuals that count, `used` moments.
+    `sd_px` (B,) of the tracks, whitened, and `keep`, the correlation of neighbours before that.
     """
 
     step: np.ndarray
@@ -59,8 +62,6 @@ class Solved:
     gain: np.ndarray
     sd_px: np.ndarray
     keep: float
-    rms_px: float
-    used: int
 
 
 def constants(depth, side, extra=None):
@@ -117,11 +118,34 @@ def solve(tracks, value, prior):
     scores = np.einsum("bt,btai,bta->bti", w, y[..., 1 : K + 1], y[..., 0])
     meat = two_way(scores, tracks.group, ((tracks.seconds[1:] - tracks.seconds[0]) // BLOCK_S).astype(int))
     meat = meat + np.diag(prior)
-    used = int((pair > 0).sum())
-    rms = float(np.sqrt((left[..., 0] ** 2).sum(axis=-1)[weight > 0].mean()))
-    return Solved(
-        -inverse @ g, _no_more(inverse @ meat @ inverse, prior), -inverse @ N[:K, K : K + Q], sd, keep, rms, used
-    )
+    given = _no_more(inverse @ meat @ inverse, prior)
+    return Solved(-inverse @ g, given, -inverse @ N[:K, K : K + Q], sd, keep)
+
+
+def clock_of(value, middle, solved, cameras, at=0):
+    """`Clock` from (time in the middle s, drift ppm); `at`: of which of several clocks, two unknowns each."""
+    gain = solved.gain[2 * at : 2 * at + 2].reshape(2, -1, 6)
+    given = tuple(float(x) for x in np.sqrt(np.diagonal(solved.given))[2 * at : 2 * at + 2])
+    offset = float(value[0] - 1e-6 * value[1] * middle)
+    gains = {name: gain[:, i] for i, name in enumerate(cameras)}
+    return Clock(offset, float(value[1]), "estimated", "detections", middle, given, gains)
+
+
+def doubt(solved, at=0):
+    """Why a clock cannot be trusted, or ""."""
+    sigma = np.sqrt(solved.given[2 * at, 2 * at])
+    if not sigma < MOST_SIGMA_S:
+        return f"the joints hardly move: the time would be certain to ± {NORMAL_95 * sigma:.2f} s only"
+    return ""
+
+
+def runs(count, most, parts):
+    """Indices of at most `most` of `count` moments: all, or runs at the beginning, the middle and the end."""
+    if count <= most:
+        return np.arange(count)
+    each = most // parts
+    first = np.linspace(0, count - each, parts).round().astype(int)
+    return np.unique((first[:, None] + np.arange(each)).ravel())
 
 
 def settled(solved):

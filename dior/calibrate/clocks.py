@@ -16,10 +16,8 @@ from dior import clocks as on_axis
 from dior import tables
 from dior.calibrate import offsets as given_by
 from dior.calibrate.marks import read_motion
-from dior.errors import DiorError
-from dior.sampling import camera_seconds, instants, rates, start_ns
+from dior.sampling import instants, rates
 
-AS_IT_IS = (0.0, 0.0)
 FAR_OFF = 0.9  # pictures; cameras that run free on one network's time are nearer to each other
 # a value by hand is doubted that is so many standard errors from the estimate, and so far
 CONTRADICTS, CONTRADICTS_S = 3.0, 0.002
@@ -36,11 +34,7 @@ def run(
     `camera_covariance` tables; `detections`: a table or None; `mocap`: the mocap table indoors, else None; `marked`:
     `offsets` and `clock_gains` tables that locate wrote; `max_gap` in nominal periods.
     """
-    rig = tables.read_cameras(cameras)
-    for name in names:
-        if name not in rig or rig[name].wTc is None:
-            raise DiorError(f"{sequence}, camera {name}: {', '.join(map(str, cameras))} gives no pose of it")
-    rig = [rig[name] for name in names]
+    rig = tables.read_placed(cameras, names, sequence)
     pictures = tables.read(frames, "frames")
     manual = given_by.by_hand(offsets, tables.ordered_unique(pictures["camera"]))
     seen = tables.read(detections, "detections") if detections else None
@@ -58,7 +52,7 @@ def run(
 
 def _indoors(sequence, rig, seen, pictures, mocap, marked, manual, min_score, data_root):
     """By camera: `Clock`, lags, costs, why it is not known or "". Pictures are read only where nothing else tells."""
-    from dior.calibrate import mocap_clock
+    from dior.calibrate import mocap_clock, window
 
     _, motion = read_motion(mocap)
     kinds = {kind: [path for path in marked if f".{kind}." in Path(path).name] for kind in ("clocks", "clock_gains")}
@@ -69,8 +63,8 @@ def _indoors(sequence, rig, seen, pictures, mocap, marked, manual, min_score, da
         elapsed = (rows["stamp_ns"] - motion.t0_ns) / 1e9
         tried = []
         if seen is not None and (seen["camera"] == camera.name).any():
-            uv, joints = confident(seen, camera.name, len(elapsed), min_score, sequence)
-            walker = mocap_clock.motion_of(motion.t, motion.xyz, motion.joints, joints)
+            uv, joints = window.confident(seen, camera.name, len(elapsed), min_score, sequence)
+            walker = mocap_clock.walker_of(motion.t, motion.xyz, motion.joints, joints)
             uv = uv[:, [joints.index(name) for name in walker.names]]
             tried.append(mocap_clock.from_detections(camera, walker, uv, elapsed))
         if not (tried and not tried[-1][3]) and camera.name in by_marks:
@@ -93,36 +87,19 @@ def _by_pictures(camera, mocap, rows, data_root, where):
 
 
 def _outdoors(sequence, rig, seen, pictures, min_score, max_gap):
-    from dior.calibrate import camera_clock
+    from dior.calibrate import camera_clock, window
 
     reference = rig[0].name
     if seen is None or len(rig) < 2:
         why = "there are no detections of it" if len(rig) > 1 else ""
-        known = on_axis.Clock(0.0, source="reference", given=AS_IT_IS)
+        known = on_axis.Clock(0.0, source="reference", given=(0.0, 0.0))
         return {
             c.name: (known, NONE, NONE, "") if c.name == reference else (on_axis.Clock(0.0), NONE, NONE, why)
             for c in rig
         }
-    own, fps = rates(pictures, [camera.name for camera in rig])
-    t0 = start_ns(pictures)
-    parts, joints, last = [], [], 0.0
-    for camera in rig:
-        elapsed = camera_seconds(pictures, camera.name, t0, (0.0, 0.0))
-        uv, joints = confident(seen, camera.name, len(elapsed), min_score, sequence)
-        parts.append(camera_clock.Seen(elapsed, uv, max_gap / own[camera.name]))
-        last = max(last, elapsed[-1])
-    return camera_clock.from_detections(rig, parts, joints, instants(fps, last), fps)
-
-
-def confident(seen, camera, count, min_score, where):
-    """Pixels (F, J, 2) of a camera's detections, NaN where the score is at most `min_score`, and the joint names."""
-    values, joints = tables.grid(tables.of_camera(seen, camera), "u", "v", "score")
-    if len(values) != count:
-        raise DiorError(
-            f"{where}, {camera}: detections of {len(values)} frames but {count} pictures; run the step detections again"
-        )
-    with np.errstate(invalid="ignore"):
-        return np.where(values[..., 2:] > min_score, values[..., :2], np.nan), joints
+    seen = window.recorded(rig, seen, pictures, min_score, max_gap, sequence)
+    grid = instants(seen.fps, max(own.elapsed[-1] for own in seen.seen))
+    return camera_clock.from_detections(rig, seen.seen, seen.names, grid, seen.fps)
 
 
 def _costs(sequence, told):
@@ -139,6 +116,10 @@ def _costs(sequence, told):
 
 
 def findings_of(sequence, told, manual, names, joint, period_s, indoor):
+    """What was found of each clock: `told` (camera -> `Clock`, lags, costs, why not) against those by hand, `manual`.
+
+    `names`, `joint`: the cameras' covariance; `period_s` of the pictures.
+    """
     found = []
     for name, (clock, _, _, why) in told.items():
         scope = f"{sequence}/{name}"
@@ -148,14 +129,8 @@ def findings_of(sequence, told, manual, names, joint, period_s, indoor):
         if why:
             used = f"{hand.offset_s:+.4f} s of config/offsets counts" if hand else "it is taken as 0 with unknown error"
             advice = "" if hand else f"; give it in config/offsets/{sequence}.yaml"
-            found.append(
-                (
-                    scope,
-                    "info" if hand else "warning",
-                    "clock_unknown",
-                    f"its clock cannot be told: {why}; {used}{advice}",
-                )
-            )
+            text = f"its clock cannot be told: {why}; {used}{advice}"
+            found.append((scope, "info" if hand else "warning", "clock_unknown", text))
             continue
         half, known = on_axis.NORMAL_95 * clock.sigma(names, joint), ""
         if not np.isfinite(half).all():

@@ -133,7 +133,7 @@ def _refine(reading, camera, seen, makers):
     slope = max(edge_errors.slopes(residual, boxes_fit.CUT * sd).sum() / weight.sum(), 0.2)
     inverse = np.linalg.inv(slope * (A - prior) + prior)
     score = J * (weight * residual / sd**2)[:, None]
-    side = edge_errors.side_seen(camera, seen.at(reading.clocks)[0], seen.seconds, seen.walk)[rows.frame]
+    side = edge_errors.way_seen(camera, seen.at(reading.clocks)[0], seen.seconds, seen.walk)[rows.frame]
     alike = [np.arange(len(score)), np.floor(seen.seconds[rows.frame] / BLOCK_S), 5 * rows.kind + side]
     own, near, same = (_clustered(score, label) for label in alike)
     # both ways of being alike, without counting an edge's own error twice
@@ -163,7 +163,7 @@ def _system(reading, rows, camera, seen, shifts):
     """Derivatives (N, 4 + 3G) by margins, time, drift and the shift (m) of each (joint, side of the body), the
     precision of their priors, residuals (N,) px with the shifts so far, and these by group."""
     points = seen.at(reading.clocks)[0]
-    side = edge_errors.side_seen(camera, points, seen.seconds, seen.walk)[rows.frame]
+    side = edge_errors.way_seen(camera, points, seen.seconds, seen.walk)[rows.frame]
     groups, index = np.unique(rows.joint * 5 + side, return_inverse=True)
     shifts = {g: (shifts or {}).get(g, np.zeros(3)) for g in groups.tolist()}
     own = np.array(list(shifts.values()))[index]

@@ -49,7 +49,7 @@ def of_bias(pull, rows, camera, points, seen):
     out = np.zeros((len(pull), len(pull)))
     if not seen.bias_m:
         return out
-    group = rows.joint * 5 + side_seen(camera, points, seen.seconds, seen.walk)[rows.frame]
+    group = rows.joint * 5 + way_seen(camera, points, seen.seconds, seen.walk)[rows.frame]
     for g in np.unique(group):
         mine = group == g
         G = pull[:, mine] @ rows.by_point[mine]
@@ -57,7 +57,7 @@ def of_bias(pull, rows, camera, points, seen):
     return out
 
 
-def side_seen(camera, points, seconds, walk):
+def way_seen(camera, points, seconds, walk):
     """0 to 4 (F,): whether the body of points (F, J, 3) m goes away, right, towards the camera or left, or stands."""
     known = np.isfinite(points).all(axis=-1)[..., None]
     middle = np.where(known, points, 0.0).sum(axis=1) / np.maximum(known.sum(axis=1), 1)

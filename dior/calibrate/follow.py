@@ -18,8 +18,8 @@ import numpy as np
 from dior import camera as cam
 from dior import clocks, tables
 from dior.calibrate import align, boxes_fit, edge_clock, motion_clock, seen_edges, silhouettes, tracks
+from dior.calibrate import offsets as hand_offsets
 from dior.calibrate.place import camera_settings
-from dior.errors import DiorError
 
 FEWEST_BOXES = 4
 
@@ -106,29 +106,24 @@ def run(
     those drawn; either may be None.
     """
     scope, paths = f"{sequence}/{camera}", (out, out_gains, out_costs, findings)
-    rig = tables.read_cameras(cameras)
-    if camera not in rig or rig[camera].wTc is None:
-        raise DiorError(f"{sequence}, camera {camera}: {', '.join(map(str, cameras))} gives no pose of it")
+    names = list(dict.fromkeys([*makers, camera]))
+    rig = dict(zip(names, tables.read_placed(cameras, names, sequence), strict=True))
     walk = align.read_walk(sequence, camera, skeleton, frames, offsets)
     cam.check_picture_size(rig[camera].intrinsics, walk.rows["width"][0], walk.rows["height"][0], scope)
     if walk.held:
-        offset_s, drift_ppm, source = align.given_clock(camera, frames, offsets)
-        write(sequence, camera, clocks.Clock(offset_s, drift_ppm, source), [], [], paths)
+        by_hand = hand_offsets.by_hand(offsets, tables.ordered_unique(tables.read(frames, "frames")["camera"]))
+        write(sequence, camera, by_hand[camera], [], [], paths)
         return
     settings = camera_settings(camera_file)
     seen, method, margin = watched(walk, rig[camera], boxes, data_root)
     occluder = settings.get("align", {}).get("occluder", "auto")
-    side = ""
-    if np.isfinite(seen.edges).sum() >= edge_clock.FEWEST:
-        try:
-            side = hidden_side(rig[camera], seen, margin, occluder, scope)
-        except DiorError:
-            # too little 3D while the camera's clock is open; the estimate says what that means for it
-            side = ""
+    # without edges or 3D there is no side to read; the estimate says what that means for the clock
+    enough = np.isfinite(seen.edges).sum() >= edge_clock.FEWEST
+    there = np.isfinite(cam.project(rig[camera], seen.points)[0]).any()
+    side = hidden_side(rig[camera], seen, margin, occluder, scope) if enough and there else ""
     close = [rig[name] for name in makers]
     derivative = (list(makers), partial(align.by_close, close)) if makers else None
     trails_m = motion_clock.TRAILS_M if method == "pictures" else 0.0
     found = edge_clock.estimate(rig[camera], seen, method, margin, side, derivative, trails_m)
-    names = list(dict.fromkeys([*makers, camera]))
     joint = tables.read_camera_covariance(covariance, names) if covariance else None
     write(sequence, camera, found.clock, found.costs_px, told(scope, found), paths, names, joint)

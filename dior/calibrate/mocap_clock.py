@@ -12,27 +12,22 @@ import numpy as np
 
 from dior import camera as cam
 from dior import covariance
-from dior.calibrate import clock_fit, joint_centres
+from dior.calibrate import clock_fit, joint_centres, lag_curve
 from dior.clocks import Clock
 from dior.geometry import side_seen
 from dior.sampling import blend, bracket
 
-WINDOW_S = 2.0
 LAG_STEP_S = 1 / 60
 SEARCHED = 240  # pictures
 REACH_M = 0.3  # farther from its joint a detection is of something else
-DRIFT_SD_PPM = 50.0  # of a quartz
 MOST = 2400  # pictures that take part, in runs
 RUNS = 3
 ROUNDS = 12
-MOST_SIGMA_S = 0.1
 MOST_APART_S = 0.06
-AMBIGUOUS = 1.2
-APART_S = 0.25
 
 
 @dataclass(frozen=True)
-class Motion:
+class Walker:
     """Joints of the walker at ticks `t` (I,) s: `points` (I, J, 3) m, `axes` (I, J, 3, 3) of their segments, names.
 
     `left` (I, 2): from the right to the left of the body.
@@ -48,8 +43,8 @@ class Motion:
         return np.gradient(self.points, self.t, axis=0)
 
 
-def motion_of(t, xyz, markers, wanted):
-    """`Motion` of the joints `wanted` that the markers xyz (I, M, 3) tell."""
+def walker_of(t, xyz, markers, wanted):
+    """`Walker` of the joints `wanted` that the markers xyz (I, M, 3) tell."""
     points, axes = joint_centres.joints(xyz, markers, wanted)
     there = np.isfinite(points).all(axis=-1).mean(axis=0) > 0.2
     at = {name: xyz[:, i, :2] for i, name in enumerate(markers)}
@@ -57,7 +52,7 @@ def motion_of(t, xyz, markers, wanted):
         (f"L{part}", f"R{part}") for part in ("ASI", "PSI", "SHO", "KNE", "ANK") if {f"L{part}", f"R{part}"} <= set(at)
     ]
     left = np.nansum([at[a] - at[b] for a, b in pairs], axis=0) if pairs else np.zeros((len(t), 2))
-    return Motion(
+    return Walker(
         t, points[:, there], axes[:, there], left, [name for name, yes in zip(wanted, there, strict=True) if yes]
     )
 
@@ -70,7 +65,7 @@ def from_detections(camera, motion, uv, elapsed):
     lags, costs = search(camera, motion, uv, elapsed)
     if not np.isfinite(costs).any():
         return Clock(0.0), lags, costs, "no joint is both detected and known from the markers"
-    unclear = second_minimum(lags, costs)
+    unclear = lag_curve.second_minimum(lags, costs)
     if unclear is not None:
         return (
             Clock(0.0),
@@ -78,10 +73,10 @@ def from_detections(camera, motion, uv, elapsed):
             costs,
             (f"a lag of {lags[np.nanargmin(costs)]:+.2f} s fits hardly better than one of {unclear:+.2f} s"),
         )
-    at = runs(len(elapsed), MOST, RUNS)
+    at = clock_fit.runs(len(elapsed), MOST, RUNS)
     middle = float((elapsed[0] + elapsed[-1]) / 2)
-    value = np.array([lowest(lags, costs), 0.0])
-    precision = np.array([0.0, DRIFT_SD_PPM**-2])
+    value = np.array([lag_curve.lowest(lags, costs), 0.0])
+    precision = np.array([0.0, clock_fit.DRIFT_SD_PPM**-2])
     solved = None
     for _ in range(ROUNDS):
         tracks = tracks_of(camera, motion, uv[at], elapsed[at], middle, value)
@@ -92,37 +87,13 @@ def from_detections(camera, motion, uv, elapsed):
         value = value + step
         if clock_fit.settled(solved):
             break
-    why = doubt(solved) or disagreement(value[0] - lowest(lags, costs), MOST_APART_S)
-    return clock_of(value, middle, solved, [camera.name]), lags, costs, why
-
-
-def clock_of(value, middle, solved, cameras, at=0):
-    """`Clock` from (time in the middle s, drift ppm); `at`: of which of several clocks, two unknowns each."""
-    gain = solved.gain[2 * at : 2 * at + 2].reshape(2, -1, 6)
-    given = tuple(float(x) for x in np.sqrt(np.diagonal(solved.given))[2 * at : 2 * at + 2])
-    offset = float(value[0] - 1e-6 * value[1] * middle)
-    gains = {name: gain[:, i] for i, name in enumerate(cameras)}
-    return Clock(offset, float(value[1]), "estimated", "detections", middle, given, gains)
-
-
-def doubt(solved, at=0):
-    """Why a clock cannot be trusted, or ""."""
-    sigma = np.sqrt(solved.given[2 * at, 2 * at])
-    if not sigma < MOST_SIGMA_S:
-        return f"the joints hardly move: the time would be certain to ± {1.96 * sigma:.2f} s only"
-    return ""
-
-
-def disagreement(apart_s, most_s):
-    """Why a clock that is far from the lag of the search cannot be trusted, or ""."""
-    if abs(apart_s) <= most_s:
-        return ""
-    return f"where the joints are and how they move tell times {abs(apart_s):.2f} s apart"
+    why = clock_fit.doubt(solved) or lag_curve.disagreement(value[0] - lag_curve.lowest(lags, costs), MOST_APART_S)
+    return clock_fit.clock_of(value, middle, solved, [camera.name]), lags, costs, why
 
 
 def search(camera, motion, uv, elapsed):
     """Lags (L,) s and the mean distance (L,) px of detections from the projected joints, each no more than 0.3 m."""
-    lags = np.arange(-round(WINDOW_S / LAG_STEP_S), round(WINDOW_S / LAG_STEP_S) + 1) * LAG_STEP_S
+    lags = np.arange(-round(lag_curve.WINDOW_S / LAG_STEP_S), round(lag_curve.WINDOW_S / LAG_STEP_S) + 1) * LAG_STEP_S
     at = np.unique(np.linspace(0, len(elapsed) - 1, min(SEARCHED, len(elapsed))).round().astype(int))
     where = bracket(motion.t, (elapsed[at] + lags[:, None]).ravel(), 2.5 * np.median(np.diff(motion.t)))
     px, depth = cam.project(camera, motion.points)
@@ -135,36 +106,6 @@ def search(camera, motion, uv, elapsed):
     # a lag at which little overlaps may not win by that
     enough = known.sum(axis=1) > 0.5 * known.sum(axis=1).max() if known.any() else np.zeros(len(lags), bool)
     return lags, np.where(enough, total / np.maximum(known.sum(axis=1), 1), np.nan)
-
-
-def lowest(lags, costs):
-    """The lag of the least cost, by a parabola through its neighbours."""
-    i = int(np.nanargmin(costs))
-    if not 0 < i < len(lags) - 1 or not np.isfinite(costs[i - 1 : i + 2]).all():
-        return float(lags[i])
-    a, b, c = costs[i - 1 : i + 2]
-    bend = a - 2 * b + c
-    return float(lags[i] + (0.5 * (a - c) / bend if bend > 0 else 0.0) * (lags[1] - lags[0]))
-
-
-def second_minimum(lags, costs):
-    """Another lag, 0.25 s away or more, that costs hardly more than the best; None where there is none."""
-    best = int(np.nanargmin(costs))
-    far = np.abs(lags - lags[best]) > APART_S
-    other = np.where(far, costs, np.nan)
-    if not np.isfinite(other).any():
-        return None
-    second = int(np.nanargmin(other))
-    return float(lags[second]) if other[second] < AMBIGUOUS * costs[best] else None
-
-
-def runs(count, most, parts):
-    """Indices of at most `most` of `count` moments: all, or runs at the beginning, the middle and the end."""
-    if count <= most:
-        return np.arange(count)
-    each = most // parts
-    first = np.linspace(0, count - each, parts).round().astype(int)
-    return np.unique((first[:, None] + np.arange(each)).ravel())
 
 
 def tracks_of(camera, motion, uv, elapsed, middle, value):
@@ -189,5 +130,5 @@ def tracks_of(camera, motion, uv, elapsed, middle, value):
     groups = [joint_centres.group(name) for name in motion.names]
     return clock_fit.Tracks(
         *(np.swapaxes(x, 0, 1) for x in (residual, by_clock, by_camera, basis)),
-        None, np.arange(len(groups)), np.zeros(len(groups), int), np.unique(groups, return_inverse=True)[1], elapsed,
+        None, np.arange(len(groups)), np.unique(groups, return_inverse=True)[1], elapsed,
     )  # fmt: skip

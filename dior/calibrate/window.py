@@ -51,17 +51,24 @@ def recorded(cameras, detections, frames, min_score, max_gap, where):
     own, fps = rates(frames, [camera.name for camera in cameras])
     seen = []
     for camera in cameras:
-        values, joints = tables.grid(tables.of_camera(detections, camera.name), "u", "v", "score")
         times = camera_seconds(frames, camera.name, t0, (0.0, 0.0))
-        if len(values) != len(times):
-            raise DiorError(
-                f"{where}, {camera.name}: detections of {len(values)} frames but {len(times)} pictures; run "
-                "the step detections again"
-            )
-        with np.errstate(invalid="ignore"):
-            confident = np.where(values[..., 2:] > min_score, values[..., :2], np.nan)
-        seen.append(camera_clock.Seen(times, confident, max_gap / own[camera.name]))
+        uv, joints = confident(detections, camera.name, len(times), min_score, where)
+        seen.append(camera_clock.Seen(times, uv, max_gap / own[camera.name]))
     return Recorded(tuple(seen), tuple(joints), fps)
+
+
+def confident(detections, camera, count, min_score, where):
+    """Pixels (F, J, 2) of a camera's detections, NaN where the score is at most `min_score`, and the joint names.
+
+    Raises DiorError where they are not of its `count` pictures.
+    """
+    values, joints = tables.grid(tables.of_camera(detections, camera), "u", "v", "score")
+    if len(values) != count:
+        raise DiorError(
+            f"{where}, {camera}: detections of {len(values)} frames but {count} pictures; run the step detections again"
+        )
+    with np.errstate(invalid="ignore"):
+        return np.where(values[..., 2:] > min_score, values[..., :2], np.nan), joints
 
 
 def observations(cameras, detections, frames, clock, window, min_score, min_views, max_gap, where):

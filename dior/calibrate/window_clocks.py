@@ -17,7 +17,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dior.calibrate import camera_clock, clock_fit, lags, uncertainty
-from dior.calibrate.mocap_clock import DRIFT_SD_PPM
 from dior.calibrate.window import at_instants, together
 from dior.clocks import NORMAL_95
 
@@ -156,7 +155,7 @@ class Sequences:
         )
         # only the drift is known beforehand, about nothing
         about = (value[order] - value[self.reference])[1:]
-        solved = clock_fit.solve(tracks, about.ravel(), np.tile([0.0, DRIFT_SD_PPM**-2], views - 1))
+        solved = clock_fit.solve(tracks, about.ravel(), np.tile([0.0, clock_fit.DRIFT_SD_PPM**-2], views - 1))
         if solved is None:
             return None
         step, given = np.zeros((views, 2)), np.zeros((2 * views, 2 * views))

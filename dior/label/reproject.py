@@ -44,9 +44,8 @@ def run(
     `cameras`: `cameras` tables that hold the camera and those called `makers`, which the skeleton was triangulated from
     (none indoors); `covariance`: their `camera_covariance` tables; `clocks`, `clock_gains`: their tables of both names.
     """
-    rig = tables.read_cameras(cameras)
-    if camera not in rig or rig[camera].wTc is None:
-        raise DiorError(f"{sequence}, camera {camera}: {', '.join(map(str, cameras))} gives no pose of it")
+    names = list(dict.fromkeys([*makers, camera]))
+    rig = dict(zip(names, tables.read_placed(cameras, names, sequence), strict=True))
     rows = tables.of_camera(tables.read(frames, "frames"), camera)
     if not len(rows["frame"]):
         raise DiorError(f"{sequence}, camera {camera}: {frames} lists no picture of it")
@@ -62,7 +61,6 @@ def run(
     uv, depth, status = labels(rig[camera], points, joints)
     if source == "mocap":
         noise = np.zeros_like(noise)
-    names = list(dict.fromkeys([*makers, camera]))
     joint = tables.read_camera_covariance(covariance, names)
     elapsed = seconds(rows["stamp_ns"], body["stamp_ns"][0])
     spread = uncertainty.of_labels(

@@ -77,11 +77,7 @@ def run(
     """Triangulate one sequence from the cameras `names`, whose poses are in the `cameras` tables."""
     if method not in METHODS:
         raise DiorError(f"config/config.yaml: triangulate.method is '{method}', not one of {', '.join(METHODS)}")
-    rig = tables.read_cameras(cameras)
-    for name in names:
-        if name not in rig or rig[name].wTc is None:
-            raise DiorError(f"{sequence}, camera {name}: {', '.join(map(str, cameras))} gives no pose of it")
-    rig = [rig[name] for name in names]
+    rig = tables.read_placed(cameras, names, sequence)
     line = tables.read(timeline, "timeline")
     uv, score, joints = observations(tables.read(detections, "detections"), line, names, min_score)
     stamps = line["stamp_ns"][:: len(tables.ordered_unique(line["camera"]))]

@@ -59,7 +59,27 @@ def test_what_a_person_gave_is_taken(tmp_path):
     path.write_text("cam04: {offset_s: 0.3, drift_ppm: 2}\n")
     clock, table, paths = run_in(tmp_path, true, files, path)
     assert (clock.offset_s, clock.drift_ppm, clock.source) == (0.3, 2.0, "manual")
+    assert clock.given == (0.0, 0.0) and table["sigma_s"][0] == 0
     assert len(tables.read(paths[2], "clock_costs")["lag_s"]) == 0
+
+
+def test_the_error_that_a_person_gave_is_taken(tmp_path):
+    true, files, _, _ = prepared(tmp_path, "boxes")
+    path = tmp_path / "walk.yaml"
+    path.write_text("cam04: {offset_s: 0.3, sigma_s: 0.004}\n")
+    clock, table, _ = run_in(tmp_path, true, files, path)
+    assert clock.given == (0.004, 0.0) and table["sigma_s"][0] == pytest.approx(0.004)
+
+
+def test_without_3d_the_clock_is_not_known(tmp_path):
+    true, files, _, _ = prepared(tmp_path, "boxes")
+    table = tables.read(files["skeletons"][0], "skeletons_3d")
+    for axis in "xyz":
+        table[axis][:] = np.nan
+    tables.write(files["skeletons"][0], "skeletons_3d", table)
+    clock, _, paths = run_in(tmp_path, true, files)
+    assert (clock.source, clock.offset_s) == ("assumed_zero", 0.0) and np.isnan(clock.given).all()
+    assert list(tables.read(paths[3], "findings")["code"]) == ["clock_unknown"]
 
 
 def test_somebody_who_stands_tells_no_time(tmp_path):

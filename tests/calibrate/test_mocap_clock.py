@@ -18,7 +18,7 @@ def walk():
     made = settings.from_dict({"subjects": 1, "duration_s": 12.0, "clocks": {"apart_s": 1.5}})
     motion = motion_of(made, settings.sequences(made)[0])
     ticks = np.arange(1600) / 100
-    walker = mocap_clock.motion_of(ticks, motion.at(ticks)[1], list(motion.names), list(MLKIT_33))
+    walker = mocap_clock.walker_of(ticks, motion.at(ticks)[1], list(motion.names), list(MLKIT_33))
     return motion, walker
 
 
