@@ -7,6 +7,7 @@ fitted to how the joints move (`clock_fit`), with the 3D of every moment unknown
 """
 
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
@@ -92,30 +93,83 @@ def from_detections(cameras, seen, names, grid, fps):
 def search(cameras, rays, fps):
     """By camera but the first: lags (L,) s, costs (L,) px of epipolar distance, the reason against it or "".
 
-    `rays` (V) of (T, J, 2) ideal coordinates at moments 1/fps apart. The camera whose lag is clearest comes next, and
-    is compared with all that are known by then.
+    `rays` (V) of (T, J, 2) ideal coordinates at moments 1/fps apart. A camera's cost at a lag is that of its pairs,
+    and of what the lags of the other cameras then make worse among themselves: two cameras on a stride from each other
+    may fit, but hardly with a third one.
     """
     most = round(lag_curve.WINDOW_S * fps)
-    steps = np.arange(-most, most + 1)
-    shift = {cameras[0].name: 0}
-    costs, out = {}, {}
-    while len(shift) < len(cameras):
-        last = list(shift)[-1]
-        a = [c.name for c in cameras].index(last)
-        for b, camera in enumerate(cameras):
-            if camera.name in shift:
-                continue
-            total, count = _epipolar(cameras[a], cameras[b], rays[a], rays[b], steps - shift[last])
-            old = costs.get(camera.name, (0.0, 0))
-            costs[camera.name] = old[0] + total, old[1] + count
-        curves = {name: _mean(*costs[name]) for name in costs if name not in shift}
-        name = max(curves, key=lambda n: _contrast(curves[n]))
-        focal = next(c.intrinsics.fx for c in cameras if c.name == name)
-        # the detections of a camera that is late come late: its clock has to be put back
-        lags, curve = -steps[::-1] / fps, focal * curves[name][::-1]
-        out[name] = lags, curve, _unclear(lags, curve)
-        shift[name] = int(steps[np.nanargmin(curves[name])]) if np.isfinite(curves[name]).any() else 0
+    count = len(cameras)
+    costs = {}
+    for a, b in combinations(range(count), 2):
+        reach = 2 * most if a else most
+        curve = _mean(*_epipolar(cameras[a], cameras[b], rays[a], rays[b], np.arange(-reach, reach + 1)))
+        if np.isfinite(curve).any():
+            # where too little overlaps nothing is said for the lag
+            costs[a, b] = np.nan_to_num(curve, nan=np.nanmax(curve))
+    at = _one_by_one(costs, count, most)
+    tried = {
+        view: [_settled(costs, _with(at, view, step), most, view) for step in _window(most)] for view in range(1, count)
+    }
+    at = min((each for settled in tried.values() for each in settled), key=lambda each: _total(costs, each))
+    # the detections of a camera that is late come late: its clock has to be put back
+    lags, out = -_window(most)[::-1] / fps, {}
+    for view, settled in tried.items():
+        curve = np.full(len(lags), np.nan)
+        own = [pair for pair in costs if view in pair]
+        if own:
+            others = _total({pair: costs[pair] for pair in costs if view not in pair}, at)
+            total = np.array([_total(costs, each) for each in settled[::-1]])
+            curve = cameras[view].intrinsics.fx * (total - others) / len(own)
+        out[cameras[view].name] = lags, curve, _unclear(lags, curve)
     return out
+
+
+def _window(most):
+    return np.arange(-most, most + 1)
+
+
+def _with(at, view, lag):
+    out = at.copy()
+    out[view] = lag
+    return out
+
+
+def _along(costs, at, view, most, among):
+    """Cost (L,) of the lags of one camera, those of the cameras `among` as in `at`."""
+    total = np.zeros(2 * most + 1)
+    for (a, b), curve in costs.items():
+        if view in (a, b) and {a, b} <= among | {view}:
+            lag = _window(most) - at[a] if view == b else at[b] - _window(most)
+            total += curve[lag + len(curve) // 2]
+    return total
+
+
+def _one_by_one(costs, count, most):
+    """Lags (V,) in pictures: the camera comes next whose lag to those before is clearest."""
+    at, known = np.zeros(count, int), {0}
+    while len(known) < count:
+        along = {view: _along(costs, at, view, most, known) for view in range(count) if view not in known}
+        view = max(along, key=lambda v: np.median(along[v]) / max(along[v].min(), 1e-9))
+        at[view] = along[view].argmin() - most
+        known.add(view)
+    return at
+
+
+def _settled(costs, at, most, held=0):
+    """The lags after each camera but the first and `held` has moved to its best, until none does."""
+    at = at.copy()
+    for _ in range(len(at)):
+        before = at.copy()
+        for view in range(1, len(at)):
+            if view != held:
+                at[view] = _along(costs, at, view, most, set(range(len(at)))).argmin() - most
+        if (at == before).all():
+            break
+    return at
+
+
+def _total(costs, at):
+    return sum(curve[at[b] - at[a] + len(curve) // 2] for (a, b), curve in costs.items())
 
 
 def _unclear(lags, costs):
@@ -125,10 +179,6 @@ def _unclear(lags, costs):
     if other is None:
         return ""
     return f"a lag of {lags[np.nanargmin(costs)]:+.2f} s fits hardly better than one of {other:+.2f} s"
-
-
-def _contrast(curve):
-    return float(np.nanmedian(curve) / max(np.nanmin(curve), 1e-9)) if np.isfinite(curve).any() else 0.0
 
 
 def _mean(total, count):

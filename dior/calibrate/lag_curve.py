@@ -21,10 +21,14 @@ def lowest(lags, costs):
 
 
 def second_minimum(lags, costs):
-    """Another lag, 0.25 s away or more, that costs hardly more than the best; None where there is none."""
+    """Another minimum, 0.25 s away or more, that costs hardly more than the best; None where there is none.
+
+    The flank of a broad minimum is none: within it the fit decides.
+    """
     best = int(np.nanargmin(costs))
-    far = np.abs(lags - lags[best]) > APART_S
-    other = np.where(far, costs, np.nan)
+    padded = np.pad(np.where(np.isfinite(costs), costs, np.inf), 1, constant_values=np.inf)
+    lowest_nearby = (costs <= padded[:-2]) & (costs <= padded[2:])
+    other = np.where(lowest_nearby & (np.abs(lags - lags[best]) > APART_S), costs, np.nan)
     if not np.isfinite(other).any():
         return None
     second = int(np.nanargmin(other))
