@@ -61,8 +61,7 @@ def estimate(camera, seen, method, margin=(3.0, 0.3), side="", makers=None, trai
     zero = Clock(0.0, middle_s=middle)
     if count < FEWEST:
         return Found(zero, np.full(len(LAGS_S), np.nan), np.nan, np.nan, count, f"only {count} edges")
-    height = float(np.nanmedian(seen.edges[:, 3] - seen.edges[:, 1]))
-    limit = MOST_PX * height if np.isfinite(height) else 20.0
+    limit = outlier_px(seen)
     costs = curve(reading, limit)
     if not np.isfinite(costs).any():
         return Found(zero, costs, np.nan, np.nan, count, "no picture shows the person")
@@ -87,6 +86,18 @@ def estimate(camera, seen, method, margin=(3.0, 0.3), side="", makers=None, trai
     if not np.isfinite(after):
         why = "the 3D is missing at most of the pictures"
     return Found(zero if why else clock, costs, float(costs[at_zero]), after, count, why)
+
+
+def best_lag(camera, freedom, seen):
+    """The lag s of the least cost with the camera as it is and nothing hidden; 0 where none can be compared."""
+    costs = curve(boxes_fit.Reading(camera, freedom, seen, ""), outlier_px(seen))
+    return float(LAGS_S[np.nanargmin(costs)]) if np.isfinite(costs).any() else 0.0
+
+
+def outlier_px(seen):
+    """Residual of an edge that is an outlier, px."""
+    height = float(np.nanmedian(seen.edges[:, 3] - seen.edges[:, 1]))
+    return MOST_PX * height if np.isfinite(height) else 20.0
 
 
 def curve(reading, limit_px):

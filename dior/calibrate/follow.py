@@ -11,6 +11,7 @@ the camera, both together are then what one fit of everything would say. Offsets
 cannot tell, the clock is that of the stamps and its error unknown.
 """
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -44,15 +45,16 @@ def watched(walk, camera, boxes, data_root):
 
 
 def hidden_side(camera, seen, margin, occluder, where):
-    """The side of the edges that is an occluder's, or "", as `boxes_fit.fit` reads it with the camera where it is."""
+    """The side of the edges that is an occluder's, or "", as `boxes_fit.fit` reads it with the camera where it is.
+
+    The clock is held at the lag that fits best with nothing hidden: the sides that are left tell it well enough.
+    """
     readings = boxes_fit.READINGS[occluder]
     if len(readings) == 1:
         return readings[0]
-    freedom = seen_edges.Freedom(
-        turn=(0, 0, 0), shift=(0, 0, 0), margin_px=margin[0], margin_split_px=margin[1],
-        clock_s=(edge_clock.CLOCK_SIGMA_S,), drift_ppm=(0.0,),
-    )  # fmt: skip
-    return boxes_fit.fit(camera, freedom, seen, where).hidden
+    held = seen_edges.Freedom(turn=(0, 0, 0), shift=(0, 0, 0), margin_px=margin[0], margin_split_px=margin[1])
+    seconds = seen.seconds + edge_clock.best_lag(camera, held, seen)
+    return boxes_fit.fit(camera, held, replace(seen, seconds=seconds, points=seen.tracks[0].at(seconds)), where).hidden
 
 
 def told(scope, found):
