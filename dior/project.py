@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
-from dior import bumps, consistency
+from dior import bumps, consistency, licenses
 from dior.checked import check, read_sheet, read_yaml
 from dior.consistency import consents
 from dior.errors import DiorError, nearest
@@ -272,6 +272,7 @@ def load(root, config=None):
     root = Path(root)
     config = _plain(config) if config is not None else read_yaml(root / "config/config.yaml", "config/config.yaml")
     check(config, "config", "config/config.yaml")
+    licenses.check(config["release"], root)
     (rows, lines), (subjects, _) = sheets(root)
     if not rows:
         raise DiorError("config/sequences.tsv has no rows yet: enter one row per recorded walk")

@@ -58,8 +58,17 @@ def _feature(kind):
         return {"_type": "Image"}
     if pa.types.is_fixed_size_list(kind):
         return {"feature": _feature(kind.value_type), "length": kind.list_size, "_type": "List"}
+    return {"dtype": word_of(kind), "_type": "Value"}
+
+
+def word_of(kind):
+    """A column's type as one word: string, or as numpy calls its numbers.
+
+    >>> word_of(pa.int32()), word_of(pa.dictionary(pa.int32(), pa.string()))
+    ('int32', 'string')
+    """
     text = pa.types.is_dictionary(kind) or pa.types.is_string(kind)
-    return {"dtype": "string" if text else np.dtype(kind.to_pandas_dtype()).name, "_type": "Value"}
+    return "string" if text else np.dtype(kind.to_pandas_dtype()).name
 
 
 def _to_array(name, field, values):
@@ -152,6 +161,16 @@ def read(path, name, columns=None):
 
 def _columns(table):
     return table.column_names, [column.combine_chunks() for column in table.columns]
+
+
+def kind_of(table):
+    """What a pyarrow table that was read by `read_arrow` is called."""
+    return table.schema.metadata[b"dior_table"].decode()
+
+
+def empty(name):
+    """A table without rows as a dict of arrays."""
+    return {c: buffers.to_numpy(a) for c, a in zip(*_columns(to_arrow(name, {})), strict=True)}
 
 
 def metadata(path):

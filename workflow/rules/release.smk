@@ -1,62 +1,85 @@
 """Release: the dataset as others get it.
 
-Required inputs: labels, skeletons, frames, cameras and metrics of the subjects who agreed.
-Outputs: results/release/dior-<version>/ and a tarball per subject beside it.
+Required inputs: labels, pictures, skeletons, frames, detections, cameras and figures of the subjects who agreed, and
+their recordings, for the checksums.
+Outputs: results/provenance/<sequence>.json, results/release/dior-<version>/ and a tarball per subject beside it.
 """
 
 
+rule provenance:
+    """Take the checksums of the recordings of one sequence."""
+    input:
+        there(recording_files),
+    output:
+        "results/provenance/{sequence}.json",
+    log:
+        "logs/provenance/{sequence}.log",
+    benchmark:
+        "logs/provenance/{sequence}.benchmark.tsv"
+    threads: 2
+    params:
+        recordings=recordings,
+        folders=recording_folders,
+        code=code("release.provenance"),
+    shell:
+        "dior provenance"
+        " --sequence {wildcards.sequence}"
+        " --recordings {params.recordings:q}"
+        " --out {output:q}"
+        " 2>&1 | tee {log:q}"
+
+
 rule package:
-    """Write the release folder: tables, card and checksums."""
+    """Write the release folder: tables, pictures, card and checksums."""
     input:
         labels=[path for sequence in PROJECT.released_sequences for path in labels_of(sequence)],
+        pixels=[
+            f"results/pixels/{sequence}.{camera}.parquet"
+            for sequence in PROJECT.released_sequences
+            for camera in PROJECT.cameras_of(sequence)
+        ],
         skeletons=[skeleton_of(sequence) for sequence in PROJECT.released_sequences],
         frames=released("results/frames/{sequence}.parquet"),
+        detections=released_detections(),
+        marks=released_marks(),
         cameras=[
             path
             for session in released_sessions()
             for path in cameras_of(session, PROJECT.cameras(session))
         ],
-        metrics=[
-            *released("results/evaluate/{sequence}.parquet"),
-            *[
-                f"results/adjust/{session}.metrics.parquet"
-                for session in ADJUSTED
-                if session in released_sessions()
-            ],
-            *[
-                f"results/detectors/{sequence}.parquet"
-                for sequence in PROJECT.released_sequences
-                if sequence in DETECTED
-            ],
-        ],
-        gallery=["results/gallery/gallery.parquet"] if PROJECT.gallery else [],
+        covariances=released_covariances(),
+        metrics=released_metrics(),
+        gallery=released_gallery(),
+        provenance=released("results/provenance/{sequence}.json"),
+        by_hand=released_by_hand(),
+        license=license_file(),
     output:
         released_files(),
     log:
         "logs/package/package.log",
     benchmark:
         "logs/package/package.benchmark.tsv"
+    threads: 2
     params:
-        version=VERSION,
-        title=CONFIG["release"]["title"],
-        license=CONFIG["release"]["license"],
-        authors=CONFIG["release"]["authors"],
+        config=release_config,
         out=release_folder,
         sheets=as_json([PROJECT.rows, PROJECT.subjects]),
         code=code("release.package"),
     shell:
         "dior package"
         " --project ."
-        " --version {params.version:q}"
-        " --title {params.title:q}"
-        " --license {params.license:q}"
-        " --authors {params.authors:q}"
+        " --config {params.config:q}"
         " --labels {input.labels:q}"
+        " --pixels {input.pixels:q}"
         " --skeletons {input.skeletons:q}"
         " --frames {input.frames:q}"
+        " --detections {input.detections:q}"
+        " --marks {input.marks:q}"
         " --cameras {input.cameras:q}"
+        " --covariances {input.covariances:q}"
         " --metrics {input.metrics:q}"
         " --gallery {input.gallery:q}"
+        " --provenance {input.provenance:q}"
         " --out {params.out:q}"
         " 2>&1 | tee {log:q}"
 
