@@ -458,6 +458,7 @@ STEPS = {
             "metrics": PATHS,
             "gallery": MAYBE,
             "provenance": PATHS,
+            "code": PAIRS,
             "out": PATH,
         },
     ),

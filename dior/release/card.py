@@ -86,7 +86,7 @@ def summary(walks, counted):
         f"{_many(labels, 'label')} inside the picture on {_many(frames, 'frame')}."
     )
     far = " Some cameras are so far away that no detector works on their pictures." if _long_range(counted) else ""
-    return told + far + (" These recordings are simulated." if _simulated(rows) else "")
+    return told + far
 
 
 def _many(number, what):

@@ -17,7 +17,7 @@ def text(release):
     lines = ["cff-version: 1.2.0", f"message: {_quoted(MESSAGE)}", "type: dataset", *_what(release)]
     if release["license"] in licenses.KNOWN:
         lines.append(f"license: {release['license']}")
-    if release.get("year"):
+    if release["year"]:
         # only a reference has a year of its own; the file itself asks for a day, which nobody told
         lines += ["preferred-citation:", "  type: data", *(f"  {line}" for line in _what(release))]
         lines.append(f"  year: {release['year']}")
@@ -39,7 +39,7 @@ def bibtex(release):
     """One @misc entry, for Croissant's citeAs and for the card."""
     authors = " and ".join(release["authors"]) or NOBODY
     fields = {"title": f"{{{release['title']}}}", "author": authors, "note": f"version {release['version']}"}
-    fields |= {key: str(release[key]) for key in ("year", "doi") if release.get(key)}
+    fields |= {key: str(release[key]) for key in ("year", "doi") if release[key]}
     inner = ", ".join(f"{key} = {{{value}}}" for key, value in fields.items())
     return f"@misc{{dior-{release['version']}, {inner}}}"
 

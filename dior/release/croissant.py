@@ -12,7 +12,7 @@ from dior.provenance import file_sha256
 from dior.release import citation, layout
 from dior.schemas import PICTURE, SCHEMAS, VOCABULARY
 
-PARQUET = "application/vnd.apache.parquet"
+PARQUET = "application/x-parquet"
 CONTEXT = {
     "@language": "en",
     "@vocab": "https://schema.org/",
@@ -76,7 +76,7 @@ def content(folder, release, description):
     }
     if release["authors"]:
         found["creator"] = [{"@type": "sc:Person", "name": name} for name in release["authors"]]
-    if release.get("year"):
+    if release["year"]:
         found["datePublished"] = str(release["year"])
     if release["doi"]:
         found["url"] = f"https://doi.org/{release['doi']}"

@@ -33,14 +33,14 @@ THREADS = 2
 
 def run(
     *, project, config, labels, pixels, skeletons, frames, detections, marks, cameras, covariances, metrics, gallery,
-    provenance, out,
+    provenance, code, out,
 ):  # fmt: skip
     """Build the release folder `out` whole beside its place and put it there.
 
     `project`: the folder that holds config/; `config`: the content of config.yaml. The lists of files are named as the
     steps name them (<sequence>.<camera>.parquet, <sequence>.parquet); those of sequences that are not released may be
-    among them and are left out. `gallery`: its table or None. Raises DiorError where nobody agreed to the release and
-    where a released sequence lacks a table or is labelled as another subject's.
+    among them and are left out. `gallery`: its table or None; `code`: hash of its code by step. Raises DiorError where
+    nobody agreed to the release and where a released sequence lacks a table or is labelled as another subject's.
     """
     project, out = projects.load(project, config), Path(out)
     walks = roster.released_walks(project)
@@ -81,7 +81,7 @@ def run(
         rows = figures.released(metrics, walks, everyone)
         write_text(folder / "metrics.csv", as_csv(rows))
         counted = _counted(shown, roles, sources, pictures.get("angle", ()))
-        _write_about(folder, project, walks, counted, rows, record.of(project, walks, recordings))
+        _write_about(folder, project, walks, counted, rows, record.of(project, walks, recordings, code))
         write_text(folder / SUMS, _sums(folder))
 
 

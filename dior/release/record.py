@@ -17,7 +17,7 @@ import platform
 from importlib import metadata
 from pathlib import Path
 
-from dior.provenance import code_hash, file_sha256
+from dior.provenance import file_sha256
 from dior.release import provenance
 
 VERSION = 1
@@ -25,31 +25,12 @@ VERSION = 1
 PATHS = ("detector.model", "simulate.motion", "release.license_file")
 # what has no effect on a release
 LEFT_OUT = ("data_root", "report")
-# the steps whose output is in a release or shapes it
-STEPS = (
-    "ingest.frames",
-    "ingest.mocap",
-    "ingest.detect",
-    "ingest.detections",
-    "ingest.gallery",
-    "calibrate.intrinsics",
-    "calibrate.locate",
-    "calibrate.place",
-    "calibrate.adjust",
-    "calibrate.align",
-    "calibrate.clocks",
-    "calibrate.follow",
-    "reconstruct.timeline",
-    "reconstruct.triangulate",
-    "reconstruct.refine",
-    "label.reproject",
-    "evaluate.evaluate",
-    "release.package",
-)
 
 
-def of(project, walks, recordings):
-    """The content of provenance.json. `recordings`: by sequence, the file that provenance.py wrote."""
+def of(project, walks, recordings, code):
+    """The content of provenance.json. `recordings`: by sequence, the file that provenance.py wrote; `code`: hash by
+    step of the code that made what is in the release.
+    """
     settings = config_of(project)
     return {
         "provenance_version": VERSION,
@@ -64,7 +45,7 @@ def of(project, walks, recordings):
             name: {"recordings": provenance.read(recordings[name]), "by_hand": _hand_made(project, name)}
             for name in sorted(walks)
         },
-        "code": {step: code_hash(step) for step in STEPS},
+        "code": dict(sorted(code.items())),
         "packages": versions(),
     }
 

@@ -43,7 +43,7 @@ def write(folder, walk, sources):
     for camera in walk["cameras"]:
         recording = f"{who}/{name}.{camera}.parquet"
         labels = _as_pseudonym(tables.read_arrow(sources.labels[camera], "labels_2d"), sources.labels[camera], walk)
-        joints[camera] = pc.unique(labels["joint"]).combine_chunks().dictionary.to_pylist()
+        joints[camera] = labels["joint"].combine_chunks().dictionary.to_pylist()
         tables.write_arrow(folder / "labels_2d" / recording, labels)
         _check_pictures(sources.pixels[camera], walk, camera, stamps[camera])
         link(sources.pixels[camera], folder / "frames" / recording)

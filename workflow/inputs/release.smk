@@ -1,6 +1,34 @@
 """Input and parameter functions of the rules of release. They only look things up in the project."""
 
 
+# the steps whose output is in a release or shapes it
+RELEASED_STEPS = [
+    "ingest.frames",
+    "ingest.mocap",
+    "ingest.detect",
+    "ingest.detections",
+    "ingest.gallery",
+    "calibrate.intrinsics",
+    "calibrate.locate",
+    "calibrate.place",
+    "calibrate.adjust",
+    "calibrate.align",
+    "calibrate.clocks",
+    "calibrate.follow",
+    "reconstruct.timeline",
+    "reconstruct.triangulate",
+    "reconstruct.refine",
+    "label.reproject",
+    "evaluate.evaluate",
+    "release.package",
+]
+
+
+def released_code():
+    """The hash of each of these steps' code, as `step=hash` words."""
+    return [f"{step}={code(step)}" for step in RELEASED_STEPS]
+
+
 def released(path):
     """A file of every released sequence."""
     return expand(path, sequence=PROJECT.released_sequences)
@@ -90,12 +118,10 @@ def recordings(wildcards):
     found = {f"bag_{number}": path for number, path in numbered}
     found |= {"mocap": path for path in PROJECT.mocap(sequence)}
     found |= {"trigger_log": path for path in PROJECT.trigger_log(sequence)}
-    if PROJECT.detections_pattern(sequence):
-        pattern = PROJECT.detections_pattern(sequence)
-        for camera in close_names(wildcards):
-            path = pattern.format(camera=camera)
-            if os.path.exists(path) or "simulate" in CONFIG or PROJECT.detected_here(sequence):
-                found[f"detections.{camera}"] = path
+    if PROJECT.detections_pattern(sequence) and not PROJECT.detected_here(sequence):
+        paths = zip(close_names(wildcards), recorded_detections(wildcards), strict=True)
+        there_now = [pair for pair in paths if "simulate" in CONFIG or os.path.exists(pair[1])]
+        found |= {f"detections.{camera}": path for camera, path in there_now}
     return [f"{what}={path}" for what, path in found.items()]
 
 

@@ -64,6 +64,7 @@ rule package:
         config=release_config,
         out=release_folder,
         sheets=as_json([PROJECT.rows, PROJECT.subjects]),
+        steps=released_code(),
         code=code("release.package"),
     shell:
         "dior package"
@@ -80,6 +81,7 @@ rule package:
         " --metrics {input.metrics:q}"
         " --gallery {input.gallery:q}"
         " --provenance {input.provenance:q}"
+        " --code {params.steps:q}"
         " --out {params.out:q}"
         " 2>&1 | tee {log:q}"
 
