@@ -19,7 +19,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from dior import tables
-from dior.consistency import consents
+from dior.consent import consents
 from dior.errors import DiorError
 from dior.evaluate import statistics
 from dior.evaluate.metrics import as_csv, merged
