@@ -3,9 +3,9 @@
 INPUTS   the `frames` tables of all walks of a person that are released, the `gallery` if there is one
 OUTPUTS  how many nanoseconds are taken off every stamp of the person; tables with these stamps
 
-It is one number for a person, so that the times between the person's own pictures stay what they were, also from one
-session to the next; two people's stamps have nothing to do with each other any more. The first picture gets FIRST_NS and
-not 0: motion capture may begin before it, and a negative stamp is none (see tables.py).
+It is one number for a person: the times between the person's own pictures stay what they were, also from one session to
+the next, and two people's stamps have nothing to do with each other any more. The first picture gets FIRST_NS, not 0:
+motion capture may begin before it, and a negative stamp is none (see tables.py).
 """
 
 import numpy as np
