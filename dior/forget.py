@@ -106,7 +106,7 @@ def _unit(parts):
     """The sequence, session or person that an output or a log is about; None where it is about all."""
     if len(parts) < 3 or parts[0] not in ("results", "logs") or parts[1] not in STEPS:
         return None
-    step, rest = parts[1], list(parts[2:])
+    step, rest = parts[1], [part for part in parts[2:] if part != ".snakemake_timestamp"]
     while rest and rest[0] in INSIDE.get(step, ()):
         rest = rest[1:]
     # what a killed job was writing begins with a dot
