@@ -132,7 +132,8 @@ def _indoors(capture, session):
         unit, marked = f"{session}/{camera}", capture.project.marks_sequences(session, camera)
         locate.run(
             session=session, camera=camera, camera_file=_config(capture, session, camera),
-            marks=_config(capture, session, camera, "marks.csv"), intrinsics=capture.made("intrinsics", unit),
+            marks=_config(capture, session, camera, "marks.csv"), sequences=marked,
+            intrinsics=capture.made("intrinsics", unit),
             mocap=[capture.made("mocap", name) for name in marked],
             frames=[capture.made("frames", name) for name in marked],
             offsets=[_offsets(capture, name) for name in marked],

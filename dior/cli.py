@@ -119,6 +119,7 @@ STEPS = {
             "camera": TEXT,
             "camera-file": PATH,
             "marks": PATH,
+            "sequences": WORDS,
             "intrinsics": PATH,
             "mocap": PATHS,
             "frames": PATHS,
@@ -167,6 +168,7 @@ STEPS = {
             "max-gap": NUMBER,
             "known": JSON,
             "marks": PATHS,
+            "marked": WORDS,
             "tags": PATHS,
             "intrinsics-sigma": NUMBER,
             "physics": JSON,
@@ -470,7 +472,7 @@ STEPS = {
 }
 
 # no steps of the workflow: a person types them
-BY_HAND = {"init": "dior.init", "trigger": "dior.ingest.trigger"}
+BY_HAND = {"init": "dior.init", "trigger": "dior.ingest.trigger", "forget": "dior.forget"}
 
 
 def _parser():
@@ -484,6 +486,10 @@ def _parser():
     init = commands.add_parser("init", help="start a project folder for your own recordings")
     init.add_argument("folder", type=Path)
     _trigger_parser(commands)
+    text = "list, or delete, what is left of sequences and people that the project no longer has"
+    forget = commands.add_parser("forget", help=text, description=text)
+    forget.add_argument("--project", type=Path, default=Path("."), help="folder that holds config/ (default: this one)")
+    forget.add_argument("--yes", action="store_true", help="delete what is listed")
     return parser
 
 

@@ -43,9 +43,9 @@ def run(
     nobody agreed to the release and where a released sequence lacks a table or is labelled as another subject's.
     """
     project, out = projects.load(project, config), Path(out)
-    walks = roster.released_walks(project)
-    _withdraw(out, {walk["subject"] for walk in walks.values()})
-    if not walks:
+    kept = set(map(project.pseudonym, project.released_subjects))
+    _withdraw(out, kept)
+    if not kept:
         shutil.rmtree(out, ignore_errors=True)
         raise DiorError("config/subjects.tsv: no subject's consent_release is yes, so there is nothing to release")
     found = {
@@ -55,6 +55,8 @@ def run(
         "frames": _by_name(frames, "frames"),
         "detections": _by_name(detections, "detections"),
     }
+    needed = {name: _of(found["frames"], name, "frames") for name in project.released_sequences}
+    walks = roster.released_walks(project, needed)
     sources = {name: _sources(walk, found, marks, project) for name, walk in walks.items()}
     recordings = {name: _of(_by_name(provenance, "checksums"), name, "checksums") for name in walks}
     rig = rigs.released(cameras, covariances, walks)

@@ -1,6 +1,6 @@
 """Who and what a release holds: the walks of the people who agreed, by pseudonym, the people and their gallery.
 
-INPUTS   a `Project`, the `gallery` table
+INPUTS   a `Project`, the `frames` and `gallery` tables
 OUTPUTS  the released walks; columns of `sequences`, `subjects` and `released_gallery`
 """
 
@@ -8,18 +8,20 @@ import numpy as np
 
 from dior import tables
 from dior.bumps import MARK, session_folder
+from dior.release import stamps
 
 SHEET_COLUMNS = ("sequence", "environment", "outfit", "walk", "subject")
 
 
-def released_walks(project):
+def released_walks(project, frames):
     """Rows of the sheet by sequence, sorted by pseudonym and sequence, of the walks that are released.
 
-    `subject` is the pseudonym, `real` who it is; `session` is the project's, `shown` what the release calls it;
-    `cameras` are the names of those that recorded it.
+    `frames`: the `frames` table by sequence. `subject` is the pseudonym, `real` who it is; `session` is the project's,
+    `shown` what the release calls it; `cameras` are the names of those that recorded it; `taken_off` is what every
+    stamp is made less by, ns.
     """
     rows = {name: project.sequence(name) for name in project.released_sequences}
-    shown = _session_names(rows)
+    shown, taken_off = _session_names(rows), _taken_off(project, frames)
     walks = [
         {
             **row,
@@ -27,10 +29,19 @@ def released_walks(project):
             "subject": project.pseudonym(row["subject"]),
             "shown": shown[row["session"]],
             "cameras": sorted(project.cameras_of(name)),
+            "taken_off": taken_off[row["subject"]],
         }
         for name, row in rows.items()
     ]
     return {walk["sequence"]: walk for walk in sorted(walks, key=lambda walk: (walk["subject"], walk["sequence"]))}
+
+
+def _taken_off(project, frames):
+    """By real name, ns to take off the stamps: 0 unless the config asks for more."""
+    people = project.released_subjects
+    if not project.config["release"]["shift_stamps"]:
+        return dict.fromkeys(people, 0)
+    return {who: stamps.taken_off([frames[name] for name in project.sequences_of_subject(who)]) for who in people}
 
 
 def _session_names(rows):
@@ -72,8 +83,11 @@ def subjects(walks, people):
 def gallery(path, walks):
     """Columns of the gallery of the released subjects, by pseudonym, without the files, which name machines."""
     pseudonyms = {walk["real"]: walk["subject"] for walk in walks.values()}
+    taken_off = {walk["real"]: walk["taken_off"] for walk in walks.values()}
     table = tables.read(path, "gallery")
     table = tables.rows(table, np.array([name in pseudonyms for name in table["subject"]], bool))
+    taken_off = np.array([taken_off[name] for name in table["subject"]], np.int64)
+    table["stamp_ns"] = stamps.earlier(table["stamp_ns"], taken_off)
     table["subject"] = np.array([pseudonyms[name] for name in table["subject"]], object)
     order = np.lexsort([table[key].astype(str) for key in ("angle", "outfit", "subject")])
     return {key: table[key][order] for key in tables.columns_of("released_gallery")}

@@ -17,6 +17,7 @@ import pyarrow.compute as pc
 from dior import buffers, hand_boxes, tables
 from dior.errors import DiorError
 from dior.evaluate import checks as hand_checks
+from dior.release import stamps as shift
 from dior.schemas import SCHEMAS
 
 
@@ -38,6 +39,7 @@ def write(folder, walk, sources):
     """Write what the release folder `folder` has of one walk (see roster.py)."""
     who, name = walk["subject"], walk["sequence"]
     index = tables.read(sources.frames, "frames", ["camera", "frame", "stamp_ns"])
+    index["stamp_ns"] = shift.earlier(index["stamp_ns"], walk["taken_off"])
     stamps = {camera: _stamps(index, camera) for camera in walk["cameras"]}
     joints = {}
     for camera in walk["cameras"]:
@@ -74,6 +76,7 @@ def _as_pseudonym(table, path, walk):
     kind = tables.kind_of(table)
     at = table.schema.get_field_index("subject")
     named = table.set_column(at, SCHEMAS[kind].field("subject"), _repeated(walk["subject"], len(table)))
+    named = shift.shifted(named, walk["taken_off"]) if walk["taken_off"] else named
     return named.replace_schema_metadata(tables.own_metadata(kind))
 
 
@@ -83,16 +86,17 @@ def _repeated(word, length):
 
 
 def _check_pictures(path, walk, camera, stamps):
-    """The pictures must be of this recording, under the pseudonym of today, and all of its frames."""
-    table = tables.read_arrow(path, "released_frames", ["subject", "sequence", "camera", "frame"])
+    """The pictures must be of this recording, under the pseudonym and with the stamps of today, and all of them."""
+    table = tables.read_arrow(path, "released_frames", ["subject", "sequence", "camera", "frame", "stamp_ns"])
     for column, expected in (("subject", walk["subject"]), ("sequence", walk["sequence"]), ("camera", camera)):
         names = pc.unique(table[column].cast(pa.string())).to_pylist()
         if names not in ([expected], []):
             raise DiorError(f"{path}: the {column} is {names[0]}, not {expected}; delete it and run again")
-    if table["frame"].to_pylist() != sorted(stamps):
+    found = zip(table["frame"].to_pylist(), table["stamp_ns"].to_pylist(), strict=True)
+    if list(found) != sorted(stamps.items()):
         raise DiorError(
-            f"{path}: has {len(table)} rows, which are not the {len(stamps)} frames of {walk['sequence']}, camera "
-            f"{camera}; delete it and run again"
+            f"{path}: has {len(table)} rows, whose frames and stamps are not those of the {len(stamps)} pictures of "
+            f"{walk['sequence']}, camera {camera}; delete it and run again"
         )
 
 
@@ -123,7 +127,8 @@ def _write_detections(path, walk, folder):
         ]
         schema = schema.with_metadata(tables.own_metadata("released_detections"))
         out = folder / "detections" / walk["subject"] / f"{name}.{camera}.parquet"
-        tables.write_arrow(out, pa.Table.from_arrays(columns, schema=schema))
+        released = pa.Table.from_arrays(columns, schema=schema)
+        tables.write_arrow(out, shift.shifted(released, walk["taken_off"]) if walk["taken_off"] else released)
 
 
 def _write_boxes(path, walk, camera, stamps, folder):

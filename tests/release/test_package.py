@@ -15,7 +15,7 @@ import pytest
 
 from dior import tables
 from dior.errors import DiorError
-from dior.release import layout, shards
+from dior.release import layout, shards, stamps
 from tests.release.made import CONSENT, PSEUDONYM, ROLES, WALKS, build, files, labels, pixels, project, sheets
 
 SECRETS = ("Realname", "Secondname", "Refuser", "mango-0003", "walk_4", "walk_5", "host", "/home")
@@ -261,7 +261,7 @@ def test_a_part_of_a_session_is_called_after_a_released_walk(tmp_path):
         ),
         (
             lambda m: pixels(m["pixels"][0], "zebra-0001", "walk_1", "cam01", count=2),
-            "has 2 rows, which are not the 3 frames of walk_1, camera cam01",
+            "has 2 rows, whose frames and stamps are not those of the 3 pictures of walk_1, camera cam01",
         ),
     ],
 )
@@ -305,6 +305,22 @@ def test_the_gallery_is_of_released_subjects_under_pseudonyms_without_files(made
     made["gallery"] = None
     out = build(made)
     assert not (out / "gallery.parquet").exists() and "gallery.parquet" not in (out / "README.md").read_text()
+
+
+def test_stamps_count_from_each_persons_first_picture_where_asked_for(made, built):
+    config = made["config"] | {"release": made["config"]["release"] | {"shift_stamps": True}}
+    with pytest.raises(DiorError, match="whose frames and stamps are not those of the 3 pictures"):
+        build(made, config=config)
+    for path in made["pixels"]:
+        table = tables.read(path, "released_frames")
+        tables.write(path, "released_frames", table | {"stamp_ns": table["stamp_ns"] + stamps.FIRST_NS})
+    out = build(made, config=config)
+    for path in sorted(out.rglob("*.parquet")):
+        kind = tables.metadata(path)["dior_table"]
+        if "stamp_ns" in tables.columns_of(kind):
+            before = tables.read(built["out"] / path.relative_to(out), kind, ["stamp_ns"])["stamp_ns"]
+            after = tables.read(path, kind, ["stamp_ns"])["stamp_ns"]
+            assert (after - before == stamps.FIRST_NS).all() and len(after), path
 
 
 def test_provenance_tells_what_it_was_made_of_and_no_names(built):
