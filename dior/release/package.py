@@ -79,8 +79,7 @@ def run(
         ):
             if len(columns.get("subject", columns.get("session", ()))):
                 tables.write(folder / f"{name}.parquet", table, columns)
-        everyone = len(walks) == len(project.sequences)
-        rows = figures.released(metrics, walks, everyone)
+        rows = figures.released(metrics, walks)
         write_text(folder / "metrics.csv", as_csv(rows))
         counted = _counted(shown, roles, sources, pictures.get("angle", ()))
         _write_about(folder, project, walks, counted, rows, record.of(project, walks, recordings, code))

@@ -54,7 +54,7 @@ def write_config(root, release=None):
 
 
 def sheets(root, consent, truth="", walks=WALKS):
-    """Write the sheets; walk_5 is excluded."""
+    """Write the sheets; walk_5 is excluded. Everybody agreed to be processed."""
     lines = []
     for i, (name, who, session, environment, outfit) in enumerate(walks):
         mocap, detections = ("a.c3d", "") if environment == "indoor" else ("", "mlkit/{camera}.jsonl")
@@ -66,10 +66,10 @@ def sheets(root, consent, truth="", walks=WALKS):
     (root / "config/sequences.tsv").write_text("\n".join("\t".join(line) for line in [SEQUENCES, *lines]) + "\n")
     names = [*PSEUDONYM, *sorted({who for _, who, *_ in walks} - set(PSEUDONYM))]
     people = [
-        f"{who}\t{PSEUDONYM.get(who, f'p-{who}-000')}\t{'1.72' if who == 'Realname' else ''}\t\t{consent[who]}"
+        f"{who}\t{PSEUDONYM.get(who, f'p-{who}-000')}\t{'1.72' if who == 'Realname' else ''}\t\t{consent[who]}\tyes"
         for who in names
     ]
-    columns = "subject\tpseudonym\theight_m\theight_sigma_m\tconsent_release"
+    columns = "subject\tpseudonym\theight_m\theight_sigma_m\tconsent_release\tconsent_processing"
     (root / "config/subjects.tsv").write_text("\n".join([columns, *people]) + "\n")
 
 
