@@ -463,7 +463,7 @@ STEPS = {
     ),
     "tarballs": (
         "release.tarballs",
-        "pack one subject's part of the release",
+        "pack one subject's part of the release, or its metadata",
         {"release": PATH, "subject": TEXT, "out": PATH},
     ),
 }

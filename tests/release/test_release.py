@@ -1,10 +1,7 @@
 """The release holds what was agreed to, under pseudonyms, and is the same bytes each time."""
 
-import hashlib
 import io
 import subprocess
-import tarfile
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -15,7 +12,7 @@ import yaml
 from dior import tables
 from dior.camera import Camera, Intrinsics
 from dior.errors import DiorError
-from dior.release import package, tarballs
+from dior.release import package
 
 FACTS = {
     "version": "0.1.0",
@@ -126,7 +123,8 @@ def test_who_did_not_agree_is_in_no_file(made):
     package.run(**made)
     found = files(made["out"])
     assert sorted(found) == [
-        "README.md", "SHA256SUMS", "cameras.parquet", "frames/apple-0002/walk_3.parquet",
+        "README.md", "SHA256SUMS", "cameras.parquet", "checksums/apple-0002/SHA256SUMS",
+        "checksums/zebra-0001/SHA256SUMS", "frames/apple-0002/walk_3.parquet",
         "frames/zebra-0001/walk_1.parquet", "frames/zebra-0001/walk_2.parquet",
         "labels_2d/apple-0002/walk_3.cam01.parquet", "labels_2d/apple-0002/walk_3.cam02.parquet",
         "labels_2d/zebra-0001/walk_1.cam01.parquet", "labels_2d/zebra-0001/walk_1.cam02.parquet",
@@ -206,6 +204,20 @@ def test_nothing_of_an_earlier_release_stays(made, tmp_path):
     package.run(**made)
     names = set(files(made["out"]))
     assert "labels_2d/stale.parquet" not in names and not [name for name in names if "apple" in name]
+
+
+def test_tarballs_of_one_who_withdrew_are_removed_half_made_ones_too(made, tmp_path):
+    package.run(**made)
+    beside = made["out"].parent
+    for part in (*PSEUDONYM.values(), "metadata"):
+        for name in (f"dior-0.1.0-{part}.tar", f".dior-0.1.0-{part}.part.tar", f".dior-0.1.0-{part}.part.json"):
+            (beside / name).touch()
+    sheets(tmp_path, {"Realname": "yes", "Secondname": "no", "Refuser": "no"})
+    package.run(**made)
+    assert {path.name for path in beside.iterdir()} == {
+        "dior-0.1.0", "dior-0.1.0-zebra-0001.tar", ".dior-0.1.0-zebra-0001.part.tar",
+        ".dior-0.1.0-zebra-0001.part.json",
+    }  # fmt: skip
 
 
 def test_a_build_that_fails_leaves_the_earlier_one(made):
@@ -293,51 +305,6 @@ def test_a_simulated_capture_says_so(made, tmp_path):
     assert "**These recordings are simulated.**" in (made["out"] / "README.md").read_text()
 
 
-def test_the_tarballs_together_are_the_release(made, tmp_path):
-    package.run(**made)
-    for who in ("zebra-0001", "apple-0002"):
-        out = made["out"].with_name(f"dior-0.1.0-{who}.tar")
-        tarballs.run(release=made["out"], subject=who, out=out)
-        with tarfile.open(out) as tar:
-            members = tar.getmembers()
-            assert [m.name for m in members] == sorted(m.name for m in members)
-            assert {(m.mtime, m.uid, m.gid, m.uname, m.gname, m.mode) for m in members} == {(0, 0, 0, "", "", 0o644)}
-            other = {"zebra-0001": "apple-0002", "apple-0002": "zebra-0001"}[who]
-            assert not [m.name for m in members if other in m.name]
-            tar.extractall(tmp_path / "unpacked", filter="data")
-        checked = subprocess.run(
-            ["sha256sum", "-c", "--ignore-missing", "--quiet", "SHA256SUMS"], cwd=tmp_path / "unpacked/dior-0.1.0"
-        )
-        assert checked.returncode == 0
-    assert files(tmp_path / "unpacked/dior-0.1.0") == files(made["out"])
-
-
-def test_a_tarball_is_the_same_bytes_whenever_it_is_made(made):
-    package.run(**made)
-    sums = []
-    for stamp in (0, 10**9):
-        for path in made["out"].rglob("*"):
-            path.touch()
-            path.chmod(0o755 if path.is_dir() or stamp else 0o600)
-        out = made["out"].with_name("subject.tar")
-        tarballs.run(release=made["out"], subject="zebra-0001", out=out)
-        sums.append(hashlib.sha256(out.read_bytes()).hexdigest())
-    assert sums[0] == sums[1]
-
-
-def test_what_no_tarball_can_be_made_of(made, tmp_path):
-    out = Path(tmp_path / "x.tar")
-    with pytest.raises(DiorError, match="build the release first"):
-        tarballs.run(release=made["out"], subject="zebra-0001", out=out)
-    package.run(**made)
-    with pytest.raises(DiorError, match=r"'zebra-001' is not in the release \(did you mean 'zebra-0001'"):
-        tarballs.run(release=made["out"], subject="zebra-001", out=out)
-    (made["out"] / "frames/zebra-0001/walk_1.parquet").unlink()
-    with pytest.raises(DiorError, match="walk_1.parquet: listed in SHA256SUMS but gone"):
-        tarballs.run(release=made["out"], subject="zebra-0001", out=out)
-    assert not out.exists()
-
-
 def test_the_gallery_is_of_released_subjects_under_pseudonyms_without_files(made, tmp_path):
     who = ["Refuser", "Secondname", "Realname", "Realname"]
     table = {"subject": who, "outfit": ["coat", "", "coat", "coat"], "angle": ["frontal"] * 4, "picture": [0, 0, 0, 1],
@@ -352,8 +319,6 @@ def test_the_gallery_is_of_released_subjects_under_pseudonyms_without_files(made
     assert not [name for name in (b"Refuser", b"Realname", b"mango-0003") if name in content]
     card = (made["out"] / "README.md").read_text()
     assert "### `gallery.parquet`" in card and "config_name: gallery" in card
-    names = tarballs.members(made["out"], "zebra-0001")
-    assert "gallery.parquet" in names
     sheet = made["project"] / "config/sequences.tsv"
     third = "walk_3/host.bag\t\t\t\t"
     assert third in sheet.read_text()
