@@ -13,9 +13,11 @@ packed is told in the .json once it is surely on the disk, and a run that was ki
 """
 
 import hashlib
+import itertools
 import json
 import os
 import tarfile
+from collections import deque
 from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import suppress
 from dataclasses import dataclass
@@ -26,7 +28,9 @@ from dior.files import write_text
 from dior.progress import told
 from dior.release import sums
 
-BLOCK = 4 << 20
+BLOCK = 1 << 20
+# blocks that are written but not hashed yet
+AHEAD = 8
 # what a killed run may have packed in vain
 CHECKPOINT = 256 << 20
 
@@ -68,10 +72,10 @@ def run(*, release, subject, out):
     part, state = leftovers(out)
     which = hashlib.sha256(b"".join(member.header + member.digest.encode() for member in packed)).hexdigest()
     done = _done(part, state, which, packed)
-    with open(part, "r+b" if done else "wb", buffering=0) as tar, ThreadPoolExecutor(2) as pool:
+    with open(part, "r+b" if done else "wb", buffering=0) as tar:
         tar.truncate(done)
         tar.seek(done)
-        _pack(tar, [member for member in packed if member.start >= done], Note(state, which), pool, out.name)
+        _pack(tar, [member for member in packed if member.start >= done], Note(state, which), out.name)
         _write(tar, bytes(size_of(packed[-1].end) - packed[-1].end))
         _on_disk(tar)
     os.replace(part, out)
@@ -138,22 +142,23 @@ def _done(part, state, which, planned):
     return noted["done"] if known and noted["done"] <= there else 0
 
 
-def _pack(tar, planned, note, pool, where):
+def _pack(tar, planned, note, where):
     """Append files; what is on the disk is noted now and then, and when the packing is cut short."""
     whole = noted = tar.tell()
     noting = None
-    try:
-        for end in told(_ends(tar, planned, pool), sum(map(_blocks, planned)), "blocks of 4 MB", where):
-            whole = max(whole, end)
-            if whole - noted >= CHECKPOINT and (noting is None or noting.done()):
-                noting, noted = pool.submit(note.write, tar, whole), whole
-    except BaseException:
-        # the space of the file that was cut short is freed first: the disk may be full
-        with suppress(OSError, DiorError):
-            wait([noting] if noting else [])
-            tar.truncate(whole)
-            note.write(tar, whole)
-        raise
+    with ThreadPoolExecutor(1) as hasher, ThreadPoolExecutor(1) as noter:
+        try:
+            for end in told(_ends(tar, planned, hasher), sum(map(_blocks, planned)), "MB", where):
+                whole = max(whole, end)
+                if whole - noted >= CHECKPOINT and (noting is None or noting.done()):
+                    noting, noted = noter.submit(note.write, tar, whole), whole
+        except BaseException:
+            # the space of the file that was cut short is freed first: the disk may be full
+            with suppress(OSError, DiorError):
+                wait([noting] if noting else [])
+                tar.truncate(whole)
+                note.write(tar, whole)
+            raise
     if noting is not None:
         noting.result()
 
@@ -162,28 +167,27 @@ def _blocks(member):
     return max(1, -(-member.size // BLOCK))
 
 
-def _ends(tar, planned, pool):
+def _ends(tar, planned, hasher):
     """Write files, yielding after each block where the last whole file ends, 0 where none has been written.
 
-    A block is hashed while it is written and the next one is read, so that one core does nothing but the hash.
+    Another thread hashes what is written, a few blocks behind, so that one core does nothing but the hash.
     """
-    spare, other, end = bytearray(BLOCK), bytearray(BLOCK), 0
+    buffers, end = itertools.cycle([bytearray(BLOCK) for _ in range(AHEAD + 1)]), 0
     for member in planned:
         _write(tar, member.header)
-        digest, hashing = hashlib.sha256(), None
+        digest, hashing = hashlib.sha256(), deque()
         with _opened(member) as stream:
             for left in range(member.size, 0, -BLOCK):
-                block = memoryview(spare)[: min(left, BLOCK)]
+                block = memoryview(next(buffers))[: min(left, BLOCK)]
                 if _read(stream, block, member) != len(block):
                     raise _changed(member)
-                if hashing is not None:
-                    hashing.result()
-                    yield end
-                hashing = pool.submit(digest.update, block)
+                hashing.append(hasher.submit(digest.update, block))
                 _write(tar, block)
-                spare, other = other, spare
-            if hashing is not None:
-                hashing.result()
+                if len(hashing) > AHEAD:
+                    hashing.popleft().result()
+                if left > BLOCK:
+                    yield end
+            wait(hashing)
             if _read(stream, bytearray(1), member) or digest.hexdigest() != member.digest:
                 raise _changed(member)
         end = member.end

@@ -140,7 +140,7 @@ import sys
 from pathlib import Path
 from dior.errors import DiorError
 from dior.release import tarballs
-tarballs.CHECKPOINT = tarballs.BLOCK = 1 << 20
+tarballs.CHECKPOINT = 1 << 20
 if sys.argv[4:]:
     import resource
     resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[4]), resource.RLIM_INFINITY))
