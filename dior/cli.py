@@ -469,7 +469,12 @@ STEPS = {
 }
 
 # no steps of the workflow: a person types them
-BY_HAND = {"init": "dior.init", "trigger": "dior.ingest.trigger"}
+BY_HAND = {
+    "init": "dior.init",
+    "trigger": "dior.ingest.trigger",
+    "verify": "dior.release.verify",
+    "diff": "dior.release.diff",
+}
 
 
 def _parser():
@@ -483,6 +488,15 @@ def _parser():
     init = commands.add_parser("init", help="start a project folder for your own recordings")
     init.add_argument("folder", type=Path)
     _trigger_parser(commands)
+    text = "is a release, its exports or a tarball whole, unchanged and consistent"
+    verify = commands.add_parser("verify", help=text, description=text)
+    verify.add_argument("paths", type=Path, nargs="+", help="release folder, exports folder, tarballs")
+    verify.add_argument("--decode", action="store_true", help="decode every picture, not only read its header")
+    text = "which sequences and cameras differ between two releases, by how much and why; exit code 1 where any does"
+    diff = commands.add_parser("diff", help=text, description=text)
+    diff.add_argument("first", type=Path, help="release folder")
+    diff.add_argument("second", type=Path, help="release folder")
+    diff.add_argument("--json", dest="as_json", action="store_true", help="print JSON instead of text")
     return parser
 
 
@@ -526,8 +540,8 @@ def main(argv=None):
             return 0
         args = _parser().parse_args(argv)
         if args.command in BY_HAND:
-            import_module(BY_HAND[args.command]).run(**{k: v for k, v in vars(args).items() if k != "command"})
-            return 0
+            done = import_module(BY_HAND[args.command]).run(**{k: v for k, v in vars(args).items() if k != "command"})
+            return done or 0
         step, arguments = args.command, _arguments(args)
         import_module(f"dior.{STEPS[step][0]}").run(**arguments)
         timing.write(step, arguments, started)
