@@ -466,13 +466,19 @@ STEPS = {
     ),
     "tarballs": (
         "release.tarballs",
-        "pack one subject's part of the release",
+        "pack one subject's part of the release, or its metadata",
         {"release": PATH, "subject": TEXT, "out": PATH},
     ),
 }
 
 # no steps of the workflow: a person types them
-BY_HAND = {"init": "dior.init", "trigger": "dior.ingest.trigger", "forget": "dior.forget"}
+BY_HAND = {
+    "init": "dior.init",
+    "trigger": "dior.ingest.trigger",
+    "verify": "dior.release.verify",
+    "diff": "dior.release.diff",
+    "forget": "dior.forget",
+}
 
 
 def _parser():
@@ -490,6 +496,15 @@ def _parser():
     forget = commands.add_parser("forget", help=text, description=text)
     forget.add_argument("--project", type=Path, default=Path("."), help="folder that holds config/ (default: this one)")
     forget.add_argument("--yes", action="store_true", help="delete what is listed")
+    text = "is a release, its exports or a tarball whole, unchanged and consistent"
+    verify = commands.add_parser("verify", help=text, description=text)
+    verify.add_argument("paths", type=Path, nargs="+", help="release folder, exports folder, tarballs")
+    verify.add_argument("--decode", action="store_true", help="decode every picture, not only read its header")
+    text = "which sequences and cameras differ between two releases, by how much and why; exit code 1 where any does"
+    diff = commands.add_parser("diff", help=text, description=text)
+    diff.add_argument("first", type=Path, help="release folder")
+    diff.add_argument("second", type=Path, help="release folder")
+    diff.add_argument("--json", dest="as_json", action="store_true", help="print JSON instead of text")
     return parser
 
 
@@ -533,8 +548,8 @@ def main(argv=None):
             return 0
         args = _parser().parse_args(argv)
         if args.command in BY_HAND:
-            import_module(BY_HAND[args.command]).run(**{k: v for k, v in vars(args).items() if k != "command"})
-            return 0
+            done = import_module(BY_HAND[args.command]).run(**{k: v for k, v in vars(args).items() if k != "command"})
+            return done or 0
         step, arguments = args.command, _arguments(args)
         import_module(f"dior.{STEPS[step][0]}").run(**arguments)
         timing.write(step, arguments, started)

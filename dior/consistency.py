@@ -142,6 +142,10 @@ def _check_pseudonyms(subjects):
     owner = {}
     for name, row in subjects.items():
         word = row["pseudonym"].lower()
+        if word == "metadata":
+            raise DiorError(
+                f"config/subjects.tsv: '{name}' has the pseudonym '{word}', as a tarball is called; make one up"
+            )
         if word in owner:
             raise DiorError(
                 f"config/subjects.tsv: subjects '{owner[word]}' and '{name}' share the pseudonym '{row['pseudonym']}'"

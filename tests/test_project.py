@@ -233,6 +233,7 @@ def test_config_errors(root, old, new, parts):
         ("subjects", "\tconsent_release", "", ["column 'consent_release' is missing"]),
         ("subjects", "zebra-0001", "zebra", ["line 2", "'pseudonym' is 'zebra'", "8 or more letters"]),
         ("subjects", "apple-0002", "zebra-0001", ["'S01' and 'S02' share the pseudonym"]),
+        ("subjects", "apple-0002", "Metadata", ["pseudonym 'metadata', as a tarball is called"]),
         ("subjects", "1.72", "172", ["line 2", "'height_m' is '172' but should be a height in metres"]),
         ("subjects", "\tyes", "\tmaybe", ["line 2", "'consent_release' is 'maybe'", "yes or no"]),
     ],

@@ -23,11 +23,9 @@ from dior.evaluate import statistics
 from dior.evaluate.metrics import as_csv
 from dior.files import write_text
 from dior.progress import told
-from dior.provenance import file_sha256
 from dior.release import cameras as rigs
-from dior.release import card, citation, croissant, figures, layout, record, roster, shards, splits
+from dior.release import card, citation, croissant, figures, layout, record, roster, shards, splits, sums
 
-SUMS = "SHA256SUMS"
 THREADS = 2
 
 
@@ -83,14 +81,19 @@ def run(
         write_text(folder / "metrics.csv", as_csv(rows))
         counted = _counted(shown, roles, sources, pictures.get("angle", ()))
         _write_about(folder, project, walks, counted, rows, record.of(project, walks, recordings, code))
-        write_text(folder / SUMS, _sums(folder))
+        sums.write(folder)
 
 
 def _withdraw(out, kept):
-    """Remove the tarballs beside the release of everybody but `kept`: who withdrew is in no file any more."""
+    """Remove the tarballs beside the release, half-made ones too, of everybody but `kept`: who withdrew is in no file
+    any more. The metadata's names everybody, so that it is always made anew.
+    """
     for tarball in out.parent.glob(f"{out.name}-*.tar"):
         if tarball.name.removeprefix(f"{out.name}-").removesuffix(".tar") not in kept:
             tarball.unlink()
+    for left in (*out.parent.glob(f".{out.name}-*.part.tar"), *out.parent.glob(f".{out.name}-*.part.json")):
+        if left.name.removeprefix(f".{out.name}-").rpartition(".part.")[0] not in kept:
+            left.unlink()
 
 
 def _by_name(paths, what):
@@ -153,15 +156,6 @@ def _write_about(folder, project, walks, counted, figures, made_of):
 
 def _json(content):
     return json.dumps(content, indent=1, ensure_ascii=False) + "\n"
-
-
-def _sums(folder):
-    """Lines as `sha256sum` writes them, by path."""
-    files = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
-    with ThreadPoolExecutor(THREADS) as pool:
-        digests = pool.map(lambda file: file_sha256(folder / file), files)
-        hashed = told(zip(files, digests, strict=True), len(files), "files hashed", "release")
-        return "".join(f"{digest}  {file}\n" for file, digest in hashed)
 
 
 @contextmanager

@@ -43,6 +43,7 @@ def test_who_did_not_agree_is_in_no_file(built):
     tables_at_the_top = ("cameras", "camera_covariance", "sequences", "subjects", "splits")
     expected |= {f"{name}.parquet" for name in tables_at_the_top}
     expected |= {"README.md", "LICENSE", "CITATION.cff", "croissant.json", "provenance.json", "metrics.csv"}
+    expected |= {f"checksums/{who}/SHA256SUMS" for who in ("apple-0002", "zebra-0001")}
     assert set(found) == expected | {"SHA256SUMS"}
     for name, content in found.items():
         said = told(name, content)
@@ -154,7 +155,7 @@ package.run(**arguments)
 """
 
 
-@pytest.mark.parametrize("where", ["_sums", pytest.param("os.replace", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("where", ["sums.write", pytest.param("os.replace", marks=pytest.mark.slow)])
 def test_a_build_that_was_killed_and_run_again_is_the_same(built, tmp_path, where):
     code = KILLED.format(root=str(tmp_path), where=where)
     done = subprocess.run([sys.executable, "-c", code])

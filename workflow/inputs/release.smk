@@ -175,4 +175,6 @@ def existing_release():
 
 
 def tarballs_of(subjects):
-    return [f"{RELEASE}-{PROJECT.pseudonym(name)}.tar" for name in subjects]
+    """A tarball for each subject and one for what is about all of them."""
+    parts = [PROJECT.pseudonym(name) for name in subjects]
+    return [f"{RELEASE}-{part}.tar" for part in (*parts, "metadata") if parts]

@@ -2,7 +2,8 @@
 
 Required inputs: labels, pictures, skeletons, frames, detections, cameras and figures of the subjects who agreed, and
 their recordings, for the checksums.
-Outputs: results/provenance/<sequence>.json, results/release/dior-<version>/ and a tarball per subject beside it.
+Outputs: results/provenance/<sequence>.json, results/release/dior-<version>/ and beside it a tarball per
+subject and one of metadata.
 """
 
 
@@ -87,7 +88,7 @@ rule package:
 
 
 rule tarballs:
-    """Pack one subject's part of the release."""
+    """Pack one subject's part of the release, or what is about all (`metadata`)."""
     input:
         released_files(),
     output:
