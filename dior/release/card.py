@@ -13,7 +13,7 @@ import pyarrow as pa
 
 from dior import tables
 from dior.evaluate import statistics
-from dior.schemas import METRICS, SCHEMAS, VOCABULARY
+from dior.schemas import METRICS, PICTURE, SCHEMAS, VOCABULARY
 
 COUNTED = ("camera_recordings", "frames", "keypoints_2d", "missing_2d")
 TEMPLATE = Path(__file__).with_name("card.md.j2")
@@ -94,6 +94,8 @@ def _meaning(name, field):
 def _type(kind):
     if pa.types.is_dictionary(kind):
         return "string"
+    if kind == PICTURE:
+        return "struct of bytes, path"
     if pa.types.is_fixed_size_list(kind):
         return f"{kind.list_size} x {_type(kind.value_type)}"
     return str(np.dtype(kind.to_pandas_dtype()))

@@ -140,7 +140,8 @@ def _plain_metadata(table):
 
 def _release_frames(path, out):
     """The index of the pictures without the bag, topic and receive stamp, which name machines and files."""
-    table = tables.read(path, "frames", tables.columns_of("released_frames"))
+    there = [name for name in tables.columns_of("released_frames") if name in tables.columns_of("frames")]
+    table = tables.read(path, "frames", there)
     tables.write(out, "released_frames", table)
 
 
