@@ -38,9 +38,12 @@ TRUNK = {
 TRUNK_SIGMA_M = 0.04
 # How a head moves where nobody sees it: a straight line at one speed, but for an acceleration of this much (m/s^2; of
 # simulated walkers it is 1.5 rms, of runners 7, mostly up and down). Beyond these times it may be anywhere.
-ACCELERATION, MAX_GAP_S, MAX_BEYOND_S = 1.5, 0.4, 0.15
+ACCELERATION, MAX_GAP_S, MAX_BEYOND_S = 1.5, 0.5, 0.15
 # the speed at an end of what is known is taken over this time
 SPEED_S = 0.15
+# Two cameras may agree on a stranger for a moment. The head is on the longest chain of instants in which it goes no
+# further than at 1.5 m/s or its own usual speed, and JUMP_M for noise and steps; after AWAY_S it may be anywhere.
+SLOW_M_S, FASTER, JUMP_M, AWAY_S = 1.5, 1.5, 0.08, 1.0
 
 
 def _with_mirrored(places):
@@ -95,30 +98,82 @@ def _fitted(points, names, places, left):
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
-def bridged(times, middle, sigma):
-    """The same (F, 3), (F,) at `times` (F,) s with what is missing put between its neighbours, or a little beyond them.
+def steady(times, middle, filled):
+    """The same (F, 3) m at ascending `times` (F,) s without what is somebody else's: NaN off the longest chain.
 
-    On a straight line at one speed; the error grows with the time from what is known, and where that is too long ago it
-    stays NaN.
+    `filled` (F,) bool: what was put between others, which goes with those.
     """
-    known = np.flatnonzero(np.isfinite(middle[:, 0]))
-    lost = np.flatnonzero(~np.isfinite(middle[:, 0]))
-    middle, sigma = middle.copy(), sigma.copy()
-    if len(known) < 2 or not len(lost):
-        return middle, sigma
-    t, at = times[known], middle[known]
-    after = np.searchsorted(t, times[lost])
-    inside = (after > 0) & (after < len(known))
-    for i, k in zip(lost[inside], after[inside], strict=True):
-        gap, since = t[k] - t[k - 1], times[i] - t[k - 1]
-        if gap <= MAX_GAP_S:
-            middle[i] = at[k - 1] + (at[k] - at[k - 1]) * since / gap
-            sigma[i] = np.hypot(sigma[known[k - 1]], ACCELERATION / 2 * since * (gap - since))
-    for i, end in ((i, 0 if times[i] < t[0] else -1) for i in lost[~inside]):
+    known = np.isfinite(middle[:, 0])
+    seen = np.flatnonzero(known & ~filled)
+    if not len(seen):
+        return middle
+    good = np.zeros(len(times), bool)
+    good[seen] = _longest(times[seen], middle[seen])
+    after = np.searchsorted(seen, np.arange(len(times)))
+    before, after = seen[np.maximum(after - 1, 0)], seen[np.minimum(after, len(seen) - 1)]
+    good |= known & filled & good[before] & good[after]
+    return np.where(good[:, None], middle, np.nan)
+
+
+def _longest(t, at):
+    """Whether each point `at` (N, 3) at ascending `t` (N,) s is on the longest chain: (N,) bool."""
+    limit = _usual_speed(t, at)
+    length, came = np.ones(len(t), int), np.full(len(t), -1)
+    longest_before = 0
+    best_so_far, best_at = np.zeros(len(t), int), np.zeros(len(t), int)
+    for j in range(len(t)):
+        while t[j] - t[longest_before] > AWAY_S:
+            longest_before += 1
+        far = np.linalg.norm(at[longest_before:j] - at[j], axis=1)
+        near = np.flatnonzero(far <= limit * (t[j] - t[longest_before:j]) + JUMP_M) + longest_before
+        found = [near[np.argmax(length[near])]] if len(near) else []
+        if longest_before:
+            found.append(best_at[longest_before - 1])
+        if found:
+            came[j] = max(found, key=lambda i: length[i])
+            length[j] += length[came[j]]
+        best_at[j] = j if j == 0 or length[j] > best_so_far[j - 1] else best_at[j - 1]
+        best_so_far[j] = length[best_at[j]]
+    good, j = np.zeros(len(t), bool), best_at[-1]
+    while j >= 0:
+        good[j] = True
+        j = came[j]
+    return good
+
+
+def _usual_speed(t, at):
+    """Speed (m/s) that a head of this recording does not exceed for long."""
+    step = np.searchsorted(t, t + 0.2)
+    first = np.flatnonzero((step < len(t)) & (t[np.minimum(step, len(t) - 1)] - t < 0.4))
+    if not len(first):
+        return SLOW_M_S
+    speed = np.linalg.norm(at[step[first]] - at[first], axis=1) / (t[step[first]] - t[first])
+    return max(SLOW_M_S, FASTER * float(np.median(speed)), float(np.percentile(speed, 90)))
+
+
+def at_times(when, times, middle, sigma):
+    """Middles (P, 3) m and their own error (P,) m at `when` (P,) s, from those at `times` (F,) s, NaN where missing.
+
+    On a straight line at one speed between what is known, and a little beyond it; the error grows with the time from
+    there, and where that is too long ago there is nothing.
+    """
+    known = np.isfinite(middle[:, 0])
+    t, at, own = times[known], middle[known], sigma[known]
+    out, error = np.full((len(when), 3), np.nan), np.full(len(when), np.nan)
+    if len(t) < 2:
+        return out, error
+    after = np.clip(np.searchsorted(t, when), 1, len(t) - 1)
+    gap, since = t[after] - t[after - 1], when - t[after - 1]
+    inside = (since >= 0) & (since <= gap) & (gap <= MAX_GAP_S)
+    share = (since / gap)[:, None]
+    out[inside] = (at[after - 1] * (1 - share) + at[after] * share)[inside]
+    error[inside] = np.hypot(own[after - 1], ACCELERATION / 2 * since * (gap - since))[inside]
+    for end, beyond in ((0, t[0] - when), (-1, when - t[-1])):
         near = np.abs(t - t[end]) <= SPEED_S
-        since = times[i] - t[end]
-        if near.sum() >= 2 and abs(since) <= MAX_BEYOND_S:
-            speed = np.polyfit(t[near] - t[end], at[near], 1)[0]
-            middle[i] = at[end] + speed * since
-            sigma[i] = np.hypot(sigma[known[end]], ACCELERATION / 2 * (np.abs(since) + SPEED_S) * np.abs(since))
-    return middle, sigma
+        mine = (beyond > 0) & (beyond <= MAX_BEYOND_S)
+        if near.sum() < 2 or not mine.any():
+            continue
+        speed = np.polyfit(t[near] - t[end], at[near], 1)[0]
+        out[mine] = at[end] + (when[mine] - t[end])[:, None] * speed
+        error[mine] = np.hypot(own[end], ACCELERATION / 2 * (beyond[mine] + SPEED_S) * beyond[mine])
+    return out, error

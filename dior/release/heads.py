@@ -17,14 +17,18 @@ from dior import clocks as on_axis
 from dior import tables
 from dior.errors import DiorError
 from dior.release import head_model
-from dior.sampling import at_pictures, seconds
+from dior.sampling import seconds
 
-SIGMAS = 3.0
+# Of the labels' uncertainty. The ellipsoid is a head with its hair and somewhat more, so that 1.5 leave less than 0.1 %
+# of a head outside (benchmarks/blur.py); 3 would cover five times its area at 60 m.
+SIGMAS = 1.5
 # where the labels have no known uncertainty, 1 sigma as a share of the head's half width and height
 UNKNOWN_SIGMA = 1 / 6
 # The grid, px: the coarsest of which a box is at least this many wide and high. A head of 3 px in a box of 8 would be
 # covered ten times over.
 GRIDS, PER_BOX = (8, 4, 2, 1), 4
+# of a single pixel, this much of its width or height may be left outside
+SLIVER = 0.25
 
 
 def run(*, sequence, camera, cameras, skeleton, frames, clocks, labels, out, findings):
@@ -33,27 +37,38 @@ def run(*, sequence, camera, cameras, skeleton, frames, clocks, labels, out, fin
     `cameras`, `clocks`: tables that hold the camera's pose and its clock. Raises DiorError where they do not, and where
     the labels are of other pictures.
     """
-    (placed,) = tables.read_placed(cameras, [camera], sequence)
-    rows = tables.of_camera(tables.read(frames, "frames", ["camera", "frame", "stamp_ns"]), camera)
-    known = on_axis.read(clocks)
-    if camera not in known:
-        raise DiorError(f"{sequence}, camera {camera}: {', '.join(map(str, clocks))} has no clock of it")
-    body = tables.read(skeleton, "skeletons_3d")
-    clock = known[camera]
-    points, _, _, joints = at_pictures(body, rows["stamp_ns"], clock.offset_s, clock.drift_ppm)
-    times = seconds(rows["stamp_ns"], body["stamp_ns"][0], clock.offset_s, clock.drift_ppm)
-    middle, own = head_model.bridged(times, *head_model.centres(points, joints))
-    sigma = _sigma(labels, joints, rows, f"{sequence}, camera {camera}")
-    box, status = boxes(placed, middle, own, _everywhere(times, sigma))
+    rows, *found = known(sequence, camera, cameras, skeleton, frames, clocks, labels)
+    box, status = boxes(*found)
     box = np.where((status == "ok")[:, None], on_grid(box), np.nan)
     tables.write(out, "heads", {"frame": rows["frame"], "status": status, **dict(zip(EDGES, box.T, strict=True))})
-    found = _findings(f"{sequence}/{camera}", status, np.isfinite(sigma).any(), np.isfinite(points).any())
-    for _, severity, _, text in found:
+    said = _findings(f"{sequence}/{camera}", status, np.isfinite(found[-1]).any())
+    for _, severity, _, text in said:
         print(f"{sequence}, {camera}: {severity}: {text}", file=sys.stderr)
-    tables.write_findings(findings, found)
+    tables.write_findings(findings, said)
 
 
 EDGES = ("u_min", "v_min", "u_max", "v_max")
+
+
+def known(sequence, camera, cameras, skeleton, frames, clocks, labels):
+    """The camera's rows of `frames`, and what `boxes` needs of them, as of `run`."""
+    (placed,) = tables.read_placed(cameras, [camera], sequence)
+    rows = tables.of_camera(tables.read(frames, "frames", ["camera", "frame", "stamp_ns"]), camera)
+    if camera not in (own_clocks := on_axis.read(clocks)):
+        raise DiorError(f"{sequence}, camera {camera}: {', '.join(map(str, clocks))} has no clock of it")
+    body, clock = tables.read(skeleton, "skeletons_3d"), own_clocks[camera]
+    times = seconds(rows["stamp_ns"], body["stamp_ns"][0], clock.offset_s, clock.drift_ppm)
+    sigma = _sigma(labels, tables.ordered_unique(body["joint"]), rows, f"{sequence}, camera {camera}")
+    return rows, placed, *_heads(body, times), _everywhere(times, sigma)
+
+
+def _heads(body, times):
+    """The middle between the ears (F, 3) m at `times` (F,) s, and its own error (F,) m, of a `skeletons_3d` table."""
+    points, joints = tables.grid(body, "x", "y", "z")
+    instants = seconds(body["stamp_ns"].reshape(points.shape[:2])[:, 0], body["stamp_ns"][0])
+    middle, own = head_model.centres(points, joints)
+    filled = (body["status"] == "gap_filled").reshape(points.shape[:2])[:, head_model.used(joints)].any(axis=1)
+    return head_model.at_times(times, instants, head_model.steady(instants, middle, filled), own)
 
 
 def _sigma(labels, joints, rows, where):
@@ -132,15 +147,17 @@ def on_grid(box):
     with np.errstate(invalid="ignore"):
         small = np.minimum(edges[:, 2] - edges[:, 0], edges[:, 3] - edges[:, 1])
         grid = np.select([small >= PER_BOX * g for g in GRIDS[:-1]], GRIDS[:-1], GRIDS[-1])[:, None]
-    return np.concatenate([np.floor(edges[:, :2] / grid), np.ceil(edges[:, 2:] / grid)], axis=1) * grid
+        spared = np.where(grid == 1, SLIVER, 0.0)
+    low, high = np.floor(edges[:, :2] / grid + spared), np.ceil(edges[:, 2:] / grid - spared)
+    return np.concatenate([low, high], axis=1) * grid
 
 
-def _findings(scope, status, certain, seen):
+def _findings(scope, status, certain):
     found = []
     lost = int((status == "unknown").sum())
     if lost:
         text = f"{lost} of {len(status)} pictures are not released: where the head is in them is not known"
-        found.append((scope, "warning" if seen else "error", "head_unknown", text))
+        found.append((scope, "warning", "head_unknown", text))
     if not certain and (status == "ok").any():
         text = (
             "how certain the labels are is not known; the head is covered with half its size around it, so look at it"
