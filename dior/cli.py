@@ -465,7 +465,7 @@ STEPS = {
             "heads": MAYBE,
             "faces": {"choices": ["blurred", "filled", "pixelated", "shown"]},
             "consent": {"choices": ["yes", "no"]},
-            "origin-ns": {"type": int, "default": 0},
+            "shift": JSON,
             "out": PATH,
             "findings": PATH,
         },

@@ -27,6 +27,7 @@ UNKNOWN_SIGMA = 1 / 6
 # The grid, px: the coarsest of which a box is at least this many wide and high. A head of 3 px in a box of 8 would be
 # covered ten times over.
 GRIDS, PER_BOX = (8, 4, 2, 1), 4
+NEAR_M = 0.3
 # of a single pixel, this much of its width or height may be left outside
 SLIVER = 0.25
 
@@ -105,9 +106,9 @@ def boxes(camera, middle, own, sigma):
         box = np.concatenate([low - SIGMAS * error, high + SIGMAS * error], axis=1)
         lens = camera.intrinsics
         outside = (box[:, 0] >= lens.width - 0.5) | (box[:, 1] >= lens.height - 0.5) | (box[:, 2:] < -0.5).any(axis=1)
-    unknown = ~np.isfinite(centre).all(axis=1)
+        # a head at the lens: no box is sure to hold it
+        unknown = ~(np.linalg.norm(centre - camera.centre, axis=1) >= NEAR_M)
     behind = (depth <= 0).all(axis=1)
-    # a head beside the lens: no box is sure to hold it
     unknown |= (depth <= 0).any(axis=1) & ~behind
     nowhere = behind | ~np.isfinite(box).all(axis=1) | outside
     return box, np.where(unknown, "unknown", np.where(nowhere, "out_of_frame", "ok")).astype(object)

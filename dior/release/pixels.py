@@ -20,7 +20,7 @@ from dior.files import written_whole
 from dior.ingest import bags, messages
 from dior.ingest.containers import BROKEN
 from dior.progress import told
-from dior.release import covering, jpeg
+from dior.release import covering, jpeg, stamps
 from dior.release.heads import EDGES
 
 # pictures that are in memory at once and make a row group
@@ -28,12 +28,13 @@ GROUP = 200
 IMAGE = ("image.bytes", "image.path")
 
 
-def run(*, sequence, subject, camera, frames, data_root, heads, faces, consent, origin_ns, out, findings):
+def run(*, sequence, subject, camera, frames, data_root, heads, faces, consent, shift, out, findings):
     """Write the released pictures of one camera of one sequence.
 
     `subject`: the pseudonym. `heads`: its table, None where faces are `shown`. `consent`: "yes", or "no" for a subject
-    who did not agree to pictures, of which all are null then. `origin_ns` is taken from the stamps. Raises DiorError
-    where `heads` is of other pictures, and where a picture is not in its bag any more.
+    who did not agree to pictures, of which all are null then. `shift`: arguments of `stamps.taken_off`, empty to leave
+    the stamps as they are. Raises DiorError where `heads` is of other pictures, and where a picture is not in its bag
+    any more.
     """
     import cv2
 
@@ -42,6 +43,7 @@ def run(*, sequence, subject, camera, frames, data_root, heads, faces, consent, 
     rows = tables.of_camera(tables.read(frames, "frames"), camera)
     count = len(rows["frame"])
     boxes = _boxes(heads, rows, where) if faces != "shown" and consent == "yes" else [None] * count
+    later = stamps.taken_off(**shift) if shift else 0
     words = {"subject": subject, "sequence": sequence, "camera": camera}
     lost, why = Counter(), []
     with written_whole(out) as part, _writer(part) as writer:
@@ -54,7 +56,7 @@ def run(*, sequence, subject, camera, frames, data_root, heads, faces, consent, 
             columns = {
                 **{name: tables.Repeated([word], once) for name, word in words.items()},
                 **{name: mine[name] for name in ("frame", "height", "width")},
-                "stamp_ns": mine["stamp_ns"] - origin_ns,
+                "stamp_ns": mine["stamp_ns"] - later,
                 "image": pictures,
                 "no_image": reasons,
             }
