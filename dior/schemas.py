@@ -11,6 +11,7 @@ SKELETON_STATUS = ("ok", "too_few_views", "rejected", "gap_filled")
 OFFSET_SOURCE = ("estimated", "manual", "reference", "assumed_zero")
 CLOCK_METHOD = ("", "detections", "marks", "pictures", "cameras", "boxes")
 DROP_REASON = ("not_sent", "recorder_behind", "between_bags", "same_stamp", "same_picture")
+HEAD_STATUS = ("ok", "out_of_frame", "unknown")
 NO_IMAGE = ("no_consent", "head_unknown", "not_readable")
 MARK_KIND = ("mark", "check")
 SPLITS = {"subject": ("train", "val", "test"), "range": ("gallery", "probe"), "outfit": ("gallery", "probe")}
@@ -287,6 +288,19 @@ SCHEMAS = {
         ("wrong_together", pa.bool_(), "", "lies on the other limb, as in a second camera"),
         ("bystander", pa.bool_(), "", "somebody else was found instead of the subject"),
     ),
+    "heads": _schema(
+        ("frame", pa.int32()),
+        (
+            "u_min",
+            pa.float64(),
+            "px",
+            "first column of pixels that is covered, whole; it may lie outside the picture",
+        ),
+        ("v_min", pa.float64(), "px", "first row"),
+        ("u_max", pa.float64(), "px", "the column after the last"),
+        ("v_max", pa.float64(), "px", "the row after the last"),
+        ("status", _text),
+    ),
     "released_frames": _schema(
         ("subject", _text, "", "pseudonym"),
         ("sequence", _text),
@@ -439,6 +453,7 @@ VOCABULARY = {
     ("clock_gains", "quantity"): ("time", "drift"),
     ("dropped_frames", "reason"): DROP_REASON,
     ("swaps", "part"): SWAPPED_PART,
+    ("heads", "status"): HEAD_STATUS,
     ("released_frames", "no_image"): NO_IMAGE,
     ("released_marks", "kind"): MARK_KIND,
     ("splits", "split"): tuple(SPLITS),

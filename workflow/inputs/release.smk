@@ -20,6 +20,8 @@ RELEASED_STEPS = [
     "reconstruct.refine",
     "label.reproject",
     "evaluate.evaluate",
+    "release.heads",
+    "release.pixels",
     "release.package",
 ]
 
@@ -178,3 +180,43 @@ def tarballs_of(subjects):
     """A tarball for each subject and one for what is about all of them."""
     parts = [PROJECT.pseudonym(name) for name in subjects]
     return [f"{RELEASE}-{part}.tar" for part in (*parts, "metadata") if parts]
+
+
+def own_clock(wildcards):
+    """The table with the clock of one camera."""
+    return clocks_of(wildcards.sequence, [wildcards.camera])
+
+
+def pseudonym(wildcards):
+    return PROJECT.pseudonym(subject(wildcards))
+
+
+def pictures_consent(wildcards):
+    return "yes" if PROJECT.pictures_released(wildcards.sequence) else "no"
+
+
+def released_bags(wildcards):
+    """The recordings of a sequence whose pictures are released."""
+    return bags(wildcards) if PROJECT.pictures_released(wildcards.sequence) else []
+
+
+def covered_heads(wildcards):
+    """Where the head is, if it is to be covered."""
+    shown = CONFIG["release"]["faces"] == "shown"
+    if shown or not PROJECT.pictures_released(wildcards.sequence):
+        return []
+    return [f"results/heads/{wildcards.sequence}.{wildcards.camera}.parquet"]
+
+
+def stamps_from(wildcards):
+    """The tables with all pictures of a sequence's subject, if stamps count from the first of them."""
+    if not CONFIG["release"]["shift_stamps"]:
+        return []
+    walks = PROJECT.sequences_of_subject(subject(wildcards))
+    return [f"results/frames/{sequence}.parquet" for sequence in walks]
+
+
+def stamps_shift(wildcards):
+    """What `dior.release.stamps.taken_off` wants to know, as JSON; {} to leave stamps as they are."""
+    files = stamps_from(wildcards)
+    return json.dumps({"frames": files} if files else {})

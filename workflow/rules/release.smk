@@ -106,3 +106,71 @@ rule tarballs:
         " --subject {wildcards.pseudonym}"
         " --out {output:q}"
         " 2>&1 | tee {log:q}"
+
+
+rule heads:
+    """Find the subject's head in the pictures of one camera."""
+    input:
+        cameras=camera_file,
+        skeleton=skeleton,
+        frames="results/frames/{sequence}.parquet",
+        clocks=own_clock,
+        labels="results/reproject/{sequence}.{camera}.parquet",
+    output:
+        heads="results/heads/{sequence}.{camera}.parquet",
+        findings="results/heads/{sequence}.{camera}.findings.parquet",
+    log:
+        "logs/heads/{sequence}.{camera}.log",
+    benchmark:
+        "logs/heads/{sequence}.{camera}.benchmark.tsv"
+    params:
+        code=code("release.heads"),
+    shell:
+        "dior heads"
+        " --sequence {wildcards.sequence}"
+        " --camera {wildcards.camera}"
+        " --cameras {input.cameras:q}"
+        " --skeleton {input.skeleton:q}"
+        " --frames {input.frames:q}"
+        " --clocks {input.clocks:q}"
+        " --labels {input.labels:q}"
+        " --out {output.heads:q}"
+        " --findings {output.findings:q}"
+        " 2>&1 | tee {log:q}"
+
+
+rule pixels:
+    """Write the released pictures of one camera, the subject's head covered."""
+    input:
+        bags=there(released_bags),
+        frames="results/frames/{sequence}.parquet",
+        heads=covered_heads,
+        shift=stamps_from,
+    output:
+        pixels="results/pixels/{sequence}.{camera}.parquet",
+        findings="results/pixels/{sequence}.{camera}.findings.parquet",
+    log:
+        "logs/pixels/{sequence}.{camera}.log",
+    benchmark:
+        "logs/pixels/{sequence}.{camera}.benchmark.tsv"
+    params:
+        subject=pseudonym,
+        data_root=DATA,
+        faces=CONFIG["release"]["faces"],
+        consent=pictures_consent,
+        shift=stamps_shift,
+        code=code("release.pixels"),
+    shell:
+        "dior pixels"
+        " --sequence {wildcards.sequence}"
+        " --subject {params.subject}"
+        " --camera {wildcards.camera}"
+        " --frames {input.frames:q}"
+        " --data-root {params.data_root:q}"
+        " --heads {input.heads:q}"
+        " --faces {params.faces}"
+        " --consent {params.consent}"
+        " --shift {params.shift:q}"
+        " --out {output.pixels:q}"
+        " --findings {output.findings:q}"
+        " 2>&1 | tee {log:q}"
