@@ -1,6 +1,5 @@
 """Input and parameter functions of the rules of release. They only look things up in the project."""
 
-
 # the steps whose output is in a release or shapes it
 RELEASED_STEPS = [
     "ingest.frames",
