@@ -38,19 +38,17 @@ onerror:
 
 
 rule all:
-    """Report, release and tarballs (the default)."""
+    """The report, and a release that there is already (the default)."""
     default_target: True
     input:
         rules.report.output.page,
-        released_files() if PROJECT.released_subjects or os.path.exists(RELEASE) else [],
-        tarballs_of(PROJECT.released_subjects),
+        existing_release(),
 
 
 rule release:
     """The release folder and its tarballs."""
     input:
-        rules.package.output,
-        tarballs_of(PROJECT.released_subjects),
+        release_outputs(),
 
 
 rule zoomed:

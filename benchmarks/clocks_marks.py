@@ -87,7 +87,7 @@ def _error(folder, settings, walk, seen, frames, choice):
     try:
         locate.run(
             session=walk.session, camera=camera, camera_file=folder / "camera.yaml", marks=folder / "marks.csv",
-            intrinsics=folder / "lens.parquet", mocap=[folder / "mocap.parquet"],
+            sequences=[walk.name], intrinsics=folder / "lens.parquet", mocap=[folder / "mocap.parquet"],
             frames=[folder / f"frames/{walk.name}.parquet"], offsets=[], ransac_px=RANSAC_PX,
             out=folder / "camera.parquet", out_covariance=folder / "covariance.parquet",
             out_marks=folder / "marks.parquet", findings=folder / "findings.parquet", **made,

@@ -132,7 +132,8 @@ def _indoors(capture, session):
         unit, marked = f"{session}/{camera}", capture.project.marks_sequences(session, camera)
         locate.run(
             session=session, camera=camera, camera_file=_config(capture, session, camera),
-            marks=_config(capture, session, camera, "marks.csv"), intrinsics=capture.made("intrinsics", unit),
+            marks=_config(capture, session, camera, "marks.csv"), sequences=marked,
+            intrinsics=capture.made("intrinsics", unit),
             mocap=[capture.made("mocap", name) for name in marked],
             frames=[capture.made("frames", name) for name in marked],
             offsets=[_offsets(capture, name) for name in marked],
@@ -256,13 +257,13 @@ def _reproject(capture, name, camera):
         cameras=[capture.made(*step) for step in steps], makers=[] if indoor else capture.project.close(session),
         covariance=[capture.made(*step, ".covariance") for step in steps],
         skeleton=skeleton_of(capture, name),
-        frames=capture.made("frames", name), clocks=_clock_tables(capture, name, camera, ""),
-        clock_gains=_clock_tables(capture, name, camera, ".gains"),
+        frames=capture.made("frames", name), clocks=clock_tables(capture, name, camera, ""),
+        clock_gains=clock_tables(capture, name, camera, ".gains"),
         source="mocap" if indoor else "triangulated", out=labels_of(capture, name, camera),
     )  # fmt: skip
 
 
-def _clock_tables(capture, name, camera, kind):
+def clock_tables(capture, name, camera, kind):
     """Tables with the clocks of a camera and of those that made the 3D."""
     if camera not in capture.project.followed(name):
         return [capture.made("clocks", name, kind)]

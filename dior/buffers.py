@@ -1,6 +1,6 @@
 """Columns between numpy and pyarrow, through their buffers: pyarrow's own conversions import pandas, 0.4 s a job.
 
-Floats: NaN is null. Integers: negative is null. Text: "" is null.
+Floats: NaN is null. Integers: negative is null. Text: "" is null. Pictures: None is null.
 """
 
 import numpy as np
@@ -19,10 +19,20 @@ def bits(flags):
 
 
 def texts(words):
-    encoded = [str(word).encode() for word in words]
-    offsets = np.concatenate([[0], np.cumsum([len(word) for word in encoded])]).astype(np.int32)
-    buffers = [None, pa.py_buffer(offsets), pa.py_buffer(b"".join(encoded))]
-    return pa.Array.from_buffers(pa.string(), len(encoded), buffers)
+    return _blobs([str(word).encode() for word in words], pa.string(), None)
+
+
+def pictures(encoded, kind):
+    """Encoded pictures as structs of bytes and a null path; None is a null struct."""
+    missing = np.array([picture is None for picture in encoded], bool)
+    there = bits(~missing) if missing.any() else None
+    data = _blobs([picture or b"" for picture in encoded], pa.binary(), there)
+    return pa.Array.from_buffers(kind, len(data), [there], children=[data, pa.nulls(len(data), pa.string())])
+
+
+def _blobs(parts, kind, validity):
+    offsets = np.concatenate([[0], np.cumsum([len(part) for part in parts])]).astype(np.int32)
+    return pa.Array.from_buffers(kind, len(parts), [validity, pa.py_buffer(offsets), pa.py_buffer(b"".join(parts))])
 
 
 def to_numpy(array):
@@ -36,6 +46,8 @@ def to_numpy(array):
     if pa.types.is_fixed_size_list(kind):
         empty = [np.nan] * kind.list_size
         return np.array([row or empty for row in array.to_pylist()], float).reshape(-1, kind.list_size)
+    if pa.types.is_struct(kind):
+        return np.array([*array.field("bytes").to_pylist(), None], dtype=object)[:-1]
     if pa.types.is_boolean(kind):
         return np.array([value or False for value in array.to_pylist()], bool)
     return numbers(array, np.nan if pa.types.is_floating(kind) else -1)

@@ -119,6 +119,7 @@ STEPS = {
             "camera": TEXT,
             "camera-file": PATH,
             "marks": PATH,
+            "sequences": WORDS,
             "intrinsics": PATH,
             "mocap": PATHS,
             "frames": PATHS,
@@ -167,6 +168,7 @@ STEPS = {
             "max-gap": NUMBER,
             "known": JSON,
             "marks": PATHS,
+            "marked": WORDS,
             "tags": PATHS,
             "intrinsics-sigma": NUMBER,
             "physics": JSON,
@@ -436,33 +438,79 @@ STEPS = {
             "out-timing": PATH,
         },
     ),
+    "provenance": (
+        "release.provenance",
+        "checksums of the recordings of one sequence",
+        {"sequence": TEXT, "recordings": PATH_PAIRS, "out": PATH},
+    ),
+    "heads": (
+        "release.heads",
+        "find the subject's head in the pictures of one camera",
+        {
+            "sequence": TEXT,
+            "camera": TEXT,
+            "cameras": PATHS,
+            "skeleton": PATH,
+            "frames": PATH,
+            "clocks": PATHS,
+            "labels": PATH,
+            "out": PATH,
+            "findings": PATH,
+        },
+    ),
+    "pixels": (
+        "release.pixels",
+        "write the released pictures of one camera, the head covered",
+        {
+            "sequence": TEXT,
+            "subject": TEXT,
+            "camera": TEXT,
+            "frames": PATH,
+            "data-root": PATH,
+            "heads": MAYBE,
+            "faces": {"choices": ["blurred", "filled", "pixelated", "shown"]},
+            "consent": {"choices": ["yes", "no"]},
+            "shift": JSON,
+            "out": PATH,
+            "findings": PATH,
+        },
+    ),
     "package": (
         "release.package",
         "write the release folder",
         {
             "project": PATH,
-            "version": TEXT,
-            "title": TEXT,
-            "license": TEXT,
-            "authors": WORDS,
+            "config": JSON,
             "labels": PATHS,
+            "pixels": PATHS,
             "skeletons": PATHS,
             "frames": PATHS,
+            "detections": PATHS,
+            "marks": PATHS,
             "cameras": PATHS,
+            "covariances": PATHS,
             "metrics": PATHS,
             "gallery": MAYBE,
+            "provenance": PATHS,
+            "code": PAIRS,
             "out": PATH,
         },
     ),
     "tarballs": (
         "release.tarballs",
-        "pack one subject's part of the release",
+        "pack one subject's part of the release, or its metadata",
         {"release": PATH, "subject": TEXT, "out": PATH},
     ),
 }
 
 # no steps of the workflow: a person types them
-BY_HAND = {"init": "dior.init", "trigger": "dior.ingest.trigger"}
+BY_HAND = {
+    "init": "dior.init",
+    "trigger": "dior.ingest.trigger",
+    "verify": "dior.release.verify",
+    "diff": "dior.release.diff",
+    "forget": "dior.forget",
+}
 
 
 def _parser():
@@ -476,6 +524,19 @@ def _parser():
     init = commands.add_parser("init", help="start a project folder for your own recordings")
     init.add_argument("folder", type=Path)
     _trigger_parser(commands)
+    text = "list, or delete, what is left of sequences and people that the project no longer has"
+    forget = commands.add_parser("forget", help=text, description=text)
+    forget.add_argument("--project", type=Path, default=Path("."), help="folder that holds config/ (default: this one)")
+    forget.add_argument("--yes", action="store_true", help="delete what is listed")
+    text = "is a release, its exports or a tarball whole, unchanged and consistent"
+    verify = commands.add_parser("verify", help=text, description=text)
+    verify.add_argument("paths", type=Path, nargs="+", help="release folder, exports folder, tarballs")
+    verify.add_argument("--decode", action="store_true", help="decode every picture, not only read its header")
+    text = "which sequences and cameras differ between two releases, by how much and why; exit code 1 where any does"
+    diff = commands.add_parser("diff", help=text, description=text)
+    diff.add_argument("first", type=Path, help="release folder")
+    diff.add_argument("second", type=Path, help="release folder")
+    diff.add_argument("--json", dest="as_json", action="store_true", help="print JSON instead of text")
     return parser
 
 
@@ -519,8 +580,8 @@ def main(argv=None):
             return 0
         args = _parser().parse_args(argv)
         if args.command in BY_HAND:
-            import_module(BY_HAND[args.command]).run(**{k: v for k, v in vars(args).items() if k != "command"})
-            return 0
+            done = import_module(BY_HAND[args.command]).run(**{k: v for k, v in vars(args).items() if k != "command"})
+            return done or 0
         step, arguments = args.command, _arguments(args)
         import_module(f"dior.{STEPS[step][0]}").run(**arguments)
         timing.write(step, arguments, started)

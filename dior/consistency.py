@@ -12,31 +12,27 @@ from dior.checked import check, read_yaml
 from dior.errors import DiorError, nearest
 
 SAME_PLACE_M = 0.01
-YES = ("1", "true", "yes")
 
 
-def consents(subject_row, purpose="release"):
-    """Whether a subject agreed to a purpose. Only a plain yes counts."""
-    return subject_row.get(f"consent_{purpose}", "").lower() in YES
+def check_sheets(project, people, lines):
+    """Subjects and sessions that the sheets name must exist, pseudonyms must hide who it is.
 
-
-def check_sheets(project, lines):
-    """Subjects and sessions that the sheets name must exist, pseudonyms must hide who it is. `lines` of the rows."""
-    _check_pseudonyms(project.subjects)
+    `people`: all rows of subjects.tsv, of those who may not be processed, too; `lines` of the rows of sequences.tsv.
+    """
+    _check_pseudonyms(people)
     for name in project.sequences:
         where = f"config/sequences.tsv line {lines[name]}"
-        _check_references(project, project.rows[name], where)
-        _check_name(project, project.rows[name], where)
+        _check_references(project, project.rows[name], people, where)
+        _check_name(project.rows[name], people, where)
 
 
-def check_gallery(project, lines):
-    """Rows of the gallery name a subject and one place of their pictures. `lines` of the rows."""
+def check_gallery(project, people, lines):
+    """Rows of the gallery name a subject and one place of their pictures. `people`, `lines`: as of `check_sheets`."""
     for name, row in project.gallery.items():
         where = f"config/gallery.tsv line {lines[name]}"
-        if row["subject"] not in project.subjects:
+        if row["subject"] not in people:
             raise DiorError(
-                f"{where}: subject '{row['subject']}' is not in config/subjects.tsv"
-                f"{nearest(row['subject'], project.subjects)}"
+                f"{where}: subject '{row['subject']}' is not in config/subjects.tsv{nearest(row['subject'], people)}"
             )
         if bool(row["path"]) == bool(row["bag"]):
             raise DiorError(f"{where}: give either path (a folder of pictures) or bag (with its topic)")
@@ -44,12 +40,7 @@ def check_gallery(project, lines):
             raise DiorError(f"{where}: {'bag needs its topic' if row['bag'] else 'topic is of no bag'}")
         if os.path.isabs(row["path"] or row["bag"]):
             raise DiorError(f"{where}: '{row['path'] or row['bag']}' must be relative to data_root")
-        words = re.split(r"\W|_", f"{row['outfit']} {row['angle']}".lower())
-        if not row["subject"].isdigit() and row["subject"].lower() in words:
-            raise DiorError(
-                f"{where}: outfit and angle must not hold the name of subject '{row['subject']}', which the release "
-                "must not tell"
-            )
+        _check_words(row, ("outfit", "angle"), people, where)
 
 
 def check_detectors(project, lines):
@@ -62,7 +53,7 @@ def check_detectors(project, lines):
             )
         if os.path.isabs(row["path"]):
             raise DiorError(f"{where}: path '{row['path']}' must be relative to data_root")
-        if row["sequence"] in project.excluded:
+        if row["sequence"] not in project.sequences:
             continue
         cameras = project.cameras_of(row["sequence"])
         if row["camera"] not in cameras:
@@ -151,6 +142,10 @@ def _check_pseudonyms(subjects):
     owner = {}
     for name, row in subjects.items():
         word = row["pseudonym"].lower()
+        if word == "metadata":
+            raise DiorError(
+                f"config/subjects.tsv: '{name}' has the pseudonym '{word}', as a tarball is called; make one up"
+            )
         if word in owner:
             raise DiorError(
                 f"config/subjects.tsv: subjects '{owner[word]}' and '{name}' share the pseudonym '{row['pseudonym']}'"
@@ -164,12 +159,12 @@ def _check_pseudonyms(subjects):
                 )
 
 
-def _check_references(project, row, where):
+def _check_references(project, row, people, where):
     name = row["sequence"]
-    if row["subject"] not in project.subjects:
+    if row["subject"] not in people:
         raise DiorError(
             f"{where}: sequence '{name}' is of subject '{row['subject']}', who is not in config/subjects.tsv"
-            f"{nearest(row['subject'], project.subjects)}"
+            f"{nearest(row['subject'], people)}"
         )
     folder = project.root / "config/sessions"
     if not (folder / session_folder(row["session"]) / "session.yaml").is_file():
@@ -201,14 +196,27 @@ def _distance(a, b):
     return sum((x - y) ** 2 for x, y in zip(a, b, strict=True)) ** 0.5
 
 
-def _check_name(project, row, where):
+def _check_name(row, people, where):
     """The names of sequences and sessions go into the release, so they must not hold the name of a subject."""
     for column in ("sequence", "session"):
-        for subject in project.subjects:
+        for subject in people:
             if _holds(row[column], subject):
                 raise DiorError(
                     f"{where}: the name of {column} '{row[column]}' holds that of subject '{subject}', which the "
                     f"release must not tell; rename the {column}"
+                )
+    _check_words(row, ("outfit", "walk"), people, where)
+
+
+def _check_words(row, columns, people, where):
+    """Nor must other words that go there. A number is a size or an angle, and a letter a kind; no person's name."""
+    for column in columns:
+        for subject in people:
+            name = rf"(?<![A-Za-z0-9]){re.escape(subject)}(?![A-Za-z0-9])"
+            if not subject.isdigit() and len(subject) > 1 and re.search(name, row[column], re.IGNORECASE):
+                raise DiorError(
+                    f"{where}: {column} '{row[column]}' must not hold the name of subject '{subject}', which the "
+                    "release must not tell"
                 )
 
 
@@ -347,6 +355,8 @@ def _check_names(project, folder):
         if file.startswith(".") or not file.endswith(suffix):
             continue
         sequence, _, camera = file.removesuffix(suffix).partition(".")
+        if sequence in project.withheld:
+            continue
         if sequence not in project.rows:
             raise DiorError(
                 f"config/{folder}/{file}: '{sequence}' is not in config/sequences.tsv{nearest(sequence, project.rows)}"

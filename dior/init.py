@@ -38,7 +38,7 @@ def contents():
     return {
         "config.yaml": template["config.yaml"],
         "sequences.tsv": header("sequences"),
-        "subjects.tsv": header("subjects"),
+        "subjects.tsv": header("subjects", "consent_pictures"),
         "gallery.tsv": header("gallery", "path"),
         "detectors.tsv": header("detectors"),
         f"sessions/{SESSION}/session.yaml": template["session.yaml"],

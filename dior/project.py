@@ -6,31 +6,33 @@ be missing; sessions/<session>/{session.yaml, <camera>.yaml, <camera>.marks.csv}
 counts as two (dior/bumps.py). Nothing else is globbed: the sheets and session.yaml say what exists. It is read each
 time Snakemake parses the workflow, so this module loads no numerics, and YAML and the schemas' validator only when
 asked.
+
+Who did not agree to be processed (dior/consent.py) is not there: the rows are dropped as soon as the sheets are read,
+and what else names one of these sequences is left alone or, where nothing is left without it, complained about.
 """
 
-import csv
 import os
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
-from dior import bumps, consistency
+from dior import bumps, consistency, licenses, sessions
 from dior.checked import check, read_sheet, read_yaml
-from dior.consistency import consents
-from dior.errors import DiorError, nearest
-
-MARK_COLUMNS = ("sequence", "frame", "joint", "u", "v")
+from dior.consent import consents, processed
+from dior.errors import DiorError
 
 
 @dataclass(frozen=True)
 class Project:
-    """What the workflow and the release know of a project. `rows` and `subjects`: sheet rows by name, as strings;
+    """What the workflow and the release know of a project. `rows` and `subjects`: sheet rows by name, as strings, of
+    those who agreed to be processed; `withheld`: the rows of the other sequences, by which only names are checked;
     `gallery`: those of gallery.tsv by (subject, outfit, angle); `detectors`: those of detectors.tsv by (sequence,
     camera, tool, zoom).
 
     `session_files` and `camera_files`: contents of session.yaml by session and of the camera YAMLs by session and
     camera, defaults filled in. `marks`: by (session, camera), the sequences named in the marks, in order, each with
-    the line of its first mark and that of its first mark without x, y, z (None if all have them).
+    the line of its first mark and that of its first mark without x, y, z (None if all have them). `left_out`: what the
+    calibration does not use for want of consent, (scope, sentence) without a name of a person or sequence.
     """
 
     root: Path
@@ -42,6 +44,8 @@ class Project:
     marks: dict = field(default_factory=dict)
     gallery: dict = field(default_factory=dict)
     detectors: dict = field(default_factory=dict)
+    withheld: dict = field(default_factory=dict)
+    left_out: list = field(default_factory=list)
 
     @property
     def data_root(self):
@@ -72,13 +76,41 @@ class Project:
     @cached_property
     def released_subjects(self):
         """Subjects of the processed sequences who consent to the release, in the order of their pseudonyms."""
-        agreed = [name for name in self.processed_subjects if consents(self.subjects[name])]
+        agreed = [name for name in self.processed_subjects if self.consents(name, "release")]
         return tuple(sorted(agreed, key=self.pseudonym))
 
     @cached_property
     def released_sequences(self):
         """The processed sequences of the released subjects."""
         return tuple(name for name in self.sequences if self.rows[name]["subject"] in self.released_subjects)
+
+    def consents(self, subject, purpose):
+        """Whether a subject agreed to a purpose: processing, release or pictures (dior/consent.py)."""
+        return subject in self.subjects and consents(self.subjects[subject], purpose)
+
+    def pictures_released(self, sequence):
+        """Whether the pictures of a sequence may be published."""
+        return self.consents(self.subject_of(sequence), "pictures")
+
+    def shaping(self, session):
+        """Sequences of a session, in order, whose pictures and people may tell where its cameras are.
+
+        The poses are published with the labels of those who consent to the release, so only these shape them. Where
+        nobody of the session does, nothing is published, and everybody who is processed may.
+        """
+        here = self.sequences_of(session)
+        return [name for name in here if name in self.released_sequences] or here
+
+    def barred(self, session):
+        """Sequences of all parts of a session that must not shape the poses of this one."""
+        folder = bumps.session_folder(session)
+        published = set(self.sequences_of(session)) & set(self.released_sequences)
+        return {
+            name
+            for name, row in {**self.rows, **self.withheld}.items()
+            if bumps.session_folder(row["session"]) == folder
+            and (name in self.withheld or published and not self.consents(row["subject"], "release"))
+        }
 
     def sequence(self, name):
         """The sheet's row of a sequence."""
@@ -102,6 +134,10 @@ class Project:
 
     def first_sequence(self, session):
         return self.sequences_of(session)[0]
+
+    def order(self, name):
+        """The place of a sequence in its session's order of recording."""
+        return int({**self.rows, **self.withheld}[name]["session_order"]), name
 
     def sequences_of_subject(self, subject):
         return [name for name in self.sequences if self.rows[name]["subject"] == subject]
@@ -132,6 +168,10 @@ class Project:
     def window(self, session):
         """Instants that the adjustment uses: sequence -> {first, count, step}; empty means no adjustment."""
         return self.session_files[session]["adjust"]
+
+    def tag_sequence(self, session):
+        """The sequence in whose pictures the AprilTag lies."""
+        return self.session_files[session].get("tag", {}).get("sequence") or self.shaping(session)[0]
 
     def metric_facts(self, session):
         """What is known in metres of a session that is adjusted, subjects replaced by their sequences of the window.
@@ -166,6 +206,11 @@ class Project:
     def marks_sequences(self, session, camera):
         """Sequences named in the camera's marks, in order."""
         return list(self.marks.get((session, camera), {}))
+
+    def clicked(self, session, camera):
+        """Sequences, in order, in whose pictures something is marked that may tell where the session's cameras are."""
+        path, barred = self.marks_file(session, camera), self.barred(session)
+        return [name for name in sessions.read_marks(self.root / path, path) if name not in barred]
 
     def marks_mocap(self, session, camera):
         """Those of them whose motion capture the marks need: a mark without x, y, z is a marker of the C3D."""
@@ -228,10 +273,10 @@ class Project:
         return f"config/sessions/{bumps.session_folder(session)}/session.yaml"
 
     def camera_file(self, session, camera):
-        return bumps.file_of(self.root, session, camera, ".yaml", self.rows)
+        return bumps.file_of(self.root, session, camera, ".yaml", {**self.rows, **self.withheld})
 
     def marks_file(self, session, camera):
-        return bumps.file_of(self.root, session, camera, ".marks.csv", self.rows)
+        return bumps.file_of(self.root, session, camera, ".marks.csv", {**self.rows, **self.withheld})
 
     def offsets(self, sequence):
         """[path] of the offsets given by hand, or []."""
@@ -272,21 +317,31 @@ def load(root, config=None):
     root = Path(root)
     config = _plain(config) if config is not None else read_yaml(root / "config/config.yaml", "config/config.yaml")
     check(config, "config", "config/config.yaml")
-    (rows, lines), (subjects, _) = sheets(root)
+    licenses.check(config["release"], root)
+    (rows, lines), (people, _) = sheets(root)
     if not rows:
         raise DiorError("config/sequences.tsv has no rows yet: enter one row per recorded walk")
     gallery, gallery_lines = _optional_sheet(root, "gallery", ("subject", "outfit", "angle"))
     detectors, detector_lines = _optional_sheet(root, "detectors", ("sequence", "camera", "tool", "zoom"))
     # only the report reads what is in it, hours later
     _optional_sheet(root, "effort", "what")
-    rows = bumps.in_parts(root, rows)
-    project = Project(root, config, rows, subjects, gallery=gallery, detectors=detectors)
+    rows, withheld = processed(bumps.in_parts(root, rows), people)
+    project = Project(
+        root, config, rows, {name: row for name, row in people.items() if consents(row, "processing")},
+        gallery=processed(gallery, people)[0], withheld=withheld,
+        detectors={name: row for name, row in detectors.items() if row["sequence"] not in withheld},
+    )  # fmt: skip
+    if not rows:
+        raise DiorError(
+            "config/subjects.tsv: nobody agreed to be processed, so there is nothing to do; consent_processing is yes "
+            "for those who did, or, where it is left out, consent_release"
+        )
     if not project.sequences:
         raise DiorError("config/sequences.tsv: every row has an exclude_reason, so there is nothing to process")
-    consistency.check_sheets(project, lines)
-    consistency.check_gallery(project, gallery_lines)
+    consistency.check_sheets(project, people, lines)
+    consistency.check_gallery(project, people, gallery_lines)
     for session in project.sessions:
-        _read_session(project, session)
+        sessions.read(project, session)
     consistency.check_sessions(project, lines)
     consistency.check_detectors(project, detector_lines)
     return project
@@ -309,67 +364,3 @@ def _optional_sheet(root, kind, key):
 def _plain(mapping):
     """A copy made of plain dicts, so that filling in defaults leaves the caller's config alone."""
     return {k: _plain(v) if isinstance(v, dict) else v for k, v in mapping.items()}
-
-
-def _read_session(project, session):
-    shown = project.session_file(session)
-    content = check(read_yaml(project.root / shown, shown), "session", shown)
-    repeated = [name for name in content["cameras"] if content["cameras"].count(name) > 1]
-    if repeated:
-        raise DiorError(f"{shown}: camera '{repeated[0]}' is listed twice")
-    here, elsewhere = project.sequences_of(session), _elsewhere(project, session)
-    content["adjust"] = {name: window for name, window in content["adjust"].items() if name not in elsewhere}
-    if content.get("tag", {}).get("sequence") in elsewhere:
-        content["tag"]["sequence"] = here[0]
-    project.session_files[session] = content
-    project.camera_files[session] = {name: _read_camera(project, session, name) for name in content["cameras"]}
-
-
-def _elsewhere(project, session):
-    """Sequences of the other parts of a session that a bump splits."""
-    return set(project.whole_session(session)) - set(project.sequences_of(session))
-
-
-def _read_camera(project, session, name):
-    shown = project.camera_file(session, name)
-    if not (project.root / shown).is_file():
-        there = [file.removesuffix(".yaml") for file in sorted(os.listdir((project.root / shown).parent))]
-        raise DiorError(
-            f"{project.session_file(session)}: camera '{name}' has no file {shown}"
-            f"{nearest(name, [n for n in there if n != 'session'])}"
-        )
-    camera = check(read_yaml(project.root / shown, shown), "camera", shown)
-    consistency.check_camera(camera, shown)
-    if "align" in camera:
-        # the close cameras of each part have a world of their own
-        elsewhere, listed = _elsewhere(project, session), camera["align"]["sequences"]
-        camera["align"]["sequences"] = [sequence for sequence in listed if sequence not in elsewhere]
-        if not camera["align"]["sequences"]:
-            raise DiorError(
-                f"{shown}: align.sequences has {', '.join(listed)}, none of session '{session}'; add a walk of that "
-                "part of the session"
-            )
-    path = project.marks_file(session, name)
-    if camera["locate"] == "marks":
-        if not (project.root / path).is_file():
-            raise DiorError(f"{shown}: 'locate: marks' needs the file {path}")
-        project.marks[session, name] = _read_marks(project.root / path, path)
-    return camera
-
-
-def _read_marks(path, shown):
-    """Sequences of a marks CSV, in order: name -> (its first line, the first line without x, y, z or None)."""
-    with open(path, encoding="utf-8-sig", errors="replace", newline="") as stream:
-        table = csv.DictReader(stream)
-        for column in table.fieldnames or ():
-            if column not in (*MARK_COLUMNS, *"xyz"):
-                raise DiorError(f"{shown}: unknown column '{column}'{nearest(column, (*MARK_COLUMNS, *'xyz'))}")
-        for column in MARK_COLUMNS:
-            if column not in (table.fieldnames or ()):
-                raise DiorError(f"{shown}: column '{column}' is missing; the file has {','.join(MARK_COLUMNS)}[,x,y,z]")
-        lines = {}
-        for mark in table:
-            first, without = lines.get(mark["sequence"], (table.line_num, None))
-            given = all(mark.get(axis) for axis in "xyz")
-            lines[mark["sequence"]] = (first, without if given or without else table.line_num)
-    return lines

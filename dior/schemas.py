@@ -11,6 +11,10 @@ SKELETON_STATUS = ("ok", "too_few_views", "rejected", "gap_filled")
 OFFSET_SOURCE = ("estimated", "manual", "reference", "assumed_zero")
 CLOCK_METHOD = ("", "detections", "marks", "pictures", "cameras", "boxes")
 DROP_REASON = ("not_sent", "recorder_behind", "between_bags", "same_stamp", "same_picture")
+HEAD_STATUS = ("ok", "out_of_frame", "unknown")
+NO_IMAGE = ("no_consent", "head_unknown", "not_readable")
+MARK_KIND = ("mark", "check")
+SPLITS = {"subject": ("train", "val", "test"), "range": ("gallery", "probe"), "outfit": ("gallery", "probe")}
 SEVERITY = ("info", "warning", "error")
 METRICS = {
     "reprojection_error": "distance of the label from the close camera's own detection (the paper's equation), with "
@@ -40,6 +44,8 @@ METRICS = {
 }
 
 _text = pa.dictionary(pa.int32(), pa.string())
+# what the `datasets` library reads as an Image column
+PICTURE = pa.struct([("bytes", pa.binary()), ("path", pa.string())])
 
 
 def _field(name, kind, unit="", text=""):
@@ -282,12 +288,97 @@ SCHEMAS = {
         ("wrong_together", pa.bool_(), "", "lies on the other limb, as in a second camera"),
         ("bystander", pa.bool_(), "", "somebody else was found instead of the subject"),
     ),
+    "heads": _schema(
+        ("frame", pa.int32()),
+        (
+            "u_min",
+            pa.float64(),
+            "px",
+            "first column of pixels that is covered, whole; it may lie outside the picture",
+        ),
+        ("v_min", pa.float64(), "px", "first row"),
+        ("u_max", pa.float64(), "px", "the column after the last"),
+        ("v_max", pa.float64(), "px", "the row after the last"),
+        ("status", _text),
+    ),
     "released_frames": _schema(
+        ("subject", _text, "", "pseudonym"),
+        ("sequence", _text),
         ("camera", _text),
         ("frame", pa.int32(), "", "counted from 0 in the camera's recording, by header stamp"),
         ("stamp_ns", pa.int64(), "ns", "header stamp, since the Unix epoch"),
         ("height", pa.int32(), "px"),
         ("width", pa.int32(), "px"),
+        ("image", PICTURE, "", "the picture as JPEG, the head covered where that is on; null: see no_image"),
+        ("no_image", _text, "", "why there is no picture; null where there is one"),
+    ),
+    "released_detections": _schema(
+        ("subject", _text, "", "pseudonym, of who walks; whether it is he that was found nobody says"),
+        ("sequence", _text),
+        ("camera", _text),
+        ("frame", pa.int32()),
+        ("stamp_ns", pa.int64(), "ns", "the picture's header stamp"),
+        ("person", pa.int32(), "", "index of the person in the detector's output; null: nobody"),
+        ("joint", _text),
+        ("u", pa.float32(), "px"),
+        ("v", pa.float32(), "px"),
+        ("score", pa.float32()),
+    ),
+    "released_boxes": _schema(
+        ("subject", _text, "", "pseudonym"),
+        ("sequence", _text),
+        ("camera", _text),
+        ("frame", pa.int32()),
+        ("stamp_ns", pa.int64(), "ns", "the picture's header stamp"),
+        ("u_min", pa.float64(), "px", "edges of the box that a person drew around the subject"),
+        ("v_min", pa.float64(), "px"),
+        ("u_max", pa.float64(), "px"),
+        ("v_max", pa.float64(), "px"),
+    ),
+    "released_marks": _schema(
+        ("subject", _text, "", "pseudonym"),
+        ("sequence", _text),
+        ("camera", _text),
+        ("kind", _text, "", "a mark located the camera; a check was used by no step"),
+        ("frame", pa.int32()),
+        ("stamp_ns", pa.int64(), "ns", "the picture's header stamp"),
+        ("joint", _text),
+        ("u", pa.float64(), "px", "marked by hand"),
+        ("v", pa.float64(), "px"),
+        ("x", pa.float64(), "m", "the 3D point that a mark was paired with"),
+        ("y", pa.float64(), "m"),
+        ("z", pa.float64(), "m"),
+        ("residual_px", pa.float64(), "px", "distance of a mark from the projection of that point"),
+        ("inlier", pa.int8(), "", "0: a mark that counted as a slip of the hand; null for a check"),
+    ),
+    "released_cameras": _schema(
+        ("session", _text),
+        ("camera", _text),
+        ("role", _text, "", "close: its detections are used; long_range: it only receives labels"),
+        ("locate", _text, "", "how the pose was found"),
+        ("width", pa.int32(), "px"),
+        ("height", pa.int32(), "px"),
+        ("fx", pa.float64(), "px", "K is [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]"),
+        ("fy", pa.float64(), "px"),
+        ("cx", pa.float64(), "px"),
+        ("cy", pa.float64(), "px"),
+        ("distortion_model", _text),
+        ("distortion", pa.list_(pa.float64(), 8), "", "k1 k2 p1 p2 k3 k4 k5 k6"),
+        ("wTc", pa.list_(pa.float64(), 16), "m", "pose of the camera in the world, rows of the 4x4 matrix"),
+        (
+            "covariance",
+            pa.list_(pa.float64(), 36),
+            "rad, m",
+            "of the pose's own error, rows of the 6x6 matrix: a turn about the camera's own axes, then a shift of its "
+            "centre in the world; null: not known",
+        ),
+    ),
+    "splits": _schema(
+        ("split", _text, "", "what the two or three parts differ in"),
+        ("part", _text),
+        ("subject", _text, "", "pseudonym"),
+        ("sequence", _text),
+        ("camera", _text),
     ),
     "sequences": _schema(
         ("sequence", _text),
@@ -362,7 +453,27 @@ VOCABULARY = {
     ("clock_gains", "quantity"): ("time", "drift"),
     ("dropped_frames", "reason"): DROP_REASON,
     ("swaps", "part"): SWAPPED_PART,
+    ("heads", "status"): HEAD_STATUS,
+    ("released_frames", "no_image"): NO_IMAGE,
+    ("released_marks", "kind"): MARK_KIND,
+    ("splits", "split"): tuple(SPLITS),
+    ("splits", "part"): ("train", "val", "test", "gallery", "probe"),
     ("findings", "severity"): SEVERITY,
     ("metrics", "metric"): tuple(METRICS),
     ("frame_metrics", "metric"): tuple(METRICS),
 }
+# Tables that leave the house: their files carry the types of the columns for the `datasets` library, too.
+RELEASED = (
+    "labels_2d",
+    "skeletons_3d",
+    "released_frames",
+    "released_boxes",
+    "released_marks",
+    "released_detections",
+    "released_cameras",
+    "camera_covariance",
+    "sequences",
+    "subjects",
+    "splits",
+    "released_gallery",
+)

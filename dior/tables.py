@@ -2,9 +2,11 @@
 
 Tables are tidy, sorted and complete: every (frame, joint) has its row, missing values are null. A table is handled as
 a dict of numpy arrays of equal length: strings as object arrays ("" is null), floats with NaN for null, integers with
--1 for null where the column may be null.
+-1 for null where the column may be null, pictures as an object array of encoded bytes (None is null). The files of
+tables that are released tell the `datasets` library the types of their columns.
 """
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +17,7 @@ from dior import buffers
 from dior.camera import Camera, Intrinsics
 from dior.errors import DiorError, nearest
 from dior.files import written_whole
-from dior.schemas import SCHEMAS, VERSION, VOCABULARY
+from dior.schemas import PICTURE, RELEASED, SCHEMAS, VERSION, VOCABULARY
 
 
 def columns_of(name):
@@ -38,8 +40,35 @@ def to_arrow(name, columns, metadata=None):
         _to_array(name, field, columns[field.name]) if field.name in columns else pa.nulls(length, field.type)
         for field in schema
     ]
-    meta = {"dior_table": name, "dior_table_version": VERSION, **(metadata or {})}
-    return pa.Table.from_arrays(arrays, schema=schema.with_metadata(meta))
+    return pa.Table.from_arrays(arrays, schema=schema.with_metadata({**own_metadata(name), **(metadata or {})}))
+
+
+def own_metadata(name):
+    """The key-value metadata that every file of a table has."""
+    own = {"dior_table": name, "dior_table_version": VERSION}
+    if name not in RELEASED:
+        return own
+    features = {field.name: _feature(field.type) for field in SCHEMAS[name]}
+    return own | {"huggingface": json.dumps({"info": {"features": features}})}
+
+
+def _feature(kind):
+    """A column's type in the words of the `datasets` library (its `Features.to_dict`)."""
+    if kind == PICTURE:
+        return {"_type": "Image"}
+    if pa.types.is_fixed_size_list(kind):
+        return {"feature": _feature(kind.value_type), "length": kind.list_size, "_type": "List"}
+    return {"dtype": word_of(kind), "_type": "Value"}
+
+
+def word_of(kind):
+    """A column's type as one word: string, or as numpy calls its numbers.
+
+    >>> word_of(pa.int32()), word_of(pa.dictionary(pa.int32(), pa.string()))
+    ('int32', 'string')
+    """
+    text = pa.types.is_dictionary(kind) or pa.types.is_string(kind)
+    return "string" if text else np.dtype(kind.to_pandas_dtype()).name
 
 
 def _to_array(name, field, values):
@@ -52,6 +81,8 @@ def _to_array(name, field, values):
         )
     if pa.types.is_string(kind):
         return buffers.texts(values)
+    if kind == PICTURE:
+        return buffers.pictures(values, kind)
     if pa.types.is_dictionary(kind):
         words, index = np.unique(np.asarray(values, dtype=object).astype(str), return_inverse=True)
         # np.unique sorts, so that the null word "" comes first where there is one
@@ -130,6 +161,16 @@ def read(path, name, columns=None):
 
 def _columns(table):
     return table.column_names, [column.combine_chunks() for column in table.columns]
+
+
+def kind_of(table):
+    """What a pyarrow table that was read by `read_arrow` is called."""
+    return table.schema.metadata[b"dior_table"].decode()
+
+
+def empty(name):
+    """A table without rows as a dict of arrays."""
+    return {c: buffers.to_numpy(a) for c, a in zip(*_columns(to_arrow(name, {})), strict=True)}
 
 
 def metadata(path):

@@ -22,7 +22,7 @@ def filled_in(root):
     (session / "session.yaml").write_text(text.replace(", cam04", "").replace("adjust: {}", "adjust: {walk_01: {}}"))
     walk = dict(sequence="walk_01", session_order="1", subject="P1", session="session_01", environment="outdoor",
                 bags="a.bag", detections="mlkit/{camera}.jsonl")  # fmt: skip
-    person = dict(subject="P1", pseudonym="violet-77", height_m="1.8", consent_release="no")
+    person = dict(subject="P1", pseudonym="violet-77", height_m="1.8", consent_release="yes")
     for kind, row in (("sequences", walk), ("subjects", person)):
         with open(config / f"{kind}.tsv", "a") as stream:
             stream.write("\t".join(row.get(column, "") for column in columns_of(kind)) + "\n")
@@ -34,7 +34,7 @@ def test_what_is_written_only_has_to_be_filled_in(tmp_path):
     loaded = project.load(tmp_path / "mine")
     assert loaded.sequences == ("walk_01",) and loaded.close("session_01") == ["cam01", "cam02", "cam03"]
     assert loaded.config["data_root"] == "data" and "simulate" not in loaded.config
-    assert loaded.released_subjects == ()
+    assert loaded.released_subjects == ("P1",) and not loaded.pictures_released("walk_01"), "that is not answered yet"
 
 
 def test_every_file_passes_its_schema(tmp_path):

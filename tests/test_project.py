@@ -74,8 +74,8 @@ def root(tmp_path):
             ]
         )
         + "\n",
-        "subjects.tsv": "subject\tpseudonym\theight_m\theight_sigma_m\tconsent_release\n"
-        "S01\tzebra-0001\t1.72\t0.01\tyes\nS02\tapple-0002\t\t\tno\n",
+        "subjects.tsv": "subject\tpseudonym\theight_m\theight_sigma_m\tconsent_release\tconsent_processing\n"
+        "S01\tzebra-0001\t1.72\t0.01\tyes\t\nS02\tapple-0002\t\t\tno\tyes\n",
         "sessions/field/session.yaml": "cameras: [cam01, cam02, cam03]\nadjust: {out_1: {count: 100}}\n",
         "sessions/field/cam01.yaml": CLOSE.format(name="cam01", x=4),
         "sessions/field/cam02.yaml": CLOSE.format(name="cam02", x=-4),
@@ -159,6 +159,7 @@ def all_marked(root, marks):
 
 
 def test_marks_with_3d_points_need_no_mocap(root):
+    edit(root, "subjects.tsv", "\tno", "\tyes")
     all_marked(root, "sequence,frame,joint,u,v,x,y,z\nout_2,0,post,1,2,3,4,5\nout_1,0,post,1,2,3,4,5\n")
     p = project.load(root)
     assert p.marks_sequences("field", "cam01") == ["out_2", "out_1"] and p.marks_mocap("field", "cam01") == []
@@ -232,6 +233,7 @@ def test_config_errors(root, old, new, parts):
         ("subjects", "\tconsent_release", "", ["column 'consent_release' is missing"]),
         ("subjects", "zebra-0001", "zebra", ["line 2", "'pseudonym' is 'zebra'", "8 or more letters"]),
         ("subjects", "apple-0002", "zebra-0001", ["'S01' and 'S02' share the pseudonym"]),
+        ("subjects", "apple-0002", "Metadata", ["pseudonym 'metadata', as a tarball is called"]),
         ("subjects", "1.72", "172", ["line 2", "'height_m' is '172' but should be a height in metres"]),
         ("subjects", "\tyes", "\tmaybe", ["line 2", "'consent_release' is 'maybe'", "yes or no"]),
     ],
@@ -308,6 +310,7 @@ def test_session_errors(root, file, old, new, parts):
     ],
 )
 def test_what_a_camera_is_aligned_to_must_be_there(root, align, part):
+    edit(root, "subjects.tsv", "\tno", "\tyes")
     edit(root, "sessions/field/cam03.yaml", "nudge: {azimuth_deg: 0.2}", f"align: {align}")
     fails(root, "config/sessions/field/cam03.yaml", part)
 

@@ -1,3 +1,5 @@
+import json
+
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -104,3 +106,18 @@ def test_reading_and_writing_does_not_import_pandas(tmp_path):
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"
+
+
+def test_pictures_are_bytes_or_null_and_typed_for_the_datasets_library(tmp_path):
+    pictures = [b"\xff\xd8one", None, b"\xff\xd8"]
+    columns = {"subject": ["pa"] * 3, "frame": [0, 1, 2], "image": pictures, "no_image": ["", "head_unknown", ""]}
+    tables.write(tmp_path / "a.parquet", "released_frames", columns)
+    assert tables.read(tmp_path / "a.parquet", "released_frames")["image"].tolist() == pictures
+    assert pq.read_table(tmp_path / "a.parquet")["image"].to_pylist()[:2] == [
+        {"bytes": pictures[0], "path": None},
+        None,
+    ]
+    features = json.loads(tables.metadata(tmp_path / "a.parquet")["huggingface"])["info"]["features"]
+    assert features["image"] == {"_type": "Image"}
+    assert features["no_image"] == {"dtype": "string", "_type": "Value"}
+    assert features["stamp_ns"] == {"dtype": "int64", "_type": "Value"}

@@ -249,14 +249,15 @@ def beside_tag(prior, camera, settings):
 
 def run(
     *, session, cameras, camera_files, detections, frames, offsets, window, min_score, min_views, huber_px,
-    max_mean_px, max_gap, out, out_metrics, findings, known=None, marks=(), tags=(), intrinsics_sigma=LENS_SIGMA,
-    physics=None, out_covariance=None,
+    max_mean_px, max_gap, out, out_metrics, findings, known=None, marks=(), marked=(), tags=(),
+    intrinsics_sigma=LENS_SIGMA, physics=None, out_covariance=None,
 ):  # fmt: skip
     """Write the adjusted cameras, metrics and findings.
 
     `detections`, `frames` and `offsets` are paths named by their sequence, `camera_files` by their camera.
     `min_score`, `min_views`, `max_gap`: see `window.observations`; `huber_px`, `max_mean_px`: see `adjust`. `known`:
-    metric facts (`Project.metric_facts`), `marks` the marks CSVs of the close cameras, `tags` the marks tables that
+    metric facts (`Project.metric_facts`), `marks` the marks CSVs of the close cameras, `marked` the sequences of which
+    these are used, `tags` the marks tables that
     place wrote of cameras that see the AprilTag; `intrinsics_sigma`: 1 sigma of the focal length and principal point,
     relative to the focal length; `physics`: limits (`dior.physics`).
     """
@@ -288,9 +289,10 @@ def run(
     stated = seen_in.metric_facts(known, list(window)) + seen_in.tag_corners(placed, tags, f"session {session}")
     clicked = {Path(path).name.partition(".")[0].partition("@")[0]: path for path in marks}
     names = [camera.name for camera in placed]
-    marked = seen_in.marked(clicked, names, seen_in.names_of_marks(known) - set(names), MARK_SIGMA_PX)
+    wanted = seen_in.names_of_marks(known) - set(names)
+    points = seen_in.marked(clicked, names, wanted, marked, MARK_SIGMA_PX)
     done = adjust(
-        placed, None, priors, huber_px, max_mean_px, f"session {session}", None, stated, marked, intrinsics_sigma,
+        placed, None, priors, huber_px, max_mean_px, f"session {session}", None, stated, points, intrinsics_sigma,
         start_priors, timed,
     )  # fmt: skip
     uv, tracks, parts = timed.observations(done.clocks)

@@ -297,6 +297,7 @@ def run(
     camera,
     camera_file,
     marks,
+    sequences,
     intrinsics,
     mocap,
     frames,
@@ -312,8 +313,9 @@ def run(
 ):
     """Write the located camera, its covariance, its clocks, its marks with residuals, and findings.
 
-    `mocap`, `frames` and `offsets` are lists of paths with a file per sequence; `frames` and `offsets` are named by
-    their sequence. Raises DiorError as `locate`, `marks_clock.search` and the readers do.
+    `sequences`: those whose marks are used; the file may have marks of people without consent. `mocap`, `frames` and
+    `offsets` are lists of paths with a file per sequence; `frames` and `offsets` are named by their sequence. Raises
+    DiorError as `locate`, `marks_clock.search` and the readers do.
     """
     settings = camera_settings(camera_file, needs="marks")
     lens = unplaced(intrinsics, camera)
@@ -329,6 +331,7 @@ def run(
 
     scope = f"{session}/{camera}"
     read = hand_marks.read(marks)
+    read = read.only(np.isin(read.sequence, list(sequences)))
     solved = with_clocks(lens, read, marks, motions, stamps, clock, ransac_px, scope)
     located, used, spread = solved.located, solved.used, solved.covariance
     found = solved.findings + _findings(scope, marks, used, located, ransac_px)

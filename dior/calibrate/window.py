@@ -103,11 +103,11 @@ def together(parts, counts):
     return np.concatenate([part.uv for part in parts], axis=1), tracks
 
 
-def marked(files, cameras, wanted, sigma_px):
+def marked(files, cameras, wanted, sequences, sigma_px):
     """`facts.Marked` of the points `wanted` in the marks CSVs of the cameras; None where none is wanted.
 
-    `files`: camera -> path. A point lies still during a sequence: the clicks of a camera in it are averaged, and each
-    sequence gives a point of its own.
+    `files`: camera -> path; only what is marked in pictures of `sequences` counts. A point lies still during a
+    sequence: the clicks of a camera in it are averaged, and each sequence gives a point of its own.
     """
     if not wanted:
         return None
@@ -117,7 +117,7 @@ def marked(files, cameras, wanted, sigma_px):
             continue
         rows = hand_marks.read(files[camera])
         for name, sequence, uv in zip(rows.joint, rows.sequence, rows.uv, strict=True):
-            if name in wanted:
+            if name in wanted and sequence in sequences:
                 found.setdefault((name, sequence), {}).setdefault(view, []).append(uv)
     points = sorted(key for key, views in found.items() if len(views) >= 2)
     uv = np.full((len(cameras), len(points), 2), np.nan)

@@ -29,12 +29,21 @@ def mark_errors(paths, sequence):
 
 
 def check_points(path, sequence, grid):
-    """Hand checks (F, J, 2) px on the frames and joints of the labels, NaN where nothing was checked.
+    """Hand checks (F, J, 2) px on the frames and joints of the labels, NaN where nothing was checked."""
+    row_of = {frame: i for i, frame in enumerate(grid.frames.tolist())}
+    checked = np.full(grid.uv.shape, np.nan)
+    for (frame, joint), uv in points(path, sequence, row_of, grid.joints).items():
+        checked[row_of[frame], grid.joints.index(joint)] = uv
+    return checked
+
+
+def points(path, sequence, frames, joints):
+    """Hand checks (u, v) px by frame and joint.
 
     Raises DiorError, naming file and line, for a malformed row, another sequence's row, and a frame or joint that
-    the labels do not have.
+    is not in `frames`, those of the recording, or `joints`, those of the labels.
     """
-    path = Path(path)
+    path, frames = Path(path), set(frames)
     if not path.is_file():
         raise DiorError(f"{path}: there is no such file")
     lines = list(csv.reader(path.read_text(encoding="utf-8-sig").splitlines()))
@@ -42,8 +51,7 @@ def check_points(path, sequence, grid):
     for column in REQUIRED:
         if column not in header:
             raise DiorError(f"{path}: the first line has no column '{column}'{nearest(column, header)}")
-    row_of = {frame: i for i, frame in enumerate(grid.frames.tolist())}
-    checked = np.full(grid.uv.shape, np.nan)
+    found = {}
     for number, words in enumerate(lines[1:], start=2):
         if not any(word.strip() for word in words):
             continue
@@ -57,12 +65,12 @@ def check_points(path, sequence, grid):
             raise DiorError(f"{where}: '{','.join(words)}' has no whole frame number and no two pixel values") from None
         if cells["sequence"] != sequence:
             raise DiorError(f"{where}: is of sequence '{cells['sequence']}', not '{sequence}'")
-        if frame not in row_of:
+        if frame not in frames:
             raise DiorError(f"{where}: frame {frame} is not in the recording; frames count from 0")
-        if cells["joint"] not in grid.joints:
-            raise DiorError(f"{where}: no label is called '{cells['joint']}'{nearest(cells['joint'], grid.joints)}")
-        checked[row_of[frame], grid.joints.index(cells["joint"])] = uv
-    return checked
+        if cells["joint"] not in joints:
+            raise DiorError(f"{where}: no label is called '{cells['joint']}'{nearest(cells['joint'], joints)}")
+        found[frame, cells["joint"]] = uv
+    return found
 
 
 def error_columns(grid, checked, role):

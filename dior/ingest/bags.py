@@ -20,8 +20,8 @@ from dior.ingest.containers import topics as topics_of
 from dior.progress import told
 
 __all__ = [
-    "bags_with", "camera_info_topic", "full_name", "holding", "index", "read_camera_info", "read_pictures", "repeated",
-    "topics_of",
+    "bags_with", "camera_info_topic", "full_name", "holding", "index", "read_camera_info", "read_messages",
+    "read_pictures", "repeated", "topics_of",
 ]  # fmt: skip
 
 
@@ -112,8 +112,18 @@ def _picture_header(message, where):
 def read_pictures(rows, data_root):
     """Yield (row number, BGR uint8 picture (height, width, 3)) for rows of the `frames` table (a dict of arrays).
 
+    In the order of `read_messages`. Raises DiorError where a picture is no longer there or cannot be decoded.
+    """
+    for row, message, path in read_messages(rows, data_root):
+        size = (rows["height"][row], rows["width"][row])
+        yield row, _picture(message, size, f"{path}: the picture of {rows['topic'][row]}")
+
+
+def read_messages(rows, data_root):
+    """Yield (row number, its picture's message, the bag's path) for rows of the `frames` table (a dict of arrays).
+
     Grouped by bag and in the order of its files, so that a chunk is unpacked once and one without a wanted picture
-    never. Raises DiorError where a picture is no longer there or cannot be decoded.
+    never. Raises DiorError where a picture is no longer there.
     """
     for bag in sorted(set(rows["bag"].tolist())):
         mine = np.flatnonzero(rows["bag"] == bag)
@@ -124,8 +134,7 @@ def read_pictures(rows, data_root):
         for message, nth in _numbered(path, topics, {key[1] for key in wanted}):
             row = wanted.pop((message.topic, message.receive_ns, nth), None)
             if row is not None:
-                size = (rows["height"][row], rows["width"][row])
-                yield row, _picture(message, size, f"{path}: the picture of {rows['topic'][row]}")
+                yield row, message, path
         if wanted:
             _, receive_ns, _ = min(wanted)
             topic = rows["topic"][wanted[min(wanted)]]

@@ -110,6 +110,14 @@ def decode(kind, raw, wire, size):
     return picture
 
 
+def compressed(kind, raw, wire):
+    """The JPEG or PNG file in an image message, or None where its pixels are raw."""
+    if kind == RAW:
+        return None
+    wire = wire_of(wire, raw)
+    return _bytes(raw, *_data(raw, header(raw, wire)[1], wire)).tobytes()
+
+
 def _decompressed(data):
     """BGR picture of JPEG or PNG bytes (N,), None where OpenCV finds none."""
     import cv2

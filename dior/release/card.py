@@ -1,6 +1,6 @@
 """The dataset card of a release: what the tables hold, how they were made, how good they are and what they lack.
 
-INPUTS   facts of the config, released sheet rows, what is counted in them, figures. OUTPUT: Markdown with
+INPUTS   the `release:` section of the config, released walks, what is counted in them, figures. OUTPUT: Markdown with
          the front matter that the Hugging Face Hub reads.
 """
 
@@ -11,21 +11,19 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
-from dior import tables
+from dior import licenses, tables
 from dior.evaluate import statistics
-from dior.schemas import METRICS, SCHEMAS, VOCABULARY
+from dior.release import citation
+from dior.schemas import METRICS, PICTURE, SCHEMAS, SPLITS, VOCABULARY
 
 COUNTED = ("camera_recordings", "frames", "keypoints_2d", "missing_2d")
 TEMPLATE = Path(__file__).with_name("card.md.j2")
-FILES = {
-    "labels_2d": ("labels_2d/<subject>/<sequence>.<camera>.parquet", "one row per frame and joint of a camera"),
-    "skeletons_3d": ("skeletons_3d/<subject>/<sequence>.parquet", "one row per instant and joint"),
-    "released_frames": ("frames/<subject>/<sequence>.parquet", "one row per picture, all cameras"),
-    "cameras": ("cameras.parquet", "one row per session and camera"),
-    "sequences": ("sequences.parquet", "one row per walk"),
-    "subjects": ("subjects.parquet", "one row per person"),
-    "released_gallery": ("gallery.parquet", "one row per picture of a person from all around"),
-}
+# "mean long-range label sigma per subject": of both axes of a label the root mean square
+SIGMA_QUERY = (
+    "SELECT subject, avg(sqrt((sigma_u * sigma_u + sigma_v * sigma_v) / 2)) AS sigma_px FROM 'labels_2d/*/*.parquet' "
+    "JOIN 'sequences.parquet' USING (subject, sequence) JOIN 'cameras.parquet' USING (session, camera) "
+    "WHERE role = 'long_range' AND status IN ('ok', 'occluded') GROUP BY subject ORDER BY subject"
+)
 SIZES = (
     (10**3, "n<1K"),
     (10**4, "1K<n<10K"),
@@ -40,10 +38,10 @@ SIZES = (
 )
 
 
-def text(facts, sequences, counted, figures, gallery, example):
-    """The card. `facts`: version, title, license, authors. `sequences`: released sheet rows. `counted`: rows of
-    `statistics.rows_of` for them. `figures`: rows of metrics.csv. `gallery`: whether there is a gallery.parquet.
-    `example`: the name of a labels file of the first sequence.
+def text(release, walks, counted, figures, parts, example):
+    """The card. `release`: the section of the config; `walks`: the released ones (roster.py); `counted`: rows of
+    `statistics.rows_of` for them; `figures`: rows of metrics.csv; `parts`: of layout.py, those that there are;
+    `example`: the name of a labels file.
     """
     from jinja2 import Environment, StrictUndefined
 
@@ -52,26 +50,64 @@ def text(facts, sequences, counted, figures, gallery, example):
     )
     environment.filters["quoted"] = lambda word: json.dumps(str(word), ensure_ascii=False)
     environment.filters["cell"] = lambda word: str(word).replace("|", "\\|")
-    rows = statistics.of(counted, "keypoints_2d") + statistics.of(counted, "missing_2d")
+    rows, names = list(walks.values()), [part.name for part in parts]
     return environment.from_string(TEMPLATE.read_text(encoding="utf-8")).render(
-        **facts,
-        simulated=any(row.get("truth") for row in sequences),
-        size=next((name for limit, name in SIZES if rows < limit), "n>1T"),
-        environments=dict(sorted(Counter(row["environment"] for row in sequences).items())),
-        long_range=statistics.of(counted, "frames", role="long_range") > 0,
-        n_sequences=len(sequences),
-        n_subjects=len({row["subject"] for row in sequences}),
-        n_frames=statistics.of(counted, "frames"),
-        n_labels=statistics.of(counted, "keypoints_2d"),
+        **release,
+        known_license=release["license"] in licenses.KNOWN,
+        license_url=licenses.url(release["license"]),
+        bibtex=citation.bibtex(release),
+        summary=summary(walks, counted),
+        simulated=_simulated(rows),
+        size=_size(counted),
+        environments=_environments(rows),
+        long_range=_long_range(counted),
+        parts=parts,
+        names=names,
         counts=_by_camera(counted),
         properties=statistics.properties(counted),
-        gallery=gallery,
-        described=[(*FILES[name], _columns(name)) for name in FILES if gallery or name != "released_gallery"],
+        described=[(part, _columns(part.table)) for part in parts],
         metric_columns=tables.columns_of("metrics"),
         figures=[figure for figure in map(_figure, figures) if figure],
         metrics={name: meaning for name, meaning in METRICS.items() if _has(figures, name)},
-        example=f"labels_2d/{sequences[0]['subject']}/{example}",
+        example=example,
+        sigma_query=SIGMA_QUERY,
+        splits=SPLITS,
     )
+
+
+def summary(walks, counted):
+    """What the release is, in one paragraph of plain text."""
+    rows = list(walks.values())
+    people = len({row["subject"] for row in rows})
+    places = ", ".join(f"{n} {name}" for name, n in _environments(rows).items())
+    labels, frames = statistics.of(counted, "keypoints_2d"), statistics.of(counted, "frames")
+    told = (
+        f"2D and 3D skeleton labels of {_many(len(rows), 'walk')} of {_many(people, 'subject')} ({places}): "
+        f"{_many(labels, 'label')} inside the picture on {_many(frames, 'frame')}."
+    )
+    far = " Some cameras are so far away that no detector works on their pictures." if _long_range(counted) else ""
+    return told + far
+
+
+def _many(number, what):
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
+def _simulated(rows):
+    return any(row.get("truth") for row in rows)
+
+
+def _environments(rows):
+    return dict(sorted(Counter(row["environment"] for row in rows).items()))
+
+
+def _long_range(counted):
+    return statistics.of(counted, "frames", role="long_range") > 0
+
+
+def _size(counted):
+    rows = statistics.of(counted, "keypoints_2d") + statistics.of(counted, "missing_2d")
+    return next((name for limit, name in SIZES if rows < limit), "n>1T")
 
 
 def _has(figures, name):
@@ -92,11 +128,11 @@ def _meaning(name, field):
 
 
 def _type(kind):
-    if pa.types.is_dictionary(kind):
-        return "string"
+    if kind == PICTURE:
+        return "struct of bytes, path"
     if pa.types.is_fixed_size_list(kind):
         return f"{kind.list_size} x {_type(kind.value_type)}"
-    return str(np.dtype(kind.to_pandas_dtype()))
+    return tables.word_of(kind)
 
 
 def _by_camera(counted):

@@ -1,48 +1,239 @@
-"""One tarball per subject, so that a person's data can be given out, or taken back, on its own.
+"""One tarball per subject, so that a person's data can be given out, or taken back, on its own, and one of metadata.
 
-INPUTS   a release folder (see package.py) and a pseudonym
-OUTPUT   results/release/dior-<version>-<pseudonym>.tar: the subject's labels, skeletons and frames and the files about
-         the whole release (card, cameras, sheets, figures, checksums), below dior-<version>/. Unpacked over each
-         other the tarballs of all subjects are the release. Plain tar: Parquet is compressed already.
+INPUTS   a release folder (see package.py) and the part of it: a pseudonym, or `metadata`
+OUTPUT   results/release/dior-<version>-<part>.tar, below dior-<version>/: of a subject its labels, skeletons, frames
+         with pixels, detections, boxes, marks and the checksums of those; of `metadata` what lies at the top of the
+         release: card, cameras, sheets, splits, figures, provenance, the checksums of all files
+         .dior-<version>-<part>.part.tar and .json beside it while it is made, or where that was cut short
+A subject's tarball names nobody else, so that it stays as it is when another withdraws; only that of metadata does not.
+Unpacked over each other all of them are the release, byte for byte. Plain tar: Parquet is compressed already.
+
+A tarball begins with its list of checksums, and each file is compared with that in the pass that packs it. What is
+packed is told in the .json once it is surely on the disk, and a run that was killed goes on from there.
 """
 
+import hashlib
+import itertools
+import json
+import os
 import tarfile
+from collections import deque
+from concurrent.futures import ThreadPoolExecutor, wait
+from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 
 from dior.errors import DiorError, nearest
-from dior.files import written_whole
-from dior.release.package import SUMS
+from dior.files import write_text
+from dior.progress import told
+from dior.release import sums
+
+BLOCK = 1 << 20
+# blocks that are written but not hashed yet
+AHEAD = 8
+# what a killed run may have packed in vain
+CHECKPOINT = 256 << 20
+
+
+@dataclass(frozen=True)
+class Member:
+    """A file of the release, its place in the tarball and its SHA-256."""
+
+    path: Path
+    header: bytes
+    size: int
+    digest: str
+    start: int
+    end: int
+
+
+@dataclass(frozen=True)
+class Note:
+    """The file that tells a later run what it need not pack again. `which`: a hash of all that is to be packed."""
+
+    path: Path
+    which: str
+
+    def write(self, tar, done):
+        """Note that the tarball is whole up to byte `done`, once that is on the disk."""
+        _on_disk(tar)
+        write_text(self.path, json.dumps({"which": self.which, "done": done}) + "\n")
 
 
 def run(*, release, subject, out):
-    """Pack what belongs to `subject` (a pseudonym) of the folder `release`. Same release, same bytes.
+    """Pack the part of the folder `release` that is about `subject`: a pseudonym, or `metadata`. Same part, same bytes.
 
-    Raises DiorError for a subject that is not in the release and for a file of SHA256SUMS that is gone.
+    Raises DiorError for a subject that is not in the release, for a file that is gone or not the one that the release
+    was built with, and where the disk has no room; after the last, run again to go on.
     """
-    release = Path(release)
-    names = members(release, subject)
-    with written_whole(out) as part, tarfile.open(part, "w", format=tarfile.PAX_FORMAT) as tar:
-        for name in names:
-            _add(tar, release / name, f"{release.name}/{name}")
+    release, out = Path(release), Path(out)
+    packed = plan(release, subject)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    part, state = leftovers(out)
+    which = hashlib.sha256(b"".join(member.header + member.digest.encode() for member in packed)).hexdigest()
+    done = _done(part, state, which, packed)
+    with open(part, "r+b" if done else "wb", buffering=0) as tar:
+        tar.truncate(done)
+        tar.seek(done)
+        _pack(tar, [member for member in packed if member.start >= done], Note(state, which), out.name)
+        _write(tar, bytes(size_of(packed[-1].end) - packed[-1].end))
+        _on_disk(tar)
+    os.replace(part, out)
+    state.unlink(missing_ok=True)
+
+
+def leftovers(out):
+    """What a run that was cut short leaves beside the tarball `out`: its beginning, and how much of it is whole."""
+    return tuple(out.with_name(f".{out.stem}.part{suffix}") for suffix in (".tar", ".json"))
 
 
 def members(release, subject):
-    """Paths in the release, sorted, that the tarball of `subject` holds."""
-    sums = Path(release) / SUMS
-    if not sums.is_file():
-        raise DiorError(f"{sums}: there is no such file; build the release first")
-    listed = [line.split("  ", 1)[1] for line in sums.read_text(encoding="utf-8").splitlines()]
-    subjects = sorted({name.split("/")[1] for name in listed if "/" in name})
-    if subject not in subjects:
-        raise DiorError(f"{release}: subject '{subject}' is not in the release{nearest(subject, subjects)}")
-    return sorted([SUMS, *(name for name in listed if "/" not in name or name.split("/")[1] == subject)])
+    """SHA-256 by path in the release of what the tarball of `subject` (or `metadata`) holds, the checksums first."""
+    listed = sums.read(release)
+    parts = sorted({sums.of_whom(name) for name in listed})
+    if subject not in parts:
+        raise DiorError(f"{release}: subject '{subject}' is not in the release{nearest(subject, parts)}")
+    first = sums.list_of(subject)
+    # the list of all files is in no list
+    found = {first: listed.get(first) or sums.digest(open(release / first, "rb"))}
+    return found | {name: listed[name] for name in sorted(listed) if sums.of_whom(name) == subject}
 
 
-def _add(tar, path, name):
-    """Append a file with nothing of its owner, time or rights."""
-    if not path.is_file():
-        raise DiorError(f"{path}: listed in {SUMS} but gone; build the release again")
+def plan(release, subject):
+    """The `Member`s of a tarball, in its order. Raises DiorError for a file that is gone."""
+    found, at = [], 0
+    for name, digest in members(release, subject).items():
+        path = release / name
+        if not path.is_file():
+            raise DiorError(f"{path}: listed in {sums.SUMS} but gone; build the release again")
+        size = path.stat().st_size
+        head = header(f"{release.name}/{name}", size)
+        end = at + len(head) + padded(size, tarfile.BLOCKSIZE)
+        found.append(Member(path, head, size, digest, at, end))
+        at = end
+    return found
+
+
+def header(name, size):
+    """What a tarball has before a file: nothing of its owner and time, the same rights for all."""
     entry = tarfile.TarInfo(name)
-    entry.size, entry.mode = path.stat().st_size, 0o644
-    with open(path, "rb") as stream:
-        tar.addfile(entry, stream)
+    entry.size, entry.mode = size, 0o644
+    return entry.tobuf(tarfile.PAX_FORMAT)
+
+
+def padded(size, to):
+    """The size when filled up to whole blocks of `to` bytes."""
+    return -(-size // to) * to
+
+
+def size_of(end):
+    """Bytes of a tarball whose last file ends at `end`: two blocks of zeros, filled up to whole records."""
+    return padded(end + 2 * tarfile.BLOCKSIZE, tarfile.RECORDSIZE)
+
+
+def _done(part, state, which, planned):
+    """Bytes of an earlier run that can be kept: 0 where there are none of this part of this release."""
+    try:
+        noted = json.loads(state.read_bytes())
+        there = part.stat().st_size
+    except (OSError, ValueError):
+        return 0
+    known = noted["which"] == which and noted["done"] in {member.end for member in planned}
+    return noted["done"] if known and noted["done"] <= there else 0
+
+
+def _pack(tar, planned, note, where):
+    """Append files; what is on the disk is noted now and then, and when the packing is cut short."""
+    whole = noted = tar.tell()
+    noting = None
+    with ThreadPoolExecutor(1) as hasher, ThreadPoolExecutor(1) as noter:
+        try:
+            for end in told(_ends(tar, planned, hasher), sum(map(_blocks, planned)), "MB", where):
+                whole = max(whole, end)
+                if whole - noted >= CHECKPOINT and (noting is None or noting.done()):
+                    noting, noted = noter.submit(note.write, tar, whole), whole
+        except BaseException:
+            # the space of the file that was cut short is freed first: the disk may be full
+            with suppress(OSError, DiorError):
+                wait([noting] if noting else [])
+                tar.truncate(whole)
+                note.write(tar, whole)
+            raise
+    if noting is not None:
+        noting.result()
+
+
+def _blocks(member):
+    return max(1, -(-member.size // BLOCK))
+
+
+def _ends(tar, planned, hasher):
+    """Write files, yielding after each block where the last whole file ends, 0 where none has been written.
+
+    Another thread hashes what is written, a few blocks behind, so that one core does nothing but the hash.
+    """
+    buffers, end = itertools.cycle([bytearray(BLOCK) for _ in range(AHEAD + 1)]), 0
+    for member in planned:
+        _write(tar, member.header)
+        digest, hashing = hashlib.sha256(), deque()
+        with _opened(member) as stream:
+            for left in range(member.size, 0, -BLOCK):
+                block = memoryview(next(buffers))[: min(left, BLOCK)]
+                if _read(stream, block, member) != len(block):
+                    raise _changed(member)
+                hashing.append(hasher.submit(digest.update, block))
+                _write(tar, block)
+                if len(hashing) > AHEAD:
+                    hashing.popleft().result()
+                if left > BLOCK:
+                    yield end
+            wait(hashing)
+            if _read(stream, bytearray(1), member) or digest.hexdigest() != member.digest:
+                raise _changed(member)
+        end = member.end
+        _write(tar, bytes(-member.size % tarfile.BLOCKSIZE))
+        yield end
+
+
+def _opened(member):
+    try:
+        return open(member.path, "rb")
+    except OSError as error:
+        raise DiorError(f"{member.path}: cannot be read ({error.strerror})") from None
+
+
+def _read(stream, block, member):
+    try:
+        return stream.readinto(block)
+    except OSError as error:
+        raise DiorError(f"{member.path}: cannot be read ({error.strerror})") from None
+
+
+def _write(tar, content):
+    """All of `content`: the system writes a part of it where the disk is nearly full."""
+    left = memoryview(content)
+    try:
+        while left:
+            left = left[tar.write(left) :]
+    except OSError as error:
+        raise _no_room(tar, error) from None
+
+
+def _on_disk(tar):
+    try:
+        os.fsync(tar.fileno())
+    except OSError as error:
+        raise _no_room(tar, error) from None
+
+
+def _no_room(tar, error):
+    return DiorError(
+        f"{tar.name}: cannot be written ({error.strerror}); make room and run again: what is packed so far is kept"
+    )
+
+
+def _changed(member):
+    return DiorError(
+        f"{member.path}: its SHA-256 is not the one that {sums.SUMS} has; a release is not edited by hand: delete its "
+        "folder and build it again"
+    )

@@ -7,6 +7,7 @@ OUTPUTS  <out>/index.html, written last; <out>/sequences/<sequence>.html; <out>/
          results/timing.csv
 """
 
+import shutil
 from collections import Counter
 from pathlib import Path
 
@@ -25,6 +26,7 @@ from dior.report.figures import Figures
 from dior.schemas import METRICS
 
 TEMPLATES = Path(__file__).parent / "templates"
+PLOTS = "plots"
 # name of a metric for people, in the order of the page
 TITLES = {
     "coverage": "Joints with a label",
@@ -78,12 +80,13 @@ def run(
         rows,
         {name: project.sequence(name)["environment"] for name in project.sequences},
     )
+    found += [(scope, "info", "no_consent", text) for scope, text in project.left_out] + unanswered(project)
     told = clocks_told.read(clocks, clock_costs, found, {s: project.cameras_of(s) for s in project.sequences})
     stations = session_cameras(cameras)
     sheets = cards.sheets_of(overlays, out)
     by_camera = cards.rows_by_camera(rows)
     lights = [cards.card(project, s, by_camera, recorded, found, stations, sheets) for s in project.sequences]
-    folder = out / "assets" / "plots"
+    folder = out / "assets" / PLOTS
     made = Figures(folder, project, rows, recorded)
     sections = [*made.paper(), *made.truth(), *made.clocks(told)]
     scenes = [*made.scenes(stations, skeletons), *made.certainty(covariances, turns)]
@@ -91,6 +94,7 @@ def run(
     stamps = {figure["title"]: figure for figure in made.stamps(audited)}
     tried = made.clock_costs(told)
     _remove_stale(folder, made.names)
+    _remove_others(out / "assets", project.sequences)
     counted = statistics_csv.read(statistics)
     environment = _environment()
     cost.write(environment, project, statistics_csv.of(counted, "frames"), effort, out_timing, out / "cost.html")
@@ -196,6 +200,26 @@ def _limit(limit):
         "bad": f"{word} {summary.show(limit.bad, limit.unit)}" if np.isfinite(limit.bad) else "never",
         "why": limit.why,
     }
+
+
+def unanswered(project):
+    """A finding on the people of the release of whom the sheet does not say whether their pictures may be in it."""
+    people = project.released_subjects
+    open_ = [name for name in people if not project.subjects[name].get("consent_pictures")]
+    if not open_:
+        return []
+    text = (
+        f"of {len(open_)} of the {len(people)} people in the release, config/subjects.tsv does not say in "
+        "consent_pictures whether their pictures may be published, too; until then only their labels are"
+    )
+    return [("release", "warning", "pictures_unanswered", text)]
+
+
+def _remove_others(assets, sequences):
+    """Remove the pictures of sequences that the project no longer has."""
+    for folder in assets.iterdir() if assets.is_dir() else ():
+        if folder.is_dir() and folder.name not in (*sequences, PLOTS):
+            shutil.rmtree(folder)
 
 
 def _remove_stale(folder, names):

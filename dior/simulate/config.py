@@ -123,6 +123,7 @@ def _subject_row(settings, subject):
         "height_m": f"{height:.2f}",
         "height_sigma_m": f"{HEIGHT_SIGMA_M:g}",
         "consent_release": "yes",
+        "consent_pictures": "yes",
     }
 
 

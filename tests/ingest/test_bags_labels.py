@@ -77,8 +77,8 @@ def labels_from(simulated, bags, data_root, out, trigger_log=None, offsets=None)
         )  # fmt: skip
         locate.run(
             session="lab", camera=camera, camera_file=session / f"{camera}.yaml", marks=session / f"{camera}.marks.csv",
-            intrinsics=lens, mocap=[markers], frames=[indexed], offsets=[offsets], ransac_px=8.0, out=placed[camera],
-            out_marks=out / "marks.parquet", out_covariance=out / f"{camera}.covariance.parquet",
+            sequences=[WALK], intrinsics=lens, mocap=[markers], frames=[indexed], offsets=[offsets], ransac_px=8.0,
+            out=placed[camera], out_marks=out / "marks.parquet", out_covariance=out / f"{camera}.covariance.parquet",
             out_clocks=out / "found.parquet", out_clock_gains=out / "gains.parquet",
             out_clock_costs=out / "costs.parquet", findings=out / "findings.parquet",
         )  # fmt: skip

@@ -43,8 +43,7 @@ def intrinsics_file(wildcards):
 
 
 def tag_sequence(wildcards):
-    tag = PROJECT.session_files[wildcards.session].get("tag", {})
-    return tag.get("sequence") or PROJECT.first_sequence(wildcards.session)
+    return PROJECT.tag_sequence(wildcards.session)
 
 
 def tag_frames(wildcards):
@@ -70,6 +69,11 @@ def reference_file(wildcards):
     if setting("locate")(wildcards) != "reference":
         return []
     return [PROJECT.in_data(setting("reference")(wildcards)["file"])]
+
+
+def marked_sequences(wildcards):
+    """The sequences whose marks may be used, of those in the camera's file."""
+    return PROJECT.marks_sequences(wildcards.session, wildcards.camera)
 
 
 def marked_mocap(wildcards):
@@ -214,6 +218,16 @@ def fact_marks(wildcards):
         return []
     paths = [PROJECT.marks_file(wildcards.session, camera) for camera in close]
     return [path for path in paths if os.path.exists(path)]
+
+
+def fact_sequences(wildcards):
+    """The sequences in whose pictures the points of the facts may be marked."""
+    session, close = wildcards.session, PROJECT.close(wildcards.session)
+    files = [os.path.basename(path).split(".")[0].split("@")[0] for path in fact_marks(wildcards)]
+    names = [
+        name for camera in close if camera in files for name in PROJECT.clicked(session, camera)
+    ]
+    return list(dict.fromkeys(names))
 
 
 def sequence_offsets(wildcards):

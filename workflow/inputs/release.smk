@@ -1,5 +1,34 @@
 """Input and parameter functions of the rules of release. They only look things up in the project."""
 
+# the steps whose output is in a release or shapes it
+RELEASED_STEPS = [
+    "ingest.frames",
+    "ingest.mocap",
+    "ingest.detect",
+    "ingest.detections",
+    "ingest.gallery",
+    "calibrate.intrinsics",
+    "calibrate.locate",
+    "calibrate.place",
+    "calibrate.adjust",
+    "calibrate.align",
+    "calibrate.clocks",
+    "calibrate.follow",
+    "reconstruct.timeline",
+    "reconstruct.triangulate",
+    "reconstruct.refine",
+    "label.reproject",
+    "evaluate.evaluate",
+    "release.heads",
+    "release.pixels",
+    "release.package",
+]
+
+
+def released_code():
+    """The hash of each of these steps' code, as `step=hash` words."""
+    return [f"{step}={code(step)}" for step in RELEASED_STEPS]
+
 
 def released(path):
     """A file of every released sequence."""
@@ -14,28 +43,179 @@ def released_sessions():
     ]
 
 
+def released_covariances():
+    """The uncertainty of the released cameras, of those whose step tells it."""
+    files = [
+        covariance_of(session, camera)
+        for session in released_sessions()
+        for camera in PROJECT.cameras(session)
+    ]
+    return list(dict.fromkeys(path for path in files if path))
+
+
+def released_marks():
+    """The marks that located cameras on pictures of released sequences."""
+    return [
+        f"results/locate/{session}/{camera}.marks.parquet"
+        for session in released_sessions()
+        for camera, setting in PROJECT.cameras(session).items()
+        if setting["locate"] == "marks"
+        and set(PROJECT.marks_sequences(session, camera)) & set(PROJECT.released_sequences)
+    ]
+
+
+def released_detections():
+    return [
+        f"results/detections/{sequence}.parquet"
+        for sequence in PROJECT.released_sequences
+        if PROJECT.detections_pattern(sequence)
+    ]
+
+
+def released_metrics():
+    """Figures of the released sequences, of the sessions' adjustment and of other detectors."""
+    adjusted = [session for session in ADJUSTED if session in released_sessions()]
+    detected = [sequence for sequence in PROJECT.released_sequences if sequence in DETECTED]
+    return [
+        *released("results/evaluate/{sequence}.parquet"),
+        *expand("results/adjust/{session}.metrics.parquet", session=adjusted),
+        *expand("results/detectors/{sequence}.parquet", sequence=detected),
+    ]
+
+
+def released_by_hand():
+    """What a person wrote that a release tells of: boxes and checks are in it, of the rest the checksums."""
+    files = [
+        path
+        for sequence in PROJECT.released_sequences
+        for path in [
+            *PROJECT.offsets(sequence),
+            *PROJECT.boxes(sequence).values(),
+            *PROJECT.checks(sequence).values(),
+        ]
+    ]
+    for session in released_sessions():
+        files.append(PROJECT.session_file(session))
+        for camera in PROJECT.cameras(session):
+            files.append(PROJECT.camera_file(session, camera))
+            files.append(PROJECT.marks_file(session, camera))
+    return [path for path in dict.fromkeys(files) if os.path.exists(path)]
+
+
+def release_config(wildcards):
+    """The settings that a release is made with or tells of, as text."""
+    return json.dumps({key: CONFIG[key] for key in CONFIG if key != "report"}, sort_keys=True)
+
+
+def license_file():
+    path = CONFIG["release"]["license_file"]
+    return [path] if path else []
+
+
+def recordings(wildcards):
+    """The recordings of a sequence by what they are for, as `what=path` words."""
+    sequence = wildcards.sequence
+    numbered = enumerate(PROJECT.bags(sequence), start=1)
+    found = {f"bag_{number}": path for number, path in numbered}
+    found |= {"mocap": path for path in PROJECT.mocap(sequence)}
+    found |= {"trigger_log": path for path in PROJECT.trigger_log(sequence)}
+    if PROJECT.detections_pattern(sequence) and not PROJECT.detected_here(sequence):
+        paths = zip(close_names(wildcards), recorded_detections(wildcards), strict=True)
+        there_now = [pair for pair in paths if "simulate" in CONFIG or os.path.exists(pair[1])]
+        found |= {f"detections.{camera}": path for camera, path in there_now}
+    return [f"{what}={path}" for what, path in found.items()]
+
+
+def recording_files(wildcards):
+    return [word.split("=", 1)[1] for word in recordings(wildcards)]
+
+
+def recording_folders(wildcards):
+    """What is in the recordings that are folders, as for the detections."""
+    return [folder_state(path) for path in recording_files(wildcards)]
+
+
 def released_files():
-    """Every table of the release, so that a lost one is noticed."""
+    """Every table of the release that there surely is, so that a lost one is noticed."""
     people = {
         sequence: PROJECT.pseudonym(PROJECT.subject_of(sequence))
         for sequence in PROJECT.released_sequences
     }
+    tables = ["cameras", "sequences", "subjects", "splits"]
+    tables += ["camera_covariance"] if released_covariances() else []
+    tables += ["gallery"] if released_gallery() else []
+    about = ["README.md", "LICENSE", "CITATION.cff", "croissant.json", "provenance.json"]
     return [
         *[
-            f"{RELEASE}/labels_2d/{who}/{sequence}.{camera}.parquet"
+            f"{RELEASE}/{table}/{who}/{sequence}.{camera}.parquet"
+            for table in ("labels_2d", "frames")
             for sequence, who in people.items()
             for camera in PROJECT.cameras_of(sequence)
         ],
-        *[
-            f"{RELEASE}/{table}/{who}/{sequence}.parquet"
-            for table in ("skeletons_3d", "frames")
-            for sequence, who in people.items()
-        ],
-        *[f"{RELEASE}/{table}.parquet" for table in ("cameras", "sequences", "subjects")],
-        *([f"{RELEASE}/gallery.parquet"] if PROJECT.gallery else []),
-        *[f"{RELEASE}/{file}" for file in ("metrics.csv", "README.md", "SHA256SUMS")],
+        *[f"{RELEASE}/skeletons_3d/{who}/{sequence}.parquet" for sequence, who in people.items()],
+        *[f"{RELEASE}/{table}.parquet" for table in tables],
+        *[f"{RELEASE}/{file}" for file in [*about, "metrics.csv", "SHA256SUMS"]],
     ]
 
 
+def released_gallery():
+    """The gallery, where somebody who is released is in it."""
+    people = {row["subject"] for row in PROJECT.gallery.values()}
+    there = people & set(PROJECT.released_subjects)
+    return ["results/gallery/gallery.parquet"] if there else []
+
+
+def release_outputs():
+    """All that is made of a release."""
+    return [*released_files(), *tarballs_of(PROJECT.released_subjects)]
+
+
+def existing_release():
+    """The same, where there is a release already: nobody who withdrew stays in it."""
+    return release_outputs() if os.path.exists(RELEASE) else []
+
+
 def tarballs_of(subjects):
-    return [f"{RELEASE}-{PROJECT.pseudonym(name)}.tar" for name in subjects]
+    """A tarball for each subject and one for what is about all of them."""
+    parts = [PROJECT.pseudonym(name) for name in subjects]
+    return [f"{RELEASE}-{part}.tar" for part in (*parts, "metadata") if parts]
+
+
+def own_clock(wildcards):
+    """The table with the clock of one camera."""
+    return clocks_of(wildcards.sequence, [wildcards.camera])
+
+
+def pseudonym(wildcards):
+    return PROJECT.pseudonym(subject(wildcards))
+
+
+def pictures_consent(wildcards):
+    return "yes" if PROJECT.pictures_released(wildcards.sequence) else "no"
+
+
+def released_bags(wildcards):
+    """The recordings of a sequence whose pictures are released."""
+    return bags(wildcards) if PROJECT.pictures_released(wildcards.sequence) else []
+
+
+def covered_heads(wildcards):
+    """Where the head is, if it is to be covered."""
+    shown = CONFIG["release"]["faces"] == "shown"
+    if shown or not PROJECT.pictures_released(wildcards.sequence):
+        return []
+    return [f"results/heads/{wildcards.sequence}.{wildcards.camera}.parquet"]
+
+
+def stamps_from(wildcards):
+    """The tables with all pictures of a sequence's subject, if stamps count from the first of them."""
+    if not CONFIG["release"]["shift_stamps"]:
+        return []
+    walks = PROJECT.sequences_of_subject(subject(wildcards))
+    return [f"results/frames/{sequence}.parquet" for sequence in walks]
+
+
+def stamps_shift(wildcards):
+    """What `dior.release.stamps.taken_off` wants to know, as JSON; {} to leave stamps as they are."""
+    files = stamps_from(wildcards)
+    return json.dumps({"frames": files} if files else {})

@@ -68,6 +68,7 @@ rule locate:
     benchmark:
         "logs/locate/{session}.{camera}.benchmark.tsv"
     params:
+        sequences=marked_sequences,
         ransac_px=CONFIG["locate"]["ransac_px"],
         code=code("calibrate.locate"),
     shell:
@@ -76,6 +77,7 @@ rule locate:
         " --camera {wildcards.camera}"
         " --camera-file {input.camera:q}"
         " --marks {input.marks:q}"
+        " --sequences {params.sequences}"
         " --intrinsics {input.intrinsics:q}"
         " --mocap {input.mocap:q}"
         " --frames {input.frames:q}"
@@ -153,6 +155,7 @@ rule adjust:
         max_mean_px=CONFIG["adjust"]["max_mean_px"],
         max_gap=CONFIG["time"]["max_gap"],
         known=metric_facts,
+        marked=fact_sequences,
         intrinsics_sigma=CONFIG["adjust"]["intrinsics_sigma"],
         physics=as_json(CONFIG["physics"]),
         code=code("calibrate.adjust"),
@@ -172,6 +175,7 @@ rule adjust:
         " --max-gap {params.max_gap}"
         " --known {params.known:q}"
         " --marks {input.marks:q}"
+        " --marked {params.marked}"
         " --tags {input.tags:q}"
         " --intrinsics-sigma {params.intrinsics_sigma}"
         " --physics {params.physics:q}"

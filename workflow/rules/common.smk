@@ -12,6 +12,7 @@ from snakemake.exceptions import WorkflowError
 
 from dior import project
 from dior.errors import DiorError
+from dior.forget import left
 from dior.provenance import code_hash as code
 from dior.provenance import folder_state
 
@@ -112,6 +113,12 @@ def say_what_to_open():
     """The end of a run: where to look."""
     for page in filter(os.path.exists, ["results/report/index.html"]):
         print(f"Open {os.path.abspath(page)}", file=sys.stderr)
+    if stale := left("."):
+        print(
+            f"results/ and logs/ still hold {len(stale)} files and folders of sequences or people that the project no "
+            "longer has: `dior forget` lists them, docs/people.md tells more",
+            file=sys.stderr,
+        )
 
 
 def say_what_failed(run_logs):

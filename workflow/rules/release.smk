@@ -1,68 +1,94 @@
 """Release: the dataset as others get it.
 
-Required inputs: labels, skeletons, frames, cameras and metrics of the subjects who agreed.
-Outputs: results/release/dior-<version>/ and a tarball per subject beside it.
+Required inputs: labels, pictures, skeletons, frames, detections, cameras and figures of the subjects who agreed, and
+their recordings, for the checksums.
+Outputs: results/provenance/<sequence>.json, results/release/dior-<version>/ and beside it a tarball per
+subject and one of metadata.
 """
 
 
+rule provenance:
+    """Take the checksums of the recordings of one sequence."""
+    input:
+        there(recording_files),
+    output:
+        "results/provenance/{sequence}.json",
+    log:
+        "logs/provenance/{sequence}.log",
+    benchmark:
+        "logs/provenance/{sequence}.benchmark.tsv"
+    threads: 2
+    params:
+        recordings=recordings,
+        folders=recording_folders,
+        code=code("release.provenance"),
+    shell:
+        "dior provenance"
+        " --sequence {wildcards.sequence}"
+        " --recordings {params.recordings:q}"
+        " --out {output:q}"
+        " 2>&1 | tee {log:q}"
+
+
 rule package:
-    """Write the release folder: tables, card and checksums."""
+    """Write the release folder: tables, pictures, card and checksums."""
     input:
         labels=[path for sequence in PROJECT.released_sequences for path in labels_of(sequence)],
+        pixels=[
+            f"results/pixels/{sequence}.{camera}.parquet"
+            for sequence in PROJECT.released_sequences
+            for camera in PROJECT.cameras_of(sequence)
+        ],
         skeletons=[skeleton_of(sequence) for sequence in PROJECT.released_sequences],
         frames=released("results/frames/{sequence}.parquet"),
+        detections=released_detections(),
+        marks=released_marks(),
         cameras=[
             path
             for session in released_sessions()
             for path in cameras_of(session, PROJECT.cameras(session))
         ],
-        metrics=[
-            *released("results/evaluate/{sequence}.parquet"),
-            *[
-                f"results/adjust/{session}.metrics.parquet"
-                for session in ADJUSTED
-                if session in released_sessions()
-            ],
-            *[
-                f"results/detectors/{sequence}.parquet"
-                for sequence in PROJECT.released_sequences
-                if sequence in DETECTED
-            ],
-        ],
-        gallery=["results/gallery/gallery.parquet"] if PROJECT.gallery else [],
+        covariances=released_covariances(),
+        metrics=released_metrics(),
+        gallery=released_gallery(),
+        provenance=released("results/provenance/{sequence}.json"),
+        by_hand=released_by_hand(),
+        license=license_file(),
     output:
         released_files(),
     log:
         "logs/package/package.log",
     benchmark:
         "logs/package/package.benchmark.tsv"
+    threads: 2
     params:
-        version=VERSION,
-        title=CONFIG["release"]["title"],
-        license=CONFIG["release"]["license"],
-        authors=CONFIG["release"]["authors"],
+        config=release_config,
         out=release_folder,
         sheets=as_json([PROJECT.rows, PROJECT.subjects]),
+        steps=released_code(),
         code=code("release.package"),
     shell:
         "dior package"
         " --project ."
-        " --version {params.version:q}"
-        " --title {params.title:q}"
-        " --license {params.license:q}"
-        " --authors {params.authors:q}"
+        " --config {params.config:q}"
         " --labels {input.labels:q}"
+        " --pixels {input.pixels:q}"
         " --skeletons {input.skeletons:q}"
         " --frames {input.frames:q}"
+        " --detections {input.detections:q}"
+        " --marks {input.marks:q}"
         " --cameras {input.cameras:q}"
+        " --covariances {input.covariances:q}"
         " --metrics {input.metrics:q}"
         " --gallery {input.gallery:q}"
+        " --provenance {input.provenance:q}"
+        " --code {params.steps:q}"
         " --out {params.out:q}"
         " 2>&1 | tee {log:q}"
 
 
 rule tarballs:
-    """Pack one subject's part of the release."""
+    """Pack one subject's part of the release, or what is about all (`metadata`)."""
     input:
         released_files(),
     output:
@@ -79,4 +105,72 @@ rule tarballs:
         " --release {params.release:q}"
         " --subject {wildcards.pseudonym}"
         " --out {output:q}"
+        " 2>&1 | tee {log:q}"
+
+
+rule heads:
+    """Find the subject's head in the pictures of one camera."""
+    input:
+        cameras=camera_file,
+        skeleton=skeleton,
+        frames="results/frames/{sequence}.parquet",
+        clocks=own_clock,
+        labels="results/reproject/{sequence}.{camera}.parquet",
+    output:
+        heads="results/heads/{sequence}.{camera}.parquet",
+        findings="results/heads/{sequence}.{camera}.findings.parquet",
+    log:
+        "logs/heads/{sequence}.{camera}.log",
+    benchmark:
+        "logs/heads/{sequence}.{camera}.benchmark.tsv"
+    params:
+        code=code("release.heads"),
+    shell:
+        "dior heads"
+        " --sequence {wildcards.sequence}"
+        " --camera {wildcards.camera}"
+        " --cameras {input.cameras:q}"
+        " --skeleton {input.skeleton:q}"
+        " --frames {input.frames:q}"
+        " --clocks {input.clocks:q}"
+        " --labels {input.labels:q}"
+        " --out {output.heads:q}"
+        " --findings {output.findings:q}"
+        " 2>&1 | tee {log:q}"
+
+
+rule pixels:
+    """Write the released pictures of one camera, the subject's head covered."""
+    input:
+        bags=there(released_bags),
+        frames="results/frames/{sequence}.parquet",
+        heads=covered_heads,
+        shift=stamps_from,
+    output:
+        pixels="results/pixels/{sequence}.{camera}.parquet",
+        findings="results/pixels/{sequence}.{camera}.findings.parquet",
+    log:
+        "logs/pixels/{sequence}.{camera}.log",
+    benchmark:
+        "logs/pixels/{sequence}.{camera}.benchmark.tsv"
+    params:
+        subject=pseudonym,
+        data_root=DATA,
+        faces=CONFIG["release"]["faces"],
+        consent=pictures_consent,
+        shift=stamps_shift,
+        code=code("release.pixels"),
+    shell:
+        "dior pixels"
+        " --sequence {wildcards.sequence}"
+        " --subject {params.subject}"
+        " --camera {wildcards.camera}"
+        " --frames {input.frames:q}"
+        " --data-root {params.data_root:q}"
+        " --heads {input.heads:q}"
+        " --faces {params.faces}"
+        " --consent {params.consent}"
+        " --shift {params.shift:q}"
+        " --out {output.pixels:q}"
+        " --findings {output.findings:q}"
         " 2>&1 | tee {log:q}"

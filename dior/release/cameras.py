@@ -1,0 +1,56 @@
+"""The cameras of a release: intrinsics, poses and how sure those are.
+
+INPUTS   `cameras` and `camera_covariance` tables of the sessions
+OUTPUTS  columns of `released_cameras` and `camera_covariance`, sorted by session and camera
+"""
+
+import numpy as np
+
+from dior import tables
+from dior.errors import DiorError
+
+
+def released(paths, covariances, walks):
+    """Columns of the final cameras of the released sessions, with each one's own covariance where it is known."""
+    shown = {walk["session"]: walk["shown"] for walk in walks.values()}
+    wanted = {(walk["session"], camera) for walk in walks.values() for camera in walk["cameras"]}
+    table = _of_sessions(paths, "cameras", shown)
+    names = list(zip(table["session"], table["camera"], strict=True))
+    for session, camera in sorted(set(names)):
+        if names.count((session, camera)) > 1:
+            raise DiorError(f"release: camera '{camera}' of session '{session}' is in two tables of cameras")
+    for session, camera in sorted(wanted - set(names)):
+        raise DiorError(f"release: camera '{camera}' of session '{session}' is in no table of cameras; run its steps")
+    own = {
+        (pair["session"], pair["camera"]): pair["covariance"]
+        for pair in _rows(_of_sessions(covariances, "camera_covariance", shown))
+        if pair["camera"] == pair["other"]
+    }
+    table["covariance"] = np.array([own.get(name, np.full(36, np.nan)) for name in names])
+    return _sorted({key: table[key] for key in tables.columns_of("released_cameras")}, shown)
+
+
+def covariance(paths, walks):
+    """Columns of the joint covariance of the released sessions' cameras: a row for each pair that is known."""
+    shown = {walk["session"]: walk["shown"] for walk in walks.values()}
+    return _sorted(_of_sessions(paths, "camera_covariance", shown), shown)
+
+
+def _of_sessions(paths, name, sessions):
+    """The rows of some sessions of several tables of one kind."""
+    parts = [tables.read(path, name) for path in dict.fromkeys(map(str, paths))]
+    if not parts:
+        return tables.empty(name)
+    table = {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
+    return tables.rows(table, np.array([session in sessions for session in table["session"]], bool))
+
+
+def _rows(table):
+    return [dict(zip(table, cells, strict=True)) for cells in zip(*table.values(), strict=True)]
+
+
+def _sorted(table, shown):
+    """The rows by the session's name in the release, then by camera."""
+    table = {**table, "session": np.array([shown[session] for session in table["session"]], object)}
+    keys = list(zip(*(table[key] for key in ("session", "camera", "other") if key in table), strict=True))
+    return tables.rows(table, np.array(sorted(range(len(keys)), key=keys.__getitem__), np.int64))

@@ -1,0 +1,48 @@
+"""CITATION.cff of a release: how to cite it, in the Citation File Format 1.2.0 that GitHub and Zenodo read.
+
+INPUT    the `release:` section of the config. OUTPUT: YAML text
+"""
+
+import json
+
+from dior import licenses
+
+MESSAGE = "If you use this dataset, please cite it as below."
+# the format asks for an author; so does nobody where the config names none
+NOBODY = "anonymous"
+
+
+def text(release):
+    """The file's content. An author written "Family, Given" is a person, any other a name as it stands."""
+    lines = ["cff-version: 1.2.0", f"message: {_quoted(MESSAGE)}", "type: dataset", *_what(release)]
+    if release["license"] in licenses.KNOWN:
+        lines.append(f"license: {release['license']}")
+    if release["year"]:
+        # only a reference has a year of its own; the file itself asks for a day, which nobody told
+        lines += ["preferred-citation:", "  type: data", *(f"  {line}" for line in _what(release))]
+        lines.append(f"  year: {release['year']}")
+    return "\n".join(lines) + "\n"
+
+
+def _what(release):
+    lines = [f"title: {_quoted(release['title'])}", f"version: {_quoted(release['version'])}", "authors:"]
+    for name in release["authors"] or [NOBODY]:
+        family, comma, given = name.partition(",")
+        if comma and given.strip():
+            lines += [f"- family-names: {_quoted(family.strip())}", f"  given-names: {_quoted(given.strip())}"]
+        else:
+            lines.append(f"- name: {_quoted(name)}")
+    return [*lines, f"doi: {_quoted(release['doi'])}"] if release["doi"] else lines
+
+
+def bibtex(release):
+    """One @misc entry, for Croissant's citeAs and for the card."""
+    authors = " and ".join(release["authors"]) or NOBODY
+    fields = {"title": f"{{{release['title']}}}", "author": authors, "note": f"version {release['version']}"}
+    fields |= {key: str(release[key]) for key in ("year", "doi") if release[key]}
+    inner = ", ".join(f"{key} = {{{value}}}" for key, value in fields.items())
+    return f"@misc{{dior-{release['version']}, {inner}}}"
+
+
+def _quoted(word):
+    return json.dumps(str(word), ensure_ascii=False)

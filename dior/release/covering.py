@@ -1,0 +1,58 @@
+"""Covering a head in a picture so that nobody can uncover it.
+
+INPUTS   a picture, the box of whole pixels that holds the head (`heads` table)
+OUTPUTS  the picture with the ellipse in that box covered, in place
+Covering destroys: all that is left of a head are the mean colours of at most CELLS x CELLS cells of its box, in which
+the head itself has about three by three. A Gaussian blur can be undone.
+"""
+
+import numpy as np
+
+FACES = ("blurred", "filled", "pixelated", "shown")
+CELLS = 4
+# a cell is at least this wide and high, px, so that a head of five pixels becomes one colour
+CELL_PX = 4
+GREY = 128
+
+
+def ellipse(box, rows, columns):
+    """Which of the pixels `rows` (R,), `columns` (C,) are in the ellipse that touches the edges of a box: (R, C) bool.
+
+    `box`: first column and row, and those after the last, px.
+    """
+    u_min, v_min, u_max, v_max = box
+    across = (2 * columns + 1 - u_min - u_max) / (u_max - u_min)
+    down = (2 * rows + 1 - v_min - v_max) / (v_max - v_min)
+    return down[:, None] ** 2 + across[None] ** 2 <= 1
+
+
+def inside(box, height, width):
+    """Rows and columns of a picture that a box covers, as slices; empty outside the picture."""
+    u_min, v_min, u_max, v_max = (int(edge) for edge in box)
+    return (
+        slice(min(max(v_min, 0), height), min(max(v_max, 0), height)),
+        slice(min(max(u_min, 0), width), min(max(u_max, 0), width)),
+    )
+
+
+def cover(picture, box, how):
+    """Cover the head in `box` (4,) px of a BGR `picture` (height, width, 3) uint8, in place.
+
+    `how`: `blurred` and `pixelated` leave the mean colours of a few cells, `filled` nothing.
+    """
+    import cv2
+
+    rows, columns = inside(box, *picture.shape[:2])
+    part = picture[rows, columns]
+    if not part.size:
+        return
+    high, wide = part.shape[:2]
+    if how == "filled":
+        instead = np.full_like(part, GREY)
+    else:
+        cells = tuple(int(np.clip(side // CELL_PX, 1, CELLS)) for side in (wide, high))
+        means = cv2.resize(part, cells, interpolation=cv2.INTER_AREA)
+        smooth = cv2.INTER_NEAREST if how == "pixelated" else cv2.INTER_LINEAR
+        instead = cv2.resize(means, (wide, high), interpolation=smooth)
+    at = [np.arange(piece.start, piece.stop) for piece in (rows, columns)]
+    np.copyto(part, instead, where=ellipse(box, *at)[..., None])

@@ -1,0 +1,85 @@
+"""The text of `dior diff`: tables that a person reads. INPUT: the dict of diff.py. OUTPUT: text."""
+
+LENGTHS = {"moved_px": "px", "moved_mm": "mm"}
+
+
+def of(found):
+    """All that differs; reasons are numbers of the list at the end."""
+    if found["same"]:
+        return f"{found['first']} and {found['second']} are the same"
+    lines = [f"{found['first']} -> {found['second']}"]
+    for how, names in found["sequences"].items():
+        lines += [f"sequences {how}: {', '.join(names)}"] if names else []
+    lines += _section("cameras", found["cameras"], ("session", "camera"), _camera, ())
+    lines += _section("labels and pictures", found["recordings"], ("sequence", "camera"), _recording, found["inputs"])
+    lines += _section("3D and marks", found["skeletons"], ("sequence",), _recording, found["inputs"])
+    for how, names in found["files"].items():
+        lines += ["", f"files {how}: {', '.join(names)}"] if names else []
+    lines += ["", "inputs and settings that changed"] if found["inputs"] else ["", "no input or setting changed"]
+    lines += [f"  [{i}] {text}" for i, text in enumerate(found["inputs"], start=1)]
+    return "\n".join(lines)
+
+
+def _section(title, rows, keys, told, inputs):
+    if not rows:
+        return []
+    widths = [max(len(row[key]) for row in rows) for key in keys]
+    lines = ["", title]
+    for row in rows:
+        name = "  ".join(f"{row[key]:<{width}}" for key, width in zip(keys, widths, strict=True))
+        lines.append(
+            f"  {name}  {'; '.join(told(row)) if row['change'] == 'changed' else row['change']}{_why(row, inputs)}"
+        )
+    return lines
+
+
+def _why(row, inputs):
+    if "because" not in row:
+        return ""
+    return "  because of " + (
+        " ".join(f"[{inputs.index(text) + 1}]" for text in row["because"]) or "nothing that is known"
+    )
+
+
+def _camera(row):
+    parts = []
+    if "moved_mm" in row:
+        parts.append(f"moved {_number(row['moved_mm'])} mm, turned {_number(row['turned_deg'])} deg")
+    for key, change in row.items():
+        if isinstance(change, list):
+            parts.append(f"{key} {change[0]} -> {change[1]}")
+    return [*parts, *(["covariance changed"] if "covariance" in row else [])]
+
+
+def _recording(row):
+    parts = [f"subject {' -> '.join(row['subject'])}"] if "subject" in row else []
+    for kind, change in row.items():
+        if isinstance(change, dict):
+            parts.append(_pictures(change) if kind == "frames" else _moved(kind, change))
+        elif kind not in ("sequence", "camera", "change", "subject", "because"):
+            parts.append(f"{kind} {change}")
+    return parts
+
+
+def _moved(kind, change):
+    what = next(key for key in LENGTHS if key in change)
+    values = [f"{name} {_number(value)}" for name, value in change[what].items()]
+    parts = [f"{kind} moved {', '.join(values)} {LENGTHS[what]}"]
+    if change["status_changed_share"]:
+        parts.append(f"status of {100 * change['status_changed_share']:.3g} % changed")
+    parts += [f"{change[key]} {key.replace('_', ' ')}" for key in ("rows_added", "rows_removed") if change[key]]
+    if change["stamps_moved_ms"]:
+        parts.append(f"stamps moved by up to {_number(change['stamps_moved_ms'])} ms")
+    if change.get("sigma_ratio") not in (None, 1.0):
+        parts.append(f"sigma times {_number(change['sigma_ratio'])}")
+    return ", ".join(parts)
+
+
+def _pictures(change):
+    counts = {key: n for key, n in change.items() if n and key != "pictures"}
+    told = [f"{n} {key.replace('_', ' ')}" for key, n in counts.items()]
+    return "frames: " + (", ".join(told) or "written anew") + f" (of {change['pictures']} pictures in both)"
+
+
+def _number(value):
+    return "unknown" if value is None else f"{value:.4g}"

@@ -1,0 +1,21 @@
+"""The figures of a release: those of the released walks, pooled over them, as rows of metrics.csv."""
+
+from dior import tables
+from dior.evaluate.metrics import merged
+
+
+def released(paths, walks):
+    """Rows of metrics.csv: those of the released walks, by pseudonym, pooled over them.
+
+    A row of no sequence is the adjustment's of a session, which uses the walks of people who agreed only.
+    """
+    columns, rows = tables.columns_of("metrics"), []
+    for path in paths:
+        table = tables.read(path, "metrics")
+        for cells in zip(*(table[c].tolist() for c in columns), strict=True):
+            figure = dict(zip(columns, cells, strict=True))
+            if figure["sequence"] in walks:
+                rows.append({**figure, "subject": walks[figure["sequence"]]["subject"]})
+            elif not figure["sequence"] and not figure["subject"]:
+                rows.append(figure)
+    return merged(rows)

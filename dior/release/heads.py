@@ -1,0 +1,167 @@
+"""Where the subject's head is in every picture of a camera: what the release covers.
+
+INPUTS   the skeleton, the camera's pose and clock, its `labels_2d`
+OUTPUTS  `heads` table: a row per picture with a box of whole pixels that holds the head; findings
+The box is that of an ellipsoid as large as a head (`head_model`), projected and enlarged by SIGMAS of the labels'
+uncertainty. It works where no face detector does: from behind, and at a distance where a head has three pixels. Its
+edges are rounded outwards on a grid, so that a camera that is moved by a tenth of a pixel leaves most pictures of the
+release as they are, byte by byte. Only the subject's head is known; somebody else in the picture is not covered.
+"""
+
+import sys
+
+import numpy as np
+
+from dior import camera as cam
+from dior import clocks as on_axis
+from dior import tables
+from dior.errors import DiorError
+from dior.release import head_model
+from dior.sampling import seconds
+
+# Of the labels' uncertainty. The ellipsoid is a head with its hair and somewhat more, so that 1.5 leave less than 0.1 %
+# of a head outside (benchmarks/blur.py); 3 would cover five times its area at 60 m.
+SIGMAS = 1.5
+# where the labels have no known uncertainty, 1 sigma as a share of the head's half width and height
+UNKNOWN_SIGMA = 1 / 6
+# The grid, px: the coarsest of which a box is at least this many wide and high. A head of 3 px in a box of 8 would be
+# covered ten times over.
+GRIDS, PER_BOX = (8, 4, 2, 1), 4
+NEAR_M = 0.3
+# of a single pixel, this much of its width or height may be left outside
+SLIVER = 0.25
+
+
+def run(*, sequence, camera, cameras, skeleton, frames, clocks, labels, out, findings):
+    """Write the head's box in every picture of one camera of one sequence.
+
+    `cameras`, `clocks`: tables that hold the camera's pose and its clock. Raises DiorError where they do not, and where
+    the labels are of other pictures.
+    """
+    rows, *found = known(sequence, camera, cameras, skeleton, frames, clocks, labels)
+    box, status = boxes(*found)
+    box = np.where((status == "ok")[:, None], on_grid(box), np.nan)
+    tables.write(out, "heads", {"frame": rows["frame"], "status": status, **dict(zip(EDGES, box.T, strict=True))})
+    said = _findings(f"{sequence}/{camera}", status, np.isfinite(found[-1]).any())
+    for _, severity, _, text in said:
+        print(f"{sequence}, {camera}: {severity}: {text}", file=sys.stderr)
+    tables.write_findings(findings, said)
+
+
+EDGES = ("u_min", "v_min", "u_max", "v_max")
+
+
+def known(sequence, camera, cameras, skeleton, frames, clocks, labels):
+    """The camera's rows of `frames`, and what `boxes` needs of them, as of `run`."""
+    (placed,) = tables.read_placed(cameras, [camera], sequence)
+    rows = tables.of_camera(tables.read(frames, "frames", ["camera", "frame", "stamp_ns"]), camera)
+    if camera not in (own_clocks := on_axis.read(clocks)):
+        raise DiorError(f"{sequence}, camera {camera}: {', '.join(map(str, clocks))} has no clock of it")
+    body, clock = tables.read(skeleton, "skeletons_3d"), own_clocks[camera]
+    times = seconds(rows["stamp_ns"], body["stamp_ns"][0], clock.offset_s, clock.drift_ppm)
+    sigma = _sigma(labels, tables.ordered_unique(body["joint"]), rows, f"{sequence}, camera {camera}")
+    return rows, placed, *_heads(body, times), _everywhere(times, sigma)
+
+
+def _heads(body, times):
+    """The middle between the ears (F, 3) m at `times` (F,) s, and its own error (F,) m, of a `skeletons_3d` table."""
+    points, joints = tables.grid(body, "x", "y", "z")
+    instants = seconds(body["stamp_ns"].reshape(points.shape[:2])[:, 0], body["stamp_ns"][0])
+    middle, own = head_model.centres(points, joints)
+    filled = (body["status"] == "gap_filled").reshape(points.shape[:2])[:, head_model.used(joints)].any(axis=1)
+    return head_model.at_times(times, instants, head_model.steady(instants, middle, filled), own)
+
+
+def _sigma(labels, joints, rows, where):
+    """Uncertainty (F, 2) px of the labels of the head, the mean over its joints; NaN where none is known."""
+    table = tables.read(labels, "labels_2d", ["frame", "joint", "sigma_u", "sigma_v"])
+    values, named = tables.grid(table, "frame", "sigma_u", "sigma_v")
+    if named != joints or not np.array_equal(values[:, 0, 0], rows["frame"]):
+        raise DiorError(f"{where}: {labels} has labels of other joints or pictures; run reproject again")
+    mine = values[:, head_model.used(joints), 1:]
+    known = np.isfinite(mine).all(axis=-1)
+    count = known.sum(axis=1)[:, None]
+    return np.where(count > 0, np.where(known[..., None], mine, 0.0).sum(axis=1) / np.maximum(count, 1), np.nan)
+
+
+def _everywhere(times, sigma):
+    """Sigma (F, 2) px with those of the nearest pictures where there is none; NaN where there is none at all."""
+    known = np.isfinite(sigma).all(axis=1)
+    if not known.any():
+        return sigma
+    return np.stack([np.interp(times, times[known], sigma[known, i]) for i in range(2)], axis=1)
+
+
+def boxes(camera, middle, own, sigma):
+    """Box (F, 4) px (u_min, v_min, u_max, v_max) of the head in every picture, and its status (F,).
+
+    `middle` (F, 3) m between the ears with its own error `own` (F,) m, `sigma` (F, 2) px of the labels, NaN unknown.
+    """
+    centre = middle + (0.0, 0.0, head_model.RAISED_M)
+    uv, depth = cam.project(camera, _outline(camera, centre))
+    low, high = (_extreme(uv, pick) for pick in (np.fmin, np.fmax))
+    half = (high - low) / 2
+    with np.errstate(invalid="ignore"):
+        error = np.hypot(np.where(np.isfinite(sigma), sigma, UNKNOWN_SIGMA * half), own[:, None] * _scale(half))
+        box = np.concatenate([low - SIGMAS * error, high + SIGMAS * error], axis=1)
+        lens = camera.intrinsics
+        outside = (box[:, 0] >= lens.width - 0.5) | (box[:, 1] >= lens.height - 0.5) | (box[:, 2:] < -0.5).any(axis=1)
+        # a head at the lens: no box is sure to hold it
+        unknown = ~(np.linalg.norm(centre - camera.centre, axis=1) >= NEAR_M)
+    behind = (depth <= 0).all(axis=1)
+    unknown |= (depth <= 0).any(axis=1) & ~behind
+    nowhere = behind | ~np.isfinite(box).all(axis=1) | outside
+    return box, np.where(unknown, "unknown", np.where(nowhere, "out_of_frame", "ok")).astype(object)
+
+
+def _extreme(uv, pick):
+    return pick.reduce(uv, axis=1)
+
+
+def _scale(half):
+    """Pixels per metre (F, 2) at the head, from its half width and height px."""
+    return half / np.array(head_model.RADII_M)
+
+
+def _outline(camera, centre):
+    """Points (F, 4, 3) m of the ellipsoid that a camera sees furthest right, left, down and up."""
+    sight = centre - camera.centre
+    sight = sight / np.linalg.norm(sight, axis=1, keepdims=True)
+    horizontal, vertical = head_model.RADII_M
+    radii = np.array([horizontal, horizontal, vertical])
+    points = []
+    for axis in camera.wRc.T[:2]:
+        across = axis - (sight @ axis)[:, None] * sight
+        # where the ellipsoid's surface is furthest along `across`
+        reach = radii**2 * across
+        reach = reach / np.linalg.norm(radii * across, axis=1, keepdims=True)
+        points += [centre + reach, centre - reach]
+    return np.stack(points, axis=1)
+
+
+def on_grid(box):
+    """Edges (F, 4) of whole pixels around boxes (F, 4) px: first column and row, and those after the last.
+
+    Rounded outwards to a grid of 8 px, of 4, 2 or 1 px where the box is less than four of these wide or high.
+    """
+    edges = box + 0.5
+    with np.errstate(invalid="ignore"):
+        small = np.minimum(edges[:, 2] - edges[:, 0], edges[:, 3] - edges[:, 1])
+        grid = np.select([small >= PER_BOX * g for g in GRIDS[:-1]], GRIDS[:-1], GRIDS[-1])[:, None]
+        spared = np.where(grid == 1, SLIVER, 0.0)
+    low, high = np.floor(edges[:, :2] / grid + spared), np.ceil(edges[:, 2:] / grid - spared)
+    return np.concatenate([low, high], axis=1) * grid
+
+
+def _findings(scope, status, certain):
+    found = []
+    lost = int((status == "unknown").sum())
+    if lost:
+        text = f"{lost} of {len(status)} pictures are not released: where the head is in them is not known"
+        found.append((scope, "warning", "head_unknown", text))
+    if not certain and (status == "ok").any():
+        text = (
+            "how certain the labels are is not known; the head is covered with half its size around it, so look at it"
+        )
+        found.append((scope, "warning", "head_uncertain", text))
+    return found

@@ -1,0 +1,108 @@
+"""JPEG files as bytes: dropping what is not the picture, and encoding a changed picture as the recorder did.
+
+INPUTS   the bytes of a JPEG file, as ITU-T T.81 lays them out
+OUTPUTS  the same picture in fewer bytes; encoder settings
+What does not need the pixels is done without decoding: a picture that is passed on unchanged keeps its pixels bit by
+bit.
+"""
+
+import re
+from functools import cache
+
+SOI, EOI = b"\xff\xd8", b"\xff\xd9"
+# Segments that make the picture: frames, Huffman and arithmetic tables, quantisation tables, restart interval, scans.
+# All others (APPn with EXIF, thumbnails, places and serial numbers; COM; what is reserved) are dropped.
+SCAN, QUANTISATION, RESTART = 0xDA, 0xDB, 0xDD
+KEPT = {*range(0xC0, 0xD0), SCAN, QUANTISATION, RESTART} - {0xC8}
+FRAMES = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}
+ADOBE = 0xEE
+# the next marker in entropy-coded data: neither a stuffed zero nor a restart
+MARKER = re.compile(rb"\xff+[^\x00\xff\xd0-\xd7]")
+# for pictures that were no JPEG, and those whose tables are nobody's
+QUALITY, SAMPLING = 95, 0x221111
+SAMPLINGS = (0x411111, 0x221111, 0x211111, 0x121111, 0x111111)
+
+
+def segments(data):
+    """Yield (marker, its bytes) of a JPEG file, a scan with the data that follow it; up to the end of the picture.
+
+    Raises ValueError for bytes that are no whole JPEG file.
+    """
+    if data[:2] != SOI:
+        raise ValueError("it is no JPEG")
+    at = 2
+    while True:
+        start = at
+        while data[at + 1 : at + 2] == b"\xff":
+            at += 1
+        if data[at : at + 1] != b"\xff" or at + 4 > len(data) and data[at : at + 2] != EOI:
+            raise ValueError("its JPEG data are cut off or damaged")
+        marker = data[at + 1]
+        if marker == EOI[1]:
+            return
+        size = int.from_bytes(data[at + 2 : at + 4])
+        end = at + 2 + size
+        if size < 2 or end > len(data):
+            raise ValueError("its JPEG data are cut off or damaged")
+        if marker == SCAN:
+            found = MARKER.search(data, end)
+            if found is None:
+                raise ValueError("its JPEG data are cut off")
+            end = found.start()
+        yield marker, data[start:end]
+        at = end
+
+
+def bare(data):
+    """The JPEG file without anything but its picture, and whether its colours are still told: an Adobe segment may say
+    that they are no YCbCr. Raises ValueError."""
+    parts, plain, shown = [], True, False
+    for marker, segment in segments(data):
+        if marker in KEPT:
+            parts.append(segment)
+        plain &= marker != ADOBE
+        shown |= marker == SCAN
+    if not shown:
+        raise ValueError("it is a JPEG without a picture")
+    return b"".join([SOI, *parts, EOI]), plain
+
+
+def settings(data):
+    """(quality, sampling) for OpenCV's encoder that bring back the tables of a JPEG file.
+
+    Coefficients that are quantised by the same tables again hardly change. The highest quality that is worth it where
+    the tables are not the usual ones of libjpeg.
+    """
+    tables, sampling = [], SAMPLING
+    for marker, segment in segments(data):
+        if marker == QUANTISATION:
+            tables.append(segment[4:])
+        elif marker in FRAMES and len(segment) >= 19 and segment[9] == 3:
+            said = int.from_bytes(bytes(segment[11 + 3 * i] for i in range(3)))
+            sampling = said if said in SAMPLINGS else SAMPLING
+    return _qualities().get(b"".join(tables), QUALITY), sampling
+
+
+@cache
+def _qualities():
+    """Quantisation tables, as they are in the file -> quality of OpenCV's encoder."""
+    import cv2
+    import numpy as np
+
+    found = {}
+    for quality in range(100, 0, -1):
+        small = cv2.imencode(".jpg", np.zeros((8, 8, 3), np.uint8), [cv2.IMWRITE_JPEG_QUALITY, quality])[1]
+        tables = [segment[4:] for marker, segment in segments(small.tobytes()) if marker == QUANTISATION]
+        found[b"".join(tables)] = quality
+    return found
+
+
+def encoded(picture, quality=QUALITY, sampling=SAMPLING):
+    """JPEG bytes of a BGR picture (height, width, 3) uint8, without any segment but those of the picture."""
+    import cv2
+
+    how = [cv2.IMWRITE_JPEG_QUALITY, quality, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, sampling]
+    done, data = cv2.imencode(".jpg", picture, how)
+    if not done:
+        raise ValueError("it cannot be written as JPEG")
+    return bare(data.tobytes())[0]

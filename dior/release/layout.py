@@ -1,0 +1,44 @@
+"""The tables of a release and their places in its folder.
+
+The card, Croissant and whoever reads a release go by this list; nothing else of the release knows a path twice.
+"""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Part:
+    """A table of the release: what it is called, its name in `dior.schemas`, its file or files, what a row is."""
+
+    name: str
+    table: str
+    path: str
+    row: str
+
+    @property
+    def pattern(self):
+        """The files as a glob relative to the release folder."""
+        return f"{self.name}/*/*.parquet" if "/" in self.path else self.path
+
+
+_RECORDING = "<subject>/<sequence>.<camera>.parquet"
+_WALK = "<subject>/<sequence>.parquet"
+PARTS = (
+    Part("labels_2d", "labels_2d", f"labels_2d/{_RECORDING}", "frame and joint of a camera"),
+    Part("skeletons_3d", "skeletons_3d", f"skeletons_3d/{_WALK}", "instant and joint"),
+    Part("frames", "released_frames", f"frames/{_RECORDING}", "picture of a camera"),
+    Part("detections", "released_detections", f"detections/{_RECORDING}", "frame and joint that a detector found"),
+    Part("boxes", "released_boxes", f"boxes/{_RECORDING}", "box that a person drew around the subject"),
+    Part("marks", "released_marks", f"marks/{_WALK}", "point that a person marked in a picture"),
+    Part("cameras", "released_cameras", "cameras.parquet", "session and camera"),
+    Part("camera_covariance", "camera_covariance", "camera_covariance.parquet", "pair of cameras of a session"),
+    Part("sequences", "sequences", "sequences.parquet", "walk"),
+    Part("subjects", "subjects", "subjects.parquet", "person"),
+    Part("splits", "splits", "splits.parquet", "recording of a camera and part of a split that it is in"),
+    Part("gallery", "released_gallery", "gallery.parquet", "picture of a person from all around"),
+)
+
+
+def parts_of(folder):
+    """The parts that a release folder has files of."""
+    return [part for part in PARTS if next(folder.glob(part.pattern), None)]

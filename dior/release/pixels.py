@@ -1,0 +1,145 @@
+"""The released pictures of one camera of a walk, the subject's head covered.
+
+INPUTS   the `frames` index, the bags below data_root, `heads` (where the head is, on a coarse grid)
+OUTPUTS  `released_frames` table with the pictures as JPEG; findings
+Nothing here looks at labels: as long as the boxes of `heads` stay, so do the pictures, byte by byte. A picture without
+a head in it is passed on as recorded, one with a head is decoded, covered and encoded again by the recorder's own
+tables; what was no JPEG is encoded at quality 95. Only the picture's own segments are written: no EXIF, no comment,
+nothing after its end. A picture that cannot be released is null and says why.
+"""
+
+import sys
+from collections import Counter
+
+import numpy as np
+import pyarrow.parquet as pq
+
+from dior import tables
+from dior.errors import DiorError
+from dior.files import written_whole
+from dior.ingest import bags, messages
+from dior.ingest.containers import BROKEN
+from dior.progress import told
+from dior.release import covering, jpeg, stamps
+from dior.release.heads import EDGES
+
+# pictures that are in memory at once and make a row group
+GROUP = 200
+IMAGE = ("image.bytes", "image.path")
+
+
+def run(*, sequence, subject, camera, frames, data_root, heads, faces, consent, shift, out, findings):
+    """Write the released pictures of one camera of one sequence.
+
+    `subject`: the pseudonym. `heads`: its table, None where faces are `shown`. `consent`: "yes", or "no" for a subject
+    who did not agree to pictures, of which all are null then. `shift`: arguments of `stamps.taken_off`, empty to leave
+    the stamps as they are. Raises DiorError where `heads` is of other pictures, and where a picture is not in its bag
+    any more.
+    """
+    import cv2
+
+    cv2.setNumThreads(1)
+    where = f"{sequence}, camera {camera}"
+    rows = tables.of_camera(tables.read(frames, "frames"), camera)
+    count = len(rows["frame"])
+    boxes = _boxes(heads, rows, where) if faces != "shown" and consent == "yes" else [None] * count
+    later = stamps.taken_off(**shift) if shift else 0
+    words = {"subject": subject, "sequence": sequence, "camera": camera}
+    lost, why = Counter(), []
+    with written_whole(out) as part, _writer(part) as writer:
+        done = told(_groups(count), -(-count // GROUP), f"groups of {GROUP} pictures", where)
+        for group in done:
+            mine = tables.rows(rows, group)
+            pictures, reasons = _pictures(mine, [boxes[i] for i in group], data_root, faces, consent, why)
+            lost.update(reasons)
+            once = np.zeros(len(group), int)
+            columns = {
+                **{name: tables.Repeated([word], once) for name, word in words.items()},
+                **{name: mine[name] for name in ("frame", "height", "width")},
+                "stamp_ns": mine["stamp_ns"] - later,
+                "image": pictures,
+                "no_image": reasons,
+            }
+            writer.write_table(tables.to_arrow("released_frames", columns))
+    found = _findings(f"{sequence}/{camera}", lost["not_readable"], count, why)
+    for _, severity, _, text in found:
+        print(f"{where}: {severity}: {text}", file=sys.stderr)
+    tables.write_findings(findings, found)
+
+
+def _groups(count):
+    return (np.arange(start, min(start + GROUP, count)) for start in range(0, count, GROUP))
+
+
+def _boxes(heads, rows, where):
+    """What to do with each picture: (4,) edges of the box to cover, None for no head, "unknown" for no picture."""
+    table = tables.read(heads, "heads")
+    if not np.array_equal(table["frame"], rows["frame"]):
+        raise DiorError(f"{where}: {heads} is of other pictures; run heads again")
+    edges = np.stack([table[key] for key in EDGES], axis=1)
+    others = {"unknown": "unknown", "out_of_frame": None}
+    return [others.get(status, edge) for status, edge in zip(table["status"], edges, strict=True)]
+
+
+def _writer(path):
+    """A Parquet writer of `released_frames`: everything small, but for the pictures, which are compressed already."""
+    schema = tables.to_arrow("released_frames", {}).schema
+    small = [name for name in schema.names if name != "image"]
+    return pq.ParquetWriter(
+        path,
+        schema,
+        compression={**dict.fromkeys(small, "zstd"), **dict.fromkeys(IMAGE, "none")},
+        use_dictionary=[name for name in small if name not in ("frame", "stamp_ns", "height", "width")],
+        # the smallest and the largest of a column of pictures would be two pictures
+        write_statistics=small,
+    )
+
+
+def _pictures(rows, boxes, data_root, faces, consent, why):
+    """JPEG bytes (F,), None for none, and the reasons (F,) why there is none; (frame, error) of what is broken go
+    to `why`."""
+    found = np.full(len(boxes), None, object)
+    if consent != "yes":
+        return found, np.full(len(boxes), "no_consent", object)
+    unknown = np.array([isinstance(box, str) for box in boxes], bool)
+    reasons = np.where(unknown, "head_unknown", "").astype(object)
+    wanted = np.flatnonzero(~unknown)
+    for row, message, _ in bags.read_messages(tables.rows(rows, wanted), data_root):
+        i = wanted[row]
+        try:
+            found[i] = released(message, (rows["height"][i], rows["width"][i]), boxes[i], faces)
+        except BROKEN as error:
+            reasons[i] = "not_readable"
+            why.append((int(rows["frame"][i]), str(error)))
+    return found, reasons
+
+
+def released(message, size, box, faces):
+    """JPEG bytes of a message's picture of `size` (height, width) px, with the head in `box` covered; None for none.
+
+    Raises one of BROKEN for a picture that cannot be read.
+    """
+    raw = message.fetch(None)
+    _, *said = messages.picture_of(message.kind, raw, message.wire)
+    if tuple(said) != tuple(size):
+        raise ValueError(f"it is {said[1]}x{said[0]} px where its index says {size[1]}x{size[0]}")
+    data = messages.compressed(message.kind, raw, message.wire)
+    is_jpeg = data is not None and data.startswith(jpeg.SOI)
+    how = ()
+    if is_jpeg:
+        stripped, plain = jpeg.bare(data)
+        if plain and box is None:
+            return stripped
+        how = jpeg.settings(stripped)
+    picture = messages.decode(message.kind, raw, message.wire, size)
+    if box is not None:
+        covering.cover(picture, box, faces)
+    return jpeg.encoded(picture, *how)
+
+
+def _findings(scope, broken, count, why):
+    if not broken:
+        return []
+    frame, reason = min(why)
+    text = f"{broken} of {count} pictures cannot be read and are not released; the first is frame {frame}: {reason}"
+    return [(scope, "warning", "picture_not_readable", text)]

@@ -1,0 +1,49 @@
+"""What a walk was recorded as: the checksums of its recordings, so that a release can say what it was made from.
+
+INPUTS   the recordings of a sequence: bags, C3D, trigger log, detections; files, or folders of files
+OUTPUT   results/provenance/<sequence>.json: SHA-256 and size by what each is for (`bag_1`, `mocap`, `detections.cam01`)
+
+A file's name may tell a machine, a person or a date, so none is kept. The recordings are read once, when a sequence is
+released for the first time, and not again because another is added.
+"""
+
+import hashlib
+import json
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+from dior.errors import DiorError
+from dior.files import write_text
+from dior.progress import told
+from dior.provenance import file_sha256
+
+THREADS = 2
+
+
+def run(*, sequence, recordings, out):
+    """Write the checksums of one sequence. `recordings`: paths by what they are for."""
+    with ThreadPoolExecutor(THREADS) as pool:
+        found = pool.map(lambda what: told_of(recordings[what], f"{sequence}, {what}"), recordings)
+        found = dict(zip(recordings, told(found, len(recordings), "recordings hashed", sequence), strict=True))
+    write_text(out, json.dumps(found, indent=1, sort_keys=True) + "\n")
+
+
+def told_of(path, where):
+    """`sha256` and `bytes` of a file; of a folder, of the list of its files' checksums, and all their bytes."""
+    path = Path(path)
+    if path.is_file():
+        return {"sha256": file_sha256(path), "bytes": path.stat().st_size}
+    if not path.is_dir():
+        raise DiorError(f"{where}: {path} does not exist; correct config/sequences.tsv or bring it back")
+    files = sorted(file for file in path.rglob("*") if file.is_file())
+    lines = [f"{file_sha256(file)}  {file.relative_to(path).as_posix()}\n" for file in files]
+    size = sum(file.stat().st_size for file in files)
+    return {"sha256": hashlib.sha256("".join(lines).encode()).hexdigest(), "bytes": size}
+
+
+def read(path):
+    """What `run` wrote."""
+    try:
+        return json.loads(Path(path).read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise DiorError(f"{path}: not readable ({error}); delete it and run again") from None

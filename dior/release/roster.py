@@ -1,0 +1,93 @@
+"""Who and what a release holds: the walks of the people who agreed, by pseudonym, the people and their gallery.
+
+INPUTS   a `Project`, the `frames` and `gallery` tables
+OUTPUTS  the released walks; columns of `sequences`, `subjects` and `released_gallery`
+"""
+
+import numpy as np
+
+from dior import tables
+from dior.bumps import MARK, session_folder
+from dior.release import stamps
+
+SHEET_COLUMNS = ("sequence", "environment", "outfit", "walk", "subject")
+
+
+def released_walks(project, frames):
+    """Rows of the sheet by sequence, sorted by pseudonym and sequence, of the walks that are released.
+
+    `frames`: the `frames` table by sequence. `subject` is the pseudonym, `real` who it is; `session` is the project's,
+    `shown` what the release calls it; `cameras` are the names of those that recorded it; `taken_off` is what every
+    stamp is made less by, ns.
+    """
+    rows = {name: project.sequence(name) for name in project.released_sequences}
+    shown, taken_off = _session_names(rows), _taken_off(project, frames)
+    walks = [
+        {
+            **row,
+            "real": row["subject"],
+            "subject": project.pseudonym(row["subject"]),
+            "shown": shown[row["session"]],
+            "cameras": sorted(project.cameras_of(name)),
+            "taken_off": taken_off[row["subject"]],
+        }
+        for name, row in rows.items()
+    ]
+    return {walk["sequence"]: walk for walk in sorted(walks, key=lambda walk: (walk["subject"], walk["sequence"]))}
+
+
+def _taken_off(project, frames):
+    """By real name, ns to take off the stamps: 0 unless the config asks for more."""
+    people = project.released_subjects
+    if not project.config["release"]["shift_stamps"]:
+        return dict.fromkeys(people, 0)
+    return {who: stamps.taken_off([frames[name] for name in project.sequences_of_subject(who)]) for who in people}
+
+
+def _session_names(rows):
+    """What each session is called in the release.
+
+    A part of a session that a bump split is called after its first walk, which may be somebody's who is not released;
+    it takes the first one that is.
+    """
+    order = sorted(rows.values(), key=lambda row: (int(row["session_order"]), row["sequence"]))
+    firsts = {}
+    for row in order:
+        firsts.setdefault(row["session"], row["sequence"])
+    return {
+        session: f"{session_folder(session)}{MARK}{first}" if MARK in session else session
+        for session, first in firsts.items()
+    }
+
+
+def sequences(walks):
+    columns = {key: [walk[key] for walk in walks.values()] for key in SHEET_COLUMNS}
+    return {
+        **columns,
+        "session": [walk["shown"] for walk in walks.values()],
+        "session_order": [int(walk["session_order"]) for walk in walks.values()],
+    }
+
+
+def subjects(walks, people):
+    """Columns of `subjects`; `people`: rows of subjects.tsv by real name."""
+    real = {walk["subject"]: walk["real"] for walk in walks.values()}
+    names = sorted(real)
+
+    def metres(column):
+        return [float(people[real[name]][column] or "nan") for name in names]
+
+    return {"subject": names, "height_m": metres("height_m"), "height_sigma_m": metres("height_sigma_m")}
+
+
+def gallery(path, walks):
+    """Columns of the gallery of the released subjects, by pseudonym, without the files, which name machines."""
+    pseudonyms = {walk["real"]: walk["subject"] for walk in walks.values()}
+    taken_off = {walk["real"]: walk["taken_off"] for walk in walks.values()}
+    table = tables.read(path, "gallery")
+    table = tables.rows(table, np.array([name in pseudonyms for name in table["subject"]], bool))
+    taken_off = np.array([taken_off[name] for name in table["subject"]], np.int64)
+    table["stamp_ns"] = stamps.earlier(table["stamp_ns"], taken_off)
+    table["subject"] = np.array([pseudonyms[name] for name in table["subject"]], object)
+    order = np.lexsort([table[key].astype(str) for key in ("angle", "outfit", "subject")])
+    return {key: table[key][order] for key in tables.columns_of("released_gallery")}

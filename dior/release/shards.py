@@ -1,0 +1,188 @@
+"""The files of one walk in a release, by pseudonym and with nothing that names a machine, a file or a person.
+
+INPUTS   of each step the tables of the walk: `labels_2d`, `skeletons_3d`, `frames`, `detections`, `marks`, pictures
+         (`released_frames`, by pseudonym already), boxes and checks as CSV
+OUTPUTS  <table>/<subject>/<sequence>[.<camera>].parquet; where nobody marked, drew or detected there is no file
+Units as in schemas.py. Metadata is made anew, so that nothing else slips through.
+"""
+
+import os
+import shutil
+from dataclasses import dataclass, field
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from dior import buffers, hand_boxes, tables
+from dior.errors import DiorError
+from dior.evaluate import checks as hand_checks
+from dior.release import stamps as shift
+from dior.schemas import SCHEMAS
+
+
+@dataclass(frozen=True)
+class Sources:
+    """The files about one walk: paths, or by camera; `marks`: tables of the session, in which it may be named."""
+
+    labels: dict
+    pixels: dict
+    skeleton: str
+    frames: str
+    detections: str | None = None
+    boxes: dict = field(default_factory=dict)
+    checks: dict = field(default_factory=dict)
+    marks: tuple = ()
+
+
+def write(folder, walk, sources):
+    """Write what the release folder `folder` has of one walk (see roster.py)."""
+    who, name = walk["subject"], walk["sequence"]
+    index = tables.read(sources.frames, "frames", ["camera", "frame", "stamp_ns"])
+    index["stamp_ns"] = shift.earlier(index["stamp_ns"], walk["taken_off"])
+    stamps = {camera: _stamps(index, camera) for camera in walk["cameras"]}
+    joints = {}
+    for camera in walk["cameras"]:
+        recording = f"{who}/{name}.{camera}.parquet"
+        labels = _as_pseudonym(tables.read_arrow(sources.labels[camera], "labels_2d"), sources.labels[camera], walk)
+        joints[camera] = labels["joint"].combine_chunks().dictionary.to_pylist()
+        tables.write_arrow(folder / "labels_2d" / recording, labels)
+        _check_pictures(sources.pixels[camera], walk, camera, stamps[camera])
+        link(sources.pixels[camera], folder / "frames" / recording)
+    skeleton = tables.read_arrow(sources.skeleton, "skeletons_3d")
+    out = folder / "skeletons_3d" / who / f"{name}.parquet"
+    tables.write_arrow(out, _as_pseudonym(skeleton, sources.skeleton, walk))
+    if sources.detections:
+        _write_detections(sources.detections, walk, folder)
+    for camera, path in sources.boxes.items():
+        _write_boxes(path, walk, camera, stamps[camera], folder)
+    _write_marks(sources, walk, stamps, joints, folder)
+
+
+def _stamps(index, camera):
+    """Stamp by frame of one camera."""
+    mine = tables.of_camera(index, camera)
+    return dict(zip(mine["frame"].tolist(), mine["stamp_ns"].tolist(), strict=True))
+
+
+def _as_pseudonym(table, path, walk):
+    """The table with the pseudonym as its subject, once it is sure whose it is."""
+    for column, expected in (("subject", walk["real"]), ("sequence", walk["sequence"])):
+        names = pc.unique(table[column].cast(pa.string())).to_pylist()
+        if names not in ([expected], []):
+            raise DiorError(
+                f"{path}: the {column} is {names[0]}, but the sheet says {expected}; delete it and run again"
+            )
+    kind = tables.kind_of(table)
+    at = table.schema.get_field_index("subject")
+    named = table.set_column(at, SCHEMAS[kind].field("subject"), _repeated(walk["subject"], len(table)))
+    named = shift.shifted(named, walk["taken_off"]) if walk["taken_off"] else named
+    return named.replace_schema_metadata(tables.own_metadata(kind))
+
+
+def _repeated(word, length):
+    """A text column that holds one word."""
+    return pa.DictionaryArray.from_arrays(pa.array(np.zeros(length, np.int32)), pa.array([word]))
+
+
+def _check_pictures(path, walk, camera, stamps):
+    """The pictures must be of this recording, under the pseudonym and with the stamps of today, and all of them."""
+    table = tables.read_arrow(path, "released_frames", ["subject", "sequence", "camera", "frame", "stamp_ns"])
+    for column, expected in (("subject", walk["subject"]), ("sequence", walk["sequence"]), ("camera", camera)):
+        names = pc.unique(table[column].cast(pa.string())).to_pylist()
+        if names not in ([expected], []):
+            raise DiorError(f"{path}: the {column} is {names[0]}, not {expected}; delete it and run again")
+    found = zip(table["frame"].to_pylist(), table["stamp_ns"].to_pylist(), strict=True)
+    if list(found) != sorted(stamps.items()):
+        raise DiorError(
+            f"{path}: has {len(table)} rows, whose frames and stamps are not those of the {len(stamps)} pictures of "
+            f"{walk['sequence']}, camera {camera}; delete it and run again"
+        )
+
+
+def link(path, out):
+    """The file at a second place without a second copy, or with one where the disk has no links."""
+    out.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        os.link(path, out)
+    except OSError:
+        shutil.copyfile(path, out)
+
+
+def _write_detections(path, walk, folder):
+    """The walker's detections, a file per camera."""
+    table = tables.read_arrow(path, "detections").combine_chunks()
+    cameras = buffers.to_numpy(table["camera"].combine_chunks()) if len(table) else np.empty(0, object)
+    name = walk["sequence"]
+    for camera in walk["cameras"]:
+        chosen = pa.Array.from_buffers(pa.bool_(), len(cameras), [None, buffers.bits(cameras == camera)])
+        mine = table.filter(chosen)
+        if not len(mine):
+            continue
+        words = {"subject": walk["subject"], "sequence": name, "camera": camera}
+        schema = SCHEMAS["released_detections"]
+        columns = [
+            _repeated(words[column], len(mine)) if column in words else mine[column].combine_chunks()
+            for column in schema.names
+        ]
+        schema = schema.with_metadata(tables.own_metadata("released_detections"))
+        out = folder / "detections" / walk["subject"] / f"{name}.{camera}.parquet"
+        released = pa.Table.from_arrays(columns, schema=schema)
+        tables.write_arrow(out, shift.shifted(released, walk["taken_off"]) if walk["taken_off"] else released)
+
+
+def _write_boxes(path, walk, camera, stamps, folder):
+    frames, edges = hand_boxes.read(path, list(stamps))
+    if not len(frames):
+        return
+    columns = {
+        **_told(walk, len(frames)),
+        "camera": [camera] * len(frames),
+        "frame": frames,
+        "stamp_ns": [stamps[frame] for frame in frames.tolist()],
+        **dict(zip(("u_min", "v_min", "u_max", "v_max"), edges.T, strict=True)),
+    }
+    out = folder / "boxes" / walk["subject"] / f"{walk['sequence']}.{camera}.parquet"
+    tables.write(out, "released_boxes", columns)
+
+
+def _told(walk, length):
+    return {"subject": [walk["subject"]] * length, "sequence": [walk["sequence"]] * length}
+
+
+def _write_marks(sources, walk, stamps, joints, folder):
+    """Marks that located a camera and checks that nothing used, by camera, kind, frame and joint."""
+    rows = [row for path in sources.marks for row in _marks(path, walk["sequence"])]
+    for camera, path in sources.checks.items():
+        points = hand_checks.points(path, walk["sequence"], list(stamps[camera]), joints[camera])
+        rows += [
+            {"camera": camera, "kind": "check", "frame": frame, "joint": joint, "u": u, "v": v}
+            for (frame, joint), (u, v) in points.items()
+        ]
+    if not rows:
+        return
+    rows.sort(key=lambda row: (row["camera"], row["kind"], row["frame"], row["joint"]))
+    for row in rows:
+        if row["frame"] not in stamps[row["camera"]]:
+            raise DiorError(
+                f"{walk['sequence']}, camera {row['camera']}: {row['joint']} is marked on frame {row['frame']}, which "
+                "is not in the recording; frames count from 0"
+            )
+    nothing = dict.fromkeys(("x", "y", "z", "residual_px"), np.nan) | {"inlier": -1}
+    columns = {
+        key: [(nothing | row)[key] for row in rows]
+        for key in tables.columns_of("released_marks")
+        if key in nothing or key in rows[0]
+    }
+    columns["stamp_ns"] = [stamps[row["camera"]][row["frame"]] for row in rows]
+    out = folder / "marks" / walk["subject"] / f"{walk['sequence']}.parquet"
+    tables.write(out, "released_marks", {**_told(walk, len(rows)), **columns})
+
+
+def _marks(path, sequence):
+    """The rows of a `marks` table that were marked on pictures of this walk."""
+    table = tables.read(path, "marks")
+    table = tables.rows(table, table["sequence"] == sequence)
+    keys = ("camera", "frame", "joint", "u", "v", "x", "y", "z", "residual_px", "inlier")
+    cells = zip(*(table[key].tolist() for key in keys), strict=True)
+    return [{**dict(zip(keys, row, strict=True)), "kind": "mark"} for row in cells]

@@ -1,0 +1,103 @@
+"""The checksums of a release: which files it has, and which of them go into whose tarball.
+
+OUTPUTS  SHA256SUMS: every file of the release, as `sha256sum` writes it; checksums/<subject>/SHA256SUMS: the files of
+         one subject, who can so be checked alone, without a list that names the others
+A file is about a subject where its path is <table>/<subject>/<file>; what lies at the top is about the whole release.
+"""
+
+import hashlib
+import re
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path, PurePosixPath
+
+from dior.errors import DiorError
+from dior.files import write_text
+from dior.progress import told
+
+SUMS = "SHA256SUMS"
+FOLDER = "checksums"
+# the part of a release that is about nobody alone; no pseudonym may be called so
+METADATA = "metadata"
+LINE = re.compile(r"([0-9a-f]{64})  (.+)")
+BLOCK = 1 << 20
+THREADS = 2
+
+
+def of_whom(name):
+    """The subject that a file of a release is about, or `METADATA`."""
+    parts = name.split("/")
+    return parts[1] if len(parts) == 3 else METADATA
+
+
+def list_of(part):
+    """Where the checksums of a part of the release are: those of a subject, or those of everything."""
+    return SUMS if part == METADATA else f"{FOLDER}/{part}/{SUMS}"
+
+
+def write(folder):
+    """Write the checksums of all files in `folder`, a release that is being built."""
+    folder = Path(folder)
+    names = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
+    found = digests(names, lambda name: open(folder / name, "rb"), folder.name)
+    for subject in sorted({of_whom(name) for name in names} - {METADATA}):
+        own = list_of(subject)
+        write_text(folder / own, text({name: d for name, d in found.items() if of_whom(name) == subject}))
+        found[own] = hashlib.sha256((folder / own).read_bytes()).hexdigest()
+    write_text(folder / SUMS, text(found))
+
+
+def digests(names, opened, where):
+    """Hex SHA-256 by name of what `opened(name)` gives to read; files are hashed two at a time."""
+    with ThreadPoolExecutor(THREADS) as pool:
+        every = pool.map(lambda name: digest(opened(name)), names)
+        return dict(zip(names, told(every, len(names), "files hashed", where), strict=True))
+
+
+def digest(stream):
+    """Hex SHA-256 of what is left in a stream, which is closed."""
+    with stream:
+        found = hashlib.sha256()
+        while block := stream.read(BLOCK):
+            found.update(block)
+    return found.hexdigest()
+
+
+def text(found):
+    """Lines as `sha256sum` writes them, by path."""
+    return "".join(f"{found[name]}  {name}\n" for name in sorted(found))
+
+
+def read(folder, part=METADATA):
+    """Hex SHA-256 by name, as the list of a part of a release says. DiorError for one that is gone or malformed."""
+    path = Path(folder) / list_of(part)
+    if not path.is_file():
+        raise DiorError(f"{path}: there is no such file; build the release first")
+    found, problems = parsed(path.read_bytes())
+    if problems:
+        raise DiorError(f"{path}: {problems[0]}; build the release again")
+    return found
+
+
+def parsed(content):
+    """(hex SHA-256 by name, what is wrong with the list as sentences) of the bytes of a list of checksums."""
+    found, problems = {}, []
+    lines = content.decode("utf-8", "replace").split("\n")
+    if lines.pop():
+        problems.append("the last line does not end, so that the file is cut off")
+    for number, line in enumerate(lines, start=1):
+        match = LINE.fullmatch(line)
+        if not match:
+            problems.append(f"line {number} is not '<SHA-256>  <path>'")
+        elif not is_safe(match[2]):
+            problems.append(f"line {number}: '{match[2]}' is not a path inside the release")
+        elif match[2] in found:
+            problems.append(f"line {number}: '{match[2]}' is listed twice")
+        else:
+            found[match[2]] = match[1]
+    return found, problems
+
+
+def is_safe(name):
+    """Whether a path stays in the folder that it is relative to, and is written in the one plain way."""
+    path = PurePosixPath(name)
+    return name not in ("", ".") and str(path) == name and not path.is_absolute() and ".." not in path.parts

@@ -1,0 +1,152 @@
+"""Somebody withdraws: nothing is left of the person, and everything else is as if that one had never come.
+
+The search decodes every table, JSON, tar member, picture and page, and is first seen to find what is there.
+"""
+
+import shutil
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dior import cli, project, tables
+from tests.end_to_end import lab
+from tests.end_to_end.search import holding
+from tests.end_to_end.workflow import planned, snakemake
+
+pytestmark = pytest.mark.slow
+
+GONE, WALKS = "Lindqvist", ("hall_quartz", "lawn_quartz")
+RELEASED = Path("results/release")
+# what others get to see
+SHOWN = ("results/release", "results/report", "results/evaluate/metrics.csv", "results/evaluate/statistics.csv")
+# a hash of session.yaml, which a person edits, is in the one, and of that file in the others
+TELLS_THE_CONFIG = ("provenance.json", "SHA256SUMS", ".tar")
+
+
+@pytest.fixture(scope="module")
+def before(tmp_path_factory):
+    """A finished run with a release of three people."""
+    folder = tmp_path_factory.mktemp("lab") / "gait"
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        lab.write(folder, monkeypatch)
+    snakemake(folder)
+    snakemake(folder, "release")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def after(before, tmp_path_factory):
+    """The same when one has withdrawn and it has run again; and what that run said."""
+    folder = tmp_path_factory.mktemp("withdrawn") / "gait"
+    shutil.copytree(before, folder, symlinks=True)
+    sheet = folder / "config/subjects.tsv"
+    lines = sheet.read_text().splitlines()
+    at = next(i for i, line in enumerate(lines) if line.startswith(GONE))
+    lines[at] = lines[at].replace("\tyes\tyes", "\tno\tyes")
+    sheet.write_text("\n".join(lines) + "\n")
+    _, text = snakemake(folder)
+    return folder, text
+
+
+def pseudonym(folder):
+    line = next(line for line in (folder / "config/subjects.tsv").open() if line.startswith(GONE))
+    return line.split("\t")[1]
+
+
+def release(folder):
+    (found,) = [path for path in (folder / RELEASED).glob("dior-*") if (path / "sequences.parquet").is_file()]
+    return found
+
+
+def test_the_search_finds_who_is_there(before):
+    """Else it would prove nothing: in tables, packed and not, in pages, and in tables of figures."""
+    who = pseudonym(before)
+    found = Counter(word for word, _ in holding(before / RELEASED, [who, *WALKS]))
+    assert set(found) == {who, *WALKS} and min(found.values()) > 8
+    places = {where for _, where in holding(before / RELEASED, [who])}
+    assert {"subjects.parquet", "sequences.parquet", "metrics.csv"} <= {Path(place).name for place in places}
+    assert [place for place in places if ".tar: " in place and place.endswith(".parquet")]
+    assert {"index.html", f"{WALKS[1]}.html"} <= {Path(p).name for _, p in holding(before / "results/report", WALKS)}
+    assert holding(before / "results/report", [GONE])
+    assert {word for word, _ in holding(before / lab.DATA, lab.MACHINE)} == {word.lower() for word in lab.MACHINE}
+
+
+def test_no_name_of_a_person_machine_or_folder_is_in_the_release(before):
+    words = [*lab.PEOPLE.values(), *lab.MACHINE, "recordings/", str(before), before.parent.name]
+    assert holding(before / RELEASED, words) == []
+
+
+def test_nothing_is_left_of_who_withdrew(after):
+    folder, _ = after
+    for shown in SHOWN:
+        assert holding(folder / shown, [GONE, pseudonym(folder), *WALKS, "quartz"]) == []
+
+
+def test_the_run_says_what_is_left_elsewhere(after):
+    folder, text = after
+    assert "files and folders of sequences or people that the project no longer has: `dior forget`" in text
+    found = [tables.read(path, "findings") for path in (folder / "results").glob("*/*.findings.parquet")]
+    assert found
+    page = (folder / "results/report/sequences/lawn_basalt.html").read_text()
+    assert "1 window of the adjustment is not used: no consent" in page
+    assert "1 sequence of align.sequences is not used: no consent" in page
+
+
+def test_everything_of_the_others_is_still_there(before, after):
+    folder, _ = after
+    gone = {pseudonym(folder), *WALKS}
+    files = {str(path.relative_to(before / RELEASED)) for path in (before / RELEASED).rglob("*") if path.is_file()}
+    kept = {name for name in files if not any(word in name for word in gone)}
+    assert len(files) > len(kept) > 30
+    assert {str(p.relative_to(folder / RELEASED)) for p in (folder / RELEASED).rglob("*") if p.is_file()} == kept
+    for name in sorted(kept):
+        if "labels_2d/" in name and name.endswith(".parquet"):
+            old, new = (tables.read(root / RELEASED / name, "labels_2d") for root in (before, folder))
+            assert (old["frame"] == new["frame"]).all() and (old["joint"] == new["joint"]).all()
+            assert np.isfinite(new["u"]).mean() > 0.8
+
+
+def test_the_cameras_that_were_moved_by_the_walk_are_made_anew(before, after):
+    """The lawn's cameras were adjusted with it; the hall's were not, so that their labels are the same bytes."""
+    folder, _ = after
+    for path in sorted(release(before).glob("labels_2d/*/*.parquet")):
+        new = release(folder) / path.relative_to(release(before))
+        if path.name.startswith(WALKS):
+            continue
+        assert (new.read_bytes() == path.read_bytes()) == path.name.startswith("hall"), path.name
+    assert list(project.load(folder).window("field")) == ["lawn_basalt", "lawn_marble"]
+
+
+def test_it_is_as_if_that_one_had_never_come(after, tmp_path):
+    """A project without the rows, run from nothing, gives the same files but for what hashes the config."""
+    folder, _ = after
+    fresh = tmp_path / "gait"
+    shutil.copytree(folder / "config", fresh / "config")
+    (fresh / lab.DATA).parent.mkdir()
+    (fresh / lab.DATA).symlink_to(folder / lab.DATA)
+    for path in sorted((fresh / "config").rglob("*")):
+        if any(word in path.name for word in WALKS):
+            path.unlink()
+        elif path.is_file():
+            text = path.read_text().replace("sequences: [lawn_basalt, lawn_quartz]", "sequences: [lawn_basalt]")
+            lines = text.splitlines(keepends=True)
+            path.write_text("".join(line for line in lines if GONE not in line and "quartz" not in line))
+    snakemake(fresh, "release")
+    for path in sorted((fresh / RELEASED).rglob("*")):
+        if path.is_file() and not path.name.endswith(TELLS_THE_CONFIG):
+            same = folder / RELEASED / path.relative_to(fresh / RELEASED)
+            assert same.read_bytes() == path.read_bytes(), path.relative_to(fresh)
+
+
+def test_what_else_is_left_is_deleted_on_demand(after, tmp_path, capsys):
+    folder = tmp_path / "gait"
+    shutil.copytree(after[0], folder, symlinks=True)
+    words = [GONE, pseudonym(folder), *WALKS]
+    left = {where.split("/")[0] for _, where in holding(folder / "results", words)}
+    assert {"frames", "reproject", "evaluate"} <= left
+    assert cli.main(["forget", "--project", str(folder), "--yes"]) == 0
+    assert "config/boxes/lawn_quartz.cam04.csv" in capsys.readouterr().out
+    assert holding(folder / "results", words) == [] and holding(folder / "logs", words) == []
+    assert planned(folder) == planned(folder, "release") == {}

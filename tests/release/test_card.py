@@ -1,0 +1,91 @@
+"""The card, the licence and the citation say what the config says and what is in the release."""
+
+import pytest
+import yaml
+
+from dior import licenses, tables
+from dior.errors import DiorError
+from dior.release import citation
+from tests.release.made import PSEUDONYM, RELEASE, build, sheets
+
+FACTS = {
+    "version": "1.2.3",
+    "title": "Walks",
+    "license": "CC0-1.0",
+    "license_file": "",
+    "authors": [],
+    "doi": "",
+    "year": 0,
+}
+
+
+def test_the_card(built):
+    out = built["out"]
+    text = (out / "README.md").read_text()
+    _, front, body = text.split("---\n", 2)
+    card = yaml.safe_load(front)
+    assert card["pretty_name"] == RELEASE["title"] and card["license"] == "cc-by-nc-4.0"
+    assert card["size_categories"] == ["n<1K"]
+    for part in card["configs"]:
+        assert list(out.glob(part["data_files"])), part
+    assert [part["config_name"] for part in card["configs"] if part.get("default")] == ["labels_2d"]
+    assert (
+        "3 walks of 2 subjects (1 indoor, 2 outdoor): 27 labels inside the picture on 27 frames. Some cameras" in body
+    )
+    assert "| indoor | cam01 | close | 1 | 3 | 3 | 0.500 |" in body
+    assert "| outdoor | cam02 | long-range | 2 | 6 | 6 | 0.500 |" in body
+    assert "| Multi-view | yes | 3 cameras |" in body and "| 2D pose | yes | 27 keypoints |" in body
+    assert "| MoCap pose | yes | 9 of 27 pictures |" in body and "| Gallery from all around | no | 0 pictures |" in body
+    assert "| coverage |  | all | 0.775 | share | 40 |" in body
+    assert "by Person, A.; The Lab." in body and "hold for the cameras as given" in body
+    for name in (
+        "labels_2d", "skeletons_3d", "released_frames", "released_detections", "released_boxes", "released_marks",
+        "released_cameras", "camera_covariance", "sequences", "subjects", "splits",
+    ):  # fmt: skip
+        for column in tables.columns_of(name):
+            assert f"| {column} |" in body
+    assert "| u | float32 | px |" in body and "| wTc | 16 x float64 | m |" in body
+    assert "| status | string |  | ok, out_of_frame, behind_camera, missing_3d, occluded |" in body
+    assert "no_consent, head_unknown, not_readable" in body
+    assert "simulated" not in body.split("## What is in it")[0]
+    assert "assumed to be zero" not in body and "not part of the release" not in body
+
+
+def test_a_simulated_capture_says_so(made, tmp_path):
+    sheets(tmp_path, dict.fromkeys(PSEUDONYM, "yes"), truth="truth/walk")
+    assert "**These recordings are simulated.**" in (build(made) / "README.md").read_text()
+
+
+def test_a_licence_of_ones_own_is_copied_and_called_other(made, tmp_path):
+    (tmp_path / "agreement.txt").write_bytes(b"Ask us first.\r\n")
+    config = made["config"] | {"release": RELEASE | {"license": "Lab-Agreement", "license_file": "agreement.txt"}}
+    out = build(made, config=config)
+    assert (out / "LICENSE").read_bytes() == b"Ask us first.\n"
+    front = yaml.safe_load((out / "README.md").read_text().split("---\n")[1])
+    assert (front["license"], front["license_name"], front["license_link"]) == ("other", "lab-agreement", "LICENSE")
+    assert "license" not in yaml.safe_load((out / "CITATION.cff").read_text())
+
+
+@pytest.mark.parametrize("name", sorted(licenses.KNOWN))
+def test_known_licences_say_where_their_text_is(name, tmp_path):
+    text = licenses.text(FACTS | {"license": name}, tmp_path)
+    assert f"SPDX-License-Identifier: {name}\n" in text and "https://creativecommons.org/" in text
+    licenses.check(FACTS | {"license": name}, tmp_path)
+
+
+def test_a_licence_without_a_text_is_refused(tmp_path):
+    with pytest.raises(DiorError, match=r"'CC-BY-4', .*did you mean 'CC-BY-4.0'.*'release.license_file'"):
+        licenses.check(FACTS | {"license": "CC-BY-4"}, tmp_path)
+    with pytest.raises(DiorError, match="'release.license_file' is 'terms.txt', where there is no file"):
+        licenses.check(FACTS | {"license_file": "terms.txt"}, tmp_path)
+
+
+def test_the_citation_is_yaml_with_people_and_names():
+    given = FACTS | {"authors": ['Müller, Ann "Q"', "The Lab"], "doi": "10.5281/zenodo.1", "year": 2026}
+    found = yaml.safe_load(citation.text(given))
+    people = [{"family-names": "Müller", "given-names": 'Ann "Q"'}, {"name": "The Lab"}]
+    assert found["authors"] == people and found["cff-version"] == "1.2.0" and found["type"] == "dataset"
+    assert found["doi"] == "10.5281/zenodo.1" and found["license"] == "CC0-1.0" and found["version"] == "1.2.3"
+    assert found["preferred-citation"]["year"] == 2026 and found["preferred-citation"]["authors"] == people
+    plain = yaml.safe_load(citation.text(FACTS))
+    assert plain["authors"] == [{"name": "anonymous"}] and {"doi", "preferred-citation"} & set(plain) == set()

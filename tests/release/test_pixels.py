@@ -1,0 +1,129 @@
+"""The released pictures of a camera: covered, without anything beside them, and null with a reason."""
+
+import cv2
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from dior import tables
+from dior.errors import DiorError
+from dior.ingest import frames
+from dior.release import covering, jpeg, pixels
+from tests.ingest import bagfiles
+from tests.release.test_jpeg import COMMENT, EXIF, dirty
+
+TOPIC = "/cam01/image_raw/compressed"
+SIZE = (48, 64)
+STEP = 33_000_000
+
+
+def scene(seed):
+    small = np.random.default_rng(seed).integers(0, 256, (6, 8, 3), np.uint8)
+    return cv2.resize(small, SIZE[::-1], interpolation=cv2.INTER_CUBIC)
+
+
+@pytest.fixture
+def recording(tmp_path):
+    """Seven pictures: three JPEG with EXIF, a PNG, two damaged, one JPEG; the arguments of the step."""
+    sent = [bagfiles.packed(TOPIC, bagfiles.T0 + i * STEP, scene(i), ".png" if i == 3 else ".jpg") for i in range(7)]
+    for i in (0, 1, 2):
+        data = dirty(sent[i].content["data"].tobytes(), EXIF, COMMENT) + b"behind the end"
+        sent[i].content["data"] = np.frombuffer(data, np.uint8)
+    sent[4].content["data"] = sent[4].content["data"][:-40]
+    sent[5].content["data"] = np.concatenate([sent[5].content["data"][:-2], np.frombuffer(b"\xff\xc4\0\5ab", np.uint8)])
+    bag = bagfiles.write(tmp_path / "pc1", sent, "ros1")
+    index = tmp_path / "frames.parquet"
+    frames.run(sequence="walk", bags=[bag], data_root=tmp_path, topics={"cam01": TOPIC}, out=index)
+    given = {"sequence": "walk", "subject": "P01", "camera": "cam01", "frames": index, "data_root": tmp_path}
+    given |= {"heads": _heads(tmp_path / "heads.parquet", "ok out_of_frame unknown ok ok out_of_frame ok".split())}
+    given |= {"faces": "filled", "consent": "yes", "shift": {}, "out": tmp_path / "out.parquet"}
+    return sent, given | {"findings": tmp_path / "findings.parquet"}
+
+
+BOX = (10, 4, 34, 36)
+
+
+def _heads(path, status):
+    edges = np.where([[word == "ok"] * 4 for word in status], BOX, np.nan)
+    columns = dict(zip(("u_min", "v_min", "u_max", "v_max"), edges.T, strict=True))
+    tables.write(path, "heads", {"frame": np.arange(len(status)), "status": status, **columns})
+    return path
+
+
+def decoded(data):
+    return cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+
+
+def test_pictures_of_a_camera(recording):
+    sent, given = recording
+    pixels.run(**given)
+    table = tables.read(given["out"], "released_frames")
+    assert table["no_image"].tolist() == ["", "", "head_unknown", "", "not_readable", "not_readable", ""]
+    assert [image is None for image in table["image"]] == [False, False, True, False, True, True, False]
+    assert set(table["subject"]) == {"P01"} and table["frame"].tolist() == list(range(7))
+    assert table["stamp_ns"].tolist() == [bagfiles.T0 + i * STEP for i in range(7)]
+    # no head: as recorded, without what is beside the picture
+    assert table["image"][1] == jpeg.bare(sent[1].content["data"].tobytes())[0]
+    for i in (0, 1, 3, 6):
+        assert {marker for marker, _ in jpeg.segments(table["image"][i])} <= jpeg.KEPT
+        assert b"Alice" not in table["image"][i] and table["image"][i].endswith(jpeg.EOI)
+    # a head, in JPEG and PNG: grey inside, the picture outside (but for the blocks of the JPEG that hold both)
+    inside = covering.ellipse(BOX, np.arange(SIZE[0]), np.arange(SIZE[1]))
+    for i in (0, 3, 6):
+        found = decoded(table["image"][i]).astype(int)
+        assert np.abs(found[inside] - covering.GREY).mean() < 12
+        assert np.abs(found[:, 48:] - scene(i).astype(int)[:, 48:]).mean() < 4
+    (text,) = tables.read(given["findings"], "findings")["text"]
+    assert text.startswith("2 of 7 pictures cannot be read") and "frame 4" in text
+
+
+def test_same_bytes_and_no_picture_in_the_statistics(recording):
+    _, given = recording
+    pixels.run(**given)
+    first = given["out"].read_bytes()
+    given["out"].unlink()
+    pixels.run(**given)
+    assert given["out"].read_bytes() == first
+    group = pq.ParquetFile(given["out"]).metadata.row_group(0)
+    columns = {group.column(i).path_in_schema: group.column(i) for i in range(group.num_columns)}
+    assert columns["image.bytes"].statistics is None and columns["image.bytes"].compression == "UNCOMPRESSED"
+
+
+def test_row_groups_are_small_and_in_order(recording, monkeypatch):
+    _, given = recording
+    monkeypatch.setattr(pixels, "GROUP", 3)
+    pixels.run(**given)
+    file = pq.ParquetFile(given["out"])
+    assert [file.metadata.row_group(i).num_rows for i in range(file.num_row_groups)] == [3, 3, 1]
+    assert tables.read(given["out"], "released_frames")["frame"].tolist() == list(range(7))
+
+
+def test_without_consent_no_bag_is_opened(recording):
+    _, given = recording
+    pixels.run(**given | {"consent": "no", "heads": None, "data_root": given["data_root"] / "gone"})
+    table = tables.read(given["out"], "released_frames")
+    assert set(table["no_image"]) == {"no_consent"} and all(image is None for image in table["image"])
+
+
+def test_shown_faces_are_passed_on(recording):
+    sent, given = recording
+    pixels.run(**given | {"faces": "shown", "heads": None})
+    table = tables.read(given["out"], "released_frames")
+    for i in (0, 1, 2, 6):
+        assert table["image"][i] == jpeg.bare(sent[i].content["data"].tobytes())[0]
+
+
+def test_stamps_count_from_the_persons_first_picture(recording):
+    from dior.release import stamps
+
+    _, given = recording
+    pixels.run(**given | {"shift": {"frames": [str(given["frames"])]}})
+    table = tables.read(given["out"], "released_frames")
+    assert table["stamp_ns"].tolist() == [stamps.FIRST_NS + i * STEP for i in range(7)]
+
+
+def test_other_pictures_in_heads_are_refused(recording, tmp_path):
+    _, given = recording
+    with pytest.raises(DiorError, match="is of other pictures"):
+        pixels.run(**given | {"heads": _heads(tmp_path / "other.parquet", ["ok"] * 6)})
+    assert not given["out"].exists()
