@@ -150,6 +150,17 @@ def read(path, name, columns=None):
     return {c: buffers.to_numpy(a) for c, a in zip(*_columns(read_arrow(path, name, columns)), strict=True)}
 
 
+def read_coded(path, name, columns):
+    """As `read`, with the text columns as `Repeated`: long tables of few words are ten times as fast to work with."""
+    names, arrays = _columns(read_arrow(path, name, columns))
+    return {
+        column: Repeated(array.dictionary.to_pylist(), buffers.numbers(array.indices, -1))
+        if pa.types.is_dictionary(array.type)
+        else buffers.to_numpy(array)
+        for column, array in zip(names, arrays, strict=True)
+    }
+
+
 def _columns(table):
     return table.column_names, [column.combine_chunks() for column in table.columns]
 
@@ -221,17 +232,26 @@ def read_cameras(paths):
     cameras = {}
     for path in [paths] if isinstance(paths, (str, Path)) else paths:
         t = read(path, "cameras")
-        for i, name in enumerate(t["camera"]):
-            lens = Intrinsics(
-                *(int(t[k][i]) for k in ("width", "height")),
-                *(float(t[k][i]) for k in ("fx", "fy", "cx", "cy")),
-                t["distortion_model"][i],
-                tuple(t["distortion"][i].tolist()),
-            )
-            wTc = t["wTc"][i].reshape(4, 4)
-            known = np.isfinite(wTc).all()
-            cameras[name] = Camera(name, lens, wTc if known else None, t["role"][i], t["locate"][i])
+        cameras |= {name: _camera(t, i) for i, name in enumerate(t["camera"])}
     return cameras
+
+
+def read_released_cameras(path):
+    """Cameras by (session, camera) from the `released_cameras` table of a release."""
+    t = read(path, "released_cameras")
+    return {key: _camera(t, i) for i, key in enumerate(zip(t["session"], t["camera"], strict=True))}
+
+
+def _camera(t, i):
+    """The camera in row `i` of a table of cameras."""
+    lens = Intrinsics(
+        *(int(t[k][i]) for k in ("width", "height")),
+        *(float(t[k][i]) for k in ("fx", "fy", "cx", "cy")),
+        t["distortion_model"][i],
+        tuple(t["distortion"][i].tolist()),
+    )
+    wTc = t["wTc"][i].reshape(4, 4)
+    return Camera(t["camera"][i], lens, wTc if np.isfinite(wTc).all() else None, t["role"][i], t["locate"][i])
 
 
 def read_placed(paths, names, where):

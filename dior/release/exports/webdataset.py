@@ -1,0 +1,67 @@
+"""WebDataset: the released pictures with their labels, in tar files that are read from front to back.
+
+OUTPUTS  webdataset/dior-<number>.tar, one per recording: <key>.jpg and <key>.json per picture; webdataset/shards.csv
+A picture that was not released (see its `no_image` in the release) has no sample.
+"""
+
+import json
+import tarfile
+from contextlib import contextmanager
+
+import numpy as np
+
+from dior.release.exports import coco, recordings, tars
+from dior.schemas import LABEL_STATUS
+
+ABOUT = """\
+`webdataset/dior-<number>.tar`: a shard per recording (`webdataset/shards.csv` says which) with a sample per released
+picture: `jpg`, byte for byte that of the release, and `json`: the image and the annotation as in the export `coco` (null
+where no joint is in the picture), and `labels`: every joint of the release as [u, v, status], also those that are no
+COCO keypoints. The key is <subject>/<sequence>_<camera>_<frame>.
+
+`webdataset.WebDataset("webdataset/dior-{000000..000015}.tar").decode("pil").to_tuple("jpg", "json")`
+"""
+COLUMNS = "shard,samples,subject,sequence,camera,part"
+
+
+@contextmanager
+def writer(folder, release):
+    """Yield `add(recording, pose)`; `shards.csv` is written when the context ends."""
+    folder.mkdir()
+    rows = [COLUMNS]
+
+    def add(recording, pose, no_image):
+        walk = recording.walk
+        shard = f"dior-{len(rows) - 1:06d}.tar"
+        samples = 0
+        with tarfile.open(folder / shard, "w", format=tarfile.USTAR_FORMAT) as tar:
+            for key, jpeg, label in _samples(recording, pose, no_image):
+                tars.add(tar, f"{key}.jpg", jpeg)
+                tars.add(tar, f"{key}.json", json.dumps(label, separators=(",", ":")).encode())
+                samples += 1
+        if not samples:
+            (folder / shard).unlink()
+            return
+        rows.append(f"{shard},{samples},{walk.subject},{walk.sequence},{recording.camera.name},{recording.part}")
+
+    yield add
+    (folder / "shards.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+
+
+def _samples(recording, pose, no_image):
+    """(key, JPEG bytes, label) of every picture that was released."""
+    pictures = recordings.pictures_of(recording)
+    images, annotations = coco.rows(recording, pose, no_image)
+    by_image = {annotation["image_id"]: annotation for annotation in annotations}
+    labels = recordings.labels_of(recording)
+    uv = np.round(labels.uv, coco.DECIMALS)
+    for i, image in enumerate(images):
+        jpeg, _ = pictures.get(image["frame"], (None, ""))
+        if jpeg is None:
+            continue
+        every = {
+            joint: [u, v, LABEL_STATUS[status]] if u == u else [None, None, LABEL_STATUS[status]]
+            for joint, (u, v), status in zip(labels.joints, uv[i].tolist(), labels.status[i].tolist(), strict=True)
+        }
+        key = f"{recording.walk.subject}/{recording.walk.sequence}_{recording.camera.name}_{image['frame']:06d}"
+        yield key, jpeg, {"image": image, "annotation": by_image.get(image["id"]), "labels": every}
