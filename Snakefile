@@ -47,10 +47,11 @@ rule all:
 
 
 rule release:
-    """The release folder and its tarballs."""
+    """The release folder, its tarballs and its exports."""
     input:
         rules.package.output,
         tarballs_of(PROJECT.released_subjects),
+        exports(),
 
 
 rule zoomed:

@@ -39,3 +39,17 @@ def released_files():
 
 def tarballs_of(subjects):
     return [f"{RELEASE}-{PROJECT.pseudonym(name)}.tar" for name in subjects]
+
+
+def exports_folder(wildcards):
+    return f"{RELEASE}-exports"
+
+
+def exported_files():
+    """Two files that every export folder has; the checksums are written last."""
+    return [f"{RELEASE}-exports/README.md", f"{RELEASE}-exports/SHA256SUMS"]
+
+
+def exports():
+    """The same, where the config wants any format."""
+    return exported_files() if CONFIG["release"]["exports"] else []

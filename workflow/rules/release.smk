@@ -1,7 +1,7 @@
 """Release: the dataset as others get it.
 
 Required inputs: labels, skeletons, frames, cameras and metrics of the subjects who agreed.
-Outputs: results/release/dior-<version>/ and a tarball per subject beside it.
+Outputs: results/release/dior-<version>/; beside it a tarball per subject, and the exports to other formats.
 """
 
 
@@ -79,4 +79,27 @@ rule tarballs:
         " --release {params.release:q}"
         " --subject {wildcards.pseudonym}"
         " --out {output:q}"
+        " 2>&1 | tee {log:q}"
+
+
+rule exports:
+    """Write the release in the formats of other tools."""
+    input:
+        f"{RELEASE}/SHA256SUMS",
+    output:
+        exported_files(),
+    log:
+        "logs/exports/exports.log",
+    benchmark:
+        "logs/exports/exports.benchmark.tsv"
+    params:
+        release=release_folder,
+        formats=CONFIG["release"]["exports"],
+        out=exports_folder,
+        code=code("release.exports"),
+    shell:
+        "dior exports"
+        " --release {params.release:q}"
+        " --formats {params.formats:q}"
+        " --out {params.out:q}"
         " 2>&1 | tee {log:q}"

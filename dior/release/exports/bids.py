@@ -3,8 +3,8 @@
 OUTPUTS  bids/dataset_description.json, README, participants.tsv and .json, and for each subject
          sub-<subject>/sub-<subject>_scans.tsv and .json, and below sub-<subject>/motion/ for each walk *_motion.tsv (m,
          no header), *_motion.json, *_channels.tsv and *_channels.json
-Specification: bids-specification.readthedocs.io, motion. Labels may hold letters and digits only. Walks without motion
-capture are not in it: BIDS has no place for what was triangulated from pictures that are not there.
+Specification: bids-specification.readthedocs.io, motion. Labels may hold letters and digits only. Only the walks
+with motion capture are in it; a release without any has no such folder.
 """
 
 import json
@@ -18,9 +18,9 @@ from dior.release.exports.walks import regular
 from dior.skeletons import PLUG_IN_GAIT_39
 
 ABOUT = """\
-`bids/`: the walks with motion capture as a BIDS dataset (motion), metres in the world of the release (Z up), `n/a` where
-a marker is missing. The task is the walk pattern, `acq` the outfit; `sub-<subject>_scans.tsv` says which file is which
-sequence.
+`bids/`: the walks with motion capture as a BIDS dataset (motion), metres in the world of the release (Z up), `n/a`
+where a marker is missing. The task is the walk pattern, `acq` the outfit; `sub-<subject>_scans.tsv` says which file is
+which sequence.
 
 `pandas.read_csv("bids/sub-.../motion/sub-..._motion.tsv", sep="\\t", header=None, na_values="n/a")`
 """

@@ -10,8 +10,8 @@ import numpy as np
 from dior.release.exports.walks import MILLIMETRES, regular
 
 ABOUT = """\
-`c3d/<subject>/<sequence>.c3d`: every joint or marker of a walk, mm, in the world of the release (Z up). Missing: residual
--1. The first frame is the first instant of the skeleton in the release.
+`c3d/<subject>/<sequence>.c3d`: every joint or marker of a walk, mm, in the world of the release (Z up). Missing:
+residual -1. The first frame is the first instant of the skeleton in the release.
 
 `ezc3d.c3d("c3d/<subject>/<sequence>.c3d")["data"]["points"]`
 """

@@ -23,10 +23,11 @@ ABOUT = """\
 - `bbox` is x, y, width, height around the pixels of all joints in the picture, also those that COCO has not: no box of
   the silhouette. Its origin is the top-left *corner* of the picture, as in COCO. `area` is that of the box (COCO's is
   that of a mask, about half of it).
-- `derived`: indices of keypoints that were made from motion capture markers by rule. `sigma`: 17 times sigma of x and y,
-  null where it is not known.
-- The pictures are in the Parquet files of the release; `file_name` says where to unpack one. An image with `no_image`
-  has labels but no picture in the release. The export `webdataset` has both in tar files.
+- `derived`: indices of keypoints that were made from motion capture markers by rule. `sigma`: 17 times sigma of x and
+  y, null where it is not known.
+- The pictures are in the Parquet files of the release: the row of `frame` in
+  `frames/<subject>/<sequence>.<camera>.parquet`; `file_name` is a place to unpack it to. An image with `no_image` has
+  labels but no picture in the release.
 
 `COCO("coco/person_keypoints_train.json")` (pycocotools)
 """

@@ -14,13 +14,13 @@ from dior.skeletons import COCO_17
 
 ABOUT = """\
 `gaitgraph/dior_pose_<part>.csv`: a header, then a picture per row: its name and 17 times x, y, confidence in COCO's
-order, in pixels of the recorded picture ((0, 0) is the centre of the top-left pixel; the released weights want 320x240).
-The confidence is 1 in the picture, 0 outside of it. Pictures of which a joint is not known are left out, as the loader
-would do. Parts are those of the split by subject: `train`, `valid`, both together, `test`.
-In `dior/<subject>-<status>-<number>-<view>/<frame>.jpg` subjects are counted from 1 by pseudonym; the status is `nm` for
-the outfit of a subject's first walk and `cl` for any other; the number counts the walks of that status; the view is 18
-times the number of (environment, camera), as if it were an angle of CASIA-B. `gaitgraph/sequences.csv` says which
-recording is which, and how many pictures were left out.
+order, in pixels of the recorded picture ((0, 0) is the centre of the top-left pixel; the released weights were trained
+on pictures of 320x240). The confidence is 1 in the picture, 0 outside of it. Pictures of which a joint is not known
+are left out, as the loader would do. Parts are those of the split by subject: `train`, `valid`, both together, `test`.
+In `dior/<subject>-<status>-<number>-<view>/<frame>.jpg` subjects are counted from 1 by pseudonym; the status is `nm`
+for the outfit of a subject's first walk and `cl` for any other; the number counts the walks of that status; the
+view is 18 times the number of (environment, camera), as if it were an angle of CASIA-B. `gaitgraph/sequences.csv` says
+which recording is which, and how many pictures were left out.
 
 `--train_data_path gaitgraph/dior_pose_train_valid.csv --valid_data_path gaitgraph/dior_pose_test.csv`
 """

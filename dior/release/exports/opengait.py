@@ -89,7 +89,8 @@ def partition(split, recordings):
         trained = {r.walk.subject for r in recordings if r.parts.get(split) in ("train", "val")}
         tested = {r.walk.subject for r in recordings if r.parts.get(split) == "test"}
         return {"TRAIN_SET": sorted(trained), "TEST_SET": sorted(tested)}
-    of_part = {
-        part.upper(): [list(names(r)) for r in recordings if r.parts.get(split) == part] for part in ("gallery", "probe")
-    }
-    return {"TRAIN_SET": [], "TEST_SET": sorted({row[0] for rows in of_part.values() for row in rows}), **of_part}
+    gallery, probe = (
+        [list(names(r)) for r in recordings if r.parts.get(split) == part] for part in ("gallery", "probe")
+    )
+    tested = sorted({subject for subject, _, _ in gallery + probe})
+    return {"TRAIN_SET": [], "TEST_SET": tested, "GALLERY": gallery, "PROBE": probe}

@@ -2,9 +2,9 @@
 
 INPUTS   labels of a recording and its camera
 OUTPUTS  `Pose`: pixel, sigma and status of 17 joints per picture, and which were derived by what rule
-A derived joint is made in 3D at the picture's own stamp: a label says how far its marker is from the camera, so that the
-markers of a picture are in the world again (to 1 um, the table's precision), with the clock that the labels were made
-with. The joint centres (dior/coco17.py) are projected like every label.
+A derived joint is made in 3D at the picture's own stamp: a label says how far its marker is from the camera, so that
+the markers of a picture are in the world again, with the clock that the labels were made with, which is not in the
+release. The joint centres (dior/coco17.py) are projected like every label.
 """
 
 from dataclasses import dataclass
@@ -44,12 +44,13 @@ class Pose:
 
 def of(labels, camera):
     """The `Pose` of labels (recordings.Labels) in pictures of `camera`."""
-    frames, here = len(labels.frame), [labels.joints.index(j) if j in labels.joints else -1 for j in COCO_17]
+    frames = len(labels.frame)
     uv, sigma = np.full((frames, 17, 2), np.nan), np.full((frames, 17, 2), np.nan)
     status = np.full((frames, 17), MISSING, np.int8)
-    named = np.array(here) >= 0
-    index = np.array(here)[named]
-    uv[:, named], sigma[:, named], status[:, named] = labels.uv[:, index], labels.sigma[:, index], labels.status[:, index]
+    named = np.array([joint in labels.joints for joint in COCO_17])
+    index = [labels.joints.index(joint) for joint in COCO_17 if joint in labels.joints]
+    uv[:, named], sigma[:, named] = labels.uv[:, index], labels.sigma[:, index]
+    status[:, named] = labels.status[:, index]
     derived, rules = np.zeros(17, bool), ("named",) * 17
     if not named.all():
         world = cam.unproject(camera, labels.uv, labels.depth)

@@ -53,11 +53,11 @@ def text(name, rate, points, joints):
     ]
     missing = np.isnan(points).any(axis=-1)
     whole = "%d\t%.6f\t" + "%.3f\t" * (3 * count)
-    flat = points.reshape(frames, -1).tolist()
+    flat = np.where(missing[..., None], np.nan, points).reshape(frames, -1).tolist()
     for i in range(frames):
         if not missing[i].any():
             lines.append(whole % (i + 1, i / rate, *flat[i]))
             continue
-        cells = ["\t\t\t" if missing[i, j] else "%.3f\t%.3f\t%.3f\t" % tuple(points[i, j]) for j in range(count)]
-        lines.append("%d\t%.6f\t" % (i + 1, i / rate) + "".join(cells))
+        cells = ["\t" if number != number else f"{number:.3f}\t" for number in flat[i]]
+        lines.append(f"{i + 1}\t{i / rate:.6f}\t" + "".join(cells))
     return "\n".join(lines) + "\n"

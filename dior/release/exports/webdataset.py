@@ -15,9 +15,9 @@ from dior.schemas import LABEL_STATUS
 
 ABOUT = """\
 `webdataset/dior-<number>.tar`: a shard per recording (`webdataset/shards.csv` says which) with a sample per released
-picture: `jpg`, byte for byte that of the release, and `json`: the image and the annotation as in the export `coco` (null
-where no joint is in the picture), and `labels`: every joint of the release as [u, v, status], also those that are no
-COCO keypoints. The key is <subject>/<sequence>_<camera>_<frame>.
+picture: `jpg`, byte for byte that of the release, and `json`: the `image` and the `annotation` as in the export `coco`
+(null where no joint is in the picture; their ids count within the shard), and `labels`: every joint of the release as
+[u, v, status], also those that are no COCO keypoints. The key is <subject>/<sequence>_<camera>_<frame>.
 
 `webdataset.WebDataset("webdataset/dior-{000000..000015}.tar").decode("pil").to_tuple("jpg", "json")`
 """
