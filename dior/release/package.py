@@ -82,7 +82,11 @@ def run(*, project, version, title, license, authors, labels, skeletons, frames,
 
 
 def _withdraw(out, kept):
-    """Remove the tarballs beside the release of everybody but `kept`: who withdrew is in no file any more."""
+    """Remove what is beside the release of everybody but `kept`: who withdrew is in no file any more.
+
+    That is everybody's tarball but theirs, and the exports, which are not by person.
+    """
+    shutil.rmtree(out.with_name(f"{out.name}-exports"), ignore_errors=True)
     for tarball in out.parent.glob(f"{out.name}-*.tar"):
         if tarball.name.removeprefix(f"{out.name}-").removesuffix(".tar") not in kept:
             tarball.unlink()

@@ -6,6 +6,7 @@ import io
 import json
 import pickle
 import pickletools
+import shutil
 import subprocess
 import tarfile
 from contextlib import redirect_stdout
@@ -16,7 +17,7 @@ import pytest
 from dior import tables
 from dior.errors import DiorError
 from dior.ingest import mocap
-from dior.release import exports
+from dior.release import exports, package
 from dior.release.exports import opengait, recordings, trc, walks
 from dior.skeletons import COCO_17, PLUG_IN_GAIT_39
 from tests.release import small
@@ -188,8 +189,8 @@ def test_gaitgraph_is_read_as_casia_b(made):
     np.testing.assert_allclose(sequence[5][:, :2], uv[5], atol=3e-3)
 
 
-def test_gaitgraph_leaves_out_pictures_with_an_unknown_joint(tmp_path):
-    release = small.build(tmp_path / "r")
+def test_gaitgraph_leaves_out_pictures_with_an_unknown_joint(made, tmp_path):
+    release = shutil.copytree(made[0], tmp_path / "r")
     path = release / "labels_2d/pa11/walk_2.cam01.parquet"
     rows = tables.read(path, "labels_2d")
     lost = (rows["frame"] == 4) & (rows["joint"] == "left_knee")
@@ -318,7 +319,7 @@ def test_two_builds_are_the_same_and_the_checksums_are_of_every_file(made, tmp_p
 
 
 def test_a_build_that_fails_leaves_the_one_before(made, tmp_path):
-    release = small.build(tmp_path / "r")
+    release = shutil.copytree(made[0], tmp_path / "r")
     exports.run(release=release, formats=["trc"], out=tmp_path / "out")
     before = (tmp_path / "out/SHA256SUMS").read_bytes()
     (release / "skeletons_3d/pb22/walk_3.parquet").write_bytes(b"broken")
@@ -326,6 +327,36 @@ def test_a_build_that_fails_leaves_the_one_before(made, tmp_path):
         exports.run(release=release, formats=["trc", "c3d"], out=tmp_path / "out")
     assert (tmp_path / "out/SHA256SUMS").read_bytes() == before
     assert sorted(path.name for path in tmp_path.iterdir()) == ["out", "r"]
+
+
+def test_free_text_of_the_sheet_makes_no_folders_and_breaks_no_list(made, tmp_path):
+    """Two outfits whose names differ in nothing that a folder's name may have are two walks of one."""
+    release = shutil.copytree(made[0], tmp_path / "r")
+    rows = tables.read(release / "sequences.parquet", "sequences")
+    texts = {"walk_1": ("rain/coat, long", "8, twice"), "walk_2": ("rain coat long", ""), "walk_4": ("", "a b")}
+    for i, name in enumerate(rows["sequence"]):
+        rows["outfit"][i], rows["walk"][i] = texts.get(name, ("", ""))
+    rows["environment"][:] = "outdoor"
+    tables.write(release / "sequences.parquet", "sequences", rows)
+    exports.run(release=release, formats=["opengait", "gaitgraph", "bids"], out=tmp_path / "out")
+    kinds = sorted(path.name for path in (tmp_path / "out/opengait/data/pa11").iterdir())
+    assert kinds == ["outdoor-raincoatlong-01", "outdoor-raincoatlong-02"]
+    listed = list(csv.DictReader((tmp_path / "out/gaitgraph/sequences.csv").open()))
+    assert {(row["sequence"], row["outfit"], row["walk"]) for row in listed if row["subject"] == "pa11"} == {
+        ("walk_1", *texts["walk_1"]),
+        ("walk_2", *texts["walk_2"]),
+    }
+    assert (
+        tmp_path / "out/bids/sub-pa11/motion/sub-pa11_task-8twice_tracksys-omc_acq-raincoatlong_run-01_motion.tsv"
+    ).is_file()
+    assert (tmp_path / "out/bids/sub-pb22/motion/sub-pb22_task-walk_tracksys-omc_run-01_motion.tsv").is_file()
+
+
+def test_a_new_release_takes_the_exports_of_the_old_one_away(tmp_path):
+    (tmp_path / "dior-0.1.0-exports").mkdir()
+    (tmp_path / "dior-0.1.0-exports/README.md").write_text("of somebody who has withdrawn since")
+    package._withdraw(tmp_path / "dior-0.1.0", kept={"pa11"})
+    assert not list(tmp_path.iterdir())
 
 
 def test_an_unknown_format_and_a_folder_that_is_no_release_are_refused(made, tmp_path):

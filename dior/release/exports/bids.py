@@ -8,13 +8,14 @@ with motion capture are in it; a release without any has no such folder.
 """
 
 import json
-import re
 from contextlib import contextmanager
 
 import numpy as np
 
 from dior import tables
+from dior.errors import DiorError
 from dior.release.exports.walks import regular
+from dior.release.exports.writing import plain
 from dior.skeletons import PLUG_IN_GAIT_39
 
 ABOUT = """\
@@ -32,12 +33,18 @@ AXES = "Right-handed, origin and x and y as calibrated by the motion capture, z 
 @contextmanager
 def writer(folder, release):
     """Yield `add(walk, body)`; what is about all walks is written when the context ends."""
-    scans, used = {}, set()
+    scans, used, people = {}, set(), {}
 
     def add(walk, body):
         if not set(body.joints) & set(PLUG_IN_GAIT_39):
             return
-        stem, place = _name(walk, used), folder / f"sub-{label(walk.subject)}" / "motion"
+        other = people.setdefault(plain(walk.subject), walk.subject)
+        if other != walk.subject:
+            raise DiorError(
+                f"bids: the pseudonyms {other} and {walk.subject} differ in no letter or digit, and a BIDS label has "
+                "only those; change one in config/subjects.tsv or leave bids out of release.exports"
+            )
+        stem, place = _name(walk, used), folder / f"sub-{plain(walk.subject)}" / "motion"
         place.mkdir(parents=True, exist_ok=True)
         rate, points = regular(body, walk.skeleton)
         _text(place / f"{stem}_motion.tsv", motion(points))
@@ -52,15 +59,10 @@ def writer(folder, release):
         _about_all(folder, release, scans)
 
 
-def label(name):
-    """A name as a BIDS label: its letters and digits."""
-    return re.sub(r"[^A-Za-z0-9]", "", name)
-
-
 def _name(walk, used):
     """sub-<>_task-<>_tracksys-<>[_acq-<>]_run-<> of a walk; the run is the first that is not in `used`."""
-    acquired = f"_acq-{label(walk.outfit)}" if label(walk.outfit) else ""
-    stem = f"sub-{label(walk.subject)}_task-{label(walk.walk) or 'walk'}_tracksys-{SYSTEM}{acquired}"
+    acquired = f"_acq-{plain(walk.outfit)}" if plain(walk.outfit) else ""
+    stem = f"sub-{plain(walk.subject)}_task-{plain(walk.walk) or 'walk'}_tracksys-{SYSTEM}{acquired}"
     run = next(run for run in range(1, len(used) + 2) if f"{stem}_run-{run:02d}" not in used)
     used.add(f"{stem}_run-{run:02d}")
     return f"{stem}_run-{run:02d}"
@@ -113,7 +115,7 @@ def _about_all(folder, release, scans):
     rows = ["participant_id\theight"]
     for who in sorted(scans):
         height = heights.get(who, np.nan)
-        rows.append(f"sub-{label(who)}\t" + ("n/a" if np.isnan(height) else f"{height:g}"))
+        rows.append(f"sub-{plain(who)}\t" + ("n/a" if np.isnan(height) else f"{height:g}"))
     _text(folder / "participants.tsv", "\n".join(rows) + "\n")
     _json(folder / "participants.json", {"height": {"Description": "Body height", "Units": "m"}})
     meaning = {
@@ -122,9 +124,9 @@ def _about_all(folder, release, scans):
         "outfit": {"Description": "What the subject wore"},
     }
     for who, lines in scans.items():
-        place = folder / f"sub-{label(who)}"
-        _text(place / f"sub-{label(who)}_scans.tsv", "\n".join(["filename\tsequence\tsession\toutfit", *lines]) + "\n")
-        _json(place / f"sub-{label(who)}_scans.json", meaning)
+        place = folder / f"sub-{plain(who)}"
+        _text(place / f"sub-{plain(who)}_scans.tsv", "\n".join(["filename\tsequence\tsession\toutfit", *lines]) + "\n")
+        _json(place / f"sub-{plain(who)}_scans.json", meaning)
 
 
 def _text(path, content):

@@ -10,6 +10,7 @@ from contextlib import ExitStack, contextmanager
 
 import numpy as np
 
+from dior.release.exports.writing import write_csv
 from dior.skeletons import COCO_17
 
 ABOUT = """\
@@ -26,7 +27,7 @@ which recording is which, and how many pictures were left out.
 """
 HEADER = ",".join(["image_name", *(f"{joint}_{what}" for joint in COCO_17 for what in ("x", "y", "conf"))])
 ROW = ",".join(["%s"] + ["%.3f,%.3f,%d"] * 17) + "\n"
-COLUMNS = "name,subject,sequence,camera,environment,outfit,walk,pictures,kept"
+COLUMNS = "name subject sequence camera environment outfit walk pictures kept".split()
 FILES = {"train": ("train", "train_valid"), "val": ("valid", "train_valid"), "test": ("test",), "all": ("all",)}
 VIEW_STEP = 18
 
@@ -35,14 +36,14 @@ VIEW_STEP = 18
 def writer(folder, release):
     """Yield `add(recording, pose)`; `sequences.csv` is written when the context ends."""
     folder.mkdir()
-    known_as, rows, files = names(release), [COLUMNS], {}
+    known_as, rows, files = names(release), [], {}
     with ExitStack() as stack:
 
         def add(recording, pose, pictures):
             name, walk = known_as[recording.name], recording.walk
             lines = lines_of(name, pose)
             facts = (name, walk.subject, walk.sequence, recording.camera.name, walk.environment, walk.outfit, walk.walk)
-            rows.append(",".join([*facts, str(len(pose.frame)), str(len(lines))]))
+            rows.append((*facts, len(pose.frame), len(lines)))
             for part in FILES[recording.part]:
                 if part not in files:
                     path = folder / f"dior_pose_{part}.csv"
@@ -51,7 +52,7 @@ def writer(folder, release):
                 files[part].writelines(lines)
 
         yield add
-    (folder / "sequences.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+    write_csv(folder / "sequences.csv", COLUMNS, rows)
 
 
 def lines_of(name, pose):

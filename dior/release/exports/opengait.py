@@ -6,6 +6,7 @@ The loaders take every file of a view for another kind of data of the same frame
 """
 
 import copyreg
+import io
 import json
 import pickle
 from contextlib import contextmanager
@@ -13,6 +14,7 @@ from contextlib import contextmanager
 import numpy as np
 
 from dior.release.exports.recordings import SUBJECT_SPLIT
+from dior.release.exports.writing import plain, write_csv
 
 ABOUT = """\
 `opengait/data/<subject>/<type>/<view>/<sequence>.<camera>.pkl`: one float32 array (T, 17, 3) per recording: x and y in
@@ -24,20 +26,18 @@ in the picture, 0 outside of it; a joint that is not known is 0, 0, 0. Pictures 
 
 `dataset_root: opengait/data`, `dataset_partition: opengait/partition/subject.json` in the `data_cfg` of a config
 """
-COLUMNS = "subject,type,view,sequence,camera,pictures,kept"
+COLUMNS = "subject type view sequence camera pictures kept".split()
 
 
 @contextmanager
 def writer(folder, release):
     """Yield `add(recording, pose)`; the lists are written when the context ends."""
     folder.mkdir()
-    rows, kept = [COLUMNS], []
+    rows, kept = [], []
 
     def add(recording, pose, pictures):
         walk, array = recording.walk, of_pose(pose)
-        rows.append(
-            ",".join([*names(recording), walk.sequence, recording.camera.name, str(len(pose.frame)), str(len(array))])
-        )
+        rows.append((*names(recording), walk.sequence, recording.camera.name, len(pose.frame), len(array)))
         if not len(array):
             return
         path = folder / "data" / "/".join(names(recording)) / f"{recording.name}.pkl"
@@ -46,7 +46,7 @@ def writer(folder, release):
         kept.append(recording)
 
     yield add
-    (folder / "sequences.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+    write_csv(folder / "sequences.csv", COLUMNS, rows)
     (folder / "partition").mkdir()
     for split in sorted({split for recording in kept for split in recording.parts}):
         text = json.dumps(partition(split, kept), indent=1) + "\n"
@@ -56,7 +56,8 @@ def writer(folder, release):
 def names(recording):
     """Subject, type and view of a recording."""
     walk = recording.walk
-    kind = "-".join([walk.environment, *([walk.outfit] if walk.outfit else []), f"{walk.nth:02d}"])
+    outfit = plain(walk.outfit)
+    kind = "-".join([walk.environment, *([outfit] if outfit else []), f"{walk.nth:02d}"])
     return walk.subject, kind, f"{walk.environment}-{recording.camera.name}"
 
 
@@ -69,8 +70,6 @@ def of_pose(pose):
 
 def pickled(array):
     """The bytes of a pickle that numpy 1 and 2 both read: neither finds the other's private modules."""
-    import io
-
     stream = io.BytesIO()
     pickler = pickle.Pickler(stream, protocol=4)
     pickler.dispatch_table = copyreg.dispatch_table | {np.ndarray: _plain}

@@ -13,6 +13,7 @@ import numpy as np
 from dior import tables
 from dior.camera import Camera
 from dior.errors import DiorError
+from dior.release.exports.writing import plain
 from dior.schemas import LABEL_STATUS
 
 SUBJECT_SPLIT = "subject"
@@ -20,7 +21,8 @@ SUBJECT_SPLIT = "subject"
 
 @dataclass(frozen=True)
 class Walk:
-    """One sequence of a subject (a pseudonym). `nth`: counted from 1 over his walks with that outfit there."""
+    """One sequence of a subject (a pseudonym). `outfit` and `walk` are free text, possibly empty. `nth`: counted from 1
+    over the subject's walks in that environment and outfit."""
 
     subject: str
     sequence: str
@@ -117,7 +119,8 @@ def _walks(folder):
     seen, walks = {}, []
     for i in order:
         row = {key: rows[key][i] for key in ("subject", "sequence", "session", "environment", "outfit", "walk")}
-        kind = row["subject"], row["environment"], row["outfit"]
+        # outfits whose letters are the same give the same name of a file, so they are counted as one
+        kind = row["subject"], row["environment"], plain(row["outfit"])
         seen[kind] = seen.get(kind, 0) + 1
         path = folder / "skeletons_3d" / row["subject"] / f"{row['sequence']}.parquet"
         walks.append(Walk(**row, nth=seen[kind], skeleton=path))

@@ -10,7 +10,8 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from dior.release.exports import coco, recordings, tars
+from dior.release.exports import coco, recordings
+from dior.release.exports.writing import add_to_tar, write_csv
 from dior.schemas import LABEL_STATUS
 
 ABOUT = """\
@@ -21,31 +22,31 @@ picture: `jpg`, byte for byte that of the release, and `json`: the `image` and t
 
 `webdataset.WebDataset("webdataset/dior-{000000..000015}.tar").decode("pil").to_tuple("jpg", "json")`
 """
-COLUMNS = "shard,samples,subject,sequence,camera,part"
+COLUMNS = "shard samples subject sequence camera part".split()
 
 
 @contextmanager
 def writer(folder, release):
     """Yield `add(recording, pose)`; `shards.csv` is written when the context ends."""
     folder.mkdir()
-    rows = [COLUMNS]
+    rows = []
 
     def add(recording, pose, no_image):
         walk = recording.walk
-        shard = f"dior-{len(rows) - 1:06d}.tar"
+        shard = f"dior-{len(rows):06d}.tar"
         samples = 0
         with tarfile.open(folder / shard, "w", format=tarfile.USTAR_FORMAT) as tar:
             for key, jpeg, label in _samples(recording, pose, no_image):
-                tars.add(tar, f"{key}.jpg", jpeg)
-                tars.add(tar, f"{key}.json", json.dumps(label, separators=(",", ":")).encode())
+                add_to_tar(tar, f"{key}.jpg", jpeg)
+                add_to_tar(tar, f"{key}.json", json.dumps(label, separators=(",", ":")).encode())
                 samples += 1
         if not samples:
             (folder / shard).unlink()
             return
-        rows.append(f"{shard},{samples},{walk.subject},{walk.sequence},{recording.camera.name},{recording.part}")
+        rows.append((shard, samples, walk.subject, walk.sequence, recording.camera.name, recording.part))
 
     yield add
-    (folder / "shards.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+    write_csv(folder / "shards.csv", COLUMNS, rows)
 
 
 def _samples(recording, pose, no_image):
