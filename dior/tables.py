@@ -7,6 +7,7 @@ tables that are released tell the `datasets` library the types of their columns.
 """
 
 import json
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -130,19 +131,32 @@ def _dictionary_columns(table):
 
 def read_arrow(path, name, columns=None):
     """The table as pyarrow, its kind checked. Raises DiorError for a missing, broken or other file."""
+    with _opened(path, name) as file:
+        return file.read(columns=columns)
+
+
+@contextmanager
+def _opened(path, name):
+    """Yield the Parquet file of a table, its kind checked."""
     path = Path(path)
     if not path.is_file():
         raise DiorError(f"{path}: there is no such file")
     try:
         # pq.read_table would import pyarrow.dataset and, through it, pandas: 0.4 s in every job
         with pq.ParquetFile(path) as file:
-            table = file.read(columns=columns)
+            kind = (file.schema_arrow.metadata or {}).get(b"dior_table", b"").decode()
+            if kind != name:
+                raise DiorError(f"{path}: holds the table '{kind or 'unknown'}', not '{name}'")
+            yield file
     except (pa.ArrowException, OSError) as error:
         raise DiorError(f"{path}: not a readable Parquet file ({error}); delete it and run again") from None
-    kind = (table.schema.metadata or {}).get(b"dior_table", b"").decode()
-    if kind != name:
-        raise DiorError(f"{path}: holds the table '{kind or 'unknown'}', not '{name}'")
-    return table
+
+
+def read_in_parts(path, name, columns, rows):
+    """As `read`, of `rows` rows at a time: for tables with pictures, which need not fit into the memory."""
+    with _opened(path, name) as file:
+        for batch in file.iter_batches(batch_size=rows, columns=columns):
+            yield {c: buffers.to_numpy(a) for c, a in zip(batch.schema.names, batch.columns, strict=True)}
 
 
 def read(path, name, columns=None):

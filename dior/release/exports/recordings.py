@@ -17,6 +17,7 @@ from dior.release.exports.writing import plain
 from dior.schemas import LABEL_STATUS
 
 SUBJECT_SPLIT = "subject"
+AT_A_TIME = 64
 
 
 @dataclass(frozen=True)
@@ -178,14 +179,13 @@ def _complete(joint, path):
 
 
 def pictures_of(recording):
-    """JPEG bytes of a recording's pictures by frame; None where there is no picture, with the reason.
-
-    Returns frame -> (bytes or None, reason). A release without frames has no pictures.
-    """
+    """Yield (frame, JPEG bytes) of the released pictures of a recording; a few at a time are in memory."""
     if not recording.frames.is_file():
-        return {}
-    t = tables.read(recording.frames, "released_frames", ["frame", "image", "no_image"])
-    return {int(frame): (t["image"][i], t["no_image"][i]) for i, frame in enumerate(t["frame"])}
+        return
+    for t in tables.read_in_parts(recording.frames, "released_frames", ["frame", "image"], AT_A_TIME):
+        for frame, jpeg in zip(t["frame"].tolist(), t["image"], strict=True):
+            if jpeg is not None:
+                yield frame, jpeg
 
 
 def missing_pictures(recording):

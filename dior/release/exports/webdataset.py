@@ -10,6 +10,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
+from dior.errors import DiorError
 from dior.release.exports import coco, recordings
 from dior.release.exports.writing import add_to_tar, write_csv
 from dior.schemas import LABEL_STATUS
@@ -51,18 +52,18 @@ def writer(folder, release):
 
 def _samples(recording, pose, no_image):
     """(key, JPEG bytes, label) of every picture that was released."""
-    pictures = recordings.pictures_of(recording)
     images, annotations = coco.rows(recording, pose, no_image)
     by_image = {annotation["image_id"]: annotation for annotation in annotations}
     labels = recordings.labels_of(recording)
-    uv = np.round(labels.uv, coco.DECIMALS)
-    for i, image in enumerate(images):
-        jpeg, _ = pictures.get(image["frame"], (None, ""))
-        if jpeg is None:
-            continue
+    row = {frame: i for i, frame in enumerate(labels.frame.tolist())}
+    uv = np.where(np.isfinite(labels.uv), np.round(labels.uv, coco.DECIMALS), None)
+    for frame, jpeg in recordings.pictures_of(recording):
+        if frame not in row:
+            raise DiorError(f"{recording.frames}: frame {frame} has no labels; build the release again")
+        image, i = images[row[frame]], row[frame]
         every = {
-            joint: [u, v, LABEL_STATUS[status]] if u == u else [None, None, LABEL_STATUS[status]]
+            joint: [u, v, LABEL_STATUS[status]]
             for joint, (u, v), status in zip(labels.joints, uv[i].tolist(), labels.status[i].tolist(), strict=True)
         }
-        key = f"{recording.walk.subject}/{recording.walk.sequence}_{recording.camera.name}_{image['frame']:06d}"
+        key = f"{recording.walk.subject}/{recording.walk.sequence}_{recording.camera.name}_{frame:06d}"
         yield key, jpeg, {"image": image, "annotation": by_image.get(image["id"]), "labels": every}
