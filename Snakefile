@@ -46,7 +46,7 @@ rule all:
 
 
 rule release:
-    """The release folder and its tarballs."""
+    """The release folder, its tarballs and its exports."""
     input:
         release_outputs(),
 

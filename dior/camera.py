@@ -242,6 +242,12 @@ def rays(camera, uv):
     return (direction / np.linalg.norm(direction, axis=-1, keepdims=True)) @ camera.wRc.T
 
 
+def unproject(camera, uv, depth):
+    """World points (..., 3) m of recorded pixels uv (..., 2) at depths (...,) m: what `project` was given."""
+    in_camera = np.concatenate([undistort(camera.intrinsics, uv), np.ones((*uv.shape[:-1], 1))], axis=-1)
+    return (in_camera * np.asarray(depth, float)[..., None]) @ camera.wRc.T + camera.centre
+
+
 def check_picture_size(intrinsics, width, height, where):
     """Refuse pictures of another size than the intrinsics were made for."""
     if (intrinsics.width, intrinsics.height) != (int(width), int(height)):

@@ -496,6 +496,11 @@ STEPS = {
             "out": PATH,
         },
     ),
+    "exports": (
+        "release.exports",
+        "write the release in other formats",
+        {"release": PATH, "formats": WORDS, "out": PATH},
+    ),
     "tarballs": (
         "release.tarballs",
         "pack one subject's part of the release, or its metadata",

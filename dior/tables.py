@@ -7,6 +7,7 @@ tables that are released tell the `datasets` library the types of their columns.
 """
 
 import json
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -139,24 +140,48 @@ def _dictionary_columns(table):
 
 def read_arrow(path, name, columns=None):
     """The table as pyarrow, its kind checked. Raises DiorError for a missing, broken or other file."""
+    with _opened(path, name) as file:
+        return file.read(columns=columns)
+
+
+@contextmanager
+def _opened(path, name):
+    """Yield the Parquet file of a table, its kind checked."""
     path = Path(path)
     if not path.is_file():
         raise DiorError(f"{path}: there is no such file")
     try:
         # pq.read_table would import pyarrow.dataset and, through it, pandas: 0.4 s in every job
         with pq.ParquetFile(path) as file:
-            table = file.read(columns=columns)
+            kind = (file.schema_arrow.metadata or {}).get(b"dior_table", b"").decode()
+            if kind != name:
+                raise DiorError(f"{path}: holds the table '{kind or 'unknown'}', not '{name}'")
+            yield file
     except (pa.ArrowException, OSError) as error:
         raise DiorError(f"{path}: not a readable Parquet file ({error}); delete it and run again") from None
-    kind = (table.schema.metadata or {}).get(b"dior_table", b"").decode()
-    if kind != name:
-        raise DiorError(f"{path}: holds the table '{kind or 'unknown'}', not '{name}'")
-    return table
+
+
+def read_in_parts(path, name, columns, rows):
+    """As `read`, of `rows` rows at a time: for tables with pictures, which need not fit into the memory."""
+    with _opened(path, name) as file:
+        for batch in file.iter_batches(batch_size=rows, columns=columns):
+            yield {c: buffers.to_numpy(a) for c, a in zip(batch.schema.names, batch.columns, strict=True)}
 
 
 def read(path, name, columns=None):
     """The table as a dict of arrays (see the module's docstring)."""
     return {c: buffers.to_numpy(a) for c, a in zip(*_columns(read_arrow(path, name, columns)), strict=True)}
+
+
+def read_coded(path, name, columns):
+    """As `read`, with the text columns as `Repeated`: long tables of few words are ten times as fast to work with."""
+    names, arrays = _columns(read_arrow(path, name, columns))
+    return {
+        column: Repeated(array.dictionary.to_pylist(), buffers.numbers(array.indices, -1))
+        if pa.types.is_dictionary(array.type)
+        else buffers.to_numpy(array)
+        for column, array in zip(names, arrays, strict=True)
+    }
 
 
 def _columns(table):
@@ -240,17 +265,26 @@ def read_cameras(paths):
     cameras = {}
     for path in [paths] if isinstance(paths, (str, Path)) else paths:
         t = read(path, "cameras")
-        for i, name in enumerate(t["camera"]):
-            lens = Intrinsics(
-                *(int(t[k][i]) for k in ("width", "height")),
-                *(float(t[k][i]) for k in ("fx", "fy", "cx", "cy")),
-                t["distortion_model"][i],
-                tuple(t["distortion"][i].tolist()),
-            )
-            wTc = t["wTc"][i].reshape(4, 4)
-            known = np.isfinite(wTc).all()
-            cameras[name] = Camera(name, lens, wTc if known else None, t["role"][i], t["locate"][i])
+        cameras |= {name: _camera(t, i) for i, name in enumerate(t["camera"])}
     return cameras
+
+
+def read_released_cameras(path):
+    """Cameras by (session, camera) from the `released_cameras` table of a release."""
+    t = read(path, "released_cameras")
+    return {key: _camera(t, i) for i, key in enumerate(zip(t["session"], t["camera"], strict=True))}
+
+
+def _camera(t, i):
+    """The camera in row `i` of a table of cameras."""
+    lens = Intrinsics(
+        *(int(t[k][i]) for k in ("width", "height")),
+        *(float(t[k][i]) for k in ("fx", "fy", "cx", "cy")),
+        t["distortion_model"][i],
+        tuple(t["distortion"][i].tolist()),
+    )
+    wTc = t["wTc"][i].reshape(4, 4)
+    return Camera(t["camera"][i], lens, wTc if np.isfinite(wTc).all() else None, t["role"][i], t["locate"][i])
 
 
 def read_placed(paths, names, where):

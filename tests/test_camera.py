@@ -85,3 +85,9 @@ def test_unknown_model_and_wrong_picture_size_are_refused():
         cam.Intrinsics(640, 480, 1, 1, 1, 1, "fisheye")
     with pytest.raises(DiorError, match="walk_1, camera cam01: the pictures are 640x480 but the intrinsics"):
         cam.check_picture_size(camera("a", (4, 0, 1)).intrinsics, 640, 480, "walk_1, camera cam01")
+
+
+def test_a_pixel_with_its_depth_is_the_point_that_was_projected():
+    c = camera("a", (3.0, -2.0, 1.4))
+    points = np.random.default_rng(3).uniform(-1, 1, (20, 3))
+    np.testing.assert_allclose(cam.unproject(c, *cam.project(c, points)), points, atol=1e-9)

@@ -1,6 +1,6 @@
 import pytest
 
-from dior.files import write_text, written_whole
+from dior.files import folder_written_whole, write_text, written_whole
 
 
 def test_a_file_is_there_whole_or_not_at_all(tmp_path):
@@ -18,3 +18,17 @@ def test_what_a_killed_writer_left_is_gone_after_the_next(tmp_path):
         assert part.suffix == ".bag" and not part.exists()
         part.write_text("whole")
     assert [path.name for path in tmp_path.iterdir()] == ["b.bag"]
+
+
+def test_a_folder_is_there_whole_or_as_it_was(tmp_path):
+    with folder_written_whole(tmp_path / "a") as folder:
+        write_text(folder / "old.txt", "eins")
+    with pytest.raises(RuntimeError), folder_written_whole(tmp_path / "a") as folder:
+        write_text(folder / "new.txt", "zwei")
+        raise RuntimeError
+    assert [path.name for path in tmp_path.rglob("*")] == ["a", "old.txt"]
+    (tmp_path / ".a.part").mkdir()
+    write_text(tmp_path / ".a.part" / "killed.txt", "half")
+    with folder_written_whole(tmp_path / "a") as folder:
+        write_text(folder / "new.txt", "zwei")
+    assert [path.name for path in tmp_path.rglob("*")] == ["a", "new.txt"]

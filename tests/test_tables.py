@@ -121,3 +121,20 @@ def test_pictures_are_bytes_or_null_and_typed_for_the_datasets_library(tmp_path)
     assert features["image"] == {"_type": "Image"}
     assert features["no_image"] == {"dtype": "string", "_type": "Value"}
     assert features["stamp_ns"] == {"dtype": "int64", "_type": "Value"}
+
+
+def test_a_table_is_read_in_parts_that_are_the_whole(tmp_path):
+    columns = {"subject": ["pa", "pb"] * 5, "frame": np.arange(10), "image": [b"x", None] * 5}
+    tables.write(tmp_path / "a.parquet", "released_frames", columns)
+    parts = list(tables.read_in_parts(tmp_path / "a.parquet", "released_frames", ["frame", "image", "subject"], 4))
+    assert [len(part["frame"]) for part in parts] == [4, 4, 2]
+    whole = tables.read(tmp_path / "a.parquet", "released_frames")
+    for column in ("frame", "image", "subject"):
+        assert np.concatenate([part[column] for part in parts]).tolist() == whole[column].tolist()
+
+
+def test_repeated_words_are_read_as_indices(tmp_path):
+    columns = {"joint": ["b", "a", "b", ""], "frame": [0, 0, 1, 1], "status": ["ok"] * 4}
+    tables.write(tmp_path / "a.parquet", "labels_2d", columns)
+    joint = tables.read_coded(tmp_path / "a.parquet", "labels_2d", ["joint", "frame"])["joint"]
+    assert [joint.words[i] if i >= 0 else "" for i in joint.index] == columns["joint"]

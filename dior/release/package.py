@@ -85,9 +85,12 @@ def run(
 
 
 def _withdraw(out, kept):
-    """Remove the tarballs beside the release, half-made ones too, of everybody but `kept`: who withdrew is in no file
-    any more. The metadata's names everybody, so that it is always made anew.
+    """Remove what is beside the release of everybody but `kept`, so that who withdrew is in no file any more.
+
+    That is everybody's tarball but theirs, half-made ones too, and the exports, which are not by person. The tarball of
+    metadata names everybody, so that it is always made anew.
     """
+    shutil.rmtree(out.with_name(f"{out.name}-exports"), ignore_errors=True)
     for tarball in out.parent.glob(f"{out.name}-*.tar"):
         if tarball.name.removeprefix(f"{out.name}-").removesuffix(".tar") not in kept:
             tarball.unlink()

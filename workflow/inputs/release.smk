@@ -167,7 +167,7 @@ def released_gallery():
 
 def release_outputs():
     """All that is made of a release."""
-    return [*released_files(), *tarballs_of(PROJECT.released_subjects)]
+    return [*released_files(), *tarballs_of(PROJECT.released_subjects), *exports()]
 
 
 def existing_release():
@@ -219,3 +219,17 @@ def stamps_shift(wildcards):
     """What `dior.release.stamps.taken_off` wants to know, as JSON; {} to leave stamps as they are."""
     files = stamps_from(wildcards)
     return json.dumps({"frames": files} if files else {})
+
+
+def exports_folder(wildcards):
+    return f"{RELEASE}-exports"
+
+
+def exported_files():
+    """Two files that every export folder has; the checksums are written last."""
+    return [f"{RELEASE}-exports/README.md", f"{RELEASE}-exports/SHA256SUMS"]
+
+
+def exports():
+    """The same, where the config wants any format."""
+    return exported_files() if CONFIG["release"]["exports"] else []

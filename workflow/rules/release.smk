@@ -2,8 +2,8 @@
 
 Required inputs: labels, pictures, skeletons, frames, detections, cameras and figures of the subjects who agreed, and
 their recordings, for the checksums.
-Outputs: results/provenance/<sequence>.json, results/release/dior-<version>/ and beside it a tarball per
-subject and one of metadata.
+Outputs: results/provenance/<sequence>.json, results/release/dior-<version>/; beside it a tarball per
+subject and one of metadata, and the exports to other formats.
 """
 
 
@@ -27,6 +27,74 @@ rule provenance:
         " --sequence {wildcards.sequence}"
         " --recordings {params.recordings:q}"
         " --out {output:q}"
+        " 2>&1 | tee {log:q}"
+
+
+rule heads:
+    """Find the subject's head in the pictures of one camera."""
+    input:
+        cameras=camera_file,
+        skeleton=skeleton,
+        frames="results/frames/{sequence}.parquet",
+        clocks=own_clock,
+        labels="results/reproject/{sequence}.{camera}.parquet",
+    output:
+        heads="results/heads/{sequence}.{camera}.parquet",
+        findings="results/heads/{sequence}.{camera}.findings.parquet",
+    log:
+        "logs/heads/{sequence}.{camera}.log",
+    benchmark:
+        "logs/heads/{sequence}.{camera}.benchmark.tsv"
+    params:
+        code=code("release.heads"),
+    shell:
+        "dior heads"
+        " --sequence {wildcards.sequence}"
+        " --camera {wildcards.camera}"
+        " --cameras {input.cameras:q}"
+        " --skeleton {input.skeleton:q}"
+        " --frames {input.frames:q}"
+        " --clocks {input.clocks:q}"
+        " --labels {input.labels:q}"
+        " --out {output.heads:q}"
+        " --findings {output.findings:q}"
+        " 2>&1 | tee {log:q}"
+
+
+rule pixels:
+    """Write the released pictures of one camera, the subject's head covered."""
+    input:
+        bags=there(released_bags),
+        frames="results/frames/{sequence}.parquet",
+        heads=covered_heads,
+        shift=stamps_from,
+    output:
+        pixels="results/pixels/{sequence}.{camera}.parquet",
+        findings="results/pixels/{sequence}.{camera}.findings.parquet",
+    log:
+        "logs/pixels/{sequence}.{camera}.log",
+    benchmark:
+        "logs/pixels/{sequence}.{camera}.benchmark.tsv"
+    params:
+        subject=pseudonym,
+        data_root=DATA,
+        faces=CONFIG["release"]["faces"],
+        consent=pictures_consent,
+        shift=stamps_shift,
+        code=code("release.pixels"),
+    shell:
+        "dior pixels"
+        " --sequence {wildcards.sequence}"
+        " --subject {params.subject}"
+        " --camera {wildcards.camera}"
+        " --frames {input.frames:q}"
+        " --data-root {params.data_root:q}"
+        " --heads {input.heads:q}"
+        " --faces {params.faces}"
+        " --consent {params.consent}"
+        " --shift {params.shift:q}"
+        " --out {output.pixels:q}"
+        " --findings {output.findings:q}"
         " 2>&1 | tee {log:q}"
 
 
@@ -108,69 +176,24 @@ rule tarballs:
         " 2>&1 | tee {log:q}"
 
 
-rule heads:
-    """Find the subject's head in the pictures of one camera."""
+rule exports:
+    """Write the release in the formats of other tools."""
     input:
-        cameras=camera_file,
-        skeleton=skeleton,
-        frames="results/frames/{sequence}.parquet",
-        clocks=own_clock,
-        labels="results/reproject/{sequence}.{camera}.parquet",
+        f"{RELEASE}/SHA256SUMS",
     output:
-        heads="results/heads/{sequence}.{camera}.parquet",
-        findings="results/heads/{sequence}.{camera}.findings.parquet",
+        exported_files(),
     log:
-        "logs/heads/{sequence}.{camera}.log",
+        "logs/exports/exports.log",
     benchmark:
-        "logs/heads/{sequence}.{camera}.benchmark.tsv"
+        "logs/exports/exports.benchmark.tsv"
     params:
-        code=code("release.heads"),
+        release=release_folder,
+        formats=CONFIG["release"]["exports"],
+        out=exports_folder,
+        code=code("release.exports"),
     shell:
-        "dior heads"
-        " --sequence {wildcards.sequence}"
-        " --camera {wildcards.camera}"
-        " --cameras {input.cameras:q}"
-        " --skeleton {input.skeleton:q}"
-        " --frames {input.frames:q}"
-        " --clocks {input.clocks:q}"
-        " --labels {input.labels:q}"
-        " --out {output.heads:q}"
-        " --findings {output.findings:q}"
-        " 2>&1 | tee {log:q}"
-
-
-rule pixels:
-    """Write the released pictures of one camera, the subject's head covered."""
-    input:
-        bags=there(released_bags),
-        frames="results/frames/{sequence}.parquet",
-        heads=covered_heads,
-        shift=stamps_from,
-    output:
-        pixels="results/pixels/{sequence}.{camera}.parquet",
-        findings="results/pixels/{sequence}.{camera}.findings.parquet",
-    log:
-        "logs/pixels/{sequence}.{camera}.log",
-    benchmark:
-        "logs/pixels/{sequence}.{camera}.benchmark.tsv"
-    params:
-        subject=pseudonym,
-        data_root=DATA,
-        faces=CONFIG["release"]["faces"],
-        consent=pictures_consent,
-        shift=stamps_shift,
-        code=code("release.pixels"),
-    shell:
-        "dior pixels"
-        " --sequence {wildcards.sequence}"
-        " --subject {params.subject}"
-        " --camera {wildcards.camera}"
-        " --frames {input.frames:q}"
-        " --data-root {params.data_root:q}"
-        " --heads {input.heads:q}"
-        " --faces {params.faces}"
-        " --consent {params.consent}"
-        " --shift {params.shift:q}"
-        " --out {output.pixels:q}"
-        " --findings {output.findings:q}"
+        "dior exports"
+        " --release {params.release:q}"
+        " --formats {params.formats:q}"
+        " --out {params.out:q}"
         " 2>&1 | tee {log:q}"

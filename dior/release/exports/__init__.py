@@ -1,0 +1,86 @@
+"""Exports: the release in the formats of the tools that use such data.
+
+INPUTS   a finished release folder, nothing else
+OUTPUTS  beside the release: a folder <format>/ for each format, README.md (what each is, how to load it), SHA256SUMS
+What is about one camera is read once for all formats that want it, and so is what is about a walk. Same release, same
+bytes. Each format is a module with `ABOUT`, its part of the README, and `writer(folder, release)`, a context that
+yields a function to be called with every recording and its pose, or with every walk and its body.
+"""
+
+from contextlib import ExitStack
+
+from dior.errors import DiorError, nearest
+from dior.files import folder_written_whole, write_text
+from dior.progress import told
+from dior.provenance import file_sha256
+
+BY_RECORDING = ("coco", "opengait", "gaitgraph", "webdataset")
+BY_WALK = ("trc", "c3d", "bids")
+FORMATS = (*BY_RECORDING, *BY_WALK)
+SUMS = "SHA256SUMS"
+HEAD = """\
+# {name}: exports
+
+Made from the release `{name}` alone, by subject's pseudonym and with its licence and terms; its `README.md` says what
+the labels are and how good they are. `sha256sum -c SHA256SUMS` checks this folder.
+
+COCO-17 is taken by name from labels that have these joints (outdoor). Indoor labels are motion capture markers: joint
+centres are derived from them in 3D by rules (below) and projected at each picture's own stamp. They are marked as
+derived; what the rules themselves are wrong by is not in their sigma: against the simulated skeleton 2 cm in the mean,
+5 cm at the hips.
+
+| joints | rule |
+|---|---|
+| hips | from the middle of LASI and RASI, their distance W: 0.19 W back, 0.30 W down, 0.36 W outwards (Bell, Brand) |
+| knees, ankles | half the width of the joint (knee 105 mm, ankle 72 mm) and of a marker (14 mm) inwards of KNE or \
+ANK, with a right angle at the joint, in the plane of THI or TIB (Plug-in-Gait) |
+| shoulders | 45 mm and half a marker below SHO, with a right angle to the middle of the thorax (Plug-in-Gait) |
+| elbows | half of 75 mm and of a marker inwards of ELB, along the axis that upper arm and forearm stand on |
+| wrists | the middle of WRA and WRB |
+| nose, eyes, ears | offsets from the head band, in proportion to it |
+
+Where markers lack, the nearest marker stands for the joint, or nothing does.
+"""
+
+
+def run(*, release, formats, out):
+    """Write the exports of a release folder in `formats` to the folder `out`, whole or not at all.
+
+    Raises DiorError for an unknown format and for a folder that is no release.
+    """
+    from dior.release.exports import bids, c3d, coco, gaitgraph, opengait, poses, recordings, trc, webdataset
+
+    modules = {"coco": coco, "opengait": opengait, "gaitgraph": gaitgraph, "webdataset": webdataset}
+    modules |= {"trc": trc, "c3d": c3d, "bids": bids}
+    for name in formats:
+        if name not in FORMATS:
+            raise DiorError(f"release: exports: there is no format '{name}'{nearest(name, FORMATS)}")
+    found = recordings.read(release)
+    chosen = [name for name in FORMATS if name in formats]
+    with folder_written_whole(out) as folder:
+        with ExitStack() as stack:
+            adders = _writers(stack, modules, [name for name in chosen if name in BY_RECORDING], folder, found)
+            for recording in told(found.recordings if adders else (), len(found.recordings), "recordings", "exports"):
+                pose = poses.of(recordings.labels_of(recording), recording.camera)
+                missing = recordings.missing_pictures(recording)
+                for add in adders:
+                    add(recording, pose, missing)
+        with ExitStack() as stack:
+            adders = _writers(stack, modules, [name for name in chosen if name in BY_WALK], folder, found)
+            for walk in told(found.walks if adders else (), len(found.walks), "walks", "exports"):
+                body = recordings.body_of(walk)
+                for add in adders:
+                    add(walk, body)
+        parts = [f"## {name}\n\n{modules[name].ABOUT}" for name in chosen]
+        write_text(folder / "README.md", "\n".join([HEAD.format(name=found.folder.name), *parts]))
+        write_text(folder / SUMS, _sums(folder))
+
+
+def _writers(stack, modules, names, folder, release):
+    return [stack.enter_context(modules[name].writer(folder / name, release)) for name in names]
+
+
+def _sums(folder):
+    """Lines of SHA256SUMS, as `sha256sum` writes them, of all files in a folder, by path."""
+    names = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
+    return "".join(f"{file_sha256(folder / name)}  {name}\n" for name in names)

@@ -1,0 +1,137 @@
+"""BIDS motion: the motion capture of the walks, as the Brain Imaging Data Structure wants it.
+
+OUTPUTS  bids/dataset_description.json, README, participants.tsv and .json, and for each subject
+         sub-<subject>/sub-<subject>_scans.tsv and .json, and below sub-<subject>/motion/ for each walk *_motion.tsv (m,
+         no header), *_motion.json, *_channels.tsv and *_channels.json
+Specification: bids-specification.readthedocs.io, motion. Labels may hold letters and digits only. Only the walks
+with motion capture are in it; a release without any has no such folder.
+"""
+
+import json
+from contextlib import contextmanager
+
+import numpy as np
+
+from dior import tables
+from dior.errors import DiorError
+from dior.release.exports.walks import regular
+from dior.release.exports.writing import plain
+from dior.skeletons import PLUG_IN_GAIT_39
+
+ABOUT = """\
+`bids/`: the walks with motion capture as a BIDS dataset (motion), metres in the world of the release (Z up), `n/a`
+where a marker is missing. The task is the walk pattern, `acq` the outfit; `sub-<subject>_scans.tsv` says which file is
+which sequence.
+
+`pandas.read_csv("bids/sub-.../motion/sub-..._motion.tsv", sep="\\t", header=None, na_values="n/a")`
+"""
+VERSION = "1.10.0"
+SYSTEM = "omc"  # optical motion capture
+AXES = "Right-handed, origin and x and y as calibrated by the motion capture, z up"
+
+
+@contextmanager
+def writer(folder, release):
+    """Yield `add(walk, body)`; what is about all walks is written when the context ends."""
+    scans, used, people = {}, set(), {}
+
+    def add(walk, body):
+        if not set(body.joints) & set(PLUG_IN_GAIT_39):
+            return
+        other = people.setdefault(plain(walk.subject), walk.subject)
+        if other != walk.subject:
+            raise DiorError(
+                f"bids: the pseudonyms {other} and {walk.subject} differ in no letter or digit, and a BIDS label has "
+                "only those; change one in config/subjects.tsv or leave bids out of release.exports"
+            )
+        stem, place = _name(walk, used), folder / f"sub-{plain(walk.subject)}" / "motion"
+        place.mkdir(parents=True, exist_ok=True)
+        rate, points = regular(body, walk.skeleton)
+        _text(place / f"{stem}_motion.tsv", motion(points))
+        _json(place / f"{stem}_motion.json", sidecar(walk, rate, points))
+        _text(place / f"{stem}_channels.tsv", channels(body.joints))
+        _json(place / f"{stem}_channels.json", {"reference_frame": {"Levels": {"world": {"Description": AXES}}}})
+        row = (f"motion/{stem}_motion.tsv", walk.sequence, walk.session, walk.outfit or "n/a")
+        scans.setdefault(walk.subject, []).append("\t".join(row))
+
+    yield add
+    if scans:
+        _about_all(folder, release, scans)
+
+
+def _name(walk, used):
+    """sub-<>_task-<>_tracksys-<>[_acq-<>]_run-<> of a walk; the run is the first that is not in `used`."""
+    acquired = f"_acq-{plain(walk.outfit)}" if plain(walk.outfit) else ""
+    stem = f"sub-{plain(walk.subject)}_task-{plain(walk.walk) or 'walk'}_tracksys-{SYSTEM}{acquired}"
+    run = next(run for run in range(1, len(used) + 2) if f"{stem}_run-{run:02d}" not in used)
+    used.add(f"{stem}_run-{run:02d}")
+    return f"{stem}_run-{run:02d}"
+
+
+def motion(points):
+    """Rows of tab-separated metres of points (N, J, 3), `n/a` where one is missing."""
+    missing = np.isnan(points).any(axis=-1)
+    cells = np.repeat(missing, 3, axis=1)
+    whole = "\t".join(["%.6f"] * cells.shape[1])
+    lines = []
+    for row, lacks in zip(points.reshape(len(points), -1).tolist(), cells, strict=True):
+        if lacks.any():
+            lines.append("\t".join("n/a" if no else f"{x:.6f}" for x, no in zip(row, lacks, strict=True)))
+        else:
+            lines.append(whole % tuple(row))
+    return "\n".join(lines) + "\n"
+
+
+def channels(joints):
+    """The table of channels: three per marker, in the order of the columns of the motion."""
+    rows = ["name\tcomponent\ttype\ttracked_point\tunits\treference_frame"]
+    rows += [f"{joint}_{axis}\t{axis}\tPOS\t{joint}\tm\tworld" for joint in joints for axis in "xyz"]
+    return "\n".join(rows) + "\n"
+
+
+def sidecar(walk, rate, points):
+    count = points.shape[1]
+    return {
+        "TaskName": walk.walk or "walk",
+        "SamplingFrequency": rate,
+        "SamplingFrequencyEffective": rate,
+        "TrackingSystemName": SYSTEM,
+        "RecordingDuration": round(len(points) / rate, 6),
+        "MotionChannelCount": 3 * count,
+        "POSChannelCount": 3 * count,
+        "TrackedPointsCount": count,
+        "MissingValues": "n/a",
+    }
+
+
+def _about_all(folder, release, scans):
+    _json(
+        folder / "dataset_description.json",
+        {"Name": release.folder.name, "BIDSVersion": VERSION, "DatasetType": "raw"},
+    )
+    _text(folder / "README", f"Motion capture of {release.folder.name}, made from that release; its card says more.\n")
+    people = tables.read(release.folder / "subjects.parquet", "subjects")
+    heights = dict(zip(people["subject"], people["height_m"], strict=True))
+    rows = ["participant_id\theight"]
+    for who in sorted(scans):
+        height = heights.get(who, np.nan)
+        rows.append(f"sub-{plain(who)}\t" + ("n/a" if np.isnan(height) else f"{height:g}"))
+    _text(folder / "participants.tsv", "\n".join(rows) + "\n")
+    _json(folder / "participants.json", {"height": {"Description": "Body height", "Units": "m"}})
+    meaning = {
+        "sequence": {"Description": "The walk in the release"},
+        "session": {"Description": "Recording session in the release"},
+        "outfit": {"Description": "What the subject wore"},
+    }
+    for who, lines in scans.items():
+        place = folder / f"sub-{plain(who)}"
+        _text(place / f"sub-{plain(who)}_scans.tsv", "\n".join(["filename\tsequence\tsession\toutfit", *lines]) + "\n")
+        _json(place / f"sub-{plain(who)}_scans.json", meaning)
+
+
+def _text(path, content):
+    path.write_text(content, encoding="utf-8")
+
+
+def _json(path, content):
+    _text(path, json.dumps(content, indent=1) + "\n")

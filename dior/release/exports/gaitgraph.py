@@ -1,0 +1,78 @@
+"""CSV files for GaitGraph and GaitMixer, named as their CASIA-B loader reads them.
+
+OUTPUTS  gaitgraph/dior_pose_{train,valid,train_valid,test}.csv: the name of a picture and 51 numbers per row;
+         gaitgraph/sequences.csv: what the numbers in the names stand for
+The loader takes <anything>/<subject>-<status>-<number>-<view>/<frame>.jpg and makes integers of all but the status,
+which is nm, bg or cl. It cannot have a hole in a row: a picture of which a joint is not known is left out.
+"""
+
+from contextlib import ExitStack, contextmanager
+
+import numpy as np
+
+from dior.release.exports.writing import write_csv
+from dior.skeletons import COCO_17
+
+ABOUT = """\
+`gaitgraph/dior_pose_<part>.csv`: a header, then a picture per row: its name and 17 times x, y, confidence in COCO's
+order, in pixels of the recorded picture ((0, 0) is the centre of the top-left pixel; the released weights were trained
+on pictures of 320x240). The confidence is 1 in the picture, 0 outside of it. Pictures of which a joint is not known
+are left out, as the loader would do. Parts are those of the split by subject: `train`, `valid`, both together, `test`.
+In `dior/<subject>-<status>-<number>-<view>/<frame>.jpg` subjects are counted from 1 by pseudonym; the status is `nm`
+for the outfit of a subject's first walk and `cl` for any other; the number counts the walks of that status; the
+view is 18 times the number of (environment, camera), as if it were an angle of CASIA-B. `gaitgraph/sequences.csv` says
+which recording is which, and how many pictures were left out.
+
+`--train_data_path gaitgraph/dior_pose_train_valid.csv --valid_data_path gaitgraph/dior_pose_test.csv`
+"""
+HEADER = ",".join(["image_name", *(f"{joint}_{what}" for joint in COCO_17 for what in ("x", "y", "conf"))])
+ROW = ",".join(["%s"] + ["%.3f,%.3f,%d"] * 17) + "\n"
+COLUMNS = "name subject sequence camera environment outfit walk pictures kept".split()
+FILES = {"train": ("train", "train_valid"), "val": ("valid", "train_valid"), "test": ("test",), "all": ("all",)}
+VIEW_STEP = 18
+
+
+@contextmanager
+def writer(folder, release):
+    """Yield `add(recording, pose)`; `sequences.csv` is written when the context ends."""
+    folder.mkdir()
+    known_as, rows, files = names(release), [], {}
+    with ExitStack() as stack:
+
+        def add(recording, pose, pictures):
+            name, walk = known_as[recording.name], recording.walk
+            lines = lines_of(name, pose)
+            facts = (name, walk.subject, walk.sequence, recording.camera.name, walk.environment, walk.outfit, walk.walk)
+            rows.append((*facts, len(pose.frame), len(lines)))
+            for part in FILES[recording.part]:
+                if part not in files:
+                    path = folder / f"dior_pose_{part}.csv"
+                    files[part] = stack.enter_context(open(path, "w", encoding="utf-8", newline="\n"))
+                    files[part].write(HEADER + "\n")
+                files[part].writelines(lines)
+
+        yield add
+    write_csv(folder / "sequences.csv", COLUMNS, rows)
+
+
+def lines_of(name, pose):
+    """Lines of the CSV of the pictures of which every joint is known."""
+    known = np.isfinite(pose.uv).all(axis=(1, 2))
+    numbers = np.concatenate([pose.uv, pose.inside[..., None]], axis=-1)[known].reshape(-1, 51).tolist()
+    frames = pose.frame[known].tolist()
+    return [ROW % (f"dior/{name}/{frame:06d}.jpg", *row) for frame, row in zip(frames, numbers, strict=True)]
+
+
+def names(release):
+    """<subject>-<status>-<number>-<view> of every recording, by its name."""
+    people = {who: i for i, who in enumerate(sorted({walk.subject for walk in release.walks}), start=1)}
+    first, count, walks = {}, {}, {}
+    for walk in release.walks:
+        status = "nm" if first.setdefault(walk.subject, walk.outfit) == walk.outfit else "cl"
+        count[walk.subject, status] = count.get((walk.subject, status), 0) + 1
+        walks[walk.sequence] = f"{people[walk.subject]:03d}-{status}-{count[walk.subject, status]:02d}"
+    views = sorted({(r.walk.environment, r.camera.name) for r in release.recordings})
+    return {
+        r.name: f"{walks[r.walk.sequence]}-{VIEW_STEP * views.index((r.walk.environment, r.camera.name)):03d}"
+        for r in release.recordings
+    }

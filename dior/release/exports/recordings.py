@@ -1,0 +1,196 @@
+"""What a finished release holds, as the exports need it: its walks, and its recordings (a walk as one camera sees it).
+
+INPUTS   a release folder: sequences, splits, cameras, labels_2d, skeletons_3d and frames (dior/schemas.py)
+OUTPUTS  `Release` with its walks and recordings in order; labels, bodies and pictures of one of them in memory
+Nothing is read but the release, so that what is not in it is in no export.
+"""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from dior import tables
+from dior.camera import Camera
+from dior.errors import DiorError
+from dior.release.exports.writing import plain
+from dior.schemas import LABEL_STATUS
+
+SUBJECT_SPLIT = "subject"
+AT_A_TIME = 64
+
+
+@dataclass(frozen=True)
+class Walk:
+    """One sequence of a subject (a pseudonym). `outfit` and `walk` are free text, possibly empty. `nth`: counted from 1
+    over the subject's walks in that environment and outfit."""
+
+    subject: str
+    sequence: str
+    session: str
+    environment: str
+    outfit: str
+    walk: str
+    nth: int
+    skeleton: Path
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One camera of a walk; `parts`: in which part of each split it is."""
+
+    walk: Walk
+    camera: Camera
+    labels: Path
+    frames: Path
+    parts: dict = field(default_factory=dict)
+
+    @property
+    def name(self):
+        return f"{self.walk.sequence}.{self.camera.name}"
+
+    @property
+    def part(self):
+        """Its part of the split by subject, `all` where the release has none."""
+        return self.parts.get(SUBJECT_SPLIT, "all")
+
+
+@dataclass(frozen=True)
+class Release:
+    """A release folder: walks by (subject, order of recording), recordings by walk and camera."""
+
+    folder: Path
+    walks: tuple
+    recordings: tuple
+
+
+@dataclass(frozen=True)
+class Labels:
+    """Labels of F pictures and J joints: `frame`, `stamp_ns` (F,), `uv`, `sigma` (F, J, 2) px, `depth` (F, J) m, NaN
+    where there is none; `status` (F, J): indices into `LABEL_STATUS`."""
+
+    joints: tuple
+    frame: np.ndarray
+    stamp_ns: np.ndarray
+    uv: np.ndarray
+    sigma: np.ndarray
+    depth: np.ndarray
+    status: np.ndarray
+
+
+@dataclass(frozen=True)
+class Body:
+    """A walk in 3D: `stamp_ns` (I,), `points` (I, J, 3) m in the world, Z up, NaN where there is none."""
+
+    joints: tuple
+    stamp_ns: np.ndarray
+    points: np.ndarray
+
+
+def read(folder):
+    """The `Release` in a folder. Raises DiorError for a folder that is none and for a walk without its tables."""
+    folder = Path(folder)
+    if not (folder / "sequences.parquet").is_file():
+        raise DiorError(f"{folder}: no release (it has no sequences.parquet); build it with the rule `package`")
+    rig = tables.read_released_cameras(folder / "cameras.parquet")
+    parts = _parts(folder / "splits.parquet")
+    walks = _walks(folder)
+    recordings = []
+    for walk in walks:
+        for path in sorted((folder / "labels_2d" / walk.subject).glob(f"{walk.sequence}.*.parquet")):
+            name = path.name.removeprefix(f"{walk.sequence}.").removesuffix(".parquet")
+            camera = rig.get((walk.session, name))
+            if camera is None or camera.wTc is None:
+                raise DiorError(f"{path}: cameras.parquet gives no pose of camera {name} in session {walk.session}")
+            frames = folder / "frames" / walk.subject / path.name
+            own = parts.get((walk.subject, walk.sequence, name), {})
+            recordings.append(Recording(walk, camera, path, frames, own))
+    for walk in walks:
+        if not any(recording.walk == walk for recording in recordings):
+            raise DiorError(f"{folder}: sequence {walk.sequence} of {walk.subject} has no labels; build it again")
+    return Release(folder, tuple(walks), tuple(recordings))
+
+
+def _walks(folder):
+    rows = tables.read(folder / "sequences.parquet", "sequences")
+    order = sorted(
+        range(len(rows["sequence"])),
+        key=lambda i: (rows["subject"][i], rows["session"][i], rows["session_order"][i], rows["sequence"][i]),
+    )
+    seen, walks = {}, []
+    for i in order:
+        row = {key: rows[key][i] for key in ("subject", "sequence", "session", "environment", "outfit", "walk")}
+        # outfits whose letters are the same give the same name of a file, so they are counted as one
+        kind = row["subject"], row["environment"], plain(row["outfit"])
+        seen[kind] = seen.get(kind, 0) + 1
+        path = folder / "skeletons_3d" / row["subject"] / f"{row['sequence']}.parquet"
+        walks.append(Walk(**row, nth=seen[kind], skeleton=path))
+    return walks
+
+
+def _parts(path):
+    """(subject, sequence, camera) -> split -> part."""
+    found = {}
+    if path.is_file():
+        t = tables.read(path, "splits")
+        for row in zip(*(t[key] for key in ("subject", "sequence", "camera", "split", "part")), strict=True):
+            found.setdefault(row[:3], {})[row[3]] = row[4]
+    return found
+
+
+def labels_of(recording):
+    """`Labels` of a recording. Raises DiorError where rows are missing."""
+    columns = ("joint", "frame", "stamp_ns", "u", "v", "sigma_u", "sigma_v", "depth", "status")
+    t = tables.read_coded(recording.labels, "labels_2d", list(columns))
+    joints, shape = _complete(t["joint"], recording.labels)
+    code = [LABEL_STATUS.index(word) for word in t["status"].words]
+
+    def pair(u, v):
+        return np.stack([t[u], t[v]], axis=-1).astype(float).reshape(*shape, 2)
+
+    return Labels(
+        joints,
+        t["frame"].reshape(shape)[:, 0],
+        t["stamp_ns"].reshape(shape)[:, 0],
+        pair("u", "v"),
+        pair("sigma_u", "sigma_v"),
+        t["depth"].astype(float).reshape(shape),
+        np.array(code, np.int8)[t["status"].index].reshape(shape),
+    )
+
+
+def body_of(walk):
+    """`Body` of a walk. Raises DiorError where rows are missing."""
+    t = tables.read_coded(walk.skeleton, "skeletons_3d", ["joint", "stamp_ns", "x", "y", "z"])
+    joints, shape = _complete(t["joint"], walk.skeleton)
+    points = np.stack([t[axis] for axis in "xyz"], axis=-1).astype(float).reshape(*shape, 3)
+    return Body(joints, t["stamp_ns"].reshape(shape)[:, 0], points)
+
+
+def _complete(joint, path):
+    """The joints of complete rows sorted by (frame or instant, joint), and the shape (frames, joints)."""
+    count = len(joint.index) if not len(joint.index) else len(set(joint.index.tolist()))
+    if not count or len(joint.index) % count:
+        raise DiorError(f"{path}: not every frame has a row for every joint; build the release again")
+    rows = joint.index.reshape(-1, count)
+    if (rows != rows[0]).any() or len(set(rows[0].tolist())) != count:
+        raise DiorError(f"{path}: the joints are not in the same order in every frame; build the release again")
+    return tuple(joint.words[i] for i in rows[0]), rows.shape
+
+
+def pictures_of(recording):
+    """Yield (frame, JPEG bytes) of the released pictures of a recording; a few at a time are in memory."""
+    if not recording.frames.is_file():
+        return
+    for t in tables.read_in_parts(recording.frames, "released_frames", ["frame", "image"], AT_A_TIME):
+        for frame, jpeg in zip(t["frame"].tolist(), t["image"], strict=True):
+            if jpeg is not None:
+                yield frame, jpeg
+
+
+def missing_pictures(recording):
+    """Why there is no picture, by frame; without reading the pictures."""
+    if not recording.frames.is_file():
+        return {}
+    t = tables.read(recording.frames, "released_frames", ["frame", "no_image"])
+    return {int(frame): why for frame, why in zip(t["frame"], t["no_image"], strict=True) if why}

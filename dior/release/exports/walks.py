@@ -1,0 +1,34 @@
+"""A walk in 3D as the tools of motion analysis want it: frames of a fixed rate.
+
+INPUTS   `Body` of a walk (recordings.py): instants with stamps
+OUTPUTS  rate (Hz) and points on a regular grid from the first instant, NaN where there is none
+"""
+
+import numpy as np
+
+from dior.errors import DiorError
+from dior.sampling import nominal_fps
+
+MILLIMETRES = 1000.0
+
+
+def regular(body, where):
+    """Rate (Hz) and points (N, J, 3) m at frames 0, 1, ... of it, from the first instant to the last.
+
+    Instants that lack are NaN. Raises DiorError for fewer than two instants and for stamps that are on no grid.
+    """
+    stamps = body.stamp_ns
+    if len(stamps) < 2:
+        raise DiorError(f"{where}: {len(stamps)} instants; a walk in 3D needs two to have a rate")
+    elapsed = (stamps - stamps[0]) / 1e9
+    rate = nominal_fps(stamps)
+    # a standard rate that is half a frame off in the end is not the rate of these stamps
+    slots = np.rint(elapsed * rate).astype(int)
+    if np.abs(elapsed * rate - slots).max() > 0.25:
+        rate = round(float(1e9 / np.median(np.diff(stamps))), 6)
+        slots = np.rint(elapsed * rate).astype(int)
+    if np.abs(elapsed * rate - slots).max() > 0.25 or (np.diff(slots) < 1).any():
+        raise DiorError(f"{where}: its stamps are not on a grid of {rate} Hz; is the clock of its recording right?")
+    points = np.full((slots[-1] + 1, *body.points.shape[1:]), np.nan)
+    points[slots] = body.points
+    return rate, points

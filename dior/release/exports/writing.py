@@ -1,0 +1,29 @@
+"""What several exports write alike: lists as CSV, names made of free text, members of tar files."""
+
+import csv
+import io
+import re
+import tarfile
+
+
+def plain(text):
+    """The letters and digits of a free text, for names of files.
+
+    >>> plain("red coat, hood/cap")
+    'redcoathoodcap'
+    """
+    return re.sub(r"[^A-Za-z0-9]", "", text)
+
+
+def write_csv(path, columns, rows):
+    """Write rows below a header."""
+    stream = io.StringIO()
+    csv.writer(stream, lineterminator="\n").writerows([columns, *rows])
+    path.write_bytes(stream.getvalue().encode())
+
+
+def add_to_tar(tar, name, content):
+    """Append a file of `content` (bytes) with nothing of its owner, time or rights."""
+    entry = tarfile.TarInfo(name)
+    entry.size, entry.mode = len(content), 0o644
+    tar.addfile(entry, io.BytesIO(content))
