@@ -14,7 +14,7 @@ from rosbags import rosbag1
 from dior.simulate import config, recording, settings
 
 SETTINGS = {
-    "subjects": 3, "sequences": 1, "duration_s": 2.5, "width": 640, "height": 360, "fx": 320.0, "gallery": True,
+    "subjects": 3, "sequences": 1, "duration_s": 3.0, "width": 640, "height": 360, "fx": 320.0, "gallery": True,
     "jpeg_quality": 80,
 }  # fmt: skip
 PEOPLE = {"S01": "Okonkwo", "S02": "Lindqvist", "S03": "Zielinska"}
