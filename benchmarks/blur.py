@@ -6,7 +6,8 @@ usage: python -m benchmarks.blur [CAPTURES] [SECONDS]      (3 captures a level, 
 `covered`: share of the head's area that is covered, in pictures that are released; `least`: of one camera of one walk.
 `times`: covered area over the head's; `most`: of one camera of one walk. `lost`: pictures that are not released. The
 head is the skull and the face of the drawn body, hidden or not, its border pixels counted by what the head has of them.
-Below, how many pictures a small fix of the camera would write anew.
+Below, how many pictures and files a small fix of the camera writes anew, and how many
+where config/heads/ has the boxes from before it.
 """
 
 import os
@@ -35,7 +36,7 @@ LIMITS = "limits: covered at least 99.5 %, times at most 4"
 
 def of_capture(seed, level, seconds):
     """Rows (key, covered, head, area, pictures, lost) of every camera, and of every side it sees the head from; and
-    (role, fix, pictures, changed, shards, shards changed)."""
+    of `rewritten`."""
     with tempfile.TemporaryDirectory() as folder:
         try:
             made = steps.labelled(folder, preset=level, seed=seed, subjects=1, duration_s=seconds, gallery=False)
@@ -125,15 +126,19 @@ def facing(seen, figure):
 
 def rewritten(role, placed, middle, own, sigma, box, status):
     """(role, fix) -> pictures, those whose box is another where the camera turns by a fix px both ways, shards, those
-    that change."""
+    that change; and the two once more where the boxes from before the fix are given."""
     found = {}
     for fix in FIXES_PX:
         turn = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 0.0]) * fix / placed.intrinsics.fx
-        other, state = heads.boxes(covariance.moved(placed, turn), middle, own, sigma)
-        other = heads.on_grid(other)
+        given = (covariance.moved(placed, turn), middle, own, sigma)
+        raw, state = heads.boxes(*given)
+        fixed = heads.on_grid(raw)
         shown = (status == "ok") | (state == "ok")
-        changed = shown & ((status != state) | (other != box).any(axis=1))
-        found[role, fix] = np.array([len(box), changed.sum(), 1, changed.any()])
+        numbers = [len(box), 1]
+        for other in (fixed, heads.kept(box, fixed, heads.boxes(*given, heads.KEPT_SIGMAS)[0])):
+            changed = shown & ((status != state) | (other != box).any(axis=1))
+            numbers += [changed.sum(), changed.any()]
+        found[role, fix] = np.array(numbers)
     return found
 
 
@@ -159,12 +164,15 @@ def main():
             f"{key[0]:<8}{key[1]:<12}{key[2]:<8}{100 * covered / head:>11.3f}{100 * least:>8.2f}{area / head:>7.2f}"
             f"{most:>7.2f}{100 * lost / count:>9.2f}{int(count):>7}"
         )
-    fixes = defaultdict(lambda: np.zeros(4))
+    fixes = defaultdict(lambda: np.zeros(6))
     for key, *numbers in (row for _, rows in done for row in rows):
         fixes[key] += np.ravel(numbers)
-    print(f"\n{'level':<8}{'cameras':<12}{'fix, px':>8}{'pictures written anew, %':>26}{'files, %':>10}")
-    for (level, role, fix), (count, changed, shards, files) in sorted(fixes.items()):
-        print(f"{level:<8}{role:<12}{fix:>8}{100 * changed / count:>26.1f}{100 * files / shards:>10.0f}")
+    print(
+        f"\n{'written anew, %':<28}{'pictures':>10}{'files':>7}{'with config/heads:':>20}{'pictures':>10}{'files':>7}"
+    )
+    for (level, role, fix), (count, files, *changed) in sorted(fixes.items()):
+        shares = [100 * number / of for number, of in zip(changed, (count, files) * 2, strict=True)]
+        print(f"{level:<8}{role:<12}{fix:>5} px{shares[0]:>10.1f}{shares[1]:>7.0f}{shares[2]:>30.1f}{shares[3]:>7.0f}")
 
 
 if __name__ == "__main__":

@@ -454,6 +454,7 @@ STEPS = {
             "frames": PATH,
             "clocks": PATHS,
             "labels": PATH,
+            "before": MAYBE,
             "out": PATH,
             "findings": PATH,
         },

@@ -296,6 +296,11 @@ class Project:
         """Hand checks: camera -> file, where there is one."""
         return self._per_camera("checks", sequence)
 
+    def earlier_heads(self, sequence, camera):
+        """[path] of the table that an earlier release covered the head by, or []."""
+        path = f"config/heads/{sequence}.{camera}.parquet"
+        return [path] if self._exists(path) else []
+
     def effort(self):
         """[path] of the sheet of manual work, or []."""
         return ["config/effort.tsv"] if self._exists("config/effort.tsv") else []

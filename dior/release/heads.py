@@ -1,11 +1,12 @@
 """Where the subject's head is in every picture of a camera: what the release covers.
 
-INPUTS   the skeleton, the camera's pose and clock, its `labels_2d`
+INPUTS   the skeleton, the camera's pose and clock, its `labels_2d`; the `heads` of an earlier release, if there are any
 OUTPUTS  `heads` table: a row per picture with a box of whole pixels that holds the head; findings
 The box is that of an ellipsoid as large as a head (`head_model`), projected and enlarged by SIGMAS of the labels'
 uncertainty. It works where no face detector does: from behind, and at a distance where a head has three pixels. Its
 edges are rounded outwards on a grid, so that a camera that is moved by a tenth of a pixel leaves most pictures of the
-release as they are, byte by byte. Only the subject's head is known; somebody else in the picture is not covered.
+release as they are, byte by byte. All of them stay where the boxes of an earlier release are given: a box is kept as
+long as it holds the head. Only the subject's head is known; somebody else in the picture is not covered.
 """
 
 import sys
@@ -22,6 +23,9 @@ from dior.sampling import seconds
 # Of the labels' uncertainty. The ellipsoid is a head with its hair and somewhat more, so that 1.5 leave less than 0.1 %
 # of a head outside (benchmarks/blur.py); 3 would cover five times its area at 60 m.
 SIGMAS = 1.5
+# An earlier box is kept while it holds the ellipsoid with this many, and is at most this many times as large as a new
+# one.
+KEPT_SIGMAS, KEPT_AREA = 0.5, 2.0
 # where the labels have no known uncertainty, 1 sigma as a share of the head's half width and height
 UNKNOWN_SIGMA = 1 / 6
 # The grid, px: the coarsest of which a box is at least this many wide and high. A head of 3 px in a box of 8 would be
@@ -32,15 +36,17 @@ NEAR_M = 0.3
 SLIVER = 0.25
 
 
-def run(*, sequence, camera, cameras, skeleton, frames, clocks, labels, out, findings):
+def run(*, sequence, camera, cameras, skeleton, frames, clocks, labels, before, out, findings):
     """Write the head's box in every picture of one camera of one sequence.
 
     `cameras`, `clocks`: tables that hold the camera's pose and its clock. Raises DiorError where they do not, and where
-    the labels are of other pictures.
+    the labels are of other pictures. `before`: the table that an earlier release was made with, or None.
     """
     rows, *found = known(sequence, camera, cameras, skeleton, frames, clocks, labels)
     box, status = boxes(*found)
     box = np.where((status == "ok")[:, None], on_grid(box), np.nan)
+    if before:
+        box = kept(_earlier(before, rows, f"{sequence}, camera {camera}"), box, boxes(*found, KEPT_SIGMAS)[0])
     tables.write(out, "heads", {"frame": rows["frame"], "status": status, **dict(zip(EDGES, box.T, strict=True))})
     said = _findings(f"{sequence}/{camera}", status, np.isfinite(found[-1]).any())
     for _, severity, _, text in said:
@@ -92,10 +98,11 @@ def _everywhere(times, sigma):
     return np.stack([np.interp(times, times[known], sigma[known, i]) for i in range(2)], axis=1)
 
 
-def boxes(camera, middle, own, sigma):
+def boxes(camera, middle, own, sigma, sigmas=SIGMAS):
     """Box (F, 4) px (u_min, v_min, u_max, v_max) of the head in every picture, and its status (F,).
 
-    `middle` (F, 3) m between the ears with its own error `own` (F,) m, `sigma` (F, 2) px of the labels, NaN unknown.
+    `middle` (F, 3) m between the ears with its own error `own` (F,) m, `sigma` (F, 2) px of the labels, NaN unknown;
+    the box is larger than the ellipsoid by `sigmas` of all that.
     """
     centre = middle + (0.0, 0.0, head_model.RAISED_M)
     uv, depth = cam.project(camera, _outline(camera, centre))
@@ -103,7 +110,7 @@ def boxes(camera, middle, own, sigma):
     half = (high - low) / 2
     with np.errstate(invalid="ignore"):
         error = np.hypot(np.where(np.isfinite(sigma), sigma, UNKNOWN_SIGMA * half), own[:, None] * _scale(half))
-        box = np.concatenate([low - SIGMAS * error, high + SIGMAS * error], axis=1)
+        box = np.concatenate([low - sigmas * error, high + sigmas * error], axis=1)
         lens = camera.intrinsics
         outside = (box[:, 0] >= lens.width - 0.5) | (box[:, 1] >= lens.height - 0.5) | (box[:, 2:] < -0.5).any(axis=1)
         # a head at the lens: no box is sure to hold it
@@ -151,6 +158,26 @@ def on_grid(box):
         spared = np.where(grid == 1, SLIVER, 0.0)
     low, high = np.floor(edges[:, :2] / grid + spared), np.ceil(edges[:, 2:] / grid - spared)
     return np.concatenate([low, high], axis=1) * grid
+
+
+def _earlier(path, rows, where):
+    """Edges (F, 4) of an earlier `heads` table. Raises DiorError where it is of other pictures."""
+    table = tables.read(path, "heads")
+    if not np.array_equal(table["frame"], rows["frame"]):
+        raise DiorError(f"{where}: {path} is of other pictures; the recording has changed, so delete it")
+    return np.stack([table[key] for key in EDGES], axis=1)
+
+
+def kept(before, edges, least):
+    """Edges (F, 4) on the grid, those of `before` where they still hold the boxes `least` (F, 4) px and little more."""
+
+    def area(box):
+        return (box[:, 2] - box[:, 0]) * (box[:, 3] - box[:, 1])
+
+    with np.errstate(invalid="ignore"):
+        inside = (before[:, :2] <= least[:, :2] + 0.5 + SLIVER) & (before[:, 2:] >= least[:, 2:] + 0.5 - SLIVER)
+        same = inside.all(axis=1) & np.isfinite(edges).all(axis=1) & (area(before) <= KEPT_AREA * area(edges))
+    return np.where(same[:, None], before, edges)
 
 
 def _findings(scope, status, certain):

@@ -199,6 +199,11 @@ def released_bags(wildcards):
     return bags(wildcards) if PROJECT.pictures_released(wildcards.sequence) else []
 
 
+def earlier_heads(wildcards):
+    """Where an earlier release has covered the head."""
+    return PROJECT.earlier_heads(wildcards.sequence, wildcards.camera)
+
+
 def covered_heads(wildcards):
     """Where the head is, if it is to be covered."""
     shown = CONFIG["release"]["faces"] == "shown"

@@ -38,6 +38,7 @@ rule heads:
         frames="results/frames/{sequence}.parquet",
         clocks=own_clock,
         labels="results/reproject/{sequence}.{camera}.parquet",
+        before=earlier_heads,
     output:
         heads="results/heads/{sequence}.{camera}.parquet",
         findings="results/heads/{sequence}.{camera}.findings.parquet",
@@ -56,6 +57,7 @@ rule heads:
         " --frames {input.frames:q}"
         " --clocks {input.clocks:q}"
         " --labels {input.labels:q}"
+        " --before {input.before:q}"
         " --out {output.heads:q}"
         " --findings {output.findings:q}"
         " 2>&1 | tee {log:q}"
