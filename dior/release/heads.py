@@ -33,7 +33,7 @@ UNKNOWN_SIGMA = 1 / 6
 GRIDS, PER_BOX = (8, 4, 2, 1), 4
 NEAR_M = 0.3
 # of a single pixel, this much of its width or height may be left outside
-SLIVER = 0.25
+SLIVER = 0.15
 
 
 def run(*, sequence, camera, cameras, skeleton, frames, clocks, labels, before, out, findings):
