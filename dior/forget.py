@@ -26,7 +26,11 @@ INSIDE = {
     "report": ("assets", "sequences"),
 }
 # what is made of all sequences together, by its name without a suffix; besides that of the step
-OF_ALL = {"evaluate": ("metrics", "statistics", "to_mark"), "report": ("index", "cost", "plots")}
+OF_ALL = {
+    "evaluate": ("metrics", "statistics", "to_mark"),
+    "report": ("index", "cost", "plots"),
+    "tarballs": ("metadata",),
+}
 SUMS, RELEASES = "SHA256SUMS", Path("results/release")
 RECORDS = (".snakemake/metadata", ".snakemake/incomplete")
 
