@@ -48,7 +48,7 @@ def labelled(folder, true_clocks=False, **settings):
     for walk in levels.sequences(made):
         _record(capture, walk)
     for session in capture.project.sessions:
-        (_indoors if session == "lab" else _outdoors)(capture, session)
+        (_indoors if levels.place_of(session) == "lab" else _outdoors)(capture, session)
     for name in capture.project.sequences:
         for camera in capture.project.cameras_of(name):
             _reproject(capture, name, camera)
