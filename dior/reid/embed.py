@@ -9,13 +9,14 @@ changes nothing and is left out.)
 
 import numpy as np
 
+from dior.progress import told
 from dior.reid import networks
 from dior.reid.networks import FRAMES
 
 PICTURE = 320.0
 # the released network's own mean of the confidences that it was trained with: neither good nor bad news
 CONFIDENCE = 0.86
-BATCH = 64
+BATCH = 16  # sequences
 
 
 def windows(frames):
@@ -24,34 +25,52 @@ def windows(frames):
     return middle, max(middle - 20, 0), min(middle + 80, frames) - FRAMES
 
 
-def given(name, uv, confidence=CONFIDENCE):
-    """The network's inputs (W, ...) for one sequence (F, 17, 2) px, F at least 60."""
-    if len(uv) < FRAMES:
-        raise ValueError(f"a sequence has {len(uv)} frames, fewer than {FRAMES}")
-    if name == "gaitgraph":
-        first = int(len(uv) / 2 - FRAMES / 2)
-        part = uv[first : first + FRAMES]
-        full = np.concatenate([part, np.full((*part.shape[:2], 1), confidence)], axis=-1)
-        return np.moveaxis(full, -1, 0)[None, None]
-    parts = [uv[first : first + FRAMES] / PICTURE for first in windows(len(uv))]
-    return np.stack(parts + [part[::-1] for part in parts])
-
-
 def embeddings(name, network, sequences, confidence=CONFIDENCE):
-    """Embeddings (N, 128) of N sequences (F, 17, 2) px, computed in float32."""
+    """Embeddings (N, 128) of N sequences (F, 17, 2) px, F at least 60, computed in float32 on the network's device."""
     torch = networks.torch()
-    each = [given(name, uv, confidence) for uv in sequences]
-    if not each:
-        return np.empty((0, networks.EMBEDDING))
-    device = next(network.parameters()).device
-    stacked = np.concatenate(each).astype(np.float32)
+    for uv in sequences:
+        if len(uv) < FRAMES:
+            raise ValueError(f"a sequence has {len(uv)} frames, fewer than {FRAMES}")
+    batches = [sequences[i : i + BATCH] for i in range(0, len(sequences), BATCH)]
+    found = [np.empty((0, networks.EMBEDDING))]
     with torch.inference_mode():
-        parts = [
-            network(torch.from_numpy(stacked[i : i + BATCH]).to(device)).cpu().numpy()
-            for i in range(0, len(stacked), BATCH)
-        ]
-    out = np.concatenate(parts).astype(float)
-    return out.reshape(len(each), -1, out.shape[1]).mean(axis=1)
+        for batch in told(batches, len(batches), "batches of sequences", name):
+            made = _of_middle(network, batch, confidence) if name == "gaitgraph" else _of_windows(network, batch)
+            found.append(made.cpu().numpy().astype(float))
+    return np.concatenate(found)
+
+
+def middle(uv, confidence):
+    """The 60 frames in the middle of a sequence (F, 17, 2) px as GaitGraph's input (1, 3, 60, 17)."""
+    first = int(len(uv) / 2 - FRAMES / 2)
+    part = uv[first : first + FRAMES]
+    full = np.concatenate([part, np.full((*part.shape[:2], 1), confidence)], axis=-1)
+    return np.moveaxis(full, -1, 0)[None]
+
+
+def _of_middle(network, sequences, confidence):
+    return network(_tensor(network, np.stack([middle(uv, confidence) for uv in sequences])))
+
+
+def _of_windows(network, sequences):
+    """Mean (N, 128) over the six windows; what is done to single frames is done once for all that show them."""
+    import torch
+
+    starts = [windows(len(uv)) for uv in sequences]
+    shown = [uv[min(own) : max(own) + FRAMES] / PICTURE for uv, own in zip(sequences, starts, strict=True)]
+    joints = network.spatial(_tensor(network, np.concatenate(shown)[None]))[0].split([len(part) for part in shown])
+    cut = []
+    for part, own in zip(joints, starts, strict=True):
+        for first in own:
+            window = part[first - min(own) :][:FRAMES]
+            cut += [window, window.flip(0)]
+    return network.temporal(torch.stack(cut)).view(len(sequences), -1, networks.EMBEDDING).mean(dim=1)
+
+
+def _tensor(network, values):
+    import torch
+
+    return torch.from_numpy(values.astype(np.float32)).to(next(network.parameters()).device)
 
 
 def distances(name, found):

@@ -22,7 +22,7 @@ from dior.skeletons import COCO_17
 
 LENGTH = 300  # frames of a sequence (paper, section 5)
 LEAST = 61  # what the authors' evaluations ask for
-GAP_S = 0.25
+GAP_S = 0.4  # the longest gap of a joint that is bridged: less than half a stride
 # a picture of CASIA-B, which the networks were trained on, and where and how large a person is in it
 WIDTH, MIDDLE, BODY_PX = 320, (165.0, 101.0), 106.0
 NOSE, ANKLES = 0, (15, 16)
@@ -140,15 +140,18 @@ def regular(stamps_ns, values):
     return out, fps
 
 
-def filled(uv, most):
-    """uv (F, J, 2) with gaps of at most `most` frames between known ones bridged by straight lines."""
-    out = np.array(uv, float)
+def filled(values, most):
+    """Values (F, J, 2 or 3) with gaps of at most `most` frames between known ones bridged by a cubic spline."""
+    from scipy.interpolate import CubicSpline
+
+    out = np.array(values, float)
     for joint in range(out.shape[1]):
         known = np.flatnonzero(np.isfinite(out[:, joint]).all(axis=-1))
-        for before, after in zip(known[:-1], known[1:], strict=True):
-            if 1 < after - before <= most + 1:
-                weight = (np.arange(before + 1, after) - before)[:, None] / (after - before)
-                out[before + 1 : after, joint] = (1 - weight) * out[before, joint] + weight * out[after, joint]
+        before, after = known[:-1], known[1:]
+        short = (after - before > 1) & (after - before <= most + 1)
+        if short.any():
+            gaps = np.concatenate([np.arange(a + 1, b) for a, b in zip(before[short], after[short], strict=True)])
+            out[gaps, joint] = CubicSpline(known, out[known, joint])(gaps)
     return out
 
 

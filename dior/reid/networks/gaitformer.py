@@ -21,11 +21,11 @@ class GaitFormer(SpatialNetwork):
         self.temporal_norm = nn.LayerNorm(DIM, eps=EPS)
         self.head = nn.Sequential(nn.LayerNorm(JOINTS * DIM, eps=1e-5), nn.Linear(JOINTS * DIM, EMBEDDING))
 
-    def forward(self, x):
+    def temporal(self, x):
         n, t = x.shape[:2]
         if t != FRAMES:
             raise ValueError(f"GaitFormer takes {FRAMES} frames, not {t}")
-        y = self.spatial(x).transpose(1, 2).reshape(n * JOINTS, t, DIM)
+        y = x.transpose(1, 2).reshape(n * JOINTS, t, DIM)
         y = torch.cat([self.temporal_cls_token.expand(n * JOINTS, 1, DIM), y], dim=1) + self.temporal_pos_embed
         for block in self.temporal_blocks:
             y = block(y)

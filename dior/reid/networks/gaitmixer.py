@@ -55,8 +55,8 @@ class GaitMixer(SpatialNetwork):
             setattr(self, f"conv{i}", TemporalBlock(WIDTHS[i - 1], WIDTHS[i]))
         self.head = nn.Sequential(nn.LayerNorm(WIDTHS[-1], eps=1e-5), nn.Linear(WIDTHS[-1], EMBEDDING))
 
-    def forward(self, x):
-        y = self.spatial(x).permute(0, 3, 1, 2)
+    def temporal(self, x):
+        y = x.permute(0, 3, 1, 2)
         for i in range(1, len(WIDTHS)):
             y = getattr(self, f"conv{i}")(y)
         return functional.normalize(self.head(y.mean(dim=(2, 3))), dim=1)

@@ -2,6 +2,7 @@
 
 import torch
 from torch import nn
+from torch.nn import functional
 
 DIM, HEADS, MLP, BLOCKS, JOINTS = 32, 8, 64, 4, 17
 EPS = 1e-6
@@ -16,8 +17,8 @@ class Attention(nn.Module):
     def forward(self, x):
         n, tokens, _ = x.shape
         q, k, v = self.qkv(x).view(n, tokens, 3, HEADS, DIM // HEADS).permute(2, 0, 3, 1, 4)
-        weights = (q @ k.transpose(-2, -1) * (DIM // HEADS) ** -0.5).softmax(dim=-1)
-        return self.proj((weights @ v).transpose(1, 2).reshape(n, tokens, DIM))
+        mixed = functional.scaled_dot_product_attention(q, k, v)
+        return self.proj(mixed.transpose(1, 2).reshape(n, tokens, DIM))
 
 
 class Mlp(nn.Module):
@@ -27,7 +28,7 @@ class Mlp(nn.Module):
         self.fc2 = nn.Linear(MLP, DIM)
 
     def forward(self, x):
-        return self.fc2(nn.functional.gelu(self.fc1(x)))
+        return self.fc2(functional.gelu(self.fc1(x)))
 
 
 class Block(nn.Module):
@@ -50,7 +51,10 @@ def blocks():
 
 
 class SpatialNetwork(nn.Module):
-    """The joints of every frame as tokens; subclasses mix the times."""
+    """The joints of every frame as tokens; a subclass mixes the times: `temporal` (N, T, 17, 32) -> (N, 128).
+
+    What is done to a frame does not depend on others, so that windows which overlap can share it.
+    """
 
     def __init__(self):
         super().__init__()
@@ -66,3 +70,6 @@ class SpatialNetwork(nn.Module):
         for block in self.spatial_blocks:
             y = block(y)
         return self.spatial_norm(y).view(n, t, v, DIM)
+
+    def forward(self, x):
+        return self.temporal(self.spatial(x))
