@@ -5,7 +5,6 @@ triangulation and refinement outdoors. Clocks, the cameras indoors and the long-
 moves labels by less than a pixel and the 3D not at all.
 """
 
-import json
 import os
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
@@ -33,18 +32,17 @@ def made(folder, **settings):
     values = {"preset": "real", "subjects": 14, "sequences": len(WALKS), "sessions": 3, "walks": list(WALKS)}
     values |= {"people": "different", "gallery": False} | settings
     chosen, folder = levels.from_dict(values), Path(folder)
-    done = folder / "settings.json"
-    if not done.is_file() or json.loads(done.read_text()) != values:
-        config.write(chosen, folder / "config")
+    done = folder / "settings.txt"
+    if done.is_file() and done.read_text() == repr(chosen):
+        return steps.Capture(folder, chosen, projects.load(folder))
+    config.write(chosen, folder / "config")
     capture = steps.Capture(folder, chosen, projects.load(folder))
-    if done.is_file() and json.loads(done.read_text()) == values:
-        return capture
     with ProcessPoolExecutor(os.cpu_count()) as pool:
         list(pool.map(_record, [(folder, values, name) for name in capture.project.sequences]))
         outdoors = [s for s in capture.project.sessions if levels.place_of(s) == "field"]
         list(pool.map(_adjust, [(folder, values, session) for session in outdoors]))
         list(pool.map(_reconstruct, [(folder, values, name) for name in capture.project.sequences]))
-    done.write_text(json.dumps(values))
+    done.write_text(repr(chosen))
     return capture
 
 
