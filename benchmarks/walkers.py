@@ -36,6 +36,7 @@ def made(folder, **settings):
     if done.is_file() and done.read_text() == repr(chosen):
         return steps.Capture(folder, chosen, projects.load(folder))
     config.write(chosen, folder / "config")
+    config.write_offsets(chosen, folder / "config")
     capture = steps.Capture(folder, chosen, projects.load(folder))
     with ProcessPoolExecutor(os.cpu_count()) as pool:
         list(pool.map(_record, [(folder, values, name) for name in capture.project.sequences]))
@@ -103,7 +104,6 @@ def _frames(own, settings):
 def _adjust(job):
     """The close cameras of one session, from the tape and the detections, with the clocks given."""
     capture, session = _capture(job)
-    config.write_offsets(capture.settings, capture.folder / "config")
     for camera, placed in scene.cameras_of(capture.settings, session).items():
         lens = scene.reported(capture.settings, session, placed.camera)
         own = capture.made("intrinsics", f"{session}/{camera}")
