@@ -48,7 +48,7 @@ def labelled(folder, true_clocks=False, **settings):
     for walk in levels.sequences(made):
         _record(capture, walk)
     for session in capture.project.sessions:
-        (_indoors if session == "lab" else _outdoors)(capture, session)
+        (_indoors if levels.place_of(session) == "lab" else _outdoors)(capture, session)
     for name in capture.project.sequences:
         for camera in capture.project.cameras_of(name):
             _reproject(capture, name, camera)
@@ -157,7 +157,8 @@ def _indoors(capture, session):
         _clocks(capture, name, cameras, spread, marked)
 
 
-def _outdoors(capture, session):
+def adjusted(capture, session):
+    """The close cameras of an outdoor session placed and adjusted."""
     project, close = capture.project, capture.project.close(session)
     for camera in close:
         unit = f"{session}/{camera}"
@@ -179,17 +180,23 @@ def _outdoors(capture, session):
         out_metrics=capture.made("adjust", session, ".metrics"),
         findings=capture.made("adjust", session, ".findings"),
     )  # fmt: skip
+
+
+def _outdoors(capture, session):
+    project, close = capture.project, capture.project.close(session)
+    adjusted(capture, session)
     rig, spread = [capture.made("adjust", session)], [capture.made("adjust", session, ".covariance")]
     for name in project.sequences_of(session):
         _clocks(capture, name, rig, spread)
-        _skeleton(capture, session, name, close)
+        skeleton(capture, session, name, close)
     for camera in (name for name in project.cameras(session) if name not in close):
         _align(capture, session, camera)
         for name in project.sequences_of(session):
             _follow(capture, session, name, camera)
 
 
-def _skeleton(capture, session, name, close):
+def skeleton(capture, session, name, close):
+    """The 3D of an outdoor sequence, triangulated and refined."""
     choices = capture.project.config["triangulate"]
     triangulate.run(
         sequence=name, subject=capture.project.subject_of(name), cameras=[capture.made("adjust", session)],

@@ -9,28 +9,47 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dior.simulate.settings import generator
+from dior.simulate.settings import generator, person
 from dior.skeletons import MLKIT_33, PLUG_IN_GAIT_39
 
 MARKER_RADIUS_M = 0.007
 
 
+# body heights; of the other parts of a body only the height is known
+THIGH, SHANK, HALF_HIPS, HALF_SHOULDERS, UPPER_ARM, FOREARM, TRUNK = 0.245, 0.246, 0.052, 0.112, 0.186, 0.146, 0.288
+# how people of one height differ (standard deviations): the legs as a share of their length, with the trunk making up
+# for it, and shares of the other lengths; about what surveys of bodies leave when stature is taken out of the lengths
+LEGS_SD, LENGTH_SD, BREADTH_SD = 0.025, 0.03, 0.04
+
+
 @dataclass(frozen=True)
 class Body:
-    """Segment lengths of one person, m."""
+    """Segment lengths of one person, m; the shares are body heights."""
 
     height: float
+    thigh_share: float = THIGH
+    shank_share: float = SHANK
+    half_hips_share: float = HALF_HIPS
+    half_shoulders_share: float = HALF_SHOULDERS
+    upper_arm_share: float = UPPER_ARM
+    forearm_share: float = FOREARM
+    trunk_share: float = TRUNK
 
     def part(self, fraction):
         return fraction * self.height
 
     @property
     def thigh(self):
-        return self.part(0.245)
+        return self.part(self.thigh_share)
 
     @property
     def shank(self):
-        return self.part(0.246)
+        return self.part(self.shank_share)
+
+    @property
+    def long_legs(self):
+        """How much longer the legs are than those of the average body of this height, as a factor."""
+        return (self.thigh_share + self.shank_share) / (THIGH + SHANK)
 
     @property
     def ankle_height(self):
@@ -48,29 +67,44 @@ class Body:
 
     @property
     def half_hips(self):
-        return self.part(0.052)
+        return self.part(self.half_hips_share)
 
     @property
     def half_shoulders(self):
-        return self.part(0.112)
+        return self.part(self.half_shoulders_share)
 
     @property
     def upper_arm(self):
-        return self.part(0.186)
+        return self.part(self.upper_arm_share)
 
     @property
     def forearm(self):
-        return self.part(0.146)
+        return self.part(self.forearm_share)
 
     @property
     def trunk(self):
         """From the middle of the hips to the middle of the shoulders."""
-        return self.part(0.288)
+        return self.part(self.trunk_share)
 
 
 def body_of(settings, subject):
-    """The body of a subject: height drawn between 1.66 and 1.84 m, mm."""
-    return Body(round(float(generator(settings, "body", subject).uniform(1.66, 1.84)), 3))
+    """The body of a subject: height drawn between 1.66 and 1.84 m, mm; proportions where people differ in them."""
+    who = person(settings, subject)
+    height = round(float(generator(settings, "body", who).uniform(1.66, 1.84)), 3)
+    if settings.people != "different":
+        return Body(height)
+    legs, split, arms, fore, hips, shoulders = generator(settings, "proportions", who).standard_normal(6).tolist()
+    longer = 1 + LEGS_SD * legs
+    return Body(
+        height,
+        thigh_share=THIGH * longer * (1 + LENGTH_SD / 2 * split),
+        shank_share=SHANK * longer * (1 - LENGTH_SD / 2 * split),
+        half_hips_share=HALF_HIPS * (1 + BREADTH_SD * hips),
+        half_shoulders_share=HALF_SHOULDERS * (1 + BREADTH_SD * shoulders),
+        upper_arm_share=UPPER_ARM * (1 + LENGTH_SD * arms),
+        forearm_share=FOREARM * (1 + LENGTH_SD * fore),
+        trunk_share=TRUNK - (THIGH + SHANK) * LEGS_SD * legs,
+    )
 
 
 # Landmarks: segment and position in the segment's axes as fractions of the body height; `L` rows are mirrored for the
@@ -131,13 +165,29 @@ def landmarks(body, segments):
 
 def markers(body, segments):
     """The 39 Plug-in-Gait markers (T, 39, 3) in the order of `PLUG_IN_GAIT_39`; `segments` as for `landmarks`."""
-    points = {name: _at(segments[s], body.part(np.array(offset))) for name, (s, offset) in _MIDDLE.items()}
+    scale = _proportions(body)
+    points = {
+        name: _at(segments[s], body.part(np.array(offset)) * scale.get(s, 1.0)) for name, (s, offset) in _MIDDLE.items()
+    }
     for segment, offsets in _MARKERS.items():
         left = segments.get(segment) or segments[f"left_{segment}"]
         right = segments.get(segment) or segments[f"right_{segment}"]
         for name, offset in offsets.items():
-            points |= _both(body, left, right, name, offset)
+            points |= _both(body, left, right, name, np.array(offset) * scale.get(segment, 1.0))
     return np.stack([points[name] for name in PLUG_IN_GAIT_39], axis=1)
+
+
+def _proportions(body):
+    """By how much a segment is larger than that of the average body of this height: forward, left, up."""
+    shoulders, hips = body.half_shoulders_share / HALF_SHOULDERS, body.half_hips_share / HALF_HIPS
+    return {
+        "chest": np.array([1.0, shoulders, body.trunk_share / TRUNK]),
+        "pelvis": np.array([1.0, hips, 1.0]),
+        "upper_arm": np.array([1.0, 1.0, body.upper_arm_share / UPPER_ARM]),
+        "forearm": np.array([1.0, 1.0, body.forearm_share / FOREARM]),
+        "thigh": np.array([1.0, 1.0, body.thigh_share / THIGH]),
+        "shank": np.array([1.0, 1.0, body.shank_share / SHANK]),
+    }
 
 
 def _at(segment, offset):

@@ -18,7 +18,7 @@ from dior.simulate import gallery, scene, truth
 from dior.simulate.body import body_of
 from dior.simulate.clocks import clocks_of
 from dior.simulate.motion import motion_of
-from dior.simulate.settings import CAMERAS, SECTIONS, SESSIONS, Settings, from_dict, generator, sequences
+from dior.simulate.settings import CAMERAS, SECTIONS, SESSIONS, Settings, from_dict, generator, place_of, sequences
 
 MARKED_FRAMES = 3
 ALIGNED = 2
@@ -43,8 +43,7 @@ def write(settings, folder):
     write_text(folder / "subjects.tsv", _sheet([_subject_row(settings, s) for s in _subjects(walks)]))
     if settings.gallery:
         write_text(folder / "gallery.tsv", _sheet(gallery.rows(walks)))
-    for environment in settings.environments:
-        session = SESSIONS[environment]
+    for session in dict.fromkeys(walk.session for walk in walks):
         own = [walk for walk in walks if walk.session == session]
         _write_session(settings, folder / "sessions" / session, session, own)
     for walk in walks:
@@ -128,7 +127,7 @@ def _subject_row(settings, subject):
 
 
 def _write_session(settings, folder, session, walks):
-    outdoor = session == SESSIONS["outdoor"]
+    outdoor = place_of(session) == SESSIONS["outdoor"]
     text = f"cameras: [{', '.join(CAMERAS)}]\n"
     if outdoor:
         first = {walk.subject: walk.name for walk in reversed(walks)}

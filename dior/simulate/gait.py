@@ -25,7 +25,7 @@ LIFT = np.deg2rad(1.2)
 
 def stride_length(speed, height, pattern=WALK):
     """Length of a stride (two steps), m."""
-    return np.asarray(speed) / pattern.strides(speed, height)
+    return np.asarray(speed) / (pattern.strides(speed, height) * pattern.quickness)
 
 
 def _smooth(u):
@@ -164,19 +164,19 @@ class Walker:
         s = s_of(phase)
         x, y, heading = np.moveaxis(place(s), -1, 0)
         H, turn = self.body.height, 2 * np.pi
-        sway = 0.011 * H * np.cos(turn * (phase - 0.31))
+        sway = self.pattern.sway * H * np.cos(turn * (phase - 0.31))
         centre = np.stack([x - sway * np.sin(heading), y + sway * np.cos(heading), height(phase)], axis=-1)
-        yaw = heading - np.deg2rad(5.0) * np.cos(turn * phase)
-        return centre, _axes(yaw, 0.0, np.deg2rad(3.5) * np.cos(turn * (phase - 0.14))), heading
+        yaw = heading - np.deg2rad(self.pattern.hips_turn) * np.cos(turn * phase)
+        return centre, _axes(yaw, 0.0, np.deg2rad(self.pattern.hips_drop) * np.cos(turn * (phase - 0.14))), heading
 
     def _footprint(self, cycle, side):
         """Place of the flat foot's ankle (T, 3) and its yaw (T,); `cycle` counts the leg's heel contacts."""
         place, _, _, s_of = self._tables
         phase = cycle + (0.0 if side > 0 else 0.5)
         x, y, yaw = np.moveaxis(place(s_of(phase + self.pattern.midstance)), -1, 0)
-        out = side * 0.026 * self.body.height
+        out = side * self.pattern.feet_apart * self.body.height
         ankle = np.stack([x - out * np.sin(yaw), y + out * np.cos(yaw), np.full_like(x, self.body.ankle_height)], -1)
-        return ankle, yaw + side * np.deg2rad(6.0)
+        return ankle, yaw + side * np.deg2rad(self.pattern.feet_out)
 
     def _stance(self, phase, cycle, side):
         """Ankle (T, 3) of the foot that stands on footprint `cycle`; `phase` of that leg."""
@@ -238,7 +238,7 @@ class Walker:
         ends = phase_of([-1.0, self.until])
         phase = np.arange(ends[0], ends[1] + 0.005, 0.005)
         legs = self.body.thigh + self.body.shank
-        flat = 0.52 * self.body.height
+        flat = 0.52 * self.body.height * self.body.long_legs
         height = CubicSpline(phase[[0, 1, 2, -1]], [flat] * 4)
         for _ in range(4):
             limit = self._at_most(phase)
@@ -255,7 +255,7 @@ class Walker:
     def _at_most(self, phase):
         """Height of the pelvis (m) that the gait would like: lowest at each leg's midstance, two times per cycle."""
         dip = self.pattern.bounce * (1 + np.cos(4 * np.pi * (phase - self.pattern.midstance))) / 2
-        return (self.pattern.height - dip) * self.body.height
+        return (self.pattern.height - dip) * self.body.height * self.body.long_legs
 
     def segments(self, t):
         """Origin (T, 3) and axes (T, 3, 3) of every segment at times `t` (T,), s; see `body.landmarks`."""
@@ -265,7 +265,7 @@ class Walker:
         turn = 2 * np.pi * phase
         centre, pelvis, heading = self._pelvis(phase, self._height)
         found = {"pelvis": (centre, pelvis)}
-        chest_axes = _axes(heading + np.deg2rad(4.0) * np.cos(turn), np.deg2rad(-self.pattern.lean))
+        chest_axes = _axes(heading + np.deg2rad(self.pattern.chest_turn) * np.cos(turn), np.deg2rad(-self.pattern.lean))
         shoulders = centre + chest_axes @ np.array([0.0, 0.0, body.trunk])
         found["chest"] = (shoulders, chest_axes)
         head_axes = _axes(heading)

@@ -11,8 +11,8 @@ import numpy as np
 from dior.errors import DiorError
 from dior.simulate import body as bodies
 from dior.simulate.gait import Walker
-from dior.simulate.patterns import RUN, WALK
-from dior.simulate.settings import generator, motion_path
+from dior.simulate.patterns import RUN, WALK, of_person
+from dior.simulate.settings import generator, motion_path, person
 from dior.simulate.soft_tissue import movement
 from dior.skeletons import MLKIT_33, PLUG_IN_GAIT_39
 
@@ -73,11 +73,13 @@ def _motion(settings, sequence):
             )
         return motion, C3D_STRIDE_HZ
     body = bodies.body_of(settings, sequence.subject)
-    person = generator(settings, "speed", sequence.subject)
+    who = person(settings, sequence.subject)
     draw = generator(settings, "walk", sequence.name)
-    speed = person.uniform(1.0, 1.15) * draw.uniform(0.97, 1.03)
+    speed = generator(settings, "speed", who).uniform(1.0, 1.15) * draw.uniform(0.97, 1.03)
     running = sequence.walk == "running"
     pattern, speed = (RUN, RUNNING * speed) if running else (WALK, speed)
+    if settings.people == "different":
+        pattern = of_person(pattern, generator(settings, "gait", who))
     direction = (np.pi / 2 if sequence.walk == "along" else 0.0) + np.deg2rad(draw.uniform(-4, 4))
     walker = Walker(
         body,
@@ -89,7 +91,7 @@ def _motion(settings, sequence):
         **LOOPS.get(sequence.walk, {}),
     )
     motion = Motion(PLUG_IN_GAIT_39, body.height, walker.at, lambda t: np.ones((len(t), len(PLUG_IN_GAIT_39)), bool))
-    return motion, float(pattern.strides(speed, body.height))
+    return motion, float(pattern.strides(speed, body.height) * pattern.quickness)
 
 
 def from_c3d(path):

@@ -4,7 +4,7 @@ Degrees at 0, 5, ... 95 % of the cycle from foot contact; flexion and dorsiflexi
 vertical.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,6 +18,10 @@ class Pattern:
     heights; `clearance` (m): of a foot from the floor in the middle of its swing, at least; `arm` (degrees): middle and
     amplitude of the shoulder's flexion and of the elbow's; `lean`: of the trunk, degrees; `strides`: a function of the
     speed (m/s) and the body height (m) that gives the strides per second.
+
+    What people differ in, of which the curves say nothing: `quickness`: more strides than usual at a speed, a factor;
+    `sway` of the hips and `feet_apart`, of each foot from the middle, body heights; `hips_turn`, `hips_drop` and
+    `chest_turn`: amplitudes, and `feet_out`: degrees.
     """
 
     hip: tuple
@@ -31,6 +35,13 @@ class Pattern:
     arm: tuple
     lean: float
     strides: object
+    quickness: float = 1.0
+    sway: float = 0.011
+    feet_apart: float = 0.026
+    hips_turn: float = 5.0
+    hips_drop: float = 3.5
+    chest_turn: float = 4.0
+    feet_out: float = 6.0
 
 
 def walking_cadence(speed, height):
@@ -79,3 +90,45 @@ RUN = Pattern(
     lean=8.0,
     strides=running_cadence,
 )
+
+# how people differ: standard deviations of the curves' middles and of their first two harmonics (degrees, each of sine
+# and cosine), of angles, and of logarithms of what is scaled; the curves' own scatter in Winter (1991) is 4-5 degrees
+CURVE_SD, HARMONICS_SD = {"hip": 2.0, "knee": 1.5, "ankle": 1.5}, (1.5, 1.0)
+QUICKNESS_SD, TOE_OFF_SD, SCALE_SD = 0.04, 0.01, 0.25
+ARM_SD, LEAN_SD, FEET_OUT_SD = 5.0, 2.0, 3.0
+
+
+def of_person(pattern, random):
+    """The pattern as one person has it, drawn from the generator `random`."""
+
+    def curve(name):
+        turn = 2 * np.pi * np.arange(len(getattr(pattern, name))) / len(getattr(pattern, name))
+        values = np.array(getattr(pattern, name)) + CURVE_SD[name] * random.standard_normal()
+        for k, sd in enumerate(HARMONICS_SD, 1):
+            a, b = sd * random.standard_normal(2)
+            values += a * np.cos(k * turn) + b * np.sin(k * turn)
+        return tuple(values.tolist())
+
+    def scaled(value, sd=SCALE_SD):
+        return float(value * np.exp(sd * random.standard_normal()))
+
+    shoulder_at, shoulder_by, elbow_at, elbow_by = pattern.arm
+    return replace(
+        pattern,
+        **{name: curve(name) for name in CURVE_SD},
+        toe_off=float(pattern.toe_off + TOE_OFF_SD * random.standard_normal()),
+        arm=(
+            float(shoulder_at + ARM_SD * random.standard_normal()),
+            scaled(shoulder_by),
+            float(elbow_at + ARM_SD * random.standard_normal()),
+            scaled(elbow_by),
+        ),
+        lean=float(pattern.lean + LEAN_SD * random.standard_normal()),
+        quickness=scaled(pattern.quickness, QUICKNESS_SD),
+        sway=scaled(pattern.sway),
+        feet_apart=scaled(pattern.feet_apart),
+        hips_turn=scaled(pattern.hips_turn),
+        hips_drop=scaled(pattern.hips_drop),
+        chest_turn=scaled(pattern.chest_turn),
+        feet_out=float(pattern.feet_out + FEET_OUT_SD * random.standard_normal()),
+    )

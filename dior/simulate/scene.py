@@ -10,7 +10,7 @@ import numpy as np
 
 from dior.camera import Camera, Intrinsics, pose
 from dior.geometry import look_at_angles, rotation_x, rotation_z
-from dior.simulate.settings import CAMERAS, SESSIONS, generator
+from dior.simulate.settings import CAMERAS, SESSIONS, generator, place_of
 
 LONG_RANGE = "cam04"
 # azimuth (degrees) and distance (m) from the middle of the walkway; outdoors the long-range camera is on the Y axis
@@ -39,7 +39,7 @@ def cameras_of(settings, session):
 
 def _placed(settings, session, name):
     draw = generator(settings, "camera", session, name)
-    far = session == SESSIONS["outdoor"] and name == LONG_RANGE
+    far = place_of(session) == SESSIONS["outdoor"] and name == LONG_RANGE
     scale = settings.width / 1280
     fx = (settings.long_range_fx if far else settings.fx) * (1 + 0.004 * draw.standard_normal())
     fy = fx * (1 + 0.0008 * draw.standard_normal())
@@ -57,7 +57,7 @@ def _placed(settings, session, name):
         settings.width, settings.height, *numbers, "plumb_bob", tuple(round(float(k), 6) for k in lens)
     )
 
-    azimuth, distance = PLACES[session][name]
+    azimuth, distance = PLACES[place_of(session)][name]
     distance = settings.long_range_m if far else distance
     angle = np.deg2rad(azimuth + (0.0 if far else 2.0 * draw.standard_normal()))
     height = 1.5 + 0.05 * draw.standard_normal() + (0.4 if far else 0.0)

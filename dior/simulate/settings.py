@@ -17,6 +17,7 @@ SESSIONS = {"indoor": "lab", "outdoor": "field"}
 WALKS = ("across", "along", "running", "straight", "circling")
 OUTFITS = ("shirt", "jacket")
 LEVELS = ("ideal", "real")
+PEOPLE = ("same", "heights", "different")
 
 
 @dataclass(frozen=True)
@@ -94,6 +95,8 @@ class Settings:
     seed: int = 1  # every random number of the capture derives from it
     subjects: int = 2  # number of people
     sequences: int = 2  # walks of each person in each environment
+    sessions: int = 1  # days in each environment, with other cameras; everybody comes on one of them
+    people: str = "heights"  # same: one body and gait; heights: differ in height and speed; different: in all
     environments: tuple = ("indoor", "outdoor")  # indoor: with motion capture; outdoor: with a long-range camera
     duration_s: float = 10.0  # length of a recording
     fps: float = 30.0  # pictures per second of every camera
@@ -127,7 +130,18 @@ class Settings:
 
 SECTIONS = {"detector": Detector, "clocks": Clocks}
 SHARES = ("mocap_gaps", "bystander")
-POSITIVE = ("subjects", "sequences", "duration_s", "fps", "mocap_hz", "width", "height", "fx", "long_range_fx")
+POSITIVE = (
+    "subjects",
+    "sequences",
+    "sessions",
+    "duration_s",
+    "fps",
+    "mocap_hz",
+    "width",
+    "height",
+    "fx",
+    "long_range_fx",
+)
 
 
 def from_dict(values):
@@ -147,6 +161,7 @@ def from_dict(values):
         _known(environment, SESSIONS, "simulate.environments")
     for walk in settings.walks:
         _known(walk, WALKS, "simulate.walks")
+    _known(settings.people, PEOPLE, "simulate.people")
     _known(settings.detector.level, LEVELS, "simulate.detector.level")
     for key in POSITIVE:
         if not getattr(settings, key) > 0:
@@ -210,17 +225,28 @@ def sequences(settings):
     for environment in settings.environments:
         for i in range(settings.subjects * settings.sequences):
             person, take = divmod(i, settings.sequences)
+            day = person % settings.sessions
             found.append(
                 Sequence(
                     f"{environment}_{i + 1:02d}",
                     environment,
-                    SESSIONS[environment],
+                    SESSIONS[environment] + (f"_{day + 1}" if day else ""),
                     f"S{person + 1:02d}",
                     OUTFITS[take % len(OUTFITS)],
                     settings.walks[i % len(settings.walks)],
                 )
             )
     return found
+
+
+def place_of(session):
+    """Where a session is, on whichever day: `lab` or `field`."""
+    return session.partition("_")[0]
+
+
+def person(settings, subject):
+    """Whose body and gait a subject has."""
+    return "everybody" if settings.people == "same" else subject
 
 
 def sequence_named(settings, name):

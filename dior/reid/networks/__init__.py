@@ -1,0 +1,34 @@
+"""Three skeleton gait networks, with the parameter names of their authors' checkpoints (PyTorch).
+
+`build(name)` gives a network in evaluation mode that makes unit embeddings (N, 128) of COCO-17 sequences.
+GaitGraph: Teepe et al., ICIP 2021; GaitMixer and GaitFormer: Pinyoanuntapong et al., ICASSP 2023. PyTorch is optional
+(requirements-reid.txt) and imported only here and below.
+"""
+
+from dior.errors import DiorError, nearest
+
+NAMES = ("gaitgraph", "gaitmixer", "gaitformer")
+FRAMES, EMBEDDING = 60, 128
+INSTALL = "pip install -r requirements-reid.txt"
+
+
+def torch():
+    """The module torch. Raises DiorError with what to install where it is missing."""
+    try:
+        import torch
+    except ImportError:
+        raise DiorError(f"re-identification by networks needs PyTorch, which is not installed: {INSTALL}") from None
+    return torch
+
+
+def build(name):
+    """The network of that name, random weights, in evaluation mode."""
+    torch()
+    from dior.reid.networks.gaitformer import GaitFormer
+    from dior.reid.networks.gaitgraph import GaitGraph
+    from dior.reid.networks.gaitmixer import GaitMixer
+
+    kinds = dict(zip(NAMES, (GaitGraph, GaitMixer, GaitFormer), strict=True))
+    if name not in kinds:
+        raise DiorError(f"there is no network '{name}'{nearest(name, NAMES)}")
+    return kinds[name]().eval()

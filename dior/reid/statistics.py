@@ -1,0 +1,93 @@
+"""How much a recognition rate is worth: counts, chance, a permutation null and an interval over subjects.
+
+INPUTS   `protocols.Trials` and their items. OUTPUTS  `Score`
+Chance is the expected rate of a gallery in random order. The null exchanges the recordings' subjects within their
+session, all cameras of a recording together: what it still reaches comes from sessions and from cameras that show one
+walk at the same time, not from people. `p`: the share of exchanges that reach the rate. The interval is the bootstrap's
+over the probes' subjects (dior/evaluate/bootstrap.py).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dior.evaluate import bootstrap
+from dior.reid import protocols
+
+RESAMPLES, SEED, LEVEL = 999, 20240105, 0.05
+CMC = 20
+
+
+@dataclass(frozen=True)
+class Score:
+    """`hits` of `n` trials at rank 1, with the 95 % interval of their share; `chance` of that share; `null` the 95th
+    percentile of the null and `p`; `cmc` (CMC,) shares at rank 1, 2, ...; `mean_ap`."""
+
+    hits: int
+    n: int
+    low: float
+    high: float
+    chance: float
+    null: float
+    p: float
+    cmc: tuple
+    mean_ap: float
+
+    @property
+    def rank1(self):
+        return self.hits / self.n if self.n else np.nan
+
+    @property
+    def verdict(self):
+        """What a reader may conclude."""
+        if not self.n:
+            return "no trial"
+        return "above chance" if self.p < LEVEL else "at chance"
+
+
+def score(found, items, exchanges=None):
+    """`Score` of trials. `exchanges`: what `exchanged` gives, where many scores share it."""
+    if not len(found.probe):
+        return Score(0, 0, *bootstrap.NOTHING, np.nan, np.nan, np.nan, (np.nan,) * CMC, np.nan)
+    match = protocols.matches(found, items)
+    curve = protocols.hits(match, CMC)
+    first = curve[:, 0]
+    subject = protocols.numbered([item.subject for item in items])[found.probe]
+    counts = np.bincount(subject)
+    some = counts > 0
+    low, high = bootstrap.of_mean(np.bincount(subject, first)[some].astype(float), counts[some])
+    null = _null(found, exchanged(items) if exchanges is None else exchanges)
+    return Score(
+        hits=int(first.sum()),
+        n=len(first),
+        low=low,
+        high=high,
+        chance=float((match.sum(axis=1) / (found.ranked >= 0).sum(axis=1)).mean()),
+        null=float(np.quantile(null, 1 - LEVEL)),
+        p=float((1 + (null >= first.mean()).sum()) / (1 + len(null))),
+        cmc=tuple(curve.mean(axis=0).tolist()),
+        mean_ap=float(protocols.average_precision(match).mean()),
+    )
+
+
+def exchanged(items, resamples=RESAMPLES):
+    """Subjects (resamples, N) of the items, as numbers, when recordings of a session exchange theirs."""
+    random = np.random.default_rng(SEED)
+    recordings = sorted({(item.session, item.recording, item.subject) for item in items})
+    subject = protocols.numbered([who for _, _, who in recordings])
+    session = protocols.numbered([day for day, _, _ in recordings])
+    where = {name: i for i, (_, name, _) in enumerate(recordings)}
+    index = np.array([where[item.recording] for item in items], int)
+    out = np.empty((resamples, len(items)), int)
+    for row in out:
+        mixed = subject.copy()
+        for day in range(session.max() + 1):
+            own = np.flatnonzero(session == day)
+            mixed[own] = subject[random.permutation(own)]
+        row[:] = mixed[index]
+    return out
+
+
+def _null(found, exchanges):
+    """Rank-1 shares (resamples,) of the trials with exchanged subjects; the nearest stays the nearest."""
+    return (exchanges[:, found.ranked[:, 0]] == exchanges[:, found.probe]).mean(axis=1)
