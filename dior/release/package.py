@@ -91,10 +91,10 @@ def _withdraw(out, kept):
     That is everybody's tarball but theirs, half-made ones too, and the exports, which are not by person. The tarball of
     metadata names everybody, so that it is always made anew.
     """
+    shutil.rmtree(out.with_name(f"{out.name}-exports"), ignore_errors=True)
     before = {path.name for path in out.glob("labels_2d/*")}
     if gone := before - kept:
         print(f"release: {len(gone)} of {len(before)} people of the last build are not in it any more", file=sys.stderr)
-        shutil.rmtree(out.with_name(f"{out.name}-exports"), ignore_errors=True)
     for tarball in out.parent.glob(f"{out.name}-*.tar"):
         if tarball.name.removeprefix(f"{out.name}-").removesuffix(".tar") not in kept:
             tarball.unlink()
