@@ -360,6 +360,7 @@ def _check_names(project, folder):
         if sequence not in project.rows:
             raise DiorError(
                 f"config/{folder}/{file}: '{sequence}' is not in config/sequences.tsv{nearest(sequence, project.rows)}"
+                "; remove the file if its row was taken out"
             )
         if folder == "offsets" or sequence in project.excluded:
             continue

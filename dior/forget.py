@@ -124,9 +124,12 @@ def _releases(root, known):
     stale = {name for name in versions if not _walks(root / RELEASES / name) <= known.walks}
     found = []
     for name in entries:
-        version = max((v for v in versions if name == v or name.startswith(f"{v}-")), key=len, default=None)
-        rest = name.removeprefix(f"{version}-").removesuffix(".tar")
-        kept = version and version not in stale and (name in folders or rest in {*known.pseudonyms, "metadata"})
+        # what is half made begins with a dot
+        plain = name.lstrip(".")
+        version = max((v for v in versions if plain == v or plain.startswith(f"{v}-")), key=len, default=None)
+        whose = {*known.pseudonyms, "metadata"} if plain == name else known.pseudonyms
+        rest = plain.removeprefix(f"{version}-").rpartition(".")[0].removesuffix(".part")
+        kept = version and version not in stale and (name in folders or rest in whose)
         if not kept:
             found.append(RELEASES / name)
     return found

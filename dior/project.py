@@ -84,6 +84,11 @@ class Project:
         """The processed sequences of the released subjects."""
         return tuple(name for name in self.sequences if self.rows[name]["subject"] in self.released_subjects)
 
+    @cached_property
+    def unanswered(self):
+        """The number of released subjects of whom the sheet does not say whether their pictures may be, too."""
+        return sum(not self.subjects[name].get("consent_pictures") for name in self.released_subjects)
+
     def consents(self, subject, purpose):
         """Whether a subject agreed to a purpose: processing, release or pictures (dior/consent.py)."""
         return subject in self.subjects and consents(self.subjects[subject], purpose)
@@ -334,7 +339,7 @@ def load(root, config=None):
     if not rows:
         raise DiorError(
             "config/subjects.tsv: nobody agreed to be processed, so there is nothing to do; consent_processing is yes "
-            "for those who did, or, where it is left out, consent_release"
+            "for those who did, or, where it is left out, consent_release. `dior forget` lists what is left of others"
         )
     if not project.sequences:
         raise DiorError("config/sequences.tsv: every row has an exclude_reason, so there is nothing to process")

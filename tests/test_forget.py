@@ -22,7 +22,8 @@ logs/package/package.log logs/metrics/metrics.benchmark.tsv logs/evaluate/to_mar
 logs/tarballs/zebra-0001.log .snakemake/log/1.snakemake.log
 results/release/dior-1.0.0/labels_2d/zebra-0001/out_1.cam01.parquet results/release/dior-1.0.0-exports/coco/all.json
 results/release/dior-1.0.0-exports/SHA256SUMS results/release/dior-1.0.0-zebra-0001.tar
-results/release/dior-1.0.0-metadata.tar
+results/release/dior-1.0.0-metadata.tar results/release/.dior-1.0.0-zebra-0001.part.tar
+results/release/.dior-1.0.0-zebra-0001.part.json
 """.split()
 # of out_2, whose subject S02 (apple-0002) withdrew, of a session and of a sequence that are not there any more
 GONE = """
@@ -34,6 +35,7 @@ logs/frames/out_2.log logs/clocks/out_2.cam01.benchmark.tsv logs/tarballs/apple-
 .snakemake/log/0.snakemake.log
 results/release/dior-0.9.0 results/release/dior-0.9.0-exports results/release/dior-0.9.0-zebra-0001.tar
 results/release/dior-0.9.0-metadata.tar results/release/dior-1.0.0-apple-0002.tar results/release/.dior-1.0.0.part
+results/release/.dior-1.0.0-apple-0002.part.tar results/release/.dior-1.0.0-metadata.part.tar
 """.split()
 
 
@@ -86,7 +88,7 @@ def test_deleting_leaves_everything_else(withdrawn, capsys):
     (withdrawn / "data/out_2/a.bag").touch()
     assert cli.main(["forget", "--project", str(withdrawn), "--yes"]) == 0
     told = capsys.readouterr().out
-    assert "Deleted 24 files and folders" in told
+    assert "Deleted 26 files and folders" in told
     assert told.split("dior deletes none of these:\n")[1].split() == [
         "data/out_2/a.bag",
         "config/boxes/out_2.cam03.csv",

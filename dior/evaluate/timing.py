@@ -22,6 +22,7 @@ from dior.files import write_text
 FOLDER = "DIOR_TIMINGS"
 COLUMNS = ("step", "jobs", "frames", "cpu_s", "wall_s", "cpu_s_per_frame")
 ALL = "all"
+ABOUT_ALL = "metadata"  # the tarball of nobody
 # what makes the recordings is no cost of labelling them
 NOT_COUNTED = "simulate"
 
@@ -71,14 +72,19 @@ def frames_of(step, arguments):
     return cameras.count(one) if one else len(cameras)
 
 
-def collect(logs, sequences, sessions):
-    """What the jobs of these `sequences` and `sessions` used, as dicts; what is left of others is not counted."""
-    found = [json.loads(path.read_text()) for path in sorted(Path(logs).glob("*/*.timing.json"))]
-    return [
-        one
-        for one in found
-        if one["session"] in (*sessions, None) and (one["session"] or one["sequence"] in (*sequences, None))
-    ]
+def collect(logs, sequences, sessions, people=()):
+    """What the jobs of these `sequences`, `sessions` and `people` (pseudonyms) used, as dicts, and those that are about
+    all of them; what is left of others is not counted.
+    """
+    found = []
+    for path in sorted(Path(logs).glob("*/*.timing.json")):
+        one = json.loads(path.read_text())
+        about, known = path.name.split(".")[0], (one["step"], ABOUT_ALL, *people)
+        if one["session"] or one["sequence"]:
+            about, known = (one["session"], sessions) if one["session"] else (one["sequence"], sequences)
+        if about in known:
+            found.append(one)
+    return found
 
 
 def by_step(jobs, frames):

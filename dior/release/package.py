@@ -12,6 +12,7 @@ of machines or files. A subject who did not agree is in no file and no count.
 import json
 import os
 import shutil
+import sys
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
@@ -88,6 +89,9 @@ def _withdraw(out, kept):
     """Remove the tarballs beside the release, half-made ones too, of everybody but `kept`: who withdrew is in no file
     any more. The metadata's names everybody, so that it is always made anew.
     """
+    before = {path.name for path in out.glob("labels_2d/*")}
+    if gone := before - kept:
+        print(f"release: {len(gone)} of {len(before)} people of the last build are not in it any more", file=sys.stderr)
     for tarball in out.parent.glob(f"{out.name}-*.tar"):
         if tarball.name.removeprefix(f"{out.name}-").removesuffix(".tar") not in kept:
             tarball.unlink()

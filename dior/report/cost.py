@@ -17,7 +17,8 @@ EFFORT = "config/effort.tsv"
 
 def write(environment, project, frames, effort, out_timing, out):
     """Write the table and the page. `environment`: Jinja's, `frames`: of the dataset, `effort`: file or None."""
-    jobs = timing.collect(project.root / "logs", project.sequences, project.sessions)
+    people = [project.pseudonym(name) for name in project.released_subjects]
+    jobs = timing.collect(project.root / "logs", project.sequences, project.sessions, people)
     rows = timing.by_step(jobs, frames)
     write_text(out_timing, timing.as_csv(rows))
     most = max((row["cpu_s"] for row in rows[:-1]), default=0.0)

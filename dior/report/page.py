@@ -204,13 +204,11 @@ def _limit(limit):
 
 def unanswered(project):
     """A finding on the people of the release of whom the sheet does not say whether their pictures may be in it."""
-    people = project.released_subjects
-    open_ = [name for name in people if not project.subjects[name].get("consent_pictures")]
-    if not open_:
+    if not project.unanswered:
         return []
     text = (
-        f"of {len(open_)} of the {len(people)} people in the release, config/subjects.tsv does not say in "
-        "consent_pictures whether their pictures may be published, too; until then only their labels are"
+        f"of {project.unanswered} of the {len(project.released_subjects)} people in the release, config/subjects.tsv "
+        "does not say in consent_pictures whether their pictures may be published; until then only their labels are"
     )
     return [("release", "warning", "pictures_unanswered", text)]
 

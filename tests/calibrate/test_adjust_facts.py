@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dior import tables
-from dior.calibrate import adjust, apriltag, outcome
+from dior.calibrate import adjust, apriltag, outcome, window
 from dior.camera import pose, project
 from dior.errors import DiorError
 from tests.calibrate.test_facts import walker
@@ -116,6 +116,15 @@ def test_a_tag_decides_the_scale_and_the_place_of_cameras_without_a_tape(tmp_pat
     at = np.add.outer(6 * np.arange(3), [3, 4, 5]).ravel()
     # 9 degrees of freedom: 99.9 % are below 28; here it is about 2, as the mean of four pictures counts as one picture
     assert 0.5 < shift @ np.linalg.solve(joint[np.ix_(at, at)], shift) < 28
+
+
+def test_only_what_is_marked_in_the_pictures_of_these_sequences_counts(tmp_path):
+    files = {path.name.split(".")[0]: path for path in clicked(tmp_path, {"post": (0.5, 0.2, 1.0)})}
+    for path in files.values():
+        path.write_text(path.read_text() + "other,0,post,1,1\n")
+    found = window.marked(files, list(files), {"post"}, ["walk"], 1.0)
+    assert found.moments == ("walk",) and found.uv.shape == (3, 1, 2) and (found.uv > 10).all()
+    assert window.marked(files, list(files), {"post"}, ["walk", "other"], 1.0).moments == ("other", "walk")
 
 
 def test_a_camera_with_a_tag_keeps_to_its_tape_too(tmp_path):

@@ -36,7 +36,8 @@ def write(folder, monkeypatch):
             path.rename(path.with_name(_renamed(path.name)))
     path = folder / "config/config.yaml"
     text = path.read_text().split("\n# The capture is simulated.")[0] + "\n"
-    path.write_text(text.replace("data_root: results/simulate", f"data_root: {DATA}"))
+    text = text.replace("data_root: results/simulate", f"data_root: {DATA}")
+    path.write_text(text.replace("clip_seconds: 4.0", "clip_seconds: 0.5"))
     for path in (folder / "config/sessions").glob("*/cam*.yaml"):
         path.write_text(path.read_text().replace("topic: /", f"topic: /{HOST.replace('-', '_')}/"))
     sheet = folder / "config/sequences.tsv"

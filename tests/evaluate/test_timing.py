@@ -68,10 +68,12 @@ def test_jobs_are_added_up_by_step():
 
 def test_what_is_left_of_other_sequences_is_not_counted(tmp_path):
     kept = [job("frames", 1.0, sequence="walk"), job("adjust", 1.0, session="field"), job("metrics", 1.0)]
-    gone = [job("frames", 1.0, sequence="old"), job("locate", 1.0, session="attic")]
-    for i, one in enumerate(kept + gone):
-        path = tmp_path / one["step"] / f"{i}.timing.json"
+    gone = [job("frames", 1.0, sequence="old"), job("locate", 1.0, session="attic"), job("tarballs", 1.0)]
+    kept += [job("tarballs", 2.0), job("tarballs", 3.0)]
+    names = ["walk", "field", "metrics", "zebra-0001", "metadata", "old", "attic.cam01", "apple-0002"]
+    for name, one in zip(names, kept + gone, strict=True):
+        path = tmp_path / one["step"] / f"{name}.timing.json"
         path.parent.mkdir(exist_ok=True)
         path.write_text(json.dumps(one))
-    found = timing.collect(tmp_path, ["walk"], ["field"])
+    found = timing.collect(tmp_path, ["walk"], ["field"], ["zebra-0001"])
     assert sorted(map(json.dumps, found)) == sorted(map(json.dumps, kept))

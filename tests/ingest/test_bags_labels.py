@@ -68,6 +68,9 @@ def labels_from(simulated, bags, data_root, out, trigger_log=None, offsets=None)
     c3d = simulated / WALK / "mocap.c3d"
     mocap.run(sequence=WALK, subject="S01", c3d=c3d, frames=indexed, trigger_log=trigger_log, out=markers)
     placed = {}
+    for path in session.glob("*.marks.csv"):
+        # somebody without consent, of whom there is no table
+        path.write_text(path.read_text() + "withdrawn_01,0,LASI,1,1\n" * ("withdrawn" not in path.read_text()))
     for camera in CAMERAS:
         lens, placed[camera] = out / f"{camera}.lens.parquet", out / f"{camera}.placed.parquet"
         intrinsics.run(

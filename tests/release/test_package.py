@@ -185,11 +185,12 @@ def test_every_table_is_in_the_layout(built):
         assert {tables.metadata(path)["dior_table"] for path in out.glob(part.pattern)} == {part.table}
 
 
-def test_nothing_of_an_earlier_release_stays(made, tmp_path):
-    (build(made) / "labels_2d/stale.parquet").touch()
+def test_nothing_of_an_earlier_release_stays(made, tmp_path, capsys):
+    (build(made) / "stale.parquet").touch()
     sheets(tmp_path, CONSENT | {"Secondname": "no"})
     names = set(files(build(made)))
-    assert "labels_2d/stale.parquet" not in names and not [name for name in names if "apple" in name]
+    assert "release: 1 of 2 people of the last build are not in it any more" in capsys.readouterr().err
+    assert "stale.parquet" not in names and not [name for name in names if "apple" in name]
 
 
 def test_a_build_that_fails_leaves_the_earlier_one(made):
@@ -314,6 +315,7 @@ def test_stamps_count_from_each_persons_first_picture_where_asked_for(made, buil
         table = tables.read(path, "released_frames")
         tables.write(path, "released_frames", table | {"stamp_ns": table["stamp_ns"] + stamps.FIRST_NS})
     out = build(made, config=config)
+    assert "walks is at 1980-01-01 00:00 UTC" in (out / "README.md").read_text()
     for path in sorted(out.rglob("*.parquet")):
         kind = tables.metadata(path)["dior_table"]
         if "stamp_ns" in tables.columns_of(kind):

@@ -113,6 +113,7 @@ rule report:
     params:
         title=CONFIG["release"]["title"],
         sheet=as_json(PROJECT.rows),
+        consents=as_json([PROJECT.left_out, PROJECT.unanswered]),
         code=code("report.page"),
     shell:
         "dior report"
