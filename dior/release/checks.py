@@ -22,6 +22,15 @@ from dior.schemas import SCHEMAS, VERSION, VOCABULARY
 PICTURES_AT_ONCE = 16
 BUFFER = 1 << 20
 PARTS = {part.name: part for part in layout.PARTS}
+# what is looked at of a walk's tables, beside the words of all columns
+COLUMNS = {
+    "labels_2d": ("joint", "frame", "stamp_ns", "u", "v", "status"),
+    "skeletons_3d": ("joint", "instant", "stamp_ns", "x", "y", "z", "status"),
+    "frames": ("frame", "stamp_ns", "height", "width", "no_image"),
+    "detections": ("joint", "frame", "stamp_ns"),
+    "boxes": ("frame", "stamp_ns"),
+    "marks": ("camera", "joint", "frame", "stamp_ns"),
+}
 IN_PICTURE = ("ok", "occluded")
 WITHOUT_PIXEL = ("missing_3d", "behind_camera")
 WITH_POINT = ("ok", "gap_filled")
@@ -44,12 +53,19 @@ class Walk:
 
 
 def read(file, part, columns=None):
-    """The columns of a table as numpy (see tables.py). Raises Broken for a table that is not what `part` should be."""
+    """(columns as numpy, words by text column) of a table (see tables.py), of `columns` or all of them; words of all.
+
+    Raises Broken for a table that is not what `part` should be.
+    """
     try:
         with pq.ParquetFile(file.open()) as table:
             _check_schema(table.schema_arrow, part.table)
-            found = table.read(columns=columns)
-            return {name: buffers.to_numpy(found[name].combine_chunks()) for name in found.column_names}
+            texts = [field.name for field in SCHEMAS[part.table] if pa.types.is_dictionary(field.type)]
+            columns = SCHEMAS[part.table].names if columns is None else columns
+            found = table.read(columns=sorted({*columns, *texts}))
+            # Arrow finds the few words of a column without a string for each row
+            words = {name: {word or "" for word in found[name].unique().to_pylist()} for name in texts}
+            return {name: buffers.to_numpy(found[name].combine_chunks()) for name in columns}, words
     except (pa.ArrowException, OSError, ValueError, KeyError) as error:
         raise Broken(f"is not a readable Parquet file ({error})") from None
 
@@ -74,13 +90,13 @@ def _check_schema(schema, name):
         raise Broken("has its columns in another order")
 
 
-def words(table, name):
+def unknown_words(words, name):
     """Sentences about words that a table's columns may not hold."""
     return [
         f"'{word}' is no {column}{nearest(word, VOCABULARY[name, column])}"
-        for column in table
+        for column in sorted(words)
         if (name, column) in VOCABULARY
-        for word in sorted(set(table[column]) - {"", *VOCABULARY[name, column]})
+        for word in sorted(words[column] - {"", *VOCABULARY[name, column]})
     ]
 
 
@@ -100,20 +116,17 @@ def walk(who, sequence, files, listed, decode=False):
             if part is None or part.path == part.pattern:
                 raise Broken(f"lies in a folder that a release does not have{nearest(kind, PARTS)}")
             camera = _camera(name, part)
+            table, words = read(file, part, COLUMNS[kind])
             counts = found.counts.setdefault(camera, Counter())
-            table = read(
-                file, part, None if kind != "frames" else [c for c in SCHEMAS[part.table].names if c != "image"]
-            )
-            found.problems += [(path, text) for text in words(table, part.table)]
-            found.problems += [(path, text) for text in _whose(table, who, sequence, camera)]
+            told = unknown_words(words, part.table) + _whose(words, who, sequence, camera)
             if kind == "frames":
                 frames[camera] = table
                 found.sizes[camera] = (path, set(zip(table["height"].tolist(), table["width"].tolist(), strict=True)))
-                told = _frames(table, file, decode, counts)
+                told += _frames(table, file, decode, counts)
             elif kind == "skeletons_3d":
-                told = _skeleton(table, counts)
+                told += _skeleton(table, counts)
             else:
-                told = _about_frames(table, kind, camera, frames, counts)
+                told += _about_frames(table, kind, camera, frames, counts)
             found.problems += [(path, text) for text in told]
         except Broken as error:
             found.problems.append((path, str(error)))
@@ -128,12 +141,12 @@ def _camera(name, part):
     return words[1] if "<camera>" in part.path else ""
 
 
-def _whose(table, who, sequence, camera):
+def _whose(words, who, sequence, camera):
     expected = {"subject": who, "sequence": sequence} | ({"camera": camera} if camera else {})
     return [
         f"{column} '{word}' in a file of '{right}'"
         for column, right in expected.items()
-        for word in sorted(set(table[column]) - {right})
+        for word in sorted(words[column] - {right})
     ]
 
 
@@ -174,8 +187,8 @@ def _pictures(file):
     with pq.ParquetFile(file.open(), buffer_size=BUFFER) as table:
         for batch in table.iter_batches(PICTURES_AT_ONCE, columns=["image"], use_threads=False):
             data = batch.column(0).field("bytes")
-            missing = np.array(batch.column(0).is_null()) | np.array(data.is_null())
-            for row in np.flatnonzero(~missing).tolist():
+            there = [column.is_valid().to_numpy(zero_copy_only=False) for column in (batch.column(0), data)]
+            for row in np.flatnonzero(there[0] & there[1]).tolist():
                 yield start + row, data[row].as_py()
             start += len(batch)
 

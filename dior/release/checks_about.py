@@ -49,9 +49,9 @@ def about(files, names, listed):
         try:
             if name not in PARTS or PARTS[name].path != path:
                 raise Broken(f"is a table that a release does not have{nearest(name, PARTS)}")
-            found[name] = checks.read(file, PARTS[name])
-            problems += [(path, text) for text in checks.words(found[name], PARTS[name].table)]
-            problems += [(path, text) for text in _twice(found[name], KEYS.get(name))]
+            found[name], words = checks.read(file, PARTS[name])
+            told = checks.unknown_words(words, PARTS[name].table) + _twice(found[name], KEYS.get(name))
+            problems += [(path, text) for text in told]
         except Broken as error:
             problems.append((path, str(error)))
     problems += _references(found, _recordings(names))

@@ -11,6 +11,7 @@ Walks are the same by name, whatever the pseudonym. Files with the same checksum
 import hashlib
 import json
 import sys
+from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -259,18 +260,26 @@ def pictures(first, second):
         "pictures_changed": sum(None not in (one[f][1], other[f][1]) and one[f][1] != other[f][1] for f in common),
         "pictures_added": sum(one[frame][1] is None and other[frame][1] is not None for frame in common),
         "pictures_removed": sum(one[frame][1] is not None and other[frame][1] is None for frame in common),
+        "no_image": _reasons(one, other),
     }
 
 
+def _reasons(one, other):
+    """How many pictures there are not for each reason, before and after, where that differs."""
+    counts = [Counter(reason for *_, reason in digests.values() if reason) for digests in (one, other)]
+    return {r: [n[r] for n in counts] for r in sorted(counts[0] | counts[1]) if counts[0][r] != counts[1][r]}
+
+
 def _digests(path):
-    """Frame -> (stamp, digest of its picture or None), a few pictures in memory at a time."""
+    """Frame -> (stamp, digest of its picture or None, reason for none), a few pictures in memory at a time."""
     found = {}
-    columns = ["frame", "stamp_ns", "image"]
+    columns = ["frame", "stamp_ns", "image", "no_image"]
     with pq.ParquetFile(path, buffer_size=1 << 20) as table:
         for batch in table.iter_batches(PICTURES_AT_ONCE, columns=columns, use_threads=False):
             for row in batch.to_pylist():
                 data = row["image"] and row["image"]["bytes"]
-                found[row["frame"]] = (row["stamp_ns"], data and hashlib.blake2b(data, digest_size=16).digest())
+                digest = data and hashlib.blake2b(data, digest_size=16).digest()
+                found[row["frame"]] = (row["stamp_ns"], digest, row["no_image"])
     return found
 
 

@@ -76,8 +76,9 @@ def _moved(kind, change):
 
 
 def _pictures(change):
-    counts = {key: n for key, n in change.items() if n and key != "pictures"}
+    counts = {key: n for key, n in change.items() if n and key not in ("pictures", "no_image")}
     told = [f"{n} {key.replace('_', ' ')}" for key, n in counts.items()]
+    told += [f"without a picture for {reason} {a} -> {b}" for reason, (a, b) in change["no_image"].items()]
     return "frames: " + (", ".join(told) or "written anew") + f" (of {change['pictures']} pictures in both)"
 
 

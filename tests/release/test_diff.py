@@ -168,7 +168,7 @@ def test_pictures_that_changed(whole, later):
     (one,) = diff.compared(whole, later)["recordings"]
     assert one["frames"] == {
         "frames_added": 0, "frames_removed": 0, "stamps_changed": 0, "pictures": 2, "pictures_changed": 1,
-        "pictures_added": 1, "pictures_removed": 1,
+        "pictures_added": 1, "pictures_removed": 1, "no_image": {"head_unknown": [1, 0], "no_consent": [0, 1]},
     }  # fmt: skip
 
 

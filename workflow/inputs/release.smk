@@ -136,7 +136,11 @@ def recording_folders(wildcards):
 
 
 def released_files():
-    """Every table of the release that there surely is, so that a lost one is noticed."""
+    """Every table of the release that there surely is, so that a lost one is noticed.
+
+    Not the pictures: they are hard links to results/pixels/, and Snakemake sets the time of what a job made, so that
+    these inputs would be newer than the release.
+    """
     people = {
         sequence: PROJECT.pseudonym(PROJECT.subject_of(sequence))
         for sequence in PROJECT.released_sequences
@@ -147,8 +151,7 @@ def released_files():
     about = ["README.md", "LICENSE", "CITATION.cff", "croissant.json", "provenance.json"]
     return [
         *[
-            f"{RELEASE}/{table}/{who}/{sequence}.{camera}.parquet"
-            for table in ("labels_2d", "frames")
+            f"{RELEASE}/labels_2d/{who}/{sequence}.{camera}.parquet"
             for sequence, who in people.items()
             for camera in PROJECT.cameras_of(sequence)
         ],
