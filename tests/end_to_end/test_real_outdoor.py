@@ -35,7 +35,7 @@ def score(shared, labels):
 
 
 def test_reference_cameras_label_the_unseen_one(project, shared):
-    snakemake(project)
+    snakemake(project, "all", "release")
     figures = score(shared, project / "results/reproject/beam_01.cam04.parquet")
     assert figures["mean"] <= 22.5 and figures["median"] <= 19.5 and figures["coverage"] >= 0.98
     swaps = tables.read(project / "results/triangulate/beam_01.swaps.parquet", "swaps")

@@ -34,10 +34,10 @@ TINY = {"subjects": 2, "sequences": 1, "duration_s": 3.0, "width": 640, "height"
 
 @pytest.fixture(scope="module")
 def project(tmp_path_factory):
-    """A finished run. Tests that edit it work on a copy."""
+    """A finished run with a release. Tests that edit it work on a copy."""
     folder = tmp_path_factory.mktemp("tiny")
     simulated.write(settings.from_dict(TINY), folder / "config")
-    snakemake(folder)
+    snakemake(folder, "all", "release")
     return folder
 
 
@@ -170,9 +170,10 @@ def test_report_and_release_are_there(project):
     wanted = {link for link in re.findall(r'(?:src|href)="([^"#]+)"', page)}
     assert len(wanted) > 16
     assert [link for link in wanted if not (project / "results/report" / link).is_file()] == []
-    release = project / "results/release"
-    assert sorted(path.name for path in release.glob("*.tar"))
-    assert (release / "dior-0.1.0/SHA256SUMS").is_file()
+    release = project / "results/release/dior-0.1.0"
+    assert len(list(release.parent.glob("*.tar"))) == 3 and (release / "SHA256SUMS").is_file()
+    (shard,) = release.glob("frames/*/outdoor_01.cam04.parquet")
+    assert shard.samefile(project / "results/pixels/outdoor_01.cam04.parquet"), "pixels are there once"
     assert not list(project.rglob(".*.part*"))
 
 
@@ -263,6 +264,16 @@ def test_a_second_call_has_nothing_to_do(project):
 SLOW = pytest.mark.slow
 
 
+def test_without_a_target_there_is_no_release_but_one_that_is_there_is_kept_up(project, tmp_path):
+    shutil.copytree(project / "config", tmp_path / "config")
+    of_release = {"heads", "pixels", "provenance", "package", "tarballs"}
+    jobs = planned(tmp_path)
+    assert jobs["report"] == 1 and not of_release & set(jobs)
+    (tmp_path / "results/release/dior-0.1.0").mkdir(parents=True)
+    jobs = planned(tmp_path)
+    assert jobs["report"] == 1 and of_release <= set(jobs) and jobs["provenance"] == 4
+
+
 @pytest.mark.parametrize("target", ["subject_S01", *(pytest.param(name, marks=SLOW) for name in ("report", "release"))])
 def test_targets_have_names(project, tmp_path, target):
     shutil.copytree(project / "config", tmp_path / "config")
@@ -275,7 +286,7 @@ def test_an_edited_long_range_camera_touches_only_its_own_labels(copy):
     nudge(copy / "config/sessions/field/cam04.yaml", "sigma_m")
     assert planned(copy) == {
         "align": 1, "follow": 2, "reproject": 2, "evaluate": 2, "overlays": 2, "clip": 2, "metrics": 1, "statistics": 1,
-        "report": 1, "package": 1, "tarballs": 2,
+        "heads": 2, "pixels": 2, "report": 1, "package": 1, "tarballs": 3,
     }  # fmt: skip
 
 
@@ -284,7 +295,8 @@ def test_an_edited_close_camera_touches_its_session(copy):
     assert planned(copy) == {
         "place": 1, "adjust": 1, "clocks": 2, "timeline": 2, "follow": 2, "triangulate": 2, "refine": 2,
         "align": 1, "moved": 1, "reproject": 8, "evaluate": 2,
-        "overlays": 8, "clip": 2, "metrics": 1, "statistics": 1, "report": 1, "package": 1, "tarballs": 2,
+        "overlays": 8, "clip": 2, "metrics": 1, "statistics": 1, "report": 1,
+        "heads": 8, "pixels": 8, "package": 1, "tarballs": 3,
     }  # fmt: skip
 
 
@@ -302,7 +314,8 @@ def test_an_edited_sheet_row_touches_its_sequence(copy):
     assert planned(copy) == {
         "adjust": 1, "clocks": 2, "timeline": 2, "follow": 2, "triangulate": 2, "refine": 2,
         "align": 1, "moved": 1, "reproject": 8, "evaluate": 2,
-        "overlays": 8, "clip": 2, "metrics": 1, "statistics": 1, "report": 1, "package": 1, "tarballs": 2,
+        "overlays": 8, "clip": 2, "metrics": 1, "statistics": 1, "report": 1,
+        "heads": 8, "pixels": 8, "package": 1, "tarballs": 3,
     }  # fmt: skip
 
 
@@ -312,13 +325,13 @@ def test_who_withdraws_touches_the_labels_that_depended_on_it(copy):
     assert planned(copy) == {
         "adjust": 1, "clocks": 1, "timeline": 1, "follow": 1, "triangulate": 1, "refine": 1, "align": 1, "gallery": 1,
         "reproject": 4, "evaluate": 1, "overlays": 4, "clip": 1, "metrics": 1, "statistics": 1, "report": 1,
-        "package": 1, "tarballs": 1,
+        "heads": 4, "pixels": 4, "package": 1, "tarballs": 2,
     }  # fmt: skip
 
 
 def test_who_takes_back_the_pictures_touches_no_label(copy):
     withdraw(copy, release="yes")
-    assert set(planned(copy)) <= {"package", "tarballs", "report"}
+    assert planned(copy) == {"pixels": 8, "package": 1, "tarballs": 3}
 
 
 @pytest.mark.slow
@@ -368,7 +381,7 @@ def test_snakemakes_own_report(project, tmp_path):
 @pytest.mark.slow
 def test_two_runs_of_the_same_input_give_the_same_bytes(project, tmp_path):
     simulated.write(settings.from_dict(TINY), tmp_path / "again/config")
-    snakemake(tmp_path / "again")
+    snakemake(tmp_path / "again", "all", "release")
     assert contents(tmp_path / "again") == contents(project)
 
 
@@ -385,7 +398,7 @@ def test_a_killed_run_goes_on_to_the_same_bytes(project, tmp_path):
         os.killpg(run.pid, signal.SIGKILL)
         run.wait()
         snakemake(folder, "--unlock")
-    snakemake(folder)
+    snakemake(folder, "all", "release")
     assert contents(folder) == contents(project)
 
 
