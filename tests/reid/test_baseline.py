@@ -39,6 +39,7 @@ def test_different_people_are_found():
     assert got.rank1 > 0.9 and got.verdict == "above chance" and small == []
 
 
+@pytest.mark.slow
 def test_the_same_people_on_other_days_are_not():
     """Subjects are nested in sessions, whose errors are large: nothing of that may help."""
     rates = [score(*gallery(people=0.0, sessions_sd=5.0, seed=seed))[0].rank1 for seed in range(4)]
@@ -53,6 +54,7 @@ def test_a_sessions_scale_does_not_help():
     assert score(items, gaits)[0].rank1 < 0.13
 
 
+@pytest.mark.slow
 def test_a_sessions_errors_do_not_hurt():
     alone = score(*gallery(people=2.0, sessions_sd=0.0))[0].rank1
     assert score(*gallery(people=2.0, sessions_sd=20.0))[0].rank1 == pytest.approx(alone)
@@ -65,6 +67,7 @@ def test_features_that_vary_within_a_person_count_less():
     assert score(items, worse)[0].rank1 > 0.75
 
 
+@pytest.mark.slow
 def test_a_recording_that_is_noisy_counts_less():
     items, gaits = gallery(people=2.0, sessions_sd=0.0)
     far = baseline.distances(gaits, [i.subject for i in items], [i.session for i in items])[0]
@@ -75,6 +78,7 @@ def test_a_recording_that_is_noisy_counts_less():
     assert np.corrcoef(near[0, 1:], far[0, 1:])[0, 1] > 0.8
 
 
+@pytest.mark.slow
 def test_nobody_is_measured_by_his_own_noise():
     """Without any signal a person's own recordings are no further from each other than from others'."""
     rates = [score(*gallery(people=0.0, sessions_sd=0.0, seed=seed), "other_recording")[0].rank1 for seed in range(4)]

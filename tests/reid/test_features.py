@@ -56,6 +56,7 @@ def test_a_scale_changes_the_size_only():
     assert set(changed) == {"size", "cadence"}
 
 
+@pytest.mark.slow
 def test_where_and_when_a_walk_is_does_not_matter():
     one = gait(walk())
     turned = gait(walk(direction=1.0) + np.array([3.0, -2.0, 0.5]))
@@ -69,11 +70,11 @@ def test_where_and_when_a_walk_is_does_not_matter():
     ("change", "feature", "least"),
     [
         ({"arm": (-8.0, 26.0, 30.0, 10.0)}, "shoulder_cos1", 0.12),
-        ({"arm": (-8.0, 16.0, 45.0, 10.0)}, "elbow_0", 0.2),
-        ({"lean": 8.0}, "lean_0", 0.06),
-        ({"hips_turn": 12.0}, "hips_turn_cos1", 0.06),
-        ({"feet_apart": 0.05}, "step_width_0", 0.05),
-        ({"quickness": 1.08}, "cadence", 0.05),
+        pytest.param({"arm": (-8.0, 16.0, 45.0, 10.0)}, "elbow_0", 0.2, marks=pytest.mark.slow),
+        pytest.param({"lean": 8.0}, "lean_0", 0.06, marks=pytest.mark.slow),
+        pytest.param({"hips_turn": 12.0}, "hips_turn_cos1", 0.06, marks=pytest.mark.slow),
+        pytest.param({"feet_apart": 0.05}, "step_width_0", 0.05, marks=pytest.mark.slow),
+        pytest.param({"quickness": 1.08}, "cadence", 0.05, marks=pytest.mark.slow),
     ],
 )
 def test_a_gait_shows_where_it_differs(change, feature, least):

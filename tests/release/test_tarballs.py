@@ -213,6 +213,7 @@ def test_another_release_is_packed_from_the_start(tmp_path):
     assert pack(new, WHO[0], out).read_bytes() == pack(new, WHO[0]).read_bytes()
 
 
+@pytest.mark.slow
 def test_memory_is_bounded(tmp_path):
     """Packing 50 MB takes no more memory than packing 1 MB, but for a few blocks."""
     used = []

@@ -33,7 +33,7 @@ def test_the_same_person_may_go_by_many_names():
     assert body_of(other, "S01") == Body(body_of(other, "S01").height)
 
 
-@pytest.mark.parametrize("subject", ["S01", "S02", "S03", "S04", "S05", "S06"])
+@pytest.mark.parametrize("subject", ["S01", *(pytest.param(f"S{i:02d}", marks=pytest.mark.slow) for i in range(2, 7))])
 def test_different_people_walk_as_people_do(subject):
     settings, walk = first_walk("different", subject)
     body, motion = body_of(settings, subject), motion_of(settings, walk)
