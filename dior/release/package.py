@@ -15,6 +15,7 @@ import shutil
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from itertools import repeat
 from pathlib import Path
 
 from dior import licenses, tables
@@ -53,35 +54,37 @@ def run(
         "skeletons": _by_name(skeletons, "skeletons"),
         "frames": _by_name(frames, "frames"),
         "detections": _by_name(detections, "detections"),
+        "checksums": _by_name(provenance, "checksums"),
     }
     needed = {name: _of(found["frames"], name, "frames") for name in project.released_sequences}
     walks = roster.released_walks(project, needed)
     sources = {name: _sources(walk, found, marks, project) for name, walk in walks.items()}
-    recordings = {name: _of(_by_name(provenance, "checksums"), name, "checksums") for name in walks}
-    rig = rigs.released(cameras, covariances, walks)
+    recordings = {name: _of(found["checksums"], name, "checksums") for name in walks}
+    rig, joint = rigs.released(cameras, covariances, walks), rigs.covariance(covariances, walks)
+    made_of = record.of(project, walks, recordings, code)
     with _folder_in_place(out) as folder:
         with ThreadPoolExecutor(THREADS) as pool:
-            written = pool.map(lambda name: shards.write(folder, walks[name], sources[name]), walks)
+            written = pool.map(shards.write, repeat(folder), walks.values(), sources.values())
             for _ in told(written, len(walks), "sequences", "release"):
                 pass
-        joint = rigs.covariance(covariances, walks)
         pictures = roster.gallery(gallery, walks) if gallery else {}
+        # from here on a session is called as the release calls it
+        walks = {name: walk | {"session": walk["shown"]} for name, walk in walks.items()}
         roles = dict(zip(zip(rig["session"], rig["camera"], strict=True), rig["role"], strict=True))
-        shown = {name: walk | {"session": walk["shown"]} for name, walk in walks.items()}
         for name, table, columns in (
             ("cameras", "released_cameras", rig),
             ("camera_covariance", "camera_covariance", joint),
             ("sequences", "sequences", roster.sequences(walks)),
             ("subjects", "subjects", roster.subjects(walks, project.subjects)),
-            ("splits", "splits", splits.columns(shown, roles)),
+            ("splits", "splits", splits.columns(walks, roles)),
             ("gallery", "released_gallery", pictures),
         ):
-            if len(columns.get("subject", columns.get("session", ()))):
+            if len(next(iter(columns.values()), ())):
                 tables.write(folder / f"{name}.parquet", table, columns)
         rows = figures.released(metrics, walks)
         write_text(folder / "metrics.csv", as_csv(rows))
-        counted = _counted(shown, roles, sources, pictures.get("angle", ()))
-        _write_about(folder, project, walks, counted, rows, record.of(project, walks, recordings, code))
+        counted = _counted(walks, roles, sources, pictures.get("angle", ()))
+        _write_about(folder, project, walks, counted, rows, made_of)
         sums.write(folder)
 
 
