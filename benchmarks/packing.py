@@ -101,7 +101,9 @@ class Sources:
         config.write(settings.from_dict({"subjects": PEOPLE, "sequences": WALKS}), root / "config")
         self.project, self.results = projects.load(root), root / "results"
         self.rng = np.random.default_rng(0)
-        self.files = {name: [] for name in ("labels", "pixels", "skeletons", "frames", "detections", "provenance")}
+        self.files = {
+            name: [] for name in ("labels", "pixels", "skeletons", "frames", "detections", "clocks", "provenance")
+        }
         for sequence in self.project.sequences:
             self._walk(sequence)
 
@@ -127,6 +129,8 @@ class Sources:
         numbers = {"frame": np.tile(np.arange(FRAMES), len(cameras)), "stamp_ns": np.tile(stamps, len(cameras))}
         self._table("frames", "frames", sequence, "frames", each | numbers)
         self._table("detections", "detections", sequence, "detections", self._detections(cameras[:3], stamps))
+        none = {"sequence": [sequence] * len(cameras), "camera": cameras, "offset_s": np.zeros(len(cameras))}
+        self._table("clocks", "clocks", sequence, "offsets", none | {"source": ["reference"] * len(cameras)})
         path = self.results / f"provenance/{sequence}.json"
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(json.dumps({"bag_1": {"sha256": "0" * 64, "bytes": 1}}))

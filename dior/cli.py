@@ -490,6 +490,7 @@ STEPS = {
             "marks": PATHS,
             "cameras": PATHS,
             "covariances": PATHS,
+            "clocks": PATHS,
             "metrics": PATHS,
             "gallery": MAYBE,
             "provenance": PATHS,

@@ -1,7 +1,7 @@
-"""The cameras of a release: intrinsics, poses and how sure those are.
+"""The cameras of a release: intrinsics, poses and how sure those are; their clocks in each walk.
 
-INPUTS   `cameras` and `camera_covariance` tables of the sessions
-OUTPUTS  columns of `released_cameras` and `camera_covariance`, sorted by session and camera
+INPUTS   `cameras` and `camera_covariance` tables of the sessions, `offsets` tables of the sequences
+OUTPUTS  columns of `released_cameras` and `camera_covariance`, sorted by session and camera, and of `released_clocks`
 """
 
 import numpy as np
@@ -34,6 +34,23 @@ def covariance(paths, walks):
     """Columns of the joint covariance of the released sessions' cameras: a row for each pair that is known."""
     shown = {walk["session"]: walk["shown"] for walk in walks.values()}
     return _sorted(_of_sessions(paths, "camera_covariance", shown), shown)
+
+
+def clocks(paths, walks):
+    """Columns of the clocks of the released recordings, by pseudonym, walk and camera."""
+    found = {
+        (row["sequence"], row["camera"]): row
+        for path in dict.fromkeys(map(str, paths))
+        for row in _rows(tables.read(path, "offsets"))
+        if row["sequence"] in walks
+    }
+    rows = []
+    for name, walk in walks.items():
+        for camera in walk["cameras"]:
+            if (name, camera) not in found:
+                raise DiorError(f"release: camera '{camera}' of '{name}' is in no table of clocks; run its steps")
+            rows.append({**found[name, camera], "subject": walk["subject"]})
+    return {key: [row[key] for row in rows] for key in tables.columns_of("released_clocks")}
 
 
 def _of_sessions(paths, name, sessions):

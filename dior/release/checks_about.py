@@ -17,13 +17,14 @@ from dior.release import checks
 from dior.release.checks import PARTS, Broken
 
 REQUIRED = (
-    "CITATION.cff", "LICENSE", "README.md", "cameras.parquet", "croissant.json", "metrics.csv", "provenance.json",
-    "sequences.parquet", "splits.parquet", "subjects.parquet",
+    "CITATION.cff", "LICENSE", "README.md", "cameras.parquet", "clocks.parquet", "croissant.json", "metrics.csv",
+    "provenance.json", "sequences.parquet", "splits.parquet", "subjects.parquet",
 )  # fmt: skip
 # what no row of a table may be there twice by
 KEYS = {
     "cameras": ("session", "camera"),
     "camera_covariance": ("session", "camera", "other"),
+    "clocks": ("sequence", "camera"),
     "sequences": ("sequence",),
     "subjects": ("subject",),
     "splits": ("split", "subject", "sequence", "camera"),
@@ -58,6 +59,8 @@ def about(files, names, listed):
     problems += _covariances(found)
     if "cameras" in found:
         problems += [("cameras.parquet", text) for text in _poses(found["cameras"])]
+    if "clocks" in found:
+        problems += [("clocks.parquet", text) for text in _clocks(found["clocks"], _recordings(names))]
     if "splits" in found:
         problems += [("splits.parquet", text) for text in _splits(found["splits"], _recordings(names))]
     if "metrics.csv" in files:
@@ -128,6 +131,13 @@ def _covariances(found):
         ("camera_covariance.parquet", f"session and camera '{_shown(one)}' is not in cameras.parquet")
         for one in sorted(named - known)
     ]
+
+
+def _clocks(table, recordings):
+    """Each recording has a clock, and nothing else has."""
+    named = set(zip(*(table[key].tolist() for key in ("subject", "sequence", "camera")), strict=True))
+    told = [f"recording '{_shown(one)}' is not in labels_2d/" for one in sorted(named - set(recordings))]
+    return told + [f"recording '{_shown(one)}' has no clock" for one in sorted(set(recordings) - named)]
 
 
 def _splits(table, recordings):

@@ -2,9 +2,9 @@
 
 INPUTS   two release folders
 OUTPUT   text, or JSON: walks and cameras that were added, removed or changed; of a changed recording how far its labels
-         moved (px), of its 3D points (mm), of cameras the way (mm), turn (degrees) and intrinsics; the changed inputs
-         that can be the reason (causes.py). Exit code 0 where the releases are the same, 1 where they differ, 2 where
-         one cannot be read.
+         moved (px), of its 3D points (mm), of cameras the way (mm), turn (degrees) and intrinsics, of clocks the offset
+         (ms) and drift (ppm); the changed inputs that can be the reason (causes.py). Exit code 0 where the releases are
+         the same, 1 where they differ, 2 where one cannot be read.
 Walks are the same by name, whatever the pseudonym. Files with the same checksum are not looked into.
 """
 
@@ -61,6 +61,7 @@ def compared(first, second):
     return found | {
         "sequences": {"added": sorted(names[1] - names[0]), "removed": sorted(names[0] - names[1])},
         "cameras": cameras,
+        "clocks": _clocks(first, second),
         "recordings": recordings,
         "skeletons": skeletons,
         "files": _files(*listed),
@@ -114,6 +115,23 @@ def _camera(one, other):
     if not np.array_equal(one["covariance"], other["covariance"], equal_nan=True):
         change["covariance"] = "changed"
     return change
+
+
+def _clocks(first, second):
+    """By how much the clock of each camera in each walk changed, those that did and that both releases have."""
+    keys = ("sequence", "camera")
+    one, other = (_rows(folder / "clocks.parquet", "released_clocks", keys) for folder in (first, second))
+    found = []
+    for key in sorted(one.keys() & other.keys()):
+        a, b = one[key], other[key]
+        change = {
+            "offset_ms": _rounded(1000 * (b["offset_s"] - a["offset_s"])),
+            "drift_ppm": _rounded(b["drift_ppm"] - a["drift_ppm"]),
+        }
+        change |= {name: [a[name], b[name]] for name in ("source", "method") if a[name] != b[name]}
+        if any(value != 0 for value in change.values()):
+            found.append({**dict(zip(keys, key, strict=True)), "change": "changed", **change})
+    return found
 
 
 def _plain(value):

@@ -11,6 +11,7 @@ def of(found):
     for how, names in found["sequences"].items():
         lines += [f"sequences {how}: {', '.join(names)}"] if names else []
     lines += _section("cameras", found["cameras"], ("session", "camera"), _camera, ())
+    lines += _section("clocks", found["clocks"], ("sequence", "camera"), _clock, ())
     lines += _section("labels and pictures", found["recordings"], ("sequence", "camera"), _recording, found["inputs"])
     lines += _section("3D and marks", found["skeletons"], ("sequence",), _recording, found["inputs"])
     for how, names in found["files"].items():
@@ -45,10 +46,17 @@ def _camera(row):
     parts = []
     if "moved_mm" in row:
         parts.append(f"moved {_number(row['moved_mm'])} mm, turned {_number(row['turned_deg'])} deg")
-    for key, change in row.items():
-        if isinstance(change, list):
-            parts.append(f"{key} {change[0]} -> {change[1]}")
+    parts += [f"{key} {before} -> {after}" for key, (before, after) in _pairs(row)]
     return [*parts, *(["covariance changed"] if "covariance" in row else [])]
+
+
+def _clock(row):
+    parts = [f"offset by {_number(row['offset_ms'])} ms, drift by {_number(row['drift_ppm'])} ppm"]
+    return parts + [f"{key} {before or 'none'} -> {after or 'none'}" for key, (before, after) in _pairs(row)]
+
+
+def _pairs(row):
+    return [(key, change) for key, change in row.items() if isinstance(change, list)]
 
 
 def _recording(row):

@@ -32,6 +32,7 @@ PARTS = (
     Part("marks", "released_marks", f"marks/{_WALK}", "point that a person marked in a picture"),
     Part("cameras", "released_cameras", "cameras.parquet", "session and camera"),
     Part("camera_covariance", "camera_covariance", "camera_covariance.parquet", "pair of cameras of a session"),
+    Part("clocks", "released_clocks", "clocks.parquet", "recording of a camera"),
     Part("sequences", "sequences", "sequences.parquet", "walk"),
     Part("subjects", "subjects", "subjects.parquet", "person"),
     Part("splits", "splits", "splits.parquet", "recording of a camera and part of a split that it is in"),

@@ -2,7 +2,7 @@
 
 INPUTS   the project's config; `labels_2d` and pictures (`released_frames`) per sequence and camera, `skeletons_3d`,
          `frames`, `detections` and the checksums of the recordings per sequence, `marks`, `cameras` and
-         `camera_covariance` of the sessions, `metrics`, `gallery` if there is one
+         `camera_covariance` of the sessions, `offsets` (clocks), `metrics`, `gallery` if there is one
 OUTPUT   results/release/dior-<version>/: the tables of layout.py, README.md (dataset card), LICENSE, CITATION.cff,
          croissant.json, provenance.json, metrics.csv and, last, SHA256SUMS
 Units as in schemas.py. A subject is its pseudonym in every path and column. Same input, same bytes: no clock, no names
@@ -32,8 +32,8 @@ THREADS = 2
 
 
 def run(
-    *, project, config, labels, pixels, skeletons, frames, detections, marks, cameras, covariances, metrics, gallery,
-    provenance, code, out,
+    *, project, config, labels, pixels, skeletons, frames, detections, marks, cameras, covariances, clocks, metrics,
+    gallery, provenance, code, out,
 ):  # fmt: skip
     """Build the release folder `out` whole beside its place and put it there.
 
@@ -74,6 +74,7 @@ def run(
         for name, table, columns in (
             ("cameras", "released_cameras", rig),
             ("camera_covariance", "camera_covariance", joint),
+            ("clocks", "released_clocks", rigs.clocks(clocks, walks)),
             ("sequences", "sequences", roster.sequences(walks)),
             ("subjects", "subjects", roster.subjects(walks, project.subjects)),
             ("splits", "splits", splits.columns(walks, roles)),

@@ -132,6 +132,14 @@ def pixels(path, who, name, camera, count=FRAMES):
     tables.write(path, "released_frames", columns)
 
 
+def clocks(path, name):
+    """cam01 is the reference, cam02 is 20 ms late and has no known error."""
+    columns = {"sequence": [name] * 3, "camera": list(ROLES), "offset_s": [0.0, 0.02, -0.01],
+               "drift_ppm": [0.0, 5.0, 0.0], "sigma_s": [0.0, np.nan, 0.001],
+               "source": ["reference", "estimated", "manual"], "method": ["", "boxes", ""]}  # fmt: skip
+    tables.write(path, "offsets", columns)
+
+
 def detections(path):
     close = [camera for camera, role in ROLES.items() if role == "close"]
     n = FRAMES * len(close)
@@ -183,8 +191,8 @@ def project(root, walks=WALKS):
     write_config(root)
     sheets(root, CONSENT, walks=walks)
     results = root / "results"
-    lists = ("labels", "pixels", "skeletons", "frames", "detections", "metrics", "cameras", "covariances", "provenance")
-    found = {name: [] for name in lists}
+    lists = ("labels", "pixels", "skeletons", "frames", "detections", "metrics", "cameras", "covariances", "clocks")
+    found = {name: [] for name in (*lists, "provenance")}
 
     def add(kind, path):
         found[kind].append(results / path)
@@ -196,6 +204,7 @@ def project(root, walks=WALKS):
             pixels(add("pixels", f"pixels/{name}.{camera}.parquet"), PSEUDONYM.get(who, ""), name, camera)
         skeleton(add("skeletons", f"mocap/{name}.parquet"), who, name)
         frames(add("frames", f"frames/{name}.parquet"), name)
+        clocks(add("clocks", f"clocks/{name}.parquet"), name)
         if environment == "outdoor":
             detections(add("detections", f"detections/{name}.parquet"))
         figure(add("metrics", f"evaluate/{name}.parquet"), name, who, (0.5, 0.8, 0.9, 0.0)[i], (10, 10, 20, 1000)[i])

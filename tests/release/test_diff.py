@@ -160,6 +160,18 @@ def test_a_camera_without_a_pose_is_json(whole, later):
     }  # fmt: skip
 
 
+def test_clocks_that_changed(whole, later):
+    changed = made_up.clocks(offset_s=[0.5, 0.5125, 0.5, 0.5, 0.5, 0.5], drift_ppm=[0, 0, -7.5, 0, 0, 0])
+    changed["source"][5], changed["method"][5] = "manual", ""
+    made_up.write(later, "clocks.parquet", "released_clocks", changed)
+    assert diff.compared(whole, later)["clocks"] == [
+        {"sequence": "walk_1", "camera": "cam02", "change": "changed", "offset_ms": 12.5, "drift_ppm": 0.0},
+        {"sequence": "walk_2", "camera": "cam01", "change": "changed", "offset_ms": 0.0, "drift_ppm": -7.5},
+        {"sequence": "walk_3", "camera": "cam02", "change": "changed", "offset_ms": 0.0, "drift_ppm": 0.0,
+         "source": ["estimated", "manual"], "method": ["cameras", ""]},
+    ]  # fmt: skip
+
+
 def test_pictures_that_changed(whole, later):
     image = made_up.frames("walk_2", "cam02")["image"]
     image[:] = [image[0], made_up.jpeg(99), None, made_up.jpeg(3)]
@@ -280,6 +292,7 @@ def test_the_text_says_it_all(whole, later, capsys):
     labels(later, **moved_by(3, 4))
     provenance(later, session_file("field", "cam01.yaml"))
     made_up.write(later, "cameras.parquet", "released_cameras", made_up.cameras(fx=[21.0, 20, 20, 20]))
+    made_up.write(later, "clocks.parquet", "released_clocks", made_up.clocks(offset_s=[0.501, *[0.5] * 5]))
     assert cli.main(["diff", str(whole), str(later)]) == 1
     assert capsys.readouterr().out.splitlines() == [
         "dior-0.1.0 -> dior-0.2.0",
@@ -287,10 +300,13 @@ def test_the_text_says_it_all(whole, later, capsys):
         "cameras",
         "  field  cam01  fx 20.0 -> 21.0",
         "",
+        "clocks",
+        "  walk_1  cam01  offset by 1 ms, drift by 0 ppm",
+        "",
         "labels and pictures",
         "  walk_2  cam01  labels_2d moved median 5, p95 5, max 5 px  because of [1]",
         "",
-        "files changed: cameras.parquet, provenance.json",
+        "files changed: cameras.parquet, clocks.parquet, provenance.json",
         "",
         "inputs and settings that changed",
         "  [1] config/sessions/field/cam01.yaml",

@@ -40,7 +40,7 @@ def test_who_did_not_agree_is_in_no_file(built):
                  ("cam01", "cam03")}  # fmt: skip
     expected |= {"boxes/zebra-0001/walk_2.cam02.parquet"}
     expected |= {f"marks/zebra-0001/{name}.parquet" for name in ("walk_1", "walk_2")}
-    tables_at_the_top = ("cameras", "camera_covariance", "sequences", "subjects", "splits")
+    tables_at_the_top = ("cameras", "camera_covariance", "clocks", "sequences", "subjects", "splits")
     expected |= {f"{name}.parquet" for name in tables_at_the_top}
     expected |= {"README.md", "LICENSE", "CITATION.cff", "croissant.json", "provenance.json", "metrics.csv"}
     expected |= {f"checksums/{who}/SHA256SUMS" for who in ("apple-0002", "zebra-0001")}
@@ -91,6 +91,14 @@ def test_marks_and_checks_are_of_the_walk(built):
         ["check"], ["cam01"], [1], ["nose"], [10.0], [20.5], [-1],
     ]  # fmt: skip
     assert np.isnan(checks["x"]).all() and np.isnan(checks["residual_px"]).all()
+
+
+def test_clocks_are_those_of_released_walks_by_pseudonym(built):
+    found = tables.read(built["out"] / "clocks.parquet", "released_clocks")
+    rows = list(zip(*(found[key].tolist() for key in ("subject", "sequence", "camera", "offset_s")), strict=True))
+    assert rows[:3] == [("apple-0002", "walk_3", camera, s) for camera, s in zip(ROLES, (0, 0.02, -0.01), strict=True)]
+    assert [row[1] for row in rows] == ["walk_3"] * 3 + ["walk_1"] * 3 + ["walk_2"] * 3
+    assert np.isnan(found["sigma_s"][1]) and found["source"][1] == "estimated" and found["method"][1] == "boxes"
 
 
 def test_cameras_have_their_own_and_the_joint_covariance(built):
@@ -209,16 +217,17 @@ def test_a_part_of_a_session_is_called_after_a_released_walk(tmp_path):
     session = tmp_path / "config/sessions/field"
     (session / "cam01@walk_4.yaml").write_text((session / "cam01.yaml").read_text())
     sheets(tmp_path, CONSENT, walks=walks)
-    for kind in ("labels", "pixels", "skeletons", "frames", "provenance"):
+    for kind in ("labels", "pixels", "skeletons", "frames", "clocks", "provenance"):
         for path in [path for path in arguments[kind] if path.name.startswith("walk_2.")]:
             twin = path.with_name(path.name.replace("walk_2", "walk_6"))
             if kind == "labels":
                 labels(twin, "Realname", "walk_6", path.stem.split(".")[1])
             elif kind == "pixels":
                 pixels(twin, "zebra-0001", "walk_6", path.stem.split(".")[1])
-            elif kind == "skeletons":
-                table = tables.read(path, "skeletons_3d") | {"sequence": np.array(["walk_6"] * 2, object)}
-                tables.write(twin, "skeletons_3d", table)
+            elif kind in ("skeletons", "clocks"):
+                name = {"skeletons": "skeletons_3d", "clocks": "offsets"}[kind]
+                table = tables.read(path, name)
+                tables.write(twin, name, table | {"sequence": np.array(["walk_6"] * len(table["sequence"]), object)})
             else:
                 twin.write_bytes(path.read_bytes())
             arguments[kind].append(twin)

@@ -67,8 +67,8 @@ def flipped(path, at):
 def test_what_is_whole_is_told_with_its_counts(whole, packed, capsys):
     assert cli.main(["verify", "--decode", str(whole)]) == 0
     said = capsys.readouterr().out
-    assert said.startswith("dior-0.1.0: 45 files, ") and said.count("\n") == 1
-    assert "36 tables, 2 subjects, 3 walks, 6 recordings; 72 labels on 24 frames; 33 points in 3D, 18 pictures" in said
+    assert said.startswith("dior-0.1.0: 46 files, ") and said.count("\n") == 1
+    assert "37 tables, 2 subjects, 3 walks, 6 recordings; 72 labels on 24 frames; 33 points in 3D, 18 pictures" in said
     assert "(decoded)" in said
     assert cli.main(["verify", *map(str, packed.values())]) == 0
     assert capsys.readouterr().out == said.replace("decoded", "headers read"), "all tarballs are the release"
@@ -99,7 +99,7 @@ def test_one_flipped_byte_in_each_kind_of_file(whole, made, verified):
     for path in sorted(path for path in made.rglob("*") if path.is_file()):
         name = path.relative_to(made).as_posix()
         kinds.setdefault(name.split("/")[0] if "/" in name else name, name)
-    assert len(kinds) == 6 + 1 + 13, "tables by person, their checksums, what is at the top"
+    assert len(kinds) == 6 + 1 + 14, "tables by person, their checksums, what is at the top"
     for name in sorted(set(kinds.values()) - {"SHA256SUMS"}):
         shutil.copy(whole / name, made / name)
         flipped(made / name, (made / name).stat().st_size // 2)
@@ -324,6 +324,11 @@ MIRRORED = np.diag([1, 1, -1, 1.0]).ravel()
             ("cameras.parquet", "released_cameras", made_up.cameras(wTc=np.tile(MIRRORED, (4, 1)))),
             [f"cameras.parquet: session and camera '{name}' has a pose that is no rotation and translation"
              for name in ("field cam01", "field cam02", "lab cam01", "lab cam02")],
+        ),
+        (
+            ("clocks.parquet", "released_clocks", made_up.clocks(camera=["cam01", "cam02"] * 2 + ["cam01", "cam03"])),
+            ["clocks.parquet: recording 'apple-0002 walk_3 cam03' is not in labels_2d/",
+             "clocks.parquet: recording 'apple-0002 walk_3 cam02' has no clock"],
         ),
         (
             ("splits.parquet", "splits", made_up.splits(part=["test", "test", "test", "train", "train", "val"])),

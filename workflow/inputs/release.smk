@@ -53,6 +53,15 @@ def released_covariances():
     return list(dict.fromkeys(path for path in files if path))
 
 
+def released_clocks():
+    """The clocks of all cameras in the released sequences."""
+    return [
+        path
+        for sequence in PROJECT.released_sequences
+        for path in clocks_of(sequence, PROJECT.cameras_of(sequence))
+    ]
+
+
 def released_marks():
     """The marks that located cameras on pictures of released sequences."""
     return [
@@ -145,7 +154,7 @@ def released_files():
         sequence: PROJECT.pseudonym(PROJECT.subject_of(sequence))
         for sequence in PROJECT.released_sequences
     }
-    tables = ["cameras", "sequences", "subjects", "splits"]
+    tables = ["cameras", "clocks", "sequences", "subjects", "splits"]
     tables += ["camera_covariance"] if released_covariances() else []
     tables += ["gallery"] if released_gallery() else []
     about = ["README.md", "LICENSE", "CITATION.cff", "croissant.json", "provenance.json"]

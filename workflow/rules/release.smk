@@ -119,6 +119,7 @@ rule package:
             for path in cameras_of(session, PROJECT.cameras(session))
         ],
         covariances=released_covariances(),
+        clocks=released_clocks(),
         metrics=released_metrics(),
         gallery=released_gallery(),
         provenance=released("results/provenance/{sequence}.json"),
@@ -149,6 +150,7 @@ rule package:
         " --marks {input.marks:q}"
         " --cameras {input.cameras:q}"
         " --covariances {input.covariances:q}"
+        " --clocks {input.clocks:q}"
         " --metrics {input.metrics:q}"
         " --gallery {input.gallery:q}"
         " --provenance {input.provenance:q}"
