@@ -5,7 +5,7 @@ OUTPUTS  `Trials`: a row per probe and gallery, with the galleries' sequences fr
 
 | protocol | gallery | |
 |---|---|---|
-| per_camera | one other camera after the other | the paper's, as far as its numbers tell (docs/reid.md) |
+| per_camera | one other camera after the other | the paper's, as far as its numbers tell |
 | pooled | all other cameras at once | |
 | other_recording | as per_camera, without the recording of the probe | a walk is not found by its own pictures |
 | other_place | as per_camera, only cameras of the other environment | indoors in outdoors and the reverse |

@@ -9,7 +9,7 @@ from dior.report.summary import count
 
 
 class Project:
-    sequences, sessions = ("walk",), ("field",)
+    sequences, sessions, released_subjects = ("walk",), ("field",), ()
 
     def __init__(self, root):
         self.root = root
