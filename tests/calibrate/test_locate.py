@@ -157,6 +157,7 @@ def session(folder, wrong=False, frames=(0, 3)):
 def located(folder):
     run(
         session="lab", camera="cam01", camera_file=folder / "cam01.yaml", marks=folder / "cam01.marks.csv",
+        sequences=["indoor_01"],
         intrinsics=folder / "lens.parquet", mocap=[folder / "mocap.parquet"],
         frames=[folder / "frames/indoor_01.parquet"], offsets=[folder / "indoor_01.yaml"], ransac_px=8.0,
         out=folder / "cam.parquet", out_covariance=folder / "covariance.parquet", out_marks=folder / "marks.parquet",

@@ -266,7 +266,7 @@ SLOW = pytest.mark.slow
 
 def test_without_a_target_there_is_no_release_but_one_that_is_there_is_kept_up(project, tmp_path):
     shutil.copytree(project / "config", tmp_path / "config")
-    of_release = {"heads", "pixels", "provenance", "package", "tarballs"}
+    of_release = {"heads", "pixels", "provenance", "package", "exports", "tarballs"}
     jobs = planned(tmp_path)
     assert jobs["report"] == 1 and not of_release & set(jobs)
     (tmp_path / "results/release/dior-0.1.0").mkdir(parents=True)
@@ -286,7 +286,7 @@ def test_an_edited_long_range_camera_touches_only_its_own_labels(copy):
     nudge(copy / "config/sessions/field/cam04.yaml", "sigma_m")
     assert planned(copy) == {
         "align": 1, "follow": 2, "reproject": 2, "evaluate": 2, "overlays": 2, "clip": 2, "metrics": 1, "statistics": 1,
-        "heads": 2, "pixels": 2, "report": 1, "package": 1, "tarballs": 3,
+        "heads": 2, "pixels": 2, "report": 1, "package": 1, "exports": 1, "tarballs": 3,
     }  # fmt: skip
 
 
@@ -296,7 +296,7 @@ def test_an_edited_close_camera_touches_its_session(copy):
         "place": 1, "adjust": 1, "clocks": 2, "timeline": 2, "follow": 2, "triangulate": 2, "refine": 2,
         "align": 1, "moved": 1, "reproject": 8, "evaluate": 2,
         "overlays": 8, "clip": 2, "metrics": 1, "statistics": 1, "report": 1,
-        "heads": 8, "pixels": 8, "package": 1, "tarballs": 3,
+        "heads": 8, "pixels": 8, "package": 1, "exports": 1, "tarballs": 3,
     }  # fmt: skip
 
 
@@ -315,7 +315,7 @@ def test_an_edited_sheet_row_touches_its_sequence(copy):
         "adjust": 1, "clocks": 2, "timeline": 2, "follow": 2, "triangulate": 2, "refine": 2,
         "align": 1, "moved": 1, "reproject": 8, "evaluate": 2,
         "overlays": 8, "clip": 2, "metrics": 1, "statistics": 1, "report": 1,
-        "heads": 8, "pixels": 8, "package": 1, "tarballs": 3,
+        "heads": 8, "pixels": 8, "package": 1, "exports": 1, "tarballs": 3,
     }  # fmt: skip
 
 
@@ -325,13 +325,13 @@ def test_who_withdraws_touches_the_labels_that_depended_on_it(copy):
     assert planned(copy) == {
         "adjust": 1, "clocks": 1, "timeline": 1, "follow": 1, "triangulate": 1, "refine": 1, "align": 1, "gallery": 1,
         "reproject": 4, "evaluate": 1, "overlays": 4, "clip": 1, "metrics": 1, "statistics": 1, "report": 1,
-        "heads": 4, "pixels": 4, "package": 1, "tarballs": 2,
+        "heads": 4, "pixels": 4, "package": 1, "exports": 1, "tarballs": 2,
     }  # fmt: skip
 
 
 def test_who_takes_back_the_pictures_touches_no_label(copy):
     withdraw(copy, release="yes")
-    assert planned(copy) == {"pixels": 8, "package": 1, "tarballs": 3}
+    assert planned(copy) == {"pixels": 8, "package": 1, "exports": 1, "tarballs": 3}
 
 
 @pytest.mark.slow
