@@ -218,7 +218,7 @@ def measure_labels(root):
     with told("package"):
         package.run(
             project=root, config=None, **sources.files, marks=[], cameras=sources.cameras(), covariances=[], metrics=[],
-            gallery=None, code={}, out=out,
+            gallery=None, steps={}, out=out,
         )  # fmt: skip
     with told("tarballs"):
         for part in [*map(sources.project.pseudonym, sources.project.released_subjects), sums.METADATA]:

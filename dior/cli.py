@@ -494,7 +494,7 @@ STEPS = {
             "metrics": PATHS,
             "gallery": MAYBE,
             "provenance": PATHS,
-            "code": PAIRS,
+            "steps": PAIRS,
             "out": PATH,
         },
     ),

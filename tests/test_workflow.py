@@ -2,6 +2,8 @@
 
 import re
 
+import pytest
+
 from dior.cli import STEPS
 from tests.end_to_end.workflow import ROOT, snakemake
 
@@ -28,10 +30,42 @@ def test_rule_is_subcommand_is_log_folder():
         if name in TARGETS:
             continue
         step = name.partition("_")[0] if name.startswith("simulate") else name
-        assert f'"dior {step}"' in text, name
+        assert f'"dior {step}"' in text or (step == name and '"../scripts/step.py"' in text), name
         assert step in STEPS, name
         assert "    log:\n" in text and "    benchmark:\n" in text and "code=code(" in text, name
         assert f'code=code("{STEPS[step][0]}")' in text, name
+
+
+def test_what_a_script_is_given_is_what_its_step_takes():
+    """Of what the rule names, the script takes what is a flag; so none may be spelled otherwise."""
+    scripts = [name for name, text in RULES.items() if "    script:\n" in text]
+    assert scripts == ["metrics", "statistics", "package", "report"]
+    for name in scripts:
+        named = set(re.findall(r"^        (\w+)=", RULES[name], re.MULTILINE))
+        assert {flag.replace("-", "_") for flag in STEPS[name][2]} <= named, name
+
+
+def longest_commands(folder, subjects):
+    """The length of the longest command of each rule in a project of that many subjects with two walks each."""
+    from dior.simulate import config, settings
+
+    config.write(settings.from_dict({"subjects": subjects, "sequences": 2}), folder / "config")
+    _, text = snakemake(folder, "-n", "-p", "release", "report")
+    found = {}
+    for command in re.findall(r"(dior \w+ --.*?) 2>&1 \| tee", text):
+        step = command.split()[1]
+        found[step] = max(found.get(step, 0), len(command))
+    return found
+
+
+@pytest.mark.slow
+def test_no_command_grows_too_long_with_the_walks(tmp_path):
+    """Linux takes 131072 bytes in one argument, and `bash -c` is given a job's command as one."""
+    few, many = longest_commands(tmp_path / "few", 2), longest_commands(tmp_path / "many", 6)
+    assert len(few) > 20
+    for step, length in few.items():
+        per_walk = (many[step] - length) / 8
+        assert length + 1000 * per_walk < 131072, f"{step}: {per_walk} bytes per walk"
 
 
 def test_every_step_has_a_rule():

@@ -33,14 +33,15 @@ THREADS = 2
 
 def run(
     *, project, config, labels, pixels, skeletons, frames, detections, marks, cameras, covariances, clocks, metrics,
-    gallery, provenance, code, out,
+    gallery, provenance, steps, out,
 ):  # fmt: skip
     """Build the release folder `out` whole beside its place and put it there.
 
     `project`: the folder that holds config/; `config`: the content of config.yaml. The lists of files are named as the
     steps name them (<sequence>.<camera>.parquet, <sequence>.parquet); those of sequences that are not released may be
-    among them and are left out. `gallery`: its table or None; `code`: hash of its code by step. Raises DiorError where
-    nobody agreed to the release and where a released sequence lacks a table or is labelled as another subject's.
+    among them and are left out. `gallery`: its table or None; `steps`: hash of each step's code.
+    Raises DiorError where nobody agreed to the release and where a released sequence lacks a table or is labelled as
+    another subject's.
     """
     project, out = projects.load(project, config), Path(out)
     kept = set(map(project.pseudonym, project.released_subjects))
@@ -61,7 +62,7 @@ def run(
     sources = {name: _sources(walk, found, marks, project) for name, walk in walks.items()}
     recordings = {name: _of(found["checksums"], name, "checksums") for name in walks}
     rig, joint = rigs.released(cameras, covariances, walks), rigs.covariance(covariances, walks)
-    made_of = record.of(project, walks, recordings, code)
+    made_of = record.of(project, walks, recordings, steps)
     with _folder_in_place(out) as folder:
         with ThreadPoolExecutor(THREADS) as pool:
             written = pool.map(shards.write, repeat(folder), walks.values(), sources.values())

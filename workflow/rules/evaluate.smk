@@ -172,24 +172,20 @@ rule to_mark:
 rule metrics:
     """Pool the figures over sequences, subjects and cameras."""
     input:
-        sequences=expand("results/evaluate/{sequence}.parquet", sequence=SEQUENCES),
-        adjust=expand("results/adjust/{session}.metrics.parquet", session=ADJUSTED),
-        detectors=expand("results/detectors/{sequence}.parquet", sequence=DETECTED),
+        inputs=expand("results/evaluate/{sequence}.parquet", sequence=SEQUENCES)
+        + expand("results/adjust/{session}.metrics.parquet", session=ADJUSTED)
+        + expand("results/detectors/{sequence}.parquet", sequence=DETECTED),
         checks=expand("results/evaluate/{sequence}.checks.parquet", sequence=SEQUENCES),
     output:
-        report("results/evaluate/metrics.csv", category="Tables"),
+        out=report("results/evaluate/metrics.csv", category="Tables"),
     log:
         "logs/metrics/metrics.log",
     benchmark:
         "logs/metrics/metrics.benchmark.tsv"
     params:
         code=code("evaluate.metrics"),
-    shell:
-        "dior metrics"
-        " --inputs {input.sequences:q} {input.adjust:q} {input.detectors:q}"
-        " --checks {input.checks:q}"
-        " --out {output:q}"
-        " 2>&1 | tee {log:q}"
+    script:
+        "../scripts/step.py"
 
 
 rule statistics:
@@ -201,21 +197,14 @@ rule statistics:
         dropped=expand("results/audit/{sequence}.dropped.parquet", sequence=SEQUENCES),
         gallery=["results/gallery/gallery.parquet"] if PROJECT.gallery else [],
     output:
-        report("results/evaluate/statistics.csv", category="Tables"),
+        out=report("results/evaluate/statistics.csv", category="Tables"),
     log:
         "logs/statistics/statistics.log",
     benchmark:
         "logs/statistics/statistics.benchmark.tsv"
     params:
+        root=".",
         sheet=as_json(PROJECT.rows),
         code=code("evaluate.statistics"),
-    shell:
-        "dior statistics"
-        " --root ."
-        " --labels {input.labels:q}"
-        " --skeletons {input.skeletons:q}"
-        " --frames {input.frames:q}"
-        " --dropped {input.dropped:q}"
-        " --gallery {input.gallery:q}"
-        " --out {output:q}"
-        " 2>&1 | tee {log:q}"
+    script:
+        "../scripts/step.py"

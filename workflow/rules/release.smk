@@ -133,30 +133,14 @@ rule package:
         "logs/package/package.benchmark.tsv"
     threads: 2
     params:
+        project=".",
         config=release_config,
         out=release_folder,
         sheets=as_json([PROJECT.rows, PROJECT.subjects]),
         steps=released_code(),
         code=code("release.package"),
-    shell:
-        "dior package"
-        " --project ."
-        " --config {params.config:q}"
-        " --labels {input.labels:q}"
-        " --pixels {input.pixels:q}"
-        " --skeletons {input.skeletons:q}"
-        " --frames {input.frames:q}"
-        " --detections {input.detections:q}"
-        " --marks {input.marks:q}"
-        " --cameras {input.cameras:q}"
-        " --covariances {input.covariances:q}"
-        " --clocks {input.clocks:q}"
-        " --metrics {input.metrics:q}"
-        " --gallery {input.gallery:q}"
-        " --provenance {input.provenance:q}"
-        " --code {params.steps:q}"
-        " --out {params.out:q}"
-        " 2>&1 | tee {log:q}"
+    script:
+        "../scripts/step.py"
 
 
 rule tarballs:

@@ -102,7 +102,7 @@ rule report:
         page="results/report/index.html",
         sequences=directory("results/report/sequences"),
         cost="results/report/cost.html",
-        timing="results/timing.csv",
+        out_timing="results/timing.csv",
         plots=report(
             directory("results/report/assets/plots"), patterns=["{name}.svg"], category="Figures"
         ),
@@ -111,30 +111,11 @@ rule report:
     benchmark:
         "logs/report/report.benchmark.tsv"
     params:
+        root=".",
+        out="results/report",
         title=CONFIG["release"]["title"],
         sheet=as_json(PROJECT.rows),
         consents=as_json([PROJECT.left_out, PROJECT.unanswered]),
         code=code("report.page"),
-    shell:
-        "dior report"
-        " --root ."
-        " --title {params.title:q}"
-        " --metrics {input.metrics:q}"
-        " --frame-metrics {input.frame_metrics:q}"
-        " --findings {input.findings:q}"
-        " --cameras {input.cameras:q}"
-        " --covariances {input.covariances:q}"
-        " --turns {input.turns:q}"
-        " --skeletons {input.skeletons:q}"
-        " --audits {input.audits:q}"
-        " --dropped {input.dropped:q}"
-        " --frames {input.frames:q}"
-        " --clocks {input.clocks:q}"
-        " --clock-costs {input.clock_costs:q}"
-        " --overlays {input.overlays:q}"
-        " --clips {input.clips:q}"
-        " --statistics {input.statistics:q}"
-        " --effort {input.effort:q}"
-        " --out results/report"
-        " --out-timing {output.timing:q}"
-        " 2>&1 | tee {log:q}"
+    script:
+        "../scripts/step.py"

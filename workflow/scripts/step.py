@@ -1,0 +1,41 @@
+"""Run the step that the rule is named after; what the rule calls its input, output and params are the step's flags.
+
+For the rules over all sequences: their lists of files outgrow a command line (128 KB on Linux) at about 120 sequences.
+"""
+
+import os
+import subprocess
+import sys
+import traceback
+
+from dior import cli
+
+
+def words(job):
+    """The command line of `dior` for a job of Snakemake's, as a list."""
+    found = [job.rule]
+    for key, value in [*job.input.items(), *job.output.items(), *job.params.items()]:
+        if (flag := key.replace("_", "-")) in cli.STEPS[job.rule][2]:
+            found += [f"--{flag}", *([value] if isinstance(value, str) else map(str, value))]
+    return found
+
+
+def run(job):
+    """Exit code; what is printed goes to the screen and to the log, as with `2>&1 | tee`."""
+    screen = [os.dup(stream) for stream in (1, 2)]
+    with subprocess.Popen(["tee", job.log[0]], stdin=subprocess.PIPE) as tee:
+        for stream in (1, 2):
+            os.dup2(tee.stdin.fileno(), stream)
+        try:
+            return cli.main(words(job))
+        except Exception:
+            traceback.print_exc()
+            return 1
+        finally:
+            # tee ends when nothing can write to it any more
+            sys.stdout.flush()
+            for stream, own in zip((1, 2), screen, strict=True):
+                os.dup2(own, stream)
+
+
+sys.exit(run(snakemake))  # noqa: F821 (Snakemake puts it there)
