@@ -355,7 +355,7 @@ def test_a_broken_sequence_does_not_stop_the_others(copy):
     bag.write_bytes(bag.read_bytes()[: bag.stat().st_size // 2])
     shutil.rmtree(copy / "results/reproject")
     (copy / "results/frames/indoor_02.parquet").unlink()
-    code, text = snakemake(copy, "--keep-going", check=False)
+    code, text = snakemake(copy, "--keep-going", "--until", "reproject", check=False)
     assert code != 0
     assert "dior frames: " in text and "pc2.bag" in text and "truncated" in text
     last = text.split("Exiting because a job execution failed")[1]

@@ -146,7 +146,7 @@ rule package:
 rule tarballs:
     """Pack one subject's part of the release, or what is about all (`metadata`)."""
     input:
-        released_files(),
+        f"{RELEASE}/SHA256SUMS",
     output:
         f"{RELEASE}-{{pseudonym}}.tar",
     log:
