@@ -56,6 +56,7 @@ def test_shared_code_changes_its_users_through_other_modules(package):
     assert changed(before, hashes()) == {"calibrate.align"}
 
 
+@pytest.mark.slow
 def test_comments_and_docstrings_change_nothing(package):
     before = hashes()
     path = package / "label/reproject.py"
@@ -72,6 +73,7 @@ def test_a_template_changes_the_steps_that_name_it(package):
     assert changed(before, hashes()) == {"release.package"}
 
 
+@pytest.mark.slow
 def test_a_schemas_default_changes_the_steps_that_fill_it_in(package):
     before = hashes()
     edit(package.parent / "workflow/schemas/camera.schema.yaml", "default: 0.05", "default: 0.5")

@@ -267,6 +267,7 @@ def test_a_bar_whose_end_only_one_camera_marks_is_refused(tmp_path):
         ran(tmp_path, scaled(ring(3), 1.0), known, clicked(tmp_path, BAR, ring(3)[:1]))
 
 
+@pytest.mark.slow
 def test_each_subject_is_judged_by_their_own_walk_and_height(tmp_path):
     """Two people of 1.75 and 1.40 m; a third of the window without a height is not judged."""
     names, heights = ("walk", "child", "unknown"), (1.75, 1.40, 1.2)

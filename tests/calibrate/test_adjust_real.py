@@ -139,6 +139,7 @@ def test_from_five_centimetres_and_two_degrees(capture, tmp_path, seed):
     assert mean_px(metrics, "adjust_error_after") <= 9.0
 
 
+@pytest.mark.slow
 def test_cameras_that_look_at_the_origin_end_well_or_not_at_all(capture, tmp_path):
     """The true axes miss the origin by 6-19 degrees, a local minimum is near; it must never be passed on."""
     folder, cameras = capture
@@ -152,7 +153,8 @@ def test_cameras_that_look_at_the_origin_end_well_or_not_at_all(capture, tmp_pat
         assert moved(camera, found[camera.name])[0] < 0.1
 
 
-@pytest.mark.parametrize("target", [(0, 0, 5), pytest.param((3.59, 3.65, 3.29), marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("target", [(0, 0, 5), (3.59, 3.65, 3.29)])
 def test_look_at_starts_with_a_local_minimum_are_brought_back_by_the_keypoints(capture, tmp_path, target):
     folder, cameras = capture
     found, metrics, findings = adjusted(folder, looking_at(cameras, target), tmp_path, 0.05)
@@ -162,6 +164,7 @@ def test_look_at_starts_with_a_local_minimum_are_brought_back_by_the_keypoints(c
         assert moved(camera, found[camera.name])[1] < 3
 
 
+@pytest.mark.slow
 def test_a_look_at_start_that_ends_at_fifteen_pixels_is_refused(capture, tmp_path):
     """One camera's height is 1 m wrong and its tape is believed to 0.1 mm: the others cannot make up for it."""
     folder, cameras = capture
@@ -171,6 +174,7 @@ def test_a_look_at_start_that_ends_at_fifteen_pixels_is_refused(capture, tmp_pat
         adjusted(folder, placed, tmp_path, 0.0001)
 
 
+@pytest.mark.slow
 def test_a_far_move_is_a_warning(capture, tmp_path):
     folder, cameras = capture
     placed = looking_at(cameras, (0, 0, 1))
@@ -192,6 +196,7 @@ def test_a_sequence_without_files_gives_the_nearest(capture, tmp_path):
         adjusted(folder, cameras, tmp_path, sections={"bean": WINDOW[SEQUENCE]})
 
 
+@pytest.mark.slow
 def test_the_step_is_byte_stable(capture, tmp_path):
     folder, cameras = capture
     for name in ("a", "b"):
@@ -230,6 +235,7 @@ def test_clocks_that_nobody_gave_are_found(capture, tmp_path, by_s):
     assert mean_px(metrics, "adjust_error_after") <= 9.0
 
 
+@pytest.mark.slow
 def test_a_clock_given_by_hand_that_is_wrong_by_three_pictures_is_named(capture, tmp_path):
     folder, cameras = capture
     _, _, findings = adjusted(shifted(folder, tmp_path / "in", "cam03", 0.05), cameras, tmp_path / "out")

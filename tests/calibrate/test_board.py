@@ -67,6 +67,7 @@ def test_the_step_writes_intrinsics_and_findings(shared, tmp_path):
     assert set(found["scope"]) == {"beam/cam01"} and "board_coverage" in found["code"]
 
 
+@pytest.mark.slow
 def test_many_views_of_a_bent_board_give_the_lens():
     done = board.calibrate(seen(24, bow_m=0.001), "")
     assert done.held == () and done.coverage > 0.6 and 30 < done.tilt_deg < 100

@@ -112,6 +112,7 @@ def test_a_focal_length_that_may_change_is_found():
     np.testing.assert_allclose(found.camera.centre, known.centre, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_intervals_hold_over_many_drawings():
     """Labels' errors in units of their stated sigma, 40 sets of boxes with independent edges."""
     points = body(40)

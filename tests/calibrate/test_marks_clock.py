@@ -135,6 +135,7 @@ def test_marks_without_a_clock_do_not_move_a_camera_that_has_others():
     assert "walk_1" not in solved.clocks and "its marks are not used" in solved.findings[0][3]
 
 
+@pytest.mark.slow
 def test_intervals_are_those_of_many_trials():
     ratio, shift = [], []
     for seed in range(12):

@@ -93,6 +93,7 @@ def test_deletion_residuals_are_those_of_a_fit_without_the_mark():
     assert shift == pytest.approx(np.linalg.norm(without[:3, 3] - everything[:3, 3]), rel=0.05)
 
 
+@pytest.mark.slow
 def test_good_marks_are_rarely_suspected():
     xyz = points()
     blamed = [pnp.suspect(*fitted(xyz, noisy(xyz, 1.5, seed))) for seed in range(60)]

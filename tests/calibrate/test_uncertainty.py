@@ -1,6 +1,7 @@
 """The cameras' covariance against many tries with known errors, and the clusters that it is made of."""
 
 import numpy as np
+import pytest
 
 from dior.calibrate import adjust, facts, uncertainty
 from dior.calibrate.uncertainty import Tracks
@@ -38,6 +39,7 @@ def _turn(R):
     return np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / 2
 
 
+@pytest.mark.slow
 def test_errors_are_as_large_as_the_sigmas_with_white_noise_and_with_habits():
     for bias in (0.0, 0.01):
         each, found = zip(*(tried(seed, 1.0, bias) for seed in range(12)), strict=True)

@@ -34,6 +34,7 @@ def score(shared, labels):
     return {words[i]: float(words[i + 1]) for i in (0, 2, 4, 6)}
 
 
+@pytest.mark.slow
 def test_reference_cameras_label_the_unseen_one(project, shared):
     snakemake(project, "all", "release")
     figures = score(shared, project / "results/reproject/beam_01.cam04.parquet")
@@ -105,7 +106,7 @@ def test_adjusted_cameras(project, shared, metres, degrees, start):
     [
         ("sequences.tsv", "pc2.bag", "pc3.bag", "frames", ["pc3.bag", "no such bag"]),
         slow("sequences.tsv", "mlkit/", "mlkt/", "detections", ["beam_01", "mlkt/cam01.jsonl"]),
-        ("sequences.tsv", "mlkit/{camera}.jsonl", "openpose/{camera}", "detections", ["OpenPose", "mlkit"]),
+        slow("sequences.tsv", "mlkit/{camera}.jsonl", "openpose/{camera}", "detections", ["OpenPose", "mlkit"]),
         slow(
             "sessions/beam/cam02.yaml", "/cam02/color/image_raw", "/cam02/colour/image_raw", "frames", ["/cam02/color/"]
         ),

@@ -275,6 +275,7 @@ def test_without_a_target_there_is_no_release_but_one_that_is_there_is_kept_up(p
     assert jobs["report"] == 1 and of_release <= set(jobs) and jobs["provenance"] == 4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", ["subject_S01", *(pytest.param(name, marks=SLOW) for name in ("report", "release"))])
 def test_targets_have_names(project, tmp_path, target):
     shutil.copytree(project / "config", tmp_path / "config")
@@ -308,6 +309,7 @@ def test_an_edited_indoor_mark_touches_its_camera(copy):
     assert jobs["locate"] == 1 and jobs["reproject"] == 2 and "triangulate" not in jobs and "adjust" not in jobs
 
 
+@pytest.mark.slow
 def test_an_edited_sheet_row_touches_its_sequence(copy):
     row = next(r for r in (copy / "config/sequences.tsv").read_text().splitlines() if r.startswith("outdoor_02"))
     edit(copy / "config/sequences.tsv", row, row.replace("\tS02\t", "\tS01\t"))
@@ -330,6 +332,7 @@ def test_who_withdraws_touches_the_labels_that_depended_on_it(copy):
     }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_who_takes_back_the_pictures_touches_no_label(copy):
     withdraw(copy, release="yes")
     assert planned(copy) == {"pixels": 8, "package": 1, "exports": 1, "tarballs": 3}

@@ -194,6 +194,7 @@ def test_nobody_anywhere_is_an_error(tmp_path):
         )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_only_the_sequences_that_ask_for_it_in_the_sheet_are_detected(tmp_path):
     from dior.simulate import config, settings
     from tests.end_to_end.workflow import edit, planned, snakemake

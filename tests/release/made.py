@@ -223,7 +223,7 @@ def project(root, walks=WALKS):
         **found,
         "marks": [results / "locate/field/cam01.marks.parquet"],
         "gallery": None,
-        "code": {"label.reproject": "0123abcd"},
+        "steps": {"label.reproject": "0123abcd"},
         "out": results / "release/dior-0.1.0",
     }
 

@@ -156,6 +156,7 @@ def test_plots_have_axes_with_units(made):
     assert "px" in words and "n " in words
 
 
+@pytest.mark.slow
 def test_two_runs_give_the_same_bytes(made, capture, tmp_path):
     """Whatever an earlier run left there of sequences that are gone."""
     out, _ = made

@@ -126,3 +126,8 @@ def all_overlays():
         for sequence in SEQUENCES
         for camera in PROJECT.cameras_of(sequence)
     ]
+
+
+def page_folder(wildcards, output):
+    """Where the page is; its other files are beside it."""
+    return os.path.dirname(output.page)

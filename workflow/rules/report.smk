@@ -112,7 +112,7 @@ rule report:
         "logs/report/report.benchmark.tsv"
     params:
         root=".",
-        out="results/report",
+        out=page_folder,
         title=CONFIG["release"]["title"],
         sheet=as_json(PROJECT.rows),
         consents=as_json([PROJECT.left_out, PROJECT.unanswered]),
