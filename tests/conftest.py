@@ -1,8 +1,12 @@
 """Fixtures that several test folders use."""
 
+import os
 from pathlib import Path
 
 import pytest
+
+# before NumPy is imported: there is a process of tests on every core already
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 
 @pytest.fixture(scope="session")

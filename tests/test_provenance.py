@@ -64,6 +64,7 @@ def test_comments_and_docstrings_change_nothing(package):
     assert changed(before, hashes()) == set()
 
 
+@pytest.mark.slow
 def test_a_template_changes_the_steps_that_name_it(package):
     before = hashes()
     edit(package / "report/templates/style.css", "{", "{ ")

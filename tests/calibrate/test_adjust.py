@@ -118,6 +118,7 @@ def test_a_tighter_tape_moves_less():
     assert shifts[0] < 0.02 < shifts[1]
 
 
+@pytest.mark.slow
 def test_gross_outliers_hardly_matter():
     cameras, points = ring(4), body(600)
     uv = seen(cameras, points, 2.0)

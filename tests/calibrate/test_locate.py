@@ -73,6 +73,7 @@ def test_one_pixel_of_noise_keeps_the_labels_within_half_a_pixel():
     assert np.mean(errors) < 0.5
 
 
+@pytest.mark.slow
 def test_the_standard_error_is_that_of_many_trials():
     view, points, uv = scene(20)
     found = [

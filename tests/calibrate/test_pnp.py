@@ -100,6 +100,7 @@ def test_good_marks_are_rarely_suspected():
     assert sum(b is not None for b in blamed) <= 2
 
 
+@pytest.mark.slow
 def test_the_covariance_holds_over_many_clicks():
     xyz = points(10)
     z2 = []

@@ -161,7 +161,6 @@ def test_a_run_ends_with_what_to_open(copy):
     shutil.rmtree(copy / "results/report")
     (copy / "results/evaluate/statistics.csv").unlink()
     assert "Open " not in snakemake(copy, "results/evaluate/statistics.csv")[1]
-    assert "Open " not in snakemake(copy, "-n")[1]
 
 
 def test_report_and_release_are_there(project):
@@ -265,6 +264,7 @@ def test_a_second_call_has_nothing_to_do(project):
 SLOW = pytest.mark.slow
 
 
+@pytest.mark.slow
 def test_without_a_target_there_is_no_release_but_one_that_is_there_is_kept_up(project, tmp_path):
     shutil.copytree(project / "config", tmp_path / "config")
     of_release = {"heads", "pixels", "provenance", "package", "exports", "tarballs"}
@@ -302,6 +302,7 @@ def test_an_edited_close_camera_touches_its_session(copy):
     }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_an_edited_indoor_mark_touches_its_camera(copy):
     path = copy / "config/sessions/lab/cam02.marks.csv"
     path.write_text("\n".join(path.read_text().splitlines()[:-1]) + "\n")

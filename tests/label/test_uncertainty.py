@@ -36,6 +36,7 @@ def test_a_turn_of_the_whole_world_moves_no_label():
     assert np.abs(spread).max() < 1e-12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("far", [False, True])
 def test_covariance_is_that_of_many_tries(far):
     rig = ring(3)
