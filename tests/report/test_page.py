@@ -63,6 +63,7 @@ def write(capture, out):
         clips=[],
         statistics=counted(capture),
         effort=None,
+        recognition=[],
         out=out,
         out_timing=out.parent / "timing.csv",
     )

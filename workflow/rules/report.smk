@@ -98,6 +98,7 @@ rule report:
         clips=all_clips(),
         statistics="results/evaluate/statistics.csv",
         effort=PROJECT.effort(),
+        recognition=existing_recognition(),
     output:
         page="results/report/index.html",
         sequences=directory("results/report/sequences"),
@@ -135,6 +136,7 @@ rule report:
         " --clips {input.clips:q}"
         " --statistics {input.statistics:q}"
         " --effort {input.effort:q}"
+        " --recognition {input.recognition:q}"
         " --out results/report"
         " --out-timing {output.timing:q}"
         " 2>&1 | tee {log:q}"
