@@ -6,8 +6,6 @@ Who of several people is the subject is told by how they move (dior/ingest/peopl
 keypoint counts, whatever its score, as in the detectors' figures.
 """
 
-from pathlib import Path
-
 import numpy as np
 
 from dior import tables
@@ -29,7 +27,7 @@ def tracks(rows, frames, where):
         camera, zoom = row["camera"], int(row["zoom"])
         tool = row["tool"] if zoom == 1 else f"{row['tool']} {zoom}x"
         mine = tables.of_camera(pictures, camera)
-        people, _ = detectors.read(Path(row["path"]), mine, zoom, f"{detectors.SHEET}: {where}, {camera}, {tool}")
+        people, _ = detectors.read(row["path"], mine, zoom, f"{detectors.SHEET}: {where}, {camera}, {tool}")
         lacks = [name for name in COCO_17 if name not in people.joints]
         if lacks:
             left_out.append((tool, camera, f"the detector has no {lacks[0].replace('_', ' ')}"))

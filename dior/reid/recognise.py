@@ -162,11 +162,23 @@ def of_tools(project, frames, distant, length, chunks):
     for name, path in frames.items():
         views = [camera for environment, camera in distant if environment == project.rows[name]["environment"]]
         rows = [row for row in project.detectors_of(name) if row["camera"] in views]
+        rows = [row | {"path": project.root / row["path"]} for row in rows]
         own, lacking = detected.tracks(rows, path, name) if rows else ([], [])
         for tool, camera, track in own:
             found.setdefault(tool, []).append((name, camera, track))
         left_out += [(tool, name, camera, why) for tool, camera, why in lacking]
-    return {tool: cut(project.rows, found[tool], length, chunks) for tool in sorted(found)}, left_out
+    return {tool: _upright(cut(project.rows, found[tool], length, chunks)) for tool in sorted(found)}, left_out
+
+
+def _upright(own):
+    """A `Gallery` without the sequences in which what was found cannot be a person who walks."""
+    stands = [inputs.height_px(uv) > 0 for uv in own.sequences]
+    why = "the nose that it found is not above the ankles"
+    fallen = [(item.recording, item.camera, why) for item, up in zip(own.items, stands, strict=True) if not up]
+    kept = (
+        tuple(v for v, up in zip(part, stands, strict=True) if up) for part in (own.items, own.sequences, own.widths)
+    )
+    return Gallery(*kept, (*own.left_out, *fallen))
 
 
 def gaits(paths):
