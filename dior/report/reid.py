@@ -214,35 +214,39 @@ def figures(told):
 
 
 def _rank1(told, protocol, adaptation):
-    rows = [row for row in told.rows if row["protocol"] == protocol and row["adaptation"] in ("", adaptation)]
+    rows = [row for row in told.scores if row["protocol"] == protocol and row["adaptation"] in ("", adaptation)]
     rows = [row for row in rows if int(row["n"])]
     series = {}
-    for row in rows:
-        seen = "" if row["keypoints"] in (LABELS, POINTS) else f", {row['keypoints']}"
+    for row in sorted(rows, key=_networks_first):
         at = f"{row['environment']} {row['camera']}" if row["camera"] else measures.ALL
         values = tuple(float(row[key]) if row[key] else np.nan for key in ("rank1", "low", "high"))
-        series.setdefault(method_of(row, told) + seen, {})[at] = (*values, int(row["n"]))
+        series.setdefault(method_of(row, told), {})[at] = (*values, int(row["n"]))
     if not series:
         return []
     groups = [*(" ".join(view) for view in told.views), measures.ALL]
-    chance = float(next(row["chance"] for row in rows if not row["camera"]))
+    chance = next(row["chance"] for row in rows if not row["camera"])
     title = f"{PROTOCOLS[protocol][0]}{f': {adaptation}' if adaptation else ''}"
     caption = (
         "The share of the probe camera's sequences whose nearest in the gallery is of the same person. Lines are 95 % "
-        "intervals over people."
+        f"intervals over people, the dashed one is chance ({percent(chance)})."
     )
     if adaptation and protocol == FAIR:
         caption += " The baseline is the same in every figure."
     name = "_".join(filter(None, ("reid", protocol, adaptation)))
-    options = {"percent": True, "limit": (chance, f"chance {percent(chance)}")}
+    options = {"percent": True, "limit": (float(chance), "")}
     alt = f"Rank 1 of {len(series)} methods with {len(groups) - 1} cameras as the probe"
     return [measures.Measure(name, plots.marks, (groups, series, "rank 1, %"), title, caption, alt, options)]
 
 
+def _networks_first(row):
+    """The order in which methods are drawn: a network has its colour with and without the baseline."""
+    return row["keypoints"] == POINTS
+
+
 def _curves(told):
-    own = [row for row in told.curves if row["protocol"] == FAIR and not row["camera"] and row["keypoints"] != DETECTOR]
+    own = [row for row in told.curves if row["protocol"] == FAIR and not row["camera"]]
     series = {}
-    for row in own:
+    for row in sorted(own, key=_networks_first):
         name = (method_of(row, told), row["adaptation"])
         series.setdefault(name, []).append(float(row["share"]))
     if not series:
@@ -265,7 +269,9 @@ def cmc(path, series):
         ranks = np.arange(1, len(shares) + 1)
         label = f"{method}, {name}" if name else method
         axis.plot(ranks, 100 * np.array(shares), color=colours[method], ls=styles[name], lw=1.8, label=label)
-    axis.set_xlim(1, max(map(len, series.values())))
+    last = max(map(len, series.values()))
+    axis.set_xlim(1, last)
+    axis.set_xticks([1, *range(5, last + 1, 5)])
     axis.set_ylim(0, 101)
     axis.set_xlabel("rank")
     axis.set_ylabel("found among so many, %")
