@@ -17,7 +17,7 @@ from tests.reid import parity
 
 # a walk of each person in each place; the way is straight, so that there is a gait to measure
 TINY = {
-    "subjects": 3, "sequences": 1, "people": "different", "walks": ["straight"], "duration_s": 4.0, "width": 640,
+    "subjects": 3, "sequences": 1, "people": "different", "walks": ["straight"], "duration_s": 8.0, "width": 640,
     "height": 360, "fx": 320.0,
 }  # fmt: skip
 OF_REID = {"inputs", "recognise", "reid"}
@@ -102,7 +102,7 @@ def test_labels_of_every_camera_are_coco(project):
         labels = tables.read(project / f"results/reid/{name}.parquet", "labels_2d")
         assert tables.ordered_unique(labels["camera"]) == ["cam01", "cam02", "cam03", "cam04"]
         uv, joints = tables.grid(tables.of_camera(labels, "cam04"), "u", "v")
-        assert tuple(joints) == COCO_17 and len(uv) == 120
+        assert tuple(joints) == COCO_17 and len(uv) == 240
         ours = tables.read(project / f"results/reid/{name}.skeleton.parquet", "skeletons_3d")
         assert set(ours["joint"]) == set(COCO_17)
 

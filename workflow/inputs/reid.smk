@@ -63,7 +63,8 @@ def long_range_states(wildcards):
 def existing_recognition():
     """The tables, where there are some already that can be kept up: nobody who withdrew stays in them."""
     lacking = lacks_torch() or not all(map(os.path.isfile, network_weights()))
-    return RECOGNITION if os.path.exists(RECOGNITION[0]) and not lacking else []
+    possible = len(PROJECT.processed_subjects) > 1 and not lacking
+    return RECOGNITION if possible and os.path.exists(RECOGNITION[0]) else []
 
 
 def existing_reid():
