@@ -143,7 +143,7 @@ def own_words(told):
     silent = [row for row in told.rows if row["keypoints"] == DETECTOR]
     found = [f"{row['environment']} {row['camera']}: {row['verdict']}." for row in silent]
     if any(row["verdict"] == SILENT for row in silent):
-        found.append("config/detectors.tsv names such output (docs/figures.md says how).")
+        found.append("To see its score here, name what a detector found in config/detectors.tsv (docs/figures.md).")
     if any(row["keypoints"] not in (LABELS, POINTS, DETECTOR) for row in told.rows):
         found.insert(0, OWN)
     return found or ["There is no long-range camera."]
@@ -230,7 +230,7 @@ def _rank1(told, protocol, adaptation):
         "The share of the probe camera's sequences whose nearest in the gallery is of the same person. Lines are 95 % "
         f"intervals over people, the dashed one is chance ({percent(chance)})."
     )
-    if adaptation and protocol == FAIR:
+    if adaptation and any(row["keypoints"] == POINTS for row in rows):
         caption += " The baseline is the same in every figure."
     name = "_".join(filter(None, ("reid", protocol, adaptation)))
     options = {"percent": True, "limit": (float(chance), "")}
