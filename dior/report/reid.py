@@ -225,7 +225,9 @@ def _rank1(told, protocol, adaptation):
         return []
     groups = [*(" ".join(view) for view in told.views), measures.ALL]
     chance = next(row["chance"] for row in rows if not row["camera"])
-    title = f"{PROTOCOLS[protocol][0]}{f': {adaptation}' if adaptation else ''}"
+    # one method has no legend
+    words = ", ".join(filter(None, (adaptation, *(series if len(series) == 1 else ()))))
+    title = f"{PROTOCOLS[protocol][0]}: {words}" if words else PROTOCOLS[protocol][0]
     caption = (
         "The share of the probe camera's sequences whose nearest in the gallery is of the same person. Lines are 95 % "
         f"intervals over people, the dashed one is chance ({percent(chance)})."

@@ -26,17 +26,17 @@ def lacks_torch():
 
 def compared_weights(wildcards):
     """The weights of the networks; what lacks is said before the first job, not after the last."""
-    if lacks_torch():
-        raise WorkflowError(
-            "config/config.yaml: 'reid.networks' names weights, but PyTorch, which networks need, is not installed: "
-            "pip install -r requirements-reid.txt (or leave the lists empty: the baseline needs no network)"
-        )
     for path in network_weights():
         if not os.path.isfile(path):
             raise WorkflowError(
                 f"config/config.yaml: 'reid.networks' names {path}, where there is no file; it is relative to the "
                 "folder that holds config/ (docs/reid.md says where weights come from)"
             )
+    if lacks_torch():
+        raise WorkflowError(
+            "config/config.yaml: 'reid.networks' names weights, but PyTorch, which networks need, is not installed: "
+            "pip install -r requirements-reid.txt (or leave the lists empty: the baseline needs no network)"
+        )
     return network_weights()
 
 
