@@ -11,6 +11,7 @@ include: "workflow/inputs/ingest.smk"
 include: "workflow/inputs/calibrate.smk"
 include: "workflow/inputs/label.smk"
 include: "workflow/inputs/evaluate.smk"
+include: "workflow/inputs/reid.smk"
 include: "workflow/inputs/report.smk"
 include: "workflow/inputs/release.smk"
 
@@ -25,6 +26,7 @@ include: "workflow/rules/calibrate.smk"
 include: "workflow/rules/reconstruct.smk"
 include: "workflow/rules/label.smk"
 include: "workflow/rules/evaluate.smk"
+include: "workflow/rules/reid.smk"
 include: "workflow/rules/report.smk"
 include: "workflow/rules/release.smk"
 
@@ -38,10 +40,11 @@ onerror:
 
 
 rule all:
-    """The report, and a release that there is already (the default)."""
+    """The report, and a release and a re-identification that there are already (the default)."""
     default_target: True
     input:
         rules.report.output.page,
+        existing_reid(),
         existing_release(),
 
 

@@ -94,7 +94,8 @@ def write(root):
     return files | {
         "root": root, "title": "DIOR size", "metrics": csv, "findings": [findings], "cameras": cameras,
         "covariances": covariances, "turns": [],
-        "overlays": overlays, "clips": [], "statistics": counted, "effort": None, "out": root / "report",
+        "overlays": overlays, "clips": [], "statistics": counted, "effort": None,
+        "recognition": [], "out": root / "report",
         "out_timing": root / "timing.csv",
     }  # fmt: skip
 

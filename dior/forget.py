@@ -28,6 +28,7 @@ INSIDE = {
 # what is made of all sequences together, by its name without a suffix; besides that of the step
 OF_ALL = {
     "evaluate": ("metrics", "statistics", "to_mark"),
+    "reid": ("index", "plots", "table", "cmc", "left_out"),
     "report": ("index", "cost", "plots"),
     "tarballs": ("metadata",),
 }

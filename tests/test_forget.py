@@ -12,6 +12,8 @@ KEPT = """
 results/frames/in_1.parquet results/reproject/out_1.cam01.parquet results/adjust/field.parquet
 results/adjust/field.metrics.parquet results/locate/lab/cam01.parquet results/evaluate/metrics.csv
 results/evaluate/statistics.csv results/evaluate/out_1.frames.parquet results/evaluate/to_mark/boxes/out_1.cam03.csv
+results/reid/out_1.skeleton.parquet results/reid/table.csv results/reid/cmc.csv results/reid/left_out.csv
+results/reid/index.html results/reid/plots/reid_cmc.svg logs/recognise/recognise.log logs/inputs/out_1.log
 results/report/index.html results/report/cost.html results/report/sequences/out_1.html
 results/report/sequences/.snakemake_timestamp
 results/report/assets/plots/out_2.svg results/report/assets/out_1/cam01.jpg results/timing.csv
@@ -28,6 +30,7 @@ results/release/.dior-1.0.0-zebra-0001.part.json
 # of out_2, whose subject S02 (apple-0002) withdrew, of a session and of a sequence that are not there any more
 GONE = """
 results/frames/out_2.parquet results/frames/.out_2.part.parquet results/reproject/out_2.cam01.parquet
+results/reid/out_2.parquet results/reid/out_2.skeleton.parquet logs/inputs/out_2.log
 results/evaluate/out_2.parquet results/evaluate/to_mark/boxes/out_2.cam03.csv results/adjust/hall.parquet
 results/locate/hall results/audit/walk_7.findings.parquet results/report/sequences/out_2.html
 results/report/assets/out_2 results/simulate/out_2 results/simulate/truth/out_2 results/zoom/out_2.cam03
@@ -88,7 +91,7 @@ def test_deleting_leaves_everything_else(withdrawn, capsys):
     (withdrawn / "data/out_2/a.bag").touch()
     assert cli.main(["forget", "--project", str(withdrawn), "--yes"]) == 0
     told = capsys.readouterr().out
-    assert "Deleted 26 files and folders" in told
+    assert "Deleted 29 files and folders" in told
     assert told.split("dior deletes none of these:\n")[1].split() == [
         "data/out_2/a.bag",
         "config/boxes/out_2.cam03.csv",

@@ -39,7 +39,7 @@ def test_rule_is_subcommand_is_log_folder():
 def test_what_a_script_is_given_is_what_its_step_takes():
     """Of what the rule names, the script takes what is a flag; so none may be spelled otherwise."""
     scripts = [name for name, text in RULES.items() if "    script:\n" in text]
-    assert scripts == ["metrics", "statistics", "package", "report"]
+    assert scripts == ["metrics", "statistics", "recognise", "package", "report"]
     for name in scripts:
         named = set(re.findall(r"^        (\w+)=", RULES[name], re.MULTILINE))
         assert {flag.replace("-", "_") for flag in STEPS[name][2]} <= named, name
@@ -50,7 +50,7 @@ def longest_commands(folder, subjects):
     from dior.simulate import config, settings
 
     config.write(settings.from_dict({"subjects": subjects, "sequences": 2}), folder / "config")
-    _, text = snakemake(folder, "-n", "-p", "release", "report")
+    _, text = snakemake(folder, "-n", "-p", "release", "report", "reid")
     found = {}
     for command in re.findall(r"(dior \w+ --.*?) 2>&1 \| tee", text):
         step = command.split()[1]

@@ -202,10 +202,15 @@ def adapted(uv, width, adaptation):
         return uv
     if adaptation == "scaled":
         return uv * (WIDTH / width)
-    tall = np.median(uv[:, ANKLES, 1].mean(axis=1) - uv[:, NOSE, 1])
+    tall = height_px(uv)
     if not tall > 0:
         raise DiorError("a sequence shows a person whose nose is not above the ankles; is the picture upside down?")
     return (uv - uv.mean(axis=(0, 1))) * (BODY_PX / tall) + MIDDLE
+
+
+def height_px(uv):
+    """How far the ankles are below the nose in a sequence (F, 17, 2) px, the median."""
+    return float(np.median(uv[:, ANKLES, 1].mean(axis=1) - uv[:, NOSE, 1]))
 
 
 def picture_widths(paths, names, where):

@@ -1,31 +1,122 @@
 """The table of re-identification: every method, adaptation and protocol, with every camera as the probe in turn.
 
-INPUTS   the sheet's rows of the walks; their COCO-17 labels and skeletons (dior/reid/inputs.py); the networks' weights
-OUTPUTS  rows of the table (COLUMNS) and why sequences are not used
+INPUTS   the project's sheets; COCO-17 labels and skeletons of its walks (inputs.py), their `frames` tables; outputs of
+         detectors at long range where there are any (detected.py); the networks' weights
+OUTPUTS  table.csv (COLUMNS), cmc.csv (the shares at rank 1, 2, ... of its rows), left_out.csv (what was not compared
+         and why)
 A row without environment and camera is the mean over the probe cameras. `hits` of `n` trials; with as many sequences of
 every camera their share is the mean over gallery cameras, as in the paper. `baseline` has one 3D per walk, whichever
-camera looks, so that only protocols without the probe's own recording say anything of it.
+camera looks, so that only protocols without the probe's own recording say anything of it. `keypoints`: what the probes
+are, `labels`, `3D`, or a detector's name: then the probes of that camera are what the detector found in its pictures,
+and the gallery is labels of other cameras.
 """
 
 import csv
 import io
+import sys
+import time
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
+from dior import project as projects
 from dior import tables
 from dior.covariance import point_covariance
-from dior.reid import baseline, embed, features, inputs, protocols, statistics
+from dior.errors import DiorError
+from dior.files import write_text
+from dior.reid import baseline, checkpoint, detected, embed, features, inputs, protocols, statistics
 from dior.reid.protocols import Item
 from dior.sampling import nominal_fps
 
+KEYS = ("method", "weights", "adaptation", "keypoints", "protocol", "environment", "camera")
 COLUMNS = (
-    *("method", "adaptation", "protocol", "environment", "camera", "rank1", "low", "high", "hits", "n", "chance"),
+    *(*KEYS, "rank1", "low", "high", "hits", "n", "chance"),
     *("null95", "p", "rank5", "mean_ap", "verdict"),
 )
+LEFT_OUT = ("what", "session", "sequence", "camera", "why")
 BASELINE = "baseline"
+LABELS, POINTS, DETECTOR = "labels", "3D", "detector"
+NO_OUTPUT = "no detector output of the long-range camera"
+TOO_SHORT = "nothing in the detector's output is long enough"
+NO_NETWORK = "a detector's output is compared by networks only"
 # what says nothing of a method that does not look at pictures
 SEEN_TWICE = ("per_camera", "pooled")
+
+
+def run(
+    *, root, labels, skeletons, frames, networks, adaptations, length, chunks, out, out_cmc, out_left_out
+):  # fmt: skip
+    """Compare the walks of the project in the folder `root`.
+
+    `labels`, `skeletons`: what `inputs.run` wrote, and `frames` tables, by walk in the same order; `networks`: name ->
+    files of weights, relative to `root`; `adaptations`, `length`, `chunks`: as in config.yaml. Raises DiorError for
+    weights that are no weights of that network, networks without PyTorch, and where there is nothing to compare.
+    """
+    loaded = load(networks, Path(root))
+    project = projects.load(root)
+    if len(project.processed_subjects) < 2:
+        raise DiorError("re-identification needs walks of two people or more; there is one in config/sequences.tsv")
+    names = [Path(path).name.removesuffix(".parquet") for path in labels]
+    labels, skeletons, frames = (dict(zip(names, paths, strict=True)) for paths in (labels, skeletons, frames))
+    shown = gallery(project.rows, labels, {name: _widths(path) for name, path in frames.items()}, length, chunks)
+    walks, without = gaits(skeletons)
+    if not shown.items or not (walks or loaded):
+        name, why = [*((f"{name}, {camera}", why) for name, camera, why in shown.left_out), *without][0]
+        raise DiorError(f"re-identification: no walk can be compared; {name}: {why}")
+    distant = far_views(project)
+    tools, unread = of_tools(project, frames, distant, length, chunks)
+    rows, small = of_baseline(project.rows, walks, shown) if walks else ([], [])
+    exchanges = statistics.exchanged(shown.items)
+    for method, weights, network in loaded:
+        for adaptation in adaptations:
+            began = time.monotonic()
+            rows += of_network(method, network, shown, adaptation, exchanges=exchanges, weights=weights, tools=tools)
+            taken = f"{time.monotonic() - began:.1f} s for {len(shown.items)} sequences"
+            print(f"{method} {weights}, {adaptation}: {taken}", file=sys.stderr, flush=True)
+    given = {(project.rows[name]["environment"], row["camera"]) for name in names for row in project.detectors_of(name)}
+    rows += of_silence(distant, tools, given, bool(loaded))
+    left = [(LABELS, *one) for one in shown.left_out] + [(POINTS, name, "", why) for name, why in without] + unread
+    left += [(tool, *one) for tool, own in tools.items() for one in own.left_out]
+    told = [(what, project.session_of(name), name, camera, why) for what, name, camera, why in left]
+    few = f"fewer than {baseline.LEAST_SUBJECTS} people: sizes are not compared"
+    write_text(out, as_csv(rows))
+    write_text(out_cmc, curves_csv(rows))
+    write_text(out_left_out, _csv(LEFT_OUT, told + [(BASELINE, day, "", "", few) for day in small]))
+
+
+def load(networks, root):
+    """(network's name, what its weights are called, the network) of the files in `networks`, name -> paths."""
+    found = []
+    for name, files in networks.items():
+        for file in files:
+            if not (root / file).is_file():
+                raise DiorError(
+                    f"config/config.yaml: 'reid.networks.{name}' names {file}, where there is no file; it is relative "
+                    "to the folder that holds config/ (docs/reid.md says where weights come from)"
+                )
+            plain = Path(file).name
+            called = file if [Path(other).name for other in files].count(plain) > 1 else plain
+            found.append((name, called, checkpoint.load(name, root / file)))
+    return found
+
+
+def _widths(frames):
+    """Width (px) of the pictures by camera."""
+    table = tables.read(frames, "frames", ["camera", "width"])
+    return dict(zip(table["camera"].tolist(), table["width"].tolist(), strict=True))
+
+
+def far_views(project):
+    """(environment, camera) of the long-range cameras, sorted."""
+    return sorted(
+        {
+            (project.rows[name]["environment"], camera)
+            for name in project.sequences
+            for camera, how in project.cameras(project.session_of(name)).items()
+            if how["role"] == "long_range"
+        }
+    )
 
 
 @dataclass(frozen=True)
@@ -38,22 +129,56 @@ class Gallery:
     widths: tuple
     left_out: tuple
 
+    def given(self, adaptation):
+        """The sequences as a network is given them."""
+        return [inputs.adapted(uv, w, adaptation) for uv, w in zip(self.sequences, self.widths, strict=True)]
+
 
 def gallery(sheet, paths, widths, length=inputs.LENGTH, chunks=1):
     """`Gallery` of walks: `sheet`: rows by name (subject, session, environment); `paths`: labels by name; `widths`:
     name -> camera -> px."""
+    tracks = ((name, *one) for name, path in paths.items() for one in inputs.tracks(path, widths[name]).items())
+    return cut(sheet, tracks, length, chunks)
+
+
+def cut(sheet, tracks, length, chunks):
+    """`Gallery` of (walk, camera, `inputs.Track`) triples."""
     items, sequences, sizes, left_out = [], [], [], []
-    for name, path in paths.items():
+    for name, camera, track in tracks:
+        found, why = inputs.cut(track, length, chunks)
+        if why:
+            left_out.append((name, camera, why))
         row = sheet[name]
-        for camera, track in inputs.tracks(path, widths[name]).items():
-            found, why = inputs.cut(track, length, chunks)
-            if why:
-                left_out.append((name, camera, why))
-            item = Item(row["subject"], name, row["session"], row["environment"], camera)
-            items += [item] * len(found)
-            sequences += found
-            sizes += [track.width] * len(found)
+        item = Item(row["subject"], name, row["session"], row["environment"], camera)
+        items += [item] * len(found)
+        sequences += found
+        sizes += [track.width] * len(found)
     return Gallery(tuple(items), tuple(sequences), tuple(sizes), tuple(left_out))
+
+
+def of_tools(project, frames, distant, length, chunks):
+    """`Gallery` by tool of what detectors found at long range, and (tool, walk, camera, why) of what cannot be used."""
+    found, left_out = {}, []
+    for name, path in frames.items():
+        views = [camera for environment, camera in distant if environment == project.rows[name]["environment"]]
+        rows = [row for row in project.detectors_of(name) if row["camera"] in views]
+        rows = [row | {"path": project.root / row["path"]} for row in rows]
+        own, lacking = detected.tracks(rows, path, name) if rows else ([], [])
+        for tool, camera, track in own:
+            found.setdefault(tool, []).append((name, camera, track))
+        left_out += [(tool, name, camera, why) for tool, camera, why in lacking]
+    return {tool: _upright(cut(project.rows, found[tool], length, chunks)) for tool in sorted(found)}, left_out
+
+
+def _upright(own):
+    """A `Gallery` without the sequences in which what was found cannot be a person who walks."""
+    stands = [inputs.height_px(uv) > 0 for uv in own.sequences]
+    why = "the nose that it found is not above the ankles"
+    fallen = [(item.recording, item.camera, why) for item, up in zip(own.items, stands, strict=True) if not up]
+    kept = (
+        tuple(v for v, up in zip(part, stands, strict=True) if up) for part in (own.items, own.sequences, own.widths)
+    )
+    return Gallery(*kept, (*own.left_out, *fallen))
 
 
 def gaits(paths):
@@ -72,11 +197,36 @@ def gaits(paths):
     return found, tuple(left_out)
 
 
-def of_network(name, network, shown, adaptation, confidence=embed.CONFIDENCE, exchanges=None):
-    """Rows of one network with one adaptation."""
-    given = [inputs.adapted(uv, w, adaptation) for uv, w in zip(shown.sequences, shown.widths, strict=True)]
-    far = embed.distances(name, embed.embeddings(name, network, given, confidence))
-    return rows_of(name, adaptation, far, shown.items, protocols.PROTOCOLS, exchanges)
+def of_network(
+    name, network, shown, adaptation, confidence=embed.CONFIDENCE, exchanges=None, weights="", tools=None
+):  # fmt: skip
+    """Rows of one network with one adaptation; `tools`: `Gallery` by detector, whose sequences are probes, too."""
+    made = embed.embeddings(name, network, shown.given(adaptation), confidence)
+    keys = {"method": name, "weights": weights, "adaptation": adaptation}
+    rows = rows_of(keys, embed.distances(name, made), shown.items, protocols.PROTOCOLS, exchanges)
+    for tool, own in (tools or {}).items():
+        views = sorted({item.view for item in own.items})
+        kept = [i for i, item in enumerate(shown.items) if item.view not in views]
+        both = np.concatenate([made[kept], embed.embeddings(name, network, own.given(adaptation), confidence)])
+        items = [*(shown.items[i] for i in kept), *own.items]
+        far = embed.distances(name, both)
+        rows += rows_of(keys | {"keypoints": tool}, far, items, protocols.PROTOCOLS, views=views)
+    return rows
+
+
+def of_silence(distant, tools, given, compared):
+    """A row for each long-range camera (environment, name) of which no detector's output is compared, with the reason.
+
+    `tools`: `Gallery` by detector; `given`: the cameras of which there is output; `compared`: whether by a network.
+    """
+    there, rows = {item.view for own in tools.values() for item in own.items}, []
+    for view in distant:
+        if view in there and compared:
+            continue
+        verdict = NO_NETWORK if view in there else TOO_SHORT if view in given else NO_OUTPUT
+        keys = dict(zip(KEYS, ("", "", "", DETECTOR, "", *view), strict=True))
+        rows.append(dict.fromkeys(COLUMNS, np.nan) | keys | {"hits": "", "n": 0, "verdict": verdict, "cmc": ()})
+    return rows
 
 
 def of_baseline(sheet, walks, shown):
@@ -88,34 +238,52 @@ def of_baseline(sheet, walks, shown):
     items = [item for item, i in zip(shown.items, at, strict=True) if i >= 0]
     index = [i for i in at if i >= 0]
     kept = [name for name in protocols.PROTOCOLS if name not in SEEN_TWICE]
-    return rows_of(BASELINE, "", far[np.ix_(index, index)], items, kept), small
+    keys = {"method": BASELINE, "keypoints": POINTS}
+    return rows_of(keys, far[np.ix_(index, index)], items, kept), small
 
 
-def rows_of(method, adaptation, far, items, kinds, exchanges=None):
-    """Rows of the table for distances (N, N) between items."""
+def rows_of(keys, far, items, kinds, exchanges=None, views=None):
+    """Rows of the table for distances (N, N) between items, with `keys` (method, ...) in each; of all probe cameras and
+    of their mean, or of the probe cameras `views` only."""
     if not len(items):
         return []
     exchanges = statistics.exchanged(items) if exchanges is None else exchanges
+    keys = dict.fromkeys(KEYS, "") | {"keypoints": LABELS} | keys
     rows = []
     for protocol in kinds:
         found = protocols.trials(far, items, protocol)
-        for view in (("", ""), *found.views):
+        for view in (("", ""), *found.views) if views is None else views:
             score = statistics.score(found if view == ("", "") else found.of(view), items, exchanges)
             rows.append(
-                dict(zip(COLUMNS[:5], (method, adaptation, protocol, *view), strict=True))
+                keys
+                | {"protocol": protocol, "environment": view[0], "camera": view[1]}
                 | {"rank1": score.rank1, "low": score.low, "high": score.high, "hits": score.hits, "n": score.n}
                 | {"chance": score.chance, "null95": score.null, "p": score.p, "rank5": score.cmc[4]}
-                | {"mean_ap": score.mean_ap, "verdict": score.verdict}
+                | {"mean_ap": score.mean_ap, "verdict": score.verdict, "cmc": score.cmc}
             )
     return rows
 
 
 def as_csv(rows):
     """The table as CSV text; six significant digits."""
+    return _csv(COLUMNS, [[_cell(row[column]) for column in COLUMNS] for row in rows])
+
+
+def curves_csv(rows):
+    """The cumulative match characteristics of the table's rows as CSV text."""
+    lines = [
+        [*(row[key] for key in KEYS), rank, _cell(share)]
+        for row in rows
+        if row["n"]
+        for rank, share in enumerate(row["cmc"], start=1)
+    ]
+    return _csv((*KEYS, "rank", "share"), lines)
+
+
+def _csv(columns, lines):
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
-    writer.writerows([_cell(row[column]) for column in COLUMNS] for row in rows)
+    writer.writerows([columns, *lines])
     return text.getvalue()
 
 

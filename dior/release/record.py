@@ -24,7 +24,7 @@ VERSION = 1
 # settings that say where files are: their content counts
 PATHS = ("detector.model", "simulate.motion", "release.license_file")
 # what has no effect on a release
-LEFT_OUT = ("data_root", "report")
+LEFT_OUT = ("data_root", "report", "reid")
 
 
 def of(project, walks, recordings, code):

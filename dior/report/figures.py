@@ -9,7 +9,7 @@ from collections import Counter
 import numpy as np
 
 from dior import tables
-from dior.report import certainty, clocks, measures, plots, scene
+from dior.report import certainty, clocks, measures, plots, reid, scene
 
 OF_PICTURE = "mean of a picture, px"
 
@@ -224,6 +224,11 @@ class Figures:
             for sequence, one in told.items()
             if one.costs
         }  # fmt: skip
+
+    def recognition(self, paths):
+        """What the page says of re-identification, with its figures."""
+        told = reid.read(*paths)
+        return reid.section(told) | {"figures": self._measures(lambda _: reid.figures(told))}
 
     def clocks(self, told):
         """The section with the clocks of all sequences, by `clocks.Told`."""

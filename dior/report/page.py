@@ -2,7 +2,7 @@
 
 INPUTS   the project's sheets, results/evaluate/metrics.csv, `frame_metrics`, `findings`, `cameras`, `skeletons_3d`,
          `stamp_audit`, `dropped_frames`, `frames`, `offsets`, `clock_costs`, contact sheets (overlays)
-         statistics.csv, and what is there of the jobs' timings and effort.tsv (see cost.py)
+         statistics.csv, and what is there of re-identification (reid.py), the jobs' timings and effort.tsv (cost.py)
 OUTPUTS  <out>/index.html, written last; <out>/sequences/<sequence>.html; <out>/assets/plots/*.svg; <out>/cost.html and
          results/timing.csv
 """
@@ -56,7 +56,7 @@ TITLES = {
 
 def run(
     *, root, title, metrics, frame_metrics, findings, cameras, covariances, turns, skeletons, audits, dropped, frames,
-    clocks, clock_costs, overlays, clips, statistics, effort, out, out_timing
+    clocks, clock_costs, overlays, clips, statistics, effort, recognition, out, out_timing
 ):  # fmt: skip
     """Write the report of the project in `root` into the folder `out`.
 
@@ -65,7 +65,8 @@ def run(
     `clocks`: of `offsets`, `clock_costs`: of that table, where two have a camera's the first counts;
     `overlays`: the contact sheets `<out>/assets/<sequence>/<camera>.jpg`; `clips`:
     `<out>/assets/<sequence>/clip.webm`, each with its poster beside it; `statistics`: statistics.csv; `effort`:
-    effort.tsv or None. What it cost goes to `<out>/cost.html` and `out_timing`.
+    effort.tsv or None; `recognition`: table.csv, cmc.csv and left_out.csv of re-identification, or nothing. What it
+    cost goes to `<out>/cost.html` and `out_timing`.
     """
     from dior import project as projects
 
@@ -93,6 +94,7 @@ def run(
     timelines = {figure["title"]: figure for figure in made.timelines()}
     stamps = {figure["title"]: figure for figure in made.stamps(audited)}
     tried = made.clock_costs(told)
+    recognised = made.recognition(recognition) if recognition else None
     _remove_stale(folder, made.names)
     _remove_others(out / "assets", project.sequences)
     counted = statistics_csv.read(statistics)
@@ -114,6 +116,7 @@ def run(
         sections=sections,
         worst=worst.of_sections(frame_metrics),
         scenes=scenes,
+        recognised=recognised,
         limits=[_limit(limit) for limit in summary.LIMITS],
         words=summary.WORDS,
         meanings=[(TITLES[name], name, text) for name, text in METRICS.items()],

@@ -260,8 +260,9 @@ def marks(path, groups, series, label, percent=False, limit=None):
     """
     scale = 100 if percent else 1
     figure, axis = _figure(height=1.15 + len(groups) * (0.3 + 0.06 * len(series)))
+    apart = min(0.22, 0.8 / len(series))
     for nth, ((name, values), colour) in enumerate(zip(series.items(), COLOURS, strict=False)):
-        at = np.array([groups.index(group) for group in values]) + 0.22 * (nth - (len(series) - 1) / 2)
+        at = np.array([groups.index(group) for group in values]) + apart * (nth - (len(series) - 1) / 2)
         value, low, high = scale * np.array([v[:3] for v in values.values()], float).T.reshape(3, -1)
         axis.hlines(at, low, high, color=colour, lw=1.6)
         axis.plot(value, at, "osD^"[nth % 4], ms=5.5, color=colour, mec="white", mew=0.6, label=name)
@@ -280,7 +281,8 @@ def marks(path, groups, series, label, percent=False, limit=None):
         figure.text(1, 1, limit[1], color=RED, fontsize=9, ha="right", va="top")
     axis.set_xlabel(label)
     if len(series) > 1:
-        figure.legend(*axis.get_legend_handles_labels(), loc="outside upper left", ncols=3, handletextpad=0.1,
+        columns = 3 if max(map(len, series)) < 18 else 2
+        figure.legend(*axis.get_legend_handles_labels(), loc="outside upper left", ncols=columns, handletextpad=0.1,
                       columnspacing=1.2)  # fmt: skip
     _save(figure, path)
 

@@ -8,6 +8,7 @@ from dior import tables
 from dior.evaluate import statistics
 from dior.ingest import stamps
 from dior.report import page
+from tests.report import test_reid
 
 
 def audited(capture):
@@ -63,6 +64,7 @@ def write(capture, out):
         clips=[],
         statistics=counted(capture),
         effort=None,
+        recognition=test_reid.written(capture.root / "results/reid", test_reid.table()),
         out=out,
         out_timing=out.parent / "timing.csv",
     )
@@ -113,6 +115,13 @@ def test_findings_are_told_in_words_and_escaped(made):
     assert "no detections between 1.2 s and 1.9 s" in whole
     assert "A &amp; B" in text
     assert "of 2 of the 2 people in the release, config/subjects.tsv does not say in consent_pictures" in text
+
+
+def test_re_identification_is_shown_where_it_is_there(made):
+    out, text = made
+    assert 'href="#recognised"' in text and '<section id="recognised">' in text
+    assert "says nothing about recognising anybody in far pictures" in " ".join(text.split())
+    assert (out / "assets/plots/reid_cmc.svg").is_file()
 
 
 def test_every_sequence_and_camera_has_a_light(made, capture):

@@ -125,6 +125,7 @@ def test_the_page_has_the_words_of_each(capture, tmp_path):
         clips=[],
         statistics=counted(capture),
         effort=None,
+        recognition=[],
         out=tmp_path / "report",
         out_timing=tmp_path / "timing.csv",
     )

@@ -113,7 +113,8 @@ def released_by_hand():
 
 def release_config(wildcards):
     """The settings that a release is made with or tells of, as text."""
-    return json.dumps({key: CONFIG[key] for key in CONFIG if key != "report"}, sort_keys=True)
+    told = {key: CONFIG[key] for key in CONFIG if key not in ("report", "reid")}
+    return json.dumps(told, sort_keys=True)
 
 
 def license_file():

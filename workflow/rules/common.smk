@@ -111,7 +111,7 @@ def as_json(value):
 
 def say_what_to_open():
     """The end of a run: where to look."""
-    for page in filter(os.path.exists, ["results/report/index.html"]):
+    for page in filter(os.path.exists, ["results/report/index.html", "results/reid/index.html"]):
         print(f"Open {os.path.abspath(page)}", file=sys.stderr)
     if stale := left("."):
         print(

@@ -98,6 +98,7 @@ rule report:
         clips=all_clips(),
         statistics="results/evaluate/statistics.csv",
         effort=PROJECT.effort(),
+        recognition=existing_recognition(),
     output:
         page="results/report/index.html",
         sequences=directory("results/report/sequences"),

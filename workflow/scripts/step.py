@@ -16,7 +16,7 @@ def words(job):
     found = [job.rule]
     for key, value in [*job.input.items(), *job.output.items(), *job.params.items()]:
         if (flag := key.replace("_", "-")) in cli.STEPS[job.rule][2]:
-            found += [f"--{flag}", *([value] if isinstance(value, str) else map(str, value))]
+            found += [f"--{flag}", *map(str, value if isinstance(value, list) else [value])]
     return found
 
 

@@ -1,0 +1,281 @@
+"""Re-identification for people: what the table says, in which words, and its figures.
+
+INPUTS   table.csv, cmc.csv, left_out.csv (dior/reid/recognise.py)
+OUTPUTS  <out>/index.html and <out>/plots/*.svg; the same as a section of the report
+"""
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from dior.files import folder_written_whole, write_text
+from dior.report import measures, plots
+
+TEMPLATES = Path(__file__).parent / "templates"
+PLOTS = "plots"
+LABELS, POINTS, DETECTOR = "labels", "3D", "detector"
+PROTOCOLS = {
+    "per_camera": (
+        "The paper's protocol",
+        "One other camera after the other is the gallery, and the rate is the mean over them. Cameras of one place see "
+        "a walk at the same time, so that finding the moment again, not the person, scores here, too.",
+    ),
+    "pooled": ("All other cameras at once", "The gallery is all other cameras together, with the same flaw."),
+    "other_recording": (
+        "Without the probe's own walk",
+        "As the paper's, but the walk that the probe shows is not in the gallery: a person has to be found in another "
+        "walk.",
+    ),
+    "other_place": (
+        "Indoors in outdoors and the reverse",
+        "The gallery is cameras of the other environment: other walks, another calibration, and 3D made another way.",
+    ),
+}
+FAIR = "other_recording"
+STATEMENT = (
+    "Labels of a long-range camera come from the close cameras, as in the paper: they are the 3D that those have seen, "
+    "projected into the far picture. So the column of a long-range camera tells how well people are recognised by what "
+    "the close cameras saw, as it would look from there. It says nothing about recognising anybody in far pictures.",
+    "Every camera in turn is the probe: each of its sequences looks for the nearest in the gallery, and rank 1 is the "
+    "share that finds its own person. Chance is what a gallery in random order gives. The null exchanges the people of "
+    "the walks within each session and takes the distances as they are: what it still reaches comes from sessions and "
+    "from cameras that see one walk together. A rate that 5 % or more of the exchanges reach is at chance: it tells "
+    "nothing, however far from zero it is. Intervals are a bootstrap over people.",
+)
+SILENT = "no detector output of the long-range camera"
+OWN = (
+    "Here the probes of a long-range camera are what a detector found in its pictures, and the gallery is labels of "
+    "the other cameras: this does tell something about far pictures. Only sequences count in which all 17 joints were "
+    "found in 61 pictures in a row, gaps up to 0.4 s bridged; n says how many, so it is a selection of the best."
+)
+
+
+@dataclass(frozen=True)
+class Told:
+    """Rows of the three files, as dicts of strings."""
+
+    rows: list
+    curves: list
+    left_out: list
+
+    @property
+    def scores(self):
+        """Rows of labels and of the 3D."""
+        return [row for row in self.rows if row["keypoints"] in (LABELS, POINTS)]
+
+    @property
+    def views(self):
+        """(environment, camera) of the probes, sorted."""
+        return sorted({(row["environment"], row["camera"]) for row in self.scores if row["camera"]})
+
+
+def run(*, title, table, cmc, left_out, out):
+    """Write the page and its plots into the folder `out`."""
+    import jinja2
+
+    told, out = read(table, cmc, left_out), Path(out)
+    shown = []
+    with folder_written_whole(out / PLOTS) as folder:
+        for one in figures(told):
+            one.draw(folder / f"{one.name}.svg", *one.args, **one.options)
+            words = {"title": one.title, "caption": one.caption, "alt": one.alt}
+            shown.append({"src": f"{PLOTS}/{one.name}.svg"} | words)
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+    )
+    page = environment.get_template("reid.html.j2").render(title=title, recognised=section(told) | {"figures": shown})
+    write_text(out / "index.html", page)
+
+
+def read(table, cmc, left_out):
+    """`Told` by the three files."""
+
+    def rows(path):
+        with open(path, newline="", encoding="utf-8") as stream:
+            return list(csv.DictReader(stream))
+
+    return Told(rows(table), rows(cmc), rows(left_out))
+
+
+def section(told):
+    """What the template says: statement, a table per protocol, the detectors' own output, what was not compared."""
+    return {
+        "statement": [*STATEMENT, in_words(told)],
+        "parts": [part for protocol in PROTOCOLS if (part := _part(told, protocol))["lines"]],
+        "own": own_words(told),
+        "detected": [_detected(row, told) for row in told.rows if row["keypoints"] not in (LABELS, POINTS, DETECTOR)],
+        "left_out": [
+            {"what": row["what"], "where": " ".join(filter(None, _place(row))), "why": row["why"]}
+            for row in told.left_out
+        ],
+    }
+
+
+def _place(row):
+    return (row["sequence"] or f"session {row['session']}", row["camera"])
+
+
+def in_words(told):
+    """How many of the means over probe cameras are at chance, and of which methods nothing is."""
+    means = [row for row in told.scores if not row["camera"] and row["verdict"] != "no trial"]
+    if not means:
+        return "Nothing could be compared."
+    chance = [row for row in means if row["verdict"] == "at chance"]
+    if not chance:
+        return f"All {len(means)} means over the probe cameras are above chance."
+    fair = [row for row in means if row["protocol"] == FAIR]
+    good = [f"{method_of(row, told)} ({input_of(row)})" for row in fair if row["verdict"] == "above chance"]
+    who = ", ".join(good) if good else "no method"
+    return (
+        f"{len(chance)} of {len(means)} means over the probe cameras are at chance. Above chance without the probe's "
+        f"own walk in the gallery: {who}."
+    )
+
+
+def own_words(told):
+    """What is said above the scores of the detectors' own output, or in their place."""
+    silent = [row for row in told.rows if row["keypoints"] == DETECTOR]
+    found = [f"{row['environment']} {row['camera']}: {row['verdict']}." for row in silent]
+    if any(row["verdict"] == SILENT for row in silent):
+        found.append("To see its score here, name what a detector found in config/detectors.tsv (docs/figures.md).")
+    if any(row["keypoints"] not in (LABELS, POINTS, DETECTOR) for row in told.rows):
+        found.insert(0, OWN)
+    return found or ["There is no long-range camera."]
+
+
+def method_of(row, told):
+    """The method's name, with that of its weights where a network has several."""
+    weights = {other["weights"] for other in told.rows if other["method"] == row["method"]}
+    return f"{row['method']} {row['weights']}" if len(weights) > 1 else row["method"]
+
+
+def input_of(row):
+    return row["adaptation"] or row["keypoints"]
+
+
+def _part(told, protocol):
+    """The table of one protocol: a line for each method and input, a column for each probe camera."""
+    title, about = PROTOCOLS[protocol]
+    own = [row for row in told.scores if row["protocol"] == protocol]
+    keys = list(dict.fromkeys((row["method"], row["weights"], row["adaptation"]) for row in own))
+    lines = []
+    for key in keys:
+        mine = [row for row in own if (row["method"], row["weights"], row["adaptation"]) == key]
+        cells = {(row["environment"], row["camera"]): row for row in mine}
+        line = _line(cells[("", "")], told)
+        line["cells"] = [_cell(cells[view]) if view in cells else {"value": "", "chance": False} for view in told.views]
+        lines.append(line)
+    return {"title": title, "about": about, "views": [" ".join(view) for view in told.views], "lines": lines}
+
+
+def _cell(row):
+    return {"value": percent(row["rank1"]), "chance": row["verdict"] == "at chance"}
+
+
+def _line(row, told):
+    return {
+        "method": method_of(row, told),
+        "input": input_of(row),
+        "rank1": percent(row["rank1"]),
+        "interval": f"{percent(row['low'])} to {percent(row['high'])}" if row["low"] else "",
+        "n": f"{row['hits']} of {row['n']}",
+        "chance": percent(row["chance"]),
+        "null": percent(row["null95"]),
+        "rank5": percent(row["rank5"]),
+        "map": percent(row["mean_ap"]),
+        "verdict": row["verdict"],
+    }
+
+
+def _detected(row, told):
+    words = {"camera": f"{row['environment']} {row['camera']}", "keypoints": row["keypoints"]}
+    return _line(row, told) | words | {"input": row["adaptation"], "protocol": PROTOCOLS[row["protocol"]][0]}
+
+
+def percent(text):
+    """A share of the table as per cent; "" where it is not known."""
+    return f"{100 * float(text):.1f} %" if text else ""
+
+
+def figures(told):
+    """`measures.Measure`s: rank 1 by probe camera, for each input of the networks, and the curves of all ranks."""
+    adaptations = list(dict.fromkeys(row["adaptation"] for row in told.scores if row["adaptation"])) or [""]
+    found = []
+    for protocol in ("per_camera", FAIR):
+        for adaptation in adaptations:
+            found += _rank1(told, protocol, adaptation)
+    return found + _curves(told)
+
+
+def _rank1(told, protocol, adaptation):
+    rows = [row for row in told.scores if row["protocol"] == protocol and row["adaptation"] in ("", adaptation)]
+    rows = [row for row in rows if int(row["n"])]
+    series = {}
+    for row in sorted(rows, key=_networks_first):
+        at = f"{row['environment']} {row['camera']}" if row["camera"] else measures.ALL
+        values = tuple(float(row[key]) if row[key] else np.nan for key in ("rank1", "low", "high"))
+        series.setdefault(method_of(row, told), {})[at] = (*values, int(row["n"]))
+    if not series:
+        return []
+    groups = [*(" ".join(view) for view in told.views), measures.ALL]
+    chance = next(row["chance"] for row in rows if not row["camera"])
+    # one method has no legend
+    words = ", ".join(filter(None, (adaptation, *(series if len(series) == 1 else ()))))
+    title = f"{PROTOCOLS[protocol][0]}: {words}" if words else PROTOCOLS[protocol][0]
+    caption = (
+        "The share of the probe camera's sequences whose nearest in the gallery is of the same person. Lines are 95 % "
+        f"intervals over people, the dashed one is chance ({percent(chance)})."
+    )
+    if adaptation and any(row["keypoints"] == POINTS for row in rows):
+        caption += " The baseline is the same in every figure."
+    name = "_".join(filter(None, ("reid", protocol, adaptation)))
+    options = {"percent": True, "limit": (float(chance), "")}
+    alt = f"Rank 1 of {len(series)} methods with {len(groups) - 1} cameras as the probe"
+    return [measures.Measure(name, plots.marks, (groups, series, "rank 1, %"), title, caption, alt, options)]
+
+
+def _networks_first(row):
+    """The order in which methods are drawn: a network has its colour with and without the baseline."""
+    return row["keypoints"] == POINTS
+
+
+def _curves(told):
+    own = [row for row in told.curves if row["protocol"] == FAIR and not row["camera"]]
+    series = {}
+    for row in sorted(own, key=_networks_first):
+        name = (method_of(row, told), row["adaptation"])
+        series.setdefault(name, []).append(float(row["share"]))
+    if not series:
+        return []
+    caption = "How often the person is among the nearest 1, 2, ... sequences; the mean over all probe cameras."
+    alt = f"Cumulative match curves of {len(series)} methods and inputs"
+    title = f"{PROTOCOLS[FAIR][0]}: all ranks"
+    return [measures.Measure("reid_cmc", cmc, (series,), title, caption, alt, {})]
+
+
+def cmc(path, series):
+    """Curves of all ranks. `series`: (method, input) -> shares at rank 1, 2, ...; a colour per method, a line style per
+    input."""
+    figure, axis = plots._figure(height=3.6)
+    methods = list(dict.fromkeys(method for method, _ in series))
+    inputs = list(dict.fromkeys(name for _, name in series if name))
+    colours = plots._colours(methods)
+    styles = dict(zip(inputs, ("-", (0, (4, 2)), (0, (1, 1.5))), strict=False)) | {"": "-"}
+    for (method, name), shares in series.items():
+        ranks = np.arange(1, len(shares) + 1)
+        label = f"{method}, {name}" if name else method
+        axis.plot(ranks, 100 * np.array(shares), color=colours[method], ls=styles[name], lw=1.8, label=label)
+    last = max(map(len, series.values()))
+    axis.set_xlim(1, last)
+    axis.set_xticks([1, *range(5, last + 1, 5)])
+    axis.set_ylim(0, 101)
+    axis.set_xlabel("rank")
+    axis.set_ylabel("found among so many, %")
+    figure.legend(*axis.get_legend_handles_labels(), loc="outside upper left", ncols=2, handlelength=2.2)
+    plots._save(figure, path)

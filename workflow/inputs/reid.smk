@@ -1,0 +1,72 @@
+"""Input and parameter functions of the rules of reid. They only look things up in the project."""
+
+from importlib.util import find_spec
+
+# what the report shows of it
+RECOGNITION = expand("results/reid/{table}.csv", table=["table", "cmc", "left_out"])
+
+
+def session_cameras(wildcards):
+    session = session_of(wildcards)
+    return cameras_of(session, PROJECT.cameras(session))
+
+
+def session_names(wildcards):
+    return PROJECT.cameras_of(wildcards.sequence)
+
+
+def network_weights():
+    return [path for files in CONFIG["reid"]["networks"].values() for path in files]
+
+
+def lacks_torch():
+    """Whether networks are asked for that cannot run here. PyTorch is not imported: that takes seconds."""
+    return bool(network_weights()) and find_spec("torch") is None
+
+
+def compared_weights(wildcards):
+    """The weights of the networks; what lacks is said before the first job, not after the last."""
+    for path in network_weights():
+        if not os.path.isfile(path):
+            raise WorkflowError(
+                f"config/config.yaml: 'reid.networks' names {path}, where there is no file; it is relative to the "
+                "folder that holds config/ (docs/reid.md says where weights come from)"
+            )
+    if lacks_torch():
+        raise WorkflowError(
+            "config/config.yaml: 'reid.networks' names weights, but PyTorch, which networks need, is not installed: "
+            "pip install -r requirements-reid.txt (or leave the lists empty: the baseline needs no network)"
+        )
+    return network_weights()
+
+
+def long_range_rows():
+    """The rows of detectors.tsv of long-range cameras."""
+    recorded = set(long_range_recordings())
+    return [
+        {"sequence": sequence, **row}
+        for sequence in SEQUENCES
+        for row in PROJECT.detectors_of(sequence)
+        if (sequence, row["camera"]) in recorded
+    ]
+
+
+def long_range_detectors(wildcards):
+    return [row["path"] for row in long_range_rows()]
+
+
+def long_range_states(wildcards):
+    """What is in the outputs that are folders, as for the detections."""
+    return [folder_state(path) for path in long_range_detectors(wildcards)]
+
+
+def existing_recognition():
+    """The tables, where there are some already that can be kept up: nobody who withdrew stays in them."""
+    lacking = lacks_torch() or not all(map(os.path.isfile, network_weights()))
+    possible = len(PROJECT.processed_subjects) > 1 and not lacking
+    return RECOGNITION if possible and os.path.exists(RECOGNITION[0]) else []
+
+
+def existing_reid():
+    """Their page, too."""
+    return ["results/reid/index.html"] if existing_recognition() else []
