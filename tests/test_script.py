@@ -35,7 +35,7 @@ def test_more_files_than_a_command_line_takes(tmp_path):
 
 @pytest.mark.parametrize(
     ("inputs", "word"),
-    [("{'inputs': ['lost.parquet'], 'checks': []}", "dior metrics: lost.parquet"), ("{'inputs': 3}", "Traceback")],
+    [("{'inputs': ['lost.parquet'], 'checks': []}", "dior metrics: lost.parquet"), ("None", "Traceback")],
 )
 def test_what_goes_wrong_is_on_the_screen_and_in_the_log(tmp_path, inputs, word):
     code, text = ran(tmp_path, inputs)
