@@ -551,7 +551,9 @@ def main(argv=None):
             return 0
         args = _parser().parse_args(argv)
         if args.command in by_hand.COMMANDS:
-            done = import_module(by_hand.COMMANDS[args.command]).run(**{k: v for k, v in vars(args).items() if k != "command"})
+            done = import_module(by_hand.COMMANDS[args.command]).run(
+                **{k: v for k, v in vars(args).items() if k != "command"}
+            )
             return done or 0
         step, arguments = args.command, _arguments(args)
         import_module(f"dior.{STEPS[step][0]}").run(**arguments)

@@ -28,7 +28,7 @@ from dior.reid import augment, checkpoint, embed, inputs, networks, protocols, r
 ADAPTATION = "canonical"
 STEPS, SEED = 200, 1
 # subjects of a batch; of each, sequences and views of a sequence (the contrast needs two)
-PEOPLE, SEQUENCES, VIEWS = 16, {"gaitgraph": 2, "gaitmixer": 4, "gaitformer": 4}, {"gaitgraph": 2}
+PEOPLE, SEQUENCES, VIEWS = 8, {"gaitgraph": 2, "gaitmixer": 4, "gaitformer": 4}, {"gaitgraph": 2}
 # the largest step of the optimiser, from random weights and from given ones
 RATE = {"gaitgraph": (1e-2, 1e-3), "gaitmixer": (6e-3, 2e-3), "gaitformer": (6e-3, 2e-3)}
 DECAY = 1e-5
