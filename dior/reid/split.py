@@ -55,9 +55,10 @@ def _checked(sheet, held):
     train = tuple(name for name in sheet if name not in held)
     trained = {sheet[name]["subject"] for name in train}
     if len(trained) < LEAST_SUBJECTS:
+        one = "1 subject" if len(trained) == 1 else f"{len(trained)} subjects"
         raise DiorError(
-            f"{len(trained)} subject{'' if len(trained) == 1 else 's'} would be left to train with, and a network needs "
-            f"at least {LEAST_SUBJECTS} to tell apart; hold out less, or record more people"
+            f"{one} would be left to train with, and a network needs at least {LEAST_SUBJECTS} to tell apart; hold out "
+            "less, or record more people"
         )
     test = tuple(name for name in sheet if name in held and sheet[name]["subject"] in trained)
     if not test:

@@ -64,8 +64,8 @@ def run(*, project, labels, network, out, weights=None, test_sessions=(), steps=
     found = json.loads(Path(f"{out}.json").read_text())
     for row in found["test"]:
         print(
-            f"{row['weights']}: {row['protocol']} rank-1 {row['rank1']:.1%} ({row['hits']} of {row['n']}, 95 % interval "
-            f"{row['low']:.1%} to {row['high']:.1%}, chance {row['chance']:.1%}): {row['verdict']}"
+            f"{row['weights']}: {row['protocol']} rank-1 {row['rank1']:.1%} ({row['hits']} of {row['n']}, 95 % "
+            f"interval {row['low']:.1%} to {row['high']:.1%}, chance {row['chance']:.1%}): {row['verdict']}"
         )
 
 
