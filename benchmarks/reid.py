@@ -1,6 +1,6 @@
 """Who is recognised in a simulated gallery: the pretrained networks and the baseline, and what must not be recognised.
 
-usage: python -m benchmarks.reid [FOLDER] [SEED] [PEOPLE]
+usage: OMP_NUM_THREADS=2 python -m benchmarks.reid [FOLDER] [SEED] [PEOPLE]
 
 FOLDER for the galleries and tables: a new temporary one, removed after; in one that is there, what is done already is
 not done again. PEOPLE: `different` or `same` alone.
@@ -21,7 +21,7 @@ from pathlib import Path
 
 from benchmarks import walkers
 from dior.files import write_text
-from dior.reid import checkpoint, inputs, networks, recognise, statistics
+from dior.reid import checkpoint, inputs, recognise, statistics
 
 WEIGHTS = Path(__file__).resolve().parents[2] / "shared/reid/weights"
 FILES = {"gaitgraph": "gaitgraph.pth", "gaitmixer": "gaitmixer.pt", "gaitformer": "gaitformer.pt"}
@@ -98,5 +98,4 @@ def compare(capture, tables, cameras):
 
 
 if __name__ == "__main__":
-    networks.torch().set_num_threads(2)
     main()

@@ -52,8 +52,8 @@ def _train_reid(commands):
     text = "train a re-identification network with the project's own walks, and test it with walks it has not seen"
     train = commands.add_parser("train-reid", help=text, description=text)
     train.add_argument("--project", **PROJECT)
-    train.add_argument("--labels", type=Path, required=True, help="folder of the sequences' COCO-17 labels")
-    train.add_argument("--network", required=True, help="gaitgraph, gaitmixer or gaitformer")
+    train.add_argument("--labels", type=Path, required=True, help="folder of COCO-17 labels: results/reid")
+    train.add_argument("--network", required=True, choices=("gaitgraph", "gaitmixer", "gaitformer"))
     train.add_argument("--out", type=Path, required=True, help="file of the weights to write, such as lab.pt")
     train.add_argument("--weights", type=Path, help="weights to begin with (default: random ones)")
     train.add_argument(
