@@ -49,8 +49,18 @@ def made(folder, **settings):
     walks = capture.project.sequences
     with ProcessPoolExecutor(os.cpu_count()) as pool:
         for step, names in ((_record, walks), (_adjust, outdoors), (_reconstruct, walks)):
-            list(pool.map(step, [(folder, values, name) for name in names]))
+            lacking = [name for name in names if not _last(step, capture, name).is_file()]
+            list(pool.map(step, [(folder, values, name) for name in lacking]))
     return capture
+
+
+def _last(step, capture, name):
+    """The table that a step writes last."""
+    if step is _adjust:
+        return capture.made("adjust", name, ".findings")
+    if step is _reconstruct:
+        return capture.made("inputs", name, ".skeleton")
+    return capture.made("mocap" if capture.project.indoor(name) else "timeline", name)
 
 
 def _capture(job):
@@ -64,8 +74,6 @@ def _record(job):
     settings, data = capture.settings, capture.folder / "data"
     walk = levels.sequence_named(settings, name)
     frames, outdoor = capture.made("frames", name), walk.environment == "outdoor"
-    if capture.made("timeline" if outdoor else "mocap", name).is_file():
-        return
     motion = motion_of(settings, walk)
     own, _ = clocks_of(settings, walk)
     tables.write(frames, "frames", _frames(own, settings))
@@ -112,8 +120,6 @@ def _frames(own, settings):
 def _adjust(job):
     """The close cameras of one session, from the tape and the detections, with the clocks given."""
     capture, session = _capture(job)
-    if capture.made("adjust", session, ".findings").is_file():
-        return
     for camera, placed in scene.cameras_of(capture.settings, session).items():
         lens = scene.reported(capture.settings, session, placed.camera)
         own = capture.made("intrinsics", f"{session}/{camera}")
@@ -124,8 +130,6 @@ def _adjust(job):
 def _reconstruct(job):
     """The 3D of one walk, and COCO-17 in every camera."""
     capture, name = _capture(job)
-    if capture.made("inputs", name, ".skeleton").is_file():
-        return
     session, indoor = capture.project.session_of(name), capture.project.indoor(name)
     close = capture.project.close(session)
     true = [placed.camera for placed in scene.cameras_of(capture.settings, session).values()]

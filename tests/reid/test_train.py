@@ -12,6 +12,8 @@ from dior.reid.protocols import Item
 
 torch = pytest.importorskip("torch", reason="PyTorch is not installed: pip install -r requirements-reid.txt")
 
+from dior.reid import losses  # noqa: E402
+
 SUBJECTS, WALKS, FRAMES = 3, 3, 64
 
 
@@ -42,11 +44,16 @@ def small(monkeypatch):
 SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in ("gaitgraph", "gaitformer")]
 
 
+# the contrast of 3 right ones shares the probability: it cannot be less
+LEAST = {"gaitgraph": losses.TEMPERATURE / losses.BASE_TEMPERATURE * np.log(3)}
+
+
 @pytest.mark.parametrize("name", ["gaitmixer", *SLOW])
 def test_the_loss_goes_down_and_the_weights_can_be_loaded(name, tmp_path):
     given, who = sequences()
-    network, losses = train.trained(name, given, who, tmp_path / "w.pt", steps=30)
-    assert np.mean(losses[-5:]) < 0.8 * np.mean(losses[:5])
+    network, found = train.trained(name, given, who, tmp_path / "w.pt", steps=14 if name == "gaitmixer" else 40)
+    found = np.array(found) - LEAST.get(name, 0.0)
+    assert found[-4:].mean() < 0.8 * found[:4].mean()
     loaded = checkpoint.load(name, tmp_path / "w.pt")
     assert (embed.embeddings(name, loaded, given) == embed.embeddings(name, network, given)).all()
     assert [path.name for path in tmp_path.iterdir()] == ["w.pt"]
@@ -78,8 +85,8 @@ def test_a_killed_training_goes_on_to_the_same_bytes(name, tmp_path, monkeypatch
         train.trained(name, given, who, tmp_path / "cut.pt", steps=3)
     assert not (tmp_path / "cut.pt").exists() and (tmp_path / "cut.pt.training.npz").is_file()
     monkeypatch.setattr(train, "_step", lambda *args: done.append(args[-1]) or step(*args))
-    _, losses = train.trained(name, given, who, tmp_path / "cut.pt", steps=3)
-    assert done == [0, 1, 2] and len(losses) == 3
+    _, found = train.trained(name, given, who, tmp_path / "cut.pt", steps=3)
+    assert done == [0, 1, 2] and len(found) == 3
     assert (tmp_path / "cut.pt").read_bytes() == (tmp_path / "whole.pt").read_bytes()
     assert not (tmp_path / "cut.pt.training.npz").exists()
 
