@@ -15,6 +15,8 @@ from benchmarks import steps
 from dior import clocks, tables
 from dior import project as projects
 from dior.clocks import Clock
+from dior.errors import DiorError
+from dior.files import write_text
 from dior.ingest import detections, mocap
 from dior.reconstruct import timeline
 from dior.reid import inputs
@@ -28,23 +30,37 @@ WALKS = ("across", "along", "along", "across")
 
 
 def made(folder, **settings):
-    """`steps.Capture` of a gallery in `folder`; one that is there already with the same settings is taken as it is."""
+    """`steps.Capture` of a gallery in `folder`; what is there already, made with the same settings, is not made again.
+
+    Raises DiorError for a folder with a gallery of other settings.
+    """
     values = {"preset": "real", "subjects": 14, "sequences": len(WALKS), "sessions": 3, "walks": list(WALKS)}
     values |= {"people": "different", "gallery": False} | settings
     chosen, folder = levels.from_dict(values), Path(folder)
-    done = folder / "settings.txt"
-    if done.is_file() and done.read_text() == repr(chosen):
-        return steps.Capture(folder, chosen, projects.load(folder))
-    config.write(chosen, folder / "config")
-    config.write_offsets(chosen, folder / "config")
+    told = folder / "settings.txt"
+    if not told.is_file():
+        config.write(chosen, folder / "config")
+        config.write_offsets(chosen, folder / "config")
+        write_text(told, repr(chosen))
+    elif told.read_text() != repr(chosen):
+        raise DiorError(f"{folder}: holds a gallery of other settings; give another folder, or delete this one")
     capture = steps.Capture(folder, chosen, projects.load(folder))
+    outdoors = [s for s in capture.project.sessions if levels.place_of(s) == "field"]
+    walks = capture.project.sequences
     with ProcessPoolExecutor(os.cpu_count()) as pool:
-        list(pool.map(_record, [(folder, values, name) for name in capture.project.sequences]))
-        outdoors = [s for s in capture.project.sessions if levels.place_of(s) == "field"]
-        list(pool.map(_adjust, [(folder, values, session) for session in outdoors]))
-        list(pool.map(_reconstruct, [(folder, values, name) for name in capture.project.sequences]))
-    done.write_text(repr(chosen))
+        for step, names in ((_record, walks), (_adjust, outdoors), (_reconstruct, walks)):
+            lacking = [name for name in names if not _last(step, capture, name).is_file()]
+            list(pool.map(step, [(folder, values, name) for name in lacking]))
     return capture
+
+
+def _last(step, capture, name):
+    """The table that a step writes last."""
+    if step is _adjust:
+        return capture.made("adjust", name, ".findings")
+    if step is _reconstruct:
+        return capture.made("inputs", name, ".skeleton")
+    return capture.made("mocap" if capture.project.indoor(name) else "timeline", name)
 
 
 def _capture(job):
@@ -57,8 +73,8 @@ def _record(job):
     capture, name = _capture(job)
     settings, data = capture.settings, capture.folder / "data"
     walk = levels.sequence_named(settings, name)
-    motion = motion_of(settings, walk)
     frames, outdoor = capture.made("frames", name), walk.environment == "outdoor"
+    motion = motion_of(settings, walk)
     own, _ = clocks_of(settings, walk)
     tables.write(frames, "frames", _frames(own, settings))
     known = {camera: Clock(clock.offset_s, clock.drift_ppm, "manual") for camera, clock in own.items()}

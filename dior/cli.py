@@ -7,6 +7,7 @@ import time
 from importlib import import_module
 from pathlib import Path
 
+from dior import by_hand
 from dior.errors import DiorError
 from dior.evaluate import timing
 
@@ -549,15 +550,6 @@ STEPS = {
     ),
 }
 
-# no steps of the workflow: a person types them
-BY_HAND = {
-    "init": "dior.init",
-    "trigger": "dior.ingest.trigger",
-    "verify": "dior.release.verify",
-    "diff": "dior.release.diff",
-    "forget": "dior.forget",
-}
-
 
 def _parser():
     parser = argparse.ArgumentParser(prog="dior", description=__doc__.splitlines()[0])
@@ -567,36 +559,8 @@ def _parser():
         for flag, how in flags.items():
             options = {key: value for key, value in how.items() if key != "dest"}
             command.add_argument(f"--{flag}", required="default" not in how, **options)
-    init = commands.add_parser("init", help="start a project folder for your own recordings")
-    init.add_argument("folder", type=Path)
-    _trigger_parser(commands)
-    text = "list, or delete, what is left of sequences and people that the project no longer has"
-    forget = commands.add_parser("forget", help=text, description=text)
-    forget.add_argument("--project", type=Path, default=Path("."), help="folder that holds config/ (default: this one)")
-    forget.add_argument("--yes", action="store_true", help="delete what is listed")
-    text = "is a release, its exports or a tarball whole, unchanged and consistent"
-    verify = commands.add_parser("verify", help=text, description=text)
-    verify.add_argument("paths", type=Path, nargs="+", help="release folder, exports folder, tarballs")
-    verify.add_argument("--decode", action="store_true", help="decode every picture, not only read its header")
-    text = "which sequences and cameras differ between two releases, by how much and why; exit code 1 where any does"
-    diff = commands.add_parser("diff", help=text, description=text)
-    diff.add_argument("first", type=Path, help="release folder")
-    diff.add_argument("second", type=Path, help="release folder")
-    diff.add_argument("--json", dest="as_json", action="store_true", help="print JSON instead of text")
+    by_hand.add_parsers(commands)
     return parser
-
-
-def _trigger_parser(commands):
-    text = "start and stop the recording with Vicon Nexus, and note when that was"
-    trigger = commands.add_parser("trigger", help=text, description=text)
-    trigger.add_argument("--log", type=Path, required=True, help="file to append to, such as trigger.jsonl")
-    trigger.add_argument("--bind", default="0.0.0.0", help="address to listen on (default: all of this computer's)")
-    trigger.add_argument("--port", type=int, default=30, help="UDP port, as set in Nexus (default: 30)")
-    trigger.add_argument("--on-start", default="", help="shell command that starts the recording")
-    trigger.add_argument("--on-stop", default="", help="shell command that stops it")
-    trigger.add_argument(
-        "--patience", type=float, default=10.0, help="seconds after which a command that still runs is reported"
-    )
 
 
 def _config_parser():
@@ -625,8 +589,10 @@ def main(argv=None):
             import_module("dior.simulate.config").run(**vars(_config_parser().parse_args(argv[1:])))
             return 0
         args = _parser().parse_args(argv)
-        if args.command in BY_HAND:
-            done = import_module(BY_HAND[args.command]).run(**{k: v for k, v in vars(args).items() if k != "command"})
+        if args.command in by_hand.COMMANDS:
+            done = import_module(by_hand.COMMANDS[args.command]).run(
+                **{k: v for k, v in vars(args).items() if k != "command"}
+            )
             return done or 0
         step, arguments = args.command, _arguments(args)
         import_module(f"dior.{STEPS[step][0]}").run(**arguments)

@@ -54,8 +54,11 @@ class Trials:
         return Trials(self.probe[keep], self.ranked[keep], self.view[keep], self.views)
 
 
-def trials(distances, items, protocol):
-    """`Trials` of a protocol. A probe whose subject is not in a gallery has no trial there."""
+def trials(distances, items, protocol, held_out=None):
+    """`Trials` of a protocol. A probe whose subject is not in a gallery has no trial there.
+
+    `held_out` (N,) bool: only these are probes, and only the others are in galleries.
+    """
     if protocol not in PROTOCOLS:
         raise DiorError(f"there is no protocol '{protocol}'{nearest(protocol, PROTOCOLS)}")
     distances = np.asarray(distances, float)
@@ -65,11 +68,12 @@ def trials(distances, items, protocol):
     view = np.array([views.index(item.view) for item in items], int)
     subject = numbered([item.subject for item in items])
     recording = numbered([item.recording for item in items])
+    asks, answers = (True, True) if held_out is None else (held_out, ~held_out)
     probes, ranked = [], []
     for p in range(len(views)):
         for gallery in _galleries(views, p, protocol):
-            inside = np.flatnonzero(np.isin(view, gallery))
-            for probe in np.flatnonzero(view == p):
+            inside = np.flatnonzero(np.isin(view, gallery) & answers)
+            for probe in np.flatnonzero((view == p) & asks):
                 own = inside if protocol != "other_recording" else inside[recording[inside] != recording[probe]]
                 if (subject[own] == subject[probe]).any():
                     probes.append(probe)

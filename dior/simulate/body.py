@@ -17,8 +17,11 @@ MARKER_RADIUS_M = 0.007
 
 # body heights; of the other parts of a body only the height is known
 THIGH, SHANK, HALF_HIPS, HALF_SHOULDERS, UPPER_ARM, FOREARM, TRUNK = 0.245, 0.246, 0.052, 0.112, 0.186, 0.146, 0.288
-# how people of one height differ (standard deviations): the legs as a share of their length, with the trunk making up
-# for it, and shares of the other lengths; about what surveys of bodies leave when stature is taken out of the lengths
+# How people of one height differ: standard deviations of the legs as a share of their length, with the trunk making up
+# for it, and of the other lengths. Trotter and Gleser, Am. J. Phys. Anthropol. 10 (1952) 463-514, white men: stature
+# follows from femur, tibia, humerus or radius to 3.27, 3.37, 4.05 and 4.32 cm, with slopes of 2.38, 2.52, 3.08 and
+# 3.78. With statures that scatter by 6.6 cm (our assumption) that leaves 2.5, 3.0, 3.1 and 3.4 % of these lengths at a
+# given stature. The breadths' spread is our assumption: a little more, since they follow stature less.
 LEGS_SD, LENGTH_SD, BREADTH_SD = 0.025, 0.03, 0.04
 
 

@@ -91,8 +91,13 @@ RUN = Pattern(
     strides=running_cadence,
 )
 
-# how people differ: standard deviations of the curves' middles and of their first two harmonics (degrees, each of sine
-# and cosine), of angles, and of logarithms of what is scaled; the curves' own scatter in Winter (1991) is 4-5 degrees
+# How people differ: standard deviations of the curves' middles and of their first two harmonics (degrees, each of sine
+# and cosine), of angles, and of logarithms of what is scaled. All are assumptions of ours, chosen so that:
+# - a joint's angle scatters by 2.3-2.7 degrees at any time, about half of the bands of 4-5 degrees around the mean
+#   curves in Winter (1991), which also hold how markers are placed and how people vary from stride to stride;
+# - the width of the steps scatters by a quarter: it is 14.0 +- 3.1 % of the leg's length between people who walk at the
+#   speed they like (J. NeuroEng. Rehabil. 9 (2012) 69, table 1), the other scaled movements alike for want of a source;
+# - the rest leaves a walk that looks like one; no source was found.
 CURVE_SD, HARMONICS_SD = {"hip": 2.0, "knee": 1.5, "ankle": 1.5}, (1.5, 1.0)
 QUICKNESS_SD, TOE_OFF_SD, SCALE_SD = 0.04, 0.01, 0.25
 ARM_SD, LEAN_SD, FEET_OUT_SD = 5.0, 2.0, 3.0

@@ -185,3 +185,13 @@ def test_distances_must_be_numbers():
         protocols.trials(np.full((len(items),) * 2, np.nan), items, "pooled")
     with pytest.raises(DiorError, match="no protocol 'pool'.*pooled"):
         protocols.trials(np.zeros((len(items),) * 2), items, "pool")
+
+
+def test_what_is_held_out_asks_and_never_answers():
+    items = items_of(subjects=4)
+    held = np.array([item.recording.endswith("_3") for item in items])
+    found = protocols.trials(np.zeros((len(items),) * 2), items, "other_recording", held)
+    assert set(found.probe.tolist()) == set(np.flatnonzero(held).tolist())
+    assert not held[found.ranked[found.ranked >= 0]].any()
+    # 3 walks of 4 people are left in each gallery camera
+    assert found.ranked.shape == (held.sum() * 7, 12)

@@ -1,0 +1,246 @@
+"""A network trained with a lab's own gallery, and tested with walks or sessions that it has not seen.
+
+INPUTS   COCO-17 labels of every walk (dior/reid/inputs.py), the sheet; weights to begin with, or none
+OUTPUTS  <out>: the weights, as torch.save writes them; <out>.json: how they were made and what they recognise
+Sequences are `canonical` (dior/reid/inputs.py), in training and when the weights are used. Losses, augmentation,
+optimiser and its schedule are those of each network's authors; what differs is the size: STEPS batches instead of
+hundreds of epochs.
+
+Every batch has a random generator of its own, and the training so far is saved every SAVE_S seconds beside `out`: a run
+that was killed continues there, and ends with the same bytes as one that was not (same machine, same threads; on a GPU
+within rounding).
+"""
+
+import hashlib
+import io
+import json
+import math
+import time
+from pathlib import Path
+
+import numpy as np
+
+from dior.errors import DiorError
+from dior.files import write_text, written_whole
+from dior.progress import told
+from dior.reid import augment, checkpoint, embed, inputs, networks, protocols, recognise, split, statistics
+
+ADAPTATION = "canonical"
+STEPS, SEED = 200, 1
+# subjects of a batch; of each, sequences and views of a sequence (the contrast needs two)
+PEOPLE, SEQUENCES, VIEWS = 8, {"gaitgraph": 2, "gaitmixer": 4, "gaitformer": 4}, {"gaitgraph": 2}
+# the largest step of the optimiser, from random weights and from given ones
+RATE = {"gaitgraph": (1e-2, 1e-3), "gaitmixer": (6e-3, 2e-3), "gaitformer": (6e-3, 2e-3)}
+DECAY = 1e-5
+# torch.optim.lr_scheduler.OneCycleLR's defaults: share of the steps that rise, and how far it starts and ends below
+RISE, START_BELOW, END_BELOW, MOMENTA = 0.3, 25.0, 1e4, (0.85, 0.95)
+SAVE_S = 30.0
+# of a held-out walk: found among the others' training walks, from other cameras
+PROTOCOLS = ("other_recording", "other_place")
+COLUMNS = ("protocol", "rank1", "low", "high", "hits", "n", "chance", "p", "verdict")
+
+
+def run(*, project, labels, network, out, weights=None, test_sessions=(), steps=STEPS, seed=SEED):
+    """Train `network` with the project's walks and write `out` and `out`.json.
+
+    `labels`: folder of <sequence>.parquet. Raises DiorError where the gallery is too small to be split.
+    """
+    from dior import project as projects
+
+    networks.torch()
+    known = projects.load(project)
+    paths = {name: Path(labels) / f"{name}.parquet" for name in known.sequences}
+    missing = [name for name, path in paths.items() if not path.is_file()]
+    if missing:
+        raise DiorError(
+            f"{labels}: no COCO-17 labels of {len(missing)} of {len(paths)} sequences, such as {missing[0]}; run "
+            "`snakemake -j2 reid` first"
+        )
+    # a canonical sequence does not depend on the width of the picture
+    widths = {name: dict.fromkeys(known.cameras_of(name), inputs.WIDTH) for name in paths}
+    shown = recognise.gallery(known.rows, paths, widths)
+    parts = split.of({name: known.rows[name] for name in known.sequences}, test_sessions)
+    train_and_test(network, shown, parts, Path(out), weights, steps, seed)
+    found = json.loads(Path(f"{out}.json").read_text())
+    for row in found["test"]:
+        print(
+            f"{row['weights']}: {row['protocol']} rank-1 {row['rank1']:.1%} ({row['hits']} of {row['n']}, 95 % "
+            f"interval {row['low']:.1%} to {row['high']:.1%}, chance {row['chance']:.1%}): {row['verdict']}"
+        )
+
+
+def train_and_test(name, shown, parts, out, weights=None, steps=STEPS, seed=SEED):
+    """Weights and their report from a `recognise.Gallery` and a `split.Split`."""
+    given = [inputs.adapted(uv, w, ADAPTATION) for uv, w in zip(shown.sequences, shown.widths, strict=True)]
+    recordings = np.array([item.recording for item in shown.items])
+    train = np.flatnonzero(np.isin(recordings, parts.train))
+    subjects = np.array([shown.items[i].subject for i in train])
+    if len(set(subjects.tolist())) < split.LEAST_SUBJECTS:
+        raise DiorError("fewer than two subjects have sequences that are whole enough to train with")
+    began = time.monotonic()
+    network, losses = trained(name, [given[i] for i in train], subjects, out, weights, steps, seed)
+    seconds = time.monotonic() - began
+    before = {weights.name: checkpoint.load(name, weights)} if weights else {}
+    rows = [
+        {"weights": which, **row}
+        for which, one in {**before, out.name: network}.items()
+        for row in tested(name, one, given, shown.items, parts)
+    ]
+    report = {
+        **{"network": name, "adaptation": ADAPTATION, "from": weights.name if weights else None},
+        **{"seed": seed, "steps": steps, "seconds": round(seconds, 1)},
+        **{"loss_first": _mean(losses[:10]), "loss_last": _mean(losses[-10:])},
+        **{"subjects": len(set(subjects.tolist())), "sequences": len(train)},
+        **{"train": parts.train, "held_out": parts.test, "unused": parts.unused, "test": rows},
+    }
+    write_text(Path(f"{out}.json"), json.dumps(report, indent=1) + "\n")
+
+
+def tested(name, network, given, items, parts):
+    """Rows (COLUMNS) of the held-out walks looked for among those of the training; `given`: adapted sequences."""
+    kept = [i for i, item in enumerate(items) if item.recording in {*parts.train, *parts.test}]
+    items = [items[i] for i in kept]
+    held = np.array([item.recording in set(parts.test) for item in items], bool)
+    far = embed.distances(name, embed.embeddings(name, network, [given[i] for i in kept]))
+    rows = []
+    for protocol in PROTOCOLS:
+        score = statistics.score(protocols.trials(far, items, protocol, held), items)
+        row = {"protocol": protocol, **{key: getattr(score, key) for key in COLUMNS[1:]}}
+        rows.append({key: None if isinstance(v, float) and math.isnan(v) else v for key, v in row.items()})
+    return rows
+
+
+def trained(name, sequences, subjects, out, weights=None, steps=STEPS, seed=SEED):
+    """The trained network, in evaluation mode, and the loss of every step; writes `out`.
+
+    `sequences`: (F, 17, 2) adapted, of `subjects` (N,); `weights`: a checkpoint to begin with, or None.
+    """
+    torch = networks.torch()
+    device = "cuda" if torch.cuda.is_available() else "cpu"
+    torch.manual_seed(seed)
+    network = networks.build(name)
+    if weights:
+        checkpoint.fill(network, checkpoint.read(weights), name, weights)
+    network.to(device).train()
+    most = RATE[name][1 if weights else 0]
+    optimiser = torch.optim.Adam(network.parameters(), lr=most, weight_decay=DECAY)
+    numbers = protocols.numbered(subjects)
+    state, job = Path(f"{out}.training.npz"), _job(name, sequences, numbers, weights, steps, seed)
+    losses = _resumed(state, job, network, optimiser)
+    saved = time.monotonic()
+    for step in told(range(len(losses), steps), steps - len(losses), "steps", f"training {name}"):
+        rate, momentum = one_cycle(step, steps, most)
+        for group in optimiser.param_groups:
+            group["lr"], group["betas"] = rate, (momentum, group["betas"][1])
+        losses.append(_step(name, network, optimiser, sequences, numbers, seed, step))
+        if not np.isfinite(losses[-1]):
+            raise DiorError(f"{out}: the training of {name} came apart at step {step} (the loss is no number)")
+        if time.monotonic() - saved >= SAVE_S:
+            _save(state, job, network, optimiser, losses)
+            saved = time.monotonic()
+    network.eval()
+    save_weights(out, network)
+    state.unlink(missing_ok=True)
+    return network, losses
+
+
+def _step(name, network, optimiser, sequences, numbers, seed, step):
+    """One batch; its loss."""
+    import torch
+
+    from dior.reid import losses
+
+    random = np.random.default_rng([seed, step])
+    # dropout
+    torch.manual_seed(int(random.integers(2**31)))
+    picked = np.repeat(augment.batch(numbers, PEOPLE, SEQUENCES[name], random), VIEWS.get(name, 1))
+    given = batch_of(name, [sequences[i] for i in picked], random)
+    device = next(network.parameters()).device
+    found = network(torch.from_numpy(given).to(device))
+    loss = losses.OF[name](found, torch.from_numpy(numbers[picked]).to(device))
+    optimiser.zero_grad()
+    loss.backward()
+    optimiser.step()
+    return loss.item()
+
+
+def batch_of(name, sequences, random):
+    """Input of a network, float32, of sequences (F, 17, 2), each augmented."""
+    parts = [augment.augmented(uv, random) for uv in sequences]
+    if name != "gaitgraph":
+        return (np.stack(parts) / embed.PICTURE).astype(np.float32)
+    made = [embed.middle(part, augment.confidences(embed.CONFIDENCE, random)[..., None]) for part in parts]
+    return np.stack(made).astype(np.float32)
+
+
+def one_cycle(step, steps, most):
+    """Rate and first momentum of step 0, 1, ... of `steps`: torch's OneCycleLR, cosines."""
+    top, end = RISE * steps - 1, steps - 1
+    low, last = most / START_BELOW, most / START_BELOW / END_BELOW
+    if step <= top:
+        return _cosine(low, most, step / top), _cosine(MOMENTA[1], MOMENTA[0], step / top)
+    share = (step - top) / (end - top)
+    return _cosine(most, last, share), _cosine(MOMENTA[0], MOMENTA[1], share)
+
+
+def _cosine(start, end, share):
+    return end + (start - end) / 2 * (1 + math.cos(math.pi * share))
+
+
+def save_weights(path, network):
+    """The weights as torch.save writes them; the same weights give the same bytes, wherever they are."""
+    import torch
+
+    text = io.BytesIO()
+    torch.save({key: value.cpu() for key, value in network.state_dict().items()}, text)
+    with written_whole(path) as part:
+        part.write_bytes(text.getvalue())
+
+
+def _job(name, sequences, numbers, weights, steps, seed):
+    """What a training so far is of: it is continued only by the same."""
+    digest = hashlib.sha256(numbers.astype("<i8").tobytes())
+    for uv in sequences:
+        digest.update(np.ascontiguousarray(uv, "<f8").tobytes())
+    given = hashlib.sha256(Path(weights).read_bytes()).hexdigest() if weights else ""
+    return json.dumps([name, steps, seed, given, digest.hexdigest()])
+
+
+def _save(path, job, network, optimiser, losses):
+    values = {"job": np.array(job), "losses": np.array(losses)}
+    values |= {f"model/{key}": value.cpu().numpy() for key, value in network.state_dict().items()}
+    for i, one in optimiser.state_dict()["state"].items():
+        values |= {f"adam/{i}/{key}": value.cpu().numpy() for key, value in one.items()}
+    with written_whole(path) as part, open(part, "wb") as file:
+        np.savez(file, **values)
+
+
+def _resumed(path, job, network, optimiser):
+    """Losses of the steps that `_save` wrote of the same job, its state put back; [] where there are none."""
+    import torch
+
+    if not path.is_file():
+        return []
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            values = {key: file[key] for key in file.files}
+        same = str(values["job"]) == job
+    except (OSError, ValueError, KeyError) as error:
+        raise DiorError(f"{path}: not a training that can be continued ({error}); delete it to begin anew") from None
+    if not same:
+        raise DiorError(f"{path}: the training begun there is of other sequences or settings; delete it to begin anew")
+    checkpoint.fill(network, _below(values, "model/"), job, path)
+    state = optimiser.state_dict()
+    for key, value in _below(values, "adam/").items():
+        i, what = key.split("/")
+        state["state"].setdefault(int(i), {})[what] = torch.from_numpy(value)
+    optimiser.load_state_dict(state)
+    return values["losses"].tolist()
+
+
+def _below(values, prefix):
+    return {key.removeprefix(prefix): value for key, value in values.items() if key.startswith(prefix)}
+
+
+def _mean(values):
+    return float(np.mean(values)) if values else None
