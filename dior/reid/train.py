@@ -77,9 +77,7 @@ def train_and_test(name, shown, parts, out, weights=None, steps=STEPS, seed=SEED
     subjects = np.array([shown.items[i].subject for i in train])
     if len(set(subjects.tolist())) < split.LEAST_SUBJECTS:
         raise DiorError("fewer than two subjects have sequences that are whole enough to train with")
-    began = time.monotonic()
     network, losses = trained(name, [given[i] for i in train], subjects, out, weights, steps, seed)
-    seconds = time.monotonic() - began
     before = {weights.name: checkpoint.load(name, weights)} if weights else {}
     rows = [
         {"weights": which, **row}
@@ -88,7 +86,7 @@ def train_and_test(name, shown, parts, out, weights=None, steps=STEPS, seed=SEED
     ]
     report = {
         **{"network": name, "adaptation": ADAPTATION, "from": weights.name if weights else None},
-        **{"seed": seed, "steps": steps, "seconds": round(seconds, 1)},
+        **{"seed": seed, "steps": steps},
         **{"loss_first": _mean(losses[:10]), "loss_last": _mean(losses[-10:])},
         **{"subjects": len(set(subjects.tolist())), "sequences": len(train)},
         **{"train": parts.train, "held_out": parts.test, "unused": parts.unused, "test": rows},

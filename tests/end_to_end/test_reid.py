@@ -2,8 +2,10 @@
 
 import csv
 import os
+import re
 import shutil
 import subprocess
+import sys
 
 import pytest
 
@@ -153,3 +155,21 @@ def test_weights_of_another_network_are_one_sentence(copy):
     last = text.split("Exiting because a job execution failed")[1]
     assert code and "logs/recognise/recognise.log: dior recognise: " in last and "they fit gaitgraph" in last
     assert "Traceback" not in text
+
+
+@pytest.mark.slow
+def test_weights_of_ones_own_are_trained_and_compared(copy):
+    pytest.importorskip("torch", reason="networks need PyTorch")
+    words = ["--project", copy, "--labels", copy / "results/reid", "--network", "gaitgraph", "--steps", "2"]
+    out = ["--out", copy / "weights/ours.pt"]
+    env = os.environ | {"PYTHONPATH": str(ROOT)}
+    dior = [sys.executable, "-m", "dior.cli", "train-reid", *words, *out]
+    done = subprocess.run(dior, capture_output=True, text=True, env=env)
+    assert done.returncode == 1 and "no subject has two walks in one session" in done.stderr
+    done = subprocess.run([*dior, "--test-sessions", "lab"], capture_output=True, text=True, env=env)
+    assert done.returncode == 0, done.stderr
+    assert re.search(r"^ours.pt: other_place rank-1 .* chance 33.3%\): at chance$", done.stdout, re.MULTILINE)
+    edit(copy / "config/config.yaml", "gaitgraph: []", "gaitgraph: [weights/ours.pt]")
+    edit(copy / "config/config.yaml", "[as_is, scaled, canonical]", "[canonical]")
+    snakemake(copy, "reid")
+    assert {row["weights"] for row in table(copy) if row["method"] == "gaitgraph"} == {"ours.pt"}
