@@ -273,12 +273,13 @@ def marks(path, groups, series, label, percent=False, limit=None):
     axis.grid(axis="y", visible=False)
     for edge in np.arange(len(groups) - 1) + 0.5:
         axis.axhline(edge, color="#eef0f2", lw=0.8, zorder=0)
+    if limit:
+        # before the axis is cut to what is drawn, so that the limit is on it
+        axis.axvline(limit[0] * scale, color=RED, lw=1, ls=(0, (4, 3)), zorder=0)
+        figure.text(1, 1, limit[1], color=RED, fontsize=9, ha="right", va="top")
     _from_zero(axis)
     if percent:
         axis.set_xlim(max(0, axis.get_xlim()[0]), 101)
-    if limit:
-        axis.axvline(limit[0] * scale, color=RED, lw=1, ls=(0, (4, 3)), zorder=0)
-        figure.text(1, 1, limit[1], color=RED, fontsize=9, ha="right", va="top")
     axis.set_xlabel(label)
     if len(series) > 1:
         columns = 3 if max(map(len, series)) < 18 else 2
