@@ -80,6 +80,7 @@ def with_wrong_person(uv, share, by_px=(90.0, 30.0)):
     return uv
 
 
+@pytest.mark.slow
 def test_another_person_in_one_camera_does_not_move_the_cameras():
     cameras, points = ring(3), body()
     placed, uv = misplaced(cameras), seen(cameras, points, 2.0)
@@ -108,6 +109,7 @@ def test_two_cameras_keep_to_their_tape_and_horizon():
         assert np.linalg.norm(found.centre - true.centre) < 0.1
 
 
+@pytest.mark.slow
 def test_a_tighter_tape_moves_less():
     cameras, points = ring(3), body()
     placed = misplaced(cameras)
@@ -166,6 +168,7 @@ def test_it_is_byte_stable():
     assert len({np.stack([c.wTc for c in run.cameras]).tobytes() + run.points.tobytes() for run in runs}) == 1
 
 
+@pytest.mark.slow
 def test_the_limit_scales_with_the_focal_length():
     cameras, points = ring(3), body()
     uv = seen(cameras, points, 6.0)

@@ -127,6 +127,7 @@ def test_only_what_is_marked_in_the_pictures_of_these_sequences_counts(tmp_path)
     assert window.marked(files, list(files), {"post"}, ["walk", "other"], 1.0).moments == ("other", "walk")
 
 
+@pytest.mark.slow
 def test_a_camera_with_a_tag_keeps_to_its_tape_too(tmp_path):
     """A tape of 1 mm is believed more than corners to 0.2 px of a metre at 5 m."""
     recorded(tmp_path)

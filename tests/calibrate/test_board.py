@@ -87,6 +87,7 @@ def test_few_or_far_views_hold_the_centre_and_k3(count, near):
     assert any(code == "board_coverage" for _, code, _ in board.findings(done))
 
 
+@pytest.mark.slow
 def test_a_wrong_a_blurred_and_a_repeated_picture_are_left_out():
     views, rng = seen(14), np.random.default_rng(5)
     pixels = list(views.pixels)

@@ -49,6 +49,7 @@ def turn_deg(a, b):
     return np.degrees(np.arccos(np.clip((np.trace(a[:3, :3].T @ b[:3, :3]) - 1) / 2, -1, 1)))
 
 
+@pytest.mark.slow
 def test_the_board_located_by_pnp_in_two_cameras_is_at_the_same_place(board):
     """PnP per frame gives the camera in the board's frame; through the known cameras all must agree on the board."""
     cameras, seen, _ = board

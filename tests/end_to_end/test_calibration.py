@@ -12,6 +12,8 @@ from tests.end_to_end.workflow import ROOT, snakemake
 from tests.ingest.bagfiles import info, packed, write
 from tests.rig import camera
 
+pytestmark = pytest.mark.slow
+
 T0 = 1_708_000_000_000_000_000
 BOARD = ROOT.parent / "shared/data/chessboard"
 # cam01 of the real recording, whose chessboard is in BOARD; its lens has no distortion to speak of

@@ -323,6 +323,7 @@ def test_an_edited_sheet_row_touches_its_sequence(copy):
     }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_who_withdraws_touches_the_labels_that_depended_on_it(copy):
     """The cameras outdoors were adjusted and aligned with a walk of S02; indoors there is nothing to do."""
     withdraw(copy)

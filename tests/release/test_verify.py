@@ -94,6 +94,7 @@ def test_what_package_builds_is_whole(tmp_path, verified):
         assert verified(tmp_path / f"{part}.tar") == []
 
 
+@pytest.mark.slow
 def test_one_flipped_byte_in_each_kind_of_file(whole, made, verified):
     kinds = {}
     for path in sorted(path for path in made.rglob("*") if path.is_file()):
