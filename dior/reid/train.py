@@ -16,6 +16,7 @@ import io
 import json
 import math
 import time
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -223,7 +224,7 @@ def _resumed(path, job, network, optimiser):
         with np.load(path, allow_pickle=False) as file:
             values = {key: file[key] for key in file.files}
         same = str(values["job"]) == job
-    except (OSError, ValueError, KeyError) as error:
+    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
         raise DiorError(f"{path}: not a training that can be continued ({error}); delete it to begin anew") from None
     if not same:
         raise DiorError(f"{path}: the training begun there is of other sequences or settings; delete it to begin anew")

@@ -98,9 +98,11 @@ def test_a_training_of_something_else_is_not_gone_on_with(tmp_path):
     train._save(tmp_path / "w.pt.training.npz", "another", network, optimiser, [1.0])
     with pytest.raises(DiorError, match="other sequences or settings"):
         train.trained("gaitgraph", given, who, tmp_path / "w.pt", steps=2)
-    (tmp_path / "w.pt.training.npz").write_bytes(b"nothing")
-    with pytest.raises(DiorError, match="not a training that can be continued"):
-        train.trained("gaitgraph", given, who, tmp_path / "w.pt", steps=2)
+    begun = (tmp_path / "w.pt.training.npz").read_bytes()
+    for damaged in (b"nothing", begun[: len(begun) // 2]):
+        (tmp_path / "w.pt.training.npz").write_bytes(damaged)
+        with pytest.raises(DiorError, match="not a training that can be continued"):
+            train.trained("gaitgraph", given, who, tmp_path / "w.pt", steps=2)
 
 
 def test_given_weights_are_where_it_begins(tmp_path):
