@@ -218,7 +218,7 @@ def told(findings, code):
     return [f"{s}: {t}" for s, c, t in zip(*(findings[k] for k in ("scope", "code", "text")), strict=True) if c == code]
 
 
-@pytest.mark.parametrize("by_s", [0.0, 0.05])
+@pytest.mark.parametrize("by_s", [pytest.param(0.0, marks=pytest.mark.slow), 0.05])
 def test_clocks_that_nobody_gave_are_found(capture, tmp_path, by_s):
     """Genlocked: what a camera's stamps are shifted by is what comes out, and the others' clocks are near zero."""
     folder, cameras = capture

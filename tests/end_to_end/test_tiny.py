@@ -154,6 +154,7 @@ def test_every_frame_of_every_camera_has_every_joint(project):
             assert (labels["status"] != "").all()
 
 
+@pytest.mark.slow
 def test_a_run_ends_with_what_to_open(copy):
     (copy / "results/evaluate/statistics.csv").unlink()
     code, text = snakemake(copy, "--quiet", "all", "--", "results/evaluate/statistics.csv")
