@@ -7,7 +7,6 @@ gaitgraph, from the released weights where they are there, else from random ones
 (such as field field_2 field_3); without, the last walk of every subject in each session.
 """
 
-import json
 import sys
 import time
 from pathlib import Path
@@ -32,9 +31,8 @@ def compare(name, steps, sheet, shown, walks, parts, out):
         told("baseline", *row)
     weights = reid.WEIGHTS / reid.FILES[name]
     began = time.monotonic()
-    train.train_and_test(name, shown, parts, out, weights if weights.is_file() else None, steps)
+    found = train.train_and_test(name, shown, parts, out, weights if weights.is_file() else None, steps)
     seconds = time.monotonic() - began
-    found = json.loads(Path(f"{out}.json").read_text())
     for row in found["test"]:
         told(row["weights"], row["protocol"], row["rank1"], row["low"], row["high"], row["p"])
     print(

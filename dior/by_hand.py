@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+from dior.reid.networks import NAMES
+
 # module whose `run` does it
 COMMANDS = {
     "init": "dior.init",
@@ -53,7 +55,7 @@ def _train_reid(commands):
     train = commands.add_parser("train-reid", help=text, description=text)
     train.add_argument("--project", **PROJECT)
     train.add_argument("--labels", type=Path, required=True, help="folder of COCO-17 labels: results/reid")
-    train.add_argument("--network", required=True, choices=("gaitgraph", "gaitmixer", "gaitformer"))
+    train.add_argument("--network", required=True, choices=NAMES)
     train.add_argument("--out", type=Path, required=True, help="file of the weights to write, such as lab.pt")
     train.add_argument("--weights", type=Path, help="weights to begin with (default: random ones)")
     train.add_argument(

@@ -15,9 +15,9 @@ from base64 import b64decode
 from pathlib import Path
 
 from dior import bumps
-from dior.cli import STEPS
 from dior.consent import consents, processed
 from dior.project import bags_of, sheets
+from dior.steps import STEPS
 
 # folders of a step whose entries are named by sequence, as those of the step itself
 INSIDE = {

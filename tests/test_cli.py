@@ -3,7 +3,7 @@ import sys
 
 import pytest
 
-from dior import cli
+from dior import cli, steps
 
 
 def test_a_dior_error_is_one_line_and_exit_code_1(tmp_path, capsys):
@@ -24,16 +24,16 @@ def test_a_missing_flag_is_named(capsys):
 
 
 def test_pairs_of_words():
-    assert cli.pairs(["cam01=/a=b", "cam02=/c"]) == {"cam01": "/a=b", "cam02": "/c"}
+    assert steps.pairs(["cam01=/a=b", "cam02=/c"]) == {"cam01": "/a=b", "cam02": "/c"}
 
 
-@pytest.mark.parametrize("step", cli.STEPS)
+@pytest.mark.parametrize("step", steps.STEPS)
 def test_flags_are_the_arguments_of_the_step(step):
     import inspect
     from importlib import import_module
 
-    run = import_module(f"dior.{cli.STEPS[step][0]}").run
-    assert {flag.replace("-", "_") for flag in cli.STEPS[step][2]} == set(inspect.signature(run).parameters)
+    run = import_module(f"dior.{steps.STEPS[step][0]}").run
+    assert {flag.replace("-", "_") for flag in steps.STEPS[step][2]} == set(inspect.signature(run).parameters)
 
 
 def test_the_command_starts_without_heavy_packages():

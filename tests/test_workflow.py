@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from dior.cli import STEPS
+from dior.steps import STEPS
 from tests.end_to_end.workflow import ROOT, snakemake
 
 RULES = {

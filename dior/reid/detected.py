@@ -32,8 +32,8 @@ def tracks(rows, frames, where):
         if lacks:
             left_out.append((tool, camera, f"the detector has no {lacks[0].replace('_', ' ')}"))
             continue
-        found.append((tool, camera, Track(*regular(mine["stamp_ns"], of_subject(people, mine["stamp_ns"])),
-                                          int(mine["width"][0]))))  # fmt: skip
+        uv, fps = regular(mine["stamp_ns"], of_subject(people, mine["stamp_ns"]))
+        found.append((tool, camera, Track(uv, fps, int(mine["width"][0]))))
     return found, left_out
 
 

@@ -26,20 +26,23 @@ from dior.covariance import point_covariance
 from dior.errors import DiorError
 from dior.files import write_text
 from dior.reid import baseline, checkpoint, detected, embed, features, inputs, protocols, statistics
+from dior.reid.columns import (
+    COLUMNS,
+    CURVES,
+    DETECTOR,
+    KEYS,
+    LABELS,
+    LEFT_OUT,
+    NO_NETWORK,
+    NO_OUTPUT,
+    POINTS,
+    TOO_SHORT,
+)
+from dior.reid.networks import no_file
 from dior.reid.protocols import Item
 from dior.sampling import nominal_fps
 
-KEYS = ("method", "weights", "adaptation", "keypoints", "protocol", "environment", "camera")
-COLUMNS = (
-    *(*KEYS, "rank1", "low", "high", "hits", "n", "chance"),
-    *("null95", "p", "rank5", "mean_ap", "verdict"),
-)
-LEFT_OUT = ("what", "session", "sequence", "camera", "why")
 BASELINE = "baseline"
-LABELS, POINTS, DETECTOR = "labels", "3D", "detector"
-NO_OUTPUT = "no detector output of the long-range camera"
-TOO_SHORT = "nothing in the detector's output is long enough"
-NO_NETWORK = "a detector's output is compared by networks only"
 # what says nothing of a method that does not look at pictures
 SEEN_TWICE = ("per_camera", "pooled")
 
@@ -91,10 +94,7 @@ def load(networks, root):
     for name, files in networks.items():
         for file in files:
             if not (root / file).is_file():
-                raise DiorError(
-                    f"config/config.yaml: 'reid.networks.{name}' names {file}, where there is no file; it is relative "
-                    "to the folder that holds config/ (docs/reid.md says where weights come from)"
-                )
+                raise DiorError(no_file(f"reid.networks.{name}", file))
             plain = Path(file).name
             called = file if [Path(other).name for other in files].count(plain) > 1 else plain
             found.append((name, called, checkpoint.load(name, root / file)))
@@ -277,7 +277,7 @@ def curves_csv(rows):
         if row["n"]
         for rank, share in enumerate(row["cmc"], start=1)
     ]
-    return _csv((*KEYS, "rank", "share"), lines)
+    return _csv(CURVES, lines)
 
 
 def _csv(columns, lines):

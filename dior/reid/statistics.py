@@ -13,6 +13,7 @@ import numpy as np
 
 from dior.evaluate import bootstrap
 from dior.reid import protocols
+from dior.reid.columns import ABOVE_CHANCE, AT_CHANCE, NO_TRIAL
 
 RESAMPLES, SEED, LEVEL = 999, 20240105, 0.05
 CMC = 20
@@ -41,8 +42,8 @@ class Score:
     def verdict(self):
         """What a reader may conclude."""
         if not self.n:
-            return "no trial"
-        return "above chance" if self.p < LEVEL else "at chance"
+            return NO_TRIAL
+        return ABOVE_CHANCE if self.p < LEVEL else AT_CHANCE
 
 
 def score(found, items, exchanges=None):

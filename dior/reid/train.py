@@ -33,8 +33,6 @@ PEOPLE, SEQUENCES, VIEWS = 8, {"gaitgraph": 2, "gaitmixer": 4, "gaitformer": 4},
 # the largest step of the optimiser, from random weights and from given ones
 RATE = {"gaitgraph": (1e-2, 1e-3), "gaitmixer": (6e-3, 2e-3), "gaitformer": (6e-3, 2e-3)}
 DECAY = 1e-5
-# torch.optim.lr_scheduler.OneCycleLR's defaults: share of the steps that rise, and how far it starts and ends below
-RISE, START_BELOW, END_BELOW, MOMENTA = 0.3, 25.0, 1e4, (0.85, 0.95)
 SAVE_S = 30.0
 # of a held-out walk: found among the others' training walks, from other cameras
 PROTOCOLS = ("other_recording", "other_place")
@@ -61,9 +59,7 @@ def run(*, project, labels, network, out, weights=None, test_sessions=(), steps=
     widths = {name: dict.fromkeys(known.cameras_of(name), inputs.WIDTH) for name in paths}
     shown = recognise.gallery(known.rows, paths, widths)
     parts = split.of({name: known.rows[name] for name in known.sequences}, test_sessions)
-    train_and_test(network, shown, parts, Path(out), weights, steps, seed)
-    found = json.loads(Path(f"{out}.json").read_text())
-    for row in found["test"]:
+    for row in train_and_test(network, shown, parts, Path(out), weights, steps, seed)["test"]:
         print(
             f"{row['weights']}: {row['protocol']} rank-1 {row['rank1']:.1%} ({row['hits']} of {row['n']}, 95 % "
             f"interval {row['low']:.1%} to {row['high']:.1%}, chance {row['chance']:.1%}): {row['verdict']}"
@@ -71,18 +67,18 @@ def run(*, project, labels, network, out, weights=None, test_sessions=(), steps=
 
 
 def train_and_test(name, shown, parts, out, weights=None, steps=STEPS, seed=SEED):
-    """Weights and their report from a `recognise.Gallery` and a `split.Split`."""
-    given = [inputs.adapted(uv, w, ADAPTATION) for uv, w in zip(shown.sequences, shown.widths, strict=True)]
+    """Write weights and their report, from a `recognise.Gallery` and a `split.Split`; returns what the report holds."""
+    given = shown.given(ADAPTATION)
     recordings = np.array([item.recording for item in shown.items])
     train = np.flatnonzero(np.isin(recordings, parts.train))
     subjects = np.array([shown.items[i].subject for i in train])
     if len(set(subjects.tolist())) < split.LEAST_SUBJECTS:
         raise DiorError("fewer than two subjects have sequences that are whole enough to train with")
     network, losses = trained(name, [given[i] for i in train], subjects, out, weights, steps, seed)
-    before = {weights.name: checkpoint.load(name, weights)} if weights else {}
+    before = [(weights.name, checkpoint.load(name, weights))] if weights else []
     rows = [
         {"weights": which, **row}
-        for which, one in {**before, out.name: network}.items()
+        for which, one in (*before, (out.name, network))
         for row in tested(name, one, given, shown.items, parts)
     ]
     report = {
@@ -93,6 +89,7 @@ def train_and_test(name, shown, parts, out, weights=None, steps=STEPS, seed=SEED
         **{"train": parts.train, "held_out": parts.test, "unused": parts.unused, "test": rows},
     }
     write_text(Path(f"{out}.json"), json.dumps(report, indent=1) + "\n")
+    return report
 
 
 def tested(name, network, given, items, parts):
@@ -125,12 +122,11 @@ def trained(name, sequences, subjects, out, weights=None, steps=STEPS, seed=SEED
     optimiser = torch.optim.Adam(network.parameters(), lr=most, weight_decay=DECAY)
     numbers = protocols.numbered(subjects)
     state, job = Path(f"{out}.training.npz"), _job(name, sequences, numbers, weights, steps, seed)
-    losses = _resumed(state, job, network, optimiser)
+    losses, rates = _resumed(state, job, network, optimiser), one_cycle(steps, most)
     saved = time.monotonic()
     for step in told(range(len(losses), steps), steps - len(losses), "steps", f"training {name}"):
-        rate, momentum = one_cycle(step, steps, most)
         for group in optimiser.param_groups:
-            group["lr"], group["betas"] = rate, (momentum, group["betas"][1])
+            group["lr"], group["betas"] = rates[step]
         losses.append(_step(name, network, optimiser, sequences, numbers, seed, step))
         if not np.isfinite(losses[-1]):
             raise DiorError(f"{out}: the training of {name} came apart at step {step} (the loss is no number)")
@@ -172,18 +168,20 @@ def batch_of(name, sequences, random):
     return np.stack(made).astype(np.float32)
 
 
-def one_cycle(step, steps, most):
-    """Rate and first momentum of step 0, 1, ... of `steps`: torch's OneCycleLR, cosines."""
-    top, end = RISE * steps - 1, steps - 1
-    low, last = most / START_BELOW, most / START_BELOW / END_BELOW
-    if step <= top:
-        return _cosine(low, most, step / top), _cosine(MOMENTA[1], MOMENTA[0], step / top)
-    share = (step - top) / (end - top)
-    return _cosine(most, last, share), _cosine(MOMENTA[0], MOMENTA[1], share)
+def one_cycle(steps, most):
+    """(rate, betas of Adam) of each step: torch's OneCycleLR as it comes, which the authors use.
 
-
-def _cosine(start, end, share):
-    return end + (start - end) / 2 * (1 + math.cos(math.pi * share))
+    All are made before the first, since a training that is continued needs those of its middle.
+    """
+    torch = networks.torch()
+    optimiser = torch.optim.Adam([torch.zeros(1)], lr=most)
+    cycle = torch.optim.lr_scheduler.OneCycleLR(optimiser, most, total_steps=steps)
+    found = []
+    for _ in range(steps):
+        found.append((optimiser.param_groups[0]["lr"], optimiser.param_groups[0]["betas"]))
+        optimiser.step()
+        cycle.step()
+    return found
 
 
 def save_weights(path, network):

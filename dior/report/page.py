@@ -19,13 +19,12 @@ from dior.camera import REFERENCE_FX
 from dior.evaluate import metrics as metrics_csv
 from dior.evaluate import statistics as statistics_csv
 from dior.files import write_text
-from dior.report import cards, cost, dataset, sequence_pages, summary, worst
+from dior.report import cards, cost, dataset, pages, sequence_pages, summary, worst
 from dior.report import clocks as clocks_told
 from dior.report import recordings as recording_stamps
 from dior.report.figures import Figures
 from dior.schemas import METRICS
 
-TEMPLATES = Path(__file__).parent / "templates"
 PLOTS = "plots"
 # name of a metric for people, in the order of the page
 TITLES = {
@@ -98,7 +97,7 @@ def run(
     _remove_stale(folder, made.names)
     _remove_others(out / "assets", project.sequences)
     counted = statistics_csv.read(statistics)
-    environment = _environment()
+    environment = pages.environment()
     cost.write(environment, project, statistics_csv.of(counted, "frames"), effort, out_timing, out / "cost.html")
     sequence_pages.write(
         environment, out, title, lights, found, {s: _names(project, s) for s in project.sequences}, timelines, stamps,
@@ -129,18 +128,6 @@ def _names(project, sequence):
     """The words that the scope of a finding about a sequence may be made of."""
     session = project.session_of(sequence)
     return {sequence, session, project.subject_of(sequence), *project.cameras(session)}
-
-
-def _environment():
-    import jinja2
-
-    return jinja2.Environment(
-        loader=jinja2.FileSystemLoader(TEMPLATES),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=jinja2.StrictUndefined,
-    )
 
 
 def recordings(paths):

@@ -317,3 +317,25 @@ def bars(path, values, label, percent=False):
     axis.grid(axis="y", visible=False)
     axis.set_xlabel(label)
     _save(figure, path)
+
+
+def cmc(path, series):
+    """Curves of all ranks. `series`: (method, input) -> shares at rank 1, 2, ...; a colour per method, a line style per
+    input."""
+    figure, axis = _figure(height=3.6)
+    methods = list(dict.fromkeys(method for method, _ in series))
+    inputs = list(dict.fromkeys(name for _, name in series if name))
+    colours = _colours(methods)
+    styles = dict(zip(inputs, ("-", (0, (4, 2)), (0, (1, 1.5))), strict=False)) | {"": "-"}
+    for (method, name), shares in series.items():
+        ranks = np.arange(1, len(shares) + 1)
+        label = f"{method}, {name}" if name else method
+        axis.plot(ranks, 100 * np.array(shares), color=colours[method], ls=styles[name], lw=1.8, label=label)
+    last = max(map(len, series.values()))
+    axis.set_xlim(1, last)
+    axis.set_xticks([1, *range(5, last + 1, 5)])
+    axis.set_ylim(0, 101)
+    axis.set_xlabel("rank")
+    axis.set_ylabel("found among so many, %")
+    figure.legend(*axis.get_legend_handles_labels(), loc="outside upper left", ncols=2, handlelength=2.2)
+    _save(figure, path)

@@ -11,11 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from dior.files import folder_written_whole, write_text
-from dior.report import measures, plots
+from dior.reid.columns import ABOVE_CHANCE, AT_CHANCE, DETECTOR, LABELS, NO_OUTPUT, NO_TRIAL, POINTS
+from dior.report import measures, pages, plots
 
-TEMPLATES = Path(__file__).parent / "templates"
 PLOTS = "plots"
-LABELS, POINTS, DETECTOR = "labels", "3D", "detector"
 PROTOCOLS = {
     "per_camera": (
         "The paper's protocol",
@@ -44,7 +43,6 @@ STATEMENT = (
     "from cameras that see one walk together. A rate that 5 % or more of the exchanges reach is at chance: it tells "
     "nothing, however far from zero it is. Intervals are a bootstrap over people.",
 )
-SILENT = "no detector output of the long-range camera"
 OWN = (
     "Here the probes of a long-range camera are what a detector found in its pictures, and the gallery is labels of "
     "the other cameras: this does tell something about far pictures. Only sequences count in which all 17 joints were "
@@ -73,8 +71,6 @@ class Told:
 
 def run(*, title, table, cmc, left_out, out):
     """Write the page and its plots into the folder `out`."""
-    import jinja2
-
     told, out = read(table, cmc, left_out), Path(out)
     shown = []
     with folder_written_whole(out / PLOTS) as folder:
@@ -82,14 +78,11 @@ def run(*, title, table, cmc, left_out, out):
             one.draw(folder / f"{one.name}.svg", *one.args, **one.options)
             words = {"title": one.title, "caption": one.caption, "alt": one.alt}
             shown.append({"src": f"{PLOTS}/{one.name}.svg"} | words)
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(TEMPLATES),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=jinja2.StrictUndefined,
+    page = (
+        pages.environment()
+        .get_template("reid.html.j2")
+        .render(title=title, recognised=section(told) | {"figures": shown})
     )
-    page = environment.get_template("reid.html.j2").render(title=title, recognised=section(told) | {"figures": shown})
     write_text(out / "index.html", page)
 
 
@@ -123,14 +116,14 @@ def _place(row):
 
 def in_words(told):
     """How many of the means over probe cameras are at chance, and of which methods nothing is."""
-    means = [row for row in told.scores if not row["camera"] and row["verdict"] != "no trial"]
+    means = [row for row in told.scores if not row["camera"] and row["verdict"] != NO_TRIAL]
     if not means:
         return "Nothing could be compared."
-    chance = [row for row in means if row["verdict"] == "at chance"]
+    chance = [row for row in means if row["verdict"] == AT_CHANCE]
     if not chance:
         return f"All {len(means)} means over the probe cameras are above chance."
     fair = [row for row in means if row["protocol"] == FAIR]
-    good = [f"{method_of(row, told)} ({input_of(row)})" for row in fair if row["verdict"] == "above chance"]
+    good = [f"{method_of(row, told)} ({input_of(row)})" for row in fair if row["verdict"] == ABOVE_CHANCE]
     who = ", ".join(good) if good else "no method"
     return (
         f"{len(chance)} of {len(means)} means over the probe cameras are at chance. Above chance without the probe's "
@@ -142,7 +135,7 @@ def own_words(told):
     """What is said above the scores of the detectors' own output, or in their place."""
     silent = [row for row in told.rows if row["keypoints"] == DETECTOR]
     found = [f"{row['environment']} {row['camera']}: {row['verdict']}." for row in silent]
-    if any(row["verdict"] == SILENT for row in silent):
+    if any(row["verdict"] == NO_OUTPUT for row in silent):
         found.append("To see its score here, name what a detector found in config/detectors.tsv (docs/figures.md).")
     if any(row["keypoints"] not in (LABELS, POINTS, DETECTOR) for row in told.rows):
         found.insert(0, OWN)
@@ -175,7 +168,7 @@ def _part(told, protocol):
 
 
 def _cell(row):
-    return {"value": percent(row["rank1"]), "chance": row["verdict"] == "at chance"}
+    return {"value": percent(row["rank1"]), "chance": row["verdict"] == AT_CHANCE}
 
 
 def _line(row, told):
@@ -256,26 +249,4 @@ def _curves(told):
     caption = "How often the person is among the nearest 1, 2, ... sequences; the mean over all probe cameras."
     alt = f"Cumulative match curves of {len(series)} methods and inputs"
     title = f"{PROTOCOLS[FAIR][0]}: all ranks"
-    return [measures.Measure("reid_cmc", cmc, (series,), title, caption, alt, {})]
-
-
-def cmc(path, series):
-    """Curves of all ranks. `series`: (method, input) -> shares at rank 1, 2, ...; a colour per method, a line style per
-    input."""
-    figure, axis = plots._figure(height=3.6)
-    methods = list(dict.fromkeys(method for method, _ in series))
-    inputs = list(dict.fromkeys(name for _, name in series if name))
-    colours = plots._colours(methods)
-    styles = dict(zip(inputs, ("-", (0, (4, 2)), (0, (1, 1.5))), strict=False)) | {"": "-"}
-    for (method, name), shares in series.items():
-        ranks = np.arange(1, len(shares) + 1)
-        label = f"{method}, {name}" if name else method
-        axis.plot(ranks, 100 * np.array(shares), color=colours[method], ls=styles[name], lw=1.8, label=label)
-    last = max(map(len, series.values()))
-    axis.set_xlim(1, last)
-    axis.set_xticks([1, *range(5, last + 1, 5)])
-    axis.set_ylim(0, 101)
-    axis.set_xlabel("rank")
-    axis.set_ylabel("found among so many, %")
-    figure.legend(*axis.get_legend_handles_labels(), loc="outside upper left", ncols=2, handlelength=2.2)
-    plots._save(figure, path)
+    return [measures.Measure("reid_cmc", plots.cmc, (series,), title, caption, alt, {})]

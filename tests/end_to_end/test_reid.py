@@ -38,13 +38,6 @@ def project(tmp_path_factory):
     return folder
 
 
-@pytest.fixture
-def copy(project, tmp_path):
-    folder = tmp_path / "copy"
-    shutil.copytree(project, folder, symlinks=True)
-    return folder
-
-
 def table(folder, name="table"):
     with open(folder / f"results/reid/{name}.csv", newline="") as stream:
         return list(csv.DictReader(stream))

@@ -18,12 +18,12 @@ import pandas as pd
 import pytest
 
 from dior import tables
-from dior.cli import STEPS
 from dior.evaluate import bootstrap, statistics
 from dior.ingest import bags
 from dior.simulate import config as simulated
 from dior.simulate import settings
 from dior.skeletons import COCO_17
+from dior.steps import STEPS
 from tests.end_to_end import recomputed
 from tests.end_to_end.workflow import ROOT, edit, nudge, planned, snakemake, start
 
@@ -38,13 +38,6 @@ def project(tmp_path_factory):
     folder = tmp_path_factory.mktemp("tiny")
     simulated.write(settings.from_dict(TINY), folder / "config")
     snakemake(folder, "all", "release")
-    return folder
-
-
-@pytest.fixture
-def copy(project, tmp_path):
-    folder = tmp_path / "copy"
-    shutil.copytree(project, folder, symlinks=True)
     return folder
 
 
@@ -162,6 +155,7 @@ def test_a_run_ends_with_what_to_open(copy):
     shutil.rmtree(copy / "results/report")
     (copy / "results/evaluate/statistics.csv").unlink()
     assert "Open " not in snakemake(copy, "results/evaluate/statistics.csv")[1]
+    assert "Open " not in snakemake(copy, "-n")[1]
 
 
 def test_report_and_release_are_there(project):

@@ -133,16 +133,15 @@ def test_held_out_walks_are_looked_for_among_the_training_and_never_trained_with
     assert found["test"][0]["n"] == 2 * SUBJECTS and found["held_out"] == list(parts.test)
 
 
-def test_the_schedule_is_torchs():
-    parameter = torch.nn.Parameter(torch.zeros(1))
-    optimiser = torch.optim.Adam([parameter], lr=1.0)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, max_lr=6e-3, total_steps=40)
-    for step in range(40):
-        group = optimiser.param_groups[0]
-        assert train.one_cycle(step, 40, 6e-3) == pytest.approx((group["lr"], group["betas"][0]), rel=1e-9)
-        optimiser.step()
-        if step < 39:
-            schedule.step()
+def test_the_schedule_rises_to_its_most_and_falls():
+    """By a cosine over 30 % of the steps and one over the rest; from 1/25 of the most, to 1e-4 of that."""
+    rates, betas = zip(*train.one_cycle(41, 6e-3), strict=True)
+    top, end = 0.3 * 41 - 1, 40
+    step = np.arange(41)
+    rise, fall = (1 - np.cos(np.pi * step / top)) / 2, (1 + np.cos(np.pi * (step - top) / (end - top))) / 2
+    low, last = 6e-3 / 25, 6e-3 / 25 / 1e4
+    assert rates == pytest.approx(np.where(step <= top, low + rise * (6e-3 - low), last + fall * (6e-3 - last)))
+    assert betas[0] == (0.95, 0.999) and min(betas)[0] == pytest.approx(0.85, abs=1e-3) and betas[-1][0] == 0.95
 
 
 def test_an_augmented_sequence_is_60_frames_of_the_same_body():

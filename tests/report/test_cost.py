@@ -4,7 +4,7 @@ import json
 import pytest
 
 from dior.errors import DiorError
-from dior.report import cost, page
+from dior.report import cost, pages
 from dior.report.summary import count
 
 
@@ -19,7 +19,7 @@ def written(tmp_path, effort=None):
     (tmp_path / "logs/frames").mkdir(parents=True, exist_ok=True)
     used = {"step": "frames", "session": None, "sequence": "walk", "camera": None, "frames": 3600}
     (tmp_path / "logs/frames/walk.timing.json").write_text(json.dumps(used | {"cpu_s": 9, "wall_s": 12.5, "cores": 1}))
-    cost.write(page._environment(), Project(tmp_path), 3600, effort, tmp_path / "timing.csv", tmp_path / "cost.html")
+    cost.write(pages.environment(), Project(tmp_path), 3600, effort, tmp_path / "timing.csv", tmp_path / "cost.html")
     with open(tmp_path / "timing.csv", newline="") as stream:
         return list(csv.DictReader(stream)), (tmp_path / "cost.html").read_text()
 

@@ -99,13 +99,12 @@ def test_a_detectors_own_output_is_beside_it(full):
     _, text = full
     own = text.split("Detectors' own output at long range")[1]
     assert "this does tell something about far pictures" in own and own.count("<td>mlkit 4x</td>") == 9
-    assert reid.SILENT not in text
+    assert reid.NO_OUTPUT not in text
 
 
 def test_without_it_the_page_says_so(tmp_path):
     text = page(tmp_path, table(detected=False))
-    assert f"outdoor cam04: {reid.SILENT}." in text and "config/detectors.tsv" in text
-    assert reid.SILENT == recognise.NO_OUTPUT
+    assert f"outdoor cam04: {reid.NO_OUTPUT}." in text and "config/detectors.tsv" in text
 
 
 def test_the_baseline_alone(tmp_path):

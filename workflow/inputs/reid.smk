@@ -2,6 +2,8 @@
 
 from importlib.util import find_spec
 
+from dior.reid.networks import INSTALL, no_file
+
 # what the report shows of it
 RECOGNITION = expand("results/reid/{table}.csv", table=["table", "cmc", "left_out"])
 
@@ -28,14 +30,11 @@ def compared_weights(wildcards):
     """The weights of the networks; what lacks is said before the first job, not after the last."""
     for path in network_weights():
         if not os.path.isfile(path):
-            raise WorkflowError(
-                f"config/config.yaml: 'reid.networks' names {path}, where there is no file; it is relative to the "
-                "folder that holds config/ (docs/reid.md says where weights come from)"
-            )
+            raise WorkflowError(no_file("reid.networks", path))
     if lacks_torch():
         raise WorkflowError(
             "config/config.yaml: 'reid.networks' names weights, but PyTorch, which networks need, is not installed: "
-            "pip install -r requirements-reid.txt (or leave the lists empty: the baseline needs no network)"
+            f"{INSTALL} (or leave the lists empty: the baseline needs no network)"
         )
     return network_weights()
 

@@ -9,13 +9,14 @@ import sys
 import traceback
 
 from dior import cli
+from dior.steps import STEPS
 
 
 def words(job):
     """The command line of `dior` for a job of Snakemake's, as a list."""
     found = [job.rule]
     for key, value in [*job.input.items(), *job.output.items(), *job.params.items()]:
-        if (flag := key.replace("_", "-")) in cli.STEPS[job.rule][2]:
+        if (flag := key.replace("_", "-")) in STEPS[job.rule][2]:
             found += [f"--{flag}", *map(str, value if isinstance(value, list) else [value])]
     return found
 
@@ -29,6 +30,7 @@ def run(job):
         try:
             return cli.main(words(job))
         except Exception:
+            # a fault of dior's own: printed here, its trace is in the log, too
             traceback.print_exc()
             return 1
         finally:

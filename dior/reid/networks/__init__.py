@@ -12,6 +12,14 @@ FRAMES, EMBEDDING = 60, 128
 INSTALL = "pip install -r requirements-reid.txt"
 
 
+def no_file(key, path):
+    """What is said of weights that a key of config.yaml names and that are not there."""
+    return (
+        f"config/config.yaml: '{key}' names {path}, where there is no file; it is relative to the folder that holds "
+        "config/ (docs/reid.md says where weights come from)"
+    )
+
+
 def torch():
     """The module torch. Raises DiorError with what to install where it is missing."""
     try:
