@@ -12,11 +12,12 @@ import time
 import numpy as np
 
 from benchmarks import scene
-from dior.calibrate import adjust, bundle, facts, uncertainty
-from dior.camera import pose, project
+from dior.body.names import MLKIT_33
+from dior.calibrate import adjust
+from dior.calibrate.bundle import bundle, facts, uncertainty
 from dior.errors import DiorError
-from dior.geometry import similarity
-from dior.skeletons import MLKIT_33
+from dior.geometry.camera import pose, project
+from dior.geometry.multiview import similarity
 
 TAPE_M, AIM_DEG = 0.10, 2.0
 SEEDS, CAPTURES, SHORT = 20, 40, 120
@@ -182,7 +183,7 @@ def scale_sigma(done):
 
 
 def camera_errors(done, made):
-    """(6V,) errors of the cameras by `dior.covariance`'s definition: what moves the adjusted to the true ones.
+    """(6V,) errors of the cameras by `dior.geometry.covariance`'s definition: what moves the adjusted to the true ones.
 
     A turn of the whole world by 1 degree moves a camera by 0.8 mm more than its first order says, as much as the
     cameras are uncertain among themselves with white noise. So what a rigid motion and scale of the world do is taken
@@ -243,7 +244,7 @@ def print_sigmas(level):
 
 def probed(done, e, C):
     """Normalised errors of points of the walkway, as far as the cameras make them."""
-    from dior import covariance
+    from dior.geometry import covariance
 
     points = np.array([(-1, 0, 0.1), (-1, 0, 1.6), (0, 0, 1.0), (1, 0, 0.1), (1, 0, 1.6)], float)
     say = np.broadcast_to(np.eye(2), (len(done.cameras), len(points), 2, 2))

@@ -19,13 +19,13 @@ from concurrent.futures import ProcessPoolExecutor
 import numpy as np
 
 from benchmarks import steps
-from dior import covariance
+from dior.body.names import MLKIT_33
 from dior.errors import DiorError
+from dior.geometry import covariance
 from dior.release import covering, heads
 from dior.simulate import draw
 from dior.simulate.motion import motion_of
 from dior.simulate.settings import sequence_named
-from dior.skeletons import MLKIT_33
 
 EVERY = 3
 SUBSAMPLES, SHIFT = 8, 4

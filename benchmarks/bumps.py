@@ -11,8 +11,8 @@ import sys
 import numpy as np
 
 from benchmarks import scene
-from dior import covariance as cov
 from dior.evaluate import moved
+from dior.geometry import covariance as cov
 from dior.reconstruct.swaps import exchange, find_exchanged
 from dior.simulate.settings import WALKS
 

@@ -19,8 +19,9 @@ from benchmarks import (
     real_outdoor,
     scene,
 )
-from dior import clocks as on_axis
-from dior.calibrate import camera_clock, clocks
+from dior.calibrate import clocks
+from dior.calibrate.clock import from_cameras
+from dior.clocks import clock as on_axis
 
 PARTS = ("detections", "marks", "pictures", "cameras", "wrong", "real")
 FRAMES = 600
@@ -38,8 +39,8 @@ def wrong(seeds):
             off = made.given[late].name
             by_hand[off] = on_axis.Clock(1 / scene.FPS, 0.0, "manual", given=(0.0, 0.0))
             uv = np.where((made.score > 0.3)[..., None], made.uv, np.nan)
-            seen = [camera_clock.Seen(made.seconds, one, 2.5 / scene.FPS) for one in uv]
-            told = camera_clock.from_detections(list(made.given), seen, list(made.names), made.seconds, scene.FPS)
+            seen = [from_cameras.Seen(made.seconds, one, 2.5 / scene.FPS) for one in uv]
+            told = from_cameras.from_detections(list(made.given), seen, list(made.names), made.seconds, scene.FPS)
             names = [c.name for c in made.given]
             said = clocks.findings_of("walk", told, by_hand, names, None, 1 / scene.FPS, False)
             doubted = {scope.split("/")[1] for scope, _, code, _ in said if code == "clock_contradicts"}
@@ -53,7 +54,7 @@ def wrong(seeds):
 def _error(made, uv, late, pictures):
     """Median reprojection error px with one camera `pictures` late."""
     from dior.calibrate.adjust import triangulated
-    from dior.camera import reprojection_errors
+    from dior.geometry.camera import reprojection_errors
 
     uv = np.stack([np.roll(one, pictures * (view == late), axis=0) for view, one in enumerate(uv)])[:, 1:]
     uv = uv.reshape(len(uv), -1, 2)

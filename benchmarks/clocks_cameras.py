@@ -15,15 +15,17 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks import steps
-from dior import project as projects
-from dior import tables
-from dior.calibrate import adjust, window, window_clocks
-from dior.calibrate.place import camera_settings
-from dior.camera import pose
-from dior.geometry import look_at, similarity
+from dior.calibrate import adjust
+from dior.calibrate.bundle import in_adjustment, window
+from dior.geometry import camera_tables
+from dior.geometry.camera import pose
+from dior.geometry.multiview import look_at, similarity
+from dior.project import project as projects
+from dior.project.camera_file import camera_settings
 from dior.simulate import config
 from dior.simulate import settings as levels
 from dior.simulate.motion import motion_of
+from dior.tables import tables
 
 WALKS = (("straight",), ("across",), ("circling",), ("straight", "across"), ("across", "circling"))
 CLOCKS = {"apart_s": 0.6, "drift_ppm": 50.0, "dropped": 0.01, "jitter_ms": 0.5}
@@ -51,7 +53,7 @@ def placed(capture):
     cameras, priors = [], []
     for name in capture.project.close("field"):
         settings = camera_settings(capture.folder / f"config/sessions/field/{name}.yaml")
-        lens = tables.read_cameras(capture.made("intrinsics", f"field/{name}"))[name]
+        lens = camera_tables.read_cameras(capture.made("intrinsics", f"field/{name}"))[name]
         at, target = (np.array(settings["tape"][key], float) for key in ("position_m", "target_m"))
         camera = lens.at(pose(look_at(at, target), at), "tape")
         cameras.append(camera)
@@ -70,7 +72,7 @@ def timed(capture, cameras):
         clocks = [capture.views[sequence][name].clock for name in names]
         true.append([(clock.offset_s, clock.drift_ppm) for clock in clocks])
     free = [[(0.0, 0.0, "assumed_zero")] * len(names)] * len(chosen)
-    sequences = window_clocks.of(found, list(chosen.values()), names, free, 3)
+    sequences = in_adjustment.of(found, list(chosen.values()), names, free, 3)
     values = np.array(true)
     for i in range(len(values)):
         values[i, :, 0] += 1e-6 * values[i, :, 1] * sequences.middle(i)

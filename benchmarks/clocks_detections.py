@@ -15,13 +15,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from dior import clocks
-from dior.calibrate import camera_clock, mocap_clock
-from dior.sampling import instants
-from dior.simulate import detector, detector_real, recording, scene, truth
+from dior.body.names import MLKIT_33
+from dior.calibrate.clock import from_cameras, from_mocap
+from dior.clocks import clock as clocks
+from dior.clocks.axis import instants
+from dior.simulate import detector, detector_real, scene, simulate, truth
 from dior.simulate import settings as levels
 from dior.simulate.motion import motion_of
-from dior.skeletons import MLKIT_33
 
 SEEDS, SECONDS = 20, 60.0
 WALKS = ("straight", "across", "circling")
@@ -41,7 +41,7 @@ def recorded(level, environment, seed, seconds, **worse):
     )  # fmt: skip
     walk = levels.sequences(settings)[0]
     motion = motion_of(settings, walk)
-    views, others = recording.observe(settings, walk, motion)
+    views, others = simulate.observe(settings, walk, motion)
     if level == "real":
         return settings, walk, motion, views, detector_real.detect(settings, walk, motion.height, views, others)
     noise = settings.detector.noise_px
@@ -64,13 +64,13 @@ def indoors(seed, level, seconds, stands=False, **worse):
     ticks = np.arange(int((seconds + 1) * settings.mocap_hz)) / settings.mocap_hz
     markers = motion.at(0 * ticks if stands else ticks)[1]
     markers = markers + ROUNDING_M * np.random.default_rng(seed).standard_normal(markers.shape)
-    walker = mocap_clock.walker_of(ticks, markers, list(motion.names), list(MLKIT_33))
+    walker = from_mocap.walker_of(ticks, markers, list(motion.names), list(MLKIT_33))
     order = [MLKIT_33.index(name) for name in walker.names]
     t0, rows = min(view.clock.stamp_ns[0] for view in views.values()), []
     for name, view in views.items():
         camera = replace(view.camera, intrinsics=scene.reported(settings, walk.session, view.camera))
         uv = seen_by(found[name], stands)[:, order]
-        clock, _, _, why = mocap_clock.from_detections(camera, walker, uv, (view.clock.stamp_ns - t0) / 1e9)
+        clock, _, _, why = from_mocap.from_detections(camera, walker, uv, (view.clock.stamp_ns - t0) / 1e9)
         rows.append((walk.walk, *_error(clock, view.clock), why))
     return rows
 
@@ -83,10 +83,10 @@ def outdoors(seed, level, seconds, stands=False, **worse):
         replace(views[n].camera, intrinsics=scene.reported(settings, walk.session, views[n].camera)) for n in close
     ]
     seen = [
-        camera_clock.Seen((views[n].clock.stamp_ns - t0) / 1e9, seen_by(found[n], stands), MAX_GAP / settings.fps)
+        from_cameras.Seen((views[n].clock.stamp_ns - t0) / 1e9, seen_by(found[n], stands), MAX_GAP / settings.fps)
         for n in close
     ]
-    told = camera_clock.from_detections(cameras, seen, list(MLKIT_33), instants(settings.fps, seconds), settings.fps)
+    told = from_cameras.from_detections(cameras, seen, list(MLKIT_33), instants(settings.fps, seconds), settings.fps)
     return [(walk.walk, *_error(told[n][0], views[n].clock), told[n][3]) for n in close[1:]]
 
 

@@ -21,15 +21,17 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks import steps
-from dior import clocks, tables
 from dior.calibrate import locate
-from dior.calibrate import marks as hand_marks
+from dior.calibrate.marks import marks as hand_marks
+from dior.clocks import clock
 from dior.errors import DiorError
-from dior.files import write_text
+from dior.geometry import camera_tables
 from dior.ingest import mocap
-from dior.simulate import config, recording, scene, truth
+from dior.simulate import config, scene, simulate_mocap, truth
 from dior.simulate import settings as levels
 from dior.simulate.motion import motion_of
+from dior.tables import tables
+from dior.tables.files import write_text
 
 SEEDS, SECONDS = 20, 20.0
 WALKS = ("straight", "across", "circling")
@@ -55,7 +57,7 @@ def errors(seed, level, seconds=SECONDS):
         folder = Path(name)
         views = {camera: truth.view(settings, walk, motion, camera) for camera in levels.CAMERAS}
         tables.write(folder / f"frames/{walk.name}.parquet", "frames", steps._frames(views))
-        recording.write_c3d(folder / "mocap.c3d", settings, walk, motion)
+        simulate_mocap.write_c3d(folder / "mocap.c3d", settings, walk, motion)
         mocap.run(
             sequence=walk.name, subject=walk.subject, c3d=folder / "mocap.c3d",
             frames=folder / f"frames/{walk.name}.parquet", trigger_log=None, out=folder / "mocap.parquet",
@@ -82,7 +84,7 @@ def _error(folder, settings, walk, seen, frames, choice):
     write_text(folder / "camera.yaml", f"role: close\ntopic: /{camera}/image\nlocate: marks\n")
     write_text(folder / "marks.csv", config.marks(settings, walk, seen, frames, worth))
     lens = replace(seen.camera, intrinsics=scene.reported(settings, walk.session, seen.camera), wTc=None, locate="")
-    tables.write_cameras(folder / "lens.parquet", [lens], walk.session)
+    camera_tables.write_cameras(folder / "lens.parquet", [lens], walk.session)
     made = {key: folder / f"{key}.parquet" for key in ("out_clocks", "out_clock_gains", "out_clock_costs")}
     try:
         locate.run(
@@ -95,10 +97,10 @@ def _error(folder, settings, walk, seen, frames, choice):
     except DiorError as error:
         print(f"seed {settings.seed}, {camera}, {frames} frames, {choice}: {error}", file=sys.stderr)
         return np.nan, np.nan
-    found = clocks.read([made["out_clocks"]], [made["out_clock_gains"]], walk.name)[camera]
+    found = clock.read([made["out_clocks"]], [made["out_clock_gains"]], walk.name)[camera]
     if found.source != "estimated":
         return np.nan, np.nan
-    covariance = tables.read_camera_covariance(folder / "covariance.parquet", [camera])
+    covariance = camera_tables.read_camera_covariance(folder / "covariance.parquet", [camera])
     sigma, sigma_drift = found.sigma([camera], covariance)
     own = tables.of_camera(tables.read(folder / f"frames/{walk.name}.parquet", "frames"), camera)
     marked = hand_marks.read(folder / "marks.csv").frame
@@ -142,7 +144,7 @@ def _print(what, own):
     print(
         f"{what}{len(error):>8}{len(own) - len(error):>9}{np.median(ms):>8.2f}"
         f"{np.percentile(ms, 95):>7.2f}{ms.max():>8.2f}{1000 * np.median(sigma):>7.2f}"
-        f"{(np.abs(ratio) < clocks.NORMAL_95).mean():>9.1%}{np.sqrt((ratio**2).mean()):>9.2f}",
+        f"{(np.abs(ratio) < clock.NORMAL_95).mean():>9.1%}{np.sqrt((ratio**2).mean()):>9.2f}",
         flush=True,
     )
 
@@ -152,7 +154,7 @@ def main():
     found = np.array(list(table(seeds, float(sys.argv[2]) if len(sys.argv) > 2 else SECONDS))).reshape(-1, 2)
     ratio = found[:, 0] / found[:, 1]
     print(
-        f"all {len(found)}: {(np.abs(ratio) < clocks.NORMAL_95).mean():.1%} in their 95 % intervals, "
+        f"all {len(found)}: {(np.abs(ratio) < clock.NORMAL_95).mean():.1%} in their 95 % intervals, "
         f"rms(error/sigma) {np.sqrt((ratio**2).mean()):.2f}"
     )
 

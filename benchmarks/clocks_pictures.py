@@ -18,9 +18,10 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks import long_range, scene
-from dior import covariance
-from dior.calibrate import align, boxes_fit, edge_clock, motion_clock, seen_edges, tracks
-from dior.camera import in_frame, project
+from dior.calibrate import align
+from dior.calibrate.outline import boxes_fit, clock_from_edges, clock_from_pictures, seen_edges, tracks
+from dior.geometry import covariance
+from dior.geometry.camera import in_frame, project
 from dior.simulate import backdrop, draw
 from dior.simulate import settings as levels
 from dior.simulate.motion import motion_of
@@ -58,12 +59,12 @@ def indoor(level, seed, lasts_s=LASTS_S):
     true = scene.camera("cam01", float(random.uniform(0, 360)))
     offset, drift = random.uniform(-APART_S, APART_S) + 1.0, DRIFT_PPM * random.choice([-1, 1])
     stamps = np.arange(int(lasts_s * FPS)) / FPS
-    shown = motion_clock.chosen(len(stamps))
+    shown = clock_from_pictures.chosen(len(stamps))
     moments = stamps[shown]
     taken = moments * (1 + 1e-6 * drift) + offset
     table = _mocap(motion, settings, lasts_s + 2.0, random)
-    track, _, flesh_m = motion_clock.body(table)
-    factor = motion_clock.shrinking(true, track)
+    track, _, flesh_m = clock_from_pictures.body(table)
+    factor = clock_from_pictures.shrinking(true, track)
     empty = backdrop.background(settings, true, "indoor")
     landmarks = motion.at(taken)[0]
     outlines = draw.outlines(true, draw.figure(landmarks, motion.height), motion.height, "shirt", "S01")
@@ -74,13 +75,13 @@ def indoor(level, seed, lasts_s=LASTS_S):
         draw.paint(picture, outlines, i)
         noisy = picture + np.roll(grain[i % 8], random.integers(1000), axis=1)
         jpeg = cv2.imencode(".jpg", np.clip(noisy, 0, 255).astype(np.uint8), [cv2.IMWRITE_JPEG_QUALITY, 85])[1]
-        small.append(motion_clock.shrunk(cv2.imdecode(jpeg, cv2.IMREAD_COLOR), factor))
+        small.append(clock_from_pictures.shrunk(cv2.imdecode(jpeg, cv2.IMREAD_COLOR), factor))
     known = np.concatenate([np.radians(TURN_DEG) * np.ones(3), PLACE_M * np.ones(3)])
     given = covariance.moved(true, known * random.standard_normal(6))
     lens = replace(given.intrinsics, fx=true.intrinsics.fx * (1 + settings.intrinsics_error))
     given = replace(given, intrinsics=replace(lens, fy=lens.fx))
-    edges = motion_clock.edges_of(small, factor, motion_clock.tall_px(given, track))
-    found = motion_clock.from_edges(given, track, flesh_m, moments, edges)
+    edges = clock_from_pictures.edges_of(small, factor, clock_from_pictures.tall_px(given, track))
+    found = clock_from_pictures.from_edges(given, track, flesh_m, moments, edges)
     middle = found.clock.middle_s
     error = found.clock.offset_s + 1e-6 * (found.clock.drift_ppm - drift) * middle - offset
     return error, found.clock.sigma(["cam01"], np.diag(known**2))[0], found.refused
@@ -128,7 +129,7 @@ def long_range_clocks(level, seed):
             own = moments - clocks[k]
             where = 0.0
             if not known:
-                found = edge_clock.estimate(camera, _seen([(track, own, edges)]), "boxes")
+                found = clock_from_edges.estimate(camera, _seen([(track, own, edges)]), "boxes")
                 clock = found.clock
                 where = clock.offset_s + 1e-6 * clock.drift_ppm * clock.middle_s
                 followed.append((where - clocks[k], clock.sigma([camera.name], spread)[0], found.refused))
@@ -179,7 +180,7 @@ def line(name, done, labels=()):
 def table(seeds):
     """Print the rows; returns all (error s, sigma s)."""
     head = f"  {'':<34}  median   worst   inside  error/s    sigma  refused"
-    print(f"Indoor camera, silhouettes in at most {motion_clock.PICTURES} pictures of {LASTS_S:g} s, ms\n{head}")
+    print(f"Indoor camera, silhouettes in at most {clock_from_pictures.PICTURES} pictures of {LASTS_S:g} s, ms\n{head}")
     pooled = []
     for level in ("ideal", "real"):
         pooled += line(f"{level}, {seeds} recordings", [indoor(level, seed) for seed in range(seeds)])

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks import real_outdoor as recording
-from dior import clocks
-from dior.calibrate import camera_clock
+from dior.calibrate.clock import from_cameras
+from dior.clocks import clock as clocks
 from dior.ingest.readers import mlkit, openpose
 
 LATE_S = (0.0, 0.0083, 0.05)
@@ -36,8 +36,8 @@ def errors(data, tool, view, late_s):
     uv, joints = detections(data, tool)
     t = np.arange(recording.FRAMES) / recording.FPS
     late = np.where(np.arange(len(cameras)) == view, late_s, 0.0)
-    seen = [camera_clock.Seen(t + own, one, 2.5 / recording.FPS) for own, one in zip(late, uv, strict=True)]
-    told = camera_clock.from_detections(cameras, seen, joints, t, recording.FPS)
+    seen = [from_cameras.Seen(t + own, one, 2.5 / recording.FPS) for own, one in zip(late, uv, strict=True)]
+    told = from_cameras.from_detections(cameras, seen, joints, t, recording.FPS)
     rows = []
     for camera, own in zip(cameras[1:], late[1:], strict=True):
         clock, _, _, why = told[camera.name]

@@ -15,8 +15,8 @@ from concurrent.futures import ProcessPoolExecutor
 import numpy as np
 
 from benchmarks import steps
-from dior import tables
 from dior.errors import DiorError
+from dior.tables import tables
 
 INSIDE = 5.991  # chi-square with 2 degrees of freedom, 95 %
 GROUPS = ("indoor", "close", "long range")

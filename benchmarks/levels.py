@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.demo import pooled, run
-from dior import tables
 from dior.simulate import config, settings
+from dior.tables import tables
 
 LEVELS = ("ideal", "real")
 FIGURES = (

@@ -17,14 +17,15 @@ from functools import cache, partial
 import numpy as np
 
 from benchmarks import scene
-from dior import covariance
-from dior.calibrate import align, boxes_fit, seen_edges, silhouettes
-from dior.camera import Camera, Intrinsics, in_frame, pose, project
-from dior.geometry import look_at_angles, rotation_x, rotation_z
+from dior.calibrate.outline import boxes_fit, seen_edges, silhouettes
+from dior.calibrate.outline.walks import SILHOUETTE_MARGIN_PX
+from dior.geometry import covariance
+from dior.geometry.camera import Camera, Intrinsics, in_frame, pose, project
+from dior.geometry.multiview import look_at_angles, rotation_x, rotation_z
+from dior.geometry.views import DROP_FACTOR, by_dropping, usual_error
 from dior.reconstruct.swaps import exchange, find_exchanged
 from dior.simulate import backdrop, draw
 from dior.simulate import settings as levels
-from dior.views import DROP_FACTOR, by_dropping, usual_error
 
 FRAMES, BOXES, PICTURES = 600, 30, 75
 NOISE_GREY = 2.0
@@ -123,7 +124,7 @@ def by_pictures(level, seed, true_3d=False, occluder=False, sun=False):
     nothing = np.full((len(rows), points.shape[1], 2), np.nan)
     seconds = np.tile(made[0].seconds, 2)[rows]
     seen = seen_edges.Seen(points[rows], edges, nothing, seconds, rows // FRAMES, flesh_m=flesh)
-    freedom = seen_edges.Freedom(shift=(START_M, 0.0, 0.0), margin_px=align.SILHOUETTE_MARGIN_PX)
+    freedom = seen_edges.Freedom(shift=(START_M, 0.0, 0.0), margin_px=SILHOUETTE_MARGIN_PX)
     return boxes_fit.fit(off(made[0].given[3], seed), freedom, seen, f"{level} {seed}")
 
 

@@ -22,12 +22,14 @@ from pathlib import Path
 
 import numpy as np
 
-from dior import project as projects
-from dior import tables
-from dior.camera import Camera, Intrinsics
-from dior.release import package, sums, tarballs, verify
+from dior.body.names import MLKIT_33
+from dior.geometry import camera_tables
+from dior.geometry.camera import Camera, Intrinsics
+from dior.project import project as projects
+from dior.release import package, sums, tarballs
+from dior.release.verify import verify
 from dior.simulate import config, settings
-from dior.skeletons import MLKIT_33
+from dior.tables import tables
 
 ROUNDS = 5
 WHO = "zebra-0001"
@@ -182,7 +184,7 @@ class Sources:
         for session in self.project.sessions:
             paths.append(self.results / f"cameras/{session}.parquet")
             rig = self.project.cameras(session).items()
-            tables.write_cameras(
+            camera_tables.write_cameras(
                 paths[-1], [Camera(n, lens, np.eye(4), how["role"], "tape") for n, how in rig], session
             )
         return paths

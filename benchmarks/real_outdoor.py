@@ -13,16 +13,18 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dior import tables
-from dior.calibrate import adjust, boxes_fit, bundle, outcome, place, seen_edges, starts
-from dior.camera import Camera, Intrinsics, inverse_pose, pose, project, undistort
+from dior.body.names import swap_index
+from dior.calibrate import adjust, place
+from dior.calibrate.bundle import bundle, outcome, starts
+from dior.calibrate.outline import boxes_fit, seen_edges
 from dior.errors import DiorError
-from dior.geometry import look_at, triangulate
+from dior.geometry.camera import Camera, Intrinsics, inverse_pose, pose, project, undistort
+from dior.geometry.multiview import look_at, triangulate
 from dior.ingest.readers import mlkit, openpose
 from dior.reconstruct import robust
 from dior.reconstruct.swaps import exchange, find_exchanged, find_taken
 from dior.reconstruct.triangulate import by_rays
-from dior.skeletons import swap_index
+from dior.tables import tables
 
 ROOT = Path(__file__).resolve().parents[1]
 CAMERAS = ("cam01", "cam02", "cam03", "cam04")

@@ -20,8 +20,8 @@ from functools import partial
 from pathlib import Path
 
 from benchmarks import walkers
-from dior.files import write_text
 from dior.reid import checkpoint, inputs, recognise, statistics
+from dior.tables.files import write_text
 
 WEIGHTS = Path(__file__).resolve().parents[2] / "shared/reid/weights"
 FILES = {"gaitgraph": "gaitgraph.pth", "gaitmixer": "gaitmixer.pt", "gaitformer": "gaitformer.pt"}

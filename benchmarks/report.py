@@ -15,13 +15,14 @@ from pathlib import Path
 
 import numpy as np
 
-from dior import tables
-from dior.camera import Camera, Intrinsics, pose
-from dior.checked import columns_of
+from dior.body.names import MLKIT_33
 from dior.evaluate import metrics, statistics
-from dior.geometry import look_at
-from dior.report import page
-from dior.skeletons import MLKIT_33
+from dior.geometry import camera_tables
+from dior.geometry.camera import Camera, Intrinsics, pose
+from dior.geometry.multiview import look_at
+from dior.project.read import columns_of
+from dior.report import report
+from dior.tables import tables
 
 LIMIT_S, LIMIT_BYTES = 120.0, 100e6
 SUBJECTS, WALKS, FRAMES = 14, 4, 3600
@@ -69,10 +70,10 @@ def write(root):
     cameras, covariances, overlays, rows = [], [], [], []
     for session in ("lab_1", "lab_2", "field_1", "field_2"):
         cameras.append(results / f"cameras/{session}.parquet")
-        tables.write_cameras(cameras[-1], rig(session.startswith("field")), session)
+        camera_tables.write_cameras(cameras[-1], rig(session.startswith("field")), session)
         covariances.append(results / f"cameras/{session}.covariance.parquet")
         known = np.diag(np.tile(np.repeat([1e-3, 1e-2], 3), len(CAMERAS)) ** 2)
-        tables.write_camera_covariance(covariances[-1], CAMERAS, known, session)
+        camera_tables.write_camera_covariance(covariances[-1], CAMERAS, known, session)
     findings = results / "findings.parquet"
     tables.write_findings(
         findings, [(f"{s}/cam02", "warning", "gap", "no detections between 1.2 s and 1.9 s") for s, *_ in sequences()]
@@ -233,7 +234,7 @@ def measure(root):
     """(clock s, bytes of the report, files, peak memory bytes) of the report step."""
     arguments = write(root)
     begun = time.perf_counter()
-    page.run(**arguments)
+    report.run(**arguments)
     taken = time.perf_counter() - begun
     files = [p for p in arguments["out"].rglob("*") if p.is_file()]
     peak = 1024 * max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))

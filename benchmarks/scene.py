@@ -9,14 +9,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dior.camera import Camera, Intrinsics, pose
-from dior.geometry import look_at
+from dior.body.names import MLKIT_33
+from dior.geometry.camera import Camera, Intrinsics, pose
+from dior.geometry.multiview import look_at
 from dior.simulate import bystander, detector, detector_real, draw, scene, truth
 from dior.simulate import settings as levels
 from dior.simulate.body import body_of
 from dior.simulate.clocks import Clock
 from dior.simulate.motion import motion_of
-from dior.skeletons import MLKIT_33
 
 AZIMUTHS = (0.0, 120.0, 240.0)
 DISTANCE_M, HEIGHT_M, FX, FPS = 5.0, 1.5, 640.0, 30.0

@@ -10,15 +10,16 @@ from pathlib import Path
 
 import numpy as np
 
-from dior import project as projects
-from dior import tables
 from dior.calibrate import adjust, align, clocks, follow, locate, place
+from dior.geometry import camera_tables
 from dior.ingest import detections, mocap
 from dior.label import reproject
+from dior.project import project as projects
 from dior.reconstruct import refine, timeline, triangulate
-from dior.simulate import config, recording, scene
+from dior.simulate import config, scene, simulate, simulate_mocap
 from dior.simulate import settings as levels
 from dior.simulate.motion import motion_of
+from dior.tables import tables
 
 
 @dataclass(frozen=True)
@@ -58,18 +59,18 @@ def labelled(folder, true_clocks=False, **settings):
 def _record(capture, walk):
     """What ingest makes of a recorded walk."""
     motion = motion_of(capture.settings, walk)
-    views, others = recording.observe(capture.settings, walk, motion)
+    views, others = simulate.observe(capture.settings, walk, motion)
     capture.views[walk.name] = views
     data, frames = capture.folder / "data", capture.made("frames", walk.name)
-    recording.write_detections(capture.settings, walk, motion.height, views, others, data)
+    simulate.write_detections(capture.settings, walk, motion.height, views, others, data)
     tables.write(frames, "frames", _frames(views))
     for name, seen in views.items():
         lens = replace(
             seen.camera, intrinsics=scene.reported(capture.settings, walk.session, seen.camera), wTc=None, locate=""
         )
-        tables.write_cameras(capture.made("intrinsics", f"{walk.session}/{name}"), [lens], walk.session)
+        camera_tables.write_cameras(capture.made("intrinsics", f"{walk.session}/{name}"), [lens], walk.session)
     if walk.environment == "indoor":
-        recording.write_c3d(data / f"{walk.name}/mocap.c3d", capture.settings, walk, motion)
+        simulate_mocap.write_c3d(data / f"{walk.name}/mocap.c3d", capture.settings, walk, motion)
         mocap.run(
             sequence=walk.name, subject=walk.subject, c3d=data / f"{walk.name}/mocap.c3d", frames=frames,
             trigger_log=None, out=capture.made("mocap", walk.name),

@@ -12,18 +12,20 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks import steps
-from dior import clocks, tables
-from dior import project as projects
-from dior.clocks import Clock
+from dior.clocks import clock as clocks
+from dior.clocks.clock import Clock
 from dior.errors import DiorError
-from dior.files import write_text
+from dior.geometry import camera_tables
 from dior.ingest import detections, mocap
+from dior.project import project as projects
 from dior.reconstruct import timeline
 from dior.reid import inputs
-from dior.simulate import config, recording, scene
+from dior.simulate import config, scene, simulate, simulate_mocap
 from dior.simulate import settings as levels
 from dior.simulate.clocks import clocks_of
 from dior.simulate.motion import motion_of
+from dior.tables import tables
+from dior.tables.files import write_text
 
 # every subject in two outfits on two walks, each with each
 WALKS = ("across", "along", "along", "across")
@@ -80,14 +82,14 @@ def _record(job):
     known = {camera: Clock(clock.offset_s, clock.drift_ppm, "manual") for camera, clock in own.items()}
     clocks.write(capture.made("clocks", name), capture.made("clocks", name, ".gains"), name, known)
     if not outdoor:
-        recording.write_c3d(data / f"{name}/mocap.c3d", settings, walk, motion)
+        simulate_mocap.write_c3d(data / f"{name}/mocap.c3d", settings, walk, motion)
         mocap.run(
             sequence=name, subject=walk.subject, c3d=data / f"{name}/mocap.c3d", frames=frames, trigger_log=None,
             out=capture.made("mocap", name),
         )  # fmt: skip
         return
-    views, others = recording.observe(settings, walk, motion)
-    recording.write_detections(settings, walk, motion.height, views, others, data)
+    views, others = simulate.observe(settings, walk, motion)
+    simulate.write_detections(settings, walk, motion.height, views, others, data)
     close = capture.project.close(walk.session)
     detections.run(
         sequence=name, pattern=str(data / f"{name}/mlkit/{{camera}}.jsonl"), cameras=close, format="mlkit",
@@ -123,7 +125,7 @@ def _adjust(job):
     for camera, placed in scene.cameras_of(capture.settings, session).items():
         lens = scene.reported(capture.settings, session, placed.camera)
         own = capture.made("intrinsics", f"{session}/{camera}")
-        tables.write_cameras(own, [type(placed.camera)(camera, lens, None, placed.camera.role)], session)
+        camera_tables.write_cameras(own, [type(placed.camera)(camera, lens, None, placed.camera.role)], session)
     steps.adjusted(capture, session)
 
 
@@ -138,7 +140,7 @@ def _reconstruct(job):
         steps.skeleton(capture, session, name, close)
         true = [camera for camera in true if camera.name not in close]
         cameras.append(capture.made("adjust", session))
-    tables.write_cameras(cameras[0], true, session)
+    camera_tables.write_cameras(cameras[0], true, session)
     inputs.run(
         sequence=name, subject=capture.project.subject_of(name), names=capture.project.cameras_of(name),
         skeleton=steps.skeleton_of(capture, name), cameras=cameras, frames=capture.made("frames", name),

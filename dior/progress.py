@@ -9,13 +9,13 @@ import time
 FIRST_S, EVERY_S = 3.0, 10.0
 
 
-def told(items, total, what, where, clock=time.monotonic):
+def reporting(items, total, what, where, clock=time.monotonic):
     """Yield `items`, telling now and then how many of `total` have been worked on.
 
     `what`: the items' name in the plural, `where`: what the step works on. `total` may be a function, which is asked
     when there is something to tell.
 
-    >>> list(told("abc", 3, "pictures", "walk, cam01"))
+    >>> list(reporting("abc", 3, "pictures", "walk, cam01"))
     ['a', 'b', 'c']
     """
     began = clock()

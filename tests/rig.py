@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from dior.camera import Camera, Intrinsics, pose
-from dior.geometry import look_at
+from dior.geometry.camera import Camera, Intrinsics, pose
+from dior.geometry.multiview import look_at
 
 D455 = (-0.055, 0.064, -0.0006, 0.0006, -0.02)
 

@@ -1,6 +1,6 @@
 import pytest
 
-from dior.progress import told
+from dior.progress import reporting
 
 
 def clock(step_s):
@@ -9,13 +9,13 @@ def clock(step_s):
 
 
 def test_a_short_step_says_nothing(capsys):
-    assert list(told(range(29), 29, "pictures", "walk", clock(0.1))) == list(range(29))
+    assert list(reporting(range(29), 29, "pictures", "walk", clock(0.1))) == list(range(29))
     assert capsys.readouterr() == ("", "")
 
 
 def test_a_long_step_says_now_and_then_how_far_it_is(capsys):
     asked = []
-    items = told(range(301), lambda: asked.append(1) or 301, "pictures", "walk, cam01", clock(0.1))
+    items = reporting(range(301), lambda: asked.append(1) or 301, "pictures", "walk, cam01", clock(0.1))
     assert list(items) == list(range(301))
     out, err = capsys.readouterr()
     assert out == "" and "\r" not in err and err.endswith("\n") and asked == [1]
@@ -27,7 +27,7 @@ def test_a_long_step_says_now_and_then_how_far_it_is(capsys):
 
 
 def test_more_than_was_said_is_no_reason_to_stop(capsys):
-    assert len(list(told(range(100), 10, "pictures", "walk", clock(0.1)))) == 100
+    assert len(list(reporting(range(100), 10, "pictures", "walk", clock(0.1)))) == 100
     assert "29 of 10 pictures (290 %)\n" in capsys.readouterr().err
 
 
@@ -37,4 +37,4 @@ def test_an_error_of_the_items_comes_through():
         raise ValueError("half a bag")
 
     with pytest.raises(ValueError, match="half a bag"):
-        list(told(broken(), 2, "pictures", "walk"))
+        list(reporting(broken(), 2, "pictures", "walk"))

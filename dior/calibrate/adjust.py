@@ -7,8 +7,8 @@ OUTPUTS  cameras (adjusted wTc) and their joint covariance, metrics (mean reproj
 Poses and points are free, intrinsics fixed. Points are joints at the window's instants (a fixed list, so that a new
 sequence does not move old labels), on the nominal grid t0 + k/fps of their sequence. Where no person gave a camera's
 clock, it is found by turns with the poses (`window_clocks`).
-The start is the best of several (`dior.calibrate.starts`), by GTSAM on a sample of the points; all points and the
-metric facts of the session follow with the points eliminated (`reduced`), and so does the joint covariance of the
+The start is the best of several (`dior.calibrate.bundle.starts`), by GTSAM on a sample of the points; all points and
+the metric facts of the session follow with the points eliminated (`reduced`), and so does the joint covariance of the
 cameras (`uncertainty`).
 What holds the gauge besides the facts: every tape-measured camera keeps to its measured position with the tape's sigma,
 one without a tape to its placed position with 5 cm; a camera that was aimed by look-at keeps to that rotation with 30
@@ -22,31 +22,24 @@ A reprojection error is the mean distance in recorded pixels. World in metres, Z
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from dior import physics as people
-from dior import tables
-from dior.calibrate import (
-    beginning,
-    bundle,
-    facts,
-    lags,
-    outcome,
-    realsense,
-    reduced,
-    starts,
-    uncertainty,
-    window_clocks,
-)
-from dior.calibrate import offsets as clocks
-from dior.calibrate import window as seen_in
-from dior.calibrate.outcome import Adjusted, check_end, in_front
-from dior.calibrate.place import camera_settings
-from dior.camera import REFERENCE_FX, inverse_pose, reprojection_errors, undistort
+from dior.body import plausible as people
+from dior.calibrate.bundle import beginning, bundle, facts, in_adjustment, outcome, reduced, starts, uncertainty
+from dior.calibrate.bundle import window as seen_in
+from dior.calibrate.bundle.outcome import Adjusted, check_end, in_front
+from dior.calibrate.lens import realsense
+from dior.clocks import by_hand as clocks
+from dior.clocks import lags
 from dior.errors import DiorError, nearest
-from dior.geometry import triangulate
-from dior.views import DROP_FACTOR, by_dropping, usual_error
+from dior.geometry import camera_tables
+from dior.geometry.camera import REFERENCE_FX, inverse_pose, reprojection_errors, undistort
+from dior.geometry.multiview import triangulate
+from dior.geometry.views import DROP_FACTOR, by_dropping, usual_error
+from dior.project.camera_file import camera_settings
+from dior.tables import tables
 
 AIM_SIGMA_DEG = 30.0
 PLACED_SIGMA_M, PLACED_SIGMA_DEG = 0.05, 2.0
@@ -96,14 +89,14 @@ def adjust(
 
     chosen, tried = starts.best(cameras, few, attempt, where)
     adjusted, settled = chosen.cameras, timed is None or timed.held.all()
-    walked = window_clocks.Walked()
+    walked = in_adjustment.Walked()
     for turn in range(ROUNDS if timed is None else TURNS):
         if timed is not None and not settled:
             before, last = values, turn >= QUICK_TURNS
             found, fits = timed.fitted(adjusted, values, last)
             walked = walked.on(found - values)
             values = values + walked.went
-            settled = last and window_clocks.settled(before, values, fits)
+            settled = last and in_adjustment.settled(before, values, fits)
             uv, tracks, _ = timed.observations(values)
         agreed = agreeing(adjusted, uv)
         points = triangulated(adjusted, agreed)
@@ -124,7 +117,7 @@ def adjust(
     clocks_sigma = None
     if timed is not None:
         fits = timed.compared(adjusted, values, fits or [None] * len(values))
-        spread, clocks_sigma = window_clocks.with_errors(spread, solved, tracks, timed, fits)
+        spread, clocks_sigma = in_adjustment.with_errors(spread, solved, tracks, timed, fits)
     noise = solved.linear.noise * solved.linear.variance[:, None, None]
     measured = tuple((fact, fact.measured(adjusted, solved.points, noise)) for fact in stated if fact.measured)
     done = Adjusted(
@@ -248,10 +241,30 @@ def beside_tag(prior, camera, settings):
 
 
 def run(
-    *, session, cameras, camera_files, detections, frames, offsets, window, min_score, min_views, huber_px,
-    max_mean_px, max_gap, out, out_metrics, findings, known=None, marks=(), marked=(), tags=(),
-    intrinsics_sigma=LENS_SIGMA, physics=None, out_covariance=None,
-):  # fmt: skip
+    *,
+    session: str,
+    cameras: list[Path],
+    camera_files: list[Path],
+    detections: list[Path],
+    frames: list[Path],
+    offsets: list[Path],
+    window: dict[str, Any],
+    min_score: float,
+    min_views: int,
+    huber_px: float,
+    max_mean_px: float,
+    max_gap: float,
+    out: Path,
+    out_metrics: Path,
+    findings: Path,
+    known: dict[str, Any] = None,
+    marks: list[Path] = (),
+    marked: list[str] = (),
+    tags: list[Path] = (),
+    intrinsics_sigma: float = LENS_SIGMA,
+    physics: dict[str, Any] = None,
+    out_covariance: Path = None,
+) -> None:
     """Write the adjusted cameras, metrics and findings.
 
     `detections`, `frames` and `offsets` are paths named by their sequence, `camera_files` by their camera.
@@ -259,9 +272,9 @@ def run(
     metric facts (`Project.metric_facts`), `marks` the marks CSVs of the close cameras, `marked` the sequences of which
     these are used, `tags` the marks tables that
     place wrote of cameras that see the AprilTag; `intrinsics_sigma`: 1 sigma of the focal length and principal point,
-    relative to the focal length; `physics`: limits (`dior.physics`).
+    relative to the focal length; `physics`: limits (`dior.body.plausible`).
     """
-    placed = list(tables.read_cameras(cameras).values())
+    placed = list(camera_tables.read_cameras(cameras).values())
     yamls = {Path(path).stem.partition("@")[0]: path for path in camera_files}
     settings = {name: camera_settings(path) for name, path in yamls.items()}
     for camera in placed:
@@ -284,7 +297,7 @@ def run(
         seen = tables.read(files["detections"][sequence], "detections")
         recorded.append(seen_in.recorded(placed, seen, pictures, min_score, max_gap, where))
         given.append([clock[camera.name] for camera in placed])
-    timed = window_clocks.of(recorded, list(window.values()), [camera.name for camera in placed], given, min_views)
+    timed = in_adjustment.of(recorded, list(window.values()), [camera.name for camera in placed], given, min_views)
     known = known or {}
     stated = seen_in.metric_facts(known, list(window)) + seen_in.tag_corners(placed, tags, f"session {session}")
     clicked = {Path(path).name.partition(".")[0].partition("@")[0]: path for path in marks}
@@ -300,7 +313,7 @@ def run(
         text = f"{len(part.joint)} joints at {part.count} of {instants['count']} instants of {sequence} used"
         found.append((session, "info" if len(part.joint) else "warning", "adjust_window", text))
     alone = _by_detections_alone(placed, priors, huber_px, max_mean_px, start_priors, timed, intrinsics_sigma)
-    found += window_clocks.findings(session, list(window), timed, done, alone)
+    found += in_adjustment.findings(session, list(window), timed, done, alone)
     for i, (sequence, part) in enumerate(zip(window, parts, strict=True)):
         skeleton = np.full((len(part.seconds), len(part.names), 3), np.nan)
         skeleton[part.instant, part.joint] = done.points[tracks.sequence == i]
@@ -315,9 +328,9 @@ def run(
     found += _lens_models(
         session, yamls, {name: s["topic"] for name, s in settings.items()}, done, uv, start_priors, huber_px
     )
-    tables.write_cameras(out, done.cameras, session)
+    camera_tables.write_cameras(out, done.cameras, session)
     if out_covariance:
-        tables.write_camera_covariance(out_covariance, names, done.uncertainty.covariance, session)
+        camera_tables.write_camera_covariance(out_covariance, names, done.uncertainty.covariance, session)
     tables.write(out_metrics, "metrics", outcome.metrics(done))
     tables.write_findings(findings, found)
 

@@ -15,32 +15,26 @@ takes over the world's errors: its covariance has blocks with theirs. The camera
 with the pose (`dior follow` tells what it is), unless config/offsets says it. World in metres, Z up.
 """
 
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from dior import camera as cam
-from dior import covariance, hand_boxes, tables
-from dior.calibrate import boxes_fit, seen_edges, silhouettes, tracks
-from dior.calibrate import marks as hand_marks
-from dior.calibrate import offsets as hand_offsets
-from dior.calibrate.place import camera_settings, check_above_floor, look_at_pose, unplaced
-from dior.camera import pose
-from dior.covariance import point_covariance
-from dior.errors import DiorError, nearest
-from dior.geometry import look_at_angles, rotation_x, rotation_z
-from dior.sampling import seconds
+from dior.calibrate.outline import boxes_fit, seen_edges
+from dior.calibrate.outline.walks import SILHOUETTE_MARGIN_PX, by_close, gather, read_walk
+from dior.errors import DiorError
+from dior.geometry import camera as cam
+from dior.geometry import camera_tables, covariance
+from dior.geometry.camera import pose
+from dior.geometry.camera_tables import unplaced
+from dior.geometry.multiview import look_at_angles, rotation_x, rotation_z
+from dior.geometry.tape import check_above_floor, look_at_pose
+from dior.project.camera_file import camera_settings
+from dior.tables import tables
 
 # a person pays out the tape along the sight and sets the tripod down beside it
 ACROSS_M, HEIGHT_M = 0.1, 0.05
 FOCAL_SIGMA = 0.03
-# the lasting errors of the joints of a body are alike: of the detector, of the close cameras
-ALIKE = 1.2
-SILHOUETTE_MARGIN_PX = 0.5  # beyond the flesh
-PICTURES = 150  # of a sequence, for silhouettes
-AROUND_PX = 60.0  # about where the start has the person, at fx 760
 FEW_AGREE = 0.6
 # of clocks before anything is compared: computers that keep time by the network differ by less, so does what a person
 # starts by hand on a count; a crystal is good to 30 ppm
@@ -85,144 +79,6 @@ def freedom(settings, held):
         clock_s=tuple(0.0 if known else CLOCK_SIGMA_S for known in held),
         drift_ppm=tuple(0.0 if known else DRIFT_SIGMA_PPM for known in held),
     )
-
-
-@dataclass(frozen=True)
-class Walk:
-    """One sequence and the pictures of the camera: their `rows` and `seconds` (F,) by the clock as far as it is known,
-    the `track` of the `joints`, whether the clock is `held` at what a person gave.
-
-    `sd_m`: standard error of a joint in an axis, given the close cameras; NaN where it is not known.
-    """
-
-    name: str
-    rows: dict
-    seconds: np.ndarray
-    track: tracks.Track
-    joints: list
-    held: bool
-    sd_m: float
-
-    @property
-    def points(self):
-        """(F, J, 3) m at the pictures."""
-        return self.track.at(self.seconds)
-
-
-def read_walk(name, camera, skeleton, frames, offsets):
-    """`Walk` of one sequence; `offsets`: the file of clocks given by hand, or None.
-
-    Raises DiorError where the camera has no picture.
-    """
-    rows = tables.of_camera(tables.read(frames, "frames"), camera)
-    if not len(rows["frame"]):
-        raise DiorError(f"{name}, camera {camera}: {frames} lists no picture of it; take it off align.sequences")
-    offset_s, drift_ppm, source = given_clock(camera, frames, offsets)
-    table = tables.read(skeleton, "skeletons_3d")
-    track, t0_ns, joints = tracks.read(table)
-    noise = point_covariance(table, track.points.shape[:2])
-    variance = np.trace(noise, axis1=-2, axis2=-1)[np.isfinite(noise).all(axis=(-2, -1))] / 3
-    sd_m = float(np.sqrt(np.median(variance))) if len(variance) else np.nan
-    when = seconds(rows["stamp_ns"], t0_ns, offset_s, drift_ppm)
-    return Walk(name, rows, when, track, joints, source == "manual", sd_m)
-
-
-def given_clock(camera, frames, offsets):
-    """Offset s, drift ppm and source of a camera's clock by the file of those given by hand, which may be None."""
-    known = tables.ordered_unique(tables.read(frames, "frames", ["camera"])["camera"])
-    return hand_offsets.read(offsets, known)[camera]
-
-
-def from_boxes(walk, path):
-    """Pictures (F,) with a box, by their row, and its edges (F, 4) px."""
-    numbers, edges = hand_boxes.read(path, walk.rows["frame"])
-    return np.searchsorted(walk.rows["frame"], numbers), edges
-
-
-def from_marks(walk, marks, path):
-    """Pictures (F,) with clicked joints, by their row, and the clicks (F, J, 2) px with NaN."""
-    mine = marks.only(marks.sequence == walk.name)
-    rows = []
-    for i in range(len(mine)):
-        where = f"{path} line {mine.line[i]}"
-        if mine.joint[i] not in walk.joints:
-            raise DiorError(
-                f"{where}: '{mine.joint[i]}' is no joint of {walk.name}{nearest(mine.joint[i], walk.joints)}"
-            )
-        found = np.flatnonzero(walk.rows["frame"] == mine.frame[i])
-        if not len(found):
-            raise DiorError(f"{where}: {walk.name} has no frame {mine.frame[i]} of this camera")
-        rows.append(found[0])
-    shown, at = np.unique(np.array(rows, int), return_inverse=True)
-    clicks = np.full((len(shown), len(walk.joints), 2), np.nan)
-    clicks[at, [walk.joints.index(joint) for joint in mine.joint]] = mine.uv
-    return shown, clicks
-
-
-def from_pictures(walks, start, data_root):
-    """By walk, pictures (F,) spread over it, by their row, and the edges (F, 4) px of the silhouette in each."""
-    from dior.ingest.bags import read_pictures
-
-    rows = [
-        np.unique(np.linspace(0, len(w.seconds) - 1, min(PICTURES, len(w.seconds))).round().astype(int)) for w in walks
-    ]
-    seen = [cam.project(start, walk.points[chosen])[0] for walk, chosen in zip(walks, rows, strict=True)]
-    lens = start.intrinsics
-    flat = np.concatenate([uv.reshape(-1, 2) for uv in seen])
-    if not np.isfinite(flat).any():
-        raise DiorError(f"{start.name}: the start sees nobody; is tape.target_m where the person is?")
-    u0, v0, u1, v1 = silhouettes.window(flat, (lens.width, lens.height), AROUND_PX * max(lens.fx / 760, 1.0))
-    pieces = []
-    for walk, chosen in zip(walks, rows, strict=True):
-        mine = [None] * len(chosen)
-        for row, picture in read_pictures(tables.rows(walk.rows, chosen), data_root):
-            mine[row] = picture[v0:v1, u0:u1]
-        pieces.append(mine)
-    few = [picture for mine in pieces for picture in mine[:: max(1, len(walks))]]
-    empty = silhouettes.empty_scene(few)
-    tall = float(np.nanmedian([np.nanmedian(np.ptp(uv[..., 1], axis=1)) for uv in seen]))
-    corner = np.array([u0, v0, u0, v0])
-    return [(chosen, silhouettes.edges(mine, tall, empty) + corner) for chosen, mine in zip(rows, pieces, strict=True)]
-
-
-def gather(walks, start, source, files, data_root, marks):
-    """`seen_edges.Seen` of all sequences. `files`: boxes by sequence; `marks`: a path."""
-    if source == "boxes":
-        missing = [walk.name for walk in walks if walk.name not in files]
-        if missing:
-            raise DiorError(f"{missing[0]}: align.sequences names it, but there is no config/boxes file of it")
-        found = [from_boxes(walk, files[walk.name]) for walk in walks]
-    elif source == "silhouettes":
-        found = from_pictures(walks, start, data_root)
-    else:
-        clicked = hand_marks.read(marks)
-        found = [from_marks(walk, clicked, marks) for walk in walks]
-    parts, flesh, taken = [], 0.0, []
-    for k, (walk, (shown, values)) in enumerate(zip(walks, found, strict=True)):
-        track, count = walk.track, len(shown)
-        if source == "silhouettes":
-            whole, flesh = silhouettes.outline(track.points, walk.joints)
-            track = tracks.Track(track.seconds, whole)
-        points, taken = track.at(walk.seconds[shown]), [*taken, track]
-        clicks = values if source == "marks" else np.full((*points.shape[:2], 2), np.nan)
-        edges = np.full((count, 4), np.nan) if source == "marks" else values
-        parts.append((points, edges, clicks, walk.seconds[shown], np.full(count, k)))
-    bias_m = lasting_bias(walks)
-    return seen_edges.Seen(
-        *(np.concatenate(column) for column in zip(*parts, strict=True)), bias_m, flesh, tuple(taken)
-    )
-
-
-def lasting_bias(walks):
-    """Standard error (m) of a joint's place that stays while the same side of the body is seen."""
-    known = [walk.sd_m for walk in walks if np.isfinite(walk.sd_m)]
-    return ALIKE * float(np.mean(known)) if known else seen_edges.JOINT_BIAS_M
-
-
-def by_close(close, points):
-    """Derivative (F, J, 3, 6V) of triangulated points by the close cameras' errors; all that see them count alike."""
-    inside = np.stack([cam.in_frame(c.intrinsics, cam.project(c, points)[0]) for c in close])
-    return covariance.triangulated(close, points, inside[..., None, None] * np.eye(2))[1]
 
 
 def joint_covariance(fitted, close_covariance, range_m):
@@ -299,22 +155,22 @@ def found_out(scope, walks, seen, fitted, pose_covariance, taped):
 
 def run(
     *,
-    session,
-    camera,
-    camera_file,
-    intrinsics,
-    skeletons,
-    frames,
-    offsets,
-    boxes,
-    marks,
-    data_root,
-    close,
-    close_covariance,
-    out,
-    out_covariance,
-    findings,
-):
+    session: str,
+    camera: str,
+    camera_file: Path,
+    intrinsics: Path,
+    skeletons: list[Path],
+    frames: list[Path],
+    offsets: list[Path],
+    boxes: list[Path],
+    marks: Path | None,
+    data_root: Path,
+    close: list[Path],
+    close_covariance: list[Path],
+    out: Path,
+    out_covariance: Path,
+    findings: Path,
+) -> None:
     """Write the aligned camera, its covariance and findings.
 
     `skeletons`, `frames` and `boxes`: a file per sequence of the YAML's `align.sequences`, where a bump splits the
@@ -326,8 +182,8 @@ def run(
     start = lens.at(aligned_pose(camera_file, settings["tape"], settings.get("nudge", {})), settings["locate"])
     how = settings.get("align")
     if not how:
-        tables.write_cameras(out, [start], session)
-        tables.write_camera_covariance(out_covariance, [camera], np.full((6, 6), np.nan), session)
+        camera_tables.write_cameras(out, [start], session)
+        camera_tables.write_camera_covariance(out_covariance, [camera], np.full((6, 6), np.nan), session)
         tables.write_findings(findings, [])
         return
     scope = f"{session}/{camera}"
@@ -336,18 +192,22 @@ def run(
     walks = [read_walk(name, camera, files[name], filmed[name], given.get(name)) for name in sorted(files)]
     cam.check_picture_size(lens.intrinsics, walks[0].rows["width"][0], walks[0].rows["height"][0], scope)
     seen = gather(walks, start, how["from"], drawn, data_root, marks)
-    rig = [c for c in tables.read_cameras(close).values() if c.wTc is not None and c.role == "close"] if close else []
+    rig = (
+        [c for c in camera_tables.read_cameras(close).values() if c.wTc is not None and c.role == "close"]
+        if close
+        else []
+    )
     derivative = partial(by_close, rig) if rig else None
     trusted = freedom(settings, [walk.held for walk in walks])
     fitted = boxes_fit.fit(start, trusted, seen, scope, derivative, how.get("occluder", "auto"))
     check_above_floor(camera_file, fitted.camera.centre, "are the boxes the subject's, and is the tape right?")
     known = None
     if rig and close_covariance:
-        known = tables.read_camera_covariance(close_covariance, [c.name for c in rig])
+        known = camera_tables.read_camera_covariance(close_covariance, [c.name for c in rig])
     range_m = float(np.nanmedian(cam.project(fitted.camera, fitted.points)[1]))
     spread = joint_covariance(fitted, known, range_m)
     all_names = [camera, *(c.name for c in rig)][: len(spread) // 6]
-    tables.write_cameras(out, [fitted.camera], session)
-    tables.write_camera_covariance(out_covariance, all_names, spread, session, own=[camera])
+    camera_tables.write_cameras(out, [fitted.camera], session)
+    camera_tables.write_camera_covariance(out_covariance, all_names, spread, session, own=[camera])
     told = found_out(scope, walks, seen, fitted, spread[:6, :6], np.array(trusted.shift))
     tables.write_findings(findings, told)

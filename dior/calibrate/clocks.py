@@ -2,7 +2,7 @@
 
 INPUTS   cameras and their covariance, detections, frames, indoors the mocap and what locate found from marks;
          config/offsets/<sequence>.yaml where a person overrides
-OUTPUTS  `offsets` and `clock_gains` (dior/clocks.py), `clock_costs` (how well each lag fits), findings
+OUTPUTS  `offsets` and `clock_gains` (dior/clocks/clock.py), `clock_costs` (how well each lag fits), findings
 Indoors in the order of what tells most: detections (`mocap_clock`), marks (locate), picture motion (`motion_clock`).
 Outdoors the first close camera by name is the reference (`camera_clock`). A long-range camera's clock is `follow`'s.
 Where the data cannot tell, the clock is zero, its sigma is null and a finding says why.
@@ -12,11 +12,12 @@ from pathlib import Path
 
 import numpy as np
 
-from dior import clocks as on_axis
-from dior import tables
-from dior.calibrate import offsets as given_by
-from dior.calibrate.marks import read_motion
-from dior.sampling import instants, rates
+from dior.calibrate.marks.marks import read_motion
+from dior.clocks import by_hand as given_by
+from dior.clocks import clock as on_axis
+from dior.clocks.axis import instants, rates
+from dior.geometry import camera_tables
+from dior.tables import tables
 
 FAR_OFF = 0.9  # pictures; cameras that run free on one network's time are nearer to each other
 # a value by hand is doubted that is so many standard errors from the estimate, and so far
@@ -25,16 +26,31 @@ NONE = np.zeros(0)
 
 
 def run(
-    *, sequence, cameras, names, covariance, detections, frames, mocap, marked, offsets, min_score, max_gap, data_root,
-    out, out_gains, out_costs, findings,
-):  # fmt: skip
+    *,
+    sequence: str,
+    cameras: list[Path],
+    names: list[str],
+    covariance: list[Path],
+    detections: Path | None,
+    frames: Path,
+    mocap: Path | None,
+    marked: list[Path],
+    offsets: Path | None,
+    min_score: float,
+    max_gap: float,
+    data_root: Path,
+    out: Path,
+    out_gains: Path,
+    out_costs: Path,
+    findings: Path,
+) -> None:
     """Write the clocks of one sequence.
 
     `cameras`: `cameras` tables of those called `names`, in the order of the session; `covariance` their
     `camera_covariance` tables; `detections`: a table or None; `mocap`: the mocap table indoors, else None; `marked`:
     `offsets` and `clock_gains` tables that locate wrote; `max_gap` in nominal periods.
     """
-    rig = tables.read_placed(cameras, names, sequence)
+    rig = camera_tables.read_placed(cameras, names, sequence)
     pictures = tables.read(frames, "frames")
     manual = given_by.by_hand(offsets, tables.ordered_unique(pictures["camera"]))
     seen = tables.read(detections, "detections") if detections else None
@@ -42,7 +58,7 @@ def run(
         told = _indoors(sequence, rig, seen, pictures, mocap, marked, manual, min_score, data_root)
     else:
         told = _outdoors(sequence, rig, seen, pictures, min_score, max_gap)
-    joint = tables.read_camera_covariance(covariance, names) if covariance else None
+    joint = camera_tables.read_camera_covariance(covariance, names) if covariance else None
     used = {name: manual.get(name, clock) for name, (clock, *_) in told.items()}
     on_axis.write(out, out_gains, sequence, used, names, joint)
     tables.write(out_costs, "clock_costs", _costs(sequence, told))
@@ -52,7 +68,8 @@ def run(
 
 def _indoors(sequence, rig, seen, pictures, mocap, marked, manual, min_score, data_root):
     """By camera: `Clock`, lags, costs, why it is not known or "". Pictures are read only where nothing else tells."""
-    from dior.calibrate import mocap_clock, window
+    from dior.calibrate.bundle import window
+    from dior.calibrate.clock import from_mocap
 
     _, motion = read_motion(mocap)
     kinds = {kind: [path for path in marked if f".{kind}." in Path(path).name] for kind in ("clocks", "clock_gains")}
@@ -64,9 +81,9 @@ def _indoors(sequence, rig, seen, pictures, mocap, marked, manual, min_score, da
         tried = []
         if seen is not None and (seen["camera"] == camera.name).any():
             uv, joints = window.confident(seen, camera.name, len(elapsed), min_score, sequence)
-            walker = mocap_clock.walker_of(motion.t, motion.xyz, motion.joints, joints)
+            walker = from_mocap.walker_of(motion.t, motion.xyz, motion.joints, joints)
             uv = uv[:, [joints.index(name) for name in walker.names]]
-            tried.append(mocap_clock.from_detections(camera, walker, uv, elapsed))
+            tried.append(from_mocap.from_detections(camera, walker, uv, elapsed))
         if not (tried and not tried[-1][3]) and camera.name in by_marks:
             clock = by_marks[camera.name]
             tried.append((clock, NONE, NONE, "" if clock.source != "assumed_zero" else "its marks do not tell"))
@@ -80,14 +97,17 @@ def _indoors(sequence, rig, seen, pictures, mocap, marked, manual, min_score, da
 
 
 def _by_pictures(camera, mocap, rows, data_root, where):
-    from dior.calibrate import motion_clock
+    from dior.calibrate.outline import clock_from_pictures
 
-    clock, lags, costs = motion_clock.from_pictures(camera, tables.read(mocap, "skeletons_3d"), rows, data_root, where)
+    clock, lags, costs = clock_from_pictures.from_pictures(
+        camera, tables.read(mocap, "skeletons_3d"), rows, data_root, where
+    )
     return clock, lags, costs, "" if clock.source == "estimated" else "neither detections, marks nor pictures tell it"
 
 
 def _outdoors(sequence, rig, seen, pictures, min_score, max_gap):
-    from dior.calibrate import camera_clock, window
+    from dior.calibrate.bundle import window
+    from dior.calibrate.clock import from_cameras
 
     reference = rig[0].name
     if seen is None or len(rig) < 2:
@@ -99,7 +119,7 @@ def _outdoors(sequence, rig, seen, pictures, min_score, max_gap):
         }
     seen = window.recorded(rig, seen, pictures, min_score, max_gap, sequence)
     grid = instants(seen.fps, max(own.elapsed[-1] for own in seen.seen))
-    return camera_clock.from_detections(rig, seen.seen, seen.names, grid, seen.fps)
+    return from_cameras.from_detections(rig, seen.seen, seen.names, grid, seen.fps)
 
 
 def _costs(sequence, told):

@@ -5,41 +5,52 @@ INPUTS   the camera's YAML and pose, the sequence's skeleton and frames, boxes d
          pictures; outdoors the close cameras that made the 3D; the clock given by hand, if any
 OUTPUTS  `offsets` (one row), `clock_gains`, `clock_costs`, findings
 
-For the long-range camera, after `align`. The time axis is that of the skeleton (dior/sampling.py). The clock is told
-with the pose as it is, and by how much an error of the pose moves it (`dior.clocks`): also where the same boxes placed
-the camera, both together are then what one fit of everything would say. Offsets of up to 2 s are found. Where the data
-cannot tell, the clock is that of the stamps and its error unknown.
+For the long-range camera, after `align`. The time axis is that of the skeleton (dior/clocks/axis.py). The clock is told
+with the pose as it is, and by how much an error of the pose moves it (`dior.clocks.clock`): also where the same boxes
+placed the camera, both together are then what one fit of everything would say. Offsets of up to 2 s are found. Where
+the data cannot tell, the clock is that of the stamps and its error unknown.
 """
 
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 
-from dior import camera as cam
-from dior import clocks, tables
-from dior.calibrate import align, boxes_fit, edge_clock, motion_clock, seen_edges, silhouettes, tracks
-from dior.calibrate import offsets as hand_offsets
-from dior.calibrate.place import camera_settings
+from dior.calibrate.outline import boxes_fit, clock_from_edges, clock_from_pictures, seen_edges, silhouettes, tracks
+from dior.calibrate.outline.walks import (
+    SILHOUETTE_MARGIN_PX,
+    by_close,
+    from_boxes,
+    from_pictures,
+    lasting_bias,
+    read_walk,
+)
+from dior.clocks import by_hand as hand_offsets
+from dior.clocks import clock as clocks
+from dior.geometry import camera as cam
+from dior.geometry import camera_tables
+from dior.project.camera_file import camera_settings
+from dior.tables import tables
 
 FEWEST_BOXES = 4
 
 
 def watched(walk, camera, boxes, data_root):
     """`seen_edges.Seen` of one walk, the method's word, and the prior of the margins (all edges, v against u) px."""
-    drawn = align.from_boxes(walk, boxes) if boxes else ((), ())
+    drawn = from_boxes(walk, boxes) if boxes else ((), ())
     if len(drawn[0]) >= FEWEST_BOXES:
         (shown, edges), method, flesh, track = drawn, "boxes", 0.0, walk.track
         margin = seen_edges.Freedom.margin_px
     else:
-        ((shown, edges),) = align.from_pictures([walk], camera, data_root)
+        ((shown, edges),) = from_pictures([walk], camera, data_root)
         points, flesh = silhouettes.outline(walk.track.points, walk.joints)
-        method, track, margin = "pictures", tracks.Track(walk.track.seconds, points), align.SILHOUETTE_MARGIN_PX
+        method, track, margin = "pictures", tracks.Track(walk.track.seconds, points), SILHOUETTE_MARGIN_PX
     seconds = walk.seconds[shown]
     points = track.at(seconds)
     nothing = np.full((*points.shape[:2], 2), np.nan)
     seen = seen_edges.Seen(
-        points, edges, nothing, seconds, np.zeros(len(shown), int), align.lasting_bias([walk]), flesh, (track,)
+        points, edges, nothing, seconds, np.zeros(len(shown), int), lasting_bias([walk]), flesh, (track,)
     )
     return seen, method, (margin, seen_edges.Freedom.margin_split_px)
 
@@ -53,7 +64,7 @@ def hidden_side(camera, seen, margin, occluder, where):
     if len(readings) == 1:
         return readings[0]
     held = seen_edges.Freedom(turn=(0, 0, 0), shift=(0, 0, 0), margin_px=margin[0], margin_split_px=margin[1])
-    seconds = seen.seconds + edge_clock.best_lag(camera, held, seen)
+    seconds = seen.seconds + clock_from_edges.best_lag(camera, held, seen)
     return boxes_fit.fit(camera, held, replace(seen, seconds=seconds, points=seen.tracks[0].at(seconds)), where).hidden
 
 
@@ -77,7 +88,7 @@ def write(sequence, camera, clock, costs_px, findings, paths, names=(), joint=No
     """Write the tables of one camera's clock; `paths`: offsets, gains, costs, findings."""
     out, out_gains, out_costs, out_findings = paths
     clocks.write(out, out_gains, sequence, {camera: clock}, names, joint)
-    lags = edge_clock.LAGS_S[: len(costs_px)]
+    lags = clock_from_edges.LAGS_S[: len(costs_px)]
     columns = {"sequence": [sequence] * len(lags), "camera": [camera] * len(lags), "lag_s": lags, "cost_px": costs_px}
     tables.write(out_costs, "clock_costs", columns)
     tables.write_findings(out_findings, findings)
@@ -85,22 +96,22 @@ def write(sequence, camera, clock, costs_px, findings, paths, names=(), joint=No
 
 def run(
     *,
-    sequence,
-    camera,
-    camera_file,
-    cameras,
-    makers,
-    covariance,
-    skeleton,
-    frames,
-    offsets,
-    boxes,
-    data_root,
-    out,
-    out_gains,
-    out_costs,
-    findings,
-):
+    sequence: str,
+    camera: str,
+    camera_file: Path,
+    cameras: list[Path],
+    makers: list[str],
+    covariance: list[Path],
+    skeleton: Path,
+    frames: Path,
+    offsets: Path | None,
+    boxes: Path | None,
+    data_root: Path,
+    out: Path,
+    out_gains: Path,
+    out_costs: Path,
+    findings: Path,
+) -> None:
     """Write the clock of one camera in one sequence.
 
     `cameras`: `cameras` tables with its pose and those called `makers`, which the skeleton was triangulated from (none
@@ -109,8 +120,8 @@ def run(
     """
     scope, paths = f"{sequence}/{camera}", (out, out_gains, out_costs, findings)
     names = list(dict.fromkeys([*makers, camera]))
-    rig = dict(zip(names, tables.read_placed(cameras, names, sequence), strict=True))
-    walk = align.read_walk(sequence, camera, skeleton, frames, offsets)
+    rig = dict(zip(names, camera_tables.read_placed(cameras, names, sequence), strict=True))
+    walk = read_walk(sequence, camera, skeleton, frames, offsets)
     cam.check_picture_size(rig[camera].intrinsics, walk.rows["width"][0], walk.rows["height"][0], scope)
     if walk.held:
         by_hand = hand_offsets.by_hand(offsets, tables.ordered_unique(tables.read(frames, "frames")["camera"]))
@@ -120,12 +131,12 @@ def run(
     seen, method, margin = watched(walk, rig[camera], boxes, data_root)
     occluder = settings.get("align", {}).get("occluder", "auto")
     # without edges or 3D there is no side to read; the estimate says what that means for the clock
-    enough = np.isfinite(seen.edges).sum() >= edge_clock.FEWEST
+    enough = np.isfinite(seen.edges).sum() >= clock_from_edges.FEWEST
     there = np.isfinite(cam.project(rig[camera], seen.points)[0]).any()
     side = hidden_side(rig[camera], seen, margin, occluder, scope) if enough and there else ""
     close = [rig[name] for name in makers]
-    derivative = (list(makers), partial(align.by_close, close)) if makers else None
-    trails_m = motion_clock.TRAILS_M if method == "pictures" else 0.0
-    found = edge_clock.estimate(rig[camera], seen, method, margin, side, derivative, trails_m)
-    joint = tables.read_camera_covariance(covariance, names) if covariance else None
+    derivative = (list(makers), partial(by_close, close)) if makers else None
+    trails_m = clock_from_pictures.TRAILS_M if method == "pictures" else 0.0
+    found = clock_from_edges.estimate(rig[camera], seen, method, margin, side, derivative, trails_m)
+    joint = camera_tables.read_camera_covariance(covariance, names) if covariance else None
     write(sequence, camera, found.clock, found.costs_px, told(scope, found), paths, names, joint)

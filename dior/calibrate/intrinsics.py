@@ -6,20 +6,35 @@ OUTPUTS  `cameras` table of one row: pixels, distortion as k1 k2 p1 p2 k3 (k4 k5
 """
 
 from pathlib import Path
+from typing import Any
 
-from dior import tables
-from dior.calibrate import realsense, toml_cameras
-from dior.camera import MODELS, Camera, Intrinsics, check_picture_size
+from dior.calibrate.lens import realsense, toml_cameras
 from dior.errors import DiorError, nearest
+from dior.geometry import camera_tables
+from dior.geometry.camera import MODELS, Camera, Intrinsics, check_picture_size
 from dior.ingest import bags as rosbag
+from dior.tables import tables
 
 BAG_MODELS = ("plumb_bob", "rational_polynomial")
 COEFFICIENTS = (4, 5, 8)
 
 
 def run(
-    *, session, camera, role, topic, source, name, board, distortion_model, frames, sequence, data_root, out, findings
-):
+    *,
+    session: str,
+    camera: str,
+    role: str,
+    topic: str,
+    source: str,
+    name: str,
+    board: dict[str, Any],
+    distortion_model: str,
+    frames: Path,
+    sequence: str,
+    data_root: Path,
+    out: Path,
+    findings: Path,
+) -> None:
     """Write the intrinsics of `camera`, from `source`: "camera_info", "board" or a TOML file's path below `data_root`.
 
     `name` is the table in the TOML, `board` the section of the camera's YAML ({"chessboard": ...} or {"charuco": ...});
@@ -36,7 +51,7 @@ def run(
         )
     found = []
     if source == "board":
-        from dior.calibrate.board import from_board
+        from dior.calibrate.lens.board import from_board
 
         [(kind, settings)] = board.items()
         lens, found = from_board(kind, settings, data_root, where)
@@ -47,7 +62,7 @@ def run(
     else:
         lens = from_toml(Path(data_root) / source, name, distortion_model)
     check_picture_size(lens, pictures["width"][0], pictures["height"][0], f"{where} ({sequence})")
-    tables.write_cameras(out, [Camera(camera, lens, role=role)], session=session)
+    camera_tables.write_cameras(out, [Camera(camera, lens, role=role)], session=session)
     tables.write_findings(findings, [(f"{session}/{camera}", *finding) for finding in found])
 
 

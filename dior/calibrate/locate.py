@@ -14,14 +14,18 @@ from pathlib import Path
 
 import numpy as np
 
-from dior import tables
-from dior.calibrate import marks as hand_marks
-from dior.calibrate import marks_clock, pnp, realsense
-from dior.calibrate import offsets as by_hand
-from dior.calibrate.place import camera_settings, check_above_floor, unplaced
-from dior.camera import inverse_pose, pose, project, undistort
-from dior.clocks import Clock, write_all
+from dior.calibrate.lens import realsense
+from dior.calibrate.marks import clock_from_marks, pnp
+from dior.calibrate.marks import marks as hand_marks
+from dior.clocks import by_hand
+from dior.clocks.clock import Clock, write_all
 from dior.errors import DiorError
+from dior.geometry import camera_tables
+from dior.geometry.camera import inverse_pose, pose, project, undistort
+from dior.geometry.camera_tables import unplaced
+from dior.geometry.tape import check_above_floor
+from dior.project.camera_file import camera_settings
+from dior.tables import tables
 
 FEWEST = 4
 # a pose that fewer of the marks agree on may as well be an accident of a minimal sample
@@ -221,14 +225,14 @@ def with_clocks(camera, marks, path, motions, stamps, clock, ransac_px, scope):
     where = f"{path} ({scope})"
     t = hand_marks.times(marks, path, camera.name, camera.intrinsics, motions, stamps)
     manual = {sequence: one for sequence, one in clock.items() if one[2] == "manual"}
-    at = marks_clock.places(marks, t, motions, manual)
-    seen = marks_clock.search(camera, at, marks.uv, marks.frame, ransac_px, where)
+    at = clock_from_marks.places(marks, t, motions, manual)
+    seen = clock_from_marks.search(camera, at, marks.uv, marks.frame, ransac_px, where)
     told = {name: offset for name, offset in zip(at.names, seen.offsets.tolist(), strict=True) if np.isfinite(offset)}
     untold = {name: why for name, why in zip(at.names, seen.why, strict=True) if name not in told}
     unknown = np.isfinite(t) & np.isin(marks.sequence, list(untold))
     # what nothing is known of moves no pose that can be had without it
     left_out = unknown & ((~unknown).sum() > FEWEST)
-    findings = marks_clock.untold(scope, untold, left_out.any())
+    findings = clock_from_marks.untold(scope, untold, left_out.any())
     marks, t = marks.only(~left_out), t[~left_out]
 
     held = {name: one for name, one in clock.items() if name not in told}
@@ -237,20 +241,20 @@ def with_clocks(camera, marks, path, motions, stamps, clock, ransac_px, scope):
         used, lost = hand_marks.in_world(marks, path, camera.name, camera.intrinsics, motions, stamps, clock, scope)
         located = locate(camera, used.xyz, used.uv, ransac_px, where)
         inlier = np.isin(marks.line, used.line[located.inlier])
-        at = marks_clock.places(marks.only(inlier), t[inlier], motions, held)
+        at = clock_from_marks.places(marks.only(inlier), t[inlier], motions, held)
         offsets = np.array([told[name] for name in at.names])
-        better = marks_clock.refine(camera.at(located.wTc), at, marks.uv[inlier], offsets)[1]
+        better = clock_from_marks.refine(camera.at(located.wTc), at, marks.uv[inlier], offsets)[1]
         if (np.abs(better - offsets) < SAME_OFFSET_S).all():
             break
         told |= dict(zip(at.names, better.tolist(), strict=True))
 
-    J, agreeing = marks_clock.jacobian(camera.at(located.wTc), at, offsets), marks.only(inlier)
+    J, agreeing = clock_from_marks.jacobian(camera.at(located.wTc), at, offsets), marks.only(inlier)
     sigma_m, sigma_deg = _standard_errors(J, located.residual_px[located.inlier])
     located = replace(located, jacobian=J, sigma_m=sigma_m, sigma_deg=sigma_deg)
     frame = np.array([f"{s} {f}" for s, f in zip(agreeing.sequence, agreeing.frame, strict=True)])
-    full, middle = marks_clock.uncertainty(J, t[inlier], located.miss, agreeing.joint, frame)
-    clocks = marks_clock.clocks(camera.name, at.names, offsets, full, middle)
-    findings += lost + marks_clock.findings(scope, clocks, full[:6, :6], agreeing)
+    full, middle = clock_from_marks.uncertainty(J, t[inlier], located.miss, agreeing.joint, frame)
+    clocks = clock_from_marks.clocks(camera.name, at.names, offsets, full, middle)
+    findings += lost + clock_from_marks.findings(scope, clocks, full[:6, :6], agreeing)
     for name in dict.fromkeys(marks.sequence[np.isfinite(t)].tolist() + list(untold)):
         if name not in clocks:
             clocks[name] = Clock(*clock[name])
@@ -293,24 +297,24 @@ def _distance(residual_px):
 
 def run(
     *,
-    session,
-    camera,
-    camera_file,
-    marks,
-    sequences,
-    intrinsics,
-    mocap,
-    frames,
-    offsets,
-    ransac_px,
-    out,
-    out_covariance,
-    out_clocks,
-    out_clock_gains,
-    out_clock_costs,
-    out_marks,
-    findings,
-):
+    session: str,
+    camera: str,
+    camera_file: Path,
+    marks: Path,
+    sequences: list[str],
+    intrinsics: Path,
+    mocap: list[Path],
+    frames: list[Path],
+    offsets: list[Path],
+    ransac_px: float,
+    out: Path,
+    out_covariance: Path,
+    out_clocks: Path,
+    out_clock_gains: Path,
+    out_clock_costs: Path,
+    out_marks: Path,
+    findings: Path,
+) -> None:
     """Write the located camera, its covariance, its clocks, its marks with residuals, and findings.
 
     `sequences`: those whose marks are used; the file may have marks of people without consent. `mocap`, `frames` and
@@ -338,11 +342,11 @@ def run(
     if realsense.is_ambiguous(settings["topic"], lens.intrinsics):
         found += _lens_models(scope, camera_file, lens, used, located)
     found += _next_mark(scope, lens.at(located.wTc), located, spread, used, motions, stamps, solved.clock)
-    tables.write_cameras(out, [lens.at(located.wTc, settings["locate"])], session)
-    tables.write_camera_covariance(out_covariance, [camera], spread, session)
+    camera_tables.write_cameras(out, [lens.at(located.wTc, settings["locate"])], session)
+    camera_tables.write_camera_covariance(out_covariance, [camera], spread, session)
     each = {sequence: {camera: one} for sequence, one in solved.clocks.items()}
     write_all(out_clocks, out_clock_gains, each, [camera], spread)
-    tables.write(out_clock_costs, "clock_costs", marks_clock.costs(camera, solved.profile))
+    tables.write(out_clock_costs, "clock_costs", clock_from_marks.costs(camera, solved.profile))
     tables.write(out_marks, "marks", _columns(session, camera, used, located))
     tables.write_findings(findings, found)
 

@@ -9,54 +9,20 @@ World in metres, Z up, floor at Z = 0. A reference file is a TOML with a section
 """
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from dior import checked, tables
-from dior.calibrate import toml_cameras
-from dior.camera import inverse_pose, pose
-from dior.errors import DiorError, nearest
-from dior.geometry import look_at
+from dior.calibrate.lens import toml_cameras
+from dior.errors import DiorError
+from dior.geometry import camera_tables
+from dior.geometry.camera import inverse_pose, pose
+from dior.geometry.camera_tables import unplaced
+from dior.geometry.tape import check_above_floor, look_at_pose
+from dior.project.camera_file import camera_settings
+from dior.tables import tables
 
 CONVENTIONS = ("cTw", "wTc")
-
-
-def camera_settings(path, needs=""):
-    """The content of a camera's YAML, checked against its schema; `needs` names the only `locate` that will do.
-
-    Raises DiorError for what the schema refuses and for a section that the way of locating needs and is not there.
-    """
-    settings = checked.check(checked.read_yaml(path), "camera", path)
-    how = settings["locate"]
-    if needs and how not in needs.split("|"):
-        raise DiorError(f"{path}: `locate` is {how}, this step is for {needs.replace('|', ' or ')}")
-    section = {"tape": "tape", "align": "tape", "reference": "reference"}.get(how)
-    if section and section not in settings:
-        raise DiorError(f"{path}: `locate: {how}` needs the section `{section}`")
-    return settings
-
-
-def unplaced(path, camera):
-    """The `Camera` of that name in an intrinsics table. Raises DiorError where it is not there."""
-    cameras = tables.read_cameras(path)
-    if camera not in cameras:
-        raise DiorError(f"{path}: no camera '{camera}'{nearest(camera, cameras)}")
-    return cameras[camera]
-
-
-def check_above_floor(where, centre, hint):
-    """Refuse a camera whose centre (3,) m is below the floor."""
-    if not centre[2] > 0:
-        raise DiorError(f"{where}: the camera is {-centre[2]:.2f} m below the floor; {hint}")
-
-
-def look_at_pose(where, tape):
-    """wTc (4, 4) of an upright camera at the tape's position that looks at its target (default: the origin)."""
-    centre, target = (np.array(tape.get(key, (0, 0, 0)), float) for key in ("position_m", "target_m"))
-    if np.linalg.norm(centre - target) < 1e-3:
-        raise DiorError(f"{where}: tape.position_m and tape.target_m are the same point")
-    check_above_floor(where, centre, "tape.position_m is x, y, z with Z up from the floor")
-    return pose(look_at(centre, target), centre)
 
 
 def reference_pose(path, name, convention="cTw"):
@@ -100,7 +66,19 @@ def _rotation(where, values):
     return Rotation.from_matrix(values).as_matrix()
 
 
-def run(*, session, camera, camera_file, tag, intrinsics, frames, data_root, out, out_marks, findings):
+def run(
+    *,
+    session: str,
+    camera: str,
+    camera_file: Path,
+    tag: dict[str, Any],
+    intrinsics: Path,
+    frames: Path | None,
+    data_root: Path,
+    out: Path,
+    out_marks: Path,
+    findings: Path,
+) -> None:
     """Write the placed camera, its marks and findings.
 
     `reference.file` and the bags of `frames` are relative to `data_root`. `tag` and `frames`, the table of the sequence
@@ -109,7 +87,7 @@ def run(*, session, camera, camera_file, tag, intrinsics, frames, data_root, out
     settings = camera_settings(camera_file, needs="tape|apriltag|reference")
     found, marks = [], {}
     if settings["locate"] == "apriltag":
-        from dior.calibrate.apriltag import place
+        from dior.calibrate.marks.apriltag import place
 
         where = f"session {session}, {camera}"
         wTc, found, marks = place(unplaced(intrinsics, camera), tag, frames, data_root, settings.get("tape"), where)
@@ -119,7 +97,7 @@ def run(*, session, camera, camera_file, tag, intrinsics, frames, data_root, out
         reference = settings["reference"]
         wTc = reference_pose(Path(data_root) / reference["file"], reference["name"], reference.get("convention", "cTw"))
         check_above_floor(camera_file, wTc[:3, 3], "does reference.convention match the file?")
-    tables.write_cameras(out, [unplaced(intrinsics, camera).at(wTc, settings["locate"])], session)
+    camera_tables.write_cameras(out, [unplaced(intrinsics, camera).at(wTc, settings["locate"])], session)
     count = len(marks.get("joint", ()))
     tables.write(out_marks, "marks", {"session": [session] * count, "camera": [camera] * count, **marks})
     tables.write_findings(findings, [(f"{session}/{camera}", *finding) for finding in found])

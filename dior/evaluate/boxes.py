@@ -1,12 +1,12 @@
 """Share of the labels inside hand-drawn boxes, the paper's measure of the long-range labels.
 
-INPUTS   frames and edges as `dior.hand_boxes` reads them, px; inside is `u_min <= u <= u_max`
+INPUTS   frames and edges as `dior.project.boxes` reads them, px; inside is `u_min <= u <= u_max`
 OUTPUT   0 or 1 per (frame, joint), NaN for frames without a box and labels outside the picture.
 """
 
 import numpy as np
 
-from dior.hand_boxes import COLUMNS, read
+from dior.project.boxes import COLUMNS, read
 
 __all__ = ["COLUMNS", "inside", "of_frames", "read"]
 

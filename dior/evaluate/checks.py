@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from dior import tables
 from dior.errors import DiorError, nearest
 from dior.evaluate.grids import distance
+from dior.tables import tables
 
 REQUIRED = ("sequence", "frame", "joint", "u", "v")
 

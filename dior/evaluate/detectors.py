@@ -12,10 +12,11 @@ pixels. A tool whose output says nothing of pictures without anybody is taken to
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from dior import tables
+from dior.body.names import COCO_17
 from dior.errors import DiorError
 from dior.evaluate import rows as figures
 from dior.evaluate.box_fit import label_boxes
@@ -26,14 +27,25 @@ from dior.ingest.people import gathered
 from dior.ingest.readers import READERS
 from dior.ingest.readers.common import files_by_frame
 from dior.ingest.readers.recognise import recognise
-from dior.skeletons import COCO_17
+from dior.tables import tables
 
 SHEET = "config/detectors.tsv"
 # a success is one in this many keypoints in the box
 ONE_IN = 5
 
 
-def run(*, sequence, subject, rows, roles, frames, labels, out, out_frames, findings):
+def run(
+    *,
+    sequence: str,
+    subject: str,
+    rows: dict[str, Any],
+    roles: dict[str, str],
+    frames: Path,
+    labels: list[Path],
+    out: Path,
+    out_frames: Path,
+    findings: Path,
+) -> None:
     """Measure the detectors of one sequence.
 
     `rows`: dicts camera, tool, zoom, path; `roles`: camera -> close | long_range; `labels`: label files. Raises

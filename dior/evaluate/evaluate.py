@@ -13,13 +13,13 @@ from pathlib import Path
 
 import numpy as np
 
-from dior import tables
 from dior.errors import DiorError, nearest
 from dior.evaluate import box_fit, reprojection, rows
 from dior.evaluate import boxes as box_files
 from dior.evaluate import checks as check_files
 from dior.evaluate import truth as against
 from dior.evaluate.grids import distance, label_grids, onto, value_grid
+from dior.tables import tables
 
 # the simulated clocks are off by tenths of a second at most; a second means other instants
 INSTANT_TOLERANCE_NS = 1_000_000_000
@@ -27,22 +27,22 @@ INSTANT_TOLERANCE_NS = 1_000_000_000
 
 def run(
     *,
-    sequence,
-    subject,
-    labels,
-    skeleton,
-    roles,
-    detections,
-    min_score,
-    boxes,
-    marks,
-    checks,
-    swaps,
-    truth,
-    out,
-    out_frames,
-    out_checks,
-):
+    sequence: str,
+    subject: str,
+    labels: list[Path],
+    skeleton: Path | None,
+    roles: dict[str, str],
+    detections: Path | None,
+    min_score: float,
+    boxes: dict[str, Path],
+    marks: list[Path],
+    checks: dict[str, Path],
+    swaps: Path | None,
+    truth: Path | None,
+    out: Path,
+    out_frames: Path,
+    out_checks: Path,
+) -> None:
     """Evaluate one sequence.
 
     `labels`: label files, `roles`: camera -> close | long_range, `boxes` and `checks`: camera -> CSV,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dior import tables
+from dior.tables import tables
 
 
 @dataclass(frozen=True)

@@ -10,13 +10,14 @@ OUTPUT   results/evaluate/metrics.csv: metric, tool, subject, sequence, camera, 
 
 import csv
 import io
+from pathlib import Path
 
 import numpy as np
 
-from dior import tables
 from dior.errors import DiorError
 from dior.evaluate import bootstrap
-from dior.files import write_text
+from dior.tables import tables
+from dior.tables.files import write_text
 
 COLUMNS = tables.columns_of("metrics")
 KEY = ("metric", "tool", "subject", "sequence", "camera", "role", "joint")
@@ -36,7 +37,7 @@ JOINT_POOLS = (("metric", "tool", "role", "joint"),)
 QUANTILES = {"check_error_median": 0.5, "check_error_p95": 0.95}
 
 
-def run(*, inputs, checks, out):
+def run(*, inputs: list[Path], checks: list[Path], out: Path) -> None:
     """Merge `metrics` tables and add the pooled rows, and the quantiles of the `check_errors` tables `checks`."""
     found = []
     for path in inputs:

@@ -10,15 +10,17 @@ compared between walks, and what all walks share cancels.
 """
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
-from dior import camera as cam
-from dior import covariance as cov
-from dior import tables
+from dior.geometry import camera as cam
+from dior.geometry import camera_tables
+from dior.geometry import covariance as cov
+from dior.geometry.views import DROP_FACTOR, by_dropping, usual_error
 from dior.reconstruct.swaps import exchange, in_table
 from dior.reconstruct.triangulate import observations
-from dior.views import DROP_FACTOR, by_dropping, usual_error
+from dior.tables import tables
 
 MOST_INSTANTS = 600
 HEADINGS = 16
@@ -164,12 +166,24 @@ def _scatter(each, first):
     return np.diag((left**2).sum(axis=0)) / free * sum(1 / len(side) for side in sides if side)
 
 
-def run(*, session, sequences, names, cameras, detections, timelines, swaps, min_score, out, findings):
+def run(
+    *,
+    session: str,
+    sequences: list[str],
+    names: list[str],
+    cameras: list[Path],
+    detections: list[Path],
+    timelines: list[Path],
+    swaps: list[Path],
+    min_score: float,
+    out: Path,
+    findings: Path,
+) -> None:
     """Write the corrections of the cameras `names` in the `sequences` of a session, in order of recording.
 
     `detections`, `timelines` and `swaps`: a file for each of the sequences.
     """
-    rig = tables.read_cameras(cameras)
+    rig = camera_tables.read_cameras(cameras)
     rig = [rig[name] for name in names]
     found = []
     for paths in zip(detections, timelines, swaps, strict=True):

@@ -6,8 +6,8 @@ OUTPUT   distances (frames, joints) px, NaN where either is missing or the detec
 
 import numpy as np
 
+from dior.body.names import is_leg, swap_index
 from dior.evaluate.grids import distance, onto, value_grid
-from dior.skeletons import is_leg, swap_index
 
 
 def errors(grid, detections, min_score, exchanged=None):

@@ -24,12 +24,12 @@ from pathlib import Path
 
 import numpy as np
 
-from dior import project as projects
-from dior import tables
-from dior.bumps import session_folder
 from dior.errors import DiorError
-from dior.files import write_text
-from dior.progress import told
+from dior.progress import reporting
+from dior.project import project as projects
+from dior.project.bumps import session_folder
+from dior.tables import tables
+from dior.tables.files import write_text
 
 COLUMNS = ("what", "environment", "role", "camera", "reason", "value", "unit")
 THERE_3D = ("ok", "gap_filled")
@@ -37,7 +37,16 @@ THERE_2D = ("ok", "occluded")
 NAMED = {"subjects": "subject", "outfits": "outfit", "walks": "walk", "sessions": "session"}
 
 
-def run(*, root, labels, skeletons, frames, dropped, gallery, out):
+def run(
+    *,
+    root: Path,
+    labels: list[Path],
+    skeletons: list[Path],
+    frames: list[Path],
+    dropped: list[Path],
+    gallery: Path | None,
+    out: Path,
+) -> None:
     """Count what is in the project in `root`: lists of the tables' files, named by sequence; `gallery` may be None."""
     project = projects.load(root)
     sheet = {name: project.sequence(name) for name in project.sequences}
@@ -67,7 +76,7 @@ def rows_of(sheet, roles, labels, skeletons, frames, dropped=(), angles=()):
             add("frames", place(path, camera), "", n)
             add("camera_recordings", place(path, camera), "", 1)
     of_labels = _of(sheet, labels)
-    for path in told(of_labels, len(of_labels), "tables of labels", "statistics"):
+    for path in reporting(of_labels, len(of_labels), "tables of labels", "statistics"):
         where = place(path, Path(path).name.split(".")[1])
         for status, n in _words(path, "labels_2d", "status"):
             what = "keypoints_2d" if status in THERE_2D else "missing_2d"

@@ -16,7 +16,7 @@ import resource
 import time
 from pathlib import Path
 
-from dior.files import write_text
+from dior.tables.files import write_text
 
 # names the folder of the logs; the workflow sets it, so that `dior` typed by hand leaves nothing behind
 FOLDER = "DIOR_TIMINGS"
@@ -24,7 +24,7 @@ COLUMNS = ("step", "jobs", "frames", "cpu_s", "wall_s", "cpu_s_per_frame")
 ALL = "all"
 ABOUT_ALL = "metadata"  # the tarball of nobody
 # what makes the recordings is no cost of labelling them
-NOT_COUNTED = "simulate"
+NOT_COUNTED = ("simulate", "simulate_mocap", "simulate_gallery")
 
 
 def write(step, arguments, started):
@@ -46,10 +46,9 @@ def write(step, arguments, started):
 
 
 def unit(step, arguments):
-    """What the rule calls the job in its log: what it is about, the camera, and the part of what has several."""
+    """What the rule calls the job in its log: what it is about and the camera."""
     about = [arguments.get(key) for key in ("session", "sequence", "subject")]
-    part = arguments.get("only")
-    words = [next(filter(None, about), step), camera_of(arguments), part if part != "recording" else ""]
+    words = [next(filter(None, about), step), camera_of(arguments)]
     return ".".join(filter(None, words))
 
 
@@ -66,7 +65,7 @@ def frames_of(step, arguments):
     table = arguments.get("out" if step == "frames" else "frames")
     if arguments.get("session") or not arguments.get("sequence") or not isinstance(table, Path):
         return None
-    from dior import tables
+    from dior.tables import tables
 
     cameras, one = tables.read(table, "frames", ["camera"])["camera"].tolist(), camera_of(arguments)
     return cameras.count(one) if one else len(cameras)
@@ -96,7 +95,7 @@ def by_step(jobs, frames):
     for job in jobs:
         steps.setdefault(job["step"], []).append(job)
     rows = [_row(step, members, frames) for step, members in sorted(steps.items())]
-    labelling = [job | {"frames": None} for job in jobs if job["step"] != NOT_COUNTED]
+    labelling = [job | {"frames": None} for job in jobs if job["step"] not in NOT_COUNTED]
     return [*rows, _row(ALL, labelling, frames)]
 
 

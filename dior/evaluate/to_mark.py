@@ -15,16 +15,16 @@ from zlib import crc32
 
 import numpy as np
 
-from dior import tables
 from dior.evaluate import boxes, checks
-from dior.files import write_text
+from dior.tables import tables
+from dior.tables.files import write_text
 
 SEED = 20240104
 LABELS = 100
 FRAMES = 20  # of each long-range camera and sequence; the paper drew 14245 of 211798
 
 
-def run(*, indoor, long_range, out):
+def run(*, indoor: list[Path], long_range: list[Path], out: Path) -> None:
     """Draw LABELS labels of the files `indoor`, and FRAMES frames of each of the files `long_range`."""
     out = Path(out)
     shutil.rmtree(out, ignore_errors=True)

@@ -8,7 +8,7 @@ import numpy as np
 
 from dior.errors import DiorError
 from dior.evaluate.grids import distance, onto
-from dior.geometry import similarity
+from dior.geometry.multiview import similarity
 
 
 def errors_2d(grid, true):

@@ -15,16 +15,16 @@ from pathlib import Path
 
 import numpy as np
 
-from dior import tables
 from dior.errors import DiorError
-from dior.files import write_text, written_whole
 from dior.ingest import bags as rosbag
+from dior.tables import tables
+from dior.tables.files import write_text, written_whole
 
 ZOOM = 4
 INDEX = ("file", "frame", "stamp_ns", "u_min", "v_min", "width", "height")
 
 
-def run(*, sequence, camera, frames, data_root, out, out_index):
+def run(*, sequence: str, camera: str, frames: Path, data_root: Path, out: Path, out_index: Path) -> None:
     """Write the centre of every picture of one camera. Raises DiorError for a camera without pictures."""
     import cv2
 

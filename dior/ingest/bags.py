@@ -17,7 +17,7 @@ from dior.ingest import messages
 from dior.ingest.containers import BROKEN, HEAD, full_name
 from dior.ingest.containers import messages as messages_of
 from dior.ingest.containers import topics as topics_of
-from dior.progress import told
+from dior.progress import reporting
 
 __all__ = [
     "bags_with", "camera_info_topic", "full_name", "holding", "index", "read_camera_info", "read_messages",
@@ -95,7 +95,7 @@ def _told(bag, given):
         there = topics_of(bag)
         return sum(there.get(topic, ("", 0))[1] for topic in given)
 
-    return told(_numbered(bag, given), total, "messages", bag)
+    return reporting(_numbered(bag, given), total, "messages", bag)
 
 
 def _picture_header(message, where):

@@ -12,16 +12,17 @@ import json
 import os
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
-from dior import tables
+from dior.body.names import BY_COUNT
 from dior.errors import DiorError
-from dior.files import write_text
 from dior.ingest import bags as rosbag
 from dior.ingest import detect_task
-from dior.progress import told
-from dior.skeletons import BY_COUNT
+from dior.progress import reporting
+from dior.tables import tables
+from dior.tables.files import write_text
 
 BATCH = 16
 MEAN, DEVIATION = np.float32([123.675, 116.28, 103.53]), np.float32([58.395, 57.12, 57.375])
@@ -41,7 +42,16 @@ class Network:
     where: str
 
 
-def run(*, sequence, camera, frames, data_root, model, crop, out):
+def run(
+    *,
+    sequence: str,
+    camera: str,
+    frames: Path,
+    data_root: Path,
+    model: Path,
+    crop: Literal["whole", "person"],
+    out: Path,
+) -> None:
     """Write the detections of one camera. See the module's docstring.
 
     `crop` whole looks once at the whole picture, person again at the box of who was found there; MediaPipe has its own
@@ -61,7 +71,7 @@ def run(*, sequence, camera, frames, data_root, model, crop, out):
     if not total:
         raise DiorError(f"{where}: {frames} has no frame of this camera")
     found = {}
-    for row, people in told(finder(rosbag.read_pictures(pictures, data_root)), total, "pictures", where):
+    for row, people in reporting(finder(rosbag.read_pictures(pictures, data_root)), total, "pictures", where):
         found[int(pictures["frame"][row])] = people
     results = [_result(frame, one) for frame in sorted(found) for one in found[frame]]
     if not results:

@@ -10,8 +10,8 @@ it is no extra of this project: it is installed without what it asks for, and us
 
 import numpy as np
 
+from dior.body.names import MLKIT_33
 from dior.errors import DiorError
-from dior.skeletons import MLKIT_33
 
 SUFFIX = ".task"
 INSTALL = "pip install --no-deps mediapipe absl-py flatbuffers"

@@ -12,18 +12,27 @@ from pathlib import Path
 
 import numpy as np
 
-from dior import tables
 from dior.errors import DiorError, nearest
 from dior.ingest import people as subject
 from dior.ingest.readers import READERS
 from dior.ingest.readers.recognise import recognise
+from dior.tables import tables
 
 FEW = 0.1
 # a body is larger than this in pixels, and no larger in fractions of the picture
 FRACTIONS_END = 3.0
 
 
-def run(*, sequence, pattern, cameras, format, frames, out, findings):
+def run(
+    *,
+    sequence: str,
+    pattern: str,
+    cameras: list[str],
+    format: str,
+    frames: Path,
+    out: Path,
+    findings: Path,
+) -> None:
     """Write the subject's detections of `cameras`, those whose detections are used. See the module's docstring.
 
     `format` is auto or a key of READERS. Raises DiorError for a missing file, a wrong format, frames or stamps of

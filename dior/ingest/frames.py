@@ -14,15 +14,15 @@ from pathlib import Path
 
 import numpy as np
 
-from dior import tables
 from dior.errors import DiorError
 from dior.ingest import bags as rosbag
+from dior.tables import tables
 
 JUMP_NS = 1_000_000_000
 MOST_OUT_OF_ORDER = 0.1
 
 
-def run(*, sequence, bags, data_root, topics, out):
+def run(*, sequence: str, bags: list[Path], data_root: Path, topics: dict[str, str], out: Path) -> None:
     """Index `bags` (paths) for the cameras of `topics` (dict camera -> image topic). See the module's docstring."""
     full_names = [rosbag.full_name(topic) for topic in topics.values()]
     for what, values in (("bag", [os.path.normpath(bag) for bag in bags]), ("topic", full_names)):

@@ -10,12 +10,13 @@ the turn in degrees; it is not interpreted. The pixels stay where they are.
 import re
 from collections import Counter
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from dior import tables
 from dior.errors import DiorError
 from dior.ingest import bags as rosbag
+from dior.tables import tables
 
 SHEET = "config/gallery.tsv"
 KEY = ("subject", "outfit", "angle")
@@ -23,7 +24,7 @@ SUFFIXES = (".jpeg", ".jpg", ".png")
 FEW_PICTURES = 0.5
 
 
-def run(*, rows, data_root, out, findings):
+def run(*, rows: dict[str, Any], data_root: Path, out: Path, findings: Path) -> None:
     """Index the pictures of `rows`, those of the sheet as dicts; their folders and bags are below `data_root`.
 
     Raises DiorError for a folder or bag that is not there, holds no pictures or a broken one.

@@ -16,10 +16,10 @@ from pathlib import Path
 
 import numpy as np
 
-from dior import tables
+from dior.body.names import PLUG_IN_GAIT_39
 from dior.errors import DiorError, nearest
 from dior.ingest.c3d_check import MIPS, check_parameters
-from dior.skeletons import PLUG_IN_GAIT_39
+from dior.tables import tables
 
 METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 NEEDED = ("LASI", "RASI")
@@ -36,7 +36,16 @@ class Mocap:
     first_frame: int
 
 
-def run(*, sequence, subject, c3d, frames, trigger_log, out, capture=""):
+def run(
+    *,
+    sequence: str,
+    subject: str,
+    c3d: Path,
+    frames: Path,
+    trigger_log: Path | None,
+    out: Path,
+    capture: str = "",
+) -> None:
     """Write the markers of `c3d`. `capture`: its name in the trigger log where it is not the C3D's, else "".
 
     See the module's docstring.

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dior.body.names import swap_index
 from dior.errors import DiorError
-from dior.skeletons import swap_index
 
 # A person's mean joint moves 0.03 body sizes between pictures at 30 Hz when walking, 0.05 when running, and a detector
 # adds its own noise. A difference of REACH and SPEED per period costs 1: it grows no faster with the time passed, or

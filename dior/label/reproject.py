@@ -7,15 +7,18 @@ Paper, section 3D-2D re-projection. A label is evaluated at its picture's stamp,
 Its sigma is null where its camera's pose, its clock or the 3D has no known uncertainty.
 """
 
+from pathlib import Path
+
 import numpy as np
 
-from dior import camera as cam
-from dior import clocks as on_axis
-from dior import tables
+from dior.clocks import clock as on_axis
+from dior.clocks.axis import at_pictures, seconds, velocity_at_pictures
 from dior.errors import DiorError
+from dior.geometry import camera as cam
+from dior.geometry import camera_tables
 from dior.label import uncertainty
 from dior.label.visibility import hidden
-from dior.sampling import at_pictures, seconds, velocity_at_pictures
+from dior.tables import tables
 
 
 def labels(camera, points, names):
@@ -37,15 +40,27 @@ def labels(camera, points, names):
 
 
 def run(
-    *, sequence, subject, camera, cameras, makers, covariance, skeleton, frames, clocks, clock_gains, source, out
-):  # fmt: skip
+    *,
+    sequence: str,
+    subject: str,
+    camera: str,
+    cameras: list[Path],
+    makers: list[str],
+    covariance: list[Path],
+    skeleton: Path,
+    frames: Path,
+    clocks: list[Path],
+    clock_gains: list[Path],
+    source: str,
+    out: Path,
+) -> None:
     """Write the labels of one camera of one sequence.
 
     `cameras`: `cameras` tables that hold the camera and those called `makers`, which the skeleton was triangulated from
     (none indoors); `covariance`: their `camera_covariance` tables; `clocks`, `clock_gains`: their tables of both names.
     """
     names = list(dict.fromkeys([*makers, camera]))
-    rig = dict(zip(names, tables.read_placed(cameras, names, sequence), strict=True))
+    rig = dict(zip(names, camera_tables.read_placed(cameras, names, sequence), strict=True))
     rows = tables.of_camera(tables.read(frames, "frames"), camera)
     if not len(rows["frame"]):
         raise DiorError(f"{sequence}, camera {camera}: {frames} lists no picture of it")
@@ -61,7 +76,7 @@ def run(
     uv, depth, status = labels(rig[camera], points, joints)
     if source == "mocap":
         noise = np.zeros_like(noise)
-    joint = tables.read_camera_covariance(covariance, names)
+    joint = camera_tables.read_camera_covariance(covariance, names)
     elapsed = seconds(rows["stamp_ns"], body["stamp_ns"][0])
     spread = uncertainty.of_labels(
         rig[camera], points, noise, [rig[name] for name in makers], names, joint, velocity, elapsed, known

@@ -6,14 +6,14 @@ OUTPUTS  covariance (..., 2, 2) px^2 of the labels
 A point moves with the cameras that it was triangulated from, and the label's own camera moves with them, too: a world
 that is turned or shifted as a whole moves no label of a close camera. Therefore the joint covariance is carried, and
 not each camera's own. A clock that is wrong shows the point where it is earlier or later; a maker's moves the point
-against its motion. What clocks owe to the poses (`dior.clocks`) is counted with these. Errors of intrinsics and of the
-motion capture itself are not counted.
+against its motion. What clocks owe to the poses (`dior.clocks.clock`) is counted with these. Errors of intrinsics and
+of the motion capture itself are not counted.
 """
 
 import numpy as np
 
-from dior import camera as cam
-from dior import covariance as cov
+from dior.geometry import camera as cam
+from dior.geometry import covariance as cov
 
 
 def of_labels(camera, points, noise, makers, names, joint, velocity=None, elapsed=None, clocks=None):

@@ -8,7 +8,7 @@ not known hide nothing. Things in the scene (a wall, another person) are not mod
 
 import numpy as np
 
-from dior.physics import SEGMENTS
+from dior.body.plausible import SEGMENTS
 
 # radii as fractions of the stature, from girths and breadths of adults (ANSUR II, 2012: means of men and women,
 # rounded; a girth is taken for a circle)

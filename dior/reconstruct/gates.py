@@ -7,7 +7,7 @@ Two views that agree on another person, or on a wrong thing, pass every test in 
 
 import numpy as np
 
-from dior.skeletons import bones_of
+from dior.body.names import bones_of
 
 SIGMAS = 4.0  # a gate opens by so many standard deviations of what it looks at
 MOST_MISSING_S = 0.5  # after a longer gap the body may be anywhere

@@ -7,12 +7,14 @@ own movement asks for (by likelihood), noise correlated in time as the residuals
 smoothed away: it is left in the covariance. Then the bones get their lengths back, as far as these are constant.
 """
 
+from pathlib import Path
+
 import numpy as np
 
-from dior import tables
-from dior.covariance import point_covariance
+from dior.geometry.covariance import point_covariance
 from dior.reconstruct.smooth import smooth
 from dior.reconstruct.triangulate import rate, write_skeleton
+from dior.tables import tables
 
 JERKS = np.geomspace(10.0, 10000.0, 9)  # m/s^3 of a joint: from a head to a foot that meets the floor
 MARGIN = 1.5  # jerk is not white: where a foot lands it is larger than where it is likeliest
@@ -35,7 +37,7 @@ RIGID = tuple(
 ) + (("left_hip", "right_hip"), ("left_ear", "right_ear"))
 
 
-def run(*, sequence, subject, skeleton, max_gap_s, out, findings):
+def run(*, sequence: str, subject: str, skeleton: Path, max_gap_s: float, out: Path, findings: Path) -> None:
     """Write the refined skeleton of one sequence."""
     table = tables.read(skeleton, "skeletons_3d")
     about = tables.metadata(skeleton)

@@ -16,9 +16,9 @@ import warnings
 
 import numpy as np
 
-from dior import tables
-from dior.reconstruct import robust
-from dior.skeletons import LIMBS, is_leg, swap_index
+from dior.body.names import LIMBS, is_leg, swap_index
+from dior.geometry.rig import Views, meet_in_blocks, rig_of, views_of
+from dior.tables import tables
 
 CAP = 6.0  # an error counts up to this many times the usual one, so that one wild joint does not decide
 PRICE_CHANGE = 1.0  # per view and instant, in units of the usual error: swaps come in runs
@@ -89,8 +89,8 @@ def _every_state(cameras, uv, weights, states, mirror):
     see a joint, infinite where they meet nowhere.
     """
     views, count, joints = uv.shape[:3]
-    rig = robust.rig_of(cameras)
-    said = robust.views_of(rig, uv, weights)
+    rig = rig_of(cameras)
+    said = views_of(rig, uv, weights)
     x, y, w = (values.reshape(views, count, joints) for values in (said.x, said.y, said.w))
     errors, points = np.empty((len(states), count, joints)), np.empty((len(states), count, joints, 3))
     number = {tuple(state): i for i, state in enumerate(states.tolist())}
@@ -102,10 +102,8 @@ def _every_state(cameras, uv, weights, states, mirror):
             continue
         done.add(i)
         turned = [mirror if flag else slice(None) for flag in state]
-        at = robust.Views(
-            rig, *(np.stack([a[v][:, turned[v]] for v in range(views)]).reshape(views, -1) for a in (x, y, w))
-        )
-        p, chi2 = robust.meet_in_blocks(at)
+        at = Views(rig, *(np.stack([a[v][:, turned[v]] for v in range(views)]).reshape(views, -1) for a in (x, y, w)))
+        p, chi2 = meet_in_blocks(at)
         seen = (at.w > 0).sum(axis=0)
         error = np.where(np.isfinite(chi2), np.sqrt(chi2 / np.maximum(2 * seen - 3, 1)), np.inf)
         errors[i] = np.where(seen >= 2, error, np.nan).reshape(count, joints)
@@ -182,9 +180,9 @@ def find_taken(cameras, uv, score, sigma, names):
 def _limb_taken(cameras, uv, weights, own, others):
     """Views (V, T) whose limb `own` lies on the limb `others` (joint indices) while they are the more."""
     views, count = uv.shape[:2]
-    rig = robust.rig_of(cameras)
+    rig = rig_of(cameras)
     w = weights[:, :, own]
-    points, chi2 = robust.meet_in_blocks(robust.views_of(rig, uv[:, :, own], w))
+    points, chi2 = meet_in_blocks(views_of(rig, uv[:, :, own], w))
     seen = (w > 0).sum(axis=0)
     chi2 = np.where(seen >= 2, chi2.reshape(seen.shape), np.nan)
     states = [np.zeros(views, bool)]
@@ -198,7 +196,7 @@ def _limb_taken(cameras, uv, weights, own, others):
             continue
         on_other = np.where(wrong[:, None, None], apart, 0.0).sum(axis=0) / (2 * wrong.sum())
         if views - wrong.sum() >= 2:
-            _, rest = robust.meet_in_blocks(robust.views_of(rig, uv[:, :, own], np.where(wrong[:, None, None], 0.0, w)))
+            _, rest = meet_in_blocks(views_of(rig, uv[:, :, own], np.where(wrong[:, None, None], 0.0, w)))
             left = np.where(wrong[:, None, None], 0.0, w > 0).sum(axis=0)
             rest = rest.reshape(seen.shape) / np.maximum(2 * left - 3, 1)
             on_other = np.maximum(on_other, rest)

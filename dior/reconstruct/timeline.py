@@ -5,15 +5,26 @@ OUTPUTS  `timeline`: per instant and camera the frames before and after and the 
 Outdoors the instants are a regular grid at the nominal frame rate, indoors the C3D's own ticks.
 """
 
+from pathlib import Path
+
 import numpy as np
 
-from dior import clocks as on_axis
-from dior import tables
+from dior.clocks import clock as on_axis
+from dior.clocks.axis import bracket, camera_seconds, instants, rates, start_ns
 from dior.errors import DiorError, nearest
-from dior.sampling import bracket, camera_seconds, instants, rates, start_ns
+from dior.tables import tables
 
 
-def run(*, sequence, frames, cameras, clocks, mocap, max_gap, out):
+def run(
+    *,
+    sequence: str,
+    frames: Path,
+    cameras: list[str],
+    clocks: list[Path],
+    mocap: Path | None,
+    max_gap: float,
+    out: Path,
+) -> None:
     """Write the timeline of a sequence.
 
     `cameras`: those that take part; `clocks`: their tables `offsets`; `mocap`: the instants indoors, else None.

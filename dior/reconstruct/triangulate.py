@@ -6,16 +6,19 @@ OUTPUTS  `skeletons_3d`: one row per instant and joint; `swaps`: which detection
 World frame, metres. Two methods: `rays`, the paper's intersection, and `robust`, the default.
 """
 
+from pathlib import Path
+
 import numpy as np
 
-from dior import camera as cam
-from dior import geometry, tables
+from dior.body.names import is_leg, swap_index
+from dior.clocks.axis import blend
 from dior.errors import DiorError
+from dior.geometry import camera as cam
+from dior.geometry import camera_tables, multiview
 from dior.reconstruct import robust
 from dior.reconstruct.gates import implausible
 from dior.reconstruct.swaps import exchange, find_exchanged, find_taken
-from dior.sampling import blend
-from dior.skeletons import is_leg, swap_index
+from dior.tables import tables
 
 METHODS = ("robust", "rays")
 # a detector exchanges the sides of some walkers who turn away, but not those of most pictures
@@ -25,7 +28,7 @@ MOSTLY = 0.5
 def by_rays(cameras, uv):
     """The paper's ray intersection: points (..., 3) from pixels (V, ..., 2)."""
     directions = np.stack([cam.rays(c, view) for c, view in zip(cameras, uv, strict=True)])
-    return geometry.intersect_rays(np.stack([c.centre for c in cameras]), directions)
+    return multiview.intersect_rays(np.stack([c.centre for c in cameras]), directions)
 
 
 def in_front(cameras, points, used):
@@ -58,26 +61,26 @@ def observations(detections, timeline, cameras, min_score):
 
 def run(
     *,
-    sequence,
-    subject,
-    cameras,
-    names,
-    detections,
-    timeline,
-    method,
-    min_score,
-    max_error_px,
-    max_speed,
-    max_body_speed,
-    max_bone_change,
-    out,
-    out_swaps,
-    findings,
-):
+    sequence: str,
+    subject: str,
+    cameras: list[Path],
+    names: list[str],
+    detections: Path,
+    timeline: Path,
+    method: str,
+    min_score: float,
+    max_error_px: float,
+    max_speed: float,
+    max_body_speed: float,
+    max_bone_change: float,
+    out: Path,
+    out_swaps: Path,
+    findings: Path,
+) -> None:
     """Triangulate one sequence from the cameras `names`, whose poses are in the `cameras` tables."""
     if method not in METHODS:
         raise DiorError(f"config/config.yaml: triangulate.method is '{method}', not one of {', '.join(METHODS)}")
-    rig = tables.read_placed(cameras, names, sequence)
+    rig = camera_tables.read_placed(cameras, names, sequence)
     line = tables.read(timeline, "timeline")
     uv, score, joints = observations(tables.read(detections, "detections"), line, names, min_score)
     stamps = line["stamp_ns"][:: len(tables.ordered_unique(line["camera"]))]

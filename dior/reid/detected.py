@@ -8,11 +8,11 @@ keypoint counts, whatever its score, as in the detectors' figures.
 
 import numpy as np
 
-from dior import tables
+from dior.body.names import COCO_17
 from dior.evaluate import detectors
 from dior.ingest import people as subject
 from dior.reid.inputs import Track, regular
-from dior.skeletons import COCO_17
+from dior.tables import tables
 
 
 def tracks(rows, frames, where):

@@ -9,7 +9,7 @@ changes nothing and is left out.)
 
 import numpy as np
 
-from dior.progress import told
+from dior.progress import reporting
 from dior.reid import networks
 from dior.reid.networks import FRAMES
 
@@ -34,7 +34,7 @@ def embeddings(name, network, sequences, confidence=CONFIDENCE):
     batches = [sequences[i : i + BATCH] for i in range(0, len(sequences), BATCH)]
     found = [np.empty((0, networks.EMBEDDING))]
     with torch.inference_mode():
-        for batch in told(batches, len(batches), "batches of sequences", name):
+        for batch in reporting(batches, len(batches), "batches of sequences", name):
             made = _of_middle(network, batch, confidence) if name == "gaitgraph" else _of_windows(network, batch)
             found.append(made.cpu().numpy().astype(float))
     return np.concatenate(found)

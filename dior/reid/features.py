@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dior.body.names import COCO_17
 from dior.reid.inputs import filled
-from dior.skeletons import COCO_17
 
 AT = {name: i for i, name in enumerate(COCO_17)}
 # bones with two sides count once, by their mean

@@ -3,22 +3,24 @@
 INPUTS   the 3D of a sequence (`skeletons_3d`: a detector's joints or Plug-in-Gait markers), its cameras, their clocks
 OUTPUTS  `labels_2d` of the COCO-17 joints in every camera, px in the recorded picture; `skeletons_3d` of the same
          joints, m. In memory: `Track`s, cut and adapted
-The joints are made in 3D (dior/coco17.py) and then projected, since a joint centre is no marker. As the labels, they
-come from the 3D in every camera, the long-range one included. What lies outside the picture or is behind the camera is
-missing; a joint that the body hides is kept.
+The joints are made in 3D (dior/body/coco17.py) and then projected, since a joint centre is no marker. As the labels,
+they come from the 3D in every camera, the long-range one included. What lies outside the picture or is behind the
+camera is missing; a joint that the body hides is kept.
 """
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
-from dior import clocks as on_axis
-from dior import tables
-from dior.coco17 import coco17
+from dior.body.coco17 import coco17
+from dior.body.names import COCO_17
+from dior.clocks import clock as on_axis
+from dior.clocks.axis import at_pictures, nominal_fps
 from dior.errors import DiorError, nearest
+from dior.geometry import camera_tables
 from dior.label.reproject import labels
-from dior.sampling import at_pictures, nominal_fps
-from dior.skeletons import COCO_17
+from dior.tables import tables
 
 LENGTH = 300  # frames of a sequence (paper, section 5)
 LEAST = 61  # what the authors' evaluations ask for
@@ -42,13 +44,25 @@ class Track:
     width: int
 
 
-def run(*, sequence, subject, names, skeleton, cameras, frames, clocks, source, out, out_skeleton):
+def run(
+    *,
+    sequence: str,
+    subject: str,
+    names: list[str],
+    skeleton: Path,
+    cameras: list[Path],
+    frames: Path,
+    clocks: list[Path],
+    source: str,
+    out: Path,
+    out_skeleton: Path,
+) -> None:
     """Write the COCO-17 joints of one sequence, in 3D and in the cameras called `names`.
 
     `cameras`: `cameras` tables that hold them; `clocks`: their `offsets` tables. Raises DiorError for a camera without
     a pose, a clock or pictures, and for a skeleton that none of COCO's joints can be made of.
     """
-    rig = dict(zip(names, tables.read_placed(cameras, names, sequence), strict=True))
+    rig = dict(zip(names, camera_tables.read_placed(cameras, names, sequence), strict=True))
     known, pictures = on_axis.read(clocks), tables.read(frames, "frames")
     body = tables.read(skeleton, "skeletons_3d")
     _, joints = tables.grid(body, "x")
@@ -215,4 +229,4 @@ def height_px(uv):
 
 def picture_widths(paths, names, where):
     """Width (px) of the pictures of the cameras `names`, by name, from `cameras` tables."""
-    return {c.name: c.intrinsics.width for c in tables.read_placed(paths, names, where)}
+    return {c.name: c.intrinsics.width for c in camera_tables.read_placed(paths, names, where)}

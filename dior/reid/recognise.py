@@ -17,14 +17,14 @@ import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from dior import project as projects
-from dior import tables
-from dior.covariance import point_covariance
+from dior.clocks.axis import nominal_fps
 from dior.errors import DiorError
-from dior.files import write_text
+from dior.geometry.covariance import point_covariance
+from dior.project import project as projects
 from dior.reid import baseline, checkpoint, detected, embed, features, inputs, protocols, statistics
 from dior.reid.columns import (
     COLUMNS,
@@ -40,7 +40,8 @@ from dior.reid.columns import (
 )
 from dior.reid.networks import no_file
 from dior.reid.protocols import Item
-from dior.sampling import nominal_fps
+from dior.tables import tables
+from dior.tables.files import write_text
 
 BASELINE = "baseline"
 # what says nothing of a method that does not look at pictures
@@ -48,8 +49,19 @@ SEEN_TWICE = ("per_camera", "pooled")
 
 
 def run(
-    *, root, labels, skeletons, frames, networks, adaptations, length, chunks, out, out_cmc, out_left_out
-):  # fmt: skip
+    *,
+    root: Path,
+    labels: list[Path],
+    skeletons: list[Path],
+    frames: list[Path],
+    networks: dict[str, Any],
+    adaptations: list[str],
+    length: int,
+    chunks: int,
+    out: Path,
+    out_cmc: Path,
+    out_left_out: Path,
+) -> None:
     """Compare the walks of the project in the folder `root`.
 
     `labels`, `skeletons`: what `inputs.run` wrote, and `frames` tables, by walk in the same order; `networks`: name ->

@@ -22,9 +22,9 @@ from pathlib import Path
 import numpy as np
 
 from dior.errors import DiorError
-from dior.files import write_text, written_whole
-from dior.progress import told
+from dior.progress import reporting
 from dior.reid import augment, checkpoint, embed, inputs, networks, protocols, recognise, split, statistics
+from dior.tables.files import write_text, written_whole
 
 ADAPTATION = "canonical"
 STEPS, SEED = 200, 1
@@ -44,7 +44,7 @@ def run(*, project, labels, network, out, weights=None, test_sessions=(), steps=
 
     `labels`: folder of <sequence>.parquet. Raises DiorError where the gallery is too small to be split.
     """
-    from dior import project as projects
+    from dior.project import project as projects
 
     networks.torch()
     known = projects.load(project)
@@ -124,7 +124,7 @@ def trained(name, sequences, subjects, out, weights=None, steps=STEPS, seed=SEED
     state, job = Path(f"{out}.training.npz"), _job(name, sequences, numbers, weights, steps, seed)
     losses, rates = _resumed(state, job, network, optimiser), one_cycle(steps, most)
     saved = time.monotonic()
-    for step in told(range(len(losses), steps), steps - len(losses), "steps", f"training {name}"):
+    for step in reporting(range(len(losses), steps), steps - len(losses), "steps", f"training {name}"):
         for group in optimiser.param_groups:
             group["lr"], group["betas"] = rates[step]
         losses.append(_step(name, network, optimiser, sequences, numbers, seed, step))

@@ -6,8 +6,8 @@ OUTPUTS  columns of `released_cameras` and `camera_covariance`, sorted by sessio
 
 import numpy as np
 
-from dior import tables
 from dior.errors import DiorError
+from dior.tables import tables
 
 
 def released(paths, covariances, walks):

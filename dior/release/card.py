@@ -11,10 +11,11 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
-from dior import licenses, tables
 from dior.evaluate import statistics
+from dior.project import licenses
 from dior.release import citation
-from dior.schemas import METRICS, PICTURE, SCHEMAS, SPLITS, VOCABULARY
+from dior.tables import tables
+from dior.tables.schemas import METRICS, PICTURE, SCHEMAS, SPLITS, VOCABULARY
 
 COUNTED = ("camera_recordings", "frames", "keypoints_2d", "missing_2d")
 TEMPLATE = Path(__file__).with_name("card.md.j2")

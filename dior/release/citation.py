@@ -5,7 +5,7 @@ INPUT    the `release:` section of the config. OUTPUT: YAML text
 
 import json
 
-from dior import licenses
+from dior.project import licenses
 
 MESSAGE = "If you use this dataset, please cite it as below."
 # the format asks for an author; so does nobody where the config names none

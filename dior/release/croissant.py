@@ -7,10 +7,11 @@ Source: https://docs.mlcommons.org/croissant/docs/croissant-spec-1.1.html
 
 import pyarrow as pa
 
-from dior import licenses, tables
-from dior.provenance import file_sha256
+from dior.project import licenses
 from dior.release import citation, layout
-from dior.schemas import PICTURE, SCHEMAS, VOCABULARY
+from dior.tables import tables
+from dior.tables.hashes import file_sha256
+from dior.tables.schemas import PICTURE, SCHEMAS, VOCABULARY
 
 PARQUET = "application/x-parquet"
 CONTEXT = {

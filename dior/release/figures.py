@@ -1,7 +1,7 @@
 """The figures of a release: those of the released walks, pooled over them, as rows of metrics.csv."""
 
-from dior import tables
 from dior.evaluate.metrics import merged
+from dior.tables import tables
 
 
 def released(paths, walks):

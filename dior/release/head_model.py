@@ -8,7 +8,7 @@ has to be covered as well. It is in metres, not in statures: heads differ less t
 
 import numpy as np
 
-from dior.skeletons import mirrored
+from dior.body.names import mirrored
 
 # Half lengths (horizontal, vertical) m, and how far the ellipsoid's middle is above that between the ears. A man's head
 # is 0.20 m long, 0.15 m broad and 0.23 m high on average, his nose 0.02 m before it; the rest is hair and larger heads.

@@ -10,15 +10,17 @@ long as it holds the head. Only the subject's head is known; somebody else in th
 """
 
 import sys
+from pathlib import Path
 
 import numpy as np
 
-from dior import camera as cam
-from dior import clocks as on_axis
-from dior import tables
+from dior.clocks import clock as on_axis
+from dior.clocks.axis import seconds
 from dior.errors import DiorError
+from dior.geometry import camera as cam
+from dior.geometry import camera_tables
 from dior.release import head_model
-from dior.sampling import seconds
+from dior.tables import tables
 
 # Of the labels' uncertainty. The ellipsoid is a head with its hair and somewhat more, so that 1.5 leave less than 0.1 %
 # of a head outside (benchmarks/blur.py); 3 would cover five times its area at 60 m.
@@ -36,7 +38,19 @@ NEAR_M = 0.3
 SLIVER = 0.15
 
 
-def run(*, sequence, camera, cameras, skeleton, frames, clocks, labels, before, out, findings):
+def run(
+    *,
+    sequence: str,
+    camera: str,
+    cameras: list[Path],
+    skeleton: Path,
+    frames: Path,
+    clocks: list[Path],
+    labels: Path,
+    before: Path | None,
+    out: Path,
+    findings: Path,
+) -> None:
     """Write the head's box in every picture of one camera of one sequence.
 
     `cameras`, `clocks`: tables that hold the camera's pose and its clock. Raises DiorError where they do not, and where
@@ -59,7 +73,7 @@ EDGES = ("u_min", "v_min", "u_max", "v_max")
 
 def known(sequence, camera, cameras, skeleton, frames, clocks, labels):
     """The camera's rows of `frames`, and what `boxes` needs of them, as of `run`."""
-    (placed,) = tables.read_placed(cameras, [camera], sequence)
+    (placed,) = camera_tables.read_placed(cameras, [camera], sequence)
     rows = tables.of_camera(tables.read(frames, "frames", ["camera", "frame", "stamp_ns"]), camera)
     if camera not in (own_clocks := on_axis.read(clocks)):
         raise DiorError(f"{sequence}, camera {camera}: {', '.join(map(str, clocks))} has no clock of it")

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Part:
-    """A table of the release: what it is called, its name in `dior.schemas`, its file or files, what a row is."""
+    """A table of the release: what it is called, its name in `dior.tables.schemas`, its file or files, what a row
+    is."""
 
     name: str
     table: str

@@ -17,24 +17,41 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from itertools import repeat
 from pathlib import Path
+from typing import Any
 
-from dior import licenses, tables
-from dior import project as projects
 from dior.errors import DiorError
 from dior.evaluate import statistics
 from dior.evaluate.metrics import as_csv
-from dior.files import write_text
-from dior.progress import told
+from dior.progress import reporting
+from dior.project import licenses
+from dior.project import project as projects
 from dior.release import cameras as rigs
-from dior.release import card, citation, croissant, figures, layout, record, roster, shards, splits, sums
+from dior.release import card, citation, croissant, figures, layout, provenance_json, roster, shards, splits, sums
+from dior.tables import tables
+from dior.tables.files import write_text
 
 THREADS = 2
 
 
 def run(
-    *, project, config, labels, pixels, skeletons, frames, detections, marks, cameras, covariances, clocks, metrics,
-    gallery, provenance, steps, out,
-):  # fmt: skip
+    *,
+    project: Path,
+    config: dict[str, Any],
+    labels: list[Path],
+    pixels: list[Path],
+    skeletons: list[Path],
+    frames: list[Path],
+    detections: list[Path],
+    marks: list[Path],
+    cameras: list[Path],
+    covariances: list[Path],
+    clocks: list[Path],
+    metrics: list[Path],
+    gallery: Path | None,
+    provenance: list[Path],
+    steps: dict[str, str],
+    out: Path,
+) -> None:
     """Build the release folder `out` whole beside its place and put it there.
 
     `project`: the folder that holds config/; `config`: the content of config.yaml. The lists of files are named as the
@@ -62,11 +79,11 @@ def run(
     sources = {name: _sources(walk, found, marks, project) for name, walk in walks.items()}
     recordings = {name: _of(found["checksums"], name, "checksums") for name in walks}
     rig, joint = rigs.released(cameras, covariances, walks), rigs.covariance(covariances, walks)
-    made_of = record.of(project, walks, recordings, steps)
+    made_of = provenance_json.of(project, walks, recordings, steps)
     with _folder_in_place(out) as folder:
         with ThreadPoolExecutor(THREADS) as pool:
             written = pool.map(shards.write, repeat(folder), walks.values(), sources.values())
-            for _ in told(written, len(walks), "sequences", "release"):
+            for _ in reporting(written, len(walks), "sequences", "release"):
                 pass
         pictures = roster.gallery(gallery, walks) if gallery else {}
         # from here on a session is called as the release calls it

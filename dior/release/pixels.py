@@ -10,25 +10,41 @@ nothing after its end. A picture that cannot be released is null and says why.
 
 import sys
 from collections import Counter
+from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 import pyarrow.parquet as pq
 
-from dior import tables
 from dior.errors import DiorError
-from dior.files import written_whole
 from dior.ingest import bags, messages
 from dior.ingest.containers import BROKEN
-from dior.progress import told
-from dior.release import covering, jpeg, stamps
+from dior.progress import reporting
+from dior.release import covering, jpeg
+from dior.release import shift as stamps
 from dior.release.heads import EDGES
+from dior.tables import tables
+from dior.tables.files import written_whole
 
 # pictures that are in memory at once and make a row group
 GROUP = 200
 IMAGE = ("image.bytes", "image.path")
 
 
-def run(*, sequence, subject, camera, frames, data_root, heads, faces, consent, shift, out, findings):
+def run(
+    *,
+    sequence: str,
+    subject: str,
+    camera: str,
+    frames: Path,
+    data_root: Path,
+    heads: Path | None,
+    faces: Literal["blurred", "filled", "pixelated", "shown"],
+    consent: Literal["yes", "no"],
+    shift: dict[str, Any],
+    out: Path,
+    findings: Path,
+) -> None:
     """Write the released pictures of one camera of one sequence.
 
     `subject`: the pseudonym. `heads`: its table, None where faces are `shown`. `consent`: "yes", or "no" for a subject
@@ -47,7 +63,7 @@ def run(*, sequence, subject, camera, frames, data_root, heads, faces, consent, 
     words = {"subject": subject, "sequence": sequence, "camera": camera}
     lost, why = Counter(), []
     with written_whole(out) as part, _writer(part) as writer:
-        done = told(_groups(count), -(-count // GROUP), f"groups of {GROUP} pictures", where)
+        done = reporting(_groups(count), -(-count // GROUP), f"groups of {GROUP} pictures", where)
         for group in done:
             mine = tables.rows(rows, group)
             pictures, reasons = _pictures(mine, [boxes[i] for i in group], data_root, faces, consent, why)

@@ -13,18 +13,18 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from dior.errors import DiorError
-from dior.files import write_text
-from dior.progress import told
-from dior.provenance import file_sha256
+from dior.progress import reporting
+from dior.tables.files import write_text
+from dior.tables.hashes import file_sha256
 
 THREADS = 2
 
 
-def run(*, sequence, recordings, out):
+def run(*, sequence: str, recordings: dict[str, Path], out: Path) -> None:
     """Write the checksums of one sequence. `recordings`: paths by what they are for."""
     with ThreadPoolExecutor(THREADS) as pool:
         found = pool.map(lambda what: told_of(recordings[what], f"{sequence}, {what}"), recordings)
-        found = dict(zip(recordings, told(found, len(recordings), "recordings hashed", sequence), strict=True))
+        found = dict(zip(recordings, reporting(found, len(recordings), "recordings hashed", sequence), strict=True))
     write_text(out, json.dumps(found, indent=1, sort_keys=True) + "\n")
 
 

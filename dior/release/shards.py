@@ -14,11 +14,12 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from dior import buffers, hand_boxes, tables
 from dior.errors import DiorError
 from dior.evaluate import checks as hand_checks
-from dior.release import stamps as shift
-from dior.schemas import SCHEMAS
+from dior.project import boxes as hand_boxes
+from dior.release import shift
+from dior.tables import buffers, tables
+from dior.tables.schemas import SCHEMAS
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path, PurePosixPath
 
 from dior.errors import DiorError
-from dior.files import write_text
-from dior.progress import told
+from dior.progress import reporting
+from dior.tables.files import write_text
 
 SUMS = "SHA256SUMS"
 FOLDER = "checksums"
@@ -50,7 +50,7 @@ def digests(names, opened, where):
     """Hex SHA-256 by name of what `opened(name)` gives to read; files are hashed two at a time."""
     with ThreadPoolExecutor(THREADS) as pool:
         every = pool.map(lambda name: digest(opened(name)), names)
-        return dict(zip(names, told(every, len(names), "files hashed", where), strict=True))
+        return dict(zip(names, reporting(every, len(names), "files hashed", where), strict=True))
 
 
 def digest(stream):

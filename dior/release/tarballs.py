@@ -24,9 +24,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dior.errors import DiorError, nearest
-from dior.files import write_text
-from dior.progress import told
+from dior.progress import reporting
 from dior.release import sums
+from dior.tables.files import write_text
 
 BLOCK = 1 << 20
 # blocks that are written but not hashed yet
@@ -60,7 +60,7 @@ class Note:
         write_text(self.path, json.dumps({"which": self.which, "done": done}) + "\n")
 
 
-def run(*, release, subject, out):
+def run(*, release: Path, subject: str, out: Path) -> None:
     """Pack the part of the folder `release` that is about `subject`: a pseudonym, or `metadata`. Same part, same bytes.
 
     Raises DiorError for a subject that is not in the release, for a file that is gone or not the one that the release
@@ -148,7 +148,7 @@ def _pack(tar, planned, note, where):
     noting = None
     with ThreadPoolExecutor(1) as hasher, ThreadPoolExecutor(1) as noter:
         try:
-            for end in told(_ends(tar, planned, hasher), sum(map(_blocks, planned)), "MB", where):
+            for end in reporting(_ends(tar, planned, hasher), sum(map(_blocks, planned)), "MB", where):
                 whole = max(whole, end)
                 if whole - noted >= CHECKPOINT and (noting is None or noting.done()):
                     noting, noted = noter.submit(note.write, tar, whole), whole

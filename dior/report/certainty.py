@@ -6,8 +6,8 @@ OUTPUTS  SVG files. Same numbers, same bytes.
 
 import numpy as np
 
-from dior import tables
 from dior.report.plots import COLOURS, _colours, _figure, _legend, _save
+from dior.tables import tables
 
 WORLD_AXES = (("x", "o"), ("y", "s"), ("z", "^"))
 OWN_AXES = (("up and down", "o"), ("left and right", "s"), ("roll", "^"))

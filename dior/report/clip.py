@@ -13,13 +13,13 @@ from pathlib import Path
 
 import numpy as np
 
-from dior import clocks as on_axis
-from dior import tables
+from dior.clocks import clock as on_axis
+from dior.clocks.axis import camera_seconds, nominal_fps
 from dior.errors import DiorError
 from dior.evaluate.grids import label_grids
-from dior.files import written_whole
 from dior.report.overlays import View, draw_skeleton, shown_in
-from dior.sampling import camera_seconds, nominal_fps
+from dior.tables import tables
+from dior.tables.files import written_whole
 
 TILE = (480, 270)
 ZOOM = 8.0
@@ -29,7 +29,19 @@ GROUND = 32
 TRACK_UID, HEADER = b"\x73\xc5\x88", 4096
 
 
-def run(*, sequence, frames, clocks, timeline, data_root, labels, roles, seconds, out, poster):
+def run(
+    *,
+    sequence: str,
+    frames: Path,
+    clocks: list[Path],
+    timeline: Path,
+    data_root: Path,
+    labels: list[Path],
+    roles: dict[str, str],
+    seconds: float,
+    out: Path,
+    poster: Path,
+) -> None:
     """Write the clip of one sequence. `labels`: label files, `roles`: camera -> close | long_range.
 
     Raises DiorError for a camera without labels or offset, and a picture that cannot be read.

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dior import tables
-from dior.clocks import NORMAL_95
+from dior.clocks.clock import NORMAL_95
 from dior.report.plots import GREY, RED, _colours, _figure, _legend, _save
 from dior.report.summary import show
+from dior.tables import tables
 
 # what a clock was told by, where that is not the word of table `offsets`
 WORDS = {"cameras": "other cameras", "boxes": "hand boxes", "manual": "by hand", "assumed_zero": "not known"}

@@ -7,10 +7,10 @@ OUTPUTS  results/timing.csv, <report>/cost.html: the only outputs that differ be
 
 from pathlib import Path
 
-from dior.checked import read_sheet
 from dior.evaluate import timing
-from dior.files import write_text
+from dior.project.read import read_sheet
 from dior.report.summary import count
+from dior.tables.files import write_text
 
 EFFORT = "config/effort.tsv"
 

@@ -8,8 +8,8 @@ from collections import Counter
 
 import numpy as np
 
-from dior import tables
 from dior.report import certainty, clocks, measures, plots, reid, scene
+from dior.tables import tables
 
 OF_PICTURE = "mean of a picture, px"
 

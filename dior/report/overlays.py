@@ -12,12 +12,13 @@ from pathlib import Path
 
 import numpy as np
 
-from dior import skeletons, tables
+from dior.body import names
 from dior.errors import DiorError, nearest
 from dior.evaluate import boxes as box_files
 from dior.evaluate.grids import distance, label_grids, onto, value_grid
-from dior.files import written_whole
 from dior.report import choice
+from dior.tables import tables
+from dior.tables.files import written_whole
 
 TILE = (640, 360)
 ZOOM = 8.0
@@ -42,7 +43,20 @@ class View:
         return (np.asarray(uv, float) - self.origin + 0.5) * self.scale - 0.5
 
 
-def run(*, sequence, frames, data_root, labels, detections, swaps, min_score, boxes, roles, count, out):
+def run(
+    *,
+    sequence: str,
+    frames: Path,
+    data_root: Path,
+    labels: list[Path],
+    detections: Path | None,
+    swaps: Path | None,
+    min_score: float,
+    boxes: dict[str, Path],
+    roles: dict[str, str],
+    count: int,
+    out: Path,
+) -> None:
     """Write `<out>/<camera>.jpg` for every camera with labels.
 
     `labels`: label files, `boxes`: camera -> CSV, `roles`: camera -> close | long_range, `count`: frames per sheet.
@@ -174,7 +188,7 @@ def _point(xy):
 
 
 def _colour(joint):
-    if skeletons.mirrored(joint) == joint:
+    if names.mirrored(joint) == joint:
         return MIDDLE
     return LEFT if joint[0] in "lL" else RIGHT
 
@@ -184,7 +198,7 @@ def draw_skeleton(canvas, uv, joints, outlier):
     import cv2
 
     known = np.isfinite(uv).all(axis=1)
-    for a, b in skeletons.bones_of(joints):
+    for a, b in names.bones_of(joints):
         if known[a] and known[b]:
             sides = {_colour(joints[a]), _colour(joints[b])}
             colour = sides.pop() if len(sides) == 1 else MIDDLE

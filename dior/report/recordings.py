@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from dior import tables
 from dior.report.summary import count, show
+from dior.tables import tables
 
 REPEATED = ("same_stamp", "same_picture")
 

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from dior.files import folder_written_whole, write_text
 from dior.reid.columns import ABOVE_CHANCE, AT_CHANCE, DETECTOR, LABELS, NO_OUTPUT, NO_TRIAL, POINTS
 from dior.report import measures, pages, plots
+from dior.tables.files import folder_written_whole, write_text
 
 PLOTS = "plots"
 PROTOCOLS = {
@@ -69,7 +69,7 @@ class Told:
         return sorted({(row["environment"], row["camera"]) for row in self.scores if row["camera"]})
 
 
-def run(*, title, table, cmc, left_out, out):
+def run(*, title: str, table: Path, cmc: Path, left_out: Path, out: Path) -> None:
     """Write the page and its plots into the folder `out`."""
     told, out = read(table, cmc, left_out), Path(out)
     shown = []

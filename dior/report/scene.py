@@ -7,8 +7,8 @@ OUTPUT   one SVG; the oblique view is an orthographic projection, drawn here, wh
 
 import numpy as np
 
-from dior import skeletons
-from dior.camera import rays
+from dior.body import names as skeletons
+from dior.geometry.camera import rays
 from dior.report.plots import COLOURS, GREY, _colours, _figure, _save
 
 DARK, ORANGE = "#20242b", COLOURS[5]

@@ -4,9 +4,9 @@ INPUTS   the cards of all sequences, findings, figures and rows of the stamps by
 OUTPUTS  <out>/sequences/<sequence>.html, with links that hold from there
 """
 
-from dior.files import write_text
 from dior.report import summary
 from dior.report.cards import shown
+from dior.tables.files import write_text
 
 
 def write(environment, out, title, cards, findings, names, timelines, stamps, stamp_rows, clocks, clock_costs, clips):

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dior.camera import REFERENCE_FX
 from dior.evaluate import bootstrap
 from dior.evaluate.metrics import QUANTILES
+from dior.geometry.camera import REFERENCE_FX
 
 LEVELS = ("good", "look", "bad", "none")
 WORDS = {"good": "good", "look": "look at it", "bad": "fix it", "none": "left out"}

@@ -6,8 +6,8 @@ OUTPUTS  per section of the index: words and the worst picture of each of a few 
 
 import numpy as np
 
-from dior import tables
 from dior.report.summary import show
+from dior.tables import tables
 
 # by section of the index: metric, sign (+1: large is bad), unit, words
 SECTIONS = {

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dior.body.names import MLKIT_33, PLUG_IN_GAIT_39
 from dior.simulate.settings import generator, person
-from dior.skeletons import MLKIT_33, PLUG_IN_GAIT_39
 
 MARKER_RADIUS_M = 0.007
 

@@ -8,11 +8,11 @@ from functools import cache
 
 import numpy as np
 
+from dior.body.names import MLKIT_33, swap_index
 from dior.simulate import scene
 from dior.simulate.body import Body
 from dior.simulate.gait import Walker
 from dior.simulate.settings import generator
-from dior.skeletons import MLKIT_33, swap_index
 
 # azimuth (degrees) and distance (m) from the middle of the walkway: in view of several cameras, in the way of none
 PLACES = {"indoor": (90.0, 3.3), "outdoor": (-30.0, 3.3)}

@@ -11,14 +11,14 @@ from pathlib import Path
 
 import numpy as np
 
-import dior
-from dior.checked import describe
-from dior.files import write_text
-from dior.simulate import gallery, scene, truth
+from dior.project.init import TEMPLATES
+from dior.project.read import describe
+from dior.simulate import scene, simulate_gallery, truth
 from dior.simulate.body import body_of
 from dior.simulate.clocks import clocks_of
 from dior.simulate.motion import motion_of
 from dior.simulate.settings import CAMERAS, SECTIONS, SESSIONS, Settings, from_dict, generator, place_of, sequences
+from dior.tables.files import write_text
 
 MARKED_FRAMES = 3
 ALIGNED = 2
@@ -42,7 +42,7 @@ def write(settings, folder):
     write_text(folder / "sequences.tsv", _sheet([_sequence_row(settings, walk) for walk in walks]))
     write_text(folder / "subjects.tsv", _sheet([_subject_row(settings, s) for s in _subjects(walks)]))
     if settings.gallery:
-        write_text(folder / "gallery.tsv", _sheet(gallery.rows(walks)))
+        write_text(folder / "gallery.tsv", _sheet(simulate_gallery.rows(walks)))
     for session in dict.fromkeys(walk.session for walk in walks):
         own = [walk for walk in walks if walk.session == session]
         _write_session(settings, folder / "sessions" / session, session, own)
@@ -54,14 +54,13 @@ def write(settings, folder):
 
 def config_yaml(settings):
     """config.yaml: the template of `dior init`, with the data below results/ and the `simulate:` section."""
-    template = (Path(dior.__file__).parent / "templates/config.yaml").read_text(encoding="utf-8")
+    template = (TEMPLATES / "config.yaml").read_text(encoding="utf-8")
     assert "\ndata_root: data\n" in template
     text = template.replace("\ndata_root: data\n", "\ndata_root: results/simulate\n")
     assert "intrinsics_sigma: 0.003\n" in text
     text = text.replace("intrinsics_sigma: 0.003\n", f"intrinsics_sigma: {settings.intrinsics_error:g}\n")
-    text += (
-        "\n# The capture is simulated. All keys and their defaults: workflow/schemas/config.schema.yaml.\nsimulate:\n"
-    )
+    keys = "dior/project/schemas/config.schema.yaml"
+    text += f"\n# The capture is simulated. All keys and their defaults: {keys}.\nsimulate:\n"
     default, given = asdict(from_dict({"preset": settings.preset})), asdict(settings)
     default["preset"] = Settings.preset
     for key in (field.name for field in fields(Settings)):

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dior.files import write_text
+from dior.tables.files import write_text
 
 LEAST_IN_PICTURE = 0.5
 SCORE_IN, SCORE_OUT = 0.99, 0.05

@@ -12,10 +12,10 @@ from itertools import combinations
 
 import numpy as np
 
+from dior.body.names import MLKIT_33, swap_index
 from dior.simulate.detector import SCORE_OUT, Detected, detectable, relative_depth
 from dior.simulate.runs import runs
 from dior.simulate.settings import generator, pictures_per_camera
-from dior.skeletons import MLKIT_33, swap_index
 
 SIDES = ("front", "left", "back", "right")
 # how slowly a guess wanders

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dior.body.names import MLKIT_33
 from dior.simulate.scene import project
-from dior.skeletons import MLKIT_33
 
 _AT = {name: i for i, name in enumerate(MLKIT_33)}
 SHIFT = 4

@@ -8,13 +8,13 @@ from functools import lru_cache
 
 import numpy as np
 
+from dior.body.names import MLKIT_33, PLUG_IN_GAIT_39
 from dior.errors import DiorError
 from dior.simulate import body as bodies
 from dior.simulate.gait import Walker
 from dior.simulate.patterns import RUN, WALK, of_person
 from dior.simulate.settings import generator, motion_path, person
 from dior.simulate.soft_tissue import movement
-from dior.skeletons import MLKIT_33, PLUG_IN_GAIT_39
 
 # the cameras run on for a while after the trigger's delay, and their clocks differ
 AFTER_DELAY_S = 0.05

@@ -1,15 +1,15 @@
 """What stands around the walkway: cameras, their true poses, and what the tape and the bag say about them.
 
 World: metres, Z up, origin in the middle of the walkway. The projection here is the simulator's own, apart from
-`dior.camera.project`, so that a mistake in one shows against the other.
+`dior.geometry.camera.project`, so that a mistake in one shows against the other.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dior.camera import Camera, Intrinsics, pose
-from dior.geometry import look_at_angles, rotation_x, rotation_z
+from dior.geometry.camera import Camera, Intrinsics, pose
+from dior.geometry.multiview import look_at_angles, rotation_x, rotation_z
 from dior.simulate.settings import CAMERAS, SESSIONS, generator, place_of
 
 LONG_RANGE = "cam04"

@@ -10,12 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dior import tables
+from dior.body.names import MLKIT_33
+from dior.geometry import camera_tables
 from dior.simulate import bystander, draw, scene
 from dior.simulate.clocks import Clock, clocks_of
 from dior.simulate.motion import mocap_lasts, motion_of
 from dior.simulate.settings import generator
-from dior.skeletons import MLKIT_33
+from dior.tables import tables
 
 # how deep a joint lies below the drawn surface around it, as a fraction of the body height
 DEPTH = {"hip": 0.075, "shoulder": 0.055, "knee": 0.048, "elbow": 0.038, "ankle": 0.034, "wrist": 0.028}
@@ -109,7 +110,7 @@ def write(settings, sequence, views, found, folder):
     motion = motion_of(settings, sequence)
     tables.write(folder / "skeletons_3d.parquet", "skeletons_3d", _skeleton(settings, sequence, motion, views))
     cameras = [v.camera for v in views.values()]
-    tables.write_cameras(
+    camera_tables.write_cameras(
         folder / "cameras.parquet",
         cameras,
         sequence.session,

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from dior.calibrate import adjust as step
-from dior.calibrate import bundle, realsense
-from dior.calibrate.outcome import in_front, moved
-from dior.camera import pose, project
+from dior.calibrate.bundle import bundle
+from dior.calibrate.bundle.outcome import in_front, moved
+from dior.calibrate.lens import realsense
 from dior.errors import DiorError
-from dior.geometry import look_at, similarity
+from dior.geometry.camera import pose, project
+from dior.geometry.multiview import look_at, similarity
 from tests.rig import camera as looking_in
 from tests.rig import ring
 

@@ -6,11 +6,14 @@ The tape puts the cameras 4 % too far from the middle. Without a fact that is th
 import numpy as np
 import pytest
 
-from dior import tables
-from dior.calibrate import adjust, apriltag, outcome, window
-from dior.camera import pose, project
+from dior.calibrate import adjust
+from dior.calibrate.bundle import outcome, window
+from dior.calibrate.marks import apriltag
 from dior.errors import DiorError
-from tests.calibrate.test_facts import walker
+from dior.geometry import camera_tables
+from dior.geometry.camera import pose, project
+from dior.tables import tables
+from tests.calibrate.bundle.test_facts import walker
 from tests.rig import ring
 
 MOMENTS, T0, FPS = 60, 1_708_000_000_000_000_000, 30
@@ -80,7 +83,7 @@ def ran(folder, placed, known=None, marks=(), tags=(), sigma_m=0.3, sequences=("
     """Adjust the `placed` cameras; returns those adjusted, their covariance and the texts of the findings by code."""
     files = []
     for camera in placed:
-        tables.write_cameras(folder / f"place/{camera.name}.parquet", [camera], "field")
+        camera_tables.write_cameras(folder / f"place/{camera.name}.parquet", [camera], "field")
         at = ", ".join(f"{x:.6f}" for x in camera.centre)
         tape = f"tape: {{position_m: [{at}], sigma_m: {sigma_m}}}\n" if taped else ""
         files.append(folder / f"{camera.name}.yaml")
@@ -99,7 +102,7 @@ def ran(folder, placed, known=None, marks=(), tags=(), sigma_m=0.3, sequences=("
     texts = {}
     for code, text in zip(table["code"], table["text"], strict=True):
         texts.setdefault(code, []).append(text)
-    return list(tables.read_cameras(folder / "adjust.parquet").values()), texts
+    return list(camera_tables.read_cameras(folder / "adjust.parquet").values()), texts
 
 
 def test_a_tag_decides_the_scale_and_the_place_of_cameras_without_a_tape(tmp_path):
@@ -111,7 +114,7 @@ def test_a_tag_decides_the_scale_and_the_place_of_cameras_without_a_tape(tmp_pat
     for camera, true in zip(found, ring(3), strict=True):
         distance, angle = outcome.moved(true, camera)
         assert distance < 0.02 and angle < 0.2
-    joint = tables.read_camera_covariance(tmp_path / "covariance.parquet", [camera.name for camera in found])
+    joint = camera_tables.read_camera_covariance(tmp_path / "covariance.parquet", [camera.name for camera in found])
     shift = np.concatenate([camera.centre - true.centre for camera, true in zip(found, ring(3), strict=True)])
     at = np.add.outer(6 * np.arange(3), [3, 4, 5]).ravel()
     # 9 degrees of freedom: 99.9 % are below 28; here it is about 2, as the mean of four pictures counts as one picture

@@ -7,15 +7,16 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dior import tables
-from dior.calibrate import window
+from dior.body.names import BODY_25B
 from dior.calibrate.adjust import run
-from dior.calibrate.outcome import moved
+from dior.calibrate.bundle import window
+from dior.calibrate.bundle.outcome import moved
 from dior.calibrate.place import reference_pose
-from dior.camera import Camera, Intrinsics, pose
 from dior.errors import DiorError
-from dior.geometry import look_at
-from dior.skeletons import BODY_25B
+from dior.geometry import camera_tables
+from dior.geometry.camera import Camera, Intrinsics, pose
+from dior.geometry.multiview import look_at
+from dior.tables import tables
 
 NAMES = [f"cam{i:02d}" for i in range(1, 5)]
 T0 = 1_708_000_000_000_000_000
@@ -65,7 +66,7 @@ def adjusted(folder, cameras, out, tape_sigma=None, sections=None, clocks=GENLOC
     offsets.parent.mkdir(parents=True, exist_ok=True)
     offsets.write_text(clocks)
     for camera in cameras:
-        tables.write_cameras(out / f"place/{camera.name}.parquet", [camera], "field")
+        camera_tables.write_cameras(out / f"place/{camera.name}.parquet", [camera], "field")
         yaml = out / f"{camera.name}.yaml"
         text = "reference: {file: calibration.toml, name: cam_01}\n"
         if camera.locate == "tape":
@@ -81,7 +82,7 @@ def adjusted(folder, cameras, out, tape_sigma=None, sections=None, clocks=GENLOC
         findings=out / "findings.parquet", out_covariance=out / "covariance.parquet",
     )  # fmt: skip
     return (
-        tables.read_cameras(out / "adjust.parquet"),
+        camera_tables.read_cameras(out / "adjust.parquet"),
         tables.read(out / "metrics.parquet", "metrics"),
         tables.read(out / "findings.parquet", "findings"),
     )

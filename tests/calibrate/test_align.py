@@ -6,11 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dior import tables
 from dior.calibrate.align import aligned_pose, run
-from dior.calibrate.place import look_at_pose
-from dior.camera import project
 from dior.errors import DiorError
+from dior.geometry import camera_tables
+from dior.geometry.camera import project
+from dior.geometry.tape import look_at_pose
+from dior.tables import tables
 from tests.rig import ring
 
 TAPE = {"position_m": [3.0, 60.0, 1.5], "target_m": [0.0, 0.0, 1.0]}
@@ -54,7 +55,7 @@ def test_the_centre_moves_horizontally_and_the_aim_stays():
 
 
 def test_nudges_are_applied_together_as_in_the_design():
-    from dior.geometry import look_at_angles, rotation_x, rotation_z
+    from dior.geometry.multiview import look_at_angles, rotation_x, rotation_z
 
     azimuth, elevation = look_at_angles(TAPE["position_m"], TAPE["target_m"])
     wTc = aligned_pose("", TAPE, {"azimuth_deg": 1.0, "elevation_deg": -2.0, "distance_m": 3.0})
@@ -77,12 +78,12 @@ def run_in(folder, **files):
         **{"skeletons": [], "frames": [], "offsets": [], "boxes": [], "marks": None, "close": [],
            "close_covariance": []} | files,
     )  # fmt: skip
-    return tables.read_cameras(folder / "out.parquet")["cam04"]
+    return camera_tables.read_cameras(folder / "out.parquet")["cam04"]
 
 
 def write_camera(folder, lines):
     lens = replace(ring(1, role="long_range")[0], name="cam04")
-    tables.write_cameras(folder / "lens.parquet", [lens.at(np.full((4, 4), np.nan))], "field")
+    camera_tables.write_cameras(folder / "lens.parquet", [lens.at(np.full((4, 4), np.nan))], "field")
     (folder / "cam04.yaml").write_text(f"role: long_range\ntopic: /cam04/image\nlocate: align\n{lines}\n")
     return lens
 
@@ -94,7 +95,7 @@ def test_run_writes_the_camera_as_nudged(tmp_path):
     expected = aligned_pose("", TAPE, {"azimuth_deg": 0.3, "distance_m": 1.5})
     np.testing.assert_allclose(camera.wTc, expected, atol=1e-15)
     assert (camera.role, camera.locate) == ("long_range", "align")
-    assert np.isnan(tables.read_camera_covariance(tmp_path / "covariance.parquet", ["cam04"])).all()
+    assert np.isnan(camera_tables.read_camera_covariance(tmp_path / "covariance.parquet", ["cam04"])).all()
     assert len(tables.read(tmp_path / "findings.parquet", "findings")["text"]) == 0
 
 
@@ -160,7 +161,7 @@ def test_run_places_the_camera_by_what_was_drawn(tmp_path, source):
     true, files, points, uv = prepared(tmp_path, source)
     camera = run_in(tmp_path, **files)
     assert np.abs(project(camera, points)[0] - uv).max() < 0.1
-    covariance = tables.read_camera_covariance(tmp_path / "covariance.parquet", ["cam04"])
+    covariance = camera_tables.read_camera_covariance(tmp_path / "covariance.parquet", ["cam04"])
     error = camera.centre - true.centre
     assert np.isfinite(covariance).all() and abs(error[1]) < 3 * np.sqrt(covariance[4, 4])
     said = tables.read(tmp_path / "findings.parquet", "findings")
@@ -185,22 +186,22 @@ def test_a_clock_left_open_widens_the_covariance(tmp_path):
     spread = []
     for offsets in (files["offsets"], []):
         run_in(tmp_path, **files | {"offsets": offsets})
-        spread.append(tables.read_camera_covariance(tmp_path / "covariance.parquet", ["cam04"]))
+        spread.append(camera_tables.read_camera_covariance(tmp_path / "covariance.parquet", ["cam04"]))
     assert spread[1][1, 1] > spread[0][1, 1]
 
 
 def test_the_covariance_has_blocks_with_the_close_cameras(tmp_path):
     _, files, _, _ = prepared(tmp_path, "boxes")
     close = [replace(c, role="close") for c in ring(3)]
-    tables.write_cameras(tmp_path / "adjust.parquet", close, "field")
+    camera_tables.write_cameras(tmp_path / "adjust.parquet", close, "field")
     names = [c.name for c in close]
     shared = np.kron(np.ones((3, 3)), np.diag([0, 0, 0, 1e-4, 1e-4, 1e-4])) + 1e-12 * np.eye(18)
-    tables.write_camera_covariance(tmp_path / "close.parquet", names, shared, "field")
+    camera_tables.write_camera_covariance(tmp_path / "close.parquet", names, shared, "field")
     files |= {"close": [tmp_path / "adjust.parquet"], "close_covariance": [tmp_path / "close.parquet"]}
     run_in(tmp_path, **files)
     table = tables.read(tmp_path / "covariance.parquet", "camera_covariance")
     assert list(table["camera"]) == ["cam04"] * 4 and list(table["other"]) == ["cam04", *names]
-    joint = tables.read_camera_covariance(
+    joint = camera_tables.read_camera_covariance(
         [tmp_path / "covariance.parquet", tmp_path / "close.parquet"], ["cam04", *names]
     )
     assert np.linalg.eigvalsh(joint).min() > -1e-9

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from benchmarks import scene
-from dior import clocks as on_axis
-from dior import tables
 from dior.calibrate import clocks
+from dior.clocks import clock as on_axis
 from dior.errors import DiorError
+from dior.geometry import camera_tables
+from dior.tables import tables
 
 T0 = 1_700_000_000_000_000_000
 LATE_S = {"cam01": 0.0, "cam02": 0.2, "cam03": -0.1}
@@ -38,8 +39,8 @@ def walk(tmp_path_factory):
             "score": np.ones(len(uv)),
         },
     )
-    tables.write_cameras(folder / "cameras.parquet", list(made.given), "field")
-    tables.write_camera_covariance(folder / "covariance.parquet", names, 1e-10 * np.eye(18), "field")
+    camera_tables.write_cameras(folder / "cameras.parquet", list(made.given), "field")
+    camera_tables.write_camera_covariance(folder / "covariance.parquet", names, 1e-10 * np.eye(18), "field")
     return folder
 
 

@@ -3,16 +3,18 @@
 import numpy as np
 import pytest
 
-from dior import clocks, covariance, tables
 from dior.calibrate import follow
+from dior.clocks import clock as clocks
+from dior.geometry import camera_tables, covariance
+from dior.tables import tables
 from tests.calibrate.test_align import prepared
 
 LATE_S = 0.25
 
 
 def run_in(folder, true, files, offsets=None, boxes=True):
-    tables.write_cameras(folder / "cam04.parquet", [true], "field")
-    tables.write_camera_covariance(folder / "cam04.covariance.parquet", ["cam04"], 1e-8 * np.eye(6), "field")
+    camera_tables.write_cameras(folder / "cam04.parquet", [true], "field")
+    camera_tables.write_camera_covariance(folder / "cam04.covariance.parquet", ["cam04"], 1e-8 * np.eye(6), "field")
     paths = [folder / f"out/{kind}.parquet" for kind in ("offsets", "gains", "costs", "findings")]
     follow.run(
         sequence="walk", camera="cam04", camera_file=folder / "cam04.yaml", cameras=[folder / "cam04.parquet"],

@@ -5,9 +5,10 @@ import pytest
 from rosbags.rosbag1 import Writer
 from rosbags.typesys import Stores, get_typestore
 
-from dior import tables
 from dior.calibrate import intrinsics
 from dior.errors import DiorError
+from dior.geometry import camera_tables
+from dior.tables import tables
 
 STORE = get_typestore(Stores.ROS1_NOETIC)
 TYPES = STORE.types
@@ -53,7 +54,7 @@ def run(tmp_path, infos=None, topic=REALSENSE, size=(640, 480), **kwargs):
         "data_root": tmp_path, "out": tmp_path / "out.parquet", "findings": tmp_path / "findings.parquet",
     }  # fmt: skip
     intrinsics.run(**(arguments | kwargs))
-    return tables.read_cameras(tmp_path / "out.parquet")["cam01"]
+    return camera_tables.read_cameras(tmp_path / "out.parquet")["cam01"]
 
 
 @pytest.mark.parametrize("count, model", [(4, "plumb_bob"), (5, "plumb_bob"), (8, "rational_polynomial")])
@@ -169,6 +170,6 @@ def test_real_outdoor_camera_info_and_toml_agree(shared, tmp_path):
             board={}, distortion_model="plumb_bob", frames=tmp_path / "frames.parquet", sequence="beam",
             data_root=root, out=tmp_path / "out.parquet", findings=tmp_path / "findings.parquet",
         )  # fmt: skip
-        lenses.append(tables.read_cameras(tmp_path / "out.parquet")["cam03"].intrinsics)
+        lenses.append(camera_tables.read_cameras(tmp_path / "out.parquet")["cam03"].intrinsics)
     assert lenses[0] == lenses[1]
     assert lenses[0].fx == pytest.approx(1681.598, abs=1e-3)

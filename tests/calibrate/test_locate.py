@@ -6,10 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dior import clocks, tables
 from dior.calibrate.locate import locate, run
-from dior.camera import inverse_pose, project
+from dior.clocks import clock
 from dior.errors import DiorError
+from dior.geometry import camera_tables
+from dior.geometry.camera import inverse_pose, project
+from dior.tables import tables
 from tests.rig import D455, camera, ring
 
 RATIONAL = (0.2, -0.4, 0.001, -0.0005, 0.1, 0.3, -0.3, 0.05)
@@ -142,7 +144,7 @@ def session(folder, wrong=False, frames=(0, 3)):
     )
     (folder / "indoor_01.yaml").write_text("cam01: {offset_s: 0.0123}\n")
     (folder / "cam01.yaml").write_text("role: close\ntopic: /cam01/image\nlocate: marks\n")
-    tables.write_cameras(folder / "lens.parquet", [view.at(np.full((4, 4), np.nan))], "lab")
+    camera_tables.write_cameras(folder / "lens.parquet", [view.at(np.full((4, 4), np.nan))], "lab")
     lines = ["sequence,frame,joint,u,v"]
     for frame in frames:
         at = start + (frame / 30 + 0.0123) * np.array([1.2, 0.3, 0.1])
@@ -167,7 +169,7 @@ def located(folder):
         findings=folder / "findings.parquet",
     )  # fmt: skip
     return (
-        tables.read_cameras(folder / "cam.parquet")["cam01"],
+        camera_tables.read_cameras(folder / "cam.parquet")["cam01"],
         tables.read(folder / "marks.parquet", "marks"),
         tables.read(folder / "findings.parquet", "findings"),
     )
@@ -189,7 +191,7 @@ def test_the_step_writes_the_covariance_and_says_what_to_mark_next(tmp_path):
     # without the highest and the lowest marker the rest leave the tilt open most
     path.write_text("\n".join(line for line in lines if ",M0" not in line or line.split(",")[2] < "M06") + "\n")
     _, marks, findings = located(tmp_path)
-    covariance = tables.read_camera_covariance(tmp_path / "covariance.parquet", ["cam01"])
+    covariance = camera_tables.read_camera_covariance(tmp_path / "covariance.parquet", ["cam01"])
     assert np.linalg.eigvalsh(covariance).min() > 0
     said = dict(zip(findings["code"], findings["text"], strict=True))
     named = re.search(r"(M\d\d) on frame (\d) of indoor_01 would help most, to ([0-9.]+) px", said["next_mark"])
@@ -216,7 +218,7 @@ def test_the_marks_of_a_realsense_tell_its_lens_model(tmp_path, named):
     view = session(tmp_path)
     assert view.intrinsics.model == "plumb_bob" and any(view.intrinsics.distortion)
     lens = replace(view, intrinsics=replace(view.intrinsics, model=named)).at(np.full((4, 4), np.nan))
-    tables.write_cameras(tmp_path / "lens.parquet", [lens], "lab")
+    camera_tables.write_cameras(tmp_path / "lens.parquet", [lens], "lab")
     _, _, findings = located(tmp_path)
     assert "lens_models" not in findings["code"]
     text = (tmp_path / "cam01.yaml").read_text()
@@ -231,7 +233,7 @@ def test_the_marks_of_a_realsense_tell_its_lens_model(tmp_path, named):
 def test_the_step_writes_the_clocks_of_what_is_given_by_hand(tmp_path):
     session(tmp_path)
     located(tmp_path)
-    found = clocks.read([tmp_path / "clocks.parquet"], [tmp_path / "clock_gains.parquet"], "indoor_01")["cam01"]
+    found = clock.read([tmp_path / "clocks.parquet"], [tmp_path / "clock_gains.parquet"], "indoor_01")["cam01"]
     assert (found.offset_s, found.source, found.method) == (0.0123, "manual", "") and np.isnan(found.sigma()).all()
 
 
@@ -241,7 +243,7 @@ def test_the_step_assumes_zero_where_the_marks_tell_no_time(tmp_path):
     (tmp_path / "indoor_01.yaml").unlink()
     _, marks, findings = located(tmp_path)
     assert findings["code"].tolist() == ["clock_assumed_zero", "pose_from_marks"] and marks["inlier"].all()
-    found = clocks.read([tmp_path / "clocks.parquet"], [tmp_path / "clock_gains.parquet"])["cam01"]
+    found = clock.read([tmp_path / "clocks.parquet"], [tmp_path / "clock_gains.parquet"])["cam01"]
     assert (found.offset_s, found.source) == (0.0, "assumed_zero")
     lags = tables.read(tmp_path / "clock_costs.parquet", "clock_costs")
     assert len(lags["lag_s"]) == 201 and np.nanmax(lags["cost_px"]) < 0.01

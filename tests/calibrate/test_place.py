@@ -4,10 +4,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dior import tables
 from dior.calibrate import place
-from dior.camera import inverse_pose, project
 from dior.errors import DiorError
+from dior.geometry import camera_tables
+from dior.geometry.camera import inverse_pose, project
+from dior.geometry.tape import look_at_pose
+from dior.project.camera_file import camera_settings
+from dior.tables import tables
 from tests.rig import ring
 
 YAML = "role: close\ntopic: /cam01/image\ndistortion_model: plumb_bob\n"
@@ -23,7 +26,7 @@ def toml(folder, **entries):
 @pytest.mark.parametrize("target", [(0, 0, 0), (0.5, -1, 1.2)])
 def test_the_target_is_at_the_principal_point_and_up_is_up(azimuth, target):
     centre = [6 * np.cos(azimuth), 6 * np.sin(azimuth), 1.5]
-    wTc = place.look_at_pose("cam01.yaml", {"position_m": centre, "target_m": list(target)})
+    wTc = look_at_pose("cam01.yaml", {"position_m": centre, "target_m": list(target)})
     camera = ring(1, distortion=())[0].at(wTc)
     uv, depth = project(camera, np.array([target, np.add(target, (0, 0, 0.5))]))
     lens = camera.intrinsics
@@ -34,9 +37,9 @@ def test_the_target_is_at_the_principal_point_and_up_is_up(azimuth, target):
 
 def test_a_camera_at_its_target_or_below_the_floor_is_refused():
     with pytest.raises(DiorError, match="same point"):
-        place.look_at_pose("cam01.yaml", {"position_m": [1, 2, 3], "target_m": [1, 2, 3]})
+        look_at_pose("cam01.yaml", {"position_m": [1, 2, 3], "target_m": [1, 2, 3]})
     with pytest.raises(DiorError, match="1.50 m below the floor"):
-        place.look_at_pose("cam01.yaml", {"position_m": [1, 2, -1.5]})
+        look_at_pose("cam01.yaml", {"position_m": [1, 2, -1.5]})
 
 
 def test_rodrigues_and_matrix_and_both_conventions_agree(tmp_path):
@@ -95,7 +98,7 @@ def test_the_reference_of_the_real_recording(shared):
 
 def test_run_writes_the_placed_camera(tmp_path):
     lens = ring(1)[0]
-    tables.write_cameras(tmp_path / "lens.parquet", [lens.at(np.full((4, 4), np.nan))], "field")
+    camera_tables.write_cameras(tmp_path / "lens.parquet", [lens.at(np.full((4, 4), np.nan))], "field")
     yaml = tmp_path / "cam01.yaml"
     yaml.write_text(YAML + "locate: tape\ntape: {position_m: [3, 1, 1.5], target_m: [0, 0, 1]}\n")
     place.run(
@@ -103,7 +106,7 @@ def test_run_writes_the_placed_camera(tmp_path):
         frames=None, data_root=tmp_path, out=tmp_path / "tape.parquet", out_marks=tmp_path / "marks.parquet",
         findings=tmp_path / "findings.parquet",
     )  # fmt: skip
-    placed = tables.read_cameras(tmp_path / "tape.parquet")["cam01"]
+    placed = camera_tables.read_cameras(tmp_path / "tape.parquet")["cam01"]
     np.testing.assert_allclose(placed.centre, [3, 1, 1.5])
     assert placed.locate == "tape" and placed.intrinsics == lens.intrinsics
     assert not len(tables.read(tmp_path / "marks.parquet", "marks")["joint"])
@@ -116,14 +119,14 @@ def test_run_writes_the_placed_camera(tmp_path):
         frames=None, data_root=tmp_path, out=tmp_path / "reference.parquet", out_marks=tmp_path / "marks.parquet",
         findings=tmp_path / "findings.parquet",
     )  # fmt: skip
-    np.testing.assert_allclose(tables.read_cameras(tmp_path / "reference.parquet")["cam01"].wTc, wTc, atol=1e-12)
+    np.testing.assert_allclose(camera_tables.read_cameras(tmp_path / "reference.parquet")["cam01"].wTc, wTc, atol=1e-12)
 
 
 def test_the_step_refuses_other_ways_of_locating(tmp_path):
     yaml = tmp_path / "cam01.yaml"
     yaml.write_text(YAML + "locate: marks\n")
     with pytest.raises(DiorError, match="`locate` is marks, this step is for tape or reference"):
-        place.camera_settings(yaml, "tape|reference")
+        camera_settings(yaml, "tape|reference")
     yaml.write_text(YAML + "locate: tape\n")
     with pytest.raises(DiorError, match="needs the section `tape`"):
-        place.camera_settings(yaml)
+        camera_settings(yaml)

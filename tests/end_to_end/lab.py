@@ -11,7 +11,7 @@ import struct
 import ezc3d
 from rosbags import rosbag1
 
-from dior.simulate import config, recording, settings
+from dior.simulate import config, settings, simulate, simulate_gallery, simulate_mocap
 
 SETTINGS = {
     "subjects": 3, "sequences": 1, "duration_s": 3.0, "width": 640, "height": 360, "fx": 320.0, "gallery": True,
@@ -57,15 +57,15 @@ def _record(data, monkeypatch):
             topic = f"/{HOST.replace('-', '_')}{topic}"
             return super().add_connection(topic, *args, **kwargs | {"callerid": f"/record_{USER}_{WORD}"})
 
-    header, image = recording._header, recording._image
+    header, image = simulate._header, simulate._image
     with monkeypatch.context() as patched:
         patched.setattr(rosbag1, "Writer", Writer)
-        patched.setattr(recording, "_header", lambda s, i, ns, name: header(s, i, ns, f"{HOST}/{WORD}/{name}"))
-        patched.setattr(recording, "_image", lambda store, head, jpeg: image(store, head, signed(jpeg)))
+        patched.setattr(simulate, "_header", lambda s, i, ns, name: header(s, i, ns, f"{HOST}/{WORD}/{name}"))
+        patched.setattr(simulate, "_image", lambda store, head, jpeg: image(store, head, signed(jpeg)))
         for walk in WALKS:
-            for only in ("recording", "mocap", "gallery"):
-                if only != "mocap" or walk.startswith("indoor"):
-                    recording.run(settings=SETTINGS, sequence=walk, out=data, only=only)
+            for step in (simulate, simulate_mocap, simulate_gallery):
+                if step != simulate_mocap or walk.startswith("indoor"):
+                    step.run(settings=SETTINGS, sequence=walk, out=data)
     for path in sorted(data.rglob("*.jpg")):
         path.write_bytes(signed(path.read_bytes()).tobytes())
     for path in sorted(data.rglob("*.c3d")):

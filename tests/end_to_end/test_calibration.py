@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from dior import tables
-from dior.camera import Camera, Intrinsics, pose, project
-from dior.geometry import look_at
-from dior.init import header
-from tests.calibrate.test_apriltag import FLAT, angle_deg, photograph
+from dior.geometry import camera_tables
+from dior.geometry.camera import Camera, Intrinsics, pose, project
+from dior.geometry.multiview import look_at
+from dior.project.init import header
+from dior.tables import tables
+from tests.calibrate.marks.test_apriltag import FLAT, angle_deg, photograph
 from tests.end_to_end.workflow import ROOT, snakemake
 from tests.ingest.bagfiles import info, packed, write
 from tests.rig import camera
@@ -72,7 +73,7 @@ def ran(tmp_path_factory):
 
 def placed(folder, name):
     path = folder / f"results/place/field/{name}.parquet"
-    return tables.read_cameras(path)[name], tables.read(path.with_suffix(".findings.parquet"), "findings")
+    return camera_tables.read_cameras(path)[name], tables.read(path.with_suffix(".findings.parquet"), "findings")
 
 
 def test_a_camera_that_sees_the_tag_is_placed(ran):
@@ -110,7 +111,7 @@ def test_a_camera_that_does_not_is_refused_in_a_sentence(ran):
 
 def test_a_lens_from_pictures_of_a_chessboard_places_its_camera(ran, shared):
     folder, _ = ran
-    lens = tables.read_cameras(folder / "results/intrinsics/field/board.parquet")["board"].intrinsics
+    lens = camera_tables.read_cameras(folder / "results/intrinsics/field/board.parquet")["board"].intrinsics
     assert lens.fx == pytest.approx(REAL.fx, rel=0.002) and (lens.width, lens.height) == (1088, 1920)
     findings = tables.read(folder / "results/intrinsics/field/board.findings.parquet", "findings")
     text = dict(zip(findings["code"], findings["text"], strict=True))

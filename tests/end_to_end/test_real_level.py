@@ -5,10 +5,10 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from dior import tables
 from dior.simulate import config as simulated
 from dior.simulate import settings
 from dior.simulate.clocks import clocks_of
+from dior.tables import tables
 from tests.end_to_end.test_tiny import figure, metrics
 from tests.end_to_end.workflow import snakemake
 

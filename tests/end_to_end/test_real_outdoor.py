@@ -9,7 +9,7 @@ import tomllib
 import numpy as np
 import pytest
 
-from dior import tables
+from dior.tables import tables
 from tests.end_to_end.workflow import ROOT, edit, snakemake
 
 PROJECT = ROOT / "tests/projects/real_outdoor"
@@ -53,7 +53,7 @@ def perturbed(text, seed, metres=0.05, degrees=2.0):
     """The TOML with every camera moved and turned by that much, each in a random direction."""
     import cv2
 
-    from dior.camera import inverse_pose, pose
+    from dior.geometry.camera import inverse_pose, pose
 
     rng = np.random.default_rng(seed)
     lines = []

@@ -9,11 +9,11 @@ import sys
 
 import pytest
 
-from dior import tables
+from dior.body.names import COCO_17
 from dior.reid import protocols, recognise
 from dior.simulate import config as simulated
 from dior.simulate import settings
-from dior.skeletons import COCO_17
+from dior.tables import tables
 from tests.end_to_end.workflow import ROOT, command, edit, planned, snakemake
 from tests.reid import parity
 
@@ -156,7 +156,7 @@ def test_weights_of_ones_own_are_trained_and_compared(copy):
     words = ["--project", copy, "--labels", copy / "results/reid", "--network", "gaitgraph", "--steps", "2"]
     out = ["--out", copy / "weights/ours.pt"]
     env = os.environ | {"PYTHONPATH": str(ROOT)}
-    dior = [sys.executable, "-m", "dior.cli", "train-reid", *words, *out]
+    dior = [sys.executable, "-m", "dior.cli.main", "train-reid", *words, *out]
     done = subprocess.run(dior, capture_output=True, text=True, env=env)
     assert done.returncode == 1 and "no subject has two walks in one session" in done.stderr
     done = subprocess.run([*dior, "--test-sessions", "lab"], capture_output=True, text=True, env=env)

@@ -17,13 +17,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from dior import tables
+from dior.body.names import COCO_17
+from dior.cli.steps import STEPS
 from dior.evaluate import bootstrap, statistics
 from dior.ingest import bags
 from dior.simulate import config as simulated
 from dior.simulate import settings
-from dior.skeletons import COCO_17
-from dior.steps import STEPS
+from dior.tables import tables
 from tests.end_to_end import recomputed
 from tests.end_to_end.workflow import ROOT, edit, nudge, planned, snakemake, start
 

@@ -10,7 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dior import cli, project, tables
+from dior.cli import main
+from dior.project import project
+from dior.tables import tables
 from tests.end_to_end import lab
 from tests.end_to_end.search import holding
 from tests.end_to_end.workflow import planned, snakemake
@@ -147,7 +149,7 @@ def test_what_else_is_left_is_deleted_on_demand(after, tmp_path, capsys):
     words = [GONE, pseudonym(folder), *WALKS]
     left = {where.split("/")[0] for _, where in holding(folder / "results", words)}
     assert {"frames", "reproject", "evaluate"} <= left
-    assert cli.main(["forget", "--project", str(folder), "--yes"]) == 0
+    assert main.main(["forget", "--project", str(folder), "--yes"]) == 0
     assert "config/boxes/lawn_quartz.cam04.csv" in capsys.readouterr().out
     assert holding(folder / "results", words) == [] and holding(folder / "logs", words) == []
     assert planned(folder) == planned(folder, "release") == {}

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from dior import tables
 from dior.evaluate import bootstrap, metrics
+from dior.tables import tables
 
 
 def looped(groups, figure):

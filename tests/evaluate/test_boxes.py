@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from dior.camera import project
 from dior.evaluate import box_fit, boxes
 from dior.evaluate.grids import LabelGrid
+from dior.geometry.camera import project
 from tests.report.conftest import rig, walk
 
 FRAMES = 400

@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from dior import tables
 from dior.errors import DiorError
 from dior.evaluate import detectors, zoom
+from dior.tables import tables
 
 FRAMES, START_NS = 10, 1_700_000_000_000_000_000
 BOX = (630.0, 350.0, 642.0, 370.0)

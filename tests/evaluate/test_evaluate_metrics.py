@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from dior import tables
 from dior.errors import DiorError
 from dior.evaluate import boxes, checks, evaluate, grids, metrics, reprojection, truth
-from dior.geometry import rotation_x, rotation_z
+from dior.geometry.multiview import rotation_x, rotation_z
+from dior.tables import tables
 
 JOINTS = ("nose", "left_hip", "right_hip")
 START_NS = 1_700_000_000_000_000_000

@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from dior import camera as cam
-from dior import covariance as cov
-from dior import tables
+from dior.body.names import MLKIT_33
 from dior.evaluate import moved
-from dior.skeletons import MLKIT_33
+from dior.geometry import camera as cam
+from dior.geometry import camera_tables
+from dior.geometry import covariance as cov
+from dior.tables import tables
 from tests.rig import ring
 
 HIPS = MLKIT_33.index("left_hip"), MLKIT_33.index("right_hip")
@@ -69,7 +70,7 @@ def test_one_walk_tells_nothing():
 def test_run_names_camera_and_sequence(tmp_path):
     rig = ring(3)
     names, sequences = [c.name for c in rig], ["walk_1", "walk_2", "walk_3"]
-    tables.write_cameras(tmp_path / "cameras.parquet", rig, "field")
+    camera_tables.write_cameras(tmp_path / "cameras.parquet", rig, "field")
     for seed, sequence in enumerate(sequences):
         uv = seen(turned(rig, 0, 0.4 if seed else 0.0), seed)
         write(tmp_path, sequence, names, uv)

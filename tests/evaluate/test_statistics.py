@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from dior import tables
 from dior.errors import DiorError
 from dior.evaluate import statistics
+from dior.tables import tables
 
 SHEET = {
     "walk_1": {"environment": "indoor", "session": "lab", "subject": "A", "outfit": "coat", "walk": "line"},

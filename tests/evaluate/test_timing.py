@@ -3,8 +3,9 @@ import time
 
 import pytest
 
-from dior import cli, tables
+from dior.cli import main
 from dior.evaluate import timing
+from dior.tables import tables
 
 
 def job(step, cpu_s, frames=None, **where):
@@ -32,7 +33,7 @@ def test_nothing_is_written_by_hand_or_by_a_job_that_failed(tmp_path, monkeypatc
     monkeypatch.setenv(timing.FOLDER, str(tmp_path / "logs"))
     missing = [word for flag in ("frames", "data-root", "out") for word in (f"--{flag}", str(tmp_path / flag))]
     missing += [word for flag in ("out-dropped", "findings") for word in (f"--{flag}", str(tmp_path / flag))]
-    assert cli.main(["audit", "--sequence", "walk_1", *missing]) == 1
+    assert main.main(["audit", "--sequence", "walk_1", *missing]) == 1
     assert not (tmp_path / "logs").exists()
 
 
@@ -43,8 +44,7 @@ def test_nothing_is_written_by_hand_or_by_a_job_that_failed(tmp_path, monkeypatc
         ("intrinsics", {"session": "lab", "sequence": "walk", "camera": "cam01"}, "lab.cam01"),
         ("triangulate", {"sequence": "walk", "subject": "A"}, "walk"),
         ("tarballs", {"subject": "zebra-0001"}, "zebra-0001"),
-        ("simulate", {"sequence": "walk", "only": "recording"}, "walk"),
-        ("simulate", {"sequence": "walk", "only": "mocap"}, "walk.mocap"),
+        ("simulate_mocap", {"sequence": "walk"}, "walk"),
         ("overlays", {"sequence": "walk", "roles": {"cam02": "close"}}, "walk.cam02"),
         ("evaluate", {"sequence": "walk", "roles": {"cam01": "close", "cam02": "close"}}, "walk"),
         ("metrics", {}, "metrics"),

@@ -5,9 +5,9 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from dior import tables
 from dior.evaluate import boxes, checks, to_mark
 from dior.evaluate.grids import label_grids
+from dior.tables import tables
 
 JOINTS = ("LASI", "RASI", "C7")
 

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 
-from dior.skeletons import COCO_17, COCO_18, HALPE_26, HALPE_136, MLKIT_33
+from dior.body.names import COCO_17, COCO_18, HALPE_26, HALPE_136, MLKIT_33
 
 WIDTH, HEIGHT = 640, 480
 

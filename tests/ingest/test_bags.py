@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from rosbags.rosbag1 import Writer
 
-from dior import tables
 from dior.errors import DiorError
 from dior.ingest import bags, containers, frames
+from dior.tables import tables
 from tests.ingest.bagfiles import STORES, T0, encoded, picture
 
 STORE = STORES["ros1"]

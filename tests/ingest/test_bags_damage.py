@@ -12,10 +12,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from dior import tables
 from dior.errors import DiorError
 from dior.ingest import bags, frames
 from dior.ingest.containers import source
+from dior.tables import tables
 from tests.ingest.bagfiles import T0, info, packed, picture, raw, write
 
 TOPICS = {"cam01": "/cam01/image_raw", "cam02": "/cam02/image_raw"}

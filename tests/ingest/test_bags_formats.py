@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
 
-from dior import tables
 from dior.calibrate import intrinsics
 from dior.errors import DiorError
 from dior.ingest import bags, containers, frames
 from dior.ingest.containers import source
+from dior.tables import tables
 from tests.ingest.bagfiles import FORMATS, T0, info, packed, picture, raw, write, write_plain_mcap
 
 JPEG, RAW = "/cam01/color/image_raw/compressed", "/cam02/image_raw"

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from rosbags.rosbag1 import Reader
 
-from dior import tables
 from dior.calibrate import clocks, intrinsics, locate
 from dior.ingest import frames, mocap
 from dior.label import reproject
 from dior.reconstruct import timeline
-from dior.simulate import config, recording, settings
+from dior.simulate import config, settings, simulate, simulate_mocap
+from dior.tables import tables
 from tests.end_to_end.workflow import ROOT, edit, snakemake
 from tests.ingest.bagfiles import INFO, PACKED, STORES, Sent, write
 
@@ -51,8 +51,8 @@ def simulated(tmp_path_factory):
     folder = tmp_path_factory.mktemp("simulated")
     config.write(settings.from_dict(TINY), folder / "config")
     config.write_offsets(settings.from_dict(TINY), folder / "config")
-    for only in ("recording", "mocap"):
-        recording.run(settings=TINY, sequence=WALK, out=folder, only=only)
+    for step in (simulate, simulate_mocap):
+        step.run(settings=TINY, sequence=WALK, out=folder)
     (folder / "made").mkdir()
     bags = [folder / WALK / f"{computer}.bag" for computer in COMPUTERS]
     return folder, bags, labels_from(folder, bags, folder, folder / "made")
@@ -117,7 +117,7 @@ def test_a_trigger_log_moves_the_zero_of_all_steps_alike(simulated, tmp_path):
     (tmp_path / f"{WALK}.yaml").write_text(earlier)
     first = int(tables.read(folder / f"made/{WALK}.parquet", "frames")["stamp_ns"].min())
     # which ezc3d counts from 0
-    before_c3d = round(recording.FIRST_MOCAP_FRAME * 1e9 / settings.from_dict(TINY).mocap_hz)
+    before_c3d = round(simulate_mocap.FIRST_MOCAP_FRAME * 1e9 / settings.from_dict(TINY).mocap_hz)
     event = {"event": "start", "name": "mocap", "start_ns": first - 300_000_000 - before_c3d}
     (tmp_path / "trigger.jsonl").write_text(json.dumps(event) + "\n")
     labels_from(folder, bags, folder, tmp_path, tmp_path / "trigger.jsonl", tmp_path / f"{WALK}.yaml")

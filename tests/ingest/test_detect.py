@@ -6,10 +6,10 @@ import sys
 import numpy as np
 import pytest
 
-from dior import tables
+from dior.body.names import COCO_17
 from dior.errors import DiorError
 from dior.ingest import detect, detections
-from dior.skeletons import COCO_17
+from dior.tables import tables
 
 onnx = pytest.importorskip("onnx", reason="pip install onnx")
 pytest.importorskip("onnxruntime", reason="pip install -e '.[detect]'")

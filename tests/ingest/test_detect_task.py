@@ -7,10 +7,10 @@ from types import ModuleType, SimpleNamespace
 import numpy as np
 import pytest
 
-from dior import tables
+from dior.body.names import MLKIT_33
 from dior.errors import DiorError
 from dior.ingest import detect, detect_task, detections, frames
-from dior.skeletons import MLKIT_33
+from dior.tables import tables
 from tests.ingest.bagfiles import raw, write
 
 HEIGHT, WIDTH = 120, 160

@@ -6,11 +6,11 @@ import shutil
 import numpy as np
 import pytest
 
-from dior import tables
+from dior.body.names import BODY_25, BODY_25B, COCO_18, MLKIT_33
 from dior.errors import DiorError
 from dior.ingest import detections
 from dior.ingest.readers import mlkit, openpose
-from dior.skeletons import BODY_25, BODY_25B, COCO_18, MLKIT_33
+from dior.tables import tables
 
 T0 = 1_708_000_000_000_000_000
 PERIOD = 33_333_333

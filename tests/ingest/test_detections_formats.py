@@ -6,12 +6,12 @@ import shutil
 import numpy as np
 import pytest
 
-from dior import tables
+from dior.body.names import COCO_17, HALPE_136, MLKIT_33, WHOLEBODY_133, swap_index
 from dior.errors import DiorError
 from dior.ingest import detections
 from dior.ingest.readers import READERS, alphapose, mediapipe, mlkit, mlkit_csv
 from dior.ingest.readers.recognise import recognise
-from dior.skeletons import COCO_17, HALPE_136, MLKIT_33, WHOLEBODY_133, swap_index
+from dior.tables import tables
 from tests.ingest import formats
 from tests.ingest.formats import HEIGHT, WIDTH, WRITERS, scene
 

@@ -4,9 +4,9 @@ import cv2
 import numpy as np
 import pytest
 
-from dior import tables
 from dior.errors import DiorError
 from dior.ingest import gallery
+from dior.tables import tables
 from tests.ingest.test_bags import T0, TOPIC, pictures, write_bag
 
 

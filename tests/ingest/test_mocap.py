@@ -6,9 +6,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from dior import tables
 from dior.errors import DiorError
 from dior.ingest import mocap
+from dior.tables import tables
 
 T0 = 1_708_000_000_000_000_000
 MARKERS = ("LANK", "LASI", "RASI", "LKNE", "LPSI")

@@ -5,9 +5,9 @@ from itertools import product
 import numpy as np
 import pytest
 
+from dior.body.names import COCO_17
 from dior.ingest import people as module
 from dior.ingest.people import People, follow
-from dior.skeletons import COCO_17
 
 BODY = np.stack([np.linspace(-20, 20, 17) * np.cos(np.arange(17)), np.linspace(-90, 90, 17)], axis=-1)
 SIZE = np.hypot(*np.ptp(BODY, axis=0))

@@ -300,7 +300,7 @@ def test_the_command_ends_cleanly_by_a_signal(tmp_path, ending):
     log, said = tmp_path / "trigger.jsonl", tmp_path / "said"
     with trigger.bound("127.0.0.1", 0) as free:
         port = free.getsockname()[1]
-    program = [sys.executable, "-m", "dior.cli", "trigger", "--log", str(log), "--bind", "127.0.0.1"]
+    program = [sys.executable, "-m", "dior.cli.main", "trigger", "--log", str(log), "--bind", "127.0.0.1"]
     program += ["--port", str(port), "--on-start", f"echo start >> {said}", "--on-stop", f"echo stop >> {said}"]
     with subprocess.Popen(program, stderr=subprocess.PIPE, text=True) as running:
         assert f"listening on 127.0.0.1, UDP port {port}" in running.stderr.readline()

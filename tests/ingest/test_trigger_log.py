@@ -5,11 +5,12 @@ import json
 import numpy as np
 import pytest
 
-from dior import clocks, tables
+from dior.clocks import clock
 from dior.errors import DiorError
 from dior.ingest import mocap
 from dior.ingest.trigger_log import Capture, choose, read
 from dior.reconstruct import timeline
+from dior.tables import tables
 from tests.ingest.test_mocap import MARKERS, T0, write_c3d
 
 S = 1_000_000_000
@@ -142,8 +143,8 @@ def test_the_timeline_counts_from_the_same_moment(tmp_path):
     c3d = write_c3d(tmp_path / "walk.c3d", frames=150)
 
     def bracketed(log, offset):
-        known = {"cam01": clocks.Clock(offset), "cam02": clocks.Clock(offset - 0.004)}
-        clocks.write(tmp_path / "clocks.parquet", tmp_path / "gains.parquet", "walk", known)
+        known = {"cam01": clock.Clock(offset), "cam02": clock.Clock(offset - 0.004)}
+        clock.write(tmp_path / "clocks.parquet", tmp_path / "gains.parquet", "walk", known)
         timeline.run(
             sequence="walk", frames=tmp_path / "frames.parquet", cameras=list(known),
             mocap=markers(tmp_path, c3d, log), clocks=[tmp_path / "clocks.parquet"], max_gap=1.5,

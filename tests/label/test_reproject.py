@@ -1,11 +1,13 @@
 import numpy as np
 import pytest
 
-from dior import camera as cam
-from dior import clocks, tables
+from dior.clocks import clock as clocks
 from dior.errors import DiorError
+from dior.geometry import camera as cam
+from dior.geometry import camera_tables
 from dior.label import reproject, uncertainty
 from dior.reconstruct.triangulate import write_skeleton
+from dior.tables import tables
 from tests.rig import camera
 
 T0 = 1_700_000_000_000_000_000
@@ -21,7 +23,7 @@ def skeleton(path, points, rate=100, status=None):
 
 def inputs(folder, camera_, points, frame_times, offset_s=0.0, drift_ppm=0.0, width=1280, **kwargs):
     skeleton(folder / "skeleton.parquet", points, **kwargs)
-    tables.write_cameras(folder / "cameras.parquet", [camera_])
+    camera_tables.write_cameras(folder / "cameras.parquet", [camera_])
     count = len(frame_times)
     stamps = T0 + np.round(np.asarray(frame_times) * 1e9).astype(np.int64)
     tables.write(
@@ -119,7 +121,7 @@ def test_wrong_inputs_are_named(tmp_path):
 def test_a_clocks_error_is_in_the_sigma(tmp_path):
     c = camera("cam01", (4.0, 0.0, 1.5))
     inputs(tmp_path, c, moving(100), np.array([0.1, 0.2, 0.3]))
-    tables.write_camera_covariance(tmp_path / "covariance.parquet", ["cam01"], np.zeros((6, 6)), "lab")
+    camera_tables.write_camera_covariance(tmp_path / "covariance.parquet", ["cam01"], np.zeros((6, 6)), "lab")
     late = clocks.Clock(0.0, 0.0, "estimated", "detections", given=(0.004, 0.0))
     clocks.write(tmp_path / "clocks.parquet", tmp_path / "gains.parquet", "walk_1", {"cam01": late})
     table = run(tmp_path, covariance=[tmp_path / "covariance.parquet"])

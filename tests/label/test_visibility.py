@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from dior.body.names import MLKIT_33
 from dior.label.visibility import hidden
 from dior.simulate import settings as levels
 from dior.simulate import truth
 from dior.simulate.motion import motion_of
-from dior.skeletons import MLKIT_33
 from tests.rig import camera
 
 

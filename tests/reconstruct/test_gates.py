@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from dior.body.names import MLKIT_33
 from dior.reconstruct.gates import implausible
-from dior.skeletons import MLKIT_33
 from tests.reconstruct.test_swaps import walker
 
 FPS = 30.0

@@ -6,10 +6,10 @@ import json
 import numpy as np
 import pytest
 
-from dior import camera as cam
-from dior import views
+from dior.body.names import BODY_25B, MLKIT_33
+from dior.geometry import camera as cam
+from dior.geometry import views
 from dior.reconstruct.swaps import exchange, find_swaps
-from dior.skeletons import BODY_25B, MLKIT_33
 
 SWAPPED = [*range(41, 62), 65, *range(67, 75), 77, 78, 81]
 

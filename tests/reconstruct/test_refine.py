@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from dior import tables
 from dior.reconstruct import refine
 from dior.reconstruct.smooth import smooth
 from dior.reconstruct.triangulate import write_skeleton
+from dior.tables import tables
 
 FPS = 30.0
 

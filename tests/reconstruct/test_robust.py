@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from dior.body.names import MLKIT_33, swap_index
 from dior.reconstruct import robust
 from dior.reconstruct.swaps import exchange
-from dior.skeletons import MLKIT_33, swap_index
 from tests.reconstruct.test_swaps import observed, walker
 from tests.rig import ring
 

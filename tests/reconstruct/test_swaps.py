@@ -1,8 +1,8 @@
 import numpy as np
 
-from dior import camera as cam
+from dior.body.names import LIMBS, MLKIT_33, is_leg, swap_index
+from dior.geometry import camera as cam
 from dior.reconstruct.swaps import combinations, exchange, find_exchanged, find_swaps, find_taken
-from dior.skeletons import LIMBS, MLKIT_33, is_leg, swap_index
 from tests.rig import ring
 
 

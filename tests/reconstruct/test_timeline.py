@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
 
-from dior import clocks, tables
+from dior.clocks import clock
 from dior.errors import DiorError
 from dior.reconstruct import timeline
+from dior.tables import tables
 
 T0 = 1_700_000_000_000_000_000
 
@@ -24,8 +25,8 @@ def run(folder, starts, counts, drop=None, offsets=None, mocap=None):
         "width": np.full(total, 1280),
     }
     tables.write(folder / "frames.parquet", "frames", columns | blank)
-    known = {name: clocks.Clock((offsets or {}).get(name, 0.0)) for name in names}
-    clocks.write(folder / "c.parquet", folder / "g.parquet", "walk", known)
+    known = {name: clock.Clock((offsets or {}).get(name, 0.0)) for name in names}
+    clock.write(folder / "c.parquet", folder / "g.parquet", "walk", known)
     timeline.run(
         sequence="walk",
         frames=folder / "frames.parquet",
@@ -64,7 +65,7 @@ def test_a_clock_offset_moves_a_camera(tmp_path):
 
 def test_a_camera_without_a_clock_is_named(tmp_path):
     run(tmp_path, (0, 0), (5, 5))
-    clocks.write(tmp_path / "c.parquet", tmp_path / "g.parquet", "walk", {"cam01": clocks.Clock(0.0)})
+    clock.write(tmp_path / "c.parquet", tmp_path / "g.parquet", "walk", {"cam01": clock.Clock(0.0)})
     with pytest.raises(DiorError, match="walk: .*c.parquet has no clock of cam02"):
         timeline.run(
             sequence="walk", frames=tmp_path / "frames.parquet", cameras=["cam01", "cam02"],

@@ -1,11 +1,12 @@
 import numpy as np
 import pytest
 
-from dior import camera as cam
-from dior import tables
+from dior.body.names import MLKIT_33
 from dior.errors import DiorError
+from dior.geometry import camera as cam
+from dior.geometry import camera_tables
 from dior.reconstruct import triangulate as tri
-from dior.skeletons import MLKIT_33
+from dior.tables import tables
 from tests.reconstruct.test_swaps import observed, walker
 from tests.rig import ring
 
@@ -15,7 +16,7 @@ def write_inputs(folder, cameras, uv, score=0.9):
     views, count, each = uv.shape[:3]
     names = [c.name for c in cameras]
     stamps = 10**18 + np.arange(count) * 33_333_333
-    tables.write_cameras(folder / "cameras.parquet", cameras)
+    camera_tables.write_cameras(folder / "cameras.parquet", cameras)
     tables.write(
         folder / "detections.parquet",
         "detections",
@@ -112,7 +113,7 @@ def test_a_camera_without_pose_or_detections_is_named(tmp_path):
     write_inputs(tmp_path, cameras, observed(cameras, walker(3), 0.0))
     with pytest.raises(DiorError, match="walk_1, camera cam09: .*no pose"):
         run(tmp_path, ["cam01", "cam09"])
-    tables.write_cameras(tmp_path / "cameras.parquet", [*cameras, cameras[0].at(cameras[0].wTc).__class__(
+    camera_tables.write_cameras(tmp_path / "cameras.parquet", [*cameras, cameras[0].at(cameras[0].wTc).__class__(
         "cam04", cameras[0].intrinsics, cameras[0].wTc)])  # fmt: skip
     with pytest.raises(DiorError, match="camera cam04: no detections"):
         run(tmp_path, ["cam01", "cam04"])

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from dior.body.names import COCO_17, MLKIT_33
 from dior.reid.features import FEATURES, measure
 from dior.simulate.body import Body
 from dior.simulate.gait import Walker
 from dior.simulate.patterns import WALK
-from dior.skeletons import COCO_17, MLKIT_33
 
 FPS, SECONDS = 30.0, 10.0
 JOINTS = [MLKIT_33.index(name) for name in COCO_17]

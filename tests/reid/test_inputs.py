@@ -3,15 +3,17 @@
 import numpy as np
 import pytest
 
-from dior import camera as cam
-from dior import clocks, tables
-from dior.clocks import Clock
+from dior.body.names import COCO_17, MLKIT_33, PLUG_IN_GAIT_39
+from dior.clocks import clock
+from dior.clocks.clock import Clock
 from dior.errors import DiorError
-from dior.geometry import look_at
+from dior.geometry import camera as cam
+from dior.geometry import camera_tables
+from dior.geometry.multiview import look_at
 from dior.reid import inputs
 from dior.simulate.body import Body
 from dior.simulate.gait import Walker
-from dior.skeletons import COCO_17, MLKIT_33, PLUG_IN_GAIT_39
+from dior.tables import tables
 
 FPS, FRAMES, START = 30.0, 120, 1_700_000_000_000_000_000
 
@@ -53,14 +55,14 @@ def made(folder, points, names, offset_s=0.0, pictures=None):
     pictures = np.arange(FRAMES) if pictures is None else pictures
     stamps = START + np.rint(pictures * 1e9 / FPS).astype(np.int64)
     count = len(pictures)
-    tables.write_cameras(folder / "camera.parquet", [camera()], "lab")
+    camera_tables.write_cameras(folder / "camera.parquet", [camera()], "lab")
     tables.write(
         folder / "frames.parquet",
         "frames",
         {"camera": np.full(count, "cam01", object), "frame": np.arange(count), "stamp_ns": stamps}
         | {"height": np.full(count, 720), "width": np.full(count, 1280)},
     )
-    clocks.write(folder / "clocks.parquet", folder / "gains.parquet", "walk", {"cam01": Clock(offset_s)})
+    clock.write(folder / "clocks.parquet", folder / "gains.parquet", "walk", {"cam01": Clock(offset_s)})
     inputs.run(
         sequence="walk", subject="S01", names=["cam01"], skeleton=skeleton(folder / "skeleton.parquet", points, names),
         cameras=[folder / "camera.parquet"], frames=folder / "frames.parquet", clocks=[folder / "clocks.parquet"],

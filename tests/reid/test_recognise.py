@@ -8,10 +8,10 @@ import zipfile
 import numpy as np
 import pytest
 
-from dior import tables
+from dior.body.names import COCO_17
 from dior.errors import DiorError
 from dior.reid import inputs, recognise
-from dior.skeletons import COCO_17
+from dior.tables import tables
 from tests.reid import parity
 from tests.report.conftest import START_NS, write_project
 

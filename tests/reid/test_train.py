@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from dior import cli
+from dior.cli import main
 from dior.errors import DiorError
 from dior.reid import augment, checkpoint, embed, inputs, networks, recognise, split, train
 from dior.reid.protocols import Item
@@ -164,7 +164,7 @@ def test_a_batch_has_as_many_of_everybody():
 def test_the_command_asks_for_what_training_takes():
     import inspect
 
-    given = vars(cli._parser().parse_args("train-reid --labels results/reid --network gaitmixer --out lab.pt".split()))
+    given = vars(main._parser().parse_args("train-reid --labels results/reid --network gaitmixer --out lab.pt".split()))
     assert given.pop("command") == "train-reid"
     taken = inspect.signature(train.run).parameters
     assert set(given) == set(taken)

@@ -4,9 +4,10 @@ import cv2
 import numpy as np
 import yaml
 
-from dior import tables
-from dior.camera import Camera, Intrinsics
+from dior.geometry import camera_tables
+from dior.geometry.camera import Camera, Intrinsics
 from dior.release import package, provenance
+from dior.tables import tables
 
 RELEASE = {
     "version": "0.1.0",
@@ -180,10 +181,12 @@ def rig(path, session):
     """Poses of the three cameras and, beside them, the joint covariance of the two close ones."""
     lens = Intrinsics(64, 36, 640.0, 640.0, 31.5, 17.5)
     cameras = [Camera(name, lens, np.eye(4), ROLES[name], "reference") for name in reversed(ROLES)]
-    tables.write_cameras(path, cameras, session)
+    camera_tables.write_cameras(path, cameras, session)
     covariance = np.diag(np.arange(1.0, 13.0))
     covariance[0, 6] = covariance[6, 0] = 0.5
-    tables.write_camera_covariance(path.with_suffix(".covariance.parquet"), ["cam01", "cam03"], covariance, session)
+    camera_tables.write_camera_covariance(
+        path.with_suffix(".covariance.parquet"), ["cam01", "cam03"], covariance, session
+    )
 
 
 def project(root, walks=WALKS):

@@ -5,8 +5,8 @@ import json
 import cv2
 import numpy as np
 
-from dior import tables
 from dior.release import sums
+from dior.tables import tables
 
 JOINTS = ("nose", "left_hip", "right_hip")
 # sequence -> subject, session, environment; the cameras of a session are cam01, close, and cam02, far outdoors

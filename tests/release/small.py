@@ -3,14 +3,15 @@
 import cv2
 import numpy as np
 
-from dior import tables
-from dior.camera import Camera, Intrinsics, pose
-from dior.coco17 import coco17
-from dior.geometry import look_at
+from dior.body.coco17 import coco17
+from dior.body.names import COCO_17, MLKIT_33, PLUG_IN_GAIT_39
+from dior.geometry import camera_tables
+from dior.geometry.camera import Camera, Intrinsics, pose
+from dior.geometry.multiview import look_at
 from dior.label.reproject import labels
 from dior.simulate import settings
 from dior.simulate.motion import motion_of
-from dior.skeletons import COCO_17, MLKIT_33, PLUG_IN_GAIT_39
+from dior.tables import tables
 
 PICTURES, FPS, MOCAP_HZ = 12, 30.0, 100.0
 START_NS = 1_700_000_000_000_000_000
@@ -68,7 +69,7 @@ def build(folder):
     people = {"subject": ["pa11", "pb22"], "height_m": [1.72, np.nan]}
     tables.write(folder / "subjects.parquet", "subjects", people)
     rig = [camera(name) for name in CAMERAS]
-    both = [tables.camera_columns(rig, session) for session in ("field", "lab")]
+    both = [camera_tables.camera_columns(rig, session) for session in ("field", "lab")]
     joined = {key: [*both[0][key], *both[1][key]] for key in both[0] if key in tables.columns_of("released_cameras")}
     tables.write(folder / "cameras.parquet", "released_cameras", joined)
     return folder

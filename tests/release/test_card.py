@@ -3,9 +3,10 @@
 import pytest
 import yaml
 
-from dior import licenses, tables
 from dior.errors import DiorError
+from dior.project import licenses
 from dior.release import citation
+from dior.tables import tables
 from tests.release.made import PSEUDONYM, RELEASE, build, sheets
 
 FACTS = {

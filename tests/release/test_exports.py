@@ -14,12 +14,12 @@ from contextlib import redirect_stdout
 import numpy as np
 import pytest
 
-from dior import tables
+from dior.body.names import COCO_17, PLUG_IN_GAIT_39
 from dior.errors import DiorError
 from dior.ingest import mocap
 from dior.release import exports, package
 from dior.release.exports import opengait, recordings, trc, walks
-from dior.skeletons import COCO_17, PLUG_IN_GAIT_39
+from dior.tables import tables
 from tests.release import small
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from dior.body.names import MLKIT_33, PLUG_IN_GAIT_39, mirrored
 from dior.release import head_model
-from dior.skeletons import MLKIT_33, PLUG_IN_GAIT_39, mirrored
 
 TURNS = np.deg2rad([0, 50, 170, -100])
 

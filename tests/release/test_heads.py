@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 
-from dior import camera as cam
-from dior import clocks, covariance, tables
+from dior.clocks import clock
 from dior.errors import DiorError
+from dior.geometry import camera as cam
+from dior.geometry import camera_tables, covariance
 from dior.release import covering, head_model, heads
 from dior.simulate.scene import project as simulated
+from dior.tables import tables
 from tests.rig import camera, ring
 
 
@@ -103,7 +105,7 @@ def test_small_fix_writes_no_picture_anew_where_the_earlier_boxes_are_given(walk
     heads.run(**given)
     first = given["out"].rename(tmp_path / "before.parquet")
     fixed = covariance.moved(view, np.array([0.3, -0.3, 0, 0, 0, 0]) / view.intrinsics.fx)
-    tables.write_cameras(given["cameras"][0], [fixed])
+    camera_tables.write_cameras(given["cameras"][0], [fixed])
     heads.run(**given)
     assert given["out"].read_bytes() != first.read_bytes()
     heads.run(**given | {"before": first})
@@ -128,8 +130,8 @@ def walk(tmp_path):
     labels = {"joint": joints * count, "frame": np.repeat(np.arange(count), 2)}
     labels |= {"sigma_u": np.full(2 * count, 1.0), "sigma_v": np.full(2 * count, 1.0)}
     tables.write(tmp_path / "labels.parquet", "labels_2d", labels)
-    tables.write_cameras(tmp_path / "cameras.parquet", [view])
-    clocks.write(tmp_path / "clocks.parquet", tmp_path / "gains.parquet", "walk", {"cam01": clocks.Clock(0.0)})
+    camera_tables.write_cameras(tmp_path / "cameras.parquet", [view])
+    clock.write(tmp_path / "clocks.parquet", tmp_path / "gains.parquet", "walk", {"cam01": clock.Clock(0.0)})
     paths = {"skeleton": "body", "frames": "frames", "labels": "labels"}
     given = {key: tmp_path / f"{name}.parquet" for key, name in paths.items()}
     given |= {"cameras": [tmp_path / "cameras.parquet"], "clocks": [tmp_path / "clocks.parquet"]}
@@ -173,6 +175,6 @@ def test_step_refuses_what_does_not_fit(walk, what, words):
         given["before"] = given["out"].with_name("before.parquet")
         tables.write(given["before"], "heads", {"frame": [0, 1], "status": ["ok", "ok"]})
     else:
-        clocks.write(given["clocks"][0], given["out"], "walk", {"cam02": clocks.Clock(0.0)})
+        clock.write(given["clocks"][0], given["out"], "walk", {"cam02": clock.Clock(0.0)})
     with pytest.raises(DiorError, match=words):
         heads.run(**given)

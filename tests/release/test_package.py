@@ -13,9 +13,10 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 
-from dior import tables
 from dior.errors import DiorError
-from dior.release import layout, shards, stamps
+from dior.geometry import camera_tables
+from dior.release import layout, shards, shift
+from dior.tables import tables
 from tests.release.made import CONSENT, PSEUDONYM, ROLES, WALKS, build, files, labels, pixels, project, sheets
 
 SECRETS = ("Realname", "Secondname", "Refuser", "mango-0003", "walk_4", "walk_5", "host", "/home")
@@ -110,7 +111,7 @@ def test_cameras_have_their_own_and_the_joint_covariance(built):
     np.testing.assert_array_equal(own[0], np.diag(np.arange(1.0, 7.0)))
     np.testing.assert_array_equal(own[2], np.diag(np.arange(7.0, 13.0)))
     assert np.isnan(own[1]).all(), "nobody knows it of cam02"
-    joint = tables.read_camera_covariance(out / "camera_covariance.parquet", ["cam01", "cam03"])
+    joint = camera_tables.read_camera_covariance(out / "camera_covariance.parquet", ["cam01", "cam03"])
     assert joint[0, 6] == 0.5 and joint[11, 11] == 12
 
 
@@ -322,7 +323,7 @@ def test_stamps_count_from_each_persons_first_picture_where_asked_for(made, buil
         build(made, config=config)
     for path in made["pixels"]:
         table = tables.read(path, "released_frames")
-        tables.write(path, "released_frames", table | {"stamp_ns": table["stamp_ns"] + stamps.FIRST_NS})
+        tables.write(path, "released_frames", table | {"stamp_ns": table["stamp_ns"] + shift.FIRST_NS})
     out = build(made, config=config)
     assert "walks is at 1980-01-01 00:00 UTC" in (out / "README.md").read_text()
     for path in sorted(out.rglob("*.parquet")):
@@ -330,7 +331,7 @@ def test_stamps_count_from_each_persons_first_picture_where_asked_for(made, buil
         if "stamp_ns" in tables.columns_of(kind):
             before = tables.read(built["out"] / path.relative_to(out), kind, ["stamp_ns"])["stamp_ns"]
             after = tables.read(path, kind, ["stamp_ns"])["stamp_ns"]
-            assert (after - before == stamps.FIRST_NS).all() and len(after), path
+            assert (after - before == shift.FIRST_NS).all() and len(after), path
 
 
 def test_provenance_tells_what_it_was_made_of_and_no_names(built):

@@ -5,10 +5,10 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from dior import tables
 from dior.errors import DiorError
 from dior.ingest import frames
 from dior.release import covering, jpeg, pixels
+from dior.tables import tables
 from tests.ingest import bagfiles
 from tests.release.test_jpeg import COMMENT, EXIF, dirty
 
@@ -114,12 +114,12 @@ def test_shown_faces_are_passed_on(recording):
 
 
 def test_stamps_count_from_the_persons_first_picture(recording):
-    from dior.release import stamps
+    from dior.release import shift
 
     _, given = recording
     pixels.run(**given | {"shift": {"frames": [str(given["frames"])]}})
     table = tables.read(given["out"], "released_frames")
-    assert table["stamp_ns"].tolist() == [stamps.FIRST_NS + i * STEP for i in range(7)]
+    assert table["stamp_ns"].tolist() == [shift.FIRST_NS + i * STEP for i in range(7)]
 
 
 def test_other_pictures_in_heads_are_refused(recording, tmp_path):

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 import yaml
 
-from dior import tables
+from dior.tables import tables
 from tests.release.made import ROLES
 
 CONFIGS = {

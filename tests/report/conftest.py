@@ -5,12 +5,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from dior import clocks as on_axis
-from dior import tables
-from dior.camera import Camera, Intrinsics, pose, project
+from dior.body.names import MLKIT_33
+from dior.clocks import clock as on_axis
 from dior.evaluate import evaluate, metrics
-from dior.geometry import look_at, rotation_z
-from dior.skeletons import MLKIT_33
+from dior.geometry import camera_tables
+from dior.geometry.camera import Camera, Intrinsics, pose, project
+from dior.geometry.multiview import look_at, rotation_z
+from dior.tables import tables
 
 FRAMES = 90
 START_NS = 1_700_000_000_000_000_000
@@ -267,7 +268,7 @@ def write_capture(root):
     cameras = []
     for session in ("lab", "field"):
         cameras.append(root / f"results/cameras/{session}.parquet")
-        tables.write_cameras(cameras[-1], rig(session == "field"), session)
+        camera_tables.write_cameras(cameras[-1], rig(session == "field"), session)
     covariances, turns = write_certainty(root / "results")
     clocks, clock_costs = write_clocks(root / "results")
     findings = root / "results/findings.parquet"
@@ -304,7 +305,7 @@ def write_certainty(results):
     names = ["cam01", "cam02", "cam03", "cam04"]
     sigma = np.concatenate([np.repeat([np.radians(0.05 * (i + 1)), 0.01 * 3**i], 3) for i in range(4)])
     covariance = results / "cameras/field.covariance.parquet"
-    tables.write_camera_covariance(covariance, names, np.diag(sigma**2), "field")
+    camera_tables.write_camera_covariance(covariance, names, np.diag(sigma**2), "field")
     turns, random = results / "moved/field.parquet", np.random.default_rng(5)
     count = 2 * 3
     columns = {key: 0.05 * random.standard_normal(count) for key in ("turn_x", "turn_y", "turn_z")}

@@ -4,12 +4,12 @@ import cv2
 import numpy as np
 import pytest
 
-from dior import tables
 from dior.errors import DiorError
 from dior.evaluate.grids import label_grids
 from dior.report import choice, clip
-from dior.simulate import recording
+from dior.simulate import simulate, simulate_mocap
 from dior.simulate.settings import CAMERAS
+from dior.tables import tables
 from tests.ingest.test_bags_labels import labels_from
 
 TINY = {
@@ -62,8 +62,8 @@ def walk(tmp_path_factory):
     folder = tmp_path_factory.mktemp("clip")
     config.write(settings.from_dict(TINY), folder / "config")
     config.write_offsets(settings.from_dict(TINY), folder / "config")
-    for only in ("recording", "mocap"):
-        recording.run(settings=TINY, sequence=WALK, out=folder, only=only)
+    for step in (simulate, simulate_mocap):
+        step.run(settings=TINY, sequence=WALK, out=folder)
     bags = [folder / WALK / f"{computer}.bag" for computer in ("pc1", "pc2")]
     (folder / "made").mkdir()
     labels_from(folder, bags, folder, folder / "made")

@@ -7,11 +7,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from dior import tables
 from dior.reconstruct import triangulate
-from dior.report import page, summary
+from dior.report import report as page
+from dior.report import summary
+from dior.tables import tables
 from tests.report.conftest import SEQUENCES
-from tests.report.test_page import audited, counted
+from tests.report.test_report import audited, counted
 
 CAMERAS = {"walk_1": ["cam01", "cam02"], "walk_2": ["cam01", "cam02"], "walk_3": ["cam01", "cam02"]}
 OUTDOOR = dict.fromkeys(CAMERAS, "outdoor")

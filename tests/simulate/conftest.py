@@ -1,6 +1,6 @@
 import pytest
 
-from dior.simulate import recording, settings
+from dior.simulate import settings, simulate, simulate_mocap
 
 TINY = {"subjects": 1, "sequences": 1, "duration_s": 2.0, "width": 640, "height": 360, "fx": 320.0}
 
@@ -10,6 +10,6 @@ def tiny(tmp_path_factory):
     """A tiny capture on disk: its settings and its data_root."""
     folder = tmp_path_factory.mktemp("capture")
     for name in ("indoor_01", "outdoor_01"):
-        recording.run(settings=TINY, sequence=name, out=folder, only="recording")
-    recording.run(settings=TINY, sequence="indoor_01", out=folder, only="mocap")
+        simulate.run(settings=TINY, sequence=name, out=folder)
+    simulate_mocap.run(settings=TINY, sequence="indoor_01", out=folder)
     return settings.from_dict(TINY), folder

@@ -2,7 +2,8 @@
 
 from pathlib import Path
 
-from dior import cli, project
+from dior.cli import main
+from dior.project import project
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -12,7 +13,7 @@ def contents(folder):
 
 
 def test_the_shipped_config_is_written_again_byte_for_byte(tmp_path):
-    assert cli.main(["simulate", "--write-config", str(tmp_path / "config")]) == 0
+    assert main.main(["simulate", "--write-config", str(tmp_path / "config")]) == 0
     again, shipped = contents(tmp_path / "config"), contents(ROOT / "config")
     assert again.keys() == shipped.keys()
     assert [name for name in shipped if again[name] != shipped[name]] == []
@@ -26,7 +27,7 @@ def test_it_is_a_valid_project():
 
 def test_settings_on_the_command_line_reach_the_config(tmp_path):
     words = ["--settings", '{"subjects": 1, "sequences": 1, "duration_s": 2.0, "fps": 25.0}']
-    assert cli.main(["simulate", "--write-config", str(tmp_path / "config"), *words]) == 0
+    assert main.main(["simulate", "--write-config", str(tmp_path / "config"), *words]) == 0
     small = project.load(tmp_path)
     assert small.sequences == ("outdoor_01", "indoor_01")
     assert small.config["simulate"]["fps"] == 25.0 and small.config["simulate"]["duration_s"] == 2.0

@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
+from dior.body.names import MLKIT_33, PLUG_IN_GAIT_39
 from dior.simulate import motion, settings
 from dior.simulate.body import body_of
 from dior.simulate.gait import Walker, stride_length
 from dior.simulate.patterns import walking_cadence
-from dior.skeletons import MLKIT_33, PLUG_IN_GAIT_39
 
 RATE = 200
 

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
+from dior.body.names import MLKIT_33, PLUG_IN_GAIT_39
 from dior.errors import DiorError
 from dior.simulate import scene
 from dior.simulate.body import Body, body_of, markers
 from dior.simulate.motion import motion_of
 from dior.simulate.settings import from_dict, sequences
-from dior.skeletons import MLKIT_33, PLUG_IN_GAIT_39
 
 TIMES = np.arange(0, 4, 0.01)
 

@@ -5,13 +5,14 @@ import json
 import numpy as np
 import pytest
 
-from dior import project, tables
-from dior.simulate import config, recording, settings
+from dior.body.names import MLKIT_33, swap_index
+from dior.project import project
+from dior.simulate import config, settings, simulate
 from dior.simulate.detector_real import ar1, view_side
 from dior.simulate.motion import motion_of
 from dior.simulate.runs import runs
 from dior.simulate.settings import from_dict, sequence_named
-from dior.skeletons import MLKIT_33, swap_index
+from dior.tables import tables
 
 CLOSE = ("cam01", "cam02", "cam03")
 MIRROR = swap_index(MLKIT_33)
@@ -62,8 +63,8 @@ def minute(tmp_path_factory):
     used = from_dict(LONG)
     walk = sequence_named(used, "outdoor_01")
     motion = motion_of(used, walk)
-    views, others = recording.observe(used, walk, motion)
-    recording.write_detections(used, walk, motion.height, views, others, out)
+    views, others = simulate.observe(used, walk, motion)
+    simulate.write_detections(used, walk, motion.height, views, others, out)
     true = tables.read(out / "truth/outdoor_01/labels_2d.parquet", "labels_2d")
     done = tables.read(out / "truth/outdoor_01/detections.parquet", "simulated_detections")
     found = {}

@@ -5,16 +5,16 @@ import hashlib
 import numpy as np
 import pytest
 
-from dior import camera as cam
-from dior import tables
+from dior.geometry import camera as cam
 from dior.ingest import bags, mocap
-from dior.simulate import backdrop, recording, scene, truth
+from dior.simulate import backdrop, scene, simulate, simulate_gallery, simulate_mocap, truth
 from dior.simulate.body import Body
 from dior.simulate.clocks import clocks_of
 from dior.simulate.gait import Walker
 from dior.simulate.motion import motion_of
 from dior.simulate.patterns import RUN
 from dior.simulate.settings import CAMERAS, COMPUTERS, from_dict, sequence_named
+from dior.tables import tables
 from tests.simulate.test_real import lengths_of, within
 
 # pictures of the size of a stamp: only their stamps count
@@ -27,8 +27,8 @@ def recorded(tmp_path_factory):
     """Bags and C3D of 20 s: settings, sequence, folder."""
     out = tmp_path_factory.mktemp("recorded")
     words = SMALL | {"clocks": OFTEN}
-    recording.run(settings=words, sequence="indoor_01", out=out, only="recording")
-    recording.run(settings=words, sequence="indoor_01", out=out, only="mocap")
+    simulate.run(settings=words, sequence="indoor_01", out=out)
+    simulate_mocap.run(settings=words, sequence="indoor_01", out=out)
     used = from_dict(words)
     return used, sequence_named(used, "indoor_01"), out
 
@@ -127,8 +127,8 @@ def test_camera_info_is_wrong_by_as_much_as_asked_for(recorded):
 def test_the_same_settings_give_the_same_files_at_level_real(tmp_path):
     words = SMALL | {"duration_s": 1.0}
     for name in ("a", "b"):
-        for only in ("recording", "gallery"):
-            recording.run(settings=words, sequence="outdoor_01", out=tmp_path / name, only=only)
+        for step in (simulate, simulate_gallery):
+            step.run(settings=words, sequence="outdoor_01", out=tmp_path / name)
     first, second = (
         {p.relative_to(root): hashlib.sha256(p.read_bytes()).hexdigest() for p in root.rglob("*") if p.is_file()}
         for root in (tmp_path / "a", tmp_path / "b")

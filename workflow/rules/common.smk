@@ -10,11 +10,11 @@ import sys
 
 from snakemake.exceptions import WorkflowError
 
-from dior import project
+from dior.project import project
 from dior.errors import DiorError
-from dior.forget import left
-from dior.provenance import code_hash as code
-from dior.provenance import folder_state
+from dior.project.forget import left
+from dior.tables.hashes import code_hash as code
+from dior.tables.hashes import folder_state
 
 # `dior` is found beside the Python that runs Snakemake, without activating the environment
 os.environ.update(PATH=os.pathsep.join([os.path.dirname(sys.executable), os.getenv("PATH", "")]))

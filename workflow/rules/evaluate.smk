@@ -156,9 +156,9 @@ rule to_mark:
     output:
         directory("results/evaluate/to_mark"),
     log:
-        "logs/evaluate/to_mark.log",
+        "logs/to_mark/to_mark.log",
     benchmark:
-        "logs/evaluate/to_mark.benchmark.tsv"
+        "logs/to_mark/to_mark.benchmark.tsv"
     params:
         code=code("evaluate.to_mark"),
     shell:

@@ -46,7 +46,7 @@ rule audit:
         "logs/audit/{sequence}.benchmark.tsv"
     params:
         data_root=DATA,
-        code=code("ingest.stamps"),
+        code=code("ingest.audit"),
     shell:
         "dior audit"
         " --sequence {wildcards.sequence}"

@@ -117,6 +117,6 @@ rule report:
         title=CONFIG["release"]["title"],
         sheet=as_json(PROJECT.rows),
         consents=as_json([PROJECT.left_out, PROJECT.unanswered]),
-        code=code("report.page"),
+        code=code("report.report"),
     script:
         "../scripts/step.py"

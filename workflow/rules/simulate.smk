@@ -28,12 +28,11 @@ rule simulate:
     params:
         settings=as_json(CONFIG["simulate"]),
         out=data_root,
-        code=code("simulate.recording"),
+        code=code("simulate.simulate"),
     shell:
         "dior simulate"
         " --settings {params.settings:q}"
         " --sequence {wildcards.sequence}"
-        " --only recording"
         " --out {params.out:q}"
         " 2>&1 | tee {log:q}"
 
@@ -45,18 +44,17 @@ rule simulate_mocap:
     output:
         f"{DATA}/{{sequence}}/mocap.c3d",
     log:
-        "logs/simulate/{sequence}.mocap.log",
+        "logs/simulate_mocap/{sequence}.log",
     benchmark:
-        "logs/simulate/{sequence}.mocap.benchmark.tsv"
+        "logs/simulate_mocap/{sequence}.benchmark.tsv"
     params:
         settings=as_json(CONFIG["simulate"]),
         out=data_root,
-        code=code("simulate.recording"),
+        code=code("simulate.simulate_mocap"),
     shell:
-        "dior simulate"
+        "dior simulate_mocap"
         " --settings {params.settings:q}"
         " --sequence {wildcards.sequence}"
-        " --only mocap"
         " --out {params.out:q}"
         " 2>&1 | tee {log:q}"
 
@@ -67,17 +65,16 @@ rule simulate_gallery:
         frontal=directory(f"{DATA}/gallery/{{sequence}}/frontal"),
         down=directory(f"{DATA}/gallery/{{sequence}}/down45"),
     log:
-        "logs/simulate/{sequence}.gallery.log",
+        "logs/simulate_gallery/{sequence}.log",
     benchmark:
-        "logs/simulate/{sequence}.gallery.benchmark.tsv"
+        "logs/simulate_gallery/{sequence}.benchmark.tsv"
     params:
         settings=as_json(CONFIG["simulate"]),
         out=data_root,
-        code=code("simulate.recording"),
+        code=code("simulate.simulate_gallery"),
     shell:
-        "dior simulate"
+        "dior simulate_gallery"
         " --settings {params.settings:q}"
         " --sequence {wildcards.sequence}"
-        " --only gallery"
         " --out {params.out:q}"
         " 2>&1 | tee {log:q}"

@@ -8,8 +8,8 @@ import subprocess
 import sys
 import traceback
 
-from dior import cli
-from dior.steps import STEPS
+from dior.cli import main
+from dior.cli.steps import STEPS
 
 
 def words(job):
@@ -28,7 +28,7 @@ def run(job):
         for stream in (1, 2):
             os.dup2(tee.stdin.fileno(), stream)
         try:
-            return cli.main(words(job))
+            return main.main(words(job))
         except Exception:
             # a fault of dior's own: printed here, its trace is in the log, too
             traceback.print_exc()

@@ -98,7 +98,7 @@ def _files(bag):
 
 def _listed(folder):
     """The files that a ROS 2 folder's metadata.yaml names."""
-    from dior.checked import read_yaml
+    from dior.project.read import read_yaml
 
     path = folder / METADATA
     if not path.is_file():

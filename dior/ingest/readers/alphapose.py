@@ -9,11 +9,11 @@ INPUTS   [{"image_id": "<anything><frame>.<ext>", "keypoints": [x, y, score, ...
 OUTPUTS  `People`.
 """
 
+from dior.body.names import BY_COUNT
 from dior.errors import DiorError
 from dior.ingest.people import gathered
 from dior.ingest.readers import coco
 from dior.ingest.readers.common import frame_of, load_json, one_model, triples
-from dior.skeletons import BY_COUNT
 
 BY_PICTURE = {"bodies": "joints", "people": "pose_keypoints_2d"}
 

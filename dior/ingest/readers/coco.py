@@ -8,10 +8,10 @@ OUTPUTS  `People`.
 
 import numpy as np
 
+from dior.body.names import BY_COUNT
 from dior.errors import DiorError
 from dior.ingest.people import gathered
 from dior.ingest.readers.common import load_json, number, one_model, triples
-from dior.skeletons import BY_COUNT
 
 
 def read(path):

@@ -7,8 +7,8 @@ import re
 
 import numpy as np
 
+from dior.body.names import BY_COUNT
 from dior.errors import DiorError
-from dior.skeletons import BY_COUNT
 
 INTERRUPTED = "was the detector interrupted?"
 _LAST_NUMBER = re.compile(r"([0-9]{1,18})[^0-9]*$")

@@ -16,11 +16,11 @@ from pathlib import Path
 
 import numpy as np
 
+from dior.body.names import MLKIT_33
 from dior.errors import DiorError
 from dior.ingest.people import gathered
 from dior.ingest.readers import prototext
 from dior.ingest.readers.common import files_by_frame, from_json, number
-from dior.skeletons import MLKIT_33
 
 TEXT = (".pbtxt", ".txtpb", ".textproto")
 KEYS = ("pose_landmarks", "poseLandmarks", "landmarks", "landmark")

@@ -12,10 +12,10 @@ from typing import Annotated
 import msgspec
 import numpy as np
 
+from dior.body.names import MLKIT_33
 from dior.errors import DiorError
 from dior.ingest.people import gathered
 from dior.ingest.readers.common import from_json, number
-from dior.skeletons import MLKIT_33
 
 KEYS = ("x", "y", "inFrameLikelihood")
 BLOCK_BYTES = 1 << 18

@@ -11,10 +11,10 @@ import re
 
 import numpy as np
 
+from dior.body.names import MLKIT_33
 from dior.errors import DiorError
 from dior.ingest.people import gathered
 from dior.ingest.readers.common import INTERRUPTED, frame_of
-from dior.skeletons import MLKIT_33
 
 COLUMNS = 2 + 3 * len(MLKIT_33)
 

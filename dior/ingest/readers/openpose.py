@@ -11,10 +11,10 @@ from array import array
 import msgspec
 import numpy as np
 
+from dior.body.names import BODY_25, BODY_25B, COCO_18, bones_of
 from dior.errors import DiorError
 from dior.ingest.people import gathered
 from dior.ingest.readers.common import files_by_frame
-from dior.skeletons import BODY_25, BODY_25B, COCO_18, bones_of
 
 CANDIDATES = {len(COCO_18): {"COCO_18": COCO_18}, len(BODY_25): {"BODY_25": BODY_25, "BODY_25B": BODY_25B}}
 # of the right naming the bones are 2 to 4 times shorter than of the wrong one

@@ -13,10 +13,10 @@ from pathlib import Path
 
 import numpy as np
 
+from dior.body.names import COCO_17
 from dior.errors import DiorError
 from dior.ingest.people import gathered
 from dior.ingest.readers.common import INTERRUPTED, files_by_frame
-from dior.skeletons import COCO_17
 
 BOX = 5
 MOST_AT_THE_END = 2

@@ -8,11 +8,12 @@ yields a function to be called with every recording and its pose, or with every 
 """
 
 from contextlib import ExitStack
+from pathlib import Path
 
 from dior.errors import DiorError, nearest
-from dior.files import folder_written_whole, write_text
-from dior.progress import told
-from dior.provenance import file_sha256
+from dior.progress import reporting
+from dior.tables.files import folder_written_whole, write_text
+from dior.tables.hashes import file_sha256
 
 BY_RECORDING = ("coco", "opengait", "gaitgraph", "webdataset")
 BY_WALK = ("trc", "c3d", "bids")
@@ -43,7 +44,7 @@ Where markers lack, the nearest marker stands for the joint, or nothing does.
 """
 
 
-def run(*, release, formats, out):
+def run(*, release: Path, formats: list[str], out: Path) -> None:
     """Write the exports of a release folder in `formats` to the folder `out`, whole or not at all.
 
     Raises DiorError for an unknown format and for a folder that is no release.
@@ -60,14 +61,16 @@ def run(*, release, formats, out):
     with folder_written_whole(out) as folder:
         with ExitStack() as stack:
             adders = _writers(stack, modules, [name for name in chosen if name in BY_RECORDING], folder, found)
-            for recording in told(found.recordings if adders else (), len(found.recordings), "recordings", "exports"):
+            for recording in reporting(
+                found.recordings if adders else (), len(found.recordings), "recordings", "exports"
+            ):
                 pose = poses.of(recordings.labels_of(recording), recording.camera)
                 missing = recordings.missing_pictures(recording)
                 for add in adders:
                     add(recording, pose, missing)
         with ExitStack() as stack:
             adders = _writers(stack, modules, [name for name in chosen if name in BY_WALK], folder, found)
-            for walk in told(found.walks if adders else (), len(found.walks), "walks", "exports"):
+            for walk in reporting(found.walks if adders else (), len(found.walks), "walks", "exports"):
                 body = recordings.body_of(walk)
                 for add in adders:
                     add(walk, body)

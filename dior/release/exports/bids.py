@@ -12,11 +12,11 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from dior import tables
+from dior.body.names import PLUG_IN_GAIT_39
 from dior.errors import DiorError
 from dior.release.exports.walks import regular
 from dior.release.exports.writing import plain
-from dior.skeletons import PLUG_IN_GAIT_39
+from dior.tables import tables
 
 ABOUT = """\
 `bids/`: the walks with motion capture as a BIDS dataset (motion), metres in the world of the release (Z up), `n/a`

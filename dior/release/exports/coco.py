@@ -11,8 +11,8 @@ from contextlib import ExitStack, contextmanager
 
 import numpy as np
 
+from dior.body.names import COCO_17
 from dior.release.exports.poses import OCCLUDED, OK
-from dior.skeletons import COCO_17
 
 ABOUT = """\
 `coco/person_keypoints_<part>.json`: keypoints of every picture of a part of the split by subject.

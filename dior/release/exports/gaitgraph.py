@@ -10,8 +10,8 @@ from contextlib import ExitStack, contextmanager
 
 import numpy as np
 
+from dior.body.names import COCO_17
 from dior.release.exports.writing import write_csv
-from dior.skeletons import COCO_17
 
 ABOUT = """\
 `gaitgraph/dior_pose_<part>.csv`: a header, then a picture per row: its name and 17 times x, y, confidence in COCO's

@@ -4,19 +4,19 @@ INPUTS   labels of a recording and its camera
 OUTPUTS  `Pose`: pixel, sigma and status of 17 joints per picture, and which were derived by what rule
 A derived joint is made in 3D at the picture's own stamp: a label says how far its marker is from the camera, so that
 the markers of a picture are in the world again, with the clock that the labels were made with, which is not in the
-release. The joint centres (dior/coco17.py) are projected like every label.
+release. The joint centres (dior/body/coco17.py) are projected like every label.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from dior import camera as cam
-from dior.calibrate.joint_centres import CENTRES
-from dior.coco17 import coco17
+from dior.body.coco17 import coco17
+from dior.body.joint_centres import CENTRES
+from dior.body.names import COCO_17
+from dior.geometry import camera as cam
 from dior.label.reproject import labels as projected
-from dior.schemas import LABEL_STATUS
-from dior.skeletons import COCO_17
+from dior.tables.schemas import LABEL_STATUS
 
 OK, OCCLUDED, MISSING = (LABEL_STATUS.index(word) for word in ("ok", "occluded", "missing_3d"))
 

@@ -1,6 +1,6 @@
 """What a finished release holds, as the exports need it: its walks, and its recordings (a walk as one camera sees it).
 
-INPUTS   a release folder: sequences, splits, cameras, labels_2d, skeletons_3d and frames (dior/schemas.py)
+INPUTS   a release folder: sequences, splits, cameras, labels_2d, skeletons_3d and frames (dior/tables/schemas.py)
 OUTPUTS  `Release` with its walks and recordings in order; labels, bodies and pictures of one of them in memory
 Nothing is read but the release, so that what is not in it is in no export.
 """
@@ -10,11 +10,12 @@ from pathlib import Path
 
 import numpy as np
 
-from dior import tables
-from dior.camera import Camera
 from dior.errors import DiorError
+from dior.geometry import camera_tables
+from dior.geometry.camera import Camera
 from dior.release.exports.writing import plain
-from dior.schemas import LABEL_STATUS
+from dior.tables import tables
+from dior.tables.schemas import LABEL_STATUS
 
 SUBJECT_SPLIT = "subject"
 AT_A_TIME = 64
@@ -92,7 +93,7 @@ def read(folder):
     folder = Path(folder)
     if not (folder / "sequences.parquet").is_file():
         raise DiorError(f"{folder}: no release (it has no sequences.parquet); build it with the rule `package`")
-    rig = tables.read_released_cameras(folder / "cameras.parquet")
+    rig = camera_tables.read_released_cameras(folder / "cameras.parquet")
     parts = _parts(folder / "splits.parquet")
     walks = _walks(folder)
     recordings = []

@@ -6,8 +6,8 @@ OUTPUTS  rate (Hz) and points on a regular grid from the first instant, NaN wher
 
 import numpy as np
 
+from dior.clocks.axis import nominal_fps
 from dior.errors import DiorError
-from dior.sampling import nominal_fps
 
 MILLIMETRES = 1000.0
 

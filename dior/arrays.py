@@ -1,0 +1,16 @@
+"""Names for the types of arrays in signatures; shapes stand in the docstrings."""
+
+import os
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats: TypeAlias = NDArray[np.float64]
+Ints: TypeAlias = NDArray[np.int64]
+Bools: TypeAlias = NDArray[np.bool_]
+# object arrays of str; "" is null in a table
+Texts: TypeAlias = NDArray[np.object_]
+# a table as dior.tables.tables reads it: columns of equal length by name
+Table: TypeAlias = dict[str, NDArray[Any]]
+AnyPath: TypeAlias = str | os.PathLike[str]

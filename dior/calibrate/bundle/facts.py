@@ -1,0 +1,408 @@
+"""Metric facts of a session: what is known in metres beside the pixels, each ONE measurement with its own sigma.
+
+INPUTS   numbers and names from session.yaml, the points that the fact speaks of
+OUTPUTS  functions of (cameras, points, noise) to a `Row`: residuals and derivatives, divided by the sigma
+
+A length between joints is the mean over the frames, so that 400 frames weigh as much as one. World in metres, Z up,
+floor at Z = 0. A camera's error as in `dior.geometry.covariance`.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dior.body import plausible
+from dior.errors import DiorError, nearest
+from dior.geometry import covariance
+from dior.geometry.camera import project
+
+# Segments by Drillis and Contini (1966), in Winter, Biomechanics and Motor Control of Human Movement, 4th ed., fig.
+# 4.1, in body heights: knee to ankle 0.246, hip to knee 0.245, and shoulder (0.818) to hip (0.530).
+STATURE_SEGMENTS = (
+    (("left_hip",), ("left_knee",), 0.5),
+    (("right_hip",), ("right_knee",), 0.5),
+    (("left_knee",), ("left_ankle",), 0.5),
+    (("right_knee",), ("right_ankle",), 0.5),
+    (("left_hip", "right_hip"), ("left_shoulder", "right_shoulder"), 1.0),
+)
+STATURE_SHARE = sum(plausible.SEGMENTS.values())
+# People differ by 1-2 % of their height in what is left (neck, head, foot), and a detector's hips and shoulders are
+# not the anatomist's: together 2.5 % of the sum.
+STATURE_SHARE_SIGMA = 0.02
+FEWEST_MOMENTS = 10
+STANCE_SHARE = 0.25
+# how high the joints of a standing foot are above the floor, m: the ankle by Winter's 0.039 body heights
+SOLE_M = {"left_heel": 0.03, "right_heel": 0.03, "left_foot_index": 0.03, "right_foot_index": 0.03}
+
+
+@dataclass(frozen=True)
+class Row:
+    """m residuals of a fact and their derivatives, all divided by the sigma.
+
+    `by_cameras` (m, 6V) with the points held, `points` (k,) which points it speaks of, `by_points` (m, k, 3).
+    `by_lens` (m, 3V): by a relative error of the focal length and by shifts of the principal point in focal lengths.
+    """
+
+    residual: np.ndarray
+    by_cameras: np.ndarray
+    points: np.ndarray
+    by_points: np.ndarray
+    by_lens: np.ndarray
+
+    @classmethod
+    def of_cameras(cls, residual, by_cameras, by_lens=None):
+        m, n = by_cameras.shape
+        lens = np.zeros((m, n // 2)) if by_lens is None else by_lens
+        return cls(np.asarray(residual, float), by_cameras, np.zeros(0, int), np.zeros((m, 0, 3)), lens)
+
+
+@dataclass(frozen=True)
+class Fact:
+    """A named fact; `row` is its function, `known` and `sigma` (in `unit`) what was measured.
+
+    `measured`: a function of (cameras, points, noise) to what the adjusted world makes of it, None where it is no one
+    number.
+    """
+
+    name: str
+    row: object
+    known: float = np.nan
+    sigma: float = np.nan
+    measured: object = None
+    unit: str = "m"
+
+    def __call__(self, cameras, points, noise):
+        return self.row(cameras, points, noise)
+
+
+def placed(view, prior):
+    """A camera's measured position and its rotation, from a `bundle.Prior`."""
+
+    def row(cameras, points, noise):
+        from scipy.spatial.transform import Rotation
+
+        D = np.zeros((6, 6 * len(cameras)))
+        D[:3, 6 * view : 6 * view + 3] = np.eye(3) / prior.sigma_rad
+        D[3:, 6 * view + 3 : 6 * view + 6] = np.eye(3) / prior.sigma_m
+        turn = Rotation.from_matrix(prior.wRc.T @ cameras[view].wRc).as_rotvec()
+        shift = cameras[view].centre - prior.position
+        return Row.of_cameras(np.concatenate([turn / prior.sigma_rad, shift / prior.sigma_m]), D)
+
+    return Fact(f"position of camera {view}", row)
+
+
+def between_cameras(one, other, length_m, sigma_m, name=""):
+    """The tape between two cameras."""
+
+    def row(cameras, points, noise):
+        gap = cameras[one].centre - cameras[other].centre
+        length = np.linalg.norm(gap)
+        D = np.zeros((1, 6 * len(cameras)))
+        D[0, 6 * one + 3 : 6 * one + 6] = gap / length / sigma_m
+        D[0, 6 * other + 3 : 6 * other + 6] = -gap / length / sigma_m
+        return Row.of_cameras([(length - length_m) / sigma_m], D)
+
+    def measured(cameras, points, noise):
+        return float(np.linalg.norm(cameras[one].centre - cameras[other].centre))
+
+    return Fact(name or f"distance of cameras {one} and {other}", row, length_m, sigma_m, measured)
+
+
+def to_point(view, points_of, length_m, sigma_m, name=""):
+    """The tape from a camera to a named point, the mean over its pictures; `points_of` (k,) points."""
+    index = np.asarray(points_of, int)
+
+    def row(cameras, points, noise):
+        gap = points[index] - cameras[view].centre
+        length = np.linalg.norm(gap, axis=1)
+        toward = gap / length[:, None] / len(index) / sigma_m
+        D = np.zeros((1, 6 * len(cameras)))
+        D[0, 6 * view + 3 : 6 * view + 6] = -toward.sum(axis=0)
+        residual = [(length.mean() - length_m) / sigma_m]
+        return Row(np.array(residual), D, index, toward[None], np.zeros((1, 3 * len(cameras))))
+
+    def measured(cameras, points, noise):
+        return float(np.linalg.norm(points[index] - cameras[view].centre, axis=1).mean())
+
+    return Fact(name, row, length_m, sigma_m, measured)
+
+
+def length(segments, length_m, sigma_m, name=""):
+    """A length that is the weighted sum of segments, each the mean over its frames.
+
+    `segments`: (a (T, ka), b (T, kb), weight) with the indices of the points whose means are its ends. The noise of
+    the points makes a distance too long by its variance across the segment over twice the length; that is taken off.
+    """
+    index = np.concatenate([part.ravel() for a, b, _ in segments for part in (a, b)]).astype(int)
+
+    def measure(points, noise):
+        found, by_points = 0.0, []
+        for a, b, weight in segments:
+            gap = points[b].mean(axis=1) - points[a].mean(axis=1)
+            size = np.linalg.norm(gap, axis=1)
+            along = gap / size[:, None]
+            C = noise[b].mean(axis=1) / b.shape[1] + noise[a].mean(axis=1) / a.shape[1]
+            across = np.trace(C, axis1=1, axis2=2) - np.einsum("ta,tab,tb->t", along, C, along)
+            found += weight * np.mean(size - np.minimum(across / (2 * size), 0.2 * size))
+            along = weight * along / len(a)
+            by_points += [np.repeat(-along / a.shape[1], a.shape[1], axis=0)]
+            by_points += [np.repeat(along / b.shape[1], b.shape[1], axis=0)]
+        return found, np.concatenate(by_points)
+
+    def row(cameras, points, noise):
+        found, D = measure(points, noise)
+        residual = np.array([(found - length_m) / sigma_m])
+        none = np.zeros((1, 6 * len(cameras)))
+        return Row(residual, none, index, D[None] / sigma_m, np.zeros((1, 3 * len(cameras))))
+
+    return Fact(name, row, length_m, sigma_m, lambda cameras, points, noise: float(measure(points, noise)[0]))
+
+
+def stature(segments, height_m, height_sigma_m, name=""):
+    """A subject's height, by `STATURE_SEGMENTS`."""
+    sigma = np.hypot(STATURE_SHARE * height_sigma_m, STATURE_SHARE_SIGMA * height_m)
+    return length(segments, STATURE_SHARE * height_m, sigma, name)
+
+
+def tag(view, corners, world, sigma_px, name=""):
+    """The corners (4, 2) recorded px of a tag whose corners are at `world` (4, 3) m, seen by one camera."""
+    corners, world = np.asarray(corners, float), np.asarray(world, float)
+
+    def row(cameras, points, noise):
+        camera = cameras[view]
+        residual = (project(camera, world)[0] - corners) / sigma_px
+        _, by_camera = covariance.projection(camera, world)
+        D = np.zeros((residual.size, 6 * len(cameras)))
+        D[:, 6 * view : 6 * view + 6] = by_camera.reshape(-1, 6) / sigma_px
+        lens = np.zeros((residual.size, 3 * len(cameras)))
+        i = camera.intrinsics
+        by_lens = np.zeros((*residual.shape, 3))
+        by_lens[..., 0] = (project(camera, world)[0] - (i.cx, i.cy)) / sigma_px
+        by_lens[..., 0, 1], by_lens[..., 1, 2] = i.fx / sigma_px, i.fy / sigma_px
+        lens[:, 3 * view : 3 * view + 3] = by_lens.reshape(-1, 3)
+        return Row.of_cameras(residual.ravel(), D, lens)
+
+    def off(cameras, points, noise):
+        return float(np.sqrt(np.mean((project(cameras[view], world)[0] - corners) ** 2)))
+
+    return Fact(name or f"corners of the tag in camera {view}, off by", row, 0.0, sigma_px, off, "px")
+
+
+def floor(index, above_m, sigma_m, sigma_rad, name="floor"):
+    """Feet on the floor: the plane through points `index` (k,), each `above_m` (k,) above it, is Z = 0.
+
+    Three measurements: its height in the middle of the points with `sigma_m`, its slope along the two main directions
+    in which they are spread with `sigma_rad`, where they are spread at all (by the height's sigma beyond it).
+    """
+    index, above = np.asarray(index, int), np.broadcast_to(above_m, np.shape(index)).astype(float)
+
+    def row(cameras, points, noise):
+        at = points[index]
+        flat = at[:, :2] - at[:, :2].mean(axis=0)
+        _, spread, axes = np.linalg.svd(flat, full_matrices=False)
+        height = at[:, 2] - above
+        weights = [np.full(len(index), 1 / len(index) / sigma_m)]
+        for axis, size in zip(axes, spread / np.sqrt(len(index)), strict=True):
+            along = flat @ axis
+            sigma = np.hypot(sigma_rad, sigma_m / max(size, 1e-6))
+            weights.append(along / max(along @ along, 1e-12) / sigma)
+        W = np.array(weights)
+        by_points = np.zeros((3, len(index), 3))
+        by_points[..., 2] = W
+        return Row(W @ height, np.zeros((3, 6 * len(cameras))), index, by_points, np.zeros((3, 3 * len(cameras))))
+
+    def measured(cameras, points, noise):
+        return float((points[index, 2] - above).mean())
+
+    return Fact(name, row, 0.0, sigma_m, measured)
+
+
+@dataclass(frozen=True)
+class Marked:
+    """Points that a person marked in several cameras: `uv` (V, M, 2) recorded px, names (M,) and pictures (M,).
+
+    Each picture gives points of its own: the bar may have been moved in between.
+    """
+
+    uv: np.ndarray
+    names: tuple
+    moments: tuple
+    sigma_px: float = 1.0
+
+
+@dataclass(frozen=True)
+class About:
+    """What facts are made from: names of the cameras, `uncertainty.Tracks` of the first points, which of these are
+    known (N,), all points (N + M, 3) m, the last ones `marked`."""
+
+    cameras: list
+    tracks: object
+    known: np.ndarray
+    points: np.ndarray
+    marked: object
+    where: str
+
+    def wrong(self, key, text):
+        """The error of a fact that session.yaml states under `key`."""
+        return DiorError(f"{self.where}, session.yaml, {key}: {text}")
+
+    def view(self, name, key):
+        if name not in self.cameras:
+            raise self.wrong(
+                key, f"'{name}' is no close camera of {', '.join(self.cameras)}{nearest(name, self.cameras)}"
+            )
+        return self.cameras.index(name)
+
+    def of_mark(self, name, key):
+        """Indices of the marked point `name`, by sequence."""
+        names = () if self.marked is None else self.marked.names
+        if name not in names:
+            text = "is no close camera and " if key == "distances" else "is "
+            close = nearest(name, [*names, *self.cameras] if key == "distances" else names)
+            raise self.wrong(
+                key,
+                f"'{name}' {text}marked in fewer than two close cameras in the same sequence; mark it as joint "
+                f"'{name}' in their <camera>.marks.csv{close}",
+            )
+        at = [i for i, other in enumerate(names) if other == name]
+        return {self.marked.moments[i]: len(self.known) + i for i in at}
+
+    def of_joints(self, groups, key, sequences=None):
+        """Indices [(T, k)] of groups of joints at the moments at which all of them are known."""
+        if self.tracks is None:
+            raise self.wrong(key, "a fact about joints needs their names")
+        wanted = [name for group in groups for name in group]
+        for name in wanted:
+            if name not in self.tracks.names:
+                raise self.wrong(key, f"the detector has no joint '{name}'{nearest(name, self.tracks.names)}")
+        use = self.known if sequences is None else self.known & np.isin(self.tracks.sequence, list(sequences))
+        index = np.full((int(self.tracks.moment.max()) + 1, len(self.tracks.names)), -1)
+        index[self.tracks.moment[use], self.tracks.joint[use]] = np.flatnonzero(use)
+        columns = index[:, [list(self.tracks.names).index(name) for name in wanted]]
+        rows = columns[(columns >= 0).all(axis=1)]
+        if len(rows) < FEWEST_MOMENTS:
+            whose = "" if sequences is None else " of the subject's walks"
+            raise self.wrong(
+                key,
+                f"{', '.join(wanted)} are seen together by two cameras at {len(rows)} instants{whose}, at least "
+                f"{FEWEST_MOMENTS} are needed; choose other joints, or name more instants in `adjust`",
+            )
+        return np.split(rows, np.cumsum([len(group) for group in groups])[:-1], axis=1)
+
+
+@dataclass(frozen=True)
+class KeypointDistance:
+    """The distance of two joints of a subject; `sequences` are his, by number (None: all)."""
+
+    joints: tuple
+    length_m: float
+    sigma_m: float
+    sequences: tuple | None = None
+
+    def made(self, about):
+        a, b = about.of_joints([(self.joints[0],), (self.joints[1],)], "keypoint_distance", self.sequences)
+        return [length([(a, b, 1.0)], self.length_m, self.sigma_m, f"distance {self.joints[0]} to {self.joints[1]}")]
+
+
+@dataclass(frozen=True)
+class Stature:
+    """The height of a subject."""
+
+    height_m: float
+    sigma_m: float
+    sequences: tuple | None = None
+
+    def made(self, about):
+        segments = [(*about.of_joints([a, b], "stature", self.sequences), weight) for a, b, weight in STATURE_SEGMENTS]
+        name = f"thigh, shank and trunk of the stature of {self.height_m:g} m"
+        return [stature(segments, self.height_m, self.sigma_m, name)]
+
+
+@dataclass(frozen=True)
+class Distance:
+    """The tape between two cameras, or a camera and a marked point."""
+
+    between: tuple
+    length_m: float
+    sigma_m: float
+
+    def made(self, about):
+        name = f"distance {self.between[0]} to {self.between[1]}"
+        first = about.view(self.between[0], "distances")
+        if self.between[1] in about.cameras:
+            second = about.view(self.between[1], "distances")
+            return [between_cameras(first, second, self.length_m, self.sigma_m, name)]
+        seen = list(about.of_mark(self.between[1], "distances").values())
+        return [to_point(first, seen, self.length_m, self.sigma_m, name)]
+
+
+@dataclass(frozen=True)
+class ScaleBar:
+    """A bar whose two ends are marked; each pair of names in `ends` is a place where it lay."""
+
+    ends: tuple
+    length_m: float
+    sigma_m: float
+
+    def made(self, about):
+        pairs = []
+        for names in self.ends:
+            one, other = (about.of_mark(name, "scale_bar") for name in names)
+            pairs += [(one[moment], other[moment]) for moment in one if moment in other]
+            if not set(one) & set(other):
+                raise about.wrong(
+                    "scale_bar", f"{' and '.join(names)} are marked in no sequence together; mark both ends in one"
+                )
+        a, b = np.array(pairs).T[..., None]
+        name = f"scale bar {self.ends[0][0]} to {self.ends[0][1]}"
+        return [length([(a, b, 1.0)], self.length_m, self.sigma_m, name)]
+
+
+@dataclass(frozen=True)
+class Tag:
+    """A tag whose corners are at `world` (4, 3) m; `corners` (4, 2) recorded px by the camera that sees it, each with
+    `sigma_px`."""
+
+    world: np.ndarray
+    corners: dict
+    sigma_px: float
+
+    def made(self, about):
+        return [
+            tag(about.view(name, "tag"), seen, self.world, self.sigma_px, f"corners of the tag in {name}, off by")
+            for name, seen in self.corners.items()
+        ]
+
+
+@dataclass(frozen=True)
+class Floor:
+    """The feet stand on Z = 0: joints by their height above the sole, m; sigmas of the height (m) and slope (rad)."""
+
+    sigma_m: float = 0.02
+    sigma_rad: float = 0.02
+
+    def made(self, about):
+        index, above = [], []
+        for name, height in SOLE_M.items():
+            if about.tracks is None or name not in about.tracks.names:
+                continue
+            at = np.flatnonzero(about.known & (about.tracks.joint == list(about.tracks.names).index(name)))
+            if len(at) >= FEWEST_MOMENTS:
+                index.append(lowest(about.points[at], at))
+                above.append(np.full(len(index[-1]), height))
+        if not index:
+            raise about.wrong(
+                "floor", f"none of {', '.join(SOLE_M)} is seen by two cameras, so it says nothing; leave it out"
+            )
+        return [floor(np.concatenate(index), np.concatenate(above), self.sigma_m, self.sigma_rad)]
+
+
+def lowest(points, index):
+    """Those of `index` (k,) whose points (k, 3) are on the floor: the lowest quarter beside a plane fitted to them."""
+    kept = np.ones(len(points), bool)
+    for _ in range(3):
+        A = np.c_[np.ones(kept.sum()), points[kept, :2] - points[:, :2].mean(axis=0)]
+        plane = np.linalg.lstsq(A, points[kept, 2], rcond=None)[0]
+        above = points[:, 2] - np.c_[np.ones(len(points)), points[:, :2] - points[:, :2].mean(axis=0)] @ plane
+        kept = above <= np.quantile(above, STANCE_SHARE)
+    return index[kept]

@@ -1,0 +1,311 @@
+"""The clocks of the window's sequences, found while the cameras are adjusted to them.
+
+INPUTS   what the cameras have of each sequence (`window.Recorded`), clocks that a person gave, cameras
+OUTPUTS  the clocks, the joints at the window's instants by them, and what the clocks' errors do to the cameras
+
+Poses and clocks are found by turns: with the cameras as they are the clocks follow from how the joints move
+(`clock_fit`: a detector's constant errors have no say), then the cameras are adjusted at the instants by these clocks.
+Each gives way to what is wrong in the other, so that the turns are lengthened by what the ones before have shown.
+Where they end, both are least squares of linear equations in each other: camera errors x = A c + e, clock errors
+c = G x + f. Hence x = (1 - A G)^-1 (e + A f).
+The clock of the first camera by name is the reference. A clock is the time (s) in the middle of its stretch and the
+drift (ppm).
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dior.calibrate.bundle import uncertainty
+from dior.calibrate.bundle.window import at_instants, together
+from dior.calibrate.clock import fit as clock_fit
+from dior.calibrate.clock import from_cameras
+from dior.clocks import lags
+from dior.clocks.clock import NORMAL_95
+
+QUICK, MOST = 150, 600  # moments of a sequence that its clocks are fitted to: while the cameras still move, at last
+SETTLED_S = 2e-4
+SETTLED = 0.3  # standard errors: the turns end where the clocks move by less
+STEPS, MOST_LONGER = (5, 2), 5.0  # while the cameras still move, at last
+MOST_STEP_S, MOST_STEP_PPM = 0.1, 100.0
+MANY = 20  # joints: of more only every second (third ...) is asked
+CONTRADICTS = 2.6  # sigmas: 1 % of correct ones
+FEWEST_SHARED_S = 1.0
+
+
+@dataclass(frozen=True)
+class Sequences:
+    """`recorded`: a `window.Recorded` of each of S sequences, `windows` their instants, `names` of the V cameras.
+
+    `given` (S, V, 2): clocks as a person gave them or 0, offset s and drift ppm at t0; `held` (S, V): those that are
+    not to be estimated.
+    """
+
+    recorded: tuple
+    windows: tuple
+    names: tuple
+    given: np.ndarray
+    held: np.ndarray
+    min_views: int
+
+    @property
+    def reference(self):
+        """Index of the camera whose clock the others are told by."""
+        return self.names.index(min(self.names))
+
+    def middle(self, i):
+        """The middle (s) of the stretch that the clocks of a sequence are fitted in."""
+        grid = self.grid(i, MOST)
+        return float((grid[0] + grid[-1]) / 2)
+
+    def grid(self, i, most):
+        """Moments (T,) s that the clocks of a sequence are fitted to: about the window, as many as `most`."""
+        found, window = self.recorded[i], self.windows[i]
+        last = int(max(own.elapsed[-1] for own in found.seen) * found.fps)
+        centre = window["first"] + window["step"] * window["count"] // 2
+        first = int(np.clip(centre - most // 2, 0, max(last - most, 0)))
+        return np.arange(first, min(first + most, last) + 1) / found.fps
+
+    def at_t0(self, values):
+        """Clocks (S, V, 2) as offset (s) at t0 and drift, from the time in the middle and drift."""
+        middle = np.array([self.middle(i) for i in range(len(values))])
+        return np.stack([values[..., 0] - 1e-6 * values[..., 1] * middle[:, None], values[..., 1]], axis=-1)
+
+    def start(self, cameras, aim_rad, shift_m):
+        """Clocks (S, V, 2) as given, the others by the lags of the rays (`lags`). `aim_rad`, `shift_m` (V,)."""
+        values = self.given.copy()
+        for i, found in enumerate(self.recorded):
+            values[i, :, 0] += 1e-6 * values[i, :, 1] * self.middle(i)
+            if self.held[i].all():
+                continue
+            rays = [
+                lags.rays(camera, self.times(i, v, values[i, v]), own.uv, own.max_gap_s)
+                for v, (camera, own) in enumerate(zip(cameras, found.seen, strict=True))
+            ]
+            grid = self.grid(i, MOST)
+            values[i, :, 0] += lags.coarse(cameras, rays, self.held[i], (grid[0], grid[-1]), aim_rad, shift_m)
+        return values
+
+    def times(self, i, view, value):
+        """Times (F,) s of a camera's pictures in sequence `i` by a clock (2,)."""
+        own = self.recorded[i].seen[view]
+        return own.elapsed + value[0] + 1e-6 * value[1] * (own.elapsed - self.middle(i))
+
+    def observations(self, values):
+        """Pixels (V, N, 2) and `uncertainty.Tracks` of the joints at the windows' instants, and the `window.Seen`s."""
+        parts = [
+            at_instants(found, clocks, window, self.min_views)
+            for found, clocks, window in zip(self.recorded, self.at_t0(values), self.windows, strict=True)
+        ]
+        return *together(parts, [window["count"] for window in self.windows]), parts
+
+    def fitted(self, cameras, values, thorough=False):
+        """Clocks (S, V, 2) by how the joints move, with the cameras as they are, and the `Fit` of each sequence.
+
+        None for a sequence of which nothing tells.
+        """
+        values, fits = values.copy(), []
+        for i in range(len(values)):
+            fits.append(None)
+            if not self.held[i].all():
+                values[i], fits[i] = self._settled(i, cameras, values[i], thorough)
+        return values, fits
+
+    def freed(self):
+        """The same with no clock held but the reference's: what the detections alone say."""
+        return replace(self, held=np.broadcast_to(np.arange(len(self.names)) == self.reference, self.held.shape))
+
+    def compared(self, cameras, values, fits):
+        """The `Fit`s with what the cameras' errors add; None where all clocks are held or nothing tells."""
+        return [
+            None if fit is None else self._fit(i, cameras, values[i], fit, True, True) for i, fit in enumerate(fits)
+        ]
+
+    def _settled(self, i, cameras, value, thorough):
+        """Clocks (V, 2) of a sequence, and the last `Fit`.
+
+        Noise in the velocities of the joints makes every step too short.
+        """
+        free, fit, walked = ~self.held[i], None, Walked()
+        for _ in range(STEPS[thorough]):
+            fit = self._fit(i, cameras, value, fit, thorough)
+            if fit is None:
+                break
+            walked = walked.on(fit.step * free[:, None])
+            value = value + walked.went
+            if np.abs(walked.went[:, 0]).max() < SETTLED_S:
+                break
+        return value, fit
+
+    def _fit(self, i, cameras, value, before, thorough, last=False):
+        grid, middle, views = self.grid(i, MOST if thorough else QUICK), self.middle(i), len(cameras)
+        order = [self.reference, *(v for v in range(views) if v != self.reference)]
+        seen = self.recorded[i].seen
+        joints = slice(None, None, 1 + len(self.recorded[i].names) // MANY)
+        names = self.recorded[i].names[joints]
+        uv = np.stack([seen[v].at(grid, value[v], middle)[:, joints] for v in order])
+        ordered = [cameras[v] for v in order]
+        used = from_cameras.agreeing(ordered, uv)
+        uv = np.where(used[..., None], uv, np.nan)
+        tracks = from_cameras.tracks_of(
+            ordered,
+            uv,
+            names,
+            grid,
+            middle,
+            last,
+            before.solved if thorough and before and len(before.solved.sd_px) == len(names) * views else None,
+        )
+        # only the drift is known beforehand, about nothing
+        about = (value[order] - value[self.reference])[1:]
+        solved = clock_fit.solve(tracks, about.ravel(), np.tile([0.0, clock_fit.DRIFT_SD_PPM**-2], views - 1))
+        if solved is None:
+            return None
+        step, given = np.zeros((views, 2)), np.zeros((2 * views, 2 * views))
+        gain = np.zeros((2 * views, 6 * views))
+        step[order[1:]] = solved.step.reshape(-1, 2)
+        clock = np.array([2 * v + k for v in order[1:] for k in (0, 1)])
+        given[np.ix_(clock, clock)] = solved.given
+        if last:
+            camera = np.array([6 * v + k for v in order for k in range(6)])
+            gain[np.ix_(clock, camera)] = solved.gain
+            # what moves and scales the world as a whole does not change the time
+            world = uncertainty.gauge(cameras)
+            gain -= gain @ world @ np.linalg.pinv(world)
+        return Fit(step, given, gain, solved)
+
+
+@dataclass(frozen=True)
+class Walked:
+    """The last step of an iteration whose steps are too short by the same share: `wanted` of it and `went` (..., 2)."""
+
+    wanted: np.ndarray | None = None
+    went: np.ndarray | None = None
+
+    def on(self, wanted):
+        """The next step, longer by as much as the last one has changed what is wanted by less than its length.
+
+        Barzilai and Borwein, IMA J. Numer. Anal. 8 (1988) 141-148.
+        """
+        longer = 1.0
+        if self.went is not None:
+            changed = ((self.wanted - wanted) * self.went)[..., 0].sum()
+            longer = (self.went[..., 0] ** 2).sum() / changed if changed > 0 else MOST_LONGER
+        went = np.clip(longer, 1.0, MOST_LONGER) * wanted
+        return Walked(wanted, np.clip(went, [-MOST_STEP_S, -MOST_STEP_PPM], [MOST_STEP_S, MOST_STEP_PPM]))
+
+
+@dataclass(frozen=True)
+class Fit:
+    """`step` (V, 2) of the clocks of a sequence, covariance `given` (2V, 2V) with the cameras as they are, and `gain`
+    (2V, 6V) by the cameras' errors; zeros for the reference. `solved`: the `clock_fit.Solved` that they come from."""
+
+    step: np.ndarray
+    given: np.ndarray
+    gain: np.ndarray
+    solved: object
+
+
+def _together(fits, shape):
+    """Gains (2SV, 6V) and covariance (2SV, 2SV) of the fits of all sequences, zeros where there is none."""
+    sequences, views, _ = shape
+    each = 2 * views
+    gain, given = np.zeros((sequences * each, 6 * views)), np.zeros((sequences * each,) * 2)
+    for i, fit in enumerate(fits):
+        if fit is not None:
+            own = slice(i * each, (i + 1) * each)
+            gain[own], given[own, own] = fit.gain, fit.given
+    return gain, given
+
+
+def settled(before, after, fits):
+    """Whether the clocks (S, V, 2) of no sequence have moved by what counts."""
+    for was, now, fit in zip(before, after, fits, strict=True):
+        if fit is not None:
+            sigma = np.sqrt(np.diagonal(fit.given)).reshape(now.shape)
+            if (np.abs(now - was) > np.maximum(SETTLED * sigma, SETTLED_S))[:, 0].any():
+                return False
+    return True
+
+
+def of(recorded, windows, names, given, min_views):
+    """`Sequences` by what `offsets.read` gives for every sequence and camera, [[(offset, drift, source)]]."""
+    values = np.array([[clock[:2] for clock in each] for each in given], float).reshape(len(given), len(names), 2)
+    held = np.array([[clock[2] == "manual" for clock in each] for each in given], bool).reshape(values.shape[:2])
+    held[:, names.index(min(names))] = True
+    return Sequences(tuple(recorded), tuple(windows), tuple(names), values, held, min_views)
+
+
+def with_errors(spread, solved, tracks, timed, fits):
+    """The cameras' `Uncertainty` with that of the clocks, and the clocks' standard errors (S, V, 2) in all."""
+    gain, given = _together(fits, timed.given.shape)
+    free = np.repeat(~timed.held.ravel(), 2)
+    A = by_clocks(solved, tracks, timed) * free
+    cameras, clocks = np.eye(len(A)), np.eye(len(gain))
+    both = np.linalg.inv(cameras - A @ gain)
+    covariance = both @ (spread.covariance + A @ given @ A.T) @ both.T
+    back = np.linalg.inv(clocks - gain @ A)
+    of_clocks = back @ (given + gain @ spread.covariance @ gain.T) @ back.T
+    sigma = np.sqrt(np.diagonal(of_clocks)).reshape(timed.given.shape)
+    return replace(spread, covariance=(covariance + covariance.T) / 2), sigma
+
+
+def by_clocks(solved, tracks, timed):
+    """(6V, 2 S V): how the adjusted cameras move with the clocks (time in the middle s, drift ppm)."""
+    linear, views = solved.linear, len(solved.cameras)
+    people, count = len(tracks.joint), solved.linear.r.shape[-1]
+    speed = np.zeros((count, 3))
+    aside = np.zeros(count)
+    for i, (found, window) in enumerate(zip(timed.recorded, timed.windows, strict=True)):
+        own = np.flatnonzero(tracks.sequence == i)
+        seconds = (window["first"] + window["step"] * np.arange(window["count"])) / found.fps
+        moment = tracks.moment[own] - sum(w["count"] for w in timed.windows[:i])
+        points = np.full((window["count"], len(tracks.names), 3), np.nan)
+        points[moment, tracks.joint[own]] = solved.points[own]
+        moves = np.gradient(points, seconds, axis=0) if len(seconds) > 1 else np.zeros_like(points)
+        speed[own] = np.nan_to_num(moves)[moment, tracks.joint[own]]
+        aside[own] = 1e-6 * (seconds[moment] - timed.middle(i))
+    # the pixels at an instant move on with the clock, the residual is predicted less seen
+    by_time = -(linear.J * speed.T).sum(axis=2)
+    derivative = np.stack([by_time, by_time * aside], axis=2)
+    derivative[..., people:] = 0.0
+    sequence = np.zeros(count, int)
+    sequence[:people] = tracks.sequence
+    first = 2 * (sequence * views + np.arange(views)[:, None])
+    at = np.stack([first, first + 1], axis=1)
+    return uncertainty.by_parameters(solved, derivative, at, 2 * views * len(timed.recorded))
+
+
+def findings(session, sequences, timed, done, alone=None):
+    """What the clocks are, with 95 % intervals, and where a clock given by hand contradicts the detections.
+
+    `done`, `alone`: the `outcome.Adjusted` with the clocks that are held, and with all of them free (`freed`).
+    """
+    found, offsets = [], timed.at_t0(done.clocks)
+    for i, sequence in enumerate(sequences):
+        for v, name in enumerate(timed.names):
+            scope, held = f"{sequence}/{name}", timed.held[i, v]
+            told = alone if held else done
+            if v == timed.reference or told is None:
+                continue
+            if told.fits[i] is None:
+                text = f"its clock cannot be told from the detections; it counts as {'given' if held else 'stamped'}"
+                found.append((scope, "warning", "adjust_clock_unknown", text))
+                continue
+            sigma = told.clocks_sigma[i, v, 0]
+            if not held:
+                text = (
+                    f"its clock is {1000 * offsets[i, v, 0]:+.1f} ms +- {1000 * NORMAL_95 * sigma:.1f} ms from that of "
+                    f"{timed.names[timed.reference]}, in the middle of the window {1000 * done.clocks[i, v, 0]:+.1f} ms"
+                )
+                found.append((scope, "info", "adjust_clock", text))
+                continue
+            off, period = alone.clocks[i, v, 0] - done.clocks[i, v, 0], 1.0 / timed.recorded[i].fps
+            if abs(off) > max(period / 2, CONTRADICTS * sigma):
+                text = (
+                    f"the offset of {1000 * offsets[i, v, 0]:+.1f} ms given by hand contradicts the detections, by "
+                    f"which it is {1000 * (offsets[i, v, 0] + off):+.1f} ms +- {1000 * NORMAL_95 * sigma:.1f} ms, "
+                    f"{abs(off) / period:.1f} pictures off; correct or remove it in config/offsets/{sequence}.yaml"
+                )
+                found.append((scope, "warning", "clock_contradicts", text))
+    return found

@@ -1,0 +1,196 @@
+"""Where the adjustment starts from: the placed cameras, one from the pixels alone, and a few turned ones.
+
+INPUTS   placed cameras, recorded pixels (V, N, 2)
+OUTPUTS  starts in the order in which they are tried, and the choice among what came of them
+
+A bundle adjustment ends in the minimum next to its start, and an aim that is 20 degrees off has another one there. The
+epipolar start does not know the aim: relative poses by the essential matrix of the keypoints, further cameras by PnP
+on what two see, and the whole placed by the similarity that brings the centres to where they were measured. Two starts
+that end in the same world vouch for each other. Everything is seeded.
+"""
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from dior.errors import DiorError
+from dior.geometry.camera import REFERENCE_FX, pose, reprojection_errors, undistort
+from dior.geometry.multiview import rotation_x, rotation_z, similarity, triangulate
+
+EPIPOLAR_PX = (4.0, 12.0)  # at fx 1680
+FEWEST_SHARED = 30
+SAMPLE = 1000
+MOST_DRAWS = 300
+TURNED_DEG = (12.0, 25.0)
+MOST_TURNED = 4
+CAPPED_PX = 60.0  # at fx 1680
+SAME_M, SAME_DEG = 0.10, 1.5
+EQUAL = 1.05
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A start by name, the cameras that came of it and their cost (px at fx 1680); None and the error if it failed."""
+
+    name: str
+    cameras: list | None
+    cost_px: float = np.inf
+    error: str = ""
+
+
+def best(cameras, uv, attempt, where):
+    """The `Tried` that the adjustment goes on with, and all of them.
+
+    `attempt` (a function) adjusts cameras to a sample, or raises DiorError. Where the placed cameras and the epipolar
+    start end in the same world, or one of them far better than the other, no more are tried. Raises DiorError where
+    none succeeds (the complaint about the placed ones), and where two end equally well in different worlds.
+    """
+    tried = [_try("as placed", cameras, uv, attempt)]
+    other = epipolar(cameras, uv)
+    if other is not None:
+        tried.append(_try("epipolar", other, uv, attempt))
+    good = [one for one in tried if one.cameras is not None]
+    if not (len(good) == 2 and same_world(*(one.cameras for one in good))):
+        tried += [_try(name, start, uv, attempt) for name, start in turned(cameras)]
+        good = [one for one in tried if one.cameras is not None]
+    if not good:
+        raise DiorError(tried[0].error)
+    chosen = min(good, key=lambda one: one.cost_px)
+    for one in good:
+        if one.cost_px < EQUAL * chosen.cost_px and not same_world(one.cameras, chosen.cameras):
+            costs = ", ".join(f"{t.name} {t.cost_px:.2f} px" for t in good)
+            raise DiorError(
+                f"{where}: starts that end equally well give different worlds ({costs}); measure the cameras better "
+                "(tape.position_m, tape.target_m) or choose instants in which the person is seen all over the walkway"
+            )
+    return chosen, tried
+
+
+def _try(name, start, uv, attempt):
+    try:
+        cameras = attempt(start)
+    except DiorError as error:
+        return Tried(name, None, error=str(error))
+    return Tried(name, cameras, cost(cameras, uv))
+
+
+def cost(cameras, uv):
+    """Mean reprojection error (px at fx 1680) of all detections of joints that two cameras see, each at most 60 px."""
+    xy = np.stack([undistort(c.intrinsics, view) for c, view in zip(cameras, uv, strict=True)])
+    points = triangulate(np.stack([np.linalg.inv(c.wTc) for c in cameras]), xy, np.ones(xy.shape[:-1]))
+    scale = np.array([[REFERENCE_FX / c.intrinsics.fx] for c in cameras])
+    errors = reprojection_errors(cameras, points, uv) * scale
+    seen = np.isfinite(uv).all(axis=-1) & (np.isfinite(uv).all(axis=-1).sum(axis=0) >= 2)
+    return float(np.mean(np.fmin(np.where(np.isfinite(errors), errors, CAPPED_PX), CAPPED_PX)[seen]))
+
+
+def same_world(one, other):
+    """Whether two sets of cameras are the same to 10 cm and 1.5 degrees."""
+    for a, b in zip(one, other, strict=True):
+        cosine = (np.trace(a.wRc.T @ b.wRc) - 1) / 2
+        if np.linalg.norm(a.centre - b.centre) > SAME_M or cosine < np.cos(np.radians(SAME_DEG)):
+            return False
+    return True
+
+
+def turned(cameras):
+    """Starts whose aims are turned about the vertical and the camera's own x axis: (name, cameras)."""
+    for seed in range(MOST_TURNED):
+        random = np.random.default_rng(seed)
+        out = []
+        for camera in cameras:
+            about_z, about_x = np.radians(random.uniform(-1, 1, 2) * TURNED_DEG[::-1])
+            out.append(camera.at(pose(rotation_z(about_z) @ camera.wRc @ rotation_x(about_x), camera.centre)))
+        yield f"turned {seed + 1}", out
+
+
+def epipolar(cameras, uv):
+    """The cameras (V) placed by the pixels uv (V, N, 2), their scale and place by the centres they have.
+
+    None where two cameras do not share enough, or the others cannot be tied to them. How near to its epipolar line a
+    joint has to be is tried strictly and less so, as detectors differ; the one with the least cost counts.
+    """
+    each = [_epipolar(cameras, uv, limit / REFERENCE_FX) for limit in EPIPOLAR_PX]
+    each = [start for start in each if start is not None]
+    return min(each, key=lambda start: cost(start, uv)) if each else None
+
+
+def _epipolar(cameras, uv, threshold):
+    rays = np.stack([undistort(c.intrinsics, view) for c, view in zip(cameras, uv, strict=True)])
+    seen = np.isfinite(rays).all(axis=-1)
+    index = np.flatnonzero(seen.sum(axis=0) >= 2)
+    if len(index) > SAMPLE:
+        index = np.sort(np.random.default_rng(0).permutation(index)[:SAMPLE])
+    rays, seen = rays[:, index], seen[:, index]
+    pairs = [_pair(rays, seen, a, b, threshold) for a, b in combinations(range(len(cameras)), 2)]
+    pairs = sorted((pair for pair in pairs if pair is not None), key=lambda pair: -pair[0])
+    for _, a, b, bTa in pairs:
+        cTw = _chained(rays, seen, a, b, bTa, threshold)
+        if cTw is not None:
+            return _to_tape(cameras, cTw)
+    return None
+
+
+def _pair(rays, seen, a, b, threshold):
+    """How many joints agree on the relative pose of two cameras, the cameras, and that pose bTa; None for too few."""
+    import cv2
+
+    both = seen[a] & seen[b]
+    if both.sum() < FEWEST_SHARED:
+        return None
+    one, other = (np.ascontiguousarray(rays[view][both]) for view in (a, b))
+    cv2.setRNGSeed(0)
+    E, agree = cv2.findEssentialMat(
+        one, other, np.eye(3), method=cv2.RANSAC, prob=0.999, threshold=threshold, maxIters=MOST_DRAWS
+    )
+    if E is None or E.shape != (3, 3):
+        return None
+    count, R, t, _ = cv2.recoverPose(E, one, other, np.eye(3), mask=agree)
+    return (int(count), a, b, pose(R, t.ravel())) if count >= FEWEST_SHARED else None
+
+
+def _chained(rays, seen, a, b, bTa, threshold):
+    """cTw (V, 4, 4) of all cameras in the axes of camera a and units of the baseline, the others by PnP; or None."""
+    import cv2
+
+    cTw = {a: np.eye(4), b: bTa}
+    while len(cTw) < len(rays):
+        views = list(cTw)
+        points = triangulate(np.stack([cTw[v] for v in views]), rays[views], seen[views].astype(float))
+        known = np.isfinite(points).all(axis=1)
+        left = [v for v in range(len(rays)) if v not in cTw]
+        view = max(left, key=lambda v: (known & seen[v]).sum())
+        both = known & seen[view]
+        if both.sum() < FEWEST_SHARED:
+            return None
+        cv2.setRNGSeed(0)
+        done, turn, move, agree = cv2.solvePnPRansac(
+            points[both], np.ascontiguousarray(rays[view][both]), np.eye(3), None, iterationsCount=500,
+            reprojectionError=2 * threshold, flags=cv2.SOLVEPNP_SQPNP,
+        )  # fmt: skip
+        if not done or agree is None or len(agree) < FEWEST_SHARED:
+            return None
+        cTw[view] = pose(cv2.Rodrigues(turn)[0], move.ravel())
+    return np.stack([cTw[v] for v in range(len(rays))])
+
+
+def _to_tape(cameras, cTw):
+    """The cameras at `cTw` (V, 4, 4), brought to their measured centres by a similarity.
+
+    Two centres leave a turn about their line open, and any few of them little of the tilt: a point below each camera,
+    by its own downward axis, has a say as well.
+    """
+    wTc = np.linalg.inv(cTw)
+    centre = np.array([c.centre for c in cameras])
+    found = wTc[:, :3, 3]
+    size, measured = (np.sqrt(np.mean((x - x.mean(axis=0)) ** 2)) for x in (found, centre))
+    if not size > 0:
+        return None
+    if len(cameras) == 2:
+        found = np.concatenate([found, found + size * wTc[:, :3, 1]])
+        centre = np.concatenate([centre, centre + measured * np.array([c.wRc[:, 1] for c in cameras])])
+    s, R, t = similarity(found, centre)
+    if not s > 0:
+        return None
+    return [c.at(pose(R @ T[:3, :3], s * R @ T[:3, 3] + t)) for c, T in zip(cameras, wTc, strict=True)]

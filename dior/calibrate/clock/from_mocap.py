@@ -1,0 +1,136 @@
+"""The clock of a camera against the motion capture, from 2D detections of the walker.
+
+INPUTS   a located camera, the markers of the C3D, detections (px) and stamps of the camera's pictures
+OUTPUTS  `dior.clocks.clock.Clock` (method "detections"), the cost over the lag
+A search over the window finds the lag at which the projected markers are nearest to the detections; then time and
+drift are fitted to how the joints move (`clock_fit`). World of the C3D in metres, recorded px, seconds.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dior.body import joint_centres
+from dior.calibrate.clock import fit
+from dior.clocks import lag_curve
+from dior.clocks.axis import blend, bracket
+from dior.clocks.clock import Clock
+from dior.geometry import camera as cam
+from dior.geometry import covariance
+from dior.geometry.multiview import side_seen
+
+LAG_STEP_S = 1 / 60
+SEARCHED = 240  # pictures
+REACH_M = 0.3  # farther from its joint a detection is of something else
+MOST = 2400  # pictures that take part, in runs
+RUNS = 3
+ROUNDS = 12
+MOST_APART_S = 0.06
+
+
+@dataclass(frozen=True)
+class Walker:
+    """Joints of the walker at ticks `t` (I,) s: `points` (I, J, 3) m, `axes` (I, J, 3, 3) of their segments, names.
+
+    `left` (I, 2): from the right to the left of the body.
+    """
+
+    t: np.ndarray
+    points: np.ndarray
+    axes: np.ndarray
+    left: np.ndarray
+    names: list
+
+    def velocity(self):
+        return np.gradient(self.points, self.t, axis=0)
+
+
+def walker_of(t, xyz, markers, wanted):
+    """`Walker` of the joints `wanted` that the markers xyz (I, M, 3) tell."""
+    points, axes = joint_centres.joints(xyz, markers, wanted)
+    there = np.isfinite(points).all(axis=-1).mean(axis=0) > 0.2
+    at = {name: xyz[:, i, :2] for i, name in enumerate(markers)}
+    pairs = [
+        (f"L{part}", f"R{part}") for part in ("ASI", "PSI", "SHO", "KNE", "ANK") if {f"L{part}", f"R{part}"} <= set(at)
+    ]
+    left = np.nansum([at[a] - at[b] for a, b in pairs], axis=0) if pairs else np.zeros((len(t), 2))
+    return Walker(
+        t, points[:, there], axes[:, there], left, [name for name, yes in zip(wanted, there, strict=True) if yes]
+    )
+
+
+def from_detections(camera, motion, uv, elapsed):
+    """`Clock`, lags (L,) s and costs (L,) px of the lag; the reason where it cannot be told (then the clock is zero).
+
+    `uv` (F, J, 2) of `motion.names`, NaN where not seen; `elapsed` (F,) s after t0, ascending.
+    """
+    lags, costs = search(camera, motion, uv, elapsed)
+    if not np.isfinite(costs).any():
+        return Clock(0.0), lags, costs, "no joint is both detected and known from the markers"
+    unclear = lag_curve.second_minimum(lags, costs)
+    if unclear is not None:
+        return (
+            Clock(0.0),
+            lags,
+            costs,
+            (f"a lag of {lags[np.nanargmin(costs)]:+.2f} s fits hardly better than one of {unclear:+.2f} s"),
+        )
+    at = fit.runs(len(elapsed), MOST, RUNS)
+    middle = float((elapsed[0] + elapsed[-1]) / 2)
+    value = np.array([lag_curve.lowest(lags, costs), 0.0])
+    precision = np.array([0.0, fit.DRIFT_SD_PPM**-2])
+    solved = None
+    for _ in range(ROUNDS):
+        tracks = tracks_of(camera, motion, uv[at], elapsed[at], middle, value)
+        solved = fit.solve(tracks, value, precision)
+        if solved is None:
+            return Clock(0.0), lags, costs, "too few detections of moving joints"
+        step = np.clip(solved.step, [-0.1, -200], [0.1, 200])
+        value = value + step
+        if fit.settled(solved):
+            break
+    why = fit.doubt(solved) or lag_curve.disagreement(value[0] - lag_curve.lowest(lags, costs), MOST_APART_S)
+    return fit.clock_of(value, middle, solved, [camera.name]), lags, costs, why
+
+
+def search(camera, motion, uv, elapsed):
+    """Lags (L,) s and the mean distance (L,) px of detections from the projected joints, each no more than 0.3 m."""
+    lags = np.arange(-round(lag_curve.WINDOW_S / LAG_STEP_S), round(lag_curve.WINDOW_S / LAG_STEP_S) + 1) * LAG_STEP_S
+    at = np.unique(np.linspace(0, len(elapsed) - 1, min(SEARCHED, len(elapsed))).round().astype(int))
+    where = bracket(motion.t, (elapsed[at] + lags[:, None]).ravel(), 2.5 * np.median(np.diff(motion.t)))
+    px, depth = cam.project(camera, motion.points)
+    reach = np.where(depth > 0, camera.intrinsics.fx * REACH_M / np.where(depth > 0, depth, 1.0), np.nan)
+    seen = np.broadcast_to(uv[at], (len(lags), *uv[at].shape)).reshape(-1, *uv.shape[1:])
+    far = blend(reach, *where)
+    distance = np.minimum(np.linalg.norm(blend(px, *where) - seen, axis=-1), far).reshape(len(lags), -1)
+    known = np.isfinite(distance)
+    total = np.where(known, distance, 0.0).sum(axis=1)
+    # a lag at which little overlaps may not win by that
+    enough = known.sum(axis=1) > 0.5 * known.sum(axis=1).max() if known.any() else np.zeros(len(lags), bool)
+    return lags, np.where(enough, total / np.maximum(known.sum(axis=1), 1), np.nan)
+
+
+def tracks_of(camera, motion, uv, elapsed, middle, value):
+    """`clock_fit.Tracks` at a clock `value` (time in the middle s, drift ppm)."""
+    seconds = elapsed + value[0] + 1e-6 * value[1] * (elapsed - middle)
+    where = bracket(motion.t, seconds, 2.5 * np.median(np.diff(motion.t)))
+    points = blend(motion.points, *where)
+    speed = blend(motion.velocity(), *where)
+    axes = blend(motion.axes, *where)
+    px, depth = cam.project(camera, points)
+    by_point, by_camera = covariance.projection(camera, points)
+    residual = px - uv
+    far = np.linalg.norm(residual, axis=-1) > camera.intrinsics.fx * REACH_M / np.where(depth > 0, depth, np.nan)
+    residual = np.where(far[..., None], np.nan, residual)
+    moves = (by_point @ speed[..., None])[..., 0]
+    by_clock = np.stack([moves, moves * (1e-6 * (elapsed - middle))[:, None, None]], axis=-1)
+    known = np.isfinite(points).all(axis=-1, keepdims=True)
+    body = np.where(known, points, 0.0).sum(axis=1)[:, :2] / np.maximum(known.sum(axis=1), 1)
+    side = side_seen(camera.centre, blend(motion.left, *where), body)
+    side = np.broadcast_to(side[:, None], depth.shape)
+    basis = fit.constants(depth, side, by_point @ axes)
+    groups = [joint_centres.group(name) for name in motion.names]
+    return fit.Tracks(
+        *(np.swapaxes(x, 0, 1) for x in (residual, by_clock, by_camera, basis)),
+        None, np.arange(len(groups)), np.unique(groups, return_inverse=True)[1], elapsed,
+    )  # fmt: skip

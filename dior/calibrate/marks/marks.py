@@ -1,0 +1,225 @@
+"""Hand-marked 3D-2D pairs of one camera.
+
+INPUTS   config/sessions/<session>/<camera>.marks.csv: `sequence,frame,joint,u,v` and optionally `x,y,z`
+         frames, mocap and offsets of the sequences in it
+OUTPUTS  marks with their world points: recorded pixels, metres in the world frame
+
+Without xyz, `joint` is a C3D marker, taken at the picture's own stamp plus the camera's offset and interpolated
+linearly between two ticks of the mocap, never across a gap.
+"""
+
+import csv
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from dior.calibrate.marks.pnp import Mark
+from dior.clocks.axis import sample, seconds
+from dior.errors import DiorError, nearest
+from dior.geometry.camera import in_frame, project
+from dior.tables import tables
+
+COLUMNS = ("sequence", "frame", "joint", "u", "v")
+WORLD = ("x", "y", "z")
+MANY_LOST = 0.2
+
+
+@dataclass(frozen=True)
+class Marks:
+    """N marks: `sequence`, `joint` (N,) text, `frame`, `line` (N,) int, `uv` (N, 2) px, `xyz` (N, 3) m or NaN."""
+
+    sequence: np.ndarray
+    frame: np.ndarray
+    joint: np.ndarray
+    line: np.ndarray
+    uv: np.ndarray
+    xyz: np.ndarray
+
+    def __len__(self):
+        return len(self.frame)
+
+    def only(self, keep):
+        """The marks where the mask `keep` (N,) is true."""
+        return Marks(*(getattr(self, name)[keep] for name in self.__dataclass_fields__))
+
+
+def read(path):
+    """Marks of a CSV file; `xyz` is NaN where the file has none.
+
+    Raises DiorError that names the file and the line: no such file, wrong columns, a value that is no number, a
+    part of xyz only, the same joint marked twice on a frame.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise DiorError(f"{path}: there is no such file; mark at least 4 points or choose another `locate`")
+    with open(path, newline="", encoding="utf-8-sig") as stream:
+        reader = csv.DictReader(stream)
+        header = [name.strip() for name in reader.fieldnames or ()]
+        reader.fieldnames = header
+        _check_header(path, header)
+        rows = [_row(f"{path} line {reader.line_num}", reader.line_num, row) for row in reader]
+    first = {}
+    for row in rows:
+        key = row[:3]
+        if key in first:
+            raise DiorError(
+                f"{path} line {row[3]}: {key[2]} on frame {key[1]} of {key[0]} is marked already on line {first[key]}"
+            )
+        first[key] = row[3]
+    sequence, frame, joint, line, uv, xyz = zip(*rows, strict=True) if rows else ((),) * 6
+    return Marks(
+        np.array(sequence, object),
+        np.array(frame, np.int64),
+        np.array(joint, object),
+        np.array(line, np.int64),
+        np.array(uv, float).reshape(-1, 2),
+        np.array(xyz, float).reshape(-1, 3),
+    )
+
+
+def _check_header(path, header):
+    for name in header:
+        if name not in COLUMNS + WORLD:
+            raise DiorError(f"{path}: unknown column '{name}'{nearest(name, COLUMNS + WORLD)}")
+        if header.count(name) > 1:
+            raise DiorError(f"{path}: column '{name}' is there twice")
+    missing = [name for name in COLUMNS if name not in header]
+    missing += [name for name in WORLD if name not in header and set(WORLD) & set(header)]
+    if missing:
+        raise DiorError(f"{path}: column '{missing[0]}' is missing; the header is sequence,frame,joint,u,v[,x,y,z]")
+
+
+def _row(where, line, row):
+    if None in row or None in row.values():
+        raise DiorError(f"{where}: the number of cells is not that of the header")
+    cells = {name: value.strip() for name, value in row.items()}
+    if not cells["sequence"] or not cells["joint"]:
+        raise DiorError(f"{where}: sequence or joint is empty")
+    if not cells["frame"].isdecimal():
+        raise DiorError(f"{where}: frame is '{cells['frame']}', not a whole number from 0")
+    given = [name for name in WORLD if cells.get(name)]
+    if given and len(given) < 3:
+        raise DiorError(f"{where}: give all of x,y,z or none (only {','.join(given)} is there)")
+    uv = tuple(_number(where, name, cells[name]) for name in ("u", "v"))
+    xyz = tuple(_number(where, name, cells[name]) for name in WORLD) if given else (np.nan,) * 3
+    return cells["sequence"], int(cells["frame"]), cells["joint"], line, uv, xyz
+
+
+def _number(where, name, text):
+    try:
+        value = float(text)
+    except ValueError:
+        value = np.nan
+    if not np.isfinite(value):
+        raise DiorError(f"{where}: {name} is '{text}', not a number")
+    return value
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Markers of one sequence: `t` (I,) s after the first stored frame, `t0_ns`, `xyz` (I, J, 3) m, `joints`."""
+
+    t: np.ndarray
+    t0_ns: int
+    xyz: np.ndarray
+    joints: list
+
+
+def read_motion(path):
+    """Markers of a mocap table (`skeletons_3d`): the sequence's name and a `Motion`."""
+    table = tables.read(path, "skeletons_3d", ["sequence", "joint", "instant", "stamp_ns", *WORLD])
+    xyz, joints = tables.grid(table, *WORLD)
+    if not joints:
+        raise DiorError(f"{path}: the mocap table is empty")
+    stamps = table["stamp_ns"][:: len(joints)]
+    return table["sequence"][0], Motion((stamps - stamps[0]) / 1e9, int(stamps[0]), xyz, joints)
+
+
+def times(marks, path, camera, intrinsics, motions, stamps):
+    """Seconds (N,) from the start of the mocap to the picture by the camera's clock as it is; NaN for marks with xyz.
+
+    `motions`: sequence -> Motion; `stamps`: sequence -> (frame numbers, stamps in ns) of this camera. Raises DiorError
+    for a sequence, frame or marker that is not there and a mark outside the picture.
+    """
+    t = np.full(len(marks), np.nan)
+    for i in range(len(marks)):
+        where = f"{path} line {marks.line[i]}"
+        sequence, joint = marks.sequence[i], marks.joint[i]
+        stamp = _stamp(where, stamps, sequence, marks.frame[i], camera)
+        if not in_frame(intrinsics, marks.uv[i]):
+            u, v = marks.uv[i]
+            raise DiorError(f"{where}: ({u:g}, {v:g}) is outside of the {intrinsics.width}x{intrinsics.height} picture")
+        if np.isfinite(marks.xyz[i]).all():
+            continue
+        if sequence not in motions:
+            raise DiorError(f"{where}: sequence '{sequence}' has no mocap, so the mark needs x,y,z")
+        motion = motions[sequence]
+        if joint not in motion.joints:
+            raise DiorError(f"{where}: '{joint}' is not a marker of {sequence}{nearest(joint, motion.joints)}")
+        t[i] = seconds(stamp, motion.t0_ns)
+    return t
+
+
+def in_world(marks, path, camera, intrinsics, motions, stamps, clocks, scope):
+    """Marks with their world points, and findings for those that were dropped.
+
+    `clocks`: sequence -> (offset_s, drift_ppm, ...) of this camera; the rest as of `times`, which raises. A mark whose
+    marker is missing at its time is dropped.
+    """
+    t, xyz = times(marks, path, camera, intrinsics, motions, stamps), marks.xyz.copy()
+    for i in np.flatnonzero(np.isfinite(t)):
+        motion = motions[marks.sequence[i]]
+        offset_s, drift_ppm = clocks[marks.sequence[i]][:2]
+        at = np.array([t[i] * (1 + 1e-6 * drift_ppm) + offset_s])
+        xyz[i] = sample(motion.t, motion.xyz[:, motion.joints.index(marks.joint[i])], at, longest_step(motion))[0]
+    known = np.isfinite(xyz).all(axis=1)
+    findings = _without_marker(marks, known, path, scope)
+    return replace(marks, xyz=xyz).only(known), findings
+
+
+def unmarked(marks, camera, motions, stamps, clocks):
+    """`pnp.Mark` of every marker that is in the picture and not marked, on the frames that have marks.
+
+    Whether the body hides it is not known. Arguments as of `in_world`.
+    """
+    found = []
+    for sequence, frame in dict.fromkeys(zip(marks.sequence, marks.frame.tolist(), strict=True)):
+        if sequence not in motions:
+            continue
+        motion = motions[sequence]
+        at = seconds(_stamp("marks", stamps, sequence, frame, camera.name), motion.t0_ns, *clocks[sequence][:2])
+        xyz = sample(motion.t, motion.xyz, np.array([at]), longest_step(motion))[0]
+        uv, depth = project(camera, xyz)
+        there = marks.joint[(marks.sequence == sequence) & (marks.frame == frame)]
+        for j, joint in enumerate(motion.joints):
+            if np.isfinite(uv[j]).all() and depth[j] > 0 and in_frame(camera.intrinsics, uv[j]) and joint not in there:
+                found.append(Mark(sequence, frame, joint, xyz[j]))
+    return found
+
+
+def _without_marker(marks, known, path, scope):
+    """One finding for the marks that are not `known` (N,), since their marker being missing in the mocap."""
+    lost = np.flatnonzero(~known)
+    if not len(lost):
+        return []
+    each = (f"line {marks.line[i]} {marks.joint[i]}, frame {marks.frame[i]} of {marks.sequence[i]}" for i in lost)
+    severity = "warning" if len(lost) > MANY_LOST * len(known) else "info"
+    text = f"{len(lost)} of {len(known)} marks are not used, their markers are missing in the mocap there"
+    return [(scope, severity, "mark_without_marker", f"{path}: {text} ({'; '.join(each)})")]
+
+
+def _stamp(where, stamps, sequence, frame, camera):
+    if sequence not in stamps:
+        raise DiorError(f"{where}: '{sequence}' is not a sequence of this session{nearest(sequence, stamps)}")
+    frames, ns = stamps[sequence]
+    found = np.flatnonzero(frames == frame)
+    if not len(found):
+        last = f"its last is {frames.max()}" if len(frames) else "it has none"
+        raise DiorError(f"{where}: {camera} has no frame {frame} in {sequence} ({last})")
+    return ns[found[0]]
+
+
+def longest_step(motion):
+    """1.5 ticks: neighbouring ticks are joined, a gap in the ticks is not."""
+    return 1.5 * np.median(np.diff(motion.t)) if len(motion.t) > 1 else 0.0

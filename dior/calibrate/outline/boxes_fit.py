@@ -1,0 +1,363 @@
+"""Fit a camera to what a person draws or a still camera shows: boxes around a body whose 3D is known, clicked joints.
+
+INPUTS   a start, `Freedom` (what may move, how far the tape is trusted), `Seen` (3D at the pictures, edges, clicks)
+OUTPUTS  `Fitted`: the camera, what was fitted with its covariance, which edges agreed
+
+An edge of a box is the extreme of the projected joints in its direction, moved outwards by a margin. Which joint is
+the extreme changes from step to step; between the changes the edge has that joint's derivative. Robust least squares
+(Geman-McClure weights, the scale lowered in steps) with the priors as further observations.
+
+Where the clock of a walk's pictures is not known either, the fit has the time in the middle of its pictures and the
+drift as further parameters, and the camera's covariance is that with both left open. A walk in one direction only tells
+the turn and the time apart by the limbs.
+
+World in metres, recorded pixels, radians. Parameters: turn about the camera's own axes (3), shift of its centre along
+the line of sight, to its right and up (3), log of the focal length, margin along u and along v; time (s) and drift
+(ppm) of each walk.
+"""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from dior.calibrate.outline import edge_errors, seen_edges
+from dior.errors import DiorError
+from dior.geometry import camera as cam
+from dior.geometry import covariance
+
+TURN, SHIFT, FOCAL, MARGIN = slice(0, 3), slice(3, 6), 6, slice(7, 9)
+AXIS, OUTWARDS = np.array([0, 1, 0, 1]), np.array([-1.0, -1.0, 1.0, 1.0])  # of u_min, v_min, u_max, v_max
+SIDES = ("u_min", "v_min", "u_max", "v_max")
+SCALES = (16.0, 8.0, 4.0)  # of the weights, px, before they follow the residuals
+CUT = 3.0  # residuals of that many sd weigh a quarter
+# what it costs to read a side as an occluder's, beyond the usual cost 1 of each edge that is left out: a chi2. As much
+# again with many edges, so that a small misfit of all of them is not taken for a wall.
+COST_OF_HIDING = {"": 0.0, "v_max": 25.0, "v_min": 45.0}  # walls and hedges hide legs; little hides heads
+DOUBTFUL = 12.0
+NEAR_LINE_PX = 3.0
+LINE_PX = 1.0  # how well the line of an occluder is known
+# clocks: where they are searched, and the scale of the weights with which one is judged
+LAGS_S = np.round(np.arange(-2.0, 2.05, 0.1), 1)
+SEARCH_SCALES = (16.0, 8.0, 4.0)
+ANOTHER_S = 0.15  # a clock further away is another solution
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """`values` (9,) and `covariance` (9, 9) of the parameters, of the six of `dior.geometry.covariance` with those of V
+    close cameras `by_cameras` (9, 6V); `residual` (F, 4) px of the edges, NaN where none; `agree` (F, 4);
+    `click_residual` (F, J, 2) px; `hidden` the side that an occluder has, or ""; `sd_px` of an edge; `inflation` by
+    time; `ahead` by how much (chi2) the edges prefer this reading to the next. `clocks` (K, 2) s and ppm: what is to be
+    added to each walk's time in the middle of its pictures and drift, with `clock_sigma` (K, 2); `points` (F, J, 3)
+    with these clocks.
+    """
+
+    camera: cam.Camera
+    values: np.ndarray
+    covariance: np.ndarray
+    residual: np.ndarray
+    agree: np.ndarray
+    click_residual: np.ndarray
+    hidden: str
+    sd_px: float
+    inflation: float
+    ahead: float = np.inf
+    by_cameras: np.ndarray = field(default_factory=lambda: np.zeros((9, 0)))
+    clocks: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
+    clock_sigma: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
+    points: np.ndarray = None
+
+    @property
+    def pose_covariance(self):
+        """(6, 6) of the camera's turn (rad) and shift (m, world)."""
+        T = to_pose(self.camera)
+        return T @ self.covariance @ T.T
+
+
+def sight(camera):
+    """(3, 3) with columns along the line of sight, to the right and up; the first two are horizontal."""
+    ahead = camera.wRc[:, 2] * (1, 1, 0)
+    if np.linalg.norm(ahead) < 1e-6:
+        return np.eye(3)
+    ahead = ahead / np.linalg.norm(ahead)
+    return np.stack([ahead, np.cross(ahead, (0, 0, 1)), (0, 0, 1)], axis=1)
+
+
+def to_pose(camera, range_m=None):
+    """(6, 9) that brings the parameters' errors to those of `dior.geometry.covariance`.
+
+    An error of the focal length is given as the shift along the optical axis that looks alike `range_m` away.
+    """
+    T = np.zeros((6, 9))
+    T[:3, TURN], T[3:, SHIFT] = np.eye(3), sight(camera)
+    if range_m is not None:
+        T[3:, FOCAL] = range_m * camera.wRc[:, 2]
+    return T
+
+
+def moved(start, axes, values):
+    """The camera with the parameters `values` (9,); `axes` as from `sight(start)`."""
+    step = np.concatenate([values[TURN], axes @ values[SHIFT]])
+    camera = covariance.moved(start, step)
+    lens = camera.intrinsics
+    grown = np.exp(values[FOCAL])
+    return replace(camera, intrinsics=replace(lens, fx=lens.fx * grown, fy=lens.fy * grown))
+
+
+READINGS = {"auto": ("", "v_max", "v_min"), "none": ("",), "below": ("v_max",), "above": ("v_min",)}
+
+
+def fit(start, freedom, seen, where, derivative=None, occluder="auto"):
+    """`Fitted` from a start a few degrees off.
+
+    `derivative`: a function that gives the (F, J, 3, 6V) of points by the errors of the close cameras, or the array
+    itself, for `by_cameras`. Of the readings "all edges are the body's" and "the lower (upper) edge is an occluder's,
+    which hides the joints beyond it" the one is taken that the edges agree with best; `occluder` (auto, none, below,
+    above) may say which. Raises DiorError (beginning with `where`) with too little to fit.
+    """
+    count = np.isfinite(seen.edges).sum() + np.isfinite(seen.clicks).sum()
+    if count < 8:
+        raise DiorError(f"{where}: {count} usable edges and clicked coordinates; draw boxes on at least 4 pictures")
+    readings = READINGS[occluder] if np.isfinite(seen.edges).any() else ("",)
+    tried = [Reading(start, freedom, seen, side).solve(where) for side in readings]
+    sd_px = min(reading.sd for reading in tried)
+    costs = np.array([reading.cost(sd_px) for reading in tried])
+    best = int(np.argmin(costs))
+    others = np.delete(costs, best)
+    return replace(tried[best].fitted(derivative), ahead=float(min(others - costs[best], default=np.inf)))
+
+
+class Reading:
+    """One reading of the edges, with the state of its iteration."""
+
+    def __init__(self, start, freedom, seen, side):
+        self.start, self.axes, self.seen, self.side = start, sight(start), seen, side
+        self.freedom = freedom
+        self.prior = seen_edges.prior(freedom, len(seen.tracks))
+        self.free = np.diagonal(self.prior) < 1e15
+        self.values = np.zeros(len(self.prior))
+        self.sd = SCALES[-1] / CUT
+        self.line = np.nanmedian(seen.edges[:, SIDES.index(side)]) if side else np.nan
+
+    @property
+    def clocks(self):
+        """(K, 2) a view of the parameters."""
+        return self.values[9:].reshape(-1, 2)
+
+    def solve(self, where):
+        unknown = [k for k in range(len(self.seen.tracks)) if self.free[9 + 2 * k]]
+        for k in unknown:
+            self.clocks[k, 0] = self._search(k, where)
+        self._iterate(where)
+        for k in unknown:
+            self._try_another(k, where)
+        return self
+
+    def _search(self, walk, where):
+        """The clock (s) of a walk by its pictures alone, with an aim of their own."""
+        held = replace(self.freedom, clock_s=(), drift_ppm=())
+        costs = []
+        for lag in LAGS_S:
+            seen = self.seen.only(walk, lag)
+            costs.append(Reading(self.start, held, seen, self.side).cost_of_search(where))
+        costs = np.array(costs) + (LAGS_S / self.freedom.clock_s[walk]) ** 2
+        return float(LAGS_S[np.argmin(costs)])
+
+    def cost_of_search(self, where):
+        """The cost after a few steps; what cannot be compared counts as much as what fits."""
+        count = np.isfinite(self.seen.edges).sum() + np.isfinite(self.seen.clicks).sum()
+        if not np.isfinite(cam.project(self.start, self.seen.points)[0]).any():
+            return float(count * CUT**2)
+        self.values[TURN] = self._aim(where) * self.free[TURN]
+        for scale in SEARCH_SCALES:
+            for _ in range(2):
+                self.values = self.values + self._step(self.rows(), scale)
+        return self.cost(SEARCH_SCALES[-1] / CUT) + (0 if self.side else count - len(self.rows().kind))
+
+    def _try_another(self, walk, where):
+        """Another clock of this walk, if all pictures together agree better with it."""
+        sd, kept = self.sd, self.values.copy()
+        costs = []
+        for lag in LAGS_S:
+            self.clocks[walk, 0] = lag
+            costs.append(self.cost(sd))
+        self.values = kept.copy()
+        best = float(LAGS_S[np.argmin(costs)])
+        if abs(best - self.clocks[walk, 0]) < ANOTHER_S:
+            return
+        before = self.cost(sd)
+        self.clocks[walk, 0] = best
+        self._iterate(where)
+        if self.cost(sd) > before:
+            self.values, self.sd = kept, sd
+
+    def _iterate(self, where):
+        self.values[TURN] = self._aim(where) * self.free[TURN]
+        for scale in (*SCALES, *(None,) * 12):
+            for _ in range(6 if scale else 3):
+                rows = self.rows()
+                if scale is None:
+                    self.sd = edge_errors.spread(rows.residual)
+                step = self._step(rows, scale or CUT * self.sd)
+                self.values = self.values + step
+                small = np.abs(step[TURN]).max() < 1e-9 and np.abs(step[SHIFT]).max() < 1e-7
+                if small and np.abs(step[9::2]).max(initial=0.0) < 1e-6:
+                    break
+
+    def _aim(self, where):
+        """The turn that brings the middles of the projected boxes onto the drawn ones, in the median."""
+        uv = cam.project(self.start, self.seen.at(self.clocks)[0])[0]
+        if not np.isfinite(uv).any():
+            raise DiorError(f"{where}: none of the 3D is in front of the camera; is tape.target_m where the person is?")
+        low, high = _extremes(uv, np.isfinite(uv).all(axis=-1))
+        miss = np.concatenate(
+            [
+                (self.seen.edges[:, :2] + self.seen.edges[:, 2:] - low - high) / 2,
+                (self.seen.clicks - uv).reshape(-1, 2),
+            ]
+        )
+        if self.side:
+            # one edge is not the body's: the other says where it is
+            other = self.seen.edges[:, 1] - low[:, 1] if self.side == "v_max" else self.seen.edges[:, 3] - high[:, 1]
+            miss[: len(other), 1] = other
+        u, v = np.nanmedian(miss, axis=0)
+        lens = self.start.intrinsics
+        return np.array([np.arctan(v / lens.fy), -np.arctan(u / lens.fx), 0.0])
+
+    def camera(self):
+        return moved(self.start, self.axes, self.values)
+
+    def visible(self, uv):
+        """Joints (F, J) that are surely not behind the occluder, those that may not be, and pictures (F,) it cuts."""
+        there = np.isfinite(uv).all(axis=-1) & cam.in_frame(self.start.intrinsics, uv)
+        if not self.side:
+            return there, there, np.zeros(len(uv), bool)
+        k = SIDES.index(self.side)
+        cut = np.abs(self.seen.edges[:, k] - self.line) <= NEAR_LINE_PX
+        beyond = OUTWARDS[k] * (uv[..., 1] - self.line) + self.values[8]
+        surely, perhaps = (there & ~((beyond > slack) & cut[:, None]) for slack in (-LINE_PX, LINE_PX))
+        return surely, perhaps, cut
+
+    def rows(self):
+        """`_Rows` of every edge and click at the present values."""
+        camera = self.camera()
+        points, velocity, since = self.seen.at(self.clocks)
+        uv, depth = cam.project(camera, points)
+        shown, perhaps, cut = self.visible(uv)
+        edges = np.where(shown.any(axis=1)[:, None], self.seen.edges, np.nan)
+        if self.side:
+            edges[cut, SIDES.index(self.side)] = np.nan
+        with np.errstate(invalid="ignore", divide="ignore"):
+            flesh = np.broadcast_to(camera.intrinsics.fx * np.asarray(self.seen.flesh_m) / depth, uv.shape[:2])
+        outwards, most = (
+            np.where(known[..., None], uv[..., AXIS] * OUTWARDS + flesh[..., None], -np.inf)
+            for known in (shown, perhaps)
+        )
+        if self.side:
+            # an edge that hangs on a joint at the occluder's line tells nothing
+            edges[~(most.max(axis=1) < outwards.max(axis=1) + LINE_PX / 2)] = np.nan
+        frame, side = np.nonzero(np.isfinite(edges))
+        joint = outwards.argmax(axis=1)[frame, side]
+        clicked = np.argwhere(np.isfinite(self.seen.clicks) & np.isfinite(uv))
+        sign = np.concatenate([OUTWARDS[side], np.zeros(len(clicked))])
+        frame, joint, axis = (
+            np.concatenate(pair).astype(int) for pair in zip((frame, joint, AXIS[side]), clicked.T, strict=True)
+        )
+        observed = np.concatenate([edges[np.isfinite(edges)], self.seen.clicks[tuple(clicked.T)]])
+        by_point, by_camera = covariance.projection(camera, points[frame, joint])
+        at = np.arange(len(frame))
+        lens = camera.intrinsics
+        J = np.zeros((len(frame), len(self.values)))
+        J[:, :6] = by_camera[at, axis]
+        J[:, SHIFT] = J[:, 3:6] @ self.axes
+        J[:, FOCAL] = (uv[frame, joint] - (lens.cx, lens.cy))[at, axis]
+        J[at, 7 + axis] = sign
+        if self.seen.tracks:
+            by_time = np.einsum("ni,ni->n", by_point[at, axis], velocity[frame, joint])
+            J[at, 9 + 2 * self.seen.walk[frame]] = by_time
+            J[at, 10 + 2 * self.seen.walk[frame]] = 1e-6 * by_time * since[frame]
+        model = uv[frame, joint, axis] + sign * (self.values[7 + axis] + np.nan_to_num(flesh[frame, joint]))
+        kind = np.concatenate([side, np.full(len(clicked), -1)])
+        return Rows(frame, joint, axis, kind, observed - model, J, by_point[at, axis], by_camera[at, axis])
+
+    def _step(self, rows, scale):
+        weight = edge_errors.weights(rows.residual, scale)
+        H = (rows.J * weight[:, None]).T @ rows.J / self.sd**2 + self.prior
+        g = rows.J.T @ (weight * rows.residual) / self.sd**2 - self.prior @ self.values
+        step = np.zeros(len(self.values))
+        step[self.free] = np.linalg.solve(H[np.ix_(self.free, self.free)], g[self.free])
+        return step
+
+    def cost(self, sd_px):
+        """Chi2 of the edges, no more than that of an outlier each, and of the priors; `sd_px` of an edge."""
+        rows = self.rows()
+        z2 = (rows.residual / sd_px) ** 2
+        missing = np.isfinite(self.seen.edges).sum() - (rows.kind >= 0).sum()
+        prior = self.values[self.free] @ self.prior[np.ix_(self.free, self.free)] @ self.values[self.free]
+        lost = np.isfinite(self.seen.clicks).sum() - (rows.kind < 0).sum() + missing
+        hiding = lost if self.seen.tracks else 0.0
+        if self.side:
+            hidden = (np.abs(self.seen.edges[:, SIDES.index(self.side)] - self.line) <= NEAR_LINE_PX).sum()
+            hiding = missing + max(COST_OF_HIDING[self.side], hidden)
+        return (z2 / (1 + z2 / CUT**2)).sum() + hiding + prior
+
+    def fitted(self, derivative):
+        rows = self.rows()
+        scale = CUT * self.sd
+        weight = edge_errors.weights(rows.residual, scale)
+        free = np.ix_(self.free, self.free)
+        inflation = edge_errors.inflation(rows, weight, self.seen)
+        # the derivative of the weighted residual, in the mean: weights that fall make the valley flatter
+        slope = edge_errors.slopes(rows.residual, scale).sum() / weight.sum()
+        slope = max(slope, 0.2)
+        H = slope * (rows.J * weight[:, None]).T @ rows.J / self.sd**2 + self.prior
+        inverse = np.zeros(H.shape)
+        inverse[free] = np.linalg.inv(H[free])
+        meat = inflation * (rows.J * (weight**2 * rows.residual**2)[:, None]).T @ rows.J / self.sd**4
+        meat = meat * len(rows.residual) / max(len(rows.residual) - self.free.sum(), 1)
+        meat[free] += self.prior[free]
+        # what moves a point moves the edge: by_point along its axis; what moves all edges moves the camera as far
+        pull = slope * inverse @ (rows.J * weight[:, None]).T / self.sd**2
+        points = self.seen.at(self.clocks)[0]
+        meat_of_bias = edge_errors.of_bias(pull, rows, self.camera(), points, self.seen)
+        spread = inverse @ meat @ inverse + meat_of_bias
+        by_cameras = np.zeros((9, 0))
+        if derivative is not None:
+            moves = derivative(points) if callable(derivative) else derivative
+            moved_by = np.einsum("ni,nij->nj", rows.by_point, np.nan_to_num(moves[rows.frame, rows.joint]))
+            by_cameras = -(pull @ moved_by)[:9]
+        edge = rows.kind >= 0
+        residual = np.full(self.seen.edges.shape, np.nan)
+        residual[rows.frame[edge], rows.kind[edge]] = rows.residual[edge]
+        clicks = np.full(self.seen.clicks.shape, np.nan)
+        clicks[rows.frame[~edge], rows.joint[~edge], rows.axis[~edge]] = rows.residual[~edge]
+        with np.errstate(invalid="ignore"):
+            agree = np.abs(residual) <= scale
+        camera = self.camera()
+        sigma = np.sqrt(np.diagonal(spread))[9:].reshape(-1, 2)
+        return Fitted(
+            camera, self.values[:9], spread[:9, :9], residual, agree, clicks, self.side, self.sd, inflation,
+            by_cameras=by_cameras, clocks=self.clocks, clock_sigma=sigma, points=points,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Rows:
+    """N coordinates: picture, joint, axis, side (-1 for a click), residual px, derivatives by the parameters (N, 9+2K),
+    by the 3D point (N, 3) and by the camera (N, 6)."""
+
+    frame: np.ndarray
+    joint: np.ndarray
+    axis: np.ndarray
+    kind: np.ndarray
+    residual: np.ndarray
+    J: np.ndarray
+    by_point: np.ndarray
+    by_camera: np.ndarray
+
+
+def _extremes(uv, known):
+    """Lowest and highest pixel (F, 2) of the known joints, NaN where there are none."""
+    low = np.where(known[..., None], uv, np.inf).min(axis=1)
+    high = np.where(known[..., None], uv, -np.inf).max(axis=1)
+    return np.where(np.isfinite(low), low, np.nan), np.where(np.isfinite(high), high, np.nan)

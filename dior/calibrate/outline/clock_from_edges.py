@@ -1,0 +1,232 @@
+"""The clock of a camera that stands where it is known to: by edges of boxes or silhouettes around a walker whose 3D is
+known.
+
+INPUTS   the camera, `seen_edges.Seen` of one walk with its track, which side an occluder has
+OUTPUTS  `dior.clocks.clock.Clock` and the cost of each lag (px)
+
+The edges are those of `boxes_fit`. A joint is not where the outline is, nor where the 3D has it, and that difference
+stays while the same side of the body is seen: each (joint, side) has a shift of its own in the fit, with a prior, so
+that no constant turns into time. What is left is robustly weighted; the covariance is a sandwich over blocks of time
+and over the edges of one side of the body, since errors near in time are alike, and so are those of every step. World
+in metres, recorded pixels, times in s on the axis of the track.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dior.calibrate.outline import boxes_fit, edge_errors, seen_edges
+from dior.clocks.clock import Clock
+
+LAGS_S = np.round(np.arange(-2.0, 2.02, 0.04), 2)
+# before anything is compared: clocks of computers that keep time by the network, or were started on a count; a crystal
+CLOCK_SIGMA_S, DRIFT_SIGMA_PPM = 1.0, 30.0
+MOST_PX = 0.15  # an edge is an outlier from there on, of the height of the person
+BLOCK_S = 1.0
+HALF_STEP_S = 0.04
+STEPS = 30
+FEWEST = 8  # edges
+# refused: an interval of more than a step, another lag that is as good, one at the end of those that were tried
+MOST_SIGMA_S, APART_S, CLEARLY = 0.15, 0.2, 9.0
+FITTED = [7, 8, 9, 10]  # of the parameters of `boxes_fit`: both margins, time and drift
+
+
+@dataclass(frozen=True)
+class Found:
+    """The `clock`, the cost px of each of `LAGS_S`, the residual px before (no offset) and after, the number of edges
+    and why it was refused, or ""."""
+
+    clock: Clock
+    costs_px: np.ndarray
+    before_px: float
+    after_px: float
+    count: int
+    refused: str = ""
+
+
+def estimate(camera, seen, method, margin=(3.0, 0.3), side="", makers=None, trails_m=0.0):
+    """`Found` for the pictures `seen` (`seen_edges.Seen` with one track) of a camera.
+
+    `margin`: prior of the margin of all edges and of v against u, px. `makers`: names of the cameras that the track
+    comes from and a function that gives the derivative (F, J, 3, 6V) of its points by their errors. `trails_m`:
+    standard error of an outline that goes ahead of or behind the body where it moves, which no residual tells from
+    time.
+    """
+    freedom = seen_edges.Freedom(
+        turn=(0, 0, 0), shift=(0, 0, 0), margin_px=margin[0], margin_split_px=margin[1], clock_s=(CLOCK_SIGMA_S,),
+        drift_ppm=(DRIFT_SIGMA_PPM,),
+    )  # fmt: skip
+    reading = boxes_fit.Reading(camera, freedom, seen, side)
+    middle, count = seen.middle_s(0), int(np.isfinite(seen.edges).sum())
+    zero = Clock(0.0, middle_s=middle)
+    if count < FEWEST:
+        return Found(zero, np.full(len(LAGS_S), np.nan), np.nan, np.nan, count, f"only {count} edges")
+    limit = outlier_px(seen)
+    costs = curve(reading, limit)
+    if not np.isfinite(costs).any():
+        return Found(zero, costs, np.nan, np.nan, count, "no picture shows the person")
+    best = int(np.nanargmin(costs))
+    reading.clocks[0, 0] = LAGS_S[best]
+    given, gains, sd, speed = _refine(reading, camera, seen, makers)
+    given = np.hypot(given, (trails_m / speed, 0.0))
+    offset, drift = reading.clocks[0]
+    # the fit has the time in the middle, the formula that at t0
+    clock = Clock(
+        float(offset - 1e-6 * drift * middle),
+        float(drift),
+        "estimated",
+        method,
+        middle,
+        tuple(map(float, given)),
+        gains,
+    )
+    at_zero = int(np.argmin(np.abs(LAGS_S)))
+    after = float(cost_at(reading, limit))
+    why = _doubt(costs, given, offset, sd, count)
+    if not np.isfinite(after):
+        why = "the 3D is missing at most of the pictures"
+    return Found(zero if why else clock, costs, float(costs[at_zero]), after, count, why)
+
+
+def best_lag(camera, freedom, seen):
+    """The lag s of the least cost with the camera as it is and nothing hidden; 0 where none can be compared."""
+    costs = curve(boxes_fit.Reading(camera, freedom, seen, ""), outlier_px(seen))
+    return float(LAGS_S[np.nanargmin(costs)]) if np.isfinite(costs).any() else 0.0
+
+
+def outlier_px(seen):
+    """Residual of an edge that is an outlier, px."""
+    height = float(np.nanmedian(seen.edges[:, 3] - seen.edges[:, 1]))
+    return MOST_PX * height if np.isfinite(height) else 20.0
+
+
+def curve(reading, limit_px):
+    """Robust rms px of the edges for each of `LAGS_S`, each side of the boxes about its own median."""
+    kept, costs = reading.values.copy(), []
+    for lag in LAGS_S:
+        reading.clocks[0] = lag, 0.0
+        costs.append(cost_at(reading, limit_px))
+    reading.values = kept
+    return np.array(costs)
+
+
+def cost_at(reading, limit_px):
+    """Robust rms px of the edges at the reading's clock; an edge that cannot be compared counts as in the mean."""
+    rows = reading.rows()
+    if len(rows.residual) < max(FEWEST, np.isfinite(reading.seen.edges).sum() / 3):
+        return np.nan
+    own = rows.residual.copy()
+    for kind in np.unique(rows.kind):
+        own[rows.kind == kind] -= np.median(own[rows.kind == kind])
+    return np.sqrt(np.minimum(own**2, limit_px**2).mean())
+
+
+def _refine(reading, camera, seen, makers):
+    """Moves the reading's clock and margins to the best; given sigma (2,), gains by camera, sd px of an
+    edge, and the speed m/s of what tells the time."""
+    scale, shifts = None, None
+    for _ in range(STEPS):
+        rows = reading.rows()
+        J, prior, residual, shifts = _system(reading, rows, camera, seen, shifts)
+        if scale is None:
+            scale = max(edge_errors.spread(residual - np.median(residual)), 1.0) * 2 * boxes_fit.CUT
+        step, _, _ = _solve(J, prior, residual, shifts, reading, scale)
+        scale = max(0.7 * scale, boxes_fit.CUT * edge_errors.spread(residual))
+        free = 4
+        reading.values[FITTED] += step[:free] * np.minimum(1.0, 0.2 / max(abs(step[2]), 1e-12))
+        shifts = dict(zip(shifts, np.array(list(shifts.values())) + step[free:].reshape(-1, 3), strict=True))
+        if abs(step[2]) < 1e-6 and scale <= boxes_fit.CUT * edge_errors.spread(residual) * 1.001:
+            break
+    rows = reading.rows()
+    J, prior, residual, shifts = _system(reading, rows, camera, seen, shifts)
+    sd = edge_errors.spread(residual)
+    _, A, weight = _solve(J, prior, residual, shifts, reading, boxes_fit.CUT * sd)
+    slope = max(edge_errors.slopes(residual, boxes_fit.CUT * sd).sum() / weight.sum(), 0.2)
+    inverse = np.linalg.inv(slope * (A - prior) + prior)
+    score = J * (weight * residual / sd**2)[:, None]
+    side = edge_errors.way_seen(camera, seen.at(reading.clocks)[0], seen.seconds, seen.walk)[rows.frame]
+    alike = [np.arange(len(score)), np.floor(seen.seconds[rows.frame] / BLOCK_S), 5 * rows.kind + side]
+    own, near, same = (_clustered(score, label) for label in alike)
+    # both ways of being alike, without counting an edge's own error twice
+    spread = [inverse @ (meat + prior) @ inverse for meat in (own, near, same, near + same - own)]
+    given = np.sqrt(np.max([np.diagonal(s)[2:4] for s in spread], axis=0))
+    pull = slope * inverse[2:4] @ (J * weight[:, None]).T / sd**2
+    gains = {camera.name: -pull @ rows.by_camera}
+    if makers:
+        names, derivative = makers
+        moves = np.nan_to_num(derivative(seen.at(reading.clocks)[0])[rows.frame, rows.joint])
+        by = -pull @ np.einsum("ni,nij->nj", rows.by_point, moves)
+        gains |= {name: by[:, 6 * i : 6 * i + 6] for i, name in enumerate(names)}
+    moves = np.abs(J[:, 2])
+    trail = (weight * moves * np.linalg.norm(rows.by_point, axis=1)).sum()
+    return given, gains, sd, max(float((weight * moves**2).sum() / max(trail, 1e-12)), 1e-3)
+
+
+def _clustered(score, label):
+    """Sum (P, P) of the squares of the scores (N, P) added up where the label (N,) is the same."""
+    names, index = np.unique(label, return_inverse=True)
+    sums = np.zeros((len(names), score.shape[1]))
+    np.add.at(sums, index, score)
+    return sums.T @ sums * len(names) / max(len(names) - 2, 1)
+
+
+def _system(reading, rows, camera, seen, shifts):
+    """Derivatives (N, 4 + 3G) by margins, time, drift and the shift (m) of each (joint, side of the body), the
+    precision of their priors, residuals (N,) px with the shifts so far, and these by group."""
+    points = seen.at(reading.clocks)[0]
+    side = edge_errors.way_seen(camera, points, seen.seconds, seen.walk)[rows.frame]
+    groups, index = np.unique(rows.joint * 5 + side, return_inverse=True)
+    shifts = {g: (shifts or {}).get(g, np.zeros(3)) for g in groups.tolist()}
+    own = np.array(list(shifts.values()))[index]
+    at = np.arange(len(index))
+    J = np.zeros((len(index), 4 + 3 * len(groups)))
+    J[:, :4] = rows.J[:, FITTED]
+    by_time = _by_time(reading, rows, len(seen.seconds))
+    J[:, 2], J[:, 3] = by_time, 1e-6 * by_time * (seen.seconds[rows.frame] - seen.middle_s(0))
+    for axis in range(3):
+        J[at, 4 + 3 * index + axis] = rows.by_point[:, axis]
+    prior = np.eye(J.shape[1]) / max(seen.bias_m, 1e-4) ** 2
+    prior[:4, :4] = reading.prior[np.ix_(FITTED, FITTED)]
+    return J, prior, rows.residual - np.einsum("ni,ni->n", rows.by_point, own), shifts
+
+
+def _by_time(reading, rows, count):
+    """Derivative (N,) px/s of the extremes by the time: over a few hundredths of a second, since another joint may then
+    be the extreme."""
+    kept, sides = reading.values, []
+    for step in (-HALF_STEP_S, HALF_STEP_S):
+        reading.values = kept.copy()
+        reading.clocks[0, 0] += step
+        there, edge = reading.rows(), np.full((count, 4), np.nan)
+        edge[there.frame, there.kind] = -there.residual
+        sides.append(edge[rows.frame, rows.kind])
+    reading.values = kept
+    slope = (sides[1] - sides[0]) / (2 * HALF_STEP_S)
+    return np.where(np.isfinite(slope), slope, rows.J[:, 9])
+
+
+def _solve(J, prior, residual, shifts, reading, scale):
+    """A step of all parameters, the normal matrix and the weights; the scale of the weights is `CUT` sd."""
+    weight, sd = edge_errors.weights(residual, scale), scale / boxes_fit.CUT
+    A = (J * weight[:, None]).T @ J / sd**2 + prior
+    values = np.concatenate([reading.values[FITTED], np.array(list(shifts.values())).ravel()])
+    step = np.linalg.solve(A, J.T @ (weight * residual) / sd**2 - prior @ values)
+    return step, A, weight
+
+
+def _doubt(costs, given, offset, sd, count):
+    """Why the data cannot tell, or ""."""
+    if not given[0] < MOST_SIGMA_S:
+        return f"the motion leaves ± {1.96 * given[0]:.2f} s open"
+    if abs(offset) > LAGS_S[-1] - APART_S / 2:
+        return f"the best lag is at the end of the ± {LAGS_S[-1]:g} s that were tried"
+    inner = costs[1:-1]
+    valleys = 1 + np.flatnonzero((inner < costs[:-2]) & (inner < costs[2:]))
+    others = [k for k in valleys if abs(LAGS_S[k] - offset) > max(APART_S, 3 * given[0])]
+    if not others:
+        return ""
+    least = np.nanmin(costs)
+    other = min(others, key=lambda k: costs[k])
+    if count * (costs[other] ** 2 - least**2) / max(least, sd) ** 2 < CLEARLY:
+        return f"a lag of {LAGS_S[other]:+.2f} s agrees as well as {offset:+.2f} s"
+    return ""

@@ -1,0 +1,116 @@
+"""The clock of an indoor camera against the motion capture where nothing is detected: by silhouettes in its pictures.
+
+INPUTS   a located camera, the sequence's markers (`skeletons_3d`), the camera's pictures
+OUTPUTS  `dior.clocks.clock.Clock`, and the cost (px) of each lag (s)
+
+A still camera shows what differs from the empty scene (`silhouettes`). The box of that is compared with the markers and
+what lies around them: crown, toes, flesh (`silhouettes.outline`). Pictures are spread over the recording, since errors
+of neighbours are alike, and shrunk until the person is some 80 pixels tall: an outline is known to a fraction of one.
+Recorded pixels; times in s after the first stored frame of the motion capture.
+"""
+
+import numpy as np
+
+from dior.calibrate.outline import clock_from_edges, seen_edges, silhouettes, tracks
+from dior.clocks.axis import seconds
+from dior.geometry import camera as cam
+
+PICTURES = 200
+TALL_PX = 80
+BORDER_PX = 2.0  # of a shrunk picture: an edge there is the picture's
+BIAS_M = 0.02  # of a marker or what is derived from it against the outline, as long as the same side is seen
+TRAILS_M = 0.002  # of an outline where it moves: clothes swing, skin slips
+MARGIN_PX, MARGIN_SPLIT_PX = 3.0, 3.0  # at fx 760
+EMPTY_FROM = 60  # pictures
+
+
+def from_pictures(camera, mocap_table, frames_rows, data_root, where):
+    """`Clock`, the lags (s) and their costs (px).
+
+    `mocap_table`, `frames_rows`: dicts of arrays, tables `skeletons_3d` of the sequence and `frames` of the camera.
+    Where the pictures cannot tell, the clock is `assumed_zero`. Raises DiorError (naming `where`) for pictures of
+    another size than the intrinsics.
+    """
+    from dior.ingest.bags import read_pictures
+    from dior.tables.tables import rows
+
+    cam.check_picture_size(camera.intrinsics, frames_rows["width"][0], frames_rows["height"][0], where)
+    track, t0_ns, flesh_m = body(mocap_table)
+    shown = chosen(len(frames_rows["stamp_ns"]))
+    factor = shrinking(camera, track)
+    small = [None] * len(shown)
+    for row, picture in read_pictures(rows(frames_rows, shown), data_root):
+        small[row] = shrunk(picture, factor)
+    edges = edges_of(small, factor, tall_px(camera, track))
+    found = from_edges(camera, track, flesh_m, seconds(frames_rows["stamp_ns"][shown], t0_ns), edges)
+    return found.clock, clock_from_edges.LAGS_S, found.costs_px
+
+
+def body(mocap_table):
+    """The `Track` of the markers and what is derived from them, t0 (ns) and how far outside the outline lies (J,) m."""
+    track, t0_ns, joints = tracks.read(mocap_table)
+    whole, flesh_m = silhouettes.outline(filled(track), joints)
+    return tracks.Track(track.seconds, whole), t0_ns, flesh_m
+
+
+def filled(track):
+    """Points (T, J, 3) with gaps bridged linearly against the middle of the body, so that an extreme does not jump."""
+    points = track.points.copy()
+    known = np.isfinite(points).all(axis=-1)
+    always = known.mean(axis=0) > 0
+    middle = np.nanmedian(np.where(known[..., None], points, np.nan), axis=1)
+    seen = np.isfinite(middle).all(axis=-1)
+    for j in np.flatnonzero(always & ~known.all(axis=0)):
+        good, gone = known[:, j] & seen, ~known[:, j] & seen
+        for axis in range(3):
+            own = points[good, j, axis] - middle[good, axis]
+            points[gone, j, axis] = np.interp(track.seconds[gone], track.seconds[good], own) + middle[gone, axis]
+    return points
+
+
+def chosen(count):
+    """Rows of the pictures that are looked at, spread over the recording."""
+    return np.unique(np.linspace(0, count - 1, min(PICTURES, count)).round().astype(int))
+
+
+def tall_px(camera, track):
+    """Height (px) of the person in the recorded picture, in the median."""
+    v = cam.project(camera, track.points[:: max(1, len(track.points) // 200)])[0][..., 1]
+    high = np.nanmax(np.where(np.isfinite(v).any(axis=1)[:, None], v, np.inf), axis=1) - np.nanmin(
+        np.where(np.isfinite(v).any(axis=1)[:, None], v, 0.0), axis=1
+    )
+    return float(np.median(high[np.isfinite(high)])) if np.isfinite(high).any() else float(TALL_PX)
+
+
+def shrinking(camera, track):
+    """By which whole number pictures are shrunk."""
+    return max(1, round(tall_px(camera, track) / TALL_PX))
+
+
+def shrunk(picture, factor):
+    """Means over squares of `factor` pixels; a rest at the right and below is left out."""
+    import cv2
+
+    high, wide = (n // factor for n in picture.shape[:2])
+    whole = picture[: high * factor, : wide * factor]
+    return whole if factor == 1 else cv2.resize(whole, (wide, high), interpolation=cv2.INTER_AREA)
+
+
+def edges_of(small, factor, tall):
+    """Edges (F, 4) in recorded px of the person in shrunk pictures; NaN where the picture's border cuts him."""
+    step = max(1, len(small) // EMPTY_FROM)
+    empty = silhouettes.empty_scene(small[::step])
+    edges = silhouettes.edges(small, tall / factor, empty)
+    high, wide = small[0].shape[:2]
+    with np.errstate(invalid="ignore"):
+        cut = (edges < BORDER_PX - 0.5) | (edges > np.array([wide, high, wide, high]) - 0.5 - BORDER_PX)
+    return np.where(cut, np.nan, (edges + 0.5) * factor - 0.5)
+
+
+def from_edges(camera, track, flesh_m, moments, edges):
+    """`edge_clock.Found` from edges (F, 4) px of pictures taken at `moments` (F,) s by the stamps."""
+    points = track.at(moments)
+    nothing = np.full((*points.shape[:2], 2), np.nan)
+    seen = seen_edges.Seen(points, edges, nothing, moments, np.zeros(len(moments), int), BIAS_M, flesh_m, (track,))
+    margin = np.array([MARGIN_PX, MARGIN_SPLIT_PX]) * camera.intrinsics.fx / 760
+    return clock_from_edges.estimate(camera, seen, "pictures", margin, trails_m=TRAILS_M)

@@ -1,0 +1,75 @@
+"""How edges of boxes and clicks err: outliers, errors that last, and joints whose 3D is off.
+
+INPUTS   residuals (N,) px of a fit (`dior.calibrate.outline.boxes_fit`), the pictures they are of
+OUTPUTS  weights, by how much intervals widen, covariances
+World in metres, recorded pixels.
+"""
+
+import numpy as np
+
+LEAST_SD_PX = 0.3
+STANDS_M_S = 0.2
+
+
+def weights(residual, scale):
+    """Geman-McClure: an edge that is far off does not pull at all."""
+    return 1 / (1 + (residual / scale) ** 2) ** 2
+
+
+def slopes(residual, scale):
+    """Derivative of the weighted residual by the residual."""
+    z2 = (residual / scale) ** 2
+    return (1 - 3 * z2) / (1 + z2) ** 3
+
+
+def spread(residual):
+    """Standard deviation (px) of most of the residuals."""
+    return max(1.4826 * np.median(np.abs(residual)), LEAST_SD_PX)
+
+
+def inflation(rows, weight, seen):
+    """By how much errors alike in time widen the intervals: 1 + 2 sum of the autocorrelations up to 1 s, at least 1.
+
+    Pairs of the same side (or joint and axis) of one walk, pooled; the mean of each side is taken out.
+    """
+    label = np.where(rows.kind >= 0, rows.kind, 4 + 2 * rows.joint + rows.axis)
+    own = weight * rows.residual
+    for k in np.unique(label):
+        own[label == k] -= own[label == k].mean()
+    t, walk = seen.seconds[rows.frame], seen.walk[rows.frame]
+    alike = (label[:, None] == label) & (walk[:, None] == walk) & (np.abs(t[:, None] - t) <= 1.0)
+    np.fill_diagonal(alike, False)
+    products = np.where(alike, np.outer(own, own), 0.0).sum()
+    return float(max(1.0, 1.0 + products / max((own**2).sum(), 1e-12)))
+
+
+def of_bias(pull, rows, camera, points, seen):
+    """Covariance (P, P) of parameters that residuals move by `pull` (P, N), from joints that are off by `seen.bias_m`
+    alike in every picture that shows the same side of the body; `points` (F, J, 3) m."""
+    out = np.zeros((len(pull), len(pull)))
+    if not seen.bias_m:
+        return out
+    group = rows.joint * 5 + way_seen(camera, points, seen.seconds, seen.walk)[rows.frame]
+    for g in np.unique(group):
+        mine = group == g
+        G = pull[:, mine] @ rows.by_point[mine]
+        out += seen.bias_m**2 * G @ G.T
+    return out
+
+
+def way_seen(camera, points, seconds, walk):
+    """0 to 4 (F,): whether the body of points (F, J, 3) m goes away, right, towards the camera or left, or stands."""
+    known = np.isfinite(points).all(axis=-1)[..., None]
+    middle = np.where(known, points, 0.0).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
+    ahead = camera.wRc[:, 2] * (1, 1, 0)
+    right = np.cross(ahead, (0, 0, 1))
+    side = np.full(len(points), 4)
+    for k in np.unique(walk):
+        mine = np.flatnonzero(walk == k)
+        if len(mine) < 2:
+            continue
+        speed = np.gradient(middle[mine], axis=0) / np.maximum(np.gradient(seconds[mine]), 1e-6)[:, None]
+        quarter = np.round(np.arctan2(speed @ right, speed @ ahead) / (np.pi / 2)).astype(int) % 4
+        moves = np.hypot(speed @ ahead, speed @ right) > STANDS_M_S * np.linalg.norm(ahead)
+        side[mine] = np.where(moves, quarter, 4)
+    return side

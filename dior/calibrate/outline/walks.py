@@ -1,0 +1,165 @@
+"""The walks that a long-range camera is aligned to, and what is drawn or seen around the known walker in its pictures.
+
+INPUTS   skeletons and frames of sequences, their clocks given by hand, boxes, marks or pictures
+OUTPUTS  `Walk`s; pictures and edges of each; `seen_edges.Seen` of all together
+World in metres, recorded pixels.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dior.calibrate.marks import marks as hand_marks
+from dior.calibrate.outline import seen_edges, silhouettes, tracks
+from dior.clocks import by_hand as hand_offsets
+from dior.clocks.axis import seconds
+from dior.errors import DiorError, nearest
+from dior.geometry import camera as cam
+from dior.geometry import covariance
+from dior.geometry.covariance import point_covariance
+from dior.project import boxes as hand_boxes
+from dior.tables import tables
+
+# the lasting errors of the joints of a body are alike: of the detector, of the close cameras
+ALIKE = 1.2
+SILHOUETTE_MARGIN_PX = 0.5  # beyond the flesh
+PICTURES = 150  # of a sequence, for silhouettes
+AROUND_PX = 60.0  # about where the start has the person, at fx 760
+
+
+@dataclass(frozen=True)
+class Walk:
+    """One sequence and the pictures of the camera: their `rows` and `seconds` (F,) by the clock as far as it is known,
+    the `track` of the `joints`, whether the clock is `held` at what a person gave.
+
+    `sd_m`: standard error of a joint in an axis, given the close cameras; NaN where it is not known.
+    """
+
+    name: str
+    rows: dict
+    seconds: np.ndarray
+    track: tracks.Track
+    joints: list
+    held: bool
+    sd_m: float
+
+    @property
+    def points(self):
+        """(F, J, 3) m at the pictures."""
+        return self.track.at(self.seconds)
+
+
+def read_walk(name, camera, skeleton, frames, offsets):
+    """`Walk` of one sequence; `offsets`: the file of clocks given by hand, or None.
+
+    Raises DiorError where the camera has no picture.
+    """
+    rows = tables.of_camera(tables.read(frames, "frames"), camera)
+    if not len(rows["frame"]):
+        raise DiorError(f"{name}, camera {camera}: {frames} lists no picture of it; take it off align.sequences")
+    offset_s, drift_ppm, source = given_clock(camera, frames, offsets)
+    table = tables.read(skeleton, "skeletons_3d")
+    track, t0_ns, joints = tracks.read(table)
+    noise = point_covariance(table, track.points.shape[:2])
+    variance = np.trace(noise, axis1=-2, axis2=-1)[np.isfinite(noise).all(axis=(-2, -1))] / 3
+    sd_m = float(np.sqrt(np.median(variance))) if len(variance) else np.nan
+    when = seconds(rows["stamp_ns"], t0_ns, offset_s, drift_ppm)
+    return Walk(name, rows, when, track, joints, source == "manual", sd_m)
+
+
+def given_clock(camera, frames, offsets):
+    """Offset s, drift ppm and source of a camera's clock by the file of those given by hand, which may be None."""
+    known = tables.ordered_unique(tables.read(frames, "frames", ["camera"])["camera"])
+    return hand_offsets.read(offsets, known)[camera]
+
+
+def from_boxes(walk, path):
+    """Pictures (F,) with a box, by their row, and its edges (F, 4) px."""
+    numbers, edges = hand_boxes.read(path, walk.rows["frame"])
+    return np.searchsorted(walk.rows["frame"], numbers), edges
+
+
+def from_marks(walk, marks, path):
+    """Pictures (F,) with clicked joints, by their row, and the clicks (F, J, 2) px with NaN."""
+    mine = marks.only(marks.sequence == walk.name)
+    rows = []
+    for i in range(len(mine)):
+        where = f"{path} line {mine.line[i]}"
+        if mine.joint[i] not in walk.joints:
+            raise DiorError(
+                f"{where}: '{mine.joint[i]}' is no joint of {walk.name}{nearest(mine.joint[i], walk.joints)}"
+            )
+        found = np.flatnonzero(walk.rows["frame"] == mine.frame[i])
+        if not len(found):
+            raise DiorError(f"{where}: {walk.name} has no frame {mine.frame[i]} of this camera")
+        rows.append(found[0])
+    shown, at = np.unique(np.array(rows, int), return_inverse=True)
+    clicks = np.full((len(shown), len(walk.joints), 2), np.nan)
+    clicks[at, [walk.joints.index(joint) for joint in mine.joint]] = mine.uv
+    return shown, clicks
+
+
+def from_pictures(walks, start, data_root):
+    """By walk, pictures (F,) spread over it, by their row, and the edges (F, 4) px of the silhouette in each."""
+    from dior.ingest.bags import read_pictures
+
+    rows = [
+        np.unique(np.linspace(0, len(w.seconds) - 1, min(PICTURES, len(w.seconds))).round().astype(int)) for w in walks
+    ]
+    seen = [cam.project(start, walk.points[chosen])[0] for walk, chosen in zip(walks, rows, strict=True)]
+    lens = start.intrinsics
+    flat = np.concatenate([uv.reshape(-1, 2) for uv in seen])
+    if not np.isfinite(flat).any():
+        raise DiorError(f"{start.name}: the start sees nobody; is tape.target_m where the person is?")
+    u0, v0, u1, v1 = silhouettes.window(flat, (lens.width, lens.height), AROUND_PX * max(lens.fx / 760, 1.0))
+    pieces = []
+    for walk, chosen in zip(walks, rows, strict=True):
+        mine = [None] * len(chosen)
+        for row, picture in read_pictures(tables.rows(walk.rows, chosen), data_root):
+            mine[row] = picture[v0:v1, u0:u1]
+        pieces.append(mine)
+    few = [picture for mine in pieces for picture in mine[:: max(1, len(walks))]]
+    empty = silhouettes.empty_scene(few)
+    tall = float(np.nanmedian([np.nanmedian(np.ptp(uv[..., 1], axis=1)) for uv in seen]))
+    corner = np.array([u0, v0, u0, v0])
+    return [(chosen, silhouettes.edges(mine, tall, empty) + corner) for chosen, mine in zip(rows, pieces, strict=True)]
+
+
+def gather(walks, start, source, files, data_root, marks):
+    """`seen_edges.Seen` of all sequences. `files`: boxes by sequence; `marks`: a path."""
+    if source == "boxes":
+        missing = [walk.name for walk in walks if walk.name not in files]
+        if missing:
+            raise DiorError(f"{missing[0]}: align.sequences names it, but there is no config/boxes file of it")
+        found = [from_boxes(walk, files[walk.name]) for walk in walks]
+    elif source == "silhouettes":
+        found = from_pictures(walks, start, data_root)
+    else:
+        clicked = hand_marks.read(marks)
+        found = [from_marks(walk, clicked, marks) for walk in walks]
+    parts, flesh, taken = [], 0.0, []
+    for k, (walk, (shown, values)) in enumerate(zip(walks, found, strict=True)):
+        track, count = walk.track, len(shown)
+        if source == "silhouettes":
+            whole, flesh = silhouettes.outline(track.points, walk.joints)
+            track = tracks.Track(track.seconds, whole)
+        points, taken = track.at(walk.seconds[shown]), [*taken, track]
+        clicks = values if source == "marks" else np.full((*points.shape[:2], 2), np.nan)
+        edges = np.full((count, 4), np.nan) if source == "marks" else values
+        parts.append((points, edges, clicks, walk.seconds[shown], np.full(count, k)))
+    bias_m = lasting_bias(walks)
+    return seen_edges.Seen(
+        *(np.concatenate(column) for column in zip(*parts, strict=True)), bias_m, flesh, tuple(taken)
+    )
+
+
+def lasting_bias(walks):
+    """Standard error (m) of a joint's place that stays while the same side of the body is seen."""
+    known = [walk.sd_m for walk in walks if np.isfinite(walk.sd_m)]
+    return ALIKE * float(np.mean(known)) if known else seen_edges.JOINT_BIAS_M
+
+
+def by_close(close, points):
+    """Derivative (F, J, 3, 6V) of triangulated points by the close cameras' errors; all that see them count alike."""
+    inside = np.stack([cam.in_frame(c.intrinsics, cam.project(c, points)[0]) for c in close])
+    return covariance.triangulated(close, points, inside[..., None, None] * np.eye(2))[1]

@@ -1,0 +1,133 @@
+"""One time axis for all recordings of a sequence, and interpolation on it.
+
+t = (stamp_ns - t0_ns)/1e9 * (1 + 1e-6 drift_ppm) + offset_s (design, section 8), in seconds: after the first stored
+C3D frame indoors, the time of the reference camera outdoors.
+"""
+
+import numpy as np
+
+from dior.errors import DiorError
+from dior.geometry.covariance import point_covariance
+from dior.tables import tables
+
+RATES = np.array([15, 24, 25, 29.97, 30, 50, 59.94, 60, 90, 100, 120])
+SAME_TIME_S = 1e-6
+
+
+def nominal_fps(stamps_ns):
+    """Rate (Hz) of a recording from its stamps (F,) ns, F > 1: by the median period, or the standard rate near it."""
+    fps = 1e9 / np.median(np.diff(stamps_ns))
+    standard = RATES[np.argmin(np.abs(RATES - fps))]
+    return float(standard) if abs(standard / fps - 1) < 4e-4 else round(float(fps), 3)
+
+
+def bracket(times, queries, max_gap_s):
+    """Frames around each query: indices before and after (Q,), -1 for none, and the weight (Q,) of the later.
+
+    `times` (F,) s ascending. A query between frames further apart than `max_gap_s` has none (a drop), nor has one
+    outside the recording. A query within a microsecond of a frame is that frame, with weight 0.
+    """
+    times, queries = np.asarray(times, float), np.asarray(queries, float)
+    after = np.searchsorted(times, queries)
+    nearest = np.clip(after, 0, len(times) - 1)
+    nearest = np.where(
+        np.abs(times[np.maximum(nearest - 1, 0)] - queries) < np.abs(times[nearest] - queries),
+        np.maximum(nearest - 1, 0),
+        nearest,
+    )
+    exact = np.abs(times[nearest] - queries) < SAME_TIME_S
+    before, after = np.clip(after - 1, 0, len(times) - 1), np.clip(after, 0, len(times) - 1)
+    gap = times[after] - times[before]
+    inside = (queries > times[0]) & (queries < times[-1]) & (gap <= max_gap_s)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        weight = np.where(gap > 0, (queries - times[before]) / gap, 0.0)
+    before = np.where(exact, nearest, np.where(inside, before, -1))
+    after = np.where(exact, nearest, np.where(inside, after, -1))
+    return before, after, np.where(exact | (before < 0), 0.0, weight)
+
+
+def blend(values, before, after, weight):
+    """Values (F, ...) at bracketed queries (Q, ...): linear, NaN where there is no bracket or an end is missing."""
+    values = np.asarray(values, float)
+    w = weight.reshape(-1, *(1,) * (values.ndim - 1))
+    mixed = np.where(w > 0, values[before] * (1 - w) + values[after] * w, values[before])
+    return np.where((before < 0).reshape(w.shape), np.nan, mixed)
+
+
+def sample(times, values, queries, max_gap_s):
+    """Values (F, ...) recorded at `times` (F,) s, interpolated at `queries` (Q,) s; never across a drop."""
+    return blend(values, *bracket(times, queries, max_gap_s))
+
+
+def instants(fps, last_s):
+    """Times (I,) s of the regular grid 0, 1/fps, ... that ends at or before `last_s`."""
+    return np.arange(int(np.floor(last_s * fps + 1e-6)) + 1) / fps
+
+
+def start_ns(frames, mocap=None):
+    """t0 of a sequence (ns): the first instant of its `mocap` (a skeletons_3d table), which ingest has put on the
+    trigger log's clock or else the pictures'; without mocap the earliest picture stamp of all cameras."""
+    return int((frames if mocap is None else mocap)["stamp_ns"].min())
+
+
+def rates(frames, cameras):
+    """Nominal frame rate (Hz) of each camera, by name, and that of the instants: the first camera's by name."""
+    own = {}
+    for camera in cameras:
+        stamps = frames["stamp_ns"][frames["camera"] == camera]
+        if len(stamps) < 2:
+            raise DiorError(f"camera {camera}: {len(stamps)} pictures in the frames table; is its topic right?")
+        own[camera] = nominal_fps(stamps)
+    return own, own[min(own)]
+
+
+def camera_seconds(frames, camera, t0_ns, clock):
+    """Times (F,) s of a camera's pictures on the sequence's axis; `clock` is (offset_s, drift_ppm, source)."""
+    stamps = frames["stamp_ns"][frames["camera"] == camera]
+    if not len(stamps):
+        raise DiorError(f"camera {camera}: no pictures in the frames table; is its topic right?")
+    return seconds(stamps, t0_ns, clock[0], clock[1])
+
+
+def seconds(stamp_ns, t0_ns, offset_s=0.0, drift_ppm=0.0):
+    """Time (...,) s of header stamps (...,) int64 ns.
+
+    The subtraction is done on integers: a stamp since 1970 as a float64 is only good to 0.2 us.
+    """
+    elapsed = np.asarray(stamp_ns, np.int64) - np.int64(t0_ns)
+    return elapsed / 1e9 * (1 + 1e-6 * drift_ppm) + offset_s
+
+
+def velocity_at_pictures(skeleton, stamps_ns, offset_s, drift_ppm):
+    """Velocities (F, J, 3) m/s of the joints at the pictures' stamps, 0 where a joint has no neighbour in time."""
+    points, _ = tables.grid(skeleton, "x", "y", "z")
+    instants_ns = skeleton["stamp_ns"].reshape(points.shape[:2])[:, 0]
+    grid = seconds(instants_ns, instants_ns[0])
+    if len(grid) < 2:
+        return np.zeros((len(stamps_ns), *points.shape[1:]))
+    ahead = np.diff(points, axis=0) / np.diff(grid)[:, None, None]
+    nothing = np.full((1, *points.shape[1:]), np.nan)
+    before, after = np.concatenate([nothing, ahead]), np.concatenate([ahead, nothing])
+    both = np.where(np.isfinite(before) & np.isfinite(after), (before + after) / 2, np.fmax(before, after))
+    where = bracket(grid, seconds(stamps_ns, instants_ns[0], offset_s, drift_ppm), 1.5 * np.median(np.diff(grid)))
+    return np.nan_to_num(blend(np.nan_to_num(both), *where))
+
+
+def at_pictures(skeleton, stamps_ns, offset_s, drift_ppm):
+    """3D joints at the pictures' stamps: points (F, J, 3) m, their covariance given the cameras (F, J, 3, 3) m^2,
+    whether a gap was bridged (F, J), and the joint names.
+
+    Linear between instants, never across a missing one. Before the first instant and after the last there is nothing.
+    The covariance is interpolated as if the errors of neighbouring instants were the same: a detector's nearly are.
+    """
+    points, joints = tables.grid(skeleton, "x", "y", "z")
+    filled = (skeleton["status"] == "gap_filled").reshape(points.shape[:2])
+    instants_ns = skeleton["stamp_ns"].reshape(points.shape[:2])[:, 0]
+    t0 = instants_ns[0]
+    grid = seconds(instants_ns, t0, 0.0, 0.0)
+    gap = 1.5 * np.median(np.diff(grid)) if len(grid) > 1 else SAME_TIME_S
+    where = bracket(grid, seconds(stamps_ns, t0, offset_s, drift_ppm), gap)
+    before, after, weight = where
+    bridged = (filled[before] | (filled[after] & (weight[:, None] > 0))) & (before >= 0)[:, None]
+    noise = point_covariance(skeleton, points.shape[:2])
+    return blend(points, *where), blend(noise, *where), bridged, joints

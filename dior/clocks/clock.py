@@ -1,0 +1,125 @@
+"""A camera's clock in a sequence: offset and drift on its time axis (dior/clocks/axis.py), and how certain they are.
+
+The error of a picture's time is that of the clock in the middle of the recording, plus that of the drift times the time
+from there; these two are nearly independent. Both depend on the cameras' poses that the clock was estimated with: a
+camera that is aimed a little too far ahead of a walker seems late. `given` is the covariance with the cameras as they
+are, `gains` what a camera's error (`dior.geometry.covariance`: turn rad, shift m) adds.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dior.tables import tables
+
+NORMAL_95 = 1.96
+SHIFTS = ("turn_x", "turn_y", "turn_z", "shift_x", "shift_y", "shift_z")
+
+
+@dataclass(frozen=True)
+class Clock:
+    """`offset_s`, `drift_ppm` as in `dior.clocks.axis.seconds`; `source` of table `offsets`, `method` that found it.
+
+    `given` (2,) standard errors with the cameras as given: of the time in the middle of the recording (s), `middle_s`
+    after t0, and of the drift (ppm); NaN where not known, 0 for the reference camera. `gains`: camera name ->
+    (2, 6), what an error of that camera adds to either.
+    """
+
+    offset_s: float
+    drift_ppm: float = 0.0
+    source: str = "assumed_zero"
+    method: str = ""
+    middle_s: float = 0.0
+    given: tuple = (np.nan, np.nan)
+    gains: dict = field(default_factory=dict)
+
+    def sigma(self, names=(), joint=None):
+        """Standard errors (2,) of the time in the middle (s) and the drift (ppm), with those of the cameras' poses.
+
+        `joint` (6N, 6N): covariance of the cameras called `names`. NaN where a camera of `gains` has none.
+        """
+        variance = np.array(self.given) ** 2
+        if not self.gains:
+            return np.sqrt(variance)
+        if joint is None or any(name not in names for name in self.gains):
+            return np.full(2, np.nan)
+        gain = np.zeros((2, len(names), 6))
+        for name, own in self.gains.items():
+            gain[:, list(names).index(name)] = own
+        gain = gain.reshape(2, -1)
+        return np.sqrt(variance + np.einsum("ij,jk,ik->i", gain, joint, gain))
+
+
+def write(path, path_gains, sequence, clocks, names=(), joint=None):
+    """Write tables `offsets` and `clock_gains` of the clocks of a sequence: dict camera -> `Clock`.
+
+    `names`, `joint`: the cameras' covariance as of `Clock.sigma`.
+    """
+    write_all(path, path_gains, {sequence: clocks}, names, joint)
+
+
+def write_all(path, path_gains, clocks, names=(), joint=None):
+    """The same of several sequences: dict sequence -> dict camera -> `Clock`."""
+    each = [(sequence, camera, clock) for sequence, own in clocks.items() for camera, clock in own.items()]
+    sigma = np.array([clock.sigma(names, joint) for _, _, clock in each]).reshape(-1, 2)
+    offset = np.array([clock.offset_s for _, _, clock in each])
+    tables.write(
+        path,
+        "offsets",
+        {
+            "sequence": [sequence for sequence, _, _ in each],
+            "camera": [camera for _, camera, _ in each],
+            "offset_s": offset,
+            "drift_ppm": [clock.drift_ppm for _, _, clock in each],
+            "middle_s": [clock.middle_s for _, _, clock in each],
+            "sigma_s": sigma[:, 0],
+            "sigma_drift_ppm": sigma[:, 1],
+            "low": offset - NORMAL_95 * sigma[:, 0],
+            "high": offset + NORMAL_95 * sigma[:, 0],
+            "given_sigma_s": [clock.given[0] for _, _, clock in each],
+            "given_sigma_drift_ppm": [clock.given[1] for _, _, clock in each],
+            "source": [clock.source for _, _, clock in each],
+            "method": [clock.method for _, _, clock in each],
+        },
+    )
+    rows = [
+        (sequence, camera, quantity, by, *gain)
+        for sequence, camera, clock in each
+        for by, gains in clock.gains.items()
+        for quantity, gain in zip(("time", "drift"), gains, strict=True)
+    ]
+    keys = ("sequence", "camera", "quantity", "by", *SHIFTS)
+    columns = zip(*rows, strict=True) if rows else ([] for _ in keys)
+    tables.write(path_gains, "clock_gains", dict(zip(keys, map(list, columns), strict=True)))
+
+
+def read(paths, paths_gains=(), sequence=None):
+    """Clocks by camera of tables `offsets` (and `clock_gains`) of one sequence; a later path goes first.
+
+    `sequence` is the one that counts in tables of several.
+    """
+    gains = {}
+    for path in paths_gains:
+        table = tables.read(path, "clock_gains")
+        for i in _of(table, sequence):
+            own = gains.setdefault(table["camera"][i], {}).setdefault(table["by"][i], np.zeros((2, 6)))
+            own[int(table["quantity"][i] == "drift")] = [table[key][i] for key in SHIFTS]
+    found = {}
+    for path in paths:
+        table = tables.read(path, "offsets")
+        for i in _of(table, sequence):
+            camera = table["camera"][i]
+            found[camera] = Clock(
+                float(table["offset_s"][i]),
+                float(table["drift_ppm"][i]),
+                table["source"][i],
+                table["method"][i],
+                float(table["middle_s"][i]),
+                (float(table["given_sigma_s"][i]), float(table["given_sigma_drift_ppm"][i])),
+                gains.get(camera, {}),
+            )
+    return found
+
+
+def _of(table, sequence):
+    return [i for i, name in enumerate(table["sequence"]) if sequence in (None, name)]

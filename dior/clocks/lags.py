@@ -1,0 +1,163 @@
+"""How far apart the cameras' clocks are, roughly, before the cameras' poses are good.
+
+INPUTS   cameras placed by tape or better, the pixels of every joint over time on each camera's own clock
+OUTPUTS  a lag (s) per camera, good to a few hundredths of a second
+
+For every lag of a pair of cameras the rays of the same joints at the same moments should meet. How nearly they can,
+after the pair's poses have given way as far as a tape and an aim by eye allow, is the cost of the lag: walks repeat
+every second and more, but the walker is a stride further on then, which the poses cannot make up for. The lags of all
+cameras are those with the least total cost of all pairs. Exchanged sides and wrong limbs count little (Cauchy's loss).
+Directions are unit vectors in the world, lengths m.
+"""
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from dior.geometry.camera import undistort
+
+SEARCH_S, STEP_S = 2.0, 1 / 15
+GRID_HZ = 60.0
+EVERY_S = 0.1
+MOST_POINTS = 600
+FEWEST_POINTS = 100
+LOSS_RAD = (0.05, 0.02, 0.01, 0.006, 0.006)  # the last is about 10 px at fx 1680
+INDEPENDENT = 100.0  # how many measurements the points of a pair amount to, as errors last
+AIM_DEG, MOST_SHIFT_M = 12.0, 0.3  # how far a camera by tape may be off, before its keypoints are asked
+SHARED = 0.3  # a lag at which less than this share of the best lag's points is left says nothing
+BEAM = 400
+
+
+@dataclass(frozen=True)
+class Rays:
+    """Directions (T, J, 3) of a camera's joints on its clock, NaN where not seen, every 1/60 s from `first` / 60 s."""
+
+    first: int
+    directions: np.ndarray
+
+
+def rays(camera, seconds, uv, max_gap_s):
+    """`Rays` of pixels uv (F, J, 2) recorded at `seconds` (F,), never across a gap of more than `max_gap_s`."""
+    from dior.clocks.axis import sample
+
+    xy = undistort(camera.intrinsics, uv)
+    first, last = int(np.ceil(seconds[0] * GRID_HZ)), int(np.floor(seconds[-1] * GRID_HZ))
+    xy = sample(seconds, xy, np.arange(first, last + 1) / GRID_HZ, max_gap_s)
+    ahead = np.concatenate([xy, np.ones((*xy.shape[:-1], 1))], axis=-1)
+    return Rays(first, ahead / np.linalg.norm(ahead, axis=-1, keepdims=True) @ camera.wRc.T)
+
+
+def coarse(cameras, seen, held, span, aim_rad, shift_m):
+    """What is to be added to the times (V,) s of the cameras' clocks so that they agree.
+
+    `seen`: `Rays` of each camera on its clock as it is known, `held` (V,): clocks that are not to be moved, at least
+    one; `span`: first and last second that is looked at; `aim_rad`, `shift_m` (V,): how far off the cameras may be, 1
+    sigma. A camera that shares too little with the others to tell stays where it is.
+    """
+    steps = int(round(SEARCH_S / STEP_S))
+    costs = {}
+    for a, b in combinations(range(len(cameras)), 2):
+        if held[a] and held[b]:
+            continue
+        reach = steps if held[a] or held[b] else 2 * steps
+        apart = np.hypot(aim_rad[a], aim_rad[b]), np.hypot(shift_m[a], shift_m[b])
+        lags = np.arange(-reach, reach + 1) * STEP_S
+        costs[a, b] = pair_cost(cameras[a].centre, seen[a], cameras[b].centre, seen[b], lags, span, *apart)
+    at = _least(costs, held, steps)
+    return np.array([0.0 if held[view] else _between(costs, at, view, steps) for view in range(len(cameras))])
+
+
+def pair_cost(centre_a, a, centre_b, b, lags, span, aim_rad, shift_m):
+    """Mean cost (L,) of the points that both see when b's clock is `lags` (L,) s late: time of a = time of b + lag.
+
+    `aim_rad`, `shift_m`: how far their relative pose may be off. 0 at every lag where the points are too few.
+    """
+    first, last = (int(np.ceil(s * GRID_HZ)) for s in span)
+    every = int(round(EVERY_S * GRID_HZ))
+    index = np.arange(max(first, a.first), min(last, a.first + len(a.directions) - 1) + 1, every)
+    A = a.directions[index - a.first]
+    moments, joints = np.nonzero(np.isfinite(A[..., 0]))
+    chosen = np.sort(np.random.default_rng(0).permutation(len(moments))[:MOST_POINTS])
+    moments, joints = moments[chosen], joints[chosen]
+    at = index[moments] - np.round(lags[:, None] * GRID_HZ).astype(int) - b.first
+    inside = (at >= 0) & (at < len(b.directions))
+    B = b.directions[np.clip(at, 0, len(b.directions) - 1), joints]
+    good = inside & np.isfinite(B[..., 0])
+    count = good.sum(axis=1)
+    if count.max(initial=0) < FEWEST_POINTS:
+        return np.zeros(len(lags))
+    B = np.ascontiguousarray(np.swapaxes(np.where(good[..., None], B, 0.0), 1, 2))
+    cost = _fitted(A[moments, joints].T, B, good, centre_b - centre_a, aim_rad, shift_m)
+    enough = count >= max(SHARED * count.max(), FEWEST_POINTS / 2)
+    return np.where(enough, cost, cost[enough].max())
+
+
+def _fitted(A, B, good, baseline, aim_rad, shift_m):
+    """Mean cost (L,) of rays A (3, N) and B (L, 3, N) after turning B and shifting its centre, for each lag.
+
+    The residual is the sine of the angle by which a ray misses the plane of the other and the baseline.
+    """
+    from scipy.spatial.transform import Rotation
+
+    line, given = np.repeat(baseline[None], len(B), axis=0), np.zeros((len(B), 6))
+    prior = np.repeat([aim_rad**-2, shift_m**-2], 3)
+    share = INDEPENDENT / np.maximum(good.sum(axis=1), 1)
+    for loss in LOSS_RAD:
+        residual, D = _missed(A, B, line)
+        weighted = D * (good / (loss**2 + residual**2) * share[:, None])[:, None]
+        H = weighted @ np.swapaxes(D, 1, 2) + np.diag(prior)
+        g = (weighted @ residual[..., None])[..., 0] + given * prior
+        step = -np.linalg.solve(H, g[..., None])[..., 0]
+        B = Rotation.from_rotvec(step[:, :3]).as_matrix() @ B
+        line, given = line + step[:, 3:], given + step
+    residual = _missed(A, B, line)[0]
+    cost = (np.log1p((residual / LOSS_RAD[-1]) ** 2) * good).sum(axis=1) / np.maximum(good.sum(axis=1), 1)
+    return cost + (given**2 @ prior) / INDEPENDENT
+
+
+def _missed(A, B, line):
+    """By how much B (L, 3, N) misses the plane of A (3, N) and the baseline (L, 3): (L, N), and its derivative
+    (L, 6, N) by a turn of B in the world and a shift of its centre."""
+    a, b = A[None], np.swapaxes(B, 0, 1)
+    cross = np.stack([A[1] * b[2] - A[2] * b[1], A[2] * b[0] - A[0] * b[2], A[0] * b[1] - A[1] * b[0]], axis=1)
+    with_a, with_b = line @ A, (line[:, None] @ B)[:, 0]
+    norm = np.sqrt(np.maximum((line**2).sum(axis=1)[:, None] - (with_a**2 + with_b**2) / 2, 1e-12))
+    turn = line[..., None] * (a * B).sum(axis=1)[:, None] - a * with_b[:, None]
+    return (line[:, None] @ cross)[:, 0] / norm, np.concatenate([turn, cross], axis=1) / norm[:, None]
+
+
+def _least(costs, held, steps):
+    """Lags (V,) in steps with the least total cost: cameras one after the other, the best few hundred at every turn."""
+    order = sorted(range(len(held)), key=lambda view: not held[view])
+    chosen, total = np.zeros((1, 0), int), np.zeros(1)
+    for i, view in enumerate(order):
+        own = np.zeros(1, int) if held[view] else np.arange(-steps, steps + 1)
+        more = np.repeat(total[:, None], len(own), axis=1)
+        for j, other in enumerate(order[:i]):
+            cost = costs.get((min(view, other), max(view, other)))
+            if cost is not None:
+                lag = own[None] - chosen[:, j, None]
+                more += cost[(lag if other < view else -lag) + len(cost) // 2]
+        best = np.argsort(more, axis=None, kind="stable")[:BEAM]
+        before, now = np.unravel_index(best, more.shape)
+        chosen, total = np.column_stack([chosen[before], own[now]]), more[before, now]
+    at = np.zeros(len(held), int)
+    at[order] = chosen[0]
+    return at
+
+
+def _between(costs, at, view, steps):
+    """The lag (s) of a camera, by the parabola through the least cost and its neighbours, the others as in `at`."""
+    along, lags = np.zeros(2 * steps + 1), np.arange(-steps, steps + 1)
+    for (a, b), cost in costs.items():
+        if view in (a, b):
+            along += cost[(lags - at[a] if view == b else at[b] - lags) + len(cost) // 2]
+    i = at[view] + steps
+    if not np.ptp(along) > 0:
+        return 0.0
+    if not 0 < i < 2 * steps:
+        return at[view] * STEP_S
+    before, here, after = along[i - 1 : i + 2]
+    bend = before - 2 * here + after
+    return (at[view] + (np.clip((before - after) / (2 * bend), -0.5, 0.5) if bend > 0 else 0.0)) * STEP_S

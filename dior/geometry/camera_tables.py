@@ -1,0 +1,117 @@
+"""Cameras and their covariance as tables: `cameras`, `released_cameras`, `camera_covariance`."""
+
+from pathlib import Path
+
+import numpy as np
+
+from dior.errors import DiorError, nearest
+from dior.geometry.camera import Camera, Intrinsics
+from dior.tables import tables
+
+
+def camera_columns(cameras, session="", sequence="", offset_s=None, drift_ppm=None):
+    """Columns of the `cameras` table from a list of `Camera`."""
+    lenses = [camera.intrinsics for camera in cameras]
+    unknown = np.full(16, np.nan)
+    columns = {
+        "session": [session] * len(cameras),
+        "sequence": [sequence] * len(cameras),
+        "camera": [camera.name for camera in cameras],
+        "role": [camera.role for camera in cameras],
+        "locate": [camera.locate for camera in cameras],
+        "distortion_model": [lens.model for lens in lenses],
+        "distortion": [lens.distortion for lens in lenses],
+        "wTc": [unknown if camera.wTc is None else np.ravel(camera.wTc) for camera in cameras],
+    }
+    for key in ("width", "height", "fx", "fy", "cx", "cy"):
+        columns[key] = [getattr(lens, key) for lens in lenses]
+    if offset_s is not None:
+        columns["offset_s"] = offset_s
+    if drift_ppm is not None:
+        columns["drift_ppm"] = drift_ppm
+    return columns
+
+
+def write_cameras(path, cameras, session="", sequence="", offset_s=None, drift_ppm=None):
+    """Write a `cameras` table."""
+    tables.write(path, "cameras", camera_columns(cameras, session, sequence, offset_s, drift_ppm))
+
+
+def read_cameras(paths):
+    """Cameras by name from one `cameras` table or several."""
+    cameras = {}
+    for path in [paths] if isinstance(paths, (str, Path)) else paths:
+        t = tables.read(path, "cameras")
+        cameras |= {name: _camera(t, i) for i, name in enumerate(t["camera"])}
+    return cameras
+
+
+def read_released_cameras(path):
+    """Cameras by (session, camera) from the `released_cameras` table of a release."""
+    t = tables.read(path, "released_cameras")
+    return {key: _camera(t, i) for i, key in enumerate(zip(t["session"], t["camera"], strict=True))}
+
+
+def _camera(t, i):
+    """The camera in row `i` of a table of cameras."""
+    lens = Intrinsics(
+        *(int(t[k][i]) for k in ("width", "height")),
+        *(float(t[k][i]) for k in ("fx", "fy", "cx", "cy")),
+        t["distortion_model"][i],
+        tuple(t["distortion"][i].tolist()),
+    )
+    wTc = t["wTc"][i].reshape(4, 4)
+    return Camera(t["camera"][i], lens, wTc if np.isfinite(wTc).all() else None, t["role"][i], t["locate"][i])
+
+
+def read_placed(paths, names, where):
+    """The cameras called `names`, in that order, of `cameras` tables. Raises DiorError for one without a pose."""
+    rig = read_cameras(paths)
+    for name in names:
+        if name not in rig or rig[name].wTc is None:
+            raise DiorError(f"{where}, camera {name}: {', '.join(map(str, paths))} gives no pose of it")
+    return [rig[name] for name in names]
+
+
+def write_camera_covariance(path, names, covariance, session="", own=None):
+    """Write a `camera_covariance` table of V cameras from (6V, 6V); NaN is unknown.
+
+    `own`: the cameras whose rows are written, all by default; the others' are in another file.
+    """
+    pairs = [(i, j) for i, name in enumerate(names) if own is None or name in own for j in range(len(names))]
+    blocks = np.asarray(covariance, float).reshape(len(names), 6, len(names), 6)
+    columns = {
+        "session": [session] * len(pairs),
+        "camera": [names[i] for i, _ in pairs],
+        "other": [names[j] for _, j in pairs],
+        "covariance": [blocks[i, :, j].ravel() for i, j in pairs],
+    }
+    tables.write(path, "camera_covariance", columns)
+
+
+def read_camera_covariance(paths, names):
+    """Covariance (6V, 6V) of the cameras `names` from one or several `camera_covariance` tables.
+
+    A camera that is in none of them, or not known, has NaN in its own block and with every other; cameras of which no
+    table has a pair are taken as independent.
+    """
+    blocks = {}
+    for path in [paths] if isinstance(paths, (str, Path)) else paths:
+        t = tables.read(path, "camera_covariance")
+        for a, b, values in zip(t["camera"], t["other"], t["covariance"], strict=True):
+            blocks[a, b] = values.reshape(6, 6)
+    out = np.zeros((len(names), 6, len(names), 6))
+    for i, a in enumerate(names):
+        for j, b in enumerate(names):
+            unknown = any(not np.isfinite(blocks.get((c, c), np.nan)).all() for c in (a, b))
+            pair = blocks[a, b] if (a, b) in blocks else blocks[b, a].T if (b, a) in blocks else np.zeros((6, 6))
+            out[i, :, j] = np.nan if unknown else pair
+    return out.reshape(6 * len(names), 6 * len(names))
+
+
+def unplaced(path, camera):
+    """The `Camera` of that name in an intrinsics table. Raises DiorError where it is not there."""
+    cameras = read_cameras(path)
+    if camera not in cameras:
+        raise DiorError(f"{path}: no camera '{camera}'{nearest(camera, cameras)}")
+    return cameras[camera]

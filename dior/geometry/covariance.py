@@ -1,0 +1,88 @@
+"""How uncertain cameras move what they see: Jacobians of the projection and of a triangulated point.
+
+A camera's error is a vector of six numbers: a turn about its own axes (rad), then a shift of its centre in the world
+(m). `wTc` with the error `step` is `(wRc exp(step[:3]), centre + step[3:])`. The covariance of V cameras is (6V, 6V),
+six rows a camera. Vocabulary of calibrate, reconstruct and label.
+"""
+
+import numpy as np
+
+from dior.geometry import camera as cam
+
+
+def moved(camera, step):
+    """The camera with the error `step` (6,)."""
+    from scipy.spatial.transform import Rotation
+
+    wRc = camera.wRc @ Rotation.from_rotvec(np.asarray(step[:3], float)).as_matrix()
+    return camera.at(cam.pose(wRc, camera.centre + step[3:]))
+
+
+def projection(camera, points):
+    """Derivatives of the recorded pixel by the world point (..., 2, 3) px/m and by the camera's error (..., 2, 6).
+
+    `points` (..., 3) m; NaN behind the camera and where the lens model has no answer.
+    """
+    p = (np.asarray(points, float) - camera.centre) @ camera.wRc
+    z = p[..., 2]
+    with np.errstate(all="ignore"):
+        z = np.where(z > 0, z, np.nan)
+        xy = p[..., :2] / z[..., None]
+        lens = _lens(camera.intrinsics, xy)
+        by_axes = np.zeros((*z.shape, 2, 3))  # of the ideal coordinates, by the point in the camera's axes
+        by_axes[..., 0, 0] = by_axes[..., 1, 1] = 1 / z
+        by_axes[..., :, 2] = -xy / z[..., None]
+    by_axes = lens @ by_axes
+    by_point = by_axes @ camera.wRc.T
+    # p(w) = exp(-w) p = p - w x p = p + [p]x w
+    turn = by_axes @ cross(p)
+    return by_point, np.concatenate([turn, -by_point], axis=-1)
+
+
+def cross(v):
+    """Matrices (..., 3, 3) with `cross(v) @ w = v x w`."""
+    zero = np.zeros(v.shape[:-1])
+    x, y, z = np.moveaxis(v, -1, 0)
+    return np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(*v.shape[:-1], 3, 3)
+
+
+def _lens(intrinsics, xy):
+    """Derivative (..., 2, 2) px of the recorded pixel by the ideal normalised coordinates (..., 2)."""
+    step = 1e-6
+    columns = [
+        (cam.distort(intrinsics, xy + d) - cam.distort(intrinsics, xy - d)) / (2 * step)
+        for d in (np.array([step, 0.0]), np.array([0.0, step]))
+    ]
+    return np.stack(columns, axis=-1)
+
+
+def triangulated(cameras, points, information):
+    """What points (..., 3) inherit: covariance (..., 3, 3) of the pixels, derivative (..., 3, 6V) by the cameras.
+
+    `information` (V, ..., 2, 2) 1/px^2 of each view's pixel, zero where a view had no say. The derivative is that
+    by the errors of the V cameras that the point was made with (implicit function theorem at the least squares
+    solution). NaN with fewer than two views.
+    """
+    J, C = zip(*(projection(camera, points) for camera in cameras), strict=True)
+    say = np.asarray(information, float)
+    used = say[..., 0, 0] > 0
+    J = [np.where(u[..., None, None], j, 0.0) for u, j in zip(used, J, strict=True)]
+    C = [np.where(u[..., None, None], c, 0.0) for u, c in zip(used, C, strict=True)]
+    weighted = [np.swapaxes(j, -1, -2) @ w for j, w in zip(J, say, strict=True)]
+    N = sum(wj @ j for wj, j in zip(weighted, J, strict=True))
+    enough = used.sum(axis=0) >= 2
+    N = np.where(enough[..., None, None], N, np.eye(3))
+    noise = np.linalg.inv(N)
+    by_cameras = -noise @ np.concatenate([wj @ c for wj, c in zip(weighted, C, strict=True)], axis=-1)
+    missing = ~enough[..., None, None]
+    return np.where(missing, np.nan, noise), np.where(missing, np.nan, by_cameras)
+
+
+def point_covariance(table, shape):
+    """Covariance (*shape, 3, 3) m^2 from the sigma and rho columns of a `skeletons_3d` table."""
+    x, y, z, xy, xz, yz = (
+        table[key].reshape(shape).astype(float)
+        for key in ("sigma_x", "sigma_y", "sigma_z", "rho_xy", "rho_xz", "rho_yz")
+    )
+    out = np.stack([x * x, xy * x * y, xz * x * z, xy * x * y, y * y, yz * y * z, xz * x * z, yz * y * z, z * z], -1)
+    return out.reshape(*shape, 3, 3)

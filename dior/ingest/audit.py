@@ -1,0 +1,245 @@
+"""Whether the stamps and pictures of a sequence can be trusted: an audit per bag and camera.
+
+INPUTS   `frames` table of the sequence, its bags
+OUTPUTS  `stamp_audit` (a row per camera and bag), `dropped_frames` (a row with its reason for every picture that is
+         missing or there twice), findings
+
+Header stamps are the camera's clock, receive stamps the recorder's, int64 ns. The lag is receive minus header.
+Every message is compared with the one before, by its first bytes; of each camera 12 pictures are decoded to see whether
+they are black. Reasons: a gap is `recorder_behind` where the pictures around it arrived more than 2 periods later than
+usual (the recorder or network could not follow), `between_bags` where the recording went on in another bag, else
+`not_sent` (camera or driver left it out). `same_stamp` and `same_picture` are repeated messages. Where only the
+header's clock jumps nothing is missing; that is a finding.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from dior.clocks.axis import nominal_fps
+from dior.ingest import bags as rosbag
+from dior.ingest.frames import JUMP_NS, check_usable
+from dior.tables import tables
+
+GAP_PERIODS, BEHIND_PERIODS = 1.5, 2.0
+LOOK_AT, BLACK_LEVEL = 12, 12
+MOST_REPEATED = 0.01
+REPEATED = {
+    "same_stamp": "stamp of the one before",
+    "same_picture": "bytes of the one before under another stamp",
+}
+MOST_JITTER_PERIODS = 0.1
+MOST_RATE_OFF = 0.01
+MOST_DRIFT_SIGMA_PPM = 20.0
+
+
+@dataclass(frozen=True)
+class Audit:
+    """`row`: one row of `stamp_audit` by column; `dropped`: (frame, stamp_ns, reason) per missing or repeated picture.
+
+    `jumps`: (frame, step of the header clock in s) of the jumps of the clock.
+    """
+
+    row: dict
+    dropped: tuple
+    jumps: tuple
+
+
+def run(*, sequence: str, frames: Path, data_root: Path, out: Path, out_dropped: Path, findings: Path) -> None:
+    """Audit the recording that the table `frames` indexes; its bags are below `data_root`.
+
+    Raises DiorError for a camera whose stamps cannot be used, see `check_usable`.
+    """
+    table = tables.read(frames, "frames")
+    repeats = _repeats(table, data_root)
+    rows, dropped, found = [], [], []
+    for camera in tables.ordered_unique(table["camera"]):
+        own = tables.of_camera(table, camera)
+        where = f"{sequence}, {camera}"
+        check_usable(own["stamp_ns"], own["receive_ns"], where)
+        black = _black(own, data_root)
+        for bag in tables.ordered_unique(own["bag"]):
+            mine = own["bag"] == bag
+            audited = audit(tables.rows(own, mine), repeats[table["camera"] == camera][mine])
+            looked = black[mine]
+            seen = {"looked_at": int((looked >= 0).sum()), "black": int((looked > 0).sum())}
+            rows.append({"camera": camera, "bag": bag, **audited.row, **seen})
+            dropped += [(camera, *lost) for lost in audited.dropped]
+            found += [(f"{sequence}/{camera}", *finding) for finding in judge(rows[-1], audited, bag)]
+        dropped += [(camera, *lost) for lost in _between_bags(own)]
+    tables.write(out, "stamp_audit", {key: [row[key] for row in rows] for key in tables.columns_of("stamp_audit")})
+    dropped.sort()
+    columns = zip(tables.columns_of("dropped_frames"), zip(*dropped, strict=True) if dropped else [()] * 4, strict=True)
+    tables.write(out_dropped, "dropped_frames", dict(columns))
+    tables.write_findings(findings, found)
+
+
+def audit(frames, repeated):
+    """`Audit` of the pictures of one camera in one bag: rows of the `frames` table by stamp, F of them.
+
+    `repeated` (F,) says whether a picture has the bytes of the one before it in the bag.
+    """
+    stamps, receive, number = frames["stamp_ns"], frames["receive_ns"], frames["frame"]
+    same_stamp = np.r_[False, np.diff(stamps) == 0]
+    same_picture = repeated & ~same_stamp
+    dropped = [(int(number[i]), int(stamps[i]), "same_stamp") for i in np.flatnonzero(same_stamp)]
+    dropped += [(int(number[i]), int(stamps[i]), "same_picture") for i in np.flatnonzero(same_picture)]
+    row = {
+        "pictures": len(stamps),
+        "same_stamp": int(same_stamp.sum()),
+        "same_picture": int(same_picture.sum()),
+        "out_of_order": int((np.diff(stamps[np.argsort(receive, kind="stable")]) < 0).sum()),
+        **_lag(stamps, receive),
+    }
+    stamps, receive, number = stamps[~same_stamp], receive[~same_stamp], number[~same_stamp]
+    ahead = np.diff(stamps) - np.diff(receive)
+    jumped = np.abs(ahead) > JUMP_NS
+    jumps = tuple((int(number[i]), float(np.diff(stamps)[i]) / 1e9) for i in np.flatnonzero(jumped))
+    # one clock throughout, so that a jump is neither a gap nor jitter
+    shift = np.r_[0, np.cumsum(np.where(jumped, ahead, 0))]
+    tick, first, period = _grid((stamps - stamps[0] - shift) / 1e9)
+    off = (stamps - stamps[0] - shift) / 1e9 - (first + period * tick)
+    steps = np.diff(tick)
+    row |= {
+        "nominal_hz": nominal_fps(stamps) if len(stamps) > 1 else np.nan,
+        "rate_hz": 1 / period,
+        "jitter_ms": float(1e3 * np.sqrt(np.mean(off**2))),
+        "jitter_max_ms": float(1e3 * np.abs(off).max()),
+        "lost": int((steps - 1).sum()),
+        "gaps": int((steps > 1).sum()),
+        "longest_gap_s": float(np.diff(stamps - shift).max() / 1e9) if len(stamps) > 1 else np.nan,
+        "clock_jumps": len(jumps),
+    }
+    late = (receive - stamps) / 1e9 - row["lag_ms"] / 1e3 > BEHIND_PERIODS * period
+    for i in np.flatnonzero(steps > 1):
+        reason = "recorder_behind" if late[i] or late[i + 1] else "not_sent"
+        missing = first + period * np.arange(tick[i] + 1, tick[i + 1])
+        dropped += [(int(number[i]), int(stamps[0] + shift[i] + round(1e9 * at)), reason) for at in missing]
+    return Audit(row, tuple(sorted(dropped)), jumps)
+
+
+def _grid(seconds):
+    """Which tick (F,) of a regular clock each picture of rising `seconds` (F,) is, the time of tick 0 and the period.
+
+    A stamp that is late by more than half a period would be taken for the next tick, and the picture before it for
+    lost: of two pictures on one tick the first is moved back.
+    """
+    if len(seconds) < 3:
+        return np.arange(len(seconds)), 0.0, float(seconds[-1]) if len(seconds) == 2 else np.nan
+    period = float(np.median(np.diff(seconds)))
+    tick = np.r_[0, np.cumsum(np.maximum(np.rint(np.diff(seconds) / period), 0))]
+    count = np.arange(len(seconds))
+    for _ in range(3):
+        tick = np.minimum.accumulate((tick - count)[::-1])[::-1] + count
+        line = np.polyfit(tick, seconds, 1)
+        off = seconds - np.polyval(line, tick)
+        near = np.abs(off - np.median(off)) <= max(3 * 1.4826 * np.median(np.abs(off - np.median(off))), 1e-6)
+        period, first = np.polyfit(tick[near], seconds[near], 1) if near.sum() > 2 else line
+        tick = np.rint((seconds - first) / period)
+    tick = np.minimum.accumulate((tick - count)[::-1])[::-1] + count
+    return (tick - tick[0]).astype(int), float(first + period * tick[0]), float(period)
+
+
+def _lag(stamps, receive):
+    """Columns about receive against header stamps (F,) ns."""
+    lag = (receive - stamps) / 1e6
+    low, middle, high = np.percentile(lag, [5, 50, 95])
+    seconds = (stamps - stamps[0]) / 1e9
+    drift, good = np.nan, np.abs(lag - middle) <= _loose(lag - middle)
+    for _ in range(3):
+        if good.sum() < 10 or np.ptp(seconds[good]) < 1:
+            break
+        line = np.polyfit(seconds[good], lag[good], 1)
+        off = lag - np.polyval(line, seconds)
+        sigma = 1e3 * np.std(off[good]) / (np.sqrt(good.sum()) * np.std(seconds[good]))
+        # the late ones are far away and would turn the line
+        drift, good = 1e3 * line[0] if sigma < MOST_DRIFT_SIGMA_PPM else np.nan, np.abs(off) <= _loose(off)
+    return {
+        "lag_ms": float(middle),
+        "lag_spread_ms": float(high - low),
+        "lag_max_ms": float(lag.max() - middle),
+        "drift_ppm": float(drift),
+    }
+
+
+def _loose(off):
+    """Three robust standard deviations of what is off by `off` (F,) ms."""
+    return max(3 * 1.4826 * np.median(np.abs(off)), 1e-3)
+
+
+def _between_bags(frames):
+    """(frame, stamp_ns, reason) of the pictures of one camera that are missing where its recording changes bags."""
+    stamps = frames["stamp_ns"]
+    steps = np.diff(stamps)
+    period = 1e9 / nominal_fps(stamps)
+    changed = (frames["bag"][1:] != frames["bag"][:-1]) & (steps > GAP_PERIODS * period)
+    lost = []
+    for i in np.flatnonzero(changed):
+        ticks = int(max(np.rint(steps[i] / period), 2))
+        missing = stamps[i] + steps[i] * np.arange(1, ticks) // ticks
+        lost += [(int(frames["frame"][i]), int(stamp), "between_bags") for stamp in missing]
+    return lost
+
+
+def _repeats(frames, data_root):
+    """Mask (N,) of the rows of a `frames` table whose message has the bytes of the one before in its bag."""
+    same = np.zeros(len(frames["frame"]), bool)
+    for bag in tables.ordered_unique(frames["bag"]):
+        mine = np.flatnonzero(frames["bag"] == bag)
+        found = rosbag.repeated(Path(data_root) / bag, tables.ordered_unique(frames["topic"][mine]))
+        keys = zip(*(frames[key][mine].tolist() for key in ("topic", "receive_ns", "nth")), strict=True)
+        same[mine] = [key in found for key in keys]
+    return same
+
+
+def _black(frames, data_root):
+    """(F,) of one camera: 1 where a picture that was looked at is black, 0 where it is not, -1 where none looked."""
+    chosen = np.unique(np.linspace(0, len(frames["frame"]) - 1, min(len(frames["frame"]), LOOK_AT)).round().astype(int))
+    black = np.full(len(frames["frame"]), -1)
+    for row, picture in rosbag.read_pictures(tables.rows(frames, chosen), data_root):
+        black[chosen[row]] = np.percentile(picture[::4, ::4], 99) < BLACK_LEVEL
+    return black
+
+
+def _count(number, what):
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
+def judge(row, audited, bag):
+    """What a person should see of an audit, of its row in `stamp_audit`: (severity, code, text) tuples."""
+    found = []
+    period_ms = 1e3 / row["nominal_hz"] if row["nominal_hz"] else np.nan
+
+    def add(bad, code, text):
+        found.append(("warning" if bad else "info", code, f"{bag}: {text}"))
+
+    if row["lost"]:
+        share = row["lost"] / (row["lost"] + row["pictures"])
+        behind = sum(reason == "recorder_behind" for _, _, reason in audited.dropped)
+        late = f", {behind} of them while the recorder was behind" if behind else ""
+        gaps = f"in {_count(row['gaps'], 'gap')}, the longest {row['longest_gap_s']:.2f} s"
+        # whether that is too much, the report's summary says for the recording as a whole
+        add(False, "pictures_lost", f"{_count(row['lost'], 'picture')} lost ({share:.1%}) {gaps}{late}")
+    for code, what in REPEATED.items():
+        if row[code]:
+            share = row[code] / row["pictures"]
+            add(share > MOST_REPEATED, code, f"{_count(row[code], 'picture')} ({share:.1%}) with the {what}")
+    if row["black"]:
+        add(True, "black_pictures", f"{row['black']} of {row['looked_at']} pictures looked at are black")
+    if row["out_of_order"]:
+        add(False, "out_of_order", f"{_count(row['out_of_order'], 'picture')} received after a later one")
+    for frame, step in audited.jumps:
+        text = f"the header clock jumps by {step:.1f} s after frame {frame}; offsets before it do not hold after it"
+        found.append(("error", "clock_jump", f"{bag}: {text}, so split the sequence there"))
+    if row["jitter_ms"] > MOST_JITTER_PERIODS * period_ms:
+        text = f"stamps are {row['jitter_ms']:.1f} ms rms off a regular rate, at most {row['jitter_max_ms']:.1f} ms"
+        add(True, "stamp_jitter", text)
+    if abs(row["rate_hz"] / row["nominal_hz"] - 1) > MOST_RATE_OFF:
+        add(False, "rate", f"{row['rate_hz']:.3f} pictures a second, not {row['nominal_hz']:g}")
+    if abs(row["lag_ms"]) > JUMP_NS / 1e6:
+        text = (
+            f"header and receive stamps are {row['lag_ms'] / 1e3:.1f} s apart: the clocks of camera and recorder differ"
+        )
+        add(False, "clocks_differ", text)
+    return found

@@ -1,0 +1,379 @@
+"""What one file of a project says about another, checked when the project is read.
+
+INPUTS: a `dior.project.project.Project` whose files have the right keys. OUTPUTS: a DiorError for the first
+contradiction: a sentence that names the file, line or key and the likely fix.
+"""
+
+import os
+import re
+
+from dior.errors import DiorError, nearest
+from dior.project.bumps import session_folder
+from dior.project.read import check, read_yaml
+
+SAME_PLACE_M = 0.01
+
+
+def check_sheets(project, people, lines):
+    """Subjects and sessions that the sheets name must exist, pseudonyms must hide who it is.
+
+    `people`: all rows of subjects.tsv, of those who may not be processed, too; `lines` of the rows of sequences.tsv.
+    """
+    _check_pseudonyms(people)
+    for name in project.sequences:
+        where = f"config/sequences.tsv line {lines[name]}"
+        _check_references(project, project.rows[name], people, where)
+        _check_name(project.rows[name], people, where)
+
+
+def check_gallery(project, people, lines):
+    """Rows of the gallery name a subject and one place of their pictures. `people`, `lines`: as of `check_sheets`."""
+    for name, row in project.gallery.items():
+        where = f"config/gallery.tsv line {lines[name]}"
+        if row["subject"] not in people:
+            raise DiorError(
+                f"{where}: subject '{row['subject']}' is not in config/subjects.tsv{nearest(row['subject'], people)}"
+            )
+        if bool(row["path"]) == bool(row["bag"]):
+            raise DiorError(f"{where}: give either path (a folder of pictures) or bag (with its topic)")
+        if bool(row["bag"]) != bool(row["topic"]):
+            raise DiorError(f"{where}: {'bag needs its topic' if row['bag'] else 'topic is of no bag'}")
+        if os.path.isabs(row["path"] or row["bag"]):
+            raise DiorError(f"{where}: '{row['path'] or row['bag']}' must be relative to data_root")
+        _check_words(row, ("outfit", "angle"), people, where)
+
+
+def check_detectors(project, lines):
+    """Rows of detectors.tsv name a sequence and one of its cameras; those of excluded ones wait. `lines` of them."""
+    for name, row in project.detectors.items():
+        where = f"config/detectors.tsv line {lines[name]}"
+        if row["sequence"] not in project.rows:
+            raise DiorError(
+                f"{where}: '{row['sequence']}' is not in config/sequences.tsv{nearest(row['sequence'], project.rows)}"
+            )
+        if os.path.isabs(row["path"]):
+            raise DiorError(f"{where}: path '{row['path']}' must be relative to data_root")
+        if row["sequence"] not in project.sequences:
+            continue
+        cameras = project.cameras_of(row["sequence"])
+        if row["camera"] not in cameras:
+            raise DiorError(
+                f"{where}: '{row['camera']}' is no camera of session '{project.session_of(row['sequence'])}'"
+                f"{nearest(row['camera'], cameras)}"
+            )
+
+
+def check_sessions(project, lines):
+    """Sequences, sessions, cameras and the files beside them must fit together. `lines` of the sheet's rows."""
+    for session in project.sessions:
+        _check_distinct(project, session)
+    for name in project.sequences:
+        _check_sequence(project, project.rows[name], f"config/sequences.tsv line {lines[name]}")
+    for session in project.sessions:
+        _check_window(project, session)
+        _check_tag(project, session)
+        _check_facts(project, session)
+        for camera in project.cameras(session):
+            _check_marks(project, session, camera)
+            _check_align(project, session, camera)
+    for folder in ("offsets", "boxes", "checks"):
+        _check_names(project, folder)
+    for name in project.sequences:
+        _check_offsets(project, name)
+
+
+def check_camera(camera, shown):
+    """A camera must have what its `locate` needs."""
+    _check_intrinsics(camera, shown)
+    locate = camera["locate"]
+    if locate == "align" and camera["role"] != "long_range":
+        raise DiorError(f"{shown}: 'locate: align' is for long_range cameras; a close one has marks, tape or reference")
+    if locate in ("tape", "apriltag") and camera["role"] != "close":
+        raise DiorError(f"{shown}: a long_range camera is not adjusted after 'locate: {locate}'; use 'locate: align'")
+    if locate in ("tape", "align") and "tape" not in camera:
+        raise DiorError(f"{shown}: 'locate: {locate}' needs the key 'tape' with the measured position_m")
+    if locate == "reference" and "reference" not in camera:
+        raise DiorError(f"{shown}: 'locate: reference' needs the key 'reference' with file and name")
+    if locate != "align" and any(camera["nudge"].values()):
+        raise DiorError(f"{shown}: 'nudge' has no effect with 'locate: {locate}'; only align uses it")
+    if "align" in camera and locate != "align":
+        raise DiorError(f"{shown}: the section 'align' has no effect with 'locate: {locate}'")
+    if "tape" in camera and _distance(camera["tape"]["position_m"], camera["tape"]["target_m"]) < SAME_PLACE_M:
+        raise DiorError(f"{shown}: 'tape.target_m' is the camera's own position, so it looks nowhere")
+
+
+def _check_intrinsics(camera, shown):
+    """Intrinsics come from one place, and a board gives the whole lens model."""
+    source = camera["intrinsics"]
+    if not isinstance(source, dict):
+        return
+    ways = [key for key in ("file", "chessboard", "charuco") if key in source]
+    for key, other in (("file", "name"), ("name", "file")):
+        if key in source and other not in source:
+            raise DiorError(f"{shown}: key 'intrinsics.{other}' is missing; intrinsics from a file need file and name")
+    if len(ways) != 1:
+        given = " and ".join(ways) or "nothing"
+        raise DiorError(f"{shown}: 'intrinsics' names {given}; give one of file (with name), chessboard and charuco")
+    model = camera.get("distortion_model", "plumb_bob")
+    if ways[0] != "file" and model != "plumb_bob":
+        raise DiorError(f"{shown}: 'distortion_model: {model}' does not fit: a {ways[0]} gives a plumb_bob lens")
+
+
+def _check_align(project, session, camera):
+    """A camera is aligned to sequences of its session that are processed and have what it is aligned to."""
+    how = project.cameras(session)[camera].get("align")
+    if not how:
+        return
+    shown = project.camera_file(session, camera)
+    here = project.sequences_of(session)
+    for name in how["sequences"]:
+        if name in project.excluded:
+            raise DiorError(f"{shown}: align.sequences names '{name}', which has an exclude_reason")
+        if name not in here:
+            raise DiorError(f"{shown}: align.sequences: '{name}' is no sequence of {session}{nearest(name, here)}")
+        if how["from"] == "boxes" and camera not in project.boxes(name):
+            raise DiorError(f"{shown}: 'align.from: boxes' needs the file config/boxes/{name}.{camera}.csv")
+    path = project.marks_file(session, camera)
+    if how["from"] == "marks" and not (project.root / path).is_file():
+        raise DiorError(f"{shown}: 'align.from: marks' needs the file {path}")
+
+
+def _check_pseudonyms(subjects):
+    owner = {}
+    for name, row in subjects.items():
+        word = row["pseudonym"].lower()
+        if word == "metadata":
+            raise DiorError(
+                f"config/subjects.tsv: '{name}' has the pseudonym '{word}', as a tarball is called; make one up"
+            )
+        if word in owner:
+            raise DiorError(
+                f"config/subjects.tsv: subjects '{owner[word]}' and '{name}' share the pseudonym '{row['pseudonym']}'"
+            )
+        owner[word] = name
+    for word, name in owner.items():
+        for other in subjects:
+            if _holds(word, other):
+                raise DiorError(
+                    f"config/subjects.tsv: the pseudonym of '{name}' holds the name of subject '{other}'; make one up"
+                )
+
+
+def _check_references(project, row, people, where):
+    name = row["sequence"]
+    if row["subject"] not in people:
+        raise DiorError(
+            f"{where}: sequence '{name}' is of subject '{row['subject']}', who is not in config/subjects.tsv"
+            f"{nearest(row['subject'], people)}"
+        )
+    folder = project.root / "config/sessions"
+    if not (folder / session_folder(row["session"]) / "session.yaml").is_file():
+        there = sorted(os.listdir(folder)) if folder.is_dir() else []
+        raise DiorError(
+            f"{where}: session '{row['session']}' of sequence '{name}' has no "
+            f"{project.session_file(row['session'])}{nearest(row['session'], there)}"
+        )
+    if project.detected_here(name):
+        _check_detector(project, f"{where}: sequence '{name}' has 'detections: detect'")
+    for column in ("bags", "mocap", "detections", "trigger_log", "truth"):
+        for path in row[column].split(";"):
+            if os.path.isabs(path.strip()):
+                raise DiorError(f"{where}: {column} '{path.strip()}' must be relative to data_root")
+
+
+def _check_detector(project, asking):
+    model = project.config["detector"]["model"]
+    if not model:
+        raise DiorError(f"{asking}, which needs the pose network `detector.model` in config/config.yaml")
+    if not os.path.isfile(os.path.join(project.root, model)):
+        raise DiorError(
+            f"{asking}, but `detector.model` in config/config.yaml is '{model}', where there is no file; it is "
+            "relative to the folder that holds config/"
+        )
+
+
+def _distance(a, b):
+    return sum((x - y) ** 2 for x, y in zip(a, b, strict=True)) ** 0.5
+
+
+def _check_name(row, people, where):
+    """The names of sequences and sessions go into the release, so they must not hold the name of a subject."""
+    for column in ("sequence", "session"):
+        for subject in people:
+            if _holds(row[column], subject):
+                raise DiorError(
+                    f"{where}: the name of {column} '{row[column]}' holds that of subject '{subject}', which the "
+                    f"release must not tell; rename the {column}"
+                )
+    _check_words(row, ("outfit", "walk"), people, where)
+
+
+def _check_words(row, columns, people, where):
+    """Nor must other words that go there. A number is a size or an angle, and a letter a kind; no person's name."""
+    for column in columns:
+        for subject in people:
+            name = rf"(?<![A-Za-z0-9]){re.escape(subject)}(?![A-Za-z0-9])"
+            if not subject.isdigit() and len(subject) > 1 and re.search(name, row[column], re.IGNORECASE):
+                raise DiorError(
+                    f"{where}: {column} '{row[column]}' must not hold the name of subject '{subject}', which the "
+                    "release must not tell"
+                )
+
+
+def _holds(text, subject):
+    """Whether a name is there as a word. One or two digits are a number of something, not a person's name."""
+    if subject.isdigit() and len(subject) < 3:
+        return False
+    return bool(re.search(rf"(^|[_-]){re.escape(subject)}([_-]|$)", text, re.IGNORECASE))
+
+
+def _check_distinct(project, session):
+    """No two cameras of a session record the same topic, stand in one place or take one pose."""
+    names = list(project.cameras(session))
+    for i, first in enumerate(names):
+        for second in names[i + 1 :]:
+            a, b = project.cameras(session)[first], project.cameras(session)[second]
+            where = f"config/sessions/{session}: cameras '{first}' and '{second}'"
+            measured = [camera["tape"]["position_m"] for camera in (a, b) if "tape" in camera]
+            if a["topic"] == b["topic"]:
+                raise DiorError(f"{where} have the same topic '{a['topic']}'")
+            if len(measured) == 2 and _distance(*measured) < SAME_PLACE_M:
+                raise DiorError(f"{where} are at the same place {measured[0]} (tape.position_m)")
+            if a["locate"] == b["locate"] == "reference" and a["reference"] == b["reference"]:
+                raise DiorError(f"{where} take the same pose '{a['reference']['name']}' (reference.name)")
+
+
+def _check_sequence(project, row, where):
+    name, session = row["sequence"], row["session"]
+    if row["environment"] == "indoor" and not row["mocap"]:
+        raise DiorError(f"{where}: sequence '{name}' is indoor but has no mocap (the C3D file)")
+    if row["environment"] == "indoor":
+        return
+    if row["trigger_log"]:
+        raise DiorError(
+            f"{where}: sequence '{name}' is outdoor, where the first close camera gives the time; its trigger_log has "
+            "no motion capture to start, so leave it empty"
+        )
+    if not row["detections"]:
+        raise DiorError(f"{where}: sequence '{name}' is outdoor but has no detections")
+    if len(project.close(session)) < 2:
+        raise DiorError(
+            f"{where}: sequence '{name}' is outdoor, so session '{session}' needs at least 2 close cameras, "
+            f"but {project.session_file(session)} has {len(project.close(session))}"
+        )
+
+
+def _check_window(project, session):
+    shown, processed = project.session_file(session), project.sequences_of(session)
+    close = {name: project.cameras(session)[name]["locate"] for name in project.close(session)}
+    taped = [name for name, how in close.items() if how == "tape"]
+    if taped and not project.window(session):
+        raise DiorError(
+            f"{shown}: {', '.join(taped)} are placed by tape, which is some degrees off until they are adjusted; name "
+            f"walks of session '{session}' to adjust with, such as "
+            f"'adjust: {{{processed[0]}: {{first: 0, count: 400, step: 1}}}}'"
+        )
+    marked = [name for name, how in close.items() if how == "marks"]
+    if marked and project.window(session):
+        raise DiorError(
+            f"{shown}: 'adjust' is for close cameras placed by tape or reference, but {marked[0]} has 'locate: marks'"
+        )
+    for name in project.window(session):
+        if name in project.excluded:
+            raise DiorError(f"{shown}: 'adjust.{name}' is an excluded sequence; use one that is processed")
+        if name not in processed:
+            raise DiorError(f"{shown}: 'adjust.{name}' is no sequence of session '{session}'{nearest(name, processed)}")
+        if not project.rows[name]["detections"]:
+            raise DiorError(f"{shown}: 'adjust.{name}' has no detections in config/sequences.tsv to adjust with")
+
+
+def _check_tag(project, session):
+    shown, tag = project.session_file(session), project.session_files[session].get("tag")
+    asking = [name for name, camera in project.cameras(session).items() if camera["locate"] == "apriltag"]
+    if asking and not tag:
+        raise DiorError(f"{shown}: camera '{asking[0]}' has 'locate: apriltag', which needs the key 'tag' here")
+    processed = project.sequences_of(session)
+    if tag and tag.get("sequence", processed[0]) not in processed:
+        raise DiorError(
+            f"{shown}: 'tag.sequence' is '{tag['sequence']}', no processed sequence of session '{session}'"
+            f"{nearest(tag['sequence'], processed)}"
+        )
+
+
+def _check_facts(project, session):
+    """The metric facts are about cameras of the session and people of the walks that it is adjusted with."""
+    shown, settings, window = project.session_file(session), project.session_files[session], project.window(session)
+    close, people = project.close(session), sorted({project.subject_of(name) for name in window})
+    for i, fact in enumerate(settings.get("distances", [])):
+        first, second = fact["between"]
+        if first not in close:
+            raise DiorError(
+                f"{shown}: 'distances.{i}.between' begins with '{first}', which is no close "
+                f"camera{nearest(first, close)}; it is a camera and another one or a marked point"
+            )
+        if first == second:
+            raise DiorError(f"{shown}: 'distances.{i}.between' names '{first}' twice")
+    if not window:
+        return
+    for i, fact in enumerate(settings.get("keypoint_distance", [])):
+        name = fact.get("subject", people[0])
+        # after a bump the walks of a subject may all be in the other part of the session
+        if name not in {project.subject_of(walk) for walk in project.whole_session(session)}:
+            raise DiorError(
+                f"{shown}: 'keypoint_distance.{i}.subject' is '{name}', who walks in no sequence of session "
+                f"'{session}'{nearest(name, people)}"
+            )
+    measured = [name for name in people if project.subjects[name]["height_m"]]
+    if settings.get("stature") and not any(project.subjects[name]["height_sigma_m"] for name in measured):
+        raise DiorError(
+            f"{shown}: 'stature' needs height_m and height_sigma_m in config/subjects.tsv of one of the people in "
+            f"'adjust': {', '.join(people)}"
+        )
+
+
+def _check_marks(project, session, camera):
+    # a camera that stands still may be marked in any part of its session
+    shown, processed = project.marks_file(session, camera), project.whole_session(session)
+    for name, (first, without_3d) in project.marks.get((session, camera), {}).items():
+        if name not in processed:
+            raise DiorError(
+                f"{shown} line {first}: '{name}' is no processed sequence of session '{session}'"
+                f"{nearest(name, processed)}"
+            )
+        if without_3d and not project.rows[name]["mocap"]:
+            raise DiorError(
+                f"{shown} line {without_3d}: the mark has no x, y, z and sequence '{name}' has no mocap to take its "
+                "3D point from"
+            )
+
+
+def _check_names(project, folder):
+    """A file whose name no sequence or camera has would be left out in silence."""
+    path = project.root / "config" / folder
+    suffix = ".yaml" if folder == "offsets" else ".csv"
+    for file in sorted(os.listdir(path)) if path.is_dir() else ():
+        if file.startswith(".") or not file.endswith(suffix):
+            continue
+        sequence, _, camera = file.removesuffix(suffix).partition(".")
+        if sequence in project.withheld:
+            continue
+        if sequence not in project.rows:
+            raise DiorError(
+                f"config/{folder}/{file}: '{sequence}' is not in config/sequences.tsv{nearest(sequence, project.rows)}"
+                "; remove the file if its row was taken out"
+            )
+        if folder == "offsets" or sequence in project.excluded:
+            continue
+        if camera not in project.cameras_of(sequence):
+            raise DiorError(
+                f"config/{folder}/{file}: '{camera}' is no camera of session '{project.session_of(sequence)}'"
+                f"{nearest(camera, project.cameras_of(sequence))}; the name is <sequence>.<camera>.csv"
+            )
+
+
+def _check_offsets(project, sequence):
+    for shown in project.offsets(sequence):
+        cameras = project.cameras_of(sequence)
+        for camera in check(read_yaml(project.root / shown, shown), "offsets", shown):
+            if camera not in cameras:
+                raise DiorError(f"{shown}: '{camera}' is no camera of this sequence{nearest(camera, cameras)}")

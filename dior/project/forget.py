@@ -1,0 +1,202 @@
+"""What is left of sequences and people that the project no longer has: named, and deleted when a person says so.
+
+INPUTS   a project's sheets, results/, logs/ and .snakemake/
+OUTPUTS  lines on standard output; with `yes` the files are gone
+A run of the workflow makes nothing of them any more and leaves them out of the report and of the release, but what was
+made of each sequence stays where it is until then, and so do releases of other versions and their tarballs.
+What people wrote (config/) and the recordings are only named: they are nobody's output.
+"""
+
+import binascii
+import os
+import re
+import shutil
+from base64 import b64decode
+from pathlib import Path
+
+from dior.project import bumps
+from dior.project.consent import consents, processed
+from dior.project.project import bags_of, sheets
+from dior.project.steps import MODULES
+
+# folders of a step whose entries are named by sequence, as those of the step itself
+INSIDE = {
+    "simulate": ("truth", "gallery"),
+    "evaluate": ("to_mark", "checks", "boxes"),
+    "report": ("assets", "sequences"),
+}
+# what is made of all sequences together, by its name without a suffix; besides that of the step
+OF_ALL = {
+    "evaluate": ("metrics", "statistics", "to_mark"),
+    "reid": ("index", "plots", "table", "cmc", "left_out"),
+    "report": ("index", "cost", "plots"),
+    "tarballs": ("metadata",),
+}
+SUMS, RELEASES = "SHA256SUMS", Path("results/release")
+RECORDS = (".snakemake/metadata", ".snakemake/incomplete")
+
+
+class Known:
+    """The names that a project has: `units` (sequences and sessions) and of the released ones `walks`, (pseudonym,
+    sequence) pairs; `withheld`: rows of the sequences of people who may not be processed.
+    """
+
+    def __init__(self, root):
+        (rows, _), (people, _) = sheets(root)
+        rows, self.withheld = processed(bumps.in_parts(root, rows), people)
+        self.units = {*rows, *(row["session"] for row in rows.values())}
+        agreed = {name: row["pseudonym"] for name, row in people.items() if consents(row)}
+        self.walks = {
+            (agreed[row["subject"]], name)
+            for name, row in rows.items()
+            if row["subject"] in agreed and not row["exclude_reason"]
+        }
+        self.pseudonyms = {who for who, _ in self.walks}
+
+
+def run(project, yes):
+    """List, and with `yes` delete, what is left in the project's folder of what it no longer has."""
+    root = Path(project)
+    known = Known(root)
+    found = [*left(root, known), *_records(root, known)]
+    found += _run_logs(root, ({_unit(path.parts) for path in found} | set(known.withheld)) - {None})
+    found = sorted(dict.fromkeys(found))
+    for path in found:
+        print(path)
+    if not found:
+        print("Nothing is left in results/ and logs/ of sequences or people that the project does not have.")
+    elif yes:
+        for path in found:
+            _delete(root / path)
+        print(f"Deleted {len(found)} files and folders.")
+    else:
+        print(
+            f"{len(found)} files and folders, of sequences or people that the project does not have. Nothing was "
+            "deleted: --yes does it. Run the workflow first, so that the report and the release hold them no longer."
+        )
+    by_hand = _by_people(root, known)
+    if by_hand:
+        print("Recordings and hand-made files about people who may not be processed; dior deletes none of these:")
+        for path in by_hand:
+            print(f"  {path}")
+
+
+def left(root, known=None):
+    """Files and folders below results/ and logs/, relative to `root`, of what the project does not have."""
+    known, root = known or Known(root), Path(root)
+    found = []
+    for step in MODULES:
+        for folder in (Path("results", step), Path("logs", step)):
+            found += _strays(root, folder, known)
+    return [*found, *_releases(root, known)]
+
+
+def _strays(root, folder, known):
+    found = []
+    for entry in sorted(os.listdir(root / folder)) if (root / folder).is_dir() else ():
+        path = folder / entry
+        if _is_stray(path.parts, known):
+            found.append(path)
+        elif entry in INSIDE.get(path.parts[1], ()) and (root / path).is_dir():
+            found += _strays(root, path, known)
+    return found
+
+
+def _is_stray(parts, known):
+    unit = _unit(parts)
+    return unit is not None and unit not in known.units and unit not in known.pseudonyms
+
+
+def _unit(parts):
+    """The sequence, session or person that an output or a log is about; None where it is about all."""
+    if len(parts) < 3 or parts[0] not in ("results", "logs") or parts[1] not in MODULES:
+        return None
+    step, rest = parts[1], [part for part in parts[2:] if part != ".snakemake_timestamp"]
+    while rest and rest[0] in INSIDE.get(step, ()):
+        rest = rest[1:]
+    # what a killed job was writing begins with a dot
+    unit = rest[0].lstrip(".").split(".")[0] if rest else ""
+    return None if unit in ("", step, *OF_ALL.get(step, ())) else unit
+
+
+def _releases(root, known):
+    """Releases, with what was made of them, that hold somebody who is not released now, and tarballs of such people."""
+    if not (root / RELEASES).is_dir():
+        return []
+    entries = sorted(os.listdir(root / RELEASES))
+    folders = [name for name in entries if (root / RELEASES / name / SUMS).is_file() and not name.startswith(".")]
+    versions = [name for name in folders if not name.endswith("-exports")]
+    stale = {name for name in versions if not _walks(root / RELEASES / name) <= known.walks}
+    found = []
+    for name in entries:
+        # what is half made begins with a dot
+        plain = name.lstrip(".")
+        version = max((v for v in versions if plain == v or plain.startswith(f"{v}-")), key=len, default=None)
+        whose = {*known.pseudonyms, "metadata"} if plain == name else known.pseudonyms
+        rest = plain.removeprefix(f"{version}-").rpartition(".")[0].removesuffix(".part")
+        kept = version and version not in stale and (name in folders or rest in whose)
+        if not kept:
+            found.append(RELEASES / name)
+    return found
+
+
+def _walks(release):
+    """(pseudonym, sequence) of the labels of a release."""
+    listed = (line.split("  ", 1)[1] for line in (release / SUMS).read_text(encoding="utf-8").splitlines())
+    parts = [name.split("/") for name in listed if name.startswith("labels_2d/")]
+    return {(who, file.split(".")[0]) for _, who, file in parts}
+
+
+def _records(root, known):
+    """Snakemake's records of outputs that are named by what the project does not have."""
+    found = []
+    for folder in filter(lambda folder: (root / folder).is_dir(), map(Path, RECORDS)):
+        for path in (root / folder).rglob("*"):
+            coded = "".join(part.removeprefix("@") for part in path.relative_to(root / folder).parts)
+            if path.is_file() and _is_stray(Path(_decoded(coded)).parts, known):
+                found.append(path.relative_to(root))
+    return found
+
+
+def _decoded(name):
+    try:
+        return b64decode(name, altchars=b"-_", validate=False).decode()
+    except (binascii.Error, UnicodeDecodeError):
+        return ""
+
+
+def _run_logs(root, names):
+    """Snakemake's logs of whole runs that name one of these."""
+    words = re.compile(rf"(?<![\w-])({'|'.join(map(re.escape, sorted(names)))})(?![\w-])") if names else None
+    folder = root / ".snakemake/log"
+    return [
+        path.relative_to(root)
+        for path in (sorted(folder.glob("*.log")) if words and folder.is_dir() else ())
+        if words.search(path.read_text(encoding="utf-8", errors="replace"))
+    ]
+
+
+def _by_people(root, known):
+    """Recordings of the withheld sequences, and files in config/ that name one of these, as far as they are there."""
+    from dior.project.read import read_yaml
+
+    data = Path(read_yaml(root / "config/config.yaml").get("data_root", "data"))
+    recordings = set()
+    for row in known.withheld.values():
+        files = [*bags_of(row), row["mocap"], row["detections"].partition("{")[0], row["trigger_log"].partition("#")[0]]
+        recordings |= {str(data / path) for path in files if path and path != "detect"}
+    told = [path for path in sorted(recordings) if (root / path).exists() and not path.startswith("results/")]
+    words = re.compile(rf"(?<![\w-])({'|'.join(map(re.escape, sorted(known.withheld)))})(?![\w-])")
+    for path in sorted((root / "config").rglob("*")) if known.withheld else ():
+        if not path.is_file() or path.name in ("sequences.tsv", "subjects.tsv"):
+            continue
+        if words.search(path.name) or words.search(path.read_text(encoding="utf-8", errors="replace")):
+            told.append(str(path.relative_to(root)))
+    return told
+
+
+def _delete(path):
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)

@@ -1,0 +1,51 @@
+"""A new project folder for recordings of one's own.
+
+INPUTS: the templates of `dior/templates/` and the columns of the sheets' schemas. OUTPUTS: `<folder>/config/` with
+config.yaml, the sheets with headers only, and one commented session with one commented camera.
+"""
+
+import shlex
+from pathlib import Path
+
+from dior.errors import DiorError
+from dior.project.read import columns_of
+from dior.tables.files import write_text
+
+TEMPLATES = Path(__file__).parent / "templates"
+SESSION, CAMERA = "session_01", "cam01"
+
+
+def run(folder):
+    """Write the config of a new project into `folder` and print what to do next.
+
+    Raises DiorError where there is a config already: what a person wrote is never overwritten.
+    """
+    folder = Path(folder)
+    if (folder / "config").exists():
+        raise DiorError(f"{folder / 'config'} exists already; choose another folder or remove it first")
+    for path, text in contents().items():
+        write_text(folder / "config" / path, text)
+    print(
+        f"Wrote {folder / 'config'}. Fill in sequences.tsv, subjects.tsv and sessions/{SESSION} (a file per camera), "
+        "then run, from the clone of dior:\n"
+        f"  .venv/bin/snakemake -j2 --directory {shlex.quote(str(folder))}"
+    )
+
+
+def contents():
+    """Text by path below config/ of what a new project holds."""
+    template = {path.name: path.read_text(encoding="utf-8") for path in sorted(TEMPLATES.glob("*.yaml"))}
+    return {
+        "config.yaml": template["config.yaml"],
+        "sequences.tsv": header("sequences"),
+        "subjects.tsv": header("subjects", "consent_pictures"),
+        "gallery.tsv": header("gallery", "path"),
+        "detectors.tsv": header("detectors"),
+        f"sessions/{SESSION}/session.yaml": template["session.yaml"],
+        f"sessions/{SESSION}/{CAMERA}.yaml": template["camera.yaml"],
+    }
+
+
+def header(kind, *more):
+    """The first line of a sheet: the columns that every project needs, and `more`."""
+    return "\t".join((*columns_of(kind), *more)) + "\n"

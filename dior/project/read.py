@@ -1,0 +1,244 @@
+"""Reading what people write: YAML files and tab-separated sheets, checked against the JSON schemas.
+
+INPUTS: files of a project's config/ and `dior/project/schemas/<kind>.schema.yaml`. OUTPUTS: plain dicts with the
+schemas' defaults filled in. Every complaint is one DiorError that names the file, the key or line, and the nearest
+valid name.
+"""
+
+import csv
+import math
+import re
+from copy import deepcopy
+from functools import cache
+from pathlib import Path
+
+from dior.errors import DiorError, nearest
+
+SCHEMAS = Path(__file__).with_name("schemas")
+_KINDS = {
+    "number": "a number",
+    "integer": "a whole number",
+    "string": "text",
+    "object": "keys with values",
+    "array": "a list",
+    "boolean": "true or false",
+}
+_LIMITS = {
+    "minimum": "at least",
+    "exclusiveMinimum": "above",
+    "maximum": "at most",
+    "exclusiveMaximum": "below",
+}
+
+
+def read_yaml(path, shown=None):
+    """The content of a YAML file ({} for an empty one). Raises DiorError for no file, no YAML or a key given twice.
+
+    `shown` is the file's name in messages.
+    """
+    import yaml
+
+    shown = shown or path
+    try:
+        with open(path, "rb") as stream:
+            content = yaml.load(stream, _loader())
+    except FileNotFoundError:
+        raise DiorError(f"{shown}: there is no such file") from None
+    except DiorError as error:
+        raise DiorError(f"{shown}: {error}") from None
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        mark = getattr(error, "problem_mark", None)
+        where = f" line {mark.line + 1}" if mark else ""
+        reason = getattr(error, "problem", None) or error
+        raise DiorError(f"{shown}{where}: not valid YAML ({reason}); check the indentation and quotes") from None
+    return {} if content is None else content
+
+
+@cache
+def _loader():
+    import yaml
+
+    class Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
+        """A safe loader that does not let the second of two equal keys win in silence."""
+
+    def mapping(loader, node):
+        first = {}
+        for key, _ in node.value:
+            if not isinstance(key, yaml.ScalarNode):
+                raise DiorError(f"the key on line {key.start_mark.line + 1} is no plain word")
+            if key.value in first:
+                raise DiorError(
+                    f"key '{key.value}' is given twice, on lines {first[key.value]} and {key.start_mark.line + 1}"
+                )
+            first[key.value] = key.start_mark.line + 1
+        return loader.construct_mapping(node, deep=True)
+
+    Loader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, mapping)
+    return Loader
+
+
+def columns_of(kind):
+    """Columns that a sheet must have, in order."""
+    return list(_schema(kind)["required"])
+
+
+def describe(kind, *keys):
+    """The description of a key (a path of keys) in a schema."""
+    schema = _schema(kind)
+    for key in keys:
+        schema = schema["properties"][key]
+    return " ".join(schema["description"].split())
+
+
+def read_sheet(path, kind, key, shown=None):
+    """Rows of a tab-separated sheet by the value of column `key`, in order, as dicts of strings; and their lines.
+
+    `key` may be several columns: then a row's name is the tuple of their values.
+    A row does not know its line: it goes into Snakemake's params, and a row added above must not re-run it. Raises
+    DiorError for a missing file, unknown or missing columns, cells that the schema refuses and a key that is there
+    twice.
+    """
+    shown = shown or path
+    header, body = _cells(path, shown)
+    schema, known = _schema(kind), list(_schema(kind)["properties"])
+    if len(header) == 1 and ("," in header[0] or ";" in header[0]):
+        raise DiorError(f"{shown}: the columns must be separated by tabs, not by commas or semicolons")
+    repeated = [column for column in header if header.count(column) > 1]
+    if repeated:
+        raise DiorError(f"{shown}: column '{repeated[0]}' is there twice")
+    patterns = schema.get("patternProperties", {})
+    for column in header:
+        if column not in known and not any(re.search(pattern, column) for pattern in patterns):
+            raise DiorError(f"{shown}: unknown column '{column}'{nearest(column, known)}")
+    for column in schema["required"]:
+        if column not in header:
+            raise DiorError(f"{shown}: column '{column}' is missing; it holds {_first_sentence(schema, column)}")
+    rows, lines = {}, {}
+    for line, cells in body:
+        if len(cells) > len(header):
+            raise DiorError(f"{shown} line {line}: {len(cells)} cells but the sheet has {len(header)} columns")
+        row = dict(zip(header, [*cells, *[""] * (len(header) - len(cells))], strict=True))
+        check(row, kind, f"{shown} line {line}")
+        name = row[key] if isinstance(key, str) else tuple(row[column] for column in key)
+        if name in rows:
+            what = f"{key} '{name}'" if isinstance(key, str) else f"{', '.join(key)} '{', '.join(name)}'"
+            raise DiorError(f"{shown}: {what} is there twice, on lines {lines[name]} and {line}")
+        rows[name] = {**dict.fromkeys(known, ""), **row}
+        lines[name] = line
+    return rows, lines
+
+
+def _cells(path, shown):
+    try:
+        with open(path, encoding="utf-8-sig", newline="") as stream:
+            reader = csv.reader(stream, delimiter="\t")
+            lines = [(reader.line_num, [cell.strip() for cell in cells]) for cells in reader]
+    except FileNotFoundError:
+        raise DiorError(f"{shown}: there is no such file") from None
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise DiorError(f"{shown}: not a tab-separated UTF-8 file ({error})") from None
+    lines = [(number, cells) for number, cells in lines if any(cells)]
+    if not lines:
+        raise DiorError(f"{shown}: the file is empty; its first line must name the columns")
+    return lines[0][1], lines[1:]
+
+
+def check(content, kind, shown):
+    """`content` checked against a schema, filled with its defaults in place, and returned.
+
+    Raises DiorError with the dotted path of the first key that is wrong. Unknown keys come first: a key with a slip in
+    its name is also a missing one, and the slip is what helps.
+    """
+    import fastjsonschema
+
+    try:
+        _fill(_schema(kind), content, "")
+        _check_finite(content, "")
+        return _validator(kind)(content)
+    except fastjsonschema.JsonSchemaValueException as error:
+        raise DiorError(f"{shown}: {_sentence(error)}") from None
+    except DiorError as error:
+        raise DiorError(f"{shown}: {error}") from None
+
+
+def _check_finite(content, inside):
+    """YAML's .nan and .inf are numbers to a schema, but never what a person measured."""
+    if isinstance(content, float) and not math.isfinite(content):
+        raise DiorError(f"'{inside}' is {content} but should be a finite number")
+    keys = content.items() if isinstance(content, dict) else enumerate(content) if isinstance(content, list) else ()
+    for key, value in keys:
+        _check_finite(value, f"{inside}.{key}" if inside else str(key))
+
+
+def _fill(schema, content, inside):
+    if not isinstance(content, dict):
+        return
+    known = schema.get("properties", {})
+    patterns = schema.get("patternProperties", {})
+    for key in content:
+        if not isinstance(key, str):
+            raise DiorError(f"key '{inside}{key}' is read as a {type(key).__name__}, not as text; put it in quotes")
+        if key in known or any(re.search(pattern, key) for pattern in patterns):
+            continue
+        if schema.get("additionalProperties", True) is False:
+            if not known:
+                raise DiorError(f"'{inside}{key}' is not a name of letters, digits, _ and -")
+            raise DiorError(f"unknown key '{inside}{key}'{nearest(key, known)}")
+    for key, value in known.items():
+        if key not in content and "default" in value:
+            content[key] = deepcopy(value["default"])
+    for key, value in content.items():
+        below = known.get(key) or next((s for p, s in patterns.items() if re.search(p, key)), {})
+        _fill(below, value, f"{inside}{key}.")
+
+
+@cache
+def _schema(kind):
+    return read_yaml(SCHEMAS / f"{kind}.schema.yaml")
+
+
+@cache
+def _validator(kind):
+    import fastjsonschema
+
+    return fastjsonschema.compile(_schema(kind), use_default=False)
+
+
+def _first_sentence(schema, key):
+    text = schema.get("properties", {}).get(key, {}).get("description", "")
+    return text.split(". ")[0].rstrip(".")
+
+
+def _sentence(error):
+    path = ".".join(str(part) for part in error.path[1:])
+    inside = f"{path}." if path else ""
+    schema = error.definition
+    if error.rule == "required":
+        missing = [key for key in schema["required"] if key not in error.value][0]
+        return f"key '{inside}{missing}' is missing; it holds: {_first_sentence(schema, missing)}"
+    value = "nothing" if error.value in (None, "") else repr(error.value)
+    guess = nearest(error.value, schema["enum"]) if error.rule == "enum" else ""
+    subject = f"'{path}'" if path else "the file"
+    return f"{subject} is {value} but should be {_expected(schema)}{guess}"
+
+
+def _expected(schema):
+    """What a schema asks for, in words."""
+    if "enum" in schema:
+        return "one of " + ", ".join(str(word) for word in schema["enum"])
+    if "pattern" in schema:
+        return _decapitalised(schema["description"].split(". ")[0].rstrip("."))
+    kind = schema.get("type")
+    text = _KINDS.get(kind, "something else")
+    if kind == "array":
+        items = {"number": "numbers", "string": "words"}.get(schema["items"].get("type"), "values")
+        exact = schema.get("minItems") if schema.get("minItems") == schema.get("maxItems") else None
+        at_least = f"{schema['minItems']} or more " if schema.get("minItems") and not exact else ""
+        return f"a list of {exact or at_least}{' ' if exact else ''}{items}"
+    limited = " and ".join(f"{word} {schema[key]}" for key, word in _LIMITS.items() if key in schema)
+    quoted = ", in quotes if it looks like a number" if kind == "string" else ""
+    return f"{text}{' ' if limited else ''}{limited}{quoted}"
+
+
+def _decapitalised(text):
+    return text[:1].lower() + text[1:]

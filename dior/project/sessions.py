@@ -1,0 +1,151 @@
+"""The files of a session: session.yaml, its cameras and their marks, without what may not be used.
+
+INPUTS: config/sessions/<session>/ of a `dior.project.project.Project` whose sheets are read. OUTPUTS: the project's
+`session_files`, `camera_files` and `marks`, and in `left_out` what is not used for want of consent. A DiorError where
+nothing is left without it, so that a person has to name something else. Loads no numerics.
+"""
+
+import csv
+import os
+
+from dior.errors import DiorError, nearest
+from dior.project import bumps
+from dior.project import check as consistency
+from dior.project.read import check, read_yaml
+
+MARK_COLUMNS = ("sequence", "frame", "joint", "u", "v")
+
+
+def read(project, session):
+    """Read the files of a session into the project."""
+    shown = project.session_file(session)
+    content = check(read_yaml(project.root / shown, shown), "session", shown)
+    repeated = [name for name in content["cameras"] if content["cameras"].count(name) > 1]
+    if repeated:
+        raise DiorError(f"{shown}: camera '{repeated[0]}' is listed twice")
+    elsewhere = _elsewhere(project, session)
+    window = {name: part for name, part in content["adjust"].items() if name not in elsewhere}
+    used = _agreed(project, session, session, window, f"{shown}: 'adjust'", "window of the adjustment")
+    content["adjust"] = {name: window[name] for name in used}
+    if "tag" in content:
+        content["tag"] = _tag(project, session, content["tag"], elsewhere, shown)
+    if "keypoint_distance" in content:
+        content["keypoint_distance"] = _facts(project, session, content["keypoint_distance"])
+    project.session_files[session] = content
+    project.camera_files[session] = {name: _read_camera(project, session, name) for name in content["cameras"]}
+
+
+def _elsewhere(project, session):
+    """Sequences, but excluded ones, of the other parts of a session that a bump splits."""
+    folder, rows = bumps.session_folder(session), {**project.rows, **project.withheld}
+    return {
+        name
+        for name, row in rows.items()
+        if row["session"] != session and bumps.session_folder(row["session"]) == folder and not row["exclude_reason"]
+    }
+
+
+def _agreed(project, session, scope, listed, where, what):
+    """The sequences of `listed` that may shape the poses of the session; how many others there are is noted.
+
+    `where` and `what` say what lists them. Raises DiorError where none is left.
+    """
+    barred = project.barred(session)
+    used = [name for name in listed if name not in barred]
+    if listed and not used:
+        raise DiorError(
+            f"{where} of session '{session}' names {', '.join(listed)}, which may not be used: no consent (config/"
+            f"subjects.tsv); name a sequence of somebody who agreed, such as {', '.join(project.shaping(session))}"
+        )
+    if count := len(listed) - len(used):
+        project.left_out.append((scope, f"{count} {what}{'s are' if count > 1 else ' is'} not used: no consent"))
+    return used
+
+
+def _tag(project, session, tag, elsewhere, shown):
+    if tag.get("sequence") in elsewhere:
+        tag = tag | {"sequence": project.shaping(session)[0]}
+    if tag.get("sequence") in project.barred(session):
+        raise DiorError(
+            f"{shown}: 'tag.sequence' is '{tag['sequence']}', which may not be used: no consent (config/subjects.tsv); "
+            f"name one in which the tag lies, too, of {', '.join(project.shaping(session))}"
+        )
+    return tag
+
+
+def _facts(project, session, facts):
+    """The distances between joints but those of people who may not shape the poses."""
+    folder, rows = bumps.session_folder(session), {**project.rows, **project.withheld}
+    here = {name: row["subject"] for name, row in rows.items() if bumps.session_folder(row["session"]) == folder}
+    barred = {here[name] for name in project.barred(session)}
+    used = [fact for fact in facts if fact.get("subject") not in barred]
+    if count := len(facts) - len(used):
+        what = "distances between joints are" if count > 1 else "distance between joints is"
+        project.left_out.append((session, f"{count} {what} not used: no consent"))
+    return used
+
+
+def _read_camera(project, session, name):
+    shown = project.camera_file(session, name)
+    _check_first(project, session, shown)
+    if not (project.root / shown).is_file():
+        there = [file.removesuffix(".yaml") for file in sorted(os.listdir((project.root / shown).parent))]
+        raise DiorError(
+            f"{project.session_file(session)}: camera '{name}' has no file {shown}"
+            f"{nearest(name, [n for n in there if n != 'session'])}"
+        )
+    camera = check(read_yaml(project.root / shown, shown), "camera", shown)
+    consistency.check_camera(camera, shown)
+    if "align" in camera:
+        # the close cameras of each part have a world of their own
+        elsewhere, listed = _elsewhere(project, session), camera["align"]["sequences"]
+        here = [sequence for sequence in listed if sequence not in elsewhere]
+        if not here:
+            raise DiorError(
+                f"{shown}: align.sequences has {', '.join(listed)}, none of session '{session}'; add a walk of that "
+                "part of the session"
+            )
+        scope, what = f"{session}/{name}", "sequence of align.sequences"
+        camera["align"]["sequences"] = _agreed(project, session, scope, here, f"{shown}: align.sequences", what)
+    path = project.marks_file(session, name)
+    if camera["locate"] == "marks":
+        if not (project.root / path).is_file():
+            raise DiorError(f"{shown}: 'locate: marks' needs the file {path}")
+        project.marks[session, name] = _marks(project, session, name, path)
+    return camera
+
+
+def _check_first(project, session, shown):
+    """The file of a bumped camera must not be called after a sequence that may not be named any more."""
+    camera, _, first = os.path.basename(shown).removesuffix(".yaml").partition(bumps.MARK)
+    if first in project.withheld:
+        later = [name for name in project.whole_session(session) if project.order(name) > project.order(first)]
+        raise DiorError(
+            f"{shown}: '{first}' is not used any more: no consent (config/subjects.tsv); call this file (and its "
+            f"marks) {camera}{bumps.MARK}{(later or project.sequences_of(session))[0]}.yaml after the next sequence"
+        )
+
+
+def _marks(project, session, camera, path):
+    lines = read_marks(project.root / path, path)
+    shown = f"{path} line {min((first for first, _ in lines.values()), default=1)}: the marks"
+    used = _agreed(project, session, f"{session}/{camera}", lines, shown, "marked sequence")
+    return {name: lines[name] for name in used}
+
+
+def read_marks(path, shown):
+    """Sequences of a marks CSV, in order: name -> (its first line, the first line without x, y, z or None)."""
+    with open(path, encoding="utf-8-sig", errors="replace", newline="") as stream:
+        table = csv.DictReader(stream)
+        for column in table.fieldnames or ():
+            if column not in (*MARK_COLUMNS, *"xyz"):
+                raise DiorError(f"{shown}: unknown column '{column}'{nearest(column, (*MARK_COLUMNS, *'xyz'))}")
+        for column in MARK_COLUMNS:
+            if column not in (table.fieldnames or ()):
+                raise DiorError(f"{shown}: column '{column}' is missing; the file has {','.join(MARK_COLUMNS)}[,x,y,z]")
+        lines = {}
+        for mark in table:
+            first, without = lines.get(mark["sequence"], (table.line_num, None))
+            given = all(mark.get(axis) for axis in "xyz")
+            lines[mark["sequence"]] = (first, without if given or without else table.line_num)
+    return lines

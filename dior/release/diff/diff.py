@@ -1,0 +1,315 @@
+"""`dior diff`: what differs between two releases, by how much, and because of which input or setting.
+
+INPUTS   two release folders
+OUTPUT   text, or JSON: walks and cameras that were added, removed or changed; of a changed recording how far its labels
+         moved (px), of its 3D points (mm), of cameras the way (mm), turn (degrees) and intrinsics, of clocks the offset
+         (ms) and drift (ppm); the changed inputs that can be the reason (causes.py). Exit code 0 where the releases are
+         the same, 1 where they differ, 2 where one cannot be read.
+Walks are the same by name, whatever the pseudonym. Files with the same checksum are not looked into.
+"""
+
+import hashlib
+import json
+import sys
+from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+
+from dior.errors import DiorError
+from dior.progress import reporting
+from dior.release import sums
+from dior.release.diff import causes, diff_text
+from dior.release.layout import PARTS
+from dior.tables import tables
+
+IN_PICTURE = ("ok", "occluded")
+TABLE = {part.name: part.table for part in PARTS}
+LENS = ("width", "height", "fx", "fy", "cx", "cy", "distortion_model", "distortion")
+PICTURES_AT_ONCE = 16
+
+
+def run(*, first, second, as_json=False):
+    """Print how the release folder `second` differs from `first`; returns the exit code."""
+    try:
+        found = compared(Path(first), Path(second))
+    except DiorError as error:
+        print(f"dior diff: {error}", file=sys.stderr)
+        return 2
+    print(json.dumps(found, indent=1, ensure_ascii=False) if as_json else diff_text.of(found))
+    return 0 if found["same"] else 1
+
+
+def compared(first, second):
+    """Everything that differs, as a dict for JSON."""
+    listed = [sums.read(folder) for folder in (first, second)]
+    found = {"first": first.resolve().name, "second": second.resolve().name, "same": listed[0] == listed[1]}
+    if found["same"]:
+        return found
+    sheets = [_walks(folder) for folder in (first, second)]
+    rigs = [_rows(folder / "cameras.parquet", "released_cameras", ("session", "camera")) for folder in (first, second)]
+    cameras = _cameras(*rigs)
+    recordings, skeletons = _tables(first, second, listed, sheets)
+    why = causes.changes(causes.read(first), causes.read(second), {n: row["session"] for n, row in sheets[1].items()})
+    rig = rigs[0] | rigs[1]
+    for one in (*recordings, *skeletons):
+        if one["change"] == "changed":
+            where = _where(one, sheets[1][one["sequence"]], rig, cameras)
+            one["because"] = [change.text for change in why if causes.can_touch(change, where)]
+    names = [set(sheet) for sheet in sheets]
+    return found | {
+        "sequences": {"added": sorted(names[1] - names[0]), "removed": sorted(names[0] - names[1])},
+        "cameras": cameras,
+        "clocks": _clocks(first, second),
+        "recordings": recordings,
+        "skeletons": skeletons,
+        "files": _files(*listed),
+        "inputs": [change.text for change in why],
+    }
+
+
+def _rows(path, name, keys):
+    """Rows of a table as dicts by their key."""
+    table = tables.read(path, name)
+    rows = [dict(zip(table, cells, strict=True)) for cells in zip(*table.values(), strict=True)]
+    return {tuple(row[key] for key in keys): row for row in rows}
+
+
+def _walks(folder):
+    return {name: row for (name,), row in _rows(folder / "sequences.parquet", "sequences", ("sequence",)).items()}
+
+
+def _where(one, walk, rig, cameras):
+    session = walk["session"]
+    posed = {camera["camera"] for camera in cameras if camera["session"] == session and camera.get("moved_mm")}
+    posed |= {camera["camera"] for camera in cameras if camera["session"] == session and camera.get("turned_deg")}
+    close = {camera for (where, camera), row in rig.items() if where == session and row["role"] == "close"}
+    sets = map(frozenset, (TABLE.keys() & one.keys(), close, posed))
+    return causes.Recording(session, one["sequence"], one.get("camera", ""), walk["environment"], *sets)
+
+
+def _cameras(first, second):
+    """How each camera of each session changed, those that did."""
+    found = []
+    for key in sorted(first.keys() | second.keys()):
+        where = dict(zip(("session", "camera"), key, strict=True))
+        if key not in first or key not in second:
+            found.append({**where, "change": "added" if key in second else "removed"})
+            continue
+        change = _camera(first[key], second[key])
+        if change:
+            found.append({**where, "change": "changed", **change})
+    return found
+
+
+def _camera(one, other):
+    poses = [row["wTc"].reshape(4, 4) for row in (one, other)]
+    change = {}
+    if not np.array_equal(*poses, equal_nan=True):
+        change = moved(*poses)
+    for key in (*LENS, "role", "locate"):
+        before, after = (np.asarray(row[key]).tolist() for row in (one, other))
+        if not np.array_equal(one[key], other[key], equal_nan=key not in ("distortion_model", "role", "locate")):
+            change[key] = [_plain(before), _plain(after)]
+    if not np.array_equal(one["covariance"], other["covariance"], equal_nan=True):
+        change["covariance"] = "changed"
+    return change
+
+
+def _clocks(first, second):
+    """By how much the clock of each camera in each walk changed, those that did and that both releases have."""
+    keys = ("sequence", "camera")
+    one, other = (_rows(folder / "clocks.parquet", "released_clocks", keys) for folder in (first, second))
+    found = []
+    for key in sorted(one.keys() & other.keys()):
+        a, b = one[key], other[key]
+        change = {
+            "offset_ms": _rounded(1000 * (b["offset_s"] - a["offset_s"])),
+            "drift_ppm": _rounded(b["drift_ppm"] - a["drift_ppm"]),
+        }
+        change |= {name: [a[name], b[name]] for name in ("source", "method") if a[name] != b[name]}
+        if any(value != 0 for value in change.values()):
+            found.append({**dict(zip(keys, key, strict=True)), "change": "changed", **change})
+    return found
+
+
+def _plain(value):
+    """NaN is null in JSON."""
+    if isinstance(value, list):
+        return [_plain(one) for one in value]
+    return None if value != value else value
+
+
+def moved(first, second):
+    """`moved_mm` and `turned_deg` between two poses (4, 4), m."""
+    turn = first[:3, :3].T @ second[:3, :3]
+    # half the angle by both of its sides: near 0 the arc cosine alone loses half the digits
+    sine = np.linalg.norm(turn - turn.T) / np.sqrt(8)
+    angle = np.arctan2(sine, (np.trace(turn) - 1) / 2)
+    return {
+        "moved_mm": _rounded(1000 * np.linalg.norm(second[:3, 3] - first[:3, 3])),
+        "turned_deg": _rounded(np.rad2deg(angle)),
+    }
+
+
+def _rounded(value):
+    """Four digits, as nobody measures more; null for NaN."""
+    return None if np.isnan(value) else float(f"{value:.4g}")
+
+
+def _tables(first, second, listed, sheets):
+    """What differs in recordings (sequence, camera) and in the 3D of sequences, sorted."""
+    places = [_places(digests) for digests in listed]
+    keys = sorted(
+        key
+        for key in places[0].keys() | places[1].keys()
+        if {kind: listed[0][path] for kind, path in places[0].get(key, {}).items()}
+        != {kind: listed[1][path] for kind, path in places[1].get(key, {}).items()}
+    )
+    with ThreadPoolExecutor(sums.THREADS) as pool:
+        looked = pool.map(
+            lambda key: _recording(key, (first, second), [place.get(key, {}) for place in places], listed, sheets), keys
+        )
+        found = list(reporting(looked, len(keys), "recordings", "diff"))
+    return [one for one in found if one.get("camera")], [one for one in found if not one.get("camera")]
+
+
+def _places(digests):
+    """(sequence, camera) -> kind -> path; the camera is "" for what is about the whole walk."""
+    found = {}
+    for name in digests:
+        kind, *rest = name.split("/")
+        if len(rest) == 2 and kind in TABLE:
+            sequence, _, camera = rest[1].removesuffix(".parquet").partition(".")
+            found.setdefault((sequence, camera), {})[kind] = name
+    return found
+
+
+def _recording(key, folders, paths, listed, sheets):
+    """What differs in the tables of one camera of a walk, or of the walk itself."""
+    sequence, camera = key
+    found = {"sequence": sequence} | ({"camera": camera} if camera else {})
+    if not all(paths):
+        return found | {"change": "added" if paths[1] else "removed"}
+    found["change"] = "changed"
+    subjects = [sheet[sequence]["subject"] for sheet in sheets if sequence in sheet]
+    if len(set(subjects)) > 1:
+        found["subject"] = subjects
+    for kind in sorted(paths[0].keys() | paths[1].keys()):
+        if kind not in paths[0] or kind not in paths[1]:
+            found[kind] = "added" if kind in paths[1] else "removed"
+        elif listed[0][paths[0][kind]] != listed[1][paths[1][kind]]:
+            files = [folder / path[kind] for folder, path in zip(folders, paths, strict=True)]
+            found[kind] = LOOK[kind](*files) if kind in LOOK else "changed"
+    return found
+
+
+def _both(first, second, keys):
+    """(rows of the first, rows of the second) that both tables have, by `keys` and joint, and how many only one has."""
+    joints = sorted({*first["joint"], *second["joint"]})
+    index = {joint: i for i, joint in enumerate(joints)}
+    numbers = [
+        table[keys].astype(np.int64) * len(joints) + np.array([index[j] for j in table["joint"].tolist()], np.int64)
+        for table in (first, second)
+    ]
+    common, one, other = np.intersect1d(*numbers, assume_unique=True, return_indices=True)
+    return one, other, len(numbers[0]) - len(common), len(numbers[1]) - len(common)
+
+
+def labels(first, second):
+    """How the labels of one camera differ: `moved_px` of those in the picture in either, over rows that both have."""
+    columns = ["joint", "frame", "stamp_ns", "u", "v", "sigma_u", "sigma_v", "status"]
+    tables_of = [tables.read(path, "labels_2d", columns) for path in (first, second)]
+    one, other, removed, added = _both(*tables_of, "frame")
+    a, b = (tables.rows(table, rows) for table, rows in zip(tables_of, (one, other), strict=True))
+    shift = np.hypot(b["u"].astype(float) - a["u"], b["v"].astype(float) - a["v"])
+    seen = np.isin(a["status"], IN_PICTURE) | np.isin(b["status"], IN_PICTURE)
+    sigma = [np.hypot(table["sigma_u"].astype(float), table["sigma_v"]) for table in (a, b)]
+    return _told(a, b, removed, added, "moved_px", shift[seen]) | _ratio(sigma)
+
+
+def skeleton(first, second):
+    """How the 3D of a walk differs: `moved_mm` of the points that both have."""
+    columns = ["joint", "instant", "stamp_ns", "x", "y", "z", "status"]
+    tables_of = [tables.read(path, "skeletons_3d", columns) for path in (first, second)]
+    one, other, removed, added = _both(*tables_of, "instant")
+    a, b = (tables.rows(table, rows) for table, rows in zip(tables_of, (one, other), strict=True))
+    way = np.stack([b[axis].astype(float) - a[axis] for axis in "xyz"])
+    return _told(a, b, removed, added, "moved_mm", 1000 * np.linalg.norm(way, axis=0))
+
+
+def _told(a, b, removed, added, what, shift):
+    shift = shift[np.isfinite(shift)]
+    how = {"median": np.median, "p95": lambda s: np.percentile(s, 95), "max": np.max}
+    ticks = np.abs(b["stamp_ns"] - a["stamp_ns"]).max(initial=0)
+    return {
+        "rows": len(a["joint"]),
+        "rows_added": added,
+        "rows_removed": removed,
+        what: {name: _rounded(of(shift)) if len(shift) else None for name, of in how.items()},
+        "moved_share": _share(shift > 0),
+        "status_changed_share": _share(a["status"] != b["status"]),
+        "stamps_moved_ms": _rounded(ticks / 1e6),
+    }
+
+
+def _share(flags):
+    return _rounded(flags.mean()) if len(flags) else None
+
+
+def _ratio(sigma):
+    """By how much labels became more (below 1) or less sure, where both say so."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = sigma[1] / sigma[0]
+    ratio = ratio[np.isfinite(ratio)]
+    return {"sigma_ratio": _rounded(np.median(ratio)) if len(ratio) else None}
+
+
+def pictures(first, second):
+    """How many frames and pictures of one camera differ."""
+    one, other = (_digests(path) for path in (first, second))
+    common = one.keys() & other.keys()
+    return {
+        "frames_added": len(other.keys() - one.keys()),
+        "frames_removed": len(one.keys() - other.keys()),
+        "stamps_changed": sum(one[frame][0] != other[frame][0] for frame in common),
+        "pictures": sum(one[frame][1] is not None and other[frame][1] is not None for frame in common),
+        "pictures_changed": sum(None not in (one[f][1], other[f][1]) and one[f][1] != other[f][1] for f in common),
+        "pictures_added": sum(one[frame][1] is None and other[frame][1] is not None for frame in common),
+        "pictures_removed": sum(one[frame][1] is not None and other[frame][1] is None for frame in common),
+        "no_image": _reasons(one, other),
+    }
+
+
+def _reasons(one, other):
+    """How many pictures there are not for each reason, before and after, where that differs."""
+    counts = [Counter(reason for *_, reason in digests.values() if reason) for digests in (one, other)]
+    return {r: [n[r] for n in counts] for r in sorted(counts[0] | counts[1]) if counts[0][r] != counts[1][r]}
+
+
+def _digests(path):
+    """Frame -> (stamp, digest of its picture or None, reason for none), a few pictures in memory at a time."""
+    found = {}
+    columns = ["frame", "stamp_ns", "image", "no_image"]
+    with pq.ParquetFile(path, buffer_size=1 << 20) as table:
+        for batch in table.iter_batches(PICTURES_AT_ONCE, columns=columns, use_threads=False):
+            for row in batch.to_pylist():
+                data = row["image"] and row["image"]["bytes"]
+                digest = data and hashlib.blake2b(data, digest_size=16).digest()
+                found[row["frame"]] = (row["stamp_ns"], digest, row["no_image"])
+    return found
+
+
+LOOK = {"labels_2d": labels, "skeletons_3d": skeleton, "frames": pictures}
+
+
+def _files(first, second):
+    """Files about the whole release that differ, but for the lists of checksums."""
+    names = sorted(name for name in first.keys() | second.keys() if "/" not in name)
+    return {
+        "added": [name for name in names if name not in first],
+        "removed": [name for name in names if name not in second],
+        "changed": [name for name in names if name in first and name in second and first[name] != second[name]],
+    }

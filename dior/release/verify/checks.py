@@ -1,0 +1,310 @@
+"""What must hold in the tables of one walk of a release.
+
+INPUTS   the walk's `File`s by path in the release (stored.py). OUTPUTS: problems as (path, sentence), and what there is
+         to count
+Every (frame, joint) has its row, every label its frame with that stamp, every frame its label; missing is null with a
+reason, pictures have the size that their row says. A problem is told once per file with how often and where first.
+"""
+
+import struct
+from collections import Counter
+from dataclasses import dataclass, field
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from dior.errors import nearest
+from dior.release import layout
+from dior.tables import buffers, tables
+from dior.tables.schemas import SCHEMAS, VERSION, VOCABULARY
+
+PICTURES_AT_ONCE = 16
+BUFFER = 1 << 20
+PARTS = {part.name: part for part in layout.PARTS}
+# what is looked at of a walk's tables, beside the words of all columns
+COLUMNS = {
+    "labels_2d": ("joint", "frame", "stamp_ns", "u", "v", "status"),
+    "skeletons_3d": ("joint", "instant", "stamp_ns", "x", "y", "z", "status"),
+    "frames": ("frame", "stamp_ns", "height", "width", "no_image"),
+    "detections": ("joint", "frame", "stamp_ns"),
+    "boxes": ("frame", "stamp_ns"),
+    "marks": ("camera", "joint", "frame", "stamp_ns"),
+}
+IN_PICTURE = ("ok", "occluded")
+WITHOUT_PIXEL = ("missing_3d", "behind_camera")
+WITH_POINT = ("ok", "gap_filled")
+
+
+class Broken(Exception):
+    """A table that cannot be looked into; the text says why."""
+
+
+@dataclass
+class Walk:
+    """What was found in a walk: problems as (path, sentence); by camera the counts, and the path of its pictures with
+    the set of their sizes (height, width)."""
+
+    who: str
+    sequence: str
+    problems: list = field(default_factory=list)
+    counts: dict = field(default_factory=dict)
+    sizes: dict = field(default_factory=dict)
+
+
+def read(file, part, columns=None):
+    """(columns as numpy, words by text column) of a table (see tables.py), of `columns` or all of them; words of all.
+
+    Raises Broken for a table that is not what `part` should be.
+    """
+    try:
+        with pq.ParquetFile(file.open()) as table:
+            _check_schema(table.schema_arrow, part.table)
+            texts = [field.name for field in SCHEMAS[part.table] if pa.types.is_dictionary(field.type)]
+            columns = SCHEMAS[part.table].names if columns is None else columns
+            found = table.read(columns=sorted({*columns, *texts}))
+            # Arrow finds the few words of a column without a string for each row
+            words = {name: {word or "" for word in found[name].unique().to_pylist()} for name in texts}
+            return {name: buffers.to_numpy(found[name].combine_chunks()) for name in columns}, words
+    except (pa.ArrowException, OSError, ValueError, KeyError) as error:
+        raise Broken(f"is not a readable Parquet file ({error})") from None
+
+
+def _check_schema(schema, name):
+    told = schema.metadata or {}
+    kind, version = (told.get(key, b"").decode() for key in (b"dior_table", b"dior_table_version"))
+    if kind != name:
+        raise Broken(f"holds the table '{kind or 'unknown'}', not '{name}'")
+    if version != VERSION:
+        raise Broken(f"is of version '{version}' of the tables, this dior knows {VERSION}")
+    expected = SCHEMAS[name]
+    for column in expected.names:
+        if column not in schema.names:
+            raise Broken(f"has no column '{column}'{nearest(column, set(schema.names) - set(expected.names))}")
+    for column in schema:
+        if column.name not in expected.names:
+            raise Broken(f"has a column '{column.name}' that the table {name} does not have")
+        if column.type != expected.field(column.name).type:
+            raise Broken(f"column '{column.name}' is {column.type}, not {expected.field(column.name).type}")
+    if schema.names != expected.names:
+        raise Broken("has its columns in another order")
+
+
+def unknown_words(words, name):
+    """Sentences about words that a table's columns may not hold."""
+    return [
+        f"'{word}' is no {column}{nearest(word, VOCABULARY[name, column])}"
+        for column in sorted(words)
+        if (name, column) in VOCABULARY
+        for word in sorted(words[column] - {"", *VOCABULARY[name, column]})
+    ]
+
+
+def walk(who, sequence, files, listed, decode=False):
+    """Look into the tables of one walk.
+
+    `files`: by path, those whose checksum is right; `listed`: all that should be there. `decode`: look at every
+    pixel, too.
+    """
+    found = Walk(who, sequence)
+    # of a camera whose frames cannot be looked at nothing more is said
+    frames = {name.split(".")[1]: None for name in listed if name.startswith("frames/") and name.count(".") == 2}
+    for path, file in sorted(files.items(), key=lambda item: not item[0].startswith("frames/")):
+        kind, _, name = path.split("/")
+        part = PARTS.get(kind)
+        try:
+            if part is None or part.path == part.pattern:
+                raise Broken(f"lies in a folder that a release does not have{nearest(kind, PARTS)}")
+            camera = _camera(name, part)
+            table, words = read(file, part, COLUMNS[kind])
+            counts = found.counts.setdefault(camera, Counter())
+            told = unknown_words(words, part.table) + _whose(words, who, sequence, camera)
+            if kind == "frames":
+                frames[camera] = table
+                found.sizes[camera] = (path, set(zip(table["height"].tolist(), table["width"].tolist(), strict=True)))
+                told += _frames(table, file, decode, counts)
+            elif kind == "skeletons_3d":
+                told += _skeleton(table, counts)
+            else:
+                told += _about_frames(table, kind, camera, frames, counts)
+            found.problems += [(path, text) for text in told]
+        except Broken as error:
+            found.problems.append((path, str(error)))
+    return found
+
+
+def _camera(name, part):
+    """The camera that a file's name tells, "" for a table of all cameras."""
+    words = name.removesuffix(".parquet").split(".")
+    if len(words) != (2 if "<camera>" in part.path else 1) or not name.endswith(".parquet"):
+        raise Broken(f"is not called as {part.path}")
+    return words[1] if "<camera>" in part.path else ""
+
+
+def _whose(words, who, sequence, camera):
+    expected = {"subject": who, "sequence": sequence} | ({"camera": camera} if camera else {})
+    return [
+        f"{column} '{word}' in a file of '{right}'"
+        for column, right in expected.items()
+        for word in sorted(words[column] - {right})
+    ]
+
+
+def _first(wrong, what, table, keys=("frame",)):
+    """[how often, what and where first] of the rows where `wrong`, [] where there are none."""
+    if not wrong.any():
+        return []
+    row = int(np.argmax(wrong))
+    return [
+        f"{int(wrong.sum())} {what}, first " + ", ".join(f"{key} {table[key][row]}" for key in keys if key in table)
+    ]
+
+
+def _frames(table, file, decode, counts):
+    counts["frames"] += len(table["frame"])
+    counts["camera_recordings"] += 1
+    told = _first(np.r_[False, np.diff(table["frame"]) <= 0], "frames out of order or twice", table)
+    told += _first(np.r_[False, np.diff(table["stamp_ns"]) < 0], "stamps that go back", table)
+    there, wrong = np.zeros(len(table["frame"]), bool), {}
+    size = list(zip(table["height"].tolist(), table["width"].tolist(), strict=True))
+    for row, data in _pictures(file):
+        there[row] = True
+        try:
+            _check_picture(data, size[row], decode)
+        except (ValueError, IndexError, struct.error) as error:
+            wrong.setdefault(str(error), []).append(row)
+    counts["pictures"] += int(there.sum())
+    told += _first(~there & (table["no_image"] == ""), "rows with neither a picture nor a reason", table)
+    told += _first(there & (table["no_image"] != ""), "rows with a picture and a reason for none", table)
+    return told + [
+        f"{len(rows)} pictures: {why}, first frame {table['frame'][rows[0]]}" for why, rows in sorted(wrong.items())
+    ]
+
+
+def _pictures(file):
+    """Yield (row, bytes) of the pictures, a few in memory at a time."""
+    start = 0
+    with pq.ParquetFile(file.open(), buffer_size=BUFFER) as table:
+        for batch in table.iter_batches(PICTURES_AT_ONCE, columns=["image"], use_threads=False):
+            data = batch.column(0).field("bytes")
+            there = [column.is_valid().to_numpy(zero_copy_only=False) for column in (batch.column(0), data)]
+            for row in np.flatnonzero(there[0] & there[1]).tolist():
+                yield start + row, data[row].as_py()
+            start += len(batch)
+
+
+def _check_picture(data, size, decode):
+    """ValueError for what is no JPEG of `size` (height, width), or tells more than the picture."""
+    found = jpeg_size(data)
+    if found != size:
+        raise ValueError(f"{found[1]}x{found[0]} px where the row says {size[1]}x{size[0]}")
+    if not decode:
+        return
+    import cv2
+
+    picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
+    if picture is None or picture.shape[:2] != size:
+        raise ValueError("cannot be decoded")
+
+
+def jpeg_size(data):
+    """(height, width) px by the header of a JPEG. Raises ValueError for another file, one that is cut off or one with
+    a comment or application segment, which may tell a place, a machine or a person.
+
+    Source: ITU-T T.81, B.1.1.3 and B.2.2.
+    """
+    if data[:2] != b"\xff\xd8" or data[-2:] != b"\xff\xd9":
+        raise ValueError("no JPEG, or one that is cut off")
+    at = 2
+    while data[at] == 0xFF:
+        marker = data[at + 1]
+        if marker == 0xFE or 0xE1 <= marker <= 0xEF:
+            raise ValueError(f"more than the picture is in it (JPEG segment {marker:#x})")
+        if 0xC0 <= marker <= 0xCF and marker not in (0xC4, 0xC8, 0xCC):
+            return struct.unpack_from(">HH", data, at + 5)
+        at += 1 if marker == 0xFF else 2 + struct.unpack_from(">H", data, at + 2)[0]
+    raise ValueError("a JPEG with a damaged header")
+
+
+def _skeleton(table, counts):
+    told = _grid(table, "instant")
+    if told:
+        return told
+    where = ("instant", "joint")
+    told = _first(np.r_[False, np.diff(table["stamp_ns"]) < 0], "stamps that go back", table, where)
+    there = np.isfinite(np.stack([table[axis] for axis in "xyz"])).all(axis=0)
+    with_point = np.isin(table["status"], WITH_POINT)
+    counts["points_3d"] += int(there.sum())
+    told += _first(with_point & ~there, "points that are missing although their status says otherwise", table, where)
+    told += _first(table["status"] == "", "rows without a status", table, where)
+    return told + _first(
+        ~with_point & there, "points that are there although their status says otherwise", table, where
+    )
+
+
+def _about_frames(table, kind, camera, frames, counts):
+    """A table that names frames, each with its stamp."""
+    told = []
+    for name in [camera] if camera else sorted(set(table["camera"])):
+        mine = tables.of_camera(table, name) if not camera else table
+        if name not in frames:
+            told.append(f"is about camera '{name}', of which there is no table of frames")
+        if frames.get(name) is None:
+            continue
+        told += _in_frames(mine, frames[name], name)
+        if kind == "labels_2d":
+            told += _labels(mine, frames[name], counts)
+    return told
+
+
+def _in_frames(table, frames, camera):
+    where = ("frame", "joint")
+    at = np.searchsorted(frames["frame"], table["frame"]).clip(max=max(len(frames["frame"]) - 1, 0))
+    if not len(frames["frame"]):
+        known = np.zeros(len(table["frame"]), bool)
+        same = known
+    else:
+        known = frames["frame"][at] == table["frame"]
+        same = frames["stamp_ns"][at] == table["stamp_ns"]
+    return _first(~known, f"rows in frames that camera {camera} does not have", table, where) + _first(
+        known & ~same, f"rows whose stamp is not that of the frame of camera {camera}", table, where
+    )
+
+
+def _labels(table, frames, counts):
+    told = _grid(table, "frame")
+    if told:
+        return told
+    where = ("frame", "joint")
+    counts["labels"] += len(table["frame"])
+    inside = np.isin(table["status"], IN_PICTURE)
+    counts["keypoints_2d"] += int(inside.sum())
+    without = ~np.isin(frames["frame"], table["frame"])
+    told += _first(without, "frames without labels", frames)
+    pixels = np.stack([table["u"], table["v"]], axis=-1)
+    there = np.isfinite(pixels).all(axis=-1)
+    none = np.isin(table["status"], WITHOUT_PIXEL)
+    told += _first(table["status"] == "", "rows without a status", table, where)
+    told += _first(~none & ~there, "labels without a pixel although their status says otherwise", table, where)
+    told += _first(none & there, "labels with a pixel although their status says otherwise", table, where)
+    outside = inside & there & ~in_picture(pixels, frames)
+    return told + _first(outside, "labels outside the picture although their status says otherwise", table, where)
+
+
+def in_picture(pixels, frames):
+    """Which pixels (N, 2) lie in pictures of the size that the frames' rows say; pixel (0, 0) is a centre."""
+    size = np.array([[frames[key].max(initial=0) for key in ("width", "height")]])
+    # float32 labels that were in_frame as float64 may be rounded to the border
+    return ((pixels >= -0.501) & (pixels <= size - 0.499)).all(axis=-1)
+
+
+def _grid(table, key):
+    """Whether there is a row for each joint of each frame or instant, in order."""
+    joints = tables.ordered_unique(table["joint"])
+    count, rest = divmod(len(table["joint"]), max(len(joints), 1))
+    if rest or "" in joints or (table["joint"].reshape(count, -1) != np.array(joints, dtype=object)).any():
+        return [f"is not complete: every {key} must have a row for each of its {len(joints)} joints, in one order"]
+    numbers = table[key].reshape(count, -1)
+    if (numbers != numbers[:, :1]).any() or (np.diff(numbers[:, 0]) <= 0).any():
+        return [f"is not complete or not sorted by {key}"]
+    return []

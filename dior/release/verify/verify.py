@@ -1,0 +1,225 @@
+"""`dior verify`: is a release, its exports or a tarball whole, unchanged and consistent in itself.
+
+INPUTS   a release folder, an exports folder, or tarballs, which are read without being unpacked; those of one release
+         that are given together are looked at together
+OUTPUT   a line per problem, or one that says what was looked at; exit code 1 where there is a problem
+
+1. Nothing is missing or too many, and every checksum is right (sums.py).
+2. Every table has the columns, types and words of `dior.tables.schemas`, and a row for each (frame, joint); labels lie
+   in frames that there are, pictures have their size (checks.py).
+3. Cameras, walks and people that a table names are there, splits refer to recordings, the card's counts are the tables'
+   (checks_about.py). A subject's tarball alone has nothing of that.
+A file whose checksum is wrong is not looked into. Walks are looked at two at a time; memory is that of a few tables.
+"""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from dior.errors import DiorError
+from dior.progress import reporting
+from dior.release import sums
+
+# folders that a release has and exports do not
+OF_RELEASE = ("labels_2d", "skeletons_3d", sums.FOLDER)
+
+
+@dataclass
+class Stored:
+    """Files of a release, or of exports, in one place or in several tarballs.
+
+    `listed`: SHA-256 by path of what should be there; `problems`: (path, sentence).
+    """
+
+    name: str
+    parts: set
+    files: dict = field(default_factory=dict)
+    listed: dict = field(default_factory=dict)
+    problems: list = field(default_factory=list)
+
+    @property
+    def whole(self):
+        return sums.METADATA in self.parts and {sums.of_whom(name) for name in self.listed} <= self.parts
+
+
+def run(*, paths, decode=False):
+    """Print what is wrong with the folders and tarballs `paths`. `decode`: decode every pixel instead of the headers.
+
+    Raises DiorError where something is wrong, after all of it was told.
+    """
+    wrong = 0
+    for stored in _stored([Path(path) for path in paths]):
+        problems, summary = _looked_at(stored, decode)
+        for path, text in sorted(problems):
+            print(f"{stored.name}/{path}: {text}" if path else f"{stored.name}: {text}")
+        wrong += len(problems)
+        if not problems:
+            print(f"{stored.name}: {summary}")
+    if wrong:
+        raise DiorError(f"{wrong} problem{'s' if wrong > 1 else ''}")
+
+
+def _stored(paths):
+    """`Stored`s: one for each folder, and one for all tarballs of a release."""
+    from dior.release.verify import stored
+
+    found, tarballs = [], {}
+    for path in paths:
+        if path.is_dir():
+            found.append(_of_folder(path))
+        elif path.is_file():
+            tarball = stored.of_tarball(path)
+            tarballs.setdefault(tarball.release, []).append((path, tarball))
+        else:
+            raise DiorError(f"{path}: there is no such folder or tarball")
+    return found + [_of_tarballs(release, members) for release, members in tarballs.items()]
+
+
+def _of_folder(folder):
+    from dior.release.verify import stored
+
+    files, problems = stored.of_folder(folder)
+    found = Stored(folder.resolve().name, set(), files, {}, [("", text) for text in problems])
+    if sums.SUMS not in files:
+        raise DiorError(f"{folder}: has no {sums.SUMS}, so that it is no release, or the list was lost; get it again")
+    found.listed = _list(found, sums.SUMS)
+    of_release = any(name.split("/")[0] in OF_RELEASE for name in (*files, *found.listed))
+    found.parts = {sums.METADATA, *(sums.of_whom(name) for name in found.listed)} if of_release else set()
+    _compare(found, files, found.listed.keys() | {sums.SUMS}, "")
+    return found
+
+
+def _of_tarballs(release, members):
+    found = Stored(release, {tarball.part for _, tarball in members})
+    for path, tarball in members:
+        first = sums.list_of(tarball.part)
+        found.problems += [("", f"{path}: {text}") for text in tarball.problems]
+        twice = sorted(found.files.keys() & tarball.files.keys())
+        found.problems += [(name, f"is in {path} and in another tarball that was given") for name in twice]
+        found.files |= tarball.files
+        listed = _list(found, first) if first in tarball.files else {}
+        own = {name: digest for name, digest in listed.items() if sums.of_whom(name) == tarball.part}
+        _compare(found, tarball.files, own.keys() | {first}, f" of {path}")
+        found.listed |= (
+            listed if tarball.part == sums.METADATA else {n: d for n, d in own.items() if n not in found.listed}
+        )
+    return found
+
+
+def _list(found, path):
+    """The list of checksums at `path`; what is wrong with it becomes a problem."""
+    listed, problems = sums.parsed(found.files[path].read())
+    found.problems += [(path, text) for text in problems]
+    return listed
+
+
+def _compare(found, files, expected, where):
+    found.problems += [(name, f"is missing{where}") for name in sorted(expected - files.keys())]
+    found.problems += [(name, f"should not be in the files{where}") for name in sorted(files.keys() - expected)]
+
+
+def _looked_at(stored, decode):
+    """(problems, what was looked at as a sentence)."""
+    problems = list(stored.problems)
+    groups = _groups(stored)
+    with ThreadPoolExecutor(sums.THREADS) as pool:
+        looked = pool.map(lambda group: _group(stored, group, groups[group], decode), groups)
+        found = list(reporting(looked, len(groups), "walks and files" if stored.parts else "files", stored.name))
+    walks, good = [], {}
+    for wrong, intact, walk in found:
+        problems += wrong
+        good |= intact
+        if walk:
+            walks.append(walk)
+            problems += walk.problems
+    n_files, size = len(stored.files), sum(file.size for file in stored.files.values())
+    summary = f"{n_files} files, {size / 1e9:.2f} GB, checksums right"
+    if not stored.parts:
+        return problems, summary
+    problems += _complete(stored)
+    if sums.METADATA in stored.parts:
+        from dior.release.verify import checks_about
+
+        problems += _lists_agree(stored, good)
+        top = {name: file for name, file in good.items() if "/" not in name}
+        tables, wrong = checks_about.about(top, stored.listed.keys(), stored.listed)
+        problems += wrong + checks_about.sizes(walks, tables)
+        if stored.whole and not problems:
+            problems += checks_about.card(top["README.md"], walks, tables)
+    return problems, f"{summary}; {_counted(stored, walks, decode)}"
+
+
+def _groups(stored):
+    """Paths by (subject, walk), and by themselves where they are about no walk."""
+    groups = {}
+    for name in sorted(stored.files):
+        parts = name.split("/")
+        about_walk = stored.parts and len(parts) == 3 and parts[0] != sums.FOLDER
+        groups.setdefault((parts[1], parts[2].split(".")[0]) if about_walk else (name,), []).append(name)
+    return groups
+
+
+def _group(stored, group, names, decode):
+    """(problems, files whose checksum is right, `Walk` or None) of files that are looked at together."""
+    good, problems = {}, []
+    for name in names:
+        file, expected = stored.files[name], stored.listed.get(name)
+        if expected is None:
+            # too many, which was told, or the list of all files itself
+            good |= {name: file} if name == sums.SUMS else {}
+            continue
+        if sums.digest(file.open()) == expected:
+            good[name] = file
+        else:
+            problems.append(
+                (name, "its SHA-256 is not the listed one: damaged, changed or of another build; get it again")
+            )
+    if len(group) == 1:
+        return problems, good, None
+    from dior.release.verify import checks
+
+    listed = [name for name in names if name in stored.listed]
+    return problems, good, checks.walk(*group, {name: good[name] for name in listed if name in good}, listed, decode)
+
+
+def _lists_agree(stored, good):
+    """A subject's list must be the part of the whole list that is about its files."""
+    problems = []
+    for who in sorted(stored.parts - {sums.METADATA}):
+        path = sums.list_of(who)
+        mine = {name: d for name, d in stored.listed.items() if sums.of_whom(name) == who and name != path}
+        if path in good and good[path].read() != sums.text(mine).encode():
+            problems.append((path, f"is not the part of {sums.SUMS} that is about {who}"))
+    return problems
+
+
+def _complete(stored):
+    """Every walk has its 3D, and every recording of a camera its labels and its frames."""
+    names, problems = stored.listed.keys(), []
+    for name in sorted(names):
+        if name.count("/") not in (0, 2):
+            problems.append((name, "lies where a release has no files"))
+    recordings = sorted({n.split("/", 1)[1] for n in names if n.startswith(("labels_2d/", "frames/"))})
+    for recording in recordings:
+        walk = f"{recording.removesuffix('.parquet').rsplit('.', 1)[0]}.parquet"
+        for needed in (f"labels_2d/{recording}", f"frames/{recording}", f"skeletons_3d/{walk}"):
+            if needed not in names:
+                problems.append((needed, "is not in the release, which has other tables of that walk"))
+    return sorted(set(problems))
+
+
+def _counted(stored, walks, decode):
+    total = {}
+    for walk in walks:
+        for counts in walk.counts.values():
+            for what, n in counts.items():
+                total[what] = total.get(what, 0) + n
+    people = len({walk.who for walk in walks})
+    tables = sum(name.endswith(".parquet") for name in stored.files)
+    looked = "decoded" if decode else "headers read"
+    parts = [f"{tables} tables, {people} subjects, {len(walks)} walks, {total.get('camera_recordings', 0)} recordings"]
+    parts.append(f"{total.get('labels', 0)} labels on {total.get('frames', 0)} frames")
+    parts.append(f"{total.get('points_3d', 0)} points in 3D, {total.get('pictures', 0)} pictures ({looked})")
+    if not stored.whole:
+        parts.append("not all of the release was given")
+    return "; ".join(parts)

@@ -1,0 +1,237 @@
+"""The report: a page for all and one for each sequence, of relative links, readable from disk and on a phone.
+
+INPUTS   the project's sheets, results/evaluate/metrics.csv, `frame_metrics`, `findings`, `cameras`, `skeletons_3d`,
+         `stamp_audit`, `dropped_frames`, `frames`, `offsets`, `clock_costs`, contact sheets (overlays)
+         statistics.csv, and what is there of re-identification (reid.py), the jobs' timings and effort.tsv (cost.py)
+OUTPUTS  <out>/index.html, written last; <out>/sequences/<sequence>.html; <out>/assets/plots/*.svg; <out>/cost.html and
+         results/timing.csv
+"""
+
+import shutil
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+
+from dior.evaluate import metrics as metrics_csv
+from dior.evaluate import statistics as statistics_csv
+from dior.geometry import camera_tables
+from dior.geometry.camera import REFERENCE_FX
+from dior.project.bumps import session_folder
+from dior.report import cards, cost, dataset, pages, sequence_pages, summary, worst
+from dior.report import clocks as clocks_told
+from dior.report import recordings as recording_stamps
+from dior.report.figures import Figures
+from dior.tables import tables
+from dior.tables.files import write_text
+from dior.tables.schemas import METRICS
+
+PLOTS = "plots"
+# name of a metric for people, in the order of the page
+TITLES = {
+    "coverage": "Joints with a label",
+    "in_picture_share": "Labels in the picture",
+    "mark_error": "Clicked marks, residual of the fit",
+    "check_error": "Hand checks against labels",
+    "check_error_median": "Hand checks against labels, median",
+    "check_error_p95": "Hand checks against labels, 95th percentile",
+    "reprojection_error": "Labels against detections",
+    "adjust_error_before": "Reprojection error before the adjustment",
+    "adjust_error_after": "Reprojection error after the adjustment",
+    "in_box_share": "Labels in the hand boxes",
+    "in_box_expected": "Perfect labels in boxes drawn like these",
+    "box_iou": "Overlap (IoU) of label box and hand box",
+    "box_offset_u": "Label box right of the hand box",
+    "box_offset_v": "Label box below the hand box",
+    "box_width_difference": "Label box wider than the hand box",
+    "box_height_difference": "Label box higher than the hand box",
+    "detected_share": "Pictures in which a detector finds anybody",
+    "success_share": "Pictures in which it finds the subject",
+    "error_to_truth_2d": "2D labels against the truth",
+    "error_to_truth_3d": "3D against the truth, as is",
+    "error_to_truth_3d_aligned": "3D against the truth, rigidly aligned",
+    "swapped_share": "Left and right exchanged in the detections",
+}
+
+
+def run(
+    *,
+    root: Path,
+    title: str,
+    metrics: Path,
+    frame_metrics: list[Path],
+    findings: list[Path],
+    cameras: list[Path],
+    covariances: list[Path],
+    turns: list[Path],
+    skeletons: list[Path],
+    audits: list[Path],
+    dropped: list[Path],
+    frames: list[Path],
+    clocks: list[Path],
+    clock_costs: list[Path],
+    overlays: list[Path],
+    clips: list[Path],
+    statistics: Path,
+    effort: Path | None,
+    recognition: list[Path],
+    out: Path,
+    out_timing: Path,
+) -> None:
+    """Write the report of the project in `root` into the folder `out`.
+
+    `frame_metrics`, `findings`, `cameras`, `skeletons`, `frames`: files of those tables; `covariances`: of
+    `camera_covariance`, `turns`: of `camera_turns`, `audits`: of `stamp_audit`, `dropped`: of `dropped_frames`;
+    `clocks`: of `offsets`, `clock_costs`: of that table, where two have a camera's the first counts;
+    `overlays`: the contact sheets `<out>/assets/<sequence>/<camera>.jpg`; `clips`:
+    `<out>/assets/<sequence>/clip.webm`, each with its poster beside it; `statistics`: statistics.csv; `effort`:
+    effort.tsv or None; `recognition`: table.csv, cmc.csv and left_out.csv of re-identification, or nothing. What it
+    cost goes to `<out>/cost.html` and `out_timing`.
+    """
+    from dior.project import project as projects
+
+    project, out = projects.load(root), Path(out)
+    rows = metrics_csv.read(metrics)
+    recorded = recordings(frame_metrics)
+    found = [finding for path in findings for finding in _findings(path)]
+    audited = recording_stamps.read(audits, dropped, frames)
+    found += summary.noticed(
+        {name: project.cameras_of(name) for name in project.sequences},
+        {name: set(one.lags) for name, one in audited.items()},
+        rows,
+        {name: project.sequence(name)["environment"] for name in project.sequences},
+    )
+    found += [(scope, "info", "no_consent", text) for scope, text in project.left_out] + unanswered(project)
+    told = clocks_told.read(clocks, clock_costs, found, {s: project.cameras_of(s) for s in project.sequences})
+    stations = session_cameras(cameras)
+    sheets = cards.sheets_of(overlays, out)
+    by_camera = cards.rows_by_camera(rows)
+    lights = [cards.card(project, s, by_camera, recorded, found, stations, sheets) for s in project.sequences]
+    folder = out / "assets" / PLOTS
+    made = Figures(folder, project, rows, recorded)
+    sections = [*made.paper(), *made.truth(), *made.clocks(told)]
+    scenes = [*made.scenes(stations, skeletons), *made.certainty(covariances, turns)]
+    timelines = {figure["title"]: figure for figure in made.timelines()}
+    stamps = {figure["title"]: figure for figure in made.stamps(audited)}
+    tried = made.clock_costs(told)
+    recognised = made.recognition(recognition) if recognition else None
+    _remove_stale(folder, made.names)
+    _remove_others(out / "assets", project.sequences)
+    counted = statistics_csv.read(statistics)
+    environment = pages.environment()
+    cost.write(environment, project, statistics_csv.of(counted, "frames"), effort, out_timing, out / "cost.html")
+    sequence_pages.write(
+        environment, out, title, lights, found, {s: _names(project, s) for s in project.sequences}, timelines, stamps,
+        {sequence: one.rows for sequence, one in audited.items()}, told, tried, cards.clips_of(clips, out),
+    )  # fmt: skip
+    page = environment.get_template("index.html.j2").render(
+        title=title,
+        dataset=dataset.section(counted),
+        tiles=_tiles(project, recorded),
+        tally=Counter(cell["light"].level for card in lights for cell in card["cells"]),
+        cards=lights,
+        excluded=sorted(project.excluded.items()),
+        findings=cards.shown([finding for finding in found if finding[1] != "info"]),
+        figures=_named(summary.table_of(rows, made.environment)),
+        sections=sections,
+        worst=worst.of_sections(frame_metrics),
+        scenes=scenes,
+        recognised=recognised,
+        limits=[_limit(limit) for limit in summary.LIMITS],
+        words=summary.WORDS,
+        meanings=[(TITLES[name], name, text) for name, text in METRICS.items()],
+        fx_of_limits=f"{REFERENCE_FX:.0f}",
+    )
+    write_text(out / "index.html", page)
+
+
+def _names(project, sequence):
+    """The words that the scope of a finding about a sequence may be made of."""
+    session = project.session_of(sequence)
+    return {sequence, session, project.subject_of(sequence), *project.cameras(session)}
+
+
+def recordings(paths):
+    """(sequence, camera) -> metric -> (stamp_ns (N,), value (N,), n (N,)) of `frame_metrics` files."""
+    found = {}
+    for path in paths:
+        table = tables.read(path, "frame_metrics")
+        if not len(table["metric"]):
+            continue
+        keys = np.stack([table[c].astype(str) for c in ("sequence", "camera", "metric")], axis=1)
+        starts = np.flatnonzero(np.r_[True, (keys[1:] != keys[:-1]).any(axis=1)])
+        for start, end in zip(starts, np.r_[starts[1:], len(keys)], strict=True):
+            sequence, camera, metric = keys[start].tolist()
+            part = tuple(table[c][start:end] for c in ("stamp_ns", "value", "n"))
+            found.setdefault((sequence, camera), {})[metric] = part
+    return found
+
+
+def _findings(path):
+    table = tables.read(path, "findings")
+    return list(zip(*(table[c].tolist() for c in ("scope", "severity", "code", "text")), strict=True))
+
+
+def session_cameras(paths):
+    """session -> camera -> `Camera` of `cameras` files; a file later in the list replaces an earlier one's camera."""
+    found = {}
+    for path in paths:
+        for session in tables.ordered_unique(tables.read(path, "cameras", ["session"])["session"]):
+            found.setdefault(session, {}).update(camera_tables.read_cameras(path))
+    return found
+
+
+def _tiles(project, recorded):
+    pictures = labels = 0
+    for by_metric in recorded.values():
+        if "coverage" in by_metric:
+            _, value, n = by_metric["coverage"]
+            pictures, labels = pictures + len(n), labels + int(np.rint(value * n).sum())
+    return [
+        (summary.count(len(project.sequences)), "sequences"),
+        (summary.count(len(project.processed_subjects)), "subjects"),
+        (summary.count(len({session_folder(session) for session in project.sessions})), "sessions"),
+        (summary.count(len(recorded)), "camera recordings"),
+        (summary.count(pictures), "pictures"),
+        (summary.count(labels), "2D labels"),
+    ]
+
+
+def _named(lines):
+    order = list(TITLES)
+    lines = sorted(lines, key=lambda line: (order.index(line["metric"]), line["where"]))
+    return [line | {"title": TITLES[line["metric"]]} for line in lines]
+
+
+def _limit(limit):
+    word = "above" if limit.sign > 0 else "below"
+    return {
+        "title": TITLES.get(limit.metric, limit.metric.replace("_", " ").capitalize()),
+        "look": f"{word} {summary.show(limit.look, limit.unit)}",
+        "bad": f"{word} {summary.show(limit.bad, limit.unit)}" if np.isfinite(limit.bad) else "never",
+        "why": limit.why,
+    }
+
+
+def unanswered(project):
+    """A finding on the people of the release of whom the sheet does not say whether their pictures may be in it."""
+    if not project.unanswered:
+        return []
+    text = (
+        f"of {project.unanswered} of the {len(project.released_subjects)} people in the release, config/subjects.tsv "
+        "does not say in consent_pictures whether their pictures may be published; until then only their labels are"
+    )
+    return [("release", "warning", "pictures_unanswered", text)]
+
+
+def _remove_others(assets, sequences):
+    """Remove the pictures of sequences that the project no longer has."""
+    for folder in assets.iterdir() if assets.is_dir() else ():
+        if folder.is_dir() and folder.name not in (*sequences, PLOTS):
+            shutil.rmtree(folder)
+
+
+def _remove_stale(folder, names):
+    for path in folder.glob("*.svg") if folder.is_dir() else ():
+        if path.name not in names:
+            path.unlink()

@@ -1,0 +1,158 @@
+"""Record one simulated walk as a lab would bring it home: bags and detections; and the truth apart.
+
+INPUTS   the `simulate:` section and the sequence's name
+OUTPUTS  below `out` (data_root): <sequence>/pc1.bag and pc2.bag (ROS 1, a recording computer each),
+         <sequence>/mlkit/<camera>.jsonl, truth/<sequence>/*.parquet
+Every random number derives from the seed and a name, so that the same settings give the same bytes.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dior.progress import reporting
+from dior.simulate import backdrop, bystander, detector_real, draw, scene, truth
+from dior.simulate.detector import detect, write_mlkit
+from dior.simulate.motion import motion_of
+from dior.simulate.settings import COMPUTERS, from_dict, sequence_named
+from dior.tables.files import written_whole
+
+IMAGE, INFO = "sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/CameraInfo"
+REPEATED_AFTER_NS = 1_000_000
+
+
+def run(*, settings: dict[str, Any], sequence: str, out: Path) -> None:
+    """Write the bags, detections and truth of one sequence below `out`.
+
+    `settings` is the section as a dict. Raises DiorError for a wrong key or an unknown sequence.
+    """
+    settings, out = from_dict(settings), Path(out)
+    walk = sequence_named(settings, sequence)
+    motion = motion_of(settings, walk)
+    folder = out / walk.name
+    views, others = observe(settings, walk, motion)
+    write_detections(settings, walk, motion.height, views, others, out)
+    for computer, group in COMPUTERS.items():
+        seen = {name: (views[name], others[name]) for name in group}
+        write_bag(folder / f"{computer}.bag", settings, walk, motion.height, seen)
+
+
+def observe(settings, walk, motion):
+    """What every camera sees of the subject (`truth.View`) and of the second person (`bystander.Seen`), by name."""
+    views = {name: truth.view(settings, walk, motion, name) for group in COMPUTERS.values() for name in group}
+    others = {name: bystander.seen(settings, walk, seen.camera, seen.clock.seconds) for name, seen in views.items()}
+    return views, others
+
+
+def write_detections(settings, walk, height, views, others, out):
+    """Detect the person in every camera, and write the detections and the truth below `out`."""
+    if settings.detector.level == "real":
+        found = detector_real.detect(settings, walk, height, views, others)
+    else:
+        noise_px = settings.detector.noise_px
+        found = {
+            camera: detect(seen, noise_px, truth.detector_generator(settings, walk, camera))
+            for camera, seen in views.items()
+        }
+    for camera, detected in found.items():
+        write_mlkit(out / walk.name / "mlkit" / f"{camera}.jsonl", views[camera].clock, detected)
+    truth.write(settings, walk, views, found, out / "truth" / walk.name)
+
+
+def write_bag(path, settings, sequence, height, views):
+    """Render the pictures of some cameras into a ROS 1 bag, in the order in which a recorder received them.
+
+    `views`: camera -> its `truth.View` and what it sees of the second person. A message that is there twice has one
+    header stamp and two receive stamps.
+    """
+    import cv2
+    from rosbags.rosbag1 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    cv2.setNumThreads(1)
+    store = get_typestore(Stores.ROS1_NOETIC)
+    painters = {name: painter(settings, sequence, height, *both) for name, both in views.items()}
+    clock = {name: seen.clock for name, (seen, _) in views.items()}
+    lens = {name: scene.reported(settings, sequence.session, seen.camera) for name, (seen, _) in views.items()}
+    order = sorted(_arrivals(clock))
+    with written_whole(path) as part, Writer(part) as bag:
+        topics = {
+            name: [
+                bag.add_connection(f"/{name}/color/{what}", kind, typestore=store)
+                for what, kind in (("image_raw/compressed", IMAGE), ("camera_info", INFO))
+            ]
+            for name in views
+        }
+        for receive_ns, name, i in reporting(order, len(order), "pictures", f"{sequence.name}, {path.name}"):
+            header = _header(store, i, int(clock[name].stamp_ns[i]), name)
+            messages = (_image(store, header, painters[name](i)), _info(store, header, lens[name]))
+            for topic, message in zip(topics[name], messages, strict=True):
+                bag.write(topic, receive_ns, store.serialize_ros1(message, topic.msgtype))
+
+
+def _arrivals(clocks):
+    """(receive_ns, camera, number) of every message of the clocks by camera; a repeated one comes a moment later."""
+    for name, clock in clocks.items():
+        for i, (receive, twice) in enumerate(zip(clock.receive_ns.tolist(), clock.twice.tolist(), strict=True)):
+            yield receive, name, i
+            if twice:
+                yield receive + REPEATED_AFTER_NS, name, i
+
+
+def painter(settings, sequence, height, seen, other):
+    """A function that gives the JPEG bytes (N,) of a frame."""
+    import cv2
+
+    empty = backdrop.background(settings, seen.camera, sequence.environment)
+    figures = [_outlines(seen.camera, seen.landmarks, height, sequence.outfit, sequence.subject)]
+    if other.present.any():
+        second = _outlines(seen.camera, other.landmarks, other.height, "shirt", bystander.SUBJECT)
+        figures.append(second)
+        nearer = other.depth.mean(axis=1) < np.nanmean(seen.landmark(seen.depth), axis=1)
+    wall = backdrop.in_front(settings, seen.camera, sequence.environment)
+
+    def jpeg(i):
+        picture = empty.copy()
+        if other.present[i]:
+            for figure in figures if nearer[i] else figures[::-1]:
+                draw.paint(picture, figure, i)
+        else:
+            draw.paint(picture, figures[0], i)
+        if wall is not None:
+            picture = np.where(wall, empty, picture)
+        return cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, settings.jpeg_quality])[1].ravel()
+
+    return jpeg
+
+
+def _outlines(camera, landmarks, height, outfit, subject):
+    return draw.outlines(camera, draw.figure(landmarks, height), height, outfit, subject)
+
+
+def _header(store, seq, stamp_ns, camera):
+    stamp = store.types["builtin_interfaces/msg/Time"](sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9)
+    return store.types["std_msgs/msg/Header"](seq=seq, stamp=stamp, frame_id=f"{camera}_color_optical_frame")
+
+
+def _image(store, header, jpeg):
+    return store.types[IMAGE](header=header, format="rgb8; jpeg compressed bgr8", data=jpeg)
+
+
+def _info(store, header, lens):
+    K = np.array([lens.fx, 0, lens.cx, 0, lens.fy, lens.cy, 0, 0, 1.0])
+    P = np.array([lens.fx, 0, lens.cx, 0, 0, lens.fy, lens.cy, 0, 0, 0, 1.0, 0])
+    whole = store.types["sensor_msgs/msg/RegionOfInterest"](x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)
+    return store.types[INFO](
+        header=header,
+        height=lens.height,
+        width=lens.width,
+        distortion_model="plumb_bob",
+        D=np.array(lens.distortion[:5]),
+        K=K,
+        R=np.eye(3).ravel(),
+        P=P,
+        binning_x=0,
+        binning_y=0,
+        roi=whole,
+    )

@@ -1,0 +1,241 @@
+"""Reading and writing the tables of `dior.tables.schemas`.
+
+Tables are tidy, sorted and complete: every (frame, joint) has its row, missing values are null. A table is handled as
+a dict of numpy arrays of equal length: strings as object arrays ("" is null), floats with NaN for null, integers with
+-1 for null where the column may be null, pictures as an object array of encoded bytes (None is null). The files of
+tables that are released tell the `datasets` library the types of their columns.
+"""
+
+import json
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from dior.errors import DiorError, nearest
+from dior.tables import buffers
+from dior.tables.files import written_whole
+from dior.tables.schemas import PICTURE, RELEASED, SCHEMAS, VERSION, VOCABULARY
+
+
+def columns_of(name):
+    """Column names of a table."""
+    return SCHEMAS[name].names
+
+
+def to_arrow(name, columns, metadata=None):
+    """A checked pyarrow table from a dict of arrays (see the module's docstring).
+
+    Columns that are left out are null throughout. Raises DiorError for an unknown column or a word outside the
+    table's vocabulary.
+    """
+    schema = SCHEMAS[name]
+    for column in columns:
+        if column not in schema.names:
+            raise DiorError(f"table {name} has no column '{column}'{nearest(column, schema.names)}")
+    length = len(next(iter(columns.values()))) if columns else 0
+    arrays = [
+        _to_array(name, field, columns[field.name]) if field.name in columns else pa.nulls(length, field.type)
+        for field in schema
+    ]
+    return pa.Table.from_arrays(arrays, schema=schema.with_metadata({**own_metadata(name), **(metadata or {})}))
+
+
+def own_metadata(name):
+    """The key-value metadata that every file of a table has."""
+    own = {"dior_table": name, "dior_table_version": VERSION}
+    if name not in RELEASED:
+        return own
+    features = {field.name: _feature(field.type) for field in SCHEMAS[name]}
+    return own | {"huggingface": json.dumps({"info": {"features": features}})}
+
+
+def _feature(kind):
+    """A column's type in the words of the `datasets` library (its `Features.to_dict`)."""
+    if kind == PICTURE:
+        return {"_type": "Image"}
+    if pa.types.is_fixed_size_list(kind):
+        return {"feature": _feature(kind.value_type), "length": kind.list_size, "_type": "List"}
+    return {"dtype": word_of(kind), "_type": "Value"}
+
+
+def word_of(kind):
+    """A column's type as one word: string, or as numpy calls its numbers.
+
+    >>> word_of(pa.int32()), word_of(pa.dictionary(pa.int32(), pa.string()))
+    ('int32', 'string')
+    """
+    text = pa.types.is_dictionary(kind) or pa.types.is_string(kind)
+    return "string" if text else np.dtype(kind.to_pandas_dtype()).name
+
+
+def _to_array(name, field, values):
+    """One column as pyarrow; words outside the column's vocabulary are refused."""
+    kind = field.type
+    if isinstance(values, Repeated):
+        _check_words(name, field.name, values.words)
+        return pa.DictionaryArray.from_arrays(
+            buffers.fixed(values.index, pa.int32(), values.index < 0), buffers.texts(values.words)
+        )
+    if pa.types.is_string(kind):
+        return buffers.texts(values)
+    if kind == PICTURE:
+        return buffers.pictures(values, kind)
+    if pa.types.is_dictionary(kind):
+        words, index = np.unique(np.asarray(values, dtype=object).astype(str), return_inverse=True)
+        # np.unique sorts, so that the null word "" comes first where there is one
+        has_null = int(len(words) > 0 and words[0] == "")
+        index = index.ravel() - has_null
+        _check_words(name, field.name, words[has_null:])
+        return pa.DictionaryArray.from_arrays(
+            buffers.fixed(index, pa.int32(), index < 0), buffers.texts(words[has_null:])
+        )
+    if pa.types.is_fixed_size_list(kind):
+        rows = np.asarray(values, float).reshape(-1, kind.list_size)
+        missing = ~np.isfinite(rows).all(axis=1)
+        inner = buffers.fixed(np.where(missing[:, None], 0.0, rows).ravel(), kind.value_type, np.zeros(rows.size, bool))
+        return pa.Array.from_buffers(
+            kind, len(rows), [buffers.bits(~missing) if missing.any() else None], children=[inner]
+        )
+    values = np.asarray(values)
+    if pa.types.is_boolean(kind):
+        return pa.Array.from_buffers(kind, len(values), [None, buffers.bits(values.astype(bool))])
+    return buffers.fixed(values, kind, np.isnan(values) if pa.types.is_floating(kind) else values < 0)
+
+
+def _check_words(name, column, words):
+    vocabulary = VOCABULARY.get((name, column))
+    for word in words:
+        if vocabulary and word not in vocabulary:
+            raise DiorError(f"table {name}: '{word}' is no {column}{nearest(word, vocabulary)}")
+
+
+class Repeated:
+    """A text column given as indices into few words, so that millions of rows need no strings. -1 is null."""
+
+    def __init__(self, words, index):
+        self.words, self.index = tuple(words), np.asarray(index, np.int32)
+
+    def __len__(self):
+        return len(self.index)
+
+
+def write(path, name, columns, metadata=None):
+    """Write a table as Parquet (zstd), whole or not at all. Same columns, same bytes."""
+    write_arrow(path, to_arrow(name, columns, metadata))
+
+
+def write_arrow(path, table):
+    """Write a pyarrow table that has a table's columns and metadata already, whole or not at all."""
+    with written_whole(path) as part:
+        pq.write_table(table, part, compression="zstd", use_dictionary=_dictionary_columns(table))
+
+
+def _dictionary_columns(table):
+    return [f.name for f in table.schema if pa.types.is_dictionary(f.type) or pa.types.is_string(f.type)] or False
+
+
+def read_arrow(path, name, columns=None):
+    """The table as pyarrow, its kind checked. Raises DiorError for a missing, broken or other file."""
+    with _opened(path, name) as file:
+        return file.read(columns=columns)
+
+
+@contextmanager
+def _opened(path, name):
+    """Yield the Parquet file of a table, its kind checked."""
+    path = Path(path)
+    if not path.is_file():
+        raise DiorError(f"{path}: there is no such file")
+    try:
+        # pq.read_table would import pyarrow.dataset and, through it, pandas: 0.4 s in every job
+        with pq.ParquetFile(path) as file:
+            kind = (file.schema_arrow.metadata or {}).get(b"dior_table", b"").decode()
+            if kind != name:
+                raise DiorError(f"{path}: holds the table '{kind or 'unknown'}', not '{name}'")
+            yield file
+    except (pa.ArrowException, OSError) as error:
+        raise DiorError(f"{path}: not a readable Parquet file ({error}); delete it and run again") from None
+
+
+def read_in_parts(path, name, columns, rows):
+    """As `read`, of `rows` rows at a time: for tables with pictures, which need not fit into the memory."""
+    with _opened(path, name) as file:
+        for batch in file.iter_batches(batch_size=rows, columns=columns):
+            yield {c: buffers.to_numpy(a) for c, a in zip(batch.schema.names, batch.columns, strict=True)}
+
+
+def read(path, name, columns=None):
+    """The table as a dict of arrays (see the module's docstring)."""
+    return {c: buffers.to_numpy(a) for c, a in zip(*_columns(read_arrow(path, name, columns)), strict=True)}
+
+
+def read_coded(path, name, columns):
+    """As `read`, with the text columns as `Repeated`: long tables of few words are ten times as fast to work with."""
+    names, arrays = _columns(read_arrow(path, name, columns))
+    return {
+        column: Repeated(array.dictionary.to_pylist(), buffers.numbers(array.indices, -1))
+        if pa.types.is_dictionary(array.type)
+        else buffers.to_numpy(array)
+        for column, array in zip(names, arrays, strict=True)
+    }
+
+
+def _columns(table):
+    return table.column_names, [column.combine_chunks() for column in table.columns]
+
+
+def kind_of(table):
+    """What a pyarrow table that was read by `read_arrow` is called."""
+    return table.schema.metadata[b"dior_table"].decode()
+
+
+def empty(name):
+    """A table without rows as a dict of arrays."""
+    return {c: buffers.to_numpy(a) for c, a in zip(*_columns(to_arrow(name, {})), strict=True)}
+
+
+def metadata(path):
+    """The key-value metadata of a table file."""
+    return {k.decode(): v.decode() for k, v in (pq.read_schema(path).metadata or {}).items()}
+
+
+def rows(table, keep):
+    """The rows of a dict of arrays where the mask `keep` is true."""
+    return {name: values[keep] for name, values in table.items()}
+
+
+def of_camera(table, camera):
+    """The rows of one camera."""
+    return rows(table, table["camera"] == camera)
+
+
+def ordered_unique(values):
+    """Distinct values in the order of their first appearance."""
+    return list(dict.fromkeys(values.tolist()))
+
+
+def grid(table, *columns):
+    """Complete rows sorted by (frame or instant, joint) as arrays (frames, joints, len(columns)), with the joints.
+
+    Raises DiorError where rows are missing.
+    """
+    joints = ordered_unique(table["joint"])
+    if not joints:
+        return np.empty((0, 0, len(columns))), []
+    count, rest = divmod(len(table["joint"]), len(joints))
+    if rest or (table["joint"].reshape(count, -1) != np.array(joints, dtype=object)).any():
+        raise DiorError("table is not complete: every frame must have a row for every joint, in the same order")
+    return np.stack([table[c].reshape(count, len(joints)) for c in columns], axis=-1), joints
+
+
+def findings_columns(findings):
+    """Columns of the `findings` table from (scope, severity, code, text) tuples, as given."""
+    return {key: [f[i] for f in findings] for i, key in enumerate(("scope", "severity", "code", "text"))}
+
+
+def write_findings(path, findings):
+    """Write what a step wants a person to see: (scope, severity, code, text) tuples; the file may be empty."""
+    write(path, "findings", findings_columns(findings))

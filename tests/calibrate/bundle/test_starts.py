@@ -1,0 +1,66 @@
+"""Starts: from the pixels alone, and the choice among what comes of them."""
+
+import numpy as np
+import pytest
+
+from dior.calibrate.bundle import starts
+from dior.calibrate.bundle.outcome import moved
+from dior.errors import DiorError
+from dior.geometry.camera import pose
+from tests.calibrate.test_adjust import body, misplaced, seen
+from tests.rig import ring
+
+
+@pytest.mark.parametrize("count", [2, 3, 4])
+def test_the_epipolar_start_does_not_need_the_aim(count):
+    cameras, points = ring(5)[:count], body()
+    turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    away = [c.at(pose(turn @ c.wRc, c.centre)) for c in cameras] if count > 2 else cameras
+    found = starts.epipolar(away, seen(cameras, points, 0.5))
+    for camera, true in zip(found, cameras, strict=True):
+        distance, angle = moved(true, camera)
+        assert distance < 0.25 and angle < 4
+
+
+def test_too_few_joints_give_no_epipolar_start():
+    assert starts.epipolar(ring(3), seen(ring(3), body(20))) is None
+
+
+def outcome(*ends):
+    """An attempt that ends at the cameras given for its turn; None fails."""
+    left = iter(ends)
+
+    def attempt(start):
+        end = next(left)
+        if end is None:
+            raise DiorError("s: it cannot be")
+        return end
+
+    return attempt
+
+
+def test_two_starts_that_agree_end_the_search():
+    cameras, uv = ring(3), seen(ring(3), body(), 1.0)
+    chosen, tried = starts.best(misplaced(cameras), uv, outcome(cameras, cameras), "s")
+    assert len(tried) == 2 and starts.same_world(chosen.cameras, cameras)
+
+
+def test_the_better_of_two_worlds_wins_and_a_failed_start_is_told():
+    cameras, uv = ring(3), seen(ring(3), body(), 1.0)
+    worse = misplaced(cameras, 0.3)
+    chosen, tried = starts.best(cameras, uv, outcome(worse, cameras, None, None, None, None), "s")
+    assert chosen.name == "epipolar" and [one.cameras is None for one in tried] == [False] * 2 + [True] * 4
+
+
+def test_equal_starts_in_different_worlds_are_refused():
+    """All cameras moved together: the pixels fit as well."""
+    cameras, uv = ring(3), seen(ring(3), body(), 1.0)
+    other = [c.at(pose(c.wRc, c.centre + (0.5, 0, 0))) for c in cameras]
+    with pytest.raises(DiorError, match=r"s: starts .* different worlds \(as placed 2\.\d+ px, epipolar 2\.\d+ px"):
+        starts.best(cameras, uv, outcome(cameras, other, None, None, None, None), "s")
+
+
+def test_where_all_fail_the_placed_ones_are_complained_about():
+    cameras, uv = ring(3), seen(ring(3), body(), 1.0)
+    with pytest.raises(DiorError, match="s: it cannot be"):
+        starts.best(cameras, uv, outcome(*[None] * 6), "s")

@@ -1,0 +1,100 @@
+"""The cameras' covariance against many tries with known errors, and the clusters that it is made of."""
+
+import numpy as np
+import pytest
+
+from dior.calibrate import adjust
+from dior.calibrate.bundle import facts, uncertainty
+from dior.calibrate.bundle.uncertainty import Tracks
+from dior.geometry.camera import project
+from tests.calibrate.bundle.test_facts import walker
+from tests.calibrate.test_adjust import HUBER, MOST, tape
+from tests.rig import ring
+
+
+def tried(seed, noise_px=1.0, bias_m=0.0, tape_m=0.05):
+    """Errors of the cameras over their sigmas (18,), and the `Uncertainty`; joints are off by `bias_m` per cluster."""
+    random = np.random.default_rng(seed)
+    points, tracks = walker(40)
+    cameras = ring(3)
+    placed = [
+        c.at(np.block([[c.wRc, (c.centre + random.normal(0, tape_m, 3))[:, None]], [np.eye(4)[3:]]])) for c in cameras
+    ]
+    sides = uncertainty.sides(cameras, points, tracks)
+    uv = []
+    for camera, side in zip(cameras, sides, strict=True):
+        seen, depth = project(camera, points)
+        offset = random.normal(0, bias_m, (4, len(tracks.names), 2))[side, tracks.joint]
+        uv.append(seen + camera.intrinsics.fx / depth[:, None] * offset + random.normal(0, noise_px, seen.shape))
+    done = adjust.adjust(placed, np.stack(uv), tape(placed, tape_m), HUBER, 30.0, "s", tracks, (), None, 0.0)
+    error = np.concatenate(
+        [
+            np.r_[_turn(found.wRc.T @ c.wRc), c.centre - found.centre]
+            for found, c in zip(done.cameras, cameras, strict=True)
+        ]
+    )
+    return error / np.sqrt(np.diag(done.uncertainty.covariance)), done.uncertainty
+
+
+def _turn(R):
+    return np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / 2
+
+
+@pytest.mark.slow
+def test_errors_are_as_large_as_the_sigmas_with_white_noise_and_with_habits():
+    for bias in (0.0, 0.01):
+        each, found = zip(*(tried(seed, 1.0, bias) for seed in range(12)), strict=True)
+        assert 0.75 < np.sqrt(np.mean(np.square(each))) < 1.3
+        estimated = np.mean([u.bias_m for u in found])
+        assert estimated < 0.002 if not bias else 0.006 < estimated < 0.013
+
+
+def test_habits_of_the_detector_widen_the_covariance():
+    (_, plain), (_, biased) = tried(0, 1.0, 0.0, 0.01), tried(0, 1.0, 0.02, 0.01)
+    turns = [np.trace(u.covariance[:3, :3]) for u in (plain, biased)]
+    assert turns[1] > 2 * turns[0]
+    assert np.allclose(biased.covariance, biased.covariance.T)
+    assert np.linalg.eigvalsh(biased.covariance).min() > 0
+
+
+def test_a_camera_in_front_sees_the_front():
+    """The walker's left is +y, so that it faces +x."""
+    points, tracks = walker(2)
+    cameras = ring(1)
+    for azimuth, side in ((0, 0), (90, 1), (180, 2), (270, 3)):
+        a = np.radians(azimuth)
+        at = np.array([50 * np.cos(a), 50 * np.sin(a), 1.5])
+        camera = cameras[0].at(np.block([[cameras[0].wRc, at[:, None]], [np.eye(4)[3:]]]))
+        assert (uncertainty.sides([camera], points, tracks) == side).all()
+
+
+def test_how_long_noise_lasts():
+    random = np.random.default_rng(0)
+    keep, count = 0.6, 3000
+    noise = random.normal(size=(count, 2))
+    for i in range(1, count):
+        noise[i] = keep * noise[i - 1] + np.sqrt(1 - keep**2) * noise[i]
+    tracks = Tracks(np.zeros(count, int), np.arange(count), np.zeros(count, int), ("nose",))
+    shape = np.ones((1, count), bool), np.zeros((1, count), int)
+    lasting = uncertainty.autocorrelation_sum(noise[None], *shape, tracks)
+    assert abs(lasting - (1 + keep) / (1 - keep)) < 0.8
+    white = random.normal(size=(1, count, 2))
+    assert uncertainty.autocorrelation_sum(white, *shape, tracks) < 1.2
+
+
+def test_the_scale_of_a_rig_held_by_its_tape():
+    """Centres that are each known to 5 cm: the scale to 5 cm over the root of the sum of squared distances."""
+    cameras = ring(3)
+    C = np.kron(np.eye(3), np.diag([1e-6] * 3 + [0.05**2] * 3))
+    assert np.isclose(uncertainty.scale_sigma(cameras, C), 0.05 / np.sqrt(3 * 5**2))
+
+
+def test_a_known_length_narrows_the_scale():
+    points, tracks = walker(40)
+    cameras = ring(3)
+    uv = np.stack([project(c, points)[0] for c in cameras]) + np.random.default_rng(0).normal(0, 1, (3, len(points), 2))
+    sigma = []
+    for known in ([], [facts.KeypointDistance(("left_shoulder", "left_ankle"), 0.779 * 1.75, 0.005)]):
+        done = adjust.adjust(cameras, uv, tape(cameras, 0.1), HUBER, MOST, "s", tracks, known, None, 0.0)
+        sigma.append(uncertainty.scale_sigma(done.cameras, done.uncertainty.covariance))
+    assert sigma[0] > 0.009 and abs(sigma[1] - 0.005 / (0.779 * 1.75)) < 0.001

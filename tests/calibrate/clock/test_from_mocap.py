@@ -1,0 +1,68 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dior.body.names import MLKIT_33
+from dior.calibrate.clock import from_mocap
+from dior.geometry.camera import project
+from dior.simulate import settings
+from dior.simulate.motion import motion_of
+from tests.rig import camera
+
+CAMERA = camera("cam01", (4.5, 0.6, 1.5), target=(0, 0, 1))
+
+
+@pytest.fixture(scope="module")
+def walk():
+    made = settings.from_dict({"subjects": 1, "duration_s": 12.0, "clocks": {"apart_s": 1.5}})
+    motion = motion_of(made, settings.sequences(made)[0])
+    ticks = np.arange(1600) / 100
+    walker = from_mocap.walker_of(ticks, motion.at(ticks)[1], list(motion.names), list(MLKIT_33))
+    return motion, walker
+
+
+def seen(motion, walker, elapsed, offset_s, drift_ppm=0.0, noise_px=2.0, seed=0):
+    t = elapsed * (1 + 1e-6 * drift_ppm) + offset_s
+    landmarks = motion.at(t)[0][:, [MLKIT_33.index(name) for name in walker.names]]
+    return project(CAMERA, landmarks)[0] + noise_px * np.random.default_rng(seed).standard_normal((len(t), 33, 2))
+
+
+@pytest.mark.parametrize("offset_s", (-1.3, 0.004, 0.87))
+def test_a_clock_is_found_in_the_window_to_less_than_a_millisecond(walk, offset_s):
+    elapsed = 1.5 + np.arange(300) / 30
+    clock, lags, costs, why = from_mocap.from_detections(CAMERA, walk[1], seen(*walk, elapsed, offset_s), elapsed)
+    assert why == "" and clock.source == "estimated" and clock.method == "detections"
+    error = clock.offset_s + 1e-6 * clock.drift_ppm * clock.middle_s - offset_s
+    assert abs(error) < 0.0015 and abs(error) < 4 * clock.given[0] < 0.003
+    assert abs(lags[np.nanargmin(costs)] - offset_s) < 0.04
+
+
+def test_a_constant_error_of_the_detector_is_no_time(walk):
+    elapsed = np.arange(300) / 30
+    uv = seen(*walk, elapsed, 0.3)
+    off = uv + 12 * np.random.default_rng(1).standard_normal((1, 33, 2))
+    clock, *_, why = from_mocap.from_detections(CAMERA, walk[1], off, elapsed)
+    assert why == "" and abs(clock.offset_s + 1e-6 * clock.drift_ppm * clock.middle_s - 0.3) < 0.0015
+
+
+def test_a_drift_is_found(walk):
+    elapsed = np.arange(360) / 30
+    clock, *_ = from_mocap.from_detections(CAMERA, walk[1], seen(*walk, elapsed, 0.3, 150.0, 0.5), elapsed)
+    assert abs(clock.drift_ppm - 150.0) < 4 * clock.given[1] < 160
+
+
+def test_someone_who_stands_tells_nothing(walk):
+    motion, walker = walk
+    still = replace(walker, points=np.broadcast_to(walker.points[:1], walker.points.shape))
+    elapsed = np.arange(300) / 30
+    uv = seen(motion, walker, 0 * elapsed, 0.0)
+    clock, *_, why = from_mocap.from_detections(CAMERA, still, uv, elapsed)
+    assert clock.source == "assumed_zero" and np.isnan(clock.given[0])
+    assert "fits hardly better" in why or "hardly move" in why
+
+
+def test_nobody_detected_is_a_reason(walk):
+    elapsed = np.arange(30) / 30
+    clock, *_, why = from_mocap.from_detections(CAMERA, walk[1], np.full((30, 33, 2), np.nan), elapsed)
+    assert "no joint is both detected and known" in why and clock.source == "assumed_zero"

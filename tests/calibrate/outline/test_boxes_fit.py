@@ -1,0 +1,156 @@
+"""A camera fitted to boxes around a known body: analytic cases, the margin, an occluder, intervals."""
+
+import numpy as np
+import pytest
+
+from dior.calibrate.outline import boxes_fit, seen_edges
+from dior.errors import DiorError
+from dior.geometry import covariance
+from dior.geometry.camera import Camera, Intrinsics, pose, project
+from dior.geometry.multiview import look_at, rotation_z
+
+LENS = Intrinsics(1280, 720, 760.0, 760.0, 639.5, 359.5)
+FREE = seen_edges.Freedom(shift=(2.0, 0.0, 0.0))
+START_M = 2.0
+
+
+def true_camera():
+    centre = np.array([0.0, 60.0, 1.9])
+    turned = look_at(centre, (0.3, 0, 1.2)) @ rotation_z(np.radians(0.4))
+    return Camera("cam04", LENS, pose(turned, centre), "long_range")
+
+
+def start():
+    camera = true_camera()
+    centre = camera.centre + (0, START_M, 0)
+    return camera.at(pose(look_at(centre, (-0.6, 0, 0.4)), centre))
+
+
+def body(count=30):
+    """Points (F, J, 3): feet that swing, hips, hands and a head, on a walk along X and a little along Y."""
+    t = np.linspace(0, 12, count)
+    middle = np.stack([2.5 * np.sin(0.5 * t), 0.8 * np.cos(0.5 * t), 0 * t], axis=-1)
+    swing = 0.35 * np.sin(5.1 * t)
+    zero = 0 * t
+    parts = [
+        (swing, zero + 0.1, zero + 0.05), (-swing, zero - 0.1, zero + 0.05), (zero, zero + 0.1, zero + 0.93),
+        (zero, zero - 0.1, zero + 0.93), (-0.8 * swing, zero + 0.25, zero + 0.8),
+        (0.8 * swing, zero - 0.25, zero + 0.8),
+        (zero, zero + 0.2, zero + 1.4), (zero, zero - 0.2, zero + 1.4), (zero + 0.05, zero, zero + 1.7),
+    ]  # fmt: skip
+    return np.stack([middle + np.stack(part, axis=-1) for part in parts], axis=1)
+
+
+def boxes(uv, margin=0.0, sd=0.0, seed=0):
+    tight = np.concatenate([uv.min(axis=1), uv.max(axis=1)], axis=1)
+    return tight + boxes_fit.OUTWARDS * (margin + sd * np.random.default_rng(seed).standard_normal(tight.shape))
+
+
+def seen(points, edges, clicks=None, bias_m=0.0):
+    count, joints = points.shape[:2]
+    clicks = np.full((count, joints, 2), np.nan) if clicks is None else clicks
+    return seen_edges.Seen(points, edges, clicks, np.linspace(0, 20, count), np.zeros(count, int), bias_m)
+
+
+def label_error(camera, points):
+    return np.linalg.norm(project(camera, points)[0] - project(true_camera(), points)[0], axis=-1).mean()
+
+
+def test_exact_boxes_give_the_camera_back():
+    points = body()
+    found = boxes_fit.fit(start(), FREE, seen(points, boxes(project(true_camera(), points)[0])), "cam04")
+    assert label_error(found.camera, points) < 0.02
+    assert abs(found.camera.centre[1] - 60) < 0.1 and found.agree.all() and found.hidden == ""
+    np.testing.assert_allclose(found.values[boxes_fit.MARGIN], 0, atol=0.05)
+
+
+@pytest.mark.parametrize("margin", [1.0, 3.0])
+def test_the_margin_is_found_and_does_not_move_the_camera(margin):
+    points = body()
+    found = boxes_fit.fit(start(), FREE, seen(points, boxes(project(true_camera(), points)[0], margin)), "cam04")
+    np.testing.assert_allclose(found.values[boxes_fit.MARGIN], margin, atol=0.1)
+    assert label_error(found.camera, points) < 0.05
+
+
+def test_a_few_boxes_around_somebody_else_do_not_matter():
+    points = body()
+    edges = boxes(project(true_camera(), points)[0])
+    edges[[3, 11, 20]] += 40
+    found = boxes_fit.fit(start(), FREE, seen(points, edges), "cam04")
+    assert label_error(found.camera, points) < 0.05
+    assert not found.agree[[3, 11, 20]].any() and np.delete(found.agree, [3, 11, 20], axis=0).all()
+
+
+def test_the_edge_of_a_wall_is_not_the_body():
+    points = body()
+    uv = project(true_camera(), points)[0]
+    line = uv[:, 2:4, 1].mean()
+    edges = boxes(np.where((uv[..., 1] < line)[..., None], uv, uv[:, 8:9]))
+    edges[:, 3] = line
+    found = boxes_fit.fit(start(), FREE, seen(points, edges), "cam04")
+    assert found.hidden == "v_max" and label_error(found.camera, points) < 0.1
+    misled = boxes_fit.fit(start(), FREE, seen(points, edges), "cam04", occluder="none")
+    assert label_error(misled.camera, points) > 1.0
+
+
+def test_clicked_head_and_feet_do_as_well():
+    points = body(8)
+    uv = project(true_camera(), points)[0]
+    clicks = np.full(uv.shape, np.nan)
+    clicks[:, [0, 1, 8]] = uv[:, [0, 1, 8]]
+    found = boxes_fit.fit(start(), FREE, seen(points, np.full((8, 4), np.nan), clicks), "cam04")
+    assert label_error(found.camera, points) < 0.02
+
+
+def test_a_focal_length_that_may_change_is_found():
+    points = body()
+    camera = boxes_fit.moved(true_camera(), np.eye(3), np.array([0, 0, 0, 0, 0, 0, np.log(1.02), 0, 0]))
+    edges = boxes(project(camera, points)[0])
+    known = true_camera()
+    found = boxes_fit.fit(known, seen_edges.Freedom(shift=(0, 0, 0), focal=0.1), seen(points, edges), "cam04")
+    assert found.camera.intrinsics.fx == pytest.approx(1.02 * 760, rel=2e-3)
+    np.testing.assert_allclose(found.camera.centre, known.centre, atol=1e-9)
+
+
+@pytest.mark.slow
+def test_intervals_hold_over_many_drawings():
+    """Labels' errors in units of their stated sigma, 40 sets of boxes with independent edges."""
+    points = body(40)
+    uv = project(true_camera(), points)[0]
+    chi2 = []
+    for seed in range(40):
+        found = boxes_fit.fit(start(), FREE, seen(points, boxes(uv, 1.0, 1.0, seed)), "cam04", occluder="none")
+        _, J = covariance.projection(found.camera, points[::8])
+        spread = J @ found.pose_covariance @ np.swapaxes(J, -1, -2)
+        error = project(found.camera, points[::8])[0] - uv[::8]
+        chi2.append(np.einsum("...i,...ij,...j", error, np.linalg.inv(spread), error).mean() / 2)
+    assert 0.8 < np.sqrt(np.mean(chi2)) < 1.25
+
+
+def test_a_bias_of_the_joints_widens_the_intervals():
+    points = body()
+    edges = boxes(project(true_camera(), points)[0], 0.0, 0.5)
+    without, with_bias = (boxes_fit.fit(start(), FREE, seen(points, edges, bias_m=b), "cam04") for b in (0.0, 0.025))
+    grown = np.diagonal(with_bias.covariance) - np.diagonal(without.covariance)
+    assert (grown[:3] > 0).all()
+    # the head alone decides the upper edge: a bias of 2.5 cm there turns the camera by half of it at 60 m
+    assert np.sqrt(grown[0]) == pytest.approx(0.5 * 0.025 * np.sqrt(1 + 1 / 4) / 60, rel=0.5)
+
+
+def test_the_camera_follows_a_world_that_is_shifted():
+    """Close cameras that are all off by the same put the points there: dθ of the fit says where this one goes."""
+    points = body()
+    edges = boxes(project(true_camera(), points)[0])
+    derivative = np.zeros((*points.shape, 6))
+    derivative[..., 3:] = np.eye(3)
+    found = boxes_fit.fit(start(), FREE, seen(points, edges), "cam04", derivative)
+    shift = np.array([0.02, 0.0, 0.03])
+    again = boxes_fit.fit(start(), FREE, seen(points + shift, edges), "cam04", derivative)
+    expected = found.by_cameras @ np.concatenate([np.zeros(3), shift])
+    np.testing.assert_allclose((again.values - found.values)[:2], expected[:2], rtol=0.05, atol=2e-6)
+
+
+def test_too_few_edges_are_refused():
+    points = body(1)
+    with pytest.raises(DiorError, match="cam04: 4 usable edges"):
+        boxes_fit.fit(start(), FREE, seen(points, boxes(project(true_camera(), points)[0])), "cam04")

@@ -1,0 +1,657 @@
+"""The config is read as written, and each slip in it is one sentence that names where and the nearest word."""
+
+import dataclasses
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+from dior.errors import DiorError
+from dior.project import project
+
+SEQUENCES = (
+    "sequence session_order subject session environment outfit walk bags mocap detections trigger_log exclude_reason"
+).split()
+CLOSE = "role: close\ntopic: /{name}/color/image_raw/compressed\nlocate: tape\ntape: {{position_m: [{x}, 0, 1.5]}}\n"
+LONG = (
+    "role: long_range\ntopic: /cam03/image\nlocate: align\ntape: {position_m: [60, 0, 2]}\n"
+    + "nudge: {azimuth_deg: 0.2}\n"
+)
+
+
+def row(**cells):
+    return "\t".join(cells.get(column, "") for column in SEQUENCES)
+
+
+@pytest.fixture
+def root(tmp_path):
+    """A project of two subjects: one indoor and two outdoor sequences, and an excluded one."""
+    texts = {
+        "config.yaml": "data_root: data\ntriangulate: {method: rays}\n"
+        "release: {version: 0.1.0, title: A test, license: CC-BY-4.0}\n",
+        "sequences.tsv": "\n".join(
+            [
+                "\t".join(SEQUENCES),
+                row(
+                    sequence="out_2",
+                    session_order="10",
+                    subject="S02",
+                    session="field",
+                    environment="outdoor",
+                    bags="out_2/a.bag;out_2/b.bag",
+                    detections="out_2/mlkit/{camera}.jsonl",
+                ),
+                row(
+                    sequence="out_1",
+                    session_order="9",
+                    subject="S01",
+                    session="field",
+                    environment="outdoor",
+                    bags="out_1/a.bag; out_1/b.bag",
+                    detections="out_1/mlkit/{camera}.jsonl",
+                ),
+                row(
+                    sequence="in_1",
+                    session_order="1",
+                    subject="S01",
+                    session="lab",
+                    environment="indoor",
+                    bags="in_1/a.bag",
+                    mocap="in_1/mocap.c3d",
+                    trigger_log="in_1/trigger.jsonl#walk 3",
+                ),
+                row(
+                    sequence="out_3",
+                    session_order="11",
+                    subject="S01",
+                    session="field",
+                    environment="outdoor",
+                    bags="out_3/a.bag",
+                    exclude_reason="rain",
+                ),
+            ]
+        )
+        + "\n",
+        "subjects.tsv": "subject\tpseudonym\theight_m\theight_sigma_m\tconsent_release\tconsent_processing\n"
+        "S01\tzebra-0001\t1.72\t0.01\tyes\t\nS02\tapple-0002\t\t\tno\tyes\n",
+        "sessions/field/session.yaml": "cameras: [cam01, cam02, cam03]\nadjust: {out_1: {count: 100}}\n",
+        "sessions/field/cam01.yaml": CLOSE.format(name="cam01", x=4),
+        "sessions/field/cam02.yaml": CLOSE.format(name="cam02", x=-4),
+        "sessions/field/cam03.yaml": LONG,
+        "sessions/lab/session.yaml": "cameras: [cam01]\n",
+        "sessions/lab/cam01.yaml": "role: close\ntopic: /cam01/image\nlocate: marks\n",
+        "sessions/lab/cam01.marks.csv": "sequence,frame,joint,u,v\nin_1,3,LASI,10,20\nin_1,9,LASI,11,21\n",
+        "offsets/in_1.yaml": "cam01: {offset_s: 0.12}\n",
+        "boxes/out_1.cam03.csv": "frame,u_min,v_min,u_max,v_max\n",
+        "checks/out_1.cam01.csv": "sequence,frame,joint,u,v\n",
+    }
+    for name, text in texts.items():
+        path = tmp_path / "config" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+    return tmp_path
+
+
+def edit(root, name, old, new, count=1):
+    path = root / "config" / name
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, count))
+
+
+def fails(root, *parts):
+    with pytest.raises(DiorError) as caught:
+        project.load(root)
+    text = str(caught.value)
+    for part in parts:
+        assert part in text
+    assert "\n" not in text and str(root) not in text
+    return text
+
+
+def test_what_is_written_is_what_is_read(root):
+    p = project.load(root)
+    assert p.sequences == ("out_1", "out_2", "in_1"), "by session, order as a number, name"
+    assert p.excluded == {"out_3": "rain"}
+    assert p.sessions == ("field", "lab")
+    assert p.bags("out_1") == ["data/out_1/a.bag", "data/out_1/b.bag"]
+    assert p.close("field") == ["cam01", "cam02"] and list(p.cameras("field")) == ["cam01", "cam02", "cam03"]
+    assert p.first_sequence("field") == "out_1"
+    assert p.sequences_of("field") == ["out_1", "out_2"]
+    assert p.sequences_of_subject("S01") == ["out_1", "in_1"]
+    assert (p.mocap("in_1"), p.mocap("out_1")) == (["data/in_1/mocap.c3d"], [])
+    assert p.trigger_log("in_1") == ["data/in_1/trigger.jsonl"] and p.capture("in_1") == "walk 3"
+    assert (p.trigger_log("out_1"), p.capture("out_1")) == ([], "")
+    assert p.marks_sequences("lab", "cam01") == p.marks_mocap("lab", "cam01") == ["in_1"]
+    assert p.boxes("out_1") == {"cam03": "config/boxes/out_1.cam03.csv"}
+    assert p.checks("out_1") == {"cam01": "config/checks/out_1.cam01.csv"}
+    assert (p.offsets("in_1"), p.offsets("out_1")) == (["config/offsets/in_1.yaml"], [])
+    assert p.truth("out_1") == [], "a column that the sheet lacks is empty"
+    assert p.released_subjects == ("S01",) and p.released_sequences == ("out_1", "in_1")
+    assert set(p.sequence("out_1")) == {*SEQUENCES, "truth"}
+
+
+def test_defaults_are_filled_in(root):
+    p = project.load(root)
+    assert p.config["triangulate"]["method"] == "rays" and p.config["triangulate"]["max_error_px"] == 45.0
+    assert p.config["adjust"]["min_views"] == 3 and p.config["release"]["authors"] == []
+    assert p.window("field") == {"out_1": {"first": 0, "count": 100, "step": 1}} and p.window("lab") == {}
+    camera = p.cameras("field")["cam01"]
+    assert camera["intrinsics"] == "camera_info" and camera["tape"]["target_m"] == [0.0, 0.0, 0.0]
+    assert p.cameras("field")["cam03"]["nudge"] == {"azimuth_deg": 0.2, "elevation_deg": 0.0, "distance_m": 0.0}
+
+
+def test_a_config_read_elsewhere_is_used_and_left_alone(root):
+    given = yaml.safe_load((root / "config/config.yaml").read_text())
+    given["triangulate"]["method"] = "robust"
+    assert project.load(root, given).config["triangulate"]["method"] == "robust"
+    assert "adjust" not in given and given["triangulate"] == {"method": "robust"}
+
+
+def all_marked(root, marks):
+    """Both close cameras of the outdoor session are located by marks, so that nothing is adjusted."""
+    edit(root, "sessions/field/session.yaml", "adjust: {out_1: {count: 100}}", "")
+    for camera in ("cam01", "cam02"):
+        (root / f"config/sessions/field/{camera}.marks.csv").write_text(marks)
+        edit(root, f"sessions/field/{camera}.yaml", "locate: tape", "locate: marks")
+
+
+def test_marks_with_3d_points_need_no_mocap(root):
+    edit(root, "subjects.tsv", "\tno", "\tyes")
+    all_marked(root, "sequence,frame,joint,u,v,x,y,z\nout_2,0,post,1,2,3,4,5\nout_1,0,post,1,2,3,4,5\n")
+    p = project.load(root)
+    assert p.marks_sequences("field", "cam01") == ["out_2", "out_1"] and p.marks_mocap("field", "cam01") == []
+
+
+def test_cameras_by_marks_are_not_adjusted_and_cameras_by_tape_are(root):
+    (root / "config/sessions/field/cam01.marks.csv").write_text("sequence,frame,joint,u,v\n")
+    edit(root, "sessions/field/cam01.yaml", "locate: tape", "locate: marks")
+    fails(root, "config/sessions/field/session.yaml", "cam01 has 'locate: marks'")
+    edit(root, "sessions/field/session.yaml", "adjust: {out_1: {count: 100}}", "")
+    fails(root, "config/sessions/field/session.yaml", "cam02 are placed by tape", "adjust: {out_")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "parts"),
+    [
+        (
+            "method: rays",
+            "metod: rays",
+            ["unknown key 'triangulate.metod' (did you mean 'method'?)"],
+        ),
+        ("triangulate:", "trianguate:", ["unknown key 'trianguate' (did you mean 'triangulate'?)"]),
+        ("method: rays", "method: ray", ["'triangulate.method' is 'ray'", "robust, rays", "did you mean 'rays'"]),
+        ("method: rays", "max_error_px: abc", ["'triangulate.max_error_px' is 'abc' but should be a number above 0"]),
+        ("method: rays", "max_error_px: -1", ["'triangulate.max_error_px' is -1", "above 0"]),
+        ("{method: rays}", "[rays]", ["'triangulate' is ['rays'] but should be keys with values"]),
+        ("{method: rays}", "", ["'triangulate' is nothing but should be keys with values"]),
+        ("data_root: data", "", ["key 'data_root' is missing"]),
+        ("data_root: data\n", "- data\n# ", ["config/config.yaml line"]),
+        ("license: CC-BY-4.0", "authors: [x]", ["key 'release.license' is missing"]),
+        ("version: 0.1.0", "version: 1.0", ["'release.version' is 1.0 but should be a version such as 0.1.0"]),
+        ("version: 0.1.0", "version: ../x", ["'release.version' is '../x'"]),
+        ("data_root: data", "data_root: data\ndata_root: else", ["key 'data_root' is given twice, on lines 1 and 2"]),
+        ("{method: rays}", "{method: rays", ["config/config.yaml line", "not valid YAML"]),
+        ("triangulate:", "simulate: {fsp: 30}\ntriangulate:", ["unknown key 'simulate.fsp' (did you mean 'fps'?)"]),
+        (
+            "triangulate:",
+            "simulate: {detector: {level: x}}\ntriangulate:",
+            ["'simulate.detector.level' is 'x'", "ideal"],
+        ),
+        ("license: CC-BY-4.0", "license: CC-BY-4.0, authors: me", ["'release.authors' is 'me' but should be a list"]),
+    ],
+)
+def test_config_errors(root, old, new, parts):
+    edit(root, "config.yaml", old, new)
+    fails(root, "config/config.yaml", *parts)
+
+
+@pytest.mark.parametrize(
+    ("sheet", "old", "new", "parts"),
+    [
+        ("sequences", "out_1\t9", "out_2\t9", ["sequence 'out_2' is there twice, on lines 2 and 3"]),
+        ("subjects", "S02", "S01", ["subject 'S01' is there twice, on lines 2 and 3"]),
+        ("sequences", "out_1\t9", "out.1\t9", ["line 3", "'sequence' is 'out.1'", "letters, digits"]),
+        ("sequences", "out_1\t9\t", "out_1\tninth\t", ["line 3", "'session_order' is 'ninth'", "whole number"]),
+        ("sequences", "9\tS01", "9\tS1", ["line 3", "'S1'", "not in config/subjects.tsv (did you mean 'S01'?)"]),
+        ("sequences", "9\tS01\tfield", "9\tS01\tfeild", ["line 3", "session 'feild'", "did you mean 'field'"]),
+        ("sequences", "9\tS01\tfield\toutdoor", "9\tS01\tfield\toutdors", ["'environment' is 'outdors'", "'outdoor'"]),
+        ("sequences", "in_1/mocap.c3d", "", ["line 4", "'in_1' is indoor but has no mocap"]),
+        ("sequences", "out_1/mlkit/{camera}.jsonl", "", ["line 3", "'out_1' is outdoor but has no detections"]),
+        ("sequences", "out_1/mlkit/{camera}.jsonl", "out_1/x.jsonl", ["line 3", "{camera}"]),
+        ("sequences", "out_1/mlkit/{camera}.jsonl\t", "a/{camera}.jsonl\tlog", ["'out_1' is outdoor", "trigger_log"]),
+        ("sequences", "in_1/trigger", "/in_1/trigger", ["trigger_log '/in_1/trigger.jsonl#walk 3' must be relative"]),
+        ("sequences", "in_1/a.bag", "", ["line 4: 'bags' is nothing"]),
+        ("sequences", "in_1/a.bag", "/disk/a.bag", ["line 4", "bags '/disk/a.bag' must be relative to data_root"]),
+        ("sequences", "out_1\t9", "s01_out-1\t9", ["line 3", "'s01_out-1' holds that of subject 'S01'"]),
+        ("sequences", "out_1\t9", "take-S02\t9", ["line 3", "'take-S02' holds that of subject 'S02'"]),
+        ("sequences", "outfit", "outfitt", ["unknown column 'outfitt' (did you mean 'outfit'?)"]),
+        ("sequences", "\toutfit\twalk", "\twalk\twalk", ["column 'walk' is there twice"]),
+        ("sequences", "rain", "rain\tx\ty", ["line 5: 14 cells but the sheet has 12 columns"]),
+        ("subjects", "\tconsent_release", "", ["column 'consent_release' is missing"]),
+        ("subjects", "zebra-0001", "zebra", ["line 2", "'pseudonym' is 'zebra'", "8 or more letters"]),
+        ("subjects", "apple-0002", "zebra-0001", ["'S01' and 'S02' share the pseudonym"]),
+        ("subjects", "apple-0002", "Metadata", ["pseudonym 'metadata', as a tarball is called"]),
+        ("subjects", "1.72", "172", ["line 2", "'height_m' is '172' but should be a height in metres"]),
+        ("subjects", "\tyes", "\tmaybe", ["line 2", "'consent_release' is 'maybe'", "yes or no"]),
+    ],
+)
+def test_sheet_errors(root, sheet, old, new, parts):
+    edit(root, f"{sheet}.tsv", old, new)
+    fails(root, f"config/{sheet}.tsv", *parts)
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "parts"),
+    [
+        ("field/cam01.yaml", "locate", "locat", ["unknown key 'locat' (did you mean 'locate'?)"]),
+        ("field/cam01.yaml", "position_m", "positon_m", ["unknown key 'tape.positon_m' (did you mean 'position_m'?)"]),
+        ("field/cam01.yaml", "role: close\n", "", ["key 'role' is missing"]),
+        ("field/cam01.yaml", "tape: {position_m: [4, 0, 1.5]}", "", ["needs the key 'tape'"]),
+        ("field/cam01.yaml", "[4, 0, 1.5]", "[4, 0]", ["'tape.position_m' is [4, 0]", "a list of 3 numbers"]),
+        ("field/cam01.yaml", "[4, 0, 1.5]", "[4, 0, high]", ["'tape.position_m.2' is 'high' but should be a number"]),
+        ("field/cam01.yaml", "[4, 0, 1.5]", "[0, 0, 0]", ["looks nowhere"]),
+        ("field/cam01.yaml", "locate: tape", "locate: align", ["is for long_range cameras"]),
+        ("field/cam03.yaml", "locate: align", "locate: tape", ["use 'locate: align'"]),
+        ("field/cam01.yaml", "locate: tape", "locate: reference", ["needs the key 'reference'"]),
+        ("field/cam01.yaml", "locate: tape", "locate: marks", ["needs the file config/sessions/field/cam01.marks.csv"]),
+        ("field/cam01.yaml", "locate: tape", "locate: tpe", ["'locate' is 'tpe'", "did you mean 'tape'"]),
+        ("field/cam01.yaml", "locate: tape", "locate: tape\nnudge: {distance_m: 1}", ["'nudge' has no effect"]),
+        (
+            "field/cam01.yaml",
+            "locate",
+            "intrinsics: camerainfo\nlocate",
+            ["'intrinsics' is 'camerainfo'"],
+        ),
+        ("field/cam01.yaml", "locate", "intrinsics: {fil: a, name: b}\nlocate", ["unknown key 'intrinsics.fil'"]),
+        ("field/cam01.yaml", "locate", "intrinsics: {file: a}\nlocate", ["key 'intrinsics.name' is missing"]),
+        ("field/cam02.yaml", "[-4, 0, 1.5]", "[4, 0, 1.5]", ["'cam01' and 'cam02' are at the same place"]),
+        ("field/cam02.yaml", "/cam02/", "/cam01/", ["'cam01' and 'cam02' have the same topic"]),
+        (
+            "field/cam02.yaml",
+            "role: close",
+            "role: close\nrole: close",
+            ["key 'role' is given twice, on lines 1 and 2"],
+        ),
+        ("field/session.yaml", "cam02", "kam02", ["'kam02' has no file", "did you mean 'cam02'"]),
+        ("field/session.yaml", "cam02", "cam01", ["camera 'cam01' is listed twice"]),
+        ("field/session.yaml", "[cam01, cam02, cam03]", "[]", ["'cameras' is []", "a list of 1 or more words"]),
+        ("field/session.yaml", "[cam01, cam02, cam03]", "[cam01, a/b]", ["'cameras.1' is 'a/b'", "letters, digits"]),
+        ("field/session.yaml", "[cam01, cam02, cam03]", "[cam01, cam03]", ["at least 2 close cameras", "has 1"]),
+        ("field/session.yaml", "out_1", "out_4", ["'adjust.out_4' is no sequence of session 'field'", "'out_"]),
+        ("field/session.yaml", "out_1", "out_3", ["'adjust.out_3' is an excluded sequence"]),
+        ("field/session.yaml", "out_1", "out.1", ["'adjust.out.1' is not a name of letters"]),
+        ("field/session.yaml", "out_1", "1", ["key 'adjust.1' is read as a int, not as text; put it in quotes"]),
+        ("field/session.yaml", "out_1", "[a]", ["the key on line 2 is no plain word"]),
+        ("field/session.yaml", "count", "cout", ["unknown key 'adjust.out_1.cout' (did you mean 'count'?)"]),
+        ("lab/cam01.marks.csv", "in_1,9", "in_2,9", ["line 3", "'in_2' is no processed sequence", "'in_1'"]),
+        ("lab/cam01.marks.csv", "joint", "joints", ["unknown column 'joints' (did you mean 'joint'?)"]),
+        ("lab/cam01.marks.csv", ",v\n", "\n", ["column 'v' is missing"]),
+    ],
+)
+def test_session_errors(root, file, old, new, parts):
+    edit(root, f"sessions/{file}", old, new)
+    text = fails(root, *parts)
+    assert "config/se" in text
+
+
+@pytest.mark.parametrize(
+    ("align", "part"),
+    [
+        ("{from: boxes, sequences: [out_4]}", "'out_4' is no sequence of field (did you mean 'out_"),
+        ("{from: boxes, sequences: [in_1]}", "'in_1' is no sequence of field"),
+        ("{from: boxes, sequences: [out_3]}", "'out_3', which has an exclude_reason"),
+        ("{from: boxes, sequences: [out_1, out_2]}", "needs the file config/boxes/out_2.cam03.csv"),
+        ("{from: marks, sequences: [out_1]}", "needs the file config/sessions/field/cam03.marks.csv"),
+        ("{from: boxes, sequences: []}", "a list of 1 or more"),
+        ("{from: boxs, sequences: [out_1]}", "did you mean 'boxes'"),
+    ],
+)
+def test_what_a_camera_is_aligned_to_must_be_there(root, align, part):
+    edit(root, "subjects.tsv", "\tno", "\tyes")
+    edit(root, "sessions/field/cam03.yaml", "nudge: {azimuth_deg: 0.2}", f"align: {align}")
+    fails(root, "config/sessions/field/cam03.yaml", part)
+
+
+def test_a_camera_that_is_aligned_to_boxes(root):
+    edit(root, "sessions/field/cam03.yaml", "nudge: {azimuth_deg: 0.2}", "align: {from: boxes, sequences: [out_1]}")
+    found = project.load(root).cameras("field")["cam03"]["align"]
+    assert found == {"from": "boxes", "sequences": ["out_1"], "fit": "range", "occluder": "auto"}
+    edit(root, "sessions/field/cam01.yaml", "locate: tape", "locate: tape\nalign: {from: boxes, sequences: [out_1]}")
+    fails(root, "config/sessions/field/cam01.yaml", "'align' has no effect")
+
+
+def test_marks_without_3d_points_need_the_mocap(root):
+    all_marked(root, "sequence,frame,joint,u,v\nout_1,0,LASI,1,2\n")
+    fails(root, "config/sessions/field/cam01.marks.csv line 2", "'out_1' has no mocap")
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "parts"),
+    [
+        ("offsets/oat_1.yaml", "cam01: {offset_s: 0}\n", ["'oat_1' is not in config/sequences.tsv", "'out_1'"]),
+        (
+            "offsets/out_1.yaml",
+            "cam1: {offset_s: 0}\n",
+            ["'cam1' is no camera of this sequence", "'cam01'"],
+        ),
+        ("offsets/out_1.yaml", "cam01: {ofset_s: 0}\n", ["unknown key 'cam01.ofset_s' (did you mean 'offset_s'?)"]),
+        ("offsets/out_1.yaml", "cam01: {offset_s: 1e-3}\n", ["'cam01.offset_s' is '1e-3' but should be a number"]),
+        ("boxes/out_1.cam3.csv", "", ["'cam3' is no camera of session 'field' (did you mean 'cam03'?)"]),
+        ("boxes/oat_1.cam03.csv", "", ["'oat_1' is not in config/sequences.tsv (did you mean 'out_1'?)"]),
+        ("checks/out_1.csv", "", ["<sequence>.<camera>.csv"]),
+        ("sessions/field/cam01@oat_2.yaml", "", ["'oat_2' is no sequence of session 'field'", "'out_2'"]),
+        ("sessions/field/cam1@out_2.yaml", "", ["cam1.yaml is missing beside it (did you mean 'cam01'?)"]),
+        ("sessions/field/cam01@out_2.marks.csv", "", ["cam01@out_2.yaml is missing beside it"]),
+        ("sessions/field/cam01@out_2.yml", "", ["<camera>@<first sequence>.yaml"]),
+        ("sessions/field/cam01@out_1.yaml", "", ["out_1 is the first sequence of the session; edit cam01.yaml itself"]),
+    ],
+)
+def test_errors_of_files_beside(root, file, text, parts):
+    (root / "config" / file).write_text(text)
+    fails(root, f"config/{file}", *parts)
+
+
+@pytest.mark.parametrize("name", ["config.yaml", "sequences.tsv", "subjects.tsv"])
+def test_missing_files(root, name):
+    (root / "config" / name).unlink()
+    fails(root, f"config/{name}: there is no such file")
+
+
+def test_sheets_with_nothing_to_process(root):
+    path = root / "config/sequences.tsv"
+    header = path.read_text().splitlines()[0]
+    path.write_text(header + "\n")
+    fails(root, "config/sequences.tsv has no rows yet")
+    path.write_text("")
+    fails(root, "config/sequences.tsv: the file is empty")
+    path.write_text(header.replace("\t", ",") + "\n")
+    fails(root, "must be separated by tabs")
+    path.write_text(
+        header
+        + "\n"
+        + row(
+            sequence="a",
+            session_order="1",
+            subject="b",
+            session="c",
+            environment="indoor",
+            bags="d",
+            exclude_reason="lost",
+        )
+        + "\n"
+    )
+    fails(root, "every row has an exclude_reason")
+
+
+def test_a_sheet_from_a_spreadsheet_program_is_read(root):
+    """A byte order mark, Windows line ends, blanks around cells and dropped empty cells at the end do no harm."""
+    path = root / "config/sequences.tsv"
+    expected = project.load(root).rows
+    lines = [line.rstrip("\t").replace("\t", "\t ") for line in path.read_text().splitlines()]
+    path.write_bytes("\ufeff".encode() + "\r\n".join([*lines, "", "\t\t"]).encode())
+    assert project.load(root).rows == expected
+
+
+def test_references_must_differ(root):
+    text = "role: close\ntopic: /{}\nlocate: reference\nreference: {{file: a.toml, name: cam_01}}\n"
+    for name in ("cam01", "cam02"):
+        (root / f"config/sessions/field/{name}.yaml").write_text(text.format(name))
+    fails(root, "'cam01' and 'cam02' take the same pose 'cam_01'")
+
+
+BOARD = "{path: board, rows: 7, columns: 4, square_m: 0.06}"
+
+
+FACT = "distances: [{between: [cam01, cam02], length_m: 8.0, sigma_m: 0.02}]\n"
+THIGH = "keypoint_distance: [{subject: S01, joints: [left_hip, left_knee], length_m: 0.42, sigma_m: 0.01}]\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "old", "new", "parts"),
+    [
+        (FACT, "8.0", "-8.0", ["'distances.0.length_m'", "-8.0"]),
+        (FACT, "length_m", "lenght_m", ["key 'distances.0.length_m' is missing"]),
+        (FACT, "[cam01", "[cam1", ["'distances.0.between' begins with 'cam1', which is no close camera", "'cam01'"]),
+        (FACT, "cam02", "cam01", ["'distances.0.between' names 'cam01' twice"]),
+        (THIGH, "S01", "S10", ["'keypoint_distance.0.subject' is 'S10', who walks in no sequence of session", "'S01'"]),
+        (THIGH, "0.42", "0", ["'keypoint_distance.0.length_m'"]),
+    ],
+)
+def test_metric_facts_that_are_wrong_name_file_and_key(root, text, old, new, parts):
+    path = root / "config/sessions/field/session.yaml"
+    right = path.read_text()
+    path.write_text(right + text)
+    project.load(root)
+    path.write_text(right + text.replace(old, new, 1))
+    fails(root, "config/sessions/field/session.yaml", *parts)
+
+
+def test_stature_without_a_height_that_is_known_is_refused(root):
+    path = root / "config/sessions/field/session.yaml"
+    path.write_text(path.read_text() + "stature: true\n")
+    edit(root, "subjects.tsv", "1.72\t0.01", "1.72\t")
+    fails(root, "field/session.yaml: 'stature' needs height_m and height_sigma_m in config/subjects.tsv", "S01")
+
+
+def test_metric_facts_have_sequences_for_subjects_and_the_heights_of_all(root):
+    path = root / "config/sessions/field/session.yaml"
+    path.write_text(path.read_text() + FACT + THIGH + "stature: true\n")
+    known = project.load(root).metric_facts("field")
+    assert known["keypoint_distance"][0]["sequences"] == ["out_1"] and "subject" not in known["keypoint_distance"][0]
+    assert known["stature"] == [{"height_m": 1.72, "sigma_m": 0.01, "sequences": ["out_1"]}]
+    edit(root, "sessions/field/session.yaml", "stature: true\n", "")
+    edit(root, "subjects.tsv", "1.72\t0.01", "1.72\t")
+    known = project.load(root).metric_facts("field")
+    assert known["stature"] == []
+    assert known["heights"] == [{"subject": "S01", "height_m": 1.72, "sigma_m": 0.0, "sequences": ["out_1"]}]
+    edit(root, "subjects.tsv", "1.72\t", "\t")
+    assert project.load(root).metric_facts("field")["heights"] == []
+
+
+def test_intrinsics_from_a_board_and_placement_by_a_tag(root):
+    path = root / "config/sessions/field/cam01.yaml"
+    text = path.read_text().replace("locate: tape", f"intrinsics: {{chessboard: {BOARD}}}\nlocate: apriltag")
+    path.write_text(text)
+    edit(root, "sessions/field/session.yaml", "adjust:", "tag: {id: 3, size_m: 0.4}\nadjust:")
+    loaded = project.load(root)
+    camera = loaded.cameras("field")["cam01"]
+    assert camera["intrinsics"]["chessboard"]["rows"] == 7 and camera["locate"] == "apriltag"
+    tag = loaded.session_files["field"]["tag"]
+    assert tag["family"] == "36h11" and tag["normal"] == [0, 0, 1] and tag["up"] == [0, 1, 0]
+    edit(root, "sessions/field/session.yaml", "id: 3,", "id: 3, sequence: in_1,")
+    fails(root, "field/session.yaml", "'tag.sequence' is 'in_1', no processed sequence of session 'field'")
+    edit(root, "sessions/field/session.yaml", "tag: {id: 3, sequence: in_1, size_m: 0.4}\n", "")
+    fails(root, "field/session.yaml", "camera 'cam01' has 'locate: apriltag', which needs the key 'tag'")
+
+
+@pytest.mark.parametrize(
+    ("given", "parts"),
+    [
+        (f"{{chessboard: {BOARD}, file: a, name: b}}", ["names file and chessboard; give one of"]),
+        ("{}", ["'intrinsics' names nothing"]),
+        ("{chessboard: {path: board, rows: 7, columns: 4}}", ["key 'intrinsics.chessboard.square_m' is missing"]),
+        (f"{{chesboard: {BOARD}}}", ["unknown key 'intrinsics.chesboard' (did you mean 'chessboard'?)"]),
+        (f"{{charuco: {BOARD}}}", ["key 'intrinsics.charuco.marker_m' is missing"]),
+        (f"{{chessboard: {BOARD}}}\ndistortion_model: inverse_brown_conrady", ["a chessboard gives a plumb_bob lens"]),
+    ],
+)
+def test_intrinsics_that_contradict_themselves(root, given, parts):
+    path = root / "config/sessions/field/cam01.yaml"
+    lines = [line for line in path.read_text().splitlines() if not line.startswith("distortion_model")]
+    path.write_text("\n".join([*lines, f"intrinsics: {given}"]) + "\n")
+    fails(root, "field/cam01.yaml", *parts)
+
+
+def test_the_network_must_be_there_where_a_sequence_asks_for_it(root):
+    edit(root, "sequences.tsv", "out_2/mlkit/{camera}.jsonl", "detect")
+    fails(root, "line 2: sequence 'out_2' has 'detections: detect', which needs the pose network `detector.model`")
+    edit(root, "config.yaml", "triangulate:", "detector: {model: nets/pose.task}\ntriangulate:")
+    fails(root, "`detector.model` in config/config.yaml is 'nets/pose.task', where there is no file; it is relative to")
+    (root / "nets").mkdir()
+    (root / "nets/pose.task").touch()
+    assert project.load(root).detected_here("out_2")
+
+
+def test_the_gallery_may_be_there(root):
+    assert project.load(root).gallery == {}
+    header = "subject\toutfit\tangle\tpath\tbag\ttopic\n"
+    sheet = root / "config/gallery.tsv"
+    sheet.write_text(f"{header}S01\tcoat\tfrontal\tgallery/a/\t\t\nS01\tcoat\tdown45\t\tg.bag\t/cam/image\n")
+    loaded = project.load(root)
+    assert list(loaded.gallery) == [("S01", "coat", "frontal"), ("S01", "coat", "down45")]
+    assert loaded.gallery_files() == [loaded.in_data("gallery/a"), loaded.in_data("g.bag")]
+    for line, text in (
+        ("S09\tcoat\tfrontal\ta\t\t", "subject 'S09' is not in config/subjects.tsv"),
+        ("S01\tcoat\tfrontal\t\t\t", "give either path .* or bag"),
+        ("S01\tcoat\tfrontal\ta\tb.bag\t/c", "give either path .* or bag"),
+        ("S01\tcoat\tfrontal\t\tb.bag\t", "bag needs its topic"),
+        ("S01\tcoat\tfrontal\t/a\t\t", "must be relative to data_root"),
+        ("S01\tcoat of s01\tfrontal\ta\t\t", "must not hold the name of subject 'S01'"),
+        ("S01\tcoat\tfrom above\ta\t\t", "'angle' is 'from above'"),
+    ):
+        sheet.write_text(f"{header}{line}\n")
+        with pytest.raises(DiorError, match=f"config/gallery.tsv line 2.*{text}"):
+            project.load(root)
+    sheet.write_text(header + "S01\tcoat\tfrontal\ta\t\t\n" * 2)
+    fails(root, "subject, outfit, angle 'S01, coat, frontal' is there twice, on lines 2 and 3")
+
+
+def test_a_row_added_above_changes_no_other_row(root):
+    before = project.load(root).sequence("in_1")
+    edit(
+        root,
+        "sequences.tsv",
+        "out_2\t10",
+        row(
+            sequence="new",
+            session_order="12",
+            subject="S01",
+            session="field",
+            environment="outdoor",
+            bags="x",
+            detections="{camera}",
+        )
+        + "\nout_2\t10",
+    )
+    assert project.load(root).sequence("in_1") == before
+
+
+DETECTORS = "sequence\tcamera\ttool\tzoom\tpath\n"
+
+
+def test_outputs_of_other_detectors_may_be_there(root):
+    assert project.load(root).detectors_of("out_1") == []
+    sheet = root / "config/detectors.tsv"
+    sheet.write_text(DETECTORS + "out_1\tcam03\tmlkit\t4\tz/a.jsonl\nout_1\tcam03\tmlkit\t1\tr/\n")
+    loaded = project.load(root)
+    assert loaded.detectors_of("out_1") == [
+        {"camera": "cam03", "tool": "mlkit", "zoom": "1", "path": loaded.in_data("r")},
+        {"camera": "cam03", "tool": "mlkit", "zoom": "4", "path": loaded.in_data("z/a.jsonl")},
+    ]
+    assert loaded.detectors_of("out_2") == []
+
+
+@pytest.mark.parametrize(
+    "line, text",
+    [
+        ("out_9\tcam03\tmlkit\t1\ta", "line 2: 'out_9' is not in config/sequences.tsv"),
+        ("out_1\tcam3\tmlkit\t1\ta", "'cam3' is no camera of session 'field'"),
+        ("out_1\tcam03\tmlkit 4x\t4\ta", "'tool'"),
+        ("out_1\tcam03\tmlkit\t0\ta", "'zoom' is '0' but should be 1 or the zoom"),
+        ("out_1\tcam03\tmlkit\t4x\ta", "'zoom'"),
+        ("out_1\tcam03\tmlkit\t1\t/a", "relative to data_root"),
+        ("out_1\tcam03\tmlkit\t1\t", "'path' is nothing"),
+        ("out_1\tcam03\tm\t1\ta\nout_1\tcam03\tm\t1\tb", "there twice, on lines 2 and 3"),
+    ],
+)
+def test_wrong_outputs_of_other_detectors_are_refused(root, line, text):
+    (root / "config/detectors.tsv").write_text(DETECTORS + line + "\n")
+    with pytest.raises(DiorError, match=f"config/detectors.tsv.*{text}"):
+        project.load(root)
+
+
+def test_the_schemas_themselves_are_documented_and_strict():
+    from jsonschema import Draft202012Validator
+
+    folder = Path(project.__file__).parents[2] / "dior/project/schemas"
+    paths = sorted(folder.glob("*.schema.yaml"))
+    kinds = ["camera", "config", "detectors", "effort", "gallery", "offsets", "sequences", "session", "subjects"]
+    assert [p.name.split(".")[0] for p in paths] == kinds
+
+    def walk(schema, where):
+        keys = {**schema.get("properties", {}), **schema.get("patternProperties", {})}
+        if keys:
+            assert schema["additionalProperties"] is False, where
+        for key, value in keys.items():
+            assert value.get("description"), f"{where}.{key} has no description"
+            walk(value, f"{where}.{key}")
+
+    for path in paths:
+        schema = yaml.safe_load(path.read_text())
+        Draft202012Validator.check_schema(schema)
+        walk(schema, path.name)
+
+
+def test_the_template_names_every_key_with_its_default():
+    folder = Path(project.__file__).parents[2]
+    schema = yaml.safe_load((folder / "dior/project/schemas/config.schema.yaml").read_text())["properties"]
+    text = (folder / "dior/project/templates/config.yaml").read_text()
+    template = yaml.safe_load(text)
+    assert set(template) == set(schema) - {"simulate"} and template["data_root"] == "data"
+    for section in set(template) - {"data_root"}:
+        assert set(template[section]) == set(schema[section]["properties"])
+        for key, value in template[section].items():
+            assert schema[section]["properties"][key].get("default", value) == value
+            at = text.splitlines().index(next(n for n in text.splitlines() if n.startswith(f"  {key}:")))
+            assert text.splitlines()[at - 1].startswith("  #"), f"{section}.{key} has no comment"
+
+
+def test_the_simulated_captures_schema_is_its_dataclass():
+    """A key that a preset sets has no default in the schema: the default would hide the preset."""
+    from dior.simulate.settings import PRESETS, SECTIONS, Settings
+
+    folder = Path(project.__file__).parents[2]
+    config = yaml.safe_load((folder / "dior/project/schemas/config.schema.yaml").read_text())
+    schema, real = config["properties"]["simulate"]["properties"], PRESETS["real"]
+    parts = [(schema, Settings(), real)]
+    parts += [(schema[name]["properties"], cls(), real.get(name, {})) for name, cls in SECTIONS.items()]
+    for keys, settings, preset in parts:
+        assert set(keys) == {field.name for field in dataclasses.fields(settings)}
+        for key, description in keys.items():
+            value = getattr(settings, key)
+            if dataclasses.is_dataclass(value):
+                continue
+            assert ("default" in description) == (key not in preset), key
+            if key not in preset:
+                assert description["default"] == (list(value) if isinstance(value, tuple) else value), key
+
+
+def test_a_preset_reaches_the_simulated_capture(root):
+    from dior.simulate.settings import from_dict
+
+    given = "simulate: {preset: real, clocks: {dropped: 0.2}}\ntriangulate:"
+    edit(root, "config.yaml", "triangulate:", given)
+    used = from_dict(project.load(root).config["simulate"])
+    assert used.detector.level == "real" and used.mocap_hz == 120.0
+    assert used.clocks.dropped == 0.2 and used.clocks.jitter_ms == 0.5
+    edit(root, "config.yaml", "dropped: 0.2", "dropped: 2")
+    fails(root, "config/config.yaml", "'simulate.clocks.dropped' is 2 but should be a number", "below 1")
+
+
+def test_importing_the_module_is_light():
+    heavy = "('numpy', 'yaml', 'pandas', 'jsonschema')"
+    code = f"import sys, dior.project.project; print([m for m in {heavy} if m in sys.modules])"
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert found.strip() == "[]"
+
+
+def test_a_slip_in_the_noted_minutes_shows_at_the_start(root):
+    sheet = root / "config/effort.tsv"
+    sheet.write_text("what\tminutes\nmarks\t30\n")
+    project.load(root)
+    sheet.write_text("what\tminute\nmarks\t30\n")
+    with pytest.raises(DiorError, match="config/effort.tsv.*minute"):
+        project.load(root)

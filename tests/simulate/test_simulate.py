@@ -1,0 +1,155 @@
+import hashlib
+import json
+
+import numpy as np
+import pytest
+
+from dior.body.names import MLKIT_33, PLUG_IN_GAIT_39
+from dior.errors import DiorError
+from dior.geometry import camera as cam
+from dior.ingest import bags, mocap
+from dior.simulate import backdrop, bystander, config, scene, settings, simulate, simulate_mocap, truth
+from dior.simulate.motion import motion_of
+from dior.tables import tables
+from tests.simulate.conftest import TINY
+
+
+@pytest.mark.parametrize("session", ["lab", "field"])
+def test_the_simulators_projection_is_the_projects(session):
+    points = np.random.default_rng(0).uniform([-2, -2, 0], [2, 2, 2], (500, 3))
+    for placed in scene.cameras_of(settings.Settings(), session).values():
+        ours, depth = cam.project(placed.camera, points)
+        theirs, their_depth = scene.project(placed.camera, points)
+        inside = cam.in_frame(placed.camera.intrinsics, theirs)
+        assert inside.mean() > 0.3
+        assert np.abs(ours - theirs)[inside].max() < 1e-6
+        assert np.abs(depth - their_depth).max() < 1e-9
+
+
+def test_the_same_seed_gives_the_same_bytes_and_another_seed_others(tiny, tmp_path):
+    _, folder = tiny
+    simulate.run(settings=TINY, sequence="outdoor_01", out=tmp_path / "same")
+    simulate.run(settings=TINY | {"seed": 2}, sequence="outdoor_01", out=tmp_path / "other")
+
+    def hashes(root):
+        files = sorted(p for p in root.rglob("*") if p.is_file() and "outdoor_01" in p.parts)
+        return {p.relative_to(root).as_posix(): hashlib.sha256(p.read_bytes()).hexdigest() for p in files}
+
+    same, other, first = (hashes(root) for root in (tmp_path / "same", tmp_path / "other", folder))
+    assert same == first and len(first) == 10
+    # the long-range camera sees nobody, whatever the seed; its stamps differ
+    assert all(first[name] != other[name] for name in first)
+
+
+def test_mocap_has_the_same_bytes_and_is_the_truth(tiny, tmp_path):
+    used, folder = tiny
+    simulate_mocap.run(settings=TINY, sequence="indoor_01", out=tmp_path)
+    path = folder / "indoor_01/mocap.c3d"
+    assert path.read_bytes() == (tmp_path / "indoor_01/mocap.c3d").read_bytes()
+    found = mocap.read(path)
+    assert found.rate == 100.0 and set(found.markers) == set(PLUG_IN_GAIT_39)
+    true = tables.read(folder / "truth/indoor_01/skeletons_3d.parquet", "skeletons_3d")
+    points, joints = tables.grid(true, "x", "y", "z")
+    error = found.points - points[:, [joints.index(name) for name in found.markers]]
+    assert error.std() == pytest.approx(used.mocap_noise_mm / 1000, rel=0.05)
+
+
+def test_detections_are_the_truth_plus_the_noise_they_say(tiny):
+    used, folder = tiny
+    true = tables.read(folder / "truth/outdoor_01/labels_2d.parquet", "labels_2d")
+    done = tables.read(folder / "truth/outdoor_01/detections.parquet", "simulated_detections")
+    for camera in ("cam01", "cam02", "cam03"):
+        uv, joints = tables.grid(tables.of_camera(true, camera), "u", "v")
+        noise, _ = tables.grid(tables.of_camera(done, camera), "noise_u", "noise_v")
+        assert tuple(joints) == MLKIT_33
+        lines = (folder / f"outdoor_01/mlkit/{camera}.jsonl").read_text().splitlines()
+        assert len(lines) == 60
+        written = np.array([[[p["x"], p["y"]] for p in json.loads(line)["landmarks"]] for line in lines])
+        assert np.abs(written - uv - noise).max() < 0.006
+        assert noise.std() == pytest.approx(used.detector.noise_px, rel=0.05)
+        assert abs(noise.mean()) < 0.1
+    far = (folder / "outdoor_01/mlkit/cam04.jsonl").read_text().splitlines()
+    assert len(far) == 60 and all(json.loads(line)["landmarks"] == [] for line in far)
+
+
+def test_the_bags_hold_what_a_lab_records(tiny):
+    used, folder = tiny
+    topics = bags.topics_of(folder / "outdoor_01/pc2.bag")
+    assert {topic: count for topic, (_, count) in topics.items()} == {
+        f"/{camera}/color/{what}": 60
+        for camera in ("cam03", "cam04")
+        for what in ("image_raw/compressed", "camera_info")
+    }
+    info = bags.read_camera_info([folder / "outdoor_01/pc2.bag"], "/cam03/color/image_raw/compressed")
+    lens = scene.cameras_of(used, "field")["cam03"].camera.intrinsics
+    assert (info.width, info.height) == (640, 360)
+    assert np.ravel(info.K)[[0, 4, 2, 5]] == pytest.approx([lens.fx, lens.fy, lens.cx, lens.cy])
+    assert np.ravel(info.D) == pytest.approx(lens.distortion[:5])
+
+
+def test_the_person_60_m_away_is_20_to_25_px_tall():
+    used = settings.from_dict({"duration_s": 2.0})
+    for name in ("outdoor_01", "outdoor_03"):
+        walk = settings.sequence_named(used, name)
+        seen = truth.view(used, walk, motion_of(used, walk), "cam04")
+        tall = seen.uv[..., 1].max(axis=1) - seen.uv[..., 1].min(axis=1)
+        assert 18.5 < np.median(tall) and tall.max() < 26
+
+
+@pytest.mark.parametrize("name, camera", [("indoor_01", "cam02"), ("outdoor_01", "cam03"), ("outdoor_01", "cam04")])
+def test_the_drawn_body_covers_the_labels(name, camera):
+    import cv2
+
+    used = settings.from_dict({"duration_s": 3.0, "jpeg_quality": 95})
+    walk = settings.sequence_named(used, name)
+    motion = motion_of(used, walk)
+    seen = truth.view(used, walk, motion, camera)
+    empty = backdrop.background(used, seen.camera, walk.environment).astype(int)
+    other = bystander.seen(used, walk, seen.camera, seen.clock.seconds)
+    painter = simulate.painter(used, walk, motion.height, seen, other)
+    covered = []
+    for frame in range(0, 90, 15):
+        picture = cv2.imdecode(painter(frame), cv2.IMREAD_COLOR).astype(int)
+        body = (np.abs(picture - empty).max(axis=-1) > 12).astype(np.uint8)
+        # a label on the outline of an antialiased body 20 px tall may round to the pixel beside it
+        body = cv2.dilate(body, np.ones((3, 3), np.uint8))
+        own = [i for i, joint in enumerate(seen.joints) if joint in MLKIT_33]
+        at = np.round(seen.uv[frame, own][seen.status[frame, own] == "ok"]).astype(int)
+        covered += body[at[:, 1], at[:, 0]].tolist()
+    assert len(covered) > 60
+    assert np.mean(covered) >= 0.95
+
+
+def test_some_joints_are_hidden_behind_the_body_and_not_all(tiny):
+    _, folder = tiny
+    true = tables.read(folder / "truth/outdoor_01/labels_2d.parquet", "labels_2d")
+    close = tables.rows(true, true["camera"] != "cam04")
+    share = np.mean(close["status"] == "occluded")
+    assert 0.05 < share < 0.6
+
+
+def test_boxes_are_as_large_and_as_rough_as_they_say(tmp_path):
+    used = settings.from_dict({"duration_s": 40.0, "environments": ["outdoor"], "sequences": 1, "subjects": 1})
+    walk = settings.sequence_named(used, "outdoor_01")
+    rows = np.array([line.split(",") for line in config._boxes(used, walk).splitlines()[1:]], float)
+    seen = truth.view(used, walk, motion_of(used, walk), "cam04")
+    uv = seen.uv[rows[:, 0].astype(int)]
+    grown = np.concatenate([uv.min(axis=1) - rows[:, 1:3], rows[:, 3:] - uv.max(axis=1)], axis=1)
+    assert grown.mean() == pytest.approx(used.box_margin_px, abs=0.15)
+    assert grown.std() == pytest.approx(used.box_sd_px, rel=0.12)
+
+
+def test_a_wrong_key_is_refused_with_the_nearest():
+    for section, words in (({"duraton_s": 3}, "duration_s"), ({"detector": {"nois_px": 1}}, "noise_px")):
+        with pytest.raises(DiorError, match=f"did you mean '{words}'"):
+            settings.from_dict(section)
+    with pytest.raises(DiorError, match="no sequence 'outdoor_9'"):
+        settings.sequence_named(settings.Settings(), "outdoor_9")
+    with pytest.raises(DiorError, match="duration_s"):
+        settings.from_dict({"duration_s": -1})
+
+
+def test_a_short_c3d_is_refused(shared):
+    used = settings.from_dict({"motion": str(shared / "mocap/walk_100hz.c3d"), "duration_s": 10.0})
+    with pytest.raises(DiorError, match="lasts 3.14 s"):
+        motion_of(used, settings.sequence_named(used, "indoor_01"))
