@@ -14,6 +14,7 @@ from dior.project.bumps import session_folder
 from dior.project.contents import Project
 from dior.project.read import Row, Rows, check, read_yaml
 
+# chosen: what a tape measure resolves; two cameras are farther apart
 SAME_PLACE_M = 0.01
 
 

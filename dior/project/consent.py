@@ -33,7 +33,7 @@ def processed(rows: dict[Name, Row], people: Rows, whose: str = "subject") -> tu
     """The rows of a sheet, by name, of those who may be processed, and the others.
 
     `people`: rows of subjects.tsv by name; `whose`: the column that names one of them. A row of somebody who is not
-    among them stays, to be complained about.
+    among them is kept, so that the check complains about it.
     """
     withheld = {
         name: row

@@ -198,8 +198,8 @@ class Project:
             for subject in sorted({self.subject_of(name) for name in window})
             if self.subjects[subject]["height_m"]
         ]
-        told = [fact for fact in known["heights"] if settings.get("stature") and fact["sigma_m"]]
-        known["stature"] = [{key: value for key, value in fact.items() if key != "subject"} for fact in told]
+        with_sigma = [fact for fact in known["heights"] if settings.get("stature") and fact["sigma_m"]]
+        known["stature"] = [{key: value for key, value in fact.items() if key != "subject"} for fact in with_sigma]
         return known
 
     def marks_sequences(self, session: str, camera: str) -> list[str]:

@@ -3,7 +3,7 @@
 INPUTS   a project's sheets, results/, logs/ and .snakemake/
 OUTPUTS  lines on standard output; with `yes` the files are gone
 A run of the workflow makes nothing of them any more and leaves them out of the report and of the release, but what was
-made of each sequence stays where it is until then, and so do releases of other versions and their tarballs.
+made of each sequence is kept where it is until then, and so are releases of other versions and their tarballs.
 What people wrote (config/) and the recordings are only named: they are nobody's output.
 """
 

@@ -15,9 +15,9 @@ from dior.simulate.settings import Settings, generator
 
 # half as much memory as float64, and a backdrop is no measurement
 Rays: TypeAlias = NDArray[np.float32]
-# azimuth and elevation; from the long-range camera a little above the walkway and beside it
+# chosen: azimuth and elevation; from the long-range camera a little above the walkway and beside it
 SUN_DEG = (-78.0, 8.0)
-# a disc as large as an overexposed sun is in a picture
+# chosen: a disc as large as an overexposed sun is in a picture
 SUN_RADIUS_DEG, SUN_GLARE_DEG = 1.6, 2.5
 WALL_BGR = (105.0, 120.0, 150.0)
 

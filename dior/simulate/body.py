@@ -18,10 +18,11 @@ from dior.simulate.settings import Settings, generator, person
 # origin (T, 3) and axes (T, 3, 3) of a segment, columns forward, left, up; segments by name
 Segment: TypeAlias = tuple[Floats, Floats]
 Segments: TypeAlias = dict[str, Segment]
+# markers of 14 mm, the size usual for whole bodies
 MARKER_RADIUS_M = 0.007
 
-
-# body heights; of the other parts of a body only the height is known
+# Body heights; of the other parts of a body only the height is known. Not those of `dior.body`, on purpose: the steps
+# judge bodies by their own table, and a slip in one of the two shows against the other.
 THIGH, SHANK, HALF_HIPS, HALF_SHOULDERS, UPPER_ARM, FOREARM, TRUNK = 0.245, 0.246, 0.052, 0.112, 0.186, 0.146, 0.288
 # How people of one height differ: standard deviations of the legs as a share of their length, with the trunk making up
 # for it, and of the other lengths. Trotter and Gleser, Am. J. Phys. Anthropol. 10 (1952) 463-514, white men: stature
@@ -116,8 +117,9 @@ def body_of(settings: Settings, subject: str) -> Body:
     )
 
 
-# Landmarks: segment and position in the segment's axes as fractions of the body height; `L` rows are mirrored for the
-# right side. Head: origin at the middle of the ears (0.936 H up, Drillis and Contini's eye height).
+# Landmarks: position in the segment's axes as fractions of the body height; those of the left are mirrored for the
+# right side. Chosen by eye: a face and a hand of usual shape. Head: origin at the middle of the ears (0.936 H up,
+# Drillis and Contini's eye height).
 _HEAD = {
     "nose": (0.063, 0.0, -0.012),
     "left_eye_inner": (0.054, 0.010, 0.010),
@@ -128,7 +130,8 @@ _HEAD = {
 }
 _HAND = {"left_pinky": (0.0, -0.016, -0.050), "left_index": (0.0, 0.016, -0.052), "left_thumb": (0.008, 0.024, -0.028)}
 
-# Markers on the skin, fractions of the body height in the axes of their segment (the surface of an average build).
+# Markers on the skin, fractions of the body height in the axes of their segment (the surface of
+# an average build, chosen by eye).
 _MARKERS = {
     "head": {"LFHD": (0.042, 0.034, 0.030), "LBHD": (-0.040, 0.032, 0.028)},
     "chest": {"LSHO": (0.0, 0.100, 0.036)},

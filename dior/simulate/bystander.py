@@ -16,8 +16,10 @@ from dior.simulate.body import Body
 from dior.simulate.gait import Walker
 from dior.simulate.settings import Sequence, Settings, generator
 
-# azimuth (degrees) and distance (m) from the middle of the walkway: in view of several cameras, in the way of none
+# chosen, in view of several cameras and in the way of none: azimuth (degrees) and distance (m) from the middle of the
+# walkway
 PLACES = {"indoor": (90.0, 3.3), "outdoor": (-30.0, 3.3)}
+# chosen: amplitude at the top of the head and period of the sway of somebody who stands
 SWAY_M, SWAY_S = 0.015, 3.7
 SUBJECT = "S00"
 _LEFT = [i for i, name in enumerate(MLKIT_33) if name.startswith("left_")]

@@ -12,9 +12,10 @@ import numpy as np
 from dior.arrays import Bools, Floats, Ints
 from dior.simulate.settings import CAMERAS, Sequence, Settings, generator, pictures_per_camera
 
+# November 2023, and the field a day after the lab: any date would do
 START_NS = 1_700_000_000_000_000_000
 DAY_NS = 86_400_000_000_000
-# stamps keep their order: jitter and lateness together stay below a picture period
+# chosen, picture periods: stamps keep their order, as jitter and lateness together are less than one
 MOST_JITTER, MOST_LATE = 0.08, 0.8
 
 
@@ -50,17 +51,17 @@ def clocks_of(settings: Settings, sequence: Sequence) -> tuple[dict[str, Clock],
     day = 0 if sequence.environment == "indoor" else 1
     start = START_NS + day * DAY_NS + index * 300_000_000_000 + int(draw.integers(0, 1_000_000_000))
     delay = draw.uniform(*settings.clocks.start_delay_s)
-    taken = {}
+    recorded = {}
     for i, name in enumerate(CAMERAS):
         exposed, receive, own, drift = _free_running(settings, sequence, name, start)
         offset = delay + own if sequence.environment == "indoor" else own if i else 0.0
         # outdoors the first close camera is the clock of the sequence
         drift = drift if sequence.environment == "indoor" or i else 0.0
-        taken[name] = (*_recorded(settings, sequence, name, exposed, receive), round(float(offset), 4), drift)
-    t0 = int(min(stamps[0] for _, stamps, *_ in taken.values()))
+        recorded[name] = (*_recorded(settings, sequence, name, exposed, receive), round(float(offset), 4), drift)
+    t0 = int(min(stamps[0] for _, stamps, *_ in recorded.values()))
     return {
         name: Clock(stamps, receive, seconds(exposed, t0, offset, drift), twice, offset, drift)
-        for name, (exposed, stamps, receive, twice, offset, drift) in taken.items()
+        for name, (exposed, stamps, receive, twice, offset, drift) in recorded.items()
     }, t0
 
 
@@ -91,9 +92,9 @@ def _recorded(
     jitter = np.clip(draw.standard_normal(count) * errors.jitter_ms * 1e6, -most, most)
     late = np.minimum(draw.exponential(errors.late_stamp_ms * 1e6, count), MOST_LATE * period)
     late *= draw.random(count) < errors.late_stamps
-    held = draw.exponential(errors.late_arrival_ms * 1e6, count) * (draw.random(count) < errors.late_arrivals)
+    queued = draw.exponential(errors.late_arrival_ms * 1e6, count) * (draw.random(count) < errors.late_arrivals)
     kept, twice = draw.random(count) >= errors.dropped, draw.random(count) < errors.duplicated
     stamps = exposed + np.round(jitter + late).astype(np.int64)
     # one message waits behind the other
-    arrivals = np.maximum.accumulate(receive + np.round(late + held).astype(np.int64))
+    arrivals = np.maximum.accumulate(receive + np.round(late + queued).astype(np.int64))
     return exposed[kept], stamps[kept], arrivals[kept], twice[kept]

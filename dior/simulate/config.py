@@ -32,6 +32,8 @@ from dior.simulate.settings import (
 )
 from dior.tables.files import write_text
 
+# chosen, as somebody would who does not want to click for long: marked pictures of a camera, walks that the long-range
+# camera is aligned to, marks in a picture, every how many pictures a box is drawn, instants of the adjustment
 MARKED_FRAMES = 3
 ALIGNED = 2
 MOST_MARKS = 16
@@ -39,6 +41,7 @@ BOX_EVERY = 10
 ADJUST_INSTANTS = 400
 ALWAYS_SHOWN = ("seed", "subjects", "sequences", "duration_s", "long_range_m", "detector")
 DETECTOR_SHOWN = {"ideal": ("level", "noise_px"), "real": ("level",)}
+# chosen: how well a height is measured against a wall
 HEIGHT_SIGMA_M = 0.01
 
 

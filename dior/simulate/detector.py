@@ -14,6 +14,7 @@ from dior.simulate.clocks import Clock
 from dior.simulate.truth import Detected, View
 from dior.tables.files import write_text
 
+# chosen: of a person who is mostly outside, detectors find nobody
 LEAST_IN_PICTURE = 0.5
 SCORE_IN, SCORE_OUT = 0.99, 0.05
 # ML Kit finds nobody in people smaller than this; the paper's long-range views are 20-25 px

@@ -24,7 +24,7 @@ from dior.simulate.settings import Sequence, Settings, generator, pictures_per_c
 from dior.simulate.truth import Detected, View
 
 SIDES = ("front", "left", "back", "right")
-# how slowly a guess wanders
+# chosen: time after which the autocorrelation of a guess is 1/e; slower than the noise of what is seen
 GUESS_TIME_S = 0.5
 _MIRROR = swap_index(MLKIT_33)
 _ARM, _LEG = ("elbow", "wrist", "pinky", "index", "thumb"), ("knee", "ankle", "heel", "foot_index")

@@ -15,9 +15,11 @@ from dior.geometry.camera import Camera
 from dior.simulate.scene import project
 
 _AT = {name: i for i, name in enumerate(MLKIT_33)}
+# fractional bits of the coordinates that OpenCV is given
 SHIFT = 4
-# outline of a limb: half circles of ARC points at both ends
+# chosen: outline of a limb: half circles of ARC points at both ends
 ARC = 7
+# chosen: a body lower than SMALL_PX is drawn so many times larger, then averaged: edges of a pixel have the right share
 SUPERSAMPLE = 8
 SMALL_PX = 120
 
@@ -28,7 +30,8 @@ CLOTHES = {
     ("jacket", 0): {"top": (50, 60, 185), "legs": (95, 80, 70)},
     ("jacket", 1): {"top": (60, 165, 215), "legs": (110, 65, 60)},
 }
-# limb: ends, radii as fractions of the body height, colour (`sleeve` is skin in a shirt, cloth in a jacket)
+# chosen by eye; a limb: ends, radii as fractions of the body height, colour (`sleeve`: skin of a shirt, cloth of a
+# jacket)
 _LIMBS = [
     ("neck", "throat", 0.042, 0.034, "skin"),
     ("skull", "skull", 0.061, 0.061, "hair"),

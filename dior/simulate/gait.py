@@ -23,9 +23,11 @@ from dior.simulate.patterns import WALK, Pattern
 
 # a function of the phase, of the time or of the way along the loop, as arrays: a spline
 Curve: TypeAlias = Callable[[Any], Floats]
-# a leg is at most this share of its length: a knee is never quite straight
+# chosen: a leg is at most this share of its length, since a knee is never quite straight
 STRETCH = 0.996
+# chosen, samples of 0.005 cycles: over how much of the gait the pelvis' height is smoothed
 SMOOTH = 15
+# chosen: a sole this near to flat is flat
 LIFT = np.deg2rad(1.2)
 
 

@@ -20,11 +20,11 @@ from dior.simulate.patterns import RUN, WALK, of_person
 from dior.simulate.settings import Sequence, Settings, generator, motion_path, person
 from dior.simulate.soft_tissue import movement
 
-# the cameras run on for a while after the trigger's delay, and their clocks differ
+# chosen: the cameras run on for a while after the trigger's delay, and their clocks differ
 AFTER_DELAY_S = 0.05
-RUNNING = 2.1  # times as fast as walking
-C3D_STRIDE_HZ = 0.9  # strides per second of a natural walk
-# m, of `Walker`; a runner needs a longer loop with wider turns, and every loop lies in view of every camera
+RUNNING = 2.1  # chosen: times as fast as walking, a jog of 2.0-2.5 m/s
+C3D_STRIDE_HZ = 0.9  # chosen: strides per second of a natural walk
+# chosen: m, of `Walker`; a runner needs a longer loop with wider turns, and every loop lies in view of every camera
 LOOPS: dict[str, dict[str, Any]] = {
     "running": {"half_length": 1.25, "turn_radius": 0.8},
     "straight": {"half_length": 2.2},
@@ -100,7 +100,7 @@ def _motion(settings: Settings, sequence: Sequence) -> tuple[Motion, float]:
 
 
 def from_c3d(path: Path) -> Motion:
-    """The walk of a real C3D with Plug-in-Gait markers, centred on the walkway; gaps are filled, but told by `seen`."""
+    """The walk of a real C3D with Plug-in-Gait markers, centred on the walkway; gaps are filled; `seen` says where."""
     import ezc3d
     from scipy.interpolate import CubicSpline
 

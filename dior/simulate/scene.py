@@ -15,7 +15,7 @@ from dior.geometry.multiview import look_at_angles, rotation_x, rotation_z
 from dior.simulate.settings import CAMERAS, SESSIONS, Settings, generator, place_of
 
 LONG_RANGE = "cam04"
-# azimuth (degrees) and distance (m) from the middle of the walkway; outdoors the long-range camera is on the Y axis
+# chosen: azimuth (degrees) and distance (m) from the middle of the walkway; the long-range camera is on the Y axis
 PLACES: dict[str, dict[str, tuple[float, float | None]]] = {
     "lab": {"cam01": (38, 4.5), "cam02": (142, 4.6), "cam03": (-141, 4.5), "cam04": (-37, 4.7)},
     "field": {"cam01": (32, 4.7), "cam02": (150, 4.6), "cam03": (-92, 4.8), "cam04": (90, None)},

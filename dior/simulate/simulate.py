@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
 IMAGE, INFO = "sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/CameraInfo"
+# chosen: less than any picture period
 REPEATED_AFTER_NS = 1_000_000
 
 

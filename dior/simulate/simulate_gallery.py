@@ -18,6 +18,7 @@ from dior.simulate.bystander import standing
 from dior.simulate.settings import Sequence, Settings, from_dict, sequence_named
 from dior.tables.files import written_whole
 
+# chosen: the whole body in the picture, from all around
 ELEVATION_DEG = {"frontal": 0.0, "down45": 45.0}
 STEP_DEG = 10
 TARGET = np.array([0.0, 0.0, 0.9])

@@ -16,6 +16,7 @@ from dior.simulate.runs import runs
 from dior.simulate.settings import Sequence, Settings, from_dict, generator, sequence_named
 from dior.tables.files import written_whole
 
+# chosen: not 1, so that a reader that takes frame numbers for indices fails
 FIRST_MOCAP_FRAME = 101
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from dior.arrays import Floats
 
+# chosen: shares of the stride's frequency, of the step's and of three times the stride's
 HARMONICS = (1.0, 0.6, 0.3)
 
 

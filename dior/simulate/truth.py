@@ -24,7 +24,7 @@ from dior.simulate.motion import Motion, mocap_lasts, motion_of
 from dior.simulate.settings import Sequence, Settings, generator
 from dior.tables import tables
 
-# how deep a joint lies below the drawn surface around it, as a fraction of the body height
+# chosen to fit `draw`: how deep a joint lies below the drawn surface around it, as a fraction of the body height
 DEPTH = {"hip": 0.075, "shoulder": 0.055, "knee": 0.048, "elbow": 0.038, "ankle": 0.034, "wrist": 0.028}
 DEPTH_OTHER = 0.03
 DEPTH_FACE = 0.066

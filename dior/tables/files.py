@@ -14,7 +14,7 @@ def written_whole(path: AnyPath) -> Iterator[Path]:
     """Yield a path beside `path` to write to; it takes the place of `path` only if nothing was raised.
 
     A failed writer removes what it wrote; what a killed one left is removed by the next. A file has one writer at a
-    time: the workflow sees to that. The suffix stays for libraries that look at it.
+    time: the workflow sees to that. The suffix is kept for libraries that look at it.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
