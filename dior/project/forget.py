@@ -57,9 +57,12 @@ class Known:
         self.pseudonyms = {who for who, _ in self.walks}
 
 
-def run(project: Path, yes: bool) -> None:
-    """List, and with `yes` delete, what is left in the project's folder of what it no longer has."""
-    root = Path(project)
+def run(*, project: Path = Path("."), yes: bool = False) -> None:
+    """List, and with `yes` delete, what is left in the project's folder of what it no longer has.
+
+    `project`: folder that holds config/; `yes`: delete what is listed.
+    """
+    root = project
     known = Known(root)
     found = [*left(root, known), *_records(root, known)]
     units = {unit for path in found if (unit := _unit(path.parts))}

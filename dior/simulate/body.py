@@ -21,8 +21,8 @@ Segments: TypeAlias = dict[str, Segment]
 # markers of 14 mm, the size usual for whole bodies
 MARKER_RADIUS_M = 0.007
 
-# Body heights; of the other parts of a body only the height is known. Not those of `dior.body`, on purpose: the steps
-# judge bodies by their own table, and a slip in one of the two shows against the other.
+# Body heights; of the other parts of a body only the height is known. Said here, not taken from `dior.body`, on
+# purpose: the steps judge bodies by their own table, and a slip in one of the two shows against the other.
 THIGH, SHANK, HALF_HIPS, HALF_SHOULDERS, UPPER_ARM, FOREARM, TRUNK = 0.245, 0.246, 0.052, 0.112, 0.186, 0.146, 0.288
 # How people of one height differ: standard deviations of the legs as a share of their length, with the trunk making up
 # for it, and of the other lengths. Trotter and Gleser, Am. J. Phys. Anthropol. 10 (1952) 463-514, white men: stature
