@@ -1,10 +1,11 @@
 """Names for the types of arrays in signatures; shapes stand in the docstrings."""
 
-import os
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+
+from dior.paths import AnyPath as AnyPath
 
 Floats: TypeAlias = NDArray[np.float64]
 Ints: TypeAlias = NDArray[np.int64]
@@ -13,4 +14,3 @@ Bools: TypeAlias = NDArray[np.bool_]
 Texts: TypeAlias = NDArray[np.object_]
 # a table as dior.tables.tables reads it: columns of equal length by name
 Table: TypeAlias = dict[str, NDArray[Any]]
-AnyPath: TypeAlias = str | os.PathLike[str]

@@ -5,11 +5,21 @@ Whole lines, no bar that is drawn over: a log is read afterwards. A step that is
 
 import sys
 import time
+from collections.abc import Callable, Iterable, Iterator
+from typing import TypeVar
 
+Item = TypeVar("Item")
+# chosen: soon enough that nobody wonders, seldom enough that the log of an hour stays readable
 FIRST_S, EVERY_S = 3.0, 10.0
 
 
-def reporting(items, total, what, where, clock=time.monotonic):
+def reporting(
+    items: Iterable[Item],
+    total: int | Callable[[], int],
+    what: str,
+    where: str,
+    clock: Callable[[], float] = time.monotonic,
+) -> Iterator[Item]:
     """Yield `items`, telling now and then how many of `total` have been worked on.
 
     `what`: the items' name in the plural, `where`: what the step works on. `total` may be a function, which is asked
@@ -29,7 +39,7 @@ def reporting(items, total, what, where, clock=time.monotonic):
         yield item
 
 
-def line(done, total, what, where, seconds):
+def line(done: int, total: int, what: str, where: str, seconds: float) -> str:
     """`walk, cam01: 1200 of 3600 pictures (33 %), about 40 s left`."""
     left = f", about {seconds * (total - done) / done:.0f} s left" if 0 < done <= total else ""
     return f"{where}: {done} of {total} {what} ({100 * done / max(total, 1):.0f} %){left}"

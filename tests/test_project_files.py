@@ -1,11 +1,11 @@
 """What the files of the project say of each other: versions, the names in the docs."""
 
 import re
-import tomllib
 from pathlib import Path
 
 import yaml
 
+import dior
 from dior.project.steps import PLACES
 from tests.test_rooms import ROOMS
 
@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 
 def test_one_version():
-    version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    version = dior.__version__
     assert yaml.safe_load((ROOT / "CITATION.cff").read_text())["version"] == version
     assert f"## [{version}]" in (ROOT / "CHANGELOG.md").read_text()
 

@@ -9,13 +9,15 @@ import csv
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from dior.arrays import AnyPath, Floats, Ints
 from dior.errors import DiorError, nearest
 
 COLUMNS = ("frame", "u_min", "v_min", "u_max", "v_max")
 
 
-def read(path, frames):
+def read(path: AnyPath, frames: ArrayLike) -> tuple[Ints, Floats]:
     """Boxes as frames (B,) and edges (B, 4) px in the order u_min, v_min, u_max, v_max, sorted by frame.
 
     `frames`: the frames of the recording. Raises DiorError, naming file and line, for a malformed row, an empty box,
@@ -31,14 +33,15 @@ def read(path, frames):
         wrong = next((f", not '{word}'{nearest(word, COLUMNS)}" for word in lines[0] if word not in COLUMNS), "")
         raise DiorError(f"{path}: the first line must be '{','.join(COLUMNS)}'{wrong}")
     known = set(np.asarray(frames).tolist())
-    boxes = {}
+    boxes: dict[int, list[float]] = {}
     for number, words in enumerate(lines[1:], start=2):
         if not any(word.strip() for word in words):
             continue
         where = f"{path}, line {number}"
-        frame, edges = _row(words, where)
-        if edges is None:
+        box = _row(words, where)
+        if box is None:
             continue
+        frame, edges = box
         if frame not in known:
             raise DiorError(
                 f"{where}: frame {frame} is not in the recording, whose frames are "
@@ -51,11 +54,11 @@ def read(path, frames):
     return np.array(ordered, np.int64), np.array([boxes[f] for f in ordered], float).reshape(-1, 4)
 
 
-def _row(words, where):
+def _row(words: list[str], where: str) -> tuple[int, list[float]] | None:
     if len(words) != len(COLUMNS):
         raise DiorError(f"{where}: has {len(words)} values, not the {len(COLUMNS)} of '{','.join(COLUMNS)}'")
     if not any(word.strip() for word in words[1:]):
-        return words[0], None
+        return None
     try:
         frame, edges = int(words[0]), [float(word) for word in words[1:]]
     except ValueError:

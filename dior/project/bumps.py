@@ -10,16 +10,18 @@ has the same file as before. Loads no numerics.
 import os
 
 from dior.errors import DiorError, nearest
+from dior.paths import AnyPath
+from dior.project.read import Rows
 
 MARK = "@"
 
 
-def session_folder(session):
+def session_folder(session: str) -> str:
     """Name of the folder in config/sessions/ of a session or a part of one."""
     return session.partition(MARK)[0]
 
 
-def in_parts(root, rows):
+def in_parts(root: AnyPath, rows: Rows) -> Rows:
     """The rows of sequences.tsv with the sessions that bumps split. Raises DiorError for a file with a wrong name."""
     out = dict(rows)
     for session in sorted({row["session"] for row in rows.values()}):
@@ -31,7 +33,7 @@ def in_parts(root, rows):
     return out
 
 
-def file_of(root, session, camera, suffix, rows):
+def file_of(root: AnyPath, session: str, camera: str, suffix: str, rows: Rows) -> str:
     """Path below `root` of a camera's file (`.yaml`, `.marks.csv`) in a session or a part of one."""
     folder, _, first = session.partition(MARK)
     plain = f"config/sessions/{folder}/{camera}{suffix}"
@@ -46,13 +48,13 @@ def file_of(root, session, camera, suffix, rows):
     return plain
 
 
-def _in_order(session, rows):
+def _in_order(session: str, rows: Rows) -> list[str]:
     mine = [row for row in rows.values() if row["session"] == session]
     mine.sort(key=lambda row: (int(row["session_order"]), row["sequence"]))
     return [row["sequence"] for row in mine]
 
 
-def _firsts(root, session, rows):
+def _firsts(root: AnyPath, session: str, rows: Rows) -> set[str]:
     """Sequences from which on a camera of the session has a file of its own."""
     folder = os.path.join(root, "config/sessions", session)
     order, firsts = _in_order(session, rows), set()

@@ -1,10 +1,13 @@
 """The file of one camera, config/sessions/<session>/<camera>.yaml, as a step reads it."""
 
+from typing import Any
+
 from dior.errors import DiorError
+from dior.paths import AnyPath
 from dior.project import read
 
 
-def camera_settings(path, needs=""):
+def camera_settings(path: AnyPath, needs: str = "") -> dict[str, Any]:
     """The content of a camera's YAML, checked against its schema; `needs` names the only `locate` that will do.
 
     Raises DiorError for what the schema refuses and for a section that the way of locating needs and is not there.

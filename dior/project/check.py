@@ -6,15 +6,19 @@ contradiction: a sentence that names the file, line or key and the likely fix.
 
 import os
 import re
+from collections.abc import Iterable, Sequence
+from typing import Any
 
 from dior.errors import DiorError, nearest
 from dior.project.bumps import session_folder
-from dior.project.read import check, read_yaml
+from dior.project.contents import Project
+from dior.project.read import Row, Rows, check, read_yaml
 
+# chosen: what a tape measure resolves; two cameras are farther apart
 SAME_PLACE_M = 0.01
 
 
-def check_sheets(project, people, lines):
+def check_sheets(project: Project, people: Rows, lines: dict[str, int]) -> None:
     """Subjects and sessions that the sheets name must exist, pseudonyms must hide who it is.
 
     `people`: all rows of subjects.tsv, of those who may not be processed, too; `lines` of the rows of sequences.tsv.
@@ -26,7 +30,7 @@ def check_sheets(project, people, lines):
         _check_name(project.rows[name], people, where)
 
 
-def check_gallery(project, people, lines):
+def check_gallery(project: Project, people: Rows, lines: dict[tuple[str, ...], int]) -> None:
     """Rows of the gallery name a subject and one place of their pictures. `people`, `lines`: as of `check_sheets`."""
     for name, row in project.gallery.items():
         where = f"config/gallery.tsv line {lines[name]}"
@@ -43,7 +47,7 @@ def check_gallery(project, people, lines):
         _check_words(row, ("outfit", "angle"), people, where)
 
 
-def check_detectors(project, lines):
+def check_detectors(project: Project, lines: dict[tuple[str, ...], int]) -> None:
     """Rows of detectors.tsv name a sequence and one of its cameras; those of excluded ones wait. `lines` of them."""
     for name, row in project.detectors.items():
         where = f"config/detectors.tsv line {lines[name]}"
@@ -63,7 +67,7 @@ def check_detectors(project, lines):
             )
 
 
-def check_sessions(project, lines):
+def check_sessions(project: Project, lines: dict[str, int]) -> None:
     """Sequences, sessions, cameras and the files beside them must fit together. `lines` of the sheet's rows."""
     for session in project.sessions:
         _check_distinct(project, session)
@@ -82,7 +86,7 @@ def check_sessions(project, lines):
         _check_offsets(project, name)
 
 
-def check_camera(camera, shown):
+def check_camera(camera: dict[str, Any], shown: str) -> None:
     """A camera must have what its `locate` needs."""
     _check_intrinsics(camera, shown)
     locate = camera["locate"]
@@ -102,7 +106,7 @@ def check_camera(camera, shown):
         raise DiorError(f"{shown}: 'tape.target_m' is the camera's own position, so it looks nowhere")
 
 
-def _check_intrinsics(camera, shown):
+def _check_intrinsics(camera: dict[str, Any], shown: str) -> None:
     """Intrinsics come from one place, and a board gives the whole lens model."""
     source = camera["intrinsics"]
     if not isinstance(source, dict):
@@ -119,7 +123,7 @@ def _check_intrinsics(camera, shown):
         raise DiorError(f"{shown}: 'distortion_model: {model}' does not fit: a {ways[0]} gives a plumb_bob lens")
 
 
-def _check_align(project, session, camera):
+def _check_align(project: Project, session: str, camera: str) -> None:
     """A camera is aligned to sequences of its session that are processed and have what it is aligned to."""
     how = project.cameras(session)[camera].get("align")
     if not how:
@@ -138,8 +142,8 @@ def _check_align(project, session, camera):
         raise DiorError(f"{shown}: 'align.from: marks' needs the file {path}")
 
 
-def _check_pseudonyms(subjects):
-    owner = {}
+def _check_pseudonyms(subjects: Rows) -> None:
+    owner: dict[str, str] = {}
     for name, row in subjects.items():
         word = row["pseudonym"].lower()
         if word == "metadata":
@@ -159,7 +163,7 @@ def _check_pseudonyms(subjects):
                 )
 
 
-def _check_references(project, row, people, where):
+def _check_references(project: Project, row: Row, people: Rows, where: str) -> None:
     name = row["sequence"]
     if row["subject"] not in people:
         raise DiorError(
@@ -181,7 +185,7 @@ def _check_references(project, row, people, where):
                 raise DiorError(f"{where}: {column} '{path.strip()}' must be relative to data_root")
 
 
-def _check_detector(project, asking):
+def _check_detector(project: Project, asking: str) -> None:
     model = project.config["detector"]["model"]
     if not model:
         raise DiorError(f"{asking}, which needs the pose network `detector.model` in config/config.yaml")
@@ -192,11 +196,11 @@ def _check_detector(project, asking):
         )
 
 
-def _distance(a, b):
+def _distance(a: Sequence[float], b: Sequence[float]) -> float:
     return sum((x - y) ** 2 for x, y in zip(a, b, strict=True)) ** 0.5
 
 
-def _check_name(row, people, where):
+def _check_name(row: Row, people: Rows, where: str) -> None:
     """The names of sequences and sessions go into the release, so they must not hold the name of a subject."""
     for column in ("sequence", "session"):
         for subject in people:
@@ -208,7 +212,7 @@ def _check_name(row, people, where):
     _check_words(row, ("outfit", "walk"), people, where)
 
 
-def _check_words(row, columns, people, where):
+def _check_words(row: Row, columns: Iterable[str], people: Rows, where: str) -> None:
     """Nor must other words that go there. A number is a size or an angle, and a letter a kind; no person's name."""
     for column in columns:
         for subject in people:
@@ -220,14 +224,14 @@ def _check_words(row, columns, people, where):
                 )
 
 
-def _holds(text, subject):
+def _holds(text: str, subject: str) -> bool:
     """Whether a name is there as a word. One or two digits are a number of something, not a person's name."""
     if subject.isdigit() and len(subject) < 3:
         return False
     return bool(re.search(rf"(^|[_-]){re.escape(subject)}([_-]|$)", text, re.IGNORECASE))
 
 
-def _check_distinct(project, session):
+def _check_distinct(project: Project, session: str) -> None:
     """No two cameras of a session record the same topic, stand in one place or take one pose."""
     names = list(project.cameras(session))
     for i, first in enumerate(names):
@@ -243,7 +247,7 @@ def _check_distinct(project, session):
                 raise DiorError(f"{where} take the same pose '{a['reference']['name']}' (reference.name)")
 
 
-def _check_sequence(project, row, where):
+def _check_sequence(project: Project, row: Row, where: str) -> None:
     name, session = row["sequence"], row["session"]
     if row["environment"] == "indoor" and not row["mocap"]:
         raise DiorError(f"{where}: sequence '{name}' is indoor but has no mocap (the C3D file)")
@@ -263,7 +267,7 @@ def _check_sequence(project, row, where):
         )
 
 
-def _check_window(project, session):
+def _check_window(project: Project, session: str) -> None:
     shown, processed = project.session_file(session), project.sequences_of(session)
     close = {name: project.cameras(session)[name]["locate"] for name in project.close(session)}
     taped = [name for name, how in close.items() if how == "tape"]
@@ -287,7 +291,7 @@ def _check_window(project, session):
             raise DiorError(f"{shown}: 'adjust.{name}' has no detections in config/sequences.tsv to adjust with")
 
 
-def _check_tag(project, session):
+def _check_tag(project: Project, session: str) -> None:
     shown, tag = project.session_file(session), project.session_files[session].get("tag")
     asking = [name for name, camera in project.cameras(session).items() if camera["locate"] == "apriltag"]
     if asking and not tag:
@@ -300,7 +304,7 @@ def _check_tag(project, session):
         )
 
 
-def _check_facts(project, session):
+def _check_facts(project: Project, session: str) -> None:
     """The metric facts are about cameras of the session and people of the walks that it is adjusted with."""
     shown, settings, window = project.session_file(session), project.session_files[session], project.window(session)
     close, people = project.close(session), sorted({project.subject_of(name) for name in window})
@@ -331,7 +335,7 @@ def _check_facts(project, session):
         )
 
 
-def _check_marks(project, session, camera):
+def _check_marks(project: Project, session: str, camera: str) -> None:
     # a camera that stands still may be marked in any part of its session
     shown, processed = project.marks_file(session, camera), project.whole_session(session)
     for name, (first, without_3d) in project.marks.get((session, camera), {}).items():
@@ -347,7 +351,7 @@ def _check_marks(project, session, camera):
             )
 
 
-def _check_names(project, folder):
+def _check_names(project: Project, folder: str) -> None:
     """A file whose name no sequence or camera has would be left out in silence."""
     path = project.root / "config" / folder
     suffix = ".yaml" if folder == "offsets" else ".csv"
@@ -371,7 +375,7 @@ def _check_names(project, folder):
             )
 
 
-def _check_offsets(project, sequence):
+def _check_offsets(project: Project, sequence: str) -> None:
     for shown in project.offsets(sequence):
         cameras = project.cameras_of(sequence)
         for camera in check(read_yaml(project.root / shown, shown), "offsets", shown):

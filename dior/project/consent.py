@@ -11,12 +11,13 @@ not be processed. Loads no numerics.
 """
 
 from dior.errors import DiorError, nearest
+from dior.project.read import Name, Row, Rows
 
 PURPOSES = ("processing", "release", "pictures")
 YES = ("1", "true", "yes")
 
 
-def consents(subject_row, purpose="release"):
+def consents(subject_row: Row, purpose: str = "release") -> bool:
     """Whether a subject (a row of subjects.tsv) agreed to a purpose. Only a plain yes counts.
 
     Raises DiorError for a purpose that there is not.
@@ -28,11 +29,11 @@ def consents(subject_row, purpose="release"):
     return all(said[name] in YES for name in PURPOSES[: PURPOSES.index(purpose) + 1])
 
 
-def processed(rows, people, whose="subject"):
+def processed(rows: dict[Name, Row], people: Rows, whose: str = "subject") -> tuple[dict[Name, Row], dict[Name, Row]]:
     """The rows of a sheet, by name, of those who may be processed, and the others.
 
     `people`: rows of subjects.tsv by name; `whose`: the column that names one of them. A row of somebody who is not
-    among them stays, to be complained about.
+    among them is kept, so that the check complains about it.
     """
     withheld = {
         name: row

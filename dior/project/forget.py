@@ -3,7 +3,7 @@
 INPUTS   a project's sheets, results/, logs/ and .snakemake/
 OUTPUTS  lines on standard output; with `yes` the files are gone
 A run of the workflow makes nothing of them any more and leaves them out of the report and of the release, but what was
-made of each sequence stays where it is until then, and so do releases of other versions and their tarballs.
+made of each sequence is kept where it is until then, and so are releases of other versions and their tarballs.
 What people wrote (config/) and the recordings are only named: they are nobody's output.
 """
 
@@ -12,11 +12,14 @@ import os
 import re
 import shutil
 from base64 import b64decode
+from collections.abc import Iterable
 from pathlib import Path
 
+from dior.paths import AnyPath
 from dior.project import bumps
 from dior.project.consent import consents, processed
-from dior.project.project import bags_of, sheets
+from dior.project.contents import bags_of
+from dior.project.project import sheets
 from dior.project.steps import MODULES
 
 # folders of a step whose entries are named by sequence, as those of the step itself
@@ -41,7 +44,7 @@ class Known:
     sequence) pairs; `withheld`: rows of the sequences of people who may not be processed.
     """
 
-    def __init__(self, root):
+    def __init__(self, root: Path) -> None:
         (rows, _), (people, _) = sheets(root)
         rows, self.withheld = processed(bumps.in_parts(root, rows), people)
         self.units = {*rows, *(row["session"] for row in rows.values())}
@@ -54,12 +57,16 @@ class Known:
         self.pseudonyms = {who for who, _ in self.walks}
 
 
-def run(project, yes):
-    """List, and with `yes` delete, what is left in the project's folder of what it no longer has."""
-    root = Path(project)
+def run(*, project: Path = Path("."), yes: bool = False) -> None:
+    """List, and with `yes` delete, what is left in the project's folder of what it no longer has.
+
+    `project`: folder that holds config/; `yes`: delete what is listed.
+    """
+    root = project
     known = Known(root)
     found = [*left(root, known), *_records(root, known)]
-    found += _run_logs(root, ({_unit(path.parts) for path in found} | set(known.withheld)) - {None})
+    units = {unit for path in found if (unit := _unit(path.parts))}
+    found += _run_logs(root, units | set(known.withheld))
     found = sorted(dict.fromkeys(found))
     for path in found:
         print(path)
@@ -77,21 +84,21 @@ def run(project, yes):
     by_hand = _by_people(root, known)
     if by_hand:
         print("Recordings and hand-made files about people who may not be processed; dior deletes none of these:")
-        for path in by_hand:
-            print(f"  {path}")
+        print(*(f"  {path}" for path in by_hand), sep="\n")
 
 
-def left(root, known=None):
+def left(root: AnyPath, known: "Known | None" = None) -> list[Path]:
     """Files and folders below results/ and logs/, relative to `root`, of what the project does not have."""
-    known, root = known or Known(root), Path(root)
-    found = []
+    root = Path(root)
+    known = known or Known(root)
+    found: list[Path] = []
     for step in MODULES:
         for folder in (Path("results", step), Path("logs", step)):
             found += _strays(root, folder, known)
     return [*found, *_releases(root, known)]
 
 
-def _strays(root, folder, known):
+def _strays(root: Path, folder: Path, known: Known) -> list[Path]:
     found = []
     for entry in sorted(os.listdir(root / folder)) if (root / folder).is_dir() else ():
         path = folder / entry
@@ -102,12 +109,12 @@ def _strays(root, folder, known):
     return found
 
 
-def _is_stray(parts, known):
+def _is_stray(parts: tuple[str, ...], known: Known) -> bool:
     unit = _unit(parts)
     return unit is not None and unit not in known.units and unit not in known.pseudonyms
 
 
-def _unit(parts):
+def _unit(parts: tuple[str, ...]) -> str | None:
     """The sequence, session or person that an output or a log is about; None where it is about all."""
     if len(parts) < 3 or parts[0] not in ("results", "logs") or parts[1] not in MODULES:
         return None
@@ -119,7 +126,7 @@ def _unit(parts):
     return None if unit in ("", step, *OF_ALL.get(step, ())) else unit
 
 
-def _releases(root, known):
+def _releases(root: Path, known: Known) -> list[Path]:
     """Releases, with what was made of them, that hold somebody who is not released now, and tarballs of such people."""
     if not (root / RELEASES).is_dir():
         return []
@@ -140,14 +147,14 @@ def _releases(root, known):
     return found
 
 
-def _walks(release):
+def _walks(release: Path) -> set[tuple[str, str]]:
     """(pseudonym, sequence) of the labels of a release."""
     listed = (line.split("  ", 1)[1] for line in (release / SUMS).read_text(encoding="utf-8").splitlines())
     parts = [name.split("/") for name in listed if name.startswith("labels_2d/")]
     return {(who, file.split(".")[0]) for _, who, file in parts}
 
 
-def _records(root, known):
+def _records(root: Path, known: Known) -> list[Path]:
     """Snakemake's records of outputs that are named by what the project does not have."""
     found = []
     for folder in filter(lambda folder: (root / folder).is_dir(), map(Path, RECORDS)):
@@ -158,25 +165,27 @@ def _records(root, known):
     return found
 
 
-def _decoded(name):
+def _decoded(name: str) -> str:
     try:
         return b64decode(name, altchars=b"-_", validate=False).decode()
     except (binascii.Error, UnicodeDecodeError):
         return ""
 
 
-def _run_logs(root, names):
+def _run_logs(root: Path, names: set[str]) -> list[Path]:
     """Snakemake's logs of whole runs that name one of these."""
-    words = re.compile(rf"(?<![\w-])({'|'.join(map(re.escape, sorted(names)))})(?![\w-])") if names else None
-    folder = root / ".snakemake/log"
-    return [
-        path.relative_to(root)
-        for path in (sorted(folder.glob("*.log")) if words and folder.is_dir() else ())
-        if words.search(path.read_text(encoding="utf-8", errors="replace"))
-    ]
+    if not names:
+        return []
+    logs, named = sorted((root / ".snakemake/log").glob("*.log")), _naming(names)
+    return [path.relative_to(root) for path in logs if named.search(path.read_text(encoding="utf-8", errors="replace"))]
 
 
-def _by_people(root, known):
+def _naming(names: Iterable[str]) -> re.Pattern[str]:
+    """What finds one of some names as a word of its own in a text."""
+    return re.compile(rf"(?<![\w-])({'|'.join(map(re.escape, sorted(names)))})(?![\w-])")
+
+
+def _by_people(root: Path, known: Known) -> list[str]:
     """Recordings of the withheld sequences, and files in config/ that name one of these, as far as they are there."""
     from dior.project.read import read_yaml
 
@@ -185,17 +194,19 @@ def _by_people(root, known):
     for row in known.withheld.values():
         files = [*bags_of(row), row["mocap"], row["detections"].partition("{")[0], row["trigger_log"].partition("#")[0]]
         recordings |= {str(data / path) for path in files if path and path != "detect"}
-    told = [path for path in sorted(recordings) if (root / path).exists() and not path.startswith("results/")]
-    words = re.compile(rf"(?<![\w-])({'|'.join(map(re.escape, sorted(known.withheld)))})(?![\w-])")
-    for path in sorted((root / "config").rglob("*")) if known.withheld else ():
+    there = [path for path in sorted(recordings) if (root / path).exists() and not path.startswith("results/")]
+    if not known.withheld:
+        return there
+    named = _naming(known.withheld)
+    for path in sorted((root / "config").rglob("*")):
         if not path.is_file() or path.name in ("sequences.tsv", "subjects.tsv"):
             continue
-        if words.search(path.name) or words.search(path.read_text(encoding="utf-8", errors="replace")):
-            told.append(str(path.relative_to(root)))
-    return told
+        if named.search(path.name) or named.search(path.read_text(encoding="utf-8", errors="replace")):
+            there.append(str(path.relative_to(root)))
+    return there
 
 
-def _delete(path):
+def _delete(path: Path) -> None:
     if path.is_dir() and not path.is_symlink():
         shutil.rmtree(path)
     else:

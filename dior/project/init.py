@@ -15,12 +15,12 @@ TEMPLATES = Path(__file__).parent / "templates"
 SESSION, CAMERA = "session_01", "cam01"
 
 
-def run(folder):
+def run(folder: Path) -> None:
     """Write the config of a new project into `folder` and print what to do next.
 
+    `folder`: it may be there, its config not.
     Raises DiorError where there is a config already: what a person wrote is never overwritten.
     """
-    folder = Path(folder)
     if (folder / "config").exists():
         raise DiorError(f"{folder / 'config'} exists already; choose another folder or remove it first")
     for path, text in contents().items():
@@ -32,7 +32,7 @@ def run(folder):
     )
 
 
-def contents():
+def contents() -> dict[str, str]:
     """Text by path below config/ of what a new project holds."""
     template = {path.name: path.read_text(encoding="utf-8") for path in sorted(TEMPLATES.glob("*.yaml"))}
     return {
@@ -46,6 +46,6 @@ def contents():
     }
 
 
-def header(kind, *more):
+def header(kind: str, *more: str) -> str:
     """The first line of a sheet: the columns that every project needs, and `more`."""
     return "\t".join((*columns_of(kind), *more)) + "\n"

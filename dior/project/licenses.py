@@ -4,8 +4,10 @@ For any other licence `release.license_file` in config.yaml names the file with 
 """
 
 import os
+from typing import Any
 
 from dior.errors import DiorError, nearest
+from dior.paths import AnyPath
 
 _PLACE = "https://creativecommons.org/"
 KNOWN = {
@@ -34,7 +36,7 @@ KNOWN = {
 }
 
 
-def check(release, root):
+def check(release: dict[str, Any], root: AnyPath) -> None:
     """Raise DiorError where the `release:` section of the config names a licence whose text is nowhere."""
     name, path = release["license"], release["license_file"]
     if path and not os.path.isfile(os.path.join(root, path)):
@@ -49,12 +51,12 @@ def check(release, root):
         )
 
 
-def url(name):
+def url(name: str) -> str:
     """Where the text of a licence is on the web; "" for one that is not known."""
     return KNOWN[name][1] if name in KNOWN else ""
 
 
-def text(release, root):
+def text(release: dict[str, Any], root: AnyPath) -> str:
     """Content of the file LICENSE: the text that the config names, or the known licence's name and place."""
     if release["license_file"]:
         with open(os.path.join(root, release["license_file"]), encoding="utf-8-sig") as stream:

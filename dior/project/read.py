@@ -8,13 +8,24 @@ valid name.
 import csv
 import math
 import re
+from collections.abc import Callable
 from copy import deepcopy
 from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, overload
 
 from dior.errors import DiorError, nearest
+from dior.paths import AnyPath
+
+if TYPE_CHECKING:
+    import fastjsonschema
+    import yaml
 
 SCHEMAS = Path(__file__).with_name("schemas")
+# a row of a sheet by column, as text; rows by name, which is one cell or several
+Row: TypeAlias = dict[str, str]
+Rows: TypeAlias = dict[str, Row]
+Name = TypeVar("Name", str, tuple[str, ...])
 _KINDS = {
     "number": "a number",
     "integer": "a whole number",
@@ -31,7 +42,7 @@ _LIMITS = {
 }
 
 
-def read_yaml(path, shown=None):
+def read_yaml(path: AnyPath, shown: AnyPath | None = None) -> Any:
     """The content of a YAML file ({} for an empty one). Raises DiorError for no file, no YAML or a key given twice.
 
     `shown` is the file's name in messages.
@@ -55,14 +66,17 @@ def read_yaml(path, shown=None):
 
 
 @cache
-def _loader():
+def _loader() -> "type[yaml.SafeLoader]":
     import yaml
 
-    class Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
+    # PyYAML may have been built without the loader in C
+    base: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+    class Loader(base):
         """A safe loader that does not let the second of two equal keys win in silence."""
 
-    def mapping(loader, node):
-        first = {}
+    def mapping(loader: "yaml.SafeLoader", node: "yaml.MappingNode") -> dict[Any, Any]:
+        first: dict[str, int] = {}
         for key, _ in node.value:
             if not isinstance(key, yaml.ScalarNode):
                 raise DiorError(f"the key on line {key.start_mark.line + 1} is no plain word")
@@ -77,12 +91,12 @@ def _loader():
     return Loader
 
 
-def columns_of(kind):
+def columns_of(kind: str) -> list[str]:
     """Columns that a sheet must have, in order."""
     return list(_schema(kind)["required"])
 
 
-def describe(kind, *keys):
+def describe(kind: str, *keys: str) -> str:
     """The description of a key (a path of keys) in a schema."""
     schema = _schema(kind)
     for key in keys:
@@ -90,7 +104,19 @@ def describe(kind, *keys):
     return " ".join(schema["description"].split())
 
 
-def read_sheet(path, kind, key, shown=None):
+@overload
+def read_sheet(path: AnyPath, kind: str, key: str, shown: str | None = None) -> tuple[Rows, dict[str, int]]: ...
+
+
+@overload
+def read_sheet(
+    path: AnyPath, kind: str, key: tuple[str, ...], shown: str | None = None
+) -> tuple[dict[tuple[str, ...], Row], dict[tuple[str, ...], int]]: ...
+
+
+def read_sheet(
+    path: AnyPath, kind: str, key: str | tuple[str, ...], shown: str | None = None
+) -> tuple[dict[Any, Row], dict[Any, int]]:
     """Rows of a tab-separated sheet by the value of column `key`, in order, as dicts of strings; and their lines.
 
     `key` may be several columns: then a row's name is the tuple of their values.
@@ -98,7 +124,7 @@ def read_sheet(path, kind, key, shown=None):
     DiorError for a missing file, unknown or missing columns, cells that the schema refuses and a key that is there
     twice.
     """
-    shown = shown or path
+    shown = shown or str(path)
     header, body = _cells(path, shown)
     schema, known = _schema(kind), list(_schema(kind)["properties"])
     if len(header) == 1 and ("," in header[0] or ";" in header[0]):
@@ -113,7 +139,8 @@ def read_sheet(path, kind, key, shown=None):
     for column in schema["required"]:
         if column not in header:
             raise DiorError(f"{shown}: column '{column}' is missing; it holds {_first_sentence(schema, column)}")
-    rows, lines = {}, {}
+    rows: dict[Any, Row] = {}
+    lines: dict[Any, int] = {}
     for line, cells in body:
         if len(cells) > len(header):
             raise DiorError(f"{shown} line {line}: {len(cells)} cells but the sheet has {len(header)} columns")
@@ -128,7 +155,7 @@ def read_sheet(path, kind, key, shown=None):
     return rows, lines
 
 
-def _cells(path, shown):
+def _cells(path: AnyPath, shown: AnyPath) -> tuple[list[str], list[tuple[int, list[str]]]]:
     try:
         with open(path, encoding="utf-8-sig", newline="") as stream:
             reader = csv.reader(stream, delimiter="\t")
@@ -143,7 +170,7 @@ def _cells(path, shown):
     return lines[0][1], lines[1:]
 
 
-def check(content, kind, shown):
+def check(content: Any, kind: str, shown: AnyPath) -> Any:
     """`content` checked against a schema, filled with its defaults in place, and returned.
 
     Raises DiorError with the dotted path of the first key that is wrong. Unknown keys come first: a key with a slip in
@@ -161,7 +188,7 @@ def check(content, kind, shown):
         raise DiorError(f"{shown}: {error}") from None
 
 
-def _check_finite(content, inside):
+def _check_finite(content: Any, inside: str) -> None:
     """YAML's .nan and .inf are numbers to a schema, but never what a person measured."""
     if isinstance(content, float) and not math.isfinite(content):
         raise DiorError(f"'{inside}' is {content} but should be a finite number")
@@ -170,7 +197,7 @@ def _check_finite(content, inside):
         _check_finite(value, f"{inside}.{key}" if inside else str(key))
 
 
-def _fill(schema, content, inside):
+def _fill(schema: dict[str, Any], content: Any, inside: str) -> None:
     if not isinstance(content, dict):
         return
     known = schema.get("properties", {})
@@ -188,28 +215,28 @@ def _fill(schema, content, inside):
         if key not in content and "default" in value:
             content[key] = deepcopy(value["default"])
     for key, value in content.items():
-        below = known.get(key) or next((s for p, s in patterns.items() if re.search(p, key)), {})
+        below: dict[str, Any] = known.get(key) or next((s for p, s in patterns.items() if re.search(p, key)), {})
         _fill(below, value, f"{inside}{key}.")
 
 
 @cache
-def _schema(kind):
+def _schema(kind: str) -> dict[str, Any]:
     return read_yaml(SCHEMAS / f"{kind}.schema.yaml")
 
 
 @cache
-def _validator(kind):
+def _validator(kind: str) -> Callable[[Any], Any]:
     import fastjsonschema
 
     return fastjsonschema.compile(_schema(kind), use_default=False)
 
 
-def _first_sentence(schema, key):
+def _first_sentence(schema: dict[str, Any], key: str) -> str:
     text = schema.get("properties", {}).get(key, {}).get("description", "")
     return text.split(". ")[0].rstrip(".")
 
 
-def _sentence(error):
+def _sentence(error: "fastjsonschema.JsonSchemaValueException") -> str:
     path = ".".join(str(part) for part in error.path[1:])
     inside = f"{path}." if path else ""
     schema = error.definition
@@ -222,14 +249,14 @@ def _sentence(error):
     return f"{subject} is {value} but should be {_expected(schema)}{guess}"
 
 
-def _expected(schema):
+def _expected(schema: dict[str, Any]) -> str:
     """What a schema asks for, in words."""
     if "enum" in schema:
         return "one of " + ", ".join(str(word) for word in schema["enum"])
     if "pattern" in schema:
         return _decapitalised(schema["description"].split(". ")[0].rstrip("."))
     kind = schema.get("type")
-    text = _KINDS.get(kind, "something else")
+    text = _KINDS.get(str(kind), "something else")
     if kind == "array":
         items = {"number": "numbers", "string": "words"}.get(schema["items"].get("type"), "values")
         exact = schema.get("minItems") if schema.get("minItems") == schema.get("maxItems") else None
@@ -240,5 +267,5 @@ def _expected(schema):
     return f"{text}{' ' if limited else ''}{limited}{quoted}"
 
 
-def _decapitalised(text):
+def _decapitalised(text: str) -> str:
     return text[:1].lower() + text[1:]

@@ -5,18 +5,19 @@ INPUTS: config/sessions/<session>/ of a `dior.project.project.Project` whose she
 nothing is left without it, so that a person has to name something else. Loads no numerics.
 """
 
-import csv
 import os
+from collections.abc import Collection
+from typing import Any
 
 from dior.errors import DiorError, nearest
 from dior.project import bumps
 from dior.project import check as consistency
+from dior.project.contents import Project
+from dior.project.marks_file import MarkedLines, read_marks
 from dior.project.read import check, read_yaml
 
-MARK_COLUMNS = ("sequence", "frame", "joint", "u", "v")
 
-
-def read(project, session):
+def read(project: Project, session: str) -> None:
     """Read the files of a session into the project."""
     shown = project.session_file(session)
     content = check(read_yaml(project.root / shown, shown), "session", shown)
@@ -35,7 +36,7 @@ def read(project, session):
     project.camera_files[session] = {name: _read_camera(project, session, name) for name in content["cameras"]}
 
 
-def _elsewhere(project, session):
+def _elsewhere(project: Project, session: str) -> set[str]:
     """Sequences, but excluded ones, of the other parts of a session that a bump splits."""
     folder, rows = bumps.session_folder(session), {**project.rows, **project.withheld}
     return {
@@ -45,7 +46,7 @@ def _elsewhere(project, session):
     }
 
 
-def _agreed(project, session, scope, listed, where, what):
+def _agreed(project: Project, session: str, scope: str, listed: Collection[str], where: str, what: str) -> list[str]:
     """The sequences of `listed` that may shape the poses of the session; how many others there are is noted.
 
     `where` and `what` say what lists them. Raises DiorError where none is left.
@@ -62,7 +63,7 @@ def _agreed(project, session, scope, listed, where, what):
     return used
 
 
-def _tag(project, session, tag, elsewhere, shown):
+def _tag(project: Project, session: str, tag: dict[str, Any], elsewhere: set[str], shown: str) -> dict[str, Any]:
     if tag.get("sequence") in elsewhere:
         tag = tag | {"sequence": project.shaping(session)[0]}
     if tag.get("sequence") in project.barred(session):
@@ -73,7 +74,7 @@ def _tag(project, session, tag, elsewhere, shown):
     return tag
 
 
-def _facts(project, session, facts):
+def _facts(project: Project, session: str, facts: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """The distances between joints but those of people who may not shape the poses."""
     folder, rows = bumps.session_folder(session), {**project.rows, **project.withheld}
     here = {name: row["subject"] for name, row in rows.items() if bumps.session_folder(row["session"]) == folder}
@@ -85,7 +86,7 @@ def _facts(project, session, facts):
     return used
 
 
-def _read_camera(project, session, name):
+def _read_camera(project: Project, session: str, name: str) -> dict[str, Any]:
     shown = project.camera_file(session, name)
     _check_first(project, session, shown)
     if not (project.root / shown).is_file():
@@ -115,7 +116,7 @@ def _read_camera(project, session, name):
     return camera
 
 
-def _check_first(project, session, shown):
+def _check_first(project: Project, session: str, shown: str) -> None:
     """The file of a bumped camera must not be called after a sequence that may not be named any more."""
     camera, _, first = os.path.basename(shown).removesuffix(".yaml").partition(bumps.MARK)
     if first in project.withheld:
@@ -126,26 +127,8 @@ def _check_first(project, session, shown):
         )
 
 
-def _marks(project, session, camera, path):
+def _marks(project: Project, session: str, camera: str, path: str) -> MarkedLines:
     lines = read_marks(project.root / path, path)
     shown = f"{path} line {min((first for first, _ in lines.values()), default=1)}: the marks"
     used = _agreed(project, session, f"{session}/{camera}", lines, shown, "marked sequence")
     return {name: lines[name] for name in used}
-
-
-def read_marks(path, shown):
-    """Sequences of a marks CSV, in order: name -> (its first line, the first line without x, y, z or None)."""
-    with open(path, encoding="utf-8-sig", errors="replace", newline="") as stream:
-        table = csv.DictReader(stream)
-        for column in table.fieldnames or ():
-            if column not in (*MARK_COLUMNS, *"xyz"):
-                raise DiorError(f"{shown}: unknown column '{column}'{nearest(column, (*MARK_COLUMNS, *'xyz'))}")
-        for column in MARK_COLUMNS:
-            if column not in (table.fieldnames or ()):
-                raise DiorError(f"{shown}: column '{column}' is missing; the file has {','.join(MARK_COLUMNS)}[,x,y,z]")
-        lines = {}
-        for mark in table:
-            first, without = lines.get(mark["sequence"], (table.line_num, None))
-            given = all(mark.get(axis) for axis in "xyz")
-            lines[mark["sequence"]] = (first, without if given or without else table.line_num)
-    return lines

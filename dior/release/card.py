@@ -15,7 +15,8 @@ from dior.evaluate import statistics
 from dior.project import licenses
 from dior.release import citation
 from dior.tables import tables
-from dior.tables.schemas import METRICS, PICTURE, SCHEMAS, SPLITS, VOCABULARY
+from dior.tables.schemas import METRICS, PICTURE, SCHEMAS, VOCABULARY
+from dior.tables.words import SPLITS
 
 COUNTED = ("camera_recordings", "frames", "keypoints_2d", "missing_2d")
 TEMPLATE = Path(__file__).with_name("card.md.j2")

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 
 from dior.tables.files import written_whole
-from dior.tables.schemas import DROP_REASON
+from dior.tables.words import DROP_REASON
 
 COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#7F7F7F", "#8A6FB0")
 RED, GREY = "#C0392B", "#8a8f98"

@@ -3,25 +3,32 @@
 Pixel (0, 0) is the centre of the top-left pixel.
 """
 
+from typing import TypeAlias
+
 import numpy as np
+from numpy.typing import NDArray
 
+from dior.arrays import Bools, Floats
+from dior.geometry.camera import Camera, Intrinsics
 from dior.simulate.scene import WALL_HALF_M, WALL_TOP_M, WALL_Y
-from dior.simulate.settings import generator
+from dior.simulate.settings import Settings, generator
 
-# azimuth and elevation; from the long-range camera a little above the walkway and beside it
+# half as much memory as float64, and a backdrop is no measurement
+Rays: TypeAlias = NDArray[np.float32]
+# chosen: azimuth and elevation; from the long-range camera a little above the walkway and beside it
 SUN_DEG = (-78.0, 8.0)
-# a disc as large as an overexposed sun is in a picture
+# chosen: a disc as large as an overexposed sun is in a picture
 SUN_RADIUS_DEG, SUN_GLARE_DEG = 1.6, 2.5
 WALL_BGR = (105.0, 120.0, 150.0)
 
 
-def background(settings, camera, environment):
+def background(settings: Settings, camera: Camera, environment: str) -> NDArray[np.uint8]:
     """The picture (height, width, 3) uint8 without the person: a room, or a field under the sky."""
     import cv2
 
     lens = camera.intrinsics
     ray = _rays(lens, camera)
-    eye = camera.wTc[:3, 3].astype(np.float32)
+    eye = camera.centre.astype(np.float32)
     colour = _room(ray, eye, lens.fx) if environment == "indoor" else _field(ray, eye, lens.fx)
     if environment == "outdoor" and settings.sun:
         colour = _shining(colour, ray)
@@ -32,14 +39,14 @@ def background(settings, camera, environment):
     return np.clip(colour, 0, 255).astype(np.uint8)
 
 
-def in_front(settings, camera, environment):
+def in_front(settings: Settings, camera: Camera, environment: str) -> Bools | None:
     """Pixels (height, width, 1) bool in which the wall hides everybody, or None where there is none."""
     if environment == "indoor" or not settings.occluder or camera.centre[1] < WALL_Y:
         return None
-    return _wall(_rays(camera.intrinsics, camera), camera.wTc[:3, 3].astype(np.float32))[..., None]
+    return _wall(_rays(camera.intrinsics, camera), camera.centre.astype(np.float32))[..., None]
 
 
-def _rays(lens, camera):
+def _rays(lens: Intrinsics, camera: Camera) -> Rays:
     """Directions (height, width, 3) in the world of a camera's pixels."""
     import cv2
 
@@ -53,7 +60,7 @@ def _rays(lens, camera):
         r2 = x * x + y * y
         bent = np.stack([2 * p1 * x * y + p2 * (r2 + 2 * x * x), p1 * (r2 + 2 * y * y) + 2 * p2 * x * y], axis=-1)
         xy = (seen - bent) / (1 + r2 * (k1 + r2 * (k2 + r2 * k3)))[..., None]
-    ray = np.concatenate([xy, np.ones((*xy.shape[:-1], 1))], axis=-1) @ camera.wTc[:3, :3].T
+    ray = np.concatenate([xy, np.ones((*xy.shape[:-1], 1))], axis=-1) @ camera.wRc.T
     high, wide = ray.shape[:2]
     ray = cv2.resize(ray.astype(np.float32), (wide * step, high * step), interpolation=cv2.INTER_LINEAR)
     # resize puts sample (i, j) at pixel centre step (i + 1/2) - 1/2
@@ -61,7 +68,7 @@ def _rays(lens, camera):
     return ray[half : half + lens.height, half : half + lens.width]
 
 
-def _wall(ray, eye):
+def _wall(ray: Rays, eye: Rays) -> Bools:
     """Rays (..., 3) that meet the wall of the field."""
     with np.errstate(divide="ignore", invalid="ignore"):
         t = (WALL_Y - eye[1]) / ray[..., 1]
@@ -69,7 +76,7 @@ def _wall(ray, eye):
         return (t > 0) & (np.abs(x) < WALL_HALF_M) & (z > 0) & (z < WALL_TOP_M)
 
 
-def _shining(colour, ray):
+def _shining(colour: Floats, ray: Rays) -> Floats:
     """The saturated disc of the sun and its glare."""
     ray = ray / np.linalg.norm(ray, axis=-1, keepdims=True)
     azimuth, elevation = np.deg2rad(SUN_DEG)
@@ -79,14 +86,14 @@ def _shining(colour, ray):
     return colour + glare[..., None]
 
 
-def _ground(ray, eye, fx):
+def _ground(ray: Rays, eye: Rays, fx: float) -> tuple[Floats, Floats, Floats, Bools]:
     """Where rays meet the floor: x, y (m), the distance and whether they do."""
     down = ray[..., 2] < -1e-3
     t = np.where(down, -eye[2] / np.where(down, ray[..., 2], -1.0), 1e4)
     return eye[0] + t * ray[..., 0], eye[1] + t * ray[..., 1], t, down
 
 
-def _lines(x, y, distance, fx, spacing, width):
+def _lines(x: Floats, y: Floats, distance: Floats, fx: float, spacing: float, width: float) -> Floats:
     """How much (0 to 1) of a pixel is covered by lines on the floor, blurred with the distance."""
     blur = np.maximum(width, 1.2 * distance / fx)
     off = [np.abs((c + spacing / 2) % spacing - spacing / 2) for c in (x, y)]
@@ -94,7 +101,7 @@ def _lines(x, y, distance, fx, spacing, width):
     return cover * width / blur
 
 
-def _room(ray, eye, fx):
+def _room(ray: Rays, eye: Rays, fx: float) -> Floats:
     x, y, t, down = _ground(ray, eye, fx)
     wall = 6.5
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -113,7 +120,7 @@ def _room(ray, eye, fx):
     return np.where(floor[..., None], ground, walls)
 
 
-def _field(ray, eye, fx):
+def _field(ray: Rays, eye: Rays, fx: float) -> Floats:
     x, y, t, down = _ground(ray, eye, fx)
     flat = np.hypot(ray[..., 0], ray[..., 1])
     rise = ray[..., 2] / np.maximum(flat, 1e-6)

@@ -6,16 +6,23 @@ a landmark at the joint centre.
 """
 
 from dataclasses import dataclass
+from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from dior.arrays import Floats
 from dior.body.names import MLKIT_33, PLUG_IN_GAIT_39
-from dior.simulate.settings import generator, person
+from dior.simulate.settings import Settings, generator, person
 
+# origin (T, 3) and axes (T, 3, 3) of a segment, columns forward, left, up; segments by name
+Segment: TypeAlias = tuple[Floats, Floats]
+Segments: TypeAlias = dict[str, Segment]
+# markers of 14 mm, the size usual for whole bodies
 MARKER_RADIUS_M = 0.007
 
-
-# body heights; of the other parts of a body only the height is known
+# Body heights; of the other parts of a body only the height is known. Said here, not taken from `dior.body`, on
+# purpose: the steps judge bodies by their own table, and a slip in one of the two shows against the other.
 THIGH, SHANK, HALF_HIPS, HALF_SHOULDERS, UPPER_ARM, FOREARM, TRUNK = 0.245, 0.246, 0.052, 0.112, 0.186, 0.146, 0.288
 # How people of one height differ: standard deviations of the legs as a share of their length, with the trunk making up
 # for it, and of the other lengths. Trotter and Gleser, Am. J. Phys. Anthropol. 10 (1952) 463-514, white men: stature
@@ -38,59 +45,59 @@ class Body:
     forearm_share: float = FOREARM
     trunk_share: float = TRUNK
 
-    def part(self, fraction):
+    def part(self, fraction: Any) -> Any:
         return fraction * self.height
 
     @property
-    def thigh(self):
+    def thigh(self) -> float:
         return self.part(self.thigh_share)
 
     @property
-    def shank(self):
+    def shank(self) -> float:
         return self.part(self.shank_share)
 
     @property
-    def long_legs(self):
+    def long_legs(self) -> float:
         """How much longer the legs are than those of the average body of this height, as a factor."""
         return (self.thigh_share + self.shank_share) / (THIGH + SHANK)
 
     @property
-    def ankle_height(self):
+    def ankle_height(self) -> float:
         return self.part(0.039)
 
     @property
-    def heel(self):
+    def heel(self) -> Floats:
         """Lowest point of the heel from the ankle centre in the foot's axes (x, z)."""
         return np.array([-self.part(0.030), -self.ankle_height])
 
     @property
-    def ball(self):
+    def ball(self) -> Floats:
         """Lowest point of the ball of the foot from the ankle centre in the foot's axes (x, z)."""
         return np.array([self.part(0.085), -self.ankle_height])
 
     @property
-    def half_hips(self):
+    def half_hips(self) -> float:
         return self.part(self.half_hips_share)
 
     @property
-    def half_shoulders(self):
+    def half_shoulders(self) -> float:
         return self.part(self.half_shoulders_share)
 
     @property
-    def upper_arm(self):
+    def upper_arm(self) -> float:
         return self.part(self.upper_arm_share)
 
     @property
-    def forearm(self):
+    def forearm(self) -> float:
         return self.part(self.forearm_share)
 
     @property
-    def trunk(self):
+    def trunk(self) -> float:
         """From the middle of the hips to the middle of the shoulders."""
         return self.part(self.trunk_share)
 
 
-def body_of(settings, subject):
+def body_of(settings: Settings, subject: str) -> Body:
     """The body of a subject: height drawn between 1.66 and 1.84 m, mm; proportions where people differ in them."""
     who = person(settings, subject)
     height = round(float(generator(settings, "body", who).uniform(1.66, 1.84)), 3)
@@ -110,8 +117,9 @@ def body_of(settings, subject):
     )
 
 
-# Landmarks: segment and position in the segment's axes as fractions of the body height; `L` rows are mirrored for the
-# right side. Head: origin at the middle of the ears (0.936 H up, Drillis and Contini's eye height).
+# Landmarks: position in the segment's axes as fractions of the body height; those of the left are mirrored for the
+# right side. Chosen by eye: a face and a hand of usual shape. Head: origin at the middle of the ears (0.936 H up,
+# Drillis and Contini's eye height).
 _HEAD = {
     "nose": (0.063, 0.0, -0.012),
     "left_eye_inner": (0.054, 0.010, 0.010),
@@ -122,7 +130,8 @@ _HEAD = {
 }
 _HAND = {"left_pinky": (0.0, -0.016, -0.050), "left_index": (0.0, 0.016, -0.052), "left_thumb": (0.008, 0.024, -0.028)}
 
-# Markers on the skin, fractions of the body height in the axes of their segment (the surface of an average build).
+# Markers on the skin, fractions of the body height in the axes of their segment (the surface of
+# an average build, chosen by eye).
 _MARKERS = {
     "head": {"LFHD": (0.042, 0.034, 0.030), "LBHD": (-0.040, 0.032, 0.028)},
     "chest": {"LSHO": (0.0, 0.100, 0.036)},
@@ -143,13 +152,13 @@ _MIDDLE = {
 }
 
 
-def landmarks(body, segments):
+def landmarks(body: Body, segments: Segments) -> Floats:
     """The 33 landmarks (T, 33, 3) in ML Kit's order.
 
     `segments` maps a segment's name (`head`, `chest`, `pelvis`; `left_thigh` and so on) to (origin (T, 3), axes
     (T, 3, 3), columns forward, left, up).
     """
-    points = {}
+    points: dict[str, Floats] = {}
     for name, offset in _HEAD.items():
         points |= _both(body, segments["head"], segments["head"], name, offset)
     for side in ("left", "right"):
@@ -166,7 +175,7 @@ def landmarks(body, segments):
     return np.stack([points[name] for name in MLKIT_33], axis=1)
 
 
-def markers(body, segments):
+def markers(body: Body, segments: Segments) -> Floats:
     """The 39 Plug-in-Gait markers (T, 39, 3) in the order of `PLUG_IN_GAIT_39`; `segments` as for `landmarks`."""
     scale = _proportions(body)
     points = {
@@ -180,7 +189,7 @@ def markers(body, segments):
     return np.stack([points[name] for name in PLUG_IN_GAIT_39], axis=1)
 
 
-def _proportions(body):
+def _proportions(body: Body) -> dict[str, Floats]:
     """By how much a segment is larger than that of the average body of this height: forward, left, up."""
     shoulders, hips = body.half_shoulders_share / HALF_SHOULDERS, body.half_hips_share / HALF_HIPS
     return {
@@ -193,12 +202,12 @@ def _proportions(body):
     }
 
 
-def _at(segment, offset):
+def _at(segment: Segment, offset: ArrayLike) -> Floats:
     origin, axes = segment
     return origin + axes @ np.asarray(offset, float)
 
 
-def _both(body, left, right, name, offset):
+def _both(body: Body, left: Segment, right: Segment, name: str, offset: ArrayLike) -> dict[str, Floats]:
     """A point and its mirror image on the other side, by name; a point without a side is given once."""
     here = body.part(np.array(offset))
     if not name.startswith(("left_", "L")):

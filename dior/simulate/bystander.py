@@ -1,6 +1,6 @@
 """A second person who stands beside the walkway for a part of the recording.
 
-OUTPUT   `Seen`: the landmarks at the pictures of a camera, and what the camera sees of them
+OUTPUT   `SecondPerson`: the landmarks at the pictures of a camera, and what the camera sees of them
 """
 
 from dataclasses import dataclass
@@ -8,40 +8,44 @@ from functools import cache
 
 import numpy as np
 
+from dior.arrays import Bools, Floats
 from dior.body.names import MLKIT_33, swap_index
+from dior.geometry.camera import Camera
 from dior.simulate import scene
 from dior.simulate.body import Body
 from dior.simulate.gait import Walker
-from dior.simulate.settings import generator
+from dior.simulate.settings import Sequence, Settings, generator
 
-# azimuth (degrees) and distance (m) from the middle of the walkway: in view of several cameras, in the way of none
+# chosen, in view of several cameras and in the way of none: azimuth (degrees) and distance (m) from the middle of the
+# walkway
 PLACES = {"indoor": (90.0, 3.3), "outdoor": (-30.0, 3.3)}
+# chosen: amplitude at the top of the head and period of the sway of somebody who stands
 SWAY_M, SWAY_S = 0.015, 3.7
 SUBJECT = "S00"
 _LEFT = [i for i, name in enumerate(MLKIT_33) if name.startswith("left_")]
 _RIGHT = swap_index(MLKIT_33)[_LEFT].tolist()
 
 
-@dataclass(frozen=True)
-class Seen:
+@dataclass(frozen=True, eq=False)
+class SecondPerson:
     """Of a second person: landmarks (P, 33, 3) m, pixels (P, 33, 2), depths and which are in the picture (P, 33), and
     when the person is there (P,); a row per picture.
     """
 
     height: float
-    landmarks: np.ndarray
-    uv: np.ndarray
-    depth: np.ndarray
-    inside: np.ndarray
-    present: np.ndarray
+    landmarks: Floats
+    uv: Floats
+    depth: Floats
+    inside: Bools
+    present: Bools
 
 
-def seen(settings, sequence, camera, seconds):
-    """`Seen` by a camera at `seconds` (P,); NaN where there is nobody in the whole recording."""
+def seen(settings: Settings, sequence: Sequence, camera: Camera, seconds: Floats) -> SecondPerson:
+    """`SecondPerson` by a camera at `seconds` (P,); NaN where there is nobody in the whole recording."""
     count = len(seconds)
     if not settings.bystander:
         nowhere, never = np.full((count, len(MLKIT_33), 3), np.nan), np.zeros((count, len(MLKIT_33)), bool)
-        return Seen(np.nan, nowhere, nowhere[..., :2], nowhere[..., 2], never, never[:, 0])
+        return SecondPerson(np.nan, nowhere, nowhere[..., :2], nowhere[..., 2], never, never[:, 0])
     draw = generator(settings, "bystander", sequence.name)
     body = Body(round(float(draw.uniform(1.66, 1.84)), 3))
     length = settings.bystander * settings.duration_s
@@ -57,16 +61,16 @@ def seen(settings, sequence, camera, seconds):
     landmarks[..., :2] += sway[:, None] * height
     uv, depth = scene.project(camera, landmarks)
     uv = np.where((depth > 0)[..., None], uv, np.nan)
-    return Seen(body.height, landmarks, uv, depth, scene.in_picture(camera.intrinsics, uv), present)
+    return SecondPerson(body.height, landmarks, uv, depth, scene.in_picture(camera.intrinsics, uv), present)
 
 
-def standing(body, place, heading):
+def standing(body: Body, place: Floats, heading: float) -> Floats:
     """Landmarks (33, 3) m of a body that stands at `place` (2,) m and looks along `heading` (rad)."""
     return _turned(_upright(body), heading) + (*place, 0.0)
 
 
 @cache
-def _upright(body):
+def _upright(body: Body) -> Floats:
     """Landmarks (33, 3) m of a body that stands at the origin and looks along x."""
     walking = Walker(body, until=2.0).at(np.linspace(0.0, 2.0, 80))[0]
     left_ankle, right_ankle = (MLKIT_33.index(f"{side}_ankle") for side in ("left", "right"))
@@ -82,7 +86,7 @@ def _upright(body):
     return points
 
 
-def _turned(points, angle):
+def _turned(points: Floats, angle: float) -> Floats:
     """Points (..., 3) turned about the vertical axis by `angle` (rad)."""
     c, s = np.cos(angle), np.sin(angle)
     return points @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])

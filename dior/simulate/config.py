@@ -8,18 +8,32 @@ note them (0.01 px, 1 mm, 0.1 ms), and no picture is rendered for them.
 
 from dataclasses import asdict, fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from dior.arrays import Floats
 from dior.project.init import TEMPLATES
 from dior.project.read import describe
 from dior.simulate import scene, simulate_gallery, truth
 from dior.simulate.body import body_of
 from dior.simulate.clocks import clocks_of
 from dior.simulate.motion import motion_of
-from dior.simulate.settings import CAMERAS, SECTIONS, SESSIONS, Settings, from_dict, generator, place_of, sequences
+from dior.simulate.settings import (
+    CAMERAS,
+    SECTIONS,
+    SESSIONS,
+    Sequence,
+    Settings,
+    from_dict,
+    generator,
+    place_of,
+    sequences,
+)
 from dior.tables.files import write_text
 
+# chosen, as somebody would who does not want to click for long: marked pictures of a camera, walks that the long-range
+# camera is aligned to, marks in a picture, every how many pictures a box is drawn, instants of the adjustment
 MARKED_FRAMES = 3
 ALIGNED = 2
 MOST_MARKS = 16
@@ -27,15 +41,19 @@ BOX_EVERY = 10
 ADJUST_INSTANTS = 400
 ALWAYS_SHOWN = ("seed", "subjects", "sequences", "duration_s", "long_range_m", "detector")
 DETECTOR_SHOWN = {"ideal": ("level", "noise_px"), "real": ("level",)}
+# chosen: how well a height is measured against a wall
 HEIGHT_SIGMA_M = 0.01
 
 
-def run(*, settings, write_config):
-    """Write the config of the capture that `settings` (a dict) describe into the folder `write_config`."""
-    write(from_dict(settings), Path(write_config))
+def run(*, write_config: Path, settings: dict[str, Any] | None = None) -> None:
+    """Write the config of a simulated capture.
+
+    `write_config`: folder to write it to; `settings`: what differs from the demo, as JSON.
+    """
+    write(from_dict(settings or {}), write_config)
 
 
-def write(settings, folder):
+def write(settings: Settings, folder: Path) -> None:
     """Write every file of the config below `folder`."""
     walks = sequences(settings)
     write_text(folder / "config.yaml", config_yaml(settings))
@@ -52,7 +70,7 @@ def write(settings, folder):
             write_text(path, _boxes(settings, walk))
 
 
-def config_yaml(settings):
+def config_yaml(settings: Settings) -> str:
     """config.yaml: the template of `dior init`, with the data below results/ and the `simulate:` section."""
     template = (TEMPLATES / "config.yaml").read_text(encoding="utf-8")
     assert "\ndata_root: data\n" in template
@@ -74,7 +92,7 @@ def config_yaml(settings):
     return text
 
 
-def _yaml(value):
+def _yaml(value: Any) -> str:
     if isinstance(value, dict):
         return "{" + ", ".join(f"{key}: {_yaml(entry)}" for key, entry in value.items()) + "}"
     if isinstance(value, (list, tuple)):
@@ -84,16 +102,16 @@ def _yaml(value):
     return str(value)
 
 
-def _sheet(rows):
+def _sheet(rows: list[dict[str, Any]]) -> str:
     lines = [list(rows[0]), *(row.values() for row in rows)]
     return "".join("\t".join(map(str, line)) + "\n" for line in lines)
 
 
-def _subjects(walks):
+def _subjects(walks: list[Sequence]) -> list[str]:
     return list(dict.fromkeys(walk.subject for walk in walks))
 
 
-def _sequence_row(settings, walk):
+def _sequence_row(settings: Settings, walk: Sequence) -> dict[str, Any]:
     indoor = walk.environment == "indoor"
     return {
         "sequence": walk.name,
@@ -112,7 +130,7 @@ def _sequence_row(settings, walk):
     }
 
 
-def _subject_row(settings, subject):
+def _subject_row(settings: Settings, subject: str) -> dict[str, str]:
     random = generator(settings, "person", subject)
     height = body_of(settings, subject).height + HEIGHT_SIGMA_M * random.standard_normal()
     return {
@@ -125,7 +143,7 @@ def _subject_row(settings, subject):
     }
 
 
-def _write_session(settings, folder, session, walks):
+def _write_session(settings: Settings, folder: Path, session: str, walks: list[Sequence]) -> None:
     outdoor = place_of(session) == SESSIONS["outdoor"]
     text = f"cameras: [{', '.join(CAMERAS)}]\n"
     if outdoor:
@@ -142,7 +160,7 @@ def _write_session(settings, folder, session, walks):
             write_text(folder / f"{name}.marks.csv", marks(settings, walks[0], seen))
 
 
-def _camera_yaml(name, placed, outdoor, boxed):
+def _camera_yaml(name: str, placed: scene.Placed, outdoor: bool, boxed: list[str]) -> str:
     long_range = placed.camera.role == "long_range"
     lines = [
         f"role: {placed.camera.role}",
@@ -163,7 +181,9 @@ def _camera_yaml(name, placed, outdoor, boxed):
     return "\n".join(lines) + "\n"
 
 
-def marks(settings, walk, seen, frames=MARKED_FRAMES, worth=None):
+def marks(
+    settings: Settings, walk: Sequence, seen: truth.View, frames: int = MARKED_FRAMES, worth: Floats | None = None
+) -> str:
     """Clicked markers (CSV): on a few frames of a walk, those that show best in a camera's `truth.View`.
 
     `worth` (P,) of a visible marker in each picture; 1 without it.
@@ -184,7 +204,7 @@ def marks(settings, walk, seen, frames=MARKED_FRAMES, worth=None):
     return "\n".join(lines) + "\n"
 
 
-def _boxes(settings, walk):
+def _boxes(settings: Settings, walk: Sequence) -> str:
     """Boxes drawn around the person in the long-range picture; an edge is `box_margin_px` too far out, give or take."""
     seen = truth.view(settings, walk, motion_of(settings, walk), scene.LONG_RANGE)
     uv, status = seen.landmark(seen.uv), seen.landmark(seen.status)
@@ -201,13 +221,13 @@ def _boxes(settings, walk):
     return "\n".join(lines) + "\n"
 
 
-def write_offsets(settings, folder):
+def write_offsets(settings: Settings, folder: Path) -> None:
     """Write the true clocks of every walk below `folder`, as a person would give them."""
     for walk in sequences(settings):
         write_text(folder / "offsets" / f"{walk.name}.yaml", _offsets(settings, walk))
 
 
-def _offsets(settings, walk):
+def _offsets(settings: Settings, walk: Sequence) -> str:
     clocks, _ = clocks_of(settings, walk)
     lines = [
         f"{name}: {{offset_s: {clock.offset_s:.4f}, drift_ppm: {clock.drift_ppm:g}}}" for name, clock in clocks.items()

@@ -4,40 +4,24 @@ OUTPUT   ML Kit JSON lines, a line per picture: `{"frame", "stamp_ns", "landmark
 """
 
 import json
-from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
+from dior.arrays import Bools, Floats
+from dior.geometry.camera import Camera
+from dior.simulate.clocks import Clock
+from dior.simulate.truth import Detected, View
 from dior.tables.files import write_text
 
+# chosen: of a person who is mostly outside, detectors find nobody
 LEAST_IN_PICTURE = 0.5
 SCORE_IN, SCORE_OUT = 0.99, 0.05
 # ML Kit finds nobody in people smaller than this; the paper's long-range views are 20-25 px
 SMALLEST_PX = 60.0
 
 
-@dataclass(frozen=True)
-class Detected:
-    """What a detector gives, and what was done to it: a row per picture, a column per landmark as it is named.
-
-    Pixels (P, 33, 2), scores (P, 33), relative depth (P, 33) px, and where there is a person (P,). Of the pixels, the
-    noise and the constant offset (P, 33, 2) px, NaN where it is another person's; whether the landmark is the one of
-    the other side, was hidden, lies on the other limb, or is the second person's (P, 33).
-    """
-
-    uv: np.ndarray
-    score: np.ndarray
-    z: np.ndarray
-    found: np.ndarray
-    noise: np.ndarray
-    bias: np.ndarray
-    swapped: np.ndarray
-    guessed: np.ndarray
-    wrong_together: np.ndarray
-    bystander: np.ndarray
-
-
-def detect(seen, noise_px, random):
+def detect(seen: View, noise_px: float, random: np.random.Generator) -> Detected:
     """What the detector makes of a `truth.View`."""
     uv, depth, status = (seen.landmark(values) for values in (seen.uv, seen.depth, seen.status))
     inside = (status == "ok") | (status == "occluded")
@@ -57,20 +41,20 @@ def detect(seen, noise_px, random):
     )
 
 
-def detectable(uv, inside):
+def detectable(uv: Floats, inside: Bools) -> Bools:
     """Whether (F,) a person with landmarks uv (F, 33, 2) is large enough and enough of them is `inside` (F, 33)."""
     with np.errstate(invalid="ignore"):
         tall = np.nanmax(uv[..., 1], axis=1) - np.nanmin(uv[..., 1], axis=1) >= SMALLEST_PX
     return (inside.mean(axis=1) >= LEAST_IN_PICTURE) & tall & np.isfinite(uv).all(axis=(1, 2))
 
 
-def relative_depth(camera, depth):
+def relative_depth(camera: Camera, depth: Floats) -> Floats:
     """ML Kit's z (F, 33): depth (F, 33) m behind the middle of the hips, in pixels at their distance."""
     middle = depth[:, 23:25].mean(axis=1, keepdims=True)
     return (depth - middle) * camera.intrinsics.fx / middle
 
 
-def write_mlkit(path, clock, detected):
+def write_mlkit(path: Path, clock: Clock, detected: Detected) -> None:
     """Write one camera's detections as ML Kit JSON lines, a line per recorded message of its `clocks.Clock`."""
     lines = []
     uv, z, score = detected.uv.round(2).tolist(), detected.z.round(2).tolist(), detected.score.tolist()

@@ -1,7 +1,7 @@
 """The simulated 2D detector, level `real`: wrong in the ways in which pose networks are wrong.
 
 INPUTS   the `truth.View` of every camera of a walk, the second person as they see him, `settings.Detector`
-OUTPUTS  `detector.Detected` of every camera: recorded pixels, and what was done to each landmark
+OUTPUTS  `Detected` of every camera: recorded pixels, and what was done to each landmark
 
 A landmark is its true pixel, a constant offset for its side of the body, AR(1) noise and, where it is hidden, the
 error of a guess. Then whole pictures go wrong, in runs: two views take one limb for the other, left and right are
@@ -9,16 +9,22 @@ exchanged, the second person is found instead, or nobody.
 """
 
 from itertools import combinations
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from dior.arrays import Bools, Floats, Ints
 from dior.body.names import MLKIT_33, swap_index
-from dior.simulate.detector import SCORE_OUT, Detected, detectable, relative_depth
+from dior.geometry.camera import Camera
+from dior.simulate.bystander import SecondPerson
+from dior.simulate.detector import SCORE_OUT, detectable, relative_depth
 from dior.simulate.runs import runs
-from dior.simulate.settings import generator, pictures_per_camera
+from dior.simulate.settings import Sequence, Settings, generator, pictures_per_camera
+from dior.simulate.truth import Detected, View
 
 SIDES = ("front", "left", "back", "right")
-# how slowly a guess wanders
+# chosen: time after which the autocorrelation of a guess is 1/e; slower than the noise of what is seen
 GUESS_TIME_S = 0.5
 _MIRROR = swap_index(MLKIT_33)
 _ARM, _LEG = ("elbow", "wrist", "pinky", "index", "thumb"), ("knee", "ankle", "heel", "foot_index")
@@ -26,10 +32,12 @@ LIMBS = [[MLKIT_33.index(f"{side}_{part}") for part in parts] for side in ("left
 LEGS = [i for i, name in enumerate(MLKIT_33) if name.endswith(("hip", *_LEG))]
 
 
-def detect(settings, sequence, height, views, others):
+def detect(
+    settings: Settings, sequence: Sequence, height: float, views: dict[str, View], others: dict[str, SecondPerson]
+) -> dict[str, Detected]:
     """`Detected` by camera.
 
-    `views` and `others`: camera -> `truth.View` and `bystander.Seen`; `height` of the body, m.
+    `views` and `others`: camera -> `truth.View` and `bystander.SecondPerson`; `height` of the body, m.
     """
     wrong = _wrong_together(settings, sequence, views)
     return {
@@ -38,7 +46,9 @@ def detect(settings, sequence, height, views, others):
     }
 
 
-def _one_camera(settings, sequence, height, seen, other, wrong):
+def _one_camera(
+    settings: Settings, sequence: Sequence, height: float, seen: View, other: SecondPerson, wrong: Bools
+) -> Detected:
     errors = settings.detector
     draw = generator(settings, "real detector", sequence.name, seen.camera.name)
     uv, depth, status = (seen.landmark(values) for values in (seen.uv, seen.depth, seen.status))
@@ -61,7 +71,7 @@ def _one_camera(settings, sequence, height, seen, other, wrong):
     swapped = (swap_run >= 0)[:, None] & (np.isin(np.arange(len(MLKIT_33)), LEGS) | ~legs_only[swap_run][:, None])
     swapped &= _MIRROR != np.arange(len(MLKIT_33))
 
-    def labelled(values):
+    def labelled(values: NDArray[Any]) -> NDArray[Any]:
         """Values (P, 33, ...) under the names that the detector gives them."""
         return np.where(swapped.reshape(*swapped.shape, *(1,) * (values.ndim - 2)), values[:, _MIRROR], values)
 
@@ -82,7 +92,7 @@ def _one_camera(settings, sequence, height, seen, other, wrong):
     return _taken(found, taken & ~missed, seen.camera, other, strange, draw.uniform(*errors.score_seen, score.shape))
 
 
-def _taken(found, taken, camera, other, uv, score):
+def _taken(found: Detected, taken: Bools, camera: Camera, other: SecondPerson, uv: Floats, score: Floats) -> Detected:
     """`Detected` with the second person, at pixels `uv` (P, 33, 2), in the pictures `taken` (P,)."""
     mine = ~taken[:, None]
     score = np.where(other.inside, score, SCORE_OUT).round(4)
@@ -100,7 +110,9 @@ def _taken(found, taken, camera, other, uv, score):
     )
 
 
-def ar1(random, seconds, shape, sd, time_s, dof):
+def ar1(
+    random: np.random.Generator, seconds: Floats, shape: tuple[int, ...], sd: float | Floats, time_s: float, dof: float
+) -> Floats:
     """Noise of `shape` (F, ...) at `seconds` (F,): first-order autoregressive, autocorrelation exp(-dt/time_s).
 
     The innovations are Student t with `dof` degrees of freedom, scaled so that the noise has the standard deviation
@@ -116,7 +128,7 @@ def ar1(random, seconds, shape, sd, time_s, dof):
     return out
 
 
-def view_side(landmarks, camera):
+def view_side(landmarks: Floats, camera: Camera) -> Ints:
     """Which side of the body (index into `SIDES`, (F,)) a camera sees; landmarks (F, 33, 3) m."""
     at = {name: landmarks[:, MLKIT_33.index(name), :2] for name in MLKIT_33[11:13] + MLKIT_33[23:25]}
     left = at["left_shoulder"] - at["right_shoulder"] + at["left_hip"] - at["right_hip"]
@@ -126,13 +138,13 @@ def view_side(landmarks, camera):
     return np.round(angle / (np.pi / 2)).astype(int) % len(SIDES)
 
 
-def _table(settings, name, rms):
+def _table(settings: Settings, name: str, rms: float) -> Floats:
     """Offsets (sides, 33, 2) with the rms length `rms`: the detector's own, the same in every camera and sequence."""
     table = generator(settings, name).standard_normal((len(SIDES), len(MLKIT_33), 2))
     return table * rms / np.sqrt(2)
 
 
-def _wrong_together(settings, sequence, views):
+def _wrong_together(settings: Settings, sequence: Sequence, views: dict[str, View]) -> dict[str, Bools]:
     """Where two views take one limb for the other: camera -> (F, 33) bool. Their rays meet, at the wrong limb."""
     errors = settings.detector
     draw = generator(settings, "wrong together", sequence.name)

@@ -7,14 +7,19 @@ hidden. Pixel (0, 0) is the centre of the top-left pixel.
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
+from dior.arrays import Bools, Floats, Ints
 from dior.body.names import MLKIT_33
+from dior.geometry.camera import Camera
 from dior.simulate.scene import project
 
 _AT = {name: i for i, name in enumerate(MLKIT_33)}
+# fractional bits of the coordinates that OpenCV is given
 SHIFT = 4
-# outline of a limb: half circles of ARC points at both ends
+# chosen: outline of a limb: half circles of ARC points at both ends
 ARC = 7
+# chosen: a body lower than SMALL_PX is drawn so many times larger, then averaged: edges of a pixel have the right share
 SUPERSAMPLE = 8
 SMALL_PX = 120
 
@@ -25,7 +30,8 @@ CLOTHES = {
     ("jacket", 0): {"top": (50, 60, 185), "legs": (95, 80, 70)},
     ("jacket", 1): {"top": (60, 165, 215), "legs": (110, 65, 60)},
 }
-# limb: ends, radii as fractions of the body height, colour (`sleeve` is skin in a shirt, cloth in a jacket)
+# chosen by eye; a limb: ends, radii as fractions of the body height, colour (`sleeve`: skin of a shirt, cloth of a
+# jacket)
 _LIMBS = [
     ("neck", "throat", 0.042, 0.034, "skin"),
     ("skull", "skull", 0.061, 0.061, "hair"),
@@ -56,7 +62,7 @@ _TRUNK_LIMBS = [("chest", "waist", 0.074, 0.072), ("left_shoulder", "left_hip", 
 _TRUNK_LIMBS += [("right_shoulder", "right_hip", 0.045, 0.068), ("left_hip", "right_hip", 0.070, 0.070)]
 
 
-def figure(landmarks, height):
+def figure(landmarks: Floats, height: float) -> dict[str, Floats]:
     """Points of the drawn body (T, 3) by name: the landmarks and a few more, from landmarks (T, 33, 3)."""
     p = {name: landmarks[:, i] for name, i in _AT.items()}
     ears = (p["left_ear"] + p["right_ear"]) / 2
@@ -80,22 +86,22 @@ def figure(landmarks, height):
     return p
 
 
-def _unit(v):
+def _unit(v: Floats) -> Floats:
     return v / np.linalg.norm(v, axis=-1, keepdims=True)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Drawing:
     """The body's outlines in one camera: polygons (T, P, 3, N, 2) px in three shades, their order and colours."""
 
-    limbs: np.ndarray
-    trunk: np.ndarray
-    order: np.ndarray
-    colours: np.ndarray
-    box: np.ndarray
+    limbs: Floats
+    trunk: Floats
+    order: Ints
+    colours: Floats
+    box: Floats
 
 
-def outlines(camera, points, height, outfit, subject):
+def outlines(camera: Camera, points: dict[str, Floats], height: float, outfit: str, subject: str) -> Drawing:
     """`Drawing` of the body (points as from `figure`) in a camera."""
     pixel, depth = {}, {}
     for name, xyz in points.items():
@@ -140,7 +146,7 @@ _SHADES = ((1.0, 0.0), (0.72, 0.16), (0.34, 0.34))
 _LIGHT = (-0.6, -0.8)
 
 
-def _shaded(a, b, ra, rb):
+def _shaded(a: Floats, b: Floats, ra: Floats, rb: Floats) -> Floats:
     """Outlines (T, P, 3, 2 ARC, 2) of tapered limbs between pixels a and b (T, P, 2) with radii (T, P)."""
     along = b - a
     apart = np.linalg.norm(along, axis=-1)
@@ -158,7 +164,7 @@ def _shaded(a, b, ra, rb):
     return np.stack(layers, axis=2)
 
 
-def paint(picture, drawing, i):
+def paint(picture: NDArray[np.uint8], drawing: Drawing, i: int) -> None:
     """Draw the body of frame `i` into `picture` (height, width, 3) uint8, in place."""
     import cv2
 
@@ -189,7 +195,7 @@ def paint(picture, drawing, i):
         part[:] = cv2.resize(canvas, (u1 - u0, v1 - v0), interpolation=cv2.INTER_AREA)
 
 
-def hidden(camera, points, height, joints, slack):
+def hidden(camera: Camera, points: dict[str, Floats], height: float, joints: Floats, slack: Floats) -> Bools:
     """Whether joints (T, J, 3) are behind another part of the body, as seen by a camera: (T, J) bool.
 
     A joint is hidden where the ray to it meets a limb more than `slack` (J,) m before the joint itself.
@@ -198,7 +204,7 @@ def hidden(camera, points, height, joints, slack):
     a = np.stack([points[pair[0]] for pair in pairs], axis=1).astype(np.float32)
     b = np.stack([points[pair[1]] for pair in pairs], axis=1).astype(np.float32)
     ra, rb = (np.array([pair[k] for pair in pairs], np.float32) * np.float32(height) for k in (2, 3))
-    eye = camera.wTc[:3, 3]
+    eye = camera.centre
     ray = (joints - eye).astype(np.float32)
     far = np.linalg.norm(ray, axis=-1)
     ray = ray / far[..., None]

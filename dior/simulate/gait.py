@@ -9,32 +9,40 @@ follows the path that the joint angles give, bent so that it starts and ends on 
 and acceleration. The knee follows from hip and ankle, so that bones keep their lengths.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from dior.simulate.body import Body, landmarks, markers
+from dior.arrays import Floats
+from dior.simulate.body import Body, Segments, landmarks, markers
 from dior.simulate.patterns import WALK, Pattern
 
-# a leg is at most this share of its length: a knee is never quite straight
+# a function of the phase, of the time or of the way along the loop, as arrays: a spline
+Curve: TypeAlias = Callable[[Any], Floats]
+# chosen: a leg is at most this share of its length, since a knee is never quite straight
 STRETCH = 0.996
+# chosen, samples of 0.005 cycles: over how much of the gait the pelvis' height is smoothed
 SMOOTH = 15
+# chosen: a sole this near to flat is flat
 LIFT = np.deg2rad(1.2)
 
 
-def stride_length(speed, height, pattern=WALK):
+def stride_length(speed: ArrayLike, height: float, pattern: Pattern = WALK) -> Floats:
     """Length of a stride (two steps), m."""
     return np.asarray(speed) / (pattern.strides(speed, height) * pattern.quickness)
 
 
-def _smooth(u):
+def _smooth(u: Floats) -> Floats:
     """0 to 1 with no velocity or acceleration at the ends."""
     u = np.clip(u, 0.0, 1.0)
     return u * u * u * (10 + u * (6 * u - 15))
 
 
-def _axes(yaw, pitch=0.0, roll=0.0):
+def _axes(yaw: ArrayLike, pitch: ArrayLike = 0.0, roll: ArrayLike = 0.0) -> Floats:
     """Axes (T, 3, 3), columns forward, left, up: yaw about z, then nose-up pitch, then left-up roll."""
     yaw, pitch, roll = np.broadcast_arrays(*(np.asarray(a, float) for a in (yaw, pitch, roll)))
     cy, sy, cp, sp, cr, sr = np.cos(yaw), np.sin(yaw), np.cos(pitch), np.sin(pitch), np.cos(roll), np.sin(roll)
@@ -45,7 +53,7 @@ def _axes(yaw, pitch=0.0, roll=0.0):
     return Z @ Y @ X
 
 
-def _frame_along(down, forward):
+def _frame_along(down: Floats, forward: Floats) -> Floats:
     """Axes of a limb that points along `down` (T, 3), its front towards `forward`."""
     up = -down / np.linalg.norm(down, axis=-1, keepdims=True)
     left = np.cross(up, forward)
@@ -53,7 +61,9 @@ def _frame_along(down, forward):
     return np.stack([np.cross(left, up), left, up], axis=-1)
 
 
-def _quintic(u, span, start, end):
+def _quintic(
+    u: Floats, span: float, start: tuple[Floats, Floats, Floats], end: tuple[Floats, Floats, Floats]
+) -> Floats:
     """Polynomial in u in [0, 1] from `start` to `end`, each (value, d/dphi, d2/dphi2) over `span` cycles."""
     p0, v0, a0 = start[0], start[1] * span, start[2] * span**2
     p1, v1, a1 = end[0], end[1] * span, end[2] * span**2
@@ -63,23 +73,23 @@ def _quintic(u, span, start, end):
     return p0 + u * (v0 + u * (0.5 * a0 + u * (c3 + u * (c4 + u * c5))))
 
 
-def _cycle(values):
+def _cycle(values: tuple[float, ...]) -> Curve:
     """Periodic cubic spline of a table over the gait cycle: degrees in, function of the phase in radians out."""
     from scipy.interpolate import CubicSpline
 
     return CubicSpline(np.arange(len(values) + 1) / len(values), np.deg2rad([*values, values[0]]), bc_type="periodic")
 
 
-def _dead_zone(angle, width):
+def _dead_zone(angle: Floats, width: float) -> Floats:
     """The angle without its smallest values: about 0 below `width`, smooth."""
 
-    def ramp(x):
+    def ramp(x: Floats) -> Floats:
         return (x + np.sqrt(x * x + LIFT * LIFT / 16)) / 2
 
     return ramp(angle - width) - ramp(-angle - width)
 
 
-def _from_below(values, reach):
+def _from_below(values: Floats, reach: int) -> Floats:
     """A smooth curve that is nowhere above `values` (T,): the lowest within `reach` samples, averaged over those."""
     padded = np.pad(values, 2 * reach, mode="edge")
     lowest = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1).min(axis=-1)
@@ -104,20 +114,19 @@ class Walker:
     start: float = 0.0
     until: float = 12.0
 
-    def at(self, t):
+    def at(self, t: Floats) -> tuple[Floats, Floats]:
         """Landmarks (T, 33, 3) and skin markers (T, 39, 3) in the world, m, at times `t` (T,), s."""
         segments = self.segments(t)
         return landmarks(self.body, segments), markers(self.body, segments)
 
     @cached_property
-    def _tables(self):
+    def _tables(self) -> tuple[Curve, Curve, Curve, Curve]:
         """Splines: place (s -> x, y, yaw), and s and phase over time, and s over phase."""
         from scipy.interpolate import CubicSpline
 
         straight, turn = 2 * self.half_length, np.pi * self.turn_radius * 1.25
         lap = 2 * (straight + turn)
-        step = 0.005
-        s = np.linspace(0.0, lap, int(lap / step) + 1)
+        s = np.linspace(0.0, lap, int(lap / 0.005) + 1)
         along = np.mod(s - self.half_length, lap / 2)
         turning = _smooth((along - 0.0) / turn)
         yaw = np.pi * (np.floor((s - self.half_length) / (lap / 2)) + turning)
@@ -147,15 +156,15 @@ class Walker:
         return CubicSpline(many, place), CubicSpline(t, many), CubicSpline(t, phase), CubicSpline(phase, many)
 
     @cached_property
-    def _angles(self):
+    def _angles(self) -> tuple[Curve, Curve, Curve]:
         return _cycle(self.pattern.hip), _cycle(self.pattern.knee), _cycle(self.pattern.ankle)
 
-    def _foot_angle(self, phase):
+    def _foot_angle(self, phase: Floats) -> Floats:
         """Angle of the sole to the floor (rad, toes up positive): the published angles, flat where they nearly are."""
         hip, knee, ankle = (curve(np.mod(phase, 1.0)) for curve in self._angles)
         return _dead_zone(hip - knee + ankle + LIFT / 2, 2 * LIFT)
 
-    def _pelvis(self, phase, height):
+    def _pelvis(self, phase: Floats, height: Curve) -> tuple[Floats, Floats, Floats]:
         """Middle of the hips (T, 3), pelvis axes (T, 3, 3) and heading (T,) at phases of the left leg.
 
         `height` (m) is a function of the phase.
@@ -169,7 +178,7 @@ class Walker:
         yaw = heading - np.deg2rad(self.pattern.hips_turn) * np.cos(turn * phase)
         return centre, _axes(yaw, 0.0, np.deg2rad(self.pattern.hips_drop) * np.cos(turn * (phase - 0.14))), heading
 
-    def _footprint(self, cycle, side):
+    def _footprint(self, cycle: Floats, side: int) -> tuple[Floats, Floats]:
         """Place of the flat foot's ankle (T, 3) and its yaw (T,); `cycle` counts the leg's heel contacts."""
         place, _, _, s_of = self._tables
         phase = cycle + (0.0 if side > 0 else 0.5)
@@ -178,7 +187,7 @@ class Walker:
         ankle = np.stack([x - out * np.sin(yaw), y + out * np.cos(yaw), np.full_like(x, self.body.ankle_height)], -1)
         return ankle, yaw + side * np.deg2rad(self.pattern.feet_out)
 
-    def _stance(self, phase, cycle, side):
+    def _stance(self, phase: Floats, cycle: Floats, side: int) -> Floats:
         """Ankle (T, 3) of the foot that stands on footprint `cycle`; `phase` of that leg."""
         flat, yaw = self._footprint(cycle, side)
         angle = self._foot_angle(phase)
@@ -188,7 +197,7 @@ class Walker:
         dz = pivot[..., 1] - (s * pivot[..., 0] + c * pivot[..., 1])
         return flat + np.stack([dx * np.cos(yaw), dx * np.sin(yaw), dz], axis=-1)
 
-    def _free(self, phase, side, height):
+    def _free(self, phase: Floats, side: int, height: Curve) -> Floats:
         """Ankle (T, 3) as the published joint angles alone give it; `phase` of that leg."""
         centre, axes, heading = self._pelvis(phase if side > 0 else phase + 0.5, height)
         hip = centre + axes @ np.array([0.0, side * self.body.half_hips, 0.0])
@@ -197,13 +206,13 @@ class Walker:
         down = self.body.thigh * np.cos(h) + self.body.shank * np.cos(h - k)
         return hip + np.stack([forward * np.cos(heading), forward * np.sin(heading), -down], axis=-1)
 
-    def _ankle(self, phase, side, height):
+    def _ankle(self, phase: Floats, side: int, height: Curve) -> tuple[Floats, Floats, Floats]:
         """Ankle (T, 3), foot yaw (T,) and foot angle (T,) of a leg at its own phases."""
         cycle = np.floor(phase)
         u = phase - cycle
         standing = self._stance(phase, cycle, side)
 
-        def bend(at, footprint):
+        def bend(at: Floats, footprint: Floats) -> tuple[Floats, Floats, Floats]:
             """How far the footprint's ankle lies from the free one: value and two derivatives over the phase."""
             h = 0.004
             before, here, after = (
@@ -227,7 +236,7 @@ class Walker:
         return ankle, yaw0 + (yaw1 - yaw0) * _smooth(w), angle
 
     @cached_property
-    def _height(self):
+    def _height(self) -> Curve:
         """Height of the pelvis (m) over the phase: as high as the legs reach, smoothed from below.
 
         The body vaults over the standing leg; a bone is never stretched, in the turns either.
@@ -252,12 +261,12 @@ class Walker:
             height = CubicSpline(phase, _from_below(limit, SMOOTH))
         return height
 
-    def _at_most(self, phase):
+    def _at_most(self, phase: Floats) -> Floats:
         """Height of the pelvis (m) that the gait would like: lowest at each leg's midstance, two times per cycle."""
         dip = self.pattern.bounce * (1 + np.cos(4 * np.pi * (phase - self.pattern.midstance))) / 2
         return (self.pattern.height - dip) * self.body.height * self.body.long_legs
 
-    def segments(self, t):
+    def segments(self, t: Floats) -> Segments:
         """Origin (T, 3) and axes (T, 3, 3) of every segment at times `t` (T,), s; see `body.landmarks`."""
         _, _, phase_of, _ = self._tables
         body, t = self.body, np.asarray(t, float)
@@ -275,7 +284,7 @@ class Walker:
             found |= self._arm(name, side, turn if side > 0 else turn - np.pi, shoulders, chest_axes)
         return found
 
-    def _leg(self, name, side, phase, centre, pelvis):
+    def _leg(self, name: str, side: int, phase: Floats, centre: Floats, pelvis: Floats) -> Segments:
         body = self.body
         hip = centre + pelvis @ np.array([0.0, side * body.half_hips, 0.0])
         ankle, yaw, angle = self._ankle(phase, side, self._height)
@@ -294,7 +303,7 @@ class Walker:
             f"{name}_foot": (ankle, foot),
         }
 
-    def _arm(self, name, side, turn, shoulders, chest):
+    def _arm(self, name: str, side: int, turn: Floats, shoulders: Floats, chest: Floats) -> Segments:
         """Arm swing, against the leg of the same side."""
         body, (shoulder_at, shoulder_by, elbow_at, elbow_by) = self.body, self.pattern.arm
         shoulder = shoulders + chest @ np.array([0.0, side * body.half_shoulders, 0.0])
@@ -302,7 +311,7 @@ class Walker:
         elbow_flexion = np.deg2rad(elbow_at - elbow_by * np.cos(turn))
         out = side * np.deg2rad(7.0)
 
-        def limb(angle):
+        def limb(angle: Floats) -> Floats:
             local = np.stack([np.sin(angle), np.full_like(angle, np.sin(out)), -np.cos(angle) * np.cos(out)], axis=-1)
             local /= np.linalg.norm(local, axis=-1, keepdims=True)
             return (chest @ local[..., None])[..., 0]
@@ -318,7 +327,7 @@ class Walker:
         }
 
 
-def middle_integral(yaw, s, ds, function):
+def middle_integral(yaw: Curve, s: Floats, ds: float, function: Curve) -> Floats:
     """Integral of `function(yaw(s))` from the first of `s` to each (Simpson's rule between neighbours)."""
     half = function(yaw(s[:-1] + ds / 2))
     ends = function(yaw(s))

@@ -3,25 +3,29 @@
 OUTPUTS: `Motion.at(t)`: landmarks (T, 33, 3) and markers (T, M, 3), m, world with Z up.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from dior.arrays import Bools, Floats
 from dior.body.names import MLKIT_33, PLUG_IN_GAIT_39
 from dior.errors import DiorError
 from dior.simulate import body as bodies
 from dior.simulate.gait import Walker
 from dior.simulate.patterns import RUN, WALK, of_person
-from dior.simulate.settings import generator, motion_path, person
+from dior.simulate.settings import Sequence, Settings, generator, motion_path, person
 from dior.simulate.soft_tissue import movement
 
-# the cameras run on for a while after the trigger's delay, and their clocks differ
+# chosen: the cameras run on for a while after the trigger's delay, and their clocks differ
 AFTER_DELAY_S = 0.05
-RUNNING = 2.1  # times as fast as walking
-C3D_STRIDE_HZ = 0.9  # strides per second of a natural walk
-# m, of `Walker`; a runner needs a longer loop with wider turns, and every loop lies in view of every camera
-LOOPS = {
+RUNNING = 2.1  # chosen: times as fast as walking, a jog of 2.0-2.5 m/s
+C3D_STRIDE_HZ = 0.9  # chosen: strides per second of a natural walk
+# chosen: m, of `Walker`; a runner needs a longer loop with wider turns, and every loop lies in view of every camera
+LOOPS: dict[str, dict[str, Any]] = {
     "running": {"half_length": 1.25, "turn_radius": 0.8},
     "straight": {"half_length": 2.2},
     "circling": {"half_length": 0.1, "turn_radius": 1.2},
@@ -32,35 +36,36 @@ LOOPS = {
 class Motion:
     """A walk. `names` of the markers; `at(t)` gives landmarks and markers, `seen(t)` (T, M) where a marker was seen."""
 
-    names: tuple
+    names: tuple[str, ...]
     height: float
-    at: object
-    seen: object
+    at: Callable[[Floats], tuple[Floats, Floats]]
+    seen: Callable[[Floats], Bools]
     lasts_s: float = np.inf
 
 
-def mocap_lasts(settings):
+def mocap_lasts(settings: Settings) -> float:
     """Length of the motion capture, s: the recording and a little more, since the cameras start later."""
     return settings.duration_s + settings.clocks.start_delay_s[1] + settings.clocks.apart_s + AFTER_DELAY_S
 
 
 @lru_cache(maxsize=16)
-def motion_of(settings, sequence):
+def motion_of(settings: Settings, sequence: Sequence) -> Motion:
     """The motion of a sequence, soft tissue included. Raises DiorError where a C3D is shorter than the recording."""
     motion, stride_hz = _motion(settings, sequence)
     if not settings.soft_tissue_mm[1]:
         return motion
     random = generator(settings, "soft tissue", sequence.name)
-    slip = movement(random, len(motion.names), [mm / 1000 for mm in settings.soft_tissue_mm], stride_hz)
+    low, high = settings.soft_tissue_mm
+    slip = movement(random, len(motion.names), (low / 1000, high / 1000), stride_hz)
 
-    def at(t):
+    def at(t: Floats) -> tuple[Floats, Floats]:
         landmarks, markers = motion.at(t)
         return landmarks, markers + slip(t)
 
     return replace(motion, at=at)
 
 
-def _motion(settings, sequence):
+def _motion(settings: Settings, sequence: Sequence) -> tuple[Motion, float]:
     """The motion without soft tissue, and its strides per second."""
     path = motion_path(settings)
     if path:
@@ -94,8 +99,8 @@ def _motion(settings, sequence):
     return motion, float(pattern.strides(speed, body.height) * pattern.quickness)
 
 
-def from_c3d(path):
-    """The walk of a real C3D with Plug-in-Gait markers, centred on the walkway; gaps are filled, but told by `seen`."""
+def from_c3d(path: Path) -> Motion:
+    """The walk of a real C3D with Plug-in-Gait markers, centred on the walkway; gaps are filled; `seen` says where."""
     import ezc3d
     from scipy.interpolate import CubicSpline
 
@@ -115,11 +120,11 @@ def from_c3d(path):
     ticks = np.arange(len(xyz)) / float(point["RATE"]["value"][0])
     curve = CubicSpline(ticks, xyz, axis=0)
 
-    def at(t):
+    def at(t: Floats) -> tuple[Floats, Floats]:
         found = curve(np.clip(t, 0.0, ticks[-1]))
         return landmarks_of(found, names), found
 
-    def seen_at(t):
+    def seen_at(t: Floats) -> Bools:
         before = np.clip(np.searchsorted(ticks, t + 1e-9, side="right") - 1, 0, len(ticks) - 1)
         after = np.minimum(before + (np.abs(ticks[before] - t) > 1e-6), len(ticks) - 1)
         return seen[before] & seen[after]
@@ -134,7 +139,7 @@ NEEDED = (
 ).split()
 
 
-def _filled(xyz, seen):
+def _filled(xyz: Floats, seen: Bools) -> Floats:
     """Gaps (T, M, 3) filled by the marker's place relative to the markers without any gap."""
     whole = seen.all(axis=0)
     middle = xyz[:, whole].mean(axis=1)
@@ -148,11 +153,11 @@ def _filled(xyz, seen):
     return out
 
 
-def _unit(v):
+def _unit(v: Floats) -> Floats:
     return v / np.linalg.norm(v, axis=-1, keepdims=True)
 
 
-def landmarks_of(markers, names):
+def landmarks_of(markers: Floats, names: tuple[str, ...]) -> Floats:
     """Landmarks (T, 33, 3) from Plug-in-Gait markers (T, M, 3), m.
 
     Joint centres by the rules that need no anthropometry: hips by Bell and Brand from the ASIS distance, knees, ankles
@@ -183,7 +188,7 @@ def landmarks_of(markers, names):
         shoulder = p[f"{side}_shoulder"] = m[f"{L}SHO"] + 0.17 * width * down
         wrist = p[f"{side}_wrist"] = (m[f"{L}WRA"] + m[f"{L}WRB"]) / 2
 
-        def inwards(marker, towards, half_width, inner=-sign * left):
+        def inwards(marker: Floats, towards: Floats, half_width: float, inner: Floats = -sign * left) -> Floats:
             along = _unit(towards - marker)
             across = _unit(inner - (inner * along).sum(axis=-1, keepdims=True) * along)
             return marker + (half_width + bodies.MARKER_RADIUS_M) * across

@@ -4,9 +4,14 @@ Degrees at 0, 5, ... 95 % of the cycle from foot contact; flexion and dorsiflexi
 vertical.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
+
+from dior.arrays import Floats
 
 
 @dataclass(frozen=True)
@@ -24,17 +29,17 @@ class Pattern:
     `chest_turn`: amplitudes, and `feet_out`: degrees.
     """
 
-    hip: tuple
-    knee: tuple
-    ankle: tuple
+    hip: tuple[float, ...]
+    knee: tuple[float, ...]
+    ankle: tuple[float, ...]
     toe_off: float
     midstance: float
     height: float
     bounce: float
     clearance: float
-    arm: tuple
+    arm: tuple[float, float, float, float]
     lean: float
-    strides: object
+    strides: Callable[[Any, float], Any]
     quickness: float = 1.0
     sway: float = 0.011
     feet_apart: float = 0.026
@@ -44,7 +49,7 @@ class Pattern:
     feet_out: float = 6.0
 
 
-def walking_cadence(speed, height):
+def walking_cadence(speed: ArrayLike, height: float) -> Floats:
     """Strides per second at a speed (m/s): 64.8 v^0.57 per minute with v in statures per second, adult men.
 
     Grieve and Gear, Ergonomics 9 (1966) 379-399.
@@ -52,7 +57,7 @@ def walking_cadence(speed, height):
     return 64.8 / 60.0 * (np.asarray(speed) / height) ** 0.57
 
 
-def running_cadence(speed, height):
+def running_cadence(speed: ArrayLike, height: float) -> Floats:
     """Strides per second at a speed (m/s): runners lengthen the stride instead.
 
     A line through the rates of Cavanagh and Kram, Med. Sci. Sports Exerc. 21 (1989) 467-479.
@@ -103,10 +108,10 @@ QUICKNESS_SD, TOE_OFF_SD, SCALE_SD = 0.04, 0.01, 0.25
 ARM_SD, LEAN_SD, FEET_OUT_SD = 5.0, 2.0, 3.0
 
 
-def of_person(pattern, random):
+def of_person(pattern: Pattern, random: np.random.Generator) -> Pattern:
     """The pattern as one person has it, drawn from the generator `random`."""
 
-    def curve(name):
+    def curve(name: str) -> tuple[float, ...]:
         turn = 2 * np.pi * np.arange(len(getattr(pattern, name))) / len(getattr(pattern, name))
         values = np.array(getattr(pattern, name)) + CURVE_SD[name] * random.standard_normal()
         for k, sd in enumerate(HARMONICS_SD, 1):
@@ -114,13 +119,14 @@ def of_person(pattern, random):
             values += a * np.cos(k * turn) + b * np.sin(k * turn)
         return tuple(values.tolist())
 
-    def scaled(value, sd=SCALE_SD):
+    def scaled(value: float, sd: float = SCALE_SD) -> float:
         return float(value * np.exp(sd * random.standard_normal()))
 
     shoulder_at, shoulder_by, elbow_at, elbow_by = pattern.arm
+    curves: dict[str, Any] = {name: curve(name) for name in CURVE_SD}
     return replace(
         pattern,
-        **{name: curve(name) for name in CURVE_SD},
+        **curves,
         toe_off=float(pattern.toe_off + TOE_OFF_SD * random.standard_normal()),
         arm=(
             float(shoulder_at + ARM_SD * random.standard_normal()),

@@ -2,8 +2,10 @@
 
 import numpy as np
 
+from dior.arrays import Ints
 
-def runs(random, count, share, lengths):
+
+def runs(random: np.random.Generator, count: int, share: float, lengths: tuple[int, int]) -> Ints:
     """Number (count,) of the run that each sample belongs to, -1 for none; runs are counted from 0.
 
     `share` of the samples are in runs on average; a run is `lengths` = (shortest, longest) samples long, each length

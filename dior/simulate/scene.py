@@ -7,14 +7,16 @@ World: metres, Z up, origin in the middle of the walkway. The projection here is
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from dior.arrays import Bools, Floats
 from dior.geometry.camera import Camera, Intrinsics, pose
 from dior.geometry.multiview import look_at_angles, rotation_x, rotation_z
-from dior.simulate.settings import CAMERAS, SESSIONS, generator, place_of
+from dior.simulate.settings import CAMERAS, SESSIONS, Settings, generator, place_of
 
 LONG_RANGE = "cam04"
-# azimuth (degrees) and distance (m) from the middle of the walkway; outdoors the long-range camera is on the Y axis
-PLACES = {
+# chosen: azimuth (degrees) and distance (m) from the middle of the walkway; the long-range camera is on the Y axis
+PLACES: dict[str, dict[str, tuple[float, float | None]]] = {
     "lab": {"cam01": (38, 4.5), "cam02": (142, 4.6), "cam03": (-141, 4.5), "cam04": (-37, 4.7)},
     "field": {"cam01": (32, 4.7), "cam02": (150, 4.6), "cam03": (-92, 4.8), "cam04": (90, None)},
 }
@@ -27,17 +29,17 @@ class Placed:
     """A camera as it stands, and what a person measured of it. `tape` and `target` (3,), m."""
 
     camera: Camera
-    tape: tuple
-    target: tuple
+    tape: tuple[float, ...]
+    target: tuple[float, ...]
     sigma: float
 
 
-def cameras_of(settings, session):
+def cameras_of(settings: Settings, session: str) -> dict[str, Placed]:
     """The cameras of a session by name, as `Placed`."""
     return {name: _placed(settings, session, name) for name in CAMERAS}
 
 
-def _placed(settings, session, name):
+def _placed(settings: Settings, session: str, name: str) -> Placed:
     draw = generator(settings, "camera", session, name)
     far = place_of(session) == SESSIONS["outdoor"] and name == LONG_RANGE
     scale = settings.width / 1280
@@ -52,10 +54,9 @@ def _placed(settings, session, name):
         0.0002,
         0.0005,
     )
-    numbers = [round(float(x), 4) for x in (fx, fy, cx, cy)]
-    intrinsics = Intrinsics(
-        settings.width, settings.height, *numbers, "plumb_bob", tuple(round(float(k), 6) for k in lens)
-    )
+    fx, fy, cx, cy = (round(float(x), 4) for x in (fx, fy, cx, cy))
+    distortion = tuple(round(float(k), 6) for k in lens)
+    intrinsics = Intrinsics(settings.width, settings.height, fx, fy, cx, cy, "plumb_bob", distortion)
 
     azimuth, distance = PLACES[place_of(session)][name]
     distance = settings.long_range_m if far else distance
@@ -76,14 +77,14 @@ def _placed(settings, session, name):
     return Placed(Camera(name, intrinsics, wTc, role, "simulated"), tape, target, float(sigma.max()))
 
 
-def in_picture(lens, uv):
+def in_picture(lens: Intrinsics, uv: Floats) -> Bools:
     """Whether pixels (..., 2) lie in the picture: (...,) bool."""
     with np.errstate(invalid="ignore"):
         u, v = uv[..., 0], uv[..., 1]
         return (u >= -0.5) & (u < lens.width - 0.5) & (v >= -0.5) & (v < lens.height - 0.5)
 
 
-def behind_wall(settings, camera, points):
+def behind_wall(settings: Settings, camera: Camera, points: Floats) -> Bools:
     """Whether world points (..., 3) are hidden behind the wall of the field from a camera: (...,) bool."""
     if not settings.occluder:
         return np.zeros(points.shape[:-1], bool)
@@ -94,7 +95,7 @@ def behind_wall(settings, camera, points):
     return (share > 0) & (share < 1) & (np.abs(at[..., 0]) < WALL_HALF_M) & (at[..., 2] < WALL_TOP_M)
 
 
-def reported(settings, session, camera):
+def reported(settings: Settings, session: str, camera: Camera) -> Intrinsics:
     """The intrinsics in CameraInfo: those of a `Camera`, wrong by `intrinsics_error` of the focal length.
 
     The focal length is too long or too short, the principal point is off by as much in some direction.
@@ -110,10 +111,10 @@ def reported(settings, session, camera):
     return replace(lens, fx=fx, fy=fy, cx=cx, cy=cy)
 
 
-def project(camera, points):
+def project(camera: Camera, points: ArrayLike) -> tuple[Floats, Floats]:
     """World points (..., 3) to pixels (..., 2) and depths (...,): pinhole and Brown-Conrady, five coefficients."""
     points = np.asarray(points, float)
-    R, c, lens = camera.wTc[:3, :3], camera.wTc[:3, 3], camera.intrinsics
+    R, c, lens = camera.wRc, camera.centre, camera.intrinsics
     X, Y, Z = ((points - c) @ R[:, i] for i in range(3))
     ahead = Z > 0.05
     x, y = X / np.where(ahead, Z, np.nan), Y / np.where(ahead, Z, np.nan)

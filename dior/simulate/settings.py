@@ -4,8 +4,10 @@ Lengths are metres, times seconds, angles degrees, picture quantities pixels; th
 """
 
 import hashlib
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
+from typing import Any, get_origin
 
 import numpy as np
 
@@ -26,30 +28,30 @@ class Detector:
 
     level: str = "ideal"  # ideal: white noise, nothing missed; real: all of the below
     noise_px: float = 2.0  # ideal: standard deviation of a landmark in u and in v
-    noise_sd_px: tuple = (2.5, 3.5)  # real: range of a joint's standard deviation in u and in v
+    noise_sd_px: tuple[float, float] = (2.5, 3.5)  # real: range of a joint's standard deviation in u and in v
     noise_time_s: float = 0.15  # time after which the autocorrelation of the noise is 1/e
     noise_dof: float = 5.0  # degrees of freedom of its innovations (Student t), more than 2
     bias: float = 0.01  # rms length of a joint's constant offset for a side of the body, body heights
     guess_bias: float = 0.02  # the same, added where the joint is hidden
     guess_sd: float = 0.01  # slow noise added where the joint is hidden, body heights in u and in v
-    score_seen: tuple = (0.85, 0.99)  # range of the scores of joints that are seen
-    score_guessed: tuple = (0.3, 0.8)  # the same of joints that are hidden
+    score_seen: tuple[float, float] = (0.85, 0.99)  # range of the scores of joints that are seen
+    score_guessed: tuple[float, float] = (0.3, 0.8)  # the same of joints that are hidden
     wrong_together: float = 0.02  # share of the time in which two views take one limb for the other
-    wrong_frames: tuple = (5, 20)  # how long that lasts, pictures
+    wrong_frames: tuple[int, int] = (5, 20)  # how long that lasts, pictures
     swapped: float = 0.05  # share of the pictures in which left and right are exchanged
-    swapped_frames: tuple = (5, 40)  # how long that lasts, pictures
+    swapped_frames: tuple[int, int] = (5, 40)  # how long that lasts, pictures
     swapped_legs: float = 0.4  # share of those runs in which only the legs are exchanged
     missed: float = 0.02  # share of the pictures in which nobody is found
-    missed_frames: tuple = (1, 5)  # how long that lasts, pictures
+    missed_frames: tuple[int, int] = (1, 5)  # how long that lasts, pictures
     taken: float = 0.2  # share of the bystander's pictures in which he is found instead of the subject
-    taken_frames: tuple = (3, 15)  # how long that lasts, pictures
+    taken_frames: tuple[int, int] = (3, 15)  # how long that lasts, pictures
 
 
 @dataclass(frozen=True)
 class Clocks:
     """Errors of the stamps, and pictures that are lost or recorded twice. Each camera runs free in any case."""
 
-    start_delay_s: tuple = (0.40, 0.53)  # the cameras start this long after the motion capture
+    start_delay_s: tuple[float, float] = (0.40, 0.53)  # the cameras start this long after the motion capture
     apart_s: float = 0.02  # the cameras' clocks differ by up to this, either way
     drift_ppm: float = 0.0  # standard deviation of a camera's drift
     jitter_ms: float = 0.0  # standard deviation of a header stamp
@@ -62,7 +64,7 @@ class Clocks:
 
 
 # what a preset changes; the defaults are `ideal`
-PRESETS = {
+PRESETS: dict[str, dict[str, Any]] = {
     "ideal": {},
     "real": {
         "mocap_hz": 120.0,
@@ -97,16 +99,19 @@ class Settings:
     sequences: int = 2  # walks of each person in each environment
     sessions: int = 1  # days in each environment, with other cameras; everybody comes on one of them
     people: str = "heights"  # same: one body and gait; heights: differ in height and speed; different: in all
-    environments: tuple = ("indoor", "outdoor")  # indoor: with motion capture; outdoor: with a long-range camera
+    environments: tuple[str, ...] = (
+        "indoor",
+        "outdoor",
+    )  # indoor: with motion capture; outdoor: with a long-range camera
     duration_s: float = 10.0  # length of a recording
     fps: float = 30.0  # pictures per second of every camera
     mocap_hz: float = 100.0  # rate of the motion capture
     mocap_noise_mm: float = 0.2  # standard deviation of a marker coordinate
     mocap_gaps: float = 0.0  # share of the ticks at which a marker is not seen
-    mocap_gap_ticks: tuple = (5, 40)  # length of such a gap
-    soft_tissue_mm: tuple = (0.0, 0.0)  # range of a marker's rms movement against the skeleton
+    mocap_gap_ticks: tuple[int, int] = (5, 40)  # length of such a gap
+    soft_tissue_mm: tuple[float, float] = (0.0, 0.0)  # range of a marker's rms movement against the skeleton
     intrinsics_error: float = 0.0  # by how much the focal length in CameraInfo is wrong, as a share
-    walks: tuple = ("across", "along")  # walk patterns, in turn
+    walks: tuple[str, ...] = ("across", "along")  # walk patterns, in turn
     bystander: float = 0.0  # share of a recording in which a second person stands by
     occluder: bool = False  # outdoors a wall hides the lower half of the body from the long-range camera
     sun: bool = False  # the sun stands in the long-range picture
@@ -144,7 +149,7 @@ POSITIVE = (
 )
 
 
-def from_dict(values):
+def from_dict(values: Mapping[str, Any] | None) -> Settings:
     """`Settings` from the parsed section, with the preset's values where it says nothing.
 
     Raises DiorError for an unknown key or word, a value of the wrong kind and one out of its limits.
@@ -172,12 +177,12 @@ def from_dict(values):
     return settings
 
 
-def _known(word, words, where):
+def _known(word: str, words: Iterable[str], where: str) -> None:
     if word not in words:
         raise DiorError(f"{where}: '{word}' is unknown{nearest(word, words)}")
 
 
-def _shares(settings):
+def _shares(settings: Settings) -> Iterator[tuple[str, float]]:
     detector = ("wrong_together", "swapped", "missed", "taken")
     clocks = ("late_stamps", "late_arrivals", "dropped", "duplicated")
     yield from ((key, getattr(settings, key)) for key in SHARES)
@@ -185,23 +190,24 @@ def _shares(settings):
     yield from ((f"clocks.{key}", getattr(settings.clocks, key)) for key in clocks)
 
 
-def _checked(cls, values, where):
+def _checked(cls: type[Any], values: Mapping[str, Any], where: str) -> dict[str, Any]:
     kinds = {f.name: f.type for f in fields(cls)}
     found = {}
     for key, value in values.items():
         if key not in kinds:
             raise DiorError(f"{where} has no key '{key}'{nearest(key, kinds)}")
-        kind = kinds[key]
-        wanted = {int: int, float: (int, float), str: str, bool: bool, tuple: (list, tuple)}.get(kind)
+        kind: Any = kinds[key]
+        many = get_origin(kind) is tuple
+        wanted: Any = {int: int, float: (int, float), str: str, bool: bool}.get(kind, (list, tuple) if many else None)
         if wanted and (isinstance(value, bool) and kind is not bool or not isinstance(value, wanted)):
-            raise DiorError(f"{where}.{key}: '{value}' is not of type {'list' if kind is tuple else kind.__name__}")
-        found[key] = tuple(value) if kind is tuple else value
-        if kind is tuple and not isinstance(value[0] if value else None, str):
+            raise DiorError(f"{where}.{key}: '{value}' is not of type {'list' if many else kind.__name__}")
+        found[key] = tuple(value) if many else value
+        if many and not isinstance(value[0] if value else None, str):
             _check_range(found[key], f"{where}.{key}")
     return found
 
 
-def _check_range(value, where):
+def _check_range(value: tuple[Any, ...], where: str) -> None:
     numbers = all(isinstance(x, (int, float)) and not isinstance(x, bool) for x in value)
     if len(value) != 2 or not numbers or value[0] > value[1]:
         raise DiorError(f"{where} is {list(value)}: a range is two numbers, the smaller first")
@@ -219,7 +225,7 @@ class Sequence:
     walk: str
 
 
-def sequences(settings):
+def sequences(settings: Settings) -> list[Sequence]:
     """All walks of the capture: subject by subject in each environment."""
     found = []
     for environment in settings.environments:
@@ -239,17 +245,17 @@ def sequences(settings):
     return found
 
 
-def place_of(session):
+def place_of(session: str) -> str:
     """Where a session is, on whichever day: `lab` or `field`."""
     return session.partition("_")[0]
 
 
-def person(settings, subject):
+def person(settings: Settings, subject: str) -> str:
     """Whose body and gait a subject has."""
     return "everybody" if settings.people == "same" else subject
 
 
-def sequence_named(settings, name):
+def sequence_named(settings: Settings, name: str) -> Sequence:
     """The walk of that name. Raises DiorError with the nearest name."""
     known = {sequence.name: sequence for sequence in sequences(settings)}
     if name not in known:
@@ -257,18 +263,18 @@ def sequence_named(settings, name):
     return known[name]
 
 
-def generator(settings, *names):
+def generator(settings: Settings, *names: object) -> np.random.Generator:
     """A random generator of its own for every purpose, so that adding one thing does not move another."""
     digest = hashlib.sha256("\0".join(map(str, names)).encode()).digest()
     return np.random.default_rng([settings.seed, *np.frombuffer(digest[:16], "<u4").tolist()])
 
 
-def pictures_per_camera(settings):
+def pictures_per_camera(settings: Settings) -> int:
     """Number of pictures that each camera records of a sequence."""
     return int(round(settings.duration_s * settings.fps))
 
 
-def motion_path(settings):
+def motion_path(settings: Settings) -> Path | None:
     """The C3D of `motion`, or None. Raises DiorError where it is missing."""
     if settings.motion is None:
         return None

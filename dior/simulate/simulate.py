@@ -6,19 +6,30 @@ OUTPUTS  below `out` (data_root): <sequence>/pc1.bag and pc2.bag (ROS 1, a recor
 Every random number derives from the seed and a name, so that the same settings give the same bytes.
 """
 
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from dior.arrays import Floats
+from dior.geometry.camera import Camera, Intrinsics
 from dior.progress import reporting
 from dior.simulate import backdrop, bystander, detector_real, draw, scene, truth
+from dior.simulate.bystander import SecondPerson
+from dior.simulate.clocks import Clock
 from dior.simulate.detector import detect, write_mlkit
-from dior.simulate.motion import motion_of
-from dior.simulate.settings import COMPUTERS, from_dict, sequence_named
+from dior.simulate.motion import Motion, motion_of
+from dior.simulate.settings import COMPUTERS, Sequence, Settings, from_dict, sequence_named
+from dior.simulate.truth import View
 from dior.tables.files import written_whole
 
+if TYPE_CHECKING:
+    from rosbags.typesys.store import Typestore
+
 IMAGE, INFO = "sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/CameraInfo"
+# chosen: less than any picture period
 REPEATED_AFTER_NS = 1_000_000
 
 
@@ -27,25 +38,32 @@ def run(*, settings: dict[str, Any], sequence: str, out: Path) -> None:
 
     `settings` is the section as a dict. Raises DiorError for a wrong key or an unknown sequence.
     """
-    settings, out = from_dict(settings), Path(out)
-    walk = sequence_named(settings, sequence)
-    motion = motion_of(settings, walk)
+    capture = from_dict(settings)
+    walk = sequence_named(capture, sequence)
+    motion = motion_of(capture, walk)
     folder = out / walk.name
-    views, others = observe(settings, walk, motion)
-    write_detections(settings, walk, motion.height, views, others, out)
+    views, others = observe(capture, walk, motion)
+    write_detections(capture, walk, motion.height, views, others, out)
     for computer, group in COMPUTERS.items():
         seen = {name: (views[name], others[name]) for name in group}
-        write_bag(folder / f"{computer}.bag", settings, walk, motion.height, seen)
+        write_bag(folder / f"{computer}.bag", capture, walk, motion.height, seen)
 
 
-def observe(settings, walk, motion):
-    """What every camera sees of the subject (`truth.View`) and of the second person (`bystander.Seen`), by name."""
+def observe(settings: Settings, walk: Sequence, motion: Motion) -> tuple[dict[str, View], dict[str, SecondPerson]]:
+    """What every camera sees of the subject (`truth.View`) and of the second person (`SecondPerson`), by name."""
     views = {name: truth.view(settings, walk, motion, name) for group in COMPUTERS.values() for name in group}
     others = {name: bystander.seen(settings, walk, seen.camera, seen.clock.seconds) for name, seen in views.items()}
     return views, others
 
 
-def write_detections(settings, walk, height, views, others, out):
+def write_detections(
+    settings: Settings,
+    walk: Sequence,
+    height: float,
+    views: dict[str, View],
+    others: dict[str, SecondPerson],
+    out: Path,
+) -> None:
     """Detect the person in every camera, and write the detections and the truth below `out`."""
     if settings.detector.level == "real":
         found = detector_real.detect(settings, walk, height, views, others)
@@ -60,7 +78,9 @@ def write_detections(settings, walk, height, views, others, out):
     truth.write(settings, walk, views, found, out / "truth" / walk.name)
 
 
-def write_bag(path, settings, sequence, height, views):
+def write_bag(
+    path: Path, settings: Settings, sequence: Sequence, height: float, views: dict[str, tuple[View, SecondPerson]]
+) -> None:
     """Render the pictures of some cameras into a ROS 1 bag, in the order in which a recorder received them.
 
     `views`: camera -> its `truth.View` and what it sees of the second person. A message that is there twice has one
@@ -91,7 +111,7 @@ def write_bag(path, settings, sequence, height, views):
                 bag.write(topic, receive_ns, store.serialize_ros1(message, topic.msgtype))
 
 
-def _arrivals(clocks):
+def _arrivals(clocks: dict[str, Clock]) -> Iterator[tuple[int, str, int]]:
     """(receive_ns, camera, number) of every message of the clocks by camera; a repeated one comes a moment later."""
     for name, clock in clocks.items():
         for i, (receive, twice) in enumerate(zip(clock.receive_ns.tolist(), clock.twice.tolist(), strict=True)):
@@ -100,7 +120,9 @@ def _arrivals(clocks):
                 yield receive + REPEATED_AFTER_NS, name, i
 
 
-def painter(settings, sequence, height, seen, other):
+def painter(
+    settings: Settings, sequence: Sequence, height: float, seen: View, other: SecondPerson
+) -> Callable[[int], NDArray[np.uint8]]:
     """A function that gives the JPEG bytes (N,) of a frame."""
     import cv2
 
@@ -112,7 +134,7 @@ def painter(settings, sequence, height, seen, other):
         nearer = other.depth.mean(axis=1) < np.nanmean(seen.landmark(seen.depth), axis=1)
     wall = backdrop.in_front(settings, seen.camera, sequence.environment)
 
-    def jpeg(i):
+    def jpeg(i: int) -> NDArray[np.uint8]:
         picture = empty.copy()
         if other.present[i]:
             for figure in figures if nearer[i] else figures[::-1]:
@@ -126,20 +148,20 @@ def painter(settings, sequence, height, seen, other):
     return jpeg
 
 
-def _outlines(camera, landmarks, height, outfit, subject):
+def _outlines(camera: Camera, landmarks: Floats, height: float, outfit: str, subject: str) -> draw.Drawing:
     return draw.outlines(camera, draw.figure(landmarks, height), height, outfit, subject)
 
 
-def _header(store, seq, stamp_ns, camera):
+def _header(store: "Typestore", seq: int, stamp_ns: int, camera: str) -> Any:
     stamp = store.types["builtin_interfaces/msg/Time"](sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9)
     return store.types["std_msgs/msg/Header"](seq=seq, stamp=stamp, frame_id=f"{camera}_color_optical_frame")
 
 
-def _image(store, header, jpeg):
+def _image(store: "Typestore", header: Any, jpeg: NDArray[np.uint8]) -> Any:
     return store.types[IMAGE](header=header, format="rgb8; jpeg compressed bgr8", data=jpeg)
 
 
-def _info(store, header, lens):
+def _info(store: "Typestore", header: Any, lens: Intrinsics) -> Any:
     K = np.array([lens.fx, 0, lens.cx, 0, lens.fy, lens.cy, 0, 0, 1.0])
     P = np.array([lens.fx, 0, lens.cx, 0, 0, lens.fy, lens.cy, 0, 0, 0, 1.0, 0])
     whole = store.types["sensor_msgs/msg/RegionOfInterest"](x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)

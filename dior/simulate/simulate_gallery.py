@@ -15,9 +15,10 @@ from dior.geometry.multiview import look_at
 from dior.simulate import backdrop, draw
 from dior.simulate.body import body_of
 from dior.simulate.bystander import standing
-from dior.simulate.settings import from_dict, sequence_named
+from dior.simulate.settings import Sequence, Settings, from_dict, sequence_named
 from dior.tables.files import written_whole
 
+# chosen: the whole body in the picture, from all around
 ELEVATION_DEG = {"frontal": 0.0, "down45": 45.0}
 STEP_DEG = 10
 TARGET = np.array([0.0, 0.0, 0.9])
@@ -26,12 +27,12 @@ DISTANCE_M = 2.7
 
 def run(*, settings: dict[str, Any], sequence: str, out: Path) -> None:
     """Write the gallery of one sequence's subject below `out`. `settings` is the section as a dict."""
-    settings = from_dict(settings)
-    walk = sequence_named(settings, sequence)
-    write(settings, walk, Path(out) / "gallery" / walk.name)
+    capture = from_dict(settings)
+    walk = sequence_named(capture, sequence)
+    write(capture, walk, Path(out) / "gallery" / walk.name)
 
 
-def write(settings, sequence, folder):
+def write(settings: Settings, sequence: Sequence, folder: Path) -> None:
     """Write the pictures of both angles below `folder`."""
     import cv2
 
@@ -50,7 +51,7 @@ def write(settings, sequence, folder):
                 part.write_bytes(jpeg.tobytes())
 
 
-def cameras(settings):
+def cameras(settings: Settings) -> dict[str, Camera]:
     """The cameras of both angles by name."""
     lens = Intrinsics(
         settings.width, settings.height, settings.fx, settings.fx, (settings.width - 1) / 2, (settings.height - 1) / 2
@@ -63,7 +64,7 @@ def cameras(settings):
     return found
 
 
-def rows(sequences):
+def rows(sequences: list[Sequence]) -> list[dict[str, str]]:
     """Rows of gallery.tsv: every subject and outfit once, from both angles, from the first walk that shows them."""
     first = {(walk.subject, walk.outfit): walk.name for walk in reversed(sequences)}
     return [

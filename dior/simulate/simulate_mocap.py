@@ -9,23 +9,25 @@ from typing import Any
 
 import numpy as np
 
+from dior.arrays import Bools
 from dior.simulate import truth
-from dior.simulate.motion import motion_of
+from dior.simulate.motion import Motion, motion_of
 from dior.simulate.runs import runs
-from dior.simulate.settings import from_dict, generator, sequence_named
+from dior.simulate.settings import Sequence, Settings, from_dict, generator, sequence_named
 from dior.tables.files import written_whole
 
+# chosen: not 1, so that a reader that takes frame numbers for indices fails
 FIRST_MOCAP_FRAME = 101
 
 
 def run(*, settings: dict[str, Any], sequence: str, out: Path) -> None:
     """Write the C3D of one sequence below `out`. `settings` is the section as a dict."""
-    settings = from_dict(settings)
-    walk = sequence_named(settings, sequence)
-    write_c3d(Path(out) / walk.name / "mocap.c3d", settings, walk, motion_of(settings, walk))
+    capture = from_dict(settings)
+    walk = sequence_named(capture, sequence)
+    write_c3d(Path(out) / walk.name / "mocap.c3d", capture, walk, motion_of(capture, walk))
 
 
-def write_c3d(path, settings, sequence, motion):
+def write_c3d(path: Path, settings: Settings, sequence: Sequence, motion: Motion) -> None:
     """Write the markers as Vicon does: mm, `<subject>:<label>`, the first frame not the first of the trial."""
     import ezc3d
 
@@ -46,7 +48,7 @@ def write_c3d(path, settings, sequence, motion):
         file.write(str(part))
 
 
-def _gaps(settings, sequence, ticks, markers):
+def _gaps(settings: Settings, sequence: Sequence, ticks: int, markers: int) -> Bools:
     """Where a marker is not seen by the motion capture, in runs: (ticks, markers) bool."""
     random = generator(settings, "gaps", sequence.name)
     lost = [runs(random, ticks, settings.mocap_gaps, settings.mocap_gap_ticks) >= 0 for _ in range(markers)]

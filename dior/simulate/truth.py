@@ -6,26 +6,32 @@ Indoors the joints are the markers and, after them, the landmarks; outdoors the 
 as recorded.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from dior.arrays import Bools, Floats, Table
 from dior.body.names import MLKIT_33
 from dior.geometry import camera_tables
+from dior.geometry.camera import Camera
 from dior.simulate import bystander, draw, scene
 from dior.simulate.clocks import Clock, clocks_of
-from dior.simulate.motion import mocap_lasts, motion_of
-from dior.simulate.settings import generator
+from dior.simulate.motion import Motion, mocap_lasts, motion_of
+from dior.simulate.settings import Sequence, Settings, generator
 from dior.tables import tables
 
-# how deep a joint lies below the drawn surface around it, as a fraction of the body height
+# chosen to fit `draw`: how deep a joint lies below the drawn surface around it, as a fraction of the body height
 DEPTH = {"hip": 0.075, "shoulder": 0.055, "knee": 0.048, "elbow": 0.038, "ankle": 0.034, "wrist": 0.028}
 DEPTH_OTHER = 0.03
 DEPTH_FACE = 0.066
 FACE = ("nose", "eye", "ear", "mouth", "FHD", "BHD")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class View:
     """One camera of one walk, a row per picture of its clock: times (P,) s, landmarks (P, 33, 3), and of every joint
     (P, J) pixel, depth and status. In the tables a picture that is recorded twice is two frames.
@@ -33,23 +39,44 @@ class View:
 
     placed: scene.Placed
     clock: Clock
-    seconds: np.ndarray
-    landmarks: np.ndarray
-    joints: tuple
-    uv: np.ndarray
-    depth: np.ndarray
-    status: np.ndarray
+    seconds: Floats
+    landmarks: Floats
+    joints: tuple[str, ...]
+    uv: Floats
+    depth: Floats
+    status: NDArray[np.str_]
 
     @property
-    def camera(self):
+    def camera(self) -> Camera:
         return self.placed.camera
 
-    def landmark(self, values):
+    def landmark(self, values: NDArray[Any]) -> NDArray[Any]:
         """The columns of values (F, J, ...) that belong to the 33 landmarks."""
         return values[:, [self.joints.index(name) for name in MLKIT_33]]
 
 
-def view(settings, sequence, motion, camera):
+@dataclass(frozen=True, eq=False)
+class Detected:
+    """What a detector gives, and what was done to it: a row per picture, a column per landmark as it is named.
+
+    Pixels (P, 33, 2), scores (P, 33), relative depth (P, 33) px, and where there is a person (P,). Of the pixels, the
+    noise and the constant offset (P, 33, 2) px, NaN where it is another person's; whether the landmark is the one of
+    the other side, was hidden, lies on the other limb, or is the second person's (P, 33).
+    """
+
+    uv: Floats
+    score: Floats
+    z: Floats
+    found: Bools
+    noise: Floats
+    bias: Floats
+    swapped: Bools
+    guessed: Bools
+    wrong_together: Bools
+    bystander: Bools
+
+
+def view(settings: Settings, sequence: Sequence, motion: Motion, camera: str) -> View:
     """`View` of the camera of that name."""
     placed = scene.cameras_of(settings, sequence.session)[camera]
     clocks, _ = clocks_of(settings, sequence)
@@ -69,7 +96,7 @@ def view(settings, sequence, motion, camera):
     return View(placed, clocks[camera], seconds, landmarks, joints, uv, np.where(known, depth, np.nan), status)
 
 
-def _joints(sequence, motion, seconds):
+def _joints(sequence: Sequence, motion: Motion, seconds: Floats) -> tuple[tuple[str, ...], Floats, Bools, Floats]:
     """Names, points (T, J, 3), whether each is known (T, J), and the landmarks (T, 33, 3) at some times."""
     landmarks, markers = motion.at(seconds)
     everywhere = np.ones(landmarks.shape[:2], bool)
@@ -80,13 +107,13 @@ def _joints(sequence, motion, seconds):
     return (*motion.names, *MLKIT_33), points, known, landmarks
 
 
-def depth_below_surface(name):
+def depth_below_surface(name: str) -> float:
     if any(part in name for part in FACE):
         return DEPTH_FACE
     return next((depth for part, depth in DEPTH.items() if name.endswith(part)), DEPTH_OTHER)
 
 
-def _behind_others(settings, sequence, camera, seconds, points):
+def _behind_others(settings: Settings, sequence: Sequence, camera: Camera, seconds: Floats, points: Floats) -> Bools:
     """Whether points (F, J, 3) are hidden behind the second person, outdoors also behind the wall: (F, J) bool."""
     out = np.zeros(points.shape[:2], bool)
     if sequence.environment == "outdoor":
@@ -99,13 +126,15 @@ def _behind_others(settings, sequence, camera, seconds, points):
     return out
 
 
-def mocap_seconds(settings):
+def mocap_seconds(settings: Settings) -> Floats:
     """Times (T,) s of the C3D's ticks: the recording and a little more, since the cameras start later."""
     return np.arange(int(round(mocap_lasts(settings) * settings.mocap_hz)) + 1) / settings.mocap_hz
 
 
-def write(settings, sequence, views, found, folder):
-    """Write the truth of a sequence. `views`: camera -> `View`; `found`: camera -> `detector.Detected`."""
+def write(
+    settings: Settings, sequence: Sequence, views: dict[str, View], found: dict[str, Detected], folder: Path
+) -> None:
+    """Write the truth of a sequence. `views`: camera -> `View`; `found`: camera -> `Detected`."""
     tables.write(folder / "labels_2d.parquet", "labels_2d", _stacked(_labels(sequence, v) for v in views.values()))
     motion = motion_of(settings, sequence)
     tables.write(folder / "skeletons_3d.parquet", "skeletons_3d", _skeleton(settings, sequence, motion, views))
@@ -125,12 +154,12 @@ def write(settings, sequence, views, found, folder):
     )
 
 
-def _stacked(parts):
+def _stacked(parts: Iterable[Table]) -> Table:
     parts = list(parts)
     return {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
 
 
-def _labels(sequence, seen):
+def _labels(sequence: Sequence, seen: View) -> Table:
     shown, each = seen.clock.messages, seen.depth.shape[1]
     count = len(shown)
     rows = count * each
@@ -148,7 +177,7 @@ def _labels(sequence, seen):
     }
 
 
-def _skeleton(settings, sequence, motion, views):
+def _skeleton(settings: Settings, sequence: Sequence, motion: Motion, views: dict[str, View]) -> Table:
     _, t0 = clocks_of(settings, sequence)
     if sequence.environment == "indoor":
         seconds = mocap_seconds(settings)
@@ -170,7 +199,7 @@ def _skeleton(settings, sequence, motion, views):
     }
 
 
-def _detections(seen, done):
+def _detections(seen: View, done: Detected) -> Table:
     shown, each = seen.clock.messages, done.noise.shape[1]
     count, somebody = len(shown), done.found[:, None]
     errors = {"noise_u": done.noise[..., 0], "noise_v": done.noise[..., 1]}
@@ -188,6 +217,6 @@ def _detections(seen, done):
     }
 
 
-def detector_generator(settings, sequence, camera):
+def detector_generator(settings: Settings, sequence: Sequence, camera: str) -> np.random.Generator:
     """The generator of a camera's detector in a sequence."""
     return generator(settings, "detector", sequence.name, camera)

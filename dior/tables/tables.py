@@ -7,25 +7,34 @@ tables that are released tell the `datasets` library the types of their columns.
 """
 
 import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any, TypeAlias
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from numpy.typing import ArrayLike, NDArray
 
+from dior.arrays import AnyPath, Floats, Table
 from dior.errors import DiorError, nearest
 from dior.tables import buffers
 from dior.tables.files import written_whole
 from dior.tables.schemas import PICTURE, RELEASED, SCHEMAS, VERSION, VOCABULARY
 
+# (scope, severity, code, text)
+Finding: TypeAlias = tuple[str, str, str, str]
+# what `write` takes for a column (the module's docstring says how a null is written)
+Column: TypeAlias = "Sequence[Any] | NDArray[Any] | Repeated"
 
-def columns_of(name):
+
+def columns_of(name: str) -> list[str]:
     """Column names of a table."""
     return SCHEMAS[name].names
 
 
-def to_arrow(name, columns, metadata=None):
+def to_arrow(name: str, columns: Mapping[str, Column], metadata: Mapping[str, str] | None = None) -> pa.Table:
     """A checked pyarrow table from a dict of arrays (see the module's docstring).
 
     Columns that are left out are null throughout. Raises DiorError for an unknown column or a word outside the
@@ -43,7 +52,7 @@ def to_arrow(name, columns, metadata=None):
     return pa.Table.from_arrays(arrays, schema=schema.with_metadata({**own_metadata(name), **(metadata or {})}))
 
 
-def own_metadata(name):
+def own_metadata(name: str) -> dict[str, str]:
     """The key-value metadata that every file of a table has."""
     own = {"dior_table": name, "dior_table_version": VERSION}
     if name not in RELEASED:
@@ -52,7 +61,7 @@ def own_metadata(name):
     return own | {"huggingface": json.dumps({"info": {"features": features}})}
 
 
-def _feature(kind):
+def _feature(kind: pa.DataType) -> dict[str, Any]:
     """A column's type in the words of the `datasets` library (its `Features.to_dict`)."""
     if kind == PICTURE:
         return {"_type": "Image"}
@@ -61,7 +70,7 @@ def _feature(kind):
     return {"dtype": word_of(kind), "_type": "Value"}
 
 
-def word_of(kind):
+def word_of(kind: pa.DataType) -> str:
     """A column's type as one word: string, or as numpy calls its numbers.
 
     >>> word_of(pa.int32()), word_of(pa.dictionary(pa.int32(), pa.string()))
@@ -71,7 +80,7 @@ def word_of(kind):
     return "string" if text else np.dtype(kind.to_pandas_dtype()).name
 
 
-def _to_array(name, field, values):
+def _to_array(name: str, field: pa.Field, values: Column) -> pa.Array:
     """One column as pyarrow; words outside the column's vocabulary are refused."""
     kind = field.type
     if isinstance(values, Repeated):
@@ -105,7 +114,7 @@ def _to_array(name, field, values):
     return buffers.fixed(values, kind, np.isnan(values) if pa.types.is_floating(kind) else values < 0)
 
 
-def _check_words(name, column, words):
+def _check_words(name: str, column: str, words: Iterable[str]) -> None:
     vocabulary = VOCABULARY.get((name, column))
     for word in words:
         if vocabulary and word not in vocabulary:
@@ -115,36 +124,36 @@ def _check_words(name, column, words):
 class Repeated:
     """A text column given as indices into few words, so that millions of rows need no strings. -1 is null."""
 
-    def __init__(self, words, index):
+    def __init__(self, words: Iterable[str], index: ArrayLike) -> None:
         self.words, self.index = tuple(words), np.asarray(index, np.int32)
 
-    def __len__(self):
+    def __len__(self) -> int:
         return len(self.index)
 
 
-def write(path, name, columns, metadata=None):
+def write(path: AnyPath, name: str, columns: Mapping[str, Column], metadata: Mapping[str, str] | None = None) -> None:
     """Write a table as Parquet (zstd), whole or not at all. Same columns, same bytes."""
     write_arrow(path, to_arrow(name, columns, metadata))
 
 
-def write_arrow(path, table):
+def write_arrow(path: AnyPath, table: pa.Table) -> None:
     """Write a pyarrow table that has a table's columns and metadata already, whole or not at all."""
     with written_whole(path) as part:
         pq.write_table(table, part, compression="zstd", use_dictionary=_dictionary_columns(table))
 
 
-def _dictionary_columns(table):
+def _dictionary_columns(table: pa.Table) -> list[str] | bool:
     return [f.name for f in table.schema if pa.types.is_dictionary(f.type) or pa.types.is_string(f.type)] or False
 
 
-def read_arrow(path, name, columns=None):
+def read_arrow(path: AnyPath, name: str, columns: Sequence[str] | None = None) -> pa.Table:
     """The table as pyarrow, its kind checked. Raises DiorError for a missing, broken or other file."""
     with _opened(path, name) as file:
         return file.read(columns=columns)
 
 
 @contextmanager
-def _opened(path, name):
+def _opened(path: AnyPath, name: str) -> Iterator[pq.ParquetFile]:
     """Yield the Parquet file of a table, its kind checked."""
     path = Path(path)
     if not path.is_file():
@@ -160,19 +169,19 @@ def _opened(path, name):
         raise DiorError(f"{path}: not a readable Parquet file ({error}); delete it and run again") from None
 
 
-def read_in_parts(path, name, columns, rows):
+def read_in_parts(path: AnyPath, name: str, columns: Sequence[str] | None, rows: int) -> Iterator[Table]:
     """As `read`, of `rows` rows at a time: for tables with pictures, which need not fit into the memory."""
     with _opened(path, name) as file:
         for batch in file.iter_batches(batch_size=rows, columns=columns):
             yield {c: buffers.to_numpy(a) for c, a in zip(batch.schema.names, batch.columns, strict=True)}
 
 
-def read(path, name, columns=None):
+def read(path: AnyPath, name: str, columns: Sequence[str] | None = None) -> Table:
     """The table as a dict of arrays (see the module's docstring)."""
     return {c: buffers.to_numpy(a) for c, a in zip(*_columns(read_arrow(path, name, columns)), strict=True)}
 
 
-def read_coded(path, name, columns):
+def read_coded(path: AnyPath, name: str, columns: Sequence[str] | None) -> dict[str, Any]:
     """As `read`, with the text columns as `Repeated`: long tables of few words are ten times as fast to work with."""
     names, arrays = _columns(read_arrow(path, name, columns))
     return {
@@ -183,41 +192,41 @@ def read_coded(path, name, columns):
     }
 
 
-def _columns(table):
+def _columns(table: pa.Table) -> tuple[list[str], list[pa.Array]]:
     return table.column_names, [column.combine_chunks() for column in table.columns]
 
 
-def kind_of(table):
+def kind_of(table: pa.Table) -> str:
     """What a pyarrow table that was read by `read_arrow` is called."""
     return table.schema.metadata[b"dior_table"].decode()
 
 
-def empty(name):
+def empty(name: str) -> Table:
     """A table without rows as a dict of arrays."""
     return {c: buffers.to_numpy(a) for c, a in zip(*_columns(to_arrow(name, {})), strict=True)}
 
 
-def metadata(path):
+def metadata(path: AnyPath) -> dict[str, str]:
     """The key-value metadata of a table file."""
     return {k.decode(): v.decode() for k, v in (pq.read_schema(path).metadata or {}).items()}
 
 
-def rows(table, keep):
+def rows(table: Table, keep: NDArray[Any]) -> Table:
     """The rows of a dict of arrays where the mask `keep` is true."""
     return {name: values[keep] for name, values in table.items()}
 
 
-def of_camera(table, camera):
+def of_camera(table: Table, camera: str) -> Table:
     """The rows of one camera."""
     return rows(table, table["camera"] == camera)
 
 
-def ordered_unique(values):
+def ordered_unique(values: NDArray[Any]) -> list[Any]:
     """Distinct values in the order of their first appearance."""
     return list(dict.fromkeys(values.tolist()))
 
 
-def grid(table, *columns):
+def grid(table: Table, *columns: str) -> tuple[Floats, list[str]]:
     """Complete rows sorted by (frame or instant, joint) as arrays (frames, joints, len(columns)), with the joints.
 
     Raises DiorError where rows are missing.
@@ -231,11 +240,11 @@ def grid(table, *columns):
     return np.stack([table[c].reshape(count, len(joints)) for c in columns], axis=-1), joints
 
 
-def findings_columns(findings):
+def findings_columns(findings: Sequence[Finding]) -> dict[str, list[str]]:
     """Columns of the `findings` table from (scope, severity, code, text) tuples, as given."""
     return {key: [f[i] for f in findings] for i, key in enumerate(("scope", "severity", "code", "text"))}
 
 
-def write_findings(path, findings):
+def write_findings(path: AnyPath, findings: Sequence[Finding]) -> None:
     """Write what a step wants a person to see: (scope, severity, code, text) tuples; the file may be empty."""
     write(path, "findings", findings_columns(findings))

@@ -101,7 +101,7 @@ def test_deleting_leaves_everything_else(withdrawn, capsys):
     gone = {name for name in before if name.startswith(tuple(GONE)) or name == record("results/frames/out_2.parquet")}
     assert after == before - gone and {record("results/frames/out_1.parquet"), *KEPT} <= after
     assert forget.left(withdrawn) == []
-    forget.run(withdrawn, yes=True)
+    forget.run(project=withdrawn, yes=True)
     assert capsys.readouterr().out.startswith("Nothing is left in results/ and logs/")
 
 

@@ -16,7 +16,7 @@ from dior.body.joint_centres import CENTRES
 from dior.body.names import COCO_17
 from dior.geometry import camera as cam
 from dior.label.reproject import labels as projected
-from dior.tables.schemas import LABEL_STATUS
+from dior.tables.words import LABEL_STATUS
 
 OK, OCCLUDED, MISSING = (LABEL_STATUS.index(word) for word in ("ok", "occluded", "missing_3d"))
 

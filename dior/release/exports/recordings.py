@@ -15,7 +15,7 @@ from dior.geometry import camera_tables
 from dior.geometry.camera import Camera
 from dior.release.exports.writing import plain
 from dior.tables import tables
-from dior.tables.schemas import LABEL_STATUS
+from dior.tables.words import LABEL_STATUS
 
 SUBJECT_SPLIT = "subject"
 AT_A_TIME = 64

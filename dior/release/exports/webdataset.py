@@ -13,7 +13,7 @@ import numpy as np
 from dior.errors import DiorError
 from dior.release.exports import coco, recordings
 from dior.release.exports.writing import add_to_tar, write_csv
-from dior.tables.schemas import LABEL_STATUS
+from dior.tables.words import LABEL_STATUS
 
 ABOUT = """\
 `webdataset/dior-<number>.tar`: a shard per recording (`webdataset/shards.csv` says which) with a sample per released

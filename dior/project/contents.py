@@ -1,0 +1,312 @@
+"""`Project`: what a project's files say, as the workflow, the report and the release ask it.
+
+Paths are strings relative to `root`, Snakemake's working directory; only those of hand-made files that may be missing
+are looked for. `dior.project.project.load` makes it. Loads no numerics.
+"""
+
+import os
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from dior.project import bumps
+from dior.project.consent import consents
+from dior.project.marks_file import MarkedLines, read_marks
+from dior.project.read import Row, Rows
+
+
+@dataclass(frozen=True)
+class Project:
+    """What the workflow and the release know of a project. `rows` and `subjects`: sheet rows by name, as strings, of
+    those who agreed to be processed; `withheld`: the rows of the other sequences, by which only names are checked;
+    `gallery`: those of gallery.tsv by (subject, outfit, angle); `detectors`: those of detectors.tsv by (sequence,
+    camera, tool, zoom).
+
+    `session_files` and `camera_files`: contents of session.yaml by session and of the camera YAMLs by session and
+    camera, defaults filled in. `marks`: by (session, camera), the sequences named in the marks, in order, each with
+    the line of its first mark and that of its first mark without x, y, z (None if all have them). `left_out`: what the
+    calibration does not use for want of consent, (scope, sentence) without a name of a person or sequence.
+    """
+
+    root: Path
+    config: dict[str, Any]
+    rows: Rows
+    subjects: Rows
+    session_files: dict[str, dict[str, Any]] = field(default_factory=dict)
+    camera_files: dict[str, dict[str, dict[str, Any]]] = field(default_factory=dict)
+    marks: dict[tuple[str, str], MarkedLines] = field(default_factory=dict)
+    gallery: dict[tuple[str, ...], Row] = field(default_factory=dict)
+    detectors: dict[tuple[str, ...], Row] = field(default_factory=dict)
+    withheld: Rows = field(default_factory=dict)
+    left_out: list[tuple[str, str]] = field(default_factory=list)
+
+    @property
+    def data_root(self) -> str:
+        return self.config["data_root"]
+
+    @cached_property
+    def sequences(self) -> tuple[str, ...]:
+        """Names of the processed sequences, by session, session_order and name."""
+        kept = [row for row in self.rows.values() if not row["exclude_reason"]]
+        kept.sort(key=lambda row: (row["session"], int(row["session_order"]), row["sequence"]))
+        return tuple(row["sequence"] for row in kept)
+
+    @cached_property
+    def excluded(self) -> dict[str, str]:
+        """Reasons by name of the sequences that are not processed."""
+        return {name: row["exclude_reason"] for name, row in self.rows.items() if row["exclude_reason"]}
+
+    @cached_property
+    def sessions(self) -> tuple[str, ...]:
+        """Sessions of the processed sequences, sorted."""
+        return tuple(sorted({self.rows[name]["session"] for name in self.sequences}))
+
+    @cached_property
+    def processed_subjects(self) -> tuple[str, ...]:
+        """Subjects of the processed sequences, sorted."""
+        return tuple(sorted({self.rows[name]["subject"] for name in self.sequences}))
+
+    @cached_property
+    def released_subjects(self) -> tuple[str, ...]:
+        """Subjects of the processed sequences who consent to the release, in the order of their pseudonyms."""
+        agreed = [name for name in self.processed_subjects if self.consents(name, "release")]
+        return tuple(sorted(agreed, key=self.pseudonym))
+
+    @cached_property
+    def released_sequences(self) -> tuple[str, ...]:
+        """The processed sequences of the released subjects."""
+        return tuple(name for name in self.sequences if self.rows[name]["subject"] in self.released_subjects)
+
+    @cached_property
+    def unanswered(self) -> int:
+        """The number of released subjects of whom the sheet does not say whether their pictures may be, too."""
+        return sum(not self.subjects[name].get("consent_pictures") for name in self.released_subjects)
+
+    def consents(self, subject: str, purpose: str) -> bool:
+        """Whether a subject agreed to a purpose: processing, release or pictures (dior/project/consent.py)."""
+        return subject in self.subjects and consents(self.subjects[subject], purpose)
+
+    def pictures_released(self, sequence: str) -> bool:
+        """Whether the pictures of a sequence may be published."""
+        return self.consents(self.subject_of(sequence), "pictures")
+
+    def shaping(self, session: str) -> list[str]:
+        """Sequences of a session, in order, whose pictures and people may tell where its cameras are.
+
+        The poses are published with the labels of those who consent to the release, so only these shape them. Where
+        nobody of the session does, nothing is published, and everybody who is processed may.
+        """
+        here = self.sequences_of(session)
+        return [name for name in here if name in self.released_sequences] or here
+
+    def barred(self, session: str) -> set[str]:
+        """Sequences of all parts of a session that must not shape the poses of this one."""
+        folder = bumps.session_folder(session)
+        published = set(self.sequences_of(session)) & set(self.released_sequences)
+        return {
+            name
+            for name, row in {**self.rows, **self.withheld}.items()
+            if bumps.session_folder(row["session"]) == folder
+            and (name in self.withheld or published and not self.consents(row["subject"], "release"))
+        }
+
+    def sequence(self, name: str) -> Row:
+        """The sheet's row of a sequence."""
+        return self.rows[name]
+
+    def subject_of(self, sequence: str) -> str:
+        return self.rows[sequence]["subject"]
+
+    def session_of(self, sequence: str) -> str:
+        return self.rows[sequence]["session"]
+
+    def indoor(self, sequence: str) -> bool:
+        return self.rows[sequence]["environment"] == "indoor"
+
+    def pseudonym(self, subject: str) -> str:
+        return self.subjects[subject]["pseudonym"]
+
+    def sequences_of(self, session: str) -> list[str]:
+        """Processed sequences of a session, in the order of recording."""
+        return [name for name in self.sequences if self.rows[name]["session"] == session]
+
+    def first_sequence(self, session: str) -> str:
+        return self.sequences_of(session)[0]
+
+    def order(self, name: str) -> tuple[int, str]:
+        """The place of a sequence in its session's order of recording."""
+        return int({**self.rows, **self.withheld}[name]["session_order"]), name
+
+    def sequences_of_subject(self, subject: str) -> list[str]:
+        return [name for name in self.sequences if self.rows[name]["subject"] == subject]
+
+    def cameras(self, session: str) -> dict[str, dict[str, Any]]:
+        """Cameras of a session in the order of session.yaml: name -> content of the camera's YAML."""
+        return self.camera_files[session]
+
+    def cameras_of(self, sequence: str) -> list[str]:
+        """Names of the cameras of a sequence's session."""
+        return list(self.camera_files[self.session_of(sequence)])
+
+    def close(self, session: str) -> list[str]:
+        return [name for name, camera in self.camera_files[session].items() if camera["role"] == "close"]
+
+    def followed(self, sequence: str) -> list[str]:
+        """Cameras whose clock is found by the known walker: long-range ones, and those that are aligned to him."""
+        return [
+            name
+            for name, camera in self.camera_files[self.session_of(sequence)].items()
+            if camera["locate"] == "align" or camera["role"] == "long_range" and not self.indoor(sequence)
+        ]
+
+    def clocked(self, sequence: str) -> list[str]:
+        """The other cameras."""
+        return [name for name in self.cameras_of(sequence) if name not in self.followed(sequence)]
+
+    def window(self, session: str) -> dict[str, dict[str, int]]:
+        """Instants that the adjustment uses: sequence -> {first, count, step}; empty means no adjustment."""
+        return self.session_files[session]["adjust"]
+
+    def tag_sequence(self, session: str) -> str:
+        """The sequence in whose pictures the AprilTag lies."""
+        return self.session_files[session].get("tag", {}).get("sequence") or self.shaping(session)[0]
+
+    def metric_facts(self, session: str) -> dict[str, Any]:
+        """What is known in metres of a session that is adjusted, subjects replaced by their sequences of the window.
+
+        `heights`: of the window's subjects, where subjects.tsv has them, to judge the adjusted people by.
+        """
+        settings, window = self.session_files[session], self.window(session)
+
+        def sequences(subject: str) -> list[str]:
+            return [name for name in window if self.subject_of(name) == subject]
+
+        known: dict[str, Any] = {key: settings[key] for key in ("distances", "scale_bar", "floor") if key in settings}
+        known["keypoint_distance"] = [
+            {key: value for key, value in fact.items() if key != "subject"}
+            | ({"sequences": sequences(fact["subject"])} if "subject" in fact else {})
+            for fact in settings.get("keypoint_distance", [])
+        ]
+        known["heights"] = [
+            {
+                "subject": subject,
+                "height_m": float(self.subjects[subject]["height_m"]),
+                "sigma_m": float(self.subjects[subject]["height_sigma_m"] or 0),
+                "sequences": sequences(subject),
+            }
+            for subject in sorted({self.subject_of(name) for name in window})
+            if self.subjects[subject]["height_m"]
+        ]
+        with_sigma = [fact for fact in known["heights"] if settings.get("stature") and fact["sigma_m"]]
+        known["stature"] = [{key: value for key, value in fact.items() if key != "subject"} for fact in with_sigma]
+        return known
+
+    def marks_sequences(self, session: str, camera: str) -> list[str]:
+        """Sequences named in the camera's marks, in order."""
+        return list(self.marks.get((session, camera), {}))
+
+    def clicked(self, session: str, camera: str) -> list[str]:
+        """Sequences, in order, in whose pictures something is marked that may tell where the session's cameras are."""
+        path, barred = self.marks_file(session, camera), self.barred(session)
+        return [name for name in read_marks(self.root / path, path) if name not in barred]
+
+    def marks_mocap(self, session: str, camera: str) -> list[str]:
+        """Those of them whose motion capture the marks need: a mark without x, y, z is a marker of the C3D."""
+        return [name for name, (_, without) in self.marks.get((session, camera), {}).items() if without]
+
+    def in_data(self, path: str) -> str:
+        """A path of the sheets or of a camera's YAML, as seen from the project's root."""
+        return os.path.join(self.data_root, path)
+
+    def bags(self, sequence: str) -> list[str]:
+        return [self.in_data(bag) for bag in bags_of(self.rows[sequence])]
+
+    def mocap(self, sequence: str) -> list[str]:
+        return self._optional(sequence, "mocap")
+
+    def trigger_log(self, sequence: str) -> list[str]:
+        path = self.rows[sequence]["trigger_log"].partition("#")[0].strip()
+        return [self.in_data(path)] if path else []
+
+    def capture(self, sequence: str) -> str:
+        """What the capture is called in the trigger log, where the sheet says so: `trigger.jsonl#walk_03`."""
+        return self.rows[sequence]["trigger_log"].partition("#")[2].strip()
+
+    def truth(self, sequence: str) -> list[str]:
+        return self._optional(sequence, "truth")
+
+    def _optional(self, sequence: str, column: str) -> list[str]:
+        path = self.rows[sequence][column]
+        return [self.in_data(path)] if path else []
+
+    def detected_here(self, sequence: str) -> bool:
+        """Whether the sheet asks for the project's own detector."""
+        return self.rows[sequence]["detections"] == "detect"
+
+    def detections_pattern(self, sequence: str) -> str:
+        """Path of the detections with {camera} in it, or "" where there are none."""
+        pattern = self.rows[sequence]["detections"]
+        if self.detected_here(sequence):
+            return f"results/detect/{sequence}.{{camera}}.json"
+        return self.in_data(pattern) if pattern else ""
+
+    def detectors_of(self, sequence: str) -> list[dict[str, str]]:
+        """Outputs of other detectors: dicts camera, tool, zoom, path (as seen from the root), sorted."""
+        mine = [row for _, row in sorted(self.detectors.items()) if row["sequence"] == sequence]
+        return [
+            {**{key: row[key] for key in ("camera", "tool", "zoom")}, "path": self.in_data(row["path"].rstrip("/"))}
+            for row in mine
+        ]
+
+    def gallery_files(self) -> list[str]:
+        """Folders and bags of the gallery's pictures."""
+        return [self.in_data((row["path"] or row["bag"]).rstrip("/")) for row in self.gallery.values()]
+
+    def whole_session(self, session: str) -> list[str]:
+        """Processed sequences of a session with all its parts."""
+        folder = bumps.session_folder(session)
+        return [name for name in self.sequences if bumps.session_folder(self.session_of(name)) == folder]
+
+    def session_file(self, session: str) -> str:
+        return f"config/sessions/{bumps.session_folder(session)}/session.yaml"
+
+    def camera_file(self, session: str, camera: str) -> str:
+        return bumps.file_of(self.root, session, camera, ".yaml", {**self.rows, **self.withheld})
+
+    def marks_file(self, session: str, camera: str) -> str:
+        return bumps.file_of(self.root, session, camera, ".marks.csv", {**self.rows, **self.withheld})
+
+    def offsets(self, sequence: str) -> list[str]:
+        """[path] of the offsets given by hand, or []."""
+        path = f"config/offsets/{sequence}.yaml"
+        return [path] if self._exists(path) else []
+
+    def boxes(self, sequence: str) -> dict[str, str]:
+        """Hand-drawn boxes: camera -> file, where there is one."""
+        return self._per_camera("boxes", sequence)
+
+    def checks(self, sequence: str) -> dict[str, str]:
+        """Hand checks: camera -> file, where there is one."""
+        return self._per_camera("checks", sequence)
+
+    def earlier_heads(self, sequence: str, camera: str) -> list[str]:
+        """[path] of the table that an earlier release covered the head by, or []."""
+        path = f"config/heads/{sequence}.{camera}.parquet"
+        return [path] if self._exists(path) else []
+
+    def effort(self) -> list[str]:
+        """[path] of the sheet of manual work, or []."""
+        return ["config/effort.tsv"] if self._exists("config/effort.tsv") else []
+
+    def _per_camera(self, folder: str, sequence: str) -> dict[str, str]:
+        paths = {camera: f"config/{folder}/{sequence}.{camera}.csv" for camera in self.cameras_of(sequence)}
+        return {camera: path for camera, path in paths.items() if self._exists(path)}
+
+    def _exists(self, path: str) -> bool:
+        return os.path.exists(os.path.join(self.root, path))
+
+
+def bags_of(row: Row) -> list[str]:
+    """Bag paths of a sheet row, relative to data_root; a ROS 2 bag is a folder, which may be written with a slash."""
+    return [bag.strip().rstrip("/") for bag in row["bags"].split(";") if bag.strip()]

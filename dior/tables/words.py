@@ -1,0 +1,14 @@
+"""The words that a column may have, where they are few: the vocabularies of `dior.tables.schemas`."""
+
+LABEL_STATUS = ("ok", "out_of_frame", "behind_camera", "missing_3d", "occluded")
+SWAPPED_PART = ("all", "legs", "rest")
+LABEL_SOURCE = ("mocap", "triangulated", "interpolated")
+SKELETON_STATUS = ("ok", "too_few_views", "rejected", "gap_filled")
+OFFSET_SOURCE = ("estimated", "manual", "reference", "assumed_zero")
+CLOCK_METHOD = ("", "detections", "marks", "pictures", "cameras", "boxes")
+DROP_REASON = ("not_sent", "recorder_behind", "between_bags", "same_stamp", "same_picture")
+HEAD_STATUS = ("ok", "out_of_frame", "unknown")
+NO_IMAGE = ("no_consent", "head_unknown", "not_readable")
+MARK_KIND = ("mark", "check")
+SPLITS = {"subject": ("train", "val", "test"), "range": ("gallery", "probe"), "outfit": ("gallery", "probe")}
+SEVERITY = ("info", "warning", "error")
