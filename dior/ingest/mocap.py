@@ -13,9 +13,11 @@ OUTPUTS  `skeletons_3d` table: the markers of `skeletons.PLUG_IN_GAIT_39` that t
 import struct
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from dior.arrays import AnyPath, Floats, Ints
 from dior.body.names import PLUG_IN_GAIT_39
 from dior.errors import DiorError, nearest
 from dior.ingest.c3d_check import MIPS, check_parameters
@@ -26,12 +28,12 @@ NEEDED = ("LASI", "RASI")
 FEWEST = 4
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Mocap:
     """`points` (frames, markers, 3) m, NaN in gaps; `rate` Hz; `first_frame` as the C3D counts, from 1."""
 
-    markers: tuple
-    points: np.ndarray
+    markers: tuple[str, ...]
+    points: Floats
     rate: float
     first_frame: int
 
@@ -79,7 +81,7 @@ def run(
     tables.write(out, "skeletons_3d", columns, metadata)
 
 
-def start_by_log(log, capture, c3d, mocap, stamps):
+def start_by_log(log: Path, capture: str, c3d: AnyPath, mocap: Mocap, stamps: Ints) -> int:
     """Time (ns) of the first frame stored by the trigger log, for pictures with `stamps` (F,).
 
     Nexus counts frames from 1 at the start of the capture; a C3D of a part of it begins later.
@@ -92,7 +94,7 @@ def start_by_log(log, capture, c3d, mocap, stamps):
     return found.start_ns + round((mocap.first_frame - 1) * 1e9 / mocap.rate)
 
 
-def read(path):
+def read(path: AnyPath) -> Mocap:
     """The Plug-in-Gait markers of a C3D file as `Mocap`.
 
     Raises DiorError for a missing or broken file, an unknown unit, a rate that is not positive, a marker given twice,
@@ -126,7 +128,7 @@ def read(path):
     return Mocap(markers, np.where(gap[..., None], np.nan, xyz * scale), rate, int(header["first_frame"]) + 1)
 
 
-def _declared_frames(path):
+def _declared_frames(path: AnyPath) -> int:
     """Number of frames that the header announces, 0 where it cannot say (its numbers end at 65535).
 
     ezc3d corrects its header to what it found, so a file that is cut off shows in the file's own bytes only.
@@ -139,12 +141,12 @@ def _declared_frames(path):
     return last - first + 1 if first <= last < 65535 else 0
 
 
-def _number(parameters, key):
-    values = np.ravel(parameters[key]["value"]) if key in parameters else ()
+def _number(parameters: dict[str, Any], key: str) -> float:
+    values = np.ravel(parameters[key]["value"]) if key in parameters else np.array([])
     return float(values[0]) if len(values) else 0.0
 
 
-def _metres(parameters, path):
+def _metres(parameters: dict[str, Any], path: AnyPath) -> float:
     values = parameters["UNITS"]["value"] if "UNITS" in parameters else []
     unit = values[0].strip() if len(values) else ""
     if unit.lower() not in METRES:
@@ -152,18 +154,19 @@ def _metres(parameters, path):
     return METRES[unit.lower()]
 
 
-def _labels(parameters):
+def _labels(parameters: dict[str, Any]) -> list[str]:
     """All labels in the order of the points; past 255 points they go on in LABELS2, LABELS3, ..."""
-    labels, number = [], 1
+    labels: list[str] = []
+    number = 1
     while (key := f"LABELS{number}" if number > 1 else "LABELS") in parameters:
         labels += [label.strip() for label in parameters[key]["value"]]
         number += 1
     return labels
 
 
-def _find_markers(labels, path):
+def _find_markers(labels: list[str], path: AnyPath) -> dict[str, int]:
     """Index of each marker among the labels: dict marker -> index. A prefix up to a colon is the subject's name."""
-    found = {}
+    found: dict[str, int] = {}
     for i, label in enumerate(labels):
         marker = label.rpartition(":")[2].strip()
         if marker not in PLUG_IN_GAIT_39:

@@ -5,10 +5,13 @@ OUTPUTS  one person, or nobody, per frame.
 Pixels in the recorded picture, scores 0 to 1, NaN is missing.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, TypeAlias
 
 import numpy as np
 
+from dior.arrays import AnyPath, Bools, Floats, Ints
 from dior.body.names import swap_index
 from dior.errors import DiorError
 
@@ -28,8 +31,11 @@ BLOCK = 1 << 13
 # no picture is this large; beyond it float32 loses a tenth of a pixel
 FAR_PX = 1e6
 
+# as a file holds them: not checked yet
+Numbers: TypeAlias = Sequence[Any] | Ints
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, eq=False)
 class People:
     """Row per person and frame, sorted by frame, then by person.
 
@@ -37,16 +43,23 @@ class People:
     `score` (P, J), 0 where missing; `ran` the sorted frames that the detector looked at; `stamp_ns` of those, or -1.
     """
 
-    joints: tuple
-    frame: np.ndarray
-    person: np.ndarray
-    uv: np.ndarray
-    score: np.ndarray
-    ran: np.ndarray
-    stamp_ns: np.ndarray
+    joints: tuple[str, ...]
+    frame: Ints
+    person: Ints
+    uv: Floats
+    score: Floats
+    ran: Ints
+    stamp_ns: Ints
 
 
-def gathered(path, joints, frame, points, ran=None, stamp_ns=None):
+def gathered(
+    path: AnyPath,
+    joints: Sequence[str],
+    frame: Numbers,
+    points: Floats,
+    ran: Numbers | None = None,
+    stamp_ns: Numbers | None = None,
+) -> People:
     """`People` from what a file holds, in any order.
 
     `frame` (P,) numbers from 0, `points` (P, J, 3) u, v, score; a coordinate that is not finite is missing. `ran` are
@@ -55,19 +68,19 @@ def gathered(path, joints, frame, points, ran=None, stamp_ns=None):
     to and not copied: it is the largest thing that a reader has. Raises DiorError for
     frames and coordinates that cannot be.
     """
-    frame = whole_numbers(path, frame)
-    points = np.asarray(points, float).reshape(len(frame), len(joints), 3)
-    ran = np.unique(frame) if ran is None else whole_numbers(path, ran)
-    stamp_ns = np.full(len(ran), -1, np.int64) if stamp_ns is None else np.asarray(stamp_ns, np.int64)
-    for numbers in (frame, ran):
+    frames = whole_numbers(path, frame)
+    points = np.asarray(points, float).reshape(len(frames), len(joints), 3)
+    looked_at = np.unique(frames) if ran is None else whole_numbers(path, ran)
+    stamps = np.full(len(looked_at), -1, np.int64) if stamp_ns is None else np.asarray(stamp_ns, np.int64)
+    for numbers in (frames, looked_at):
         if len(numbers) and numbers.min() < 0:
             raise DiorError(f"{path}: frame {numbers.min()} is negative; frames are counted from 0")
-    order, of_ran = _order(frame), _order(ran)
-    frame, points, ran, stamp_ns = frame[order], points[order], ran[of_ran], stamp_ns[of_ran]
-    twice = np.flatnonzero(np.diff(ran) == 0)
+    order, of_looked_at = _order(frames), _order(looked_at)
+    frames, points, looked_at, stamps = frames[order], points[order], looked_at[of_looked_at], stamps[of_looked_at]
+    twice = np.flatnonzero(np.diff(looked_at) == 0)
     if len(twice):
-        raise DiorError(f"{path}: frame {ran[twice[0]]} is there twice")
-    person = np.arange(len(frame)) - np.searchsorted(frame, frame)
+        raise DiorError(f"{path}: frame {looked_at[twice[0]]} is there twice")
+    person = np.arange(len(frames)) - np.searchsorted(frames, frames)
     uv, score = points[..., :2], points[..., 2]
     missing = ~np.isfinite(uv.sum(axis=-1))
     uv[missing], score[missing] = np.nan, 0.0
@@ -75,21 +88,21 @@ def gathered(path, joints, frame, points, ran=None, stamp_ns=None):
         row, joint = np.argwhere((np.abs(uv) > FAR_PX).any(axis=-1))[0]
         u, v = uv[row, joint]
         raise DiorError(
-            f"{path}: frame {frame[row]} has {joints[joint]} at ({u:.6g}, {v:.6g}), which is in no picture; "
+            f"{path}: frame {frames[row]} has {joints[joint]} at ({u:.6g}, {v:.6g}), which is in no picture; "
             "is the file damaged?"
         )
     np.clip(np.nan_to_num(score, copy=False), 0.0, 1.0, out=score)
     seen = ~missing.all(axis=1)
     rows = slice(None) if seen.all() else seen
-    return People(tuple(joints), frame[rows], person[rows], uv[rows], score[rows], ran, stamp_ns)
+    return People(tuple(joints), frames[rows], person[rows], uv[rows], score[rows], looked_at, stamps)
 
 
-def _order(numbers):
+def _order(numbers: Ints) -> slice | Ints:
     """An index that sorts, stable; a slice, which copies nothing, where they are in order."""
     return slice(None) if (np.diff(numbers) >= 0).all() else np.argsort(numbers, kind="stable")
 
 
-def whole_numbers(path, numbers):
+def whole_numbers(path: AnyPath, numbers: Numbers) -> Ints:
     """`numbers` as int64 (N,). Raises DiorError where one is no whole number of that size."""
     try:
         exact = np.array([int(number) for number in numbers], np.int64)
@@ -100,19 +113,19 @@ def whole_numbers(path, numbers):
     return exact
 
 
-@dataclass(frozen=True)
-class Track:
+@dataclass(frozen=True, eq=False)
+class Subject:
     """`row` of `People` per frame, -1 for nobody; frames with `several` people; frames where the choice is `ambiguous`;
     frames `left_out`: people were found but none of them is the subject. All (frames,)."""
 
-    row: np.ndarray
-    several: np.ndarray
-    ambiguous: np.ndarray
-    left_out: np.ndarray
+    row: Ints
+    several: Bools
+    ambiguous: Bools
+    left_out: Bools
 
 
-def follow(people, stamps_ns):
-    """The subject through a recording with picture stamps `stamps_ns` (frames,), as a `Track`.
+def follow(people: People, stamps_ns: Ints) -> Subject:
+    """The subject through a recording with picture stamps `stamps_ns` (frames,), as a `Subject`.
 
     The cheapest path over all frames (Viterbi), so that a gap or a bystander does not break it. A person costs 0 to 2:
     what the mean score lacks to 1 and the size to that of the largest in the frame. Two people that follow each other
@@ -127,10 +140,10 @@ def follow(people, stamps_ns):
         chosen, margin = _best_path(people, (stamps_ns - stamps_ns[0]) / 1e9)
         row[people.frame[chosen]] = chosen
         ambiguous[people.frame[chosen]] = margin < AMBIGUOUS
-    return Track(row, count > 1, ambiguous, (count > 0) & (row < 0))
+    return Subject(row, count > 1, ambiguous, (count > 0) & (row < 0))
 
 
-def _best_path(people, seconds):
+def _best_path(people: People, seconds: Floats) -> tuple[Ints, Floats]:
     """Rows of the chosen people, and by how much the second-best person of each one's frame is worse."""
     costs, when = _unary(people), seconds[people.frame]
     _, group, sizes = np.unique(people.frame, return_inverse=True, return_counts=True)
@@ -156,7 +169,7 @@ def _best_path(people, seconds):
     return chosen, second[group[chosen]] - through[chosen]
 
 
-def _pairs(group):
+def _pairs(group: Ints) -> tuple[Ints, Ints]:
     """Rows (a, b) of all people a with all people b of the MEMORY frames with people before, sorted by a, then b."""
     starts = np.searchsorted(group, np.arange(group[-1] + 1))
     first, end = starts[np.maximum(group - MEMORY, 0)], starts[group]
@@ -164,7 +177,7 @@ def _pairs(group):
     return a, np.arange(len(a)) - np.repeat(np.cumsum(end - first) - (end - first), end - first) + first[a]
 
 
-def _sweep(costs, group, steps):
+def _sweep(costs: Floats, group: Ints, steps: Floats) -> tuple[Floats, Ints]:
     """Cheapest cost (P,) of a path that ends in each person, and its predecessor (-1: it begins there).
 
     `costs` (P,) of the people themselves, `group` (P,) their frame among those with people, ascending; `steps` the
@@ -189,20 +202,20 @@ def _sweep(costs, group, steps):
     return total, previous
 
 
-def _unary(people):
+def _unary(people: People) -> Floats:
     extent = _extent(people.uv)
     largest = np.zeros(people.frame.max() + 1)
     np.maximum.at(largest, people.frame, extent)
     return 2 - np.clip(people.score, 0, 1).mean(axis=1) - extent / largest[people.frame]
 
 
-def _extent(uv):
+def _extent(uv: Floats) -> Floats:
     """Size of each person (P,), px: the diagonal of the box around the joints, at least 1."""
     low, high = np.nanmin(uv, axis=1), np.nanmax(uv, axis=1)
     return np.maximum(np.hypot(*(high - low).T), 1.0)
 
 
-def _steps(people, when, a, b):
+def _steps(people: People, when: Floats, a: Ints, b: Ints) -> Floats:
     """Cost of the step from people `b` to people `a` (N,): the square of their distance over their reach.
 
     The distance is the mean over the joints that both have, also with left and right exchanged: a detector that
@@ -222,7 +235,7 @@ def _steps(people, when, a, b):
     return np.minimum((distance / reach) ** 2, JUMP)
 
 
-def _mean_distance(uv_a, uv_b):
+def _mean_distance(uv_a: Floats, uv_b: Floats) -> Floats:
     """Mean distance (N,) px of the joints of (N, J, 2) that both have; NaN without a common one."""
     distance = np.hypot(uv_a[..., 0] - uv_b[..., 0], uv_a[..., 1] - uv_b[..., 1])
     common = np.isfinite(distance)
