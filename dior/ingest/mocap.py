@@ -121,8 +121,8 @@ def read(path: AnyPath) -> Mocap:
     found = _find_markers(_labels(parameters)[: points.shape[1]], path)
     index = [found[marker] for marker in PLUG_IN_GAIT_39 if marker in found]
     xyz = points[:3, index].transpose(2, 1, 0)
-    residuals = c3d["data"]["meta_points"]["residuals"][0, index].T
-    gap = (residuals < 0) | ~np.isfinite(xyz).all(axis=-1) | (xyz == 0).all(axis=-1)
+    # a point whose residual is negative is invalid, whatever its coordinates (user guide of c3d.org): ezc3d gives NaN
+    gap = ~np.isfinite(xyz).all(axis=-1) | (xyz == 0).all(axis=-1)
     markers = tuple(marker for marker in PLUG_IN_GAIT_39 if marker in found)
     # ezc3d counts frames from 0 where the file counts from 1
     return Mocap(markers, np.where(gap[..., None], np.nan, xyz * scale), rate, int(header["first_frame"]) + 1)

@@ -1,5 +1,7 @@
 """C3D files written here, and the real walk."""
 
+import struct
+
 import ezc3d
 import numpy as np
 import pytest
@@ -77,6 +79,22 @@ def test_gaps_are_null_with_a_reason(tmp_path):
     gap[2, joints.index("LASI")] = gap[1, joints.index("RASI")] = True
     np.testing.assert_array_equal(np.isnan(xyz), np.repeat(gap[..., None], 3, axis=-1))
     np.testing.assert_array_equal(table["status"].reshape(4, 5) == "too_few_views", gap)
+
+
+@pytest.mark.parametrize("coordinates", [(1001.0, 21.0, 5.0), (0.0, 0.0, 0.0)])
+def test_a_point_with_a_negative_residual_is_a_gap_whatever_its_coordinates(tmp_path, coordinates):
+    path = write_c3d(tmp_path / "a.c3d")
+    content = bytearray(path.read_bytes())
+    # header word 9: where the data begin; 4 floats a point, the residual last
+    (block,) = struct.unpack_from("<H", content, 16)
+    at = 512 * (block - 1) + 16 * (2 * len(MARKERS) + 1)
+    assert struct.unpack_from("<4f", content, at) == (1001.0, 21.0, 5.0, 0.0)
+    struct.pack_into("<4f", content, at, *coordinates, -1.0)
+    path.write_bytes(content)
+    got = mocap.read(path)
+    gap = np.isnan(got.points).all(axis=-1)
+    assert gap[2, got.markers.index(MARKERS[1])] and gap.sum() == 1
+    assert np.isfinite(got.points[~gap]).all()
 
 
 def test_prefix_is_stripped_and_other_points_are_ignored(tmp_path):
