@@ -24,15 +24,21 @@ from dior.ingest import bags as rosbag
 from dior.ingest.frames import JUMP_NS, check_usable
 from dior.tables import tables
 
+# 1.5: half-way between one period and two. 2.0 chosen: later than pictures come while a recorder keeps up
 GAP_PERIODS, BEHIND_PERIODS = 1.5, 2.0
+# chosen: enough pictures for a lens cap; a level of 255 that sensor noise in the dark stays below
 LOOK_AT, BLACK_LEVEL = 12, 12
+# chosen: above this share of pictures a repetition is a warning
 MOST_REPEATED = 0.01
 REPEATED = {
     "same_stamp": "stamp of the one before",
     "same_picture": "bytes of the one before under another stamp",
 }
+# chosen: 3 ms at 30 Hz, in which a walker's ankle moves about a centimetre
 MOST_JITTER_PERIODS = 0.1
+# chosen: crystals are off by less than 0.01 %, so 1 % is another setting
 MOST_RATE_OFF = 0.01
+# chosen: a drift known no better than crystals differ says nothing
 MOST_DRIFT_SIGMA_PPM = 20.0
 
 

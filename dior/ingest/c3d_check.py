@@ -10,6 +10,7 @@ import struct
 
 from dior.arrays import AnyPath
 
+# of the user guide: blocks of 512 bytes, counted in one byte; 83 + 3 is a MIPS processor; types and dimensions
 BLOCK, MOST_BLOCKS = 512, 255
 MIPS = 86
 TEXT = -1

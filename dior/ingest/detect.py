@@ -30,11 +30,14 @@ from dior.tables.files import write_text
 
 Box: TypeAlias = tuple[float, float, float, float]
 
+# chosen: of a network that takes any number of pictures
 BATCH = 16
+# ImageNet's, RGB of 0 to 255, as PyTorch's and OpenMMLab's networks are trained with
 MEAN = np.array([123.675, 116.28, 103.53], np.float32)
 DEVIATION = np.array([58.395, 57.12, 57.375], np.float32)
-# somebody is found where that many joints have that score; the box around them, enlarged, is looked at again
+# chosen: somebody is found where that many joints have that score; the box around them, enlarged, is looked at again
 SCORE, JOINTS = 0.3, 4
+# RTMPose's top-down padding of a box (mmpose, GetBBoxCenterScale)
 AROUND = 1.25
 
 

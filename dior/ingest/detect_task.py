@@ -25,7 +25,7 @@ Finder: TypeAlias = Callable[[Iterable[tuple[int, Picture]]], Iterator[tuple[int
 
 SUFFIX = ".task"
 INSTALL = "pip install --no-deps mediapipe absl-py flatbuffers"
-# who of them is the subject is decided over the whole recording
+# chosen: who of them is the subject is decided over the whole recording
 MOST_PEOPLE = 3
 
 

@@ -21,6 +21,7 @@ from dior.ingest.readers import READERS, Reader
 from dior.ingest.readers.recognise import recognise
 from dior.tables import tables
 
+# chosen: above this share of frames something missing is a warning
 FEW = 0.1
 # a body is larger than this in pixels, and no larger in fractions of the picture
 FRACTIONS_END = 3.0

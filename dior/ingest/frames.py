@@ -19,7 +19,9 @@ from dior.errors import DiorError
 from dior.ingest import bags as rosbag
 from dior.tables import tables
 
+# chosen: more than a recorder's lag varies; what is less and goes back counts as pictures out of order
 JUMP_NS = 1_000_000_000
+# chosen: a network now and then swaps two pictures; more is a driver that does not stamp them in order
 MOST_OUT_OF_ORDER = 0.1
 
 

@@ -22,6 +22,7 @@ from dior.tables import tables
 SHEET = "config/gallery.tsv"
 KEY = ("subject", "outfit", "angle")
 SUFFIXES = (".jpeg", ".jpg", ".png")
+# chosen: fewer than this share of the median over outfits and angles is a warning
 FEW_PICTURES = 0.5
 
 

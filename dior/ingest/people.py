@@ -29,7 +29,7 @@ SKIP = 1.5
 MEMORY_S = 1.5
 # chosen: as much as a score of 0 instead of 1 for a 30th of a second
 AMBIGUOUS = 1.0
-# pairs of people compared at once: their joints stay in the processor's cache
+# chosen: pairs of people compared at once, some megabytes of joints
 BLOCK = 1 << 13
 # no picture is this large; beyond it float32 loses a tenth of a pixel
 FAR_PX = 1e6

@@ -26,9 +26,13 @@ from dior.errors import DiorError
 from dior.ingest import host_clock
 from dior.ingest.trigger_packet import MOST_BYTES, Packet, Refused, parse
 
+# ip(7), ip_unprivileged_port_start
 PRIVILEGED = 1024
+# chosen: how long a PacketID stands for one packet; a Nexus that is started again may count anew
 SAME_PACKET_S = 60.0
+# chosen: NTP services ask their servers every minute or less often
 CLOCK_EVERY_S = 30.0
+# chosen: what a person reads of a flood; the rest is counted
 REFUSED_IN_A_MINUTE = 20
 # Linux; Python has no name for it
 SO_TIMESTAMPNS = 35

@@ -11,8 +11,10 @@ import math
 from dataclasses import dataclass
 from xml.parsers import expat
 
+# chosen: room for notes of some pages
 MOST_BYTES = 16384
 KINDS = {"CaptureStart": "start", "CaptureStop": "stop"}
+# chosen: file systems end names at 255 bytes, suffix included; a delay of more than an hour is a mistake
 LONGEST_NAME = 200
 LONGEST_DELAY_MS = 3_600_000
 

@@ -19,6 +19,7 @@ from dior.ingest.people import People, gathered
 from dior.ingest.readers.common import from_json, number
 
 KEYS = ("x", "y", "inFrameLikelihood")
+# chosen: some hundred lines are decoded at a time
 BLOCK_BYTES = 1 << 18
 
 

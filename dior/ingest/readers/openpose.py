@@ -20,7 +20,7 @@ from dior.ingest.readers.common import files_by_frame
 CANDIDATES = {len(COCO_18): {"COCO_18": COCO_18}, len(BODY_25): {"BODY_25": BODY_25, "BODY_25B": BODY_25B}}
 # of the right naming the bones are 2 to 4 times shorter than of the wrong one
 CLEARLY_SHORTER = 0.8
-# people that tell models with the same number of points apart
+# chosen: people that tell models with the same number of points apart
 ENOUGH_PEOPLE = 500
 # files are a few kB, and a buffer of this size costs no system call of its own
 READ_AT_ONCE = 1 << 15

@@ -8,6 +8,7 @@ from dior.arrays import AnyPath
 from dior.ingest.readers import mlkit_csv, yolo
 from dior.ingest.readers.mediapipe import TEXT
 
+# chosen: holds the first picture of every tool's files
 HEAD_BYTES = 1 << 16
 SUFFIXES = (".json", ".jsonl", ".txt", *TEXT)
 _KEY = re.compile(rb'"([^"\\\n]{1,200})"\s*:')

@@ -19,6 +19,7 @@ from dior.errors import DiorError
 from dior.ingest.people import People, gathered
 from dior.ingest.readers.common import INTERRUPTED, files_by_frame
 
+# class and box before the keypoints; the box's confidence and the track may come after
 BOX = 5
 MOST_AT_THE_END = 2
 ONE_PICTURE = "is it the file of one picture? Then name the folder of them in `detections`"
