@@ -7,14 +7,19 @@ Stamps are int64 ns since the Unix epoch: `stamp_ns` from the message header, `r
 """
 
 from collections import Counter
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
+from dior.arrays import AnyPath, Table
 from dior.errors import DiorError, nearest
 from dior.ingest import messages
-from dior.ingest.containers import BROKEN, HEAD, full_name
+from dior.ingest.bag_reader import Message, full_name
+from dior.ingest.containers import BROKEN
 from dior.ingest.containers import messages as messages_of
 from dior.ingest.containers import topics as topics_of
 from dior.progress import reporting
@@ -24,6 +29,9 @@ __all__ = [
     "read_pictures", "repeated", "topics_of",
 ]  # fmt: skip
 
+# full name -> (message type, number of messages)
+Topics: TypeAlias = dict[str, tuple[str, int]]
+
 
 @dataclass(frozen=True)
 class CameraInfo:
@@ -31,18 +39,18 @@ class CameraInfo:
 
     width: int
     height: int
-    K: tuple
-    D: tuple
+    K: tuple[float, ...]
+    D: tuple[float, ...]
     model: str
     where: str
 
 
-def bags_with(bags, topic, where):
+def bags_with(bags: Iterable[Path], topic: str, where: str) -> list[Path]:
     """Those of `bags` that hold messages of `topic`. Raises DiorError if there are none, naming the topics there."""
     return holding({bag: topics_of(bag) for bag in bags}, topic, where)
 
 
-def holding(there, topic, where):
+def holding(there: dict[Path, Topics], topic: str, where: str) -> list[Path]:
     """The same, from the topics of the bags: `there` is a dict bag -> `topics_of(bag)`."""
     names = sorted({name for topics in there.values() for name in topics})
     listed = ", ".join(str(bag) for bag in there)
@@ -58,58 +66,53 @@ def holding(there, topic, where):
     return found
 
 
-def index(bag, topics):
+def index(bag: Path, topics: Sequence[str]) -> Table:
     """Index of the pictures of `topics` in one bag, in the order of its files, as a dict of arrays.
 
     Keys: topic (as given), stamp_ns, receive_ns, nth (which message of that topic and receive stamp), height, width
-    (px). Only headers are looked at. Raises DiorError for a broken bag, a topic that holds no pictures, a bad picture
+    (px). No picture is decoded. Raises DiorError for a broken bag, a topic that holds no pictures, a bad picture
     header.
     """
-    columns = {key: [] for key in ("topic", "stamp_ns", "receive_ns", "nth", "height", "width")}
+    columns: dict[str, list[Any]] = {key: [] for key in ("topic", "stamp_ns", "receive_ns", "nth", "height", "width")}
     given = {full_name(topic): topic for topic in topics}
-    count = Counter()
-    for message, nth in _told(bag, given):
+    count: Counter[str] = Counter()
+    for message, nth in _reported(bag, given):
         topic = given[message.topic]
-        stamp_ns, height, width = _picture_header(message, f"{bag}: message {count[topic]} of {topic}")
+        try:
+            stamp_ns, height, width = messages.picture_of(message.kind, message.raw, message.wire)
+        except BROKEN as error:
+            where = f"{bag}: message {count[topic]} of {topic}"
+            raise DiorError(f"{where} has no readable picture ({error})") from None
         count[topic] += 1
         row = (topic, stamp_ns, message.receive_ns, nth, height, width)
         for key, value in zip(columns, row, strict=True):
             columns[key].append(value)
-    kinds = {"topic": object, "nth": np.int32, "height": np.int32, "width": np.int32}
+    kinds: dict[str, type] = {"topic": object, "nth": np.int32, "height": np.int32, "width": np.int32}
     return {key: np.array(values, kinds.get(key, np.int64)) for key, values in columns.items()}
 
 
-def _numbered(bag, wanted, received=None):
+def _numbered(
+    bag: Path, wanted: Collection[str], received: Collection[int] | None = None
+) -> Iterator[tuple[Message, int]]:
     """Yield (message, nth): which one it is, from 0, of those of its topic and receive stamp."""
-    before = Counter()
+    before: Counter[tuple[str, int]] = Counter()
     for message in messages_of(bag, wanted, received):
         key = (message.topic, message.receive_ns)
         yield message, before[key]
         before[key] += 1
 
 
-def _told(bag, given):
-    """`_numbered` of all messages of some topics, telling how far it is."""
+def _reported(bag: Path, given: Collection[str]) -> Iterator[tuple[Message, int]]:
+    """`_numbered` of all messages of some topics, its progress reported."""
 
-    def total():
+    def total() -> int:
         there = topics_of(bag)
         return sum(there.get(topic, ("", 0))[1] for topic in given)
 
     return reporting(_numbered(bag, given), total, "messages", bag)
 
 
-def _picture_header(message, where):
-    """(stamp_ns, height, width) from the message's first bytes, or from all where a picture hides its size behind."""
-    try:
-        try:
-            return messages.picture_of(message.kind, message.fetch(HEAD), message.wire)
-        except BROKEN:
-            return messages.picture_of(message.kind, message.fetch(None), message.wire)
-    except BROKEN as error:
-        raise DiorError(f"{where} has no readable picture ({error})") from None
-
-
-def read_pictures(rows, data_root):
+def read_pictures(rows: Table, data_root: AnyPath) -> Iterator[tuple[int, NDArray[np.uint8]]]:
     """Yield (row number, BGR uint8 picture (height, width, 3)) for rows of the `frames` table (a dict of arrays).
 
     In the order of `read_messages`. Raises DiorError where a picture is no longer there or cannot be decoded.
@@ -119,11 +122,11 @@ def read_pictures(rows, data_root):
         yield row, _picture(message, size, f"{path}: the picture of {rows['topic'][row]}")
 
 
-def read_messages(rows, data_root):
+def read_messages(rows: Table, data_root: AnyPath) -> Iterator[tuple[int, Message, Path]]:
     """Yield (row number, its picture's message, the bag's path) for rows of the `frames` table (a dict of arrays).
 
-    Grouped by bag and in the order of its files, so that a chunk is unpacked once and one without a wanted picture
-    never. Raises DiorError where a picture is no longer there.
+    Grouped by bag and in the order in which its messages come, so that a chunk is unpacked once and one without a
+    wanted picture never. Raises DiorError where a picture is no longer there.
     """
     for bag in sorted(set(rows["bag"].tolist())):
         mine = np.flatnonzero(rows["bag"] == bag)
@@ -144,72 +147,62 @@ def read_messages(rows, data_root):
             )
 
 
-def _picture(message, size, where):
+def _picture(message: Message, size: tuple[int, int], where: str) -> NDArray[np.uint8]:
     try:
-        return messages.decode(message.kind, message.fetch(None), message.wire, size)
+        return messages.decode(message.kind, message.raw, message.wire, size)
     except BROKEN as error:
         raise DiorError(f"{where} received at {message.receive_ns} ns cannot be decoded ({error})") from None
 
 
-def repeated(bag, topics):
+def repeated(bag: Path, topics: Sequence[str]) -> set[tuple[str, int, int]]:
     """Pictures of `topics` in one bag whose bytes are those of the one before: a set of (topic, receive_ns, nth).
 
-    The topic is the one given. Only where the first bytes agree are the others read, so this costs as much as `index`.
+    The topic is the one given.
     """
     given = {full_name(topic): topic for topic in topics}
-    found, before = set(), {}
-    for message, nth in _told(bag, given):
+    found: set[tuple[str, int, int]] = set()
+    before: dict[str, tuple[Any, ...]] = {}
+    for message, nth in _reported(bag, given):
         try:
-            head = messages.after_header(message.fetch(HEAD), message.wire)
-            last_head, last = before.get(message.topic, (None, None))
-            before[message.topic] = head, message
-            if head == last_head and _same_bytes(last, message):
-                found.add((given[message.topic], message.receive_ns, nth))
+            content = messages.content(message.kind, message.raw, message.wire)
         except BROKEN as error:
             where = f"{bag}: the picture of {given[message.topic]} received at {message.receive_ns} ns"
             raise DiorError(f"{where} is not readable ({error})") from None
+        if content == before.get(message.topic):
+            found.add((given[message.topic], message.receive_ns, nth))
+        before[message.topic] = content
     return found
 
 
-def _same_bytes(first, second):
-    return messages.after_header(first.fetch(None), first.wire) == messages.after_header(
-        second.fetch(None), second.wire
-    )
-
-
-def camera_info_topic(topic):
+def camera_info_topic(topic: str) -> str:
     """The CameraInfo topic beside an image topic: `a/image_raw/compressed` and `a/image_raw` have `a/camera_info`."""
     return topic.removesuffix("/compressed").rpartition("/")[0] + "/camera_info"
 
 
-def read_camera_info(bags, topic):
+def read_camera_info(bags: Iterable[Path], topic: str) -> CameraInfo:
     """The CameraInfo that belongs to the image `topic`, the same in every message of all `bags`.
 
     Raises DiorError where there is none or where one of them differs from the first.
     """
     info_topic = camera_info_topic(topic)
-    first, body = None, None
+    first = None
     for bag in bags_with(bags, info_topic, "CameraInfo"):
         for number, message in enumerate(messages_of(bag, {full_name(info_topic)})):
             where = f"{bag}: message {number} of {info_topic}"
             if message.kind != messages.CAMERA_INFO:
                 raise DiorError(f"{where} is a {message.kind}, not {messages.CAMERA_INFO}")
             try:
-                raw = message.fetch(None)
-                said = messages.after_header(raw, message.wire)
-                if said == body:
-                    continue
-                width, height, model, D, K = messages.camera_info(raw, message.wire)
+                width, height, model, D, K = messages.camera_info(message.raw, message.wire)
             except BROKEN as error:
                 raise DiorError(f"{where} is no readable CameraInfo ({error})") from None
             info = CameraInfo(width, height, K, D, model, where)
-            if first is None:
-                first, body = info, said
+            first = first or info
             _check_same(first, info)
+    assert first is not None, "bags_with gives bags with a message"
     return first
 
 
-def _check_same(first, info):
+def _check_same(first: CameraInfo, info: CameraInfo) -> None:
     for key in ("width", "height", "model", "K", "D"):
         a, b = getattr(first, key), getattr(info, key)
         if a != b:

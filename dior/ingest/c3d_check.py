@@ -8,6 +8,9 @@ number of blocks, the fourth the processor), then groups and parameters, each wi
 import math
 import struct
 
+from dior.arrays import AnyPath
+
+# of the user guide: blocks of 512 bytes, counted in one byte; 83 + 3 is a MIPS processor; types and dimensions
 BLOCK, MOST_BLOCKS = 512, 255
 MIPS = 86
 TEXT = -1
@@ -15,7 +18,7 @@ BYTES_OF = {TEXT: 1, 1: 1, 2: 2, 4: 4}
 MOST_DIMENSIONS = 7
 
 
-def check_parameters(path):
+def check_parameters(path: AnyPath) -> None:
     """Raise ValueError where a group or parameter does not end within its record and the parameters' blocks."""
     with open(path, "rb") as stream:
         head = stream.read(BLOCK)
@@ -34,7 +37,7 @@ def check_parameters(path):
         raise ValueError("its parameters end beyond their blocks")
 
 
-def _next(data, at, order):
+def _next(data: bytes, at: int, order: str) -> int:
     """Where the record after the one at byte `at` begins; the end of `data` after the last."""
     where = f"at byte {at} of its parameters"
     try:

@@ -10,32 +10,42 @@ OUTPUTS  JSON in COCO's results format, recorded pixels, which `detections` read
 
 import json
 import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
+from dior.arrays import AnyPath, Floats
 from dior.body.names import BY_COUNT
 from dior.errors import DiorError
 from dior.ingest import bags as rosbag
 from dior.ingest import detect_task
+from dior.ingest.detect_task import Finder, Picture
 from dior.progress import reporting
 from dior.tables import tables
 from dior.tables.files import write_text
 
+Box: TypeAlias = tuple[float, float, float, float]
+
+# chosen: of a network that takes any number of pictures
 BATCH = 16
-MEAN, DEVIATION = np.float32([123.675, 116.28, 103.53]), np.float32([58.395, 57.12, 57.375])
-# somebody is found where that many joints have that score; the box around them, enlarged, is looked at again
+# ImageNet's, RGB of 0 to 255, as PyTorch's and OpenMMLab's networks are trained with
+MEAN = np.array([123.675, 116.28, 103.53], np.float32)
+DEVIATION = np.array([58.395, 57.12, 57.375], np.float32)
+# chosen: somebody is found where that many joints have that score; the box around them, enlarged, is looked at again
 SCORE, JOINTS = 0.3, 4
+# RTMPose's top-down padding of a box (mmpose, GetBBoxCenterScale)
 AROUND = 1.25
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Network:
     """`infer` takes float32 (n, 3, height, width), n up to `batch`, and gives a list of arrays."""
 
-    infer: object
+    infer: Callable[[NDArray[np.float32]], list[NDArray[np.float32]]]
     width: int
     height: int
     batch: int
@@ -79,11 +89,11 @@ def run(
     write_text(out, "[\n" + ",\n".join(map(json.dumps, results)) + "\n]\n")
 
 
-def network_finder(network, crop):
+def network_finder(network: Network, crop: str) -> Finder:
     """A function from (row, picture) pairs to (row, people) pairs, people being points (K, 3) of one or nobody."""
 
-    def people(pictures):
-        box = None
+    def people(pictures: Iterable[tuple[int, Picture]]) -> Iterator[tuple[int, list[Floats]]]:
+        box: Box | None = None
         for rows, batch in _batches(pictures, network.batch):
             points = look(network, batch, [whole(picture) for picture in batch])
             if crop == "person":
@@ -98,7 +108,7 @@ def network_finder(network, crop):
     return people
 
 
-def load(model):
+def load(model: AnyPath) -> Network:
     """The network of an ONNX file. Raises DiorError where ONNX Runtime is missing or the network of another kind."""
     try:
         import onnxruntime
@@ -126,9 +136,10 @@ def load(model):
     return Network(lambda values: session.run(None, {name: values}), shape[3], shape[2], batch, str(model))
 
 
-def _batches(pictures, size):
+def _batches(pictures: Iterable[tuple[int, Picture]], size: int) -> Iterator[tuple[list[int], list[Picture]]]:
     """Lists of up to `size` (rows, pictures)."""
-    rows, batch = [], []
+    rows: list[int] = []
+    batch: list[Picture] = []
     for row, picture in pictures:
         rows.append(row)
         batch.append(picture)
@@ -139,7 +150,7 @@ def _batches(pictures, size):
         yield rows, batch
 
 
-def look(network, pictures, boxes):
+def look(network: Network, pictures: Sequence[Picture], boxes: Sequence[Box]) -> Floats:
     """Keypoints (n, K, 3) u, v, score, px, within boxes (n, 4) u_min, v_min, u_max, v_max of BGR pictures."""
     maps = [to_picture(box, network.width, network.height) for box in boxes]
     values = np.stack([_input(picture, one, network) for picture, one in zip(pictures, maps, strict=True)])
@@ -153,14 +164,14 @@ def look(network, pictures, boxes):
     return points
 
 
-def to_picture(box, width, height):
+def to_picture(box: Box, width: int, height: int) -> tuple[float, float, float]:
     """(scale, du, dv): a network's pixel (x, y) is the picture's (scale x + du, scale y + dv); the box fits within."""
     u_min, v_min, u_max, v_max = box
     scale = max((u_max - u_min + 1) / width, (v_max - v_min + 1) / height)
     return scale, (u_min + u_max) / 2 - scale * (width - 1) / 2, (v_min + v_max) / 2 - scale * (height - 1) / 2
 
 
-def _input(picture, mapping, network):
+def _input(picture: Picture, mapping: tuple[float, float, float], network: Network) -> NDArray[np.float32]:
     import cv2
 
     scale, du, dv = mapping
@@ -170,17 +181,17 @@ def _input(picture, mapping, network):
     return ((crop[..., ::-1] - MEAN) / DEVIATION).transpose(2, 0, 1)
 
 
-def decode(outputs, network):
+def decode(outputs: Sequence[NDArray[np.float32]], network: Network) -> Floats:
     """Keypoints (n, K, 3) x, y, score in the network's pixels from its outputs. Raises DiorError for other shapes."""
     shapes = [output.shape for output in outputs]
     simcc = len(outputs) == 2 and all(len(shape) == 3 for shape in shapes) and shapes[0][1] == shapes[1][1]
     if not (simcc or (len(outputs) == 1 and len(shapes[0]) == 4)) or shapes[0][1] not in BY_COUNT:
         known = ", ".join(map(str, sorted(BY_COUNT)))
         raise DiorError(f"detector.model {network.where}: outputs of shape {shapes} are no heads for {known} keypoints")
-    return from_simcc(*outputs, network) if simcc else from_heat_maps(outputs[0], network)
+    return from_simcc(outputs[0], outputs[1], network) if simcc else from_heat_maps(outputs[0], network)
 
 
-def from_simcc(x, y, network):
+def from_simcc(x: NDArray[np.float32], y: NDArray[np.float32], network: Network) -> Floats:
     """Keypoints (n, K, 3) from SimCC's rows (n, K, width * ratio), (n, K, height * ratio) (Li et al., ECCV 2022)."""
     at = [
         values.argmax(axis=-1) * size / values.shape[-1] for values, size in ((x, network.width), (y, network.height))
@@ -188,7 +199,7 @@ def from_simcc(x, y, network):
     return np.stack([*at, np.minimum(x.max(axis=-1), y.max(axis=-1))], axis=-1).astype(float)
 
 
-def from_heat_maps(maps, network):
+def from_heat_maps(maps: NDArray[np.float32], network: Network) -> Floats:
     """Keypoints (n, K, 3) from heat maps (n, K, h, w): the highest place and a quarter towards its higher neighbour."""
     count, joints, height, width = maps.shape
     flat = maps.reshape(count, joints, -1)
@@ -202,25 +213,25 @@ def from_heat_maps(maps, network):
     return np.stack([x, y, flat.max(axis=-1)], axis=-1).astype(float)
 
 
-def whole(picture):
+def whole(picture: Picture) -> Box:
     """The box of a whole picture: the centres of its first and last pixel."""
     height, width = picture.shape[:2]
     return 0.0, 0.0, width - 1.0, height - 1.0
 
 
-def is_somebody(points):
+def is_somebody(points: Floats) -> bool:
     """Whether keypoints (K, 3) are of a person."""
     return int((points[:, 2] >= SCORE).sum()) >= min(JOINTS, len(points))
 
 
-def person_box(points):
+def person_box(points: Floats) -> Box:
     """The enlarged box of the keypoints (K, 3) that were found."""
     found = points[points[:, 2] >= SCORE, :2]
     middle, half = (found.max(axis=0) + found.min(axis=0)) / 2, np.ptp(found, axis=0) / 2
     return *(middle - AROUND * half), *(middle + AROUND * half)
 
 
-def _result(frame, points):
+def _result(frame: int, points: Floats) -> dict[str, Any]:
     flat = np.column_stack([points[:, :2].round(2), points[:, 2:].round(4)]).ravel()
     return {
         "image_id": frame,

@@ -8,22 +8,32 @@ The package `mediapipe` asks for an OpenCV build that takes the place of the pin
 it is no extra of this project: it is installed without what it asks for, and uses the OpenCV that is there.
 """
 
-import numpy as np
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any, TypeAlias
 
+import numpy as np
+from numpy.typing import NDArray
+
+from dior.arrays import AnyPath, Floats
 from dior.body.names import MLKIT_33
 from dior.errors import DiorError
 
+# BGR (height, width, 3)
+Picture: TypeAlias = NDArray[np.uint8]
+# from (row, picture) pairs to (row, points (K, 3) of each person found)
+Finder: TypeAlias = Callable[[Iterable[tuple[int, Picture]]], Iterator[tuple[int, list[Floats]]]]
+
 SUFFIX = ".task"
 INSTALL = "pip install --no-deps mediapipe absl-py flatbuffers"
-# who of them is the subject is decided over the whole recording
+# chosen: who of them is the subject is decided over the whole recording
 MOST_PEOPLE = 3
 
 
-def finder(model):
+def finder(model: AnyPath) -> Finder:
     """A function from (row, picture) pairs to (row, people) pairs. Raises DiorError as `load` does."""
     landmarker, image_of = load(model)
 
-    def people(pictures):
+    def people(pictures: Iterable[tuple[int, Picture]]) -> Iterator[tuple[int, list[Floats]]]:
         with landmarker:
             for row, picture in pictures:
                 found = landmarker.detect(image_of(picture)).pose_landmarks
@@ -32,7 +42,7 @@ def finder(model):
     return people
 
 
-def load(model):
+def load(model: AnyPath) -> tuple[Any, Callable[[Picture], Any]]:
     """The landmarker of a task file and a function from a BGR picture to MediaPipe's image.
 
     Each picture is looked at alone (running mode IMAGE): in video mode landmarks follow the picture before, smoothed
@@ -63,7 +73,7 @@ def load(model):
     return landmarker, lambda bgr: mediapipe.Image(image_format=srgb, data=np.ascontiguousarray(bgr[..., ::-1]))
 
 
-def points(landmarks, shape, model):
+def points(landmarks: Sequence[Any], shape: tuple[int, ...], model: AnyPath) -> Floats:
     """Points (33, 3) px of one person's landmarks, fractions from the edges of a picture of `shape` (height, width)."""
     if len(landmarks) != len(MLKIT_33):
         raise DiorError(

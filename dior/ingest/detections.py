@@ -9,15 +9,19 @@ OUTPUTS  `detections` table, complete camera x frame x joint, recorded pixels, o
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from dior.arrays import AnyPath, Ints
 from dior.errors import DiorError, nearest
 from dior.ingest import people as subject
-from dior.ingest.readers import READERS
+from dior.ingest.people import People, Subject
+from dior.ingest.readers import READERS, Reader
 from dior.ingest.readers.recognise import recognise
 from dior.tables import tables
 
+# chosen: above this share of frames something missing is a warning
 FEW = 0.1
 # a body is larger than this in pixels, and no larger in fractions of the picture
 FRACTIONS_END = 3.0
@@ -63,7 +67,7 @@ def run(
     tables.write_findings(findings, seen)
 
 
-def _format(path, wanted, where):
+def _format(path: Path, wanted: str, where: str) -> str:
     """The tool that wrote `path`. Raises DiorError for a missing path, an unknown content and another tool's."""
     if not path.exists():
         raise DiorError(f"{where}: there are no detections at {path}; check `detections` in sequences.tsv")
@@ -83,7 +87,7 @@ def _format(path, wanted, where):
     return found
 
 
-def in_pixels(people, reader, size, path, where):
+def in_pixels(people: People, reader: Reader, size: tuple[int, int], path: AnyPath, where: str) -> People:
     """`people` of pictures of `size` (width, height) in pixels, whether the reader gives fractions or pixels.
 
     Fractions count from the picture's edges and pixels from the centre of the first one, hence the half. Raises
@@ -105,7 +109,7 @@ def in_pixels(people, reader, size, path, where):
     return replace(people, uv=people.uv * np.array(size, float) - 0.5)
 
 
-def check_recording(people, stamps_ns, path, where):
+def check_recording(people: People, stamps_ns: Ints, path: AnyPath, where: str) -> None:
     """Refuse detections of another recording than that with picture stamps `stamps_ns` (frames,)."""
     count = len(stamps_ns)
     beyond = people.ran[(people.ran < 0) | (people.ran >= count)]
@@ -125,7 +129,7 @@ def check_recording(people, stamps_ns, path, where):
         )
 
 
-def _check_anybody(people, path, where):
+def _check_anybody(people: People, path: AnyPath, where: str) -> None:
     if not len(people.frame):
         raise DiorError(
             f"{where}: no person found in any of {len(people.ran)} frames of {path}; "
@@ -133,7 +137,7 @@ def _check_anybody(people, path, where):
         )
 
 
-def _columns(camera, stamps_ns, people, track):
+def _columns(camera: str, stamps_ns: Ints, people: People, track: Subject) -> dict[str, Any]:
     """Columns of one camera; text stays as (word, index) until all cameras are put together."""
     frames, joints = len(stamps_ns), len(people.joints)
     # one row more than there are people, for nobody: index -1 finds it
@@ -151,12 +155,12 @@ def _columns(camera, stamps_ns, people, track):
     }
 
 
-def _concatenated(parts):
+def _concatenated(parts: list[dict[str, Any]]) -> dict[str, Any]:
     words = list(dict.fromkeys(joint for part in parts for joint in part["joints"]))
     index = [np.array([words.index(joint) for joint in part["joints"]]) for part in parts]
     rows = [len(part["frame"]) for part in parts]
     tiled = [np.tile(one, count // len(one)) for one, count in zip(index, rows, strict=True)]
-    columns = {
+    columns: dict[str, Any] = {
         "camera": tables.Repeated([part["camera"] for part in parts], np.repeat(np.arange(len(parts)), rows)),
         "joint": tables.Repeated(words, np.concatenate(tiled)),
     }
@@ -165,7 +169,7 @@ def _concatenated(parts):
     return columns
 
 
-def _findings(people, track, camera, reader):
+def _findings(people: People, track: Subject, camera: str, reader: Reader) -> list[tuple[str, str, str]]:
     """(severity, code, text) of one camera."""
     frames = len(track.row)
     count = np.bincount(people.frame, minlength=frames)

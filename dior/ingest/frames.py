@@ -14,11 +14,14 @@ from pathlib import Path
 
 import numpy as np
 
+from dior.arrays import Bools, Ints, Table
 from dior.errors import DiorError
 from dior.ingest import bags as rosbag
 from dior.tables import tables
 
+# chosen: more than a recorder's lag varies; what is less and goes back counts as pictures out of order
 JUMP_NS = 1_000_000_000
+# chosen: a network now and then swaps two pictures; more is a driver that does not stamp them in order
 MOST_OUT_OF_ORDER = 0.1
 
 
@@ -40,19 +43,20 @@ def run(*, sequence: str, bags: list[Path], data_root: Path, topics: dict[str, s
             index = rosbag.index(bag, wanted)
             _check_complete(bag, there[bag], index, wanted)
             indexes[_relative(bag, data_root)] = index
-    parts, twice = [], {}
+    parts: list[Table] = []
+    recorded_twice: dict[str, int] = {}
     for camera in sorted(topics):
-        table, twice[camera] = _of_camera(sequence, camera, topics[camera], indexes)
+        table, recorded_twice[camera] = _of_camera(sequence, camera, topics[camera], indexes)
         parts.append(table)
     columns = {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
-    tables.write(out, "frames", columns, {"recorded_twice": json.dumps(twice)})
+    tables.write(out, "frames", columns, {"recorded_twice": json.dumps(recorded_twice)})
 
 
-def _relative(bag, data_root):
+def _relative(bag: Path, data_root: Path) -> str:
     return Path(os.path.relpath(bag, data_root)).as_posix()
 
 
-def _check_complete(bag, there, index, topics):
+def _check_complete(bag: Path, there: dict[str, tuple[str, int]], index: Table, topics: list[str]) -> None:
     """Refuse a bag that says it holds other messages than are there."""
     for topic in topics:
         said, found = there[rosbag.full_name(topic)][1], int((index["topic"] == topic).sum())
@@ -60,7 +64,7 @@ def _check_complete(bag, there, index, topics):
             raise DiorError(f"{bag}: it says it holds {said} messages of {topic}, but there are {found}; copy it again")
 
 
-def _of_camera(sequence, camera, topic, indexes):
+def _of_camera(sequence: str, camera: str, topic: str, indexes: dict[str, Table]) -> tuple[Table, int]:
     """Rows of one camera from the indexes of all bags, sorted by header stamp, and how many were left out."""
     picked = {bag: tables.rows(index, index["topic"] == topic) for bag, index in indexes.items()}
     table = {key: np.concatenate([part[key] for part in picked.values()]) for key in next(iter(picked.values()))}
@@ -76,7 +80,7 @@ def _of_camera(sequence, camera, topic, indexes):
     return table, left_out
 
 
-def _of_first_bag(stamp_ns, bag):
+def _of_first_bag(stamp_ns: Ints, bag: Ints) -> Bools:
     """Mask (N,) of the rows whose stamp no bag of a lower number `bag` (N,) has."""
     _, index = np.unique(stamp_ns, return_inverse=True)
     first = np.full(len(stamp_ns), np.iinfo(int).max)
@@ -84,7 +88,7 @@ def _of_first_bag(stamp_ns, bag):
     return bag == first[index]
 
 
-def _check_one_size(sequence, camera, table):
+def _check_one_size(sequence: str, camera: str, table: Table) -> None:
     width, height = table["width"], table["height"]
     other = (width != width[0]) | (height != height[0])
     if other.any():
@@ -95,7 +99,7 @@ def _check_one_size(sequence, camera, table):
         )
 
 
-def check_usable(stamp_ns, receive_ns, where):
+def check_usable(stamp_ns: Ints, receive_ns: Ints, where: str) -> None:
     """Refuse stamps (F,) of one camera, sorted by header stamp, that no step can work with.
 
     Raises DiorError, beginning with `where`: fewer than two pictures, header stamps that are zero, all the same, set

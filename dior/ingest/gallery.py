@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from dior.arrays import Table
 from dior.errors import DiorError
 from dior.ingest import bags as rosbag
 from dior.tables import tables
@@ -21,10 +22,11 @@ from dior.tables import tables
 SHEET = "config/gallery.tsv"
 KEY = ("subject", "outfit", "angle")
 SUFFIXES = (".jpeg", ".jpg", ".png")
+# chosen: fewer than this share of the median over outfits and angles is a warning
 FEW_PICTURES = 0.5
 
 
-def run(*, rows: dict[str, Any], data_root: Path, out: Path, findings: Path) -> None:
+def run(*, rows: list[Any], data_root: Path, out: Path, findings: Path) -> None:
     """Index the pictures of `rows`, those of the sheet as dicts; their folders and bags are below `data_root`.
 
     Raises DiorError for a folder or bag that is not there, holds no pictures or a broken one.
@@ -37,14 +39,14 @@ def run(*, rows: dict[str, Any], data_root: Path, out: Path, findings: Path) -> 
         part |= {key: np.full(count, row[key], object) for key in KEY}
         part["picture"] = np.arange(count)
         parts.append(part)
-    columns = tables.columns_of("gallery")
-    whole = {key: np.concatenate([part[key] for part in parts]) if parts else [] for key in columns}
+    keys = tables.columns_of("gallery")
+    whole = {key: np.concatenate([part[key] for part in parts]) if parts else np.array([]) for key in keys}
     tables.write(out, "gallery", whole)
     found = [finding for subject in sorted({row["subject"] for row in rows}) for finding in counts(whole, subject)]
     tables.write_findings(findings, found)
 
 
-def counts(table, subject):
+def counts(table: Table, subject: str) -> list[tuple[str, str, str, str]]:
     """Findings about the pictures of one subject: how many per outfit and angle, and which are few or missing."""
     mine = tables.rows(table, table["subject"] == subject)
     by_pair = dict(sorted(Counter(zip(mine["outfit"], mine["angle"], strict=True)).items()))
@@ -61,7 +63,7 @@ def counts(table, subject):
     return found
 
 
-def _of_folder(row, data_root, where):
+def _of_folder(row: dict[str, str], data_root: Path, where: str) -> Table:
     folder = Path(data_root) / row["path"]
     if not folder.is_dir():
         raise DiorError(f"{where}: there is no folder {folder}; path is relative to data_root")
@@ -81,12 +83,12 @@ def _of_folder(row, data_root, where):
     }
 
 
-def _natural(file):
+def _natural(file: Path) -> list[tuple[int, str]]:
     """Sorts 2.jpg before 10.jpg."""
     return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", file.name)]
 
 
-def _size(file, where):
+def _size(file: Path, where: str) -> tuple[int, int]:
     """(height, width) px of a picture file. Raises DiorError for one that cannot be decoded."""
     import cv2
 
@@ -98,7 +100,7 @@ def _size(file, where):
     return picture.shape
 
 
-def _of_bag(row, data_root):
+def _of_bag(row: dict[str, str], data_root: Path) -> Table:
     path = Path(data_root) / row["bag"]
     rosbag.bags_with([path], row["topic"], SHEET)
     index = rosbag.index(path, [row["topic"]])

@@ -6,9 +6,12 @@ OUTPUTS  a `HostClock`; its source is `unknown` where none answers
 import re
 import subprocess
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+# chosen: a service on this computer answers within milliseconds, and three may hang
 ANSWER_S = 2.0
+# systemd.time(7)
 UNITS = {
     "us": 1e-6, "µs": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0, "day": 86400.0,
     "w": 604800.0, "month": 2629800.0, "y": 31557600.0,
@@ -28,7 +31,7 @@ class HostClock:
     asked_ns: int | None = None
 
 
-def state():
+def state() -> HostClock:
     """The `HostClock` now. Takes up to some seconds where a service hangs; raises nothing."""
     for command, read in SERVICES:
         text = _answer(command)
@@ -41,7 +44,7 @@ def state():
     return HostClock(asked_ns=time.time_ns())
 
 
-def _answer(command):
+def _answer(command: tuple[str, ...]) -> str:
     """What a command prints, "" where it is not there, fails or hangs."""
     try:
         done = subprocess.run(
@@ -52,7 +55,7 @@ def _answer(command):
     return "" if done.returncode else done.stdout.decode("utf-8", "replace")
 
 
-def chrony(text):
+def chrony(text: str) -> HostClock:
     """Of `chronyc -c tracking`: its csv has the fields of `chronyc tracking` in order; a positive offset is a slow
     host."""
     fields = text.strip().split(",")
@@ -60,7 +63,7 @@ def chrony(text):
     return HostClock("chrony", fields[13] != "Not synchronised", offset, delay / 2 + dispersion, int(fields[2]))
 
 
-def ntpd(text):
+def ntpd(text: str) -> HostClock:
     """Of `ntpq -c rv`: key=value, ms."""
     fields = dict(re.findall(r"(\w+)=\"?([^\",\s]*)", text))
     stratum = int(fields["stratum"])
@@ -68,7 +71,7 @@ def ntpd(text):
     return HostClock("ntpd", stratum < 16 and fields.get("leap") != "11", float(fields["offset"]) / 1e3, error, stratum)
 
 
-def timesyncd(text):
+def timesyncd(text: str) -> HostClock | None:
     """Of `timedatectl timesync-status`. The root distance is the server's own, half of the way to it comes on top."""
     fields = dict(line.strip().split(": ", 1) for line in text.splitlines() if ": " in line)
     if "Offset" not in fields:
@@ -79,7 +82,7 @@ def timesyncd(text):
     )
 
 
-def seconds(text):
+def seconds(text: str) -> float:
     """A time span as systemd writes it, such as `-1min 2.5s`, in seconds."""
     text = text.strip()
     parts = re.findall(r"([\d.]+)\s*([a-zµ]+)", text)
@@ -89,7 +92,7 @@ def seconds(text):
     return -total if text.startswith("-") else total
 
 
-SERVICES = (
+SERVICES: tuple[tuple[tuple[str, ...], Callable[[str], HostClock | None]], ...] = (
     (("chronyc", "-c", "tracking"), chrony),
     (("ntpq", "-c", "rv"), ntpd),
     (("timedatectl", "timesync-status"), timesyncd),

@@ -1,7 +1,7 @@
 """Markers of a C3D file on the clock of the pictures.
 
-INPUTS   a C3D (Vicon Plug-in-Gait labels, any order, other points ignored), the sequence's `frames` table, and the
-         log of `dior trigger` where there is one.
+INPUTS   a C3D (Vicon Plug-in-Gait labels, four or more of them, any order, other points ignored), the sequence's
+         `frames` table, and the log of `dior trigger` where there is one.
 OUTPUTS  `skeletons_3d` table: the markers of `skeletons.PLUG_IN_GAIT_39` that the file has, in that order, world of the
          C3D (Z up), metres. An instant is a tick of the C3D, counted from 0 at the first frame stored; its stamp_ns is
          t0 + instant / rate. t0 is decided here for all steps: when the trigger log says that the first frame stored
@@ -13,25 +13,27 @@ OUTPUTS  `skeletons_3d` table: the markers of `skeletons.PLUG_IN_GAIT_39` that t
 import struct
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from dior.arrays import AnyPath, Floats, Ints
 from dior.body.names import PLUG_IN_GAIT_39
-from dior.errors import DiorError, nearest
+from dior.errors import DiorError
 from dior.ingest.c3d_check import MIPS, check_parameters
 from dior.tables import tables
 
 METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
-NEEDED = ("LASI", "RASI")
+# chosen: a file with fewer labels of the 39 is of another marker set, or of none
 FEWEST = 4
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Mocap:
     """`points` (frames, markers, 3) m, NaN in gaps; `rate` Hz; `first_frame` as the C3D counts, from 1."""
 
-    markers: tuple
-    points: np.ndarray
+    markers: tuple[str, ...]
+    points: Floats
     rate: float
     first_frame: int
 
@@ -79,7 +81,7 @@ def run(
     tables.write(out, "skeletons_3d", columns, metadata)
 
 
-def start_by_log(log, capture, c3d, mocap, stamps):
+def start_by_log(log: Path, capture: str, c3d: AnyPath, mocap: Mocap, stamps: Ints) -> int:
     """Time (ns) of the first frame stored by the trigger log, for pictures with `stamps` (F,).
 
     Nexus counts frames from 1 at the start of the capture; a C3D of a part of it begins later.
@@ -92,7 +94,7 @@ def start_by_log(log, capture, c3d, mocap, stamps):
     return found.start_ns + round((mocap.first_frame - 1) * 1e9 / mocap.rate)
 
 
-def read(path):
+def read(path: AnyPath) -> Mocap:
     """The Plug-in-Gait markers of a C3D file as `Mocap`.
 
     Raises DiorError for a missing or broken file, an unknown unit, a rate that is not positive, a marker given twice,
@@ -119,14 +121,14 @@ def read(path):
     found = _find_markers(_labels(parameters)[: points.shape[1]], path)
     index = [found[marker] for marker in PLUG_IN_GAIT_39 if marker in found]
     xyz = points[:3, index].transpose(2, 1, 0)
-    residuals = c3d["data"]["meta_points"]["residuals"][0, index].T
-    gap = (residuals < 0) | ~np.isfinite(xyz).all(axis=-1) | (xyz == 0).all(axis=-1)
+    # a point whose residual is negative is invalid, whatever its coordinates (user guide of c3d.org): ezc3d gives NaN
+    gap = ~np.isfinite(xyz).all(axis=-1) | (xyz == 0).all(axis=-1)
     markers = tuple(marker for marker in PLUG_IN_GAIT_39 if marker in found)
     # ezc3d counts frames from 0 where the file counts from 1
     return Mocap(markers, np.where(gap[..., None], np.nan, xyz * scale), rate, int(header["first_frame"]) + 1)
 
 
-def _declared_frames(path):
+def _declared_frames(path: AnyPath) -> int:
     """Number of frames that the header announces, 0 where it cannot say (its numbers end at 65535).
 
     ezc3d corrects its header to what it found, so a file that is cut off shows in the file's own bytes only.
@@ -139,12 +141,12 @@ def _declared_frames(path):
     return last - first + 1 if first <= last < 65535 else 0
 
 
-def _number(parameters, key):
-    values = np.ravel(parameters[key]["value"]) if key in parameters else ()
+def _number(parameters: dict[str, Any], key: str) -> float:
+    values = np.ravel(parameters[key]["value"]) if key in parameters else np.array([])
     return float(values[0]) if len(values) else 0.0
 
 
-def _metres(parameters, path):
+def _metres(parameters: dict[str, Any], path: AnyPath) -> float:
     values = parameters["UNITS"]["value"] if "UNITS" in parameters else []
     unit = values[0].strip() if len(values) else ""
     if unit.lower() not in METRES:
@@ -152,18 +154,19 @@ def _metres(parameters, path):
     return METRES[unit.lower()]
 
 
-def _labels(parameters):
+def _labels(parameters: dict[str, Any]) -> list[str]:
     """All labels in the order of the points; past 255 points they go on in LABELS2, LABELS3, ..."""
-    labels, number = [], 1
+    labels: list[str] = []
+    number = 1
     while (key := f"LABELS{number}" if number > 1 else "LABELS") in parameters:
         labels += [label.strip() for label in parameters[key]["value"]]
         number += 1
     return labels
 
 
-def _find_markers(labels, path):
+def _find_markers(labels: list[str], path: AnyPath) -> dict[str, int]:
     """Index of each marker among the labels: dict marker -> index. A prefix up to a colon is the subject's name."""
-    found = {}
+    found: dict[str, int] = {}
     for i, label in enumerate(labels):
         marker = label.rpartition(":")[2].strip()
         if marker not in PLUG_IN_GAIT_39:
@@ -174,14 +177,10 @@ def _find_markers(labels, path):
                 "export one subject per C3D"
             )
         found[marker] = i
-    missing = [marker for marker in NEEDED if marker not in found]
-    if len(found) < FEWEST or missing:
+    if len(found) < FEWEST:
         there = ", ".join(labels[:20]) + (f" and {len(labels) - 20} more" if len(labels) > 20 else "") or "none"
-        lacks = " and ".join(missing) if missing else f"{FEWEST} Plug-in-Gait markers"
-        bare = [label.rpartition(":")[2] for label in labels]
-        hint = nearest(missing[0], bare) if missing else ""
         raise DiorError(
-            f"{path}: a C3D without the needed markers: {lacks} missing{hint}, {len(found)} of the "
-            f"{len(PLUG_IN_GAIT_39)} Plug-in-Gait markers are there; its labels are {there}"
+            f"{path}: {len(found)} of the {len(PLUG_IN_GAIT_39)} Plug-in-Gait markers are there, and fewer than "
+            f"{FEWEST} are no such marker set; its labels are {there}. Were they labelled before the export?"
         )
     return found

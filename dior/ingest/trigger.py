@@ -20,21 +20,28 @@ import time
 from collections import deque
 from dataclasses import asdict
 from pathlib import Path
+from typing import TypeAlias
 
 from dior.errors import DiorError
 from dior.ingest import host_clock
-from dior.ingest.trigger_packet import MOST_BYTES, Refused, parse
+from dior.ingest.trigger_packet import MOST_BYTES, Packet, Refused, parse
 
+# ip(7), ip_unprivileged_port_start
 PRIVILEGED = 1024
+# chosen: how long a PacketID stands for one packet; a Nexus that is started again may count anew
 SAME_PACKET_S = 60.0
+# chosen: NTP services ask their servers every minute or less often
 CLOCK_EVERY_S = 30.0
+# chosen: what a person reads of a flood; the rest is counted
 REFUSED_IN_A_MINUTE = 20
 # Linux; Python has no name for it
 SO_TIMESTAMPNS = 35
 TIMESPEC = struct.Struct("@ll")
+# (start | stop, its process, monotonic s when it began, the thread that waits for it)
+Child: TypeAlias = tuple[str, subprocess.Popen[bytes], float, threading.Thread]
 
 
-def run(*, log, bind, port, on_start, on_stop, patience):
+def run(*, log: Path, bind: str, port: int, on_start: str, on_stop: str, patience: float) -> None:
     """Listen until a signal ends it. `patience`: s after which a command that still runs is reported.
 
     Raises DiorError where the port or the log cannot be used.
@@ -45,7 +52,7 @@ def run(*, log, bind, port, on_start, on_stop, patience):
     listener.serve()
 
 
-def bound(address, port):
+def bound(address: str, port: int) -> socket.socket:
     """A UDP socket that hears what is sent to `address`:`port`. Raises DiorError with what to do."""
     sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
@@ -69,7 +76,7 @@ def bound(address, port):
     return sock
 
 
-def tell(text):
+def tell(text: str) -> None:
     """To the person at the terminal, who may have left."""
     try:
         print(f"dior trigger: {text}", file=sys.stderr, flush=True)
@@ -80,20 +87,21 @@ def tell(text):
 class Log:
     """A file to which whole lines are appended; each is on the disk before `append` returns."""
 
-    def __init__(self, path):
+    def __init__(self, path: str | os.PathLike[str]) -> None:
         """Raises DiorError where the file cannot be written."""
         path = Path(path)
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._file = os.open(path, os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o644)
+            file = os.open(path, os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o644)
             # a line that a power cut has torn must not swallow the next
-            self._torn = not _ends_with_newline(self._file)
-            os.fsync(self._file)
+            self._torn = not _ends_with_newline(file)
+            os.fsync(file)
         except OSError as error:
             raise DiorError(f"{path}: the log cannot be written ({error.strerror}); give --log another file") from None
+        self._file: int | None = file
         self._lock = threading.Lock()
 
-    def append(self, event, **values):
+    def append(self, event: str, **values: object) -> None:
         """Write one event. A disk that is full is reported; the recording goes on."""
         line = (json.dumps({"event": event, **values}, ensure_ascii=False) + "\n").encode("utf-8", "backslashreplace")
         with self._lock:
@@ -106,13 +114,14 @@ class Log:
             except OSError as error:
                 tell(f"the log cannot be written ({error.strerror}): {line.decode().strip()}")
 
-    def close(self):
+    def close(self) -> None:
         with self._lock:
-            os.close(self._file)
+            if self._file is not None:
+                os.close(self._file)
             self._file = None
 
 
-def _ends_with_newline(file):
+def _ends_with_newline(file: int) -> bool:
     size = os.fstat(file).st_size
     return size == 0 or os.pread(file, 1, size - 1) == b"\n"
 
@@ -120,8 +129,10 @@ def _ends_with_newline(file):
 class Listener:
     """Acts on the packets that `sock` receives. `port`: where it listens; `stop()` ends `serve()`."""
 
-    def __init__(self, sock, log, on_start="", on_stop="", patience=10.0):
-        self.port = sock.getsockname()[1]
+    def __init__(
+        self, sock: socket.socket, log: Log, on_start: str = "", on_stop: str = "", patience: float = 10.0
+    ) -> None:
+        self.port: int = sock.getsockname()[1]
         self._sock, self._log, self._patience = sock, log, patience
         self._commands = {"start": on_start, "stop": on_stop}
         self._woken, self._wake = socket.socketpair()
@@ -129,20 +140,22 @@ class Listener:
         # held while a packet is acted on, so that its line comes before those of its commands
         self._acting = threading.Lock()
         self._clock = host_clock.HostClock()
-        self._running, self._pid = None, ""
-        self._replaced = deque(maxlen=64)
-        self._seen = {}
-        self._children = []
-        self._refused, self._unreported = deque(maxlen=REFUSED_IN_A_MINUTE), 0
+        self._running: Packet | None = None
+        self._pid: int | str = ""
+        self._replaced: deque[str] = deque(maxlen=64)
+        self._seen: dict[tuple[str, str], float] = {}
+        self._children: list[Child] = []
+        self._refused: deque[float] = deque(maxlen=REFUSED_IN_A_MINUTE)
+        self._unreported = 0
 
-    def stop(self):
+    def stop(self) -> None:
         """End `serve`; may be called in a signal handler and from another thread."""
         try:
             self._wake.send(b".")
         except OSError:
             pass  # it has ended
 
-    def serve(self):
+    def serve(self) -> None:
         """Receive until `stop`. Nothing is missed meanwhile: the socket keeps what comes while something is done."""
         self._clock = host_clock.state()
         self._log.append("listening", host_ns=time.time_ns(), port=self.port, ntp=asdict(self._clock))
@@ -160,7 +173,7 @@ class Listener:
                 tell(f"a packet could not be handled: {error!r}")
         self._close()
 
-    def _receive(self):
+    def _receive(self) -> None:
         data, ancillary, _, sender = self._sock.recvmsg(MOST_BYTES + 1, socket.CMSG_SPACE(TIMESPEC.size))
         host_ns = _arrival(ancillary)
         sender = f"{sender[0]}:{sender[1]}"
@@ -175,7 +188,7 @@ class Listener:
         happens = host_ns + round((packet.delay_ms or 0) * 1e6)
         (self._start if packet.kind == "start" else self._stop)(packet, host_ns, happens, sender)
 
-    def _is_copy(self, packet):
+    def _is_copy(self, packet: Packet) -> bool:
         """Whether the packet has been here, by its PacketID. A Nexus that is started again may count anew."""
         now = time.monotonic()
         self._seen = {key: at for key, at in self._seen.items() if now - at < SAME_PACKET_S}
@@ -184,7 +197,7 @@ class Listener:
         self._seen.setdefault(key, now)
         return known
 
-    def _refuse(self, reason, host_ns, sender, size):
+    def _refuse(self, reason: str, host_ns: int, sender: str, size: int) -> None:
         """Note what is not acted on, unless somebody floods the port."""
         if len(self._refused) == REFUSED_IN_A_MINUTE and time.monotonic() - self._refused[0] < 60:
             self._unreported += 1
@@ -195,7 +208,7 @@ class Listener:
         )
         self._unreported = 0
 
-    def _start(self, packet, host_ns, start_ns, sender):
+    def _start(self, packet: Packet, host_ns: int, start_ns: int, sender: str) -> None:
         if self._running:
             # its stop was lost on the way
             tell(f"{self._running.name!r} has had no CaptureStop; it is stopped now")
@@ -208,7 +221,7 @@ class Listener:
         self._note(packet, host_ns, sender, start_ns=start_ns)
         tell(f"start of {packet.name!r}" + (f" in {packet.delay_ms:g} ms" if packet.delay_ms else ""))
 
-    def _stop(self, packet, host_ns, stop_ns, sender):
+    def _stop(self, packet: Packet, host_ns: int, stop_ns: int, sender: str) -> None:
         """Also where nothing is known to run: somebody may have started it by hand, or this listener since."""
         late = self._running and packet.name != self._running.name and packet.name in self._replaced
         if not late:
@@ -217,19 +230,19 @@ class Listener:
         self._note(packet, host_ns, sender, stop_ns=stop_ns, result=packet.result)
         tell(f"stop of {packet.name!r}: {packet.result or 'no RESULT'}" + (", which had been stopped" if late else ""))
 
-    def _note(self, packet, host_ns, sender, **times):
+    def _note(self, packet: Packet, host_ns: int, sender: str, **times: int | str) -> None:
         text = {key: getattr(packet, key) for key in ("notes", "description", "database_path", "packet_id")}
         self._log.append(
             packet.kind, name=packet.name, host_ns=host_ns, delay_ms=packet.delay_ms, **times, **text,
             sender=sender, ntp=asdict(self._clock),
         )  # fmt: skip
 
-    def _run_stop(self, packet, host_ns, stop_ns, result):
-        times = {"HOST_NS": host_ns, "STOP_NS": stop_ns, "RESULT": result, "START_PID": self._pid}
+    def _run_stop(self, packet: Packet, host_ns: int, stop_ns: int, result: str) -> None:
+        times: dict[str, int | str] = {"HOST_NS": host_ns, "STOP_NS": stop_ns, "RESULT": result, "START_PID": self._pid}
         self._launch("stop", packet, times)
         self._pid = ""
 
-    def _launch(self, kind, packet, times):
+    def _launch(self, kind: str, packet: Packet, times: dict[str, int | str]) -> subprocess.Popen[bytes] | None:
         """Run a command in a process group of its own, so that Ctrl-C here does not reach the recorder."""
         command = self._commands[kind]
         if not command:
@@ -254,7 +267,7 @@ class Listener:
         watcher.start()
         return child
 
-    def _watch(self, kind, packet, child, began):
+    def _watch(self, kind: str, packet: Packet, child: subprocess.Popen[bytes], began: float) -> None:
         """Report how a command ends, and one that does not."""
         try:
             status = child.wait(self._patience)
@@ -266,12 +279,12 @@ class Listener:
         with self._acting:
             self._report(kind, packet, status=status, seconds=round(time.monotonic() - began, 3), problem=problem)
 
-    def _report(self, kind, packet, **how):
+    def _report(self, kind: str, packet: Packet, **how: int | float | str) -> None:
         self._log.append("command", command=f"on-{kind}", name=packet.name, host_ns=time.time_ns(), **how)
         if how["problem"]:
             tell(f"--on-{kind} of {packet.name!r} {how['problem']}")
 
-    def _let_stops_end(self):
+    def _let_stops_end(self) -> None:
         """A recorder that is being stopped may be in the way of the next; one that hangs is not waited for."""
         for kind, child, began, _ in self._children:
             if kind == "stop":
@@ -280,11 +293,11 @@ class Listener:
                 except subprocess.TimeoutExpired:
                     pass
 
-    def _watch_clock(self):
+    def _watch_clock(self) -> None:
         while not self._ending.wait(CLOCK_EVERY_S):
             self._clock = host_clock.state()
 
-    def _close(self):
+    def _close(self) -> None:
         """Stop what is being recorded: nobody else would."""
         self._ending.set()
         now = time.time_ns()
@@ -305,7 +318,7 @@ class Listener:
         self._log.close()
 
 
-def _arrival(ancillary):
+def _arrival(ancillary: list[tuple[int, int, bytes]]) -> int:
     """When the kernel received a packet; where it does not say, now."""
     for level, kind, data in ancillary:
         if (level, kind) == (socket.SOL_SOCKET, SO_TIMESTAMPNS) and len(data) == TIMESPEC.size:

@@ -6,9 +6,11 @@ Times are ns since the Unix epoch by the clock of the computer that ran `dior tr
 """
 
 import json
+import os
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 from dior.errors import DiorError, nearest
 
@@ -24,7 +26,7 @@ class Capture:
     stop_ns: int | None = None
 
 
-def read(path):
+def read(path: str | os.PathLike[str]) -> list[Capture]:
     """All captures of a log, in its order. A line that is torn, by a power cut for example, is left out.
 
     Raises DiorError where there is no such file or nothing of a trigger log in it.
@@ -32,7 +34,8 @@ def read(path):
     path = Path(path)
     if not path.is_file():
         raise DiorError(f"{path}: there is no such trigger log; check `trigger_log` in sequences.tsv and `data_root`")
-    captures, known = [], 0
+    captures: list[Capture] = []
+    known = 0
     for event in map(_event, path.read_bytes().splitlines()):
         known += "event" in event
         name, start, stop = event.get("name"), event.get("start_ns"), event.get("stop_ns")
@@ -47,7 +50,7 @@ def read(path):
     return captures
 
 
-def _event(line):
+def _event(line: bytes) -> dict[str, Any]:
     try:
         event = json.loads(line)
     except (ValueError, RecursionError):
@@ -55,7 +58,9 @@ def _event(line):
     return event if isinstance(event, dict) else {}
 
 
-def choose(captures, first_ns, last_ns, path, name="", c3d=""):
+def choose(
+    captures: list[Capture], first_ns: int, last_ns: int, path: str | os.PathLike[str], name: str = "", c3d: str = ""
+) -> Capture:
     """The `Capture` that ran while the pictures were taken, from `first_ns` to `last_ns`.
 
     `name`: what the sheet calls it; without it the captures that are called like the file `c3d`, if any, are looked
@@ -74,7 +79,7 @@ def choose(captures, first_ns, last_ns, path, name="", c3d=""):
     ran = {
         i: min(last_ns, ends[i]) - max(first_ns, captures[i].start_ns) for i in asked or named or range(len(captures))
     }
-    best, *others = sorted(ran, key=ran.get, reverse=True)
+    best, *others = sorted(ran, key=lambda i: ran[i], reverse=True)
     if ran[best] <= 0:
         raise DiorError(
             f"{path}: {_lag(captures[best], first_ns)}, so it did not run while the pictures were taken ("
@@ -90,17 +95,18 @@ def choose(captures, first_ns, last_ns, path, name="", c3d=""):
     return captures[best]
 
 
-def _end(captures, i):
-    if captures[i].stop_ns is not None:
-        return captures[i].stop_ns
+def _end(captures: list[Capture], i: int) -> float:
+    stop_ns = captures[i].stop_ns
+    if stop_ns is not None:
+        return stop_ns
     later = [capture.start_ns for capture in captures if capture.start_ns > captures[i].start_ns]
     return min(later, default=float("inf"))
 
 
-def _lag(capture, first_ns):
+def _lag(capture: Capture, first_ns: int) -> str:
     lag = (capture.start_ns - first_ns) / NS
     return f"the capture '{capture.name}' began {abs(lag):.1f} s {'after' if lag > 0 else 'before'} the first picture"
 
 
-def _utc(ns):
+def _utc(ns: int) -> str:
     return f"{datetime.fromtimestamp(ns / NS, UTC):%Y-%m-%d %H:%M:%S} UTC"

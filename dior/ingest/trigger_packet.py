@@ -11,8 +11,10 @@ import math
 from dataclasses import dataclass
 from xml.parsers import expat
 
+# chosen: room for notes of some pages
 MOST_BYTES = 16384
 KINDS = {"CaptureStart": "start", "CaptureStop": "stop"}
+# chosen: file systems end names at 255 bytes, suffix included; a delay of more than an hour is a mistake
 LONGEST_NAME = 200
 LONGEST_DELAY_MS = 3_600_000
 
@@ -39,7 +41,7 @@ class Packet:
     database_path: str = ""
 
 
-def parse(data):
+def parse(data: bytes) -> Packet:
     """The `Packet` in `data` (bytes). Raises Refused."""
     if len(data) > MOST_BYTES:
         raise Refused(f"larger than {MOST_BYTES} bytes")
@@ -61,18 +63,20 @@ def parse(data):
     )
 
 
-def _elements(data):
+def _elements(data: bytes) -> tuple[str, dict[str, str], dict[str, str]]:
     """Name and attributes of the root, and the VALUE of each of its children by name, the first where it is twice."""
-    path, root, values = [], [], {}
+    path: list[str] = []
+    root: list[tuple[str, dict[str, str]]] = []
+    values: dict[str, str] = {}
 
-    def started(name, attributes):
+    def started(name: str, attributes: dict[str, str]) -> None:
         path.append(name)
         if len(path) == 1:
-            root.extend((name, attributes))
+            root.append((name, attributes))
         if len(path) == 2 and "VALUE" in attributes:
             values.setdefault(name, attributes["VALUE"])
 
-    def no_document_type(*_):
+    def no_document_type(*_: object) -> None:
         raise Refused("it has a document type; entities are not read")
 
     # told that it is UTF-8, expat looks up no codec that the packet names
@@ -83,16 +87,16 @@ def _elements(data):
         parser.Parse(data, True)
     except (expat.ExpatError, ValueError) as error:
         raise Refused(f"not XML ({error})") from None
-    return *root, values
+    return *root[0], values
 
 
-def _is_file_name(name):
+def _is_file_name(name: str) -> bool:
     """Nexus names the trial's files by it; a command may do so as well."""
     plain = name.isprintable() and not set(name) & set("/\\")
     return bool(name.strip()) and plain and name not in (".", "..") and len(name) <= LONGEST_NAME
 
 
-def _milliseconds(text):
+def _milliseconds(text: str) -> float | None:
     """Delay in ms; None where there is none or it cannot be meant."""
     try:
         delay = float(text)

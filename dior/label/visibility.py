@@ -8,6 +8,7 @@ not known hide nothing. Things in the scene (a wall, another person) are not mod
 
 import numpy as np
 
+from dior.body.names import PLUG_IN_GAIT_39
 from dior.body.plausible import SEGMENTS
 
 # radii as fractions of the stature, from girths and breadths of adults (ANSUR II, 2012: means of men and women,
@@ -83,7 +84,7 @@ def _behind(sight, far, a, b, r0, r1):
 def body_points(points, names):
     """Joint centres (F, 3) m by name, and `head`, `neck`, `mid_hip`, `<side>_hand`, `<side>_toe`, as far as known."""
     at = {name: points[:, i] for i, name in enumerate(names)}
-    if "LASI" in at or "LKNE" in at:
+    if not set(names).isdisjoint(PLUG_IN_GAIT_39):
         at = _from_markers(at)
     for target, sources in (
         ("head", ("left_ear", "right_ear")),

@@ -6,51 +6,18 @@ What does not need the pixels is done without decoding: a picture that is passed
 bit.
 """
 
-import re
 from functools import cache
 
-SOI, EOI = b"\xff\xd8", b"\xff\xd9"
+from dior.ingest.jpeg import EOI, FRAMES, SCAN, SOI, segments
+
 # Segments that make the picture: frames, Huffman and arithmetic tables, quantisation tables, restart interval, scans.
 # All others (APPn with EXIF, thumbnails, places and serial numbers; COM; what is reserved) are dropped.
-SCAN, QUANTISATION, RESTART = 0xDA, 0xDB, 0xDD
+QUANTISATION, RESTART = 0xDB, 0xDD
 KEPT = {*range(0xC0, 0xD0), SCAN, QUANTISATION, RESTART} - {0xC8}
-FRAMES = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}
 ADOBE = 0xEE
-# the next marker in entropy-coded data: neither a stuffed zero nor a restart
-MARKER = re.compile(rb"\xff+[^\x00\xff\xd0-\xd7]")
 # for pictures that were no JPEG, and those whose tables are nobody's
 QUALITY, SAMPLING = 95, 0x221111
 SAMPLINGS = (0x411111, 0x221111, 0x211111, 0x121111, 0x111111)
-
-
-def segments(data):
-    """Yield (marker, its bytes) of a JPEG file, a scan with the data that follow it; up to the end of the picture.
-
-    Raises ValueError for bytes that are no whole JPEG file.
-    """
-    if data[:2] != SOI:
-        raise ValueError("it is no JPEG")
-    at = 2
-    while True:
-        start = at
-        while data[at + 1 : at + 2] == b"\xff":
-            at += 1
-        if data[at : at + 1] != b"\xff" or at + 4 > len(data) and data[at : at + 2] != EOI:
-            raise ValueError("its JPEG data are cut off or damaged")
-        marker = data[at + 1]
-        if marker == EOI[1]:
-            return
-        size = int.from_bytes(data[at + 2 : at + 4])
-        end = at + 2 + size
-        if size < 2 or end > len(data):
-            raise ValueError("its JPEG data are cut off or damaged")
-        if marker == SCAN:
-            found = MARKER.search(data, end)
-            if found is None:
-                raise ValueError("its JPEG data are cut off")
-            end = found.start()
-        yield marker, data[start:end]
-        at = end
 
 
 def bare(data):

@@ -135,7 +135,7 @@ def released(message, size, box, faces):
 
     Raises one of BROKEN for a picture that cannot be read.
     """
-    raw = message.fetch(None)
+    raw = message.raw
     _, *said = messages.picture_of(message.kind, raw, message.wire)
     if tuple(said) != tuple(size):
         raise ValueError(f"it is {said[1]}x{said[0]} px where its index says {size[1]}x{size[0]}")

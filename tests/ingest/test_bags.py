@@ -251,7 +251,7 @@ def test_real_outdoor(shared, tmp_path):
     few = tables.rows(table, np.isin(table["frame"], [3, 98]))
     got = dict(bags.read_pictures(few, root))
     assert sorted(got) == list(range(8))
-    raw = {c: [m.fetch(None) for m in containers.messages(root / "pc1.bag", [topics[c]])] for c in ("cam01", "cam02")}
+    raw = {c: [m.raw for m in containers.messages(root / "pc1.bag", [topics[c]])] for c in ("cam01", "cam02")}
     for row, camera, frame in ((0, "cam01", 3), (1, "cam01", 98), (2, "cam02", 3), (3, "cam02", 98)):
         message = STORE.deserialize_ros1(raw[camera][frame], "sensor_msgs/msg/CompressedImage")
         np.testing.assert_array_equal(got[row], cv2.imdecode(message.data, cv2.IMREAD_COLOR))

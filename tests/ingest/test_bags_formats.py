@@ -8,11 +8,12 @@ import cv2
 import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
+from rosbags.rosbag1 import reader as rosbag1_reader
+from rosbags.rosbag2 import storage_mcap
 
 from dior.calibrate import intrinsics
 from dior.errors import DiorError
 from dior.ingest import bags, containers, frames
-from dior.ingest.containers import source
 from dior.tables import tables
 from tests.ingest.bagfiles import FORMATS, T0, info, packed, picture, raw, write, write_plain_mcap
 
@@ -77,7 +78,7 @@ def test_messages_equal_those_of_rosbags_own_reader(tmp_path, form):
     found = bags.topics_of(bag)
     ours = {topic: [] for topic in found}
     for message in containers.messages(bag, set(found)):
-        ours[message.topic].append((message.kind, message.receive_ns, bytes(message.fetch(None))))
+        ours[message.topic].append((message.kind, message.receive_ns, bytes(message.raw)))
     with AnyReader([bag]) as reader:
         theirs = {topic: [] for topic in found}
         for connection, stamp, data in reader.messages():
@@ -193,19 +194,23 @@ def test_size_behind_a_long_exif_segment(tmp_path):
         assert (table["height"][0], table["width"][0]) == (30, 90)
 
 
-def test_one_picture_is_read_without_the_chunks_of_the_others(tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    "form, size, codecs, name",
+    [
+        ("ros1 bz2", (48, 64), rosbag1_reader.decompressors, "bz2"),
+        ("mcap zstd", (240, 320), storage_mcap.DECOMPRESSORS, "zstd"),
+    ],
+)
+def test_one_picture_is_read_without_the_chunks_of_the_others(tmp_path, monkeypatch, form, size, codecs, name):
     noise = np.random.default_rng(0)
-    sent = [packed(JPEG, T0 + i, noise.integers(0, 256, (48, 64, 3), dtype=np.uint8)) for i in range(20)]
-    bag = write(tmp_path / "walk", sent, "ros1 bz2", chunk=20_000)
+    sent = [packed(JPEG, T0 + i, noise.integers(0, 256, (*size, 3), dtype=np.uint8)) for i in range(20)]
+    bag = write(tmp_path / "walk", sent, form, chunk=20_000)
     table = index(tmp_path, [bag], {"cam01": JPEG})
-    unpacked, original = [], source._decompressor
-    monkeypatch.setattr(source, "_decompressor", lambda codec: counted(original(codec), unpacked))
+    unpacked, original = [], codecs[name]
+    monkeypatch.setitem(codecs, name, lambda *data: unpacked.append(1) or original(*data))
     got = dict(bags.read_pictures(tables.rows(table, table["frame"] == 11), tmp_path))
     assert len(got) == 1 and len(unpacked) == 1
-
-
-def counted(inflate, calls):
-    return lambda data, most: calls.append(most) or inflate(data, most)
+    assert len(dict(bags.read_pictures(table, tmp_path))) == 20 and len(unpacked) > 3
 
 
 @pytest.mark.parametrize("form", ["ros1", "db3", "mcap"])
@@ -269,6 +274,21 @@ def test_database_whose_last_messages_are_in_its_journal(tmp_path):
     bag.with_name(bag.name + "-wal").write_bytes(b"x")
     with pytest.raises(DiorError, match=r"walk\.db3: .*its last messages are still in walk\.db3-wal"):
         index(tmp_path, [bag])
+
+
+def test_mcap_of_another_profile(tmp_path):
+    """Of the converters of ROS 1 bags to MCAP, which rosbags does not read."""
+    bag = write(tmp_path / "walk", capture(), "mcap ros1")
+    bag.write_bytes(bag.read_bytes().replace(b"ros2", b"ros1", 1))
+    with pytest.raises(DiorError, match=r"walk\.mcap: this MCAP file is not of the profile ros2.*give that bag"):
+        index(tmp_path, [bag])
+
+
+def test_a_database_in_a_folder_of_any_name(tmp_path):
+    folder = tmp_path / "50% of day #2?"
+    folder.mkdir()
+    bag = write(tmp_path / "walk", capture(), "db3 alone").rename(folder / "walk.db3")
+    assert len(index(folder, [bag])["frame"]) == 12
 
 
 def test_topic_in_another_encoding(tmp_path):

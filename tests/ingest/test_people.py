@@ -1,5 +1,6 @@
 """Following the subject: against all paths tried out, and in scenes whose answer is plain."""
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -118,6 +119,51 @@ def test_a_subject_missed_in_a_third_of_the_frames_is_not_given_up_for_a_bystand
     found += [(f, 1, (900.0, 0.0), 0.6, 0.4) for f in range(90)]
     everybody = people(found)
     assert chosen(follow(everybody, stamps(90)), everybody) == [0 if f % 3 else -1 for f in range(90)]
+
+
+def lost_for(gap_s, aside, rate, throughout, noise=0.01):
+    """The subject walks 1.2 body sizes a second and is lost from 2 s on; somebody else is found then, or `throughout`.
+
+    `aside`: how far from there, body sizes.
+    """
+    rng, found = np.random.default_rng(0), []
+    for frame in range(round(6 * rate)):
+        second = frame / rate
+        lost = 2 <= second < 2 + gap_s
+        if not lost:
+            found.append((frame, 0, (SIZE * (1.2 * second + rng.normal(0, noise)), 0.0), 1.0, 0.8))
+        if lost or throughout:
+            found.append((frame, 1, (SIZE * (2.4 + aside), 20.0), 0.8, 0.6))
+    return people(found, round(6 * rate))
+
+
+@pytest.mark.parametrize("rate", [15, 60, 120])
+@pytest.mark.parametrize(
+    "gap_s, aside, throughout, meanwhile",
+    [(0.3, 1.0, True, -1), (0.6, 4.0, True, -1), (0.6, 1.7, False, -1), (1.3, 4.0, False, -1), (1.3, 1.0, False, 1)],
+)
+def test_the_same_scene_gives_the_same_choice_at_every_rate(rate, gap_s, aside, throughout, meanwhile):
+    """The costs are per second; only around the moment of a change may a rate leave a few pictures more out."""
+    everybody = lost_for(gap_s, aside, rate, throughout)
+    count = len(everybody.ran)
+    who, second = np.array(chosen(follow(everybody, stamps(count, rate)), everybody)), np.arange(count) / rate
+    edge = gap_s / 3
+    assert (who[second < 2 - edge] == 0).all() and (who[second > 2 + gap_s + edge] == 0).all()
+    assert (who[(second > 2 + edge) & (second < 2 + gap_s - edge)] == meanwhile).all()
+
+
+def test_a_detector_run_on_every_second_picture_chooses_as_one_of_half_the_rate():
+    every = lost_for(1.3, 4.0, 30, False)
+    half = people([(2 * f, p, *rest) for f, p, *rest in rows_of(every)], 2 * len(every.ran))
+    half = replace(half, ran=np.arange(0, len(half.ran), 2))
+    assert follow(half, stamps(2 * len(every.ran), 60)).row[::2].tolist() == follow(every, stamps(180, 30)).row.tolist()
+
+
+def rows_of(everybody):
+    for row in range(len(everybody.frame)):
+        extent = np.ptp(everybody.uv[row], axis=0)[1] / np.ptp(BODY, axis=0)[1]
+        middle = everybody.uv[row].mean(axis=0) - extent * BODY.mean(axis=0)
+        yield everybody.frame[row], everybody.person[row], middle, extent, everybody.score[row, 0]
 
 
 def test_one_person_who_comes_back_elsewhere_is_the_subject():

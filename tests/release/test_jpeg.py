@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
+from dior.ingest.jpeg import MARKER, SCAN, segments
 from dior.release import jpeg
 
 
@@ -34,7 +35,7 @@ def test_nothing_but_the_picture_is_left(picture, progressive):
     data = file_of(picture, cv2.IMWRITE_JPEG_PROGRESSIVE, progressive)
     found, plain = jpeg.bare(dirty(data, EXIF, COMMENT, OTHER, b"\xff\xff"[:1] + segment(0xE0, b"JFIF")) + b"Alice" * 9)
     assert plain and b"Alice" not in found and b"Exif" not in found and b"JFIF" not in found
-    assert {marker for marker, _ in jpeg.segments(found)} <= jpeg.KEPT
+    assert {marker for marker, _ in segments(found)} <= jpeg.KEPT
     same = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
     assert (cv2.imdecode(np.frombuffer(found, np.uint8), cv2.IMREAD_COLOR) == same).all()
     assert jpeg.bare(found)[0] == found
@@ -42,7 +43,7 @@ def test_nothing_but_the_picture_is_left(picture, progressive):
 
 def test_comment_between_two_scans_goes(picture):
     data = file_of(picture, cv2.IMWRITE_JPEG_PROGRESSIVE, 1)
-    second = [found.start() for found in jpeg.MARKER.finditer(data) if data[found.start() + 1] == jpeg.SCAN][1]
+    second = [found.start() for found in MARKER.finditer(data) if data[found.start() + 1] == SCAN][1]
     found, _ = jpeg.bare(data[:second] + COMMENT + data[second:])
     assert found == jpeg.bare(data)[0]
 
@@ -89,4 +90,4 @@ def test_encoding_again_hardly_changes_a_picture(picture):
     again = jpeg.encoded(once, *jpeg.settings(data))
     twice = cv2.imdecode(np.frombuffer(again, np.uint8), cv2.IMREAD_COLOR)
     assert np.abs(twice.astype(int) - once).mean() < 0.5
-    assert {marker for marker, _ in jpeg.segments(again)} <= jpeg.KEPT
+    assert {marker for marker, _ in segments(again)} <= jpeg.KEPT

@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from dior.arrays import AnyPath
+from dior.ingest.people import People
 from dior.ingest.readers import alphapose, coco, mediapipe, mlkit, mlkit_csv, openpose, yolo
 
 
@@ -13,7 +15,7 @@ class Reader:
     which nobody was found."""
 
     tool: str
-    read: Callable
+    read: Callable[[AnyPath], People]
     shape: str
     fractions: bool = False
     silent: bool = False

@@ -9,29 +9,34 @@ INPUTS   [{"image_id": "<anything><frame>.<ext>", "keypoints": [x, y, score, ...
 OUTPUTS  `People`.
 """
 
+from typing import Any
+
+from dior.arrays import AnyPath, Floats
 from dior.body.names import BY_COUNT
 from dior.errors import DiorError
-from dior.ingest.people import gathered
+from dior.ingest.people import People, gathered
 from dior.ingest.readers import coco
 from dior.ingest.readers.common import frame_of, load_json, one_model, triples
 
 BY_PICTURE = {"bodies": "joints", "people": "pose_keypoints_2d"}
 
 
-def read(path):
+def read(path: AnyPath) -> People:
     """All people of the file. Raises DiorError for a file that is not AlphaPose's."""
     content = load_json(path, "AlphaPose")
     return _by_picture(content, path) if isinstance(content, dict) else coco.from_list(content, path, _named)
 
 
-def _named(image_id, where):
+def _named(image_id: Any, where: str) -> int:
     if not isinstance(image_id, str):
         raise TypeError(f"image_id {image_id!r:.40} is no file name")
     return frame_of(image_id, f"{where}, {image_id}")
 
 
-def _by_picture(content, path):
-    frames, frame, people = {}, [], []
+def _by_picture(content: dict[str, Any], path: AnyPath) -> People:
+    frames: dict[int, str] = {}
+    frame: list[int] = []
+    people: list[Floats] = []
     for name, picture in content.items():
         where = f"{path}: {name}"
         number = frame_of(name, where)

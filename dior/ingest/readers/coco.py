@@ -6,24 +6,30 @@ INPUTS   [{"image_id": frame, "keypoints": [x, y, score, ...], "score"}], pixels
 OUTPUTS  `People`.
 """
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 
+from dior.arrays import AnyPath, Floats
 from dior.body.names import BY_COUNT
 from dior.errors import DiorError
-from dior.ingest.people import gathered
+from dior.ingest.people import People, gathered
 from dior.ingest.readers.common import load_json, number, one_model, triples
 
 
-def read(path):
+def read(path: AnyPath) -> People:
     """All people of the file. Raises DiorError for a file that is no such list."""
     return from_list(load_json(path, "COCO results"), path, lambda name, _: name)
 
 
-def from_list(content, path, frame_of):
+def from_list(content: Any, path: AnyPath, frame_of: Callable[[Any, str], int]) -> People:
     """`People` of a list of results; `frame_of(image_id, where)` is the frame. Raises DiorError for any other."""
     if not isinstance(content, list):
         raise DiorError(f"{path}: not a list of results but a single {type(content).__name__}")
-    frame, people, score = [], [], []
+    frame: list[int] = []
+    people: list[Floats] = []
+    score: list[float] = []
     for count, one in enumerate(content):
         where = f"{path}: result {count}"
         try:

@@ -4,9 +4,12 @@ import json
 import math
 import os
 import re
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
+from dior.arrays import AnyPath, Floats
 from dior.body.names import BY_COUNT
 from dior.errors import DiorError
 
@@ -14,7 +17,7 @@ INTERRUPTED = "was the detector interrupted?"
 _LAST_NUMBER = re.compile(r"([0-9]{1,18})[^0-9]*$")
 
 
-def frame_of(name, where):
+def frame_of(name: str, where: str) -> int:
     """The last number in a file's name, its extension apart: `run2_000012_keypoints.json` is frame 12.
 
     Raises DiorError for a name without one.
@@ -25,9 +28,9 @@ def frame_of(name, where):
     return int(found[1])
 
 
-def files_by_frame(folder, suffixes):
+def files_by_frame(folder: AnyPath, suffixes: str | tuple[str, ...]) -> dict[int, str]:
     """Names of the folder's files with one of `suffixes`, by frame, ascending. Raises DiorError for a frame twice."""
-    found = {}
+    found: dict[int, str] = {}
     for name in sorted(os.listdir(folder)):
         if name.endswith(suffixes):
             frame = frame_of(name, f"{folder}/{name}")
@@ -37,13 +40,13 @@ def files_by_frame(folder, suffixes):
     return dict(sorted(found.items()))
 
 
-def load_json(path, what):
+def load_json(path: AnyPath, what: str) -> Any:
     """The JSON of a whole file. Raises DiorError where it is none; `what` it should be is for the message."""
     with open(path, "rb") as stream:
         return from_json(stream.read(), path, what)
 
 
-def from_json(text, where, what):
+def from_json(text: bytes, where: AnyPath, what: str) -> Any:
     """The content of JSON `text` (bytes). Raises DiorError where it is none."""
     try:
         return json.loads(text)
@@ -52,7 +55,7 @@ def from_json(text, where, what):
         raise DiorError(f"{where}: not the JSON of {what} ({reason}); {INTERRUPTED}") from None
 
 
-def number(value):
+def number(value: Any) -> float:
     """A number as float; NaN for null. Raises TypeError for anything else, true and false included."""
     if value is None:
         return math.nan
@@ -61,7 +64,7 @@ def number(value):
     return float(value)
 
 
-def triples(flat, where):
+def triples(flat: Any, where: str) -> Floats:
     """A flat list x, y, score, x, ... as an array (J, 3), (0, 0, any) as NaN. Raises DiorError for anything else."""
     try:
         points = np.array([number(value) for value in flat], float)
@@ -76,7 +79,7 @@ def triples(flat, where):
     return points
 
 
-def one_model(people, where):
+def one_model(people: Sequence[Floats], where: AnyPath) -> Floats:
     """Arrays (J, 3) of people as one (P, J, 3). Raises DiorError where they differ in length."""
     counts = sorted({len(one) for one in people})
     if len(counts) > 1:

@@ -13,12 +13,14 @@ OUTPUTS  `People` with the joints MLKIT_33, in fractions of the picture.
 
 import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from dior.arrays import AnyPath
 from dior.body.names import MLKIT_33
 from dior.errors import DiorError
-from dior.ingest.people import gathered
+from dior.ingest.people import People, gathered
 from dior.ingest.readers import prototext
 from dior.ingest.readers.common import files_by_frame, from_json, number
 
@@ -27,7 +29,7 @@ KEYS = ("pose_landmarks", "poseLandmarks", "landmarks", "landmark")
 SCORES = ("visibility", "presence")
 
 
-def read(path):
+def read(path: AnyPath) -> People:
     """All people of the folder or file. Raises DiorError for what is not MediaPipe's and for a frame given twice."""
     if os.path.isdir(path):
         names = files_by_frame(path, (".json", *TEXT))
@@ -36,16 +38,17 @@ def read(path):
         pictures = [(0, _whole_file(path), str(path))]
     else:
         pictures = [(_frame(one, where), one, where) for one, where in _entries(path)]
-    frames, points = [], []
+    frames: list[Any] = []
+    points: list[list[list[float]]] = []
     for frame, content, where in pictures:
         people = _people(content, where)
         frames += [frame] * len(people)
         points += people
-    points = np.array(points).reshape(-1, len(MLKIT_33), 3)
-    return gathered(path, MLKIT_33, frames, points, [frame for frame, _, _ in pictures])
+    whole = np.array(points).reshape(-1, len(MLKIT_33), 3)
+    return gathered(path, MLKIT_33, frames, whole, [frame for frame, _, _ in pictures])
 
 
-def _whole_file(path):
+def _whole_file(path: AnyPath) -> Any:
     text = Path(path).read_bytes()
     if not text.strip():
         raise DiorError(f"{path} is empty; run the detector")
@@ -57,7 +60,7 @@ def _whole_file(path):
     return from_json(text, path, "MediaPipe")
 
 
-def _entries(path):
+def _entries(path: AnyPath) -> list[tuple[Any, str]]:
     """(content, where) of every picture of a JSON list or of JSON lines."""
     text = Path(path).read_bytes()
     if text.lstrip()[:1] == b"[":
@@ -68,13 +71,13 @@ def _entries(path):
     return [(from_json(line, where, "MediaPipe"), where) for line, where in lines]
 
 
-def _frame(content, where):
+def _frame(content: Any, where: str) -> Any:
     if not isinstance(content, dict) or "frame" not in content:
         raise DiorError(f'{where} has no "frame"; write it with each picture, or a file per picture')
     return content["frame"]
 
 
-def _people(content, where):
+def _people(content: Any, where: str) -> list[list[list[float]]]:
     """Points (33, 3) of every person of a picture."""
     try:
         found = _lists(content)
@@ -83,7 +86,7 @@ def _people(content, where):
         raise DiorError(f"{where}: no pose landmarks as MediaPipe gives them ({error!r:.80})") from None
 
 
-def _lists(content):
+def _lists(content: Any) -> list[Any]:
     """The landmark lists, one per person, of all the ways to nest them."""
     while isinstance(content, dict):
         content = content[next((key for key in KEYS if key in content), KEYS[0])]
@@ -94,7 +97,7 @@ def _lists(content):
     return [one for person in content for one in (_lists(person) if isinstance(person, dict) else [person]) if one]
 
 
-def _points(landmarks, where):
+def _points(landmarks: Any, where: str) -> list[list[float]]:
     if len(landmarks) != len(MLKIT_33):
         raise DiorError(f"{where}: {len(landmarks)} landmarks, but a pose has {len(MLKIT_33)}; is it another solution?")
     points = []
@@ -104,7 +107,7 @@ def _points(landmarks, where):
     return points
 
 
-def _from_text(message, where):
+def _from_text(message: list[tuple[str, Any]], where: AnyPath) -> dict[str, Any]:
     """What the JSON of the same message would be."""
     if any(name == "landmark" for name, _ in message):
         message = [("landmarks", message)]

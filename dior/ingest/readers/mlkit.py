@@ -7,17 +7,19 @@ OUTPUTS  `People` with the joints `skeletons.MLKIT_33`.
 
 from array import array
 from itertools import chain
-from typing import Annotated
+from typing import Annotated, Any
 
 import msgspec
 import numpy as np
 
+from dior.arrays import AnyPath, Floats
 from dior.body.names import MLKIT_33
 from dior.errors import DiorError
-from dior.ingest.people import gathered
+from dior.ingest.people import People, gathered
 from dior.ingest.readers.common import from_json, number
 
 KEYS = ("x", "y", "inFrameLikelihood")
+# chosen: some hundred lines are decoded at a time
 BLOCK_BYTES = 1 << 18
 
 
@@ -37,13 +39,16 @@ class _Picture(msgspec.Struct, gc=False):
 _LINES = msgspec.json.Decoder(_Picture)
 
 
-def read(path):
+def read(path: AnyPath) -> People:
     """All detections of the file. Raises DiorError for lines that are no such JSON and for a frame given twice.
 
     Lines that are exactly as ML Kit's are decoded many at a time; where one of them is not (it may hold null or NaN, or
     be broken), each is looked at by itself, so that an error can say which line it is.
     """
-    frame, stamp_ns, points, before = [], [], [], 0
+    frame: list[Any] = []
+    stamp_ns: list[int] = []
+    points: list[Floats] = []
+    before = 0
     with open(path, "rb") as stream:
         # whole lines
         while text := stream.read(BLOCK_BYTES) + stream.readline():
@@ -60,7 +65,7 @@ def read(path):
     return gathered(path, MLKIT_33, frame, np.concatenate(points), frame, stamp_ns)
 
 
-def _columns(pictures):
+def _columns(pictures: list[_Picture]) -> tuple[list[Any], list[int], Floats]:
     """(frames, stamps, points) of decoded lines."""
     landmarks = list(chain.from_iterable([picture.landmarks for picture in pictures]))
     row = np.repeat(np.arange(len(pictures)), [len(picture.landmarks) for picture in pictures])
@@ -73,9 +78,11 @@ def _columns(pictures):
     return [picture.frame for picture in pictures], [picture.stamp_ns for picture in pictures], points
 
 
-def _strictly(lines, path, before):
+def _strictly(lines: list[bytes], path: AnyPath, before: int) -> tuple[list[Any], list[int], Floats]:
     """(frames, stamps, points) of lines, `before` of which came before them. Raises DiorError that names the line."""
-    frames, stamps, points = [], [], []
+    frames: list[Any] = []
+    stamps: list[int] = []
+    points: list[Floats] = []
     for count, line in enumerate(lines, before + 1):
         if not line.strip():
             continue
@@ -87,7 +94,7 @@ def _strictly(lines, path, before):
         try:
             # a number that is not whole is found out with the frames of all lines
             stamp = content.get("stamp_ns")
-            stamps.append(-1 if stamp is None else np.int64(stamp + 0))
+            stamps.append(-1 if stamp is None else int(np.int64(stamp + 0)))
             frames.append(content["frame"])
             points.append(_landmarks(content["landmarks"], where))
         except (TypeError, AttributeError, KeyError, OverflowError, ValueError) as error:
@@ -95,7 +102,7 @@ def _strictly(lines, path, before):
     return frames, stamps, np.array(points).reshape(-1, len(MLKIT_33), 3)
 
 
-def _landmarks(landmarks, where):
+def _landmarks(landmarks: Any, where: str) -> Floats:
     points = np.full((len(MLKIT_33), 3), np.nan)
     if not isinstance(landmarks, list):
         raise TypeError(f"landmarks {landmarks!r:.40}")

@@ -11,15 +11,16 @@ import re
 
 import numpy as np
 
+from dior.arrays import AnyPath, Floats
 from dior.body.names import MLKIT_33
 from dior.errors import DiorError
-from dior.ingest.people import gathered
+from dior.ingest.people import People, gathered
 from dior.ingest.readers.common import INTERRUPTED, frame_of
 
 COLUMNS = 2 + 3 * len(MLKIT_33)
 
 
-def read(path):
+def read(path: AnyPath) -> People:
     """The landmarks of a recording. Raises DiorError for other rows and for pictures of more than one recording."""
     names, _, points = poses(path)
     stems = sorted({re.sub(r"\d+(?!.*\d)", "#", name.rpartition(".")[0] or name) for name in names})
@@ -33,7 +34,7 @@ def read(path):
     return gathered(path, MLKIT_33, frame, points, frame)
 
 
-def poses(path):
+def poses(path: AnyPath) -> tuple[list[str], list[str], Floats]:
     """(names, classes, points (rows, 33, 3)) as the file has them, of any pictures."""
     names, classes, rows = [], [], []
     try:

@@ -11,15 +11,16 @@ from array import array
 import msgspec
 import numpy as np
 
+from dior.arrays import AnyPath, Floats
 from dior.body.names import BODY_25, BODY_25B, COCO_18, bones_of
 from dior.errors import DiorError
-from dior.ingest.people import gathered
+from dior.ingest.people import People, gathered
 from dior.ingest.readers.common import files_by_frame
 
 CANDIDATES = {len(COCO_18): {"COCO_18": COCO_18}, len(BODY_25): {"BODY_25": BODY_25, "BODY_25B": BODY_25B}}
 # of the right naming the bones are 2 to 4 times shorter than of the wrong one
 CLEARLY_SHORTER = 0.8
-# people that tell models with the same number of points apart
+# chosen: people that tell models with the same number of points apart
 ENOUGH_PEOPLE = 500
 # files are a few kB, and a buffer of this size costs no system call of its own
 READ_AT_ONCE = 1 << 15
@@ -36,9 +37,12 @@ class _Picture(msgspec.Struct, gc=False):
 _FILE = msgspec.json.Decoder(_Picture)
 
 
-def read(folder):
+def read(folder: AnyPath) -> People:
     """All people of the folder. Raises DiorError for a file that is not OpenPose's and for a frame given twice."""
-    names, frame, values, size = files_by_frame(folder, ".json"), [], [], 0
+    names = files_by_frame(folder, ".json")
+    frame: list[int] = []
+    values: list[array[float] | None] = []
+    size = 0
     for number, name in names.items():
         path = f"{folder}/{name}"
         try:
@@ -55,13 +59,13 @@ def read(folder):
     if not size:
         return gathered(folder, BODY_25, [], np.empty((0, len(BODY_25), 3)), list(names))
     # a bytearray can be written to, so that nothing is copied; a person without keypoints has zeros, which are missing
-    values = bytearray().join([bytes(8 * size) if one is None else one for one in values])
-    points = np.frombuffer(values).reshape(len(frame), -1, 3)
+    joined = bytearray().join([bytes(8 * size) if one is None else one for one in values])
+    points = np.frombuffer(joined).reshape(len(frame), -1, 3)
     points[(points[..., 0] == 0) & (points[..., 1] == 0)] = np.nan
     return gathered(folder, _joints(points[..., :2], folder), frame, points, list(names))
 
 
-def _text(path):
+def _text(path: AnyPath) -> bytes:
     file = os.open(path, os.O_RDONLY)
     try:
         text = part = os.read(file, READ_AT_ONCE)
@@ -73,7 +77,7 @@ def _text(path):
         os.close(file)
 
 
-def _check_count(size, before, path):
+def _check_count(size: int, before: int, path: AnyPath) -> None:
     count = size // 3
     if size % 3 or count not in CANDIDATES:
         known = " or ".join(f"{count} ({', '.join(names)})" for count, names in CANDIDATES.items())
@@ -85,7 +89,7 @@ def _check_count(size, before, path):
         )
 
 
-def _joints(uv, folder):
+def _joints(uv: Floats, folder: AnyPath) -> tuple[str, ...]:
     """Joint names of keypoints (people, J, 2): those under which the bones are clearly the shortest."""
     candidates = CANDIDATES[uv.shape[1]]
     if len(candidates) == 1:
@@ -99,7 +103,7 @@ def _joints(uv, folder):
     return candidates[best]
 
 
-def _bone_length(uv, joints):
+def _bone_length(uv: Floats, joints: tuple[str, ...]) -> float:
     """Median over people of the mean bone length, px."""
     bones = bones_of(joints)
     lengths = np.linalg.norm(uv[:, bones[:, 0]] - uv[:, bones[:, 1]], axis=-1)

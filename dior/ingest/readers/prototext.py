@@ -1,7 +1,9 @@
 """Protobuf text format, as far as landmark files need it: nested messages and plain values."""
 
 import re
+from typing import Any
 
+from dior.arrays import AnyPath
 from dior.errors import DiorError
 from dior.ingest.readers.common import INTERRUPTED
 
@@ -14,12 +16,14 @@ _TOKEN = re.compile(
 )
 
 
-def parse(text, where):
+def parse(text: str, where: AnyPath) -> list[tuple[str, Any]]:
     """A message as a list of (name, value): a value is a list for a message, text for anything else.
 
     Raises DiorError, with the line, where `text` is no such message or ends within one.
     """
-    message, outer, at = [], [], 0
+    message: list[tuple[str, Any]] = []
+    outer: list[list[tuple[str, Any]]] = []
+    at = 0
     while at < len(text):
         token = _TOKEN.match(text, at)
         if not token or (token["close"] and not outer):
@@ -27,7 +31,7 @@ def parse(text, where):
             raise DiorError(f"{where}: line {line} is no protobuf text ({text[at : at + 20]!r}); {INTERRUPTED}")
         at = token.end()
         if token["open"]:
-            inner = []
+            inner: list[tuple[str, Any]] = []
             message.append((token["open"], inner))
             outer.append(message)
             message = inner

@@ -4,9 +4,11 @@ import os
 import re
 from pathlib import Path
 
+from dior.arrays import AnyPath
 from dior.ingest.readers import mlkit_csv, yolo
 from dior.ingest.readers.mediapipe import TEXT
 
+# chosen: holds the first picture of every tool's files
 HEAD_BYTES = 1 << 16
 SUFFIXES = (".json", ".jsonl", ".txt", *TEXT)
 _KEY = re.compile(rb'"([^"\\\n]{1,200})"\s*:')
@@ -14,7 +16,7 @@ _MESSAGE = re.compile(rb"(?:\s+|#[^\n]*\n)*(?:pose_)?landmarks?\s*:?\s*\{")
 _PICTURE = re.compile(rb"\.\w{3,4}$")
 
 
-def recognise(path):
+def recognise(path: AnyPath) -> str | None:
     """The key in `READERS` of the tool that wrote a file or folder, "empty", or None: none of them.
 
     Only the first HEAD_BYTES are looked at, and only the first file of a folder that is not empty.
@@ -26,12 +28,12 @@ def recognise(path):
     return next((_of_head(head, alone=False) for head in heads if head), "empty")
 
 
-def _head(path):
+def _head(path: AnyPath) -> bytes:
     with open(path, "rb") as stream:
         return stream.read(HEAD_BYTES).strip()
 
 
-def _of_head(head, alone):
+def _of_head(head: bytes, alone: bool) -> str | None:
     if not head:
         return "empty"
     if head[:1] in b"{[":
@@ -47,7 +49,7 @@ def _of_head(head, alone):
     return "yolo" if numbers and (yolo.keypoint_width(count - alone) or yolo.keypoint_width(count)) else None
 
 
-def _of_json(head):
+def _of_json(head: bytes) -> str | None:
     keys = _KEY.findall(head)
     names = set(keys)
     if head[:1] == b"[":
@@ -65,7 +67,7 @@ def _of_json(head):
     return "mlkit" if b"landmarks" in names else None
 
 
-def _is_mediapipe(names):
+def _is_mediapipe(names: set[bytes]) -> bool:
     if names & {b"pose_landmarks", b"poseLandmarks", b"landmark", b"worldLandmarks"}:
         return True
     return b"landmarks" in names and b"visibility" in names and b"inFrameLikelihood" not in names

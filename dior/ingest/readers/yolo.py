@@ -13,18 +13,20 @@ from pathlib import Path
 
 import numpy as np
 
+from dior.arrays import AnyPath, Floats
 from dior.body.names import COCO_17
 from dior.errors import DiorError
-from dior.ingest.people import gathered
+from dior.ingest.people import People, gathered
 from dior.ingest.readers.common import INTERRUPTED, files_by_frame
 
+# class and box before the keypoints; the box's confidence and the track may come after
 BOX = 5
 MOST_AT_THE_END = 2
 ONE_PICTURE = "is it the file of one picture? Then name the folder of them in `detections`"
 WIDTHS = (BOX + 3 * len(COCO_17), BOX + 2 * len(COCO_17))
 
 
-def read(path):
+def read(path: AnyPath) -> People:
     """All people of the folder or file. Raises DiorError for rows that are not of a YOLO pose model."""
     if not os.path.isdir(path):
         rows = _rows(path, leading=1)
@@ -33,7 +35,8 @@ def read(path):
         rows = [row for row in rows if row[1] == 0]
         return gathered(path, COCO_17, [row[0] for row in rows], _points([row[1:] for row in rows], path))
     names = files_by_frame(path, ".txt")
-    frame, rows = [], []
+    frame: list[int] = []
+    rows = []
     for number, name in names.items():
         found = [row for row in _rows(Path(path) / name, leading=0) if row[0] == 0]
         frame += [number] * len(found)
@@ -41,7 +44,7 @@ def read(path):
     return gathered(path, COCO_17, frame, _points(rows, path), list(names))
 
 
-def _rows(path, leading):
+def _rows(path: AnyPath, leading: int) -> list[list[float]]:
     """Numbers of every row that is not empty, all of the same kind."""
     rows = []
     with open(path, "rb") as stream:
@@ -70,18 +73,19 @@ def _rows(path, leading):
     return rows
 
 
-def keypoint_width(width):
+def keypoint_width(width: int) -> int | None:
     """Numbers per keypoint (3 or 2) of rows of `width` columns without a frame, or None."""
     return next((3 - i for i, least in enumerate(WIDTHS) if least <= width <= least + MOST_AT_THE_END), None)
 
 
-def _points(rows, path):
+def _points(rows: list[list[float]], path: AnyPath) -> Floats:
     """Rows from the class on as (P, 17, 3)."""
     if not rows:
         return np.empty((0, len(COCO_17), 3))
     if len({len(row) for row in rows}) > 1:
         raise DiorError(f"{path}: rows of {min(map(len, rows))} and of {max(map(len, rows))} columns; {INTERRUPTED}")
     per_point = keypoint_width(len(rows[0]))
+    assert per_point is not None, "_rows lets no other width pass"
     values = np.array(rows)[:, BOX : BOX + per_point * len(COCO_17)].reshape(len(rows), len(COCO_17), per_point)
     points = values if per_point == 3 else np.concatenate([values, np.ones_like(values[..., :1])], axis=-1)
     points[(points[..., :2] == 0).all(axis=-1)] = np.nan

@@ -6,7 +6,6 @@ Every (frame, joint) has its row, every label its frame with that stamp, every f
 reason, pictures have the size that their row says. A problem is told once per file with how often and where first.
 """
 
-import struct
 from collections import Counter
 from dataclasses import dataclass, field
 
@@ -15,6 +14,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from dior.errors import nearest
+from dior.ingest import jpeg
 from dior.release import layout
 from dior.tables import buffers, tables
 from dior.tables.schemas import SCHEMAS, VERSION, VOCABULARY
@@ -171,7 +171,7 @@ def _frames(table, file, decode, counts):
         there[row] = True
         try:
             _check_picture(data, size[row], decode)
-        except (ValueError, IndexError, struct.error) as error:
+        except ValueError as error:
             wrong.setdefault(str(error), []).append(row)
     counts["pictures"] += int(there.sum())
     told += _first(~there & (table["no_image"] == ""), "rows with neither a picture nor a reason", table)
@@ -213,17 +213,14 @@ def jpeg_size(data):
 
     Source: ITU-T T.81, B.1.1.3 and B.2.2.
     """
-    if data[:2] != b"\xff\xd8" or data[-2:] != b"\xff\xd9":
+    if data[-2:] != jpeg.EOI:
         raise ValueError("no JPEG, or one that is cut off")
-    at = 2
-    while data[at] == 0xFF:
-        marker = data[at + 1]
+    for marker, _ in jpeg.segments(data):
+        if marker in jpeg.FRAMES:
+            break
         if marker == 0xFE or 0xE1 <= marker <= 0xEF:
             raise ValueError(f"more than the picture is in it (JPEG segment {marker:#x})")
-        if 0xC0 <= marker <= 0xCF and marker not in (0xC4, 0xC8, 0xCC):
-            return struct.unpack_from(">HH", data, at + 5)
-        at += 1 if marker == 0xFF else 2 + struct.unpack_from(">H", data, at + 2)[0]
-    raise ValueError("a JPEG with a damaged header")
+    return jpeg.frame_size(data)
 
 
 def _skeleton(table, counts):

@@ -2,7 +2,7 @@
 
 INPUTS   a bag: a ROS 1 .bag, a ROS 2 .db3 or .mcap file, or the folder with metadata.yaml that `ros2 bag` writes; each
          may be compressed as a whole file (.zstd). A file is known by its first bytes, not by its name.
-OUTPUTS  topics by their full name, `source.Message`s in the order of the file.
+OUTPUTS  topics by their full name, `bag_reader.Message`s, file by file in the order of `bag_reader`.
 A file that is compressed as a whole is unpacked once per run of a step, into the temporary folder: it can be read, but
 each step pays for it, so `rosbags-convert --src <bag> --dst <new bag>` is worth it. Refusing it would make the lab wait
 for a conversion before the first look at its data.
@@ -10,65 +10,74 @@ for a conversion before the first look at its data.
 
 import os
 import shutil
-import sqlite3
-import struct
-from contextlib import ExitStack
+from collections.abc import Collection, Iterator
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from dior.arrays import AnyPath
 from dior.errors import DiorError
-from dior.ingest.containers import db3, mcap, ros1
-from dior.ingest.containers.source import HEAD, ZSTD_MAGIC, full_name
+from dior.ingest.bag_reader import ZSTD_MAGIC, Message, opened
 
-FORMATS = (ros1, mcap, db3)
-BROKEN = (ValueError, LookupError, OSError, EOFError, OverflowError, MemoryError, struct.error, sqlite3.Error)
+BROKEN = (ValueError, LookupError, OSError, EOFError, OverflowError, MemoryError)
+# first bytes -> the format and what may save a damaged file of it
+FORMATS = {
+    b"#ROSBAG V2.0\n": ("ros1", "`rosbag reindex`"),
+    b"\x89MCAP0\r\n": ("mcap", "`mcap recover`"),
+    b"SQLite format 3\0": ("db3", "`ros2 bag reindex`, or `sqlite3 <file> .recover`"),
+}
+# of an MCAP file, where its header names the profile: magic, kind, size, length of the text
+PROFILE_AT = 8 + 1 + 8 + 4
 METADATA = "metadata.yaml"
 
-__all__ = ["BROKEN", "HEAD", "full_name", "messages", "topics"]
 
-
-def topics(bag):
+def topics(bag: AnyPath) -> dict[str, tuple[str, int]]:
     """Topics of a bag: dict full name -> (message type, number of messages). Raises DiorError for a broken bag."""
-    found = {}
+    found: dict[str, tuple[str, int]] = {}
     for path in _files(bag):
-        with ExitStack() as files:
-            for topic, kind, count in _guarded(files, bag, path, "topics"):
-                found[topic] = (kind, found.get(topic, ("", 0))[1] + count)
+        container, hint = _format(bag, path)
+        try:
+            with opened(path, container) as recording:
+                there = recording.topics()
+        except BROKEN as error:
+            raise _damaged(bag, hint, error) from None
+        for topic, kind, count in there:
+            found[topic] = (kind, found.get(topic, ("", 0))[1] + count)
     return found
 
 
-def messages(bag, wanted, received=None):
+def messages(bag: AnyPath, wanted: Collection[str], received: Collection[int] | None = None) -> Iterator[Message]:
     """Yield the `Message`s of the topics `wanted` (full names), only of the receive stamps `received` if given.
 
-    Raises DiorError for a broken bag; a message's `fetch` raises one of BROKEN. It works until all messages were given.
+    Raises DiorError for a broken bag.
     """
-    with ExitStack() as files:
-        for path in _files(bag):
-            yield from _guarded(files, bag, path, "messages", wanted, received)
+    for path in _files(bag):
+        container, hint = _format(bag, path)
+        try:
+            with opened(path, container) as recording:
+                yield from recording.messages(wanted, received)
+        except BROKEN as error:
+            raise _damaged(bag, hint, error) from None
 
 
-def _damaged(bag, hint, error):
+def _damaged(bag: AnyPath, hint: str, error: BaseException) -> DiorError:
     """The DiorError for a bag whose bytes make no sense."""
     reason = str(error).split("\n")[0] or type(error).__name__
     return DiorError(f"{bag}: the bag is truncated or was not closed ({reason}); try {hint} or copy it again")
 
 
-def _guarded(files, bag, path, function, *arguments):
-    """What `function` of the file's format yields, the file left open in the stack `files`; damage is a DiorError."""
-    container = _format(bag, path)
-    try:
-        yield from getattr(container, function)(files.enter_context(container.opened(path)), *arguments)
-    except BROKEN as error:
-        raise _damaged(bag, container.HINT, error) from None
-
-
-def _format(bag, path):
+def _format(bag: AnyPath, path: Path) -> tuple[str, str]:
+    """(format, what may save a damaged file of it). Raises DiorError for a file of no format that is read."""
     head = _head(bag, path)
-    for container in FORMATS:
-        if head.startswith(container.MAGIC):
-            return container
     shown = bag if Path(bag).is_file() else path
+    for magic, (container, hint) in FORMATS.items():
+        if head.startswith(magic):
+            if container == "mcap" and len(head) > PROFILE_AT and head[PROFILE_AT:] != b"ros2":
+                raise DiorError(
+                    f"{shown}: this MCAP file is not of the profile ros2, which is the one that is read; if it was "
+                    "converted from a ROS 1 bag, give that bag"
+                )
+            return container, hint
     if not head:
         raise DiorError(f"{shown}: the bag is empty; copy it again from the recording computer")
     if head.startswith(b"#ROSBAG V1"):
@@ -79,15 +88,15 @@ def _format(bag, path):
     )
 
 
-def _head(bag, path):
+def _head(bag: AnyPath, path: Path) -> bytes:
     try:
         with open(path, "rb") as stream:
-            return stream.read(16)
+            return stream.read(PROFILE_AT + 4)
     except OSError as error:
         raise DiorError(f"{bag}: {Path(path).name} cannot be read ({error.strerror})") from None
 
 
-def _files(bag):
+def _files(bag: AnyPath) -> list[Path]:
     """The files of a bag, in the order of recording, unpacked where they are compressed as a whole."""
     bag = Path(bag)
     if not bag.exists():
@@ -96,7 +105,7 @@ def _files(bag):
     return [_unpacked(bag, path) if _head(bag, path).startswith(ZSTD_MAGIC) else path for path in files]
 
 
-def _listed(folder):
+def _listed(folder: Path) -> list[Path]:
     """The files that a ROS 2 folder's metadata.yaml names."""
     from dior.project.read import read_yaml
 
@@ -121,14 +130,14 @@ def _listed(folder):
     return files
 
 
-def _unpacked(bag, path):
+def _unpacked(bag: Path, path: Path) -> Path:
     status = path.stat()
     folder = _unpacked_folder(str(bag), str(path), status.st_mtime_ns, status.st_size)
     return Path(folder.name) / "bag"
 
 
 @cache
-def _unpacked_folder(bag, path, _mtime_ns, _size):
+def _unpacked_folder(bag: str, path: str, _mtime_ns: int, _size: int) -> TemporaryDirectory[str]:
     """A temporary folder, removed when the process ends, with the file `bag` in it."""
     from backports import zstd
 
