@@ -4,22 +4,25 @@ Shapes: views first, then any leading shape `...` (frames, joints). Metres, radi
 """
 
 import numpy as np
+from numpy.typing import ArrayLike
+
+from dior.arrays import Bools, Floats, Ints
 
 # points are worked on in blocks that stay in the processor's cache
 BLOCK = 4096
 
 
-def rotation_x(angle):
+def rotation_x(angle: float) -> Floats:
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[1.0, 0, 0], [0, c, -s], [0, s, c]])
 
 
-def rotation_z(angle):
+def rotation_z(angle: float) -> Floats:
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]])
 
 
-def look_at_angles(centre, target=(0.0, 0.0, 0.0)):
+def look_at_angles(centre: ArrayLike, target: ArrayLike = (0.0, 0.0, 0.0)) -> tuple[float, float]:
     """Azimuth and elevation angle (rad) with which `Rz(azimuth) Rx(elevation)` looks from `centre` at `target`.
 
     The paper's angles (outdoor, step 2) do not look at the origin as printed; these do (design, section 3).
@@ -28,13 +31,13 @@ def look_at_angles(centre, target=(0.0, 0.0, 0.0)):
     return np.arctan2(y, x) + np.pi / 2, -(np.pi / 2 + np.arctan2(z, np.hypot(x, y)))
 
 
-def look_at(centre, target=(0.0, 0.0, 0.0)):
+def look_at(centre: ArrayLike, target: ArrayLike = (0.0, 0.0, 0.0)) -> Floats:
     """wRc (3, 3) of an upright camera at `centre` whose optical axis meets `target`."""
     azimuth, elevation = look_at_angles(centre, target)
     return rotation_z(azimuth) @ rotation_x(elevation)
 
 
-def intersect_rays(origins, directions):
+def intersect_rays(origins: ArrayLike, directions: ArrayLike) -> Floats:
     """The paper's ray intersection (outdoor, step 4) for any number of views.
 
     `origins` (V, 3), `directions` (V, ..., 3) in the world. For every pair of views the end points
@@ -70,7 +73,7 @@ def intersect_rays(origins, directions):
     return np.where((enough & ~parallel)[..., None], mean, np.nan)
 
 
-def triangulate(cTw, xy, weights):
+def triangulate(cTw: ArrayLike, xy: Floats, weights: ArrayLike) -> Floats:
     """Weighted linear triangulation of many points (Hartley and Zisserman 12.2, p. 312, inhomogeneous).
 
     `cTw` (V, 4, 4) world to camera, `xy` (V, ..., 2) ideal normalised coordinates, `weights` (V, ...) of the
@@ -93,7 +96,7 @@ def triangulate(cTw, xy, weights):
     return out.reshape(*shape, 3)
 
 
-def equations(cTw):
+def equations(cTw: ArrayLike) -> tuple[Floats, Floats]:
     """What `meet` needs of the cameras `cTw` (V, 4, 4): a matrix (10, 4V), and the origin (3,) of its points, m.
 
     A view says `(x q3 - q1) . (P, 1) = 0` and the same of y, with q the rows of its cTw. The sums of the outer products
@@ -114,7 +117,7 @@ def equations(cTw):
     return np.stack(columns, axis=-1)[rows, at], origin
 
 
-def meet(linear, x, y, squared_weights):
+def meet(linear: Floats, x: Floats, y: Floats, squared_weights: Floats) -> tuple[Floats, Floats, Bools]:
     """The points of least squares from coordinates x, y and weights (V, N), all finite; `linear` from `equations`.
 
     Returns points (3, N) from the origin of `equations`, the weighted sum of squares left (N,), and whether the
@@ -129,7 +132,7 @@ def meet(linear, x, y, squared_weights):
     return points, left, well_posed
 
 
-def _solve_symmetric(N, b):
+def _solve_symmetric(N: Floats, b: Floats) -> tuple[Floats, Bools]:
     """Solve 3x3 symmetric systems by the adjugate: N (6, n) upper triangle, b (3, n) to (3, n) and a mask (n,).
 
     A batched SVD costs twenty times as much and gives the same point to 1e-9 m at the ranges of a capture.
@@ -149,7 +152,7 @@ def _solve_symmetric(N, b):
     return x, well_posed
 
 
-def similarity(source, target, scale=True):
+def similarity(source: Floats, target: Floats, scale: bool = True) -> tuple[float, Floats, Floats]:
     """Scale s, rotation R and translation t that bring `source` (N, 3) to `target` (N, 3) with least squares.
 
     `target = s R source + t` (Umeyama 1991); rows with a NaN are left out; `scale=False` keeps s = 1.
@@ -166,7 +169,7 @@ def similarity(source, target, scale=True):
     return s, R, mb - s * R @ ma
 
 
-def side_seen(centre, left, middle):
+def side_seen(centre: Floats, left: Floats, middle: Floats) -> Ints:
     """Which side of a body a camera at `centre` (3,) sees (...,): 0 front, 1 left, 2 back, 3 right.
 
     `left` (..., 2): direction from its right to its left; `middle` (..., 2) of the body, on the floor.

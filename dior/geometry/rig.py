@@ -3,39 +3,41 @@
 World in metres; pixels are recorded ones. Weights are 1/px, 0 for a view without a say.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from dior.arrays import Bools, Floats, Ints
 from dior.geometry import camera as cam
 from dior.geometry import multiview
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Rig:
     """`linear` and `origin` of `multiview.equations`; `rows` (V, 3, 4): cTw from that origin; `cameras`."""
 
-    cameras: tuple
-    linear: np.ndarray
-    origin: np.ndarray
-    rows: np.ndarray
+    cameras: tuple[cam.Camera, ...]
+    linear: Floats
+    origin: Floats
+    rows: Floats
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Views:
     """What the views of a rig say, flat: coordinates x, y and weights w (V, N); 1/w is the noise of x and y."""
 
     rig: Rig
-    x: np.ndarray
-    y: np.ndarray
-    w: np.ndarray
+    x: Floats
+    y: Floats
+    w: Floats
 
-    def at(self, columns):
+    def at(self, columns: Ints | Bools | slice) -> "Views":
         """The views of some points."""
         return Views(self.rig, self.x[:, columns], self.y[:, columns], self.w[:, columns])
 
 
-def rig_of(cameras):
+def rig_of(cameras: Sequence[cam.Camera]) -> Rig:
     cTw = np.stack([cam.inverse_pose(c.wTc) for c in cameras])
     linear, origin = multiview.equations(cTw)
     rows = cTw[:, :3].copy()
@@ -43,7 +45,7 @@ def rig_of(cameras):
     return Rig(tuple(cameras), linear, origin, rows)
 
 
-def views_of(rig, uv, weights):
+def views_of(rig: Rig, uv: Floats, weights: Floats) -> Views:
     """`Views` of pixels (V, ..., 2) with weights (V, ...) in 1/px; a missing one has weight 0."""
     xy = [cam.undistort(c.intrinsics, view).reshape(-1, 2) for c, view in zip(rig.cameras, uv, strict=True)]
     x, y = (np.stack([view[:, i] for view in xy]) for i in range(2))
@@ -54,7 +56,7 @@ def views_of(rig, uv, weights):
     return Views(rig, x, y, w)
 
 
-def meet(views):
+def meet(views: Views) -> tuple[Floats, Floats]:
     """Points (3, N) from the rig's origin and their chi squared (N,); NaN where they meet nowhere.
 
     The equations are weighted by the depths of a first solution, which makes them the reprojection's own. A point
@@ -73,7 +75,7 @@ def meet(views):
     return points, np.maximum(chi2, 0.0, out=chi2)
 
 
-def meet_in_blocks(views):
+def meet_in_blocks(views: Views) -> tuple[Floats, Floats]:
     """`meet` of many points."""
     count = views.x.shape[1]
     points, chi2 = np.empty((3, count)), np.empty(count)
@@ -83,7 +85,7 @@ def meet_in_blocks(views):
     return points, chi2
 
 
-def residuals(views, points):
+def residuals(views: Views, points: Floats) -> tuple[Floats, Floats]:
     """Whitened residuals (V, 2, N) of points (3, N), and their share (V, N) of 2 that the view's own say left over."""
     p = views.rig.rows[..., :3] @ points + views.rig.rows[..., 3:]
     scale = views.w / p[:, 2]

@@ -4,16 +4,20 @@ Vocabulary of adjust and triangulate. World in metres, recorded pixels.
 """
 
 import itertools
+from collections.abc import Sequence
 
 import numpy as np
 
+from dior.arrays import Bools, Floats, Ints
 from dior.geometry import camera as cam
 from dior.geometry import multiview
 
 DROP_FACTOR = 4.0  # a view disagrees where the mean error is this many times the usual one
 
 
-def by_dropping(cameras, uv, weights, drop_px, max_error_px):
+def by_dropping(
+    cameras: Sequence[cam.Camera], uv: Floats, weights: Floats, drop_px: float, max_error_px: float
+) -> tuple[Floats, Floats, Bools, Bools]:
     """Weighted linear triangulation that leaves out the views that disagree.
 
     `uv` (V, ..., 2) px, `weights` (V, ...), 0 for a view without a say. While the mean reprojection error of the
@@ -29,7 +33,7 @@ def by_dropping(cameras, uv, weights, drop_px, max_error_px):
     scale = cam.REFERENCE_FX / np.array([c.intrinsics.fx for c in cameras])
     seen = weights > 0
 
-    def attempt(columns, keep):
+    def attempt(columns: Ints, keep: Bools) -> tuple[Floats, Floats, Floats]:
         """Triangulate some columns with the views `keep` (V, n): points, error at fx 1680, error px."""
         points = multiview.triangulate(cTw, xy[:, columns], np.where(keep, weights[:, columns], 0.0))
         errors = np.where(keep, cam.reprojection_errors(cameras, points, uv[:, columns]), 0.0)
@@ -57,7 +61,7 @@ def by_dropping(cameras, uv, weights, drop_px, max_error_px):
     return points.reshape(*shape, 3), pixels.reshape(shape), used.reshape(len(cameras), *shape), good.reshape(shape)
 
 
-def usual_error(cameras, uv, weights):
+def usual_error(cameras: Sequence[cam.Camera], uv: Floats, weights: Floats) -> float:
     """Median over all points of the mean reprojection error with every view, px at fx 1680; inf without a point."""
     scale = np.mean([cam.REFERENCE_FX / c.intrinsics.fx for c in cameras])
     _, error, used, _ = by_dropping(cameras, uv, weights, np.inf, np.inf)

@@ -9,6 +9,7 @@ tables that are released tell the `datasets` library the types of their columns.
 import json
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 import pyarrow as pa
@@ -18,6 +19,9 @@ from dior.errors import DiorError, nearest
 from dior.tables import buffers
 from dior.tables.files import written_whole
 from dior.tables.schemas import PICTURE, RELEASED, SCHEMAS, VERSION, VOCABULARY
+
+# (scope, severity, code, text)
+Finding: TypeAlias = tuple[str, str, str, str]
 
 
 def columns_of(name):

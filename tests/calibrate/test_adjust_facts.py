@@ -93,8 +93,9 @@ def ran(folder, placed, known=None, marks=(), tags=(), sigma_m=0.3, sequences=("
         detections=[folder / f"detections/{name}.parquet" for name in sequences],
         frames=[folder / f"frames/{name}.parquet" for name in sequences], offsets=[],
         window={name: {"first": 0, "count": MOMENTS, "step": 1} for name in sequences}, min_score=0.4, min_views=3,
-        huber_px=15.0, max_mean_px=more.pop("max_mean_px", 12.0), max_gap=1.5, known=known, marks=marks,
-        marked=sequences, tags=tags, intrinsics_sigma=0, out=folder / "adjust.parquet",
+        huber_px=15.0, max_mean_px=more.pop("max_mean_px", 12.0), max_gap=1.5, known=known or {}, marks=list(marks),
+        marked=list(sequences), tags=list(tags), intrinsics_sigma=0, physics=more.pop("physics", {}),
+        out=folder / "adjust.parquet",
         out_metrics=folder / "metrics.parquet", out_covariance=folder / "covariance.parquet",
         findings=folder / "findings.parquet", **more,
     )  # fmt: skip

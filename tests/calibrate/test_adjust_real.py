@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dior.body.names import BODY_25B
-from dior.calibrate.adjust import run
+from dior.calibrate.adjust import LENS_SIGMA, run
 from dior.calibrate.bundle import window
 from dior.calibrate.bundle.outcome import moved
 from dior.calibrate.place import reference_pose
@@ -78,7 +78,8 @@ def adjusted(folder, cameras, out, tape_sigma=None, sections=None, clocks=GENLOC
         session="field", cameras=[out / f"place/{camera.name}.parquet" for camera in cameras], camera_files=files,
         detections=[folder / f"detections/{SEQUENCE}.parquet"], frames=[folder / f"frames/{SEQUENCE}.parquet"],
         offsets=[offsets], window=WINDOW if sections is None else sections, min_score=0.4, min_views=3, huber_px=15.0,
-        max_mean_px=12.0, max_gap=1.5, out=out / "adjust.parquet", out_metrics=out / "metrics.parquet",
+        max_mean_px=12.0, max_gap=1.5, known={}, marks=[], marked=[], tags=[], intrinsics_sigma=LENS_SIGMA, physics={},
+        out=out / "adjust.parquet", out_metrics=out / "metrics.parquet",
         findings=out / "findings.parquet", out_covariance=out / "covariance.parquet",
     )  # fmt: skip
     return (

@@ -12,11 +12,14 @@ included. The sigmas of the facts and an error of the intrinsics come on top (Ge
 on consider parameters; Liang and Zeger 1986 on clusters).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from dior.arrays import Bools, Floats, Ints
 from dior.calibrate.bundle import reduced
+from dior.geometry.camera import Camera
 from dior.geometry.multiview import side_seen
 
 SIDES = 4
@@ -25,24 +28,24 @@ LAGS = 30
 FORGOTTEN = 0.05
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Tracks:
     """Which joint, moment and sequence the points (N,) are, whole numbers from 0; `names` of the joints.
 
     Moments are counted in instants of the window, `moment` is unique over the sequences.
     """
 
-    joint: np.ndarray
-    moment: np.ndarray
-    sequence: np.ndarray
-    names: tuple
+    joint: Ints
+    moment: Ints
+    sequence: Ints
+    names: tuple[str, ...]
 
-    def only(self, keep):
+    def only(self, keep: Bools | Ints) -> "Tracks":
         """The tracks of the points of a mask or index (N,)."""
         return Tracks(self.joint[keep], self.moment[keep], self.sequence[keep], self.names)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Uncertainty:
     """`covariance` (6V, 6V), and what it was made of.
 
@@ -50,20 +53,20 @@ class Uncertainty:
     units of the assumed one; `lasting`: how many frames make one measurement.
     """
 
-    covariance: np.ndarray
+    covariance: Floats
     bias_m: float
     noise: float
     lasting: float
 
 
-def grid(tracks, values):
+def grid(tracks: Tracks, values: Floats) -> Floats:
     """Values (N, ...) by moment and joint (T, J, ...), NaN where there is none."""
     out = np.full((int(tracks.moment.max()) + 1, len(tracks.names), *values.shape[1:]), np.nan)
     out[tracks.moment, tracks.joint] = values
     return out
 
 
-def sides(cameras, points, tracks):
+def sides(cameras: Sequence[Camera], points: Floats, tracks: Tracks) -> Ints:
     """Which quarter of the body (V, N) a camera sees, 0 to 3 from the front to the left; -1 where it is not known.
 
     From the shoulders and hips at the moment, or at the nearest moment of the sequence at which both sides are known.
@@ -93,7 +96,7 @@ def sides(cameras, points, tracks):
     return np.stack([side_seen(camera.centre, across, middle) for camera in cameras])[:, tracks.moment]
 
 
-def autocorrelation_sum(residuals, observed, cluster, tracks):
+def autocorrelation_sum(residuals: Floats, observed: Bools, cluster: Ints, tracks: Tracks) -> float:
     """How many frames make one measurement: 1 + 2 sum of the residuals' autocorrelation over time.
 
     `residuals` (V, N, 2) of which each cluster's mean is taken off; `observed` (V, N), `cluster` (V, N) from 0.
@@ -117,11 +120,11 @@ def autocorrelation_sum(residuals, observed, cluster, tracks):
         rho = np.nanmean(product) / variance
         if rho < FORGOTTEN:
             break
-        total += 2 * rho
+        total += 2 * float(rho)
     return total
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Considered:
     """What parameters that are not adjusted do to those that are, with the points eliminated.
 
@@ -129,17 +132,19 @@ class Considered:
     do to the cameras in all, the facts included. `gradient` (Q,) of the cost at the solution.
     """
 
-    cross: np.ndarray
-    own: np.ndarray
-    through: np.ndarray
-    gradient: np.ndarray
+    cross: Floats
+    own: Floats
+    through: Floats
+    gradient: Floats
 
-    def part(self, keep):
+    def part(self, keep: slice) -> tuple[Floats, Floats, Floats]:
         """`cross`, `through`, `gradient` of some of the parameters."""
         return self.cross[:, keep], self.through[:, keep], self.gradient[keep]
 
 
-def considered(solved, derivative, at, size, by_facts):
+def considered(
+    solved: reduced.Solved, derivative: Floats, at: Ints, size: int, by_facts: Sequence[Floats]
+) -> Considered:
     """`Considered` of `size` parameters.
 
     `derivative` (V, 2, q, N) of the pixels (divided by their sigmas) by the parameters `at` (V, q, N); `by_facts`:
@@ -182,7 +187,7 @@ def considered(solved, derivative, at, size, by_facts):
     return Considered(cross, own, through, gradient)
 
 
-def of(solved, tracks, lens_sigma=0.0):
+def of(solved: reduced.Solved, tracks: Tracks, lens_sigma: float = 0.0) -> Uncertainty:
     """`Uncertainty` of an adjustment; `tracks` of its first points, more points (marked ones) have no clusters.
 
     `lens_sigma`: 1 sigma of the focal length and principal point, both relative to the focal length, before the
@@ -203,12 +208,13 @@ def of(solved, tracks, lens_sigma=0.0):
     own_facts = [np.hstack([np.zeros((len(row.residual), size)), row.by_lens]) for row in solved.facts]
     whole = considered(solved, derivative, at, size + lenses, own_facts)
 
-    inverse = np.linalg.inv(solved.normal)
+    inverse = np.asarray(np.linalg.inv(solved.normal), float)
     bias, noise, lasting = variances(linear, whole, slice(0, size), inverse, cluster[:, :people], tracks)
     rows = [(row, reduced.total(row, linear)) for row in solved.facts]
-    of_facts = sum(
-        h.T @ _fact_noise(row, linear, np.where(np.arange(count) < people, noise * lasting, 1.0)) @ h for row, h in rows
-    )
+    variance = np.where(np.arange(count) < people, noise * lasting, 1.0)
+    of_facts = np.zeros_like(solved.normal)
+    for row, h in rows:
+        of_facts += h.T @ _fact_noise(row, linear, variance) @ h
     pixels = lasting * noise * (solved.normal - sum(h.T @ h for _, h in rows))
     through = whole.through[:, :size]
     middle = bias * through @ through.T + pixels + of_facts
@@ -219,13 +225,14 @@ def of(solved, tracks, lens_sigma=0.0):
     return Uncertainty((covariance + covariance.T) / 2, float(np.sqrt(bias)), float(noise), float(lasting))
 
 
-def by_parameters(solved, derivative, at, size):
+def by_parameters(solved: reduced.Solved, derivative: Floats, at: Ints, size: int) -> Floats:
     """(6V, Q): how the solution's cameras move with parameters of the pixels; arguments as of `considered`."""
     own_facts = [np.zeros((len(row.residual), size)) for row in solved.facts]
-    return -np.linalg.solve(solved.normal, considered(solved, derivative, at, size, own_facts).through)
+    through = considered(solved, derivative, at, size, own_facts).through
+    return np.asarray(-np.linalg.solve(solved.normal, through), float)
 
 
-def _fact_noise(row, linear, noise):
+def _fact_noise(row: reduced.Row, linear: reduced.Linear, noise: Floats) -> Floats:
     """Covariance (m, m) of a fact's residuals: its own sigma and the noise of the points that it speaks of.
 
     `noise` (N,): variance of the points' pixels in assumed ones, hand marks' is 1.
@@ -237,7 +244,9 @@ def _fact_noise(row, linear, noise):
     return own + np.einsum("mka,kab,nkb->mn", row.by_points, C, row.by_points)
 
 
-def variances(linear, whole, clusters, inverse, cluster, tracks):
+def variances(
+    linear: reduced.Linear, whole: Considered, clusters: slice, inverse: Floats, cluster: Ints, tracks: Tracks
+) -> tuple[float, float, float]:
     """Variance of the clusters' offsets (m^2) and of the noise (in assumed ones), and how long the noise lasts.
 
     By moments: what the squares of the clusters' sums and of all residuals should be, against what they are.
@@ -256,7 +265,9 @@ def variances(linear, whole, clusters, inverse, cluster, tracks):
     return max(bias, 0.0), sums[1] / degrees, lasting
 
 
-def lens_moment(whole, size, inverse, middle, bias, noise, sigma):
+def lens_moment(
+    whole: Considered, size: int, inverse: Floats, middle: Floats, bias: float, noise: float, sigma: float
+) -> Floats:
     """Second moment (3V, 3V) of the intrinsics' errors, given what the pixels say of them.
 
     They are not adjusted. With white noise many pixels tell that there is hardly any error; where a detector's
@@ -276,7 +287,7 @@ def lens_moment(whole, size, inverse, middle, bias, noise, sigma):
     return P + np.outer(mean, mean)
 
 
-def gauge(cameras):
+def gauge(cameras: Sequence[Camera]) -> Floats:
     """(6V, 7) the cameras' errors that a rigid motion (turn rad, shift m) and scale about their middle make."""
     middle = np.mean([c.centre for c in cameras], axis=0)
     out = np.zeros((len(cameras), 6, 7))
@@ -289,7 +300,7 @@ def gauge(cameras):
     return out.reshape(-1, 7)
 
 
-def scale_sigma(cameras, covariance):
+def scale_sigma(cameras: Sequence[Camera], covariance: Floats) -> float:
     """1 sigma of the scale of the world, relative: how much larger than true the cameras' distances are.
 
     The distances between the cameras, each as well as it is known, are compared with themselves: what remains of the

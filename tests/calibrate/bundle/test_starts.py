@@ -49,7 +49,7 @@ def test_the_better_of_two_worlds_wins_and_a_failed_start_is_told():
     cameras, uv = ring(3), seen(ring(3), body(), 1.0)
     worse = misplaced(cameras, 0.3)
     chosen, tried = starts.best(cameras, uv, outcome(worse, cameras, None, None, None, None), "s")
-    assert chosen.name == "epipolar" and [one.cameras is None for one in tried] == [False] * 2 + [True] * 4
+    assert chosen.name == "epipolar" and [not one.cameras for one in tried] == [False] * 2 + [True] * 4
 
 
 def test_equal_starts_in_different_worlds_are_refused():
