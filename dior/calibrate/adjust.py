@@ -36,10 +36,9 @@ from dior.calibrate.lens import realsense
 from dior.clocks import by_hand as clocks
 from dior.clocks import lags
 from dior.errors import DiorError, nearest
-from dior.geometry import camera_tables
-from dior.geometry.camera import REFERENCE_FX, Camera, inverse_pose, reprojection_errors, undistort
-from dior.geometry.multiview import triangulate
-from dior.geometry.views import DROP_FACTOR, by_dropping, usual_error
+from dior.geometry import camera_tables, views
+from dior.geometry.camera import REFERENCE_FX, Camera, reprojection_errors
+from dior.geometry.rig import triangulated
 from dior.project.camera_file import camera_settings
 from dior.tables import tables
 from dior.tables.tables import Finding
@@ -198,14 +197,8 @@ def metric(
 
 
 def agreeing(cameras: Sequence[Camera], uv: Floats) -> Floats:
-    """The detections uv (V, N, 2), NaN for those that disagree with the other views of their point.
-
-    Where only two views are left and disagree, or nothing tells which one is wrong, all of the point are left out.
-    """
-    weights = np.isfinite(uv).all(axis=-1).astype(float)
-    limit = max(DROP_FACTOR * usual_error(cameras, uv, weights), BEST_DETECTOR_PX)
-    _, _, used, good = by_dropping(cameras, uv, weights, limit, limit)
-    return np.where((used & good)[..., None], uv, np.nan)
+    """The detections uv (V, N, 2), NaN for those that disagree with the other views of their point."""
+    return np.where(views.agreeing(cameras, uv, BEST_DETECTOR_PX)[..., None], uv, np.nan)
 
 
 def _sample(usable: Bools) -> Bools:
@@ -216,12 +209,6 @@ def _sample(usable: Bools) -> Bools:
     sampled = np.zeros_like(usable)
     sampled[np.random.default_rng(0).permutation(index)[:SAMPLE]] = True
     return sampled
-
-
-def triangulated(cameras: Sequence[Camera], uv: Floats) -> Floats:
-    """World points (N, 3) m from recorded pixels (V, N, 2), every view with the same weight."""
-    xy = np.stack([undistort(camera.intrinsics, seen) for camera, seen in zip(cameras, uv, strict=True)])
-    return triangulate(np.stack([inverse_pose(camera.wTc) for camera in cameras]), xy, np.ones(xy.shape[:-1]))
 
 
 def _usable(cameras: Sequence[Camera], uv: Floats, points: Floats) -> Bools:
@@ -400,13 +387,13 @@ def _lens_models(
 
     The cameras are adjusted again for the other model, so that the poses cannot favour the one they were found with.
     """
-    views = [i for i, c in enumerate(done.cameras) if realsense.is_ambiguous(topics[c.name], c.intrinsics)]
-    if not views:
+    doubtful = [i for i, c in enumerate(done.cameras) if realsense.is_ambiguous(topics[c.name], c.intrinsics)]
+    if not doubtful:
         return []
     few = _sample(np.isfinite(done.points[:, 0]))
     # the same detections for both
     seen = np.where(np.isfinite(done.after_px)[..., None], uv, np.nan)[:, few]
-    assumed = [realsense.as_other(c) if i in views else c for i, c in enumerate(done.cameras)]
+    assumed = [realsense.as_other(c) if i in doubtful else c for i, c in enumerate(done.cameras)]
     sigma = huber_px * np.array([c.intrinsics.fx for c in assumed]) / REFERENCE_FX / bundle.HUBER
     try:
         other = sampled(assumed, seen, priors, sigma, "")
@@ -414,7 +401,7 @@ def _lens_models(
     except DiorError:
         other_px = np.full((len(assumed), 1), np.inf)
     found = []
-    for i in views:
+    for i in doubtful:
         camera = done.cameras[i]
         mean_px, other_mean_px = (float(np.nanmean(errors[i])) for errors in (done.after_px[:, few], other_px))
         scope = f"{session}/{camera.name}"

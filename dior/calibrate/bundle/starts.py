@@ -20,6 +20,7 @@ from dior.arrays import Bools, Floats
 from dior.errors import DiorError
 from dior.geometry.camera import REFERENCE_FX, Camera, pose, reprojection_errors, undistort
 from dior.geometry.multiview import rotation_x, rotation_z, similarity, triangulate
+from dior.geometry.rig import triangulated
 
 EPIPOLAR_PX = (4.0, 12.0)  # at fx 1680
 FEWEST_SHARED = 30
@@ -84,10 +85,8 @@ def _try(name: str, start: Sequence[Camera], uv: Floats, attempt: Attempt) -> Tr
 
 def cost(cameras: Sequence[Camera], uv: Floats) -> float:
     """Mean reprojection error (px at fx 1680) of all detections of joints that two cameras see, each at most 60 px."""
-    xy = np.stack([undistort(c.intrinsics, view) for c, view in zip(cameras, uv, strict=True)])
-    points = triangulate(np.stack([np.linalg.inv(c.wTc) for c in cameras]), xy, np.ones(xy.shape[:-1]))
     scale = np.array([[REFERENCE_FX / c.intrinsics.fx] for c in cameras])
-    errors = reprojection_errors(cameras, points, uv) * scale
+    errors = reprojection_errors(cameras, triangulated(cameras, uv), uv) * scale
     seen = np.isfinite(uv).all(axis=-1) & (np.isfinite(uv).all(axis=-1).sum(axis=0) >= 2)
     return float(np.mean(np.fmin(np.where(np.isfinite(errors), errors, CAPPED_PX), CAPPED_PX)[seen]))
 
