@@ -13,7 +13,7 @@ on consider parameters; Liang and Zeger 1986 on clusters).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,26 +23,26 @@ from dior.geometry.camera import Camera
 from dior.geometry.multiview import side_seen
 
 SIDES = 4
-FEWEST = 20
-LAGS = 30
-FORGOTTEN = 0.05
+LONGEST_LAG_S = 1.0  # chosen: what lasts longer is an offset
+FORGOTTEN = 0.05  # chosen: a correlation below that may be chance; the sum ends there
 
 
 @dataclass(frozen=True, eq=False)
 class Tracks:
     """Which joint, moment and sequence the points (N,) are, whole numbers from 0; `names` of the joints.
 
-    Moments are counted in instants of the window, `moment` is unique over the sequences.
+    Moments are counted in instants of the window, `step_s` apart; `moment` is unique over the sequences.
     """
 
     joint: Ints
     moment: Ints
     sequence: Ints
     names: tuple[str, ...]
+    step_s: float = 1 / 30
 
     def only(self, keep: Bools | Ints) -> "Tracks":
         """The tracks of the points of a mask or index (N,)."""
-        return Tracks(self.joint[keep], self.moment[keep], self.sequence[keep], self.names)
+        return replace(self, joint=self.joint[keep], moment=self.moment[keep], sequence=self.sequence[keep])
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +112,8 @@ def autocorrelation_sum(residuals: Floats, observed: Bools, cluster: Ints, track
     order = grid(tracks, tracks.sequence.astype(float))
     sequence = np.nanmax(np.where(np.isfinite(order), order, -1), axis=1)
     variance, total = np.nanmean(by_time**2), 1.0
-    for lag in range(1, min(LAGS, by_time.shape[1] - 1) + 1):
+    most = max(1, round(LONGEST_LAG_S / tracks.step_s))
+    for lag in range(1, min(most, by_time.shape[1] - 1) + 1):
         product = by_time[:, lag:] * by_time[:, :-lag]
         product = product[:, sequence[lag:] == sequence[:-lag]]
         if not np.isfinite(product).any():

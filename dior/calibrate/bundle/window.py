@@ -118,7 +118,9 @@ def together(parts: Sequence[Seen], counts: Sequence[int]) -> tuple[Floats, Trac
     first = np.cumsum([0, *counts[:-1]])
     moment = [part.instant + start for part, start in zip(parts, first, strict=True)]
     sequence = [np.full(len(part.joint), i) for i, part in enumerate(parts)]
-    tracks = Tracks(np.concatenate(joint), np.concatenate(moment), np.concatenate(sequence), names)
+    steps = [step for part in parts for step in np.diff(part.seconds)]
+    step_s = float(np.median(steps)) if steps else Tracks.step_s
+    tracks = Tracks(np.concatenate(joint), np.concatenate(moment), np.concatenate(sequence), names, step_s)
     return np.concatenate([part.uv for part in parts], axis=1), tracks
 
 

@@ -83,6 +83,18 @@ def test_how_long_noise_lasts():
     assert uncertainty.autocorrelation_sum(white, *shape, tracks) < 1.2
 
 
+@pytest.mark.parametrize("fps", [15, 60, 120])
+def test_how_long_noise_lasts_is_a_matter_of_seconds(fps):
+    """Noise with a time constant of 0.3 s makes one measurement of 0.6 s, however many pictures these have."""
+    from scipy.signal import lfilter
+
+    keep, count = np.exp(-1 / (0.3 * fps)), 400 * fps
+    noise = lfilter([1.0], [1.0, -keep], np.random.default_rng(1).normal(size=(count, 2)), axis=0)
+    tracks = Tracks(np.zeros(count, int), np.arange(count), np.zeros(count, int), ("nose",), 1 / fps)
+    lasting = uncertainty.autocorrelation_sum(noise[None], np.ones((1, count), bool), np.zeros((1, count), int), tracks)
+    assert lasting / fps == pytest.approx(0.6, rel=0.15)
+
+
 def test_the_scale_of_a_rig_held_by_its_tape():
     """Centres that are each known to 5 cm: the scale to 5 cm over the root of the sum of squared distances."""
     cameras = ring(3)
