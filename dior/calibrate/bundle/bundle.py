@@ -1,12 +1,11 @@
-"""Bundle adjustment of camera poses and points with fixed intrinsics, by GTSAM.
+"""The initial solution of an adjustment: camera poses and points with fixed intrinsics, by GTSAM.
 
 INPUTS   cameras with start poses, ideal pixels and points, priors on the poses
 OUTPUTS  cameras and points with the least robust cost
 
 GTSAM's lens models lack k3, so it works on ideal pixels: recorded pixels undistorted once by `dior.geometry.camera`,
 mapped back with K, and Cal3_S2. World in metres. Costs are GTSAM's: half the sum of squared whitened residuals, Huber
-beyond
-1.345 sigma.
+beyond 1.345 sigma.
 """
 
 from collections.abc import Sequence
@@ -19,10 +18,10 @@ from dior.arrays import Floats
 from dior.errors import DiorError
 from dior.geometry.camera import Camera, Intrinsics, undistort
 
-# Huber's constant: 95 % efficient for Gaussian residuals
+# Huber's constant: 95 % efficient for Gaussian residuals (Huber and Ronchetti, Robust Statistics, 2009)
 HUBER = 1.345
-POINT = 1 << 32
-MOST_ITERATIONS = 100
+POINT = 1 << 32  # keys of the points: above any number of cameras
+MOST_ITERATIONS = 100  # GTSAM's default
 
 
 @dataclass(frozen=True, eq=False)
