@@ -18,7 +18,7 @@ from dior.ingest import bags as rosbag
 from dior.tables import tables
 
 BAG_MODELS = ("plumb_bob", "rational_polynomial")
-COEFFICIENTS = (4, 5, 8)
+COEFFICIENTS = (4, 5, 8)  # of distortion, as OpenCV's models have them
 
 
 def run(

@@ -13,7 +13,8 @@ from dior.arrays import Bools, Floats, Ints
 from dior.geometry import camera as cam
 from dior.geometry.rig import Views, mean_errors, meet, rig_of, views_of, with_every_view
 
-DROP_FACTOR = 4.0  # a view disagrees where the mean error is this many times the usual one
+# chosen: a view disagrees where the mean error is this many times the usual one; less takes good detections with it
+DROP_FACTOR = 4.0
 
 
 def best_subsets(

@@ -14,8 +14,8 @@ from dior.errors import DiorError
 from dior.geometry.camera import Camera
 from dior.geometry.tape import check_above_floor
 
-SAME_PLACE_M = 0.01
-FEWEST_SEEN = 6
+SAME_PLACE_M = 0.01  # chosen: nearer than two cameras can stand
+FEWEST_SEEN = 6  # a relative pose has 5 unknowns (Nister 2004) and one joint checks it; chosen as the least
 
 
 def check_start(cameras: Sequence[Camera], uv: Floats, where: str) -> None:

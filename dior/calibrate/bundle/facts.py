@@ -36,9 +36,11 @@ STATURE_SHARE = sum(plausible.SEGMENTS.values())
 # People differ by 1-2 % of their height in what is left (neck, head, foot), and a detector's hips and shoulders are
 # not the anatomist's: together 2.5 % of the sum.
 STATURE_SHARE_SIGMA = 0.02
-FEWEST_MOMENTS = 10
+FEWEST_MOMENTS = 10  # chosen: instants that a mean length needs; a third of the noise of one is left then
+# chosen: of the instants of a walk at which a joint of the foot counts as standing; a foot stands in 60 % of a stride
+# (Winter), so that a quarter leaves room for slopes of the noise
 STANCE_SHARE = 0.25
-# how high the joints of a standing foot are above the floor, m: the ankle by Winter's 0.039 body heights
+# chosen: how high the heel and the toes of a standing foot are above the floor, m, in a shoe
 SOLE_M = {"left_heel": 0.03, "right_heel": 0.03, "left_foot_index": 0.03, "right_foot_index": 0.03}
 
 

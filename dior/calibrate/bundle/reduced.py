@@ -21,9 +21,9 @@ from dior.calibrate.bundle.bundle import HUBER
 from dior.geometry import covariance
 from dior.geometry.camera import Camera
 
-MOST_ITERATIONS = 30
-SETTLED = 5e-4  # of the cost, half the square of how far the cameras still move in their (too small) sigmas
-NEAREST_M = 0.05
+MOST_ITERATIONS = 30  # chosen: a finding tells where they were not enough
+SETTLED = 5e-4  # chosen: of the cost, half the square of how far the cameras still move in their (too small) sigmas
+NEAREST_M = 0.05  # chosen: a point nearer to the camera's plane is not seen; its projection has no useful slope
 
 
 @dataclass(frozen=True, eq=False)

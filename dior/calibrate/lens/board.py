@@ -31,16 +31,17 @@ from dior.ingest import bags as rosbag
 from dior.progress import reporting
 
 SUFFIXES = (".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff")
-MOST_PICTURES = 120
+MOST_PICTURES = 120  # chosen: OpenCV's time grows with the cube, and a still board repeats itself
 FEWEST_VIEWS, FEW_VIEWS, MANY_VIEWS = 3, 10, 20
-FEWEST_CORNERS = 6
-SAME_VIEW = 0.01
-FLAT_GRID = 0.03
-OUTLIER, OUTLIER_PX = 3.0, 0.3
+FEWEST_CORNERS = 6  # OpenCV's own limit for a pose in calibrateCamera
+SAME_VIEW = 0.01  # chosen, of the picture's diagonal: a board that moved by less says nothing new
+FLAT_GRID = 0.03  # chosen, of the board's size: a lens bends a grid by less
+OUTLIER, OUTLIER_PX = 3.0, 0.3  # chosen: a view this many times as bad as the others, and by more than drawn corners
 CENTRE_COVERAGE, K3_COVERAGE = 0.5, 0.6
+# chosen: below the first a focal length and a distance look alike; the second is asked for in the findings
 LEAST_TILT_DEG, GOOD_TILT_DEG = 10.0, 30.0
-GOOD_RMS, MOST_RMS = 0.5 / 1280, 2.0 / 1280
-MOST_FX_SD = 0.01
+GOOD_RMS, MOST_RMS = 0.5 / 1280, 2.0 / 1280  # chosen, px per px of width: warned of, refused
+MOST_FX_SD = 0.01  # chosen: 1 % of the focal length is 5 cm at 5 m
 
 
 # grey, (height, width)

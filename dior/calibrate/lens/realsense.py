@@ -10,7 +10,7 @@ from dior.arrays import AnyPath
 from dior.geometry.camera import Camera, Intrinsics
 
 MODELS = ("plumb_bob", "inverse_brown_conrady")
-CLEARLY_BETTER = 0.8
+CLEARLY_BETTER = 0.8  # chosen: the share of the error that the other model has to reach before a person is asked
 
 
 def is_colour(topic: str) -> bool:

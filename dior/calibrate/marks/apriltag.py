@@ -27,16 +27,20 @@ from dior.tables import tables
 FAMILIES = {"36h11": "APRILTAG_36h11"}
 # bits of tag 0 by rows from the top left, as in AprilTag's own sources (tag36h11.c of AprilTag 2) and pictures
 FIRST_36H11 = 0xD5D628584
-MOST_FRAMES = 40
-MOVED_PX = 3.0
+MOST_FRAMES = 40  # chosen: evenly spread pictures; what remains of the corners' error is constant
+MOVED_PX = 3.0  # chosen: 20 times a corner's noise, and 2 cm at 4 m
 # corners are right to 0.06 px in drawn pictures; blur and paper that is not flat add to it
 CORNER_SIGMA_PX = 0.15
 CORNERS = ("top_left", "top_right", "bottom_right", "bottom_left")
+# chosen: places along a side, without its ends, where the corners blur, and across it
 ALONG, ACROSS = np.linspace(0.1, 0.9, 25), np.linspace(-1, 1, 25)
+# chosen: how far across a side is looked, px and of its length (half of a bit of 36h11); less of the step is noise
 EDGE_PX, EDGE_SHARE, LEAST_STEP = 3.0, 0.06, 0.15
-REFINED_PX = 2.0
-WORSE = 2.0
-USUAL_SIGMA_M = 0.05
+REFINED_PX = 2.0  # chosen: OpenCV's corners are right to 0.25 px, so that a larger move is another edge
+WORSE = (
+    2.0  # chosen: the other pose is left out where its rms is this many times the better one's or the corners' noise
+)
+USUAL_SIGMA_M = 0.05  # chosen: of a position by tape
 
 
 @dataclass(frozen=True, eq=False)

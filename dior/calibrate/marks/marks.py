@@ -26,7 +26,7 @@ from dior.tables.tables import Finding
 
 COLUMNS = ("sequence", "frame", "joint", "u", "v")
 WORLD = ("x", "y", "z")
-MANY_LOST = 0.2
+MANY_LOST = 0.2  # chosen: of the marks, for a warning and no mere information
 
 
 # by sequence, of one camera: frame numbers and stamps in ns

@@ -16,12 +16,13 @@ from dior.errors import DiorError
 from dior.geometry import camera as cam
 from dior.geometry import covariance
 
-CLICK_SD_PX, CLICK_WORTH = 1.5, 4.0  # how well people click before anything is seen, worth as many coordinates
-# marks are nearly planar where their thickness is below this share of their smaller extent in the plane
+# chosen: how well people click before anything is seen, worth as many coordinates
+CLICK_SD_PX, CLICK_WORTH = 1.5, 4.0
+# chosen: marks are nearly planar where their thickness is below this share of their smaller extent in the plane
 FLAT = 0.25
-OTHER_DEG = 3.0
-CLEARLY_WORSE = 20.0  # chi2: at even odds the other solution is 20 000 times less likely
-SUSPECT = 0.01  # chance that the worst of all good marks looks as bad
+OTHER_DEG = 3.0  # chosen: poses nearer than that are one
+CLEARLY_WORSE = 20.0  # chosen, chi2: at even odds the other solution is 20 000 times less likely (e^10)
+SUSPECT = 0.01  # chosen: chance that the worst of all good marks looks as bad
 
 
 # refines a camera's pose to points and pixels: wTc (4, 4) and its Jacobian
