@@ -1,5 +1,5 @@
 """Locate a camera from hand-marked pairs: PnP with RANSAC, refined in recorded pixels (paper, indoor step 3), and with
-the pose the camera's clock on every marked sequence that has none in config/offsets (`marks_clock`).
+the pose the camera's clock on every marked sequence that has none in config/offsets (`clock_from_marks`).
 
 INPUTS   camera YAML, marks CSV, intrinsics, and for the marks' sequences the frames, mocap and offsets
 OUTPUTS  cameras (one row with wTc), camera_covariance, offsets, clock_gains and clock_costs of the marked sequences,
@@ -23,7 +23,7 @@ from dior.calibrate.marks import marks as hand_marks
 from dior.clocks import by_hand
 from dior.clocks.clock import Clock, write_all
 from dior.errors import DiorError
-from dior.geometry import camera_tables
+from dior.geometry import camera_tables, covariance
 from dior.geometry.camera import Camera, Intrinsics, inverse_pose, pose, project, undistort
 from dior.geometry.camera_tables import unplaced
 from dior.geometry.tape import check_above_floor
@@ -142,17 +142,13 @@ def refine(camera: Camera, xyz: Floats, uv: Floats) -> tuple[Floats, Floats]:
     The parameters are a turn of the camera about its own axes (rad) and a shift of its centre (m).
     """
     from scipy.optimize import least_squares
-    from scipy.spatial.transform import Rotation
-
-    def moved(step: Floats) -> Camera:
-        return camera.at(pose(camera.wRc @ Rotation.from_rotvec(step[:3]).as_matrix(), camera.centre + step[3:]))
 
     def miss(step: Floats) -> Floats:
         # a step that puts a point behind the camera must look bad, not missing
-        return np.nan_to_num(project(moved(step), xyz)[0] - uv, nan=1e4).ravel()
+        return np.nan_to_num(project(covariance.moved(camera, step), xyz)[0] - uv, nan=1e4).ravel()
 
     fit = least_squares(miss, np.zeros(6), jac="3-point", x_scale="jac", xtol=1e-14, ftol=1e-14, gtol=1e-14)
-    return moved(fit.x).wTc, fit.jac
+    return covariance.moved(camera, fit.x).wTc, fit.jac
 
 
 def _check_spread(where: str, xyz: Floats) -> None:
@@ -165,8 +161,8 @@ def _standard_errors(J: Floats, residual_px: Floats) -> tuple[float, float]:
     free = 2 * len(residual_px) - J.shape[1]
     if len(residual_px) <= FEWEST or free <= 0:
         return np.nan, np.nan
-    covariance = np.linalg.inv(J.T @ J) * (residual_px**2).sum() / free
-    largest = [np.sqrt(np.linalg.eigvalsh(block)[-1]) for block in (covariance[3:6, 3:6], covariance[:3, :3])]
+    spread = np.linalg.inv(J.T @ J) * (residual_px**2).sum() / free
+    largest = [np.sqrt(np.linalg.eigvalsh(block)[-1]) for block in (spread[3:6, 3:6], spread[:3, :3])]
     return float(largest[0]), float(np.degrees(largest[1]))
 
 
@@ -208,7 +204,7 @@ def _findings(scope: str, path: AnyPath, marks: hand_marks.Marks, located: Locat
 class Solved:
     """`located` and the marks `used` for it; the camera's `clock` on each sequence, sequence -> (offset_s, drift_ppm,
     source); `clocks`, sequence -> `Clock`, of those in which C3D markers are marked; `profile` as of
-    `marks_clock.Found`; `covariance` (6, 6) of the pose.
+    `clock_from_marks.Found`; `covariance` (6, 6) of the pose.
     """
 
     located: Located
@@ -233,7 +229,8 @@ def with_clocks(
     """`Solved` from `marks`; a clock that is manual (sequence -> (offset_s, drift_ppm, source)) stays as it is.
 
     Marks of a sequence whose clock they cannot tell are left out, or, where there is nothing else, taken at offset 0.
-    Other arguments as of `marks.in_world`. Raises DiorError as `locate`, `marks.times` and `marks_clock.search` do.
+    Other arguments as of `marks.in_world`. Raises DiorError as `locate`, `marks.times` and `clock_from_marks.search`
+    do.
     """
     where = f"{path} ({scope})"
     t = hand_marks.times(marks, path, camera.name, camera.intrinsics, motions, stamps)
@@ -342,7 +339,7 @@ def run(
 
     `sequences`: those whose marks are used; the file may have marks of people without consent. `mocap`, `frames` and
     `offsets` are lists of paths with a file per sequence; `frames` and `offsets` are named by their sequence. Raises
-    DiorError as `locate`, `marks_clock.search` and the readers do.
+    DiorError as `locate`, `clock_from_marks.search` and the readers do.
     """
     settings = camera_settings(camera_file, needs="marks")
     lens = unplaced(intrinsics, camera)

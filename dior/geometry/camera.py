@@ -91,6 +91,11 @@ def inverse_pose(T: Floats) -> Floats:
     return pose(R.T, -R.T @ t)
 
 
+def angle_deg(R: Floats, S: Floats) -> float:
+    """Angle (degrees) of the turn between two rotations (3, 3)."""
+    return float(np.degrees(np.arccos(np.clip((np.trace(R.T @ S) - 1) / 2, -1, 1))))
+
+
 def _polynomial(distortion: tuple[float, ...], xy: Floats) -> Floats:
     """Brown-Conrady with rational radial part: normalised (..., 2) to normalised (..., 2)."""
     k1, k2, p1, p2, k3, k4, k5, k6 = distortion

@@ -113,7 +113,7 @@ def test_a_tag_decides_the_scale_and_the_place_of_cameras_without_a_tape(tmp_pat
     found, _ = ran(tmp_path, scaled(ring(3), 1.04, "apriltag"), tags=tags, taped=False)
     assert abs(apart(found) / apart(ring(3)) - 1) < 0.004
     for camera, true in zip(found, ring(3), strict=True):
-        distance, angle = outcome.moved(true, camera)
+        distance, angle = outcome.shift_and_turn(true, camera)
         assert distance < 0.02 and angle < 0.2
     joint = camera_tables.read_camera_covariance(tmp_path / "covariance.parquet", [camera.name for camera in found])
     shift = np.concatenate([camera.centre - true.centre for camera, true in zip(found, ring(3), strict=True)])

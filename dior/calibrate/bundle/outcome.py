@@ -19,7 +19,7 @@ from dior.calibrate.bundle.facts import Fact
 from dior.calibrate.bundle.starts import Tried
 from dior.calibrate.bundle.uncertainty import Tracks, Uncertainty, scale_sigma
 from dior.errors import DiorError
-from dior.geometry.camera import Camera, project
+from dior.geometry.camera import Camera, angle_deg, project
 from dior.geometry.tape import check_above_floor
 from dior.tables.tables import Finding
 
@@ -101,10 +101,9 @@ def check_end(done: Adjusted, uv: Floats, limit_px: float, where: str) -> None:
         )
 
 
-def moved(before: Camera, after: Camera) -> tuple[float, float]:
-    """How far a camera moved (m) and turned (degrees)."""
-    cosine = (np.trace(before.wRc.T @ after.wRc) - 1) / 2
-    return float(np.linalg.norm(after.centre - before.centre)), float(np.degrees(np.arccos(np.clip(cosine, -1, 1))))
+def shift_and_turn(before: Camera, after: Camera) -> tuple[float, float]:
+    """How far a camera is from where it was (m) and by how much it is turned (degrees)."""
+    return float(np.linalg.norm(after.centre - before.centre)), angle_deg(before.wRc, after.wRc)
 
 
 def metrics(done: Adjusted) -> dict[str, Any]:
@@ -141,7 +140,7 @@ def findings(session: str, placed: Sequence[Camera], priors: Sequence[Prior], do
         text = f"the starts did not all end in the same world, the best one counts (at fx 1680): {ends}"
         found.append((session, "warning", "adjust_starts", text))
     for before, after, prior in zip(placed, done.cameras, priors, strict=True):
-        distance, angle = moved(before, after)
+        distance, angle = shift_and_turn(before, after)
         text = f"{before.name} moved {distance:.3f} m and turned {angle:.1f} degrees from where it was placed"
         if distance > 3 * prior.sigma_m:
             text += f", more than 3 times its sigma of {prior.sigma_m:g} m; measure it again"

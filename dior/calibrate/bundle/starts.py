@@ -18,7 +18,7 @@ import numpy as np
 
 from dior.arrays import Bools, Floats
 from dior.errors import DiorError
-from dior.geometry.camera import REFERENCE_FX, Camera, pose, reprojection_errors, undistort
+from dior.geometry.camera import REFERENCE_FX, Camera, angle_deg, pose, reprojection_errors, undistort
 from dior.geometry.multiview import rotation_x, rotation_z, similarity, triangulate
 from dior.geometry.rig import triangulated
 
@@ -94,8 +94,7 @@ def cost(cameras: Sequence[Camera], uv: Floats) -> float:
 def same_world(one: Sequence[Camera], other: Sequence[Camera]) -> bool:
     """Whether two sets of cameras are the same to 10 cm and 1.5 degrees."""
     for a, b in zip(one, other, strict=True):
-        cosine = (np.trace(a.wRc.T @ b.wRc) - 1) / 2
-        if np.linalg.norm(a.centre - b.centre) > SAME_M or cosine < np.cos(np.radians(SAME_DEG)):
+        if np.linalg.norm(a.centre - b.centre) > SAME_M or angle_deg(a.wRc, b.wRc) > SAME_DEG:
             return False
     return True
 

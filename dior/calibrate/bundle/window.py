@@ -43,7 +43,7 @@ class Seen:
 
 @dataclass(frozen=True)
 class Recorded:
-    """What every camera has of a sequence: `seen` (V), each a `camera_clock.Seen`; instants are 1/`fps` s apart."""
+    """What every camera has of a sequence: `seen` (V), each a `from_cameras.Seen`; instants are 1/`fps` s apart."""
 
     seen: tuple[from_cameras.Seen, ...]
     names: tuple[str, ...]
@@ -91,7 +91,7 @@ def observations(
 ) -> Seen:
     """`Seen` of one sequence: the joints at the instants of `window`.
 
-    `detections` and `frames` are tables, `clock` from `offsets.read`, `max_gap` in nominal frame periods. A joint at
+    `detections` and `frames` are tables, `clock` from `by_hand.read`, `max_gap` in nominal frame periods. A joint at
     an instant is kept where its score is above `min_score` in at least `min_views` cameras.
     """
     found = recorded(cameras, detections, frames, min_score, max_gap, where)

@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 
 from dior.arrays import AnyPath, Bools, Floats, Ints, Table
 from dior.errors import DiorError
-from dior.geometry.camera import Camera, inverse_pose, pose, project, undistort
+from dior.geometry import covariance
+from dior.geometry.camera import Camera, angle_deg, inverse_pose, pose, project, undistort
 from dior.progress import reporting
 from dior.tables import tables
 
@@ -224,30 +225,24 @@ def choose(found: Sequence[Solution], wTm: Floats, corner_sigma_px: float, where
     (best, best_px), (other, other_px) = above
     if other_px >= WORSE * max(best_px, corner_sigma_px):
         return best, f"the other fits to {other_px:.2f} px"
-    cosine = (np.trace(best[:3, :3].T @ other[:3, :3]) - 1) / 2
     raise DiorError(
         f"{where}: two poses fit the tag, to {best_px:.2f} and {other_px:.2f} px, "
-        f"{np.linalg.norm(best[:3, 3] - other[:3, 3]):.2f} m and {np.degrees(np.arccos(np.clip(cosine, -1, 1))):.0f} "
+        f"{np.linalg.norm(best[:3, 3] - other[:3, 3]):.2f} m and {angle_deg(best[:3, :3], other[:3, :3]):.0f} "
         "degrees apart; put the tag nearer to the camera or turn it away by 30 degrees, or use `locate: tape`"
     )
 
 
 def uncertainty(camera: Camera, wTm: Floats, size_m: float, sigma_px: float) -> tuple[float, float]:
     """1 sigma of the position (m) and of the rotation (degrees) of a placed camera, from corners with `sigma_px`."""
+    from scipy.linalg import block_diag
+
     points = marker_points(size_m) @ wTm[:3, :3].T + wTm[:3, 3]
-    step = 1e-5
-    columns = []
-    for axis in range(6):
-        moved = camera.wTc.copy()
-        if axis < 3:
-            moved[axis, 3] += step
-        else:
-            turn = np.cross(np.eye(3)[axis - 3], moved[:3, :3].T).T
-            moved[:3, :3] = moved[:3, :3] + step * turn
-        columns.append(((project(camera.at(moved), points)[0] - project(camera, points)[0]) / step).ravel())
-    J = np.stack(columns, axis=1)
-    variance = sigma_px**2 * np.diag(np.linalg.inv(J.T @ J))
-    return float(np.sqrt(variance[:3].max())), float(np.degrees(np.sqrt(variance[3:].max())))
+    _, by_camera = covariance.projection(camera, points)
+    J = by_camera.reshape(-1, 6)
+    # a turn about the camera's axes is told about the world's
+    spread = block_diag(camera.wRc, np.eye(3)) @ np.linalg.inv(J.T @ J) @ block_diag(camera.wRc, np.eye(3)).T
+    variance = sigma_px**2 * np.diag(spread)
+    return float(np.sqrt(variance[3:].max())), float(np.degrees(np.sqrt(variance[:3].max())))
 
 
 def place(

@@ -86,13 +86,9 @@ def other_solution(camera: cam.Camera, xyz: Floats, uv: Floats, refine: Refine) 
         if not np.isfinite(wTc).all():
             continue
         found = refine(camera.at(wTc), xyz, uv)[0]
-        if angle_deg(found[:3, :3], camera.wRc) > OTHER_DEG:
+        if cam.angle_deg(found[:3, :3], camera.wRc) > OTHER_DEG:
             return found
     return None
-
-
-def angle_deg(R: Floats, S: Floats) -> float:
-    return float(np.degrees(np.arccos(np.clip((np.trace(R.T @ S) - 1) / 2, -1, 1))))
 
 
 def implausible(camera: cam.Camera, xyz: Floats) -> str:
@@ -120,9 +116,8 @@ def decide(camera: cam.Camera, other: Floats | None, xyz: Floats, uv: Floats, wh
         first, second, misses, chi2 = second, first, misses[::-1], chi2[::-1]
     worse = (chi2[1] - chi2[0]) / variance(misses[0], misses[0].size - 6)
     rms = [np.sqrt((miss**2).mean()) for miss in misses]
-    apart = (
-        f"{np.linalg.norm(first.centre - second.centre):.1f} m and {angle_deg(first.wRc, second.wRc):.0f} degrees away"
-    )
+    distance, angle = np.linalg.norm(first.centre - second.centre), cam.angle_deg(first.wRc, second.wRc)
+    apart = f"{distance:.1f} m and {angle:.0f} degrees away"
     reasons = [implausible(c, xyz) for c in (first, second)]
     if reasons[1]:
         return first.wTc, f"the marks are nearly in a plane; the other pose that fits, {apart}, is {reasons[1]}"
