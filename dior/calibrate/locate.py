@@ -63,9 +63,9 @@ def locate(camera: Camera, xyz: Floats, uv: Floats, ransac_px: float, where: str
     """Pose of `camera` from world points `xyz` (N, 3) m and recorded pixels `uv` (N, 2).
 
     RANSAC with minimal samples of AP3P finds the marks that agree within `ransac_px`; their pose minimises the squared
-    residuals in recorded pixels, and the set of inliers is renewed until it stays. The same marks give the same pose.
-    Raises DiorError (beginning with `where`): fewer than 4 marks, no consensus, a pose that the marks leave open,
-    the camera below the floor.
+    residuals in recorded pixels, and the set of inliers is renewed until it does not change. The same marks give the
+    same pose. Raises DiorError (beginning with `where`): fewer than 4 marks, no consensus, a pose that the marks leave
+    open, the camera below the floor.
     """
     xyz, uv = np.asarray(xyz, float), np.asarray(uv, float)
     if len(xyz) < FEWEST:
@@ -201,7 +201,7 @@ def _findings(scope: str, path: AnyPath, marks: hand_marks.Marks, located: Locat
 
 
 @dataclass(frozen=True, eq=False)
-class Solved:
+class LocatedWithClocks:
     """`located` and the marks `used` for it; the camera's `clock` on each sequence, sequence -> (offset_s, drift_ppm,
     source); `clocks`, sequence -> `Clock`, of those in which C3D markers are marked; `profile` as of
     `clock_from_marks.Found`; `covariance` (6, 6) of the pose.
@@ -225,10 +225,11 @@ def with_clocks(
     clock: Mapping[str, tuple[float, float, str]],
     ransac_px: float,
     scope: str,
-) -> Solved:
-    """`Solved` from `marks`; a clock that is manual (sequence -> (offset_s, drift_ppm, source)) stays as it is.
+) -> LocatedWithClocks:
+    """`LocatedWithClocks` from `marks`; a manual clock (sequence -> (offset_s, drift_ppm, source)) is not estimated.
 
-    Marks of a sequence whose clock they cannot tell are left out, or, where there is nothing else, taken at offset 0.
+    Marks of a sequence whose clock they do not determine are left out, or, where there is nothing else, used at offset
+    0.
     Other arguments as of `marks.in_world`. Raises DiorError as `locate`, `marks.times` and `clock_from_marks.search`
     do.
     """
@@ -237,26 +238,28 @@ def with_clocks(
     manual = {sequence: one for sequence, one in clock.items() if one[2] == "manual"}
     at = clock_from_marks.places(marks, t, motions, manual)
     seen = clock_from_marks.search(camera, at, marks.uv, marks.frame, ransac_px, where)
-    told = {name: offset for name, offset in zip(at.names, seen.offsets.tolist(), strict=True) if np.isfinite(offset)}
-    untold = {name: why for name, why in zip(at.names, seen.why, strict=True) if name not in told}
-    unknown = np.isfinite(t) & np.isin(marks.sequence, list(untold))
+    by_marks = {
+        name: offset for name, offset in zip(at.names, seen.offsets.tolist(), strict=True) if np.isfinite(offset)
+    }
+    why_unknown = {name: why for name, why in zip(at.names, seen.why, strict=True) if name not in by_marks}
+    unknown = np.isfinite(t) & np.isin(marks.sequence, list(why_unknown))
     # what nothing is known of moves no pose that can be had without it
     left_out = unknown & ((~unknown).sum() > FEWEST)
-    findings = clock_from_marks.untold(scope, untold, left_out.any())
+    findings = clock_from_marks.untold(scope, why_unknown, left_out.any())
     marks, t = marks.only(~left_out), t[~left_out]
 
-    held = {name: one for name, one in clock.items() if name not in told}
+    given = {name: one for name, one in clock.items() if name not in by_marks}
     for _ in range(ROUNDS):
-        clock = held | {name: (offset, 0.0, "estimated") for name, offset in told.items()}
+        clock = given | {name: (offset, 0.0, "estimated") for name, offset in by_marks.items()}
         used, lost = hand_marks.in_world(marks, path, camera.name, camera.intrinsics, motions, stamps, clock, scope)
         located = locate(camera, used.xyz, used.uv, ransac_px, where)
         inlier = np.isin(marks.line, used.line[located.inlier])
-        at = clock_from_marks.places(marks.only(inlier), t[inlier], motions, held)
-        offsets = np.array([told[name] for name in at.names])
+        at = clock_from_marks.places(marks.only(inlier), t[inlier], motions, given)
+        offsets = np.array([by_marks[name] for name in at.names])
         better = clock_from_marks.refine(camera.at(located.wTc), at, marks.uv[inlier], offsets)[1]
         if (np.abs(better - offsets) < SAME_OFFSET_S).all():
             break
-        told |= dict(zip(at.names, better.tolist(), strict=True))
+        by_marks |= dict(zip(at.names, better.tolist(), strict=True))
 
     J, agreeing = clock_from_marks.jacobian(camera.at(located.wTc), at, offsets), marks.only(inlier)
     sigma_m, sigma_deg = _standard_errors(J, located.residual_px[located.inlier])
@@ -265,10 +268,10 @@ def with_clocks(
     full, middle = clock_from_marks.uncertainty(J, t[inlier], located.miss, agreeing.joint, frame)
     clocks = clock_from_marks.clocks(camera.name, at.names, offsets, full, middle)
     findings += lost + clock_from_marks.findings(scope, clocks, full[:6, :6], agreeing)
-    for name in dict.fromkeys(marks.sequence[np.isfinite(t)].tolist() + list(untold)):
+    for name in dict.fromkeys(marks.sequence[np.isfinite(t)].tolist() + list(why_unknown)):
         if name not in clocks:
             clocks[name] = Clock(*clock[name])
-    return Solved(located, used, dict(clock), clocks, seen.profile, full[:6, :6], findings)
+    return LocatedWithClocks(located, used, dict(clock), clocks, seen.profile, full[:6, :6], findings)
 
 
 def _lens_models(scope: str, path: AnyPath, lens: Camera, marks: hand_marks.Marks, located: Located) -> list[Finding]:

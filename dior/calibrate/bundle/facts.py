@@ -125,7 +125,7 @@ def length(segments: Sequence[Segment], length_m: float, sigma_m: float, name: s
     """A length that is the weighted sum of segments, each the mean over its frames.
 
     `segments`: (a (T, ka), b (T, kb), weight) with the indices of the points whose means are its ends. The noise of
-    the points makes a distance too long by its variance across the segment over twice the length; that is taken off.
+    the points makes a distance too long by its variance across the segment over twice the length; that is subtracted.
     """
     index = np.concatenate([part.ravel() for a, b, _ in segments for part in (a, b)]).astype(int)
 

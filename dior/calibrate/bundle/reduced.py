@@ -30,7 +30,7 @@ NEAREST_M = 0.05  # chosen: a point nearer to the camera's plane is not seen; it
 class Row:
     """m residuals of a fact and their derivatives, all divided by the sigma.
 
-    `by_cameras` (m, 6V) with the points held, `points` (k,) which points it speaks of, `by_points` (m, k, 3).
+    `by_cameras` (m, 6V) with the points fixed, `points` (k,) which points it speaks of, `by_points` (m, k, 3).
     `by_lens` (m, 3V): by a relative error of the focal length and by shifts of the principal point in focal lengths.
     """
 

@@ -1,4 +1,4 @@
-"""How well the adjusted cameras are known: their joint covariance, honest for a detector with habits.
+"""How well the adjusted cameras are known: their joint covariance, with systematic and correlated errors of a detector.
 
 INPUTS   the solved adjustment, which joint, moment and side of the body each pixel shows
 OUTPUTS  covariance (6V, 6V) of the cameras' errors (`dior.geometry.covariance`), and what it was made of
@@ -50,13 +50,13 @@ class Uncertainty:
     """`covariance` (6V, 6V), and what it was made of.
 
     `bias_m`: sigma of a cluster's offset in each axis of the picture, at the body; `noise`: the pixels' variance in
-    units of the assumed one; `lasting`: how many frames make one measurement.
+    units of the assumed one; `autocorrelation_time`: the noise's integrated one in frames, so many are one measurement.
     """
 
     covariance: Floats
     bias_m: float
     noise: float
-    lasting: float
+    autocorrelation_time: float
 
 
 def grid(tracks: Tracks, values: Floats) -> Floats:
@@ -97,7 +97,7 @@ def sides(cameras: Sequence[Camera], points: Floats, tracks: Tracks) -> Ints:
 
 
 def autocorrelation_sum(residuals: Floats, observed: Bools, cluster: Ints, tracks: Tracks) -> float:
-    """How many frames make one measurement: 1 + 2 sum of the residuals' autocorrelation over time.
+    """Integrated autocorrelation time of the residuals, 1 + 2 sum of the correlations: so many frames are one measurement.
 
     `residuals` (V, N, 2) of which each cluster's mean is taken off; `observed` (V, N), `cluster` (V, N) from 0.
     """
@@ -192,7 +192,7 @@ def of(solved: reduced.Solved, tracks: Tracks, lens_sigma: float = 0.0) -> Uncer
     """`Uncertainty` of an adjustment; `tracks` of its first points, more points (marked ones) have no clusters.
 
     `lens_sigma`: 1 sigma of the focal length and principal point, both relative to the focal length, before the
-    pixels are asked.
+    pixels are used.
     """
     linear, views, count = solved.linear, len(solved.cameras), solved.linear.r.shape[-1]
     people = len(tracks.joint)
@@ -210,20 +210,22 @@ def of(solved: reduced.Solved, tracks: Tracks, lens_sigma: float = 0.0) -> Uncer
     whole = considered(solved, derivative, at, size + lenses, own_facts)
 
     inverse = np.asarray(np.linalg.inv(solved.normal), float)
-    bias, noise, lasting = variances(linear, whole, slice(0, size), inverse, cluster[:, :people], tracks)
+    bias, noise, autocorrelation_time = variances(linear, whole, slice(0, size), inverse, cluster[:, :people], tracks)
     rows = [(row, reduced.total(row, linear)) for row in solved.facts]
-    variance = np.where(np.arange(count) < people, noise * lasting, 1.0)
+    variance = np.where(np.arange(count) < people, noise * autocorrelation_time, 1.0)
     of_facts = np.zeros_like(solved.normal)
     for row, h in rows:
         of_facts += h.T @ _fact_noise(row, linear, variance) @ h
-    pixels = lasting * noise * (solved.normal - sum(h.T @ h for _, h in rows))
+    pixels = autocorrelation_time * noise * (solved.normal - sum(h.T @ h for _, h in rows))
     through = whole.through[:, :size]
     middle = bias * through @ through.T + pixels + of_facts
     if lens_sigma:
         L = whole.through[:, size:]
-        middle = middle + L @ lens_moment(whole, size, inverse, middle, bias, noise * lasting, lens_sigma) @ L.T
+        middle = (
+            middle + L @ lens_moment(whole, size, inverse, middle, bias, noise * autocorrelation_time, lens_sigma) @ L.T
+        )
     covariance = inverse @ middle @ inverse
-    return Uncertainty((covariance + covariance.T) / 2, float(np.sqrt(bias)), float(noise), float(lasting))
+    return Uncertainty((covariance + covariance.T) / 2, float(np.sqrt(bias)), float(noise), float(autocorrelation_time))
 
 
 def by_parameters(solved: reduced.Solved, derivative: Floats, at: Ints, size: int) -> Floats:
@@ -254,16 +256,16 @@ def variances(
     """
     people = len(tracks.joint)
     residuals, observed = np.moveaxis(linear.r[..., :people], 1, -1), linear.root[:, :people] > 0
-    lasting = autocorrelation_sum(residuals, observed, cluster, tracks)
+    autocorrelation_time = autocorrelation_sum(residuals, observed, cluster, tracks)
     degrees = 2 * observed.sum() - 3 * (observed.sum(axis=0) >= 2).sum()
     cross, _, gradient = whole.part(clusters)
     straight = whole.own[clusters, clusters] - cross.T @ inverse @ cross
-    A = np.array([[np.sum(straight**2), lasting * np.trace(straight)], [np.trace(straight), degrees]])
+    A = np.array([[np.sum(straight**2), autocorrelation_time * np.trace(straight)], [np.trace(straight), degrees]])
     sums = gradient @ gradient, np.sum(residuals**2)
     bias, noise = np.linalg.solve(A, sums)
     if bias > 0 and noise > 0:
-        return bias, noise, lasting
-    return max(bias, 0.0), sums[1] / degrees, lasting
+        return bias, noise, autocorrelation_time
+    return max(bias, 0.0), sums[1] / degrees, autocorrelation_time
 
 
 def lens_moment(
@@ -272,7 +274,7 @@ def lens_moment(
     """Second moment (3V, 3V) of the intrinsics' errors, given what the pixels say of them.
 
     They are not adjusted. With white noise many pixels tell that there is hardly any error; where a detector's
-    habits hide it, what was assumed remains.
+    systematic errors hide it, what was assumed remains.
     """
     b, k = slice(0, size), slice(size, None)
     cross, through, gradient = whole.part(k)
@@ -282,9 +284,9 @@ def lens_moment(
     M = noise * whole.own[k, k] + bias * whole.own[k, b] @ whole.own[b, k]
     M = M - with_cameras @ gain.T - gain @ with_cameras.T + gain @ middle @ gain.T
     M = (M + M.T) / 2 + 1e-9 * np.trace(M) / len(M) * np.eye(len(M))
-    told = np.linalg.solve(M, T)
-    P = np.linalg.inv(T.T @ told + np.eye(len(M)) / sigma**2)
-    mean = -P @ told.T @ gradient
+    weighted = np.linalg.solve(M, T)
+    P = np.linalg.inv(T.T @ weighted + np.eye(len(M)) / sigma**2)
+    mean = -P @ weighted.T @ gradient
     return P + np.outer(mean, mean)
 
 

@@ -13,7 +13,7 @@ Board points are metres in the board's plane, pixels are recorded ones. What the
   Hirzinger 2011, OpenCV's calibrateCameraRO). In simulation (fx 640, 10 views) a bow of 0.5 mm over 32 cm makes fx
   wrong by 0.9 % without and 0.2 % with it.
 - k3 is free only where in addition the boards cover 60 % in 20 views. It acts in the corners alone: there it lowers the
-  simulated error from 7 to 1 px, and raises it from 7 to 13 px where the board's shape is held.
+  simulated error from 7 to 1 px, and raises it from 7 to 13 px where the board counts as flat.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -53,7 +53,7 @@ Dropped: TypeAlias = tuple[tuple[str, str], ...]
 
 
 @dataclass(frozen=True, eq=False)
-class Views:
+class BoardViews:
     """Boards found in pictures of one size (width, height) px.
 
     `names` (V,), `points` V arrays (N, 3) m and `pixels` V arrays (N, 2) px. `looked_at` counts the pictures, those
@@ -66,11 +66,11 @@ class Views:
     size: tuple[int, int]
     looked_at: int
 
-    def only(self, keep: Sequence[int]) -> "Views":
+    def only(self, keep: Sequence[int]) -> "BoardViews":
         """The views at the indices `keep`."""
         names = tuple(self.names[i] for i in keep)
         points, pixels = (tuple(values[i] for i in keep) for values in (self.points, self.pixels))
-        return Views(names, points, pixels, self.size, self.looked_at)
+        return BoardViews(names, points, pixels, self.size, self.looked_at)
 
     def __len__(self) -> int:
         return len(self.names)
@@ -81,12 +81,12 @@ class Calibration:
     """A lens and what it rests on.
 
     `view_px` (V,) rms per view of `views`, `coverage` share of the picture inside some board, `tilt_deg` the largest
-    angle between two boards, `fx_sd` px, `bend_m` how far the board is from flat (NaN: taken as flat), `dropped` pairs
-    of a picture's name and why, `held` what was not estimated.
+    angle between two boards, `fx_sd` px, `bend_m` how far the board is from flat (NaN: assumed to be flat), `dropped`
+    pairs of a picture's name and why, `fixed` what was not estimated.
     """
 
     lens: Intrinsics
-    views: Views
+    views: BoardViews
     view_px: Floats
     rms_px: float
     coverage: float
@@ -94,7 +94,7 @@ class Calibration:
     fx_sd: float
     bend_m: float
     dropped: Dropped
-    held: tuple[str, ...]
+    fixed: tuple[str, ...]
 
 
 def from_board(
@@ -199,8 +199,8 @@ def _charuco(grey: Picture, detector: Any, corners: Floats) -> tuple[Floats, Flo
     return corners[np.ravel(ids)], np.asarray(pixels, float).reshape(-1, 2)
 
 
-def find(named_pictures: Iterable[tuple[str, Picture]], detect: Detect, where: str) -> Views:
-    """`Views` of the boards in (name, grey picture) pairs. Raises DiorError for pictures of different sizes."""
+def find(named_pictures: Iterable[tuple[str, Picture]], detect: Detect, where: str) -> BoardViews:
+    """`BoardViews` of the boards in (name, grey picture) pairs. Raises DiorError for pictures of different sizes."""
     names: list[str] = []
     points: list[Floats] = []
     pixels: list[Floats] = []
@@ -220,11 +220,11 @@ def find(named_pictures: Iterable[tuple[str, Picture]], detect: Detect, where: s
             names.append(name)
             points.append(xyz)
             pixels.append(uv)
-    return Views(tuple(names), tuple(points), tuple(pixels), size, count)
+    return BoardViews(tuple(names), tuple(points), tuple(pixels), size, count)
 
 
-def calibrate(views: Views, where: str) -> Calibration:
-    """`Calibration` from `Views`, by OpenCV (Zhang 2000), after views that are wrong or repeated were dropped.
+def calibrate(views: BoardViews, where: str) -> Calibration:
+    """`Calibration` from `BoardViews`, by OpenCV (Zhang 2000), after views that are wrong or repeated were dropped.
 
     Raises DiorError, beginning with `where`, for fewer than 3 views, boards that are all parallel, an rms above 2 px
     (of 1280) and a focal length known to no better than 1 %.
@@ -251,15 +251,15 @@ def calibrate(views: Views, where: str) -> Calibration:
     k3_free = shape_free and covered >= K3_COVERAGE and len(views) >= MANY_VIEWS
     if shape_free:
         solved = _solve(views, centre_free, k3_free, shape_free)
-    held = (() if centre_free else ("centre",)) + (() if k3_free else ("k3",))
+    fixed = (() if centre_free else ("centre",)) + (() if k3_free else ("k3",))
     done = Calibration(
-        solved.lens, views, solved.view_px, solved.rms_px, covered, tilt, solved.fx_sd, solved.bend_m, dropped, held
+        solved.lens, views, solved.view_px, solved.rms_px, covered, tilt, solved.fx_sd, solved.bend_m, dropped, fixed
     )
     _check_end(done, where)
     return done
 
 
-def coverage(views: Views) -> float:
+def coverage(views: BoardViews) -> float:
     """Share of the picture's area that lies inside the outline of at least one board."""
     import cv2
 
@@ -280,7 +280,7 @@ class _Solved:
     bend_m: float
 
 
-def _solve(views: Views, centre_free: bool = False, k3_free: bool = False, shape_free: bool = False) -> _Solved:
+def _solve(views: BoardViews, centre_free: bool = False, k3_free: bool = False, shape_free: bool = False) -> _Solved:
     import cv2
 
     flags = (0 if centre_free else cv2.CALIB_FIX_PRINCIPAL_POINT) | (0 if k3_free else cv2.CALIB_FIX_K3)
@@ -290,11 +290,11 @@ def _solve(views: Views, centre_free: bool = False, k3_free: bool = False, shape
     # several threads add in another order each time, and the last digits with them
     cv2.setNumThreads(1)
     if shape_free:
-        # two corners and the height of a third are held, the last of the first row among them
-        fixed = int((points[0][:, 1] == 0).sum()) - 1
+        # two corners and the height of a third are fixed, the last of the first row among them
+        last = int((points[0][:, 1] == 0).sum()) - 1
         # OpenCV's types forbid the None that its documentation asks for
         rms, K, D, turns, _, shape, sd, _, _, view_px = cv2.calibrateCameraROExtended(  # type: ignore[call-overload]
-            points, pixels, views.size, fixed, None, None, flags=flags
+            points, pixels, views.size, last, None, None, flags=flags
         )
         bend = _bend_m(np.asarray(shape, float).reshape(-1, 3))
     else:
@@ -308,7 +308,7 @@ def _solve(views: Views, centre_free: bool = False, k3_free: bool = False, shape
     return _Solved(lens, float(rms), np.ravel(view_px), rotations, float(np.ravel(sd)[0]), bend)
 
 
-def _whole(views: Views) -> bool:
+def _whole(views: BoardViews) -> bool:
     """Whether every view shows all corners of one board, in one order."""
     first = views.points[0]
     whole = len(first) == len(np.unique(first[:, 0])) * len(np.unique(first[:, 1]))
@@ -327,8 +327,8 @@ def _tilt_deg(rotations: Floats) -> float:
     return float(np.degrees(np.arccos(np.clip(normals @ normals.T, -1, 1)).max()))
 
 
-def _distinct(views: Views) -> tuple[Views, Dropped]:
-    """Without the views that repeat an earlier one: a board held still would count many times."""
+def _distinct(views: BoardViews) -> tuple[BoardViews, Dropped]:
+    """Without the views that repeat an earlier one: a board that was not moved would count many times."""
     near = SAME_VIEW * np.hypot(*views.size)
     kept: list[int] = []
     dropped: Dropped = ()
@@ -349,7 +349,7 @@ def _moved_px(xyz: Floats, uv: Floats, other_xyz: Floats, other_uv: Floats) -> f
     return float(np.mean(moved)) if len(moved) >= len(xyz) / 2 else np.inf
 
 
-def _planar(views: Views) -> tuple[Views, Dropped]:
+def _planar(views: BoardViews) -> tuple[BoardViews, Dropped]:
     """Without the views whose corners are no picture of a plane grid, that is, a wrong detection.
 
     A homography leaves only the lens' distortion, whatever the focal length is.
@@ -372,7 +372,7 @@ def _planar(views: Views) -> tuple[Views, Dropped]:
     return views.only(kept), dropped
 
 
-def _check_count(views: Views, where: str, dropped: Dropped) -> None:
+def _check_count(views: BoardViews, where: str, dropped: Dropped) -> None:
     if len(views) >= FEWEST_VIEWS:
         return
     left = f", {len(dropped)} of them left out ({dropped[0][0]}: {dropped[0][1]})" if dropped else ""
@@ -405,15 +405,15 @@ def _check_end(done: Calibration, where: str) -> None:
 def findings(done: Calibration) -> list[tuple[str, str, str]]:
     """What a person should see of a calibration: (severity, code, text) tuples."""
     lens, views = done.lens, done.views
-    held = {"centre": "the centre is held in the middle of the picture", "k3": "k3 at 0"}
+    kept = {"centre": "the centre is held in the middle of the picture", "k3": "k3 at 0"}
     text = (
         f"{len(views)} of {views.looked_at} pictures used, rms {done.rms_px:.3f} px, fx {lens.fx:.1f} (sd "
         f"{done.fx_sd:.1f}) px, fy {lens.fy:.1f} px, {done.coverage:.0%} of the picture covered, boards tilted by up "
         f"to {done.tilt_deg:.0f} degrees"
     )
     bent = [] if np.isnan(done.bend_m) else [f"the board is up to {1000 * done.bend_m:.1f} mm from flat"]
-    found = [("info", "board_calibration", "; ".join([text, *bent, *(held[key] for key in done.held)]))]
-    if "centre" in done.held:
+    found = [("info", "board_calibration", "; ".join([text, *bent, *(kept[key] for key in done.fixed)]))]
+    if "centre" in done.fixed:
         asked = f"{CENTRE_COVERAGE:.0%} coverage, {FEW_VIEWS} views and {GOOD_TILT_DEG:.0f} degrees of tilt"
         text = f"{len(views)} views, {done.coverage:.0%} coverage, {done.tilt_deg:.0f} degrees of tilt: too little to "
         found.append(("warning", "board_coverage", f"{text}find the lens' centre; take more pictures ({asked})"))

@@ -206,7 +206,7 @@ def still(corners: Floats) -> Bools:
 def choose(found: Sequence[Solution], wTm: Floats, corner_sigma_px: float, where: str) -> tuple[Floats, str]:
     """wTc (4, 4) of the right one of `solutions`, and in words what decided.
 
-    Raises DiorError where none is above the floor or the two cannot be told apart.
+    Raises DiorError where none is above the floor or the two fit as well.
     """
     if not found:
         raise DiorError(f"{where}: no pose fits the tag; are the intrinsics right?")
@@ -239,7 +239,7 @@ def uncertainty(camera: Camera, wTm: Floats, size_m: float, sigma_px: float) -> 
     points = marker_points(size_m) @ wTm[:3, :3].T + wTm[:3, 3]
     _, by_camera = covariance.projection(camera, points)
     J = by_camera.reshape(-1, 6)
-    # a turn about the camera's axes is told about the world's
+    # from turns about the camera's axes to turns about the world's
     spread = block_diag(camera.wRc, np.eye(3)) @ np.linalg.inv(J.T @ J) @ block_diag(camera.wRc, np.eye(3)).T
     variance = sigma_px**2 * np.diag(spread)
     return float(np.sqrt(variance[3:].max())), float(np.degrees(np.sqrt(variance[:3].max())))

@@ -32,7 +32,7 @@ MANY_LOST = 0.2  # chosen: of the marks, for a warning and no mere information
 # by sequence, of one camera: frame numbers and stamps in ns
 Stamps: TypeAlias = Mapping[str, tuple[Ints, Ints]]
 # a line of the CSV: sequence, frame, joint, line, uv, xyz
-Row: TypeAlias = tuple[str, int, str, int, tuple[float, ...], tuple[float, ...]]
+Line: TypeAlias = tuple[str, int, str, int, tuple[float, ...], tuple[float, ...]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +100,7 @@ def _check_header(path: AnyPath, header: Sequence[str]) -> None:
         raise DiorError(f"{path}: column '{missing[0]}' is missing; the header is sequence,frame,joint,u,v[,x,y,z]")
 
 
-def _row(where: str, line: int, row: dict[str, Any]) -> Row:
+def _row(where: str, line: int, row: dict[str, Any]) -> Line:
     if None in row or None in row.values():
         raise DiorError(f"{where}: the number of cells is not that of the header")
     cells = {name: value.strip() for name, value in row.items()}

@@ -154,12 +154,12 @@ def test_the_variances_of_noise_and_of_offsets_are_those_that_the_pixels_were_ma
     assert mean(found, "bias_m") == pytest.approx(0.01, abs=0.0006)
     assert mean(found, "noise") == pytest.approx(1 / 2**2, rel=0.1)
     # the offsets are no noise that lasts, except for what a point of two sides' offsets keeps of them
-    assert mean(found, "lasting") < 2
+    assert mean(found, "autocorrelation_time") < 2
 
 
 def test_noise_that_lasts_is_not_taken_for_offsets_and_widens_the_covariance():
     errors, found = zip(*(known(seed, 1.0, 0.6, 0.0) for seed in range(10)), strict=True)
     # 1 + 2 sum of 0.6^k is 4; of some of the lags nothing is left in residuals that the points have fitted
-    assert 2.5 < mean(found, "lasting") < 4.5
+    assert 2.5 < mean(found, "autocorrelation_time") < 4.5
     assert mean(found, "bias_m") < 0.0015
     assert 0.8 < np.sqrt(np.mean(np.square(errors))) < 1.05
