@@ -97,7 +97,7 @@ def sides(cameras: Sequence[Camera], points: Floats, tracks: Tracks) -> Ints:
 
 
 def autocorrelation_sum(residuals: Floats, observed: Bools, cluster: Ints, tracks: Tracks) -> float:
-    """Integrated autocorrelation time of the residuals, 1 + 2 sum of the correlations: so many frames are one measurement.
+    """Integrated autocorrelation time of the residuals, 1 + 2 sum of the correlations: the frames of one measurement.
 
     `residuals` (V, N, 2) of which each cluster's mean is taken off; `observed` (V, N), `cluster` (V, N) from 0.
     """
