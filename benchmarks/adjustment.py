@@ -213,7 +213,7 @@ def print_sigmas(level):
     }
     print(
         f"  {'rms of error/sigma':<20}{'mahalanobis/18':>15}{'turn x y z':>20}{'shift x y z':>20}{'probe':>8}"
-        f"{'shape':>8}{'scale':>8}{'bias mm':>9}{'lasting':>9}"
+        f"{'shape':>8}{'scale':>8}{'bias mm':>9}{'correlation':>12}"
     )
     found = {name: [] for name in kinds}
     for seed in range(100, 100 + CAPTURES):
@@ -228,17 +228,18 @@ def print_sigmas(level):
             found[name].append(
                 (
                     e @ np.linalg.solve(C, e) / len(e), each.reshape(-1, 6), probed(done, e, C), shaped(done, e, C),
-                    errors(done, made)[0] / scale_sigma(done), 1000 * done.uncertainty.bias_m, done.uncertainty.lasting,
+                    errors(done, made)[0] / scale_sigma(done), 1000 * done.uncertainty.bias_m,
+                    done.uncertainty.autocorrelation_time,
                 )
             )  # fmt: skip
     for name, rows in found.items():
-        normal, each, probe, shape, scale, bias, lasting = zip(*rows, strict=True)
+        normal, each, probe, shape, scale, bias, correlated = zip(*rows, strict=True)
         rms = np.sqrt(np.mean(np.square(each), axis=(0, 1)))
         turn, shift = (" ".join(f"{x:.2f}" for x in part) for part in (rms[:3], rms[3:]))
         probe, shape, scale = (np.sqrt(np.mean(np.square(part))) for part in (probe, shape, scale))
         print(
             f"  {name:<20}{np.mean(normal):>15.2f}{turn:>20}{shift:>20}{probe:>8.2f}{shape:>8.2f}{scale:>8.2f}"
-            f"{np.mean(bias):>9.1f}{np.mean(lasting):>9.1f}"
+            f"{np.mean(bias):>9.1f}{np.mean(correlated):>12.1f}"
         )
 
 

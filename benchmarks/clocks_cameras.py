@@ -120,7 +120,7 @@ def tried(level, seed):
         cameras, priors = placed(capture)
         sequences, values = timed(capture, cameras)
         limits = 15.0, 20.0, f"{level}, seed {seed}"
-        done = adjust.adjust(cameras, None, priors, *limits, lens_sigma=lens, timed=sequences)
+        done = adjust.adjust(cameras, sequences, priors, *limits, lens_sigma=lens)
         points = [error_3d(capture, done.points, done.tracks, sequences)]
         for uv, tracks in (sequences.observations(values)[:2], nearest(sequences, values)):
             other = adjust.adjust(cameras, uv, priors, *limits, tracks, lens_sigma=lens)

@@ -170,7 +170,7 @@ def print_starts(data, cameras):
     seen = np.where((score > 0.4)[..., None], uv, np.nan)[:, 1::2].reshape(4, -1, 2)
     seen = seen[:, np.isfinite(seen).all(axis=-1).sum(axis=0) >= 3]
     found = starts.epipolar(cameras, seen)
-    angles = ", ".join(f"{outcome.moved(a, b)[1]:.1f}" for a, b in zip(cameras, found, strict=True))
+    angles = ", ".join(f"{outcome.shift_and_turn(a, b)[1]:.1f}" for a, b in zip(cameras, found, strict=True))
     print(f"epipolar start, degrees from the reference (limit 1.3-4.4): {angles}")
     target = np.median(np.nan_to_num(adjust.triangulated(cameras, seen)), axis=0)
     ends = []
@@ -179,7 +179,7 @@ def print_starts(data, cameras):
         aim = target + 0.3 * random.uniform(-1, 1, 3)
         looking = [c.at(pose(look_at(c.centre, aim), c.centre), "tape") for c in cameras]
         priors = [bundle.Prior(c.centre, 0.05, c.wRc, np.radians(30.0)) for c in looking]
-        off = [outcome.moved(a, b)[1] for a, b in zip(cameras, looking, strict=True)]
+        off = [outcome.shift_and_turn(a, b)[1] for a, b in zip(cameras, looking, strict=True)]
         try:
             done = adjust.adjust(looking, seen, priors, 15.0, 12.0, "real_outdoor")
             ends.append(np.nanmean(done.after_px))

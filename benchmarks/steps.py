@@ -176,7 +176,7 @@ def adjusted(capture, session):
         detections=[capture.made("detections", name) for name in window],
         frames=[capture.made("frames", name) for name in window], offsets=[_offsets(capture, name) for name in window],
         window=window, **choices, max_gap=project.config["time"]["max_gap"],
-        known=project.metric_facts(session), physics=project.config["physics"], marks=[],
+        known=project.metric_facts(session), physics=project.config["physics"], marks=[], marked=[], tags=[],
         out=capture.made("adjust", session), out_covariance=capture.made("adjust", session, ".covariance"),
         out_metrics=capture.made("adjust", session, ".metrics"),
         findings=capture.made("adjust", session, ".findings"),

@@ -6,10 +6,10 @@ OUTPUTS  cameras (adjusted wTc) and their joint covariance, metrics (mean reproj
 
 Poses and points are free, intrinsics fixed. Points are joints at the window's instants (a fixed list, so that a new
 sequence does not move old labels), on the nominal grid t0 + k/fps of their sequence. Where no person gave a camera's
-clock, it is found by turns with the poses (`window_clocks`).
-The start is the best of several (`dior.calibrate.bundle.starts`), by GTSAM on a sample of the points; all points and
-the metric facts of the session follow with the points eliminated (`reduced`), and so does the joint covariance of the
-cameras (`uncertainty`).
+clock, it is found by turns with the poses (`bundle.in_adjustment`).
+The start is the best of several (`bundle.starts`): GTSAM's solution of a sample of the joints. All joints and the
+metric facts of the session follow with the points eliminated (`bundle.reduced`), and from that the joint covariance of
+the cameras (`bundle.uncertainty`); what each solver is for stands in `dior.calibrate.bundle`.
 What holds the gauge besides the facts: every tape-measured camera keeps to its measured position with the tape's sigma,
 one without a tape to its placed position with 5 cm; a camera that was aimed by look-at keeps to that rotation with 30
 degrees, which decides only what nothing else does (two cameras could turn about the line between them),
@@ -20,12 +20,14 @@ part: they are looked for from the adjusted cameras, and the adjustment is repea
 A reprojection error is the mean distance in recorded pixels. World in metres, Z up, floor at Z = 0.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from dior.arrays import Bools, Floats
 from dior.body import plausible as people
 from dior.calibrate.bundle import beginning, bundle, facts, in_adjustment, outcome, reduced, starts, uncertainty
 from dior.calibrate.bundle import window as seen_in
@@ -34,62 +36,82 @@ from dior.calibrate.lens import realsense
 from dior.clocks import by_hand as clocks
 from dior.clocks import lags
 from dior.errors import DiorError, nearest
-from dior.geometry import camera_tables
-from dior.geometry.camera import REFERENCE_FX, inverse_pose, reprojection_errors, undistort
-from dior.geometry.multiview import triangulate
-from dior.geometry.views import DROP_FACTOR, by_dropping, usual_error
+from dior.geometry import camera_tables, views
+from dior.geometry.camera import REFERENCE_FX, Camera, reprojection_errors
+from dior.geometry.rig import triangulated
 from dior.project.camera_file import camera_settings
 from dior.tables import tables
+from dior.tables.tables import Finding
 
+# chosen: how far an aim by eye may be off; it decides only what nothing else does
 AIM_SIGMA_DEG = 30.0
-PLACED_SIGMA_M, PLACED_SIGMA_DEG = 0.05, 2.0
-TAPE_SIGMA_M = 0.05
-UNKNOWN_M = 1000.0
+PLACED_SIGMA_M, PLACED_SIGMA_DEG = 0.05, 2.0  # chosen: of a placement by another's calibration
+TAPE_SIGMA_M = 0.05  # chosen: of a tape, where the YAML does not say
+UNKNOWN_M = 1000.0  # no tape at all
+# chosen: at most, where the detections that agree do not settle
 ROUNDS = 5
-TURNS, QUICK_TURNS = 8, 1  # with unknown clocks; while these are still found from fewer moments
-SAMPLE_ROUNDS = 3
-MOST_USABLE = 0.9
-LENS_SIGMA = 0.003
-MARK_SIGMA_PX = 1.0
-SAMPLE = 2000
-BEST_DETECTOR_PX = 1.0  # at fx 1680
-SETTLED = 0.001
+TURNS, QUICK_TURNS = 8, 1  # chosen, with unknown clocks: at most; while these are still found from fewer moments
+# chosen: an initial solution is tried again where fewer than 90 % of the joints were in front of the cameras
+SAMPLE_ROUNDS, MOST_USABLE = 3, 0.9
+LENS_SIGMA = 0.003  # chosen: a board and the maker differ by 0.1 to 0.6 % in fx (`lens.board`)
+MARK_SIGMA_PX = 1.0  # chosen: a click at full zoom
+# joints of each camera that the initial solution is found from. Three and six seeds of benchmarks.adjustment with 500
+# end where they do with 2000 (3D 59.70 and 59.68 mm at `real`, starts 30 cm and 10 degrees off included), in a quarter
+# of the time (1.0 and 3.8 s)
+SAMPLE = 500
+BEST_DETECTOR_PX = 1.0  # chosen, at fx 1680: no pose network is better, so that less is no disagreement
+SETTLED = 0.001  # chosen: the rounds end where a thousandth of the detections changes sides
 
 
 def adjust(
-    cameras, uv, priors, huber_px, max_mean_px, where, tracks=None, known=(), marked=None, lens_sigma=LENS_SIGMA,
-    start_priors=None, timed=None,
-):  # fmt: skip
-    """Adjust V cameras to the detections `uv` (V, N, 2), recorded px, NaN where not seen.
+    cameras: Sequence[Camera],
+    observed: Floats | in_adjustment.Sequences,
+    priors: Sequence[bundle.Prior],
+    huber_px: float,
+    max_mean_px: float,
+    where: str,
+    tracks: uncertainty.Tracks | None = None,
+    known: Sequence[facts.Known] = (),
+    marked: facts.Marked | None = None,
+    lens_sigma: float = LENS_SIGMA,
+    start_priors: Sequence[bundle.Prior] | None = None,
+) -> Adjusted:
+    """Adjust V cameras to the detections `observed`: recorded px (V, N, 2), NaN where not seen.
+
+    Where clocks are unknown `observed` is `in_adjustment.Sequences`: they are found by turns with the poses, and the
+    pixels and `tracks` are made from it.
 
     `priors` are `bundle.Prior`, one per camera; `start_priors`, where they differ, hold the cameras while the starts
     are compared, which knows no metric facts. `huber_px`, where the loss turns linear, and `max_mean_px`, above
     which the result is refused, are for fx 1680 and scaled by each camera's (and the mean) fx. `tracks`
     (`uncertainty.Tracks`) says what the points are; `known` are metric facts (`facts.KeypointDistance` and so on),
-    `marked` (`facts.Marked`) points that a person marked for them. Of many points a sample comes first, so that the
-    large problem starts near its end; points that the placed cameras put behind one of them are left out at first and
-    tried again from the adjusted cameras, which also tell the detections that disagree. `timed`
-    (`window_clocks.Sequences`), where clocks are unknown: they are found by turns with the poses, and `uv` and `tracks`
-    are made from it.
+    `marked` (`facts.Marked`) points that a person marked for them. A sample of the points comes first
+    (`sampled`); points that the placed cameras put behind one of them are left out at first and
+    tried again from the adjusted cameras, which also tell the detections that disagree.
     Raises DiorError (beginning with `where`), see `bundle.optimise` and the checks below.
     """
-    values, fits = None, ()
-    if timed is not None:
-        values = timed.start(cameras, *how_far_off(cameras, start_priors or priors))
-        uv, tracks, _ = timed.observations(values)
+    timed = observed if isinstance(observed, in_adjustment.Sequences) else None
+    values = clocks_sigma = np.zeros((0, len(cameras), 2))
+    fits: list[in_adjustment.Fit | None] = []
+    if isinstance(observed, in_adjustment.Sequences):
+        values = observed.start(cameras, *how_far_off(cameras, start_priors or priors))
+        uv, tracks, _ = observed.observations(values)
+    else:
+        uv = observed
     beginning.check_start(cameras, uv, where)
     beginning.check_shared(cameras, uv, where)
     focal = np.array([camera.intrinsics.fx for camera in cameras])
     sigma = huber_px * focal / REFERENCE_FX / bundle.HUBER
 
-    few = uv[:, _sample(np.isfinite(uv).all(axis=-1).sum(axis=0) >= 2)]
+    few = uv[:, _sample(np.isfinite(uv).all(axis=-1))]
 
-    def attempt(start):
+    def attempt(start: Sequence[Camera]) -> list[Camera]:
         return sampled(start, few, start_priors or priors, sigma, where)
 
     chosen, tried = starts.best(cameras, few, attempt, where)
-    adjusted, settled = chosen.cameras, timed is None or timed.held.all()
+    adjusted, settled = chosen.cameras, timed is None or bool(timed.held.all())
     walked = in_adjustment.Walked()
+    agreed: Floats | None = None
     for turn in range(ROUNDS if timed is None else TURNS):
         if timed is not None and not settled:
             before, last = values, turn >= QUICK_TURNS
@@ -98,24 +120,24 @@ def adjust(
             values = values + walked.went
             settled = last and in_adjustment.settled(before, values, fits)
             uv, tracks, _ = timed.observations(values)
-        agreed = agreeing(adjusted, uv)
-        points = triangulated(adjusted, agreed)
-        used = _usable(adjusted, agreed, points)
-        _check_aim(adjusted, agreed, used, where)
-        taken = np.where(used[:, None], agreed, np.nan)
-        solved, stated = metric(adjusted, taken, points, priors, sigma, tracks, known, marked, where)
+        kept = agreeing(adjusted, uv) if agreed is None else agreed
+        points = triangulated(adjusted, kept)
+        used = _usable(adjusted, kept, points)
+        _check_aim(adjusted, kept, used, where)
+        observed_px = np.where(used[:, None], kept, np.nan)
+        solved, stated = metric(adjusted, observed_px, points, priors, sigma, tracks, known, marked, where)
         adjusted = solved.cameras
-        again = agreeing(adjusted, uv)
-        if settled and (np.isfinite(again) != np.isfinite(agreed)).mean() < SETTLED:
+        # the pixels change with the clocks as long as these are not settled
+        agreed = agreeing(adjusted, uv) if settled else None
+        if agreed is not None and (np.isfinite(agreed) != np.isfinite(kept)).mean() < SETTLED:
             break
     count = uv.shape[1]
     points = np.where(used[:, None], solved.points[:count], np.nan)
-    start = np.where(used[:, None], triangulated(cameras, taken), np.nan)
-    before, after = reprojection_errors(cameras, start, taken), reprojection_errors(adjusted, points, taken)
-    disagreeing = 1 - np.isfinite(agreed).sum() / np.isfinite(uv).sum()
+    start = np.where(used[:, None], triangulated(cameras, observed_px), np.nan)
+    before, after = reprojection_errors(cameras, start, observed_px), reprojection_errors(adjusted, points, observed_px)
+    disagreeing = 1 - np.isfinite(kept).sum() / np.isfinite(uv).sum()
     spread = None if tracks is None else uncertainty.of(solved, tracks, lens_sigma)
-    clocks_sigma = None
-    if timed is not None:
+    if timed is not None and spread is not None and tracks is not None:
         fits = timed.compared(adjusted, values, fits or [None] * len(values))
         spread, clocks_sigma = in_adjustment.with_errors(spread, solved, tracks, timed, fits)
     noise = solved.linear.noise * solved.linear.variance[:, None, None]
@@ -124,18 +146,20 @@ def adjust(
         adjusted, points, before, after, float(disagreeing), solved.iterations, spread, measured, tuple(tried), uv,
         tracks, values, clocks_sigma, tuple(fits),
     )  # fmt: skip
-    check_end(done, taken, max_mean_px * focal.mean() / REFERENCE_FX, where)
+    check_end(done, observed_px, max_mean_px * focal.mean() / REFERENCE_FX, where)
     return done
 
 
-def how_far_off(cameras, priors):
+def how_far_off(cameras: Sequence[Camera], priors: Sequence[bundle.Prior]) -> tuple[Floats, Floats]:
     """How far (rad, m) each camera may be off before anything is adjusted, 1 sigma."""
     by_tape = np.array([prior.sigma_rad > np.radians(lags.AIM_DEG) for prior in priors])
     turns = np.where(by_tape, np.radians(lags.AIM_DEG), [prior.sigma_rad for prior in priors])
     return turns, np.minimum([prior.sigma_m for prior in priors], lags.MOST_SHIFT_M)
 
 
-def sampled(cameras, uv, priors, sigma, where):
+def sampled(
+    cameras: Sequence[Camera], uv: Floats, priors: Sequence[bundle.Prior], sigma: Floats, where: str
+) -> list[Camera]:
     """The cameras adjusted by GTSAM to points uv (V, N, 2), those that the start puts behind a camera later."""
     adjusted, agreed = list(cameras), uv
     for _ in range(SAMPLE_ROUNDS):
@@ -152,7 +176,17 @@ def sampled(cameras, uv, priors, sigma, where):
     return adjusted
 
 
-def metric(cameras, uv, points, priors, sigma, tracks, known, marked, where):
+def metric(
+    cameras: Sequence[Camera],
+    uv: Floats,
+    points: Floats,
+    priors: Sequence[bundle.Prior],
+    sigma: Floats,
+    tracks: uncertainty.Tracks | None,
+    known: Sequence[facts.Known],
+    marked: facts.Marked | None,
+    where: str,
+) -> tuple[reduced.Solved, list[facts.Fact]]:
     """`reduced.Solved` of all points uv (V, N, 2) recorded px and the metric facts, and these as `facts.Fact`."""
     taking_part = np.isfinite(points).all(axis=1) & (np.isfinite(uv).all(axis=-1).sum(axis=0) >= 2)
     each = np.broadcast_to(sigma[:, None], uv.shape[:2])
@@ -169,34 +203,24 @@ def metric(cameras, uv, points, priors, sigma, tracks, known, marked, where):
     return reduced.solve(cameras, reduced.Observed(ideal, each, len(taking_part)), points, stated), stated
 
 
-def agreeing(cameras, uv):
-    """The detections uv (V, N, 2), NaN for those that disagree with the other views of their point.
+def agreeing(cameras: Sequence[Camera], uv: Floats) -> Floats:
+    """The detections uv (V, N, 2), NaN for those that disagree with the other views of their point."""
+    return np.where(views.agreeing(cameras, uv, BEST_DETECTOR_PX)[..., None], uv, np.nan)
 
-    Where only two views are left and disagree, or nothing tells which one is wrong, all of the point are left out.
+
+def _sample(seen: Bools) -> Bools:
+    """Mask (N,) of points: of those that two cameras see, `SAMPLE` of each camera; seen (V, N).
+
+    They are spread by chance, the same at every run.
     """
-    weights = np.isfinite(uv).all(axis=-1).astype(float)
-    limit = max(DROP_FACTOR * usual_error(cameras, uv, weights), BEST_DETECTOR_PX)
-    _, _, used, good = by_dropping(cameras, uv, weights, limit, limit)
-    return np.where((used & good)[..., None], uv, np.nan)
-
-
-def _sample(usable):
-    """All points of a mask (N,), or 2000 of many, spread by chance (the same at every run)."""
-    index = np.flatnonzero(usable)
-    if len(index) <= 2 * SAMPLE:
-        return usable
-    sampled = np.zeros_like(usable)
-    sampled[np.random.default_rng(0).permutation(index)[:SAMPLE]] = True
+    order = np.random.default_rng(0).permutation(seen.shape[1])
+    sampled = np.zeros(seen.shape[1], bool)
+    for own in seen & (seen.sum(axis=0) >= 2):
+        sampled[order[own[order]][:SAMPLE]] = True
     return sampled
 
 
-def triangulated(cameras, uv):
-    """World points (N, 3) m from recorded pixels (V, N, 2), every view with the same weight."""
-    xy = np.stack([undistort(camera.intrinsics, seen) for camera, seen in zip(cameras, uv, strict=True)])
-    return triangulate(np.stack([inverse_pose(camera.wTc) for camera in cameras]), xy, np.ones(xy.shape[:-1]))
-
-
-def _usable(cameras, uv, points):
+def _usable(cameras: Sequence[Camera], uv: Floats, points: Floats) -> Bools:
     """Mask (N,) of the points that are fit for a start: in front, and not off by more than a picture.
 
     A point nearly in the plane of a camera's centre is projected so far away that its slope tells nothing.
@@ -207,14 +231,14 @@ def _usable(cameras, uv, points):
     return in_front(cameras, uv, points) & near.all(axis=0)
 
 
-def _check_aim(cameras, uv, used, where):
+def _check_aim(cameras: Sequence[Camera], uv: Floats, used: Bools, where: str) -> None:
     """Refuse cameras whose joints cannot be in front of all of them, naming the one without which they can."""
-    seen = np.isfinite(uv).all(axis=-1)
+    seen = np.asarray(np.isfinite(uv).all(axis=-1))
     if (seen[:, used].sum(axis=1) >= beginning.FEWEST_SEEN).all():
         return
     without = []
     for view in range(len(cameras)):
-        rest = np.delete(np.arange(len(cameras)), view)
+        rest = [i for i in range(len(cameras)) if i != view]
         others = [cameras[i] for i in rest]
         without.append(_usable(others, uv[rest], triangulated(others, uv[rest])).sum())
     culprit = cameras[int(np.argmax(without))].name
@@ -224,7 +248,7 @@ def _check_aim(cameras, uv, used, where):
     )
 
 
-def prior_of(camera, settings):
+def prior_of(camera: Camera, settings: dict[str, Any]) -> bundle.Prior:
     """The `bundle.Prior` of a placed camera from its YAML (see the module's docstring)."""
     tape = settings.get("tape", {"position_m": camera.centre, "sigma_m": PLACED_SIGMA_M})
     turn = AIM_SIGMA_DEG if camera.locate == "tape" else PLACED_SIGMA_DEG
@@ -233,7 +257,7 @@ def prior_of(camera, settings):
     )
 
 
-def beside_tag(prior, camera, settings):
+def beside_tag(prior: bundle.Prior, camera: Camera, settings: dict[str, Any]) -> bundle.Prior:
     """The prior of a camera whose tag's corners take part themselves: only its tape is left of it."""
     if camera.locate != "apriltag":
         return prior
@@ -257,13 +281,13 @@ def run(
     out: Path,
     out_metrics: Path,
     findings: Path,
-    known: dict[str, Any] = None,
-    marks: list[Path] = (),
-    marked: list[str] = (),
-    tags: list[Path] = (),
-    intrinsics_sigma: float = LENS_SIGMA,
-    physics: dict[str, Any] = None,
-    out_covariance: Path = None,
+    known: dict[str, Any],
+    marks: list[Path],
+    marked: list[str],
+    tags: list[Path],
+    intrinsics_sigma: float,
+    physics: dict[str, Any],
+    out_covariance: Path,
 ) -> None:
     """Write the adjusted cameras, metrics and findings.
 
@@ -298,15 +322,14 @@ def run(
         recorded.append(seen_in.recorded(placed, seen, pictures, min_score, max_gap, where))
         given.append([clock[camera.name] for camera in placed])
     timed = in_adjustment.of(recorded, list(window.values()), [camera.name for camera in placed], given, min_views)
-    known = known or {}
     stated = seen_in.metric_facts(known, list(window)) + seen_in.tag_corners(placed, tags, f"session {session}")
     clicked = {Path(path).name.partition(".")[0].partition("@")[0]: path for path in marks}
     names = [camera.name for camera in placed]
     wanted = seen_in.names_of_marks(known) - set(names)
     points = seen_in.marked(clicked, names, wanted, marked, MARK_SIGMA_PX)
     done = adjust(
-        placed, None, priors, huber_px, max_mean_px, f"session {session}", None, stated, points, intrinsics_sigma,
-        start_priors, timed,
+        placed, timed, priors, huber_px, max_mean_px, f"session {session}", None, stated, points, intrinsics_sigma,
+        start_priors,
     )  # fmt: skip
     uv, tracks, parts = timed.observations(done.clocks)
     for sequence, part, instants in zip(window, parts, window.values(), strict=True):
@@ -321,21 +344,30 @@ def run(
         people.check(skeleton, part.names, scope, physics, part.seconds)
         for person in known.get("heights", []):
             if sequence in person["sequences"]:
-                share = (people.LIMITS | (physics or {}))["stature_share"]
-                given = person["subject"], person["height_m"], person["sigma_m"]
-                people.check_height(skeleton, part.names, scope, *given, share)
+                share = (people.LIMITS | physics)["stature_share"]
+                people.check_height(
+                    skeleton, part.names, scope, person["subject"], person["height_m"], person["sigma_m"], share
+                )
     found += outcome.findings(session, placed, priors, done)
     found += _lens_models(
         session, yamls, {name: s["topic"] for name, s in settings.items()}, done, uv, start_priors, huber_px
     )
     camera_tables.write_cameras(out, done.cameras, session)
-    if out_covariance:
+    if done.uncertainty is not None:
         camera_tables.write_camera_covariance(out_covariance, names, done.uncertainty.covariance, session)
     tables.write(out_metrics, "metrics", outcome.metrics(done))
     tables.write_findings(findings, found)
 
 
-def _by_detections_alone(cameras, priors, huber_px, max_mean_px, start_priors, timed, lens_sigma):
+def _by_detections_alone(
+    cameras: Sequence[Camera],
+    priors: Sequence[bundle.Prior],
+    huber_px: float,
+    max_mean_px: float,
+    start_priors: Sequence[bundle.Prior],
+    timed: in_adjustment.Sequences,
+    lens_sigma: float,
+) -> Adjusted | None:
     """`Adjusted` with the clocks that were given by hand free, to compare them; None where there is none, or no answer.
 
     Cameras give way to a wrong clock, so that it takes an adjustment of its own to see it.
@@ -345,25 +377,32 @@ def _by_detections_alone(cameras, priors, huber_px, max_mean_px, start_priors, t
         return None
     try:
         return adjust(
-            cameras, None, priors, huber_px, max_mean_px, "", lens_sigma=lens_sigma, start_priors=start_priors,
-            timed=free,
+            cameras, free, priors, huber_px, max_mean_px, "", lens_sigma=lens_sigma, start_priors=start_priors
         )  # fmt: skip
     except DiorError:
         return None
 
 
-def _lens_models(session, yamls, topics, done, uv, priors, huber_px):
+def _lens_models(
+    session: str,
+    yamls: Mapping[str, Path],
+    topics: Mapping[str, str],
+    done: Adjusted,
+    uv: Floats,
+    priors: Sequence[bundle.Prior],
+    huber_px: float,
+) -> list[Finding]:
     """Findings on how the joints fit either model that a RealSense may have; `yamls` and `topics` by camera.
 
     The cameras are adjusted again for the other model, so that the poses cannot favour the one they were found with.
     """
-    views = [i for i, c in enumerate(done.cameras) if realsense.is_ambiguous(topics[c.name], c.intrinsics)]
-    if not views:
+    doubtful = [i for i, c in enumerate(done.cameras) if realsense.is_ambiguous(topics[c.name], c.intrinsics)]
+    if not doubtful:
         return []
-    few = _sample(np.isfinite(done.points[:, 0]))
+    few = _sample(np.isfinite(done.after_px))
     # the same detections for both
     seen = np.where(np.isfinite(done.after_px)[..., None], uv, np.nan)[:, few]
-    assumed = [realsense.as_other(c) if i in views else c for i, c in enumerate(done.cameras)]
+    assumed = [realsense.as_other(c) if i in doubtful else c for i, c in enumerate(done.cameras)]
     sigma = huber_px * np.array([c.intrinsics.fx for c in assumed]) / REFERENCE_FX / bundle.HUBER
     try:
         other = sampled(assumed, seen, priors, sigma, "")
@@ -371,9 +410,11 @@ def _lens_models(session, yamls, topics, done, uv, priors, huber_px):
     except DiorError:
         other_px = np.full((len(assumed), 1), np.inf)
     found = []
-    for i in views:
+    for i in doubtful:
         camera = done.cameras[i]
-        means = (float(np.nanmean(errors[i])) for errors in (done.after_px[:, few], other_px))
+        mean_px, other_mean_px = (float(np.nanmean(errors[i])) for errors in (done.after_px[:, few], other_px))
         scope = f"{session}/{camera.name}"
-        found.append(realsense.finding(scope, "the joints", camera.intrinsics.model, *means, yamls[camera.name]))
+        found.append(
+            realsense.finding(scope, "the joints", camera.intrinsics.model, mean_px, other_mean_px, yamls[camera.name])
+        )
     return found

@@ -5,9 +5,11 @@ INPUTS   CameraInfo of the bags in the `frames` table; or a TOML file in the sty
 OUTPUTS  `cameras` table of one row: pixels, distortion as k1 k2 p1 p2 k3 (k4 k5 k6), pose null; findings
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from dior.arrays import AnyPath
 from dior.calibrate.lens import realsense, toml_cameras
 from dior.errors import DiorError, nearest
 from dior.geometry import camera_tables
@@ -16,7 +18,7 @@ from dior.ingest import bags as rosbag
 from dior.tables import tables
 
 BAG_MODELS = ("plumb_bob", "rational_polynomial")
-COEFFICIENTS = (4, 5, 8)
+COEFFICIENTS = (4, 5, 8)  # of distortion, as OpenCV's models have them
 
 
 def run(
@@ -49,7 +51,7 @@ def run(
             f"{where}: distortion_model '{distortion_model}' is not one of {', '.join(MODELS)}"
             f"{nearest(distortion_model, MODELS)}"
         )
-    found = []
+    found: list[tuple[str, str, str]] = []
     if source == "board":
         from dior.calibrate.lens.board import from_board
 
@@ -66,7 +68,7 @@ def run(
     tables.write_findings(findings, [(f"{session}/{camera}", *finding) for finding in found])
 
 
-def from_camera_info(info, topic, distortion_model, yaml):
+def from_camera_info(info: rosbag.CameraInfo, topic: str, distortion_model: str, yaml: str) -> Intrinsics:
     """Intrinsics from a `bags.CameraInfo`; `distortion_model` overrides the bag's word, `yaml` is where it is given.
 
     Raises DiorError for an uncalibrated camera, another lens model, and a RealSense colour topic whose model only a
@@ -96,7 +98,7 @@ def from_camera_info(info, topic, distortion_model, yaml):
     )
 
 
-def from_toml(path, name, distortion_model=""):
+def from_toml(path: AnyPath, name: str, distortion_model: str = "") -> Intrinsics:
     """Intrinsics from the table `name` of a TOML file; OpenCV's plumb_bob unless `distortion_model` says otherwise."""
     where, table = f"{path}, [{name}]", toml_cameras.section(path, name, ("matrix",))
     missing = [key for key in ("size", "distortions") if key not in table]
@@ -115,10 +117,12 @@ def from_toml(path, name, distortion_model=""):
     return _intrinsics(width, height, (fx, skew, cx, fy, cy), distortion_model or "plumb_bob", coefficients, where)
 
 
-def _intrinsics(width, height, pinhole, model, coefficients, where):
+def _intrinsics(
+    width: int, height: int, pinhole: Sequence[float], model: str, coefficients: Sequence[float], where: str
+) -> Intrinsics:
     fx, skew, cx, fy, cy = pinhole
     if not (fx > 0 and fy > 0) or skew:
         raise DiorError(f"{where}: the focal lengths {fx} and {fy} must be positive and the skew {skew} zero")
     if model != "rational_polynomial" and any(coefficients[5:]):
         raise DiorError(f"{where}: k4, k5 and k6 are given, but {model} has none of them; it is rational_polynomial")
-    return Intrinsics(width, height, fx, fy, cx, cy, model, coefficients)
+    return Intrinsics(width, height, fx, fy, cx, cy, model, tuple(coefficients))

@@ -1,5 +1,5 @@
 """Locate a camera from hand-marked pairs: PnP with RANSAC, refined in recorded pixels (paper, indoor step 3), and with
-the pose the camera's clock on every marked sequence that has none in config/offsets (`marks_clock`).
+the pose the camera's clock on every marked sequence that has none in config/offsets (`clock_from_marks`).
 
 INPUTS   camera YAML, marks CSV, intrinsics, and for the marks' sequences the frames, mocap and offsets
 OUTPUTS  cameras (one row with wTc), camera_covariance, offsets, clock_gains and clock_costs of the marked sequences,
@@ -9,34 +9,38 @@ OpenCV sees ideal normalised points and K = I, so that the lens is the project's
 World in metres, Z up, floor at Z = 0.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from dior.arrays import AnyPath, Bools, Floats, Ints
 from dior.calibrate.lens import realsense
 from dior.calibrate.marks import clock_from_marks, pnp
 from dior.calibrate.marks import marks as hand_marks
 from dior.clocks import by_hand
 from dior.clocks.clock import Clock, write_all
 from dior.errors import DiorError
-from dior.geometry import camera_tables
-from dior.geometry.camera import inverse_pose, pose, project, undistort
+from dior.geometry import camera_tables, covariance
+from dior.geometry.camera import Camera, Intrinsics, inverse_pose, pose, project, undistort
 from dior.geometry.camera_tables import unplaced
 from dior.geometry.tape import check_above_floor
 from dior.project.camera_file import camera_settings
 from dior.tables import tables
+from dior.tables.tables import Finding
 
-FEWEST = 4
-# a pose that fewer of the marks agree on may as well be an accident of a minimal sample
+FEWEST = 4  # P3P has up to four solutions of three marks
+# chosen: a pose that fewer of the marks agree on may as well be an accident of a minimal sample
 SHARE_OF_CONSENSUS = 0.5
-RANSAC_ITERATIONS = 2000
-RANSAC_CONFIDENCE = 0.9999
-ROUNDS, SAME_OFFSET_S = 10, 1e-6
-UNCERTAIN_M, UNCERTAIN_DEG = 0.10, 1.0
+# chosen: enough for 4 good marks of 30 % (1 - e^-16); marks are few, so that it costs milliseconds
+RANSAC_ITERATIONS, RANSAC_CONFIDENCE = 2000, 0.9999
+ROUNDS, SAME_OFFSET_S = 10, 1e-6  # chosen: pose and clocks by turns, until the clocks move by less
+UNCERTAIN_M, UNCERTAIN_DEG = 0.10, 1.0  # chosen: beyond these a person is asked for more marks
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Located:
     """`wTc` (4, 4) m; `residual_px` (N,) in recorded px, NaN where a mark cannot be projected; `inlier` (N,).
 
@@ -45,23 +49,23 @@ class Located:
     the I inliers; `other`: what to say of a second pose.
     """
 
-    wTc: np.ndarray
-    residual_px: np.ndarray
-    inlier: np.ndarray
-    sigma_m: float = np.nan
-    sigma_deg: float = np.nan
-    jacobian: np.ndarray | None = None
-    miss: np.ndarray | None = None
-    other: str = ""
+    wTc: Floats
+    residual_px: Floats
+    inlier: Bools
+    sigma_m: float
+    sigma_deg: float
+    jacobian: Floats
+    miss: Floats
+    other: str
 
 
-def locate(camera, xyz, uv, ransac_px, where):
+def locate(camera: Camera, xyz: Floats, uv: Floats, ransac_px: float, where: str) -> Located:
     """Pose of `camera` from world points `xyz` (N, 3) m and recorded pixels `uv` (N, 2).
 
     RANSAC with minimal samples of AP3P finds the marks that agree within `ransac_px`; their pose minimises the squared
-    residuals in recorded pixels, and the set of inliers is renewed until it stays. The same marks give the same pose.
-    Raises DiorError (beginning with `where`): fewer than 4 marks, no consensus, a pose that the marks leave open,
-    the camera below the floor.
+    residuals in recorded pixels, and the set of inliers is renewed until it does not change. The same marks give the
+    same pose. Raises DiorError (beginning with `where`): fewer than 4 marks, no consensus, a pose that the marks leave
+    open, the camera below the floor.
     """
     xyz, uv = np.asarray(xyz, float), np.asarray(uv, float)
     if len(xyz) < FEWEST:
@@ -92,14 +96,14 @@ def locate(camera, xyz, uv, ransac_px, where):
     return Located(wTc, residual, inlier, *_standard_errors(J, residual[inlier]), J, miss, said)
 
 
-def _no_consensus(where, inlier, ransac_px):
+def _no_consensus(where: str, inlier: Bools, ransac_px: float) -> DiorError:
     return DiorError(
         f"{where}: only {inlier.sum()} of {len(inlier)} marks agree on a pose within {ransac_px:g} px; check the "
         "marked joints, the sequence's offset and the intrinsics"
     )
 
 
-def _consensus(intrinsics, xyz, uv, ransac_px):
+def _consensus(intrinsics: Intrinsics, xyz: Floats, uv: Floats, ransac_px: float) -> Bools:
     """Mask (N,) of the marks that agree on a pose, in ideal coordinates."""
     import cv2
 
@@ -119,7 +123,7 @@ def _consensus(intrinsics, xyz, uv, ransac_px):
     return inlier
 
 
-def _start(intrinsics, xyz, uv):
+def _start(intrinsics: Intrinsics, xyz: Floats, uv: Floats) -> Floats:
     """wTc (4, 4) by SQPnP, a global solver that planar marks do not upset."""
     import cv2
 
@@ -127,46 +131,42 @@ def _start(intrinsics, xyz, uv):
     return inverse_pose(pose(cv2.Rodrigues(rotation)[0], translation.ravel()))
 
 
-def residuals(camera, xyz, uv):
+def residuals(camera: Camera, xyz: Floats, uv: Floats) -> Floats:
     """Distance (N,) of recorded pixels from the projected points; NaN where a point cannot be projected."""
     return np.linalg.norm(project(camera, xyz)[0] - uv, axis=-1)
 
 
-def refine(camera, xyz, uv):
+def refine(camera: Camera, xyz: Floats, uv: Floats) -> tuple[Floats, Floats]:
     """wTc (4, 4) near `camera.wTc` with the least squared residuals in recorded pixels, and its Jacobian (2N, 6).
 
     The parameters are a turn of the camera about its own axes (rad) and a shift of its centre (m).
     """
     from scipy.optimize import least_squares
-    from scipy.spatial.transform import Rotation
 
-    def moved(step):
-        return camera.at(pose(camera.wRc @ Rotation.from_rotvec(step[:3]).as_matrix(), camera.centre + step[3:]))
-
-    def miss(step):
+    def miss(step: Floats) -> Floats:
         # a step that puts a point behind the camera must look bad, not missing
-        return np.nan_to_num(project(moved(step), xyz)[0] - uv, nan=1e4).ravel()
+        return np.nan_to_num(project(covariance.moved(camera, step), xyz)[0] - uv, nan=1e4).ravel()
 
     fit = least_squares(miss, np.zeros(6), jac="3-point", x_scale="jac", xtol=1e-14, ftol=1e-14, gtol=1e-14)
-    return moved(fit.x).wTc, fit.jac
+    return covariance.moved(camera, fit.x).wTc, fit.jac
 
 
-def _check_spread(where, xyz):
+def _check_spread(where: str, xyz: Floats) -> None:
     along, across, _ = np.linalg.svd(xyz - xyz.mean(axis=0), compute_uv=False)
     if across < 1e-3 * along or along < 1e-6:
         raise DiorError(f"{where}: the marks are all on a line, which leaves the pose open; spread them more")
 
 
-def _standard_errors(J, residual_px):
+def _standard_errors(J: Floats, residual_px: Floats) -> tuple[float, float]:
     free = 2 * len(residual_px) - J.shape[1]
     if len(residual_px) <= FEWEST or free <= 0:
         return np.nan, np.nan
-    covariance = np.linalg.inv(J.T @ J) * (residual_px**2).sum() / free
-    largest = [np.sqrt(np.linalg.eigvalsh(block)[-1]) for block in (covariance[3:6, 3:6], covariance[:3, :3])]
+    spread = np.linalg.inv(J.T @ J) * (residual_px**2).sum() / free
+    largest = [np.sqrt(np.linalg.eigvalsh(block)[-1]) for block in (spread[3:6, 3:6], spread[:3, :3])]
     return float(largest[0]), float(np.degrees(largest[1]))
 
 
-def _findings(scope, path, marks, located, ransac_px):
+def _findings(scope: str, path: AnyPath, marks: hand_marks.Marks, located: Located, ransac_px: float) -> list[Finding]:
     inlier, residual = located.inlier, located.residual_px
     found = [
         (scope, "warning", "mark_rejected", f"{path} line {marks.line[i]}: {marks.joint[i]} on frame {marks.frame[i]} "
@@ -200,53 +200,66 @@ def _findings(scope, path, marks, located, ransac_px):
     return found
 
 
-@dataclass(frozen=True)
-class Solved:
+@dataclass(frozen=True, eq=False)
+class LocatedWithClocks:
     """`located` and the marks `used` for it; the camera's `clock` on each sequence, sequence -> (offset_s, drift_ppm,
     source); `clocks`, sequence -> `Clock`, of those in which C3D markers are marked; `profile` as of
-    `marks_clock.Found`; `covariance` (6, 6) of the pose.
+    `clock_from_marks.Found`; `covariance` (6, 6) of the pose.
     """
 
     located: Located
     used: hand_marks.Marks
-    clock: dict
-    clocks: dict
-    profile: dict
-    covariance: np.ndarray
-    findings: list
+    clock: dict[str, tuple[float, float, str]]
+    clocks: dict[str, Clock]
+    profile: dict[str, tuple[Floats, Floats]]
+    covariance: Floats
+    findings: list[Finding]
 
 
-def with_clocks(camera, marks, path, motions, stamps, clock, ransac_px, scope):
-    """`Solved` from `marks`; a clock that is manual (sequence -> (offset_s, drift_ppm, source)) stays as it is.
+def with_clocks(
+    camera: Camera,
+    marks: hand_marks.Marks,
+    path: AnyPath,
+    motions: Mapping[str, hand_marks.Motion],
+    stamps: Mapping[str, tuple[Ints, Ints]],
+    clock: Mapping[str, tuple[float, float, str]],
+    ransac_px: float,
+    scope: str,
+) -> LocatedWithClocks:
+    """`LocatedWithClocks` from `marks`; a manual clock (sequence -> (offset_s, drift_ppm, source)) is not estimated.
 
-    Marks of a sequence whose clock they cannot tell are left out, or, where there is nothing else, taken at offset 0.
-    Other arguments as of `marks.in_world`. Raises DiorError as `locate`, `marks.times` and `marks_clock.search` do.
+    Marks of a sequence whose clock they do not determine are left out, or, where there is nothing else, used at offset
+    0.
+    Other arguments as of `marks.in_world`. Raises DiorError as `locate`, `marks.times` and `clock_from_marks.search`
+    do.
     """
     where = f"{path} ({scope})"
     t = hand_marks.times(marks, path, camera.name, camera.intrinsics, motions, stamps)
     manual = {sequence: one for sequence, one in clock.items() if one[2] == "manual"}
     at = clock_from_marks.places(marks, t, motions, manual)
     seen = clock_from_marks.search(camera, at, marks.uv, marks.frame, ransac_px, where)
-    told = {name: offset for name, offset in zip(at.names, seen.offsets.tolist(), strict=True) if np.isfinite(offset)}
-    untold = {name: why for name, why in zip(at.names, seen.why, strict=True) if name not in told}
-    unknown = np.isfinite(t) & np.isin(marks.sequence, list(untold))
+    by_marks = {
+        name: offset for name, offset in zip(at.names, seen.offsets.tolist(), strict=True) if np.isfinite(offset)
+    }
+    why_unknown = {name: why for name, why in zip(at.names, seen.why, strict=True) if name not in by_marks}
+    unknown = np.isfinite(t) & np.isin(marks.sequence, list(why_unknown))
     # what nothing is known of moves no pose that can be had without it
     left_out = unknown & ((~unknown).sum() > FEWEST)
-    findings = clock_from_marks.untold(scope, untold, left_out.any())
+    findings = clock_from_marks.untold(scope, why_unknown, left_out.any())
     marks, t = marks.only(~left_out), t[~left_out]
 
-    held = {name: one for name, one in clock.items() if name not in told}
+    given = {name: one for name, one in clock.items() if name not in by_marks}
     for _ in range(ROUNDS):
-        clock = held | {name: (offset, 0.0, "estimated") for name, offset in told.items()}
+        clock = given | {name: (offset, 0.0, "estimated") for name, offset in by_marks.items()}
         used, lost = hand_marks.in_world(marks, path, camera.name, camera.intrinsics, motions, stamps, clock, scope)
         located = locate(camera, used.xyz, used.uv, ransac_px, where)
         inlier = np.isin(marks.line, used.line[located.inlier])
-        at = clock_from_marks.places(marks.only(inlier), t[inlier], motions, held)
-        offsets = np.array([told[name] for name in at.names])
+        at = clock_from_marks.places(marks.only(inlier), t[inlier], motions, given)
+        offsets = np.array([by_marks[name] for name in at.names])
         better = clock_from_marks.refine(camera.at(located.wTc), at, marks.uv[inlier], offsets)[1]
         if (np.abs(better - offsets) < SAME_OFFSET_S).all():
             break
-        told |= dict(zip(at.names, better.tolist(), strict=True))
+        by_marks |= dict(zip(at.names, better.tolist(), strict=True))
 
     J, agreeing = clock_from_marks.jacobian(camera.at(located.wTc), at, offsets), marks.only(inlier)
     sigma_m, sigma_deg = _standard_errors(J, located.residual_px[located.inlier])
@@ -255,13 +268,13 @@ def with_clocks(camera, marks, path, motions, stamps, clock, ransac_px, scope):
     full, middle = clock_from_marks.uncertainty(J, t[inlier], located.miss, agreeing.joint, frame)
     clocks = clock_from_marks.clocks(camera.name, at.names, offsets, full, middle)
     findings += lost + clock_from_marks.findings(scope, clocks, full[:6, :6], agreeing)
-    for name in dict.fromkeys(marks.sequence[np.isfinite(t)].tolist() + list(untold)):
+    for name in dict.fromkeys(marks.sequence[np.isfinite(t)].tolist() + list(why_unknown)):
         if name not in clocks:
             clocks[name] = Clock(*clock[name])
-    return Solved(located, used, clock, clocks, seen.profile, full[:6, :6], findings)
+    return LocatedWithClocks(located, used, dict(clock), clocks, seen.profile, full[:6, :6], findings)
 
 
-def _lens_models(scope, path, lens, marks, located):
+def _lens_models(scope: str, path: AnyPath, lens: Camera, marks: hand_marks.Marks, located: Located) -> list[Finding]:
     """Finding on how the inliers fit either model that a RealSense may have.
 
     The pose is refined for each, so that it cannot favour the one that it was found with.
@@ -273,17 +286,27 @@ def _lens_models(scope, path, lens, marks, located):
     for assumed in (lens, realsense.as_other(lens)):
         assumed = assumed.at(located.wTc)
         mean.append(residuals(assumed.at(refine(assumed, xyz, uv)[0]), xyz, uv).mean())
-    return [realsense.finding(scope, "the marks", lens.intrinsics.model, *mean, path)]
+    return [realsense.finding(scope, "the marks", lens.intrinsics.model, mean[0], mean[1], path)]
 
 
-def _next_mark(scope, camera, located, spread, marks, motions, stamps, clock):
+def _next_mark(
+    scope: str,
+    camera: Camera,
+    located: Located,
+    spread: Floats,
+    marks: hand_marks.Marks,
+    motions: Mapping[str, hand_marks.Motion],
+    stamps: Mapping[str, tuple[Ints, Ints]],
+    clock: Mapping[str, tuple[float, float, str]],
+) -> list[Finding]:
     """Finding on the marker, on a picture with marks, that would make the labels on the walks most certain."""
     candidates = hand_marks.unmarked(marks, camera, motions, stamps, clock)
-    if not candidates:
-        return []
     places = np.concatenate([motion.xyz[:: max(1, len(motion.t) // 20)].reshape(-1, 3) for motion in motions.values()])
     sd_px = np.sqrt(pnp.variance(located.miss, located.miss.size - located.jacobian.shape[1]))
-    mark, before, after = pnp.best_next(camera, spread, sd_px, candidates, places[np.isfinite(places).all(axis=1)])
+    best = pnp.best_next(camera, spread, sd_px, candidates, places[np.isfinite(places).all(axis=1)])
+    if best is None:
+        return []
+    mark, before, after = best
     text = (
         f"the camera's part of a label is {before:.2f} px (1 sigma of u or v); of all further marks on these pictures, "
         f"{mark.joint} on frame {mark.frame} of {mark.sequence} would help most, to {after:.2f} px"
@@ -291,7 +314,7 @@ def _next_mark(scope, camera, located, spread, marks, motions, stamps, clock):
     return [(scope, "info", "next_mark", text)]
 
 
-def _distance(residual_px):
+def _distance(residual_px: float) -> str:
     return f"{residual_px:.1f} px" if np.isfinite(residual_px) else "behind the camera or outside of the lens model"
 
 
@@ -319,7 +342,7 @@ def run(
 
     `sequences`: those whose marks are used; the file may have marks of people without consent. `mocap`, `frames` and
     `offsets` are lists of paths with a file per sequence; `frames` and `offsets` are named by their sequence. Raises
-    DiorError as `locate`, `marks_clock.search` and the readers do.
+    DiorError as `locate`, `clock_from_marks.search` and the readers do.
     """
     settings = camera_settings(camera_file, needs="marks")
     lens = unplaced(intrinsics, camera)
@@ -351,7 +374,7 @@ def run(
     tables.write_findings(findings, found)
 
 
-def _columns(session, camera, marks, located):
+def _columns(session: str, camera: str, marks: hand_marks.Marks, located: Located) -> dict[str, Any]:
     return {
         "session": [session] * len(marks),
         "camera": [camera] * len(marks),

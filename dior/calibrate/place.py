@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from dior.arrays import AnyPath, Floats
 from dior.calibrate.lens import toml_cameras
 from dior.errors import DiorError
 from dior.geometry import camera_tables
@@ -25,7 +26,7 @@ from dior.tables import tables
 CONVENTIONS = ("cTw", "wTc")
 
 
-def reference_pose(path, name, convention="cTw"):
+def reference_pose(path: AnyPath, name: str, convention: str = "cTw") -> Floats:
     """wTc (4, 4) of the camera `name` in a TOML calibration.
 
     `name` is the section's key, its last part or its entry `name`. Raises DiorError for an unknown name (with the
@@ -42,7 +43,7 @@ def reference_pose(path, name, convention="cTw"):
     return inverse_pose(T) if convention == "cTw" else T
 
 
-def _numbers(where, section, key):
+def _numbers(where: str, section: dict[str, Any], key: str) -> Floats:
     if key not in section:
         raise DiorError(f"{where}: `{key}` is missing")
     try:
@@ -54,7 +55,7 @@ def _numbers(where, section, key):
     return values
 
 
-def _rotation(where, values):
+def _rotation(where: str, values: Floats) -> Floats:
     from scipy.spatial.transform import Rotation
 
     if values.shape == (3,):
@@ -85,11 +86,14 @@ def run(
     that shows it, are needed for `locate: apriltag` only.
     """
     settings = camera_settings(camera_file, needs="tape|apriltag|reference")
-    found, marks = [], {}
+    found: list[tuple[str, str, str]] = []
+    marks: dict[str, Any] = {}
     if settings["locate"] == "apriltag":
         from dior.calibrate.marks.apriltag import place
 
         where = f"session {session}, {camera}"
+        if frames is None:
+            raise DiorError(f"{where}: `locate: apriltag` needs the frames of a sequence that shows the tag")
         wTc, found, marks = place(unplaced(intrinsics, camera), tag, frames, data_root, settings.get("tape"), where)
     elif settings["locate"] == "tape":
         wTc = look_at_pose(camera_file, settings["tape"])

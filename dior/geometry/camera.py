@@ -5,16 +5,19 @@ Pixel (0, 0) is the centre of the top-left pixel. `wTc` is the pose of the camer
 Missing points are NaN and stay NaN.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from dior.arrays import Bools, Floats
 from dior.errors import DiorError
 
-# thresholds in pixels are given for this focal length and scaled to the camera's own
+# chosen: thresholds in pixels are given for this focal length (of a 1080p camera) and scaled to the camera's own
 REFERENCE_FX = 1680.0
-BLOCK = 8192
+BLOCK = 8192  # points at once: they stay in the cache of a processor, which makes Newton's steps three times as fast
 MODELS = ("plumb_bob", "rational_polynomial", "inverse_brown_conrady")
 
 
@@ -34,9 +37,9 @@ class Intrinsics:
     cx: float
     cy: float
     model: str = "plumb_bob"
-    distortion: tuple = (0.0,) * 8
+    distortion: tuple[float, ...] = (0.0,) * 8
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if self.model not in MODELS:
             raise DiorError(f"distortion model '{self.model}' is not one of {', '.join(MODELS)}")
         if len(self.distortion) > 8:
@@ -45,49 +48,55 @@ class Intrinsics:
         object.__setattr__(self, "distortion", padded)
 
     @property
-    def K(self):
+    def K(self) -> Floats:
         """Camera matrix (3, 3), px."""
         return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Camera:
     """One camera of a session. `wTc` (4, 4): pose of the camera in the world, m; None while unknown."""
 
     name: str
     intrinsics: Intrinsics
-    wTc: np.ndarray | None = None
+    # only between the steps intrinsics and place is there none; what reads placed cameras refuses it (`read_placed`)
+    wTc: Floats = None  # type: ignore[assignment]
     role: str = "close"
     locate: str = ""
 
     @property
-    def wRc(self):
+    def wRc(self) -> Floats:
         return self.wTc[:3, :3]
 
     @property
-    def centre(self):
+    def centre(self) -> Floats:
         """Position of the camera in the world (3,), m."""
         return self.wTc[:3, 3]
 
-    def at(self, wTc, locate=""):
+    def at(self, wTc: ArrayLike, locate: str = "") -> "Camera":
         """The same camera at another pose."""
         return replace(self, wTc=np.asarray(wTc, float), locate=locate or self.locate)
 
 
-def pose(wRc, centre):
+def pose(wRc: ArrayLike, centre: ArrayLike) -> Floats:
     """wTc (4, 4) from rotation (3, 3) and centre (3,)."""
     wTc = np.eye(4)
     wTc[:3, :3], wTc[:3, 3] = wRc, centre
     return wTc
 
 
-def inverse_pose(T):
+def inverse_pose(T: Floats) -> Floats:
     """Inverse of a rigid transform (4, 4): cTw from wTc and back."""
     R, t = T[:3, :3], T[:3, 3]
     return pose(R.T, -R.T @ t)
 
 
-def _polynomial(distortion, xy):
+def angle_deg(R: Floats, S: Floats) -> float:
+    """Angle (degrees) of the turn between two rotations (3, 3)."""
+    return float(np.degrees(np.arccos(np.clip((np.trace(R.T @ S) - 1) / 2, -1, 1))))
+
+
+def _polynomial(distortion: tuple[float, ...], xy: Floats) -> Floats:
     """Brown-Conrady with rational radial part: normalised (..., 2) to normalised (..., 2)."""
     k1, k2, p1, p2, k3, k4, k5, k6 = distortion
     x, y = xy[..., 0], xy[..., 1]
@@ -102,7 +111,7 @@ def _polynomial(distortion, xy):
     )
 
 
-def _polynomial_jacobian(distortion, xy):
+def _polynomial_jacobian(distortion: tuple[float, ...], xy: Floats) -> Floats:
     """Derivative of `_polynomial` (..., 2, 2)."""
     k1, k2, p1, p2, k3, k4, k5, k6 = distortion
     x, y = xy[..., 0], xy[..., 1]
@@ -120,7 +129,7 @@ def _polynomial_jacobian(distortion, xy):
     )
 
 
-def _polynomial_inverse(distortion, xy, iterations=20):
+def _polynomial_inverse(distortion: tuple[float, ...], xy: Floats, iterations: int = 20) -> Floats:
     """Solve `_polynomial(z) = xy` for z by Newton's method; NaN where it does not converge to 1e-9.
 
     A lens polynomial folds over outside the picture: there the determinant of its Jacobian changes sign, and a
@@ -128,13 +137,12 @@ def _polynomial_inverse(distortion, xy, iterations=20):
     """
     flat = xy.reshape(-1, 2)
     out = np.empty(flat.shape)
-    # blocks that stay in the processor's cache: the iterations are three times as fast
     for start in range(0, len(flat), BLOCK):
         out[start : start + BLOCK] = _inverse_of_block(distortion, flat[start : start + BLOCK], iterations)
     return out.reshape(xy.shape)
 
 
-def _inverse_of_block(distortion, xy, iterations):
+def _inverse_of_block(distortion: tuple[float, ...], xy: Floats, iterations: int) -> Floats:
     """`_polynomial_inverse` of points (N, 2)."""
     k1, k2, p1, p2, k3, k4, k5, k6 = distortion
     goal_x, goal_y = (np.ascontiguousarray(xy[:, i]) for i in range(2))
@@ -163,7 +171,7 @@ def _inverse_of_block(distortion, xy, iterations):
     return np.where((wrong | folded(distortion, z))[:, None], np.nan, z)
 
 
-def folded(distortion, xy):
+def folded(distortion: tuple[float, ...], xy: Floats) -> Bools:
     """Whether normalised points (..., 2) lie beyond the first fold of the lens polynomial.
 
     The fold is where d(r f(r))/dr first reaches zero along the ray; tangential terms are too small to matter.
@@ -174,7 +182,7 @@ def folded(distortion, xy):
 
 
 @cache
-def _fold(distortion):
+def _fold(distortion: tuple[float, ...]) -> float:
     """Normalised radius of the first fold, inf where there is none up to 5."""
     radii = np.linspace(0.0, 5.0, 2001)
     along = np.stack([radii, np.zeros_like(radii)], axis=-1)
@@ -183,7 +191,7 @@ def _fold(distortion):
     return radii[np.argmax(bad)] if bad.any() else np.inf
 
 
-def distort(intrinsics, xy):
+def distort(intrinsics: Intrinsics, xy: ArrayLike) -> Floats:
     """Ideal normalised coordinates (..., 2) to recorded pixels (..., 2); NaN beyond the lens polynomial's fold."""
     xy = np.asarray(xy, float)
     if not any(intrinsics.distortion):
@@ -196,7 +204,7 @@ def distort(intrinsics, xy):
     return recorded * (intrinsics.fx, intrinsics.fy) + (intrinsics.cx, intrinsics.cy)
 
 
-def undistort(intrinsics, uv):
+def undistort(intrinsics: Intrinsics, uv: ArrayLike) -> Floats:
     """Recorded pixels (..., 2) to ideal normalised coordinates (..., 2)."""
     uv = np.asarray(uv, float)
     # one axis at a time: numpy is slow along an axis of two
@@ -210,7 +218,7 @@ def undistort(intrinsics, uv):
     return _polynomial_inverse(intrinsics.distortion, xy)
 
 
-def project(camera, points):
+def project(camera: Camera, points: ArrayLike) -> tuple[Floats, Floats]:
     """World points (..., 3) m to recorded pixels (..., 2) and depths (...,) m.
 
     `p = K wRc^T (P - t)` with distortion (paper, equation 1). Pixels are NaN behind the camera and where the lens
@@ -223,32 +231,32 @@ def project(camera, points):
     return distort(camera.intrinsics, xy), depth
 
 
-def reprojection_errors(cameras, points, uv):
+def reprojection_errors(cameras: Sequence[Camera], points: Floats, uv: Floats) -> Floats:
     """Distances (V, ...) px between recorded pixels uv (V, ..., 2) and the projections of points (..., 3)."""
     return np.linalg.norm(np.stack([project(c, points)[0] for c in cameras]) - uv, axis=-1)
 
 
-def in_frame(intrinsics, uv):
+def in_frame(intrinsics: Intrinsics, uv: Floats) -> Bools:
     """Whether pixels (..., 2) lie in the picture; its edge is half a pixel outside the outermost centres."""
     with np.errstate(invalid="ignore"):
         u, v = uv[..., 0], uv[..., 1]
         return (u >= -0.5) & (u < intrinsics.width - 0.5) & (v >= -0.5) & (v < intrinsics.height - 0.5)
 
 
-def rays(camera, uv):
+def rays(camera: Camera, uv: ArrayLike) -> Floats:
     """Unit directions (..., 3) in the world of recorded pixels (..., 2); the origin of each is `camera.centre`."""
     xy = undistort(camera.intrinsics, uv)
     direction = np.concatenate([xy, np.ones((*xy.shape[:-1], 1))], axis=-1)
     return (direction / np.linalg.norm(direction, axis=-1, keepdims=True)) @ camera.wRc.T
 
 
-def unproject(camera, uv, depth):
+def unproject(camera: Camera, uv: Floats, depth: ArrayLike) -> Floats:
     """World points (..., 3) m of recorded pixels uv (..., 2) at depths (...,) m: what `project` was given."""
     in_camera = np.concatenate([undistort(camera.intrinsics, uv), np.ones((*uv.shape[:-1], 1))], axis=-1)
     return (in_camera * np.asarray(depth, float)[..., None]) @ camera.wRc.T + camera.centre
 
 
-def check_picture_size(intrinsics, width, height, where):
+def check_picture_size(intrinsics: Intrinsics, width: int, height: int, where: str) -> None:
     """Refuse pictures of another size than the intrinsics were made for."""
     if (intrinsics.width, intrinsics.height) != (int(width), int(height)):
         raise DiorError(

@@ -1,15 +1,25 @@
 """Cameras and their covariance as tables: `cameras`, `released_cameras`, `camera_covariance`."""
 
-from pathlib import Path
+import os
+from collections.abc import Collection, Iterable, Sequence
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from dior.arrays import AnyPath, Floats, Table
 from dior.errors import DiorError, nearest
 from dior.geometry.camera import Camera, Intrinsics
 from dior.tables import tables
 
 
-def camera_columns(cameras, session="", sequence="", offset_s=None, drift_ppm=None):
+def camera_columns(
+    cameras: Sequence[Camera],
+    session: str = "",
+    sequence: str = "",
+    offset_s: ArrayLike | None = None,
+    drift_ppm: ArrayLike | None = None,
+) -> dict[str, Any]:
     """Columns of the `cameras` table from a list of `Camera`."""
     lenses = [camera.intrinsics for camera in cameras]
     unknown = np.full(16, np.nan)
@@ -32,39 +42,51 @@ def camera_columns(cameras, session="", sequence="", offset_s=None, drift_ppm=No
     return columns
 
 
-def write_cameras(path, cameras, session="", sequence="", offset_s=None, drift_ppm=None):
+def write_cameras(
+    path: AnyPath,
+    cameras: Sequence[Camera],
+    session: str = "",
+    sequence: str = "",
+    offset_s: ArrayLike | None = None,
+    drift_ppm: ArrayLike | None = None,
+) -> None:
     """Write a `cameras` table."""
     tables.write(path, "cameras", camera_columns(cameras, session, sequence, offset_s, drift_ppm))
 
 
-def read_cameras(paths):
+def read_cameras(paths: AnyPath | Iterable[AnyPath]) -> dict[str, Camera]:
     """Cameras by name from one `cameras` table or several."""
-    cameras = {}
-    for path in [paths] if isinstance(paths, (str, Path)) else paths:
+    cameras: dict[str, Camera] = {}
+    for path in [paths] if isinstance(paths, (str, os.PathLike)) else paths:
         t = tables.read(path, "cameras")
         cameras |= {name: _camera(t, i) for i, name in enumerate(t["camera"])}
     return cameras
 
 
-def read_released_cameras(path):
+def read_released_cameras(path: AnyPath) -> dict[tuple[str, str], Camera]:
     """Cameras by (session, camera) from the `released_cameras` table of a release."""
     t = tables.read(path, "released_cameras")
     return {key: _camera(t, i) for i, key in enumerate(zip(t["session"], t["camera"], strict=True))}
 
 
-def _camera(t, i):
+def _camera(t: Table, i: int) -> Camera:
     """The camera in row `i` of a table of cameras."""
     lens = Intrinsics(
-        *(int(t[k][i]) for k in ("width", "height")),
-        *(float(t[k][i]) for k in ("fx", "fy", "cx", "cy")),
+        int(t["width"][i]),
+        int(t["height"][i]),
+        float(t["fx"][i]),
+        float(t["fy"][i]),
+        float(t["cx"][i]),
+        float(t["cy"][i]),
         t["distortion_model"][i],
         tuple(t["distortion"][i].tolist()),
     )
     wTc = t["wTc"][i].reshape(4, 4)
-    return Camera(t["camera"][i], lens, wTc if np.isfinite(wTc).all() else None, t["role"][i], t["locate"][i])
+    camera = Camera(t["camera"][i], lens, role=t["role"][i], locate=t["locate"][i])
+    return camera.at(wTc) if np.isfinite(wTc).all() else camera
 
 
-def read_placed(paths, names, where):
+def read_placed(paths: Sequence[AnyPath], names: Iterable[str], where: str) -> list[Camera]:
     """The cameras called `names`, in that order, of `cameras` tables. Raises DiorError for one without a pose."""
     rig = read_cameras(paths)
     for name in names:
@@ -73,7 +95,9 @@ def read_placed(paths, names, where):
     return [rig[name] for name in names]
 
 
-def write_camera_covariance(path, names, covariance, session="", own=None):
+def write_camera_covariance(
+    path: AnyPath, names: Sequence[str], covariance: Floats, session: str = "", own: Collection[str] | None = None
+) -> None:
     """Write a `camera_covariance` table of V cameras from (6V, 6V); NaN is unknown.
 
     `own`: the cameras whose rows are written, all by default; the others' are in another file.
@@ -89,14 +113,14 @@ def write_camera_covariance(path, names, covariance, session="", own=None):
     tables.write(path, "camera_covariance", columns)
 
 
-def read_camera_covariance(paths, names):
+def read_camera_covariance(paths: AnyPath | Iterable[AnyPath], names: Sequence[str]) -> Floats:
     """Covariance (6V, 6V) of the cameras `names` from one or several `camera_covariance` tables.
 
     A camera that is in none of them, or not known, has NaN in its own block and with every other; cameras of which no
     table has a pair are taken as independent.
     """
     blocks = {}
-    for path in [paths] if isinstance(paths, (str, Path)) else paths:
+    for path in [paths] if isinstance(paths, (str, os.PathLike)) else paths:
         t = tables.read(path, "camera_covariance")
         for a, b, values in zip(t["camera"], t["other"], t["covariance"], strict=True):
             blocks[a, b] = values.reshape(6, 6)
@@ -109,7 +133,7 @@ def read_camera_covariance(paths, names):
     return out.reshape(6 * len(names), 6 * len(names))
 
 
-def unplaced(path, camera):
+def unplaced(path: AnyPath, camera: str) -> Camera:
     """The `Camera` of that name in an intrinsics table. Raises DiorError where it is not there."""
     cameras = read_cameras(path)
     if camera not in cameras:

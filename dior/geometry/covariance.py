@@ -5,12 +5,15 @@ A camera's error is a vector of six numbers: a turn about its own axes (rad), th
 six rows a camera. Vocabulary of calibrate, reconstruct and label.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from dior.arrays import Floats, Table
 from dior.geometry import camera as cam
 
 
-def moved(camera, step):
+def moved(camera: cam.Camera, step: Floats) -> cam.Camera:
     """The camera with the error `step` (6,)."""
     from scipy.spatial.transform import Rotation
 
@@ -18,7 +21,7 @@ def moved(camera, step):
     return camera.at(cam.pose(wRc, camera.centre + step[3:]))
 
 
-def projection(camera, points):
+def projection(camera: cam.Camera, points: Floats) -> tuple[Floats, Floats]:
     """Derivatives of the recorded pixel by the world point (..., 2, 3) px/m and by the camera's error (..., 2, 6).
 
     `points` (..., 3) m; NaN behind the camera and where the lens model has no answer.
@@ -39,14 +42,14 @@ def projection(camera, points):
     return by_point, np.concatenate([turn, -by_point], axis=-1)
 
 
-def cross(v):
+def cross(v: Floats) -> Floats:
     """Matrices (..., 3, 3) with `cross(v) @ w = v x w`."""
     zero = np.zeros(v.shape[:-1])
     x, y, z = np.moveaxis(v, -1, 0)
     return np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(*v.shape[:-1], 3, 3)
 
 
-def _lens(intrinsics, xy):
+def _lens(intrinsics: cam.Intrinsics, xy: Floats) -> Floats:
     """Derivative (..., 2, 2) px of the recorded pixel by the ideal normalised coordinates (..., 2)."""
     step = 1e-6
     columns = [
@@ -56,18 +59,18 @@ def _lens(intrinsics, xy):
     return np.stack(columns, axis=-1)
 
 
-def triangulated(cameras, points, information):
+def triangulated(cameras: Sequence[cam.Camera], points: Floats, information: Floats) -> tuple[Floats, Floats]:
     """What points (..., 3) inherit: covariance (..., 3, 3) of the pixels, derivative (..., 3, 6V) by the cameras.
 
     `information` (V, ..., 2, 2) 1/px^2 of each view's pixel, zero where a view had no say. The derivative is that
     by the errors of the V cameras that the point was made with (implicit function theorem at the least squares
     solution). NaN with fewer than two views.
     """
-    J, C = zip(*(projection(camera, points) for camera in cameras), strict=True)
+    by_point, by_camera = zip(*(projection(camera, points) for camera in cameras), strict=True)
     say = np.asarray(information, float)
     used = say[..., 0, 0] > 0
-    J = [np.where(u[..., None, None], j, 0.0) for u, j in zip(used, J, strict=True)]
-    C = [np.where(u[..., None, None], c, 0.0) for u, c in zip(used, C, strict=True)]
+    J = [np.where(u[..., None, None], j, 0.0) for u, j in zip(used, by_point, strict=True)]
+    C = [np.where(u[..., None, None], c, 0.0) for u, c in zip(used, by_camera, strict=True)]
     weighted = [np.swapaxes(j, -1, -2) @ w for j, w in zip(J, say, strict=True)]
     N = sum(wj @ j for wj, j in zip(weighted, J, strict=True))
     enough = used.sum(axis=0) >= 2
@@ -78,7 +81,7 @@ def triangulated(cameras, points, information):
     return np.where(missing, np.nan, noise), np.where(missing, np.nan, by_cameras)
 
 
-def point_covariance(table, shape):
+def point_covariance(table: Table, shape: tuple[int, ...]) -> Floats:
     """Covariance (*shape, 3, 3) m^2 from the sigma and rho columns of a `skeletons_3d` table."""
     x, y, z, xy, xz, yz = (
         table[key].reshape(shape).astype(float)

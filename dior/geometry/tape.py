@@ -1,19 +1,22 @@
 """The pose of a camera by what a tape measured: where it stands and what it looks at. World in metres, Z up."""
 
+from typing import Any
+
 import numpy as np
 
+from dior.arrays import AnyPath, Floats
 from dior.errors import DiorError
 from dior.geometry.camera import pose
 from dior.geometry.multiview import look_at
 
 
-def check_above_floor(where, centre, hint):
+def check_above_floor(where: AnyPath, centre: Floats, hint: str) -> None:
     """Refuse a camera whose centre (3,) m is below the floor."""
     if not centre[2] > 0:
         raise DiorError(f"{where}: the camera is {-centre[2]:.2f} m below the floor; {hint}")
 
 
-def look_at_pose(where, tape):
+def look_at_pose(where: AnyPath, tape: dict[str, Any]) -> Floats:
     """wTc (4, 4) of an upright camera at the tape's position that looks at its target (default: the origin)."""
     centre, target = (np.array(tape.get(key, (0, 0, 0)), float) for key in ("position_m", "target_m"))
     if np.linalg.norm(centre - target) < 1e-3:

@@ -9,14 +9,17 @@ wrong view whose error lies along the epipolar lines agrees with both others. So
 was just before and after: its prediction between the nearest good instants, whose error is measured on good points.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 
-from dior.geometry import camera as cam
-from dior.geometry import multiview
-from dior.geometry.rig import meet, meet_in_blocks, residuals, rig_of, views_of
+from dior.arrays import Bools, Floats, Ints
+from dior.geometry.camera import Camera
+from dior.geometry.rig import Rig, mean_errors, meet, meet_in_blocks, residuals, rig_of, views_of, with_every_view
+from dior.geometry.views import best_subsets
 
 DROP_FACTOR = 3.0  # a view disagrees where the residuals are this many times what the noise makes of them
 ROUNDS = 3
@@ -45,7 +48,7 @@ class Points:
     sigma: np.ndarray
 
 
-def noise(cameras, uv, score, fps):
+def noise(cameras: Sequence[Camera], uv: Floats, score: Floats, fps: float) -> Floats:
     """Standard deviation (V, J) px, in u and in v, of a detection with score 1; that of score s is 1/s of it.
 
     From the residuals of a sample of the instants at which all views agree, with the degrees of freedom that the points
@@ -86,12 +89,14 @@ def noise(cameras, uv, score, fps):
     return sigma
 
 
-def _median_chi2(degrees):
+def _median_chi2(degrees: Any) -> Any:
     """Median of chi squared (Wilson and Hilferty 1931), good to 1 % from one degree on."""
     return degrees * (1 - 2 / (9 * degrees)) ** 3
 
 
-def triangulate(cameras, uv, score, fps, sigma=None):
+def triangulate(
+    cameras: Sequence[Camera], uv: Floats, score: Floats, fps: float, sigma: Floats | None = None
+) -> Points:
     """`Points` of pixels uv (V, T, J, 2) with scores (V, T, J), 0 for a view without a say.
 
     Views that disagree are left out, one more at a time, as long as a point's residuals are `DROP_FACTOR` times the
@@ -101,12 +106,12 @@ def triangulate(cameras, uv, score, fps, sigma=None):
     sigma = noise(cameras, uv, score, fps) if sigma is None else sigma
     rig = rig_of(cameras)
     weights = score / sigma[:, None]
-    points, chi2, used, pixels, scaled = _all_views(rig, uv, weights)
+    points, chi2, used, pixels, scaled = with_every_view(rig, uv, weights)
     rows = _strange(chi2, used, shape)
     if len(rows):
         weights = weights.copy()
         weights[:, rows] *= _same_person(rig, uv[:, rows], weights[:, rows])[..., None]
-        again = _all_views(rig, uv[:, rows], weights[:, rows])
+        again = with_every_view(rig, uv[:, rows], weights[:, rows])
         at = (rows[:, None] * joints + np.arange(joints)).ravel()
         for values, new in zip((points, chi2, used, pixels, scaled), again, strict=True):
             values[..., at] = new
@@ -117,30 +122,19 @@ def triangulate(cameras, uv, score, fps, sigma=None):
         expected, spread = predicted(points.reshape(3, count, joints), good.reshape(shape), bad, fps)
         uv = uv.reshape(len(cameras), -1, 2)[:, bad]
         views = views_of(rig, uv, weights.reshape(len(cameras), -1)[:, bad])
-        points[:, bad], used[:, bad] = _best_subsets(views, points[:, bad], chi2[bad], expected, spread)
-        pixels[bad], scaled[bad] = _errors(rig, points[:, bad], uv, used[:, bad])
+
+        def judge(at: Ints, p: Floats, chi2: Floats, keep: Bools) -> tuple[Floats, Bools]:
+            off = ((p - expected[:, at]) ** 2).sum(axis=0) / spread[at] ** 2
+            return chi2 + np.where(np.isfinite(off), off, 0.0), chi2 <= DROP_FACTOR**2 * (2 * keep.sum(axis=0) - 3)
+
+        points[:, bad], used[:, bad] = best_subsets(views, points[:, bad], np.zeros(len(bad), bool), judge)
+        pixels[bad], scaled[bad] = mean_errors(rig, points[:, bad], uv, used[:, bad])
     xyz = np.empty((points.shape[1], 3))
     np.add(points.T, rig.origin, out=xyz)
     return Points(xyz.reshape(*shape, 3), used.reshape(-1, *shape), pixels.reshape(shape), scaled.reshape(shape), sigma)
 
 
-def _all_views(rig, uv, weights):
-    """With every view: points (3, N) from the rig's origin, chi squared (N,), views used (V, N), both `_errors`."""
-    joints = uv.shape[2]
-    count = uv.shape[1] * joints
-    points, left, used = np.empty((3, count)), np.empty((3, count)), np.empty((len(uv), count), bool)
-    step = max(1, multiview.BLOCK // joints)
-    for start in range(0, uv.shape[1], step):
-        block = slice(start * joints, (start + step) * joints)
-        some = uv[:, start : start + step]
-        views = views_of(rig, some, weights[:, start : start + step])
-        points[:, block], left[0, block] = meet(views)
-        used[:, block] = views.w > 0
-        left[1:, block] = _errors(rig, points[:, block], some.reshape(len(uv), -1, 2), used[:, block])
-    return points, left[0], used, left[1], left[2]
-
-
-def strangers(cameras, uv, score, fps, mirror):
+def strangers(cameras: Sequence[Camera], uv: Floats, score: Floats, fps: float, mirror: Ints) -> Bools:
     """Views (V, T) that look at somebody else than the others do, whatever they call left and right.
 
     `mirror` (J,): the joint of the other side. The middle of two such joints stays where it is when a detector
@@ -151,7 +145,7 @@ def strangers(cameras, uv, score, fps, mirror):
     certain = np.where(both, np.minimum(score, score[:, :, mirror]), 0.0)
     rig = rig_of(cameras)
     weights = certain / noise(cameras, middle, certain, fps)[:, None]
-    _, chi2, used, _, _ = _all_views(rig, middle, weights)
+    _, chi2, used, _, _ = with_every_view(rig, middle, weights)
     rows = _strange(chi2, used, uv.shape[1:3])
     out = np.zeros(uv.shape[:2], bool)
     if len(rows):
@@ -159,7 +153,7 @@ def strangers(cameras, uv, score, fps, mirror):
     return out
 
 
-def _strange(chi2, used, shape):
+def _strange(chi2: Floats, used: Bools, shape: tuple[int, int]) -> Ints:
     """Instants (n,) at which most joints of three or more views disagree: a view looks at somebody else."""
     seen = used.sum(axis=0, dtype=np.int8)
     several = (seen > 2).reshape(shape)
@@ -167,7 +161,7 @@ def _strange(chi2, used, shape):
     return np.flatnonzero((bad.sum(axis=1) > several.sum(axis=1) / 2) & (several.sum(axis=1) >= FEW_JOINTS))
 
 
-def _same_person(rig, uv, weights):
+def _same_person(rig: Rig, uv: Floats, weights: Floats) -> Bools:
     """Which views (V, n) are left without those that, as a whole, agree least with the others; weights (V, n, J).
 
     Joint by joint a stranger's pixel may meet one view of the subject by chance; all his joints do not.
@@ -194,23 +188,7 @@ def _same_person(rig, uv, weights):
     return keep
 
 
-def _errors(rig, points, uv, used):
-    """Mean distance (N,) of recorded pixels uv (V, N, 2) used (V, N) from the projected points: px, and at fx 1680."""
-    pixels, scaled = np.zeros((2, len(used[0])))
-    for camera, rows, view, say in zip(rig.cameras, rig.rows, uv, used, strict=True):
-        p = rows[:, :3] @ points + rows[:, 3:]
-        with np.errstate(all="ignore"):
-            off = cam.distort(camera.intrinsics, (p[:2] / p[2]).T).T
-            du, dv = off[0] - view[:, 0], off[1] - view[:, 1]
-            error = np.sqrt(du * du + dv * dv)
-        error[~say] = 0.0
-        pixels += error
-        scaled += error * (cam.REFERENCE_FX / camera.intrinsics.fx)
-    count = np.maximum(used.sum(axis=0), 1)
-    return pixels / count, scaled / count
-
-
-def covariance(cameras, points, weights):
+def covariance(cameras: Sequence[Camera], points: Floats, weights: Floats) -> Floats:
     """Covariance (T, J, 3, 3) m^2 of points (T, J, 3) given the cameras; weights (V, T, J) 1/px, 0: not used.
 
     NaN where a point is, and with fewer than two views.
@@ -230,39 +208,7 @@ def covariance(cameras, points, weights):
     return out.reshape(*points.shape, 3)
 
 
-def _best_subsets(views, points, chi2, expected, spread):
-    """Points (3, n) and views used (V, n), views left out one by one as long as those left disagree."""
-    points, chi2, used = points.copy(), chi2.copy(), views.w > 0
-    seen = used.sum(axis=0)
-    for views_left in range(len(used) - 1, 1, -1):
-        at = np.flatnonzero(~(chi2 <= DROP_FACTOR**2 * (2 * used.sum(axis=0) - 3)) & (seen > views_left))
-        p, c, k = _best_subset(views.at(at), views_left, expected[:, at], spread[at])
-        found = np.isfinite(c)
-        at = at[found]
-        points[:, at], chi2[at], used[:, at] = p[:, found], c[found], k[:, found]
-    return points, used
-
-
-def _best_subset(views, views_left, expected, spread):
-    """Point (3, n), chi squared (n,) and views (V, n) of the best `views_left` views."""
-    seen = views.w > 0
-    count = seen.shape[1]
-    best, points, chi2 = np.full(count, np.inf), np.full((3, count), np.nan), np.full(count, np.nan)
-    used = seen.copy()
-    for kept in combinations(range(len(seen)), views_left):
-        keep = np.zeros(seen.shape, bool)
-        keep[list(kept)] = True
-        keep &= seen
-        p, c = meet(replace(views, w=np.where(keep, views.w, 0.0)))
-        off = ((p - expected) ** 2).sum(axis=0) / spread**2
-        cost = c + np.where(np.isfinite(off), off, 0.0)
-        better = (keep.sum(axis=0) == views_left) & (cost < best)
-        best, chi2 = np.where(better, cost, best), np.where(better, c, chi2)
-        points, used = np.where(better, p, points), np.where(better, keep, used)
-    return points, chi2, used
-
-
-def predicted(points, good, at, fps):
+def predicted(points: Floats, good: Bools, at: Ints, fps: float) -> tuple[Floats, Floats]:
     """Where joints should be, from the nearest good instants on both sides: (3, n) m, and its sd per axis (n,) m.
 
     `points` (3, T, J), `good` (T, J), `at` (n,) indices into T J. The sd is that of the prediction of good points from
@@ -286,7 +232,7 @@ def predicted(points, good, at, fps):
     return np.where(there & np.isfinite(spread), expected, np.nan), spread
 
 
-def _prediction_error(points, good, half):
+def _prediction_error(points: Floats, good: Bools, half: int) -> Floats:
     """Standard deviation (J,) m per axis of the mean of a joint `half` instants before and after, as a prediction."""
     middle = np.arange(half, points.shape[1] - half)
     middle = middle[:: max(1, len(middle) * points.shape[2] // SAMPLE)]
@@ -299,7 +245,7 @@ def _prediction_error(points, good, half):
     return out
 
 
-def persistence(cameras, uv, score, found, fps):
+def persistence(cameras: Sequence[Camera], uv: Floats, score: Floats, found: Points, fps: float) -> tuple[float, float]:
     """How the errors of the detections last: time constant (s) of what dies away, share of the variance that stays.
 
     From the correlation in time of the residuals of `found` (`Points`), which the walk itself does not move: what is
@@ -320,12 +266,12 @@ def persistence(cameras, uv, score, found, fps):
     left = np.full((len(cameras), 2, len(columns)), np.nan)
     ideal = np.stack([some.x - at[:, 0] / at[:, 2], some.y - at[:, 1] / at[:, 2]], axis=1)
     left[..., known] = np.where(some.w[:, None] > 0, np.clip(ideal * some.w[:, None], -3.0, 3.0), np.nan)
-    left = left.reshape(len(cameras), 2, -1, joints)
+    series = left.reshape(len(cameras), 2, -1, joints)
 
-    def correlation(lag):
-        if lag >= left.shape[2] or lag < 1:
+    def correlation(lag: int) -> float:
+        if lag >= series.shape[2] or lag < 1:
             return 0.0
-        a, b = left[:, :, lag:], left[:, :, :-lag]
+        a, b = series[:, :, lag:], series[:, :, :-lag]
         both = np.isfinite(a) & np.isfinite(b)
         a, b = np.where(both, a, 0.0), np.where(both, b, 0.0)
         return float((a * b).sum() / max(np.sqrt((a * a).sum() * (b * b).sum()), 1e-12))

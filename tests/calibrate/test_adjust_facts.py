@@ -93,8 +93,9 @@ def ran(folder, placed, known=None, marks=(), tags=(), sigma_m=0.3, sequences=("
         detections=[folder / f"detections/{name}.parquet" for name in sequences],
         frames=[folder / f"frames/{name}.parquet" for name in sequences], offsets=[],
         window={name: {"first": 0, "count": MOMENTS, "step": 1} for name in sequences}, min_score=0.4, min_views=3,
-        huber_px=15.0, max_mean_px=more.pop("max_mean_px", 12.0), max_gap=1.5, known=known, marks=marks,
-        marked=sequences, tags=tags, intrinsics_sigma=0, out=folder / "adjust.parquet",
+        huber_px=15.0, max_mean_px=more.pop("max_mean_px", 12.0), max_gap=1.5, known=known or {}, marks=list(marks),
+        marked=list(sequences), tags=list(tags), intrinsics_sigma=0, physics=more.pop("physics", {}),
+        out=folder / "adjust.parquet",
         out_metrics=folder / "metrics.parquet", out_covariance=folder / "covariance.parquet",
         findings=folder / "findings.parquet", **more,
     )  # fmt: skip
@@ -112,7 +113,7 @@ def test_a_tag_decides_the_scale_and_the_place_of_cameras_without_a_tape(tmp_pat
     found, _ = ran(tmp_path, scaled(ring(3), 1.04, "apriltag"), tags=tags, taped=False)
     assert abs(apart(found) / apart(ring(3)) - 1) < 0.004
     for camera, true in zip(found, ring(3), strict=True):
-        distance, angle = outcome.moved(true, camera)
+        distance, angle = outcome.shift_and_turn(true, camera)
         assert distance < 0.02 and angle < 0.2
     joint = camera_tables.read_camera_covariance(tmp_path / "covariance.parquet", [camera.name for camera in found])
     shift = np.concatenate([camera.centre - true.centre for camera, true in zip(found, ring(3), strict=True)])

@@ -8,9 +8,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dior.body.names import BODY_25B
-from dior.calibrate.adjust import run
+from dior.calibrate.adjust import LENS_SIGMA, run
 from dior.calibrate.bundle import window
-from dior.calibrate.bundle.outcome import moved
+from dior.calibrate.bundle.outcome import shift_and_turn
 from dior.calibrate.place import reference_pose
 from dior.errors import DiorError
 from dior.geometry import camera_tables
@@ -78,7 +78,8 @@ def adjusted(folder, cameras, out, tape_sigma=None, sections=None, clocks=GENLOC
         session="field", cameras=[out / f"place/{camera.name}.parquet" for camera in cameras], camera_files=files,
         detections=[folder / f"detections/{SEQUENCE}.parquet"], frames=[folder / f"frames/{SEQUENCE}.parquet"],
         offsets=[offsets], window=WINDOW if sections is None else sections, min_score=0.4, min_views=3, huber_px=15.0,
-        max_mean_px=12.0, max_gap=1.5, out=out / "adjust.parquet", out_metrics=out / "metrics.parquet",
+        max_mean_px=12.0, max_gap=1.5, known={}, marks=[], marked=[], tags=[], intrinsics_sigma=LENS_SIGMA, physics={},
+        out=out / "adjust.parquet", out_metrics=out / "metrics.parquet",
         findings=out / "findings.parquet", out_covariance=out / "covariance.parquet",
     )  # fmt: skip
     return (
@@ -115,7 +116,7 @@ def test_from_the_reference_extrinsics(capture, tmp_path):
     per_camera = metrics["value"][(metrics["metric"] == "adjust_error_after") & (metrics["camera"] != "")]
     assert per_camera.shape == (4,) and per_camera.max() < 11
     for camera in cameras:
-        assert moved(camera, found[camera.name])[0] < 0.06
+        assert shift_and_turn(camera, found[camera.name])[0] < 0.06
     assert findings["code"].tolist() == [
         "adjust_window",
         "adjusted",
@@ -151,7 +152,7 @@ def test_cameras_that_look_at_the_origin_end_well_or_not_at_all(capture, tmp_pat
         return
     assert mean_px(metrics, "adjust_error_after") <= 9.0
     for camera in cameras:
-        assert moved(camera, found[camera.name])[0] < 0.1
+        assert shift_and_turn(camera, found[camera.name])[0] < 0.1
 
 
 @pytest.mark.slow
@@ -162,7 +163,7 @@ def test_look_at_starts_with_a_local_minimum_are_brought_back_by_the_keypoints(c
     assert mean_px(metrics, "adjust_error_after") <= 9.0
     assert "adjust_starts" in findings["code"].tolist()
     for camera in cameras:
-        assert moved(camera, found[camera.name])[1] < 3
+        assert shift_and_turn(camera, found[camera.name])[1] < 3
 
 
 @pytest.mark.slow

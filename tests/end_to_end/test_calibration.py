@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from dior.geometry import camera_tables
-from dior.geometry.camera import Camera, Intrinsics, pose, project
+from dior.geometry.camera import Camera, Intrinsics, angle_deg, pose, project
 from dior.geometry.multiview import look_at
 from dior.project.init import header
 from dior.tables import tables
-from tests.calibrate.marks.test_apriltag import FLAT, angle_deg, photograph
+from tests.calibrate.marks.test_apriltag import FLAT, photograph
 from tests.end_to_end.workflow import ROOT, snakemake
 from tests.ingest.bagfiles import info, packed, write
 from tests.rig import camera

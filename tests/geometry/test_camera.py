@@ -56,8 +56,8 @@ def test_a_point_beyond_the_fold_of_the_lens_is_nowhere():
 
 def test_behind_the_camera_has_depth_but_no_pixel():
     c = camera("a", (4.0, 0.0, 1.0))
-    uv, depth = cam.project(c, np.array([[8.0, 0.0, 1.0], [np.nan, 0, 0]]))
-    assert depth[0] == pytest.approx(-4.0) and np.isnan(depth[1])
+    uv, depth = cam.project(c, np.array([[8.0, 0.0, 1.0], [np.nan, 0, 0], [4.01, 0.0, 1.0]]))
+    assert depth[[0, 2]] == pytest.approx([-4.0, -0.01]) and np.isnan(depth[1])
     assert np.isnan(uv).all()
 
 

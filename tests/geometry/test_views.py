@@ -64,6 +64,23 @@ def test_between_dropping_and_rejecting_a_joint_of_two_views_is_kept():
     assert not views.by_dropping(cameras, uv, np.ones(uv.shape[:3]), 5.0, 5.0)[3][2].any()
 
 
+def test_views_disagree_beyond_four_times_the_usual_error():
+    cameras, points = ring(4), walker(60)
+    clean = observed(cameras, points, 1.0)
+    usual = views.usual_error(cameras, clean, np.ones(clean.shape[:3]))
+    for times, agree in ((2.5, True), (6.0, False)):
+        uv = clean.copy()
+        # the point of four views takes a part of the shift, the mean error at fx 1680 is what remains
+        step = np.array([0.0, 100.0])
+        uv[1, 30, 5] = cam.project(cameras[1], points[30, 5])[0] + step
+        _, error, _, _ = views.by_dropping(cameras, uv, np.ones(uv.shape[:3]), np.inf, np.inf)
+        uv[1, 30, 5] += (times * usual / (error[30, 5] * 1680 / 640) - 1) * step
+        found = views.agreeing(cameras, uv)
+        assert found[1, 30, 5] == agree and found[:, :30].mean() > 0.99
+        assert views.agreeing(cameras, uv, least_px=8 * usual)[1, 30, 5]
+        assert found[[0, 2, 3], 30, 5].all()
+
+
 def test_usual_error_is_in_pixels_at_fx_1680():
     cameras = ring(3, fx=1680.0 / 2)
     uv = observed(cameras, walker(200), 1.0)

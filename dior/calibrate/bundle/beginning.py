@@ -4,18 +4,21 @@ INPUTS   placed cameras, recorded pixels (V, N, 2)
 OUTPUTS  a DiorError that names the culprit
 """
 
+from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
 
+from dior.arrays import Floats
 from dior.errors import DiorError
+from dior.geometry.camera import Camera
 from dior.geometry.tape import check_above_floor
 
-SAME_PLACE_M = 0.01
-FEWEST_SEEN = 6
+SAME_PLACE_M = 0.01  # chosen: nearer than two cameras can stand
+FEWEST_SEEN = 6  # a relative pose has 5 unknowns (Nister 2004) and one joint checks it; chosen as the least
 
 
-def check_start(cameras, uv, where):
+def check_start(cameras: Sequence[Camera], uv: Floats, where: str) -> None:
     """Refuse fewer than two cameras, two in one place, one below the floor, and no joints."""
     if len(cameras) < 2:
         raise DiorError(f"{where}: {len(cameras)} close camera; the adjustment needs at least 2")
@@ -34,7 +37,7 @@ def check_start(cameras, uv, where):
         )
 
 
-def check_shared(cameras, uv, where):
+def check_shared(cameras: Sequence[Camera], uv: Floats, where: str) -> None:
     """Refuse cameras that the points do not tie to the others."""
     seen = np.isfinite(uv).all(axis=-1)
     for camera, count in zip(cameras, seen.sum(axis=1), strict=True):

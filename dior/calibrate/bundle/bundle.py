@@ -1,34 +1,36 @@
-"""Bundle adjustment of camera poses and points with fixed intrinsics, by GTSAM.
+"""The initial solution of an adjustment: camera poses and points with fixed intrinsics, by GTSAM.
 
 INPUTS   cameras with start poses, ideal pixels and points, priors on the poses
 OUTPUTS  cameras and points with the least robust cost
 
 GTSAM's lens models lack k3, so it works on ideal pixels: recorded pixels undistorted once by `dior.geometry.camera`,
 mapped back with K, and Cal3_S2. World in metres. Costs are GTSAM's: half the sum of squared whitened residuals, Huber
-beyond
-1.345 sigma.
+beyond 1.345 sigma.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from dior.arrays import Floats
 from dior.errors import DiorError
-from dior.geometry.camera import undistort
+from dior.geometry.camera import Camera, Intrinsics, undistort
 
-# Huber's constant: 95 % efficient for Gaussian residuals
+# Huber's constant: 95 % efficient for Gaussian residuals (Huber and Ronchetti, Robust Statistics, 2009)
 HUBER = 1.345
-POINT = 1 << 32
-MOST_ITERATIONS = 100
+POINT = 1 << 32  # keys of the points: above any number of cameras
+MOST_ITERATIONS = 100  # GTSAM's default
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Prior:
     """What is known of a camera beforehand: position (3,) m and rotation wRc (3, 3), each with its sigma (m, rad)."""
 
-    position: np.ndarray
+    position: Floats
     sigma_m: float
-    wRc: np.ndarray
+    wRc: Floats
     sigma_rad: float
 
 
@@ -36,18 +38,18 @@ class Prior:
 class Optimum:
     """GTSAM values with the least cost, the cost before and after, and the number of accepted iterations."""
 
-    values: object
+    values: Any
     before: float
     after: float
     iterations: int
 
 
-def ideal_pixels(intrinsics, uv):
+def ideal_pixels(intrinsics: Intrinsics, uv: Floats) -> Floats:
     """Recorded pixels (..., 2) to the pixels (..., 2) of a lens without distortion and the same K."""
     return undistort(intrinsics, uv) * (intrinsics.fx, intrinsics.fy) + (intrinsics.cx, intrinsics.cy)
 
 
-def robust(sigma):
+def robust(sigma: float) -> Any:
     """GTSAM noise of a detection with `sigma` (px, both axes) that counts linearly beyond 1.345 sigma (Huber)."""
     import gtsam
 
@@ -55,7 +57,9 @@ def robust(sigma):
     return gtsam.noiseModel.Robust.Create(huber, gtsam.noiseModel.Isotropic.Sigma(2, sigma))
 
 
-def build(cameras, uv, points, priors, sigma_px):
+def build(
+    cameras: Sequence[Camera], uv: Floats, points: Floats, priors: Sequence[Prior], sigma_px: Sequence[float] | Floats
+) -> tuple[Any, Any]:
     """GTSAM graph and start values of V cameras and N points.
 
     `uv` (V, N, 2) recorded px, NaN where not seen; `points` (N, 3) m; `priors` one per camera; `sigma_px` (V,). Keys:
@@ -84,7 +88,7 @@ def build(cameras, uv, points, priors, sigma_px):
     return graph, values
 
 
-def optimise(graph, values, where, tolerance=1e-5):
+def optimise(graph: Any, values: Any, where: str, tolerance: float = 1e-5) -> Optimum:
     """Levenberg-Marquardt from `values`, to an `Optimum`.
 
     Raises DiorError, beginning with `where`: no accepted iteration, or a final cost not below the start, unless the
@@ -103,9 +107,9 @@ def optimise(graph, values, where, tolerance=1e-5):
         optimiser = gtsam.LevenbergMarquardtOptimizer(graph, values, params)
         best = optimiser.optimize()
     except RuntimeError as error:
-        reason = str(error).strip().splitlines()[:1]
+        said = str(error).strip().splitlines()[:1]
         raise DiorError(
-            f"{where}: the adjustment cannot be solved ({reason[0] if reason else 'an undetermined system'}); are the "
+            f"{where}: the adjustment cannot be solved ({said[0] if said else 'an undetermined system'}); are the "
             "cameras placed and aimed roughly right and do they see the same person?"
         ) from None
     after, iterations = graph.error(best), optimiser.iterations()
@@ -118,7 +122,7 @@ def optimise(graph, values, where, tolerance=1e-5):
     return Optimum(best, before, after, iterations)
 
 
-def _ordering(values):
+def _ordering(values: Any) -> Any:
     """Points first, then cameras: the Schur complement, in half the time of a general ordering.
 
     GTSAM 4.3's SfmLevenbergMarquardtOptimizer is a quarter faster, but gives up (or crashes in METIS) on starts from
@@ -132,7 +136,7 @@ def _ordering(values):
     return ordering
 
 
-def is_minimum(graph, values):
+def is_minimum(graph: Any, values: Any) -> bool:
     """Whether a Gauss-Newton step promises less than a millionth of the cost (or nothing next to one residual)."""
     import gtsam
 
@@ -146,11 +150,11 @@ def is_minimum(graph, values):
     return bool(promised <= 1e-6 * start + 1e-9)
 
 
-def poses(values, count):
+def poses(values: Any, count: int) -> Floats:
     """wTc (count, 4, 4) of the cameras in an optimum's values."""
     return np.array([values.atPose3(view).matrix() for view in range(count)])
 
 
-def points(values, count):
+def points(values: Any, count: int) -> Floats:
     """World points (count, 3) m of an optimum's values."""
     return np.array([values.atPoint3(POINT + j) for j in range(count)]).reshape(-1, 3)

@@ -1,20 +1,27 @@
 """Metric facts of a session: what is known in metres beside the pixels, each ONE measurement with its own sigma.
 
 INPUTS   numbers and names from session.yaml, the points that the fact speaks of
-OUTPUTS  functions of (cameras, points, noise) to a `Row`: residuals and derivatives, divided by the sigma
+OUTPUTS  functions of (cameras, points, noise) to a `reduced.Row`: residuals and derivatives, divided by the sigma
 
 A length between joints is the mean over the frames, so that 400 frames weigh as much as one. World in metres, Z up,
 floor at Z = 0. A camera's error as in `dior.geometry.covariance`.
 """
 
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from dior.arrays import Bools, Floats, Ints
 from dior.body import plausible
+from dior.calibrate.bundle.bundle import Prior
+from dior.calibrate.bundle.reduced import Row, RowOf
+from dior.calibrate.bundle.uncertainty import Tracks
 from dior.errors import DiorError, nearest
 from dior.geometry import covariance
-from dior.geometry.camera import project
+from dior.geometry.camera import Camera, project
 
 # Segments by Drillis and Contini (1966), in Winter, Biomechanics and Motor Control of Human Movement, 4th ed., fig.
 # 4.1, in body heights: knee to ankle 0.246, hip to knee 0.245, and shoulder (0.818) to hip (0.530).
@@ -29,31 +36,18 @@ STATURE_SHARE = sum(plausible.SEGMENTS.values())
 # People differ by 1-2 % of their height in what is left (neck, head, foot), and a detector's hips and shoulders are
 # not the anatomist's: together 2.5 % of the sum.
 STATURE_SHARE_SIGMA = 0.02
-FEWEST_MOMENTS = 10
+FEWEST_MOMENTS = 10  # chosen: instants that a mean length needs; a third of the noise of one is left then
+# chosen: of the instants of a walk at which a joint of the foot counts as standing; a foot stands in 60 % of a stride
+# (Winter), so that a quarter leaves room for slopes of the noise
 STANCE_SHARE = 0.25
-# how high the joints of a standing foot are above the floor, m: the ankle by Winter's 0.039 body heights
+# chosen: how high the heel and the toes of a standing foot are above the floor, m, in a shoe
 SOLE_M = {"left_heel": 0.03, "right_heel": 0.03, "left_foot_index": 0.03, "right_foot_index": 0.03}
 
 
-@dataclass(frozen=True)
-class Row:
-    """m residuals of a fact and their derivatives, all divided by the sigma.
-
-    `by_cameras` (m, 6V) with the points held, `points` (k,) which points it speaks of, `by_points` (m, k, 3).
-    `by_lens` (m, 3V): by a relative error of the focal length and by shifts of the principal point in focal lengths.
-    """
-
-    residual: np.ndarray
-    by_cameras: np.ndarray
-    points: np.ndarray
-    by_points: np.ndarray
-    by_lens: np.ndarray
-
-    @classmethod
-    def of_cameras(cls, residual, by_cameras, by_lens=None):
-        m, n = by_cameras.shape
-        lens = np.zeros((m, n // 2)) if by_lens is None else by_lens
-        return cls(np.asarray(residual, float), by_cameras, np.zeros(0, int), np.zeros((m, 0, 3)), lens)
+# what an adjusted world makes of a fact: of (cameras, points, noise) to its value
+Measure: TypeAlias = Callable[[Sequence[Camera], Floats, Floats], float]
+# indices (T, ka) and (T, kb) of the points whose means are the ends, and the weight
+Segment: TypeAlias = tuple[Ints, Ints, float]
 
 
 @dataclass(frozen=True)
@@ -65,20 +59,20 @@ class Fact:
     """
 
     name: str
-    row: object
+    row: RowOf
     known: float = np.nan
     sigma: float = np.nan
-    measured: object = None
+    measured: Measure | None = None
     unit: str = "m"
 
-    def __call__(self, cameras, points, noise):
+    def __call__(self, cameras: Sequence[Camera], points: Floats, noise: Floats) -> Row:
         return self.row(cameras, points, noise)
 
 
-def placed(view, prior):
+def placed(view: int, prior: Prior) -> Fact:
     """A camera's measured position and its rotation, from a `bundle.Prior`."""
 
-    def row(cameras, points, noise):
+    def row(cameras: Sequence[Camera], points: Floats, noise: Floats) -> Row:
         from scipy.spatial.transform import Rotation
 
         D = np.zeros((6, 6 * len(cameras)))
@@ -91,10 +85,10 @@ def placed(view, prior):
     return Fact(f"position of camera {view}", row)
 
 
-def between_cameras(one, other, length_m, sigma_m, name=""):
+def between_cameras(one: int, other: int, length_m: float, sigma_m: float, name: str = "") -> Fact:
     """The tape between two cameras."""
 
-    def row(cameras, points, noise):
+    def row(cameras: Sequence[Camera], points: Floats, noise: Floats) -> Row:
         gap = cameras[one].centre - cameras[other].centre
         length = np.linalg.norm(gap)
         D = np.zeros((1, 6 * len(cameras)))
@@ -102,17 +96,17 @@ def between_cameras(one, other, length_m, sigma_m, name=""):
         D[0, 6 * other + 3 : 6 * other + 6] = -gap / length / sigma_m
         return Row.of_cameras([(length - length_m) / sigma_m], D)
 
-    def measured(cameras, points, noise):
+    def measured(cameras: Sequence[Camera], points: Floats, noise: Floats) -> float:
         return float(np.linalg.norm(cameras[one].centre - cameras[other].centre))
 
     return Fact(name or f"distance of cameras {one} and {other}", row, length_m, sigma_m, measured)
 
 
-def to_point(view, points_of, length_m, sigma_m, name=""):
+def to_point(view: int, points_of: ArrayLike, length_m: float, sigma_m: float, name: str = "") -> Fact:
     """The tape from a camera to a named point, the mean over its pictures; `points_of` (k,) points."""
     index = np.asarray(points_of, int)
 
-    def row(cameras, points, noise):
+    def row(cameras: Sequence[Camera], points: Floats, noise: Floats) -> Row:
         gap = points[index] - cameras[view].centre
         length = np.linalg.norm(gap, axis=1)
         toward = gap / length[:, None] / len(index) / sigma_m
@@ -121,21 +115,21 @@ def to_point(view, points_of, length_m, sigma_m, name=""):
         residual = [(length.mean() - length_m) / sigma_m]
         return Row(np.array(residual), D, index, toward[None], np.zeros((1, 3 * len(cameras))))
 
-    def measured(cameras, points, noise):
+    def measured(cameras: Sequence[Camera], points: Floats, noise: Floats) -> float:
         return float(np.linalg.norm(points[index] - cameras[view].centre, axis=1).mean())
 
     return Fact(name, row, length_m, sigma_m, measured)
 
 
-def length(segments, length_m, sigma_m, name=""):
+def length(segments: Sequence[Segment], length_m: float, sigma_m: float, name: str = "") -> Fact:
     """A length that is the weighted sum of segments, each the mean over its frames.
 
     `segments`: (a (T, ka), b (T, kb), weight) with the indices of the points whose means are its ends. The noise of
-    the points makes a distance too long by its variance across the segment over twice the length; that is taken off.
+    the points makes a distance too long by its variance across the segment over twice the length; that is subtracted.
     """
     index = np.concatenate([part.ravel() for a, b, _ in segments for part in (a, b)]).astype(int)
 
-    def measure(points, noise):
+    def measure(points: Floats, noise: Floats) -> tuple[float, Floats]:
         found, by_points = 0.0, []
         for a, b, weight in segments:
             gap = points[b].mean(axis=1) - points[a].mean(axis=1)
@@ -149,7 +143,7 @@ def length(segments, length_m, sigma_m, name=""):
             by_points += [np.repeat(along / b.shape[1], b.shape[1], axis=0)]
         return found, np.concatenate(by_points)
 
-    def row(cameras, points, noise):
+    def row(cameras: Sequence[Camera], points: Floats, noise: Floats) -> Row:
         found, D = measure(points, noise)
         residual = np.array([(found - length_m) / sigma_m])
         none = np.zeros((1, 6 * len(cameras)))
@@ -158,17 +152,17 @@ def length(segments, length_m, sigma_m, name=""):
     return Fact(name, row, length_m, sigma_m, lambda cameras, points, noise: float(measure(points, noise)[0]))
 
 
-def stature(segments, height_m, height_sigma_m, name=""):
+def stature(segments: Sequence[Segment], height_m: float, height_sigma_m: float, name: str = "") -> Fact:
     """A subject's height, by `STATURE_SEGMENTS`."""
     sigma = np.hypot(STATURE_SHARE * height_sigma_m, STATURE_SHARE_SIGMA * height_m)
     return length(segments, STATURE_SHARE * height_m, sigma, name)
 
 
-def tag(view, corners, world, sigma_px, name=""):
+def tag(view: int, corners: ArrayLike, world: ArrayLike, sigma_px: float, name: str = "") -> Fact:
     """The corners (4, 2) recorded px of a tag whose corners are at `world` (4, 3) m, seen by one camera."""
     corners, world = np.asarray(corners, float), np.asarray(world, float)
 
-    def row(cameras, points, noise):
+    def row(cameras: Sequence[Camera], points: Floats, noise: Floats) -> Row:
         camera = cameras[view]
         residual = (project(camera, world)[0] - corners) / sigma_px
         _, by_camera = covariance.projection(camera, world)
@@ -182,13 +176,13 @@ def tag(view, corners, world, sigma_px, name=""):
         lens[:, 3 * view : 3 * view + 3] = by_lens.reshape(-1, 3)
         return Row.of_cameras(residual.ravel(), D, lens)
 
-    def off(cameras, points, noise):
+    def off(cameras: Sequence[Camera], points: Floats, noise: Floats) -> float:
         return float(np.sqrt(np.mean((project(cameras[view], world)[0] - corners) ** 2)))
 
     return Fact(name or f"corners of the tag in camera {view}, off by", row, 0.0, sigma_px, off, "px")
 
 
-def floor(index, above_m, sigma_m, sigma_rad, name="floor"):
+def floor(index: ArrayLike, above_m: ArrayLike, sigma_m: float, sigma_rad: float, name: str = "floor") -> Fact:
     """Feet on the floor: the plane through points `index` (k,), each `above_m` (k,) above it, is Z = 0.
 
     Three measurements: its height in the middle of the points with `sigma_m`, its slope along the two main directions
@@ -196,7 +190,7 @@ def floor(index, above_m, sigma_m, sigma_rad, name="floor"):
     """
     index, above = np.asarray(index, int), np.broadcast_to(above_m, np.shape(index)).astype(float)
 
-    def row(cameras, points, noise):
+    def row(cameras: Sequence[Camera], points: Floats, noise: Floats) -> Row:
         at = points[index]
         flat = at[:, :2] - at[:, :2].mean(axis=0)
         _, spread, axes = np.linalg.svd(flat, full_matrices=False)
@@ -211,51 +205,51 @@ def floor(index, above_m, sigma_m, sigma_rad, name="floor"):
         by_points[..., 2] = W
         return Row(W @ height, np.zeros((3, 6 * len(cameras))), index, by_points, np.zeros((3, 3 * len(cameras))))
 
-    def measured(cameras, points, noise):
+    def measured(cameras: Sequence[Camera], points: Floats, noise: Floats) -> float:
         return float((points[index, 2] - above).mean())
 
     return Fact(name, row, 0.0, sigma_m, measured)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Marked:
     """Points that a person marked in several cameras: `uv` (V, M, 2) recorded px, names (M,) and pictures (M,).
 
     Each picture gives points of its own: the bar may have been moved in between.
     """
 
-    uv: np.ndarray
-    names: tuple
-    moments: tuple
+    uv: Floats
+    names: tuple[str, ...]
+    moments: tuple[int | str, ...]
     sigma_px: float = 1.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class About:
     """What facts are made from: names of the cameras, `uncertainty.Tracks` of the first points, which of these are
     known (N,), all points (N + M, 3) m, the last ones `marked`."""
 
-    cameras: list
-    tracks: object
-    known: np.ndarray
-    points: np.ndarray
-    marked: object
+    cameras: list[str]
+    tracks: Tracks | None
+    known: Bools
+    points: Floats
+    marked: Marked | None
     where: str
 
-    def wrong(self, key, text):
+    def wrong(self, key: str, text: str) -> DiorError:
         """The error of a fact that session.yaml states under `key`."""
         return DiorError(f"{self.where}, session.yaml, {key}: {text}")
 
-    def view(self, name, key):
+    def view(self, name: str, key: str) -> int:
         if name not in self.cameras:
             raise self.wrong(
                 key, f"'{name}' is no close camera of {', '.join(self.cameras)}{nearest(name, self.cameras)}"
             )
         return self.cameras.index(name)
 
-    def of_mark(self, name, key):
+    def of_mark(self, name: str, key: str) -> dict[int | str, int]:
         """Indices of the marked point `name`, by sequence."""
-        names = () if self.marked is None else self.marked.names
+        names, moments = ((), ()) if self.marked is None else (self.marked.names, self.marked.moments)
         if name not in names:
             text = "is no close camera and " if key == "distances" else "is "
             close = nearest(name, [*names, *self.cameras] if key == "distances" else names)
@@ -265,9 +259,11 @@ class About:
                 f"'{name}' in their <camera>.marks.csv{close}",
             )
         at = [i for i, other in enumerate(names) if other == name]
-        return {self.marked.moments[i]: len(self.known) + i for i in at}
+        return {moments[i]: len(self.known) + i for i in at}
 
-    def of_joints(self, groups, key, sequences=None):
+    def of_joints(
+        self, groups: Sequence[Sequence[str]], key: str, sequences: Collection[int] | None = None
+    ) -> list[Ints]:
         """Indices [(T, k)] of groups of joints at the moments at which all of them are known."""
         if self.tracks is None:
             raise self.wrong(key, "a fact about joints needs their names")
@@ -294,12 +290,12 @@ class About:
 class KeypointDistance:
     """The distance of two joints of a subject; `sequences` are his, by number (None: all)."""
 
-    joints: tuple
+    joints: tuple[str, str]
     length_m: float
     sigma_m: float
-    sequences: tuple | None = None
+    sequences: tuple[int, ...] | None = None
 
-    def made(self, about):
+    def made(self, about: About) -> list[Fact]:
         a, b = about.of_joints([(self.joints[0],), (self.joints[1],)], "keypoint_distance", self.sequences)
         return [length([(a, b, 1.0)], self.length_m, self.sigma_m, f"distance {self.joints[0]} to {self.joints[1]}")]
 
@@ -310,10 +306,13 @@ class Stature:
 
     height_m: float
     sigma_m: float
-    sequences: tuple | None = None
+    sequences: tuple[int, ...] | None = None
 
-    def made(self, about):
-        segments = [(*about.of_joints([a, b], "stature", self.sequences), weight) for a, b, weight in STATURE_SEGMENTS]
+    def made(self, about: About) -> list[Fact]:
+        segments: list[Segment] = []
+        for one, other, weight in STATURE_SEGMENTS:
+            a, b = about.of_joints([one, other], "stature", self.sequences)
+            segments.append((a, b, weight))
         name = f"thigh, shank and trunk of the stature of {self.height_m:g} m"
         return [stature(segments, self.height_m, self.sigma_m, name)]
 
@@ -322,11 +321,11 @@ class Stature:
 class Distance:
     """The tape between two cameras, or a camera and a marked point."""
 
-    between: tuple
+    between: tuple[str, str]
     length_m: float
     sigma_m: float
 
-    def made(self, about):
+    def made(self, about: About) -> list[Fact]:
         name = f"distance {self.between[0]} to {self.between[1]}"
         first = about.view(self.between[0], "distances")
         if self.between[1] in about.cameras:
@@ -340,11 +339,11 @@ class Distance:
 class ScaleBar:
     """A bar whose two ends are marked; each pair of names in `ends` is a place where it lay."""
 
-    ends: tuple
+    ends: tuple[tuple[str, str], ...]
     length_m: float
     sigma_m: float
 
-    def made(self, about):
+    def made(self, about: About) -> list[Fact]:
         pairs = []
         for names in self.ends:
             one, other = (about.of_mark(name, "scale_bar") for name in names)
@@ -358,16 +357,16 @@ class ScaleBar:
         return [length([(a, b, 1.0)], self.length_m, self.sigma_m, name)]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Tag:
     """A tag whose corners are at `world` (4, 3) m; `corners` (4, 2) recorded px by the camera that sees it, each with
     `sigma_px`."""
 
-    world: np.ndarray
-    corners: dict
+    world: Floats
+    corners: dict[str, Floats]
     sigma_px: float
 
-    def made(self, about):
+    def made(self, about: About) -> list[Fact]:
         return [
             tag(about.view(name, "tag"), seen, self.world, self.sigma_px, f"corners of the tag in {name}, off by")
             for name, seen in self.corners.items()
@@ -381,7 +380,7 @@ class Floor:
     sigma_m: float = 0.02
     sigma_rad: float = 0.02
 
-    def made(self, about):
+    def made(self, about: About) -> list[Fact]:
         index, above = [], []
         for name, height in SOLE_M.items():
             if about.tracks is None or name not in about.tracks.names:
@@ -397,7 +396,10 @@ class Floor:
         return [floor(np.concatenate(index), np.concatenate(above), self.sigma_m, self.sigma_rad)]
 
 
-def lowest(points, index):
+Known: TypeAlias = KeypointDistance | Stature | Distance | ScaleBar | Tag | Floor
+
+
+def lowest(points: Floats, index: Ints) -> Ints:
     """Those of `index` (k,) whose points (k, 3) are on the floor: the lowest quarter beside a plane fitted to them."""
     kept = np.ones(len(points), bool)
     for _ in range(3):

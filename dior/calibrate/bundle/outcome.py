@@ -6,58 +6,69 @@ OUTPUTS  a DiorError, or rows of `metrics` and findings
 A reprojection error is the mean distance in recorded pixels. World in metres, Z up, floor at Z = 0.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
-from dior.calibrate.bundle import reduced, uncertainty
+from dior.arrays import Bools, Floats
+from dior.calibrate.bundle import reduced
+from dior.calibrate.bundle.bundle import Prior
+from dior.calibrate.bundle.facts import Fact
+from dior.calibrate.bundle.starts import Tried
+from dior.calibrate.bundle.uncertainty import Tracks, Uncertainty, scale_sigma
 from dior.errors import DiorError
-from dior.geometry.camera import project
+from dior.geometry.camera import Camera, angle_deg, project
 from dior.geometry.tape import check_above_floor
+from dior.tables.tables import Finding
 
-DOUBTFUL_SCALE = 0.02
+# chosen: what a person should see: an uncertainty of the scale of 2 % is 3.5 cm of a person's height, and 2 % of the
+# detections in disagreement are a few wrong limbs
+DOUBTFUL_SCALE, WORTH_TELLING = 0.02, 0.02
+# chosen: as many disagree where a camera follows somebody else or the cameras end in a wrong world
 MOST_DISAGREEING = 0.3
-WORTH_TELLING = 0.02
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Adjusted:
     """`cameras`, `points` (N, 3) m with NaN where left out, and the errors (V, N) px before and after of those used.
 
     `disagreeing` is the share of the detections that were left out, `iterations` are those of the last round.
     `uncertainty`: `uncertainty.Uncertainty`, None where the points' joints are not known; `facts`: `facts.Fact`s with
     what the adjusted world says of them, [(fact, value)]; `starts`: `starts.Tried`. `uv` and `tracks` of the points;
-    `clocks` (S, V, 2), their standard errors and `fits`: of `window_clocks`, None where they were known.
+    `clocks` (S, V, 2), their standard errors and `fits`: of `in_adjustment`, S = 0 where the clocks were known.
     """
 
-    cameras: list
-    points: np.ndarray
-    before_px: np.ndarray
-    after_px: np.ndarray
+    cameras: list[Camera]
+    points: Floats
+    before_px: Floats
+    after_px: Floats
     disagreeing: float
     iterations: int
-    uncertainty: object = None
-    facts: tuple = ()
-    starts: tuple = ()
-    uv: np.ndarray | None = None
-    tracks: object = None
-    clocks: np.ndarray | None = None
-    clocks_sigma: np.ndarray | None = None
-    fits: tuple = ()
+    uncertainty: Uncertainty | None = None
+    facts: tuple[tuple[Fact, float], ...] = ()
+    starts: tuple[Tried, ...] = ()
+    uv: Floats | None = None
+    tracks: Tracks | None = None
+    clocks: Floats = field(default_factory=lambda: np.zeros((0, 0, 2)))
+    clocks_sigma: Floats = field(default_factory=lambda: np.zeros((0, 0, 2)))
+    fits: tuple[Any, ...] = ()
 
     @property
-    def left_out(self):
+    def left_out(self) -> int:
         """Number of points that took no part."""
         return int(np.isnan(self.points[:, 0]).sum())
 
 
-def in_front(cameras, uv, points):
+def in_front(cameras: Sequence[Camera], uv: Floats, points: Floats) -> Bools:
     """Mask (N,) of the finite points that every camera which sees them has in front of it, inside its lens model."""
     projected = np.stack([project(camera, points)[0] for camera in cameras])
-    return (np.isfinite(projected) | ~np.isfinite(uv)).all(axis=(0, 2)) & np.isfinite(points).all(axis=1)
+    ahead = np.isfinite(projected) | ~np.isfinite(uv)
+    return np.asarray(ahead.all(axis=(0, 2)) & np.isfinite(points).all(axis=1))
 
 
-def check_end(done, uv, limit_px, where):
+def check_end(done: Adjusted, uv: Floats, limit_px: float, where: str) -> None:
     behind = ~in_front(done.cameras, uv, done.points) & np.isfinite(done.points[:, 0])
     if behind.any():
         raise DiorError(
@@ -90,13 +101,12 @@ def check_end(done, uv, limit_px, where):
         )
 
 
-def moved(before, after):
-    """How far a camera moved (m) and turned (degrees)."""
-    cosine = (np.trace(before.wRc.T @ after.wRc) - 1) / 2
-    return float(np.linalg.norm(after.centre - before.centre)), float(np.degrees(np.arccos(np.clip(cosine, -1, 1))))
+def shift_and_turn(before: Camera, after: Camera) -> tuple[float, float]:
+    """How far a camera is from where it was (m) and by how much it is turned (degrees)."""
+    return float(np.linalg.norm(after.centre - before.centre)), angle_deg(before.wRc, after.wRc)
 
 
-def metrics(done):
+def metrics(done: Adjusted) -> dict[str, Any]:
     rows = []
     for metric, errors in (("adjust_error_before", done.before_px), ("adjust_error_after", done.after_px)):
         for camera, error in zip(done.cameras, errors, strict=True):
@@ -106,7 +116,7 @@ def metrics(done):
     return {**dict(zip(keys, map(list, zip(*rows, strict=True)), strict=True)), "unit": ["px"] * len(rows)}
 
 
-def findings(session, placed, priors, done):
+def findings(session: str, placed: Sequence[Camera], priors: Sequence[Prior], done: Adjusted) -> list[Finding]:
     text = (
         f"mean reprojection error {np.nanmean(done.before_px):.2f} px as placed, {np.nanmean(done.after_px):.2f} px "
         f"adjusted ({len(done.points) - done.left_out} joints, {done.iterations} iterations), in recorded pixels; "
@@ -125,12 +135,12 @@ def findings(session, placed, priors, done):
         text = f"the adjustment was stopped after {done.iterations} iterations, before it had settled"
         found.append((session, "warning", "adjust_not_settled", text))
     found += _known_to(session, done)
-    if any(one.cameras is None for one in done.starts) or len(done.starts) > 2:
+    if any(not one.cameras for one in done.starts) or len(done.starts) > 2:
         ends = ", ".join(f"{s.name} {s.cost_px:.1f} px" if s.cameras else f"{s.name} failed" for s in done.starts)
         text = f"the starts did not all end in the same world, the best one counts (at fx 1680): {ends}"
         found.append((session, "warning", "adjust_starts", text))
     for before, after, prior in zip(placed, done.cameras, priors, strict=True):
-        distance, angle = moved(before, after)
+        distance, angle = shift_and_turn(before, after)
         text = f"{before.name} moved {distance:.3f} m and turned {angle:.1f} degrees from where it was placed"
         if distance > 3 * prior.sigma_m:
             text += f", more than 3 times its sigma of {prior.sigma_m:g} m; measure it again"
@@ -140,7 +150,7 @@ def findings(session, placed, priors, done):
     return found
 
 
-def _known_to(session, done):
+def _known_to(session: str, done: Adjusted) -> list[Finding]:
     """Findings: how well each camera and the scale are known, and what the adjusted world says of each metric fact."""
     if done.uncertainty is None:
         return []
@@ -150,7 +160,7 @@ def _known_to(session, done):
         f"{camera.name} {100 * shift:.1f} cm, {np.degrees(turn):.2f} degrees"
         for camera, shift, turn in zip(done.cameras, shifts, turns, strict=True)
     )
-    scale = uncertainty.scale_sigma(done.cameras, done.uncertainty.covariance)
+    scale = scale_sigma(done.cameras, done.uncertainty.covariance)
     text = (
         f"1 sigma in each axis: {'; '.join(each)}; the scale is known to {100 * scale:.1f} % (95 % of the time within "
         f"{196 * scale:.1f} %)"

@@ -9,31 +9,61 @@ of `dior.geometry.covariance` (turn about the camera's own axes, shift in the wo
 same K), residuals are divided by their sigma, with Huber weights. World in metres.
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from dior.arrays import Floats, Ints
 from dior.calibrate.bundle.bundle import HUBER
 from dior.geometry import covariance
+from dior.geometry.camera import Camera
 
-MOST_ITERATIONS = 30
-SETTLED = 5e-4  # of the cost, half the square of how far the cameras still move in their (too small) sigmas
-NEAREST_M = 0.05
+MOST_ITERATIONS = 30  # chosen: a finding tells where they were not enough
+SETTLED = 5e-4  # chosen: of the cost, half the square of how far the cameras still move in their (too small) sigmas
+NEAREST_M = 0.05  # chosen: a point nearer to the camera's plane is not seen; its projection has no useful slope
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+class Row:
+    """m residuals of a fact and their derivatives, all divided by the sigma.
+
+    `by_cameras` (m, 6V) with the points fixed, `points` (k,) which points it speaks of, `by_points` (m, k, 3).
+    `by_lens` (m, 3V): by a relative error of the focal length and by shifts of the principal point in focal lengths.
+    """
+
+    residual: Floats
+    by_cameras: Floats
+    points: Ints
+    by_points: Floats
+    by_lens: Floats
+
+    @classmethod
+    def of_cameras(cls, residual: ArrayLike, by_cameras: Floats, by_lens: Floats | None = None) -> "Row":
+        m, n = by_cameras.shape
+        lens = np.zeros((m, n // 2)) if by_lens is None else by_lens
+        return cls(np.asarray(residual, float), by_cameras, np.zeros(0, int), np.zeros((m, 0, 3)), lens)
+
+
+# a metric fact as `solve` takes it: (cameras, points (N, 3), noise (N, 3, 3) of the points) to its `Row`
+RowOf: TypeAlias = Callable[[Sequence[Camera], Floats, Floats], Row]
+
+
+@dataclass(frozen=True, eq=False)
 class Observed:
     """`ideal` (V, N, 2) px, NaN where not seen; `sigma_px` (V, N).
 
     The first `detected` points are a detector's, their sigma is a guess; the others' (marked by hand) is right.
     """
 
-    ideal: np.ndarray
-    sigma_px: np.ndarray
+    ideal: Floats
+    sigma_px: Floats
     detected: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Linear:
     """The problem at some cameras and points: derivatives and residuals divided by their sigmas, Huber weighted.
 
@@ -45,33 +75,33 @@ class Linear:
     `mixed` (3, 6V, N) = sum J^T C and `gradient` (3, N) = sum J^T r. `cost`: robust, of the pixels.
     """
 
-    J: np.ndarray
-    C: np.ndarray
-    r: np.ndarray
-    root: np.ndarray
-    scale: np.ndarray
-    pixel: np.ndarray
-    noise: np.ndarray
-    factor: np.ndarray
-    variance: np.ndarray
-    mixed: np.ndarray
-    gradient: np.ndarray
+    J: Floats
+    C: Floats
+    r: Floats
+    root: Floats
+    scale: Floats
+    pixel: Floats
+    noise: Floats
+    factor: Floats
+    variance: Floats
+    mixed: Floats
+    gradient: Floats
     cost: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Solved:
     """Adjusted `cameras`, `points` (N, 3), the `Linear` problem there, its `normal` matrix (6V, 6V), `iterations`."""
 
-    cameras: list
-    points: np.ndarray
+    cameras: list[Camera]
+    points: Floats
     linear: Linear
-    normal: np.ndarray
-    facts: list
+    normal: Floats
+    facts: list[Row]
     iterations: int
 
 
-def linearise(cameras, observed, points):
+def linearise(cameras: Sequence[Camera], observed: Observed, points: Floats) -> Linear:
     """The pixels' part of the problem at these cameras and points (N, 3), as `Linear`."""
     X, parts, cost = np.ascontiguousarray(points.T), [], 0.0
     for camera, ideal, sigma in zip(cameras, observed.ideal, observed.sigma_px, strict=True):
@@ -95,7 +125,7 @@ def linearise(cameras, observed, points):
     return Linear(J, C, r, root, scale, pixel, noise, factor, variance, mixed, gradient, cost)
 
 
-def _view(camera, ideal, sigma, X):
+def _view(camera: Camera, ideal: Floats, sigma: Floats, X: Floats) -> tuple[tuple[Floats, ...], float]:
     """One camera's part of `Linear` and its cost, from its pixels (2, N), their sigma (N,) and points (3, N)."""
     lens, R = camera.intrinsics, camera.wRc
     p = R.T @ (X - camera.centre[:, None])
@@ -118,7 +148,7 @@ def _view(camera, ideal, sigma, X):
     return (J, np.concatenate([turn, -J], axis=1), r * turned_down, root, root * lens.fx * inverse, pixel), cost
 
 
-def _inverse(N):
+def _inverse(N: Floats) -> tuple[Floats, Floats]:
     """Inverse (N, 3, 3) of symmetric matrices, upper triangles (6, N), and (3, 3, N) with `F^T F` = the inverse."""
     a, d, e, f, g, h = N
     A = np.stack([f * h - g * g, e * g - d * h, d * g - e * f, a * h - e * e, d * e - a * g, a * f - d * d])
@@ -132,7 +162,7 @@ def _inverse(N):
     return np.moveaxis(A[np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])], -1, 0), F
 
 
-def eliminated(factor, values):
+def eliminated(factor: Floats, values: Floats) -> Floats:
     """`factor` (3, 3, N) times values (3, Q, N), as (Q, 3N): its products are what the points take away."""
     F = factor
     out = np.stack(
@@ -143,10 +173,10 @@ def eliminated(factor, values):
     return out.reshape(len(out), -1)
 
 
-def equations(linear, facts):
+def equations(linear: Linear, facts: Sequence[Row]) -> tuple[Floats, Floats]:
     """Normal equations of the cameras, H (6V, 6V) and g (6V,): the step is `-H^-1 g`.
 
-    `facts`: `facts.Row` at the same cameras and points.
+    `facts`: `Row`s at the same cameras and points.
     """
     views = len(linear.C)
     H, g = np.zeros((6 * views, 6 * views)), np.zeros(6 * views)
@@ -166,7 +196,7 @@ def equations(linear, facts):
     return H, g
 
 
-def total(row, linear):
+def total(row: Row, linear: Linear) -> Floats:
     """Derivative (m, 6V) of a fact by the cameras, with the points that follow them."""
     if not len(row.points):
         return row.by_cameras
@@ -174,17 +204,17 @@ def total(row, linear):
     return row.by_cameras - np.einsum("mka,kac->mc", row.by_points, follow)
 
 
-def solve(cameras, observed, points, facts):
+def solve(cameras: Sequence[Camera], observed: Observed, points: Floats, facts: Sequence[RowOf]) -> Solved:
     """Levenberg-Marquardt on the cameras from a start near the optimum, to `Solved`.
 
-    `facts`: functions of (cameras, points, noise) to a `facts.Row`. Costs may only fall.
+    `facts`: functions of (cameras, points, noise) to a `Row`s. Costs may only fall.
     """
     cameras, points = list(cameras), np.asarray(points, float)
 
-    def at(cameras, points):
+    def at(cameras: list[Camera], points: Floats) -> tuple[Linear, list[Row], float]:
         linear = linearise(cameras, observed, points)
         rows = [fact(cameras, points, linear.noise * linear.variance[:, None, None]) for fact in facts]
-        return linear, rows, linear.cost + sum(0.5 * row.residual @ row.residual for row in rows)
+        return linear, rows, linear.cost + sum(float(0.5 * row.residual @ row.residual) for row in rows)
 
     linear, rows, cost = at(cameras, points)
     damping, iteration = 0.0, 0
@@ -192,7 +222,7 @@ def solve(cameras, observed, points, facts):
         iteration += 1
         H, g = equations(linear, rows)
         for _ in range(12):
-            step = -np.linalg.solve(H + damping * np.diag(np.diag(H)), g)
+            step = np.asarray(-np.linalg.solve(H + damping * np.diag(np.diag(H)), g), float)
             tried = [covariance.moved(c, s) for c, s in zip(cameras, step.reshape(-1, 6), strict=True)]
             moved = linear.gradient + np.einsum("acn,c->an", linear.mixed, step)
             followed = points - (linear.noise @ moved.T[..., None])[..., 0]

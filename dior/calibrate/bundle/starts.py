@@ -9,37 +9,45 @@ on what two see, and the whole placed by the similarity that brings the centres 
 that end in the same world vouch for each other. Everything is seeded.
 """
 
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from typing import TypeAlias
 
 import numpy as np
 
+from dior.arrays import Bools, Floats
 from dior.errors import DiorError
-from dior.geometry.camera import REFERENCE_FX, pose, reprojection_errors, undistort
+from dior.geometry.camera import REFERENCE_FX, Camera, angle_deg, pose, reprojection_errors, undistort
 from dior.geometry.multiview import rotation_x, rotation_z, similarity, triangulate
+from dior.geometry.rig import triangulated
 
-EPIPOLAR_PX = (4.0, 12.0)  # at fx 1680
-FEWEST_SHARED = 30
-SAMPLE = 1000
-MOST_DRAWS = 300
-TURNED_DEG = (12.0, 25.0)
-MOST_TURNED = 4
-CAPPED_PX = 60.0  # at fx 1680
-SAME_M, SAME_DEG = 0.10, 1.5
-EQUAL = 1.05
+# chosen, at fx 1680: once and three times what a pose network misses by; the start with the lower cost counts
+EPIPOLAR_PX = (4.0, 12.0)
+FEWEST_SHARED = 30  # chosen: joints that agree on a relative pose; 5 determine it, the others vouch for it
+SAMPLE, MOST_DRAWS = 1000, 300  # chosen: joints and RANSAC's draws; 300 find 5 good ones of 70 % with 1 - 1e-24
+# chosen: how far an aim by eye is off, about the camera's x axis and about the vertical, and how many of such starts
+TURNED_DEG, MOST_TURNED = (12.0, 25.0), 4
+CAPPED_PX = 60.0  # chosen, at fx 1680: a joint that is farther off is as wrong as one behind the camera
+SAME_M, SAME_DEG = 0.10, 1.5  # chosen: ends nearer than this differ by where their samples stopped
+EQUAL = 1.05  # chosen: a cost within 5 % of the best is as good, by the noise of a sample
+
+
+# adjusts cameras to a sample of the points, or raises DiorError
+Attempt: TypeAlias = Callable[[Sequence[Camera]], list[Camera]]
 
 
 @dataclass(frozen=True)
 class Tried:
-    """A start by name, the cameras that came of it and their cost (px at fx 1680); None and the error if it failed."""
+    """A start by name, the cameras that came of it and their cost (px at fx 1680); none and the error if it failed."""
 
     name: str
-    cameras: list | None
+    cameras: list[Camera]
     cost_px: float = np.inf
     error: str = ""
 
 
-def best(cameras, uv, attempt, where):
+def best(cameras: Sequence[Camera], uv: Floats, attempt: Attempt, where: str) -> tuple[Tried, list[Tried]]:
     """The `Tried` that the adjustment goes on with, and all of them.
 
     `attempt` (a function) adjusts cameras to a sample, or raises DiorError. Where the placed cameras and the epipolar
@@ -50,10 +58,10 @@ def best(cameras, uv, attempt, where):
     other = epipolar(cameras, uv)
     if other is not None:
         tried.append(_try("epipolar", other, uv, attempt))
-    good = [one for one in tried if one.cameras is not None]
-    if not (len(good) == 2 and same_world(*(one.cameras for one in good))):
+    good = [one for one in tried if one.cameras]
+    if not (len(good) == 2 and same_world(good[0].cameras, good[1].cameras)):
         tried += [_try(name, start, uv, attempt) for name, start in turned(cameras)]
-        good = [one for one in tried if one.cameras is not None]
+        good = [one for one in tried if one.cameras]
     if not good:
         raise DiorError(tried[0].error)
     chosen = min(good, key=lambda one: one.cost_px)
@@ -67,34 +75,31 @@ def best(cameras, uv, attempt, where):
     return chosen, tried
 
 
-def _try(name, start, uv, attempt):
+def _try(name: str, start: Sequence[Camera], uv: Floats, attempt: Attempt) -> Tried:
     try:
         cameras = attempt(start)
     except DiorError as error:
-        return Tried(name, None, error=str(error))
+        return Tried(name, [], error=str(error))
     return Tried(name, cameras, cost(cameras, uv))
 
 
-def cost(cameras, uv):
+def cost(cameras: Sequence[Camera], uv: Floats) -> float:
     """Mean reprojection error (px at fx 1680) of all detections of joints that two cameras see, each at most 60 px."""
-    xy = np.stack([undistort(c.intrinsics, view) for c, view in zip(cameras, uv, strict=True)])
-    points = triangulate(np.stack([np.linalg.inv(c.wTc) for c in cameras]), xy, np.ones(xy.shape[:-1]))
     scale = np.array([[REFERENCE_FX / c.intrinsics.fx] for c in cameras])
-    errors = reprojection_errors(cameras, points, uv) * scale
+    errors = reprojection_errors(cameras, triangulated(cameras, uv), uv) * scale
     seen = np.isfinite(uv).all(axis=-1) & (np.isfinite(uv).all(axis=-1).sum(axis=0) >= 2)
     return float(np.mean(np.fmin(np.where(np.isfinite(errors), errors, CAPPED_PX), CAPPED_PX)[seen]))
 
 
-def same_world(one, other):
+def same_world(one: Sequence[Camera], other: Sequence[Camera]) -> bool:
     """Whether two sets of cameras are the same to 10 cm and 1.5 degrees."""
     for a, b in zip(one, other, strict=True):
-        cosine = (np.trace(a.wRc.T @ b.wRc) - 1) / 2
-        if np.linalg.norm(a.centre - b.centre) > SAME_M or cosine < np.cos(np.radians(SAME_DEG)):
+        if np.linalg.norm(a.centre - b.centre) > SAME_M or angle_deg(a.wRc, b.wRc) > SAME_DEG:
             return False
     return True
 
 
-def turned(cameras):
+def turned(cameras: Sequence[Camera]) -> Iterator[tuple[str, list[Camera]]]:
     """Starts whose aims are turned about the vertical and the camera's own x axis: (name, cameras)."""
     for seed in range(MOST_TURNED):
         random = np.random.default_rng(seed)
@@ -105,34 +110,34 @@ def turned(cameras):
         yield f"turned {seed + 1}", out
 
 
-def epipolar(cameras, uv):
+def epipolar(cameras: Sequence[Camera], uv: Floats) -> list[Camera] | None:
     """The cameras (V) placed by the pixels uv (V, N, 2), their scale and place by the centres they have.
 
     None where two cameras do not share enough, or the others cannot be tied to them. How near to its epipolar line a
     joint has to be is tried strictly and less so, as detectors differ; the one with the least cost counts.
     """
-    each = [_epipolar(cameras, uv, limit / REFERENCE_FX) for limit in EPIPOLAR_PX]
-    each = [start for start in each if start is not None]
+    tried = [_epipolar(cameras, uv, limit / REFERENCE_FX) for limit in EPIPOLAR_PX]
+    each = [start for start in tried if start is not None]
     return min(each, key=lambda start: cost(start, uv)) if each else None
 
 
-def _epipolar(cameras, uv, threshold):
+def _epipolar(cameras: Sequence[Camera], uv: Floats, threshold: float) -> list[Camera] | None:
     rays = np.stack([undistort(c.intrinsics, view) for c, view in zip(cameras, uv, strict=True)])
-    seen = np.isfinite(rays).all(axis=-1)
+    seen = np.asarray(np.isfinite(rays).all(axis=-1))
     index = np.flatnonzero(seen.sum(axis=0) >= 2)
     if len(index) > SAMPLE:
         index = np.sort(np.random.default_rng(0).permutation(index)[:SAMPLE])
     rays, seen = rays[:, index], seen[:, index]
-    pairs = [_pair(rays, seen, a, b, threshold) for a, b in combinations(range(len(cameras)), 2)]
-    pairs = sorted((pair for pair in pairs if pair is not None), key=lambda pair: -pair[0])
-    for _, a, b, bTa in pairs:
+    tried = [_pair(rays, seen, a, b, threshold) for a, b in combinations(range(len(cameras)), 2)]
+    pairs = [pair for pair in tried if pair is not None]
+    for _, a, b, bTa in sorted(pairs, key=lambda pair: -pair[0]):
         cTw = _chained(rays, seen, a, b, bTa, threshold)
         if cTw is not None:
             return _to_tape(cameras, cTw)
     return None
 
 
-def _pair(rays, seen, a, b, threshold):
+def _pair(rays: Floats, seen: Bools, a: int, b: int, threshold: float) -> tuple[int, int, int, Floats] | None:
     """How many joints agree on the relative pose of two cameras, the cameras, and that pose bTa; None for too few."""
     import cv2
 
@@ -150,7 +155,7 @@ def _pair(rays, seen, a, b, threshold):
     return (int(count), a, b, pose(R, t.ravel())) if count >= FEWEST_SHARED else None
 
 
-def _chained(rays, seen, a, b, bTa, threshold):
+def _chained(rays: Floats, seen: Bools, a: int, b: int, bTa: Floats, threshold: float) -> Floats | None:
     """cTw (V, 4, 4) of all cameras in the axes of camera a and units of the baseline, the others by PnP; or None."""
     import cv2
 
@@ -175,7 +180,7 @@ def _chained(rays, seen, a, b, bTa, threshold):
     return np.stack([cTw[v] for v in range(len(rays))])
 
 
-def _to_tape(cameras, cTw):
+def _to_tape(cameras: Sequence[Camera], cTw: Floats) -> list[Camera] | None:
     """The cameras at `cTw` (V, 4, 4), brought to their measured centres by a similarity.
 
     Two centres leave a turn about their line open, and any few of them little of the tilt: a point below each camera,
@@ -183,7 +188,7 @@ def _to_tape(cameras, cTw):
     """
     wTc = np.linalg.inv(cTw)
     centre = np.array([c.centre for c in cameras])
-    found = wTc[:, :3, 3]
+    found = np.asarray(wTc[:, :3, 3], float)
     size, measured = (np.sqrt(np.mean((x - x.mean(axis=0)) ** 2)) for x in (found, centre))
     if not size > 0:
         return None

@@ -1,4 +1,4 @@
-"""How well the adjusted cameras are known: their joint covariance, honest for a detector with habits.
+"""How well the adjusted cameras are known: their joint covariance, with systematic and correlated errors of a detector.
 
 INPUTS   the solved adjustment, which joint, moment and side of the body each pixel shows
 OUTPUTS  covariance (6V, 6V) of the cameras' errors (`dior.geometry.covariance`), and what it was made of
@@ -12,58 +12,61 @@ included. The sigmas of the facts and an error of the intrinsics come on top (Ge
 on consider parameters; Liang and Zeger 1986 on clusters).
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dior.arrays import Bools, Floats, Ints
 from dior.calibrate.bundle import reduced
+from dior.geometry.camera import Camera
 from dior.geometry.multiview import side_seen
 
 SIDES = 4
-FEWEST = 20
-LAGS = 30
-FORGOTTEN = 0.05
+LONGEST_LAG_S = 1.0  # chosen: what lasts longer is an offset
+FORGOTTEN = 0.05  # chosen: a correlation below that may be chance; the sum ends there
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Tracks:
     """Which joint, moment and sequence the points (N,) are, whole numbers from 0; `names` of the joints.
 
-    Moments are counted in instants of the window, `moment` is unique over the sequences.
+    Moments are counted in instants of the window, `step_s` apart; `moment` is unique over the sequences.
     """
 
-    joint: np.ndarray
-    moment: np.ndarray
-    sequence: np.ndarray
-    names: tuple
+    joint: Ints
+    moment: Ints
+    sequence: Ints
+    names: tuple[str, ...]
+    step_s: float = 1 / 30
 
-    def only(self, keep):
+    def only(self, keep: Bools | Ints) -> "Tracks":
         """The tracks of the points of a mask or index (N,)."""
-        return Tracks(self.joint[keep], self.moment[keep], self.sequence[keep], self.names)
+        return replace(self, joint=self.joint[keep], moment=self.moment[keep], sequence=self.sequence[keep])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Uncertainty:
     """`covariance` (6V, 6V), and what it was made of.
 
     `bias_m`: sigma of a cluster's offset in each axis of the picture, at the body; `noise`: the pixels' variance in
-    units of the assumed one; `lasting`: how many frames make one measurement.
+    units of the assumed one; `autocorrelation_time`: the noise's integrated one in frames, so many are one measurement.
     """
 
-    covariance: np.ndarray
+    covariance: Floats
     bias_m: float
     noise: float
-    lasting: float
+    autocorrelation_time: float
 
 
-def grid(tracks, values):
+def grid(tracks: Tracks, values: Floats) -> Floats:
     """Values (N, ...) by moment and joint (T, J, ...), NaN where there is none."""
     out = np.full((int(tracks.moment.max()) + 1, len(tracks.names), *values.shape[1:]), np.nan)
     out[tracks.moment, tracks.joint] = values
     return out
 
 
-def sides(cameras, points, tracks):
+def sides(cameras: Sequence[Camera], points: Floats, tracks: Tracks) -> Ints:
     """Which quarter of the body (V, N) a camera sees, 0 to 3 from the front to the left; -1 where it is not known.
 
     From the shoulders and hips at the moment, or at the nearest moment of the sequence at which both sides are known.
@@ -93,8 +96,8 @@ def sides(cameras, points, tracks):
     return np.stack([side_seen(camera.centre, across, middle) for camera in cameras])[:, tracks.moment]
 
 
-def autocorrelation_sum(residuals, observed, cluster, tracks):
-    """How many frames make one measurement: 1 + 2 sum of the residuals' autocorrelation over time.
+def autocorrelation_sum(residuals: Floats, observed: Bools, cluster: Ints, tracks: Tracks) -> float:
+    """Integrated autocorrelation time of the residuals, 1 + 2 sum of the correlations: the frames of one measurement.
 
     `residuals` (V, N, 2) of which each cluster's mean is taken off; `observed` (V, N), `cluster` (V, N) from 0.
     """
@@ -109,7 +112,8 @@ def autocorrelation_sum(residuals, observed, cluster, tracks):
     order = grid(tracks, tracks.sequence.astype(float))
     sequence = np.nanmax(np.where(np.isfinite(order), order, -1), axis=1)
     variance, total = np.nanmean(by_time**2), 1.0
-    for lag in range(1, min(LAGS, by_time.shape[1] - 1) + 1):
+    most = max(1, round(LONGEST_LAG_S / tracks.step_s))
+    for lag in range(1, min(most, by_time.shape[1] - 1) + 1):
         product = by_time[:, lag:] * by_time[:, :-lag]
         product = product[:, sequence[lag:] == sequence[:-lag]]
         if not np.isfinite(product).any():
@@ -117,11 +121,11 @@ def autocorrelation_sum(residuals, observed, cluster, tracks):
         rho = np.nanmean(product) / variance
         if rho < FORGOTTEN:
             break
-        total += 2 * rho
+        total += 2 * float(rho)
     return total
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Considered:
     """What parameters that are not adjusted do to those that are, with the points eliminated.
 
@@ -129,17 +133,19 @@ class Considered:
     do to the cameras in all, the facts included. `gradient` (Q,) of the cost at the solution.
     """
 
-    cross: np.ndarray
-    own: np.ndarray
-    through: np.ndarray
-    gradient: np.ndarray
+    cross: Floats
+    own: Floats
+    through: Floats
+    gradient: Floats
 
-    def part(self, keep):
+    def part(self, keep: slice) -> tuple[Floats, Floats, Floats]:
         """`cross`, `through`, `gradient` of some of the parameters."""
         return self.cross[:, keep], self.through[:, keep], self.gradient[keep]
 
 
-def considered(solved, derivative, at, size, by_facts):
+def considered(
+    solved: reduced.Solved, derivative: Floats, at: Ints, size: int, by_facts: Sequence[Floats]
+) -> Considered:
     """`Considered` of `size` parameters.
 
     `derivative` (V, 2, q, N) of the pixels (divided by their sigmas) by the parameters `at` (V, q, N); `by_facts`:
@@ -182,11 +188,11 @@ def considered(solved, derivative, at, size, by_facts):
     return Considered(cross, own, through, gradient)
 
 
-def of(solved, tracks, lens_sigma=0.0):
+def of(solved: reduced.Solved, tracks: Tracks, lens_sigma: float = 0.0) -> Uncertainty:
     """`Uncertainty` of an adjustment; `tracks` of its first points, more points (marked ones) have no clusters.
 
     `lens_sigma`: 1 sigma of the focal length and principal point, both relative to the focal length, before the
-    pixels are asked.
+    pixels are used.
     """
     linear, views, count = solved.linear, len(solved.cameras), solved.linear.r.shape[-1]
     people = len(tracks.joint)
@@ -203,29 +209,33 @@ def of(solved, tracks, lens_sigma=0.0):
     own_facts = [np.hstack([np.zeros((len(row.residual), size)), row.by_lens]) for row in solved.facts]
     whole = considered(solved, derivative, at, size + lenses, own_facts)
 
-    inverse = np.linalg.inv(solved.normal)
-    bias, noise, lasting = variances(linear, whole, slice(0, size), inverse, cluster[:, :people], tracks)
+    inverse = np.asarray(np.linalg.inv(solved.normal), float)
+    bias, noise, autocorrelation_time = variances(linear, whole, slice(0, size), inverse, cluster[:, :people], tracks)
     rows = [(row, reduced.total(row, linear)) for row in solved.facts]
-    of_facts = sum(
-        h.T @ _fact_noise(row, linear, np.where(np.arange(count) < people, noise * lasting, 1.0)) @ h for row, h in rows
-    )
-    pixels = lasting * noise * (solved.normal - sum(h.T @ h for _, h in rows))
+    variance = np.where(np.arange(count) < people, noise * autocorrelation_time, 1.0)
+    of_facts = np.zeros_like(solved.normal)
+    for row, h in rows:
+        of_facts += h.T @ _fact_noise(row, linear, variance) @ h
+    pixels = autocorrelation_time * noise * (solved.normal - sum(h.T @ h for _, h in rows))
     through = whole.through[:, :size]
     middle = bias * through @ through.T + pixels + of_facts
     if lens_sigma:
         L = whole.through[:, size:]
-        middle = middle + L @ lens_moment(whole, size, inverse, middle, bias, noise * lasting, lens_sigma) @ L.T
+        middle = (
+            middle + L @ lens_moment(whole, size, inverse, middle, bias, noise * autocorrelation_time, lens_sigma) @ L.T
+        )
     covariance = inverse @ middle @ inverse
-    return Uncertainty((covariance + covariance.T) / 2, float(np.sqrt(bias)), float(noise), float(lasting))
+    return Uncertainty((covariance + covariance.T) / 2, float(np.sqrt(bias)), float(noise), float(autocorrelation_time))
 
 
-def by_parameters(solved, derivative, at, size):
+def by_parameters(solved: reduced.Solved, derivative: Floats, at: Ints, size: int) -> Floats:
     """(6V, Q): how the solution's cameras move with parameters of the pixels; arguments as of `considered`."""
     own_facts = [np.zeros((len(row.residual), size)) for row in solved.facts]
-    return -np.linalg.solve(solved.normal, considered(solved, derivative, at, size, own_facts).through)
+    through = considered(solved, derivative, at, size, own_facts).through
+    return np.asarray(-np.linalg.solve(solved.normal, through), float)
 
 
-def _fact_noise(row, linear, noise):
+def _fact_noise(row: reduced.Row, linear: reduced.Linear, noise: Floats) -> Floats:
     """Covariance (m, m) of a fact's residuals: its own sigma and the noise of the points that it speaks of.
 
     `noise` (N,): variance of the points' pixels in assumed ones, hand marks' is 1.
@@ -237,30 +247,34 @@ def _fact_noise(row, linear, noise):
     return own + np.einsum("mka,kab,nkb->mn", row.by_points, C, row.by_points)
 
 
-def variances(linear, whole, clusters, inverse, cluster, tracks):
+def variances(
+    linear: reduced.Linear, whole: Considered, clusters: slice, inverse: Floats, cluster: Ints, tracks: Tracks
+) -> tuple[float, float, float]:
     """Variance of the clusters' offsets (m^2) and of the noise (in assumed ones), and how long the noise lasts.
 
     By moments: what the squares of the clusters' sums and of all residuals should be, against what they are.
     """
     people = len(tracks.joint)
     residuals, observed = np.moveaxis(linear.r[..., :people], 1, -1), linear.root[:, :people] > 0
-    lasting = autocorrelation_sum(residuals, observed, cluster, tracks)
+    autocorrelation_time = autocorrelation_sum(residuals, observed, cluster, tracks)
     degrees = 2 * observed.sum() - 3 * (observed.sum(axis=0) >= 2).sum()
     cross, _, gradient = whole.part(clusters)
     straight = whole.own[clusters, clusters] - cross.T @ inverse @ cross
-    A = np.array([[np.sum(straight**2), lasting * np.trace(straight)], [np.trace(straight), degrees]])
+    A = np.array([[np.sum(straight**2), autocorrelation_time * np.trace(straight)], [np.trace(straight), degrees]])
     sums = gradient @ gradient, np.sum(residuals**2)
     bias, noise = np.linalg.solve(A, sums)
     if bias > 0 and noise > 0:
-        return bias, noise, lasting
-    return max(bias, 0.0), sums[1] / degrees, lasting
+        return bias, noise, autocorrelation_time
+    return max(bias, 0.0), sums[1] / degrees, autocorrelation_time
 
 
-def lens_moment(whole, size, inverse, middle, bias, noise, sigma):
+def lens_moment(
+    whole: Considered, size: int, inverse: Floats, middle: Floats, bias: float, noise: float, sigma: float
+) -> Floats:
     """Second moment (3V, 3V) of the intrinsics' errors, given what the pixels say of them.
 
     They are not adjusted. With white noise many pixels tell that there is hardly any error; where a detector's
-    habits hide it, what was assumed remains.
+    systematic errors hide it, what was assumed remains.
     """
     b, k = slice(0, size), slice(size, None)
     cross, through, gradient = whole.part(k)
@@ -270,13 +284,13 @@ def lens_moment(whole, size, inverse, middle, bias, noise, sigma):
     M = noise * whole.own[k, k] + bias * whole.own[k, b] @ whole.own[b, k]
     M = M - with_cameras @ gain.T - gain @ with_cameras.T + gain @ middle @ gain.T
     M = (M + M.T) / 2 + 1e-9 * np.trace(M) / len(M) * np.eye(len(M))
-    told = np.linalg.solve(M, T)
-    P = np.linalg.inv(T.T @ told + np.eye(len(M)) / sigma**2)
-    mean = -P @ told.T @ gradient
+    weighted = np.linalg.solve(M, T)
+    P = np.linalg.inv(T.T @ weighted + np.eye(len(M)) / sigma**2)
+    mean = -P @ weighted.T @ gradient
     return P + np.outer(mean, mean)
 
 
-def gauge(cameras):
+def gauge(cameras: Sequence[Camera]) -> Floats:
     """(6V, 7) the cameras' errors that a rigid motion (turn rad, shift m) and scale about their middle make."""
     middle = np.mean([c.centre for c in cameras], axis=0)
     out = np.zeros((len(cameras), 6, 7))
@@ -289,7 +303,7 @@ def gauge(cameras):
     return out.reshape(-1, 7)
 
 
-def scale_sigma(cameras, covariance):
+def scale_sigma(cameras: Sequence[Camera], covariance: Floats) -> float:
     """1 sigma of the scale of the world, relative: how much larger than true the cameras' distances are.
 
     The distances between the cameras, each as well as it is known, are compared with themselves: what remains of the

@@ -4,49 +4,55 @@ INPUTS   detections, frames and offsets of the window's sequences, hand marks of
 OUTPUTS  recorded pixels of every joint at every instant, which joint, instant and sequence they are; marked points
 """
 
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from dior.arrays import AnyPath, Floats, Ints, Table
 from dior.calibrate.bundle import facts
 from dior.calibrate.bundle.uncertainty import Tracks
 from dior.calibrate.clock import from_cameras
 from dior.calibrate.marks import marks as hand_marks
 from dior.clocks.axis import camera_seconds, rates, start_ns
 from dior.errors import DiorError
+from dior.geometry.camera import Camera
 from dior.tables import tables
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Seen:
     """`uv` (V, N, 2) recorded px of N joints: `joint` (N,) index into `names`, `instant` (N,) of the window.
 
     `seconds` (T,): the instants' times.
     """
 
-    uv: np.ndarray
-    joint: np.ndarray
-    instant: np.ndarray
-    names: tuple
-    seconds: np.ndarray
+    uv: Floats
+    joint: Ints
+    instant: Ints
+    names: tuple[str, ...]
+    seconds: Floats
 
     @property
-    def count(self):
+    def count(self) -> int:
         """How many instants take part."""
         return len(np.unique(self.instant))
 
 
 @dataclass(frozen=True)
 class Recorded:
-    """What every camera has of a sequence: `seen` (V), each a `camera_clock.Seen`; instants are 1/`fps` s apart."""
+    """What every camera has of a sequence: `seen` (V), each a `from_cameras.Seen`; instants are 1/`fps` s apart."""
 
-    seen: tuple
-    names: tuple
+    seen: tuple[from_cameras.Seen, ...]
+    names: tuple[str, ...]
     fps: float
 
 
-def recorded(cameras, detections, frames, min_score, max_gap, where):
+def recorded(
+    cameras: Sequence[Camera], detections: Table, frames: Table, min_score: float, max_gap: float, where: str
+) -> Recorded:
     """`Recorded` of one sequence: the pixels with a score above `min_score`; `max_gap` in nominal frame periods."""
     t0 = start_ns(frames)
     own, fps = rates(frames, [camera.name for camera in cameras])
@@ -58,7 +64,7 @@ def recorded(cameras, detections, frames, min_score, max_gap, where):
     return Recorded(tuple(seen), tuple(joints), fps)
 
 
-def confident(detections, camera, count, min_score, where):
+def confident(detections: Table, camera: str, count: int, min_score: float, where: str) -> tuple[Floats, list[str]]:
     """Pixels (F, J, 2) of a camera's detections, NaN where the score is at most `min_score`, and the joint names.
 
     Raises DiorError where they are not of its `count` pictures.
@@ -72,17 +78,29 @@ def confident(detections, camera, count, min_score, where):
         return np.where(values[..., 2:] > min_score, values[..., :2], np.nan), joints
 
 
-def observations(cameras, detections, frames, clock, window, min_score, min_views, max_gap, where):
+def observations(
+    cameras: Sequence[Camera],
+    detections: Table,
+    frames: Table,
+    clock: Mapping[str, Sequence[Any]],
+    window: dict[str, int],
+    min_score: float,
+    min_views: int,
+    max_gap: float,
+    where: str,
+) -> Seen:
     """`Seen` of one sequence: the joints at the instants of `window`.
 
-    `detections` and `frames` are tables, `clock` from `offsets.read`, `max_gap` in nominal frame periods. A joint at
+    `detections` and `frames` are tables, `clock` from `by_hand.read`, `max_gap` in nominal frame periods. A joint at
     an instant is kept where its score is above `min_score` in at least `min_views` cameras.
     """
     found = recorded(cameras, detections, frames, min_score, max_gap, where)
     return at_instants(found, [clock[camera.name][:2] for camera in cameras], window, min_views)
 
 
-def at_instants(found, clocks, window, min_views):
+def at_instants(
+    found: Recorded, clocks: Sequence[Sequence[float]] | Floats, window: dict[str, int], min_views: int
+) -> Seen:
     """`Seen` of a `Recorded` sequence by clocks (V, 2), offset s and drift ppm."""
     queries = (window["first"] + window["step"] * np.arange(window["count"])) / found.fps
     uv = np.stack([own.at(queries, clock, 0.0).reshape(-1, 2) for own, clock in zip(found.seen, clocks, strict=True)])
@@ -92,7 +110,7 @@ def at_instants(found, clocks, window, min_views):
     return Seen(uv[:, kept], index % each, index // each, found.names, queries)
 
 
-def together(parts, counts):
+def together(parts: Sequence[Seen], counts: Sequence[int]) -> tuple[Floats, Tracks]:
     """The `Seen` of several sequences as uv (V, N, 2) and `Tracks`; `counts`: instants of each one's window."""
     names = tuple(dict.fromkeys(name for part in parts for name in part.names))
     number = {name: i for i, name in enumerate(names)}
@@ -100,11 +118,19 @@ def together(parts, counts):
     first = np.cumsum([0, *counts[:-1]])
     moment = [part.instant + start for part, start in zip(parts, first, strict=True)]
     sequence = [np.full(len(part.joint), i) for i, part in enumerate(parts)]
-    tracks = Tracks(*(np.concatenate(each) for each in (joint, moment, sequence)), names)
+    steps = [step for part in parts for step in np.diff(part.seconds)]
+    step_s = float(np.median(steps)) if steps else Tracks.step_s
+    tracks = Tracks(np.concatenate(joint), np.concatenate(moment), np.concatenate(sequence), names, step_s)
     return np.concatenate([part.uv for part in parts], axis=1), tracks
 
 
-def marked(files, cameras, wanted, sequences, sigma_px):
+def marked(
+    files: Mapping[str, AnyPath],
+    cameras: Sequence[str],
+    wanted: Collection[str],
+    sequences: Collection[str],
+    sigma_px: float,
+) -> facts.Marked | None:
     """`facts.Marked` of the points `wanted` in the marks CSVs of the cameras; None where none is wanted.
 
     `files`: camera -> path; only what is marked in pictures of `sequences` counts. A point lies still during a
@@ -112,7 +138,7 @@ def marked(files, cameras, wanted, sequences, sigma_px):
     """
     if not wanted:
         return None
-    found = {}
+    found: dict[tuple[str, str], dict[int, list[Floats]]] = {}
     for view, camera in enumerate(cameras):
         if camera not in files or not Path(files[camera]).is_file():
             continue
@@ -128,14 +154,16 @@ def marked(files, cameras, wanted, sequences, sigma_px):
     return facts.Marked(uv, tuple(name for name, _ in points), tuple(sequence for _, sequence in points), sigma_px)
 
 
-def metric_facts(known, sequences):
+def metric_facts(known: dict[str, Any], sequences: Sequence[str]) -> list[facts.Known]:
     """`facts` objects of the dict that session.yaml gives (see `dior.project.project`); `sequences` of the window, in
     order."""
 
-    def numbers(names):
+    def numbers(names: Sequence[str] | None) -> tuple[int, ...] | None:
         return None if names is None else tuple(sequences.index(name) for name in names if name in sequences)
 
-    made = [facts.Distance(tuple(x["between"]), x["length_m"], x["sigma_m"]) for x in known.get("distances", [])]
+    made: list[facts.Known] = []
+    for x in known.get("distances", []):
+        made.append(facts.Distance(tuple(x["between"]), x["length_m"], x["sigma_m"]))
     for x in known.get("scale_bar", []):
         made.append(facts.ScaleBar(tuple(map(tuple, x["ends"])), x["length_m"], x["sigma_m"]))
     for x in known.get("keypoint_distance", []):
@@ -149,7 +177,7 @@ def metric_facts(known, sequences):
     return made
 
 
-def tag_corners(cameras, paths, where):
+def tag_corners(cameras: Sequence[Camera], paths: Sequence[AnyPath], where: str) -> list[facts.Known]:
     """`facts.Tag` of every camera that was placed by the tag, from the `marks` tables that place wrote beside them.
 
     Raises DiorError for a camera whose corners are not there.
@@ -157,7 +185,7 @@ def tag_corners(cameras, paths, where):
     from dior.calibrate.marks import apriltag
 
     by_camera = {Path(path).name.partition(".")[0]: path for path in paths}
-    made = []
+    made: list[facts.Known] = []
     for camera in cameras:
         if camera.locate != "apriltag":
             continue
@@ -172,7 +200,7 @@ def tag_corners(cameras, paths, where):
     return made
 
 
-def names_of_marks(known):
+def names_of_marks(known: dict[str, Any]) -> set[str]:
     """Names of the points that the facts want to be marked."""
     ends = {name for x in known.get("scale_bar", []) for pair in x["ends"] for name in pair}
     return ends | {x["between"][1] for x in known.get("distances", [])}

@@ -13,77 +13,93 @@ Board points are metres in the board's plane, pixels are recorded ones. What the
   Hirzinger 2011, OpenCV's calibrateCameraRO). In simulation (fx 640, 10 views) a bow of 0.5 mm over 32 cm makes fx
   wrong by 0.9 % without and 0.2 % with it.
 - k3 is free only where in addition the boards cover 60 % in 20 views. It acts in the corners alone: there it lowers the
-  simulated error from 7 to 1 px, and raises it from 7 to 13 px where the board's shape is held.
+  simulated error from 7 to 1 px, and raises it from 7 to 13 px where the board counts as flat.
 """
 
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
+from dior.arrays import AnyPath, Floats
 from dior.errors import DiorError, nearest
 from dior.geometry.camera import Intrinsics
 from dior.ingest import bags as rosbag
 from dior.progress import reporting
 
 SUFFIXES = (".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff")
-MOST_PICTURES = 120
+MOST_PICTURES = 120  # chosen: OpenCV's time grows with the cube, and a still board repeats itself
 FEWEST_VIEWS, FEW_VIEWS, MANY_VIEWS = 3, 10, 20
-FEWEST_CORNERS = 6
-SAME_VIEW = 0.01
-FLAT_GRID = 0.03
-OUTLIER, OUTLIER_PX = 3.0, 0.3
+FEWEST_CORNERS = 6  # OpenCV's own limit for a pose in calibrateCamera
+SAME_VIEW = 0.01  # chosen, of the picture's diagonal: a board that moved by less says nothing new
+FLAT_GRID = 0.03  # chosen, of the board's size: a lens bends a grid by less
+OUTLIER, OUTLIER_PX = 3.0, 0.3  # chosen: a view this many times as bad as the others, and by more than drawn corners
 CENTRE_COVERAGE, K3_COVERAGE = 0.5, 0.6
+# chosen: below the first a focal length and a distance look alike; the second is asked for in the findings
 LEAST_TILT_DEG, GOOD_TILT_DEG = 10.0, 30.0
-GOOD_RMS, MOST_RMS = 0.5 / 1280, 2.0 / 1280
-MOST_FX_SD = 0.01
+GOOD_RMS, MOST_RMS = 0.5 / 1280, 2.0 / 1280  # chosen, px per px of width: warned of, refused
+MOST_FX_SD = 0.01  # chosen: 1 % of the focal length is 5 cm at 5 m
 
 
-@dataclass(frozen=True)
-class Views:
+# grey, (height, width)
+Picture: TypeAlias = NDArray[np.uint8]
+# board points (N, 3) m and pixels (N, 2) of a picture
+Detect: TypeAlias = Callable[[Picture], tuple[Floats, Floats]]
+# names of pictures and why they were left out
+Dropped: TypeAlias = tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class BoardViews:
     """Boards found in pictures of one size (width, height) px.
 
     `names` (V,), `points` V arrays (N, 3) m and `pixels` V arrays (N, 2) px. `looked_at` counts the pictures, those
     without a board included.
     """
 
-    names: tuple
-    points: tuple
-    pixels: tuple
-    size: tuple
+    names: tuple[str, ...]
+    points: tuple[Floats, ...]
+    pixels: tuple[Floats, ...]
+    size: tuple[int, int]
     looked_at: int
 
-    def only(self, keep):
+    def only(self, keep: Sequence[int]) -> "BoardViews":
         """The views at the indices `keep`."""
-        chosen = ([values[i] for i in keep] for values in (self.names, self.points, self.pixels))
-        return Views(*(tuple(values) for values in chosen), self.size, self.looked_at)
+        names = tuple(self.names[i] for i in keep)
+        points, pixels = (tuple(values[i] for i in keep) for values in (self.points, self.pixels))
+        return BoardViews(names, points, pixels, self.size, self.looked_at)
 
-    def __len__(self):
+    def __len__(self) -> int:
         return len(self.names)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Calibration:
     """A lens and what it rests on.
 
     `view_px` (V,) rms per view of `views`, `coverage` share of the picture inside some board, `tilt_deg` the largest
-    angle between two boards, `fx_sd` px, `bend_m` how far the board is from flat (NaN: taken as flat), `dropped` pairs
-    of a picture's name and why, `held` what was not estimated.
+    angle between two boards, `fx_sd` px, `bend_m` how far the board is from flat (NaN: assumed to be flat), `dropped`
+    pairs of a picture's name and why, `fixed` what was not estimated.
     """
 
     lens: Intrinsics
-    views: Views
-    view_px: np.ndarray
+    views: BoardViews
+    view_px: Floats
     rms_px: float
     coverage: float
     tilt_deg: float
     fx_sd: float
     bend_m: float
-    dropped: tuple
-    held: tuple
+    dropped: Dropped
+    fixed: tuple[str, ...]
 
 
-def from_board(kind, settings, data_root, where):
+def from_board(
+    kind: str, settings: dict[str, Any], data_root: AnyPath, where: str
+) -> tuple[Intrinsics, list[tuple[str, str, str]]]:
     """Intrinsics and findings [(severity, code, text)] from the section `kind` of a camera's YAML.
 
     Raises DiorError, beginning with `where`, for pictures that cannot be read and boards that do not determine a lens.
@@ -94,7 +110,7 @@ def from_board(kind, settings, data_root, where):
     return done.lens, findings(done)
 
 
-def pictures(path, topic, where):
+def pictures(path: Path, topic: str, where: str) -> Iterator[tuple[str, Picture]]:
     """Yield (name, grey picture uint8 (height, width)) of a folder, by name, or of a bag's `topic`, by stamp.
 
     Of a bag at most 120 pictures are looked at, evenly spread.
@@ -113,13 +129,13 @@ def pictures(path, topic, where):
     if not files:
         raise DiorError(f"{where}: {path} holds no picture ({', '.join(SUFFIXES)})")
     for file in files:
-        picture = cv2.imdecode(np.fromfile(file, np.uint8), flags) if file.stat().st_size else None
+        picture: Any = cv2.imdecode(np.fromfile(file, np.uint8), flags) if file.stat().st_size else None
         if picture is None:
             raise DiorError(f"{where}: {file} is no readable picture; remove it or copy it again")
         yield file.name, picture
 
 
-def _of_bag(path, topic):
+def _of_bag(path: Path, topic: str) -> Iterator[tuple[str, Picture]]:
     import cv2
 
     rosbag.bags_with([path], topic, "the board's pictures")
@@ -132,7 +148,7 @@ def _of_bag(path, topic):
         yield f"{path.name} {rows['stamp_ns'][row]}", cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
 
 
-def detector(kind, settings, where):
+def detector(kind: str, settings: dict[str, Any], where: str) -> Detect:
     """A function from a grey picture to board points (N, 3) m and pixels (N, 2), empty where there is no board."""
     rows, columns, square = settings["rows"], settings["columns"], settings["square_m"]
     if kind == "chessboard":
@@ -157,7 +173,7 @@ def detector(kind, settings, where):
     return lambda grey: max((_charuco(grey, *board) for board in boards), key=lambda found: len(found[0]))
 
 
-def _chessboard(grey, rows, columns, square):
+def _chessboard(grey: Picture, rows: int, columns: int, square: float) -> tuple[Floats, Floats]:
     import cv2
 
     flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
@@ -169,28 +185,34 @@ def _chessboard(grey, rows, columns, square):
     # a window that reaches the next corner would be drawn to it
     half = int(np.clip(min(steps) / 2 - 1, 2, 11))
     end = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 40, 1e-3)
-    corners = cv2.cornerSubPix(grey, corners, (half, half), (-1, -1), end).reshape(-1, 2)
+    refined: Any = cv2.cornerSubPix(grey, corners, (half, half), (-1, -1), end)
     across, down = np.meshgrid(np.arange(columns), np.arange(rows))
-    points = np.stack([across, down, np.zeros_like(across)], axis=-1).reshape(-1, 3) * square
-    return points, corners.astype(float)
+    points = np.zeros((rows * columns, 3))
+    points[:, 0], points[:, 1] = across.ravel() * square, down.ravel() * square
+    return points, refined.reshape(-1, 2).astype(float)
 
 
-def _charuco(grey, detector, corners):
+def _charuco(grey: Picture, detector: Any, corners: Floats) -> tuple[Floats, Floats]:
     pixels, ids = detector.detectBoard(grey)[:2]
     if ids is None or len(ids) < FEWEST_CORNERS:
         return np.empty((0, 3)), np.empty((0, 2))
     return corners[np.ravel(ids)], np.asarray(pixels, float).reshape(-1, 2)
 
 
-def find(named_pictures, detect, where):
-    """`Views` of the boards in (name, grey picture) pairs. Raises DiorError for pictures of different sizes."""
-    names, points, pixels, size, first, count = [], [], [], None, "", 0
+def find(named_pictures: Iterable[tuple[str, Picture]], detect: Detect, where: str) -> BoardViews:
+    """`BoardViews` of the boards in (name, grey picture) pairs. Raises DiorError for pictures of different sizes."""
+    names: list[str] = []
+    points: list[Floats] = []
+    pixels: list[Floats] = []
+    size, first, count = (0, 0), "", 0
     for name, grey in named_pictures:
+        height, width = grey.shape
+        if not count:
+            size, first = (width, height), name
         count += 1
-        size, first = size or grey.shape[::-1], first or name
-        if grey.shape[::-1] != size:
+        if (width, height) != size:
             raise DiorError(
-                f"{where}: {name} is {grey.shape[1]}x{grey.shape[0]} where {first} is {size[0]}x{size[1]}; "
+                f"{where}: {name} is {width}x{height} where {first} is {size[0]}x{size[1]}; "
                 "use pictures of the recorded resolution only"
             )
         xyz, uv = detect(grey)
@@ -198,11 +220,11 @@ def find(named_pictures, detect, where):
             names.append(name)
             points.append(xyz)
             pixels.append(uv)
-    return Views(tuple(names), tuple(points), tuple(pixels), size, count)
+    return BoardViews(tuple(names), tuple(points), tuple(pixels), size, count)
 
 
-def calibrate(views, where):
-    """`Calibration` from `Views`, by OpenCV (Zhang 2000), after views that are wrong or repeated were dropped.
+def calibrate(views: BoardViews, where: str) -> Calibration:
+    """`Calibration` from `BoardViews`, by OpenCV (Zhang 2000), after views that are wrong or repeated were dropped.
 
     Raises DiorError, beginning with `where`, for fewer than 3 views, boards that are all parallel, an rms above 2 px
     (of 1280) and a focal length known to no better than 1 %.
@@ -229,15 +251,15 @@ def calibrate(views, where):
     k3_free = shape_free and covered >= K3_COVERAGE and len(views) >= MANY_VIEWS
     if shape_free:
         solved = _solve(views, centre_free, k3_free, shape_free)
-    held = (() if centre_free else ("centre",)) + (() if k3_free else ("k3",))
+    fixed = (() if centre_free else ("centre",)) + (() if k3_free else ("k3",))
     done = Calibration(
-        solved.lens, views, solved.view_px, solved.rms_px, covered, tilt, solved.fx_sd, solved.bend_m, dropped, held
+        solved.lens, views, solved.view_px, solved.rms_px, covered, tilt, solved.fx_sd, solved.bend_m, dropped, fixed
     )
     _check_end(done, where)
     return done
 
 
-def coverage(views):
+def coverage(views: BoardViews) -> float:
     """Share of the picture's area that lies inside the outline of at least one board."""
     import cv2
 
@@ -248,17 +270,17 @@ def coverage(views):
     return float(mask.mean())
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Solved:
     lens: Intrinsics
     rms_px: float
-    view_px: np.ndarray
-    rotations: np.ndarray
+    view_px: Floats
+    rotations: Floats
     fx_sd: float
     bend_m: float
 
 
-def _solve(views, centre_free=False, k3_free=False, shape_free=False):
+def _solve(views: BoardViews, centre_free: bool = False, k3_free: bool = False, shape_free: bool = False) -> _Solved:
     import cv2
 
     flags = (0 if centre_free else cv2.CALIB_FIX_PRINCIPAL_POINT) | (0 if k3_free else cv2.CALIB_FIX_K3)
@@ -268,45 +290,48 @@ def _solve(views, centre_free=False, k3_free=False, shape_free=False):
     # several threads add in another order each time, and the last digits with them
     cv2.setNumThreads(1)
     if shape_free:
-        # two corners and the height of a third are held, the last of the first row among them
-        fixed = int((points[0][:, 1] == 0).sum()) - 1
-        rms, K, D, turns, _, shape, sd, _, _, view_px = cv2.calibrateCameraROExtended(
-            points, pixels, views.size, fixed, None, None, flags=flags
+        # two corners and the height of a third are fixed, the last of the first row among them
+        last = int((points[0][:, 1] == 0).sum()) - 1
+        # OpenCV's types forbid the None that its documentation asks for
+        rms, K, D, turns, _, shape, sd, _, _, view_px = cv2.calibrateCameraROExtended(  # type: ignore[call-overload]
+            points, pixels, views.size, last, None, None, flags=flags
         )
         bend = _bend_m(np.asarray(shape, float).reshape(-1, 3))
     else:
-        rms, K, D, turns, _, sd, _, view_px = cv2.calibrateCameraExtended(
+        rms, K, D, turns, _, sd, _, view_px = cv2.calibrateCameraExtended(  # type: ignore[call-overload]
             points, pixels, views.size, None, None, flags=flags
         )
     cv2.setNumThreads(threads)
-    numbers = (float(value) for value in (K[0, 0], K[1, 1], K[0, 2], K[1, 2]))
-    lens = Intrinsics(*views.size, *numbers, "plumb_bob", tuple(D.ravel()[:5].tolist()))
+    fx, fy, cx, cy = (float(value) for value in (K[0, 0], K[1, 1], K[0, 2], K[1, 2]))
+    lens = Intrinsics(*views.size, fx, fy, cx, cy, "plumb_bob", tuple(D.ravel()[:5].tolist()))
     rotations = np.stack([cv2.Rodrigues(turn)[0] for turn in turns])
     return _Solved(lens, float(rms), np.ravel(view_px), rotations, float(np.ravel(sd)[0]), bend)
 
 
-def _whole(views):
+def _whole(views: BoardViews) -> bool:
     """Whether every view shows all corners of one board, in one order."""
     first = views.points[0]
     whole = len(first) == len(np.unique(first[:, 0])) * len(np.unique(first[:, 1]))
     return whole and all(xyz.shape == first.shape and (xyz == first).all() for xyz in views.points)
 
 
-def _bend_m(shape):
+def _bend_m(shape: Floats) -> float:
     """Largest distance (m) of the points (N, 3) from the plane through them."""
     away = shape - shape.mean(axis=0)
     return float(np.abs(away @ np.linalg.svd(away)[2][2]).max())
 
 
-def _tilt_deg(rotations):
+def _tilt_deg(rotations: Floats) -> float:
     """Largest angle between the normals of two boards: parallel boards say nothing of the focal length."""
     normals = rotations[:, :, 2]
     return float(np.degrees(np.arccos(np.clip(normals @ normals.T, -1, 1)).max()))
 
 
-def _distinct(views):
-    """Without the views that repeat an earlier one: a board held still would count many times."""
-    near, kept, dropped = SAME_VIEW * np.hypot(*views.size), [], ()
+def _distinct(views: BoardViews) -> tuple[BoardViews, Dropped]:
+    """Without the views that repeat an earlier one: a board that was not moved would count many times."""
+    near = SAME_VIEW * np.hypot(*views.size)
+    kept: list[int] = []
+    dropped: Dropped = ()
     for i, (xyz, uv) in enumerate(zip(views.points, views.pixels, strict=True)):
         same = [j for j in kept if _moved_px(xyz, uv, views.points[j], views.pixels[j]) < near]
         if same:
@@ -316,7 +341,7 @@ def _distinct(views):
     return views.only(kept), dropped
 
 
-def _moved_px(xyz, uv, other_xyz, other_uv):
+def _moved_px(xyz: Floats, uv: Floats, other_xyz: Floats, other_uv: Floats) -> float:
     """Mean distance of the corners that two views share; infinite for fewer than half of them."""
     place = {tuple(point): pixel for point, pixel in zip(other_xyz.round(6).tolist(), other_uv, strict=True)}
     keys = [tuple(point) for point in xyz.round(6).tolist()]
@@ -324,14 +349,15 @@ def _moved_px(xyz, uv, other_xyz, other_uv):
     return float(np.mean(moved)) if len(moved) >= len(xyz) / 2 else np.inf
 
 
-def _planar(views):
+def _planar(views: BoardViews) -> tuple[BoardViews, Dropped]:
     """Without the views whose corners are no picture of a plane grid, that is, a wrong detection.
 
     A homography leaves only the lens' distortion, whatever the focal length is.
     """
     import cv2
 
-    kept, dropped = [], ()
+    kept: list[int] = []
+    dropped: Dropped = ()
     for i, (xyz, uv) in enumerate(zip(views.points, views.pixels, strict=True)):
         H, _ = cv2.findHomography(xyz[:, :2], uv)
         size = np.linalg.norm(uv.max(axis=0) - uv.min(axis=0))
@@ -346,7 +372,7 @@ def _planar(views):
     return views.only(kept), dropped
 
 
-def _check_count(views, where, dropped):
+def _check_count(views: BoardViews, where: str, dropped: Dropped) -> None:
     if len(views) >= FEWEST_VIEWS:
         return
     left = f", {len(dropped)} of them left out ({dropped[0][0]}: {dropped[0][1]})" if dropped else ""
@@ -357,7 +383,7 @@ def _check_count(views, where, dropped):
     )
 
 
-def _check_end(done, where):
+def _check_end(done: Calibration, where: str) -> None:
     width = done.lens.width
     if done.tilt_deg < LEAST_TILT_DEG:
         raise DiorError(
@@ -376,18 +402,18 @@ def _check_end(done, where):
         )
 
 
-def findings(done):
+def findings(done: Calibration) -> list[tuple[str, str, str]]:
     """What a person should see of a calibration: (severity, code, text) tuples."""
     lens, views = done.lens, done.views
-    held = {"centre": "the centre is held in the middle of the picture", "k3": "k3 at 0"}
+    kept = {"centre": "the centre is held in the middle of the picture", "k3": "k3 at 0"}
     text = (
         f"{len(views)} of {views.looked_at} pictures used, rms {done.rms_px:.3f} px, fx {lens.fx:.1f} (sd "
         f"{done.fx_sd:.1f}) px, fy {lens.fy:.1f} px, {done.coverage:.0%} of the picture covered, boards tilted by up "
         f"to {done.tilt_deg:.0f} degrees"
     )
     bent = [] if np.isnan(done.bend_m) else [f"the board is up to {1000 * done.bend_m:.1f} mm from flat"]
-    found = [("info", "board_calibration", "; ".join([text, *bent, *(held[key] for key in done.held)]))]
-    if "centre" in done.held:
+    found = [("info", "board_calibration", "; ".join([text, *bent, *(kept[key] for key in done.fixed)]))]
+    if "centre" in done.fixed:
         asked = f"{CENTRE_COVERAGE:.0%} coverage, {FEW_VIEWS} views and {GOOD_TILT_DEG:.0f} degrees of tilt"
         text = f"{len(views)} views, {done.coverage:.0%} coverage, {done.tilt_deg:.0f} degrees of tilt: too little to "
         found.append(("warning", "board_coverage", f"{text}find the lens' centre; take more pictures ({asked})"))

@@ -6,27 +6,32 @@ person names the model in the camera's YAML, and the residuals are reported unde
 
 from dataclasses import replace
 
+from dior.arrays import AnyPath
+from dior.geometry.camera import Camera, Intrinsics
+
 MODELS = ("plumb_bob", "inverse_brown_conrady")
-CLEARLY_BETTER = 0.8
+CLEARLY_BETTER = 0.8  # chosen: the share of the error that the other model has to reach before a person is asked
 
 
-def is_colour(topic):
+def is_colour(topic: str) -> bool:
     """Whether a topic is named as realsense-ros names its colour pictures; a leading slash may be missing."""
     return "/color/image_raw" in f"/{topic}"
 
 
-def is_ambiguous(topic, lens):
+def is_ambiguous(topic: str, lens: Intrinsics) -> bool:
     """Whether `Intrinsics` of a topic's pictures may be of either model; they are the same without distortion."""
     return is_colour(topic) and lens.model in MODELS and any(lens.distortion)
 
 
-def as_other(camera):
+def as_other(camera: Camera) -> Camera:
     """The `Camera` with its lens of the other model."""
     (other,) = set(MODELS) - {camera.intrinsics.model}
     return replace(camera, intrinsics=replace(camera.intrinsics, model=other))
 
 
-def finding(scope, what, named, named_px, other_px, path):
+def finding(
+    scope: str, what: str, named: str, named_px: float, other_px: float, path: AnyPath
+) -> tuple[str, str, str, str]:
     """Finding on how `what` fits the lens `named` in the file `path` and the other model, mean px."""
     (other,) = set(MODELS) - {named}
     text = f"{what} are {named_px:.2f} px off with the lens as {named}, {other_px:.2f} px as {other}"

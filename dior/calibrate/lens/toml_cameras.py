@@ -5,12 +5,15 @@ OUTPUTS  the section of a camera, found by its key, the last part of its key or 
 """
 
 import tomllib
+from collections.abc import Collection, Iterator
 from pathlib import Path
+from typing import Any
 
+from dior.arrays import AnyPath
 from dior.errors import DiorError, nearest
 
 
-def section(path, name, keys):
+def section(path: AnyPath, name: str, keys: Collection[str]) -> dict[str, Any]:
     """The section of the camera `name` among those that hold one of `keys`.
 
     Raises DiorError for a missing or broken file, an unknown name (with the nearest) and a name of several sections.
@@ -33,7 +36,7 @@ def section(path, name, keys):
     return found[matching[0]]
 
 
-def _tables(prefix, content):
+def _tables(prefix: str, content: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
     for key, value in content.items():
         if isinstance(value, dict):
             yield prefix + key, value

@@ -10,40 +10,49 @@ A square seen once has two poses that fit nearly as well. The second is left out
 the floor, upside down while the other is upright, or fits clearly worse; if none of this decides, it is an error.
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from dior.arrays import AnyPath, Bools, Floats, Ints, Table
 from dior.errors import DiorError
-from dior.geometry.camera import inverse_pose, pose, project, undistort
+from dior.geometry import covariance
+from dior.geometry.camera import Camera, angle_deg, inverse_pose, pose, project, undistort
 from dior.progress import reporting
 from dior.tables import tables
 
 FAMILIES = {"36h11": "APRILTAG_36h11"}
 # bits of tag 0 by rows from the top left, as in AprilTag's own sources (tag36h11.c of AprilTag 2) and pictures
 FIRST_36H11 = 0xD5D628584
-MOST_FRAMES = 40
-MOVED_PX = 3.0
+MOST_FRAMES = 40  # chosen: evenly spread pictures; what remains of the corners' error is constant
+MOVED_PX = 3.0  # chosen: 20 times a corner's noise, and 2 cm at 4 m
 # corners are right to 0.06 px in drawn pictures; blur and paper that is not flat add to it
 CORNER_SIGMA_PX = 0.15
 CORNERS = ("top_left", "top_right", "bottom_right", "bottom_left")
+# chosen: places along a side, without its ends, where the corners blur, and across it
 ALONG, ACROSS = np.linspace(0.1, 0.9, 25), np.linspace(-1, 1, 25)
+# chosen: how far across a side is looked, px and of its length (half of a bit of 36h11); less of the step is noise
 EDGE_PX, EDGE_SHARE, LEAST_STEP = 3.0, 0.06, 0.15
-REFINED_PX = 2.0
-WORSE = 2.0
-USUAL_SIGMA_M = 0.05
+REFINED_PX = 2.0  # chosen: OpenCV's corners are right to 0.25 px, so that a larger move is another edge
+WORSE = (
+    2.0  # chosen: the other pose is left out where its rms is this many times the better one's or the corners' noise
+)
+USUAL_SIGMA_M = 0.05  # chosen: of a position by tape
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Solution:
     """A pose of a marker in the camera, `cTm` (4, 4) m, and the rms distance `rms_px` of its four corners."""
 
-    cTm: np.ndarray
+    cTm: Floats
     rms_px: float
 
 
-def detector(dictionary):
+def detector(dictionary: str) -> Callable[[NDArray[np.uint8]], dict[int, Floats]]:
     """A function from a picture to {id: corners (4, 2) px}, for a dictionary by OpenCV's name (`5X5_250`)."""
     import cv2
 
@@ -53,7 +62,7 @@ def detector(dictionary):
     found = cv2.aruco.ArucoDetector(known, parameters)
     turned = _quarter_turns(known) if dictionary == FAMILIES["36h11"] else 0
 
-    def detect(picture):
+    def detect(picture: NDArray[np.uint8]) -> dict[int, Floats]:
         corners, ids, _ = found.detectMarkers(picture)
         if ids is None:
             return {}
@@ -66,7 +75,7 @@ def detector(dictionary):
     return detect
 
 
-def sharpened(grey, corners):
+def sharpened(grey: Floats, corners: Floats) -> Floats:
     """Corners (4, 2) px of a marker as the intersections of lines along its sides, in a picture (height, width).
 
     Each side is met at 25 places, where the middle of the step from black to white is its edge. In drawn pictures
@@ -84,20 +93,20 @@ def sharpened(grey, corners):
     return np.array(crossed) if (moved < REFINED_PX).all() else corners
 
 
-def _side(grey, start, end):
+def _side(grey: Floats, start: Floats, end: Floats) -> tuple[Floats, Floats]:
     """A point and a direction of the line along the side of a marker between two corners (2,) px."""
     from scipy.ndimage import map_coordinates
 
     length = np.linalg.norm(end - start)
     along = (end - start) / length
     out = np.array([along[1], -along[0]])
-    across = ACROSS * min(EDGE_PX, EDGE_SHARE * length)
+    across = ACROSS * np.minimum(EDGE_PX, EDGE_SHARE * length)
     at = start + (ALONG * length)[:, None, None] * along + across[:, None] * out
     profile = map_coordinates(grey, [at[..., 1], at[..., 0]], order=1, mode="nearest")
     step = np.diff(profile, axis=1) * np.sign(np.median(profile[:, -1] - profile[:, 0]))
     step = np.where(step > LEAST_STEP * step.max(), step, 0.0)
     edge = step @ ((across[1:] + across[:-1]) / 2) / step.sum(axis=1)
-    good, line = np.isfinite(edge), (np.nan, np.nan)
+    good, line = np.isfinite(edge), np.full(2, np.nan)
     for _ in range(2):
         if good.sum() < 5:
             return start, np.full(2, np.nan)
@@ -107,7 +116,7 @@ def _side(grey, start, end):
     return start + line[1] * out, along + line[0] * out
 
 
-def _quarter_turns(dictionary):
+def _quarter_turns(dictionary: Any) -> int:
     """By how many quarter turns OpenCV's 36h11 stands on its head: releases differ (opencv-python issue 1195)."""
     import cv2
 
@@ -116,13 +125,13 @@ def _quarter_turns(dictionary):
     return next(turns for turns in range(4) if (np.rot90(official, turns) == drawn).all())
 
 
-def marker_points(size_m):
+def marker_points(size_m: float) -> Floats:
     """Corners (4, 3) m of a marker in its own axes."""
     half = size_m / 2
     return np.array([[-half, half, 0], [half, half, 0], [half, -half, 0], [-half, -half, 0.0]])
 
 
-def solutions(camera, corners, size_m):
+def solutions(camera: Camera, corners: Floats, size_m: float) -> list[Solution]:
     """The two poses of a marker with `corners` (4, 2) recorded px, better one first (IPPE, Collins and Bartoli 2014).
 
     Those behind the camera, and all where the lens model has no answer, are left out.
@@ -143,7 +152,7 @@ def solutions(camera, corners, size_m):
     return sorted(found, key=lambda solution: solution.rms_px)
 
 
-def tag_pose(tag, where):
+def tag_pose(tag: dict[str, Any], where: str) -> Floats:
     """wTm (4, 4) of the session's tag. Raises DiorError where `normal` and `up` do not make a right angle."""
     normal, up = (np.array(tag[key], float) for key in ("normal", "up"))
     lengths = np.linalg.norm(normal), np.linalg.norm(up)
@@ -158,22 +167,22 @@ def tag_pose(tag, where):
     return pose(np.stack([np.cross(y, z), y, z], axis=1), tag["position_m"])
 
 
-def world_points(tag, where):
+def world_points(tag: dict[str, Any], where: str) -> Floats:
     """Corners (4, 3) m of the session's tag in the world."""
     wTm = tag_pose(tag, where)
     return marker_points(tag["size_m"]) @ wTm[:3, :3].T + wTm[:3, 3]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Corners:
     """Where one camera sees the corners `world` (4, 3) m of a tag: `uv` (4, 2) recorded px, each to `sigma_px`."""
 
-    uv: np.ndarray
-    world: np.ndarray
+    uv: Floats
+    world: Floats
     sigma_px: float
 
 
-def corners_of(marks):
+def corners_of(marks: Table) -> Corners:
     """`Corners` of a camera from its `marks` table as `place` made it: the mean over the still pictures.
 
     Their sigma is the scatter over the pictures or how far they are from the placed pose, whichever is more; more
@@ -186,7 +195,7 @@ def corners_of(marks):
     return Corners(seen.mean(axis=0), world, max(CORNER_SIGMA_PX, _noise_px(seen), rms_px))
 
 
-def still(corners):
+def still(corners: Floats) -> Bools:
     """Mask (F,) of the detections (F, 4, 2) that are where most are: a tag that is hidden in part, or carried, is not.
 
     Within 3 px of the median in every corner.
@@ -194,10 +203,10 @@ def still(corners):
     return np.linalg.norm(corners - np.median(corners, axis=0), axis=-1).max(axis=1) <= MOVED_PX
 
 
-def choose(found, wTm, corner_sigma_px, where):
+def choose(found: Sequence[Solution], wTm: Floats, corner_sigma_px: float, where: str) -> tuple[Floats, str]:
     """wTc (4, 4) of the right one of `solutions`, and in words what decided.
 
-    Raises DiorError where none is above the floor or the two cannot be told apart.
+    Raises DiorError where none is above the floor or the two fit as well.
     """
     if not found:
         raise DiorError(f"{where}: no pose fits the tag; are the intrinsics right?")
@@ -216,33 +225,29 @@ def choose(found, wTm, corner_sigma_px, where):
     (best, best_px), (other, other_px) = above
     if other_px >= WORSE * max(best_px, corner_sigma_px):
         return best, f"the other fits to {other_px:.2f} px"
-    cosine = (np.trace(best[:3, :3].T @ other[:3, :3]) - 1) / 2
     raise DiorError(
         f"{where}: two poses fit the tag, to {best_px:.2f} and {other_px:.2f} px, "
-        f"{np.linalg.norm(best[:3, 3] - other[:3, 3]):.2f} m and {np.degrees(np.arccos(np.clip(cosine, -1, 1))):.0f} "
+        f"{np.linalg.norm(best[:3, 3] - other[:3, 3]):.2f} m and {angle_deg(best[:3, :3], other[:3, :3]):.0f} "
         "degrees apart; put the tag nearer to the camera or turn it away by 30 degrees, or use `locate: tape`"
     )
 
 
-def uncertainty(camera, wTm, size_m, sigma_px):
+def uncertainty(camera: Camera, wTm: Floats, size_m: float, sigma_px: float) -> tuple[float, float]:
     """1 sigma of the position (m) and of the rotation (degrees) of a placed camera, from corners with `sigma_px`."""
+    from scipy.linalg import block_diag
+
     points = marker_points(size_m) @ wTm[:3, :3].T + wTm[:3, 3]
-    step = 1e-5
-    columns = []
-    for axis in range(6):
-        moved = camera.wTc.copy()
-        if axis < 3:
-            moved[axis, 3] += step
-        else:
-            turn = np.cross(np.eye(3)[axis - 3], moved[:3, :3].T).T
-            moved[:3, :3] = moved[:3, :3] + step * turn
-        columns.append(((project(camera.at(moved), points)[0] - project(camera, points)[0]) / step).ravel())
-    J = np.stack(columns, axis=1)
-    variance = sigma_px**2 * np.diag(np.linalg.inv(J.T @ J))
-    return float(np.sqrt(variance[:3].max())), float(np.degrees(np.sqrt(variance[3:].max())))
+    _, by_camera = covariance.projection(camera, points)
+    J = by_camera.reshape(-1, 6)
+    # from turns about the camera's axes to turns about the world's
+    spread = block_diag(camera.wRc, np.eye(3)) @ np.linalg.inv(J.T @ J) @ block_diag(camera.wRc, np.eye(3)).T
+    variance = sigma_px**2 * np.diag(spread)
+    return float(np.sqrt(variance[3:].max())), float(np.degrees(np.sqrt(variance[:3].max())))
 
 
-def place(camera, tag, frames, data_root, tape, where):
+def place(
+    camera: Camera, tag: dict[str, Any], frames: AnyPath, data_root: AnyPath, tape: dict[str, Any] | None, where: str
+) -> tuple[Floats, list[tuple[str, str, str]], dict[str, Any]]:
     """wTc (4, 4) of `camera` from the tag in its pictures, findings [(severity, code, text)] and columns of `marks`.
 
     At most 40 pictures of the table `frames`, evenly spread, are looked at; the corners of those in which the tag is
@@ -300,7 +305,9 @@ def place(camera, tag, frames, data_root, tape, where):
     return wTc, findings + _against_tape(wTc, tape, sigma_m), marks
 
 
-def _detections(camera, tag, frames, data_root, where):
+def _detections(
+    camera: Camera, tag: dict[str, Any], frames: AnyPath, data_root: AnyPath, where: str
+) -> tuple[Floats, Ints, int]:
     """Corners (F, 4, 2) px of the tag where it is found, on which frames (F,), and how many pictures were looked at."""
     from dior.ingest import bags
 
@@ -319,12 +326,12 @@ def _detections(camera, tag, frames, data_root, where):
     return np.array([found[row] for row in shown]).reshape(-1, 4, 2), rows["frame"][shown], len(chosen)
 
 
-def _noise_px(corners):
+def _noise_px(corners: Floats) -> float:
     """Spread (px) of a corner's coordinate over the detections (F, 4, 2), robust."""
     return float(1.4826 * np.median(np.abs(corners - np.median(corners, axis=0))))
 
 
-def _against_tape(wTc, tape, sigma_m):
+def _against_tape(wTc: Floats, tape: dict[str, Any] | None, sigma_m: float) -> list[tuple[str, str, str]]:
     """A warning where the tape disagrees: the tag's `up` may be a quarter turn wrong, which nothing else shows."""
     if not tape:
         return []

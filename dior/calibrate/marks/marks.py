@@ -9,42 +9,52 @@ linearly between two ticks of the mocap, never across a gap.
 """
 
 import csv
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any, TypeAlias
 
 import numpy as np
 
+from dior.arrays import AnyPath, Bools, Floats, Ints, Texts
 from dior.calibrate.marks.pnp import Mark
 from dior.clocks.axis import sample, seconds
 from dior.errors import DiorError, nearest
-from dior.geometry.camera import in_frame, project
+from dior.geometry.camera import Camera, Intrinsics, in_frame, project
 from dior.tables import tables
+from dior.tables.tables import Finding
 
 COLUMNS = ("sequence", "frame", "joint", "u", "v")
 WORLD = ("x", "y", "z")
-MANY_LOST = 0.2
+MANY_LOST = 0.2  # chosen: of the marks, for a warning and no mere information
 
 
-@dataclass(frozen=True)
+# by sequence, of one camera: frame numbers and stamps in ns
+Stamps: TypeAlias = Mapping[str, tuple[Ints, Ints]]
+# a line of the CSV: sequence, frame, joint, line, uv, xyz
+Line: TypeAlias = tuple[str, int, str, int, tuple[float, ...], tuple[float, ...]]
+
+
+@dataclass(frozen=True, eq=False)
 class Marks:
     """N marks: `sequence`, `joint` (N,) text, `frame`, `line` (N,) int, `uv` (N, 2) px, `xyz` (N, 3) m or NaN."""
 
-    sequence: np.ndarray
-    frame: np.ndarray
-    joint: np.ndarray
-    line: np.ndarray
-    uv: np.ndarray
-    xyz: np.ndarray
+    sequence: Texts
+    frame: Ints
+    joint: Texts
+    line: Ints
+    uv: Floats
+    xyz: Floats
 
-    def __len__(self):
+    def __len__(self) -> int:
         return len(self.frame)
 
-    def only(self, keep):
+    def only(self, keep: Bools | Ints) -> "Marks":
         """The marks where the mask `keep` (N,) is true."""
         return Marks(*(getattr(self, name)[keep] for name in self.__dataclass_fields__))
 
 
-def read(path):
+def read(path: AnyPath) -> Marks:
     """Marks of a CSV file; `xyz` is NaN where the file has none.
 
     Raises DiorError that names the file and the line: no such file, wrong columns, a value that is no number, a
@@ -59,9 +69,9 @@ def read(path):
         reader.fieldnames = header
         _check_header(path, header)
         rows = [_row(f"{path} line {reader.line_num}", reader.line_num, row) for row in reader]
-    first = {}
+    first: dict[tuple[str, int, str], int] = {}
     for row in rows:
-        key = row[:3]
+        key = row[0], row[1], row[2]
         if key in first:
             raise DiorError(
                 f"{path} line {row[3]}: {key[2]} on frame {key[1]} of {key[0]} is marked already on line {first[key]}"
@@ -78,7 +88,7 @@ def read(path):
     )
 
 
-def _check_header(path, header):
+def _check_header(path: AnyPath, header: Sequence[str]) -> None:
     for name in header:
         if name not in COLUMNS + WORLD:
             raise DiorError(f"{path}: unknown column '{name}'{nearest(name, COLUMNS + WORLD)}")
@@ -90,7 +100,7 @@ def _check_header(path, header):
         raise DiorError(f"{path}: column '{missing[0]}' is missing; the header is sequence,frame,joint,u,v[,x,y,z]")
 
 
-def _row(where, line, row):
+def _row(where: str, line: int, row: dict[str, Any]) -> Line:
     if None in row or None in row.values():
         raise DiorError(f"{where}: the number of cells is not that of the header")
     cells = {name: value.strip() for name, value in row.items()}
@@ -106,7 +116,7 @@ def _row(where, line, row):
     return cells["sequence"], int(cells["frame"]), cells["joint"], line, uv, xyz
 
 
-def _number(where, name, text):
+def _number(where: str, name: str, text: str) -> float:
     try:
         value = float(text)
     except ValueError:
@@ -116,17 +126,17 @@ def _number(where, name, text):
     return value
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Motion:
     """Markers of one sequence: `t` (I,) s after the first stored frame, `t0_ns`, `xyz` (I, J, 3) m, `joints`."""
 
-    t: np.ndarray
+    t: Floats
     t0_ns: int
-    xyz: np.ndarray
-    joints: list
+    xyz: Floats
+    joints: list[str]
 
 
-def read_motion(path):
+def read_motion(path: AnyPath) -> tuple[str, Motion]:
     """Markers of a mocap table (`skeletons_3d`): the sequence's name and a `Motion`."""
     table = tables.read(path, "skeletons_3d", ["sequence", "joint", "instant", "stamp_ns", *WORLD])
     xyz, joints = tables.grid(table, *WORLD)
@@ -136,7 +146,9 @@ def read_motion(path):
     return table["sequence"][0], Motion((stamps - stamps[0]) / 1e9, int(stamps[0]), xyz, joints)
 
 
-def times(marks, path, camera, intrinsics, motions, stamps):
+def times(
+    marks: Marks, path: AnyPath, camera: str, intrinsics: Intrinsics, motions: Mapping[str, Motion], stamps: Stamps
+) -> Floats:
     """Seconds (N,) from the start of the mocap to the picture by the camera's clock as it is; NaN for marks with xyz.
 
     `motions`: sequence -> Motion; `stamps`: sequence -> (frame numbers, stamps in ns) of this camera. Raises DiorError
@@ -161,7 +173,16 @@ def times(marks, path, camera, intrinsics, motions, stamps):
     return t
 
 
-def in_world(marks, path, camera, intrinsics, motions, stamps, clocks, scope):
+def in_world(
+    marks: Marks,
+    path: AnyPath,
+    camera: str,
+    intrinsics: Intrinsics,
+    motions: Mapping[str, Motion],
+    stamps: Stamps,
+    clocks: Mapping[str, Sequence[Any]],
+    scope: str,
+) -> tuple[Marks, list[Finding]]:
     """Marks with their world points, and findings for those that were dropped.
 
     `clocks`: sequence -> (offset_s, drift_ppm, ...) of this camera; the rest as of `times`, which raises. A mark whose
@@ -173,12 +194,14 @@ def in_world(marks, path, camera, intrinsics, motions, stamps, clocks, scope):
         offset_s, drift_ppm = clocks[marks.sequence[i]][:2]
         at = np.array([t[i] * (1 + 1e-6 * drift_ppm) + offset_s])
         xyz[i] = sample(motion.t, motion.xyz[:, motion.joints.index(marks.joint[i])], at, longest_step(motion))[0]
-    known = np.isfinite(xyz).all(axis=1)
+    known = np.asarray(np.isfinite(xyz).all(axis=1))
     findings = _without_marker(marks, known, path, scope)
     return replace(marks, xyz=xyz).only(known), findings
 
 
-def unmarked(marks, camera, motions, stamps, clocks):
+def unmarked(
+    marks: Marks, camera: Camera, motions: Mapping[str, Motion], stamps: Stamps, clocks: Mapping[str, Sequence[Any]]
+) -> list[Mark]:
     """`pnp.Mark` of every marker that is in the picture and not marked, on the frames that have marks.
 
     Whether the body hides it is not known. Arguments as of `in_world`.
@@ -198,7 +221,7 @@ def unmarked(marks, camera, motions, stamps, clocks):
     return found
 
 
-def _without_marker(marks, known, path, scope):
+def _without_marker(marks: Marks, known: Bools, path: AnyPath, scope: str) -> list[Finding]:
     """One finding for the marks that are not `known` (N,), since their marker being missing in the mocap."""
     lost = np.flatnonzero(~known)
     if not len(lost):
@@ -209,7 +232,7 @@ def _without_marker(marks, known, path, scope):
     return [(scope, severity, "mark_without_marker", f"{path}: {text} ({'; '.join(each)})")]
 
 
-def _stamp(where, stamps, sequence, frame, camera):
+def _stamp(where: str, stamps: Stamps, sequence: str, frame: int, camera: str) -> int:
     if sequence not in stamps:
         raise DiorError(f"{where}: '{sequence}' is not a sequence of this session{nearest(sequence, stamps)}")
     frames, ns = stamps[sequence]
@@ -220,6 +243,6 @@ def _stamp(where, stamps, sequence, frame, camera):
     return ns[found[0]]
 
 
-def longest_step(motion):
+def longest_step(motion: Motion) -> float:
     """1.5 ticks: neighbouring ticks are joined, a gap in the ticks is not."""
     return 1.5 * np.median(np.diff(motion.t)) if len(motion.t) > 1 else 0.0

@@ -5,38 +5,48 @@ OUTPUTS  numbers and sentences for `locate`
 World in metres, Z up, floor at Z = 0; recorded pixels. A pose's error is that of `dior.geometry.covariance`.
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
+from dior.arrays import Floats, Ints, Texts
 from dior.errors import DiorError
 from dior.geometry import camera as cam
 from dior.geometry import covariance
 
-CLICK_SD_PX, CLICK_WORTH = 1.5, 4.0  # how well people click before anything is seen, worth as many coordinates
-# marks are nearly planar where their thickness is below this share of their smaller extent in the plane
+# chosen: how well people click before anything is seen, worth as many coordinates
+CLICK_SD_PX, CLICK_WORTH = 1.5, 4.0
+# chosen: marks are nearly planar where their thickness is below this share of their smaller extent in the plane
 FLAT = 0.25
-OTHER_DEG = 3.0
-CLEARLY_WORSE = 20.0  # chi2: at even odds the other solution is 20 000 times less likely
-SUSPECT = 0.01  # chance that the worst of all good marks looks as bad
+OTHER_DEG = 3.0  # chosen: poses nearer than that are one
+CLEARLY_WORSE = 20.0  # chosen, chi2: at even odds the other solution is 20 000 times less likely (e^10)
+SUSPECT = 0.01  # chosen: chance that the worst of all good marks looks as bad
 
 
-@dataclass(frozen=True)
+# refines a camera's pose to points and pixels: wTc (4, 4) and its Jacobian
+Refine: TypeAlias = Callable[[cam.Camera, Floats, Floats], tuple[Floats, Floats]]
+
+
+@dataclass(frozen=True, eq=False)
 class Mark:
     """A marker that could be marked: `sequence`, `frame`, `joint`, its place `xyz` (3,) m."""
 
     sequence: str
     frame: int
     joint: str
-    xyz: np.ndarray
+    xyz: Floats
 
 
-def variance(residual, free):
+def variance(residual: Floats, free: int) -> float:
     """Variance px^2 of a coordinate from residuals (..., ) with so many degrees of freedom, and the usual click's."""
     return (CLICK_WORTH * CLICK_SD_PX**2 + (residual**2).sum()) / (CLICK_WORTH + max(free, 0))
 
 
-def pose_covariance(J, residual, joint=None, frame=None):
+def pose_covariance(
+    J: Floats, residual: Floats, joint: Ints | Texts | None = None, frame: Ints | Texts | None = None
+) -> Floats:
     """(P, P) from the Jacobian (2N, P) by the pose and what was found with it, and the residuals (N, 2) px.
 
     Marks of one `joint` (N,) share the error of the marker's place on the body, marks of one `frame` (N,) that of the
@@ -51,10 +61,10 @@ def pose_covariance(J, residual, joint=None, frame=None):
         alike = np.equal.outer(np.asarray(group), np.asarray(group))
         np.fill_diagonal(alike, False)
         grown += max(0.0, float((alike[..., None] * residual[:, None] * residual[None]).sum() / total))
-    return variance(residual, free) * grown * np.linalg.inv(J.T @ J)
+    return np.asarray(variance(residual, free) * grown * np.linalg.inv(J.T @ J), float)
 
 
-def other_solution(camera, xyz, uv, refine):
+def other_solution(camera: cam.Camera, xyz: Floats, uv: Floats, refine: Refine) -> Floats | None:
     """The second pose (4, 4) that nearly planar marks may have, refined by `refine(camera, xyz, uv)`; None if none.
 
     Points in a plane look nearly alike from two sides (Schweighofer and Pinz 2006, IPPE: Collins and Bartoli 2014).
@@ -76,16 +86,12 @@ def other_solution(camera, xyz, uv, refine):
         if not np.isfinite(wTc).all():
             continue
         found = refine(camera.at(wTc), xyz, uv)[0]
-        if angle_deg(found[:3, :3], camera.wRc) > OTHER_DEG:
+        if cam.angle_deg(found[:3, :3], camera.wRc) > OTHER_DEG:
             return found
     return None
 
 
-def angle_deg(R, S):
-    return float(np.degrees(np.arccos(np.clip((np.trace(R.T @ S) - 1) / 2, -1, 1))))
-
-
-def implausible(camera, xyz):
+def implausible(camera: cam.Camera, xyz: Floats) -> str:
     """Why a camera cannot stand there, or ""."""
     if not camera.centre[2] > 0:
         return "below the floor"
@@ -96,7 +102,7 @@ def implausible(camera, xyz):
     return ""
 
 
-def decide(camera, other, xyz, uv, where):
+def decide(camera: cam.Camera, other: Floats | None, xyz: Floats, uv: Floats, where: str) -> tuple[Floats, str]:
     """The pose (4, 4) to take of `camera.wTc` and `other` (4, 4) or None, and what to say of the second, or "".
 
     Raises DiorError where both fit and nothing tells which.
@@ -110,9 +116,8 @@ def decide(camera, other, xyz, uv, where):
         first, second, misses, chi2 = second, first, misses[::-1], chi2[::-1]
     worse = (chi2[1] - chi2[0]) / variance(misses[0], misses[0].size - 6)
     rms = [np.sqrt((miss**2).mean()) for miss in misses]
-    apart = (
-        f"{np.linalg.norm(first.centre - second.centre):.1f} m and {angle_deg(first.wRc, second.wRc):.0f} degrees away"
-    )
+    distance, angle = np.linalg.norm(first.centre - second.centre), cam.angle_deg(first.wRc, second.wRc)
+    apart = f"{distance:.1f} m and {angle:.0f} degrees away"
     reasons = [implausible(c, xyz) for c in (first, second)]
     if reasons[1]:
         return first.wTc, f"the marks are nearly in a plane; the other pose that fits, {apart}, is {reasons[1]}"
@@ -127,7 +132,7 @@ def decide(camera, other, xyz, uv, where):
     )
 
 
-def suspect(J, residual):
+def suspect(J: Floats, residual: Floats) -> tuple[int, float, float] | None:
     """The mark that the others contradict most: its index, distance px from where they put it, shift (m) of the camera.
 
     `J` (2N, P), the pose first. None if no mark stands out. Deletion residuals by the hat matrix, tested against the
@@ -153,7 +158,9 @@ def suspect(J, residual):
     return worst, float(np.linalg.norm(without[worst])), float(np.linalg.norm(step[3:6]))
 
 
-def best_next(camera, spread, sd_px, candidates, places):
+def best_next(
+    camera: cam.Camera, spread: Floats, sd_px: float, candidates: Sequence[Mark], places: Floats
+) -> tuple[Mark, float, float] | None:
     """Of `candidates` (`Mark`s) the one that helps the labels at `places` (P, 3) most: it, sigma before and after.
 
     sigma: root of the mean variance px^2 of a label's coordinate, by the covariance (6, 6) `spread` of the camera.

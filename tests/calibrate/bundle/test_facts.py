@@ -188,3 +188,15 @@ def test_the_normal_matrix_is_the_schur_complement():
             full += D.T @ D
     schur = full[:18, :18] - full[:18, 18:] @ np.linalg.solve(full[18:, 18:], full[18:, :18])
     np.testing.assert_allclose(H, schur, atol=1e-6 * np.abs(schur).max())
+
+
+def test_the_noise_of_detections_is_estimated_and_that_of_marks_is_believed():
+    """Pixels are 1 px off where 2 px are assumed: a quarter of the variance, by the degrees that points leave over."""
+    cameras, points = ring(3), body(300)
+    uv = seen(cameras, points, 1.0)
+    ideal = np.stack([bundle.ideal_pixels(c.intrinsics, x) for c, x in zip(cameras, uv, strict=True)])
+    stated = [facts.placed(view, prior) for view, prior in enumerate(tape(cameras))]
+    observed = reduced.Observed(ideal, np.full((3, 300), 2.0), detected=250)
+    variance = reduced.solve(cameras, observed, points, stated).linear.variance
+    assert variance[:250] == pytest.approx(0.25, rel=0.1)
+    assert (variance[250:] == 1.0).all()

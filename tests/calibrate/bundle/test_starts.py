@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dior.calibrate.bundle import starts
-from dior.calibrate.bundle.outcome import moved
+from dior.calibrate.bundle.outcome import shift_and_turn
 from dior.errors import DiorError
 from dior.geometry.camera import pose
 from tests.calibrate.test_adjust import body, misplaced, seen
@@ -18,7 +18,7 @@ def test_the_epipolar_start_does_not_need_the_aim(count):
     away = [c.at(pose(turn @ c.wRc, c.centre)) for c in cameras] if count > 2 else cameras
     found = starts.epipolar(away, seen(cameras, points, 0.5))
     for camera, true in zip(found, cameras, strict=True):
-        distance, angle = moved(true, camera)
+        distance, angle = shift_and_turn(true, camera)
         assert distance < 0.25 and angle < 4
 
 
@@ -49,7 +49,7 @@ def test_the_better_of_two_worlds_wins_and_a_failed_start_is_told():
     cameras, uv = ring(3), seen(ring(3), body(), 1.0)
     worse = misplaced(cameras, 0.3)
     chosen, tried = starts.best(cameras, uv, outcome(worse, cameras, None, None, None, None), "s")
-    assert chosen.name == "epipolar" and [one.cameras is None for one in tried] == [False] * 2 + [True] * 4
+    assert chosen.name == "epipolar" and [not one.cameras for one in tried] == [False] * 2 + [True] * 4
 
 
 def test_equal_starts_in_different_worlds_are_refused():

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import null_space
 
 from dior.calibrate import adjust
-from dior.calibrate.bundle import facts, uncertainty
+from dior.calibrate.bundle import bundle, facts, reduced, uncertainty
 from dior.calibrate.bundle.uncertainty import Tracks
 from dior.geometry.camera import project
 from tests.calibrate.bundle.test_facts import walker
@@ -82,6 +83,18 @@ def test_how_long_noise_lasts():
     assert uncertainty.autocorrelation_sum(white, *shape, tracks) < 1.2
 
 
+@pytest.mark.parametrize("fps", [15, 60, 120])
+def test_how_long_noise_lasts_is_a_matter_of_seconds(fps):
+    """Noise with a time constant of 0.3 s makes one measurement of 0.6 s, however many pictures these have."""
+    from scipy.signal import lfilter
+
+    keep, count = np.exp(-1 / (0.3 * fps)), 400 * fps
+    noise = lfilter([1.0], [1.0, -keep], np.random.default_rng(1).normal(size=(count, 2)), axis=0)
+    tracks = Tracks(np.zeros(count, int), np.arange(count), np.zeros(count, int), ("nose",), 1 / fps)
+    lasting = uncertainty.autocorrelation_sum(noise[None], np.ones((1, count), bool), np.zeros((1, count), int), tracks)
+    assert lasting / fps == pytest.approx(0.6, rel=0.15)
+
+
 def test_the_scale_of_a_rig_held_by_its_tape():
     """Centres that are each known to 5 cm: the scale to 5 cm over the root of the sum of squared distances."""
     cameras = ring(3)
@@ -98,3 +111,55 @@ def test_a_known_length_narrows_the_scale():
         done = adjust.adjust(cameras, uv, tape(cameras, 0.1), HUBER, MOST, "s", tracks, known, None, 0.0)
         sigma.append(uncertainty.scale_sigma(done.cameras, done.uncertainty.covariance))
     assert sigma[0] > 0.009 and abs(sigma[1] - 0.005 / (0.779 * 1.75)) < 0.001
+
+
+def known(seed, noise_px=1.0, keep=0.0, bias_m=0.0):
+    """Errors over their sigmas (11,) of what no motion and scale of the world does, and the `Uncertainty`.
+
+    The noise of a pixel is autoregressive over time by `keep`; each cluster (joint, side) in a camera has an offset of
+    its own. Detections are assumed to be right to 2 px.
+    """
+    random = np.random.default_rng(seed)
+    points, tracks = walker(60)
+    cameras, moments, joints = ring(3), 60, len(tracks.names)
+    sides = uncertainty.sides(cameras, points, tracks)
+    noise = random.normal(0, noise_px, (moments, 3, joints, 2))
+    for t in range(1, moments):
+        noise[t] = keep * noise[t - 1] + np.sqrt(1 - keep**2) * noise[t]
+    uv = []
+    for v, (camera, side) in enumerate(zip(cameras, sides, strict=True)):
+        seen, depth = project(camera, points)
+        offset = random.normal(0, bias_m, (4, joints, 2))[side, tracks.joint]
+        seen = seen + camera.intrinsics.fx / depth[:, None] * offset + noise[:, v].reshape(-1, 2)
+        uv.append(bundle.ideal_pixels(camera.intrinsics, seen))
+    priors = [bundle.Prior(c.centre + random.normal(0, 0.05, 3), 0.05, c.wRc, 3.0) for c in cameras]
+    stated = [facts.placed(v, prior) for v, prior in enumerate(priors)]
+    observed = reduced.Observed(np.stack(uv), np.full((3, len(points)), 2.0), len(points))
+    solved = reduced.solve(cameras, observed, points, stated)
+    found = uncertainty.of(solved, tracks)
+    error = [
+        np.r_[_turn(one.wRc.T @ c.wRc), c.centre - one.centre] for one, c in zip(solved.cameras, cameras, strict=True)
+    ]
+    free = null_space(uncertainty.gauge(solved.cameras).T)
+    values, axes = np.linalg.eigh(free.T @ found.covariance @ free)
+    return axes.T @ free.T @ np.concatenate(error) / np.sqrt(values), found
+
+
+def mean(found, key):
+    return np.mean([getattr(one, key) for one in found])
+
+
+def test_the_variances_of_noise_and_of_offsets_are_those_that_the_pixels_were_made_with():
+    _, found = zip(*(known(seed, 1.0, 0.0, 0.01) for seed in range(6)), strict=True)
+    assert mean(found, "bias_m") == pytest.approx(0.01, abs=0.0006)
+    assert mean(found, "noise") == pytest.approx(1 / 2**2, rel=0.1)
+    # the offsets are no noise that lasts, except for what a point of two sides' offsets keeps of them
+    assert mean(found, "autocorrelation_time") < 2
+
+
+def test_noise_that_lasts_is_not_taken_for_offsets_and_widens_the_covariance():
+    errors, found = zip(*(known(seed, 1.0, 0.6, 0.0) for seed in range(10)), strict=True)
+    # 1 + 2 sum of 0.6^k is 4; of some of the lags nothing is left in residuals that the points have fitted
+    assert 2.5 < mean(found, "autocorrelation_time") < 4.5
+    assert mean(found, "bias_m") < 0.0015
+    assert 0.8 < np.sqrt(np.mean(np.square(errors))) < 1.05

@@ -37,7 +37,7 @@ def seen(count, seed=0, bow_m=0.0, noise_px=0.1, tilt=0.6, near=(0.3, 0.6)):
         if in_frame(LENS, uv).all():
             pixels.append(uv + noise_px * rng.normal(size=uv.shape))
     names = tuple(f"{i:02d}.png" for i in range(count))
-    return board.Views(names, (xyz,) * count, tuple(pixels), (1280, 720), count)
+    return board.BoardViews(names, (xyz,) * count, tuple(pixels), (1280, 720), count)
 
 
 def test_real_chessboard(shared):
@@ -72,7 +72,7 @@ def test_the_step_writes_intrinsics_and_findings(shared, tmp_path):
 @pytest.mark.slow
 def test_many_views_of_a_bent_board_give_the_lens():
     done = board.calibrate(seen(24, bow_m=0.001), "")
-    assert done.held == () and done.coverage > 0.6 and 30 < done.tilt_deg < 100
+    assert done.fixed == () and done.coverage > 0.6 and 30 < done.tilt_deg < 100
     assert done.lens.fx == pytest.approx(LENS.fx, rel=0.002)
     assert np.hypot(done.lens.cx - LENS.cx, done.lens.cy - LENS.cy) < 3
     assert done.bend_m == pytest.approx(0.001, rel=0.5)
@@ -84,7 +84,7 @@ def test_many_views_of_a_bent_board_give_the_lens():
 @pytest.mark.parametrize(("count", "near"), [(6, (0.3, 0.6)), (15, (1.2, 1.5))])
 def test_few_or_far_views_hold_the_centre_and_k3(count, near):
     done = board.calibrate(seen(count, near=near), "")
-    assert done.held == ("centre", "k3") and (done.lens.cx, done.lens.cy) == (639.5, 359.5)
+    assert done.fixed == ("centre", "k3") and (done.lens.cx, done.lens.cy) == (639.5, 359.5)
     assert done.lens.distortion[4] == 0 and np.isnan(done.bend_m)
     assert any(code == "board_coverage" for _, code, _ in board.findings(done))
 
@@ -96,7 +96,7 @@ def test_a_wrong_a_blurred_and_a_repeated_picture_are_left_out():
     pixels[3] = pixels[3].reshape(6, 8, 2)[:, ::-1].transpose(1, 0, 2).reshape(-1, 2)
     pixels[7] = pixels[7] + 3.0 * rng.normal(size=pixels[7].shape)
     pixels[9] = pixels[8] + 1.0
-    broken = board.Views(views.names, views.points, tuple(pixels), views.size, 14)
+    broken = board.BoardViews(views.names, views.points, tuple(pixels), views.size, 14)
     done = board.calibrate(broken, "")
     why = dict(done.dropped)
     assert set(why) == {"03.png", "07.png", "09.png"}

@@ -8,7 +8,7 @@ from dior.calibrate import place
 from dior.calibrate.marks import apriltag
 from dior.errors import DiorError
 from dior.geometry import camera_tables
-from dior.geometry.camera import Camera, Intrinsics, inverse_pose, project
+from dior.geometry.camera import Camera, Intrinsics, angle_deg, inverse_pose, project
 from dior.ingest import bags
 from dior.tables import tables
 from tests.ingest.test_bags import T0, TOPIC, compressed, encoded, write_bag
@@ -58,10 +58,6 @@ def recorded(folder, pictures):
     rows |= {"bag": ["a.bag"] * n, "camera": ["cam01"] * n, "frame": np.arange(n)}
     tables.write(folder / "frames.parquet", "frames", rows)
     return folder / "frames.parquet"
-
-
-def angle_deg(a, b):
-    return np.degrees(np.arccos(np.clip((np.trace(a.T @ b) - 1) / 2, -1, 1)))
 
 
 @pytest.mark.parametrize(

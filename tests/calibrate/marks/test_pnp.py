@@ -7,7 +7,7 @@ from dior.calibrate.locate import locate, refine
 from dior.calibrate.marks import pnp
 from dior.errors import DiorError
 from dior.geometry import covariance
-from dior.geometry.camera import project
+from dior.geometry.camera import angle_deg, project
 from tests.rig import camera
 
 VIEW = camera("cam01", (3.0, -2.0, 1.6))
@@ -38,7 +38,7 @@ def test_the_mirror_pose_of_a_plane_is_found_and_nearly_fits():
     view, xyz = far_and_flat()
     uv = noisy(xyz, 0.0, view=view)
     other = pnp.other_solution(view, xyz, uv, refine)
-    assert pnp.angle_deg(other[:3, :3], view.wRc) > 20
+    assert angle_deg(other[:3, :3], view.wRc) > 20
     assert np.linalg.norm(project(view.at(other), xyz)[0] - uv, axis=1).max() < 1.0
 
 
