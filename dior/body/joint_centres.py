@@ -6,16 +6,22 @@ A skin marker is 2 to 10 cm from the joint centre, by an offset that is constant
 need no more than the axes: the offset is one of their unknowns. Marker positions: Vicon's Plug-in-Gait guide.
 """
 
+from collections.abc import Sequence
+from typing import TypeAlias
+
 import numpy as np
 
+from dior.arrays import Floats
 from dior.body.names import mirrored
+
+# markers whose mean is near a joint, the pair along its segment's axis, the pair that fixes the turn about it
+Segment: TypeAlias = tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]
 
 _ACROSS = ("LASI", "RASI")
 _SHOULDERS = ("LSHO", "RSHO")
 _HEAD = (("LFHD", "RFHD"), ("LFHD", "LBHD"))
 _FACE = ("LFHD", "RFHD")
-# joint: markers whose mean is near it, the pair of markers along the segment's axis, the pair that fixes the turn
-CENTRES = {
+CENTRES: dict[str, Segment] = {
     **{
         name: (_FACE, *_HEAD)
         for name in (
@@ -38,14 +44,22 @@ CENTRES = {
         f"left_{name}": (("LTOE",), ("LHEE", "LTOE"), _ACROSS) for name in ("foot_index", "big_toe", "small_toe")
     },
 }  # fmt: skip
+
+
+def _mirrored(segment: Segment) -> Segment:
+    """The same segment of the other side of the body."""
+    near, along, turn = (tuple(mirrored(marker) for marker in markers) for markers in segment)
+    return near, along, turn
+
+
 CENTRES |= {
-    mirrored(name): tuple(tuple(mirrored(marker) for marker in part) for part in parts)
+    mirrored(name): _mirrored(parts)
     for name, parts in list(CENTRES.items())
     if mirrored(name) != name and mirrored(name) not in CENTRES
 }
 
 
-def joints(markers, names, wanted):
+def joints(markers: Floats, names: Sequence[str], wanted: Sequence[str]) -> tuple[Floats, Floats]:
     """Joints (T, J, 3) m and segment axes (T, J, 3, 3) of the joints `wanted`, NaN where their markers are missing.
 
     Markers that are themselves `wanted` are taken as they are, with the world's axes.
@@ -65,13 +79,13 @@ def joints(markers, names, wanted):
     return points, axes
 
 
-def group(name):
+def group(name: str) -> str:
     """The part of the body whose markers make a joint: tracks of one part share their soft tissue."""
     base = CENTRES.get(name, ((name,),))[0]
     return base[0]
 
 
-def _axes(along, across):
+def _axes(along: Floats, across: Floats) -> Floats:
     """Columns (T, 3, 3): along, at right angles to it in the plane of both, and normal to both."""
     first = along / np.linalg.norm(along, axis=-1, keepdims=True)
     third = np.cross(first, across)

@@ -10,16 +10,22 @@ OUTPUT   results/evaluate/metrics.csv: metric, tool, subject, sequence, camera, 
 
 import csv
 import io
+from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any, TypeAlias
 
 import numpy as np
 
+from dior.arrays import AnyPath, Floats, Table
 from dior.errors import DiorError
 from dior.evaluate import bootstrap
+from dior.evaluate.rows import stacked
 from dior.tables import tables
 from dior.tables.files import write_text
 
 COLUMNS = tables.columns_of("metrics")
+# a row, by COLUMNS
+Figure: TypeAlias = dict[str, Any]
 KEY = ("metric", "tool", "subject", "sequence", "camera", "role", "joint")
 # what a pooled row keeps; the joints of a skeleton are pooled apart from its means
 POOLS = (
@@ -44,16 +50,16 @@ def run(*, inputs: list[Path], checks: list[Path], out: Path) -> None:
         found += _rows(tables.read(path, "metrics"))
     parts = [tables.read(path, "check_errors") for path in checks]
     parts = [part for part in parts if len(part["error"])]
-    quantiles = quantile_rows({key: np.concatenate([part[key] for part in parts]) for key in parts[0]}) if parts else []
+    quantiles = quantile_rows(stacked(parts)) if parts else []
     write_text(out, as_csv(in_order([*merged(found), *quantiles])))
 
 
-def _rows(table):
+def _rows(table: Table) -> list[Figure]:
     lines = zip(*(table[c].tolist() for c in COLUMNS), strict=True)
     return [dict(zip(COLUMNS, line, strict=True)) for line in lines]
 
 
-def merged(rows):
+def merged(rows: Sequence[Figure]) -> list[Figure]:
     """`rows` and their pooled rows, in order.
 
     Only rows of a sequence are pooled. The adjustment's rows are of a session, for which there is no column: where
@@ -74,32 +80,32 @@ def merged(rows):
     return in_order(seen.values())
 
 
-def in_order(rows):
+def in_order(rows: Iterable[Figure]) -> list[Figure]:
     """`rows` sorted by key."""
     return sorted(rows, key=lambda row: tuple(row[k] for k in KEY))
 
 
-def pooled(rows, keep):
+def pooled(rows: Iterable[Figure], keep: Sequence[str]) -> list[Figure]:
     """Means weighted by n of rows that agree in the columns `keep`: exactly the mean over all values behind them.
 
     Where subjects are pooled, with the bootstrap's interval.
     """
-    groups = {}
+    groups: dict[tuple[str, ...], list[Figure]] = {}
     for row in rows:
         groups.setdefault(tuple(row[k] for k in keep), []).append(row)
     return [_mean(dict(zip(keep, key, strict=True)), members) for key, members in groups.items()]
 
 
-def _mean(kept, members):
+def _mean(kept: dict[str, str], members: Sequence[Figure]) -> Figure:
     units = sorted({row["unit"] for row in members})
     if len(units) > 1:
         raise DiorError(f"metrics: {kept['metric']} is given in {' and '.join(units)}; give it one unit")
     n = np.array([row["n"] for row in members], np.int64)
-    sums = n * np.array([row["value"] for row in members])
+    sums: Floats = n * np.array([row["value"] for row in members])
     low, high = bootstrap.NOTHING
     if "subject" not in kept:
         _, index = np.unique([row["subject"] for row in members], return_inverse=True)
-        low, high = bootstrap.of_mean(np.bincount(index, sums), np.bincount(index, n))
+        low, high = bootstrap.of_mean(np.bincount(index, sums).astype(float), np.bincount(index, n))
     return {
         **dict.fromkeys(COLUMNS, ""),
         **kept,
@@ -111,13 +117,13 @@ def _mean(kept, members):
     }
 
 
-def quantile_rows(checks):
+def quantile_rows(checks: Table) -> list[Figure]:
     """Rows of QUANTILES of a `check_errors` table (a dict of arrays), pooled like the means."""
     errors, text = checks["error"].astype(float), {k: checks[k].astype(str) for k in KEY if k in checks}
     found = []
     for pool in (*POOLS, KEY):
         keep = [k for k in pool if k in ("subject", "sequence", "camera", "role")]
-        groups = {}
+        groups: dict[tuple[str, ...], list[int]] = {}
         for i, key in enumerate(zip(*(text[k].tolist() for k in keep), strict=True) if keep else [()] * len(errors)):
             groups.setdefault(key, []).append(i)
         for key, members in groups.items():
@@ -132,7 +138,7 @@ def quantile_rows(checks):
     return found
 
 
-def as_csv(rows):
+def as_csv(rows: Iterable[Figure]) -> str:
     """The rows as CSV text."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -141,13 +147,13 @@ def as_csv(rows):
     return text.getvalue()
 
 
-def _cell(value):
+def _cell(value: Any) -> Any:
     if not isinstance(value, float):
         return value
     return "" if np.isnan(value) else repr(float(f"{value:.6g}"))
 
 
-def read(path):
+def read(path: AnyPath) -> list[Figure]:
     """Rows of metrics.csv as dicts; value, low and high are floats (NaN: unknown), n is an int."""
     with open(path, newline="", encoding="utf-8") as stream:
         rows = list(csv.DictReader(stream))

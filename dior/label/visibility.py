@@ -6,9 +6,13 @@ A joint is hidden where its line of sight enters a limb clearly before it reache
 not known hide nothing. Things in the scene (a wall, another person) are not modelled.
 """
 
+from collections.abc import Iterator, Sequence
+
 import numpy as np
 
+from dior.arrays import Bools, Floats
 from dior.body.plausible import SEGMENTS
+from dior.geometry.camera import Camera
 
 # radii as fractions of the stature, from girths and breadths of adults (ANSUR II, 2012: means of men and women,
 # rounded; a girth is taken for a circle)
@@ -33,7 +37,7 @@ OTHER_DEPTH = 0.3  # the same for the other limbs
 INWARDS = {"shoulder": 0.0, "elbow": 0.022, "knee": 0.036, "ankle": 0.024}
 
 
-def hidden(camera, points, names):
+def hidden(camera: Camera, points: Floats, names: Sequence[str]) -> Bools:
     """Whether points (F, J, 3) m, called `names`, are behind a part of the body as seen by `camera`: (F, J) bool."""
     at = body_points(points, names)
     stature = _stature(at)
@@ -52,14 +56,14 @@ def hidden(camera, points, names):
     return out
 
 
-def _both_sides():
+def _both_sides() -> Iterator[tuple[str, str, float, float]]:
     for start, end, r0, r1 in LIMBS:
         yield start, end, r0, r1
         if start.startswith("left_") and not end.startswith("right_"):
             yield start.replace("left_", "right_"), end.replace("left_", "right_"), r0, r1
 
 
-def _behind(sight, far, a, b, r0, r1):
+def _behind(sight: Floats, far: Floats, a: Floats, b: Floats, r0: float, r1: float) -> Bools:
     """Whether joints `far` (F, J) m along unit `sight` (F, J, 3) lie behind the limb from a to b (F, 3), eye at 0."""
     axis = b - a
     length2 = np.maximum((axis**2).sum(axis=-1), 1e-8)[:, None]
@@ -80,7 +84,7 @@ def _behind(sight, far, a, b, r0, r1):
     return (gap2 > 0) & (far - enters > np.where(own, OWN_DEPTH, OTHER_DEPTH) * radius)
 
 
-def body_points(points, names):
+def body_points(points: Floats, names: Sequence[str]) -> dict[str, Floats]:
     """Joint centres (F, 3) m by name, and `head`, `neck`, `mid_hip`, `<side>_hand`, `<side>_toe`, as far as known."""
     at = {name: points[:, i] for i, name in enumerate(names)}
     if "LASI" in at or "LKNE" in at:
@@ -91,26 +95,30 @@ def body_points(points, names):
         ("mid_hip", ("left_hip", "right_hip")),
     ):
         if target not in at and all(name in at for name in sources):
-            at[target] = sum(at[name] for name in sources) / len(sources)
+            at[target] = _mean(at, sources)
     for side in ("left", "right"):
         _first(at, f"{side}_hand", f"{side}_index", f"{side}_wrist")
         _first(at, f"{side}_toe", f"{side}_foot_index", f"{side}_big_toe")
     return at
 
 
-def _first(at, target, *names):
+def _mean(at: dict[str, Floats], names: Sequence[str]) -> Floats:
+    return np.sum([at[name] for name in names], axis=0) / len(names)
+
+
+def _first(at: dict[str, Floats], target: str, *names: str) -> None:
     found = [name for name in names if name in at]
     if target not in at and found:
         at[target] = at[found[0]]
 
 
-def _from_markers(m):
+def _from_markers(m: dict[str, Floats]) -> dict[str, Floats]:
     """Joint centres from Plug-in-Gait markers, to a few centimetres: enough to say what hides what."""
-    at = {}
+    at: dict[str, Floats] = {}
 
-    def mean(target, *names):
+    def mean(target: str, *names: str) -> None:
         if all(name in m for name in names):
-            at[target] = sum(m[name] for name in names) / len(names)
+            at[target] = _mean(m, names)
 
     mean("head", "LFHD", "RFHD", "LBHD", "RBHD")
     mean("neck", "C7", "CLAV")
@@ -125,10 +133,9 @@ def _from_markers(m):
         mean(f"{side}_ankle", f"{L}ANK")
         mean(f"{side}_toe", f"{L}TOE")
     stature = _stature(at)
-    hips = [at.get(f"{side}_hip") for side in ("left", "right")]
-    if not np.isfinite(stature) or any(hip is None for hip in hips):
+    if not np.isfinite(stature) or not {"left_hip", "right_hip"} <= set(at):
         return at
-    left = hips[0] - hips[1]
+    left = at["left_hip"] - at["right_hip"]
     left = left / np.linalg.norm(left, axis=-1, keepdims=True)
     for joint, depth in INWARDS.items():
         for side, sign in (("left", -1.0), ("right", 1.0)):
@@ -142,13 +149,13 @@ def _from_markers(m):
     return at
 
 
-def _stature(at):
+def _stature(at: dict[str, Floats]) -> float:
     """Stature (m) from the shanks; NaN where neither is known."""
     shanks = [
         np.linalg.norm(at[f"{side}_knee"] - at[f"{side}_ankle"], axis=-1)
         for side in ("left", "right")
         if f"{side}_knee" in at and f"{side}_ankle" in at
     ]
-    known = [length[np.isfinite(length)] for length in shanks]
-    known = np.concatenate(known) if known else np.empty(0)
+    known = np.concatenate([np.empty(0), *shanks])
+    known = known[np.isfinite(known)]
     return float(np.median(known)) / SHANK if len(known) else np.nan

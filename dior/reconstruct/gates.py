@@ -5,8 +5,11 @@ OUTPUTS  which joints are implausible (T, J)
 Two views that agree on another person, or on a wrong thing, pass every test in pixels; they do not pass these.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from dior.arrays import Bools, Floats
 from dior.body.names import bones_of
 
 SIGMAS = 4.0  # a gate opens by so many standard deviations of what it looks at
@@ -18,13 +21,21 @@ DETOUR_BODY, DETOUR_JOINT = 0.8, 0.35
 FEWEST = 10  # instants that a bone's usual length needs
 
 
-def implausible(points, covariance, names, fps, max_speed, max_body_speed, max_bone_change):
+def implausible(
+    points: Floats,
+    covariance: Floats,
+    names: Sequence[str],
+    fps: float,
+    max_speed: float,
+    max_body_speed: float,
+    max_bone_change: float,
+) -> Bools:
     """Whether (T, J) each known joint cannot be where it is.
 
     First the middle of the body, with all its joints, then each joint: the best history is kept in which it moves no
     faster than the speed (m/s). Then bones whose length is off their median by more than the share `max_bone_change`.
     """
-    known = np.isfinite(points).all(axis=-1)
+    known = np.all(np.isfinite(points), axis=-1)
     variance = np.where(known, np.trace(covariance, axis1=-2, axis2=-1), np.nan)
     trunk = [names.index(name) for name in BODY if name in names] or list(range(len(names)))
     few = known[:, trunk].sum(axis=1)
@@ -39,7 +50,7 @@ def implausible(points, covariance, names, fps, max_speed, max_body_speed, max_b
     return bad | _odd_bones(points, variance, known & ~bad, names, max_bone_change)
 
 
-def _reachable(points, variance, known, fps, speed, detour):
+def _reachable(points: Floats, variance: Floats, known: Bools, fps: float, speed: float, detour: float) -> Bools:
     """Which of the known points (T, K, 3) belong to the best history without a jump, (T, K) bool, each k on its own.
 
     The best has the most instants, less `detour` of those that its way takes at `speed`. Dynamic programming over the
@@ -76,7 +87,7 @@ def _reachable(points, variance, known, fps, speed, detour):
     return keep
 
 
-def _odd_bones(points, variance, known, names, most):
+def _odd_bones(points: Floats, variance: Floats, known: Bools, names: Sequence[str], most: float) -> Bools:
     """Joints (T, J) at the end of bones that are too long or too short. Of the two ends the one with more such bones.
 
     With as many at both ends it is the farther one from the trunk, which detectors get wrong more often.

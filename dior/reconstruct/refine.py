@@ -7,10 +7,12 @@ own movement asks for (by likelihood), noise correlated in time as the residuals
 smoothed away: it is left in the covariance. Then the bones get their lengths back, as far as these are constant.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
+from dior.arrays import Bools, Floats, Ints
 from dior.geometry.covariance import point_covariance
 from dior.reconstruct.smooth import smooth
 from dior.reconstruct.triangulate import rate, write_skeleton
@@ -56,12 +58,14 @@ def run(*, sequence: str, subject: str, skeleton: Path, max_gap_s: float, out: P
     tables.write_findings(findings, [(sequence, "info", "gaps_bridged", text)] if filled.any() else [])
 
 
-def refined(points, covariance, names, fps, time_s, stays, max_gap_s):
+def refined(
+    points: Floats, covariance: Floats, names: Sequence[str], fps: float, time_s: float, stays: float, max_gap_s: float
+) -> tuple[Floats, Floats, Bools]:
     """Smoothed points (T, J, 3), their covariance (T, J, 3, 3), and which were bridged (T, J).
 
     `time_s`, `stays`: the noise dies away with this time constant but for this share of its variance.
     """
-    known = np.isfinite(points).all(axis=-1) & np.isfinite(covariance).all(axis=(-1, -2))
+    known = np.all(np.isfinite(points), axis=-1) & np.all(np.isfinite(covariance), axis=(-1, -2))
     enough = np.flatnonzero(known.sum(axis=0) >= LEAST_POINTS)
     filled = np.zeros(known.shape, bool)
     if not len(enough):
@@ -74,7 +78,7 @@ def refined(points, covariance, names, fps, time_s, stays, max_gap_s):
     path, spread, _ = smooth(given, noise, keep, learned(given, noise, keep, fps))
     gaps = _short_gaps(known[:, enough], int(max_gap_s * fps))
     lasting = stays * _carried(covariance[:, enough], known[:, enough])
-    path, spread = with_bones(path, spread, lasting, [names[j] for j in enough])
+    path, spread = with_bones(path, spread, lasting, [names[j] for j in enough.tolist()])
     told = known[:, enough] | gaps
     points, covariance = points.copy(), covariance.copy()
     points[:, enough] = np.where(told[..., None], path, np.nan)
@@ -83,9 +87,9 @@ def refined(points, covariance, names, fps, time_s, stays, max_gap_s):
     return points, covariance, filled
 
 
-def learned(points, noise, keep, fps):
+def learned(points: Floats, noise: Floats, keep: float, fps: float) -> Floats:
     """Standard deviation (J,) m of third differences under which the points are most likely, of `JERKS`."""
-    known = np.isfinite(points).all(axis=-1)
+    known = np.all(np.isfinite(points), axis=-1)
     # where most is known
     seen = np.convolve(known.sum(axis=1), np.ones(min(LEARN, len(known))), "valid")
     rows = slice(int(seen.argmax()), int(seen.argmax()) + LEARN)
@@ -96,7 +100,7 @@ def learned(points, noise, keep, fps):
     return MARGIN * JERKS[np.argmax(likelihood, axis=0)] / fps**3
 
 
-def _steady(covariance, known, half):
+def _steady(covariance: Floats, known: Bools, half: int) -> Floats:
     """Covariances (T, J, 3, 3), the mean of those known at most `half` instants away.
 
     A detector's scores, and so the covariances, change from picture to picture faster than its errors do. Taken at
@@ -106,13 +110,13 @@ def _steady(covariance, known, half):
     sums = np.cumsum(np.where(known[..., None, None], covariance, 0.0), axis=0)
     counts = np.cumsum(known, axis=0)
     low, high = np.arange(count) - half - 1, np.minimum(np.arange(count) + half, count - 1)
-    first = (low < 0)[:, None]
-    total = sums[high] - np.where(first[..., None, None], 0.0, sums[np.maximum(low, 0)])
-    n = counts[high] - np.where(first, 0, counts[np.maximum(low, 0)])
+    first = np.maximum(low, 0)
+    total = sums[high] - np.where((low >= 0)[:, None, None, None], sums[first], 0.0)
+    n: Ints = counts[high] - np.where((low >= 0)[:, None], counts[first], 0)
     return np.where((n > 0)[..., None, None], total / np.maximum(n, 1)[..., None, None], np.nan)
 
 
-def _short_gaps(known, most):
+def _short_gaps(known: Bools, most: int) -> Bools:
     """Missing (T, J) between known instants at most `most` + 1 apart."""
     count = len(known)
     at = np.arange(count)[:, None]
@@ -121,7 +125,7 @@ def _short_gaps(known, most):
     return ~known & (before >= 0) & (after < count) & (after - before - 1 <= most)
 
 
-def _carried(covariance, known):
+def _carried(covariance: Floats, known: Bools) -> Floats:
     """Covariances (T, J, 3, 3), those of the last known instant where there is none."""
     at = np.maximum.accumulate(np.where(known, np.arange(len(known))[:, None], 0), axis=0)
     first = known.argmax(axis=0)
@@ -129,7 +133,7 @@ def _carried(covariance, known):
     return covariance[at, np.arange(known.shape[1])]
 
 
-def with_bones(path, spread, lasting, names):
+def with_bones(path: Floats, spread: Floats, lasting: Floats, names: Sequence[str]) -> tuple[Floats, Floats]:
     """Path (T, J, 3) and its covariance (T, J, 3, 3) after the rigid segments were told their length.
 
     A length is the median over the sequence; how well it holds is what its scatter has over the path's own uncertainty,

@@ -9,14 +9,18 @@ wrong view whose error lies along the epipolar lines agrees with both others. So
 was just before and after: its prediction between the nearest good instants, whose error is measured on good points.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 
+from dior.arrays import Bools, Floats, Ints
 from dior.geometry import camera as cam
 from dior.geometry import multiview
-from dior.geometry.rig import meet, meet_in_blocks, residuals, rig_of, views_of
+from dior.geometry.camera import Camera
+from dior.geometry.rig import Rig, Views, meet, meet_in_blocks, residuals, rig_of, views_of
 
 DROP_FACTOR = 3.0  # a view disagrees where the residuals are this many times what the noise makes of them
 ROUNDS = 3
@@ -45,7 +49,7 @@ class Points:
     sigma: np.ndarray
 
 
-def noise(cameras, uv, score, fps):
+def noise(cameras: Sequence[Camera], uv: Floats, score: Floats, fps: float) -> Floats:
     """Standard deviation (V, J) px, in u and in v, of a detection with score 1; that of score s is 1/s of it.
 
     From the residuals of a sample of the instants at which all views agree, with the degrees of freedom that the points
@@ -86,12 +90,14 @@ def noise(cameras, uv, score, fps):
     return sigma
 
 
-def _median_chi2(degrees):
+def _median_chi2(degrees: Any) -> Any:
     """Median of chi squared (Wilson and Hilferty 1931), good to 1 % from one degree on."""
     return degrees * (1 - 2 / (9 * degrees)) ** 3
 
 
-def triangulate(cameras, uv, score, fps, sigma=None):
+def triangulate(
+    cameras: Sequence[Camera], uv: Floats, score: Floats, fps: float, sigma: Floats | None = None
+) -> Points:
     """`Points` of pixels uv (V, T, J, 2) with scores (V, T, J), 0 for a view without a say.
 
     Views that disagree are left out, one more at a time, as long as a point's residuals are `DROP_FACTOR` times the
@@ -124,7 +130,7 @@ def triangulate(cameras, uv, score, fps, sigma=None):
     return Points(xyz.reshape(*shape, 3), used.reshape(-1, *shape), pixels.reshape(shape), scaled.reshape(shape), sigma)
 
 
-def _all_views(rig, uv, weights):
+def _all_views(rig: Rig, uv: Floats, weights: Floats) -> tuple[Floats, Floats, Bools, Floats, Floats]:
     """With every view: points (3, N) from the rig's origin, chi squared (N,), views used (V, N), both `_errors`."""
     joints = uv.shape[2]
     count = uv.shape[1] * joints
@@ -140,7 +146,7 @@ def _all_views(rig, uv, weights):
     return points, left[0], used, left[1], left[2]
 
 
-def strangers(cameras, uv, score, fps, mirror):
+def strangers(cameras: Sequence[Camera], uv: Floats, score: Floats, fps: float, mirror: Ints) -> Bools:
     """Views (V, T) that look at somebody else than the others do, whatever they call left and right.
 
     `mirror` (J,): the joint of the other side. The middle of two such joints stays where it is when a detector
@@ -159,7 +165,7 @@ def strangers(cameras, uv, score, fps, mirror):
     return out
 
 
-def _strange(chi2, used, shape):
+def _strange(chi2: Floats, used: Bools, shape: tuple[int, int]) -> Ints:
     """Instants (n,) at which most joints of three or more views disagree: a view looks at somebody else."""
     seen = used.sum(axis=0, dtype=np.int8)
     several = (seen > 2).reshape(shape)
@@ -167,7 +173,7 @@ def _strange(chi2, used, shape):
     return np.flatnonzero((bad.sum(axis=1) > several.sum(axis=1) / 2) & (several.sum(axis=1) >= FEW_JOINTS))
 
 
-def _same_person(rig, uv, weights):
+def _same_person(rig: Rig, uv: Floats, weights: Floats) -> Bools:
     """Which views (V, n) are left without those that, as a whole, agree least with the others; weights (V, n, J).
 
     Joint by joint a stranger's pixel may meet one view of the subject by chance; all his joints do not.
@@ -194,7 +200,7 @@ def _same_person(rig, uv, weights):
     return keep
 
 
-def _errors(rig, points, uv, used):
+def _errors(rig: Rig, points: Floats, uv: Floats, used: Bools) -> tuple[Floats, Floats]:
     """Mean distance (N,) of recorded pixels uv (V, N, 2) used (V, N) from the projected points: px, and at fx 1680."""
     pixels, scaled = np.zeros((2, len(used[0])))
     for camera, rows, view, say in zip(rig.cameras, rig.rows, uv, used, strict=True):
@@ -210,7 +216,7 @@ def _errors(rig, points, uv, used):
     return pixels / count, scaled / count
 
 
-def covariance(cameras, points, weights):
+def covariance(cameras: Sequence[Camera], points: Floats, weights: Floats) -> Floats:
     """Covariance (T, J, 3, 3) m^2 of points (T, J, 3) given the cameras; weights (V, T, J) 1/px, 0: not used.
 
     NaN where a point is, and with fewer than two views.
@@ -230,7 +236,7 @@ def covariance(cameras, points, weights):
     return out.reshape(*points.shape, 3)
 
 
-def _best_subsets(views, points, chi2, expected, spread):
+def _best_subsets(views: Views, points: Floats, chi2: Floats, expected: Floats, spread: Floats) -> tuple[Floats, Bools]:
     """Points (3, n) and views used (V, n), views left out one by one as long as those left disagree."""
     points, chi2, used = points.copy(), chi2.copy(), views.w > 0
     seen = used.sum(axis=0)
@@ -243,7 +249,7 @@ def _best_subsets(views, points, chi2, expected, spread):
     return points, used
 
 
-def _best_subset(views, views_left, expected, spread):
+def _best_subset(views: Views, views_left: int, expected: Floats, spread: Floats) -> tuple[Floats, Floats, Bools]:
     """Point (3, n), chi squared (n,) and views (V, n) of the best `views_left` views."""
     seen = views.w > 0
     count = seen.shape[1]
@@ -262,7 +268,7 @@ def _best_subset(views, views_left, expected, spread):
     return points, chi2, used
 
 
-def predicted(points, good, at, fps):
+def predicted(points: Floats, good: Bools, at: Ints, fps: float) -> tuple[Floats, Floats]:
     """Where joints should be, from the nearest good instants on both sides: (3, n) m, and its sd per axis (n,) m.
 
     `points` (3, T, J), `good` (T, J), `at` (n,) indices into T J. The sd is that of the prediction of good points from
@@ -286,7 +292,7 @@ def predicted(points, good, at, fps):
     return np.where(there & np.isfinite(spread), expected, np.nan), spread
 
 
-def _prediction_error(points, good, half):
+def _prediction_error(points: Floats, good: Bools, half: int) -> Floats:
     """Standard deviation (J,) m per axis of the mean of a joint `half` instants before and after, as a prediction."""
     middle = np.arange(half, points.shape[1] - half)
     middle = middle[:: max(1, len(middle) * points.shape[2] // SAMPLE)]
@@ -299,7 +305,7 @@ def _prediction_error(points, good, half):
     return out
 
 
-def persistence(cameras, uv, score, found, fps):
+def persistence(cameras: Sequence[Camera], uv: Floats, score: Floats, found: Points, fps: float) -> tuple[float, float]:
     """How the errors of the detections last: time constant (s) of what dies away, share of the variance that stays.
 
     From the correlation in time of the residuals of `found` (`Points`), which the walk itself does not move: what is
@@ -320,12 +326,12 @@ def persistence(cameras, uv, score, found, fps):
     left = np.full((len(cameras), 2, len(columns)), np.nan)
     ideal = np.stack([some.x - at[:, 0] / at[:, 2], some.y - at[:, 1] / at[:, 2]], axis=1)
     left[..., known] = np.where(some.w[:, None] > 0, np.clip(ideal * some.w[:, None], -3.0, 3.0), np.nan)
-    left = left.reshape(len(cameras), 2, -1, joints)
+    series = left.reshape(len(cameras), 2, -1, joints)
 
-    def correlation(lag):
-        if lag >= left.shape[2] or lag < 1:
+    def correlation(lag: int) -> float:
+        if lag >= series.shape[2] or lag < 1:
             return 0.0
-        a, b = left[:, :, lag:], left[:, :, :-lag]
+        a, b = series[:, :, lag:], series[:, :, :-lag]
         both = np.isfinite(a) & np.isfinite(b)
         a, b = np.where(both, a, 0.0), np.where(both, b, 0.0)
         return float((a * b).sum() / max(np.sqrt((a * a).sum() * (b * b).sum()), 1e-12))

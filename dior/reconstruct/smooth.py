@@ -8,12 +8,14 @@ Shapes (T, J, ...); metres; NaN is missing.
 
 import numpy as np
 
+from dior.arrays import Bools, Floats
+
 B = 4  # instants in a block; the noise of points further apart is taken as independent
 S = 3 * B
 RIDGE_M = 1.0  # how near an instant without a point is to the line between its neighbours, where nothing else says so
 
 
-def smooth(points, covariance, keep, jerk):
+def smooth(points: Floats, covariance: Floats, keep: float, jerk: Floats) -> tuple[Floats, Floats, Floats]:
     """Path (T, J, 3) m, its covariance (T, J, 3, 3), and the log likelihood (J,) of the points.
 
     `points` (T, J, 3), `covariance` (T, J, 3, 3) of their noise, `keep`: its correlation from one instant to the next,
@@ -48,13 +50,15 @@ def smooth(points, covariance, keep, jerk):
     return path + _offset(points), P, likelihood
 
 
-def _offset(points):
+def _offset(points: Floats) -> Floats:
     """A point (J, 3) near each joint's path: numbers stay small."""
-    known = np.isfinite(points).all(axis=-1)
+    known = np.all(np.isfinite(points), axis=-1)
     return np.where(known[..., None], points, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)[:, None]
 
 
-def _equations(points, covariance, keep, jerk, blocks):
+def _equations(
+    points: Floats, covariance: Floats, keep: float, jerk: Floats, blocks: int
+) -> tuple[Floats, Floats, Floats, Floats]:
     """Normal equations: D (K, J, S, S) on the diagonal, E (K-1, J, S, S) right of it, right-hand side (K, J, S), and
     what of the log likelihood does not depend on the path (J,)."""
     count, joints = points.shape[:2]
@@ -86,22 +90,22 @@ def _equations(points, covariance, keep, jerk, blocks):
         np.where(known, np.abs(np.linalg.det(np.where(known[..., None, None], weight, np.eye(3)))), 1)
     ).sum(axis=0)
     for step in range(1, B + 1):
-        t, j = np.nonzero(known & (lag == step)) if keep > 0 else (np.empty(0, int),) * 2
+        t, joint = np.nonzero(known & (lag == step) & (keep > 0))
         a = keep**step
-        now, then = weight[t, j], weight[t - step, j]
+        now, then = weight[t, joint], weight[t - step, joint]
         scale = 1 / (1 - a * a)
-        w = (white[t, j] - a * white[t - step, j]) * scale
-        np.add.at(band[0], (t, j), scale * np.swapaxes(now, -1, -2) @ now)
-        np.add.at(band[0], (t - step, j), scale * a * a * np.swapaxes(then, -1, -2) @ then)
-        band[step][t - step, j] -= scale * a * np.swapaxes(then, -1, -2) @ now
-        np.add.at(rhs, (t, j), (np.swapaxes(now, -1, -2) @ w)[..., 0])
-        np.add.at(rhs, (t - step, j), -a * (np.swapaxes(then, -1, -2) @ w)[..., 0])
-        np.add.at(constant, j, -1.5 * np.log(1 - a * a) - 0.5 * ((1 - a * a) * (w * w).sum(axis=(-1, -2))))
-    t, j = np.nonzero(known & ((lag > B) | (keep <= 0)))
-    now, w = weight[t, j], white[t, j]
-    np.add.at(band[0], (t, j), np.swapaxes(now, -1, -2) @ now)
-    np.add.at(rhs, (t, j), (np.swapaxes(now, -1, -2) @ w)[..., 0])
-    np.add.at(constant, j, -0.5 * (w * w).sum(axis=(-1, -2)))
+        w = (white[t, joint] - a * white[t - step, joint]) * scale
+        np.add.at(band[0], (t, joint), scale * np.swapaxes(now, -1, -2) @ now)
+        np.add.at(band[0], (t - step, joint), scale * a * a * np.swapaxes(then, -1, -2) @ then)
+        band[step][t - step, joint] -= scale * a * np.swapaxes(then, -1, -2) @ now
+        np.add.at(rhs, (t, joint), (np.swapaxes(now, -1, -2) @ w)[..., 0])
+        np.add.at(rhs, (t - step, joint), -a * (np.swapaxes(then, -1, -2) @ w)[..., 0])
+        np.add.at(constant, joint, -1.5 * np.log(1 - a * a) - 0.5 * ((1 - a * a) * (w * w).sum(axis=(-1, -2))))
+    t, joint = np.nonzero(known & ((lag > B) | (keep <= 0)))
+    now, w = weight[t, joint], white[t, joint]
+    np.add.at(band[0], (t, joint), np.swapaxes(now, -1, -2) @ now)
+    np.add.at(rhs, (t, joint), (np.swapaxes(now, -1, -2) @ w)[..., 0])
+    np.add.at(constant, joint, -0.5 * (w * w).sum(axis=(-1, -2)))
     ridge = np.where(known, 0.0, 1 / RIDGE_M**2)
     ridge[count:] = 1e-6 / RIDGE_M**2  # only there to fill the last block
     band[0] += ridge[..., None, None] * np.eye(3)
@@ -109,7 +113,7 @@ def _equations(points, covariance, keep, jerk, blocks):
     return (*_blocks(band, rhs, blocks), constant)
 
 
-def _line(y, known):
+def _line(y: Floats, known: Bools) -> Floats:
     """Points (T, J, 3) where `known`, and the line between them elsewhere."""
     out = y.copy()
     at = np.arange(len(y))
@@ -121,7 +125,7 @@ def _line(y, known):
     return out
 
 
-def _blocks(band, rhs, blocks):
+def _blocks(band: list[Floats], rhs: Floats, blocks: int) -> tuple[Floats, Floats, Floats]:
     joints = rhs.shape[1]
     D = np.zeros((blocks, joints, B, 3, B, 3))
     E = np.zeros((max(blocks - 1, 0), joints, B, 3, B, 3))

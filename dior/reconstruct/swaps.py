@@ -13,10 +13,13 @@ shows in that their left and their right limb lie on one another in both picture
 
 import itertools
 import warnings
+from collections.abc import Sequence
 
 import numpy as np
 
+from dior.arrays import Bools, Floats, Ints, Table
 from dior.body.names import LIMBS, is_leg, swap_index
+from dior.geometry.camera import Camera
 from dior.geometry.rig import Views, meet_in_blocks, rig_of, views_of
 from dior.tables import tables
 
@@ -31,13 +34,13 @@ JUMP = 1.5  # a limb's movement between instants from which on it counts, in `ST
 PRICE_WRONG = 0.3  # per instant, the same
 
 
-def combinations(views):
+def combinations(views: int) -> Bools:
     """Which views are exchanged, (S, V) bool: all of them up to five views, else at most two at a time."""
     every = np.array(list(itertools.product((False, True), repeat=views)))
     return every if len(every) <= MOST_STATES else every[every.sum(axis=1) <= 2]
 
 
-def exchange(values, swapped, names):
+def exchange(values: Floats, swapped: Bools, names: Sequence[str]) -> Floats:
     """Exchange left and right joints of values (V, T, J, ...) where `swapped` (V, T) or (V, T, J) says so."""
     index = swap_index(names)
     mask = swapped if swapped.ndim == 3 else swapped[:, :, None]
@@ -45,7 +48,7 @@ def exchange(values, swapped, names):
     return np.where(mask, values[:, :, index], values)
 
 
-def in_table(table, cameras, joints):
+def in_table(table: Table, cameras: Sequence[str], joints: Sequence[str]) -> Bools:
     """What a `swaps` table says was exchanged, (V, T, J) bool."""
     legs = np.array([is_leg(name) for name in joints])
     parts = [tables.of_camera(table, camera) for camera in cameras]
@@ -53,7 +56,7 @@ def in_table(table, cameras, joints):
     return np.isin(of, ("all", "legs"))[..., None] & legs | np.isin(of, ("all", "rest"))[..., None] & ~legs
 
 
-def find_exchanged(cameras, uv, weights, names):
+def find_exchanged(cameras: Sequence[Camera], uv: Floats, weights: Floats, names: Sequence[str]) -> Bools:
     """Whether each joint of each view has the other side's name, (V, T, J) bool: the whole body, the legs or the rest.
 
     `cameras` V of them, `uv` (V, T, J, 2) recorded pixels, `weights` (V, T, J), `names` J joint names.
@@ -68,7 +71,7 @@ def find_exchanged(cameras, uv, weights, names):
     return found
 
 
-def find_swaps(cameras, uv, weights, names):
+def find_swaps(cameras: Sequence[Camera], uv: Floats, weights: Floats, names: Sequence[str]) -> Bools:
     """Whether each view's left and right are exchanged, (V, T) bool. The same arguments as `find_exchanged`."""
     index = swap_index(names)
     paired = np.flatnonzero(index != np.arange(len(names)))
@@ -82,7 +85,9 @@ def find_swaps(cameras, uv, weights, names):
     return states[_cheapest_path(errors, points, states)].T
 
 
-def _every_state(cameras, uv, weights, states, mirror):
+def _every_state(
+    cameras: Sequence[Camera], uv: Floats, weights: Floats, states: Bools, mirror: Ints
+) -> tuple[Floats, Floats]:
     """Disagreement (S, T, J) px per equation to spare and points (S, T, J, 3) of the paired joints in every state.
 
     Exchanging all views gives the mirrored joints, so that half the states need no work. NaN where fewer than two views
@@ -111,7 +116,7 @@ def _every_state(cameras, uv, weights, states, mirror):
     return errors, points
 
 
-def _cheapest_path(errors, points, states):
+def _cheapest_path(errors: Floats, points: Floats, states: Bools) -> Ints:
     """Index (T,) of the best state per instant. `errors` (S, T, J) px, `points` (S, T, J, 3) m."""
     with warnings.catch_warnings():
         # an instant that nobody saw is NaN throughout; it costs nothing below
@@ -124,7 +129,7 @@ def _cheapest_path(errors, points, states):
     return cheapest_path(unary, change + _movement(points))
 
 
-def cheapest_path(unary, change):
+def cheapest_path(unary: Floats, change: Floats) -> Ints:
     """Index (T,) of the state per instant with the least total cost (Viterbi).
 
     `unary` (S, T), `change` (T - 1, S, S) or (S, S): cost of a state (second axis) after another (last axis).
@@ -143,7 +148,7 @@ def cheapest_path(unary, change):
     return path
 
 
-def _movement(points):
+def _movement(points: Floats) -> Floats:
     """What it costs (T - 1, S, S) that joints (S, T, J, 3) m move from one state (last axis) to another (second)."""
     states, count, joints = points.shape[:3]
     out = np.empty((count - 1, states, states))
@@ -157,7 +162,7 @@ def _movement(points):
     return out
 
 
-def find_taken(cameras, uv, score, sigma, names):
+def find_taken(cameras: Sequence[Camera], uv: Floats, score: Floats, sigma: Floats, names: Sequence[str]) -> Bools:
     """Where several views put both names on one limb: (V, T, J) bool, of the name that is wrong.
 
     `uv` with exchanged sides already turned back, `sigma` (V, J) px. Compared are, per limb and instant, chi squared of
@@ -177,7 +182,7 @@ def find_taken(cameras, uv, score, sigma, names):
     return out
 
 
-def _limb_taken(cameras, uv, weights, own, others):
+def _limb_taken(cameras: Sequence[Camera], uv: Floats, weights: Floats, own: list[int], others: list[int]) -> Bools:
     """Views (V, T) whose limb `own` lies on the limb `others` (joint indices) while they are the more."""
     views, count = uv.shape[:2]
     rig = rig_of(cameras)
@@ -185,7 +190,7 @@ def _limb_taken(cameras, uv, weights, own, others):
     points, chi2 = meet_in_blocks(views_of(rig, uv[:, :, own], w))
     seen = (w > 0).sum(axis=0)
     chi2 = np.where(seen >= 2, chi2.reshape(seen.shape), np.nan)
-    states = [np.zeros(views, bool)]
+    tried = [np.zeros(views, bool)]
     apart = np.linalg.norm(uv[:, :, own] - uv[:, :, others], axis=-1) ** 2
     w_apart = 1 / (1 / np.maximum(w, 1e-9) ** 2 + 1 / np.maximum(weights[:, :, others], 1e-9) ** 2)
     apart = np.where((w > 0) & (weights[:, :, others] > 0), apart * w_apart, np.nan)
@@ -200,9 +205,9 @@ def _limb_taken(cameras, uv, weights, own, others):
             left = np.where(wrong[:, None, None], 0.0, w > 0).sum(axis=0)
             rest = rest.reshape(seen.shape) / np.maximum(2 * left - 3, 1)
             on_other = np.maximum(on_other, rest)
-        states.append(wrong)
+        tried.append(wrong)
         costs.append(_fit(on_other) + PRICE_WRONG)
-    states = np.stack(states)
+    states = np.stack(tried)
     change = np.tile(PRICE_BEGIN * (1.0 - np.eye(len(states))), (max(count - 1, 0), 1, 1))
     # the third view may see both limbs in one place, too; but then the limb has jumped onto the other
     jump = _movement(points.T.reshape(1, count, len(own), 3))[:, 0, 0]
@@ -210,7 +215,7 @@ def _limb_taken(cameras, uv, weights, own, others):
     return states[cheapest_path(np.stack(costs), change)].T
 
 
-def _fit(per_degree):
+def _fit(per_degree: Floats) -> Floats:
     """Median over joints (T, J) where it is small, else out of the question."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "All-NaN", RuntimeWarning)
@@ -218,7 +223,7 @@ def _fit(per_degree):
     return np.where(middle <= FITS, middle, CAP**2 * len(per_degree))
 
 
-def _mean_cost(per_degree):
+def _mean_cost(per_degree: Floats) -> Floats:
     """Mean over joints (T, J), each at most `CAP` squared; 0 where nothing is known."""
     known = ~np.isnan(per_degree)
     cost = np.where(known, np.minimum(per_degree, CAP**2), 0.0).sum(axis=1)

@@ -43,7 +43,7 @@ def run(
         for camera in cameras
     }
     own, fps = rates(table, cameras)
-    if mocap:
+    if markers:
         stamps = markers["stamp_ns"][markers["joint"] == markers["joint"][0]]
         grid = (stamps - t0) / 1e9
     else:
