@@ -27,7 +27,7 @@ from typing import TypeAlias
 import numpy as np
 
 from dior.arrays import Bools, Floats
-from dior.body.joint_centres import CENTRES
+from dior.body.joint_centres import CENTRES, mean_of
 from dior.body.names import COCO_17
 
 # widths of the joints and the drop of the shoulder below its marker, m: an adult's, for want of a measurement
@@ -166,12 +166,10 @@ def _head(joint: str, at: dict[str, Floats], found: dict[str, Found]) -> Found:
 
 
 def _near(joint: str, at: dict[str, Floats], found: dict[str, Found]) -> Found:
-    """The mean of the markers that the clocks take for this joint."""
-    markers = CENTRES[joint][0]
+    """The mean of the markers that are nearest to the joint."""
+    markers = CENTRES[joint].near
     lacking = [marker for marker in markers if marker not in at]
-    if lacking:
-        return None, f"no_{lacking[0]}"
-    return np.mean([at[marker] for marker in markers], axis=0), "marker"
+    return mean_of(at, markers), f"no_{lacking[0]}" if lacking else "marker"
 
 
 def _pelvis(at: dict[str, Floats]) -> tuple[Floats, Floats, Floats] | None:

@@ -14,13 +14,10 @@ from typing import Any
 import numpy as np
 
 from dior.arrays import Floats
+from dior.body.proportions import SEGMENTS, SIDES, SOLE_M
 from dior.errors import DiorError
 
-SIDES = ("left", "right")
-# thigh, shank and trunk as shares of the height (Drillis and Contini 1966, in Winter, Biomechanics, fig. 4.1)
-SEGMENTS = {("hip", "knee"): 0.245, ("knee", "ankle"): 0.246, ("shoulder", "hip"): 0.288}
 FEET = ("heel", "foot_index", "big_toe")
-SOLE_M = 0.03
 STANDING_SHARE = 0.25
 HEIGHT_SIGMAS = 4
 LIMITS: dict[str, Any] = {

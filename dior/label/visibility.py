@@ -11,7 +11,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from dior.arrays import Bools, Floats
-from dior.body.plausible import SEGMENTS
+from dior.body.joint_centres import CENTRES, mean_of
+from dior.body.proportions import SHANK, SIDES
 from dior.geometry.camera import Camera
 
 # radii as fractions of the stature, from girths and breadths of adults (ANSUR II, 2012: means of men and women,
@@ -29,11 +30,21 @@ LIMBS = (
     ("neck", "mid_hip", 0.062, 0.066),
     ("left_hip", "right_hip", 0.058, 0.058),
 )
-SHANK = SEGMENTS["knee", "ankle"]  # of the stature
 OWN = 1.2  # a joint within this many radii of a limb's axis belongs to it,
 OWN_DEPTH = 1.4  # and is hidden by it only where it lies this many radii behind its surface
 OTHER_DEPTH = 0.3  # the same for the other limbs
-# how far below a marker its joint lies, towards the other side of the body, fractions of the stature
+# markers whose mean is near a joint; the capsule of the head needs its middle, which is behind the joints of the face
+NEAREST = {
+    "head": ("LFHD", "RFHD", "LBHD", "RBHD"),
+    **{name: CENTRES[name].near for name in ("neck", "mid_hip")},
+    **{
+        f"{side}_{name}": CENTRES[f"{side}_{name}"].near
+        for side in SIDES
+        for name in ("hip", "shoulder", "elbow", "wrist", "index", "knee", "ankle", "foot_index")
+    },
+}
+# how far below its marker a joint lies, towards the other side of the body, fractions of the stature; chosen: about
+# half the breadth of an adult's joint and of its marker
 INWARDS = {"shoulder": 0.0, "elbow": 0.022, "knee": 0.036, "ankle": 0.024}
 
 
@@ -94,16 +105,13 @@ def body_points(points: Floats, names: Sequence[str]) -> dict[str, Floats]:
         ("neck", ("left_shoulder", "right_shoulder")),
         ("mid_hip", ("left_hip", "right_hip")),
     ):
-        if target not in at and all(name in at for name in sources):
-            at[target] = _mean(at, sources)
-    for side in ("left", "right"):
+        middle = mean_of(at, sources)
+        if target not in at and middle is not None:
+            at[target] = middle
+    for side in SIDES:
         _first(at, f"{side}_hand", f"{side}_index", f"{side}_wrist")
         _first(at, f"{side}_toe", f"{side}_foot_index", f"{side}_big_toe")
     return at
-
-
-def _mean(at: dict[str, Floats], names: Sequence[str]) -> Floats:
-    return np.sum([at[name] for name in names], axis=0) / len(names)
 
 
 def _first(at: dict[str, Floats], target: str, *names: str) -> None:
@@ -114,24 +122,8 @@ def _first(at: dict[str, Floats], target: str, *names: str) -> None:
 
 def _from_markers(m: dict[str, Floats]) -> dict[str, Floats]:
     """Joint centres from Plug-in-Gait markers, to a few centimetres: enough to say what hides what."""
-    at: dict[str, Floats] = {}
-
-    def mean(target: str, *names: str) -> None:
-        if all(name in m for name in names):
-            at[target] = _mean(m, names)
-
-    mean("head", "LFHD", "RFHD", "LBHD", "RBHD")
-    mean("neck", "C7", "CLAV")
-    mean("mid_hip", "LASI", "RASI", "LPSI", "RPSI")
-    for side, L in (("left", "L"), ("right", "R")):
-        mean(f"{side}_hip", f"{L}ASI", f"{L}PSI")
-        mean(f"{side}_shoulder", f"{L}SHO")
-        mean(f"{side}_elbow", f"{L}ELB")
-        mean(f"{side}_wrist", f"{L}WRA", f"{L}WRB")
-        mean(f"{side}_hand", f"{L}FIN")
-        mean(f"{side}_knee", f"{L}KNE")
-        mean(f"{side}_ankle", f"{L}ANK")
-        mean(f"{side}_toe", f"{L}TOE")
+    centres = {name: mean_of(m, markers) for name, markers in NEAREST.items()}
+    at = {name: centre for name, centre in centres.items() if centre is not None}
     stature = _stature(at)
     if not np.isfinite(stature) or not {"left_hip", "right_hip"} <= set(at):
         return at
@@ -153,7 +145,7 @@ def _stature(at: dict[str, Floats]) -> float:
     """Stature (m) from the shanks; NaN where neither is known."""
     shanks = [
         np.linalg.norm(at[f"{side}_knee"] - at[f"{side}_ankle"], axis=-1)
-        for side in ("left", "right")
+        for side in SIDES
         if f"{side}_knee" in at and f"{side}_ankle" in at
     ]
     known = np.concatenate([np.empty(0), *shanks])

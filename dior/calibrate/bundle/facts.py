@@ -11,28 +11,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dior.body import plausible
+from dior.body import proportions
+from dior.body.proportions import STATURE_SEGMENTS, STATURE_SHARE
 from dior.errors import DiorError, nearest
 from dior.geometry import covariance
 from dior.geometry.camera import project
 
-# Segments by Drillis and Contini (1966), in Winter, Biomechanics and Motor Control of Human Movement, 4th ed., fig.
-# 4.1, in body heights: knee to ankle 0.246, hip to knee 0.245, and shoulder (0.818) to hip (0.530).
-STATURE_SEGMENTS = (
-    (("left_hip",), ("left_knee",), 0.5),
-    (("right_hip",), ("right_knee",), 0.5),
-    (("left_knee",), ("left_ankle",), 0.5),
-    (("right_knee",), ("right_ankle",), 0.5),
-    (("left_hip", "right_hip"), ("left_shoulder", "right_shoulder"), 1.0),
-)
-STATURE_SHARE = sum(plausible.SEGMENTS.values())
 # People differ by 1-2 % of their height in what is left (neck, head, foot), and a detector's hips and shoulders are
 # not the anatomist's: together 2.5 % of the sum.
 STATURE_SHARE_SIGMA = 0.02
 FEWEST_MOMENTS = 10
 STANCE_SHARE = 0.25
-# how high the joints of a standing foot are above the floor, m: the ankle by Winter's 0.039 body heights
-SOLE_M = {"left_heel": 0.03, "right_heel": 0.03, "left_foot_index": 0.03, "right_foot_index": 0.03}
+# how high the joints of a standing foot are above the floor, m
+SOLE_M = dict.fromkeys(("left_heel", "right_heel", "left_foot_index", "right_foot_index"), proportions.SOLE_M)
 
 
 @dataclass(frozen=True)
