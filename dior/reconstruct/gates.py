@@ -11,6 +11,7 @@ import numpy as np
 
 from dior.arrays import Bools, Floats
 from dior.body.names import bones_of
+from dior.reconstruct.timeline import instants_within
 
 SIGMAS = 4.0  # a gate opens by so many standard deviations of what it looks at
 MOST_MISSING_S = 0.5  # after a longer gap the body may be anywhere
@@ -18,7 +19,7 @@ BODY = ("left_hip", "right_hip", "left_shoulder", "right_shoulder", "LASI", "RAS
 # What a way costs, as the share of the instants that it takes at the highest speed: a way there and back is not worth
 # the fewer instants that it explains. Below 1, or the fastest would be a stranger.
 DETOUR_BODY, DETOUR_JOINT = 0.8, 0.35
-FEWEST = 10  # instants that a bone's usual length needs
+FEWEST_S = 1 / 3  # a bone's usual length needs so many seconds of it; chosen: the swing of a leg, 10 pictures at 30 Hz
 
 
 def implausible(
@@ -47,7 +48,7 @@ def implausible(
     )[:, 0]
     bad = known & stranger[:, None]
     bad |= known & ~bad & ~_reachable(points, variance, known & ~bad, fps, max_speed, DETOUR_JOINT)
-    return bad | _odd_bones(points, variance, known & ~bad, names, max_bone_change)
+    return bad | _odd_bones(points, variance, known & ~bad, names, fps, max_bone_change)
 
 
 def _reachable(points: Floats, variance: Floats, known: Bools, fps: float, speed: float, detour: float) -> Bools:
@@ -58,7 +59,7 @@ def _reachable(points: Floats, variance: Floats, known: Bools, fps: float, speed
     before.
     """
     count, each = known.shape
-    window = max(1, int(MOST_MISSING_S * fps))
+    window = max(1, instants_within(MOST_MISSING_S, fps))
     worth, came = np.full((count, each), -np.inf), np.full((count, each), -1)
     highest, where = np.zeros(each), np.full(each, -1)  # of what is older than the window
     columns = np.arange(each)
@@ -87,7 +88,7 @@ def _reachable(points: Floats, variance: Floats, known: Bools, fps: float, speed
     return keep
 
 
-def _odd_bones(points: Floats, variance: Floats, known: Bools, names: Sequence[str], most: float) -> Bools:
+def _odd_bones(points: Floats, variance: Floats, known: Bools, names: Sequence[str], fps: float, most: float) -> Bools:
     """Joints (T, J) at the end of bones that are too long or too short. Of the two ends the one with more such bones.
 
     With as many at both ends it is the farther one from the trunk, which detectors get wrong more often.
@@ -99,7 +100,7 @@ def _odd_bones(points: Floats, variance: Floats, known: Bools, names: Sequence[s
     a, b = bones.T
     with np.errstate(invalid="ignore"):
         length = np.where(known[:, a] & known[:, b], np.linalg.norm(points[:, a] - points[:, b], axis=-1), np.nan)
-    enough = np.isfinite(length).sum(axis=0) >= FEWEST
+    enough = np.isfinite(length).sum(axis=0) >= round(FEWEST_S * fps)
     usual = np.full(len(bones), np.nan)
     usual[enough] = np.nanmedian(length[:, enough], axis=0)
     with np.errstate(invalid="ignore"):

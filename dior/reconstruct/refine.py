@@ -15,13 +15,14 @@ import numpy as np
 from dior.arrays import Bools, Floats, Ints
 from dior.geometry.covariance import point_covariance
 from dior.reconstruct.smooth import smooth
+from dior.reconstruct.timeline import instants_within
 from dior.reconstruct.triangulate import rate, write_skeleton
 from dior.tables import tables
 
 JERKS = np.geomspace(10.0, 10000.0, 9)  # m/s^3 of a joint: from a head to a foot that meets the floor
 MARGIN = 1.5  # jerk is not white: where a foot lands it is larger than where it is likeliest
-LEARN = 400  # instants that a joint's jerk is learned from
-LEAST_POINTS = 10  # a joint seen less often is left as it is
+LEARN_S = 40 / 3  # of the sequence, that a joint's jerk is learned from; chosen: a dozen strides, for the time it takes
+LEAST_S = 1 / 3  # a joint that is seen for less is left as it is; chosen: the swing of a leg
 LEAST_SD_M = 0.003  # no landmark of a body keeps its distance to another better than this
 STEADY = 1.5  # covariances are averaged over so many time constants of the noise to either side
 RIGID = tuple(
@@ -66,7 +67,7 @@ def refined(
     `time_s`, `stays`: the noise dies away with this time constant but for this share of its variance.
     """
     known = np.all(np.isfinite(points), axis=-1) & np.all(np.isfinite(covariance), axis=(-1, -2))
-    enough = np.flatnonzero(known.sum(axis=0) >= LEAST_POINTS)
+    enough = np.flatnonzero(known.sum(axis=0) >= round(LEAST_S * fps))
     filled = np.zeros(known.shape, bool)
     if not len(enough):
         return points, covariance, filled
@@ -76,7 +77,7 @@ def refined(
     noise = (1 - stays) * steady
     keep = float(np.exp(-1 / (fps * time_s))) if time_s > 0 else 0.0
     path, spread, _ = smooth(given, noise, keep, learned(given, noise, keep, fps))
-    gaps = _short_gaps(known[:, enough], int(max_gap_s * fps))
+    gaps = _short_gaps(known[:, enough], instants_within(max_gap_s, fps))
     lasting = stays * _carried(covariance[:, enough], known[:, enough])
     path, spread = with_bones(path, spread, lasting, [names[j] for j in enough.tolist()])
     told = known[:, enough] | gaps
@@ -91,8 +92,9 @@ def learned(points: Floats, noise: Floats, keep: float, fps: float) -> Floats:
     """Standard deviation (J,) m of third differences under which the points are most likely, of `JERKS`."""
     known = np.all(np.isfinite(points), axis=-1)
     # where most is known
-    seen = np.convolve(known.sum(axis=1), np.ones(min(LEARN, len(known))), "valid")
-    rows = slice(int(seen.argmax()), int(seen.argmax()) + LEARN)
+    length = round(LEARN_S * fps)
+    seen = np.convolve(known.sum(axis=1), np.ones(min(length, len(known))), "valid")
+    rows = slice(int(seen.argmax()), int(seen.argmax()) + length)
     likelihood = []
     for jerk in JERKS:
         sd = np.full(points.shape[1], jerk / fps**3)

@@ -21,6 +21,7 @@ from dior.geometry import camera as cam
 from dior.geometry import multiview
 from dior.geometry.camera import Camera
 from dior.geometry.rig import Rig, Views, meet, meet_in_blocks, residuals, rig_of, views_of
+from dior.reconstruct.timeline import instants_within
 
 DROP_FACTOR = 3.0  # a view disagrees where the residuals are this many times what the noise makes of them
 ROUNDS = 3
@@ -279,7 +280,7 @@ def predicted(points: Floats, good: Bools, at: Ints, fps: float) -> tuple[Floats
     index = np.where(good, np.arange(count)[:, None], -1)
     before = np.maximum.accumulate(index, axis=0)[t, j]
     after = np.minimum.accumulate(np.where(good, index, count)[::-1], axis=0)[::-1][t, j]
-    reach = max(1, int(PREDICT_S * fps))
+    reach = max(1, instants_within(PREDICT_S, fps))
     there = (before >= 0) & (after < count) & (t - before <= reach) & (after - t <= reach)
     before, after = np.where(there, before, t), np.where(there, after, t)
     weight = (t - before) / np.maximum(after - before, 1)

@@ -23,15 +23,16 @@ from dior.geometry.camera import Camera
 from dior.geometry.rig import Views, meet_in_blocks, rig_of, views_of
 from dior.tables import tables
 
+PERIOD_S = 1 / 30  # costs are of time: so much of it counts one, whatever the rate of the instants
 CAP = 6.0  # an error counts up to this many times the usual one, so that one wild joint does not decide
-PRICE_CHANGE = 1.0  # per view and instant, in units of the usual error: swaps come in runs
-PRICE_SWAPPED = 0.02  # per view and instant: of two equal explanations the one with fewer exchanged views
+PRICE_CHANGE = 1.0  # per view that begins or ceases to be exchanged, in units of the usual error: swaps come in runs
+PRICE_SWAPPED = 0.02  # per view and `PERIOD_S`: of two equal explanations the one with fewer exchanged views
 STEP_M = 0.1  # a mean movement of the paired joints between instants that costs one usual error
 MOST_STATES = 32
 PRICE_BEGIN = 4.0  # that two views begin or cease to take one limb for the other, in units of chi squared per equation
 FITS = 4.0  # the two limbs lie on one another in a picture where half their joints do, up to this chi squared
-JUMP = 1.5  # a limb's movement between instants from which on it counts, in `STEP_M`
-PRICE_WRONG = 0.3  # per instant, the same
+JUMP_M_S = 4.5  # a limb's speed from which on its movement counts
+PRICE_WRONG = 0.3  # per `PERIOD_S`, the same
 
 
 def combinations(views: int) -> Bools:
@@ -56,22 +57,23 @@ def in_table(table: Table, cameras: Sequence[str], joints: Sequence[str]) -> Boo
     return np.isin(of, ("all", "legs"))[..., None] & legs | np.isin(of, ("all", "rest"))[..., None] & ~legs
 
 
-def find_exchanged(cameras: Sequence[Camera], uv: Floats, weights: Floats, names: Sequence[str]) -> Bools:
+def find_exchanged(cameras: Sequence[Camera], uv: Floats, weights: Floats, names: Sequence[str], fps: float) -> Bools:
     """Whether each joint of each view has the other side's name, (V, T, J) bool: the whole body, the legs or the rest.
 
-    `cameras` V of them, `uv` (V, T, J, 2) recorded pixels, `weights` (V, T, J), `names` J joint names.
+    `cameras` V of them, `uv` (V, T, J, 2) recorded pixels, `weights` (V, T, J), `names` J joint names, `fps` the
+    rate of the instants.
     """
-    found = np.repeat(find_swaps(cameras, uv, weights, names)[..., None], len(names), axis=2)
+    found = np.repeat(find_swaps(cameras, uv, weights, names, fps)[..., None], len(names), axis=2)
     uv, weights = exchange(uv, found, names), exchange(weights, found, names)
     legs = np.array([is_leg(name) for name in names])
     for part in (legs, ~legs):
         own = [name for name, inside in zip(names, part, strict=True) if inside]
-        found[:, :, part] ^= find_swaps(cameras, uv[:, :, part], weights[:, :, part], own)[..., None]
+        found[:, :, part] ^= find_swaps(cameras, uv[:, :, part], weights[:, :, part], own, fps)[..., None]
     found[:, :, swap_index(names) == np.arange(len(names))] = False
     return found
 
 
-def find_swaps(cameras: Sequence[Camera], uv: Floats, weights: Floats, names: Sequence[str]) -> Bools:
+def find_swaps(cameras: Sequence[Camera], uv: Floats, weights: Floats, names: Sequence[str], fps: float) -> Bools:
     """Whether each view's left and right are exchanged, (V, T) bool. The same arguments as `find_exchanged`."""
     index = swap_index(names)
     paired = np.flatnonzero(index != np.arange(len(names)))
@@ -82,7 +84,7 @@ def find_swaps(cameras: Sequence[Camera], uv: Floats, weights: Floats, names: Se
     mirror = np.array([where[index[joint]] for joint in paired])
     states = combinations(views)
     errors, points = _every_state(cameras, uv[:, :, paired], weights[:, :, paired], states, mirror)
-    return states[_cheapest_path(errors, points, states)].T
+    return states[_cheapest_path(errors, points, states, fps)].T
 
 
 def _every_state(
@@ -116,8 +118,11 @@ def _every_state(
     return errors, points
 
 
-def _cheapest_path(errors: Floats, points: Floats, states: Bools) -> Ints:
-    """Index (T,) of the best state per instant. `errors` (S, T, J) px, `points` (S, T, J, 3) m."""
+def _cheapest_path(errors: Floats, points: Floats, states: Bools, fps: float) -> Ints:
+    """Index (T,) of the best state per instant. `errors` (S, T, J) px, `points` (S, T, J, 3) m.
+
+    Disagreement costs by the time that it lasts, a change of state and the way that the joints move once.
+    """
     with warnings.catch_warnings():
         # an instant that nobody saw is NaN throughout; it costs nothing below
         warnings.filterwarnings("ignore", "(Mean of empty slice|All-NaN)", RuntimeWarning)
@@ -126,7 +131,7 @@ def _cheapest_path(errors: Floats, points: Floats, states: Bools) -> Ints:
         unary = np.nanmean(np.minimum(errors / usual, CAP), axis=2)
         unary = np.where(np.isfinite(unary), unary, 0.0) + PRICE_SWAPPED * states.sum(axis=1)[:, None]
     change = PRICE_CHANGE * (states[:, None] != states[None]).sum(axis=-1)
-    return cheapest_path(unary, change + _movement(points))
+    return cheapest_path(unary / (PERIOD_S * fps), change + _movement(points))
 
 
 def cheapest_path(unary: Floats, change: Floats) -> Ints:
@@ -162,11 +167,14 @@ def _movement(points: Floats) -> Floats:
     return out
 
 
-def find_taken(cameras: Sequence[Camera], uv: Floats, score: Floats, sigma: Floats, names: Sequence[str]) -> Bools:
+def find_taken(
+    cameras: Sequence[Camera], uv: Floats, score: Floats, sigma: Floats, names: Sequence[str], fps: float
+) -> Bools:
     """Where several views put both names on one limb: (V, T, J) bool, of the name that is wrong.
 
-    `uv` with exchanged sides already turned back, `sigma` (V, J) px. Compared are, per limb and instant, chi squared of
-    the limb's own views, and that of some views' pixels from the point of the other limb, the rest being right.
+    `uv` with exchanged sides already turned back, `sigma` (V, J) px, `fps` the rate of the instants. Compared are, per
+    limb and instant, chi squared of the limb's own views, and that of some views' pixels from the point of the other
+    limb, the rest being right.
     """
     views, count, joints = uv.shape[:3]
     out = np.zeros((views, count, joints), bool)
@@ -177,12 +185,14 @@ def find_taken(cameras: Sequence[Camera], uv: Floats, score: Floats, sigma: Floa
         if not pairs:
             continue
         own, others = (list(side) for side in zip(*pairs, strict=True))
-        wrong = _limb_taken(cameras, uv, weights, own, others)
+        wrong = _limb_taken(cameras, uv, weights, own, others, fps)
         out[:, :, own] = wrong[..., None]
     return out
 
 
-def _limb_taken(cameras: Sequence[Camera], uv: Floats, weights: Floats, own: list[int], others: list[int]) -> Bools:
+def _limb_taken(
+    cameras: Sequence[Camera], uv: Floats, weights: Floats, own: list[int], others: list[int], fps: float
+) -> Bools:
     """Views (V, T) whose limb `own` lies on the limb `others` (joint indices) while they are the more."""
     views, count = uv.shape[:2]
     rig = rig_of(cameras)
@@ -211,8 +221,8 @@ def _limb_taken(cameras: Sequence[Camera], uv: Floats, weights: Floats, own: lis
     change = np.tile(PRICE_BEGIN * (1.0 - np.eye(len(states))), (max(count - 1, 0), 1, 1))
     # the third view may see both limbs in one place, too; but then the limb has jumped onto the other
     jump = _movement(points.T.reshape(1, count, len(own), 3))[:, 0, 0]
-    change[:, 0, 0] += np.maximum(jump - JUMP, 0.0)
-    return states[cheapest_path(np.stack(costs), change)].T
+    change[:, 0, 0] += np.maximum(jump - JUMP_M_S / fps / STEP_M, 0.0)
+    return states[cheapest_path(np.stack(costs) / (PERIOD_S * fps), change)].T
 
 
 def _fit(per_degree: Floats) -> Floats:

@@ -96,10 +96,10 @@ def run(
     if method == "robust":
         other = robust.strangers(rig, uv, score, fps, swap_index(joints))
         score = np.where(other[..., None], 0.0, score)
-        swapped = find_exchanged(rig, uv, score, joints)
+        swapped = find_exchanged(rig, uv, score, joints, fps)
         uv, score = exchange(uv, swapped, joints), exchange(score, swapped, joints)
         sigma = robust.noise(rig, uv, score, fps)
-        taken = find_taken(rig, uv, score, sigma, joints)
+        taken = find_taken(rig, uv, score, sigma, joints, fps)
         score = np.where(taken, 0.0, score)
         found = robust.triangulate(rig, uv, score, fps, sigma)
         points, used, residual = found.points, found.used, found.residual
