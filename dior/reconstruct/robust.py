@@ -109,14 +109,6 @@ def triangulate(
     rig = rig_of(cameras)
     weights = score / sigma[:, None]
     points, chi2, used, pixels, scaled = _all_views(rig, uv, weights)
-    rows = _strange(chi2, used, shape)
-    if len(rows):
-        weights = weights.copy()
-        weights[:, rows] *= _same_person(rig, uv[:, rows], weights[:, rows])[..., None]
-        again = _all_views(rig, uv[:, rows], weights[:, rows])
-        at = (rows[:, None] * joints + np.arange(joints)).ravel()
-        for values, new in zip((points, chi2, used, pixels, scaled), again, strict=True):
-            values[..., at] = new
     seen = used.sum(axis=0, dtype=np.int8)
     good = chi2 <= DROP_FACTOR**2 * (2 * seen - 3)
     bad = np.flatnonzero(~good & (seen > 2))
