@@ -186,7 +186,7 @@ def print_swaps():
             exchanged = swaps.find_exchanged(s.cameras, uv, score, s.names, scene.FPS)
             uv, score = swaps.exchange(uv, exchanged, s.names), swaps.exchange(score, exchanged, s.names)
             sigma = robust.noise(s.cameras, uv, score, scene.FPS)
-            taken = swaps.find_taken(s.cameras, uv, score, sigma, s.names, scene.FPS)
+            taken = swaps.find_mistaken_limbs(s.cameras, uv, score, sigma, s.names, scene.FPS)
             each = (time.process_time() - start) / score[0].size * 1e6
             kept = np.where(taken, 0.0, score)
             after = robust.triangulate(s.cameras, uv, kept, scene.FPS, sigma)
@@ -303,7 +303,7 @@ def reconstructed(s):
     exchanged = swaps.find_exchanged(s.cameras, s.uv, score, s.names, scene.FPS)
     uv, score = swaps.exchange(s.uv, exchanged, s.names), swaps.exchange(score, exchanged, s.names)
     sigma = robust.noise(s.cameras, uv, score, scene.FPS)
-    score = np.where(swaps.find_taken(s.cameras, uv, score, sigma, s.names, scene.FPS), 0.0, score)
+    score = np.where(swaps.find_mistaken_limbs(s.cameras, uv, score, sigma, s.names, scene.FPS), 0.0, score)
     found = robust.triangulate(s.cameras, uv, score, scene.FPS, sigma)
     covariance = robust.covariance(s.cameras, found.points, np.where(found.used, score, 0) / sigma[:, None])
     points = np.where(np.isfinite(covariance).all(axis=(-1, -2))[..., None], found.points, np.nan)

@@ -30,15 +30,15 @@ from dior.arrays import Bools, Floats
 from dior.body.joint_centres import CENTRES, mean_of
 from dior.body.names import COCO_17
 
-# widths of the joints and the drop of the shoulder below its marker, m: an adult's, for want of a measurement
+# widths of the joints and the drop of the shoulder below its marker, m; chosen: an adult's, for want of a measurement
 WIDTHS_M = {"knee": 0.105, "ankle": 0.072, "elbow": 0.075}
 SHOULDER_DROP_M = 0.045
-SHOULDER_DROP = 0.17  # of the distance between LSHO and RSHO
-MARKER_DIAMETER_M = 0.014
+SHOULDER_DROP = 0.17  # of the distance between LSHO and RSHO; chosen: 6 cm of an adult
+MARKER_DIAMETER_M = 0.014  # the usual one of a Vicon
 # of the hip from the middle of the front of the pelvis, in widths between LASI and RASI: forward, outwards, up
 BELL = (-0.19, 0.36, -0.30)
 # of a joint from the middle of the forehead markers (ears: of the side's two markers), forward, left, up: m on a head
-# band that is as long as this
+# band that is as long as this; chosen by the proportions of an adult's head
 HEAD_BAND_M = 0.190
 HEAD = {
     "nose": (0.050, 0.0, -0.085),

@@ -31,7 +31,7 @@ from dior.ingest.readers.recognise import recognise
 from dior.tables import tables
 
 SHEET = "config/detectors.tsv"
-# a success is one in this many keypoints in the box
+# a success is one in this many keypoints in the box (paper, table 3)
 ONE_IN = 5
 
 

@@ -13,7 +13,7 @@ from dior.arrays import AnyPath, Floats, Ints, Table
 from dior.tables import tables
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LabelGrid:
     """Labels of one camera of one sequence.
 

@@ -29,17 +29,17 @@ from dior.tables import tables
 # the turn (3,) rad, its covariance (3, 3) and how much of the squared residuals it explains, px^2
 Turn: TypeAlias = tuple[Floats, Floats, float]
 
-MOST_INSTANTS = 600
-HEADINGS = 16
-FEWEST = 3  # moments of a joint and heading that both sides of a comparison need
-FEWEST_CELLS = 20
-LEAST_DEG = 0.1  # less is no reason to measure a camera again
+MOST_INSTANTS = 600  # of a sequence; chosen: neighbours in time say the same, and more takes longer
+HEADINGS = 16  # chosen: finer cells have fewer moments, coarser ones mix sides of the body
+FEWEST = 3  # moments of a joint and heading that both sides of a comparison need; chosen
+FEWEST_CELLS = 20  # chosen: several times the three unknowns
+LEAST_DEG = 0.1  # less is no reason to measure a camera again; chosen: 1 cm of shift, 5 m away
 SURE = 20.0  # squared distance in standard errors, 3 degrees of freedom: by chance once in six thousand
-FLOOR_DEG = 0.01
-HUBER = 2.0  # residuals beyond this many times their median pull no harder
+FLOOR_DEG = 0.01  # added to a turn's standard error; chosen: a tenth of what is told
+HUBER = 2.0  # residuals beyond this many times their median pull no harder; chosen
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Normal:
     """Of one sequence, K cells (joint and heading): moments in each (K,), and per camera (V) alone the normal equations
     of its turn, points eliminated: `H` (V, K, 3, 3) and `g` (V, K, 3) in px^2.

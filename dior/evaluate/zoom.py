@@ -20,7 +20,7 @@ from dior.ingest import bags as rosbag
 from dior.tables import tables
 from dior.tables.files import write_text, written_whole
 
-ZOOM = 4
+ZOOM = 4  # a quarter of width and height (paper, section 4.2)
 INDEX = ("file", "frame", "stamp_ns", "u_min", "v_min", "width", "height")
 
 

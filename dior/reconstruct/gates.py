@@ -13,13 +13,14 @@ from dior.arrays import Bools, Floats
 from dior.body.names import bones_of
 from dior.reconstruct.timeline import instants_within
 
-SIGMAS = 4.0  # a gate opens by so many standard deviations of what it looks at
-MOST_MISSING_S = 0.5  # after a longer gap the body may be anywhere
+SIGMAS = 4.0  # a gate opens by so many standard deviations of what it looks at; chosen
+MOST_MISSING_S = 0.5  # after a longer gap the body may be anywhere; chosen: at 8 m/s that is 4 m, most of a walkway
 BODY = ("left_hip", "right_hip", "left_shoulder", "right_shoulder", "LASI", "RASI", "LSHO", "RSHO")
 # What a way costs, as the share of the instants that it takes at the highest speed: a way there and back is not worth
-# the fewer instants that it explains. Below 1, or the fastest would be a stranger.
+# the fewer instants that it explains. Below 1, or the fastest would be a stranger; chosen: a
+# limb may move faster than the body for longer, so that its way costs less.
 DETOUR_BODY, DETOUR_JOINT = 0.8, 0.35
-FEWEST_S = 1 / 3  # a bone's usual length needs so many seconds of it; chosen: the swing of a leg, 10 pictures at 30 Hz
+FEWEST_S = 1 / 3  # a bone's usual length needs so much of it; chosen: the swing of a leg, 10 pictures at 30 Hz
 
 
 def implausible(
@@ -60,7 +61,7 @@ def _reachable(points: Floats, variance: Floats, known: Bools, fps: float, speed
     """
     count, each = known.shape
     window = max(1, instants_within(MOST_MISSING_S, fps))
-    worth, came = np.full((count, each), -np.inf), np.full((count, each), -1)
+    worth, previous = np.full((count, each), -np.inf), np.full((count, each), -1)
     highest, where = np.zeros(each), np.full(each, -1)  # of what is older than the window
     columns = np.arange(each)
     for t in range(count):
@@ -72,19 +73,24 @@ def _reachable(points: Floats, variance: Floats, known: Bools, fps: float, speed
         best, before = highest, where
         if len(since):
             far = np.sqrt(((points[since] - points[t]) ** 2).sum(axis=-1))
-            room = speed * (t - since)[:, None] / fps + SIGMAS * np.sqrt(variance[since] + variance[t])
-            can = np.where(known[since] & (far <= room), worth[since] - detour * fps / speed * far, -np.inf)
-            last = can.argmax(axis=0)
-            better = can[last, columns] > highest
-            best, before = np.where(better, can[last, columns], highest), np.where(better, since[last], where)
+            reach = speed * (t - since)[:, None] / fps + SIGMAS * np.sqrt(variance[since] + variance[t])
+            reachable_worth = np.where(
+                known[since] & (far <= reach), worth[since] - detour * fps / speed * far, -np.inf
+            )
+            last = reachable_worth.argmax(axis=0)
+            better = reachable_worth[last, columns] > highest
+            best, before = (
+                np.where(better, reachable_worth[last, columns], highest),
+                np.where(better, since[last], where),
+            )
         worth[t] = np.where(known[t], best + 1, -np.inf)
-        came[t] = before
+        previous[t] = before
     keep = np.zeros((count, each), bool)
     at = np.where(known.any(axis=0), worth.argmax(axis=0), -1)
     while (at >= 0).any():
         on = columns[at >= 0]
         keep[at[on], on] = True
-        at[on] = came[at[on], on]
+        at[on] = previous[at[on], on]
     return keep
 
 

@@ -10,20 +10,24 @@ import numpy as np
 
 from dior.arrays import Bools, Floats
 
-B = 4  # instants in a block; the noise of points further apart is taken as independent
+# instants in a block; the noise of points further apart is taken as independent; chosen: at least
+# the 3 that third differences reach, and the work grows with its square
+B = 4
 S = 3 * B
-RIDGE_M = 1.0  # how near an instant without a point is to the line between its neighbours, where nothing else says so
+# how near an instant without a point is to the line between its neighbours, where nothing else says so; chosen: weak,
+# and enough for the equations to have one solution
+RIDGE_M = 1.0
 
 
-def smooth(points: Floats, covariance: Floats, keep: float, jerk: Floats) -> tuple[Floats, Floats, Floats]:
+def smooth(points: Floats, covariance: Floats, ar1: float, jerk: Floats) -> tuple[Floats, Floats, Floats]:
     """Path (T, J, 3) m, its covariance (T, J, 3, 3), and the log likelihood (J,) of the points.
 
-    `points` (T, J, 3), `covariance` (T, J, 3, 3) of their noise, `keep`: its correlation from one instant to the next,
+    `points` (T, J, 3), `covariance` (T, J, 3, 3) of their noise, `ar1`: its correlation from one instant to the next,
     `jerk` (J,) m: standard deviation of third differences. A joint needs three points.
     """
     count, joints = points.shape[:2]
     blocks = -(-count // B)
-    D, E, rhs, constant = _equations(points, covariance, keep, jerk, blocks)
+    D, E, rhs, constant = _equations(points, covariance, ar1, jerk, blocks)
     W = np.empty((blocks, joints, S, S))
     z = np.empty((blocks, joints, S))
     log_det = np.zeros(joints)
@@ -57,7 +61,7 @@ def _offset(points: Floats) -> Floats:
 
 
 def _equations(
-    points: Floats, covariance: Floats, keep: float, jerk: Floats, blocks: int
+    points: Floats, covariance: Floats, ar1: float, jerk: Floats, blocks: int
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Normal equations: D (K, J, S, S) on the diagonal, E (K-1, J, S, S) right of it, right-hand side (K, J, S), and
     what of the log likelihood does not depend on the path (J,)."""
@@ -90,8 +94,8 @@ def _equations(
         np.where(known, np.abs(np.linalg.det(np.where(known[..., None, None], weight, np.eye(3)))), 1)
     ).sum(axis=0)
     for step in range(1, B + 1):
-        t, joint = np.nonzero(known & (lag == step) & (keep > 0))
-        a = keep**step
+        t, joint = np.nonzero(known & (lag == step) & (ar1 > 0))
+        a = ar1**step
         now, then = weight[t, joint], weight[t - step, joint]
         scale = 1 / (1 - a * a)
         w = (white[t, joint] - a * white[t - step, joint]) * scale
@@ -101,7 +105,7 @@ def _equations(
         np.add.at(rhs, (t, joint), (np.swapaxes(now, -1, -2) @ w)[..., 0])
         np.add.at(rhs, (t - step, joint), -a * (np.swapaxes(then, -1, -2) @ w)[..., 0])
         np.add.at(constant, joint, -1.5 * np.log(1 - a * a) - 0.5 * ((1 - a * a) * (w * w).sum(axis=(-1, -2))))
-    t, joint = np.nonzero(known & ((lag > B) | (keep <= 0)))
+    t, joint = np.nonzero(known & ((lag > B) | (ar1 <= 0)))
     now, w = weight[t, joint], white[t, joint]
     np.add.at(band[0], (t, joint), np.swapaxes(now, -1, -2) @ now)
     np.add.at(rhs, (t, joint), (np.swapaxes(now, -1, -2) @ w)[..., 0])

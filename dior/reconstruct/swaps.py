@@ -23,15 +23,17 @@ from dior.geometry.camera import Camera
 from dior.geometry.rig import Views, meet_in_blocks, rig_of, views_of
 from dior.tables import tables
 
+# The prices are chosen: lower ones find shorter exchanges, and more that are none. Of the 33 exchanged pictures of a
+# real walk (tests/reconstruct/test_real_outdoor.py) they find all.
 PERIOD_S = 1 / 30  # costs are of time: so much of it counts one, whatever the rate of the instants
 CAP = 6.0  # an error counts up to this many times the usual one, so that one wild joint does not decide
 PRICE_CHANGE = 1.0  # per view that begins or ceases to be exchanged, in units of the usual error: swaps come in runs
 PRICE_SWAPPED = 0.02  # per view and `PERIOD_S`: of two equal explanations the one with fewer exchanged views
 STEP_M = 0.1  # a mean movement of the paired joints between instants that costs one usual error
-MOST_STATES = 32
+MOST_STATES = 32  # all combinations of five views; more take too long
 PRICE_BEGIN = 4.0  # that two views begin or cease to take one limb for the other, in units of chi squared per equation
 FITS = 4.0  # the two limbs lie on one another in a picture where half their joints do, up to this chi squared
-JUMP_M_S = 4.5  # a limb's speed from which on its movement counts
+JUMP_M_S = 4.5  # a limb's speed from which on its movement counts: that of the foot in the swing of a brisk walk
 PRICE_WRONG = 0.3  # per `PERIOD_S`, the same
 
 
@@ -167,7 +169,7 @@ def _movement(points: Floats) -> Floats:
     return out
 
 
-def find_taken(
+def find_mistaken_limbs(
     cameras: Sequence[Camera], uv: Floats, score: Floats, sigma: Floats, names: Sequence[str], fps: float
 ) -> Bools:
     """Where several views put both names on one limb: (V, T, J) bool, of the name that is wrong.
@@ -185,12 +187,12 @@ def find_taken(
         if not pairs:
             continue
         own, others = (list(side) for side in zip(*pairs, strict=True))
-        wrong = _limb_taken(cameras, uv, weights, own, others, fps)
+        wrong = _mistaken_views(cameras, uv, weights, own, others, fps)
         out[:, :, own] = wrong[..., None]
     return out
 
 
-def _limb_taken(
+def _mistaken_views(
     cameras: Sequence[Camera], uv: Floats, weights: Floats, own: list[int], others: list[int], fps: float
 ) -> Bools:
     """Views (V, T) whose limb `own` lies on the limb `others` (joint indices) while they are the more."""

@@ -20,11 +20,11 @@ from dior.geometry import camera_tables, multiview
 from dior.geometry.camera import Camera
 from dior.reconstruct import robust
 from dior.reconstruct.gates import implausible
-from dior.reconstruct.swaps import exchange, find_exchanged, find_taken
+from dior.reconstruct.swaps import exchange, find_exchanged, find_mistaken_limbs
 from dior.tables import tables
 
 METHODS = ("robust", "rays")
-# a detector exchanges the sides of some walkers who turn away, but not those of most pictures
+# a detector exchanges the sides of some walkers who turn away, but not those of most pictures; chosen
 MOSTLY = 0.5
 
 
@@ -92,18 +92,18 @@ def run(
     stamps = line["stamp_ns"][:: len(tables.ordered_unique(line["camera"]))]
     fps = rate(stamps)
     swapped = np.zeros(uv.shape[:3], bool)
-    taken = np.zeros(uv.shape[:3], bool)
+    mistaken = np.zeros(uv.shape[:3], bool)
     if method == "robust":
         other = robust.strangers(rig, uv, score, fps, swap_index(joints))
         score = np.where(other[..., None], 0.0, score)
         swapped = find_exchanged(rig, uv, score, joints, fps)
         uv, score = exchange(uv, swapped, joints), exchange(score, swapped, joints)
         sigma = robust.noise(rig, uv, score, fps)
-        taken = find_taken(rig, uv, score, sigma, joints, fps)
-        score = np.where(taken, 0.0, score)
+        mistaken = find_mistaken_limbs(rig, uv, score, sigma, joints, fps)
+        score = np.where(mistaken, 0.0, score)
         found = robust.triangulate(rig, uv, score, fps, sigma)
         points, used, residual = found.points, found.used, found.residual
-        time_s, stays = robust.persistence(rig, uv, score, found, fps)
+        time_s, constant_share = robust.persistence(rig, uv, score, found, fps)
         good = found.scaled <= max_error_px  # false for NaN
     else:
         used = score > 0
@@ -113,7 +113,7 @@ def run(
         good = np.ones(residual.shape, bool)
         sigma = robust.noise(rig, uv, score, fps)
         found = robust.Points(points, used, residual, residual, sigma)
-        time_s, stays = robust.persistence(rig, uv, score, found, fps)
+        time_s, constant_share = robust.persistence(rig, uv, score, found, fps)
     weights = np.where(used, score, 0.0) / sigma[:, None]
     covariance = robust.covariance(rig, points, weights)
     enough = (used.sum(axis=0) >= 2) & np.all(np.isfinite(points), axis=-1)
@@ -125,13 +125,13 @@ def run(
     points = np.where((status == "ok")[..., None], points, np.nan)
     residual = np.where(enough, residual, np.nan)
     covariance = np.where((status == "ok")[..., None, None], covariance, np.nan)
-    lasts = {"noise_time_s": f"{time_s:.6g}", "noise_stays": f"{stays:.6g}"}
+    about = {"noise_time_s": f"{time_s:.6g}", "noise_stays": f"{constant_share:.6g}"}
     write_skeleton(
-        out, subject, sequence, joints, stamps, points, status, used.sum(axis=0), residual, covariance, lasts
+        out, subject, sequence, joints, stamps, points, status, used.sum(axis=0), residual, covariance, about
     )
     write_swaps(out_swaps, names, stamps, nearest_frames(line, names), swapped, joints)
-    told = _findings(sequence, names, np.any(swapped, axis=2), status) + _taken_findings(sequence, names, taken)
-    tables.write_findings(findings, told)
+    notes = _findings(sequence, names, np.any(swapped, axis=2), status) + _mistaken_findings(sequence, names, mistaken)
+    tables.write_findings(findings, notes)
 
 
 def write_skeleton(
@@ -228,10 +228,10 @@ def _findings(sequence: str, names: Sequence[str], swapped: Bools, status: Texts
     return found
 
 
-def _taken_findings(sequence: str, names: Sequence[str], taken: Bools) -> list[tuple[str, str, str, str]]:
+def _mistaken_findings(sequence: str, names: Sequence[str], mistaken: Bools) -> list[tuple[str, str, str, str]]:
     """Where a camera's detections (V, T, J) put both sides' names on one limb together with another camera's."""
     text = "with another camera, one limb was taken for the other at {} of {} instants; left out there"
-    hit = np.any(taken, axis=2)
+    hit = np.any(mistaken, axis=2)
     return [
         (f"{sequence}/{name}", "info", "limb_taken_for_other", text.format(int(row.sum()), len(row)))
         for name, row in zip(names, hit, strict=True)

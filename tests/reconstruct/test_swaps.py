@@ -6,7 +6,7 @@ import pytest
 from dior.body.names import LIMBS, MLKIT_33, is_leg, swap_index
 from dior.geometry import camera as cam
 from dior.reconstruct import swaps
-from dior.reconstruct.swaps import combinations, exchange, find_exchanged, find_swaps, find_taken
+from dior.reconstruct.swaps import combinations, exchange, find_exchanged, find_mistaken_limbs, find_swaps
 from tests.rig import ring
 
 FPS = 30.0
@@ -96,9 +96,9 @@ def test_a_limb_that_two_views_take_for_the_other_is_left_out_in_both():
     taken = uv.copy()
     taken[:2, 20:32, own] = observed(cameras, walker(60), 2.0, seed=9)[:2, 20:32, others]
     score, sigma = np.ones(uv.shape[:3]), np.full((3, 33), 2.0)
-    found = find_taken(cameras, taken, score, sigma, MLKIT_33, FPS)
+    found = find_mistaken_limbs(cameras, taken, score, sigma, MLKIT_33, FPS)
     assert found[:2, 20:32, own].all() and found.sum() == 2 * 12 * len(own)
-    assert not find_taken(cameras, uv, score, sigma, MLKIT_33, FPS).any()
+    assert not find_mistaken_limbs(cameras, uv, score, sigma, MLKIT_33, FPS).any()
 
 
 def test_the_cheapest_path_is_that_of_all_paths():
@@ -150,7 +150,7 @@ def test_a_fast_limb_has_not_jumped(fps):
     points = walker(fps)
     points[..., 0] *= 2.0
     uv = observed(cameras, points, 0.0)
-    assert not find_taken(cameras, uv, np.ones(uv.shape[:3]), np.full((3, 33), 200.0), MLKIT_33, fps).any()
+    assert not find_mistaken_limbs(cameras, uv, np.ones(uv.shape[:3]), np.full((3, 33), 200.0), MLKIT_33, fps).any()
 
 
 @pytest.mark.parametrize("fps", [15, 60, 120])
@@ -163,5 +163,5 @@ def test_a_limb_taken_for_the_other_counts_by_the_time_it_lasts(fps):
     uv = observed(cameras, walker(len(t)) * [1, 0.2, 1], 0.0)
     where = np.ix_([0, 1], np.flatnonzero(long | short), own)
     uv[where] = uv[np.ix_([0, 1], np.flatnonzero(long | short), others)]
-    found = find_taken(cameras, uv, np.ones(uv.shape[:3]), np.full((3, 33), 33.0), MLKIT_33, fps)
+    found = find_mistaken_limbs(cameras, uv, np.ones(uv.shape[:3]), np.full((3, 33), 33.0), MLKIT_33, fps)
     assert (found[:2, :, own] == long[:, None]).all() and not found[2].any()
