@@ -74,15 +74,11 @@ def _reachable(points: Floats, variance: Floats, known: Bools, fps: float, speed
         if len(since):
             far = np.sqrt(((points[since] - points[t]) ** 2).sum(axis=-1))
             reach = speed * (t - since)[:, None] / fps + SIGMAS * np.sqrt(variance[since] + variance[t])
-            reachable_worth = np.where(
-                known[since] & (far <= reach), worth[since] - detour * fps / speed * far, -np.inf
-            )
-            last = reachable_worth.argmax(axis=0)
-            better = reachable_worth[last, columns] > highest
-            best, before = (
-                np.where(better, reachable_worth[last, columns], highest),
-                np.where(better, since[last], where),
-            )
+            gain = np.where(known[since] & (far <= reach), worth[since] - detour * fps / speed * far, -np.inf)
+            last = gain.argmax(axis=0)
+            better = gain[last, columns] > highest
+            best = np.where(better, gain[last, columns], highest)
+            before = np.where(better, since[last], where)
         worth[t] = np.where(known[t], best + 1, -np.inf)
         previous[t] = before
     keep = np.zeros((count, each), bool)
