@@ -31,7 +31,7 @@ def session(level, seed, bump_deg, frames):
         true = [cov.moved(c, step) if take >= FIRST and i == which else c for i, c in enumerate(stood)]
         walk = scene.make(level, seed, frames, true, WALKS[take % len(WALKS)], take)
         rig = [given.at(c.wTc) for given, c in zip(walk.given, stood, strict=True)]
-        swapped = find_exchanged(rig, walk.uv, walk.score, walk.names)
+        swapped = find_exchanged(rig, walk.uv, walk.score, walk.names, scene.FPS)
         uv, score = (exchange(values, swapped, walk.names) for values in (walk.uv, walk.score))
         found.append(moved.normal(rig, uv, score, walk.names))
     return moved.find_change(found), which

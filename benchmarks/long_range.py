@@ -65,7 +65,7 @@ def capture(level, seed, walk=None):
     made = scene.make(level, seed, FRAMES, [*around, long_range(seed)], walk)
     close, uv = made.given[:3], made.uv[:3]
     score = np.where(made.score[:3] >= 0.3, made.score[:3], 0.0)
-    swapped = find_exchanged(close, uv, score, list(made.names))
+    swapped = find_exchanged(close, uv, score, list(made.names), scene.FPS)
     uv, score = exchange(uv, swapped, list(made.names)), exchange(score, swapped, list(made.names))
     limit = min(45.0, DROP_FACTOR * usual_error(close, uv, score))
     points, _, _, good = by_dropping(close, uv, score, limit, 45.0)

@@ -22,7 +22,7 @@ from dior.geometry.camera import Camera, Intrinsics, inverse_pose, pose, project
 from dior.geometry.multiview import look_at, triangulate
 from dior.ingest.readers import mlkit, openpose
 from dior.reconstruct import robust
-from dior.reconstruct.swaps import exchange, find_exchanged, find_taken
+from dior.reconstruct.swaps import exchange, find_exchanged, find_mistaken_limbs
 from dior.reconstruct.triangulate import by_rays
 from dior.tables import tables
 
@@ -88,10 +88,10 @@ def robust_points(data, cameras):
     uv, score, joints = stack(mlkit, [data / f"mlkit/{name}.jsonl" for name in CAMERAS[:3]])
     score = np.where(score >= 0.3, score, 0.0)
     score = np.where(robust.strangers(close, uv, score, FPS, swap_index(joints))[..., None], 0.0, score)
-    swapped = find_exchanged(close, uv, score, joints)
+    swapped = find_exchanged(close, uv, score, joints, FPS)
     uv, score = exchange(uv, swapped, joints), exchange(score, swapped, joints)
     sigma = robust.noise(close, uv, score, FPS)
-    score = np.where(find_taken(close, uv, score, sigma, joints), 0.0, score)
+    score = np.where(find_mistaken_limbs(close, uv, score, sigma, joints, FPS), 0.0, score)
     found = robust.triangulate(close, uv, score, FPS, sigma)
     return np.where((found.scaled <= 45.0)[..., None], found.points, np.nan), swapped, joints
 

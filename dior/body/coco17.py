@@ -21,20 +21,24 @@ are an adult's (WIDTHS_M); the head's offsets have no source but proportions. Pl
 guide.
 """
 
+from collections.abc import Sequence
+from typing import TypeAlias
+
 import numpy as np
 
-from dior.body.joint_centres import CENTRES
+from dior.arrays import Bools, Floats
+from dior.body.joint_centres import CENTRES, mean_of
 from dior.body.names import COCO_17
 
-# widths of the joints and the drop of the shoulder below its marker, m: an adult's, for want of a measurement
+# widths of the joints and the drop of the shoulder below its marker, m; chosen: an adult's, for want of a measurement
 WIDTHS_M = {"knee": 0.105, "ankle": 0.072, "elbow": 0.075}
 SHOULDER_DROP_M = 0.045
-SHOULDER_DROP = 0.17  # of the distance between LSHO and RSHO
-MARKER_DIAMETER_M = 0.014
+SHOULDER_DROP = 0.17  # of the distance between LSHO and RSHO; chosen: 6 cm of an adult
+MARKER_DIAMETER_M = 0.014  # the usual one of a Vicon
 # of the hip from the middle of the front of the pelvis, in widths between LASI and RASI: forward, outwards, up
 BELL = (-0.19, 0.36, -0.30)
 # of a joint from the middle of the forehead markers (ears: of the side's two markers), forward, left, up: m on a head
-# band that is as long as this
+# band that is as long as this; chosen by the proportions of an adult's head
 HEAD_BAND_M = 0.190
 HEAD = {
     "nose": (0.050, 0.0, -0.085),
@@ -43,19 +47,21 @@ HEAD = {
     "left_ear": (0.0, 0.0, -0.050),
     "right_ear": (0.0, 0.0, -0.050),
 }
+# a joint, None where it is not known, and the rule
+Found: TypeAlias = tuple[Floats | None, str]
 SIDES = {"left": ("L", 1.0), "right": ("R", -1.0)}
 
 
-def coco17(xyz, names):
+def coco17(xyz: Floats, names: Sequence[str]) -> tuple[Floats, Bools, tuple[str, ...]]:
     """COCO-17 joints of points `xyz` (..., M, 3) m called `names`.
 
     Returns joints (..., 17, 3) m, whether each was derived from markers (17,), and the rule of each (17 words). A point
     that is NaN throughout counts as one that is not there.
     """
     xyz = np.asarray(xyz, float)
-    there = np.isfinite(xyz).all(axis=-1).reshape(-1, xyz.shape[-2]).any(axis=0)
+    there = np.all(np.isfinite(xyz), axis=-1).reshape(-1, xyz.shape[-2]).any(axis=0)
     at = {name: xyz[..., i, :] for i, name in enumerate(names) if there[i]}
-    found = {}
+    found: dict[str, Found] = {}
     for joint in COCO_17:
         if joint in at:
             found[joint] = at[joint], "named"
@@ -68,13 +74,13 @@ def coco17(xyz, names):
             if joint.endswith(part) and joint not in found:
                 found[joint] = rule(joint, at, found)
     nothing = np.full((*xyz.shape[:-2], 3), np.nan)
-    points = [nothing if found[joint][0] is None else found[joint][0] for joint in COCO_17]
+    points = [nothing if point is None else point for point, _ in (found[joint] for joint in COCO_17)]
     rules = tuple(found[joint][1] for joint in COCO_17)
     derived = np.array([rule != "named" and not rule.startswith("no_") for rule in rules])
     return np.stack(points, axis=-2), derived, rules
 
 
-def _hip(joint, at, found):
+def _hip(joint: str, at: dict[str, Floats], found: dict[str, Found]) -> Found:
     pelvis = _pelvis(at)
     if pelvis is None:
         return _near(joint, at, found)
@@ -84,41 +90,45 @@ def _hip(joint, at, found):
     return origin + width * _along(axes, (forward, outwards * aside, up)), "bell"
 
 
-def _knee(joint, at, found):
+def _knee(joint: str, at: dict[str, Floats], found: dict[str, Found]) -> Found:
     return _leg(joint, at, found, "hip", "KNE", "THI", WIDTHS_M["knee"])
 
 
-def _ankle(joint, at, found):
+def _ankle(joint: str, at: dict[str, Floats], found: dict[str, Found]) -> Found:
     return _leg(joint, at, found, "knee", "ANK", "TIB", WIDTHS_M["ankle"])
 
 
-def _leg(joint, at, found, above, marker, wand, width):
+def _leg(
+    joint: str, at: dict[str, Floats], found: dict[str, Found], above: str, marker: str, wand: str, width: float
+) -> Found:
     """A knee or an ankle: away from the marker of the segment, which lies further out than the joint's own."""
     side = joint.split("_")[0]
     letter, outwards = SIDES[side]
-    marker, wand = at.get(letter + marker), at.get(letter + wand)
+    outer, on_segment = at.get(letter + marker), at.get(letter + wand)
     upper, pelvis = found[f"{side}_{above}"][0], _pelvis(at)
-    if marker is None or upper is None or (wand is None and pelvis is None):
+    if outer is None or upper is None:
         return _near(joint, at, found)
     distance = (width + MARKER_DIAMETER_M) / 2
-    if wand is not None:
-        return _chord(upper, marker, marker - wand, distance), "chord"
-    return _chord(upper, marker, -outwards * pelvis[1][..., 1], distance), "shift"
+    if on_segment is not None:
+        return _chord(upper, outer, outer - on_segment, distance), "chord"
+    if pelvis is None:
+        return _near(joint, at, found)
+    return _chord(upper, outer, -outwards * pelvis[1][..., 1], distance), "shift"
 
 
-def _shoulder(joint, at, found):
+def _shoulder(joint: str, at: dict[str, Floats], found: dict[str, Found]) -> Found:
     letter, _ = SIDES[joint.split("_")[0]]
     marker, thorax = at.get(letter + "SHO"), _thorax(at)
     if marker is not None and thorax is not None:
         origin, axes = thorax
         return _chord(origin, marker, -axes[..., 2], SHOULDER_DROP_M + MARKER_DIAMETER_M / 2), "chord"
-    if not {"LSHO", "RSHO", "LASI", "RASI"} <= set(at):
+    if marker is None or not {"LSHO", "RSHO", "LASI", "RASI"} <= set(at):
         return _near(joint, at, found)
     width = np.linalg.norm(at["LSHO"] - at["RSHO"], axis=-1, keepdims=True)
     return marker + SHOULDER_DROP * width * _unit((at["LASI"] + at["RASI"]) / 2 - marker), "drop"
 
 
-def _elbow(joint, at, found):
+def _elbow(joint: str, at: dict[str, Floats], found: dict[str, Found]) -> Found:
     """n is the axis of the hinge inwards, d half its width: the joint E = marker + d n. The upper arm and the forearm
     stand on it, so that n.(shoulder - marker) = n.(wrist - marker) = d. Where they do not allow it (|n| > 1: the
     skin moved) n is the one in the plane of all three.
@@ -142,7 +152,7 @@ def _elbow(joint, at, found):
     return marker + distance * _unit(in_plane + out_of_plane), "hinge"
 
 
-def _head(joint, at, found):
+def _head(joint: str, at: dict[str, Floats], found: dict[str, Found]) -> Found:
     side = joint.split("_")[0]
     band = _band(at)
     if band is None:
@@ -155,16 +165,14 @@ def _head(joint, at, found):
     return base + (length / HEAD_BAND_M) * _along(axes, HEAD[joint]), "head"
 
 
-def _near(joint, at, found):
-    """The mean of the markers that the clocks take for this joint."""
-    markers = CENTRES[joint][0]
+def _near(joint: str, at: dict[str, Floats], found: dict[str, Found]) -> Found:
+    """The mean of the markers that are nearest to the joint."""
+    markers = CENTRES[joint].near
     lacking = [marker for marker in markers if marker not in at]
-    if lacking:
-        return None, f"no_{lacking[0]}"
-    return np.mean([at[marker] for marker in markers], axis=0), "marker"
+    return mean_of(at, markers), f"no_{lacking[0]}" if lacking else "marker"
 
 
-def _pelvis(at):
+def _pelvis(at: dict[str, Floats]) -> tuple[Floats, Floats, Floats] | None:
     """Origin (..., 3) between LASI and RASI, axes (..., 3, 3) in columns and width (..., 1), or None."""
     if not {"LASI", "RASI"} <= set(at):
         return None
@@ -181,7 +189,7 @@ def _pelvis(at):
     return origin, np.stack([np.cross(y, z), y, z], axis=-1), np.linalg.norm(left, axis=-1, keepdims=True)
 
 
-def _thorax(at):
+def _thorax(at: dict[str, Floats]) -> tuple[Floats, Floats] | None:
     """Origin (..., 3), half a marker behind CLAV, and axes (..., 3, 3) in columns, or None."""
     if not {"CLAV", "C7", "STRN", "T10"} <= set(at):
         return None
@@ -190,7 +198,7 @@ def _thorax(at):
     return at["CLAV"] - MARKER_DIAMETER_M / 2 * x, np.stack([x, np.cross(z, x), z], axis=-1)
 
 
-def _band(at):
+def _band(at: dict[str, Floats]) -> tuple[Floats, Floats, Floats] | None:
     """Middle (..., 3) of the forehead markers, axes (..., 3, 3) in columns and length (..., 1) of the band, or None."""
     if not {"LFHD", "RFHD", "LBHD", "RBHD"} <= set(at):
         return None
@@ -200,7 +208,7 @@ def _band(at):
     return front, np.stack([x, y, np.cross(x, y)], axis=-1), np.linalg.norm(front - back, axis=-1, keepdims=True)
 
 
-def _chord(centre, marker, toward, distance):
+def _chord(centre: Floats, marker: Floats, toward: Floats, distance: float) -> Floats:
     """The joint (..., 3) at `distance` from its marker, with a right angle at the joint between marker and `centre`,
     in their plane with the direction `toward` and on that side. NaN where the centre is nearer than `distance`."""
     line = centre - marker
@@ -211,16 +219,16 @@ def _chord(centre, marker, toward, distance):
     return marker + distance * (cosine * _unit(line) + sine * _unit(_across(toward, line)))
 
 
-def _across(vectors, line):
+def _across(vectors: Floats, line: Floats) -> Floats:
     """The part of vectors (..., 3) at right angles to `line`."""
     along = _unit(line)
     return vectors - (vectors * along).sum(axis=-1, keepdims=True) * along
 
 
-def _unit(vectors):
+def _unit(vectors: Floats) -> Floats:
     with np.errstate(invalid="ignore", divide="ignore"):
         return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
 
 
-def _along(axes, offset):
+def _along(axes: Floats, offset: tuple[float, float, float]) -> Floats:
     return axes @ np.asarray(offset, float)

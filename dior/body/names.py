@@ -1,8 +1,11 @@
 """Names of joints and markers, their left-right pairs, and the bones that a picture shows."""
 
 import re
+from collections.abc import Sequence
 
 import numpy as np
+
+from dior.arrays import Ints
 
 MLKIT_33 = tuple(
     (
@@ -57,7 +60,7 @@ _FACE_PAIRS = (
 )
 
 
-def _sided_face():
+def _sided_face() -> tuple[str, ...]:
     names = [f"face_{number:02d}" for number in range(68)]
     for numbers, total in _FACE_PAIRS:
         for right in numbers:
@@ -114,12 +117,12 @@ LIMBS = tuple(
 )
 
 
-def is_leg(name):
+def is_leg(name: str) -> bool:
     """Whether a joint or marker belongs to the legs, hips included."""
     return _LEG.fullmatch(name) is not None
 
 
-def mirrored(name):
+def mirrored(name: str) -> str:
     """The name of the same joint or marker on the other side of the body."""
     if name.startswith(("left_", "right_")):
         return name.replace("left_", "right_", 1) if name[0] == "l" else name.replace("right_", "left_", 1)
@@ -129,13 +132,13 @@ def mirrored(name):
     return name
 
 
-def swap_index(names):
+def swap_index(names: Sequence[str]) -> Ints:
     """Index (J,) that exchanges left and right: `uv[..., swap_index(names), :]`. Unpaired joints stay."""
     where = {name: i for i, name in enumerate(names)}
     return np.array([where.get(mirrored(name), i) for i, name in enumerate(names)])
 
 
-def bones_of(names):
+def bones_of(names: Sequence[str]) -> Ints:
     """Pairs of indices (B, 2) into `names` of the bones whose both ends are there."""
     where = {name: i for i, name in enumerate(names)}
     return np.array([(where[a], where[b]) for a, b in BONES if a in where and b in where]).reshape(-1, 2)

@@ -8,22 +8,35 @@ and passes. Limits are the section `physics` of config.yaml.
 """
 
 import warnings
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
+from dior.arrays import Floats
+from dior.body.proportions import SEGMENTS, SIDES, SOLE_M
 from dior.errors import DiorError
 
-SIDES = ("left", "right")
-# thigh, shank and trunk as shares of the height (Drillis and Contini 1966, in Winter, Biomechanics, fig. 4.1)
-SEGMENTS = {("hip", "knee"): 0.245, ("knee", "ankle"): 0.246, ("shoulder", "hip"): 0.288}
 FEET = ("heel", "foot_index", "big_toe")
-SOLE_M = 0.03
-STANDING_SHARE = 0.25
-HEIGHT_SIGMAS = 4
-LIMITS = {"stature_m": [1.0, 2.2], "stature_share": 0.15, "feet_m": 0.3, "lean_deg": 40.0, "speed_m_s": 8.0}
+STANDING_SHARE = 0.25  # of the heights of heels and toes; chosen: a foot stands for 60 % of a stride, its heel for less
+HEIGHT_SIGMAS = 4  # chosen: by chance once in 16 000
+# chosen: beyond any adult and any child of school age, to catch a wrong scale, floor or vertical and no unusual person
+LIMITS: dict[str, Any] = {
+    "stature_m": [1.0, 2.2],
+    "stature_share": 0.15,
+    "feet_m": 0.3,
+    "lean_deg": 40.0,
+    "speed_m_s": 8.0,
+}
 
 
-def check(points, joints, where, limits=None, seconds=None):
+def check(
+    points: Floats,
+    joints: Sequence[str],
+    where: str,
+    limits: dict[str, Any] | None = None,
+    seconds: Floats | None = None,
+) -> dict[str, float]:
     """Refuse an impossible person, naming the figure; returns the figures by name.
 
     `limits`: some of `LIMITS`; `seconds` (T,): when, for the speed.
@@ -60,7 +73,15 @@ def check(points, joints, where, limits=None, seconds=None):
     return found
 
 
-def check_height(points, joints, where, subject, height_m, sigma_m=0.0, share=LIMITS["stature_share"]):
+def check_height(
+    points: Floats,
+    joints: Sequence[str],
+    where: str,
+    subject: str,
+    height_m: float,
+    sigma_m: float = 0.0,
+    share: float = LIMITS["stature_share"],
+) -> None:
     """Refuse a person (points as for `check`) who is not as tall as subjects.tsv says, `height_m` +- `sigma_m`.
 
     Beyond `share` of it, and beyond 4 sigma.
@@ -75,23 +96,23 @@ def check_height(points, joints, where, subject, height_m, sigma_m=0.0, share=LI
         )
 
 
-def _joint(points, joints, name):
+def _joint(points: Floats, joints: Sequence[str], name: str) -> Floats:
     """A joint (T, 3), NaN where the detector has none of that name."""
     return points[:, list(joints).index(name)] if name in joints else np.full((len(points), 3), np.nan)
 
 
-def _middle(points, joints, part):
+def _middle(points: Floats, joints: Sequence[str], part: str) -> Floats:
     """Mean of the left and right `part` (T, 3), NaN where one is missing."""
     return np.mean([_joint(points, joints, f"{side}_{part}") for side in SIDES], axis=0)
 
 
-def _median(values, axis=None):
+def _median(values: Floats, axis: int | None = None) -> Any:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)
         return np.nanmedian(values, axis=axis)
 
 
-def stature(points, joints):
+def stature(points: Floats, joints: Sequence[str]) -> float:
     """Height (m) by the lengths of thighs, shanks and trunk; NaN where none of them is known."""
     length, share = 0.0, 0.0
     for (a, b), part in SEGMENTS.items():
@@ -105,17 +126,16 @@ def stature(points, joints):
     return float(length / share) if share else np.nan
 
 
-def feet(points, joints):
+def feet(points: Floats, joints: Sequence[str]) -> float:
     """How far (m) the soles of the standing feet are above the floor: the lowest quarter of heels and toes."""
-    heights = [np.stack([_joint(points, joints, f"{side}_{part}")[:, 2] for part in FEET], axis=-1) for side in SIDES]
-    heights = np.concatenate(heights).ravel()
+    heights = np.stack([_joint(points, joints, f"{side}_{part}")[:, 2] for side in SIDES for part in FEET]).ravel()
     heights = heights[np.isfinite(heights)]
     if not len(heights):
         return np.nan
     return float(np.median(heights[heights <= np.quantile(heights, STANDING_SHARE)]) - SOLE_M)
 
 
-def lean(points, joints):
+def lean(points: Floats, joints: Sequence[str]) -> float:
     """Angle (degrees) of the mean direction from hips to shoulders with the vertical."""
     trunk = _middle(points, joints, "shoulder") - _middle(points, joints, "hip")
     with np.errstate(invalid="ignore"):
@@ -124,7 +144,7 @@ def lean(points, joints):
     return float(np.degrees(np.arccos(np.clip(direction[2] / size, -1, 1)))) if size > 0 else np.nan
 
 
-def speed(points, joints, seconds):
+def speed(points: Floats, joints: Sequence[str], seconds: Floats) -> float:
     """Median horizontal speed (m/s) of the hips between instants about a third of a second apart."""
     hips, seconds = _middle(points, joints, "hip"), np.asarray(seconds, float)
     if len(seconds) < 2:

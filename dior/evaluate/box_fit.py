@@ -11,11 +11,14 @@ as it is near to `in_box_expected`.
 
 import numpy as np
 
-WILD = 4.0
+from dior.arrays import Floats
+from dior.evaluate.grids import LabelGrid
+
+WILD = 4.0  # chosen: of boxes drawn with care one in 16 000 is left out
 SD_OF_MAD = 1.4826  # of a normal distribution
 
 
-def figures(grid, hand):
+def figures(grid: LabelGrid, hand: Floats) -> list[tuple[str, str, Floats]]:
     """(metric, unit, values) of everything this module measures."""
     label = label_boxes(grid)
     offset, size = _centre(label) - _centre(hand), _size(label) - _size(hand)
@@ -29,7 +32,7 @@ def figures(grid, hand):
     ]
 
 
-def label_boxes(grid):
+def label_boxes(grid: LabelGrid) -> Floats:
     """Tight boxes (F, 4) px of the in-frame labels, NaN where there are none."""
     uv = np.where(grid.in_frame[..., None], grid.uv, np.nan)
     low = np.where(np.isnan(uv), np.inf, uv).min(axis=1, initial=np.inf)
@@ -37,7 +40,7 @@ def label_boxes(grid):
     return np.where(np.isfinite(low).all(axis=1)[:, None], np.concatenate([low, high], axis=1), np.nan)
 
 
-def iou(a, b):
+def iou(a: Floats, b: Floats) -> Floats:
     """Area of the intersection of boxes `a` and `b`, (F, 4) px, over that of their union: (F,), NaN without area."""
     sides = np.minimum(a[:, 2:], b[:, 2:]) - np.maximum(a[:, :2], b[:, :2])
     common = np.clip(sides, 0, None).prod(axis=1)
@@ -46,7 +49,7 @@ def iou(a, b):
         return np.where(union > 0, common / union, np.nan)
 
 
-def drawing(label, hand):
+def drawing(label: Floats, hand: Floats) -> tuple[Floats, Floats]:
     """How a person draws: margin (2,) px by which the edges lie outside and their sd (2,) px, along u and v.
 
     From half the difference of the sizes, h = (right + left) / 2 of what the edges are outside of `label` boxes: its
@@ -64,7 +67,7 @@ def drawing(label, hand):
     return np.nanmean(usual, axis=0), np.sqrt(2 * np.nanvar(usual, axis=0))
 
 
-def expected(grid, hand):
+def expected(grid: LabelGrid, hand: Floats) -> Floats:
     """Probability (F, J) that a perfect label would lie in a box drawn like `hand` (F, 4), of frames with a box.
 
     A label that lies `a` px inside the left edge of its own tight box is inside a hand box, whose left edge is the
@@ -76,10 +79,10 @@ def expected(grid, hand):
     margin, sd = drawing(label, hand)
     within = np.concatenate([grid.uv - label[:, None, :2], label[:, None, 2:] - grid.uv], axis=-1)
     probability = _normal(within + np.tile(margin, 2), np.tile(sd, 2)).prod(axis=-1)
-    return np.where(np.isfinite(hand).all(axis=1)[:, None] & grid.in_frame, probability, np.nan)
+    return np.where(np.all(np.isfinite(hand), axis=1)[:, None] & grid.in_frame, probability, np.nan)
 
 
-def _normal(distance, sd):
+def _normal(distance: Floats, sd: Floats) -> Floats:
     """Probability that a normal deviation of `sd` is at most `distance`; a step where sd is 0."""
     from scipy.special import ndtr
 
@@ -87,9 +90,9 @@ def _normal(distance, sd):
         return np.where(sd > 0, ndtr(distance / sd), np.where(np.isnan(sd + distance), np.nan, distance >= 0))
 
 
-def _centre(box):
+def _centre(box: Floats) -> Floats:
     return (box[:, :2] + box[:, 2:]) / 2
 
 
-def _size(box):
+def _size(box: Floats) -> Floats:
     return box[:, 2:] - box[:, :2]

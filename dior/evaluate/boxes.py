@@ -6,12 +6,14 @@ OUTPUT   0 or 1 per (frame, joint), NaN for frames without a box and labels outs
 
 import numpy as np
 
+from dior.arrays import Floats, Ints
+from dior.evaluate.grids import LabelGrid
 from dior.project.boxes import COLUMNS, read
 
 __all__ = ["COLUMNS", "inside", "of_frames", "read"]
 
 
-def of_frames(grid, box_frames, boxes):
+def of_frames(grid: LabelGrid, box_frames: Ints, boxes: Floats) -> Floats:
     """Edges (F, 4) px of the box of every frame of the labels, NaN where there is none."""
     edges = np.full((len(grid.frames), 4), np.nan)
     _, row, box = np.intersect1d(grid.frames, box_frames, return_indices=True)
@@ -19,7 +21,7 @@ def of_frames(grid, box_frames, boxes):
     return edges
 
 
-def inside(grid, box_frames, boxes):
+def inside(grid: LabelGrid, box_frames: Ints, boxes: Floats) -> Floats:
     """1 or 0 (F, J) whether an in-frame label lies in its frame's box, NaN where there is nothing to judge."""
     u, v = grid.uv[..., 0], grid.uv[..., 1]
     u_min, v_min, u_max, v_max = of_frames(grid, box_frames, boxes).T[:, :, None]

@@ -6,20 +6,22 @@ OUTPUT   distances px.
 """
 
 import csv
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
 
+from dior.arrays import AnyPath, Floats, Table
 from dior.errors import DiorError, nearest
-from dior.evaluate.grids import distance
+from dior.evaluate.grids import LabelGrid, distance
 from dior.tables import tables
 
 REQUIRED = ("sequence", "frame", "joint", "u", "v")
 
 
-def mark_errors(paths, sequence):
+def mark_errors(paths: Iterable[AnyPath], sequence: str) -> dict[str, Floats]:
     """Residuals px by camera of this sequence's marks, outliers included: leaving them out would flatter."""
-    errors = {}
+    errors: dict[str, Floats] = {}
     for path in paths:
         marks = tables.read(path, "marks", ["camera", "sequence", "residual_px"])
         for camera in tables.ordered_unique(marks["camera"]):
@@ -28,7 +30,7 @@ def mark_errors(paths, sequence):
     return dict(sorted(errors.items()))
 
 
-def check_points(path, sequence, grid):
+def check_points(path: AnyPath, sequence: str, grid: LabelGrid) -> Floats:
     """Hand checks (F, J, 2) px on the frames and joints of the labels, NaN where nothing was checked."""
     row_of = {frame: i for i, frame in enumerate(grid.frames.tolist())}
     checked = np.full(grid.uv.shape, np.nan)
@@ -37,7 +39,9 @@ def check_points(path, sequence, grid):
     return checked
 
 
-def points(path, sequence, frames, joints):
+def points(
+    path: AnyPath, sequence: str, frames: Iterable[int], joints: Sequence[str]
+) -> dict[tuple[int, str], tuple[float, float]]:
     """Hand checks (u, v) px by frame and joint.
 
     Raises DiorError, naming file and line, for a malformed row, another sequence's row, and a frame or joint that
@@ -73,7 +77,7 @@ def points(path, sequence, frames, joints):
     return found
 
 
-def error_columns(grid, checked, role):
+def error_columns(grid: LabelGrid, checked: Floats, role: str) -> Table:
     """Columns of `check_errors` of one camera, a row per hand check of an in-frame label."""
     errors = distance(grid.uv, checked)
     frame, joint = np.nonzero(np.isfinite(errors))

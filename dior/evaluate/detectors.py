@@ -16,21 +16,22 @@ from typing import Any
 
 import numpy as np
 
+from dior.arrays import Bools, Floats, Ints, Table
 from dior.body.names import COCO_17
 from dior.errors import DiorError
 from dior.evaluate import rows as figures
 from dior.evaluate.box_fit import label_boxes
-from dior.evaluate.grids import label_grids
+from dior.evaluate.grids import LabelGrid, label_grids
 from dior.evaluate.zoom import window
 from dior.ingest.detections import check_recording, in_pixels
-from dior.ingest.people import gathered
+from dior.ingest.people import People, gathered
 from dior.ingest.readers import READERS
 from dior.ingest.readers.common import files_by_frame
 from dior.ingest.readers.recognise import recognise
 from dior.tables import tables
 
 SHEET = "config/detectors.tsv"
-# a success is one in this many keypoints in the box
+# a success is one in this many keypoints in the box (paper, table 3)
 ONE_IN = 5
 
 
@@ -38,7 +39,7 @@ def run(
     *,
     sequence: str,
     subject: str,
-    rows: dict[str, Any],
+    rows: list[Any],
     roles: dict[str, str],
     frames: Path,
     labels: list[Path],
@@ -71,16 +72,15 @@ def run(
             text = f"{camera}: {tool} was not run on {missing} of {len(looked_at)} pictures"
             found.append((f"{sequence}/{camera}", "info", "detector_not_run", text))
     tables.write(out, "metrics", figures.metric_columns(measured, subject, sequence))
-    columns = {key: np.concatenate([part[key] for part in parts]) for key in parts[0]} if parts else {"camera": []}
-    tables.write(out_frames, "detector_frames", columns)
+    tables.write(out_frames, "detector_frames", figures.stacked(parts))
     tables.write_findings(findings, found)
 
 
-def _float(values):
+def _float(values: Ints) -> Floats:
     return np.where(values < 0, np.nan, values)
 
 
-def _keys(sequence, row, mine):
+def _keys(sequence: str, row: dict[str, str], mine: Table) -> Table:
     texts = {"sequence": sequence, "camera": row["camera"], "tool": row["tool"]}
     count = len(mine["frame"])
     return {
@@ -91,7 +91,7 @@ def _keys(sequence, row, mine):
     }
 
 
-def read(path, pictures, zoom, where):
+def read(path: Path, pictures: Table, zoom: int, where: str) -> tuple[People, Bools]:
     """`People` of one output in recorded pixels, and the pictures (F,) that the detector looked at.
 
     `pictures`: rows of `frames` of the camera. `zoom` above 1: the output is of the pieces that the step `zoom` writes.
@@ -125,7 +125,7 @@ def read(path, pictures, zoom, where):
     return replace(people, uv=people.uv + (u, v)), looked_at
 
 
-def _nobody(path, where):
+def _nobody(path: Path, where: str) -> tuple[People, bool]:
     """Output without anybody: an empty list, or a folder of empty files, one per picture."""
     if path.is_dir() and (names := files_by_frame(path, (".txt", ".json"))):
         return gathered(path, COCO_17, [], np.empty((0, len(COCO_17), 3)), list(names)), False
@@ -134,7 +134,7 @@ def _nobody(path, where):
     raise DiorError(f"{where}: {path} is empty; run the detector (a list without anybody is written as [])")
 
 
-def _boxes(grid, frames):
+def _boxes(grid: LabelGrid, frames: Ints) -> Floats:
     """Label boxes (F, 4) of the pictures `frames` (F,)."""
     edges = np.full((len(frames), 4), np.nan)
     _, here, there = np.intersect1d(frames, grid.frames, return_indices=True)
@@ -142,7 +142,7 @@ def _boxes(grid, frames):
     return edges
 
 
-def per_frame(people, looked_at, box):
+def per_frame(people: People, looked_at: Bools, box: Floats) -> dict[str, Ints]:
     """Columns people, keypoints, keypoints_in_box, success (F,) of `detector_frames`; -1 is null.
 
     `looked_at` (F,), `box` (F, 4) px. Of several people the one with the largest share in the box counts.

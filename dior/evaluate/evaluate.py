@@ -9,17 +9,23 @@ OUTPUTS  results/evaluate/<sequence>.parquet         `metrics`, every row a mean
 Pixels are recorded (distorted) pixels, lengths metres, shares 0 to 1.
 """
 
+from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 
+from dior.arrays import Floats, Table
 from dior.errors import DiorError, nearest
 from dior.evaluate import box_fit, reprojection, rows
 from dior.evaluate import boxes as box_files
 from dior.evaluate import checks as check_files
 from dior.evaluate import truth as against
-from dior.evaluate.grids import distance, label_grids, onto, value_grid
+from dior.evaluate.grids import LabelGrid, distance, label_grids, onto, value_grid
 from dior.tables import tables
+
+# rows of `metrics` and of `frame_metrics`
+Measured: TypeAlias = tuple[list[rows.Row], list[Table]]
 
 # the simulated clocks are off by tenths of a second at most; a second means other instants
 INSTANT_TOLERANCE_NS = 1_000_000_000
@@ -70,16 +76,18 @@ def run(
     tables.write(out_checks, "check_errors", _stacked(each, subject, sequence))
 
 
-def _stacked(parts, subject, sequence):
-    columns = {key: np.concatenate([part[key] for part in parts]) for key in parts[0]} if parts else {"camera": []}
-    count = len(columns["camera"])
+def _stacked(parts: Sequence[Table], subject: str, sequence: str) -> Table:
+    columns = rows.stacked(parts)
+    count = len(columns.get("camera", ()))
     return columns | {
         "subject": np.full(count, subject, dtype=object),
         "sequence": np.full(count, sequence, dtype=object),
     }
 
 
-def _summed(metric, unit, measured, roles, by_joint=True):
+def _summed(
+    metric: str, unit: str, measured: Iterable[tuple[LabelGrid, Floats]], roles: dict[str, str], by_joint: bool = True
+) -> Measured:
     """Rows by camera, by camera and joint, and by frame of `measured`: (LabelGrid, values (F, J)) pairs."""
     found, per_frame = [], []
     for grid, values in measured:
@@ -91,14 +99,16 @@ def _summed(metric, unit, measured, roles, by_joint=True):
     return found, per_frame
 
 
-def _coverage(grids, roles):
+def _coverage(grids: dict[str, LabelGrid], roles: dict[str, str]) -> Measured:
     measured = [(grid, (~grid.missing).astype(float)) for grid in grids.values()]
     found, per_frame = _summed("coverage", "share", measured, roles)
     inside = [(grid, np.where(grid.missing, np.nan, grid.in_frame)) for grid in grids.values()]
     return found + _summed("in_picture_share", "share", inside, roles, by_joint=False)[0], per_frame
 
 
-def _reprojection(grids, roles, detections, swaps, min_score):
+def _reprojection(
+    grids: dict[str, LabelGrid], roles: dict[str, str], detections: Path | None, swaps: Path | None, min_score: float
+) -> Measured:
     if detections is None:
         return [], []
     table = tables.read(detections, "detections", ["camera", "frame", "joint", "u", "v", "score"])
@@ -113,7 +123,7 @@ def _reprojection(grids, roles, detections, swaps, min_score):
     return _summed("reprojection_error", "px", measured, roles)
 
 
-def _boxes(grids, roles, boxes):
+def _boxes(grids: dict[str, LabelGrid], roles: dict[str, str], boxes: dict[str, Path]) -> Measured:
     found, per_frame = [], []
     for camera, path in sorted(boxes.items()):
         if roles[camera] != "long_range":
@@ -129,7 +139,7 @@ def _boxes(grids, roles, boxes):
     return found, per_frame
 
 
-def _marks(roles, marks, sequence):
+def _marks(roles: dict[str, str], marks: list[Path], sequence: str) -> list[rows.Row]:
     return [
         row
         for camera, errors in check_files.mark_errors(marks, sequence).items()
@@ -137,12 +147,12 @@ def _marks(roles, marks, sequence):
     ]
 
 
-def _checks(grids, roles, checked):
+def _checks(grids: dict[str, LabelGrid], roles: dict[str, str], checked: dict[str, Floats]) -> list[rows.Row]:
     measured = [(grids[camera], distance(grids[camera].uv, checked[camera])) for camera in sorted(checked)]
     return _summed("check_error", "px", measured, roles)[0]
 
 
-def _swaps(roles, swaps):
+def _swaps(roles: dict[str, str], swaps: Path | None) -> list[rows.Row]:
     if swaps is None:
         return []
     table = tables.read(swaps, "swaps", ["camera", "swapped"])
@@ -159,7 +169,7 @@ def _swaps(roles, swaps):
     ]
 
 
-def _truth_2d(grids, roles, truth):
+def _truth_2d(grids: dict[str, LabelGrid], roles: dict[str, str], truth: Path | None) -> Measured:
     if truth is None:
         return [], []
     true = label_grids([Path(truth) / "labels_2d.parquet"])
@@ -167,7 +177,7 @@ def _truth_2d(grids, roles, truth):
     return _summed("error_to_truth_2d", "px", measured, roles)
 
 
-def _truth_3d(skeleton, truth, sequence):
+def _truth_3d(skeleton: Path | None, truth: Path | None, sequence: str) -> list[rows.Row]:
     if truth is None or skeleton is None:
         return []
     columns = ["joint", "instant", "stamp_ns", "x", "y", "z"]

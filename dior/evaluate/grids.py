@@ -4,14 +4,16 @@ A grid is (frames, joints, values): pixels or metres, NaN where missing. The tab
 are joined by frame number and joint name once, and no row is looked at on its own.
 """
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from dior.arrays import AnyPath, Floats, Ints, Table
 from dior.tables import tables
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LabelGrid:
     """Labels of one camera of one sequence.
 
@@ -28,7 +30,7 @@ class LabelGrid:
     missing: np.ndarray
 
 
-def label_grids(paths):
+def label_grids(paths: Iterable[AnyPath]) -> dict[str, LabelGrid]:
     """`LabelGrid`s by camera of `labels_2d` files, each of one camera or of several."""
     grids = {}
     for path in paths:
@@ -38,7 +40,7 @@ def label_grids(paths):
     return dict(sorted(grids.items()))
 
 
-def _label_grid(camera, table):
+def _label_grid(camera: str, table: Table) -> LabelGrid:
     uv, joints = tables.grid(table, "u", "v")
     shape = uv.shape[:2]
     status = table["status"].reshape(shape)
@@ -54,23 +56,25 @@ def _label_grid(camera, table):
     )
 
 
-def value_grid(table, key, *columns):
+def value_grid(table: Table, key: str, *columns: str) -> tuple[Floats, Ints, list[str]]:
     """Values (K, J, C) of a complete table, its keys (K,) (frames or instants) and its joints."""
     values, joints = tables.grid(table, *columns)
     return values.astype(float), table[key].reshape(values.shape[:2])[:, 0], joints
 
 
-def onto(frames, joints, values, value_frames, value_joints):
+def onto(
+    frames: Ints, joints: Sequence[str], values: Floats, value_frames: Ints, value_joints: Sequence[str]
+) -> Floats:
     """`values` (K, M, C) brought onto `frames` (F,) and `joints` (J,): (F, J, C), NaN where there is none."""
     out = np.full((len(frames), len(joints), values.shape[-1]), np.nan)
     position = {joint: i for i, joint in enumerate(value_joints)}
     here = [i for i, joint in enumerate(joints) if joint in position]
     there = [position[joints[i]] for i in here]
     _, row, value_row = np.intersect1d(frames, value_frames, return_indices=True)
-    out[np.ix_(row, here)] = values[np.ix_(value_row, there)]
+    out[row[:, None], here] = values[value_row[:, None], there]
     return out
 
 
-def distance(a, b):
+def distance(a: Floats, b: Floats) -> Floats:
     """Euclidean distance along the last axis; NaN where either is missing."""
     return np.linalg.norm(a - b, axis=-1)

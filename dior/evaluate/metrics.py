@@ -10,16 +10,22 @@ OUTPUT   results/evaluate/metrics.csv: metric, tool, subject, sequence, camera, 
 
 import csv
 import io
+from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any, TypeAlias
 
 import numpy as np
 
+from dior.arrays import AnyPath, Table
 from dior.errors import DiorError
 from dior.evaluate import bootstrap
+from dior.evaluate.rows import stacked
 from dior.tables import tables
 from dior.tables.files import write_text
 
 COLUMNS = tables.columns_of("metrics")
+# a row, by COLUMNS
+Figure: TypeAlias = dict[str, Any]
 KEY = ("metric", "tool", "subject", "sequence", "camera", "role", "joint")
 # what a pooled row keeps; the joints of a skeleton are pooled apart from its means
 POOLS = (
@@ -39,21 +45,20 @@ QUANTILES = {"check_error_median": 0.5, "check_error_p95": 0.95}
 
 def run(*, inputs: list[Path], checks: list[Path], out: Path) -> None:
     """Merge `metrics` tables and add the pooled rows, and the quantiles of the `check_errors` tables `checks`."""
-    found = []
-    for path in inputs:
-        found += _rows(tables.read(path, "metrics"))
+    found = [row for path in inputs for row in _rows(tables.read(path, "metrics"))]
     parts = [tables.read(path, "check_errors") for path in checks]
     parts = [part for part in parts if len(part["error"])]
-    quantiles = quantile_rows({key: np.concatenate([part[key] for part in parts]) for key in parts[0]}) if parts else []
+    quantiles = quantile_rows(stacked(parts)) if parts else []
     write_text(out, as_csv(in_order([*merged(found), *quantiles])))
 
 
-def _rows(table):
+def _rows(table: Any) -> list[Figure]:
+    """The rows of a table, or of a data frame, by COLUMNS."""
     lines = zip(*(table[c].tolist() for c in COLUMNS), strict=True)
     return [dict(zip(COLUMNS, line, strict=True)) for line in lines]
 
 
-def merged(rows):
+def merged(rows: Sequence[Figure]) -> list[Figure]:
     """`rows` and their pooled rows, in order.
 
     Only rows of a sequence are pooled. The adjustment's rows are of a session, for which there is no column: where
@@ -74,65 +79,62 @@ def merged(rows):
     return in_order(seen.values())
 
 
-def in_order(rows):
+def in_order(rows: Iterable[Figure]) -> list[Figure]:
     """`rows` sorted by key."""
     return sorted(rows, key=lambda row: tuple(row[k] for k in KEY))
 
 
-def pooled(rows, keep):
+def pooled(rows: Iterable[Figure], keep: Sequence[str]) -> list[Figure]:
     """Means weighted by n of rows that agree in the columns `keep`: exactly the mean over all values behind them.
 
     Where subjects are pooled, with the bootstrap's interval.
     """
-    groups = {}
-    for row in rows:
-        groups.setdefault(tuple(row[k] for k in keep), []).append(row)
-    return [_mean(dict(zip(keep, key, strict=True)), members) for key, members in groups.items()]
+    import pandas as pd
+
+    table = pd.DataFrame(rows, columns=COLUMNS).assign(sum=lambda one: one["n"] * one["value"])
+    groups = table.groupby(list(keep), sort=False)
+    found = groups.agg({"sum": "sum", "n": "sum", "unit": ["first", "nunique"]})
+    found.columns = ["sum", "n", "unit", "units"]
+    found = found.reset_index()
+    for mixed in found.loc[found["units"] > 1, "metric"]:
+        units = sorted(table.loc[table["metric"] == mixed, "unit"].unique())
+        raise DiorError(f"metrics: {mixed} is given in {' and '.join(units)}; give it one unit")
+    intervals = [bootstrap.NOTHING] * len(found)
+    if "subject" not in keep:
+        by_subject = table.groupby([*keep, "subject"], sort=False)[["sum", "n"]].sum()
+        of_group = by_subject.groupby(list(keep), sort=False)
+        intervals = [bootstrap.of_mean(one["sum"].to_numpy(), one["n"].to_numpy()) for _, one in of_group]
+    found["value"] = found["sum"] / found["n"]
+    found[["low", "high"]] = np.array(intervals).reshape(-1, 2)
+    return _rows(found.reindex(columns=COLUMNS, fill_value=""))
 
 
-def _mean(kept, members):
-    units = sorted({row["unit"] for row in members})
-    if len(units) > 1:
-        raise DiorError(f"metrics: {kept['metric']} is given in {' and '.join(units)}; give it one unit")
-    n = np.array([row["n"] for row in members], np.int64)
-    sums = n * np.array([row["value"] for row in members])
-    low, high = bootstrap.NOTHING
-    if "subject" not in kept:
-        _, index = np.unique([row["subject"] for row in members], return_inverse=True)
-        low, high = bootstrap.of_mean(np.bincount(index, sums), np.bincount(index, n))
-    return {
-        **dict.fromkeys(COLUMNS, ""),
-        **kept,
-        "value": float(sums.sum() / n.sum()),
-        "low": low,
-        "high": high,
-        "unit": units[0],
-        "n": int(n.sum()),
-    }
+def quantile_rows(checks: Table) -> list[Figure]:
+    """Rows of QUANTILES of a `check_errors` table, pooled like the means."""
+    import pandas as pd
 
-
-def quantile_rows(checks):
-    """Rows of QUANTILES of a `check_errors` table (a dict of arrays), pooled like the means."""
-    errors, text = checks["error"].astype(float), {k: checks[k].astype(str) for k in KEY if k in checks}
+    table = pd.DataFrame(checks).assign(tool="")
     found = []
     for pool in (*POOLS, KEY):
-        keep = [k for k in pool if k in ("subject", "sequence", "camera", "role")]
-        groups = {}
-        for i, key in enumerate(zip(*(text[k].tolist() for k in keep), strict=True) if keep else [()] * len(errors)):
-            groups.setdefault(key, []).append(i)
-        for key, members in groups.items():
+        keep = [k for k in pool if k in table and k != "joint"]
+        for key, members in table.groupby(keep, sort=False):
+            errors, subject = members["error"].to_numpy(float), members["subject"].to_numpy(str)
             for metric, q in QUANTILES.items():
-                of = errors[members]
-                one = "subject" in keep
-                low, high = bootstrap.NOTHING if one else bootstrap.of_quantile(of, text["subject"][members], q)
-                value = {"value": float(np.quantile(of, q)), "low": low, "high": high, "unit": "px", "n": len(of)}
+                low, high = bootstrap.NOTHING if "subject" in keep else bootstrap.of_quantile(errors, subject, q)
+                value = {
+                    "value": float(np.quantile(errors, q)),
+                    "low": low,
+                    "high": high,
+                    "unit": "px",
+                    "n": len(errors),
+                }
                 found.append(
                     {**dict.fromkeys(COLUMNS, ""), **dict(zip(keep, key, strict=True)), "metric": metric, **value}
                 )
     return found
 
 
-def as_csv(rows):
+def as_csv(rows: Iterable[Figure]) -> str:
     """The rows as CSV text."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -141,13 +143,13 @@ def as_csv(rows):
     return text.getvalue()
 
 
-def _cell(value):
+def _cell(value: Any) -> Any:
     if not isinstance(value, float):
         return value
     return "" if np.isnan(value) else repr(float(f"{value:.6g}"))
 
 
-def read(path):
+def read(path: AnyPath) -> list[Figure]:
     """Rows of metrics.csv as dicts; value, low and high are floats (NaN: unknown), n is an int."""
     with open(path, newline="", encoding="utf-8") as stream:
         rows = list(csv.DictReader(stream))

@@ -9,30 +9,37 @@ depend on the joint and on the side of the body that a camera sees, are no motio
 compared between walks, and what all walks share cancels.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Self, TypeAlias
 
 import numpy as np
 
+from dior.arrays import Bools, Floats, Ints
 from dior.geometry import camera as cam
 from dior.geometry import camera_tables
 from dior.geometry import covariance as cov
+from dior.geometry.camera import Camera
 from dior.geometry.views import DROP_FACTOR, by_dropping, usual_error
 from dior.reconstruct.swaps import exchange, in_table
 from dior.reconstruct.triangulate import observations
 from dior.tables import tables
 
-MOST_INSTANTS = 600
-HEADINGS = 16
-FEWEST = 3  # moments of a joint and heading that both sides of a comparison need
-FEWEST_CELLS = 20
-LEAST_DEG = 0.1  # less is no reason to measure a camera again
+# the turn (3,) rad, its covariance (3, 3) and how much of the squared residuals it explains, px^2
+Turn: TypeAlias = tuple[Floats, Floats, float]
+
+MOST_INSTANTS = 600  # of a sequence; chosen: neighbours in time say the same, and more takes longer
+HEADINGS = 16  # chosen: finer cells have fewer moments, coarser ones mix sides of the body
+FEWEST = 3  # moments of a joint and heading that both sides of a comparison need; chosen
+FEWEST_CELLS = 20  # chosen: several times the three unknowns
+LEAST_DEG = 0.1  # less is no reason to measure a camera again; chosen: 1 cm of shift, 5 m away
 SURE = 20.0  # squared distance in standard errors, 3 degrees of freedom: by chance once in six thousand
-FLOOR_DEG = 0.01
-HUBER = 2.0  # residuals beyond this many times their median pull no harder
+FLOOR_DEG = 0.01  # added to a turn's standard error; chosen: a tenth of what is told
+HUBER = 2.0  # residuals beyond this many times their median pull no harder; chosen
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Normal:
     """Of one sequence, K cells (joint and heading): moments in each (K,), and per camera (V) alone the normal equations
     of its turn, points eliminated: `H` (V, K, 3, 3) and `g` (V, K, 3) in px^2.
@@ -42,8 +49,8 @@ class Normal:
     H: np.ndarray
     g: np.ndarray
 
-    def __add__(self, other):
-        return Normal(self.count + other.count, self.H + other.H, self.g + other.g)
+    def __add__(self, other: Self) -> Self:
+        return replace(self, count=self.count + other.count, H=self.H + other.H, g=self.g + other.g)
 
 
 @dataclass(frozen=True)
@@ -56,19 +63,19 @@ class Change:
     gain: float
 
 
-def normal(cameras, uv, weights, names):
+def normal(cameras: Sequence[Camera], uv: Floats, weights: Floats, names: Sequence[str]) -> Normal:
     """`Normal` from pixels uv (V, T, J, 2) and weights (V, T, J) of one sequence, joints called `names`."""
     limit = DROP_FACTOR * usual_error(cameras, uv, weights)
     points, _, used, good = by_dropping(cameras, uv, weights, limit, limit)
     used &= good & np.isfinite(points).all(axis=-1)
-    miss, J, C = [], [], []
+    off, J, C = [], [], []
     for camera, seen, use in zip(cameras, uv, used, strict=True):
         by_point, by_camera = cov.projection(camera, points)
-        miss.append(np.where(use[..., None], seen - cam.project(camera, points)[0], 0.0))
+        off.append(np.where(use[..., None], seen - cam.project(camera, points)[0], 0.0))
         J.append(np.where(use[..., None, None], by_point, 0.0))
         C.append(np.where(use[..., None, None], by_camera[..., :3], 0.0))
     known = used.all(axis=0)  # every view: otherwise it is other views that are compared
-    miss = _bounded(np.stack(miss), known)
+    miss = _bounded(np.stack(off), known)
     N = np.where(known[..., None, None], sum(_t(j) @ j for j in J), np.eye(3))
     inverse = np.linalg.inv(N)
     pull = sum(_t(j) @ m[..., None] for j, m in zip(J, miss, strict=True))
@@ -84,18 +91,18 @@ def normal(cameras, uv, weights, names):
     return Normal(np.bincount(cell[keep], minlength=total).astype(float), np.stack(H), np.stack(g))
 
 
-def _t(matrix):
+def _t(matrix: Floats) -> Floats:
     return np.swapaxes(matrix, -1, -2)
 
 
-def _bounded(miss, known):
+def _bounded(miss: Floats, known: Bools) -> Floats:
     """Residuals (V, T, J, 2) px, shortened to twice the median of their camera where they are longer."""
     length = np.linalg.norm(miss, axis=-1)
     usual = np.array([np.median(one[known]) if known.any() else 1.0 for one in length])[:, None, None]
     return miss * np.minimum(1.0, HUBER * usual / np.maximum(length, 1e-9))[..., None]
 
 
-def _heading(points, names):
+def _heading(points: Floats, names: Sequence[str]) -> Ints:
     """Heading of the body in the world (T,), 0 to 15, from the hips of points (T, J, 3); -8000 where not known."""
     if "left_hip" not in names or "right_hip" not in names:
         return np.zeros(len(points), int)
@@ -106,11 +113,11 @@ def _heading(points, names):
     return np.where(np.isfinite(angle), heading, -1000 * HEADINGS)
 
 
-def _sums(cell, values, total):
+def _sums(cell: Ints, values: Floats, total: int) -> Floats:
     return np.stack([np.bincount(cell, column, minlength=total) for column in values.T], axis=-1)
 
 
-def turn(before, after, camera):
+def turn(before: Normal, after: Normal, camera: int) -> Turn | None:
     """By which turn (3,) rad a camera, alone, stands otherwise in one `Normal` than in another; its covariance (3, 3);
     and how much of the squared residuals that explains, px^2.
 
@@ -131,7 +138,7 @@ def turn(before, after, camera):
     return step, inverse @ (left.T @ left) @ inverse, float(weight @ apart @ step)
 
 
-def find_change(found):
+def find_change(found: Sequence[Normal]) -> Change | None:
     """The `Change` of a session from the `Normal`s of its sequences in order of recording, or None.
 
     Only the clearest one: where it is put right, the next shows.
@@ -152,7 +159,7 @@ def find_change(found):
     return best
 
 
-def _scatter(each, first):
+def _scatter(each: Sequence[Turn | None], first: int) -> Floats:
     """Covariance (3, 3) of a change of the mean, from how the walks on either side of `first` differ among themselves.
 
     Diagonal: a few walks tell no more. `each`: a camera's turn in every sequence and its covariance, or None.
@@ -162,8 +169,7 @@ def _scatter(each, first):
     free = sum(max(len(side) - 1, 0) for side in left)
     if not free:
         return np.zeros((3, 3))
-    left = np.concatenate(left)
-    return np.diag((left**2).sum(axis=0)) / free * sum(1 / len(side) for side in sides if side)
+    return np.diag((np.concatenate(left) ** 2).sum(axis=0)) / free * sum(1 / len(side) for side in sides if side)
 
 
 def run(
@@ -205,20 +211,22 @@ def run(
     tables.write_findings(findings, _findings(session, names, sequences, change))
 
 
-def _against_others(found, s, v):
+def _against_others(found: Sequence[Normal], s: int, v: int) -> Turn | None:
     """`turn` of camera v in sequence s against the other sequences."""
     others = [one for i, one in enumerate(found) if i != s]
     return turn(sum(others[1:], others[0]), found[s], v) if others else None
 
 
-def _row(known):
+def _row(known: Turn | None) -> tuple[float, ...]:
     """A turn about the camera's three axes and its sigma, degrees."""
     if known is None:
         return (np.nan,) * 6
     return (*np.degrees(known[0]).tolist(), *np.degrees(np.sqrt(np.diag(known[1]))).tolist())
 
 
-def _findings(session, names, sequences, change):
+def _findings(
+    session: str, names: Sequence[str], sequences: Sequence[str], change: Change | None
+) -> list[tuple[str, str, str, str]]:
     if change is None:
         return []
     name, first = names[change.camera], sequences[change.first]

@@ -4,13 +4,16 @@ INPUTS   `LabelGrid` of a camera, rows of `detections` of that camera.
 OUTPUT   distances (frames, joints) px, NaN where either is missing or the detector was not sure enough.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from dior.arrays import Bools, Floats, Ints, Table
 from dior.body.names import is_leg, swap_index
-from dior.evaluate.grids import distance, onto, value_grid
+from dior.evaluate.grids import LabelGrid, distance, onto, value_grid
 
 
-def errors(grid, detections, min_score, exchanged=None):
+def errors(grid: LabelGrid, detections: Table, min_score: float, exchanged: Table | None = None) -> Floats:
     """Distances (F, J) px of the labels from the detections of the same frame and joint.
 
     The paper's equation (section 4.2, close range cameras) is the mean of these. Detections below `min_score` are
@@ -29,7 +32,7 @@ def errors(grid, detections, min_score, exchanged=None):
     return np.where(sure, distance(grid.uv, found[..., :2]), np.nan)
 
 
-def _turned(exchanged, frames, joints):
+def _turned(exchanged: Table, frames: Ints, joints: Sequence[str]) -> Bools:
     """Whether (F, J) a joint was exchanged in a frame. Without a part it was the whole body."""
     legs = np.array([is_leg(name) for name in joints])
     part = exchanged.get("part", np.full(len(exchanged["frame"]), ""))
@@ -38,6 +41,6 @@ def _turned(exchanged, frames, joints):
     return np.where(legs, of_legs[:, None], of_rest[:, None])
 
 
-def comparable(grid, detections):
+def comparable(grid: LabelGrid, detections: Table) -> bool:
     """Whether labels and detections are of the same joints; mocap markers and a detector's keypoints are not."""
     return bool(set(grid.joints) & set(np.unique(detections["joint"].astype(str))))

@@ -1,8 +1,12 @@
 """Rows of the `metrics` and `frame_metrics` tables from grids of values, NaN where there is nothing to measure."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+
+from dior.arrays import Floats, Table
+from dior.evaluate.grids import LabelGrid
 
 
 class Row(NamedTuple):
@@ -18,18 +22,22 @@ class Row(NamedTuple):
     tool: str = ""
 
 
-def mean_row(metric, values, unit, camera="", role="", joint="", tool=""):
+def mean_row(
+    metric: str, values: Floats, unit: str, camera: str = "", role: str = "", joint: str = "", tool: str = ""
+) -> list[Row]:
     """The mean of what is there in `values` as a list of one `Row`; empty where nothing is."""
     known = values[np.isfinite(values)]
     return [Row(metric, camera, role, joint, float(known.mean()), unit, known.size, tool)] if known.size else []
 
 
-def joint_rows(metric, values, joints, unit, camera="", role=""):
+def joint_rows(
+    metric: str, values: Floats, joints: Sequence[str], unit: str, camera: str = "", role: str = ""
+) -> list[Row]:
     """One `Row` per joint of `values` (F, J)."""
     return [row for i, joint in enumerate(joints) for row in mean_row(metric, values[:, i], unit, camera, role, joint)]
 
 
-def frame_rows(metric, values, grid, role):
+def frame_rows(metric: str, values: Floats, grid: LabelGrid, role: str) -> Table:
     """Columns of `frame_metrics`, one row per frame of `values` (F, J) in which anything is known."""
     known = np.isfinite(values)
     n = known.sum(axis=1)
@@ -46,7 +54,12 @@ def frame_rows(metric, values, grid, role):
     }
 
 
-def metric_columns(rows, subject, sequence):
+def stacked(parts: Sequence[Table]) -> Table:
+    """Tables of equal columns, one below the other; no columns where there is no table."""
+    return {key: np.concatenate([part[key] for part in parts]) for key in parts[0]} if parts else {}
+
+
+def metric_columns(rows: Sequence[Row], subject: str, sequence: str) -> Table:
     """Columns of the `metrics` table; one subject has no interval."""
     columns = {key: np.array([getattr(row, key) for row in rows], dtype=object) for key in Row._fields}
     nothing = np.full(len(rows), np.nan)

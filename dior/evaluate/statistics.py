@@ -20,10 +20,13 @@ OUTPUT   results/evaluate/statistics.csv: what, environment, role, camera, reaso
 import csv
 import io
 from collections import Counter
+from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any, TypeAlias
 
 import numpy as np
 
+from dior.arrays import AnyPath, Floats
 from dior.errors import DiorError
 from dior.progress import reporting
 from dior.project import project as projects
@@ -32,6 +35,9 @@ from dior.tables import tables
 from dior.tables.files import write_text
 
 COLUMNS = ("what", "environment", "role", "camera", "reason", "value", "unit")
+# a row, by COLUMNS; environment, role and camera
+Count: TypeAlias = dict[str, Any]
+Place: TypeAlias = tuple[str, str, str]
 THERE_3D = ("ok", "gap_filled")
 THERE_2D = ("ok", "occluded")
 NAMED = {"subjects": "subject", "outfits": "outfit", "walks": "walk", "sessions": "session"}
@@ -55,19 +61,28 @@ def run(
     write_text(out, as_csv(rows_of(sheet, roles, labels, skeletons, frames, dropped, angles)))
 
 
-def rows_of(sheet, roles, labels, skeletons, frames, dropped=(), angles=()):
+def rows_of(
+    sheet: dict[str, dict[str, str]],
+    roles: dict[tuple[str, str], str],
+    labels: Sequence[AnyPath],
+    skeletons: Sequence[AnyPath],
+    frames: Sequence[AnyPath],
+    dropped: Sequence[AnyPath] = (),
+    angles: Iterable[str] = (),
+) -> list[Count]:
     """Rows of statistics.csv as dicts, sorted.
 
     `sheet`: sequence -> its row, those that count; `roles`: (session, camera) -> role; files of other sequences are
     not looked at. `angles`: where each picture of the gallery is taken from.
     """
-    counts, measured = Counter(), {}
+    counts: Counter[tuple[str, ...]] = Counter()
+    measured: dict[tuple[str, ...], list[Floats]] = {}
 
-    def place(path, camera=""):
+    def place(path: AnyPath, camera: str = "") -> Place:
         row = sheet[_sequence(path)]
         return row["environment"], roles[row["session"], camera] if camera else "", camera
 
-    def add(what, where, reason, n):
+    def add(what: str, where: Place, reason: str, n: int) -> None:
         for key in _with_totals(*where, reason):
             counts[what, *key] += n
 
@@ -110,7 +125,7 @@ def rows_of(sheet, roles, labels, skeletons, frames, dropped=(), angles=()):
     return [dict(zip(COLUMNS, row, strict=True)) for row in sorted(rows)]
 
 
-def _with_totals(environment, role, camera, reason):
+def _with_totals(environment: str, role: str, camera: str, reason: str) -> set[tuple[str, str, str, str]]:
     """The keys that a count goes to: its own and those of everything it is part of. Each once."""
     wheres = {
         (environment, role, camera), (environment, role, ""), (environment, "", ""), ("", role, ""), ("", "", "")
@@ -118,21 +133,21 @@ def _with_totals(environment, role, camera, reason):
     return {(*where, why) for where in wheres for why in (reason, "")}
 
 
-def _sequence(path):
+def _sequence(path: AnyPath) -> str:
     return Path(path).name.split(".")[0]
 
 
-def _of(sheet, paths):
+def _of(sheet: dict[str, dict[str, str]], paths: Sequence[AnyPath]) -> list[AnyPath]:
     return [path for path in paths if _sequence(path) in sheet]
 
 
-def _words(path, name, column):
+def _words(path: AnyPath, name: str, column: str) -> list[tuple[str, int]]:
     """How often each word is in a column; Arrow counts millions of rows without a string for each."""
     counts = tables.read_arrow(path, name, [column])[column].value_counts()
     return [(one["values"] or "", one["counts"]) for one in counts.to_pylist()]
 
 
-def _seen(path):
+def _seen(path: AnyPath) -> dict[str, Floats]:
     """Height of the person's labels (F,) px and distance (F,) m by picture of one camera, where there are any."""
     values, _ = tables.grid(tables.read(path, "labels_2d", ["joint", "frame", "v", "depth"]), "v", "depth")
     there = values[np.isfinite(values).all(axis=2).any(axis=1)]
@@ -144,7 +159,7 @@ def _seen(path):
     }
 
 
-def as_csv(rows):
+def as_csv(rows: Iterable[Count]) -> str:
     """The rows as CSV text; measured values with six significant digits."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -155,7 +170,7 @@ def as_csv(rows):
     return text.getvalue()
 
 
-def read(path):
+def read(path: AnyPath) -> list[Count]:
     """Rows of statistics.csv as dicts; a count is an int, a measured value a float."""
     with open(path, newline="", encoding="utf-8") as stream:
         rows = list(csv.DictReader(stream))
@@ -164,13 +179,15 @@ def read(path):
     return [row | {"value": float(row["value"]) if row["unit"] else int(row["value"])} for row in rows]
 
 
-def of(rows, what, environment="", role="", camera="", reason=""):
+def of(
+    rows: Iterable[Count], what: str, environment: str = "", role: str = "", camera: str = "", reason: str = ""
+) -> Any:
     """One value of the rows; 0 where nothing was counted."""
     key = (what, environment, role, camera, reason)
     return next((row["value"] for row in rows if tuple(row[c] for c in COLUMNS[:5]) == key), 0)
 
 
-def properties(rows):
+def properties(rows: Iterable[Count]) -> list[tuple[str, bool, str]]:
     """The paper's table of dataset properties (its Table 1) for this dataset: (property, whether, how much) rows."""
     mocap, far = of(rows, "frames", "indoor"), of(rows, "frames", role="long_range")
     views = of(rows, "camera_recordings") / max(of(rows, "sequences"), 1)
@@ -187,5 +204,5 @@ def properties(rows):
     ]
 
 
-def _thousands(number):
+def _thousands(number: int) -> str:
     return f"{number:,}".replace(",", "\u202f")

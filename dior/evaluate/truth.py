@@ -6,17 +6,18 @@ OUTPUT   distances (frames or instants, joints), px or m; NaN where either is mi
 
 import numpy as np
 
+from dior.arrays import Floats, Ints
 from dior.errors import DiorError
-from dior.evaluate.grids import distance, onto
+from dior.evaluate.grids import LabelGrid, distance, onto
 from dior.geometry.multiview import similarity
 
 
-def errors_2d(grid, true):
+def errors_2d(grid: LabelGrid, true: LabelGrid) -> Floats:
     """Distances (F, J) px of in-frame labels from the true keypoints of the `LabelGrid` `true`."""
     return distance(grid.uv, onto(grid.frames, grid.joints, true.uv, true.frames, true.joints))
 
 
-def errors_3d(points, true):
+def errors_3d(points: Floats, true: Floats) -> tuple[Floats, Floats]:
     """Distances (I, J) m of `points` from `true`, both (I, J, 3), as they are and after rigid alignment.
 
     The alignment has no scale: a wrong size of the person stays an error. It is the least-squares fit over all
@@ -30,7 +31,7 @@ def errors_3d(points, true):
     return plain, distance(points @ R.T + t, true)
 
 
-def check_instants(stamp_ns, true_stamp_ns, tolerance_ns, where):
+def check_instants(stamp_ns: Ints, true_stamp_ns: Ints, tolerance_ns: int, where: str) -> None:
     """Refuse instants that mean another time than the truth's, stamps (I,) of the same instants.
 
     A clock offset that the pipeline has to find moves the stamps a little; another instant zero or another rate

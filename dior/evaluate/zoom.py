@@ -20,7 +20,7 @@ from dior.ingest import bags as rosbag
 from dior.tables import tables
 from dior.tables.files import write_text, written_whole
 
-ZOOM = 4
+ZOOM = 4  # a quarter of width and height (paper, section 4.2)
 INDEX = ("file", "frame", "stamp_ns", "u_min", "v_min", "width", "height")
 
 
@@ -33,7 +33,7 @@ def run(*, sequence: str, camera: str, frames: Path, data_root: Path, out: Path,
         raise DiorError(f"{sequence}, {camera}: {frames} has no frame of this camera; is its name right?")
     lines = {}
     for row, picture in rosbag.read_pictures(pictures, data_root):
-        u, v, width, height = window(*picture.shape[1::-1], ZOOM)
+        u, v, width, height = window(picture.shape[1], picture.shape[0], ZOOM)
         frame = int(pictures["frame"][row])
         name = f"frame_{frame:06d}.png"
         piece = np.ascontiguousarray(picture[v : v + height, u : u + width])
@@ -43,7 +43,7 @@ def run(*, sequence: str, camera: str, frames: Path, data_root: Path, out: Path,
     write_text(out_index, "\n".join([",".join(INDEX), *(lines[f] for f in sorted(lines))]) + "\n")
 
 
-def window(width, height, zoom):
+def window(width: int, height: int, zoom: int) -> tuple[int, int, int, int]:
     """(u, v, width, height) px of the central piece of a picture: its first pixel and its size; zoom 1 is all of it."""
     w, h = max(width // zoom, 1), max(height // zoom, 1)
     return (width - w) // 2, (height - h) // 2, w, h

@@ -7,21 +7,24 @@ Paper, section 3D-2D re-projection. A label is evaluated at its picture's stamp,
 Its sigma is null where its camera's pose, its clock or the 3D has no known uncertainty.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
+from dior.arrays import Floats, Texts
 from dior.clocks import clock as on_axis
 from dior.clocks.axis import at_pictures, seconds, velocity_at_pictures
 from dior.errors import DiorError
 from dior.geometry import camera as cam
 from dior.geometry import camera_tables
+from dior.geometry.camera import Camera
 from dior.label import uncertainty
 from dior.label.visibility import hidden
 from dior.tables import tables
 
 
-def labels(camera, points, names):
+def labels(camera: Camera, points: Floats, names: Sequence[str]) -> tuple[Floats, Floats, Texts]:
     """Pixels (F, J, 2), depth (F, J) m and status (F, J) of world points (F, J, 3), joints called `names`.
 
     A label outside the picture keeps its pixel, as does one that the body hides; behind the camera there is none.
@@ -78,9 +81,8 @@ def run(
         noise = np.zeros_like(noise)
     joint = camera_tables.read_camera_covariance(covariance, names)
     elapsed = seconds(rows["stamp_ns"], body["stamp_ns"][0])
-    spread = uncertainty.of_labels(
-        rig[camera], points, noise, [rig[name] for name in makers], names, joint, velocity, elapsed, known
-    )
+    timing = uncertainty.Timing(known, velocity, elapsed)
+    spread = uncertainty.of_labels(rig[camera], points, noise, [rig[name] for name in makers], names, joint, timing)
     sigma_u, sigma_v, rho_uv = uncertainty.columns(spread)
     count, each = status.shape
     once = np.zeros(count * each, int)

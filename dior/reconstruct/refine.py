@@ -1,27 +1,35 @@
 """3D joints smoothed over the whole sequence.
 
-INPUTS   `skeletons_3d` of triangulate, with covariances and how long the errors last (its metadata)
+INPUTS   `skeletons_3d` of triangulate, with covariances and the time constant of the errors (its metadata)
 OUTPUTS  `skeletons_3d`: the same rows, smoothed; short gaps bridged as `gap_filled`; `findings`
 World frame, metres. Every joint follows the best path through all its points (`smooth`): jerk as small as the joint's
-own movement asks for (by likelihood), noise correlated in time as the residuals show. What of the noise lasts cannot be
+own movement asks for (by likelihood), noise correlated in time as the residuals show. A constant error cannot be
 smoothed away: it is left in the covariance. Then the bones get their lengths back, as far as these are constant.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
+from dior.arrays import Bools, Floats, Ints
 from dior.geometry.covariance import point_covariance
 from dior.reconstruct.smooth import smooth
+from dior.reconstruct.timeline import instants_within
 from dior.reconstruct.triangulate import rate, write_skeleton
 from dior.tables import tables
 
-JERKS = np.geomspace(10.0, 10000.0, 9)  # m/s^3 of a joint: from a head to a foot that meets the floor
-MARGIN = 1.5  # jerk is not white: where a foot lands it is larger than where it is likeliest
-LEARN = 400  # instants that a joint's jerk is learned from
-LEAST_POINTS = 10  # a joint seen less often is left as it is
-LEAST_SD_M = 0.003  # no landmark of a body keeps its distance to another better than this
-STEADY = 1.5  # covariances are averaged over so many time constants of the noise to either side
+# m/s^3 of a joint, from a head to a foot that meets the floor; chosen: wide enough that neither end is the likeliest
+JERKS = np.geomspace(10.0, 10000.0, 9)
+# chosen: jerk is not white, where a foot lands it is larger than where it is likeliest; more leaves more noise
+MARGIN = 1.5
+LEARN_S = 40 / 3  # that a joint's jerk is learned from; chosen: a dozen strides, more takes longer
+LEAST_S = 1 / 3  # a joint that is seen for less is left as it is; chosen: the swing of a leg
+# no landmark of a body keeps its distance to another better than this; chosen
+LEAST_SD_M = 0.003
+# covariances are averaged over so many time constants of the noise to either side; chosen: less follows the scores of
+# single pictures, more misses where a joint is hidden
+STEADY = 1.5
 RIGID = tuple(
     pair
     for side in ("left", "right")
@@ -46,8 +54,8 @@ def run(*, sequence: str, subject: str, skeleton: Path, max_gap_s: float, out: P
     covariance = point_covariance(table, shape)
     stamps = table["stamp_ns"].reshape(shape)[:, 0]
     status = table["status"].astype(str).reshape(shape)
-    time, stays = (float(about.get(key, 0.0)) for key in ("noise_time_s", "noise_stays"))
-    points, covariance, filled = refined(points, covariance, joints, rate(stamps), time, stays, max_gap_s)
+    time, constant_share = (float(about.get(key, 0.0)) for key in ("noise_time_s", "noise_stays"))
+    points, covariance, filled = refined(points, covariance, joints, rate(stamps), time, constant_share, max_gap_s)
     status = np.where(filled, "gap_filled", status)
     n_views = np.where(filled, 0, table["n_views"].reshape(shape))
     residual = table["residual_px"].reshape(shape)
@@ -56,47 +64,57 @@ def run(*, sequence: str, subject: str, skeleton: Path, max_gap_s: float, out: P
     tables.write_findings(findings, [(sequence, "info", "gaps_bridged", text)] if filled.any() else [])
 
 
-def refined(points, covariance, names, fps, time_s, stays, max_gap_s):
+def refined(
+    points: Floats,
+    covariance: Floats,
+    names: Sequence[str],
+    fps: float,
+    time_s: float,
+    constant_share: float,
+    max_gap_s: float,
+) -> tuple[Floats, Floats, Bools]:
     """Smoothed points (T, J, 3), their covariance (T, J, 3, 3), and which were bridged (T, J).
 
-    `time_s`, `stays`: the noise dies away with this time constant but for this share of its variance.
+    The noise is autoregressive with the time constant `time_s`, but for the share `constant_share` of its variance,
+    which is a constant error.
     """
-    known = np.isfinite(points).all(axis=-1) & np.isfinite(covariance).all(axis=(-1, -2))
-    enough = np.flatnonzero(known.sum(axis=0) >= LEAST_POINTS)
+    known = np.all(np.isfinite(points), axis=-1) & np.all(np.isfinite(covariance), axis=(-1, -2))
+    enough = np.flatnonzero(known.sum(axis=0) >= round(LEAST_S * fps))
     filled = np.zeros(known.shape, bool)
     if not len(enough):
         return points, covariance, filled
     given = np.where(known[..., None], points, np.nan)[:, enough]
-    # of what does not die away the smoother knows nothing
+    # the constant error moves path and points alike: the smoother is not to know of it
     steady = _steady(covariance[:, enough], known[:, enough], round(STEADY * time_s * fps))
-    noise = (1 - stays) * steady
-    keep = float(np.exp(-1 / (fps * time_s))) if time_s > 0 else 0.0
-    path, spread, _ = smooth(given, noise, keep, learned(given, noise, keep, fps))
-    gaps = _short_gaps(known[:, enough], int(max_gap_s * fps))
-    lasting = stays * _carried(covariance[:, enough], known[:, enough])
-    path, spread = with_bones(path, spread, lasting, [names[j] for j in enough])
-    told = known[:, enough] | gaps
+    noise = (1 - constant_share) * steady
+    ar1 = float(np.exp(-1 / (fps * time_s))) if time_s > 0 else 0.0
+    path, spread, _ = smooth(given, noise, ar1, learned(given, noise, ar1, fps))
+    gaps = _short_gaps(known[:, enough], instants_within(max_gap_s, fps))
+    constant = constant_share * _carried(covariance[:, enough], known[:, enough])
+    path, spread = with_bones(path, spread, constant, [names[j] for j in enough.tolist()])
+    there = known[:, enough] | gaps
     points, covariance = points.copy(), covariance.copy()
-    points[:, enough] = np.where(told[..., None], path, np.nan)
-    covariance[:, enough] = np.where(told[..., None, None], spread + lasting, np.nan)
+    points[:, enough] = np.where(there[..., None], path, np.nan)
+    covariance[:, enough] = np.where(there[..., None, None], spread + constant, np.nan)
     filled[:, enough] = gaps
     return points, covariance, filled
 
 
-def learned(points, noise, keep, fps):
+def learned(points: Floats, noise: Floats, ar1: float, fps: float) -> Floats:
     """Standard deviation (J,) m of third differences under which the points are most likely, of `JERKS`."""
-    known = np.isfinite(points).all(axis=-1)
+    known = np.all(np.isfinite(points), axis=-1)
     # where most is known
-    seen = np.convolve(known.sum(axis=1), np.ones(min(LEARN, len(known))), "valid")
-    rows = slice(int(seen.argmax()), int(seen.argmax()) + LEARN)
+    length = round(LEARN_S * fps)
+    seen = np.convolve(known.sum(axis=1), np.ones(min(length, len(known))), "valid")
+    rows = slice(int(seen.argmax()), int(seen.argmax()) + length)
     likelihood = []
     for jerk in JERKS:
         sd = np.full(points.shape[1], jerk / fps**3)
-        likelihood.append(smooth(points[rows], noise[rows], keep, sd)[2])
+        likelihood.append(smooth(points[rows], noise[rows], ar1, sd)[2])
     return MARGIN * JERKS[np.argmax(likelihood, axis=0)] / fps**3
 
 
-def _steady(covariance, known, half):
+def _steady(covariance: Floats, known: Bools, half: int) -> Floats:
     """Covariances (T, J, 3, 3), the mean of those known at most `half` instants away.
 
     A detector's scores, and so the covariances, change from picture to picture faster than its errors do. Taken at
@@ -106,13 +124,13 @@ def _steady(covariance, known, half):
     sums = np.cumsum(np.where(known[..., None, None], covariance, 0.0), axis=0)
     counts = np.cumsum(known, axis=0)
     low, high = np.arange(count) - half - 1, np.minimum(np.arange(count) + half, count - 1)
-    first = (low < 0)[:, None]
-    total = sums[high] - np.where(first[..., None, None], 0.0, sums[np.maximum(low, 0)])
-    n = counts[high] - np.where(first, 0, counts[np.maximum(low, 0)])
+    first = np.maximum(low, 0)
+    total = sums[high] - np.where((low >= 0)[:, None, None, None], sums[first], 0.0)
+    n: Ints = counts[high] - np.where((low >= 0)[:, None], counts[first], 0)
     return np.where((n > 0)[..., None, None], total / np.maximum(n, 1)[..., None, None], np.nan)
 
 
-def _short_gaps(known, most):
+def _short_gaps(known: Bools, most: int) -> Bools:
     """Missing (T, J) between known instants at most `most` + 1 apart."""
     count = len(known)
     at = np.arange(count)[:, None]
@@ -121,7 +139,7 @@ def _short_gaps(known, most):
     return ~known & (before >= 0) & (after < count) & (after - before - 1 <= most)
 
 
-def _carried(covariance, known):
+def _carried(covariance: Floats, known: Bools) -> Floats:
     """Covariances (T, J, 3, 3), those of the last known instant where there is none."""
     at = np.maximum.accumulate(np.where(known, np.arange(len(known))[:, None], 0), axis=0)
     first = known.argmax(axis=0)
@@ -129,11 +147,11 @@ def _carried(covariance, known):
     return covariance[at, np.arange(known.shape[1])]
 
 
-def with_bones(path, spread, lasting, names):
-    """Path (T, J, 3) and its covariance (T, J, 3, 3) after the rigid segments were told their length.
+def with_bones(path: Floats, spread: Floats, constant: Floats, names: Sequence[str]) -> tuple[Floats, Floats]:
+    """Path (T, J, 3) and its covariance (T, J, 3, 3) after the rigid segments were given their lengths.
 
     A length is the median over the sequence; how well it holds is what its scatter has over the path's own uncertainty,
-    and the lasting error of its ends, which the median has too. One update per bone, as of a Kalman filter.
+    and the constant error of its ends, which the median has too. One update per bone, as of a Kalman filter.
     """
     path, spread = path.copy(), spread.copy()
     for one, two in RIGID:
@@ -145,7 +163,7 @@ def with_bones(path, spread, lasting, names):
         n = d / np.maximum(length, 1e-9)[:, None]
         Ca, Cb = (np.einsum("tij,tj->ti", spread[:, j], n) for j in (a, b))
         own = np.einsum("ti,ti->t", n, Ca + Cb)
-        bias = np.einsum("ti,tij,tj->t", n, lasting[:, a] + lasting[:, b], n)
+        bias = np.einsum("ti,tij,tj->t", n, constant[:, a] + constant[:, b], n)
         usual = np.median(length)
         scatter = (1.4826 * np.median(np.abs(length - usual))) ** 2
         soft = max(scatter - np.median(own), LEAST_SD_M**2) + np.median(bias)

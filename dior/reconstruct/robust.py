@@ -20,20 +20,29 @@ from dior.arrays import Bools, Floats, Ints
 from dior.geometry.camera import Camera
 from dior.geometry.rig import Rig, mean_errors, meet, meet_in_blocks, residuals, rig_of, views_of, with_every_view
 from dior.geometry.views import best_subsets
+from dior.reconstruct.timeline import instants_within
 
-DROP_FACTOR = 3.0  # a view disagrees where the residuals are this many times what the noise makes of them
-ROUNDS = 3
-FEW_JOINTS = 5  # fewer say nothing about a person
-LEAST_PX = 0.05  # no detector is better
+# a view disagrees where the residuals are this many times what the noise makes of them; chosen: less leaves out right
+# views, more believes wrong ones
+DROP_FACTOR = 3.0
+ROUNDS = 3  # of points and noise in turn; chosen
+FEW_JOINTS = 5  # fewer say nothing about a person; chosen
+LEAST_PX = 0.05  # no detector is better; chosen
 SAMPLE = 2500  # points that the noise is estimated from: its error is then a few per cent
 APART_S = 0.3  # residuals nearer in time say the same: the noise of pose networks is correlated over 0.15 s
-SHRINK = 30.0  # a joint's noise in a view is mixed with the view's as if so many independent equations spoke for that
-LASTS_S, DIES_S = 1.0, 0.3  # lags at which, and up to which, the correlation of the residuals is looked at
-LEAST_REST = 0.05  # a smaller sum of correlations may be chance
-PREDICT_S = 0.2  # a joint is predicted from good instants at most this far away on either side
+# a joint's noise in a view is mixed with the view's as if so many independent equations spoke for that; chosen: less
+# follows chance in short walks, more makes all joints alike
+SHRINK = 30.0
+# lags at which, and up to which, the correlation of the residuals is looked at; chosen: several times the 0.15 s of
+# pose networks, and twice it
+LASTS_S, DIES_S = 1.0, 0.3
+LEAST_REST = 0.05  # a smaller sum of correlations may be chance; chosen
+# a joint is predicted from good instants at most this far away on either side; chosen: longer, and the line between
+# them is no prediction
+PREDICT_S = 0.2
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Points:
     """Triangulated joints.
 
@@ -107,14 +116,6 @@ def triangulate(
     rig = rig_of(cameras)
     weights = score / sigma[:, None]
     points, chi2, used, pixels, scaled = with_every_view(rig, uv, weights)
-    rows = _strange(chi2, used, shape)
-    if len(rows):
-        weights = weights.copy()
-        weights[:, rows] *= _same_person(rig, uv[:, rows], weights[:, rows])[..., None]
-        again = with_every_view(rig, uv[:, rows], weights[:, rows])
-        at = (rows[:, None] * joints + np.arange(joints)).ravel()
-        for values, new in zip((points, chi2, used, pixels, scaled), again, strict=True):
-            values[..., at] = new
     seen = used.sum(axis=0, dtype=np.int8)
     good = chi2 <= DROP_FACTOR**2 * (2 * seen - 3)
     bad = np.flatnonzero(~good & (seen > 2))
@@ -219,7 +220,7 @@ def predicted(points: Floats, good: Bools, at: Ints, fps: float) -> tuple[Floats
     index = np.where(good, np.arange(count)[:, None], -1)
     before = np.maximum.accumulate(index, axis=0)[t, j]
     after = np.minimum.accumulate(np.where(good, index, count)[::-1], axis=0)[::-1][t, j]
-    reach = max(1, int(PREDICT_S * fps))
+    reach = max(1, instants_within(PREDICT_S, fps))
     there = (before >= 0) & (after < count) & (t - before <= reach) & (after - t <= reach)
     before, after = np.where(there, before, t), np.where(there, after, t)
     weight = (t - before) / np.maximum(after - before, 1)
@@ -246,12 +247,13 @@ def _prediction_error(points: Floats, good: Bools, half: int) -> Floats:
 
 
 def persistence(cameras: Sequence[Camera], uv: Floats, score: Floats, found: Points, fps: float) -> tuple[float, float]:
-    """How the errors of the detections last: time constant (s) of what dies away, share of the variance that stays.
+    """How the errors of the detections are correlated in time: time constant (s) of what dies away, and the share of
+    the variance that is constant.
 
     From the correlation in time of the residuals of `found` (`Points`), which the walk itself does not move: what is
-    left after `LASTS_S` is taken to stay (a detector's offset of a joint), the rest to be autoregressive, with the sum
-    of its correlations up to `DIES_S`, since it is slow noise that a smoother leaves: detections interpolated between
-    two pictures share one with the instant before, which is as slow. 0 s is white noise.
+    left after `LASTS_S` is taken to be constant (a detector's offset of a joint), the rest to be autoregressive, with
+    the sum of its correlations up to `DIES_S`, since it is slow noise that a smoother leaves: detections interpolated
+    between two pictures share one with the instant before, which is as slow. 0 s is white noise.
     """
     count, joints = uv.shape[1:3]
     views = views_of(rig_of(cameras), uv, np.where(found.used, score, 0.0) / found.sigma[:, None])
@@ -276,13 +278,13 @@ def persistence(cameras: Sequence[Camera], uv: Floats, score: Floats, found: Poi
         a, b = np.where(both, a, 0.0), np.where(both, b, 0.0)
         return float((a * b).sum() / max(np.sqrt((a * a).sum() * (b * b).sum()), 1e-12))
 
-    stays = float(np.clip(correlation(round(LASTS_S * fps)), 0.0, 0.9))
+    constant_share = float(np.clip(correlation(round(LASTS_S * fps)), 0.0, 0.9))
     lags = max(1, round(DIES_S * fps))
-    rest = sum(correlation(lag) - stays for lag in range(1, lags + 1)) / (1 - stays)
+    rest = sum(correlation(lag) - constant_share for lag in range(1, lags + 1)) / (1 - constant_share)
     if rest < LEAST_REST:
-        return 0.0, stays
+        return 0.0, constant_share
     # the autoregressive noise whose correlations have that sum
-    keep = 0.0
+    ar1 = 0.0
     for _ in range(50):
-        keep = min(rest / (rest + 1 - keep**lags), 0.98)
-    return -1 / (fps * np.log(keep)), stays
+        ar1 = min(rest / (rest + 1 - ar1**lags), 0.98)
+    return -1 / (fps * np.log(ar1)), constant_share

@@ -8,20 +8,26 @@ Shapes (T, J, ...); metres; NaN is missing.
 
 import numpy as np
 
-B = 4  # instants in a block; the noise of points further apart is taken as independent
+from dior.arrays import Bools, Floats
+
+# instants in a block; the noise of points further apart is taken as independent; chosen: at least
+# the 3 that third differences reach, and the work grows with its square
+B = 4
 S = 3 * B
-RIDGE_M = 1.0  # how near an instant without a point is to the line between its neighbours, where nothing else says so
+# how near an instant without a point is to the line between its neighbours, where nothing else says so; chosen: weak,
+# and enough for the equations to have one solution
+RIDGE_M = 1.0
 
 
-def smooth(points, covariance, keep, jerk):
+def smooth(points: Floats, covariance: Floats, ar1: float, jerk: Floats) -> tuple[Floats, Floats, Floats]:
     """Path (T, J, 3) m, its covariance (T, J, 3, 3), and the log likelihood (J,) of the points.
 
-    `points` (T, J, 3), `covariance` (T, J, 3, 3) of their noise, `keep`: its correlation from one instant to the next,
+    `points` (T, J, 3), `covariance` (T, J, 3, 3) of their noise, `ar1`: its correlation from one instant to the next,
     `jerk` (J,) m: standard deviation of third differences. A joint needs three points.
     """
     count, joints = points.shape[:2]
     blocks = -(-count // B)
-    D, E, rhs, constant = _equations(points, covariance, keep, jerk, blocks)
+    D, E, rhs, constant = _equations(points, covariance, ar1, jerk, blocks)
     W = np.empty((blocks, joints, S, S))
     z = np.empty((blocks, joints, S))
     log_det = np.zeros(joints)
@@ -48,13 +54,15 @@ def smooth(points, covariance, keep, jerk):
     return path + _offset(points), P, likelihood
 
 
-def _offset(points):
+def _offset(points: Floats) -> Floats:
     """A point (J, 3) near each joint's path: numbers stay small."""
-    known = np.isfinite(points).all(axis=-1)
+    known = np.all(np.isfinite(points), axis=-1)
     return np.where(known[..., None], points, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)[:, None]
 
 
-def _equations(points, covariance, keep, jerk, blocks):
+def _equations(
+    points: Floats, covariance: Floats, ar1: float, jerk: Floats, blocks: int
+) -> tuple[Floats, Floats, Floats, Floats]:
     """Normal equations: D (K, J, S, S) on the diagonal, E (K-1, J, S, S) right of it, right-hand side (K, J, S), and
     what of the log likelihood does not depend on the path (J,)."""
     count, joints = points.shape[:2]
@@ -86,22 +94,22 @@ def _equations(points, covariance, keep, jerk, blocks):
         np.where(known, np.abs(np.linalg.det(np.where(known[..., None, None], weight, np.eye(3)))), 1)
     ).sum(axis=0)
     for step in range(1, B + 1):
-        t, j = np.nonzero(known & (lag == step)) if keep > 0 else (np.empty(0, int),) * 2
-        a = keep**step
-        now, then = weight[t, j], weight[t - step, j]
+        t, joint = np.nonzero(known & (lag == step) & (ar1 > 0))
+        a = ar1**step
+        now, then = weight[t, joint], weight[t - step, joint]
         scale = 1 / (1 - a * a)
-        w = (white[t, j] - a * white[t - step, j]) * scale
-        np.add.at(band[0], (t, j), scale * np.swapaxes(now, -1, -2) @ now)
-        np.add.at(band[0], (t - step, j), scale * a * a * np.swapaxes(then, -1, -2) @ then)
-        band[step][t - step, j] -= scale * a * np.swapaxes(then, -1, -2) @ now
-        np.add.at(rhs, (t, j), (np.swapaxes(now, -1, -2) @ w)[..., 0])
-        np.add.at(rhs, (t - step, j), -a * (np.swapaxes(then, -1, -2) @ w)[..., 0])
-        np.add.at(constant, j, -1.5 * np.log(1 - a * a) - 0.5 * ((1 - a * a) * (w * w).sum(axis=(-1, -2))))
-    t, j = np.nonzero(known & ((lag > B) | (keep <= 0)))
-    now, w = weight[t, j], white[t, j]
-    np.add.at(band[0], (t, j), np.swapaxes(now, -1, -2) @ now)
-    np.add.at(rhs, (t, j), (np.swapaxes(now, -1, -2) @ w)[..., 0])
-    np.add.at(constant, j, -0.5 * (w * w).sum(axis=(-1, -2)))
+        w = (white[t, joint] - a * white[t - step, joint]) * scale
+        np.add.at(band[0], (t, joint), scale * np.swapaxes(now, -1, -2) @ now)
+        np.add.at(band[0], (t - step, joint), scale * a * a * np.swapaxes(then, -1, -2) @ then)
+        band[step][t - step, joint] -= scale * a * np.swapaxes(then, -1, -2) @ now
+        np.add.at(rhs, (t, joint), (np.swapaxes(now, -1, -2) @ w)[..., 0])
+        np.add.at(rhs, (t - step, joint), -a * (np.swapaxes(then, -1, -2) @ w)[..., 0])
+        np.add.at(constant, joint, -1.5 * np.log(1 - a * a) - 0.5 * ((1 - a * a) * (w * w).sum(axis=(-1, -2))))
+    t, joint = np.nonzero(known & ((lag > B) | (ar1 <= 0)))
+    now, w = weight[t, joint], white[t, joint]
+    np.add.at(band[0], (t, joint), np.swapaxes(now, -1, -2) @ now)
+    np.add.at(rhs, (t, joint), (np.swapaxes(now, -1, -2) @ w)[..., 0])
+    np.add.at(constant, joint, -0.5 * (w * w).sum(axis=(-1, -2)))
     ridge = np.where(known, 0.0, 1 / RIDGE_M**2)
     ridge[count:] = 1e-6 / RIDGE_M**2  # only there to fill the last block
     band[0] += ridge[..., None, None] * np.eye(3)
@@ -109,7 +117,7 @@ def _equations(points, covariance, keep, jerk, blocks):
     return (*_blocks(band, rhs, blocks), constant)
 
 
-def _line(y, known):
+def _line(y: Floats, known: Bools) -> Floats:
     """Points (T, J, 3) where `known`, and the line between them elsewhere."""
     out = y.copy()
     at = np.arange(len(y))
@@ -121,7 +129,7 @@ def _line(y, known):
     return out
 
 
-def _blocks(band, rhs, blocks):
+def _blocks(band: list[Floats], rhs: Floats, blocks: int) -> tuple[Floats, Floats, Floats]:
     joints = rhs.shape[1]
     D = np.zeros((blocks, joints, B, 3, B, 3))
     E = np.zeros((max(blocks - 1, 0), joints, B, 3, B, 3))

@@ -13,31 +13,37 @@ shows in that their left and their right limb lie on one another in both picture
 
 import itertools
 import warnings
+from collections.abc import Sequence
 
 import numpy as np
 
+from dior.arrays import Bools, Floats, Ints, Table
 from dior.body.names import LIMBS, is_leg, swap_index
+from dior.geometry.camera import Camera
 from dior.geometry.rig import Views, meet_in_blocks, rig_of, views_of
 from dior.tables import tables
 
+# The prices are chosen: lower ones find shorter exchanges, and more that are none. Of the 33 exchanged pictures of a
+# real walk (tests/reconstruct/test_real_outdoor.py) they find all.
+PERIOD_S = 1 / 30  # costs are of time: so much of it counts one, whatever the rate of the instants
 CAP = 6.0  # an error counts up to this many times the usual one, so that one wild joint does not decide
-PRICE_CHANGE = 1.0  # per view and instant, in units of the usual error: swaps come in runs
-PRICE_SWAPPED = 0.02  # per view and instant: of two equal explanations the one with fewer exchanged views
+PRICE_CHANGE = 1.0  # per view that begins or ceases to be exchanged, in units of the usual error: swaps come in runs
+PRICE_SWAPPED = 0.02  # per view and `PERIOD_S`: of two equal explanations the one with fewer exchanged views
 STEP_M = 0.1  # a mean movement of the paired joints between instants that costs one usual error
-MOST_STATES = 32
+MOST_STATES = 32  # all combinations of five views; more take too long
 PRICE_BEGIN = 4.0  # that two views begin or cease to take one limb for the other, in units of chi squared per equation
 FITS = 4.0  # the two limbs lie on one another in a picture where half their joints do, up to this chi squared
-JUMP = 1.5  # a limb's movement between instants from which on it counts, in `STEP_M`
-PRICE_WRONG = 0.3  # per instant, the same
+JUMP_M_S = 4.5  # a limb's speed from which on its movement counts: that of the foot in the swing of a brisk walk
+PRICE_WRONG = 0.3  # per `PERIOD_S`, the same
 
 
-def combinations(views):
+def combinations(views: int) -> Bools:
     """Which views are exchanged, (S, V) bool: all of them up to five views, else at most two at a time."""
     every = np.array(list(itertools.product((False, True), repeat=views)))
     return every if len(every) <= MOST_STATES else every[every.sum(axis=1) <= 2]
 
 
-def exchange(values, swapped, names):
+def exchange(values: Floats, swapped: Bools, names: Sequence[str]) -> Floats:
     """Exchange left and right joints of values (V, T, J, ...) where `swapped` (V, T) or (V, T, J) says so."""
     index = swap_index(names)
     mask = swapped if swapped.ndim == 3 else swapped[:, :, None]
@@ -45,7 +51,7 @@ def exchange(values, swapped, names):
     return np.where(mask, values[:, :, index], values)
 
 
-def in_table(table, cameras, joints):
+def in_table(table: Table, cameras: Sequence[str], joints: Sequence[str]) -> Bools:
     """What a `swaps` table says was exchanged, (V, T, J) bool."""
     legs = np.array([is_leg(name) for name in joints])
     parts = [tables.of_camera(table, camera) for camera in cameras]
@@ -53,22 +59,23 @@ def in_table(table, cameras, joints):
     return np.isin(of, ("all", "legs"))[..., None] & legs | np.isin(of, ("all", "rest"))[..., None] & ~legs
 
 
-def find_exchanged(cameras, uv, weights, names):
+def find_exchanged(cameras: Sequence[Camera], uv: Floats, weights: Floats, names: Sequence[str], fps: float) -> Bools:
     """Whether each joint of each view has the other side's name, (V, T, J) bool: the whole body, the legs or the rest.
 
-    `cameras` V of them, `uv` (V, T, J, 2) recorded pixels, `weights` (V, T, J), `names` J joint names.
+    `cameras` V of them, `uv` (V, T, J, 2) recorded pixels, `weights` (V, T, J), `names` J joint names, `fps` the
+    rate of the instants.
     """
-    found = np.repeat(find_swaps(cameras, uv, weights, names)[..., None], len(names), axis=2)
+    found = np.repeat(find_swaps(cameras, uv, weights, names, fps)[..., None], len(names), axis=2)
     uv, weights = exchange(uv, found, names), exchange(weights, found, names)
     legs = np.array([is_leg(name) for name in names])
     for part in (legs, ~legs):
         own = [name for name, inside in zip(names, part, strict=True) if inside]
-        found[:, :, part] ^= find_swaps(cameras, uv[:, :, part], weights[:, :, part], own)[..., None]
+        found[:, :, part] ^= find_swaps(cameras, uv[:, :, part], weights[:, :, part], own, fps)[..., None]
     found[:, :, swap_index(names) == np.arange(len(names))] = False
     return found
 
 
-def find_swaps(cameras, uv, weights, names):
+def find_swaps(cameras: Sequence[Camera], uv: Floats, weights: Floats, names: Sequence[str], fps: float) -> Bools:
     """Whether each view's left and right are exchanged, (V, T) bool. The same arguments as `find_exchanged`."""
     index = swap_index(names)
     paired = np.flatnonzero(index != np.arange(len(names)))
@@ -79,10 +86,12 @@ def find_swaps(cameras, uv, weights, names):
     mirror = np.array([where[index[joint]] for joint in paired])
     states = combinations(views)
     errors, points = _every_state(cameras, uv[:, :, paired], weights[:, :, paired], states, mirror)
-    return states[_cheapest_path(errors, points, states)].T
+    return states[_cheapest_path(errors, points, states, fps)].T
 
 
-def _every_state(cameras, uv, weights, states, mirror):
+def _every_state(
+    cameras: Sequence[Camera], uv: Floats, weights: Floats, states: Bools, mirror: Ints
+) -> tuple[Floats, Floats]:
     """Disagreement (S, T, J) px per equation to spare and points (S, T, J, 3) of the paired joints in every state.
 
     Exchanging all views gives the mirrored joints, so that half the states need no work. NaN where fewer than two views
@@ -111,8 +120,11 @@ def _every_state(cameras, uv, weights, states, mirror):
     return errors, points
 
 
-def _cheapest_path(errors, points, states):
-    """Index (T,) of the best state per instant. `errors` (S, T, J) px, `points` (S, T, J, 3) m."""
+def _cheapest_path(errors: Floats, points: Floats, states: Bools, fps: float) -> Ints:
+    """Index (T,) of the best state per instant. `errors` (S, T, J) px, `points` (S, T, J, 3) m.
+
+    Disagreement costs by the time that it lasts, a change of state and the way that the joints move once.
+    """
     with warnings.catch_warnings():
         # an instant that nobody saw is NaN throughout; it costs nothing below
         warnings.filterwarnings("ignore", "(Mean of empty slice|All-NaN)", RuntimeWarning)
@@ -121,10 +133,10 @@ def _cheapest_path(errors, points, states):
         unary = np.nanmean(np.minimum(errors / usual, CAP), axis=2)
         unary = np.where(np.isfinite(unary), unary, 0.0) + PRICE_SWAPPED * states.sum(axis=1)[:, None]
     change = PRICE_CHANGE * (states[:, None] != states[None]).sum(axis=-1)
-    return cheapest_path(unary, change + _movement(points))
+    return cheapest_path(unary / (PERIOD_S * fps), change + _movement(points))
 
 
-def cheapest_path(unary, change):
+def cheapest_path(unary: Floats, change: Floats) -> Ints:
     """Index (T,) of the state per instant with the least total cost (Viterbi).
 
     `unary` (S, T), `change` (T - 1, S, S) or (S, S): cost of a state (second axis) after another (last axis).
@@ -143,7 +155,7 @@ def cheapest_path(unary, change):
     return path
 
 
-def _movement(points):
+def _movement(points: Floats) -> Floats:
     """What it costs (T - 1, S, S) that joints (S, T, J, 3) m move from one state (last axis) to another (second)."""
     states, count, joints = points.shape[:3]
     out = np.empty((count - 1, states, states))
@@ -157,11 +169,14 @@ def _movement(points):
     return out
 
 
-def find_taken(cameras, uv, score, sigma, names):
+def find_mistaken_limbs(
+    cameras: Sequence[Camera], uv: Floats, score: Floats, sigma: Floats, names: Sequence[str], fps: float
+) -> Bools:
     """Where several views put both names on one limb: (V, T, J) bool, of the name that is wrong.
 
-    `uv` with exchanged sides already turned back, `sigma` (V, J) px. Compared are, per limb and instant, chi squared of
-    the limb's own views, and that of some views' pixels from the point of the other limb, the rest being right.
+    `uv` with exchanged sides already turned back, `sigma` (V, J) px, `fps` the rate of the instants. Compared are, per
+    limb and instant, chi squared of the limb's own views, and that of some views' pixels from the point of the other
+    limb, the rest being right.
     """
     views, count, joints = uv.shape[:3]
     out = np.zeros((views, count, joints), bool)
@@ -172,12 +187,14 @@ def find_taken(cameras, uv, score, sigma, names):
         if not pairs:
             continue
         own, others = (list(side) for side in zip(*pairs, strict=True))
-        wrong = _limb_taken(cameras, uv, weights, own, others)
+        wrong = _mistaken_views(cameras, uv, weights, own, others, fps)
         out[:, :, own] = wrong[..., None]
     return out
 
 
-def _limb_taken(cameras, uv, weights, own, others):
+def _mistaken_views(
+    cameras: Sequence[Camera], uv: Floats, weights: Floats, own: list[int], others: list[int], fps: float
+) -> Bools:
     """Views (V, T) whose limb `own` lies on the limb `others` (joint indices) while they are the more."""
     views, count = uv.shape[:2]
     rig = rig_of(cameras)
@@ -185,7 +202,7 @@ def _limb_taken(cameras, uv, weights, own, others):
     points, chi2 = meet_in_blocks(views_of(rig, uv[:, :, own], w))
     seen = (w > 0).sum(axis=0)
     chi2 = np.where(seen >= 2, chi2.reshape(seen.shape), np.nan)
-    states = [np.zeros(views, bool)]
+    tried = [np.zeros(views, bool)]
     apart = np.linalg.norm(uv[:, :, own] - uv[:, :, others], axis=-1) ** 2
     w_apart = 1 / (1 / np.maximum(w, 1e-9) ** 2 + 1 / np.maximum(weights[:, :, others], 1e-9) ** 2)
     apart = np.where((w > 0) & (weights[:, :, others] > 0), apart * w_apart, np.nan)
@@ -200,17 +217,17 @@ def _limb_taken(cameras, uv, weights, own, others):
             left = np.where(wrong[:, None, None], 0.0, w > 0).sum(axis=0)
             rest = rest.reshape(seen.shape) / np.maximum(2 * left - 3, 1)
             on_other = np.maximum(on_other, rest)
-        states.append(wrong)
+        tried.append(wrong)
         costs.append(_fit(on_other) + PRICE_WRONG)
-    states = np.stack(states)
+    states = np.stack(tried)
     change = np.tile(PRICE_BEGIN * (1.0 - np.eye(len(states))), (max(count - 1, 0), 1, 1))
     # the third view may see both limbs in one place, too; but then the limb has jumped onto the other
     jump = _movement(points.T.reshape(1, count, len(own), 3))[:, 0, 0]
-    change[:, 0, 0] += np.maximum(jump - JUMP, 0.0)
-    return states[cheapest_path(np.stack(costs), change)].T
+    change[:, 0, 0] += np.maximum(jump - JUMP_M_S / fps / STEP_M, 0.0)
+    return states[cheapest_path(np.stack(costs) / (PERIOD_S * fps), change)].T
 
 
-def _fit(per_degree):
+def _fit(per_degree: Floats) -> Floats:
     """Median over joints (T, J) where it is small, else out of the question."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "All-NaN", RuntimeWarning)
@@ -218,7 +235,7 @@ def _fit(per_degree):
     return np.where(middle <= FITS, middle, CAP**2 * len(per_degree))
 
 
-def _mean_cost(per_degree):
+def _mean_cost(per_degree: Floats) -> Floats:
     """Mean over joints (T, J), each at most `CAP` squared; 0 where nothing is known."""
     known = ~np.isnan(per_degree)
     cost = np.where(known, np.minimum(per_degree, CAP**2), 0.0).sum(axis=1)

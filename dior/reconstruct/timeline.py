@@ -15,6 +15,14 @@ from dior.errors import DiorError, nearest
 from dior.tables import tables
 
 
+def instants_within(seconds: float, fps: float) -> int:
+    """The most steps from one instant to another that take at most so many `seconds`.
+
+    A rate that is read from stamps in whole nanoseconds may be a hundred-millionth low.
+    """
+    return int(seconds * fps + 1e-4)
+
+
 def run(
     *,
     sequence: str,
@@ -43,7 +51,7 @@ def run(
         for camera in cameras
     }
     own, fps = rates(table, cameras)
-    if mocap:
+    if markers:
         stamps = markers["stamp_ns"][markers["joint"] == markers["joint"][0]]
         grid = (stamps - t0) / 1e9
     else:

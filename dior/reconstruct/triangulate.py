@@ -6,50 +6,56 @@ OUTPUTS  `skeletons_3d`: one row per instant and joint; `swaps`: which detection
 World frame, metres. Two methods: `rays`, the paper's intersection, and `robust`, the default.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
+from dior.arrays import AnyPath, Bools, Floats, Ints, Table, Texts
 from dior.body.names import is_leg, swap_index
 from dior.clocks.axis import blend
 from dior.errors import DiorError
 from dior.geometry import camera as cam
 from dior.geometry import camera_tables, multiview
+from dior.geometry.camera import Camera
 from dior.reconstruct import robust
 from dior.reconstruct.gates import implausible
-from dior.reconstruct.swaps import exchange, find_exchanged, find_taken
+from dior.reconstruct.swaps import exchange, find_exchanged, find_mistaken_limbs
 from dior.tables import tables
 
 METHODS = ("robust", "rays")
-# a detector exchanges the sides of some walkers who turn away, but not those of most pictures
+# a detector exchanges the sides of some walkers who turn away, but not those of most pictures; chosen
 MOSTLY = 0.5
 
 
-def by_rays(cameras, uv):
+def by_rays(cameras: Sequence[Camera], uv: Floats) -> Floats:
     """The paper's ray intersection: points (..., 3) from pixels (V, ..., 2)."""
     directions = np.stack([cam.rays(c, view) for c, view in zip(cameras, uv, strict=True)])
     return multiview.intersect_rays(np.stack([c.centre for c in cameras]), directions)
 
 
-def in_front(cameras, points, used):
+def in_front(cameras: Sequence[Camera], points: Floats, used: Bools) -> Bools:
     """Whether points (..., 3) lie in front of every camera that was used (V, ...) for them."""
     depth = np.stack([cam.project(c, points)[1] for c in cameras])
     with np.errstate(invalid="ignore"):
-        return ((depth > 0) | ~used).all(axis=0)
+        return np.all((depth > 0) | ~used, axis=0)
 
 
-def observations(detections, timeline, cameras, min_score):
+def observations(
+    detections: Table, timeline: Table, cameras: Sequence[str], min_score: float
+) -> tuple[Floats, Floats, list[str]]:
     """Detections at the instants: pixels (V, T, J, 2) and scores (V, T, J), NaN and 0 where missing, and the joints.
 
     A score below `min_score` is missing. Nothing is interpolated across a dropped frame or a missing detection.
     """
-    uv, score, names = [], [], None
+    uv, score = [], []
+    names: list[str] = []
     for name in cameras:
         rows, line = tables.of_camera(detections, name), tables.of_camera(timeline, name)
         if not len(rows["u"]) or not len(line["instant"]):
             raise DiorError(f"camera {name}: no detections or no timeline; both need every close camera")
         values, joints = tables.grid(rows, "u", "v", "score")
-        if names not in (None, joints):
+        if names and names != joints:
             raise DiorError(f"camera {name}: its detections have other joints than the other cameras'")
         names = joints
         values[..., :2][~(values[..., 2] >= min_score)] = np.nan
@@ -86,18 +92,18 @@ def run(
     stamps = line["stamp_ns"][:: len(tables.ordered_unique(line["camera"]))]
     fps = rate(stamps)
     swapped = np.zeros(uv.shape[:3], bool)
-    taken = np.zeros(uv.shape[:3], bool)
+    mistaken = np.zeros(uv.shape[:3], bool)
     if method == "robust":
         other = robust.strangers(rig, uv, score, fps, swap_index(joints))
         score = np.where(other[..., None], 0.0, score)
-        swapped = find_exchanged(rig, uv, score, joints)
+        swapped = find_exchanged(rig, uv, score, joints, fps)
         uv, score = exchange(uv, swapped, joints), exchange(score, swapped, joints)
         sigma = robust.noise(rig, uv, score, fps)
-        taken = find_taken(rig, uv, score, sigma, joints)
-        score = np.where(taken, 0.0, score)
+        mistaken = find_mistaken_limbs(rig, uv, score, sigma, joints, fps)
+        score = np.where(mistaken, 0.0, score)
         found = robust.triangulate(rig, uv, score, fps, sigma)
         points, used, residual = found.points, found.used, found.residual
-        time_s, stays = robust.persistence(rig, uv, score, found, fps)
+        time_s, constant_share = robust.persistence(rig, uv, score, found, fps)
         good = found.scaled <= max_error_px  # false for NaN
     else:
         used = score > 0
@@ -107,10 +113,10 @@ def run(
         good = np.ones(residual.shape, bool)
         sigma = robust.noise(rig, uv, score, fps)
         found = robust.Points(points, used, residual, residual, sigma)
-        time_s, stays = robust.persistence(rig, uv, score, found, fps)
+        time_s, constant_share = robust.persistence(rig, uv, score, found, fps)
     weights = np.where(used, score, 0.0) / sigma[:, None]
     covariance = robust.covariance(rig, points, weights)
-    enough = (used.sum(axis=0) >= 2) & np.isfinite(points).all(axis=-1)
+    enough = (used.sum(axis=0) >= 2) & np.all(np.isfinite(points), axis=-1)
     good &= in_front(rig, points, used)
     if method == "robust":
         sound = np.where((enough & good)[..., None], points, np.nan)
@@ -119,18 +125,28 @@ def run(
     points = np.where((status == "ok")[..., None], points, np.nan)
     residual = np.where(enough, residual, np.nan)
     covariance = np.where((status == "ok")[..., None, None], covariance, np.nan)
-    lasts = {"noise_time_s": f"{time_s:.6g}", "noise_stays": f"{stays:.6g}"}
+    about = {"noise_time_s": f"{time_s:.6g}", "noise_stays": f"{constant_share:.6g}"}
     write_skeleton(
-        out, subject, sequence, joints, stamps, points, status, used.sum(axis=0), residual, covariance, lasts
+        out, subject, sequence, joints, stamps, points, status, used.sum(axis=0), residual, covariance, about
     )
     write_swaps(out_swaps, names, stamps, nearest_frames(line, names), swapped, joints)
-    found = _findings(sequence, names, swapped.any(axis=2), status) + _taken_findings(sequence, names, taken)
-    tables.write_findings(findings, found)
+    notes = _findings(sequence, names, np.any(swapped, axis=2), status) + _mistaken_findings(sequence, names, mistaken)
+    tables.write_findings(findings, notes)
 
 
 def write_skeleton(
-    path, subject, sequence, joints, stamps, points, status, n_views, residual, covariance=None, metadata=None
-):
+    path: AnyPath,
+    subject: str,
+    sequence: str,
+    joints: Sequence[str],
+    stamps: Ints,
+    points: Floats,
+    status: Texts,
+    n_views: Ints,
+    residual: Floats,
+    covariance: Floats | None = None,
+    metadata: dict[str, str] | None = None,
+) -> None:
     """Write `skeletons_3d` from points (T, J, 3), their covariance (T, J, 3, 3) and what is known about them (T, J)."""
     count, each = points.shape[:2]
     once = np.zeros(count * each, int)
@@ -153,7 +169,7 @@ def write_skeleton(
     )
 
 
-def sigmas(covariance):
+def sigmas(covariance: Floats) -> dict[str, Floats]:
     """The columns of `skeletons_3d` that say a covariance (N, 3, 3) m^2."""
     sd = np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
     axes = "xyz"
@@ -163,18 +179,20 @@ def sigmas(covariance):
     }
 
 
-def rate(stamps_ns):
+def rate(stamps_ns: Ints) -> float:
     """Instants per second."""
     return 1e9 / float(np.median(np.diff(stamps_ns))) if len(stamps_ns) > 1 else 1.0
 
 
-def nearest_frames(timeline, names):
+def nearest_frames(timeline: Table, names: Sequence[str]) -> Ints:
     """The picture nearest to each instant by camera, (V, T); -1 where there is none."""
     lines = [tables.of_camera(timeline, name) for name in names]
     return np.stack([np.where(at["weight"] < 0.5, at["frame_before"], at["frame_after"]) for at in lines])
 
 
-def write_swaps(path, names, stamps, frames, swapped, joints):
+def write_swaps(
+    path: AnyPath, names: Sequence[str], stamps: Ints, frames: Ints, swapped: Bools, joints: Sequence[str]
+) -> None:
     """Write `swaps` from the nearest frames (V, T) and swapped (V, T, J)."""
     count = len(stamps)
     legs = np.array([is_leg(name) for name in joints])
@@ -193,7 +211,7 @@ def write_swaps(path, names, stamps, frames, swapped, joints):
     )
 
 
-def _findings(sequence, names, swapped, status):
+def _findings(sequence: str, names: Sequence[str], swapped: Bools, status: Texts) -> list[tuple[str, str, str, str]]:
     found = []
     for name, row in zip(names, swapped, strict=True):
         n = int(row.sum())
@@ -210,10 +228,10 @@ def _findings(sequence, names, swapped, status):
     return found
 
 
-def _taken_findings(sequence, names, taken):
+def _mistaken_findings(sequence: str, names: Sequence[str], mistaken: Bools) -> list[tuple[str, str, str, str]]:
     """Where a camera's detections (V, T, J) put both sides' names on one limb together with another camera's."""
     text = "with another camera, one limb was taken for the other at {} of {} instants; left out there"
-    hit = taken.any(axis=2)
+    hit = np.any(mistaken, axis=2)
     return [
         (f"{sequence}/{name}", "info", "limb_taken_for_other", text.format(int(row.sum()), len(row)))
         for name, row in zip(names, hit, strict=True)
@@ -221,6 +239,6 @@ def _taken_findings(sequence, names, taken):
     ]
 
 
-def _shares(status):
+def _shares(status: Texts) -> str:
     words, counts = np.unique(status[status != "ok"], return_counts=True)
     return ", ".join(f"{word} {n / status.size:.0%}" for word, n in zip(words, counts, strict=True))

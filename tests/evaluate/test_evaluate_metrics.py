@@ -196,7 +196,7 @@ def test_rigid_alignment_removes_a_motion_but_not_a_scale():
     assert np.nanmin(plain) > 0.5 and np.isnan(aligned[3, 1])
     np.testing.assert_allclose(aligned[np.isfinite(aligned)], 0, atol=1e-12)
     centred = true - true.mean(axis=(0, 1))
-    _, aligned = truth.errors_3d(1.1 * centred, centred)
+    _, aligned = truth.errors_3d(1.1 * centred + (5.0, -3.0, 1.0), centred)
     np.testing.assert_allclose(aligned, 0.1 * np.linalg.norm(centred, axis=-1), atol=1e-9)
 
 

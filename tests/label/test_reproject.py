@@ -142,8 +142,11 @@ def test_clocks_that_are_all_late_alike_move_no_label_of_their_own_3d():
     joint = np.zeros((18, 18))
     joint[0, 0] = 1e-6
     args = rig[1], points, nothing, rig, names, joint
-    alike = uncertainty.of_labels(*args, velocity, np.zeros(1), known)
+    alike = uncertainty.of_labels(*args, uncertainty.Timing(known, velocity, np.zeros(1)))
     still = uncertainty.of_labels(*args)
     assert alike == pytest.approx(still, abs=1e-12) and still.max() > 0
     own = known | {"cam01": clocks.Clock(0.0, given=(0.01, 0.0))}
-    assert uncertainty.of_labels(*args, velocity, np.zeros(1), own)[0, 0, 0, 0] > still[0, 0, 0, 0] + 0.1
+    assert (
+        uncertainty.of_labels(*args, uncertainty.Timing(own, velocity, np.zeros(1)))[0, 0, 0, 0]
+        > still[0, 0, 0, 0] + 0.1
+    )

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from dior.clocks.clock import Clock
 from dior.geometry import camera as cam
 from dior.geometry import covariance as cov
 from dior.geometry import multiview
@@ -75,3 +76,37 @@ def test_unknown_cameras_or_points_have_no_sigma():
     assert np.isnan([sigma_u, sigma_v, rho]).all()
     lost = np.full((2, 3, 3), np.nan)
     assert np.isnan(uncertainty.of_labels(rig[0], POINTS, lost, rig, names, np.eye(12))).all()
+
+
+def test_a_clock_moves_a_label_along_its_motion_and_the_more_the_longer_its_drift_has_run():
+    """An offset that is known to 10 ms and a drift to 20 ppm, of points that move 2 m/s at right angles to the view."""
+    own = camera("cam01", (0.0, 5.0, 1.0))
+    points = np.broadcast_to([0.0, 0.0, 1.0], (2, 1, 3))
+    velocity = np.broadcast_to([2.0, 0.0, 0.0], points.shape)
+    speed_px = np.linalg.norm(cov.projection(own, points)[0] @ velocity[..., None], axis=(-1, -2))
+    timing = uncertainty.Timing(
+        {"cam01": Clock(0.0, middle_s=30.0, given=(0.01, 20.0))}, velocity, np.array([30.0, 930.0])
+    )
+    spread = uncertainty.of_labels(own, points, np.zeros((2, 1, 3, 3)), [], ["cam01"], np.zeros((6, 6)), timing)
+    late = np.hypot(0.01, 20e-6 * np.array([0.0, 900.0]))
+    assert np.sqrt(np.trace(spread, axis1=-2, axis2=-1)) == pytest.approx(late[:, None] * speed_px, rel=1e-9)
+
+
+def test_what_a_clock_owes_to_a_pose_grows_with_its_drift():
+    """The clock's own camera is turned: its label moves by the pose and, in time, by what the clock took from it."""
+    own = camera("cam01", (0.0, 5.0, 1.0))
+    points = np.broadcast_to([0.0, 0.0, 1.0], (2, 1, 3))
+    velocity = np.broadcast_to([2.0, 0.0, 0.0], points.shape)
+    gain = np.zeros((2, 6))
+    gain[:, 1] = 0.5, 300.0  # s and ppm per rad about the camera's y axis
+    clock = Clock(0.0, middle_s=30.0, given=(0.0, 0.0), gains={"cam01": gain})
+    joint = np.zeros((6, 6))
+    joint[1, 1] = 0.01**2
+    timing = uncertainty.Timing({"cam01": clock}, velocity, np.array([30.0, 930.0]))
+    spread = uncertainty.of_labels(own, points, np.zeros((2, 1, 3, 3)), [], ["cam01"], joint, timing)
+    by_point, by_camera = cov.projection(own, points)
+    by_turn = (
+        by_camera[..., 1]
+        + (0.5 + 300e-6 * np.array([0.0, 900.0]))[:, None, None] * (by_point @ velocity[..., None])[..., 0]
+    )
+    assert np.diagonal(spread, axis1=-2, axis2=-1) == pytest.approx((0.01 * by_turn) ** 2, rel=1e-9, abs=1e-12)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from dior.body.names import MLKIT_33
+from dior.label import visibility
 from dior.label.visibility import hidden
 from dior.simulate import settings as levels
 from dior.simulate import truth
@@ -65,3 +66,22 @@ def test_a_missing_joint_hides_nothing(seen):
     lost = points[MLKIT_33].copy()
     lost[:, 11:] = np.nan
     assert not hidden(view.camera, lost, MLKIT_33).any()
+
+
+@pytest.mark.parametrize(
+    ("beside", "behind", "told"),
+    [
+        (0.0, 0.03, False),  # in the limb that it belongs to, 1.3 radii below its surface
+        (0.0, 0.05, True),  # 1.5 radii
+        (0.0, 0.5, True),
+        (0.0, -0.2, False),  # in front of it
+        (0.099, 0.02, False),  # the line of sight grazes a limb that the joint belongs to
+        (0.099, 0.07, True),  # 1.21 radii from the axis: another limb, and 0.84 radii behind where the line enters it
+        (0.101, 0.5, False),  # past the limb
+    ],
+)
+def test_a_joint_is_hidden_by_a_limb_of_10_cm_radius(beside, behind, told):
+    """An upright limb 5 m from the eye at 0, its axis `beside` the line of sight, the joint `behind` the axis, m."""
+    a, b = (np.array([[5.0, beside, z]]) for z in (-1.0, 1.0))
+    sight, far = np.array([[[1.0, 0.0, 0.0]]]), np.array([[5.0 + behind]])
+    assert visibility._behind(sight, far, a, b, 0.1, 0.1)[0, 0] == told

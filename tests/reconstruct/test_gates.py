@@ -1,6 +1,7 @@
 """Pixels that agree in a world that is wrong."""
 
 import numpy as np
+import pytest
 
 from dior.body.names import MLKIT_33
 from dior.reconstruct.gates import implausible
@@ -54,3 +55,49 @@ def test_a_bone_of_another_length_costs_its_far_end():
     bad = judged(points, bone=0.5 * abs(ratio - 1))
     assert bad[20, ankle] and not bad[np.arange(40) != 20].any()
     assert not judged(points, bone=10.0).any()
+
+
+SURE = 1e-10 * np.eye(3)
+
+
+@pytest.mark.parametrize("fps", [15, 60, 120])
+@pytest.mark.parametrize(("speed", "told"), [(7.5, False), (8.5, True)])
+def test_a_body_is_as_fast_as_the_limit_and_no_faster(fps, speed, told):
+    points = walker(fps)
+    points += (np.arange(fps) / fps * (speed - 2.0 * fps / (fps - 1)))[:, None, None] * [1, 0, 0]
+    bad = implausible(points, np.broadcast_to(SURE, (*points.shape, 3)), list(MLKIT_33), fps, 100.0, 8.0, 0.4)
+    # of what is too fast an instant is left every half second: after a gap nothing is known
+    assert bad.mean() > 0.85 if told else not bad.any()
+
+
+@pytest.mark.parametrize(("speed", "told"), [(11.5, False), (12.5, True)])
+def test_a_joint_is_as_fast_as_its_limit_and_no_faster(speed, told):
+    points = walker(40)
+    wrist = MLKIT_33.index("left_wrist")
+    points[:, wrist] = points[0, wrist] + (np.arange(40) / FPS * speed)[:, None] * [0, 1, 0]
+    bad = implausible(points, np.broadcast_to(SURE, (*points.shape, 3)), list(MLKIT_33), FPS, 12.0, 8.0, 1e9)
+    assert bad[:, wrist].mean() > 0.9 if told else not bad.any()
+    assert bad.sum() == bad[:, wrist].sum()
+
+
+@pytest.mark.parametrize("fps", [15, 30, 60, 120])
+def test_after_a_gap_of_half_a_second_the_body_may_be_anywhere(fps):
+    """Six metres within half a second are too far at 8 m/s; one instant later nothing is known."""
+    half = int(0.5 * fps)
+    for apart, lost in ((half - 2, 3), (half, 1), (half + 1, 0)):
+        points = np.repeat(walker(fps)[:1], 4 * fps, axis=0)
+        last = 3 * fps
+        points[last + 1 : last + apart] = np.nan
+        points[last + apart :] += [6.0, 0, 0]
+        bad = implausible(points, np.broadcast_to(SURE, (*points.shape, 3)), list(MLKIT_33), fps, 12.0, 8.0, 0.4)
+        assert bad.all(axis=1).sum() == lost and bad.sum() == lost * 33
+
+
+@pytest.mark.parametrize("fps", [15, 60, 120])
+def test_a_bones_length_is_judged_once_a_third_of_a_second_of_it_is_known(fps):
+    for known, told in ((round(fps / 3) - 1, False), (round(fps / 3), True)):
+        points = np.repeat(walker(fps)[:1], fps, axis=0)
+        points[known:] = np.nan
+        points[0, MLKIT_33.index("left_wrist")] += [0, 0, 0.05]
+        bad = implausible(points, np.broadcast_to(SURE, (*points.shape, 3)), list(MLKIT_33), fps, 1e9, 1e9, 0.01)
+        assert bad[0].any() == told and not bad[1:].any()

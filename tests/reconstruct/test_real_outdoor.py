@@ -11,6 +11,7 @@ from dior.geometry import camera as cam
 from dior.geometry import views
 from dior.reconstruct.swaps import exchange, find_swaps
 
+FPS = 60.0
 SWAPPED = [*range(41, 62), 65, *range(67, 75), 77, 78, 81]
 
 
@@ -59,7 +60,7 @@ def stack(reader, shared, rig):
 
 def test_the_exchanged_frames_of_cam02_are_found(shared, rig):
     uv, score = stack(mlkit, shared, rig[:3])
-    found = find_swaps(rig[:3], uv, score, MLKIT_33)
+    found = find_swaps(rig[:3], uv, score, MLKIT_33, FPS)
     true = np.zeros((3, 100), bool)
     true[1, SWAPPED] = True
     assert (found & true).sum() >= 30
@@ -70,7 +71,7 @@ def test_the_unseen_camera_is_labelled(shared, rig):
     """At most 22.5 px mean and 19.5 px median on cam04; plain DLT has 72 and 26."""
     uv, score = stack(mlkit, shared, rig[:3])
     score = np.where(score >= 0.3, score, 0.0)
-    swapped = find_swaps(rig[:3], uv, score, MLKIT_33)
+    swapped = find_swaps(rig[:3], uv, score, MLKIT_33, FPS)
     uv, score = exchange(uv, swapped, MLKIT_33), exchange(score, swapped, MLKIT_33)
     limit = min(45.0, views.DROP_FACTOR * views.usual_error(rig[:3], uv, score))
     points, _, _, good = views.by_dropping(rig[:3], uv, score, limit, 45.0)

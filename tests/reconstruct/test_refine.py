@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dior.reconstruct import refine
+from dior.reconstruct import refine, triangulate
 from dior.reconstruct.smooth import smooth
 from dior.reconstruct.triangulate import write_skeleton
 from dior.tables import tables
@@ -134,9 +134,57 @@ def test_the_step_keeps_every_row(tmp_path):
     table = tables.read(tmp_path / "r.parquet", "skeletons_3d")
     after, joints = tables.grid(table, "x", "y", "z")
     assert joints == names and after.shape == points.shape
+    # the noise is as triangulate's metadata says
+    wanted, _, _ = refine.refined(points, covariance, names, triangulate.rate(stamps), 0.1, 0.2, 0.2)
+    assert after[:, 0] == pytest.approx(wanted[:, 0], abs=1e-6)
+    for other in ((0.0, 0.2), (0.1, 0.0)):
+        unlike, _, _ = refine.refined(points, covariance, names, triangulate.rate(stamps), *other, 0.2)
+        assert np.abs(unlike - wanted)[:, 0].max() > 1e-4
     words = table["status"].reshape(60, 2)
     assert (words[20:23, 0] == "gap_filled").all() and np.isfinite(after[20:23, 0]).all()
     # a joint that was hardly seen is left as it is
     assert (words[:, 1] == status[:, 1]).all() and after[4:9, 1] == pytest.approx(np.ones((5, 3)))
     assert np.isfinite(table["sigma_x"].reshape(60, 2)[:, 0]).all()
     assert "bridged" in tables.read(tmp_path / "f.parquet", "findings")["text"][0]
+
+
+def test_what_stays_is_not_smoothed_and_the_rest_is_as_if_it_were_alone():
+    points = noisy(np.repeat(moving(120), 2, axis=1), 0.02, 0.0, np.random.default_rng(3))
+    C = np.broadcast_to(4e-4 * np.eye(3), (120, 2, 3, 3)).copy()
+    path, spread, _ = refine.refined(points, C, ["a", "b"], FPS, 0.1, 0.36, 0.2)
+    alone, less, _ = refine.refined(points, 0.64 * C, ["a", "b"], FPS, 0.1, 0.0, 0.2)
+    assert path == pytest.approx(alone, abs=1e-12) and spread == pytest.approx(less + 0.36 * C, abs=1e-12)
+
+
+def test_noise_that_lasts_is_not_taken_for_white():
+    points = noisy(np.repeat(moving(120), 2, axis=1), 0.02, 0.15, np.random.default_rng(3))
+    C = np.broadcast_to(4e-4 * np.eye(3), (120, 2, 3, 3)).copy()
+    (path, spread, _), (white, less, _) = (
+        refine.refined(points, C, ["a", "b"], FPS, time_s, 0.0, 0.2) for time_s in (0.15, 0.0)
+    )
+    keep = np.exp(-1 / (FPS * 0.15))
+    expected, C0 = dense(points[:, 0], C[:, 0], keep, refine.learned(points, C, keep, FPS)[0])
+    # noise between points more than four instants apart is taken as independent
+    assert path[:, 0] == pytest.approx(expected, abs=1e-3) and spread[:, 0] == pytest.approx(C0, rel=0.05, abs=1e-6)
+    assert np.trace(spread.mean(axis=(0, 1))) > 3 * np.trace(less.mean(axis=(0, 1)))
+
+
+def test_a_gap_is_short_up_to_its_limit_and_has_two_ends():
+    known = np.array([[c == "1" for c in row] for row in ("0110011000110", "1101000011011")]).T
+    filled = refine._short_gaps(known, 2)
+    assert ["".join("x" if f else "." for f in column) for column in filled.T] == ["...xx........", "..x.......x.."]
+
+
+@pytest.mark.parametrize("fps", [15, 30, 60, 120])
+def test_gaps_are_bridged_by_their_time(fps):
+    """A gap of 0.2 s is bridged, whatever the rate and also where it is read from stamps; an instant more is not."""
+    step_ns = round(1e9 / fps)
+    most = round(0.2 * fps)
+    points = np.repeat(moving(2 * fps), 1, axis=1)
+    points[20 : 20 + most] = np.nan
+    after = 25 + most
+    points[after : after + most + 1] = np.nan
+    C = np.where(np.isfinite(points)[..., None], 1e-4 * np.eye(3), np.nan)
+    for rate in (1e9 / step_ns, float(fps)):
+        _, _, filled = refine.refined(points, C, ["a"], rate, 0.0, 0.0, 0.2)
+        assert np.flatnonzero(filled[:, 0]).tolist() == list(range(20, 20 + most))

@@ -1,9 +1,15 @@
+import itertools
+
 import numpy as np
+import pytest
 
 from dior.body.names import LIMBS, MLKIT_33, is_leg, swap_index
 from dior.geometry import camera as cam
-from dior.reconstruct.swaps import combinations, exchange, find_exchanged, find_swaps, find_taken
+from dior.reconstruct import swaps
+from dior.reconstruct.swaps import combinations, exchange, find_exchanged, find_mistaken_limbs, find_swaps
 from tests.rig import ring
+
+FPS = 30.0
 
 
 def walker(count, seed=0):
@@ -37,7 +43,7 @@ def test_runs_of_swaps_in_one_view_are_found_without_false_ones():
     true = np.zeros((3, 90), bool)
     true[1, 20:45] = True
     true[2, 60:66] = True
-    found = find_swaps(cameras, exchange(uv, true, MLKIT_33), np.ones(uv.shape[:3]), MLKIT_33)
+    found = find_swaps(cameras, exchange(uv, true, MLKIT_33), np.ones(uv.shape[:3]), MLKIT_33, FPS)
     assert (found == true).all()
 
 
@@ -47,7 +53,7 @@ def test_two_of_three_views_exchanged_together_are_told_by_continuity():
     uv = observed(cameras, walker(80), 2.0)
     true = np.zeros((3, 80), bool)
     true[:2, 30:40] = True
-    found = find_swaps(cameras, exchange(uv, true, MLKIT_33), np.ones(uv.shape[:3]), MLKIT_33)
+    found = find_swaps(cameras, exchange(uv, true, MLKIT_33), np.ones(uv.shape[:3]), MLKIT_33, FPS)
     assert (found == true).all()
 
 
@@ -59,7 +65,7 @@ def test_missing_instants_and_views_do_not_matter():
     uv = exchange(uv, true, MLKIT_33)
     uv[:, 25:28] = np.nan
     uv[2, 40:] = np.nan
-    found = find_swaps(cameras, uv, np.isfinite(uv[..., 0]).astype(float), MLKIT_33)
+    found = find_swaps(cameras, uv, np.isfinite(uv[..., 0]).astype(float), MLKIT_33, FPS)
     seen = np.ones(60, bool)
     seen[25:28] = False
     assert (found[:, seen] == true[:, seen]).all()
@@ -68,8 +74,8 @@ def test_missing_instants_and_views_do_not_matter():
 def test_nothing_to_exchange():
     cameras = ring(2)
     uv = observed(cameras, walker(5), 1.0)
-    assert not find_swaps(cameras[:1], uv[:1], np.ones((1, 5, 33)), MLKIT_33).any()
-    assert not find_swaps(cameras, uv[:, :, :1], np.ones((2, 5, 1)), MLKIT_33[:1]).any()
+    assert not find_swaps(cameras[:1], uv[:1], np.ones((1, 5, 33)), MLKIT_33, FPS).any()
+    assert not find_swaps(cameras, uv[:, :, :1], np.ones((2, 5, 1)), MLKIT_33[:1], FPS).any()
     assert len(combinations(3)) == 8 and combinations(7).sum(axis=1).max() == 2
 
 
@@ -79,7 +85,7 @@ def test_legs_alone_are_exchanged_back():
     legs = np.array([is_leg(name) for name in MLKIT_33])
     true = np.zeros((3, 80, 33), bool)
     true[1, 20:40] = legs & (swap_index(MLKIT_33) != np.arange(33))
-    found = find_exchanged(cameras, exchange(uv, true, MLKIT_33), np.ones(uv.shape[:3]), MLKIT_33)
+    found = find_exchanged(cameras, exchange(uv, true, MLKIT_33), np.ones(uv.shape[:3]), MLKIT_33, FPS)
     assert (found == true).all() and legs.sum() == 10
 
 
@@ -90,6 +96,72 @@ def test_a_limb_that_two_views_take_for_the_other_is_left_out_in_both():
     taken = uv.copy()
     taken[:2, 20:32, own] = observed(cameras, walker(60), 2.0, seed=9)[:2, 20:32, others]
     score, sigma = np.ones(uv.shape[:3]), np.full((3, 33), 2.0)
-    found = find_taken(cameras, taken, score, sigma, MLKIT_33)
+    found = find_mistaken_limbs(cameras, taken, score, sigma, MLKIT_33, FPS)
     assert found[:2, 20:32, own].all() and found.sum() == 2 * 12 * len(own)
-    assert not find_taken(cameras, uv, score, sigma, MLKIT_33).any()
+    assert not find_mistaken_limbs(cameras, uv, score, sigma, MLKIT_33, FPS).any()
+
+
+def test_the_cheapest_path_is_that_of_all_paths():
+    """Costs of a change that depend on its direction, against every path."""
+    random = np.random.default_rng(0)
+    for _ in range(20):
+        unary, change = random.random((3, 5)), 2 * random.random((4, 3, 3))
+        paths = np.array(list(itertools.product(range(3), repeat=5)))
+        cost = unary[paths, np.arange(5)].sum(axis=1) + change[np.arange(4), paths[:, 1:], paths[:, :-1]].sum(axis=1)
+        assert (swaps.cheapest_path(unary, change) == paths[cost.argmin()]).all()
+
+
+def test_a_joint_moves_from_where_it_was_in_the_state_before():
+    points = np.zeros((2, 2, 1, 3))
+    points[:, :, 0, 0] = [[0.0, 0.2], [0.3, 0.0]]
+    # from 0 in state 0 to 0 in state 1 it is no way, from 0.3 in state 1 to 0.2 in state 0 it is 10 cm
+    assert swaps._movement(points)[0] == pytest.approx(np.array([[2.0, 1.0], [0.0, 3.0]]))
+
+
+@pytest.mark.parametrize("fps", [15, 60, 120])
+def test_a_disagreement_counts_by_the_time_it_lasts(fps):
+    """Half a usual error more for 0.2 s is worth two changes, for 0.07 s it is not: whatever the rate."""
+    t = np.arange(3 * fps) / fps
+    errors = np.full((4, len(t), 1), 3.0)
+    long, short = (t >= 1.0) & (t < 1.2 - 1e-9), (t >= 2.0) & (t < 2.0 + 1 / 15 - 1e-9)
+    errors[0], errors[1] = 1.0, 2.0
+    errors[0, long | short], errors[1, long | short] = 1.5, 1.0
+    found = swaps._cheapest_path(errors, np.zeros((4, len(t), 1, 3)), combinations(2), fps)
+    assert (found == long).all()
+
+
+@pytest.mark.parametrize("fps", [15, 60, 120])
+def test_the_same_walk_has_the_same_swaps_at_every_rate(fps):
+    cameras = ring(3)
+    count = 3 * fps
+    uv = observed(cameras, walker(count), 2.0)
+    t = np.arange(count) / fps
+    true = np.zeros((3, count), bool)
+    true[1, (t > 0.61) & (t < 1.49)] = True
+    true[2, (t > 2.01) & (t < 2.19)] = True
+    found = find_swaps(cameras, exchange(uv, true, MLKIT_33), np.ones(uv.shape[:3]), MLKIT_33, fps)
+    assert (found == true).all()
+
+
+@pytest.mark.parametrize("fps", [15, 60, 120])
+def test_a_fast_limb_has_not_jumped(fps):
+    """4 m/s is a foot in its swing; pixels so uncertain that any limb lies on the other one."""
+    cameras = ring(3, 12.0)
+    points = walker(fps)
+    points[..., 0] *= 2.0
+    uv = observed(cameras, points, 0.0)
+    assert not find_mistaken_limbs(cameras, uv, np.ones(uv.shape[:3]), np.full((3, 33), 200.0), MLKIT_33, fps).any()
+
+
+@pytest.mark.parametrize("fps", [15, 60, 120])
+def test_a_limb_taken_for_the_other_counts_by_the_time_it_lasts(fps):
+    """Limbs 10 cm apart in pixels good to 33: 0.4 s tell that two views are wrong, 0.07 s do not, at any rate."""
+    cameras = ring(3)
+    own, others = ([MLKIT_33.index(name) for name in side if name in MLKIT_33] for side in LIMBS[2])
+    t = np.arange(3 * fps) / fps
+    long, short = (t >= 1.0) & (t < 1.4 - 1e-9), (t >= 2.0) & (t < 2.0 + 1 / 15 - 1e-9)
+    uv = observed(cameras, walker(len(t)) * [1, 0.2, 1], 0.0)
+    where = np.ix_([0, 1], np.flatnonzero(long | short), own)
+    uv[where] = uv[np.ix_([0, 1], np.flatnonzero(long | short), others)]
+    found = find_mistaken_limbs(cameras, uv, np.ones(uv.shape[:3]), np.full((3, 33), 33.0), MLKIT_33, fps)
+    assert (found[:2, :, own] == long[:, None]).all() and not found[2].any()

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dior.arrays import Bools, Floats, Ints
-from dior.body import plausible
+from dior.body import proportions
+from dior.body.proportions import STATURE_SEGMENTS, STATURE_SHARE
 from dior.calibrate.bundle.bundle import Prior
 from dior.calibrate.bundle.reduced import Row, RowOf
 from dior.calibrate.bundle.uncertainty import Tracks
@@ -23,16 +24,6 @@ from dior.errors import DiorError, nearest
 from dior.geometry import covariance
 from dior.geometry.camera import Camera, project
 
-# Segments by Drillis and Contini (1966), in Winter, Biomechanics and Motor Control of Human Movement, 4th ed., fig.
-# 4.1, in body heights: knee to ankle 0.246, hip to knee 0.245, and shoulder (0.818) to hip (0.530).
-STATURE_SEGMENTS = (
-    (("left_hip",), ("left_knee",), 0.5),
-    (("right_hip",), ("right_knee",), 0.5),
-    (("left_knee",), ("left_ankle",), 0.5),
-    (("right_knee",), ("right_ankle",), 0.5),
-    (("left_hip", "right_hip"), ("left_shoulder", "right_shoulder"), 1.0),
-)
-STATURE_SHARE = sum(plausible.SEGMENTS.values())
 # People differ by 1-2 % of their height in what is left (neck, head, foot), and a detector's hips and shoulders are
 # not the anatomist's: together 2.5 % of the sum.
 STATURE_SHARE_SIGMA = 0.02
@@ -40,8 +31,8 @@ FEWEST_MOMENTS = 10  # chosen: instants that a mean length needs; a third of the
 # chosen: of the instants of a walk at which a joint of the foot counts as standing; a foot stands in 60 % of a stride
 # (Winter), so that a quarter leaves room for slopes of the noise
 STANCE_SHARE = 0.25
-# chosen: how high the heel and the toes of a standing foot are above the floor, m, in a shoe
-SOLE_M = {"left_heel": 0.03, "right_heel": 0.03, "left_foot_index": 0.03, "right_foot_index": 0.03}
+# how high the joints of a standing foot are above the floor, m
+SOLE_M = dict.fromkeys(("left_heel", "right_heel", "left_foot_index", "right_foot_index"), proportions.SOLE_M)
 
 
 # what an adjusted world makes of a fact: of (cameras, points, noise) to its value
