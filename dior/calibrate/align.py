@@ -15,13 +15,16 @@ takes over the world's errors: its covariance has blocks with theirs. The camera
 with the pose (`dior follow` tells what it is), unless config/offsets says it. World in metres, Z up.
 """
 
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from dior.arrays import AnyPath, Floats
 from dior.calibrate.outline import boxes_fit, seen_edges
-from dior.calibrate.outline.walks import SILHOUETTE_MARGIN_PX, by_close, gather, read_walk
+from dior.calibrate.outline.walks import SILHOUETTE_MARGIN_PX, Walk, by_close, gather, read_walk
 from dior.errors import DiorError
 from dior.geometry import camera as cam
 from dior.geometry import camera_tables, covariance
@@ -41,7 +44,7 @@ FEW_AGREE = 0.6
 CLOCK_SIGMA_S, DRIFT_SIGMA_PPM = 1.0, 30.0
 
 
-def aligned_pose(where, tape, nudge):
+def aligned_pose(where: AnyPath, tape: Mapping[str, Any], nudge: Mapping[str, Any]) -> Floats:
     """wTc (4, 4) from the sections `tape` and `nudge` of a camera's YAML (degrees and metres).
 
     Raises DiorError for a camera straight above its target, which has no horizontal direction to move in.
@@ -62,7 +65,7 @@ def aligned_pose(where, tape, nudge):
     return pose(rotation_z(azimuth) @ rotation_x(elevation), moved)
 
 
-def freedom(settings, held):
+def freedom(settings: Mapping[str, Any], held: Sequence[bool]) -> seen_edges.Freedom:
     """`seen_edges.Freedom` of a camera's YAML: how far the tape is trusted, by what `align.fit` says.
 
     `held`: of each walk, whether its clock was given by hand.
@@ -81,7 +84,7 @@ def freedom(settings, held):
     )
 
 
-def joint_covariance(fitted, close_covariance, range_m):
+def joint_covariance(fitted: boxes_fit.Fitted, close_covariance: Floats | None, range_m: float) -> Floats:
     """(6 + 6V, 6 + 6V) of this camera and the V close ones, whose errors it takes over. NaN of them is none known."""
     T = boxes_fit.to_pose(fitted.camera, range_m)
     own = T @ fitted.covariance @ T.T
@@ -92,7 +95,14 @@ def joint_covariance(fitted, close_covariance, range_m):
     return np.block([[own + cross @ taken.T, cross], [cross.T, close_covariance]])
 
 
-def found_out(scope, walks, seen, fitted, pose_covariance, taped):
+def found_out(
+    scope: str,
+    walks: Sequence[Walk],
+    seen: seen_edges.Seen,
+    fitted: boxes_fit.Fitted,
+    pose_covariance: Floats,
+    taped: Floats,
+) -> list[tuple[str, str, str, str]]:
     """What the fit found, with 95 % intervals: (scope, severity, code, text)."""
     edge = np.isfinite(fitted.residual)
     residual = np.concatenate([fitted.residual[edge], fitted.click_residual[np.isfinite(fitted.click_residual)]])

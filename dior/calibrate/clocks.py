@@ -8,15 +8,19 @@ Outdoors the first close camera by name is the reference (`camera_clock`). A lon
 Where the data cannot tell, the clock is zero, its sigma is null and a finding says why.
 """
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from dior.arrays import Floats, Table
 from dior.calibrate.marks.marks import read_motion
 from dior.clocks import by_hand as given_by
 from dior.clocks import clock as on_axis
 from dior.clocks.axis import instants, rates
 from dior.geometry import camera_tables
+from dior.geometry.camera import Camera
 from dior.tables import tables
 
 FAR_OFF = 0.9  # pictures; cameras that run free on one network's time are nearer to each other
@@ -66,7 +70,17 @@ def run(
     tables.write_findings(findings, findings_of(sequence, told, manual, names, joint, period, bool(mocap)))
 
 
-def _indoors(sequence, rig, seen, pictures, mocap, marked, manual, min_score, data_root):
+def _indoors(
+    sequence: str,
+    rig: list[Camera],
+    seen: Table | None,
+    pictures: Table,
+    mocap: Path,
+    marked: list[Path],
+    manual: Mapping[str, on_axis.Clock],
+    min_score: float,
+    data_root: Path,
+) -> dict[str, on_axis.Estimate]:
     """By camera: `Clock`, lags, costs, why it is not known or "". Pictures are read only where nothing else tells."""
     from dior.calibrate.bundle import window
     from dior.calibrate.clock import from_mocap
@@ -96,7 +110,7 @@ def _indoors(sequence, rig, seen, pictures, mocap, marked, manual, min_score, da
     return found
 
 
-def _by_pictures(camera, mocap, rows, data_root, where):
+def _by_pictures(camera: Camera, mocap: Path, rows: Table, data_root: Path, where: str) -> on_axis.Estimate:
     from dior.calibrate.outline import clock_from_pictures
 
     clock, lags, costs = clock_from_pictures.from_pictures(
@@ -105,7 +119,9 @@ def _by_pictures(camera, mocap, rows, data_root, where):
     return clock, lags, costs, "" if clock.source == "estimated" else "neither detections, marks nor pictures tell it"
 
 
-def _outdoors(sequence, rig, seen, pictures, min_score, max_gap):
+def _outdoors(
+    sequence: str, rig: list[Camera], seen: Table | None, pictures: Table, min_score: float, max_gap: float
+) -> dict[str, on_axis.Estimate]:
     from dior.calibrate.bundle import window
     from dior.calibrate.clock import from_cameras
 
@@ -117,12 +133,12 @@ def _outdoors(sequence, rig, seen, pictures, min_score, max_gap):
             c.name: (known, NONE, NONE, "") if c.name == reference else (on_axis.Clock(0.0), NONE, NONE, why)
             for c in rig
         }
-    seen = window.recorded(rig, seen, pictures, min_score, max_gap, sequence)
-    grid = instants(seen.fps, max(own.elapsed[-1] for own in seen.seen))
-    return from_cameras.from_detections(rig, seen.seen, seen.names, grid, seen.fps)
+    found = window.recorded(rig, seen, pictures, min_score, max_gap, sequence)
+    grid = instants(found.fps, max(own.elapsed[-1] for own in found.seen))
+    return from_cameras.from_detections(rig, found.seen, found.names, grid, found.fps)
 
 
-def _costs(sequence, told):
+def _costs(sequence: str, told: Mapping[str, on_axis.Estimate]) -> dict[str, Any]:
     lags = [
         (name, lag, cost) for name, (_, lags, costs, _) in told.items() for lag, cost in zip(lags, costs, strict=True)
     ]
@@ -135,7 +151,15 @@ def _costs(sequence, told):
     }
 
 
-def findings_of(sequence, told, manual, names, joint, period_s, indoor):
+def findings_of(
+    sequence: str,
+    told: Mapping[str, on_axis.Estimate],
+    manual: Mapping[str, on_axis.Clock],
+    names: Sequence[str],
+    joint: Floats | None,
+    period_s: float,
+    indoor: bool,
+) -> list[tuple[str, str, str, str]]:
     """What was found of each clock: `told` (camera -> `Clock`, lags, costs, why not) against those by hand, `manual`.
 
     `names`, `joint`: the cameras' covariance; `period_s` of the pictures.
@@ -175,6 +199,6 @@ def findings_of(sequence, told, manual, names, joint, period_s, indoor):
     return found
 
 
-def _apart(hand, clock):
+def _apart(hand: on_axis.Clock, clock: on_axis.Clock) -> float:
     """How far (s) a clock by hand is from the estimate in the middle of the recording."""
     return hand.offset_s - clock.offset_s + 1e-6 * (hand.drift_ppm - clock.drift_ppm) * clock.middle_s

@@ -11,15 +11,19 @@ placed the camera, both together are then what one fit of everything would say. 
 the data cannot tell, the clock is that of the stamps and its error unknown.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
+from dior.arrays import Floats
 from dior.calibrate.outline import boxes_fit, clock_from_edges, clock_from_pictures, seen_edges, silhouettes, tracks
+from dior.calibrate.outline.seen_edges import Seen
 from dior.calibrate.outline.walks import (
     SILHOUETTE_MARGIN_PX,
+    Walk,
     by_close,
     from_boxes,
     from_pictures,
@@ -30,18 +34,19 @@ from dior.clocks import by_hand as hand_offsets
 from dior.clocks import clock as clocks
 from dior.geometry import camera as cam
 from dior.geometry import camera_tables
+from dior.geometry.camera import Camera
 from dior.project.camera_file import camera_settings
 from dior.tables import tables
 
 FEWEST_BOXES = 4
 
 
-def watched(walk, camera, boxes, data_root):
+def watched(walk: Walk, camera: Camera, boxes: Path | None, data_root: Path) -> tuple[Seen, str, tuple[float, float]]:
     """`seen_edges.Seen` of one walk, the method's word, and the prior of the margins (all edges, v against u) px."""
-    drawn = from_boxes(walk, boxes) if boxes else ((), ())
-    if len(drawn[0]) >= FEWEST_BOXES:
-        (shown, edges), method, flesh, track = drawn, "boxes", 0.0, walk.track
-        margin = seen_edges.Freedom.margin_px
+    flesh: Floats | float = 0.0
+    shown, edges = from_boxes(walk, boxes) if boxes else (np.zeros(0, int), np.zeros((0, 4)))
+    if len(shown) >= FEWEST_BOXES:
+        method, track, margin = "boxes", walk.track, seen_edges.Freedom.margin_px
     else:
         ((shown, edges),) = from_pictures([walk], camera, data_root)
         points, flesh = silhouettes.outline(walk.track.points, walk.joints)
@@ -55,7 +60,7 @@ def watched(walk, camera, boxes, data_root):
     return seen, method, (margin, seen_edges.Freedom.margin_split_px)
 
 
-def hidden_side(camera, seen, margin, occluder, where):
+def hidden_side(camera: Camera, seen: Seen, margin: tuple[float, float], occluder: str, where: str) -> str:
     """The side of the edges that is an occluder's, or "", as `boxes_fit.fit` reads it with the camera where it is.
 
     The clock is held at the lag that fits best with nothing hidden: the sides that are left tell it well enough.
@@ -68,7 +73,7 @@ def hidden_side(camera, seen, margin, occluder, where):
     return boxes_fit.fit(camera, held, replace(seen, seconds=seconds, points=seen.tracks[0].at(seconds)), where).hidden
 
 
-def told(scope, found):
+def told(scope: str, found: clock_from_edges.Found) -> list[tuple[str, str, str, str]]:
     """Findings of an estimated clock: (scope, severity, code, text)."""
     if found.refused:
         text = f"the clock is not known: {found.refused}; its stamps are taken as they are. Draw boxes on more pictures"
@@ -84,7 +89,16 @@ def told(scope, found):
     return [(scope, "info", "clock_followed", text)]
 
 
-def write(sequence, camera, clock, costs_px, findings, paths, names=(), joint=None):
+def write(
+    sequence: str,
+    camera: str,
+    clock: clocks.Clock,
+    costs_px: Sequence[float] | Floats,
+    findings: list[tuple[str, str, str, str]],
+    paths: tuple[Path, Path, Path, Path],
+    names: Sequence[str] = (),
+    joint: Floats | None = None,
+) -> None:
     """Write the tables of one camera's clock; `paths`: offsets, gains, costs, findings."""
     out, out_gains, out_costs, out_findings = paths
     clocks.write(out, out_gains, sequence, {camera: clock}, names, joint)

@@ -10,12 +10,14 @@ cameras are those with the least total cost of all pairs. Exchanged sides and wr
 Directions are unit vectors in the world, lengths m.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 
-from dior.geometry.camera import undistort
+from dior.arrays import Bools, Floats, Ints
+from dior.geometry.camera import Camera, undistort
 
 SEARCH_S, STEP_S = 2.0, 1 / 15
 GRID_HZ = 60.0
@@ -29,15 +31,15 @@ SHARED = 0.3  # a lag at which less than this share of the best lag's points is 
 BEAM = 400
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Rays:
     """Directions (T, J, 3) of a camera's joints on its clock, NaN where not seen, every 1/60 s from `first` / 60 s."""
 
     first: int
-    directions: np.ndarray
+    directions: Floats
 
 
-def rays(camera, seconds, uv, max_gap_s):
+def rays(camera: Camera, seconds: Floats, uv: Floats, max_gap_s: float) -> Rays:
     """`Rays` of pixels uv (F, J, 2) recorded at `seconds` (F,), never across a gap of more than `max_gap_s`."""
     from dior.clocks.axis import sample
 
@@ -48,7 +50,14 @@ def rays(camera, seconds, uv, max_gap_s):
     return Rays(first, ahead / np.linalg.norm(ahead, axis=-1, keepdims=True) @ camera.wRc.T)
 
 
-def coarse(cameras, seen, held, span, aim_rad, shift_m):
+def coarse(
+    cameras: Sequence[Camera],
+    seen: Sequence[Rays],
+    held: Bools,
+    span: tuple[float, float],
+    aim_rad: Floats,
+    shift_m: Floats,
+) -> Floats:
     """What is to be added to the times (V,) s of the cameras' clocks so that they agree.
 
     `seen`: `Rays` of each camera on its clock as it is known, `held` (V,): clocks that are not to be moved, at least
@@ -62,13 +71,22 @@ def coarse(cameras, seen, held, span, aim_rad, shift_m):
             continue
         reach = steps if held[a] or held[b] else 2 * steps
         apart = np.hypot(aim_rad[a], aim_rad[b]), np.hypot(shift_m[a], shift_m[b])
-        lags = np.arange(-reach, reach + 1) * STEP_S
+        lags = np.arange(-reach, reach + 1.0) * STEP_S
         costs[a, b] = pair_cost(cameras[a].centre, seen[a], cameras[b].centre, seen[b], lags, span, *apart)
     at = _least(costs, held, steps)
     return np.array([0.0 if held[view] else _between(costs, at, view, steps) for view in range(len(cameras))])
 
 
-def pair_cost(centre_a, a, centre_b, b, lags, span, aim_rad, shift_m):
+def pair_cost(
+    centre_a: Floats,
+    a: Rays,
+    centre_b: Floats,
+    b: Rays,
+    lags: Floats,
+    span: tuple[float, float],
+    aim_rad: float,
+    shift_m: float,
+) -> Floats:
     """Mean cost (L,) of the points that both see when b's clock is `lags` (L,) s late: time of a = time of b + lag.
 
     `aim_rad`, `shift_m`: how far their relative pose may be off. 0 at every lag where the points are too few.
@@ -93,7 +111,7 @@ def pair_cost(centre_a, a, centre_b, b, lags, span, aim_rad, shift_m):
     return np.where(enough, cost, cost[enough].max())
 
 
-def _fitted(A, B, good, baseline, aim_rad, shift_m):
+def _fitted(A: Floats, B: Floats, good: Bools, baseline: Floats, aim_rad: float, shift_m: float) -> Floats:
     """Mean cost (L,) of rays A (3, N) and B (L, 3, N) after turning B and shifting its centre, for each lag.
 
     The residual is the sine of the angle by which a ray misses the plane of the other and the baseline.
@@ -116,7 +134,7 @@ def _fitted(A, B, good, baseline, aim_rad, shift_m):
     return cost + (given**2 @ prior) / INDEPENDENT
 
 
-def _missed(A, B, line):
+def _missed(A: Floats, B: Floats, line: Floats) -> tuple[Floats, Floats]:
     """By how much B (L, 3, N) misses the plane of A (3, N) and the baseline (L, 3): (L, N), and its derivative
     (L, 6, N) by a turn of B in the world and a shift of its centre."""
     a, b = A[None], np.swapaxes(B, 0, 1)
@@ -127,7 +145,7 @@ def _missed(A, B, line):
     return (line[:, None] @ cross)[:, 0] / norm, np.concatenate([turn, cross], axis=1) / norm[:, None]
 
 
-def _least(costs, held, steps):
+def _least(costs: Mapping[tuple[int, int], Floats], held: Bools, steps: int) -> Ints:
     """Lags (V,) in steps with the least total cost: cameras one after the other, the best few hundred at every turn."""
     order = sorted(range(len(held)), key=lambda view: not held[view])
     chosen, total = np.zeros((1, 0), int), np.zeros(1)
@@ -147,7 +165,7 @@ def _least(costs, held, steps):
     return at
 
 
-def _between(costs, at, view, steps):
+def _between(costs: Mapping[tuple[int, int], Floats], at: Ints, view: int, steps: int) -> float:
     """The lag (s) of a camera, by the parabola through the least cost and its neighbours, the others as in `at`."""
     along, lags = np.zeros(2 * steps + 1), np.arange(-steps, steps + 1)
     for (a, b), cost in costs.items():

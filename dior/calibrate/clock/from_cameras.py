@@ -6,17 +6,20 @@ A search over the window, camera by camera, finds the lag at which the rays of t
 fitted to how the joints move (`clock_fit`), with the 3D of every moment unknown. World in metres, recorded px, seconds.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
 
+from dior.arrays import Bools, Floats, Ints
 from dior.calibrate.clock import fit
 from dior.clocks import lag_curve
 from dior.clocks.axis import sample
-from dior.clocks.clock import Clock
+from dior.clocks.clock import Clock, Estimate
 from dior.geometry import camera as cam
 from dior.geometry import covariance
+from dior.geometry.camera import Camera
 from dior.geometry.multiview import side_seen, triangulate
 from dior.geometry.views import DROP_FACTOR, by_dropping, usual_error
 
@@ -40,21 +43,23 @@ TIMED = {"nose", "neck", "mid_hip"} | {
 }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Seen:
     """What a camera has: `elapsed` (F,) s after t0, `uv` (F, J, 2) px with NaN, `max_gap_s` of its pictures."""
 
-    elapsed: np.ndarray
-    uv: np.ndarray
+    elapsed: Floats
+    uv: Floats
     max_gap_s: float
 
-    def at(self, grid, value, middle):
+    def at(self, grid: Floats, value: Floats, middle: float) -> Floats:
         """Detections (T, J, 2) at moments `grid` (T,) s, by a clock (time in the middle s, drift ppm)."""
         times = self.elapsed + value[0] + 1e-6 * value[1] * (self.elapsed - middle)
         return sample(times, self.uv, grid, self.max_gap_s)
 
 
-def from_detections(cameras, seen, names, grid, fps):
+def from_detections(
+    cameras: Sequence[Camera], seen: Sequence[Seen], names: Sequence[str], grid: Floats, fps: float
+) -> dict[str, Estimate]:
     """By camera: `Clock`, lags (L,) s, costs (L,) px, the reason why it cannot be told or "".
 
     `cameras` (V), the first of which is the reference; `seen`: a `Seen` of each; `names` of the joints; `grid` (T,) s
@@ -63,7 +68,7 @@ def from_detections(cameras, seen, names, grid, fps):
     middle = float((grid[0] + grid[-1]) / 2)
     timed = [i for i, name in enumerate(names) if name in TIMED] or list(range(len(names)))
     names, seen = [names[i] for i in timed], [replace(s, uv=s.uv[:, timed]) for s in seen]
-    rays = [cam.undistort(c.intrinsics, s.at(grid, (0.0, 0.0), middle)) for c, s in zip(cameras, seen, strict=True)]
+    rays = [cam.undistort(c.intrinsics, s.at(grid, np.zeros(2), middle)) for c, s in zip(cameras, seen, strict=True)]
     found = search(cameras, rays, fps)
     why = {name: reason for name, (_, _, reason) in found.items()}
     known = [c for c in cameras if not why.get(c.name)]
@@ -91,7 +96,7 @@ def from_detections(cameras, seen, names, grid, fps):
     }
 
 
-def search(cameras, rays, fps):
+def search(cameras: Sequence[Camera], rays: Sequence[Floats], fps: float) -> dict[str, tuple[Floats, Floats, str]]:
     """By camera but the first: lags (L,) s, costs (L,) px of epipolar distance, the reason against it or "".
 
     `rays` (V) of (T, J, 2) ideal coordinates at moments 1/fps apart. A camera's cost at a lag is that of its pairs,
@@ -125,17 +130,17 @@ def search(cameras, rays, fps):
     return out
 
 
-def _window(most):
+def _window(most: int) -> Ints:
     return np.arange(-most, most + 1)
 
 
-def _with(at, view, lag):
+def _with(at: Ints, view: int, lag: int) -> Ints:
     out = at.copy()
     out[view] = lag
     return out
 
 
-def _along(costs, at, view, most, among):
+def _along(costs: Mapping[tuple[int, int], Floats], at: Ints, view: int, most: int, among: set[int]) -> Floats:
     """Cost (L,) of the lags of one camera, those of the cameras `among` as in `at`."""
     total = np.zeros(2 * most + 1)
     for (a, b), curve in costs.items():
@@ -145,7 +150,7 @@ def _along(costs, at, view, most, among):
     return total
 
 
-def _one_by_one(costs, count, most):
+def _one_by_one(costs: Mapping[tuple[int, int], Floats], count: int, most: int) -> Ints:
     """Lags (V,) in pictures: the camera comes next whose lag to those before is clearest."""
     at, known = np.zeros(count, int), {0}
     while len(known) < count:
@@ -156,7 +161,7 @@ def _one_by_one(costs, count, most):
     return at
 
 
-def _settled(costs, at, most, held=0):
+def _settled(costs: Mapping[tuple[int, int], Floats], at: Ints, most: int, held: int = 0) -> Ints:
     """The lags after each camera but the first and `held` has moved to its best, until none does."""
     at = at.copy()
     for _ in range(len(at)):
@@ -169,11 +174,11 @@ def _settled(costs, at, most, held=0):
     return at
 
 
-def _total(costs, at):
+def _total(costs: Mapping[tuple[int, int], Floats], at: Ints) -> float:
     return sum(curve[at[b] - at[a] + len(curve) // 2] for (a, b), curve in costs.items())
 
 
-def _unclear(lags, costs):
+def _unclear(lags: Floats, costs: Floats) -> str:
     if not np.isfinite(costs).any():
         return "no joint is seen by it and another camera at once"
     other = lag_curve.second_minimum(lags, costs)
@@ -182,13 +187,13 @@ def _unclear(lags, costs):
     return f"a lag of {lags[np.nanargmin(costs)]:+.2f} s fits hardly better than one of {other:+.2f} s"
 
 
-def _mean(total, count):
+def _mean(total: Floats, count: Ints) -> Floats:
     """A lag at which little overlaps may not win by that."""
     enough = count > 0.5 * np.max(count)
     return np.where(enough & (count > 0), total / np.maximum(count, 1), np.nan)
 
 
-def _epipolar(one, other, x, y, steps):
+def _epipolar(one: Camera, other: Camera, x: Floats, y: Floats, steps: Ints) -> tuple[Floats, Ints]:
     """Sums (L,) of capped epipolar distances, at focal length 1, of rays x (T, J, 2) and y `steps` later; counts."""
     from dior.geometry.covariance import cross
 
@@ -212,7 +217,9 @@ def _epipolar(one, other, x, y, steps):
     return total, seen
 
 
-def fitted(cameras, seen, names, grid, middle, start):
+def fitted(
+    cameras: Sequence[Camera], seen: Sequence[Seen], names: Sequence[str], grid: Floats, middle: float, start: Floats
+) -> tuple[Floats, fit.Solved | None]:
     """Clocks (V - 1, 2) of the cameras but the first, and `clock_fit.Solved` there (None with too little)."""
     value = start
     precision = np.tile([0.0, fit.DRIFT_SD_PPM**-2], len(start))
@@ -231,7 +238,7 @@ def fitted(cameras, seen, names, grid, middle, start):
     return value, solved
 
 
-def agreeing(cameras, uv):
+def agreeing(cameras: Sequence[Camera], uv: Floats) -> Bools:
     """Mask (V, T, J) of the detections that agree with those of the other views."""
     weights = np.isfinite(uv).all(axis=-1).astype(float)
     limit = max(DROP_FACTOR * usual_error(cameras, uv, weights), 1.0)
@@ -239,7 +246,15 @@ def agreeing(cameras, uv):
     return used & good
 
 
-def tracks_of(cameras, uv, names, seconds, middle, with_cameras, noise):
+def tracks_of(
+    cameras: Sequence[Camera],
+    uv: Floats,
+    names: Sequence[str],
+    seconds: Floats,
+    middle: float,
+    with_cameras: bool,
+    noise: fit.Solved | None,
+) -> fit.Tracks:
     """`clock_fit.Tracks` of detections (V, T, J, 2) px at moments `seconds` (T,); `noise`: the `Solved` before."""
     views, count, each = uv.shape[:3]
     xy = np.stack([cam.undistort(c.intrinsics, own) for c, own in zip(cameras, uv, strict=True)])
@@ -251,7 +266,7 @@ def tracks_of(cameras, uv, names, seconds, middle, with_cameras, noise):
     drifted = 1e-6 * (seconds - middle)
     feigned = np.zeros_like(speed)
     if noise is not None:
-        feigned = _by_chance(cameras, points, np.isfinite(uv).all(axis=-1), noise, seconds)
+        feigned = _by_chance(cameras, points, np.all(np.isfinite(uv), axis=-1), noise, seconds)
     parts = []
     for v, camera in enumerate(cameras):
         px, depth = cam.project(camera, points)
@@ -278,13 +293,13 @@ def tracks_of(cameras, uv, names, seconds, middle, with_cameras, noise):
     )  # fmt: skip
 
 
-def _middle(points):
+def _middle(points: Floats) -> Floats:
     """Middle (T, 2) of the joints (T, J, 3) that are known, NaN without any."""
-    known = np.isfinite(points).all(axis=-1, keepdims=True)
+    known = np.all(np.isfinite(points), axis=-1, keepdims=True)
     return np.where(known, points, 0.0).sum(axis=1)[:, :2] / np.where(known.any(axis=1), known.sum(axis=1), np.nan)
 
 
-def _by_chance(cameras, points, used, noise, seconds):
+def _by_chance(cameras: Sequence[Camera], points: Floats, used: Bools, noise: fit.Solved, seconds: Floats) -> Floats:
     """Velocities (T, J, 3) m/s that the detections' noise alone would make: that of `clock_fit.Solved`, drawn anew."""
     from scipy.signal import lfilter
 
@@ -303,7 +318,7 @@ def _by_chance(cameras, points, used, noise, seconds):
     return _lines(whole, step)[1][tick]
 
 
-def smooth(points, seconds):
+def smooth(points: Floats, seconds: Floats) -> tuple[Floats, Floats]:
     """Points (T, J, 3) m that their neighbours in time believe, NaN for the others, and their velocities (T, J, 3) m/s.
 
     Both from straight lines under a bell; a point far from the line through its neighbours (an exchanged limb, another
@@ -317,7 +332,7 @@ def smooth(points, seconds):
     for _ in range(BELIEVED_ROUNDS):
         path, _ = _lines(whole, step)
         off = np.linalg.norm(whole - path, axis=-1)
-        some = np.isfinite(off).any(axis=0)
+        some = np.any(np.isfinite(off), axis=0)
         usual = np.zeros(off.shape[1])
         usual[some] = np.nanmedian(off[:, some], axis=0)
         whole = np.where((off <= np.maximum(UNBELIEVED * usual, LEAST_OFF_M))[..., None], whole, np.nan)
@@ -326,13 +341,13 @@ def smooth(points, seconds):
     return whole[tick], np.where(slow[..., None], velocity, np.nan)[tick]
 
 
-def _lines(values, step):
+def _lines(values: Floats, step: float) -> tuple[Floats, Floats]:
     """Values and slopes per s (T, J, 3) of the straight lines under a bell around each moment; NaN with too little."""
     reach = int(np.ceil(3 * SMOOTH_S / step))
     lag = np.arange(-reach, reach + 1)
     bell = np.exp(-0.5 * (lag * step / SMOOTH_S) ** 2)
     padded = np.pad(values, ((reach, reach), (0, 0), (0, 0)), constant_values=np.nan)
-    known = np.isfinite(padded).all(axis=-1, keepdims=True)
+    known = np.all(np.isfinite(padded), axis=-1, keepdims=True)
     filled = np.where(known, padded, 0.0)
     n = t = tt = y = ty = 0.0
     for k, weight in zip(lag, bell, strict=True):
@@ -346,7 +361,7 @@ def _lines(values, step):
     return (y - slope * t) / np.where(enough, n, np.nan), slope / step
 
 
-def _left(points, names):
+def _left(points: Floats, names: Sequence[str]) -> Floats:
     """(T, 2): from the right to the left of the body, by the hips and shoulders that are known."""
     at = {name: points[:, i, :2] for i, name in enumerate(names)}
     pairs = [(f"left_{part}", f"right_{part}") for part in ("shoulder", "hip", "knee", "ankle")]

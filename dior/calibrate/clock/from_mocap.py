@@ -6,17 +6,20 @@ A search over the window finds the lag at which the projected markers are neares
 drift are fitted to how the joints move (`clock_fit`). World of the C3D in metres, recorded px, seconds.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from dior.arrays import Floats
 from dior.body import joint_centres
 from dior.calibrate.clock import fit
 from dior.clocks import lag_curve
 from dior.clocks.axis import blend, bracket
-from dior.clocks.clock import Clock
+from dior.clocks.clock import Clock, Estimate
 from dior.geometry import camera as cam
 from dior.geometry import covariance
+from dior.geometry.camera import Camera
 from dior.geometry.multiview import side_seen
 
 LAG_STEP_S = 1 / 60
@@ -28,24 +31,24 @@ ROUNDS = 12
 MOST_APART_S = 0.06
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Walker:
     """Joints of the walker at ticks `t` (I,) s: `points` (I, J, 3) m, `axes` (I, J, 3, 3) of their segments, names.
 
     `left` (I, 2): from the right to the left of the body.
     """
 
-    t: np.ndarray
-    points: np.ndarray
-    axes: np.ndarray
-    left: np.ndarray
-    names: list
+    t: Floats
+    points: Floats
+    axes: Floats
+    left: Floats
+    names: list[str]
 
-    def velocity(self):
+    def velocity(self) -> Floats:
         return np.gradient(self.points, self.t, axis=0)
 
 
-def walker_of(t, xyz, markers, wanted):
+def walker_of(t: Floats, xyz: Floats, markers: Sequence[str], wanted: Sequence[str]) -> Walker:
     """`Walker` of the joints `wanted` that the markers xyz (I, M, 3) tell."""
     points, axes = joint_centres.joints(xyz, markers, wanted)
     there = np.isfinite(points).all(axis=-1).mean(axis=0) > 0.2
@@ -59,7 +62,7 @@ def walker_of(t, xyz, markers, wanted):
     )
 
 
-def from_detections(camera, motion, uv, elapsed):
+def from_detections(camera: Camera, motion: Walker, uv: Floats, elapsed: Floats) -> Estimate:
     """`Clock`, lags (L,) s and costs (L,) px of the lag; the reason where it cannot be told (then the clock is zero).
 
     `uv` (F, J, 2) of `motion.names`, NaN where not seen; `elapsed` (F,) s after t0, ascending.
@@ -77,25 +80,17 @@ def from_detections(camera, motion, uv, elapsed):
         )
     at = fit.runs(len(elapsed), MOST, RUNS)
     middle = float((elapsed[0] + elapsed[-1]) / 2)
-    value = np.array([lag_curve.lowest(lags, costs), 0.0])
-    precision = np.array([0.0, fit.DRIFT_SD_PPM**-2])
-    solved = None
-    for _ in range(ROUNDS):
-        tracks = tracks_of(camera, motion, uv[at], elapsed[at], middle, value)
-        solved = fit.solve(tracks, value, precision)
-        if solved is None:
-            return Clock(0.0), lags, costs, "too few detections of moving joints"
-        step = np.clip(solved.step, [-0.1, -200], [0.1, 200])
-        value = value + step
-        if fit.settled(solved):
-            break
+    start = np.array([lag_curve.lowest(lags, costs), 0.0])
+    value, solved = fitted(camera, motion, uv[at], elapsed[at], middle, start)
+    if solved is None:
+        return Clock(0.0), lags, costs, "too few detections of moving joints"
     why = fit.doubt(solved) or lag_curve.disagreement(value[0] - lag_curve.lowest(lags, costs), MOST_APART_S)
     return fit.clock_of(value, middle, solved, [camera.name]), lags, costs, why
 
 
-def search(camera, motion, uv, elapsed):
+def search(camera: Camera, motion: Walker, uv: Floats, elapsed: Floats) -> tuple[Floats, Floats]:
     """Lags (L,) s and the mean distance (L,) px of detections from the projected joints, each no more than 0.3 m."""
-    lags = np.arange(-round(lag_curve.WINDOW_S / LAG_STEP_S), round(lag_curve.WINDOW_S / LAG_STEP_S) + 1) * LAG_STEP_S
+    lags = np.arange(-round(lag_curve.WINDOW_S / LAG_STEP_S), round(lag_curve.WINDOW_S / LAG_STEP_S) + 1.0) * LAG_STEP_S
     at = np.unique(np.linspace(0, len(elapsed) - 1, min(SEARCHED, len(elapsed))).round().astype(int))
     where = bracket(motion.t, (elapsed[at] + lags[:, None]).ravel(), 2.5 * np.median(np.diff(motion.t)))
     px, depth = cam.project(camera, motion.points)
@@ -110,7 +105,23 @@ def search(camera, motion, uv, elapsed):
     return lags, np.where(enough, total / np.maximum(known.sum(axis=1), 1), np.nan)
 
 
-def tracks_of(camera, motion, uv, elapsed, middle, value):
+def fitted(
+    camera: Camera, motion: Walker, uv: Floats, elapsed: Floats, middle: float, start: Floats
+) -> tuple[Floats, fit.Solved | None]:
+    """The clock (time in the middle s, drift ppm) from a start, and `clock_fit.Solved` there (None with too little)."""
+    value, solved = start, None
+    for _ in range(ROUNDS):
+        tracks = tracks_of(camera, motion, uv, elapsed, middle, value)
+        solved = fit.solve(tracks, value, np.array([0.0, fit.DRIFT_SD_PPM**-2]))
+        if solved is None:
+            break
+        value = value + np.clip(solved.step, [-0.1, -200], [0.1, 200])
+        if fit.settled(solved):
+            break
+    return value, solved
+
+
+def tracks_of(camera: Camera, motion: Walker, uv: Floats, elapsed: Floats, middle: float, value: Floats) -> fit.Tracks:
     """`clock_fit.Tracks` at a clock `value` (time in the middle s, drift ppm)."""
     seconds = elapsed + value[0] + 1e-6 * value[1] * (elapsed - middle)
     where = bracket(motion.t, seconds, 2.5 * np.median(np.diff(motion.t)))
@@ -130,7 +141,6 @@ def tracks_of(camera, motion, uv, elapsed, middle, value):
     side = np.broadcast_to(side[:, None], depth.shape)
     basis = fit.constants(depth, side, by_point @ axes)
     groups = [joint_centres.group(name) for name in motion.names]
-    return fit.Tracks(
-        *(np.swapaxes(x, 0, 1) for x in (residual, by_clock, by_camera, basis)),
-        None, np.arange(len(groups)), np.unique(groups, return_inverse=True)[1], elapsed,
-    )  # fmt: skip
+    residual, by_clock, by_camera, basis = (np.swapaxes(x, 0, 1) for x in (residual, by_clock, by_camera, basis))
+    group = np.unique(groups, return_inverse=True)[1]
+    return fit.Tracks(residual, by_clock, by_camera, basis, None, np.arange(len(groups)), group, elapsed)

@@ -11,16 +11,22 @@ Drift does not show in a few frames: it stays 0, and what that may do to pose an
 World in metres, Z up; recorded pixels; seconds.
 """
 
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from dior.arrays import Bools, Floats, Ints
 from dior.calibrate.marks import marks as hand_marks
 from dior.calibrate.marks import pnp, pose_grid
 from dior.clocks import clock as on_axis
+from dior.clocks.axis import ClockValues
 from dior.errors import DiorError
 from dior.geometry import covariance
-from dior.geometry.camera import project
+from dior.geometry.camera import Camera, project
 
 WINDOW_S, STEP_S = 2.0, 0.02
 DRIFT_SD_PPM = 30.0  # of a computer's or a camera's quartz
@@ -30,7 +36,7 @@ APART_S = 0.1  # offsets further apart than that are different answers
 UNCERTAIN_S = 0.010  # half a 95 % interval
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Places:
     """Where N marks are in the world, at any offsets of the `names`d sequences whose clocks are to be found.
 
@@ -38,14 +44,14 @@ class Places:
     (N,) s after the mocap's start by the camera's clock, `joint` (N,) index in `motions[clock]`.
     """
 
-    xyz: np.ndarray
-    clock: np.ndarray
-    t: np.ndarray
-    joint: np.ndarray
-    motions: tuple
-    names: tuple
+    xyz: Floats
+    clock: Ints
+    t: Floats
+    joint: Ints
+    motions: tuple[hand_marks.Motion, ...]
+    names: tuple[str, ...]
 
-    def at(self, offsets):
+    def at(self, offsets: Floats) -> tuple[Floats, Floats]:
         """Points (..., N, 3) m and velocities (..., N, 3) m/s at `offsets` (..., S); NaN where a marker is missing."""
         offsets = np.asarray(offsets, float)
         shape = (*offsets.shape[:-1], *self.xyz.shape)
@@ -57,11 +63,11 @@ class Places:
             )
         return xyz, velocity
 
-    def only(self, keep):
+    def only(self, keep: Bools) -> Places:
         return Places(self.xyz[keep], self.clock[keep], self.t[keep], self.joint[keep], self.motions, self.names)
 
 
-def _linear(motion, joint, t):
+def _linear(motion: hand_marks.Motion, joint: Ints, t: Floats) -> tuple[Floats, Floats]:
     """Points and velocities (..., N, 3) of joints (N,) at times (..., N), on the line between two ticks."""
     after = np.clip(np.searchsorted(motion.t, t, side="right"), 1, len(motion.t) - 1)
     start, step = motion.t[after - 1], motion.t[after] - motion.t[after - 1]
@@ -71,7 +77,9 @@ def _linear(motion, joint, t):
     return a + (t - start)[..., None] * velocity, velocity
 
 
-def places(marks, t, motions, fixed):
+def places(
+    marks: hand_marks.Marks, t: Floats, motions: Mapping[str, hand_marks.Motion], fixed: Mapping[str, ClockValues]
+) -> Places:
     """`Places` of marks (N) whose sequences are free unless in `fixed`: sequence -> (offset_s, drift_ppm, ...).
 
     Sequences with the most frames come first.
@@ -93,7 +101,7 @@ def places(marks, t, motions, fixed):
     return Places(xyz, clock, t, joint, tuple(motions[s] for s in names), names)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Found:
     """What the marks say of the clocks: `offsets` (S,) s, NaN where they cannot tell, and `why` (S,) then says why.
 
@@ -101,13 +109,13 @@ class Found:
     robust rms (L,) px with each.
     """
 
-    offsets: np.ndarray
-    why: tuple
-    wTc: np.ndarray | None
-    profile: dict
+    offsets: Floats
+    why: tuple[str, ...]
+    wTc: Floats | None
+    profile: dict[str, tuple[Floats, Floats]]
 
 
-def search(camera, where_marked, uv, frame, ransac_px, where):
+def search(camera: Camera, where_marked: Places, uv: Floats, frame: Ints, ransac_px: float, where: str) -> Found:
     """`Found` for all sequences of `where_marked` (`Places` of N marks at `uv` (N, 2) px on `frame` (N,) keys).
 
     The first sequence is searched together with the pose, the next ones with the pose known, each refined with all
@@ -140,22 +148,35 @@ def search(camera, where_marked, uv, frame, ransac_px, where):
         why[s] = _doubts(ends, lags, cost, use.sum(), f"{where}, {name}", s)
         if why[s]:
             continue
-        start, offsets = ends[0].wTc, np.where(np.isnan(offsets) & (np.arange(count) != s), np.nan, ends[0].offsets)
+        start, offsets = (
+            ends[0].camera.wTc,
+            np.where(np.isnan(offsets) & (np.arange(count) != s), np.nan, ends[0].offsets),
+        )
         settled = use
     return Found(offsets, tuple(why), start, profile)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class End:
-    """Where a start led: the pose `wTc` (4, 4), the `offsets` (S,) s, its robust cost px^2, the inliers (N,)."""
+    """Where a start led: the `camera`, the `offsets` (S,) s, its robust cost px^2, the inliers (N,)."""
 
-    wTc: np.ndarray
-    offsets: np.ndarray
+    camera: Camera
+    offsets: Floats
     cost: float
-    inlier: np.ndarray
+    inlier: Bools
 
 
-def _refined(camera, part, uv, offsets, s, lags, poses, cost, limit_px):
+def _refined(
+    camera: Camera,
+    part: Places,
+    uv: Floats,
+    offsets: Floats,
+    s: int,
+    lags: Floats,
+    poses: Floats,
+    cost: Floats,
+    limit_px: float,
+) -> list[End]:
     """`End`s of the best local minima of a grid, the best one first; sequence `s` is the one that was searched."""
     padded = np.concatenate([[np.inf], cost, [np.inf]])
     # half a step of the grid costs less than that
@@ -169,20 +190,20 @@ def _refined(camera, part, uv, offsets, s, lags, poses, cost, limit_px):
         if end is None or np.abs(end.offsets[s]) > WINDOW_S:
             continue
         xyz = part.only(end.inlier).at(end.offsets)[0]
-        if not pnp.implausible(camera.at(end.wTc), xyz[np.isfinite(xyz).all(axis=1)]):
+        if not pnp.implausible(end.camera, xyz[np.isfinite(xyz).all(axis=1)]):
             ends.append(end)
     return sorted(ends, key=lambda end: end.cost)
 
 
-def _end(camera, part, uv, offsets, s, limit_px):
+def _end(camera: Camera, part: Places, uv: Floats, offsets: Floats, s: int, limit_px: float) -> End | None:
     """`End` from a start, None where fewer than half of the marks agree, of all or of sequence `s`; the net is wide at
     first.
     """
     own = part.clock == s
-    wTc, inlier = camera.wTc, np.zeros(len(uv), bool)
+    inlier = np.zeros(len(uv), bool)
     for limit in (4 * limit_px, 2 * limit_px, *(limit_px,) * 8):
         before = inlier
-        inlier = _agree(camera.at(wTc), part, uv, offsets, limit)
+        inlier = _agree(camera, part, uv, offsets, limit)
         if any(
             inlier[some].sum() < max(pose_grid.FEWEST, pose_grid.SHARE_OF_CONSENSUS * some.sum())
             for some in (own, own | True)
@@ -190,18 +211,19 @@ def _end(camera, part, uv, offsets, s, limit_px):
             return None
         if limit == limit_px and (inlier == before).all():
             break
-        wTc, offsets = refine(camera.at(wTc), part.only(inlier), uv[inlier], offsets)
+        wTc, offsets = refine(camera, part.only(inlier), uv[inlier], offsets)
+        camera = camera.at(wTc)
     xyz = part.at(offsets)[0]
-    there = np.isfinite(xyz).all(axis=1)
-    return End(wTc, offsets, float(pose_grid.cost(project(camera.at(wTc), xyz)[0] - uv, there, limit_px)), inlier)
+    there = np.all(np.isfinite(xyz), axis=1)
+    return End(camera, offsets, float(pose_grid.cost(project(camera, xyz)[0] - uv, there, limit_px)), inlier)
 
 
-def _agree(camera, part, uv, offsets, limit_px):
+def _agree(camera: Camera, part: Places, uv: Floats, offsets: Floats, limit_px: float) -> Bools:
     with np.errstate(invalid="ignore"):
         return np.linalg.norm(project(camera, part.at(offsets)[0])[0] - uv, axis=1) <= limit_px
 
 
-def refine(camera, part, uv, offsets):
+def refine(camera: Camera, part: Places, uv: Floats, offsets: Floats) -> tuple[Floats, Floats]:
     """Pose (4, 4) and offsets (S,) near `camera.wTc` and `offsets` with the least squared residuals in recorded pixels.
 
     A mark whose marker is missing has no say, nor has a sequence without marks in `part`.
@@ -211,14 +233,14 @@ def refine(camera, part, uv, offsets):
     used = np.isin(np.arange(len(offsets)), part.clock)
     spread = np.eye(len(offsets))[:, used]
 
-    def miss(x):
+    def miss(x: Floats) -> Floats:
         xyz, _ = part.at(offsets + spread @ x[6:])
         off = project(covariance.moved(camera, x[:6]), xyz)[0] - uv
         # a step that puts a point behind the camera must look bad, not missing
-        off = np.where(np.isfinite(xyz).all(axis=1)[:, None], np.nan_to_num(off, nan=1e4), 0.0)
+        off = np.where(np.all(np.isfinite(xyz), axis=1)[:, None], np.nan_to_num(off, nan=1e4), 0.0)
         return off.ravel()
 
-    def by(x):
+    def by(x: Floats) -> Floats:
         J = jacobian(covariance.moved(camera, x[:6]), part, offsets + spread @ x[6:])
         return np.nan_to_num(np.concatenate([J[:, :6], J[:, 6:][:, used]], axis=1))
 
@@ -226,7 +248,7 @@ def refine(camera, part, uv, offsets):
     return covariance.moved(camera, fit.x[:6]).wTc, offsets + spread @ fit.x[6:]
 
 
-def jacobian(camera, part, offsets):
+def jacobian(camera: Camera, part: Places, offsets: Floats) -> Floats:
     """Derivatives (2N, 6 + S) px of the marks by the camera's error and by the offsets."""
     xyz, velocity = part.at(offsets)
     by_point, by_camera = covariance.projection(camera, xyz)
@@ -235,7 +257,7 @@ def jacobian(camera, part, offsets):
     return np.concatenate([by_camera, by_offset], axis=2).reshape(-1, 6 + len(offsets))
 
 
-def _doubts(ends, lags, cost, marks, where, s):
+def _doubts(ends: list[End], lags: Floats, cost: Floats, marks: int, where: str, s: int) -> str:
     """Why the best of the ends is no answer for sequence `s`, or "". Raises DiorError where 0 is none either."""
     if not ends:
         return f"no offset within {WINDOW_S:g} s brings half of its marks to where they are"
@@ -257,16 +279,16 @@ def _doubts(ends, lags, cost, marks, where, s):
     )
 
 
-def _apart(values):
+def _apart(values: Floats) -> list[float]:
     """Of sorted values those that are APART_S from the one before."""
-    kept = []
+    kept: list[float] = []
     for value in np.sort(values):
         if not kept or value - kept[-1] > APART_S:
             kept.append(value)
     return kept
 
 
-def uncertainty(J, t, miss, joint, frame):
+def uncertainty(J: Floats, t: Floats, miss: Floats, joint: Ints, frame: Ints) -> tuple[Floats, Floats]:
     """Covariance (6 + 2S, 6 + 2S) of the errors of pose, times (s) and drifts (ppm); and when (S,) s those times are.
 
     `J` (2N, 6 + S) and `miss` (N, 2) px of the inliers, `t` (N,) s as in `Places`, `joint` and `frame` as in
@@ -288,20 +310,28 @@ def uncertainty(J, t, miss, joint, frame):
     return full, middle
 
 
-def clocks(camera, names, offsets, full, middle):
+def clocks(
+    camera: str, names: Sequence[str], offsets: Floats, full: Floats, middle: Floats
+) -> dict[str, on_axis.Clock]:
     """`Clock` by sequence, with the camera's share, from `uncertainty`."""
     S, found = len(names), {}
     for s, name in enumerate(names):
         own = [6 + s, 6 + S + s]
-        gain = np.linalg.solve(full[:6, :6], full[:6, own]).T
+        gain = np.asarray(np.linalg.solve(full[:6, :6], full[:6, own]).T, float)
         given = np.sqrt(np.diagonal(full[np.ix_(own, own)] - gain @ full[:6, own]))
         found[name] = on_axis.Clock(
-            float(offsets[s]), 0.0, "estimated", "marks", float(middle[s]), tuple(map(float, given)), {camera: gain}
+            float(offsets[s]),
+            0.0,
+            "estimated",
+            "marks",
+            float(middle[s]),
+            (float(given[0]), float(given[1])),
+            {camera: gain},
         )
     return found
 
 
-def costs(camera, profile):
+def costs(camera: str, profile: Mapping[str, tuple[Floats, Floats]]) -> dict[str, Any]:
     """Columns of table `clock_costs` from `Found.profile`; null where half of the markers are missing."""
     lags, cost = (np.concatenate([[], *(each[i] for each in profile.values())]) for i in (0, 1))
     return {
@@ -312,7 +342,9 @@ def costs(camera, profile):
     }
 
 
-def findings(scope, clocks, spread, marks):
+def findings(
+    scope: str, clocks: Mapping[str, on_axis.Clock], spread: Floats, marks: hand_marks.Marks
+) -> list[tuple[str, str, str, str]]:
     """What was found: `clocks` (sequence -> `Clock`), `spread` (6, 6) of the camera, the `marks` that agree."""
     found = []
     for name, clock in clocks.items():
@@ -335,7 +367,7 @@ def findings(scope, clocks, spread, marks):
     return found
 
 
-def untold(scope, why, left_out):
+def untold(scope: str, why: Mapping[str, str], left_out: bool) -> list[tuple[str, str, str, str]]:
     """Findings for sequences whose clock the marks cannot tell: `why`, sequence -> reason."""
     then = "its marks are not used" if left_out else "it is taken to be 0, and an error of it moves the camera"
     return [

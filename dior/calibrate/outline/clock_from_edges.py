@@ -11,12 +11,18 @@ and over the edges of one side of the body, since errors near in time are alike,
 in metres, recorded pixels, times in s on the axis of the track.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
+from dior.arrays import Floats
 from dior.calibrate.outline import boxes_fit, edge_errors, seen_edges
+from dior.calibrate.outline.seen_edges import Freedom, Seen
 from dior.clocks.clock import Clock
+from dior.geometry.camera import Camera
 
 LAGS_S = np.round(np.arange(-2.0, 2.02, 0.04), 2)
 # before anything is compared: clocks of computers that keep time by the network, or were started on a count; a crystal
@@ -31,20 +37,34 @@ MOST_SIGMA_S, APART_S, CLEARLY = 0.15, 0.2, 9.0
 FITTED = [7, 8, 9, 10]  # of the parameters of `boxes_fit`: both margins, time and drift
 
 
-@dataclass(frozen=True)
+# names of the cameras that made the 3D, and what gives the derivative (F, J, 3, 6V) of its points by their errors
+Makers: TypeAlias = tuple[list[str], Callable[[Floats], Floats]]
+# the shift (3,) m of each group of (joint, side of the body)
+Shifts: TypeAlias = dict[int, Floats]
+
+
+@dataclass(frozen=True, eq=False)
 class Found:
     """The `clock`, the cost px of each of `LAGS_S`, the residual px before (no offset) and after, the number of edges
     and why it was refused, or ""."""
 
     clock: Clock
-    costs_px: np.ndarray
+    costs_px: Floats
     before_px: float
     after_px: float
     count: int
     refused: str = ""
 
 
-def estimate(camera, seen, method, margin=(3.0, 0.3), side="", makers=None, trails_m=0.0):
+def estimate(
+    camera: Camera,
+    seen: Seen,
+    method: str,
+    margin: tuple[float, float] = (3.0, 0.3),
+    side: str = "",
+    makers: Makers | None = None,
+    trails_m: float = 0.0,
+) -> Found:
     """`Found` for the pictures `seen` (`seen_edges.Seen` with one track) of a camera.
 
     `margin`: prior of the margin of all edges and of v against u, px. `makers`: names of the cameras that the track
@@ -77,7 +97,7 @@ def estimate(camera, seen, method, margin=(3.0, 0.3), side="", makers=None, trai
         "estimated",
         method,
         middle,
-        tuple(map(float, given)),
+        (float(given[0]), float(given[1])),
         gains,
     )
     at_zero = int(np.argmin(np.abs(LAGS_S)))
@@ -88,19 +108,19 @@ def estimate(camera, seen, method, margin=(3.0, 0.3), side="", makers=None, trai
     return Found(zero if why else clock, costs, float(costs[at_zero]), after, count, why)
 
 
-def best_lag(camera, freedom, seen):
+def best_lag(camera: Camera, freedom: Freedom, seen: Seen) -> float:
     """The lag s of the least cost with the camera as it is and nothing hidden; 0 where none can be compared."""
     costs = curve(boxes_fit.Reading(camera, freedom, seen, ""), outlier_px(seen))
     return float(LAGS_S[np.nanargmin(costs)]) if np.isfinite(costs).any() else 0.0
 
 
-def outlier_px(seen):
+def outlier_px(seen: Seen) -> float:
     """Residual of an edge that is an outlier, px."""
     height = float(np.nanmedian(seen.edges[:, 3] - seen.edges[:, 1]))
     return MOST_PX * height if np.isfinite(height) else 20.0
 
 
-def curve(reading, limit_px):
+def curve(reading: boxes_fit.Reading, limit_px: float) -> Floats:
     """Robust rms px of the edges for each of `LAGS_S`, each side of the boxes about its own median."""
     kept, costs = reading.values.copy(), []
     for lag in LAGS_S:
@@ -110,7 +130,7 @@ def curve(reading, limit_px):
     return np.array(costs)
 
 
-def cost_at(reading, limit_px):
+def cost_at(reading: boxes_fit.Reading, limit_px: float) -> float:
     """Robust rms px of the edges at the reading's clock; an edge that cannot be compared counts as in the mean."""
     rows = reading.rows()
     if len(rows.residual) < max(FEWEST, np.isfinite(reading.seen.edges).sum() / 3):
@@ -121,7 +141,9 @@ def cost_at(reading, limit_px):
     return np.sqrt(np.minimum(own**2, limit_px**2).mean())
 
 
-def _refine(reading, camera, seen, makers):
+def _refine(
+    reading: boxes_fit.Reading, camera: Camera, seen: Seen, makers: Makers | None
+) -> tuple[Floats, dict[str, Floats], float, float]:
     """Moves the reading's clock and margins to the best; given sigma (2,), gains by camera, sd px of an
     edge, and the speed m/s of what tells the time."""
     scale, shifts = None, None
@@ -162,7 +184,7 @@ def _refine(reading, camera, seen, makers):
     return given, gains, sd, max(float((weight * moves**2).sum() / max(trail, 1e-12)), 1e-3)
 
 
-def _clustered(score, label):
+def _clustered(score: Floats, label: NDArray[Any]) -> Floats:
     """Sum (P, P) of the squares of the scores (N, P) added up where the label (N,) is the same."""
     names, index = np.unique(label, return_inverse=True)
     sums = np.zeros((len(names), score.shape[1]))
@@ -170,7 +192,9 @@ def _clustered(score, label):
     return sums.T @ sums * len(names) / max(len(names) - 2, 1)
 
 
-def _system(reading, rows, camera, seen, shifts):
+def _system(
+    reading: boxes_fit.Reading, rows: edge_errors.EdgeResiduals, camera: Camera, seen: Seen, shifts: Shifts | None
+) -> tuple[Floats, Floats, Floats, Shifts]:
     """Derivatives (N, 4 + 3G) by margins, time, drift and the shift (m) of each (joint, side of the body), the
     precision of their priors, residuals (N,) px with the shifts so far, and these by group."""
     points = seen.at(reading.clocks)[0]
@@ -190,7 +214,7 @@ def _system(reading, rows, camera, seen, shifts):
     return J, prior, rows.residual - np.einsum("ni,ni->n", rows.by_point, own), shifts
 
 
-def _by_time(reading, rows, count):
+def _by_time(reading: boxes_fit.Reading, rows: edge_errors.EdgeResiduals, count: int) -> Floats:
     """Derivative (N,) px/s of the extremes by the time: over a few hundredths of a second, since another joint may then
     be the extreme."""
     kept, sides = reading.values, []
@@ -205,7 +229,9 @@ def _by_time(reading, rows, count):
     return np.where(np.isfinite(slope), slope, rows.J[:, 9])
 
 
-def _solve(J, prior, residual, shifts, reading, scale):
+def _solve(
+    J: Floats, prior: Floats, residual: Floats, shifts: Shifts, reading: boxes_fit.Reading, scale: float
+) -> tuple[Floats, Floats, Floats]:
     """A step of all parameters, the normal matrix and the weights; the scale of the weights is `CUT` sd."""
     weight, sd = edge_errors.weights(residual, scale), scale / boxes_fit.CUT
     A = (J * weight[:, None]).T @ J / sd**2 + prior
@@ -214,7 +240,7 @@ def _solve(J, prior, residual, shifts, reading, scale):
     return step, A, weight
 
 
-def _doubt(costs, given, offset, sd, count):
+def _doubt(costs: Floats, given: Floats, offset: float, sd: float, count: int) -> str:
     """Why the data cannot tell, or ""."""
     if not given[0] < MOST_SIGMA_S:
         return f"the motion leaves ± {1.96 * given[0]:.2f} s open"

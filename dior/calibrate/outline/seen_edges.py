@@ -4,9 +4,14 @@ Recorded pixels, world in metres. `Seen` has the pictures of all walks in one ro
 be found, too, it has the 3D of each walk at any moment (`tracks`).
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np
+
+from dior.arrays import Floats, Ints
+from dior.calibrate.outline.tracks import Track
 
 # 3D joints of real detectors are off by about 1 % of the body height, for as long as the same side is seen
 JOINT_BIAS_M = 0.025
@@ -20,16 +25,16 @@ class Freedom:
     `drift_ppm` (K,): of the clocks of the K walks.
     """
 
-    turn: tuple = (np.radians(5), np.radians(5), np.radians(3))
-    shift: tuple = (0.3, 0.0, 0.0)
+    turn: tuple[float, float, float] = (np.radians(5), np.radians(5), np.radians(3))
+    shift: tuple[float, float, float] = (0.3, 0.0, 0.0)
     focal: float = 0.0
     margin_px: float = 3.0
     margin_split_px: float = 0.3
-    clock_s: tuple = ()
-    drift_ppm: tuple = ()
+    clock_s: tuple[float, ...] = ()
+    drift_ppm: tuple[float, ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Seen:
     """F pictures: `points` (F, J, 3) m with NaN, `edges` (F, 4) px with NaN, `clicks` (F, J, 2) px with NaN.
 
@@ -39,20 +44,20 @@ class Seen:
     axis the `seconds` are where a clock is to be found; `points` are then those at these `seconds`.
     """
 
-    points: np.ndarray
-    edges: np.ndarray
-    clicks: np.ndarray
-    seconds: np.ndarray
-    walk: np.ndarray
+    points: Floats
+    edges: Floats
+    clicks: Floats
+    seconds: Floats
+    walk: Ints
     bias_m: float = JOINT_BIAS_M
-    flesh_m: np.ndarray | float = 0.0
-    tracks: tuple = ()
+    flesh_m: Floats | float = 0.0
+    tracks: tuple[Track, ...] = ()
 
-    def middle_s(self, walk):
+    def middle_s(self, walk: int) -> float:
         """Time (s) in the middle of the pictures of a walk, where its clock and its drift are told apart."""
         return float(self.seconds[self.walk == walk].mean())
 
-    def at(self, clocks):
+    def at(self, clocks: Floats) -> tuple[Floats, Floats, Floats]:
         """Points (F, J, 3) m with clocks (K, 2) s and ppm that are off, their velocities, and the time (F,) s from the
         middle of the walk."""
         if not self.tracks:
@@ -65,7 +70,7 @@ class Seen:
             points[mine], velocity[mine] = track.at(moments), track.velocity(moments)
         return points, velocity, since
 
-    def only(self, walk, lag_s=0.0):
+    def only(self, walk: int, lag_s: float = 0.0) -> Seen:
         """One walk alone, its pictures `lag_s` later."""
         mine = self.walk == walk
         seconds = self.seconds[mine] + lag_s
@@ -76,7 +81,7 @@ class Seen:
         )  # fmt: skip
 
 
-def prior(freedom, walks=0):
+def prior(freedom: Freedom, walks: int = 0) -> Floats:
     """Precision (9 + 2K, 9 + 2K) of the parameters; 1e18 for what is held."""
     clocks = np.zeros((walks, 2))
     if freedom.clock_s:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dior.arrays import Floats, Table
 from dior.clocks.axis import SAME_TIME_S, sample, seconds
 from dior.tables import tables
 
@@ -15,25 +16,25 @@ from dior.tables import tables
 HALF_SPAN_S = 0.05
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Track:
     """`seconds` (T,) ascending on the axis of the sequence, `points` (T, J, 3) m."""
 
-    seconds: np.ndarray
-    points: np.ndarray
+    seconds: Floats
+    points: Floats
 
-    def at(self, moments):
+    def at(self, moments: Floats) -> Floats:
         """Points (F, J, 3) m at moments (F,) s, linear between the instants."""
         gap = 1.5 * np.median(np.diff(self.seconds)) if len(self.seconds) > 1 else SAME_TIME_S
         return sample(self.seconds, self.points, moments, gap)
 
-    def velocity(self, moments):
+    def velocity(self, moments: Floats) -> Floats:
         """Velocities (F, J, 3) m/s at moments (F,) s; 0 where they are not known."""
         step = self.at(moments + HALF_SPAN_S) - self.at(moments - HALF_SPAN_S)
         return np.nan_to_num(step / (2 * HALF_SPAN_S))
 
 
-def read(skeleton):
+def read(skeleton: Table) -> tuple[Track, int, list[str]]:
     """`Track` of a `skeletons_3d` table (dict of arrays), its t0 in ns and its joints."""
     points, joints = tables.grid(skeleton, "x", "y", "z")
     stamps = skeleton["stamp_ns"].reshape(points.shape[:2])[:, 0]
