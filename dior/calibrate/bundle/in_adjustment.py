@@ -24,7 +24,7 @@ from dior.calibrate.bundle import outcome, reduced, uncertainty
 from dior.calibrate.bundle.window import Recorded, Seen, at_instants, together
 from dior.calibrate.clock import fit as clock_fit
 from dior.calibrate.clock import from_cameras
-from dior.clocks import lags
+from dior.clocks import ray_lags
 from dior.clocks.axis import ClockValues
 from dior.clocks.clock import NORMAL_95
 from dior.geometry.camera import Camera
@@ -78,18 +78,18 @@ class Sequences:
         return np.stack([values[..., 0] - 1e-6 * values[..., 1] * middle[:, None], values[..., 1]], axis=-1)
 
     def start(self, cameras: Sequence[Camera], aim_rad: Floats, shift_m: Floats) -> Floats:
-        """Clocks (S, V, 2) as given, the others by the lags of the rays (`lags`). `aim_rad`, `shift_m` (V,)."""
+        """Clocks (S, V, 2) as given, the others by `ray_lags`. `aim_rad`, `shift_m` (V,)."""
         values = self.given.copy()
         for i, found in enumerate(self.recorded):
             values[i, :, 0] += 1e-6 * values[i, :, 1] * self.middle(i)
             if self.held[i].all():
                 continue
             rays = [
-                lags.rays(camera, self.times(i, v, values[i, v]), own.uv, own.max_gap_s)
+                ray_lags.rays(camera, self.times(i, v, values[i, v]), own.uv, own.max_gap_s)
                 for v, (camera, own) in enumerate(zip(cameras, found.seen, strict=True))
             ]
             grid = self.grid(i, MOST)
-            values[i, :, 0] += lags.coarse(cameras, rays, self.held[i], (grid[0], grid[-1]), aim_rad, shift_m)
+            values[i, :, 0] += ray_lags.coarse(cameras, rays, self.held[i], (grid[0], grid[-1]), aim_rad, shift_m)
         return values
 
     def times(self, i: int, view: int, value: Floats) -> Floats:

@@ -27,6 +27,9 @@ SETTLED = 0.15  # standard errors: the choice among the detections moves a clock
 MOST_KEPT = 0.95  # correlation of neighbouring residuals, at most
 FEWEST = 60  # usable moments of joints
 DRIFT_SD_PPM = 50.0  # of a quartz
+# chosen: what the places of all joints amount to, since errors of detector and poses are alike all the time. A lag then
+# counts as clearly worse (`dior.clocks.lag`) where the joints are 1.2 times as far off
+POSITIONS = 45.0
 MOST_SIGMA_S = 0.1  # a time that is less certain counts as unknown
 
 
@@ -139,6 +142,13 @@ def doubt(solved: Solved, at: int = 0) -> str:
     if not sigma < MOST_SIGMA_S:
         return f"the joints hardly move: the time would be certain to ± {NORMAL_95 * sigma:.2f} s only"
     return ""
+
+
+def disagreement(apart_s: float, most_s: float) -> str:
+    """Why a clock that is far from the lag of the search cannot be trusted, or ""."""
+    if abs(apart_s) <= most_s:
+        return ""
+    return f"where the joints are and how they move tell times {abs(apart_s):.2f} s apart"
 
 
 def runs(count: int, most: int, parts: int) -> Ints:

@@ -6,7 +6,7 @@ A search over the window, camera by camera, finds the lag at which the rays of t
 fitted to how the joints move (`clock_fit`), with the 3D of every moment unknown. World in metres, recorded px, seconds.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -14,7 +14,7 @@ import numpy as np
 
 from dior.arrays import Bools, Floats, Ints
 from dior.calibrate.clock import fit
-from dior.clocks import lag_curve
+from dior.clocks import lag
 from dior.clocks.axis import sample
 from dior.clocks.clock import Clock, Estimate
 from dior.geometry import camera as cam
@@ -75,14 +75,14 @@ def from_detections(
     clocks = {cameras[0].name: Clock(0.0, source="reference", given=(0.0, 0.0), middle_s=middle)}
     if len(known) > 1:
         of = {c.name: s for c, s in zip(cameras, seen, strict=True)}
-        start = np.array([[lag_curve.lowest(*found[c.name][:2]), 0.0] for c in known[1:]])
+        start = np.array([[lag.lowest(*found[c.name][:2]), 0.0] for c in known[1:]])
         value, solved = fitted(known, [of[c.name] for c in known], names, grid, middle, start)
         for i, camera in enumerate(known[1:]):
             if solved is None:
                 why[camera.name] = "too few joints that two cameras see"
                 continue
-            apart = value[i, 0] - lag_curve.lowest(*found[camera.name][:2])
-            why[camera.name] = fit.doubt(solved, i) or lag_curve.disagreement(apart, MOST_APART_S)
+            apart = value[i, 0] - lag.lowest(*found[camera.name][:2])
+            why[camera.name] = fit.doubt(solved, i) or fit.disagreement(apart, MOST_APART_S)
             made = fit.clock_of(value[i], middle, solved, [c.name for c in known], i)
             clocks[camera.name] = replace(made, method="cameras")
     lags = np.zeros(0)
@@ -103,94 +103,32 @@ def search(cameras: Sequence[Camera], rays: Sequence[Floats], fps: float) -> dic
     and of what the lags of the other cameras then make worse among themselves: two cameras on a stride from each other
     may fit, but hardly with a third one.
     """
-    most = round(lag_curve.WINDOW_S * fps)
+    most = round(lag.WINDOW_S * fps)
     count = len(cameras)
     costs = {}
     for a, b in combinations(range(count), 2):
-        reach = 2 * most if a else most
-        curve = _mean(*_epipolar(cameras[a], cameras[b], rays[a], rays[b], np.arange(-reach, reach + 1)))
+        reach = lag.steps(2 * most if a else most)
+        curve = lag.mean_cost(*_epipolar(cameras[a], cameras[b], rays[a], rays[b], reach))
         if np.isfinite(curve).any():
             # where too little overlaps nothing is said for the lag
             costs[a, b] = np.nan_to_num(curve, nan=np.nanmax(curve))
-    at = _one_by_one(costs, count, most)
-    tried = {
-        view: [_settled(costs, _with(at, view, step), most, view) for step in _window(most)] for view in range(1, count)
-    }
-    at = min((each for settled in tried.values() for each in settled), key=lambda each: _total(costs, each))
-    # the detections of a camera that is late come late: its clock has to be put back
-    lags, out = -_window(most)[::-1] / fps, {}
-    for view, settled in tried.items():
+    at, lags, out = lag.together(costs, np.arange(count) == 0, most), lag.window(fps), {}
+    for view in range(1, count):
         curve = np.full(len(lags), np.nan)
         own = [pair for pair in costs if view in pair]
         if own:
-            others = _total({pair: costs[pair] for pair in costs if view not in pair}, at)
-            total = np.array([_total(costs, each) for each in settled[::-1]])
-            curve = cameras[view].intrinsics.fx * (total - others) / len(own)
+            others = lag.total({pair: costs[pair] for pair in costs if view not in pair}, at)
+            # the detections of a camera that is late come late: its clock has to be put back
+            profile = lag.profile(costs, at, view, most)[::-1]
+            curve = cameras[view].intrinsics.fx * (profile - others) / len(own)
         out[cameras[view].name] = lags, curve, _unclear(lags, curve)
     return out
-
-
-def _window(most: int) -> Ints:
-    return np.arange(-most, most + 1)
-
-
-def _with(at: Ints, view: int, lag: int) -> Ints:
-    out = at.copy()
-    out[view] = lag
-    return out
-
-
-def _along(costs: Mapping[tuple[int, int], Floats], at: Ints, view: int, most: int, among: set[int]) -> Floats:
-    """Cost (L,) of the lags of one camera, those of the cameras `among` as in `at`."""
-    total = np.zeros(2 * most + 1)
-    for (a, b), curve in costs.items():
-        if view in (a, b) and {a, b} <= among | {view}:
-            lag = _window(most) - at[a] if view == b else at[b] - _window(most)
-            total += curve[lag + len(curve) // 2]
-    return total
-
-
-def _one_by_one(costs: Mapping[tuple[int, int], Floats], count: int, most: int) -> Ints:
-    """Lags (V,) in pictures: the camera comes next whose lag to those before is clearest."""
-    at, known = np.zeros(count, int), {0}
-    while len(known) < count:
-        along = {view: _along(costs, at, view, most, known) for view in range(count) if view not in known}
-        view = max(along, key=lambda v: np.median(along[v]) / max(along[v].min(), 1e-9))
-        at[view] = along[view].argmin() - most
-        known.add(view)
-    return at
-
-
-def _settled(costs: Mapping[tuple[int, int], Floats], at: Ints, most: int, held: int = 0) -> Ints:
-    """The lags after each camera but the first and `held` has moved to its best, until none does."""
-    at = at.copy()
-    for _ in range(len(at)):
-        before = at.copy()
-        for view in range(1, len(at)):
-            if view != held:
-                at[view] = _along(costs, at, view, most, set(range(len(at)))).argmin() - most
-        if (at == before).all():
-            break
-    return at
-
-
-def _total(costs: Mapping[tuple[int, int], Floats], at: Ints) -> float:
-    return sum(curve[at[b] - at[a] + len(curve) // 2] for (a, b), curve in costs.items())
 
 
 def _unclear(lags: Floats, costs: Floats) -> str:
     if not np.isfinite(costs).any():
         return "no joint is seen by it and another camera at once"
-    other = lag_curve.second_minimum(lags, costs)
-    if other is None:
-        return ""
-    return f"a lag of {lags[np.nanargmin(costs)]:+.2f} s fits hardly better than one of {other:+.2f} s"
-
-
-def _mean(total: Floats, count: Ints) -> Floats:
-    """A lag at which little overlaps may not win by that."""
-    enough = count > 0.5 * np.max(count)
-    return np.where(enough & (count > 0), total / np.maximum(count, 1), np.nan)
+    return lag.doubt(lags, lag.worse(costs, fit.POSITIONS), lag.lowest(lags, costs))
 
 
 def _epipolar(one: Camera, other: Camera, x: Floats, y: Floats, steps: Ints) -> tuple[Floats, Ints]:

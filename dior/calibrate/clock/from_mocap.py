@@ -14,7 +14,7 @@ import numpy as np
 from dior.arrays import Floats
 from dior.body import joint_centres
 from dior.calibrate.clock import fit
-from dior.clocks import lag_curve
+from dior.clocks import lag
 from dior.clocks.axis import blend, bracket
 from dior.clocks.clock import Clock, Estimate
 from dior.geometry import camera as cam
@@ -22,7 +22,7 @@ from dior.geometry import covariance
 from dior.geometry.camera import Camera
 from dior.geometry.multiview import side_seen
 
-LAG_STEP_S = 1 / 60
+STEPS_HZ = 60.0
 SEARCHED = 240  # pictures
 REACH_M = 0.3  # farther from its joint a detection is of something else
 MOST = 2400  # pictures that take part, in runs
@@ -70,27 +70,23 @@ def from_detections(camera: Camera, motion: Walker, uv: Floats, elapsed: Floats)
     lags, costs = search(camera, motion, uv, elapsed)
     if not np.isfinite(costs).any():
         return Clock(0.0), lags, costs, "no joint is both detected and known from the markers"
-    unclear = lag_curve.second_minimum(lags, costs)
-    if unclear is not None:
-        return (
-            Clock(0.0),
-            lags,
-            costs,
-            (f"a lag of {lags[np.nanargmin(costs)]:+.2f} s fits hardly better than one of {unclear:+.2f} s"),
-        )
+    best_s = lag.lowest(lags, costs)
+    unclear = lag.doubt(lags, lag.worse(costs, fit.POSITIONS), best_s)
+    if unclear:
+        return Clock(0.0), lags, costs, unclear
     at = fit.runs(len(elapsed), MOST, RUNS)
     middle = float((elapsed[0] + elapsed[-1]) / 2)
-    start = np.array([lag_curve.lowest(lags, costs), 0.0])
+    start = np.array([best_s, 0.0])
     value, solved = fitted(camera, motion, uv[at], elapsed[at], middle, start)
     if solved is None:
         return Clock(0.0), lags, costs, "too few detections of moving joints"
-    why = fit.doubt(solved) or lag_curve.disagreement(value[0] - lag_curve.lowest(lags, costs), MOST_APART_S)
+    why = fit.doubt(solved) or fit.disagreement(value[0] - best_s, MOST_APART_S)
     return fit.clock_of(value, middle, solved, [camera.name]), lags, costs, why
 
 
 def search(camera: Camera, motion: Walker, uv: Floats, elapsed: Floats) -> tuple[Floats, Floats]:
     """Lags (L,) s and the mean distance (L,) px of detections from the projected joints, each no more than 0.3 m."""
-    lags = np.arange(-round(lag_curve.WINDOW_S / LAG_STEP_S), round(lag_curve.WINDOW_S / LAG_STEP_S) + 1.0) * LAG_STEP_S
+    lags = lag.window(STEPS_HZ)
     at = np.unique(np.linspace(0, len(elapsed) - 1, min(SEARCHED, len(elapsed))).round().astype(int))
     where = bracket(motion.t, (elapsed[at] + lags[:, None]).ravel(), 2.5 * np.median(np.diff(motion.t)))
     px, depth = cam.project(camera, motion.points)
@@ -100,9 +96,7 @@ def search(camera: Camera, motion: Walker, uv: Floats, elapsed: Floats) -> tuple
     distance = np.minimum(np.linalg.norm(blend(px, *where) - seen, axis=-1), far).reshape(len(lags), -1)
     known = np.isfinite(distance)
     total = np.where(known, distance, 0.0).sum(axis=1)
-    # a lag at which little overlaps may not win by that
-    enough = known.sum(axis=1) > 0.5 * known.sum(axis=1).max() if known.any() else np.zeros(len(lags), bool)
-    return lags, np.where(enough, total / np.maximum(known.sum(axis=1), 1), np.nan)
+    return lags, lag.mean_cost(total, known.sum(axis=1))
 
 
 def fitted(

@@ -23,16 +23,16 @@ from dior.arrays import Bools, Floats, Ints
 from dior.calibrate.marks import marks as hand_marks
 from dior.calibrate.marks import pnp, pose_grid
 from dior.clocks import clock as on_axis
+from dior.clocks import lag
 from dior.clocks.axis import ClockValues
 from dior.errors import DiorError
 from dior.geometry import covariance
 from dior.geometry.camera import Camera, project
 
-WINDOW_S, STEP_S = 2.0, 0.02
+LAGS_S = lag.window(50.0)
 DRIFT_SD_PPM = 30.0  # of a computer's or a camera's quartz
 STAMP_SD_S = 0.0005  # of a header stamp, which all marks of a frame share
 CANDIDATES = 8
-APART_S = 0.1  # offsets further apart than that are different answers
 UNCERTAIN_S = 0.010  # half a 95 % interval
 
 
@@ -135,17 +135,16 @@ def search(camera: Camera, where_marked: Places, uv: Floats, frame: Ints, ransac
             continue
         use = settled | own
         part, seen = where_marked.only(use), uv[use]
-        lags = np.arange(-WINDOW_S, WINDOW_S + STEP_S / 2, STEP_S)
-        tried = np.tile(np.nan_to_num(offsets), (len(lags), 1))
-        tried[:, s] = lags
+        tried = np.tile(np.nan_to_num(offsets), (len(LAGS_S), 1))
+        tried[:, s] = LAGS_S
         xyz = part.at(tried)[0]
         poses, cost = pose_grid.grid(camera.intrinsics, xyz, seen, ransac_px, start)
         # an offset at which there is no mocap fits nothing
         there = np.isfinite(xyz[:, part.clock == s]).all(axis=2)
         cost = np.where(there.mean(axis=1) < pose_grid.SHARE_OF_CONSENSUS, np.inf, cost)
-        profile[name] = lags, np.sqrt(cost / use.sum())
-        ends = _refined(camera, part, seen, np.nan_to_num(offsets), s, lags, poses, cost, ransac_px)
-        why[s] = _doubts(ends, lags, cost, use.sum(), f"{where}, {name}", s)
+        profile[name] = LAGS_S, np.sqrt(cost / use.sum())
+        ends = _refined(camera, part, seen, np.nan_to_num(offsets), s, poses, cost, ransac_px)
+        why[s] = _doubts(ends, cost, use.sum(), f"{where}, {name}", s)
         if why[s]:
             continue
         start, offsets = (
@@ -172,22 +171,21 @@ def _refined(
     uv: Floats,
     offsets: Floats,
     s: int,
-    lags: Floats,
     poses: Floats,
     cost: Floats,
     limit_px: float,
 ) -> list[End]:
     """`End`s of the best local minima of a grid, the best one first; sequence `s` is the one that was searched."""
-    padded = np.concatenate([[np.inf], cost, [np.inf]])
     # half a step of the grid costs less than that
     most = cost.min() + len(uv) * limit_px**2 / 2
-    lowest = np.flatnonzero((cost <= padded[:-2]) & (cost <= padded[2:]) & np.isfinite(cost) & (cost <= most))
+    lowest = lag.minima(cost)
+    lowest = lowest[cost[lowest] <= most]
     ends = []
     for k in lowest[np.argsort(cost[lowest], kind="stable")][:CANDIDATES]:
         tried = offsets.copy()
-        tried[s] = lags[k]
+        tried[s] = LAGS_S[k]
         end = _end(camera.at(poses[k]), part, uv, tried, s, limit_px)
-        if end is None or np.abs(end.offsets[s]) > WINDOW_S:
+        if end is None or np.abs(end.offsets[s]) > lag.WINDOW_S:
             continue
         xyz = part.only(end.inlier).at(end.offsets)[0]
         if not pnp.implausible(end.camera, xyz[np.isfinite(xyz).all(axis=1)]):
@@ -257,35 +255,28 @@ def jacobian(camera: Camera, part: Places, offsets: Floats) -> Floats:
     return np.concatenate([by_camera, by_offset], axis=2).reshape(-1, 6 + len(offsets))
 
 
-def _doubts(ends: list[End], lags: Floats, cost: Floats, marks: int, where: str, s: int) -> str:
+def _doubts(ends: list[End], cost: Floats, marks: int, where: str, s: int) -> str:
     """Why the best of the ends is no answer for sequence `s`, or "". Raises DiorError where 0 is none either."""
     if not ends:
-        return f"no offset within {WINDOW_S:g} s brings half of its marks to where they are"
+        return f"no offset within {lag.WINDOW_S:g} s brings half of its marks to where they are"
     best = ends[0]
     # the residuals of inliers, and how people click before anything is seen
     variance = (pnp.CLICK_WORTH * pnp.CLICK_SD_PX**2 + best.cost) / (pnp.CLICK_WORTH + max(2 * marks - 7, 0))
-    at = np.concatenate([lags, [end.offsets[s] for end in ends[1:]]])
-    worse = np.concatenate([cost, [end.cost for end in ends[1:]]]) - best.cost
-    rivals = at[(worse < pnp.CLEARLY_WORSE * variance) & (np.abs(at - best.offsets[s]) > APART_S)]
-    if not len(rivals):
+    chi2 = (cost - best.cost) / variance
+    refined = [end.offsets[s] for end in ends[1:] if end.cost - best.cost < lag.CLEARLY * variance]
+    others = np.sort([*lag.rivals(LAGS_S, chi2, best.offsets[s]), *refined])
+    others = others[np.abs(others - best.offsets[s]) > lag.APART_S]
+    if not len(others):
         return ""
-    others = ", ".join(f"{lag:.2f} s" for lag in _apart(rivals))
-    if worse[np.argmin(np.abs(lags))] < pnp.CLEARLY_WORSE * variance:
-        return f"offsets of {best.offsets[s]:.2f} s and {others} fit as well"
+    # one end of a valley stands for it
+    named = ", ".join(f"{x:.2f} s" for x in others[np.diff(others, prepend=-np.inf) > lag.APART_S])
+    if chi2[np.argmin(np.abs(LAGS_S))] < lag.CLEARLY:
+        return f"offsets of {best.offsets[s]:.2f} s and {named} fit as well"
     raise DiorError(
-        f"{where}: offsets of {best.offsets[s]:.2f} s and {others} fit the marks equally well, as one stride and the "
+        f"{where}: offsets of {best.offsets[s]:.2f} s and {named} fit the marks equally well, as one stride and the "
         "next do; mark frames of another part of the walk too, where the subject turns or changes pace, or give the "
         "offset in config/offsets"
     )
-
-
-def _apart(values: Floats) -> list[float]:
-    """Of sorted values those that are APART_S from the one before."""
-    kept: list[float] = []
-    for value in np.sort(values):
-        if not kept or value - kept[-1] > APART_S:
-            kept.append(value)
-    return kept
 
 
 def uncertainty(J: Floats, t: Floats, miss: Floats, joint: Ints, frame: Ints) -> tuple[Floats, Floats]:

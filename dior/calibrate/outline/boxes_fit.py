@@ -28,6 +28,7 @@ from dior.arrays import Bools, Floats
 from dior.calibrate.outline import edge_errors, seen_edges
 from dior.calibrate.outline.edge_errors import EdgeResiduals
 from dior.calibrate.outline.seen_edges import Freedom, Seen
+from dior.clocks import lag
 from dior.errors import DiorError
 from dior.geometry import camera as cam
 from dior.geometry import covariance
@@ -45,9 +46,8 @@ DOUBTFUL = 12.0
 NEAR_LINE_PX = 3.0
 LINE_PX = 1.0  # how well the line of an occluder is known
 # clocks: where they are searched, and the scale of the weights with which one is judged
-LAGS_S = np.round(np.arange(-2.0, 2.05, 0.1), 1)
+LAGS_S = lag.window(10.0)
 SEARCH_SCALES = (16.0, 8.0, 4.0)
-ANOTHER_S = 0.15  # a clock further away is another solution
 
 
 # of points by the errors of the close cameras (F, J, 3, 6V), or what gives it for points (F, J, 3)
@@ -170,12 +170,12 @@ class Reading:
     def _search(self, walk: int, where: str) -> float:
         """The clock (s) of a walk by its pictures alone, with an aim of their own."""
         held = replace(self.freedom, clock_s=(), drift_ppm=())
-        costs = []
-        for lag in LAGS_S:
-            seen = self.seen.only(walk, lag)
-            costs.append(Reading(self.start, held, seen, self.side).cost_of_search(where))
-        total = np.array(costs) + (LAGS_S / self.freedom.clock_s[walk]) ** 2
-        return float(LAGS_S[np.argmin(total)])
+
+        def cost(late_s: float) -> float:
+            alone = Reading(self.start, held, self.seen.only(walk, late_s), self.side)
+            return alone.cost_of_search(where) + (late_s / self.freedom.clock_s[walk]) ** 2
+
+        return float(LAGS_S[np.argmin(lag.curve(cost, LAGS_S))])
 
     def cost_of_search(self, where: str) -> float:
         """The cost after a few steps; what cannot be compared counts as much as what fits."""
@@ -191,13 +191,14 @@ class Reading:
     def _try_another(self, walk: int, where: str) -> None:
         """Another clock of this walk, if all pictures together agree better with it."""
         sd, kept = self.sd, self.values.copy()
-        costs = []
-        for lag in LAGS_S:
-            self.clocks[walk, 0] = lag
-            costs.append(self.cost(sd))
+
+        def cost(late_s: float) -> float:
+            self.clocks[walk, 0] = late_s
+            return self.cost(sd)
+
+        best = float(LAGS_S[np.argmin(lag.curve(cost, LAGS_S))])
         self.values = kept.copy()
-        best = float(LAGS_S[np.argmin(costs)])
-        if abs(best - self.clocks[walk, 0]) < ANOTHER_S:
+        if abs(best - self.clocks[walk, 0]) <= lag.APART_S:
             return
         before = self.cost(sd)
         self.clocks[walk, 0] = best

@@ -21,10 +21,11 @@ from numpy.typing import NDArray
 from dior.arrays import Floats
 from dior.calibrate.outline import boxes_fit, edge_errors, seen_edges
 from dior.calibrate.outline.seen_edges import Freedom, Seen
+from dior.clocks import lag
 from dior.clocks.clock import Clock
 from dior.geometry.camera import Camera
 
-LAGS_S = np.round(np.arange(-2.0, 2.02, 0.04), 2)
+LAGS_S = lag.window(25.0)
 # before anything is compared: clocks of computers that keep time by the network, or were started on a count; a crystal
 CLOCK_SIGMA_S, DRIFT_SIGMA_PPM = 1.0, 30.0
 MOST_PX = 0.15  # an edge is an outlier from there on, of the height of the person
@@ -32,8 +33,8 @@ BLOCK_S = 1.0
 HALF_STEP_S = 0.04
 STEPS = 30
 FEWEST = 8  # edges
-# refused: an interval of more than a step, another lag that is as good, one at the end of those that were tried
-MOST_SIGMA_S, APART_S, CLEARLY = 0.15, 0.2, 9.0
+# refused: an interval of more than a step
+MOST_SIGMA_S = 0.15
 FITTED = [7, 8, 9, 10]  # of the parameters of `boxes_fit`: both margins, time and drift
 
 
@@ -122,12 +123,15 @@ def outlier_px(seen: Seen) -> float:
 
 def curve(reading: boxes_fit.Reading, limit_px: float) -> Floats:
     """Robust rms px of the edges for each of `LAGS_S`, each side of the boxes about its own median."""
-    kept, costs = reading.values.copy(), []
-    for lag in LAGS_S:
-        reading.clocks[0] = lag, 0.0
-        costs.append(cost_at(reading, limit_px))
+    kept = reading.values.copy()
+
+    def cost(late_s: float) -> float:
+        reading.clocks[0] = late_s, 0.0
+        return cost_at(reading, limit_px)
+
+    costs = lag.curve(cost, LAGS_S)
     reading.values = kept
-    return np.array(costs)
+    return costs
 
 
 def cost_at(reading: boxes_fit.Reading, limit_px: float) -> float:
@@ -244,15 +248,6 @@ def _doubt(costs: Floats, given: Floats, offset: float, sd: float, count: int) -
     """Why the data cannot tell, or ""."""
     if not given[0] < MOST_SIGMA_S:
         return f"the motion leaves ± {1.96 * given[0]:.2f} s open"
-    if abs(offset) > LAGS_S[-1] - APART_S / 2:
+    if abs(offset) > LAGS_S[-1] - lag.APART_S / 2:
         return f"the best lag is at the end of the ± {LAGS_S[-1]:g} s that were tried"
-    inner = costs[1:-1]
-    valleys = 1 + np.flatnonzero((inner < costs[:-2]) & (inner < costs[2:]))
-    others = [k for k in valleys if abs(LAGS_S[k] - offset) > max(APART_S, 3 * given[0])]
-    if not others:
-        return ""
-    least = np.nanmin(costs)
-    other = min(others, key=lambda k: costs[k])
-    if count * (costs[other] ** 2 - least**2) / max(least, sd) ** 2 < CLEARLY:
-        return f"a lag of {LAGS_S[other]:+.2f} s agrees as well as {offset:+.2f} s"
-    return ""
+    return lag.doubt(LAGS_S, lag.worse(costs, count, sd), offset, max(lag.APART_S, 3 * given[0]))

@@ -65,17 +65,3 @@ def test_velocities_do_not_believe_another_limb():
     kept, velocity = from_cameras.smooth(points, t)
     assert np.isnan(kept[40:44]).all() and np.isfinite(kept[50:80]).all()
     assert velocity[20:36, 0] == pytest.approx(np.broadcast_to([1.2, 0, 0], (16, 3)), abs=0.02)
-
-
-def dip(*at, reach=10):
-    """A cost curve with minima at some lags."""
-    return 5.0 - sum(depth * np.exp(-0.5 * (np.arange(-reach, reach + 1) - lag) ** 2) for lag, depth in at)
-
-
-def test_a_third_camera_decides_between_two_strides():
-    # two cameras fit best a stride from each other; the third is sure of both
-    costs = {(0, 1): dip((-4, 3.1), (3, 3.0)), (0, 2): dip((2, 3.0)), (1, 2): dip((-1, 3.0), reach=20)}
-    alone = from_cameras._one_by_one({(0, 1): costs[0, 1]}, 2, 10)
-    assert list(alone) == [0, -4]
-    at = from_cameras._settled(costs, np.array([0, -4, 2]), 10)
-    assert list(at) == [0, 3, 2]

@@ -10,16 +10,17 @@ cameras are those with the least total cost of all pairs. Exchanged sides and wr
 Directions are unit vectors in the world, lengths m.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 
-from dior.arrays import Bools, Floats, Ints
+from dior.arrays import Bools, Floats
+from dior.clocks import lag
 from dior.geometry.camera import Camera, undistort
 
-SEARCH_S, STEP_S = 2.0, 1 / 15
+STEPS_HZ = 15.0
 GRID_HZ = 60.0
 EVERY_S = 0.1
 MOST_POINTS = 600
@@ -28,7 +29,6 @@ LOSS_RAD = (0.05, 0.02, 0.01, 0.006, 0.006)  # the last is about 10 px at fx 168
 INDEPENDENT = 100.0  # how many measurements the points of a pair amount to, as errors last
 AIM_DEG, MOST_SHIFT_M = 12.0, 0.3  # how far a camera by tape may be off, before its keypoints are asked
 SHARED = 0.3  # a lag at which less than this share of the best lag's points is left says nothing
-BEAM = 400
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,17 +64,19 @@ def coarse(
     one; `span`: first and last second that is looked at; `aim_rad`, `shift_m` (V,): how far off the cameras may be, 1
     sigma. A camera that shares too little with the others to tell stays where it is.
     """
-    steps = int(round(SEARCH_S / STEP_S))
-    costs = {}
+    lags, most, costs = lag.window(STEPS_HZ), round(lag.WINDOW_S * STEPS_HZ), {}
     for a, b in combinations(range(len(cameras)), 2):
         if held[a] and held[b]:
             continue
-        reach = steps if held[a] or held[b] else 2 * steps
+        reach = lags if held[a] or held[b] else lag.window(STEPS_HZ, 2 * lag.WINDOW_S)
         apart = np.hypot(aim_rad[a], aim_rad[b]), np.hypot(shift_m[a], shift_m[b])
-        lags = np.arange(-reach, reach + 1.0) * STEP_S
-        costs[a, b] = pair_cost(cameras[a].centre, seen[a], cameras[b].centre, seen[b], lags, span, *apart)
-    at = _least(costs, held, steps)
-    return np.array([0.0 if held[view] else _between(costs, at, view, steps) for view in range(len(cameras))])
+        costs[a, b] = pair_cost(cameras[a].centre, seen[a], cameras[b].centre, seen[b], reach, span, *apart)
+    at, found = lag.together(costs, held, most), np.zeros(len(cameras))
+    for view in np.flatnonzero(~np.asarray(held)).tolist():
+        along = lag.along(costs, at, view, most)
+        # a flat curve: it shares too little with the others
+        found[view] = lag.lowest(lags, along, at[view] + most) if np.ptp(along) > 0 else 0.0
+    return found
 
 
 def pair_cost(
@@ -143,39 +145,3 @@ def _missed(A: Floats, B: Floats, line: Floats) -> tuple[Floats, Floats]:
     norm = np.sqrt(np.maximum((line**2).sum(axis=1)[:, None] - (with_a**2 + with_b**2) / 2, 1e-12))
     turn = line[..., None] * (a * B).sum(axis=1)[:, None] - a * with_b[:, None]
     return (line[:, None] @ cross)[:, 0] / norm, np.concatenate([turn, cross], axis=1) / norm[:, None]
-
-
-def _least(costs: Mapping[tuple[int, int], Floats], held: Bools, steps: int) -> Ints:
-    """Lags (V,) in steps with the least total cost: cameras one after the other, the best few hundred at every turn."""
-    order = sorted(range(len(held)), key=lambda view: not held[view])
-    chosen, total = np.zeros((1, 0), int), np.zeros(1)
-    for i, view in enumerate(order):
-        own = np.zeros(1, int) if held[view] else np.arange(-steps, steps + 1)
-        more = np.repeat(total[:, None], len(own), axis=1)
-        for j, other in enumerate(order[:i]):
-            cost = costs.get((min(view, other), max(view, other)))
-            if cost is not None:
-                lag = own[None] - chosen[:, j, None]
-                more += cost[(lag if other < view else -lag) + len(cost) // 2]
-        best = np.argsort(more, axis=None, kind="stable")[:BEAM]
-        before, now = np.unravel_index(best, more.shape)
-        chosen, total = np.column_stack([chosen[before], own[now]]), more[before, now]
-    at = np.zeros(len(held), int)
-    at[order] = chosen[0]
-    return at
-
-
-def _between(costs: Mapping[tuple[int, int], Floats], at: Ints, view: int, steps: int) -> float:
-    """The lag (s) of a camera, by the parabola through the least cost and its neighbours, the others as in `at`."""
-    along, lags = np.zeros(2 * steps + 1), np.arange(-steps, steps + 1)
-    for (a, b), cost in costs.items():
-        if view in (a, b):
-            along += cost[(lags - at[a] if view == b else at[b] - lags) + len(cost) // 2]
-    i = at[view] + steps
-    if not np.ptp(along) > 0:
-        return 0.0
-    if not 0 < i < 2 * steps:
-        return at[view] * STEP_S
-    before, here, after = along[i - 1 : i + 2]
-    bend = before - 2 * here + after
-    return (at[view] + (np.clip((before - after) / (2 * bend), -0.5, 0.5) if bend > 0 else 0.0)) * STEP_S
