@@ -18,8 +18,8 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks import long_range, scene
-from dior.calibrate import align
 from dior.calibrate.outline import boxes_fit, clock_from_edges, clock_from_pictures, seen_edges, tracks
+from dior.clocks.clock import DRIFT_SD_PPM, OFFSET_SD_S
 from dior.geometry import covariance
 from dior.geometry.camera import in_frame, project
 from dior.simulate import backdrop, draw
@@ -157,8 +157,8 @@ def _aligned(start, parts, clocks, held, where):
     open_clocks = 0 if held else len(parts)
     freedom = seen_edges.Freedom(
         shift=(long_range.START_M, 0.0, 0.0),
-        clock_s=(align.CLOCK_SIGMA_S,) * open_clocks,
-        drift_ppm=(align.DRIFT_SIGMA_PPM,) * open_clocks,
+        clock_s=(OFFSET_SD_S,) * open_clocks,
+        drift_ppm=(DRIFT_SD_PPM,) * open_clocks,
     )
     fitted = boxes_fit.fit(start, freedom, _seen(shifted, held=held), where)
     return fitted.camera, fitted.pose_covariance

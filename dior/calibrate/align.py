@@ -25,6 +25,7 @@ import numpy as np
 from dior.arrays import AnyPath, Floats
 from dior.calibrate.outline import boxes_fit, seen_edges
 from dior.calibrate.outline.walks import SILHOUETTE_MARGIN_PX, Walk, by_close, gather, read_walk
+from dior.clocks.clock import DRIFT_SD_PPM, OFFSET_SD_S
 from dior.errors import DiorError
 from dior.geometry import camera as cam
 from dior.geometry import camera_tables, covariance
@@ -39,9 +40,6 @@ from dior.tables import tables
 ACROSS_M, HEIGHT_M = 0.1, 0.05
 FOCAL_SIGMA = 0.03
 FEW_AGREE = 0.6
-# of clocks before anything is compared: computers that keep time by the network differ by less, so does what a person
-# starts by hand on a count; a crystal is good to 30 ppm
-CLOCK_SIGMA_S, DRIFT_SIGMA_PPM = 1.0, 30.0
 
 
 def aligned_pose(where: AnyPath, tape: Mapping[str, Any], nudge: Mapping[str, Any]) -> Floats:
@@ -79,8 +77,8 @@ def freedom(settings: Mapping[str, Any], held: Sequence[bool]) -> seen_edges.Fre
         shift=shift,
         focal=FOCAL_SIGMA if how == "focal" else 0.0,
         margin_px=margin,
-        clock_s=tuple(0.0 if known else CLOCK_SIGMA_S for known in held),
-        drift_ppm=tuple(0.0 if known else DRIFT_SIGMA_PPM for known in held),
+        clock_s=tuple(0.0 if known else OFFSET_SD_S for known in held),
+        drift_ppm=tuple(0.0 if known else DRIFT_SD_PPM for known in held),
     )
 
 

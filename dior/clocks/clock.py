@@ -16,6 +16,11 @@ from dior.arrays import AnyPath, Floats, Table
 from dior.tables import tables
 
 NORMAL_95 = 1.96
+# a crystal's rate before anything is compared, 1 sigma: they are sold to 10, 50 or 100 ppm, and of 20 000 computers on
+# the internet half were off by more than 78 ppm (Mills, Computer Network Time Synchronization, 2006, on NTP's clocks)
+DRIFT_SD_PPM = 50.0
+# and its time: clocks that the network keeps, or that a person starts on a count, are apart by less
+OFFSET_SD_S = 1.0  # chosen: half of the window of the lag search
 SHIFTS = ("turn_x", "turn_y", "turn_z", "shift_x", "shift_y", "shift_z")
 
 

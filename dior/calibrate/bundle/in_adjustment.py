@@ -26,7 +26,7 @@ from dior.calibrate.clock import fit as clock_fit
 from dior.calibrate.clock import from_cameras
 from dior.clocks import ray_lags
 from dior.clocks.axis import ClockValues
-from dior.clocks.clock import NORMAL_95
+from dior.clocks.clock import DRIFT_SD_PPM, NORMAL_95
 from dior.geometry.camera import Camera
 
 QUICK, MOST = 150, 600  # moments of a sequence that its clocks are fitted to: while the cameras still move, at last
@@ -169,7 +169,7 @@ class Sequences:
         )
         # only the drift is known beforehand, about nothing
         about = (value[order] - value[self.reference])[1:]
-        solved = clock_fit.solve(tracks, about.ravel(), np.tile([0.0, clock_fit.DRIFT_SD_PPM**-2], views - 1))
+        solved = clock_fit.solve(tracks, about.ravel(), np.tile([0.0, DRIFT_SD_PPM**-2], views - 1))
         if solved is None:
             return None
         step, given = np.zeros((views, 2)), np.zeros((2 * views, 2 * views))

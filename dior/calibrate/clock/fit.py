@@ -26,7 +26,6 @@ LEAST_SHARE = 1.0  # of the variance by blocks of groups alone
 SETTLED = 0.15  # standard errors: the choice among the detections moves a clock by as much
 MOST_KEPT = 0.95  # correlation of neighbouring residuals, at most
 FEWEST = 60  # usable moments of joints
-DRIFT_SD_PPM = 50.0  # of a quartz
 # chosen: what the places of all joints amount to, since errors of detector and poses are alike all the time. A lag then
 # counts as clearly worse (`dior.clocks.lag`) where the joints are 1.2 times as far off
 POSITIONS = 45.0

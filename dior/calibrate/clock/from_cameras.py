@@ -16,7 +16,7 @@ from dior.arrays import Bools, Floats, Ints
 from dior.calibrate.clock import fit
 from dior.clocks import lag
 from dior.clocks.axis import sample
-from dior.clocks.clock import Clock, Estimate
+from dior.clocks.clock import DRIFT_SD_PPM, Clock, Estimate
 from dior.geometry import camera as cam
 from dior.geometry import covariance
 from dior.geometry.camera import Camera
@@ -160,7 +160,7 @@ def fitted(
 ) -> tuple[Floats, fit.Solved | None]:
     """Clocks (V - 1, 2) of the cameras but the first, and `clock_fit.Solved` there (None with too little)."""
     value = start
-    precision = np.tile([0.0, fit.DRIFT_SD_PPM**-2], len(start))
+    precision = np.tile([0.0, DRIFT_SD_PPM**-2], len(start))
     at = fit.runs(len(grid), MOST // len(cameras), RUNS)
     solved = None
     for i in range(ROUNDS):

@@ -16,7 +16,7 @@ from dior.body import joint_centres
 from dior.calibrate.clock import fit
 from dior.clocks import lag
 from dior.clocks.axis import blend, bracket
-from dior.clocks.clock import Clock, Estimate
+from dior.clocks.clock import DRIFT_SD_PPM, Clock, Estimate
 from dior.geometry import camera as cam
 from dior.geometry import covariance
 from dior.geometry.camera import Camera
@@ -106,7 +106,7 @@ def fitted(
     value, solved = start, None
     for _ in range(ROUNDS):
         tracks = tracks_of(camera, motion, uv, elapsed, middle, value)
-        solved = fit.solve(tracks, value, np.array([0.0, fit.DRIFT_SD_PPM**-2]))
+        solved = fit.solve(tracks, value, np.array([0.0, DRIFT_SD_PPM**-2]))
         if solved is None:
             break
         value = value + np.clip(solved.step, [-0.1, -200], [0.1, 200])

@@ -30,7 +30,6 @@ from dior.geometry import covariance
 from dior.geometry.camera import Camera, project
 
 LAGS_S = lag.window(50.0)
-DRIFT_SD_PPM = 30.0  # of a computer's or a camera's quartz
 STAMP_SD_S = 0.0005  # of a header stamp, which all marks of a frame share
 CANDIDATES = 8
 UNCERTAIN_S = 0.010  # half a 95 % interval
@@ -295,7 +294,7 @@ def uncertainty(J: Floats, t: Floats, miss: Floats, joint: Ints, frame: Ints) ->
     moved[own] = 0.0
     # the error of a drift of 0 is the drift's negative
     by_error = np.concatenate([-moved, np.eye(S)])
-    full = DRIFT_SD_PPM**2 * by_error @ by_error.T
+    full = on_axis.DRIFT_SD_PPM**2 * by_error @ by_error.T
     by_stamp = solve @ (J[:, 6:].sum(axis=1)[:, None] * np.repeat(np.equal.outer(frame, np.unique(frame)), 2, axis=0))
     full[: 6 + S, : 6 + S] += pnp.pose_covariance(J, miss, joint, frame) + STAMP_SD_S**2 * by_stamp @ by_stamp.T
     return full, middle

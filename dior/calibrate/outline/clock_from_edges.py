@@ -22,12 +22,10 @@ from dior.arrays import Floats
 from dior.calibrate.outline import boxes_fit, edge_errors, seen_edges
 from dior.calibrate.outline.seen_edges import Freedom, Seen
 from dior.clocks import lag
-from dior.clocks.clock import Clock
+from dior.clocks.clock import DRIFT_SD_PPM, OFFSET_SD_S, Clock
 from dior.geometry.camera import Camera
 
 LAGS_S = lag.window(25.0)
-# before anything is compared: clocks of computers that keep time by the network, or were started on a count; a crystal
-CLOCK_SIGMA_S, DRIFT_SIGMA_PPM = 1.0, 30.0
 MOST_PX = 0.15  # an edge is an outlier from there on, of the height of the person
 BLOCK_S = 1.0
 HALF_STEP_S = 0.04
@@ -74,8 +72,8 @@ def estimate(
     time.
     """
     freedom = seen_edges.Freedom(
-        turn=(0, 0, 0), shift=(0, 0, 0), margin_px=margin[0], margin_split_px=margin[1], clock_s=(CLOCK_SIGMA_S,),
-        drift_ppm=(DRIFT_SIGMA_PPM,),
+        turn=(0, 0, 0), shift=(0, 0, 0), margin_px=margin[0], margin_split_px=margin[1], clock_s=(OFFSET_SD_S,),
+        drift_ppm=(DRIFT_SD_PPM,),
     )  # fmt: skip
     reading = boxes_fit.Reading(camera, freedom, seen, side)
     middle, count = seen.middle_s(0), int(np.isfinite(seen.edges).sum())
