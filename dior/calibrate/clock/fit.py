@@ -15,16 +15,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from dior.arrays import Bools, Floats, Ints
+from dior.clocks import persistence
 from dior.clocks.clock import NORMAL_95, Clock
 
-BLOCK_S = 1.0
 OUTLIER = 6.0  # sigmas at which a residual is another thing than noise
 HUBER = 2.0  # sigmas of a coordinate at which a whitened residual starts to weigh less
 ROUNDS = 3
 MOST_FEIGNED = 0.8  # of the information, at most, is taken for noise
 LEAST_SHARE = 1.0  # of the variance by blocks of groups alone
 SETTLED = 0.15  # standard errors: the choice among the detections moves a clock by as much
-MOST_KEPT = 0.95  # correlation of neighbouring residuals, at most
+# chosen: errors that last longer count as if they lasted so long (a correlation of 0.95 at 30 Hz). Whitened any harder,
+# hardly anything of the motion would be left either
+LONGEST_S = 0.65
 FEWEST = 60  # usable moments of joints
 # chosen: what the places of all joints amount to, since errors of detector and poses are alike all the time. A lag then
 # counts as clearly worse (`dior.clocks.lag`) where the joints are 1.2 times as far off
@@ -99,7 +101,7 @@ def solve(tracks: Tracks, value: Floats, prior: Floats) -> Solved | None:
         size = np.linalg.norm(left[..., 0], axis=-1)
         sd = spread(size, weight > 0)
         weight = known * (size <= OUTLIER * sd[:, None])
-    keep = correlation(left[..., 0], weight, near)
+    keep = correlation(left[..., 0], weight, near, float(np.median(np.diff(tracks.seconds))))
     rough, pair = whitened(left, weight, near, keep)
     size = np.linalg.norm(rough[..., 0], axis=-1)
     sd = spread(size, pair > 0)
@@ -120,7 +122,7 @@ def solve(tracks: Tracks, value: Floats, prior: Floats) -> Solved | None:
         H = H - np.sqrt(share[:, None] * share) * H
     inverse = np.linalg.inv(H)
     scores = np.einsum("bt,btai,bta->bti", w, y[..., 1 : K + 1], y[..., 0])
-    meat = two_way(scores, tracks.group, ((tracks.seconds[1:] - tracks.seconds[0]) // BLOCK_S).astype(int))
+    meat = two_way(scores, tracks.group, ((tracks.seconds[1:] - tracks.seconds[0]) // persistence.LASTS_S).astype(int))
     meat = meat + np.diag(prior)
     given = _no_more(inverse @ meat @ inverse, prior)
     return Solved(-inverse @ g, given, -inverse @ N[:K, K : K + Q], sd, keep)
@@ -199,12 +201,11 @@ def _neighbours(seconds: Floats) -> Bools:
     return (step < 1.5 * usual) & (step > 0.3 * usual)
 
 
-def correlation(residual: Floats, weight: Floats, neighbours: Bools) -> float:
-    """Correlation of a residual (B, T, 2) with the next, pooled; not below 0."""
-    both = weight[:, 1:] * weight[:, :-1] * neighbours
-    product = (both[..., None] * residual[:, 1:] * residual[:, :-1]).sum()
-    power = (both[..., None] * (residual[:, 1:] ** 2 + residual[:, :-1] ** 2)).sum() / 2
-    return float(np.clip(product / max(power, 1e-12), 0.0, MOST_KEPT))
+def correlation(residual: Floats, weight: Floats, neighbours: Bools, step_s: float) -> float:
+    """Correlation of a residual (B, T, 2) with the next, `step_s` later, pooled; not below 0."""
+    known = np.where(weight[..., None] > 0, residual, np.nan)
+    stretch = np.concatenate([[0], np.cumsum(~neighbours)])
+    return float(np.clip(persistence.autocorrelation(known, 1, 1, stretch), 0.0, np.exp(-step_s / LONGEST_S)))
 
 
 def whitened(values: Floats, weight: Floats, neighbours: Bools, keep: float) -> tuple[Floats, Floats]:

@@ -21,13 +21,12 @@ from numpy.typing import NDArray
 from dior.arrays import Floats
 from dior.calibrate.outline import boxes_fit, edge_errors, seen_edges
 from dior.calibrate.outline.seen_edges import Freedom, Seen
-from dior.clocks import lag
+from dior.clocks import lag, persistence
 from dior.clocks.clock import DRIFT_SD_PPM, OFFSET_SD_S, Clock
 from dior.geometry.camera import Camera
 
 LAGS_S = lag.window(25.0)
 MOST_PX = 0.15  # an edge is an outlier from there on, of the height of the person
-BLOCK_S = 1.0
 HALF_STEP_S = 0.04
 STEPS = 30
 FEWEST = 8  # edges
@@ -169,7 +168,7 @@ def _refine(
     inverse = np.linalg.inv(slope * (A - prior) + prior)
     score = J * (weight * residual / sd**2)[:, None]
     side = edge_errors.way_seen(camera, seen.at(reading.clocks)[0], seen.seconds, seen.walk)[rows.frame]
-    alike = [np.arange(len(score)), np.floor(seen.seconds[rows.frame] / BLOCK_S), 5 * rows.kind + side]
+    alike = [np.arange(len(score)), np.floor(seen.seconds[rows.frame] / persistence.LASTS_S), 5 * rows.kind + side]
     own, near, same = (_clustered(score, label) for label in alike)
     # both ways of being alike, without counting an edge's own error twice
     spread = [inverse @ (meat + prior) @ inverse for meat in (own, near, same, near + same - own)]

@@ -11,6 +11,7 @@ import numpy as np
 
 from dior.arrays import Floats, Ints
 from dior.calibrate.outline.seen_edges import Seen
+from dior.clocks import persistence
 from dior.geometry.camera import Camera
 
 LEAST_SD_PX = 0.3
@@ -49,19 +50,16 @@ def spread(residual: Floats) -> float:
 
 
 def inflation(rows: EdgeResiduals, weight: Floats, seen: Seen) -> float:
-    """By how much errors alike in time widen the intervals: 1 + 2 sum of the autocorrelations up to 1 s, at least 1.
+    """By how much errors alike in time widen the intervals: `dior.clocks.persistence.inflation_at`.
 
-    Pairs of the same side (or joint and axis) of one walk, pooled; the mean of each side is taken out.
+    A side (or joint and axis) of one walk is a series; the mean of each side is taken out.
     """
     label = np.where(rows.kind >= 0, rows.kind, 4 + 2 * rows.joint + rows.axis)
     own = weight * rows.residual
     for k in np.unique(label):
         own[label == k] -= own[label == k].mean()
-    t, walk = seen.seconds[rows.frame], seen.walk[rows.frame]
-    alike = (label[:, None] == label) & (walk[:, None] == walk) & (np.abs(t[:, None] - t) <= 1.0)
-    np.fill_diagonal(alike, False)
-    products = np.where(alike, np.outer(own, own), 0.0).sum()
-    return float(max(1.0, 1.0 + products / max((own**2).sum(), 1e-12)))
+    series = seen.walk[rows.frame] * (label.max() + 1) + label
+    return persistence.inflation_at(own, seen.seconds[rows.frame], series)
 
 
 def of_bias(pull: Floats, rows: EdgeResiduals, camera: Camera, points: Floats, seen: Seen) -> Floats:

@@ -63,7 +63,7 @@ def test_noise_that_lasts_is_whitened():
     for i in range(1, 2000):
         x[:, i] = 0.8 * x[:, i - 1] + random.standard_normal((40, 2))
     every = np.ones(1999, bool)
-    keep = fit.correlation(x, np.ones(x.shape[:2]), every)
+    keep = fit.correlation(x, np.ones(x.shape[:2]), every, 1 / 30)
     assert keep == pytest.approx(0.8, abs=0.02)
     y, _ = fit.whitened(x[..., None], np.ones(x.shape[:2]), every, keep)
-    assert fit.correlation(y[..., 0], np.ones(y.shape[:2]), every[1:]) < 0.05
+    assert fit.correlation(y[..., 0], np.ones(y.shape[:2]), every[1:], 1 / 30) < 0.05
