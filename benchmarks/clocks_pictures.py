@@ -117,7 +117,7 @@ def long_range_clocks(level, seed):
     for k, (seen, points) in enumerate(made):
         uv = seen.true_uv[3][rows]
         edges = long_range.boxes(uv, in_frame(seen.cameras[3].intrinsics, uv), 0.0, seed + 1000 * k)
-        parts.append((tracks.Track(seen.seconds, points), seen.seconds[rows], edges))
+        parts.append((tracks.BodyTrack(seen.seconds, points), seen.seconds[rows], edges))
     start = long_range.off(made[0][0].given[3], seed)
     labels = []
     for clocks in (np.zeros(len(walks)), late):
@@ -134,7 +134,7 @@ def long_range_clocks(level, seed):
                 where = clock.offset_s + 1e-6 * clock.drift_ppm * clock.middle_s
                 followed.append((where - clocks[k], clock.sigma([camera.name], spread)[0], found.refused))
             at = seen.seconds[GRIP:-GRIP:30]
-            moved = tracks.Track(seen.seconds, seen.points).at(at - clocks[k] + where)
+            moved = tracks.BodyTrack(seen.seconds, seen.points).at(at - clocks[k] + where)
             errors.append(np.linalg.norm(project(camera, moved)[0] - seen.true_uv[3][GRIP:-GRIP:30], axis=-1))
         labels.append(float(np.nanmean(np.concatenate(errors))))
     return followed, *labels
@@ -144,7 +144,7 @@ def _seen(parts, clocks=None, held=False):
     points = [track.at(moments) for track, moments, _ in parts]
     walk = np.repeat(np.arange(len(parts)), [len(moments) for _, moments, _ in parts])
     every = np.concatenate(points)
-    return seen_edges.Seen(
+    return seen_edges.EdgeObservations(
         every, np.concatenate([edges for *_, edges in parts]), np.full((*every.shape[:2], 2), np.nan),
         np.concatenate([moments for _, moments, _ in parts]), walk,
         tracks=() if held else tuple(track for track, *_ in parts),

@@ -24,7 +24,7 @@ import numpy as np
 
 from dior.arrays import AnyPath, Floats
 from dior.calibrate.outline import boxes_fit, seen_edges
-from dior.calibrate.outline.walks import SILHOUETTE_MARGIN_PX, Walk, by_close, gather, read_walk
+from dior.calibrate.outline.walks import SILHOUETTE_MARGIN_PX, FilmedWalk, by_close, gather, read_walk
 from dior.clocks.clock import DRIFT_SD_PPM, OFFSET_SD_S
 from dior.errors import DiorError
 from dior.geometry import camera as cam
@@ -95,8 +95,8 @@ def joint_covariance(fitted: boxes_fit.Fitted, close_covariance: Floats | None, 
 
 def found_out(
     scope: str,
-    walks: Sequence[Walk],
-    seen: seen_edges.Seen,
+    walks: Sequence[FilmedWalk],
+    seen: seen_edges.EdgeObservations,
     fitted: boxes_fit.Fitted,
     pose_covariance: Floats,
     taped: Floats,

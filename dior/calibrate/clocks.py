@@ -3,8 +3,9 @@
 INPUTS   cameras and their covariance, detections, frames, indoors the mocap and what locate found from marks;
          config/offsets/<sequence>.yaml where a person overrides
 OUTPUTS  `offsets` and `clock_gains` (dior/clocks/clock.py), `clock_costs` (how well each lag fits), findings
-Indoors in the order of what tells most: detections (`mocap_clock`), marks (locate), picture motion (`motion_clock`).
-Outdoors the first close camera by name is the reference (`camera_clock`). A long-range camera's clock is `follow`'s.
+Indoors in the order of what tells most: detections (`clock.from_mocap`), marks (locate), silhouettes in the pictures
+(`outline.clock_from_pictures`). Outdoors the first close camera by name is the reference (`clock.from_cameras`). A
+long-range camera's clock is `follow`'s.
 Where the data cannot tell, the clock is zero, its sigma is null and a finding says why.
 """
 

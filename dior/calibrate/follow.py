@@ -20,10 +20,10 @@ import numpy as np
 
 from dior.arrays import Floats
 from dior.calibrate.outline import boxes_fit, clock_from_edges, clock_from_pictures, seen_edges, silhouettes, tracks
-from dior.calibrate.outline.seen_edges import Seen
+from dior.calibrate.outline.seen_edges import EdgeObservations
 from dior.calibrate.outline.walks import (
     SILHOUETTE_MARGIN_PX,
-    Walk,
+    FilmedWalk,
     by_close,
     from_boxes,
     from_pictures,
@@ -41,8 +41,10 @@ from dior.tables import tables
 FEWEST_BOXES = 4
 
 
-def watched(walk: Walk, camera: Camera, boxes: Path | None, data_root: Path) -> tuple[Seen, str, tuple[float, float]]:
-    """`seen_edges.Seen` of one walk, the method's word, and the prior of the margins (all edges, v against u) px."""
+def watched(
+    walk: FilmedWalk, camera: Camera, boxes: Path | None, data_root: Path
+) -> tuple[EdgeObservations, str, tuple[float, float]]:
+    """`EdgeObservations` of one walk, the method (table `offsets`), and the margins' prior (all edges, v to u) px."""
     flesh: Floats | float = 0.0
     shown, edges = from_boxes(walk, boxes) if boxes else (np.zeros(0, int), np.zeros((0, 4)))
     if len(shown) >= FEWEST_BOXES:
@@ -50,17 +52,17 @@ def watched(walk: Walk, camera: Camera, boxes: Path | None, data_root: Path) -> 
     else:
         ((shown, edges),) = from_pictures([walk], camera, data_root)
         points, flesh = silhouettes.outline(walk.track.points, walk.joints)
-        method, track, margin = "pictures", tracks.Track(walk.track.seconds, points), SILHOUETTE_MARGIN_PX
+        method, track, margin = "pictures", tracks.BodyTrack(walk.track.seconds, points), SILHOUETTE_MARGIN_PX
     seconds = walk.seconds[shown]
     points = track.at(seconds)
     nothing = np.full((*points.shape[:2], 2), np.nan)
-    seen = seen_edges.Seen(
+    seen = seen_edges.EdgeObservations(
         points, edges, nothing, seconds, np.zeros(len(shown), int), lasting_bias([walk]), flesh, (track,)
     )
     return seen, method, (margin, seen_edges.Freedom.margin_split_px)
 
 
-def hidden_side(camera: Camera, seen: Seen, margin: tuple[float, float], occluder: str, where: str) -> str:
+def hidden_side(camera: Camera, seen: EdgeObservations, margin: tuple[float, float], occluder: str, where: str) -> str:
     """The side of the edges that is an occluder's, or "", as `boxes_fit.fit` reads it with the camera where it is.
 
     The clock is held at the lag that fits best with nothing hidden: the sides that are left tell it well enough.
@@ -73,7 +75,7 @@ def hidden_side(camera: Camera, seen: Seen, margin: tuple[float, float], occlude
     return boxes_fit.fit(camera, held, replace(seen, seconds=seconds, points=seen.tracks[0].at(seconds)), where).hidden
 
 
-def told(scope: str, found: clock_from_edges.Found) -> list[tuple[str, str, str, str]]:
+def told(scope: str, found: clock_from_edges.ClockFromEdges) -> list[tuple[str, str, str, str]]:
     """Findings of an estimated clock: (scope, severity, code, text)."""
     if found.refused:
         text = f"the clock is not known: {found.refused}; its stamps are taken as they are. Draw boxes on more pictures"

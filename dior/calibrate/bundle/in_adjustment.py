@@ -4,7 +4,7 @@ INPUTS   what the cameras have of each sequence (`window.Recorded`), clocks that
 OUTPUTS  the clocks, the joints at the window's instants by them, and what the clocks' errors do to the cameras
 
 Poses and clocks are found by turns: with the cameras as they are the clocks follow from how the joints move
-(`clock_fit`: a detector's constant errors have no say), then the cameras are adjusted at the instants by these clocks.
+(`clock.fit`: a detector's constant errors have no say), then the cameras are adjusted at the instants by these clocks.
 Each gives way to what is wrong in the other, so that the turns are lengthened by what the ones before have shown.
 Where they end, both are least squares of linear equations in each other: camera errors x = A c + e, clock errors
 c = G x + f. Hence x = (1 - A G)^-1 (e + A f).
@@ -209,12 +209,12 @@ class Walked:
 @dataclass(frozen=True, eq=False)
 class Fit:
     """`step` (V, 2) of the clocks of a sequence, covariance `given` (2V, 2V) with the cameras as they are, and `gain`
-    (2V, 6V) by the cameras' errors; zeros for the reference. `solved`: the `clock_fit.Solved` that they come from."""
+    (2V, 6V) by the cameras' errors; zeros for the reference. `solved`: the `fit.SolvedClocks` that they come from."""
 
     step: Floats
     given: Floats
     gain: Floats
-    solved: clock_fit.Solved
+    solved: clock_fit.SolvedClocks
 
 
 def _together(fits: Sequence[Fit | None], shape: tuple[int, ...]) -> tuple[Floats, Floats]:
@@ -246,7 +246,7 @@ def of(
     given: Sequence[Sequence[ClockValues]],
     min_views: int,
 ) -> Sequences:
-    """`Sequences` by what `offsets.read` gives for every sequence and camera, [[(offset, drift, source)]]."""
+    """`Sequences` by what `by_hand.read` gives for every sequence and camera, [[(offset, drift, source)]]."""
     values = np.array([[clock[:2] for clock in each] for each in given], float).reshape(len(given), len(names), 2)
     held = np.array([[clock[2] == "manual" for clock in each] for each in given], bool).reshape(values.shape[:2])
     held[:, names.index(min(names))] = True

@@ -35,7 +35,7 @@ MOST_SIGMA_S = 0.1  # a time that is less certain counts as unknown
 
 
 @dataclass(frozen=True, eq=False)
-class Tracks:
+class ResidualTracks:
     """B tracks at T moments.
 
     `residual` (B, T, 2) px, NaN where unknown; `by_clock` (B, T, 2, K) and `by_camera` (B, T, 2, Q): its derivatives;
@@ -57,7 +57,7 @@ class Tracks:
 
 
 @dataclass(frozen=True, eq=False)
-class Solved:
+class SolvedClocks:
     """`step` (K,) of the clocks; `given` (K, K) covariance with the cameras as they are; `gain` (K, Q) by their errors.
 
     `sd_px` (B,) of the tracks, whitened, and `keep`, the correlation of neighbours before that.
@@ -81,8 +81,8 @@ def constants(depth: Floats, side: Ints, extra: Floats | None = None) -> Floats:
     return basis if extra is None else np.concatenate([basis, extra], axis=-1)
 
 
-def solve(tracks: Tracks, value: Floats, prior: Floats) -> Solved | None:
-    """`Solved`, or None where too little is known.
+def solve(tracks: ResidualTracks, value: Floats, prior: Floats) -> SolvedClocks | None:
+    """`SolvedClocks`, or None where too little is known.
 
     `value` (K,) of the unknowns so far, each with the precision `prior` (K,) about 0.
     """
@@ -125,10 +125,10 @@ def solve(tracks: Tracks, value: Floats, prior: Floats) -> Solved | None:
     meat = two_way(scores, tracks.group, ((tracks.seconds[1:] - tracks.seconds[0]) // persistence.LASTS_S).astype(int))
     meat = meat + np.diag(prior)
     given = _no_more(inverse @ meat @ inverse, prior)
-    return Solved(-inverse @ g, given, -inverse @ N[:K, K : K + Q], sd, keep)
+    return SolvedClocks(-inverse @ g, given, -inverse @ N[:K, K : K + Q], sd, keep)
 
 
-def clock_of(value: Floats, middle: float, solved: Solved, cameras: Sequence[str], at: int = 0) -> Clock:
+def clock_of(value: Floats, middle: float, solved: SolvedClocks, cameras: Sequence[str], at: int = 0) -> Clock:
     """`Clock` from (time in the middle s, drift ppm); `at`: of which of several clocks, two unknowns each."""
     gain = solved.gain[2 * at : 2 * at + 2].reshape(2, -1, 6)
     sigma_s, sigma_ppm = map(float, np.sqrt(np.diagonal(solved.given))[2 * at : 2 * at + 2])
@@ -137,7 +137,7 @@ def clock_of(value: Floats, middle: float, solved: Solved, cameras: Sequence[str
     return Clock(offset, float(value[1]), "estimated", "detections", middle, (sigma_s, sigma_ppm), gains)
 
 
-def doubt(solved: Solved, at: int = 0) -> str:
+def doubt(solved: SolvedClocks, at: int = 0) -> str:
     """Why a clock cannot be trusted, or ""."""
     sigma = np.sqrt(solved.given[2 * at, 2 * at])
     if not sigma < MOST_SIGMA_S:
@@ -161,7 +161,7 @@ def runs(count: int, most: int, parts: int) -> Ints:
     return np.unique((first[:, None] + np.arange(each)).ravel())
 
 
-def settled(solved: Solved) -> bool:
+def settled(solved: SolvedClocks) -> bool:
     """Whether the last step was small against the standard errors of the clocks, every other unknown."""
     return bool((np.abs(solved.step) < SETTLED * np.sqrt(np.diagonal(solved.given)))[::2].all())
 

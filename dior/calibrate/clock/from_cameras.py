@@ -3,7 +3,7 @@
 INPUTS   cameras with their poses, detections (px) and stamps of their pictures
 OUTPUTS  `dior.clocks.clock.Clock` of each (method "cameras"; the first is the reference), the costs over the lag
 A search over the window, camera by camera, finds the lag at which the rays of the joints meet; then all clocks are
-fitted to how the joints move (`clock_fit`), with the 3D of every moment unknown. World in metres, recorded px, seconds.
+fitted to how the joints move (`clock.fit`), with the 3D of every moment unknown. World in metres, recorded px, seconds.
 """
 
 from collections.abc import Sequence
@@ -44,7 +44,7 @@ TIMED = {"nose", "neck", "mid_hip"} | {
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class TimedDetections:
     """What a camera has: `elapsed` (F,) s after t0, `uv` (F, J, 2) px with NaN, `max_gap_s` of its pictures."""
 
     elapsed: Floats
@@ -58,12 +58,12 @@ class Seen:
 
 
 def from_detections(
-    cameras: Sequence[Camera], seen: Sequence[Seen], names: Sequence[str], grid: Floats, fps: float
+    cameras: Sequence[Camera], seen: Sequence[TimedDetections], names: Sequence[str], grid: Floats, fps: float
 ) -> dict[str, Estimate]:
     """By camera: `Clock`, lags (L,) s, costs (L,) px, the reason why it cannot be told or "".
 
-    `cameras` (V), the first of which is the reference; `seen`: a `Seen` of each; `names` of the joints; `grid` (T,) s
-    regular, at `fps` Hz.
+    `cameras` (V), the first of which is the reference; `seen`: a `TimedDetections` of each; `names` of the joints;
+    `grid` (T,) s regular, at `fps` Hz.
     """
     middle = float((grid[0] + grid[-1]) / 2)
     timed = [i for i, name in enumerate(names) if name in TIMED] or list(range(len(names)))
@@ -156,9 +156,14 @@ def _epipolar(one: Camera, other: Camera, x: Floats, y: Floats, steps: Ints) -> 
 
 
 def fitted(
-    cameras: Sequence[Camera], seen: Sequence[Seen], names: Sequence[str], grid: Floats, middle: float, start: Floats
-) -> tuple[Floats, fit.Solved | None]:
-    """Clocks (V - 1, 2) of the cameras but the first, and `clock_fit.Solved` there (None with too little)."""
+    cameras: Sequence[Camera],
+    seen: Sequence[TimedDetections],
+    names: Sequence[str],
+    grid: Floats,
+    middle: float,
+    start: Floats,
+) -> tuple[Floats, fit.SolvedClocks | None]:
+    """Clocks (V - 1, 2) of the cameras but the first, and `fit.SolvedClocks` there (None with too little)."""
     value = start
     precision = np.tile([0.0, DRIFT_SD_PPM**-2], len(start))
     at = fit.runs(len(grid), MOST // len(cameras), RUNS)
@@ -191,9 +196,13 @@ def tracks_of(
     seconds: Floats,
     middle: float,
     with_cameras: bool,
-    noise: fit.Solved | None,
-) -> fit.Tracks:
-    """`clock_fit.Tracks` of detections (V, T, J, 2) px at moments `seconds` (T,); `noise`: the `Solved` before."""
+    noise: fit.SolvedClocks | None,
+) -> fit.ResidualTracks:
+    """`fit.ResidualTracks` of detections (V, T, J, 2) px at moments `seconds` (T,).
+
+    `with_cameras`: with the derivatives by the cameras' errors; `noise`: the step before, which says how large the
+    detections' noise is; its share in the velocities is not taken off where None.
+    """
     views, count, each = uv.shape[:3]
     xy = np.stack([cam.undistort(c.intrinsics, own) for c, own in zip(cameras, uv, strict=True)])
     seen = np.isfinite(xy).all(axis=-1).astype(float)
@@ -225,7 +234,7 @@ def tracks_of(
         np.concatenate([np.swapaxes(x, 0, 1) for x in column]) for column in zip(*parts, strict=True)
     )
     joint = np.tile(np.arange(each), views)
-    return fit.Tracks(
+    return fit.ResidualTracks(
         residual, by_clock, by_camera, basis, by_point, joint, joint, seconds,
         np.nan_to_num(by_noise),
     )  # fmt: skip
@@ -237,8 +246,10 @@ def _middle(points: Floats) -> Floats:
     return np.where(known, points, 0.0).sum(axis=1)[:, :2] / np.where(known.any(axis=1), known.sum(axis=1), np.nan)
 
 
-def _by_chance(cameras: Sequence[Camera], points: Floats, used: Bools, noise: fit.Solved, seconds: Floats) -> Floats:
-    """Velocities (T, J, 3) m/s that the detections' noise alone would make: that of `clock_fit.Solved`, drawn anew."""
+def _by_chance(
+    cameras: Sequence[Camera], points: Floats, used: Bools, noise: fit.SolvedClocks, seconds: Floats
+) -> Floats:
+    """Velocities (T, J, 3) m/s that noise like that of `fit.SolvedClocks` alone would make, drawn anew."""
     from scipy.signal import lfilter
 
     shape = (*used.shape, 2)

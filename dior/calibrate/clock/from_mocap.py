@@ -3,7 +3,7 @@
 INPUTS   a located camera, the markers of the C3D, detections (px) and stamps of the camera's pictures
 OUTPUTS  `dior.clocks.clock.Clock` (method "detections"), the cost over the lag
 A search over the window finds the lag at which the projected markers are nearest to the detections; then time and
-drift are fitted to how the joints move (`clock_fit`). World of the C3D in metres, recorded px, seconds.
+drift are fitted to how the joints move (`clock.fit`). World of the C3D in metres, recorded px, seconds.
 """
 
 from collections.abc import Sequence
@@ -101,8 +101,8 @@ def search(camera: Camera, motion: Walker, uv: Floats, elapsed: Floats) -> tuple
 
 def fitted(
     camera: Camera, motion: Walker, uv: Floats, elapsed: Floats, middle: float, start: Floats
-) -> tuple[Floats, fit.Solved | None]:
-    """The clock (time in the middle s, drift ppm) from a start, and `clock_fit.Solved` there (None with too little)."""
+) -> tuple[Floats, fit.SolvedClocks | None]:
+    """The clock (time in the middle s, drift ppm) from a start, and the step there, None with too few detections."""
     value, solved = start, None
     for _ in range(ROUNDS):
         tracks = tracks_of(camera, motion, uv, elapsed, middle, value)
@@ -115,8 +115,10 @@ def fitted(
     return value, solved
 
 
-def tracks_of(camera: Camera, motion: Walker, uv: Floats, elapsed: Floats, middle: float, value: Floats) -> fit.Tracks:
-    """`clock_fit.Tracks` at a clock `value` (time in the middle s, drift ppm)."""
+def tracks_of(
+    camera: Camera, motion: Walker, uv: Floats, elapsed: Floats, middle: float, value: Floats
+) -> fit.ResidualTracks:
+    """`fit.ResidualTracks` at a clock `value` (time in the middle s, drift ppm)."""
     seconds = elapsed + value[0] + 1e-6 * value[1] * (elapsed - middle)
     where = bracket(motion.t, seconds, 2.5 * np.median(np.diff(motion.t)))
     points = blend(motion.points, *where)
@@ -137,4 +139,4 @@ def tracks_of(camera: Camera, motion: Walker, uv: Floats, elapsed: Floats, middl
     groups = [joint_centres.group(name) for name in motion.names]
     residual, by_clock, by_camera, basis = (np.swapaxes(x, 0, 1) for x in (residual, by_clock, by_camera, basis))
     group = np.unique(groups, return_inverse=True)[1]
-    return fit.Tracks(residual, by_clock, by_camera, basis, None, np.arange(len(groups)), group, elapsed)
+    return fit.ResidualTracks(residual, by_clock, by_camera, basis, None, np.arange(len(groups)), group, elapsed)

@@ -101,7 +101,7 @@ def places(
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class ClocksFromMarks:
     """What the marks say of the clocks: `offsets` (S,) s, NaN where they cannot tell, and `why` (S,) then says why.
 
     `wTc` (4, 4): the pose that goes with them, None without any offset; `profile`: sequence -> lags (L,) s and the
@@ -114,8 +114,10 @@ class Found:
     profile: dict[str, tuple[Floats, Floats]]
 
 
-def search(camera: Camera, where_marked: Places, uv: Floats, frame: Ints, ransac_px: float, where: str) -> Found:
-    """`Found` for all sequences of `where_marked` (`Places` of N marks at `uv` (N, 2) px on `frame` (N,) keys).
+def search(
+    camera: Camera, where_marked: Places, uv: Floats, frame: Ints, ransac_px: float, where: str
+) -> ClocksFromMarks:
+    """`ClocksFromMarks` for all sequences of `where_marked`: N marks at `uv` (N, 2) px on the pictures `frame` (N,).
 
     The first sequence is searched together with the pose, the next ones with the pose known, each refined with all
     before it. Raises DiorError where several offsets of a sequence fit and 0 is none of them.
@@ -151,7 +153,7 @@ def search(camera: Camera, where_marked: Places, uv: Floats, frame: Ints, ransac
             np.where(np.isnan(offsets) & (np.arange(count) != s), np.nan, ends[0].offsets),
         )
         settled = use
-    return Found(offsets, tuple(why), start, profile)
+    return ClocksFromMarks(offsets, tuple(why), start, profile)
 
 
 @dataclass(frozen=True, eq=False)
@@ -322,7 +324,7 @@ def clocks(
 
 
 def costs(camera: str, profile: Mapping[str, tuple[Floats, Floats]]) -> dict[str, Any]:
-    """Columns of table `clock_costs` from `Found.profile`; null where half of the markers are missing."""
+    """Columns of table `clock_costs` from `ClocksFromMarks.profile`; null where half of the markers are missing."""
     lags, cost = (np.concatenate([[], *(each[i] for each in profile.values())]) for i in (0, 1))
     return {
         "sequence": [name for name, (lag, _) in profile.items() for _ in lag],

@@ -3,8 +3,8 @@
 INPUTS   world points (L, N, 3) m, NaN where missing; pixels (N, 2)
 OUTPUTS  poses (L, 4, 4), robust costs (L,) px^2
 World in metres, Z up; a pose's error is that of `dior.geometry.covariance`. Pixels are compared as ideal coordinates
-times the focal length, so that the lens is undone once: good enough for a start, `marks_clock.refine` works in recorded
-pixels.
+times the focal length, so that the lens is undone once: good enough for a start, `clock_from_marks.refine` works in
+recorded pixels.
 """
 
 import numpy as np

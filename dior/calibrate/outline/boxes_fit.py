@@ -1,6 +1,7 @@
 """Fit a camera to what a person draws or a still camera shows: boxes around a body whose 3D is known, clicked joints.
 
-INPUTS   a start, `Freedom` (what may move, how far the tape is trusted), `Seen` (3D at the pictures, edges, clicks)
+INPUTS   a start, `Freedom` (what may move, how far the tape is trusted), `EdgeObservations` (3D at the pictures, edges,
+         clicks)
 OUTPUTS  `Fitted`: the camera, what was fitted with its covariance, which edges agreed
 
 An edge of a box is the extreme of the projected joints in its direction, moved outwards by a margin. Which joint is
@@ -27,7 +28,7 @@ import numpy as np
 from dior.arrays import Bools, Floats
 from dior.calibrate.outline import edge_errors, seen_edges
 from dior.calibrate.outline.edge_errors import EdgeResiduals
-from dior.calibrate.outline.seen_edges import Freedom, Seen
+from dior.calibrate.outline.seen_edges import EdgeObservations, Freedom
 from dior.clocks import lag
 from dior.errors import DiorError
 from dior.geometry import camera as cam
@@ -107,7 +108,7 @@ def to_pose(camera: Camera, range_m: float | None = None) -> Floats:
     return T
 
 
-def moved(start: Camera, axes: Floats, values: Floats) -> Camera:
+def with_parameters(start: Camera, axes: Floats, values: Floats) -> Camera:
     """The camera with the parameters `values` (9,); `axes` as from `sight(start)`."""
     step = np.concatenate([values[TURN], axes @ values[SHIFT]])
     camera = covariance.moved(start, step)
@@ -120,7 +121,12 @@ READINGS = {"auto": ("", "v_max", "v_min"), "none": ("",), "below": ("v_max",), 
 
 
 def fit(
-    start: Camera, freedom: Freedom, seen: Seen, where: str, derivative: Derivative = None, occluder: str = "auto"
+    start: Camera,
+    freedom: Freedom,
+    seen: EdgeObservations,
+    where: str,
+    derivative: Derivative = None,
+    occluder: str = "auto",
 ) -> Fitted:
     """`Fitted` from a start a few degrees off.
 
@@ -144,7 +150,7 @@ def fit(
 class Reading:
     """One reading of the edges, with the state of its iteration."""
 
-    def __init__(self, start: Camera, freedom: Freedom, seen: Seen, side: str) -> None:
+    def __init__(self, start: Camera, freedom: Freedom, seen: EdgeObservations, side: str) -> None:
         self.start, self.axes, self.seen, self.side = start, sight(start), seen, side
         self.freedom = freedom
         self.prior = seen_edges.prior(freedom, len(seen.tracks))
@@ -240,7 +246,7 @@ class Reading:
         return np.array([np.arctan(v / lens.fy), -np.arctan(u / lens.fx), 0.0])
 
     def camera(self) -> Camera:
-        return moved(self.start, self.axes, self.values)
+        return with_parameters(self.start, self.axes, self.values)
 
     def visible(self, uv: Floats) -> tuple[Bools, Bools, Bools]:
         """Joints (F, J) that are surely not behind the occluder, those that may not be, and pictures (F,) it cuts."""

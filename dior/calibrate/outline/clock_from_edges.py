@@ -1,7 +1,7 @@
 """The clock of a camera that stands where it is known to: by edges of boxes or silhouettes around a walker whose 3D is
 known.
 
-INPUTS   the camera, `seen_edges.Seen` of one walk with its track, which side an occluder has
+INPUTS   the camera, `seen_edges.EdgeObservations` of one walk with its track, which side an occluder has
 OUTPUTS  `dior.clocks.clock.Clock` and the cost of each lag (px)
 
 The edges are those of `boxes_fit`. A joint is not where the outline is, nor where the 3D has it, and that difference
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from dior.arrays import Floats
 from dior.calibrate.outline import boxes_fit, edge_errors, seen_edges
-from dior.calibrate.outline.seen_edges import Freedom, Seen
+from dior.calibrate.outline.seen_edges import EdgeObservations, Freedom
 from dior.clocks import lag, persistence
 from dior.clocks.clock import DRIFT_SD_PPM, OFFSET_SD_S, Clock
 from dior.geometry.camera import Camera
@@ -42,7 +42,7 @@ Shifts: TypeAlias = dict[int, Floats]
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class ClockFromEdges:
     """The `clock`, the cost px of each of `LAGS_S`, the residual px before (no offset) and after, the number of edges
     and why it was refused, or ""."""
 
@@ -56,14 +56,14 @@ class Found:
 
 def estimate(
     camera: Camera,
-    seen: Seen,
+    seen: EdgeObservations,
     method: str,
     margin: tuple[float, float] = (3.0, 0.3),
     side: str = "",
     makers: Makers | None = None,
     trails_m: float = 0.0,
-) -> Found:
-    """`Found` for the pictures `seen` (`seen_edges.Seen` with one track) of a camera.
+) -> ClockFromEdges:
+    """`ClockFromEdges` for the pictures `seen` (`seen_edges.EdgeObservations` with one track) of a camera.
 
     `margin`: prior of the margin of all edges and of v against u, px. `makers`: names of the cameras that the track
     comes from and a function that gives the derivative (F, J, 3, 6V) of its points by their errors. `trails_m`:
@@ -78,11 +78,11 @@ def estimate(
     middle, count = seen.middle_s(0), int(np.isfinite(seen.edges).sum())
     zero = Clock(0.0, middle_s=middle)
     if count < FEWEST:
-        return Found(zero, np.full(len(LAGS_S), np.nan), np.nan, np.nan, count, f"only {count} edges")
+        return ClockFromEdges(zero, np.full(len(LAGS_S), np.nan), np.nan, np.nan, count, f"only {count} edges")
     limit = outlier_px(seen)
     costs = curve(reading, limit)
     if not np.isfinite(costs).any():
-        return Found(zero, costs, np.nan, np.nan, count, "no picture shows the person")
+        return ClockFromEdges(zero, costs, np.nan, np.nan, count, "no picture shows the person")
     best = int(np.nanargmin(costs))
     reading.clocks[0, 0] = LAGS_S[best]
     given, gains, sd, speed = _refine(reading, camera, seen, makers)
@@ -103,16 +103,16 @@ def estimate(
     why = _doubt(costs, given, offset, sd, count)
     if not np.isfinite(after):
         why = "the 3D is missing at most of the pictures"
-    return Found(zero if why else clock, costs, float(costs[at_zero]), after, count, why)
+    return ClockFromEdges(zero if why else clock, costs, float(costs[at_zero]), after, count, why)
 
 
-def best_lag(camera: Camera, freedom: Freedom, seen: Seen) -> float:
+def best_lag(camera: Camera, freedom: Freedom, seen: EdgeObservations) -> float:
     """The lag s of the least cost with the camera as it is and nothing hidden; 0 where none can be compared."""
     costs = curve(boxes_fit.Reading(camera, freedom, seen, ""), outlier_px(seen))
     return float(LAGS_S[np.nanargmin(costs)]) if np.isfinite(costs).any() else 0.0
 
 
-def outlier_px(seen: Seen) -> float:
+def outlier_px(seen: EdgeObservations) -> float:
     """Residual of an edge that is an outlier, px."""
     height = float(np.nanmedian(seen.edges[:, 3] - seen.edges[:, 1]))
     return MOST_PX * height if np.isfinite(height) else 20.0
@@ -143,7 +143,7 @@ def cost_at(reading: boxes_fit.Reading, limit_px: float) -> float:
 
 
 def _refine(
-    reading: boxes_fit.Reading, camera: Camera, seen: Seen, makers: Makers | None
+    reading: boxes_fit.Reading, camera: Camera, seen: EdgeObservations, makers: Makers | None
 ) -> tuple[Floats, dict[str, Floats], float, float]:
     """Moves the reading's clock and margins to the best; given sigma (2,), gains by camera, sd px of an
     edge, and the speed m/s of what tells the time."""
@@ -194,7 +194,11 @@ def _clustered(score: Floats, label: NDArray[Any]) -> Floats:
 
 
 def _system(
-    reading: boxes_fit.Reading, rows: edge_errors.EdgeResiduals, camera: Camera, seen: Seen, shifts: Shifts | None
+    reading: boxes_fit.Reading,
+    rows: edge_errors.EdgeResiduals,
+    camera: Camera,
+    seen: EdgeObservations,
+    shifts: Shifts | None,
 ) -> tuple[Floats, Floats, Floats, Shifts]:
     """Derivatives (N, 4 + 3G) by margins, time, drift and the shift (m) of each (joint, side of the body), the
     precision of their priors, residuals (N,) px with the shifts so far, and these by group."""

@@ -55,14 +55,14 @@ def from_pictures(
     return found.clock, clock_from_edges.LAGS_S, found.costs_px
 
 
-def body(mocap_table: Table) -> tuple[tracks.Track, int, Floats]:
-    """The `Track` of the markers and what is derived from them, t0 (ns) and how far outside the outline lies (J,) m."""
+def body(mocap_table: Table) -> tuple[tracks.BodyTrack, int, Floats]:
+    """The `BodyTrack` of markers and what is derived from them, t0 (ns), how far outside the outline lies (J,) m."""
     track, t0_ns, joints = tracks.read(mocap_table)
     whole, flesh_m = silhouettes.outline(filled(track), joints)
-    return tracks.Track(track.seconds, whole), t0_ns, flesh_m
+    return tracks.BodyTrack(track.seconds, whole), t0_ns, flesh_m
 
 
-def filled(track: tracks.Track) -> Floats:
+def filled(track: tracks.BodyTrack) -> Floats:
     """Points (T, J, 3) with gaps bridged linearly against the middle of the body, so that an extreme does not jump."""
     points = track.points.copy()
     known = np.all(np.isfinite(points), axis=-1)
@@ -82,7 +82,7 @@ def chosen(count: int) -> Ints:
     return np.unique(np.linspace(0, count - 1, min(PICTURES, count)).round().astype(int))
 
 
-def tall_px(camera: Camera, track: tracks.Track) -> float:
+def tall_px(camera: Camera, track: tracks.BodyTrack) -> float:
     """Height (px) of the person in the recorded picture, in the median."""
     v = cam.project(camera, track.points[:: max(1, len(track.points) // 200)])[0][..., 1]
     high = np.nanmax(np.where(np.isfinite(v).any(axis=1)[:, None], v, np.inf), axis=1) - np.nanmin(
@@ -91,7 +91,7 @@ def tall_px(camera: Camera, track: tracks.Track) -> float:
     return float(np.median(high[np.isfinite(high)])) if np.isfinite(high).any() else float(TALL_PX)
 
 
-def shrinking(camera: Camera, track: tracks.Track) -> int:
+def shrinking(camera: Camera, track: tracks.BodyTrack) -> int:
     """By which whole number pictures are shrunk."""
     return max(1, round(tall_px(camera, track) / TALL_PX))
 
@@ -117,12 +117,14 @@ def edges_of(small: Sequence[silhouettes.Picture], factor: int, tall: float) -> 
 
 
 def from_edges(
-    camera: Camera, track: tracks.Track, flesh_m: Floats, moments: Floats, edges: Floats
-) -> clock_from_edges.Found:
-    """`edge_clock.Found` from edges (F, 4) px of pictures taken at `moments` (F,) s by the stamps."""
+    camera: Camera, track: tracks.BodyTrack, flesh_m: Floats, moments: Floats, edges: Floats
+) -> clock_from_edges.ClockFromEdges:
+    """`clock_from_edges.ClockFromEdges` from edges (F, 4) px of pictures taken at `moments` (F,) s by the stamps."""
     points = track.at(moments)
     nothing = np.full((*points.shape[:2], 2), np.nan)
-    seen = seen_edges.Seen(points, edges, nothing, moments, np.zeros(len(moments), int), BIAS_M, flesh_m, (track,))
+    seen = seen_edges.EdgeObservations(
+        points, edges, nothing, moments, np.zeros(len(moments), int), BIAS_M, flesh_m, (track,)
+    )
     scale = camera.intrinsics.fx / 760
     margin = MARGIN_PX * scale, MARGIN_SPLIT_PX * scale
     return clock_from_edges.estimate(camera, seen, "pictures", margin, trails_m=TRAILS_M)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dior.arrays import Floats, Ints
-from dior.calibrate.outline.seen_edges import Seen
+from dior.calibrate.outline.seen_edges import EdgeObservations
 from dior.clocks import persistence
 from dior.geometry.camera import Camera
 
@@ -49,7 +49,7 @@ def spread(residual: Floats) -> float:
     return max(1.4826 * np.median(np.abs(residual)), LEAST_SD_PX)
 
 
-def inflation(rows: EdgeResiduals, weight: Floats, seen: Seen) -> float:
+def inflation(rows: EdgeResiduals, weight: Floats, seen: EdgeObservations) -> float:
     """By how much errors alike in time widen the intervals: `dior.clocks.persistence.inflation_at`.
 
     A side (or joint and axis) of one walk is a series; the mean of each side is taken out.
@@ -62,7 +62,7 @@ def inflation(rows: EdgeResiduals, weight: Floats, seen: Seen) -> float:
     return persistence.inflation_at(own, seen.seconds[rows.frame], series)
 
 
-def of_bias(pull: Floats, rows: EdgeResiduals, camera: Camera, points: Floats, seen: Seen) -> Floats:
+def of_bias(pull: Floats, rows: EdgeResiduals, camera: Camera, points: Floats, seen: EdgeObservations) -> Floats:
     """Covariance (P, P) of parameters that residuals move by `pull` (P, N), from joints that are off by `seen.bias_m`
     alike in every picture that shows the same side of the body; `points` (F, J, 3) m."""
     out = np.zeros((len(pull), len(pull)))

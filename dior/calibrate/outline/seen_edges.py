@@ -1,7 +1,7 @@
 """What is given to a fit of a camera to boxes, silhouettes or clicks (`boxes_fit`): what was seen, and what may move.
 
-Recorded pixels, world in metres. `Seen` has the pictures of all walks in one row; where the clock of the pictures is to
-be found, too, it has the 3D of each walk at any moment (`tracks`).
+Recorded pixels, world in metres. `EdgeObservations` has the pictures of all walks in one row; where the clock of the
+pictures is to be found, too, it has the 3D of each walk at any moment (`tracks`).
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dior.arrays import Floats, Ints
-from dior.calibrate.outline.tracks import Track
+from dior.calibrate.outline.tracks import BodyTrack
 
 # 3D joints of real detectors are off by about 1 % of the body height, for as long as the same side is seen
 JOINT_BIAS_M = 0.025
@@ -35,12 +35,12 @@ class Freedom:
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class EdgeObservations:
     """F pictures: `points` (F, J, 3) m with NaN, `edges` (F, 4) px with NaN, `clicks` (F, J, 2) px with NaN.
 
     `seconds` (F,) and `walk` (F,): pictures of one walk near in time may share their errors. `bias_m`: standard error
     of a joint's place that stays while the same side of the body is seen, of which no residual tells. `flesh_m` (J,):
-    how far the outline that the edges are of lies outside of each joint. `tracks`: the `Track` of each walk, on whose
+    how far the outline that the edges are of lies outside of each joint. `tracks`: that of each walk, on whose time
     axis the `seconds` are where a clock is to be found; `points` are then those at these `seconds`.
     """
 
@@ -51,7 +51,7 @@ class Seen:
     walk: Ints
     bias_m: float = JOINT_BIAS_M
     flesh_m: Floats | float = 0.0
-    tracks: tuple[Track, ...] = ()
+    tracks: tuple[BodyTrack, ...] = ()
 
     def middle_s(self, walk: int) -> float:
         """Time (s) in the middle of the pictures of a walk, where its clock and its drift are told apart."""
@@ -70,12 +70,12 @@ class Seen:
             points[mine], velocity[mine] = track.at(moments), track.velocity(moments)
         return points, velocity, since
 
-    def only(self, walk: int, lag_s: float = 0.0) -> Seen:
+    def only(self, walk: int, lag_s: float = 0.0) -> EdgeObservations:
         """One walk alone, its pictures `lag_s` later."""
         mine = self.walk == walk
         seconds = self.seconds[mine] + lag_s
         flesh = self.flesh_m
-        return Seen(
+        return EdgeObservations(
             self.tracks[walk].at(seconds), self.edges[mine], self.clicks[mine], seconds,
             np.zeros(mine.sum(), int), self.bias_m, flesh, (),
         )  # fmt: skip

@@ -17,7 +17,7 @@ HALF_SPAN_S = 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class Track:
+class BodyTrack:
     """`seconds` (T,) ascending on the axis of the sequence, `points` (T, J, 3) m."""
 
     seconds: Floats
@@ -34,8 +34,8 @@ class Track:
         return np.nan_to_num(step / (2 * HALF_SPAN_S))
 
 
-def read(skeleton: Table) -> tuple[Track, int, list[str]]:
-    """`Track` of a `skeletons_3d` table (dict of arrays), its t0 in ns and its joints."""
+def read(skeleton: Table) -> tuple[BodyTrack, int, list[str]]:
+    """`BodyTrack` of a `skeletons_3d` table (dict of arrays), its t0 in ns and its joints."""
     points, joints = tables.grid(skeleton, "x", "y", "z")
     stamps = skeleton["stamp_ns"].reshape(points.shape[:2])[:, 0]
-    return Track(seconds(stamps, stamps[0]), points), int(stamps[0]), joints
+    return BodyTrack(seconds(stamps, stamps[0]), points), int(stamps[0]), joints

@@ -1,7 +1,7 @@
 """The walks that a long-range camera is aligned to, and what is drawn or seen around the known walker in its pictures.
 
 INPUTS   skeletons and frames of sequences, their clocks given by hand, boxes, marks or pictures
-OUTPUTS  `Walk`s; pictures and edges of each; `seen_edges.Seen` of all together
+OUTPUTS  `FilmedWalk`s; pictures and edges of each; `seen_edges.EdgeObservations` of all together
 World in metres, recorded pixels.
 """
 
@@ -33,7 +33,7 @@ AROUND_PX = 60.0  # about where the start has the person, at fx 760
 
 
 @dataclass(frozen=True, eq=False)
-class Walk:
+class FilmedWalk:
     """One sequence and the pictures of the camera: their `rows` and `seconds` (F,) by the clock as far as it is known,
     the `track` of the `joints`, whether the clock is `held` at what a person gave.
 
@@ -43,7 +43,7 @@ class Walk:
     name: str
     rows: Table
     seconds: Floats
-    track: tracks.Track
+    track: tracks.BodyTrack
     joints: list[str]
     held: bool
     sd_m: float
@@ -54,8 +54,8 @@ class Walk:
         return self.track.at(self.seconds)
 
 
-def read_walk(name: str, camera: str, skeleton: Path, frames: Path, offsets: Path | None) -> Walk:
-    """`Walk` of one sequence; `offsets`: the file of clocks given by hand, or None.
+def read_walk(name: str, camera: str, skeleton: Path, frames: Path, offsets: Path | None) -> FilmedWalk:
+    """`FilmedWalk` of one sequence; `offsets`: the file of clocks given by hand, or None.
 
     Raises DiorError where the camera has no picture.
     """
@@ -69,7 +69,7 @@ def read_walk(name: str, camera: str, skeleton: Path, frames: Path, offsets: Pat
     variance = np.trace(noise, axis1=-2, axis2=-1)[np.isfinite(noise).all(axis=(-2, -1))] / 3
     sd_m = float(np.sqrt(np.median(variance))) if len(variance) else np.nan
     when = seconds(rows["stamp_ns"], t0_ns, offset_s, drift_ppm)
-    return Walk(name, rows, when, track, joints, source == "manual", sd_m)
+    return FilmedWalk(name, rows, when, track, joints, source == "manual", sd_m)
 
 
 def given_clock(camera: str, frames: Path, offsets: Path | None) -> ClockValues:
@@ -78,13 +78,13 @@ def given_clock(camera: str, frames: Path, offsets: Path | None) -> ClockValues:
     return hand_offsets.read(offsets, known)[camera]
 
 
-def from_boxes(walk: Walk, path: Path) -> tuple[Ints, Floats]:
+def from_boxes(walk: FilmedWalk, path: Path) -> tuple[Ints, Floats]:
     """Pictures (F,) with a box, by their row, and its edges (F, 4) px."""
     numbers, edges = hand_boxes.read(path, walk.rows["frame"])
     return np.searchsorted(walk.rows["frame"], numbers), edges
 
 
-def from_marks(walk: Walk, marks: hand_marks.Marks, path: Path) -> tuple[Ints, Floats]:
+def from_marks(walk: FilmedWalk, marks: hand_marks.Marks, path: Path) -> tuple[Ints, Floats]:
     """Pictures (F,) with clicked joints, by their row, and the clicks (F, J, 2) px with NaN."""
     mine = marks.only(marks.sequence == walk.name)
     rows = []
@@ -104,7 +104,7 @@ def from_marks(walk: Walk, marks: hand_marks.Marks, path: Path) -> tuple[Ints, F
     return shown, clicks
 
 
-def from_pictures(walks: Sequence[Walk], start: Camera, data_root: Path) -> list[tuple[Ints, Floats]]:
+def from_pictures(walks: Sequence[FilmedWalk], start: Camera, data_root: Path) -> list[tuple[Ints, Floats]]:
     """By walk, pictures (F,) spread over it, by their row, and the edges (F, 4) px of the silhouette in each."""
     from dior.ingest.bags import read_pictures
 
@@ -131,9 +131,14 @@ def from_pictures(walks: Sequence[Walk], start: Camera, data_root: Path) -> list
 
 
 def gather(
-    walks: Sequence[Walk], start: Camera, source: str, files: Mapping[str, Path], data_root: Path, marks: Path | None
-) -> seen_edges.Seen:
-    """`seen_edges.Seen` of all sequences. `files`: boxes by sequence; `marks`: a path."""
+    walks: Sequence[FilmedWalk],
+    start: Camera,
+    source: str,
+    files: Mapping[str, Path],
+    data_root: Path,
+    marks: Path | None,
+) -> seen_edges.EdgeObservations:
+    """`seen_edges.EdgeObservations` of all sequences. `files`: boxes by sequence; `marks`: a path."""
     if source == "boxes":
         missing = [walk.name for walk in walks if walk.name not in files]
         if missing:
@@ -152,17 +157,17 @@ def gather(
         track, count = walk.track, len(shown)
         if source == "silhouettes":
             whole, flesh = silhouettes.outline(track.points, walk.joints)
-            track = tracks.Track(track.seconds, whole)
+            track = tracks.BodyTrack(track.seconds, whole)
         used.append(track)
         points = track.at(walk.seconds[shown])
         clicks = values if source == "marks" else np.full((*points.shape[:2], 2), np.nan)
         edges = np.full((count, 4), np.nan) if source == "marks" else values
         parts.append((points, edges, clicks, walk.seconds[shown], np.full(count, k)))
     points, edges, clicks, seconds, number = (np.concatenate(column) for column in zip(*parts, strict=True))
-    return seen_edges.Seen(points, edges, clicks, seconds, number, lasting_bias(walks), flesh, tuple(used))
+    return seen_edges.EdgeObservations(points, edges, clicks, seconds, number, lasting_bias(walks), flesh, tuple(used))
 
 
-def lasting_bias(walks: Sequence[Walk]) -> float:
+def lasting_bias(walks: Sequence[FilmedWalk]) -> float:
     """Standard error (m) of a joint's place that stays while the same side of the body is seen."""
     known = [walk.sd_m for walk in walks if np.isfinite(walk.sd_m)]
     return ALIKE * float(np.mean(known)) if known else seen_edges.JOINT_BIAS_M

@@ -22,7 +22,7 @@ def tracks(late_s=0.0, offset_px=0.0, noise_px=0.0, seed=0, count=400, joints=6)
     by_camera[..., 0, 0] = 600.0
     basis = fit.constants(np.full((joints, count), 5.0), np.zeros((joints, count), int))
     index = np.arange(joints)
-    return fit.Tracks(residual, by_clock, by_camera, basis, None, index, index, t)
+    return fit.ResidualTracks(residual, by_clock, by_camera, basis, None, index, index, t)
 
 
 PRIOR = np.array([0.0, 1 / 50.0**2])

@@ -3,7 +3,7 @@ import pytest
 
 from benchmarks import scene
 from dior.calibrate.clock import from_cameras
-from dior.calibrate.clock.from_cameras import Seen
+from dior.calibrate.clock.from_cameras import TimedDetections
 
 
 @pytest.fixture(scope="module")
@@ -13,7 +13,7 @@ def walk():
 
 def shifted(made, late_s):
     """Each camera's pictures with stamps that are `late_s` too small."""
-    return [Seen(made.seconds - late, uv, 2.5 / scene.FPS) for uv, late in zip(made.uv, late_s, strict=True)]
+    return [TimedDetections(made.seconds - late, uv, 2.5 / scene.FPS) for uv, late in zip(made.uv, late_s, strict=True)]
 
 
 def found(made, late_s):
@@ -43,7 +43,7 @@ def test_one_camera_a_whole_frame_wrong_shows(walk):
 
 def test_someone_who_stands_tells_nothing(walk):
     noise = np.random.default_rng(0).standard_normal(walk.uv.shape)
-    seen = [Seen(walk.seconds, uv[:1] + e, 0.1) for uv, e in zip(walk.uv, noise, strict=True)]
+    seen = [TimedDetections(walk.seconds, uv[:1] + e, 0.1) for uv, e in zip(walk.uv, noise, strict=True)]
     told = from_cameras.from_detections(list(walk.given), seen, list(walk.names), walk.seconds, scene.FPS)
     for name in ("cam02", "cam03"):
         clock, *_, why = told[name]
@@ -52,7 +52,7 @@ def test_someone_who_stands_tells_nothing(walk):
 
 def test_a_camera_that_sees_nobody_is_left_out(walk):
     seen = shifted(walk, (0.0, 0.0, 0.1))
-    seen[1] = Seen(seen[1].elapsed, np.full_like(seen[1].uv, np.nan), 0.1)
+    seen[1] = TimedDetections(seen[1].elapsed, np.full_like(seen[1].uv, np.nan), 0.1)
     told = from_cameras.from_detections(list(walk.given), seen, list(walk.names), walk.seconds, scene.FPS)
     assert "no joint is seen by it" in told["cam02"][3]
     assert told["cam03"][3] == "" and told["cam03"][0].offset_s == pytest.approx(0.1, abs=0.01)
