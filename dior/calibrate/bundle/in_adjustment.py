@@ -29,7 +29,8 @@ from dior.clocks.axis import ClockValues
 from dior.clocks.clock import DRIFT_SD_PPM, NORMAL_95
 from dior.geometry.camera import Camera
 
-QUICK, MOST = 150, 600  # moments of a sequence that its clocks are fitted to: while the cameras still move, at last
+# chosen: how much of a sequence its clocks are fitted to while the cameras still move, and at last
+QUICK_S, MOST_S = 5.0, 20.0
 SETTLED_S = 2e-4
 SETTLED = 0.3  # standard errors: the turns end where the clocks move by less
 STEPS, MOST_LONGER = (5, 2), 5.0  # while the cameras still move, at last
@@ -61,16 +62,17 @@ class Sequences:
 
     def middle(self, i: int) -> float:
         """The middle (s) of the stretch that the clocks of a sequence are fitted in."""
-        grid = self.grid(i, MOST)
+        grid = self.grid(i, MOST_S)
         return float((grid[0] + grid[-1]) / 2)
 
-    def grid(self, i: int, most: int) -> Floats:
-        """Moments (T,) s that the clocks of a sequence are fitted to: about the window, as many as `most`."""
+    def grid(self, i: int, most_s: float) -> Floats:
+        """Moments (T,) s that the clocks of a sequence are fitted to: about the window, `most_s` long, thinned."""
         found, window = self.recorded[i], self.windows[i]
         last = int(max(own.elapsed[-1] for own in found.seen) * found.fps)
         centre = window["first"] + window["step"] * window["count"] // 2
+        most, every = round(most_s * found.fps), clock_fit.thinning(found.fps)
         first = int(np.clip(centre - most // 2, 0, max(last - most, 0)))
-        return np.arange(first, min(first + most, last) + 1) / found.fps
+        return np.arange(first, min(first + most, last) + 1, every) / found.fps
 
     def at_t0(self, values: Floats) -> Floats:
         """Clocks (S, V, 2) as offset (s) at t0 and drift, from the time in the middle and drift."""
@@ -88,7 +90,7 @@ class Sequences:
                 ray_lags.rays(camera, self.times(i, v, values[i, v]), own.uv, own.max_gap_s)
                 for v, (camera, own) in enumerate(zip(cameras, found.seen, strict=True))
             ]
-            grid = self.grid(i, MOST)
+            grid = self.grid(i, MOST_S)
             values[i, :, 0] += ray_lags.coarse(cameras, rays, self.held[i], (grid[0], grid[-1]), aim_rad, shift_m)
         return values
 
@@ -149,7 +151,7 @@ class Sequences:
     def _fit(
         self, i: int, cameras: Sequence[Camera], value: Floats, before: Fit | None, thorough: bool, last: bool = False
     ) -> Fit | None:
-        grid, middle, views = self.grid(i, MOST if thorough else QUICK), self.middle(i), len(cameras)
+        grid, middle, views = self.grid(i, MOST_S if thorough else QUICK_S), self.middle(i), len(cameras)
         order = [self.reference, *(v for v in range(views) if v != self.reference)]
         seen = self.recorded[i].seen
         joints = slice(None, None, 1 + len(self.recorded[i].names) // MANY)

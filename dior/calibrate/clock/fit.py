@@ -27,6 +27,8 @@ SETTLED = 0.15  # standard errors: the choice among the detections moves a clock
 # chosen: errors that last longer count as if they lasted so long (a correlation of 0.95 at 30 Hz). Whitened any harder,
 # hardly anything of the motion would be left either
 LONGEST_S = 0.65
+# chosen: a detector's errors last for 0.15 s, so pictures at a higher rate tell little more and only cost time
+PICTURES_HZ = 30.0
 FEWEST = 60  # usable moments of joints
 # chosen: what the places of all joints amount to, since errors of detector and poses are alike all the time. A lag then
 # counts as clearly worse (`dior.clocks.lag`) where the joints are 1.2 times as far off
@@ -152,13 +154,22 @@ def disagreement(apart_s: float, most_s: float) -> str:
     return f"where the joints are and how they move tell times {abs(apart_s):.2f} s apart"
 
 
-def runs(count: int, most: int, parts: int) -> Ints:
-    """Indices of at most `most` of `count` moments: all, or runs at the beginning, the middle and the end."""
-    if count <= most:
-        return np.arange(count)
+def thinning(hz: float) -> int:
+    """Every how many pictures at a rate of `hz` one takes part, so that there are about `PICTURES_HZ` of them."""
+    return max(1, round(hz / PICTURES_HZ))
+
+
+def runs(seconds: Floats, most_s: float, parts: int) -> Ints:
+    """Indices of the moments (T,) that take part: all, or runs at the beginning, the middle and the end that last
+    `most_s` together; thinned to about `PICTURES_HZ`."""
+    hz = 1 / np.median(np.diff(seconds)) if len(seconds) > 1 else PICTURES_HZ
+    every = thinning(hz)
+    there, most = len(range(0, len(seconds), every)), round(most_s * hz / every)
+    if there <= most:
+        return every * np.arange(there)
     each = most // parts
-    first = np.linspace(0, count - each, parts).round().astype(int)
-    return np.unique((first[:, None] + np.arange(each)).ravel())
+    first = np.linspace(0, there - each, parts).round().astype(int)
+    return every * np.unique((first[:, None] + np.arange(each)).ravel())
 
 
 def settled(solved: SolvedClocks) -> bool:

@@ -25,8 +25,7 @@ from dior.geometry.views import DROP_FACTOR, by_dropping, usual_error
 
 SEARCHED = 200  # moments
 CAP = 0.06  # of an epipolar distance, at focal length 1
-MOST = 5400  # moments of a camera that take part, in runs
-RUNS = 3
+MOST_S, RUNS = 180.0, 3  # of all cameras together: what takes part, in runs; bounds the time of computing
 MOST_APART_S = 0.15  # of fit and search
 ROUNDS = 12
 BELIEVED_ROUNDS = 3
@@ -166,7 +165,7 @@ def fitted(
     """Clocks (V - 1, 2) of the cameras but the first, and `fit.SolvedClocks` there (None with too little)."""
     value = start
     precision = np.tile([0.0, DRIFT_SD_PPM**-2], len(start))
-    at = fit.runs(len(grid), MOST // len(cameras), RUNS)
+    at = fit.runs(grid, MOST_S / len(cameras), RUNS)
     solved = None
     for i in range(ROUNDS):
         full = np.concatenate([np.zeros((1, 2)), value])

@@ -25,8 +25,7 @@ from dior.geometry.multiview import side_seen
 STEPS_HZ = 60.0
 SEARCHED = 240  # pictures
 REACH_M = 0.3  # farther from its joint a detection is of something else
-MOST = 2400  # pictures that take part, in runs
-RUNS = 3
+MOST_S, RUNS = 80.0, 3  # of the recording: what takes part, in runs; bounds the time of computing
 ROUNDS = 12
 MOST_APART_S = 0.06
 
@@ -74,7 +73,7 @@ def from_detections(camera: Camera, motion: Walker, uv: Floats, elapsed: Floats)
     unclear = lag.doubt(lags, lag.worse(costs, fit.POSITIONS), best_s)
     if unclear:
         return Clock(0.0), lags, costs, unclear
-    at = fit.runs(len(elapsed), MOST, RUNS)
+    at = fit.runs(elapsed, MOST_S, RUNS)
     middle = float((elapsed[0] + elapsed[-1]) / 2)
     start = np.array([best_s, 0.0])
     value, solved = fitted(camera, motion, uv[at], elapsed[at], middle, start)
