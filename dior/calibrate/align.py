@@ -36,10 +36,11 @@ from dior.geometry.tape import check_above_floor, look_at_pose
 from dior.project.camera_file import camera_settings
 from dior.tables import tables
 
-# a person pays out the tape along the sight and sets the tripod down beside it
+# chosen: a person pays out the tape along the sight and sets the tripod down beside it, with its height measured
 ACROSS_M, HEIGHT_M = 0.1, 0.05
-FOCAL_SIGMA = 0.03
-FEW_AGREE = 0.6
+FOCAL_SIGMA = 0.03  # chosen: of the log of the focal length; a zoom or a lens that is focused anew changes it as much
+FEW_AGREE = 0.6  # chosen: share of the edges below which a person is to look at what was drawn
+FAR_FROM_TAPE = 3.0  # sd of the tape: 0.3 % of correct measurements are further off
 
 
 def aligned_pose(where: AnyPath, tape: Mapping[str, Any], nudge: Mapping[str, Any]) -> Floats:
@@ -88,9 +89,9 @@ def joint_covariance(fitted: boxes_fit.Fitted, close_covariance: Floats | None, 
     own = T @ fitted.covariance @ T.T
     if close_covariance is None or not np.isfinite(close_covariance).all():
         return own
-    taken = T @ fitted.by_cameras
-    cross = taken @ close_covariance
-    return np.block([[own + cross @ taken.T, cross], [cross.T, close_covariance]])
+    by_close_ones = T @ fitted.by_cameras
+    cross = by_close_ones @ close_covariance
+    return np.block([[own + cross @ by_close_ones.T, cross], [cross.T, close_covariance]])
 
 
 def found_out(
@@ -153,7 +154,7 @@ def found_out(
              "the boxes; say align.occluder: none, below or above")
         )  # fmt: skip
     moved = fitted.values[3:6] / np.maximum(taped, 1e-9)
-    if np.abs(moved).max() > 3:
+    if np.abs(moved).max() > FAR_FROM_TAPE:
         found.append(
             (scope, "warning", "far_from_tape", f"the camera ends {np.linalg.norm(fitted.values[3:6]):.2f} m from its "
              "tape position, more than 3 times the tape's sigma_m; measure again")
@@ -217,5 +218,5 @@ def run(
     all_names = [camera, *(c.name for c in rig)][: len(spread) // 6]
     camera_tables.write_cameras(out, [fitted.camera], session)
     camera_tables.write_camera_covariance(out_covariance, all_names, spread, session, own=[camera])
-    told = found_out(scope, walks, seen, fitted, spread[:6, :6], np.array(trusted.shift))
-    tables.write_findings(findings, told)
+    found = found_out(scope, walks, seen, fitted, spread[:6, :6], np.array(trusted.shift))
+    tables.write_findings(findings, found)

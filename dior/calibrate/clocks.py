@@ -3,10 +3,10 @@
 INPUTS   cameras and their covariance, detections, frames, indoors the mocap and what locate found from marks;
          config/offsets/<sequence>.yaml where a person overrides
 OUTPUTS  `offsets` and `clock_gains` (dior/clocks/clock.py), `clock_costs` (how well each lag fits), findings
-Indoors in the order of what tells most: detections (`clock.from_mocap`), marks (locate), silhouettes in the pictures
-(`outline.clock_from_pictures`). Outdoors the first close camera by name is the reference (`clock.from_cameras`). A
-long-range camera's clock is `follow`'s.
-Where the data cannot tell, the clock is zero, its sigma is null and a finding says why.
+Indoors in the order of how certain they are: detections (`clock.from_mocap`), marks (locate), silhouettes in the
+pictures (`outline.clock_from_pictures`). Outdoors the first close camera by name is the reference
+(`clock.from_cameras`). A long-range camera's clock is `follow`'s. Where the data cannot tell, the clock is zero, its
+sigma is null and a finding says why.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,8 +24,9 @@ from dior.geometry import camera_tables
 from dior.geometry.camera import Camera
 from dior.tables import tables
 
-FAR_OFF = 0.9  # pictures; cameras that run free on one network's time are nearer to each other
-# a value by hand is doubted that is so many standard errors from the estimate, and so far
+# chosen: pictures; cameras that run free on one network's time are nearer to each other
+FAR_OFF = 0.9
+# a value by hand is doubted that is so many standard errors from the estimate (0.3 % of correct ones are), and so far
 CONTRADICTS, CONTRADICTS_S = 3.0, 0.002
 NONE = np.zeros(0)
 
@@ -60,15 +61,15 @@ def run(
     manual = given_by.by_hand(offsets, tables.ordered_unique(pictures["camera"]))
     seen = tables.read(detections, "detections") if detections else None
     if mocap:
-        told = _indoors(sequence, rig, seen, pictures, mocap, marked, manual, min_score, data_root)
+        estimates = _indoors(sequence, rig, seen, pictures, mocap, marked, manual, min_score, data_root)
     else:
-        told = _outdoors(sequence, rig, seen, pictures, min_score, max_gap)
+        estimates = _outdoors(sequence, rig, seen, pictures, min_score, max_gap)
     joint = camera_tables.read_camera_covariance(covariance, names) if covariance else None
-    used = {name: manual.get(name, clock) for name, (clock, *_) in told.items()}
+    used = {name: manual.get(name, clock) for name, (clock, *_) in estimates.items()}
     on_axis.write(out, out_gains, sequence, used, names, joint)
-    tables.write(out_costs, "clock_costs", _costs(sequence, told))
+    tables.write(out_costs, "clock_costs", _costs(sequence, estimates))
     period = 1 / rates(pictures, names)[1]
-    tables.write_findings(findings, findings_of(sequence, told, manual, names, joint, period, bool(mocap)))
+    tables.write_findings(findings, findings_of(sequence, estimates, manual, names, joint, period, bool(mocap)))
 
 
 def _indoors(
@@ -139,9 +140,11 @@ def _outdoors(
     return from_cameras.from_detections(rig, found.seen, found.names, grid, found.fps)
 
 
-def _costs(sequence: str, told: Mapping[str, on_axis.Estimate]) -> dict[str, Any]:
+def _costs(sequence: str, estimates: Mapping[str, on_axis.Estimate]) -> dict[str, Any]:
     lags = [
-        (name, lag, cost) for name, (_, lags, costs, _) in told.items() for lag, cost in zip(lags, costs, strict=True)
+        (name, lag, cost)
+        for name, (_, lags, costs, _) in estimates.items()
+        for lag, cost in zip(lags, costs, strict=True)
     ]
     camera, lag, cost = zip(*lags, strict=True) if lags else ((), (), ())
     return {
@@ -154,19 +157,19 @@ def _costs(sequence: str, told: Mapping[str, on_axis.Estimate]) -> dict[str, Any
 
 def findings_of(
     sequence: str,
-    told: Mapping[str, on_axis.Estimate],
+    estimates: Mapping[str, on_axis.Estimate],
     manual: Mapping[str, on_axis.Clock],
     names: Sequence[str],
     joint: Floats | None,
     period_s: float,
     indoor: bool,
 ) -> list[tuple[str, str, str, str]]:
-    """What was found of each clock: `told` (camera -> `Clock`, lags, costs, why not) against those by hand, `manual`.
+    """What was found of each clock: `estimates` by camera, and how far those by hand, `manual`, are from them.
 
     `names`, `joint`: the cameras' covariance; `period_s` of the pictures.
     """
     found = []
-    for name, (clock, _, _, why) in told.items():
+    for name, (clock, _, _, why) in estimates.items():
         scope = f"{sequence}/{name}"
         hand = manual.get(name)
         if clock.source == "reference":

@@ -5,10 +5,10 @@ INPUTS   the camera's YAML and pose, the sequence's skeleton and frames, boxes d
          pictures; outdoors the close cameras that made the 3D; the clock given by hand, if any
 OUTPUTS  `offsets` (one row), `clock_gains`, `clock_costs`, findings
 
-For the long-range camera, after `align`. The time axis is that of the skeleton (dior/clocks/axis.py). The clock is told
-with the pose as it is, and by how much an error of the pose moves it (`dior.clocks.clock`): also where the same boxes
-placed the camera, both together are then what one fit of everything would say. Offsets of up to 2 s are found. Where
-the data cannot tell, the clock is that of the stamps and its error unknown.
+For the long-range camera, after `align`. The time axis is that of the skeleton (dior/clocks/axis.py). The clock is
+found with the pose as it is, and by how much an error of the pose moves it (`dior.clocks.clock`): also where the same
+boxes placed the camera, both together are then what one fit of everything would say. Offsets of up to 2 s are found.
+Where the data cannot tell, the clock is that of the stamps and its error unknown.
 """
 
 from collections.abc import Sequence
@@ -25,9 +25,9 @@ from dior.calibrate.outline.walks import (
     SILHOUETTE_MARGIN_PX,
     FilmedWalk,
     by_close,
+    constant_error,
     from_boxes,
     from_pictures,
-    lasting_bias,
     read_walk,
 )
 from dior.clocks import by_hand as hand_offsets
@@ -38,7 +38,7 @@ from dior.geometry.camera import Camera
 from dior.project.camera_file import camera_settings
 from dior.tables import tables
 
-FEWEST_BOXES = 4
+FEWEST_BOXES = 4  # chosen: fewer are not meant to tell the clock (docs/formats.md); the pictures then do
 
 
 def watched(
@@ -57,7 +57,7 @@ def watched(
     points = track.at(seconds)
     nothing = np.full((*points.shape[:2], 2), np.nan)
     seen = seen_edges.EdgeObservations(
-        points, edges, nothing, seconds, np.zeros(len(shown), int), lasting_bias([walk]), flesh, (track,)
+        points, edges, nothing, seconds, np.zeros(len(shown), int), constant_error([walk]), flesh, (track,)
     )
     return seen, method, (margin, seen_edges.Freedom.margin_split_px)
 
@@ -75,7 +75,7 @@ def hidden_side(camera: Camera, seen: EdgeObservations, margin: tuple[float, flo
     return boxes_fit.fit(camera, held, replace(seen, seconds=seconds, points=seen.tracks[0].at(seconds)), where).hidden
 
 
-def told(scope: str, found: clock_from_edges.ClockFromEdges) -> list[tuple[str, str, str, str]]:
+def findings_of(scope: str, found: clock_from_edges.ClockFromEdges) -> list[tuple[str, str, str, str]]:
     """Findings of an estimated clock: (scope, severity, code, text)."""
     if found.refused:
         text = f"the clock is not known: {found.refused}; its stamps are taken as they are. Draw boxes on more pictures"
@@ -155,4 +155,4 @@ def run(
     trails_m = clock_from_pictures.TRAILS_M if method == "pictures" else 0.0
     found = clock_from_edges.estimate(rig[camera], seen, method, margin, side, derivative, trails_m)
     joint = camera_tables.read_camera_covariance(covariance, names) if covariance else None
-    write(sequence, camera, found.clock, found.costs_px, told(scope, found), paths, names, joint)
+    write(sequence, camera, found.clock, found.costs_px, findings_of(scope, found), paths, names, joint)

@@ -14,8 +14,11 @@ from dior.errors import DiorError
 from dior.geometry.covariance import point_covariance
 from dior.tables import tables
 
+# Hz, of cameras as they are sold; 29.97 and 30, 59.94 and 60 are a part in 1000 apart, so a rate counts as the standard
+# one within less than half of that
 RATES = np.array([15, 24, 25, 29.97, 30, 50, 59.94, 60, 90, 100, 120])
-SAME_TIME_S = 1e-6
+SAME_RATE = 4e-4
+SAME_TIME_S = 1e-6  # chosen: above the rounding of stamps in ns, far below what a walker moves in
 
 # a clock as it is used: offset_s, drift_ppm and its source (table `offsets`)
 ClockValues: TypeAlias = tuple[float, float, str]
@@ -25,7 +28,7 @@ def nominal_fps(stamps_ns: Ints) -> float:
     """Rate (Hz) of a recording from its stamps (F,) ns, F > 1: by the median period, or the standard rate near it."""
     fps = 1e9 / np.median(np.diff(stamps_ns))
     standard = RATES[np.argmin(np.abs(RATES - fps))]
-    return float(standard) if abs(standard / fps - 1) < 4e-4 else round(float(fps), 3)
+    return float(standard) if abs(standard / fps - 1) < SAME_RATE else round(float(fps), 3)
 
 
 def bracket(times: Floats, queries: Floats, max_gap_s: float) -> tuple[Ints, Ints, Floats]:

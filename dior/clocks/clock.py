@@ -58,7 +58,7 @@ class Clock:
         return np.sqrt(variance + np.einsum("ij,jk,ik->i", flat, joint, flat))
 
 
-# a clock, the lags (s) that were tried and their costs, and why it cannot be told or ""
+# a clock, the lags (s) that were tried and their costs, and why it is not known or ""
 Estimate: TypeAlias = tuple[Clock, Floats, Floats, str]
 
 

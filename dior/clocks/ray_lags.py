@@ -20,14 +20,12 @@ from dior.arrays import Bools, Floats
 from dior.clocks import lag
 from dior.geometry.camera import Camera, undistort
 
-STEPS_HZ = 15.0
-GRID_HZ = 60.0
-EVERY_S = 0.1
-MOST_POINTS = 600
-FEWEST_POINTS = 100
-LOSS_RAD = (0.05, 0.02, 0.01, 0.006, 0.006)  # the last is about 10 px at fx 1680
-INDEPENDENT = 100.0  # how many measurements the points of a pair amount to, as errors last
-AIM_DEG, MOST_SHIFT_M = 12.0, 0.3  # how far a camera by tape may be off, before its keypoints are asked
+# chosen, all of them: the lag is to be good to a few hundredths of a second, as a start, in a second or so of computing
+STEPS_HZ, GRID_HZ = 15.0, 60.0  # of the lags, and of the rays that are compared at them
+EVERY_S, MOST_POINTS, FEWEST_POINTS = 0.1, 600, 100  # moments that are compared; joints at them
+LOSS_RAD = (0.05, 0.02, 0.01, 0.006, 0.006)  # Cauchy's scale, round by round; the last is about 10 px at fx 1680
+INDEPENDENT = 100.0  # measurements that the points of a pair amount to against the prior of the poses, as errors last
+AIM_DEG, MOST_SHIFT_M = 12.0, 0.3  # 1 sigma of a camera by tape and aimed by eye, before its keypoints are asked
 SHARED = 0.3  # a lag at which less than this share of the best lag's points is left says nothing
 
 
@@ -62,7 +60,7 @@ def coarse(
 
     `seen`: `Rays` of each camera on its clock as it is known, `held` (V,): clocks that are not to be moved, at least
     one; `span`: first and last second that is looked at; `aim_rad`, `shift_m` (V,): how far off the cameras may be, 1
-    sigma. A camera that shares too little with the others to tell stays where it is.
+    sigma. A camera that shares too few joints with the others keeps its clock.
     """
     lags, most, costs = lag.window(STEPS_HZ), round(lag.WINDOW_S * STEPS_HZ), {}
     for a, b in combinations(range(len(cameras)), 2):

@@ -105,10 +105,16 @@ def test_instants_have_the_first_cameras_rate_and_gaps_each_cameras_own(rates):
 
 
 def walked(hz, count):
-    """`skeletons_3d` of one joint at 1.2 m/s along X."""
+    """`skeletons_3d` of one joint at 1.2 m/s along X that gains 0.6 m/s every second along Y."""
     stamps = T0 + np.round(np.arange(count) * 1e9 / hz).astype(np.int64)
-    at = 1.2 * (stamps - T0) / 1e9
-    table = {"joint": np.array(["nose"] * count, object), "stamp_ns": stamps, "x": at, "y": 0 * at, "z": 0 * at + 1}
+    t = (stamps - T0) / 1e9
+    table = {
+        "joint": np.array(["nose"] * count, object),
+        "stamp_ns": stamps,
+        "x": 1.2 * t,
+        "y": 0.3 * t**2,
+        "z": 0 * t + 1,
+    }
     known = {f"sigma_{axis}": np.full(count, 0.01) for axis in "xyz"}
     known |= {f"rho_{pair}": np.zeros(count) for pair in ("xy", "xz", "yz")}
     return table | known | {"status": np.array(["ok"] * count, object)}
@@ -119,9 +125,11 @@ def test_a_walker_at_the_pictures_is_as_far_on_as_their_clock_says(hz):
     skeleton = walked(hz, int(20 * hz))
     stamps = T0 + np.array([2, 10, 18]) * 1_000_000_000
     velocity = axis.velocity_at_pictures(skeleton, stamps, 0.1, 300.0)
-    np.testing.assert_allclose(velocity[:, 0], [[1.2, 0, 0]] * 3, atol=1e-6)
+    moments = np.array([2, 10, 18]) * 1.0003 + 0.1
+    np.testing.assert_allclose(velocity[:, 0, 0], 1.2, atol=1e-6)
+    np.testing.assert_allclose(velocity[:, 0, 1], 0.6 * moments, atol=1e-5)
     points, noise, bridged, joints = axis.at_pictures(skeleton, stamps, 0.1, 300.0)
-    np.testing.assert_allclose(points[:, 0, 0], 1.2 * (np.array([2, 10, 18]) * 1.0003 + 0.1), atol=1e-7)
+    np.testing.assert_allclose(points[:, 0, 0], 1.2 * moments, atol=1e-7)
     assert joints == ["nose"] and not bridged.any()
     np.testing.assert_allclose(noise, np.broadcast_to(1e-4 * np.eye(3), (3, 1, 3, 3)), atol=1e-12)
     # a clock that is earlier than the first instant has nothing to show

@@ -31,13 +31,12 @@ from dior.geometry.camera import Camera
 
 # chosen: how much of a sequence its clocks are fitted to while the cameras still move, and at last
 QUICK_S, MOST_S = 5.0, 20.0
-SETTLED_S = 2e-4
-SETTLED = 0.3  # standard errors: the turns end where the clocks move by less
-STEPS, MOST_LONGER = (5, 2), 5.0  # while the cameras still move, at last
-MOST_STEP_S, MOST_STEP_PPM = 0.1, 100.0
-MANY = 20  # joints: of more only every second (third ...) is asked
+# chosen: the turns end where the clocks move by less than either, 0.3 standard errors
+SETTLED_S, SETTLED = 2e-4, 0.3
+STEPS = 5, 2  # chosen: of the clocks in a turn, while the cameras still move and at last
+MOST_LONGER, MOST_STEP_S, MOST_STEP_PPM = 5.0, 0.1, 100.0  # chosen: bounds of one step
+MANY = 20  # chosen: joints; of more only every second (third ...) is asked, for the face and the fingers move as one
 CONTRADICTS = 2.6  # sigmas: 1 % of correct ones
-FEWEST_SHARED_S = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +56,7 @@ class Sequences:
 
     @property
     def reference(self) -> int:
-        """Index of the camera whose clock the others are told by."""
+        """Index of the camera whose clock is the time axis of the others."""
         return self.names.index(min(self.names))
 
     def middle(self, i: int) -> float:
@@ -319,14 +318,14 @@ def findings(
     for i, sequence in enumerate(sequences):
         for v, name in enumerate(timed.names):
             scope, held = f"{sequence}/{name}", timed.held[i, v]
-            told = alone if held else done
-            if v == timed.reference or told is None or told.clocks is None or told.clocks_sigma is None:
+            adjusted = alone if held else done
+            if v == timed.reference or adjusted is None or adjusted.clocks is None or adjusted.clocks_sigma is None:
                 continue
-            if told.fits[i] is None:
+            if adjusted.fits[i] is None:
                 text = f"its clock cannot be told from the detections; it counts as {'given' if held else 'stamped'}"
                 found.append((scope, "warning", "adjust_clock_unknown", text))
                 continue
-            sigma = told.clocks_sigma[i, v, 0]
+            sigma = adjusted.clocks_sigma[i, v, 0]
             if not held:
                 text = (
                     f"its clock is {1000 * offsets[i, v, 0]:+.1f} ms +- {1000 * NORMAL_95 * sigma:.1f} ms from that of "
@@ -334,7 +333,7 @@ def findings(
                 )
                 found.append((scope, "info", "adjust_clock", text))
                 continue
-            off, period = told.clocks[i, v, 0] - done.clocks[i, v, 0], 1.0 / timed.recorded[i].fps
+            off, period = adjusted.clocks[i, v, 0] - done.clocks[i, v, 0], 1.0 / timed.recorded[i].fps
             if abs(off) > max(period / 2, CONTRADICTS * sigma):
                 text = (
                     f"the offset of {1000 * offsets[i, v, 0]:+.1f} ms given by hand contradicts the detections, by "

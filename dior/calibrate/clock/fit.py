@@ -4,8 +4,8 @@ INPUTS   residuals (px) of B tracks (a joint in a view) at T moments, their deri
 OUTPUTS  steps of the clocks, their covariance with the cameras as given, and what cameras' errors add
 
 A detector is off by a constant for a joint and a side of the body, about 1 % of the body height, which is 15 ms of
-walking. So what such constants can explain is taken out of residuals and derivatives alike, and only how a track moves
-tells the time. What is left of the errors is correlated over 0.15 s: both are whitened as a first-order process.
+walking. So what such constants can explain is projected out of residuals and derivatives alike, and only how a track
+moves tells the time. What is left of the errors is correlated over 0.15 s: both are whitened as a first-order process.
 The covariance is a sandwich, clustered both by joint (soft tissue moves with every stride) and by blocks of time.
 """
 
@@ -18,22 +18,22 @@ from dior.arrays import Bools, Floats, Ints
 from dior.clocks import persistence
 from dior.clocks.clock import NORMAL_95, Clock
 
-OUTLIER = 6.0  # sigmas at which a residual is another thing than noise
-HUBER = 2.0  # sigmas of a coordinate at which a whitened residual starts to weigh less
-ROUNDS = 3
-MOST_FEIGNED = 0.8  # of the information, at most, is taken for noise
-LEAST_SHARE = 1.0  # of the variance by blocks of groups alone
-SETTLED = 0.15  # standard errors: the choice among the detections moves a clock by as much
+OUTLIER = 6.0  # chosen: sigmas at which a residual is another limb or person and not noise
+HUBER = 2.0  # chosen: sigmas of a coordinate at which a whitened residual starts to weigh less
+ROUNDS = 3  # chosen: of leaving out outliers
+MOST_FEIGNED = 0.8  # chosen: share of the information about the time, at most, that counts as noise of velocities
+LEAST_SHARE = 1.0  # chosen: clusters may only widen an interval, for few of them may make a variance too small
+SETTLED = 0.15  # chosen: standard errors; the choice among the detections moves a clock by as much
 # chosen: errors that last longer count as if they lasted so long (a correlation of 0.95 at 30 Hz). Whitened any harder,
 # hardly anything of the motion would be left either
 LONGEST_S = 0.65
 # chosen: a detector's errors last for 0.15 s, so pictures at a higher rate tell little more and only cost time
 PICTURES_HZ = 30.0
-FEWEST = 60  # usable moments of joints
+FEWEST = 60  # chosen: usable (joint, moment)s; with fewer there are hardly more equations than constants to be found
 # chosen: what the places of all joints amount to, since errors of detector and poses are alike all the time. A lag then
 # counts as clearly worse (`dior.clocks.lag`) where the joints are 1.2 times as far off
 POSITIONS = 45.0
-MOST_SIGMA_S = 0.1  # a time that is less certain counts as unknown
+MOST_SIGMA_S = 0.1  # chosen: a time that is less certain, a fifth of a step, counts as unknown
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,7 @@ class ResidualTracks:
     `basis` (B, T, 2, P): what a constant error of the detector looks like; `by_point` (B, T, 2, 3) of the joint's 3D,
     which is unknown, too, where several views make it, else None. `joint` (B,); `group` (B,): tracks whose
     errors may be alike at all times; `seconds` (T,). `by_noise` (B, T, 2, K): what noise alone makes of `by_clock`,
-    where velocities come from the detections; the information that it feigns is taken off.
+    where velocities come from the detections; the information that it feigns is subtracted.
     """
 
     residual: Floats

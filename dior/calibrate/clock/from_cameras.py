@@ -23,15 +23,15 @@ from dior.geometry.camera import Camera
 from dior.geometry.multiview import side_seen, triangulate
 from dior.geometry.views import DROP_FACTOR, by_dropping, usual_error
 
-SEARCHED = 200  # moments
-CAP = 0.06  # of an epipolar distance, at focal length 1
+SEARCHED = 200  # chosen: moments that the search compares, spread over the recording
+CAP = 0.06  # chosen: of an epipolar distance at focal length 1, 100 px at fx 1680; another limb counts no more
 MOST_S, RUNS = 180.0, 3  # of all cameras together: what takes part, in runs; bounds the time of computing
-MOST_APART_S = 0.15  # of fit and search
-ROUNDS = 12
+MOST_APART_S = 0.15  # chosen: of fit and search, where both poses err; a quarter of a step is a wrong minimum
+ROUNDS = 12  # steps of the clocks at most; they end when `fit.settled`
 BELIEVED_ROUNDS = 3
-UNBELIEVED, LEAST_OFF_M = 8.0, 0.2
-FASTEST_M_S = 8.0
-SMOOTH_S = 0.1  # sd of the bell that velocities are taken with: noise in them would pass for a clearer time
+UNBELIEVED, LEAST_OFF_M = 8.0, 0.2  # chosen: a joint so many times as far off its path as usual, and so far, is another
+FASTEST_M_S = 8.0  # chosen: above a foot that swings in a run; what is faster is an error
+SMOOTH_S = 0.1  # chosen: sd of the bell that velocities are taken with: their noise would pass for a clearer time
 
 
 # joints of which none repeats another: the face and the fingers move as one
@@ -59,7 +59,7 @@ class TimedDetections:
 def from_detections(
     cameras: Sequence[Camera], seen: Sequence[TimedDetections], names: Sequence[str], grid: Floats, fps: float
 ) -> dict[str, Estimate]:
-    """By camera: `Clock`, lags (L,) s, costs (L,) px, the reason why it cannot be told or "".
+    """By camera: `Clock`, lags (L,) s, costs (L,) px, the reason why it is not known or "".
 
     `cameras` (V), the first of which is the reference; `seen`: a `TimedDetections` of each; `names` of the joints;
     `grid` (T,) s regular, at `fps` Hz.
@@ -200,7 +200,7 @@ def tracks_of(
     """`fit.ResidualTracks` of detections (V, T, J, 2) px at moments `seconds` (T,).
 
     `with_cameras`: with the derivatives by the cameras' errors; `noise`: the step before, which says how large the
-    detections' noise is; its share in the velocities is not taken off where None.
+    detections' noise is; its share in the velocities is not subtracted where None.
     """
     views, count, each = uv.shape[:3]
     xy = np.stack([cam.undistort(c.intrinsics, own) for c, own in zip(cameras, uv, strict=True)])

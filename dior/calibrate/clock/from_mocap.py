@@ -22,16 +22,15 @@ from dior.geometry import covariance
 from dior.geometry.camera import Camera
 from dior.geometry.multiview import side_seen
 
-STEPS_HZ = 60.0
-SEARCHED = 240  # pictures
-REACH_M = 0.3  # farther from its joint a detection is of something else
+STEPS_HZ, SEARCHED = 60.0, 240  # chosen: of the lags; pictures that the search compares, spread over the recording
+REACH_M = 0.3  # chosen: a detection farther from its joint is of another limb or of somebody else
 MOST_S, RUNS = 80.0, 3  # of the recording: what takes part, in runs; bounds the time of computing
-ROUNDS = 12
-MOST_APART_S = 0.06
+ROUNDS = 12  # steps of the clock at most; they end when `fit.settled`
+MOST_APART_S = 0.06  # chosen: of fit and search, which knows the 3D: a detector's constants of 1 % are 15 ms of walking
 
 
 @dataclass(frozen=True, eq=False)
-class Walker:
+class WalkerJoints:
     """Joints of the walker at ticks `t` (I,) s: `points` (I, J, 3) m, `axes` (I, J, 3, 3) of their segments, names.
 
     `left` (I, 2): from the right to the left of the body.
@@ -47,8 +46,8 @@ class Walker:
         return np.gradient(self.points, self.t, axis=0)
 
 
-def walker_of(t: Floats, xyz: Floats, markers: Sequence[str], wanted: Sequence[str]) -> Walker:
-    """`Walker` of the joints `wanted` that the markers xyz (I, M, 3) tell."""
+def walker_of(t: Floats, xyz: Floats, markers: Sequence[str], wanted: Sequence[str]) -> WalkerJoints:
+    """`WalkerJoints` of the joints `wanted` that the markers xyz (I, M, 3) tell."""
     points, axes = joint_centres.joints(xyz, markers, wanted)
     there = np.isfinite(points).all(axis=-1).mean(axis=0) > 0.2
     at = {name: xyz[:, i, :2] for i, name in enumerate(markers)}
@@ -56,13 +55,13 @@ def walker_of(t: Floats, xyz: Floats, markers: Sequence[str], wanted: Sequence[s
         (f"L{part}", f"R{part}") for part in ("ASI", "PSI", "SHO", "KNE", "ANK") if {f"L{part}", f"R{part}"} <= set(at)
     ]
     left = np.nansum([at[a] - at[b] for a, b in pairs], axis=0) if pairs else np.zeros((len(t), 2))
-    return Walker(
+    return WalkerJoints(
         t, points[:, there], axes[:, there], left, [name for name, yes in zip(wanted, there, strict=True) if yes]
     )
 
 
-def from_detections(camera: Camera, motion: Walker, uv: Floats, elapsed: Floats) -> Estimate:
-    """`Clock`, lags (L,) s and costs (L,) px of the lag; the reason where it cannot be told (then the clock is zero).
+def from_detections(camera: Camera, motion: WalkerJoints, uv: Floats, elapsed: Floats) -> Estimate:
+    """`Clock`, lags (L,) s and costs (L,) px of the lag; the reason where it is not known (the clock is zero then).
 
     `uv` (F, J, 2) of `motion.names`, NaN where not seen; `elapsed` (F,) s after t0, ascending.
     """
@@ -83,7 +82,7 @@ def from_detections(camera: Camera, motion: Walker, uv: Floats, elapsed: Floats)
     return fit.clock_of(value, middle, solved, [camera.name]), lags, costs, why
 
 
-def search(camera: Camera, motion: Walker, uv: Floats, elapsed: Floats) -> tuple[Floats, Floats]:
+def search(camera: Camera, motion: WalkerJoints, uv: Floats, elapsed: Floats) -> tuple[Floats, Floats]:
     """Lags (L,) s and the mean distance (L,) px of detections from the projected joints, each no more than 0.3 m."""
     lags = lag.window(STEPS_HZ)
     at = np.unique(np.linspace(0, len(elapsed) - 1, min(SEARCHED, len(elapsed))).round().astype(int))
@@ -99,7 +98,7 @@ def search(camera: Camera, motion: Walker, uv: Floats, elapsed: Floats) -> tuple
 
 
 def fitted(
-    camera: Camera, motion: Walker, uv: Floats, elapsed: Floats, middle: float, start: Floats
+    camera: Camera, motion: WalkerJoints, uv: Floats, elapsed: Floats, middle: float, start: Floats
 ) -> tuple[Floats, fit.SolvedClocks | None]:
     """The clock (time in the middle s, drift ppm) from a start, and the step there, None with too few detections."""
     value, solved = start, None
@@ -115,7 +114,7 @@ def fitted(
 
 
 def tracks_of(
-    camera: Camera, motion: Walker, uv: Floats, elapsed: Floats, middle: float, value: Floats
+    camera: Camera, motion: WalkerJoints, uv: Floats, elapsed: Floats, middle: float, value: Floats
 ) -> fit.ResidualTracks:
     """`fit.ResidualTracks` at a clock `value` (time in the middle s, drift ppm)."""
     seconds = elapsed + value[0] + 1e-6 * value[1] * (elapsed - middle)

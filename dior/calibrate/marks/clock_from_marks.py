@@ -7,7 +7,7 @@ solution
 A walker at constant speed looks the same to a camera that stands further ahead: what tells the time is what moves
 against the body, the legs above all, and every turn. So the pose is fitted anew for each of the offsets of a grid, the
 best ones are refined with the pose, and an offset counts only where no other in the window fits about as well.
-Drift does not show in a few frames: it stays 0, and what that may do to pose and time is in their covariance.
+Drift does not show in a few frames: it is held at 0, and what that may do to pose and time is in their covariance.
 World in metres, Z up; recorded pixels; seconds.
 """
 
@@ -29,10 +29,10 @@ from dior.errors import DiorError
 from dior.geometry import covariance
 from dior.geometry.camera import Camera, project
 
-LAGS_S = lag.window(50.0)
-STAMP_SD_S = 0.0005  # of a header stamp, which all marks of a frame share
-CANDIDATES = 8
-UNCERTAIN_S = 0.010  # half a 95 % interval
+LAGS_S = lag.window(50.0)  # a foot that swings moves 10 cm in a step of these, within what RANSAC takes for agreement
+STAMP_SD_S = 0.0005  # chosen: of a header stamp, which all marks of a frame share; what cameras' drivers jitter by
+CANDIDATES = 8  # chosen: minima that are refined; a window of 4 s has about as many steps
+UNCERTAIN_S = 0.010  # chosen: half a 95 % interval from which on more marks are asked for, 1.2 cm of walking
 
 
 @dataclass(frozen=True, eq=False)
@@ -284,7 +284,7 @@ def uncertainty(J: Floats, t: Floats, miss: Floats, joint: Ints, frame: Ints) ->
     """Covariance (6 + 2S, 6 + 2S) of the errors of pose, times (s) and drifts (ppm); and when (S,) s those times are.
 
     `J` (2N, 6 + S) and `miss` (N, 2) px of the inliers, `t` (N,) s as in `Places`, `joint` and `frame` as in
-    `pnp.pose_covariance`. Stamps have errors of their own. A drift that was taken for 0 moves pose and offsets by what
+    `pnp.pose_covariance`. Stamps have errors of their own. A drift that is held at 0 moves pose and offsets by what
     the marks make of it; the time is the camera's where its own drift does not move it, in the middle of the marked
     frames.
     """

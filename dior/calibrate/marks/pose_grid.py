@@ -13,9 +13,9 @@ from dior.arrays import Bools, Floats
 from dior.geometry.camera import Intrinsics, inverse_pose, pose, undistort
 from dior.geometry.covariance import cross
 
-FEWEST = 4
-SHARE_OF_CONSENSUS = 0.5
-ROUNDS = 12
+FEWEST = 4  # points that PnP wants for one solution
+SHARE_OF_CONSENSUS = 0.5  # chosen: of the markers, at least, have to be there and agree
+ROUNDS = 12  # chosen: steps from the start by SQPnP; what wins is refined anyway
 
 
 def grid(

@@ -38,17 +38,15 @@ from dior.geometry.camera import Camera
 TURN, SHIFT, FOCAL, MARGIN = slice(0, 3), slice(3, 6), 6, slice(7, 9)
 AXIS, OUTWARDS = np.array([0, 1, 0, 1]), np.array([-1.0, -1.0, 1.0, 1.0])  # of u_min, v_min, u_max, v_max
 SIDES = ("u_min", "v_min", "u_max", "v_max")
-SCALES = (16.0, 8.0, 4.0)  # of the weights, px, before they follow the residuals
-CUT = 3.0  # residuals of that many sd weigh a quarter
-# what it costs to read a side as an occluder's, beyond the usual cost 1 of each edge that is left out: a chi2. As much
-# again with many edges, so that a small misfit of all of them is not taken for a wall.
+SCALES = (16.0, 8.0, 4.0)  # chosen: of the weights, px, before they follow the residuals
+CUT = 3.0  # chosen: residuals of that many sd weigh a quarter
+# chosen: what it costs to read a side as an occluder's, beyond the usual cost 1 of each edge that is left out: a chi2.
+# As much again with many edges, so that a small misfit of all of them is not taken for a wall.
 COST_OF_HIDING = {"": 0.0, "v_max": 25.0, "v_min": 45.0}  # walls and hedges hide legs; little hides heads
-DOUBTFUL = 12.0
-NEAR_LINE_PX = 3.0
-LINE_PX = 1.0  # how well the line of an occluder is known
-# clocks: where they are searched, and the scale of the weights with which one is judged
-LAGS_S = lag.window(10.0)
-SEARCH_SCALES = (16.0, 8.0, 4.0)
+DOUBTFUL = 12.0  # chosen: chi2 by which the reading that is taken is ahead of the next, e^6 at even odds
+# chosen: edges so near the median are the occluder's; how well its line is known
+NEAR_LINE_PX, LINE_PX = 3.0, 1.0
+LAGS_S = lag.window(10.0)  # chosen: of clocks; a start, from which the fit goes on
 
 
 # of points by the errors of the close cameras (F, J, 3, 6V), or what gives it for points (F, J, 3)
@@ -132,7 +130,7 @@ def fit(
 
     `derivative`: a function that gives the (F, J, 3, 6V) of points by the errors of the close cameras, or the array
     itself, for `by_cameras`. Of the readings "all edges are the body's" and "the lower (upper) edge is an occluder's,
-    which hides the joints beyond it" the one is taken that the edges agree with best; `occluder` (auto, none, below,
+    which hides the joints beyond it" the one is chosen that the edges agree with best; `occluder` (auto, none, below,
     above) may say which. Raises DiorError (beginning with `where`) with too little to fit.
     """
     count = np.isfinite(seen.edges).sum() + np.isfinite(seen.clicks).sum()
@@ -189,10 +187,10 @@ class Reading:
         if not np.isfinite(cam.project(self.start, self.seen.points)[0]).any():
             return float(count * CUT**2)
         self.values[TURN] = self._aim(where) * self.free[TURN]
-        for scale in SEARCH_SCALES:
+        for scale in SCALES:
             for _ in range(2):
                 self.values = self.values + self._step(self.rows(), scale)
-        return self.cost(SEARCH_SCALES[-1] / CUT) + (0 if self.side else count - len(self.rows().kind))
+        return self.cost(SCALES[-1] / CUT) + (0 if self.side else count - len(self.rows().kind))
 
     def _try_another(self, walk: int, where: str) -> None:
         """Another clock of this walk, if all pictures together agree better with it."""

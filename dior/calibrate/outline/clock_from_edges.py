@@ -4,8 +4,8 @@ known.
 INPUTS   the camera, `seen_edges.EdgeObservations` of one walk with its track, which side an occluder has
 OUTPUTS  `dior.clocks.clock.Clock` and the cost of each lag (px)
 
-The edges are those of `boxes_fit`. A joint is not where the outline is, nor where the 3D has it, and that difference
-stays while the same side of the body is seen: each (joint, side) has a shift of its own in the fit, with a prior, so
+The edges are those of `boxes_fit`. A joint is not where the outline is, nor where the 3D has it, and that difference is
+constant while the same side of the body is seen: each (joint, side) has a shift of its own in the fit, with a prior, so
 that no constant turns into time. What is left is robustly weighted; the covariance is a sandwich over blocks of time
 and over the edges of one side of the body, since errors near in time are alike, and so are those of every step. World
 in metres, recorded pixels, times in s on the axis of the track.
@@ -26,12 +26,11 @@ from dior.clocks.clock import DRIFT_SD_PPM, OFFSET_SD_S, Clock
 from dior.geometry.camera import Camera
 
 LAGS_S = lag.window(25.0)
-MOST_PX = 0.15  # an edge is an outlier from there on, of the height of the person
-HALF_STEP_S = 0.04
-STEPS = 30
-FEWEST = 8  # edges
-# refused: an interval of more than a step
-MOST_SIGMA_S = 0.15
+MOST_HEIGHT = 0.15  # chosen: of the person's height, from which on an edge is an outlier in the search
+HALF_STEP_S = 0.04  # chosen: edges are differentiated over twice that, in which another joint may become the extreme
+STEPS = 30  # of the fit at most
+FEWEST = 8  # edges: as many as two boxes have; the margins, the time and the drift are 4 unknowns
+MOST_SIGMA_S = 0.15  # chosen: a 95 % interval of more than a step of walking, 0.6 s in all, is refused
 FITTED = [7, 8, 9, 10]  # of the parameters of `boxes_fit`: both margins, time and drift
 
 
@@ -115,7 +114,7 @@ def best_lag(camera: Camera, freedom: Freedom, seen: EdgeObservations) -> float:
 def outlier_px(seen: EdgeObservations) -> float:
     """Residual of an edge that is an outlier, px."""
     height = float(np.nanmedian(seen.edges[:, 3] - seen.edges[:, 1]))
-    return MOST_PX * height if np.isfinite(height) else 20.0
+    return MOST_HEIGHT * height if np.isfinite(height) else 20.0
 
 
 def curve(reading: boxes_fit.Reading, limit_px: float) -> Floats:

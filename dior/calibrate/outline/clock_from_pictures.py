@@ -22,13 +22,13 @@ from dior.clocks.clock import Clock
 from dior.geometry import camera as cam
 from dior.geometry.camera import Camera
 
-PICTURES = 200
-TALL_PX = 80
-BORDER_PX = 2.0  # of a shrunk picture: an edge there is the picture's
-BIAS_M = 0.02  # of a marker or what is derived from it against the outline, as long as the same side is seen
-TRAILS_M = 0.002  # of an outline where it moves: clothes swing, skin slips
-MARGIN_PX, MARGIN_SPLIT_PX = 3.0, 3.0  # at fx 760
-EMPTY_FROM = 60  # pictures
+# chosen: errors of neighbouring pictures are alike, so that more of them, or larger ones, cost time and tell little
+PICTURES, TALL_PX = 200, 80
+BORDER_PX = 2.0  # chosen: of a shrunk picture: an edge so near its border is the picture's and not the person's
+BIAS_M = 0.02  # chosen: sd of a marker, or what is derived from it, against the outline while the same side is seen
+TRAILS_M = 0.002  # chosen: sd of an outline ahead of or behind the body where it moves: clothes swing, skin slips
+MARGIN_PX, MARGIN_SPLIT_PX = 3.0, 3.0  # chosen: sd of what lies outside of the flesh, at fx 760; of v against u
+EMPTY_FROM = 60  # chosen: pictures whose median is the empty scene; bounds the memory
 
 
 def from_pictures(

@@ -14,8 +14,8 @@ from dior.calibrate.outline.seen_edges import EdgeObservations
 from dior.clocks import persistence
 from dior.geometry.camera import Camera
 
-LEAST_SD_PX = 0.3
-STANDS_M_S = 0.2
+LEAST_SD_PX = 0.3  # chosen: nobody draws a box better, no silhouette is known better
+STANDS_M_S = 0.2  # chosen: a body that moves slower turns on the spot and shows no side of its own
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +52,7 @@ def spread(residual: Floats) -> float:
 def inflation(rows: EdgeResiduals, weight: Floats, seen: EdgeObservations) -> float:
     """By how much errors alike in time widen the intervals: `dior.clocks.persistence.inflation_at`.
 
-    A side (or joint and axis) of one walk is a series; the mean of each side is taken out.
+    A side (or joint and axis) of one walk is a series; the mean of each side is subtracted.
     """
     label = np.where(rows.kind >= 0, rows.kind, 4 + 2 * rows.joint + rows.axis)
     own = weight * rows.residual

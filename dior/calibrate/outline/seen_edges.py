@@ -13,7 +13,8 @@ import numpy as np
 from dior.arrays import Floats, Ints
 from dior.calibrate.outline.tracks import BodyTrack
 
-# 3D joints of real detectors are off by about 1 % of the body height, for as long as the same side is seen
+# chosen: 3D joints of real detectors are off by about 1 % of the body height (design, section 9), for as long as the
+# same side is seen, and the outline of a body goes around other points than theirs
 JOINT_BIAS_M = 0.025
 
 
@@ -39,9 +40,9 @@ class EdgeObservations:
     """F pictures: `points` (F, J, 3) m with NaN, `edges` (F, 4) px with NaN, `clicks` (F, J, 2) px with NaN.
 
     `seconds` (F,) and `walk` (F,): pictures of one walk near in time may share their errors. `bias_m`: standard error
-    of a joint's place that stays while the same side of the body is seen, of which no residual tells. `flesh_m` (J,):
-    how far the outline that the edges are of lies outside of each joint. `tracks`: that of each walk, on whose time
-    axis the `seconds` are where a clock is to be found; `points` are then those at these `seconds`.
+    of a joint's place that is constant while the same side of the body is seen and shows in no residual. `flesh_m`
+    (J,): how far the outline that the edges are of lies outside of each joint. `tracks`: that of each walk, on whose
+    time axis the `seconds` are where a clock is to be found; `points` are then those at these `seconds`.
     """
 
     points: Floats
@@ -54,7 +55,7 @@ class EdgeObservations:
     tracks: tuple[BodyTrack, ...] = ()
 
     def middle_s(self, walk: int) -> float:
-        """Time (s) in the middle of the pictures of a walk, where its clock and its drift are told apart."""
+        """Time (s) in the middle of the pictures of a walk, where errors of its clock and drift are independent."""
         return float(self.seconds[self.walk == walk].mean())
 
     def at(self, clocks: Floats) -> tuple[Floats, Floats, Floats]:

@@ -18,18 +18,19 @@ from dior.arrays import Bools, Floats
 Picture: TypeAlias = NDArray[np.uint8]
 Scene: TypeAlias = NDArray[np.float32]
 
-SATURATED = 250
-LEAST_CONTRAST = 14.0  # grey levels in the channel that differs most
-NOISES = 5.0
+# chosen; what comes of it is measured by benchmarks/long_range.py and clocks_pictures.py
+SATURATED = 250  # grey levels from which on a pixel tells nothing
+LEAST_CONTRAST, NOISES = 14.0, 5.0  # a pixel stands out by so many grey levels in its best channel, and so many sd
 SMALLEST_PX = 12  # pixels of a silhouette
 JOIN = 0.5  # pieces this share of the expected height apart belong together
-GAIN_STEP = 7
+GAIN_STEP = 7  # every so many pixels tell the gain and offset of the light
 
 # of the stature, from the ear canal to the crown: 13 cm of 1.72 m (ANSUR II)
 EAR_TO_CROWN = 0.0755
 
 
-# how far skin and clothes lie outside of a joint, as a share of the stature; what is not here (eyes) adds nothing
+# chosen: how far skin and clothes lie outside of a joint, as a share of the stature, about half the breadth of a limb;
+# what is not here (eyes) adds nothing. An error that all share goes into the margin of the fit
 FLESH = {
     "nose": 0.015, "ear": 0.012, "shoulder": 0.040, "elbow": 0.030, "wrist": 0.020, "pinky": 0.015, "index": 0.015,
     "thumb": 0.015, "hip": 0.060, "knee": 0.037, "ankle": 0.027, "heel": 0.018, "foot_index": 0.018, "crown": 0.0,
@@ -48,8 +49,8 @@ def crown(points: Floats, joints: Sequence[str]) -> Floats:
     return ears + (0.0, 0.0, up)
 
 
-# of the stature: the band of head markers, the crown above it, toes beyond the marker on the foot (with a shoe), what
-# lies outside of a marker that is stuck to clothes, fingers beyond the one on the hand
+# chosen, of the stature: the band of head markers, the crown above it, toes beyond the marker on the foot (in a shoe),
+# what lies outside of a marker that is stuck to clothes, fingers beyond the one on the hand
 BAND, ABOVE_BAND, TOES, CLOTH = 0.95, 0.05, 0.04, 0.006
 MARKER_FLESH = {"FIN": 0.025, "toes": 0.012, "HEE": 0.010, "crown": 0.0}
 HEAD = ("LFHD", "RFHD", "LBHD", "RBHD")

@@ -12,7 +12,7 @@ from dior.arrays import Floats, Table
 from dior.clocks.axis import SAME_TIME_S, sample, seconds
 from dior.tables import tables
 
-# a velocity is that over so long: shorter, and the noise of the joints is most of it
+# chosen: a velocity is that over twice so long: shorter, and the noise of the joints is most of it
 HALF_SPAN_S = 0.05
 
 

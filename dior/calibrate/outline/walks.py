@@ -25,11 +25,11 @@ from dior.geometry.covariance import point_covariance
 from dior.project import boxes as hand_boxes
 from dior.tables import tables
 
-# the lasting errors of the joints of a body are alike: of the detector, of the close cameras
+# chosen: constant errors of the joints of a body, by the detector and the close cameras, are partly alike
 ALIKE = 1.2
-SILHOUETTE_MARGIN_PX = 0.5  # beyond the flesh
-PICTURES = 150  # of a sequence, for silhouettes
-AROUND_PX = 60.0  # about where the start has the person, at fx 760
+SILHOUETTE_MARGIN_PX = 0.5  # chosen: sd of what a silhouette has beyond the flesh
+PICTURES = 150  # chosen: of a sequence, for silhouettes; neighbouring ones tell the same
+AROUND_PX = 60.0  # chosen: 4.5 degrees about where the start has the person, at fx 760
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,11 +164,13 @@ def gather(
         edges = np.full((count, 4), np.nan) if source == "marks" else values
         parts.append((points, edges, clicks, walk.seconds[shown], np.full(count, k)))
     points, edges, clicks, seconds, number = (np.concatenate(column) for column in zip(*parts, strict=True))
-    return seen_edges.EdgeObservations(points, edges, clicks, seconds, number, lasting_bias(walks), flesh, tuple(used))
+    return seen_edges.EdgeObservations(
+        points, edges, clicks, seconds, number, constant_error(walks), flesh, tuple(used)
+    )
 
 
-def lasting_bias(walks: Sequence[FilmedWalk]) -> float:
-    """Standard error (m) of a joint's place that stays while the same side of the body is seen."""
+def constant_error(walks: Sequence[FilmedWalk]) -> float:
+    """Standard error (m) of a joint's place that is constant while a camera sees the same side of the body."""
     known = [walk.sd_m for walk in walks if np.isfinite(walk.sd_m)]
     return ALIKE * float(np.mean(known)) if known else seen_edges.JOINT_BIAS_M
 
