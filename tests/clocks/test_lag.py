@@ -83,6 +83,13 @@ def test_a_third_camera_decides_between_two_strides():
     assert (profile <= np.array([lag.total(costs, np.array([0, step, 2])) for step in lag.steps(10)]) + 1e-9).all()
 
 
+def test_lags_are_told_against_whichever_camera_is_held():
+    costs = {(0, 1): dip((3, 3.0), reach=20), (0, 2): dip((2, 3.0), reach=20), (1, 2): dip((-1, 3.0), reach=20)}
+    assert lag.together(costs, [False, True, False], 10).tolist() == [-3, 0, -1]
+    assert lag.together(costs, [False, False, True], 10).tolist() == [-2, 1, 0]
+    assert lag.together({(0, 1): costs[0, 1]}, [True, True], 10).tolist() == [0, 0]
+
+
 def test_the_cost_along_one_camera_has_the_sign_of_its_lag():
     costs = {(0, 1): dip((3, 3.0)), (1, 2): dip((-1, 3.0), reach=20)}
     at = np.array([0, 3, 2])
