@@ -26,8 +26,6 @@ from dior.tables import tables
 
 # chosen: pictures; cameras that run free on one network's time are nearer to each other
 FAR_OFF = 0.9
-# a value by hand is doubted that is so many standard errors from the estimate (0.3 % of correct ones are), and so far
-CONTRADICTS, CONTRADICTS_S = 3.0, 0.002
 NONE = np.zeros(0)
 
 
@@ -188,7 +186,7 @@ def findings_of(
             f"(95 %{known}), from {clock.method}"
         )
         apart = _apart(hand, clock) if hand else 0.0
-        if hand and abs(apart) > max(CONTRADICTS * np.hypot(half[0] / on_axis.NORMAL_95, hand.given[0]), CONTRADICTS_S):
+        if hand and abs(apart) > on_axis.doubtful_s(np.hypot(half[0] / on_axis.NORMAL_95, hand.given[0])):
             found.append(
                 (scope, "warning", "clock_contradicts", f"config/offsets says {hand.offset_s:+.4f} s, the recording "
                  f"{text}: {abs(apart) / period_s:.1f} pictures apart; remove the value or check it")

@@ -21,6 +21,9 @@ NORMAL_95 = 1.96
 DRIFT_SD_PPM = 50.0
 # and its time: clocks that the network keeps, or that a person starts on a count, are apart by less
 OFFSET_SD_S = 1.0  # chosen: half of the window of the lag search
+# a clock by hand is doubted that is so many standard errors from the estimate (0.3 % of correct ones are), and so far,
+# which is 2 mm of walking; chosen
+CONTRADICTS, CONTRADICTS_S = 3.0, 0.002
 SHIFTS = ("turn_x", "turn_y", "turn_z", "shift_x", "shift_y", "shift_z")
 
 
@@ -56,6 +59,11 @@ class Clock:
             gain[:, list(names).index(name)] = own
         flat = gain.reshape(2, -1)
         return np.sqrt(variance + np.einsum("ij,jk,ik->i", flat, joint, flat))
+
+
+def doubtful_s(sigma_s: float) -> float:
+    """How far (s) a clock that a person gave may be from the estimate, whose standard error is `sigma_s`."""
+    return max(CONTRADICTS * sigma_s, CONTRADICTS_S)
 
 
 # a clock, the lags (s) that were tried and their costs, and why it is not known or ""

@@ -68,3 +68,7 @@ def test_the_table_has_the_interval_of_the_time_in_the_middle(tmp_path):
     assert table["low"][0] == pytest.approx(0.25 - 1.96 * 0.004)
     assert table["high"][0] == pytest.approx(0.25 + 1.96 * 0.004)
     assert (table["sigma_s"][0], table["sigma_drift_ppm"][0], table["drift_ppm"][0]) == (0.004, 6.0, -30.0)
+
+
+def test_a_clock_by_hand_is_doubted_by_time_and_not_by_pictures():
+    assert clocks.doubtful_s(0.0001) == 0.002 and clocks.doubtful_s(0.004) == pytest.approx(0.012)

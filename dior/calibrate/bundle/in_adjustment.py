@@ -26,7 +26,7 @@ from dior.calibrate.clock import fit as clock_fit
 from dior.calibrate.clock import from_cameras
 from dior.clocks import ray_lags
 from dior.clocks.axis import ClockValues
-from dior.clocks.clock import DRIFT_SD_PPM, NORMAL_95
+from dior.clocks.clock import DRIFT_SD_PPM, NORMAL_95, doubtful_s
 from dior.geometry.camera import Camera
 
 # chosen: how much of a sequence its clocks are fitted to while the cameras still move, and at last
@@ -36,7 +36,6 @@ SETTLED_S, SETTLED = 2e-4, 0.3
 STEPS = 5, 2  # chosen: of the clocks in a turn, while the cameras still move and at last
 MOST_LONGER, MOST_STEP_S, MOST_STEP_PPM = 5.0, 0.1, 100.0  # chosen: bounds of one step
 MANY = 20  # chosen: joints; of more only every second (third ...) is asked, for the face and the fingers move as one
-CONTRADICTS = 2.6  # sigmas: 1 % of correct ones
 
 
 @dataclass(frozen=True, eq=False)
@@ -334,7 +333,7 @@ def findings(
                 found.append((scope, "info", "adjust_clock", text))
                 continue
             off, period = adjusted.clocks[i, v, 0] - done.clocks[i, v, 0], 1.0 / timed.recorded[i].fps
-            if abs(off) > max(period / 2, CONTRADICTS * sigma):
+            if abs(off) > doubtful_s(sigma):
                 text = (
                     f"the offset of {1000 * offsets[i, v, 0]:+.1f} ms given by hand contradicts the detections, by "
                     f"which it is {1000 * (offsets[i, v, 0] + off):+.1f} ms +- {1000 * NORMAL_95 * sigma:.1f} ms, "
