@@ -39,7 +39,7 @@ def wrong(seeds):
             off = made.given[late].name
             by_hand[off] = on_axis.Clock(1 / scene.FPS, 0.0, "manual", given=(0.0, 0.0))
             uv = np.where((made.score > 0.3)[..., None], made.uv, np.nan)
-            seen = [from_cameras.Seen(made.seconds, one, 2.5 / scene.FPS) for one in uv]
+            seen = [from_cameras.TimedDetections(made.seconds, one, 2.5 / scene.FPS) for one in uv]
             told = from_cameras.from_detections(list(made.given), seen, list(made.names), made.seconds, scene.FPS)
             names = [c.name for c in made.given]
             said = clocks.findings_of("walk", told, by_hand, names, None, 1 / scene.FPS, False)

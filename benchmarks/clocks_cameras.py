@@ -62,7 +62,7 @@ def placed(capture):
 
 
 def timed(capture, cameras):
-    """`window_clocks.Sequences` of the window, and the true clocks (S, V, 2)."""
+    """`in_adjustment.Sequences` of the window, and the true clocks (S, V, 2)."""
     chosen, names = capture.project.window("field"), [camera.name for camera in cameras]
     found, true = [], []
     for sequence in chosen:

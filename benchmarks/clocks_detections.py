@@ -83,7 +83,9 @@ def outdoors(seed, level, seconds, stands=False, **worse):
         replace(views[n].camera, intrinsics=scene.reported(settings, walk.session, views[n].camera)) for n in close
     ]
     seen = [
-        from_cameras.Seen((views[n].clock.stamp_ns - t0) / 1e9, seen_by(found[n], stands), MAX_GAP / settings.fps)
+        from_cameras.TimedDetections(
+            (views[n].clock.stamp_ns - t0) / 1e9, seen_by(found[n], stands), MAX_GAP / settings.fps
+        )
         for n in close
     ]
     told = from_cameras.from_detections(cameras, seen, list(MLKIT_33), instants(settings.fps, seconds), settings.fps)

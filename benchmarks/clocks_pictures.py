@@ -18,8 +18,8 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks import long_range, scene
-from dior.calibrate import align
 from dior.calibrate.outline import boxes_fit, clock_from_edges, clock_from_pictures, seen_edges, tracks
+from dior.clocks.clock import DRIFT_SD_PPM, OFFSET_SD_S
 from dior.geometry import covariance
 from dior.geometry.camera import in_frame, project
 from dior.simulate import backdrop, draw
@@ -117,7 +117,7 @@ def long_range_clocks(level, seed):
     for k, (seen, points) in enumerate(made):
         uv = seen.true_uv[3][rows]
         edges = long_range.boxes(uv, in_frame(seen.cameras[3].intrinsics, uv), 0.0, seed + 1000 * k)
-        parts.append((tracks.Track(seen.seconds, points), seen.seconds[rows], edges))
+        parts.append((tracks.BodyTrack(seen.seconds, points), seen.seconds[rows], edges))
     start = long_range.off(made[0][0].given[3], seed)
     labels = []
     for clocks in (np.zeros(len(walks)), late):
@@ -134,7 +134,7 @@ def long_range_clocks(level, seed):
                 where = clock.offset_s + 1e-6 * clock.drift_ppm * clock.middle_s
                 followed.append((where - clocks[k], clock.sigma([camera.name], spread)[0], found.refused))
             at = seen.seconds[GRIP:-GRIP:30]
-            moved = tracks.Track(seen.seconds, seen.points).at(at - clocks[k] + where)
+            moved = tracks.BodyTrack(seen.seconds, seen.points).at(at - clocks[k] + where)
             errors.append(np.linalg.norm(project(camera, moved)[0] - seen.true_uv[3][GRIP:-GRIP:30], axis=-1))
         labels.append(float(np.nanmean(np.concatenate(errors))))
     return followed, *labels
@@ -144,7 +144,7 @@ def _seen(parts, clocks=None, held=False):
     points = [track.at(moments) for track, moments, _ in parts]
     walk = np.repeat(np.arange(len(parts)), [len(moments) for _, moments, _ in parts])
     every = np.concatenate(points)
-    return seen_edges.Seen(
+    return seen_edges.EdgeObservations(
         every, np.concatenate([edges for *_, edges in parts]), np.full((*every.shape[:2], 2), np.nan),
         np.concatenate([moments for _, moments, _ in parts]), walk,
         tracks=() if held else tuple(track for track, *_ in parts),
@@ -157,8 +157,8 @@ def _aligned(start, parts, clocks, held, where):
     open_clocks = 0 if held else len(parts)
     freedom = seen_edges.Freedom(
         shift=(long_range.START_M, 0.0, 0.0),
-        clock_s=(align.CLOCK_SIGMA_S,) * open_clocks,
-        drift_ppm=(align.DRIFT_SIGMA_PPM,) * open_clocks,
+        clock_s=(OFFSET_SD_S,) * open_clocks,
+        drift_ppm=(DRIFT_SD_PPM,) * open_clocks,
     )
     fitted = boxes_fit.fit(start, freedom, _seen(shifted, held=held), where)
     return fitted.camera, fitted.pose_covariance

@@ -36,7 +36,7 @@ def errors(data, tool, view, late_s):
     uv, joints = detections(data, tool)
     t = np.arange(recording.FRAMES) / recording.FPS
     late = np.where(np.arange(len(cameras)) == view, late_s, 0.0)
-    seen = [from_cameras.Seen(t + own, one, 2.5 / recording.FPS) for own, one in zip(late, uv, strict=True)]
+    seen = [from_cameras.TimedDetections(t + own, one, 2.5 / recording.FPS) for own, one in zip(late, uv, strict=True)]
     told = from_cameras.from_detections(cameras, seen, joints, t, recording.FPS)
     rows = []
     for camera, own in zip(cameras[1:], late[1:], strict=True):

@@ -123,7 +123,7 @@ def by_pictures(level, seed, true_3d=False, occluder=False, sun=False):
     rows = np.concatenate([rows, FRAMES + rows])
     nothing = np.full((len(rows), points.shape[1], 2), np.nan)
     seconds = np.tile(made[0].seconds, 2)[rows]
-    seen = seen_edges.Seen(points[rows], edges, nothing, seconds, rows // FRAMES, flesh_m=flesh)
+    seen = seen_edges.EdgeObservations(points[rows], edges, nothing, seconds, rows // FRAMES, flesh_m=flesh)
     freedom = seen_edges.Freedom(shift=(START_M, 0.0, 0.0), margin_px=SILHOUETTE_MARGIN_PX)
     return boxes_fit.fit(off(made[0].given[3], seed), freedom, seen, f"{level} {seed}")
 
@@ -142,7 +142,7 @@ def fitted(level, seed, margin, true_3d, occluder=False, count=BOXES, sd=EDGE_SD
     if occluder:
         random = np.random.default_rng([seed, 3])
         drawn[:, 3] = hips + margin + sd * random.standard_normal(drawn.shape)[:, 3]
-    seen = seen_edges.Seen(
+    seen = seen_edges.EdgeObservations(
         points[frames], drawn, np.full((count, 33, 2), np.nan), made.seconds[frames], np.zeros(count, int)
     )
     freedom = seen_edges.Freedom(shift=(START_M, 0.0, 0.0))

@@ -131,7 +131,7 @@ def print_unseen_from_boxes(data, cameras):
     fitted = boxes_fit.fit(
         start,
         seen_edges.Freedom(shift=(0.2, 0.2, 0.2)),
-        seen_edges.Seen(
+        seen_edges.EdgeObservations(
             points[:, own], edges, np.full((FRAMES, len(own), 2), np.nan), np.arange(FRAMES) / FPS, np.zeros(FRAMES)
         ),
         "real_outdoor",

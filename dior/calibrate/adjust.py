@@ -34,7 +34,7 @@ from dior.calibrate.bundle import window as seen_in
 from dior.calibrate.bundle.outcome import Adjusted, check_end, in_front
 from dior.calibrate.lens import realsense
 from dior.clocks import by_hand as clocks
-from dior.clocks import lags
+from dior.clocks import ray_lags
 from dior.errors import DiorError, nearest
 from dior.geometry import camera_tables, views
 from dior.geometry.camera import REFERENCE_FX, Camera, reprojection_errors
@@ -152,9 +152,9 @@ def adjust(
 
 def how_far_off(cameras: Sequence[Camera], priors: Sequence[bundle.Prior]) -> tuple[Floats, Floats]:
     """How far (rad, m) each camera may be off before anything is adjusted, 1 sigma."""
-    by_tape = np.array([prior.sigma_rad > np.radians(lags.AIM_DEG) for prior in priors])
-    turns = np.where(by_tape, np.radians(lags.AIM_DEG), [prior.sigma_rad for prior in priors])
-    return turns, np.minimum([prior.sigma_m for prior in priors], lags.MOST_SHIFT_M)
+    by_tape = np.array([prior.sigma_rad > np.radians(ray_lags.AIM_DEG) for prior in priors])
+    turns = np.where(by_tape, np.radians(ray_lags.AIM_DEG), [prior.sigma_rad for prior in priors])
+    return turns, np.minimum([prior.sigma_m for prior in priors], ray_lags.MOST_SHIFT_M)
 
 
 def sampled(

@@ -15,13 +15,17 @@ takes over the world's errors: its covariance has blocks with theirs. The camera
 with the pose (`dior follow` tells what it is), unless config/offsets says it. World in metres, Z up.
 """
 
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from dior.arrays import AnyPath, Floats
 from dior.calibrate.outline import boxes_fit, seen_edges
-from dior.calibrate.outline.walks import SILHOUETTE_MARGIN_PX, by_close, gather, read_walk
+from dior.calibrate.outline.walks import SILHOUETTE_MARGIN_PX, FilmedWalk, by_close, gather, read_walk
+from dior.clocks.clock import DRIFT_SD_PPM, OFFSET_SD_S
 from dior.errors import DiorError
 from dior.geometry import camera as cam
 from dior.geometry import camera_tables, covariance
@@ -32,16 +36,14 @@ from dior.geometry.tape import check_above_floor, look_at_pose
 from dior.project.camera_file import camera_settings
 from dior.tables import tables
 
-# a person pays out the tape along the sight and sets the tripod down beside it
+# chosen: a person pays out the tape along the sight and sets the tripod down beside it, with its height measured
 ACROSS_M, HEIGHT_M = 0.1, 0.05
-FOCAL_SIGMA = 0.03
-FEW_AGREE = 0.6
-# of clocks before anything is compared: computers that keep time by the network differ by less, so does what a person
-# starts by hand on a count; a crystal is good to 30 ppm
-CLOCK_SIGMA_S, DRIFT_SIGMA_PPM = 1.0, 30.0
+FOCAL_SIGMA = 0.03  # chosen: of the log of the focal length; a zoom or a lens that is focused anew changes it as much
+FEW_AGREE = 0.6  # chosen: share of the edges below which a person is to look at what was drawn
+FAR_FROM_TAPE = 3.0  # sd of the tape: 0.3 % of correct measurements are further off
 
 
-def aligned_pose(where, tape, nudge):
+def aligned_pose(where: AnyPath, tape: Mapping[str, Any], nudge: Mapping[str, Any]) -> Floats:
     """wTc (4, 4) from the sections `tape` and `nudge` of a camera's YAML (degrees and metres).
 
     Raises DiorError for a camera straight above its target, which has no horizontal direction to move in.
@@ -62,7 +64,7 @@ def aligned_pose(where, tape, nudge):
     return pose(rotation_z(azimuth) @ rotation_x(elevation), moved)
 
 
-def freedom(settings, held):
+def freedom(settings: Mapping[str, Any], held: Sequence[bool]) -> seen_edges.Freedom:
     """`seen_edges.Freedom` of a camera's YAML: how far the tape is trusted, by what `align.fit` says.
 
     `held`: of each walk, whether its clock was given by hand.
@@ -76,23 +78,30 @@ def freedom(settings, held):
         shift=shift,
         focal=FOCAL_SIGMA if how == "focal" else 0.0,
         margin_px=margin,
-        clock_s=tuple(0.0 if known else CLOCK_SIGMA_S for known in held),
-        drift_ppm=tuple(0.0 if known else DRIFT_SIGMA_PPM for known in held),
+        clock_s=tuple(0.0 if known else OFFSET_SD_S for known in held),
+        drift_ppm=tuple(0.0 if known else DRIFT_SD_PPM for known in held),
     )
 
 
-def joint_covariance(fitted, close_covariance, range_m):
+def joint_covariance(fitted: boxes_fit.Fitted, close_covariance: Floats | None, range_m: float) -> Floats:
     """(6 + 6V, 6 + 6V) of this camera and the V close ones, whose errors it takes over. NaN of them is none known."""
     T = boxes_fit.to_pose(fitted.camera, range_m)
     own = T @ fitted.covariance @ T.T
     if close_covariance is None or not np.isfinite(close_covariance).all():
         return own
-    taken = T @ fitted.by_cameras
-    cross = taken @ close_covariance
-    return np.block([[own + cross @ taken.T, cross], [cross.T, close_covariance]])
+    by_close_ones = T @ fitted.by_cameras
+    cross = by_close_ones @ close_covariance
+    return np.block([[own + cross @ by_close_ones.T, cross], [cross.T, close_covariance]])
 
 
-def found_out(scope, walks, seen, fitted, pose_covariance, taped):
+def found_out(
+    scope: str,
+    walks: Sequence[FilmedWalk],
+    seen: seen_edges.EdgeObservations,
+    fitted: boxes_fit.Fitted,
+    pose_covariance: Floats,
+    taped: Floats,
+) -> list[tuple[str, str, str, str]]:
     """What the fit found, with 95 % intervals: (scope, severity, code, text)."""
     edge = np.isfinite(fitted.residual)
     residual = np.concatenate([fitted.residual[edge], fitted.click_residual[np.isfinite(fitted.click_residual)]])
@@ -145,7 +154,7 @@ def found_out(scope, walks, seen, fitted, pose_covariance, taped):
              "the boxes; say align.occluder: none, below or above")
         )  # fmt: skip
     moved = fitted.values[3:6] / np.maximum(taped, 1e-9)
-    if np.abs(moved).max() > 3:
+    if np.abs(moved).max() > FAR_FROM_TAPE:
         found.append(
             (scope, "warning", "far_from_tape", f"the camera ends {np.linalg.norm(fitted.values[3:6]):.2f} m from its "
              "tape position, more than 3 times the tape's sigma_m; measure again")
@@ -209,5 +218,5 @@ def run(
     all_names = [camera, *(c.name for c in rig)][: len(spread) // 6]
     camera_tables.write_cameras(out, [fitted.camera], session)
     camera_tables.write_camera_covariance(out_covariance, all_names, spread, session, own=[camera])
-    told = found_out(scope, walks, seen, fitted, spread[:6, :6], np.array(trusted.shift))
-    tables.write_findings(findings, told)
+    found = found_out(scope, walks, seen, fitted, spread[:6, :6], np.array(trusted.shift))
+    tables.write_findings(findings, found)

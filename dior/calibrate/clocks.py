@@ -3,25 +3,29 @@
 INPUTS   cameras and their covariance, detections, frames, indoors the mocap and what locate found from marks;
          config/offsets/<sequence>.yaml where a person overrides
 OUTPUTS  `offsets` and `clock_gains` (dior/clocks/clock.py), `clock_costs` (how well each lag fits), findings
-Indoors in the order of what tells most: detections (`mocap_clock`), marks (locate), picture motion (`motion_clock`).
-Outdoors the first close camera by name is the reference (`camera_clock`). A long-range camera's clock is `follow`'s.
-Where the data cannot tell, the clock is zero, its sigma is null and a finding says why.
+Indoors in the order of how certain they are: detections (`clock.from_mocap`), marks (locate), silhouettes in the
+pictures (`outline.clock_from_pictures`). Outdoors the first close camera by name is the reference
+(`clock.from_cameras`). A long-range camera's clock is `follow`'s. Where the data cannot tell, the clock is zero, its
+sigma is null and a finding says why.
 """
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from dior.arrays import Floats, Table
 from dior.calibrate.marks.marks import read_motion
 from dior.clocks import by_hand as given_by
 from dior.clocks import clock as on_axis
 from dior.clocks.axis import instants, rates
 from dior.geometry import camera_tables
+from dior.geometry.camera import Camera
 from dior.tables import tables
 
-FAR_OFF = 0.9  # pictures; cameras that run free on one network's time are nearer to each other
-# a value by hand is doubted that is so many standard errors from the estimate, and so far
-CONTRADICTS, CONTRADICTS_S = 3.0, 0.002
+# chosen: pictures; cameras that run free on one network's time are nearer to each other
+FAR_OFF = 0.9
 NONE = np.zeros(0)
 
 
@@ -55,18 +59,28 @@ def run(
     manual = given_by.by_hand(offsets, tables.ordered_unique(pictures["camera"]))
     seen = tables.read(detections, "detections") if detections else None
     if mocap:
-        told = _indoors(sequence, rig, seen, pictures, mocap, marked, manual, min_score, data_root)
+        estimates = _indoors(sequence, rig, seen, pictures, mocap, marked, manual, min_score, data_root)
     else:
-        told = _outdoors(sequence, rig, seen, pictures, min_score, max_gap)
+        estimates = _outdoors(sequence, rig, seen, pictures, min_score, max_gap)
     joint = camera_tables.read_camera_covariance(covariance, names) if covariance else None
-    used = {name: manual.get(name, clock) for name, (clock, *_) in told.items()}
+    used = {name: manual.get(name, clock) for name, (clock, *_) in estimates.items()}
     on_axis.write(out, out_gains, sequence, used, names, joint)
-    tables.write(out_costs, "clock_costs", _costs(sequence, told))
+    tables.write(out_costs, "clock_costs", _costs(sequence, estimates))
     period = 1 / rates(pictures, names)[1]
-    tables.write_findings(findings, findings_of(sequence, told, manual, names, joint, period, bool(mocap)))
+    tables.write_findings(findings, findings_of(sequence, estimates, manual, names, joint, period, bool(mocap)))
 
 
-def _indoors(sequence, rig, seen, pictures, mocap, marked, manual, min_score, data_root):
+def _indoors(
+    sequence: str,
+    rig: list[Camera],
+    seen: Table | None,
+    pictures: Table,
+    mocap: Path,
+    marked: list[Path],
+    manual: Mapping[str, on_axis.Clock],
+    min_score: float,
+    data_root: Path,
+) -> dict[str, on_axis.Estimate]:
     """By camera: `Clock`, lags, costs, why it is not known or "". Pictures are read only where nothing else tells."""
     from dior.calibrate.bundle import window
     from dior.calibrate.clock import from_mocap
@@ -96,7 +110,7 @@ def _indoors(sequence, rig, seen, pictures, mocap, marked, manual, min_score, da
     return found
 
 
-def _by_pictures(camera, mocap, rows, data_root, where):
+def _by_pictures(camera: Camera, mocap: Path, rows: Table, data_root: Path, where: str) -> on_axis.Estimate:
     from dior.calibrate.outline import clock_from_pictures
 
     clock, lags, costs = clock_from_pictures.from_pictures(
@@ -105,7 +119,9 @@ def _by_pictures(camera, mocap, rows, data_root, where):
     return clock, lags, costs, "" if clock.source == "estimated" else "neither detections, marks nor pictures tell it"
 
 
-def _outdoors(sequence, rig, seen, pictures, min_score, max_gap):
+def _outdoors(
+    sequence: str, rig: list[Camera], seen: Table | None, pictures: Table, min_score: float, max_gap: float
+) -> dict[str, on_axis.Estimate]:
     from dior.calibrate.bundle import window
     from dior.calibrate.clock import from_cameras
 
@@ -117,14 +133,16 @@ def _outdoors(sequence, rig, seen, pictures, min_score, max_gap):
             c.name: (known, NONE, NONE, "") if c.name == reference else (on_axis.Clock(0.0), NONE, NONE, why)
             for c in rig
         }
-    seen = window.recorded(rig, seen, pictures, min_score, max_gap, sequence)
-    grid = instants(seen.fps, max(own.elapsed[-1] for own in seen.seen))
-    return from_cameras.from_detections(rig, seen.seen, seen.names, grid, seen.fps)
+    found = window.recorded(rig, seen, pictures, min_score, max_gap, sequence)
+    grid = instants(found.fps, max(own.elapsed[-1] for own in found.seen))
+    return from_cameras.from_detections(rig, found.seen, found.names, grid, found.fps)
 
 
-def _costs(sequence, told):
+def _costs(sequence: str, estimates: Mapping[str, on_axis.Estimate]) -> dict[str, Any]:
     lags = [
-        (name, lag, cost) for name, (_, lags, costs, _) in told.items() for lag, cost in zip(lags, costs, strict=True)
+        (name, lag, cost)
+        for name, (_, lags, costs, _) in estimates.items()
+        for lag, cost in zip(lags, costs, strict=True)
     ]
     camera, lag, cost = zip(*lags, strict=True) if lags else ((), (), ())
     return {
@@ -135,13 +153,21 @@ def _costs(sequence, told):
     }
 
 
-def findings_of(sequence, told, manual, names, joint, period_s, indoor):
-    """What was found of each clock: `told` (camera -> `Clock`, lags, costs, why not) against those by hand, `manual`.
+def findings_of(
+    sequence: str,
+    estimates: Mapping[str, on_axis.Estimate],
+    manual: Mapping[str, on_axis.Clock],
+    names: Sequence[str],
+    joint: Floats | None,
+    period_s: float,
+    indoor: bool,
+) -> list[tuple[str, str, str, str]]:
+    """What was found of each clock: `estimates` by camera, and how far those by hand, `manual`, are from them.
 
     `names`, `joint`: the cameras' covariance; `period_s` of the pictures.
     """
     found = []
-    for name, (clock, _, _, why) in told.items():
+    for name, (clock, _, _, why) in estimates.items():
         scope = f"{sequence}/{name}"
         hand = manual.get(name)
         if clock.source == "reference":
@@ -160,7 +186,7 @@ def findings_of(sequence, told, manual, names, joint, period_s, indoor):
             f"(95 %{known}), from {clock.method}"
         )
         apart = _apart(hand, clock) if hand else 0.0
-        if hand and abs(apart) > max(CONTRADICTS * np.hypot(half[0] / on_axis.NORMAL_95, hand.given[0]), CONTRADICTS_S):
+        if hand and abs(apart) > on_axis.doubtful_s(np.hypot(half[0] / on_axis.NORMAL_95, hand.given[0])):
             found.append(
                 (scope, "warning", "clock_contradicts", f"config/offsets says {hand.offset_s:+.4f} s, the recording "
                  f"{text}: {abs(apart) / period_s:.1f} pictures apart; remove the value or check it")
@@ -175,6 +201,6 @@ def findings_of(sequence, told, manual, names, joint, period_s, indoor):
     return found
 
 
-def _apart(hand, clock):
+def _apart(hand: on_axis.Clock, clock: on_axis.Clock) -> float:
     """How far (s) a clock by hand is from the estimate in the middle of the recording."""
     return hand.offset_s - clock.offset_s + 1e-6 * (hand.drift_ppm - clock.drift_ppm) * clock.middle_s

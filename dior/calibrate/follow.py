@@ -5,57 +5,64 @@ INPUTS   the camera's YAML and pose, the sequence's skeleton and frames, boxes d
          pictures; outdoors the close cameras that made the 3D; the clock given by hand, if any
 OUTPUTS  `offsets` (one row), `clock_gains`, `clock_costs`, findings
 
-For the long-range camera, after `align`. The time axis is that of the skeleton (dior/clocks/axis.py). The clock is told
-with the pose as it is, and by how much an error of the pose moves it (`dior.clocks.clock`): also where the same boxes
-placed the camera, both together are then what one fit of everything would say. Offsets of up to 2 s are found. Where
-the data cannot tell, the clock is that of the stamps and its error unknown.
+For the long-range camera, after `align`. The time axis is that of the skeleton (dior/clocks/axis.py). The clock is
+found with the pose as it is, and by how much an error of the pose moves it (`dior.clocks.clock`): also where the same
+boxes placed the camera, both together are then what one fit of everything would say. Offsets of up to 2 s are found.
+Where the data cannot tell, the clock is that of the stamps and its error unknown.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
+from dior.arrays import Floats
 from dior.calibrate.outline import boxes_fit, clock_from_edges, clock_from_pictures, seen_edges, silhouettes, tracks
+from dior.calibrate.outline.seen_edges import EdgeObservations
 from dior.calibrate.outline.walks import (
     SILHOUETTE_MARGIN_PX,
+    FilmedWalk,
     by_close,
+    constant_error,
     from_boxes,
     from_pictures,
-    lasting_bias,
     read_walk,
 )
 from dior.clocks import by_hand as hand_offsets
 from dior.clocks import clock as clocks
 from dior.geometry import camera as cam
 from dior.geometry import camera_tables
+from dior.geometry.camera import Camera
 from dior.project.camera_file import camera_settings
 from dior.tables import tables
 
-FEWEST_BOXES = 4
+FEWEST_BOXES = 4  # chosen: fewer are not meant to tell the clock (docs/formats.md); the pictures then do
 
 
-def watched(walk, camera, boxes, data_root):
-    """`seen_edges.Seen` of one walk, the method's word, and the prior of the margins (all edges, v against u) px."""
-    drawn = from_boxes(walk, boxes) if boxes else ((), ())
-    if len(drawn[0]) >= FEWEST_BOXES:
-        (shown, edges), method, flesh, track = drawn, "boxes", 0.0, walk.track
-        margin = seen_edges.Freedom.margin_px
+def watched(
+    walk: FilmedWalk, camera: Camera, boxes: Path | None, data_root: Path
+) -> tuple[EdgeObservations, str, tuple[float, float]]:
+    """`EdgeObservations` of one walk, the method (table `offsets`), and the margins' prior (all edges, v to u) px."""
+    flesh: Floats | float = 0.0
+    shown, edges = from_boxes(walk, boxes) if boxes else (np.zeros(0, int), np.zeros((0, 4)))
+    if len(shown) >= FEWEST_BOXES:
+        method, track, margin = "boxes", walk.track, seen_edges.Freedom.margin_px
     else:
         ((shown, edges),) = from_pictures([walk], camera, data_root)
         points, flesh = silhouettes.outline(walk.track.points, walk.joints)
-        method, track, margin = "pictures", tracks.Track(walk.track.seconds, points), SILHOUETTE_MARGIN_PX
+        method, track, margin = "pictures", tracks.BodyTrack(walk.track.seconds, points), SILHOUETTE_MARGIN_PX
     seconds = walk.seconds[shown]
     points = track.at(seconds)
     nothing = np.full((*points.shape[:2], 2), np.nan)
-    seen = seen_edges.Seen(
-        points, edges, nothing, seconds, np.zeros(len(shown), int), lasting_bias([walk]), flesh, (track,)
+    seen = seen_edges.EdgeObservations(
+        points, edges, nothing, seconds, np.zeros(len(shown), int), constant_error([walk]), flesh, (track,)
     )
     return seen, method, (margin, seen_edges.Freedom.margin_split_px)
 
 
-def hidden_side(camera, seen, margin, occluder, where):
+def hidden_side(camera: Camera, seen: EdgeObservations, margin: tuple[float, float], occluder: str, where: str) -> str:
     """The side of the edges that is an occluder's, or "", as `boxes_fit.fit` reads it with the camera where it is.
 
     The clock is held at the lag that fits best with nothing hidden: the sides that are left tell it well enough.
@@ -68,7 +75,7 @@ def hidden_side(camera, seen, margin, occluder, where):
     return boxes_fit.fit(camera, held, replace(seen, seconds=seconds, points=seen.tracks[0].at(seconds)), where).hidden
 
 
-def told(scope, found):
+def findings_of(scope: str, found: clock_from_edges.ClockFromEdges) -> list[tuple[str, str, str, str]]:
     """Findings of an estimated clock: (scope, severity, code, text)."""
     if found.refused:
         text = f"the clock is not known: {found.refused}; its stamps are taken as they are. Draw boxes on more pictures"
@@ -84,7 +91,16 @@ def told(scope, found):
     return [(scope, "info", "clock_followed", text)]
 
 
-def write(sequence, camera, clock, costs_px, findings, paths, names=(), joint=None):
+def write(
+    sequence: str,
+    camera: str,
+    clock: clocks.Clock,
+    costs_px: Sequence[float] | Floats,
+    findings: list[tuple[str, str, str, str]],
+    paths: tuple[Path, Path, Path, Path],
+    names: Sequence[str] = (),
+    joint: Floats | None = None,
+) -> None:
     """Write the tables of one camera's clock; `paths`: offsets, gains, costs, findings."""
     out, out_gains, out_costs, out_findings = paths
     clocks.write(out, out_gains, sequence, {camera: clock}, names, joint)
@@ -139,4 +155,4 @@ def run(
     trails_m = clock_from_pictures.TRAILS_M if method == "pictures" else 0.0
     found = clock_from_edges.estimate(rig[camera], seen, method, margin, side, derivative, trails_m)
     joint = camera_tables.read_camera_covariance(covariance, names) if covariance else None
-    write(sequence, camera, found.clock, found.costs_px, told(scope, found), paths, names, joint)
+    write(sequence, camera, found.clock, found.costs_px, findings_of(scope, found), paths, names, joint)

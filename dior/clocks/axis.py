@@ -4,24 +4,34 @@ t = (stamp_ns - t0_ns)/1e9 * (1 + 1e-6 drift_ppm) + offset_s (design, section 8)
 C3D frame indoors, the time of the reference camera outdoors.
 """
 
+from collections.abc import Sequence
+from typing import TypeAlias
+
 import numpy as np
 
+from dior.arrays import Bools, Floats, Ints, Table
 from dior.errors import DiorError
 from dior.geometry.covariance import point_covariance
 from dior.tables import tables
 
+# Hz, of cameras as they are sold; 29.97 and 30, 59.94 and 60 are a part in 1000 apart, so a rate counts as the standard
+# one within less than half of that
 RATES = np.array([15, 24, 25, 29.97, 30, 50, 59.94, 60, 90, 100, 120])
-SAME_TIME_S = 1e-6
+SAME_RATE = 4e-4
+SAME_TIME_S = 1e-6  # chosen: above the rounding of stamps in ns, far below what a walker moves in
+
+# a clock as it is used: offset_s, drift_ppm and its source (table `offsets`)
+ClockValues: TypeAlias = tuple[float, float, str]
 
 
-def nominal_fps(stamps_ns):
+def nominal_fps(stamps_ns: Ints) -> float:
     """Rate (Hz) of a recording from its stamps (F,) ns, F > 1: by the median period, or the standard rate near it."""
     fps = 1e9 / np.median(np.diff(stamps_ns))
     standard = RATES[np.argmin(np.abs(RATES - fps))]
-    return float(standard) if abs(standard / fps - 1) < 4e-4 else round(float(fps), 3)
+    return float(standard) if abs(standard / fps - 1) < SAME_RATE else round(float(fps), 3)
 
 
-def bracket(times, queries, max_gap_s):
+def bracket(times: Floats, queries: Floats, max_gap_s: float) -> tuple[Ints, Ints, Floats]:
     """Frames around each query: indices before and after (Q,), -1 for none, and the weight (Q,) of the later.
 
     `times` (F,) s ascending. A query between frames further apart than `max_gap_s` has none (a drop), nor has one
@@ -46,7 +56,7 @@ def bracket(times, queries, max_gap_s):
     return before, after, np.where(exact | (before < 0), 0.0, weight)
 
 
-def blend(values, before, after, weight):
+def blend(values: Floats, before: Ints, after: Ints, weight: Floats) -> Floats:
     """Values (F, ...) at bracketed queries (Q, ...): linear, NaN where there is no bracket or an end is missing."""
     values = np.asarray(values, float)
     w = weight.reshape(-1, *(1,) * (values.ndim - 1))
@@ -54,23 +64,23 @@ def blend(values, before, after, weight):
     return np.where((before < 0).reshape(w.shape), np.nan, mixed)
 
 
-def sample(times, values, queries, max_gap_s):
+def sample(times: Floats, values: Floats, queries: Floats, max_gap_s: float) -> Floats:
     """Values (F, ...) recorded at `times` (F,) s, interpolated at `queries` (Q,) s; never across a drop."""
     return blend(values, *bracket(times, queries, max_gap_s))
 
 
-def instants(fps, last_s):
+def instants(fps: float, last_s: float) -> Floats:
     """Times (I,) s of the regular grid 0, 1/fps, ... that ends at or before `last_s`."""
     return np.arange(int(np.floor(last_s * fps + 1e-6)) + 1) / fps
 
 
-def start_ns(frames, mocap=None):
+def start_ns(frames: Table, mocap: Table | None = None) -> int:
     """t0 of a sequence (ns): the first instant of its `mocap` (a skeletons_3d table), which ingest has put on the
     trigger log's clock or else the pictures'; without mocap the earliest picture stamp of all cameras."""
     return int((frames if mocap is None else mocap)["stamp_ns"].min())
 
 
-def rates(frames, cameras):
+def rates(frames: Table, cameras: Sequence[str]) -> tuple[dict[str, float], float]:
     """Nominal frame rate (Hz) of each camera, by name, and that of the instants: the first camera's by name."""
     own = {}
     for camera in cameras:
@@ -81,7 +91,7 @@ def rates(frames, cameras):
     return own, own[min(own)]
 
 
-def camera_seconds(frames, camera, t0_ns, clock):
+def camera_seconds(frames: Table, camera: str, t0_ns: int, clock: ClockValues | tuple[float, float]) -> Floats:
     """Times (F,) s of a camera's pictures on the sequence's axis; `clock` is (offset_s, drift_ppm, source)."""
     stamps = frames["stamp_ns"][frames["camera"] == camera]
     if not len(stamps):
@@ -89,7 +99,7 @@ def camera_seconds(frames, camera, t0_ns, clock):
     return seconds(stamps, t0_ns, clock[0], clock[1])
 
 
-def seconds(stamp_ns, t0_ns, offset_s=0.0, drift_ppm=0.0):
+def seconds(stamp_ns: Ints, t0_ns: int | np.int64, offset_s: float = 0.0, drift_ppm: float = 0.0) -> Floats:
     """Time (...,) s of header stamps (...,) int64 ns.
 
     The subtraction is done on integers: a stamp since 1970 as a float64 is only good to 0.2 us.
@@ -98,7 +108,7 @@ def seconds(stamp_ns, t0_ns, offset_s=0.0, drift_ppm=0.0):
     return elapsed / 1e9 * (1 + 1e-6 * drift_ppm) + offset_s
 
 
-def velocity_at_pictures(skeleton, stamps_ns, offset_s, drift_ppm):
+def velocity_at_pictures(skeleton: Table, stamps_ns: Ints, offset_s: float, drift_ppm: float) -> Floats:
     """Velocities (F, J, 3) m/s of the joints at the pictures' stamps, 0 where a joint has no neighbour in time."""
     points, _ = tables.grid(skeleton, "x", "y", "z")
     instants_ns = skeleton["stamp_ns"].reshape(points.shape[:2])[:, 0]
@@ -113,7 +123,9 @@ def velocity_at_pictures(skeleton, stamps_ns, offset_s, drift_ppm):
     return np.nan_to_num(blend(np.nan_to_num(both), *where))
 
 
-def at_pictures(skeleton, stamps_ns, offset_s, drift_ppm):
+def at_pictures(
+    skeleton: Table, stamps_ns: Ints, offset_s: float, drift_ppm: float
+) -> tuple[Floats, Floats, Bools, list[str]]:
     """3D joints at the pictures' stamps: points (F, J, 3) m, their covariance given the cameras (F, J, 3, 3) m^2,
     whether a gap was bridged (F, J), and the joint names.
 

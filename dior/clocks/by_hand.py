@@ -4,14 +4,17 @@ INPUTS   config/offsets/<sequence>.yaml, only where a person overrides: `cam01: 
 OUTPUTS  an offset (s) and a drift (ppm) per camera with its source
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 
+from dior.arrays import AnyPath
+from dior.clocks.axis import ClockValues
 from dior.clocks.clock import Clock
 from dior.errors import DiorError, nearest
 from dior.project import read as checked
 
 
-def by_hand(path, cameras):
+def by_hand(path: AnyPath | None, cameras: Sequence[str]) -> dict[str, Clock]:
     """`Clock` of the cameras that a person gave one, by name. An absent file (or None) is an empty one.
 
     Without `sigma_s` a value counts as exact. Raises DiorError for what the schema refuses and a camera that the
@@ -32,7 +35,7 @@ def by_hand(path, cameras):
     }
 
 
-def read(path, cameras):
+def read(path: AnyPath | None, cameras: Sequence[str]) -> dict[str, ClockValues]:
     """Offsets of `cameras`: dict camera -> (offset_s, drift_ppm, source of table `offsets`).
 
     A camera that no person gave a clock is (0, 0, "assumed_zero"). Raises DiorError as `by_hand`.

@@ -6,17 +6,28 @@ camera that is aimed a little too far ahead of a walker seems late. `given` is t
 are, `gains` what a camera's error (`dior.geometry.covariance`: turn rad, shift m) adds.
 """
 
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TypeAlias
 
 import numpy as np
 
+from dior.arrays import AnyPath, Floats, Table
 from dior.tables import tables
 
 NORMAL_95 = 1.96
+# a crystal's rate before anything is compared, 1 sigma: they are sold to 10, 50 or 100 ppm, and of 20 000 computers on
+# the internet half were off by more than 78 ppm (Mills, Computer Network Time Synchronization, 2006, on NTP's clocks)
+DRIFT_SD_PPM = 50.0
+# and its time: clocks that the network keeps, or that a person starts on a count, are apart by less
+OFFSET_SD_S = 1.0  # chosen: half of the window of the lag search
+# a clock by hand is doubted that is so many standard errors from the estimate (0.3 % of correct ones are), and so far,
+# which is 2 mm of walking; chosen
+CONTRADICTS, CONTRADICTS_S = 3.0, 0.002
 SHIFTS = ("turn_x", "turn_y", "turn_z", "shift_x", "shift_y", "shift_z")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Clock:
     """`offset_s`, `drift_ppm` as in `dior.clocks.axis.seconds`; `source` of table `offsets`, `method` that found it.
 
@@ -30,10 +41,10 @@ class Clock:
     source: str = "assumed_zero"
     method: str = ""
     middle_s: float = 0.0
-    given: tuple = (np.nan, np.nan)
-    gains: dict = field(default_factory=dict)
+    given: tuple[float, float] = (np.nan, np.nan)
+    gains: dict[str, Floats] = field(default_factory=dict)
 
-    def sigma(self, names=(), joint=None):
+    def sigma(self, names: Sequence[str] = (), joint: Floats | None = None) -> Floats:
         """Standard errors (2,) of the time in the middle (s) and the drift (ppm), with those of the cameras' poses.
 
         `joint` (6N, 6N): covariance of the cameras called `names`. NaN where a camera of `gains` has none.
@@ -46,11 +57,27 @@ class Clock:
         gain = np.zeros((2, len(names), 6))
         for name, own in self.gains.items():
             gain[:, list(names).index(name)] = own
-        gain = gain.reshape(2, -1)
-        return np.sqrt(variance + np.einsum("ij,jk,ik->i", gain, joint, gain))
+        flat = gain.reshape(2, -1)
+        return np.sqrt(variance + np.einsum("ij,jk,ik->i", flat, joint, flat))
 
 
-def write(path, path_gains, sequence, clocks, names=(), joint=None):
+def doubtful_s(sigma_s: float) -> float:
+    """How far (s) a clock that a person gave may be from the estimate, whose standard error is `sigma_s`."""
+    return max(CONTRADICTS * sigma_s, CONTRADICTS_S)
+
+
+# a clock, the lags (s) that were tried and their costs, and why it is not known or ""
+Estimate: TypeAlias = tuple[Clock, Floats, Floats, str]
+
+
+def write(
+    path: AnyPath,
+    path_gains: AnyPath,
+    sequence: str,
+    clocks: Mapping[str, Clock],
+    names: Sequence[str] = (),
+    joint: Floats | None = None,
+) -> None:
     """Write tables `offsets` and `clock_gains` of the clocks of a sequence: dict camera -> `Clock`.
 
     `names`, `joint`: the cameras' covariance as of `Clock.sigma`.
@@ -58,7 +85,13 @@ def write(path, path_gains, sequence, clocks, names=(), joint=None):
     write_all(path, path_gains, {sequence: clocks}, names, joint)
 
 
-def write_all(path, path_gains, clocks, names=(), joint=None):
+def write_all(
+    path: AnyPath,
+    path_gains: AnyPath,
+    clocks: Mapping[str, Mapping[str, Clock]],
+    names: Sequence[str] = (),
+    joint: Floats | None = None,
+) -> None:
     """The same of several sequences: dict sequence -> dict camera -> `Clock`."""
     each = [(sequence, camera, clock) for sequence, own in clocks.items() for camera, clock in own.items()]
     sigma = np.array([clock.sigma(names, joint) for _, _, clock in each]).reshape(-1, 2)
@@ -93,12 +126,14 @@ def write_all(path, path_gains, clocks, names=(), joint=None):
     tables.write(path_gains, "clock_gains", dict(zip(keys, map(list, columns), strict=True)))
 
 
-def read(paths, paths_gains=(), sequence=None):
+def read(
+    paths: Iterable[AnyPath], paths_gains: Iterable[AnyPath] = (), sequence: str | None = None
+) -> dict[str, Clock]:
     """Clocks by camera of tables `offsets` (and `clock_gains`) of one sequence; a later path goes first.
 
     `sequence` is the one that counts in tables of several.
     """
-    gains = {}
+    gains: dict[str, dict[str, Floats]] = {}
     for path in paths_gains:
         table = tables.read(path, "clock_gains")
         for i in _of(table, sequence):
@@ -121,5 +156,5 @@ def read(paths, paths_gains=(), sequence=None):
     return found
 
 
-def _of(table, sequence):
+def _of(table: Table, sequence: str | None) -> list[int]:
     return [i for i, name in enumerate(table["sequence"]) if sequence in (None, name)]

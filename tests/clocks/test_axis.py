@@ -65,3 +65,72 @@ def test_the_first_camera_by_name_sets_the_grid_and_each_has_its_own_rate():
         "stamp_ns": T0 + np.concatenate([np.arange(10) * 16_666_667, np.arange(10) * 33_333_333]),
     }
     assert axis.rates(frames, ["cam02", "cam01"]) == ({"cam01": 30.0, "cam02": 60.0}, 30.0)
+
+
+@pytest.mark.parametrize(("offset_s", "drift_ppm"), [(0.0, 200.0), (0.0, -200.0), (0.25, 50.0)])
+def test_a_cameras_pictures_drift_with_its_clock(offset_s, drift_ppm):
+    stamps = T0 + np.arange(61) * 1_000_000_000
+    frames = {"camera": np.repeat(["cam01", "cam02"], 61).astype(object), "stamp_ns": np.tile(stamps, 2)}
+    found = axis.camera_seconds(frames, "cam02", T0, (offset_s, drift_ppm, "manual"))
+    # a minute at 200 ppm is 12 ms, a third of a picture at 30 Hz
+    assert found[-1] - 60.0 == pytest.approx(offset_s + 60e-6 * drift_ppm, abs=1e-9)
+    assert found[0] == pytest.approx(offset_s, abs=1e-12) and found.shape == (61,)
+
+
+def test_a_camera_without_pictures_has_no_times():
+    frames = {"camera": np.array(["cam01"], object), "stamp_ns": np.array([T0])}
+    with pytest.raises(DiorError, match="camera cam02: no pictures"):
+        axis.camera_seconds(frames, "cam02", T0, (0.0, 0.0, "assumed_zero"))
+
+
+@pytest.mark.parametrize("standard", axis.RATES.tolist())
+def test_a_rate_counts_as_standard_within_a_part_in_2500(standard):
+    def of(rate):
+        return axis.nominal_fps(T0 + np.round(np.arange(3) * 1e9 / rate).astype(np.int64))
+
+    assert of(standard * (1 + 3e-4)) == of(standard * (1 - 3e-4)) == standard
+    # 29.97 and 30 Hz, 59.94 and 60, are a part in 1000 apart: no farther off does a rate count as one of them
+    for off in (5e-4, -5e-4):
+        assert of(standard * (1 + off)) != standard
+        assert of(standard * (1 + off)) == pytest.approx(standard * (1 + off), rel=1e-4)
+
+
+@pytest.mark.parametrize("rates", [(15, 60), (60, 15), (120, 30), (29.97, 30)])
+def test_instants_have_the_first_cameras_rate_and_gaps_each_cameras_own(rates):
+    stamps = [T0 + np.round(np.arange(40) * 1e9 / rate).astype(np.int64) for rate in rates]
+    frames = {"camera": np.repeat(["cam01", "cam02"], 40).astype(object), "stamp_ns": np.concatenate(stamps)}
+    for order in (["cam01", "cam02"], ["cam02", "cam01"]):
+        own, fps = axis.rates(frames, order)
+        assert own == dict(zip(["cam01", "cam02"], map(float, rates), strict=True)) and fps == rates[0]
+
+
+def walked(hz, count):
+    """`skeletons_3d` of one joint at 1.2 m/s along X that gains 0.6 m/s every second along Y."""
+    stamps = T0 + np.round(np.arange(count) * 1e9 / hz).astype(np.int64)
+    t = (stamps - T0) / 1e9
+    table = {
+        "joint": np.array(["nose"] * count, object),
+        "stamp_ns": stamps,
+        "x": 1.2 * t,
+        "y": 0.3 * t**2,
+        "z": 0 * t + 1,
+    }
+    known = {f"sigma_{axis}": np.full(count, 0.01) for axis in "xyz"}
+    known |= {f"rho_{pair}": np.zeros(count) for pair in ("xy", "xz", "yz")}
+    return table | known | {"status": np.array(["ok"] * count, object)}
+
+
+@pytest.mark.parametrize("hz", [15.0, 60.0, 120.0])
+def test_a_walker_at_the_pictures_is_as_far_on_as_their_clock_says(hz):
+    skeleton = walked(hz, int(20 * hz))
+    stamps = T0 + np.array([2, 10, 18]) * 1_000_000_000
+    velocity = axis.velocity_at_pictures(skeleton, stamps, 0.1, 300.0)
+    moments = np.array([2, 10, 18]) * 1.0003 + 0.1
+    np.testing.assert_allclose(velocity[:, 0, 0], 1.2, atol=1e-6)
+    np.testing.assert_allclose(velocity[:, 0, 1], 0.6 * moments, atol=1e-5)
+    points, noise, bridged, joints = axis.at_pictures(skeleton, stamps, 0.1, 300.0)
+    np.testing.assert_allclose(points[:, 0, 0], 1.2 * moments, atol=1e-7)
+    assert joints == ["nose"] and not bridged.any()
+    np.testing.assert_allclose(noise, np.broadcast_to(1e-4 * np.eye(3), (3, 1, 3, 3)), atol=1e-12)
+    # a clock that is earlier than the first instant has nothing to show
+    assert np.isnan(axis.at_pictures(skeleton, T0 + np.array([0]), -0.01, 0.0)[0]).all()

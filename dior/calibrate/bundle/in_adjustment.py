@@ -4,7 +4,7 @@ INPUTS   what the cameras have of each sequence (`window.Recorded`), clocks that
 OUTPUTS  the clocks, the joints at the window's instants by them, and what the clocks' errors do to the cameras
 
 Poses and clocks are found by turns: with the cameras as they are the clocks follow from how the joints move
-(`clock_fit`: a detector's constant errors have no say), then the cameras are adjusted at the instants by these clocks.
+(`clock.fit`: a detector's constant errors have no say), then the cameras are adjusted at the instants by these clocks.
 Each gives way to what is wrong in the other, so that the turns are lengthened by what the ones before have shown.
 Where they end, both are least squares of linear equations in each other: camera errors x = A c + e, clock errors
 c = G x + f. Hence x = (1 - A G)^-1 (e + A f).
@@ -12,28 +12,33 @@ The clock of the first camera by name is the reference. A clock is the time (s) 
 drift (ppm).
 """
 
-from dataclasses import dataclass, replace
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from dior.calibrate.bundle import uncertainty
-from dior.calibrate.bundle.window import at_instants, together
+from dior.arrays import Bools, Floats
+from dior.calibrate.bundle import outcome, reduced, uncertainty
+from dior.calibrate.bundle.window import Recorded, Seen, at_instants, together
 from dior.calibrate.clock import fit as clock_fit
 from dior.calibrate.clock import from_cameras
-from dior.clocks import lags
-from dior.clocks.clock import NORMAL_95
+from dior.clocks import ray_lags
+from dior.clocks.axis import ClockValues
+from dior.clocks.clock import DRIFT_SD_PPM, NORMAL_95, doubtful_s
+from dior.geometry.camera import Camera
 
-QUICK, MOST = 150, 600  # moments of a sequence that its clocks are fitted to: while the cameras still move, at last
-SETTLED_S = 2e-4
-SETTLED = 0.3  # standard errors: the turns end where the clocks move by less
-STEPS, MOST_LONGER = (5, 2), 5.0  # while the cameras still move, at last
-MOST_STEP_S, MOST_STEP_PPM = 0.1, 100.0
-MANY = 20  # joints: of more only every second (third ...) is asked
-CONTRADICTS = 2.6  # sigmas: 1 % of correct ones
-FEWEST_SHARED_S = 1.0
+# chosen: how much of a sequence its clocks are fitted to while the cameras still move, and at last
+QUICK_S, MOST_S = 5.0, 20.0
+# chosen: the turns end where the clocks move by less than either, 0.3 standard errors
+SETTLED_S, SETTLED = 2e-4, 0.3
+STEPS = 5, 2  # chosen: of the clocks in a turn, while the cameras still move and at last
+MOST_LONGER, MOST_STEP_S, MOST_STEP_PPM = 5.0, 0.1, 100.0  # chosen: bounds of one step
+MANY = 20  # chosen: joints; of more only every second (third ...) is asked, for the face and the fingers move as one
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Sequences:
     """`recorded`: a `window.Recorded` of each of S sequences, `windows` their instants, `names` of the V cameras.
 
@@ -41,57 +46,58 @@ class Sequences:
     not to be estimated.
     """
 
-    recorded: tuple
-    windows: tuple
-    names: tuple
-    given: np.ndarray
-    held: np.ndarray
+    recorded: tuple[Recorded, ...]
+    windows: tuple[dict[str, int], ...]
+    names: tuple[str, ...]
+    given: Floats
+    held: Bools
     min_views: int
 
     @property
-    def reference(self):
-        """Index of the camera whose clock the others are told by."""
+    def reference(self) -> int:
+        """Index of the camera whose clock is the time axis of the others."""
         return self.names.index(min(self.names))
 
-    def middle(self, i):
+    def middle(self, i: int) -> float:
         """The middle (s) of the stretch that the clocks of a sequence are fitted in."""
-        grid = self.grid(i, MOST)
+        grid = self.grid(i, MOST_S)
         return float((grid[0] + grid[-1]) / 2)
 
-    def grid(self, i, most):
-        """Moments (T,) s that the clocks of a sequence are fitted to: about the window, as many as `most`."""
+    def grid(self, i: int, most_s: float) -> Floats:
+        """Moments (T,) s that the clocks of a sequence are fitted to: about the window, `most_s` long, thinned."""
         found, window = self.recorded[i], self.windows[i]
         last = int(max(own.elapsed[-1] for own in found.seen) * found.fps)
         centre = window["first"] + window["step"] * window["count"] // 2
+        most, every = round(most_s * found.fps), clock_fit.thinning(found.fps)
         first = int(np.clip(centre - most // 2, 0, max(last - most, 0)))
-        return np.arange(first, min(first + most, last) + 1) / found.fps
+        return np.arange(first, min(first + most, last) + 1, every) / found.fps
 
-    def at_t0(self, values):
+    def at_t0(self, values: Floats) -> Floats:
         """Clocks (S, V, 2) as offset (s) at t0 and drift, from the time in the middle and drift."""
         middle = np.array([self.middle(i) for i in range(len(values))])
         return np.stack([values[..., 0] - 1e-6 * values[..., 1] * middle[:, None], values[..., 1]], axis=-1)
 
-    def start(self, cameras, aim_rad, shift_m):
-        """Clocks (S, V, 2) as given, the others by the lags of the rays (`lags`). `aim_rad`, `shift_m` (V,)."""
+    def start(self, cameras: Sequence[Camera], aim_rad: Floats, shift_m: Floats) -> Floats:
+        """Clocks (S, V, 2) as given, the others by `ray_lags`. `aim_rad`, `shift_m` (V,)."""
         values = self.given.copy()
         for i, found in enumerate(self.recorded):
             values[i, :, 0] += 1e-6 * values[i, :, 1] * self.middle(i)
             if self.held[i].all():
                 continue
             rays = [
-                lags.rays(camera, self.times(i, v, values[i, v]), own.uv, own.max_gap_s)
+                ray_lags.rays(camera, self.times(i, v, values[i, v]), own.uv, own.max_gap_s)
                 for v, (camera, own) in enumerate(zip(cameras, found.seen, strict=True))
             ]
-            grid = self.grid(i, MOST)
-            values[i, :, 0] += lags.coarse(cameras, rays, self.held[i], (grid[0], grid[-1]), aim_rad, shift_m)
+            grid = self.grid(i, MOST_S)
+            values[i, :, 0] += ray_lags.coarse(cameras, rays, self.held[i], (grid[0], grid[-1]), aim_rad, shift_m)
         return values
 
-    def times(self, i, view, value):
+    def times(self, i: int, view: int, value: Floats) -> Floats:
         """Times (F,) s of a camera's pictures in sequence `i` by a clock (2,)."""
         own = self.recorded[i].seen[view]
         return own.elapsed + value[0] + 1e-6 * value[1] * (own.elapsed - self.middle(i))
 
-    def observations(self, values):
+    def observations(self, values: Floats) -> tuple[Floats, uncertainty.Tracks, list[Seen]]:
         """Pixels (V, N, 2) and `uncertainty.Tracks` of the joints at the windows' instants, and the `window.Seen`s."""
         parts = [
             at_instants(found, clocks, window, self.min_views)
@@ -99,29 +105,32 @@ class Sequences:
         ]
         return *together(parts, [window["count"] for window in self.windows]), parts
 
-    def fitted(self, cameras, values, thorough=False):
+    def fitted(
+        self, cameras: Sequence[Camera], values: Floats, thorough: bool = False
+    ) -> tuple[Floats, list[Fit | None]]:
         """Clocks (S, V, 2) by how the joints move, with the cameras as they are, and the `Fit` of each sequence.
 
         None for a sequence of which nothing tells.
         """
-        values, fits = values.copy(), []
+        fits: list[Fit | None] = []
+        values = values.copy()
         for i in range(len(values)):
             fits.append(None)
             if not self.held[i].all():
                 values[i], fits[i] = self._settled(i, cameras, values[i], thorough)
         return values, fits
 
-    def freed(self):
+    def freed(self) -> Sequences:
         """The same with no clock held but the reference's: what the detections alone say."""
         return replace(self, held=np.broadcast_to(np.arange(len(self.names)) == self.reference, self.held.shape))
 
-    def compared(self, cameras, values, fits):
+    def compared(self, cameras: Sequence[Camera], values: Floats, fits: Sequence[Fit | None]) -> list[Fit | None]:
         """The `Fit`s with what the cameras' errors add; None where all clocks are held or nothing tells."""
         return [
             None if fit is None else self._fit(i, cameras, values[i], fit, True, True) for i, fit in enumerate(fits)
         ]
 
-    def _settled(self, i, cameras, value, thorough):
+    def _settled(self, i: int, cameras: Sequence[Camera], value: Floats, thorough: bool) -> tuple[Floats, Fit | None]:
         """Clocks (V, 2) of a sequence, and the last `Fit`.
 
         Noise in the velocities of the joints makes every step too short.
@@ -137,8 +146,10 @@ class Sequences:
                 break
         return value, fit
 
-    def _fit(self, i, cameras, value, before, thorough, last=False):
-        grid, middle, views = self.grid(i, MOST if thorough else QUICK), self.middle(i), len(cameras)
+    def _fit(
+        self, i: int, cameras: Sequence[Camera], value: Floats, before: Fit | None, thorough: bool, last: bool = False
+    ) -> Fit | None:
+        grid, middle, views = self.grid(i, MOST_S if thorough else QUICK_S), self.middle(i), len(cameras)
         order = [self.reference, *(v for v in range(views) if v != self.reference)]
         seen = self.recorded[i].seen
         joints = slice(None, None, 1 + len(self.recorded[i].names) // MANY)
@@ -158,7 +169,7 @@ class Sequences:
         )
         # only the drift is known beforehand, about nothing
         about = (value[order] - value[self.reference])[1:]
-        solved = clock_fit.solve(tracks, about.ravel(), np.tile([0.0, clock_fit.DRIFT_SD_PPM**-2], views - 1))
+        solved = clock_fit.solve(tracks, about.ravel(), np.tile([0.0, DRIFT_SD_PPM**-2], views - 1))
         if solved is None:
             return None
         step, given = np.zeros((views, 2)), np.zeros((2 * views, 2 * views))
@@ -175,38 +186,38 @@ class Sequences:
         return Fit(step, given, gain, solved)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Walked:
     """The last step of an iteration whose steps are too short by the same share: `wanted` of it and `went` (..., 2)."""
 
-    wanted: np.ndarray | None = None
-    went: np.ndarray | None = None
+    wanted: Floats = field(default_factory=lambda: np.zeros((1, 2)))
+    went: Floats = field(default_factory=lambda: np.zeros((1, 2)))
 
-    def on(self, wanted):
+    def on(self, wanted: Floats) -> Walked:
         """The next step, longer by as much as the last one has changed what is wanted by less than its length.
 
         Barzilai and Borwein, IMA J. Numer. Anal. 8 (1988) 141-148.
         """
-        longer = 1.0
-        if self.went is not None:
+        longer, length = 1.0, (self.went[..., 0] ** 2).sum()
+        if length > 0:
             changed = ((self.wanted - wanted) * self.went)[..., 0].sum()
-            longer = (self.went[..., 0] ** 2).sum() / changed if changed > 0 else MOST_LONGER
+            longer = length / changed if changed > 0 else MOST_LONGER
         went = np.clip(longer, 1.0, MOST_LONGER) * wanted
         return Walked(wanted, np.clip(went, [-MOST_STEP_S, -MOST_STEP_PPM], [MOST_STEP_S, MOST_STEP_PPM]))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Fit:
     """`step` (V, 2) of the clocks of a sequence, covariance `given` (2V, 2V) with the cameras as they are, and `gain`
-    (2V, 6V) by the cameras' errors; zeros for the reference. `solved`: the `clock_fit.Solved` that they come from."""
+    (2V, 6V) by the cameras' errors; zeros for the reference. `solved`: the `fit.SolvedClocks` that they come from."""
 
-    step: np.ndarray
-    given: np.ndarray
-    gain: np.ndarray
-    solved: object
+    step: Floats
+    given: Floats
+    gain: Floats
+    solved: clock_fit.SolvedClocks
 
 
-def _together(fits, shape):
+def _together(fits: Sequence[Fit | None], shape: tuple[int, ...]) -> tuple[Floats, Floats]:
     """Gains (2SV, 6V) and covariance (2SV, 2SV) of the fits of all sequences, zeros where there is none."""
     sequences, views, _ = shape
     each = 2 * views
@@ -218,7 +229,7 @@ def _together(fits, shape):
     return gain, given
 
 
-def settled(before, after, fits):
+def settled(before: Floats, after: Floats, fits: Sequence[Fit | None]) -> bool:
     """Whether the clocks (S, V, 2) of no sequence have moved by what counts."""
     for was, now, fit in zip(before, after, fits, strict=True):
         if fit is not None:
@@ -228,15 +239,27 @@ def settled(before, after, fits):
     return True
 
 
-def of(recorded, windows, names, given, min_views):
-    """`Sequences` by what `offsets.read` gives for every sequence and camera, [[(offset, drift, source)]]."""
+def of(
+    recorded: Sequence[Recorded],
+    windows: Sequence[dict[str, int]],
+    names: Sequence[str],
+    given: Sequence[Sequence[ClockValues]],
+    min_views: int,
+) -> Sequences:
+    """`Sequences` by what `by_hand.read` gives for every sequence and camera, [[(offset, drift, source)]]."""
     values = np.array([[clock[:2] for clock in each] for each in given], float).reshape(len(given), len(names), 2)
     held = np.array([[clock[2] == "manual" for clock in each] for each in given], bool).reshape(values.shape[:2])
     held[:, names.index(min(names))] = True
     return Sequences(tuple(recorded), tuple(windows), tuple(names), values, held, min_views)
 
 
-def with_errors(spread, solved, tracks, timed, fits):
+def with_errors(
+    spread: uncertainty.Uncertainty,
+    solved: reduced.Solved,
+    tracks: uncertainty.Tracks,
+    timed: Sequences,
+    fits: Sequence[Fit | None],
+) -> tuple[uncertainty.Uncertainty, Floats]:
     """The cameras' `Uncertainty` with that of the clocks, and the clocks' standard errors (S, V, 2) in all."""
     gain, given = _together(fits, timed.given.shape)
     free = np.repeat(~timed.held.ravel(), 2)
@@ -250,7 +273,7 @@ def with_errors(spread, solved, tracks, timed, fits):
     return replace(spread, covariance=(covariance + covariance.T) / 2), sigma
 
 
-def by_clocks(solved, tracks, timed):
+def by_clocks(solved: reduced.Solved, tracks: uncertainty.Tracks, timed: Sequences) -> Floats:
     """(6V, 2 S V): how the adjusted cameras move with the clocks (time in the middle s, drift ppm)."""
     linear, views = solved.linear, len(solved.cameras)
     people, count = len(tracks.joint), solved.linear.r.shape[-1]
@@ -276,23 +299,32 @@ def by_clocks(solved, tracks, timed):
     return uncertainty.by_parameters(solved, derivative, at, 2 * views * len(timed.recorded))
 
 
-def findings(session, sequences, timed, done, alone=None):
+def findings(
+    session: str,
+    sequences: Sequence[str],
+    timed: Sequences,
+    done: outcome.Adjusted,
+    alone: outcome.Adjusted | None = None,
+) -> list[tuple[str, str, str, str]]:
     """What the clocks are, with 95 % intervals, and where a clock given by hand contradicts the detections.
 
     `done`, `alone`: the `outcome.Adjusted` with the clocks that are held, and with all of them free (`freed`).
     """
-    found, offsets = [], timed.at_t0(done.clocks)
+    found: list[tuple[str, str, str, str]] = []
+    if done.clocks is None:
+        return found
+    offsets = timed.at_t0(done.clocks)
     for i, sequence in enumerate(sequences):
         for v, name in enumerate(timed.names):
             scope, held = f"{sequence}/{name}", timed.held[i, v]
-            told = alone if held else done
-            if v == timed.reference or told is None:
+            adjusted = alone if held else done
+            if v == timed.reference or adjusted is None or adjusted.clocks is None or adjusted.clocks_sigma is None:
                 continue
-            if told.fits[i] is None:
+            if adjusted.fits[i] is None:
                 text = f"its clock cannot be told from the detections; it counts as {'given' if held else 'stamped'}"
                 found.append((scope, "warning", "adjust_clock_unknown", text))
                 continue
-            sigma = told.clocks_sigma[i, v, 0]
+            sigma = adjusted.clocks_sigma[i, v, 0]
             if not held:
                 text = (
                     f"its clock is {1000 * offsets[i, v, 0]:+.1f} ms +- {1000 * NORMAL_95 * sigma:.1f} ms from that of "
@@ -300,8 +332,8 @@ def findings(session, sequences, timed, done, alone=None):
                 )
                 found.append((scope, "info", "adjust_clock", text))
                 continue
-            off, period = alone.clocks[i, v, 0] - done.clocks[i, v, 0], 1.0 / timed.recorded[i].fps
-            if abs(off) > max(period / 2, CONTRADICTS * sigma):
+            off, period = adjusted.clocks[i, v, 0] - done.clocks[i, v, 0], 1.0 / timed.recorded[i].fps
+            if abs(off) > doubtful_s(sigma):
                 text = (
                     f"the offset of {1000 * offsets[i, v, 0]:+.1f} ms given by hand contradicts the detections, by "
                     f"which it is {1000 * (offsets[i, v, 0] + off):+.1f} ms +- {1000 * NORMAL_95 * sigma:.1f} ms, "

@@ -43,9 +43,9 @@ class Seen:
 
 @dataclass(frozen=True)
 class Recorded:
-    """What every camera has of a sequence: `seen` (V), each a `from_cameras.Seen`; instants are 1/`fps` s apart."""
+    """What every camera has of a sequence: `seen` of each of the V cameras; instants are 1/`fps` s apart."""
 
-    seen: tuple[from_cameras.Seen, ...]
+    seen: tuple[from_cameras.TimedDetections, ...]
     names: tuple[str, ...]
     fps: float
 
@@ -60,7 +60,7 @@ def recorded(
     for camera in cameras:
         times = camera_seconds(frames, camera.name, t0, (0.0, 0.0))
         uv, joints = confident(detections, camera.name, len(times), min_score, where)
-        seen.append(from_cameras.Seen(times, uv, max_gap / own[camera.name]))
+        seen.append(from_cameras.TimedDetections(times, uv, max_gap / own[camera.name]))
     return Recorded(tuple(seen), tuple(joints), fps)
 
 

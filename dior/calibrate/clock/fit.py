@@ -4,67 +4,75 @@ INPUTS   residuals (px) of B tracks (a joint in a view) at T moments, their deri
 OUTPUTS  steps of the clocks, their covariance with the cameras as given, and what cameras' errors add
 
 A detector is off by a constant for a joint and a side of the body, about 1 % of the body height, which is 15 ms of
-walking. So what such constants can explain is taken out of residuals and derivatives alike, and only how a track moves
-tells the time. What is left of the errors is correlated over 0.15 s: both are whitened as a first-order process.
+walking. So what such constants can explain is projected out of residuals and derivatives alike, and only how a track
+moves tells the time. What is left of the errors is correlated over 0.15 s: both are whitened as a first-order process.
 The covariance is a sandwich, clustered both by joint (soft tissue moves with every stride) and by blocks of time.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from dior.arrays import Bools, Floats, Ints
+from dior.clocks import persistence
 from dior.clocks.clock import NORMAL_95, Clock
 
-BLOCK_S = 1.0
-OUTLIER = 6.0  # sigmas at which a residual is another thing than noise
-HUBER = 2.0  # sigmas of a coordinate at which a whitened residual starts to weigh less
-ROUNDS = 3
-MOST_FEIGNED = 0.8  # of the information, at most, is taken for noise
-LEAST_SHARE = 1.0  # of the variance by blocks of groups alone
-SETTLED = 0.15  # standard errors: the choice among the detections moves a clock by as much
-MOST_KEPT = 0.95  # correlation of neighbouring residuals, at most
-FEWEST = 60  # usable moments of joints
-DRIFT_SD_PPM = 50.0  # of a quartz
-MOST_SIGMA_S = 0.1  # a time that is less certain counts as unknown
+OUTLIER = 6.0  # chosen: sigmas at which a residual is another limb or person and not noise
+HUBER = 2.0  # chosen: sigmas of a coordinate at which a whitened residual starts to weigh less
+ROUNDS = 3  # chosen: of leaving out outliers
+MOST_FEIGNED = 0.8  # chosen: share of the information about the time, at most, that counts as noise of velocities
+LEAST_SHARE = 1.0  # chosen: clusters may only widen an interval, for few of them may make a variance too small
+SETTLED = 0.15  # chosen: standard errors; the choice among the detections moves a clock by as much
+# chosen: errors that last longer count as if they lasted so long (a correlation of 0.95 at 30 Hz). Whitened any harder,
+# hardly anything of the motion would be left either
+LONGEST_S = 0.65
+# chosen: a detector's errors last for 0.15 s, so pictures at a higher rate tell little more and only cost time
+PICTURES_HZ = 30.0
+FEWEST = 60  # chosen: usable (joint, moment)s; with fewer there are hardly more equations than constants to be found
+# chosen: what the places of all joints amount to, since errors of detector and poses are alike all the time. A lag then
+# counts as clearly worse (`dior.clocks.lag`) where the joints are 1.2 times as far off
+POSITIONS = 45.0
+MOST_SIGMA_S = 0.1  # chosen: a time that is less certain, a fifth of a step, counts as unknown
 
 
-@dataclass(frozen=True)
-class Tracks:
+@dataclass(frozen=True, eq=False)
+class ResidualTracks:
     """B tracks at T moments.
 
     `residual` (B, T, 2) px, NaN where unknown; `by_clock` (B, T, 2, K) and `by_camera` (B, T, 2, Q): its derivatives;
     `basis` (B, T, 2, P): what a constant error of the detector looks like; `by_point` (B, T, 2, 3) of the joint's 3D,
     which is unknown, too, where several views make it, else None. `joint` (B,); `group` (B,): tracks whose
     errors may be alike at all times; `seconds` (T,). `by_noise` (B, T, 2, K): what noise alone makes of `by_clock`,
-    where velocities come from the detections; the information that it feigns is taken off.
+    where velocities come from the detections; the information that it feigns is subtracted.
     """
 
-    residual: np.ndarray
-    by_clock: np.ndarray
-    by_camera: np.ndarray
-    basis: np.ndarray
-    by_point: np.ndarray | None
-    joint: np.ndarray
-    group: np.ndarray
-    seconds: np.ndarray
-    by_noise: np.ndarray | None = None
+    residual: Floats
+    by_clock: Floats
+    by_camera: Floats
+    basis: Floats
+    by_point: Floats | None
+    joint: Ints
+    group: Ints
+    seconds: Floats
+    by_noise: Floats | None = None
 
 
-@dataclass(frozen=True)
-class Solved:
+@dataclass(frozen=True, eq=False)
+class SolvedClocks:
     """`step` (K,) of the clocks; `given` (K, K) covariance with the cameras as they are; `gain` (K, Q) by their errors.
 
     `sd_px` (B,) of the tracks, whitened, and `keep`, the correlation of neighbours before that.
     """
 
-    step: np.ndarray
-    given: np.ndarray
-    gain: np.ndarray
-    sd_px: np.ndarray
+    step: Floats
+    given: Floats
+    gain: Floats
+    sd_px: Floats
     keep: float
 
 
-def constants(depth, side, extra=None):
+def constants(depth: Floats, side: Ints, extra: Floats | None = None) -> Floats:
     """What constant errors look like (B, T, 2, P): of a size in metres for each of 4 sides, in u and in v.
 
     `depth` (B, T) m, `side` (B, T) 0 to 3; `extra` (B, T, 2, E): further unknowns of the track.
@@ -75,13 +83,13 @@ def constants(depth, side, extra=None):
     return basis if extra is None else np.concatenate([basis, extra], axis=-1)
 
 
-def solve(tracks, value, prior):
-    """`Solved`, or None where too little is known.
+def solve(tracks: ResidualTracks, value: Floats, prior: Floats) -> SolvedClocks | None:
+    """`SolvedClocks`, or None where too little is known.
 
     `value` (K,) of the unknowns so far, each with the precision `prior` (K,) about 0.
     """
-    known = np.isfinite(tracks.residual).all(axis=-1) & np.isfinite(tracks.by_clock).all(axis=(-1, -2))
-    known &= np.isfinite(tracks.basis).all(axis=(-1, -2))
+    known = np.all(np.isfinite(tracks.residual), axis=-1) & np.all(np.isfinite(tracks.by_clock), axis=(-1, -2))
+    known &= np.all(np.isfinite(tracks.basis), axis=(-1, -2))
     if known.sum() < FEWEST:
         return None
     K, Q = tracks.by_clock.shape[-1], tracks.by_camera.shape[-1]
@@ -95,7 +103,7 @@ def solve(tracks, value, prior):
         size = np.linalg.norm(left[..., 0], axis=-1)
         sd = spread(size, weight > 0)
         weight = known * (size <= OUTLIER * sd[:, None])
-    keep = correlation(left[..., 0], weight, near)
+    keep = correlation(left[..., 0], weight, near, float(np.median(np.diff(tracks.seconds))))
     rough, pair = whitened(left, weight, near, keep)
     size = np.linalg.norm(rough[..., 0], axis=-1)
     sd = spread(size, pair > 0)
@@ -116,22 +124,22 @@ def solve(tracks, value, prior):
         H = H - np.sqrt(share[:, None] * share) * H
     inverse = np.linalg.inv(H)
     scores = np.einsum("bt,btai,bta->bti", w, y[..., 1 : K + 1], y[..., 0])
-    meat = two_way(scores, tracks.group, ((tracks.seconds[1:] - tracks.seconds[0]) // BLOCK_S).astype(int))
+    meat = two_way(scores, tracks.group, ((tracks.seconds[1:] - tracks.seconds[0]) // persistence.LASTS_S).astype(int))
     meat = meat + np.diag(prior)
     given = _no_more(inverse @ meat @ inverse, prior)
-    return Solved(-inverse @ g, given, -inverse @ N[:K, K : K + Q], sd, keep)
+    return SolvedClocks(-inverse @ g, given, -inverse @ N[:K, K : K + Q], sd, keep)
 
 
-def clock_of(value, middle, solved, cameras, at=0):
+def clock_of(value: Floats, middle: float, solved: SolvedClocks, cameras: Sequence[str], at: int = 0) -> Clock:
     """`Clock` from (time in the middle s, drift ppm); `at`: of which of several clocks, two unknowns each."""
     gain = solved.gain[2 * at : 2 * at + 2].reshape(2, -1, 6)
-    given = tuple(float(x) for x in np.sqrt(np.diagonal(solved.given))[2 * at : 2 * at + 2])
+    sigma_s, sigma_ppm = map(float, np.sqrt(np.diagonal(solved.given))[2 * at : 2 * at + 2])
     offset = float(value[0] - 1e-6 * value[1] * middle)
     gains = {name: gain[:, i] for i, name in enumerate(cameras)}
-    return Clock(offset, float(value[1]), "estimated", "detections", middle, given, gains)
+    return Clock(offset, float(value[1]), "estimated", "detections", middle, (sigma_s, sigma_ppm), gains)
 
 
-def doubt(solved, at=0):
+def doubt(solved: SolvedClocks, at: int = 0) -> str:
     """Why a clock cannot be trusted, or ""."""
     sigma = np.sqrt(solved.given[2 * at, 2 * at])
     if not sigma < MOST_SIGMA_S:
@@ -139,21 +147,37 @@ def doubt(solved, at=0):
     return ""
 
 
-def runs(count, most, parts):
-    """Indices of at most `most` of `count` moments: all, or runs at the beginning, the middle and the end."""
-    if count <= most:
-        return np.arange(count)
+def disagreement(apart_s: float, most_s: float) -> str:
+    """Why a clock that is far from the lag of the search cannot be trusted, or ""."""
+    if abs(apart_s) <= most_s:
+        return ""
+    return f"where the joints are and how they move tell times {abs(apart_s):.2f} s apart"
+
+
+def thinning(hz: float) -> int:
+    """Every how many pictures at a rate of `hz` one takes part, so that there are about `PICTURES_HZ` of them."""
+    return max(1, round(hz / PICTURES_HZ))
+
+
+def runs(seconds: Floats, most_s: float, parts: int) -> Ints:
+    """Indices of the moments (T,) that take part: all, or runs at the beginning, the middle and the end that last
+    `most_s` together; thinned to about `PICTURES_HZ`."""
+    hz = 1 / np.median(np.diff(seconds)) if len(seconds) > 1 else PICTURES_HZ
+    every = thinning(hz)
+    there, most = len(range(0, len(seconds), every)), round(most_s * hz / every)
+    if there <= most:
+        return every * np.arange(there)
     each = most // parts
-    first = np.linspace(0, count - each, parts).round().astype(int)
-    return np.unique((first[:, None] + np.arange(each)).ravel())
+    first = np.linspace(0, there - each, parts).round().astype(int)
+    return every * np.unique((first[:, None] + np.arange(each)).ravel())
 
 
-def settled(solved):
+def settled(solved: SolvedClocks) -> bool:
     """Whether the last step was small against the standard errors of the clocks, every other unknown."""
     return bool((np.abs(solved.step) < SETTLED * np.sqrt(np.diagonal(solved.given)))[::2].all())
 
 
-def _no_more(covariance, prior):
+def _no_more(covariance: Floats, prior: Floats) -> Floats:
     """The covariance, no variance of which is more than is known before: few clusters overstate it."""
     with np.errstate(divide="ignore"):
         most = np.where(prior > 0, 1 / np.where(prior > 0, prior, 1.0), np.inf)
@@ -161,7 +185,7 @@ def _no_more(covariance, prior):
     return covariance * np.outer(scale, scale)
 
 
-def without(basis, weight, values):
+def without(basis: Floats, weight: Floats, values: Floats) -> Floats:
     """Values (B, T, 2, K) less what the basis (B, T, 2, P) explains of them, in the weighted least squares sense."""
     tracks, moments = values.shape[:2]
     flat, b = values.reshape(tracks, 2 * moments, -1), basis.reshape(tracks, 2 * moments, -1)
@@ -171,7 +195,7 @@ def without(basis, weight, values):
     return (flat - b @ np.linalg.solve(G, weighted @ flat)).reshape(values.shape)
 
 
-def spread(size, known):
+def spread(size: Floats, known: Bools) -> Floats:
     """Standard deviation (B,) of each track's coordinates from the lengths (B, T) of its residuals, by the median."""
     # the median length of a plane normal is 1.1774 sigma
     some = known.any(axis=1)
@@ -181,28 +205,27 @@ def spread(size, known):
     return np.maximum(np.where(np.isfinite(middle), middle, usual), 0.2 * usual + 1e-9)
 
 
-def _neighbours(seconds):
+def _neighbours(seconds: Floats) -> Bools:
     """Mask (T-1,) of moments that follow the one before at once."""
     step = np.diff(seconds)
     usual = np.median(step)
     return (step < 1.5 * usual) & (step > 0.3 * usual)
 
 
-def correlation(residual, weight, neighbours):
-    """Correlation of a residual (B, T, 2) with the next, pooled; not below 0."""
-    both = weight[:, 1:] * weight[:, :-1] * neighbours
-    product = (both[..., None] * residual[:, 1:] * residual[:, :-1]).sum()
-    power = (both[..., None] * (residual[:, 1:] ** 2 + residual[:, :-1] ** 2)).sum() / 2
-    return float(np.clip(product / max(power, 1e-12), 0.0, MOST_KEPT))
+def correlation(residual: Floats, weight: Floats, neighbours: Bools, step_s: float) -> float:
+    """Correlation of a residual (B, T, 2) with the next, `step_s` later, pooled; not below 0."""
+    known = np.where(weight[..., None] > 0, residual, np.nan)
+    stretch = np.concatenate([[0], np.cumsum(~neighbours)])
+    return float(np.clip(persistence.autocorrelation(known, 1, 1, stretch), 0.0, np.exp(-step_s / LONGEST_S)))
 
 
-def whitened(values, weight, neighbours, keep):
+def whitened(values: Floats, weight: Floats, neighbours: Bools, keep: float) -> tuple[Floats, Floats]:
     """Values (B, T-1, 2, K) less `keep` times those before, and the weight (B, T-1) of the pair."""
     pair = weight[:, 1:] * weight[:, :-1] * neighbours
     return (values[:, 1:] - keep * values[:, :-1]) * pair[..., None, None], pair
 
 
-def cleared(y, basis, J, w, joint):
+def cleared(y: Floats, basis: Floats, J: Floats | None, w: Floats, joint: Ints) -> Floats:
     """Values y (B, T, 2, K) less what constants, basis (B, T, 2, P), and the joint's place explain, weights w (B, T).
 
     Tracks of one `joint` (B,) share its place, which is another at every moment; `J` (B, T, 2, 3) by it, None where it
@@ -231,7 +254,7 @@ def cleared(y, basis, J, w, joint):
     return out
 
 
-def _follow(rows, place, weight):
+def _follow(rows: Floats, place: Floats, weight: Floats) -> Floats:
     """Rows (T, R, K) less what a shift of the joint, `place` (T, R, 3) by it, explains at every moment."""
     weighted = np.swapaxes(place * weight[..., None], 1, 2)
     G = weighted @ place
@@ -239,7 +262,7 @@ def _follow(rows, place, weight):
     return rows - place @ np.linalg.solve(G, weighted @ rows)
 
 
-def two_way(scores, group, block):
+def two_way(scores: Floats, group: Ints, block: Ints) -> Floats:
     """Covariance (K, K) of the sum of scores (B, T, K), alike within a group of tracks (B,) and within a block (T,).
 
     Cameron, Gelbach and Miller, J. Bus. Econ. Stat. 29 (2011) 238-249.
@@ -249,7 +272,7 @@ def two_way(scores, group, block):
     cells = np.zeros((len(groups), len(blocks), scores.shape[-1]))
     np.add.at(cells, (g[:, None], b[None]), scores)
 
-    def of(sums):
+    def of(sums: Floats) -> Floats:
         flat = sums.reshape(-1, scores.shape[-1])
         return flat.T @ flat
 
@@ -261,12 +284,12 @@ def two_way(scores, group, block):
     return alone * np.outer(scale, scale)
 
 
-def _student(count):
+def _student(count: float) -> float:
     """By how much clusters, so many, know their own scatter badly: Student's t, whose variance is above 1."""
     return (count + 1) / max(count - 1, 0.5)
 
 
-def _few(sums):
+def _few(sums: Floats) -> float:
     """The same of groups (G, K) of which few count: the legs tell most of the time. By the first unknown."""
     power = sums[:, 0] ** 2
     return _student(power.sum() ** 2 / max((power**2).sum(), 1e-300))

@@ -3,33 +3,35 @@
 INPUTS   cameras with their poses, detections (px) and stamps of their pictures
 OUTPUTS  `dior.clocks.clock.Clock` of each (method "cameras"; the first is the reference), the costs over the lag
 A search over the window, camera by camera, finds the lag at which the rays of the joints meet; then all clocks are
-fitted to how the joints move (`clock_fit`), with the 3D of every moment unknown. World in metres, recorded px, seconds.
+fitted to how the joints move (`clock.fit`), with the 3D of every moment unknown. World in metres, recorded px, seconds.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
 
+from dior.arrays import Bools, Floats, Ints
 from dior.calibrate.clock import fit
-from dior.clocks import lag_curve
+from dior.clocks import lag
 from dior.clocks.axis import sample
-from dior.clocks.clock import Clock
+from dior.clocks.clock import DRIFT_SD_PPM, Clock, Estimate
 from dior.geometry import camera as cam
 from dior.geometry import covariance
+from dior.geometry.camera import Camera
 from dior.geometry.multiview import side_seen, triangulate
 from dior.geometry.views import DROP_FACTOR, by_dropping, usual_error
 
-SEARCHED = 200  # moments
-CAP = 0.06  # of an epipolar distance, at focal length 1
-MOST = 5400  # moments of a camera that take part, in runs
-RUNS = 3
-MOST_APART_S = 0.15  # of fit and search
-ROUNDS = 12
+SEARCHED = 200  # chosen: moments that the search compares, spread over the recording
+CAP = 0.06  # chosen: of an epipolar distance at focal length 1, 100 px at fx 1680; another limb counts no more
+MOST_S, RUNS = 180.0, 3  # of all cameras together: what takes part, in runs; bounds the time of computing
+MOST_APART_S = 0.15  # chosen: of fit and search, where both poses err; a quarter of a step is a wrong minimum
+ROUNDS = 12  # steps of the clocks at most; they end when `fit.settled`
 BELIEVED_ROUNDS = 3
-UNBELIEVED, LEAST_OFF_M = 8.0, 0.2
-FASTEST_M_S = 8.0
-SMOOTH_S = 0.1  # sd of the bell that velocities are taken with: noise in them would pass for a clearer time
+UNBELIEVED, LEAST_OFF_M = 8.0, 0.2  # chosen: a joint so many times as far off its path as usual, and so far, is another
+FASTEST_M_S = 8.0  # chosen: above a foot that swings in a run; what is faster is an error
+SMOOTH_S = 0.1  # chosen: sd of the bell that velocities are taken with: their noise would pass for a clearer time
 
 
 # joints of which none repeats another: the face and the fingers move as one
@@ -40,44 +42,46 @@ TIMED = {"nose", "neck", "mid_hip"} | {
 }
 
 
-@dataclass(frozen=True)
-class Seen:
+@dataclass(frozen=True, eq=False)
+class TimedDetections:
     """What a camera has: `elapsed` (F,) s after t0, `uv` (F, J, 2) px with NaN, `max_gap_s` of its pictures."""
 
-    elapsed: np.ndarray
-    uv: np.ndarray
+    elapsed: Floats
+    uv: Floats
     max_gap_s: float
 
-    def at(self, grid, value, middle):
+    def at(self, grid: Floats, value: Floats, middle: float) -> Floats:
         """Detections (T, J, 2) at moments `grid` (T,) s, by a clock (time in the middle s, drift ppm)."""
         times = self.elapsed + value[0] + 1e-6 * value[1] * (self.elapsed - middle)
         return sample(times, self.uv, grid, self.max_gap_s)
 
 
-def from_detections(cameras, seen, names, grid, fps):
-    """By camera: `Clock`, lags (L,) s, costs (L,) px, the reason why it cannot be told or "".
+def from_detections(
+    cameras: Sequence[Camera], seen: Sequence[TimedDetections], names: Sequence[str], grid: Floats, fps: float
+) -> dict[str, Estimate]:
+    """By camera: `Clock`, lags (L,) s, costs (L,) px, the reason why it is not known or "".
 
-    `cameras` (V), the first of which is the reference; `seen`: a `Seen` of each; `names` of the joints; `grid` (T,) s
-    regular, at `fps` Hz.
+    `cameras` (V), the first of which is the reference; `seen`: a `TimedDetections` of each; `names` of the joints;
+    `grid` (T,) s regular, at `fps` Hz.
     """
     middle = float((grid[0] + grid[-1]) / 2)
     timed = [i for i, name in enumerate(names) if name in TIMED] or list(range(len(names)))
     names, seen = [names[i] for i in timed], [replace(s, uv=s.uv[:, timed]) for s in seen]
-    rays = [cam.undistort(c.intrinsics, s.at(grid, (0.0, 0.0), middle)) for c, s in zip(cameras, seen, strict=True)]
+    rays = [cam.undistort(c.intrinsics, s.at(grid, np.zeros(2), middle)) for c, s in zip(cameras, seen, strict=True)]
     found = search(cameras, rays, fps)
     why = {name: reason for name, (_, _, reason) in found.items()}
     known = [c for c in cameras if not why.get(c.name)]
     clocks = {cameras[0].name: Clock(0.0, source="reference", given=(0.0, 0.0), middle_s=middle)}
     if len(known) > 1:
         of = {c.name: s for c, s in zip(cameras, seen, strict=True)}
-        start = np.array([[lag_curve.lowest(*found[c.name][:2]), 0.0] for c in known[1:]])
+        start = np.array([[lag.lowest(*found[c.name][:2]), 0.0] for c in known[1:]])
         value, solved = fitted(known, [of[c.name] for c in known], names, grid, middle, start)
         for i, camera in enumerate(known[1:]):
             if solved is None:
                 why[camera.name] = "too few joints that two cameras see"
                 continue
-            apart = value[i, 0] - lag_curve.lowest(*found[camera.name][:2])
-            why[camera.name] = fit.doubt(solved, i) or lag_curve.disagreement(apart, MOST_APART_S)
+            apart = value[i, 0] - lag.lowest(*found[camera.name][:2])
+            why[camera.name] = fit.doubt(solved, i) or fit.disagreement(apart, MOST_APART_S)
             made = fit.clock_of(value[i], middle, solved, [c.name for c in known], i)
             clocks[camera.name] = replace(made, method="cameras")
     lags = np.zeros(0)
@@ -91,104 +95,42 @@ def from_detections(cameras, seen, names, grid, fps):
     }
 
 
-def search(cameras, rays, fps):
+def search(cameras: Sequence[Camera], rays: Sequence[Floats], fps: float) -> dict[str, tuple[Floats, Floats, str]]:
     """By camera but the first: lags (L,) s, costs (L,) px of epipolar distance, the reason against it or "".
 
     `rays` (V) of (T, J, 2) ideal coordinates at moments 1/fps apart. A camera's cost at a lag is that of its pairs,
     and of what the lags of the other cameras then make worse among themselves: two cameras on a stride from each other
     may fit, but hardly with a third one.
     """
-    most = round(lag_curve.WINDOW_S * fps)
+    most = round(lag.WINDOW_S * fps)
     count = len(cameras)
     costs = {}
     for a, b in combinations(range(count), 2):
-        reach = 2 * most if a else most
-        curve = _mean(*_epipolar(cameras[a], cameras[b], rays[a], rays[b], np.arange(-reach, reach + 1)))
+        reach = lag.steps(2 * most if a else most)
+        curve = lag.mean_cost(*_epipolar(cameras[a], cameras[b], rays[a], rays[b], reach))
         if np.isfinite(curve).any():
             # where too little overlaps nothing is said for the lag
             costs[a, b] = np.nan_to_num(curve, nan=np.nanmax(curve))
-    at = _one_by_one(costs, count, most)
-    tried = {
-        view: [_settled(costs, _with(at, view, step), most, view) for step in _window(most)] for view in range(1, count)
-    }
-    at = min((each for settled in tried.values() for each in settled), key=lambda each: _total(costs, each))
-    # the detections of a camera that is late come late: its clock has to be put back
-    lags, out = -_window(most)[::-1] / fps, {}
-    for view, settled in tried.items():
+    at, lags, out = lag.together(costs, np.arange(count) == 0, most), lag.window(fps), {}
+    for view in range(1, count):
         curve = np.full(len(lags), np.nan)
         own = [pair for pair in costs if view in pair]
         if own:
-            others = _total({pair: costs[pair] for pair in costs if view not in pair}, at)
-            total = np.array([_total(costs, each) for each in settled[::-1]])
-            curve = cameras[view].intrinsics.fx * (total - others) / len(own)
+            others = lag.total({pair: costs[pair] for pair in costs if view not in pair}, at)
+            # the detections of a camera that is late come late: its clock has to be put back
+            profile = lag.profile(costs, at, view, most)[::-1]
+            curve = cameras[view].intrinsics.fx * (profile - others) / len(own)
         out[cameras[view].name] = lags, curve, _unclear(lags, curve)
     return out
 
 
-def _window(most):
-    return np.arange(-most, most + 1)
-
-
-def _with(at, view, lag):
-    out = at.copy()
-    out[view] = lag
-    return out
-
-
-def _along(costs, at, view, most, among):
-    """Cost (L,) of the lags of one camera, those of the cameras `among` as in `at`."""
-    total = np.zeros(2 * most + 1)
-    for (a, b), curve in costs.items():
-        if view in (a, b) and {a, b} <= among | {view}:
-            lag = _window(most) - at[a] if view == b else at[b] - _window(most)
-            total += curve[lag + len(curve) // 2]
-    return total
-
-
-def _one_by_one(costs, count, most):
-    """Lags (V,) in pictures: the camera comes next whose lag to those before is clearest."""
-    at, known = np.zeros(count, int), {0}
-    while len(known) < count:
-        along = {view: _along(costs, at, view, most, known) for view in range(count) if view not in known}
-        view = max(along, key=lambda v: np.median(along[v]) / max(along[v].min(), 1e-9))
-        at[view] = along[view].argmin() - most
-        known.add(view)
-    return at
-
-
-def _settled(costs, at, most, held=0):
-    """The lags after each camera but the first and `held` has moved to its best, until none does."""
-    at = at.copy()
-    for _ in range(len(at)):
-        before = at.copy()
-        for view in range(1, len(at)):
-            if view != held:
-                at[view] = _along(costs, at, view, most, set(range(len(at)))).argmin() - most
-        if (at == before).all():
-            break
-    return at
-
-
-def _total(costs, at):
-    return sum(curve[at[b] - at[a] + len(curve) // 2] for (a, b), curve in costs.items())
-
-
-def _unclear(lags, costs):
+def _unclear(lags: Floats, costs: Floats) -> str:
     if not np.isfinite(costs).any():
         return "no joint is seen by it and another camera at once"
-    other = lag_curve.second_minimum(lags, costs)
-    if other is None:
-        return ""
-    return f"a lag of {lags[np.nanargmin(costs)]:+.2f} s fits hardly better than one of {other:+.2f} s"
+    return lag.doubt(lags, lag.worse(costs, fit.POSITIONS), lag.lowest(lags, costs))
 
 
-def _mean(total, count):
-    """A lag at which little overlaps may not win by that."""
-    enough = count > 0.5 * np.max(count)
-    return np.where(enough & (count > 0), total / np.maximum(count, 1), np.nan)
-
-
-def _epipolar(one, other, x, y, steps):
+def _epipolar(one: Camera, other: Camera, x: Floats, y: Floats, steps: Ints) -> tuple[Floats, Ints]:
     """Sums (L,) of capped epipolar distances, at focal length 1, of rays x (T, J, 2) and y `steps` later; counts."""
     from dior.geometry.covariance import cross
 
@@ -212,11 +154,18 @@ def _epipolar(one, other, x, y, steps):
     return total, seen
 
 
-def fitted(cameras, seen, names, grid, middle, start):
-    """Clocks (V - 1, 2) of the cameras but the first, and `clock_fit.Solved` there (None with too little)."""
+def fitted(
+    cameras: Sequence[Camera],
+    seen: Sequence[TimedDetections],
+    names: Sequence[str],
+    grid: Floats,
+    middle: float,
+    start: Floats,
+) -> tuple[Floats, fit.SolvedClocks | None]:
+    """Clocks (V - 1, 2) of the cameras but the first, and `fit.SolvedClocks` there (None with too little)."""
     value = start
-    precision = np.tile([0.0, fit.DRIFT_SD_PPM**-2], len(start))
-    at = fit.runs(len(grid), MOST // len(cameras), RUNS)
+    precision = np.tile([0.0, DRIFT_SD_PPM**-2], len(start))
+    at = fit.runs(grid, MOST_S / len(cameras), RUNS)
     solved = None
     for i in range(ROUNDS):
         full = np.concatenate([np.zeros((1, 2)), value])
@@ -231,7 +180,7 @@ def fitted(cameras, seen, names, grid, middle, start):
     return value, solved
 
 
-def agreeing(cameras, uv):
+def agreeing(cameras: Sequence[Camera], uv: Floats) -> Bools:
     """Mask (V, T, J) of the detections that agree with those of the other views."""
     weights = np.isfinite(uv).all(axis=-1).astype(float)
     limit = max(DROP_FACTOR * usual_error(cameras, uv, weights), 1.0)
@@ -239,8 +188,20 @@ def agreeing(cameras, uv):
     return used & good
 
 
-def tracks_of(cameras, uv, names, seconds, middle, with_cameras, noise):
-    """`clock_fit.Tracks` of detections (V, T, J, 2) px at moments `seconds` (T,); `noise`: the `Solved` before."""
+def tracks_of(
+    cameras: Sequence[Camera],
+    uv: Floats,
+    names: Sequence[str],
+    seconds: Floats,
+    middle: float,
+    with_cameras: bool,
+    noise: fit.SolvedClocks | None,
+) -> fit.ResidualTracks:
+    """`fit.ResidualTracks` of detections (V, T, J, 2) px at moments `seconds` (T,).
+
+    `with_cameras`: with the derivatives by the cameras' errors; `noise`: the step before, which says how large the
+    detections' noise is; its share in the velocities is not subtracted where None.
+    """
     views, count, each = uv.shape[:3]
     xy = np.stack([cam.undistort(c.intrinsics, own) for c, own in zip(cameras, uv, strict=True)])
     seen = np.isfinite(xy).all(axis=-1).astype(float)
@@ -251,7 +212,7 @@ def tracks_of(cameras, uv, names, seconds, middle, with_cameras, noise):
     drifted = 1e-6 * (seconds - middle)
     feigned = np.zeros_like(speed)
     if noise is not None:
-        feigned = _by_chance(cameras, points, np.isfinite(uv).all(axis=-1), noise, seconds)
+        feigned = _by_chance(cameras, points, np.all(np.isfinite(uv), axis=-1), noise, seconds)
     parts = []
     for v, camera in enumerate(cameras):
         px, depth = cam.project(camera, points)
@@ -272,20 +233,22 @@ def tracks_of(cameras, uv, names, seconds, middle, with_cameras, noise):
         np.concatenate([np.swapaxes(x, 0, 1) for x in column]) for column in zip(*parts, strict=True)
     )
     joint = np.tile(np.arange(each), views)
-    return fit.Tracks(
+    return fit.ResidualTracks(
         residual, by_clock, by_camera, basis, by_point, joint, joint, seconds,
         np.nan_to_num(by_noise),
     )  # fmt: skip
 
 
-def _middle(points):
+def _middle(points: Floats) -> Floats:
     """Middle (T, 2) of the joints (T, J, 3) that are known, NaN without any."""
-    known = np.isfinite(points).all(axis=-1, keepdims=True)
+    known = np.all(np.isfinite(points), axis=-1, keepdims=True)
     return np.where(known, points, 0.0).sum(axis=1)[:, :2] / np.where(known.any(axis=1), known.sum(axis=1), np.nan)
 
 
-def _by_chance(cameras, points, used, noise, seconds):
-    """Velocities (T, J, 3) m/s that the detections' noise alone would make: that of `clock_fit.Solved`, drawn anew."""
+def _by_chance(
+    cameras: Sequence[Camera], points: Floats, used: Bools, noise: fit.SolvedClocks, seconds: Floats
+) -> Floats:
+    """Velocities (T, J, 3) m/s that noise like that of `fit.SolvedClocks` alone would make, drawn anew."""
     from scipy.signal import lfilter
 
     shape = (*used.shape, 2)
@@ -303,7 +266,7 @@ def _by_chance(cameras, points, used, noise, seconds):
     return _lines(whole, step)[1][tick]
 
 
-def smooth(points, seconds):
+def smooth(points: Floats, seconds: Floats) -> tuple[Floats, Floats]:
     """Points (T, J, 3) m that their neighbours in time believe, NaN for the others, and their velocities (T, J, 3) m/s.
 
     Both from straight lines under a bell; a point far from the line through its neighbours (an exchanged limb, another
@@ -317,7 +280,7 @@ def smooth(points, seconds):
     for _ in range(BELIEVED_ROUNDS):
         path, _ = _lines(whole, step)
         off = np.linalg.norm(whole - path, axis=-1)
-        some = np.isfinite(off).any(axis=0)
+        some = np.any(np.isfinite(off), axis=0)
         usual = np.zeros(off.shape[1])
         usual[some] = np.nanmedian(off[:, some], axis=0)
         whole = np.where((off <= np.maximum(UNBELIEVED * usual, LEAST_OFF_M))[..., None], whole, np.nan)
@@ -326,13 +289,13 @@ def smooth(points, seconds):
     return whole[tick], np.where(slow[..., None], velocity, np.nan)[tick]
 
 
-def _lines(values, step):
+def _lines(values: Floats, step: float) -> tuple[Floats, Floats]:
     """Values and slopes per s (T, J, 3) of the straight lines under a bell around each moment; NaN with too little."""
     reach = int(np.ceil(3 * SMOOTH_S / step))
     lag = np.arange(-reach, reach + 1)
     bell = np.exp(-0.5 * (lag * step / SMOOTH_S) ** 2)
     padded = np.pad(values, ((reach, reach), (0, 0), (0, 0)), constant_values=np.nan)
-    known = np.isfinite(padded).all(axis=-1, keepdims=True)
+    known = np.all(np.isfinite(padded), axis=-1, keepdims=True)
     filled = np.where(known, padded, 0.0)
     n = t = tt = y = ty = 0.0
     for k, weight in zip(lag, bell, strict=True):
@@ -346,7 +309,7 @@ def _lines(values, step):
     return (y - slope * t) / np.where(enough, n, np.nan), slope / step
 
 
-def _left(points, names):
+def _left(points: Floats, names: Sequence[str]) -> Floats:
     """(T, 2): from the right to the left of the body, by the hips and shoulders that are known."""
     at = {name: points[:, i, :2] for i, name in enumerate(names)}
     pairs = [(f"left_{part}", f"right_{part}") for part in ("shoulder", "hip", "knee", "ankle")]

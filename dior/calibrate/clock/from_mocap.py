@@ -3,50 +3,51 @@
 INPUTS   a located camera, the markers of the C3D, detections (px) and stamps of the camera's pictures
 OUTPUTS  `dior.clocks.clock.Clock` (method "detections"), the cost over the lag
 A search over the window finds the lag at which the projected markers are nearest to the detections; then time and
-drift are fitted to how the joints move (`clock_fit`). World of the C3D in metres, recorded px, seconds.
+drift are fitted to how the joints move (`clock.fit`). World of the C3D in metres, recorded px, seconds.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from dior.arrays import Floats
 from dior.body import joint_centres
 from dior.calibrate.clock import fit
-from dior.clocks import lag_curve
+from dior.clocks import lag
 from dior.clocks.axis import blend, bracket
-from dior.clocks.clock import Clock
+from dior.clocks.clock import DRIFT_SD_PPM, Clock, Estimate
 from dior.geometry import camera as cam
 from dior.geometry import covariance
+from dior.geometry.camera import Camera
 from dior.geometry.multiview import side_seen
 
-LAG_STEP_S = 1 / 60
-SEARCHED = 240  # pictures
-REACH_M = 0.3  # farther from its joint a detection is of something else
-MOST = 2400  # pictures that take part, in runs
-RUNS = 3
-ROUNDS = 12
-MOST_APART_S = 0.06
+STEPS_HZ, SEARCHED = 60.0, 240  # chosen: of the lags; pictures that the search compares, spread over the recording
+REACH_M = 0.3  # chosen: a detection farther from its joint is of another limb or of somebody else
+MOST_S, RUNS = 80.0, 3  # of the recording: what takes part, in runs; bounds the time of computing
+ROUNDS = 12  # steps of the clock at most; they end when `fit.settled`
+MOST_APART_S = 0.06  # chosen: of fit and search, which knows the 3D: a detector's constants of 1 % are 15 ms of walking
 
 
-@dataclass(frozen=True)
-class Walker:
+@dataclass(frozen=True, eq=False)
+class WalkerJoints:
     """Joints of the walker at ticks `t` (I,) s: `points` (I, J, 3) m, `axes` (I, J, 3, 3) of their segments, names.
 
     `left` (I, 2): from the right to the left of the body.
     """
 
-    t: np.ndarray
-    points: np.ndarray
-    axes: np.ndarray
-    left: np.ndarray
-    names: list
+    t: Floats
+    points: Floats
+    axes: Floats
+    left: Floats
+    names: list[str]
 
-    def velocity(self):
+    def velocity(self) -> Floats:
         return np.gradient(self.points, self.t, axis=0)
 
 
-def walker_of(t, xyz, markers, wanted):
-    """`Walker` of the joints `wanted` that the markers xyz (I, M, 3) tell."""
+def walker_of(t: Floats, xyz: Floats, markers: Sequence[str], wanted: Sequence[str]) -> WalkerJoints:
+    """`WalkerJoints` of the joints `wanted` that the markers xyz (I, M, 3) tell."""
     points, axes = joint_centres.joints(xyz, markers, wanted)
     there = np.isfinite(points).all(axis=-1).mean(axis=0) > 0.2
     at = {name: xyz[:, i, :2] for i, name in enumerate(markers)}
@@ -54,48 +55,36 @@ def walker_of(t, xyz, markers, wanted):
         (f"L{part}", f"R{part}") for part in ("ASI", "PSI", "SHO", "KNE", "ANK") if {f"L{part}", f"R{part}"} <= set(at)
     ]
     left = np.nansum([at[a] - at[b] for a, b in pairs], axis=0) if pairs else np.zeros((len(t), 2))
-    return Walker(
+    return WalkerJoints(
         t, points[:, there], axes[:, there], left, [name for name, yes in zip(wanted, there, strict=True) if yes]
     )
 
 
-def from_detections(camera, motion, uv, elapsed):
-    """`Clock`, lags (L,) s and costs (L,) px of the lag; the reason where it cannot be told (then the clock is zero).
+def from_detections(camera: Camera, motion: WalkerJoints, uv: Floats, elapsed: Floats) -> Estimate:
+    """`Clock`, lags (L,) s and costs (L,) px of the lag; the reason where it is not known (the clock is zero then).
 
     `uv` (F, J, 2) of `motion.names`, NaN where not seen; `elapsed` (F,) s after t0, ascending.
     """
     lags, costs = search(camera, motion, uv, elapsed)
     if not np.isfinite(costs).any():
         return Clock(0.0), lags, costs, "no joint is both detected and known from the markers"
-    unclear = lag_curve.second_minimum(lags, costs)
-    if unclear is not None:
-        return (
-            Clock(0.0),
-            lags,
-            costs,
-            (f"a lag of {lags[np.nanargmin(costs)]:+.2f} s fits hardly better than one of {unclear:+.2f} s"),
-        )
-    at = fit.runs(len(elapsed), MOST, RUNS)
+    best_s = lag.lowest(lags, costs)
+    unclear = lag.doubt(lags, lag.worse(costs, fit.POSITIONS), best_s)
+    if unclear:
+        return Clock(0.0), lags, costs, unclear
+    at = fit.runs(elapsed, MOST_S, RUNS)
     middle = float((elapsed[0] + elapsed[-1]) / 2)
-    value = np.array([lag_curve.lowest(lags, costs), 0.0])
-    precision = np.array([0.0, fit.DRIFT_SD_PPM**-2])
-    solved = None
-    for _ in range(ROUNDS):
-        tracks = tracks_of(camera, motion, uv[at], elapsed[at], middle, value)
-        solved = fit.solve(tracks, value, precision)
-        if solved is None:
-            return Clock(0.0), lags, costs, "too few detections of moving joints"
-        step = np.clip(solved.step, [-0.1, -200], [0.1, 200])
-        value = value + step
-        if fit.settled(solved):
-            break
-    why = fit.doubt(solved) or lag_curve.disagreement(value[0] - lag_curve.lowest(lags, costs), MOST_APART_S)
+    start = np.array([best_s, 0.0])
+    value, solved = fitted(camera, motion, uv[at], elapsed[at], middle, start)
+    if solved is None:
+        return Clock(0.0), lags, costs, "too few detections of moving joints"
+    why = fit.doubt(solved) or fit.disagreement(value[0] - best_s, MOST_APART_S)
     return fit.clock_of(value, middle, solved, [camera.name]), lags, costs, why
 
 
-def search(camera, motion, uv, elapsed):
+def search(camera: Camera, motion: WalkerJoints, uv: Floats, elapsed: Floats) -> tuple[Floats, Floats]:
     """Lags (L,) s and the mean distance (L,) px of detections from the projected joints, each no more than 0.3 m."""
-    lags = np.arange(-round(lag_curve.WINDOW_S / LAG_STEP_S), round(lag_curve.WINDOW_S / LAG_STEP_S) + 1) * LAG_STEP_S
+    lags = lag.window(STEPS_HZ)
     at = np.unique(np.linspace(0, len(elapsed) - 1, min(SEARCHED, len(elapsed))).round().astype(int))
     where = bracket(motion.t, (elapsed[at] + lags[:, None]).ravel(), 2.5 * np.median(np.diff(motion.t)))
     px, depth = cam.project(camera, motion.points)
@@ -105,13 +94,29 @@ def search(camera, motion, uv, elapsed):
     distance = np.minimum(np.linalg.norm(blend(px, *where) - seen, axis=-1), far).reshape(len(lags), -1)
     known = np.isfinite(distance)
     total = np.where(known, distance, 0.0).sum(axis=1)
-    # a lag at which little overlaps may not win by that
-    enough = known.sum(axis=1) > 0.5 * known.sum(axis=1).max() if known.any() else np.zeros(len(lags), bool)
-    return lags, np.where(enough, total / np.maximum(known.sum(axis=1), 1), np.nan)
+    return lags, lag.mean_cost(total, known.sum(axis=1))
 
 
-def tracks_of(camera, motion, uv, elapsed, middle, value):
-    """`clock_fit.Tracks` at a clock `value` (time in the middle s, drift ppm)."""
+def fitted(
+    camera: Camera, motion: WalkerJoints, uv: Floats, elapsed: Floats, middle: float, start: Floats
+) -> tuple[Floats, fit.SolvedClocks | None]:
+    """The clock (time in the middle s, drift ppm) from a start, and the step there, None with too few detections."""
+    value, solved = start, None
+    for _ in range(ROUNDS):
+        tracks = tracks_of(camera, motion, uv, elapsed, middle, value)
+        solved = fit.solve(tracks, value, np.array([0.0, DRIFT_SD_PPM**-2]))
+        if solved is None:
+            break
+        value = value + np.clip(solved.step, [-0.1, -200], [0.1, 200])
+        if fit.settled(solved):
+            break
+    return value, solved
+
+
+def tracks_of(
+    camera: Camera, motion: WalkerJoints, uv: Floats, elapsed: Floats, middle: float, value: Floats
+) -> fit.ResidualTracks:
+    """`fit.ResidualTracks` at a clock `value` (time in the middle s, drift ppm)."""
     seconds = elapsed + value[0] + 1e-6 * value[1] * (elapsed - middle)
     where = bracket(motion.t, seconds, 2.5 * np.median(np.diff(motion.t)))
     points = blend(motion.points, *where)
@@ -130,7 +135,6 @@ def tracks_of(camera, motion, uv, elapsed, middle, value):
     side = np.broadcast_to(side[:, None], depth.shape)
     basis = fit.constants(depth, side, by_point @ axes)
     groups = [joint_centres.group(name) for name in motion.names]
-    return fit.Tracks(
-        *(np.swapaxes(x, 0, 1) for x in (residual, by_clock, by_camera, basis)),
-        None, np.arange(len(groups)), np.unique(groups, return_inverse=True)[1], elapsed,
-    )  # fmt: skip
+    residual, by_clock, by_camera, basis = (np.swapaxes(x, 0, 1) for x in (residual, by_clock, by_camera, basis))
+    group = np.unique(groups, return_inverse=True)[1]
+    return fit.ResidualTracks(residual, by_clock, by_camera, basis, None, np.arange(len(groups)), group, elapsed)

@@ -7,30 +7,35 @@ solution
 A walker at constant speed looks the same to a camera that stands further ahead: what tells the time is what moves
 against the body, the legs above all, and every turn. So the pose is fitted anew for each of the offsets of a grid, the
 best ones are refined with the pose, and an offset counts only where no other in the window fits about as well.
-Drift does not show in a few frames: it stays 0, and what that may do to pose and time is in their covariance.
+Drift does not show in a few frames: it is held at 0, and what that may do to pose and time is in their covariance.
 World in metres, Z up; recorded pixels; seconds.
 """
 
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from dior.arrays import Bools, Floats, Ints
 from dior.calibrate.marks import marks as hand_marks
 from dior.calibrate.marks import pnp, pose_grid
 from dior.clocks import clock as on_axis
+from dior.clocks import lag
+from dior.clocks.axis import ClockValues
 from dior.errors import DiorError
 from dior.geometry import covariance
-from dior.geometry.camera import project
+from dior.geometry.camera import Camera, project
 
-WINDOW_S, STEP_S = 2.0, 0.02
-DRIFT_SD_PPM = 30.0  # of a computer's or a camera's quartz
-STAMP_SD_S = 0.0005  # of a header stamp, which all marks of a frame share
-CANDIDATES = 8
-APART_S = 0.1  # offsets further apart than that are different answers
-UNCERTAIN_S = 0.010  # half a 95 % interval
+LAGS_S = lag.window(50.0)  # a foot that swings moves 10 cm in a step of these, within what RANSAC takes for agreement
+STAMP_SD_S = 0.0005  # chosen: of a header stamp, which all marks of a frame share; what cameras' drivers jitter by
+CANDIDATES = 8  # chosen: minima that are refined; a window of 4 s has about as many steps
+UNCERTAIN_S = 0.010  # chosen: half a 95 % interval from which on more marks are asked for, 1.2 cm of walking
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Places:
     """Where N marks are in the world, at any offsets of the `names`d sequences whose clocks are to be found.
 
@@ -38,14 +43,14 @@ class Places:
     (N,) s after the mocap's start by the camera's clock, `joint` (N,) index in `motions[clock]`.
     """
 
-    xyz: np.ndarray
-    clock: np.ndarray
-    t: np.ndarray
-    joint: np.ndarray
-    motions: tuple
-    names: tuple
+    xyz: Floats
+    clock: Ints
+    t: Floats
+    joint: Ints
+    motions: tuple[hand_marks.Motion, ...]
+    names: tuple[str, ...]
 
-    def at(self, offsets):
+    def at(self, offsets: Floats) -> tuple[Floats, Floats]:
         """Points (..., N, 3) m and velocities (..., N, 3) m/s at `offsets` (..., S); NaN where a marker is missing."""
         offsets = np.asarray(offsets, float)
         shape = (*offsets.shape[:-1], *self.xyz.shape)
@@ -57,11 +62,11 @@ class Places:
             )
         return xyz, velocity
 
-    def only(self, keep):
+    def only(self, keep: Bools) -> Places:
         return Places(self.xyz[keep], self.clock[keep], self.t[keep], self.joint[keep], self.motions, self.names)
 
 
-def _linear(motion, joint, t):
+def _linear(motion: hand_marks.Motion, joint: Ints, t: Floats) -> tuple[Floats, Floats]:
     """Points and velocities (..., N, 3) of joints (N,) at times (..., N), on the line between two ticks."""
     after = np.clip(np.searchsorted(motion.t, t, side="right"), 1, len(motion.t) - 1)
     start, step = motion.t[after - 1], motion.t[after] - motion.t[after - 1]
@@ -71,7 +76,9 @@ def _linear(motion, joint, t):
     return a + (t - start)[..., None] * velocity, velocity
 
 
-def places(marks, t, motions, fixed):
+def places(
+    marks: hand_marks.Marks, t: Floats, motions: Mapping[str, hand_marks.Motion], fixed: Mapping[str, ClockValues]
+) -> Places:
     """`Places` of marks (N) whose sequences are free unless in `fixed`: sequence -> (offset_s, drift_ppm, ...).
 
     Sequences with the most frames come first.
@@ -93,22 +100,24 @@ def places(marks, t, motions, fixed):
     return Places(xyz, clock, t, joint, tuple(motions[s] for s in names), names)
 
 
-@dataclass(frozen=True)
-class Found:
+@dataclass(frozen=True, eq=False)
+class ClocksFromMarks:
     """What the marks say of the clocks: `offsets` (S,) s, NaN where they cannot tell, and `why` (S,) then says why.
 
     `wTc` (4, 4): the pose that goes with them, None without any offset; `profile`: sequence -> lags (L,) s and the
     robust rms (L,) px with each.
     """
 
-    offsets: np.ndarray
-    why: tuple
-    wTc: np.ndarray | None
-    profile: dict
+    offsets: Floats
+    why: tuple[str, ...]
+    wTc: Floats | None
+    profile: dict[str, tuple[Floats, Floats]]
 
 
-def search(camera, where_marked, uv, frame, ransac_px, where):
-    """`Found` for all sequences of `where_marked` (`Places` of N marks at `uv` (N, 2) px on `frame` (N,) keys).
+def search(
+    camera: Camera, where_marked: Places, uv: Floats, frame: Ints, ransac_px: float, where: str
+) -> ClocksFromMarks:
+    """`ClocksFromMarks` for all sequences of `where_marked`: N marks at `uv` (N, 2) px on the pictures `frame` (N,).
 
     The first sequence is searched together with the pose, the next ones with the pose known, each refined with all
     before it. Raises DiorError where several offsets of a sequence fit and 0 is none of them.
@@ -127,62 +136,73 @@ def search(camera, where_marked, uv, frame, ransac_px, where):
             continue
         use = settled | own
         part, seen = where_marked.only(use), uv[use]
-        lags = np.arange(-WINDOW_S, WINDOW_S + STEP_S / 2, STEP_S)
-        tried = np.tile(np.nan_to_num(offsets), (len(lags), 1))
-        tried[:, s] = lags
+        tried = np.tile(np.nan_to_num(offsets), (len(LAGS_S), 1))
+        tried[:, s] = LAGS_S
         xyz = part.at(tried)[0]
         poses, cost = pose_grid.grid(camera.intrinsics, xyz, seen, ransac_px, start)
         # an offset at which there is no mocap fits nothing
         there = np.isfinite(xyz[:, part.clock == s]).all(axis=2)
         cost = np.where(there.mean(axis=1) < pose_grid.SHARE_OF_CONSENSUS, np.inf, cost)
-        profile[name] = lags, np.sqrt(cost / use.sum())
-        ends = _refined(camera, part, seen, np.nan_to_num(offsets), s, lags, poses, cost, ransac_px)
-        why[s] = _doubts(ends, lags, cost, use.sum(), f"{where}, {name}", s)
+        profile[name] = LAGS_S, np.sqrt(cost / use.sum())
+        ends = _refined(camera, part, seen, np.nan_to_num(offsets), s, poses, cost, ransac_px)
+        why[s] = _doubts(ends, cost, use.sum(), f"{where}, {name}", s)
         if why[s]:
             continue
-        start, offsets = ends[0].wTc, np.where(np.isnan(offsets) & (np.arange(count) != s), np.nan, ends[0].offsets)
+        start, offsets = (
+            ends[0].camera.wTc,
+            np.where(np.isnan(offsets) & (np.arange(count) != s), np.nan, ends[0].offsets),
+        )
         settled = use
-    return Found(offsets, tuple(why), start, profile)
+    return ClocksFromMarks(offsets, tuple(why), start, profile)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class End:
-    """Where a start led: the pose `wTc` (4, 4), the `offsets` (S,) s, its robust cost px^2, the inliers (N,)."""
+    """Where a start led: the `camera`, the `offsets` (S,) s, its robust cost px^2, the inliers (N,)."""
 
-    wTc: np.ndarray
-    offsets: np.ndarray
+    camera: Camera
+    offsets: Floats
     cost: float
-    inlier: np.ndarray
+    inlier: Bools
 
 
-def _refined(camera, part, uv, offsets, s, lags, poses, cost, limit_px):
+def _refined(
+    camera: Camera,
+    part: Places,
+    uv: Floats,
+    offsets: Floats,
+    s: int,
+    poses: Floats,
+    cost: Floats,
+    limit_px: float,
+) -> list[End]:
     """`End`s of the best local minima of a grid, the best one first; sequence `s` is the one that was searched."""
-    padded = np.concatenate([[np.inf], cost, [np.inf]])
     # half a step of the grid costs less than that
     most = cost.min() + len(uv) * limit_px**2 / 2
-    lowest = np.flatnonzero((cost <= padded[:-2]) & (cost <= padded[2:]) & np.isfinite(cost) & (cost <= most))
+    lowest = lag.minima(cost)
+    lowest = lowest[cost[lowest] <= most]
     ends = []
     for k in lowest[np.argsort(cost[lowest], kind="stable")][:CANDIDATES]:
         tried = offsets.copy()
-        tried[s] = lags[k]
+        tried[s] = LAGS_S[k]
         end = _end(camera.at(poses[k]), part, uv, tried, s, limit_px)
-        if end is None or np.abs(end.offsets[s]) > WINDOW_S:
+        if end is None or np.abs(end.offsets[s]) > lag.WINDOW_S:
             continue
         xyz = part.only(end.inlier).at(end.offsets)[0]
-        if not pnp.implausible(camera.at(end.wTc), xyz[np.isfinite(xyz).all(axis=1)]):
+        if not pnp.implausible(end.camera, xyz[np.isfinite(xyz).all(axis=1)]):
             ends.append(end)
     return sorted(ends, key=lambda end: end.cost)
 
 
-def _end(camera, part, uv, offsets, s, limit_px):
+def _end(camera: Camera, part: Places, uv: Floats, offsets: Floats, s: int, limit_px: float) -> End | None:
     """`End` from a start, None where fewer than half of the marks agree, of all or of sequence `s`; the net is wide at
     first.
     """
     own = part.clock == s
-    wTc, inlier = camera.wTc, np.zeros(len(uv), bool)
+    inlier = np.zeros(len(uv), bool)
     for limit in (4 * limit_px, 2 * limit_px, *(limit_px,) * 8):
         before = inlier
-        inlier = _agree(camera.at(wTc), part, uv, offsets, limit)
+        inlier = _agree(camera, part, uv, offsets, limit)
         if any(
             inlier[some].sum() < max(pose_grid.FEWEST, pose_grid.SHARE_OF_CONSENSUS * some.sum())
             for some in (own, own | True)
@@ -190,18 +210,19 @@ def _end(camera, part, uv, offsets, s, limit_px):
             return None
         if limit == limit_px and (inlier == before).all():
             break
-        wTc, offsets = refine(camera.at(wTc), part.only(inlier), uv[inlier], offsets)
+        wTc, offsets = refine(camera, part.only(inlier), uv[inlier], offsets)
+        camera = camera.at(wTc)
     xyz = part.at(offsets)[0]
-    there = np.isfinite(xyz).all(axis=1)
-    return End(wTc, offsets, float(pose_grid.cost(project(camera.at(wTc), xyz)[0] - uv, there, limit_px)), inlier)
+    there = np.all(np.isfinite(xyz), axis=1)
+    return End(camera, offsets, float(pose_grid.cost(project(camera, xyz)[0] - uv, there, limit_px)), inlier)
 
 
-def _agree(camera, part, uv, offsets, limit_px):
+def _agree(camera: Camera, part: Places, uv: Floats, offsets: Floats, limit_px: float) -> Bools:
     with np.errstate(invalid="ignore"):
         return np.linalg.norm(project(camera, part.at(offsets)[0])[0] - uv, axis=1) <= limit_px
 
 
-def refine(camera, part, uv, offsets):
+def refine(camera: Camera, part: Places, uv: Floats, offsets: Floats) -> tuple[Floats, Floats]:
     """Pose (4, 4) and offsets (S,) near `camera.wTc` and `offsets` with the least squared residuals in recorded pixels.
 
     A mark whose marker is missing has no say, nor has a sequence without marks in `part`.
@@ -211,14 +232,14 @@ def refine(camera, part, uv, offsets):
     used = np.isin(np.arange(len(offsets)), part.clock)
     spread = np.eye(len(offsets))[:, used]
 
-    def miss(x):
+    def miss(x: Floats) -> Floats:
         xyz, _ = part.at(offsets + spread @ x[6:])
         off = project(covariance.moved(camera, x[:6]), xyz)[0] - uv
         # a step that puts a point behind the camera must look bad, not missing
-        off = np.where(np.isfinite(xyz).all(axis=1)[:, None], np.nan_to_num(off, nan=1e4), 0.0)
+        off = np.where(np.all(np.isfinite(xyz), axis=1)[:, None], np.nan_to_num(off, nan=1e4), 0.0)
         return off.ravel()
 
-    def by(x):
+    def by(x: Floats) -> Floats:
         J = jacobian(covariance.moved(camera, x[:6]), part, offsets + spread @ x[6:])
         return np.nan_to_num(np.concatenate([J[:, :6], J[:, 6:][:, used]], axis=1))
 
@@ -226,7 +247,7 @@ def refine(camera, part, uv, offsets):
     return covariance.moved(camera, fit.x[:6]).wTc, offsets + spread @ fit.x[6:]
 
 
-def jacobian(camera, part, offsets):
+def jacobian(camera: Camera, part: Places, offsets: Floats) -> Floats:
     """Derivatives (2N, 6 + S) px of the marks by the camera's error and by the offsets."""
     xyz, velocity = part.at(offsets)
     by_point, by_camera = covariance.projection(camera, xyz)
@@ -235,42 +256,35 @@ def jacobian(camera, part, offsets):
     return np.concatenate([by_camera, by_offset], axis=2).reshape(-1, 6 + len(offsets))
 
 
-def _doubts(ends, lags, cost, marks, where, s):
+def _doubts(ends: list[End], cost: Floats, marks: int, where: str, s: int) -> str:
     """Why the best of the ends is no answer for sequence `s`, or "". Raises DiorError where 0 is none either."""
     if not ends:
-        return f"no offset within {WINDOW_S:g} s brings half of its marks to where they are"
+        return f"no offset within {lag.WINDOW_S:g} s brings half of its marks to where they are"
     best = ends[0]
     # the residuals of inliers, and how people click before anything is seen
     variance = (pnp.CLICK_WORTH * pnp.CLICK_SD_PX**2 + best.cost) / (pnp.CLICK_WORTH + max(2 * marks - 7, 0))
-    at = np.concatenate([lags, [end.offsets[s] for end in ends[1:]]])
-    worse = np.concatenate([cost, [end.cost for end in ends[1:]]]) - best.cost
-    rivals = at[(worse < pnp.CLEARLY_WORSE * variance) & (np.abs(at - best.offsets[s]) > APART_S)]
-    if not len(rivals):
+    chi2 = (cost - best.cost) / variance
+    refined = [end.offsets[s] for end in ends[1:] if end.cost - best.cost < lag.CLEARLY * variance]
+    others = np.sort([*lag.rivals(LAGS_S, chi2, best.offsets[s]), *refined])
+    others = others[np.abs(others - best.offsets[s]) > lag.APART_S]
+    if not len(others):
         return ""
-    others = ", ".join(f"{lag:.2f} s" for lag in _apart(rivals))
-    if worse[np.argmin(np.abs(lags))] < pnp.CLEARLY_WORSE * variance:
-        return f"offsets of {best.offsets[s]:.2f} s and {others} fit as well"
+    # one end of a valley stands for it
+    named = ", ".join(f"{x:.2f} s" for x in others[np.diff(others, prepend=-np.inf) > lag.APART_S])
+    if chi2[np.argmin(np.abs(LAGS_S))] < lag.CLEARLY:
+        return f"offsets of {best.offsets[s]:.2f} s and {named} fit as well"
     raise DiorError(
-        f"{where}: offsets of {best.offsets[s]:.2f} s and {others} fit the marks equally well, as one stride and the "
+        f"{where}: offsets of {best.offsets[s]:.2f} s and {named} fit the marks equally well, as one stride and the "
         "next do; mark frames of another part of the walk too, where the subject turns or changes pace, or give the "
         "offset in config/offsets"
     )
 
 
-def _apart(values):
-    """Of sorted values those that are APART_S from the one before."""
-    kept = []
-    for value in np.sort(values):
-        if not kept or value - kept[-1] > APART_S:
-            kept.append(value)
-    return kept
-
-
-def uncertainty(J, t, miss, joint, frame):
+def uncertainty(J: Floats, t: Floats, miss: Floats, joint: Ints, frame: Ints) -> tuple[Floats, Floats]:
     """Covariance (6 + 2S, 6 + 2S) of the errors of pose, times (s) and drifts (ppm); and when (S,) s those times are.
 
     `J` (2N, 6 + S) and `miss` (N, 2) px of the inliers, `t` (N,) s as in `Places`, `joint` and `frame` as in
-    `pnp.pose_covariance`. Stamps have errors of their own. A drift that was taken for 0 moves pose and offsets by what
+    `pnp.pose_covariance`. Stamps have errors of their own. A drift that is held at 0 moves pose and offsets by what
     the marks make of it; the time is the camera's where its own drift does not move it, in the middle of the marked
     frames.
     """
@@ -282,27 +296,35 @@ def uncertainty(J, t, miss, joint, frame):
     moved[own] = 0.0
     # the error of a drift of 0 is the drift's negative
     by_error = np.concatenate([-moved, np.eye(S)])
-    full = DRIFT_SD_PPM**2 * by_error @ by_error.T
+    full = on_axis.DRIFT_SD_PPM**2 * by_error @ by_error.T
     by_stamp = solve @ (J[:, 6:].sum(axis=1)[:, None] * np.repeat(np.equal.outer(frame, np.unique(frame)), 2, axis=0))
     full[: 6 + S, : 6 + S] += pnp.pose_covariance(J, miss, joint, frame) + STAMP_SD_S**2 * by_stamp @ by_stamp.T
     return full, middle
 
 
-def clocks(camera, names, offsets, full, middle):
+def clocks(
+    camera: str, names: Sequence[str], offsets: Floats, full: Floats, middle: Floats
+) -> dict[str, on_axis.Clock]:
     """`Clock` by sequence, with the camera's share, from `uncertainty`."""
     S, found = len(names), {}
     for s, name in enumerate(names):
         own = [6 + s, 6 + S + s]
-        gain = np.linalg.solve(full[:6, :6], full[:6, own]).T
+        gain = np.asarray(np.linalg.solve(full[:6, :6], full[:6, own]).T, float)
         given = np.sqrt(np.diagonal(full[np.ix_(own, own)] - gain @ full[:6, own]))
         found[name] = on_axis.Clock(
-            float(offsets[s]), 0.0, "estimated", "marks", float(middle[s]), tuple(map(float, given)), {camera: gain}
+            float(offsets[s]),
+            0.0,
+            "estimated",
+            "marks",
+            float(middle[s]),
+            (float(given[0]), float(given[1])),
+            {camera: gain},
         )
     return found
 
 
-def costs(camera, profile):
-    """Columns of table `clock_costs` from `Found.profile`; null where half of the markers are missing."""
+def costs(camera: str, profile: Mapping[str, tuple[Floats, Floats]]) -> dict[str, Any]:
+    """Columns of table `clock_costs` from `ClocksFromMarks.profile`; null where half of the markers are missing."""
     lags, cost = (np.concatenate([[], *(each[i] for each in profile.values())]) for i in (0, 1))
     return {
         "sequence": [name for name, (lag, _) in profile.items() for _ in lag],
@@ -312,7 +334,9 @@ def costs(camera, profile):
     }
 
 
-def findings(scope, clocks, spread, marks):
+def findings(
+    scope: str, clocks: Mapping[str, on_axis.Clock], spread: Floats, marks: hand_marks.Marks
+) -> list[tuple[str, str, str, str]]:
     """What was found: `clocks` (sequence -> `Clock`), `spread` (6, 6) of the camera, the `marks` that agree."""
     found = []
     for name, clock in clocks.items():
@@ -335,7 +359,7 @@ def findings(scope, clocks, spread, marks):
     return found
 
 
-def untold(scope, why, left_out):
+def untold(scope: str, why: Mapping[str, str], left_out: bool) -> list[tuple[str, str, str, str]]:
     """Findings for sequences whose clock the marks cannot tell: `why`, sequence -> reason."""
     then = "its marks are not used" if left_out else "it is taken to be 0, and an error of it moves the camera"
     return [

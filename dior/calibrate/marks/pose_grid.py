@@ -3,21 +3,24 @@
 INPUTS   world points (L, N, 3) m, NaN where missing; pixels (N, 2)
 OUTPUTS  poses (L, 4, 4), robust costs (L,) px^2
 World in metres, Z up; a pose's error is that of `dior.geometry.covariance`. Pixels are compared as ideal coordinates
-times the focal length, so that the lens is undone once: good enough for a start, `marks_clock.refine` works in recorded
-pixels.
+times the focal length, so that the lens is undone once: good enough for a start, `clock_from_marks.refine` works in
+recorded pixels.
 """
 
 import numpy as np
 
-from dior.geometry.camera import inverse_pose, pose, undistort
+from dior.arrays import Bools, Floats
+from dior.geometry.camera import Intrinsics, inverse_pose, pose, undistort
 from dior.geometry.covariance import cross
 
-FEWEST = 4
-SHARE_OF_CONSENSUS = 0.5
-ROUNDS = 12
+FEWEST = 4  # points that PnP wants for one solution
+SHARE_OF_CONSENSUS = 0.5  # chosen: of the markers, at least, have to be there and agree
+ROUNDS = 12  # chosen: steps from the start by SQPnP; what wins is refined anyway
 
 
-def grid(intrinsics, xyz, uv, limit_px, start=None):
+def grid(
+    intrinsics: Intrinsics, xyz: Floats, uv: Floats, limit_px: float, start: Floats | None = None
+) -> tuple[Floats, Floats]:
     """Best pose wTc (L, 4, 4) for each of L sets of points (L, N, 3) and its cost (L,) px^2, robust.
 
     With `start` (4, 4) the pose is that.
@@ -44,7 +47,7 @@ def grid(intrinsics, xyz, uv, limit_px, start=None):
     return wTc, cost(_miss(wTc, xyz, xy)[0] * focal, there, limit_px)
 
 
-def _start(xyz, xy):
+def _start(xyz: Floats, xy: Floats) -> Floats:
     """wTc (4, 4) of marks by SQPnP; at the origin where there is none."""
     import cv2
 
@@ -56,7 +59,7 @@ def _start(xyz, xy):
     return inverse_pose(pose(cv2.Rodrigues(rotation)[0], translation.ravel()))
 
 
-def _miss(wTc, xyz, xy):
+def _miss(wTc: Floats, xyz: Floats, xy: Floats) -> tuple[Floats, Floats]:
     """Residuals (L, N, 2) in ideal coordinates and derivatives (L, N, 2, 6) by the poses wTc (L, 4, 4).
 
     NaN behind the camera.
@@ -73,7 +76,7 @@ def _miss(wTc, xyz, xy):
     return seen - xy, np.concatenate([by_axes @ cross(p), by_centre], axis=-1)
 
 
-def _moved(wTc, step):
+def _moved(wTc: Floats, step: Floats) -> Floats:
     """Poses (L, 4, 4) with the errors `step` (L, 6) of `dior.geometry.covariance`."""
     from scipy.spatial.transform import Rotation
 
@@ -83,7 +86,7 @@ def _moved(wTc, step):
     return out
 
 
-def cost(miss, there, limit_px):
+def cost(miss: Floats, there: Bools, limit_px: float) -> Floats:
     """Sum (...,) px^2 of squared residuals (..., N, 2), none above the limit's; a missing marker counts as the mean.
 
     Infinite where fewer than half of the markers are there.

@@ -1,6 +1,7 @@
 """Fit a camera to what a person draws or a still camera shows: boxes around a body whose 3D is known, clicked joints.
 
-INPUTS   a start, `Freedom` (what may move, how far the tape is trusted), `Seen` (3D at the pictures, edges, clicks)
+INPUTS   a start, `Freedom` (what may move, how far the tape is trusted), `EdgeObservations` (3D at the pictures, edges,
+         clicks)
 OUTPUTS  `Fitted`: the camera, what was fitted with its covariance, which edges agreed
 
 An edge of a box is the extreme of the projected joints in its direction, moved outwards by a margin. Which joint is
@@ -16,33 +17,43 @@ the line of sight, to its right and up (3), log of the focal length, margin alon
 (ppm) of each walk.
 """
 
+from __future__ import annotations
+
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import TypeAlias
 
 import numpy as np
 
+from dior.arrays import Bools, Floats
 from dior.calibrate.outline import edge_errors, seen_edges
+from dior.calibrate.outline.edge_errors import EdgeResiduals
+from dior.calibrate.outline.seen_edges import EdgeObservations, Freedom
+from dior.clocks import lag
 from dior.errors import DiorError
 from dior.geometry import camera as cam
 from dior.geometry import covariance
+from dior.geometry.camera import Camera
 
 TURN, SHIFT, FOCAL, MARGIN = slice(0, 3), slice(3, 6), 6, slice(7, 9)
 AXIS, OUTWARDS = np.array([0, 1, 0, 1]), np.array([-1.0, -1.0, 1.0, 1.0])  # of u_min, v_min, u_max, v_max
 SIDES = ("u_min", "v_min", "u_max", "v_max")
-SCALES = (16.0, 8.0, 4.0)  # of the weights, px, before they follow the residuals
-CUT = 3.0  # residuals of that many sd weigh a quarter
-# what it costs to read a side as an occluder's, beyond the usual cost 1 of each edge that is left out: a chi2. As much
-# again with many edges, so that a small misfit of all of them is not taken for a wall.
+SCALES = (16.0, 8.0, 4.0)  # chosen: of the weights, px, before they follow the residuals
+CUT = 3.0  # chosen: residuals of that many sd weigh a quarter
+# chosen: what it costs to read a side as an occluder's, beyond the usual cost 1 of each edge that is left out: a chi2.
+# As much again with many edges, so that a small misfit of all of them is not taken for a wall.
 COST_OF_HIDING = {"": 0.0, "v_max": 25.0, "v_min": 45.0}  # walls and hedges hide legs; little hides heads
-DOUBTFUL = 12.0
-NEAR_LINE_PX = 3.0
-LINE_PX = 1.0  # how well the line of an occluder is known
-# clocks: where they are searched, and the scale of the weights with which one is judged
-LAGS_S = np.round(np.arange(-2.0, 2.05, 0.1), 1)
-SEARCH_SCALES = (16.0, 8.0, 4.0)
-ANOTHER_S = 0.15  # a clock further away is another solution
+DOUBTFUL = 12.0  # chosen: chi2 by which the reading that is taken is ahead of the next, e^6 at even odds
+# chosen: edges so near the median are the occluder's; how well its line is known
+NEAR_LINE_PX, LINE_PX = 3.0, 1.0
+LAGS_S = lag.window(10.0)  # chosen: of clocks; a start, from which the fit goes on
 
 
-@dataclass(frozen=True)
+# of points by the errors of the close cameras (F, J, 3, 6V), or what gives it for points (F, J, 3)
+Derivative: TypeAlias = Callable[[Floats], Floats] | Floats | None
+
+
+@dataclass(frozen=True, eq=False)
 class Fitted:
     """`values` (9,) and `covariance` (9, 9) of the parameters, of the six of `dior.geometry.covariance` with those of V
     close cameras `by_cameras` (9, 6V); `residual` (F, 4) px of the edges, NaN where none; `agree` (F, 4);
@@ -52,29 +63,29 @@ class Fitted:
     with these clocks.
     """
 
-    camera: cam.Camera
-    values: np.ndarray
-    covariance: np.ndarray
-    residual: np.ndarray
-    agree: np.ndarray
-    click_residual: np.ndarray
+    camera: Camera
+    values: Floats
+    covariance: Floats
+    residual: Floats
+    agree: Bools
+    click_residual: Floats
     hidden: str
     sd_px: float
     inflation: float
     ahead: float = np.inf
-    by_cameras: np.ndarray = field(default_factory=lambda: np.zeros((9, 0)))
-    clocks: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
-    clock_sigma: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
-    points: np.ndarray = None
+    by_cameras: Floats = field(default_factory=lambda: np.zeros((9, 0)))
+    clocks: Floats = field(default_factory=lambda: np.zeros((0, 2)))
+    clock_sigma: Floats = field(default_factory=lambda: np.zeros((0, 2)))
+    points: Floats = field(default_factory=lambda: np.zeros((0, 0, 3)))
 
     @property
-    def pose_covariance(self):
+    def pose_covariance(self) -> Floats:
         """(6, 6) of the camera's turn (rad) and shift (m, world)."""
         T = to_pose(self.camera)
         return T @ self.covariance @ T.T
 
 
-def sight(camera):
+def sight(camera: Camera) -> Floats:
     """(3, 3) with columns along the line of sight, to the right and up; the first two are horizontal."""
     ahead = camera.wRc[:, 2] * (1, 1, 0)
     if np.linalg.norm(ahead) < 1e-6:
@@ -83,7 +94,7 @@ def sight(camera):
     return np.stack([ahead, np.cross(ahead, (0, 0, 1)), (0, 0, 1)], axis=1)
 
 
-def to_pose(camera, range_m=None):
+def to_pose(camera: Camera, range_m: float | None = None) -> Floats:
     """(6, 9) that brings the parameters' errors to those of `dior.geometry.covariance`.
 
     An error of the focal length is given as the shift along the optical axis that looks alike `range_m` away.
@@ -95,7 +106,7 @@ def to_pose(camera, range_m=None):
     return T
 
 
-def moved(start, axes, values):
+def with_parameters(start: Camera, axes: Floats, values: Floats) -> Camera:
     """The camera with the parameters `values` (9,); `axes` as from `sight(start)`."""
     step = np.concatenate([values[TURN], axes @ values[SHIFT]])
     camera = covariance.moved(start, step)
@@ -107,12 +118,19 @@ def moved(start, axes, values):
 READINGS = {"auto": ("", "v_max", "v_min"), "none": ("",), "below": ("v_max",), "above": ("v_min",)}
 
 
-def fit(start, freedom, seen, where, derivative=None, occluder="auto"):
+def fit(
+    start: Camera,
+    freedom: Freedom,
+    seen: EdgeObservations,
+    where: str,
+    derivative: Derivative = None,
+    occluder: str = "auto",
+) -> Fitted:
     """`Fitted` from a start a few degrees off.
 
     `derivative`: a function that gives the (F, J, 3, 6V) of points by the errors of the close cameras, or the array
     itself, for `by_cameras`. Of the readings "all edges are the body's" and "the lower (upper) edge is an occluder's,
-    which hides the joints beyond it" the one is taken that the edges agree with best; `occluder` (auto, none, below,
+    which hides the joints beyond it" the one is chosen that the edges agree with best; `occluder` (auto, none, below,
     above) may say which. Raises DiorError (beginning with `where`) with too little to fit.
     """
     count = np.isfinite(seen.edges).sum() + np.isfinite(seen.clicks).sum()
@@ -130,7 +148,7 @@ def fit(start, freedom, seen, where, derivative=None, occluder="auto"):
 class Reading:
     """One reading of the edges, with the state of its iteration."""
 
-    def __init__(self, start, freedom, seen, side):
+    def __init__(self, start: Camera, freedom: Freedom, seen: EdgeObservations, side: str) -> None:
         self.start, self.axes, self.seen, self.side = start, sight(start), seen, side
         self.freedom = freedom
         self.prior = seen_edges.prior(freedom, len(seen.tracks))
@@ -140,11 +158,11 @@ class Reading:
         self.line = np.nanmedian(seen.edges[:, SIDES.index(side)]) if side else np.nan
 
     @property
-    def clocks(self):
+    def clocks(self) -> Floats:
         """(K, 2) a view of the parameters."""
         return self.values[9:].reshape(-1, 2)
 
-    def solve(self, where):
+    def solve(self, where: str) -> Reading:
         unknown = [k for k in range(len(self.seen.tracks)) if self.free[9 + 2 * k]]
         for k in unknown:
             self.clocks[k, 0] = self._search(k, where)
@@ -153,37 +171,38 @@ class Reading:
             self._try_another(k, where)
         return self
 
-    def _search(self, walk, where):
+    def _search(self, walk: int, where: str) -> float:
         """The clock (s) of a walk by its pictures alone, with an aim of their own."""
         held = replace(self.freedom, clock_s=(), drift_ppm=())
-        costs = []
-        for lag in LAGS_S:
-            seen = self.seen.only(walk, lag)
-            costs.append(Reading(self.start, held, seen, self.side).cost_of_search(where))
-        costs = np.array(costs) + (LAGS_S / self.freedom.clock_s[walk]) ** 2
-        return float(LAGS_S[np.argmin(costs)])
 
-    def cost_of_search(self, where):
+        def cost(late_s: float) -> float:
+            alone = Reading(self.start, held, self.seen.only(walk, late_s), self.side)
+            return alone.cost_of_search(where) + (late_s / self.freedom.clock_s[walk]) ** 2
+
+        return float(LAGS_S[np.argmin(lag.curve(cost, LAGS_S))])
+
+    def cost_of_search(self, where: str) -> float:
         """The cost after a few steps; what cannot be compared counts as much as what fits."""
         count = np.isfinite(self.seen.edges).sum() + np.isfinite(self.seen.clicks).sum()
         if not np.isfinite(cam.project(self.start, self.seen.points)[0]).any():
             return float(count * CUT**2)
         self.values[TURN] = self._aim(where) * self.free[TURN]
-        for scale in SEARCH_SCALES:
+        for scale in SCALES:
             for _ in range(2):
                 self.values = self.values + self._step(self.rows(), scale)
-        return self.cost(SEARCH_SCALES[-1] / CUT) + (0 if self.side else count - len(self.rows().kind))
+        return self.cost(SCALES[-1] / CUT) + (0 if self.side else count - len(self.rows().kind))
 
-    def _try_another(self, walk, where):
+    def _try_another(self, walk: int, where: str) -> None:
         """Another clock of this walk, if all pictures together agree better with it."""
         sd, kept = self.sd, self.values.copy()
-        costs = []
-        for lag in LAGS_S:
-            self.clocks[walk, 0] = lag
-            costs.append(self.cost(sd))
+
+        def cost(late_s: float) -> float:
+            self.clocks[walk, 0] = late_s
+            return self.cost(sd)
+
+        best = float(LAGS_S[np.argmin(lag.curve(cost, LAGS_S))])
         self.values = kept.copy()
-        best = float(LAGS_S[np.argmin(costs)])
-        if abs(best - self.clocks[walk, 0]) < ANOTHER_S:
+        if abs(best - self.clocks[walk, 0]) <= lag.APART_S:
             return
         before = self.cost(sd)
         self.clocks[walk, 0] = best
@@ -191,7 +210,7 @@ class Reading:
         if self.cost(sd) > before:
             self.values, self.sd = kept, sd
 
-    def _iterate(self, where):
+    def _iterate(self, where: str) -> None:
         self.values[TURN] = self._aim(where) * self.free[TURN]
         for scale in (*SCALES, *(None,) * 12):
             for _ in range(6 if scale else 3):
@@ -204,7 +223,7 @@ class Reading:
                 if small and np.abs(step[9::2]).max(initial=0.0) < 1e-6:
                     break
 
-    def _aim(self, where):
+    def _aim(self, where: str) -> Floats:
         """The turn that brings the middles of the projected boxes onto the drawn ones, in the median."""
         uv = cam.project(self.start, self.seen.at(self.clocks)[0])[0]
         if not np.isfinite(uv).any():
@@ -224,12 +243,12 @@ class Reading:
         lens = self.start.intrinsics
         return np.array([np.arctan(v / lens.fy), -np.arctan(u / lens.fx), 0.0])
 
-    def camera(self):
-        return moved(self.start, self.axes, self.values)
+    def camera(self) -> Camera:
+        return with_parameters(self.start, self.axes, self.values)
 
-    def visible(self, uv):
+    def visible(self, uv: Floats) -> tuple[Bools, Bools, Bools]:
         """Joints (F, J) that are surely not behind the occluder, those that may not be, and pictures (F,) it cuts."""
-        there = np.isfinite(uv).all(axis=-1) & cam.in_frame(self.start.intrinsics, uv)
+        there = np.all(np.isfinite(uv), axis=-1) & cam.in_frame(self.start.intrinsics, uv)
         if not self.side:
             return there, there, np.zeros(len(uv), bool)
         k = SIDES.index(self.side)
@@ -238,13 +257,13 @@ class Reading:
         surely, perhaps = (there & ~((beyond > slack) & cut[:, None]) for slack in (-LINE_PX, LINE_PX))
         return surely, perhaps, cut
 
-    def rows(self):
-        """`_Rows` of every edge and click at the present values."""
+    def rows(self) -> EdgeResiduals:
+        """`EdgeResiduals` of every edge and click at the present values."""
         camera = self.camera()
         points, velocity, since = self.seen.at(self.clocks)
         uv, depth = cam.project(camera, points)
         shown, perhaps, cut = self.visible(uv)
-        edges = np.where(shown.any(axis=1)[:, None], self.seen.edges, np.nan)
+        edges = np.where(np.any(shown, axis=1)[:, None], self.seen.edges, np.nan)
         if self.side:
             edges[cut, SIDES.index(self.side)] = np.nan
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -278,9 +297,9 @@ class Reading:
             J[at, 10 + 2 * self.seen.walk[frame]] = 1e-6 * by_time * since[frame]
         model = uv[frame, joint, axis] + sign * (self.values[7 + axis] + np.nan_to_num(flesh[frame, joint]))
         kind = np.concatenate([side, np.full(len(clicked), -1)])
-        return Rows(frame, joint, axis, kind, observed - model, J, by_point[at, axis], by_camera[at, axis])
+        return EdgeResiduals(frame, joint, axis, kind, observed - model, J, by_point[at, axis], by_camera[at, axis])
 
-    def _step(self, rows, scale):
+    def _step(self, rows: EdgeResiduals, scale: float) -> Floats:
         weight = edge_errors.weights(rows.residual, scale)
         H = (rows.J * weight[:, None]).T @ rows.J / self.sd**2 + self.prior
         g = rows.J.T @ (weight * rows.residual) / self.sd**2 - self.prior @ self.values
@@ -288,7 +307,7 @@ class Reading:
         step[self.free] = np.linalg.solve(H[np.ix_(self.free, self.free)], g[self.free])
         return step
 
-    def cost(self, sd_px):
+    def cost(self, sd_px: float) -> float:
         """Chi2 of the edges, no more than that of an outlier each, and of the priors; `sd_px` of an edge."""
         rows = self.rows()
         z2 = (rows.residual / sd_px) ** 2
@@ -301,7 +320,7 @@ class Reading:
             hiding = missing + max(COST_OF_HIDING[self.side], hidden)
         return (z2 / (1 + z2 / CUT**2)).sum() + hiding + prior
 
-    def fitted(self, derivative):
+    def fitted(self, derivative: Derivative) -> Fitted:
         rows = self.rows()
         scale = CUT * self.sd
         weight = edge_errors.weights(rows.residual, scale)
@@ -341,22 +360,7 @@ class Reading:
         )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Rows:
-    """N coordinates: picture, joint, axis, side (-1 for a click), residual px, derivatives by the parameters (N, 9+2K),
-    by the 3D point (N, 3) and by the camera (N, 6)."""
-
-    frame: np.ndarray
-    joint: np.ndarray
-    axis: np.ndarray
-    kind: np.ndarray
-    residual: np.ndarray
-    J: np.ndarray
-    by_point: np.ndarray
-    by_camera: np.ndarray
-
-
-def _extremes(uv, known):
+def _extremes(uv: Floats, known: Bools) -> tuple[Floats, Floats]:
     """Lowest and highest pixel (F, 2) of the known joints, NaN where there are none."""
     low = np.where(known[..., None], uv, np.inf).min(axis=1)
     high = np.where(known[..., None], uv, -np.inf).max(axis=1)

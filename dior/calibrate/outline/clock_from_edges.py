@@ -1,51 +1,68 @@
 """The clock of a camera that stands where it is known to: by edges of boxes or silhouettes around a walker whose 3D is
 known.
 
-INPUTS   the camera, `seen_edges.Seen` of one walk with its track, which side an occluder has
+INPUTS   the camera, `seen_edges.EdgeObservations` of one walk with its track, which side an occluder has
 OUTPUTS  `dior.clocks.clock.Clock` and the cost of each lag (px)
 
-The edges are those of `boxes_fit`. A joint is not where the outline is, nor where the 3D has it, and that difference
-stays while the same side of the body is seen: each (joint, side) has a shift of its own in the fit, with a prior, so
+The edges are those of `boxes_fit`. A joint is not where the outline is, nor where the 3D has it, and that difference is
+constant while the same side of the body is seen: each (joint, side) has a shift of its own in the fit, with a prior, so
 that no constant turns into time. What is left is robustly weighted; the covariance is a sandwich over blocks of time
 and over the edges of one side of the body, since errors near in time are alike, and so are those of every step. World
 in metres, recorded pixels, times in s on the axis of the track.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
+from dior.arrays import Floats
 from dior.calibrate.outline import boxes_fit, edge_errors, seen_edges
-from dior.clocks.clock import Clock
+from dior.calibrate.outline.seen_edges import EdgeObservations, Freedom
+from dior.clocks import lag, persistence
+from dior.clocks.clock import DRIFT_SD_PPM, OFFSET_SD_S, Clock
+from dior.geometry.camera import Camera
 
-LAGS_S = np.round(np.arange(-2.0, 2.02, 0.04), 2)
-# before anything is compared: clocks of computers that keep time by the network, or were started on a count; a crystal
-CLOCK_SIGMA_S, DRIFT_SIGMA_PPM = 1.0, 30.0
-MOST_PX = 0.15  # an edge is an outlier from there on, of the height of the person
-BLOCK_S = 1.0
-HALF_STEP_S = 0.04
-STEPS = 30
-FEWEST = 8  # edges
-# refused: an interval of more than a step, another lag that is as good, one at the end of those that were tried
-MOST_SIGMA_S, APART_S, CLEARLY = 0.15, 0.2, 9.0
+LAGS_S = lag.window(25.0)
+MOST_HEIGHT = 0.15  # chosen: of the person's height, from which on an edge is an outlier in the search
+HALF_STEP_S = 0.04  # chosen: edges are differentiated over twice that, in which another joint may become the extreme
+STEPS = 30  # of the fit at most
+FEWEST = 8  # edges: as many as two boxes have; the margins, the time and the drift are 4 unknowns
+MOST_SIGMA_S = 0.15  # chosen: a 95 % interval of more than a step of walking, 0.6 s in all, is refused
 FITTED = [7, 8, 9, 10]  # of the parameters of `boxes_fit`: both margins, time and drift
 
 
-@dataclass(frozen=True)
-class Found:
+# names of the cameras that made the 3D, and what gives the derivative (F, J, 3, 6V) of its points by their errors
+Makers: TypeAlias = tuple[list[str], Callable[[Floats], Floats]]
+# the shift (3,) m of each group of (joint, side of the body)
+Shifts: TypeAlias = dict[int, Floats]
+
+
+@dataclass(frozen=True, eq=False)
+class ClockFromEdges:
     """The `clock`, the cost px of each of `LAGS_S`, the residual px before (no offset) and after, the number of edges
     and why it was refused, or ""."""
 
     clock: Clock
-    costs_px: np.ndarray
+    costs_px: Floats
     before_px: float
     after_px: float
     count: int
     refused: str = ""
 
 
-def estimate(camera, seen, method, margin=(3.0, 0.3), side="", makers=None, trails_m=0.0):
-    """`Found` for the pictures `seen` (`seen_edges.Seen` with one track) of a camera.
+def estimate(
+    camera: Camera,
+    seen: EdgeObservations,
+    method: str,
+    margin: tuple[float, float] = (3.0, 0.3),
+    side: str = "",
+    makers: Makers | None = None,
+    trails_m: float = 0.0,
+) -> ClockFromEdges:
+    """`ClockFromEdges` for the pictures `seen` (`seen_edges.EdgeObservations` with one track) of a camera.
 
     `margin`: prior of the margin of all edges and of v against u, px. `makers`: names of the cameras that the track
     comes from and a function that gives the derivative (F, J, 3, 6V) of its points by their errors. `trails_m`:
@@ -53,18 +70,18 @@ def estimate(camera, seen, method, margin=(3.0, 0.3), side="", makers=None, trai
     time.
     """
     freedom = seen_edges.Freedom(
-        turn=(0, 0, 0), shift=(0, 0, 0), margin_px=margin[0], margin_split_px=margin[1], clock_s=(CLOCK_SIGMA_S,),
-        drift_ppm=(DRIFT_SIGMA_PPM,),
+        turn=(0, 0, 0), shift=(0, 0, 0), margin_px=margin[0], margin_split_px=margin[1], clock_s=(OFFSET_SD_S,),
+        drift_ppm=(DRIFT_SD_PPM,),
     )  # fmt: skip
     reading = boxes_fit.Reading(camera, freedom, seen, side)
     middle, count = seen.middle_s(0), int(np.isfinite(seen.edges).sum())
     zero = Clock(0.0, middle_s=middle)
     if count < FEWEST:
-        return Found(zero, np.full(len(LAGS_S), np.nan), np.nan, np.nan, count, f"only {count} edges")
+        return ClockFromEdges(zero, np.full(len(LAGS_S), np.nan), np.nan, np.nan, count, f"only {count} edges")
     limit = outlier_px(seen)
     costs = curve(reading, limit)
     if not np.isfinite(costs).any():
-        return Found(zero, costs, np.nan, np.nan, count, "no picture shows the person")
+        return ClockFromEdges(zero, costs, np.nan, np.nan, count, "no picture shows the person")
     best = int(np.nanargmin(costs))
     reading.clocks[0, 0] = LAGS_S[best]
     given, gains, sd, speed = _refine(reading, camera, seen, makers)
@@ -77,7 +94,7 @@ def estimate(camera, seen, method, margin=(3.0, 0.3), side="", makers=None, trai
         "estimated",
         method,
         middle,
-        tuple(map(float, given)),
+        (float(given[0]), float(given[1])),
         gains,
     )
     at_zero = int(np.argmin(np.abs(LAGS_S)))
@@ -85,32 +102,35 @@ def estimate(camera, seen, method, margin=(3.0, 0.3), side="", makers=None, trai
     why = _doubt(costs, given, offset, sd, count)
     if not np.isfinite(after):
         why = "the 3D is missing at most of the pictures"
-    return Found(zero if why else clock, costs, float(costs[at_zero]), after, count, why)
+    return ClockFromEdges(zero if why else clock, costs, float(costs[at_zero]), after, count, why)
 
 
-def best_lag(camera, freedom, seen):
+def best_lag(camera: Camera, freedom: Freedom, seen: EdgeObservations) -> float:
     """The lag s of the least cost with the camera as it is and nothing hidden; 0 where none can be compared."""
     costs = curve(boxes_fit.Reading(camera, freedom, seen, ""), outlier_px(seen))
     return float(LAGS_S[np.nanargmin(costs)]) if np.isfinite(costs).any() else 0.0
 
 
-def outlier_px(seen):
+def outlier_px(seen: EdgeObservations) -> float:
     """Residual of an edge that is an outlier, px."""
     height = float(np.nanmedian(seen.edges[:, 3] - seen.edges[:, 1]))
-    return MOST_PX * height if np.isfinite(height) else 20.0
+    return MOST_HEIGHT * height if np.isfinite(height) else 20.0
 
 
-def curve(reading, limit_px):
+def curve(reading: boxes_fit.Reading, limit_px: float) -> Floats:
     """Robust rms px of the edges for each of `LAGS_S`, each side of the boxes about its own median."""
-    kept, costs = reading.values.copy(), []
-    for lag in LAGS_S:
-        reading.clocks[0] = lag, 0.0
-        costs.append(cost_at(reading, limit_px))
+    kept = reading.values.copy()
+
+    def cost(late_s: float) -> float:
+        reading.clocks[0] = late_s, 0.0
+        return cost_at(reading, limit_px)
+
+    costs = lag.curve(cost, LAGS_S)
     reading.values = kept
-    return np.array(costs)
+    return costs
 
 
-def cost_at(reading, limit_px):
+def cost_at(reading: boxes_fit.Reading, limit_px: float) -> float:
     """Robust rms px of the edges at the reading's clock; an edge that cannot be compared counts as in the mean."""
     rows = reading.rows()
     if len(rows.residual) < max(FEWEST, np.isfinite(reading.seen.edges).sum() / 3):
@@ -121,7 +141,9 @@ def cost_at(reading, limit_px):
     return np.sqrt(np.minimum(own**2, limit_px**2).mean())
 
 
-def _refine(reading, camera, seen, makers):
+def _refine(
+    reading: boxes_fit.Reading, camera: Camera, seen: EdgeObservations, makers: Makers | None
+) -> tuple[Floats, dict[str, Floats], float, float]:
     """Moves the reading's clock and margins to the best; given sigma (2,), gains by camera, sd px of an
     edge, and the speed m/s of what tells the time."""
     scale, shifts = None, None
@@ -145,7 +167,7 @@ def _refine(reading, camera, seen, makers):
     inverse = np.linalg.inv(slope * (A - prior) + prior)
     score = J * (weight * residual / sd**2)[:, None]
     side = edge_errors.way_seen(camera, seen.at(reading.clocks)[0], seen.seconds, seen.walk)[rows.frame]
-    alike = [np.arange(len(score)), np.floor(seen.seconds[rows.frame] / BLOCK_S), 5 * rows.kind + side]
+    alike = [np.arange(len(score)), np.floor(seen.seconds[rows.frame] / persistence.LASTS_S), 5 * rows.kind + side]
     own, near, same = (_clustered(score, label) for label in alike)
     # both ways of being alike, without counting an edge's own error twice
     spread = [inverse @ (meat + prior) @ inverse for meat in (own, near, same, near + same - own)]
@@ -162,7 +184,7 @@ def _refine(reading, camera, seen, makers):
     return given, gains, sd, max(float((weight * moves**2).sum() / max(trail, 1e-12)), 1e-3)
 
 
-def _clustered(score, label):
+def _clustered(score: Floats, label: NDArray[Any]) -> Floats:
     """Sum (P, P) of the squares of the scores (N, P) added up where the label (N,) is the same."""
     names, index = np.unique(label, return_inverse=True)
     sums = np.zeros((len(names), score.shape[1]))
@@ -170,7 +192,13 @@ def _clustered(score, label):
     return sums.T @ sums * len(names) / max(len(names) - 2, 1)
 
 
-def _system(reading, rows, camera, seen, shifts):
+def _system(
+    reading: boxes_fit.Reading,
+    rows: edge_errors.EdgeResiduals,
+    camera: Camera,
+    seen: EdgeObservations,
+    shifts: Shifts | None,
+) -> tuple[Floats, Floats, Floats, Shifts]:
     """Derivatives (N, 4 + 3G) by margins, time, drift and the shift (m) of each (joint, side of the body), the
     precision of their priors, residuals (N,) px with the shifts so far, and these by group."""
     points = seen.at(reading.clocks)[0]
@@ -190,7 +218,7 @@ def _system(reading, rows, camera, seen, shifts):
     return J, prior, rows.residual - np.einsum("ni,ni->n", rows.by_point, own), shifts
 
 
-def _by_time(reading, rows, count):
+def _by_time(reading: boxes_fit.Reading, rows: edge_errors.EdgeResiduals, count: int) -> Floats:
     """Derivative (N,) px/s of the extremes by the time: over a few hundredths of a second, since another joint may then
     be the extreme."""
     kept, sides = reading.values, []
@@ -205,7 +233,9 @@ def _by_time(reading, rows, count):
     return np.where(np.isfinite(slope), slope, rows.J[:, 9])
 
 
-def _solve(J, prior, residual, shifts, reading, scale):
+def _solve(
+    J: Floats, prior: Floats, residual: Floats, shifts: Shifts, reading: boxes_fit.Reading, scale: float
+) -> tuple[Floats, Floats, Floats]:
     """A step of all parameters, the normal matrix and the weights; the scale of the weights is `CUT` sd."""
     weight, sd = edge_errors.weights(residual, scale), scale / boxes_fit.CUT
     A = (J * weight[:, None]).T @ J / sd**2 + prior
@@ -214,19 +244,10 @@ def _solve(J, prior, residual, shifts, reading, scale):
     return step, A, weight
 
 
-def _doubt(costs, given, offset, sd, count):
+def _doubt(costs: Floats, given: Floats, offset: float, sd: float, count: int) -> str:
     """Why the data cannot tell, or ""."""
     if not given[0] < MOST_SIGMA_S:
         return f"the motion leaves ± {1.96 * given[0]:.2f} s open"
-    if abs(offset) > LAGS_S[-1] - APART_S / 2:
+    if abs(offset) > LAGS_S[-1] - lag.APART_S / 2:
         return f"the best lag is at the end of the ± {LAGS_S[-1]:g} s that were tried"
-    inner = costs[1:-1]
-    valleys = 1 + np.flatnonzero((inner < costs[:-2]) & (inner < costs[2:]))
-    others = [k for k in valleys if abs(LAGS_S[k] - offset) > max(APART_S, 3 * given[0])]
-    if not others:
-        return ""
-    least = np.nanmin(costs)
-    other = min(others, key=lambda k: costs[k])
-    if count * (costs[other] ** 2 - least**2) / max(least, sd) ** 2 < CLEARLY:
-        return f"a lag of {LAGS_S[other]:+.2f} s agrees as well as {offset:+.2f} s"
-    return ""
+    return lag.doubt(LAGS_S, lag.worse(costs, count, sd), offset, max(lag.APART_S, 3 * given[0]))

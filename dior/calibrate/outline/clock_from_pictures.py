@@ -9,22 +9,31 @@ of neighbours are alike, and shrunk until the person is some 80 pixels tall: an 
 Recorded pixels; times in s after the first stored frame of the motion capture.
 """
 
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 
+from dior.arrays import Floats, Ints, Table
 from dior.calibrate.outline import clock_from_edges, seen_edges, silhouettes, tracks
 from dior.clocks.axis import seconds
+from dior.clocks.clock import Clock
 from dior.geometry import camera as cam
+from dior.geometry.camera import Camera
 
-PICTURES = 200
-TALL_PX = 80
-BORDER_PX = 2.0  # of a shrunk picture: an edge there is the picture's
-BIAS_M = 0.02  # of a marker or what is derived from it against the outline, as long as the same side is seen
-TRAILS_M = 0.002  # of an outline where it moves: clothes swing, skin slips
-MARGIN_PX, MARGIN_SPLIT_PX = 3.0, 3.0  # at fx 760
-EMPTY_FROM = 60  # pictures
+# chosen: errors of neighbouring pictures are alike, so that more of them, or larger ones, cost time and tell little
+PICTURES, TALL_PX = 200, 80
+BORDER_PX = 2.0  # chosen: of a shrunk picture: an edge so near its border is the picture's and not the person's
+BIAS_M = 0.02  # chosen: sd of a marker, or what is derived from it, against the outline while the same side is seen
+TRAILS_M = 0.002  # chosen: sd of an outline ahead of or behind the body where it moves: clothes swing, skin slips
+MARGIN_PX, MARGIN_SPLIT_PX = 3.0, 3.0  # chosen: sd of what lies outside of the flesh, at fx 760; of v against u
+EMPTY_FROM = 60  # chosen: pictures whose median is the empty scene; bounds the memory
 
 
-def from_pictures(camera, mocap_table, frames_rows, data_root, where):
+def from_pictures(
+    camera: Camera, mocap_table: Table, frames_rows: Table, data_root: Path, where: str
+) -> tuple[Clock, Floats, Floats]:
     """`Clock`, the lags (s) and their costs (px).
 
     `mocap_table`, `frames_rows`: dicts of arrays, tables `skeletons_3d` of the sequence and `frames` of the camera.
@@ -38,7 +47,7 @@ def from_pictures(camera, mocap_table, frames_rows, data_root, where):
     track, t0_ns, flesh_m = body(mocap_table)
     shown = chosen(len(frames_rows["stamp_ns"]))
     factor = shrinking(camera, track)
-    small = [None] * len(shown)
+    small: list[Any] = [None] * len(shown)
     for row, picture in read_pictures(rows(frames_rows, shown), data_root):
         small[row] = shrunk(picture, factor)
     edges = edges_of(small, factor, tall_px(camera, track))
@@ -46,20 +55,20 @@ def from_pictures(camera, mocap_table, frames_rows, data_root, where):
     return found.clock, clock_from_edges.LAGS_S, found.costs_px
 
 
-def body(mocap_table):
-    """The `Track` of the markers and what is derived from them, t0 (ns) and how far outside the outline lies (J,) m."""
+def body(mocap_table: Table) -> tuple[tracks.BodyTrack, int, Floats]:
+    """The `BodyTrack` of markers and what is derived from them, t0 (ns), how far outside the outline lies (J,) m."""
     track, t0_ns, joints = tracks.read(mocap_table)
     whole, flesh_m = silhouettes.outline(filled(track), joints)
-    return tracks.Track(track.seconds, whole), t0_ns, flesh_m
+    return tracks.BodyTrack(track.seconds, whole), t0_ns, flesh_m
 
 
-def filled(track):
+def filled(track: tracks.BodyTrack) -> Floats:
     """Points (T, J, 3) with gaps bridged linearly against the middle of the body, so that an extreme does not jump."""
     points = track.points.copy()
-    known = np.isfinite(points).all(axis=-1)
+    known = np.all(np.isfinite(points), axis=-1)
     always = known.mean(axis=0) > 0
     middle = np.nanmedian(np.where(known[..., None], points, np.nan), axis=1)
-    seen = np.isfinite(middle).all(axis=-1)
+    seen = np.all(np.isfinite(middle), axis=-1)
     for j in np.flatnonzero(always & ~known.all(axis=0)):
         good, gone = known[:, j] & seen, ~known[:, j] & seen
         for axis in range(3):
@@ -68,12 +77,12 @@ def filled(track):
     return points
 
 
-def chosen(count):
+def chosen(count: int) -> Ints:
     """Rows of the pictures that are looked at, spread over the recording."""
     return np.unique(np.linspace(0, count - 1, min(PICTURES, count)).round().astype(int))
 
 
-def tall_px(camera, track):
+def tall_px(camera: Camera, track: tracks.BodyTrack) -> float:
     """Height (px) of the person in the recorded picture, in the median."""
     v = cam.project(camera, track.points[:: max(1, len(track.points) // 200)])[0][..., 1]
     high = np.nanmax(np.where(np.isfinite(v).any(axis=1)[:, None], v, np.inf), axis=1) - np.nanmin(
@@ -82,21 +91,21 @@ def tall_px(camera, track):
     return float(np.median(high[np.isfinite(high)])) if np.isfinite(high).any() else float(TALL_PX)
 
 
-def shrinking(camera, track):
+def shrinking(camera: Camera, track: tracks.BodyTrack) -> int:
     """By which whole number pictures are shrunk."""
     return max(1, round(tall_px(camera, track) / TALL_PX))
 
 
-def shrunk(picture, factor):
+def shrunk(picture: silhouettes.Picture, factor: int) -> silhouettes.Picture:
     """Means over squares of `factor` pixels; a rest at the right and below is left out."""
     import cv2
 
     high, wide = (n // factor for n in picture.shape[:2])
     whole = picture[: high * factor, : wide * factor]
-    return whole if factor == 1 else cv2.resize(whole, (wide, high), interpolation=cv2.INTER_AREA)
+    return whole if factor == 1 else np.asarray(cv2.resize(whole, (wide, high), interpolation=cv2.INTER_AREA), np.uint8)
 
 
-def edges_of(small, factor, tall):
+def edges_of(small: Sequence[silhouettes.Picture], factor: int, tall: float) -> Floats:
     """Edges (F, 4) in recorded px of the person in shrunk pictures; NaN where the picture's border cuts him."""
     step = max(1, len(small) // EMPTY_FROM)
     empty = silhouettes.empty_scene(small[::step])
@@ -107,10 +116,15 @@ def edges_of(small, factor, tall):
     return np.where(cut, np.nan, (edges + 0.5) * factor - 0.5)
 
 
-def from_edges(camera, track, flesh_m, moments, edges):
-    """`edge_clock.Found` from edges (F, 4) px of pictures taken at `moments` (F,) s by the stamps."""
+def from_edges(
+    camera: Camera, track: tracks.BodyTrack, flesh_m: Floats, moments: Floats, edges: Floats
+) -> clock_from_edges.ClockFromEdges:
+    """`clock_from_edges.ClockFromEdges` from edges (F, 4) px of pictures taken at `moments` (F,) s by the stamps."""
     points = track.at(moments)
     nothing = np.full((*points.shape[:2], 2), np.nan)
-    seen = seen_edges.Seen(points, edges, nothing, moments, np.zeros(len(moments), int), BIAS_M, flesh_m, (track,))
-    margin = np.array([MARGIN_PX, MARGIN_SPLIT_PX]) * camera.intrinsics.fx / 760
+    seen = seen_edges.EdgeObservations(
+        points, edges, nothing, moments, np.zeros(len(moments), int), BIAS_M, flesh_m, (track,)
+    )
+    scale = camera.intrinsics.fx / 760
+    margin = MARGIN_PX * scale, MARGIN_SPLIT_PX * scale
     return clock_from_edges.estimate(camera, seen, "pictures", margin, trails_m=TRAILS_M)

@@ -5,45 +5,64 @@ OUTPUTS  weights, by how much intervals widen, covariances
 World in metres, recorded pixels.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
-LEAST_SD_PX = 0.3
-STANDS_M_S = 0.2
+from dior.arrays import Floats, Ints
+from dior.calibrate.outline.seen_edges import EdgeObservations
+from dior.clocks import persistence
+from dior.geometry.camera import Camera
+
+LEAST_SD_PX = 0.3  # chosen: nobody draws a box better, no silhouette is known better
+STANDS_M_S = 0.2  # chosen: a body that moves slower turns on the spot and shows no side of its own
 
 
-def weights(residual, scale):
+@dataclass(frozen=True, eq=False)
+class EdgeResiduals:
+    """N coordinates: picture, joint, axis, side (-1 for a click), residual px, derivatives by the parameters (N, 9+2K),
+    by the 3D point (N, 3) and by the camera (N, 6)."""
+
+    frame: Ints
+    joint: Ints
+    axis: Ints
+    kind: Ints
+    residual: Floats
+    J: Floats
+    by_point: Floats
+    by_camera: Floats
+
+
+def weights(residual: Floats, scale: float) -> Floats:
     """Geman-McClure: an edge that is far off does not pull at all."""
     return 1 / (1 + (residual / scale) ** 2) ** 2
 
 
-def slopes(residual, scale):
+def slopes(residual: Floats, scale: float) -> Floats:
     """Derivative of the weighted residual by the residual."""
     z2 = (residual / scale) ** 2
     return (1 - 3 * z2) / (1 + z2) ** 3
 
 
-def spread(residual):
+def spread(residual: Floats) -> float:
     """Standard deviation (px) of most of the residuals."""
     return max(1.4826 * np.median(np.abs(residual)), LEAST_SD_PX)
 
 
-def inflation(rows, weight, seen):
-    """By how much errors alike in time widen the intervals: 1 + 2 sum of the autocorrelations up to 1 s, at least 1.
+def inflation(rows: EdgeResiduals, weight: Floats, seen: EdgeObservations) -> float:
+    """By how much errors alike in time widen the intervals: `dior.clocks.persistence.inflation_at`.
 
-    Pairs of the same side (or joint and axis) of one walk, pooled; the mean of each side is taken out.
+    A side (or joint and axis) of one walk is a series; the mean of each side is subtracted.
     """
     label = np.where(rows.kind >= 0, rows.kind, 4 + 2 * rows.joint + rows.axis)
     own = weight * rows.residual
     for k in np.unique(label):
         own[label == k] -= own[label == k].mean()
-    t, walk = seen.seconds[rows.frame], seen.walk[rows.frame]
-    alike = (label[:, None] == label) & (walk[:, None] == walk) & (np.abs(t[:, None] - t) <= 1.0)
-    np.fill_diagonal(alike, False)
-    products = np.where(alike, np.outer(own, own), 0.0).sum()
-    return float(max(1.0, 1.0 + products / max((own**2).sum(), 1e-12)))
+    series = seen.walk[rows.frame] * (label.max() + 1) + label
+    return persistence.inflation_at(own, seen.seconds[rows.frame], series)
 
 
-def of_bias(pull, rows, camera, points, seen):
+def of_bias(pull: Floats, rows: EdgeResiduals, camera: Camera, points: Floats, seen: EdgeObservations) -> Floats:
     """Covariance (P, P) of parameters that residuals move by `pull` (P, N), from joints that are off by `seen.bias_m`
     alike in every picture that shows the same side of the body; `points` (F, J, 3) m."""
     out = np.zeros((len(pull), len(pull)))
@@ -57,9 +76,9 @@ def of_bias(pull, rows, camera, points, seen):
     return out
 
 
-def way_seen(camera, points, seconds, walk):
+def way_seen(camera: Camera, points: Floats, seconds: Floats, walk: Ints) -> Ints:
     """0 to 4 (F,): whether the body of points (F, J, 3) m goes away, right, towards the camera or left, or stands."""
-    known = np.isfinite(points).all(axis=-1)[..., None]
+    known = np.all(np.isfinite(points), axis=-1)[..., None]
     middle = np.where(known, points, 0.0).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
     ahead = camera.wRc[:, 2] * (1, 1, 0)
     right = np.cross(ahead, (0, 0, 1))

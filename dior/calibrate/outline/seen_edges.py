@@ -1,14 +1,20 @@
 """What is given to a fit of a camera to boxes, silhouettes or clicks (`boxes_fit`): what was seen, and what may move.
 
-Recorded pixels, world in metres. `Seen` has the pictures of all walks in one row; where the clock of the pictures is to
-be found, too, it has the 3D of each walk at any moment (`tracks`).
+Recorded pixels, world in metres. `EdgeObservations` has the pictures of all walks in one row; where the clock of the
+pictures is to be found, too, it has the 3D of each walk at any moment (`tracks`).
 """
+
+from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
 
-# 3D joints of real detectors are off by about 1 % of the body height, for as long as the same side is seen
+from dior.arrays import Floats, Ints
+from dior.calibrate.outline.tracks import BodyTrack
+
+# chosen: 3D joints of real detectors are off by about 1 % of the body height (design, section 9), for as long as the
+# same side is seen, and the outline of a body goes around other points than theirs
 JOINT_BIAS_M = 0.025
 
 
@@ -20,39 +26,39 @@ class Freedom:
     `drift_ppm` (K,): of the clocks of the K walks.
     """
 
-    turn: tuple = (np.radians(5), np.radians(5), np.radians(3))
-    shift: tuple = (0.3, 0.0, 0.0)
+    turn: tuple[float, float, float] = (np.radians(5), np.radians(5), np.radians(3))
+    shift: tuple[float, float, float] = (0.3, 0.0, 0.0)
     focal: float = 0.0
     margin_px: float = 3.0
     margin_split_px: float = 0.3
-    clock_s: tuple = ()
-    drift_ppm: tuple = ()
+    clock_s: tuple[float, ...] = ()
+    drift_ppm: tuple[float, ...] = ()
 
 
-@dataclass(frozen=True)
-class Seen:
+@dataclass(frozen=True, eq=False)
+class EdgeObservations:
     """F pictures: `points` (F, J, 3) m with NaN, `edges` (F, 4) px with NaN, `clicks` (F, J, 2) px with NaN.
 
     `seconds` (F,) and `walk` (F,): pictures of one walk near in time may share their errors. `bias_m`: standard error
-    of a joint's place that stays while the same side of the body is seen, of which no residual tells. `flesh_m` (J,):
-    how far the outline that the edges are of lies outside of each joint. `tracks`: the `Track` of each walk, on whose
-    axis the `seconds` are where a clock is to be found; `points` are then those at these `seconds`.
+    of a joint's place that is constant while the same side of the body is seen and shows in no residual. `flesh_m`
+    (J,): how far the outline that the edges are of lies outside of each joint. `tracks`: that of each walk, on whose
+    time axis the `seconds` are where a clock is to be found; `points` are then those at these `seconds`.
     """
 
-    points: np.ndarray
-    edges: np.ndarray
-    clicks: np.ndarray
-    seconds: np.ndarray
-    walk: np.ndarray
+    points: Floats
+    edges: Floats
+    clicks: Floats
+    seconds: Floats
+    walk: Ints
     bias_m: float = JOINT_BIAS_M
-    flesh_m: np.ndarray | float = 0.0
-    tracks: tuple = ()
+    flesh_m: Floats | float = 0.0
+    tracks: tuple[BodyTrack, ...] = ()
 
-    def middle_s(self, walk):
-        """Time (s) in the middle of the pictures of a walk, where its clock and its drift are told apart."""
+    def middle_s(self, walk: int) -> float:
+        """Time (s) in the middle of the pictures of a walk, where errors of its clock and drift are independent."""
         return float(self.seconds[self.walk == walk].mean())
 
-    def at(self, clocks):
+    def at(self, clocks: Floats) -> tuple[Floats, Floats, Floats]:
         """Points (F, J, 3) m with clocks (K, 2) s and ppm that are off, their velocities, and the time (F,) s from the
         middle of the walk."""
         if not self.tracks:
@@ -65,18 +71,18 @@ class Seen:
             points[mine], velocity[mine] = track.at(moments), track.velocity(moments)
         return points, velocity, since
 
-    def only(self, walk, lag_s=0.0):
+    def only(self, walk: int, lag_s: float = 0.0) -> EdgeObservations:
         """One walk alone, its pictures `lag_s` later."""
         mine = self.walk == walk
         seconds = self.seconds[mine] + lag_s
         flesh = self.flesh_m
-        return Seen(
+        return EdgeObservations(
             self.tracks[walk].at(seconds), self.edges[mine], self.clicks[mine], seconds,
             np.zeros(mine.sum(), int), self.bias_m, flesh, (),
         )  # fmt: skip
 
 
-def prior(freedom, walks=0):
+def prior(freedom: Freedom, walks: int = 0) -> Floats:
     """Precision (9 + 2K, 9 + 2K) of the parameters; 1e18 for what is held."""
     clocks = np.zeros((walks, 2))
     if freedom.clock_s:

@@ -7,46 +7,56 @@ light may change between them (a gain and an offset for each channel), and what 
 as the sun, tells nothing.
 """
 
-import numpy as np
+from collections.abc import Sequence
+from typing import TypeAlias
 
-SATURATED = 250
-LEAST_CONTRAST = 14.0  # grey levels in the channel that differs most
-NOISES = 5.0
+import numpy as np
+from numpy.typing import NDArray
+
+from dior.arrays import Bools, Floats
+
+Picture: TypeAlias = NDArray[np.uint8]
+Scene: TypeAlias = NDArray[np.float32]
+
+# chosen; what comes of it is measured by benchmarks/long_range.py and clocks_pictures.py
+SATURATED = 250  # grey levels from which on a pixel tells nothing
+LEAST_CONTRAST, NOISES = 14.0, 5.0  # a pixel stands out by so many grey levels in its best channel, and so many sd
 SMALLEST_PX = 12  # pixels of a silhouette
 JOIN = 0.5  # pieces this share of the expected height apart belong together
-GAIN_STEP = 7
+GAIN_STEP = 7  # every so many pixels tell the gain and offset of the light
 
 # of the stature, from the ear canal to the crown: 13 cm of 1.72 m (ANSUR II)
 EAR_TO_CROWN = 0.0755
 
 
-# how far skin and clothes lie outside of a joint, as a share of the stature; what is not here (eyes) adds nothing
+# chosen: how far skin and clothes lie outside of a joint, as a share of the stature, about half the breadth of a limb;
+# what is not here (eyes) adds nothing. An error that all share goes into the margin of the fit
 FLESH = {
     "nose": 0.015, "ear": 0.012, "shoulder": 0.040, "elbow": 0.030, "wrist": 0.020, "pinky": 0.015, "index": 0.015,
     "thumb": 0.015, "hip": 0.060, "knee": 0.037, "ankle": 0.027, "heel": 0.018, "foot_index": 0.018, "crown": 0.0,
 }  # fmt: skip
 
 
-def flesh(joints, height_m):
+def flesh(joints: Sequence[str], height_m: float) -> Floats:
     """How far the outline lies outside of each of the joints (J,), m."""
     return height_m * np.array([FLESH.get(joint.removeprefix("left_").removeprefix("right_"), 0.0) for joint in joints])
 
 
-def crown(points, joints):
+def crown(points: Floats, joints: Sequence[str]) -> Floats:
     """The crown of the head (F, 3) m above the ears, from points (F, J, 3): a silhouette ends there, joints do not."""
     ears = np.stack([points[:, joints.index(f"{side}_ear")] for side in ("left", "right")]).mean(axis=0)
     up = EAR_TO_CROWN / (1 - EAR_TO_CROWN) * np.nanmedian(ears[:, 2])
     return ears + (0.0, 0.0, up)
 
 
-# of the stature: the band of head markers, the crown above it, toes beyond the marker on the foot (with a shoe), what
-# lies outside of a marker that is stuck to clothes, fingers beyond the one on the hand
+# chosen, of the stature: the band of head markers, the crown above it, toes beyond the marker on the foot (in a shoe),
+# what lies outside of a marker that is stuck to clothes, fingers beyond the one on the hand
 BAND, ABOVE_BAND, TOES, CLOTH = 0.95, 0.05, 0.04, 0.006
 MARKER_FLESH = {"FIN": 0.025, "toes": 0.012, "HEE": 0.010, "crown": 0.0}
 HEAD = ("LFHD", "RFHD", "LBHD", "RBHD")
 
 
-def outline(points, joints):
+def outline(points: Floats, joints: Sequence[str]) -> tuple[Floats, Floats]:
     """Points (F, J', 3) m that the outline of the body lies around, and how far outside of each (J',) m it does.
 
     `points` (F, J, 3) of joints or of Plug-in-Gait markers; the crown and the toes are added where they are known.
@@ -71,7 +81,7 @@ def outline(points, joints):
     return whole, height_m * np.array(out)
 
 
-def window(uv, size, around_px):
+def window(uv: Floats, size: tuple[int, int], around_px: float) -> tuple[int, int, int, int]:
     """The part u0, v0, u1, v1 of a picture (width, height) that holds all of uv (..., 2) with so much around."""
     flat = uv.reshape(-1, 2)
     flat = flat[np.isfinite(flat).all(axis=1)]
@@ -80,7 +90,7 @@ def window(uv, size, around_px):
     return (*low.tolist(), *(high + 1).tolist())
 
 
-def empty_scene(pictures):
+def empty_scene(pictures: Sequence[Picture]) -> Scene:
     """The scene (height, width, 3) without anybody: the median of pictures (F, height, width, 3).
 
     They should be of several walks: one straight towards the camera hides the same place all the time.
@@ -88,7 +98,7 @@ def empty_scene(pictures):
     return np.median(np.asarray(pictures), axis=0).astype(np.float32)
 
 
-def edges(pictures, height_px, empty):
+def edges(pictures: Sequence[Picture], height_px: float, empty: Scene) -> Floats:
     """Edges (F, 4) px, in the coordinates of the pictures (F, height, width, 3) uint8, of a person `height_px` tall.
 
     `empty` as from `empty_scene`. The largest group of pixels that stand out is the person, if it is neither too small
@@ -96,7 +106,7 @@ def edges(pictures, height_px, empty):
     """
     import cv2
 
-    known = (empty < SATURATED).all(axis=-1)
+    known = np.all(empty < SATURATED, axis=-1)
     each = [_same_light(picture.astype(np.float32), empty, known) - empty for picture in pictures]
     differs = np.stack([np.where(known, np.abs(d).max(axis=-1), 0.0) for d in each])
     noise = 1.4826 * np.median(differs, axis=0)
@@ -116,7 +126,7 @@ def edges(pictures, height_px, empty):
     return found
 
 
-def _same_light(picture, empty, known):
+def _same_light(picture: Scene, empty: Scene, known: Bools) -> Scene:
     """The picture with the gain and offset of each channel that bring most of it to the empty scene."""
     out = picture.copy()
     usable = known & (picture < SATURATED).all(axis=-1)
@@ -135,7 +145,7 @@ def _same_light(picture, empty, known):
     return out
 
 
-def _extent(strength):
+def _extent(strength: Scene) -> tuple[float, float, float, float]:
     """u_min, v_min, u_max, v_max px of what stands out (height, width); an edge pixel counts by how much it does.
 
     A pixel that is half covered by the body stands out half as much as those further inside, so that the outline is
@@ -147,7 +157,7 @@ def _extent(strength):
     return low_u, low_v, high_u, high_v
 
 
-def _ends(profile):
+def _ends(profile: Scene) -> tuple[float, float]:
     there = np.flatnonzero(profile > 0)
     first, last = there[0], there[-1]
     if last - first < 3:

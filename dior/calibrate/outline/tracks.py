@@ -8,33 +8,34 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dior.arrays import Floats, Table
 from dior.clocks.axis import SAME_TIME_S, sample, seconds
 from dior.tables import tables
 
-# a velocity is that over so long: shorter, and the noise of the joints is most of it
+# chosen: a velocity is that over twice so long: shorter, and the noise of the joints is most of it
 HALF_SPAN_S = 0.05
 
 
-@dataclass(frozen=True)
-class Track:
+@dataclass(frozen=True, eq=False)
+class BodyTrack:
     """`seconds` (T,) ascending on the axis of the sequence, `points` (T, J, 3) m."""
 
-    seconds: np.ndarray
-    points: np.ndarray
+    seconds: Floats
+    points: Floats
 
-    def at(self, moments):
+    def at(self, moments: Floats) -> Floats:
         """Points (F, J, 3) m at moments (F,) s, linear between the instants."""
         gap = 1.5 * np.median(np.diff(self.seconds)) if len(self.seconds) > 1 else SAME_TIME_S
         return sample(self.seconds, self.points, moments, gap)
 
-    def velocity(self, moments):
+    def velocity(self, moments: Floats) -> Floats:
         """Velocities (F, J, 3) m/s at moments (F,) s; 0 where they are not known."""
         step = self.at(moments + HALF_SPAN_S) - self.at(moments - HALF_SPAN_S)
         return np.nan_to_num(step / (2 * HALF_SPAN_S))
 
 
-def read(skeleton):
-    """`Track` of a `skeletons_3d` table (dict of arrays), its t0 in ns and its joints."""
+def read(skeleton: Table) -> tuple[BodyTrack, int, list[str]]:
+    """`BodyTrack` of a `skeletons_3d` table (dict of arrays), its t0 in ns and its joints."""
     points, joints = tables.grid(skeleton, "x", "y", "z")
     stamps = skeleton["stamp_ns"].reshape(points.shape[:2])[:, 0]
-    return Track(seconds(stamps, stamps[0]), points), int(stamps[0]), joints
+    return BodyTrack(seconds(stamps, stamps[0]), points), int(stamps[0]), joints

@@ -1,34 +1,39 @@
 """The walks that a long-range camera is aligned to, and what is drawn or seen around the known walker in its pictures.
 
 INPUTS   skeletons and frames of sequences, their clocks given by hand, boxes, marks or pictures
-OUTPUTS  `Walk`s; pictures and edges of each; `seen_edges.Seen` of all together
+OUTPUTS  `FilmedWalk`s; pictures and edges of each; `seen_edges.EdgeObservations` of all together
 World in metres, recorded pixels.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from dior.arrays import Floats, Ints, Table
 from dior.calibrate.marks import marks as hand_marks
 from dior.calibrate.outline import seen_edges, silhouettes, tracks
 from dior.clocks import by_hand as hand_offsets
-from dior.clocks.axis import seconds
+from dior.clocks.axis import ClockValues, seconds
 from dior.errors import DiorError, nearest
 from dior.geometry import camera as cam
 from dior.geometry import covariance
+from dior.geometry.camera import Camera
 from dior.geometry.covariance import point_covariance
 from dior.project import boxes as hand_boxes
 from dior.tables import tables
 
-# the lasting errors of the joints of a body are alike: of the detector, of the close cameras
+# chosen: constant errors of the joints of a body, by the detector and the close cameras, are partly alike
 ALIKE = 1.2
-SILHOUETTE_MARGIN_PX = 0.5  # beyond the flesh
-PICTURES = 150  # of a sequence, for silhouettes
-AROUND_PX = 60.0  # about where the start has the person, at fx 760
+SILHOUETTE_MARGIN_PX = 0.5  # chosen: sd of what a silhouette has beyond the flesh
+PICTURES = 150  # chosen: of a sequence, for silhouettes; neighbouring ones tell the same
+AROUND_PX = 60.0  # chosen: 4.5 degrees about where the start has the person, at fx 760
 
 
-@dataclass(frozen=True)
-class Walk:
+@dataclass(frozen=True, eq=False)
+class FilmedWalk:
     """One sequence and the pictures of the camera: their `rows` and `seconds` (F,) by the clock as far as it is known,
     the `track` of the `joints`, whether the clock is `held` at what a person gave.
 
@@ -36,21 +41,21 @@ class Walk:
     """
 
     name: str
-    rows: dict
-    seconds: np.ndarray
-    track: tracks.Track
-    joints: list
+    rows: Table
+    seconds: Floats
+    track: tracks.BodyTrack
+    joints: list[str]
     held: bool
     sd_m: float
 
     @property
-    def points(self):
+    def points(self) -> Floats:
         """(F, J, 3) m at the pictures."""
         return self.track.at(self.seconds)
 
 
-def read_walk(name, camera, skeleton, frames, offsets):
-    """`Walk` of one sequence; `offsets`: the file of clocks given by hand, or None.
+def read_walk(name: str, camera: str, skeleton: Path, frames: Path, offsets: Path | None) -> FilmedWalk:
+    """`FilmedWalk` of one sequence; `offsets`: the file of clocks given by hand, or None.
 
     Raises DiorError where the camera has no picture.
     """
@@ -64,22 +69,22 @@ def read_walk(name, camera, skeleton, frames, offsets):
     variance = np.trace(noise, axis1=-2, axis2=-1)[np.isfinite(noise).all(axis=(-2, -1))] / 3
     sd_m = float(np.sqrt(np.median(variance))) if len(variance) else np.nan
     when = seconds(rows["stamp_ns"], t0_ns, offset_s, drift_ppm)
-    return Walk(name, rows, when, track, joints, source == "manual", sd_m)
+    return FilmedWalk(name, rows, when, track, joints, source == "manual", sd_m)
 
 
-def given_clock(camera, frames, offsets):
+def given_clock(camera: str, frames: Path, offsets: Path | None) -> ClockValues:
     """Offset s, drift ppm and source of a camera's clock by the file of those given by hand, which may be None."""
     known = tables.ordered_unique(tables.read(frames, "frames", ["camera"])["camera"])
     return hand_offsets.read(offsets, known)[camera]
 
 
-def from_boxes(walk, path):
+def from_boxes(walk: FilmedWalk, path: Path) -> tuple[Ints, Floats]:
     """Pictures (F,) with a box, by their row, and its edges (F, 4) px."""
     numbers, edges = hand_boxes.read(path, walk.rows["frame"])
     return np.searchsorted(walk.rows["frame"], numbers), edges
 
 
-def from_marks(walk, marks, path):
+def from_marks(walk: FilmedWalk, marks: hand_marks.Marks, path: Path) -> tuple[Ints, Floats]:
     """Pictures (F,) with clicked joints, by their row, and the clicks (F, J, 2) px with NaN."""
     mine = marks.only(marks.sequence == walk.name)
     rows = []
@@ -99,7 +104,7 @@ def from_marks(walk, marks, path):
     return shown, clicks
 
 
-def from_pictures(walks, start, data_root):
+def from_pictures(walks: Sequence[FilmedWalk], start: Camera, data_root: Path) -> list[tuple[Ints, Floats]]:
     """By walk, pictures (F,) spread over it, by their row, and the edges (F, 4) px of the silhouette in each."""
     from dior.ingest.bags import read_pictures
 
@@ -114,7 +119,7 @@ def from_pictures(walks, start, data_root):
     u0, v0, u1, v1 = silhouettes.window(flat, (lens.width, lens.height), AROUND_PX * max(lens.fx / 760, 1.0))
     pieces = []
     for walk, chosen in zip(walks, rows, strict=True):
-        mine = [None] * len(chosen)
+        mine: list[Any] = [None] * len(chosen)
         for row, picture in read_pictures(tables.rows(walk.rows, chosen), data_root):
             mine[row] = picture[v0:v1, u0:u1]
         pieces.append(mine)
@@ -125,8 +130,15 @@ def from_pictures(walks, start, data_root):
     return [(chosen, silhouettes.edges(mine, tall, empty) + corner) for chosen, mine in zip(rows, pieces, strict=True)]
 
 
-def gather(walks, start, source, files, data_root, marks):
-    """`seen_edges.Seen` of all sequences. `files`: boxes by sequence; `marks`: a path."""
+def gather(
+    walks: Sequence[FilmedWalk],
+    start: Camera,
+    source: str,
+    files: Mapping[str, Path],
+    data_root: Path,
+    marks: Path | None,
+) -> seen_edges.EdgeObservations:
+    """`seen_edges.EdgeObservations` of all sequences. `files`: boxes by sequence; `marks`: a path."""
     if source == "boxes":
         missing = [walk.name for walk in walks if walk.name not in files]
         if missing:
@@ -135,31 +147,35 @@ def gather(walks, start, source, files, data_root, marks):
     elif source == "silhouettes":
         found = from_pictures(walks, start, data_root)
     else:
+        if marks is None:
+            raise DiorError(f"{start.name}: align.from says marks, but there is no file of marks")
         clicked = hand_marks.read(marks)
         found = [from_marks(walk, clicked, marks) for walk in walks]
-    parts, flesh, taken = [], 0.0, []
+    flesh: Floats | float = 0.0
+    parts, used = [], []
     for k, (walk, (shown, values)) in enumerate(zip(walks, found, strict=True)):
         track, count = walk.track, len(shown)
         if source == "silhouettes":
             whole, flesh = silhouettes.outline(track.points, walk.joints)
-            track = tracks.Track(track.seconds, whole)
-        points, taken = track.at(walk.seconds[shown]), [*taken, track]
+            track = tracks.BodyTrack(track.seconds, whole)
+        used.append(track)
+        points = track.at(walk.seconds[shown])
         clicks = values if source == "marks" else np.full((*points.shape[:2], 2), np.nan)
         edges = np.full((count, 4), np.nan) if source == "marks" else values
         parts.append((points, edges, clicks, walk.seconds[shown], np.full(count, k)))
-    bias_m = lasting_bias(walks)
-    return seen_edges.Seen(
-        *(np.concatenate(column) for column in zip(*parts, strict=True)), bias_m, flesh, tuple(taken)
+    points, edges, clicks, seconds, number = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return seen_edges.EdgeObservations(
+        points, edges, clicks, seconds, number, constant_error(walks), flesh, tuple(used)
     )
 
 
-def lasting_bias(walks):
-    """Standard error (m) of a joint's place that stays while the same side of the body is seen."""
+def constant_error(walks: Sequence[FilmedWalk]) -> float:
+    """Standard error (m) of a joint's place that is constant while a camera sees the same side of the body."""
     known = [walk.sd_m for walk in walks if np.isfinite(walk.sd_m)]
     return ALIKE * float(np.mean(known)) if known else seen_edges.JOINT_BIAS_M
 
 
-def by_close(close, points):
+def by_close(close: Sequence[Camera], points: Floats) -> Floats:
     """Derivative (F, J, 3, 6V) of triangulated points by the close cameras' errors; all that see them count alike."""
     inside = np.stack([cam.in_frame(c.intrinsics, cam.project(c, points)[0]) for c in close])
     return covariance.triangulated(close, points, inside[..., None, None] * np.eye(2))[1]

@@ -22,7 +22,7 @@ def tracks(late_s=0.0, offset_px=0.0, noise_px=0.0, seed=0, count=400, joints=6)
     by_camera[..., 0, 0] = 600.0
     basis = fit.constants(np.full((joints, count), 5.0), np.zeros((joints, count), int))
     index = np.arange(joints)
-    return fit.Tracks(residual, by_clock, by_camera, basis, None, index, index, t)
+    return fit.ResidualTracks(residual, by_clock, by_camera, basis, None, index, index, t)
 
 
 PRIOR = np.array([0.0, 1 / 50.0**2])
@@ -63,7 +63,39 @@ def test_noise_that_lasts_is_whitened():
     for i in range(1, 2000):
         x[:, i] = 0.8 * x[:, i - 1] + random.standard_normal((40, 2))
     every = np.ones(1999, bool)
-    keep = fit.correlation(x, np.ones(x.shape[:2]), every)
+    keep = fit.correlation(x, np.ones(x.shape[:2]), every, 1 / 30)
     assert keep == pytest.approx(0.8, abs=0.02)
     y, _ = fit.whitened(x[..., None], np.ones(x.shape[:2]), every, keep)
-    assert fit.correlation(y[..., 0], np.ones(y.shape[:2]), every[1:]) < 0.05
+    assert fit.correlation(y[..., 0], np.ones(y.shape[:2]), every[1:], 1 / 30) < 0.05
+
+
+@pytest.mark.parametrize("hz", [15, 30, 60, 120])
+def test_what_takes_part_is_a_time_and_no_number_of_pictures(hz):
+    short, long = np.arange(20 * hz) / hz, np.arange(200 * hz) / hz
+    assert np.diff(short[fit.runs(short, 80.0, 3)]).max() < 1.01 / min(hz, 30)
+    taken = long[fit.runs(long, 80.0, 3)]
+    gaps = np.flatnonzero(np.diff(taken) > 1.0)
+    assert len(gaps) == 2 and len(taken) / min(hz, 30) == pytest.approx(80.0, abs=0.3)
+    assert taken[0] == 0.0 and taken[-1] == pytest.approx(200.0, abs=0.1)
+    assert taken[gaps[0] + 1] < 100 < taken[gaps[1]]
+    assert fit.runs(np.zeros(1), 80.0, 3).tolist() == [0]
+
+
+@pytest.mark.parametrize("hz", [15, 60, 120])
+def test_noise_is_whitened_by_how_long_it_lasts_at_any_rate(hz):
+    from scipy.signal import lfilter
+
+    count, every = 200 * hz, np.ones(200 * hz - 1, bool)
+    for lasts_s, expected_s in ((0.15, 0.15), (5.0, fit.LONGEST_S)):
+        white = np.random.default_rng(2).standard_normal((6, count, 2))
+        x = lfilter([1.0], [1.0, -np.exp(-1 / (hz * lasts_s))], white, axis=1)
+        keep = fit.correlation(x, np.ones(x.shape[:2]), every, 1 / hz)
+        assert -1 / (hz * np.log(keep)) == pytest.approx(expected_s, rel=0.15)
+
+
+def test_pairs_across_a_gap_have_no_say_in_the_correlation():
+    x = np.ones((1, 6, 2)) * np.array([1.0, 1, 1, -1, -1, -1])[None, :, None]
+    near = np.array([True, True, False, True, True])
+    assert fit.correlation(x, np.ones((1, 6)), near, 1 / 30) == pytest.approx(np.exp(-1 / 30 / fit.LONGEST_S))
+    assert fit.correlation(x, np.ones((1, 6)), near | True, 1 / 30) == pytest.approx(3 / 5)
+    assert fit.correlation(x, np.array([[1, 1, 0, 0, 0, 0.0]]), near | True, 1 / 30) > 0.9

@@ -6,6 +6,7 @@ import pytest
 from dior.calibrate import locate
 from dior.calibrate.marks import clock_from_marks
 from dior.calibrate.marks.marks import Marks, Motion
+from dior.clocks.clock import DRIFT_SD_PPM
 from dior.errors import DiorError
 from dior.geometry.camera import project
 from dior.geometry.covariance import moved
@@ -155,7 +156,7 @@ def test_a_drift_does_not_move_the_time_in_the_middle():
     true = found.middle_s * (1 + 600e-6) + 0.31
     assert 3 / FPS < found.middle_s < 77 / FPS
     assert found.offset_s + found.middle_s == pytest.approx(true, abs=1e-4)
-    assert found.sigma(["cam01"], solved.covariance)[1] == pytest.approx(clock_from_marks.DRIFT_SD_PPM)
+    assert found.sigma(["cam01"], solved.covariance)[1] == pytest.approx(DRIFT_SD_PPM)
 
 
 def test_what_the_camera_owes_to_the_clock():

@@ -49,7 +49,7 @@ def boxes(uv, margin=0.0, sd=0.0, seed=0):
 def seen(points, edges, clicks=None, bias_m=0.0):
     count, joints = points.shape[:2]
     clicks = np.full((count, joints, 2), np.nan) if clicks is None else clicks
-    return seen_edges.Seen(points, edges, clicks, np.linspace(0, 20, count), np.zeros(count, int), bias_m)
+    return seen_edges.EdgeObservations(points, edges, clicks, np.linspace(0, 20, count), np.zeros(count, int), bias_m)
 
 
 def label_error(camera, points):
@@ -104,7 +104,7 @@ def test_clicked_head_and_feet_do_as_well():
 
 def test_a_focal_length_that_may_change_is_found():
     points = body()
-    camera = boxes_fit.moved(true_camera(), np.eye(3), np.array([0, 0, 0, 0, 0, 0, np.log(1.02), 0, 0]))
+    camera = boxes_fit.with_parameters(true_camera(), np.eye(3), np.array([0, 0, 0, 0, 0, 0, np.log(1.02), 0, 0]))
     edges = boxes(project(camera, points)[0])
     known = true_camera()
     found = boxes_fit.fit(known, seen_edges.Freedom(shift=(0, 0, 0), focal=0.1), seen(points, edges), "cam04")

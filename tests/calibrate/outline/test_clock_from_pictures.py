@@ -93,7 +93,7 @@ def test_gaps_of_a_marker_are_bridged_with_the_body():
     points = np.stack([table[axis].reshape(-1, 39) for axis in "xyz"], axis=-1)
     gap = points.copy()
     gap[500:520, 30] = np.nan
-    found = clock_from_pictures.filled(tracks.Track(np.arange(len(gap)) / 100, gap))
+    found = clock_from_pictures.filled(tracks.BodyTrack(np.arange(len(gap)) / 100, gap))
     assert np.isfinite(found).all()
     np.testing.assert_allclose(found[500:520, 30], points[500:520, 30], atol=0.12)
 
@@ -111,7 +111,7 @@ def test_an_edge_at_the_border_of_the_picture_is_not_the_body():
 def test_a_track_has_no_points_in_a_gap_or_outside():
     points = np.arange(10.0)[:, None, None] * (1.0, 0.0, 0.0)
     points[5] = np.nan
-    track = tracks.Track(np.arange(10) / 10, points)
+    track = tracks.BodyTrack(np.arange(10) / 10, points)
     found = track.at(np.array([-0.1, 0.25, 0.45, 0.95]))
     np.testing.assert_allclose(found[1, 0], [2.5, 0, 0])
     assert np.isnan(found[[0, 2, 3]]).all()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dior.body.names import MLKIT_33, swap_index
-from dior.clocks import lags
+from dior.clocks import ray_lags
 from dior.geometry.camera import pose, project
 from dior.simulate import settings as levels
 from dior.simulate.motion import motion_of
@@ -14,7 +14,7 @@ LAGS = np.array([0.0, 0.57, -0.43])
 
 
 def seen(cameras, walk, apart=LAGS, noise_px=2.0, swapped=0.0):
-    """`lags.Rays` of a walk of 7 s by clocks that are `apart` s fast, as the placed `cameras` see them."""
+    """`ray_lags.Rays` of a walk of 7 s by clocks that are `apart` s fast, as the placed `cameras` see them."""
     made = levels.from_dict({"walks": [walk], "environments": ["outdoor"], "subjects": 1, "sequences": 1})
     motion = motion_of(made, levels.sequences(made)[0])
     random = np.random.default_rng(0)
@@ -26,7 +26,7 @@ def seen(cameras, walk, apart=LAGS, noise_px=2.0, swapped=0.0):
         runs = np.repeat(random.random(len(times) // 10) < swapped, 10)
         uv[: len(runs)][runs] = uv[: len(runs)][runs][:, swap_index(MLKIT_33)]
         uv[random.random(len(times)) < 0.02] = np.nan
-        out.append(lags.rays(placed, times - lag, uv, 0.05))
+        out.append(ray_lags.rays(placed, times - lag, uv, 0.05))
     return out
 
 
@@ -43,7 +43,9 @@ def turned(cameras, degrees, metres, seed=0):
 
 def found(cameras, rays, held):
     count = len(cameras)
-    return lags.coarse(cameras, rays, held, (0.0, 6.5), np.full(count, np.radians(lags.AIM_DEG)), np.full(count, 0.1))
+    return ray_lags.coarse(
+        cameras, rays, held, (0.0, 6.5), np.full(count, np.radians(ray_lags.AIM_DEG)), np.full(count, 0.1)
+    )
 
 
 @pytest.mark.parametrize("walk", ["straight", "across", "circling"])
@@ -68,6 +70,6 @@ def test_clocks_that_are_held_stay():
 def test_a_camera_that_saw_nobody_stays_where_it_is():
     cameras = turned(ring(3), 3.0, 0.05)
     rays = seen(cameras, "across")
-    rays[2] = lags.Rays(rays[2].first, np.full_like(rays[2].directions, np.nan))
+    rays[2] = ray_lags.Rays(rays[2].first, np.full_like(rays[2].directions, np.nan))
     got = found(cameras, rays, [True, False, False])
     assert abs(got[1] - LAGS[1]) < 0.08 and got[2] == 0

@@ -10,34 +10,34 @@ cameras are those with the least total cost of all pairs. Exchanged sides and wr
 Directions are unit vectors in the world, lengths m.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 
-from dior.geometry.camera import undistort
+from dior.arrays import Bools, Floats
+from dior.clocks import lag
+from dior.geometry.camera import Camera, undistort
 
-SEARCH_S, STEP_S = 2.0, 1 / 15
-GRID_HZ = 60.0
-EVERY_S = 0.1
-MOST_POINTS = 600
-FEWEST_POINTS = 100
-LOSS_RAD = (0.05, 0.02, 0.01, 0.006, 0.006)  # the last is about 10 px at fx 1680
-INDEPENDENT = 100.0  # how many measurements the points of a pair amount to, as errors last
-AIM_DEG, MOST_SHIFT_M = 12.0, 0.3  # how far a camera by tape may be off, before its keypoints are asked
+# chosen, all of them: the lag is to be good to a few hundredths of a second, as a start, in a second or so of computing
+STEPS_HZ, GRID_HZ = 15.0, 60.0  # of the lags, and of the rays that are compared at them
+EVERY_S, MOST_POINTS, FEWEST_POINTS = 0.1, 600, 100  # moments that are compared; joints at them
+LOSS_RAD = (0.05, 0.02, 0.01, 0.006, 0.006)  # Cauchy's scale, round by round; the last is about 10 px at fx 1680
+INDEPENDENT = 100.0  # measurements that the points of a pair amount to against the prior of the poses, as errors last
+AIM_DEG, MOST_SHIFT_M = 12.0, 0.3  # 1 sigma of a camera by tape and aimed by eye, before its keypoints are asked
 SHARED = 0.3  # a lag at which less than this share of the best lag's points is left says nothing
-BEAM = 400
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Rays:
     """Directions (T, J, 3) of a camera's joints on its clock, NaN where not seen, every 1/60 s from `first` / 60 s."""
 
     first: int
-    directions: np.ndarray
+    directions: Floats
 
 
-def rays(camera, seconds, uv, max_gap_s):
+def rays(camera: Camera, seconds: Floats, uv: Floats, max_gap_s: float) -> Rays:
     """`Rays` of pixels uv (F, J, 2) recorded at `seconds` (F,), never across a gap of more than `max_gap_s`."""
     from dior.clocks.axis import sample
 
@@ -48,27 +48,45 @@ def rays(camera, seconds, uv, max_gap_s):
     return Rays(first, ahead / np.linalg.norm(ahead, axis=-1, keepdims=True) @ camera.wRc.T)
 
 
-def coarse(cameras, seen, held, span, aim_rad, shift_m):
+def coarse(
+    cameras: Sequence[Camera],
+    seen: Sequence[Rays],
+    held: Bools,
+    span: tuple[float, float],
+    aim_rad: Floats,
+    shift_m: Floats,
+) -> Floats:
     """What is to be added to the times (V,) s of the cameras' clocks so that they agree.
 
     `seen`: `Rays` of each camera on its clock as it is known, `held` (V,): clocks that are not to be moved, at least
     one; `span`: first and last second that is looked at; `aim_rad`, `shift_m` (V,): how far off the cameras may be, 1
-    sigma. A camera that shares too little with the others to tell stays where it is.
+    sigma. A camera that shares too few joints with the others keeps its clock.
     """
-    steps = int(round(SEARCH_S / STEP_S))
-    costs = {}
+    lags, most, costs = lag.window(STEPS_HZ), round(lag.WINDOW_S * STEPS_HZ), {}
     for a, b in combinations(range(len(cameras)), 2):
         if held[a] and held[b]:
             continue
-        reach = steps if held[a] or held[b] else 2 * steps
+        reach = lags if held[a] or held[b] else lag.window(STEPS_HZ, 2 * lag.WINDOW_S)
         apart = np.hypot(aim_rad[a], aim_rad[b]), np.hypot(shift_m[a], shift_m[b])
-        lags = np.arange(-reach, reach + 1) * STEP_S
-        costs[a, b] = pair_cost(cameras[a].centre, seen[a], cameras[b].centre, seen[b], lags, span, *apart)
-    at = _least(costs, held, steps)
-    return np.array([0.0 if held[view] else _between(costs, at, view, steps) for view in range(len(cameras))])
+        costs[a, b] = pair_cost(cameras[a].centre, seen[a], cameras[b].centre, seen[b], reach, span, *apart)
+    at, found = lag.together(costs, held, most), np.zeros(len(cameras))
+    for view in np.flatnonzero(~np.asarray(held)).tolist():
+        along = lag.along(costs, at, view, most)
+        # a flat curve: it shares too little with the others
+        found[view] = lag.lowest(lags, along, at[view] + most) if np.ptp(along) > 0 else 0.0
+    return found
 
 
-def pair_cost(centre_a, a, centre_b, b, lags, span, aim_rad, shift_m):
+def pair_cost(
+    centre_a: Floats,
+    a: Rays,
+    centre_b: Floats,
+    b: Rays,
+    lags: Floats,
+    span: tuple[float, float],
+    aim_rad: float,
+    shift_m: float,
+) -> Floats:
     """Mean cost (L,) of the points that both see when b's clock is `lags` (L,) s late: time of a = time of b + lag.
 
     `aim_rad`, `shift_m`: how far their relative pose may be off. 0 at every lag where the points are too few.
@@ -93,7 +111,7 @@ def pair_cost(centre_a, a, centre_b, b, lags, span, aim_rad, shift_m):
     return np.where(enough, cost, cost[enough].max())
 
 
-def _fitted(A, B, good, baseline, aim_rad, shift_m):
+def _fitted(A: Floats, B: Floats, good: Bools, baseline: Floats, aim_rad: float, shift_m: float) -> Floats:
     """Mean cost (L,) of rays A (3, N) and B (L, 3, N) after turning B and shifting its centre, for each lag.
 
     The residual is the sine of the angle by which a ray misses the plane of the other and the baseline.
@@ -116,7 +134,7 @@ def _fitted(A, B, good, baseline, aim_rad, shift_m):
     return cost + (given**2 @ prior) / INDEPENDENT
 
 
-def _missed(A, B, line):
+def _missed(A: Floats, B: Floats, line: Floats) -> tuple[Floats, Floats]:
     """By how much B (L, 3, N) misses the plane of A (3, N) and the baseline (L, 3): (L, N), and its derivative
     (L, 6, N) by a turn of B in the world and a shift of its centre."""
     a, b = A[None], np.swapaxes(B, 0, 1)
@@ -125,39 +143,3 @@ def _missed(A, B, line):
     norm = np.sqrt(np.maximum((line**2).sum(axis=1)[:, None] - (with_a**2 + with_b**2) / 2, 1e-12))
     turn = line[..., None] * (a * B).sum(axis=1)[:, None] - a * with_b[:, None]
     return (line[:, None] @ cross)[:, 0] / norm, np.concatenate([turn, cross], axis=1) / norm[:, None]
-
-
-def _least(costs, held, steps):
-    """Lags (V,) in steps with the least total cost: cameras one after the other, the best few hundred at every turn."""
-    order = sorted(range(len(held)), key=lambda view: not held[view])
-    chosen, total = np.zeros((1, 0), int), np.zeros(1)
-    for i, view in enumerate(order):
-        own = np.zeros(1, int) if held[view] else np.arange(-steps, steps + 1)
-        more = np.repeat(total[:, None], len(own), axis=1)
-        for j, other in enumerate(order[:i]):
-            cost = costs.get((min(view, other), max(view, other)))
-            if cost is not None:
-                lag = own[None] - chosen[:, j, None]
-                more += cost[(lag if other < view else -lag) + len(cost) // 2]
-        best = np.argsort(more, axis=None, kind="stable")[:BEAM]
-        before, now = np.unravel_index(best, more.shape)
-        chosen, total = np.column_stack([chosen[before], own[now]]), more[before, now]
-    at = np.zeros(len(held), int)
-    at[order] = chosen[0]
-    return at
-
-
-def _between(costs, at, view, steps):
-    """The lag (s) of a camera, by the parabola through the least cost and its neighbours, the others as in `at`."""
-    along, lags = np.zeros(2 * steps + 1), np.arange(-steps, steps + 1)
-    for (a, b), cost in costs.items():
-        if view in (a, b):
-            along += cost[(lags - at[a] if view == b else at[b] - lags) + len(cost) // 2]
-    i = at[view] + steps
-    if not np.ptp(along) > 0:
-        return 0.0
-    if not 0 < i < 2 * steps:
-        return at[view] * STEP_S
-    before, here, after = along[i - 1 : i + 2]
-    bend = before - 2 * here + after
-    return (at[view] + (np.clip((before - after) / (2 * bend), -0.5, 0.5) if bend > 0 else 0.0)) * STEP_S
