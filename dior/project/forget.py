@@ -54,9 +54,12 @@ class Known:
         self.pseudonyms = {who for who, _ in self.walks}
 
 
-def run(project, yes):
-    """List, and with `yes` delete, what is left in the project's folder of what it no longer has."""
-    root = Path(project)
+def run(*, project: Path = Path("."), yes: bool = False) -> None:
+    """List, and with `yes` delete, what is left in the project's folder of what it no longer has.
+
+    `project`: folder that holds config/; `yes`: delete what is listed.
+    """
+    root = project
     known = Known(root)
     found = [*left(root, known), *_records(root, known)]
     found += _run_logs(root, ({_unit(path.parts) for path in found} | set(known.withheld)) - {None})

@@ -15,12 +15,12 @@ TEMPLATES = Path(__file__).parent / "templates"
 SESSION, CAMERA = "session_01", "cam01"
 
 
-def run(folder):
+def run(folder: Path) -> None:
     """Write the config of a new project into `folder` and print what to do next.
 
+    `folder`: it may be there, its config not.
     Raises DiorError where there is a config already: what a person wrote is never overwritten.
     """
-    folder = Path(folder)
     if (folder / "config").exists():
         raise DiorError(f"{folder / 'config'} exists already; choose another folder or remove it first")
     for path, text in contents().items():

@@ -8,6 +8,7 @@ note them (0.01 px, 1 mm, 0.1 ms), and no picture is rendered for them.
 
 from dataclasses import asdict, fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -30,9 +31,12 @@ DETECTOR_SHOWN = {"ideal": ("level", "noise_px"), "real": ("level",)}
 HEIGHT_SIGMA_M = 0.01
 
 
-def run(*, settings, write_config):
-    """Write the config of the capture that `settings` (a dict) describe into the folder `write_config`."""
-    write(from_dict(settings), Path(write_config))
+def run(*, write_config: Path, settings: dict[str, Any] | None = None) -> None:
+    """Write the config of a simulated capture.
+
+    `write_config`: folder to write it to; `settings`: what differs from the demo, as JSON.
+    """
+    write(from_dict(settings or {}), write_config)
 
 
 def write(settings, folder):
