@@ -75,7 +75,8 @@ def _first_sentence(module: str) -> str:
         raise ModuleNotFoundError(f"there is no module {module}")
     docstring = Path(spec.origin).read_text(encoding="utf-8").split('"""')[1]
     sentence = " ".join(docstring.split("\n\n")[0].split()).split(". ")[0].rstrip(".")
-    return re.sub(r"^`dior \w+`: ", "", sentence)
+    text = re.sub(r"^`dior \w+`: ", "", sentence)
+    return text[:1].upper() + text[1:]
 
 
 def _flag(name: str) -> str:

@@ -25,7 +25,7 @@ OF_A_JOB = "--sequence"
 
 def main(argv: list[str] | None = None) -> int:
     """Run one subcommand; what is wrong is one line on standard error. Returns the exit code."""
-    words = [_spelled(word) for word in (sys.argv[1:] if argv is None else argv)]
+    words = sys.argv[1:] if argv is None else argv
     if not words:
         print(NEXT)
         return 0
@@ -47,14 +47,6 @@ def main(argv: list[str] | None = None) -> int:
             raise
         print(f"dior {words[0]}: {error.filename}: {error.strerror}", file=sys.stderr)
         return 1
-
-
-def _spelled(word: str) -> str:
-    """`--camera_file` is `--camera-file`."""
-    if not word.startswith("--"):
-        return word
-    flag, equals, value = word.partition("=")
-    return f"{flag.replace('_', '-')}{equals}{value}"
 
 
 def _run_step(step: str, words: list[str]) -> int:

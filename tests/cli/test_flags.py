@@ -1,13 +1,16 @@
 import inspect
+import sys
 from dataclasses import dataclass, fields, is_dataclass
 from importlib import import_module
 from pathlib import Path
+from types import SimpleNamespace
 from typing import get_type_hints
 
 import pytest
 
-from dior.cli import flags, words
+from dior.cli import flags, main, words
 from dior.cli.by_hand import COMMANDS
+from dior.evaluate import timing
 from dior.project.steps import MODULES
 
 
@@ -69,7 +72,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from dior.made_of import limits, there
+from dior.made_of import there
 
 
 @dataclass(frozen=True)
@@ -139,6 +142,29 @@ def test_each_kind_of_parameter_is_read(step):
     assert flags.parsed(step, given) == {name: value for name, (_, value) in ALL.items()}
     assert flags.flags_of(step)["near"].within == ("here", "Here") and flags.flags_of(step)["near"].text == "how near"
     assert flags.flags_of(step)["over"].within == ("there", "there.There")
+
+
+def test_fields_of_a_dataclass_are_put_into_one(step, monkeypatch):
+    """And the job's cost is that of the flags as they were given."""
+    asked: dict = {}
+    noted: dict = {}
+
+    @dataclass(frozen=True)
+    class Here:
+        near: float
+        far: int
+
+    @dataclass(frozen=True)
+    class There:
+        over: list
+
+    made = SimpleNamespace(Here=Here, there=SimpleNamespace(There=There), run=lambda **given: asked.update(given))
+    monkeypatch.setitem(sys.modules, "dior.made_up", made)
+    monkeypatch.setattr(timing, "write", lambda name, given, started: noted.update({name: given}))
+    assert main.main([step, *(word for words, _ in ALL.values() for word in words)]) == 0
+    plain = {name: value for name, (_, value) in ALL.items()}
+    apart = {name: plain[name] for name in plain if name not in ("near", "far", "over")}
+    assert asked == apart | {"here": Here(2.0, 5), "there": There([])} and noted == {step: plain}
 
 
 def test_what_may_be_left_out(step):

@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 
 import dior
-from dior.cli import main
+from dior.cli import flags, main
 from dior.project.steps import MODULES
+from dior.reid import networks, train
 from tests.end_to_end.workflow import ROOT
 
 
@@ -77,14 +78,27 @@ def test_a_fault_of_the_system_without_a_file_keeps_its_trace(monkeypatch):
         main.main(["init", "mine"])
 
 
-def test_names_are_spelled_either_way(tmp_path):
-    spellings = (("simulate_mocap", "--out"), ("simulate-mocap", "--out"))
-    for command, out in spellings:
-        folder = tmp_path / command
-        assert main.main([command, *OF_A_WALK[:-1], out, str(folder)]) == 0
-        assert (folder / "indoor_01/mocap.c3d").is_file()
-    assert main.main(["simulate", "--write_config", str(tmp_path / "config")]) == 0
-    assert (tmp_path / "config/config.yaml").is_file()
+def test_names_are_spelled_either_way(tmp_path, monkeypatch):
+    for command in ("simulate_mocap", "simulate-mocap"):
+        assert main.main([command, *OF_A_WALK, str(tmp_path / command)]) == 0
+        assert (tmp_path / command / "indoor_01/mocap.c3d").is_file()
+    assert flags.parsed("refine", OF_REFINE) == flags.parsed(
+        "refine", [word.replace("p-s", "p_s") for word in OF_REFINE]
+    )
+    asked = {}
+
+    def run(*, test_sessions: list[str], labels: Path) -> None:
+        asked.update(test_sessions=test_sessions, labels=labels)
+
+    monkeypatch.setattr(train, "run", run)
+    for command in ("train-reid", "train_reid"):
+        for flag in ("--test-sessions", "--test_sessions"):
+            asked.clear()
+            assert main.main([command, flag, "field", "lab", "--labels", "a"]) == 0
+            assert asked == {"test_sessions": ["field", "lab"], "labels": Path("a")}
+
+
+OF_REFINE = "--sequence a --subject b --skeleton c --max-gap-s 1 --out d --findings e".split()
 
 
 def test_what_is_nested_in_json_is_read(tmp_path):
@@ -95,8 +109,6 @@ def test_what_is_nested_in_json_is_read(tmp_path):
 
 def test_the_networks_to_train_are_those_there_are():
     from typing import get_args, get_type_hints
-
-    from dior.reid import networks, train
 
     assert get_args(get_type_hints(train.run)["network"]) == networks.NAMES
 
@@ -124,7 +136,7 @@ def test_the_help_names_every_command_those_of_a_person_first(capsys):
 
 
 def test_the_help_of_a_command_tells_its_flags(capsys):
-    from dior.cli import by_hand, flags
+    from dior.cli import by_hand
 
     for name, module in by_hand.COMMANDS.items():
         assert main.main([name, "--help"]) == 0

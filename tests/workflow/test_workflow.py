@@ -40,20 +40,21 @@ def test_one_name_per_step():
         ), step
 
 
-def outputs_of(folder, *targets):
-    """The outputs of each rule in a dry run."""
-    _, text = snakemake(folder, "-n", *targets)
-    found = {}
-    for step, files in re.findall(r"^(?:local)?rule (\w+):\n(?:    input: .*\n)?    output: (.*)$", text, re.MULTILINE):
-        found.setdefault(step, set()).update(files.split(", "))
-    return found
-
-
-def test_results_lie_in_the_folder_of_the_step_or_of_the_table(tmp_path):
+@pytest.fixture(scope="module")
+def printed(tmp_path_factory):
+    """What a dry run of the demo prints."""
     from dior.simulate import config, settings
 
-    config.write(settings.Settings(), tmp_path / "config")
-    found = outputs_of(tmp_path, "all", "release", "reid", "results/evaluate/to_mark")
+    folder = tmp_path_factory.mktemp("printed")
+    config.write(settings.Settings(), folder / "config")
+    return snakemake(folder, "-n", "-p", "all", "release", "reid", "results/evaluate/to_mark", "zoomed")[1]
+
+
+def test_results_lie_in_the_folder_of_the_step_or_of_the_table(printed):
+    outputs = r"^(?:local)?rule (\w+):\n(?:    input: .*\n)?    output: (.*)$"
+    found = {}
+    for step, files in re.findall(outputs, printed, re.MULTILINE):
+        found.setdefault(step, set()).update(files.split(", "))
     assert len(found) > 30
     for step, files in found.items():
         if step in MODULES:
@@ -120,20 +121,10 @@ def test_the_rules_over_all_sequences_are_scripts():
     assert scripts == ["metrics", "statistics", "recognise", "package", "report"]
 
 
-@pytest.fixture(scope="module")
-def lines(tmp_path_factory):
-    """The words of a job of each step of the demo, as `snakemake -n -p` prints them to be pasted."""
-    from dior.simulate import config, settings
-
-    folder = tmp_path_factory.mktemp("printed")
-    config.write(settings.Settings(), folder / "config")
-    _, text = snakemake(folder, "-n", "-p", "all", "release", "reid", "results/evaluate/to_mark", "zoomed")
-    commands = re.findall(r"(dior \w+ --.*?) 2>&1 \| tee logs/", text)
+def test_what_is_printed_can_be_pasted(printed):
+    commands = re.findall(r"(dior \w+ --.*?) 2>&1 \| tee logs/", printed)
     assert len(commands) > 250
-    return {words[1]: words[2:] for words in map(shlex.split, commands)}
-
-
-def test_what_is_printed_can_be_pasted(lines):
+    lines = {words[1]: words[2:] for words in map(shlex.split, commands)}
     scripts = {name for name, text in RULES.items() if "    script:\n" in text}
     # the demo has neither detections of its own network, nor a gallery, nor other detectors
     not_there = {"detect", "gallery", "simulate_gallery", "detectors"}
