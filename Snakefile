@@ -31,6 +31,9 @@ include: "workflow/rules/report.smk"
 include: "workflow/rules/release.smk"
 
 
+fill_in_lines()
+
+
 onsuccess:
     say_what_to_open()
 

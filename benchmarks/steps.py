@@ -202,9 +202,12 @@ def skeleton(capture, session, name, close):
     triangulate.run(
         sequence=name, subject=capture.project.subject_of(name), cameras=[capture.made("adjust", session)],
         names=close, detections=capture.made("detections", name), timeline=capture.made("timeline", name),
-        method=choices["method"], min_score=capture.project.config["detector"]["min_score"],
-        max_error_px=choices["max_error_px"], max_speed=choices["max_speed_m_s"],
-        max_body_speed=choices["max_body_speed_m_s"], max_bone_change=choices["max_bone_change"],
+        method=choices["method"],
+        limits=triangulate.Limits(
+            min_score=capture.project.config["detector"]["min_score"], max_error_px=choices["max_error_px"],
+            max_speed=choices["max_speed_m_s"], max_body_speed=choices["max_body_speed_m_s"],
+            max_bone_change=choices["max_bone_change"],
+        ),
         out=capture.made("triangulate", name), out_swaps=capture.made("triangulate", name, ".swaps"),
         findings=capture.made("triangulate", name, ".findings"),
     )  # fmt: skip

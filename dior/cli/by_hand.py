@@ -1,69 +1,109 @@
-"""The subcommands of `dior` that are no steps of the workflow: a person types them."""
+"""What a person types of `dior`, and its help: a cyclopts application.
 
+Only the module of the command that is typed is imported; what the others do is read from the first sentence of their
+source. The texts of the flags are those of `dior.cli.flags`, from the docstrings.
+"""
+
+import inspect
+import json
+import re
+from collections.abc import Callable
+from dataclasses import is_dataclass
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
+from typing import Annotated, Any, get_type_hints
 
-from dior.reid.networks import NAMES
+from cyclopts import App, CycloptsError, Group, Parameter
 
-# module whose `run` does it
+import dior
+from dior.cli import flags
+from dior.project.steps import MODULES
+
+# command -> module whose `run` does it
 COMMANDS = {
     "init": "dior.project.init",
-    "trigger": "dior.ingest.trigger",
     "verify": "dior.release.verify.verify",
     "diff": "dior.release.diff.diff",
     "forget": "dior.project.forget",
+    "trigger": "dior.ingest.trigger",
+    "simulate": "dior.simulate.config",
     "train-reid": "dior.reid.train",
 }
-PROJECT = {"type": Path, "default": Path("."), "help": "folder that holds config/ (default: this one)"}
+ABOUT = "From raw multi-camera gait captures to 2D and 3D skeleton labels."
+EPILOGUE = (
+    "Names are spelled with `-` or `_`, as you like. Exit codes: 0 all is well; 1 something is wrong with what was "
+    "given, or `diff` found differences; 2 the command line is wrong, or `diff` was given no release."
+)
+COMPLETION = "--install-completion"
 
 
-def add_parsers(commands):
-    """Add a parser of each command to argparse's subparsers."""
-    init = commands.add_parser("init", help="start a project folder for your own recordings")
-    init.add_argument("folder", type=Path)
-    _trigger(commands)
-    text = "list, or delete, what is left of sequences and people that the project no longer has"
-    forget = commands.add_parser("forget", help=text, description=text)
-    forget.add_argument("--project", **PROJECT)
-    forget.add_argument("--yes", action="store_true", help="delete what is listed")
-    text = "is a release, its exports or a tarball whole, unchanged and consistent"
-    verify = commands.add_parser("verify", help=text, description=text)
-    verify.add_argument("paths", type=Path, nargs="+", help="release folder, exports folder, tarballs")
-    verify.add_argument("--decode", action="store_true", help="decode every picture, not only read its header")
-    text = "which sequences and cameras differ between two releases, by how much and why; exit code 1 where any does"
-    diff = commands.add_parser("diff", help=text, description=text)
-    diff.add_argument("first", type=Path, help="release folder")
-    diff.add_argument("second", type=Path, help="release folder")
-    diff.add_argument("--json", dest="as_json", action="store_true", help="print JSON instead of text")
-    _train_reid(commands)
+def run(words: list[str]) -> int:
+    """Run one command; returns its exit code. Raises UsageError for a command line that is wrong."""
+    name = words[0].replace("_", "-")
+    try:
+        return _app(name)([name, *words[1:]], result_action="return_value") or 0
+    except CycloptsError as error:
+        raise flags.UsageError(" ".join(str(error).split())) from None
 
 
-def _trigger(commands):
-    text = "start and stop the recording with Vicon Nexus, and note when that was"
-    trigger = commands.add_parser("trigger", help=text, description=text)
-    trigger.add_argument("--log", type=Path, required=True, help="file to append to, such as trigger.jsonl")
-    trigger.add_argument("--bind", default="0.0.0.0", help="address to listen on (default: all of this computer's)")
-    trigger.add_argument("--port", type=int, default=30, help="UDP port, as set in Nexus (default: 30)")
-    trigger.add_argument("--on-start", default="", help="shell command that starts the recording")
-    trigger.add_argument("--on-stop", default="", help="shell command that stops it")
-    trigger.add_argument(
-        "--patience", type=float, default=10.0, help="seconds after which a command that still runs is reported"
+def _app(typed: str) -> App:
+    """The application; `typed`: the command whose module it takes, or COMPLETION for all."""
+    app = App(
+        name="dior",
+        help=ABOUT,
+        help_epilogue=EPILOGUE,
+        version=lambda: dior.__version__,
+        default_parameter=Parameter(negative=(), consume_multiple=True, name_transform=_flag),
+        print_error=False,
+        exit_on_error=False,
     )
+    steps = Group("Steps of the workflow", sort_key=1, help="`snakemake` runs these; `dior <step> --help` tells more.")
+    of_steps = {name.replace("_", "-"): f"dior.{module}" for name, module in MODULES.items()}
+    for order, (name, module) in enumerate((COMMANDS | of_steps | COMMANDS).items()):
+        command: Any = _documented(module) if typed in (name, COMPLETION) else f"{module}:run"
+        group = None if name in COMMANDS else steps
+        app.command(command, name=name, help=_first_sentence(module), group=group, sort_key=order)
+    app.register_install_completion_command(COMPLETION)
+    return app
 
 
-def _train_reid(commands):
-    text = "train a re-identification network with the project's own walks, and test it with walks it has not seen"
-    train = commands.add_parser("train-reid", help=text, description=text)
-    train.add_argument("--project", **PROJECT)
-    train.add_argument("--labels", type=Path, required=True, help="folder of COCO-17 labels: results/reid")
-    train.add_argument("--network", required=True, choices=NAMES)
-    train.add_argument("--out", type=Path, required=True, help="file of the weights to write, such as lab.pt")
-    train.add_argument("--weights", type=Path, help="weights to begin with (default: random ones)")
-    train.add_argument(
-        "--test-sessions",
-        nargs="+",
-        default=(),
-        metavar="SESSION",
-        help="sessions to test with (default: the last walk of every subject in each session)",
-    )
-    train.add_argument("--steps", type=int, default=200, help="batches to train with (default: 200)")
-    train.add_argument("--seed", type=int, default=1, help="of all that is random (default: 1)")
+def _first_sentence(module: str) -> str:
+    """Of a module's docstring, from its source."""
+    spec = find_spec(module)
+    if spec is None or spec.origin is None:
+        raise ModuleNotFoundError(f"there is no module {module}")
+    docstring = Path(spec.origin).read_text(encoding="utf-8").split('"""')[1]
+    sentence = " ".join(docstring.split("\n\n")[0].split()).split(". ")[0].rstrip(".")
+    text = re.sub(r"^`dior \w+`: ", "", sentence)
+    return text[:1].upper() + text[1:]
+
+
+def _flag(name: str) -> str:
+    """What a parameter is called on the command line; a module that uses json calls its flag `as_json`."""
+    return name.removeprefix("as_").replace("_", "-")
+
+
+def _json(hint: Any) -> dict[str, Any]:
+    """What cyclopts is told of a parameter that is JSON: it would leave what is nested as text."""
+    if "Any" not in str(hint):
+        return {}
+    return {"converter": lambda _, tokens: json.loads(tokens[0].value), "accepts_keys": False, "n_tokens": 1}
+
+
+def _documented(module: str) -> Callable[..., Any]:
+    """The `run` of a module, its parameters with the texts of their flags and dataclasses as their fields."""
+    command = import_module(module).run
+    parameters = []
+    for name, hint in get_type_hints(command).items():
+        if name != "return":
+            text = flags.text_of(name, command.__doc__ or "")
+            how = Parameter(name="*") if is_dataclass(hint) else Parameter(help=text, **_json(hint))
+            old = inspect.signature(command).parameters[name]
+            parameters.append(old.replace(annotation=Annotated[hint, how]))
+
+    def documented(*args: Any, **kwargs: Any) -> Any:
+        return command(*args, **kwargs)
+
+    documented.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]  # as inspect documents it
+    return documented

@@ -1,67 +1,76 @@
-"""The command `dior`: one subcommand per rule of the workflow, and the few that a person types. No logic here."""
+"""The command `dior`: one subcommand per step of the workflow, and the few that a person types. No logic here.
 
-import argparse
+A step's flags are read from its source and only its own module is imported, so that a job starts fast; what a person
+types goes through cyclopts (`dior.cli.by_hand`). Exit codes: 0 all is well; 1 something is wrong with what was given,
+said in one sentence, or `dior diff` found differences; 2 the command line is wrong (or what `dior diff` was given).
+"""
+
 import sys
 import time
 from importlib import import_module
-from pathlib import Path
+from operator import attrgetter
+from typing import Any
 
-from dior.cli import by_hand
-from dior.cli.steps import JSON, STEPS
+from dior.cli import flags
 from dior.errors import DiorError
-from dior.evaluate import timing
+from dior.project.steps import MODULES
+
+NEXT = """dior turns raw recordings of a gait capture into a labelled dataset. To begin:
+  dior init my_capture                      writes a project folder; fill in its config/
+  snakemake -j2 --directory my_capture      labels it, from the clone of dior
+`dior --help` lists all commands."""
+# `dior simulate` without it is what a person types
+OF_A_JOB = "--sequence"
 
 
-def _parser():
-    parser = argparse.ArgumentParser(prog="dior", description=__doc__.splitlines()[0])
-    commands = parser.add_subparsers(dest="command", required=True, metavar="command")
-    for name, (_, text, flags) in STEPS.items():
-        command = commands.add_parser(name, help=text, description=text)
-        for flag, how in flags.items():
-            options = {key: value for key, value in how.items() if key != "dest"}
-            command.add_argument(f"--{flag}", required="default" not in how, **options)
-    by_hand.add_parsers(commands)
-    return parser
-
-
-def _config_parser():
-    """`dior simulate --write-config FOLDER`: not a step, it makes the config that the steps run with."""
-    parser = argparse.ArgumentParser(prog="dior simulate", description="write the config of a simulated capture")
-    parser.add_argument("--write-config", type=Path, required=True, metavar="FOLDER")
-    parser.add_argument("--settings", default={}, help="JSON of what differs from the demo", **JSON)
-    return parser
-
-
-def _arguments(args):
-    values = vars(args)
-    for flag, how in STEPS[args.command][2].items():
-        key = flag.replace("-", "_")
-        if "dest" in how:
-            values[key] = how["dest"](values[key])
-    return {key: value for key, value in values.items() if key != "command"}
-
-
-def main(argv=None):
-    """Run one subcommand; a DiorError is one line on standard error and exit code 1."""
-    argv = sys.argv[1:] if argv is None else argv
-    started = time.monotonic()
+def main(argv: list[str] | None = None) -> int:
+    """Run one subcommand; what is wrong is one line on standard error. Returns the exit code."""
+    words = sys.argv[1:] if argv is None else argv
+    if not words:
+        print(NEXT)
+        return 0
+    step = words[0].replace("-", "_")
     try:
-        if argv[:1] == ["simulate"] and "--write-config" in argv:
-            import_module("dior.simulate.config").run(**vars(_config_parser().parse_args(argv[1:])))
-            return 0
-        args = _parser().parse_args(argv)
-        if args.command in by_hand.COMMANDS:
-            done = import_module(by_hand.COMMANDS[args.command]).run(
-                **{k: v for k, v in vars(args).items() if k != "command"}
-            )
-            return done or 0
-        step, arguments = args.command, _arguments(args)
-        import_module(f"dior.{STEPS[step][0]}").run(**arguments)
-        timing.write(step, arguments, started)
+        if step in MODULES and not (step == "simulate" and OF_A_JOB not in words):
+            return _run_step(step, words[1:])
+        from dior.cli import by_hand
+
+        return by_hand.run(words)
+    except flags.UsageError as error:
+        print(f"dior {words[0]}: {error}", file=sys.stderr)
+        return 2
     except DiorError as error:
-        print(f"dior {argv[0]}: {error}", file=sys.stderr)
+        print(f"dior {words[0]}: {error}", file=sys.stderr)
         return 1
+    except OSError as error:
+        if error.filename is None:
+            raise
+        print(f"dior {words[0]}: {error.filename}: {error.strerror}", file=sys.stderr)
+        return 1
+
+
+def _run_step(step: str, words: list[str]) -> int:
+    if "--help" in words or "-h" in words:
+        print(flags.help_of(step))
+        return 0
+    started = time.monotonic()
+    given = flags.parsed(step, words)
+    module = import_module(f"dior.{MODULES[step]}")
+    from dior.evaluate import timing
+
+    module.run(**_grouped(module, step, given))
+    timing.write(step, given, started)
     return 0
+
+
+def _grouped(module: Any, step: str, given: dict[str, Any]) -> dict[str, Any]:
+    """The arguments of `run`: values that are fields of a dataclass are put into one."""
+    arguments: dict[str, Any] = {}
+    parts: dict[tuple[str, str], dict[str, Any]] = {}
+    for name, value in given.items():
+        within = flags.flags_of(step)[name].within
+        (parts.setdefault(within, {}) if within else arguments)[name] = value
+    return arguments | {name: attrgetter(of)(module)(**values) for (name, of), values in parts.items()}
 
 
 if __name__ == "__main__":

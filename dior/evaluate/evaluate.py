@@ -10,6 +10,7 @@ Pixels are recorded (distorted) pixels, lengths metres, shares 0 to 1.
 """
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
 
@@ -31,6 +32,33 @@ Measured: TypeAlias = tuple[list[rows.Row], list[Table]]
 INSTANT_TOLERANCE_NS = 1_000_000_000
 
 
+@dataclass(frozen=True)
+class Detected:
+    """What the labels were made of, where they were made of detections.
+
+    `detections`: their table, or None; `min_score`: score below which a detection is not compared with; `swaps`: where
+    left and right were exchanged, or None.
+    """
+
+    detections: Path | None
+    min_score: float
+    swaps: Path | None
+
+
+@dataclass(frozen=True)
+class Yardsticks:
+    """What the labels are compared with.
+
+    `boxes`: camera -> CSV; `marks`: `marks` tables; `checks`: camera -> CSV; `truth`: the folder with
+    `labels_2d.parquet` and `skeletons_3d.parquet`, or None.
+    """
+
+    boxes: dict[str, Path]
+    marks: list[Path]
+    checks: dict[str, Path]
+    truth: Path | None
+
+
 def run(
     *,
     sequence: str,
@@ -38,38 +66,32 @@ def run(
     labels: list[Path],
     skeleton: Path | None,
     roles: dict[str, str],
-    detections: Path | None,
-    min_score: float,
-    boxes: dict[str, Path],
-    marks: list[Path],
-    checks: dict[str, Path],
-    swaps: Path | None,
-    truth: Path | None,
+    detected: Detected,
+    yardsticks: Yardsticks,
     out: Path,
     out_frames: Path,
     out_checks: Path,
 ) -> None:
     """Evaluate one sequence.
 
-    `labels`: label files, `roles`: camera -> close | long_range, `boxes` and `checks`: camera -> CSV,
-    `marks`: `marks` tables, `truth`: the folder with `labels_2d.parquet` and `skeletons_3d.parquet`. `skeleton`,
-    `detections`, `swaps` and `truth` may be None. Detections below `min_score` are not compared with.
+    `labels`: label files; `skeleton`: their 3D, or None; `roles`: camera -> close | long_range.
     """
+    boxes, checks, truth = yardsticks.boxes, yardsticks.checks, yardsticks.truth
     grids = label_grids(labels)
     for camera in [*boxes, *checks]:
         if camera not in grids:
             raise DiorError(f"sequence {sequence}: there are no labels of camera '{camera}'{nearest(camera, grids)}")
     found, per_frame = _coverage(grids, roles)
     for part, part_frames in (
-        _reprojection(grids, roles, detections, swaps, min_score),
+        _reprojection(grids, roles, detected.detections, detected.swaps, detected.min_score),
         _boxes(grids, roles, boxes),
         _truth_2d(grids, roles, truth),
     ):
         found += part
         per_frame += part_frames
     checked = {camera: check_files.check_points(path, sequence, grids[camera]) for camera, path in checks.items()}
-    found += _marks(roles, marks, sequence) + _checks(grids, roles, checked)
-    found += _swaps(roles, swaps) + _truth_3d(skeleton, truth, sequence)
+    found += _marks(roles, yardsticks.marks, sequence) + _checks(grids, roles, checked)
+    found += _swaps(roles, detected.swaps) + _truth_3d(skeleton, truth, sequence)
     tables.write(out, "metrics", rows.metric_columns(found, subject, sequence))
     tables.write(out_frames, "frame_metrics", _stacked(per_frame, subject, sequence))
     each = [check_files.error_columns(grids[camera], checked[camera], roles[camera]) for camera in sorted(checked)]

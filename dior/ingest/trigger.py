@@ -41,9 +41,20 @@ TIMESPEC = struct.Struct("@ll")
 Child: TypeAlias = tuple[str, subprocess.Popen[bytes], float, threading.Thread]
 
 
-def run(*, log: Path, bind: str, port: int, on_start: str, on_stop: str, patience: float) -> None:
-    """Listen until a signal ends it. `patience`: s after which a command that still runs is reported.
+def run(
+    *,
+    log: Path,
+    bind: str = "0.0.0.0",
+    port: int = 30,
+    on_start: str = "",
+    on_stop: str = "",
+    patience: float = 10.0,
+) -> None:
+    """Listen until a signal ends it.
 
+    `log`: file to append to, such as trigger.jsonl; `bind`: address to listen on, 0.0.0.0 for all of this computer's;
+    `port`: UDP port, as set in Nexus; `on_start`: shell command that starts the recording; `on_stop`: shell command
+    that stops it; `patience`: seconds after which a command that still runs is reported.
     Raises DiorError where the port or the log cannot be used.
     """
     listener = Listener(bound(bind, port), Log(log), on_start, on_stop, patience)

@@ -7,6 +7,7 @@ World frame, metres. Two methods: `rays`, the paper's intersection, and `robust`
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -65,6 +66,17 @@ def observations(
     return np.stack(uv), np.stack(score), names
 
 
+@dataclass(frozen=True)
+class Limits:
+    """What a detection and a joint must keep to; see config.yaml."""
+
+    min_score: float
+    max_error_px: float
+    max_speed: float
+    max_body_speed: float
+    max_bone_change: float
+
+
 def run(
     *,
     sequence: str,
@@ -74,11 +86,7 @@ def run(
     detections: Path,
     timeline: Path,
     method: str,
-    min_score: float,
-    max_error_px: float,
-    max_speed: float,
-    max_body_speed: float,
-    max_bone_change: float,
+    limits: Limits,
     out: Path,
     out_swaps: Path,
     findings: Path,
@@ -88,7 +96,7 @@ def run(
         raise DiorError(f"config/config.yaml: triangulate.method is '{method}', not one of {', '.join(METHODS)}")
     rig = camera_tables.read_placed(cameras, names, sequence)
     line = tables.read(timeline, "timeline")
-    uv, score, joints = observations(tables.read(detections, "detections"), line, names, min_score)
+    uv, score, joints = observations(tables.read(detections, "detections"), line, names, limits.min_score)
     stamps = line["stamp_ns"][:: len(tables.ordered_unique(line["camera"]))]
     fps = rate(stamps)
     swapped = np.zeros(uv.shape[:3], bool)
@@ -104,7 +112,7 @@ def run(
         found = robust.triangulate(rig, uv, score, fps, sigma)
         points, used, residual = found.points, found.used, found.residual
         time_s, constant_share = robust.persistence(rig, uv, score, found, fps)
-        good = found.scaled <= max_error_px  # false for NaN
+        good = found.scaled <= limits.max_error_px  # false for NaN
     else:
         used = score > 0
         points = by_rays(rig, np.where(used[..., None], uv, np.nan))
@@ -120,7 +128,8 @@ def run(
     good &= in_front(rig, points, used)
     if method == "robust":
         sound = np.where((enough & good)[..., None], points, np.nan)
-        good &= ~implausible(sound, covariance, joints, fps, max_speed, max_body_speed, max_bone_change)
+        speeds = (limits.max_speed, limits.max_body_speed)
+        good &= ~implausible(sound, covariance, joints, fps, *speeds, limits.max_bone_change)
     status = np.where(~enough, "too_few_views", np.where(good, "ok", "rejected"))
     points = np.where((status == "ok")[..., None], points, np.nan)
     residual = np.where(enough, residual, np.nan)

@@ -18,6 +18,7 @@ import math
 import time
 import zipfile
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -39,16 +40,31 @@ PROTOCOLS = ("other_recording", "other_place")
 COLUMNS = ("protocol", "rank1", "low", "high", "hits", "n", "chance", "p", "verdict")
 
 
-def run(*, project, labels, network, out, weights=None, test_sessions=(), steps=STEPS, seed=SEED):
-    """Train `network` with the project's walks and write `out` and `out`.json.
+def run(
+    *,
+    project: Path = Path("."),
+    labels: Path,
+    network: Literal["gaitgraph", "gaitmixer", "gaitformer"],
+    out: Path,
+    weights: Path | None = None,
+    test_sessions: list[str] | None = None,
+    steps: int = STEPS,
+    seed: int = SEED,
+) -> None:
+    """Train a network with the project's walks and write `out` and `out`.json.
 
-    `labels`: folder of <sequence>.parquet. Raises DiorError where the gallery is too small to be split.
+    `project`: folder that holds config/; `labels`: folder of COCO-17 labels, results/reid; `network`: the one
+    to train; `out`: file of the weights to write, such as lab.pt; `weights`: those to begin with, none for random ones;
+    `test_sessions`: sessions to test with, none for the last walk of every subject in each session;
+    `steps`: batches to train with; `seed`: of all that is random.
+
+    Raises DiorError where the gallery is too small to be split.
     """
     from dior.project import project as projects
 
     networks.torch()
     known = projects.load(project)
-    paths = {name: Path(labels) / f"{name}.parquet" for name in known.sequences}
+    paths = {name: labels / f"{name}.parquet" for name in known.sequences}
     missing = [name for name, path in paths.items() if not path.is_file()]
     if missing:
         raise DiorError(
@@ -58,8 +74,8 @@ def run(*, project, labels, network, out, weights=None, test_sessions=(), steps=
     # a canonical sequence does not depend on the width of the picture
     widths = {name: dict.fromkeys(known.cameras_of(name), inputs.WIDTH) for name in paths}
     shown = recognise.gallery(known.rows, paths, widths)
-    parts = split.of({name: known.rows[name] for name in known.sequences}, test_sessions)
-    for row in train_and_test(network, shown, parts, Path(out), weights, steps, seed)["test"]:
+    parts = split.of({name: known.rows[name] for name in known.sequences}, test_sessions or ())
+    for row in train_and_test(network, shown, parts, out, weights, steps, seed)["test"]:
         print(
             f"{row['weights']}: {row['protocol']} rank-1 {row['rank1']:.1%} ({row['hits']} of {row['n']}, 95 % "
             f"interval {row['low']:.1%} to {row['high']:.1%}, chance {row['chance']:.1%}): {row['verdict']}"

@@ -54,13 +54,13 @@ def run(
     min_score: float,
     boxes: dict[str, Path],
     roles: dict[str, str],
-    count: int,
+    per_camera: int,
     out: Path,
 ) -> None:
     """Write `<out>/<camera>.jpg` for every camera with labels.
 
-    `labels`: label files, `boxes`: camera -> CSV, `roles`: camera -> close | long_range, `count`: frames per sheet.
-    `detections` and `swaps` may be None.
+    `labels`: label files, `boxes`: camera -> CSV, `roles`: camera -> close | long_range; `per_camera`: how
+    many pictures are drawn. `detections` and `swaps` may be None.
     """
     import cv2
 
@@ -75,8 +75,8 @@ def run(
         boxed = box_files.read(boxes[camera], grid.frames) if camera in boxes else (np.array([], int), np.empty((0, 4)))
         seen = None if found is None else tables.of_camera(found, camera)
         how = choice.measured(grid, roles[camera], seen, _exchanged(exchanged, camera), boxed, min_score)
-        ranked = choice.by_rank(grid.frames, *how, count) if how else []
-        chosen[camera] = (ranked or choice.spread(grid.frames, count), boxed)
+        ranked = choice.by_rank(grid.frames, *how, per_camera) if how else []
+        chosen[camera] = (ranked or choice.spread(grid.frames, per_camera), boxed)
     wanted = np.zeros(len(index["frame"]), bool)
     for camera, (numbers, _) in chosen.items():
         wanted |= (index["camera"] == camera) & np.isin(index["frame"], [number for number, _ in numbers])

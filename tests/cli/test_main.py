@@ -1,44 +1,174 @@
+import importlib.metadata
+import inspect
 import subprocess
 import sys
+from importlib import import_module
+from pathlib import Path
 
 import pytest
 
-from dior.cli import main, steps
+import dior
+from dior.cli import flags, main
+from dior.project.steps import MODULES
+from dior.reid import networks, train
+from tests.end_to_end.workflow import ROOT
+
+
+def said(capsys, *words):
+    """Exit code and what was written to standard error."""
+    code = main.main([str(word) for word in words])
+    return code, capsys.readouterr().err
 
 
 def test_a_dior_error_is_one_line_and_exit_code_1(tmp_path, capsys):
-    code = main.main(
-        ["align", "--session", "field", "--camera", "cam04", "--camera-file", str(tmp_path / "cam04.yaml")]
-        + ["--intrinsics", str(tmp_path / "i.parquet"), "--out", str(tmp_path / "o.parquet"), "--data-root", "data"]
-        + ["--out-covariance", str(tmp_path / "c.parquet"), "--findings", str(tmp_path / "f.parquet")]
+    code, text = said(
+        capsys,
+        *["align", "--session", "field", "--camera", "cam04", "--camera-file", tmp_path / "cam04.yaml"],
+        *["--intrinsics", tmp_path / "i.parquet", "--out", tmp_path / "o.parquet", "--data-root", "data"],
+        *["--out-covariance", tmp_path / "c.parquet", "--findings", tmp_path / "f.parquet"],
     )
-    said = capsys.readouterr().err
-    assert code == 1 and said.startswith("dior align: ") and "cam04.yaml" in said and said.count("\n") == 1
+    assert code == 1 and text.startswith("dior align: ") and "cam04.yaml" in text and text.count("\n") == 1
     assert not (tmp_path / "o.parquet").exists()
 
 
-def test_a_missing_flag_is_named(capsys):
-    with pytest.raises(SystemExit):
-        main.main(["align", "--session", "field"])
-    assert "--camera" in capsys.readouterr().err
+WRONG = {
+    "align --session field": "dior align: --camera and --camera-file and --intrinsics and ",
+    "align --sesion field": "(did you mean '--session'?)",
+    "align field": "'field' belongs to no flag",
+    "refine --max-gap-s soon": "--sequence and --subject",
+    "alin --session field": 'Did you mean "align"?',
+    "ini ../mine": 'Did you mean "init"?',
+    "init": "--folder",
+    "init --foldr mine": "Did you mean --folder?",
+    "diff one": "--second",
+    "train-reid --labels a --out b --network gaitmixr": 'Did you mean "gaitmixer"?',
+    "trigger --log a --port UDP": "--port",
+    "simulate --write-config a --settings {": "--settings",
+    "simulate --settings {}": "--write-config",
+}
 
 
-def test_pairs_of_words():
-    assert steps.pairs(["cam01=/a=b", "cam02=/c"]) == {"cam01": "/a=b", "cam02": "/c"}
+@pytest.mark.parametrize("words", WRONG)
+def test_a_wrong_command_line_is_one_sentence_and_exit_code_2(words, capsys):
+    code, text = said(capsys, *words.split())
+    assert code == 2 and text.startswith(f"dior {words.split()[0]}: ") and WRONG[words] in text
+    assert text.count("\n") == 1
 
 
-@pytest.mark.parametrize("step", steps.STEPS)
-def test_flags_are_the_arguments_of_the_step(step):
-    import inspect
-    from importlib import import_module
+@pytest.mark.parametrize("folder", ["/proc/mine", "file", "file/below"])
+def test_a_folder_that_cannot_be_made_is_one_sentence(folder, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "file").write_text("")
+    for words in (["init", folder], ["simulate", "--write-config", folder], ["simulate_mocap", *OF_A_WALK, folder]):
+        code, text = said(capsys, *words)
+        assert code == 1 and text.startswith(f"dior {words[0]}: {folder}") and text.count("\n") == 1, text
 
-    run = import_module(f"dior.{steps.STEPS[step][0]}").run
-    assert {flag.replace("-", "_") for flag in steps.STEPS[step][2]} == set(inspect.signature(run).parameters)
+
+OF_A_WALK = ["--settings", '{"duration_s": 1}', "--sequence", "indoor_01", "--out"]
 
 
-def test_the_command_starts_without_heavy_packages():
+def test_a_fault_of_the_system_without_a_file_keeps_its_trace(monkeypatch):
+    from dior.project import init
+
+    def broken(folder: Path) -> None:
+        raise BrokenPipeError(32, "Broken pipe")
+
+    monkeypatch.setattr(init, "run", broken)
+    with pytest.raises(BrokenPipeError):
+        main.main(["init", "mine"])
+
+
+def test_names_are_spelled_either_way(tmp_path, monkeypatch):
+    for command in ("simulate_mocap", "simulate-mocap"):
+        assert main.main([command, *OF_A_WALK, str(tmp_path / command)]) == 0
+        assert (tmp_path / command / "indoor_01/mocap.c3d").is_file()
+    assert flags.parsed("refine", OF_REFINE) == flags.parsed(
+        "refine", [word.replace("p-s", "p_s") for word in OF_REFINE]
+    )
+    asked = {}
+
+    def run(*, test_sessions: list[str], labels: Path) -> None:
+        asked.update(test_sessions=test_sessions, labels=labels)
+
+    monkeypatch.setattr(train, "run", run)
+    for command in ("train-reid", "train_reid"):
+        for flag in ("--test-sessions", "--test_sessions"):
+            asked.clear()
+            assert main.main([command, flag, "field", "lab", "--labels", "a"]) == 0
+            assert asked == {"test_sessions": ["field", "lab"], "labels": Path("a")}
+
+
+OF_REFINE = "--sequence a --subject b --skeleton c --max-gap-s 1 --out d --findings e".split()
+
+
+def test_what_is_nested_in_json_is_read(tmp_path):
+    settings = '{"detector": {"level": "real"}}'
+    assert main.main(["simulate", "--write-config", str(tmp_path), "--settings", settings]) == 0
+    assert "detector: {level: real}" in (tmp_path / "config.yaml").read_text()
+
+
+def test_the_networks_to_train_are_those_there_are():
+    from typing import get_args, get_type_hints
+
+    assert get_args(get_type_hints(train.run)["network"]) == networks.NAMES
+
+
+def test_dior_alone_says_what_to_type_next(capsys):
+    assert main.main([]) == 0
+    assert "dior init" in capsys.readouterr().out
+
+
+def test_the_version():
+    assert dior.__version__ == importlib.metadata.version("dior")
+    done = subprocess.run([sys.executable, "-m", "dior", "--version"], cwd=ROOT, capture_output=True, text=True)
+    assert (done.returncode, done.stdout.strip()) == (0, dior.__version__)
+
+
+def test_the_help_names_every_command_those_of_a_person_first(capsys):
+    assert main.main(["--help"]) == 0
+    text = capsys.readouterr().out
+    typed, steps = text.split("Steps of the workflow")
+    names = {step.replace("_", "-") for step in MODULES} - {"simulate"}
+    assert all(f"│ {name} " in steps for name in names)
+    commands = ("init", "verify", "diff", "forget", "trigger", "simulate", "train-reid")
+    assert all(f"│ {name} " in typed for name in commands)
+    assert "Exit codes: 0" in " ".join(text.split()) and "--install-completion" in typed
+
+
+def test_the_help_of_a_command_tells_its_flags(capsys):
+    from dior.cli import by_hand
+
+    for name, module in by_hand.COMMANDS.items():
+        assert main.main([name, "--help"]) == 0
+        shown = " ".join(capsys.readouterr().out.replace("│", " ").split())
+        run = import_module(module).run
+        for parameter in inspect.signature(run).parameters:
+            text = flags.text_of(parameter, run.__doc__)
+            assert len(text) > 5 and text[:20] in shown, (name, parameter)
+
+
+def modules_of(*words):
+    """What a command line imports."""
+    code = f"import sys; from dior.cli.main import main; main({list(words)!r}); print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    return set(done.stdout.splitlines()[-1].split())
+
+
+HEAVY = {"numpy", "pandas", "cv2", "gtsam", "matplotlib", "pyarrow", "scipy", "torch"}
+
+
+@pytest.mark.parametrize("words", [["--help"], ["frames", "--help"], [], ["align", "--sesion", "x"]])
+def test_the_command_starts_without_heavy_packages(words):
     """Start-up is paid by every job."""
-    code = "import sys, dior.cli.main; dior.cli.main._parser(); print([m for m in sys.modules if m in %r])"
-    heavy = ["numpy", "pandas", "cv2", "gtsam", "matplotlib", "pyarrow"]
-    done = subprocess.run([sys.executable, "-c", code % heavy], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
+    found = modules_of(*words)
+    steps = {f"dior.{module}" for module in MODULES.values()}
+    assert not found & HEAVY and not found & steps
+    assert ("cyclopts" in found) == (words == ["--help"])
+
+
+def test_a_step_imports_itself_and_not_what_a_person_needs(tmp_path):
+    found = modules_of("simulate_mocap", *OF_A_WALK, str(tmp_path))
+    assert "dior.simulate.simulate_mocap" in found and not found & {"cyclopts", "rich", "dior.cli.by_hand"}
+    # the simulator's own modules may use each other
+    others = {f"dior.{module}" for module in MODULES.values() if not module.startswith("simulate.")}
+    assert not found & others

@@ -18,9 +18,9 @@ import pandas as pd
 import pytest
 
 from dior.body.names import COCO_17
-from dior.cli.steps import STEPS
 from dior.evaluate import bootstrap, statistics
 from dior.ingest import bags
+from dior.project.steps import MODULES, STAGES
 from dior.simulate import config as simulated
 from dior.simulate import settings
 from dior.tables import tables
@@ -204,7 +204,7 @@ def test_the_gallery_is_counted_and_released_until_its_subject_withdraws(copy):
 
 
 def test_every_rule_left_a_log_and_a_benchmark(project):
-    for step in STEPS.keys() - NOT_IN_IT:
+    for step in MODULES.keys() - NOT_IN_IT:
         assert list((project / "logs" / step).glob("*.log")), step
         assert list((project / "logs" / step).glob("*.benchmark.tsv")), step
 
@@ -218,8 +218,8 @@ def test_every_job_left_its_cost_beside_its_log(project):
     with open(project / "results/timing.csv", newline="") as stream:
         rows = {row["step"]: row for row in csv.DictReader(stream)}
     # the report is written before its own job has ended, and the release may be made after it
-    later = {"report", *(step for step, (module, *_) in STEPS.items() if module.startswith("release."))}
-    assert set(STEPS) - NOT_IN_IT - later <= set(rows) - {"all"} <= set(STEPS)
+    later = {"report", *STAGES["release"]}
+    assert set(MODULES) - NOT_IN_IT - later <= set(rows) - {"all"} <= set(MODULES)
     assert rows["reproject"]["jobs"] == "16" and rows["reproject"]["frames"] == "1440"
     assert 0 < float(rows["all"]["cpu_s_per_frame"]) < 1
 

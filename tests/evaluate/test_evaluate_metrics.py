@@ -54,13 +54,16 @@ def read_metrics(path):
 
 
 def run(tmp_path, labels, **given):
-    inputs = dict(
-        sequence="walk", subject="S1", labels=[labels], skeleton=None, roles={"cam01": "close"}, detections=None,
-        min_score=0.3, boxes={}, marks=[], checks={}, swaps=None, truth=None,
+    """`given`: fields of Detected and Yardsticks, or skeleton and roles."""
+    inputs = {"skeleton": None, "roles": {"cam01": "close"}, "detections": None, "min_score": 0.3, "swaps": None}
+    inputs |= {"boxes": {}, "marks": [], "checks": {}, "truth": None} | given
+    evaluate.run(
+        sequence="walk", subject="S1", labels=[labels], skeleton=inputs["skeleton"], roles=inputs["roles"],
+        detected=evaluate.Detected(inputs["detections"], inputs["min_score"], inputs["swaps"]),
+        yardsticks=evaluate.Yardsticks(inputs["boxes"], inputs["marks"], inputs["checks"], inputs["truth"]),
         out=tmp_path / "walk.parquet", out_frames=tmp_path / "walk.frames.parquet",
         out_checks=tmp_path / "walk.checks.parquet",
     )  # fmt: skip
-    evaluate.run(**(inputs | given))
     return read_metrics(tmp_path / "walk.parquet")
 
 

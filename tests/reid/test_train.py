@@ -5,7 +5,6 @@ import json
 import numpy as np
 import pytest
 
-from dior.cli import main
 from dior.errors import DiorError
 from dior.reid import augment, checkpoint, embed, inputs, networks, recognise, split, train
 from dior.reid.protocols import Item
@@ -159,13 +158,3 @@ def test_a_batch_has_as_many_of_everybody():
     who = np.array([0] * 5 + [1] * 1 + [2] * 9)
     picked = augment.batch(who, 2, 4, np.random.default_rng(0))
     assert len(picked) == 8 and sorted(np.unique(who[picked], return_counts=True)[1].tolist()) == [4, 4]
-
-
-def test_the_command_asks_for_what_training_takes():
-    import inspect
-
-    given = vars(main._parser().parse_args("train-reid --labels results/reid --network gaitmixer --out lab.pt".split()))
-    assert given.pop("command") == "train-reid"
-    taken = inspect.signature(train.run).parameters
-    assert set(given) == set(taken)
-    assert all(given[key] == taken[key].default for key in ("weights", "test_sessions", "steps", "seed"))

@@ -12,7 +12,7 @@ rule intrinsics:
         frames=first_frames,
         file=there(intrinsics_file),
     output:
-        camera="results/intrinsics/{session}/{camera}.parquet",
+        out="results/intrinsics/{session}/{camera}.parquet",
         findings="results/intrinsics/{session}/{camera}.findings.parquet",
     log:
         "logs/intrinsics/{session}.{camera}.log",
@@ -24,44 +24,30 @@ rule intrinsics:
         source=intrinsics_source,
         name=intrinsics_name,
         board=intrinsics_board,
-        model=setting("distortion_model"),
+        distortion_model=setting("distortion_model"),
         sequence=first_sequence,
         data_root=DATA,
         code=code("calibrate.intrinsics"),
     shell:
-        "dior intrinsics"
-        " --session {wildcards.session}"
-        " --camera {wildcards.camera}"
-        " --role {params.role}"
-        " --topic {params.topic:q}"
-        " --source {params.source:q}"
-        " --name {params.name:q}"
-        " --board {params.board:q}"
-        " --distortion-model {params.model:q}"
-        " --frames {input.frames:q}"
-        " --sequence {params.sequence}"
-        " --data-root {params.data_root:q}"
-        " --out {output.camera:q}"
-        " --findings {output.findings:q}"
-        " 2>&1 | tee {log:q}"
+        dior("intrinsics")
 
 
 rule locate:
     """Locate an indoor camera from hand marks by PnP, together with its clock on the marked sequences."""
     input:
-        camera=own_yaml,
+        camera_file=own_yaml,
         marks=own_marks,
         intrinsics="results/intrinsics/{session}/{camera}.parquet",
         mocap=marked_mocap,
         frames=marked_frames,
         offsets=marked_offsets,
     output:
-        camera="results/locate/{session}/{camera}.parquet",
-        covariance="results/locate/{session}/{camera}.covariance.parquet",
-        clocks="results/locate/{session}/{camera}.clocks.parquet",
-        clock_gains="results/locate/{session}/{camera}.clock_gains.parquet",
-        clock_costs="results/locate/{session}/{camera}.clock_costs.parquet",
-        marks="results/locate/{session}/{camera}.marks.parquet",
+        out="results/locate/{session}/{camera}.parquet",
+        out_covariance="results/locate/{session}/{camera}.covariance.parquet",
+        out_clocks="results/locate/{session}/{camera}.clocks.parquet",
+        out_clock_gains="results/locate/{session}/{camera}.clock_gains.parquet",
+        out_clock_costs="results/locate/{session}/{camera}.clock_costs.parquet",
+        out_marks="results/locate/{session}/{camera}.marks.parquet",
         findings="results/locate/{session}/{camera}.findings.parquet",
     log:
         "logs/locate/{session}.{camera}.log",
@@ -72,38 +58,20 @@ rule locate:
         ransac_px=CONFIG["locate"]["ransac_px"],
         code=code("calibrate.locate"),
     shell:
-        "dior locate"
-        " --session {wildcards.session}"
-        " --camera {wildcards.camera}"
-        " --camera-file {input.camera:q}"
-        " --marks {input.marks:q}"
-        " --sequences {params.sequences}"
-        " --intrinsics {input.intrinsics:q}"
-        " --mocap {input.mocap:q}"
-        " --frames {input.frames:q}"
-        " --offsets {input.offsets:q}"
-        " --ransac-px {params.ransac_px}"
-        " --out {output.camera:q}"
-        " --out-covariance {output.covariance:q}"
-        " --out-clocks {output.clocks:q}"
-        " --out-clock-gains {output.clock_gains:q}"
-        " --out-clock-costs {output.clock_costs:q}"
-        " --out-marks {output.marks:q}"
-        " --findings {output.findings:q}"
-        " 2>&1 | tee {log:q}"
+        dior("locate")
 
 
 rule place:
     """Place a camera from the tape, by an AprilTag, or where a reference says it is."""
     input:
-        camera=own_yaml,
+        camera_file=own_yaml,
         intrinsics="results/intrinsics/{session}/{camera}.parquet",
         reference=there(reference_file),
         frames=tag_frames,
         bags=there(tag_bags),
     output:
-        camera="results/place/{session}/{camera}.parquet",
-        marks="results/place/{session}/{camera}.marks.parquet",
+        out="results/place/{session}/{camera}.parquet",
+        out_marks="results/place/{session}/{camera}.marks.parquet",
         findings="results/place/{session}/{camera}.findings.parquet",
     log:
         "logs/place/{session}.{camera}.log",
@@ -114,18 +82,7 @@ rule place:
         tag=tag,
         code=code("calibrate.place"),
     shell:
-        "dior place"
-        " --session {wildcards.session}"
-        " --camera {wildcards.camera}"
-        " --camera-file {input.camera:q}"
-        " --tag {params.tag:q}"
-        " --intrinsics {input.intrinsics:q}"
-        " --frames {input.frames:q}"
-        " --data-root {params.data_root:q}"
-        " --out {output.camera:q}"
-        " --out-marks {output.marks:q}"
-        " --findings {output.findings:q}"
-        " 2>&1 | tee {log:q}"
+        dior("place")
 
 
 rule adjust:
@@ -139,9 +96,9 @@ rule adjust:
         marks=fact_marks,
         tags=tag_marks,
     output:
-        cameras="results/adjust/{session}.parquet",
-        covariance="results/adjust/{session}.covariance.parquet",
-        metrics="results/adjust/{session}.metrics.parquet",
+        out="results/adjust/{session}.parquet",
+        out_covariance="results/adjust/{session}.covariance.parquet",
+        out_metrics="results/adjust/{session}.metrics.parquet",
         findings="results/adjust/{session}.findings.parquet",
     log:
         "logs/adjust/{session}.log",
@@ -160,30 +117,7 @@ rule adjust:
         physics=as_json(CONFIG["physics"]),
         code=code("calibrate.adjust"),
     shell:
-        "dior adjust"
-        " --session {wildcards.session}"
-        " --cameras {input.cameras:q}"
-        " --camera-files {input.camera_files:q}"
-        " --detections {input.detections:q}"
-        " --frames {input.frames:q}"
-        " --offsets {input.offsets:q}"
-        " --window {params.window:q}"
-        " --min-score {params.min_score}"
-        " --min-views {params.min_views}"
-        " --huber-px {params.huber_px}"
-        " --max-mean-px {params.max_mean_px}"
-        " --max-gap {params.max_gap}"
-        " --known {params.known:q}"
-        " --marks {input.marks:q}"
-        " --marked {params.marked}"
-        " --tags {input.tags:q}"
-        " --intrinsics-sigma {params.intrinsics_sigma}"
-        " --physics {params.physics:q}"
-        " --out {output.cameras:q}"
-        " --out-covariance {output.covariance:q}"
-        " --out-metrics {output.metrics:q}"
-        " --findings {output.findings:q}"
-        " 2>&1 | tee {log:q}"
+        dior("adjust")
 
 
 rule clocks:
@@ -198,9 +132,9 @@ rule clocks:
         offsets=clocked_offsets,
         bags=there(clocked_bags),
     output:
-        offsets="results/clocks/{recording}.parquet",
-        gains="results/clocks/{recording}.gains.parquet",
-        costs="results/clocks/{recording}.costs.parquet",
+        out="results/clocks/{recording}.parquet",
+        out_gains="results/clocks/{recording}.gains.parquet",
+        out_costs="results/clocks/{recording}.costs.parquet",
         findings="results/clocks/{recording}.findings.parquet",
     log:
         "logs/clocks/{recording}.log",
@@ -214,30 +148,13 @@ rule clocks:
         data_root=DATA,
         code=code("calibrate.clocks"),
     shell:
-        "dior clocks"
-        " --sequence {params.sequence}"
-        " --cameras {input.cameras:q}"
-        " --names {params.names}"
-        " --covariance {input.covariance:q}"
-        " --detections {input.detections:q}"
-        " --frames {input.frames:q}"
-        " --mocap {input.mocap:q}"
-        " --marked {input.marked:q}"
-        " --offsets {input.offsets:q}"
-        " --min-score {params.min_score}"
-        " --max-gap {params.max_gap}"
-        " --data-root {params.data_root:q}"
-        " --out {output.offsets:q}"
-        " --out-gains {output.gains:q}"
-        " --out-costs {output.costs:q}"
-        " --findings {output.findings:q}"
-        " 2>&1 | tee {log:q}"
+        dior("clocks")
 
 
 rule align:
     """Place the long-range camera by what is drawn or seen around the known walker, or as a person nudged it."""
     input:
-        camera=own_yaml,
+        camera_file=own_yaml,
         intrinsics="results/intrinsics/{session}/{camera}.parquet",
         skeletons=aligned_skeletons,
         frames=aligned("frames/{sequence}.parquet"),
@@ -246,10 +163,10 @@ rule align:
         marks=aligned_marks,
         bags=there(aligned_bags),
         close=aligned_close,
-        covariance=aligned_covariance,
+        close_covariance=aligned_covariance,
     output:
-        camera="results/align/{session}/{camera}.parquet",
-        covariance="results/align/{session}/{camera}.covariance.parquet",
+        out="results/align/{session}/{camera}.parquet",
+        out_covariance="results/align/{session}/{camera}.covariance.parquet",
         findings="results/align/{session}/{camera}.findings.parquet",
     log:
         "logs/align/{session}.{camera}.log",
@@ -259,23 +176,7 @@ rule align:
         data_root=DATA,
         code=code("calibrate.align"),
     shell:
-        "dior align"
-        " --session {wildcards.session}"
-        " --camera {wildcards.camera}"
-        " --camera-file {input.camera:q}"
-        " --intrinsics {input.intrinsics:q}"
-        " --skeletons {input.skeletons:q}"
-        " --frames {input.frames:q}"
-        " --offsets {input.offsets:q}"
-        " --boxes {input.boxes:q}"
-        " --marks {input.marks:q}"
-        " --data-root {params.data_root:q}"
-        " --close {input.close:q}"
-        " --close-covariance {input.covariance:q}"
-        " --out {output.camera:q}"
-        " --out-covariance {output.covariance:q}"
-        " --findings {output.findings:q}"
-        " 2>&1 | tee {log:q}"
+        dior("align")
 
 
 rule follow:
@@ -290,9 +191,9 @@ rule follow:
         boxes=own_boxes,
         bags=there(followed_bags),
     output:
-        offsets="results/follow/{sequence}.{camera}.parquet",
-        gains="results/follow/{sequence}.{camera}.gains.parquet",
-        costs="results/follow/{sequence}.{camera}.costs.parquet",
+        out="results/follow/{sequence}.{camera}.parquet",
+        out_gains="results/follow/{sequence}.{camera}.gains.parquet",
+        out_costs="results/follow/{sequence}.{camera}.costs.parquet",
         findings="results/follow/{sequence}.{camera}.findings.parquet",
     log:
         "logs/follow/{sequence}.{camera}.log",
@@ -303,20 +204,4 @@ rule follow:
         data_root=DATA,
         code=code("calibrate.follow"),
     shell:
-        "dior follow"
-        " --sequence {wildcards.sequence}"
-        " --camera {wildcards.camera}"
-        " --camera-file {input.camera_file:q}"
-        " --cameras {input.cameras:q}"
-        " --makers {params.makers}"
-        " --covariance {input.covariance:q}"
-        " --skeleton {input.skeleton:q}"
-        " --frames {input.frames:q}"
-        " --offsets {input.offsets:q}"
-        " --boxes {input.boxes:q}"
-        " --data-root {params.data_root:q}"
-        " --out {output.offsets:q}"
-        " --out-gains {output.gains:q}"
-        " --out-costs {output.costs:q}"
-        " --findings {output.findings:q}"
-        " 2>&1 | tee {log:q}"
+        dior("follow")

@@ -11,6 +11,7 @@ import sys
 from snakemake.exceptions import WorkflowError
 
 from dior.project import project
+from dior.cli.flags import flags_of
 from dior.errors import DiorError
 from dior.project.forget import left
 from dior.tables.hashes import code_hash as code
@@ -40,7 +41,35 @@ wildcard_constraints:
     session=r"[A-Za-z0-9_@-]+",
     camera=r"[A-Za-z0-9_-]+",
     recording=r"[A-Za-z0-9_-]+(\.(?!gains\.|costs\.|findings\.)[A-Za-z0-9_-]+)?",
-    pseudonym=r"[A-Za-z0-9_-]+",
+    subject=r"[A-Za-z0-9_-]+",
+
+
+# step -> its shell line
+LINES = {}
+
+
+def dior(step):
+    """The shell line of a step's rule. `fill_in_lines` makes it whole, when all names are known."""
+    return LINES.get(step, f"dior {step}")
+
+
+def fill_in_lines():
+    """Make the shell line of each step: its flags, from what its rule calls by the flag's name.
+
+    What is both a parameter and an input (files that may be missing are no input) is taken from the parameters, where
+    it is whole.
+    """
+    for made in [one for one in workflow.rules if (one.shellcmd or "").startswith("dior ")]:
+        step = made.shellcmd.split()[1]
+        places = {name: "wildcards" for name in made.wildcard_names}
+        for place in ("input", "output", "params"):
+            places |= {name: place for name in getattr(made, place).keys()}
+        words = [
+            f"{flag.typed} {{{places[name]}.{name}:q}}"
+            for name, flag in flags_of(step).items()
+            if name in places
+        ]
+        LINES[step] = made.shellcmd = " ".join(["dior", step, *words, "2>&1 | tee {log:q}"])
 
 
 def data_root(wildcards):

@@ -15,7 +15,7 @@ rule moved:
         timelines=watched("timeline/{sequence}.parquet"),
         swaps=watched("triangulate/{sequence}.swaps.parquet"),
     output:
-        turns="results/moved/{session}.parquet",
+        out="results/moved/{session}.parquet",
         findings="results/moved/{session}.findings.parquet",
     log:
         "logs/moved/{session}.log",
@@ -27,18 +27,7 @@ rule moved:
         min_score=CONFIG["detector"]["min_score"],
         code=code("evaluate.moved"),
     shell:
-        "dior moved"
-        " --session {wildcards.session}"
-        " --sequences {params.sequences}"
-        " --names {params.names}"
-        " --cameras {input.cameras:q}"
-        " --detections {input.detections:q}"
-        " --timelines {input.timelines:q}"
-        " --swaps {input.swaps:q}"
-        " --min-score {params.min_score}"
-        " --out {output.turns:q}"
-        " --findings {output.findings:q}"
-        " 2>&1 | tee {log:q}"
+        dior("moved")
 
 
 rule evaluate:
@@ -53,9 +42,9 @@ rule evaluate:
         marks=marks_tables,
         truth=truth_tables,
     output:
-        metrics="results/evaluate/{sequence}.parquet",
-        frames="results/evaluate/{sequence}.frames.parquet",
-        checks="results/evaluate/{sequence}.checks.parquet",
+        out="results/evaluate/{sequence}.parquet",
+        out_frames="results/evaluate/{sequence}.frames.parquet",
+        out_checks="results/evaluate/{sequence}.checks.parquet",
     log:
         "logs/evaluate/{sequence}.log",
     benchmark:
@@ -69,23 +58,7 @@ rule evaluate:
         min_score=CONFIG["detector"]["min_score"],
         code=code("evaluate.evaluate"),
     shell:
-        "dior evaluate"
-        " --sequence {wildcards.sequence}"
-        " --subject {params.subject}"
-        " --labels {input.labels:q}"
-        " --skeleton {input.skeleton:q}"
-        " --roles {params.roles}"
-        " --detections {input.detections:q}"
-        " --min-score {params.min_score}"
-        " --boxes {params.boxes:q}"
-        " --marks {input.marks:q}"
-        " --checks {params.checks:q}"
-        " --swaps {input.swaps:q}"
-        " --truth {params.truth:q}"
-        " --out {output.metrics:q}"
-        " --out-frames {output.frames:q}"
-        " --out-checks {output.checks:q}"
-        " 2>&1 | tee {log:q}"
+        dior("evaluate")
 
 
 rule detectors:
@@ -95,8 +68,8 @@ rule detectors:
         frames="results/frames/{sequence}.parquet",
         labels=detector_labels,
     output:
-        metrics="results/detectors/{sequence}.parquet",
-        frames="results/detectors/{sequence}.frames.parquet",
+        out="results/detectors/{sequence}.parquet",
+        out_frames="results/detectors/{sequence}.frames.parquet",
         findings="results/detectors/{sequence}.findings.parquet",
     log:
         "logs/detectors/{sequence}.log",
@@ -109,17 +82,7 @@ rule detectors:
         roles=roles,
         code=code("evaluate.detectors"),
     shell:
-        "dior detectors"
-        " --sequence {wildcards.sequence}"
-        " --subject {params.subject}"
-        " --rows {params.rows:q}"
-        " --roles {params.roles}"
-        " --frames {input.frames:q}"
-        " --labels {input.labels:q}"
-        " --out {output.metrics:q}"
-        " --out-frames {output.frames:q}"
-        " --findings {output.findings:q}"
-        " 2>&1 | tee {log:q}"
+        dior("detectors")
 
 
 rule zoom:
@@ -128,8 +91,8 @@ rule zoom:
         bags=there(bags),
         frames="results/frames/{sequence}.parquet",
     output:
-        pictures=directory("results/zoom/{sequence}.{camera}"),
-        index="results/zoom/{sequence}.{camera}.csv",
+        out=directory("results/zoom/{sequence}.{camera}"),
+        out_index="results/zoom/{sequence}.{camera}.csv",
     log:
         "logs/zoom/{sequence}.{camera}.log",
     benchmark:
@@ -138,14 +101,7 @@ rule zoom:
         data_root=DATA,
         code=code("evaluate.zoom"),
     shell:
-        "dior zoom"
-        " --sequence {wildcards.sequence}"
-        " --camera {wildcards.camera}"
-        " --frames {input.frames:q}"
-        " --data-root {params.data_root:q}"
-        " --out {output.pictures:q}"
-        " --out-index {output.index:q}"
-        " 2>&1 | tee {log:q}"
+        dior("zoom")
 
 
 rule to_mark:
@@ -154,7 +110,7 @@ rule to_mark:
         indoor=indoor_labels,
         long_range=long_range_labels,
     output:
-        directory("results/evaluate/to_mark"),
+        out=directory("results/evaluate/to_mark"),
     log:
         "logs/to_mark/to_mark.log",
     benchmark:
@@ -162,11 +118,7 @@ rule to_mark:
     params:
         code=code("evaluate.to_mark"),
     shell:
-        "dior to_mark"
-        " --indoor {input.indoor:q}"
-        " --long-range {input.long_range:q}"
-        " --out {output:q}"
-        " 2>&1 | tee {log:q}"
+        dior("to_mark")
 
 
 rule metrics:

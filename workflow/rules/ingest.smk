@@ -11,7 +11,7 @@ rule frames:
     input:
         bags=there(bags),
     output:
-        "results/frames/{sequence}.parquet",
+        out="results/frames/{sequence}.parquet",
     log:
         "logs/frames/{sequence}.log",
     benchmark:
@@ -22,13 +22,7 @@ rule frames:
         data_root=DATA,
         code=code("ingest.frames"),
     shell:
-        "dior frames"
-        " --sequence {wildcards.sequence}"
-        " --bags {params.bags:q}"
-        " --data-root {params.data_root:q}"
-        " --topics {params.topics:q}"
-        " --out {output:q}"
-        " 2>&1 | tee {log:q}"
+        dior("frames")
 
 
 rule audit:
@@ -37,8 +31,8 @@ rule audit:
         bags=there(bags),
         frames="results/frames/{sequence}.parquet",
     output:
-        table="results/audit/{sequence}.parquet",
-        dropped="results/audit/{sequence}.dropped.parquet",
+        out="results/audit/{sequence}.parquet",
+        out_dropped="results/audit/{sequence}.dropped.parquet",
         findings="results/audit/{sequence}.findings.parquet",
     log:
         "logs/audit/{sequence}.log",
@@ -48,14 +42,7 @@ rule audit:
         data_root=DATA,
         code=code("ingest.audit"),
     shell:
-        "dior audit"
-        " --sequence {wildcards.sequence}"
-        " --frames {input.frames:q}"
-        " --data-root {params.data_root:q}"
-        " --out {output.table:q}"
-        " --out-dropped {output.dropped:q}"
-        " --findings {output.findings:q}"
-        " 2>&1 | tee {log:q}"
+        dior("audit")
 
 
 rule mocap:
@@ -65,7 +52,7 @@ rule mocap:
         trigger_log=there(trigger_log),
         frames="results/frames/{sequence}.parquet",
     output:
-        "results/mocap/{sequence}.parquet",
+        out="results/mocap/{sequence}.parquet",
     log:
         "logs/mocap/{sequence}.log",
     benchmark:
@@ -77,15 +64,7 @@ rule mocap:
         subject=subject,
         code=code("ingest.mocap"),
     shell:
-        "dior mocap"
-        " --sequence {wildcards.sequence}"
-        " --subject {params.subject}"
-        " --c3d {params.c3d:q}"
-        " --frames {input.frames:q}"
-        " --trigger-log {params.trigger_log:q}"
-        " --capture {params.capture:q}"
-        " --out {output:q}"
-        " 2>&1 | tee {log:q}"
+        dior("mocap")
 
 
 rule detect:
@@ -95,7 +74,7 @@ rule detect:
         bags=there(bags),
         frames="results/frames/{sequence}.parquet",
     output:
-        "results/detect/{sequence}.{camera}.json",
+        out="results/detect/{sequence}.{camera}.json",
     log:
         "logs/detect/{sequence}.{camera}.log",
     benchmark:
@@ -105,15 +84,7 @@ rule detect:
         data_root=DATA,
         code=code("ingest.detect"),
     shell:
-        "dior detect"
-        " --sequence {wildcards.sequence}"
-        " --camera {wildcards.camera}"
-        " --frames {input.frames:q}"
-        " --data-root {params.data_root:q}"
-        " --model {input.model:q}"
-        " --crop {params.crop}"
-        " --out {output:q}"
-        " 2>&1 | tee {log:q}"
+        dior("detect")
 
 
 rule detections:
@@ -122,7 +93,7 @@ rule detections:
         files=detection_files,
         frames="results/frames/{sequence}.parquet",
     output:
-        table="results/detections/{sequence}.parquet",
+        out="results/detections/{sequence}.parquet",
         findings="results/detections/{sequence}.findings.parquet",
     log:
         "logs/detections/{sequence}.log",
@@ -135,15 +106,7 @@ rule detections:
         format=detection_format,
         code=code("ingest.detections"),
     shell:
-        "dior detections"
-        " --sequence {wildcards.sequence}"
-        " --pattern {params.pattern:q}"
-        " --cameras {params.cameras}"
-        " --format {params.format}"
-        " --frames {input.frames:q}"
-        " --out {output.table:q}"
-        " --findings {output.findings:q}"
-        " 2>&1 | tee {log:q}"
+        dior("detections")
 
 
 rule gallery:
@@ -151,7 +114,7 @@ rule gallery:
     input:
         recordings=there(gallery_files),
     output:
-        table="results/gallery/gallery.parquet",
+        out="results/gallery/gallery.parquet",
         findings="results/gallery/gallery.findings.parquet",
     log:
         "logs/gallery/gallery.log",
@@ -162,9 +125,4 @@ rule gallery:
         data_root=DATA,
         code=code("ingest.gallery"),
     shell:
-        "dior gallery"
-        " --rows {params.rows:q}"
-        " --data-root {params.data_root:q}"
-        " --out {output.table:q}"
-        " --findings {output.findings:q}"
-        " 2>&1 | tee {log:q}"
+        dior("gallery")

@@ -15,7 +15,7 @@ rule reproject:
         clocks=label_clocks,
         clock_gains=label_clock_gains,
     output:
-        "results/reproject/{sequence}.{camera}.parquet",
+        out="results/reproject/{sequence}.{camera}.parquet",
     log:
         "logs/reproject/{sequence}.{camera}.log",
     benchmark:
@@ -26,17 +26,4 @@ rule reproject:
         makers=makers,
         code=code("label.reproject"),
     shell:
-        "dior reproject"
-        " --sequence {wildcards.sequence}"
-        " --subject {params.subject}"
-        " --camera {wildcards.camera}"
-        " --cameras {input.cameras:q}"
-        " --makers {params.makers}"
-        " --covariance {input.covariance:q}"
-        " --skeleton {input.skeleton:q}"
-        " --frames {input.frames:q}"
-        " --clocks {input.clocks:q}"
-        " --clock-gains {input.clock_gains:q}"
-        " --source {params.source}"
-        " --out {output:q}"
-        " 2>&1 | tee {log:q}"
+        dior("reproject")

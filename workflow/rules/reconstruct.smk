@@ -12,7 +12,7 @@ rule timeline:
         clocks=timeline_clocks,
         mocap=mocap_table,
     output:
-        timeline="results/timeline/{sequence}.parquet",
+        out="results/timeline/{sequence}.parquet",
     log:
         "logs/timeline/{sequence}.log",
     benchmark:
@@ -22,15 +22,7 @@ rule timeline:
         max_gap=CONFIG["time"]["max_gap"],
         code=code("reconstruct.timeline"),
     shell:
-        "dior timeline"
-        " --sequence {wildcards.sequence}"
-        " --frames {input.frames:q}"
-        " --cameras {params.cameras}"
-        " --clocks {input.clocks:q}"
-        " --mocap {input.mocap:q}"
-        " --max-gap {params.max_gap}"
-        " --out {output.timeline:q}"
-        " 2>&1 | tee {log:q}"
+        dior("timeline")
 
 
 rule triangulate:
@@ -40,8 +32,8 @@ rule triangulate:
         detections="results/detections/{sequence}.parquet",
         timeline="results/timeline/{sequence}.parquet",
     output:
-        skeleton="results/triangulate/{sequence}.parquet",
-        swaps="results/triangulate/{sequence}.swaps.parquet",
+        out="results/triangulate/{sequence}.parquet",
+        out_swaps="results/triangulate/{sequence}.swaps.parquet",
         findings="results/triangulate/{sequence}.findings.parquet",
     log:
         "logs/triangulate/{sequence}.log",
@@ -58,31 +50,15 @@ rule triangulate:
         min_score=CONFIG["detector"]["min_score"],
         code=code("reconstruct.triangulate"),
     shell:
-        "dior triangulate"
-        " --sequence {wildcards.sequence}"
-        " --subject {params.subject}"
-        " --cameras {input.cameras:q}"
-        " --names {params.names}"
-        " --detections {input.detections:q}"
-        " --timeline {input.timeline:q}"
-        " --method {params.method}"
-        " --min-score {params.min_score}"
-        " --max-error-px {params.max_error_px}"
-        " --max-speed {params.max_speed}"
-        " --max-body-speed {params.max_body_speed}"
-        " --max-bone-change {params.max_bone_change}"
-        " --out {output.skeleton:q}"
-        " --out-swaps {output.swaps:q}"
-        " --findings {output.findings:q}"
-        " 2>&1 | tee {log:q}"
+        dior("triangulate")
 
 
 rule refine:
     """Smooth the joints of an outdoor sequence over time."""
     input:
-        "results/triangulate/{sequence}.parquet",
+        skeleton="results/triangulate/{sequence}.parquet",
     output:
-        skeleton="results/refine/{sequence}.parquet",
+        out="results/refine/{sequence}.parquet",
         findings="results/refine/{sequence}.findings.parquet",
     log:
         "logs/refine/{sequence}.log",
@@ -93,11 +69,4 @@ rule refine:
         max_gap_s=CONFIG["refine"]["max_gap_s"],
         code=code("reconstruct.refine"),
     shell:
-        "dior refine"
-        " --sequence {wildcards.sequence}"
-        " --subject {params.subject}"
-        " --skeleton {input:q}"
-        " --max-gap-s {params.max_gap_s}"
-        " --out {output.skeleton:q}"
-        " --findings {output.findings:q}"
-        " 2>&1 | tee {log:q}"
+        dior("refine")

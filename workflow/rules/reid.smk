@@ -15,8 +15,8 @@ rule inputs:
         frames="results/frames/{sequence}.parquet",
         clocks=all_clocks,
     output:
-        labels="results/reid/{sequence}.parquet",
-        skeleton="results/reid/{sequence}.skeleton.parquet",
+        out="results/reid/{sequence}.parquet",
+        out_skeleton="results/reid/{sequence}.skeleton.parquet",
     log:
         "logs/inputs/{sequence}.log",
     benchmark:
@@ -27,18 +27,7 @@ rule inputs:
         source=label_source,
         code=code("reid.inputs"),
     shell:
-        "dior inputs"
-        " --sequence {wildcards.sequence}"
-        " --subject {params.subject}"
-        " --names {params.names}"
-        " --skeleton {input.skeleton:q}"
-        " --cameras {input.cameras:q}"
-        " --frames {input.frames:q}"
-        " --clocks {input.clocks:q}"
-        " --source {params.source}"
-        " --out {output.labels:q}"
-        " --out-skeleton {output.skeleton:q}"
-        " 2>&1 | tee {log:q}"
+        dior("inputs")
 
 
 rule recognise:
@@ -91,12 +80,7 @@ rule reid:
         "logs/reid/reid.benchmark.tsv"
     params:
         title=CONFIG["release"]["title"],
+        out=page_folder,
         code=code("report.reid"),
     shell:
-        "dior reid"
-        " --title {params.title:q}"
-        " --table {input.table:q}"
-        " --cmc {input.cmc:q}"
-        " --left-out {input.left_out:q}"
-        " --out results/reid"
-        " 2>&1 | tee {log:q}"
+        dior("reid")

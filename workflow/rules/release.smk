@@ -12,7 +12,7 @@ rule provenance:
     input:
         there(recording_files),
     output:
-        "results/provenance/{sequence}.json",
+        out="results/provenance/{sequence}.json",
     log:
         "logs/provenance/{sequence}.log",
     benchmark:
@@ -23,11 +23,7 @@ rule provenance:
         folders=recording_folders,
         code=code("release.provenance"),
     shell:
-        "dior provenance"
-        " --sequence {wildcards.sequence}"
-        " --recordings {params.recordings:q}"
-        " --out {output:q}"
-        " 2>&1 | tee {log:q}"
+        dior("provenance")
 
 
 rule heads:
@@ -40,7 +36,7 @@ rule heads:
         labels="results/reproject/{sequence}.{camera}.parquet",
         before=earlier_heads,
     output:
-        heads="results/heads/{sequence}.{camera}.parquet",
+        out="results/heads/{sequence}.{camera}.parquet",
         findings="results/heads/{sequence}.{camera}.findings.parquet",
     log:
         "logs/heads/{sequence}.{camera}.log",
@@ -49,18 +45,7 @@ rule heads:
     params:
         code=code("release.heads"),
     shell:
-        "dior heads"
-        " --sequence {wildcards.sequence}"
-        " --camera {wildcards.camera}"
-        " --cameras {input.cameras:q}"
-        " --skeleton {input.skeleton:q}"
-        " --frames {input.frames:q}"
-        " --clocks {input.clocks:q}"
-        " --labels {input.labels:q}"
-        " --before {input.before:q}"
-        " --out {output.heads:q}"
-        " --findings {output.findings:q}"
-        " 2>&1 | tee {log:q}"
+        dior("heads")
 
 
 rule pixels:
@@ -71,7 +56,7 @@ rule pixels:
         heads=covered_heads,
         shift=stamps_from,
     output:
-        pixels="results/pixels/{sequence}.{camera}.parquet",
+        out="results/pixels/{sequence}.{camera}.parquet",
         findings="results/pixels/{sequence}.{camera}.findings.parquet",
     log:
         "logs/pixels/{sequence}.{camera}.log",
@@ -85,19 +70,7 @@ rule pixels:
         shift=stamps_shift,
         code=code("release.pixels"),
     shell:
-        "dior pixels"
-        " --sequence {wildcards.sequence}"
-        " --subject {params.subject}"
-        " --camera {wildcards.camera}"
-        " --frames {input.frames:q}"
-        " --data-root {params.data_root:q}"
-        " --heads {input.heads:q}"
-        " --faces {params.faces}"
-        " --consent {params.consent}"
-        " --shift {params.shift:q}"
-        " --out {output.pixels:q}"
-        " --findings {output.findings:q}"
-        " 2>&1 | tee {log:q}"
+        dior("pixels")
 
 
 rule package:
@@ -148,20 +121,16 @@ rule tarballs:
     input:
         f"{RELEASE}/SHA256SUMS",
     output:
-        f"{RELEASE}-{{pseudonym}}.tar",
+        out=f"{RELEASE}-{{subject}}.tar",
     log:
-        "logs/tarballs/{pseudonym}.log",
+        "logs/tarballs/{subject}.log",
     benchmark:
-        "logs/tarballs/{pseudonym}.benchmark.tsv"
+        "logs/tarballs/{subject}.benchmark.tsv"
     params:
         release=release_folder,
         code=code("release.tarballs"),
     shell:
-        "dior tarballs"
-        " --release {params.release:q}"
-        " --subject {wildcards.pseudonym}"
-        " --out {output:q}"
-        " 2>&1 | tee {log:q}"
+        dior("tarballs")
 
 
 rule exports:
@@ -180,8 +149,4 @@ rule exports:
         out=exports_folder,
         code=code("release.exports"),
     shell:
-        "dior exports"
-        " --release {params.release:q}"
-        " --formats {params.formats:q}"
-        " --out {params.out:q}"
-        " 2>&1 | tee {log:q}"
+        dior("exports")

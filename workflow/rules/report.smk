@@ -25,23 +25,11 @@ rule overlays:
         data_root=DATA,
         boxes=own_boxes_words,
         roles=own_role,
-        pictures=CONFIG["report"]["overlay_frames"],
+        per_camera=CONFIG["report"]["overlay_frames"],
         min_score=CONFIG["detector"]["min_score"],
         code=code("report.overlays"),
     shell:
-        "dior overlays"
-        " --sequence {wildcards.sequence}"
-        " --frames {input.frames:q}"
-        " --data-root {params.data_root:q}"
-        " --labels {input.labels:q}"
-        " --detections {input.detections:q}"
-        " --swaps {input.swaps:q}"
-        " --min-score {params.min_score}"
-        " --boxes {params.boxes:q}"
-        " --roles {params.roles}"
-        " --count {params.pictures}"
-        " --out {params.out:q}"
-        " 2>&1 | tee {log:q}"
+        dior("overlays")
 
 
 rule clip:
@@ -53,7 +41,7 @@ rule clip:
         timeline="results/timeline/{sequence}.parquet",
         labels=labels,
     output:
-        video="results/report/assets/{sequence}/clip.webm",
+        out="results/report/assets/{sequence}/clip.webm",
         poster="results/report/assets/{sequence}/clip.poster.jpg",
     log:
         "logs/clip/{sequence}.log",
@@ -65,18 +53,7 @@ rule clip:
         seconds=CONFIG["report"]["clip_seconds"],
         code=code("report.clip"),
     shell:
-        "dior clip"
-        " --sequence {wildcards.sequence}"
-        " --frames {input.frames:q}"
-        " --clocks {input.clocks:q}"
-        " --timeline {input.timeline:q}"
-        " --data-root {params.data_root:q}"
-        " --labels {input.labels:q}"
-        " --roles {params.roles}"
-        " --seconds {params.seconds}"
-        " --out {output.video:q}"
-        " --poster {output.poster:q}"
-        " 2>&1 | tee {log:q}"
+        dior("clip")
 
 
 rule report:

@@ -30,11 +30,7 @@ rule simulate:
         out=data_root,
         code=code("simulate.simulate"),
     shell:
-        "dior simulate"
-        " --settings {params.settings:q}"
-        " --sequence {wildcards.sequence}"
-        " --out {params.out:q}"
-        " 2>&1 | tee {log:q}"
+        dior("simulate")
 
 
 rule simulate_mocap:
@@ -42,7 +38,7 @@ rule simulate_mocap:
     input:
         motion=motion,
     output:
-        f"{DATA}/{{sequence}}/mocap.c3d",
+        out=f"{DATA}/{{sequence}}/mocap.c3d",
     log:
         "logs/simulate_mocap/{sequence}.log",
     benchmark:
@@ -52,11 +48,7 @@ rule simulate_mocap:
         out=data_root,
         code=code("simulate.simulate_mocap"),
     shell:
-        "dior simulate_mocap"
-        " --settings {params.settings:q}"
-        " --sequence {wildcards.sequence}"
-        " --out {params.out:q}"
-        " 2>&1 | tee {log:q}"
+        dior("simulate_mocap")
 
 
 rule simulate_gallery:
@@ -73,8 +65,4 @@ rule simulate_gallery:
         out=data_root,
         code=code("simulate.simulate_gallery"),
     shell:
-        "dior simulate_gallery"
-        " --settings {params.settings:q}"
-        " --sequence {wildcards.sequence}"
-        " --out {params.out:q}"
-        " 2>&1 | tee {log:q}"
+        dior("simulate_gallery")

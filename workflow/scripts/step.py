@@ -9,15 +9,15 @@ import sys
 import traceback
 
 from dior.cli import main
-from dior.cli.steps import STEPS
+from dior.cli.flags import flags_of
 
 
 def words(job):
     """The command line of `dior` for a job of Snakemake's, as a list."""
     found = [job.rule]
     for key, value in [*job.input.items(), *job.output.items(), *job.params.items()]:
-        if (flag := key.replace("_", "-")) in STEPS[job.rule][2]:
-            found += [f"--{flag}", *map(str, value if isinstance(value, list) else [value])]
+        if flag := flags_of(job.rule).get(key):
+            found += [flag.typed, *map(str, value if isinstance(value, list) else [value])]
     return found
 
 

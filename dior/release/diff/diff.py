@@ -31,10 +31,13 @@ LENS = ("width", "height", "fx", "fy", "cx", "cy", "distortion_model", "distorti
 PICTURES_AT_ONCE = 16
 
 
-def run(*, first, second, as_json=False):
-    """Print how the release folder `second` differs from `first`; returns the exit code."""
+def run(first: Path, second: Path, *, as_json: bool = False) -> int:
+    """Print how a release differs from another one; returns the exit code.
+
+    `first`: folder of the older release; `second`: of the newer one; `as_json`: print JSON instead of text.
+    """
     try:
-        found = compared(Path(first), Path(second))
+        found = compared(first, second)
     except DiorError as error:
         print(f"dior diff: {error}", file=sys.stderr)
         return 2

@@ -42,13 +42,15 @@ class Stored:
         return sums.METADATA in self.parts and {sums.of_whom(name) for name in self.listed} <= self.parts
 
 
-def run(*, paths, decode=False):
-    """Print what is wrong with the folders and tarballs `paths`. `decode`: decode every pixel instead of the headers.
+def run(paths: list[Path], *, decode: bool = False) -> None:
+    """Print what is wrong with releases.
+
+    `paths`: release folder, exports folder, tarballs; `decode`: decode every picture, not only read its header.
 
     Raises DiorError where something is wrong, after all of it was told.
     """
     wrong = 0
-    for stored in _stored([Path(path) for path in paths]):
+    for stored in _stored(paths):
         problems, summary = _looked_at(stored, decode)
         for path, text in sorted(problems):
             print(f"{stored.name}/{path}: {text}" if path else f"{stored.name}: {text}")
