@@ -20,8 +20,8 @@ COLUMNS = ("frame", "u_min", "v_min", "u_max", "v_max")
 def read(path: AnyPath, frames: ArrayLike) -> tuple[Ints, Floats]:
     """Boxes as frames (B,) and edges (B, 4) px in the order u_min, v_min, u_max, v_max, sorted by frame.
 
-    `frames`: the frames of the recording. Raises DiorError, naming file and line, for a malformed row, an empty box,
-    a frame that the recording does not have and a second box of one frame.
+    `frames`: the frames of the recording. Raises DiorError, naming file and line, for a malformed row, a box that is
+    inside out, a frame that the recording does not have and a second box of one frame.
     """
     path = Path(path)
     if not path.is_file():

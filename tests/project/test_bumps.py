@@ -38,6 +38,17 @@ def test_a_later_bump_of_another_camera_keeps_the_first(bumped):
     assert found.camera_file("field@out_3", "cam02") == "config/sessions/field/cam02@out_3.yaml"
 
 
+def test_a_camera_that_was_bumped_twice_stands_where_the_last_bump_left_it(bumped):
+    edit(bumped, "sequences.tsv", "rain", "")
+    edit(bumped, "sessions/field/session.yaml", "out_2: {count: 50}", "out_2: {count: 50}, out_3: {count: 9}")
+    edit(bumped, "sequences.tsv", "out_3/a.bag\t\t", "out_3/a.bag\t\tmlkit/{camera}.jsonl")
+    (bumped / "config/sessions/field/cam01@out_3.yaml").write_text(CLOSE.format(name="cam01", x=4.2))
+    found = project.load(bumped)
+    parts = ("field", "field@out_2", "field@out_3")
+    places = [found.cameras(session)["cam01"]["tape"]["position_m"][0] for session in parts]
+    assert found.sessions == (*parts, "lab") and places == [4, 4.1, 4.2]
+
+
 def test_marks_of_a_bumped_camera_are_its_own(root):  # noqa: F811
     edit(root, "sequences.tsv", "in_1\t1\tS01\tlab", "in_1\t1\tS01\tlab")
     text = (root / "config/sequences.tsv").read_text().splitlines()

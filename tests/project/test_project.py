@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from dior.errors import DiorError
-from dior.project import project
+from dior.errors import DiorError, nearest
+from dior.project import project, read
 
 SEQUENCES = (
     "sequence session_order subject session environment outfit walk bags mocap detections trigger_log exclude_reason"
@@ -655,3 +655,34 @@ def test_a_slip_in_the_noted_minutes_shows_at_the_start(root):
     sheet.write_text("what\tminute\nmarks\t30\n")
     with pytest.raises(DiorError, match="config/effort.tsv.*minute"):
         project.load(root)
+
+
+def test_whose_clock_is_found_by_the_known_walker(root):
+    """Outdoors a long-range camera; indoors only one that is aligned, since markers tell the others' clocks."""
+    found = project.load(root)
+    assert found.followed("out_1") == ["cam03"]
+    assert found.followed("in_1") == [] and found.clocked("in_1") == found.cameras_of("in_1")
+    found.camera_files["lab"]["cam01"]["role"] = "long_range"
+    assert found.followed("in_1") == []
+    found.camera_files["lab"]["cam01"]["locate"] = "align"
+    assert found.followed("in_1") == ["cam01"]
+
+
+def test_a_default_that_somebody_changes_is_not_everybodys():
+    first, second = (read.check(yaml.safe_load(CLOSE.format(name="cam01", x=1)), "camera", "cam01") for _ in range(2))
+    nested = [key for key, value in first.items() if isinstance(value, dict) and key != "tape"]
+    assert nested
+    for key in nested:
+        first[key]["changed"] = True
+        assert "changed" not in second[key] and "changed" not in read._schema("camera")["properties"][key]["default"]
+
+
+@pytest.mark.parametrize("word", [".nan", ".inf", "-.inf"])
+def test_a_length_is_a_finite_number(root, word):
+    edit(root, "sessions/field/cam01.yaml", "position_m: [4, 0, 1.5]", f"position_m: [4, {word}, 1.5]")
+    fails(root, "'tape.position_m.1' is", "finite number")
+
+
+def test_a_word_that_is_like_none_gets_no_suggestion():
+    assert nearest("xylophone", ["robust", "rays"]) == ""
+    assert nearest("robost", ["robust", "rays"]) == " (did you mean 'robust'?)"

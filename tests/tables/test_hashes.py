@@ -85,9 +85,22 @@ def test_the_words_of_a_column_change_those_who_write_and_read_it(package):
     before = each()
     edit(package / "tables/schemas/ingest.py", '("reason", DROP_REASON', '("reason", (*DROP_REASON, "lens_cap")')
     assert changed(before, each()) == {"audit", "statistics", "report", "package"}
+
+
+def test_that_a_table_is_released_changes_who_writes_it(package):
+    """Its files then tell the types of the columns to other libraries."""
     before = each()
-    edit(package / "tables/schemas/release.py", '    "released_clocks",\n', "")
-    assert changed(before, each()) == {"report", "package"}
+    edit(package / "tables/schemas/release.py", '    "labels_2d",\n', "")
+    assert "reproject" in changed(before, each())
+
+
+def test_another_version_of_a_numeric_package_changes_every_step(monkeypatch):
+    before = each()
+    monkeypatch.setattr(by_content.metadata, "version", lambda package: "99" if package == "scipy" else "1")
+    after = each()
+    monkeypatch.setattr(by_content.metadata, "version", lambda package: "1")
+    assert changed(before, after) == changed(after, each()) == set(MODULES)
+    clear()
 
 
 def test_how_types_are_made_changes_every_step_with_a_table(package):

@@ -9,7 +9,7 @@ from dior.errors import DiorError
 from dior.geometry import camera_tables
 from dior.geometry.camera import pose
 from dior.geometry.multiview import look_at
-from dior.tables import tables
+from dior.tables import buffers, tables
 from dior.tables.schemas import SCHEMAS
 from tests.rig import camera
 
@@ -39,6 +39,7 @@ def test_round_trip_with_nulls_units_and_same_bytes(tmp_path):
     assert stored.schema.field("u").metadata[b"unit"] == b"px"
     assert pa.types.is_dictionary(stored.schema.field("joint").type)
     assert tables.metadata(tmp_path / "a.parquet")["tool"] == "test"
+    assert pq.ParquetFile(tmp_path / "a.parquet").metadata.row_group(0).column(0).compression == "ZSTD"
     assert list(tmp_path.glob(".*")) == []
 
 
@@ -139,3 +140,17 @@ def test_repeated_words_are_read_as_indices(tmp_path):
     tables.write(tmp_path / "a.parquet", "labels_2d", columns)
     joint = tables.read_coded(tmp_path / "a.parquet", "labels_2d", ["joint", "frame"])["joint"]
     assert [joint.words[i] if i >= 0 else "" for i in joint.index] == columns["joint"]
+
+
+def test_the_value_under_a_null_is_0_so_that_the_same_table_is_the_same_bytes():
+    array = buffers.fixed(np.array([1.0, np.nan, 3.0]), pa.float64(), np.array([False, True, False]))
+    assert np.frombuffer(array.buffers()[1], float).tolist() == [1.0, 0.0, 3.0]
+    array = buffers.fixed(np.array([7, -5]), pa.int32(), np.array([False, True]))
+    assert np.frombuffer(array.buffers()[1], np.int32).tolist() == [7, 0] and array.to_pylist() == [7, None]
+
+
+def test_a_slice_of_a_column_is_read_from_its_own_first_row():
+    """Parquet files are read in parts, which share their buffers."""
+    array = pa.array([1, None, 3, None, 5], pa.int32())
+    assert buffers.numbers(array.slice(1, 3), -1).tolist() == [-1, 3, -1]
+    assert buffers.numbers(array.slice(2), -1).tolist() == [3, -1, 5]
