@@ -40,8 +40,8 @@ SIZES = (
 
 
 def text(release, walks, counted, figures, parts, example):
-    """The card. `release`: the section of the config; `walks`: the released ones (roster.py); `counted`: rows of
-    `statistics.rows_of` for them; `figures`: rows of metrics.csv; `parts`: of layout.py, those that there are;
+    """The card. `release`: the section of the config; `walks`: the released ones (released_people.py); `counted`: rows
+    of `statistics.rows_of` for them; `figures`: rows of metrics.csv; `parts`: of layout.py, those that there are;
     `example`: the name of a labels file.
     """
     from jinja2 import Environment, StrictUndefined

@@ -26,7 +26,18 @@ from dior.progress import reporting
 from dior.project import licenses
 from dior.project import project as projects
 from dior.release import cameras as rigs
-from dior.release import card, citation, croissant, figures, layout, provenance_json, roster, shards, splits, sums
+from dior.release import (
+    card,
+    checksums,
+    citation,
+    croissant,
+    layout,
+    metrics_csv,
+    provenance_json,
+    released_people,
+    splits,
+    walk_files,
+)
 from dior.tables import tables
 from dior.tables.files import write_text
 
@@ -75,17 +86,17 @@ def run(
         "checksums": _by_name(provenance, "checksums"),
     }
     needed = {name: _of(found["frames"], name, "frames") for name in project.released_sequences}
-    walks = roster.released_walks(project, needed)
+    walks = released_people.released_walks(project, needed)
     sources = {name: _sources(walk, found, marks, project) for name, walk in walks.items()}
     recordings = {name: _of(found["checksums"], name, "checksums") for name in walks}
     rig, joint = rigs.released(cameras, covariances, walks), rigs.covariance(covariances, walks)
     made_of = provenance_json.of(project, walks, recordings, steps)
     with _folder_in_place(out) as folder:
         with ThreadPoolExecutor(THREADS) as pool:
-            written = pool.map(shards.write, repeat(folder), walks.values(), sources.values())
+            written = pool.map(walk_files.write, repeat(folder), walks.values(), sources.values())
             for _ in reporting(written, len(walks), "sequences", "release"):
                 pass
-        pictures = roster.gallery(gallery, walks) if gallery else {}
+        pictures = released_people.gallery(gallery, walks) if gallery else {}
         # from here on a session is called as the release calls it
         walks = {name: walk | {"session": walk["shown"]} for name, walk in walks.items()}
         roles = dict(zip(zip(rig["session"], rig["camera"], strict=True), rig["role"], strict=True))
@@ -93,18 +104,18 @@ def run(
             ("cameras", "released_cameras", rig),
             ("camera_covariance", "camera_covariance", joint),
             ("clocks", "released_clocks", rigs.clocks(clocks, walks)),
-            ("sequences", "sequences", roster.sequences(walks)),
-            ("subjects", "subjects", roster.subjects(walks, project.subjects)),
+            ("sequences", "sequences", released_people.sequences(walks)),
+            ("subjects", "subjects", released_people.subjects(walks, project.subjects)),
             ("splits", "splits", splits.columns(walks, roles)),
             ("gallery", "released_gallery", pictures),
         ):
             if len(next(iter(columns.values()), ())):
                 tables.write(folder / f"{name}.parquet", table, columns)
-        rows = figures.released(metrics, walks)
+        rows = metrics_csv.released(metrics, walks)
         write_text(folder / "metrics.csv", as_csv(rows))
         counted = _counted(walks, roles, sources, pictures.get("angle", ()))
         _write_about(folder, project, walks, counted, rows, made_of)
-        sums.write(folder)
+        checksums.write(folder)
 
 
 def _withdraw(out, kept):
@@ -151,7 +162,7 @@ def _sources(walk, found, marks, project):
     def by_hand(files):
         return {camera: project.root / path for camera, path in files.items()}
 
-    return shards.Sources(
+    return walk_files.Sources(
         labels=by_camera("labels", "labels"),
         pixels=by_camera("pixels", "pictures"),
         skeleton=_of(found["skeletons"], name, "skeletons"),

@@ -20,8 +20,7 @@ from dior.errors import DiorError
 from dior.ingest import bags, messages
 from dior.ingest.containers import BROKEN
 from dior.progress import reporting
-from dior.release import covering, jpeg
-from dior.release import shift as stamps
+from dior.release import head_blur, jpeg, shift_stamps
 from dior.release.heads import EDGES
 from dior.tables import tables
 from dior.tables.files import written_whole
@@ -48,9 +47,9 @@ def run(
     """Write the released pictures of one camera of one sequence.
 
     `subject`: the pseudonym. `heads`: its table, None where faces are `shown`. `consent`: "yes", or "no" for a subject
-    who did not agree to pictures, of which all are null then. `shift`: arguments of `stamps.taken_off`, empty to leave
-    the stamps as they are. Raises DiorError where `heads` is of other pictures, and where a picture is not in its bag
-    any more.
+    who did not agree to pictures, of which all are null then. `shift`: arguments of `shift_stamps.taken_off`, empty to
+    leave the stamps as they are. Raises DiorError where `heads` is of other pictures, and where a picture is not in its
+    bag any more.
     """
     import cv2
 
@@ -59,7 +58,7 @@ def run(
     rows = tables.of_camera(tables.read(frames, "frames"), camera)
     count = len(rows["frame"])
     boxes = _boxes(heads, rows, where) if faces != "shown" and consent == "yes" else [None] * count
-    later = stamps.taken_off(**shift) if shift else 0
+    later = shift_stamps.taken_off(**shift) if shift else 0
     words = {"subject": subject, "sequence": sequence, "camera": camera}
     lost, why = Counter(), []
     with written_whole(out) as part, _writer(part) as writer:
@@ -149,7 +148,7 @@ def released(message, size, box, faces):
         how = jpeg.settings(stripped)
     picture = messages.decode(message.kind, raw, message.wire, size)
     if box is not None:
-        covering.cover(picture, box, faces)
+        head_blur.cover(picture, box, faces)
     return jpeg.encoded(picture, *how)
 
 

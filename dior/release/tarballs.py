@@ -25,7 +25,7 @@ from pathlib import Path
 
 from dior.errors import DiorError, nearest
 from dior.progress import reporting
-from dior.release import sums
+from dior.release import checksums
 from dior.tables.files import write_text
 
 BLOCK = 1 << 20
@@ -89,14 +89,14 @@ def leftovers(out):
 
 def members(release, subject):
     """SHA-256 by path in the release of what the tarball of `subject` (or `metadata`) holds, the checksums first."""
-    listed = sums.read(release)
-    parts = sorted({sums.of_whom(name) for name in listed})
+    listed = checksums.read(release)
+    parts = sorted({checksums.of_whom(name) for name in listed})
     if subject not in parts:
         raise DiorError(f"{release}: subject '{subject}' is not in the release{nearest(subject, parts)}")
-    first = sums.list_of(subject)
+    first = checksums.list_of(subject)
     # the list of all files is in no list
-    found = {first: listed.get(first) or sums.digest(open(release / first, "rb"))}
-    return found | {name: listed[name] for name in sorted(listed) if sums.of_whom(name) == subject}
+    found = {first: listed.get(first) or checksums.digest(open(release / first, "rb"))}
+    return found | {name: listed[name] for name in sorted(listed) if checksums.of_whom(name) == subject}
 
 
 def plan(release, subject):
@@ -105,7 +105,7 @@ def plan(release, subject):
     for name, digest in members(release, subject).items():
         path = release / name
         if not path.is_file():
-            raise DiorError(f"{path}: listed in {sums.SUMS} but gone; build the release again")
+            raise DiorError(f"{path}: listed in {checksums.SUMS} but gone; build the release again")
         size = path.stat().st_size
         head = header(f"{release.name}/{name}", size)
         end = at + len(head) + padded(size, tarfile.BLOCKSIZE)
@@ -234,6 +234,6 @@ def _no_room(tar, error):
 
 def _changed(member):
     return DiorError(
-        f"{member.path}: its SHA-256 is not the one that {sums.SUMS} has; a release is not edited by hand: delete its "
-        "folder and build it again"
+        f"{member.path}: its SHA-256 is not the one that {checksums.SUMS} has; a release is not edited by hand: delete "
+        "its folder and build it again"
     )

@@ -5,7 +5,7 @@ import json
 import cv2
 import numpy as np
 
-from dior.release import sums
+from dior.release import checksums
 from dior.tables import tables
 
 JOINTS = ("nose", "left_hip", "right_hip")
@@ -198,11 +198,11 @@ def write(folder, name, table, columns):
 
 
 def remade(folder):
-    for path in folder.rglob(sums.SUMS):
+    for path in folder.rglob(checksums.SUMS):
         path.unlink()
-    for path in (folder / sums.FOLDER).glob("*"):
+    for path in (folder / checksums.FOLDER).glob("*"):
         path.rmdir()
-    sums.write(folder)
+    checksums.write(folder)
 
 
 def release(folder, who=EVERYONE):
@@ -235,12 +235,12 @@ def release(folder, who=EVERYONE):
         (folder / name).write_text(f"{name}\n")
     (folder / "croissant.json").write_text(json.dumps({"distribution": []}) + "\n")
     (folder / "provenance.json").write_text(json.dumps(provenance(who)) + "\n")
-    sums.write(folder)
+    checksums.write(folder)
     return folder
 
 
 def provenance(who=EVERYONE):
-    """As record.py writes it."""
+    """As provenance_json.py writes it."""
     return {
         "provenance_version": 1,
         "release": "0.1.0",

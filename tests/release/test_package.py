@@ -15,7 +15,7 @@ import pytest
 
 from dior.errors import DiorError
 from dior.geometry import camera_tables
-from dior.release import layout, shards, shift
+from dior.release import layout, shift_stamps, walk_files
 from dior.tables import tables
 from tests.release.made import CONSENT, PSEUDONYM, ROLES, WALKS, build, files, labels, pixels, project, sheets
 
@@ -127,7 +127,7 @@ def test_pictures_are_copied_where_there_are_no_links(made, built, monkeypatch, 
     def refused(*_):
         raise OSError("no links here")
 
-    monkeypatch.setattr(shards.os, "link", refused)
+    monkeypatch.setattr(walk_files.os, "link", refused)
     out = build(made, out=tmp_path / "elsewhere/dior-0.1.0")
     assert not os.path.samefile(out / "frames/zebra-0001/walk_1.cam01.parquet", made["pixels"][0])
     assert files(out) == files(built["out"])
@@ -164,7 +164,7 @@ package.run(**arguments)
 """
 
 
-@pytest.mark.parametrize("where", ["sums.write", pytest.param("os.replace", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("where", ["checksums.write", pytest.param("os.replace", marks=pytest.mark.slow)])
 def test_a_build_that_was_killed_and_run_again_is_the_same(built, tmp_path, where):
     code = KILLED.format(root=str(tmp_path), where=where)
     done = subprocess.run([sys.executable, "-c", code])
@@ -323,7 +323,7 @@ def test_stamps_count_from_each_persons_first_picture_where_asked_for(made, buil
         build(made, config=config)
     for path in made["pixels"]:
         table = tables.read(path, "released_frames")
-        tables.write(path, "released_frames", table | {"stamp_ns": table["stamp_ns"] + shift.FIRST_NS})
+        tables.write(path, "released_frames", table | {"stamp_ns": table["stamp_ns"] + shift_stamps.FIRST_NS})
     out = build(made, config=config)
     assert "walks is at 1980-01-01 00:00 UTC" in (out / "README.md").read_text()
     for path in sorted(out.rglob("*.parquet")):
@@ -331,7 +331,7 @@ def test_stamps_count_from_each_persons_first_picture_where_asked_for(made, buil
         if "stamp_ns" in tables.columns_of(kind):
             before = tables.read(built["out"] / path.relative_to(out), kind, ["stamp_ns"])["stamp_ns"]
             after = tables.read(path, kind, ["stamp_ns"])["stamp_ns"]
-            assert (after - before == shift.FIRST_NS).all() and len(after), path
+            assert (after - before == shift_stamps.FIRST_NS).all() and len(after), path
 
 
 def test_provenance_tells_what_it_was_made_of_and_no_names(built):

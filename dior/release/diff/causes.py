@@ -1,6 +1,7 @@
 """Why a recording differs between two releases: which of the inputs and settings that changed can touch it.
 
-INPUTS   provenance.json of both releases (record.py). OUTPUTS: `Change`s, and for a recording those that can touch it
+INPUTS   provenance.json of both releases (provenance_json.py). OUTPUTS: `Change`s, and for a recording those that can
+         touch it
 
 An input touches what the steps of the workflow make of it. What reaches other walks does so through the poses of the
 cameras, so that it is a reason there only where a pose of the session did change. Where several can be the reason, all

@@ -20,7 +20,7 @@ import pyarrow.parquet as pq
 
 from dior.errors import DiorError
 from dior.progress import reporting
-from dior.release import sums
+from dior.release import checksums
 from dior.release.diff import causes, diff_text
 from dior.release.layout import PARTS
 from dior.tables import tables
@@ -44,7 +44,7 @@ def run(*, first, second, as_json=False):
 
 def compared(first, second):
     """Everything that differs, as a dict for JSON."""
-    listed = [sums.read(folder) for folder in (first, second)]
+    listed = [checksums.read(folder) for folder in (first, second)]
     found = {"first": first.resolve().name, "second": second.resolve().name, "same": listed[0] == listed[1]}
     if found["same"]:
         return found
@@ -168,7 +168,7 @@ def _tables(first, second, listed, sheets):
         if {kind: listed[0][path] for kind, path in places[0].get(key, {}).items()}
         != {kind: listed[1][path] for kind, path in places[1].get(key, {}).items()}
     )
-    with ThreadPoolExecutor(sums.THREADS) as pool:
+    with ThreadPoolExecutor(checksums.THREADS) as pool:
         looked = pool.map(
             lambda key: _recording(key, (first, second), [place.get(key, {}) for place in places], listed, sheets), keys
         )

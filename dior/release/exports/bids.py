@@ -14,7 +14,7 @@ import numpy as np
 
 from dior.body.names import PLUG_IN_GAIT_39
 from dior.errors import DiorError
-from dior.release.exports.walks import regular
+from dior.release.exports.fixed_rate import regular
 from dior.release.exports.writing import plain
 from dior.tables import tables
 

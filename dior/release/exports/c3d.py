@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from dior.release.exports.walks import MILLIMETRES, regular
+from dior.release.exports.fixed_rate import MILLIMETRES, regular
 
 ABOUT = """\
 `c3d/<subject>/<sequence>.c3d`: every joint or marker of a walk, mm, in the world of the release (Z up). Missing:

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from dior.release.exports.walks import MILLIMETRES, regular
+from dior.release.exports.fixed_rate import MILLIMETRES, regular
 
 ABOUT = """\
 `trc/<subject>/<sequence>.trc`: every joint or marker of a walk, mm, for OpenSim: X and Z are horizontal, Y is up

@@ -4,11 +4,11 @@ INPUTS   a release folder, an exports folder, or tarballs, which are read withou
          that are given together are looked at together
 OUTPUT   a line per problem, or one that says what was looked at; exit code 1 where there is a problem
 
-1. Nothing is missing or too many, and every checksum is right (sums.py).
+1. Nothing is missing or too many, and every checksum is right (checksums.py).
 2. Every table has the columns, types and words of `dior.tables.schemas`, and a row for each (frame, joint); labels lie
-   in frames that there are, pictures have their size (checks.py).
+   in frames that there are, pictures have their size (walk_checks.py).
 3. Cameras, walks and people that a table names are there, splits refer to recordings, the card's counts are the tables'
-   (checks_about.py). A subject's tarball alone has nothing of that.
+   (release_checks.py). A subject's tarball alone has nothing of that.
 A file whose checksum is wrong is not looked into. Walks are looked at two at a time; memory is that of a few tables.
 """
 
@@ -18,10 +18,10 @@ from pathlib import Path
 
 from dior.errors import DiorError
 from dior.progress import reporting
-from dior.release import sums
+from dior.release import checksums
 
 # folders that a release has and exports do not
-OF_RELEASE = ("labels_2d", "skeletons_3d", sums.FOLDER)
+OF_RELEASE = ("labels_2d", "skeletons_3d", checksums.FOLDER)
 
 
 @dataclass
@@ -39,7 +39,7 @@ class Stored:
 
     @property
     def whole(self):
-        return sums.METADATA in self.parts and {sums.of_whom(name) for name in self.listed} <= self.parts
+        return checksums.METADATA in self.parts and {checksums.of_whom(name) for name in self.listed} <= self.parts
 
 
 def run(*, paths, decode=False):
@@ -61,14 +61,14 @@ def run(*, paths, decode=False):
 
 def _stored(paths):
     """`Stored`s: one for each folder, and one for all tarballs of a release."""
-    from dior.release.verify import stored
+    from dior.release.verify import folder_or_tarball
 
     found, tarballs = [], {}
     for path in paths:
         if path.is_dir():
             found.append(_of_folder(path))
         elif path.is_file():
-            tarball = stored.of_tarball(path)
+            tarball = folder_or_tarball.of_tarball(path)
             tarballs.setdefault(tarball.release, []).append((path, tarball))
         else:
             raise DiorError(f"{path}: there is no such folder or tarball")
@@ -76,39 +76,41 @@ def _stored(paths):
 
 
 def _of_folder(folder):
-    from dior.release.verify import stored
+    from dior.release.verify import folder_or_tarball
 
-    files, problems = stored.of_folder(folder)
+    files, problems = folder_or_tarball.of_folder(folder)
     found = Stored(folder.resolve().name, set(), files, {}, [("", text) for text in problems])
-    if sums.SUMS not in files:
-        raise DiorError(f"{folder}: has no {sums.SUMS}, so that it is no release, or the list was lost; get it again")
-    found.listed = _list(found, sums.SUMS)
+    if checksums.SUMS not in files:
+        raise DiorError(
+            f"{folder}: has no {checksums.SUMS}, so that it is no release, or the list was lost; get it again"
+        )
+    found.listed = _list(found, checksums.SUMS)
     of_release = any(name.split("/")[0] in OF_RELEASE for name in (*files, *found.listed))
-    found.parts = {sums.METADATA, *(sums.of_whom(name) for name in found.listed)} if of_release else set()
-    _compare(found, files, found.listed.keys() | {sums.SUMS}, "")
+    found.parts = {checksums.METADATA, *(checksums.of_whom(name) for name in found.listed)} if of_release else set()
+    _compare(found, files, found.listed.keys() | {checksums.SUMS}, "")
     return found
 
 
 def _of_tarballs(release, members):
     found = Stored(release, {tarball.part for _, tarball in members})
     for path, tarball in members:
-        first = sums.list_of(tarball.part)
+        first = checksums.list_of(tarball.part)
         found.problems += [("", f"{path}: {text}") for text in tarball.problems]
         twice = sorted(found.files.keys() & tarball.files.keys())
         found.problems += [(name, f"is in {path} and in another tarball that was given") for name in twice]
         found.files |= tarball.files
         listed = _list(found, first) if first in tarball.files else {}
-        own = {name: digest for name, digest in listed.items() if sums.of_whom(name) == tarball.part}
+        own = {name: digest for name, digest in listed.items() if checksums.of_whom(name) == tarball.part}
         _compare(found, tarball.files, own.keys() | {first}, f" of {path}")
         found.listed |= (
-            listed if tarball.part == sums.METADATA else {n: d for n, d in own.items() if n not in found.listed}
+            listed if tarball.part == checksums.METADATA else {n: d for n, d in own.items() if n not in found.listed}
         )
     return found
 
 
 def _list(found, path):
     """The list of checksums at `path`; what is wrong with it becomes a problem."""
-    listed, problems = sums.parsed(found.files[path].read())
+    listed, problems = checksums.parsed(found.files[path].read())
     found.problems += [(path, text) for text in problems]
     return listed
 
@@ -122,7 +124,7 @@ def _looked_at(stored, decode):
     """(problems, what was looked at as a sentence)."""
     problems = list(stored.problems)
     groups = _groups(stored)
-    with ThreadPoolExecutor(sums.THREADS) as pool:
+    with ThreadPoolExecutor(checksums.THREADS) as pool:
         looked = pool.map(lambda group: _group(stored, group, groups[group], decode), groups)
         found = list(reporting(looked, len(groups), "walks and files" if stored.parts else "files", stored.name))
     walks, good = [], {}
@@ -137,15 +139,15 @@ def _looked_at(stored, decode):
     if not stored.parts:
         return problems, summary
     problems += _complete(stored)
-    if sums.METADATA in stored.parts:
-        from dior.release.verify import checks_about
+    if checksums.METADATA in stored.parts:
+        from dior.release.verify import release_checks
 
         problems += _lists_agree(stored, good)
         top = {name: file for name, file in good.items() if "/" not in name}
-        tables, wrong = checks_about.about(top, stored.listed.keys(), stored.listed)
-        problems += wrong + checks_about.sizes(walks, tables)
+        tables, wrong = release_checks.about(top, stored.listed.keys(), stored.listed)
+        problems += wrong + release_checks.sizes(walks, tables)
         if stored.whole and not problems:
-            problems += checks_about.card(top["README.md"], walks, tables)
+            problems += release_checks.card(top["README.md"], walks, tables)
     return problems, f"{summary}; {_counted(stored, walks, decode)}"
 
 
@@ -154,7 +156,7 @@ def _groups(stored):
     groups = {}
     for name in sorted(stored.files):
         parts = name.split("/")
-        about_walk = stored.parts and len(parts) == 3 and parts[0] != sums.FOLDER
+        about_walk = stored.parts and len(parts) == 3 and parts[0] != checksums.FOLDER
         groups.setdefault((parts[1], parts[2].split(".")[0]) if about_walk else (name,), []).append(name)
     return groups
 
@@ -166,9 +168,9 @@ def _group(stored, group, names, decode):
         file, expected = stored.files[name], stored.listed.get(name)
         if expected is None:
             # too many, which was told, or the list of all files itself
-            good |= {name: file} if name == sums.SUMS else {}
+            good |= {name: file} if name == checksums.SUMS else {}
             continue
-        if sums.digest(file.open()) == expected:
+        if checksums.digest(file.open()) == expected:
             good[name] = file
         else:
             problems.append(
@@ -176,20 +178,21 @@ def _group(stored, group, names, decode):
             )
     if len(group) == 1:
         return problems, good, None
-    from dior.release.verify import checks
+    from dior.release.verify import walk_checks
 
     listed = [name for name in names if name in stored.listed]
-    return problems, good, checks.walk(*group, {name: good[name] for name in listed if name in good}, listed, decode)
+    intact = {name: good[name] for name in listed if name in good}
+    return problems, good, walk_checks.walk(*group, intact, listed, decode)
 
 
 def _lists_agree(stored, good):
     """A subject's list must be the part of the whole list that is about its files."""
     problems = []
-    for who in sorted(stored.parts - {sums.METADATA}):
-        path = sums.list_of(who)
-        mine = {name: d for name, d in stored.listed.items() if sums.of_whom(name) == who and name != path}
-        if path in good and good[path].read() != sums.text(mine).encode():
-            problems.append((path, f"is not the part of {sums.SUMS} that is about {who}"))
+    for who in sorted(stored.parts - {checksums.METADATA}):
+        path = checksums.list_of(who)
+        mine = {name: d for name, d in stored.listed.items() if checksums.of_whom(name) == who and name != path}
+        if path in good and good[path].read() != checksums.text(mine).encode():
+            problems.append((path, f"is not the part of {checksums.SUMS} that is about {who}"))
     return problems
 
 

@@ -7,7 +7,7 @@ OUTPUTS  the released walks; columns of `sequences`, `subjects` and `released_ga
 import numpy as np
 
 from dior.project.bumps import MARK, session_folder
-from dior.release import shift
+from dior.release import shift_stamps
 from dior.tables import tables
 
 SHEET_COLUMNS = ("sequence", "environment", "outfit", "walk", "subject")
@@ -41,7 +41,7 @@ def _taken_off(project, frames):
     people = project.released_subjects
     if not project.config["release"]["shift_stamps"]:
         return dict.fromkeys(people, 0)
-    return {who: shift.taken_off([frames[name] for name in project.sequences_of_subject(who)]) for who in people}
+    return {who: shift_stamps.taken_off([frames[name] for name in project.sequences_of_subject(who)]) for who in people}
 
 
 def _session_names(rows):
@@ -87,7 +87,7 @@ def gallery(path, walks):
     table = tables.read(path, "gallery")
     table = tables.rows(table, np.array([name in pseudonyms for name in table["subject"]], bool))
     taken_off = np.array([taken_off[name] for name in table["subject"]], np.int64)
-    table["stamp_ns"] = shift.earlier(table["stamp_ns"], taken_off)
+    table["stamp_ns"] = shift_stamps.earlier(table["stamp_ns"], taken_off)
     table["subject"] = np.array([pseudonyms[name] for name in table["subject"]], object)
     order = np.lexsort([table[key].astype(str) for key in ("angle", "outfit", "subject")])
     return {key: table[key][order] for key in tables.columns_of("released_gallery")}

@@ -1,7 +1,7 @@
 """What must hold in the files about the whole release: its tables, its splits, its card.
 
-INPUTS   the `File`s at the top of a release (stored.py), the paths of all its files, and for the card what was found in
-         its walks (checks.py). OUTPUTS: problems as (path, sentence)
+INPUTS   the `File`s at the top of a release (folder_or_tarball.py), the paths of all its files, and for the card what
+         was found in its walks (walk_checks.py). OUTPUTS: problems as (path, sentence)
 """
 
 import csv
@@ -12,8 +12,8 @@ from collections import Counter
 import numpy as np
 
 from dior.errors import nearest
-from dior.release.verify import checks
-from dior.release.verify.checks import PARTS, Broken
+from dior.release.verify import walk_checks
+from dior.release.verify.walk_checks import PARTS, Broken
 from dior.tables import tables
 
 REQUIRED = (
@@ -50,8 +50,8 @@ def about(files, names, listed):
         try:
             if name not in PARTS or PARTS[name].path != path:
                 raise Broken(f"is a table that a release does not have{nearest(name, PARTS)}")
-            found[name], words = checks.read(file, PARTS[name])
-            told = checks.unknown_words(words, PARTS[name].table) + _twice(found[name], KEYS.get(name))
+            found[name], words = walk_checks.read(file, PARTS[name])
+            told = walk_checks.unknown_words(words, PARTS[name].table) + _twice(found[name], KEYS.get(name))
             problems += [(path, text) for text in told]
         except Broken as error:
             problems.append((path, str(error)))

@@ -17,7 +17,7 @@ import pyarrow.compute as pc
 from dior.errors import DiorError
 from dior.evaluate import checks as hand_checks
 from dior.project import boxes as hand_boxes
-from dior.release import shift
+from dior.release import shift_stamps
 from dior.tables import buffers, tables
 from dior.tables.schemas import SCHEMAS
 
@@ -37,10 +37,10 @@ class Sources:
 
 
 def write(folder, walk, sources):
-    """Write what the release folder `folder` has of one walk (see roster.py)."""
+    """Write what the release folder `folder` has of one walk (see released_people.py)."""
     who, name = walk["subject"], walk["sequence"]
     index = tables.read(sources.frames, "frames", ["camera", "frame", "stamp_ns"])
-    index["stamp_ns"] = shift.earlier(index["stamp_ns"], walk["taken_off"])
+    index["stamp_ns"] = shift_stamps.earlier(index["stamp_ns"], walk["taken_off"])
     stamps = {camera: _stamps(index, camera) for camera in walk["cameras"]}
     joints = {}
     for camera in walk["cameras"]:
@@ -77,7 +77,7 @@ def _as_pseudonym(table, path, walk):
     kind = tables.kind_of(table)
     at = table.schema.get_field_index("subject")
     named = table.set_column(at, SCHEMAS[kind].field("subject"), _repeated(walk["subject"], len(table)))
-    named = shift.shifted(named, walk["taken_off"]) if walk["taken_off"] else named
+    named = shift_stamps.shifted(named, walk["taken_off"]) if walk["taken_off"] else named
     return named.replace_schema_metadata(tables.own_metadata(kind))
 
 
@@ -129,7 +129,7 @@ def _write_detections(path, walk, folder):
         schema = schema.with_metadata(tables.own_metadata("released_detections"))
         out = folder / "detections" / walk["subject"] / f"{name}.{camera}.parquet"
         released = pa.Table.from_arrays(columns, schema=schema)
-        tables.write_arrow(out, shift.shifted(released, walk["taken_off"]) if walk["taken_off"] else released)
+        tables.write_arrow(out, shift_stamps.shifted(released, walk["taken_off"]) if walk["taken_off"] else released)
 
 
 def _write_boxes(path, walk, camera, stamps, folder):

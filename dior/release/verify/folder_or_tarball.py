@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dior.errors import DiorError
-from dior.release import sums, tarballs
+from dior.release import checksums, tarballs
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ def of_folder(folder):
 
 @dataclass(frozen=True)
 class Tarball:
-    """What a tarball holds: `release`, the folder that all its files are in; `part`, whose it is (sums.py)."""
+    """What a tarball holds: `release`, the folder that all its files are in; `part`, whose it is (checksums.py)."""
 
     release: str
     part: str
@@ -89,10 +89,10 @@ def of_tarball(path):
     entries, problems = _entries(path)
     release, _, first = entries[0].name.partition("/") if entries else ("", "", "")
     part = _part(first)
-    if not part or not sums.is_safe(release):
+    if not part or not checksums.is_safe(release):
         raise DiorError(
-            f"{path}: is no tarball of a release: that begins with <release>/{sums.SUMS} or "
-            f"<release>/{sums.list_of('<subject>')}" + (f" ({problems[0]})" if problems else "")
+            f"{path}: is no tarball of a release: that begins with <release>/{checksums.SUMS} or "
+            f"<release>/{checksums.list_of('<subject>')}" + (f" ({problems[0]})" if problems else "")
         )
     files, end, size = {}, 0, path.stat().st_size
     with open(path, "rb") as stream:
@@ -114,8 +114,8 @@ def of_tarball(path):
 def _part(first):
     """Whose a tarball is, by its first file; "" for that of no release."""
     parts = first.split("/")
-    whose = sums.METADATA if len(parts) == 1 else parts[1]
-    return whose if first == sums.list_of(whose) else ""
+    whose = checksums.METADATA if len(parts) == 1 else parts[1]
+    return whose if first == checksums.list_of(whose) else ""
 
 
 def _entries(path):
@@ -130,7 +130,7 @@ def _entries(path):
 
 
 def _wrong(entry, name, release, files):
-    if not entry.name.startswith(f"{release}/") or not sums.is_safe(name):
+    if not entry.name.startswith(f"{release}/") or not checksums.is_safe(name):
         return f"would be unpacked outside of {release}/"
     if not entry.isreg():
         return "is a link or another thing that is no plain file"
@@ -153,7 +153,7 @@ def _bad_end(stream, end, size):
     stream.seek(end)
     if size < tarballs.size_of(end):
         return [f"cut off: it has {size} bytes, not {tarballs.size_of(end)}; get it again"]
-    while block := stream.read(sums.BLOCK):
+    while block := stream.read(checksums.BLOCK):
         if any(block):
             return [f"damaged, or something was added, after byte {end}; get it again"]
     return [] if size == tarballs.size_of(end) else [f"has {size - tarballs.size_of(end)} bytes too many"]

@@ -1,7 +1,7 @@
 """What must hold in the tables of one walk of a release.
 
-INPUTS   the walk's `File`s by path in the release (stored.py). OUTPUTS: problems as (path, sentence), and what there is
-         to count
+INPUTS   the walk's `File`s by path in the release (folder_or_tarball.py). OUTPUTS: problems as (path, sentence), and
+         what there is to count
 Every (frame, joint) has its row, every label its frame with that stamp, every frame its label; missing is null with a
 reason, pictures have the size that their row says. A problem is told once per file with how often and where first.
 """
