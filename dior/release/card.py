@@ -7,6 +7,7 @@ INPUTS   the `release:` section of the config, released walks, what is counted i
 import json
 from collections import Counter
 from pathlib import Path
+from typing import Any, TypeAlias
 
 import numpy as np
 import pyarrow as pa
@@ -14,9 +15,12 @@ import pyarrow as pa
 from dior.evaluate import statistics
 from dior.project import licenses
 from dior.release import citation
+from dior.release.layout import Part
+from dior.release.released_people import Walks
 from dior.tables import tables
 from dior.tables.schemas import METRICS, PICTURE, SCHEMAS, SPLITS, VOCABULARY
 
+Rows: TypeAlias = list[dict[str, Any]]
 COUNTED = ("camera_recordings", "frames", "keypoints_2d", "missing_2d")
 TEMPLATE = Path(__file__).with_name("card.md.j2")
 # "mean long-range label sigma per subject": of both axes of a label the root mean square
@@ -39,7 +43,7 @@ SIZES = (
 )
 
 
-def text(release, walks, counted, figures, parts, example):
+def text(release: dict[str, Any], walks: Walks, counted: Rows, figures: Rows, parts: list[Part], example: str) -> str:
     """The card. `release`: the section of the config; `walks`: the released ones (released_people.py); `counted`: rows
     of `statistics.rows_of` for them; `figures`: rows of metrics.csv; `parts`: of layout.py, those that there are;
     `example`: the name of a labels file.
@@ -76,7 +80,7 @@ def text(release, walks, counted, figures, parts, example):
     )
 
 
-def summary(walks, counted):
+def summary(walks: Walks, counted: Rows) -> str:
     """What the release is, in one paragraph of plain text."""
     rows = list(walks.values())
     people = len({row["subject"] for row in rows})
@@ -90,32 +94,32 @@ def summary(walks, counted):
     return told + far
 
 
-def _many(number, what):
+def _many(number: int, what: str) -> str:
     return f"{number} {what}{'' if number == 1 else 's'}"
 
 
-def _simulated(rows):
+def _simulated(rows: Rows) -> bool:
     return any(row.get("truth") for row in rows)
 
 
-def _environments(rows):
+def _environments(rows: Rows) -> dict[str, int]:
     return dict(sorted(Counter(row["environment"] for row in rows).items()))
 
 
-def _long_range(counted):
+def _long_range(counted: Rows) -> bool:
     return statistics.of(counted, "frames", role="long_range") > 0
 
 
-def _size(counted):
+def _size(counted: Rows) -> str:
     rows = statistics.of(counted, "keypoints_2d") + statistics.of(counted, "missing_2d")
     return next((name for limit, name in SIZES if rows < limit), "n>1T")
 
 
-def _has(figures, name):
+def _has(figures: Rows, name: str) -> bool:
     return any(figure["metric"] == name for figure in figures)
 
 
-def _columns(name):
+def _columns(name: str) -> list[tuple[str, str, str, str]]:
     """(name, type, unit, meaning) of a table's columns; the words that a column may hold are part of its meaning."""
     return [
         (field.name, _type(field.type), field.metadata[b"unit"].decode(), _meaning(name, field))
@@ -123,12 +127,12 @@ def _columns(name):
     ]
 
 
-def _meaning(name, field):
+def _meaning(name: str, field: pa.Field) -> str:
     words = ", ".join(VOCABULARY.get((name, field.name), ()))
     return "; ".join(part for part in (field.metadata[b"description"].decode(), words) if part)
 
 
-def _type(kind):
+def _type(kind: pa.DataType) -> str:
     if kind == PICTURE:
         return "struct of bytes, path"
     if pa.types.is_fixed_size_list(kind):
@@ -136,7 +140,7 @@ def _type(kind):
     return tables.word_of(kind)
 
 
-def _by_camera(counted):
+def _by_camera(counted: Rows) -> list[tuple[str, str, str, dict[str, int]]]:
     """(environment, camera, role, what -> n) rows, in that order."""
     places = {(row["environment"], row["camera"], row["role"]) for row in counted if row["what"] == "frames"}
     return [
@@ -146,7 +150,7 @@ def _by_camera(counted):
     ]
 
 
-def _figure(row):
+def _figure(row: dict[str, Any]) -> tuple[Any, ...] | None:
     """A pooled figure as cells of the card's table; nothing for one of a subject, sequence or joint."""
     if row["subject"] or row["sequence"] or row["joint"]:
         return None

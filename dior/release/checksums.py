@@ -7,9 +7,12 @@ A file is about a subject where its path is <table>/<subject>/<file>; what lies 
 
 import hashlib
 import re
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path, PurePosixPath
+from typing import BinaryIO
 
+from dior.arrays import AnyPath
 from dior.errors import DiorError
 from dior.progress import reporting
 from dior.tables.files import write_text
@@ -23,18 +26,18 @@ BLOCK = 1 << 20
 THREADS = 2
 
 
-def of_whom(name):
+def of_whom(name: str) -> str:
     """The subject that a file of a release is about, or `METADATA`."""
     parts = name.split("/")
     return parts[1] if len(parts) == 3 else METADATA
 
 
-def list_of(part):
+def list_of(part: str) -> str:
     """Where the checksums of a part of the release are: those of a subject, or those of everything."""
     return SUMS if part == METADATA else f"{FOLDER}/{part}/{SUMS}"
 
 
-def write(folder):
+def write(folder: AnyPath) -> None:
     """Write the checksums of all files in `folder`, a release that is being built."""
     folder = Path(folder)
     names = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
@@ -46,14 +49,14 @@ def write(folder):
     write_text(folder / SUMS, text(found))
 
 
-def digests(names, opened, where):
+def digests(names: list[str], opened: Callable[[str], BinaryIO], where: str) -> dict[str, str]:
     """Hex SHA-256 by name of what `opened(name)` gives to read; files are hashed two at a time."""
     with ThreadPoolExecutor(THREADS) as pool:
         every = pool.map(lambda name: digest(opened(name)), names)
         return dict(zip(names, reporting(every, len(names), "files hashed", where), strict=True))
 
 
-def digest(stream):
+def digest(stream: BinaryIO) -> str:
     """Hex SHA-256 of what is left in a stream, which is closed."""
     with stream:
         found = hashlib.sha256()
@@ -62,12 +65,12 @@ def digest(stream):
     return found.hexdigest()
 
 
-def text(found):
+def text(found: dict[str, str]) -> str:
     """Lines as `sha256sum` writes them, by path."""
     return "".join(f"{found[name]}  {name}\n" for name in sorted(found))
 
 
-def read(folder, part=METADATA):
+def read(folder: AnyPath, part: str = METADATA) -> dict[str, str]:
     """Hex SHA-256 by name, as the list of a part of a release says. DiorError for one that is gone or malformed."""
     path = Path(folder) / list_of(part)
     if not path.is_file():
@@ -78,9 +81,10 @@ def read(folder, part=METADATA):
     return found
 
 
-def parsed(content):
+def parsed(content: bytes) -> tuple[dict[str, str], list[str]]:
     """(hex SHA-256 by name, what is wrong with the list as sentences) of the bytes of a list of checksums."""
-    found, problems = {}, []
+    found: dict[str, str] = {}
+    problems = []
     lines = content.decode("utf-8", "replace").split("\n")
     if lines.pop():
         problems.append("the last line does not end, so that the file is cut off")
@@ -97,7 +101,7 @@ def parsed(content):
     return found, problems
 
 
-def is_safe(name):
+def is_safe(name: str) -> bool:
     """Whether a path stays in the folder that it is relative to, and is written in the one plain way."""
     path = PurePosixPath(name)
     return name not in ("", ".") and str(path) == name and not path.is_absolute() and ".." not in path.parts

@@ -7,7 +7,11 @@ bit.
 """
 
 import re
+from collections.abc import Iterator
 from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
 
 SOI, EOI = b"\xff\xd8", b"\xff\xd9"
 # Segments that make the picture: frames, Huffman and arithmetic tables, quantisation tables, restart interval, scans.
@@ -23,7 +27,7 @@ QUALITY, SAMPLING = 95, 0x221111
 SAMPLINGS = (0x411111, 0x221111, 0x211111, 0x121111, 0x111111)
 
 
-def segments(data):
+def segments(data: bytes) -> Iterator[tuple[int, bytes]]:
     """Yield (marker, its bytes) of a JPEG file, a scan with the data that follow it; up to the end of the picture.
 
     Raises ValueError for bytes that are no whole JPEG file.
@@ -53,7 +57,7 @@ def segments(data):
         at = end
 
 
-def bare(data):
+def bare(data: bytes) -> tuple[bytes, bool]:
     """The JPEG file without anything but its picture, and whether its colours are still told: an Adobe segment may say
     that they are no YCbCr. Raises ValueError."""
     parts, plain, shown = [], True, False
@@ -67,7 +71,7 @@ def bare(data):
     return b"".join([SOI, *parts, EOI]), plain
 
 
-def settings(data):
+def settings(data: bytes) -> tuple[int, int]:
     """(quality, sampling) for OpenCV's encoder that bring back the tables of a JPEG file.
 
     Coefficients that are quantised by the same tables again hardly change. The highest quality that is worth it where
@@ -84,10 +88,9 @@ def settings(data):
 
 
 @cache
-def _qualities():
+def _qualities() -> dict[bytes, int]:
     """Quantisation tables, as they are in the file -> quality of OpenCV's encoder."""
     import cv2
-    import numpy as np
 
     found = {}
     for quality in range(100, 0, -1):
@@ -97,7 +100,7 @@ def _qualities():
     return found
 
 
-def encoded(picture, quality=QUALITY, sampling=SAMPLING):
+def encoded(picture: NDArray[np.uint8], quality: int = QUALITY, sampling: int = SAMPLING) -> bytes:
     """JPEG bytes of a BGR picture (height, width, 3) uint8, without any segment but those of the picture."""
     import cv2
 

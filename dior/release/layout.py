@@ -4,6 +4,7 @@ The card, Croissant and whoever reads a release go by this list; nothing else of
 """
 
 from dataclasses import dataclass
+from pathlib import Path
 
 
 @dataclass(frozen=True)
@@ -17,7 +18,7 @@ class Part:
     row: str
 
     @property
-    def pattern(self):
+    def pattern(self) -> str:
         """The files as a glob relative to the release folder."""
         return f"{self.name}/*/*.parquet" if "/" in self.path else self.path
 
@@ -41,6 +42,6 @@ PARTS = (
 )
 
 
-def parts_of(folder):
+def parts_of(folder: Path) -> list[Part]:
     """The parts that a release folder has files of."""
     return [part for part in PARTS if next(folder.glob(part.pattern), None)]

@@ -1,10 +1,15 @@
 """The figures of a release: those of the released walks, pooled over them, as rows of metrics.csv."""
 
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
 from dior.evaluate.metrics import merged
+from dior.release.released_people import Walks
 from dior.tables import tables
 
 
-def released(paths, walks):
+def released(paths: Iterable[Path], walks: Walks) -> list[dict[str, Any]]:
     """Rows of metrics.csv: those of the released walks, by pseudonym, pooled over them.
 
     A row of no sequence is the adjustment's of a session, which uses the walks of people who agreed only.

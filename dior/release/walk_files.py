@@ -9,11 +9,14 @@ Units as in schemas.py. Metadata is made anew, so that nothing else slips throug
 import os
 import shutil
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from dior.arrays import Table
 from dior.errors import DiorError
 from dior.evaluate import checks as hand_checks
 from dior.project import boxes as hand_boxes
@@ -26,17 +29,17 @@ from dior.tables.schemas import SCHEMAS
 class Sources:
     """The files about one walk: paths, or by camera; `marks`: tables of the session, in which it may be named."""
 
-    labels: dict
-    pixels: dict
-    skeleton: str
-    frames: str
-    detections: str | None = None
-    boxes: dict = field(default_factory=dict)
-    checks: dict = field(default_factory=dict)
-    marks: tuple = ()
+    labels: dict[str, Path]
+    pixels: dict[str, Path]
+    skeleton: Path
+    frames: Path
+    detections: Path | None = None
+    boxes: dict[str, Path] = field(default_factory=dict)
+    checks: dict[str, Path] = field(default_factory=dict)
+    marks: tuple[Path, ...] = ()
 
 
-def write(folder, walk, sources):
+def write(folder: Path, walk: dict[str, Any], sources: Sources) -> None:
     """Write what the release folder `folder` has of one walk (see released_people.py)."""
     who, name = walk["subject"], walk["sequence"]
     index = tables.read(sources.frames, "frames", ["camera", "frame", "stamp_ns"])
@@ -60,13 +63,13 @@ def write(folder, walk, sources):
     _write_marks(sources, walk, stamps, joints, folder)
 
 
-def _stamps(index, camera):
+def _stamps(index: Table, camera: str) -> dict[int, int]:
     """Stamp by frame of one camera."""
     mine = tables.of_camera(index, camera)
     return dict(zip(mine["frame"].tolist(), mine["stamp_ns"].tolist(), strict=True))
 
 
-def _as_pseudonym(table, path, walk):
+def _as_pseudonym(table: pa.Table, path: Path, walk: dict[str, Any]) -> pa.Table:
     """The table with the pseudonym as its subject, once it is sure whose it is."""
     for column, expected in (("subject", walk["real"]), ("sequence", walk["sequence"])):
         names = pc.unique(table[column].cast(pa.string())).to_pylist()
@@ -81,12 +84,12 @@ def _as_pseudonym(table, path, walk):
     return named.replace_schema_metadata(tables.own_metadata(kind))
 
 
-def _repeated(word, length):
+def _repeated(word: str, length: int) -> pa.DictionaryArray:
     """A text column that holds one word."""
     return pa.DictionaryArray.from_arrays(pa.array(np.zeros(length, np.int32)), pa.array([word]))
 
 
-def _check_pictures(path, walk, camera, stamps):
+def _check_pictures(path: Path, walk: dict[str, Any], camera: str, stamps: dict[int, int]) -> None:
     """The pictures must be of this recording, under the pseudonym and with the stamps of today, and all of them."""
     table = tables.read_arrow(path, "released_frames", ["subject", "sequence", "camera", "frame", "stamp_ns"])
     for column, expected in (("subject", walk["subject"]), ("sequence", walk["sequence"]), ("camera", camera)):
@@ -101,7 +104,7 @@ def _check_pictures(path, walk, camera, stamps):
         )
 
 
-def link(path, out):
+def link(path: Path, out: Path) -> None:
     """The file at a second place without a second copy, or with one where the disk has no links."""
     out.parent.mkdir(parents=True, exist_ok=True)
     try:
@@ -110,7 +113,7 @@ def link(path, out):
         shutil.copyfile(path, out)
 
 
-def _write_detections(path, walk, folder):
+def _write_detections(path: Path, walk: dict[str, Any], folder: Path) -> None:
     """The walker's detections, a file per camera."""
     table = tables.read_arrow(path, "detections").combine_chunks()
     cameras = buffers.to_numpy(table["camera"].combine_chunks()) if len(table) else np.empty(0, object)
@@ -132,7 +135,7 @@ def _write_detections(path, walk, folder):
         tables.write_arrow(out, shift_stamps.shifted(released, walk["taken_off"]) if walk["taken_off"] else released)
 
 
-def _write_boxes(path, walk, camera, stamps, folder):
+def _write_boxes(path: Path, walk: dict[str, Any], camera: str, stamps: dict[int, int], folder: Path) -> None:
     frames, edges = hand_boxes.read(path, list(stamps))
     if not len(frames):
         return
@@ -147,11 +150,17 @@ def _write_boxes(path, walk, camera, stamps, folder):
     tables.write(out, "released_boxes", columns)
 
 
-def _told(walk, length):
+def _told(walk: dict[str, Any], length: int) -> dict[str, Any]:
     return {"subject": [walk["subject"]] * length, "sequence": [walk["sequence"]] * length}
 
 
-def _write_marks(sources, walk, stamps, joints, folder):
+def _write_marks(
+    sources: Sources,
+    walk: dict[str, Any],
+    stamps: dict[str, dict[int, int]],
+    joints: dict[str, list[str]],
+    folder: Path,
+) -> None:
     """Marks that located a camera and checks that nothing used, by camera, kind, frame and joint."""
     rows = [row for path in sources.marks for row in _marks(path, walk["sequence"])]
     for camera, path in sources.checks.items():
@@ -180,7 +189,7 @@ def _write_marks(sources, walk, stamps, joints, folder):
     tables.write(out, "released_marks", {**_told(walk, len(rows)), **columns})
 
 
-def _marks(path, sequence):
+def _marks(path: Path, sequence: str) -> list[dict[str, Any]]:
     """The rows of a `marks` table that were marked on pictures of this walk."""
     table = tables.read(path, "marks")
     table = tables.rows(table, table["sequence"] == sequence)

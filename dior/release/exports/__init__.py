@@ -9,11 +9,16 @@ yields a function to be called with every recording and its pose, or with every 
 
 from contextlib import ExitStack
 from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
 
 from dior.errors import DiorError, nearest
 from dior.progress import reporting
 from dior.tables.files import folder_written_whole, write_text
 from dior.tables.hashes import file_sha256
+
+if TYPE_CHECKING:
+    from dior.release.exports.recordings import Release
 
 BY_RECORDING = ("coco", "opengait", "gaitgraph", "webdataset")
 BY_WALK = ("trc", "c3d", "bids")
@@ -79,11 +84,13 @@ def run(*, release: Path, formats: list[str], out: Path) -> None:
         write_text(folder / SUMS, _sums(folder))
 
 
-def _writers(stack, modules, names, folder, release):
+def _writers(
+    stack: ExitStack, modules: dict[str, ModuleType], names: list[str], folder: Path, release: "Release"
+) -> list[Any]:
     return [stack.enter_context(modules[name].writer(folder / name, release)) for name in names]
 
 
-def _sums(folder):
+def _sums(folder: Path) -> str:
     """Lines of SHA256SUMS, as `sha256sum` writes them, of all files in a folder, by path."""
     names = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
     return "".join(f"{file_sha256(folder / name)}  {name}\n" for name in names)

@@ -8,13 +8,18 @@ with motion capture are in it; a release without any has no such folder.
 """
 
 import json
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from dior.arrays import Floats
 from dior.body.names import PLUG_IN_GAIT_39
 from dior.errors import DiorError
-from dior.release.exports.fixed_rate import regular
+from dior.release.exports.fixed_rate import AddWalk, regular
+from dior.release.exports.recordings import Body, Release, ReleasedWalk
 from dior.release.exports.writing import plain
 from dior.tables import tables
 
@@ -31,11 +36,13 @@ AXES = "Right-handed, origin and x and y as calibrated by the motion capture, z 
 
 
 @contextmanager
-def writer(folder, release):
+def writer(folder: Path, release: Release) -> Iterator[AddWalk]:
     """Yield `add(walk, body)`; what is about all walks is written when the context ends."""
-    scans, used, people = {}, set(), {}
+    scans: dict[str, list[str]] = {}
+    used: set[str] = set()
+    people: dict[str, str] = {}
 
-    def add(walk, body):
+    def add(walk: ReleasedWalk, body: Body) -> None:
         if not set(body.joints) & set(PLUG_IN_GAIT_39):
             return
         other = people.setdefault(plain(walk.subject), walk.subject)
@@ -59,7 +66,7 @@ def writer(folder, release):
         _about_all(folder, release, scans)
 
 
-def _name(walk, used):
+def _name(walk: ReleasedWalk, used: set[str]) -> str:
     """sub-<>_task-<>_tracksys-<>[_acq-<>]_run-<> of a walk; the run is the first that is not in `used`."""
     acquired = f"_acq-{plain(walk.outfit)}" if plain(walk.outfit) else ""
     stem = f"sub-{plain(walk.subject)}_task-{plain(walk.walk) or 'walk'}_tracksys-{SYSTEM}{acquired}"
@@ -68,7 +75,7 @@ def _name(walk, used):
     return f"{stem}_run-{run:02d}"
 
 
-def motion(points):
+def motion(points: Floats) -> str:
     """Rows of tab-separated metres of points (N, J, 3), `n/a` where one is missing."""
     missing = np.isnan(points).any(axis=-1)
     cells = np.repeat(missing, 3, axis=1)
@@ -82,14 +89,14 @@ def motion(points):
     return "\n".join(lines) + "\n"
 
 
-def channels(joints):
+def channels(joints: Sequence[str]) -> str:
     """The table of channels: three per marker, in the order of the columns of the motion."""
     rows = ["name\tcomponent\ttype\ttracked_point\tunits\treference_frame"]
     rows += [f"{joint}_{axis}\t{axis}\tPOS\t{joint}\tm\tworld" for joint in joints for axis in "xyz"]
     return "\n".join(rows) + "\n"
 
 
-def sidecar(walk, rate, points):
+def sidecar(walk: ReleasedWalk, rate: float, points: Floats) -> dict[str, Any]:
     count = points.shape[1]
     return {
         "TaskName": walk.walk or "walk",
@@ -104,7 +111,7 @@ def sidecar(walk, rate, points):
     }
 
 
-def _about_all(folder, release, scans):
+def _about_all(folder: Path, release: Release, scans: dict[str, list[str]]) -> None:
     _json(
         folder / "dataset_description.json",
         {"Name": release.folder.name, "BIDSVersion": VERSION, "DatasetType": "raw"},
@@ -129,9 +136,9 @@ def _about_all(folder, release, scans):
         _json(place / f"sub-{plain(who)}_scans.json", meaning)
 
 
-def _text(path, content):
+def _text(path: Path, content: str) -> None:
     path.write_text(content, encoding="utf-8")
 
 
-def _json(path, content):
+def _json(path: Path, content: dict[str, Any]) -> None:
     _text(path, json.dumps(content, indent=1) + "\n")

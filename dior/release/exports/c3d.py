@@ -3,11 +3,15 @@
 OUTPUTS  c3d/<subject>/<sequence>.c3d: mm, Z up, residual -1 where a point is missing
 """
 
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 
-from dior.release.exports.fixed_rate import MILLIMETRES, regular
+from dior.arrays import Floats
+from dior.release.exports.fixed_rate import MILLIMETRES, AddWalk, regular
+from dior.release.exports.recordings import Body, Release, ReleasedWalk
 
 ABOUT = """\
 `c3d/<subject>/<sequence>.c3d`: every joint or marker of a walk, mm, in the world of the release (Z up). Missing:
@@ -18,11 +22,11 @@ residual -1. The first frame is the first instant of the skeleton in the release
 
 
 @contextmanager
-def writer(folder, release):
+def writer(folder: Path, release: Release) -> Iterator[AddWalk]:
     """Yield `add(walk, body)`."""
     folder.mkdir()
 
-    def add(walk, body):
+    def add(walk: ReleasedWalk, body: Body) -> None:
         rate, points = regular(body, walk.skeleton)
         path = folder / walk.subject / f"{walk.sequence}.c3d"
         path.parent.mkdir(exist_ok=True)
@@ -31,7 +35,7 @@ def writer(folder, release):
     yield add
 
 
-def write(path, rate, points, joints):
+def write(path: Path, rate: float, points: Floats, joints: Sequence[str]) -> None:
     """Write points (N, J, 3) mm at frames of `rate` Hz; NaN is missing."""
     import ezc3d
 

@@ -4,15 +4,22 @@ INPUTS   `Body` of a walk (recordings.py): instants with stamps
 OUTPUTS  rate (Hz) and points on a regular grid from the first instant, NaN where there is none
 """
 
+from collections.abc import Callable
+from typing import TypeAlias
+
 import numpy as np
 
+from dior.arrays import AnyPath, Floats
 from dior.clocks.axis import nominal_fps
 from dior.errors import DiorError
+from dior.release.exports.recordings import Body, ReleasedWalk
 
 MILLIMETRES = 1000.0
+# what a format about walks does with each walk and its body
+AddWalk: TypeAlias = Callable[[ReleasedWalk, Body], None]
 
 
-def regular(body, where):
+def regular(body: Body, where: AnyPath) -> tuple[float, Floats]:
     """Rate (Hz) and points (N, J, 3) m at frames 0, 1, ... of it, from the first instant to the last.
 
     Instants that lack are NaN. Raises DiorError for fewer than two instants and for stamps that are on no grid.

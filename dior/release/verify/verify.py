@@ -12,13 +12,20 @@ OUTPUT   a line per problem, or one that says what was looked at; exit code 1 wh
 A file whose checksum is wrong is not looked into. Walks are looked at two at a time; memory is that of a few tables.
 """
 
+from collections import Counter
+from collections.abc import Collection
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from dior.errors import DiorError
 from dior.progress import reporting
 from dior.release import checksums
+
+if TYPE_CHECKING:
+    from dior.release.verify.folder_or_tarball import File, Tarball
+    from dior.release.verify.walk_checks import Problem, WalkFindings
 
 # folders that a release has and exports do not
 OF_RELEASE = ("labels_2d", "skeletons_3d", checksums.FOLDER)
@@ -32,17 +39,17 @@ class Stored:
     """
 
     name: str
-    parts: set
-    files: dict = field(default_factory=dict)
-    listed: dict = field(default_factory=dict)
-    problems: list = field(default_factory=list)
+    parts: set[str]
+    files: "dict[str, File]" = field(default_factory=dict)
+    listed: dict[str, str] = field(default_factory=dict)
+    problems: "list[Problem]" = field(default_factory=list)
 
     @property
-    def whole(self):
+    def whole(self) -> bool:
         return checksums.METADATA in self.parts and {checksums.of_whom(name) for name in self.listed} <= self.parts
 
 
-def run(*, paths, decode=False):
+def run(*, paths: list[Path], decode: bool = False) -> None:
     """Print what is wrong with the folders and tarballs `paths`. `decode`: decode every pixel instead of the headers.
 
     Raises DiorError where something is wrong, after all of it was told.
@@ -59,11 +66,12 @@ def run(*, paths, decode=False):
         raise DiorError(f"{wrong} problem{'s' if wrong > 1 else ''}")
 
 
-def _stored(paths):
+def _stored(paths: list[Path]) -> list[Stored]:
     """`Stored`s: one for each folder, and one for all tarballs of a release."""
     from dior.release.verify import folder_or_tarball
 
-    found, tarballs = [], {}
+    found: list[Stored] = []
+    tarballs: dict[str, list[tuple[Path, Tarball]]] = {}
     for path in paths:
         if path.is_dir():
             found.append(_of_folder(path))
@@ -75,7 +83,7 @@ def _stored(paths):
     return found + [_of_tarballs(release, members) for release, members in tarballs.items()]
 
 
-def _of_folder(folder):
+def _of_folder(folder: Path) -> Stored:
     from dior.release.verify import folder_or_tarball
 
     files, problems = folder_or_tarball.of_folder(folder)
@@ -91,7 +99,7 @@ def _of_folder(folder):
     return found
 
 
-def _of_tarballs(release, members):
+def _of_tarballs(release: str, members: "list[tuple[Path, Tarball]]") -> Stored:
     found = Stored(release, {tarball.part for _, tarball in members})
     for path, tarball in members:
         first = checksums.list_of(tarball.part)
@@ -108,26 +116,27 @@ def _of_tarballs(release, members):
     return found
 
 
-def _list(found, path):
+def _list(found: Stored, path: str) -> dict[str, str]:
     """The list of checksums at `path`; what is wrong with it becomes a problem."""
     listed, problems = checksums.parsed(found.files[path].read())
     found.problems += [(path, text) for text in problems]
     return listed
 
 
-def _compare(found, files, expected, where):
+def _compare(found: Stored, files: "dict[str, File]", expected: Collection[str], where: str) -> None:
     found.problems += [(name, f"is missing{where}") for name in sorted(expected - files.keys())]
     found.problems += [(name, f"should not be in the files{where}") for name in sorted(files.keys() - expected)]
 
 
-def _looked_at(stored, decode):
+def _looked_at(stored: Stored, decode: bool) -> "tuple[list[Problem], str]":
     """(problems, what was looked at as a sentence)."""
     problems = list(stored.problems)
     groups = _groups(stored)
     with ThreadPoolExecutor(checksums.THREADS) as pool:
         looked = pool.map(lambda group: _group(stored, group, groups[group], decode), groups)
         found = list(reporting(looked, len(groups), "walks and files" if stored.parts else "files", stored.name))
-    walks, good = [], {}
+    walks: list[WalkFindings] = []
+    good: dict[str, File] = {}
     for wrong, intact, walk in found:
         problems += wrong
         good |= intact
@@ -151,9 +160,9 @@ def _looked_at(stored, decode):
     return problems, f"{summary}; {_counted(stored, walks, decode)}"
 
 
-def _groups(stored):
+def _groups(stored: Stored) -> dict[tuple[str, ...], list[str]]:
     """Paths by (subject, walk), and by themselves where they are about no walk."""
-    groups = {}
+    groups: dict[tuple[str, ...], list[str]] = {}
     for name in sorted(stored.files):
         parts = name.split("/")
         about_walk = stored.parts and len(parts) == 3 and parts[0] != checksums.FOLDER
@@ -161,9 +170,12 @@ def _groups(stored):
     return groups
 
 
-def _group(stored, group, names, decode):
+def _group(
+    stored: Stored, group: tuple[str, ...], names: list[str], decode: bool
+) -> "tuple[list[Problem], dict[str, File], WalkFindings | None]":
     """(problems, files whose checksum is right, `Walk` or None) of files that are looked at together."""
-    good, problems = {}, []
+    good: dict[str, File] = {}
+    problems: list[Problem] = []
     for name in names:
         file, expected = stored.files[name], stored.listed.get(name)
         if expected is None:
@@ -182,10 +194,11 @@ def _group(stored, group, names, decode):
 
     listed = [name for name in names if name in stored.listed]
     intact = {name: good[name] for name in listed if name in good}
-    return problems, good, walk_checks.walk(*group, intact, listed, decode)
+    who, sequence = group
+    return problems, good, walk_checks.walk(who, sequence, intact, listed, decode)
 
 
-def _lists_agree(stored, good):
+def _lists_agree(stored: Stored, good: "dict[str, File]") -> "list[Problem]":
     """A subject's list must be the part of the whole list that is about its files."""
     problems = []
     for who in sorted(stored.parts - {checksums.METADATA}):
@@ -196,7 +209,7 @@ def _lists_agree(stored, good):
     return problems
 
 
-def _complete(stored):
+def _complete(stored: Stored) -> "list[Problem]":
     """Every walk has its 3D, and every recording of a camera its labels and its frames."""
     names, problems = stored.listed.keys(), []
     for name in sorted(names):
@@ -211,18 +224,17 @@ def _complete(stored):
     return sorted(set(problems))
 
 
-def _counted(stored, walks, decode):
-    total = {}
+def _counted(stored: Stored, walks: "list[WalkFindings]", decode: bool) -> str:
+    total: Counter[str] = Counter()
     for walk in walks:
         for counts in walk.counts.values():
-            for what, n in counts.items():
-                total[what] = total.get(what, 0) + n
+            total.update(counts)
     people = len({walk.who for walk in walks})
     tables = sum(name.endswith(".parquet") for name in stored.files)
     looked = "decoded" if decode else "headers read"
-    parts = [f"{tables} tables, {people} subjects, {len(walks)} walks, {total.get('camera_recordings', 0)} recordings"]
-    parts.append(f"{total.get('labels', 0)} labels on {total.get('frames', 0)} frames")
-    parts.append(f"{total.get('points_3d', 0)} points in 3D, {total.get('pictures', 0)} pictures ({looked})")
+    parts = [f"{tables} tables, {people} subjects, {len(walks)} walks, {total['camera_recordings']} recordings"]
+    parts.append(f"{total['labels']} labels on {total['frames']} frames")
+    parts.append(f"{total['points_3d']} points in 3D, {total['pictures']} pictures ({looked})")
     if not stored.whole:
         parts.append("not all of the release was given")
     return "; ".join(parts)

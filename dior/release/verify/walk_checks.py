@@ -8,17 +8,26 @@ reason, pictures have the size that their row says. A problem is told once per f
 
 import struct
 from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import TypeAlias
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from dior.arrays import Bools, Floats, Table
 from dior.errors import nearest
 from dior.release import layout
+from dior.release.layout import Part
+from dior.release.verify.folder_or_tarball import File
 from dior.tables import buffers, tables
 from dior.tables.schemas import SCHEMAS, VERSION, VOCABULARY
 
+# a path in the release, and what is wrong with it
+Problem: TypeAlias = tuple[str, str]
+# the distinct words of a table's text columns
+Words: TypeAlias = dict[str, set[str]]
 PICTURES_AT_ONCE = 16
 BUFFER = 1 << 20
 PARTS = {part.name: part for part in layout.PARTS}
@@ -41,18 +50,18 @@ class Broken(Exception):
 
 
 @dataclass
-class Walk:
+class WalkFindings:
     """What was found in a walk: problems as (path, sentence); by camera the counts, and the path of its pictures with
     the set of their sizes (height, width)."""
 
     who: str
     sequence: str
-    problems: list = field(default_factory=list)
-    counts: dict = field(default_factory=dict)
-    sizes: dict = field(default_factory=dict)
+    problems: list[Problem] = field(default_factory=list)
+    counts: dict[str, Counter[str]] = field(default_factory=dict)
+    sizes: dict[str, tuple[str, set[tuple[int, int]]]] = field(default_factory=dict)
 
 
-def read(file, part, columns=None):
+def read(file: File, part: Part, columns: Sequence[str] | None = None) -> tuple[Table, Words]:
     """(columns as numpy, words by text column) of a table (see tables.py), of `columns` or all of them; words of all.
 
     Raises Broken for a table that is not what `part` should be.
@@ -70,7 +79,7 @@ def read(file, part, columns=None):
         raise Broken(f"is not a readable Parquet file ({error})") from None
 
 
-def _check_schema(schema, name):
+def _check_schema(schema: pa.Schema, name: str) -> None:
     told = schema.metadata or {}
     kind, version = (told.get(key, b"").decode() for key in (b"dior_table", b"dior_table_version"))
     if kind != name:
@@ -90,7 +99,7 @@ def _check_schema(schema, name):
         raise Broken("has its columns in another order")
 
 
-def unknown_words(words, name):
+def unknown_words(words: Words, name: str) -> list[str]:
     """Sentences about words that a table's columns may not hold."""
     return [
         f"'{word}' is no {column}{nearest(word, VOCABULARY[name, column])}"
@@ -100,15 +109,17 @@ def unknown_words(words, name):
     ]
 
 
-def walk(who, sequence, files, listed, decode=False):
+def walk(who: str, sequence: str, files: dict[str, File], listed: Sequence[str], decode: bool = False) -> WalkFindings:
     """Look into the tables of one walk.
 
     `files`: by path, those whose checksum is right; `listed`: all that should be there. `decode`: look at every
     pixel, too.
     """
-    found = Walk(who, sequence)
+    found = WalkFindings(who, sequence)
     # of a camera whose frames cannot be looked at nothing more is said
-    frames = {name.split(".")[1]: None for name in listed if name.startswith("frames/") and name.count(".") == 2}
+    frames: dict[str, Table | None] = {
+        name.split(".")[1]: None for name in listed if name.startswith("frames/") and name.count(".") == 2
+    }
     for path, file in sorted(files.items(), key=lambda item: not item[0].startswith("frames/")):
         kind, _, name = path.split("/")
         part = PARTS.get(kind)
@@ -133,7 +144,7 @@ def walk(who, sequence, files, listed, decode=False):
     return found
 
 
-def _camera(name, part):
+def _camera(name: str, part: Part) -> str:
     """The camera that a file's name tells, "" for a table of all cameras."""
     words = name.removesuffix(".parquet").split(".")
     if len(words) != (2 if "<camera>" in part.path else 1) or not name.endswith(".parquet"):
@@ -141,7 +152,7 @@ def _camera(name, part):
     return words[1] if "<camera>" in part.path else ""
 
 
-def _whose(words, who, sequence, camera):
+def _whose(words: Words, who: str, sequence: str, camera: str) -> list[str]:
     expected = {"subject": who, "sequence": sequence} | ({"camera": camera} if camera else {})
     return [
         f"{column} '{word}' in a file of '{right}'"
@@ -150,7 +161,7 @@ def _whose(words, who, sequence, camera):
     ]
 
 
-def _first(wrong, what, table, keys=("frame",)):
+def _first(wrong: Bools, what: str, table: Table, keys: Sequence[str] = ("frame",)) -> list[str]:
     """[how often, what and where first] of the rows where `wrong`, [] where there are none."""
     if not wrong.any():
         return []
@@ -160,12 +171,13 @@ def _first(wrong, what, table, keys=("frame",)):
     ]
 
 
-def _frames(table, file, decode, counts):
+def _frames(table: Table, file: File, decode: bool, counts: Counter[str]) -> list[str]:
     counts["frames"] += len(table["frame"])
     counts["camera_recordings"] += 1
     told = _first(np.r_[False, np.diff(table["frame"]) <= 0], "frames out of order or twice", table)
     told += _first(np.r_[False, np.diff(table["stamp_ns"]) < 0], "stamps that go back", table)
-    there, wrong = np.zeros(len(table["frame"]), bool), {}
+    there = np.zeros(len(table["frame"]), bool)
+    wrong: dict[str, list[int]] = {}
     size = list(zip(table["height"].tolist(), table["width"].tolist(), strict=True))
     for row, data in _pictures(file):
         there[row] = True
@@ -181,7 +193,7 @@ def _frames(table, file, decode, counts):
     ]
 
 
-def _pictures(file):
+def _pictures(file: File) -> Iterator[tuple[int, bytes]]:
     """Yield (row, bytes) of the pictures, a few in memory at a time."""
     start = 0
     with pq.ParquetFile(file.open(), buffer_size=BUFFER) as table:
@@ -193,7 +205,7 @@ def _pictures(file):
             start += len(batch)
 
 
-def _check_picture(data, size, decode):
+def _check_picture(data: bytes, size: tuple[int, int], decode: bool) -> None:
     """ValueError for what is no JPEG of `size` (height, width), or tells more than the picture."""
     found = jpeg_size(data)
     if found != size:
@@ -207,7 +219,7 @@ def _check_picture(data, size, decode):
         raise ValueError("cannot be decoded")
 
 
-def jpeg_size(data):
+def jpeg_size(data: bytes) -> tuple[int, int]:
     """(height, width) px by the header of a JPEG. Raises ValueError for another file, one that is cut off or one with
     a comment or application segment, which may tell a place, a machine or a person.
 
@@ -226,7 +238,7 @@ def jpeg_size(data):
     raise ValueError("a JPEG with a damaged header")
 
 
-def _skeleton(table, counts):
+def _skeleton(table: Table, counts: Counter[str]) -> list[str]:
     told = _grid(table, "instant")
     if told:
         return told
@@ -242,22 +254,24 @@ def _skeleton(table, counts):
     )
 
 
-def _about_frames(table, kind, camera, frames, counts):
+def _about_frames(
+    table: Table, kind: str, camera: str, frames: dict[str, Table | None], counts: Counter[str]
+) -> list[str]:
     """A table that names frames, each with its stamp."""
     told = []
     for name in [camera] if camera else sorted(set(table["camera"])):
         mine = tables.of_camera(table, name) if not camera else table
         if name not in frames:
             told.append(f"is about camera '{name}', of which there is no table of frames")
-        if frames.get(name) is None:
+        if (pictures := frames.get(name)) is None:
             continue
-        told += _in_frames(mine, frames[name], name)
+        told += _in_frames(mine, pictures, name)
         if kind == "labels_2d":
-            told += _labels(mine, frames[name], counts)
+            told += _labels(mine, pictures, counts)
     return told
 
 
-def _in_frames(table, frames, camera):
+def _in_frames(table: Table, frames: Table, camera: str) -> list[str]:
     where = ("frame", "joint")
     at = np.searchsorted(frames["frame"], table["frame"]).clip(max=max(len(frames["frame"]) - 1, 0))
     if not len(frames["frame"]):
@@ -271,7 +285,7 @@ def _in_frames(table, frames, camera):
     )
 
 
-def _labels(table, frames, counts):
+def _labels(table: Table, frames: Table, counts: Counter[str]) -> list[str]:
     told = _grid(table, "frame")
     if told:
         return told
@@ -291,14 +305,14 @@ def _labels(table, frames, counts):
     return told + _first(outside, "labels outside the picture although their status says otherwise", table, where)
 
 
-def in_picture(pixels, frames):
+def in_picture(pixels: Floats, frames: Table) -> Bools:
     """Which pixels (N, 2) lie in pictures of the size that the frames' rows say; pixel (0, 0) is a centre."""
     size = np.array([[frames[key].max(initial=0) for key in ("width", "height")]])
     # float32 labels that were in_frame as float64 may be rounded to the border
-    return ((pixels >= -0.501) & (pixels <= size - 0.499)).all(axis=-1)
+    return np.all((pixels >= -0.501) & (pixels <= size - 0.499), axis=-1)
 
 
-def _grid(table, key):
+def _grid(table: Table, key: str) -> list[str]:
     """Whether there is a row for each joint of each frame or instant, in order."""
     joints = tables.ordered_unique(table["joint"])
     count, rest = divmod(len(table["joint"]), max(len(joints), 1))
