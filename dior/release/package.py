@@ -10,12 +10,10 @@ of machines or files. A subject who did not agree is in no file and no count.
 """
 
 import json
-import os
 import shutil
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from itertools import repeat
 from pathlib import Path
 from typing import Any
@@ -42,7 +40,7 @@ from dior.release import (
 )
 from dior.release.released_people import Walks
 from dior.tables import tables
-from dior.tables.files import write_text
+from dior.tables.files import folder_written_whole, write_text
 
 THREADS = 2
 
@@ -94,7 +92,7 @@ def run(
     recordings = {name: _of(found["checksums"], name, "checksums") for name in walks}
     rig, joint = rigs.released(cameras, covariances, walks), rigs.covariance(covariances, walks)
     made_of = provenance_json.of(loaded, walks, recordings, steps)
-    with _folder_in_place(out) as folder:
+    with folder_written_whole(out) as folder:
         with ThreadPoolExecutor(THREADS) as pool:
             written = pool.map(walk_files.write, repeat(folder), walks.values(), sources.values())
             for _ in reporting(written, len(walks), "sequences", "release"):
@@ -211,24 +209,3 @@ def _write_about(
 
 def _json(content: dict[str, Any]) -> str:
     return json.dumps(content, indent=1, ensure_ascii=False) + "\n"
-
-
-@contextmanager
-def _folder_in_place(out: Path) -> Iterator[Path]:
-    """Yield an empty folder beside `out` that takes its place if nothing was raised.
-
-    What an earlier, killed build left beside it is removed, and so is every file of an earlier release.
-    """
-    out.parent.mkdir(parents=True, exist_ok=True)
-    part, old = (out.with_name(f".{out.name}.{kind}") for kind in ("part", "old"))
-    for left in (part, old):
-        shutil.rmtree(left, ignore_errors=True)
-    part.mkdir()
-    try:
-        yield part
-        if out.exists():
-            os.replace(out, old)
-        os.replace(part, out)
-    finally:
-        for left in (part, old):
-            shutil.rmtree(left, ignore_errors=True)
