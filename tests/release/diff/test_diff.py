@@ -134,7 +134,8 @@ def test_a_camera_moved_and_turned(angle):
     start = np.eye(4)
     start[:3, :3] = cv2.Rodrigues(np.array([0.3, -1.0, 2.0]))[0]
     start[:3, 3] = 5, 6, 7
-    assert diff.pose_change(start, shift @ start @ turn) == pytest.approx({"moved_mm": 5.0, "turned_deg": angle}, rel=1e-3)
+    found = diff.pose_change(start, shift @ start @ turn)
+    assert found == pytest.approx({"moved_mm": 5.0, "turned_deg": angle}, rel=1e-3)
 
 
 def test_cameras_that_changed_came_or_went(whole, later):
