@@ -72,9 +72,14 @@ def text(found: dict[str, str]) -> str:
 
 def read(folder: AnyPath, part: str = METADATA) -> dict[str, str]:
     """Hex SHA-256 by name, as the list of a part of a release says. DiorError for one that is gone or malformed."""
-    path = Path(folder) / list_of(part)
+    folder = Path(folder)
+    path = folder / list_of(part)
+    if not folder.exists():
+        raise DiorError(f"{folder}: there is no such folder; build the release first")
+    if not folder.is_dir():
+        raise DiorError(f"{folder}: is a file, not the folder of a release; tarballs are to be unpacked first")
     if not path.is_file():
-        raise DiorError(f"{path}: there is no such file; build the release first")
+        raise DiorError(f"{path}: there is no such file, so this is no whole release; build it again")
     found, problems = parsed(path.read_bytes())
     if problems:
         raise DiorError(f"{path}: {problems[0]}; build the release again")

@@ -5,6 +5,12 @@ The card, Croissant and whoever reads a release go by this list; nothing else of
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import BinaryIO
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from dior.tables.schemas import VERSION
 
 
 @dataclass(frozen=True)
@@ -45,3 +51,19 @@ PARTS = (
 def parts_of(folder: Path) -> list[Part]:
     """The parts that a release folder has files of."""
     return [part for part in PARTS if next(folder.glob(part.pattern), None)]
+
+
+def of_other_version(table: Path | BinaryIO) -> str:
+    """What is wrong with the version of a release that `table` is of, as a sentence.
+
+    "" where this dior knows it, and where the file does not say.
+    """
+    try:
+        with pq.ParquetFile(table) as file:
+            told = file.schema_arrow.metadata or {}
+    except (pa.ArrowException, OSError, ValueError):
+        return ""
+    version = told.get(b"dior_table_version", VERSION.encode()).decode()
+    if version == VERSION:
+        return ""
+    return f"its tables are of version '{version}', this dior knows {VERSION}; take the dior that made it"

@@ -4,6 +4,7 @@ import json
 
 import cv2
 import numpy as np
+import pyarrow.parquet as pq
 
 from dior.release import checksums
 from dior.tables import tables
@@ -203,6 +204,15 @@ def remade(folder):
     for path in (folder / checksums.FOLDER).glob("*"):
         path.rmdir()
     checksums.write(folder)
+
+
+def of_version(folder, version):
+    """The release with tables of another version."""
+    for path in folder.rglob("*.parquet"):
+        table = pq.read_table(path)
+        table = table.replace_schema_metadata({**table.schema.metadata, b"dior_table_version": version})
+        pq.write_table(table, path)
+    remade(folder)
 
 
 def release(folder, who=EVERYONE):

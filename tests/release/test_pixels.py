@@ -127,3 +127,12 @@ def test_other_pictures_in_heads_are_refused(recording, tmp_path):
     with pytest.raises(DiorError, match="is of other pictures"):
         pixels.run(**given | {"heads": _heads(tmp_path / "other.parquet", ["ok"] * 6)})
     assert not given["out"].exists()
+
+
+def test_no_picture_is_released_without_knowing_where_the_heads_are(recording):
+    _, given = recording
+    with pytest.raises(DiorError, match="walk, camera cam01: faces are to be filled, but no table of heads is given"):
+        pixels.run(**given | {"heads": None})
+    assert not given["out"].exists()
+    pixels.run(**given | {"heads": None, "consent": "no"})
+    assert set(tables.read(given["out"], "released_frames")["no_image"]) == {"no_consent"}

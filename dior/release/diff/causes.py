@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from dior.errors import DiorError
+from dior.release.provenance_json import VERSION
 
 PROVENANCE = "provenance.json"
 INDOOR, OUTDOOR = "indoor", "outdoor"
@@ -75,12 +76,16 @@ class ChangedRecording:
 
 
 def read(folder: Path) -> dict[str, Any]:
-    """The content of provenance.json. Raises DiorError where there is none that can be read."""
+    """The content of provenance.json. Raises DiorError where there is none of this version that can be read."""
     path = folder / PROVENANCE
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        version = content["provenance_version"]
+    except (OSError, ValueError, TypeError, KeyError) as error:
         raise DiorError(f"{path}: cannot be read ({error}); is it a release that dior made?") from None
+    if version != VERSION:
+        raise DiorError(f"{path}: is of version {version}, this dior knows {VERSION}; take the dior that made it")
+    return content
 
 
 def changes(first: dict[str, Any], second: dict[str, Any], session_of: dict[str, str]) -> list[Change]:

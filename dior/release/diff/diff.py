@@ -26,7 +26,7 @@ from dior.progress import reporting
 from dior.release import checksums
 from dior.release.diff import causes, diff_text
 from dior.release.diff.diff_text import Found
-from dior.release.layout import PARTS
+from dior.release.layout import PARTS, of_other_version
 from dior.tables import tables
 
 # rows of a table by their key
@@ -58,6 +58,9 @@ def compared(first: Path, second: Path) -> Found:
     found = {"first": first.resolve().name, "second": second.resolve().name, "same": listed[0] == listed[1]}
     if found["same"]:
         return found
+    for folder in (first, second):
+        if wrong := of_other_version(folder / "sequences.parquet"):
+            raise DiorError(f"{folder}: {wrong}")
     sheets = [_walks(folder) for folder in (first, second)]
     rigs = [_rows(folder / "cameras.parquet", "released_cameras", ("session", "camera")) for folder in (first, second)]
     cameras = _cameras(*rigs)

@@ -543,3 +543,30 @@ def test_an_exports_folder(tmp_path, verified):
     assert [line.split(":")[0] for line in verified(folder)] == [
         f"dior-0.1.0-exports/{name}" for name in (names[0], "coco/more.json", names[1])
     ]
+
+
+def test_a_release_of_a_newer_version_is_one_sentence(made, verified):
+    made_up.of_version(made, b"99")
+    assert verified(made) == [
+        f"{made.name}: its tables are of version '99', this dior knows 1; take the dior that made it"
+    ]
+    flipped(made / LABELS, 0)
+    assert len(verified(made)) == 2, "checksums are looked at all the same"
+
+
+def test_paths_that_are_no_release(tmp_path, verified):
+    (tmp_path / "file").write_text("no release")
+    (tmp_path / "empty").mkdir()
+    assert verified(tmp_path / "gone") == [f"dior verify: {tmp_path / 'gone'}: there is no such folder or tarball"]
+    (said,) = verified(tmp_path / "file")
+    assert said.startswith(f"dior verify: {tmp_path / 'file'}: is no tarball of a release")
+    (said,) = verified(tmp_path / "empty")
+    assert said.startswith(f"dior verify: {tmp_path / 'empty'}: has no SHA256SUMS")
+
+
+@pytest.mark.parametrize("stray", ["labels_2d/stray.parquet", "labels_2d/a/b/c.parquet"])
+def test_a_file_where_a_release_has_none(made, verified, stray):
+    (made / stray).parent.mkdir(parents=True, exist_ok=True)
+    shutil.copyfile(made / LABELS, made / stray)
+    made_up.remade(made)
+    assert f"{made.name}/{stray}: lies where a release has no files" in verified(made)
