@@ -12,6 +12,7 @@ import numpy as np
 
 from dior.arrays import Table
 from dior.errors import DiorError
+from dior.release.layout import rows_of
 from dior.release.released_people import Walks
 from dior.tables import tables
 
@@ -29,7 +30,7 @@ def released(paths: Iterable[Path], covariances: Iterable[Path], walks: Walks) -
         raise DiorError(f"release: camera '{camera}' of session '{session}' is in no table of cameras; run its steps")
     own = {
         (pair["session"], pair["camera"]): pair["covariance"]
-        for pair in _rows(_of_sessions(covariances, "camera_covariance", shown))
+        for pair in rows_of(_of_sessions(covariances, "camera_covariance", shown))
         if pair["camera"] == pair["other"]
     }
     table["covariance"] = np.array([own.get(name, np.full(36, np.nan)) for name in names])
@@ -47,7 +48,7 @@ def clocks(paths: Iterable[Path], walks: Walks) -> dict[str, list[Any]]:
     found = {
         (row["sequence"], row["camera"]): row
         for path in dict.fromkeys(map(str, paths))
-        for row in _rows(tables.read(path, "offsets"))
+        for row in rows_of(tables.read(path, "offsets"))
         if row["sequence"] in walks
     }
     rows = []
@@ -66,10 +67,6 @@ def _of_sessions(paths: Iterable[Path], name: str, sessions: dict[str, str]) -> 
         return tables.empty(name)
     table = {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
     return tables.rows(table, np.array([session in sessions for session in table["session"]], bool))
-
-
-def _rows(table: Table) -> list[dict[str, Any]]:
-    return [dict(zip(table, cells, strict=True)) for cells in zip(*table.values(), strict=True)]
 
 
 def _sorted(table: Table, shown: dict[str, str]) -> Table:

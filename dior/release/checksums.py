@@ -7,7 +7,6 @@ A file is about a subject where its path is <table>/<subject>/<file>; what lies 
 
 import hashlib
 import re
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path, PurePosixPath
 from typing import BinaryIO
@@ -40,20 +39,20 @@ def list_of(part: str) -> str:
 def write(folder: AnyPath) -> None:
     """Write the checksums of all files in `folder`, a release that is being built."""
     folder = Path(folder)
-    names = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
-    found = digests(names, lambda name: open(folder / name, "rb"), folder.name)
-    for subject in sorted({of_whom(name) for name in names} - {METADATA}):
+    found = of_folder(folder)
+    for subject in sorted(set(map(of_whom, found)) - {METADATA}):
         own = list_of(subject)
         write_text(folder / own, text({name: d for name, d in found.items() if of_whom(name) == subject}))
         found[own] = hashlib.sha256((folder / own).read_bytes()).hexdigest()
     write_text(folder / SUMS, text(found))
 
 
-def digests(names: list[str], opened: Callable[[str], BinaryIO], where: str) -> dict[str, str]:
-    """Hex SHA-256 by name of what `opened(name)` gives to read; files are hashed two at a time."""
+def of_folder(folder: Path) -> dict[str, str]:
+    """Hex SHA-256 by path of all files in a folder, which are hashed two at a time."""
+    names = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
     with ThreadPoolExecutor(THREADS) as pool:
-        every = pool.map(lambda name: digest(opened(name)), names)
-        return dict(zip(names, reporting(every, len(names), "files hashed", where), strict=True))
+        every = pool.map(lambda name: digest(open(folder / name, "rb")), names)
+        return dict(zip(names, reporting(every, len(names), "files hashed", folder.name), strict=True))
 
 
 def digest(stream: BinaryIO) -> str:

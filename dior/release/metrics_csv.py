@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from dior.evaluate.metrics import merged
+from dior.release.layout import rows_of
 from dior.release.released_people import Walks
 from dior.tables import tables
 
@@ -14,11 +15,9 @@ def released(paths: Iterable[Path], walks: Walks) -> list[dict[str, Any]]:
 
     A row of no sequence is the adjustment's of a session, which uses the walks of people who agreed only.
     """
-    columns, rows = tables.columns_of("metrics"), []
+    rows = []
     for path in paths:
-        table = tables.read(path, "metrics")
-        for cells in zip(*(table[c].tolist() for c in columns), strict=True):
-            figure = dict(zip(columns, cells, strict=True))
+        for figure in rows_of(tables.read(path, "metrics")):
             if figure["sequence"] in walks:
                 rows.append({**figure, "subject": walks[figure["sequence"]]["subject"]})
             elif not figure["sequence"] and not figure["subject"]:

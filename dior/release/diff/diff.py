@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
-import pyarrow.parquet as pq
 
 from dior.arrays import Bools, Floats, Table
 from dior.errors import DiorError
@@ -26,7 +25,7 @@ from dior.progress import reporting
 from dior.release import checksums
 from dior.release.diff import causes, diff_text
 from dior.release.diff.diff_text import Found
-from dior.release.layout import PARTS, of_other_version
+from dior.release.layout import IN_PICTURE, PARTS, of_other_version, rows_of
 from dior.tables import tables
 
 # rows of a table by their key
@@ -34,8 +33,7 @@ Rows: TypeAlias = dict[tuple[str, ...], dict[str, Any]]
 # (sequence, camera); the camera is "" for what is about the whole walk
 Place: TypeAlias = tuple[str, str]
 # frame -> (stamp, digest of its picture or None, reason for none)
-Digests: TypeAlias = dict[int, tuple[int, bytes | None, str | None]]
-IN_PICTURE = ("ok", "occluded")
+Digests: TypeAlias = dict[int, tuple[int, bytes | None, str]]
 TABLE = {part.name: part.table for part in PARTS}
 LENS = ("width", "height", "fx", "fy", "cx", "cy", "distortion_model", "distortion")
 PICTURES_AT_ONCE = 16
@@ -85,9 +83,7 @@ def compared(first: Path, second: Path) -> Found:
 
 def _rows(path: Path, name: str, keys: Sequence[str]) -> Rows:
     """Rows of a table as dicts by their key."""
-    table = tables.read(path, name)
-    rows = [dict(zip(table, cells, strict=True)) for cells in zip(*table.values(), strict=True)]
-    return {tuple(row[key] for key in keys): row for row in rows}
+    return {tuple(row[key] for key in keys): row for row in rows_of(tables.read(path, name))}
 
 
 def _walks(folder: Path) -> dict[str, dict[str, Any]]:
@@ -316,12 +312,9 @@ def _digests(path: Path) -> Digests:
     """Frame -> (stamp, digest of its picture or None, reason for none), a few pictures in memory at a time."""
     found = {}
     columns = ["frame", "stamp_ns", "image", "no_image"]
-    with pq.ParquetFile(path, buffer_size=1 << 20) as table:
-        for batch in table.iter_batches(PICTURES_AT_ONCE, columns=columns, use_threads=False):
-            for row in batch.to_pylist():
-                data = row["image"] and row["image"]["bytes"]
-                digest = data and hashlib.blake2b(data, digest_size=16).digest()
-                found[row["frame"]] = (row["stamp_ns"], digest, row["no_image"])
+    for table in tables.read_in_parts(path, "released_frames", columns, PICTURES_AT_ONCE):
+        for frame, stamp, data, why in zip(*(table[column].tolist() for column in columns), strict=True):
+            found[frame] = (stamp, data and hashlib.blake2b(data, digest_size=16).digest(), why)
     return found
 
 

@@ -7,7 +7,6 @@ Specification: bids-specification.readthedocs.io, motion. Labels may hold letter
 with motion capture are in it; a release without any has no such folder.
 """
 
-import json
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -20,8 +19,9 @@ from dior.body.names import PLUG_IN_GAIT_39
 from dior.errors import DiorError
 from dior.release.exports.fixed_rate import AddWalk, regular
 from dior.release.exports.recordings import Body, Release, ReleasedWalk
-from dior.release.exports.writing import plain
+from dior.release.exports.writing import plain, write_json
 from dior.tables import tables
+from dior.tables.files import write_text
 
 ABOUT = """\
 `bids/`: the walks with motion capture as a BIDS dataset (motion), metres in the world of the release (Z up), `n/a`
@@ -54,10 +54,10 @@ def writer(folder: Path, release: Release) -> Iterator[AddWalk]:
         stem, place = _name(walk, used), folder / f"sub-{plain(walk.subject)}" / "motion"
         place.mkdir(parents=True, exist_ok=True)
         rate, points = regular(body, walk.skeleton)
-        _text(place / f"{stem}_motion.tsv", motion(points))
-        _json(place / f"{stem}_motion.json", sidecar(walk, rate, points))
-        _text(place / f"{stem}_channels.tsv", channels(body.joints))
-        _json(place / f"{stem}_channels.json", {"reference_frame": {"Levels": {"world": {"Description": AXES}}}})
+        write_text(place / f"{stem}_motion.tsv", motion(points))
+        write_json(place / f"{stem}_motion.json", sidecar(walk, rate, points))
+        write_text(place / f"{stem}_channels.tsv", channels(body.joints))
+        write_json(place / f"{stem}_channels.json", {"reference_frame": {"Levels": {"world": {"Description": AXES}}}})
         row = (f"motion/{stem}_motion.tsv", walk.sequence, walk.session, walk.outfit or "n/a")
         scans.setdefault(walk.subject, []).append("\t".join(row))
 
@@ -112,19 +112,21 @@ def sidecar(walk: ReleasedWalk, rate: float, points: Floats) -> dict[str, Any]:
 
 
 def _about_all(folder: Path, release: Release, scans: dict[str, list[str]]) -> None:
-    _json(
+    write_json(
         folder / "dataset_description.json",
         {"Name": release.folder.name, "BIDSVersion": VERSION, "DatasetType": "raw"},
     )
-    _text(folder / "README", f"Motion capture of {release.folder.name}, made from that release; its card says more.\n")
+    write_text(
+        folder / "README", f"Motion capture of {release.folder.name}, made from that release; its card says more.\n"
+    )
     people = tables.read(release.folder / "subjects.parquet", "subjects")
     heights = dict(zip(people["subject"], people["height_m"], strict=True))
     rows = ["participant_id\theight"]
     for who in sorted(scans):
         height = heights.get(who, np.nan)
         rows.append(f"sub-{plain(who)}\t" + ("n/a" if np.isnan(height) else f"{height:g}"))
-    _text(folder / "participants.tsv", "\n".join(rows) + "\n")
-    _json(folder / "participants.json", {"height": {"Description": "Body height", "Units": "m"}})
+    write_text(folder / "participants.tsv", "\n".join(rows) + "\n")
+    write_json(folder / "participants.json", {"height": {"Description": "Body height", "Units": "m"}})
     meaning = {
         "sequence": {"Description": "The walk in the release"},
         "session": {"Description": "Recording session in the release"},
@@ -132,13 +134,7 @@ def _about_all(folder: Path, release: Release, scans: dict[str, list[str]]) -> N
     }
     for who, lines in scans.items():
         place = folder / f"sub-{plain(who)}"
-        _text(place / f"sub-{plain(who)}_scans.tsv", "\n".join(["filename\tsequence\tsession\toutfit", *lines]) + "\n")
-        _json(place / f"sub-{plain(who)}_scans.json", meaning)
-
-
-def _text(path: Path, content: str) -> None:
-    path.write_text(content, encoding="utf-8")
-
-
-def _json(path: Path, content: dict[str, Any]) -> None:
-    _text(path, json.dumps(content, indent=1) + "\n")
+        write_text(
+            place / f"sub-{plain(who)}_scans.tsv", "\n".join(["filename\tsequence\tsession\toutfit", *lines]) + "\n"
+        )
+        write_json(place / f"sub-{plain(who)}_scans.json", meaning)

@@ -4,7 +4,9 @@ INPUTS   `Body` of a walk (recordings.py): instants with stamps
 OUTPUTS  rate (Hz) and points on a regular grid from the first instant, NaN where there is none
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
@@ -14,9 +16,24 @@ from dior.clocks.axis import nominal_fps
 from dior.errors import DiorError
 from dior.release.exports.recordings import Body, ReleasedWalk
 
-MILLIMETRES = 1000.0
 # what a format about walks does with each walk and its body
 AddWalk: TypeAlias = Callable[[ReleasedWalk, Body], None]
+# writes a file at a path: rate (Hz), points (N, J, 3) mm, NaN where there is none, names of the joints
+WriteWalk: TypeAlias = Callable[[Path, float, Floats, Sequence[str]], None]
+
+
+@contextmanager
+def file_per_walk(folder: Path, suffix: str, write: WriteWalk) -> Iterator[AddWalk]:
+    """Yield `add(walk, body)`, which writes `<subject>/<sequence><suffix>` below the new `folder`."""
+    folder.mkdir()
+
+    def add(walk: ReleasedWalk, body: Body) -> None:
+        rate, points = regular(body, walk.skeleton)
+        path = folder / walk.subject / f"{walk.sequence}{suffix}"
+        path.parent.mkdir(exist_ok=True)
+        write(path, rate, points * 1000.0, body.joints)
+
+    yield add
 
 
 def regular(body: Body, where: AnyPath) -> tuple[float, Floats]:

@@ -7,7 +7,6 @@ The loaders take every file of a view for another kind of data of the same frame
 
 import copyreg
 import io
-import json
 import pickle
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -19,7 +18,7 @@ from numpy.typing import NDArray
 
 from dior.release.exports.poses import AddRecording, Pose
 from dior.release.exports.recordings import SUBJECT_SPLIT, Recording, Release
-from dior.release.exports.writing import plain, write_csv
+from dior.release.exports.writing import plain, write_csv, write_json
 
 ABOUT = """\
 `opengait/data/<subject>/<type>/<view>/<sequence>.<camera>.pkl`: one float32 array (T, 17, 3) per recording: x and y in
@@ -53,10 +52,8 @@ def writer(folder: Path, release: Release) -> Iterator[AddRecording]:
 
     yield add
     write_csv(folder / "sequences.csv", COLUMNS, rows)
-    (folder / "partition").mkdir()
     for split in sorted({split for recording in kept for split in recording.parts}):
-        text = json.dumps(partition(split, kept), indent=1) + "\n"
-        (folder / "partition" / f"{split}.json").write_text(text, encoding="utf-8")
+        write_json(folder / "partition" / f"{split}.json", partition(split, kept))
 
 
 def names(recording: Recording) -> tuple[str, str, str]:

@@ -5,15 +5,15 @@ Layout as in OpenSim's TRCFileAdapter: a missing marker is three empty cells, an
 reader drops an empty cell at the end of a line.
 """
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import numpy as np
 
 from dior.arrays import Floats
-from dior.release.exports.fixed_rate import MILLIMETRES, AddWalk, regular
-from dior.release.exports.recordings import Body, Release, ReleasedWalk
+from dior.release.exports.fixed_rate import AddWalk, file_per_walk
+from dior.release.exports.recordings import Release
 
 ABOUT = """\
 `trc/<subject>/<sequence>.trc`: every joint or marker of a walk, mm, for OpenSim: X and Z are horizontal, Y is up
@@ -24,18 +24,14 @@ ABOUT = """\
 KEYS = "DataRate CameraRate NumFrames NumMarkers Units OrigDataRate OrigDataStartFrame OrigNumFrames".split()
 
 
-@contextmanager
-def writer(folder: Path, release: Release) -> Iterator[AddWalk]:
+def writer(folder: Path, release: Release) -> AbstractContextManager[AddWalk]:
     """Yield `add(walk, body)`."""
-    folder.mkdir()
+    return file_per_walk(folder, ".trc", write)
 
-    def add(walk: ReleasedWalk, body: Body) -> None:
-        rate, points = regular(body, walk.skeleton)
-        path = folder / walk.subject / f"{walk.sequence}.trc"
-        path.parent.mkdir(exist_ok=True)
-        path.write_text(text(path.name, rate, y_up(points) * MILLIMETRES, body.joints), encoding="utf-8")
 
-    yield add
+def write(path: Path, rate: float, points: Floats, joints: Sequence[str]) -> None:
+    """Write points (N, J, 3) mm at frames of `rate` Hz; NaN is missing."""
+    path.write_text(text(path.name, rate, y_up(points), joints), encoding="utf-8")
 
 
 def y_up(points: Floats) -> Floats:

@@ -2,11 +2,14 @@
 
 import csv
 import io
+import json
 import re
 import tarfile
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
+
+from dior.tables.files import write_text
 
 
 def plain(text: str) -> str:
@@ -22,7 +25,12 @@ def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Sequence[Any]])
     """Write rows below a header."""
     stream = io.StringIO()
     csv.writer(stream, lineterminator="\n").writerows([columns, *rows])
-    path.write_bytes(stream.getvalue().encode())
+    write_text(path, stream.getvalue())
+
+
+def write_json(path: Path, content: dict[str, Any]) -> None:
+    """Write JSON that a person reads."""
+    write_text(path, json.dumps(content, indent=1) + "\n")
 
 
 def add_to_tar(tar: tarfile.TarFile, name: str, content: bytes) -> None:

@@ -19,7 +19,7 @@ import pyarrow.parquet as pq
 from dior.arrays import Bools, Floats, Table
 from dior.errors import nearest
 from dior.release import layout
-from dior.release.layout import Part
+from dior.release.layout import IN_PICTURE, Part
 from dior.release.verify.folder_or_tarball import File
 from dior.tables import buffers, tables
 from dior.tables.schemas import SCHEMAS, VERSION, VOCABULARY
@@ -40,7 +40,6 @@ COLUMNS = {
     "boxes": ("frame", "stamp_ns"),
     "marks": ("camera", "joint", "frame", "stamp_ns"),
 }
-IN_PICTURE = ("ok", "occluded")
 WITHOUT_PIXEL = ("missing_3d", "behind_camera")
 WITH_POINT = ("ok", "gap_filled")
 
