@@ -15,9 +15,9 @@ import pytest
 
 from dior.errors import DiorError
 from dior.geometry import camera_tables
-from dior.release import layout, shift_stamps, walk_files
+from dior.release import layout, metrics_csv, shift_stamps, walk_files
 from dior.tables import tables
-from tests.release.made import CONSENT, PSEUDONYM, ROLES, WALKS, build, files, labels, pixels, project, sheets
+from tests.release.made import CONSENT, PSEUDONYM, ROLES, WALKS, build, figure, files, labels, pixels, project, sheets
 
 SECRETS = ("Realname", "Secondname", "Refuser", "mango-0003", "walk_4", "walk_5", "host", "/home")
 
@@ -145,6 +145,14 @@ def test_figures_are_pooled_over_released_walks_only(built):
     assert adjusted[["value", "n"]].values.tolist() == [[8.0, 5]], "only who agreed shapes the poses"
 
 
+def test_a_figure_of_a_person_without_a_sequence_is_not_released(tmp_path):
+    """Only an adjustment's figures are of no walk; whose a person's are, and whether it agreed, nothing says."""
+    for name, sequence, who in (("all", "", ""), ("person", "", "Refuser"), ("refused", "walk_4", "Refuser")):
+        figure(tmp_path / f"{name}.parquet", sequence, who, 1.0, 1)
+    rows = metrics_csv.released(sorted(tmp_path.glob("*.parquet")), {"walk_1": {"subject": "zebra-0001"}})
+    assert [(row["sequence"], row["subject"]) for row in rows] == [("", "")]
+
+
 def test_the_same_input_gives_the_same_bytes(made, built, tmp_path):
     turned = {key: value[::-1] for key, value in made.items() if isinstance(value, list)}
     assert files(build(made, **turned, out=tmp_path / "elsewhere/dior-0.1.0")) == files(built["out"])
@@ -200,6 +208,23 @@ def test_nothing_of_an_earlier_release_stays(made, tmp_path, capsys):
     names = set(files(build(made)))
     assert "release: 1 of 2 people of the last build are not in it any more" in capsys.readouterr().err
     assert "stale.parquet" not in names and not [name for name in names if "apple" in name]
+
+
+def test_who_withdrew_is_in_nothing_beside_the_release(made):
+    """Neither a tarball, whole or half-made, nor the exports; the tarballs of the others stay."""
+    out = made["out"]
+    mine = [f"{out.name}-zebra-0001.tar", f".{out.name}-zebra-0001.part.tar", f".{out.name}-zebra-0001.part.json"]
+    theirs = [name.replace("zebra-0001", who) for name in mine for who in ("apple-0002", "metadata")]
+    out.with_name(f"{out.name}-exports").mkdir(parents=True)
+    for name in (*mine, *theirs, f"{out.name}-exports/README.md"):
+        (out.parent / name).write_text("made of everybody")
+    sheets(made["project"], CONSENT | {"Secondname": "no"})
+    build(made)
+    assert sorted(path.name for path in out.parent.iterdir()) == sorted([out.name, *mine])
+    sheets(made["project"], dict.fromkeys(CONSENT, "no"))
+    with pytest.raises(DiorError, match="no subject's consent_release is yes"):
+        build(made)
+    assert list(out.parent.iterdir()) == []
 
 
 def test_a_build_that_fails_leaves_the_earlier_one(made):
