@@ -19,7 +19,7 @@ from dior.tables import tables
 
 def released(paths: Iterable[Path], covariances: Iterable[Path], walks: Walks) -> Table:
     """Columns of the final cameras of the released sessions, with each one's own covariance where it is known."""
-    shown = {walk["session"]: walk["shown"] for walk in walks.values()}
+    shown = {walk["session"]: walk["released_session"] for walk in walks.values()}
     wanted = {(walk["session"], camera) for walk in walks.values() for camera in walk["cameras"]}
     table = _of_sessions(paths, "cameras", shown)
     names = list(zip(table["session"], table["camera"], strict=True))
@@ -39,7 +39,7 @@ def released(paths: Iterable[Path], covariances: Iterable[Path], walks: Walks) -
 
 def covariance(paths: Iterable[Path], walks: Walks) -> Table:
     """Columns of the joint covariance of the released sessions' cameras: a row for each pair that is known."""
-    shown = {walk["session"]: walk["shown"] for walk in walks.values()}
+    shown = {walk["session"]: walk["released_session"] for walk in walks.values()}
     return _sorted(_of_sessions(paths, "camera_covariance", shown), shown)
 
 

@@ -29,6 +29,7 @@ SIGMA_QUERY = (
     "JOIN 'sequences.parquet' USING (subject, sequence) JOIN 'cameras.parquet' USING (session, camera) "
     "WHERE role = 'long_range' AND status IN ('ok', 'occluded') GROUP BY subject ORDER BY subject"
 )
+# the Hugging Face Hub's `size_categories`
 SIZES = (
     (10**3, "n<1K"),
     (10**4, "1K<n<10K"),
@@ -86,12 +87,12 @@ def summary(walks: Walks, counted: Rows) -> str:
     people = len({row["subject"] for row in rows})
     places = ", ".join(f"{n} {name}" for name, n in _environments(rows).items())
     labels, frames = statistics.of(counted, "keypoints_2d"), statistics.of(counted, "frames")
-    told = (
+    text = (
         f"2D and 3D skeleton labels of {_many(len(rows), 'walk')} of {_many(people, 'subject')} ({places}): "
         f"{_many(labels, 'label')} inside the picture on {_many(frames, 'frame')}."
     )
     far = " Some cameras are so far away that no detector works on their pictures." if _long_range(counted) else ""
-    return told + far
+    return text + far
 
 
 def _many(number: int, what: str) -> str:

@@ -21,7 +21,9 @@ FOLDER = "checksums"
 # the part of a release that is about nobody alone; no pseudonym may be called so
 METADATA = "metadata"
 LINE = re.compile(r"([0-9a-f]{64})  (.+)")
+# bytes read at once; chosen: large enough that hashing and not the calls takes the time
 BLOCK = 1 << 20
+# files at once; chosen: as many as the rules of the release have threads
 THREADS = 2
 
 

@@ -137,9 +137,9 @@ def _field(part: Part, column: pa.Field) -> dict[str, Any]:
 
 
 def _described(table: str, column: pa.Field) -> str:
-    told, unit = (column.metadata[key].decode() for key in (b"description", b"unit"))
+    description, unit = (column.metadata[key].decode() for key in (b"description", b"unit"))
     words = ", ".join(filter(None, VOCABULARY.get((table, column.name), ())))
-    parts = (told, f"unit: {unit}" if unit else "", f"one of {words}" if words else "")
+    parts = (description, f"unit: {unit}" if unit else "", f"one of {words}" if words else "")
     return "; ".join(filter(None, parts)) or column.name
 
 

@@ -14,10 +14,12 @@ from numpy.typing import NDArray
 
 from dior.arrays import Bools, Floats, Ints
 
-FACES = ("blurred", "filled", "pixelated", "shown")
+# Cells along a side of the box at most. Chosen: a face of three by three colours tells nobody, a picture with a hole
+# where heads are is worth less for training.
 CELLS = 4
 # a cell is at least this wide and high, px, so that a head of five pixels becomes one colour
 CELL_PX = 4
+# what `filled` leaves, the middle of 0..255
 GREY = 128
 
 

@@ -18,10 +18,12 @@ from dior.body.names import mirrored
 Places: TypeAlias = dict[str, tuple[float, float, float]]
 # Half lengths (horizontal, vertical) m, and how far the ellipsoid's middle is above that between the ears. A man's head
 # is 0.20 m long, 0.15 m broad and 0.23 m high on average, his nose 0.02 m before it; the rest is hair and larger heads.
+# Chosen, and measured with heads of simulated walkers (benchmarks/blur.py).
 RADII_M = (0.125, 0.145)
 RAISED_M = 0.015
 # Places in the head's axes (forward, left, up) m, from the middle between the ears: detectors put the face where a
 # mean one has it, and Plug-in-Gait's four markers are on the temples and behind them (Vicon, Plug-in Gait reference).
+# Chosen by the proportions of a head as large as that of RADII_M.
 HEAD = {
     "nose": (0.115, 0.0, -0.025),
     "left_ear": (0.0, 0.075, 0.0),
@@ -33,7 +35,7 @@ HEAD = {
     "LFHD": (0.075, 0.060, 0.050),
     "LBHD": (-0.075, 0.060, 0.050),
 }
-# the same of what is below it, for recordings without a face: good to TRUNK_SIGMA_M
+# the same of what is below it, for recordings without a face; chosen: good to TRUNK_SIGMA_M, as a neck bends
 TRUNK = {
     "neck": (-0.02, 0.0, -0.20),
     "left_shoulder": (-0.02, 0.19, -0.20),
@@ -45,10 +47,11 @@ TRUNK_SIGMA_M = 0.04
 # How a head moves where nobody sees it: a straight line at one speed, but for an acceleration of this much (m/s^2; of
 # simulated walkers it is 1.5 rms, of runners 7, mostly up and down). Beyond these times it may be anywhere.
 ACCELERATION, MAX_GAP_S, MAX_BEYOND_S = 1.5, 0.5, 0.15
-# the speed at an end of what is known is taken over this time
+# s, over which the speed at an end of what is known is fitted; chosen: 5 instants at 30 Hz
 SPEED_S = 0.15
 # Two cameras may agree on a stranger for a moment. The head is on the longest chain of instants in which it goes no
-# further than at 1.5 m/s or its own usual speed, and JUMP_M for noise and steps; after AWAY_S it may be anywhere.
+# further than at SLOW_M_S or FASTER times its own usual speed, and JUMP_M for noise and steps; after AWAY_S it may be
+# anywhere. Chosen: wider lets a stranger in who passes close by, narrower leaves out the head of who turns.
 SLOW_M_S, FASTER, JUMP_M, AWAY_S = 1.5, 1.5, 0.08, 1.0
 
 

@@ -28,15 +28,18 @@ from dior.tables import tables
 # of a head outside (benchmarks/blur.py); 3 would cover five times its area at 60 m.
 SIGMAS = 1.5
 # An earlier box is kept while it holds the ellipsoid with this many, and is at most this many times as large as a new
-# one.
+# one. Chosen: smaller keeps fewer pictures as they were, larger covers less surely or more than the head.
 KEPT_SIGMAS, KEPT_AREA = 0.5, 2.0
-# where the labels have no known uncertainty, 1 sigma as a share of the head's half width and height
+# where the labels have no known uncertainty, 1 sigma as a share of the head's half width and height; chosen, and said
+# in a finding
 UNKNOWN_SIGMA = 1 / 6
 # The grid, px: the coarsest of which a box is at least this many wide and high. A head of 3 px in a box of 8 would be
-# covered ten times over.
+# covered ten times over. Chosen: a coarser grid leaves more pictures as they are and covers more beside the head.
 GRIDS, PER_BOX = (8, 4, 2, 1), 4
+# m from the lens; chosen: twice what a head's ellipsoid reaches, nearer than that its outline is not the one projected
 NEAR_M = 0.3
-# of a single pixel, this much of its width or height may be left outside
+# of a single pixel, this much of its width or height may be left outside; chosen: without it a box that
+# reaches a hair into the next pixel becomes a pixel larger
 SLIVER = 0.15
 
 

@@ -69,10 +69,10 @@ def of_other_version(table: Path | BinaryIO) -> str:
     """
     try:
         with pq.ParquetFile(table) as file:
-            told = file.schema_arrow.metadata or {}
+            metadata = file.schema_arrow.metadata or {}
     except (pa.ArrowException, OSError, ValueError):
         return ""
-    version = told.get(b"dior_table_version", VERSION.encode()).decode()
+    version = metadata.get(b"dior_table_version", VERSION.encode()).decode()
     if version == VERSION:
         return ""
     return f"its tables are of version '{version}', this dior knows {VERSION}; take the dior that made it"

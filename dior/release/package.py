@@ -42,6 +42,7 @@ from dior.release.released_people import Walks
 from dior.tables import tables
 from dior.tables.files import folder_written_whole, write_text
 
+# walks at once, as many as the rule has threads
 THREADS = 2
 
 
@@ -99,7 +100,7 @@ def run(
                 pass
         pictures = released_people.gallery(gallery, walks) if gallery else {}
         # from here on a session is called as the release calls it
-        walks = {name: walk | {"session": walk["shown"]} for name, walk in walks.items()}
+        walks = {name: walk | {"session": walk["released_session"]} for name, walk in walks.items()}
         roles = dict(zip(zip(rig["session"], rig["camera"], strict=True), rig["role"], strict=True))
         about: dict[str, tuple[str, dict[str, Any]]] = {
             "cameras": ("released_cameras", rig),
@@ -202,8 +203,7 @@ def _write_about(
     write_text(folder / "README.md", card.text(release, walks, counted, figures, parts, example))
     write_text(folder / "LICENSE", licenses.text(release, project.root))
     write_text(folder / "CITATION.cff", citation.text(release))
-    told = croissant.content(folder, release, card.summary(walks, counted))
-    write_text(folder / "croissant.json", _json(told))
+    write_text(folder / "croissant.json", _json(croissant.content(folder, release, card.summary(walks, counted))))
     write_text(folder / "provenance.json", _json(made_of))
 
 

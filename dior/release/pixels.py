@@ -27,7 +27,8 @@ from dior.release.heads import EDGES
 from dior.tables import tables
 from dior.tables.files import written_whole
 
-# pictures that are in memory at once and make a row group
+# Pictures that are in memory at once and make a row group. Chosen: more take memory, fewer make a
+# longer footer.
 GROUP = 200
 IMAGE = ("image.bytes", "image.path")
 
@@ -49,7 +50,7 @@ def run(
     """Write the released pictures of one camera of one sequence.
 
     `subject`: the pseudonym. `heads`: its table, None where faces are `shown`. `consent`: "yes", or "no" for a subject
-    who did not agree to pictures, of which all are null then. `shift`: arguments of `shift_stamps.taken_off`, empty to
+    who did not agree to pictures, of which all are null then. `shift`: arguments of `shift_stamps.shift_ns`, empty to
     leave the stamps as they are. Raises DiorError where `heads` is of other pictures, and where a picture is not in its
     bag any more.
     """
@@ -63,7 +64,7 @@ def run(
     if covered and heads is None:
         raise DiorError(f"{where}: faces are to be {faces}, but no table of heads is given; run heads first")
     boxes, unknown = _boxes(heads, rows, where) if heads and covered else ([None] * count, np.zeros(count, bool))
-    later = shift_stamps.taken_off(**shift) if shift else 0
+    later = shift_stamps.shift_ns(**shift) if shift else 0
     words = {"subject": subject, "sequence": sequence, "camera": camera}
     lost: Counter[str] = Counter()
     why: list[tuple[int, str]] = []

@@ -16,21 +16,20 @@ from typing import Any
 from dior.arrays import AnyPath
 from dior.errors import DiorError
 from dior.progress import reporting
+from dior.release import checksums
 from dior.tables.files import write_text
 from dior.tables.hashes import file_sha256
-
-THREADS = 2
 
 
 def run(*, sequence: str, recordings: dict[str, Path], out: Path) -> None:
     """Write the checksums of one sequence. `recordings`: paths by what they are for."""
-    with ThreadPoolExecutor(THREADS) as pool:
-        every = pool.map(lambda what: told_of(recordings[what], f"{sequence}, {what}"), recordings)
+    with ThreadPoolExecutor(checksums.THREADS) as pool:
+        every = pool.map(lambda what: checksum_of(recordings[what], f"{sequence}, {what}"), recordings)
         found = dict(zip(recordings, reporting(every, len(recordings), "recordings hashed", sequence), strict=True))
     write_text(out, json.dumps(found, indent=1, sort_keys=True) + "\n")
 
 
-def told_of(path: AnyPath, where: str) -> dict[str, str | int]:
+def checksum_of(path: AnyPath, where: str) -> dict[str, str | int]:
     """`sha256` and `bytes` of a file; of a folder, of the list of its files' checksums, and all their bytes."""
     path = Path(path)
     if path.is_file():

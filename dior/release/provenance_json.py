@@ -24,6 +24,7 @@ from dior.release import provenance
 from dior.release.released_people import Walks
 from dior.tables.hashes import file_sha256
 
+# of the layout of provenance.json; raised where a reader of the one before could not read it
 VERSION = 1
 # settings that say where files are: their content counts
 PATHS = ("detector.model", "simulate.motion", "release.license_file")
@@ -43,7 +44,7 @@ def of(project: Project, walks: Walks, recordings: dict[str, Path], code: dict[s
         "config_sha256": hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest(),
         "sessions": {
             shown: _session_files(project, session)
-            for session, shown in sorted({(walk["session"], walk["shown"]) for walk in walks.values()})
+            for session, shown in sorted({(walk["session"], walk["released_session"]) for walk in walks.values()})
         },
         "sequences": {
             name: {"recordings": provenance.read(recordings[name]), "by_hand": _hand_made(project, name)}

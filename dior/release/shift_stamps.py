@@ -21,7 +21,7 @@ from dior.tables import tables
 FIRST_NS = 315_532_800 * 10**9  # 1980-01-01 00:00 UTC
 
 
-def taken_off(frames: Sequence[AnyPath]) -> int:
+def shift_ns(frames: Sequence[AnyPath]) -> int:
     """How many ns to take off the stamps of a person, so that the first picture has the stamp FIRST_NS.
 
     `frames`: the files of all the person's walks. Raises DiorError where there is no picture.
@@ -44,7 +44,7 @@ def shifted(table: pa.Table, ns: int) -> pa.Table:
     return table.set_column(at, table.schema.field(at), stamps)
 
 
-def earlier(stamps: Ints, ns: int | Ints) -> Ints:
+def shifted_stamps(stamps: Ints, ns: int | Ints) -> Ints:
     """Stamps (N,) with `ns`, a number or (N,), taken off; negative ones are null and stay so. Raises like `shifted`."""
     there = stamps >= 0
     out = np.where(there, stamps - ns, stamps)

@@ -15,6 +15,7 @@ from collections.abc import Iterable
 
 from dior.release.released_people import Walks
 
+# shares of the people; chosen: those of 58 people are 40, 6 and 12
 VAL, TEST = 0.1, 0.2
 
 
@@ -50,7 +51,9 @@ def by_subject(names: Iterable[str]) -> dict[str, str]:
 
 def _first_outfits(walks: Walks) -> dict[str, str]:
     """The outfit of each subject's first walk that has one, by session, order and name."""
-    order = sorted(walks.values(), key=lambda walk: (walk["shown"], int(walk["session_order"]), walk["sequence"]))
+    order = sorted(
+        walks.values(), key=lambda walk: (walk["released_session"], int(walk["session_order"]), walk["sequence"])
+    )
     found: dict[str, str] = {}
     for walk in order:
         if walk["outfit"]:

@@ -9,7 +9,7 @@ A subject's tarball names nobody else, so that it stays as it is when another wi
 Unpacked over each other all of them are the release, byte for byte. Plain tar: Parquet is compressed already.
 
 A tarball begins with its list of checksums, and each file is compared with that in the pass that packs it. What is
-packed is told in the .json once it is surely on the disk, and a run that was killed goes on from there.
+packed is noted in the .json once it is surely on the disk, and a run that was killed goes on from there.
 """
 
 import hashlib
@@ -30,10 +30,11 @@ from dior.progress import reporting
 from dior.release import checksums
 from dior.tables.files import write_text
 
+# bytes read and written at once; chosen, as are the others: AHEAD blocks in memory, and seconds of packing lost
 BLOCK = 1 << 20
 # blocks that are written but not hashed yet
 AHEAD = 8
-# what a killed run may have packed in vain
+# bytes that a killed run may have packed in vain
 CHECKPOINT = 256 << 20
 
 

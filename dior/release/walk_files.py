@@ -43,7 +43,7 @@ def write(folder: Path, walk: dict[str, Any], sources: Sources) -> None:
     """Write what the release folder `folder` has of one walk (see released_people.py)."""
     who, name = walk["subject"], walk["sequence"]
     index = tables.read(sources.frames, "frames", ["camera", "frame", "stamp_ns"])
-    index["stamp_ns"] = shift_stamps.earlier(index["stamp_ns"], walk["taken_off"])
+    index["stamp_ns"] = shift_stamps.shifted_stamps(index["stamp_ns"], walk["shift_ns"])
     stamps = {camera: _stamps(index, camera) for camera in walk["cameras"]}
     joints = {}
     for camera in walk["cameras"]:
@@ -71,7 +71,7 @@ def _stamps(index: Table, camera: str) -> dict[int, int]:
 
 def _as_pseudonym(table: pa.Table, path: Path, walk: dict[str, Any]) -> pa.Table:
     """The table with the pseudonym as its subject, once it is sure whose it is."""
-    for column, expected in (("subject", walk["real"]), ("sequence", walk["sequence"])):
+    for column, expected in (("subject", walk["real_name"]), ("sequence", walk["sequence"])):
         names = pc.unique(table[column].cast(pa.string())).to_pylist()
         if names not in ([expected], []):
             raise DiorError(
@@ -80,7 +80,7 @@ def _as_pseudonym(table: pa.Table, path: Path, walk: dict[str, Any]) -> pa.Table
     kind = tables.kind_of(table)
     at = table.schema.get_field_index("subject")
     named = table.set_column(at, SCHEMAS[kind].field("subject"), _repeated(walk["subject"], len(table)))
-    named = shift_stamps.shifted(named, walk["taken_off"]) if walk["taken_off"] else named
+    named = shift_stamps.shifted(named, walk["shift_ns"]) if walk["shift_ns"] else named
     return named.replace_schema_metadata(tables.own_metadata(kind))
 
 
@@ -132,7 +132,7 @@ def _write_detections(path: Path, walk: dict[str, Any], folder: Path) -> None:
         schema = schema.with_metadata(tables.own_metadata("released_detections"))
         out = folder / "detections" / walk["subject"] / f"{name}.{camera}.parquet"
         released = pa.Table.from_arrays(columns, schema=schema)
-        tables.write_arrow(out, shift_stamps.shifted(released, walk["taken_off"]) if walk["taken_off"] else released)
+        tables.write_arrow(out, shift_stamps.shifted(released, walk["shift_ns"]) if walk["shift_ns"] else released)
 
 
 def _write_boxes(path: Path, walk: dict[str, Any], camera: str, stamps: dict[int, int], folder: Path) -> None:
@@ -140,7 +140,7 @@ def _write_boxes(path: Path, walk: dict[str, Any], camera: str, stamps: dict[int
     if not len(frames):
         return
     columns = {
-        **_told(walk, len(frames)),
+        **_of_walk(walk, len(frames)),
         "camera": [camera] * len(frames),
         "frame": frames,
         "stamp_ns": [stamps[frame] for frame in frames.tolist()],
@@ -150,7 +150,7 @@ def _write_boxes(path: Path, walk: dict[str, Any], camera: str, stamps: dict[int
     tables.write(out, "released_boxes", columns)
 
 
-def _told(walk: dict[str, Any], length: int) -> dict[str, Any]:
+def _of_walk(walk: dict[str, Any], length: int) -> dict[str, Any]:
     return {"subject": [walk["subject"]] * length, "sequence": [walk["sequence"]] * length}
 
 
@@ -186,7 +186,7 @@ def _write_marks(
     }
     columns["stamp_ns"] = [stamps[row["camera"]][row["frame"]] for row in rows]
     out = folder / "marks" / walk["subject"] / f"{walk['sequence']}.parquet"
-    tables.write(out, "released_marks", {**_told(walk, len(rows)), **columns})
+    tables.write(out, "released_marks", {**_of_walk(walk, len(rows)), **columns})
 
 
 def _marks(path: Path, sequence: str) -> list[dict[str, Any]]:

@@ -241,7 +241,7 @@ def stamps_from(wildcards):
 
 
 def stamps_shift(wildcards):
-    """What `dior.release.shift_stamps.taken_off` wants to know, as JSON; {} to leave stamps as they are."""
+    """What `dior.release.shift_stamps.shift_ns` wants to know, as JSON; {} to leave stamps as they are."""
     files = stamps_from(wildcards)
     return json.dumps({"frames": files} if files else {})
 

@@ -36,6 +36,7 @@ Place: TypeAlias = tuple[str, str]
 Digests: TypeAlias = dict[int, tuple[int, bytes | None, str]]
 TABLE = {part.name: part.table for part in PARTS}
 LENS = ("width", "height", "fx", "fy", "cx", "cy", "distortion_model", "distortion")
+# pictures in memory at once; chosen: it bounds the memory
 PICTURES_AT_ONCE = 16
 
 

@@ -27,7 +27,7 @@ def of(found: Found) -> str:
 
 
 def _section(
-    title: str, rows: list[Found], keys: Sequence[str], told: Callable[[Found], list[str]], inputs: Sequence[str]
+    title: str, rows: list[Found], keys: Sequence[str], described: Callable[[Found], list[str]], inputs: Sequence[str]
 ) -> list[str]:
     if not rows:
         return []
@@ -36,7 +36,7 @@ def _section(
     for row in rows:
         name = "  ".join(f"{row[key]:<{width}}" for key, width in zip(keys, widths, strict=True))
         lines.append(
-            f"  {name}  {'; '.join(told(row)) if row['change'] == 'changed' else row['change']}{_why(row, inputs)}"
+            f"  {name}  {'; '.join(described(row)) if row['change'] == 'changed' else row['change']}{_why(row, inputs)}"
         )
     return lines
 
@@ -92,9 +92,9 @@ def _moved(kind: str, change: Found) -> str:
 
 def _pictures(change: Found) -> str:
     counts = {key: n for key, n in change.items() if n and key not in ("pictures", "no_image")}
-    told = [f"{n} {key.replace('_', ' ')}" for key, n in counts.items()]
-    told += [f"without a picture for {reason} {a} -> {b}" for reason, (a, b) in change["no_image"].items()]
-    return "frames: " + (", ".join(told) or "written anew") + f" (of {change['pictures']} pictures in both)"
+    words = [f"{n} {key.replace('_', ' ')}" for key, n in counts.items()]
+    words += [f"without a picture for {reason} {a} -> {b}" for reason, (a, b) in change["no_image"].items()]
+    return "frames: " + (", ".join(words) or "written anew") + f" (of {change['pictures']} pictures in both)"
 
 
 def _number(value: float | None) -> str:

@@ -30,6 +30,7 @@ which sequence.
 
 `pandas.read_csv("bids/sub-.../motion/sub-..._motion.tsv", sep="\\t", header=None, na_values="n/a")`
 """
+# of the specification
 VERSION = "1.10.0"
 SYSTEM = "omc"  # optical motion capture
 AXES = "Right-handed, origin and x and y as calibrated by the motion capture, z up"

@@ -46,6 +46,7 @@ CATEGORY = {
     "id": 1, "name": "person", "supercategory": "person", "keypoints": list(COCO_17),
     "skeleton": [list(bone) for bone in SKELETON],
 }  # fmt: skip
+# of a pixel; chosen: a hundredth of what labels are good to at best
 DECIMALS = 3
 
 

@@ -16,6 +16,8 @@ from dior.clocks.axis import nominal_fps
 from dior.errors import DiorError
 from dior.release.exports.recordings import Body, ReleasedWalk
 
+# frames that a stamp may be off the grid of the rate; chosen: half of where it would be the next frame's
+OFF_GRID = 0.25
 # what a format about walks does with each walk and its body
 AddWalk: TypeAlias = Callable[[ReleasedWalk, Body], None]
 # writes a file at a path: rate (Hz), points (N, J, 3) mm, NaN where there is none, names of the joints
@@ -48,10 +50,10 @@ def regular(body: Body, where: AnyPath) -> tuple[float, Floats]:
     rate = nominal_fps(stamps)
     # a standard rate that is half a frame off in the end is not the rate of these stamps
     slots = np.rint(elapsed * rate).astype(int)
-    if np.abs(elapsed * rate - slots).max() > 0.25:
+    if np.abs(elapsed * rate - slots).max() > OFF_GRID:
         rate = round(float(1e9 / np.median(np.diff(stamps))), 6)
         slots = np.rint(elapsed * rate).astype(int)
-    if np.abs(elapsed * rate - slots).max() > 0.25 or (np.diff(slots) < 1).any():
+    if np.abs(elapsed * rate - slots).max() > OFF_GRID or (np.diff(slots) < 1).any():
         raise DiorError(f"{where}: its stamps are not on a grid of {rate} Hz; is the clock of its recording right?")
     points = np.full((slots[-1] + 1, *body.points.shape[1:]), np.nan)
     points[slots] = body.points

@@ -34,6 +34,7 @@ HEADER = ",".join(["image_name", *(f"{joint}_{what}" for joint in COCO_17 for wh
 ROW = ",".join(["%s"] + ["%.3f,%.3f,%d"] * 17) + "\n"
 COLUMNS = "name subject sequence camera environment outfit walk pictures kept".split()
 FILES = {"train": ("train", "train_valid"), "val": ("valid", "train_valid"), "test": ("test",), "all": ("all",)}
+# degrees between the 11 views of CASIA-B, of which the loader makes integers
 VIEW_STEP = 18
 
 

@@ -21,6 +21,7 @@ from dior.tables import tables
 from dior.tables.schemas import LABEL_STATUS
 
 SUBJECT_SPLIT = "subject"
+# pictures in memory at once; chosen: it bounds the memory
 AT_A_TIME = 64
 
 

@@ -16,6 +16,9 @@ from dior.release import checksums, tarballs
 if TYPE_CHECKING:
     from _typeshed import WriteableBuffer
 
+# bytes read at once; chosen: a table's footer, which is read first, fits
+BUFFER = 1 << 18
+
 
 @dataclass(frozen=True)
 class File:
@@ -26,7 +29,7 @@ class File:
     size: int
 
     def open(self) -> io.BufferedReader:
-        return io.BufferedReader(_Section(self), 1 << 18)
+        return io.BufferedReader(_Section(self), BUFFER)
 
     def read(self) -> bytes:
         with self.open() as stream:

@@ -61,8 +61,8 @@ def about(
             if name not in PARTS or PARTS[name].path != path:
                 raise Broken(f"is a table that a release does not have{nearest(name, PARTS)}")
             found[name], words = walk_checks.read(file, PARTS[name])
-            told = walk_checks.unknown_words(words, PARTS[name].table) + _twice(found[name], KEYS.get(name))
-            problems += [(path, text) for text in told]
+            sentences = walk_checks.unknown_words(words, PARTS[name].table) + _twice(found[name], KEYS.get(name))
+            problems += [(path, text) for text in sentences]
         except Broken as error:
             problems.append((path, str(error)))
     problems += _references(found, _recordings(names))
@@ -146,29 +146,29 @@ def _covariances(found: dict[str, Table]) -> list[Problem]:
 def _clocks(table: Table, recordings: list[Recording]) -> list[str]:
     """Each recording has a clock, and nothing else has."""
     named = set(zip(*(table[key].tolist() for key in ("subject", "sequence", "camera")), strict=True))
-    told = [f"recording '{_shown(one)}' is not in labels_2d/" for one in sorted(named - set(recordings))]
-    return told + [f"recording '{_shown(one)}' has no clock" for one in sorted(set(recordings) - named)]
+    sentences = [f"recording '{_shown(one)}' is not in labels_2d/" for one in sorted(named - set(recordings))]
+    return sentences + [f"recording '{_shown(one)}' has no clock" for one in sorted(set(recordings) - named)]
 
 
 def _splits(table: Table, recordings: list[Recording]) -> list[str]:
     """Each recording is in the split by subject once, nothing else is in any, and no person is in two of its parts."""
     known = set(recordings)
     rows = list(zip(*(table[key].tolist() for key in ("split", "part", "subject", "sequence", "camera")), strict=True))
-    told = [f"recording '{' '.join(row[2:])}' is not in labels_2d/" for row in rows if row[2:] not in known]
+    sentences = [f"recording '{' '.join(row[2:])}' is not in labels_2d/" for row in rows if row[2:] not in known]
     for split in OF_PEOPLE:
         mine = [row for row in rows if row[0] == split]
-        told += [
+        sentences += [
             f"recording '{' '.join(one)}' is in no part by {split}" for one in sorted(known - {r[2:] for r in mine})
         ]
         parts: dict[str, set[str]] = {}
         for _, part, who, *_ in mine:
             parts.setdefault(who, set()).add(part)
-        told += [
+        sentences += [
             f"subject '{who}' is in {' and '.join(sorted(several))} by {split}"
             for who, several in sorted(parts.items())
             if len(several) > 1
         ]
-    return told
+    return sentences
 
 
 def _metrics(file: File, found: dict[str, Table]) -> list[str]:

@@ -52,7 +52,7 @@ class Stored:
 def run(*, paths: list[Path], decode: bool = False) -> None:
     """Print what is wrong with the folders and tarballs `paths`. `decode`: decode every pixel instead of the headers.
 
-    Raises DiorError where something is wrong, after all of it was told.
+    Raises DiorError where something is wrong, after all of it was printed.
     """
     wrong = 0
     for stored in _stored([Path(path) for path in paths]):
@@ -189,7 +189,7 @@ def _group(
     for name in names:
         file, expected = stored.files[name], stored.listed.get(name)
         if expected is None:
-            # too many, which was told, or the list of all files itself
+            # too many, which is a problem already, or the list of all files itself
             good |= {name: file} if name == checksums.SUMS else {}
             continue
         if checksums.digest(file.open()) == expected:

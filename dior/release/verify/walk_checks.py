@@ -3,7 +3,8 @@
 INPUTS   the walk's `File`s by path in the release (folder_or_tarball.py). OUTPUTS: problems as (path, sentence), and
          what there is to count
 Every (frame, joint) has its row, every label its frame with that stamp, every frame its label; missing is null with a
-reason, pictures have the size that their row says. A problem is told once per file with how often and where first.
+reason, pictures have the size that their row says. A problem is given once per file with how often and
+where first.
 """
 
 import struct
@@ -28,6 +29,7 @@ from dior.tables.schemas import SCHEMAS, VERSION, VOCABULARY
 Problem: TypeAlias = tuple[str, str]
 # the distinct words of a table's text columns
 Words: TypeAlias = dict[str, set[str]]
+# of a column of pictures, in memory at once, and bytes read at once; chosen: they bound the memory
 PICTURES_AT_ONCE = 16
 BUFFER = 1 << 20
 PARTS = {part.name: part for part in layout.PARTS}
@@ -79,8 +81,8 @@ def read(file: File, part: Part, columns: Sequence[str] | None = None) -> tuple[
 
 
 def _check_schema(schema: pa.Schema, name: str) -> None:
-    told = schema.metadata or {}
-    kind, version = (told.get(key, b"").decode() for key in (b"dior_table", b"dior_table_version"))
+    metadata = schema.metadata or {}
+    kind, version = (metadata.get(key, b"").decode() for key in (b"dior_table", b"dior_table_version"))
     if kind != name:
         raise Broken(f"holds the table '{kind or 'unknown'}', not '{name}'")
     if version != VERSION:
@@ -128,16 +130,16 @@ def walk(who: str, sequence: str, files: dict[str, File], listed: Sequence[str],
             camera = _camera(name, part)
             table, words = read(file, part, COLUMNS[kind])
             counts = found.counts.setdefault(camera, Counter())
-            told = unknown_words(words, part.table) + _whose(words, who, sequence, camera)
+            sentences = unknown_words(words, part.table) + _whose(words, who, sequence, camera)
             if kind == "frames":
                 frames[camera] = table
                 found.sizes[camera] = (path, set(zip(table["height"].tolist(), table["width"].tolist(), strict=True)))
-                told += _frames(table, file, decode, counts)
+                sentences += _frames(table, file, decode, counts)
             elif kind == "skeletons_3d":
-                told += _skeleton(table, counts)
+                sentences += _skeleton(table, counts)
             else:
-                told += _about_frames(table, kind, camera, frames, counts)
-            found.problems += [(path, text) for text in told]
+                sentences += _about_frames(table, kind, camera, frames, counts)
+            found.problems += [(path, text) for text in sentences]
         except Broken as error:
             found.problems.append((path, str(error)))
     return found
@@ -173,8 +175,8 @@ def _first(wrong: Bools, what: str, table: Table, keys: Sequence[str] = ("frame"
 def _frames(table: Table, file: File, decode: bool, counts: Counter[str]) -> list[str]:
     counts["frames"] += len(table["frame"])
     counts["camera_recordings"] += 1
-    told = _first(np.r_[False, np.diff(table["frame"]) <= 0], "frames out of order or twice", table)
-    told += _first(np.r_[False, np.diff(table["stamp_ns"]) < 0], "stamps that go back", table)
+    sentences = _first(np.r_[False, np.diff(table["frame"]) <= 0], "frames out of order or twice", table)
+    sentences += _first(np.r_[False, np.diff(table["stamp_ns"]) < 0], "stamps that go back", table)
     there = np.zeros(len(table["frame"]), bool)
     wrong: dict[str, list[int]] = {}
     size = list(zip(table["height"].tolist(), table["width"].tolist(), strict=True))
@@ -185,9 +187,9 @@ def _frames(table: Table, file: File, decode: bool, counts: Counter[str]) -> lis
         except (ValueError, IndexError, struct.error) as error:
             wrong.setdefault(str(error), []).append(row)
     counts["pictures"] += int(there.sum())
-    told += _first(~there & (table["no_image"] == ""), "rows with neither a picture nor a reason", table)
-    told += _first(there & (table["no_image"] != ""), "rows with a picture and a reason for none", table)
-    return told + [
+    sentences += _first(~there & (table["no_image"] == ""), "rows with neither a picture nor a reason", table)
+    sentences += _first(there & (table["no_image"] != ""), "rows with a picture and a reason for none", table)
+    return sentences + [
         f"{len(rows)} pictures: {why}, first frame {table['frame'][rows[0]]}" for why, rows in sorted(wrong.items())
     ]
 
@@ -238,17 +240,19 @@ def jpeg_size(data: bytes) -> tuple[int, int]:
 
 
 def _skeleton(table: Table, counts: Counter[str]) -> list[str]:
-    told = _grid(table, "instant")
-    if told:
-        return told
+    sentences = _grid(table, "instant")
+    if sentences:
+        return sentences
     where = ("instant", "joint")
-    told = _first(np.r_[False, np.diff(table["stamp_ns"]) < 0], "stamps that go back", table, where)
+    sentences = _first(np.r_[False, np.diff(table["stamp_ns"]) < 0], "stamps that go back", table, where)
     there = np.isfinite(np.stack([table[axis] for axis in "xyz"])).all(axis=0)
     with_point = np.isin(table["status"], WITH_POINT)
     counts["points_3d"] += int(there.sum())
-    told += _first(with_point & ~there, "points that are missing although their status says otherwise", table, where)
-    told += _first(table["status"] == "", "rows without a status", table, where)
-    return told + _first(
+    sentences += _first(
+        with_point & ~there, "points that are missing although their status says otherwise", table, where
+    )
+    sentences += _first(table["status"] == "", "rows without a status", table, where)
+    return sentences + _first(
         ~with_point & there, "points that are there although their status says otherwise", table, where
     )
 
@@ -257,17 +261,17 @@ def _about_frames(
     table: Table, kind: str, camera: str, frames: dict[str, Table | None], counts: Counter[str]
 ) -> list[str]:
     """A table that names frames, each with its stamp."""
-    told = []
+    sentences = []
     for name in [camera] if camera else sorted(set(table["camera"])):
         mine = tables.of_camera(table, name) if not camera else table
         if name not in frames:
-            told.append(f"is about camera '{name}', of which there is no table of frames")
+            sentences.append(f"is about camera '{name}', of which there is no table of frames")
         if (pictures := frames.get(name)) is None:
             continue
-        told += _in_frames(mine, pictures, name)
+        sentences += _in_frames(mine, pictures, name)
         if kind == "labels_2d":
-            told += _labels(mine, pictures, counts)
-    return told
+            sentences += _labels(mine, pictures, counts)
+    return sentences
 
 
 def _in_frames(table: Table, frames: Table, camera: str) -> list[str]:
@@ -285,23 +289,23 @@ def _in_frames(table: Table, frames: Table, camera: str) -> list[str]:
 
 
 def _labels(table: Table, frames: Table, counts: Counter[str]) -> list[str]:
-    told = _grid(table, "frame")
-    if told:
-        return told
+    sentences = _grid(table, "frame")
+    if sentences:
+        return sentences
     where = ("frame", "joint")
     counts["labels"] += len(table["frame"])
     inside = np.isin(table["status"], IN_PICTURE)
     counts["keypoints_2d"] += int(inside.sum())
     without = ~np.isin(frames["frame"], table["frame"])
-    told += _first(without, "frames without labels", frames)
+    sentences += _first(without, "frames without labels", frames)
     pixels = np.stack([table["u"], table["v"]], axis=-1)
     there = np.isfinite(pixels).all(axis=-1)
     none = np.isin(table["status"], WITHOUT_PIXEL)
-    told += _first(table["status"] == "", "rows without a status", table, where)
-    told += _first(~none & ~there, "labels without a pixel although their status says otherwise", table, where)
-    told += _first(none & there, "labels with a pixel although their status says otherwise", table, where)
+    sentences += _first(table["status"] == "", "rows without a status", table, where)
+    sentences += _first(~none & ~there, "labels without a pixel although their status says otherwise", table, where)
+    sentences += _first(none & there, "labels with a pixel although their status says otherwise", table, where)
     outside = inside & there & ~in_picture(pixels, frames)
-    return told + _first(outside, "labels outside the picture although their status says otherwise", table, where)
+    return sentences + _first(outside, "labels outside the picture although their status says otherwise", table, where)
 
 
 def in_picture(pixels: Floats, frames: Table) -> Bools:
