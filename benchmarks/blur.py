@@ -22,7 +22,7 @@ from benchmarks import steps
 from dior.body.names import MLKIT_33
 from dior.errors import DiorError
 from dior.geometry import covariance
-from dior.release import covering, heads
+from dior.release import head_blur, heads
 from dior.simulate import draw
 from dior.simulate.motion import motion_of
 from dior.simulate.settings import sequence_named
@@ -97,7 +97,7 @@ def head_mask(polygons, width, height):
         at = ((polygon - low + 0.5) * SUBSAMPLES - 0.5) * (1 << SHIFT)
         cv2.fillConvexPoly(canvas, np.round(at).astype(np.int32), 1, cv2.LINE_8, SHIFT)
     part = canvas.reshape(high, SUBSAMPLES, wide, SUBSAMPLES).mean(axis=(1, 3))
-    rows, columns = covering.inside((*low, low[0] + wide, low[1] + high), height, width)
+    rows, columns = head_blur.inside((*low, low[0] + wide, low[1] + high), height, width)
     return rows.start, columns.start, part[
         rows.start - low[1] : rows.stop - low[1], columns.start - low[0] : columns.stop - low[0]
     ]  # fmt: skip
@@ -110,9 +110,9 @@ def measured(box, status, row, column, part, lens):
     if status == "out_of_frame":
         return 0.0, part.sum(), 0.0
     at = np.arange(row, row + part.shape[0]), np.arange(column, column + part.shape[1])
-    rows, columns = covering.inside(box, lens.height, lens.width)
-    whole = covering.ellipse(box, np.arange(rows.start, rows.stop), np.arange(columns.start, columns.stop))
-    return part[covering.ellipse(box, *at)].sum(), part.sum(), whole.sum()
+    rows, columns = head_blur.inside(box, lens.height, lens.width)
+    whole = head_blur.ellipse(box, np.arange(rows.start, rows.stop), np.arange(columns.start, columns.stop))
+    return part[head_blur.ellipse(box, *at)].sum(), part.sum(), whole.sum()
 
 
 def facing(seen, figure):

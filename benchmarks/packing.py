@@ -26,7 +26,7 @@ from dior.body.names import MLKIT_33
 from dior.geometry import camera_tables
 from dior.geometry.camera import Camera, Intrinsics
 from dior.project import project as projects
-from dior.release import package, sums, tarballs
+from dior.release import checksums, package, tarballs
 from dior.release.verify import verify
 from dior.simulate import config, settings
 from dior.tables import tables
@@ -50,7 +50,7 @@ def bytes_of_pictures(folder, size):
             for _ in range(size // SHARDS >> 20):
                 stream.write(rng.bytes(1 << 20))
     (folder / "README.md").write_text("a release\n")
-    sums.write(folder)
+    checksums.write(folder)
     subprocess.run(["sync", *folder.rglob("*")], check=True)
     return folder
 
@@ -223,7 +223,7 @@ def measure_labels(root):
             gallery=None, steps={}, out=out,
         )  # fmt: skip
     with told("tarballs"):
-        for part in [*map(sources.project.pseudonym, sources.project.released_subjects), sums.METADATA]:
+        for part in [*map(sources.project.pseudonym, sources.project.released_subjects), checksums.METADATA]:
             tarballs.run(release=out, subject=part, out=out.with_name(f"{out.name}-{part}.tar"))
     size = sum(path.stat().st_size for path in out.rglob("*") if path.is_file())
     seconds = time.monotonic() - began

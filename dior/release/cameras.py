@@ -4,15 +4,22 @@ INPUTS   `cameras` and `camera_covariance` tables of the sessions, `offsets` tab
 OUTPUTS  columns of `released_cameras` and `camera_covariance`, sorted by session and camera, and of `released_clocks`
 """
 
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 
+from dior.arrays import Table
 from dior.errors import DiorError
+from dior.release.layout import rows_of
+from dior.release.released_people import Walks
 from dior.tables import tables
 
 
-def released(paths, covariances, walks):
+def released(paths: Iterable[Path], covariances: Iterable[Path], walks: Walks) -> Table:
     """Columns of the final cameras of the released sessions, with each one's own covariance where it is known."""
-    shown = {walk["session"]: walk["shown"] for walk in walks.values()}
+    shown = {walk["session"]: walk["released_session"] for walk in walks.values()}
     wanted = {(walk["session"], camera) for walk in walks.values() for camera in walk["cameras"]}
     table = _of_sessions(paths, "cameras", shown)
     names = list(zip(table["session"], table["camera"], strict=True))
@@ -23,25 +30,25 @@ def released(paths, covariances, walks):
         raise DiorError(f"release: camera '{camera}' of session '{session}' is in no table of cameras; run its steps")
     own = {
         (pair["session"], pair["camera"]): pair["covariance"]
-        for pair in _rows(_of_sessions(covariances, "camera_covariance", shown))
+        for pair in rows_of(_of_sessions(covariances, "camera_covariance", shown))
         if pair["camera"] == pair["other"]
     }
     table["covariance"] = np.array([own.get(name, np.full(36, np.nan)) for name in names])
     return _sorted({key: table[key] for key in tables.columns_of("released_cameras")}, shown)
 
 
-def covariance(paths, walks):
+def covariance(paths: Iterable[Path], walks: Walks) -> Table:
     """Columns of the joint covariance of the released sessions' cameras: a row for each pair that is known."""
-    shown = {walk["session"]: walk["shown"] for walk in walks.values()}
+    shown = {walk["session"]: walk["released_session"] for walk in walks.values()}
     return _sorted(_of_sessions(paths, "camera_covariance", shown), shown)
 
 
-def clocks(paths, walks):
+def clocks(paths: Iterable[Path], walks: Walks) -> dict[str, list[Any]]:
     """Columns of the clocks of the released recordings, by pseudonym, walk and camera."""
     found = {
         (row["sequence"], row["camera"]): row
         for path in dict.fromkeys(map(str, paths))
-        for row in _rows(tables.read(path, "offsets"))
+        for row in rows_of(tables.read(path, "offsets"))
         if row["sequence"] in walks
     }
     rows = []
@@ -53,7 +60,7 @@ def clocks(paths, walks):
     return {key: [row[key] for row in rows] for key in tables.columns_of("released_clocks")}
 
 
-def _of_sessions(paths, name, sessions):
+def _of_sessions(paths: Iterable[Path], name: str, sessions: dict[str, str]) -> Table:
     """The rows of some sessions of several tables of one kind."""
     parts = [tables.read(path, name) for path in dict.fromkeys(map(str, paths))]
     if not parts:
@@ -62,11 +69,7 @@ def _of_sessions(paths, name, sessions):
     return tables.rows(table, np.array([session in sessions for session in table["session"]], bool))
 
 
-def _rows(table):
-    return [dict(zip(table, cells, strict=True)) for cells in zip(*table.values(), strict=True)]
-
-
-def _sorted(table, shown):
+def _sorted(table: Table, shown: dict[str, str]) -> Table:
     """The rows by the session's name in the release, then by camera."""
     table = {**table, "session": np.array([shown[session] for session in table["session"]], object)}
     keys = list(zip(*(table[key] for key in ("session", "camera", "other") if key in table), strict=True))

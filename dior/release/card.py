@@ -7,6 +7,7 @@ INPUTS   the `release:` section of the config, released walks, what is counted i
 import json
 from collections import Counter
 from pathlib import Path
+from typing import Any, TypeAlias
 
 import numpy as np
 import pyarrow as pa
@@ -14,10 +15,13 @@ import pyarrow as pa
 from dior.evaluate import statistics
 from dior.project import licenses
 from dior.release import citation
+from dior.release.layout import Part
+from dior.release.released_people import Walks
 from dior.tables import tables
 from dior.tables.schemas import METRICS, PICTURE, SCHEMAS, VOCABULARY
 from dior.tables.words import SPLITS
 
+Rows: TypeAlias = list[dict[str, Any]]
 COUNTED = ("camera_recordings", "frames", "keypoints_2d", "missing_2d")
 TEMPLATE = Path(__file__).with_name("card.md.j2")
 # "mean long-range label sigma per subject": of both axes of a label the root mean square
@@ -26,6 +30,7 @@ SIGMA_QUERY = (
     "JOIN 'sequences.parquet' USING (subject, sequence) JOIN 'cameras.parquet' USING (session, camera) "
     "WHERE role = 'long_range' AND status IN ('ok', 'occluded') GROUP BY subject ORDER BY subject"
 )
+# the Hugging Face Hub's `size_categories`
 SIZES = (
     (10**3, "n<1K"),
     (10**4, "1K<n<10K"),
@@ -40,9 +45,9 @@ SIZES = (
 )
 
 
-def text(release, walks, counted, figures, parts, example):
-    """The card. `release`: the section of the config; `walks`: the released ones (roster.py); `counted`: rows of
-    `statistics.rows_of` for them; `figures`: rows of metrics.csv; `parts`: of layout.py, those that there are;
+def text(release: dict[str, Any], walks: Walks, counted: Rows, figures: Rows, parts: list[Part], example: str) -> str:
+    """The card. `release`: the section of the config; `walks`: the released ones (released_people.py); `counted`: rows
+    of `statistics.rows_of` for them; `figures`: rows of metrics.csv; `parts`: of layout.py, those that there are;
     `example`: the name of a labels file.
     """
     from jinja2 import Environment, StrictUndefined
@@ -77,46 +82,46 @@ def text(release, walks, counted, figures, parts, example):
     )
 
 
-def summary(walks, counted):
+def summary(walks: Walks, counted: Rows) -> str:
     """What the release is, in one paragraph of plain text."""
     rows = list(walks.values())
     people = len({row["subject"] for row in rows})
     places = ", ".join(f"{n} {name}" for name, n in _environments(rows).items())
     labels, frames = statistics.of(counted, "keypoints_2d"), statistics.of(counted, "frames")
-    told = (
+    text = (
         f"2D and 3D skeleton labels of {_many(len(rows), 'walk')} of {_many(people, 'subject')} ({places}): "
         f"{_many(labels, 'label')} inside the picture on {_many(frames, 'frame')}."
     )
     far = " Some cameras are so far away that no detector works on their pictures." if _long_range(counted) else ""
-    return told + far
+    return text + far
 
 
-def _many(number, what):
+def _many(number: int, what: str) -> str:
     return f"{number} {what}{'' if number == 1 else 's'}"
 
 
-def _simulated(rows):
+def _simulated(rows: Rows) -> bool:
     return any(row.get("truth") for row in rows)
 
 
-def _environments(rows):
+def _environments(rows: Rows) -> dict[str, int]:
     return dict(sorted(Counter(row["environment"] for row in rows).items()))
 
 
-def _long_range(counted):
+def _long_range(counted: Rows) -> bool:
     return statistics.of(counted, "frames", role="long_range") > 0
 
 
-def _size(counted):
+def _size(counted: Rows) -> str:
     rows = statistics.of(counted, "keypoints_2d") + statistics.of(counted, "missing_2d")
     return next((name for limit, name in SIZES if rows < limit), "n>1T")
 
 
-def _has(figures, name):
+def _has(figures: Rows, name: str) -> bool:
     return any(figure["metric"] == name for figure in figures)
 
 
-def _columns(name):
+def _columns(name: str) -> list[tuple[str, str, str, str]]:
     """(name, type, unit, meaning) of a table's columns; the words that a column may hold are part of its meaning."""
     return [
         (field.name, _type(field.type), field.metadata[b"unit"].decode(), _meaning(name, field))
@@ -124,12 +129,12 @@ def _columns(name):
     ]
 
 
-def _meaning(name, field):
+def _meaning(name: str, field: pa.Field) -> str:
     words = ", ".join(VOCABULARY.get((name, field.name), ()))
     return "; ".join(part for part in (field.metadata[b"description"].decode(), words) if part)
 
 
-def _type(kind):
+def _type(kind: pa.DataType) -> str:
     if kind == PICTURE:
         return "struct of bytes, path"
     if pa.types.is_fixed_size_list(kind):
@@ -137,7 +142,7 @@ def _type(kind):
     return tables.word_of(kind)
 
 
-def _by_camera(counted):
+def _by_camera(counted: Rows) -> list[tuple[str, str, str, dict[str, int]]]:
     """(environment, camera, role, what -> n) rows, in that order."""
     places = {(row["environment"], row["camera"], row["role"]) for row in counted if row["what"] == "frames"}
     return [
@@ -147,7 +152,7 @@ def _by_camera(counted):
     ]
 
 
-def _figure(row):
+def _figure(row: dict[str, Any]) -> tuple[Any, ...] | None:
     """A pooled figure as cells of the card's table; nothing for one of a subject, sequence or joint."""
     if row["subject"] or row["sequence"] or row["joint"]:
         return None

@@ -4,6 +4,7 @@ INPUT    the `release:` section of the config. OUTPUT: YAML text
 """
 
 import json
+from typing import Any
 
 from dior.project import licenses
 
@@ -12,7 +13,7 @@ MESSAGE = "If you use this dataset, please cite it as below."
 NOBODY = "anonymous"
 
 
-def text(release):
+def text(release: dict[str, Any]) -> str:
     """The file's content. An author written "Family, Given" is a person, any other a name as it stands."""
     lines = ["cff-version: 1.2.0", f"message: {_quoted(MESSAGE)}", "type: dataset", *_what(release)]
     if release["license"] in licenses.KNOWN:
@@ -24,7 +25,7 @@ def text(release):
     return "\n".join(lines) + "\n"
 
 
-def _what(release):
+def _what(release: dict[str, Any]) -> list[str]:
     lines = [f"title: {_quoted(release['title'])}", f"version: {_quoted(release['version'])}", "authors:"]
     for name in release["authors"] or [NOBODY]:
         family, comma, given = name.partition(",")
@@ -35,7 +36,7 @@ def _what(release):
     return [*lines, f"doi: {_quoted(release['doi'])}"] if release["doi"] else lines
 
 
-def bibtex(release):
+def bibtex(release: dict[str, Any]) -> str:
     """One @misc entry, for Croissant's citeAs and for the card."""
     authors = " and ".join(release["authors"]) or NOBODY
     fields = {"title": f"{{{release['title']}}}", "author": authors, "note": f"version {release['version']}"}
@@ -44,5 +45,5 @@ def bibtex(release):
     return f"@misc{{dior-{release['version']}, {inner}}}"
 
 
-def _quoted(word):
+def _quoted(word: str) -> str:
     return json.dumps(str(word), ensure_ascii=False)

@@ -5,10 +5,14 @@ OUTPUT   a dict for JSON-LD: a file or a set of files for each table, and a reco
 Source: https://docs.mlcommons.org/croissant/docs/croissant-spec-1.1.html
 """
 
+from pathlib import Path
+from typing import Any
+
 import pyarrow as pa
 
 from dior.project import licenses
 from dior.release import citation, layout
+from dior.release.layout import Part
 from dior.tables import tables
 from dior.tables.hashes import file_sha256
 from dior.tables.schemas import PICTURE, SCHEMAS, VOCABULARY
@@ -59,7 +63,7 @@ CONTEXT = {
 }
 
 
-def content(folder, release, description):
+def content(folder: Path, release: dict[str, Any], description: str) -> dict[str, Any]:
     """The JSON-LD of the release in `folder`. `release`: the section of the config; `description`: one paragraph."""
     parts = layout.parts_of(folder)
     place = licenses.url(release["license"])
@@ -84,7 +88,7 @@ def content(folder, release, description):
     return found
 
 
-def _files(part, folder):
+def _files(part: Part, folder: Path) -> dict[str, Any]:
     """A table's file with its checksum, or its files, whose checksums are in SHA256SUMS."""
     if part.path == part.pattern:
         return {
@@ -105,7 +109,7 @@ def _files(part, folder):
     }
 
 
-def _records(part):
+def _records(part: Part) -> dict[str, Any]:
     return {
         "@type": "cr:RecordSet",
         "@id": part.name,
@@ -115,7 +119,7 @@ def _records(part):
     }
 
 
-def _field(part, column):
+def _field(part: Part, column: pa.Field) -> dict[str, Any]:
     single = part.path == part.pattern
     files = {"fileObject": {"@id": part.path}} if single else {"fileSet": {"@id": f"{part.name}-files"}}
     picture = {"transform": {"jsonPath": "bytes"}} if column.type == PICTURE else {}
@@ -132,14 +136,14 @@ def _field(part, column):
     return field
 
 
-def _described(table, column):
-    told, unit = (column.metadata[key].decode() for key in (b"description", b"unit"))
+def _described(table: str, column: pa.Field) -> str:
+    description, unit = (column.metadata[key].decode() for key in (b"description", b"unit"))
     words = ", ".join(filter(None, VOCABULARY.get((table, column.name), ())))
-    parts = (told, f"unit: {unit}" if unit else "", f"one of {words}" if words else "")
+    parts = (description, f"unit: {unit}" if unit else "", f"one of {words}" if words else "")
     return "; ".join(filter(None, parts)) or column.name
 
 
-def _data_type(kind):
+def _data_type(kind: pa.DataType) -> str:
     if kind == PICTURE:
         return "sc:ImageObject"
     if pa.types.is_fixed_size_list(kind):

@@ -6,16 +6,24 @@ The ellipsoid is round about the vertical: which way somebody looks is what dete
 has to be covered as well. It is in metres, not in statures: heads differ less than people do.
 """
 
+from collections.abc import Sequence
+from typing import TypeAlias
+
 import numpy as np
 
+from dior.arrays import Bools, Floats
 from dior.body.names import mirrored
 
+# places (forward, left, up) m in the head's axes by joint
+Places: TypeAlias = dict[str, tuple[float, float, float]]
 # Half lengths (horizontal, vertical) m, and how far the ellipsoid's middle is above that between the ears. A man's head
 # is 0.20 m long, 0.15 m broad and 0.23 m high on average, his nose 0.02 m before it; the rest is hair and larger heads.
+# Chosen, and measured with heads of simulated walkers (benchmarks/blur.py).
 RADII_M = (0.125, 0.145)
 RAISED_M = 0.015
 # Places in the head's axes (forward, left, up) m, from the middle between the ears: detectors put the face where a
 # mean one has it, and Plug-in-Gait's four markers are on the temples and behind them (Vicon, Plug-in Gait reference).
+# Chosen by the proportions of a head as large as that of RADII_M.
 HEAD = {
     "nose": (0.115, 0.0, -0.025),
     "left_ear": (0.0, 0.075, 0.0),
@@ -27,7 +35,7 @@ HEAD = {
     "LFHD": (0.075, 0.060, 0.050),
     "LBHD": (-0.075, 0.060, 0.050),
 }
-# the same of what is below it, for recordings without a face: good to TRUNK_SIGMA_M
+# the same of what is below it, for recordings without a face; chosen: good to TRUNK_SIGMA_M, as a neck bends
 TRUNK = {
     "neck": (-0.02, 0.0, -0.20),
     "left_shoulder": (-0.02, 0.19, -0.20),
@@ -39,14 +47,15 @@ TRUNK_SIGMA_M = 0.04
 # How a head moves where nobody sees it: a straight line at one speed, but for an acceleration of this much (m/s^2; of
 # simulated walkers it is 1.5 rms, of runners 7, mostly up and down). Beyond these times it may be anywhere.
 ACCELERATION, MAX_GAP_S, MAX_BEYOND_S = 1.5, 0.5, 0.15
-# the speed at an end of what is known is taken over this time
+# s, over which the speed at an end of what is known is fitted; chosen: 5 instants at 30 Hz
 SPEED_S = 0.15
 # Two cameras may agree on a stranger for a moment. The head is on the longest chain of instants in which it goes no
-# further than at 1.5 m/s or its own usual speed, and JUMP_M for noise and steps; after AWAY_S it may be anywhere.
+# further than at SLOW_M_S or FASTER times its own usual speed, and JUMP_M for noise and steps; after AWAY_S it may be
+# anywhere. Chosen: wider lets a stranger in who passes close by, narrower leaves out the head of who turns.
 SLOW_M_S, FASTER, JUMP_M, AWAY_S = 1.5, 1.5, 0.08, 1.0
 
 
-def _with_mirrored(places):
+def _with_mirrored(places: Places) -> Places:
     other = {mirrored(name): (f, -side, u) for name, (f, side, u) in places.items() if mirrored(name) != name}
     return places | other
 
@@ -54,7 +63,7 @@ def _with_mirrored(places):
 HEAD, TRUNK = _with_mirrored(HEAD), _with_mirrored(TRUNK)
 
 
-def centres(points, names):
+def centres(points: Floats, names: Sequence[str]) -> tuple[Floats, Floats]:
     """The middle between the ears (F, 3) m of points (F, J, 3) called `names`, and its error (F,) m, 1 sigma, beyond
     that of the points; NaN where neither head nor shoulders are known."""
     left = _left(points, names, HEAD)
@@ -66,13 +75,13 @@ def centres(points, names):
     return middle, np.where(np.isfinite(middle[:, 0]), sigma, np.nan)
 
 
-def used(names):
+def used(names: Sequence[str]) -> Bools:
     """Which of the joints `names` tell where the head is: (J,) bool; those of the trunk where there is no other."""
     of_head = np.array([name in HEAD for name in names], bool)
     return of_head if of_head.any() else np.array([name in TRUNK for name in names], bool)
 
 
-def _left(points, names, places):
+def _left(points: Floats, names: Sequence[str], places: Places) -> Floats:
     """Horizontal unit vector (F, 3) to the person's left, from the pairs there are; NaN without any."""
     at = {name: i for i, name in enumerate(names)}
     pairs = [(at[n], at[mirrored(n)]) for n, (_, left, _) in places.items() if left > 0 and {n, mirrored(n)} <= {*at}]
@@ -84,7 +93,7 @@ def _left(points, names, places):
         return np.where(length > 0, apart / np.where(length > 0, length, 1.0), np.nan)
 
 
-def _fitted(points, names, places, left):
+def _fitted(points: Floats, names: Sequence[str], places: Places, left: Floats) -> Floats:
     """Mean (F, 3) of where each joint of `places` says that the middle between the ears is."""
     up = np.array([0.0, 0.0, 1.0])
     axes = np.stack([np.cross(left, up), left, np.broadcast_to(up, left.shape)], axis=1)
@@ -98,7 +107,7 @@ def _fitted(points, names, places, left):
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
-def steady(times, middle, filled):
+def steady(times: Floats, middle: Floats, filled: Bools) -> Floats:
     """The same (F, 3) m at ascending `times` (F,) s without what is somebody else's: NaN off the longest chain.
 
     `filled` (F,) bool: what was put between others, which goes with those.
@@ -115,7 +124,7 @@ def steady(times, middle, filled):
     return np.where(good[:, None], middle, np.nan)
 
 
-def _longest(t, at):
+def _longest(t: Floats, at: Floats) -> Bools:
     """Whether each point `at` (N, 3) at ascending `t` (N,) s is on the longest chain: (N,) bool."""
     limit = _usual_speed(t, at)
     length, came = np.ones(len(t), int), np.full(len(t), -1)
@@ -141,7 +150,7 @@ def _longest(t, at):
     return good
 
 
-def _usual_speed(t, at):
+def _usual_speed(t: Floats, at: Floats) -> float:
     """Speed (m/s) that a head of this recording does not exceed for long."""
     step = np.searchsorted(t, t + 0.2)
     first = np.flatnonzero((step < len(t)) & (t[np.minimum(step, len(t) - 1)] - t < 0.4))
@@ -151,7 +160,7 @@ def _usual_speed(t, at):
     return max(SLOW_M_S, FASTER * float(np.median(speed)), float(np.percentile(speed, 90)))
 
 
-def at_times(when, times, middle, sigma):
+def at_times(when: Floats, times: Floats, middle: Floats, sigma: Floats) -> tuple[Floats, Floats]:
     """Middles (P, 3) m and their own error (P,) m at `when` (P,) s, from those at `times` (F,) s, NaN where missing.
 
     On a straight line at one speed between what is known, and a little beyond it; the error grows with the time from

@@ -14,11 +14,13 @@ from pathlib import Path
 
 import numpy as np
 
+from dior.arrays import Floats, Table, Texts
 from dior.clocks import clock as on_axis
 from dior.clocks.axis import seconds
 from dior.errors import DiorError
 from dior.geometry import camera as cam
 from dior.geometry import camera_tables
+from dior.geometry.camera import Camera
 from dior.release import head_model
 from dior.tables import tables
 
@@ -26,15 +28,18 @@ from dior.tables import tables
 # of a head outside (benchmarks/blur.py); 3 would cover five times its area at 60 m.
 SIGMAS = 1.5
 # An earlier box is kept while it holds the ellipsoid with this many, and is at most this many times as large as a new
-# one.
+# one. Chosen: smaller keeps fewer pictures as they were, larger covers less surely or more than the head.
 KEPT_SIGMAS, KEPT_AREA = 0.5, 2.0
-# where the labels have no known uncertainty, 1 sigma as a share of the head's half width and height
+# where the labels have no known uncertainty, 1 sigma as a share of the head's half width and height; chosen, and said
+# in a finding
 UNKNOWN_SIGMA = 1 / 6
 # The grid, px: the coarsest of which a box is at least this many wide and high. A head of 3 px in a box of 8 would be
-# covered ten times over.
+# covered ten times over. Chosen: a coarser grid leaves more pictures as they are and covers more beside the head.
 GRIDS, PER_BOX = (8, 4, 2, 1), 4
+# m from the lens; chosen: twice what a head's ellipsoid reaches, nearer than that its outline is not the one projected
 NEAR_M = 0.3
-# of a single pixel, this much of its width or height may be left outside
+# of a single pixel, this much of its width or height may be left outside; chosen: without it a box that
+# reaches a hair into the next pixel becomes a pixel larger
 SLIVER = 0.15
 
 
@@ -56,13 +61,15 @@ def run(
     `cameras`, `clocks`: tables that hold the camera's pose and its clock. Raises DiorError where they do not, and where
     the labels are of other pictures. `before`: the table that an earlier release was made with, or None.
     """
-    rows, *found = known(sequence, camera, cameras, skeleton, frames, clocks, labels)
-    box, status = boxes(*found)
+    rows, view, middle, own, sigma = known(sequence, camera, cameras, skeleton, frames, clocks, labels)
+    box, status = boxes(view, middle, own, sigma)
     box = np.where((status == "ok")[:, None], on_grid(box), np.nan)
     if before:
-        box = kept(_earlier(before, rows, f"{sequence}, camera {camera}"), box, boxes(*found, KEPT_SIGMAS)[0])
+        box = kept(
+            _earlier(before, rows, f"{sequence}, camera {camera}"), box, boxes(view, middle, own, sigma, KEPT_SIGMAS)[0]
+        )
     tables.write(out, "heads", {"frame": rows["frame"], "status": status, **dict(zip(EDGES, box.T, strict=True))})
-    said = _findings(f"{sequence}/{camera}", status, np.isfinite(found[-1]).any())
+    said = _findings(f"{sequence}/{camera}", status, bool(np.isfinite(sigma).any()))
     for _, severity, _, text in said:
         print(f"{sequence}, {camera}: {severity}: {text}", file=sys.stderr)
     tables.write_findings(findings, said)
@@ -71,7 +78,9 @@ def run(
 EDGES = ("u_min", "v_min", "u_max", "v_max")
 
 
-def known(sequence, camera, cameras, skeleton, frames, clocks, labels):
+def known(
+    sequence: str, camera: str, cameras: list[Path], skeleton: Path, frames: Path, clocks: list[Path], labels: Path
+) -> tuple[Table, Camera, Floats, Floats, Floats]:
     """The camera's rows of `frames`, and what `boxes` needs of them, as of `run`."""
     (placed,) = camera_tables.read_placed(cameras, [camera], sequence)
     rows = tables.of_camera(tables.read(frames, "frames", ["camera", "frame", "stamp_ns"]), camera)
@@ -83,7 +92,7 @@ def known(sequence, camera, cameras, skeleton, frames, clocks, labels):
     return rows, placed, *_heads(body, times), _everywhere(times, sigma)
 
 
-def _heads(body, times):
+def _heads(body: Table, times: Floats) -> tuple[Floats, Floats]:
     """The middle between the ears (F, 3) m at `times` (F,) s, and its own error (F,) m, of a `skeletons_3d` table."""
     points, joints = tables.grid(body, "x", "y", "z")
     instants = seconds(body["stamp_ns"].reshape(points.shape[:2])[:, 0], body["stamp_ns"][0])
@@ -92,7 +101,7 @@ def _heads(body, times):
     return head_model.at_times(times, instants, head_model.steady(instants, middle, filled), own)
 
 
-def _sigma(labels, joints, rows, where):
+def _sigma(labels: Path, joints: list[str], rows: Table, where: str) -> Floats:
     """Uncertainty (F, 2) px of the labels of the head, the mean over its joints; NaN where none is known."""
     table = tables.read(labels, "labels_2d", ["frame", "joint", "sigma_u", "sigma_v"])
     values, named = tables.grid(table, "frame", "sigma_u", "sigma_v")
@@ -104,7 +113,7 @@ def _sigma(labels, joints, rows, where):
     return np.where(count > 0, np.where(known[..., None], mine, 0.0).sum(axis=1) / np.maximum(count, 1), np.nan)
 
 
-def _everywhere(times, sigma):
+def _everywhere(times: Floats, sigma: Floats) -> Floats:
     """Sigma (F, 2) px with those of the nearest pictures where there is none; NaN where there is none at all."""
     known = np.isfinite(sigma).all(axis=1)
     if not known.any():
@@ -112,7 +121,7 @@ def _everywhere(times, sigma):
     return np.stack([np.interp(times, times[known], sigma[known, i]) for i in range(2)], axis=1)
 
 
-def boxes(camera, middle, own, sigma, sigmas=SIGMAS):
+def boxes(camera: Camera, middle: Floats, own: Floats, sigma: Floats, sigmas: float = SIGMAS) -> tuple[Floats, Texts]:
     """Box (F, 4) px (u_min, v_min, u_max, v_max) of the head in every picture, and its status (F,).
 
     `middle` (F, 3) m between the ears with its own error `own` (F,) m, `sigma` (F, 2) px of the labels, NaN unknown;
@@ -135,16 +144,16 @@ def boxes(camera, middle, own, sigma, sigmas=SIGMAS):
     return box, np.where(unknown, "unknown", np.where(nowhere, "out_of_frame", "ok")).astype(object)
 
 
-def _extreme(uv, pick):
+def _extreme(uv: Floats, pick: np.ufunc) -> Floats:
     return pick.reduce(uv, axis=1)
 
 
-def _scale(half):
+def _scale(half: Floats) -> Floats:
     """Pixels per metre (F, 2) at the head, from its half width and height px."""
     return half / np.array(head_model.RADII_M)
 
 
-def _outline(camera, centre):
+def _outline(camera: Camera, centre: Floats) -> Floats:
     """Points (F, 4, 3) m of the ellipsoid that a camera sees furthest right, left, down and up."""
     sight = centre - camera.centre
     sight = sight / np.linalg.norm(sight, axis=1, keepdims=True)
@@ -160,7 +169,7 @@ def _outline(camera, centre):
     return np.stack(points, axis=1)
 
 
-def on_grid(box):
+def on_grid(box: Floats) -> Floats:
     """Edges (F, 4) of whole pixels around boxes (F, 4) px: first column and row, and those after the last.
 
     Rounded outwards to a grid of 8 px, of 4, 2 or 1 px where the box is less than four of these wide or high.
@@ -174,7 +183,7 @@ def on_grid(box):
     return np.concatenate([low, high], axis=1) * grid
 
 
-def _earlier(path, rows, where):
+def _earlier(path: Path, rows: Table, where: str) -> Floats:
     """Edges (F, 4) of an earlier `heads` table. Raises DiorError where it is of other pictures."""
     table = tables.read(path, "heads")
     if not np.array_equal(table["frame"], rows["frame"]):
@@ -182,10 +191,10 @@ def _earlier(path, rows, where):
     return np.stack([table[key] for key in EDGES], axis=1)
 
 
-def kept(before, edges, least):
+def kept(before: Floats, edges: Floats, least: Floats) -> Floats:
     """Edges (F, 4) on the grid, those of `before` where they still hold the boxes `least` (F, 4) px and little more."""
 
-    def area(box):
+    def area(box: Floats) -> Floats:
         return (box[:, 2] - box[:, 0]) * (box[:, 3] - box[:, 1])
 
     with np.errstate(invalid="ignore"):
@@ -194,7 +203,7 @@ def kept(before, edges, least):
     return np.where(same[:, None], before, edges)
 
 
-def _findings(scope, status, certain):
+def _findings(scope: str, status: Texts, certain: bool) -> list[tuple[str, str, str, str]]:
     found = []
     lost = int((status == "unknown").sum())
     if lost:

@@ -8,6 +8,9 @@ bit.
 
 from functools import cache
 
+import numpy as np
+from numpy.typing import NDArray
+
 from dior.ingest.jpeg import EOI, FRAMES, SCAN, SOI, segments
 
 # Segments that make the picture: frames, Huffman and arithmetic tables, quantisation tables, restart interval, scans.
@@ -20,7 +23,7 @@ QUALITY, SAMPLING = 95, 0x221111
 SAMPLINGS = (0x411111, 0x221111, 0x211111, 0x121111, 0x111111)
 
 
-def bare(data):
+def bare(data: bytes) -> tuple[bytes, bool]:
     """The JPEG file without anything but its picture, and whether its colours are still told: an Adobe segment may say
     that they are no YCbCr. Raises ValueError."""
     parts, plain, shown = [], True, False
@@ -34,7 +37,7 @@ def bare(data):
     return b"".join([SOI, *parts, EOI]), plain
 
 
-def settings(data):
+def settings(data: bytes) -> tuple[int, int]:
     """(quality, sampling) for OpenCV's encoder that bring back the tables of a JPEG file.
 
     Coefficients that are quantised by the same tables again hardly change. The highest quality that is worth it where
@@ -51,10 +54,9 @@ def settings(data):
 
 
 @cache
-def _qualities():
+def _qualities() -> dict[bytes, int]:
     """Quantisation tables, as they are in the file -> quality of OpenCV's encoder."""
     import cv2
-    import numpy as np
 
     found = {}
     for quality in range(100, 0, -1):
@@ -64,7 +66,7 @@ def _qualities():
     return found
 
 
-def encoded(picture, quality=QUALITY, sampling=SAMPLING):
+def encoded(picture: NDArray[np.uint8], quality: int = QUALITY, sampling: int = SAMPLING) -> bytes:
     """JPEG bytes of a BGR picture (height, width, 3) uint8, without any segment but those of the picture."""
     import cv2
 

@@ -4,6 +4,14 @@ The card, Croissant and whoever reads a release go by this list; nothing else of
 """
 
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from dior.arrays import Table
+from dior.tables.schemas import VERSION
 
 
 @dataclass(frozen=True)
@@ -17,11 +25,13 @@ class Part:
     row: str
 
     @property
-    def pattern(self):
+    def pattern(self) -> str:
         """The files as a glob relative to the release folder."""
         return f"{self.name}/*/*.parquet" if "/" in self.path else self.path
 
 
+# the statuses of labels that lie in the picture, seen or hidden by the body
+IN_PICTURE = ("ok", "occluded")
 _RECORDING = "<subject>/<sequence>.<camera>.parquet"
 _WALK = "<subject>/<sequence>.parquet"
 PARTS = (
@@ -41,6 +51,28 @@ PARTS = (
 )
 
 
-def parts_of(folder):
+def parts_of(folder: Path) -> list[Part]:
     """The parts that a release folder has files of."""
     return [part for part in PARTS if next(folder.glob(part.pattern), None)]
+
+
+def rows_of(table: Table) -> list[dict[str, Any]]:
+    """The rows of a table by its columns' names: plain numbers and words, arrays where a cell is one."""
+    columns = [column.tolist() if column.ndim == 1 else column for column in table.values()]
+    return [dict(zip(table, cells, strict=True)) for cells in zip(*columns, strict=True)]
+
+
+def of_other_version(table: Path | BinaryIO) -> str:
+    """What is wrong with the version of a release that `table` is of, as a sentence.
+
+    "" where this dior knows it, and where the file does not say.
+    """
+    try:
+        with pq.ParquetFile(table) as file:
+            metadata = file.schema_arrow.metadata or {}
+    except (pa.ArrowException, OSError, ValueError):
+        return ""
+    version = metadata.get(b"dior_table_version", VERSION.encode()).decode()
+    if version == VERSION:
+        return ""
+    return f"its tables are of version '{version}', this dior knows {VERSION}; take the dior that made it"

@@ -10,15 +10,15 @@ of machines or files. A subject who did not agree is in no file and no count.
 """
 
 import json
-import os
 import shutil
 import sys
+from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from itertools import repeat
 from pathlib import Path
 from typing import Any
 
+from dior.arrays import AnyPath
 from dior.errors import DiorError
 from dior.evaluate import statistics
 from dior.evaluate.metrics import as_csv
@@ -26,10 +26,23 @@ from dior.progress import reporting
 from dior.project import licenses
 from dior.project import project as projects
 from dior.release import cameras as rigs
-from dior.release import card, citation, croissant, figures, layout, provenance_json, roster, shards, splits, sums
+from dior.release import (
+    card,
+    checksums,
+    citation,
+    croissant,
+    layout,
+    metrics_csv,
+    provenance_json,
+    released_people,
+    splits,
+    walk_files,
+)
+from dior.release.released_people import Walks
 from dior.tables import tables
-from dior.tables.files import write_text
+from dior.tables.files import folder_written_whole, write_text
 
+# walks at once, as many as the rule has threads
 THREADS = 2
 
 
@@ -60,8 +73,8 @@ def run(
     Raises DiorError where nobody agreed to the release and where a released sequence lacks a table or is labelled as
     another subject's.
     """
-    project, out = projects.load(project, config), Path(out)
-    kept = set(map(project.pseudonym, project.released_subjects))
+    loaded, out = projects.load(project, config), Path(out)
+    kept = set(map(loaded.pseudonym, loaded.released_subjects))
     _withdraw(out, kept)
     if not kept:
         shutil.rmtree(out, ignore_errors=True)
@@ -74,40 +87,41 @@ def run(
         "detections": _by_name(detections, "detections"),
         "checksums": _by_name(provenance, "checksums"),
     }
-    needed = {name: _of(found["frames"], name, "frames") for name in project.released_sequences}
-    walks = roster.released_walks(project, needed)
-    sources = {name: _sources(walk, found, marks, project) for name, walk in walks.items()}
+    needed = {name: _of(found["frames"], name, "frames") for name in loaded.released_sequences}
+    walks = released_people.released_walks(loaded, needed)
+    sources = {name: _sources(walk, found, marks, loaded) for name, walk in walks.items()}
     recordings = {name: _of(found["checksums"], name, "checksums") for name in walks}
     rig, joint = rigs.released(cameras, covariances, walks), rigs.covariance(covariances, walks)
-    made_of = provenance_json.of(project, walks, recordings, steps)
-    with _folder_in_place(out) as folder:
+    made_of = provenance_json.of(loaded, walks, recordings, steps)
+    with folder_written_whole(out) as folder:
         with ThreadPoolExecutor(THREADS) as pool:
-            written = pool.map(shards.write, repeat(folder), walks.values(), sources.values())
+            written = pool.map(walk_files.write, repeat(folder), walks.values(), sources.values())
             for _ in reporting(written, len(walks), "sequences", "release"):
                 pass
-        pictures = roster.gallery(gallery, walks) if gallery else {}
+        pictures = released_people.gallery(gallery, walks) if gallery else {}
         # from here on a session is called as the release calls it
-        walks = {name: walk | {"session": walk["shown"]} for name, walk in walks.items()}
+        walks = {name: walk | {"session": walk["released_session"]} for name, walk in walks.items()}
         roles = dict(zip(zip(rig["session"], rig["camera"], strict=True), rig["role"], strict=True))
-        for name, table, columns in (
-            ("cameras", "released_cameras", rig),
-            ("camera_covariance", "camera_covariance", joint),
-            ("clocks", "released_clocks", rigs.clocks(clocks, walks)),
-            ("sequences", "sequences", roster.sequences(walks)),
-            ("subjects", "subjects", roster.subjects(walks, project.subjects)),
-            ("splits", "splits", splits.columns(walks, roles)),
-            ("gallery", "released_gallery", pictures),
-        ):
+        about: dict[str, tuple[str, dict[str, Any]]] = {
+            "cameras": ("released_cameras", rig),
+            "camera_covariance": ("camera_covariance", joint),
+            "clocks": ("released_clocks", rigs.clocks(clocks, walks)),
+            "sequences": ("sequences", released_people.sequences(walks)),
+            "subjects": ("subjects", released_people.subjects(walks, loaded.subjects)),
+            "splits": ("splits", splits.columns(walks, roles)),
+            "gallery": ("released_gallery", pictures),
+        }
+        for name, (table, columns) in about.items():
             if len(next(iter(columns.values()), ())):
                 tables.write(folder / f"{name}.parquet", table, columns)
-        rows = figures.released(metrics, walks)
+        rows = metrics_csv.released(metrics, walks)
         write_text(folder / "metrics.csv", as_csv(rows))
         counted = _counted(walks, roles, sources, pictures.get("angle", ()))
-        _write_about(folder, project, walks, counted, rows, made_of)
-        sums.write(folder)
+        _write_about(folder, loaded, walks, counted, rows, made_of)
+        checksums.write(folder)
 
 
-def _withdraw(out, kept):
+def _withdraw(out: Path, kept: set[str]) -> None:
     """Remove what is beside the release of everybody but `kept`, so that who withdrew is in no file any more.
 
     That is everybody's tarball but theirs, half-made ones too, and the exports, which are not by person. The tarball of
@@ -125,9 +139,9 @@ def _withdraw(out, kept):
             left.unlink()
 
 
-def _by_name(paths, what):
+def _by_name(paths: Iterable[AnyPath], what: str) -> dict[str, Path]:
     """Files by name without the suffix. Raises DiorError for two of one name."""
-    found = {}
+    found: dict[str, Path] = {}
     for path in map(Path, paths):
         if path.stem in found:
             raise DiorError(f"release: '{path.stem}' has two tables of {what}: {found[path.stem]} and {path}")
@@ -135,23 +149,25 @@ def _by_name(paths, what):
     return found
 
 
-def _of(files, name, what):
+def _of(files: dict[str, Path], name: str, what: str) -> Path:
     if name not in files:
         raise DiorError(f"release: '{name}' has no table of {what}; run its steps first")
     return files[name]
 
 
-def _sources(walk, found, marks, project):
+def _sources(
+    walk: dict[str, Any], found: dict[str, dict[str, Path]], marks: list[Path], project: projects.Project
+) -> walk_files.Sources:
     """The files about one walk."""
     name = walk["sequence"]
 
-    def by_camera(kind, what):
+    def by_camera(kind: str, what: str) -> dict[str, Path]:
         return {camera: _of(found[kind], f"{name}.{camera}", what) for camera in walk["cameras"]}
 
-    def by_hand(files):
+    def by_hand(files: dict[str, str]) -> dict[str, Path]:
         return {camera: project.root / path for camera, path in files.items()}
 
-    return shards.Sources(
+    return walk_files.Sources(
         labels=by_camera("labels", "labels"),
         pixels=by_camera("pixels", "pictures"),
         skeleton=_of(found["skeletons"], name, "skeletons"),
@@ -163,14 +179,23 @@ def _sources(walk, found, marks, project):
     )
 
 
-def _counted(walks, roles, sources, angles):
+def _counted(
+    walks: Walks, roles: dict[tuple[str, str], str], sources: dict[str, walk_files.Sources], angles: Iterable[str]
+) -> list[dict[str, Any]]:
     """Rows of statistics.csv for the released walks."""
     labels = [path for source in sources.values() for path in source.labels.values()]
     skeletons, frames = ([getattr(source, key) for source in sources.values()] for key in ("skeleton", "frames"))
     return statistics.rows_of(walks, roles, labels, skeletons, frames, angles=angles)
 
 
-def _write_about(folder, project, walks, counted, figures, made_of):
+def _write_about(
+    folder: Path,
+    project: projects.Project,
+    walks: Walks,
+    counted: list[dict[str, Any]],
+    figures: list[dict[str, Any]],
+    made_of: dict[str, Any],
+) -> None:
     """Write what tells about the release: card, licence, citation, Croissant and provenance."""
     release = project.config["release"]
     parts = layout.parts_of(folder)
@@ -178,31 +203,9 @@ def _write_about(folder, project, walks, counted, figures, made_of):
     write_text(folder / "README.md", card.text(release, walks, counted, figures, parts, example))
     write_text(folder / "LICENSE", licenses.text(release, project.root))
     write_text(folder / "CITATION.cff", citation.text(release))
-    told = croissant.content(folder, release, card.summary(walks, counted))
-    write_text(folder / "croissant.json", _json(told))
+    write_text(folder / "croissant.json", _json(croissant.content(folder, release, card.summary(walks, counted))))
     write_text(folder / "provenance.json", _json(made_of))
 
 
-def _json(content):
+def _json(content: dict[str, Any]) -> str:
     return json.dumps(content, indent=1, ensure_ascii=False) + "\n"
-
-
-@contextmanager
-def _folder_in_place(out):
-    """Yield an empty folder beside `out` that takes its place if nothing was raised.
-
-    What an earlier, killed build left beside it is removed, and so is every file of an earlier release.
-    """
-    out.parent.mkdir(parents=True, exist_ok=True)
-    part, old = (out.with_name(f".{out.name}.{kind}") for kind in ("part", "old"))
-    for left in (part, old):
-        shutil.rmtree(left, ignore_errors=True)
-    part.mkdir()
-    try:
-        yield part
-        if out.exists():
-            os.replace(out, old)
-        os.replace(part, out)
-    finally:
-        for left in (part, old):
-            shutil.rmtree(left, ignore_errors=True)

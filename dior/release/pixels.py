@@ -10,23 +10,25 @@ nothing after its end. A picture that cannot be released is null and says why.
 
 import sys
 from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 import pyarrow.parquet as pq
 
+from dior.arrays import Bools, Floats, Ints, Table, Texts
 from dior.errors import DiorError
 from dior.ingest import bags, messages
 from dior.ingest.containers import BROKEN
 from dior.progress import reporting
-from dior.release import covering, jpeg
-from dior.release import shift as stamps
+from dior.release import head_blur, jpeg, shift_stamps
 from dior.release.heads import EDGES
 from dior.tables import tables
 from dior.tables.files import written_whole
 
-# pictures that are in memory at once and make a row group
+# Pictures that are in memory at once and make a row group. Chosen: more take memory, fewer make a
+# longer footer.
 GROUP = 200
 IMAGE = ("image.bytes", "image.path")
 
@@ -48,9 +50,9 @@ def run(
     """Write the released pictures of one camera of one sequence.
 
     `subject`: the pseudonym. `heads`: its table, None where faces are `shown`. `consent`: "yes", or "no" for a subject
-    who did not agree to pictures, of which all are null then. `shift`: arguments of `stamps.taken_off`, empty to leave
-    the stamps as they are. Raises DiorError where `heads` is of other pictures, and where a picture is not in its bag
-    any more.
+    who did not agree to pictures, of which all are null then. `shift`: arguments of `shift_stamps.shift_ns`, empty to
+    leave the stamps as they are. Raises DiorError where `heads` is of other pictures, and where a picture is not in its
+    bag any more.
     """
     import cv2
 
@@ -58,15 +60,21 @@ def run(
     where = f"{sequence}, camera {camera}"
     rows = tables.of_camera(tables.read(frames, "frames"), camera)
     count = len(rows["frame"])
-    boxes = _boxes(heads, rows, where) if faces != "shown" and consent == "yes" else [None] * count
-    later = stamps.taken_off(**shift) if shift else 0
+    covered = faces != "shown" and consent == "yes"
+    if covered and heads is None:
+        raise DiorError(f"{where}: faces are to be {faces}, but no table of heads is given; run heads first")
+    boxes, unknown = _boxes(heads, rows, where) if heads and covered else ([None] * count, np.zeros(count, bool))
+    later = shift_stamps.shift_ns(**shift) if shift else 0
     words = {"subject": subject, "sequence": sequence, "camera": camera}
-    lost, why = Counter(), []
+    lost: Counter[str] = Counter()
+    why: list[tuple[int, str]] = []
     with written_whole(out) as part, _writer(part) as writer:
         done = reporting(_groups(count), -(-count // GROUP), f"groups of {GROUP} pictures", where)
         for group in done:
             mine = tables.rows(rows, group)
-            pictures, reasons = _pictures(mine, [boxes[i] for i in group], data_root, faces, consent, why)
+            pictures, reasons = _pictures(
+                mine, [boxes[i] for i in group], unknown[group], data_root, faces, consent, why
+            )
             lost.update(reasons)
             once = np.zeros(len(group), int)
             columns = {
@@ -83,21 +91,21 @@ def run(
     tables.write_findings(findings, found)
 
 
-def _groups(count):
+def _groups(count: int) -> Iterator[Ints]:
     return (np.arange(start, min(start + GROUP, count)) for start in range(0, count, GROUP))
 
 
-def _boxes(heads, rows, where):
-    """What to do with each picture: (4,) edges of the box to cover, None for no head, "unknown" for no picture."""
+def _boxes(heads: Path, rows: Table, where: str) -> tuple[list[Floats | None], Bools]:
+    """Of each picture the edges (4,) of the box to cover, None for no head, and whether it is not known (F,)."""
     table = tables.read(heads, "heads")
     if not np.array_equal(table["frame"], rows["frame"]):
         raise DiorError(f"{where}: {heads} is of other pictures; run heads again")
     edges = np.stack([table[key] for key in EDGES], axis=1)
-    others = {"unknown": "unknown", "out_of_frame": None}
-    return [others.get(status, edge) for status, edge in zip(table["status"], edges, strict=True)]
+    boxes = [None if status == "out_of_frame" else edge for status, edge in zip(table["status"], edges, strict=True)]
+    return boxes, table["status"] == "unknown"
 
 
-def _writer(path):
+def _writer(path: Path) -> pq.ParquetWriter:
     """A Parquet writer of `released_frames`: everything small, but for the pictures, which are compressed already."""
     schema = tables.to_arrow("released_frames", {}).schema
     small = [name for name in schema.names if name != "image"]
@@ -111,13 +119,20 @@ def _writer(path):
     )
 
 
-def _pictures(rows, boxes, data_root, faces, consent, why):
+def _pictures(
+    rows: Table,
+    boxes: list[Floats | None],
+    unknown: Bools,
+    data_root: Path,
+    faces: str,
+    consent: str,
+    why: list[tuple[int, str]],
+) -> tuple[Texts, Texts]:
     """JPEG bytes (F,), None for none, and the reasons (F,) why there is none; (frame, error) of what is broken go
     to `why`."""
     found = np.full(len(boxes), None, object)
     if consent != "yes":
         return found, np.full(len(boxes), "no_consent", object)
-    unknown = np.array([isinstance(box, str) for box in boxes], bool)
     reasons = np.where(unknown, "head_unknown", "").astype(object)
     wanted = np.flatnonzero(~unknown)
     for row, message, _ in bags.read_messages(tables.rows(rows, wanted), data_root):
@@ -130,7 +145,7 @@ def _pictures(rows, boxes, data_root, faces, consent, why):
     return found, reasons
 
 
-def released(message, size, box, faces):
+def released(message: Any, size: tuple[int, int], box: Floats | None, faces: str) -> bytes | None:
     """JPEG bytes of a message's picture of `size` (height, width) px, with the head in `box` covered; None for none.
 
     Raises one of BROKEN for a picture that cannot be read.
@@ -141,19 +156,19 @@ def released(message, size, box, faces):
         raise ValueError(f"it is {said[1]}x{said[0]} px where its index says {size[1]}x{size[0]}")
     data = messages.compressed(message.kind, raw, message.wire)
     is_jpeg = data is not None and data.startswith(jpeg.SOI)
-    how = ()
+    quality, sampling = jpeg.QUALITY, jpeg.SAMPLING
     if is_jpeg:
         stripped, plain = jpeg.bare(data)
         if plain and box is None:
             return stripped
-        how = jpeg.settings(stripped)
+        quality, sampling = jpeg.settings(stripped)
     picture = messages.decode(message.kind, raw, message.wire, size)
     if box is not None:
-        covering.cover(picture, box, faces)
-    return jpeg.encoded(picture, *how)
+        head_blur.cover(picture, box, faces)
+    return jpeg.encoded(picture, quality, sampling)
 
 
-def _findings(scope, broken, count, why):
+def _findings(scope: str, broken: int, count: int, why: list[tuple[int, str]]) -> list[tuple[str, str, str, str]]:
     if not broken:
         return []
     frame, reason = min(why)

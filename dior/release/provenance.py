@@ -11,24 +11,25 @@ import hashlib
 import json
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
+from dior.arrays import AnyPath
 from dior.errors import DiorError
 from dior.progress import reporting
+from dior.release import checksums
 from dior.tables.files import write_text
 from dior.tables.hashes import file_sha256
-
-THREADS = 2
 
 
 def run(*, sequence: str, recordings: dict[str, Path], out: Path) -> None:
     """Write the checksums of one sequence. `recordings`: paths by what they are for."""
-    with ThreadPoolExecutor(THREADS) as pool:
-        found = pool.map(lambda what: told_of(recordings[what], f"{sequence}, {what}"), recordings)
-        found = dict(zip(recordings, reporting(found, len(recordings), "recordings hashed", sequence), strict=True))
+    with ThreadPoolExecutor(checksums.THREADS) as pool:
+        every = pool.map(lambda what: checksum_of(recordings[what], f"{sequence}, {what}"), recordings)
+        found = dict(zip(recordings, reporting(every, len(recordings), "recordings hashed", sequence), strict=True))
     write_text(out, json.dumps(found, indent=1, sort_keys=True) + "\n")
 
 
-def told_of(path, where):
+def checksum_of(path: AnyPath, where: str) -> dict[str, str | int]:
     """`sha256` and `bytes` of a file; of a folder, of the list of its files' checksums, and all their bytes."""
     path = Path(path)
     if path.is_file():
@@ -41,7 +42,7 @@ def told_of(path, where):
     return {"sha256": hashlib.sha256("".join(lines).encode()).hexdigest(), "bytes": size}
 
 
-def read(path):
+def read(path: AnyPath) -> Any:
     """What `run` wrote."""
     try:
         return json.loads(Path(path).read_text(encoding="utf-8"))

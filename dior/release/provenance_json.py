@@ -14,12 +14,17 @@ as a hash of so little can be turned back into names; what the release has of th
 import hashlib
 import json
 import platform
+from collections.abc import Iterator
 from importlib import metadata
 from pathlib import Path
+from typing import Any
 
+from dior.project.project import Project
 from dior.release import provenance
+from dior.release.released_people import Walks
 from dior.tables.hashes import file_sha256
 
+# of the layout of provenance.json; raised where a reader of the one before could not read it
 VERSION = 1
 # settings that say where files are: their content counts
 PATHS = ("detector.model", "simulate.motion", "release.license_file")
@@ -27,7 +32,7 @@ PATHS = ("detector.model", "simulate.motion", "release.license_file")
 LEFT_OUT = ("data_root", "report", "reid")
 
 
-def of(project, walks, recordings, code):
+def of(project: Project, walks: Walks, recordings: dict[str, Path], code: dict[str, str]) -> dict[str, Any]:
     """The content of provenance.json. `recordings`: by sequence, the file that provenance.py wrote; `code`: hash by
     step of the code that made what is in the release.
     """
@@ -39,7 +44,7 @@ def of(project, walks, recordings, code):
         "config_sha256": hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest(),
         "sessions": {
             shown: _session_files(project, session)
-            for session, shown in sorted({(walk["session"], walk["shown"]) for walk in walks.values()})
+            for session, shown in sorted({(walk["session"], walk["released_session"]) for walk in walks.values()})
         },
         "sequences": {
             name: {"recordings": provenance.read(recordings[name]), "by_hand": _hand_made(project, name)}
@@ -50,7 +55,7 @@ def of(project, walks, recordings, code):
     }
 
 
-def config_of(project):
+def config_of(project: Project) -> dict[str, Any]:
     """Every setting by its dotted key, sorted; those of PATHS as the checksum of the file, "" where there is none."""
     found = dict(sorted(_flat({key: value for key, value in project.config.items() if key not in LEFT_OUT})))
     for key in PATHS:
@@ -60,7 +65,7 @@ def config_of(project):
     return found
 
 
-def _flat(settings, prefix=""):
+def _flat(settings: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
     for key, value in settings.items():
         if isinstance(value, dict):
             yield from _flat(value, f"{prefix}{key}.")
@@ -68,7 +73,7 @@ def _flat(settings, prefix=""):
             yield f"{prefix}{key}", value
 
 
-def _session_files(project, session):
+def _session_files(project: Project, session: str) -> dict[str, str]:
     """SHA-256 of the files in config/sessions/ that hold for a session or a part of one.
 
     After a bump a camera's file is called after a walk, which may be nobody's business: here it is the camera's name.
@@ -80,19 +85,19 @@ def _session_files(project, session):
     return _digests(project, paths)
 
 
-def _hand_made(project, sequence):
+def _hand_made(project: Project, sequence: str) -> dict[str, str]:
     """SHA-256 by path of what a person made for one walk: offsets, boxes, checks."""
     paths = [*project.offsets(sequence), *project.boxes(sequence).values(), *project.checks(sequence).values()]
     return _digests(project, {path: path for path in paths})
 
 
-def _digests(project, paths):
+def _digests(project: Project, paths: dict[str, str]) -> dict[str, str]:
     """SHA-256 by name of the files that there are."""
     there = {name: Path(project.root) / path for name, path in sorted(paths.items())}
     return {name: file_sha256(path) for name, path in there.items() if path.is_file()}
 
 
-def versions():
+def versions() -> dict[str, str]:
     """Versions of Python and of what dior depends on, by name."""
     names = [line for line in metadata.requires("dior") or () if "extra ==" not in line]
     return {"python": platform.python_version(), **{name: metadata.version(name) for name in sorted(names)}}

@@ -9,7 +9,7 @@ A subject's tarball names nobody else, so that it stays as it is when another wi
 Unpacked over each other all of them are the release, byte for byte. Plain tar: Parquet is compressed already.
 
 A tarball begins with its list of checksums, and each file is compared with that in the pass that packs it. What is
-packed is told in the .json once it is surely on the disk, and a run that was killed goes on from there.
+packed is noted in the .json once it is surely on the disk, and a run that was killed goes on from there.
 """
 
 import hashlib
@@ -18,20 +18,23 @@ import json
 import os
 import tarfile
 from collections import deque
-from concurrent.futures import ThreadPoolExecutor, wait
+from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import suppress
 from dataclasses import dataclass
+from io import BufferedReader, FileIO
 from pathlib import Path
 
 from dior.errors import DiorError, nearest
 from dior.progress import reporting
-from dior.release import sums
+from dior.release import checksums
 from dior.tables.files import write_text
 
+# bytes read and written at once; chosen, as are the others: AHEAD blocks in memory, and seconds of packing lost
 BLOCK = 1 << 20
 # blocks that are written but not hashed yet
 AHEAD = 8
-# what a killed run may have packed in vain
+# bytes that a killed run may have packed in vain
 CHECKPOINT = 256 << 20
 
 
@@ -54,7 +57,7 @@ class Note:
     path: Path
     which: str
 
-    def write(self, tar, done):
+    def write(self, tar: FileIO, done: int) -> None:
         """Note that the tarball is whole up to byte `done`, once that is on the disk."""
         _on_disk(tar)
         write_text(self.path, json.dumps({"which": self.which, "done": done}) + "\n")
@@ -82,30 +85,30 @@ def run(*, release: Path, subject: str, out: Path) -> None:
     state.unlink(missing_ok=True)
 
 
-def leftovers(out):
+def leftovers(out: Path) -> tuple[Path, Path]:
     """What a run that was cut short leaves beside the tarball `out`: its beginning, and how much of it is whole."""
-    return tuple(out.with_name(f".{out.stem}.part{suffix}") for suffix in (".tar", ".json"))
+    return out.with_name(f".{out.stem}.part.tar"), out.with_name(f".{out.stem}.part.json")
 
 
-def members(release, subject):
+def members(release: Path, subject: str) -> dict[str, str]:
     """SHA-256 by path in the release of what the tarball of `subject` (or `metadata`) holds, the checksums first."""
-    listed = sums.read(release)
-    parts = sorted({sums.of_whom(name) for name in listed})
+    listed = checksums.read(release)
+    parts = sorted({checksums.of_whom(name) for name in listed})
     if subject not in parts:
         raise DiorError(f"{release}: subject '{subject}' is not in the release{nearest(subject, parts)}")
-    first = sums.list_of(subject)
+    first = checksums.list_of(subject)
     # the list of all files is in no list
-    found = {first: listed.get(first) or sums.digest(open(release / first, "rb"))}
-    return found | {name: listed[name] for name in sorted(listed) if sums.of_whom(name) == subject}
+    found = {first: listed.get(first) or checksums.digest(open(release / first, "rb"))}
+    return found | {name: listed[name] for name in sorted(listed) if checksums.of_whom(name) == subject}
 
 
-def plan(release, subject):
+def plan(release: Path, subject: str) -> list[Member]:
     """The `Member`s of a tarball, in its order. Raises DiorError for a file that is gone."""
     found, at = [], 0
     for name, digest in members(release, subject).items():
         path = release / name
         if not path.is_file():
-            raise DiorError(f"{path}: listed in {sums.SUMS} but gone; build the release again")
+            raise DiorError(f"{path}: listed in {checksums.SUMS} but gone; build the release again")
         size = path.stat().st_size
         head = header(f"{release.name}/{name}", size)
         end = at + len(head) + padded(size, tarfile.BLOCKSIZE)
@@ -114,24 +117,24 @@ def plan(release, subject):
     return found
 
 
-def header(name, size):
+def header(name: str, size: int) -> bytes:
     """What a tarball has before a file: nothing of its owner and time, the same rights for all."""
     entry = tarfile.TarInfo(name)
     entry.size, entry.mode = size, 0o644
     return entry.tobuf(tarfile.PAX_FORMAT)
 
 
-def padded(size, to):
+def padded(size: int, to: int) -> int:
     """The size when filled up to whole blocks of `to` bytes."""
     return -(-size // to) * to
 
 
-def size_of(end):
+def size_of(end: int) -> int:
     """Bytes of a tarball whose last file ends at `end`: two blocks of zeros, filled up to whole records."""
     return padded(end + 2 * tarfile.BLOCKSIZE, tarfile.RECORDSIZE)
 
 
-def _done(part, state, which, planned):
+def _done(part: Path, state: Path, which: str, planned: list[Member]) -> int:
     """Bytes of an earlier run that can be kept: 0 where there are none of this part of this release."""
     try:
         noted = json.loads(state.read_bytes())
@@ -142,7 +145,7 @@ def _done(part, state, which, planned):
     return noted["done"] if known and noted["done"] <= there else 0
 
 
-def _pack(tar, planned, note, where):
+def _pack(tar: FileIO, planned: list[Member], note: Note, where: str) -> None:
     """Append files; what is on the disk is noted now and then, and when the packing is cut short."""
     whole = noted = tar.tell()
     noting = None
@@ -163,11 +166,11 @@ def _pack(tar, planned, note, where):
         noting.result()
 
 
-def _blocks(member):
+def _blocks(member: Member) -> int:
     return max(1, -(-member.size // BLOCK))
 
 
-def _ends(tar, planned, hasher):
+def _ends(tar: FileIO, planned: list[Member], hasher: ThreadPoolExecutor) -> Iterator[int]:
     """Write files, yielding after each block where the last whole file ends, 0 where none has been written.
 
     Another thread hashes what is written, a few blocks behind, so that one core does nothing but the hash.
@@ -175,7 +178,8 @@ def _ends(tar, planned, hasher):
     buffers, end = itertools.cycle([bytearray(BLOCK) for _ in range(AHEAD + 1)]), 0
     for member in planned:
         _write(tar, member.header)
-        digest, hashing = hashlib.sha256(), deque()
+        digest = hashlib.sha256()
+        hashing: deque[Future[None]] = deque()
         with _opened(member) as stream:
             for left in range(member.size, 0, -BLOCK):
                 block = memoryview(next(buffers))[: min(left, BLOCK)]
@@ -195,21 +199,21 @@ def _ends(tar, planned, hasher):
         yield end
 
 
-def _opened(member):
+def _opened(member: Member) -> BufferedReader:
     try:
         return open(member.path, "rb")
     except OSError as error:
         raise DiorError(f"{member.path}: cannot be read ({error.strerror})") from None
 
 
-def _read(stream, block, member):
+def _read(stream: BufferedReader, block: bytearray | memoryview, member: Member) -> int:
     try:
         return stream.readinto(block)
     except OSError as error:
         raise DiorError(f"{member.path}: cannot be read ({error.strerror})") from None
 
 
-def _write(tar, content):
+def _write(tar: FileIO, content: bytes | memoryview) -> None:
     """All of `content`: the system writes a part of it where the disk is nearly full."""
     left = memoryview(content)
     try:
@@ -219,21 +223,21 @@ def _write(tar, content):
         raise _no_room(tar, error) from None
 
 
-def _on_disk(tar):
+def _on_disk(tar: FileIO) -> None:
     try:
         os.fsync(tar.fileno())
     except OSError as error:
         raise _no_room(tar, error) from None
 
 
-def _no_room(tar, error):
+def _no_room(tar: FileIO, error: OSError) -> DiorError:
     return DiorError(
         f"{tar.name}: cannot be written ({error.strerror}); make room and run again: what is packed so far is kept"
     )
 
 
-def _changed(member):
+def _changed(member: Member) -> DiorError:
     return DiorError(
-        f"{member.path}: its SHA-256 is not the one that {sums.SUMS} has; a release is not edited by hand: delete its "
-        "folder and build it again"
+        f"{member.path}: its SHA-256 is not the one that {checksums.SUMS} has; a release is not edited by hand: delete "
+        "its folder and build it again"
     )

@@ -4,8 +4,9 @@ import json
 
 import cv2
 import numpy as np
+import pyarrow.parquet as pq
 
-from dior.release import sums
+from dior.release import checksums
 from dior.tables import tables
 
 JOINTS = ("nose", "left_hip", "right_hip")
@@ -198,11 +199,20 @@ def write(folder, name, table, columns):
 
 
 def remade(folder):
-    for path in folder.rglob(sums.SUMS):
+    for path in folder.rglob(checksums.SUMS):
         path.unlink()
-    for path in (folder / sums.FOLDER).glob("*"):
+    for path in (folder / checksums.FOLDER).glob("*"):
         path.rmdir()
-    sums.write(folder)
+    checksums.write(folder)
+
+
+def of_version(folder, version):
+    """The release with tables of another version."""
+    for path in folder.rglob("*.parquet"):
+        table = pq.read_table(path)
+        table = table.replace_schema_metadata({**table.schema.metadata, b"dior_table_version": version})
+        pq.write_table(table, path)
+    remade(folder)
 
 
 def release(folder, who=EVERYONE):
@@ -235,12 +245,12 @@ def release(folder, who=EVERYONE):
         (folder / name).write_text(f"{name}\n")
     (folder / "croissant.json").write_text(json.dumps({"distribution": []}) + "\n")
     (folder / "provenance.json").write_text(json.dumps(provenance(who)) + "\n")
-    sums.write(folder)
+    checksums.write(folder)
     return folder
 
 
 def provenance(who=EVERYONE):
-    """As record.py writes it."""
+    """As provenance_json.py writes it."""
     return {
         "provenance_version": 1,
         "release": "0.1.0",

@@ -18,7 +18,7 @@ from dior.body.names import COCO_17, PLUG_IN_GAIT_39
 from dior.errors import DiorError
 from dior.ingest import mocap
 from dior.release import exports, package
-from dior.release.exports import opengait, recordings, trc, walks
+from dior.release.exports import fixed_rate, opengait, recordings, trc
 from dior.tables import tables
 from tests.release import small
 
@@ -374,18 +374,18 @@ def body(stamps):
 
 
 def test_a_lost_instant_is_a_frame_without_points():
-    rate, points = walks.regular(body([0, 10_000_000, 30_000_000, 40_000_000]), "walk")
+    rate, points = fixed_rate.regular(body([0, 10_000_000, 30_000_000, 40_000_000]), "walk")
     assert rate == 100.0
     np.testing.assert_array_equal(points[:, 0, 0], [0, 1, np.nan, 2, 3])
 
 
 def test_a_rate_beside_a_standard_one_is_kept_where_it_shows():
     count = 20000
-    rate, points = walks.regular(body(np.rint(np.arange(count) * 1e9 / 100.03)), "walk")
+    rate, points = fixed_rate.regular(body(np.rint(np.arange(count) * 1e9 / 100.03)), "walk")
     assert rate == pytest.approx(100.03, abs=1e-4)
     assert len(points) == count and np.isfinite(points).all()
 
 
 def test_stamps_on_no_grid_are_refused():
     with pytest.raises(DiorError, match=r"walk\.parquet: its stamps are not on a grid"):
-        walks.regular(body([0, 10_000_000, 14_000_000, 30_000_000]), "walk.parquet")
+        fixed_rate.regular(body([0, 10_000_000, 14_000_000, 30_000_000]), "walk.parquet")

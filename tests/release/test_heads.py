@@ -7,7 +7,7 @@ from dior.clocks import clock
 from dior.errors import DiorError
 from dior.geometry import camera as cam
 from dior.geometry import camera_tables, covariance
-from dior.release import covering, head_model, heads
+from dior.release import head_blur, head_model, heads
 from dior.simulate.scene import project as simulated
 from dior.tables import tables
 from tests.rig import camera, ring
@@ -41,7 +41,7 @@ def test_ellipse_on_the_grid_holds_the_whole_head(view, middle):
     edges = heads.on_grid(box)[0]
     uv = simulated(view, ball(np.array(middle)))[0]
     rows, columns = (np.round(uv[:, i]).astype(int) for i in (1, 0))
-    held = covering.ellipse(edges, np.arange(0, 720), np.arange(0, 1280))[rows, columns]
+    held = head_blur.ellipse(edges, np.arange(0, 720), np.arange(0, 1280))[rows, columns]
     assert status == ["ok"]
     # the pixel of a point of the border may be outside by less than half of it
     assert held.mean() > 0.97

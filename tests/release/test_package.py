@@ -15,9 +15,9 @@ import pytest
 
 from dior.errors import DiorError
 from dior.geometry import camera_tables
-from dior.release import layout, shards, shift
+from dior.release import layout, metrics_csv, shift_stamps, walk_files
 from dior.tables import tables
-from tests.release.made import CONSENT, PSEUDONYM, ROLES, WALKS, build, files, labels, pixels, project, sheets
+from tests.release.made import CONSENT, PSEUDONYM, ROLES, WALKS, build, figure, files, labels, pixels, project, sheets
 
 SECRETS = ("Realname", "Secondname", "Refuser", "mango-0003", "walk_4", "walk_5", "host", "/home")
 
@@ -127,7 +127,7 @@ def test_pictures_are_copied_where_there_are_no_links(made, built, monkeypatch, 
     def refused(*_):
         raise OSError("no links here")
 
-    monkeypatch.setattr(shards.os, "link", refused)
+    monkeypatch.setattr(walk_files.os, "link", refused)
     out = build(made, out=tmp_path / "elsewhere/dior-0.1.0")
     assert not os.path.samefile(out / "frames/zebra-0001/walk_1.cam01.parquet", made["pixels"][0])
     assert files(out) == files(built["out"])
@@ -143,6 +143,14 @@ def test_figures_are_pooled_over_released_walks_only(built):
     assert overall[["metric", "value", "n"]].values.tolist() == [["coverage", 0.775, 40]]
     adjusted = rows[rows["metric"] == "adjust_error_after"]
     assert adjusted[["value", "n"]].values.tolist() == [[8.0, 5]], "only who agreed shapes the poses"
+
+
+def test_a_figure_of_a_person_without_a_sequence_is_not_released(tmp_path):
+    """Only an adjustment's figures are of no walk; whose a person's are, and whether it agreed, nothing says."""
+    for name, sequence, who in (("all", "", ""), ("person", "", "Refuser"), ("refused", "walk_4", "Refuser")):
+        figure(tmp_path / f"{name}.parquet", sequence, who, 1.0, 1)
+    rows = metrics_csv.released(sorted(tmp_path.glob("*.parquet")), {"walk_1": {"subject": "zebra-0001"}})
+    assert [(row["sequence"], row["subject"]) for row in rows] == [("", "")]
 
 
 def test_the_same_input_gives_the_same_bytes(made, built, tmp_path):
@@ -164,7 +172,7 @@ package.run(**arguments)
 """
 
 
-@pytest.mark.parametrize("where", ["sums.write", pytest.param("os.replace", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("where", ["checksums.write", pytest.param("os.replace", marks=pytest.mark.slow)])
 def test_a_build_that_was_killed_and_run_again_is_the_same(built, tmp_path, where):
     code = KILLED.format(root=str(tmp_path), where=where)
     done = subprocess.run([sys.executable, "-c", code])
@@ -200,6 +208,23 @@ def test_nothing_of_an_earlier_release_stays(made, tmp_path, capsys):
     names = set(files(build(made)))
     assert "release: 1 of 2 people of the last build are not in it any more" in capsys.readouterr().err
     assert "stale.parquet" not in names and not [name for name in names if "apple" in name]
+
+
+def test_who_withdrew_is_in_nothing_beside_the_release(made):
+    """Neither a tarball, whole or half-made, nor the exports; the tarballs of the others stay."""
+    out = made["out"]
+    mine = [f"{out.name}-zebra-0001.tar", f".{out.name}-zebra-0001.part.tar", f".{out.name}-zebra-0001.part.json"]
+    theirs = [name.replace("zebra-0001", who) for name in mine for who in ("apple-0002", "metadata")]
+    out.with_name(f"{out.name}-exports").mkdir(parents=True)
+    for name in (*mine, *theirs, f"{out.name}-exports/README.md"):
+        (out.parent / name).write_text("made of everybody")
+    sheets(made["project"], CONSENT | {"Secondname": "no"})
+    build(made)
+    assert sorted(path.name for path in out.parent.iterdir()) == sorted([out.name, *mine])
+    sheets(made["project"], dict.fromkeys(CONSENT, "no"))
+    with pytest.raises(DiorError, match="no subject's consent_release is yes"):
+        build(made)
+    assert list(out.parent.iterdir()) == []
 
 
 def test_a_build_that_fails_leaves_the_earlier_one(made):
@@ -323,7 +348,7 @@ def test_stamps_count_from_each_persons_first_picture_where_asked_for(made, buil
         build(made, config=config)
     for path in made["pixels"]:
         table = tables.read(path, "released_frames")
-        tables.write(path, "released_frames", table | {"stamp_ns": table["stamp_ns"] + shift.FIRST_NS})
+        tables.write(path, "released_frames", table | {"stamp_ns": table["stamp_ns"] + shift_stamps.FIRST_NS})
     out = build(made, config=config)
     assert "walks is at 1980-01-01 00:00 UTC" in (out / "README.md").read_text()
     for path in sorted(out.rglob("*.parquet")):
@@ -331,7 +356,7 @@ def test_stamps_count_from_each_persons_first_picture_where_asked_for(made, buil
         if "stamp_ns" in tables.columns_of(kind):
             before = tables.read(built["out"] / path.relative_to(out), kind, ["stamp_ns"])["stamp_ns"]
             after = tables.read(path, kind, ["stamp_ns"])["stamp_ns"]
-            assert (after - before == shift.FIRST_NS).all() and len(after), path
+            assert (after - before == shift_stamps.FIRST_NS).all() and len(after), path
 
 
 def test_provenance_tells_what_it_was_made_of_and_no_names(built):

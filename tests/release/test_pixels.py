@@ -7,7 +7,7 @@ import pytest
 
 from dior.errors import DiorError
 from dior.ingest import frames
-from dior.release import covering, jpeg, pixels
+from dior.release import head_blur, jpeg, pixels
 from dior.tables import tables
 from tests.ingest import bagfiles
 from tests.release.test_jpeg import COMMENT, EXIF, dirty
@@ -68,10 +68,10 @@ def test_pictures_of_a_camera(recording):
         assert {marker for marker, _ in jpeg.segments(table["image"][i])} <= jpeg.KEPT
         assert b"Alice" not in table["image"][i] and table["image"][i].endswith(jpeg.EOI)
     # a head, in JPEG and PNG: grey inside, the picture outside (but for the blocks of the JPEG that hold both)
-    inside = covering.ellipse(BOX, np.arange(SIZE[0]), np.arange(SIZE[1]))
+    inside = head_blur.ellipse(BOX, np.arange(SIZE[0]), np.arange(SIZE[1]))
     for i in (0, 3, 6):
         found = decoded(table["image"][i]).astype(int)
-        assert np.abs(found[inside] - covering.GREY).mean() < 12
+        assert np.abs(found[inside] - head_blur.GREY).mean() < 12
         assert np.abs(found[:, 48:] - scene(i).astype(int)[:, 48:]).mean() < 4
     (text,) = tables.read(given["findings"], "findings")["text"]
     assert text.startswith("2 of 7 pictures cannot be read") and "frame 4" in text
@@ -114,12 +114,12 @@ def test_shown_faces_are_passed_on(recording):
 
 
 def test_stamps_count_from_the_persons_first_picture(recording):
-    from dior.release import shift
+    from dior.release import shift_stamps
 
     _, given = recording
     pixels.run(**given | {"shift": {"frames": [str(given["frames"])]}})
     table = tables.read(given["out"], "released_frames")
-    assert table["stamp_ns"].tolist() == [shift.FIRST_NS + i * STEP for i in range(7)]
+    assert table["stamp_ns"].tolist() == [shift_stamps.FIRST_NS + i * STEP for i in range(7)]
 
 
 def test_other_pictures_in_heads_are_refused(recording, tmp_path):
@@ -127,3 +127,12 @@ def test_other_pictures_in_heads_are_refused(recording, tmp_path):
     with pytest.raises(DiorError, match="is of other pictures"):
         pixels.run(**given | {"heads": _heads(tmp_path / "other.parquet", ["ok"] * 6)})
     assert not given["out"].exists()
+
+
+def test_no_picture_is_released_without_knowing_where_the_heads_are(recording):
+    _, given = recording
+    with pytest.raises(DiorError, match="walk, camera cam01: faces are to be filled, but no table of heads is given"):
+        pixels.run(**given | {"heads": None})
+    assert not given["out"].exists()
+    pixels.run(**given | {"heads": None, "consent": "no"})
+    assert set(tables.read(given["out"], "released_frames")["no_image"]) == {"no_consent"}

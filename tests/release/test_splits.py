@@ -17,7 +17,7 @@ def walk(subject, name, order, outfit, session="field"):
         "subject": subject,
         "sequence": name,
         "session": session,
-        "shown": session,
+        "released_session": session,
         "session_order": str(order),
         "outfit": outfit,
         "cameras": ["cam01", "cam02"],

@@ -63,6 +63,20 @@ def test_results_lie_in_the_folder_of_the_step_or_of_the_table(printed):
             assert not outside, step
 
 
+def test_a_release_is_made_anew_where_anything_of_one_is(tmp_path):
+    """An empty folder is none; pictures that a build which was cut short left behind may be of who withdrew."""
+    release = tmp_path / "dior-[0.1]"
+    functions = {"RELEASE": str(release)}
+    exec((ROOT / "workflow/inputs/release.smk").read_text(), functions)
+    functions["release_outputs"] = lambda: ["all of it"]
+    assert functions["existing_release"]() == []
+    (release / "frames/somebody").mkdir(parents=True)
+    assert functions["existing_release"]() == []
+    (release / "frames/somebody/walk_1.cam01.parquet").touch()
+    assert functions["existing_release"]() == ["all of it"]
+    assert re.search(r"^rule all:.*?existing_release\(\)", (ROOT / "Snakefile").read_text(), re.MULTILINE | re.DOTALL)
+
+
 # what Snakemake alone needs: inputs that the step is told of otherwise or finds through its tables, outputs that it
 # writes into its folder, and parameters that re-run it
 ALONE = {

@@ -1,5 +1,7 @@
 """Input and parameter functions of the rules of release. They only look things up in the project."""
 
+from glob import escape, glob
+
 # the steps whose output is in a release or shapes it
 RELEASED_STEPS = [
     "ingest.frames",
@@ -184,8 +186,13 @@ def release_outputs():
 
 
 def existing_release():
-    """The same, where there is a release already: nobody who withdrew stays in it."""
-    return release_outputs() if os.path.exists(RELEASE) else []
+    """The same, where there is a release already, or what is left of one: nobody who withdrew stays in it.
+
+    It is there where anything about a person is: an empty folder is no release. SHA256SUMS does not tell. Snakemake
+    deletes it before `package` starts, so that a build which was cut short leaves people's pictures without it.
+    """
+    about_people = glob(f"{escape(RELEASE)}/*/*/*")
+    return release_outputs() if about_people else []
 
 
 def tarballs_of(subjects):
@@ -234,7 +241,7 @@ def stamps_from(wildcards):
 
 
 def stamps_shift(wildcards):
-    """What `dior.release.shift.taken_off` wants to know, as JSON; {} to leave stamps as they are."""
+    """What `dior.release.shift_stamps.shift_ns` wants to know, as JSON; {} to leave stamps as they are."""
     files = stamps_from(wildcards)
     return json.dumps({"frames": files} if files else {})
 

@@ -1,6 +1,7 @@
 """Why a recording differs between two releases: which of the inputs and settings that changed can touch it.
 
-INPUTS   provenance.json of both releases (record.py). OUTPUTS: `Change`s, and for a recording those that can touch it
+INPUTS   provenance.json of both releases (provenance_json.py). OUTPUTS: `Change`s, and for a recording those that can
+         touch it
 
 An input touches what the steps of the workflow make of it. What reaches other walks does so through the poses of the
 cameras, so that it is a reason there only where a pose of the session did change. Where several can be the reason, all
@@ -9,8 +10,11 @@ are given: which one it was only another run can tell.
 
 import json
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 from dior.errors import DiorError
+from dior.release.provenance_json import VERSION
 
 PROVENANCE = "provenance.json"
 INDOOR, OUTDOOR = "indoor", "outdoor"
@@ -56,7 +60,7 @@ class Change:
 
 
 @dataclass(frozen=True)
-class Recording:
+class ChangedRecording:
     """One camera, or "" for the 3D and the marks, of a walk that differs.
 
     `tables`: those that differ; `close`: names of the session's close cameras; `posed`: cameras whose pose differs.
@@ -66,21 +70,25 @@ class Recording:
     sequence: str
     camera: str
     environment: str
-    tables: frozenset
-    close: frozenset
-    posed: frozenset
+    tables: frozenset[str]
+    close: frozenset[str]
+    posed: frozenset[str]
 
 
-def read(folder):
-    """The content of provenance.json. Raises DiorError where there is none that can be read."""
+def read(folder: Path) -> dict[str, Any]:
+    """The content of provenance.json. Raises DiorError where there is none of this version that can be read."""
     path = folder / PROVENANCE
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        version = content["provenance_version"]
+    except (OSError, ValueError, TypeError, KeyError) as error:
         raise DiorError(f"{path}: cannot be read ({error}); is it a release that dior made?") from None
+    if version != VERSION:
+        raise DiorError(f"{path}: is of version {version}, this dior knows {VERSION}; take the dior that made it")
+    return content
 
 
-def changes(first, second, session_of):
+def changes(first: dict[str, Any], second: dict[str, Any], session_of: dict[str, str]) -> list[Change]:
     """`Change`s between two contents of provenance.json, sorted by text. `session_of`: sequence -> session."""
     found = [Change(_said("setting", *row), _about(SETTINGS, row[0])) for row in _differing(first, second, "config")]
     found += [Change(f"code of {row[0]}", _about(STEPS, row[0])) for row in _differing(first, second, "code")]
@@ -102,27 +110,27 @@ def changes(first, second, session_of):
     return sorted(found, key=lambda change: change.text)
 
 
-def _differing(first, second, key):
+def _differing(first: dict[str, Any], second: dict[str, Any], key: str) -> list[tuple[str, Any, Any]]:
     """(name, value before, value after) of what differs in two dicts of dicts; None where it is not there."""
     one, other = first.get(key, {}), second.get(key, {})
     return [(n, one.get(n), other.get(n)) for n in sorted(one.keys() | other.keys()) if one.get(n) != other.get(n)]
 
 
-def _said(what, name, before, after):
+def _said(what: str, name: str, before: Any, after: Any) -> str:
     words = ["not there" if value is None else json.dumps(value, ensure_ascii=False) for value in (before, after)]
     return f"{what} {name}: {' -> '.join(words)}"
 
 
-def _file(text, _, before, after):
+def _file(text: str, _: str, before: Any, after: Any) -> str:
     return text + (" (new)" if before is None else " (gone)" if after is None else "")
 
 
-def _about(table, name):
+def _about(table: dict[str, str], name: str) -> str:
     return next((about for start, about in table.items() if name.startswith(start)), "")
 
 
-def can_touch(change, where):
-    """Whether a `Change` can be a reason why a `Recording` differs."""
+def can_touch(change: Change, where: ChangedRecording) -> bool:
+    """Whether a `Change` can be a reason why a `ChangedRecording` differs."""
     if change.about in (INDOOR, OUTDOOR) and change.about != where.environment:
         return False
     if change.about in (PICTURES, MARKS, FILES) and change.about not in where.tables:
@@ -133,7 +141,7 @@ def can_touch(change, where):
     return change.sequence in ("", where.sequence) or bool(through_pose)
 
 
-def _of_camera(change, where):
+def _of_camera(change: Change, where: ChangedRecording) -> bool:
     """What belongs to a camera touches it; outdoors all close cameras see the walker together, and what they see is the
     3D that every camera is labelled with. The marks of all cameras of a walk are one table.
     """

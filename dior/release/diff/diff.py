@@ -12,22 +12,31 @@ import hashlib
 import json
 import sys
 from collections import Counter
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any, TypeAlias
 
 import numpy as np
-import pyarrow.parquet as pq
 
+from dior.arrays import Bools, Floats, Table
 from dior.errors import DiorError
 from dior.progress import reporting
-from dior.release import sums
+from dior.release import checksums
 from dior.release.diff import causes, diff_text
-from dior.release.layout import PARTS
+from dior.release.diff.diff_text import Found
+from dior.release.layout import IN_PICTURE, PARTS, of_other_version, rows_of
 from dior.tables import tables
 
-IN_PICTURE = ("ok", "occluded")
+# rows of a table by their key
+Rows: TypeAlias = dict[tuple[str, ...], dict[str, Any]]
+# (sequence, camera); the camera is "" for what is about the whole walk
+Place: TypeAlias = tuple[str, str]
+# frame -> (stamp, digest of its picture or None, reason for none)
+Digests: TypeAlias = dict[int, tuple[int, bytes | None, str]]
 TABLE = {part.name: part.table for part in PARTS}
 LENS = ("width", "height", "fx", "fy", "cx", "cy", "distortion_model", "distortion")
+# pictures in memory at once; chosen: it bounds the memory
 PICTURES_AT_ONCE = 16
 
 
@@ -45,12 +54,15 @@ def run(first: Path, second: Path, *, as_json: bool = False) -> int:
     return 0 if found["same"] else 1
 
 
-def compared(first, second):
+def compared(first: Path, second: Path) -> Found:
     """Everything that differs, as a dict for JSON."""
-    listed = [sums.read(folder) for folder in (first, second)]
+    listed = [checksums.read(folder) for folder in (first, second)]
     found = {"first": first.resolve().name, "second": second.resolve().name, "same": listed[0] == listed[1]}
     if found["same"]:
         return found
+    for folder in (first, second):
+        if wrong := of_other_version(folder / "sequences.parquet"):
+            raise DiorError(f"{folder}: {wrong}")
     sheets = [_walks(folder) for folder in (first, second)]
     rigs = [_rows(folder / "cameras.parquet", "released_cameras", ("session", "camera")) for folder in (first, second)]
     cameras = _cameras(*rigs)
@@ -73,27 +85,25 @@ def compared(first, second):
     }
 
 
-def _rows(path, name, keys):
+def _rows(path: Path, name: str, keys: Sequence[str]) -> Rows:
     """Rows of a table as dicts by their key."""
-    table = tables.read(path, name)
-    rows = [dict(zip(table, cells, strict=True)) for cells in zip(*table.values(), strict=True)]
-    return {tuple(row[key] for key in keys): row for row in rows}
+    return {tuple(row[key] for key in keys): row for row in rows_of(tables.read(path, name))}
 
 
-def _walks(folder):
+def _walks(folder: Path) -> dict[str, dict[str, Any]]:
     return {name: row for (name,), row in _rows(folder / "sequences.parquet", "sequences", ("sequence",)).items()}
 
 
-def _where(one, walk, rig, cameras):
+def _where(one: Found, walk: dict[str, Any], rig: Rows, cameras: list[Found]) -> causes.ChangedRecording:
     session = walk["session"]
     posed = {camera["camera"] for camera in cameras if camera["session"] == session and camera.get("moved_mm")}
     posed |= {camera["camera"] for camera in cameras if camera["session"] == session and camera.get("turned_deg")}
     close = {camera for (where, camera), row in rig.items() if where == session and row["role"] == "close"}
     sets = map(frozenset, (TABLE.keys() & one.keys(), close, posed))
-    return causes.Recording(session, one["sequence"], one.get("camera", ""), walk["environment"], *sets)
+    return causes.ChangedRecording(session, one["sequence"], one.get("camera", ""), walk["environment"], *sets)
 
 
-def _cameras(first, second):
+def _cameras(first: Rows, second: Rows) -> list[Found]:
     """How each camera of each session changed, those that did."""
     found = []
     for key in sorted(first.keys() | second.keys()):
@@ -107,11 +117,9 @@ def _cameras(first, second):
     return found
 
 
-def _camera(one, other):
-    poses = [row["wTc"].reshape(4, 4) for row in (one, other)]
-    change = {}
-    if not np.array_equal(*poses, equal_nan=True):
-        change = moved(*poses)
+def _camera(one: dict[str, Any], other: dict[str, Any]) -> Found:
+    before, after = (row["wTc"].reshape(4, 4) for row in (one, other))
+    change = {} if np.array_equal(before, after, equal_nan=True) else pose_change(before, after)
     for key in (*LENS, "role", "locate"):
         before, after = (np.asarray(row[key]).tolist() for row in (one, other))
         if not np.array_equal(one[key], other[key], equal_nan=key not in ("distortion_model", "role", "locate")):
@@ -121,14 +129,14 @@ def _camera(one, other):
     return change
 
 
-def _clocks(first, second):
+def _clocks(first: Path, second: Path) -> list[Found]:
     """By how much the clock of each camera in each walk changed, those that did and that both releases have."""
     keys = ("sequence", "camera")
     one, other = (_rows(folder / "clocks.parquet", "released_clocks", keys) for folder in (first, second))
     found = []
     for key in sorted(one.keys() & other.keys()):
         a, b = one[key], other[key]
-        change = {
+        change: Found = {
             "offset_ms": _rounded(1000 * (b["offset_s"] - a["offset_s"])),
             "drift_ppm": _rounded(b["drift_ppm"] - a["drift_ppm"]),
         }
@@ -138,14 +146,14 @@ def _clocks(first, second):
     return found
 
 
-def _plain(value):
+def _plain(value: Any) -> Any:
     """NaN is null in JSON."""
     if isinstance(value, list):
         return [_plain(one) for one in value]
     return None if value != value else value
 
 
-def moved(first, second):
+def pose_change(first: Floats, second: Floats) -> Found:
     """`moved_mm` and `turned_deg` between two poses (4, 4), m."""
     turn = first[:3, :3].T @ second[:3, :3]
     # half the angle by both of its sides: near 0 the arc cosine alone loses half the digits
@@ -157,12 +165,14 @@ def moved(first, second):
     }
 
 
-def _rounded(value):
+def _rounded(value: float | np.floating[Any]) -> float | None:
     """Four digits, as nobody measures more; null for NaN."""
     return None if np.isnan(value) else float(f"{value:.4g}")
 
 
-def _tables(first, second, listed, sheets):
+def _tables(
+    first: Path, second: Path, listed: list[dict[str, str]], sheets: list[dict[str, dict[str, Any]]]
+) -> tuple[list[Found], list[Found]]:
     """What differs in recordings (sequence, camera) and in the 3D of sequences, sorted."""
     places = [_places(digests) for digests in listed]
     keys = sorted(
@@ -171,7 +181,7 @@ def _tables(first, second, listed, sheets):
         if {kind: listed[0][path] for kind, path in places[0].get(key, {}).items()}
         != {kind: listed[1][path] for kind, path in places[1].get(key, {}).items()}
     )
-    with ThreadPoolExecutor(sums.THREADS) as pool:
+    with ThreadPoolExecutor(checksums.THREADS) as pool:
         looked = pool.map(
             lambda key: _recording(key, (first, second), [place.get(key, {}) for place in places], listed, sheets), keys
         )
@@ -179,9 +189,9 @@ def _tables(first, second, listed, sheets):
     return [one for one in found if one.get("camera")], [one for one in found if not one.get("camera")]
 
 
-def _places(digests):
-    """(sequence, camera) -> kind -> path; the camera is "" for what is about the whole walk."""
-    found = {}
+def _places(digests: dict[str, str]) -> dict[Place, dict[str, str]]:
+    """Place -> kind -> path."""
+    found: dict[Place, dict[str, str]] = {}
     for name in digests:
         kind, *rest = name.split("/")
         if len(rest) == 2 and kind in TABLE:
@@ -190,10 +200,16 @@ def _places(digests):
     return found
 
 
-def _recording(key, folders, paths, listed, sheets):
+def _recording(
+    key: Place,
+    folders: tuple[Path, Path],
+    paths: list[dict[str, str]],
+    listed: list[dict[str, str]],
+    sheets: list[dict[str, dict[str, Any]]],
+) -> Found:
     """What differs in the tables of one camera of a walk, or of the walk itself."""
     sequence, camera = key
-    found = {"sequence": sequence} | ({"camera": camera} if camera else {})
+    found: Found = {"sequence": sequence} | ({"camera": camera} if camera else {})
     if not all(paths):
         return found | {"change": "added" if paths[1] else "removed"}
     found["change"] = "changed"
@@ -209,60 +225,64 @@ def _recording(key, folders, paths, listed, sheets):
     return found
 
 
-def _both(first, second, keys):
-    """(rows of the first, rows of the second) that both tables have, by `keys` and joint, and how many only one has."""
+def _in_both(paths: tuple[Path, Path], name: str, key: str, columns: list[str]) -> tuple[Table, Table, Found]:
+    """The rows that a table of two releases has in both, by `key` (frame or instant) and joint, in the same order, and
+    how many there are and only one has."""
+    first, second = (tables.read(path, name, ["joint", key, "stamp_ns", "status", *columns]) for path in paths)
     joints = sorted({*first["joint"], *second["joint"]})
     index = {joint: i for i, joint in enumerate(joints)}
     numbers = [
-        table[keys].astype(np.int64) * len(joints) + np.array([index[j] for j in table["joint"].tolist()], np.int64)
+        table[key].astype(np.int64) * len(joints) + np.array([index[j] for j in table["joint"].tolist()], np.int64)
         for table in (first, second)
     ]
-    common, one, other = np.intersect1d(*numbers, assume_unique=True, return_indices=True)
-    return one, other, len(numbers[0]) - len(common), len(numbers[1]) - len(common)
+    common, one, other = np.intersect1d(numbers[0], numbers[1], assume_unique=True, return_indices=True)
+    rows = {
+        "rows": len(common),
+        "rows_added": len(numbers[1]) - len(common),
+        "rows_removed": len(numbers[0]) - len(common),
+    }
+    return tables.rows(first, one), tables.rows(second, other), rows
 
 
-def labels(first, second):
+def labels(first: Path, second: Path) -> Found:
     """How the labels of one camera differ: `moved_px` of those in the picture in either, over rows that both have."""
-    columns = ["joint", "frame", "stamp_ns", "u", "v", "sigma_u", "sigma_v", "status"]
-    tables_of = [tables.read(path, "labels_2d", columns) for path in (first, second)]
-    one, other, removed, added = _both(*tables_of, "frame")
-    a, b = (tables.rows(table, rows) for table, rows in zip(tables_of, (one, other), strict=True))
-    shift = np.hypot(b["u"].astype(float) - a["u"], b["v"].astype(float) - a["v"])
+    a, b, rows = _in_both((first, second), "labels_2d", "frame", ["u", "v", "sigma_u", "sigma_v"])
+    distance = np.hypot(b["u"].astype(float) - a["u"], b["v"].astype(float) - a["v"])
     seen = np.isin(a["status"], IN_PICTURE) | np.isin(b["status"], IN_PICTURE)
     sigma = [np.hypot(table["sigma_u"].astype(float), table["sigma_v"]) for table in (a, b)]
-    return _told(a, b, removed, added, "moved_px", shift[seen]) | _ratio(sigma)
+    return rows | {"moved_px": _spread(distance[seen]), **_changes(a, b, distance[seen]), **_ratio(sigma)}
 
 
-def skeleton(first, second):
+def skeleton(first: Path, second: Path) -> Found:
     """How the 3D of a walk differs: `moved_mm` of the points that both have."""
-    columns = ["joint", "instant", "stamp_ns", "x", "y", "z", "status"]
-    tables_of = [tables.read(path, "skeletons_3d", columns) for path in (first, second)]
-    one, other, removed, added = _both(*tables_of, "instant")
-    a, b = (tables.rows(table, rows) for table, rows in zip(tables_of, (one, other), strict=True))
-    way = np.stack([b[axis].astype(float) - a[axis] for axis in "xyz"])
-    return _told(a, b, removed, added, "moved_mm", 1000 * np.linalg.norm(way, axis=0))
+    a, b, rows = _in_both((first, second), "skeletons_3d", "instant", ["x", "y", "z"])
+    distance = 1000 * np.linalg.norm([b[axis].astype(float) - a[axis] for axis in "xyz"], axis=0)
+    return rows | {"moved_mm": _spread(distance), **_changes(a, b, distance)}
 
 
-def _told(a, b, removed, added, what, shift):
-    shift = shift[np.isfinite(shift)]
-    how = {"median": np.median, "p95": lambda s: np.percentile(s, 95), "max": np.max}
+def _spread(distance: Floats) -> dict[str, float | None]:
+    """Median, 95th percentile and largest of the distances (N,) that are known."""
+    known = distance[np.isfinite(distance)]
+    if not len(known):
+        return dict.fromkeys(("median", "p95", "max"))
+    return dict(zip(("median", "p95", "max"), map(_rounded, np.percentile(known, (50, 95, 100))), strict=True))
+
+
+def _changes(a: Table, b: Table, distance: Floats) -> Found:
+    """What else differs between the same rows of two tables; `distance` (N,): how far those that count moved."""
     ticks = np.abs(b["stamp_ns"] - a["stamp_ns"]).max(initial=0)
     return {
-        "rows": len(a["joint"]),
-        "rows_added": added,
-        "rows_removed": removed,
-        what: {name: _rounded(of(shift)) if len(shift) else None for name, of in how.items()},
-        "moved_share": _share(shift > 0),
+        "moved_share": _share(distance[np.isfinite(distance)] > 0),
         "status_changed_share": _share(a["status"] != b["status"]),
         "stamps_moved_ms": _rounded(ticks / 1e6),
     }
 
 
-def _share(flags):
+def _share(flags: Bools) -> float | None:
     return _rounded(flags.mean()) if len(flags) else None
 
 
-def _ratio(sigma):
+def _ratio(sigma: list[Floats]) -> Found:
     """By how much labels became more (below 1) or less sure, where both say so."""
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = sigma[1] / sigma[0]
@@ -270,7 +290,7 @@ def _ratio(sigma):
     return {"sigma_ratio": _rounded(np.median(ratio)) if len(ratio) else None}
 
 
-def pictures(first, second):
+def pictures(first: Path, second: Path) -> Found:
     """How many frames and pictures of one camera differ."""
     one, other = (_digests(path) for path in (first, second))
     common = one.keys() & other.keys()
@@ -286,29 +306,26 @@ def pictures(first, second):
     }
 
 
-def _reasons(one, other):
+def _reasons(one: Digests, other: Digests) -> dict[str, list[int]]:
     """How many pictures there are not for each reason, before and after, where that differs."""
     counts = [Counter(reason for *_, reason in digests.values() if reason) for digests in (one, other)]
     return {r: [n[r] for n in counts] for r in sorted(counts[0] | counts[1]) if counts[0][r] != counts[1][r]}
 
 
-def _digests(path):
+def _digests(path: Path) -> Digests:
     """Frame -> (stamp, digest of its picture or None, reason for none), a few pictures in memory at a time."""
     found = {}
     columns = ["frame", "stamp_ns", "image", "no_image"]
-    with pq.ParquetFile(path, buffer_size=1 << 20) as table:
-        for batch in table.iter_batches(PICTURES_AT_ONCE, columns=columns, use_threads=False):
-            for row in batch.to_pylist():
-                data = row["image"] and row["image"]["bytes"]
-                digest = data and hashlib.blake2b(data, digest_size=16).digest()
-                found[row["frame"]] = (row["stamp_ns"], digest, row["no_image"])
+    for table in tables.read_in_parts(path, "released_frames", columns, PICTURES_AT_ONCE):
+        for frame, stamp, data, why in zip(*(table[column].tolist() for column in columns), strict=True):
+            found[frame] = (stamp, data and hashlib.blake2b(data, digest_size=16).digest(), why)
     return found
 
 
 LOOK = {"labels_2d": labels, "skeletons_3d": skeleton, "frames": pictures}
 
 
-def _files(first, second):
+def _files(first: dict[str, str], second: dict[str, str]) -> dict[str, list[str]]:
     """Files about the whole release that differ, but for the lists of checksums."""
     names = sorted(name for name in first.keys() | second.keys() if "/" not in name)
     return {

@@ -1,9 +1,14 @@
 """The text of `dior diff`: tables that a person reads. INPUT: the dict of diff.py. OUTPUT: text."""
 
+from collections.abc import Callable, Sequence
+from typing import Any, TypeAlias
+
+# part of what diff.py found, as it is in the JSON
+Found: TypeAlias = dict[str, Any]
 LENGTHS = {"moved_px": "px", "moved_mm": "mm"}
 
 
-def of(found):
+def of(found: Found) -> str:
     """All that differs; reasons are numbers of the list at the end."""
     if found["same"]:
         return f"{found['first']} and {found['second']} are the same"
@@ -21,7 +26,9 @@ def of(found):
     return "\n".join(lines)
 
 
-def _section(title, rows, keys, told, inputs):
+def _section(
+    title: str, rows: list[Found], keys: Sequence[str], described: Callable[[Found], list[str]], inputs: Sequence[str]
+) -> list[str]:
     if not rows:
         return []
     widths = [max(len(row[key]) for row in rows) for key in keys]
@@ -29,12 +36,12 @@ def _section(title, rows, keys, told, inputs):
     for row in rows:
         name = "  ".join(f"{row[key]:<{width}}" for key, width in zip(keys, widths, strict=True))
         lines.append(
-            f"  {name}  {'; '.join(told(row)) if row['change'] == 'changed' else row['change']}{_why(row, inputs)}"
+            f"  {name}  {'; '.join(described(row)) if row['change'] == 'changed' else row['change']}{_why(row, inputs)}"
         )
     return lines
 
 
-def _why(row, inputs):
+def _why(row: Found, inputs: Sequence[str]) -> str:
     if "because" not in row:
         return ""
     return "  because of " + (
@@ -42,7 +49,7 @@ def _why(row, inputs):
     )
 
 
-def _camera(row):
+def _camera(row: Found) -> list[str]:
     parts = []
     if "moved_mm" in row:
         parts.append(f"moved {_number(row['moved_mm'])} mm, turned {_number(row['turned_deg'])} deg")
@@ -50,16 +57,16 @@ def _camera(row):
     return [*parts, *(["covariance changed"] if "covariance" in row else [])]
 
 
-def _clock(row):
+def _clock(row: Found) -> list[str]:
     parts = [f"offset by {_number(row['offset_ms'])} ms, drift by {_number(row['drift_ppm'])} ppm"]
     return parts + [f"{key} {before or 'none'} -> {after or 'none'}" for key, (before, after) in _pairs(row)]
 
 
-def _pairs(row):
+def _pairs(row: Found) -> list[tuple[str, list[Any]]]:
     return [(key, change) for key, change in row.items() if isinstance(change, list)]
 
 
-def _recording(row):
+def _recording(row: Found) -> list[str]:
     parts = [f"subject {' -> '.join(row['subject'])}"] if "subject" in row else []
     for kind, change in row.items():
         if isinstance(change, dict):
@@ -69,7 +76,7 @@ def _recording(row):
     return parts
 
 
-def _moved(kind, change):
+def _moved(kind: str, change: Found) -> str:
     what = next(key for key in LENGTHS if key in change)
     values = [f"{name} {_number(value)}" for name, value in change[what].items()]
     parts = [f"{kind} moved {', '.join(values)} {LENGTHS[what]}"]
@@ -83,12 +90,12 @@ def _moved(kind, change):
     return ", ".join(parts)
 
 
-def _pictures(change):
+def _pictures(change: Found) -> str:
     counts = {key: n for key, n in change.items() if n and key not in ("pictures", "no_image")}
-    told = [f"{n} {key.replace('_', ' ')}" for key, n in counts.items()]
-    told += [f"without a picture for {reason} {a} -> {b}" for reason, (a, b) in change["no_image"].items()]
-    return "frames: " + (", ".join(told) or "written anew") + f" (of {change['pictures']} pictures in both)"
+    words = [f"{n} {key.replace('_', ' ')}" for key, n in counts.items()]
+    words += [f"without a picture for {reason} {a} -> {b}" for reason, (a, b) in change["no_image"].items()]
+    return "frames: " + (", ".join(words) or "written anew") + f" (of {change['pictures']} pictures in both)"
 
 
-def _number(value):
+def _number(value: float | None) -> str:
     return "unknown" if value is None else f"{value:.4g}"

@@ -9,16 +9,20 @@ yields a function to be called with every recording and its pose, or with every 
 
 from contextlib import ExitStack
 from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
 
 from dior.errors import DiorError, nearest
 from dior.progress import reporting
+from dior.release import checksums
 from dior.tables.files import folder_written_whole, write_text
-from dior.tables.hashes import file_sha256
+
+if TYPE_CHECKING:
+    from dior.release.exports.recordings import Release
 
 BY_RECORDING = ("coco", "opengait", "gaitgraph", "webdataset")
 BY_WALK = ("trc", "c3d", "bids")
 FORMATS = (*BY_RECORDING, *BY_WALK)
-SUMS = "SHA256SUMS"
 HEAD = """\
 # {name}: exports
 
@@ -76,14 +80,10 @@ def run(*, release: Path, formats: list[str], out: Path) -> None:
                     add(walk, body)
         parts = [f"## {name}\n\n{modules[name].ABOUT}" for name in chosen]
         write_text(folder / "README.md", "\n".join([HEAD.format(name=found.folder.name), *parts]))
-        write_text(folder / SUMS, _sums(folder))
+        write_text(folder / checksums.SUMS, checksums.text(checksums.of_folder(folder)))
 
 
-def _writers(stack, modules, names, folder, release):
+def _writers(
+    stack: ExitStack, modules: dict[str, ModuleType], names: list[str], folder: Path, release: "Release"
+) -> list[Any]:
     return [stack.enter_context(modules[name].writer(folder / name, release)) for name in names]
-
-
-def _sums(folder):
-    """Lines of SHA256SUMS, as `sha256sum` writes them, of all files in a folder, by path."""
-    names = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
-    return "".join(f"{file_sha256(folder / name)}  {name}\n" for name in names)

@@ -7,16 +7,21 @@ Specification: bids-specification.readthedocs.io, motion. Labels may hold letter
 with motion capture are in it; a release without any has no such folder.
 """
 
-import json
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from dior.arrays import Floats
 from dior.body.names import PLUG_IN_GAIT_39
 from dior.errors import DiorError
-from dior.release.exports.walks import regular
-from dior.release.exports.writing import plain
+from dior.release.exports.fixed_rate import AddWalk, regular
+from dior.release.exports.recordings import Body, Release, ReleasedWalk
+from dior.release.exports.writing import plain, write_json
 from dior.tables import tables
+from dior.tables.files import write_text
 
 ABOUT = """\
 `bids/`: the walks with motion capture as a BIDS dataset (motion), metres in the world of the release (Z up), `n/a`
@@ -25,17 +30,20 @@ which sequence.
 
 `pandas.read_csv("bids/sub-.../motion/sub-..._motion.tsv", sep="\\t", header=None, na_values="n/a")`
 """
+# of the specification
 VERSION = "1.10.0"
 SYSTEM = "omc"  # optical motion capture
 AXES = "Right-handed, origin and x and y as calibrated by the motion capture, z up"
 
 
 @contextmanager
-def writer(folder, release):
+def writer(folder: Path, release: Release) -> Iterator[AddWalk]:
     """Yield `add(walk, body)`; what is about all walks is written when the context ends."""
-    scans, used, people = {}, set(), {}
+    scans: dict[str, list[str]] = {}
+    used: set[str] = set()
+    people: dict[str, str] = {}
 
-    def add(walk, body):
+    def add(walk: ReleasedWalk, body: Body) -> None:
         if not set(body.joints) & set(PLUG_IN_GAIT_39):
             return
         other = people.setdefault(plain(walk.subject), walk.subject)
@@ -47,10 +55,10 @@ def writer(folder, release):
         stem, place = _name(walk, used), folder / f"sub-{plain(walk.subject)}" / "motion"
         place.mkdir(parents=True, exist_ok=True)
         rate, points = regular(body, walk.skeleton)
-        _text(place / f"{stem}_motion.tsv", motion(points))
-        _json(place / f"{stem}_motion.json", sidecar(walk, rate, points))
-        _text(place / f"{stem}_channels.tsv", channels(body.joints))
-        _json(place / f"{stem}_channels.json", {"reference_frame": {"Levels": {"world": {"Description": AXES}}}})
+        write_text(place / f"{stem}_motion.tsv", motion(points))
+        write_json(place / f"{stem}_motion.json", sidecar(walk, rate, points))
+        write_text(place / f"{stem}_channels.tsv", channels(body.joints))
+        write_json(place / f"{stem}_channels.json", {"reference_frame": {"Levels": {"world": {"Description": AXES}}}})
         row = (f"motion/{stem}_motion.tsv", walk.sequence, walk.session, walk.outfit or "n/a")
         scans.setdefault(walk.subject, []).append("\t".join(row))
 
@@ -59,7 +67,7 @@ def writer(folder, release):
         _about_all(folder, release, scans)
 
 
-def _name(walk, used):
+def _name(walk: ReleasedWalk, used: set[str]) -> str:
     """sub-<>_task-<>_tracksys-<>[_acq-<>]_run-<> of a walk; the run is the first that is not in `used`."""
     acquired = f"_acq-{plain(walk.outfit)}" if plain(walk.outfit) else ""
     stem = f"sub-{plain(walk.subject)}_task-{plain(walk.walk) or 'walk'}_tracksys-{SYSTEM}{acquired}"
@@ -68,7 +76,7 @@ def _name(walk, used):
     return f"{stem}_run-{run:02d}"
 
 
-def motion(points):
+def motion(points: Floats) -> str:
     """Rows of tab-separated metres of points (N, J, 3), `n/a` where one is missing."""
     missing = np.isnan(points).any(axis=-1)
     cells = np.repeat(missing, 3, axis=1)
@@ -82,14 +90,14 @@ def motion(points):
     return "\n".join(lines) + "\n"
 
 
-def channels(joints):
+def channels(joints: Sequence[str]) -> str:
     """The table of channels: three per marker, in the order of the columns of the motion."""
     rows = ["name\tcomponent\ttype\ttracked_point\tunits\treference_frame"]
     rows += [f"{joint}_{axis}\t{axis}\tPOS\t{joint}\tm\tworld" for joint in joints for axis in "xyz"]
     return "\n".join(rows) + "\n"
 
 
-def sidecar(walk, rate, points):
+def sidecar(walk: ReleasedWalk, rate: float, points: Floats) -> dict[str, Any]:
     count = points.shape[1]
     return {
         "TaskName": walk.walk or "walk",
@@ -104,20 +112,22 @@ def sidecar(walk, rate, points):
     }
 
 
-def _about_all(folder, release, scans):
-    _json(
+def _about_all(folder: Path, release: Release, scans: dict[str, list[str]]) -> None:
+    write_json(
         folder / "dataset_description.json",
         {"Name": release.folder.name, "BIDSVersion": VERSION, "DatasetType": "raw"},
     )
-    _text(folder / "README", f"Motion capture of {release.folder.name}, made from that release; its card says more.\n")
+    write_text(
+        folder / "README", f"Motion capture of {release.folder.name}, made from that release; its card says more.\n"
+    )
     people = tables.read(release.folder / "subjects.parquet", "subjects")
     heights = dict(zip(people["subject"], people["height_m"], strict=True))
     rows = ["participant_id\theight"]
     for who in sorted(scans):
         height = heights.get(who, np.nan)
         rows.append(f"sub-{plain(who)}\t" + ("n/a" if np.isnan(height) else f"{height:g}"))
-    _text(folder / "participants.tsv", "\n".join(rows) + "\n")
-    _json(folder / "participants.json", {"height": {"Description": "Body height", "Units": "m"}})
+    write_text(folder / "participants.tsv", "\n".join(rows) + "\n")
+    write_json(folder / "participants.json", {"height": {"Description": "Body height", "Units": "m"}})
     meaning = {
         "sequence": {"Description": "The walk in the release"},
         "session": {"Description": "Recording session in the release"},
@@ -125,13 +135,7 @@ def _about_all(folder, release, scans):
     }
     for who, lines in scans.items():
         place = folder / f"sub-{plain(who)}"
-        _text(place / f"sub-{plain(who)}_scans.tsv", "\n".join(["filename\tsequence\tsession\toutfit", *lines]) + "\n")
-        _json(place / f"sub-{plain(who)}_scans.json", meaning)
-
-
-def _text(path, content):
-    path.write_text(content, encoding="utf-8")
-
-
-def _json(path, content):
-    _text(path, json.dumps(content, indent=1) + "\n")
+        write_text(
+            place / f"sub-{plain(who)}_scans.tsv", "\n".join(["filename\tsequence\tsession\toutfit", *lines]) + "\n"
+        )
+        write_json(place / f"sub-{plain(who)}_scans.json", meaning)

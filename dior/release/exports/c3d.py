@@ -3,11 +3,15 @@
 OUTPUTS  c3d/<subject>/<sequence>.c3d: mm, Z up, residual -1 where a point is missing
 """
 
-from contextlib import contextmanager
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
+from pathlib import Path
 
 import numpy as np
 
-from dior.release.exports.walks import MILLIMETRES, regular
+from dior.arrays import Floats
+from dior.release.exports.fixed_rate import AddWalk, file_per_walk
+from dior.release.exports.recordings import Release
 
 ABOUT = """\
 `c3d/<subject>/<sequence>.c3d`: every joint or marker of a walk, mm, in the world of the release (Z up). Missing:
@@ -17,21 +21,12 @@ residual -1. The first frame is the first instant of the skeleton in the release
 """
 
 
-@contextmanager
-def writer(folder, release):
+def writer(folder: Path, release: Release) -> AbstractContextManager[AddWalk]:
     """Yield `add(walk, body)`."""
-    folder.mkdir()
-
-    def add(walk, body):
-        rate, points = regular(body, walk.skeleton)
-        path = folder / walk.subject / f"{walk.sequence}.c3d"
-        path.parent.mkdir(exist_ok=True)
-        write(path, rate, points * MILLIMETRES, body.joints)
-
-    yield add
+    return file_per_walk(folder, ".c3d", write)
 
 
-def write(path, rate, points, joints):
+def write(path: Path, rate: float, points: Floats, joints: Sequence[str]) -> None:
     """Write points (N, J, 3) mm at frames of `rate` Hz; NaN is missing."""
     import ezc3d
 

@@ -7,12 +7,18 @@ A picture without a joint in it has no annotation. Beyond the format: `sigma`, `
 
 import json
 import shutil
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from dior.arrays import Floats
 from dior.body.names import COCO_17
-from dior.release.exports.poses import OCCLUDED, OK
+from dior.geometry.camera import Intrinsics
+from dior.release.exports.poses import OCCLUDED, OK, AddRecording, Pose
+from dior.release.exports.recordings import Recording, Release
 
 ABOUT = """\
 `coco/person_keypoints_<part>.json`: keypoints of every picture of a part of the split by subject.
@@ -40,17 +46,18 @@ CATEGORY = {
     "id": 1, "name": "person", "supercategory": "person", "keypoints": list(COCO_17),
     "skeleton": [list(bone) for bone in SKELETON],
 }  # fmt: skip
+# of a pixel; chosen: a hundredth of what labels are good to at best
 DECIMALS = 3
 
 
 @contextmanager
-def writer(folder, release):
+def writer(folder: Path, release: Release) -> Iterator[AddRecording]:
     """Yield `add(recording, pose)`; the files are whole when the context ends."""
     folder.mkdir()
-    parts = {}
+    parts: dict[str, AddRecording] = {}
     with ExitStack() as stack:
 
-        def add(recording, pose, pictures):
+        def add(recording: Recording, pose: Pose, pictures: dict[int, str]) -> None:
             if recording.part not in parts:
                 parts[recording.part] = stack.enter_context(_file(folder, recording.part, release))
             parts[recording.part](recording, pose, pictures)
@@ -59,7 +66,7 @@ def writer(folder, release):
 
 
 @contextmanager
-def _file(folder, part, release):
+def _file(folder: Path, part: str, release: Release) -> Iterator[AddRecording]:
     """Yield `add` of one JSON: its images are written at once, the annotations beside it and appended in the end."""
     path = folder / f"person_keypoints_{part}.json"
     aside = folder / f".{part}.annotations"
@@ -69,7 +76,7 @@ def _file(folder, part, release):
         head = {"info": info, "licenses": [], "categories": [CATEGORY]}
         file.write(_json(head)[:-1] + ',"images":[')
 
-        def add(recording, pose, pictures):
+        def add(recording: Recording, pose: Pose, pictures: dict[int, str]) -> None:
             images, annotations = rows(recording, pose, pictures, count["images"] + 1, count["annotations"] + 1)
             for stream, name, made in ((file, "images", images), (rest, "annotations", annotations)):
                 if made:
@@ -85,15 +92,18 @@ def _file(folder, part, release):
     aside.unlink()
 
 
-def rows(recording, pose, no_image, first_image=1, first_annotation=1):
+def rows(
+    recording: Recording, pose: Pose, no_image: dict[int, str], first_image: int = 1, first_annotation: int = 1
+) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """Images and annotations (dicts) of a recording; ids are counted from those given. `no_image`: frame -> why."""
     walk, lens = recording.walk, recording.camera.intrinsics
     common = {
         "width": lens.width, "height": lens.height, "subject": walk.subject, "sequence": walk.sequence,
         "camera": recording.camera.name,
     }  # fmt: skip
-    images, annotations = [], []
-    keypoints, sigma = _keypoints(pose), _with_null(pose.sigma.reshape(len(pose.frame), -1))
+    images: list[dict[str, Any]] = []
+    annotations: list[dict[str, Any]] = []
+    keypoints, sigma = _keypoints(pose), with_null(pose.sigma.reshape(len(pose.frame), -1))
     seen = pose.inside.sum(axis=1).tolist()
     boxes = _boxes(pose.box, lens)
     derived = np.flatnonzero(pose.derived).tolist()
@@ -115,7 +125,7 @@ def rows(recording, pose, no_image, first_image=1, first_annotation=1):
     return images, annotations
 
 
-def _keypoints(pose):
+def _keypoints(pose: Pose) -> list[list[float]]:
     """Lists of 51 numbers per picture."""
     inside = pose.inside
     visibility = np.select([pose.status == OK, pose.status == OCCLUDED], [2, 1], 0)
@@ -126,19 +136,20 @@ def _keypoints(pose):
     ]
 
 
-def _boxes(box, lens):
+def _boxes(box: Floats, lens: Intrinsics) -> list[list[float]]:
     """x, y, width, height (F, 4) from the corner of the picture, around whole pixels, of boxes of their centres."""
     low = np.maximum(box[:, :2], 0.0)
     high = np.minimum(box[:, 2:] + 1.0, (lens.width, lens.height))
     return np.round(np.concatenate([low, high - low], axis=1), DECIMALS).tolist()
 
 
-def _with_null(values):
+def with_null(values: Floats) -> list[Any]:
+    """Numbers as nested lists, rounded; null where one is not known."""
     known = np.isfinite(values)
     numbers = np.round(np.where(known, values, 0.0), DECIMALS).astype(object)
     numbers[~known] = None
     return numbers.tolist()
 
 
-def _json(value):
+def _json(value: Any) -> str:
     return json.dumps(value, separators=(",", ":"))

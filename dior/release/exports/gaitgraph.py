@@ -6,11 +6,16 @@ The loader takes <anything>/<subject>-<status>-<number>-<view>/<frame>.jpg and m
 which is nm, bg or cl. It cannot have a hole in a row: a picture of which a joint is not known is left out.
 """
 
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any, TextIO
 
 import numpy as np
 
 from dior.body.names import COCO_17
+from dior.release.exports.poses import AddRecording, Pose
+from dior.release.exports.recordings import Recording, Release
 from dior.release.exports.writing import write_csv
 
 ABOUT = """\
@@ -29,17 +34,20 @@ HEADER = ",".join(["image_name", *(f"{joint}_{what}" for joint in COCO_17 for wh
 ROW = ",".join(["%s"] + ["%.3f,%.3f,%d"] * 17) + "\n"
 COLUMNS = "name subject sequence camera environment outfit walk pictures kept".split()
 FILES = {"train": ("train", "train_valid"), "val": ("valid", "train_valid"), "test": ("test",), "all": ("all",)}
+# degrees between the 11 views of CASIA-B, of which the loader makes integers
 VIEW_STEP = 18
 
 
 @contextmanager
-def writer(folder, release):
+def writer(folder: Path, release: Release) -> Iterator[AddRecording]:
     """Yield `add(recording, pose)`; `sequences.csv` is written when the context ends."""
     folder.mkdir()
-    known_as, rows, files = names(release), [], {}
+    known_as = names(release)
+    rows: list[tuple[Any, ...]] = []
+    files: dict[str, TextIO] = {}
     with ExitStack() as stack:
 
-        def add(recording, pose, pictures):
+        def add(recording: Recording, pose: Pose, pictures: dict[int, str]) -> None:
             name, walk = known_as[recording.name], recording.walk
             lines = lines_of(name, pose)
             facts = (name, walk.subject, walk.sequence, recording.camera.name, walk.environment, walk.outfit, walk.walk)
@@ -55,7 +63,7 @@ def writer(folder, release):
     write_csv(folder / "sequences.csv", COLUMNS, rows)
 
 
-def lines_of(name, pose):
+def lines_of(name: str, pose: Pose) -> list[str]:
     """Lines of the CSV of the pictures of which every joint is known."""
     known = np.isfinite(pose.uv).all(axis=(1, 2))
     numbers = np.concatenate([pose.uv, pose.inside[..., None]], axis=-1)[known].reshape(-1, 51).tolist()
@@ -63,10 +71,12 @@ def lines_of(name, pose):
     return [ROW % (f"dior/{name}/{frame:06d}.jpg", *row) for frame, row in zip(frames, numbers, strict=True)]
 
 
-def names(release):
+def names(release: Release) -> dict[str, str]:
     """<subject>-<status>-<number>-<view> of every recording, by its name."""
     people = {who: i for i, who in enumerate(sorted({walk.subject for walk in release.walks}), start=1)}
-    first, count, walks = {}, {}, {}
+    first: dict[str, str] = {}
+    count: dict[tuple[str, str], int] = {}
+    walks = {}
     for walk in release.walks:
         status = "nm" if first.setdefault(walk.subject, walk.outfit) == walk.outfit else "cl"
         count[walk.subject, status] = count.get((walk.subject, status), 0) + 1

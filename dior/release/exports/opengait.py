@@ -7,14 +7,18 @@ The loaders take every file of a view for another kind of data of the same frame
 
 import copyreg
 import io
-import json
 import pickle
+from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from dior.release.exports.recordings import SUBJECT_SPLIT
-from dior.release.exports.writing import plain, write_csv
+from dior.release.exports.poses import AddRecording, Pose
+from dior.release.exports.recordings import SUBJECT_SPLIT, Recording, Release
+from dior.release.exports.writing import plain, write_csv, write_json
 
 ABOUT = """\
 `opengait/data/<subject>/<type>/<view>/<sequence>.<camera>.pkl`: one float32 array (T, 17, 3) per recording: x and y in
@@ -30,12 +34,13 @@ COLUMNS = "subject type view sequence camera pictures kept".split()
 
 
 @contextmanager
-def writer(folder, release):
+def writer(folder: Path, release: Release) -> Iterator[AddRecording]:
     """Yield `add(recording, pose)`; the lists are written when the context ends."""
     folder.mkdir()
-    rows, kept = [], []
+    rows: list[tuple[Any, ...]] = []
+    kept: list[Recording] = []
 
-    def add(recording, pose, pictures):
+    def add(recording: Recording, pose: Pose, pictures: dict[int, str]) -> None:
         walk, array = recording.walk, of_pose(pose)
         rows.append((*names(recording), walk.sequence, recording.camera.name, len(pose.frame), len(array)))
         if not len(array):
@@ -47,13 +52,11 @@ def writer(folder, release):
 
     yield add
     write_csv(folder / "sequences.csv", COLUMNS, rows)
-    (folder / "partition").mkdir()
     for split in sorted({split for recording in kept for split in recording.parts}):
-        text = json.dumps(partition(split, kept), indent=1) + "\n"
-        (folder / "partition" / f"{split}.json").write_text(text, encoding="utf-8")
+        write_json(folder / "partition" / f"{split}.json", partition(split, kept))
 
 
-def names(recording):
+def names(recording: Recording) -> tuple[str, str, str]:
     """Subject, type and view of a recording."""
     walk = recording.walk
     outfit = plain(walk.outfit)
@@ -61,14 +64,14 @@ def names(recording):
     return walk.subject, kind, f"{walk.environment}-{recording.camera.name}"
 
 
-def of_pose(pose):
+def of_pose(pose: Pose) -> NDArray[np.float32]:
     """float32 (T, 17, 3): x, y px and confidence of the pictures of which a joint is known."""
-    known = np.isfinite(pose.uv).all(axis=-1)
+    known = np.all(np.isfinite(pose.uv), axis=-1)
     array = np.concatenate([np.where(known[..., None], pose.uv, 0.0), pose.inside[..., None]], axis=-1)
     return array[known.any(axis=1)].astype(np.float32)
 
 
-def pickled(array):
+def pickled(array: NDArray[np.float32]) -> bytes:
     """The bytes of a pickle that numpy 1 and 2 both read: neither finds the other's private modules."""
     stream = io.BytesIO()
     pickler = pickle.Pickler(stream, protocol=4)
@@ -77,12 +80,12 @@ def pickled(array):
     return stream.getvalue()
 
 
-def _plain(array):
+def _plain(array: NDArray[Any]) -> tuple[type, tuple[Any, ...]]:
     # a bytearray, so that what is read can be written to
     return np.ndarray, (array.shape, array.dtype.str, bytearray(np.ascontiguousarray(array).tobytes()))
 
 
-def partition(split, recordings):
+def partition(split: str, recordings: list[Recording]) -> dict[str, Any]:
     """TRAIN_SET and TEST_SET of the split by subject; of another everybody is tested, with GALLERY and PROBE."""
     if split == SUBJECT_SPLIT:
         trained = {r.walk.subject for r in recordings if r.parts.get(split) in ("train", "val")}
@@ -91,5 +94,5 @@ def partition(split, recordings):
     gallery, probe = (
         [list(names(r)) for r in recordings if r.parts.get(split) == part] for part in ("gallery", "probe")
     )
-    tested = sorted({subject for subject, _, _ in gallery + probe})
-    return {"TRAIN_SET": [], "TEST_SET": tested, "GALLERY": gallery, "PROBE": probe}
+    everybody = sorted({subject for subject, _, _ in gallery + probe})
+    return {"TRAIN_SET": [], "TEST_SET": everybody, "GALLERY": gallery, "PROBE": probe}

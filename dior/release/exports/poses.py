@@ -7,42 +7,52 @@ the markers of a picture are in the world again, with the clock that the labels 
 release. The joint centres (dior/body/coco17.py) are projected like every label.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
+from dior.arrays import Bools, Floats, Ints, Texts
 from dior.body.coco17 import coco17
 from dior.body.joint_centres import CENTRES
 from dior.body.names import COCO_17
 from dior.geometry import camera as cam
+from dior.geometry.camera import Camera
 from dior.label.reproject import labels as projected
+from dior.release.exports.recordings import Labels, Recording
 from dior.tables.words import LABEL_STATUS
 
 OK, OCCLUDED, MISSING = (LABEL_STATUS.index(word) for word in ("ok", "occluded", "missing_3d"))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Pose:
     """F pictures: `frame`, `stamp_ns` (F,); `uv`, `sigma` (F, 17, 2) px, NaN where not known; `status` (F, 17): indices
     into `LABEL_STATUS`; `derived` (17,) bool and `rules` (17 words); `box` (F, 4): the smallest and largest u and v of
     all joints in the picture, derived or not, NaN where there is none."""
 
-    frame: np.ndarray
-    stamp_ns: np.ndarray
-    uv: np.ndarray
-    sigma: np.ndarray
-    status: np.ndarray
-    derived: np.ndarray
-    rules: tuple
-    box: np.ndarray
+    frame: Ints
+    stamp_ns: Ints
+    uv: Floats
+    sigma: Floats
+    status: NDArray[np.int8]
+    derived: Bools
+    rules: tuple[str, ...]
+    box: Floats
 
     @property
-    def inside(self):
+    def inside(self) -> Bools:
         """Joints (F, 17) that lie in the picture, seen or hidden by the body."""
         return (self.status == OK) | (self.status == OCCLUDED)
 
 
-def of(labels, camera):
+# what a format about recordings does with each recording, its pose and why pictures lack, by frame
+AddRecording: TypeAlias = Callable[[Recording, Pose, dict[int, str]], None]
+
+
+def of(labels: Labels, camera: Camera) -> Pose:
     """The `Pose` of labels (recordings.Labels) in pictures of `camera`."""
     frames = len(labels.frame)
     uv, sigma = np.full((frames, 17, 2), np.nan), np.full((frames, 17, 2), np.nan)
@@ -65,14 +75,14 @@ def of(labels, camera):
     return Pose(labels.frame, labels.stamp_ns, uv, sigma, status, derived, rules, box)
 
 
-def _codes(words):
+def _codes(words: Texts) -> NDArray[np.int8]:
     out = np.full(words.shape, MISSING, np.int8)
     for code, word in enumerate(LABEL_STATUS):
         out[words == word] = code
     return out
 
 
-def _markers_sigma(labels, derived):
+def _markers_sigma(labels: Labels, derived: Bools) -> Floats:
     """Sigma (F, D, 2) px of derived joints: the mean of that of their nearest markers, which the errors of the camera
     and of its clock move together with them. Null where one of those is; the rule's own error is not counted."""
     out = np.full((len(labels.frame), int(derived.sum()), 2), np.nan)
@@ -83,7 +93,7 @@ def _markers_sigma(labels, derived):
     return out
 
 
-def _box(uv, status):
+def _box(uv: Floats, status: NDArray[np.int8]) -> Floats:
     inside = ((status == OK) | (status == OCCLUDED))[..., None]
     low, high = np.where(inside, uv, np.inf).min(axis=1), np.where(inside, uv, -np.inf).max(axis=1)
     box = np.concatenate([low, high], axis=1)

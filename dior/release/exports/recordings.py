@@ -5,11 +5,14 @@ OUTPUTS  `Release` with its walks and recordings in order; labels, bodies and pi
 Nothing is read but the release, so that what is not in it is in no export.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
+from dior.arrays import AnyPath, Floats, Ints
 from dior.errors import DiorError
 from dior.geometry import camera_tables
 from dior.geometry.camera import Camera
@@ -18,11 +21,12 @@ from dior.tables import tables
 from dior.tables.words import LABEL_STATUS
 
 SUBJECT_SPLIT = "subject"
+# pictures in memory at once; chosen: it bounds the memory
 AT_A_TIME = 64
 
 
 @dataclass(frozen=True)
-class Walk:
+class ReleasedWalk:
     """One sequence of a subject (a pseudonym). `outfit` and `walk` are free text, possibly empty. `nth`: counted from 1
     over the subject's walks in that environment and outfit."""
 
@@ -40,18 +44,18 @@ class Walk:
 class Recording:
     """One camera of a walk; `parts`: in which part of each split it is."""
 
-    walk: Walk
+    walk: ReleasedWalk
     camera: Camera
     labels: Path
     frames: Path
-    parts: dict = field(default_factory=dict)
+    parts: dict[str, str] = field(default_factory=dict)
 
     @property
-    def name(self):
+    def name(self) -> str:
         return f"{self.walk.sequence}.{self.camera.name}"
 
     @property
-    def part(self):
+    def part(self) -> str:
         """Its part of the split by subject, `all` where the release has none."""
         return self.parts.get(SUBJECT_SPLIT, "all")
 
@@ -61,34 +65,34 @@ class Release:
     """A release folder: walks by (subject, order of recording), recordings by walk and camera."""
 
     folder: Path
-    walks: tuple
-    recordings: tuple
+    walks: tuple[ReleasedWalk, ...]
+    recordings: tuple[Recording, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Labels:
     """Labels of F pictures and J joints: `frame`, `stamp_ns` (F,), `uv`, `sigma` (F, J, 2) px, `depth` (F, J) m, NaN
     where there is none; `status` (F, J): indices into `LABEL_STATUS`."""
 
-    joints: tuple
-    frame: np.ndarray
-    stamp_ns: np.ndarray
-    uv: np.ndarray
-    sigma: np.ndarray
-    depth: np.ndarray
-    status: np.ndarray
+    joints: tuple[str, ...]
+    frame: Ints
+    stamp_ns: Ints
+    uv: Floats
+    sigma: Floats
+    depth: Floats
+    status: NDArray[np.int8]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Body:
     """A walk in 3D: `stamp_ns` (I,), `points` (I, J, 3) m in the world, Z up, NaN where there is none."""
 
-    joints: tuple
-    stamp_ns: np.ndarray
-    points: np.ndarray
+    joints: tuple[str, ...]
+    stamp_ns: Ints
+    points: Floats
 
 
-def read(folder):
+def read(folder: AnyPath) -> Release:
     """The `Release` in a folder. Raises DiorError for a folder that is none and for a walk without its tables."""
     folder = Path(folder)
     if not (folder / "sequences.parquet").is_file():
@@ -112,26 +116,27 @@ def read(folder):
     return Release(folder, tuple(walks), tuple(recordings))
 
 
-def _walks(folder):
+def _walks(folder: Path) -> list[ReleasedWalk]:
     rows = tables.read(folder / "sequences.parquet", "sequences")
     order = sorted(
         range(len(rows["sequence"])),
         key=lambda i: (rows["subject"][i], rows["session"][i], rows["session_order"][i], rows["sequence"][i]),
     )
-    seen, walks = {}, []
+    seen: dict[tuple[str, str, str], int] = {}
+    walks = []
     for i in order:
         row = {key: rows[key][i] for key in ("subject", "sequence", "session", "environment", "outfit", "walk")}
         # outfits whose letters are the same give the same name of a file, so they are counted as one
         kind = row["subject"], row["environment"], plain(row["outfit"])
         seen[kind] = seen.get(kind, 0) + 1
         path = folder / "skeletons_3d" / row["subject"] / f"{row['sequence']}.parquet"
-        walks.append(Walk(**row, nth=seen[kind], skeleton=path))
+        walks.append(ReleasedWalk(**row, nth=seen[kind], skeleton=path))
     return walks
 
 
-def _parts(path):
+def _parts(path: Path) -> dict[tuple[str, str, str], dict[str, str]]:
     """(subject, sequence, camera) -> split -> part."""
-    found = {}
+    found: dict[tuple[str, str, str], dict[str, str]] = {}
     if path.is_file():
         t = tables.read(path, "splits")
         for row in zip(*(t[key] for key in ("subject", "sequence", "camera", "split", "part")), strict=True):
@@ -139,14 +144,14 @@ def _parts(path):
     return found
 
 
-def labels_of(recording):
+def labels_of(recording: Recording) -> Labels:
     """`Labels` of a recording. Raises DiorError where rows are missing."""
     columns = ("joint", "frame", "stamp_ns", "u", "v", "sigma_u", "sigma_v", "depth", "status")
     t = tables.read_coded(recording.labels, "labels_2d", list(columns))
     joints, shape = _complete(t["joint"], recording.labels)
     code = [LABEL_STATUS.index(word) for word in t["status"].words]
 
-    def pair(u, v):
+    def pair(u: str, v: str) -> Floats:
         return np.stack([t[u], t[v]], axis=-1).astype(float).reshape(*shape, 2)
 
     return Labels(
@@ -160,7 +165,7 @@ def labels_of(recording):
     )
 
 
-def body_of(walk):
+def body_of(walk: ReleasedWalk) -> Body:
     """`Body` of a walk. Raises DiorError where rows are missing."""
     t = tables.read_coded(walk.skeleton, "skeletons_3d", ["joint", "stamp_ns", "x", "y", "z"])
     joints, shape = _complete(t["joint"], walk.skeleton)
@@ -168,7 +173,7 @@ def body_of(walk):
     return Body(joints, t["stamp_ns"].reshape(shape)[:, 0], points)
 
 
-def _complete(joint, path):
+def _complete(joint: tables.Repeated, path: Path) -> tuple[tuple[str, ...], tuple[int, int]]:
     """The joints of complete rows sorted by (frame or instant, joint), and the shape (frames, joints)."""
     count = len(joint.index) if not len(joint.index) else len(set(joint.index.tolist()))
     if not count or len(joint.index) % count:
@@ -179,7 +184,7 @@ def _complete(joint, path):
     return tuple(joint.words[i] for i in rows[0]), rows.shape
 
 
-def pictures_of(recording):
+def pictures_of(recording: Recording) -> Iterator[tuple[int, bytes]]:
     """Yield (frame, JPEG bytes) of the released pictures of a recording; a few at a time are in memory."""
     if not recording.frames.is_file():
         return
@@ -189,7 +194,7 @@ def pictures_of(recording):
                 yield frame, jpeg
 
 
-def missing_pictures(recording):
+def missing_pictures(recording: Recording) -> dict[int, str]:
     """Why there is no picture, by frame; without reading the pictures."""
     if not recording.frames.is_file():
         return {}

@@ -5,11 +5,15 @@ Layout as in OpenSim's TRCFileAdapter: a missing marker is three empty cells, an
 reader drops an empty cell at the end of a line.
 """
 
-from contextlib import contextmanager
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
+from pathlib import Path
 
 import numpy as np
 
-from dior.release.exports.walks import MILLIMETRES, regular
+from dior.arrays import Floats
+from dior.release.exports.fixed_rate import AddWalk, file_per_walk
+from dior.release.exports.recordings import Release
 
 ABOUT = """\
 `trc/<subject>/<sequence>.trc`: every joint or marker of a walk, mm, for OpenSim: X and Z are horizontal, Y is up
@@ -20,26 +24,22 @@ ABOUT = """\
 KEYS = "DataRate CameraRate NumFrames NumMarkers Units OrigDataRate OrigDataStartFrame OrigNumFrames".split()
 
 
-@contextmanager
-def writer(folder, release):
+def writer(folder: Path, release: Release) -> AbstractContextManager[AddWalk]:
     """Yield `add(walk, body)`."""
-    folder.mkdir()
-
-    def add(walk, body):
-        rate, points = regular(body, walk.skeleton)
-        path = folder / walk.subject / f"{walk.sequence}.trc"
-        path.parent.mkdir(exist_ok=True)
-        path.write_text(text(path.name, rate, y_up(points) * MILLIMETRES, body.joints), encoding="utf-8")
-
-    yield add
+    return file_per_walk(folder, ".trc", write)
 
 
-def y_up(points):
+def write(path: Path, rate: float, points: Floats, joints: Sequence[str]) -> None:
+    """Write points (N, J, 3) mm at frames of `rate` Hz; NaN is missing."""
+    path.write_text(text(path.name, rate, y_up(points), joints), encoding="utf-8")
+
+
+def y_up(points: Floats) -> Floats:
     """Points (..., 3) of a world with Z up in one with Y up: turned by -90 degrees about x."""
     return np.stack([points[..., 0], points[..., 2], -points[..., 1]], axis=-1)
 
 
-def text(name, rate, points, joints):
+def text(name: str, rate: float, points: Floats, joints: Sequence[str]) -> str:
     """The file: points (N, J, 3) mm at frames of `rate` Hz."""
     frames, count = points.shape[:2]
     values = (f"{rate:g}", f"{rate:g}", frames, count, "mm", f"{rate:g}", 1, frames)
@@ -51,7 +51,7 @@ def text(name, rate, points, joints):
         "\t\t" + "".join(f"X{i}\tY{i}\tZ{i}\t" for i in range(1, count + 1)),
         "",
     ]
-    missing = np.isnan(points).any(axis=-1)
+    missing = np.any(np.isnan(points), axis=-1)
     whole = "%d\t%.6f\t" + "%.3f\t" * (3 * count)
     flat = np.where(missing[..., None], np.nan, points).reshape(frames, -1).tolist()
     for i in range(frames):

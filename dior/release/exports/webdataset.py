@@ -6,12 +6,15 @@ A picture that was not released (see its `no_image` in the release) has no sampl
 
 import json
 import tarfile
+from collections.abc import Iterator
 from contextlib import contextmanager
-
-import numpy as np
+from pathlib import Path
+from typing import Any
 
 from dior.errors import DiorError
 from dior.release.exports import coco, recordings
+from dior.release.exports.poses import AddRecording, Pose
+from dior.release.exports.recordings import Recording, Release
 from dior.release.exports.writing import add_to_tar, write_csv
 from dior.tables.words import LABEL_STATUS
 
@@ -27,12 +30,12 @@ COLUMNS = "shard samples subject sequence camera part".split()
 
 
 @contextmanager
-def writer(folder, release):
+def writer(folder: Path, release: Release) -> Iterator[AddRecording]:
     """Yield `add(recording, pose)`; `shards.csv` is written when the context ends."""
     folder.mkdir()
-    rows = []
+    rows: list[tuple[Any, ...]] = []
 
-    def add(recording, pose, no_image):
+    def add(recording: Recording, pose: Pose, no_image: dict[int, str]) -> None:
         walk = recording.walk
         shard = f"dior-{len(rows):06d}.tar"
         samples = 0
@@ -50,20 +53,20 @@ def writer(folder, release):
     write_csv(folder / "shards.csv", COLUMNS, rows)
 
 
-def _samples(recording, pose, no_image):
+def _samples(recording: Recording, pose: Pose, no_image: dict[int, str]) -> Iterator[tuple[str, bytes, dict[str, Any]]]:
     """(key, JPEG bytes, label) of every picture that was released."""
     images, annotations = coco.rows(recording, pose, no_image)
     by_image = {annotation["image_id"]: annotation for annotation in annotations}
     labels = recordings.labels_of(recording)
     row = {frame: i for i, frame in enumerate(labels.frame.tolist())}
-    uv = np.where(np.isfinite(labels.uv), np.round(labels.uv, coco.DECIMALS), None)
+    uv = coco.with_null(labels.uv)
     for frame, jpeg in recordings.pictures_of(recording):
         if frame not in row:
             raise DiorError(f"{recording.frames}: frame {frame} has no labels; build the release again")
         image, i = images[row[frame]], row[frame]
         every = {
             joint: [u, v, LABEL_STATUS[status]]
-            for joint, (u, v), status in zip(labels.joints, uv[i].tolist(), labels.status[i].tolist(), strict=True)
+            for joint, (u, v), status in zip(labels.joints, uv[i], labels.status[i].tolist(), strict=True)
         }
         key = f"{recording.walk.subject}/{recording.walk.sequence}_{recording.camera.name}_{frame:06d}"
         yield key, jpeg, {"image": image, "annotation": by_image.get(image["id"]), "labels": every}

@@ -4,24 +4,31 @@ INPUTS   a release folder, an exports folder, or tarballs, which are read withou
          that are given together are looked at together
 OUTPUT   a line per problem, or one that says what was looked at; exit code 1 where there is a problem
 
-1. Nothing is missing or too many, and every checksum is right (sums.py).
+1. Nothing is missing or too many, and every checksum is right (checksums.py).
 2. Every table has the columns, types and words of `dior.tables.schemas`, and a row for each (frame, joint); labels lie
-   in frames that there are, pictures have their size (checks.py).
+   in frames that there are, pictures have their size (walk_checks.py).
 3. Cameras, walks and people that a table names are there, splits refer to recordings, the card's counts are the tables'
-   (checks_about.py). A subject's tarball alone has nothing of that.
+   (release_checks.py). A subject's tarball alone has nothing of that.
 A file whose checksum is wrong is not looked into. Walks are looked at two at a time; memory is that of a few tables.
 """
 
+from collections import Counter
+from collections.abc import Collection
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from dior.errors import DiorError
 from dior.progress import reporting
-from dior.release import sums
+from dior.release import checksums
+
+if TYPE_CHECKING:
+    from dior.release.verify.folder_or_tarball import File, Tarball
+    from dior.release.verify.walk_checks import Problem, WalkFindings
 
 # folders that a release has and exports do not
-OF_RELEASE = ("labels_2d", "skeletons_3d", sums.FOLDER)
+OF_RELEASE = ("labels_2d", "skeletons_3d", checksums.FOLDER)
 
 
 @dataclass
@@ -32,14 +39,14 @@ class Stored:
     """
 
     name: str
-    parts: set
-    files: dict = field(default_factory=dict)
-    listed: dict = field(default_factory=dict)
-    problems: list = field(default_factory=list)
+    parts: set[str]
+    files: "dict[str, File]" = field(default_factory=dict)
+    listed: dict[str, str] = field(default_factory=dict)
+    problems: "list[Problem]" = field(default_factory=list)
 
     @property
-    def whole(self):
-        return sums.METADATA in self.parts and {sums.of_whom(name) for name in self.listed} <= self.parts
+    def whole(self) -> bool:
+        return checksums.METADATA in self.parts and {checksums.of_whom(name) for name in self.listed} <= self.parts
 
 
 def run(paths: list[Path], *, decode: bool = False) -> None:
@@ -47,7 +54,7 @@ def run(paths: list[Path], *, decode: bool = False) -> None:
 
     `paths`: release folder, exports folder, tarballs; `decode`: decode every picture, not only read its header.
 
-    Raises DiorError where something is wrong, after all of it was told.
+    Raises DiorError where something is wrong, after all of it was printed.
     """
     wrong = 0
     for stored in _stored(paths):
@@ -61,73 +68,78 @@ def run(paths: list[Path], *, decode: bool = False) -> None:
         raise DiorError(f"{wrong} problem{'s' if wrong > 1 else ''}")
 
 
-def _stored(paths):
+def _stored(paths: list[Path]) -> list[Stored]:
     """`Stored`s: one for each folder, and one for all tarballs of a release."""
-    from dior.release.verify import stored
+    from dior.release.verify import folder_or_tarball
 
-    found, tarballs = [], {}
+    found: list[Stored] = []
+    tarballs: dict[str, list[tuple[Path, Tarball]]] = {}
     for path in paths:
         if path.is_dir():
             found.append(_of_folder(path))
         elif path.is_file():
-            tarball = stored.of_tarball(path)
+            tarball = folder_or_tarball.of_tarball(path)
             tarballs.setdefault(tarball.release, []).append((path, tarball))
         else:
             raise DiorError(f"{path}: there is no such folder or tarball")
     return found + [_of_tarballs(release, members) for release, members in tarballs.items()]
 
 
-def _of_folder(folder):
-    from dior.release.verify import stored
+def _of_folder(folder: Path) -> Stored:
+    from dior.release.verify import folder_or_tarball
 
-    files, problems = stored.of_folder(folder)
+    files, problems = folder_or_tarball.of_folder(folder)
     found = Stored(folder.resolve().name, set(), files, {}, [("", text) for text in problems])
-    if sums.SUMS not in files:
-        raise DiorError(f"{folder}: has no {sums.SUMS}, so that it is no release, or the list was lost; get it again")
-    found.listed = _list(found, sums.SUMS)
+    if checksums.SUMS not in files:
+        raise DiorError(
+            f"{folder}: has no {checksums.SUMS}, so that it is no release, or the list was lost; get it again"
+        )
+    found.listed = _list(found, checksums.SUMS)
     of_release = any(name.split("/")[0] in OF_RELEASE for name in (*files, *found.listed))
-    found.parts = {sums.METADATA, *(sums.of_whom(name) for name in found.listed)} if of_release else set()
-    _compare(found, files, found.listed.keys() | {sums.SUMS}, "")
+    found.parts = {checksums.METADATA, *(checksums.of_whom(name) for name in found.listed)} if of_release else set()
+    _compare(found, files, found.listed.keys() | {checksums.SUMS}, "")
     return found
 
 
-def _of_tarballs(release, members):
+def _of_tarballs(release: str, members: "list[tuple[Path, Tarball]]") -> Stored:
     found = Stored(release, {tarball.part for _, tarball in members})
     for path, tarball in members:
-        first = sums.list_of(tarball.part)
+        first = checksums.list_of(tarball.part)
         found.problems += [("", f"{path}: {text}") for text in tarball.problems]
         twice = sorted(found.files.keys() & tarball.files.keys())
         found.problems += [(name, f"is in {path} and in another tarball that was given") for name in twice]
         found.files |= tarball.files
         listed = _list(found, first) if first in tarball.files else {}
-        own = {name: digest for name, digest in listed.items() if sums.of_whom(name) == tarball.part}
+        own = {name: digest for name, digest in listed.items() if checksums.of_whom(name) == tarball.part}
         _compare(found, tarball.files, own.keys() | {first}, f" of {path}")
         found.listed |= (
-            listed if tarball.part == sums.METADATA else {n: d for n, d in own.items() if n not in found.listed}
+            listed if tarball.part == checksums.METADATA else {n: d for n, d in own.items() if n not in found.listed}
         )
     return found
 
 
-def _list(found, path):
+def _list(found: Stored, path: str) -> dict[str, str]:
     """The list of checksums at `path`; what is wrong with it becomes a problem."""
-    listed, problems = sums.parsed(found.files[path].read())
+    listed, problems = checksums.parsed(found.files[path].read())
     found.problems += [(path, text) for text in problems]
     return listed
 
 
-def _compare(found, files, expected, where):
+def _compare(found: Stored, files: "dict[str, File]", expected: Collection[str], where: str) -> None:
     found.problems += [(name, f"is missing{where}") for name in sorted(expected - files.keys())]
     found.problems += [(name, f"should not be in the files{where}") for name in sorted(files.keys() - expected)]
 
 
-def _looked_at(stored, decode):
+def _looked_at(stored: Stored, decode: bool) -> "tuple[list[Problem], str]":
     """(problems, what was looked at as a sentence)."""
     problems = list(stored.problems)
+    version = _version(stored)
     groups = _groups(stored)
-    with ThreadPoolExecutor(sums.THREADS) as pool:
-        looked = pool.map(lambda group: _group(stored, group, groups[group], decode), groups)
+    with ThreadPoolExecutor(checksums.THREADS) as pool:
+        looked = pool.map(lambda group: _group(stored, group, groups[group], decode, not version), groups)
         found = list(reporting(looked, len(groups), "walks and files" if stored.parts else "files", stored.name))
-    walks, good = [], {}
+    walks: list[WalkFindings] = []
+    good: dict[str, File] = {}
     for wrong, intact, walk in found:
         problems += wrong
         good |= intact
@@ -136,66 +148,80 @@ def _looked_at(stored, decode):
             problems += walk.problems
     n_files, size = len(stored.files), sum(file.size for file in stored.files.values())
     summary = f"{n_files} files, {size / 1e9:.2f} GB, checksums right"
-    if not stored.parts:
-        return problems, summary
+    if not stored.parts or version:
+        return problems + version, summary
     problems += _complete(stored)
-    if sums.METADATA in stored.parts:
-        from dior.release.verify import checks_about
+    if checksums.METADATA in stored.parts:
+        from dior.release.verify import release_checks
 
         problems += _lists_agree(stored, good)
         top = {name: file for name, file in good.items() if "/" not in name}
-        tables, wrong = checks_about.about(top, stored.listed.keys(), stored.listed)
-        problems += wrong + checks_about.sizes(walks, tables)
+        tables, wrong = release_checks.about(top, stored.listed.keys(), stored.listed)
+        problems += wrong + release_checks.sizes(walks, tables)
         if stored.whole and not problems:
-            problems += checks_about.card(top["README.md"], walks, tables)
+            problems += release_checks.card(top["README.md"], walks, tables)
     return problems, f"{summary}; {_counted(stored, walks, decode)}"
 
 
-def _groups(stored):
+def _version(stored: Stored) -> "list[Problem]":
+    """One problem where the tables are of a version that this dior does not know, so that it cannot look into them."""
+    from dior.release import layout
+
+    table = next((file for name, file in sorted(stored.files.items()) if name.endswith(".parquet")), None)
+    wrong = layout.of_other_version(table.open()) if table and stored.parts else ""
+    return [("", wrong)] if wrong else []
+
+
+def _groups(stored: Stored) -> dict[tuple[str, ...], list[str]]:
     """Paths by (subject, walk), and by themselves where they are about no walk."""
-    groups = {}
+    groups: dict[tuple[str, ...], list[str]] = {}
     for name in sorted(stored.files):
         parts = name.split("/")
-        about_walk = stored.parts and len(parts) == 3 and parts[0] != sums.FOLDER
+        about_walk = stored.parts and len(parts) == 3 and parts[0] != checksums.FOLDER
         groups.setdefault((parts[1], parts[2].split(".")[0]) if about_walk else (name,), []).append(name)
     return groups
 
 
-def _group(stored, group, names, decode):
+def _group(
+    stored: Stored, group: tuple[str, ...], names: list[str], decode: bool, look_inside: bool
+) -> "tuple[list[Problem], dict[str, File], WalkFindings | None]":
     """(problems, files whose checksum is right, `Walk` or None) of files that are looked at together."""
-    good, problems = {}, []
+    good: dict[str, File] = {}
+    problems: list[Problem] = []
     for name in names:
         file, expected = stored.files[name], stored.listed.get(name)
         if expected is None:
-            # too many, which was told, or the list of all files itself
-            good |= {name: file} if name == sums.SUMS else {}
+            # too many, which is a problem already, or the list of all files itself
+            good |= {name: file} if name == checksums.SUMS else {}
             continue
-        if sums.digest(file.open()) == expected:
+        if checksums.digest(file.open()) == expected:
             good[name] = file
         else:
             problems.append(
                 (name, "its SHA-256 is not the listed one: damaged, changed or of another build; get it again")
             )
-    if len(group) == 1:
+    if len(group) == 1 or not look_inside:
         return problems, good, None
-    from dior.release.verify import checks
+    from dior.release.verify import walk_checks
 
     listed = [name for name in names if name in stored.listed]
-    return problems, good, checks.walk(*group, {name: good[name] for name in listed if name in good}, listed, decode)
+    intact = {name: good[name] for name in listed if name in good}
+    who, sequence = group
+    return problems, good, walk_checks.walk(who, sequence, intact, listed, decode)
 
 
-def _lists_agree(stored, good):
+def _lists_agree(stored: Stored, good: "dict[str, File]") -> "list[Problem]":
     """A subject's list must be the part of the whole list that is about its files."""
     problems = []
-    for who in sorted(stored.parts - {sums.METADATA}):
-        path = sums.list_of(who)
-        mine = {name: d for name, d in stored.listed.items() if sums.of_whom(name) == who and name != path}
-        if path in good and good[path].read() != sums.text(mine).encode():
-            problems.append((path, f"is not the part of {sums.SUMS} that is about {who}"))
+    for who in sorted(stored.parts - {checksums.METADATA}):
+        path = checksums.list_of(who)
+        mine = {name: d for name, d in stored.listed.items() if checksums.of_whom(name) == who and name != path}
+        if path in good and good[path].read() != checksums.text(mine).encode():
+            problems.append((path, f"is not the part of {checksums.SUMS} that is about {who}"))
     return problems
 
 
-def _complete(stored):
+def _complete(stored: Stored) -> "list[Problem]":
     """Every walk has its 3D, and every recording of a camera its labels and its frames."""
     names, problems = stored.listed.keys(), []
     for name in sorted(names):
@@ -210,18 +236,17 @@ def _complete(stored):
     return sorted(set(problems))
 
 
-def _counted(stored, walks, decode):
-    total = {}
+def _counted(stored: Stored, walks: "list[WalkFindings]", decode: bool) -> str:
+    total: Counter[str] = Counter()
     for walk in walks:
         for counts in walk.counts.values():
-            for what, n in counts.items():
-                total[what] = total.get(what, 0) + n
+            total.update(counts)
     people = len({walk.who for walk in walks})
     tables = sum(name.endswith(".parquet") for name in stored.files)
     looked = "decoded" if decode else "headers read"
-    parts = [f"{tables} tables, {people} subjects, {len(walks)} walks, {total.get('camera_recordings', 0)} recordings"]
-    parts.append(f"{total.get('labels', 0)} labels on {total.get('frames', 0)} frames")
-    parts.append(f"{total.get('points_3d', 0)} points in 3D, {total.get('pictures', 0)} pictures ({looked})")
+    parts = [f"{tables} tables, {people} subjects, {len(walks)} walks, {total['camera_recordings']} recordings"]
+    parts.append(f"{total['labels']} labels on {total['frames']} frames")
+    parts.append(f"{total['points_3d']} points in 3D, {total['pictures']} pictures ({looked})")
     if not stored.whole:
         parts.append("not all of the release was given")
     return "; ".join(parts)

@@ -55,7 +55,7 @@ def test_the_same_release_is_the_same(whole, tmp_path, capsys):
 
 def test_trouble_is_exit_code_2(whole, later, tmp_path, capsys):
     assert main.main(["diff", str(whole), str(tmp_path / "nothing")]) == 2
-    assert "nothing/SHA256SUMS: there is no such file" in capsys.readouterr().err
+    assert "nothing: there is no such folder" in capsys.readouterr().err
     (later / "README.md").write_text("other")
     (later / "provenance.json").write_text("{")
     made_up.remade(later)
@@ -134,7 +134,8 @@ def test_a_camera_moved_and_turned(angle):
     start = np.eye(4)
     start[:3, :3] = cv2.Rodrigues(np.array([0.3, -1.0, 2.0]))[0]
     start[:3, 3] = 5, 6, 7
-    assert diff.moved(start, shift @ start @ turn) == pytest.approx({"moved_mm": 5.0, "turned_deg": angle}, rel=1e-3)
+    found = diff.pose_change(start, shift @ start @ turn)
+    assert found == pytest.approx({"moved_mm": 5.0, "turned_deg": angle}, rel=1e-3)
 
 
 def test_cameras_that_changed_came_or_went(whole, later):
@@ -314,3 +315,34 @@ def test_the_text_says_it_all(whole, later, capsys):
     ]
     assert main.main(["diff", str(whole), str(later), "--json"]) == 1
     assert json.loads(capsys.readouterr().out)["recordings"][0]["because"] == ["config/sessions/field/cam01.yaml"]
+
+
+def test_paths_that_are_no_release_are_one_sentence(whole, tmp_path, capsys):
+    (tmp_path / "file").write_text("no release")
+    (tmp_path / "empty").mkdir()
+    for path, expected in (
+        ("gone", "gone: there is no such folder; build the release first"),
+        ("file", "file: is a file, not the folder of a release; tarballs are to be unpacked first"),
+        (
+            "empty",
+            "empty/SHA256SUMS: there is no such file, so this is no whole release; build it again",
+        ),
+    ):
+        for paths in ((whole, tmp_path / path), (tmp_path / path, whole)):
+            assert main.main(["diff", *map(str, paths)]) == 2
+            assert capsys.readouterr().err.splitlines() == [f"dior diff: {tmp_path}/{expected}"]
+
+
+def test_a_release_of_a_newer_version_is_one_sentence(whole, later, capsys):
+    provenance(later, lambda content: content.update(provenance_version=2))
+    assert main.main(["diff", str(whole), str(later)]) == 2
+    said = capsys.readouterr().err.splitlines()
+    assert said == [
+        f"dior diff: {later}/provenance.json: is of version 2, this dior knows 1; take the dior that made it"
+    ]
+    made_up.of_version(later, b"99")
+    assert main.main(["diff", str(whole), str(later)]) == 2
+    said = capsys.readouterr().err.splitlines()
+    assert said == [
+        f"dior diff: {later}: its tables are of version '99', this dior knows 1; take the dior that made it"
+    ]

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from dior.cli import main
-from dior.release import sums, tarballs
+from dior.release import checksums, tarballs
 from dior.tables import tables
 from tests.release import made as project
 from tests.release import made_up
 
-PARTS = (*made_up.EVERYONE, sums.METADATA)
+PARTS = (*made_up.EVERYONE, checksums.METADATA)
 LABELS = "labels_2d/zebra-0001/walk_2.cam02.parquet"
 FRAMES = "frames/zebra-0001/walk_2.cam02.parquet"
 SKELETON = "skeletons_3d/zebra-0001/walk_2.parquet"
@@ -425,11 +425,11 @@ def test_texts_that_do_not_fit(made, verified):
 
 
 def test_a_subjects_list_that_is_not_of_the_whole_one(made, verified):
-    path = made / sums.list_of("zebra-0001")
+    path = made / checksums.list_of("zebra-0001")
     path.write_text(path.read_text().split("\n", 1)[1])
-    found = sums.read(made)
-    found[sums.list_of("zebra-0001")] = sums.digest(open(path, "rb"))
-    (made / "SHA256SUMS").write_text(sums.text(found))
+    found = checksums.read(made)
+    found[checksums.list_of("zebra-0001")] = checksums.digest(open(path, "rb"))
+    (made / "SHA256SUMS").write_text(checksums.text(found))
     assert verified(made) == [
         "dior-0.1.0/checksums/zebra-0001/SHA256SUMS: is not the part of SHA256SUMS that is about zebra-0001"
     ]
@@ -533,7 +533,9 @@ def test_an_exports_folder(tmp_path, verified):
     (folder / "coco").mkdir()
     (folder / "coco/labels.json").write_text("{}")
     names = ("coco/labels.json", "opengait/zebra-0001/coat/090/090.pkl")
-    (folder / "SHA256SUMS").write_text(sums.text({name: sums.digest(open(folder / name, "rb")) for name in names}))
+    (folder / "SHA256SUMS").write_text(
+        checksums.text({name: checksums.digest(open(folder / name, "rb")) for name in names})
+    )
     assert verified(folder) == []
     flipped(folder / names[0], 0)
     (folder / names[1]).unlink()
@@ -541,3 +543,30 @@ def test_an_exports_folder(tmp_path, verified):
     assert [line.split(":")[0] for line in verified(folder)] == [
         f"dior-0.1.0-exports/{name}" for name in (names[0], "coco/more.json", names[1])
     ]
+
+
+def test_a_release_of_a_newer_version_is_one_sentence(made, verified):
+    made_up.of_version(made, b"99")
+    assert verified(made) == [
+        f"{made.name}: its tables are of version '99', this dior knows 1; take the dior that made it"
+    ]
+    flipped(made / LABELS, 0)
+    assert len(verified(made)) == 2, "checksums are looked at all the same"
+
+
+def test_paths_that_are_no_release(tmp_path, verified):
+    (tmp_path / "file").write_text("no release")
+    (tmp_path / "empty").mkdir()
+    assert verified(tmp_path / "gone") == [f"dior verify: {tmp_path / 'gone'}: there is no such folder or tarball"]
+    (said,) = verified(tmp_path / "file")
+    assert said.startswith(f"dior verify: {tmp_path / 'file'}: is no tarball of a release")
+    (said,) = verified(tmp_path / "empty")
+    assert said.startswith(f"dior verify: {tmp_path / 'empty'}: has no SHA256SUMS")
+
+
+@pytest.mark.parametrize("stray", ["labels_2d/stray.parquet", "labels_2d/a/b/c.parquet"])
+def test_a_file_where_a_release_has_none(made, verified, stray):
+    (made / stray).parent.mkdir(parents=True, exist_ok=True)
+    shutil.copyfile(made / LABELS, made / stray)
+    made_up.remade(made)
+    assert f"{made.name}/{stray}: lies where a release has no files" in verified(made)

@@ -9,15 +9,18 @@ Units as in schemas.py. Metadata is made anew, so that nothing else slips throug
 import os
 import shutil
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from dior.arrays import Table
 from dior.errors import DiorError
 from dior.evaluate import checks as hand_checks
 from dior.project import boxes as hand_boxes
-from dior.release import shift
+from dior.release import shift_stamps
 from dior.tables import buffers, tables
 from dior.tables.schemas import SCHEMAS
 
@@ -26,21 +29,21 @@ from dior.tables.schemas import SCHEMAS
 class Sources:
     """The files about one walk: paths, or by camera; `marks`: tables of the session, in which it may be named."""
 
-    labels: dict
-    pixels: dict
-    skeleton: str
-    frames: str
-    detections: str | None = None
-    boxes: dict = field(default_factory=dict)
-    checks: dict = field(default_factory=dict)
-    marks: tuple = ()
+    labels: dict[str, Path]
+    pixels: dict[str, Path]
+    skeleton: Path
+    frames: Path
+    detections: Path | None = None
+    boxes: dict[str, Path] = field(default_factory=dict)
+    checks: dict[str, Path] = field(default_factory=dict)
+    marks: tuple[Path, ...] = ()
 
 
-def write(folder, walk, sources):
-    """Write what the release folder `folder` has of one walk (see roster.py)."""
+def write(folder: Path, walk: dict[str, Any], sources: Sources) -> None:
+    """Write what the release folder `folder` has of one walk (see released_people.py)."""
     who, name = walk["subject"], walk["sequence"]
     index = tables.read(sources.frames, "frames", ["camera", "frame", "stamp_ns"])
-    index["stamp_ns"] = shift.earlier(index["stamp_ns"], walk["taken_off"])
+    index["stamp_ns"] = shift_stamps.shifted_stamps(index["stamp_ns"], walk["shift_ns"])
     stamps = {camera: _stamps(index, camera) for camera in walk["cameras"]}
     joints = {}
     for camera in walk["cameras"]:
@@ -60,15 +63,15 @@ def write(folder, walk, sources):
     _write_marks(sources, walk, stamps, joints, folder)
 
 
-def _stamps(index, camera):
+def _stamps(index: Table, camera: str) -> dict[int, int]:
     """Stamp by frame of one camera."""
     mine = tables.of_camera(index, camera)
     return dict(zip(mine["frame"].tolist(), mine["stamp_ns"].tolist(), strict=True))
 
 
-def _as_pseudonym(table, path, walk):
+def _as_pseudonym(table: pa.Table, path: Path, walk: dict[str, Any]) -> pa.Table:
     """The table with the pseudonym as its subject, once it is sure whose it is."""
-    for column, expected in (("subject", walk["real"]), ("sequence", walk["sequence"])):
+    for column, expected in (("subject", walk["real_name"]), ("sequence", walk["sequence"])):
         names = pc.unique(table[column].cast(pa.string())).to_pylist()
         if names not in ([expected], []):
             raise DiorError(
@@ -77,16 +80,16 @@ def _as_pseudonym(table, path, walk):
     kind = tables.kind_of(table)
     at = table.schema.get_field_index("subject")
     named = table.set_column(at, SCHEMAS[kind].field("subject"), _repeated(walk["subject"], len(table)))
-    named = shift.shifted(named, walk["taken_off"]) if walk["taken_off"] else named
+    named = shift_stamps.shifted(named, walk["shift_ns"]) if walk["shift_ns"] else named
     return named.replace_schema_metadata(tables.own_metadata(kind))
 
 
-def _repeated(word, length):
+def _repeated(word: str, length: int) -> pa.DictionaryArray:
     """A text column that holds one word."""
     return pa.DictionaryArray.from_arrays(pa.array(np.zeros(length, np.int32)), pa.array([word]))
 
 
-def _check_pictures(path, walk, camera, stamps):
+def _check_pictures(path: Path, walk: dict[str, Any], camera: str, stamps: dict[int, int]) -> None:
     """The pictures must be of this recording, under the pseudonym and with the stamps of today, and all of them."""
     table = tables.read_arrow(path, "released_frames", ["subject", "sequence", "camera", "frame", "stamp_ns"])
     for column, expected in (("subject", walk["subject"]), ("sequence", walk["sequence"]), ("camera", camera)):
@@ -101,7 +104,7 @@ def _check_pictures(path, walk, camera, stamps):
         )
 
 
-def link(path, out):
+def link(path: Path, out: Path) -> None:
     """The file at a second place without a second copy, or with one where the disk has no links."""
     out.parent.mkdir(parents=True, exist_ok=True)
     try:
@@ -110,7 +113,7 @@ def link(path, out):
         shutil.copyfile(path, out)
 
 
-def _write_detections(path, walk, folder):
+def _write_detections(path: Path, walk: dict[str, Any], folder: Path) -> None:
     """The walker's detections, a file per camera."""
     table = tables.read_arrow(path, "detections").combine_chunks()
     cameras = buffers.to_numpy(table["camera"].combine_chunks()) if len(table) else np.empty(0, object)
@@ -129,15 +132,15 @@ def _write_detections(path, walk, folder):
         schema = schema.with_metadata(tables.own_metadata("released_detections"))
         out = folder / "detections" / walk["subject"] / f"{name}.{camera}.parquet"
         released = pa.Table.from_arrays(columns, schema=schema)
-        tables.write_arrow(out, shift.shifted(released, walk["taken_off"]) if walk["taken_off"] else released)
+        tables.write_arrow(out, shift_stamps.shifted(released, walk["shift_ns"]) if walk["shift_ns"] else released)
 
 
-def _write_boxes(path, walk, camera, stamps, folder):
+def _write_boxes(path: Path, walk: dict[str, Any], camera: str, stamps: dict[int, int], folder: Path) -> None:
     frames, edges = hand_boxes.read(path, list(stamps))
     if not len(frames):
         return
     columns = {
-        **_told(walk, len(frames)),
+        **_of_walk(walk, len(frames)),
         "camera": [camera] * len(frames),
         "frame": frames,
         "stamp_ns": [stamps[frame] for frame in frames.tolist()],
@@ -147,11 +150,17 @@ def _write_boxes(path, walk, camera, stamps, folder):
     tables.write(out, "released_boxes", columns)
 
 
-def _told(walk, length):
+def _of_walk(walk: dict[str, Any], length: int) -> dict[str, Any]:
     return {"subject": [walk["subject"]] * length, "sequence": [walk["sequence"]] * length}
 
 
-def _write_marks(sources, walk, stamps, joints, folder):
+def _write_marks(
+    sources: Sources,
+    walk: dict[str, Any],
+    stamps: dict[str, dict[int, int]],
+    joints: dict[str, list[str]],
+    folder: Path,
+) -> None:
     """Marks that located a camera and checks that nothing used, by camera, kind, frame and joint."""
     rows = [row for path in sources.marks for row in _marks(path, walk["sequence"])]
     for camera, path in sources.checks.items():
@@ -177,10 +186,10 @@ def _write_marks(sources, walk, stamps, joints, folder):
     }
     columns["stamp_ns"] = [stamps[row["camera"]][row["frame"]] for row in rows]
     out = folder / "marks" / walk["subject"] / f"{walk['sequence']}.parquet"
-    tables.write(out, "released_marks", {**_told(walk, len(rows)), **columns})
+    tables.write(out, "released_marks", {**_of_walk(walk, len(rows)), **columns})
 
 
-def _marks(path, sequence):
+def _marks(path: Path, sequence: str) -> list[dict[str, Any]]:
     """The rows of a `marks` table that were marked on pictures of this walk."""
     table = tables.read(path, "marks")
     table = tables.rows(table, table["sequence"] == sequence)

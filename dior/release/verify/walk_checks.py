@@ -1,24 +1,35 @@
 """What must hold in the tables of one walk of a release.
 
-INPUTS   the walk's `File`s by path in the release (stored.py). OUTPUTS: problems as (path, sentence), and what there is
-         to count
+INPUTS   the walk's `File`s by path in the release (folder_or_tarball.py). OUTPUTS: problems as (path, sentence), and
+         what there is to count
 Every (frame, joint) has its row, every label its frame with that stamp, every frame its label; missing is null with a
-reason, pictures have the size that their row says. A problem is told once per file with how often and where first.
+reason, pictures have the size that their row says. A problem is given once per file with how often and
+where first.
 """
 
 from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import TypeAlias
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from dior.arrays import Bools, Floats, Table
 from dior.errors import nearest
 from dior.ingest import jpeg
 from dior.release import layout
+from dior.release.layout import IN_PICTURE, Part
+from dior.release.verify.folder_or_tarball import File
 from dior.tables import buffers, tables
 from dior.tables.schemas import SCHEMAS, VERSION, VOCABULARY
 
+# a path in the release, and what is wrong with it
+Problem: TypeAlias = tuple[str, str]
+# the distinct words of a table's text columns
+Words: TypeAlias = dict[str, set[str]]
+# of a column of pictures, in memory at once, and bytes read at once; chosen: they bound the memory
 PICTURES_AT_ONCE = 16
 BUFFER = 1 << 20
 PARTS = {part.name: part for part in layout.PARTS}
@@ -31,7 +42,6 @@ COLUMNS = {
     "boxes": ("frame", "stamp_ns"),
     "marks": ("camera", "joint", "frame", "stamp_ns"),
 }
-IN_PICTURE = ("ok", "occluded")
 WITHOUT_PIXEL = ("missing_3d", "behind_camera")
 WITH_POINT = ("ok", "gap_filled")
 
@@ -41,18 +51,18 @@ class Broken(Exception):
 
 
 @dataclass
-class Walk:
+class WalkFindings:
     """What was found in a walk: problems as (path, sentence); by camera the counts, and the path of its pictures with
     the set of their sizes (height, width)."""
 
     who: str
     sequence: str
-    problems: list = field(default_factory=list)
-    counts: dict = field(default_factory=dict)
-    sizes: dict = field(default_factory=dict)
+    problems: list[Problem] = field(default_factory=list)
+    counts: dict[str, Counter[str]] = field(default_factory=dict)
+    sizes: dict[str, tuple[str, set[tuple[int, int]]]] = field(default_factory=dict)
 
 
-def read(file, part, columns=None):
+def read(file: File, part: Part, columns: Sequence[str] | None = None) -> tuple[Table, Words]:
     """(columns as numpy, words by text column) of a table (see tables.py), of `columns` or all of them; words of all.
 
     Raises Broken for a table that is not what `part` should be.
@@ -70,9 +80,9 @@ def read(file, part, columns=None):
         raise Broken(f"is not a readable Parquet file ({error})") from None
 
 
-def _check_schema(schema, name):
-    told = schema.metadata or {}
-    kind, version = (told.get(key, b"").decode() for key in (b"dior_table", b"dior_table_version"))
+def _check_schema(schema: pa.Schema, name: str) -> None:
+    metadata = schema.metadata or {}
+    kind, version = (metadata.get(key, b"").decode() for key in (b"dior_table", b"dior_table_version"))
     if kind != name:
         raise Broken(f"holds the table '{kind or 'unknown'}', not '{name}'")
     if version != VERSION:
@@ -90,7 +100,7 @@ def _check_schema(schema, name):
         raise Broken("has its columns in another order")
 
 
-def unknown_words(words, name):
+def unknown_words(words: Words, name: str) -> list[str]:
     """Sentences about words that a table's columns may not hold."""
     return [
         f"'{word}' is no {column}{nearest(word, VOCABULARY[name, column])}"
@@ -100,15 +110,17 @@ def unknown_words(words, name):
     ]
 
 
-def walk(who, sequence, files, listed, decode=False):
+def walk(who: str, sequence: str, files: dict[str, File], listed: Sequence[str], decode: bool = False) -> WalkFindings:
     """Look into the tables of one walk.
 
     `files`: by path, those whose checksum is right; `listed`: all that should be there. `decode`: look at every
     pixel, too.
     """
-    found = Walk(who, sequence)
+    found = WalkFindings(who, sequence)
     # of a camera whose frames cannot be looked at nothing more is said
-    frames = {name.split(".")[1]: None for name in listed if name.startswith("frames/") and name.count(".") == 2}
+    frames: dict[str, Table | None] = {
+        name.split(".")[1]: None for name in listed if name.startswith("frames/") and name.count(".") == 2
+    }
     for path, file in sorted(files.items(), key=lambda item: not item[0].startswith("frames/")):
         kind, _, name = path.split("/")
         part = PARTS.get(kind)
@@ -118,22 +130,22 @@ def walk(who, sequence, files, listed, decode=False):
             camera = _camera(name, part)
             table, words = read(file, part, COLUMNS[kind])
             counts = found.counts.setdefault(camera, Counter())
-            told = unknown_words(words, part.table) + _whose(words, who, sequence, camera)
+            sentences = unknown_words(words, part.table) + _whose(words, who, sequence, camera)
             if kind == "frames":
                 frames[camera] = table
                 found.sizes[camera] = (path, set(zip(table["height"].tolist(), table["width"].tolist(), strict=True)))
-                told += _frames(table, file, decode, counts)
+                sentences += _frames(table, file, decode, counts)
             elif kind == "skeletons_3d":
-                told += _skeleton(table, counts)
+                sentences += _skeleton(table, counts)
             else:
-                told += _about_frames(table, kind, camera, frames, counts)
-            found.problems += [(path, text) for text in told]
+                sentences += _about_frames(table, kind, camera, frames, counts)
+            found.problems += [(path, text) for text in sentences]
         except Broken as error:
             found.problems.append((path, str(error)))
     return found
 
 
-def _camera(name, part):
+def _camera(name: str, part: Part) -> str:
     """The camera that a file's name tells, "" for a table of all cameras."""
     words = name.removesuffix(".parquet").split(".")
     if len(words) != (2 if "<camera>" in part.path else 1) or not name.endswith(".parquet"):
@@ -141,7 +153,7 @@ def _camera(name, part):
     return words[1] if "<camera>" in part.path else ""
 
 
-def _whose(words, who, sequence, camera):
+def _whose(words: Words, who: str, sequence: str, camera: str) -> list[str]:
     expected = {"subject": who, "sequence": sequence} | ({"camera": camera} if camera else {})
     return [
         f"{column} '{word}' in a file of '{right}'"
@@ -150,7 +162,7 @@ def _whose(words, who, sequence, camera):
     ]
 
 
-def _first(wrong, what, table, keys=("frame",)):
+def _first(wrong: Bools, what: str, table: Table, keys: Sequence[str] = ("frame",)) -> list[str]:
     """[how often, what and where first] of the rows where `wrong`, [] where there are none."""
     if not wrong.any():
         return []
@@ -160,12 +172,13 @@ def _first(wrong, what, table, keys=("frame",)):
     ]
 
 
-def _frames(table, file, decode, counts):
+def _frames(table: Table, file: File, decode: bool, counts: Counter[str]) -> list[str]:
     counts["frames"] += len(table["frame"])
     counts["camera_recordings"] += 1
-    told = _first(np.r_[False, np.diff(table["frame"]) <= 0], "frames out of order or twice", table)
-    told += _first(np.r_[False, np.diff(table["stamp_ns"]) < 0], "stamps that go back", table)
-    there, wrong = np.zeros(len(table["frame"]), bool), {}
+    sentences = _first(np.r_[False, np.diff(table["frame"]) <= 0], "frames out of order or twice", table)
+    sentences += _first(np.r_[False, np.diff(table["stamp_ns"]) < 0], "stamps that go back", table)
+    there = np.zeros(len(table["frame"]), bool)
+    wrong: dict[str, list[int]] = {}
     size = list(zip(table["height"].tolist(), table["width"].tolist(), strict=True))
     for row, data in _pictures(file):
         there[row] = True
@@ -174,14 +187,14 @@ def _frames(table, file, decode, counts):
         except ValueError as error:
             wrong.setdefault(str(error), []).append(row)
     counts["pictures"] += int(there.sum())
-    told += _first(~there & (table["no_image"] == ""), "rows with neither a picture nor a reason", table)
-    told += _first(there & (table["no_image"] != ""), "rows with a picture and a reason for none", table)
-    return told + [
+    sentences += _first(~there & (table["no_image"] == ""), "rows with neither a picture nor a reason", table)
+    sentences += _first(there & (table["no_image"] != ""), "rows with a picture and a reason for none", table)
+    return sentences + [
         f"{len(rows)} pictures: {why}, first frame {table['frame'][rows[0]]}" for why, rows in sorted(wrong.items())
     ]
 
 
-def _pictures(file):
+def _pictures(file: File) -> Iterator[tuple[int, bytes]]:
     """Yield (row, bytes) of the pictures, a few in memory at a time."""
     start = 0
     with pq.ParquetFile(file.open(), buffer_size=BUFFER) as table:
@@ -193,7 +206,7 @@ def _pictures(file):
             start += len(batch)
 
 
-def _check_picture(data, size, decode):
+def _check_picture(data: bytes, size: tuple[int, int], decode: bool) -> None:
     """ValueError for what is no JPEG of `size` (height, width), or tells more than the picture."""
     found = jpeg_size(data)
     if found != size:
@@ -207,7 +220,7 @@ def _check_picture(data, size, decode):
         raise ValueError("cannot be decoded")
 
 
-def jpeg_size(data):
+def jpeg_size(data: bytes) -> tuple[int, int]:
     """(height, width) px by the header of a JPEG. Raises ValueError for another file, one that is cut off or one with
     a comment or application segment, which may tell a place, a machine or a person.
 
@@ -223,38 +236,42 @@ def jpeg_size(data):
     return jpeg.frame_size(data)
 
 
-def _skeleton(table, counts):
-    told = _grid(table, "instant")
-    if told:
-        return told
+def _skeleton(table: Table, counts: Counter[str]) -> list[str]:
+    sentences = _grid(table, "instant")
+    if sentences:
+        return sentences
     where = ("instant", "joint")
-    told = _first(np.r_[False, np.diff(table["stamp_ns"]) < 0], "stamps that go back", table, where)
+    sentences = _first(np.r_[False, np.diff(table["stamp_ns"]) < 0], "stamps that go back", table, where)
     there = np.isfinite(np.stack([table[axis] for axis in "xyz"])).all(axis=0)
     with_point = np.isin(table["status"], WITH_POINT)
     counts["points_3d"] += int(there.sum())
-    told += _first(with_point & ~there, "points that are missing although their status says otherwise", table, where)
-    told += _first(table["status"] == "", "rows without a status", table, where)
-    return told + _first(
+    sentences += _first(
+        with_point & ~there, "points that are missing although their status says otherwise", table, where
+    )
+    sentences += _first(table["status"] == "", "rows without a status", table, where)
+    return sentences + _first(
         ~with_point & there, "points that are there although their status says otherwise", table, where
     )
 
 
-def _about_frames(table, kind, camera, frames, counts):
+def _about_frames(
+    table: Table, kind: str, camera: str, frames: dict[str, Table | None], counts: Counter[str]
+) -> list[str]:
     """A table that names frames, each with its stamp."""
-    told = []
+    sentences = []
     for name in [camera] if camera else sorted(set(table["camera"])):
         mine = tables.of_camera(table, name) if not camera else table
         if name not in frames:
-            told.append(f"is about camera '{name}', of which there is no table of frames")
-        if frames.get(name) is None:
+            sentences.append(f"is about camera '{name}', of which there is no table of frames")
+        if (pictures := frames.get(name)) is None:
             continue
-        told += _in_frames(mine, frames[name], name)
+        sentences += _in_frames(mine, pictures, name)
         if kind == "labels_2d":
-            told += _labels(mine, frames[name], counts)
-    return told
+            sentences += _labels(mine, pictures, counts)
+    return sentences
 
 
-def _in_frames(table, frames, camera):
+def _in_frames(table: Table, frames: Table, camera: str) -> list[str]:
     where = ("frame", "joint")
     at = np.searchsorted(frames["frame"], table["frame"]).clip(max=max(len(frames["frame"]) - 1, 0))
     if not len(frames["frame"]):
@@ -268,34 +285,34 @@ def _in_frames(table, frames, camera):
     )
 
 
-def _labels(table, frames, counts):
-    told = _grid(table, "frame")
-    if told:
-        return told
+def _labels(table: Table, frames: Table, counts: Counter[str]) -> list[str]:
+    sentences = _grid(table, "frame")
+    if sentences:
+        return sentences
     where = ("frame", "joint")
     counts["labels"] += len(table["frame"])
     inside = np.isin(table["status"], IN_PICTURE)
     counts["keypoints_2d"] += int(inside.sum())
     without = ~np.isin(frames["frame"], table["frame"])
-    told += _first(without, "frames without labels", frames)
+    sentences += _first(without, "frames without labels", frames)
     pixels = np.stack([table["u"], table["v"]], axis=-1)
     there = np.isfinite(pixels).all(axis=-1)
     none = np.isin(table["status"], WITHOUT_PIXEL)
-    told += _first(table["status"] == "", "rows without a status", table, where)
-    told += _first(~none & ~there, "labels without a pixel although their status says otherwise", table, where)
-    told += _first(none & there, "labels with a pixel although their status says otherwise", table, where)
+    sentences += _first(table["status"] == "", "rows without a status", table, where)
+    sentences += _first(~none & ~there, "labels without a pixel although their status says otherwise", table, where)
+    sentences += _first(none & there, "labels with a pixel although their status says otherwise", table, where)
     outside = inside & there & ~in_picture(pixels, frames)
-    return told + _first(outside, "labels outside the picture although their status says otherwise", table, where)
+    return sentences + _first(outside, "labels outside the picture although their status says otherwise", table, where)
 
 
-def in_picture(pixels, frames):
+def in_picture(pixels: Floats, frames: Table) -> Bools:
     """Which pixels (N, 2) lie in pictures of the size that the frames' rows say; pixel (0, 0) is a centre."""
     size = np.array([[frames[key].max(initial=0) for key in ("width", "height")]])
     # float32 labels that were in_frame as float64 may be rounded to the border
-    return ((pixels >= -0.501) & (pixels <= size - 0.499)).all(axis=-1)
+    return np.all((pixels >= -0.501) & (pixels <= size - 0.499), axis=-1)
 
 
-def _grid(table, key):
+def _grid(table: Table, key: str) -> list[str]:
     """Whether there is a row for each joint of each frame or instant, in order."""
     joints = tables.ordered_unique(table["joint"])
     count, rest = divmod(len(table["joint"]), max(len(joints), 1))

@@ -9,7 +9,9 @@ import hashlib
 import re
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path, PurePosixPath
+from typing import BinaryIO
 
+from dior.arrays import AnyPath
 from dior.errors import DiorError
 from dior.progress import reporting
 from dior.tables.files import write_text
@@ -19,41 +21,43 @@ FOLDER = "checksums"
 # the part of a release that is about nobody alone; no pseudonym may be called so
 METADATA = "metadata"
 LINE = re.compile(r"([0-9a-f]{64})  (.+)")
+# bytes read at once; chosen: large enough that hashing and not the calls takes the time
 BLOCK = 1 << 20
+# files at once; chosen: as many as the rules of the release have threads
 THREADS = 2
 
 
-def of_whom(name):
+def of_whom(name: str) -> str:
     """The subject that a file of a release is about, or `METADATA`."""
     parts = name.split("/")
     return parts[1] if len(parts) == 3 else METADATA
 
 
-def list_of(part):
+def list_of(part: str) -> str:
     """Where the checksums of a part of the release are: those of a subject, or those of everything."""
     return SUMS if part == METADATA else f"{FOLDER}/{part}/{SUMS}"
 
 
-def write(folder):
+def write(folder: AnyPath) -> None:
     """Write the checksums of all files in `folder`, a release that is being built."""
     folder = Path(folder)
-    names = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
-    found = digests(names, lambda name: open(folder / name, "rb"), folder.name)
-    for subject in sorted({of_whom(name) for name in names} - {METADATA}):
+    found = of_folder(folder)
+    for subject in sorted(set(map(of_whom, found)) - {METADATA}):
         own = list_of(subject)
         write_text(folder / own, text({name: d for name, d in found.items() if of_whom(name) == subject}))
         found[own] = hashlib.sha256((folder / own).read_bytes()).hexdigest()
     write_text(folder / SUMS, text(found))
 
 
-def digests(names, opened, where):
-    """Hex SHA-256 by name of what `opened(name)` gives to read; files are hashed two at a time."""
+def of_folder(folder: Path) -> dict[str, str]:
+    """Hex SHA-256 by path of all files in a folder, which are hashed two at a time."""
+    names = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
     with ThreadPoolExecutor(THREADS) as pool:
-        every = pool.map(lambda name: digest(opened(name)), names)
-        return dict(zip(names, reporting(every, len(names), "files hashed", where), strict=True))
+        every = pool.map(lambda name: digest(open(folder / name, "rb")), names)
+        return dict(zip(names, reporting(every, len(names), "files hashed", folder.name), strict=True))
 
 
-def digest(stream):
+def digest(stream: BinaryIO) -> str:
     """Hex SHA-256 of what is left in a stream, which is closed."""
     with stream:
         found = hashlib.sha256()
@@ -62,25 +66,31 @@ def digest(stream):
     return found.hexdigest()
 
 
-def text(found):
+def text(found: dict[str, str]) -> str:
     """Lines as `sha256sum` writes them, by path."""
     return "".join(f"{found[name]}  {name}\n" for name in sorted(found))
 
 
-def read(folder, part=METADATA):
+def read(folder: AnyPath, part: str = METADATA) -> dict[str, str]:
     """Hex SHA-256 by name, as the list of a part of a release says. DiorError for one that is gone or malformed."""
-    path = Path(folder) / list_of(part)
+    folder = Path(folder)
+    path = folder / list_of(part)
+    if not folder.exists():
+        raise DiorError(f"{folder}: there is no such folder; build the release first")
+    if not folder.is_dir():
+        raise DiorError(f"{folder}: is a file, not the folder of a release; tarballs are to be unpacked first")
     if not path.is_file():
-        raise DiorError(f"{path}: there is no such file; build the release first")
+        raise DiorError(f"{path}: there is no such file, so this is no whole release; build it again")
     found, problems = parsed(path.read_bytes())
     if problems:
         raise DiorError(f"{path}: {problems[0]}; build the release again")
     return found
 
 
-def parsed(content):
+def parsed(content: bytes) -> tuple[dict[str, str], list[str]]:
     """(hex SHA-256 by name, what is wrong with the list as sentences) of the bytes of a list of checksums."""
-    found, problems = {}, []
+    found: dict[str, str] = {}
+    problems = []
     lines = content.decode("utf-8", "replace").split("\n")
     if lines.pop():
         problems.append("the last line does not end, so that the file is cut off")
@@ -97,7 +107,7 @@ def parsed(content):
     return found, problems
 
 
-def is_safe(name):
+def is_safe(name: str) -> bool:
     """Whether a path stays in the folder that it is relative to, and is written in the one plain way."""
     path = PurePosixPath(name)
     return name not in ("", ".") and str(path) == name and not path.is_absolute() and ".." not in path.parts

@@ -1,21 +1,29 @@
 """What must hold in the files about the whole release: its tables, its splits, its card.
 
-INPUTS   the `File`s at the top of a release (stored.py), the paths of all its files, and for the card what was found in
-         its walks (checks.py). OUTPUTS: problems as (path, sentence)
+INPUTS   the `File`s at the top of a release (folder_or_tarball.py), the paths of all its files, and for the card what
+         was found in its walks (walk_checks.py). OUTPUTS: problems as (path, sentence)
 """
 
 import csv
 import io
 import json
+import re
 from collections import Counter
+from collections.abc import Collection, Sequence
+from typing import Any, TypeAlias
 
 import numpy as np
 
+from dior.arrays import Table
 from dior.errors import nearest
-from dior.release.verify import checks
-from dior.release.verify.checks import PARTS, Broken
+from dior.release.verify import walk_checks
+from dior.release.verify.folder_or_tarball import File
+from dior.release.verify.walk_checks import PARTS, Broken, Problem, WalkFindings
 from dior.tables import tables
 
+LABELS = re.compile(r"labels_2d/([^/]+)/([^./]+)\.([^/]+)\.parquet")
+# (subject, sequence, camera)
+Recording: TypeAlias = tuple[str, str, str]
 REQUIRED = (
     "CITATION.cff", "LICENSE", "README.md", "cameras.parquet", "clocks.parquet", "croissant.json", "metrics.csv",
     "provenance.json", "sequences.parquet", "splits.parquet", "subjects.parquet",
@@ -35,7 +43,9 @@ CARD_HEADER = "| environment | camera | role | sequences | frames | labels in th
 COUNTED = ("camera_recordings", "frames", "keypoints_2d")
 
 
-def about(files, names, listed):
+def about(
+    files: dict[str, File], names: Collection[str], listed: dict[str, str]
+) -> tuple[dict[str, Table], list[Problem]]:
     """(tables by name, problems) of the files at the top of a release.
 
     `files`: by path, those whose checksum is right; `names`: paths of all files that the release has; `listed`: their
@@ -50,9 +60,9 @@ def about(files, names, listed):
         try:
             if name not in PARTS or PARTS[name].path != path:
                 raise Broken(f"is a table that a release does not have{nearest(name, PARTS)}")
-            found[name], words = checks.read(file, PARTS[name])
-            told = checks.unknown_words(words, PARTS[name].table) + _twice(found[name], KEYS.get(name))
-            problems += [(path, text) for text in told]
+            found[name], words = walk_checks.read(file, PARTS[name])
+            sentences = walk_checks.unknown_words(words, PARTS[name].table) + _twice(found[name], KEYS.get(name))
+            problems += [(path, text) for text in sentences]
         except Broken as error:
             problems.append((path, str(error)))
     problems += _references(found, _recordings(names))
@@ -71,24 +81,24 @@ def about(files, names, listed):
     return found, problems
 
 
-def _recordings(names):
+def _recordings(names: Collection[str]) -> list[Recording]:
     """(subject, sequence, camera) of every labels file."""
-    split = [name.removesuffix(".parquet").split("/") for name in names if name.startswith("labels_2d/")]
-    return sorted((who, *file.split(".", 1)) for _, who, file in split if "." in file)
+    matches = (LABELS.fullmatch(name) for name in names)
+    return sorted((match[1], match[2], match[3]) for match in matches if match)
 
 
-def _twice(table, keys):
+def _twice(table: Table, keys: Sequence[str] | None) -> list[str]:
     if not keys:
         return []
     rows = Counter(zip(*(table[key].tolist() for key in keys), strict=True))
     return [f"{' '.join(key)} is there {n} times" for key, n in sorted(rows.items()) if n > 1]
 
 
-def _references(found, recordings):
+def _references(found: dict[str, Table], recordings: list[Recording]) -> list[Problem]:
     """What a table names must be in the table of such things, and nothing may be there that nothing names."""
-    problems = []
+    problems: list[Problem] = []
 
-    def compare(path, what, named, known, where):
+    def compare(path: str, what: str, named: set[Any], known: set[Any], where: str) -> None:
         problems.extend((path, f"{what} '{_shown(one)}' is not in {where}") for one in sorted(named - known))
 
     people = set(found["subjects"]["subject"]) if "subjects" in found else None
@@ -112,11 +122,11 @@ def _references(found, recordings):
     return problems
 
 
-def _shown(one):
+def _shown(one: str | tuple[str, ...]) -> str:
     return one if isinstance(one, str) else " ".join(one)
 
 
-def _covariances(found):
+def _covariances(found: dict[str, Table]) -> list[Problem]:
     """Pairs of cameras must be of cameras that there are."""
     if not {"cameras", "camera_covariance"} <= set(found):
         return []
@@ -133,35 +143,35 @@ def _covariances(found):
     ]
 
 
-def _clocks(table, recordings):
+def _clocks(table: Table, recordings: list[Recording]) -> list[str]:
     """Each recording has a clock, and nothing else has."""
     named = set(zip(*(table[key].tolist() for key in ("subject", "sequence", "camera")), strict=True))
-    told = [f"recording '{_shown(one)}' is not in labels_2d/" for one in sorted(named - set(recordings))]
-    return told + [f"recording '{_shown(one)}' has no clock" for one in sorted(set(recordings) - named)]
+    sentences = [f"recording '{_shown(one)}' is not in labels_2d/" for one in sorted(named - set(recordings))]
+    return sentences + [f"recording '{_shown(one)}' has no clock" for one in sorted(set(recordings) - named)]
 
 
-def _splits(table, recordings):
+def _splits(table: Table, recordings: list[Recording]) -> list[str]:
     """Each recording is in the split by subject once, nothing else is in any, and no person is in two of its parts."""
     known = set(recordings)
     rows = list(zip(*(table[key].tolist() for key in ("split", "part", "subject", "sequence", "camera")), strict=True))
-    told = [f"recording '{' '.join(row[2:])}' is not in labels_2d/" for row in rows if row[2:] not in known]
+    sentences = [f"recording '{' '.join(row[2:])}' is not in labels_2d/" for row in rows if row[2:] not in known]
     for split in OF_PEOPLE:
         mine = [row for row in rows if row[0] == split]
-        told += [
+        sentences += [
             f"recording '{' '.join(one)}' is in no part by {split}" for one in sorted(known - {r[2:] for r in mine})
         ]
-        parts = {}
+        parts: dict[str, set[str]] = {}
         for _, part, who, *_ in mine:
             parts.setdefault(who, set()).add(part)
-        told += [
+        sentences += [
             f"subject '{who}' is in {' and '.join(sorted(several))} by {split}"
             for who, several in sorted(parts.items())
             if len(several) > 1
         ]
-    return told
+    return sentences
 
 
-def _metrics(file, found):
+def _metrics(file: File, found: dict[str, Table]) -> list[str]:
     """The figures' columns, and whom they are about."""
     rows = csv.DictReader(io.StringIO(file.read().decode("utf-8", "replace")))
     if list(rows.fieldnames or ()) != tables.columns_of("metrics"):
@@ -175,7 +185,7 @@ def _metrics(file, found):
     return [f"{column} '{word}' is not in {column}s.parquet" for column, word in unknown]
 
 
-def _json(file, listed):
+def _json(file: File, listed: dict[str, str]) -> list[str]:
     """Whether it is JSON at all, and whether the checksums in it are those of SHA256SUMS."""
     try:
         content = json.loads(file.read())
@@ -189,10 +199,10 @@ def _json(file, listed):
         return [f"is not the JSON that dior writes ({error})"]
 
 
-def _poses(table):
+def _poses(table: Table) -> list[str]:
     """Cameras whose pose is no rotation and translation."""
     wTc = table["wTc"].reshape(-1, 4, 4)
-    known = np.isfinite(wTc).all(axis=(1, 2))
+    known = np.all(np.isfinite(wTc), axis=(1, 2))
     R = np.where(known[:, None, None], wTc[:, :3, :3], np.eye(3))
     rotated = np.abs(R @ R.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2)) < 1e-6
     whole = (np.abs(wTc[:, 3] - [0, 0, 0, 1]) < 1e-9).all(axis=1) | ~known
@@ -205,7 +215,7 @@ def _poses(table):
     ]
 
 
-def sizes(walks, found):
+def sizes(walks: Sequence[WalkFindings], found: dict[str, Table]) -> list[Problem]:
     """Pictures must have the size that their camera's intrinsics are for."""
     if not {"cameras", "sequences"} <= set(found):
         return []
@@ -219,12 +229,14 @@ def sizes(walks, found):
     for walk in walks:
         for camera, (path, there) in sorted(walk.sizes.items()):
             expected = size.get((session.get(walk.sequence), camera))
-            for height, width in sorted(there - {expected} if expected else ()):
+            if expected is None:
+                continue
+            for height, width in sorted(there - {expected}):
                 problems.append((path, f"{width}x{height} px where cameras.parquet says {expected[1]}x{expected[0]}"))
     return problems
 
 
-def card(file, walks, found):
+def card(file: File, walks: Sequence[WalkFindings], found: dict[str, Table]) -> list[Problem]:
     """The counts that the card states must be those of the tables."""
     text = file.read().decode("utf-8", "replace")
     if CARD_HEADER not in text:
@@ -242,22 +254,22 @@ def card(file, walks, found):
     ]
 
 
-def _cells(line):
+def _cells(line: str) -> list[str]:
     return [cell.strip() for cell in line.strip("|").split("|")]
 
 
-def _counts(table, where):
+def _counts(table: dict[tuple[str, ...], tuple[str, ...]], where: tuple[str, ...]) -> str:
     if where not in table:
         return "nothing"
     return "{} recordings, {} frames and {} labels".format(*table[where])
 
 
-def _by_camera(walks, found):
+def _by_camera(walks: Sequence[WalkFindings], found: dict[str, Table]) -> dict[tuple[str, ...], Counter[str]]:
     """Counts by (environment, camera, role), as the card words them."""
     sheet, rig = found["sequences"], found["cameras"]
     place = {name: (sheet["environment"][i], sheet["session"][i]) for i, name in enumerate(sheet["sequence"])}
     role = {(rig["session"][i], name): rig["role"][i].replace("_", "-") for i, name in enumerate(rig["camera"])}
-    total = {}
+    total: dict[tuple[str, ...], Counter[str]] = {}
     for walk in walks:
         environment, session = place.get(walk.sequence, ("", ""))
         for camera, counts in walk.counts.items():

@@ -4,54 +4,61 @@ INPUTS   a `Project`, the `frames` and `gallery` tables
 OUTPUTS  the released walks; columns of `sequences`, `subjects` and `released_gallery`
 """
 
+from pathlib import Path
+from typing import Any, TypeAlias
+
 import numpy as np
 
+from dior.arrays import Table
 from dior.project.bumps import MARK, session_folder
-from dior.release import shift
+from dior.project.project import Project
+from dior.release import shift_stamps
 from dior.tables import tables
 
+# rows of the sheet by sequence, with what `released_walks` adds
+Walks: TypeAlias = dict[str, dict[str, Any]]
 SHEET_COLUMNS = ("sequence", "environment", "outfit", "walk", "subject")
 
 
-def released_walks(project, frames):
+def released_walks(project: Project, frames: dict[str, Path]) -> Walks:
     """Rows of the sheet by sequence, sorted by pseudonym and sequence, of the walks that are released.
 
-    `frames`: the `frames` table by sequence. `subject` is the pseudonym, `real` who it is; `session` is the project's,
-    `shown` what the release calls it; `cameras` are the names of those that recorded it; `taken_off` is what every
-    stamp is made less by, ns.
+    `frames`: the `frames` table by sequence. `subject` is the pseudonym, `real_name` who it is; `session` is the
+    project's, `released_session` what the release calls it; `cameras` are the names of those that recorded it;
+    `shift_ns` is what is subtracted from every stamp.
     """
     rows = {name: project.sequence(name) for name in project.released_sequences}
-    shown, taken_off = _session_names(rows), _taken_off(project, frames)
+    shown, shifts = _session_names(rows), _shifts_ns(project, frames)
     walks = [
         {
             **row,
-            "real": row["subject"],
+            "real_name": row["subject"],
             "subject": project.pseudonym(row["subject"]),
-            "shown": shown[row["session"]],
+            "released_session": shown[row["session"]],
             "cameras": sorted(project.cameras_of(name)),
-            "taken_off": taken_off[row["subject"]],
+            "shift_ns": shifts[row["subject"]],
         }
         for name, row in rows.items()
     ]
     return {walk["sequence"]: walk for walk in sorted(walks, key=lambda walk: (walk["subject"], walk["sequence"]))}
 
 
-def _taken_off(project, frames):
+def _shifts_ns(project: Project, frames: dict[str, Path]) -> dict[str, int]:
     """By real name, ns to take off the stamps: 0 unless the config asks for more."""
     people = project.released_subjects
     if not project.config["release"]["shift_stamps"]:
         return dict.fromkeys(people, 0)
-    return {who: shift.taken_off([frames[name] for name in project.sequences_of_subject(who)]) for who in people}
+    return {who: shift_stamps.shift_ns([frames[name] for name in project.sequences_of_subject(who)]) for who in people}
 
 
-def _session_names(rows):
+def _session_names(rows: dict[str, dict[str, str]]) -> dict[str, str]:
     """What each session is called in the release.
 
     A part of a session that a bump split is called after its first walk, which may be somebody's who is not released;
     it takes the first one that is.
     """
     order = sorted(rows.values(), key=lambda row: (int(row["session_order"]), row["sequence"]))
-    firsts = {}
+    firsts: dict[str, str] = {}
     for row in order:
         firsts.setdefault(row["session"], row["sequence"])
     return {
@@ -60,34 +67,34 @@ def _session_names(rows):
     }
 
 
-def sequences(walks):
+def sequences(walks: Walks) -> dict[str, list[Any]]:
     columns = {key: [walk[key] for walk in walks.values()] for key in SHEET_COLUMNS}
     return {
         **columns,
-        "session": [walk["shown"] for walk in walks.values()],
+        "session": [walk["released_session"] for walk in walks.values()],
         "session_order": [int(walk["session_order"]) for walk in walks.values()],
     }
 
 
-def subjects(walks, people):
+def subjects(walks: Walks, people: dict[str, dict[str, str]]) -> dict[str, list[Any]]:
     """Columns of `subjects`; `people`: rows of subjects.tsv by real name."""
-    real = {walk["subject"]: walk["real"] for walk in walks.values()}
+    real = {walk["subject"]: walk["real_name"] for walk in walks.values()}
     names = sorted(real)
 
-    def metres(column):
+    def metres(column: str) -> list[float]:
         return [float(people[real[name]][column] or "nan") for name in names]
 
     return {"subject": names, "height_m": metres("height_m"), "height_sigma_m": metres("height_sigma_m")}
 
 
-def gallery(path, walks):
+def gallery(path: Path, walks: Walks) -> Table:
     """Columns of the gallery of the released subjects, by pseudonym, without the files, which name machines."""
-    pseudonyms = {walk["real"]: walk["subject"] for walk in walks.values()}
-    taken_off = {walk["real"]: walk["taken_off"] for walk in walks.values()}
+    pseudonyms = {walk["real_name"]: walk["subject"] for walk in walks.values()}
+    shifts = {walk["real_name"]: walk["shift_ns"] for walk in walks.values()}
     table = tables.read(path, "gallery")
     table = tables.rows(table, np.array([name in pseudonyms for name in table["subject"]], bool))
-    taken_off = np.array([taken_off[name] for name in table["subject"]], np.int64)
-    table["stamp_ns"] = shift.earlier(table["stamp_ns"], taken_off)
+    ns = np.array([shifts[name] for name in table["subject"]], np.int64)
+    table["stamp_ns"] = shift_stamps.shifted_stamps(table["stamp_ns"], ns)
     table["subject"] = np.array([pseudonyms[name] for name in table["subject"]], object)
     order = np.lexsort([table[key].astype(str) for key in ("angle", "outfit", "subject")])
     return {key: table[key][order] for key in tables.columns_of("released_gallery")}

@@ -6,16 +6,24 @@ Covering destroys: all that is left of a head are the mean colours of at most CE
 the head itself has about three by three. A Gaussian blur can be undone.
 """
 
-import numpy as np
+from collections.abc import Sequence
+from typing import Any
 
-FACES = ("blurred", "filled", "pixelated", "shown")
+import numpy as np
+from numpy.typing import NDArray
+
+from dior.arrays import Bools, Floats, Ints
+
+# Cells along a side of the box at most. Chosen: a face of three by three colours tells nobody, a picture with a hole
+# where heads are is worth less for training.
 CELLS = 4
 # a cell is at least this wide and high, px, so that a head of five pixels becomes one colour
 CELL_PX = 4
+# what `filled` leaves, the middle of 0..255
 GREY = 128
 
 
-def ellipse(box, rows, columns):
+def ellipse(box: Sequence[float] | Floats, rows: Ints, columns: Ints) -> Bools:
     """Which of the pixels `rows` (R,), `columns` (C,) are in the ellipse that touches the edges of a box: (R, C) bool.
 
     `box`: first column and row, and those after the last, px.
@@ -26,7 +34,7 @@ def ellipse(box, rows, columns):
     return down[:, None] ** 2 + across[None] ** 2 <= 1
 
 
-def inside(box, height, width):
+def inside(box: Sequence[float] | Floats, height: int, width: int) -> tuple[slice, slice]:
     """Rows and columns of a picture that a box covers, as slices; empty outside the picture."""
     u_min, v_min, u_max, v_max = (int(edge) for edge in box)
     return (
@@ -35,7 +43,7 @@ def inside(box, height, width):
     )
 
 
-def cover(picture, box, how):
+def cover(picture: NDArray[np.uint8], box: Floats, how: str) -> None:
     """Cover the head in `box` (4,) px of a BGR `picture` (height, width, 3) uint8, in place.
 
     `how`: `blurred` and `pixelated` leave the mean colours of a few cells, `filled` nothing.
@@ -48,7 +56,7 @@ def cover(picture, box, how):
         return
     high, wide = part.shape[:2]
     if how == "filled":
-        instead = np.full_like(part, GREY)
+        instead: NDArray[Any] = np.full_like(part, GREY)
     else:
         cells = tuple(int(np.clip(side // CELL_PX, 1, CELLS)) for side in (wide, high))
         means = cv2.resize(part, cells, interpolation=cv2.INTER_AREA)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dior.release import covering
+from dior.release import head_blur
 
 BOX = (20, 12, 60, 68)  # cells of 10 x 14 px
 
@@ -15,12 +15,12 @@ def picture():
 
 def covered(picture, box=BOX, how="blurred"):
     out = picture.copy()
-    covering.cover(out, np.array(box, float), how)
+    head_blur.cover(out, np.array(box, float), how)
     return out
 
 
 def mask(box=BOX, shape=(90, 100)):
-    return covering.ellipse(box, np.arange(shape[0]), np.arange(shape[1]))
+    return head_blur.ellipse(box, np.arange(shape[0]), np.arange(shape[1]))
 
 
 @pytest.mark.parametrize("how", ["blurred", "filled", "pixelated"])
@@ -54,7 +54,7 @@ def test_pixelated_has_at_most_16_colours(picture):
 
 
 def test_filled_leaves_nothing(picture):
-    assert (covered(picture, how="filled")[mask()] == covering.GREY).all()
+    assert (covered(picture, how="filled")[mask()] == head_blur.GREY).all()
 
 
 def test_head_of_five_pixels_is_one_colour(picture):
@@ -65,7 +65,7 @@ def test_head_of_five_pixels_is_one_colour(picture):
 @pytest.mark.parametrize("box", [(-20, -10, 20, 30), (80, 70, 120, 110), (-10, -10, 110, 100)])
 def test_head_partly_outside(picture, box):
     out = covered(picture, box, "filled")
-    assert (out[mask(box)] == covering.GREY).all() and (out[~mask(box)] == picture[~mask(box)]).all()
+    assert (out[mask(box)] == head_blur.GREY).all() and (out[~mask(box)] == picture[~mask(box)]).all()
 
 
 def test_head_outside_changes_nothing(picture):

@@ -8,17 +8,20 @@ the next, and two people's stamps have nothing to do with each other any more. T
 FIRST_NS, not 0: the gallery and motion capture may be older, and a negative stamp is none (see tables.py).
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from dior.arrays import AnyPath, Ints
 from dior.errors import DiorError
 from dior.tables import tables
 
 FIRST_NS = 315_532_800 * 10**9  # 1980-01-01 00:00 UTC
 
 
-def taken_off(frames):
+def shift_ns(frames: Sequence[AnyPath]) -> int:
     """How many ns to take off the stamps of a person, so that the first picture has the stamp FIRST_NS.
 
     `frames`: the files of all the person's walks. Raises DiorError where there is no picture.
@@ -30,7 +33,7 @@ def taken_off(frames):
     return int(together.min()) - FIRST_NS
 
 
-def shifted(table, ns):
+def shifted(table: pa.Table, ns: int) -> pa.Table:
     """A pyarrow table with `ns` taken off its column stamp_ns; null stays null.
 
     Raises DiorError for a stamp from more than ten years before the person's first walk.
@@ -41,7 +44,7 @@ def shifted(table, ns):
     return table.set_column(at, table.schema.field(at), stamps)
 
 
-def earlier(stamps, ns):
+def shifted_stamps(stamps: Ints, ns: int | Ints) -> Ints:
     """Stamps (N,) with `ns`, a number or (N,), taken off; negative ones are null and stay so. Raises like `shifted`."""
     there = stamps >= 0
     out = np.where(there, stamps - ns, stamps)
@@ -49,7 +52,7 @@ def earlier(stamps, ns):
     return out
 
 
-def _check(first):
+def _check(first: int | None) -> None:
     if first is not None and first < 0:
         raise DiorError(
             f"a stamp is {(FIRST_NS - first) / 3.156e16:.1f} years before the person's first walk: a clock of the "

@@ -8,9 +8,16 @@ import io
 import tarfile
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, BinaryIO
 
 from dior.errors import DiorError
-from dior.release import sums, tarballs
+from dior.release import checksums, tarballs
+
+if TYPE_CHECKING:
+    from _typeshed import WriteableBuffer
+
+# bytes read at once; chosen: a table's footer, which is read first, fits
+BUFFER = 1 << 18
 
 
 @dataclass(frozen=True)
@@ -21,10 +28,10 @@ class File:
     start: int
     size: int
 
-    def open(self):
-        return io.BufferedReader(_Section(self), 1 << 18)
+    def open(self) -> io.BufferedReader:
+        return io.BufferedReader(_Section(self), BUFFER)
 
-    def read(self):
+    def read(self) -> bytes:
         with self.open() as stream:
             return stream.read()
 
@@ -32,35 +39,35 @@ class File:
 class _Section(io.RawIOBase):
     """A part of a file, read as if it were a file of its own."""
 
-    def __init__(self, file):
+    def __init__(self, file: File) -> None:
         self._file, self._at = file, 0
         self._whole = open(file.path, "rb", buffering=0)
 
-    def readable(self):
+    def readable(self) -> bool:
         return True
 
-    def seekable(self):
+    def seekable(self) -> bool:
         return True
 
-    def tell(self):
+    def tell(self) -> int:
         return self._at
 
-    def seek(self, offset, whence=io.SEEK_SET):
+    def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
         self._at = max(0, offset + (0, self._at, self._file.size)[whence])
         return self._at
 
-    def readinto(self, block):
+    def readinto(self, block: "WriteableBuffer") -> int:
         self._whole.seek(self._file.start + self._at)
-        count = self._whole.readinto(memoryview(block)[: max(0, min(len(block), self._file.size - self._at))])
+        count = self._whole.readinto(memoryview(block)[: max(0, self._file.size - self._at)])
         self._at += count
         return count
 
-    def close(self):
+    def close(self) -> None:
         self._whole.close()
         super().close()
 
 
-def of_folder(folder):
+def of_folder(folder: Path) -> tuple[dict[str, File], list[str]]:
     """(`File`s by path, problems) of a folder."""
     found, problems = {}, []
     for path in sorted(folder.rglob("*")):
@@ -76,25 +83,26 @@ def of_folder(folder):
 
 @dataclass(frozen=True)
 class Tarball:
-    """What a tarball holds: `release`, the folder that all its files are in; `part`, whose it is (sums.py)."""
+    """What a tarball holds: `release`, the folder that all its files are in; `part`, whose it is (checksums.py)."""
 
     release: str
     part: str
-    files: dict
-    problems: list
+    files: dict[str, File]
+    problems: list[str]
 
 
-def of_tarball(path):
+def of_tarball(path: Path) -> Tarball:
     """The `Tarball` at `path`, read to its end. Raises DiorError for what is no tarball of a release at all."""
     entries, problems = _entries(path)
     release, _, first = entries[0].name.partition("/") if entries else ("", "", "")
     part = _part(first)
-    if not part or not sums.is_safe(release):
+    if not part or not checksums.is_safe(release):
         raise DiorError(
-            f"{path}: is no tarball of a release: that begins with <release>/{sums.SUMS} or "
-            f"<release>/{sums.list_of('<subject>')}" + (f" ({problems[0]})" if problems else "")
+            f"{path}: is no tarball of a release: that begins with <release>/{checksums.SUMS} or "
+            f"<release>/{checksums.list_of('<subject>')}" + (f" ({problems[0]})" if problems else "")
         )
-    files, end, size = {}, 0, path.stat().st_size
+    files: dict[str, File] = {}
+    end, size = 0, path.stat().st_size
     with open(path, "rb") as stream:
         for entry in entries:
             name = entry.name.removeprefix(f"{release}/")
@@ -111,14 +119,14 @@ def of_tarball(path):
     return Tarball(release, part, files, problems)
 
 
-def _part(first):
+def _part(first: str) -> str:
     """Whose a tarball is, by its first file; "" for that of no release."""
     parts = first.split("/")
-    whose = sums.METADATA if len(parts) == 1 else parts[1]
-    return whose if first == sums.list_of(whose) else ""
+    whose = checksums.METADATA if len(parts) == 1 else parts[1]
+    return whose if first == checksums.list_of(whose) else ""
 
 
-def _entries(path):
+def _entries(path: Path) -> tuple[list[tarfile.TarInfo], list[str]]:
     entries, problems = [], []
     try:
         with tarfile.open(path, "r:") as tar:
@@ -129,8 +137,8 @@ def _entries(path):
     return entries, problems
 
 
-def _wrong(entry, name, release, files):
-    if not entry.name.startswith(f"{release}/") or not sums.is_safe(name):
+def _wrong(entry: tarfile.TarInfo, name: str, release: str, files: dict[str, File]) -> str:
+    if not entry.name.startswith(f"{release}/") or not checksums.is_safe(name):
         return f"would be unpacked outside of {release}/"
     if not entry.isreg():
         return "is a link or another thing that is no plain file"
@@ -139,7 +147,7 @@ def _wrong(entry, name, release, files):
     return ""
 
 
-def _altered(stream, entry):
+def _altered(stream: BinaryIO, entry: tarfile.TarInfo) -> str:
     """What is around a file's bytes is known to the last bit."""
     stream.seek(entry.offset)
     head = stream.read(entry.offset_data - entry.offset)
@@ -149,11 +157,11 @@ def _altered(stream, entry):
     return "its entry is not as dior writes it: damaged, or packed by something else; get it again"
 
 
-def _bad_end(stream, end, size):
+def _bad_end(stream: BinaryIO, end: int, size: int) -> list[str]:
     stream.seek(end)
     if size < tarballs.size_of(end):
         return [f"cut off: it has {size} bytes, not {tarballs.size_of(end)}; get it again"]
-    while block := stream.read(sums.BLOCK):
+    while block := stream.read(checksums.BLOCK):
         if any(block):
             return [f"damaged, or something was added, after byte {end}; get it again"]
     return [] if size == tarballs.size_of(end) else [f"has {size - tarballs.size_of(end)} bytes too many"]

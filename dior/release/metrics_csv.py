@@ -1,19 +1,23 @@
 """The figures of a release: those of the released walks, pooled over them, as rows of metrics.csv."""
 
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
 from dior.evaluate.metrics import merged
+from dior.release.layout import rows_of
+from dior.release.released_people import Walks
 from dior.tables import tables
 
 
-def released(paths, walks):
+def released(paths: Iterable[Path], walks: Walks) -> list[dict[str, Any]]:
     """Rows of metrics.csv: those of the released walks, by pseudonym, pooled over them.
 
     A row of no sequence is the adjustment's of a session, which uses the walks of people who agreed only.
     """
-    columns, rows = tables.columns_of("metrics"), []
+    rows = []
     for path in paths:
-        table = tables.read(path, "metrics")
-        for cells in zip(*(table[c].tolist() for c in columns), strict=True):
-            figure = dict(zip(columns, cells, strict=True))
+        for figure in rows_of(tables.read(path, "metrics")):
             if figure["sequence"] in walks:
                 rows.append({**figure, "subject": walks[figure["sequence"]]["subject"]})
             elif not figure["sequence"] and not figure["subject"]:
