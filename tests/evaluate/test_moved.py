@@ -119,3 +119,10 @@ def write(folder, sequence, names, uv):
         "swaps",
         by_camera | {"frame": instant, "swapped": np.zeros(len(instant), bool), "part": [""] * len(instant)},
     )
+
+
+def test_a_wild_residual_pulls_no_harder_than_two_usual_ones():
+    miss = np.zeros((1, 5, 1, 2))
+    miss[0, :, 0, 0] = [1.0, 1.0, -1.0, 2.0, 50.0]
+    bounded = moved._bounded(miss, np.ones((5, 1), bool))
+    assert bounded[0, :, 0, 0] == pytest.approx([1.0, 1.0, -1.0, 2.0, 2.0])

@@ -188,3 +188,21 @@ def test_gaps_are_bridged_by_their_time(fps):
     for rate in (1e9 / step_ns, float(fps)):
         _, _, filled = refine.refined(points, C, ["a"], rate, 0.0, 0.0, 0.2)
         assert np.flatnonzero(filled[:, 0]).tolist() == list(range(20, 20 + most))
+
+
+def test_covariances_are_averaged_over_the_known_ones_around():
+    known = np.array([True, True, False, True, True, False, False, False])[:, None]
+    C = np.array([1.0, 3.0, 99.0, 5.0, 1.0, 99.0, 99.0, 99.0])[:, None, None, None] * np.eye(3)
+    steady = refine._steady(C, known, 1)[:, 0, 0, 0]
+    assert steady[:6] == pytest.approx([2, 2, 4, 3, 3, 1]) and np.isnan(steady[6:]).all()
+    assert refine._steady(C, known, 0)[known] == pytest.approx(C[known])
+
+
+def test_a_bone_whose_ends_have_a_constant_error_pulls_less():
+    random = np.random.default_rng(5)
+    path = np.broadcast_to([[0.0, 0, 0], [0, 0, 0.45]], (200, 2, 3)) + random.normal(0, 0.01, (200, 2, 3))
+    spread = np.broadcast_to(1e-4 * np.eye(3), (200, 2, 3, 3)).copy()
+    names = ["left_hip", "left_knee"]
+    free, held = (refine.with_bones(path, spread, c * spread, names)[0] for c in (0.0, 10.0))
+    # the innovation's variance is 2 + (0.09, the least of a bone) and 2 + 0.09 + 20, all times 1e-4
+    assert np.abs(held - path).mean() == pytest.approx(2.09 / 22.09 * np.abs(free - path).mean(), rel=0.2)

@@ -113,3 +113,25 @@ def test_a_view_of_somebody_else_is_left_out_as_a_whole_and_exchanged_sides_are_
     uv = exchange(uv, exchanged, MLKIT_33)
     other = robust.strangers(cameras, uv, np.ones(uv.shape[:3]), FPS, swap_index(MLKIT_33))
     assert other[1, 20:30].all() and other.sum() == 10
+
+
+def test_neighbours_in_time_say_little_new_of_a_joints_own_noise():
+    """At 3 instants a second each residual counts; at 30 they are correlated, and the joint is more like the rest."""
+    cameras, points = ring(3), walker(60)
+    uv = observed(cameras, points, 2.0)
+    uv[:, :, 7] += 2 * (uv[:, :, 7] - observed(cameras, points, 0.0)[:, :, 7])
+    fast, slow = (robust.noise(cameras, uv, np.ones(uv.shape[:3]), fps) for fps in (30.0, 3.0))
+    own, rest = slow[:, 7].mean(), np.delete(slow, 7, axis=1).mean()
+    assert own > 2 * rest
+    assert fast[:, 7].mean() - rest < 0.7 * (own - rest)
+
+
+def test_a_joint_is_predicted_on_the_line_between_the_good_instants_around_it():
+    points, good = np.zeros((3, 40, 1)), np.ones((40, 1), bool)
+    points[0, :, 0] = np.arange(40.0)
+    points[1, ::2, 0] = 0.01
+    good[11:13] = good[20:] = False
+    points[0, 11:13, 0] = 100.0
+    expected, spread = robust.predicted(points, good, np.array([11, 12, 20]), FPS)
+    assert expected[0, :2] == pytest.approx([11, 12]) and np.isnan(expected[:, 2]).all()
+    assert np.isfinite(spread[:2]).all() and np.isnan(spread[2])

@@ -165,3 +165,14 @@ def test_a_limb_taken_for_the_other_counts_by_the_time_it_lasts(fps):
     uv[where] = uv[np.ix_([0, 1], np.flatnonzero(long | short), others)]
     found = find_mistaken_limbs(cameras, uv, np.ones(uv.shape[:3]), np.full((3, 33), 33.0), MLKIT_33, fps)
     assert (found[:2, :, own] == long[:, None]).all() and not found[2].any()
+
+
+def test_a_table_says_which_part_was_exchanged():
+    table = {
+        "camera": np.array(["cam01"] * 4 + ["cam02"] * 4, object),
+        "swapped": np.array([True, True, True, False, False, False, False, True]),
+        "part": np.array(["all", "legs", "rest", "", "", "", "", "rest"], object),
+    }
+    found = swaps.in_table(table, ["cam02", "cam01"], ["left_knee", "left_wrist"])
+    assert found[1].tolist() == [[True, True], [True, False], [False, True], [False, False]]
+    assert found[0].tolist() == [[False, False]] * 3 + [[False, True]]

@@ -128,3 +128,17 @@ def test_points_behind_a_camera_are_not_in_front():
     assert not tri.in_front(cameras, behind[None], used).any()
     assert tri.in_front(cameras, np.array([[0.0, 0, 1]]), used).all()
     assert cam.project(cameras[0], behind)[1] < 0
+
+
+def test_rays_that_meet_behind_a_camera_are_rejected(tmp_path):
+    cameras, points = ring(3), walker(6)
+    behind = 1.3 * cameras[0].centre
+    points[2, 5] = behind
+    in_camera = cam.inverse_pose(cameras[0].wTc) @ [*behind, 1.0]
+    uv = observed(cameras, points, 0.0)
+    uv[0, 2, 5] = cameras[0].intrinsics.fx * in_camera[:2] / in_camera[2] + [
+        cameras[0].intrinsics.cx, cameras[0].intrinsics.cy
+    ]  # fmt: skip
+    write_inputs(tmp_path, cameras, uv)
+    status = run(tmp_path, [c.name for c in cameras], "rays")["status"].reshape(6, 33)
+    assert status[2, 5] == "rejected" and (status == "rejected").sum() == 1
