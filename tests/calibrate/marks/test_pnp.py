@@ -142,3 +142,9 @@ def test_the_best_next_mark_is_that_of_trying_all():
         tried.append(sigma(np.linalg.inv(np.linalg.inv(spread) + more.T @ more)))
     assert mark is candidates[int(np.argmin(tried))]
     assert (before, after) == (pytest.approx(sigma(spread)), pytest.approx(min(tried)))
+
+
+def test_the_variance_of_a_click_is_between_the_usual_one_and_that_of_the_residuals():
+    usual, worth = pnp.CLICK_SD_PX**2, pnp.CLICK_WORTH
+    assert pnp.variance(np.zeros(6), 0) == pnp.variance(np.zeros(6), -2) == usual
+    assert pnp.variance(np.full(106, 3.0), 100) == pytest.approx((worth * usual + 106 * 9) / (worth + 100))
