@@ -142,3 +142,30 @@ def test_the_best_next_mark_is_that_of_trying_all():
         tried.append(sigma(np.linalg.inv(np.linalg.inv(spread) + more.T @ more)))
     assert mark is candidates[int(np.argmin(tried))]
     assert (before, after) == (pytest.approx(sigma(spread)), pytest.approx(min(tried)))
+
+
+def test_the_variance_of_a_click_is_between_the_usual_one_and_that_of_the_residuals():
+    usual, worth = pnp.CLICK_SD_PX**2, pnp.CLICK_WORTH
+    assert pnp.variance(np.zeros(6), 0) == pnp.variance(np.zeros(6), -2) == usual
+    assert pnp.variance(np.full(106, 3.0), 100) == pytest.approx((worth * usual + 106 * 9) / (worth + 100))
+
+
+def test_of_good_marks_hardly_one_set_in_a_hundred_has_a_suspect():
+    random, found = np.random.default_rng(0), 0
+    for _ in range(200):
+        J, noise = random.normal(size=(40, 6)), random.normal(0, 1.5, 40)
+        left = noise - J @ np.linalg.lstsq(J, noise, rcond=None)[0]
+        found += pnp.suspect(J, left.reshape(20, 2)) is not None
+    assert found <= 6
+
+
+def test_the_next_mark_adds_its_information_to_the_pose():
+    spread, sd_px = np.diag([1e-4, 2e-4, 1e-4, 4e-3, 1e-3, 2e-3]), 3.0
+    mark = pnp.Mark("walk", 0, "LASI", np.array([0.1, 0.2, 1.0]))
+    places = np.array([[0.5, 0.0, 0.2], [-0.5, 0.3, 1.5]])
+    chosen, before, after = pnp.best_next(VIEW, spread, sd_px, [mark], places)
+    (_, J), (_, at) = (covariance.projection(VIEW, x) for x in (mark.xyz[None], places))
+    updated = np.linalg.inv(np.linalg.inv(spread) + J[0].T @ J[0] / sd_px**2)
+    for sigma, C in ((before, spread), (after, updated)):
+        assert sigma == pytest.approx(np.sqrt(np.mean([np.diag(x @ C @ x.T) for x in at])))
+    assert chosen is mark
