@@ -73,19 +73,20 @@ def worse(costs: Floats, measurements: float, sd: float = 0.0) -> Floats:
     return measurements * (costs**2 - least**2) / max(least, sd, 1e-12) ** 2
 
 
-def rivals(lags: Floats, chi2: Floats, best_s: float, apart_s: float = APART_S) -> Floats:
+def rivals(lags: Floats, chi2: Floats, best_s: float, apart_s: float = APART_S, clearly: float = CLEARLY) -> Floats:
     """Lags (R,) s, the best first, that are other minima of `chi2` (L,), as of `worse`, and not clearly worse.
 
-    `best_s`: the lag that was found; what is within `apart_s` of it is no other.
+    `best_s`: the lag that was found; what is within `apart_s` of it is no other. A minimum whose chi2 is `clearly` or
+    more is no rival.
     """
     at = minima(chi2)
-    at = at[(np.abs(lags[at] - best_s) > apart_s) & (chi2[at] < CLEARLY)]
+    at = at[(np.abs(lags[at] - best_s) > apart_s) & (chi2[at] < clearly)]
     return lags[at[np.argsort(chi2[at], kind="stable")]]
 
 
-def doubt(lags: Floats, chi2: Floats, best_s: float, apart_s: float = APART_S) -> str:
+def doubt(lags: Floats, chi2: Floats, best_s: float, apart_s: float = APART_S, clearly: float = CLEARLY) -> str:
     """Why the lag that was found cannot be trusted, or ""; arguments as of `rivals`."""
-    others = rivals(lags, chi2, best_s, apart_s)
+    others = rivals(lags, chi2, best_s, apart_s, clearly)
     return f"a lag of {others[0]:+.2f} s fits about as well as {best_s:+.2f} s" if len(others) else ""
 
 

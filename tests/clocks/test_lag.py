@@ -94,3 +94,8 @@ def test_the_cost_along_one_camera_has_the_sign_of_its_lag():
     costs = {(0, 1): dip((3, 3.0)), (1, 2): dip((-1, 3.0), reach=20)}
     at = np.array([0, 3, 2])
     assert lag.along(costs, at, 1, 10).argmin() - 10 == 3 and lag.along(costs, at, 2, 10).argmin() - 10 == 2
+
+
+def test_how_clear_it_has_to_be_is_the_callers():
+    chi2 = 100 - valley(0.5, 100) - valley(-0.5, 85)
+    assert lag.doubt(LAGS, chi2, 0.5) and not lag.doubt(LAGS, chi2, 0.5, clearly=9.0)

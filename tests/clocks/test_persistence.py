@@ -30,7 +30,7 @@ def test_what_makes_one_measurement_is_a_time_and_no_number_of_pictures(hz):
     found = persistence.inflation(values, hz)
     assert found == pytest.approx(expected, rel=0.08)
     # an exponential with that time constant: two of them, but for what is forgotten, whatever the rate
-    assert found / hz == pytest.approx(2 * TAU_S * (1 - persistence.FORGOTTEN), abs=0.06)
+    assert found / hz == pytest.approx(2 * TAU_S * 0.95, abs=0.04)
 
 
 @pytest.mark.parametrize("hz", RATES)

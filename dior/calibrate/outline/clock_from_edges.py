@@ -31,6 +31,9 @@ HALF_STEP_S = 0.04  # chosen: edges are differentiated over twice that, in which
 STEPS = 30  # of the fit at most
 FEWEST = 8  # edges: as many as two boxes have; the margins, the time and the drift are 4 unknowns
 MOST_SIGMA_S = 0.15  # chosen: a 95 % interval of more than a step of walking, 0.6 s in all, is refused
+# chi2 by which another lag has to fit worse, that of 3 standard errors: the interval above already refuses what is
+# doubtful, and at the 20 of `lag` a walk of the benchmark was refused whose time was right (clocks_pictures, 1 of 8)
+CLEARLY = 9.0
 FITTED = [7, 8, 9, 10]  # of the parameters of `boxes_fit`: both margins, time and drift
 
 
@@ -250,4 +253,4 @@ def _doubt(costs: Floats, given: Floats, offset: float, sd: float, count: int) -
         return f"the motion leaves ± {1.96 * given[0]:.2f} s open"
     if abs(offset) > LAGS_S[-1] - lag.APART_S / 2:
         return f"the best lag is at the end of the ± {LAGS_S[-1]:g} s that were tried"
-    return lag.doubt(LAGS_S, lag.worse(costs, count, sd), offset, max(lag.APART_S, 3 * given[0]))
+    return lag.doubt(LAGS_S, lag.worse(costs, count, sd), offset, max(lag.APART_S, 3 * given[0]), CLEARLY)
