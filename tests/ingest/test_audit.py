@@ -134,6 +134,19 @@ def test_repeated_pictures_and_pictures_out_of_order():
     assert audited(table(grid(), lag)).row["out_of_order"] == 1
 
 
+@pytest.mark.parametrize("back_s, refused", [(0.5, False), (0.99, False), (1.1, True), (2.5, True)])
+def test_a_clock_that_is_set_back_by_more_than_a_second_is_refused(back_s, refused):
+    receive = grid()
+    stamps = receive - np.where(np.arange(300) >= 150, round((back_s + PERIOD / 1e9) * 1e9), 0)
+    order = np.argsort(stamps, kind="stable")
+    if not refused:
+        return frames.check_usable(stamps[order], receive[order], "walk, cam01")
+    with pytest.raises(
+        DiorError, match=f"walk, cam01: the header clock was set back by {back_s:.1f} s after picture 149"
+    ):
+        frames.check_usable(stamps[order], receive[order], "walk, cam01")
+
+
 def test_a_clock_that_jumps_forward_is_an_error_and_nothing_is_lost():
     shifted = grid() + np.where(np.arange(300) > 149, 5 * 10**9, 0)
     rows = table(shifted, 4.0 - np.where(np.arange(300) > 149, 5000.0, 0))
