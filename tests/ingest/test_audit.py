@@ -60,6 +60,28 @@ def test_every_lost_picture_has_its_stamp_and_reason():
     assert (severity, code) == ("info", "pictures_lost") and "5 pictures lost (1.7%) in 3 gaps" in text
 
 
+@pytest.mark.parametrize("side", [99, 100])
+@pytest.mark.parametrize(
+    "late_periods, reason", [(1.9, "not_sent"), (2.1, "recorder_behind"), (3.5, "recorder_behind")]
+)
+def test_the_recorder_is_behind_where_a_picture_beside_the_gap_is_two_periods_late(side, late_periods, reason):
+    kept = np.delete(grid(), 100)
+    lag = np.full(299, 4.0)
+    lag[side] += late_periods * PERIOD / 1e6
+    assert [why for *_, why in audited(table(kept, lag)).dropped] == [reason]
+
+
+@pytest.mark.parametrize("periods, missing", [(1.0, 0), (1.4, 0), (1.6, 1), (2.0, 1), (2.9, 2), (5.0, 4)])
+def test_what_is_missing_where_the_bag_changes(periods, missing):
+    """One picture less than periods between the last of one bag and the first of the next, at equal steps."""
+    stamps = grid(40) + np.where(np.arange(40) >= 20, round((periods - 1) * PERIOD), 0)
+    rows = table(stamps) | {"bag": np.repeat(np.array(["a.bag", "b.bag"], object), 20)}
+    found = audit._between_bags(rows)
+    wanted = stamps[19] + (stamps[20] - stamps[19]) * np.arange(1, missing + 1) // (missing + 1)
+    assert [stamp for _, stamp, _ in found] == wanted.tolist()
+    assert {(frame, why) for frame, _, why in found} <= {(19, "between_bags")}
+
+
 def test_rate_jitter_lag_and_drift_are_those_put_in():
     rng = np.random.default_rng(0)
     jitter, lag = 1.5 * rng.standard_normal(3600), 6 + rng.exponential(2, 3600)
@@ -110,6 +132,19 @@ def test_repeated_pictures_and_pictures_out_of_order():
     lag = np.full(300, 4.0)
     lag[20] = 50.0
     assert audited(table(grid(), lag)).row["out_of_order"] == 1
+
+
+@pytest.mark.parametrize("back_s, refused", [(0.5, False), (0.99, False), (1.1, True), (2.5, True)])
+def test_a_clock_that_is_set_back_by_more_than_a_second_is_refused(back_s, refused):
+    receive = grid()
+    stamps = receive - np.where(np.arange(300) >= 150, round((back_s + PERIOD / 1e9) * 1e9), 0)
+    order = np.argsort(stamps, kind="stable")
+    if not refused:
+        return frames.check_usable(stamps[order], receive[order], "walk, cam01")
+    with pytest.raises(
+        DiorError, match=f"walk, cam01: the header clock was set back by {back_s:.1f} s after picture 149"
+    ):
+        frames.check_usable(stamps[order], receive[order], "walk, cam01")
 
 
 def test_a_clock_that_jumps_forward_is_an_error_and_nothing_is_lost():

@@ -152,6 +152,19 @@ def test_the_same_scene_gives_the_same_choice_at_every_rate(rate, gap_s, aside, 
     assert (who[(second > 2 + edge) & (second < 2 + gap_s - edge)] == meanwhile).all()
 
 
+@pytest.mark.parametrize("rate, share", [(15, 2.0), (30, 1.0), (120, 0.25)])
+def test_noise_costs_by_the_second_and_a_change_of_person_once(rate, share):
+    """0.09 body sizes at 30 Hz are half of the reach, 0.9 five times the reach: 1/4 a period, and 24 more than 1."""
+    walk = 0.09 * max(share, 1.0)
+    everybody = people(
+        [(0, 0, (0.0, 0.0), 1.0, 0.5), (1, 0, (walk * SIZE, 0.0), 1.0, 0.5), (2, 0, (0.9 * SIZE, 0.0), 1.0, 0.5)]
+    )
+    ahead = np.array([0.0, 1 / rate, 1 / rate])
+    cost = module._steps(everybody, ahead, share, np.array([1, 2]), np.array([0, 0]))
+    far = share * min((0.9 / 0.18 / max(share, 1.0)) ** 2, 1.0) + 24
+    np.testing.assert_allclose(cost, [share / 4, far], rtol=1e-9)
+
+
 def test_a_detector_run_on_every_second_picture_chooses_as_one_of_half_the_rate():
     every = lost_for(1.3, 4.0, 30, False)
     half = people([(2 * f, p, *rest) for f, p, *rest in rows_of(every)], 2 * len(every.ran))
