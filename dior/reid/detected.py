@@ -6,16 +6,22 @@ Who of several people is the subject is told by how they move (dior/ingest/peopl
 keypoint counts, whatever its score, as in the detectors' figures.
 """
 
+from typing import Any
+
 import numpy as np
 
+from dior.arrays import AnyPath, Floats, Ints
 from dior.body.names import COCO_17
 from dior.evaluate import detectors
 from dior.ingest import people as subject
+from dior.ingest.people import People
 from dior.reid.inputs import Track, regular
 from dior.tables import tables
 
 
-def tracks(rows, frames, where):
+def tracks(
+    rows: list[dict[str, Any]], frames: AnyPath, where: str
+) -> tuple[list[tuple[str, str, Track]], list[tuple[str, str, str]]]:
     """(tool, camera, `Track`) of each of `rows` (dicts camera, tool, zoom, path), and (tool, camera, why) of those that
     lack joints of COCO-17. A tool on magnified pictures is called `mlkit 4x`. `where`: the sequence, for errors.
 
@@ -37,7 +43,7 @@ def tracks(rows, frames, where):
     return found, left_out
 
 
-def of_subject(people, stamps_ns):
+def of_subject(people: People, stamps_ns: Ints) -> Floats:
     """COCO-17 joints (F, 17, 2) px of the subject among `People`, at the pictures' stamps (F,); NaN where not found."""
     row = subject.follow(people, stamps_ns).row
     index = [people.joints.index(name) for name in COCO_17]

@@ -4,31 +4,39 @@ INPUTS   `camera_covariance` and `camera_turns` tables of the sessions
 OUTPUTS  SVG files. Same numbers, same bytes.
 """
 
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TypeAlias
+
 import numpy as np
 
+from dior.arrays import AnyPath, Floats, Texts
 from dior.report.plots import COLOURS, _colours, _figure, _legend, _save
 from dior.tables import tables
 
+# of a camera: sequences (S,), turn (S,) degrees in whatever direction, its standard error (S,)
+Turns: TypeAlias = tuple[Texts, Floats, Floats]
 WORLD_AXES = (("x", "o"), ("y", "s"), ("z", "^"))
 OWN_AXES = (("up and down", "o"), ("left and right", "s"), ("roll", "^"))
 
 
-def spreads(paths):
+def spreads(paths: Iterable[AnyPath]) -> dict[str, dict[str, Floats]]:
     """session -> camera -> standard errors (6,): turn about the camera's own axes, degrees, and position in cm."""
-    found = {}
+    found: dict[str, dict[str, Floats]] = {}
     for path in paths:
         table = tables.read(path, "camera_covariance")
         for session, camera, other, values in zip(*table.values(), strict=True):
-            sigma = np.sqrt(np.diag(values.reshape(6, 6))) if camera == other else [np.nan]
+            if camera != other:
+                continue
+            sigma = np.sqrt(np.diag(values.reshape(6, 6)))
             if np.isfinite(sigma).all():
-                scale = np.repeat([180 / np.pi, 100.0], 3)
-                found.setdefault(session, {})[camera] = sigma * scale
+                found.setdefault(session, {})[camera] = sigma * np.repeat([180 / np.pi, 100.0], 3)
     return found
 
 
-def turns(paths):
-    """session -> camera -> (sequences, turn (S,) degrees in whatever direction, its standard error (S,))."""
-    found = {}
+def turns(paths: Iterable[AnyPath]) -> dict[str, dict[str, Turns]]:
+    """session -> camera -> `Turns`."""
+    found: dict[str, dict[str, Turns]] = {}
     for path in paths:
         table = tables.read(path, "camera_turns")
         turn, sigma = (np.stack([table[f"{kind}_{axis}"] for axis in "xyz"], axis=-1) for kind in ("turn", "sigma"))
@@ -43,7 +51,7 @@ def turns(paths):
     return found
 
 
-def poses(path, sigmas):
+def poses(path: Path, sigmas: Mapping[str, Floats]) -> None:
     """Standard errors of position and direction, on logarithmic axes. `sigmas`: camera -> (6,), as of `spreads`."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
@@ -73,7 +81,7 @@ def poses(path, sigmas):
     _save(figure, path)
 
 
-def stood_still(path, by_camera):
+def stood_still(path: Path, by_camera: Mapping[str, Turns]) -> None:
     """Turn of each camera in each walk against the other walks. `by_camera`: as of `turns`."""
     figure, axis = _figure(height=2.9)
     colours = _colours(by_camera)

@@ -4,15 +4,26 @@ INPUTS   `offsets` and `clock_costs` tables of the sequences, findings
 OUTPUTS  a `Told` per sequence: rows of text and numbers to draw; SVG files. Same numbers, same bytes.
 """
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
+from dior.arrays import AnyPath, Floats
 from dior.clocks.clock import NORMAL_95
 from dior.report.plots import GREY, RED, _colours, _figure, _legend, _save
-from dior.report.summary import show
+from dior.report.summary import Finding, show
 from dior.tables import tables
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+# a row of table `offsets`
+Row: TypeAlias = dict[str, Any]
+# lags (L,) ms and what each costs (L,) px
+Curve: TypeAlias = tuple[Floats, Floats]
 # what a clock was told by, where that is not the word of table `offsets`
 WORDS = {"cameras": "other cameras", "boxes": "hand boxes", "manual": "by hand", "assumed_zero": "not known"}
 DOUBTED = ("clock_unknown", "clock_contradicts", "clock_off")
@@ -32,18 +43,23 @@ class Told:
     (camera, text) of clocks that are not simply estimated.
     """
 
-    clocks: dict
-    costs: dict
-    rows: tuple
-    notes: tuple
+    clocks: dict[str, tuple[float, float, float, str]]
+    costs: dict[str, Curve]
+    rows: tuple[dict[str, str], ...]
+    notes: tuple[tuple[str, str], ...]
 
 
-def read(offsets, costs, findings, cameras):
+def read(
+    offsets: Iterable[AnyPath],
+    costs: Iterable[AnyPath],
+    findings: Iterable[Finding],
+    cameras: Mapping[str, Iterable[str]],
+) -> dict[str, Told]:
     """`Told` by sequence. `offsets`, `costs`: files of those tables, of costs an earlier file goes first.
 
     `findings`: (scope, severity, code, text) of the project; `cameras`: sequence -> names in the order of the page.
     """
-    tried = {}
+    tried: dict[tuple[str, str], Curve] = {}
     for path in costs:
         table = tables.read(path, "clock_costs")
         for sequence in tables.ordered_unique(table["sequence"]):
@@ -51,7 +67,7 @@ def read(offsets, costs, findings, cameras):
             for camera in tables.ordered_unique(of_sequence["camera"]):
                 own = tables.of_camera(of_sequence, camera)
                 tried.setdefault((sequence, camera), (1e3 * own["lag_s"], own["cost_px"]))
-    said = {}
+    said: dict[str, list[str]] = {}
     for scope, _, code, text in findings:
         if code in DOUBTED and text not in said.setdefault(scope, []):
             said[scope].append(text)
@@ -67,7 +83,9 @@ def read(offsets, costs, findings, cameras):
     }
 
 
-def _told(sequence, clocks, tried, said):
+def _told(
+    sequence: str, clocks: Mapping[str, Row], tried: Mapping[tuple[str, str], Curve], said: Mapping[str, list[str]]
+) -> Told:
     costs = {c: tried[sequence, c] for c in clocks if (sequence, c) in tried}
     doubts = {c: said.get(f"{sequence}/{c}", []) for c in clocks}
     notes = []
@@ -82,7 +100,7 @@ def _told(sequence, clocks, tried, said):
     )
 
 
-def _row(one, costs, doubted):
+def _row(one: Row, costs: Curve | None, doubted: bool) -> dict[str, str]:
     unknown = one["source"] == "assumed_zero"
     taken = unknown or one["source"] == "reference"
     half, given = NORMAL_95 * 1e3 * one["sigma_s"], NORMAL_95 * 1e3 * one["given_sigma_s"]
@@ -100,28 +118,28 @@ def _row(one, costs, doubted):
     }
 
 
-def _signed(value, digits):
+def _signed(value: float, digits: int) -> str:
     # adding zero takes the sign from -0
     return f"{round(value, digits) + 0.0:+.{digits}f}"
 
 
-def _drift(value, half):
+def _drift(value: float, half: float) -> str:
     return _signed(value, 0) + (f" ±{half:.0f}" if half > 0 else "")
 
 
-def _residual(lags, costs, offset, taken):
+def _residual(lags: Floats, costs: Floats, offset: float, taken: bool) -> str:
     """Without the offset and with it; only the first where there is none."""
     values = [at(lags, costs, 0.0)] if taken else [at(lags, costs, 0.0), at(lags, costs, offset)]
     return " \u2192 ".join(show(v, "px").removesuffix(" px") if np.isfinite(v) else NOTHING for v in values)
 
 
-def _interval(one, half):
+def _interval(one: Row, half: float) -> str:
     if not np.isfinite(half):
         return "unknown"
     return f"{1e3 * one['low']:.1f} to {1e3 * one['high']:.1f}" if half else "taken as exact"
 
 
-def at(lags, costs, lag):
+def at(lags: Floats, costs: Floats, lag: float) -> float:
     """The cost at the lag nearest to `lag`; NaN where none that was tried is within a step of it."""
     if len(lags) < 2:
         return np.nan
@@ -129,7 +147,7 @@ def at(lags, costs, lag):
     return float(costs[i]) if abs(lags[i] - lag) <= abs(lags[1] - lags[0]) else np.nan
 
 
-def costs(path, told):
+def costs(path: Path, told: Told) -> None:
     """Costs over all lags that were tried and, below, near the clocks; these are marked with their intervals."""
     colours = _colours(told.clocks)
     # there is one of these per sequence: fixed margins take half the time of those that are found by drawing
@@ -161,7 +179,7 @@ def costs(path, told):
     _save(figure, path)
 
 
-def _decades(axis, values):
+def _decades(axis: "Axes", values: Floats) -> None:
     """Ticks and limits of an axis of log10 of `values`; Matplotlib's own logarithmic scale is slower."""
     if not len(values):
         return
@@ -172,12 +190,12 @@ def _decades(axis, values):
     axis.set_ylim(low, high)
 
 
-def overview(path, groups):
+def overview(path: Path, groups: Mapping[str, Mapping[str, Told]]) -> None:
     """Clocks of all recordings in their order. `groups`: environment -> sequence -> `Told`, "indoor" and "outdoor".
 
     Indoors the motion capture starts when it likes, so the cameras' median is drawn by itself and the cameras from it.
     """
-    panels = []
+    panels: list[tuple[str, str, dict[str, float], Mapping[str, Told] | None]] = []
     for environment, by_sequence in groups.items():
         middles = {name: middle(told) if environment == "indoor" else 0.0 for name, told in by_sequence.items()}
         if environment == "indoor":
@@ -187,14 +205,14 @@ def overview(path, groups):
             panels.append((f"{environment}: against the first close camera", "offset, ms", middles, by_sequence))
     colours = _colours(dict.fromkeys(c for own in groups.values() for told in own.values() for c in told.clocks))
     figure, axes = _figure(len(panels), 1, height=0.5 + 1.75 * len(panels), squeeze=False)
-    for axis, (title, label, middles, by_sequence) in zip(axes[:, 0], panels, strict=True):
+    for axis, (title, label, middles, of_cameras) in zip(axes[:, 0], panels, strict=True):
         axis.set_title(title, fontsize=9)
         axis.set_ylabel(label)
-        if by_sequence is None:
+        if of_cameras is None:
             axis.plot(range(len(middles)), list(middles.values()), "o", color=GREY, ms=5)
             axis.margins(y=0.15)
         else:
-            _cameras(axis, middles, by_sequence, colours)
+            _cameras(axis, middles, of_cameras, colours)
         many = len(middles) > MOST_NAMES
         axis.set_xticks([] if many else range(len(middles)), [] if many else list(middles), fontsize=8)
         axis.set_xlim(-0.6, len(middles) - 0.4)
@@ -205,7 +223,9 @@ def overview(path, groups):
     _save(figure, path)
 
 
-def _cameras(axis, middles, by_sequence, colours):
+def _cameras(
+    axis: "Axes", middles: Mapping[str, float], by_sequence: Mapping[str, Told], colours: Mapping[str, str]
+) -> None:
     """A mark per camera beside the others of its recording: round, square if given by hand, a cross if not known."""
     axis.axhline(0, color=GREY, lw=1, zorder=0)
     for i, (camera, colour) in enumerate(colours.items()):
@@ -225,13 +245,13 @@ def _cameras(axis, middles, by_sequence, colours):
         axis.plot(lost, np.zeros(len(lost)), "x", ms=6, mew=1.6, color=RED)
 
 
-def middle(told):
+def middle(told: Told) -> float:
     """Median offset, ms, of the clocks of a sequence that are known; NaN without any."""
     known = _known(told)
     return float(np.median(known)) if known else np.nan
 
 
-def in_words(by_sequence):
+def in_words(by_sequence: Mapping[str, Told]) -> str:
     """How many clocks there are, how well they are known and how far apart, in one sentence."""
     clocks = [one for told in by_sequence.values() for one in told.clocks.values()]
     counts = {source: sum(one[3] == source for one in clocks) for source in ("estimated", "manual", "assumed_zero")}
@@ -248,11 +268,11 @@ def in_words(by_sequence):
     return f"{text}."
 
 
-def least_apart(told):
+def least_apart(told: Told) -> float:
     """How far apart, ms, two clocks of a recording are at least, by their 95 % intervals."""
     ends = np.array([one[1:3] for one in told.clocks.values() if np.isfinite(one[1:3]).all()])
     return max(0.0, float(ends[:, 0].max() - ends[:, 1].min())) if len(ends) else 0.0
 
 
-def _known(told):
+def _known(told: Told) -> list[float]:
     return [offset for offset, _, _, source in told.clocks.values() if source != "assumed_zero"]

@@ -5,32 +5,57 @@ OUTPUTS  SVG files in one folder, and for each a dict src, title, caption, alt f
 """
 
 from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any, TypeAlias
 
 import numpy as np
 
-from dior.report import certainty, clocks, measures, plots, reid, scene
+from dior.arrays import AnyPath, Floats, Ints
+from dior.geometry.camera import Camera
+from dior.project.project import Project
+from dior.report import certainty, clocks, measures, plots, recordings, reid, scene
+from dior.report.cards import FrameMetrics
+from dior.report.summary import Row
 from dior.tables import tables
 
+# what the template shows of a figure: src, title, caption, alt
+Shown: TypeAlias = dict[str, str]
+# title and figures
+Section: TypeAlias = tuple[str, list[Shown]]
 OF_PICTURE = "mean of a picture, px"
 
 
 class Figures:
     """Draws what there is data for; `names` are the files made, in `folder`."""
 
-    def __init__(self, folder, project, rows, recorded):
+    def __init__(self, folder: Path, project: Project, rows: list[Row], recorded: FrameMetrics) -> None:
         self.folder, self.project, self.recorded = folder, project, recorded
         self.all_rows = rows
         self.rows = [row for row in rows if row["sequence"] and row["camera"]]
         self.adjusted = [row for row in rows if row["metric"].startswith("adjust_error")]
         self.environment = {name: project.sequence(name)["environment"] for name in project.sequences}
-        self.names = set()
+        self.names: set[str] = set()
 
-    def _draw(self, name, draw, *args, title, caption, alt, **options):
+    def _draw(
+        self, name: str, draw: Callable[..., None], *args: Any, title: str, caption: str, alt: str, **options: Any
+    ) -> Shown:
         self.names.add(f"{name}.svg")
         draw(self.folder / f"{name}.svg", *args, **options)
         return {"src": f"assets/plots/{name}.svg", "title": title, "caption": caption, "alt": alt}
 
-    def _strip(self, name, metric, group, colour, label, title, caption, environment=None, **options):
+    def _strip(
+        self,
+        name: str,
+        metric: str,
+        group: Callable[[Row], str],
+        colour: Callable[[Row], str],
+        label: str,
+        title: str,
+        caption: str,
+        environment: str | None = None,
+        **options: Any,
+    ) -> list[Shown]:
         """A strip of one metric, its rows grouped by the functions `group` and `colour`; [] without rows."""
         points = [
             (group(row), colour(row), row["value"], row["n"])
@@ -39,7 +64,7 @@ class Figures:
         ]
         if not points:
             return []
-        counts = Counter()
+        counts: Counter[str] = Counter()
         for at, _, _, n in points:
             counts[at] += n
         total = measures.whole(self.all_rows, metric, sum(counts.values()))
@@ -50,13 +75,13 @@ class Figures:
         return [self._draw(name, plots.strip, points, label, title=title, caption=caption, alt=alt,
                            intervals=intervals, total=total, **options)]  # fmt: skip
 
-    def _in(self, row, environment):
+    def _in(self, row: Row, environment: str | None) -> bool:
         return environment in (None, self.environment.get(row["sequence"]))
 
-    def paper(self):
+    def paper(self) -> list[Section]:
         """Sections in the paper's order: indoor, outdoor close range, long range."""
 
-        def by(key):
+        def by(key: str) -> Callable[[Row], str]:
             return lambda row: row[key]
 
         error = "error, px"
@@ -84,16 +109,16 @@ class Figures:
         sections = (("Indoor", indoor), ("Outdoor, close range", close), ("Long range", far))
         return [(title, figures) for title, figures in sections if figures]
 
-    def _measures(self, of):
+    def _measures(self, of: Callable[[list[Row]], list[measures.Measure]]) -> list[Shown]:
         return [
             self._draw(m.name, m.draw, *m.args, title=m.title, caption=m.caption, alt=m.alt, **m.options)
             for m in of(self.all_rows)
         ]
 
-    def truth(self):
+    def truth(self) -> list[Section]:
         """The section with errors against a known truth."""
 
-        def where(row):
+        def where(row: Row) -> str:
             return f"{self.environment.get(row['sequence'], '')}\n{row['camera']}"
 
         figures = [
@@ -106,8 +131,8 @@ class Figures:
         ]  # fmt: skip
         return [("Against the known truth", figures)] if figures else []
 
-    def _joints(self, metric, title, label):
-        values = {}
+    def _joints(self, metric: str, title: str, label: str) -> list[Shown]:
+        values: dict[str, dict[str, list[tuple[float, int]]]] = {}
         for row in self.rows:
             if row["metric"] == metric and row["joint"]:
                 group = f"{self.environment.get(row['sequence'], '')} {row['role'].replace('_', ' ')}".strip()
@@ -130,22 +155,22 @@ class Figures:
             for group, by_joint in sorted(means.items())
         ]  # fmt: skip
 
-    def _distribution(self, metric, title, label):
-        series = {}
+    def _distribution(self, metric: str, title: str, label: str) -> list[Shown]:
+        series: dict[str, list[Floats]] = {}
         for (sequence, camera), by_metric in self.recorded.items():
             if metric in by_metric and sequence in self.environment:
                 role = self.project.cameras(self.project.session_of(sequence))[camera]["role"].replace("_", " ")
                 series.setdefault(f"{self.environment[sequence]} {role}", []).append(by_metric[metric][1])
         if not series:
             return []
-        series = {name: np.concatenate(parts) for name, parts in series.items()}
+        joined = {name: np.concatenate(parts) for name, parts in series.items()}
         caption = "How many pictures are at or below an error; the horizontal axis ends at the 99th percentile."
         alt = f"{title}: cumulative curves of {', '.join(sorted(series))}"
-        return [self._draw(f"{metric}_distribution", plots.distribution, series, label, title=title, caption=caption,
+        return [self._draw(f"{metric}_distribution", plots.distribution, joined, label, title=title, caption=caption,
                            alt=alt)]  # fmt: skip
 
-    def _adjusted(self):
-        values = {}
+    def _adjusted(self) -> list[Shown]:
+        values: dict[str, dict[str, tuple[float, int]]] = {}
         for row in self.adjusted:
             name = " ".join(w for w in (row["sequence"], row["camera"] or "all") if w)
             values.setdefault(name, {})[row["metric"]] = (row["value"], row["n"])
@@ -164,19 +189,19 @@ class Figures:
             )
         ]  # fmt: skip
 
-    def timelines(self):
+    def timelines(self) -> list[Shown]:
         """One figure per sequence: errors over time, joints without a label, lost pictures."""
         return [self._timeline(sequence) for sequence in self.project.sequences if self._recorded(sequence)]
 
-    def _recorded(self, sequence):
+    def _recorded(self, sequence: str) -> dict[str, dict[str, tuple[Ints, Floats, Ints]]]:
         cameras = self.project.cameras_of(sequence)
         return {c: self.recorded[sequence, c] for c in cameras if "coverage" in self.recorded.get((sequence, c), {})}
 
-    def _timeline(self, sequence):
+    def _timeline(self, sequence: str) -> Shown:
         recorded = self._recorded(sequence)
         start = min(by_metric["coverage"][0][0] for by_metric in recorded.values())
 
-        def seconds(stamp_ns):
+        def seconds(stamp_ns: Ints) -> Floats:
             return (stamp_ns - start) / 1e9
 
         metric, label = next(
@@ -202,7 +227,7 @@ class Figures:
             alt=f"Timeline of {sequence}: {len(lanes)} cameras",
         )  # fmt: skip
 
-    def stamps(self, audited):
+    def stamps(self, audited: Mapping[str, recordings.Recorded]) -> list[Shown]:
         """One figure per sequence of `recordings.Recorded`: when pictures came late, are missing or repeated."""
         return [
             self._draw(
@@ -213,7 +238,7 @@ class Figures:
             for sequence, one in audited.items()
         ]  # fmt: skip
 
-    def clock_costs(self, told):
+    def clock_costs(self, told: Mapping[str, clocks.Told]) -> dict[str, Shown]:
         """Per sequence of `clocks.Told` with costs: how well each offset fits."""
         return {
             sequence: self._draw(
@@ -225,14 +250,14 @@ class Figures:
             if one.costs
         }  # fmt: skip
 
-    def recognition(self, paths):
+    def recognition(self, paths: Iterable[AnyPath]) -> dict[str, Any]:
         """What the page says of re-identification, with its figures."""
         told = reid.read(*paths)
         return reid.section(told) | {"figures": self._measures(lambda _: reid.figures(told))}
 
-    def clocks(self, told):
+    def clocks(self, told: Mapping[str, clocks.Told]) -> list[Section]:
         """The section with the clocks of all sequences, by `clocks.Told`."""
-        groups = {}
+        groups: dict[str, dict[str, clocks.Told]] = {}
         for sequence, one in told.items():
             groups.setdefault(self.environment[sequence], {})[sequence] = one
         if not groups:
@@ -247,9 +272,10 @@ class Figures:
         )  # fmt: skip
         return [("Clocks", [figure])]
 
-    def scenes(self, stations, paths):
+    def scenes(self, stations: Mapping[str, Mapping[str, Camera]], paths: Iterable[AnyPath]) -> list[Shown]:
         """Two figures per session: the cameras and the walks in space, and from above and the side."""
-        walks, poses = {}, {}
+        walks: dict[str, dict[str, Floats]] = {}
+        poses: dict[str, scene.Pose | None] = {}
         for path in paths:
             sequence, walk, pose = read_walk(path)
             if sequence in self.environment and len(walk):
@@ -280,7 +306,7 @@ class Figures:
             ]  # fmt: skip
         return figures
 
-    def certainty(self, covariances, turns):
+    def certainty(self, covariances: Iterable[AnyPath], turns: Iterable[AnyPath]) -> list[Shown]:
         """Per session how well the poses of its cameras are known, and whether the cameras stood still."""
         spreads, moved = certainty.spreads(covariances), certainty.turns(turns)
         figures = []
@@ -305,7 +331,7 @@ class Figures:
         return figures
 
 
-def _lost_stamps(stamp_ns):
+def _lost_stamps(stamp_ns: Ints) -> Ints:
     """Where pictures are missing: the middle of every gap of at least one and a half median periods, ns."""
     if len(stamp_ns) < 3:
         return stamp_ns[:0]
@@ -314,7 +340,7 @@ def _lost_stamps(stamp_ns):
     return (stamp_ns[:-1][gap] + stamp_ns[1:][gap]) // 2
 
 
-def read_walk(path):
+def read_walk(path: AnyPath) -> tuple[str, Floats, scene.Pose | None]:
     """Of a `skeletons_3d` file: its sequence, the mean of the joints per instant (I, 3) m, and one whole pose.
 
     The pose, (points (J, 3), joints), is the one with most joints nearest to the middle.

@@ -4,11 +4,14 @@ INPUTS   rows of metrics.csv as `dior.evaluate.metrics.read` gives them
 OUTPUT   `Measure`s: what plots.marks and plots.bars draw, with title, caption and the text for who cannot see it
 """
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from dior.report import plots
+from dior.report.summary import Row
 
 ALL = "all"
 INTERVAL = "Lines are 95 % intervals over the subjects; where there is none, it is not known."
@@ -20,15 +23,15 @@ class Measure:
     """A figure to be drawn as `draw(path, *args, **options)` into `<name>.svg`."""
 
     name: str
-    draw: object
-    args: tuple
+    draw: Callable[..., None]
+    args: tuple[Any, ...]
     title: str
     caption: str
     alt: str
-    options: dict
+    options: dict[str, Any]
 
 
-def indoor(rows):
+def indoor(rows: list[Row]) -> list[Measure]:
     """Distances of the labels from hand checks, by camera and by subject."""
     series = {
         "median": "check_error_median",
@@ -44,7 +47,7 @@ def indoor(rows):
     ]  # fmt: skip
 
 
-def long_range(rows):
+def long_range(rows: list[Row]) -> list[Measure]:
     """Labels against hand boxes, by subject."""
     return [
         *_marks("in_box_subject", rows, "subject", {"labels": "in_box_share", "perfect labels": "in_box_expected"},
@@ -64,7 +67,7 @@ def long_range(rows):
     ]  # fmt: skip
 
 
-def in_box_words(rows):
+def in_box_words(rows: list[Row]) -> str:
     """What the share in hand boxes is to be compared with in this capture."""
     pooled = {
         row["metric"]: row["value"]
@@ -80,7 +83,7 @@ def in_box_words(rows):
     )
 
 
-def detectors(rows):
+def detectors(rows: list[Row]) -> list[Measure]:
     """The paper's tables 2 and 3: what other detectors find at long range, by tool, raw and zoomed."""
     found = []
     for name, metric, title, text in (
@@ -104,7 +107,7 @@ def detectors(rows):
     return found
 
 
-def interval(rows, metric, n, **where):
+def interval(rows: list[Row], metric: str, n: int, **where: str) -> tuple[float, float]:
     """(low, high) of the pooled row of `metric` with the columns `where` if it is of the same `n` values, else NaN.
 
     What is drawn may be of one environment; a row that pools more is not its interval.
@@ -116,7 +119,7 @@ def interval(rows, metric, n, **where):
     return np.nan, np.nan
 
 
-def whole(rows, metric, n):
+def whole(rows: list[Row], metric: str, n: int) -> plots.Value | None:
     """(value, low, high, n) of everything of a metric, if the row is of the same `n` values and has an interval."""
     for row in rows:
         if row["metric"] == metric and row["n"] == n and _only(row) and np.isfinite(row["low"]):
@@ -124,29 +127,31 @@ def whole(rows, metric, n):
     return None
 
 
-def _only(row, *columns):
+def _only(row: Row, *columns: str) -> bool:
     """Whether a row is pooled over everything but these columns."""
     return not any(row[key] for key in ("tool", "subject", "sequence", "camera", "role", "joint") if key not in columns)
 
 
-def _of(row):
+def _of(row: Row) -> plots.Value:
     return row["value"], row["low"], row["high"], row["n"]
 
 
-def _marks(name, rows, group, series, label, title, text, **options):
+def _marks(
+    name: str, rows: list[Row], group: str, series: Mapping[str, str], label: str, title: str, text: str, **options: Any
+) -> list[Measure]:
     """`plots.marks` of the metrics `series` (name -> metric) by camera or subject, and of all; [] without rows."""
     by_metric = {metric: shown for shown, metric in series.items()}
-    values = {shown: {} for shown in series}
+    members: dict[str, dict[str, list[Row]]] = {shown: {} for shown in series}
     for row in rows:
         shown = by_metric.get(row["metric"])
         if shown and not row["tool"] and row["role"] and row[group] and _only(row, group, "role"):
-            values[shown].setdefault(row[group], []).append(row)
+            members[shown].setdefault(row[group], []).append(row)
         elif shown and not row["tool"] and row["role"] and _only(row, "role"):
-            values[shown].setdefault(ALL, []).append(row)
+            members[shown].setdefault(ALL, []).append(row)
     # a camera's name may have two roles in two sessions: the row with more values counts
     values = {
-        shown: {at: _of(max(members, key=lambda r: r["n"])) for at, members in by_group.items()}
-        for shown, by_group in values.items()
+        shown: {at: _of(max(own, key=lambda r: r["n"])) for at, own in by_group.items()}
+        for shown, by_group in members.items()
     }
     groups = sorted({at for by_group in values.values() for at in by_group if at != ALL})
     if not groups:

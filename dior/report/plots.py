@@ -3,17 +3,29 @@
 Figures are narrow, with type that can still be read when a phone scales them down.
 """
 
+from collections.abc import Iterable, Mapping
 from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
+from dior.arrays import Floats
 from dior.tables.files import written_whole
 from dior.tables.schemas import DROP_REASON
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+# value, low, high of its interval (NaN: unknown), n
+Value: TypeAlias = tuple[float, float, float, int]
 
 COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#7F7F7F", "#8A6FB0")
 RED, GREY = "#C0392B", "#8a8f98"
 WIDTH = 5.2
-STYLE = {
+# Matplotlib knows its parameters by a Literal of all their names
+STYLE: dict[Any, Any] = {
     "svg.hashsalt": "dior",
     "svg.fonttype": "path",
     "font.family": "DejaVu Sans",
@@ -34,7 +46,7 @@ STYLE = {
 
 
 @cache
-def _pyplot():
+def _pyplot() -> Any:
     import matplotlib
 
     matplotlib.use("Agg")
@@ -45,21 +57,29 @@ def _pyplot():
     return pyplot
 
 
-def _figure(rows=1, columns=1, height=3.1, **options):
+def _figure(rows: int = 1, columns: int = 1, height: float = 3.1, **options: Any) -> "tuple[Figure, Any]":
     return _pyplot().subplots(rows, columns, figsize=(WIDTH, height), **options)
 
 
-def _save(figure, path):
+def _save(figure: "Figure", path: Path) -> None:
     with written_whole(path) as part:
         figure.savefig(part, format="svg", metadata={"Date": None, "Creator": None})
     _pyplot().close(figure)
 
 
-def _colours(names):
+def _colours(names: Iterable[str]) -> dict[str, str]:
     return {name: COLOURS[i % len(COLOURS)] for i, name in enumerate(names)}
 
 
-def strip(path, points, label, percent=False, limit=None, intervals=None, total=None):
+def strip(
+    path: Path,
+    points: list[tuple[str, str, float, int]],
+    label: str,
+    percent: bool = False,
+    limit: tuple[float, str] | None = None,
+    intervals: Mapping[str, tuple[float, float]] | None = None,
+    total: Value | None = None,
+) -> None:
     """Figures by group: one dot per row, a dark bar at the mean weighted by n.
 
     `points`: (group, colour group, value, n) tuples; `label` names the vertical axis with its unit; `limit`: (value,
@@ -79,11 +99,13 @@ def strip(path, points, label, percent=False, limit=None, intervals=None, total=
             axis.plot(at + shift, value * scale, "o", ms=5, color=colours[kind], alpha=0.85, mec="white", mew=0.5)
         n = np.array([p[3] for p in members])
         mean = scale * np.dot(n, [p[2] for p in members]) / n.sum()
-        _mean(axis, at, mean, *(scale * np.array((intervals or {}).get(group, (np.nan, np.nan)))), crowded)
+        low, high = (intervals or {}).get(group, (np.nan, np.nan))
+        _mean(axis, at, mean, scale * low, scale * high, crowded)
     totals = [sum(p[3] for p in points if p[0] == group) for group in groups]
     if total:
-        _mean(axis, len(groups), *(scale * np.array(total[:3])), crowded)
-        groups, totals = [*groups, "all"], [*totals, total[3]]
+        value, low, high, n_all = total
+        _mean(axis, len(groups), scale * value, scale * low, scale * high, crowded)
+        groups, totals = [*groups, "all"], [*totals, n_all]
     if limit:
         axis.axhline(limit[0] * scale, color=RED, lw=1, ls=(0, (4, 3)), zorder=0)
         axis.annotate(limit[1], (0.01, limit[0] * scale), xycoords=("axes fraction", "data"), va="bottom", fontsize=9,
@@ -109,11 +131,13 @@ def strip(path, points, label, percent=False, limit=None, intervals=None, total=
     _save(figure, path)
 
 
-def _mean(axis, at, mean, low, high, crowded):
+def _mean(axis: "Axes", at: float, mean: float, low: float, high: float, crowded: bool) -> None:
     """A bar at a group's mean, its value, and its interval where it is known."""
     axis.plot([at - 0.32, at + 0.32], [mean, mean], color="#20242b", lw=1.8, solid_capstyle="butt", zorder=1)
     # beside the bar there is room for few groups only
-    place = {"xytext": (0, 9), "ha": "center", "fontsize": 7.5} if crowded else {"xytext": (3, 0), "fontsize": 9}
+    place: dict[str, Any] = (
+        {"xytext": (0, 9), "ha": "center", "fontsize": 7.5} if crowded else {"xytext": (3, 0), "fontsize": 9}
+    )
     xy = (at if crowded else at + 0.32, mean)
     axis.annotate(f"{mean:.3g}", xy, va="center", textcoords="offset points", color="#20242b",
                   annotation_clip=False, **place)  # fmt: skip
@@ -122,7 +146,7 @@ def _mean(axis, at, mean, low, high, crowded):
         axis.hlines([low, high], at + 0.24, at + 0.32, color="#20242b", lw=1.2)
 
 
-def _legend(figure, axis, colours):
+def _legend(figure: "Figure", axis: "Axes", colours: Mapping[str, str]) -> None:
     from matplotlib.lines import Line2D
 
     handles = [Line2D([], [], marker="o", ls="", color=c, label=name) for name, c in colours.items()]
@@ -130,11 +154,11 @@ def _legend(figure, axis, colours):
                   columnspacing=1.2)  # fmt: skip
 
 
-def _short(n):
+def _short(n: float) -> str:
     return f"{n / 1e6:.3g}M" if n >= 1e6 else f"{n / 1e3:.3g}k" if n >= 1e4 else str(int(n))
 
 
-def distribution(path, series, label):
+def distribution(path: Path, series: Mapping[str, Floats], label: str) -> None:
     """Cumulative distributions of values per picture. `series`: name -> values (N,)."""
     figure, axis = _figure()
     q = np.linspace(0, 1, 201)
@@ -149,7 +173,7 @@ def distribution(path, series, label):
     _save(figure, path)
 
 
-def joints(path, values, label):
+def joints(path: Path, values: Mapping[str, Mapping[str, tuple[float, int]]], label: str) -> None:
     """Means by joint as horizontal bars. `values`: group -> {joint: (value, n)}; one panel per group."""
     most = max(len(by_joint) for by_joint in values.values())
     figure, axes = _figure(1, len(values), height=0.9 + 0.165 * most, squeeze=False)
@@ -164,7 +188,7 @@ def joints(path, values, label):
     _save(figure, path)
 
 
-def before_after(path, bars, label):
+def before_after(path: Path, bars: Mapping[str, tuple[float, float, int]], label: str) -> None:
     """Pairs of bars. `bars`: name -> (before, after, n)."""
     figure, axis = _figure(height=2.9)
     at = np.arange(len(bars))
@@ -180,7 +204,12 @@ def before_after(path, bars, label):
     _save(figure, path)
 
 
-def timeline(path, lanes, errors, label):
+def timeline(
+    path: Path,
+    lanes: Mapping[str, tuple[Floats, Floats, Floats]],
+    errors: Mapping[str, tuple[Floats, Floats]],
+    label: str,
+) -> None:
     """Errors over time, and below a lane per camera: joints without a label, and pictures lost in the recording.
 
     `lanes`: camera -> (t (F,) s, missing (F,) share, lost (L,) s); `errors`: camera -> (t (N,) s, value (N,)); `label`
@@ -216,7 +245,9 @@ def timeline(path, lanes, errors, label):
     _save(figure, path)
 
 
-def stamps(path, lags, dropped):
+def stamps(
+    path: Path, lags: Mapping[str, tuple[Floats, Floats]], dropped: Mapping[str, Mapping[str, list[float]]]
+) -> None:
     """How late pictures were received, and which are missing or there twice.
 
     `lags`: camera -> (times (F,) s, lag beyond its median (F,) ms); `dropped`: camera -> reason -> times s.
@@ -232,8 +263,8 @@ def stamps(path, lags, dropped):
     axes[0].set_ylabel("late, ms")
     axes[0].set_title("receive minus header stamp, beyond its median", fontsize=9)
     for lane, camera in enumerate(lags):
-        for reason, t in sorted(dropped.get(camera, {}).items()):
-            axes[1].plot(t, np.full(len(t), lane), "|", ms=9, mew=1.4, color=kinds[reason])
+        for reason, times in sorted(dropped.get(camera, {}).items()):
+            axes[1].plot(times, np.full(len(times), lane), "|", ms=9, mew=1.4, color=kinds[reason])
     for reason, colour in kinds.items():
         axes[1].plot([], [], "|", ms=9, mew=1.4, color=colour, label=reason.replace("_", " "))
     axes[1].set_yticks(range(len(lags)), list(lags))
@@ -244,7 +275,7 @@ def stamps(path, lags, dropped):
     _save(figure, path)
 
 
-def _binned(t, value, bins=240):
+def _binned(t: Floats, value: Floats, bins: int = 240) -> tuple[Floats, Floats]:
     """Means in at most `bins` equal parts, so that an hour draws as fast as a minute."""
     if len(t) <= bins:
         return t, value
@@ -253,7 +284,14 @@ def _binned(t, value, bins=240):
     return np.add.reduceat(t, edges) / size, np.add.reduceat(value, edges) / size
 
 
-def marks(path, groups, series, label, percent=False, limit=None):
+def marks(
+    path: Path,
+    groups: list[str],
+    series: Mapping[str, Mapping[str, Value]],
+    label: str,
+    percent: bool = False,
+    limit: tuple[float, str] | None = None,
+) -> None:
     """Values with their intervals, a row per group and a mark per series; n stands below a group's name.
 
     `series`: name -> group -> (value, low, high, n); `label` names the axis with its unit; `limit`: (value, text).
@@ -288,7 +326,7 @@ def marks(path, groups, series, label, percent=False, limit=None):
     _save(figure, path)
 
 
-def _from_zero(axis):
+def _from_zero(axis: "Axes") -> None:
     """Signed values show where zero is; others that are not shares start there."""
     low, high = axis.get_xlim()
     if low < 0 < high:
@@ -297,7 +335,7 @@ def _from_zero(axis):
         axis.set_xlim(0, high)
 
 
-def bars(path, values, label, percent=False):
+def bars(path: Path, values: Mapping[str, Value], label: str, percent: bool = False) -> None:
     """Horizontal bars with their values, intervals and counts written out. `values`: name -> (value, low, high, n)."""
     scale = 100 if percent else 1
     figure, axis = _figure(height=0.9 + 0.42 * len(values))
@@ -319,7 +357,7 @@ def bars(path, values, label, percent=False):
     _save(figure, path)
 
 
-def cmc(path, series):
+def cmc(path: Path, series: Mapping[tuple[str, str], list[float]]) -> None:
     """Curves of all ranks. `series`: (method, input) -> shares at rank 1, 2, ...; a colour per method, a line style per
     input."""
     figure, axis = _figure(height=3.6)

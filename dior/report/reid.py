@@ -7,13 +7,17 @@ OUTPUTS  <out>/index.html and <out>/plots/*.svg; the same as a section of the re
 import csv
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, TypeAlias
 
 import numpy as np
 
+from dior.arrays import AnyPath
 from dior.reid.columns import ABOVE_CHANCE, AT_CHANCE, DETECTOR, LABELS, NO_OUTPUT, NO_TRIAL, POINTS
 from dior.report import measures, pages, plots
 from dior.tables.files import folder_written_whole, write_text
 
+# a row of one of the files by column, as text
+Row: TypeAlias = dict[str, str]
 PLOTS = "plots"
 PROTOCOLS = {
     "per_camera": (
@@ -54,17 +58,17 @@ OWN = (
 class Told:
     """Rows of the three files, as dicts of strings."""
 
-    rows: list
-    curves: list
-    left_out: list
+    rows: list[Row]
+    curves: list[Row]
+    left_out: list[Row]
 
     @property
-    def scores(self):
+    def scores(self) -> list[Row]:
         """Rows of labels and of the 3D."""
         return [row for row in self.rows if row["keypoints"] in (LABELS, POINTS)]
 
     @property
-    def views(self):
+    def views(self) -> list[tuple[str, str]]:
         """(environment, camera) of the probes, sorted."""
         return sorted({(row["environment"], row["camera"]) for row in self.scores if row["camera"]})
 
@@ -86,17 +90,17 @@ def run(*, title: str, table: Path, cmc: Path, left_out: Path, out: Path) -> Non
     write_text(out / "index.html", page)
 
 
-def read(table, cmc, left_out):
+def read(table: AnyPath, cmc: AnyPath, left_out: AnyPath) -> Told:
     """`Told` by the three files."""
 
-    def rows(path):
+    def rows(path: AnyPath) -> list[Row]:
         with open(path, newline="", encoding="utf-8") as stream:
             return list(csv.DictReader(stream))
 
     return Told(rows(table), rows(cmc), rows(left_out))
 
 
-def section(told):
+def section(told: Told) -> dict[str, Any]:
     """What the template says: statement, a table per protocol, the detectors' own output, what was not compared."""
     return {
         "statement": [*STATEMENT, in_words(told)],
@@ -110,11 +114,11 @@ def section(told):
     }
 
 
-def _place(row):
+def _place(row: Row) -> tuple[str, str]:
     return (row["sequence"] or f"session {row['session']}", row["camera"])
 
 
-def in_words(told):
+def in_words(told: Told) -> str:
     """How many of the means over probe cameras are at chance, and of which methods nothing is."""
     means = [row for row in told.scores if not row["camera"] and row["verdict"] != NO_TRIAL]
     if not means:
@@ -131,7 +135,7 @@ def in_words(told):
     )
 
 
-def own_words(told):
+def own_words(told: Told) -> list[str]:
     """What is said above the scores of the detectors' own output, or in their place."""
     silent = [row for row in told.rows if row["keypoints"] == DETECTOR]
     found = [f"{row['environment']} {row['camera']}: {row['verdict']}." for row in silent]
@@ -142,17 +146,17 @@ def own_words(told):
     return found or ["There is no long-range camera."]
 
 
-def method_of(row, told):
+def method_of(row: Row, told: Told) -> str:
     """The method's name, with that of its weights where a network has several."""
     weights = {other["weights"] for other in told.rows if other["method"] == row["method"]}
     return f"{row['method']} {row['weights']}" if len(weights) > 1 else row["method"]
 
 
-def input_of(row):
+def input_of(row: Row) -> str:
     return row["adaptation"] or row["keypoints"]
 
 
-def _part(told, protocol):
+def _part(told: Told, protocol: str) -> dict[str, Any]:
     """The table of one protocol: a line for each method and input, a column for each probe camera."""
     title, about = PROTOCOLS[protocol]
     own = [row for row in told.scores if row["protocol"] == protocol]
@@ -167,11 +171,11 @@ def _part(told, protocol):
     return {"title": title, "about": about, "views": [" ".join(view) for view in told.views], "lines": lines}
 
 
-def _cell(row):
+def _cell(row: Row) -> dict[str, Any]:
     return {"value": percent(row["rank1"]), "chance": row["verdict"] == AT_CHANCE}
 
 
-def _line(row, told):
+def _line(row: Row, told: Told) -> dict[str, Any]:
     return {
         "method": method_of(row, told),
         "input": input_of(row),
@@ -186,17 +190,17 @@ def _line(row, told):
     }
 
 
-def _detected(row, told):
+def _detected(row: Row, told: Told) -> dict[str, Any]:
     words = {"camera": f"{row['environment']} {row['camera']}", "keypoints": row["keypoints"]}
     return _line(row, told) | words | {"input": row["adaptation"], "protocol": PROTOCOLS[row["protocol"]][0]}
 
 
-def percent(text):
+def percent(text: str) -> str:
     """A share of the table as per cent; "" where it is not known."""
     return f"{100 * float(text):.1f} %" if text else ""
 
 
-def figures(told):
+def figures(told: Told) -> list[measures.Measure]:
     """`measures.Measure`s: rank 1 by probe camera, for each input of the networks, and the curves of all ranks."""
     adaptations = list(dict.fromkeys(row["adaptation"] for row in told.scores if row["adaptation"])) or [""]
     found = []
@@ -206,14 +210,14 @@ def figures(told):
     return found + _curves(told)
 
 
-def _rank1(told, protocol, adaptation):
+def _rank1(told: Told, protocol: str, adaptation: str) -> list[measures.Measure]:
     rows = [row for row in told.scores if row["protocol"] == protocol and row["adaptation"] in ("", adaptation)]
     rows = [row for row in rows if int(row["n"])]
-    series = {}
+    series: dict[str, dict[str, plots.Value]] = {}
     for row in sorted(rows, key=_networks_first):
         at = f"{row['environment']} {row['camera']}" if row["camera"] else measures.ALL
-        values = tuple(float(row[key]) if row[key] else np.nan for key in ("rank1", "low", "high"))
-        series.setdefault(method_of(row, told), {})[at] = (*values, int(row["n"]))
+        value, low, high = (float(row[key]) if row[key] else np.nan for key in ("rank1", "low", "high"))
+        series.setdefault(method_of(row, told), {})[at] = (value, low, high, int(row["n"]))
     if not series:
         return []
     groups = [*(" ".join(view) for view in told.views), measures.ALL]
@@ -233,14 +237,14 @@ def _rank1(told, protocol, adaptation):
     return [measures.Measure(name, plots.marks, (groups, series, "rank 1, %"), title, caption, alt, options)]
 
 
-def _networks_first(row):
+def _networks_first(row: Row) -> bool:
     """The order in which methods are drawn: a network has its colour with and without the baseline."""
     return row["keypoints"] == POINTS
 
 
-def _curves(told):
+def _curves(told: Told) -> list[measures.Measure]:
     own = [row for row in told.curves if row["protocol"] == FAIR and not row["camera"]]
-    series = {}
+    series: dict[tuple[str, str], list[float]] = {}
     for row in sorted(own, key=_networks_first):
         name = (method_of(row, told), row["adaptation"])
         series.setdefault(name, []).append(float(row["share"]))

@@ -9,15 +9,18 @@ OUTPUTS  <out>/index.html, written last; <out>/sequences/<sequence>.html; <out>/
 
 import shutil
 from collections import Counter
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 
+from dior.arrays import AnyPath
 from dior.evaluate import metrics as metrics_csv
 from dior.evaluate import statistics as statistics_csv
 from dior.geometry import camera_tables
-from dior.geometry.camera import REFERENCE_FX
+from dior.geometry.camera import REFERENCE_FX, Camera
 from dior.project.bumps import session_folder
+from dior.project.project import Project
 from dior.report import cards, cost, dataset, pages, sequence_pages, summary, worst
 from dior.report import clocks as clocks_told
 from dior.report import recordings as recording_stamps
@@ -145,15 +148,15 @@ def run(
     write_text(out / "index.html", page)
 
 
-def _names(project, sequence):
+def _names(project: Project, sequence: str) -> set[str]:
     """The words that the scope of a finding about a sequence may be made of."""
     session = project.session_of(sequence)
     return {sequence, session, project.subject_of(sequence), *project.cameras(session)}
 
 
-def recordings(paths):
+def recordings(paths: Iterable[AnyPath]) -> cards.FrameMetrics:
     """(sequence, camera) -> metric -> (stamp_ns (N,), value (N,), n (N,)) of `frame_metrics` files."""
-    found = {}
+    found: cards.FrameMetrics = {}
     for path in paths:
         table = tables.read(path, "frame_metrics")
         if not len(table["metric"]):
@@ -167,21 +170,21 @@ def recordings(paths):
     return found
 
 
-def _findings(path):
+def _findings(path: AnyPath) -> list[summary.Finding]:
     table = tables.read(path, "findings")
     return list(zip(*(table[c].tolist() for c in ("scope", "severity", "code", "text")), strict=True))
 
 
-def session_cameras(paths):
+def session_cameras(paths: Iterable[AnyPath]) -> dict[str, dict[str, Camera]]:
     """session -> camera -> `Camera` of `cameras` files; a file later in the list replaces an earlier one's camera."""
-    found = {}
+    found: dict[str, dict[str, Camera]] = {}
     for path in paths:
         for session in tables.ordered_unique(tables.read(path, "cameras", ["session"])["session"]):
             found.setdefault(session, {}).update(camera_tables.read_cameras(path))
     return found
 
 
-def _tiles(project, recorded):
+def _tiles(project: Project, recorded: cards.FrameMetrics) -> list[tuple[str, str]]:
     pictures = labels = 0
     for by_metric in recorded.values():
         if "coverage" in by_metric:
@@ -197,13 +200,13 @@ def _tiles(project, recorded):
     ]
 
 
-def _named(lines):
+def _named(lines: list[dict[str, str]]) -> list[dict[str, str]]:
     order = list(TITLES)
     lines = sorted(lines, key=lambda line: (order.index(line["metric"]), line["where"]))
     return [line | {"title": TITLES[line["metric"]]} for line in lines]
 
 
-def _limit(limit):
+def _limit(limit: summary.Limit) -> dict[str, str]:
     word = "above" if limit.sign > 0 else "below"
     return {
         "title": TITLES.get(limit.metric, limit.metric.replace("_", " ").capitalize()),
@@ -213,7 +216,7 @@ def _limit(limit):
     }
 
 
-def unanswered(project):
+def unanswered(project: Project) -> list[summary.Finding]:
     """A finding on the people of the release of whom the sheet does not say whether their pictures may be in it."""
     if not project.unanswered:
         return []
@@ -224,14 +227,14 @@ def unanswered(project):
     return [("release", "warning", "pictures_unanswered", text)]
 
 
-def _remove_others(assets, sequences):
+def _remove_others(assets: Path, sequences: Iterable[str]) -> None:
     """Remove the pictures of sequences that the project no longer has."""
     for folder in assets.iterdir() if assets.is_dir() else ():
         if folder.is_dir() and folder.name not in (*sequences, PLOTS):
             shutil.rmtree(folder)
 
 
-def _remove_stale(folder, names):
+def _remove_stale(folder: Path, names: set[str]) -> None:
     for path in folder.glob("*.svg") if folder.is_dir() else ():
         if path.name not in names:
             path.unlink()

@@ -4,12 +4,34 @@ INPUTS   the cards of all sequences, findings, figures and rows of the stamps by
 OUTPUTS  <out>/sequences/<sequence>.html, with links that hold from there
 """
 
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
 from dior.report import summary
 from dior.report.cards import shown
+from dior.report.clocks import Told
+from dior.report.figures import Shown
 from dior.tables.files import write_text
 
+if TYPE_CHECKING:
+    import jinja2
 
-def write(environment, out, title, cards, findings, names, timelines, stamps, stamp_rows, clocks, clock_costs, clips):
+
+def write(
+    environment: "jinja2.Environment",
+    out: Path,
+    title: str,
+    cards: list[dict[str, Any]],
+    findings: list[summary.Finding],
+    names: Mapping[str, set[str]],
+    timelines: Mapping[str, Shown],
+    stamps: Mapping[str, Shown],
+    stamp_rows: Mapping[str, tuple[dict[str, str], ...]],
+    clocks: Mapping[str, Told],
+    clock_costs: Mapping[str, Shown],
+    clips: Mapping[str, dict[str, str]],
+) -> None:
     """Write the pages of `cards`, each linked to the one before and after, and remove those of other sequences.
 
     `environment`: Jinja's; `findings`: (scope, severity, code, text) of the whole project; `names`: sequence -> the

@@ -4,14 +4,21 @@ INPUTS   rows of metrics.csv, `frame_metrics`, `findings`, the sheets
 OUTPUT   `Light`s, counts and the figures of the table; nothing is drawn or written here
 """
 
+from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass
+from typing import Any, TypeAlias
 
 import numpy as np
 
+from dior.arrays import Ints
 from dior.evaluate import bootstrap
 from dior.evaluate.metrics import QUANTILES
 from dior.geometry.camera import REFERENCE_FX
 
+# a row of metrics.csv by column, as dior.evaluate.metrics.read gives it
+Row: TypeAlias = dict[str, Any]
+# scope, severity, code, text
+Finding: TypeAlias = tuple[str, str, str, str]
 LEVELS = ("good", "look", "bad", "none")
 WORDS = {"good": "good", "look": "look at it", "bad": "fix it", "none": "left out"}
 
@@ -68,20 +75,22 @@ class Light:
     """`level` is one of LEVELS; `reasons`: what made it amber or red; `facts`: the other figures in words."""
 
     level: str
-    reasons: tuple = ()
-    facts: tuple = ()
+    reasons: tuple[str, ...] = ()
+    facts: tuple[str, ...] = ()
 
     @property
-    def word(self):
+    def word(self) -> str:
         return WORDS[self.level]
 
 
-def worst(levels):
+def worst(levels: Iterable[str]) -> str:
     """The most serious of levels."""
     return max(levels, key=LEVELS.index, default="good")
 
 
-def judge(figures, fx, findings=(), role="close"):
+def judge(
+    figures: Mapping[str, float], fx: float | None, findings: Iterable[tuple[str, str]] = (), role: str = "close"
+) -> Light:
     """The `Light` of a camera of a sequence.
 
     `figures`: metric -> value, `fx` px or None, `findings`: (severity, text) pairs that are about this camera.
@@ -112,12 +121,14 @@ def judge(figures, fx, findings=(), role="close"):
     )
 
 
-def about(scope, names):
+def about(scope: str, names: Iterable[str]) -> bool:
     """Whether a finding's scope, words separated by "/", says nothing but `names` (of a sequence, camera, ...)."""
     return {word for word in scope.split("/") if word} <= set(names)
 
 
-def findings_of(findings, sequence, session, subject, camera=""):
+def findings_of(
+    findings: Iterable[Finding], sequence: str, session: str, subject: str, camera: str = ""
+) -> list[tuple[str, str]]:
     """(severity, text) of `findings` (scope, severity, code, text) about a sequence, or about one of its cameras."""
     names = {sequence, session, subject, camera} - {""}
     return [
@@ -127,7 +138,12 @@ def findings_of(findings, sequence, session, subject, camera=""):
     ]
 
 
-def noticed(cameras, pictures, rows, environment):
+def noticed(
+    cameras: Mapping[str, Iterable[str]],
+    pictures: Mapping[str, Container[str]],
+    rows: list[Row],
+    environment: Mapping[str, str],
+) -> list[Finding]:
     """Findings that only show when all sequences are looked at: one that failed, a camera that is missing, high error.
 
     `cameras`: sequence -> names of its cameras, `pictures`: sequence -> those that have recorded any, where known,
@@ -149,7 +165,7 @@ def noticed(cameras, pictures, rows, environment):
     return found + _standing_out(rows, environment)
 
 
-def _standing_out(rows, environment):
+def _standing_out(rows: list[Row], environment: Mapping[str, str]) -> list[Finding]:
     """Findings about sequences whose labels are much further from the detections than those of the others."""
     errors = {
         row["sequence"]: row["value"]
@@ -173,7 +189,7 @@ def _standing_out(rows, environment):
     return found
 
 
-def show(value, unit):
+def show(value: float, unit: str) -> str:
     """A figure for people: shares in percent, metres in millimetres, three significant digits."""
     if not np.isfinite(value):
         return "unknown"
@@ -182,12 +198,12 @@ def show(value, unit):
     return f"{value:.{digits}f} {unit}"
 
 
-def count(number):
+def count(number: float) -> str:
     """A whole number with thin spaces between thousands."""
     return f"{int(number):,}".replace(",", "\u202f")
 
 
-def lost_share(stamp_ns):
+def lost_share(stamp_ns: Ints) -> float:
     """Share of pictures missing from stamps (F,) ns, by the gaps that are a multiple of the median period."""
     if len(stamp_ns) < 3:
         return 0.0
@@ -196,7 +212,7 @@ def lost_share(stamp_ns):
     return float(lost / (lost + len(stamp_ns)))
 
 
-def _interval(members):
+def _interval(members: list[Row]) -> str:
     """The bootstrap's interval over the subjects of rows, in words; empty with one subject."""
     _, index = np.unique([row["subject"] for row in members], return_inverse=True)
     n = np.array([row["n"] for row in members])
@@ -208,7 +224,7 @@ def _interval(members):
     return f"{show(low, unit).split(' ')[0]} to {show(high, unit)}"
 
 
-def table_of(rows, environment):
+def table_of(rows: list[Row], environment: Mapping[str, str]) -> list[dict[str, str]]:
     """Rows of the key figures: dicts metric, where, value, interval, n; means weighted by n over the sequences.
 
     `environment`: sequence -> indoor | outdoor. Rows of no sequence (the adjustment's) are taken as they are.
@@ -216,7 +232,7 @@ def table_of(rows, environment):
     whole = [row for row in rows if not row["joint"]]
     # the mean of quantiles is no quantile
     means = [row for row in whole if row["metric"] not in QUANTILES]
-    groups = {}
+    groups: dict[tuple[str, ...], list[Row]] = {}
     for row in means:
         if row["sequence"] and (row["camera"] or not row["role"]):
             key = (row["metric"], environment.get(row["sequence"], ""), row["role"], row["tool"])
