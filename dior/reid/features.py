@@ -54,7 +54,7 @@ def _columns() -> Iterator[str]:
 FEATURES = tuple(_columns())
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Gait:
     """`values` and standard errors `sigma` (D,) of FEATURES. Logarithms, radians, shares of the leg's length."""
 

@@ -2,7 +2,7 @@
 
 INPUTS   the 3D of a sequence (`skeletons_3d`: a detector's joints or Plug-in-Gait markers), its cameras, their clocks
 OUTPUTS  `labels_2d` of the COCO-17 joints in every camera, px in the recorded picture; `skeletons_3d` of the same
-         joints, m. In memory: `Track`s, cut and adapted
+         joints, m. In memory: `CameraWalk`s, cut and adapted
 The joints are made in 3D (dior/body/coco17.py) and then projected, since a joint centre is no marker. As the labels,
 they come from the 3D in every camera, the long-range one included. What lies outside the picture or is behind the
 camera is missing; a joint that the body hides is kept.
@@ -39,8 +39,8 @@ ADAPTATIONS = {
 }
 
 
-@dataclass(frozen=True)
-class Track:
+@dataclass(frozen=True, eq=False)
+class CameraWalk:
     """One walk as one camera shows it: uv (F, 17, 2) px at regular times, NaN where a joint is missing."""
 
     uv: Floats
@@ -131,10 +131,10 @@ def _skeleton(body: Table, joints: list[str], subject: str, sequence: str) -> Ta
     }
 
 
-def tracks(path: AnyPath, widths: Mapping[str, int]) -> dict[str, Track]:
-    """`Track` of every camera by name of a table that `run` wrote; `widths`: of the cameras' pictures, px."""
+def camera_walks(path: AnyPath, widths: Mapping[str, int]) -> dict[str, CameraWalk]:
+    """`CameraWalk` of every camera by name of a table that `run` wrote; `widths`: of the cameras' pictures, px."""
     table = tables.read(path, "labels_2d", ["camera", "joint", "stamp_ns", "u", "v", "status"])
-    found: dict[str, Track] = {}
+    found: dict[str, CameraWalk] = {}
     for name in tables.ordered_unique(table["camera"]):
         rows = tables.of_camera(table, name)
         uv, joints = tables.grid(rows, "u", "v")
@@ -142,7 +142,7 @@ def tracks(path: AnyPath, widths: Mapping[str, int]) -> dict[str, Track]:
             raise DiorError(f"{path}: the joints are not COCO-17; delete it and run again")
         seen = np.isin(rows["status"].astype(str), ("ok", "occluded")).reshape(uv.shape[:2])
         stamps = rows["stamp_ns"].reshape(uv.shape[:2])[:, 0]
-        found[name] = Track(*regular(stamps, np.where(seen[..., None], uv, np.nan)), widths[name])
+        found[name] = CameraWalk(*regular(stamps, np.where(seen[..., None], uv, np.nan)), widths[name])
     return found
 
 
@@ -176,7 +176,7 @@ def filled(values: Floats, most: int) -> Floats:
     return out
 
 
-def cut(track: Track, length: int = LENGTH, chunks: int = 1, gap_s: float = GAP_S) -> tuple[list[Floats], str]:
+def cut(track: CameraWalk, length: int = LENGTH, chunks: int = 1, gap_s: float = GAP_S) -> tuple[list[Floats], str]:
     """Sequences of `track` without a gap: a list of (frames, 17, 2), and why there are fewer than `chunks`, or "".
 
     Each is the one of `length` frames nearest to the middle of its part of the recording; where no such is whole, the

@@ -25,7 +25,7 @@ from dior.arrays import Bools, Floats, Ints
 from dior.errors import DiorError, nearest
 
 # environment, camera
-View: TypeAlias = tuple[str, str]
+ProbeView: TypeAlias = tuple[str, str]
 PROTOCOLS = ("per_camera", "pooled", "other_recording", "other_place")
 
 
@@ -40,11 +40,11 @@ class Item:
     camera: str
 
     @property
-    def view(self) -> View:
+    def view(self) -> ProbeView:
         return self.environment, self.camera
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Trials:
     """R trials: the probe's item (R,), the gallery's items from the nearest on (R, G), -1 where it has no more, and the
     view of the probe (R,) as an index into `views`."""
@@ -52,9 +52,9 @@ class Trials:
     probe: Ints
     ranked: Ints
     view: Ints
-    views: tuple[View, ...]
+    views: tuple[ProbeView, ...]
 
-    def of(self, view: View) -> "Trials":
+    def of(self, view: ProbeView) -> "Trials":
         """The trials of one probe camera."""
         keep = self.view == self.views.index(view)
         return Trials(self.probe[keep], self.ranked[keep], self.view[keep], self.views)
@@ -92,7 +92,7 @@ def trials(distances: ArrayLike, items: Sequence[Item], protocol: str, held_out:
     return Trials(probe, filled, view[probe], views)
 
 
-def _galleries(views: Sequence[View], p: int, protocol: str) -> list[list[int]]:
+def _galleries(views: Sequence[ProbeView], p: int, protocol: str) -> list[list[int]]:
     """Lists of views (indices) that the probes of view `p` look into."""
     others = [g for g in range(len(views)) if g != p]
     if protocol == "pooled":

@@ -43,7 +43,7 @@ from dior.reid.columns import (
     TOO_SHORT,
 )
 from dior.reid.networks import no_file
-from dior.reid.protocols import Item, View
+from dior.reid.protocols import Item, ProbeView
 from dior.tables import tables
 from dior.tables.files import write_text
 
@@ -131,7 +131,7 @@ def _widths(frames: AnyPath) -> dict[str, int]:
     return dict(zip(table["camera"].tolist(), table["width"].tolist(), strict=True))
 
 
-def far_views(project: Project) -> list[View]:
+def far_views(project: Project) -> list[ProbeView]:
     """(environment, camera) of the long-range cameras, sorted."""
     return sorted(
         {
@@ -143,7 +143,7 @@ def far_views(project: Project) -> list[View]:
     )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Gallery:
     """What is compared: `items`, and of each the sequence (F, 17, 2) px as recorded, and its picture's width;
     `left_out`: (sequence, camera, why)."""
@@ -167,12 +167,12 @@ def gallery(
 ) -> Gallery:
     """`Gallery` of walks: `sheet`: rows by name (subject, session, environment); `paths`: labels by name; `widths`:
     name -> camera -> px."""
-    tracks = ((name, *one) for name, path in paths.items() for one in inputs.tracks(path, widths[name]).items())
+    tracks = ((name, *one) for name, path in paths.items() for one in inputs.camera_walks(path, widths[name]).items())
     return cut(sheet, tracks, length, chunks)
 
 
-def cut(sheet: Sheet, tracks: Iterable[tuple[str, str, inputs.Track]], length: int, chunks: int) -> Gallery:
-    """`Gallery` of (walk, camera, `inputs.Track`) triples."""
+def cut(sheet: Sheet, tracks: Iterable[tuple[str, str, inputs.CameraWalk]], length: int, chunks: int) -> Gallery:
+    """`Gallery` of (walk, camera, `inputs.CameraWalk`) triples."""
     items, sequences, sizes, left_out = [], [], [], []
     for name, camera, track in tracks:
         found, why = inputs.cut(track, length, chunks)
@@ -187,16 +187,16 @@ def cut(sheet: Sheet, tracks: Iterable[tuple[str, str, inputs.Track]], length: i
 
 
 def of_tools(
-    project: Project, frames: Mapping[str, AnyPath], distant: list[View], length: int, chunks: int
+    project: Project, frames: Mapping[str, AnyPath], distant: list[ProbeView], length: int, chunks: int
 ) -> tuple[dict[str, Gallery], list[tuple[str, str, str, str]]]:
     """`Gallery` by tool of what detectors found at long range, and (tool, walk, camera, why) of what cannot be used."""
-    found: dict[str, list[tuple[str, str, inputs.Track]]] = {}
+    found: dict[str, list[tuple[str, str, inputs.CameraWalk]]] = {}
     left_out = []
     for name, path in frames.items():
         views = [camera for environment, camera in distant if environment == project.rows[name]["environment"]]
         rows = [row for row in project.detectors_of(name) if row["camera"] in views]
         rows = [row | {"path": project.root / row["path"]} for row in rows]
-        own, lacking = detected.tracks(rows, path, name) if rows else ([], [])
+        own, lacking = detected.camera_walks(rows, path, name) if rows else ([], [])
         for tool, camera, track in own:
             found.setdefault(tool, []).append((name, camera, track))
         left_out += [(tool, name, camera, why) for tool, camera, why in lacking]
@@ -256,7 +256,9 @@ def of_network(
     return rows
 
 
-def of_silence(distant: list[View], tools: Mapping[str, Gallery], given: set[View], compared: bool) -> list[Row]:
+def of_silence(
+    distant: list[ProbeView], tools: Mapping[str, Gallery], given: set[ProbeView], compared: bool
+) -> list[Row]:
     """A row for each long-range camera (environment, name) of which no detector's output is compared, with the reason.
 
     `tools`: `Gallery` by detector; `given`: the cameras of which there is output; `compared`: whether by a network.
@@ -290,7 +292,7 @@ def rows_of(
     items: Sequence[Item],
     kinds: Iterable[str],
     exchanges: Ints | None = None,
-    views: Sequence[View] | None = None,
+    views: Sequence[ProbeView] | None = None,
 ) -> list[Row]:
     """Rows of the table for distances (N, N) between items, with `keys` (method, ...) in each; of all probe cameras and
     of their mean, or of the probe cameras `views` only."""

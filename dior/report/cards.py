@@ -13,8 +13,9 @@ from dior.arrays import AnyPath, Floats, Ints
 from dior.errors import DiorError
 from dior.geometry.camera import Camera
 from dior.project.project import Project
-from dior.report import summary
-from dior.report.summary import Finding, Row
+from dior.report import lights
+from dior.report.key_figures import Row
+from dior.report.lights import Finding
 
 # (sequence, camera) -> metric -> (stamp_ns (N,), value (N,), n (N,)) of `frame_metrics` tables
 FrameMetrics: TypeAlias = dict[tuple[str, str], dict[str, tuple[Ints, Floats, Ints]]]
@@ -73,12 +74,12 @@ def card(
     for camera, settings in project.cameras(session).items():
         values = dict(figures.get((sequence, camera), {}))
         if "coverage" in recorded.get((sequence, camera), {}):
-            values["lost_pictures"] = summary.lost_share(recorded[sequence, camera]["coverage"][0])
+            values["lost_pictures"] = lights.lost_share(recorded[sequence, camera]["coverage"][0])
         known = stations.get(session, {}).get(camera)
-        light = summary.judge(
+        light = lights.judge(
             values,
             known.intrinsics.fx if known else None,
-            summary.findings_of(found, sequence, session, subject, camera),
+            lights.findings_of(found, sequence, session, subject, camera),
             settings["role"],
         )
         cells.append(
@@ -89,13 +90,13 @@ def card(
                 "sheet": sheets.get(sequence, {}).get(camera),
             }
         )
-    own = summary.findings_of(found, sequence, session, subject)
-    level = summary.worst([*(cell["light"].level for cell in cells), *(summary.SEVERITY_LEVEL[s] for s, _ in own)])
+    own = lights.findings_of(found, sequence, session, subject)
+    level = lights.worst([*(cell["light"].level for cell in cells), *(lights.SEVERITY_LEVEL[s] for s, _ in own)])
     return {
         "sequence": sequence,
         "about": ", ".join(w for w in (subject, row["environment"], session, row["outfit"], row["walk"]) if w),
         "level": level,
-        "word": summary.WORDS[level],
+        "word": lights.WORDS[level],
         "notes": [text for severity, text in own if severity != "info"],
         "cells": cells,
     }

@@ -11,7 +11,8 @@ from typing import TypeAlias
 import numpy as np
 
 from dior.arrays import AnyPath, Floats, Texts
-from dior.report.plots import COLOURS, _colours, _figure, _legend, _save
+from dior.report.colours import COLOURS, colours_of
+from dior.report.plots import legend, new_figure, save_svg
 from dior.tables import tables
 
 # of a camera: sequences (S,), turn (S,) degrees in whatever direction, its standard error (S,)
@@ -55,7 +56,7 @@ def poses(path: Path, sigmas: Mapping[str, Floats]) -> None:
     """Standard errors of position and direction, on logarithmic axes. `sigmas`: camera -> (6,), as of `spreads`."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
-    figure, axes = _figure(1, 2, height=3.4)
+    figure, axes = new_figure(1, 2, height=3.4)
     at = np.arange(len(sigmas))
     values = np.stack(list(sigmas.values()))
     for axis, first, names, label in (
@@ -78,13 +79,13 @@ def poses(path: Path, sigmas: Mapping[str, Floats]) -> None:
         axis.legend(loc="lower left", fontsize=8, handletextpad=0.1)
         axis.grid(axis="x", visible=False)
     axes[0].set_ylabel("standard error")
-    _save(figure, path)
+    save_svg(figure, path)
 
 
 def stood_still(path: Path, by_camera: Mapping[str, Turns]) -> None:
     """Turn of each camera in each walk against the other walks. `by_camera`: as of `turns`."""
-    figure, axis = _figure(height=2.9)
-    colours = _colours(by_camera)
+    figure, axis = new_figure(height=2.9)
+    colours = colours_of(by_camera)
     sequences = list(dict.fromkeys(name for names, _, _ in by_camera.values() for name in names))
     for i, (camera, (names, turn, sigma)) in enumerate(by_camera.items()):
         at = np.array([sequences.index(name) for name in names]) + 0.12 * (i - (len(by_camera) - 1) / 2)
@@ -94,5 +95,5 @@ def stood_still(path: Path, by_camera: Mapping[str, Turns]) -> None:
     axis.set_xlabel(f"{len(sequences)} walks in order of recording" if many else "")
     axis.set_ylabel("turn, degrees")
     axis.set_ylim(0, None)
-    _legend(figure, axis, colours)
-    _save(figure, path)
+    legend(figure, colours)
+    save_svg(figure, path)

@@ -19,7 +19,7 @@ from dior.clocks import clock as on_axis
 from dior.clocks.axis import camera_seconds, nominal_fps
 from dior.errors import DiorError
 from dior.evaluate.grids import label_grids
-from dior.report.overlays import Picture, View, draw_skeleton, shown_in, view_of
+from dior.report.overlays import Picture, TileView, draw_skeleton, shown_in, view_of
 from dior.tables import tables
 from dior.tables.files import written_whole
 
@@ -113,8 +113,8 @@ def mosaic(count: int) -> tuple[tuple[int, int], list[tuple[int, int]]]:
     return (columns * TILE[0], -(-count // columns) * TILE[1]), cells
 
 
-def still(width: int, height: int, uv: Floats, zoomed: bool) -> View:
-    """The `View` of all pictures of a camera, that fits a tile: all of it, or enlarged around labels uv (N, J, 2)."""
+def still(width: int, height: int, uv: Floats, zoomed: bool) -> TileView:
+    """The `TileView` of all pictures of a camera: all of it within a tile, or enlarged around labels uv (N, J, 2)."""
     return view_of(width, height, TILE, min(TILE[0] / width, TILE[1] / height), uv, zoomed)
 
 

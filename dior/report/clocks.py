@@ -1,7 +1,7 @@
 """The cameras' clocks for the report: what each is, how well that is known, and how well other lags fit.
 
 INPUTS   `offsets` and `clock_costs` tables of the sequences, findings
-OUTPUTS  a `Told` per sequence: rows of text and numbers to draw; SVG files. Same numbers, same bytes.
+OUTPUTS  a `SequenceClocks` per sequence: rows of text and numbers to draw; SVG files. Same numbers, same bytes.
 """
 
 from collections.abc import Iterable, Mapping
@@ -13,8 +13,10 @@ import numpy as np
 
 from dior.arrays import AnyPath, Floats
 from dior.clocks.clock import NORMAL_95
-from dior.report.plots import GREY, RED, _colours, _figure, _legend, _save
-from dior.report.summary import Finding, show
+from dior.report.colours import GREY, RED, colours_of
+from dior.report.lights import Finding
+from dior.report.numbers import show
+from dior.report.plots import legend, new_figure, save_svg
 from dior.tables import tables
 
 if TYPE_CHECKING:
@@ -35,8 +37,8 @@ HEIGHT = 4.6
 STEPS = (1, 2, 3, 5, 7)
 
 
-@dataclass(frozen=True)
-class Told:
+@dataclass(frozen=True, eq=False)
+class SequenceClocks:
     """`clocks`: camera -> (offset, low, high) ms of the 95 % interval and the `source` of table `offsets`.
 
     `costs`: camera -> (lags (L,) ms, costs (L,) px); `rows`: what the page's table shows, a dict per camera; `notes`:
@@ -54,8 +56,8 @@ def read(
     costs: Iterable[AnyPath],
     findings: Iterable[Finding],
     cameras: Mapping[str, Iterable[str]],
-) -> dict[str, Told]:
-    """`Told` by sequence. `offsets`, `costs`: files of those tables, of costs an earlier file goes first.
+) -> dict[str, SequenceClocks]:
+    """`SequenceClocks` by sequence. `offsets`, `costs`: files of those tables, of costs an earlier file goes first.
 
     `findings`: (scope, severity, code, text) of the project; `cameras`: sequence -> names in the order of the page.
     """
@@ -85,14 +87,14 @@ def read(
 
 def _told(
     sequence: str, clocks: Mapping[str, Row], tried: Mapping[tuple[str, str], Curve], said: Mapping[str, list[str]]
-) -> Told:
+) -> SequenceClocks:
     costs = {c: tried[sequence, c] for c in clocks if (sequence, c) in tried}
     doubts = {c: said.get(f"{sequence}/{c}", []) for c in clocks}
     notes = []
     for camera, one in clocks.items():
         by_hand = [f"given in config/offsets/{sequence}.yaml"] if one["source"] == "manual" else []
         notes += [(camera, "; ".join(by_hand + doubts[camera]))] if by_hand + doubts[camera] else []
-    return Told(
+    return SequenceClocks(
         {c: (*(1e3 * one[key] for key in ("offset_s", "low", "high")), one["source"]) for c, one in clocks.items()},
         costs,
         tuple(_row(one, costs.get(c), bool(doubts[c])) for c, one in clocks.items()),
@@ -147,11 +149,11 @@ def at(lags: Floats, costs: Floats, lag: float) -> float:
     return float(costs[i]) if abs(lags[i] - lag) <= abs(lags[1] - lags[0]) else np.nan
 
 
-def costs(path: Path, told: Told) -> None:
+def costs(path: Path, told: SequenceClocks) -> None:
     """Costs over all lags that were tried and, below, near the clocks; these are marked with their intervals."""
-    colours = _colours(told.clocks)
+    colours = colours_of(told.clocks)
     # there is one of these per sequence: fixed margins take half the time of those that are found by drawing
-    figure, axes = _figure(2, 1, height=HEIGHT, layout="none")
+    figure, axes = new_figure(2, 1, height=HEIGHT, layout="none")
     rows = -(-len(colours) // 4)
     figure.subplots_adjust(left=0.115, right=0.985, bottom=0.1, top=1 - (0.3 + 0.22 * rows) / HEIGHT, hspace=0.33)
     for camera, (lags, cost) in told.costs.items():
@@ -176,7 +178,7 @@ def costs(path: Path, told: Told) -> None:
     axes[1].set_xlabel("offset, ms")
     handles = [axes[0].plot([], [], "o", color=colour)[0] for colour in colours.values()]
     figure.legend(handles, list(colours), loc="upper left", ncols=4, handletextpad=0.2, columnspacing=1.2)
-    _save(figure, path)
+    save_svg(figure, path)
 
 
 def _decades(axis: "Axes", values: Floats) -> None:
@@ -190,12 +192,13 @@ def _decades(axis: "Axes", values: Floats) -> None:
     axis.set_ylim(low, high)
 
 
-def overview(path: Path, groups: Mapping[str, Mapping[str, Told]]) -> None:
-    """Clocks of all recordings in their order. `groups`: environment -> sequence -> `Told`, "indoor" and "outdoor".
+def overview(path: Path, groups: Mapping[str, Mapping[str, SequenceClocks]]) -> None:
+    """Clocks of all recordings in their order. `groups`: environment ("indoor", "outdoor") -> sequence ->
+    `SequenceClocks`.
 
     Indoors the motion capture starts when it likes, so the cameras' median is drawn by itself and the cameras from it.
     """
-    panels: list[tuple[str, str, dict[str, float], Mapping[str, Told] | None]] = []
+    panels: list[tuple[str, str, dict[str, float], Mapping[str, SequenceClocks] | None]] = []
     for environment, by_sequence in groups.items():
         middles = {name: middle(told) if environment == "indoor" else 0.0 for name, told in by_sequence.items()}
         if environment == "indoor":
@@ -203,8 +206,8 @@ def overview(path: Path, groups: Mapping[str, Mapping[str, Told]]) -> None:
             panels.append(("indoor: each camera from that median", "ms", middles, by_sequence))
         else:
             panels.append((f"{environment}: against the first close camera", "offset, ms", middles, by_sequence))
-    colours = _colours(dict.fromkeys(c for own in groups.values() for told in own.values() for c in told.clocks))
-    figure, axes = _figure(len(panels), 1, height=0.5 + 1.75 * len(panels), squeeze=False)
+    colours = colours_of(dict.fromkeys(c for own in groups.values() for told in own.values() for c in told.clocks))
+    figure, axes = new_figure(len(panels), 1, height=0.5 + 1.75 * len(panels), squeeze=False)
     for axis, (title, label, middles, of_cameras) in zip(axes[:, 0], panels, strict=True):
         axis.set_title(title, fontsize=9)
         axis.set_ylabel(label)
@@ -219,12 +222,12 @@ def overview(path: Path, groups: Mapping[str, Mapping[str, Told]]) -> None:
         axis.grid(axis="x", visible=False)
         if many:
             axis.set_xlabel(f"{len(middles)} recordings in their order", fontsize=9)
-    _legend(figure, axes[0, 0], colours)
-    _save(figure, path)
+    legend(figure, colours)
+    save_svg(figure, path)
 
 
 def _cameras(
-    axis: "Axes", middles: Mapping[str, float], by_sequence: Mapping[str, Told], colours: Mapping[str, str]
+    axis: "Axes", middles: Mapping[str, float], by_sequence: Mapping[str, SequenceClocks], colours: Mapping[str, str]
 ) -> None:
     """A mark per camera beside the others of its recording: round, square if given by hand, a cross if not known."""
     axis.axhline(0, color=GREY, lw=1, zorder=0)
@@ -245,13 +248,13 @@ def _cameras(
         axis.plot(lost, np.zeros(len(lost)), "x", ms=6, mew=1.6, color=RED)
 
 
-def middle(told: Told) -> float:
+def middle(told: SequenceClocks) -> float:
     """Median offset, ms, of the clocks of a sequence that are known; NaN without any."""
     known = _known(told)
     return float(np.median(known)) if known else np.nan
 
 
-def in_words(by_sequence: Mapping[str, Told]) -> str:
+def in_words(by_sequence: Mapping[str, SequenceClocks]) -> str:
     """How many clocks there are, how well they are known and how far apart, in one sentence."""
     clocks = [one for told in by_sequence.values() for one in told.clocks.values()]
     counts = {source: sum(one[3] == source for one in clocks) for source in ("estimated", "manual", "assumed_zero")}
@@ -268,11 +271,11 @@ def in_words(by_sequence: Mapping[str, Told]) -> str:
     return f"{text}."
 
 
-def least_apart(told: Told) -> float:
+def least_apart(told: SequenceClocks) -> float:
     """How far apart, ms, two clocks of a recording are at least, by their 95 % intervals."""
     ends = np.array([one[1:3] for one in told.clocks.values() if np.isfinite(one[1:3]).all()])
     return max(0.0, float(ends[:, 0].max() - ends[:, 1].min())) if len(ends) else 0.0
 
 
-def _known(told: Told) -> list[float]:
+def _known(told: SequenceClocks) -> list[float]:
     return [offset for offset, _, _, source in told.clocks.values() if source != "assumed_zero"]

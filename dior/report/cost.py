@@ -12,7 +12,7 @@ from dior.arrays import AnyPath
 from dior.evaluate import timing
 from dior.project.project import Project
 from dior.project.read import read_sheet
-from dior.report.summary import count
+from dior.report.numbers import count
 from dior.tables.files import write_text
 
 if TYPE_CHECKING:

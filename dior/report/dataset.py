@@ -3,7 +3,7 @@
 from typing import Any, TypeAlias
 
 from dior.evaluate import statistics
-from dior.report.summary import count
+from dior.report.numbers import count
 
 # a row of statistics.csv, as dior.evaluate.statistics.read gives it
 Row: TypeAlias = dict[str, Any]

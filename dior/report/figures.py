@@ -14,9 +14,9 @@ import numpy as np
 from dior.arrays import AnyPath, Floats, Ints
 from dior.geometry.camera import Camera
 from dior.project.project import Project
-from dior.report import certainty, clocks, measures, plots, recordings, reid, scene
+from dior.report import certainty, check_figures, clocks, plots, reid, scene, stamps
 from dior.report.cards import FrameMetrics
-from dior.report.summary import Row
+from dior.report.key_figures import Row
 from dior.tables import tables
 
 # what the template shows of a figure: src, title, caption, alt
@@ -67,8 +67,8 @@ class Figures:
         counts: Counter[str] = Counter()
         for at, _, _, n in points:
             counts[at] += n
-        total = measures.whole(self.all_rows, metric, sum(counts.values()))
-        intervals = {at: measures.interval(self.all_rows, metric, n, camera=at) for at, n in counts.items()}
+        total = check_figures.whole(self.all_rows, metric, sum(counts.values()))
+        intervals = {at: check_figures.interval(self.all_rows, metric, n, camera=at) for at, n in counts.items()}
         caption += " One dot per sequence and camera, the bar is the mean weighted by n"
         caption += ", the line its 95 % interval over the subjects." if total else "."
         alt = f"{title}, {len(points)} values in {len({p[0] for p in points})} groups"
@@ -86,7 +86,7 @@ class Figures:
 
         error = "error, px"
         indoor = [
-            *self._measures(measures.indoor),
+            *self._measures(check_figures.indoor),
             *self._strip(
                 "mark_error_camera", "mark_error", by("camera"), by("sequence"), error,
                 "Marks used to locate the cameras", "Residuals of the fit, outliers included.",
@@ -105,11 +105,11 @@ class Figures:
             *self._distribution("reprojection_error", "Labels against detections, distribution", OF_PICTURE),
             *self._adjusted(),
         ]  # fmt: skip
-        far = [*self._measures(measures.long_range), *self._measures(measures.detectors)]
+        far = [*self._measures(check_figures.long_range), *self._measures(check_figures.detectors)]
         sections = (("Indoor", indoor), ("Outdoor, close range", close), ("Long range", far))
         return [(title, figures) for title, figures in sections if figures]
 
-    def _measures(self, of: Callable[[list[Row]], list[measures.Measure]]) -> list[Shown]:
+    def _measures(self, of: Callable[[list[Row]], list[check_figures.Drawing]]) -> list[Shown]:
         return [
             self._draw(m.name, m.draw, *m.args, title=m.title, caption=m.caption, alt=m.alt, **m.options)
             for m in of(self.all_rows)
@@ -227,8 +227,8 @@ class Figures:
             alt=f"Timeline of {sequence}: {len(lanes)} cameras",
         )  # fmt: skip
 
-    def stamps(self, audited: Mapping[str, recordings.Recorded]) -> list[Shown]:
-        """One figure per sequence of `recordings.Recorded`: when pictures came late, are missing or repeated."""
+    def stamps(self, audited: Mapping[str, stamps.SequenceStamps]) -> list[Shown]:
+        """One figure per sequence of `stamps.SequenceStamps`: when pictures came late, are missing or repeated."""
         return [
             self._draw(
                 f"stamps_{sequence}", plots.stamps, one.lags, one.dropped, title=sequence,
@@ -238,8 +238,8 @@ class Figures:
             for sequence, one in audited.items()
         ]  # fmt: skip
 
-    def clock_costs(self, told: Mapping[str, clocks.Told]) -> dict[str, Shown]:
-        """Per sequence of `clocks.Told` with costs: how well each offset fits."""
+    def clock_costs(self, told: Mapping[str, clocks.SequenceClocks]) -> dict[str, Shown]:
+        """Per sequence of `clocks.SequenceClocks` with costs: how well each offset fits."""
         return {
             sequence: self._draw(
                 f"clocks_{sequence}", clocks.costs, one, title="Which offset fits",
@@ -255,9 +255,9 @@ class Figures:
         told = reid.read(*paths)
         return reid.section(told) | {"figures": self._measures(lambda _: reid.figures(told))}
 
-    def clocks(self, told: Mapping[str, clocks.Told]) -> list[Section]:
-        """The section with the clocks of all sequences, by `clocks.Told`."""
-        groups: dict[str, dict[str, clocks.Told]] = {}
+    def clocks(self, told: Mapping[str, clocks.SequenceClocks]) -> list[Section]:
+        """The section with the clocks of all sequences, by `clocks.SequenceClocks`."""
+        groups: dict[str, dict[str, clocks.SequenceClocks]] = {}
         for sequence, one in told.items():
             groups.setdefault(self.environment[sequence], {})[sequence] = one
         if not groups:
@@ -336,7 +336,7 @@ def _lost_stamps(stamp_ns: Ints) -> Ints:
     if len(stamp_ns) < 3:
         return stamp_ns[:0]
     steps = np.diff(stamp_ns)
-    gap = steps > 1.5 * np.median(steps)
+    gap = steps >= 1.5 * np.median(steps)
     return (stamp_ns[:-1][gap] + stamp_ns[1:][gap]) // 2
 
 

@@ -2,8 +2,8 @@
 
 INPUTS   frames table, the pictures it indexes, `labels_2d` files, and where there are any: `detections`, `swaps` and
          hand boxes
-OUTPUT   <out>/<camera>.jpg: the best, the median and the worst frame (see choice.py) side by side. Long-range pictures
-         are enlarged around the subject.
+OUTPUT   <out>/<camera>.jpg: the best, the median and the worst frame (picture_choice.py) side by side. Long-range
+         pictures are enlarged around the subject.
 Drawing happens in tile pixels: a picture is scaled first, so that lines stay thin and sharp.
 """
 
@@ -20,7 +20,8 @@ from dior.body import names
 from dior.errors import DiorError, nearest
 from dior.evaluate import boxes as box_files
 from dior.evaluate.grids import LabelGrid, distance, label_grids, onto, value_grid
-from dior.report import choice
+from dior.report import picture_choice
+from dior.report.colours import BOX, DETECTION, LEFT, MIDDLE, OUTLIER, RIGHT
 from dior.tables import tables
 from dior.tables.files import written_whole
 
@@ -32,12 +33,10 @@ CAPTION_HEIGHT = 26
 JPEG_QUALITY = 85
 # a label further than this from the detection is drawn red: a tenth of the person's height in the picture
 OUTLIER_OF_HEIGHT = 0.1
-LEFT, RIGHT, MIDDLE = (255, 170, 60), (40, 160, 255), (235, 235, 235)  # BGR: blue, orange, near white
-OUTLIER, DETECTION, BOX = (40, 40, 230), (80, 230, 80), (200, 90, 230)
 
 
 @dataclass(frozen=True)
-class View:
+class TileView:
     """Part of a picture shown in a tile: `tile = (picture - origin + 0.5) * scale - 0.5`, px."""
 
     origin: tuple[float, float]
@@ -80,9 +79,9 @@ def run(
     for camera, grid in grids.items():
         boxed = box_files.read(boxes[camera], grid.frames) if camera in boxes else (np.array([], int), np.empty((0, 4)))
         seen = None if found is None else tables.of_camera(found, camera)
-        how = choice.measured(grid, roles[camera], seen, _exchanged(exchanged, camera), boxed, min_score)
-        ranked = choice.by_rank(grid.frames, *how, count) if how else []
-        chosen[camera] = (ranked or choice.spread(grid.frames, count), boxed)
+        how = picture_choice.measured(grid, roles[camera], seen, _exchanged(exchanged, camera), boxed, min_score)
+        ranked = picture_choice.by_rank(grid.frames, *how, count) if how else []
+        chosen[camera] = (ranked or picture_choice.spread(grid.frames, count), boxed)
     wanted = np.zeros(len(index["frame"]), bool)
     for camera, (numbers, _) in chosen.items():
         wanted |= (index["camera"] == camera) & np.isin(index["frame"], [number for number, _ in numbers])
@@ -110,22 +109,22 @@ def run(
             part.write_bytes(jpeg.tobytes())
 
 
-def view_of(width: int, height: int, tile: tuple[int, int], whole: float, uv: Floats, zoomed: bool) -> View:
-    """The `View` of a picture in a tile (width, height): all of it at the scale `whole`, or enlarged around the points
-    `uv` (..., 2).
+def view_of(width: int, height: int, tile: tuple[int, int], whole: float, uv: Floats, zoomed: bool) -> TileView:
+    """The `TileView` of a picture in a tile (width, height): all of it at the scale `whole`, or enlarged around the
+    points `uv` (..., 2).
 
     Enlarged ZOOM times, less where the person would not fit, and never smaller than the whole picture.
     """
     known = uv[np.isfinite(uv).all(axis=-1)]
     if not zoomed or not len(known):
-        return View((0.0, 0.0), whole, (round(width * whole), round(height * whole)))
+        return TileView((0.0, 0.0), whole, (round(width * whole), round(height * whole)))
     first, last = known.min(axis=0), known.max(axis=0)
     span = np.maximum(last - first, 1.0)
     scale = max(whole, min(ZOOM, *(0.7 * np.array(tile) / span)))
     part = np.minimum(np.array(tile) / scale, (width, height))
     origin = np.clip(np.round((first + last) / 2 - part / 2), 0, np.array([width, height]) - part)
     wide, high = (int(round(side)) for side in part * scale)
-    return View(tuple(origin.tolist()), float(scale), (wide, high))
+    return TileView(tuple(origin.tolist()), float(scale), (wide, high))
 
 
 def _exchanged(swaps: Table | None, camera: str) -> Table | None:
@@ -170,8 +169,8 @@ def _tile(
     return canvas
 
 
-def shown_in(view: View, picture: Picture) -> Picture:
-    """The part of a picture that a `View` shows, at its scale."""
+def shown_in(view: TileView, picture: Picture) -> Picture:
+    """The part of a picture that a `TileView` shows, at its scale."""
     import cv2
 
     if view.scale > 1:

@@ -13,7 +13,7 @@ import numpy as np
 
 from dior.arrays import AnyPath
 from dior.reid.columns import ABOVE_CHANCE, AT_CHANCE, DETECTOR, LABELS, NO_OUTPUT, NO_TRIAL, POINTS
-from dior.report import measures, pages, plots
+from dior.report import check_figures, pages, plots
 from dior.tables.files import folder_written_whole, write_text
 
 # a row of one of the files by column, as text
@@ -55,7 +55,7 @@ OWN = (
 
 
 @dataclass(frozen=True)
-class Told:
+class ReidTables:
     """Rows of the three files, as dicts of strings."""
 
     rows: list[Row]
@@ -90,17 +90,17 @@ def run(*, title: str, table: Path, cmc: Path, left_out: Path, out: Path) -> Non
     write_text(out / "index.html", page)
 
 
-def read(table: AnyPath, cmc: AnyPath, left_out: AnyPath) -> Told:
-    """`Told` by the three files."""
+def read(table: AnyPath, cmc: AnyPath, left_out: AnyPath) -> ReidTables:
+    """`ReidTables` by the three files."""
 
     def rows(path: AnyPath) -> list[Row]:
         with open(path, newline="", encoding="utf-8") as stream:
             return list(csv.DictReader(stream))
 
-    return Told(rows(table), rows(cmc), rows(left_out))
+    return ReidTables(rows(table), rows(cmc), rows(left_out))
 
 
-def section(told: Told) -> dict[str, Any]:
+def section(told: ReidTables) -> dict[str, Any]:
     """What the template says: statement, a table per protocol, the detectors' own output, what was not compared."""
     return {
         "statement": [*STATEMENT, in_words(told)],
@@ -118,7 +118,7 @@ def _place(row: Row) -> tuple[str, str]:
     return (row["sequence"] or f"session {row['session']}", row["camera"])
 
 
-def in_words(told: Told) -> str:
+def in_words(told: ReidTables) -> str:
     """How many of the means over probe cameras are at chance, and of which methods nothing is."""
     means = [row for row in told.scores if not row["camera"] and row["verdict"] != NO_TRIAL]
     if not means:
@@ -135,7 +135,7 @@ def in_words(told: Told) -> str:
     )
 
 
-def own_words(told: Told) -> list[str]:
+def own_words(told: ReidTables) -> list[str]:
     """What is said above the scores of the detectors' own output, or in their place."""
     silent = [row for row in told.rows if row["keypoints"] == DETECTOR]
     found = [f"{row['environment']} {row['camera']}: {row['verdict']}." for row in silent]
@@ -146,7 +146,7 @@ def own_words(told: Told) -> list[str]:
     return found or ["There is no long-range camera."]
 
 
-def method_of(row: Row, told: Told) -> str:
+def method_of(row: Row, told: ReidTables) -> str:
     """The method's name, with that of its weights where a network has several."""
     weights = {other["weights"] for other in told.rows if other["method"] == row["method"]}
     return f"{row['method']} {row['weights']}" if len(weights) > 1 else row["method"]
@@ -156,7 +156,7 @@ def input_of(row: Row) -> str:
     return row["adaptation"] or row["keypoints"]
 
 
-def _part(told: Told, protocol: str) -> dict[str, Any]:
+def _part(told: ReidTables, protocol: str) -> dict[str, Any]:
     """The table of one protocol: a line for each method and input, a column for each probe camera."""
     title, about = PROTOCOLS[protocol]
     own = [row for row in told.scores if row["protocol"] == protocol]
@@ -175,7 +175,7 @@ def _cell(row: Row) -> dict[str, Any]:
     return {"value": percent(row["rank1"]), "chance": row["verdict"] == AT_CHANCE}
 
 
-def _line(row: Row, told: Told) -> dict[str, Any]:
+def _line(row: Row, told: ReidTables) -> dict[str, Any]:
     return {
         "method": method_of(row, told),
         "input": input_of(row),
@@ -190,7 +190,7 @@ def _line(row: Row, told: Told) -> dict[str, Any]:
     }
 
 
-def _detected(row: Row, told: Told) -> dict[str, Any]:
+def _detected(row: Row, told: ReidTables) -> dict[str, Any]:
     words = {"camera": f"{row['environment']} {row['camera']}", "keypoints": row["keypoints"]}
     return _line(row, told) | words | {"input": row["adaptation"], "protocol": PROTOCOLS[row["protocol"]][0]}
 
@@ -200,8 +200,8 @@ def percent(text: str) -> str:
     return f"{100 * float(text):.1f} %" if text else ""
 
 
-def figures(told: Told) -> list[measures.Measure]:
-    """`measures.Measure`s: rank 1 by probe camera, for each input of the networks, and the curves of all ranks."""
+def figures(told: ReidTables) -> list[check_figures.Drawing]:
+    """`check_figures.Drawing`s: rank 1 by probe camera, for each input of the networks, and the curves of all ranks."""
     adaptations = list(dict.fromkeys(row["adaptation"] for row in told.scores if row["adaptation"])) or [""]
     found = []
     for protocol in ("per_camera", FAIR):
@@ -210,17 +210,17 @@ def figures(told: Told) -> list[measures.Measure]:
     return found + _curves(told)
 
 
-def _rank1(told: Told, protocol: str, adaptation: str) -> list[measures.Measure]:
+def _rank1(told: ReidTables, protocol: str, adaptation: str) -> list[check_figures.Drawing]:
     rows = [row for row in told.scores if row["protocol"] == protocol and row["adaptation"] in ("", adaptation)]
     rows = [row for row in rows if int(row["n"])]
     series: dict[str, dict[str, plots.Value]] = {}
     for row in sorted(rows, key=_networks_first):
-        at = f"{row['environment']} {row['camera']}" if row["camera"] else measures.ALL
+        at = f"{row['environment']} {row['camera']}" if row["camera"] else check_figures.ALL
         value, low, high = (float(row[key]) if row[key] else np.nan for key in ("rank1", "low", "high"))
         series.setdefault(method_of(row, told), {})[at] = (value, low, high, int(row["n"]))
     if not series:
         return []
-    groups = [*(" ".join(view) for view in told.views), measures.ALL]
+    groups = [*(" ".join(view) for view in told.views), check_figures.ALL]
     chance = next(row["chance"] for row in rows if not row["camera"])
     # one method has no legend
     words = ", ".join(filter(None, (adaptation, *(series if len(series) == 1 else ()))))
@@ -234,7 +234,7 @@ def _rank1(told: Told, protocol: str, adaptation: str) -> list[measures.Measure]
     name = "_".join(filter(None, ("reid", protocol, adaptation)))
     options = {"percent": True, "limit": (float(chance), "")}
     alt = f"Rank 1 of {len(series)} methods with {len(groups) - 1} cameras as the probe"
-    return [measures.Measure(name, plots.marks, (groups, series, "rank 1, %"), title, caption, alt, options)]
+    return [check_figures.Drawing(name, plots.marks, (groups, series, "rank 1, %"), title, caption, alt, options)]
 
 
 def _networks_first(row: Row) -> bool:
@@ -242,7 +242,7 @@ def _networks_first(row: Row) -> bool:
     return row["keypoints"] == POINTS
 
 
-def _curves(told: Told) -> list[measures.Measure]:
+def _curves(told: ReidTables) -> list[check_figures.Drawing]:
     own = [row for row in told.curves if row["protocol"] == FAIR and not row["camera"]]
     series: dict[tuple[str, str], list[float]] = {}
     for row in sorted(own, key=_networks_first):
@@ -253,4 +253,4 @@ def _curves(told: Told) -> list[measures.Measure]:
     caption = "How often the person is among the nearest 1, 2, ... sequences; the mean over all probe cameras."
     alt = f"Cumulative match curves of {len(series)} methods and inputs"
     title = f"{PROTOCOLS[FAIR][0]}: all ranks"
-    return [measures.Measure("reid_cmc", plots.cmc, (series,), title, caption, alt, {})]
+    return [check_figures.Drawing("reid_cmc", plots.cmc, (series,), title, caption, alt, {})]

@@ -14,7 +14,8 @@ import numpy as np
 from dior.arrays import Floats
 from dior.body import names as skeletons
 from dior.geometry.camera import Camera, rays
-from dior.report.plots import COLOURS, GREY, _colours, _figure, _save
+from dior.report.colours import COLOURS, DARK, EDGE, GREY, GRID, ORANGE, colours_of
+from dior.report.plots import new_figure, save_svg
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
 Walks: TypeAlias = Mapping[str, Floats]
 # points (J, 3) m and the names of their joints
 Pose: TypeAlias = tuple[Floats, list[str]]
-DARK, ORANGE = "#20242b", COLOURS[5]
 # a camera further than this from the walks is only pointed at, m
 NEAR = 20.0
 POINTS = 240
@@ -45,13 +45,13 @@ def space(path: Path, cameras: Sequence[Camera], walks: Walks, pose: Pose | None
     near = [c for c in cameras if np.linalg.norm(c.centre - middle) <= NEAR]
     floor = _floor(near, walks, middle)
     view = _view(walks)
-    figure, axis = _figure(height=4.4)
+    figure, axis = new_figure(height=4.4)
     axis.set_aspect("equal")
     axis.axis("off")
     _draw_floor(axis, view, floor)
     colours = _walk_colours(walks)
     for name, walk in walks.items():
-        axis.plot(*(walk * (1, 1, 0) @ view.T).T, color="#c9ced6", lw=0.8)
+        axis.plot(*(walk * (1, 1, 0) @ view.T).T, color=EDGE, lw=0.8)
         axis.plot(*(walk @ view.T).T, color=colours[name], lw=1.2, alpha=0.85, label=name)
     if pose is not None:
         points, names = pose
@@ -65,7 +65,7 @@ def space(path: Path, cameras: Sequence[Camera], walks: Walks, pose: Pose | None
             _draw_far(axis, view, camera, middle, floor)
     axis.margins(0.06)
     _legend(figure, walks, colours)
-    _save(figure, path)
+    save_svg(figure, path)
 
 
 def _thinned(walks: Walks) -> dict[str, Floats]:
@@ -107,8 +107,8 @@ def _draw_floor(axis: "Axes", view: Floats, floor: Floats) -> None:
     ends = [((x, y0, 0), (x, y1, 0)) for x in xs] + [((x0, y, 0), (x1, y, 0)) for y in ys]
     corners = [(x0, y0, 0), (x1, y0, 0), (x1, y1, 0), (x0, y1, 0), (x0, y0, 0)]
     for line in ends:
-        axis.plot(*(np.array(line) @ view.T).T, color="#e3e6ea", lw=0.8, zorder=0)
-    axis.plot(*(np.array(corners) @ view.T).T, color="#c9ced6", lw=1, zorder=0)
+        axis.plot(*(np.array(line) @ view.T).T, color=GRID, lw=0.8, zorder=0)
+    axis.plot(*(np.array(corners) @ view.T).T, color=EDGE, lw=1, zorder=0)
     # the edge in front is the one further down on the page
     front_y = y0 if view[1, 1] > 0 else y1
     front_x = x0 if view[1, 0] > 0 else x1
@@ -171,7 +171,7 @@ def _draw_far(axis: "Axes", view: Floats, camera: Camera, middle: Floats, floor:
 
 def _walk_colours(walks: Walks) -> dict[str, str]:
     """Colours by walk; one for all where they are too many to name."""
-    return _colours(walks) if len(walks) <= NAMED else dict.fromkeys(walks, COLOURS[0])
+    return colours_of(walks) if len(walks) <= NAMED else dict.fromkeys(walks, COLOURS[0])
 
 
 def _legend(figure: "Figure", walks: Walks, colours: Mapping[str, str]) -> None:
@@ -195,7 +195,7 @@ def plan(path: Path, cameras: Sequence[Camera], walks: Walks, pose: Pose | None)
     walked = walked[np.isfinite(walked).all(axis=1)]
     far = len(walked) and np.ptp(everything[:, :2], axis=0).max() > 4 * max(np.ptp(walked[:, :2], axis=0).max(), 3)
     panels = 3 if far else 2
-    figure, axes = _figure(panels, 1, height=2.4 + 2.6 * (panels - 1), squeeze=False)
+    figure, axes = new_figure(panels, 1, height=2.4 + 2.6 * (panels - 1), squeeze=False)
     axes = axes[:, 0]
     _top(axes[0], cameras, walks, None)
     axes[0].set_title(f"from above, {len(cameras)} cameras, {len(walks)} walks")
@@ -205,7 +205,7 @@ def plan(path: Path, cameras: Sequence[Camera], walks: Walks, pose: Pose | None)
         axes[1].set_title("from above, without the far camera")
     _side(axes[-1], cameras if not far else near, walks, pose, everything if not far else walked)
     _legend(figure, walks, _walk_colours(walks))
-    _save(figure, path)
+    save_svg(figure, path)
 
 
 def _walks(axis: "Axes", walks: Walks, across: Floats, up: Floats) -> None:

@@ -1,22 +1,20 @@
 """What the numbers mean: a traffic light per sequence and camera, with the reason in words.
 
 INPUTS   rows of metrics.csv, `frame_metrics`, `findings`, the sheets
-OUTPUT   `Light`s, counts and the figures of the table; nothing is drawn or written here
+OUTPUT   `Light`s and findings; nothing is drawn or written here
 """
 
 from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
 from dior.arrays import Ints
-from dior.evaluate import bootstrap
-from dior.evaluate.metrics import QUANTILES
 from dior.geometry.camera import REFERENCE_FX
+from dior.report.key_figures import Row
+from dior.report.numbers import show
 
-# a row of metrics.csv by column, as dior.evaluate.metrics.read gives it
-Row: TypeAlias = dict[str, Any]
 # scope, severity, code, text
 Finding: TypeAlias = tuple[str, str, str, str]
 LEVELS = ("good", "look", "bad", "none")
@@ -189,20 +187,6 @@ def _standing_out(rows: list[Row], environment: Mapping[str, str]) -> list[Findi
     return found
 
 
-def show(value: float, unit: str) -> str:
-    """A figure for people: shares in percent, metres in millimetres, three significant digits."""
-    if not np.isfinite(value):
-        return "unknown"
-    value, unit = (100 * value, "%") if unit == "share" else (1000 * value, "mm") if unit == "m" else (value, unit)
-    digits = 1 if abs(value) >= 9.95 or unit == "%" else 2
-    return f"{value:.{digits}f} {unit}"
-
-
-def count(number: float) -> str:
-    """A whole number with thin spaces between thousands."""
-    return f"{int(number):,}".replace(",", "\u202f")
-
-
 def lost_share(stamp_ns: Ints) -> float:
     """Share of pictures missing from stamps (F,) ns, by the gaps that are a multiple of the median period."""
     if len(stamp_ns) < 3:
@@ -210,54 +194,3 @@ def lost_share(stamp_ns: Ints) -> float:
     steps = np.diff(stamp_ns)
     lost = (np.rint(steps / np.median(steps)).astype(int) - 1).clip(0).sum()
     return float(lost / (lost + len(stamp_ns)))
-
-
-def _interval(members: list[Row]) -> str:
-    """The bootstrap's interval over the subjects of rows, in words; empty with one subject."""
-    _, index = np.unique([row["subject"] for row in members], return_inverse=True)
-    n = np.array([row["n"] for row in members])
-    sums = n * np.array([row["value"] for row in members])
-    low, high = bootstrap.of_mean(np.bincount(index, sums), np.bincount(index, n))
-    if not np.isfinite(low):
-        return ""
-    unit = members[0]["unit"]
-    return f"{show(low, unit).split(' ')[0]} to {show(high, unit)}"
-
-
-def table_of(rows: list[Row], environment: Mapping[str, str]) -> list[dict[str, str]]:
-    """Rows of the key figures: dicts metric, where, value, interval, n; means weighted by n over the sequences.
-
-    `environment`: sequence -> indoor | outdoor. Rows of no sequence (the adjustment's) are taken as they are.
-    """
-    whole = [row for row in rows if not row["joint"]]
-    # the mean of quantiles is no quantile
-    means = [row for row in whole if row["metric"] not in QUANTILES]
-    groups: dict[tuple[str, ...], list[Row]] = {}
-    for row in means:
-        if row["sequence"] and (row["camera"] or not row["role"]):
-            key = (row["metric"], environment.get(row["sequence"], ""), row["role"], row["tool"])
-            groups.setdefault(key, []).append(row)
-    lines = [
-        {
-            "metric": metric,
-            "where": " ".join(word for word in (env, role.replace("_", " "), tool) if word),
-            "value": show(np.dot([r["n"] for r in members], [r["value"] for r in members]) / n, members[0]["unit"]),
-            "interval": _interval(members),
-            "n": count(n),
-        }
-        for (metric, env, role, tool), members in sorted(groups.items())
-        if (n := sum(r["n"] for r in members))
-    ]
-    pooled = {row["metric"] for row in means if row["sequence"]}
-    lines += [
-        {
-            "metric": row["metric"],
-            "where": "all",
-            "value": show(row["value"], row["unit"]),
-            "interval": "",
-            "n": count(row["n"]),
-        }
-        for row in whole
-        if row["metric"] not in pooled and not row["camera"] and not row["subject"] and not row["role"]
-    ]
-    return lines

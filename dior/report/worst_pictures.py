@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from dior.arrays import AnyPath
-from dior.report.summary import show
+from dior.report.numbers import show
 from dior.tables import tables
 
 # by section of the index: metric, sign (+1: large is bad), unit, words

@@ -1,7 +1,7 @@
 """Figures of the hand checks, the hand boxes and the other detectors: what is drawn, from the rows of metrics.csv.
 
 INPUTS   rows of metrics.csv as `dior.evaluate.metrics.read` gives them
-OUTPUT   `Measure`s: what plots.marks and plots.bars draw, with title, caption and the text for who cannot see it
+OUTPUT   `Drawing`s: what plots.marks and plots.bars draw, with title, caption and the text for who cannot see it
 """
 
 from collections.abc import Callable, Mapping
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from dior.report import plots
-from dior.report.summary import Row
+from dior.report.key_figures import Row
 
 ALL = "all"
 INTERVAL = "Lines are 95 % intervals over the subjects; where there is none, it is not known."
@@ -19,7 +19,7 @@ PAPER_IN_BOX = (0.9669, "96.69 % in the paper")
 
 
 @dataclass(frozen=True)
-class Measure:
+class Drawing:
     """A figure to be drawn as `draw(path, *args, **options)` into `<name>.svg`."""
 
     name: str
@@ -31,7 +31,7 @@ class Measure:
     options: dict[str, Any]
 
 
-def indoor(rows: list[Row]) -> list[Measure]:
+def indoor(rows: list[Row]) -> list[Drawing]:
     """Distances of the labels from hand checks, by camera and by subject."""
     series = {
         "median": "check_error_median",
@@ -47,7 +47,7 @@ def indoor(rows: list[Row]) -> list[Measure]:
     ]  # fmt: skip
 
 
-def long_range(rows: list[Row]) -> list[Measure]:
+def long_range(rows: list[Row]) -> list[Drawing]:
     """Labels against hand boxes, by subject."""
     return [
         *_marks("in_box_subject", rows, "subject", {"labels": "in_box_share", "perfect labels": "in_box_expected"},
@@ -83,7 +83,7 @@ def in_box_words(rows: list[Row]) -> str:
     )
 
 
-def detectors(rows: list[Row]) -> list[Measure]:
+def detectors(rows: list[Row]) -> list[Drawing]:
     """The paper's tables 2 and 3: what other detectors find at long range, by tool, raw and zoomed."""
     found = []
     for name, metric, title, text in (
@@ -101,7 +101,7 @@ def detectors(rows: list[Row]) -> list[Measure]:
         if bars:
             said = "; ".join(f"{tool} {100 * bar[0]:.1f} %, n {bar[3]}" for tool, bar in bars.items())
             found.append(
-                Measure(name, plots.bars, (bars, "share of the pictures, %"), title, f"{text} {INTERVAL}",
+                Drawing(name, plots.bars, (bars, "share of the pictures, %"), title, f"{text} {INTERVAL}",
                         f"{title}: {said}", {"percent": True})
             )  # fmt: skip
     return found
@@ -138,7 +138,7 @@ def _of(row: Row) -> plots.Value:
 
 def _marks(
     name: str, rows: list[Row], group: str, series: Mapping[str, str], label: str, title: str, text: str, **options: Any
-) -> list[Measure]:
+) -> list[Drawing]:
     """`plots.marks` of the metrics `series` (name -> metric) by camera or subject, and of all; [] without rows."""
     by_metric = {metric: shown for shown, metric in series.items()}
     members: dict[str, dict[str, list[Row]]] = {shown: {} for shown in series}
@@ -158,4 +158,4 @@ def _marks(
         return []
     groups += [ALL] if any(ALL in by_group for by_group in values.values()) else []
     alt = f"{title}: {', '.join(series)} of {len(groups)} rows"
-    return [Measure(name, plots.marks, (groups, values, label), title, f"{text} {INTERVAL}", alt, options)]
+    return [Drawing(name, plots.marks, (groups, values, label), title, f"{text} {INTERVAL}", alt, options)]

@@ -12,7 +12,7 @@ from dior.arrays import Floats, Ints, Table
 from dior.evaluate import boxes as box_files
 from dior.evaluate import reprojection
 from dior.evaluate.grids import LabelGrid
-from dior.report.summary import show
+from dior.report.numbers import show
 
 
 def measured(

@@ -1,7 +1,7 @@
 """What the report says of the stamps of each sequence, from the audit's tables.
 
 INPUTS   `stamp_audit`, `dropped_frames` and `frames` tables, a file per sequence, named by it
-OUTPUTS  a `Recorded` per sequence: numbers to draw and rows of text
+OUTPUTS  a `SequenceStamps` per sequence: numbers to draw and rows of text
 """
 
 from dataclasses import dataclass
@@ -10,14 +10,14 @@ from pathlib import Path
 import numpy as np
 
 from dior.arrays import Floats, Table
-from dior.report.summary import count, show
+from dior.report.numbers import count, show
 from dior.tables import tables
 
 REPEATED = ("same_stamp", "same_picture")
 
 
-@dataclass(frozen=True)
-class Recorded:
+@dataclass(frozen=True, eq=False)
+class SequenceStamps:
     """`lags`: camera -> (times (F,) s, lag beyond its median (F,) ms); `dropped`: camera -> reason -> times s.
 
     `rows`: what the page's table shows, a dict per camera and bag.
@@ -28,8 +28,8 @@ class Recorded:
     rows: tuple[dict[str, str], ...]
 
 
-def read(audits: list[Path], dropped: list[Path], frames: list[Path]) -> dict[str, Recorded]:
-    """`Recorded` by sequence, in the order of `audits`; the three lists hold the same sequences."""
+def read(audits: list[Path], dropped: list[Path], frames: list[Path]) -> dict[str, SequenceStamps]:
+    """`SequenceStamps` by sequence, in the order of `audits`; the three lists hold the same sequences."""
     lost = {Path(path).name.partition(".")[0]: path for path in dropped}
     pictures = {Path(path).name.partition(".")[0]: path for path in frames}
     return {
@@ -39,7 +39,7 @@ def read(audits: list[Path], dropped: list[Path], frames: list[Path]) -> dict[st
     }
 
 
-def _recorded(sequence: str, audit: Path, dropped: Path, frames: Path) -> Recorded:
+def _recorded(sequence: str, audit: Path, dropped: Path, frames: Path) -> SequenceStamps:
     table = tables.read(frames, "frames", ["camera", "stamp_ns", "receive_ns"])
     start = table["stamp_ns"].min()
     lags = {}
@@ -52,7 +52,7 @@ def _recorded(sequence: str, audit: Path, dropped: Path, frames: Path) -> Record
     for camera, stamp, reason in zip(lost["camera"], lost["stamp_ns"].tolist(), lost["reason"], strict=True):
         reasons.setdefault(camera, {}).setdefault(reason, []).append((stamp - start) / 1e9)
     rows = tables.read(audit, "stamp_audit")
-    return Recorded(lags, reasons, tuple(_row(sequence, rows, i) for i in range(len(rows["camera"]))))
+    return SequenceStamps(lags, reasons, tuple(_row(sequence, rows, i) for i in range(len(rows["camera"]))))
 
 
 def _row(sequence: str, table: Table, i: int) -> dict[str, str]:

@@ -1,13 +1,13 @@
 import numpy as np
 import pytest
 
-from dior.report import summary
+from dior.report import lights, numbers
 
 GOOD = {"coverage": 0.99, "in_picture_share": 0.9, "reprojection_error": 3.0}
 
 
 def test_a_camera_within_all_limits_is_good():
-    light = summary.judge(GOOD, 640.0)
+    light = lights.judge(GOOD, 640.0)
     assert light.level == "good" and light.reasons == ()
     assert "labels are 3.0 px from the detections" in " ".join(light.facts).replace("3.00", "3.0")
 
@@ -25,21 +25,21 @@ def test_a_camera_within_all_limits_is_good():
     ],
 )
 def test_each_limit_has_its_words(figures, level, words):
-    light = summary.judge(GOOD | figures, 640.0)
+    light = lights.judge(GOOD | figures, 640.0)
     assert light.level == level and any(words in reason for reason in light.reasons)
 
 
 def test_no_labels_are_bad_and_findings_count():
-    assert summary.judge({}, None).level == "bad"
-    light = summary.judge(GOOD, 640.0, [("warning", "the camera moved"), ("info", "48 marks")])
+    assert lights.judge({}, None).level == "bad"
+    light = lights.judge(GOOD, 640.0, [("warning", "the camera moved"), ("info", "48 marks")])
     assert light.level == "look" and light.reasons == ("the camera moved",) and "48 marks" in light.facts
 
 
 def test_a_long_range_camera_that_nothing_checks_is_never_good():
-    light = summary.judge({"coverage": 1.0, "in_picture_share": 1.0}, 760.0, role="long_range")
+    light = lights.judge({"coverage": 1.0, "in_picture_share": 1.0}, 760.0, role="long_range")
     assert light.level == "look" and "draw boxes" in light.reasons[0]
     boxed = {"coverage": 1.0, "in_picture_share": 1.0, "in_box_share": 0.99}
-    assert summary.judge(boxed, 760.0, role="long_range").level == "good"
+    assert lights.judge(boxed, 760.0, role="long_range").level == "good"
 
 
 def test_findings_are_matched_to_what_they_are_about():
@@ -49,19 +49,19 @@ def test_findings_are_matched_to_what_they_are_about():
         ("walk", "error", "c", "three"),
         ("other/cam01", "error", "d", "four"),
     ]
-    own = summary.findings_of(findings, "walk", "lab", "S01", "cam01")
+    own = lights.findings_of(findings, "walk", "lab", "S01", "cam01")
     assert own == [("info", "one"), ("warning", "two")]
-    assert summary.findings_of(findings, "walk", "lab", "S01") == [("error", "three")]
+    assert lights.findings_of(findings, "walk", "lab", "S01") == [("error", "three")]
 
 
 def test_lost_pictures_are_counted_from_the_gaps():
     stamps = np.delete(np.arange(100) * 33_333_333, [10, 11, 50])
-    assert summary.lost_share(stamps) == pytest.approx(0.03)
-    assert summary.lost_share(stamps[:2]) == 0.0
+    assert lights.lost_share(stamps) == pytest.approx(0.03)
+    assert lights.lost_share(stamps[:2]) == 0.0
 
 
 def test_figures_are_shown_for_people():
-    assert summary.show(0.967, "share") == "96.7 %"
-    assert summary.show(0.0123, "m") == "12.3 mm"
-    assert summary.show(1.234, "px") == "1.23 px"
-    assert summary.show(np.nan, "px") == "unknown"
+    assert numbers.show(0.967, "share") == "96.7 %"
+    assert numbers.show(0.0123, "m") == "12.3 mm"
+    assert numbers.show(1.234, "px") == "1.23 px"
+    assert numbers.show(np.nan, "px") == "unknown"
