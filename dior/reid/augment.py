@@ -9,6 +9,8 @@ import numpy as np
 from dior.arrays import Floats, Ints
 from dior.reid.networks import FRAMES
 
+# half of the sequences are mirrored, half run backwards; noise of every point, and of a joint in all frames, px. As in
+# the scripts of the networks' authors
 EVEN = 0.5
 POINT_PX, JOINT_PX = 0.05, 0.25
 

@@ -22,14 +22,17 @@ from dior.reid.features import FEATURES, Gait
 
 # a name for each recording (R,)
 Words: TypeAlias = Sequence[str] | Texts
+# chosen: the mean of two people takes away all that tells them apart
 LEAST_SUBJECTS = 3
-# recordings beyond one per person from which a scatter is learned; below, only the standard errors count
+# recordings beyond one per person from which a scatter is learned; below, only the standard errors count (chosen)
 LEAST_LEARNED = 10
 SIZE = FEATURES.index("size")
-# no feature is the same in two walks of a person, however well it is measured; radians, logarithms
+# no feature is the same in two walks of a person, however well it is measured; radians, logarithms (chosen: 1 %)
 FLOOR = 0.01
-# variance between people, with the noise of a recording as 1: at least, and where it cannot be learned
+# variance between people, with the noise of a recording as 1: at least, and where it cannot be learned (chosen: as much
+# as the noise, so that neither decides)
 LEAST_BETWEEN, UNKNOWN_BETWEEN = 0.01, 1.0
+# chosen: a recording is not trusted more than three times as much as usual
 LEAST_NOISE = 0.3
 
 

@@ -39,7 +39,9 @@ IDLE = (
     *("torch.optim.", "torch.cuda.amp.", "torch.amp.", "copyreg._reconstructor", "builtins.object"),
 )
 PREFIXES = ("module.", "backbone.", "1.")
-LARGEST_PICKLE, LARGEST_TENSOR = 50_000_000, 500_000_000  # bytes
+# bytes; chosen: far above any of these networks, far below what fills a machine's memory
+LARGEST_PICKLE, LARGEST_TENSOR = 50_000_000, 500_000_000
+# chosen: rounding of float32 in a graph's weights, which are below 1
 SAME_GRAPH = 1e-6
 
 

@@ -21,10 +21,11 @@ if TYPE_CHECKING:
     import torch
     from torch import nn
 
+# px, the width of CASIA-B's pictures, by which the authors of GaitMixer divide
 PICTURE = 320.0
 # the released network's own mean of the confidences that it was trained with: neither good nor bad news
 CONFIDENCE = 0.86
-BATCH = 16  # sequences
+BATCH = 16  # sequences; chosen: memory of a small machine
 
 
 def windows(frames: int) -> tuple[int, int, int]:

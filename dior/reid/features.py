@@ -30,15 +30,21 @@ LENGTHS = (*BONES, *BREADTHS)
 # angle: its harmonics of the stride, of a side's own phase or of the left leg's
 SIDED = {"hip": 3, "knee": 3, "shoulder": 2, "elbow": 2, "abduction": 1, "leg_drop": 2}
 MIDDLE = {"lean": 2, "bend": 1, "hips_turn": 1, "hips_tilt": 1, "chest_turn": 1, "rise": 2, "sway": 1, "step_width": 0}
-GRAVITY = 9.81
+GRAVITY = 9.81  # m/s^2
+# strides per second that are tried; chosen: from a slow old walk to a run
 STRIDES_HZ = np.arange(0.55, 1.85, 0.01)
+# the path of the hips is smoothed over this, s; chosen: about half a stride, so that the sway of a step goes
 SMOOTH_S = 0.6
+# straight on: turning less than this, and faster than this share of the usual speed; chosen
 TURN_RAD_S, SLOW = 0.5, 0.6
-# gaps of the hips that the way is told across; nothing else is
+# gaps of the hips across which the path is interpolated, s; no other joint is (chosen: half a stride)
 WAY_GAP_S = 0.5
+# a straight part and all of them together last at least, s; chosen: a step, and two strides
 STRETCH_S, LEAST_S = 0.7, 2.0
-# how long errors of the joints last: so many seconds of a walk count as one measurement
+# correlation time of the joints' errors: so many seconds of a walk count as one measurement (chosen)
 LASTS_S = 0.3
+# standard error of the phase at either end of a walk, as a share of a stride; chosen: one and a half pictures at 30 Hz
+PHASE_SHARE = 0.05
 
 
 def _columns() -> Iterator[str]:
@@ -87,7 +93,7 @@ def measure(points: Floats, covariance: Floats, fps: float) -> tuple[Gait | None
     sigma = [np.sqrt((own**2).mean() / len(own)), *own]
     seconds = sum(b - a for a, b in stretches) / fps
     values += [np.log(rate * np.sqrt(leg / GRAVITY)), np.log(max(pace, 1e-3) / rate / leg)]
-    sigma += [0.05 / (seconds * rate), 0.05 / (seconds * rate)]
+    sigma += [PHASE_SHARE / (seconds * rate)] * 2
     for k, (_, most) in enumerate([*SIDED.items(), *MIDDLE.items()]):
         found, error = _harmonics(_angles(points, heading, leg, k), phase, most, fps)
         values += list(found)
@@ -115,8 +121,10 @@ def _lengths(points: Floats, covariance: Floats) -> tuple[Floats, Floats]:
             length.append(np.median(each[known]))
             n = d[known] / each[known, None]
             spread = np.einsum("ti,tij,tj->t", n, covariance[known, a] + covariance[known, b], n)
-            told = spread[np.isfinite(spread)]
-            variance.append(np.median(told) if len(told) else (np.subtract(*np.percentile(each[known], [75, 25]))) ** 2)
+            spread = spread[np.isfinite(spread)]
+            variance.append(
+                np.median(spread) if len(spread) else (np.subtract(*np.percentile(each[known], [75, 25]))) ** 2
+            )
         values.append(np.log(np.mean(length)))
         sigma.append(np.sqrt(np.mean(variance) / len(sides)) / np.mean(length) if variance else np.nan)
     return np.array(values), np.array(sigma)

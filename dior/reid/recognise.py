@@ -105,11 +105,11 @@ def run(
     rows += of_silence(distant, tools, given, bool(loaded))
     left = [(LABELS, *one) for one in shown.left_out] + [(POINTS, name, "", why) for name, why in without] + unread
     left += [(tool, *one) for tool, own in tools.items() for one in own.left_out]
-    told = [(what, project.session_of(name), name, camera, why) for what, name, camera, why in left]
+    lines = [(what, project.session_of(name), name, camera, why) for what, name, camera, why in left]
     few = f"fewer than {baseline.LEAST_SUBJECTS} people: sizes are not compared"
     write_text(out, as_csv(rows))
     write_text(out_cmc, curves_csv(rows))
-    write_text(out_left_out, _csv(LEFT_OUT, told + [(BASELINE, day, "", "", few) for day in small]))
+    write_text(out_left_out, _csv(LEFT_OUT, lines + [(BASELINE, day, "", "", few) for day in small]))
 
 
 def load(networks: Mapping[str, list[str]], root: Path) -> list[tuple[str, str, "nn.Module"]]:

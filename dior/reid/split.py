@@ -13,6 +13,7 @@ from dior.errors import DiorError, nearest
 
 # rows of config/sequences.tsv by walk
 Sheet: TypeAlias = Mapping[str, Mapping[str, str]]
+# below, there is nobody to tell apart
 LEAST_SUBJECTS = 2
 
 

@@ -17,7 +17,9 @@ from dior.evaluate import bootstrap
 from dior.reid import protocols
 from dior.reid.columns import ABOVE_CHANCE, AT_CHANCE, NO_TRIAL
 
+# exchanges, so that p is a multiple of 1/1000; the seed is chosen, the level is the usual one of tests
 RESAMPLES, SEED, LEVEL = 999, 20240105, 0.05
+# ranks of the curves; chosen
 CMC = 20
 
 

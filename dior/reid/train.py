@@ -35,12 +35,16 @@ if TYPE_CHECKING:
     from torch import nn
 
 ADAPTATION = "canonical"
+# chosen: minutes on two cores for a lab's gallery; the seed is any
 STEPS, SEED = 200, 1
-# subjects of a batch; of each, sequences and views of a sequence (the contrast needs two)
+# subjects of a batch; of each, sequences and views of a sequence (the contrast needs two); chosen: small batches for
+# galleries of few people
 PEOPLE, SEQUENCES, VIEWS = 8, {"gaitgraph": 2, "gaitmixer": 4, "gaitformer": 4}, {"gaitgraph": 2}
 # the largest step of the optimiser, from random weights and from given ones
 RATE = {"gaitgraph": (1e-2, 1e-3), "gaitmixer": (6e-3, 2e-3), "gaitformer": (6e-3, 2e-3)}
+# of the weights, as the authors of the networks
 DECAY = 1e-5
+# s between two savings; chosen: little is lost, and saving takes no time to speak of
 SAVE_S = 30.0
 # of a held-out walk: found among the others' training walks, from other cameras
 PROTOCOLS = ("other_recording", "other_place")

@@ -23,9 +23,11 @@ from dior.report.overlays import Picture, TileView, draw_skeleton, shown_in, vie
 from dior.tables import tables
 from dior.tables.files import written_whole
 
+# px; chosen: two side by side fit a phone held sideways
 TILE = (480, 270)
+# one of so many pictures is shown; chosen: half the size, and 15 a second still show how people walk
 EVERY = 2
-GROUND = 32
+GROUND = 32  # grey where no tile is
 # Matroska's element TrackUID with its length of 8 bytes; a tag in the header names the track by it
 TRACK_UID, HEADER = b"\x73\xc5\x88", 4096
 

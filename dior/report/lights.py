@@ -35,6 +35,7 @@ class Limit:
     scaled_by_fx: bool = False
 
 
+# where `why` gives no measurement, chosen: `look` where a person would want to see it, `bad` where labels are no use
 LIMITS = (
     Limit("coverage", 0.95, 0.80, -1, "share", "{} of the joints have a label", "more than a few gaps"),
     Limit(
@@ -62,7 +63,8 @@ LIMITS = (
         "they are turned back before use; when they are many, some will have been overlooked",
     ),
 )  # fmt: skip
-# a walk whose error is that many times the median of at least so many others stands out
+# a walk whose error is that many times the median of at least so many others stands out; chosen: a wrong clock or a
+# bystander multiplies the error, people and outfits do not double it
 STANDS_OUT, OTHERS = 2.0, 2
 YARDSTICKS = {"in_box_share", "check_error", "error_to_truth_2d"}
 SEVERITY_LEVEL = {"info": "good", "warning": "look", "error": "bad"}

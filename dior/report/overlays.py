@@ -27,11 +27,15 @@ from dior.tables.files import written_whole
 
 # BGR (H, W, 3) uint8; OpenCV's own types are wider
 Picture: TypeAlias = NDArray[Any]
+# px; chosen: three side by side fit a wide screen
 TILE = (640, 360)
+# chosen: a person 22 px tall becomes 176, and single pixels can still be told apart
 ZOOM = 8.0
-CAPTION_HEIGHT = 26
+CAPTION_HEIGHT = 26  # px, one line of text
+# chosen: thin lines keep their colour, and a page of sheets still loads on a phone
 JPEG_QUALITY = 85
-# a label further than this from the detection is drawn red: a tenth of the person's height in the picture
+# a label further than this from the detection is drawn red, as a share of the person's height in the picture; chosen:
+# more than the width of a limb
 OUTLIER_OF_HEIGHT = 0.1
 
 

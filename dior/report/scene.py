@@ -25,13 +25,14 @@ if TYPE_CHECKING:
 Walks: TypeAlias = Mapping[str, Floats]
 # points (J, 3) m and the names of their joints
 Pose: TypeAlias = tuple[Floats, list[str]]
-# a camera further than this from the walks is only pointed at, m
+# a camera further than this from the walks is only pointed at, m; chosen: close cameras are within 10, far ones at 60
 NEAR = 20.0
+# of a walk; chosen: a curve looks smooth, the file stays small
 POINTS = 240
-# walks beyond this many have no names beside them
+# walks beyond this many have no names beside them; chosen: as many as four rows of the legend hold
 NAMED = 12
-ELEVATION = np.deg2rad(24)
-TURNED = np.deg2rad(55)
+# from where the scene is seen; chosen: floor and heights can both be read
+ELEVATION, TURNED = np.deg2rad(24), np.deg2rad(55)
 
 
 def space(path: Path, cameras: Sequence[Camera], walks: Walks, pose: Pose | None) -> None:

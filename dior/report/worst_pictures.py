@@ -19,6 +19,7 @@ SECTIONS = {
     "Long range": ("in_box_share", -1, "share", "Fewest labels in the hand box"),
     "Against the known truth": ("error_to_truth_2d", 1, "px", "Furthest from the truth"),
 }
+# recordings per section; chosen: a list that is read to its end
 MOST = 5
 
 

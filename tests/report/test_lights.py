@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from dior.geometry.camera import REFERENCE_FX
 from dior.report import lights, numbers
 
 GOOD = {"coverage": 0.99, "in_picture_share": 0.9, "reprojection_error": 3.0}
@@ -65,3 +66,31 @@ def test_figures_are_shown_for_people():
     assert numbers.show(0.0123, "m") == "12.3 mm"
     assert numbers.show(1.234, "px") == "1.23 px"
     assert numbers.show(np.nan, "px") == "unknown"
+
+
+@pytest.mark.parametrize("limit", lights.LIMITS, ids=lambda limit: limit.metric)
+def test_a_figure_at_its_limit_is_within_it_and_one_beyond_is_not(limit):
+    def level(value):
+        return lights.judge({"coverage": 1.0, limit.metric: value}, REFERENCE_FX).level
+
+    beyond = 1 + 1e-9 * limit.sign
+    assert level(limit.look) == "good" and level(limit.look * beyond) == "look"
+    if np.isfinite(limit.bad):
+        assert level(limit.bad) == "look" and level(limit.bad * beyond) == "bad"
+
+
+def test_the_limits_are_where_their_reasons_put_them():
+    """What is measured passes: a detector's noise, a steady hand, boxes drawn 3 px large; tight boxes are no fault of
+    the labels but tell nothing, and a picture in 20 that was lost is much."""
+    limit = {one.metric: one for one in lights.LIMITS}
+    assert limit["reprojection_error"].look == 15 and limit["reprojection_error"].scaled_by_fx
+    assert all(2 < limit[name].look < limit[name].bad for name in ("mark_error", "check_error", "error_to_truth_2d"))
+    assert limit["in_box_share"].look == 0.95 and limit["in_box_share"].bad > 0.63
+    assert limit["lost_pictures"].bad == 0.05 and limit["lost_pictures"].look < 0.05
+    assert limit["coverage"].sign == limit["in_picture_share"].sign == limit["in_box_share"].sign == -1
+
+
+def test_a_far_camera_has_wider_limits_in_pixels_only_where_they_are_a_detectors():
+    figures = {"coverage": 1.0, "in_box_share": 1.0}
+    assert lights.judge(figures | {"reprojection_error": 29.0}, 2 * REFERENCE_FX).level == "good"
+    assert lights.judge(figures | {"check_error": 5.0}, 2 * REFERENCE_FX).level == "look"
