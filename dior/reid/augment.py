@@ -6,13 +6,16 @@ OUTPUTS  60 frames of it
 
 import numpy as np
 
+from dior.arrays import Floats, Ints
 from dior.reid.networks import FRAMES
 
+# half of the sequences are mirrored, half run backwards; noise of every point, and of a joint in all frames, px. As in
+# the scripts of the networks' authors
 EVEN = 0.5
 POINT_PX, JOINT_PX = 0.05, 0.25
 
 
-def augmented(uv, random):
+def augmented(uv: Floats, random: np.random.Generator) -> Floats:
     """60 frames (60, 17, 2) of a sequence (F, 17, 2), F at least 60: mirrored or not, backwards or not, from a random
     place, with noise of every point and of every joint throughout."""
     uv = np.array(uv, float)
@@ -26,12 +29,12 @@ def augmented(uv, random):
     return part + JOINT_PX * random.standard_normal(part.shape[1:])
 
 
-def confidences(value, random):
+def confidences(value: float, random: np.random.Generator) -> Floats:
     """Confidences (60, 17) around a value, with the noise of a point."""
     return value + POINT_PX * random.standard_normal((FRAMES, 17))
 
 
-def batch(subjects, people, each, random):
+def batch(subjects: Ints, people: int, each: int, random: np.random.Generator) -> Ints:
     """Indices of `each` sequences of `people` subjects (fewer where there are fewer), drawn from `subjects` (N,).
 
     A subject with fewer sequences has some of them twice.

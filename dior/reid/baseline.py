@@ -11,22 +11,32 @@ Both are learned from the other people, never from the two who are compared, so 
 noise; where there are too few of them, by the standard errors.
 """
 
+from collections.abc import Sequence
+from typing import TypeAlias
+
 import numpy as np
+from numpy.typing import ArrayLike
 
-from dior.reid.features import FEATURES
+from dior.arrays import Bools, Floats, Ints, Texts
+from dior.reid.features import FEATURES, Gait
 
+# a name for each recording (R,)
+Words: TypeAlias = Sequence[str] | Texts
+# chosen: the mean of two people takes away all that tells them apart
 LEAST_SUBJECTS = 3
-# recordings beyond one per person from which a scatter is learned; below, only the standard errors count
+# recordings beyond one per person from which a scatter is learned; below, only the standard errors count (chosen)
 LEAST_LEARNED = 10
 SIZE = FEATURES.index("size")
-# no feature is the same in two walks of a person, however well it is measured; radians, logarithms
+# no feature is the same in two walks of a person, however well it is measured; radians, logarithms (chosen: 1 %)
 FLOOR = 0.01
-# variance between people, with the noise of a recording as 1: at least, and where it cannot be learned
+# variance between people, with the noise of a recording as 1: at least, and where it cannot be learned (chosen: as much
+# as the noise, so that neither decides)
 LEAST_BETWEEN, UNKNOWN_BETWEEN = 0.01, 1.0
+# chosen: a recording is not trusted more than three times as much as usual
 LEAST_NOISE = 0.3
 
 
-def centred(values, sessions, subjects):
+def centred(values: ArrayLike, sessions: Words, subjects: Words) -> tuple[Floats, list[str]]:
     """Values (R, D) minus their session's mean, and the names of the sessions with too few people for that.
 
     In these the size is set to what is usual; a mean over recordings, so that nobody needs to be known.
@@ -46,7 +56,7 @@ def centred(values, sessions, subjects):
     return values, small
 
 
-def distances(gaits, subjects, sessions):
+def distances(gaits: Sequence[Gait], subjects: Words, sessions: Words) -> tuple[Floats, list[str]]:
     """Distances (R, R) of recordings, and the sessions that could not be centred.
 
     A distance is how much likelier two recordings are of two people than of one (a logarithm, so it may be negative).
@@ -69,7 +79,7 @@ def distances(gaits, subjects, sessions):
     return out, small
 
 
-def _learned(values, who, learn, errors):
+def _learned(values: Floats, who: Ints, learn: Bools, errors: Floats) -> tuple[Floats, Floats]:
     """What makes the scatter of one person's recordings white (D, D), and the variance (D,) between people in these
     coordinates, from the recordings `learn` (R,); where they are too few, from the squared standard errors (D,)."""
     people = sorted(set(who[learn].tolist()))
@@ -91,7 +101,7 @@ def _learned(values, who, learn, errors):
     return whiten, np.maximum((means @ whiten.T).var(axis=0, ddof=1) - noise, LEAST_BETWEEN)
 
 
-def _unlike(x, noise_x, y, noise_y, between):
+def _unlike(x: Floats, noise_x: Floats, y: Floats, noise_y: Floats, between: Floats) -> Floats:
     """Minus the log likelihood ratio (A, B) of one person against two, for recordings x (A, D) and y (B, D) around 0.
 
     Two recordings of a person share a draw of the variance `between` (D,) and differ by their own noise.
@@ -104,7 +114,7 @@ def _unlike(x, noise_x, y, noise_y, between):
     return (one - two).sum(axis=-1) / 2
 
 
-def _shrinkage(z, correlation, free):
+def _shrinkage(z: Floats, correlation: Floats, free: int) -> float:
     """How much of the correlations (D, D) of z (N, D) is chance (Schaefer and Strimmer 2005), 0 to 1."""
     products = z[:, :, None] * z[:, None, :]
     variance = products.var(axis=0) * len(z) / free**2 * len(z) / max(len(z) - 1, 1)

@@ -12,13 +12,22 @@ import io
 import math
 import pickle
 import zipfile
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
+from dior.arrays import AnyPath
 from dior.errors import DiorError
 from dior.reid import networks
 
+if TYPE_CHECKING:
+    from torch import nn
+
+# by name
+Tensors: TypeAlias = Mapping[str, NDArray[Any]]
 # what the tensors are made of: torch's name -> numpy's
 STORAGES = {
     **{"DoubleStorage": "<f8", "FloatStorage": "<f4", "HalfStorage": "<f2", "LongStorage": "<i8"},
@@ -30,14 +39,16 @@ IDLE = (
     *("torch.optim.", "torch.cuda.amp.", "torch.amp.", "copyreg._reconstructor", "builtins.object"),
 )
 PREFIXES = ("module.", "backbone.", "1.")
-LARGEST_PICKLE, LARGEST_TENSOR = 50_000_000, 500_000_000  # bytes
+# bytes; chosen: far above any of these networks, far below what fills a machine's memory
+LARGEST_PICKLE, LARGEST_TENSOR = 50_000_000, 500_000_000
+# chosen: rounding of float32 in a graph's weights, which are below 1
 SAME_GRAPH = 1e-6
 
 
 class _Locked(type):
     """A class that a pickle cannot change."""
 
-    def __setattr__(cls, name, value):
+    def __setattr__(cls, name: str, value: object) -> NoReturn:
         raise pickle.UnpicklingError(f"it changes {cls.__name__}")
 
 
@@ -46,37 +57,37 @@ class _Idle(metaclass=_Locked):
 
     __slots__ = ()
 
-    def __new__(cls, *_, **__):
+    def __new__(cls, *_: object, **__: object) -> "_Idle":
         return object.__new__(cls)
 
-    def __init__(self, *_, **__):
+    def __init__(self, *_: object, **__: object) -> None:
         pass
 
-    def __call__(self, *_, **__):
+    def __call__(self, *_: object, **__: object) -> "_Idle":
         return self
 
-    def __setstate__(self, _):
+    def __setstate__(self, _: object) -> None:
         pass
 
-    def __setitem__(self, *_):
+    def __setitem__(self, *_: object) -> None:
         pass
 
-    def append(self, _):
+    def append(self, _: object) -> None:
         pass
 
-    def extend(self, _):
+    def extend(self, _: object) -> None:
         pass
 
-    def __hash__(self):
+    def __hash__(self) -> int:
         return 0
 
 
 class _Numbers(np.ndarray):
     """A tensor, which an optimiser's state may have as a key."""
 
-    __hash__ = object.__hash__
+    __hash__ = object.__hash__  # type: ignore[assignment]  # by identity, as torch's tensors
 
-    def __setstate__(self, _):
+    def __setstate__(self, _: object) -> None:
         pass
 
 
@@ -85,7 +96,10 @@ class _Tensor(metaclass=_Locked):
 
     __slots__ = ()
 
-    def __new__(cls, storage, offset, shape, strides, *_):
+    # a pickle calls it for the array alone
+    def __new__(  # type: ignore[misc]
+        cls, storage: object, offset: int, shape: tuple[int, ...], strides: tuple[int, ...], *_: object
+    ) -> _Numbers:
         if not isinstance(storage, np.ndarray):
             raise pickle.UnpicklingError("a tensor without numbers")
         last = offset + sum((n - 1) * step for n, step in zip(shape, strides, strict=True))
@@ -104,26 +118,27 @@ class _Parameter(metaclass=_Locked):
 
     __slots__ = ()
 
-    def __new__(cls, tensor, *_):
+    def __new__(cls, tensor: object, *_: object) -> object:  # type: ignore[misc]
         return tensor
 
 
-class _Dict(dict):
+class _Dict(dict[Any, Any]):
     """OrderedDict, defaultdict or dict of a pickle; what else is told of it is left out."""
 
-    def __init__(self, *given):
+    def __init__(self, *given: Any) -> None:
         super().__init__(given[0] if given and isinstance(given[0], (list, tuple, dict)) else ())
 
-    def __setstate__(self, _):
+    def __setstate__(self, _: object) -> None:
         pass
 
 
 class _Unpickler(pickle.Unpickler):
-    def __init__(self, text, storage):
+    def __init__(self, text: bytes, storage: Callable[[str, str, int], NDArray[Any]]) -> None:
         super().__init__(io.BytesIO(text), encoding="utf-8")
-        self._storage, self._storages = storage, {}
+        self._storage = storage
+        self._storages: dict[Any, NDArray[Any]] = {}
 
-    def find_class(self, module, name):
+    def find_class(self, module: str, name: str) -> Any:
         module = "builtins" if module == "__builtin__" else module
         known = {
             "torch._utils._rebuild_tensor_v2": _Tensor,
@@ -141,7 +156,7 @@ class _Unpickler(pickle.Unpickler):
             return _Idle
         raise pickle.UnpicklingError(f"it names {full}, which no checkpoint of a network needs")
 
-    def persistent_load(self, which):
+    def persistent_load(self, which: Any) -> NDArray[Any]:
         kind, storage, key, _, count = which
         if kind != "storage" or storage not in STORAGES:
             raise pickle.UnpicklingError(f"an unknown kind of numbers ({kind}, {storage})")
@@ -150,12 +165,12 @@ class _Unpickler(pickle.Unpickler):
         return self._storages[key]
 
 
-def _dict():
+def _dict() -> type:
     """A class of its own for every name, so that nothing a pickle does to it lasts."""
     return _Locked("Dict", (_Dict,), {})
 
 
-def read(path):
+def read(path: AnyPath) -> Tensors:
     """Tensors by name (numpy) of a checkpoint: the weights, without the prefixes that wrappers put before them.
 
     Raises DiorError for a file that is missing, truncated, of another kind, or names code; none of it is run.
@@ -182,7 +197,7 @@ def read(path):
     return weights
 
 
-def _content(file):
+def _content(file: zipfile.ZipFile) -> Any:
     names = file.namelist()
     pickles = [name for name in names if name.rsplit("/", 1)[-1] == "data.pkl"]
     if len(pickles) != 1:
@@ -191,41 +206,41 @@ def _content(file):
     if f"{folder}byteorder" in names and file.read(f"{folder}byteorder") != b"little":
         raise pickle.UnpicklingError("its numbers are big-endian; save it on another machine")
 
-    def storage(key, kind, count):
+    def storage(key: str, kind: str, count: int) -> NDArray[Any]:
         return np.frombuffer(_member(file, f"{folder}data/{key}", LARGEST_TENSOR), kind, count)
 
     return _Unpickler(_member(file, pickles[0], LARGEST_PICKLE), storage).load()
 
 
-def _member(file, name, largest):
+def _member(file: zipfile.ZipFile, name: str, largest: int) -> bytes:
     size = file.getinfo(name).file_size
     if size > largest:
         raise pickle.UnpicklingError(f"{name} is {size} bytes long, more than any of these networks needs")
     return file.read(name)
 
 
-def _weights(found):
+def _weights(found: Any) -> dict[Any, Any]:
     for key in ("model", "state_dict"):
         if isinstance(found, dict) and isinstance(found.get(key), dict):
             return found[key]
     return found if isinstance(found, dict) else {}
 
 
-def _plain(name):
+def _plain(name: object) -> str:
     name = str(name)
     for prefix in PREFIXES:
         name = name.removeprefix(prefix)
     return name
 
 
-def load(name, path):
+def load(name: str, path: AnyPath) -> "nn.Module":
     """The network of that name with the weights of a checkpoint, in evaluation mode (float32)."""
     network = networks.build(name)
     fill(network, read(path), name, path)
     return network
 
 
-def fill(network, weights, name, path):
+def fill(network: "nn.Module", weights: Tensors, name: str, path: AnyPath) -> None:
     """Put tensors by name (numpy) into a network. Raises DiorError where one is missing, left over or misshapen."""
     torch = networks.torch()
     wanted = network.state_dict()
@@ -242,12 +257,12 @@ def fill(network, weights, name, path):
     network.load_state_dict({key: torch.from_numpy(np.array(value)) for key, value in weights.items()}, strict=True)
 
 
-def _check_graph(given, expected, path):
+def _check_graph(given: NDArray[Any], expected: NDArray[Any], path: AnyPath) -> None:
     if given.shape != expected.shape or np.abs(given - expected).max() > SAME_GRAPH:
         raise DiorError(f"{path}: made for another skeleton than COCO-17 (its graph A differs)")
 
 
-def _difference(weights, shapes):
+def _difference(weights: Tensors, shapes: Mapping[str, tuple[int, ...]]) -> str:
     """What keeps tensors from fitting a network of these shapes, or ""."""
     missing = [key for key in shapes if key not in weights]
     if missing:
@@ -261,7 +276,7 @@ def _difference(weights, shapes):
     return ""
 
 
-def _other(name, weights):
+def _other(name: str, weights: Tensors) -> str:
     """`; they fit gaitmixer` where another network takes them."""
     for other in networks.NAMES:
         shapes = {key: tuple(value.shape) for key, value in networks.build(other).state_dict().items()}

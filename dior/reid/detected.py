@@ -1,23 +1,29 @@
 """What detectors themselves see at long range, as sequences to compare: beside the labels, in which they have no part.
 
 INPUTS   rows of config/detectors.tsv of one sequence (any format that `detections` reads), its `frames` table
-OUTPUTS  `inputs.Track`s of the subject by camera and tool, px in the recorded picture; why there are fewer
+OUTPUTS  `inputs.CameraWalk`s of the subject by camera and tool, px in the recorded picture; why there are fewer
 Who of several people is the subject is told by how they move (dior/ingest/people.py), never by the labels. Every
 keypoint counts, whatever its score, as in the detectors' figures.
 """
 
+from typing import Any
+
 import numpy as np
 
+from dior.arrays import AnyPath, Floats, Ints
 from dior.body.names import COCO_17
 from dior.evaluate import detectors
 from dior.ingest import people as subject
-from dior.reid.inputs import Track, regular
+from dior.ingest.people import People
+from dior.reid.inputs import CameraWalk, regular
 from dior.tables import tables
 
 
-def tracks(rows, frames, where):
-    """(tool, camera, `Track`) of each of `rows` (dicts camera, tool, zoom, path), and (tool, camera, why) of those that
-    lack joints of COCO-17. A tool on magnified pictures is called `mlkit 4x`. `where`: the sequence, for errors.
+def camera_walks(
+    rows: list[dict[str, Any]], frames: AnyPath, where: str
+) -> tuple[list[tuple[str, str, CameraWalk]], list[tuple[str, str, str]]]:
+    """(tool, camera, `CameraWalk`) of each of `rows` (dicts camera, tool, zoom, path), and (tool, camera, why) of those
+    that lack joints of COCO-17. A tool on magnified pictures is called `mlkit 4x`. `where`: the sequence, for errors.
 
     Raises DiorError as `detectors.read` does.
     """
@@ -33,11 +39,11 @@ def tracks(rows, frames, where):
             left_out.append((tool, camera, f"the detector has no {lacks[0].replace('_', ' ')}"))
             continue
         uv, fps = regular(mine["stamp_ns"], of_subject(people, mine["stamp_ns"]))
-        found.append((tool, camera, Track(uv, fps, int(mine["width"][0]))))
+        found.append((tool, camera, CameraWalk(uv, fps, int(mine["width"][0]))))
     return found, left_out
 
 
-def of_subject(people, stamps_ns):
+def of_subject(people: People, stamps_ns: Ints) -> Floats:
     """COCO-17 joints (F, 17, 2) px of the subject among `People`, at the pictures' stamps (F,); NaN where not found."""
     row = subject.follow(people, stamps_ns).row
     index = [people.joints.index(name) for name in COCO_17]

@@ -7,25 +7,34 @@ middle, each also backwards; the mean of the six. (GaitGraph's own augmentation 
 changes nothing and is left out.)
 """
 
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
 import numpy as np
 
+from dior.arrays import Floats
 from dior.progress import reporting
 from dior.reid import networks
 from dior.reid.networks import FRAMES
 
+if TYPE_CHECKING:
+    import torch
+    from torch import nn
+
+# px, the width of CASIA-B's pictures, by which the authors of GaitMixer divide
 PICTURE = 320.0
 # the released network's own mean of the confidences that it was trained with: neither good nor bad news
 CONFIDENCE = 0.86
-BATCH = 16  # sequences
+BATCH = 16  # sequences; chosen: memory of a small machine
 
 
-def windows(frames):
+def windows(frames: int) -> tuple[int, int, int]:
     """First frames of the windows of a sequence, as the authors of GaitMixer cut it."""
     middle = int(frames / 2 - FRAMES / 2)
     return middle, max(middle - 20, 0), min(middle + 80, frames) - FRAMES
 
 
-def embeddings(name, network, sequences, confidence=CONFIDENCE):
+def embeddings(name: str, network: "nn.Module", sequences: Sequence[Floats], confidence: float = CONFIDENCE) -> Floats:
     """Embeddings (N, 128) of N sequences (F, 17, 2) px, F at least 60, computed in float32 on the network's device."""
     torch = networks.torch()
     for uv in sequences:
@@ -40,7 +49,7 @@ def embeddings(name, network, sequences, confidence=CONFIDENCE):
     return np.concatenate(found)
 
 
-def middle(uv, confidence):
+def middle(uv: Floats, confidence: float | Floats) -> Floats:
     """The 60 frames in the middle of a sequence (F, 17, 2) px as GaitGraph's input (1, 3, 60, 17)."""
     first = int(len(uv) / 2 - FRAMES / 2)
     part = uv[first : first + FRAMES]
@@ -48,11 +57,11 @@ def middle(uv, confidence):
     return np.moveaxis(full, -1, 0)[None]
 
 
-def _of_middle(network, sequences, confidence):
+def _of_middle(network: "nn.Module", sequences: Sequence[Floats], confidence: float) -> "torch.Tensor":
     return network(_tensor(network, np.stack([middle(uv, confidence) for uv in sequences])))
 
 
-def _of_windows(network, sequences):
+def _of_windows(network: "nn.Module", sequences: Sequence[Floats]) -> "torch.Tensor":
     """Mean (N, 128) over the six windows; what is done to single frames is done once for all that show them."""
     import torch
 
@@ -67,13 +76,13 @@ def _of_windows(network, sequences):
     return network.temporal(torch.stack(cut)).view(len(sequences), -1, networks.EMBEDDING).mean(dim=1)
 
 
-def _tensor(network, values):
+def _tensor(network: "nn.Module", values: Floats) -> "torch.Tensor":
     import torch
 
     return torch.from_numpy(values.astype(np.float32)).to(next(network.parameters()).device)
 
 
-def distances(name, found):
+def distances(name: str, found: Floats) -> Floats:
     """Distances (N, N) of embeddings (N, 128) as the authors take them: GaitGraph Euclidean, the others cosine."""
     if name != "gaitgraph":
         unit = found / np.linalg.norm(found, axis=1, keepdims=True)

@@ -2,17 +2,21 @@
 
 INPUTS   the 3D of a sequence (`skeletons_3d`: a detector's joints or Plug-in-Gait markers), its cameras, their clocks
 OUTPUTS  `labels_2d` of the COCO-17 joints in every camera, px in the recorded picture; `skeletons_3d` of the same
-         joints, m. In memory: `Track`s, cut and adapted
+         joints, m. In memory: `CameraWalk`s, cut and adapted
 The joints are made in 3D (dior/body/coco17.py) and then projected, since a joint centre is no marker. As the labels,
 they come from the 3D in every camera, the long-range one included. What lies outside the picture or is behind the
 camera is missing; a joint that the body hides is kept.
 """
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from dior.arrays import AnyPath, Bools, Floats, Ints, Table, Texts
 from dior.body.coco17 import coco17
 from dior.body.names import COCO_17
 from dior.clocks import clock as on_axis
@@ -35,11 +39,11 @@ ADAPTATIONS = {
 }
 
 
-@dataclass(frozen=True)
-class Track:
+@dataclass(frozen=True, eq=False)
+class CameraWalk:
     """One walk as one camera shows it: uv (F, 17, 2) px at regular times, NaN where a joint is missing."""
 
-    uv: np.ndarray
+    uv: Floats
     fps: float
     width: int
 
@@ -81,7 +85,9 @@ def run(
     tables.write(out_skeleton, "skeletons_3d", _skeleton(body, joints, subject, sequence))
 
 
-def _label_rows(subject, sequence, camera, rows, uv, depth, status, source):
+def _label_rows(
+    subject: str, sequence: str, camera: str, rows: Table, uv: Floats, depth: Floats, status: Texts, source: str
+) -> Table:
     count, each = status.shape
     words = {"subject": subject, "sequence": sequence, "camera": camera}
     return {
@@ -97,14 +103,14 @@ def _label_rows(subject, sequence, camera, rows, uv, depth, status, source):
     }
 
 
-def _skeleton(body, joints, subject, sequence):
+def _skeleton(body: Table, joints: list[str], subject: str, sequence: str) -> Table:
     """`skeletons_3d` of the COCO-17 joints; a joint that is derived has no sigma."""
     points, _ = tables.grid(body, "x", "y", "z")
     made, _, rules = coco17(points, joints)
     count, each = made.shape[:2]
     here = [joints.index(name) if rule == "named" else -1 for name, rule in zip(COCO_17, rules, strict=True)]
 
-    def own(column, nothing):
+    def own(column: str, nothing: Any) -> NDArray[Any]:
         values = body[column].reshape(count, -1)
         return np.where(np.array(here) >= 0, values[:, here], nothing).ravel()
 
@@ -125,9 +131,10 @@ def _skeleton(body, joints, subject, sequence):
     }
 
 
-def tracks(path, widths):
-    """`Track` of every camera by name of a table that `run` wrote; `widths`: of the cameras' pictures, px."""
-    table, found = tables.read(path, "labels_2d", ["camera", "joint", "stamp_ns", "u", "v", "status"]), {}
+def camera_walks(path: AnyPath, widths: Mapping[str, int]) -> dict[str, CameraWalk]:
+    """`CameraWalk` of every camera by name of a table that `run` wrote; `widths`: of the cameras' pictures, px."""
+    table = tables.read(path, "labels_2d", ["camera", "joint", "stamp_ns", "u", "v", "status"])
+    found: dict[str, CameraWalk] = {}
     for name in tables.ordered_unique(table["camera"]):
         rows = tables.of_camera(table, name)
         uv, joints = tables.grid(rows, "u", "v")
@@ -135,11 +142,11 @@ def tracks(path, widths):
             raise DiorError(f"{path}: the joints are not COCO-17; delete it and run again")
         seen = np.isin(rows["status"].astype(str), ("ok", "occluded")).reshape(uv.shape[:2])
         stamps = rows["stamp_ns"].reshape(uv.shape[:2])[:, 0]
-        found[name] = Track(*regular(stamps, np.where(seen[..., None], uv, np.nan)), widths[name])
+        found[name] = CameraWalk(*regular(stamps, np.where(seen[..., None], uv, np.nan)), widths[name])
     return found
 
 
-def regular(stamps_ns, values):
+def regular(stamps_ns: Ints, values: Floats) -> tuple[Floats, float]:
     """Values (F, ...) recorded at stamps (F,) ns on a regular grid, NaN where a picture lacks, and its rate (Hz).
 
     Of pictures with one place the first counts.
@@ -154,7 +161,7 @@ def regular(stamps_ns, values):
     return out, fps
 
 
-def filled(values, most):
+def filled(values: Floats, most: int) -> Floats:
     """Values (F, J, 2 or 3) with gaps of at most `most` frames between known ones bridged by a cubic spline."""
     from scipy.interpolate import CubicSpline
 
@@ -169,14 +176,14 @@ def filled(values, most):
     return out
 
 
-def cut(track, length=LENGTH, chunks=1, gap_s=GAP_S):
+def cut(track: CameraWalk, length: int = LENGTH, chunks: int = 1, gap_s: float = GAP_S) -> tuple[list[Floats], str]:
     """Sequences of `track` without a gap: a list of (frames, 17, 2), and why there are fewer than `chunks`, or "".
 
     Each is the one of `length` frames nearest to the middle of its part of the recording; where no such is whole, the
     longest whole one of that part, of LEAST frames at least.
     """
     uv = filled(track.uv, int(gap_s * track.fps)) if len(track.uv) > 1 else track.uv
-    whole = np.isfinite(uv).all(axis=(1, 2))
+    whole = np.all(np.isfinite(uv), axis=(1, 2))
     edges = np.rint(np.linspace(0, len(uv), chunks + 1)).astype(int)
     found, longest = [], 0
     for start, stop in zip(edges[:-1], edges[1:], strict=True):
@@ -194,7 +201,7 @@ def cut(track, length=LENGTH, chunks=1, gap_s=GAP_S):
     return found, f"{lacks}; {LEAST} are needed"
 
 
-def _whole(whole, length):
+def _whole(whole: Bools, length: int) -> tuple[int, int]:
     """First frame and number of frames of the run of `whole` (F,) that `cut` takes."""
     ends = np.flatnonzero(np.diff(np.concatenate([[False], whole, [False]]).astype(int))).reshape(-1, 2)
     if not len(ends):
@@ -208,7 +215,7 @@ def _whole(whole, length):
     return min(starts, key=lambda start: (abs(start - wanted), start)), length
 
 
-def adapted(uv, width, adaptation):
+def adapted(uv: Floats, width: int, adaptation: str) -> Floats:
     """uv (F, 17, 2) px of a picture `width` wide as a network is given it; ADAPTATIONS says how."""
     if adaptation not in ADAPTATIONS:
         raise DiorError(f"there is no adaptation '{adaptation}'{nearest(adaptation, ADAPTATIONS)}")
@@ -222,11 +229,11 @@ def adapted(uv, width, adaptation):
     return (uv - uv.mean(axis=(0, 1))) * (BODY_PX / tall) + MIDDLE
 
 
-def height_px(uv):
+def height_px(uv: Floats) -> float:
     """How far the ankles are below the nose in a sequence (F, 17, 2) px, the median."""
     return float(np.median(uv[:, ANKLES, 1].mean(axis=1) - uv[:, NOSE, 1]))
 
 
-def picture_widths(paths, names, where):
+def picture_widths(paths: Iterable[AnyPath], names: Iterable[str], where: str) -> dict[str, int]:
     """Width (px) of the pictures of the cameras `names`, by name, from `cameras` tables."""
     return {c.name: c.intrinsics.width for c in camera_tables.read_placed(paths, names, where)}

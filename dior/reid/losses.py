@@ -11,7 +11,7 @@ TEMPERATURE, BASE_TEMPERATURE = 0.01, 0.07
 MARGIN, NEAR = 0.01, 0.1
 
 
-def contrast(z, subjects):
+def contrast(z: torch.Tensor, subjects: torch.Tensor) -> torch.Tensor:
     """Supervised contrastive loss (Khosla et al., NeurIPS 2020, the sum outside of the logarithm).
 
     Every embedding against all others, those of the same subject being right.
@@ -25,7 +25,7 @@ def contrast(z, subjects):
     return -(TEMPERATURE / BASE_TEMPERATURE) * each.mean()
 
 
-def triplets(z, subjects):
+def triplets(z: torch.Tensor, subjects: torch.Tensor) -> torch.Tensor:
     """Triplet margin loss over the pairs that are hard for their anchor, the mean of those that are not 0.
 
     Pairs as in the multi-similarity loss (Wang et al., CVPR 2019): of one subject where another is nearer or about as

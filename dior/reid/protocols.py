@@ -14,12 +14,18 @@ A camera is one of an environment: cam01 indoors and cam01 outdoors are two. Equ
 the sequences (as numpy's argmin).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from dior.arrays import Bools, Floats, Ints
 from dior.errors import DiorError, nearest
 
+# environment, camera
+ProbeView: TypeAlias = tuple[str, str]
 PROTOCOLS = ("per_camera", "pooled", "other_recording", "other_place")
 
 
@@ -34,27 +40,27 @@ class Item:
     camera: str
 
     @property
-    def view(self):
+    def view(self) -> ProbeView:
         return self.environment, self.camera
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Trials:
     """R trials: the probe's item (R,), the gallery's items from the nearest on (R, G), -1 where it has no more, and the
     view of the probe (R,) as an index into `views`."""
 
-    probe: np.ndarray
-    ranked: np.ndarray
-    view: np.ndarray
-    views: tuple
+    probe: Ints
+    ranked: Ints
+    view: Ints
+    views: tuple[ProbeView, ...]
 
-    def of(self, view):
+    def of(self, view: ProbeView) -> "Trials":
         """The trials of one probe camera."""
         keep = self.view == self.views.index(view)
         return Trials(self.probe[keep], self.ranked[keep], self.view[keep], self.views)
 
 
-def trials(distances, items, protocol, held_out=None):
+def trials(distances: ArrayLike, items: Sequence[Item], protocol: str, held_out: Bools | None = None) -> Trials:
     """`Trials` of a protocol. A probe whose subject is not in a gallery has no trial there.
 
     `held_out` (N,) bool: only these are probes, and only the others are in galleries.
@@ -73,20 +79,20 @@ def trials(distances, items, protocol, held_out=None):
     for p in range(len(views)):
         for gallery in _galleries(views, p, protocol):
             inside = np.flatnonzero(np.isin(view, gallery) & answers)
-            for probe in np.flatnonzero((view == p) & asks):
-                own = inside if protocol != "other_recording" else inside[recording[inside] != recording[probe]]
-                if (subject[own] == subject[probe]).any():
-                    probes.append(probe)
-                    ranked.append(own[np.argsort(distances[probe, own], kind="stable")])
+            for nth in np.flatnonzero((view == p) & asks).tolist():
+                own = inside if protocol != "other_recording" else inside[recording[inside] != recording[nth]]
+                if (subject[own] == subject[nth]).any():
+                    probes.append(nth)
+                    ranked.append(own[np.argsort(distances[nth, own], kind="stable")])
     most = max((len(row) for row in ranked), default=0)
     filled = np.full((len(ranked), most), -1)
     for row, order in zip(filled, ranked, strict=True):
         row[: len(order)] = order
-    probes = np.array(probes, int)
-    return Trials(probes, filled, view[probes], views)
+    probe = np.array(probes, int)
+    return Trials(probe, filled, view[probe], views)
 
 
-def _galleries(views, p, protocol):
+def _galleries(views: Sequence[ProbeView], p: int, protocol: str) -> list[list[int]]:
     """Lists of views (indices) that the probes of view `p` look into."""
     others = [g for g in range(len(views)) if g != p]
     if protocol == "pooled":
@@ -96,25 +102,25 @@ def _galleries(views, p, protocol):
     return [[g] for g in others]
 
 
-def numbered(words):
+def numbered(words: ArrayLike) -> Ints:
     """Words (N,) as numbers, equal where the words are."""
     return np.unique(np.asarray(words, dtype=object).astype(str), return_inverse=True)[1].ravel()
 
 
-def matches(found, items):
+def matches(found: Trials, items: Sequence[Item]) -> Bools:
     """Whether each of the ranked sequences shows the probe's subject, (R, G) bool."""
     subject = numbered([item.subject for item in items])
     return (subject[found.ranked] == subject[found.probe][:, None]) & (found.ranked >= 0)
 
 
-def hits(match, most):
+def hits(match: Bools, most: int) -> Bools:
     """Whether the subject is among the nearest 1, 2, ..., `most` sequences, (R, most) bool: the CMC of each trial."""
     first = match[:, :most]
     first = np.pad(first, ((0, 0), (0, most - first.shape[1])))
     return np.logical_or.accumulate(first, axis=1)
 
 
-def average_precision(match):
+def average_precision(match: Bools) -> Floats:
     """Average precision (R,): the mean, over the subject's sequences, of the share of right ones up to each."""
     right = match.cumsum(axis=1)
     place = np.arange(1, match.shape[1] + 1)

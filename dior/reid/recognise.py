@@ -15,16 +15,20 @@ import csv
 import io
 import sys
 import time
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import compress
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
+from dior.arrays import AnyPath, Floats, Ints
 from dior.clocks.axis import nominal_fps
 from dior.errors import DiorError
 from dior.geometry.covariance import point_covariance
 from dior.project import project as projects
+from dior.project.project import Project
 from dior.reid import baseline, checkpoint, detected, embed, features, inputs, protocols, statistics
 from dior.reid.columns import (
     COLUMNS,
@@ -39,10 +43,17 @@ from dior.reid.columns import (
     TOO_SHORT,
 )
 from dior.reid.networks import no_file
-from dior.reid.protocols import Item
+from dior.reid.protocols import Item, ProbeView
 from dior.tables import tables
 from dior.tables.files import write_text
 
+if TYPE_CHECKING:
+    from torch import nn
+
+# rows of config/sequences.tsv by walk
+Sheet: TypeAlias = Mapping[str, Mapping[str, str]]
+# a row of table.csv by column, and under "cmc" its shares at rank 1, 2, ...
+Row: TypeAlias = dict[str, Any]
 BASELINE = "baseline"
 # what says nothing of a method that does not look at pictures
 SEEN_TWICE = ("per_camera", "pooled")
@@ -73,14 +84,15 @@ def run(
     if len(project.processed_subjects) < 2:
         raise DiorError("re-identification needs walks of two people or more; there is one in config/sequences.tsv")
     names = [Path(path).name.removesuffix(".parquet") for path in labels]
-    labels, skeletons, frames = (dict(zip(names, paths, strict=True)) for paths in (labels, skeletons, frames))
-    shown = gallery(project.rows, labels, {name: _widths(path) for name, path in frames.items()}, length, chunks)
-    walks, without = gaits(skeletons)
+    pictures = dict(zip(names, frames, strict=True))
+    widths = {name: _widths(path) for name, path in pictures.items()}
+    shown = gallery(project.rows, dict(zip(names, labels, strict=True)), widths, length, chunks)
+    walks, without = gaits(dict(zip(names, skeletons, strict=True)))
     if not shown.items or not (walks or loaded):
         name, why = [*((f"{name}, {camera}", why) for name, camera, why in shown.left_out), *without][0]
         raise DiorError(f"re-identification: no walk can be compared; {name}: {why}")
     distant = far_views(project)
-    tools, unread = of_tools(project, frames, distant, length, chunks)
+    tools, unread = of_tools(project, pictures, distant, length, chunks)
     rows, small = of_baseline(project.rows, walks, shown) if walks else ([], [])
     exchanges = statistics.exchanged(shown.items)
     for method, weights, network in loaded:
@@ -93,14 +105,14 @@ def run(
     rows += of_silence(distant, tools, given, bool(loaded))
     left = [(LABELS, *one) for one in shown.left_out] + [(POINTS, name, "", why) for name, why in without] + unread
     left += [(tool, *one) for tool, own in tools.items() for one in own.left_out]
-    told = [(what, project.session_of(name), name, camera, why) for what, name, camera, why in left]
+    lines = [(what, project.session_of(name), name, camera, why) for what, name, camera, why in left]
     few = f"fewer than {baseline.LEAST_SUBJECTS} people: sizes are not compared"
     write_text(out, as_csv(rows))
     write_text(out_cmc, curves_csv(rows))
-    write_text(out_left_out, _csv(LEFT_OUT, told + [(BASELINE, day, "", "", few) for day in small]))
+    write_text(out_left_out, _csv(LEFT_OUT, lines + [(BASELINE, day, "", "", few) for day in small]))
 
 
-def load(networks, root):
+def load(networks: Mapping[str, list[str]], root: Path) -> list[tuple[str, str, "nn.Module"]]:
     """(network's name, what its weights are called, the network) of the files in `networks`, name -> paths."""
     found = []
     for name, files in networks.items():
@@ -113,13 +125,13 @@ def load(networks, root):
     return found
 
 
-def _widths(frames):
+def _widths(frames: AnyPath) -> dict[str, int]:
     """Width (px) of the pictures by camera."""
     table = tables.read(frames, "frames", ["camera", "width"])
     return dict(zip(table["camera"].tolist(), table["width"].tolist(), strict=True))
 
 
-def far_views(project):
+def far_views(project: Project) -> list[ProbeView]:
     """(environment, camera) of the long-range cameras, sorted."""
     return sorted(
         {
@@ -131,30 +143,36 @@ def far_views(project):
     )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Gallery:
     """What is compared: `items`, and of each the sequence (F, 17, 2) px as recorded, and its picture's width;
     `left_out`: (sequence, camera, why)."""
 
-    items: tuple
-    sequences: tuple
-    widths: tuple
-    left_out: tuple
+    items: tuple[Item, ...]
+    sequences: tuple[Floats, ...]
+    widths: tuple[int, ...]
+    left_out: tuple[tuple[str, str, str], ...]
 
-    def given(self, adaptation):
+    def given(self, adaptation: str) -> list[Floats]:
         """The sequences as a network is given them."""
         return [inputs.adapted(uv, w, adaptation) for uv, w in zip(self.sequences, self.widths, strict=True)]
 
 
-def gallery(sheet, paths, widths, length=inputs.LENGTH, chunks=1):
+def gallery(
+    sheet: Sheet,
+    paths: Mapping[str, AnyPath],
+    widths: Mapping[str, Mapping[str, int]],
+    length: int = inputs.LENGTH,
+    chunks: int = 1,
+) -> Gallery:
     """`Gallery` of walks: `sheet`: rows by name (subject, session, environment); `paths`: labels by name; `widths`:
     name -> camera -> px."""
-    tracks = ((name, *one) for name, path in paths.items() for one in inputs.tracks(path, widths[name]).items())
+    tracks = ((name, *one) for name, path in paths.items() for one in inputs.camera_walks(path, widths[name]).items())
     return cut(sheet, tracks, length, chunks)
 
 
-def cut(sheet, tracks, length, chunks):
-    """`Gallery` of (walk, camera, `inputs.Track`) triples."""
+def cut(sheet: Sheet, tracks: Iterable[tuple[str, str, inputs.CameraWalk]], length: int, chunks: int) -> Gallery:
+    """`Gallery` of (walk, camera, `inputs.CameraWalk`) triples."""
     items, sequences, sizes, left_out = [], [], [], []
     for name, camera, track in tracks:
         found, why = inputs.cut(track, length, chunks)
@@ -168,32 +186,37 @@ def cut(sheet, tracks, length, chunks):
     return Gallery(tuple(items), tuple(sequences), tuple(sizes), tuple(left_out))
 
 
-def of_tools(project, frames, distant, length, chunks):
+def of_tools(
+    project: Project, frames: Mapping[str, AnyPath], distant: list[ProbeView], length: int, chunks: int
+) -> tuple[dict[str, Gallery], list[tuple[str, str, str, str]]]:
     """`Gallery` by tool of what detectors found at long range, and (tool, walk, camera, why) of what cannot be used."""
-    found, left_out = {}, []
+    found: dict[str, list[tuple[str, str, inputs.CameraWalk]]] = {}
+    left_out = []
     for name, path in frames.items():
         views = [camera for environment, camera in distant if environment == project.rows[name]["environment"]]
         rows = [row for row in project.detectors_of(name) if row["camera"] in views]
         rows = [row | {"path": project.root / row["path"]} for row in rows]
-        own, lacking = detected.tracks(rows, path, name) if rows else ([], [])
+        own, lacking = detected.camera_walks(rows, path, name) if rows else ([], [])
         for tool, camera, track in own:
             found.setdefault(tool, []).append((name, camera, track))
         left_out += [(tool, name, camera, why) for tool, camera, why in lacking]
     return {tool: _upright(cut(project.rows, found[tool], length, chunks)) for tool in sorted(found)}, left_out
 
 
-def _upright(own):
+def _upright(own: Gallery) -> Gallery:
     """A `Gallery` without the sequences in which what was found cannot be a person who walks."""
     stands = [inputs.height_px(uv) > 0 for uv in own.sequences]
     why = "the nose that it found is not above the ankles"
     fallen = [(item.recording, item.camera, why) for item, up in zip(own.items, stands, strict=True) if not up]
-    kept = (
-        tuple(v for v, up in zip(part, stands, strict=True) if up) for part in (own.items, own.sequences, own.widths)
+    return Gallery(
+        tuple(compress(own.items, stands)),
+        tuple(compress(own.sequences, stands)),
+        tuple(compress(own.widths, stands)),
+        (*own.left_out, *fallen),
     )
-    return Gallery(*kept, (*own.left_out, *fallen))
 
 
-def gaits(paths):
+def gaits(paths: Mapping[str, AnyPath]) -> tuple[dict[str, features.Gait], tuple[tuple[str, str], ...]]:
     """`features.Gait` by name of walks, from their COCO-17 skeletons by name; (name, why) of those without."""
     found, left_out = {}, []
     for name, path in paths.items():
@@ -210,8 +233,15 @@ def gaits(paths):
 
 
 def of_network(
-    name, network, shown, adaptation, confidence=embed.CONFIDENCE, exchanges=None, weights="", tools=None
-):  # fmt: skip
+    name: str,
+    network: "nn.Module",
+    shown: Gallery,
+    adaptation: str,
+    confidence: float = embed.CONFIDENCE,
+    exchanges: Ints | None = None,
+    weights: str = "",
+    tools: Mapping[str, Gallery] | None = None,
+) -> list[Row]:
     """Rows of one network with one adaptation; `tools`: `Gallery` by detector, whose sequences are probes, too."""
     made = embed.embeddings(name, network, shown.given(adaptation), confidence)
     keys = {"method": name, "weights": weights, "adaptation": adaptation}
@@ -226,7 +256,9 @@ def of_network(
     return rows
 
 
-def of_silence(distant, tools, given, compared):
+def of_silence(
+    distant: list[ProbeView], tools: Mapping[str, Gallery], given: set[ProbeView], compared: bool
+) -> list[Row]:
     """A row for each long-range camera (environment, name) of which no detector's output is compared, with the reason.
 
     `tools`: `Gallery` by detector; `given`: the cameras of which there is output; `compared`: whether by a network.
@@ -241,7 +273,7 @@ def of_silence(distant, tools, given, compared):
     return rows
 
 
-def of_baseline(sheet, walks, shown):
+def of_baseline(sheet: Sheet, walks: Mapping[str, features.Gait], shown: Gallery) -> tuple[list[Row], list[str]]:
     """Rows of the baseline, and the sessions that were too small to be centred; `walks`: `Gait` by name."""
     names = sorted(walks)
     subjects, sessions = ([sheet[name][key] for name in names] for key in ("subject", "session"))
@@ -254,7 +286,14 @@ def of_baseline(sheet, walks, shown):
     return rows_of(keys, far[np.ix_(index, index)], items, kept), small
 
 
-def rows_of(keys, far, items, kinds, exchanges=None, views=None):
+def rows_of(
+    keys: dict[str, str],
+    far: Floats,
+    items: Sequence[Item],
+    kinds: Iterable[str],
+    exchanges: Ints | None = None,
+    views: Sequence[ProbeView] | None = None,
+) -> list[Row]:
     """Rows of the table for distances (N, N) between items, with `keys` (method, ...) in each; of all probe cameras and
     of their mean, or of the probe cameras `views` only."""
     if not len(items):
@@ -276,12 +315,12 @@ def rows_of(keys, far, items, kinds, exchanges=None, views=None):
     return rows
 
 
-def as_csv(rows):
+def as_csv(rows: list[Row]) -> str:
     """The table as CSV text; six significant digits."""
     return _csv(COLUMNS, [[_cell(row[column]) for column in COLUMNS] for row in rows])
 
 
-def curves_csv(rows):
+def curves_csv(rows: list[Row]) -> str:
     """The cumulative match characteristics of the table's rows as CSV text."""
     lines = [
         [*(row[key] for key in KEYS), rank, _cell(share)]
@@ -292,14 +331,14 @@ def curves_csv(rows):
     return _csv(CURVES, lines)
 
 
-def _csv(columns, lines):
+def _csv(columns: Sequence[str], lines: Iterable[Sequence[Any]]) -> str:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerows([columns, *lines])
     return text.getvalue()
 
 
-def _cell(value):
+def _cell(value: Any) -> Any:
     if not isinstance(value, float):
         return value
     return "" if np.isnan(value) else repr(float(f"{value:.6g}"))

@@ -5,10 +5,15 @@ Every camera's sequence of a walk is on the same side, since cameras show one wa
 a session that is held out, whose errors they share.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 from dior.errors import DiorError, nearest
 
+# rows of config/sequences.tsv by walk
+Sheet: TypeAlias = Mapping[str, Mapping[str, str]]
+# below, there is nobody to tell apart
 LEAST_SUBJECTS = 2
 
 
@@ -16,12 +21,12 @@ LEAST_SUBJECTS = 2
 class Split:
     """Names of the walks that are trained with and tested with; `unused`: names that are neither."""
 
-    train: tuple
-    test: tuple
-    unused: tuple = ()
+    train: tuple[str, ...]
+    test: tuple[str, ...]
+    unused: tuple[str, ...] = ()
 
 
-def of(sheet, test_sessions=()):
+def of(sheet: Sheet, test_sessions: Sequence[str] = ()) -> Split:
     """`Split` of the walks in `sheet`: those of `test_sessions` are held out; where there are none given, the last walk
     of every subject in every session in which it has at least two.
 
@@ -30,8 +35,8 @@ def of(sheet, test_sessions=()):
     return by_session(sheet, test_sessions) if test_sessions else by_walk(sheet)
 
 
-def by_walk(sheet):
-    last = {}
+def by_walk(sheet: Sheet) -> Split:
+    last: dict[tuple[str, str], list[str]] = {}
     for name in sorted(sheet, key=lambda name: (int(sheet[name].get("session_order") or 0), name)):
         last.setdefault((sheet[name]["subject"], sheet[name]["session"]), []).append(name)
     test = {names[-1] for names in last.values() if len(names) > 1}
@@ -43,7 +48,7 @@ def by_walk(sheet):
     return _checked(sheet, test)
 
 
-def by_session(sheet, test_sessions):
+def by_session(sheet: Sheet, test_sessions: Sequence[str]) -> Split:
     known = sorted({row["session"] for row in sheet.values()})
     for session in test_sessions:
         if session not in known:
@@ -51,7 +56,7 @@ def by_session(sheet, test_sessions):
     return _checked(sheet, {name for name, row in sheet.items() if row["session"] in test_sessions})
 
 
-def _checked(sheet, held):
+def _checked(sheet: Sheet, held: set[str]) -> Split:
     train = tuple(name for name in sheet if name not in held)
     trained = {sheet[name]["subject"] for name in train}
     if len(trained) < LEAST_SUBJECTS:

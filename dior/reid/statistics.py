@@ -7,15 +7,19 @@ walk at the same time, not from people. `p`: the share of exchanges that reach t
 over the probes' subjects (dior/evaluate/bootstrap.py).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from dior.arrays import Floats, Ints
 from dior.evaluate import bootstrap
 from dior.reid import protocols
 from dior.reid.columns import ABOVE_CHANCE, AT_CHANCE, NO_TRIAL
 
+# exchanges, so that p is a multiple of 1/1000; the seed is chosen, the level is the usual one of tests
 RESAMPLES, SEED, LEVEL = 999, 20240105, 0.05
+# ranks of the curves; chosen
 CMC = 20
 
 
@@ -31,22 +35,22 @@ class Score:
     chance: float
     null: float
     p: float
-    cmc: tuple
+    cmc: tuple[float, ...]
     mean_ap: float
 
     @property
-    def rank1(self):
+    def rank1(self) -> float:
         return self.hits / self.n if self.n else np.nan
 
     @property
-    def verdict(self):
+    def verdict(self) -> str:
         """What a reader may conclude."""
         if not self.n:
             return NO_TRIAL
         return ABOVE_CHANCE if self.p < LEVEL else AT_CHANCE
 
 
-def score(found, items, exchanges=None):
+def score(found: protocols.Trials, items: Sequence[protocols.Item], exchanges: Ints | None = None) -> Score:
     """`Score` of trials. `exchanges`: what `exchanged` gives, where many scores share it."""
     if not len(found.probe):
         return Score(0, 0, *bootstrap.NOTHING, np.nan, np.nan, np.nan, (np.nan,) * CMC, np.nan)
@@ -71,7 +75,7 @@ def score(found, items, exchanges=None):
     )
 
 
-def exchanged(items, resamples=RESAMPLES):
+def exchanged(items: Sequence[protocols.Item], resamples: int = RESAMPLES) -> Ints:
     """Subjects (resamples, N) of the items, as numbers, when recordings of a session exchange theirs."""
     random = np.random.default_rng(SEED)
     recordings = sorted({(item.session, item.recording, item.subject) for item in items})
@@ -89,6 +93,6 @@ def exchanged(items, resamples=RESAMPLES):
     return out
 
 
-def _null(found, exchanges):
+def _null(found: protocols.Trials, exchanges: Ints) -> Floats:
     """Rank-1 shares (resamples,) of the trials with exchanged subjects; the nearest stays the nearest."""
     return (exchanges[:, found.ranked[:, 0]] == exchanges[:, found.probe]).mean(axis=1)

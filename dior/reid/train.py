@@ -17,23 +17,34 @@ import json
 import math
 import time
 import zipfile
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
+from dior.arrays import Floats, Ints
 from dior.errors import DiorError
 from dior.progress import reporting
 from dior.reid import augment, checkpoint, embed, inputs, networks, protocols, recognise, split, statistics
 from dior.tables.files import write_text, written_whole
 
+if TYPE_CHECKING:
+    import torch
+    from torch import nn
+
 ADAPTATION = "canonical"
+# chosen: minutes on two cores for a lab's gallery; the seed is any
 STEPS, SEED = 200, 1
-# subjects of a batch; of each, sequences and views of a sequence (the contrast needs two)
+# subjects of a batch; of each, sequences and views of a sequence (the contrast needs two); chosen: small batches for
+# galleries of few people
 PEOPLE, SEQUENCES, VIEWS = 8, {"gaitgraph": 2, "gaitmixer": 4, "gaitformer": 4}, {"gaitgraph": 2}
 # the largest step of the optimiser, from random weights and from given ones
 RATE = {"gaitgraph": (1e-2, 1e-3), "gaitmixer": (6e-3, 2e-3), "gaitformer": (6e-3, 2e-3)}
+# of the weights, as the authors of the networks
 DECAY = 1e-5
+# s between two savings; chosen: little is lost, and saving takes no time to speak of
 SAVE_S = 30.0
 # of a held-out walk: found among the others' training walks, from other cameras
 PROTOCOLS = ("other_recording", "other_place")
@@ -82,7 +93,15 @@ def run(
         )
 
 
-def train_and_test(name, shown, parts, out, weights=None, steps=STEPS, seed=SEED):
+def train_and_test(
+    name: str,
+    shown: recognise.Gallery,
+    parts: split.Split,
+    out: Path,
+    weights: Path | None = None,
+    steps: int = STEPS,
+    seed: int = SEED,
+) -> dict[str, Any]:
     """Write weights and their report, from a `recognise.Gallery` and a `split.Split`; returns what the report holds."""
     given = shown.given(ADAPTATION)
     recordings = np.array([item.recording for item in shown.items])
@@ -108,7 +127,9 @@ def train_and_test(name, shown, parts, out, weights=None, steps=STEPS, seed=SEED
     return report
 
 
-def tested(name, network, given, items, parts):
+def tested(
+    name: str, network: "nn.Module", given: Sequence[Floats], items: Sequence[protocols.Item], parts: split.Split
+) -> list[dict[str, Any]]:
     """Rows (COLUMNS) of the held-out walks looked for among those of the training; `given`: adapted sequences."""
     kept = [i for i, item in enumerate(items) if item.recording in {*parts.train, *parts.test}]
     items = [items[i] for i in kept]
@@ -122,7 +143,15 @@ def tested(name, network, given, items, parts):
     return rows
 
 
-def trained(name, sequences, subjects, out, weights=None, steps=STEPS, seed=SEED):
+def trained(
+    name: str,
+    sequences: Sequence[Floats],
+    subjects: ArrayLike,
+    out: Path,
+    weights: Path | None = None,
+    steps: int = STEPS,
+    seed: int = SEED,
+) -> tuple["nn.Module", list[float]]:
     """The trained network, in evaluation mode, and the loss of every step; writes `out`.
 
     `sequences`: (F, 17, 2) adapted, of `subjects` (N,); `weights`: a checkpoint to begin with, or None.
@@ -155,7 +184,15 @@ def trained(name, sequences, subjects, out, weights=None, steps=STEPS, seed=SEED
     return network, losses
 
 
-def _step(name, network, optimiser, sequences, numbers, seed, step):
+def _step(
+    name: str,
+    network: "nn.Module",
+    optimiser: "torch.optim.Optimizer",
+    sequences: Sequence[Floats],
+    numbers: Ints,
+    seed: int,
+    step: int,
+) -> float:
     """One batch; its loss."""
     import torch
 
@@ -165,7 +202,7 @@ def _step(name, network, optimiser, sequences, numbers, seed, step):
     # dropout
     torch.manual_seed(int(random.integers(2**31)))
     picked = np.repeat(augment.batch(numbers, PEOPLE, SEQUENCES[name], random), VIEWS.get(name, 1))
-    given = batch_of(name, [sequences[i] for i in picked], random)
+    given = batch_of(name, [sequences[i] for i in picked.tolist()], random)
     device = next(network.parameters()).device
     found = network(torch.from_numpy(given).to(device))
     loss = losses.OF[name](found, torch.from_numpy(numbers[picked]).to(device))
@@ -175,7 +212,7 @@ def _step(name, network, optimiser, sequences, numbers, seed, step):
     return loss.item()
 
 
-def batch_of(name, sequences, random):
+def batch_of(name: str, sequences: Sequence[Floats], random: np.random.Generator) -> NDArray[np.float32]:
     """Input of a network, float32, of sequences (F, 17, 2), each augmented."""
     parts = [augment.augmented(uv, random) for uv in sequences]
     if name != "gaitgraph":
@@ -184,7 +221,7 @@ def batch_of(name, sequences, random):
     return np.stack(made).astype(np.float32)
 
 
-def one_cycle(steps, most):
+def one_cycle(steps: int, most: float) -> list[tuple[float, tuple[float, float]]]:
     """(rate, betas of Adam) of each step: torch's OneCycleLR as it comes, which the authors use.
 
     All are made before the first, since a training that is continued needs those of its middle.
@@ -200,7 +237,7 @@ def one_cycle(steps, most):
     return found
 
 
-def save_weights(path, network):
+def save_weights(path: Path, network: "nn.Module") -> None:
     """The weights as torch.save writes them; the same weights give the same bytes, wherever they are."""
     import torch
 
@@ -210,7 +247,7 @@ def save_weights(path, network):
         part.write_bytes(text.getvalue())
 
 
-def _job(name, sequences, numbers, weights, steps, seed):
+def _job(name: str, sequences: Sequence[Floats], numbers: Ints, weights: Path | None, steps: int, seed: int) -> str:
     """What a training so far is of: it is continued only by the same."""
     digest = hashlib.sha256(numbers.astype("<i8").tobytes())
     for uv in sequences:
@@ -219,16 +256,16 @@ def _job(name, sequences, numbers, weights, steps, seed):
     return json.dumps([name, steps, seed, given, digest.hexdigest()])
 
 
-def _save(path, job, network, optimiser, losses):
+def _save(path: Path, job: str, network: "nn.Module", optimiser: "torch.optim.Optimizer", losses: list[float]) -> None:
     values = {"job": np.array(job), "losses": np.array(losses)}
     values |= {f"model/{key}": value.cpu().numpy() for key, value in network.state_dict().items()}
     for i, one in optimiser.state_dict()["state"].items():
         values |= {f"adam/{i}/{key}": value.cpu().numpy() for key, value in one.items()}
     with written_whole(path) as part, open(part, "wb") as file:
-        np.savez(file, **values)
+        np.savez(file, allow_pickle=False, **values)
 
 
-def _resumed(path, job, network, optimiser):
+def _resumed(path: Path, job: str, network: "nn.Module", optimiser: "torch.optim.Optimizer") -> list[float]:
     """Losses of the steps that `_save` wrote of the same job, its state put back; [] where there are none."""
     import torch
 
@@ -251,9 +288,9 @@ def _resumed(path, job, network, optimiser):
     return values["losses"].tolist()
 
 
-def _below(values, prefix):
+def _below(values: Mapping[str, NDArray[Any]], prefix: str) -> dict[str, NDArray[Any]]:
     return {key.removeprefix(prefix): value for key, value in values.items() if key.startswith(prefix)}
 
 
-def _mean(values):
+def _mean(values: list[float]) -> float | None:
     return float(np.mean(values)) if values else None

@@ -4,31 +4,40 @@ INPUTS   `camera_covariance` and `camera_turns` tables of the sessions
 OUTPUTS  SVG files. Same numbers, same bytes.
 """
 
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TypeAlias
+
 import numpy as np
 
-from dior.report.plots import COLOURS, _colours, _figure, _legend, _save
+from dior.arrays import AnyPath, Floats, Texts
+from dior.report.colours import COLOURS, colours_of
+from dior.report.plots import legend, new_figure, save_svg
 from dior.tables import tables
 
+# of a camera: sequences (S,), turn (S,) degrees in whatever direction, its standard error (S,)
+Turns: TypeAlias = tuple[Texts, Floats, Floats]
 WORLD_AXES = (("x", "o"), ("y", "s"), ("z", "^"))
 OWN_AXES = (("up and down", "o"), ("left and right", "s"), ("roll", "^"))
 
 
-def spreads(paths):
+def spreads(paths: Iterable[AnyPath]) -> dict[str, dict[str, Floats]]:
     """session -> camera -> standard errors (6,): turn about the camera's own axes, degrees, and position in cm."""
-    found = {}
+    found: dict[str, dict[str, Floats]] = {}
     for path in paths:
         table = tables.read(path, "camera_covariance")
         for session, camera, other, values in zip(*table.values(), strict=True):
-            sigma = np.sqrt(np.diag(values.reshape(6, 6))) if camera == other else [np.nan]
+            if camera != other:
+                continue
+            sigma = np.sqrt(np.diag(values.reshape(6, 6)))
             if np.isfinite(sigma).all():
-                scale = np.repeat([180 / np.pi, 100.0], 3)
-                found.setdefault(session, {})[camera] = sigma * scale
+                found.setdefault(session, {})[camera] = sigma * np.repeat([180 / np.pi, 100.0], 3)
     return found
 
 
-def turns(paths):
-    """session -> camera -> (sequences, turn (S,) degrees in whatever direction, its standard error (S,))."""
-    found = {}
+def turns(paths: Iterable[AnyPath]) -> dict[str, dict[str, Turns]]:
+    """session -> camera -> `Turns`."""
+    found: dict[str, dict[str, Turns]] = {}
     for path in paths:
         table = tables.read(path, "camera_turns")
         turn, sigma = (np.stack([table[f"{kind}_{axis}"] for axis in "xyz"], axis=-1) for kind in ("turn", "sigma"))
@@ -43,11 +52,11 @@ def turns(paths):
     return found
 
 
-def poses(path, sigmas):
+def poses(path: Path, sigmas: Mapping[str, Floats]) -> None:
     """Standard errors of position and direction, on logarithmic axes. `sigmas`: camera -> (6,), as of `spreads`."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
-    figure, axes = _figure(1, 2, height=3.4)
+    figure, axes = new_figure(1, 2, height=3.4)
     at = np.arange(len(sigmas))
     values = np.stack(list(sigmas.values()))
     for axis, first, names, label in (
@@ -70,13 +79,13 @@ def poses(path, sigmas):
         axis.legend(loc="lower left", fontsize=8, handletextpad=0.1)
         axis.grid(axis="x", visible=False)
     axes[0].set_ylabel("standard error")
-    _save(figure, path)
+    save_svg(figure, path)
 
 
-def stood_still(path, by_camera):
+def stood_still(path: Path, by_camera: Mapping[str, Turns]) -> None:
     """Turn of each camera in each walk against the other walks. `by_camera`: as of `turns`."""
-    figure, axis = _figure(height=2.9)
-    colours = _colours(by_camera)
+    figure, axis = new_figure(height=2.9)
+    colours = colours_of(by_camera)
     sequences = list(dict.fromkeys(name for names, _, _ in by_camera.values() for name in names))
     for i, (camera, (names, turn, sigma)) in enumerate(by_camera.items()):
         at = np.array([sequences.index(name) for name in names]) + 0.12 * (i - (len(by_camera) - 1) / 2)
@@ -86,5 +95,5 @@ def stood_still(path, by_camera):
     axis.set_xlabel(f"{len(sequences)} walks in order of recording" if many else "")
     axis.set_ylabel("turn, degrees")
     axis.set_ylim(0, None)
-    _legend(figure, axis, colours)
-    _save(figure, path)
+    legend(figure, colours)
+    save_svg(figure, path)

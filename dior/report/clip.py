@@ -9,22 +9,25 @@ of the person in the clip, so that the picture stands still. VP8 because OpenCV'
 play it.
 """
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
+from dior.arrays import Floats, Ints, Table
 from dior.clocks import clock as on_axis
 from dior.clocks.axis import camera_seconds, nominal_fps
 from dior.errors import DiorError
 from dior.evaluate.grids import label_grids
-from dior.report.overlays import View, draw_skeleton, shown_in
+from dior.report.overlays import Picture, TileView, draw_skeleton, shown_in, view_of
 from dior.tables import tables
 from dior.tables.files import written_whole
 
+# px; chosen: two side by side fit a phone held sideways
 TILE = (480, 270)
-ZOOM = 8.0
+# one of so many pictures is shown; chosen: half the size, and 15 a second still show how people walk
 EVERY = 2
-GROUND = 32
+GROUND = 32  # grey where no tile is
 # Matroska's element TrackUID with its length of 8 bytes; a tag in the header names the track by it
 TRACK_UID, HEADER = b"\x73\xc5\x88", 4096
 
@@ -80,7 +83,9 @@ def run(
         part.write_bytes(cv2.imencode(".jpg", film[len(film) // 2], [cv2.IMWRITE_JPEG_QUALITY, 80])[1].tobytes())
 
 
-def clocked(index, clocks, t0, cameras, sequence):
+def clocked(
+    index: Table, clocks: list[Path], t0: int, cameras: list[str], sequence: str
+) -> tuple[dict[str, Floats], float]:
     """camera -> times (F,) s of its pictures after `t0` (ns) on the sequence's clock, and the pictures per second."""
     clock = {name: (one.offset_s, one.drift_ppm) for name, one in on_axis.read(clocks).items()}
     for camera in cameras:
@@ -90,45 +95,36 @@ def clocked(index, clocks, t0, cameras, sequence):
     return {camera: camera_seconds(index, camera, t0, clock[camera]) for camera in cameras}, fps
 
 
-def middle(times, fps, seconds):
+def middle(times: Mapping[str, Floats], fps: float, seconds: float) -> Floats:
     """Moments (N,) s, at least one, at `fps` in the middle of what all cameras have recorded."""
     begin, end = max(t[0] for t in times.values()), min(t[-1] for t in times.values())
     length = min(seconds, max(end - begin, 0.0))
     return (begin + end - length) / 2 + np.arange(max(int(length * fps), 1)) / fps
 
 
-def nearest(times, moments):
+def nearest(times: Floats, moments: Floats) -> Ints:
     """Index (N,) of the picture nearest to each moment; `times` (F,) ascending."""
     after = np.clip(np.searchsorted(times, moments), 1, len(times) - 1)
     return np.where(moments - times[after - 1] <= times[after] - moments, after - 1, after)
 
 
-def mosaic(count):
+def mosaic(count: int) -> tuple[tuple[int, int], list[tuple[int, int]]]:
     """Size (width, height) px of `count` tiles in rows of two (one tile: alone), and where each begins (left, top)."""
     columns = min(count, 2)
     cells = [((i % columns) * TILE[0], (i // columns) * TILE[1]) for i in range(count)]
     return (columns * TILE[0], -(-count // columns) * TILE[1]), cells
 
 
-def still(width, height, uv, zoomed):
-    """The `View` of all pictures of a camera, that fits a tile: all of it, or enlarged around labels uv (N, J, 2)."""
-    tile = np.array(TILE, float)
-    whole = float(min(tile / (width, height)))
-    known = uv[np.isfinite(uv).all(axis=-1)]
-    if not zoomed or not len(known):
-        return View((0.0, 0.0), whole, (round(width * whole), round(height * whole)))
-    low, high = known.min(axis=0), known.max(axis=0)
-    scale = max(whole, min(ZOOM, *(0.7 * tile / np.maximum(high - low, 1.0))))
-    part = np.minimum(tile / scale, (width, height))
-    origin = np.clip(np.round((low + high) / 2 - part / 2), 0, np.array([width, height]) - part)
-    return View(tuple(origin.tolist()), float(scale), tuple(int(round(s)) for s in part * scale))
+def still(width: int, height: int, uv: Floats, zoomed: bool) -> TileView:
+    """The `TileView` of all pictures of a camera: all of it within a tile, or enlarged around labels uv (N, J, 2)."""
+    return view_of(width, height, TILE, min(TILE[0] / width, TILE[1] / height), uv, zoomed)
 
 
-def _write(path, film, fps, sequence):
+def _write(path: Path, film: Picture, fps: float, sequence: str) -> None:
     import cv2
 
     with written_whole(path) as part:
-        writer = cv2.VideoWriter(str(part), cv2.VideoWriter_fourcc(*"VP80"), fps, film.shape[2:0:-1])
+        writer = cv2.VideoWriter(str(part), cv2.VideoWriter.fourcc(*"VP80"), fps, film.shape[2:0:-1])
         if not writer.isOpened():
             raise DiorError(f"sequence {sequence}: this OpenCV cannot write VP8; set report.clip_seconds to 0")
         for picture in film:
@@ -137,7 +133,7 @@ def _write(path, film, fps, sequence):
         part.write_bytes(numbered(part.read_bytes()))
 
 
-def numbered(webm):
+def numbered(webm: bytes) -> bytes:
     """The bytes of a WebM file with 1 for the random number that its writer gave the track, where it stands."""
     at = webm.find(TRACK_UID, 0, HEADER)
     if at < 0:

@@ -6,16 +6,24 @@ OUTPUTS  results/timing.csv, <report>/cost.html: the only outputs that differ be
 """
 
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
+from dior.arrays import AnyPath
 from dior.evaluate import timing
+from dior.project.project import Project
 from dior.project.read import read_sheet
-from dior.report.summary import count
+from dior.report.numbers import count
 from dior.tables.files import write_text
+
+if TYPE_CHECKING:
+    import jinja2
 
 EFFORT = "config/effort.tsv"
 
 
-def write(environment, project, frames, effort, out_timing, out):
+def write(
+    environment: "jinja2.Environment", project: Project, frames: int, effort: Path | None, out_timing: Path, out: Path
+) -> None:
     """Write the table and the page. `environment`: Jinja's, `frames`: of the dataset, `effort`: file or None."""
     people = [project.pseudonym(name) for name in project.released_subjects]
     jobs = timing.collect(project.root / "logs", project.sequences, project.sessions, people)
@@ -32,7 +40,7 @@ def write(environment, project, frames, effort, out_timing, out):
     write_text(Path(out), page)
 
 
-def _machine(row, most):
+def _machine(row: dict[str, Any], most: float) -> dict[str, Any]:
     per_frame = f"{1000 * row['cpu_s_per_frame']:.3g}" if row["cpu_s_per_frame"] != "" else "unknown"
     return {
         "step": row["step"],
@@ -45,7 +53,7 @@ def _machine(row, most):
     }
 
 
-def human(effort, frames):
+def human(effort: AnyPath, frames: int) -> dict[str, Any] | None:
     """What people did, as `lines` (what, minutes, count, minutes each), all `minutes`, and `seconds_per_frame`.
 
     None where nothing is noted yet.

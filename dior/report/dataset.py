@@ -1,8 +1,12 @@
 """The report's table of what is in the dataset, from results/evaluate/statistics.csv; nothing is counted here."""
 
-from dior.evaluate import statistics
-from dior.report.summary import count
+from typing import Any, TypeAlias
 
+from dior.evaluate import statistics
+from dior.report.numbers import count
+
+# a row of statistics.csv, as dior.evaluate.statistics.read gives it
+Row: TypeAlias = dict[str, Any]
 LINES = (
     ("sequences", "walks"),
     ("subjects", "subjects"),
@@ -19,7 +23,7 @@ OF_CAMERA = ("frames", "keypoints_2d", "missing_2d", "dropped_frames")
 REASONS = (("missing_2d", "2D keypoints"), ("missing_3d", "3D keypoints"), ("dropped_frames", "pictures"))
 
 
-def section(rows):
+def section(rows: list[Row]) -> dict[str, Any]:
     """What templates/dataset.html.j2 shows: `places`, `lines` of their counts, `reasons` and `properties`."""
     environments = sorted({row["environment"] for row in rows} - {""})
     places = [(name, name, "") for name in environments]
@@ -51,7 +55,7 @@ def section(rows):
     }
 
 
-def _cell(rows, what, environment, role, camera=""):
+def _cell(rows: list[Row], what: str, environment: str, role: str, camera: str = "") -> str:
     """A count for people; empty where the figure has no such part (a subject has no camera)."""
     known = {(row["environment"], row["role"], row["camera"]) for row in rows if row["what"] == what}
     parted = any(place[1] for place in known) if role else any(place[0] for place in known) if environment else True

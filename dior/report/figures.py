@@ -4,101 +4,109 @@ INPUTS   the project's sheets, rows of metrics.csv, `frame_metrics` by sequence 
 OUTPUTS  SVG files in one folder, and for each a dict src, title, caption, alt for the page's template
 """
 
-from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from dior.report import certainty, clocks, measures, plots, reid, scene
+from dior.arrays import AnyPath, Floats, Ints
+from dior.evaluate.metrics import COLUMNS
+from dior.geometry.camera import Camera
+from dior.project.project import Project
+from dior.report import certainty, check_figures, clocks, plots, reid, scene, stamps
+from dior.report.cards import FrameMetrics
+from dior.report.key_figures import Row
 from dior.tables import tables
 
+if TYPE_CHECKING:
+    import pandas as pd
+
+# what the template shows of a figure: src, title, caption, alt
+Shown: TypeAlias = dict[str, str]
+# title and figures
+Section: TypeAlias = tuple[str, list[Shown]]
 OF_PICTURE = "mean of a picture, px"
 
 
 class Figures:
     """Draws what there is data for; `names` are the files made, in `folder`."""
 
-    def __init__(self, folder, project, rows, recorded):
+    def __init__(self, folder: Path, project: Project, rows: list[Row], recorded: FrameMetrics) -> None:
         self.folder, self.project, self.recorded = folder, project, recorded
-        self.all_rows = rows
-        self.rows = [row for row in rows if row["sequence"] and row["camera"]]
-        self.adjusted = [row for row in rows if row["metric"].startswith("adjust_error")]
-        self.environment = {name: project.sequence(name)["environment"] for name in project.sequences}
-        self.names = set()
+        import pandas as pd
 
-    def _draw(self, name, draw, *args, title, caption, alt, **options):
+        self.environment = {name: project.sequence(name)["environment"] for name in project.sequences}
+        self.table = pd.DataFrame(rows, columns=COLUMNS)
+        own = self.table.query("sequence != '' and camera != ''")
+        self.by_camera = own.assign(environment=own["sequence"].map(self.environment).fillna(""))
+        self.names: set[str] = set()
+
+    def _draw(
+        self, name: str, draw: Callable[..., None], *args: Any, title: str, caption: str, alt: str, **options: Any
+    ) -> Shown:
         self.names.add(f"{name}.svg")
         draw(self.folder / f"{name}.svg", *args, **options)
         return {"src": f"assets/plots/{name}.svg", "title": title, "caption": caption, "alt": alt}
 
-    def _strip(self, name, metric, group, colour, label, title, caption, environment=None, **options):
-        """A strip of one metric, its rows grouped by the functions `group` and `colour`; [] without rows."""
-        points = [
-            (group(row), colour(row), row["value"], row["n"])
-            for row in self.rows
-            if row["metric"] == metric and not row["joint"] and self._in(row, environment)
-        ]
-        if not points:
+    def _strip(
+        self, name: str, metric: str, group: str, colour: str, label: str, title: str, caption: str
+    ) -> list[Shown]:
+        """A strip of one metric, its rows grouped by the columns `group` and `colour`; [] without rows."""
+        own = self.by_camera[(self.by_camera["metric"] == metric) & (self.by_camera["joint"] == "")]
+        if own.empty:
             return []
-        counts = Counter()
-        for at, _, _, n in points:
-            counts[at] += n
-        total = measures.whole(self.all_rows, metric, sum(counts.values()))
-        intervals = {at: measures.interval(self.all_rows, metric, n, camera=at) for at, n in counts.items()}
+        own = own.assign(place=own["environment"] + "\n" + own["camera"])
+        points = list(own[[group, colour, "value", "n"]].itertuples(index=False, name=None))
+        counts = own.groupby(group)["n"].sum()
+        total = check_figures.whole(self.table, metric, counts.sum())
+        intervals = {at: check_figures.interval(self.table, metric, n, camera=at) for at, n in counts.items()}
         caption += " One dot per sequence and camera, the bar is the mean weighted by n"
         caption += ", the line its 95 % interval over the subjects." if total else "."
-        alt = f"{title}, {len(points)} values in {len({p[0] for p in points})} groups"
+        alt = f"{title}, {len(points)} values in {len(counts)} groups"
         return [self._draw(name, plots.strip, points, label, title=title, caption=caption, alt=alt,
-                           intervals=intervals, total=total, **options)]  # fmt: skip
+                           intervals=intervals, total=total)]  # fmt: skip
 
-    def _in(self, row, environment):
-        return environment in (None, self.environment.get(row["sequence"]))
-
-    def paper(self):
+    def paper(self) -> list[Section]:
         """Sections in the paper's order: indoor, outdoor close range, long range."""
-
-        def by(key):
-            return lambda row: row[key]
 
         error = "error, px"
         indoor = [
-            *self._measures(measures.indoor),
+            *self._measures(check_figures.indoor),
             *self._strip(
-                "mark_error_camera", "mark_error", by("camera"), by("sequence"), error,
+                "mark_error_camera", "mark_error", "camera", "sequence", error,
                 "Marks used to locate the cameras", "Residuals of the fit, outliers included.",
             ),
         ]  # fmt: skip
         close = [
             *self._strip(
-                "reprojection_error_subject", "reprojection_error", by("subject"), by("camera"), error,
+                "reprojection_error_subject", "reprojection_error", "subject", "camera", error,
                 "Labels against detections, by subject", "The paper's reprojection error.",
             ),
             *self._strip(
-                "reprojection_error_camera", "reprojection_error", by("camera"), by("subject"), error,
+                "reprojection_error_camera", "reprojection_error", "camera", "subject", error,
                 "Labels against detections, by camera", "The same, by camera.",
             ),
             *self._joints("reprojection_error", "Labels against detections, by joint", error),
             *self._distribution("reprojection_error", "Labels against detections, distribution", OF_PICTURE),
             *self._adjusted(),
         ]  # fmt: skip
-        far = [*self._measures(measures.long_range), *self._measures(measures.detectors)]
+        far = [*self._measures(check_figures.long_range), *self._measures(check_figures.detectors)]
         sections = (("Indoor", indoor), ("Outdoor, close range", close), ("Long range", far))
         return [(title, figures) for title, figures in sections if figures]
 
-    def _measures(self, of):
+    def _measures(self, of: Callable[["pd.DataFrame"], list[check_figures.Drawing]]) -> list[Shown]:
         return [
             self._draw(m.name, m.draw, *m.args, title=m.title, caption=m.caption, alt=m.alt, **m.options)
-            for m in of(self.all_rows)
+            for m in of(self.table)
         ]
 
-    def truth(self):
+    def truth(self) -> list[Section]:
         """The section with errors against a known truth."""
-
-        def where(row):
-            return f"{self.environment.get(row['sequence'], '')}\n{row['camera']}"
 
         figures = [
             *self._strip(
-                "truth_2d_camera", "error_to_truth_2d", where, lambda row: row["subject"], "error, px",
+                "truth_2d_camera", "error_to_truth_2d", "place", "subject", "error, px",
                 "2D labels against the truth, by camera", "In-frame labels.",
             ),
             *self._distribution("error_to_truth_2d", "2D labels against the truth, distribution", OF_PICTURE),
@@ -106,14 +114,13 @@ class Figures:
         ]  # fmt: skip
         return [("Against the known truth", figures)] if figures else []
 
-    def _joints(self, metric, title, label):
-        values = {}
-        for row in self.rows:
-            if row["metric"] == metric and row["joint"]:
-                group = f"{self.environment.get(row['sequence'], '')} {row['role'].replace('_', ' ')}".strip()
-                values.setdefault(group, {}).setdefault(row["joint"], []).append((row["value"], row["n"]))
-        if not values:
-            return []
+    def _joints(self, metric: str, title: str, label: str) -> list[Shown]:
+        own = self.by_camera[(self.by_camera["metric"] == metric) & (self.by_camera["joint"] != "")]
+        values: dict[str, dict[str, list[tuple[float, int]]]] = {}
+        for row in own.itertuples():
+            group = f"{row.environment} {row.role.replace('_', ' ')}".strip()
+            values.setdefault(group, {}).setdefault(row.joint, []).append((row.value, row.n))
+        # summed one after the other: pandas' sums differ in the last bit, and the figures are compared byte by byte
         means = {
             group: {
                 joint: (sum(v * n for v, n in members) / sum(n for _, n in members), sum(n for _, n in members))
@@ -130,25 +137,25 @@ class Figures:
             for group, by_joint in sorted(means.items())
         ]  # fmt: skip
 
-    def _distribution(self, metric, title, label):
-        series = {}
+    def _distribution(self, metric: str, title: str, label: str) -> list[Shown]:
+        series: dict[str, list[Floats]] = {}
         for (sequence, camera), by_metric in self.recorded.items():
             if metric in by_metric and sequence in self.environment:
                 role = self.project.cameras(self.project.session_of(sequence))[camera]["role"].replace("_", " ")
                 series.setdefault(f"{self.environment[sequence]} {role}", []).append(by_metric[metric][1])
         if not series:
             return []
-        series = {name: np.concatenate(parts) for name, parts in series.items()}
+        joined = {name: np.concatenate(parts) for name, parts in series.items()}
         caption = "How many pictures are at or below an error; the horizontal axis ends at the 99th percentile."
         alt = f"{title}: cumulative curves of {', '.join(sorted(series))}"
-        return [self._draw(f"{metric}_distribution", plots.distribution, series, label, title=title, caption=caption,
+        return [self._draw(f"{metric}_distribution", plots.distribution, joined, label, title=title, caption=caption,
                            alt=alt)]  # fmt: skip
 
-    def _adjusted(self):
-        values = {}
-        for row in self.adjusted:
-            name = " ".join(w for w in (row["sequence"], row["camera"] or "all") if w)
-            values.setdefault(name, {})[row["metric"]] = (row["value"], row["n"])
+    def _adjusted(self) -> list[Shown]:
+        values: dict[str, dict[str, tuple[float, int]]] = {}
+        for row in self.table[self.table["metric"].isin(["adjust_error_before", "adjust_error_after"])].itertuples():
+            name = " ".join(w for w in (row.sequence, row.camera or "all") if w)
+            values.setdefault(name, {})[row.metric] = (row.value, row.n)
         bars = {
             name: (pair["adjust_error_before"][0], pair["adjust_error_after"][0], pair["adjust_error_after"][1])
             for name, pair in sorted(values.items())
@@ -164,19 +171,19 @@ class Figures:
             )
         ]  # fmt: skip
 
-    def timelines(self):
+    def timelines(self) -> list[Shown]:
         """One figure per sequence: errors over time, joints without a label, lost pictures."""
         return [self._timeline(sequence) for sequence in self.project.sequences if self._recorded(sequence)]
 
-    def _recorded(self, sequence):
+    def _recorded(self, sequence: str) -> dict[str, dict[str, tuple[Ints, Floats, Ints]]]:
         cameras = self.project.cameras_of(sequence)
         return {c: self.recorded[sequence, c] for c in cameras if "coverage" in self.recorded.get((sequence, c), {})}
 
-    def _timeline(self, sequence):
+    def _timeline(self, sequence: str) -> Shown:
         recorded = self._recorded(sequence)
         start = min(by_metric["coverage"][0][0] for by_metric in recorded.values())
 
-        def seconds(stamp_ns):
+        def seconds(stamp_ns: Ints) -> Floats:
             return (stamp_ns - start) / 1e9
 
         metric, label = next(
@@ -202,8 +209,8 @@ class Figures:
             alt=f"Timeline of {sequence}: {len(lanes)} cameras",
         )  # fmt: skip
 
-    def stamps(self, audited):
-        """One figure per sequence of `recordings.Recorded`: when pictures came late, are missing or repeated."""
+    def stamps(self, audited: Mapping[str, stamps.SequenceStamps]) -> list[Shown]:
+        """One figure per sequence of `stamps.SequenceStamps`: when pictures came late, are missing or repeated."""
         return [
             self._draw(
                 f"stamps_{sequence}", plots.stamps, one.lags, one.dropped, title=sequence,
@@ -213,27 +220,27 @@ class Figures:
             for sequence, one in audited.items()
         ]  # fmt: skip
 
-    def clock_costs(self, told):
-        """Per sequence of `clocks.Told` with costs: how well each offset fits."""
+    def clock_costs(self, clocked: Mapping[str, clocks.SequenceClocks]) -> dict[str, Shown]:
+        """Per sequence of `clocks.SequenceClocks` with costs: how well each offset fits."""
         return {
             sequence: self._draw(
                 f"clocks_{sequence}", clocks.costs, one, title="Which offset fits",
                 caption="Mean residual with each offset of a camera's clock; a clear minimum tells the clock.",
                 alt=f"Residual over the offset of the clocks of {len(one.costs)} cameras of {sequence}",
             )
-            for sequence, one in told.items()
+            for sequence, one in clocked.items()
             if one.costs
         }  # fmt: skip
 
-    def recognition(self, paths):
+    def recognition(self, paths: Iterable[AnyPath]) -> dict[str, Any]:
         """What the page says of re-identification, with its figures."""
-        told = reid.read(*paths)
-        return reid.section(told) | {"figures": self._measures(lambda _: reid.figures(told))}
+        found = reid.read(*paths)
+        return reid.section(found) | {"figures": self._measures(lambda _: reid.figures(found))}
 
-    def clocks(self, told):
-        """The section with the clocks of all sequences, by `clocks.Told`."""
-        groups = {}
-        for sequence, one in told.items():
+    def clocks(self, clocked: Mapping[str, clocks.SequenceClocks]) -> list[Section]:
+        """The section with the clocks of all sequences, by `clocks.SequenceClocks`."""
+        groups: dict[str, dict[str, clocks.SequenceClocks]] = {}
+        for sequence, one in clocked.items():
             groups.setdefault(self.environment[sequence], {})[sequence] = one
         if not groups:
             return []
@@ -241,15 +248,16 @@ class Figures:
             "clocks", clocks.overview, groups, title="Clocks by session, in the order of recording",
             caption="Above zero a camera took its pictures later than its stamps say: 10 ms are 4 cm of a foot that "
             "swings at 4 m/s. The labels are made with these clocks. Lines are 95 % intervals; squares were given by "
-            f"hand, red crosses are not known. {clocks.in_words(told)}",
-            alt=f"Clock offsets of {sum(len(one.clocks) for one in told.values())} recordings of cameras in "
-            f"{len(told)} sequences",
+            f"hand, red crosses are not known. {clocks.in_words(clocked)}",
+            alt=f"Clock offsets of {sum(len(one.clocks) for one in clocked.values())} recordings of cameras in "
+            f"{len(clocked)} sequences",
         )  # fmt: skip
         return [("Clocks", [figure])]
 
-    def scenes(self, stations, paths):
+    def scenes(self, stations: Mapping[str, Mapping[str, Camera]], paths: Iterable[AnyPath]) -> list[Shown]:
         """Two figures per session: the cameras and the walks in space, and from above and the side."""
-        walks, poses = {}, {}
+        walks: dict[str, dict[str, Floats]] = {}
+        poses: dict[str, scene.Pose | None] = {}
         for path in paths:
             sequence, walk, pose = read_walk(path)
             if sequence in self.environment and len(walk):
@@ -280,7 +288,7 @@ class Figures:
             ]  # fmt: skip
         return figures
 
-    def certainty(self, covariances, turns):
+    def certainty(self, covariances: Iterable[AnyPath], turns: Iterable[AnyPath]) -> list[Shown]:
         """Per session how well the poses of its cameras are known, and whether the cameras stood still."""
         spreads, moved = certainty.spreads(covariances), certainty.turns(turns)
         figures = []
@@ -305,16 +313,16 @@ class Figures:
         return figures
 
 
-def _lost_stamps(stamp_ns):
+def _lost_stamps(stamp_ns: Ints) -> Ints:
     """Where pictures are missing: the middle of every gap of at least one and a half median periods, ns."""
     if len(stamp_ns) < 3:
         return stamp_ns[:0]
     steps = np.diff(stamp_ns)
-    gap = steps > 1.5 * np.median(steps)
+    gap = steps >= 1.5 * np.median(steps)
     return (stamp_ns[:-1][gap] + stamp_ns[1:][gap]) // 2
 
 
-def read_walk(path):
+def read_walk(path: AnyPath) -> tuple[str, Floats, scene.Pose | None]:
     """Of a `skeletons_3d` file: its sequence, the mean of the joints per instant (I, 3) m, and one whole pose.
 
     The pose, (points (J, 3), joints), is the one with most joints nearest to the middle.

@@ -2,43 +2,52 @@
 
 INPUTS   frames table, the pictures it indexes, `labels_2d` files, and where there are any: `detections`, `swaps` and
          hand boxes
-OUTPUT   <out>/<camera>.jpg: the best, the median and the worst frame (see choice.py) side by side. Long-range pictures
-         are enlarged around the subject.
+OUTPUT   <out>/<camera>.jpg: the best, the median and the worst frame (picture_choice.py) side by side. Long-range
+         pictures are enlarged around the subject.
 Drawing happens in tile pixels: a picture is scaled first, so that lines stay thin and sharp.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
+from dior.arrays import Bools, Floats, Ints, Table
 from dior.body import names
 from dior.errors import DiorError, nearest
 from dior.evaluate import boxes as box_files
-from dior.evaluate.grids import distance, label_grids, onto, value_grid
-from dior.report import choice
+from dior.evaluate.grids import LabelGrid, distance, label_grids, onto, value_grid
+from dior.report import picture_choice
+from dior.report.colours import BOX, DETECTION, LEFT, MIDDLE, OUTLIER, RIGHT
 from dior.tables import tables
 from dior.tables.files import written_whole
 
+# BGR (H, W, 3) uint8; OpenCV's own types are wider
+Picture: TypeAlias = NDArray[Any]
+# px; chosen: three side by side fit a wide screen
 TILE = (640, 360)
+# chosen: a person 22 px tall becomes 176, and single pixels can still be told apart
 ZOOM = 8.0
-CAPTION_HEIGHT = 26
+CAPTION_HEIGHT = 26  # px, one line of text
+# chosen: thin lines keep their colour, and a page of sheets still loads on a phone
 JPEG_QUALITY = 85
-# a label further than this from the detection is drawn red: a tenth of the person's height in the picture
+# a label further than this from the detection is drawn red, as a share of the person's height in the picture; chosen:
+# more than the width of a limb
 OUTLIER_OF_HEIGHT = 0.1
-LEFT, RIGHT, MIDDLE = (255, 170, 60), (40, 160, 255), (235, 235, 235)  # BGR: blue, orange, near white
-OUTLIER, DETECTION, BOX = (40, 40, 230), (80, 230, 80), (200, 90, 230)
 
 
 @dataclass(frozen=True)
-class View:
+class TileView:
     """Part of a picture shown in a tile: `tile = (picture - origin + 0.5) * scale - 0.5`, px."""
 
-    origin: tuple
+    origin: tuple[float, float]
     scale: float
-    size: tuple
+    size: tuple[int, int]
 
-    def of(self, uv):
+    def of(self, uv: ArrayLike) -> Floats:
         """Pixels (..., 2) of the picture in the tile."""
         return (np.asarray(uv, float) - self.origin + 0.5) * self.scale - 0.5
 
@@ -74,9 +83,9 @@ def run(
     for camera, grid in grids.items():
         boxed = box_files.read(boxes[camera], grid.frames) if camera in boxes else (np.array([], int), np.empty((0, 4)))
         seen = None if found is None else tables.of_camera(found, camera)
-        how = choice.measured(grid, roles[camera], seen, _exchanged(exchanged, camera), boxed, min_score)
-        ranked = choice.by_rank(grid.frames, *how, per_camera) if how else []
-        chosen[camera] = (ranked or choice.spread(grid.frames, per_camera), boxed)
+        how = picture_choice.measured(grid, roles[camera], seen, _exchanged(exchanged, camera), boxed, min_score)
+        ranked = picture_choice.by_rank(grid.frames, *how, per_camera) if how else []
+        chosen[camera] = (ranked or picture_choice.spread(grid.frames, per_camera), boxed)
     wanted = np.zeros(len(index["frame"]), bool)
     for camera, (numbers, _) in chosen.items():
         wanted |= (index["camera"] == camera) & np.isin(index["frame"], [number for number, _ in numbers])
@@ -104,29 +113,30 @@ def run(
             part.write_bytes(jpeg.tobytes())
 
 
-def view_of(width, height, uv, zoomed):
-    """The `View` of a picture: all of it in the area of a tile, or enlarged around the points `uv` (J, 2).
+def view_of(width: int, height: int, tile: tuple[int, int], whole: float, uv: Floats, zoomed: bool) -> TileView:
+    """The `TileView` of a picture in a tile (width, height): all of it at the scale `whole`, or enlarged around the
+    points `uv` (..., 2).
 
-    Enlarged 8 times, less where the person would not fit, and never smaller than the whole picture.
+    Enlarged ZOOM times, less where the person would not fit, and never smaller than the whole picture.
     """
-    whole = float(np.sqrt(TILE[0] * TILE[1] / (width * height)))
-    known = uv[np.isfinite(uv).all(axis=1)]
+    known = uv[np.isfinite(uv).all(axis=-1)]
     if not zoomed or not len(known):
-        return View((0.0, 0.0), whole, (round(width * whole), round(height * whole)))
-    low, high = known.min(axis=0), known.max(axis=0)
-    span = np.maximum(high - low, 1.0)
-    scale = max(whole, min(ZOOM, *(0.7 * np.array(TILE) / span)))
-    part = np.minimum(np.array(TILE) / scale, (width, height))
-    origin = np.clip(np.round((low + high) / 2 - part / 2), 0, np.array([width, height]) - part)
-    return View(tuple(origin.tolist()), float(scale), tuple(int(round(s)) for s in part * scale))
+        return TileView((0.0, 0.0), whole, (round(width * whole), round(height * whole)))
+    first, last = known.min(axis=0), known.max(axis=0)
+    span = np.maximum(last - first, 1.0)
+    scale = max(whole, min(ZOOM, *(0.7 * np.array(tile) / span)))
+    part = np.minimum(np.array(tile) / scale, (width, height))
+    origin = np.clip(np.round((first + last) / 2 - part / 2), 0, np.array([width, height]) - part)
+    wide, high = (int(round(side)) for side in part * scale)
+    return TileView(tuple(origin.tolist()), float(scale), (wide, high))
 
 
-def _exchanged(swaps, camera):
+def _exchanged(swaps: Table | None, camera: str) -> Table | None:
     """The rows of `swaps` of a camera."""
     return None if swaps is None else tables.of_camera(swaps, camera)
 
 
-def _detected(table, number, min_score):
+def _detected(table: Table, number: int, min_score: float) -> tuple[Floats, list[str]] | None:
     rows = tables.rows(table, table["frame"] == number)
     values, _, joints = value_grid(rows, "frame", "u", "v", "score")
     if not joints:
@@ -136,17 +146,20 @@ def _detected(table, number, min_score):
     return np.where(sure[:, None], values[0, :, :2], np.nan), joints
 
 
-def _box(boxed, number):
+def _box(boxed: tuple[Ints, Floats], number: int) -> Floats | None:
     frames, edges = boxed
     return edges[frames == number][0] if (frames == number).any() else None
 
 
-def _tile(picture, grid, number, seen, box, role):
+def _tile(
+    picture: Picture, grid: LabelGrid, number: int, seen: tuple[Floats, list[str]] | None, box: Floats | None, role: str
+) -> Picture:
     import cv2
 
     height, width = picture.shape[:2]
     uv = grid.uv[np.flatnonzero(grid.frames == number)[0]]
-    view = view_of(width, height, uv, role == "long_range")
+    same_area = float(np.sqrt(TILE[0] * TILE[1] / (width * height)))
+    view = view_of(width, height, TILE, same_area, uv, role == "long_range")
     canvas = shown_in(view, picture)
     off = np.full(len(grid.joints), np.nan)
     if seen is not None:
@@ -160,8 +173,8 @@ def _tile(picture, grid, number, seen, box, role):
     return canvas
 
 
-def shown_in(view, picture):
-    """The part of a picture that a `View` shows, at its scale."""
+def shown_in(view: TileView, picture: Picture) -> Picture:
+    """The part of a picture that a `TileView` shows, at its scale."""
     import cv2
 
     if view.scale > 1:
@@ -178,38 +191,38 @@ def shown_in(view, picture):
     return cv2.resize(part, view.size, interpolation=cv2.INTER_LINEAR)
 
 
-def _height(uv):
+def _height(uv: Floats) -> float:
     known = uv[np.isfinite(uv).all(axis=1)]
     return max(float(np.ptp(known[:, 1])), 1.0) if len(known) else np.inf
 
 
-def _point(xy):
+def _point(xy: Floats) -> tuple[int, int]:
     return int(round(float(xy[0]))), int(round(float(xy[1])))
 
 
-def _colour(joint):
+def _colour(joint: str) -> tuple[int, int, int]:
     if names.mirrored(joint) == joint:
         return MIDDLE
     return LEFT if joint[0] in "lL" else RIGHT
 
 
-def draw_skeleton(canvas, uv, joints, outlier):
+def draw_skeleton(canvas: Picture, uv: Floats, joints: Sequence[str], outlier: Bools) -> None:
     """Draw labels uv (J, 2) px of a BGR canvas, NaN for none; those that are `outlier` (J,) in red."""
     import cv2
 
-    known = np.isfinite(uv).all(axis=1)
+    known = np.all(np.isfinite(uv), axis=1)
     for a, b in names.bones_of(joints):
         if known[a] and known[b]:
             sides = {_colour(joints[a]), _colour(joints[b])}
             colour = sides.pop() if len(sides) == 1 else MIDDLE
             cv2.line(canvas, _point(uv[a]), _point(uv[b]), colour, 1, cv2.LINE_AA)
-    for i in np.flatnonzero(known):
+    for i in np.flatnonzero(known).tolist():
         colour = OUTLIER if outlier[i] else _colour(joints[i])
         cv2.circle(canvas, _point(uv[i]), 3, (20, 20, 20), -1, cv2.LINE_AA)
         cv2.circle(canvas, _point(uv[i]), 2, colour, -1, cv2.LINE_AA)
 
 
-def _crosses(canvas, uv):
+def _crosses(canvas: Picture, uv: Floats) -> None:
     import cv2
 
     for point in uv[np.isfinite(uv).all(axis=1)]:
@@ -218,7 +231,7 @@ def _crosses(canvas, uv):
         cv2.line(canvas, (x - 2, y + 2), (x + 2, y - 2), DETECTION, 1)
 
 
-def _captioned(canvas, text):
+def _captioned(canvas: Picture, text: str) -> Picture:
     import cv2
 
     band = np.full((CAPTION_HEIGHT, canvas.shape[1], 3), 32, np.uint8)
@@ -228,7 +241,7 @@ def _captioned(canvas, text):
     return np.vstack([canvas, band])
 
 
-def _side_by_side(tiles):
+def _side_by_side(tiles: list[Picture]) -> Picture:
     height = max(tile.shape[0] for tile in tiles)
     padded = []
     for i, tile in enumerate(tiles):

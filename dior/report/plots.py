@@ -3,17 +3,29 @@
 Figures are narrow, with type that can still be read when a phone scales them down.
 """
 
+from collections.abc import Mapping
 from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
+from dior.arrays import Floats
+from dior.report.colours import COLOURS, DARK, GREY, GRID, RED, colours_of
 from dior.tables.files import written_whole
 from dior.tables.words import DROP_REASON
 
-COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#7F7F7F", "#8A6FB0")
-RED, GREY = "#C0392B", "#8a8f98"
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+# value, low, high of its interval (NaN: unknown), n
+Value: TypeAlias = tuple[float, float, float, int]
+
+# inches; chosen: type of 10 points can still be read where a phone shows it 9 cm wide
 WIDTH = 5.2
-STYLE = {
+# Matplotlib knows its parameters by a Literal of all their names
+STYLE: dict[Any, Any] = {
     "svg.hashsalt": "dior",
     "svg.fonttype": "path",
     "font.family": "DejaVu Sans",
@@ -25,7 +37,7 @@ STYLE = {
     "axes.edgecolor": GREY,
     "axes.grid": True,
     "axes.axisbelow": True,
-    "grid.color": "#e3e6ea",
+    "grid.color": GRID,
     "grid.linewidth": 0.8,
     "legend.frameon": False,
     "legend.fontsize": 9,
@@ -34,7 +46,7 @@ STYLE = {
 
 
 @cache
-def _pyplot():
+def _pyplot() -> Any:
     import matplotlib
 
     matplotlib.use("Agg")
@@ -45,21 +57,27 @@ def _pyplot():
     return pyplot
 
 
-def _figure(rows=1, columns=1, height=3.1, **options):
+def new_figure(rows: int = 1, columns: int = 1, height: float = 3.1, **options: Any) -> "tuple[Figure, Any]":
+    """A figure and its axes, one or an array of them, WIDTH wide in the report's style; `height` in inches."""
     return _pyplot().subplots(rows, columns, figsize=(WIDTH, height), **options)
 
 
-def _save(figure, path):
+def save_svg(figure: "Figure", path: Path) -> None:
+    """Write a figure as SVG, without date or version, and close it."""
     with written_whole(path) as part:
         figure.savefig(part, format="svg", metadata={"Date": None, "Creator": None})
     _pyplot().close(figure)
 
 
-def _colours(names):
-    return {name: COLOURS[i % len(COLOURS)] for i, name in enumerate(names)}
-
-
-def strip(path, points, label, percent=False, limit=None, intervals=None, total=None):
+def strip(
+    path: Path,
+    points: list[tuple[str, str, float, int]],
+    label: str,
+    percent: bool = False,
+    limit: tuple[float, str] | None = None,
+    intervals: Mapping[str, tuple[float, float]] | None = None,
+    total: Value | None = None,
+) -> None:
     """Figures by group: one dot per row, a dark bar at the mean weighted by n.
 
     `points`: (group, colour group, value, n) tuples; `label` names the vertical axis with its unit; `limit`: (value,
@@ -69,8 +87,8 @@ def strip(path, points, label, percent=False, limit=None, intervals=None, total=
     groups = sorted({p[0] for p in points})
     crowded = len(groups) > 6
     kinds = sorted({p[1] for p in points})
-    colours = _colours(kinds)
-    figure, axis = _figure()
+    colours = colours_of(kinds)
+    figure, axis = new_figure()
     scale = 100 if percent else 1
     for at, group in enumerate(groups):
         members = [p for p in points if p[0] == group]
@@ -79,11 +97,13 @@ def strip(path, points, label, percent=False, limit=None, intervals=None, total=
             axis.plot(at + shift, value * scale, "o", ms=5, color=colours[kind], alpha=0.85, mec="white", mew=0.5)
         n = np.array([p[3] for p in members])
         mean = scale * np.dot(n, [p[2] for p in members]) / n.sum()
-        _mean(axis, at, mean, *(scale * np.array((intervals or {}).get(group, (np.nan, np.nan)))), crowded)
+        low, high = (intervals or {}).get(group, (np.nan, np.nan))
+        _mean(axis, at, mean, scale * low, scale * high, crowded)
     totals = [sum(p[3] for p in points if p[0] == group) for group in groups]
     if total:
-        _mean(axis, len(groups), *(scale * np.array(total[:3])), crowded)
-        groups, totals = [*groups, "all"], [*totals, total[3]]
+        value, low, high, n_all = total
+        _mean(axis, len(groups), scale * value, scale * low, scale * high, crowded)
+        groups, totals = [*groups, "all"], [*totals, n_all]
     if limit:
         axis.axhline(limit[0] * scale, color=RED, lw=1, ls=(0, (4, 3)), zorder=0)
         axis.annotate(limit[1], (0.01, limit[0] * scale), xycoords=("axes fraction", "data"), va="bottom", fontsize=9,
@@ -105,24 +125,27 @@ def strip(path, points, label, percent=False, limit=None, intervals=None, total=
     axis.set_ylabel(label)
     axis.grid(axis="x", visible=False)
     if len(kinds) > 1:
-        _legend(figure, axis, colours)
-    _save(figure, path)
+        legend(figure, colours)
+    save_svg(figure, path)
 
 
-def _mean(axis, at, mean, low, high, crowded):
+def _mean(axis: "Axes", at: float, mean: float, low: float, high: float, crowded: bool) -> None:
     """A bar at a group's mean, its value, and its interval where it is known."""
-    axis.plot([at - 0.32, at + 0.32], [mean, mean], color="#20242b", lw=1.8, solid_capstyle="butt", zorder=1)
+    axis.plot([at - 0.32, at + 0.32], [mean, mean], color=DARK, lw=1.8, solid_capstyle="butt", zorder=1)
     # beside the bar there is room for few groups only
-    place = {"xytext": (0, 9), "ha": "center", "fontsize": 7.5} if crowded else {"xytext": (3, 0), "fontsize": 9}
+    place: dict[str, Any] = (
+        {"xytext": (0, 9), "ha": "center", "fontsize": 7.5} if crowded else {"xytext": (3, 0), "fontsize": 9}
+    )
     xy = (at if crowded else at + 0.32, mean)
-    axis.annotate(f"{mean:.3g}", xy, va="center", textcoords="offset points", color="#20242b",
+    axis.annotate(f"{mean:.3g}", xy, va="center", textcoords="offset points", color=DARK,
                   annotation_clip=False, **place)  # fmt: skip
     if np.isfinite([low, high]).all():
-        axis.vlines(at + 0.28, low, high, color="#20242b", lw=1.2)
-        axis.hlines([low, high], at + 0.24, at + 0.32, color="#20242b", lw=1.2)
+        axis.vlines(at + 0.28, low, high, color=DARK, lw=1.2)
+        axis.hlines([low, high], at + 0.24, at + 0.32, color=DARK, lw=1.2)
 
 
-def _legend(figure, axis, colours):
+def legend(figure: "Figure", colours: Mapping[str, str]) -> None:
+    """Names with their colours above the axes of a figure."""
     from matplotlib.lines import Line2D
 
     handles = [Line2D([], [], marker="o", ls="", color=c, label=name) for name, c in colours.items()]
@@ -130,13 +153,13 @@ def _legend(figure, axis, colours):
                   columnspacing=1.2)  # fmt: skip
 
 
-def _short(n):
+def _short(n: float) -> str:
     return f"{n / 1e6:.3g}M" if n >= 1e6 else f"{n / 1e3:.3g}k" if n >= 1e4 else str(int(n))
 
 
-def distribution(path, series, label):
+def distribution(path: Path, series: Mapping[str, Floats], label: str) -> None:
     """Cumulative distributions of values per picture. `series`: name -> values (N,)."""
-    figure, axis = _figure()
+    figure, axis = new_figure()
     q = np.linspace(0, 1, 201)
     end = max(float(np.quantile(values, 0.99)) for values in series.values())
     for (name, values), colour in zip(sorted(series.items()), COLOURS * 4, strict=False):
@@ -146,13 +169,13 @@ def distribution(path, series, label):
     axis.set_xlabel(label)
     axis.set_ylabel("share of the pictures, %")
     axis.legend(loc="lower right")
-    _save(figure, path)
+    save_svg(figure, path)
 
 
-def joints(path, values, label):
+def joints(path: Path, values: Mapping[str, Mapping[str, tuple[float, int]]], label: str) -> None:
     """Means by joint as horizontal bars. `values`: group -> {joint: (value, n)}; one panel per group."""
     most = max(len(by_joint) for by_joint in values.values())
-    figure, axes = _figure(1, len(values), height=0.9 + 0.165 * most, squeeze=False)
+    figure, axes = new_figure(1, len(values), height=0.9 + 0.165 * most, squeeze=False)
     for axis, (group, by_joint), colour in zip(axes[0], sorted(values.items()), COLOURS * 4, strict=False):
         names = list(by_joint)
         axis.barh(range(len(names)), [by_joint[name][0] for name in names], color=colour, height=0.7)
@@ -161,12 +184,12 @@ def joints(path, values, label):
         axis.grid(axis="y", visible=False)
         axis.set_title(f"{group} (n {_short(sum(n for _, n in by_joint.values()))})", fontsize=9)
         axis.set_xlabel(label, fontsize=9)
-    _save(figure, path)
+    save_svg(figure, path)
 
 
-def before_after(path, bars, label):
+def before_after(path: Path, bars: Mapping[str, tuple[float, float, int]], label: str) -> None:
     """Pairs of bars. `bars`: name -> (before, after, n)."""
-    figure, axis = _figure(height=2.9)
+    figure, axis = new_figure(height=2.9)
     at = np.arange(len(bars))
     for shift, index, colour, name in ((-0.2, 0, "#b9c0c9", "before"), (0.2, 1, COLOURS[0], "after")):
         heights = [bar[index] for bar in bars.values()]
@@ -177,19 +200,24 @@ def before_after(path, bars, label):
     axis.margins(y=0.15)
     axis.grid(axis="x", visible=False)
     figure.legend(loc="outside upper left", ncols=2)
-    _save(figure, path)
+    save_svg(figure, path)
 
 
-def timeline(path, lanes, errors, label):
+def timeline(
+    path: Path,
+    lanes: Mapping[str, tuple[Floats, Floats, Floats]],
+    errors: Mapping[str, tuple[Floats, Floats]],
+    label: str,
+) -> None:
     """Errors over time, and below a lane per camera: joints without a label, and pictures lost in the recording.
 
     `lanes`: camera -> (t (F,) s, missing (F,) share, lost (L,) s); `errors`: camera -> (t (N,) s, value (N,)); `label`
     names the error with its unit.
     """
     names = list(lanes)
-    colours = _colours(names)
+    colours = colours_of(names)
     with_errors = any(len(t) for t, _ in errors.values())
-    figure, axes = _figure(
+    figure, axes = new_figure(
         1 + with_errors, 1, height=(1.7 if with_errors else 0) + 0.75 + 0.3 * len(names), sharex=True, squeeze=False,
         gridspec_kw={"height_ratios": ([1.6] if with_errors else []) + [0.45 + 0.3 * len(names)]},
     )  # fmt: skip
@@ -201,7 +229,7 @@ def timeline(path, lanes, errors, label):
         axis.set_ylabel(label)
     axis = axes[-1, 0]
     for row, (name, (t, missing, lost)) in enumerate(lanes.items()):
-        axis.axhline(row, color="#e3e6ea", lw=0.8)
+        axis.axhline(row, color=GRID, lw=0.8)
         times, share = _binned(t, missing)
         axis.fill_between(times, row, row + 0.8 * share, color=colours[name], lw=0, step="mid")
         axis.plot(lost, np.full(len(lost), row - 0.12), "|", color=RED, ms=5, mew=1)
@@ -213,27 +241,30 @@ def timeline(path, lanes, errors, label):
     axis.set_xlabel("time, s")
     if with_errors:
         figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=4, handlelength=1.2)
-    _save(figure, path)
+    save_svg(figure, path)
 
 
-def stamps(path, lags, dropped):
+def stamps(
+    path: Path, lags: Mapping[str, tuple[Floats, Floats]], dropped: Mapping[str, Mapping[str, list[float]]]
+) -> None:
     """How late pictures were received, and which are missing or there twice.
 
     `lags`: camera -> (times (F,) s, lag beyond its median (F,) ms); `dropped`: camera -> reason -> times s.
     """
-    colours = _colours(list(lags))
+    colours = colours_of(list(lags))
     # the same colour for a reason in every plot
     there = {reason for by_reason in dropped.values() for reason in by_reason}
-    kinds = {reason: colour for reason, colour in _colours(DROP_REASON).items() if reason in there}
-    figure, axes = _figure(2, 1, height=2.4 + 0.25 * len(lags), sharex=True, height_ratios=(3, 0.5 + 0.5 * len(lags)))
+    kinds = {reason: colour for reason, colour in colours_of(DROP_REASON).items() if reason in there}
+    ratios = (3, 0.5 + 0.5 * len(lags))
+    figure, axes = new_figure(2, 1, height=2.4 + 0.25 * len(lags), sharex=True, height_ratios=ratios)
     for camera, (t, lag) in lags.items():
         edges = np.unique(np.linspace(0, len(t), 401).astype(int))[:-1]
         axes[0].plot(t[edges], np.maximum.reduceat(lag, edges), color=colours[camera], lw=1, label=camera)
     axes[0].set_ylabel("late, ms")
     axes[0].set_title("receive minus header stamp, beyond its median", fontsize=9)
     for lane, camera in enumerate(lags):
-        for reason, t in sorted(dropped.get(camera, {}).items()):
-            axes[1].plot(t, np.full(len(t), lane), "|", ms=9, mew=1.4, color=kinds[reason])
+        for reason, times in sorted(dropped.get(camera, {}).items()):
+            axes[1].plot(times, np.full(len(times), lane), "|", ms=9, mew=1.4, color=kinds[reason])
     for reason, colour in kinds.items():
         axes[1].plot([], [], "|", ms=9, mew=1.4, color=colour, label=reason.replace("_", " "))
     axes[1].set_yticks(range(len(lags)), list(lags))
@@ -241,10 +272,10 @@ def stamps(path, lags, dropped):
     axes[1].set_xlabel("time, s")
     axes[1].set_title("missing and repeated pictures" if kinds else "no picture is missing or there twice", fontsize=9)
     figure.legend(loc="outside upper left", ncols=4, handlelength=1.2)
-    _save(figure, path)
+    save_svg(figure, path)
 
 
-def _binned(t, value, bins=240):
+def _binned(t: Floats, value: Floats, bins: int = 240) -> tuple[Floats, Floats]:
     """Means in at most `bins` equal parts, so that an hour draws as fast as a minute."""
     if len(t) <= bins:
         return t, value
@@ -253,13 +284,20 @@ def _binned(t, value, bins=240):
     return np.add.reduceat(t, edges) / size, np.add.reduceat(value, edges) / size
 
 
-def marks(path, groups, series, label, percent=False, limit=None):
+def marks(
+    path: Path,
+    groups: list[str],
+    series: Mapping[str, Mapping[str, Value]],
+    label: str,
+    percent: bool = False,
+    limit: tuple[float, str] | None = None,
+) -> None:
     """Values with their intervals, a row per group and a mark per series; n stands below a group's name.
 
     `series`: name -> group -> (value, low, high, n); `label` names the axis with its unit; `limit`: (value, text).
     """
     scale = 100 if percent else 1
-    figure, axis = _figure(height=1.15 + len(groups) * (0.3 + 0.06 * len(series)))
+    figure, axis = new_figure(height=1.15 + len(groups) * (0.3 + 0.06 * len(series)))
     apart = min(0.22, 0.8 / len(series))
     for nth, ((name, values), colour) in enumerate(zip(series.items(), COLOURS, strict=False)):
         at = np.array([groups.index(group) for group in values]) + apart * (nth - (len(series) - 1) / 2)
@@ -285,10 +323,10 @@ def marks(path, groups, series, label, percent=False, limit=None):
         columns = 3 if max(map(len, series)) < 18 else 2
         figure.legend(*axis.get_legend_handles_labels(), loc="outside upper left", ncols=columns, handletextpad=0.1,
                       columnspacing=1.2)  # fmt: skip
-    _save(figure, path)
+    save_svg(figure, path)
 
 
-def _from_zero(axis):
+def _from_zero(axis: "Axes") -> None:
     """Signed values show where zero is; others that are not shares start there."""
     low, high = axis.get_xlim()
     if low < 0 < high:
@@ -297,14 +335,14 @@ def _from_zero(axis):
         axis.set_xlim(0, high)
 
 
-def bars(path, values, label, percent=False):
+def bars(path: Path, values: Mapping[str, Value], label: str, percent: bool = False) -> None:
     """Horizontal bars with their values, intervals and counts written out. `values`: name -> (value, low, high, n)."""
     scale = 100 if percent else 1
-    figure, axis = _figure(height=0.9 + 0.42 * len(values))
+    figure, axis = new_figure(height=0.9 + 0.42 * len(values))
     at = np.arange(len(values))
     value, low, high = scale * np.array([v[:3] for v in values.values()], float).T
     axis.barh(at, value, 0.62, color=COLOURS[4])
-    axis.hlines(at, low, high, color="#20242b", lw=1.6)
+    axis.hlines(at, low, high, color=DARK, lw=1.6)
     ends = np.fmax(value, high)
     for y, end, shown, one in zip(at, ends, value, values.values(), strict=True):
         axis.annotate(f"{shown:.1f} (n {_short(one[3])})", (end, y), xytext=(5, 0), textcoords="offset points",
@@ -316,16 +354,16 @@ def bars(path, values, label, percent=False):
         axis.set_xticks(range(0, 101, 20))
     axis.grid(axis="y", visible=False)
     axis.set_xlabel(label)
-    _save(figure, path)
+    save_svg(figure, path)
 
 
-def cmc(path, series):
+def cmc(path: Path, series: Mapping[tuple[str, str], list[float]]) -> None:
     """Curves of all ranks. `series`: (method, input) -> shares at rank 1, 2, ...; a colour per method, a line style per
     input."""
-    figure, axis = _figure(height=3.6)
+    figure, axis = new_figure(height=3.6)
     methods = list(dict.fromkeys(method for method, _ in series))
     inputs = list(dict.fromkeys(name for _, name in series if name))
-    colours = _colours(methods)
+    colours = colours_of(methods)
     styles = dict(zip(inputs, ("-", (0, (4, 2)), (0, (1, 1.5))), strict=False)) | {"": "-"}
     for (method, name), shares in series.items():
         ranks = np.arange(1, len(shares) + 1)
@@ -338,4 +376,4 @@ def cmc(path, series):
     axis.set_xlabel("rank")
     axis.set_ylabel("found among so many, %")
     figure.legend(*axis.get_legend_handles_labels(), loc="outside upper left", ncols=2, handlelength=2.2)
-    _save(figure, path)
+    save_svg(figure, path)

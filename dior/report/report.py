@@ -9,18 +9,21 @@ OUTPUTS  <out>/index.html, written last; <out>/sequences/<sequence>.html; <out>/
 
 import shutil
 from collections import Counter
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 
+from dior.arrays import AnyPath
 from dior.evaluate import metrics as metrics_csv
 from dior.evaluate import statistics as statistics_csv
 from dior.geometry import camera_tables
-from dior.geometry.camera import REFERENCE_FX
+from dior.geometry.camera import REFERENCE_FX, Camera
 from dior.project.bumps import session_folder
-from dior.report import cards, cost, dataset, pages, sequence_pages, summary, worst
-from dior.report import clocks as clocks_told
-from dior.report import recordings as recording_stamps
+from dior.project.project import Project
+from dior.report import cards, cost, dataset, key_figures, lights, numbers, pages, sequence_pages, worst_pictures
+from dior.report import clocks as sequence_clocks
+from dior.report import stamps as sequence_stamps
 from dior.report.figures import Figures
 from dior.tables import tables
 from dior.tables.files import write_text
@@ -92,28 +95,28 @@ def run(
 
     project, out = projects.load(root), Path(out)
     rows = metrics_csv.read(metrics)
-    recorded = recordings(frame_metrics)
+    recorded = read_frame_metrics(frame_metrics)
     found = [finding for path in findings for finding in _findings(path)]
-    audited = recording_stamps.read(audits, dropped, frames)
-    found += summary.noticed(
+    audited = sequence_stamps.read(audits, dropped, frames)
+    found += lights.noticed(
         {name: project.cameras_of(name) for name in project.sequences},
         {name: set(one.lags) for name, one in audited.items()},
         rows,
         {name: project.sequence(name)["environment"] for name in project.sequences},
     )
     found += [(scope, "info", "no_consent", text) for scope, text in project.left_out] + unanswered(project)
-    told = clocks_told.read(clocks, clock_costs, found, {s: project.cameras_of(s) for s in project.sequences})
+    clocked = sequence_clocks.read(clocks, clock_costs, found, {s: project.cameras_of(s) for s in project.sequences})
     stations = session_cameras(cameras)
     sheets = cards.sheets_of(overlays, out)
     by_camera = cards.rows_by_camera(rows)
-    lights = [cards.card(project, s, by_camera, recorded, found, stations, sheets) for s in project.sequences]
+    shown = [cards.card(project, s, by_camera, recorded, found, stations, sheets) for s in project.sequences]
     folder = out / "assets" / PLOTS
     made = Figures(folder, project, rows, recorded)
-    sections = [*made.paper(), *made.truth(), *made.clocks(told)]
+    sections = [*made.paper(), *made.truth(), *made.clocks(clocked)]
     scenes = [*made.scenes(stations, skeletons), *made.certainty(covariances, turns)]
     timelines = {figure["title"]: figure for figure in made.timelines()}
     stamps = {figure["title"]: figure for figure in made.stamps(audited)}
-    tried = made.clock_costs(told)
+    tried = made.clock_costs(clocked)
     recognised = made.recognition(recognition) if recognition else None
     _remove_stale(folder, made.names)
     _remove_others(out / "assets", project.sequences)
@@ -121,99 +124,96 @@ def run(
     environment = pages.environment()
     cost.write(environment, project, statistics_csv.of(counted, "frames"), effort, out_timing, out / "cost.html")
     sequence_pages.write(
-        environment, out, title, lights, found, {s: _names(project, s) for s in project.sequences}, timelines, stamps,
-        {sequence: one.rows for sequence, one in audited.items()}, told, tried, cards.clips_of(clips, out),
+        environment, out, title, shown, found, {s: _names(project, s) for s in project.sequences}, timelines, stamps,
+        {sequence: one.rows for sequence, one in audited.items()}, clocked, tried, cards.clips_of(clips, out),
     )  # fmt: skip
     page = environment.get_template("index.html.j2").render(
         title=title,
         dataset=dataset.section(counted),
         tiles=_tiles(project, recorded),
-        tally=Counter(cell["light"].level for card in lights for cell in card["cells"]),
-        cards=lights,
+        tally=Counter(cell["light"].level for card in shown for cell in card["cells"]),
+        cards=shown,
         excluded=sorted(project.excluded.items()),
         findings=cards.shown([finding for finding in found if finding[1] != "info"]),
-        figures=_named(summary.table_of(rows, made.environment)),
+        figures=_named(key_figures.table_of(rows, made.environment)),
         sections=sections,
-        worst=worst.of_sections(frame_metrics),
+        worst=worst_pictures.of_sections(frame_metrics),
         scenes=scenes,
         recognised=recognised,
-        limits=[_limit(limit) for limit in summary.LIMITS],
-        words=summary.WORDS,
+        limits=[_limit(limit) for limit in lights.LIMITS],
+        words=lights.WORDS,
         meanings=[(TITLES[name], name, text) for name, text in METRICS.items()],
         fx_of_limits=f"{REFERENCE_FX:.0f}",
     )
     write_text(out / "index.html", page)
 
 
-def _names(project, sequence):
+def _names(project: Project, sequence: str) -> set[str]:
     """The words that the scope of a finding about a sequence may be made of."""
     session = project.session_of(sequence)
     return {sequence, session, project.subject_of(sequence), *project.cameras(session)}
 
 
-def recordings(paths):
+def read_frame_metrics(paths: Iterable[AnyPath]) -> cards.FrameMetrics:
     """(sequence, camera) -> metric -> (stamp_ns (N,), value (N,), n (N,)) of `frame_metrics` files."""
-    found = {}
+    import pandas as pd
+
+    found: cards.FrameMetrics = {}
     for path in paths:
-        table = tables.read(path, "frame_metrics")
-        if not len(table["metric"]):
-            continue
-        keys = np.stack([table[c].astype(str) for c in ("sequence", "camera", "metric")], axis=1)
-        starts = np.flatnonzero(np.r_[True, (keys[1:] != keys[:-1]).any(axis=1)])
-        for start, end in zip(starts, np.r_[starts[1:], len(keys)], strict=True):
-            sequence, camera, metric = keys[start].tolist()
-            part = tuple(table[c][start:end] for c in ("stamp_ns", "value", "n"))
-            found.setdefault((sequence, camera), {})[metric] = part
+        table = pd.DataFrame(tables.read(path, "frame_metrics"))
+        for (sequence, camera, metric), own in table.groupby(["sequence", "camera", "metric"], sort=False):
+            values = own["stamp_ns"].to_numpy(), own["value"].to_numpy(), own["n"].to_numpy()
+            found.setdefault((sequence, camera), {})[metric] = values
     return found
 
 
-def _findings(path):
+def _findings(path: AnyPath) -> list[lights.Finding]:
     table = tables.read(path, "findings")
     return list(zip(*(table[c].tolist() for c in ("scope", "severity", "code", "text")), strict=True))
 
 
-def session_cameras(paths):
+def session_cameras(paths: Iterable[AnyPath]) -> dict[str, dict[str, Camera]]:
     """session -> camera -> `Camera` of `cameras` files; a file later in the list replaces an earlier one's camera."""
-    found = {}
+    found: dict[str, dict[str, Camera]] = {}
     for path in paths:
         for session in tables.ordered_unique(tables.read(path, "cameras", ["session"])["session"]):
             found.setdefault(session, {}).update(camera_tables.read_cameras(path))
     return found
 
 
-def _tiles(project, recorded):
+def _tiles(project: Project, recorded: cards.FrameMetrics) -> list[tuple[str, str]]:
     pictures = labels = 0
     for by_metric in recorded.values():
         if "coverage" in by_metric:
             _, value, n = by_metric["coverage"]
             pictures, labels = pictures + len(n), labels + int(np.rint(value * n).sum())
     return [
-        (summary.count(len(project.sequences)), "sequences"),
-        (summary.count(len(project.processed_subjects)), "subjects"),
-        (summary.count(len({session_folder(session) for session in project.sessions})), "sessions"),
-        (summary.count(len(recorded)), "camera recordings"),
-        (summary.count(pictures), "pictures"),
-        (summary.count(labels), "2D labels"),
+        (numbers.count(len(project.sequences)), "sequences"),
+        (numbers.count(len(project.processed_subjects)), "subjects"),
+        (numbers.count(len({session_folder(session) for session in project.sessions})), "sessions"),
+        (numbers.count(len(recorded)), "camera recordings"),
+        (numbers.count(pictures), "pictures"),
+        (numbers.count(labels), "2D labels"),
     ]
 
 
-def _named(lines):
+def _named(lines: list[dict[str, str]]) -> list[dict[str, str]]:
     order = list(TITLES)
     lines = sorted(lines, key=lambda line: (order.index(line["metric"]), line["where"]))
     return [line | {"title": TITLES[line["metric"]]} for line in lines]
 
 
-def _limit(limit):
+def _limit(limit: lights.Limit) -> dict[str, str]:
     word = "above" if limit.sign > 0 else "below"
     return {
         "title": TITLES.get(limit.metric, limit.metric.replace("_", " ").capitalize()),
-        "look": f"{word} {summary.show(limit.look, limit.unit)}",
-        "bad": f"{word} {summary.show(limit.bad, limit.unit)}" if np.isfinite(limit.bad) else "never",
+        "look": f"{word} {numbers.show(limit.look, limit.unit)}",
+        "bad": f"{word} {numbers.show(limit.bad, limit.unit)}" if np.isfinite(limit.bad) else "never",
         "why": limit.why,
     }
 
 
-def unanswered(project):
+def unanswered(project: Project) -> list[lights.Finding]:
     """A finding on the people of the release of whom the sheet does not say whether their pictures may be in it."""
     if not project.unanswered:
         return []
@@ -224,14 +224,14 @@ def unanswered(project):
     return [("release", "warning", "pictures_unanswered", text)]
 
 
-def _remove_others(assets, sequences):
+def _remove_others(assets: Path, sequences: Iterable[str]) -> None:
     """Remove the pictures of sequences that the project no longer has."""
     for folder in assets.iterdir() if assets.is_dir() else ():
         if folder.is_dir() and folder.name not in (*sequences, PLOTS):
             shutil.rmtree(folder)
 
 
-def _remove_stale(folder, names):
+def _remove_stale(folder: Path, names: set[str]) -> None:
     for path in folder.glob("*.svg") if folder.is_dir() else ():
         if path.name not in names:
             path.unlink()

@@ -4,24 +4,46 @@ INPUTS   the cards of all sequences, findings, figures and rows of the stamps by
 OUTPUTS  <out>/sequences/<sequence>.html, with links that hold from there
 """
 
-from dior.report import summary
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dior.report import lights
 from dior.report.cards import shown
+from dior.report.clocks import SequenceClocks
+from dior.report.figures import Shown
 from dior.tables.files import write_text
 
+if TYPE_CHECKING:
+    import jinja2
 
-def write(environment, out, title, cards, findings, names, timelines, stamps, stamp_rows, clocks, clock_costs, clips):
+
+def write(
+    environment: "jinja2.Environment",
+    out: Path,
+    title: str,
+    cards: list[dict[str, Any]],
+    findings: list[lights.Finding],
+    names: Mapping[str, set[str]],
+    timelines: Mapping[str, Shown],
+    stamps: Mapping[str, Shown],
+    stamp_rows: Mapping[str, tuple[dict[str, str], ...]],
+    clocks: Mapping[str, SequenceClocks],
+    clock_costs: Mapping[str, Shown],
+    clips: Mapping[str, dict[str, str]],
+) -> None:
     """Write the pages of `cards`, each linked to the one before and after, and remove those of other sequences.
 
     `environment`: Jinja's; `findings`: (scope, severity, code, text) of the whole project; `names`: sequence -> the
     words that a finding's scope may be made of to be about it; `timelines`, `stamps` (figures), `stamp_rows`, `clocks`
-    (`clocks.Told`), `clock_costs` (figures) and `clips` (dicts video, poster) by sequence, each only where there is
-    one.
+    (`clocks.SequenceClocks`), `clock_costs` (figures) and `clips` (dicts video, poster) by sequence, each only where
+    there is one.
     """
     template, sequences = environment.get_template("sequence.html.j2"), [card["sequence"] for card in cards]
     folder = out / "sequences"
     for i, card in enumerate(cards):
         sequence = card["sequence"]
-        own = [finding for finding in findings if finding[0] and summary.about(finding[0], names[sequence])]
+        own = [finding for finding in findings if finding[0] and lights.about(finding[0], names[sequence])]
         page = template.render(
             title=title,
             card=card,

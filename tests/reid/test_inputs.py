@@ -74,7 +74,7 @@ def made(folder, points, names, offset_s=0.0, pictures=None):
 def test_a_detectors_joints_are_taken_by_name(tmp_path):
     landmarks, _ = walking()
     labels, body = made(tmp_path, landmarks, MLKIT_33)
-    track = inputs.tracks(labels, {"cam01": 1280})["cam01"]
+    track = inputs.camera_walks(labels, {"cam01": 1280})["cam01"]
     expected, _ = cam.project(camera(), landmarks[:, [MLKIT_33.index(name) for name in COCO_17]])
     assert track.fps == 30 and track.width == 1280
     assert np.abs(track.uv - expected).max() < 1e-3
@@ -87,7 +87,7 @@ def test_a_detectors_joints_are_taken_by_name(tmp_path):
 def test_markers_become_joint_centres(tmp_path):
     landmarks, markers = walking()
     labels, body = made(tmp_path, markers, PLUG_IN_GAIT_39)
-    uv = inputs.tracks(labels, {"cam01": 1280})["cam01"].uv
+    uv = inputs.camera_walks(labels, {"cam01": 1280})["cam01"].uv
     expected, depth = cam.project(camera(), landmarks[:, [MLKIT_33.index(name) for name in COCO_17]])
     off = np.linalg.norm(uv - expected, axis=-1) * depth / 600.0
     for name, most in (("left_knee", 0.04), ("right_ankle", 0.04), ("left_hip", 0.06), ("right_wrist", 0.03)):
@@ -99,7 +99,7 @@ def test_markers_become_joint_centres(tmp_path):
 def test_the_cameras_clock_is_minded(tmp_path):
     landmarks, _ = walking()
     labels, _ = made(tmp_path, landmarks, MLKIT_33, offset_s=10 / FPS)
-    uv = inputs.tracks(labels, {"cam01": 1280})["cam01"].uv
+    uv = inputs.camera_walks(labels, {"cam01": 1280})["cam01"].uv
     expected, _ = cam.project(camera(), landmarks[:, [MLKIT_33.index(name) for name in COCO_17]])
     assert np.abs(uv[:-10] - expected[10:]).max() < 1e-2
     assert np.isnan(uv[-9:]).all()
@@ -110,7 +110,7 @@ def test_lost_pictures_leave_a_gap_and_repeated_ones_none(tmp_path):
     pictures = np.delete(np.arange(FRAMES), [50, 51, 52])
     pictures = np.insert(pictures, 10, pictures[10])
     labels, _ = made(tmp_path, landmarks, MLKIT_33, pictures=pictures)
-    track = inputs.tracks(labels, {"cam01": 1280})["cam01"]
+    track = inputs.camera_walks(labels, {"cam01": 1280})["cam01"]
     assert len(track.uv) == FRAMES
     assert np.flatnonzero(np.isnan(track.uv).any(axis=(1, 2))).tolist() == [50, 51, 52]
 
@@ -124,7 +124,7 @@ def track(frames, missing=()):
     uv = np.random.default_rng(1).uniform(0, 700, (frames, 17, 2))
     for first, last, joint in missing:
         uv[first:last, joint] = np.nan
-    return inputs.Track(uv, FPS, 1280)
+    return inputs.CameraWalk(uv, FPS, 1280)
 
 
 def test_short_gaps_are_bridged_and_long_ones_are_not():

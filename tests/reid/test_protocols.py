@@ -195,3 +195,14 @@ def test_what_is_held_out_asks_and_never_answers():
     assert not held[found.ranked[found.ranked >= 0]].any()
     # 3 walks of 4 people are left in each gallery camera
     assert found.ranked.shape == (held.sum() * 7, 12)
+
+
+def test_the_null_and_its_p_are_of_the_exchanges_that_reach_the_rate():
+    """All four are found; of 20 exchanges one keeps everybody's name and 19 take it from the nearest."""
+    items = [Item(who, f"{who}_{camera}", "lab", "indoor", camera) for camera in ("cam1", "cam2") for who in "AB"]
+    far = np.abs(np.subtract.outer([0, 1, 0, 1], [0, 1, 0, 1])).astype(float)
+    exchanges = np.array([[0, 1, 0, 1]] + 19 * [[0, 0, 1, 1]])
+    score = statistics.score(protocols.trials(far, items, "per_camera"), items, exchanges)
+    assert (score.hits, score.n) == (4, 4)
+    assert score.p == pytest.approx(2 / 21)
+    assert score.null == pytest.approx(0.05)

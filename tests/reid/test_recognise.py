@@ -134,7 +134,7 @@ def test_the_table_of_a_network_and_what_a_detector_saw(tmp_path):
     sheet = "sequence\tcamera\ttool\tzoom\tpath\n"
     for name, _ in WALKS[4:]:
         sheet += f"{name}\tcam04\tmlkit\t1\tfound/{name}.json\n"
-        uv = inputs.tracks(tmp_path / f"results/reid/{name}.parquet", dict.fromkeys(CAMERAS, 1280))["cam04"].uv
+        uv = inputs.camera_walks(tmp_path / f"results/reid/{name}.parquet", dict.fromkeys(CAMERAS, 1280))["cam04"].uv
         uv = uv if name != "outdoor_02" else 600 - uv
         detections(tmp_path / f"data/found/{name}.json", uv, range(70 if name != "outdoor_03" else 30))
     (tmp_path / "config/detectors.tsv").write_text(sheet)
@@ -192,7 +192,7 @@ def test_a_detector_without_coco_joints_is_told(tmp_path):
     found = [{"image_id": i, "score": 1, "keypoints": one.ravel().tolist()} for i, one in enumerate(rows)]
     (tmp_path / "found.json").write_text(json.dumps(found))
     given = [{"camera": "cam04", "tool": "openpose", "zoom": "1", "path": tmp_path / "found.json"}]
-    own, lacking = detected.tracks(given, paths["frames"][4], "outdoor_01")
+    own, lacking = detected.camera_walks(given, paths["frames"][4], "outdoor_01")
     assert not lacking and own[0][2].uv.shape == (FRAMES, 17, 2) and own[0][0] == "openpose"
     assert np.isfinite(own[0][2].uv).all()
 

@@ -6,7 +6,7 @@ import pytest
 
 from dior.errors import DiorError
 from dior.evaluate.grids import label_grids
-from dior.report import choice, clip
+from dior.report import clip, picture_choice
 from dior.simulate import simulate, simulate_mocap
 from dior.simulate.settings import CAMERAS
 from dior.tables import tables
@@ -22,17 +22,17 @@ WALK = "indoor_01"
 def test_frames_from_best_to_worst_with_their_words():
     frames = np.arange(10, 20)
     bad = np.array([5, 1, 4, np.nan, 9, 2, 8, 3, 7, 6], float)
-    shown = choice.by_rank(frames, bad, lambda value: f"{value:.0f} px", 3)
+    shown = picture_choice.by_rank(frames, bad, lambda value: f"{value:.0f} px", 3)
     assert shown == [(11, "best: 1 px"), (10, "median: 5 px"), (14, "worst: 9 px")]
-    assert [frame for frame, _ in choice.by_rank(frames, bad, str, 9)] == [11, 15, 17, 12, 10, 19, 18, 16, 14]
-    assert choice.by_rank(frames, bad, lambda value: "", 5)[1] == (17, "25% are better: ")
-    assert choice.by_rank(frames, np.full(10, np.nan), str, 3) == []
-    assert choice.by_rank(frames[:1], bad[:1], lambda value: "x", 3) == [(10, "x")]
+    assert [frame for frame, _ in picture_choice.by_rank(frames, bad, str, 9)] == [11, 15, 17, 12, 10, 19, 18, 16, 14]
+    assert picture_choice.by_rank(frames, bad, lambda value: "", 5)[1] == (17, "25% are better: ")
+    assert picture_choice.by_rank(frames, np.full(10, np.nan), str, 3) == []
+    assert picture_choice.by_rank(frames[:1], bad[:1], lambda value: "x", 3) == [(10, "x")]
 
 
 def test_frames_are_spread_where_nothing_is_measured():
-    assert choice.spread(np.arange(90), 3) == [(15, ""), (45, ""), (75, "")]
-    assert choice.spread(np.arange(2), 3) == [(0, ""), (1, "")] and choice.spread(np.arange(0), 3) == []
+    assert picture_choice.spread(np.arange(90), 3) == [(15, ""), (45, ""), (75, "")]
+    assert picture_choice.spread(np.arange(2), 3) == [(0, ""), (1, "")] and picture_choice.spread(np.arange(0), 3) == []
 
 
 def test_the_middle_of_what_all_cameras_have():

@@ -88,10 +88,10 @@ def test_a_sequence_without_clocks_is_left_out(capture):
 
 
 def test_many_recordings_and_none_that_is_known_can_be_drawn(capture, tmp_path):
-    unknown = clocks.Told({"cam01": (0.0, np.nan, np.nan, "assumed_zero")}, {}, (), ())
+    unknown = clocks.SequenceClocks({"cam01": (0.0, np.nan, np.nan, "assumed_zero")}, {}, (), ())
     many = {f"walk_{i}": unknown for i in range(clocks.MOST_NAMES + 1)}
     clocks.overview(tmp_path / "all.svg", {"indoor": many, "outdoor": many | told(capture)})
-    nan = clocks.Told(unknown.clocks, {"cam01": (LAGS_S, np.full(len(LAGS_S), np.nan))}, (), ())
+    nan = clocks.SequenceClocks(unknown.clocks, {"cam01": (LAGS_S, np.full(len(LAGS_S), np.nan))}, (), ())
     clocks.costs(tmp_path / "one.svg", nan)
     for name in ("all.svg", "one.svg"):
         assert (tmp_path / name).stat().st_size > 2000

@@ -5,7 +5,7 @@ import pytest
 
 from dior.errors import DiorError
 from dior.report import cost, pages
-from dior.report.summary import count
+from dior.report.numbers import count
 
 
 class Project:

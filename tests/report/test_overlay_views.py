@@ -14,7 +14,7 @@ def test_a_point_of_the_picture_is_drawn_where_it_is(tall, zoomed):
     radius = max(tall // 20, 2)
     cv2.circle(picture, (800, 380), radius, (255, 255, 255), -1)
     body = middle + np.array([[0, -tall / 2], [0, tall / 2], [20, 0]])
-    view = overlays.view_of(1280, 720, body, zoomed)
+    view = overlays.view_of(1280, 720, overlays.TILE, 0.5, body, zoomed)
     tile = overlays.shown_in(view, picture)
     assert tile.shape == (view.size[1], view.size[0], 3)
     v, u = np.nonzero(tile[..., 0] > 127)
@@ -24,6 +24,7 @@ def test_a_point_of_the_picture_is_drawn_where_it_is(tall, zoomed):
 
 def test_a_small_person_is_enlarged_eight_times_and_a_large_one_fits():
     def scale(tall):
-        return overlays.view_of(1280, 720, np.array([[640.0, 300.0], [640.0, 300.0 + tall]]), True).scale
+        body = np.array([[640.0, 300.0], [640.0, 300.0 + tall]])
+        return overlays.view_of(1280, 720, overlays.TILE, 0.5, body, True).scale
 
     assert scale(22) == 8.0 and 0.5 < scale(400) < 0.7 and scale(719) == 0.5

@@ -5,14 +5,21 @@ GaitGraph: Teepe et al., ICIP 2021; GaitMixer and GaitFormer: Pinyoanuntapong et
 (requirements-reid.txt) and imported only here and below.
 """
 
+from types import ModuleType
+from typing import TYPE_CHECKING
+
+from dior.arrays import AnyPath
 from dior.errors import DiorError, nearest
+
+if TYPE_CHECKING:
+    from torch import nn
 
 NAMES = ("gaitgraph", "gaitmixer", "gaitformer")
 FRAMES, EMBEDDING = 60, 128
 INSTALL = "pip install -r requirements-reid.txt"
 
 
-def no_file(key, path):
+def no_file(key: str, path: AnyPath) -> str:
     """What is said of weights that a key of config.yaml names and that are not there."""
     return (
         f"config/config.yaml: '{key}' names {path}, where there is no file; it is relative to the folder that holds "
@@ -20,7 +27,7 @@ def no_file(key, path):
     )
 
 
-def torch():
+def torch() -> ModuleType:
     """The module torch. Raises DiorError with what to install where it is missing."""
     try:
         import torch
@@ -29,14 +36,14 @@ def torch():
     return torch
 
 
-def build(name):
+def build(name: str) -> "nn.Module":
     """The network of that name, random weights, in evaluation mode."""
     torch()
     from dior.reid.networks.gaitformer import GaitFormer
     from dior.reid.networks.gaitgraph import GaitGraph
     from dior.reid.networks.gaitmixer import GaitMixer
 
-    kinds = dict(zip(NAMES, (GaitGraph, GaitMixer, GaitFormer), strict=True))
+    kinds: dict[str, type[nn.Module]] = dict(zip(NAMES, (GaitGraph, GaitMixer, GaitFormer), strict=True))
     if name not in kinds:
         raise DiorError(f"there is no network '{name}'{nearest(name, NAMES)}")
     return kinds[name]().eval()

@@ -13,7 +13,7 @@ FRAMES, EMBEDDING = 60, 128
 
 
 class GaitFormer(SpatialNetwork):
-    def __init__(self):
+    def __init__(self) -> None:
         super().__init__()
         self.temporal_pos_embed = nn.Parameter(torch.zeros(1, FRAMES + 1, DIM))
         self.temporal_cls_token = nn.Parameter(torch.randn(1, 1, DIM))
@@ -21,7 +21,7 @@ class GaitFormer(SpatialNetwork):
         self.temporal_norm = nn.LayerNorm(DIM, eps=EPS)
         self.head = nn.Sequential(nn.LayerNorm(JOINTS * DIM, eps=1e-5), nn.Linear(JOINTS * DIM, EMBEDDING))
 
-    def temporal(self, x):
+    def temporal(self, x: torch.Tensor) -> torch.Tensor:
         n, t = x.shape[:2]
         if t != FRAMES:
             raise ValueError(f"GaitFormer takes {FRAMES} frames, not {t}")

@@ -17,11 +17,11 @@ EMBEDDING = 128
 class GraphConv(nn.Module):
     """1x1 convolution for each number of hops, summed over the joints that many hops away."""
 
-    def __init__(self, inside, outside):
+    def __init__(self, inside: int, outside: int) -> None:
         super().__init__()
         self.gcn = nn.Conv2d(inside, HOPS * outside, 1)
 
-    def forward(self, x, weights):
+    def forward(self, x: torch.Tensor, weights: torch.Tensor) -> torch.Tensor:
         """x (N, C, T, 17), weights (4, 17, 17) -> (N, outside, T, 17)."""
         n, _, t, v = x.shape
         y = self.gcn(x).view(n, HOPS, -1, t, v)
@@ -29,27 +29,27 @@ class GraphConv(nn.Module):
 
 
 class BasicSpatial(nn.Module):
-    def __init__(self, inside, outside):
+    def __init__(self, inside: int, outside: int) -> None:
         super().__init__()
         self.conv = GraphConv(inside, outside)
         self.bn = nn.BatchNorm2d(outside)
 
-    def forward(self, x, weights):
+    def forward(self, x: torch.Tensor, weights: torch.Tensor) -> torch.Tensor:
         return torch.relu(self.bn(self.conv(x, weights)))
 
 
 class BasicTemporal(nn.Module):
-    def __init__(self, channels):
+    def __init__(self, channels: int) -> None:
         super().__init__()
         self.conv = _over_time(channels, 1)
         self.bn = nn.BatchNorm2d(channels)
 
-    def forward(self, x):
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
         return torch.relu(self.bn(self.conv(x)))
 
 
 class BottleneckSpatial(nn.Module):
-    def __init__(self, inside, outside):
+    def __init__(self, inside: int, outside: int) -> None:
         super().__init__()
         narrow = outside // REDUCTION
         self.residual = nn.Identity() if inside == outside else _matched(inside, outside, 1)
@@ -60,14 +60,14 @@ class BottleneckSpatial(nn.Module):
         self.conv_up = nn.Conv2d(narrow, outside, 1)
         self.bn_up = nn.BatchNorm2d(outside)
 
-    def forward(self, x, weights):
+    def forward(self, x: torch.Tensor, weights: torch.Tensor) -> torch.Tensor:
         y = torch.relu(self.bn_down(self.conv_down(x)))
         y = torch.relu(self.bn(self.conv(y, weights)))
         return torch.relu(self.bn_up(self.conv_up(y)) + self.residual(x))
 
 
 class BottleneckTemporal(nn.Module):
-    def __init__(self, channels, stride):
+    def __init__(self, channels: int, stride: int) -> None:
         super().__init__()
         narrow = channels // REDUCTION
         self.residual = nn.Identity() if stride == 1 else _matched(channels, channels, stride)
@@ -78,7 +78,7 @@ class BottleneckTemporal(nn.Module):
         self.conv_up = nn.Conv2d(narrow, channels, 1)
         self.bn_up = nn.BatchNorm2d(channels)
 
-    def forward(self, x):
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
         y = torch.relu(self.bn_down(self.conv_down(x)))
         y = torch.relu(self.bn(self.conv(y)))
         return torch.relu(self.bn_up(self.conv_up(y)) + self.residual(x))
@@ -87,27 +87,27 @@ class BottleneckTemporal(nn.Module):
 class Block(nn.Module):
     """Joints, then times; `edge` weighs the graph's links and is learned."""
 
-    def __init__(self, spatial, temporal, graph):
+    def __init__(self, spatial: nn.Module, temporal: nn.Module, graph: torch.Tensor) -> None:
         super().__init__()
         self.edge = nn.Parameter(torch.ones_like(graph))
         self.scn = spatial
         self.tcn = temporal
 
-    def forward(self, x, graph):
+    def forward(self, x: torch.Tensor, graph: torch.Tensor) -> torch.Tensor:
         return self.tcn(self.scn(x, graph * self.edge))
 
 
 class Branch(nn.Module):
     """The input's own blocks."""
 
-    def __init__(self, graph):
+    def __init__(self, graph: torch.Tensor) -> None:
         super().__init__()
         self.register_buffer("A", graph.clone())
         self.bn = nn.BatchNorm2d(3)
         first = Block(BasicSpatial(3, 64), BasicTemporal(64), graph)
         self.layers = nn.ModuleList([first, _bottleneck(64, 64, 1, graph), _bottleneck(64, 32, 1, graph)])
 
-    def forward(self, x):
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
         x = self.bn(x)
         for layer in self.layers:
             x = layer(x, self.A)
@@ -115,7 +115,7 @@ class Branch(nn.Module):
 
 
 class GaitGraph(nn.Module):
-    def __init__(self):
+    def __init__(self) -> None:
         super().__init__()
         graph = torch.tensor(adjacency(), dtype=torch.float32)
         self.register_buffer("A", graph)
@@ -125,27 +125,27 @@ class GaitGraph(nn.Module):
         self.fcn = nn.Linear(256, EMBEDDING)
         _initialise(self)
 
-    def forward(self, x):
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
         y = self.input_branches[0](x[:, 0])
         for block in self.main_stream:
             y = block(y, self.A)
         return functional.normalize(self.fcn(y.mean(dim=(2, 3))), dim=1)
 
 
-def _bottleneck(inside, outside, stride, graph):
+def _bottleneck(inside: int, outside: int, stride: int, graph: torch.Tensor) -> Block:
     return Block(BottleneckSpatial(inside, outside), BottleneckTemporal(outside, stride), graph)
 
 
-def _over_time(channels, stride):
+def _over_time(channels: int, stride: int) -> nn.Conv2d:
     return nn.Conv2d(channels, channels, (KERNEL, 1), (stride, 1), (KERNEL // 2, 0))
 
 
-def _matched(inside, outside, stride):
+def _matched(inside: int, outside: int, stride: int) -> nn.Sequential:
     """What is added back where the shape changes."""
     return nn.Sequential(nn.Conv2d(inside, outside, 1, (stride, 1)), nn.BatchNorm2d(outside))
 
 
-def _initialise(network):
+def _initialise(network: GaitGraph) -> None:
     """The authors' start: Kaiming convolutions; a bottleneck adds nothing at first."""
     for name, module in network.named_modules():
         if isinstance(module, nn.Conv2d):

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from dior.arrays import Floats, Ints
+
 EDGES = (
     *((0, 1), (0, 2), (1, 3), (2, 4), (3, 5), (4, 6), (5, 6), (5, 7), (7, 9)),
     *((6, 8), (8, 10), (5, 11), (6, 12), (11, 12), (11, 13), (13, 15), (12, 14), (14, 16)),
@@ -9,7 +11,7 @@ EDGES = (
 JOINTS, MAX_HOP = 17, 3
 
 
-def hops():
+def hops() -> Ints:
     """Length of the shortest path between any two joints, (17, 17) int."""
     step = np.eye(JOINTS, dtype=int)
     for a, b in EDGES:
@@ -21,7 +23,7 @@ def hops():
     return distance
 
 
-def adjacency():
+def adjacency() -> Floats:
     """Weight of joint i at joint j by the hops between them, (4, 17, 17): one over the joints within 3 hops of j."""
     distance = hops()
     near = (distance <= MAX_HOP).sum(axis=0)

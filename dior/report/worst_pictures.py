@@ -4,9 +4,13 @@ INPUTS   `frame_metrics` files
 OUTPUTS  per section of the index: words and the worst picture of each of a few recordings
 """
 
+from collections.abc import Iterable
+from typing import Any
+
 import numpy as np
 
-from dior.report.summary import show
+from dior.arrays import AnyPath
+from dior.report.numbers import show
 from dior.tables import tables
 
 # by section of the index: metric, sign (+1: large is bad), unit, words
@@ -15,13 +19,14 @@ SECTIONS = {
     "Long range": ("in_box_share", -1, "share", "Fewest labels in the hand box"),
     "Against the known truth": ("error_to_truth_2d", 1, "px", "Furthest from the truth"),
 }
+# recordings per section; chosen: a list that is read to its end
 MOST = 5
 
 
-def of_sections(paths):
+def of_sections(paths: Iterable[AnyPath]) -> dict[str, dict[str, Any] | None]:
     """Section -> dict words, pictures: the worst picture of each of the MOST worst recordings."""
     wanted = {metric for metric, *_ in SECTIONS.values()}
-    worst = {metric: {} for metric in wanted}
+    worst: dict[str, dict[tuple[str, str], tuple[float, int]]] = {metric: {} for metric in wanted}
     for path in paths:
         table = tables.read(path, "frame_metrics", ["metric", "sequence", "camera", "frame", "value"])
         for metric, sign, *_ in SECTIONS.values():
@@ -31,7 +36,7 @@ def of_sections(paths):
                 i = int(np.argmax(sign * mine["value"]))
                 recording = (mine["sequence"][i], camera)
                 worst[metric][recording] = (float(mine["value"][i]), int(mine["frame"][i]))
-    found = {}
+    found: dict[str, dict[str, Any] | None] = {}
     for section, (metric, sign, unit, words) in SECTIONS.items():
         ordered = sorted(worst[metric].items(), key=lambda item: (-sign * item[1][0], item[0]))[:MOST]
         pictures = [

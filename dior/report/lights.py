@@ -1,17 +1,22 @@
 """What the numbers mean: a traffic light per sequence and camera, with the reason in words.
 
 INPUTS   rows of metrics.csv, `frame_metrics`, `findings`, the sheets
-OUTPUT   `Light`s, counts and the figures of the table; nothing is drawn or written here
+OUTPUT   `Light`s and findings; nothing is drawn or written here
 """
 
+from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
-from dior.evaluate import bootstrap
-from dior.evaluate.metrics import QUANTILES
+from dior.arrays import Ints
 from dior.geometry.camera import REFERENCE_FX
+from dior.report.key_figures import Row
+from dior.report.numbers import show
 
+# scope, severity, code, text
+Finding: TypeAlias = tuple[str, str, str, str]
 LEVELS = ("good", "look", "bad", "none")
 WORDS = {"good": "good", "look": "look at it", "bad": "fix it", "none": "left out"}
 
@@ -30,6 +35,7 @@ class Limit:
     scaled_by_fx: bool = False
 
 
+# where `why` gives no measurement, chosen: `look` where a person would want to see it, `bad` where labels are no use
 LIMITS = (
     Limit("coverage", 0.95, 0.80, -1, "share", "{} of the joints have a label", "more than a few gaps"),
     Limit(
@@ -57,7 +63,8 @@ LIMITS = (
         "they are turned back before use; when they are many, some will have been overlooked",
     ),
 )  # fmt: skip
-# a walk whose error is that many times the median of at least so many others stands out
+# a walk whose error is that many times the median of at least so many others stands out; chosen: a wrong clock or a
+# bystander multiplies the error, people and outfits do not double it
 STANDS_OUT, OTHERS = 2.0, 2
 YARDSTICKS = {"in_box_share", "check_error", "error_to_truth_2d"}
 SEVERITY_LEVEL = {"info": "good", "warning": "look", "error": "bad"}
@@ -68,20 +75,22 @@ class Light:
     """`level` is one of LEVELS; `reasons`: what made it amber or red; `facts`: the other figures in words."""
 
     level: str
-    reasons: tuple = ()
-    facts: tuple = ()
+    reasons: tuple[str, ...] = ()
+    facts: tuple[str, ...] = ()
 
     @property
-    def word(self):
+    def word(self) -> str:
         return WORDS[self.level]
 
 
-def worst(levels):
+def worst(levels: Iterable[str]) -> str:
     """The most serious of levels."""
     return max(levels, key=LEVELS.index, default="good")
 
 
-def judge(figures, fx, findings=(), role="close"):
+def judge(
+    figures: Mapping[str, float], fx: float | None, findings: Iterable[tuple[str, str]] = (), role: str = "close"
+) -> Light:
     """The `Light` of a camera of a sequence.
 
     `figures`: metric -> value, `fx` px or None, `findings`: (severity, text) pairs that are about this camera.
@@ -112,12 +121,14 @@ def judge(figures, fx, findings=(), role="close"):
     )
 
 
-def about(scope, names):
+def about(scope: str, names: Iterable[str]) -> bool:
     """Whether a finding's scope, words separated by "/", says nothing but `names` (of a sequence, camera, ...)."""
     return {word for word in scope.split("/") if word} <= set(names)
 
 
-def findings_of(findings, sequence, session, subject, camera=""):
+def findings_of(
+    findings: Iterable[Finding], sequence: str, session: str, subject: str, camera: str = ""
+) -> list[tuple[str, str]]:
     """(severity, text) of `findings` (scope, severity, code, text) about a sequence, or about one of its cameras."""
     names = {sequence, session, subject, camera} - {""}
     return [
@@ -127,7 +138,12 @@ def findings_of(findings, sequence, session, subject, camera=""):
     ]
 
 
-def noticed(cameras, pictures, rows, environment):
+def noticed(
+    cameras: Mapping[str, Iterable[str]],
+    pictures: Mapping[str, Container[str]],
+    rows: list[Row],
+    environment: Mapping[str, str],
+) -> list[Finding]:
     """Findings that only show when all sequences are looked at: one that failed, a camera that is missing, high error.
 
     `cameras`: sequence -> names of its cameras, `pictures`: sequence -> those that have recorded any, where known,
@@ -149,7 +165,7 @@ def noticed(cameras, pictures, rows, environment):
     return found + _standing_out(rows, environment)
 
 
-def _standing_out(rows, environment):
+def _standing_out(rows: list[Row], environment: Mapping[str, str]) -> list[Finding]:
     """Findings about sequences whose labels are much further from the detections than those of the others."""
     errors = {
         row["sequence"]: row["value"]
@@ -173,75 +189,10 @@ def _standing_out(rows, environment):
     return found
 
 
-def show(value, unit):
-    """A figure for people: shares in percent, metres in millimetres, three significant digits."""
-    if not np.isfinite(value):
-        return "unknown"
-    value, unit = (100 * value, "%") if unit == "share" else (1000 * value, "mm") if unit == "m" else (value, unit)
-    digits = 1 if abs(value) >= 9.95 or unit == "%" else 2
-    return f"{value:.{digits}f} {unit}"
-
-
-def count(number):
-    """A whole number with thin spaces between thousands."""
-    return f"{int(number):,}".replace(",", "\u202f")
-
-
-def lost_share(stamp_ns):
+def lost_share(stamp_ns: Ints) -> float:
     """Share of pictures missing from stamps (F,) ns, by the gaps that are a multiple of the median period."""
     if len(stamp_ns) < 3:
         return 0.0
     steps = np.diff(stamp_ns)
     lost = (np.rint(steps / np.median(steps)).astype(int) - 1).clip(0).sum()
     return float(lost / (lost + len(stamp_ns)))
-
-
-def _interval(members):
-    """The bootstrap's interval over the subjects of rows, in words; empty with one subject."""
-    _, index = np.unique([row["subject"] for row in members], return_inverse=True)
-    n = np.array([row["n"] for row in members])
-    sums = n * np.array([row["value"] for row in members])
-    low, high = bootstrap.of_mean(np.bincount(index, sums), np.bincount(index, n))
-    if not np.isfinite(low):
-        return ""
-    unit = members[0]["unit"]
-    return f"{show(low, unit).split(' ')[0]} to {show(high, unit)}"
-
-
-def table_of(rows, environment):
-    """Rows of the key figures: dicts metric, where, value, interval, n; means weighted by n over the sequences.
-
-    `environment`: sequence -> indoor | outdoor. Rows of no sequence (the adjustment's) are taken as they are.
-    """
-    whole = [row for row in rows if not row["joint"]]
-    # the mean of quantiles is no quantile
-    means = [row for row in whole if row["metric"] not in QUANTILES]
-    groups = {}
-    for row in means:
-        if row["sequence"] and (row["camera"] or not row["role"]):
-            key = (row["metric"], environment.get(row["sequence"], ""), row["role"], row["tool"])
-            groups.setdefault(key, []).append(row)
-    lines = [
-        {
-            "metric": metric,
-            "where": " ".join(word for word in (env, role.replace("_", " "), tool) if word),
-            "value": show(np.dot([r["n"] for r in members], [r["value"] for r in members]) / n, members[0]["unit"]),
-            "interval": _interval(members),
-            "n": count(n),
-        }
-        for (metric, env, role, tool), members in sorted(groups.items())
-        if (n := sum(r["n"] for r in members))
-    ]
-    pooled = {row["metric"] for row in means if row["sequence"]}
-    lines += [
-        {
-            "metric": row["metric"],
-            "where": "all",
-            "value": show(row["value"], row["unit"]),
-            "interval": "",
-            "n": count(row["n"]),
-        }
-        for row in whole
-        if row["metric"] not in pooled and not row["camera"] and not row["subject"] and not row["role"]
-    ]
-    return lines

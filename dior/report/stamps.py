@@ -1,7 +1,7 @@
 """What the report says of the stamps of each sequence, from the audit's tables.
 
 INPUTS   `stamp_audit`, `dropped_frames` and `frames` tables, a file per sequence, named by it
-OUTPUTS  a `Recorded` per sequence: numbers to draw and rows of text
+OUTPUTS  a `SequenceStamps` per sequence: numbers to draw and rows of text
 """
 
 from dataclasses import dataclass
@@ -9,26 +9,27 @@ from pathlib import Path
 
 import numpy as np
 
-from dior.report.summary import count, show
+from dior.arrays import Floats, Table
+from dior.report.numbers import count, show
 from dior.tables import tables
 
 REPEATED = ("same_stamp", "same_picture")
 
 
-@dataclass(frozen=True)
-class Recorded:
+@dataclass(frozen=True, eq=False)
+class SequenceStamps:
     """`lags`: camera -> (times (F,) s, lag beyond its median (F,) ms); `dropped`: camera -> reason -> times s.
 
     `rows`: what the page's table shows, a dict per camera and bag.
     """
 
-    lags: dict
-    dropped: dict
-    rows: tuple
+    lags: dict[str, tuple[Floats, Floats]]
+    dropped: dict[str, dict[str, list[float]]]
+    rows: tuple[dict[str, str], ...]
 
 
-def read(audits, dropped, frames):
-    """`Recorded` by sequence, in the order of `audits`; the three lists hold the same sequences."""
+def read(audits: list[Path], dropped: list[Path], frames: list[Path]) -> dict[str, SequenceStamps]:
+    """`SequenceStamps` by sequence, in the order of `audits`; the three lists hold the same sequences."""
     lost = {Path(path).name.partition(".")[0]: path for path in dropped}
     pictures = {Path(path).name.partition(".")[0]: path for path in frames}
     return {
@@ -38,7 +39,7 @@ def read(audits, dropped, frames):
     }
 
 
-def _recorded(sequence, audit, dropped, frames):
+def _recorded(sequence: str, audit: Path, dropped: Path, frames: Path) -> SequenceStamps:
     table = tables.read(frames, "frames", ["camera", "stamp_ns", "receive_ns"])
     start = table["stamp_ns"].min()
     lags = {}
@@ -46,14 +47,15 @@ def _recorded(sequence, audit, dropped, frames):
         own = tables.of_camera(table, camera)
         lag = (own["receive_ns"] - own["stamp_ns"]) / 1e6
         lags[camera] = (own["stamp_ns"] - start) / 1e9, lag - np.median(lag)
-    lost, reasons = tables.read(dropped, "dropped_frames"), {}
+    lost = tables.read(dropped, "dropped_frames")
+    reasons: dict[str, dict[str, list[float]]] = {}
     for camera, stamp, reason in zip(lost["camera"], lost["stamp_ns"].tolist(), lost["reason"], strict=True):
         reasons.setdefault(camera, {}).setdefault(reason, []).append((stamp - start) / 1e9)
     rows = tables.read(audit, "stamp_audit")
-    return Recorded(lags, reasons, tuple(_row(sequence, rows, i) for i in range(len(rows["camera"]))))
+    return SequenceStamps(lags, reasons, tuple(_row(sequence, rows, i) for i in range(len(rows["camera"]))))
 
 
-def _row(sequence, table, i):
+def _row(sequence: str, table: Table, i: int) -> dict[str, str]:
     one = {key: values[i] for key, values in table.items()}
     return {
         "sequence": sequence,

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from dior.reconstruct import triangulate
+from dior.report import lights
 from dior.report import report as page
-from dior.report import summary
 from dior.tables import tables
 from tests.report.conftest import SEQUENCES
 from tests.report.test_report import audited, counted
@@ -32,27 +32,27 @@ def codes(found):
 
 def test_nothing_is_said_of_what_is_there():
     errors = [row("reprojection_error", name, value=value) for name, value in zip(CAMERAS, (3, 4, 5), strict=True)]
-    assert summary.noticed(CAMERAS, {name: set(CAMERAS[name]) for name in CAMERAS}, labelled() + errors, OUTDOOR) == []
+    assert lights.noticed(CAMERAS, {name: set(CAMERAS[name]) for name in CAMERAS}, labelled() + errors, OUTDOOR) == []
 
 
 def test_a_failed_sequence():
-    found = summary.noticed(CAMERAS, {}, labelled(("walk_2", "cam01"), ("walk_2", "cam02")), OUTDOOR)
+    found = lights.noticed(CAMERAS, {}, labelled(("walk_2", "cam01"), ("walk_2", "cam02")), OUTDOOR)
     assert codes(found) == [("walk_2", "error", "sequence_failed")] and "exclude_reason" in found[0][3]
 
 
 def test_a_missing_camera():
-    found = summary.noticed(CAMERAS, {"walk_1": {"cam01"}}, labelled(("walk_1", "cam02")), OUTDOOR)
+    found = lights.noticed(CAMERAS, {"walk_1": {"cam01"}}, labelled(("walk_1", "cam02")), OUTDOOR)
     assert codes(found) == [("walk_1/cam02", "error", "camera_missing")] and "no picture of it" in found[0][3]
 
 
 @pytest.mark.parametrize(("value", "stands_out"), [(7.9, False), (8.1, True)])
 def test_high_error_is_one_of_a_sequence_among_others(value, stands_out):
     errors = [row("reprojection_error", name, value=e) for name, e in zip(CAMERAS, (3, 5, value), strict=True)]
-    found = summary.noticed(CAMERAS, {}, labelled() + errors, OUTDOOR)
+    found = lights.noticed(CAMERAS, {}, labelled() + errors, OUTDOOR)
     assert codes(found) == ([("walk_3", "warning", "high_error")] if stands_out else [])
     assert not stands_out or "labels are 8.10 px from the detections, where those of the other" in found[0][3]
     # two walks are too few to say which one is wrong
-    assert summary.noticed(CAMERAS, {}, labelled() + errors[1:], OUTDOOR) == []
+    assert lights.noticed(CAMERAS, {}, labelled() + errors[1:], OUTDOOR) == []
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,96 @@
+import numpy as np
+import pytest
+
+from dior.geometry.camera import REFERENCE_FX
+from dior.report import lights, numbers
+
+GOOD = {"coverage": 0.99, "in_picture_share": 0.9, "reprojection_error": 3.0}
+
+
+def test_a_camera_within_all_limits_is_good():
+    light = lights.judge(GOOD, 640.0)
+    assert light.level == "good" and light.reasons == ()
+    assert "labels are 3.0 px from the detections" in " ".join(light.facts).replace("3.00", "3.0")
+
+
+@pytest.mark.parametrize(
+    ("figures", "level", "words"),
+    [
+        ({"coverage": 0.90}, "look", "90.0 % of the joints have a label"),
+        ({"coverage": 0.50}, "bad", "50.0 %"),
+        ({"reprojection_error": 8.0}, "look", "8.00 px from the detections (limit 5.71 px)"),
+        ({"reprojection_error": 20.0}, "bad", "20.0 px from the detections"),
+        ({"in_box_share": 0.5}, "bad", "50.0 % of the labels are in the hand boxes"),
+        ({"in_picture_share": 0.0}, "bad", "0.0 % of the labels are in the picture"),
+        ({"swapped_share": 0.4}, "look", "left and right were exchanged in 40.0 %"),
+    ],
+)
+def test_each_limit_has_its_words(figures, level, words):
+    light = lights.judge(GOOD | figures, 640.0)
+    assert light.level == level and any(words in reason for reason in light.reasons)
+
+
+def test_no_labels_are_bad_and_findings_count():
+    assert lights.judge({}, None).level == "bad"
+    light = lights.judge(GOOD, 640.0, [("warning", "the camera moved"), ("info", "48 marks")])
+    assert light.level == "look" and light.reasons == ("the camera moved",) and "48 marks" in light.facts
+
+
+def test_a_long_range_camera_that_nothing_checks_is_never_good():
+    light = lights.judge({"coverage": 1.0, "in_picture_share": 1.0}, 760.0, role="long_range")
+    assert light.level == "look" and "draw boxes" in light.reasons[0]
+    boxed = {"coverage": 1.0, "in_picture_share": 1.0, "in_box_share": 0.99}
+    assert lights.judge(boxed, 760.0, role="long_range").level == "good"
+
+
+def test_findings_are_matched_to_what_they_are_about():
+    findings = [
+        ("walk/cam01", "info", "a", "one"),
+        ("lab/cam01", "warning", "b", "two"),
+        ("walk", "error", "c", "three"),
+        ("other/cam01", "error", "d", "four"),
+    ]
+    own = lights.findings_of(findings, "walk", "lab", "S01", "cam01")
+    assert own == [("info", "one"), ("warning", "two")]
+    assert lights.findings_of(findings, "walk", "lab", "S01") == [("error", "three")]
+
+
+def test_lost_pictures_are_counted_from_the_gaps():
+    stamps = np.delete(np.arange(100) * 33_333_333, [10, 11, 50])
+    assert lights.lost_share(stamps) == pytest.approx(0.03)
+    assert lights.lost_share(stamps[:2]) == 0.0
+
+
+def test_figures_are_shown_for_people():
+    assert numbers.show(0.967, "share") == "96.7 %"
+    assert numbers.show(0.0123, "m") == "12.3 mm"
+    assert numbers.show(1.234, "px") == "1.23 px"
+    assert numbers.show(np.nan, "px") == "unknown"
+
+
+@pytest.mark.parametrize("limit", lights.LIMITS, ids=lambda limit: limit.metric)
+def test_a_figure_at_its_limit_is_within_it_and_one_beyond_is_not(limit):
+    def level(value):
+        return lights.judge({"coverage": 1.0, limit.metric: value}, REFERENCE_FX).level
+
+    beyond = 1 + 1e-9 * limit.sign
+    assert level(limit.look) == "good" and level(limit.look * beyond) == "look"
+    if np.isfinite(limit.bad):
+        assert level(limit.bad) == "look" and level(limit.bad * beyond) == "bad"
+
+
+def test_the_limits_are_where_their_reasons_put_them():
+    """What is measured passes: a detector's noise, a steady hand, boxes drawn 3 px large; tight boxes are no fault of
+    the labels but tell nothing, and a picture in 20 that was lost is much."""
+    limit = {one.metric: one for one in lights.LIMITS}
+    assert limit["reprojection_error"].look == 15 and limit["reprojection_error"].scaled_by_fx
+    assert all(2 < limit[name].look < limit[name].bad for name in ("mark_error", "check_error", "error_to_truth_2d"))
+    assert limit["in_box_share"].look == 0.95 and limit["in_box_share"].bad > 0.63
+    assert limit["lost_pictures"].bad == 0.05 and limit["lost_pictures"].look < 0.05
+    assert limit["coverage"].sign == limit["in_picture_share"].sign == limit["in_box_share"].sign == -1
+
+
+def test_a_far_camera_has_wider_limits_in_pixels_only_where_they_are_a_detectors():
+    figures = {"coverage": 1.0, "in_box_share": 1.0}
+    assert lights.judge(figures | {"reprojection_error": 29.0}, 2 * REFERENCE_FX).level == "good"
+    assert lights.judge(figures | {"check_error": 5.0}, 2 * REFERENCE_FX).level == "look"
