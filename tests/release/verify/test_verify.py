@@ -10,6 +10,7 @@ import pytest
 
 from dior.cli import main
 from dior.release import checksums, tarballs
+from dior.release.verify import walk_checks
 from dior.tables import tables
 from tests.release import made as project
 from tests.release import made_up
@@ -570,3 +571,11 @@ def test_a_file_where_a_release_has_none(made, verified, stray):
     shutil.copyfile(made / LABELS, made / stray)
     made_up.remade(made)
     assert f"{made.name}/{stray}: lies where a release has no files" in verified(made)
+
+
+@pytest.mark.parametrize("marker", [0xFE, 0xE1, 0xED, 0xEF])
+def test_a_comment_or_an_application_segment_in_a_picture_is_a_problem(marker):
+    data = made_up.jpeg()
+    assert walk_checks.jpeg_size(data) == (made_up.HEIGHT, made_up.WIDTH)
+    with pytest.raises(ValueError, match=f"more than the picture is in it .JPEG segment {marker:#x}"):
+        walk_checks.jpeg_size(data[:2] + bytes([0xFF, marker, 0, 6]) + b"home" + data[2:])
