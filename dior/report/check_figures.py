@@ -1,19 +1,23 @@
 """Figures of the hand checks, the hand boxes and the other detectors: what is drawn, from the rows of metrics.csv.
 
-INPUTS   rows of metrics.csv as `dior.evaluate.metrics.read` gives them
+INPUTS   the table metrics.csv
 OUTPUT   `Drawing`s: what plots.marks and plots.bars draw, with title, caption and the text for who cannot see it
 """
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from dior.report import plots
-from dior.report.key_figures import Row
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 ALL = "all"
+# columns of metrics.csv in which an empty cell means all
+POOLED = ("tool", "subject", "sequence", "camera", "role", "joint")
 INTERVAL = "Lines are 95 % intervals over the subjects; where there is none, it is not known."
 PAPER_IN_BOX = (0.9669, "96.69 % in the paper")
 
@@ -31,7 +35,7 @@ class Drawing:
     options: dict[str, Any]
 
 
-def indoor(rows: list[Row]) -> list[Drawing]:
+def indoor(table: "pd.DataFrame") -> list[Drawing]:
     """Distances of the labels from hand checks, by camera and by subject."""
     series = {
         "median": "check_error_median",
@@ -40,50 +44,46 @@ def indoor(rows: list[Row]) -> list[Drawing]:
     }
     text = "Points marked by hand for this purpose only; half of them are nearer than the median."
     return [
-        *_marks("check_error_camera", rows, "camera", series, "distance, px", "Hand checks against labels, by camera",
+        *_marks("check_error_camera", table, "camera", series, "distance, px", "Hand checks against labels, by camera",
                 text),
-        *_marks("check_error_subject", rows, "subject", series, "distance, px",
+        *_marks("check_error_subject", table, "subject", series, "distance, px",
                 "Hand checks against labels, by subject", text),
     ]  # fmt: skip
 
 
-def long_range(rows: list[Row]) -> list[Drawing]:
+def long_range(table: "pd.DataFrame") -> list[Drawing]:
     """Labels against hand boxes, by subject."""
     return [
-        *_marks("in_box_subject", rows, "subject", {"labels": "in_box_share", "perfect labels": "in_box_expected"},
-                "labels in the box, %", "Labels in the hand boxes, by subject", in_box_words(rows), percent=True,
+        *_marks("in_box_subject", table, "subject", {"labels": "in_box_share", "perfect labels": "in_box_expected"},
+                "labels in the box, %", "Labels in the hand boxes, by subject", in_box_words(table), percent=True,
                 limit=PAPER_IN_BOX),
-        *_marks("box_iou_subject", rows, "subject", {"overlap": "box_iou"}, "common area / area of either, %",
+        *_marks("box_iou_subject", table, "subject", {"overlap": "box_iou"}, "common area / area of either, %",
                 "Overlap of label box and hand box, by subject",
                 "Intersection over union; the label box is tight around the labels of the picture.", percent=True),
-        *_marks("box_offset_subject", rows, "subject", {"right": "box_offset_u", "down": "box_offset_v"},
+        *_marks("box_offset_subject", table, "subject", {"right": "box_offset_u", "down": "box_offset_v"},
                 "centre of the label box minus that of the hand box, px", "Offset of the labels, by subject",
                 "Labels that are off as a whole show here. A hand box with the whole head has its centre above that "
                 "of the landmarks."),
-        *_marks("box_size_subject", rows, "subject",
+        *_marks("box_size_subject", table, "subject",
                 {"width": "box_width_difference", "height": "box_height_difference"},
                 "size of the label box minus that of the hand box, px", "Size of the boxes, by subject",
                 "Negative: drawn larger than tight, which is what raises the share in the box."),
     ]  # fmt: skip
 
 
-def in_box_words(rows: list[Row]) -> str:
+def in_box_words(table: "pd.DataFrame") -> str:
     """What the share in hand boxes is to be compared with in this capture."""
-    pooled = {
-        row["metric"]: row["value"]
-        for row in rows
-        if row["metric"] in ("in_box_share", "in_box_expected") and _only(row, "role") and row["role"] == "long_range"
-    }
-    if len(pooled) < 2:
+    far = pooled(table, "role").query("role == 'long_range'").set_index("metric")["value"]
+    if not {"in_box_share", "in_box_expected"} <= set(far.index):
         return "The share says as much of the boxes as of the labels: large boxes hold any label."
-    share, expected = 100 * pooled["in_box_share"], 100 * pooled["in_box_expected"]
+    share, expected = 100 * far["in_box_share"], 100 * far["in_box_expected"]
     return (
         f"The share says as much of the boxes as of the labels: perfect labels would score {expected:.1f} % in boxes "
         f"drawn like these, which is good to about 4 percentage points with 30 boxes; these labels score {share:.1f} %."
     )
 
 
-def detectors(rows: list[Row]) -> list[Drawing]:
+def detectors(table: "pd.DataFrame") -> list[Drawing]:
     """The paper's tables 2 and 3: what other detectors find at long range, by tool, raw and zoomed."""
     found = []
     for name, metric, title, text in (
@@ -92,12 +92,11 @@ def detectors(rows: list[Row]) -> list[Drawing]:
         ("success_tool", "success_share", "Pictures in which other detectors find the subject",
          "The paper's table 3: at least 20 % of the keypoints of somebody lie in the label box; n are pictures."),
     ):  # fmt: skip
-        own = [row for row in rows if row["metric"] == metric and row["tool"] and _only(row, "role", "tool")]
-        several = len({row["role"] for row in own}) > 1
-        bars = {
-            row["tool"] + (f", {row['role'].replace('_', ' ')}" if several else ""): _of(row)
-            for row in sorted(own, key=lambda r: (r["role"] != "long_range", r["tool"]))
-        }
+        own = pooled(table, "role", "tool")
+        own = own[(own["metric"] == metric) & (own["tool"] != "")]
+        own = own.assign(close=own["role"] != "long_range").sort_values(["close", "tool"])
+        several = own["role"].nunique() > 1
+        bars = {row.tool + (f", {row.role.replace('_', ' ')}" if several else ""): _of(row) for row in own.itertuples()}
         if bars:
             said = "; ".join(f"{tool} {100 * bar[0]:.1f} %, n {bar[3]}" for tool, bar in bars.items())
             found.append(
@@ -107,55 +106,60 @@ def detectors(rows: list[Row]) -> list[Drawing]:
     return found
 
 
-def interval(rows: list[Row], metric: str, n: int, **where: str) -> tuple[float, float]:
+def pooled(table: "pd.DataFrame", *columns: str) -> "pd.DataFrame":
+    """The rows that are pooled over everything but these columns."""
+    return table[(table[[key for key in POOLED if key not in columns]] == "").all(axis=1)]
+
+
+def interval(table: "pd.DataFrame", metric: str, n: int, **where: str) -> tuple[float, float]:
     """(low, high) of the pooled row of `metric` with the columns `where` if it is of the same `n` values, else NaN.
 
     What is drawn may be of one environment; a row that pools more is not its interval.
     """
-    for row in rows:
-        if row["metric"] == metric and row["n"] == n and _only(row, "role", *where):
-            if all(row[key] == value for key, value in where.items()):
-                return row["low"], row["high"]
-    return np.nan, np.nan
+    own = pooled(table, "role", *where)
+    own = own[(own["metric"] == metric) & (own["n"] == n)]
+    for key, value in where.items():
+        own = own[own[key] == value]
+    return (own["low"].iloc[0], own["high"].iloc[0]) if len(own) else (np.nan, np.nan)
 
 
-def whole(rows: list[Row], metric: str, n: int) -> plots.Value | None:
+def whole(table: "pd.DataFrame", metric: str, n: int) -> plots.Value | None:
     """(value, low, high, n) of everything of a metric, if the row is of the same `n` values and has an interval."""
-    for row in rows:
-        if row["metric"] == metric and row["n"] == n and _only(row) and np.isfinite(row["low"]):
-            return _of(row)
-    return None
+    own = pooled(table)
+    own = own[(own["metric"] == metric) & (own["n"] == n) & own["low"].notna()]
+    return _of(next(own.itertuples())) if len(own) else None
 
 
-def _only(row: Row, *columns: str) -> bool:
-    """Whether a row is pooled over everything but these columns."""
-    return not any(row[key] for key in ("tool", "subject", "sequence", "camera", "role", "joint") if key not in columns)
-
-
-def _of(row: Row) -> plots.Value:
-    return row["value"], row["low"], row["high"], row["n"]
+def _of(row: Any) -> plots.Value:
+    """Of a row that `itertuples` gives."""
+    return row.value, row.low, row.high, row.n
 
 
 def _marks(
-    name: str, rows: list[Row], group: str, series: Mapping[str, str], label: str, title: str, text: str, **options: Any
+    name: str,
+    table: "pd.DataFrame",
+    group: str,
+    series: Mapping[str, str],
+    label: str,
+    title: str,
+    text: str,
+    **options: Any,
 ) -> list[Drawing]:
     """`plots.marks` of the metrics `series` (name -> metric) by camera or subject, and of all; [] without rows."""
-    by_metric = {metric: shown for shown, metric in series.items()}
-    members: dict[str, dict[str, list[Row]]] = {shown: {} for shown in series}
-    for row in rows:
-        shown = by_metric.get(row["metric"])
-        if shown and not row["tool"] and row["role"] and row[group] and _only(row, group, "role"):
-            members[shown].setdefault(row[group], []).append(row)
-        elif shown and not row["tool"] and row["role"] and _only(row, "role"):
-            members[shown].setdefault(ALL, []).append(row)
+    own = pooled(table, group, "role").query("role != ''")
+    own = own[own["metric"].isin(list(series.values()))]
+    if own.empty:
+        return []
+    own = own.assign(at=own[group].replace("", ALL))
     # a camera's name may have two roles in two sessions: the row with more values counts
+    own = own.sort_values("n", ascending=False, kind="stable").drop_duplicates(["metric", "at"]).sort_index()
     values = {
-        shown: {at: _of(max(own, key=lambda r: r["n"])) for at, own in by_group.items()}
-        for shown, by_group in members.items()
+        shown: {row.at: _of(row) for row in own[own["metric"] == metric].itertuples()}
+        for shown, metric in series.items()
     }
-    groups = sorted({at for by_group in values.values() for at in by_group if at != ALL})
+    groups = sorted({*own["at"]} - {ALL})
     if not groups:
         return []
-    groups += [ALL] if any(ALL in by_group for by_group in values.values()) else []
+    groups += [ALL] if ALL in {*own["at"]} else []
     alt = f"{title}: {', '.join(series)} of {len(groups)} rows"
     return [Drawing(name, plots.marks, (groups, values, label), title, f"{text} {INTERVAL}", alt, options)]

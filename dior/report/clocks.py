@@ -26,14 +26,16 @@ if TYPE_CHECKING:
 Row: TypeAlias = dict[str, Any]
 # lags (L,) ms and what each costs (L,) px
 Curve: TypeAlias = tuple[Floats, Floats]
-# what a clock was told by, where that is not the word of table `offsets`
+# where a clock comes from, where that is not the word of table `offsets`
 WORDS = {"cameras": "other cameras", "boxes": "hand boxes", "manual": "by hand", "assumed_zero": "not known"}
 DOUBTED = ("clock_unknown", "clock_contradicts", "clock_off")
 NOTHING = "\u2013"
-ZOOM_MS = 120.0
-WINDOW_MS = 2000.0
+# what the lower panel shows beyond the clocks, and how far it goes to show them; chosen: some pictures at 30 Hz
+ZOOM_MS, WINDOW_MS = 120.0, 2000.0
+# chosen: more names than this below a figure overlap
 MOST_NAMES = 12
-HEIGHT = 4.6
+HEIGHT = 4.6  # inches
+# ticks of a decade
 STEPS = (1, 2, 3, 5, 7)
 
 
@@ -79,13 +81,13 @@ def read(
         for i, key in enumerate(zip(table["sequence"], table["camera"], strict=True)):
             known[key] = {name: values[i] for name, values in table.items()}
     return {
-        sequence: _told(sequence, {c: known[sequence, c] for c in names if (sequence, c) in known}, tried, said)
+        sequence: _of_sequence(sequence, {c: known[sequence, c] for c in names if (sequence, c) in known}, tried, said)
         for sequence, names in cameras.items()
         if any((sequence, c) in known for c in names)
     }
 
 
-def _told(
+def _of_sequence(
     sequence: str, clocks: Mapping[str, Row], tried: Mapping[tuple[str, str], Curve], said: Mapping[str, list[str]]
 ) -> SequenceClocks:
     costs = {c: tried[sequence, c] for c in clocks if (sequence, c) in tried}
@@ -104,17 +106,17 @@ def _told(
 
 def _row(one: Row, costs: Curve | None, doubted: bool) -> dict[str, str]:
     unknown = one["source"] == "assumed_zero"
-    taken = unknown or one["source"] == "reference"
+    zero = unknown or one["source"] == "reference"
     half, given = NORMAL_95 * 1e3 * one["sigma_s"], NORMAL_95 * 1e3 * one["given_sigma_s"]
     source = one["method"] if one["source"] == "estimated" else one["source"]
     return {
         "camera": one["camera"],
-        "offset": "0" if taken else _signed(1e3 * one["offset_s"], 1),
-        "interval": "unknown" if unknown else NOTHING if taken else _interval(one, half),
+        "offset": "0" if zero else _signed(1e3 * one["offset_s"], 1),
+        "interval": "unknown" if unknown else NOTHING if zero else _interval(one, half),
         # what is left of it where the poses are not doubted, if that is less
         "given": f"as placed ±{given:.1f}" if given < 0.9 * half else "",
-        "drift": NOTHING if taken else _drift(one["drift_ppm"], NORMAL_95 * one["sigma_drift_ppm"]),
-        "residual": _residual(*costs, 1e3 * one["offset_s"], taken) if costs else NOTHING,
+        "drift": NOTHING if zero else _drift(one["drift_ppm"], NORMAL_95 * one["sigma_drift_ppm"]),
+        "residual": _residual(*costs, 1e3 * one["offset_s"], zero) if costs else NOTHING,
         "source": WORDS.get(source, source),
         "light": "look" if unknown or doubted else "none" if one["source"] == "manual" else "",
     }
@@ -129,9 +131,9 @@ def _drift(value: float, half: float) -> str:
     return _signed(value, 0) + (f" ±{half:.0f}" if half > 0 else "")
 
 
-def _residual(lags: Floats, costs: Floats, offset: float, taken: bool) -> str:
+def _residual(lags: Floats, costs: Floats, offset: float, zero: bool) -> str:
     """Without the offset and with it; only the first where there is none."""
-    values = [at(lags, costs, 0.0)] if taken else [at(lags, costs, 0.0), at(lags, costs, offset)]
+    values = [at(lags, costs, 0.0)] if zero else [at(lags, costs, 0.0), at(lags, costs, offset)]
     return " \u2192 ".join(show(v, "px").removesuffix(" px") if np.isfinite(v) else NOTHING for v in values)
 
 
@@ -149,18 +151,18 @@ def at(lags: Floats, costs: Floats, lag: float) -> float:
     return float(costs[i]) if abs(lags[i] - lag) <= abs(lags[1] - lags[0]) else np.nan
 
 
-def costs(path: Path, told: SequenceClocks) -> None:
+def costs(path: Path, clocked: SequenceClocks) -> None:
     """Costs over all lags that were tried and, below, near the clocks; these are marked with their intervals."""
-    colours = colours_of(told.clocks)
+    colours = colours_of(clocked.clocks)
     # there is one of these per sequence: fixed margins take half the time of those that are found by drawing
     figure, axes = new_figure(2, 1, height=HEIGHT, layout="none")
     rows = -(-len(colours) // 4)
     figure.subplots_adjust(left=0.115, right=0.985, bottom=0.1, top=1 - (0.3 + 0.22 * rows) / HEIGHT, hspace=0.33)
-    for camera, (lags, cost) in told.costs.items():
+    for camera, (lags, cost) in clocked.costs.items():
         height = np.log10(np.where(cost > 0, cost, np.nan))
         for axis, mark in zip(axes, ("", "."), strict=True):
             axis.plot(lags, height, color=colours[camera], lw=1.2, marker=mark, ms=4)
-    marked = {c: one for c, one in told.clocks.items() if one[3] in ("estimated", "manual")}
+    marked = {c: one for c, one in clocked.clocks.items() if one[3] in ("estimated", "manual")}
     for camera, (offset, low, high, source) in marked.items():
         for axis in axes:
             axis.axvline(offset, color=colours[camera], lw=1.1, ls=(0, (2, 2)) if source == "manual" else "-")
@@ -170,7 +172,7 @@ def costs(path: Path, told: SequenceClocks) -> None:
     near = (max(np.nanmin(ends), -WINDOW_MS) - ZOOM_MS, min(np.nanmax(ends), WINDOW_MS) + ZOOM_MS)
     axes[1].set_xlim(near)
     for axis, (low, high) in zip(axes, ((-np.inf, np.inf), near), strict=True):
-        shown = [cost[(lags >= low) & (lags <= high) & (cost > 0)] for lags, cost in told.costs.values()]
+        shown = [cost[(lags >= low) & (lags <= high) & (cost > 0)] for lags, cost in clocked.costs.values()]
         _decades(axis, np.concatenate(shown) if shown else np.zeros(0))
         axis.set_ylabel("residual, px")
     axes[0].set_title("all offsets that were tried", fontsize=9)
@@ -200,13 +202,15 @@ def overview(path: Path, groups: Mapping[str, Mapping[str, SequenceClocks]]) -> 
     """
     panels: list[tuple[str, str, dict[str, float], Mapping[str, SequenceClocks] | None]] = []
     for environment, by_sequence in groups.items():
-        middles = {name: middle(told) if environment == "indoor" else 0.0 for name, told in by_sequence.items()}
+        middles = {name: middle(clocked) if environment == "indoor" else 0.0 for name, clocked in by_sequence.items()}
         if environment == "indoor":
             panels.append(("indoor: median of the cameras against the motion capture", "offset, ms", middles, None))
             panels.append(("indoor: each camera from that median", "ms", middles, by_sequence))
         else:
             panels.append((f"{environment}: against the first close camera", "offset, ms", middles, by_sequence))
-    colours = colours_of(dict.fromkeys(c for own in groups.values() for told in own.values() for c in told.clocks))
+    colours = colours_of(
+        dict.fromkeys(c for own in groups.values() for clocked in own.values() for c in clocked.clocks)
+    )
     figure, axes = new_figure(len(panels), 1, height=0.5 + 1.75 * len(panels), squeeze=False)
     for axis, (title, label, middles, of_cameras) in zip(axes[:, 0], panels, strict=True):
         axis.set_title(title, fontsize=9)
@@ -234,9 +238,9 @@ def _cameras(
     for i, (camera, colour) in enumerate(colours.items()):
         place = 0.7 * ((i + 0.5) / len(colours) - 0.5)
         of_camera = [
-            (nth + place, told.clocks[camera], middles[name])
-            for nth, (name, told) in enumerate(by_sequence.items())
-            if camera in told.clocks and told.clocks[camera][3] != "reference"
+            (nth + place, clocked.clocks[camera], middles[name])
+            for nth, (name, clocked) in enumerate(by_sequence.items())
+            if camera in clocked.clocks and clocked.clocks[camera][3] != "reference"
         ]
         for mark, source in (("o", "estimated"), ("s", "manual")):
             own = [(x, *(value - middle for value in one[:3])) for x, one, middle in of_camera if one[3] == source]
@@ -248,15 +252,15 @@ def _cameras(
         axis.plot(lost, np.zeros(len(lost)), "x", ms=6, mew=1.6, color=RED)
 
 
-def middle(told: SequenceClocks) -> float:
+def middle(clocked: SequenceClocks) -> float:
     """Median offset, ms, of the clocks of a sequence that are known; NaN without any."""
-    known = _known(told)
+    known = _known(clocked)
     return float(np.median(known)) if known else np.nan
 
 
 def in_words(by_sequence: Mapping[str, SequenceClocks]) -> str:
     """How many clocks there are, how well they are known and how far apart, in one sentence."""
-    clocks = [one for told in by_sequence.values() for one in told.clocks.values()]
+    clocks = [one for clocked in by_sequence.values() for one in clocked.clocks.values()]
     counts = {source: sum(one[3] == source for one in clocks) for source in ("estimated", "manual", "assumed_zero")}
     words = [f"{counts['estimated']} clocks are estimated"]
     words += [f"{counts['manual']} given by hand"] if counts["manual"] else []
@@ -271,11 +275,11 @@ def in_words(by_sequence: Mapping[str, SequenceClocks]) -> str:
     return f"{text}."
 
 
-def least_apart(told: SequenceClocks) -> float:
+def least_apart(clocked: SequenceClocks) -> float:
     """How far apart, ms, two clocks of a recording are at least, by their 95 % intervals."""
-    ends = np.array([one[1:3] for one in told.clocks.values() if np.isfinite(one[1:3]).all()])
+    ends = np.array([one[1:3] for one in clocked.clocks.values() if np.isfinite(one[1:3]).all()])
     return max(0.0, float(ends[:, 0].max() - ends[:, 1].min())) if len(ends) else 0.0
 
 
-def _known(told: SequenceClocks) -> list[float]:
-    return [offset for offset, _, _, source in told.clocks.values() if source != "assumed_zero"]
+def _known(clocked: SequenceClocks) -> list[float]:
+    return [offset for offset, _, _, source in clocked.clocks.values() if source != "assumed_zero"]

@@ -4,20 +4,23 @@ INPUTS   the project's sheets, rows of metrics.csv, `frame_metrics` by sequence 
 OUTPUTS  SVG files in one folder, and for each a dict src, title, caption, alt for the page's template
 """
 
-from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
 from dior.arrays import AnyPath, Floats, Ints
+from dior.evaluate.metrics import COLUMNS
 from dior.geometry.camera import Camera
 from dior.project.project import Project
 from dior.report import certainty, check_figures, clocks, plots, reid, scene, stamps
 from dior.report.cards import FrameMetrics
 from dior.report.key_figures import Row
 from dior.tables import tables
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 # what the template shows of a figure: src, title, caption, alt
 Shown: TypeAlias = dict[str, str]
@@ -31,10 +34,12 @@ class Figures:
 
     def __init__(self, folder: Path, project: Project, rows: list[Row], recorded: FrameMetrics) -> None:
         self.folder, self.project, self.recorded = folder, project, recorded
-        self.all_rows = rows
-        self.rows = [row for row in rows if row["sequence"] and row["camera"]]
-        self.adjusted = [row for row in rows if row["metric"].startswith("adjust_error")]
+        import pandas as pd
+
         self.environment = {name: project.sequence(name)["environment"] for name in project.sequences}
+        self.table = pd.DataFrame(rows, columns=COLUMNS)
+        own = self.table.query("sequence != '' and camera != ''")
+        self.by_camera = own.assign(environment=own["sequence"].map(self.environment).fillna(""))
         self.names: set[str] = set()
 
     def _draw(
@@ -45,60 +50,41 @@ class Figures:
         return {"src": f"assets/plots/{name}.svg", "title": title, "caption": caption, "alt": alt}
 
     def _strip(
-        self,
-        name: str,
-        metric: str,
-        group: Callable[[Row], str],
-        colour: Callable[[Row], str],
-        label: str,
-        title: str,
-        caption: str,
-        environment: str | None = None,
-        **options: Any,
+        self, name: str, metric: str, group: str, colour: str, label: str, title: str, caption: str
     ) -> list[Shown]:
-        """A strip of one metric, its rows grouped by the functions `group` and `colour`; [] without rows."""
-        points = [
-            (group(row), colour(row), row["value"], row["n"])
-            for row in self.rows
-            if row["metric"] == metric and not row["joint"] and self._in(row, environment)
-        ]
-        if not points:
+        """A strip of one metric, its rows grouped by the columns `group` and `colour`; [] without rows."""
+        own = self.by_camera[(self.by_camera["metric"] == metric) & (self.by_camera["joint"] == "")]
+        if own.empty:
             return []
-        counts: Counter[str] = Counter()
-        for at, _, _, n in points:
-            counts[at] += n
-        total = check_figures.whole(self.all_rows, metric, sum(counts.values()))
-        intervals = {at: check_figures.interval(self.all_rows, metric, n, camera=at) for at, n in counts.items()}
+        own = own.assign(place=own["environment"] + "\n" + own["camera"])
+        points = list(own[[group, colour, "value", "n"]].itertuples(index=False, name=None))
+        counts = {str(at): int(n) for at, n in own.groupby(group)["n"].sum().items()}
+        total = check_figures.whole(self.table, metric, sum(counts.values()))
+        intervals = {at: check_figures.interval(self.table, metric, n, camera=at) for at, n in counts.items()}
         caption += " One dot per sequence and camera, the bar is the mean weighted by n"
         caption += ", the line its 95 % interval over the subjects." if total else "."
-        alt = f"{title}, {len(points)} values in {len({p[0] for p in points})} groups"
+        alt = f"{title}, {len(points)} values in {len(counts)} groups"
         return [self._draw(name, plots.strip, points, label, title=title, caption=caption, alt=alt,
-                           intervals=intervals, total=total, **options)]  # fmt: skip
-
-    def _in(self, row: Row, environment: str | None) -> bool:
-        return environment in (None, self.environment.get(row["sequence"]))
+                           intervals=intervals, total=total)]  # fmt: skip
 
     def paper(self) -> list[Section]:
         """Sections in the paper's order: indoor, outdoor close range, long range."""
-
-        def by(key: str) -> Callable[[Row], str]:
-            return lambda row: row[key]
 
         error = "error, px"
         indoor = [
             *self._measures(check_figures.indoor),
             *self._strip(
-                "mark_error_camera", "mark_error", by("camera"), by("sequence"), error,
+                "mark_error_camera", "mark_error", "camera", "sequence", error,
                 "Marks used to locate the cameras", "Residuals of the fit, outliers included.",
             ),
         ]  # fmt: skip
         close = [
             *self._strip(
-                "reprojection_error_subject", "reprojection_error", by("subject"), by("camera"), error,
+                "reprojection_error_subject", "reprojection_error", "subject", "camera", error,
                 "Labels against detections, by subject", "The paper's reprojection error.",
             ),
             *self._strip(
-                "reprojection_error_camera", "reprojection_error", by("camera"), by("subject"), error,
+                "reprojection_error_camera", "reprojection_error", "camera", "subject", error,
                 "Labels against detections, by camera", "The same, by camera.",
             ),
             *self._joints("reprojection_error", "Labels against detections, by joint", error),
@@ -109,21 +95,18 @@ class Figures:
         sections = (("Indoor", indoor), ("Outdoor, close range", close), ("Long range", far))
         return [(title, figures) for title, figures in sections if figures]
 
-    def _measures(self, of: Callable[[list[Row]], list[check_figures.Drawing]]) -> list[Shown]:
+    def _measures(self, of: Callable[["pd.DataFrame"], list[check_figures.Drawing]]) -> list[Shown]:
         return [
             self._draw(m.name, m.draw, *m.args, title=m.title, caption=m.caption, alt=m.alt, **m.options)
-            for m in of(self.all_rows)
+            for m in of(self.table)
         ]
 
     def truth(self) -> list[Section]:
         """The section with errors against a known truth."""
 
-        def where(row: Row) -> str:
-            return f"{self.environment.get(row['sequence'], '')}\n{row['camera']}"
-
         figures = [
             *self._strip(
-                "truth_2d_camera", "error_to_truth_2d", where, lambda row: row["subject"], "error, px",
+                "truth_2d_camera", "error_to_truth_2d", "place", "subject", "error, px",
                 "2D labels against the truth, by camera", "In-frame labels.",
             ),
             *self._distribution("error_to_truth_2d", "2D labels against the truth, distribution", OF_PICTURE),
@@ -132,13 +115,12 @@ class Figures:
         return [("Against the known truth", figures)] if figures else []
 
     def _joints(self, metric: str, title: str, label: str) -> list[Shown]:
+        own = self.by_camera[(self.by_camera["metric"] == metric) & (self.by_camera["joint"] != "")]
         values: dict[str, dict[str, list[tuple[float, int]]]] = {}
-        for row in self.rows:
-            if row["metric"] == metric and row["joint"]:
-                group = f"{self.environment.get(row['sequence'], '')} {row['role'].replace('_', ' ')}".strip()
-                values.setdefault(group, {}).setdefault(row["joint"], []).append((row["value"], row["n"]))
-        if not values:
-            return []
+        for row in own.to_dict("records"):
+            group = f"{row['environment']} {row['role'].replace('_', ' ')}".strip()
+            values.setdefault(group, {}).setdefault(row["joint"], []).append((row["value"], row["n"]))
+        # summed one after the other: pandas' sums differ in the last bit, and the figures are compared byte by byte
         means = {
             group: {
                 joint: (sum(v * n for v, n in members) / sum(n for _, n in members), sum(n for _, n in members))
@@ -171,8 +153,9 @@ class Figures:
 
     def _adjusted(self) -> list[Shown]:
         values: dict[str, dict[str, tuple[float, int]]] = {}
-        for row in self.adjusted:
-            name = " ".join(w for w in (row["sequence"], row["camera"] or "all") if w)
+        own = self.table[self.table["metric"].isin(["adjust_error_before", "adjust_error_after"])]
+        for row in own.to_dict("records"):
+            name = " ".join(filter(None, (row["sequence"], row["camera"] or "all")))
             values.setdefault(name, {})[row["metric"]] = (row["value"], row["n"])
         bars = {
             name: (pair["adjust_error_before"][0], pair["adjust_error_after"][0], pair["adjust_error_after"][1])
@@ -238,7 +221,7 @@ class Figures:
             for sequence, one in audited.items()
         ]  # fmt: skip
 
-    def clock_costs(self, told: Mapping[str, clocks.SequenceClocks]) -> dict[str, Shown]:
+    def clock_costs(self, clocked: Mapping[str, clocks.SequenceClocks]) -> dict[str, Shown]:
         """Per sequence of `clocks.SequenceClocks` with costs: how well each offset fits."""
         return {
             sequence: self._draw(
@@ -246,19 +229,19 @@ class Figures:
                 caption="Mean residual with each offset of a camera's clock; a clear minimum tells the clock.",
                 alt=f"Residual over the offset of the clocks of {len(one.costs)} cameras of {sequence}",
             )
-            for sequence, one in told.items()
+            for sequence, one in clocked.items()
             if one.costs
         }  # fmt: skip
 
     def recognition(self, paths: Iterable[AnyPath]) -> dict[str, Any]:
         """What the page says of re-identification, with its figures."""
-        told = reid.read(*paths)
-        return reid.section(told) | {"figures": self._measures(lambda _: reid.figures(told))}
+        found = reid.read(*paths)
+        return reid.section(found) | {"figures": self._measures(lambda _: reid.figures(found))}
 
-    def clocks(self, told: Mapping[str, clocks.SequenceClocks]) -> list[Section]:
+    def clocks(self, clocked: Mapping[str, clocks.SequenceClocks]) -> list[Section]:
         """The section with the clocks of all sequences, by `clocks.SequenceClocks`."""
         groups: dict[str, dict[str, clocks.SequenceClocks]] = {}
-        for sequence, one in told.items():
+        for sequence, one in clocked.items():
             groups.setdefault(self.environment[sequence], {})[sequence] = one
         if not groups:
             return []
@@ -266,9 +249,9 @@ class Figures:
             "clocks", clocks.overview, groups, title="Clocks by session, in the order of recording",
             caption="Above zero a camera took its pictures later than its stamps say: 10 ms are 4 cm of a foot that "
             "swings at 4 m/s. The labels are made with these clocks. Lines are 95 % intervals; squares were given by "
-            f"hand, red crosses are not known. {clocks.in_words(told)}",
-            alt=f"Clock offsets of {sum(len(one.clocks) for one in told.values())} recordings of cameras in "
-            f"{len(told)} sequences",
+            f"hand, red crosses are not known. {clocks.in_words(clocked)}",
+            alt=f"Clock offsets of {sum(len(one.clocks) for one in clocked.values())} recordings of cameras in "
+            f"{len(clocked)} sequences",
         )  # fmt: skip
         return [("Clocks", [figure])]
 

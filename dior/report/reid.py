@@ -75,17 +75,17 @@ class ReidTables:
 
 def run(*, title: str, table: Path, cmc: Path, left_out: Path, out: Path) -> None:
     """Write the page and its plots into the folder `out`."""
-    told, out = read(table, cmc, left_out), Path(out)
+    tables, out = read(table, cmc, left_out), Path(out)
     shown = []
     with folder_written_whole(out / PLOTS) as folder:
-        for one in figures(told):
+        for one in figures(tables):
             one.draw(folder / f"{one.name}.svg", *one.args, **one.options)
             words = {"title": one.title, "caption": one.caption, "alt": one.alt}
             shown.append({"src": f"{PLOTS}/{one.name}.svg"} | words)
     page = (
         pages.environment()
         .get_template("reid.html.j2")
-        .render(title=title, recognised=section(told) | {"figures": shown})
+        .render(title=title, recognised=section(tables) | {"figures": shown})
     )
     write_text(out / "index.html", page)
 
@@ -100,16 +100,18 @@ def read(table: AnyPath, cmc: AnyPath, left_out: AnyPath) -> ReidTables:
     return ReidTables(rows(table), rows(cmc), rows(left_out))
 
 
-def section(told: ReidTables) -> dict[str, Any]:
+def section(tables: ReidTables) -> dict[str, Any]:
     """What the template says: statement, a table per protocol, the detectors' own output, what was not compared."""
     return {
-        "statement": [*STATEMENT, in_words(told)],
-        "parts": [part for protocol in PROTOCOLS if (part := _part(told, protocol))["lines"]],
-        "own": own_words(told),
-        "detected": [_detected(row, told) for row in told.rows if row["keypoints"] not in (LABELS, POINTS, DETECTOR)],
+        "statement": [*STATEMENT, in_words(tables)],
+        "parts": [part for protocol in PROTOCOLS if (part := _part(tables, protocol))["lines"]],
+        "own": own_words(tables),
+        "detected": [
+            _detected(row, tables) for row in tables.rows if row["keypoints"] not in (LABELS, POINTS, DETECTOR)
+        ],
         "left_out": [
             {"what": row["what"], "where": " ".join(filter(None, _place(row))), "why": row["why"]}
-            for row in told.left_out
+            for row in tables.left_out
         ],
     }
 
@@ -118,16 +120,16 @@ def _place(row: Row) -> tuple[str, str]:
     return (row["sequence"] or f"session {row['session']}", row["camera"])
 
 
-def in_words(told: ReidTables) -> str:
+def in_words(tables: ReidTables) -> str:
     """How many of the means over probe cameras are at chance, and of which methods nothing is."""
-    means = [row for row in told.scores if not row["camera"] and row["verdict"] != NO_TRIAL]
+    means = [row for row in tables.scores if not row["camera"] and row["verdict"] != NO_TRIAL]
     if not means:
         return "Nothing could be compared."
     chance = [row for row in means if row["verdict"] == AT_CHANCE]
     if not chance:
         return f"All {len(means)} means over the probe cameras are above chance."
     fair = [row for row in means if row["protocol"] == FAIR]
-    good = [f"{method_of(row, told)} ({input_of(row)})" for row in fair if row["verdict"] == ABOVE_CHANCE]
+    good = [f"{method_of(row, tables)} ({input_of(row)})" for row in fair if row["verdict"] == ABOVE_CHANCE]
     who = ", ".join(good) if good else "no method"
     return (
         f"{len(chance)} of {len(means)} means over the probe cameras are at chance. Above chance without the probe's "
@@ -135,20 +137,20 @@ def in_words(told: ReidTables) -> str:
     )
 
 
-def own_words(told: ReidTables) -> list[str]:
+def own_words(tables: ReidTables) -> list[str]:
     """What is said above the scores of the detectors' own output, or in their place."""
-    silent = [row for row in told.rows if row["keypoints"] == DETECTOR]
+    silent = [row for row in tables.rows if row["keypoints"] == DETECTOR]
     found = [f"{row['environment']} {row['camera']}: {row['verdict']}." for row in silent]
     if any(row["verdict"] == NO_OUTPUT for row in silent):
         found.append("To see its score here, name what a detector found in config/detectors.tsv (docs/figures.md).")
-    if any(row["keypoints"] not in (LABELS, POINTS, DETECTOR) for row in told.rows):
+    if any(row["keypoints"] not in (LABELS, POINTS, DETECTOR) for row in tables.rows):
         found.insert(0, OWN)
     return found or ["There is no long-range camera."]
 
 
-def method_of(row: Row, told: ReidTables) -> str:
+def method_of(row: Row, tables: ReidTables) -> str:
     """The method's name, with that of its weights where a network has several."""
-    weights = {other["weights"] for other in told.rows if other["method"] == row["method"]}
+    weights = {other["weights"] for other in tables.rows if other["method"] == row["method"]}
     return f"{row['method']} {row['weights']}" if len(weights) > 1 else row["method"]
 
 
@@ -156,28 +158,30 @@ def input_of(row: Row) -> str:
     return row["adaptation"] or row["keypoints"]
 
 
-def _part(told: ReidTables, protocol: str) -> dict[str, Any]:
+def _part(tables: ReidTables, protocol: str) -> dict[str, Any]:
     """The table of one protocol: a line for each method and input, a column for each probe camera."""
     title, about = PROTOCOLS[protocol]
-    own = [row for row in told.scores if row["protocol"] == protocol]
+    own = [row for row in tables.scores if row["protocol"] == protocol]
     keys = list(dict.fromkeys((row["method"], row["weights"], row["adaptation"]) for row in own))
     lines = []
     for key in keys:
         mine = [row for row in own if (row["method"], row["weights"], row["adaptation"]) == key]
         cells = {(row["environment"], row["camera"]): row for row in mine}
-        line = _line(cells[("", "")], told)
-        line["cells"] = [_cell(cells[view]) if view in cells else {"value": "", "chance": False} for view in told.views]
+        line = _line(cells[("", "")], tables)
+        line["cells"] = [
+            _cell(cells[view]) if view in cells else {"value": "", "chance": False} for view in tables.views
+        ]
         lines.append(line)
-    return {"title": title, "about": about, "views": [" ".join(view) for view in told.views], "lines": lines}
+    return {"title": title, "about": about, "views": [" ".join(view) for view in tables.views], "lines": lines}
 
 
 def _cell(row: Row) -> dict[str, Any]:
     return {"value": percent(row["rank1"]), "chance": row["verdict"] == AT_CHANCE}
 
 
-def _line(row: Row, told: ReidTables) -> dict[str, Any]:
+def _line(row: Row, tables: ReidTables) -> dict[str, Any]:
     return {
-        "method": method_of(row, told),
+        "method": method_of(row, tables),
         "input": input_of(row),
         "rank1": percent(row["rank1"]),
         "interval": f"{percent(row['low'])} to {percent(row['high'])}" if row["low"] else "",
@@ -190,9 +194,9 @@ def _line(row: Row, told: ReidTables) -> dict[str, Any]:
     }
 
 
-def _detected(row: Row, told: ReidTables) -> dict[str, Any]:
+def _detected(row: Row, tables: ReidTables) -> dict[str, Any]:
     words = {"camera": f"{row['environment']} {row['camera']}", "keypoints": row["keypoints"]}
-    return _line(row, told) | words | {"input": row["adaptation"], "protocol": PROTOCOLS[row["protocol"]][0]}
+    return _line(row, tables) | words | {"input": row["adaptation"], "protocol": PROTOCOLS[row["protocol"]][0]}
 
 
 def percent(text: str) -> str:
@@ -200,27 +204,27 @@ def percent(text: str) -> str:
     return f"{100 * float(text):.1f} %" if text else ""
 
 
-def figures(told: ReidTables) -> list[check_figures.Drawing]:
+def figures(tables: ReidTables) -> list[check_figures.Drawing]:
     """`check_figures.Drawing`s: rank 1 by probe camera, for each input of the networks, and the curves of all ranks."""
-    adaptations = list(dict.fromkeys(row["adaptation"] for row in told.scores if row["adaptation"])) or [""]
+    adaptations = list(dict.fromkeys(row["adaptation"] for row in tables.scores if row["adaptation"])) or [""]
     found = []
     for protocol in ("per_camera", FAIR):
         for adaptation in adaptations:
-            found += _rank1(told, protocol, adaptation)
-    return found + _curves(told)
+            found += _rank1(tables, protocol, adaptation)
+    return found + _curves(tables)
 
 
-def _rank1(told: ReidTables, protocol: str, adaptation: str) -> list[check_figures.Drawing]:
-    rows = [row for row in told.scores if row["protocol"] == protocol and row["adaptation"] in ("", adaptation)]
+def _rank1(tables: ReidTables, protocol: str, adaptation: str) -> list[check_figures.Drawing]:
+    rows = [row for row in tables.scores if row["protocol"] == protocol and row["adaptation"] in ("", adaptation)]
     rows = [row for row in rows if int(row["n"])]
     series: dict[str, dict[str, plots.Value]] = {}
     for row in sorted(rows, key=_networks_first):
         at = f"{row['environment']} {row['camera']}" if row["camera"] else check_figures.ALL
         value, low, high = (float(row[key]) if row[key] else np.nan for key in ("rank1", "low", "high"))
-        series.setdefault(method_of(row, told), {})[at] = (value, low, high, int(row["n"]))
+        series.setdefault(method_of(row, tables), {})[at] = (value, low, high, int(row["n"]))
     if not series:
         return []
-    groups = [*(" ".join(view) for view in told.views), check_figures.ALL]
+    groups = [*(" ".join(view) for view in tables.views), check_figures.ALL]
     chance = next(row["chance"] for row in rows if not row["camera"])
     # one method has no legend
     words = ", ".join(filter(None, (adaptation, *(series if len(series) == 1 else ()))))
@@ -242,11 +246,11 @@ def _networks_first(row: Row) -> bool:
     return row["keypoints"] == POINTS
 
 
-def _curves(told: ReidTables) -> list[check_figures.Drawing]:
-    own = [row for row in told.curves if row["protocol"] == FAIR and not row["camera"]]
+def _curves(tables: ReidTables) -> list[check_figures.Drawing]:
+    own = [row for row in tables.curves if row["protocol"] == FAIR and not row["camera"]]
     series: dict[tuple[str, str], list[float]] = {}
     for row in sorted(own, key=_networks_first):
-        name = (method_of(row, told), row["adaptation"])
+        name = (method_of(row, tables), row["adaptation"])
         series.setdefault(name, []).append(float(row["share"]))
     if not series:
         return []

@@ -105,18 +105,18 @@ def run(
         {name: project.sequence(name)["environment"] for name in project.sequences},
     )
     found += [(scope, "info", "no_consent", text) for scope, text in project.left_out] + unanswered(project)
-    told = sequence_clocks.read(clocks, clock_costs, found, {s: project.cameras_of(s) for s in project.sequences})
+    clocked = sequence_clocks.read(clocks, clock_costs, found, {s: project.cameras_of(s) for s in project.sequences})
     stations = session_cameras(cameras)
     sheets = cards.sheets_of(overlays, out)
     by_camera = cards.rows_by_camera(rows)
     shown = [cards.card(project, s, by_camera, recorded, found, stations, sheets) for s in project.sequences]
     folder = out / "assets" / PLOTS
     made = Figures(folder, project, rows, recorded)
-    sections = [*made.paper(), *made.truth(), *made.clocks(told)]
+    sections = [*made.paper(), *made.truth(), *made.clocks(clocked)]
     scenes = [*made.scenes(stations, skeletons), *made.certainty(covariances, turns)]
     timelines = {figure["title"]: figure for figure in made.timelines()}
     stamps = {figure["title"]: figure for figure in made.stamps(audited)}
-    tried = made.clock_costs(told)
+    tried = made.clock_costs(clocked)
     recognised = made.recognition(recognition) if recognition else None
     _remove_stale(folder, made.names)
     _remove_others(out / "assets", project.sequences)
@@ -125,7 +125,7 @@ def run(
     cost.write(environment, project, statistics_csv.of(counted, "frames"), effort, out_timing, out / "cost.html")
     sequence_pages.write(
         environment, out, title, shown, found, {s: _names(project, s) for s in project.sequences}, timelines, stamps,
-        {sequence: one.rows for sequence, one in audited.items()}, told, tried, cards.clips_of(clips, out),
+        {sequence: one.rows for sequence, one in audited.items()}, clocked, tried, cards.clips_of(clips, out),
     )  # fmt: skip
     page = environment.get_template("index.html.j2").render(
         title=title,
@@ -156,17 +156,15 @@ def _names(project: Project, sequence: str) -> set[str]:
 
 def read_frame_metrics(paths: Iterable[AnyPath]) -> cards.FrameMetrics:
     """(sequence, camera) -> metric -> (stamp_ns (N,), value (N,), n (N,)) of `frame_metrics` files."""
+    import pandas as pd
+
     found: cards.FrameMetrics = {}
     for path in paths:
-        table = tables.read(path, "frame_metrics")
-        if not len(table["metric"]):
-            continue
-        keys = np.stack([table[c].astype(str) for c in ("sequence", "camera", "metric")], axis=1)
-        starts = np.flatnonzero(np.r_[True, (keys[1:] != keys[:-1]).any(axis=1)])
-        for start, end in zip(starts, np.r_[starts[1:], len(keys)], strict=True):
-            sequence, camera, metric = keys[start].tolist()
-            part = tuple(table[c][start:end] for c in ("stamp_ns", "value", "n"))
-            found.setdefault((sequence, camera), {})[metric] = part
+        table = pd.DataFrame(tables.read(path, "frame_metrics"))
+        for key, own in table.groupby(["sequence", "camera", "metric"], sort=False):
+            sequence, camera, metric = map(str, key)
+            values = own["stamp_ns"].to_numpy(), own["value"].to_numpy(), own["n"].to_numpy()
+            found.setdefault((sequence, camera), {})[metric] = values
     return found
 
 
