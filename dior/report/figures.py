@@ -58,8 +58,8 @@ class Figures:
             return []
         own = own.assign(place=own["environment"] + "\n" + own["camera"])
         points = list(own[[group, colour, "value", "n"]].itertuples(index=False, name=None))
-        counts = own.groupby(group)["n"].sum()
-        total = check_figures.whole(self.table, metric, counts.sum())
+        counts = {str(at): int(n) for at, n in own.groupby(group)["n"].sum().items()}
+        total = check_figures.whole(self.table, metric, sum(counts.values()))
         intervals = {at: check_figures.interval(self.table, metric, n, camera=at) for at, n in counts.items()}
         caption += " One dot per sequence and camera, the bar is the mean weighted by n"
         caption += ", the line its 95 % interval over the subjects." if total else "."
@@ -117,9 +117,9 @@ class Figures:
     def _joints(self, metric: str, title: str, label: str) -> list[Shown]:
         own = self.by_camera[(self.by_camera["metric"] == metric) & (self.by_camera["joint"] != "")]
         values: dict[str, dict[str, list[tuple[float, int]]]] = {}
-        for row in own.itertuples():
-            group = f"{row.environment} {row.role.replace('_', ' ')}".strip()
-            values.setdefault(group, {}).setdefault(row.joint, []).append((row.value, row.n))
+        for row in own.to_dict("records"):
+            group = f"{row['environment']} {row['role'].replace('_', ' ')}".strip()
+            values.setdefault(group, {}).setdefault(row["joint"], []).append((row["value"], row["n"]))
         # summed one after the other: pandas' sums differ in the last bit, and the figures are compared byte by byte
         means = {
             group: {
@@ -153,9 +153,10 @@ class Figures:
 
     def _adjusted(self) -> list[Shown]:
         values: dict[str, dict[str, tuple[float, int]]] = {}
-        for row in self.table[self.table["metric"].isin(["adjust_error_before", "adjust_error_after"])].itertuples():
-            name = " ".join(w for w in (row.sequence, row.camera or "all") if w)
-            values.setdefault(name, {})[row.metric] = (row.value, row.n)
+        own = self.table[self.table["metric"].isin(["adjust_error_before", "adjust_error_after"])]
+        for row in own.to_dict("records"):
+            name = " ".join(filter(None, (row["sequence"], row["camera"] or "all")))
+            values.setdefault(name, {})[row["metric"]] = (row["value"], row["n"])
         bars = {
             name: (pair["adjust_error_before"][0], pair["adjust_error_after"][0], pair["adjust_error_after"][1])
             for name, pair in sorted(values.items())

@@ -161,7 +161,8 @@ def read_frame_metrics(paths: Iterable[AnyPath]) -> cards.FrameMetrics:
     found: cards.FrameMetrics = {}
     for path in paths:
         table = pd.DataFrame(tables.read(path, "frame_metrics"))
-        for (sequence, camera, metric), own in table.groupby(["sequence", "camera", "metric"], sort=False):
+        for key, own in table.groupby(["sequence", "camera", "metric"], sort=False):
+            sequence, camera, metric = map(str, key)
             values = own["stamp_ns"].to_numpy(), own["value"].to_numpy(), own["n"].to_numpy()
             found.setdefault((sequence, camera), {})[metric] = values
     return found
