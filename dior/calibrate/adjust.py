@@ -103,7 +103,7 @@ def adjust(
     focal = np.array([camera.intrinsics.fx for camera in cameras])
     sigma = huber_px * focal / REFERENCE_FX / bundle.HUBER
 
-    few = uv[:, _sample(np.isfinite(uv).all(axis=-1))]
+    few = uv[:, _sample(np.all(np.isfinite(uv), axis=-1))]
 
     def attempt(start: Sequence[Camera]) -> list[Camera]:
         return sampled(start, few, start_priors or priors, sigma, where)

@@ -99,7 +99,7 @@ def camera_seconds(frames: Table, camera: str, t0_ns: int, clock: ClockValues | 
     return seconds(stamps, t0_ns, clock[0], clock[1])
 
 
-def seconds(stamp_ns: Ints, t0_ns: int | np.int64, offset_s: float = 0.0, drift_ppm: float = 0.0) -> Floats:
+def seconds(stamp_ns: Ints | int, t0_ns: int | np.int64, offset_s: float = 0.0, drift_ppm: float = 0.0) -> Floats:
     """Time (...,) s of header stamps (...,) int64 ns.
 
     The subtraction is done on integers: a stamp since 1970 as a float64 is only good to 0.2 us.

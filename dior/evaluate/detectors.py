@@ -108,7 +108,8 @@ def read(path: Path, pictures: Table, zoom: int, where: str) -> tuple[People, Bo
         raise DiorError(f"{where}: {path} is output of none of {known}; docs/formats.md shows what they look like")
     else:
         people, silent = READERS[kind].read(path), READERS[kind].silent
-    u, v, *size = window(int(pictures["width"][0]), int(pictures["height"][0]), zoom)
+    u, v, wide, high = window(int(pictures["width"][0]), int(pictures["height"][0]), zoom)
+    size = wide, high
     if kind in READERS:
         people = in_pixels(people, READERS[kind], size, path, where)
     check_recording(people, pictures["stamp_ns"], path, where)

@@ -74,7 +74,7 @@ def normal(cameras: Sequence[Camera], uv: Floats, weights: Floats, names: Sequen
         off.append(np.where(use[..., None], seen - cam.project(camera, points)[0], 0.0))
         J.append(np.where(use[..., None, None], by_point, 0.0))
         C.append(np.where(use[..., None, None], by_camera[..., :3], 0.0))
-    known = used.all(axis=0)  # every view: otherwise it is other views that are compared
+    known = np.all(used, axis=0)  # every view: otherwise it is other views that are compared
     miss = _bounded(np.stack(off), known)
     N = np.where(known[..., None, None], sum(_t(j) @ j for j in J), np.eye(3))
     inverse = np.linalg.inv(N)
@@ -189,8 +189,8 @@ def run(
 
     `detections`, `timelines` and `swaps`: a file for each of the sequences.
     """
-    rig = camera_tables.read_cameras(cameras)
-    rig = [rig[name] for name in names]
+    placed = camera_tables.read_cameras(cameras)
+    rig = [placed[name] for name in names]
     found = []
     for paths in zip(detections, timelines, swaps, strict=True):
         uv, score, joints = observations(

@@ -150,7 +150,7 @@ def _words(path: AnyPath, name: str, column: str) -> list[tuple[str, int]]:
 def _seen(path: AnyPath) -> dict[str, Floats]:
     """Height of the person's labels (F,) px and distance (F,) m by picture of one camera, where there are any."""
     values, _ = tables.grid(tables.read(path, "labels_2d", ["joint", "frame", "v", "depth"]), "v", "depth")
-    there = values[np.isfinite(values).all(axis=2).any(axis=1)]
+    there = values[np.any(np.isfinite(values).all(axis=2), axis=1)]
     if not len(there):
         return {}
     return {

@@ -104,7 +104,7 @@ def write_camera_covariance(
     """
     pairs = [(i, j) for i, name in enumerate(names) if own is None or name in own for j in range(len(names))]
     blocks = np.asarray(covariance, float).reshape(len(names), 6, len(names), 6)
-    columns = {
+    columns: dict[str, tables.Column] = {
         "session": [session] * len(pairs),
         "camera": [names[i] for i, _ in pairs],
         "other": [names[j] for _, j in pairs],

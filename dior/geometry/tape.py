@@ -1,5 +1,6 @@
 """The pose of a camera by what a tape measured: where it stands and what it looks at. World in metres, Z up."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ def check_above_floor(where: AnyPath, centre: Floats, hint: str) -> None:
         raise DiorError(f"{where}: the camera is {-centre[2]:.2f} m below the floor; {hint}")
 
 
-def look_at_pose(where: AnyPath, tape: dict[str, Any]) -> Floats:
+def look_at_pose(where: AnyPath, tape: Mapping[str, Any]) -> Floats:
     """wTc (4, 4) of an upright camera at the tape's position that looks at its target (default: the origin)."""
     centre, target = (np.array(tape.get(key, (0, 0, 0)), float) for key in ("position_m", "target_m"))
     if np.linalg.norm(centre - target) < 1e-3:

@@ -109,7 +109,7 @@ def _reported(bag: Path, given: Collection[str]) -> Iterator[tuple[Message, int]
         there = topics_of(bag)
         return sum(there.get(topic, ("", 0))[1] for topic in given)
 
-    return reporting(_numbered(bag, given), total, "messages", bag)
+    return reporting(_numbered(bag, given), total, "messages", str(bag))
 
 
 def read_pictures(rows: Table, data_root: AnyPath) -> Iterator[tuple[int, NDArray[np.uint8]]]:

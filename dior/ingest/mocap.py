@@ -62,7 +62,7 @@ def run(
     stamp_ns = t0 + np.rint(instant * 1e9 / mocap.rate).astype(np.int64)
     xyz = mocap.points.reshape(-1, 3)
     rows = len(xyz)
-    columns = {
+    columns: dict[str, tables.Column] = {
         "subject": tables.Repeated([subject], np.zeros(rows)),
         "sequence": tables.Repeated([sequence], np.zeros(rows)),
         "joint": tables.Repeated(mocap.markers, np.tile(np.arange(joints), instants)),

@@ -108,7 +108,7 @@ def _sigma(labels: Path, joints: list[str], rows: Table, where: str) -> Floats:
     if named != joints or not np.array_equal(values[:, 0, 0], rows["frame"]):
         raise DiorError(f"{where}: {labels} has labels of other joints or pictures; run reproject again")
     mine = values[:, head_model.used(joints), 1:]
-    known = np.isfinite(mine).all(axis=-1)
+    known = np.all(np.isfinite(mine), axis=-1)
     count = known.sum(axis=1)[:, None]
     return np.where(count > 0, np.where(known[..., None], mine, 0.0).sum(axis=1) / np.maximum(count, 1), np.nan)
 

@@ -29,7 +29,7 @@ def released_walks(project: Project, frames: dict[str, Path]) -> Walks:
     """
     rows = {name: project.sequence(name) for name in project.released_sequences}
     shown, shifts = _session_names(rows), _shifts_ns(project, frames)
-    walks = [
+    walks: list[dict[str, Any]] = [
         {
             **row,
             "real_name": row["subject"],

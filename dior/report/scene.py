@@ -148,7 +148,9 @@ def _draw_camera(axis: "Axes", view: Floats, camera: Camera, size: float) -> Non
     axis.plot(*(np.array([centre, foot]) @ view.T).T, color=colour, lw=0.8, ls=":")
     at = centre @ view.T
     axis.plot(*at, "o", ms=4, color=colour)
-    axis.annotate(camera.name, at, xytext=(0, 7), textcoords="offset points", fontsize=9, ha="center", color=colour)
+    axis.annotate(
+        camera.name, (at[0], at[1]), xytext=(0, 7), textcoords="offset points", fontsize=9, ha="center", color=colour
+    )
 
 
 def _draw_far(axis: "Axes", view: Floats, camera: Camera, middle: Floats, floor: Floats) -> None:

@@ -62,10 +62,10 @@ def _rays(lens: Intrinsics, camera: Camera) -> Rays:
         xy = (seen - bent) / (1 + r2 * (k1 + r2 * (k2 + r2 * k3)))[..., None]
     ray = np.concatenate([xy, np.ones((*xy.shape[:-1], 1))], axis=-1) @ camera.wRc.T
     high, wide = ray.shape[:2]
-    ray = cv2.resize(ray.astype(np.float32), (wide * step, high * step), interpolation=cv2.INTER_LINEAR)
+    fine = cv2.resize(ray.astype(np.float32), (wide * step, high * step), interpolation=cv2.INTER_LINEAR)
     # resize puts sample (i, j) at pixel centre step (i + 1/2) - 1/2
     half = step // 2
-    return ray[half : half + lens.height, half : half + lens.width]
+    return fine[half : half + lens.height, half : half + lens.width].astype(np.float32, copy=False)
 
 
 def _wall(ray: Rays, eye: Rays) -> Bools:

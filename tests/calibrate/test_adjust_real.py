@@ -110,7 +110,8 @@ def test_about_a_thousand_joints_are_used(capture):
 def test_from_the_reference_extrinsics(capture, tmp_path):
     folder, cameras = capture
     found, metrics, findings = adjusted(folder, cameras, tmp_path)
-    assert 14.0 <= mean_px(metrics, "adjust_error_before") <= 14.5
+    # 14.3 px of plain linear points (README of the data); points by the pixels' own equations are nearer
+    assert 13.7 <= mean_px(metrics, "adjust_error_before") <= 14.2
     assert mean_px(metrics, "adjust_error_after") <= 9.0
     assert len(metrics["value"]) == 10 and (metrics["unit"] == "px").all()
     per_camera = metrics["value"][(metrics["metric"] == "adjust_error_after") & (metrics["camera"] != "")]

@@ -6,6 +6,7 @@ from dior.errors import DiorError
 from dior.geometry import camera as cam
 from dior.geometry import camera_tables
 from dior.reconstruct import triangulate as tri
+from dior.reconstruct.triangulate import Limits
 from dior.tables import tables
 from tests.reconstruct.test_swaps import observed, walker
 from tests.rig import ring
@@ -54,11 +55,7 @@ def run(folder, names, method="robust"):
         detections=folder / "detections.parquet",
         timeline=folder / "timeline.parquet",
         method=method,
-        min_score=0.3,
-        max_error_px=45.0,
-        max_speed=12.0,
-        max_body_speed=8.0,
-        max_bone_change=0.4,
+        limits=Limits(0.3, 45.0, 12.0, 8.0, 0.4),
         out=folder / "skeleton.parquet",
         out_swaps=folder / "swaps.parquet",
         findings=folder / "findings.parquet",

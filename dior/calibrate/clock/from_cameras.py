@@ -254,8 +254,8 @@ def _by_chance(
     shape = (*used.shape, 2)
     white = np.random.default_rng(0).standard_normal(shape) * noise.sd_px.reshape(shape[0], 1, shape[2], 1)
     drawn = lfilter([1.0], [1.0, -noise.keep], white, axis=1)
-    J = [covariance.projection(c, points)[0] for c in cameras]
-    J = np.nan_to_num(np.stack(J)) * used[..., None, None]
+    J = np.stack([covariance.projection(c, points)[0] for c in cameras])
+    J = np.nan_to_num(J) * used[..., None, None]
     N = np.einsum("vtjap,vtjaq->tjpq", J, J) + 1e-9 * np.eye(3)
     shift = np.linalg.solve(N, np.einsum("vtjap,vtja->tjp", J, drawn)[..., None])[..., 0]
     shift = np.where(np.isfinite(points), shift, np.nan)

@@ -145,7 +145,8 @@ def _of_bag(path: Path, topic: str) -> Iterator[tuple[str, Picture]]:
     chosen = order[np.unique(np.linspace(0, len(order) - 1, min(len(order), MOST_PICTURES)).round().astype(int))]
     rows = {key: values[chosen] for key, values in rows.items()}
     for row, picture in reporting(rosbag.read_pictures(rows, path.parent), len(chosen), "pictures", path.name):
-        yield f"{path.name} {rows['stamp_ns'][row]}", cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
+        grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY).astype(np.uint8, copy=False)
+        yield f"{path.name} {rows['stamp_ns'][row]}", grey
 
 
 def detector(kind: str, settings: dict[str, Any], where: str) -> Detect:

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from dior.arrays import Bools, Floats, Ints
+from dior.arrays import Bools, Floats, Ints, Texts
 from dior.calibrate.marks import marks as hand_marks
 from dior.calibrate.marks import pnp, pose_grid
 from dior.clocks import clock as on_axis
@@ -280,7 +280,7 @@ def _doubts(ends: list[End], cost: Floats, marks: int, where: str, s: int) -> st
     )
 
 
-def uncertainty(J: Floats, t: Floats, miss: Floats, joint: Ints, frame: Ints) -> tuple[Floats, Floats]:
+def uncertainty(J: Floats, t: Floats, miss: Floats, joint: Ints | Texts, frame: Ints | Texts) -> tuple[Floats, Floats]:
     """Covariance (6 + 2S, 6 + 2S) of the errors of pose, times (s) and drifts (ppm); and when (S,) s those times are.
 
     `J` (2N, 6 + S) and `miss` (N, 2) px of the inliers, `t` (N,) s as in `Places`, `joint` and `frame` as in

@@ -27,7 +27,7 @@ def grid(
     """
     focal = np.sqrt(intrinsics.fx * intrinsics.fy)
     xy = undistort(intrinsics, uv)
-    there = np.isfinite(xyz).all(axis=2) & np.isfinite(xy).all(axis=1)
+    there: Bools = np.all(np.isfinite(xyz), axis=2) & np.all(np.isfinite(xy), axis=1)
     if start is not None:
         wTc = np.tile(start, (len(xyz), 1, 1))
         return wTc, cost(_miss(wTc, xyz, xy)[0] * focal, there, limit_px)
@@ -37,7 +37,7 @@ def grid(
         miss, J = np.nan_to_num(miss * focal), np.nan_to_num(J * focal)
         square = (miss**2).sum(axis=2)
         # Geman-McClure, its width that of the residuals as long as these are wide
-        middle = np.nanmedian(np.where(there | ~there.any(axis=1)[:, None], square, np.nan), axis=1)
+        middle = np.nanmedian(np.where(there | ~np.any(there, axis=1)[:, None], square, np.nan), axis=1)
         width = np.maximum(limit_px**2 / 4, 2 * middle)[:, None]
         weight = there * (width / (width + square)) ** 2
         N = np.einsum("ln,lnij,lnik->ljk", weight, J, J)

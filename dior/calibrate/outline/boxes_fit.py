@@ -228,7 +228,7 @@ class Reading:
         uv = cam.project(self.start, self.seen.at(self.clocks)[0])[0]
         if not np.isfinite(uv).any():
             raise DiorError(f"{where}: none of the 3D is in front of the camera; is tape.target_m where the person is?")
-        low, high = _extremes(uv, np.isfinite(uv).all(axis=-1))
+        low, high = _extremes(uv, np.all(np.isfinite(uv), axis=-1))
         miss = np.concatenate(
             [
                 (self.seen.edges[:, :2] + self.seen.edges[:, 2:] - low - high) / 2,
