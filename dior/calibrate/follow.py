@@ -105,8 +105,8 @@ def write(
     out, out_gains, out_costs, out_findings = paths
     clocks.write(out, out_gains, sequence, {camera: clock}, names, joint)
     lags = clock_from_edges.LAGS_S[: len(costs_px)]
-    columns = {"sequence": [sequence] * len(lags), "camera": [camera] * len(lags), "lag_s": lags, "cost_px": costs_px}
-    tables.write(out_costs, "clock_costs", columns)
+    named = {"sequence": [sequence] * len(lags), "camera": [camera] * len(lags)}
+    tables.write(out_costs, "clock_costs", {**named, "lag_s": lags, "cost_px": costs_px})
     tables.write_findings(out_findings, findings)
 
 

@@ -195,7 +195,7 @@ def of_tools(
     for name, path in frames.items():
         views = [camera for environment, camera in distant if environment == project.rows[name]["environment"]]
         rows = [row for row in project.detectors_of(name) if row["camera"] in views]
-        rows = [row | {"path": project.root / row["path"]} for row in rows]
+        rows = [row | {"path": str(project.root / row["path"])} for row in rows]
         own, lacking = detected.camera_walks(rows, path, name) if rows else ([], [])
         for tool, camera, track in own:
             found.setdefault(tool, []).append((name, camera, track))

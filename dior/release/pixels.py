@@ -77,7 +77,7 @@ def run(
             )
             lost.update(reasons)
             once = np.zeros(len(group), int)
-            columns = {
+            columns: dict[str, tables.Column] = {
                 **{name: tables.Repeated([word], once) for name, word in words.items()},
                 **{name: mine[name] for name in ("frame", "height", "width")},
                 "stamp_ns": mine["stamp_ns"] - later,
@@ -155,9 +155,8 @@ def released(message: Any, size: tuple[int, int], box: Floats | None, faces: str
     if tuple(said) != tuple(size):
         raise ValueError(f"it is {said[1]}x{said[0]} px where its index says {size[1]}x{size[0]}")
     data = messages.compressed(message.kind, raw, message.wire)
-    is_jpeg = data is not None and data.startswith(jpeg.SOI)
     quality, sampling = jpeg.QUALITY, jpeg.SAMPLING
-    if is_jpeg:
+    if data is not None and data.startswith(jpeg.SOI):
         stripped, plain = jpeg.bare(data)
         if plain and box is None:
             return stripped

@@ -103,8 +103,8 @@ def run(
                     f"sequence {sequence}, camera {camera}: the frame index has no picture {number}"
                     f"{nearest(camera, np.unique(index['camera'].astype(str)))}; run the frames step again"
                 )
-            seen = None if found is None else _detected(tables.of_camera(found, camera), number, min_score)
-            tile = _tile(picture, grids[camera], number, seen, _box(boxed, number), roles[camera])
+            shown = None if found is None else _detected(tables.of_camera(found, camera), number, min_score)
+            tile = _tile(picture, grids[camera], number, shown, _box(boxed, number), roles[camera])
             tiles.append(_captioned(tile, f"{sequence} {camera} frame {number}{', ' if words else ''}{words}"))
         done, jpeg = cv2.imencode(".jpg", _side_by_side(tiles), [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
         if not done:

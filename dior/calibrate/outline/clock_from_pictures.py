@@ -85,9 +85,8 @@ def chosen(count: int) -> Ints:
 def tall_px(camera: Camera, track: tracks.BodyTrack) -> float:
     """Height (px) of the person in the recorded picture, in the median."""
     v = cam.project(camera, track.points[:: max(1, len(track.points) // 200)])[0][..., 1]
-    high = np.nanmax(np.where(np.isfinite(v).any(axis=1)[:, None], v, np.inf), axis=1) - np.nanmin(
-        np.where(np.isfinite(v).any(axis=1)[:, None], v, 0.0), axis=1
-    )
+    seen = np.any(np.isfinite(v), axis=1)[:, None]
+    high = np.nanmax(np.where(seen, v, np.inf), axis=1) - np.nanmin(np.where(seen, v, 0.0), axis=1)
     return float(np.median(high[np.isfinite(high)])) if np.isfinite(high).any() else float(TALL_PX)
 
 

@@ -61,7 +61,8 @@ def of(labels: Labels, camera: Camera) -> Pose:
     index = [labels.joints.index(joint) for joint in COCO_17 if joint in labels.joints]
     uv[:, named], sigma[:, named] = labels.uv[:, index], labels.sigma[:, index]
     status[:, named] = labels.status[:, index]
-    derived, rules = np.zeros(17, bool), ("named",) * 17
+    derived = np.zeros(17, bool)
+    rules: tuple[str, ...] = ("named",) * 17
     if not named.all():
         world = cam.unproject(camera, labels.uv, labels.depth)
         points, derived, rules = coco17(world, labels.joints)
