@@ -3,7 +3,7 @@
 INPUTS   of each step the tables of the walk: `labels_2d`, `skeletons_3d`, `frames`, `detections`, `marks`, pictures
          (`released_frames`, by pseudonym already), boxes and checks as CSV
 OUTPUTS  <table>/<subject>/<sequence>[.<camera>].parquet; where nobody marked, drew or detected there is no file
-Units as in schemas.py. Metadata is made anew, so that nothing else slips through.
+Units as in dior/tables/schemas/. Metadata is made anew, so that nothing else slips through.
 """
 
 import os

@@ -1,6 +1,6 @@
 """What a finished release holds, as the exports need it: its walks, and its recordings (a walk as one camera sees it).
 
-INPUTS   a release folder: sequences, splits, cameras, labels_2d, skeletons_3d and frames (dior/tables/schemas.py)
+INPUTS   a release folder: sequences, splits, cameras, labels_2d, skeletons_3d and frames (dior/tables/schemas/)
 OUTPUTS  `Release` with its walks and recordings in order; labels, bodies and pictures of one of them in memory
 Nothing is read but the release, so that what is not in it is in no export.
 """
