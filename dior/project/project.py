@@ -17,8 +17,7 @@ from typing import Any
 
 from dior.errors import DiorError
 from dior.paths import AnyPath
-from dior.project import bumps, licenses, sessions
-from dior.project import check as consistency
+from dior.project import bumps, cross_checks, licenses, sessions
 from dior.project.consent import consents, processed
 from dior.project.contents import Project
 from dior.project.read import Row, Rows, check, read_sheet, read_yaml
@@ -54,12 +53,12 @@ def load(root: AnyPath, config: dict[str, Any] | None = None) -> Project:
         )
     if not project.sequences:
         raise DiorError("config/sequences.tsv: every row has an exclude_reason, so there is nothing to process")
-    consistency.check_sheets(project, people, lines)
-    consistency.check_gallery(project, people, gallery_lines)
+    cross_checks.check_sheets(project, people, lines)
+    cross_checks.check_gallery(project, people, gallery_lines)
     for session in project.sessions:
         sessions.read(project, session)
-    consistency.check_sessions(project, lines)
-    consistency.check_detectors(project, detector_lines)
+    cross_checks.check_sessions(project, lines)
+    cross_checks.check_detectors(project, detector_lines)
     return project
 
 

@@ -10,8 +10,7 @@ from collections.abc import Collection
 from typing import Any
 
 from dior.errors import DiorError, nearest
-from dior.project import bumps
-from dior.project import check as consistency
+from dior.project import bumps, cross_checks
 from dior.project.contents import Project
 from dior.project.marks_file import MarkedLines, read_marks
 from dior.project.read import check, read_yaml
@@ -96,7 +95,7 @@ def _read_camera(project: Project, session: str, name: str) -> dict[str, Any]:
             f"{nearest(name, [n for n in there if n != 'session'])}"
         )
     camera = check(read_yaml(project.root / shown, shown), "camera", shown)
-    consistency.check_camera(camera, shown)
+    cross_checks.check_camera(camera, shown)
     if "align" in camera:
         # the close cameras of each part have a world of their own
         elsewhere, listed = _elsewhere(project, session), camera["align"]["sequences"]

@@ -13,7 +13,7 @@ import numpy as np
 from dior.arrays import Table
 from dior.errors import DiorError
 from dior.release.layout import rows_of
-from dior.release.released_people import Walks
+from dior.release.people_tables import Walks
 from dior.tables import tables
 
 

@@ -16,7 +16,7 @@ from dior.evaluate import statistics
 from dior.project import licenses
 from dior.release import citation
 from dior.release.layout import Part
-from dior.release.released_people import Walks
+from dior.release.people_tables import Walks
 from dior.tables import tables
 from dior.tables.schemas import METRICS, PICTURE, SCHEMAS, VOCABULARY
 from dior.tables.words import SPLITS
@@ -46,7 +46,7 @@ SIZES = (
 
 
 def text(release: dict[str, Any], walks: Walks, counted: Rows, figures: Rows, parts: list[Part], example: str) -> str:
-    """The card. `release`: the section of the config; `walks`: the released ones (released_people.py); `counted`: rows
+    """The card. `release`: the section of the config; `walks`: the released ones (people_tables.py); `counted`: rows
     of `statistics.rows_of` for them; `figures`: rows of metrics.csv; `parts`: of layout.py, those that there are;
     `example`: the name of a labels file.
     """

@@ -6,7 +6,7 @@ from typing import Any
 
 from dior.evaluate.metrics import merged
 from dior.release.layout import rows_of
-from dior.release.released_people import Walks
+from dior.release.people_tables import Walks
 from dior.tables import tables
 
 

@@ -33,12 +33,12 @@ from dior.release import (
     croissant,
     layout,
     metrics_csv,
+    people_tables,
     provenance_json,
-    released_people,
     splits,
     walk_files,
 )
-from dior.release.released_people import Walks
+from dior.release.people_tables import Walks
 from dior.tables import tables
 from dior.tables.files import folder_written_whole, write_text
 
@@ -88,7 +88,7 @@ def run(
         "checksums": _by_name(provenance, "checksums"),
     }
     needed = {name: _of(found["frames"], name, "frames") for name in loaded.released_sequences}
-    walks = released_people.released_walks(loaded, needed)
+    walks = people_tables.released_walks(loaded, needed)
     sources = {name: _sources(walk, found, marks, loaded) for name, walk in walks.items()}
     recordings = {name: _of(found["checksums"], name, "checksums") for name in walks}
     rig, joint = rigs.released(cameras, covariances, walks), rigs.covariance(covariances, walks)
@@ -98,7 +98,7 @@ def run(
             written = pool.map(walk_files.write, repeat(folder), walks.values(), sources.values())
             for _ in reporting(written, len(walks), "sequences", "release"):
                 pass
-        pictures = released_people.gallery(gallery, walks) if gallery else {}
+        pictures = people_tables.gallery(gallery, walks) if gallery else {}
         # from here on a session is called as the release calls it
         walks = {name: walk | {"session": walk["released_session"]} for name, walk in walks.items()}
         roles = dict(zip(zip(rig["session"], rig["camera"], strict=True), rig["role"], strict=True))
@@ -106,8 +106,8 @@ def run(
             "cameras": ("released_cameras", rig),
             "camera_covariance": ("camera_covariance", joint),
             "clocks": ("released_clocks", rigs.clocks(clocks, walks)),
-            "sequences": ("sequences", released_people.sequences(walks)),
-            "subjects": ("subjects", released_people.subjects(walks, loaded.subjects)),
+            "sequences": ("sequences", people_tables.sequences(walks)),
+            "subjects": ("subjects", people_tables.subjects(walks, loaded.subjects)),
             "splits": ("splits", splits.columns(walks, roles)),
             "gallery": ("released_gallery", pictures),
         }

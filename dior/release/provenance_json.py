@@ -21,7 +21,7 @@ from typing import Any
 
 from dior.project.project import Project
 from dior.release import provenance
-from dior.release.released_people import Walks
+from dior.release.people_tables import Walks
 from dior.tables.hashes import file_sha256
 
 # of the layout of provenance.json; raised where a reader of the one before could not read it

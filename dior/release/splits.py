@@ -13,7 +13,7 @@ OUTPUT   columns of `splits`: a row for each recording of a camera and each spli
 import hashlib
 from collections.abc import Iterable
 
-from dior.release.released_people import Walks
+from dior.release.people_tables import Walks
 
 # shares of the people; chosen: those of 58 people are 40, 6 and 12
 VAL, TEST = 0.1, 0.2

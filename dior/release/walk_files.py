@@ -40,7 +40,7 @@ class Sources:
 
 
 def write(folder: Path, walk: dict[str, Any], sources: Sources) -> None:
-    """Write what the release folder `folder` has of one walk (see released_people.py)."""
+    """Write what the release folder `folder` has of one walk (see people_tables.py)."""
     who, name = walk["subject"], walk["sequence"]
     index = tables.read(sources.frames, "frames", ["camera", "frame", "stamp_ns"])
     index["stamp_ns"] = shift_stamps.shifted_stamps(index["stamp_ns"], walk["shift_ns"])
