@@ -5,8 +5,8 @@ INPUTS   the project's config; `labels_2d` and pictures (`released_frames`) per 
          `camera_covariance` of the sessions, `offsets` (clocks), `metrics`, `gallery` if there is one
 OUTPUT   results/release/dior-<version>/: the tables of layout.py, README.md (dataset card), LICENSE, CITATION.cff,
          croissant.json, provenance.json, metrics.csv and, last, SHA256SUMS
-Units as in dior/tables/schemas/. A subject is its pseudonym in every path and column. Same input, same bytes: no clock, no names
-of machines or files. A subject who did not agree is in no file and no count.
+Units as in dior/tables/schemas/. A subject is its pseudonym in every path and column. Same input, same bytes: no clock,
+no names of machines or files. A subject who did not agree is in no file and no count.
 """
 
 import json
