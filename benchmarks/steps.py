@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from dior.calibrate import adjust, align, clocks, follow, locate, place
+from dior.clocks.clock import ClockFiles
 from dior.geometry import camera_tables
 from dior.ingest import detections, mocap
 from dior.label import reproject
@@ -107,6 +108,10 @@ def _config(capture, session, camera, kind="yaml"):
 
 def _offsets(capture, name):
     return capture.folder / f"config/offsets/{name}.yaml"
+
+
+def _clock_files(capture, step, unit):
+    return ClockFiles(*(capture.made(step, unit, kind) for kind in ("", ".gains", ".costs", ".findings")))
 
 
 def _clocks(capture, name, cameras, covariance, marked=()):
@@ -238,12 +243,13 @@ def _follow(capture, session, name, camera):
     steps = [("adjust", session), ("align", f"{session}/{camera}")]
     follow.run(
         sequence=name, camera=camera, camera_file=_config(capture, session, camera),
-        cameras=[capture.made(*step) for step in steps], makers=close,
-        covariance=[capture.made(*step, ".covariance") for step in steps], skeleton=skeleton_of(capture, name),
-        frames=capture.made("frames", name), offsets=_offsets(capture, name), boxes=boxes,
-        data_root=capture.folder / "data", out=capture.made("follow", unit),
-        out_gains=capture.made("follow", unit, ".gains"), out_costs=capture.made("follow", unit, ".costs"),
-        findings=capture.made("follow", unit, ".findings"),
+        placed=follow.Placed(
+            cameras=[capture.made(*step) for step in steps], makers=close,
+            covariance=[capture.made(*step, ".covariance") for step in steps],
+        ),
+        skeleton=skeleton_of(capture, name), frames=capture.made("frames", name),
+        given=follow.ByHand(_offsets(capture, name), boxes), data_root=capture.folder / "data",
+        written=_clock_files(capture, "follow", unit),
     )  # fmt: skip
 
 
