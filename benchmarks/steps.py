@@ -119,12 +119,14 @@ def _clocks(capture, name, cameras, covariance, marked=()):
     indoor, project = capture.project.indoor(name), capture.project
     mocap = capture.made("mocap", name) if indoor else None
     clocks.run(
-        sequence=name, cameras=cameras, names=project.clocked(name), covariance=covariance,
-        detections=capture.made("detections", name), frames=capture.made("frames", name), mocap=mocap, marked=marked,
-        offsets=_offsets(capture, name), min_score=project.config["detector"]["min_score"],
-        max_gap=project.config["time"]["max_gap"], data_root=capture.folder / "data", out=capture.made("clocks", name),
-        out_gains=capture.made("clocks", name, ".gains"), out_costs=capture.made("clocks", name, ".costs"),
-        findings=capture.made("clocks", name, ".findings"),
+        sequence=name, placed=clocks.Placed(cameras, project.clocked(name), covariance),
+        detected=clocks.Detected(
+            capture.made("detections", name), min_score=project.config["detector"]["min_score"],
+            max_gap=project.config["time"]["max_gap"],
+        ),
+        frames=capture.made("frames", name), indoors=clocks.Indoors(mocap, marked),
+        offsets=_offsets(capture, name), data_root=capture.folder / "data",
+        written=_clock_files(capture, "clocks", name),
     )  # fmt: skip
     timeline.run(
         sequence=name, frames=capture.made("frames", name), cameras=project.close(project.session_of(name)),
@@ -227,12 +229,20 @@ def _align(capture, session, camera):
     unit, drawn = f"{session}/{camera}", capture.project.cameras(session)[camera]["align"]["sequences"]
     align.run(
         session=session, camera=camera, camera_file=_config(capture, session, camera),
-        intrinsics=capture.made("intrinsics", unit), skeletons=[skeleton_of(capture, name) for name in drawn],
-        frames=[capture.made("frames", name) for name in drawn],
-        offsets=[_offsets(capture, name) for name in drawn],
-        boxes=[capture.folder / f"config/boxes/{name}.{camera}.csv" for name in drawn], marks=[],
-        data_root=capture.folder / "data", close=[capture.made("adjust", session)],
-        close_covariance=[capture.made("adjust", session, ".covariance")], out=capture.made("align", unit),
+        intrinsics=capture.made("intrinsics", unit),
+        filmed=align.Walks(
+            skeletons=[skeleton_of(capture, name) for name in drawn],
+            frames=[capture.made("frames", name) for name in drawn],
+        ),
+        given=align.ByHand(
+            offsets=[_offsets(capture, name) for name in drawn],
+            boxes=[capture.folder / f"config/boxes/{name}.{camera}.csv" for name in drawn], marks=None,
+        ),
+        data_root=capture.folder / "data",
+        triangulated_by=align.CloseCameras(
+            [capture.made("adjust", session)], [capture.made("adjust", session, ".covariance")]
+        ),
+        out=capture.made("align", unit),
         out_covariance=capture.made("align", unit, ".covariance"), findings=capture.made("align", unit, ".findings"),
     )  # fmt: skip
 

@@ -12,6 +12,7 @@ import pytest
 from rosbags.rosbag1 import Reader
 
 from dior.calibrate import clocks, intrinsics, locate
+from dior.clocks.clock import ClockFiles
 from dior.ingest import frames, mocap
 from dior.label import reproject
 from dior.reconstruct import timeline
@@ -87,9 +88,12 @@ def labels_from(simulated, bags, data_root, out, trigger_log=None, offsets=None)
             out_clock_costs=out / "costs.parquet", findings=out / "findings.parquet",
         )  # fmt: skip
     clocks.run(
-        sequence=WALK, cameras=list(placed.values()), names=CAMERAS, covariance=[], detections=None, frames=indexed,
-        mocap=markers, marked=[], offsets=offsets, min_score=0.3, max_gap=1.5, data_root=data_root, out=clocked,
-        out_gains=out / "clock_gains.parquet", out_costs=out / "costs.parquet", findings=out / "findings.parquet",
+        sequence=WALK, placed=clocks.Placed(list(placed.values()), CAMERAS, covariance=[]),
+        detected=clocks.Detected(None, min_score=0.3, max_gap=1.5), frames=indexed,
+        indoors=clocks.Indoors(markers, marked=[]), offsets=offsets, data_root=data_root,
+        written=ClockFiles(
+            clocked, out / "clock_gains.parquet", out / "costs.parquet", findings=out / "findings.parquet"
+        ),
     )  # fmt: skip
     timeline.run(
         sequence=WALK, frames=indexed, cameras=CAMERAS, clocks=[clocked], mocap=markers, max_gap=1.5,
