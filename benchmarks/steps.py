@@ -140,18 +140,25 @@ def _indoors(capture, session):
         unit, marked = f"{session}/{camera}", capture.project.marks_sequences(session, camera)
         locate.run(
             session=session, camera=camera, camera_file=_config(capture, session, camera),
-            marks=_config(capture, session, camera, "marks.csv"), sequences=marked,
             intrinsics=capture.made("intrinsics", unit),
-            mocap=[capture.made("mocap", name) for name in marked],
-            frames=[capture.made("frames", name) for name in marked],
-            offsets=[_offsets(capture, name) for name in marked],
-            ransac_px=capture.project.config["locate"]["ransac_px"], out=capture.made("locate", unit),
-            out_marks=capture.made("locate", unit, ".marks"),
-            out_covariance=capture.made("locate", unit, ".covariance"),
-            out_clocks=capture.made("locate", unit, ".clocks"),
-            out_clock_gains=capture.made("locate", unit, ".clock_gains"),
-            out_clock_costs=capture.made("locate", unit, ".clock_costs"),
-            findings=capture.made("locate", unit, ".findings"),
+            given=locate.ByHand(
+                marks=_config(capture, session, camera, "marks.csv"), sequences=marked,
+                offsets=[_offsets(capture, name) for name in marked],
+            ),
+            recorded=locate.Recorded(
+                mocap=[capture.made("mocap", name) for name in marked],
+                frames=[capture.made("frames", name) for name in marked],
+            ),
+            ransac_px=capture.project.config["locate"]["ransac_px"],
+            written=locate.Written(
+                out=capture.made("locate", unit),
+                out_covariance=capture.made("locate", unit, ".covariance"),
+                out_clocks=capture.made("locate", unit, ".clocks"),
+                out_clock_gains=capture.made("locate", unit, ".clock_gains"),
+                out_clock_costs=capture.made("locate", unit, ".clock_costs"),
+                out_marks=capture.made("locate", unit, ".marks"),
+                findings=capture.made("locate", unit, ".findings"),
+            ),
         )  # fmt: skip
     units = [f"{session}/{camera}" for camera in capture.project.cameras(session)]
     for name in capture.project.sequences_of(session):

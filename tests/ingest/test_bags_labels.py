@@ -81,11 +81,15 @@ def labels_from(simulated, bags, data_root, out, trigger_log=None, offsets=None)
             findings=out / "findings.parquet",
         )  # fmt: skip
         locate.run(
-            session="lab", camera=camera, camera_file=session / f"{camera}.yaml", marks=session / f"{camera}.marks.csv",
-            sequences=[WALK], intrinsics=lens, mocap=[markers], frames=[indexed], offsets=[offsets], ransac_px=8.0,
-            out=placed[camera], out_marks=out / "marks.parquet", out_covariance=out / f"{camera}.covariance.parquet",
-            out_clocks=out / "found.parquet", out_clock_gains=out / "gains.parquet",
-            out_clock_costs=out / "costs.parquet", findings=out / "findings.parquet",
+            session="lab", camera=camera, camera_file=session / f"{camera}.yaml", intrinsics=lens,
+            given=locate.ByHand(session / f"{camera}.marks.csv", [WALK], [offsets]),
+            recorded=locate.Recorded([markers], [indexed]), ransac_px=8.0,
+            written=locate.Written(
+                out=placed[camera], out_covariance=out / f"{camera}.covariance.parquet",
+                out_clocks=out / "found.parquet", out_clock_gains=out / "gains.parquet",
+                out_clock_costs=out / "costs.parquet", out_marks=out / "marks.parquet",
+                findings=out / "findings.parquet",
+            ),
         )  # fmt: skip
     clocks.run(
         sequence=WALK, placed=clocks.Placed(list(placed.values()), CAMERAS, covariance=[]),
