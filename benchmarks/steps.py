@@ -187,13 +187,17 @@ def adjusted(capture, session):
     adjust.run(
         session=session, cameras=[capture.made("place", f"{session}/{camera}") for camera in close],
         camera_files=[_config(capture, session, camera) for camera in close],
-        detections=[capture.made("detections", name) for name in window],
-        frames=[capture.made("frames", name) for name in window], offsets=[_offsets(capture, name) for name in window],
-        window=window, **choices, max_gap=project.config["time"]["max_gap"],
-        known=project.metric_facts(session), physics=project.config["physics"], marks=[], marked=[], tags=[],
-        out=capture.made("adjust", session), out_covariance=capture.made("adjust", session, ".covariance"),
-        out_metrics=capture.made("adjust", session, ".metrics"),
-        findings=capture.made("adjust", session, ".findings"),
+        walks=adjust.Walks(
+            detections=[capture.made("detections", name) for name in window],
+            frames=[capture.made("frames", name) for name in window],
+            offsets=[_offsets(capture, name) for name in window], window=window,
+        ),
+        choices=adjust.Choices(**choices, max_gap=project.config["time"]["max_gap"]),
+        measured=adjust.Measured(project.metric_facts(session), marks=[], marked=[], tags=[]),
+        physics=project.config["physics"],
+        written=adjust.Written(
+            *(capture.made("adjust", session, kind) for kind in ("", ".covariance", ".metrics", ".findings"))
+        ),
     )  # fmt: skip
 
 
