@@ -88,11 +88,14 @@ def _error(folder, settings, walk, seen, frames, choice):
     made = {key: folder / f"{key}.parquet" for key in ("out_clocks", "out_clock_gains", "out_clock_costs")}
     try:
         locate.run(
-            session=walk.session, camera=camera, camera_file=folder / "camera.yaml", marks=folder / "marks.csv",
-            sequences=[walk.name], intrinsics=folder / "lens.parquet", mocap=[folder / "mocap.parquet"],
-            frames=[folder / f"frames/{walk.name}.parquet"], offsets=[], ransac_px=RANSAC_PX,
-            out=folder / "camera.parquet", out_covariance=folder / "covariance.parquet",
-            out_marks=folder / "marks.parquet", findings=folder / "findings.parquet", **made,
+            session=walk.session, camera=camera, camera_file=folder / "camera.yaml",
+            intrinsics=folder / "lens.parquet", given=locate.ByHand(folder / "marks.csv", [walk.name], offsets=[]),
+            recorded=locate.Recorded([folder / "mocap.parquet"], [folder / f"frames/{walk.name}.parquet"]),
+            ransac_px=RANSAC_PX,
+            written=locate.Written(
+                out=folder / "camera.parquet", out_covariance=folder / "covariance.parquet",
+                out_marks=folder / "marks.parquet", findings=folder / "findings.parquet", **made,
+            ),
         )  # fmt: skip
     except DiorError as error:
         print(f"seed {settings.seed}, {camera}, {frames} frames, {choice}: {error}", file=sys.stderr)

@@ -219,7 +219,8 @@ def measure_labels(root):
     began = time.monotonic()
     with told("package"):
         package.run(
-            project=root, config=None, **sources.files, marks=[], cameras=sources.cameras(), covariances=[], metrics=[],
+            project=root, config=None, of_walks=package.WalkFiles(**sources.files),
+            of_cameras=package.CameraFiles(marks=[], cameras=sources.cameras(), covariances=[]), metrics=[],
             gallery=None, steps={}, out=out,
         )  # fmt: skip
     with told("tarballs"):

@@ -92,12 +92,13 @@ def write(root):
     counted = results / "statistics.csv"
     statistics.run(root=root, labels=[], skeletons=files["skeletons"], frames=files["frames"],
                    dropped=files["dropped"], gallery=None, out=counted)  # fmt: skip
-    return files | {
-        "root": root, "title": "DIOR size", "metrics": csv, "findings": [findings], "cameras": cameras,
-        "covariances": covariances, "turns": [],
-        "overlays": overlays, "clips": [], "statistics": counted, "effort": None,
-        "recognition": [], "out": root / "report",
-        "out_timing": root / "timing.csv",
+    times = {kind: files[kind] for kind in ("audits", "dropped", "frames", "clocks", "clock_costs")}
+    return {
+        "root": root, "title": "DIOR size",
+        "evaluated": report.Evaluated(csv, files["frame_metrics"], statistics=counted, recognition=[]),
+        "findings": [findings], "scene": report.Scene(cameras, covariances, turns=[], skeletons=files["skeletons"]),
+        "times": report.Times(**times), "media": report.Media(overlays, clips=[]), "effort": None,
+        "out": root / "report", "out_timing": root / "timing.csv",
     }  # fmt: skip
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from dior.calibrate import adjust, align, clocks, follow, locate, place
+from dior.clocks.clock import ClockFiles
 from dior.geometry import camera_tables
 from dior.ingest import detections, mocap
 from dior.label import reproject
@@ -109,17 +110,23 @@ def _offsets(capture, name):
     return capture.folder / f"config/offsets/{name}.yaml"
 
 
+def _clock_files(capture, step, unit):
+    return ClockFiles(*(capture.made(step, unit, kind) for kind in ("", ".gains", ".costs", ".findings")))
+
+
 def _clocks(capture, name, cameras, covariance, marked=()):
     """The clocks of a sequence, and its timeline."""
     indoor, project = capture.project.indoor(name), capture.project
     mocap = capture.made("mocap", name) if indoor else None
     clocks.run(
-        sequence=name, cameras=cameras, names=project.clocked(name), covariance=covariance,
-        detections=capture.made("detections", name), frames=capture.made("frames", name), mocap=mocap, marked=marked,
-        offsets=_offsets(capture, name), min_score=project.config["detector"]["min_score"],
-        max_gap=project.config["time"]["max_gap"], data_root=capture.folder / "data", out=capture.made("clocks", name),
-        out_gains=capture.made("clocks", name, ".gains"), out_costs=capture.made("clocks", name, ".costs"),
-        findings=capture.made("clocks", name, ".findings"),
+        sequence=name, placed=clocks.Placed(cameras, project.clocked(name), covariance),
+        detected=clocks.Detected(
+            capture.made("detections", name), min_score=project.config["detector"]["min_score"],
+            max_gap=project.config["time"]["max_gap"],
+        ),
+        frames=capture.made("frames", name), indoors=clocks.Indoors(mocap, marked),
+        offsets=_offsets(capture, name), data_root=capture.folder / "data",
+        written=_clock_files(capture, "clocks", name),
     )  # fmt: skip
     timeline.run(
         sequence=name, frames=capture.made("frames", name), cameras=project.close(project.session_of(name)),
@@ -133,18 +140,25 @@ def _indoors(capture, session):
         unit, marked = f"{session}/{camera}", capture.project.marks_sequences(session, camera)
         locate.run(
             session=session, camera=camera, camera_file=_config(capture, session, camera),
-            marks=_config(capture, session, camera, "marks.csv"), sequences=marked,
             intrinsics=capture.made("intrinsics", unit),
-            mocap=[capture.made("mocap", name) for name in marked],
-            frames=[capture.made("frames", name) for name in marked],
-            offsets=[_offsets(capture, name) for name in marked],
-            ransac_px=capture.project.config["locate"]["ransac_px"], out=capture.made("locate", unit),
-            out_marks=capture.made("locate", unit, ".marks"),
-            out_covariance=capture.made("locate", unit, ".covariance"),
-            out_clocks=capture.made("locate", unit, ".clocks"),
-            out_clock_gains=capture.made("locate", unit, ".clock_gains"),
-            out_clock_costs=capture.made("locate", unit, ".clock_costs"),
-            findings=capture.made("locate", unit, ".findings"),
+            given=locate.ByHand(
+                marks=_config(capture, session, camera, "marks.csv"), sequences=marked,
+                offsets=[_offsets(capture, name) for name in marked],
+            ),
+            recorded=locate.Recorded(
+                mocap=[capture.made("mocap", name) for name in marked],
+                frames=[capture.made("frames", name) for name in marked],
+            ),
+            ransac_px=capture.project.config["locate"]["ransac_px"],
+            written=locate.Written(
+                out=capture.made("locate", unit),
+                out_covariance=capture.made("locate", unit, ".covariance"),
+                out_clocks=capture.made("locate", unit, ".clocks"),
+                out_clock_gains=capture.made("locate", unit, ".clock_gains"),
+                out_clock_costs=capture.made("locate", unit, ".clock_costs"),
+                out_marks=capture.made("locate", unit, ".marks"),
+                findings=capture.made("locate", unit, ".findings"),
+            ),
         )  # fmt: skip
     units = [f"{session}/{camera}" for camera in capture.project.cameras(session)]
     for name in capture.project.sequences_of(session):
@@ -173,13 +187,17 @@ def adjusted(capture, session):
     adjust.run(
         session=session, cameras=[capture.made("place", f"{session}/{camera}") for camera in close],
         camera_files=[_config(capture, session, camera) for camera in close],
-        detections=[capture.made("detections", name) for name in window],
-        frames=[capture.made("frames", name) for name in window], offsets=[_offsets(capture, name) for name in window],
-        window=window, **choices, max_gap=project.config["time"]["max_gap"],
-        known=project.metric_facts(session), physics=project.config["physics"], marks=[], marked=[], tags=[],
-        out=capture.made("adjust", session), out_covariance=capture.made("adjust", session, ".covariance"),
-        out_metrics=capture.made("adjust", session, ".metrics"),
-        findings=capture.made("adjust", session, ".findings"),
+        walks=adjust.Walks(
+            detections=[capture.made("detections", name) for name in window],
+            frames=[capture.made("frames", name) for name in window],
+            offsets=[_offsets(capture, name) for name in window], window=window,
+        ),
+        choices=adjust.Choices(**choices, max_gap=project.config["time"]["max_gap"]),
+        measured=adjust.Measured(project.metric_facts(session), marks=[], marked=[], tags=[]),
+        physics=project.config["physics"],
+        written=adjust.Written(
+            *(capture.made("adjust", session, kind) for kind in ("", ".covariance", ".metrics", ".findings"))
+        ),
     )  # fmt: skip
 
 
@@ -222,12 +240,20 @@ def _align(capture, session, camera):
     unit, drawn = f"{session}/{camera}", capture.project.cameras(session)[camera]["align"]["sequences"]
     align.run(
         session=session, camera=camera, camera_file=_config(capture, session, camera),
-        intrinsics=capture.made("intrinsics", unit), skeletons=[skeleton_of(capture, name) for name in drawn],
-        frames=[capture.made("frames", name) for name in drawn],
-        offsets=[_offsets(capture, name) for name in drawn],
-        boxes=[capture.folder / f"config/boxes/{name}.{camera}.csv" for name in drawn], marks=[],
-        data_root=capture.folder / "data", close=[capture.made("adjust", session)],
-        close_covariance=[capture.made("adjust", session, ".covariance")], out=capture.made("align", unit),
+        intrinsics=capture.made("intrinsics", unit),
+        filmed=align.Walks(
+            skeletons=[skeleton_of(capture, name) for name in drawn],
+            frames=[capture.made("frames", name) for name in drawn],
+        ),
+        given=align.ByHand(
+            offsets=[_offsets(capture, name) for name in drawn],
+            boxes=[capture.folder / f"config/boxes/{name}.{camera}.csv" for name in drawn], marks=None,
+        ),
+        data_root=capture.folder / "data",
+        triangulated_by=align.CloseCameras(
+            [capture.made("adjust", session)], [capture.made("adjust", session, ".covariance")]
+        ),
+        out=capture.made("align", unit),
         out_covariance=capture.made("align", unit, ".covariance"), findings=capture.made("align", unit, ".findings"),
     )  # fmt: skip
 
@@ -238,12 +264,13 @@ def _follow(capture, session, name, camera):
     steps = [("adjust", session), ("align", f"{session}/{camera}")]
     follow.run(
         sequence=name, camera=camera, camera_file=_config(capture, session, camera),
-        cameras=[capture.made(*step) for step in steps], makers=close,
-        covariance=[capture.made(*step, ".covariance") for step in steps], skeleton=skeleton_of(capture, name),
-        frames=capture.made("frames", name), offsets=_offsets(capture, name), boxes=boxes,
-        data_root=capture.folder / "data", out=capture.made("follow", unit),
-        out_gains=capture.made("follow", unit, ".gains"), out_costs=capture.made("follow", unit, ".costs"),
-        findings=capture.made("follow", unit, ".findings"),
+        placed=follow.Placed(
+            cameras=[capture.made(*step) for step in steps], makers=close,
+            covariance=[capture.made(*step, ".covariance") for step in steps],
+        ),
+        skeleton=skeleton_of(capture, name), frames=capture.made("frames", name),
+        given=follow.ByHand(_offsets(capture, name), boxes), data_root=capture.folder / "data",
+        written=_clock_files(capture, "follow", unit),
     )  # fmt: skip
 
 

@@ -21,7 +21,7 @@ A reprojection error is the mean distance in recorded pixels. World in metres, Z
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -264,40 +264,83 @@ def beside_tag(prior: bundle.Prior, camera: Camera, settings: dict[str, Any]) ->
     return replace(prior, sigma_m=prior.sigma_m if "tape" in settings else UNKNOWN_M, sigma_rad=np.pi)
 
 
+@dataclass(frozen=True)
+class Walks:
+    """What the cameras recorded of the sequences, in files named by their sequence.
+
+    `detections`: tables `detections`; `frames`: tables `frames`; `offsets`: YAML files with clocks given by hand;
+    `window`: which instants of each sequence take part.
+    """
+
+    detections: list[Path]
+    frames: list[Path]
+    offsets: list[Path]
+    window: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Choices:
+    """How the adjustment is made; see `adjust` in config.yaml.
+
+    `min_score`: score from which a detection counts; `min_views`: least number of cameras that see a joint; `huber_px`:
+    residual in px beyond which a keypoint pulls no harder; `max_mean_px`: mean residual in px above which the session
+    is refused; `intrinsics_sigma`: 1 sigma of the focal length and the principal point, relative to the focal length;
+    `max_gap`: nominal periods between two pictures over which is interpolated.
+    """
+
+    min_score: float
+    min_views: int
+    huber_px: float
+    max_mean_px: float
+    intrinsics_sigma: float
+    max_gap: float
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What is known in metres, and where it is in the pictures.
+
+    `known`: metric facts (`Project.metric_facts`); `marks`: marks CSVs of the close cameras; `marked`: the sequences of
+    which these are used; `tags`: tables `marks` that place wrote of cameras that see the AprilTag.
+    """
+
+    known: dict[str, Any]
+    marks: list[Path]
+    marked: list[str]
+    tags: list[Path]
+
+
+@dataclass(frozen=True)
+class Written:
+    """The files that the step writes.
+
+    `out`: table `cameras`; `out_covariance`: table `camera_covariance`; `out_metrics`: table `metrics`; `findings`:
+    table `findings`.
+    """
+
+    out: Path
+    out_covariance: Path
+    out_metrics: Path
+    findings: Path
+
+
 def run(
     *,
     session: str,
     cameras: list[Path],
     camera_files: list[Path],
-    detections: list[Path],
-    frames: list[Path],
-    offsets: list[Path],
-    window: dict[str, Any],
-    min_score: float,
-    min_views: int,
-    huber_px: float,
-    max_mean_px: float,
-    max_gap: float,
-    out: Path,
-    out_metrics: Path,
-    findings: Path,
-    known: dict[str, Any],
-    marks: list[Path],
-    marked: list[str],
-    tags: list[Path],
-    intrinsics_sigma: float,
+    walks: Walks,
+    choices: Choices,
+    measured: Measured,
     physics: dict[str, Any],
-    out_covariance: Path,
+    written: Written,
 ) -> None:
     """Write the adjusted cameras, metrics and findings.
 
-    `detections`, `frames` and `offsets` are paths named by their sequence, `camera_files` by their camera.
-    `min_score`, `min_views`, `max_gap`: see `window.observations`; `huber_px`, `max_mean_px`: see `adjust`. `known`:
-    metric facts (`Project.metric_facts`), `marks` the marks CSVs of the close cameras, `marked` the sequences of which
-    these are used, `tags` the marks tables that
-    place wrote of cameras that see the AprilTag; `intrinsics_sigma`: 1 sigma of the focal length and principal point,
-    relative to the focal length; `physics`: limits (`dior.body.plausible`).
+    `camera_files`: the YAML files, named by their camera; `physics`: limits (`dior.body.plausible`).
     """
+    window, known = walks.window, measured.known
+    huber_px, max_mean_px, intrinsics_sigma = choices.huber_px, choices.max_mean_px, choices.intrinsics_sigma
     placed = list(camera_tables.read_cameras(cameras).values())
     yamls = {Path(path).stem.partition("@")[0]: path for path in camera_files}
     settings = {name: camera_settings(path) for name, path in yamls.items()}
@@ -308,7 +351,7 @@ def run(
     priors = [beside_tag(p, c, settings[c.name]) for p, c in zip(start_priors, placed, strict=True)]
     files = {
         kind: {Path(path).name.partition(".")[0]: path for path in paths}
-        for kind, paths in (("detections", detections), ("frames", frames), ("offsets", offsets))
+        for kind, paths in (("detections", walks.detections), ("frames", walks.frames), ("offsets", walks.offsets))
     }
     recorded, given, found = [], [], []
     for sequence in window:
@@ -319,14 +362,15 @@ def run(
         pictures = tables.read(files["frames"][sequence], "frames", ["camera", "frame", "stamp_ns"])
         clock = clocks.read(files["offsets"].get(sequence), tables.ordered_unique(pictures["camera"]))
         seen = tables.read(files["detections"][sequence], "detections")
-        recorded.append(seen_in.recorded(placed, seen, pictures, min_score, max_gap, where))
+        recorded.append(seen_in.recorded(placed, seen, pictures, choices.min_score, choices.max_gap, where))
         given.append([clock[camera.name] for camera in placed])
-    timed = in_adjustment.of(recorded, list(window.values()), [camera.name for camera in placed], given, min_views)
-    stated = seen_in.metric_facts(known, list(window)) + seen_in.tag_corners(placed, tags, f"session {session}")
-    clicked = {Path(path).name.partition(".")[0].partition("@")[0]: path for path in marks}
     names = [camera.name for camera in placed]
+    timed = in_adjustment.of(recorded, list(window.values()), names, given, choices.min_views)
+    corners = seen_in.tag_corners(placed, measured.tags, f"session {session}")
+    stated = seen_in.metric_facts(known, list(window)) + corners
+    clicked = {Path(path).name.partition(".")[0].partition("@")[0]: path for path in measured.marks}
     wanted = seen_in.names_of_marks(known) - set(names)
-    points = seen_in.marked(clicked, names, wanted, marked, MARK_SIGMA_PX)
+    points = seen_in.marked(clicked, names, wanted, measured.marked, MARK_SIGMA_PX)
     done = adjust(
         placed, timed, priors, huber_px, max_mean_px, f"session {session}", None, stated, points, intrinsics_sigma,
         start_priors,
@@ -352,11 +396,11 @@ def run(
     found += _lens_models(
         session, yamls, {name: s["topic"] for name, s in settings.items()}, done, uv, start_priors, huber_px
     )
-    camera_tables.write_cameras(out, done.cameras, session)
+    camera_tables.write_cameras(written.out, done.cameras, session)
     if done.uncertainty is not None:
-        camera_tables.write_camera_covariance(out_covariance, names, done.uncertainty.covariance, session)
-    tables.write(out_metrics, "metrics", outcome.metrics(done))
-    tables.write_findings(findings, found)
+        camera_tables.write_camera_covariance(written.out_covariance, names, done.uncertainty.covariance, session)
+    tables.write(written.out_metrics, "metrics", outcome.metrics(done))
+    tables.write_findings(written.findings, found)
 
 
 def _by_detections_alone(

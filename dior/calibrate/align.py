@@ -16,6 +16,7 @@ with the pose (`dior follow` tells what it is), unless config/offsets says it. W
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -162,30 +163,57 @@ def found_out(
     return found
 
 
+@dataclass(frozen=True)
+class Walks:
+    """The walks that the camera is aligned with.
+
+    `skeletons` and `frames`: a file per sequence of the YAML's `align.sequences`, where a bump splits the session of
+    those of its part; none without that section.
+    """
+
+    skeletons: list[Path]
+    frames: list[Path]
+
+
+@dataclass(frozen=True)
+class ByHand:
+    """What a person gave about these walks.
+
+    `offsets`: YAML files with clocks; `boxes`: those drawn, a CSV file per sequence; `marks`: the CSV file of joints
+    clicked in the camera's pictures, or None.
+    """
+
+    offsets: list[Path]
+    boxes: list[Path]
+    marks: Path | None
+
+
+@dataclass(frozen=True)
+class CloseCameras:
+    """The close cameras, which the 3D was triangulated from.
+
+    `close`: their `cameras` tables; `close_covariance`: their `camera_covariance` tables.
+    """
+
+    close: list[Path]
+    close_covariance: list[Path]
+
+
 def run(
     *,
     session: str,
     camera: str,
     camera_file: Path,
     intrinsics: Path,
-    skeletons: list[Path],
-    frames: list[Path],
-    offsets: list[Path],
-    boxes: list[Path],
-    marks: Path | None,
+    filmed: Walks,
+    given: ByHand,
     data_root: Path,
-    close: list[Path],
-    close_covariance: list[Path],
+    triangulated_by: CloseCameras,
     out: Path,
     out_covariance: Path,
     findings: Path,
 ) -> None:
-    """Write the aligned camera, its covariance and findings.
-
-    `skeletons`, `frames` and `boxes`: a file per sequence of the YAML's `align.sequences`, where a bump splits the
-    session of those of its part; none without that section. `offsets`: those given by hand. `close`: `cameras` tables
-    of the close cameras, `close_covariance` their `camera_covariance` tables.
-    """
+    """Write the aligned camera, its covariance and findings."""
     settings = camera_settings(camera_file, needs="align")
     lens = unplaced(intrinsics, camera)
     start = lens.at(aligned_pose(camera_file, settings["tape"], settings.get("nudge", {})), settings["locate"])
@@ -196,11 +224,14 @@ def run(
         tables.write_findings(findings, [])
         return
     scope = f"{session}/{camera}"
-    by_name = [{Path(path).name.split(".")[0]: path for path in paths} for paths in (skeletons, frames, boxes, offsets)]
-    files, filmed, drawn, given = by_name
-    walks = [read_walk(name, camera, files[name], filmed[name], given.get(name)) for name in sorted(files)]
+    skeletons, frames, boxes, offsets = (
+        {Path(path).name.split(".")[0]: path for path in paths}
+        for paths in (filmed.skeletons, filmed.frames, given.boxes, given.offsets)
+    )
+    walks = [read_walk(name, camera, skeletons[name], frames[name], offsets.get(name)) for name in sorted(skeletons)]
     cam.check_picture_size(lens.intrinsics, walks[0].rows["width"][0], walks[0].rows["height"][0], scope)
-    seen = gather(walks, start, how["from"], drawn, data_root, marks)
+    seen = gather(walks, start, how["from"], boxes, data_root, given.marks)
+    close, close_covariance = triangulated_by.close, triangulated_by.close_covariance
     rig = (
         [c for c in camera_tables.read_cameras(close).values() if c.wTc is not None and c.role == "close"]
         if close

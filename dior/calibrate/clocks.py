@@ -10,6 +10,7 @@ sigma is null and a finding says why.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -29,45 +30,74 @@ FAR_OFF = 0.9
 NONE = np.zeros(0)
 
 
+@dataclass(frozen=True)
+class Placed:
+    """The cameras and their poses.
+
+    `cameras`: `cameras` tables of those called `names`; `names`: in the order of the session; `covariance`: their
+    `camera_covariance` tables.
+    """
+
+    cameras: list[Path]
+    names: list[str]
+    covariance: list[Path]
+
+
+@dataclass(frozen=True)
+class Detected:
+    """The detections, and which of them count.
+
+    `detections`: a table or None; `min_score`: score from which a detection counts; `max_gap`: nominal periods between
+    two pictures over which is interpolated.
+    """
+
+    detections: Path | None
+    min_score: float
+    max_gap: float
+
+
+@dataclass(frozen=True)
+class Indoors:
+    """What tells the clocks indoors besides.
+
+    `mocap`: the mocap table, None outdoors; `marked`: `offsets` and `clock_gains` tables that locate wrote.
+    """
+
+    mocap: Path | None
+    marked: list[Path]
+
+
 def run(
     *,
     sequence: str,
-    cameras: list[Path],
-    names: list[str],
-    covariance: list[Path],
-    detections: Path | None,
+    placed: Placed,
+    detected: Detected,
     frames: Path,
-    mocap: Path | None,
-    marked: list[Path],
+    indoors: Indoors,
     offsets: Path | None,
-    min_score: float,
-    max_gap: float,
     data_root: Path,
-    out: Path,
-    out_gains: Path,
-    out_costs: Path,
-    findings: Path,
+    written: on_axis.ClockFiles,
 ) -> None:
     """Write the clocks of one sequence.
 
-    `cameras`: `cameras` tables of those called `names`, in the order of the session; `covariance` their
-    `camera_covariance` tables; `detections`: a table or None; `mocap`: the mocap table indoors, else None; `marked`:
-    `offsets` and `clock_gains` tables that locate wrote; `max_gap` in nominal periods.
+    `offsets`: the YAML file of clocks given by hand, or None.
     """
-    rig = camera_tables.read_placed(cameras, names, sequence)
+    names, covariance, mocap, min_score = placed.names, placed.covariance, indoors.mocap, detected.min_score
+    rig = camera_tables.read_placed(placed.cameras, names, sequence)
     pictures = tables.read(frames, "frames")
     manual = given_by.by_hand(offsets, tables.ordered_unique(pictures["camera"]))
-    seen = tables.read(detections, "detections") if detections else None
+    seen = tables.read(detected.detections, "detections") if detected.detections else None
     if mocap:
-        estimates = _indoors(sequence, rig, seen, pictures, mocap, marked, manual, min_score, data_root)
+        estimates = _indoors(sequence, rig, seen, pictures, mocap, indoors.marked, manual, min_score, data_root)
     else:
-        estimates = _outdoors(sequence, rig, seen, pictures, min_score, max_gap)
+        estimates = _outdoors(sequence, rig, seen, pictures, min_score, detected.max_gap)
     joint = camera_tables.read_camera_covariance(covariance, names) if covariance else None
     used = {name: manual.get(name, clock) for name, (clock, *_) in estimates.items()}
-    on_axis.write(out, out_gains, sequence, used, names, joint)
-    tables.write(out_costs, "clock_costs", _costs(sequence, estimates))
+    on_axis.write(written.out, written.out_gains, sequence, used, names, joint)
+    tables.write(written.out_costs, "clock_costs", _costs(sequence, estimates))
     period = 1 / rates(pictures, names)[1]
-    tables.write_findings(findings, findings_of(sequence, estimates, manual, names, joint, period, bool(mocap)))
+    found = findings_of(sequence, estimates, manual, names, joint, period, bool(mocap))
+    tables.write_findings(written.findings, found)
 
 
 def _indoors(

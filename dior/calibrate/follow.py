@@ -12,7 +12,7 @@ Where the data cannot tell, the clock is that of the stamps and its error unknow
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -97,17 +97,40 @@ def write(
     clock: clocks.Clock,
     costs_px: Sequence[float] | Floats,
     findings: list[tuple[str, str, str, str]],
-    paths: tuple[Path, Path, Path, Path],
+    written: clocks.ClockFiles,
     names: Sequence[str] = (),
     joint: Floats | None = None,
 ) -> None:
-    """Write the tables of one camera's clock; `paths`: offsets, gains, costs, findings."""
-    out, out_gains, out_costs, out_findings = paths
-    clocks.write(out, out_gains, sequence, {camera: clock}, names, joint)
+    """Write the tables of one camera's clock."""
+    clocks.write(written.out, written.out_gains, sequence, {camera: clock}, names, joint)
     lags = clock_from_edges.LAGS_S[: len(costs_px)]
     named = {"sequence": [sequence] * len(lags), "camera": [camera] * len(lags)}
-    tables.write(out_costs, "clock_costs", {**named, "lag_s": lags, "cost_px": costs_px})
-    tables.write_findings(out_findings, findings)
+    tables.write(written.out_costs, "clock_costs", {**named, "lag_s": lags, "cost_px": costs_px})
+    tables.write_findings(written.findings, findings)
+
+
+@dataclass(frozen=True)
+class Placed:
+    """The poses of the camera and of those that the 3D was triangulated from.
+
+    `cameras`: tables `cameras` with its pose and those called `makers`; `makers`: cameras that the skeleton was
+    triangulated from (none indoors); `covariance`: the `camera_covariance` tables of all.
+    """
+
+    cameras: list[Path]
+    makers: list[str]
+    covariance: list[Path]
+
+
+@dataclass(frozen=True)
+class ByHand:
+    """What a person gave.
+
+    `offsets`: the file of clocks given by hand, or None; `boxes`: those drawn, CSV, or None.
+    """
+
+    offsets: Path | None
+    boxes: Path | None
 
 
 def run(
@@ -115,36 +138,25 @@ def run(
     sequence: str,
     camera: str,
     camera_file: Path,
-    cameras: list[Path],
-    makers: list[str],
-    covariance: list[Path],
+    placed: Placed,
     skeleton: Path,
     frames: Path,
-    offsets: Path | None,
-    boxes: Path | None,
+    given: ByHand,
     data_root: Path,
-    out: Path,
-    out_gains: Path,
-    out_costs: Path,
-    findings: Path,
+    written: clocks.ClockFiles,
 ) -> None:
-    """Write the clock of one camera in one sequence.
-
-    `cameras`: `cameras` tables with its pose and those called `makers`, which the skeleton was triangulated from (none
-    indoors), `covariance`: their `camera_covariance` tables. `offsets`: the file of clocks given by hand, `boxes`:
-    those drawn; either may be None.
-    """
-    scope, paths = f"{sequence}/{camera}", (out, out_gains, out_costs, findings)
+    """Write the clock of one camera in one sequence."""
+    scope, makers = f"{sequence}/{camera}", placed.makers
     names = list(dict.fromkeys([*makers, camera]))
-    rig = dict(zip(names, camera_tables.read_placed(cameras, names, sequence), strict=True))
-    walk = read_walk(sequence, camera, skeleton, frames, offsets)
+    rig = dict(zip(names, camera_tables.read_placed(placed.cameras, names, sequence), strict=True))
+    walk = read_walk(sequence, camera, skeleton, frames, given.offsets)
     cam.check_picture_size(rig[camera].intrinsics, walk.rows["width"][0], walk.rows["height"][0], scope)
     if walk.held:
-        by_hand = hand_offsets.by_hand(offsets, tables.ordered_unique(tables.read(frames, "frames")["camera"]))
-        write(sequence, camera, by_hand[camera], [], [], paths)
+        by_hand = hand_offsets.by_hand(given.offsets, tables.ordered_unique(tables.read(frames, "frames")["camera"]))
+        write(sequence, camera, by_hand[camera], [], [], written)
         return
     settings = camera_settings(camera_file)
-    seen, method, margin = watched(walk, rig[camera], boxes, data_root)
+    seen, method, margin = watched(walk, rig[camera], given.boxes, data_root)
     occluder = settings.get("align", {}).get("occluder", "auto")
     # without edges or 3D there is no side to read; the estimate says what that means for the clock
     enough = np.isfinite(seen.edges).sum() >= clock_from_edges.FEWEST
@@ -154,5 +166,5 @@ def run(
     derivative = (list(makers), partial(by_close, close)) if makers else None
     trails_m = clock_from_pictures.TRAILS_M if method == "pictures" else 0.0
     found = clock_from_edges.estimate(rig[camera], seen, method, margin, side, derivative, trails_m)
-    joint = camera_tables.read_camera_covariance(covariance, names) if covariance else None
-    write(sequence, camera, found.clock, found.costs_px, findings_of(scope, found), paths, names, joint)
+    joint = camera_tables.read_camera_covariance(placed.covariance, names) if placed.covariance else None
+    write(sequence, camera, found.clock, found.costs_px, findings_of(scope, found), written, names, joint)

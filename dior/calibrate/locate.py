@@ -318,60 +318,91 @@ def _distance(residual_px: float) -> str:
     return f"{residual_px:.1f} px" if np.isfinite(residual_px) else "behind the camera or outside of the lens model"
 
 
+@dataclass(frozen=True)
+class ByHand:
+    """What a person gave: marks, and clocks where known.
+
+    `marks`: the CSV file of the camera's marks; `sequences`: those whose marks are used, as the file may have marks of
+    people without consent; `offsets`: YAML files with clocks, named by their sequence.
+    """
+
+    marks: Path
+    sequences: list[str]
+    offsets: list[Path]
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """The motion capture and the pictures of the sequences.
+
+    `mocap`: tables `skeletons_3d`, a file per sequence; `frames`: tables `frames`, named by their sequence.
+    """
+
+    mocap: list[Path]
+    frames: list[Path]
+
+
+@dataclass(frozen=True)
+class Written:
+    """The files that the step writes.
+
+    `out`: table `cameras`; `out_covariance`: table `camera_covariance`; `out_clocks`: table `offsets`;
+    `out_clock_gains`: table `clock_gains`; `out_clock_costs`: table `clock_costs`; `out_marks`: table `marks` with the
+    residuals; `findings`: table `findings`.
+    """
+
+    out: Path
+    out_covariance: Path
+    out_clocks: Path
+    out_clock_gains: Path
+    out_clock_costs: Path
+    out_marks: Path
+    findings: Path
+
+
 def run(
     *,
     session: str,
     camera: str,
     camera_file: Path,
-    marks: Path,
-    sequences: list[str],
     intrinsics: Path,
-    mocap: list[Path],
-    frames: list[Path],
-    offsets: list[Path],
+    given: ByHand,
+    recorded: Recorded,
     ransac_px: float,
-    out: Path,
-    out_covariance: Path,
-    out_clocks: Path,
-    out_clock_gains: Path,
-    out_clock_costs: Path,
-    out_marks: Path,
-    findings: Path,
+    written: Written,
 ) -> None:
     """Write the located camera, its covariance, its clocks, its marks with residuals, and findings.
 
-    `sequences`: those whose marks are used; the file may have marks of people without consent. `mocap`, `frames` and
-    `offsets` are lists of paths with a file per sequence; `frames` and `offsets` are named by their sequence. Raises
-    DiorError as `locate`, `clock_from_marks.search` and the readers do.
+    Raises DiorError as `locate`, `clock_from_marks.search` and the readers do.
     """
     settings = camera_settings(camera_file, needs="marks")
     lens = unplaced(intrinsics, camera)
-    motions = dict(hand_marks.read_motion(path) for path in mocap)
+    motions = dict(hand_marks.read_motion(path) for path in recorded.mocap)
     stamps, known = {}, {camera}
-    for path in frames:
+    for path in recorded.frames:
         table = tables.read(path, "frames", ["camera", "frame", "stamp_ns"])
         known |= set(table["camera"])
         mine = tables.of_camera(table, camera)
         stamps[Path(path).stem] = mine["frame"], mine["stamp_ns"]
-    files = {Path(path).stem: path for path in offsets}
+    files = {Path(path).stem: path for path in given.offsets}
     clock = {sequence: by_hand.read(files.get(sequence), sorted(known))[camera] for sequence in stamps}
 
     scope = f"{session}/{camera}"
-    read = hand_marks.read(marks)
-    read = read.only(np.isin(read.sequence, list(sequences)))
-    solved = with_clocks(lens, read, marks, motions, stamps, clock, ransac_px, scope)
+    read = hand_marks.read(given.marks)
+    read = read.only(np.isin(read.sequence, list(given.sequences)))
+    solved = with_clocks(lens, read, given.marks, motions, stamps, clock, ransac_px, scope)
     located, used, spread = solved.located, solved.used, solved.covariance
-    found = solved.findings + _findings(scope, marks, used, located, ransac_px)
+    found = solved.findings + _findings(scope, given.marks, used, located, ransac_px)
     if realsense.is_ambiguous(settings["topic"], lens.intrinsics):
         found += _lens_models(scope, camera_file, lens, used, located)
     found += _next_mark(scope, lens.at(located.wTc), located, spread, used, motions, stamps, solved.clock)
-    camera_tables.write_cameras(out, [lens.at(located.wTc, settings["locate"])], session)
-    camera_tables.write_camera_covariance(out_covariance, [camera], spread, session)
+    camera_tables.write_cameras(written.out, [lens.at(located.wTc, settings["locate"])], session)
+    camera_tables.write_camera_covariance(written.out_covariance, [camera], spread, session)
     each = {sequence: {camera: one} for sequence, one in solved.clocks.items()}
-    write_all(out_clocks, out_clock_gains, each, [camera], spread)
-    tables.write(out_clock_costs, "clock_costs", clock_from_marks.costs(camera, solved.profile))
-    tables.write(out_marks, "marks", _columns(session, camera, used, located))
-    tables.write_findings(findings, found)
+    write_all(written.out_clocks, written.out_clock_gains, each, [camera], spread)
+    tables.write(written.out_clock_costs, "clock_costs", clock_from_marks.costs(camera, solved.profile))
+    tables.write(written.out_marks, "marks", _columns(session, camera, used, located))
+    tables.write_findings(written.findings, found)
 
 
 def _columns(session: str, camera: str, marks: hand_marks.Marks, located: Located) -> dict[str, Any]:

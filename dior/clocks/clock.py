@@ -8,6 +8,7 @@ are, `gains` what a camera's error (`dior.geometry.covariance`: turn rad, shift 
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
@@ -25,6 +26,20 @@ OFFSET_SD_S = 1.0  # chosen: half of the window of the lag search
 # which is 2 mm of walking; chosen
 CONTRADICTS, CONTRADICTS_S = 3.0, 0.002
 SHIFTS = ("turn_x", "turn_y", "turn_z", "shift_x", "shift_y", "shift_z")
+
+
+@dataclass(frozen=True)
+class ClockFiles:
+    """The files that a step writes of the clocks of a sequence.
+
+    `out`: table `offsets`; `out_gains`: table `clock_gains`; `out_costs`: table `clock_costs`; `findings`: table
+    `findings`.
+    """
+
+    out: Path
+    out_gains: Path
+    out_costs: Path
+    findings: Path
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,6 +14,7 @@ import shutil
 import sys
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from itertools import repeat
 from pathlib import Path
 from typing import Any
@@ -46,30 +47,51 @@ from dior.tables.files import folder_written_whole, write_text
 THREADS = 2
 
 
+@dataclass(frozen=True)
+class WalkFiles:
+    """What the steps made of each sequence, in files that they name <sequence>.parquet or <sequence>.<camera>.parquet.
+
+    `labels`: tables `labels_2d`; `pixels`: tables `released_frames`; `skeletons`: tables `skeletons_3d`; `frames`:
+    tables `frames`; `detections`: tables `detections`; `clocks`: tables `offsets`; `provenance`: checksums of the
+    recordings, a JSON file each.
+    """
+
+    labels: list[Path]
+    pixels: list[Path]
+    skeletons: list[Path]
+    frames: list[Path]
+    detections: list[Path]
+    clocks: list[Path]
+    provenance: list[Path]
+
+
+@dataclass(frozen=True)
+class CameraFiles:
+    """The poses of the sessions' cameras, and the marks that placed them.
+
+    `marks`: tables `marks`; `cameras`: tables `cameras`; `covariances`: tables `camera_covariance`.
+    """
+
+    marks: list[Path]
+    cameras: list[Path]
+    covariances: list[Path]
+
+
 def run(
     *,
     project: Path,
     config: dict[str, Any],
-    labels: list[Path],
-    pixels: list[Path],
-    skeletons: list[Path],
-    frames: list[Path],
-    detections: list[Path],
-    marks: list[Path],
-    cameras: list[Path],
-    covariances: list[Path],
-    clocks: list[Path],
+    of_walks: WalkFiles,
+    of_cameras: CameraFiles,
     metrics: list[Path],
     gallery: Path | None,
-    provenance: list[Path],
     steps: dict[str, str],
     out: Path,
 ) -> None:
     """Build the release folder `out` whole beside its place and put it there.
 
-    `project`: the folder that holds config/; `config`: the content of config.yaml. The lists of files are named as the
-    steps name them (<sequence>.<camera>.parquet, <sequence>.parquet); those of sequences that are not released may be
-    among them and are left out. `gallery`: its table or None; `steps`: hash of each step's code.
+    `project`: the folder that holds config/; `config`: the content of config.yaml. Files of sequences that are not
+    released may be among the others and are left out. `gallery`: its table or None; `steps`: hash of each step's code.
     Raises DiorError where nobody agreed to the release and where a released sequence lacks a table or is labelled as
     another subject's.
     """
@@ -80,18 +102,19 @@ def run(
         shutil.rmtree(out, ignore_errors=True)
         raise DiorError("config/subjects.tsv: no subject's consent_release is yes, so there is nothing to release")
     found = {
-        "labels": _by_name(labels, "labels"),
-        "pixels": _by_name(pixels, "pictures"),
-        "skeletons": _by_name(skeletons, "skeletons"),
-        "frames": _by_name(frames, "frames"),
-        "detections": _by_name(detections, "detections"),
-        "checksums": _by_name(provenance, "checksums"),
+        "labels": _by_name(of_walks.labels, "labels"),
+        "pixels": _by_name(of_walks.pixels, "pictures"),
+        "skeletons": _by_name(of_walks.skeletons, "skeletons"),
+        "frames": _by_name(of_walks.frames, "frames"),
+        "detections": _by_name(of_walks.detections, "detections"),
+        "checksums": _by_name(of_walks.provenance, "checksums"),
     }
     needed = {name: _of(found["frames"], name, "frames") for name in loaded.released_sequences}
     walks = people_tables.released_walks(loaded, needed)
-    sources = {name: _sources(walk, found, marks, loaded) for name, walk in walks.items()}
+    sources = {name: _sources(walk, found, of_cameras.marks, loaded) for name, walk in walks.items()}
     recordings = {name: _of(found["checksums"], name, "checksums") for name in walks}
-    rig, joint = rigs.released(cameras, covariances, walks), rigs.covariance(covariances, walks)
+    rig = rigs.released(of_cameras.cameras, of_cameras.covariances, walks)
+    joint = rigs.covariance(of_cameras.covariances, walks)
     made_of = provenance_json.of(loaded, walks, recordings, steps)
     with folder_written_whole(out) as folder:
         with ThreadPoolExecutor(THREADS) as pool:
@@ -105,7 +128,7 @@ def run(
         about: dict[str, tuple[str, dict[str, Any]]] = {
             "cameras": ("released_cameras", rig),
             "camera_covariance": ("camera_covariance", joint),
-            "clocks": ("released_clocks", rigs.clocks(clocks, walks)),
+            "clocks": ("released_clocks", rigs.clocks(of_walks.clocks, walks)),
             "sequences": ("sequences", people_tables.sequences(walks)),
             "subjects": ("subjects", people_tables.subjects(walks, loaded.subjects)),
             "splits": ("splits", splits.columns(walks, roles)),

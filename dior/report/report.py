@@ -10,6 +10,7 @@ OUTPUTS  <out>/index.html, written last; <out>/sequences/<sequence>.html; <out>/
 import shutil
 from collections import Counter
 from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -57,75 +58,115 @@ TITLES = {
 }
 
 
+@dataclass(frozen=True)
+class Evaluated:
+    """What was counted and measured of the labels.
+
+    `metrics`: metrics.csv; `frame_metrics`: tables `frame_metrics`; `statistics`: statistics.csv; `recognition`:
+    table.csv, cmc.csv and left_out.csv of re-identification, or nothing.
+    """
+
+    metrics: Path
+    frame_metrics: list[Path]
+    statistics: Path
+    recognition: list[Path]
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Where the cameras and the people were.
+
+    `cameras`: tables `cameras`; `covariances`: tables `camera_covariance`; `turns`: tables `camera_turns`; `skeletons`:
+    tables `skeletons_3d`.
+    """
+
+    cameras: list[Path]
+    covariances: list[Path]
+    turns: list[Path]
+    skeletons: list[Path]
+
+
+@dataclass(frozen=True)
+class Times:
+    """When the pictures were taken: their stamps and the cameras' clocks.
+
+    `audits`: tables `stamp_audit`; `dropped`: tables `dropped_frames`; `frames`: tables `frames`; `clocks`: tables
+    `offsets`; `clock_costs`: tables `clock_costs`, where two have a camera's the first counts.
+    """
+
+    audits: list[Path]
+    dropped: list[Path]
+    frames: list[Path]
+    clocks: list[Path]
+    clock_costs: list[Path]
+
+
+@dataclass(frozen=True)
+class Media:
+    """Pictures and films that the pages show.
+
+    `overlays`: the contact sheets `<out>/assets/<sequence>/<camera>.jpg`; `clips`:
+    `<out>/assets/<sequence>/clip.webm`, each with its poster beside it.
+    """
+
+    overlays: list[Path]
+    clips: list[Path]
+
+
 def run(
     *,
     root: Path,
     title: str,
-    metrics: Path,
-    frame_metrics: list[Path],
+    evaluated: Evaluated,
     findings: list[Path],
-    cameras: list[Path],
-    covariances: list[Path],
-    turns: list[Path],
-    skeletons: list[Path],
-    audits: list[Path],
-    dropped: list[Path],
-    frames: list[Path],
-    clocks: list[Path],
-    clock_costs: list[Path],
-    overlays: list[Path],
-    clips: list[Path],
-    statistics: Path,
+    scene: Scene,
+    times: Times,
+    media: Media,
     effort: Path | None,
-    recognition: list[Path],
     out: Path,
     out_timing: Path,
 ) -> None:
     """Write the report of the project in `root` into the folder `out`.
 
-    `frame_metrics`, `findings`, `cameras`, `skeletons`, `frames`: files of those tables; `covariances`: of
-    `camera_covariance`, `turns`: of `camera_turns`, `audits`: of `stamp_audit`, `dropped`: of `dropped_frames`;
-    `clocks`: of `offsets`, `clock_costs`: of that table, where two have a camera's the first counts;
-    `overlays`: the contact sheets `<out>/assets/<sequence>/<camera>.jpg`; `clips`:
-    `<out>/assets/<sequence>/clip.webm`, each with its poster beside it; `statistics`: statistics.csv; `effort`:
-    effort.tsv or None; `recognition`: table.csv, cmc.csv and left_out.csv of re-identification, or nothing. What it
-    cost goes to `<out>/cost.html` and `out_timing`.
+    `findings`: tables `findings`; `effort`: effort.tsv or None. What it cost goes to `<out>/cost.html` and
+    `out_timing`.
     """
     from dior.project import project as projects
 
     project, out = projects.load(root), Path(out)
-    rows = metrics_csv.read(metrics)
-    recorded = read_frame_metrics(frame_metrics)
+    rows = metrics_csv.read(evaluated.metrics)
+    recorded = read_frame_metrics(evaluated.frame_metrics)
     found = [finding for path in findings for finding in _findings(path)]
-    audited = sequence_stamps.read(audits, dropped, frames)
+    audited = sequence_stamps.read(times.audits, times.dropped, times.frames)
+    cameras = {s: project.cameras_of(s) for s in project.sequences}
     found += lights.noticed(
-        {name: project.cameras_of(name) for name in project.sequences},
+        cameras,
         {name: set(one.lags) for name, one in audited.items()},
         rows,
         {name: project.sequence(name)["environment"] for name in project.sequences},
     )
     found += [(scope, "info", "no_consent", text) for scope, text in project.left_out] + unanswered(project)
-    clocked = sequence_clocks.read(clocks, clock_costs, found, {s: project.cameras_of(s) for s in project.sequences})
-    stations = session_cameras(cameras)
-    sheets = cards.sheets_of(overlays, out)
+    clocked = sequence_clocks.read(times.clocks, times.clock_costs, found, cameras)
+    stations = session_cameras(scene.cameras)
+    sheets = cards.sheets_of(media.overlays, out)
     by_camera = cards.rows_by_camera(rows)
     shown = [cards.card(project, s, by_camera, recorded, found, stations, sheets) for s in project.sequences]
     folder = out / "assets" / PLOTS
     made = Figures(folder, project, rows, recorded)
     sections = [*made.paper(), *made.truth(), *made.clocks(clocked)]
-    scenes = [*made.scenes(stations, skeletons), *made.certainty(covariances, turns)]
+    scenes = [*made.scenes(stations, scene.skeletons), *made.certainty(scene.covariances, scene.turns)]
     timelines = {figure["title"]: figure for figure in made.timelines()}
     stamps = {figure["title"]: figure for figure in made.stamps(audited)}
     tried = made.clock_costs(clocked)
-    recognised = made.recognition(recognition) if recognition else None
+    recognised = made.recognition(evaluated.recognition) if evaluated.recognition else None
     _remove_stale(folder, made.names)
     _remove_others(out / "assets", project.sequences)
-    counted = statistics_csv.read(statistics)
+    counted = statistics_csv.read(evaluated.statistics)
     environment = pages.environment()
     cost.write(environment, project, statistics_csv.of(counted, "frames"), effort, out_timing, out / "cost.html")
     sequence_pages.write(
         environment, out, title, shown, found, {s: _names(project, s) for s in project.sequences}, timelines, stamps,
-        {sequence: one.rows for sequence, one in audited.items()}, clocked, tried, cards.clips_of(clips, out),
+        {sequence: one.rows for sequence, one in audited.items()}, clocked, tried, cards.clips_of(media.clips, out),
     )  # fmt: skip
     page = environment.get_template("index.html.j2").render(
         title=title,
@@ -137,7 +178,7 @@ def run(
         findings=cards.shown([finding for finding in found if finding[1] != "info"]),
         figures=_named(key_figures.table_of(rows, made.environment)),
         sections=sections,
-        worst=worst_pictures.of_sections(frame_metrics),
+        worst=worst_pictures.of_sections(evaluated.frame_metrics),
         scenes=scenes,
         recognised=recognised,
         limits=[_limit(limit) for limit in lights.LIMITS],

@@ -79,7 +79,7 @@ def clicked(folder, points, cameras=None, sigma_px=0.3):
     return paths
 
 
-def ran(folder, placed, known=None, marks=(), tags=(), sigma_m=0.3, sequences=("walk",), taped=True, **more):
+def ran(folder, placed, known=None, marks=(), tags=(), sigma_m=0.3, sequences=("walk",), taped=True, physics=None):
     """Adjust the `placed` cameras; returns those adjusted, their covariance and the texts of the findings by code."""
     files = []
     for camera in placed:
@@ -90,14 +90,19 @@ def ran(folder, placed, known=None, marks=(), tags=(), sigma_m=0.3, sequences=("
         files[-1].write_text(f"role: close\ntopic: /{camera.name}/image\nlocate: {camera.locate}\n{tape}")
     adjust.run(
         session="field", cameras=[folder / f"place/{camera.name}.parquet" for camera in placed], camera_files=files,
-        detections=[folder / f"detections/{name}.parquet" for name in sequences],
-        frames=[folder / f"frames/{name}.parquet" for name in sequences], offsets=[],
-        window={name: {"first": 0, "count": MOMENTS, "step": 1} for name in sequences}, min_score=0.4, min_views=3,
-        huber_px=15.0, max_mean_px=more.pop("max_mean_px", 12.0), max_gap=1.5, known=known or {}, marks=list(marks),
-        marked=list(sequences), tags=list(tags), intrinsics_sigma=0, physics=more.pop("physics", {}),
-        out=folder / "adjust.parquet",
-        out_metrics=folder / "metrics.parquet", out_covariance=folder / "covariance.parquet",
-        findings=folder / "findings.parquet", **more,
+        walks=adjust.Walks(
+            detections=[folder / f"detections/{name}.parquet" for name in sequences],
+            frames=[folder / f"frames/{name}.parquet" for name in sequences], offsets=[],
+            window={name: {"first": 0, "count": MOMENTS, "step": 1} for name in sequences},
+        ),
+        choices=adjust.Choices(
+            min_score=0.4, min_views=3, huber_px=15.0, max_mean_px=12.0, max_gap=1.5, intrinsics_sigma=0
+        ),
+        measured=adjust.Measured(known or {}, list(marks), list(sequences), list(tags)), physics=physics or {},
+        written=adjust.Written(
+            folder / "adjust.parquet", folder / "covariance.parquet", folder / "metrics.parquet",
+            folder / "findings.parquet",
+        ),
     )  # fmt: skip
     table = tables.read(folder / "findings.parquet", "findings")
     texts = {}

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dior.body.names import BODY_25B
-from dior.calibrate.adjust import LENS_SIGMA, run
+from dior.calibrate.adjust import LENS_SIGMA, Choices, Measured, Walks, Written, run
 from dior.calibrate.bundle import window
 from dior.calibrate.bundle.outcome import shift_and_turn
 from dior.calibrate.place import reference_pose
@@ -76,11 +76,17 @@ def adjusted(folder, cameras, out, tape_sigma=None, sections=None, clocks=GENLOC
         files.append(yaml)
     run(
         session="field", cameras=[out / f"place/{camera.name}.parquet" for camera in cameras], camera_files=files,
-        detections=[folder / f"detections/{SEQUENCE}.parquet"], frames=[folder / f"frames/{SEQUENCE}.parquet"],
-        offsets=[offsets], window=WINDOW if sections is None else sections, min_score=0.4, min_views=3, huber_px=15.0,
-        max_mean_px=12.0, max_gap=1.5, known={}, marks=[], marked=[], tags=[], intrinsics_sigma=LENS_SIGMA, physics={},
-        out=out / "adjust.parquet", out_metrics=out / "metrics.parquet",
-        findings=out / "findings.parquet", out_covariance=out / "covariance.parquet",
+        walks=Walks(
+            [folder / f"detections/{SEQUENCE}.parquet"], [folder / f"frames/{SEQUENCE}.parquet"], [offsets],
+            WINDOW if sections is None else sections,
+        ),
+        choices=Choices(
+            min_score=0.4, min_views=3, huber_px=15.0, max_mean_px=12.0, max_gap=1.5, intrinsics_sigma=LENS_SIGMA
+        ),
+        measured=Measured(known={}, marks=[], marked=[], tags=[]), physics={},
+        written=Written(
+            out / "adjust.parquet", out / "covariance.parquet", out / "metrics.parquet", out / "findings.parquet"
+        ),
     )  # fmt: skip
     return (
         camera_tables.read_cameras(out / "adjust.parquet"),

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dior.calibrate.align import aligned_pose, run
+from dior.calibrate.align import ByHand, CloseCameras, Walks, aligned_pose, run
 from dior.errors import DiorError
 from dior.geometry import camera_tables
 from dior.geometry.camera import project
@@ -71,12 +71,15 @@ def test_impossible_moves_are_refused():
 
 
 def run_in(folder, **files):
+    given = {"skeletons": [], "frames": [], "offsets": [], "boxes": [], "marks": None, "close": [],
+             "close_covariance": []} | files  # fmt: skip
     run(
         session="field", camera="cam04", camera_file=folder / "cam04.yaml", intrinsics=folder / "lens.parquet",
+        filmed=Walks(given["skeletons"], given["frames"]),
+        given=ByHand(given["offsets"], given["boxes"], given["marks"]),
+        triangulated_by=CloseCameras(given["close"], given["close_covariance"]),
         out=folder / "out.parquet", out_covariance=folder / "covariance.parquet", findings=folder / "findings.parquet",
         data_root=folder,
-        **{"skeletons": [], "frames": [], "offsets": [], "boxes": [], "marks": None, "close": [],
-           "close_covariance": []} | files,
     )  # fmt: skip
     return camera_tables.read_cameras(folder / "out.parquet")["cam04"]
 

@@ -44,19 +44,16 @@ def walk(tmp_path_factory):
     return folder
 
 
-def run(folder, out, by_hand="", **changed):
+def run(folder, out, by_hand="", detections="detections.parquet", **placed):
     (out / "walk.yaml").write_text(by_hand)
-    given = {
-        "sequence": "walk", "cameras": [folder / "cameras.parquet"], "names": list(LATE_S),
-        "covariance": [folder / "covariance.parquet"], "detections": folder / "detections.parquet",
-        "frames": folder / "frames.parquet", "mocap": None, "marked": [],
-        "offsets": out / "walk.yaml" if by_hand else None, "min_score": 0.3, "max_gap": 2.5, "data_root": folder,
-    }  # fmt: skip
-    paths = {
-        "out": out / "c.parquet", "out_gains": out / "g.parquet", "out_costs": out / "k.parquet",
-        "findings": out / "f.parquet",
-    }  # fmt: skip
-    clocks.run(**given | changed, **paths)
+    poses = {"names": list(LATE_S), "covariance": [folder / "covariance.parquet"]} | placed
+    clocks.run(
+        sequence="walk", placed=clocks.Placed([folder / "cameras.parquet"], **poses),
+        detected=clocks.Detected(folder / detections if detections else None, min_score=0.3, max_gap=2.5),
+        frames=folder / "frames.parquet", indoors=clocks.Indoors(mocap=None, marked=[]),
+        offsets=out / "walk.yaml" if by_hand else None, data_root=folder,
+        written=on_axis.ClockFiles(*(out / f"{kind}.parquet" for kind in "cgkf")),
+    )  # fmt: skip
     found = tables.read(out / "f.parquet", "findings")
     said = {s: (v, c, t) for s, v, c, t in zip(*(found[k] for k in ("scope", "severity", "code", "text")), strict=True)}
     return on_axis.read([out / "c.parquet"], [out / "g.parquet"]), said

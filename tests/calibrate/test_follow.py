@@ -17,10 +17,11 @@ def run_in(folder, true, files, offsets=None, boxes=True):
     camera_tables.write_camera_covariance(folder / "cam04.covariance.parquet", ["cam04"], 1e-8 * np.eye(6), "field")
     paths = [folder / f"out/{kind}.parquet" for kind in ("offsets", "gains", "costs", "findings")]
     follow.run(
-        sequence="walk", camera="cam04", camera_file=folder / "cam04.yaml", cameras=[folder / "cam04.parquet"],
-        makers=[], covariance=[folder / "cam04.covariance.parquet"], skeleton=files["skeletons"][0],
-        frames=files["frames"][0], offsets=offsets, boxes=files["boxes"][0] if boxes else None, data_root=folder,
-        out=paths[0], out_gains=paths[1], out_costs=paths[2], findings=paths[3],
+        sequence="walk", camera="cam04", camera_file=folder / "cam04.yaml",
+        placed=follow.Placed([folder / "cam04.parquet"], [], [folder / "cam04.covariance.parquet"]),
+        skeleton=files["skeletons"][0], frames=files["frames"][0],
+        given=follow.ByHand(offsets, files["boxes"][0] if boxes else None), data_root=folder,
+        written=clocks.ClockFiles(*paths),
     )  # fmt: skip
     return clocks.read(paths[:1], paths[1:2])["cam04"], tables.read(paths[0], "offsets"), paths
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dior.calibrate.locate import locate, run
+from dior.calibrate.locate import ByHand, Recorded, Written, locate, run
 from dior.clocks import clock
 from dior.errors import DiorError
 from dior.geometry import camera_tables
@@ -159,14 +159,15 @@ def session(folder, wrong=False, frames=(0, 3)):
 
 def located(folder):
     run(
-        session="lab", camera="cam01", camera_file=folder / "cam01.yaml", marks=folder / "cam01.marks.csv",
-        sequences=["indoor_01"],
-        intrinsics=folder / "lens.parquet", mocap=[folder / "mocap.parquet"],
-        frames=[folder / "frames/indoor_01.parquet"], offsets=[folder / "indoor_01.yaml"], ransac_px=8.0,
-        out=folder / "cam.parquet", out_covariance=folder / "covariance.parquet", out_marks=folder / "marks.parquet",
-        out_clocks=folder / "clocks.parquet", out_clock_gains=folder / "clock_gains.parquet",
-        out_clock_costs=folder / "clock_costs.parquet",
-        findings=folder / "findings.parquet",
+        session="lab", camera="cam01", camera_file=folder / "cam01.yaml", intrinsics=folder / "lens.parquet",
+        given=ByHand(folder / "cam01.marks.csv", ["indoor_01"], [folder / "indoor_01.yaml"]),
+        recorded=Recorded([folder / "mocap.parquet"], [folder / "frames/indoor_01.parquet"]), ransac_px=8.0,
+        written=Written(
+            out=folder / "cam.parquet", out_covariance=folder / "covariance.parquet",
+            out_clocks=folder / "clocks.parquet", out_clock_gains=folder / "clock_gains.parquet",
+            out_clock_costs=folder / "clock_costs.parquet", out_marks=folder / "marks.parquet",
+            findings=folder / "findings.parquet",
+        ),
     )  # fmt: skip
     return (
         camera_tables.read_cameras(folder / "cam.parquet")["cam01"],

@@ -12,6 +12,7 @@ import pytest
 from rosbags.rosbag1 import Reader
 
 from dior.calibrate import clocks, intrinsics, locate
+from dior.clocks.clock import ClockFiles
 from dior.ingest import frames, mocap
 from dior.label import reproject
 from dior.reconstruct import timeline
@@ -80,16 +81,23 @@ def labels_from(simulated, bags, data_root, out, trigger_log=None, offsets=None)
             findings=out / "findings.parquet",
         )  # fmt: skip
         locate.run(
-            session="lab", camera=camera, camera_file=session / f"{camera}.yaml", marks=session / f"{camera}.marks.csv",
-            sequences=[WALK], intrinsics=lens, mocap=[markers], frames=[indexed], offsets=[offsets], ransac_px=8.0,
-            out=placed[camera], out_marks=out / "marks.parquet", out_covariance=out / f"{camera}.covariance.parquet",
-            out_clocks=out / "found.parquet", out_clock_gains=out / "gains.parquet",
-            out_clock_costs=out / "costs.parquet", findings=out / "findings.parquet",
+            session="lab", camera=camera, camera_file=session / f"{camera}.yaml", intrinsics=lens,
+            given=locate.ByHand(session / f"{camera}.marks.csv", [WALK], [offsets]),
+            recorded=locate.Recorded([markers], [indexed]), ransac_px=8.0,
+            written=locate.Written(
+                out=placed[camera], out_covariance=out / f"{camera}.covariance.parquet",
+                out_clocks=out / "found.parquet", out_clock_gains=out / "gains.parquet",
+                out_clock_costs=out / "costs.parquet", out_marks=out / "marks.parquet",
+                findings=out / "findings.parquet",
+            ),
         )  # fmt: skip
     clocks.run(
-        sequence=WALK, cameras=list(placed.values()), names=CAMERAS, covariance=[], detections=None, frames=indexed,
-        mocap=markers, marked=[], offsets=offsets, min_score=0.3, max_gap=1.5, data_root=data_root, out=clocked,
-        out_gains=out / "clock_gains.parquet", out_costs=out / "costs.parquet", findings=out / "findings.parquet",
+        sequence=WALK, placed=clocks.Placed(list(placed.values()), CAMERAS, covariance=[]),
+        detected=clocks.Detected(None, min_score=0.3, max_gap=1.5), frames=indexed,
+        indoors=clocks.Indoors(markers, marked=[]), offsets=offsets, data_root=data_root,
+        written=ClockFiles(
+            clocked, out / "clock_gains.parquet", out / "costs.parquet", findings=out / "findings.parquet"
+        ),
     )  # fmt: skip
     timeline.run(
         sequence=WALK, frames=indexed, cameras=CAMERAS, clocks=[clocked], mocap=markers, max_gap=1.5,

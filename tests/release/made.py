@@ -1,5 +1,7 @@
 """A small project whose steps have run: four walks of three people, one of whom did not agree to the release."""
 
+from dataclasses import fields
+
 import cv2
 import numpy as np
 import yaml
@@ -190,7 +192,7 @@ def rig(path, session):
 
 
 def project(root, walks=WALKS):
-    """Write a project below `root` and return the arguments of `package.run`."""
+    """Write a project below `root` and return the flags of the step by name."""
     write_config(root)
     sheets(root, CONSENT, walks=walks)
     results = root / "results"
@@ -231,10 +233,13 @@ def project(root, walks=WALKS):
     }
 
 
-def build(arguments, **changes):
-    arguments = {**arguments, **changes}
-    package.run(**arguments)
-    return arguments["out"]
+def build(given, **changes):
+    """Run the step with the flags `given` and `changes`; returns the folder of the release."""
+    left = {**given, **changes}
+    groups = {"of_walks": package.WalkFiles, "of_cameras": package.CameraFiles}
+    grouped = {name: of(**{field.name: left.pop(field.name) for field in fields(of)}) for name, of in groups.items()}
+    package.run(**grouped, **left)
+    return left["out"]
 
 
 def files(folder):

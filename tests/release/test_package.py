@@ -166,9 +166,9 @@ from tests.release import made as project
 def killed(*_):
     os.kill(os.getpid(), signal.SIGKILL)
 
-arguments = project.project(pathlib.Path({root!r}))
+given = project.project(pathlib.Path({root!r}))
 package.{where} = killed
-package.run(**arguments)
+project.build(given)
 """
 
 
