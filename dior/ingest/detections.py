@@ -42,6 +42,8 @@ def run(
     `format` is auto or a key of READERS. Raises DiorError for a missing file, a wrong format, frames or stamps of
     another recording, and a camera in which nobody was ever found.
     """
+    if not cameras:
+        raise DiorError(f"{sequence}: no camera is given whose detections are to be read")
     if format != "auto" and format not in READERS:
         known = ("auto", *READERS)
         raise DiorError(f"detector.format '{format}' is not one of {', '.join(known)}{nearest(format, known)}")

@@ -34,6 +34,10 @@ def run(*, sequence: str, bags: list[Path], data_root: Path, topics: dict[str, s
             raise DiorError(f"{sequence}: {what} {twice[0]} is given twice")
     if not bags:
         raise DiorError(f"{sequence}: no bag is given; fill in `bags` in sequences.tsv")
+    if not topics:
+        raise DiorError(
+            f"{sequence}: no camera is given; write a <camera>.yaml for each into its session"
+        )
     there = {bag: rosbag.topics_of(bag) for bag in bags}
     holders = {camera: rosbag.holding(there, topic, f"{sequence}, {camera}") for camera, topic in topics.items()}
     indexes = {}

@@ -1,7 +1,7 @@
 """A new project folder for recordings of one's own.
 
-INPUTS: the templates of `dior/templates/` and the columns of the sheets' schemas. OUTPUTS: `<folder>/config/` with
-config.yaml, the sheets with headers only, and one commented session with one commented camera.
+INPUTS: the templates of `dior/project/templates/` and the columns of the sheets' schemas. OUTPUTS: `<folder>/config/`
+with config.yaml, the sheets with headers only, and one commented session with one commented camera.
 """
 
 import shlex
@@ -21,6 +21,8 @@ def run(folder: Path) -> None:
     `folder`: it may be there, its config not.
     Raises DiorError where there is a config already: what a person wrote is never overwritten.
     """
+    if not folder.name and folder == Path():
+        raise DiorError("name the folder of the new project, such as ../my_capture")
     if (folder / "config").exists():
         raise DiorError(f"{folder / 'config'} exists already; choose another folder or remove it first")
     for path, text in contents().items():
@@ -28,7 +30,7 @@ def run(folder: Path) -> None:
     print(
         f"Wrote {folder / 'config'}. Fill in sequences.tsv, subjects.tsv and sessions/{SESSION} (a file per camera), "
         "then run, from the clone of dior:\n"
-        f"  .venv/bin/snakemake -j2 --directory {shlex.quote(str(folder))}"
+        f"  .venv/bin/snakemake -j2 --directory {shlex.quote(str(folder.resolve()))}"
     )
 
 

@@ -6,6 +6,7 @@ The committed demo config is what `dior simulate --write-config config` writes. 
 note them (0.01 px, 1 mm, 0.1 ms), and no picture is rendered for them.
 """
 
+from copy import deepcopy
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
@@ -13,8 +14,9 @@ from typing import Any
 import numpy as np
 
 from dior.arrays import Floats
+from dior.errors import DiorError
 from dior.project.init import TEMPLATES
-from dior.project.read import describe
+from dior.project.read import check, describe, read_yaml
 from dior.simulate import scene, simulate_gallery, truth
 from dior.simulate.body import body_of
 from dior.simulate.clocks import clocks_of
@@ -49,8 +51,14 @@ def run(*, write_config: Path, settings: dict[str, Any] | None = None) -> None:
     """Write the config of a simulated capture.
 
     `write_config`: folder to write it to; `settings`: what differs from the demo, as JSON.
+    Raises DiorError where there is a config already: what a person wrote is never overwritten.
     """
-    write(from_dict(settings or {}), write_config)
+    if (write_config / "config.yaml").exists():
+        raise DiorError(f"{write_config / 'config.yaml'} exists already; choose another folder or remove it first")
+    given = {} if settings is None else settings
+    whole = read_yaml(TEMPLATES / "config.yaml") | {"simulate": deepcopy(given)}
+    check(whole, "config", "--settings")
+    write(from_dict(given), write_config)
 
 
 def write(settings: Settings, folder: Path) -> None:

@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import pytest
+
 from dior.cli import main
 from dior.project import project
 
@@ -32,3 +34,26 @@ def test_settings_on_the_command_line_reach_the_config(tmp_path):
     small = project.load(tmp_path)
     assert small.sequences == ("outdoor_01", "indoor_01")
     assert small.config["simulate"]["fps"] == 25.0 and small.config["simulate"]["duration_s"] == 2.0
+
+
+def test_a_config_that_is_there_is_not_overwritten(tmp_path, capsys):
+    (tmp_path / "config.yaml").write_text("data_root: mine\n")
+    assert main.main(["simulate", "--write-config", str(tmp_path)]) == 1
+    assert "exists already" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["config.yaml"]
+
+
+@pytest.mark.parametrize(
+    ("settings", "word"),
+    [
+        ('{"seed": -1}', "simulate.seed"),
+        ('{"detector": 5}', "simulate.detector"),
+        ('{"preset": ["real"]}', "simulate.preset"),
+        ('"x"', "simulate"),
+        ('{"fsp": 25}', "fps"),
+    ],
+)
+def test_settings_of_another_kind_are_one_sentence_and_leave_nothing(tmp_path, capsys, settings, word):
+    assert main.main(["simulate", "--write-config", str(tmp_path / "config"), "--settings", settings]) != 0
+    said = capsys.readouterr().err
+    assert word in said and said.count("\n") == 1 and not (tmp_path / "config").exists()
