@@ -167,12 +167,12 @@ def killed(*_):
     os.kill(os.getpid(), signal.SIGKILL)
 
 given = project.project(pathlib.Path({root!r}))
-package.{where} = killed
+{where} = killed
 project.build(given)
 """
 
 
-@pytest.mark.parametrize("where", ["checksums.write", pytest.param("os.replace", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("where", ["package.checksums.write", pytest.param("os.replace", marks=pytest.mark.slow)])
 def test_a_build_that_was_killed_and_run_again_is_the_same(built, tmp_path, where):
     code = KILLED.format(root=str(tmp_path), where=where)
     done = subprocess.run([sys.executable, "-c", code])
