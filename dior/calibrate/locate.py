@@ -245,7 +245,7 @@ def with_clocks(
     unknown = np.isfinite(t) & np.isin(marks.sequence, list(why_unknown))
     # what nothing is known of moves no pose that can be had without it
     left_out = unknown & ((~unknown).sum() > FEWEST)
-    findings = clock_from_marks.untold(scope, why_unknown, left_out.any())
+    findings = clock_from_marks.not_found(scope, why_unknown, left_out.any())
     marks, t = marks.only(~left_out), t[~left_out]
 
     given = {name: one for name, one in clock.items() if name not in by_marks}

@@ -18,7 +18,7 @@ from dior.body.names import mirrored
 Places: TypeAlias = dict[str, tuple[float, float, float]]
 # Half lengths (horizontal, vertical) m, and how far the ellipsoid's middle is above that between the ears. A man's head
 # is 0.20 m long, 0.15 m broad and 0.23 m high on average, his nose 0.02 m before it; the rest is hair and larger heads.
-# Chosen, and measured with heads of simulated walkers (benchmarks/blur.py).
+# Chosen; `python -m benchmarks.blur` prints how much of the simulated heads they cover.
 RADII_M = (0.125, 0.145)
 RAISED_M = 0.015
 # Places in the head's axes (forward, left, up) m, from the middle between the ears: detectors put the face where a

@@ -359,7 +359,7 @@ def findings(
     return found
 
 
-def untold(scope: str, why: Mapping[str, str], left_out: bool) -> list[tuple[str, str, str, str]]:
+def not_found(scope: str, why: Mapping[str, str], left_out: bool) -> list[tuple[str, str, str, str]]:
     """Findings for sequences whose clock the marks cannot tell: `why`, sequence -> reason."""
     then = "its marks are not used" if left_out else "it is taken to be 0, and an error of it moves the camera"
     return [
