@@ -35,9 +35,7 @@ def run(*, sequence: str, bags: list[Path], data_root: Path, topics: dict[str, s
     if not bags:
         raise DiorError(f"{sequence}: no bag is given; fill in `bags` in sequences.tsv")
     if not topics:
-        raise DiorError(
-            f"{sequence}: no camera is given; write a <camera>.yaml for each into its session"
-        )
+        raise DiorError(f"{sequence}: no camera is given; write a <camera>.yaml for each into its session")
     there = {bag: rosbag.topics_of(bag) for bag in bags}
     holders = {camera: rosbag.holding(there, topic, f"{sequence}, {camera}") for camera, topic in topics.items()}
     indexes = {}
