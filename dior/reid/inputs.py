@@ -8,7 +8,7 @@ they come from the 3D in every camera, the long-range one included. What lies ou
 camera is missing; a joint that the body hides is kept.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -232,8 +232,3 @@ def adapted(uv: Floats, width: int, adaptation: str) -> Floats:
 def height_px(uv: Floats) -> float:
     """How far the ankles are below the nose in a sequence (F, 17, 2) px, the median."""
     return float(np.median(uv[:, ANKLES, 1].mean(axis=1) - uv[:, NOSE, 1]))
-
-
-def picture_widths(paths: Sequence[AnyPath], names: Iterable[str], where: str) -> dict[str, int]:
-    """Width (px) of the pictures of the cameras `names`, by name, from `cameras` tables."""
-    return {c.name: c.intrinsics.width for c in camera_tables.read_placed(paths, names, where)}
