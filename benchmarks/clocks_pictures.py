@@ -18,7 +18,7 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks import long_range, scene
-from dior.calibrate.outline import boxes_fit, clock_from_edges, clock_from_pictures, seen_edges, tracks
+from dior.calibrate.outline import boxes_fit, clock_from_pictures, long_range_clock, seen_edges, tracks
 from dior.clocks.clock import DRIFT_SD_PPM, OFFSET_SD_S
 from dior.geometry import covariance
 from dior.geometry.camera import in_frame, project
@@ -129,7 +129,7 @@ def long_range_clocks(level, seed):
             own = moments - clocks[k]
             where = 0.0
             if not known:
-                found = clock_from_edges.estimate(camera, _seen([(track, own, edges)]), "boxes")
+                found = long_range_clock.estimate(camera, _seen([(track, own, edges)]), "boxes")
                 clock = found.clock
                 where = clock.offset_s + 1e-6 * clock.drift_ppm * clock.middle_s
                 followed.append((where - clocks[k], clock.sigma([camera.name], spread)[0], found.refused))

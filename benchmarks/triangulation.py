@@ -309,7 +309,7 @@ def reconstructed(s):
     points = np.where(np.isfinite(covariance).all(axis=(-1, -2))[..., None], found.points, np.nan)
     bad = implausible(points, covariance, list(s.names), scene.FPS, *GATES)
     points = np.where(bad[..., None], np.nan, points)
-    return points, covariance, *robust.persistence(s.cameras, uv, score, found, scene.FPS)
+    return points, covariance, *robust.error_correlation(s.cameras, uv, score, found, scene.FPS)
 
 
 def lag_ms(points, truth):

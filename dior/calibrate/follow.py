@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from dior.arrays import Floats
-from dior.calibrate.outline import boxes_fit, clock_from_edges, clock_from_pictures, seen_edges, silhouettes, tracks
+from dior.calibrate.outline import boxes_fit, clock_from_pictures, long_range_clock, seen_edges, silhouettes, tracks
 from dior.calibrate.outline.seen_edges import EdgeObservations
 from dior.calibrate.outline.walks import (
     SILHOUETTE_MARGIN_PX,
@@ -71,11 +71,11 @@ def hidden_side(camera: Camera, seen: EdgeObservations, margin: tuple[float, flo
     if len(readings) == 1:
         return readings[0]
     held = seen_edges.Freedom(turn=(0, 0, 0), shift=(0, 0, 0), margin_px=margin[0], margin_split_px=margin[1])
-    seconds = seen.seconds + clock_from_edges.best_lag(camera, held, seen)
+    seconds = seen.seconds + long_range_clock.best_lag(camera, held, seen)
     return boxes_fit.fit(camera, held, replace(seen, seconds=seconds, points=seen.tracks[0].at(seconds)), where).hidden
 
 
-def findings_of(scope: str, found: clock_from_edges.ClockFromEdges) -> list[tuple[str, str, str, str]]:
+def findings_of(scope: str, found: long_range_clock.ClockFromEdges) -> list[tuple[str, str, str, str]]:
     """Findings of an estimated clock: (scope, severity, code, text)."""
     if found.refused:
         text = f"the clock is not known: {found.refused}; its stamps are taken as they are. Draw boxes on more pictures"
@@ -103,7 +103,7 @@ def write(
 ) -> None:
     """Write the tables of one camera's clock."""
     clocks.write(written.out, written.out_gains, sequence, {camera: clock}, names, joint)
-    lags = clock_from_edges.LAGS_S[: len(costs_px)]
+    lags = long_range_clock.LAGS_S[: len(costs_px)]
     named = {"sequence": [sequence] * len(lags), "camera": [camera] * len(lags)}
     tables.write(written.out_costs, "clock_costs", {**named, "lag_s": lags, "cost_px": costs_px})
     tables.write_findings(written.findings, findings)
@@ -159,12 +159,12 @@ def run(
     seen, method, margin = watched(walk, rig[camera], given.boxes, data_root)
     occluder = settings.get("align", {}).get("occluder", "auto")
     # without edges or 3D there is no side to read; the estimate says what that means for the clock
-    enough = np.isfinite(seen.edges).sum() >= clock_from_edges.FEWEST
+    enough = np.isfinite(seen.edges).sum() >= long_range_clock.FEWEST
     there = np.isfinite(cam.project(rig[camera], seen.points)[0]).any()
     side = hidden_side(rig[camera], seen, margin, occluder, scope) if enough and there else ""
     close = [rig[name] for name in makers]
     derivative = (list(makers), partial(by_close, close)) if makers else None
     trails_m = clock_from_pictures.TRAILS_M if method == "pictures" else 0.0
-    found = clock_from_edges.estimate(rig[camera], seen, method, margin, side, derivative, trails_m)
+    found = long_range_clock.estimate(rig[camera], seen, method, margin, side, derivative, trails_m)
     joint = camera_tables.read_camera_covariance(placed.covariance, names) if placed.covariance else None
     write(sequence, camera, found.clock, found.costs_px, findings_of(scope, found), written, names, joint)

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from dior.arrays import Bools, Floats, Ints
+from dior.clocks.persistence import LASTS_S, autocorrelation
 from dior.geometry.camera import Camera
 from dior.geometry.rig import Rig, mean_errors, meet, meet_in_blocks, residuals, rig_of, views_of, with_every_view
 from dior.geometry.views import best_subsets
@@ -33,9 +34,7 @@ APART_S = 0.3  # residuals nearer in time say the same: the noise of pose networ
 # a joint's noise in a view is mixed with the view's as if so many independent equations spoke for that; chosen: less
 # follows chance in short walks, more makes all joints alike
 SHRINK = 30.0
-# lags at which, and up to which, the correlation of the residuals is looked at; chosen: several times the 0.15 s of
-# pose networks, and twice it
-LASTS_S, DIES_S = 1.0, 0.3
+DIES_S = 0.3  # up to which lag errors that die away are summed; chosen: twice the 0.15 s of pose networks
 LEAST_REST = 0.05  # a smaller sum of correlations may be chance; chosen
 # a joint is predicted from good instants at most this far away on either side; chosen: longer, and the line between
 # them is no prediction
@@ -246,7 +245,9 @@ def _prediction_error(points: Floats, good: Bools, half: int) -> Floats:
     return out
 
 
-def persistence(cameras: Sequence[Camera], uv: Floats, score: Floats, found: Points, fps: float) -> tuple[float, float]:
+def error_correlation(
+    cameras: Sequence[Camera], uv: Floats, score: Floats, found: Points, fps: float
+) -> tuple[float, float]:
     """How the errors of the detections are correlated in time: time constant (s) of what dies away, and the share of
     the variance that is constant.
 
@@ -270,17 +271,11 @@ def persistence(cameras: Sequence[Camera], uv: Floats, score: Floats, found: Poi
     left[..., known] = np.where(some.w[:, None] > 0, np.clip(ideal * some.w[:, None], -3.0, 3.0), np.nan)
     series = left.reshape(len(cameras), 2, -1, joints)
 
-    def correlation(lag: int) -> float:
-        if lag >= series.shape[2] or lag < 1:
-            return 0.0
-        a, b = series[:, :, lag:], series[:, :, :-lag]
-        both = np.isfinite(a) & np.isfinite(b)
-        a, b = np.where(both, a, 0.0), np.where(both, b, 0.0)
-        return float((a * b).sum() / max(np.sqrt((a * a).sum() * (b * b).sum()), 1e-12))
-
-    constant_share = float(np.clip(correlation(round(LASTS_S * fps)), 0.0, 0.9))
+    constant_share = float(np.clip(autocorrelation(series, round(LASTS_S * fps), axis=2), 0.0, 0.9))
     lags = max(1, round(DIES_S * fps))
-    rest = sum(correlation(lag) - constant_share for lag in range(1, lags + 1)) / (1 - constant_share)
+    rest = sum(autocorrelation(series, lag, axis=2) - constant_share for lag in range(1, lags + 1)) / (
+        1 - constant_share
+    )
     if rest < LEAST_REST:
         return 0.0, constant_share
     # the autoregressive noise whose correlations have that sum

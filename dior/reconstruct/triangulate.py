@@ -111,7 +111,7 @@ def run(
         score = np.where(mistaken, 0.0, score)
         found = robust.triangulate(rig, uv, score, fps, sigma)
         points, used, residual = found.points, found.used, found.residual
-        time_s, constant_share = robust.persistence(rig, uv, score, found, fps)
+        time_s, constant_share = robust.error_correlation(rig, uv, score, found, fps)
         good = found.scaled <= limits.max_error_px  # false for NaN
     else:
         used = score > 0
@@ -121,7 +121,7 @@ def run(
         good = np.ones(residual.shape, bool)
         sigma = robust.noise(rig, uv, score, fps)
         found = robust.Points(points, used, residual, residual, sigma)
-        time_s, constant_share = robust.persistence(rig, uv, score, found, fps)
+        time_s, constant_share = robust.error_correlation(rig, uv, score, found, fps)
     weights = np.where(used, score, 0.0) / sigma[:, None]
     covariance = robust.covariance(rig, points, weights)
     enough = (used.sum(axis=0) >= 2) & np.all(np.isfinite(points), axis=-1)

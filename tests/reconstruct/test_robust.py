@@ -98,7 +98,7 @@ def test_persistence_is_read_from_the_residuals(time_s, stays):
     noise = np.sqrt(1 - stays) * noise + np.sqrt(stays) * random.normal(size=(3, 1, 33, 2))
     uv = uv + 2 * noise
     found = robust.triangulate(cameras, uv, np.ones(uv.shape[:3]), FPS)
-    told = robust.persistence(cameras, uv, np.ones(uv.shape[:3]), found, FPS)
+    told = robust.error_correlation(cameras, uv, np.ones(uv.shape[:3]), found, FPS)
     assert told[0] == pytest.approx(time_s, abs=0.04)
     assert told[1] == pytest.approx(stays, abs=0.08)
     assert len(MLKIT_33) == uv.shape[2]

@@ -19,12 +19,11 @@ import numpy as np
 
 from dior.arrays import Bools, Floats, Ints
 from dior.calibrate.bundle import reduced
+from dior.clocks import persistence
 from dior.geometry.camera import Camera
 from dior.geometry.multiview import side_seen
 
 SIDES = 4
-LONGEST_LAG_S = 1.0  # chosen: what lasts longer is an offset
-FORGOTTEN = 0.05  # chosen: a correlation below that may be chance; the sum ends there
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,18 +110,7 @@ def autocorrelation_sum(residuals: Floats, observed: Bools, cluster: Ints, track
     by_time = np.stack([grid(tracks, view) for view in clean])
     order = grid(tracks, tracks.sequence.astype(float))
     sequence = np.nanmax(np.where(np.isfinite(order), order, -1), axis=1)
-    variance, total = np.nanmean(by_time**2), 1.0
-    most = max(1, round(LONGEST_LAG_S / tracks.step_s))
-    for lag in range(1, min(most, by_time.shape[1] - 1) + 1):
-        product = by_time[:, lag:] * by_time[:, :-lag]
-        product = product[:, sequence[lag:] == sequence[:-lag]]
-        if not np.isfinite(product).any():
-            break
-        rho = np.nanmean(product) / variance
-        if rho < FORGOTTEN:
-            break
-        total += 2 * float(rho)
-    return total
+    return persistence.inflation(by_time, 1 / tracks.step_s, axis=1, stretch=sequence)
 
 
 @dataclass(frozen=True, eq=False)

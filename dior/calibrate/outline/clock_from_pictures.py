@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from dior.arrays import Floats, Ints, Table
-from dior.calibrate.outline import clock_from_edges, seen_edges, silhouettes, tracks
+from dior.calibrate.outline import long_range_clock, seen_edges, silhouettes, tracks
 from dior.clocks.axis import seconds
 from dior.clocks.clock import Clock
 from dior.geometry import camera as cam
@@ -52,7 +52,7 @@ def from_pictures(
         small[row] = shrunk(picture, factor)
     edges = edges_of(small, factor, tall_px(camera, track))
     found = from_edges(camera, track, flesh_m, seconds(frames_rows["stamp_ns"][shown], t0_ns), edges)
-    return found.clock, clock_from_edges.LAGS_S, found.costs_px
+    return found.clock, long_range_clock.LAGS_S, found.costs_px
 
 
 def body(mocap_table: Table) -> tuple[tracks.BodyTrack, int, Floats]:
@@ -117,8 +117,8 @@ def edges_of(small: Sequence[silhouettes.Picture], factor: int, tall: float) -> 
 
 def from_edges(
     camera: Camera, track: tracks.BodyTrack, flesh_m: Floats, moments: Floats, edges: Floats
-) -> clock_from_edges.ClockFromEdges:
-    """`clock_from_edges.ClockFromEdges` from edges (F, 4) px of pictures taken at `moments` (F,) s by the stamps."""
+) -> long_range_clock.ClockFromEdges:
+    """`long_range_clock.ClockFromEdges` from edges (F, 4) px of pictures taken at `moments` (F,) s by the stamps."""
     points = track.at(moments)
     nothing = np.full((*points.shape[:2], 2), np.nan)
     seen = seen_edges.EdgeObservations(
@@ -126,4 +126,4 @@ def from_edges(
     )
     scale = camera.intrinsics.fx / 760
     margin = MARGIN_PX * scale, MARGIN_SPLIT_PX * scale
-    return clock_from_edges.estimate(camera, seen, "pictures", margin, trails_m=TRAILS_M)
+    return long_range_clock.estimate(camera, seen, "pictures", margin, trails_m=TRAILS_M)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks import scene
-from dior.calibrate.outline import clock_from_edges, clock_from_pictures, tracks
+from dior.calibrate.outline import clock_from_pictures, long_range_clock, tracks
 from dior.errors import DiorError
 from dior.geometry.camera import Intrinsics, project
 from dior.simulate import draw
@@ -61,7 +61,7 @@ def test_the_clock_is_found_to_milliseconds(watched):
     assert (found.clock.source, found.clock.method) == ("estimated", "pictures")
     assert late(found.clock) == pytest.approx(truth, abs=0.004)
     assert abs(late(found.clock) - truth) < 4 * found.clock.given[0] < 0.02
-    assert clock_from_edges.LAGS_S[np.nanargmin(found.costs_px)] == pytest.approx(LATE_S, abs=0.05)
+    assert long_range_clock.LAGS_S[np.nanargmin(found.costs_px)] == pytest.approx(LATE_S, abs=0.05)
     assert found.after_px < 3 < found.before_px
 
 
