@@ -32,11 +32,13 @@ from dior.progress import reporting
 
 SUFFIXES = (".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff")
 MOST_PICTURES = 120  # chosen: OpenCV's time grows with the cube, and a still board repeats itself
+# three views determine a lens (Zhang 2000), ten to twenty are what guides to calibration ask for
 FEWEST_VIEWS, FEW_VIEWS, MANY_VIEWS = 3, 10, 20
 FEWEST_CORNERS = 6  # OpenCV's own limit for a pose in calibrateCamera
 SAME_VIEW = 0.01  # chosen, of the picture's diagonal: a board that moved by less says nothing new
 FLAT_GRID = 0.03  # chosen, of the board's size: a lens bends a grid by less
 OUTLIER, OUTLIER_PX = 3.0, 0.3  # chosen: a view this many times as bad as the others, and by more than drawn corners
+# chosen, `coverage` of the pictures: with less the distortion, k3 above all, is extrapolated
 CENTRE_COVERAGE, K3_COVERAGE = 0.5, 0.6
 # chosen: below the first a focal length and a distance look alike; the second is asked for in the findings
 LEAST_TILT_DEG, GOOD_TILT_DEG = 10.0, 30.0
