@@ -21,8 +21,8 @@ from dior.calibrate.outline import boxes_fit, seen_edges, silhouettes
 from dior.calibrate.outline.walks import SILHOUETTE_MARGIN_PX
 from dior.geometry import covariance
 from dior.geometry.camera import Camera, Intrinsics, in_frame, pose, project
+from dior.geometry.disagreeing_views import DROP_FACTOR, by_dropping, usual_error
 from dior.geometry.multiview import look_at_angles, rotation_x, rotation_z
-from dior.geometry.views import DROP_FACTOR, by_dropping, usual_error
 from dior.reconstruct.swaps import exchange, find_exchanged
 from dior.simulate import backdrop, draw
 from dior.simulate import settings as levels

@@ -19,7 +19,8 @@ from dior.calibrate.bundle import bundle, outcome, starts
 from dior.calibrate.outline import boxes_fit, seen_edges
 from dior.errors import DiorError
 from dior.geometry.camera import Camera, Intrinsics, inverse_pose, pose, project, undistort
-from dior.geometry.multiview import look_at, triangulate
+from dior.geometry.multiview import look_at
+from dior.geometry.triangulation import triangulate
 from dior.ingest.readers import mlkit, openpose
 from dior.reconstruct import robust
 from dior.reconstruct.swaps import exchange, find_exchanged, find_mistaken_limbs

@@ -22,7 +22,7 @@ import numpy as np
 from benchmarks import scene
 from dior.body.names import LIMBS, is_leg, swap_index
 from dior.geometry import camera as cam
-from dior.geometry import multiview
+from dior.geometry import triangulation
 from dior.reconstruct import refine, robust, swaps
 from dior.reconstruct.gates import implausible
 from dior.reconstruct.triangulate import by_rays
@@ -45,7 +45,7 @@ def score_of(uv, score):
 
 def dlt(cameras, uv, score):
     xy = np.stack([cam.undistort(c.intrinsics, view) for c, view in zip(cameras, uv, strict=True)])
-    return multiview.triangulate([cam.inverse_pose(c.wTc) for c in cameras], xy, score)
+    return triangulation.triangulate([cam.inverse_pose(c.wTc) for c in cameras], xy, score)
 
 
 def rays(cameras, uv, score):

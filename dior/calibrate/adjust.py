@@ -36,9 +36,9 @@ from dior.calibrate.lens import realsense
 from dior.clocks import by_hand as clocks
 from dior.clocks import ray_lags
 from dior.errors import DiorError, nearest
-from dior.geometry import camera_tables, views
+from dior.geometry import camera_tables, disagreeing_views
 from dior.geometry.camera import REFERENCE_FX, Camera, reprojection_errors
-from dior.geometry.rig import triangulated
+from dior.geometry.triangulation import triangulated
 from dior.project.camera_file import camera_settings
 from dior.tables import tables
 from dior.tables.tables import Finding
@@ -59,7 +59,6 @@ MARK_SIGMA_PX = 1.0  # chosen: a click at full zoom
 # end where they do with 2000 (3D 59.70 and 59.68 mm at `real`, starts 30 cm and 10 degrees off included), in a quarter
 # of the time (1.0 and 3.8 s)
 SAMPLE = 500
-BEST_DETECTOR_PX = 1.0  # chosen, at fx 1680: no pose network is better, so that less is no disagreement
 SETTLED = 0.001  # chosen: the rounds end where a thousandth of the detections changes sides
 
 
@@ -205,7 +204,7 @@ def metric(
 
 def agreeing(cameras: Sequence[Camera], uv: Floats) -> Floats:
     """The detections uv (V, N, 2), NaN for those that disagree with the other views of their point."""
-    return np.where(views.agreeing(cameras, uv, BEST_DETECTOR_PX)[..., None], uv, np.nan)
+    return np.where(disagreeing_views.agreeing(cameras, uv)[..., None], uv, np.nan)
 
 
 def _sample(seen: Bools) -> Bools:

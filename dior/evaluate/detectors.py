@@ -20,8 +20,8 @@ from dior.arrays import Bools, Floats, Ints, Table
 from dior.body.names import COCO_17
 from dior.errors import DiorError
 from dior.evaluate import rows as figures
-from dior.evaluate.box_fit import label_boxes
 from dior.evaluate.grids import LabelGrid, label_grids
+from dior.evaluate.labels_in_boxes import label_boxes
 from dior.evaluate.zoom import window
 from dior.ingest.detections import check_recording, in_pixels
 from dior.ingest.people import People, gathered

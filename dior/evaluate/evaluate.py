@@ -18,9 +18,9 @@ import numpy as np
 
 from dior.arrays import Floats, Table
 from dior.errors import DiorError, nearest
-from dior.evaluate import box_fit, reprojection, rows
 from dior.evaluate import boxes as box_files
 from dior.evaluate import checks as check_files
+from dior.evaluate import labels_in_boxes, reprojection, rows
 from dior.evaluate import truth as against
 from dior.evaluate.grids import LabelGrid, distance, label_grids, onto, value_grid
 from dior.tables import tables
@@ -153,7 +153,7 @@ def _boxes(grids: dict[str, LabelGrid], roles: dict[str, str], boxes: dict[str, 
         grid = grids[camera]
         drawn = box_files.read(path, grid.frames)
         parts = [("in_box_share", "share", box_files.inside(grid, *drawn))]
-        parts += box_fit.figures(grid, box_files.of_frames(grid, *drawn))
+        parts += labels_in_boxes.figures(grid, box_files.of_frames(grid, *drawn))
         for metric, unit, values in parts:
             rows_of, frames_of = _summed(metric, unit, [(grid, values)], roles, by_joint=False)
             found += rows_of

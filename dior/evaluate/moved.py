@@ -21,7 +21,7 @@ from dior.geometry import camera as cam
 from dior.geometry import camera_tables
 from dior.geometry import covariance as cov
 from dior.geometry.camera import Camera
-from dior.geometry.views import DROP_FACTOR, by_dropping, usual_error
+from dior.geometry.disagreeing_views import DROP_FACTOR, by_dropping, usual_error
 from dior.reconstruct.swaps import exchange, in_table
 from dior.reconstruct.triangulate import observations
 from dior.tables import tables

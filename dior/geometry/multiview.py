@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dior.arrays import Floats, Ints
-from dior.geometry import rig as rigs
 
 
 def rotation_x(angle: float) -> Floats:
@@ -69,21 +68,6 @@ def intersect_rays(origins: ArrayLike, directions: ArrayLike) -> Floats:
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = (ends * seen[..., None]).sum(axis=-2) / n[..., None]
     return np.where((enough & ~parallel)[..., None], mean, np.nan)
-
-
-def triangulate(cTw: ArrayLike, xy: Floats, weights: ArrayLike) -> Floats:
-    """Weighted linear triangulation of many points (Hartley and Zisserman 12.2, p. 312, inhomogeneous).
-
-    `cTw` (V, 4, 4) world to camera in any unit, `xy` (V, ..., 2) ideal normalised coordinates, `weights` (V, ...) of
-    the equations as they are (`rig.meet` scales them by the depths). A missing coordinate or a weight of 0 leaves the
-    view out. Returns (..., 3), NaN with fewer than two views or where the rays are parallel.
-    """
-    shape = xy.shape[1:-1]
-    rig = rigs.rig_of_poses(cTw)
-    x, y = (xy[..., i].reshape(len(xy), -1) for i in range(2))
-    views = rigs.views_of_ideal(rig, x, y, np.broadcast_to(weights, xy.shape[:-1]).reshape(x.shape))
-    points, _ = rigs.in_blocks(rigs.meet_unscaled, views)
-    return (points.T + rig.origin).reshape(*shape, 3)
 
 
 def similarity(source: Floats, target: Floats, scale: bool = True) -> tuple[float, Floats, Floats]:

@@ -19,8 +19,17 @@ import numpy as np
 from dior.arrays import Bools, Floats, Ints
 from dior.clocks.persistence import LASTS_S, autocorrelation
 from dior.geometry.camera import Camera
-from dior.geometry.rig import Rig, mean_errors, meet, meet_in_blocks, residuals, rig_of, views_of, with_every_view
-from dior.geometry.views import best_subsets
+from dior.geometry.disagreeing_views import best_subsets
+from dior.geometry.triangulation import (
+    Rig,
+    mean_errors,
+    meet,
+    meet_in_blocks,
+    residuals,
+    rig_of,
+    views_of,
+    with_every_view,
+)
 from dior.reconstruct.timeline import instants_within
 
 # a view disagrees where the residuals are this many times what the noise makes of them; chosen: less leaves out right

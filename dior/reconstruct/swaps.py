@@ -20,7 +20,7 @@ import numpy as np
 from dior.arrays import Bools, Floats, Ints, Table
 from dior.body.names import LIMBS, is_leg, swap_index
 from dior.geometry.camera import Camera
-from dior.geometry.rig import Views, meet_in_blocks, rig_of, views_of
+from dior.geometry.triangulation import Views, meet_in_blocks, rig_of, views_of
 from dior.tables import tables
 
 # The prices are chosen: lower ones find shorter exchanges, and more that are none. Of the 33 exchanged pictures of a

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dior.evaluate import box_fit, boxes
+from dior.evaluate import boxes, labels_in_boxes
 from dior.evaluate.grids import LabelGrid
 from dior.geometry.camera import project
 from tests.report.conftest import rig, walk
@@ -20,7 +20,7 @@ def grid_of(uv, in_frame=None):
 
 
 def figure(grid, hand, metric):
-    return next(values for name, _, values in box_fit.figures(grid, hand) if name == metric)
+    return next(values for name, _, values in labels_in_boxes.figures(grid, hand) if name == metric)
 
 
 SQUARE = np.array([[[10.0, 20.0], [14.0, 30.0], [12.0, 25.0]]])
@@ -31,7 +31,7 @@ def test_label_box_holds_the_in_frame_labels():
     in_frame = np.ones((3, 3), bool)
     in_frame[1, 1] = False
     in_frame[2] = False
-    found = box_fit.label_boxes(grid_of(uv, in_frame))
+    found = labels_in_boxes.label_boxes(grid_of(uv, in_frame))
     np.testing.assert_array_equal(found[:2], [[10, 20, 14, 30], [10, 20, 12, 25]])
     assert np.isnan(found[2]).all()
 
@@ -62,7 +62,7 @@ def test_iou_of_boxes_with_known_overlap(hand, share):
 def test_frames_without_a_box_are_not_judged():
     grid = grid_of(np.repeat(SQUARE, 4, axis=0))
     hand = boxes.of_frames(grid, np.array([1, 2, 3]), np.array([[9.0, 19.0, 15.0, 31.0]] * 3))
-    for _, _, values in box_fit.figures(grid, hand):
+    for _, _, values in labels_in_boxes.figures(grid, hand):
         assert np.isnan(values[0]).all() and np.isfinite(values[1:]).all()
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dior.geometry import camera as cam
-from dior.geometry import camera_tables, covariance, multiview
+from dior.geometry import camera_tables, covariance, triangulation
 from tests.rig import ring
 
 
@@ -53,7 +53,7 @@ def _points(cameras, uv):
     xy = np.stack([cam.undistort(c.intrinsics, view) for c, view in zip(cameras, uv, strict=True)])
     # divided by the depth, the linear equations' residuals are those of the pixels
     depth = np.stack([cam.project(c, np.broadcast_to(POINTS, (*uv.shape[1:-1], 3)))[1] for c in cameras])
-    return multiview.triangulate([cam.inverse_pose(c.wTc) for c in cameras], xy, 1 / depth)
+    return triangulation.triangulate([cam.inverse_pose(c.wTc) for c in cameras], xy, 1 / depth)
 
 
 def test_camera_covariance_is_read_as_written_and_joined(tmp_path):

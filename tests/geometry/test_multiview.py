@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from dior.geometry import camera as cam
-from dior.geometry import multiview
+from dior.geometry import multiview, triangulation
 from tests.rig import camera, ring
 
 
@@ -67,7 +67,7 @@ def test_triangulation_is_exact_and_honours_weights_and_missing_views():
     weights[0, 0] = 0.0
     xy[1, 1] = np.nan
     weights[1:, 2] = 0.0
-    found = multiview.triangulate([cam.inverse_pose(c.wTc) for c in cameras], xy, weights)
+    found = triangulation.triangulate([cam.inverse_pose(c.wTc) for c in cameras], xy, weights)
     keep = [0, 1, 3, 4, 5]
     assert found[keep] == pytest.approx(points[keep], abs=1e-7)
     assert np.isnan(found[2]).all()

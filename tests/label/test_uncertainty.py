@@ -6,7 +6,7 @@ import pytest
 from dior.clocks.clock import Clock
 from dior.geometry import camera as cam
 from dior.geometry import covariance as cov
-from dior.geometry import multiview
+from dior.geometry import triangulation
 from dior.label import uncertainty
 from tests.rig import camera, ring
 
@@ -60,7 +60,7 @@ def test_covariance_is_that_of_many_tries(far):
     steps = random.multivariate_normal(np.zeros(len(size)), joint, TRIES).reshape(TRIES, -1, 6)
     for step, seen_xy in zip(steps, xy, strict=True):
         moved = [cov.moved(c, s) for c, s in zip([*rig, own] if far else rig, step, strict=True)]
-        points = multiview.triangulate([cam.inverse_pose(c.wTc) for c in moved[:3]], seen_xy, weights)
+        points = triangulation.triangulate([cam.inverse_pose(c.wTc) for c in moved[:3]], seen_xy, weights)
         errors.append(cam.project(moved[-1], points)[0] - true)
     errors = np.array(errors)
     found = np.einsum("nij,nik->ijk", errors, errors) / len(errors)

@@ -9,9 +9,9 @@ import pytest
 
 from dior.body.names import BODY_25B, MLKIT_33
 from dior.geometry import camera as cam
-from dior.geometry import views
+from dior.geometry import disagreeing_views
 from dior.geometry.camera import inverse_pose, reprojection_errors, undistort
-from dior.geometry.multiview import triangulate
+from dior.geometry.triangulation import triangulate
 from dior.reconstruct.swaps import exchange, find_swaps
 
 FPS = 60.0
@@ -76,8 +76,8 @@ def test_the_unseen_camera_is_labelled(shared, rig):
     score = np.where(score >= 0.3, score, 0.0)
     swapped = find_swaps(rig[:3], uv, score, MLKIT_33, FPS)
     uv, score = exchange(uv, swapped, MLKIT_33), exchange(score, swapped, MLKIT_33)
-    limit = min(45.0, views.DROP_FACTOR * views.usual_error(rig[:3], uv, score))
-    points, _, _, good = views.by_dropping(rig[:3], uv, score, limit, 45.0)
+    limit = min(45.0, disagreeing_views.DROP_FACTOR * disagreeing_views.usual_error(rig[:3], uv, score))
+    points, _, _, good = disagreeing_views.by_dropping(rig[:3], uv, score, limit, 45.0)
     points[~good] = np.nan
     spec = importlib.util.spec_from_file_location("score", shared.parent / "tools/score_real_outdoor.py")
     tool = importlib.util.module_from_spec(spec)
@@ -112,7 +112,7 @@ def test_dropping_agrees_with_the_publishers_skeleton(shared, rig):
     uv, score = stack(openpose, shared, rig)
     weights = np.where(score >= 0.3, score, 0.0)
     plain = plain_dropping(rig, uv, weights, 15.0)
-    points, error, used, _ = views.by_dropping(rig, uv, weights, 15.0, 15.0)
+    points, error, used, _ = disagreeing_views.by_dropping(rig, uv, weights, 15.0, 15.0)
     at = [BODY_25B.index(name) for name in names]
     assert np.isfinite(plain[:, at]).mean() > 0.99
     assert np.nanmedian(np.linalg.norm(plain[:, at] - theirs, axis=-1)) < 1e-3

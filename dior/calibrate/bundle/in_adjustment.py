@@ -28,6 +28,7 @@ from dior.clocks import ray_lags
 from dior.clocks.axis import ClockValues
 from dior.clocks.clock import DRIFT_SD_PPM, NORMAL_95, doubtful_s
 from dior.geometry.camera import Camera
+from dior.geometry.disagreeing_views import agreeing
 
 # chosen: how much of a sequence its clocks are fitted to while the cameras still move, and at last
 QUICK_S, MOST_S = 5.0, 20.0
@@ -156,7 +157,7 @@ class Sequences:
         names = self.recorded[i].names[joints]
         uv = np.stack([seen[v].at(grid, value[v], middle)[:, joints] for v in order])
         ordered = [cameras[v] for v in order]
-        used = from_cameras.agreeing(ordered, uv)
+        used = agreeing(ordered, uv)
         uv = np.where(used[..., None], uv, np.nan)
         tracks = from_cameras.tracks_of(
             ordered,

@@ -19,8 +19,8 @@ import numpy as np
 from dior.arrays import Bools, Floats
 from dior.errors import DiorError
 from dior.geometry.camera import REFERENCE_FX, Camera, angle_deg, pose, reprojection_errors, undistort
-from dior.geometry.multiview import rotation_x, rotation_z, similarity, triangulate
-from dior.geometry.rig import triangulated
+from dior.geometry.multiview import rotation_x, rotation_z, similarity
+from dior.geometry.triangulation import triangulate, triangulated
 
 # chosen, at fx 1680: once and three times what a pose network misses by; the start with the lower cost counts
 EPIPOLAR_PX = (4.0, 12.0)

@@ -20,8 +20,9 @@ from dior.clocks.clock import DRIFT_SD_PPM, Clock, Estimate
 from dior.geometry import camera as cam
 from dior.geometry import covariance
 from dior.geometry.camera import Camera
-from dior.geometry.multiview import side_seen, triangulate
-from dior.geometry.views import DROP_FACTOR, by_dropping, usual_error
+from dior.geometry.disagreeing_views import agreeing
+from dior.geometry.multiview import side_seen
+from dior.geometry.triangulation import triangulate
 
 SEARCHED = 200  # chosen: moments that the search compares, spread over the recording
 CAP = 0.06  # chosen: of an epipolar distance at focal length 1, 100 px at fx 1680; another limb counts no more
@@ -178,14 +179,6 @@ def fitted(
             break
         value = value + np.clip(solved.step.reshape(-1, 2), [-0.05, -100], [0.05, 100])
     return value, solved
-
-
-def agreeing(cameras: Sequence[Camera], uv: Floats) -> Bools:
-    """Mask (V, T, J) of the detections that agree with those of the other views."""
-    weights = np.isfinite(uv).all(axis=-1).astype(float)
-    limit = max(DROP_FACTOR * usual_error(cameras, uv, weights), 1.0)
-    _, _, used, good = by_dropping(cameras, uv, weights, limit, limit)
-    return used & good
 
 
 def tracks_of(

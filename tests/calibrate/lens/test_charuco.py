@@ -13,7 +13,7 @@ import pytest
 from dior.calibrate.locate import locate
 from dior.calibrate.place import reference_pose
 from dior.geometry.camera import Camera, Intrinsics, inverse_pose, project, undistort
-from dior.geometry.multiview import triangulate
+from dior.geometry.triangulation import triangulate
 
 UP = np.array([0, 0, 10.0])
 CENTRE = np.array([0.15, 0.13, 0, 1])

@@ -11,10 +11,11 @@ import numpy as np
 
 from dior.arrays import Bools, Floats, Ints
 from dior.geometry import camera as cam
-from dior.geometry.rig import Views, mean_errors, meet, rig_of, views_of, with_every_view
+from dior.geometry.triangulation import Views, mean_errors, meet, rig_of, views_of, with_every_view
 
 # chosen: a view disagrees where the mean error is this many times the usual one; less takes good detections with it
 DROP_FACTOR = 4.0
+BEST_DETECTOR_PX = 1.0  # chosen, at fx 1680: no pose network is better, so that less is no disagreement
 
 
 def best_subsets(
@@ -89,7 +90,7 @@ def usual_error(cameras: Sequence[cam.Camera], uv: Floats, weights: Floats) -> f
     return float(np.median(error[known])) if known.any() else np.inf
 
 
-def agreeing(cameras: Sequence[cam.Camera], uv: Floats, least_px: float = 0.0) -> Bools:
+def agreeing(cameras: Sequence[cam.Camera], uv: Floats, least_px: float = BEST_DETECTOR_PX) -> Bools:
     """Mask (V, ...) of the pixels uv (V, ..., 2) that agree with the other views of their point.
 
     A view disagrees beyond `DROP_FACTOR` times the usual error, or `least_px` at fx 1680 if that is more. Where only

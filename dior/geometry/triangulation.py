@@ -114,6 +114,21 @@ def meet_in_blocks(views: Views) -> tuple[Floats, Floats]:
     return in_blocks(meet, views)
 
 
+def triangulate(cTw: ArrayLike, xy: Floats, weights: ArrayLike) -> Floats:
+    """Weighted linear triangulation of many points (Hartley and Zisserman 12.2, p. 312, inhomogeneous).
+
+    `cTw` (V, 4, 4) world to camera in any unit, `xy` (V, ..., 2) ideal normalised coordinates, `weights` (V, ...) of
+    the equations as they are (`meet` scales them by the depths). A missing coordinate or a weight of 0 leaves the
+    view out. Returns (..., 3), NaN with fewer than two views or where the rays are parallel.
+    """
+    shape = xy.shape[1:-1]
+    rig = rig_of_poses(cTw)
+    x, y = (xy[..., i].reshape(len(xy), -1) for i in range(2))
+    views = views_of_ideal(rig, x, y, np.broadcast_to(weights, xy.shape[:-1]).reshape(x.shape))
+    points, _ = in_blocks(meet_unscaled, views)
+    return (points.T + rig.origin).reshape(*shape, 3)
+
+
 def triangulated(cameras: Sequence[cam.Camera], uv: Floats) -> Floats:
     """World points (..., 3) m of recorded pixels (V, ..., 2), every view with the same noise in px; see `meet`."""
     rig = rig_of(cameras)
