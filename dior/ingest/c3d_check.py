@@ -54,7 +54,8 @@ class Frame(NamedTuple):
 @dataclass(frozen=True)
 class Layout:
     """`labels` of the points, in their order; `units`: as written, "" if they are not; `rate` Hz, 0 if it is not
-    written; `first`: number of the first frame stored, from 1; `frames`: how many are stored."""
+    written; `first`: number of the first frame stored, from 1, 0 where the header's first and last are not those of
+    the frames stored; `frames`: how many are stored."""
 
     labels: tuple[str, ...]
     units: str
@@ -184,6 +185,8 @@ def _fitted(header: _Header, parameters: _Parameters, size: int) -> Layout:
         raise ValueError(f"it holds {there // frame.size} of its {frames} frames; it is cut off, so copy it again")
     units = (parameters.texts("POINT:UNITS") or [""])[0]
     rate = parameters.number("POINT:RATE") or header.rate
+    if header.last < MOST_FRAMES and header.last - header.first + 1 != frames or first == MOST_FRAMES:
+        first = 0
     return Layout(tuple(_labels(parameters)[: frame.points]), units, rate, first, frames)
 
 

@@ -52,7 +52,8 @@ LISTED = 20
 
 @dataclass(frozen=True, eq=False)
 class Mocap:
-    """`points` (frames, markers, 3) m, NaN in gaps; `rate` Hz; `first_frame` as the C3D counts, from 1."""
+    """`points` (frames, markers, 3) m, NaN in gaps; `rate` Hz; `first_frame` as the C3D counts, from 1, 0 where it
+    contradicts itself."""
 
     markers: tuple[str, ...]
     points: Floats
@@ -115,6 +116,11 @@ def start_by_log(log: Path, capture: str, c3d: AnyPath, mocap: Mocap, stamps: In
     """
     from dior.ingest import trigger_log
 
+    if not mocap.first_frame:
+        raise DiorError(
+            f"{c3d}: its header's first and last frame are not those of the {len(mocap.points)} frames stored, so the "
+            "trigger log cannot tell when they were taken; export it again"
+        )
     found = trigger_log.choose(
         trigger_log.read(log), int(stamps.min()), int(stamps.max()), log, name=capture, c3d=Path(c3d).name
     )
@@ -240,7 +246,7 @@ def _check_body(mocap: Mocap, path: AnyPath, scale: float, up: str) -> None:
         fix = "correct its label there, or delete it, a gap is no harm"
         if odd.frames > FEW * len(mocap.points):
             fix = "the file is damaged, or the markers are labelled wrongly; export it again"
-        raise DiorError(f"{path}: {odd.text} in frame {mocap.first_frame + odd.frame}{others}; {fix}")
+        raise DiorError(f"{path}: {odd.text} in frame {max(mocap.first_frame, 1) + odd.frame}{others}; {fix}")
     if power:
         raise DiorError(f"{path}: the body is {10.0**power:g} times as large as a person; export it again")
     _check_vertical(marker_checks.axis_up(mocap.points, mocap.markers), path, up)

@@ -17,7 +17,7 @@ from dior.errors import DiorError
 from dior.ingest import c3d_check, c3d_points, mocap
 from dior.tables import tables
 from tests.ingest.c3d_files import PLACES, c3d_bytes, person
-from tests.ingest.test_mocap import run
+from tests.ingest.test_mocap import T0, run
 
 LABELS = list(PLACES)
 FRAMES = 40
@@ -122,6 +122,15 @@ def test_a_trimmed_file_counts_as_the_capture_does(tmp_path):
     # some writers count from 0
     path = file_of(tmp_path, first=0)
     assert mocap.read(path).first_frame == 1 and is_the_person(mocap.read(path))
+
+
+def test_a_header_that_counts_other_frames_than_those_stored_has_no_first_one(tmp_path):
+    path = file_of(tmp_path, header={"first": 148, "last": 200})
+    assert mocap.read(path).first_frame == 0 and is_the_person(mocap.read(path))
+    (tmp_path / "trigger.jsonl").write_text(f'{{"event": "start", "name": "a", "start_ns": {T0}}}\n')
+    with pytest.raises(DiorError, match=r"a\.c3d: its header's first and last frame are not those of the 40 frames"):
+        run(tmp_path, path, trigger_log=tmp_path / "trigger.jsonl")
+    assert len(run(tmp_path, path)["x"]) == FRAMES * len(PLACES)
 
 
 LONG = {"TRIAL:ACTUAL_START_FIELD": np.uint16([1, 0]), "TRIAL:ACTUAL_END_FIELD": np.uint16([70_000 - 65536, 1])}
@@ -278,7 +287,7 @@ def test_a_file_for_which_ezc3d_takes_too_much_memory(tmp_path, monkeypatch):
 def test_a_file_for_which_ezc3d_takes_too_long_or_crashes(tmp_path, monkeypatch):
     path = file_of(tmp_path)
     monkeypatch.setattr(c3d_points, "SECONDS", 1)
-    monkeypatch.setattr(ezc3d, "c3d", lambda path: [time.process_time() for _ in iter(int, 1)])
+    monkeypatch.setattr(ezc3d, "c3d", lambda path: [None for _ in iter(lambda: time.process_time() < 20, False)])
     assert "takes ezc3d more than 1 s" in refused(path)
     monkeypatch.setattr(ezc3d, "c3d", lambda path: os.kill(os.getpid(), signal.SIGSEGV))
     assert "ezc3d, which reads it, crashes" in refused(path)
