@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dior.arrays import Floats
+from dior.arrays import Floats, Ints
 from dior.body.names import mirrored
 
 # markers on one rigid part of the body, and how far they are apart on an adult of 1.7 m. Only the power of ten is taken
@@ -120,7 +120,7 @@ def flying(markers: Floats, names: Sequence[str], rate: float) -> Odd | None:
     return max(odd, key=lambda one: one[0])[1] if odd else None
 
 
-def _pairs(markers: Floats, names: Sequence[str]) -> Iterator[tuple[tuple[str, str], Floats, Floats]]:
+def _pairs(markers: Floats, names: Sequence[str]) -> Iterator[tuple[tuple[str, str], Ints, Floats]]:
     """Of each rigid pair: its names, the frames (K,) that have both, and how far apart the two are in them (K,)."""
     where = {name: i for i, name in enumerate(names)}
     for a, b in RIGID:
