@@ -6,8 +6,8 @@ OUTPUTS  `skeletons_3d` table: the markers of `skeletons.PLUG_IN_GAIT_39` that t
          C3D turned Z up, metres. An instant is a tick of the C3D, counted from 0 at the first frame stored; its
          stamp_ns is t0 + instant / rate. t0 is decided here for all steps: when the trigger log says that the first
          frame stored was taken, or the earliest picture stamp of the sequence where there is no log. A gap is null with
-         `too_few_views`. Metadata: rate_hz, first_frame (number of the first frame stored, as the C3D counts, from 1),
-         t0_from (trigger_log | pictures).
+         `too_few_views`. Metadata: rate_hz, first_frame (number of the first frame stored, as the C3D counts, from 1;
+         0 where it contradicts itself), t0_from (trigger_log | pictures).
 """
 
 import math

@@ -155,11 +155,11 @@ def test_more_frames_than_the_header_can_count(tmp_path, more, header, first):
 
 def test_a_long_capture_is_read_to_its_end(tmp_path):
     labels = ["LKNE", "LANK", "LASI", "RASI"]
-    points = 1000 * person(labels, 66_000, rate=1000.0)
-    more = {"TRIAL:ACTUAL_START_FIELD": np.uint16([1, 0]), "TRIAL:ACTUAL_END_FIELD": np.uint16([66_000 - 65536, 1])}
+    points = 1000 * person(labels, 66_001, rate=1000.0)
+    more = {"TRIAL:ACTUAL_START_FIELD": np.uint16([1, 0]), "TRIAL:ACTUAL_END_FIELD": np.uint16([66_001 - 65536, 1])}
     got = mocap.read(file_of(tmp_path, labels, points, rate=1000.0, more=more))
-    assert got.points.shape == (66_000, 4, 3)
-    np.testing.assert_allclose(got.points[-1], person(got.markers, 66_000, 1000.0)[-1], atol=1e-4)
+    assert got.points.shape == (66_001, 4, 3)
+    np.testing.assert_allclose(got.points[-1], person(got.markers, 66_001, 1000.0)[-1], atol=1e-4)
 
 
 def test_labels_beyond_255_points(tmp_path):
