@@ -1,36 +1,59 @@
 """Markers of a C3D file on the clock of the pictures.
 
-INPUTS   a C3D (Vicon Plug-in-Gait labels, four or more of them, any order, other points ignored), the sequence's
-         `frames` table, and the log of `dior trigger` where there is one.
+INPUTS   a C3D (Vicon Plug-in-Gait labels, four or more of them, any order, other points ignored), what session.yaml
+         says of it under `mocap`, the sequence's `frames` table, and the log of `dior trigger` where there is one.
 OUTPUTS  `skeletons_3d` table: the markers of `skeletons.PLUG_IN_GAIT_39` that the file has, in that order, world of the
-         C3D (Z up), metres. An instant is a tick of the C3D, counted from 0 at the first frame stored; its stamp_ns is
-         t0 + instant / rate. t0 is decided here for all steps: when the trigger log says that the first frame stored
-         was taken, or the earliest picture stamp of the sequence where there is no log. A gap is null with
-         `too_few_views`. Metadata: rate_hz, first_frame (number of the first frame stored, as the C3D counts, from 1),
-         t0_from (trigger_log | pictures).
+         C3D turned Z up, metres. An instant is a tick of the C3D, counted from 0 at the first frame stored; its
+         stamp_ns is t0 + instant / rate. t0 is decided here for all steps: when the trigger log says that the first
+         frame stored was taken, or the earliest picture stamp of the sequence where there is no log. A gap is null with
+         `too_few_views`. Metadata: rate_hz, first_frame (number of the first frame stored, as the C3D counts, from 1;
+         0 where it contradicts itself), t0_from (trigger_log | pictures).
 """
 
-import struct
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Literal
 
 import numpy as np
 
 from dior.arrays import AnyPath, Floats, Ints
+from dior.body import marker_checks
 from dior.body.names import PLUG_IN_GAIT_39
 from dior.errors import DiorError
-from dior.ingest.c3d_check import MIPS, check_parameters
+from dior.ingest.c3d_check import Layout, layout
+from dior.ingest.c3d_points import read_points
 from dior.tables import tables
 
 METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
+# as some writers spell them out
+SPELLED = {
+    f"{prefix}met{ending}{plural}": f"{prefix[:1]}m" if prefix else "m"
+    for prefix in ("milli", "centi", "")
+    for ending in ("er", "re")
+    for plural in ("", "s")
+}
+# the turn that makes an axis of the C3D the world's Z
+UP = {
+    "z": ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
+    "y": ((1, 0, 0), (0, 0, -1), (0, 1, 0)),
+    "x": ((0, 0, -1), (0, 1, 0), (1, 0, 0)),
+}
 # chosen: a file with fewer labels of the 39 is of another marker set, or of none
 FEWEST = 4
+# Hz; chosen: beyond any motion capture
+RATES = (1.0, 10_000.0)
+# chosen: in a smaller share of the frames a marker has the wrong label, which is corrected by hand
+FEW = 0.1
+# chosen: how many labels a sentence lists
+LISTED = 20
 
 
 @dataclass(frozen=True, eq=False)
 class Mocap:
-    """`points` (frames, markers, 3) m, NaN in gaps; `rate` Hz; `first_frame` as the C3D counts, from 1."""
+    """`points` (frames, markers, 3) m, NaN in gaps; `rate` Hz; `first_frame` as the C3D counts, from 1, 0 where it
+    contradicts itself."""
 
     markers: tuple[str, ...]
     points: Floats
@@ -47,15 +70,20 @@ def run(
     trigger_log: Path | None,
     out: Path,
     capture: str = "",
+    units: str = "",
+    up: Literal["z", "y", "x"] = "z",
+    prefix: str = "",
 ) -> None:
-    """Write the markers of `c3d`. `capture`: its name in the trigger log where it is not the C3D's, else "".
+    """Write the markers of `c3d`. `capture`: its name in the trigger log where it is not the C3D's, else "";
+    `units`: mm, cm or m, where the C3D does not say it or says it wrongly; `up`: its vertical axis; `prefix`: what the
+    subject's labels begin with, where there are several subjects.
 
     See the module's docstring.
     """
     stamps = tables.read(frames, "frames", ["stamp_ns"])["stamp_ns"]
     if not len(stamps):
         raise DiorError(f"{sequence}: {frames} has no picture, so the mocap has no start")
-    mocap = read(c3d)
+    mocap = read(c3d, subject, units, up, prefix)
     instants, joints = mocap.points.shape[:2]
     instant = np.arange(instants)
     t0 = start_by_log(trigger_log, capture, c3d, mocap, stamps) if trigger_log else int(stamps.min())
@@ -88,99 +116,151 @@ def start_by_log(log: Path, capture: str, c3d: AnyPath, mocap: Mocap, stamps: In
     """
     from dior.ingest import trigger_log
 
+    if not mocap.first_frame:
+        raise DiorError(
+            f"{c3d}: its header's first and last frame are not those of the {len(mocap.points)} frames stored, so the "
+            "trigger log cannot tell when they were taken; export it again"
+        )
     found = trigger_log.choose(
         trigger_log.read(log), int(stamps.min()), int(stamps.max()), log, name=capture, c3d=Path(c3d).name
     )
     return found.start_ns + round((mocap.first_frame - 1) * 1e9 / mocap.rate)
 
 
-def read(path: AnyPath) -> Mocap:
-    """The Plug-in-Gait markers of a C3D file as `Mocap`.
+def read(path: AnyPath, subject: str = "", units: str = "", up: str = "z", prefix: str = "") -> Mocap:
+    """The Plug-in-Gait markers of a C3D file as `Mocap`. `subject` as in the sheet; the others as for `run`.
 
-    Raises DiorError for a missing or broken file, an unknown unit, a rate that is not positive, a marker given twice,
-    and too few markers.
+    Raises DiorError for a missing or broken file, one that is not what it says of itself, an unknown unit, a rate that
+    is not positive, a marker given twice, too few markers, and markers that are on no upright body.
     """
-    import ezc3d
-
     if not Path(path).is_file():
         raise DiorError(f"{path}: there is no such C3D; check `mocap` in sequences.tsv and `data_root`")
     try:
-        check_parameters(path)
-        c3d = ezc3d.c3d(str(path))
-    except (OSError, RuntimeError, ValueError, IndexError) as error:
-        raise DiorError(f"{path}: not a readable C3D ({str(error).splitlines()[0]})") from None
-    parameters, header = c3d["parameters"]["POINT"], c3d["header"]["points"]
-    points = c3d["data"]["points"]
-    stored, declared = points.shape[2], _declared_frames(path)
-    if not stored or stored < declared:
-        raise DiorError(f"{path}: the C3D holds {stored} of its {declared} frames; it is cut off, so copy it again")
-    scale = _metres(parameters, path)
-    rate = _number(parameters, "RATE") or float(header["frame_rate"])
-    if not rate > 0:
-        raise DiorError(f"{path}: POINT:RATE is {rate}; a C3D needs its frame rate")
-    found = _find_markers(_labels(parameters)[: points.shape[1]], path)
-    index = [found[marker] for marker in PLUG_IN_GAIT_39 if marker in found]
-    xyz = points[:3, index].transpose(2, 1, 0)
-    # a point whose residual is negative is invalid, whatever its coordinates (user guide of c3d.org): ezc3d gives NaN
-    gap = ~np.isfinite(xyz).all(axis=-1) | (xyz == 0).all(axis=-1)
-    markers = tuple(marker for marker in PLUG_IN_GAIT_39 if marker in found)
-    # ezc3d counts frames from 0 where the file counts from 1
-    return Mocap(markers, np.where(gap[..., None], np.nan, xyz * scale), rate, int(header["first_frame"]) + 1)
-
-
-def _declared_frames(path: AnyPath) -> int:
-    """Number of frames that the header announces, 0 where it cannot say (its numbers end at 65535).
-
-    ezc3d corrects its header to what it found, so a file that is cut off shows in the file's own bytes only.
-    """
-    with open(path, "rb") as stream:
-        header = stream.read(512)
-        stream.seek(512 * (header[0] - 1) + 3)
-        processor = stream.read(1)
-    first, last = struct.unpack_from(">2H" if processor == bytes([MIPS]) else "<2H", header, 6)
-    return last - first + 1 if first <= last < 65535 else 0
-
-
-def _number(parameters: dict[str, Any], key: str) -> float:
-    values = np.ravel(parameters[key]["value"]) if key in parameters else np.array([])
-    return float(values[0]) if len(values) else 0.0
-
-
-def _metres(parameters: dict[str, Any], path: AnyPath) -> float:
-    values = parameters["UNITS"]["value"] if "UNITS" in parameters else []
-    unit = values[0].strip() if len(values) else ""
-    if unit.lower() not in METRES:
-        raise DiorError(f"{path}: POINT:UNITS is '{unit}', not one of {', '.join(METRES)}; export it again with one")
-    return METRES[unit.lower()]
-
-
-def _labels(parameters: dict[str, Any]) -> list[str]:
-    """All labels in the order of the points; past 255 points they go on in LABELS2, LABELS3, ..."""
-    labels: list[str] = []
-    number = 1
-    while (key := f"LABELS{number}" if number > 1 else "LABELS") in parameters:
-        labels += [label.strip() for label in parameters[key]["value"]]
-        number += 1
-    return labels
-
-
-def _find_markers(labels: list[str], path: AnyPath) -> dict[str, int]:
-    """Index of each marker among the labels: dict marker -> index. A prefix up to a colon is the subject's name."""
-    found: dict[str, int] = {}
-    for i, label in enumerate(labels):
-        marker = label.rpartition(":")[2].strip()
-        if marker not in PLUG_IN_GAIT_39:
-            continue
-        if marker in found:
-            raise DiorError(
-                f"{path}: the labels '{labels[found[marker]]}' and '{label}' are both the marker {marker}; "
-                "export one subject per C3D"
-            )
-        found[marker] = i
-    if len(found) < FEWEST:
-        there = ", ".join(labels[:20]) + (f" and {len(labels) - 20} more" if len(labels) > 20 else "") or "none"
+        about = layout(path)
+        if not RATES[0] <= about.rate <= RATES[1]:
+            raise DiorError(f"{path}: POINT:RATE is {about.rate:g}; a C3D needs its frame rate, so export it again")
+        found = _find_markers(about.labels, path, subject, prefix)
+        markers = tuple(marker for marker in PLUG_IN_GAIT_39 if marker in found)
+        xyz = read_points(path, [found[marker] for marker in markers])
+    except (OSError, ValueError) as error:
+        raise DiorError(f"{path}: not a readable C3D ({error})") from None
+    if len(xyz) < about.frames:
         raise DiorError(
-            f"{path}: {len(found)} of the {len(PLUG_IN_GAIT_39)} Plug-in-Gait markers are there, and fewer than "
-            f"{FEWEST} are no such marker set; its labels are {there}. Were they labelled before the export?"
+            f"{path}: not a readable C3D (ezc3d finds {len(xyz)} of its {about.frames} frames; POINT:FRAMES is wrong, "
+            "so export it again)"
+        )
+    scale = METRES[units or _unit(about, path)]
+    # a point whose residual is negative is invalid, whatever its coordinates (user guide of c3d.org): ezc3d gives NaN
+    xyz = xyz[: about.frames]
+    gap = ~np.isfinite(xyz).all(axis=-1) | (xyz == 0).all(axis=-1)
+    if gap.all():
+        raise DiorError(f"{path}: no frame has any of its markers; were they reconstructed before the export?")
+    points = np.where(gap[..., None], np.nan, xyz * scale)
+    mocap = Mocap(markers, points @ np.array(UP[up], float).T, about.rate, about.first)
+    _check_body(mocap, path, scale, up)
+    return mocap
+
+
+def _unit(about: Layout, path: AnyPath) -> str:
+    unit = SPELLED.get(about.units.lower(), about.units.lower())
+    if unit not in METRES:
+        says = f"is '{about.units}', not one of {', '.join(METRES)}" if about.units else "is empty"
+        raise DiorError(f"{path}: POINT:UNITS {says}; set `mocap: {{units: mm}}`, or what it is, in session.yaml")
+    return unit
+
+
+def _find_markers(labels: Sequence[str], path: AnyPath, subject: str, prefix: str) -> dict[str, int]:
+    """Index of each marker among the labels: dict marker -> index.
+
+    A prefix up to a colon is the subject's name. Labels in small letters, or with other signs around them, count where
+    there is none that is spelled right.
+    """
+    named = [_parts(label, prefix) for label in labels]
+    places: dict[str, list[int]] = {}
+    for i, (_, word) in enumerate(named):
+        marker = word.strip(" .*_-'\"\0").upper()
+        if marker in PLUG_IN_GAIT_39:
+            places.setdefault(marker, []).append(i)
+    for marker, there in places.items():
+        places[marker] = [i for i in there if named[i][1] == marker] or there
+    if any(len({named[i][0] for i in there}) > 1 for there in places.values()):
+        chosen = _chosen({named[i][0] for there in places.values() for i in there}, path, subject)
+        places = {marker: [i for i in there if named[i][0] == chosen] for marker, there in places.items()}
+    found = {}
+    for marker, there in places.items():
+        if len(there) > 1:
+            points = " and ".join(f"{i + 1} ('{labels[i]}')" for i in there)
+            raise DiorError(
+                f"{path}: the points {points} are all the marker {marker}; name or delete them so that one is left, "
+                "and export it again"
+            )
+        if there:
+            found[marker] = there[0]
+    if len(found) < FEWEST:
+        more = f" and {len(labels) - LISTED} more" if len(labels) > LISTED else ""
+        behind = f" behind the prefix '{prefix}' (`mocap.prefix` in session.yaml)" if prefix else ""
+        raise DiorError(
+            f"{path}: {len(found)} of the {len(PLUG_IN_GAIT_39)} Plug-in-Gait markers are there{behind}, and fewer "
+            f"than {FEWEST} are no such marker set; its labels are {', '.join(labels[:LISTED]) or 'none'}{more}. "
+            "Were they labelled before the export?"
         )
     return found
+
+
+def _parts(label: str, prefix: str) -> tuple[str, str]:
+    """The prefix of a label and what follows; nothing follows where `prefix` is given and the label has another."""
+    if not prefix:
+        before, _, word = label.rpartition(":")
+        return before.strip(), word.strip()
+    return (prefix, label[len(prefix) :].lstrip(":_ ").strip()) if label.startswith(prefix) else ("", "")
+
+
+def _chosen(prefixes: set[str], path: AnyPath, subject: str) -> str:
+    """The prefix that is the subject's name, where several have the same markers."""
+    same = [prefix for prefix in prefixes if prefix.lower() == subject.lower()]
+    if subject and len(same) == 1:
+        return same[0]
+    names = sorted(prefix for prefix in prefixes if prefix)
+    raise DiorError(
+        f"{path}: its labels are of several subjects, with the prefixes {', '.join(names)}; set "
+        f"`mocap: {{prefix: {{{subject or '<subject>'}: {names[0]}}}}}`, or which it is, in session.yaml"
+    )
+
+
+def _check_body(mocap: Mocap, path: AnyPath, scale: float, up: str) -> None:
+    """Refuse markers that no upright body of human size can have."""
+    power = marker_checks.power_of_ten(mocap.points, mocap.markers)
+    unit, right = (
+        next((unit for unit, metres in METRES.items() if math.isclose(metres, size)), "")
+        for size in (scale, scale / 10.0 ** (power or 0))
+    )
+    if power and right:
+        raise DiorError(
+            f"{path}: the body is {10.0**power:g} times as large as a person, so its unit is not {unit}; set "
+            f"`mocap: {{units: {right}}}` in session.yaml"
+        )
+    odd = marker_checks.stretched(mocap.points, mocap.markers)
+    odd = odd or marker_checks.flying(mocap.points, mocap.markers, mocap.rate)
+    if odd:
+        others = f" and {odd.frames - 1} others" if odd.frames > 1 else ""
+        fix = "correct its label there, or delete it, a gap is no harm"
+        if odd.frames > FEW * len(mocap.points):
+            fix = "the file is damaged, or the markers are labelled wrongly; export it again"
+        raise DiorError(f"{path}: {odd.text} in frame {max(mocap.first_frame, 1) + odd.frame}{others}; {fix}")
+    if power:
+        raise DiorError(f"{path}: the body is {10.0**power:g} times as large as a person; export it again")
+    _check_vertical(marker_checks.axis_up(mocap.points, mocap.markers), path, up)
+
+
+def _check_vertical(along: Floats, path: AnyPath, up: str) -> None:
+    """Refuse a body that stands along another axis; `along` as of `axis_up`, turned by `up` already."""
+    own = np.degrees(np.arccos(np.array(UP[up], float).T @ along))
+    lean = own["xyz".index(up)]
+    if not lean > marker_checks.UPRIGHT_DEG:
+        return
+    axis = "xyz"[int(own.argmin())]
+    if own.min() < marker_checks.ALONG_DEG:
+        fix = f"but along {axis}; set `mocap: {{up: {axis}}}` in session.yaml"
+    else:
+        fix = f"it leans by {lean:.0f} degrees from it; export it with Z up"
+    raise DiorError(f"{path}: the body does not stand along the C3D's {up} axis, {fix}")

@@ -233,6 +233,12 @@ class Project:
         """What the capture is called in the trigger log, where the sheet says so: `trigger.jsonl#walk_03`."""
         return self.rows[sequence]["trigger_log"].partition("#")[2].strip()
 
+    def mocap_settings(self, sequence: str) -> dict[str, str]:
+        """How its C3D is read: `units` ("" to take the file's word), `up`, and the `prefix` of the subject's labels."""
+        given = self.session_files[self.session_of(sequence)]["mocap"]
+        prefix = given["prefix"].get(self.subject_of(sequence), "")
+        return {"units": given.get("units", ""), "up": given["up"], "prefix": prefix}
+
     def truth(self, sequence: str) -> list[str]:
         return self._optional(sequence, "truth")
 

@@ -77,6 +77,7 @@ def check_sessions(project: Project, lines: dict[str, int]) -> None:
         _check_window(project, session)
         _check_tag(project, session)
         _check_facts(project, session)
+        _check_mocap(project, session)
         for camera in project.cameras(session):
             _check_marks(project, session, camera)
             _check_align(project, session, camera)
@@ -333,6 +334,22 @@ def _check_facts(project: Project, session: str) -> None:
             f"{shown}: 'stature' needs height_m and height_sigma_m in config/subjects.tsv of one of the people in "
             f"'adjust': {', '.join(people)}"
         )
+
+
+def _check_mocap(project: Project, session: str) -> None:
+    """`mocap.prefix` is of people who walk in the session, also of those who may not be processed."""
+    folder = session_folder(session)
+    people = {
+        row["subject"]
+        for row in (*project.rows.values(), *project.withheld.values())
+        if session_folder(row["session"]) == folder
+    }
+    for name in project.session_files[session]["mocap"]["prefix"]:
+        if name not in people:
+            raise DiorError(
+                f"config/sessions/{folder}/session.yaml: 'mocap.prefix.{name}': '{name}' walks in no sequence of "
+                f"session '{folder}'{nearest(name, people)}"
+            )
 
 
 def _check_marks(project: Project, session: str, camera: str) -> None:

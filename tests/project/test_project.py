@@ -124,6 +124,7 @@ def test_what_is_written_is_what_is_read(root):
     assert (p.mocap("in_1"), p.mocap("out_1")) == (["data/in_1/mocap.c3d"], [])
     assert p.trigger_log("in_1") == ["data/in_1/trigger.jsonl"] and p.capture("in_1") == "walk 3"
     assert (p.trigger_log("out_1"), p.capture("out_1")) == ([], "")
+    assert p.mocap_settings("in_1") == {"units": "", "up": "z", "prefix": ""}
     assert p.marks_sequences("lab", "cam01") == p.marks_mocap("lab", "cam01") == ["in_1"]
     assert p.boxes("out_1") == {"cam03": "config/boxes/out_1.cam03.csv"}
     assert p.checks("out_1") == {"cam01": "config/checks/out_1.cam01.csv"}
@@ -406,6 +407,29 @@ BOARD = "{path: board, rows: 7, columns: 4, square_m: 0.06}"
 
 
 FACT = "distances: [{between: [cam01, cam02], length_m: 8.0, sigma_m: 0.02}]\n"
+MOCAP = "mocap: {units: cm, up: y, prefix: {S01: Anna}}\n"
+
+
+def test_how_a_c3d_is_read(root):
+    edit(root, "sessions/lab/session.yaml", "cameras: [cam01]", "cameras: [cam01]\n" + MOCAP)
+    assert project.load(root).mocap_settings("in_1") == {"units": "cm", "up": "y", "prefix": "Anna"}
+
+
+@pytest.mark.parametrize(
+    "old, new, words",
+    [
+        ("S01", "S10", ["'mocap.prefix.S10': 'S10' walks in no sequence of session 'lab'", "did you mean 'S01'?"]),
+        ("cm", "inch", ["'mocap.units' is 'inch'"]),
+        ("y,", "w,", ["'mocap.up' is 'w'"]),
+        ("Anna", "''", ["'mocap.prefix.S01'"]),
+        ("units", "unit", ["unknown key 'mocap.unit' (did you mean 'units'?)"]),
+    ],
+)
+def test_slips_in_how_a_c3d_is_read(root, old, new, words):
+    edit(root, "sessions/lab/session.yaml", "cameras: [cam01]", "cameras: [cam01]\n" + MOCAP.replace(old, new))
+    fails(root, "config/sessions/lab/session.yaml", *words)
+
+
 THIGH = "keypoint_distance: [{subject: S01, joints: [left_hip, left_knee], length_m: 0.42, sigma_m: 0.01}]\n"
 
 

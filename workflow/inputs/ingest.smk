@@ -40,6 +40,18 @@ def capture(wildcards):
     return PROJECT.capture(wildcards.sequence)
 
 
+def mocap_units(wildcards):
+    return PROJECT.mocap_settings(wildcards.sequence)["units"]
+
+
+def mocap_up(wildcards):
+    return PROJECT.mocap_settings(wildcards.sequence)["up"]
+
+
+def mocap_prefix(wildcards):
+    return PROJECT.mocap_settings(wildcards.sequence)["prefix"]
+
+
 def close_names(wildcards):
     return PROJECT.close(session_of(wildcards))
 

@@ -62,6 +62,9 @@ rule mocap:
         trigger_log=trigger_log,
         capture=capture,
         subject=subject,
+        units=mocap_units,
+        up=mocap_up,
+        prefix=mocap_prefix,
         code=code("ingest.mocap"),
     shell:
         dior("mocap")
