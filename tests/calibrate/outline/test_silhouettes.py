@@ -92,7 +92,7 @@ def test_who_stands_for_a_while_is_no_part_of_the_empty_scene():
 def test_a_sun_that_is_saturated_tells_nothing_of_the_light():
     v, u = np.mgrid[:HIGH, :WIDE]
     sun = 1000.0 * (np.hypot(u - 60, v - 8) < 8)[..., None]
-    gain = 1 + 0.12 * np.sin(np.arange(30))
+    gain = np.where(np.isin(np.arange(30), (3, 4, 17)), 0.85, 1.0)
     shining, expected = walk(scene() + sun, gain)
     found = silhouettes.edges(shining, 20, silhouettes.empty_scene(shining))
     np.testing.assert_allclose(found, expected, atol=0.8)
