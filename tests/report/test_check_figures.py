@@ -98,3 +98,11 @@ def test_standard_errors_of_poses_are_shown_in_degrees_and_centimetres(tmp_path)
     covariance[0, 3] = covariance[3, 0] = 1e-6
     camera_tables.write_camera_covariance(tmp_path / "c.parquet", ["cam01"], covariance, "lab")
     assert certainty.spreads([tmp_path / "c.parquet"])["lab"]["cam01"] == pytest.approx([0.1, 0.2, 0.3, 1, 2, 3])
+
+
+def test_key_figures_take_quantiles_over_everything_and_no_means_of_them():
+    own = {"role": "close", "subject": "S01", "camera": "cam01"}
+    rows = [row("check_error_p95", 9.0, 30, sequence="walk_1", **own), row("check_error_p95", 4.0, 40)]
+    assert [(one["where"], one["value"]) for one in key_figures.table_of(rows, {"walk_1": "indoor"})] == [
+        ("all", "4.00 px")
+    ]
