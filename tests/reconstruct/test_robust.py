@@ -160,3 +160,12 @@ def test_how_long_errors_last_is_a_time_at_any_rate(fps):
     uv = uv + 2 * noise
     found = robust.triangulate(cameras, uv, np.ones(uv.shape[:3]), fps, np.full((3, 8), 2.0))
     assert robust.error_correlation(cameras, uv, np.ones(uv.shape[:3]), found, fps)[0] == pytest.approx(0.15, abs=0.04)
+
+
+@pytest.mark.parametrize("views", [2, 3])
+def test_one_detection_in_twenty_that_is_wrong_hardly_moves_the_noise(views):
+    cameras, random = ring(4)[:views], np.random.default_rng(0)
+    uv = observed(cameras, walker(300), 2.0)
+    hit = random.random(uv.shape[:3]) < 0.05
+    uv[hit] += random.normal(0, 20.0, (hit.sum(), 2))
+    assert robust.noise(cameras, uv, np.ones(uv.shape[:3]), FPS).mean() == pytest.approx(2.0, rel=0.15)
