@@ -103,3 +103,13 @@ def test_wrong_inputs_are_named(walk, tmp_path):
         run(walk, tmp_path, "cam7: {offset_s: 0}\n")
     with pytest.raises(DiorError, match="walk, camera cam09: .* gives no pose of it"):
         run(walk, tmp_path, names=["cam01", "cam09"])
+
+
+def test_a_clock_by_hand_is_compared_in_the_middle_of_the_recording():
+    """Equal at t0, but 100 ppm apart, and after ten minutes 60 ms."""
+    found = on_axis.Clock(0.1, 100.0, "estimated", "cameras", 600.0, (0.001, 5.0))
+    for drift, code in ((0.0, "clock_contradicts"), (100.0, "clock_found")):
+        hand = {"cam02": on_axis.Clock(0.1, drift, "manual", given=(0.0, 0.0))}
+        estimates = {"cam02": (found, clocks.NONE, clocks.NONE, "")}
+        [(_, _, said, text)] = clocks.findings_of("walk", estimates, hand, [], None, 1 / 30, False)
+        assert said == code and (said == "clock_found" or "1.8 pictures apart" in text)

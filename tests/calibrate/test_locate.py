@@ -284,3 +284,20 @@ def test_inverse_of_the_pose_is_what_opencv_gives():
     cTw = np.eye(4)
     cTw[:3, :3], cTw[:3, 3] = cv2.Rodrigues(rotation)[0], translation.ravel()
     assert_at(inverse_pose(locate(view, points, uv, 8.0, "m").wTc), cTw, 1e-5)
+
+
+def test_a_mark_beyond_the_limit_is_left_out_though_it_is_no_gross_error():
+    view, points, uv = scene(20)
+    uv[6] += (0.0, 12.0)
+    found = locate(view, points, uv, 8.0, "marks")
+    assert np.flatnonzero(~found.inlier).tolist() == [6]
+    assert_at(found.wTc, view.wTc, 1e-6)
+    assert locate(view, points, uv, 16.0, "marks").inlier.all()
+
+
+def test_the_standard_errors_are_by_the_degrees_of_freedom_of_centre_and_turn():
+    view, points, uv = scene(9)
+    found = locate(view, points, uv + np.random.default_rng(2).normal(0, 1.0, uv.shape), 20.0, "marks")
+    spread = np.linalg.inv(found.jacobian.T @ found.jacobian) * (found.residual_px**2).sum() / (18 - 6)
+    for sigma, block in ((found.sigma_m, spread[3:, 3:]), (np.radians(found.sigma_deg), spread[:3, :3])):
+        assert sigma == pytest.approx(np.sqrt(np.linalg.eigvalsh(block)[-1]), rel=1e-6)

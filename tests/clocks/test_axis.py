@@ -134,3 +134,19 @@ def test_a_walker_at_the_pictures_is_as_far_on_as_their_clock_says(hz):
     np.testing.assert_allclose(noise, np.broadcast_to(1e-4 * np.eye(3), (3, 1, 3, 3)), atol=1e-12)
     # a clock that is earlier than the first instant has nothing to show
     assert np.isnan(axis.at_pictures(skeleton, T0 + np.array([0]), -0.01, 0.0)[0]).all()
+
+
+def test_t0_is_the_first_instant_of_the_mocap_or_else_the_first_picture():
+    frames = {"stamp_ns": T0 + np.array([7, 5, 9])}
+    assert axis.start_ns(frames) == T0 + 5
+    assert axis.start_ns(frames, {"stamp_ns": T0 + np.array([30, 20])}) == T0 + 20
+
+
+def test_a_picture_beside_a_bridged_instant_says_so_and_between_lost_ones_there_is_nothing():
+    skeleton = walked(100.0, 50)
+    skeleton["status"][20] = "gap_filled"
+    skeleton = {key: np.delete(values, [30, 31, 32]) for key, values in skeleton.items()}
+    at = np.array([18.5, 19.0, 19.5, 20.0, 20.5, 21.0, 28.5, 29.0, 30.0, 31.5, 33.0])
+    points, _, bridged, _ = axis.at_pictures(skeleton, T0 + np.round(at * 1e7).astype(np.int64), 0.0, 0.0)
+    assert at[bridged[:, 0]].tolist() == [19.5, 20.0, 20.5]
+    assert at[np.isnan(points[:, 0, 0])].tolist() == [30.0, 31.5]

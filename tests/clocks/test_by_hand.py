@@ -43,3 +43,8 @@ def test_bad_files_name_the_file_and_the_key(tmp_path, text, message):
     with pytest.raises(DiorError, match=message) as error:
         by_hand.read(write(tmp_path, text), CAMERAS)
     assert "indoor_01.yaml" in str(error.value)
+
+
+def test_the_error_that_a_person_gives_is_of_the_time_in_seconds(tmp_path):
+    found = by_hand.by_hand(write(tmp_path, "cam01: {offset_s: 0.1, sigma_s: 0.004}\ncam02: {offset_s: 1}\n"), CAMERAS)
+    assert found["cam01"].given == (0.004, 0.0) and found["cam02"].given == (0.0, 0.0)

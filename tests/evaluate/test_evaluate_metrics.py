@@ -346,3 +346,12 @@ def test_csv_has_fixed_numbers_and_stable_bytes(tmp_path):
     assert "reprojection_error,,S1,a,cam01,close,,0.333333,,,px,3" in text.splitlines()
     assert "reprojection_error,,S1,a,cam02,close,,2e-07,,,px,1" in text.splitlines()
     assert metrics.read(tmp_path / "1.csv")[0]["n"] == 4
+
+
+def test_the_quantiles_of_the_hand_checks_are_the_median_and_the_95th_percentile():
+    checks = {"error": np.arange(101.0), "subject": ["S01"] * 101, "sequence": ["w"] * 101, "camera": ["cam01"] * 101}
+    found = metrics.quantile_rows(checks | {"role": ["close"] * 101})
+    whole = {
+        row["metric"]: row["value"] for row in found if not row["subject"] and not row["role"] and not row["camera"]
+    }
+    assert whole == {"check_error_median": 50.0, "check_error_p95": 95.0}

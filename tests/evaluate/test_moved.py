@@ -126,3 +126,14 @@ def test_a_wild_residual_pulls_no_harder_than_two_usual_ones():
     miss[0, :, 0, 0] = [1.0, 1.0, -1.0, 2.0, 50.0]
     bounded = moved._bounded(miss, np.ones((5, 1), bool))
     assert bounded[0, :, 0, 0] == pytest.approx([1.0, 1.0, -1.0, 2.0, 2.0])
+
+
+def test_what_noise_alone_makes_is_no_bump():
+    rig = ring(3)
+    assert all(moved.find_change(normals(rig, [rig] * count, noise=30.0)) is None for count in (2, 3, 4))
+
+
+def test_walks_that_differ_among_themselves_by_as_much_are_no_bump():
+    rig = ring(3)
+    true = [turned(rig, 1, degrees) for degrees in (0.2, -0.2, 0.2, -0.2, 0.2)]
+    assert moved.find_change(normals(rig, true)) is None

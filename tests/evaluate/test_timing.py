@@ -1,5 +1,6 @@
 import json
 import time
+from types import SimpleNamespace
 
 import pytest
 
@@ -77,3 +78,15 @@ def test_what_is_left_of_other_sequences_is_not_counted(tmp_path):
         path.write_text(json.dumps(one))
     found = timing.collect(tmp_path, ["walk"], ["field"], ["zebra-0001"])
     assert sorted(map(json.dumps, found)) == sorted(map(json.dumps, kept))
+
+
+def test_the_time_of_a_job_is_its_own_and_its_childrens(tmp_path, monkeypatch):
+    used = {timing.resource.RUSAGE_SELF: (1.0, 0.5), timing.resource.RUSAGE_CHILDREN: (2.0, 0.25)}
+    monkeypatch.setattr(
+        timing.resource,
+        "getrusage",
+        lambda who: SimpleNamespace(ru_utime=used[who][0], ru_stime=used[who][1]),
+    )
+    monkeypatch.setenv(timing.FOLDER, str(tmp_path))
+    timing.write("metrics", {}, time.monotonic())
+    assert json.loads((tmp_path / "metrics/metrics.timing.json").read_text())["cpu_s"] == 3.75

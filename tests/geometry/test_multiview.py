@@ -84,3 +84,18 @@ def test_similarity_recovers_what_was_applied():
     assert multiview.similarity(source, target, scale=False)[0] == 1.0
     with pytest.raises(ValueError, match="3 common points"):
         multiview.similarity(source[:2], target[:2])
+
+
+def test_an_alignment_turns_and_never_mirrors():
+    source = np.random.default_rng(6).normal(size=(30, 3))
+    _, R, _ = multiview.similarity(source, source * [-1, 1, 1])
+    assert R @ R.T == pytest.approx(np.eye(3)) and np.linalg.det(R) == pytest.approx(1)
+
+
+def test_which_side_of_a_body_a_camera_sees():
+    """Who has his left at +y looks along +x."""
+    left, middle = np.array([[0.0, 0.2]]), np.array([[1.0, 2.0]])
+    for azimuth, side in ((0, 0), (90, 1), (180, 2), (270, 3), (40, 0), (50, 1)):
+        a = np.radians(azimuth)
+        centre = np.array([1 + 5 * np.cos(a), 2 + 5 * np.sin(a), 1.5])
+        assert multiview.side_seen(centre, left, middle).tolist() == [side]

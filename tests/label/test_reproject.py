@@ -1,11 +1,13 @@
 import numpy as np
 import pytest
 
+from dior.body.names import MLKIT_33
 from dior.clocks import clock as clocks
 from dior.errors import DiorError
 from dior.geometry import camera as cam
 from dior.geometry import camera_tables
 from dior.label import reproject, uncertainty
+from dior.label.visibility import hidden
 from dior.reconstruct.triangulate import write_skeleton
 from dior.tables import tables
 from tests.rig import camera
@@ -150,3 +152,26 @@ def test_clocks_that_are_all_late_alike_move_no_label_of_their_own_3d():
         uncertainty.of_labels(*args, uncertainty.Timing(own, velocity, np.zeros(1)))[0, 0, 0, 0]
         > still[0, 0, 0, 0] + 0.1
     )
+
+
+def test_a_clocks_error_counts_by_the_speed_at_the_time_by_the_clock(tmp_path):
+    """A joint that is faster and faster across the picture: 0.5 s later it goes 1.5 m/s instead of 1."""
+    c, t = camera("cam01", (0.0, 5.0, 1.0), distortion=()), np.arange(200) / 100
+    path = np.stack([0.5 * t**2 - 0.5, 0 * t, 0 * t + 1], axis=-1)
+    inputs(tmp_path, c, np.repeat(path[:, None], 2, axis=1), np.array([1.0]), offset_s=0.5)
+    camera_tables.write_camera_covariance(tmp_path / "covariance.parquet", ["cam01"], np.zeros((6, 6)), "lab")
+    late = clocks.Clock(0.5, 0.0, "estimated", "detections", given=(0.004, 0.0))
+    clocks.write(tmp_path / "clocks.parquet", tmp_path / "gains.parquet", "walk_1", {"cam01": late})
+    table = run(tmp_path, covariance=[tmp_path / "covariance.parquet"])
+    assert table["sigma_u"] == pytest.approx([c.intrinsics.fx / 5 * 1.5 * 0.004] * 2, rel=0.02)
+
+
+def test_what_is_out_of_the_picture_is_not_called_hidden():
+    from dior.simulate.body import Body
+    from dior.simulate.bystander import standing
+
+    body = standing(Body(1.75), np.zeros(2), 0.0)[None]
+    beside = camera("cam01", (-5.0, 0.0, 1.5), target=(0.0, -5.0, 1.5))
+    uv, _, status = reproject.labels(beside, body, MLKIT_33)
+    outside = ~cam.in_frame(beside.intrinsics, uv)
+    assert hidden(beside, body, MLKIT_33)[outside].any() and set(status[outside]) == {"out_of_frame"}

@@ -110,3 +110,11 @@ def test_what_a_clock_owes_to_a_pose_grows_with_its_drift():
         + (0.5 + 300e-6 * np.array([0.0, 900.0]))[:, None, None] * (by_point @ velocity[..., None])[..., 0]
     )
     assert np.diagonal(spread, axis1=-2, axis2=-1) == pytest.approx((0.01 * by_turn) ** 2, rel=1e-9, abs=1e-12)
+
+
+def test_the_noise_of_a_point_is_seen_in_the_pixel():
+    own, A = ring(1)[0], np.random.default_rng(4).normal(0, 0.01, (1, 2, 3, 3))
+    noise = A @ np.swapaxes(A, -1, -2)
+    spread = uncertainty.of_labels(own, POINTS[None], noise, [], ["cam01"], np.zeros((6, 6)))
+    J, _ = cov.projection(own, POINTS[None])
+    assert spread == pytest.approx(J @ noise @ np.swapaxes(J, -1, -2)) and spread[0, 0, 0, 0] > 0.1

@@ -101,3 +101,26 @@ def test_a_bones_length_is_judged_once_a_third_of_a_second_of_it_is_known(fps):
         points[0, MLKIT_33.index("left_wrist")] += [0, 0, 0.05]
         bad = implausible(points, np.broadcast_to(SURE, (*points.shape, 3)), list(MLKIT_33), fps, 1e9, 1e9, 0.01)
         assert bad[0].any() == told and not bad[1:].any()
+
+
+@pytest.mark.parametrize(("jump", "told"), [(0.9, False), (1.05, True)])
+def test_a_joint_may_be_off_by_its_standard_errors(jump, told):
+    """In a 30th of a second 0.4 m at 12 m/s, and four times the root of 0.1^2 + 0.1^2 m^2: 0.97 m in all."""
+    points = np.repeat(walker(1), 40, axis=0)
+    wrist = MLKIT_33.index("left_wrist")
+    points[25:, wrist] += [0, jump, 0]
+    covariance = np.broadcast_to(0.1**2 / 3 * np.eye(3), (*points.shape, 3))
+    bad = implausible(points, covariance, list(MLKIT_33), FPS, 12.0, 8.0, 1e9)
+    # an instant later the wrist has had twice the time
+    assert bad[24:26, wrist].sum() == told and bad.sum() == told
+
+
+@pytest.mark.parametrize(("off", "told"), [(0.8, False), (0.95, True)])
+def test_a_bone_may_be_off_by_its_share_and_its_standard_errors(off, told):
+    """A bone of 0.6 m may change by half of it and by four times the root of 0.1^2 + 0.1^2 m^2: 0.87 m."""
+    points = np.zeros((40, 2, 3))
+    points[:, 1, 0] = 0.6
+    points[20, 1, 0] += off
+    covariance = np.broadcast_to(0.1**2 / 3 * np.eye(3), (40, 2, 3, 3))
+    bad = implausible(points, covariance, ["left_hip", "left_knee"], FPS, 1e9, 1e9, 0.5)
+    assert bad[20, 1] == told and bad.sum() == told

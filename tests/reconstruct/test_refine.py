@@ -206,3 +206,12 @@ def test_a_bone_whose_ends_have_a_constant_error_pulls_less():
     free, held = (refine.with_bones(path, spread, c * spread, names)[0] for c in (0.0, 10.0))
     # the innovation's variance is 2 + (0.09, the least of a bone) and 2 + 0.09 + 20, all times 1e-4
     assert np.abs(held - path).mean() == pytest.approx(2.09 / 22.09 * np.abs(free - path).mean(), rel=0.2)
+
+
+def test_scores_that_change_from_picture_to_picture_do_not_move_the_path():
+    """Errors that last are the same in neighbours: what scores make of their size counts by its mean over 0.45 s."""
+    points = noisy(np.repeat(moving(120), 2, axis=1), 0.02, 0.15, np.random.default_rng(3))
+    mean = np.broadcast_to(4e-4 * np.eye(3), (120, 2, 3, 3))
+    by_score = mean * np.array([0.2, 1.0, 1.8])[np.arange(120) % 3, None, None, None]
+    path, steady = (refine.refined(points, C.copy(), ["a", "b"], FPS, 0.15, 0.0, 0.2)[0] for C in (by_score, mean))
+    assert np.abs(path - steady)[20:-20].max() < 1e-4

@@ -135,3 +135,37 @@ def test_a_joint_is_predicted_on_the_line_between_the_good_instants_around_it():
     expected, spread = robust.predicted(points, good, np.array([11, 12, 20]), FPS)
     assert expected[0, :2] == pytest.approx([11, 12]) and np.isnan(expected[:, 2]).all()
     assert np.isfinite(spread[:2]).all() and np.isnan(spread[2])
+
+
+@pytest.mark.parametrize("fps", [15, 60, 120])
+def test_a_joint_is_predicted_from_a_fifth_of_a_second_on_either_side(fps):
+    reach, count = fps // 5, 2 * fps
+    points, good = np.zeros((3, count, 1)), np.ones((count, 1), bool)
+    points[0, :, 0] = np.arange(count)
+    points[1, ::2, 0] = 0.01
+    for before, there in ((reach, True), (reach + 1, False)):
+        some = good.copy()
+        some[fps - before + 1 : fps + 1] = False
+        expected, _ = robust.predicted(points, some, np.array([fps]), float(fps))
+        assert np.isfinite(expected).all() == there and (not there or expected[0, 0] == pytest.approx(fps))
+
+
+@pytest.mark.parametrize("fps", [15, 60])
+def test_how_long_errors_last_is_a_time_at_any_rate(fps):
+    cameras, points = ring(3), np.repeat(walker(1)[:, :8], 40 * fps, axis=0)
+    uv, keep = observed(cameras, points, 0.0), np.exp(-1 / (fps * 0.15))
+    noise = np.random.default_rng(5).normal(size=uv.shape)
+    for t in range(1, uv.shape[1]):
+        noise[:, t] = keep * noise[:, t - 1] + np.sqrt(1 - keep**2) * noise[:, t]
+    uv = uv + 2 * noise
+    found = robust.triangulate(cameras, uv, np.ones(uv.shape[:3]), fps, np.full((3, 8), 2.0))
+    assert robust.error_correlation(cameras, uv, np.ones(uv.shape[:3]), found, fps)[0] == pytest.approx(0.15, abs=0.04)
+
+
+@pytest.mark.parametrize("views", [2, 3])
+def test_one_detection_in_twenty_that_is_wrong_hardly_moves_the_noise(views):
+    cameras, random = ring(4)[:views], np.random.default_rng(0)
+    uv = observed(cameras, walker(300), 2.0)
+    hit = random.random(uv.shape[:3]) < 0.05
+    uv[hit] += random.normal(0, 20.0, (hit.sum(), 2))
+    assert robust.noise(cameras, uv, np.ones(uv.shape[:3]), FPS).mean() == pytest.approx(2.0, rel=0.15)

@@ -89,6 +89,15 @@ def test_legs_alone_are_exchanged_back():
     assert (found == true).all() and legs.sum() == 10
 
 
+def test_legs_that_are_right_in_an_exchanged_body_are_left_as_they_are():
+    cameras, legs = ring(3), np.array([is_leg(name) for name in MLKIT_33])
+    uv = observed(cameras, walker(60), 2.0)
+    true = np.zeros((3, 60, 33), bool)
+    true[1, 20:40] = ~legs & (swap_index(MLKIT_33) != np.arange(33))
+    found = find_exchanged(cameras, exchange(uv, true, MLKIT_33), np.ones(uv.shape[:3]), MLKIT_33, FPS)
+    assert (found == true).all()
+
+
 def test_a_limb_that_two_views_take_for_the_other_is_left_out_in_both():
     cameras = ring(3)
     uv = observed(cameras, walker(60), 2.0)

@@ -139,3 +139,47 @@ def test_rays_that_meet_behind_a_camera_are_rejected(tmp_path):
     write_inputs(tmp_path, cameras, uv)
     status = run(tmp_path, [c.name for c in cameras], "rays")["status"].reshape(6, 33)
     assert status[2, 5] == "rejected" and (status == "rejected").sum() == 1
+
+
+def test_a_score_goes_with_its_detection_to_the_other_side(tmp_path):
+    """In cam03 sides are exchanged, and what it calls the left ankle, the right one, is not seen."""
+    from dior.reconstruct.swaps import exchange
+
+    cameras, points = ring(3), walker(20)
+    uv = exchange(
+        observed(cameras, points, 0.5), np.array([[False], [False], [True]]) & np.ones((3, 20), bool), MLKIT_33
+    )
+    left, right = (MLKIT_33.index(f"{side}_ankle") for side in ("left", "right"))
+    uv[2, :, left] = np.nan
+    write_inputs(tmp_path, cameras, uv)
+    views = run(tmp_path, [c.name for c in cameras])["n_views"].reshape(20, 33)
+    assert (views[:, right] == 2).all() and (views[:, left] == 3).all()
+
+
+@pytest.mark.parametrize(("limit_px", "status"), [(55.0, "rejected"), (75.0, "ok")])
+def test_the_limit_of_the_error_is_that_of_a_camera_of_fx_1680(tmp_path, monkeypatch, limit_px, status):
+    """Of two cameras of fx 640 one is 50 px off: 25 px each, which are 65.6 px at fx 1680."""
+    cameras, points = ring(2, distortion=()), walker(12)
+    cameras[1] = ring(4, distortion=())[1]
+    uv = observed(cameras, points, 0.0)
+    uv[0, 6, 0] += [0, 25]
+    uv[1, 6, 0] -= [0, 25]
+    write_inputs(tmp_path, cameras, uv)
+    monkeypatch.setattr(tri.robust, "noise", lambda *_: np.full((2, 33), 2.0))
+    limits = Limits(0.3, limit_px, 1e9, 1e9, 1e9)
+    tri.run(
+        sequence="walk_1", subject="S01", cameras=[tmp_path / "cameras.parquet"], names=[c.name for c in cameras],
+        detections=tmp_path / "detections.parquet", timeline=tmp_path / "timeline.parquet", method="robust",
+        limits=limits, out=tmp_path / "s.parquet", out_swaps=tmp_path / "w.parquet", findings=tmp_path / "f.parquet",
+    )  # fmt: skip
+    table = tables.read(tmp_path / "s.parquet", "skeletons_3d")
+    assert table["residual_px"].reshape(12, 33)[6, 0] == pytest.approx(25.0, abs=1.0)
+    assert table["status"].reshape(12, 33)[6, 0] == status
+
+
+def test_a_swap_is_of_the_picture_that_is_nearest():
+    line = {
+        "camera": np.array(["cam01"] * 4, object), "frame_before": np.array([0, 1, 2, -1]),
+        "frame_after": np.array([1, 2, 3, -1]), "weight": np.array([0.4, 0.6, 0.0, 0.0]),
+    }  # fmt: skip
+    assert tri.nearest_frames(line, ["cam01"]).tolist() == [[0, 2, 2, -1]]

@@ -47,3 +47,10 @@ def test_a_gallery_that_is_too_small_is_refused():
         split.of(nested, ["b"])
     with pytest.raises(DiorError, match="no session 'feild' to test with.*field"):
         split.of(sheet(), ["feild"])
+
+
+def test_the_last_walk_is_the_one_with_the_highest_number():
+    rows = {
+        f"{s}_{n}": {"subject": s, "session": "lab", "session_order": str(n)} for s in ("A", "B") for n in (2, 9, 10)
+    }
+    assert set(split.of(rows).test) == {"A_10", "B_10"}

@@ -107,3 +107,10 @@ def test_between_and_beyond_what_is_known():
     # half an acceleration times the times to both sides of the gap
     assert sigma[1] == pytest.approx(head_model.ACCELERATION / 2 * (7 / 60) ** 2)
     assert sigma[3] > sigma[1]
+
+
+def test_the_ellipsoid_holds_the_face_and_the_crown():
+    horizontal, vertical = head_model.RADII_M
+    for name, (forward, left, up) in head_model.HEAD.items():
+        out = (forward**2 + left**2) / horizontal**2 + ((up - head_model.RAISED_M) / vertical) ** 2
+        assert out < 1, name

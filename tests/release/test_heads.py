@@ -178,3 +178,25 @@ def test_step_refuses_what_does_not_fit(walk, what, words):
         clock.write(given["clocks"][0], given["out"], "walk", {"cam02": clock.Clock(0.0)})
     with pytest.raises(DiorError, match=words):
         heads.run(**given)
+
+
+def test_what_is_not_known_of_the_heads_own_place_is_covered_too():
+    """3 cm in space at 5 m, beside nothing of the labels: 1.5 of that on each side."""
+    view = camera("c", (5.0, 0, 1.6 + head_model.RAISED_M), (0, 0, 1.6 + head_model.RAISED_M), distortion=(0.0,) * 8)
+    sure, unsure = (box_of(view, (0, 0, 1.6), sigma=(0, 0), own=own)[0][0] for own in (0.0, 0.03))
+    grown = 1.5 * 0.03 * view.intrinsics.fx / 5
+    assert (unsure - sure) * [-1, -1, 1, 1] == pytest.approx([grown] * 4, rel=0.02)
+
+
+def test_hardly_anything_of_a_head_is_left_outside_where_labels_are_as_sure_as_they_say():
+    """At 60 m, a head 2.5 px wide and labels that are off by 0.3 px; boxes as they come before the grid."""
+    view = camera("far", (0, 60, 1.9), fx=760.0, role="long_range")
+    box = box_of(view, (0, 0, 1.6), sigma=(0.3, 0.3))[0][0]
+    random = np.random.default_rng(0)
+    unit = random.uniform(-1, 1, (1000, 2))
+    unit = unit[(unit**2).sum(axis=1) < 1]
+    # a mean head, round about the vertical: 0.20 m long and 0.23 m high
+    head = cam.project(view, np.array([0, 0, 1.6 + head_model.RAISED_M]))[0] + unit * 760 / 60 * (0.10, 0.115)
+    moved = head + 0.3 * random.standard_normal((1500, 1, 2))
+    across = (2 * moved - box[:2] - box[2:]) / (box[2:] - box[:2])
+    assert ((across**2).sum(axis=-1) > 1).mean() < 0.001

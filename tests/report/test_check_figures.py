@@ -5,7 +5,8 @@ import pandas as pd
 import pytest
 
 from dior.evaluate.metrics import COLUMNS
-from dior.report import check_figures, key_figures
+from dior.geometry import camera_tables
+from dior.report import certainty, check_figures, key_figures
 
 
 def row(metric, value, n, **columns):
@@ -89,3 +90,19 @@ def test_key_figures_have_an_interval_over_the_subjects_where_there_are_several(
         for subject, value in (("S01", 1.0), ("S02", 3.0))
     ]
     assert key_figures.table_of(rows, {"walk_1": "indoor"})[0]["interval"] == "1.00 to 3.00 px"
+
+
+def test_standard_errors_of_poses_are_shown_in_degrees_and_centimetres(tmp_path):
+    sigma = np.array([np.radians(0.1), np.radians(0.2), np.radians(0.3), 0.01, 0.02, 0.03])
+    covariance = np.diag(sigma**2)
+    covariance[0, 3] = covariance[3, 0] = 1e-6
+    camera_tables.write_camera_covariance(tmp_path / "c.parquet", ["cam01"], covariance, "lab")
+    assert certainty.spreads([tmp_path / "c.parquet"])["lab"]["cam01"] == pytest.approx([0.1, 0.2, 0.3, 1, 2, 3])
+
+
+def test_key_figures_take_quantiles_over_everything_and_no_means_of_them():
+    own = {"role": "close", "subject": "S01", "camera": "cam01"}
+    rows = [row("check_error_p95", 9.0, 30, sequence="walk_1", **own), row("check_error_p95", 4.0, 40)]
+    assert [(one["where"], one["value"]) for one in key_figures.table_of(rows, {"walk_1": "indoor"})] == [
+        ("all", "4.00 px")
+    ]

@@ -200,3 +200,35 @@ def test_the_noise_of_detections_is_estimated_and_that_of_marks_is_believed():
     variance = reduced.solve(cameras, observed, points, stated).linear.variance
     assert variance[:250] == pytest.approx(0.25, rel=0.1)
     assert (variance[250:] == 1.0).all()
+
+
+def test_a_fact_is_as_many_of_its_own_sigmas_off_as_was_measured():
+    apart = np.linalg.norm(CAMERAS[0].centre - CAMERAS[2].centre)
+    assert facts.between_cameras(0, 2, apart - 0.04, 0.02)(CAMERAS, POINTS, NONE).residual == pytest.approx([2.0])
+    far = np.linalg.norm(POINTS[[2, 3]] - CAMERAS[1].centre, axis=1).mean()
+    assert facts.to_point(1, [2, 3], far + 0.06, 0.02)(CAMERAS, POINTS, NONE).residual == pytest.approx([-3.0])
+    sole = np.array([[0.0, 0, 0.07], [1, 0, 0.07], [0, 1, 0.07], [1, 1, 0.07]])
+    assert facts.floor([0, 1, 2, 3], 0.03, 0.02, 0.02)(CAMERAS, sole, NONE).residual == pytest.approx([2.0, 0, 0])
+    # a height counts by the share of it that is seen, and people differ in that share by 2 % of their height
+    shin = [(np.array([[0]]), np.array([[1]]), 1.0)]
+    assert facts.stature(shin, 1.75, 0.01).sigma == pytest.approx(np.hypot(facts.STATURE_SHARE * 0.01, 0.02 * 1.75))
+
+
+def test_of_a_foot_the_lowest_quarter_stands_on_the_floor():
+    """A foot on a floor that rises by 3 % is 5 cm high but for every fourth moment."""
+    at = np.arange(80)
+    height = 0.03 * at / 40 + 0.02 + np.where(at % 4, 0.05 + 0.001 * (at % 7), 0.0)
+    found = facts.lowest(np.stack([at / 40, 0.1 * np.sin(at), height], axis=-1), 100 + at)
+    assert found.tolist() == (100 + at[::4]).tolist()
+
+
+def test_a_pixel_far_off_pulls_as_one_that_is_1_345_sigmas_off():
+    """Huber's constant of 95 % efficiency, by the distance: 20 px off at a sigma of 2."""
+    cameras, points = ring(3), body(8)
+    uv = np.stack([bundle.ideal_pixels(c.intrinsics, x) for c, x in zip(cameras, seen(cameras, points), strict=True)])
+    uv[0, 2] += (12.0, -16.0)
+    uv[1, 3, 0] += 2.6
+    linear = reduced.linearise(cameras, reduced.Observed(uv, np.full((3, 8), 2.0), 8), points)
+    assert np.linalg.norm(linear.root[0, 2] * linear.r[0, :, 2]) == pytest.approx(1.345 / 2)
+    assert linear.root[1, 3] == 0.5 and linear.r[1, 0, 3] == pytest.approx(-1.3)
+    assert linear.cost == pytest.approx(1.345 * (10 - 1.345 / 2) + 1.3**2 / 2)

@@ -163,3 +163,17 @@ def test_noise_that_lasts_is_not_taken_for_offsets_and_widens_the_covariance():
     assert 2.5 < mean(found, "autocorrelation_time") < 4.5
     assert mean(found, "bias_m") < 0.0015
     assert 0.8 < np.sqrt(np.mean(np.square(errors))) < 1.05
+
+
+def test_intrinsics_that_are_not_sure_widen_the_covariance():
+    points, tracks = walker(20)
+    cameras = ring(3)
+    uv = np.stack([bundle.ideal_pixels(c.intrinsics, project(c, points)[0]) for c in cameras])
+    uv = uv + np.random.default_rng(2).normal(0, 1.0, uv.shape)
+    stated = [facts.placed(v, bundle.Prior(c.centre, 0.005, c.wRc, 0.5)) for v, c in enumerate(cameras)]
+    observed = reduced.Observed(uv, np.full(uv.shape[:2], 2.0), len(points))
+    solved = reduced.solve(cameras, observed, points, stated)
+    sure, unsure = (uncertainty.of(solved, tracks, sigma).covariance for sigma in (0.0, 0.01))
+    assert np.linalg.eigvalsh(unsure - sure).min() > -1e-6 * np.trace(sure)
+    # a principal point that is off by a hundredth of the focal length turns the camera by as much
+    assert np.sqrt(np.diagonal(unsure)[[0, 1]]).min() > 2 * np.sqrt(np.diagonal(sure)[[0, 1]]).max()

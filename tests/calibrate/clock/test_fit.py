@@ -99,3 +99,20 @@ def test_pairs_across_a_gap_have_no_say_in_the_correlation():
     assert fit.correlation(x, np.ones((1, 6)), near, 1 / 30) == pytest.approx(np.exp(-1 / 30 / fit.LONGEST_S))
     assert fit.correlation(x, np.ones((1, 6)), near | True, 1 / 30) == pytest.approx(3 / 5)
     assert fit.correlation(x, np.array([[1, 1, 0, 0, 0, 0.0]]), near | True, 1 / 30) > 0.9
+
+
+def test_the_offset_is_that_at_t0_and_the_errors_are_those_of_the_second_clock():
+    given, gain = np.diag([9.0, 9.0, 0.002**2, 7.0**2]), np.arange(48.0).reshape(4, 12)
+    solved = fit.SolvedClocks(np.zeros(4), given, gain, np.zeros(0), 0.0)
+    clock = fit.clock_of(np.array([0.4, 100.0]), 30.0, solved, ["cam01", "cam02"], at=1)
+    assert clock.offset_s == pytest.approx(0.4 - 30 * 100e-6) and clock.drift_ppm == 100.0
+    assert clock.given == pytest.approx((0.002, 7.0)) and clock.middle_s == 30.0
+    assert (clock.gains["cam01"] == gain[2:, :6]).all() and (clock.gains["cam02"] == gain[2:, 6:]).all()
+
+
+@pytest.mark.parametrize("blocks", [2, 4, 20])
+def test_few_blocks_know_their_own_scatter_badly(blocks):
+    """Scores that cancel in every group and block: their own squares, by the variance of Student's t."""
+    scores = np.array([1.0, -1.0])[:, None] * np.tile([1.0, -1.0], blocks // 2)
+    found = fit.two_way(scores[..., None], np.arange(2), np.arange(blocks))
+    assert found[0, 0] == pytest.approx(2 * blocks * (blocks + 1) / (blocks - 1))

@@ -82,3 +82,10 @@ def test_a_clock_is_as_certain_at_any_rate(walk, hz):
     error = clock.offset_s + 1e-6 * clock.drift_ppm * clock.middle_s - 0.3
     assert why == "" and abs(error) < 4 * clock.given[0]
     assert 0.0004 < clock.given[0] < 0.0025
+
+
+def test_somebody_else_costs_no_more_than_a_limb_that_is_out_of_reach(walk):
+    elapsed = 1.5 + np.arange(60) / 30
+    _, costs = from_mocap.search(CAMERA, walk[1], seen(*walk, elapsed, 0.2) + 400.0, elapsed)
+    depth = project(CAMERA, walk[1].points)[1]
+    assert np.nanmax(costs) < CAMERA.intrinsics.fx * from_mocap.REACH_M / np.nanmin(depth) < 400

@@ -175,3 +175,21 @@ def test_pictures_that_cannot_be_used(tmp_path, kind, change, text):
     settings = (CHARUCO if kind == "charuco" else CHESSBOARD) | change
     with pytest.raises(DiorError, match=text):
         board.from_board(kind, settings, tmp_path, "cam01")
+
+
+def test_a_view_that_fits_much_worse_than_the_others_is_left_out():
+    views = seen(8)
+    pixels = list(views.pixels)
+    pixels[3] = pixels[3] + 1.0 * np.random.default_rng(5).normal(size=pixels[3].shape)
+    done = board.calibrate(board.BoardViews(views.names, views.points, tuple(pixels), views.size, 8), "")
+    assert [name for name, why in done.dropped if "fit to" in why] == ["03.png"] and len(done.views) == 7
+
+
+@pytest.mark.parametrize(("width", "rms_px", "refused"), [(640, 0.95, False), (640, 1.05, True), (1920, 2.9, False)])
+def test_the_limit_of_the_fit_grows_with_the_picture(width, rms_px, refused):
+    lens = Intrinsics(width, 480, 600.0, 600.0, 319.5, 239.5)
+    done = board.Calibration(lens, seen(1), np.zeros(1), rms_px, 0.7, 40.0, 1.0, np.nan, (), ())
+    if not refused:
+        return board._check_end(done, "cam01")
+    with pytest.raises(DiorError, match="fit to an rms of 1.05 px, above 1.0 px"):
+        board._check_end(done, "cam01")

@@ -1,5 +1,7 @@
 """A camera fitted to boxes around a known body: analytic cases, the margin, an occluder, intervals."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -154,3 +156,26 @@ def test_too_few_edges_are_refused():
     points = body(1)
     with pytest.raises(DiorError, match="cam04: 4 usable edges"):
         boxes_fit.fit(start(), FREE, seen(points, boxes(project(true_camera(), points)[0])), "cam04")
+
+
+def test_a_margin_of_each_axis_and_the_flesh_around_the_joints():
+    """Boxes that are 1 px too wide on each side, 3 px too high, around limbs 10 cm thick."""
+    points = body()
+    uv, depth = project(true_camera(), points)
+    out = (760.0 * 0.1 / depth)[..., None] * [1, 1]
+    tight = np.concatenate([(uv - out).min(axis=1), (uv + out).max(axis=1)], axis=1)
+    shown = replace(seen(points, tight + boxes_fit.OUTWARDS * (1.0, 3.0, 1.0, 3.0)), flesh_m=np.full(9, 0.1))
+    found = boxes_fit.fit(start(), replace(FREE, margin_split_px=5.0), shown, "cam04")
+    np.testing.assert_allclose(found.values[boxes_fit.MARGIN], (1.0, 3.0), atol=0.1)
+    assert label_error(found.camera, points) < 0.05
+
+
+def test_three_pictures_at_once_with_the_same_errors_tell_as_much_as_one():
+    points, each = body(20), np.repeat(np.arange(20), 3)
+    edges = boxes(project(true_camera(), points)[0], 1.0, 1.0, seed=2)
+    alone = boxes_fit.fit(start(), FREE, replace(seen(points, edges), seconds=np.arange(20) * 1.5), "cam04")
+    thrice = replace(seen(points[each], edges[each]), seconds=each * 1.5 + 0.01 * np.tile(np.arange(3), 20))
+    found = boxes_fit.fit(start(), FREE, thrice, "cam04")
+    assert alone.inflation < 1.5 < found.inflation
+    ratio = np.diagonal(found.covariance)[:2] / np.diagonal(alone.covariance)[:2]
+    assert (0.7 < ratio).all() and (ratio < 1.4).all(), "independent pictures would have a third of the variance"

@@ -79,3 +79,20 @@ def test_the_window_stays_in_the_picture():
 def test_the_outline_lies_outside_of_the_joints():
     out = silhouettes.flesh(["left_hip", "right_knee", "left_eye", "crown"], 2.0)
     assert out == pytest.approx([0.12, 0.074, 0.0, 0.0])
+
+
+def test_who_stands_for_a_while_is_no_part_of_the_empty_scene():
+    empty = scene()
+    pictures, expected = walk(empty)
+    standing = pictures[:1].repeat(24, axis=0)
+    found = silhouettes.edges(np.concatenate([standing, pictures]), 20, silhouettes.empty_scene([*standing, *pictures]))
+    np.testing.assert_allclose(found[24:], expected, atol=0.6)
+
+
+def test_a_sun_that_is_saturated_tells_nothing_of_the_light():
+    v, u = np.mgrid[:HIGH, :WIDE]
+    sun = 1000.0 * (np.hypot(u - 60, v - 8) < 8)[..., None]
+    gain = np.where(np.isin(np.arange(30), (3, 4, 17)), 0.85, 1.0)
+    shining, expected = walk(scene() + sun, gain)
+    found = silhouettes.edges(shining, 20, silhouettes.empty_scene(shining))
+    np.testing.assert_allclose(found, expected, atol=0.8)

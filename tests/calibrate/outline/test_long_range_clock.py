@@ -1,0 +1,62 @@
+"""The clock of a camera by the edges of boxes around a walker: its time at t0, what widens it, when it is refused."""
+
+import numpy as np
+import pytest
+
+from dior.calibrate.outline import long_range_clock, tracks
+from dior.calibrate.outline.seen_edges import EdgeObservations
+from dior.geometry.camera import project
+from tests.calibrate.outline.test_boxes_fit import boxes, true_camera
+
+LATE_S, FASTEST_M_S = 0.2, 2.0
+
+
+def walked(t):
+    """Points (T, 5, 3) m of a stiff body that goes to and fro along X, at 2 m/s in the middle."""
+    x = FASTEST_M_S / 0.8 * np.sin(0.8 * t)
+    parts = [(0.0, 1.7), (0.25, 0.8), (-0.25, 0.8), (0.1, 0.05), (-0.1, 0.05)]
+    return np.stack([np.stack([x + aside, 0 * t, 0 * t + up], axis=-1) for aside, up in parts], axis=1)
+
+
+def watched(begin_s=0.0, late_s=LATE_S):
+    """Boxes at every 0.3 s of 12, of a camera whose stamps are `late_s` too small; the walk begins at `begin_s`."""
+    t, seconds = np.arange(-2, 15, 0.01), np.arange(0.5, 11.5, 0.3)
+    edges = boxes(project(true_camera(), walked(seconds + late_s))[0], 2.0, 0.3, seed=1)
+    track = tracks.BodyTrack(t + begin_s, walked(t))
+    nothing = np.full((len(seconds), 5, 2), np.nan)
+    return EdgeObservations(
+        track.at(seconds + begin_s), edges, nothing, seconds + begin_s, np.zeros(len(seconds), int), 0.0, 0.0, (track,)
+    )
+
+
+def test_the_offset_is_that_at_t0_however_long_ago_that_is():
+    soon, late = (long_range_clock.estimate(true_camera(), watched(begin), "boxes").clock for begin in (0.0, 1e5))
+    assert soon.source == late.source == "estimated" and late.middle_s == pytest.approx(1e5 + soon.middle_s)
+    assert abs(soon.drift_ppm) > 0.1
+    for clock in (soon, late):
+        assert clock.offset_s + 1e-6 * clock.drift_ppm * clock.middle_s == pytest.approx(LATE_S, abs=0.01)
+
+
+def test_an_outline_that_trails_widens_the_time_by_what_it_takes_to_walk_so_far():
+    plain, trails = (
+        long_range_clock.estimate(true_camera(), watched(), "pictures", trails_m=m).clock.given for m in (0.0, 0.06)
+    )
+    # an instant counts by its speed: the mean of v^2 over that of |v| is pi / 4 of the fastest
+    assert np.sqrt(trails[0] ** 2 - plain[0] ** 2) == pytest.approx(0.06 / (np.pi / 4 * FASTEST_M_S), rel=0.1)
+    assert trails[1] == plain[1]
+
+
+def test_few_clusters_know_their_own_scatter_badly():
+    score = np.array([[1.0], [1.0], [2.0], [0.0], [-1.0], [3.0]])
+    assert long_range_clock._clustered(score, np.array([0, 0, 1, 1, 2, 2]))[0, 0] == pytest.approx(3 * 4 * 3 / (3 - 2))
+
+
+@pytest.mark.parametrize(
+    ("offset", "sigma_s", "said"),
+    [(0.2, 0.01, ""), (1.85, 0.01, ""), (1.95, 0.01, "end of the"), (-1.95, 0.01, "end of the"), (0.2, 0.149, ""),
+     (0.2, 0.151, "leaves ± 0.30 s open"), (0.2, np.nan, "open")],
+)  # fmt: skip
+def test_a_clock_is_refused_at_the_end_of_the_search_and_where_the_motion_leaves_it_open(offset, sigma_s, said):
+    costs = 1 + (long_range_clock.LAGS_S - offset) ** 2
+    why = long_range_clock._doubt(costs, np.array([sigma_s, 5.0]), offset, 1.0, 100)
+    assert said in why and bool(said) == bool(why)
