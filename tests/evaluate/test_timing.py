@@ -4,6 +4,7 @@ import time
 import pytest
 
 from dior.cli import main
+from dior.errors import DiorError
 from dior.evaluate import timing
 from dior.tables import tables
 
@@ -77,3 +78,12 @@ def test_what_is_left_of_other_sequences_is_not_counted(tmp_path):
         path.write_text(json.dumps(one))
     found = timing.collect(tmp_path, ["walk"], ["field"], ["zebra-0001"])
     assert sorted(map(json.dumps, found)) == sorted(map(json.dumps, kept))
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", "null", '{"step": "frames"}', "\xff", '"cpu_s"'])
+def test_a_damaged_note_of_the_costs_is_one_sentence(tmp_path, text):
+    path = tmp_path / "frames/walk.timing.json"
+    path.parent.mkdir()
+    path.write_text(text, encoding="latin-1")
+    with pytest.raises(DiorError, match="walk.timing.json: is not what a job notes of its costs; delete it"):
+        timing.collect(tmp_path, ["walk"], [])
