@@ -11,6 +11,7 @@ SHA256SUMS instead, and a file anywhere else is taken as it is.
 import hashlib
 import os
 import re
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -67,13 +68,13 @@ def check(path: AnyPath, digest: str) -> None:
         return
     again = f"run snakemake again with `--forcerun {result.name}`"
     try:
-        noted = result.entry.read_text(encoding="utf-8", errors="replace")
+        noted = _noted(result.entry)
     except FileNotFoundError:
         ledger = result.results / FOLDER
         if ledger.is_dir():
             raise DiorError(
                 f"{path}: no job has noted what it wrote there, so that this cannot be trusted ({result.entry} is "
-                f"missing); {again}"
+                f"missing); {again}, or with `--forceall` if an older dior made it"
             ) from None
         raise DiorError(
             f"{path}: cannot be trusted, since {ledger} is missing, where jobs note what they wrote; if the results "
@@ -86,6 +87,15 @@ def check(path: AnyPath, digest: str) -> None:
             f"{path}: is not what its job wrote, but damaged, edited or of another run (its SHA-256 is "
             f"{digest[:12]}..., not {expected}); {again}"
         )
+
+
+def _noted(entry: Path) -> str:
+    """The line in a file of the ledger. Raises FileNotFoundError."""
+    if not entry.is_file():
+        # a disk on the network may not show what another computer has just written until the folder is listed
+        with suppress(OSError):
+            os.listdir(entry.parent)
+    return entry.read_text(encoding="utf-8", errors="replace")
 
 
 def check_file(path: AnyPath) -> None:
