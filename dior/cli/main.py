@@ -42,10 +42,15 @@ def main(argv: list[str] | None = None) -> int:
     except DiorError as error:
         print(f"dior {words[0]}: {error}", file=sys.stderr)
         return 1
-    except OSError as error:
-        if error.filename is None:
+    except Exception as error:
+        from dior.shortage import sentence
+
+        said = sentence(error)
+        if not said and isinstance(error, OSError) and error.filename is not None:
+            said = f"{error.filename}: {error.strerror}"
+        if not said:
             raise
-        print(f"dior {words[0]}: {error.filename}: {error.strerror}", file=sys.stderr)
+        print(f"dior {words[0]}: {said}", file=sys.stderr)
         return 1
 
 

@@ -19,10 +19,12 @@ from pathlib import Path
 from typing import Any
 
 from dior.arrays import AnyPath
+from dior.errors import DiorError
 from dior.tables.files import write_text
 
 # names the folder of the logs; the workflow sets it, so that `dior` typed by hand leaves nothing behind
 FOLDER = "DIOR_TIMINGS"
+_KEYS = ("step", "session", "sequence", "frames", "cores")
 COLUMNS = ("step", "jobs", "frames", "cpu_s", "wall_s", "cpu_s_per_frame")
 ALL = "all"
 ABOUT_ALL = "metadata"  # the tarball of nobody
@@ -82,13 +84,23 @@ def collect(
     """
     found = []
     for path in sorted(Path(logs).glob("*/*.timing.json")):
-        one = json.loads(path.read_text())
+        one = _read(path)
         about, known = path.name.split(".")[0], {one["step"], ABOUT_ALL, *people}
         if one["session"] or one["sequence"]:
             about, known = (one["session"], {*sessions}) if one["session"] else (one["sequence"], {*sequences})
         if about in known:
             found.append(one)
     return found
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        one = json.loads(path.read_bytes())
+        if all(isinstance(one[key], (int, float)) for key in ("cpu_s", "wall_s")) and {*_KEYS} <= one.keys():
+            return one
+    except (ValueError, LookupError, TypeError, AttributeError):
+        pass
+    raise DiorError(f"{path}: is not what a job notes of its costs; delete it and run again")
 
 
 def by_step(jobs: Sequence[dict[str, Any]], frames: int) -> list[dict[str, Any]]:

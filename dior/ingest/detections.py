@@ -19,7 +19,7 @@ from dior.ingest import people as subject
 from dior.ingest.people import People, Subject
 from dior.ingest.readers import READERS, Reader
 from dior.ingest.readers.recognise import recognise
-from dior.tables import tables
+from dior.tables import ledger, tables
 
 # chosen: above this share of frames something missing is a warning
 FEW = 0.1
@@ -73,6 +73,9 @@ def _format(path: Path, wanted: str, where: str) -> str:
     """The tool that wrote `path`. Raises DiorError for a missing path, an unknown content and another tool's."""
     if not path.exists():
         raise DiorError(f"{where}: there are no detections at {path}; check `detections` in sequences.tsv")
+    result = ledger.result_at(path)
+    if result and result.parts[0] == "detect":
+        ledger.check_file(path)
     found = recognise(path)
     kind = "folder" if path.is_dir() else "file"
     if found == "empty":

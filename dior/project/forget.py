@@ -21,6 +21,7 @@ from dior.project.consent import consents, processed
 from dior.project.contents import bags_of
 from dior.project.project import sheets
 from dior.project.steps import MODULES
+from dior.tables import ledger
 
 # folders of a step whose entries are named by sequence, as those of the step itself
 INSIDE = {
@@ -93,7 +94,7 @@ def left(root: AnyPath, known: "Known | None" = None) -> list[Path]:
     known = known or Known(root)
     found: list[Path] = []
     for step in MODULES:
-        for folder in (Path("results", step), Path("logs", step)):
+        for folder in (Path("results", step), Path("logs", step), Path("results", ledger.FOLDER, step)):
             found += _strays(root, folder, known)
     return [*found, *_releases(root, known)]
 
@@ -104,7 +105,7 @@ def _strays(root: Path, folder: Path, known: Known) -> list[Path]:
         path = folder / entry
         if _is_stray(path.parts, known):
             found.append(path)
-        elif entry in INSIDE.get(path.parts[1], ()) and (root / path).is_dir():
+        elif entry in INSIDE.get(_noted(path.parts)[1], ()) and (root / path).is_dir():
             found += _strays(root, path, known)
     return found
 
@@ -114,8 +115,14 @@ def _is_stray(parts: tuple[str, ...], known: Known) -> bool:
     return unit is not None and unit not in known.units and unit not in known.pseudonyms
 
 
+def _noted(parts: tuple[str, ...]) -> tuple[str, ...]:
+    """The path of the result that a path in the ledger tells of; any other path as it is."""
+    return parts[:1] + parts[2:] if parts[1:2] == (ledger.FOLDER,) else parts
+
+
 def _unit(parts: tuple[str, ...]) -> str | None:
     """The sequence, session or person that an output or a log is about; None where it is about all."""
+    parts = _noted(parts)
     if len(parts) < 3 or parts[0] not in ("results", "logs") or parts[1] not in MODULES:
         return None
     step, rest = parts[1], [part for part in parts[2:] if part != ".snakemake_timestamp"]

@@ -7,6 +7,7 @@ A file is about a subject where its path is <table>/<subject>/<file>; what lies 
 
 import hashlib
 import re
+from collections.abc import Collection
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path, PurePosixPath
 from typing import BinaryIO
@@ -51,7 +52,26 @@ def write(folder: AnyPath) -> None:
 
 def of_folder(folder: Path) -> dict[str, str]:
     """Hex SHA-256 by path of all files in a folder, which are hashed two at a time."""
-    names = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
+    return _of_files(
+        folder, sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
+    )
+
+
+def check(folder: Path, parts: Collection[str]) -> None:
+    """Raise DiorError unless a release's files, at its top and in its folders `parts`, are those it was built with."""
+    listed = {name: found for name, found in read(folder).items() if "/" not in name or name.split("/")[0] in parts}
+    for name in listed:
+        if not (folder / name).is_file():
+            raise DiorError(f"{folder / name}: listed in {SUMS} but gone; build the release again")
+    for name, found in _of_files(folder, sorted(listed)).items():
+        if found != listed[name]:
+            raise DiorError(
+                f"{folder / name}: its SHA-256 is not the one that {SUMS} has, so it is damaged or edited: delete the "
+                "release's folder and build it again"
+            )
+
+
+def _of_files(folder: Path, names: list[str]) -> dict[str, str]:
     with ThreadPoolExecutor(THREADS) as pool:
         every = pool.map(lambda name: digest(open(folder / name, "rb")), names)
         return dict(zip(names, reporting(every, len(names), "files hashed", folder.name), strict=True))

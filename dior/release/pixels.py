@@ -24,6 +24,7 @@ from dior.ingest.containers import BROKEN
 from dior.progress import reporting
 from dior.release import head_blur, jpeg, shift_stamps
 from dior.release.heads import EDGES
+from dior.shortage import sentence
 from dior.tables import tables
 from dior.tables.files import written_whole
 
@@ -140,6 +141,9 @@ def _pictures(
         try:
             found[i] = released(message, (rows["height"][i], rows["width"][i]), boxes[i], faces)
         except BROKEN as error:
+            # where memory is short, no picture is to blame
+            if sentence(error):
+                raise
             reasons[i] = "not_readable"
             why.append((int(rows["frame"][i]), str(error)))
     return found, reasons

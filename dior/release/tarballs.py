@@ -12,6 +12,7 @@ A tarball begins with its list of checksums, and each file is compared with that
 packed is noted in the .json once it is surely on the disk, and a run that was killed goes on from there.
 """
 
+import fcntl
 import hashlib
 import itertools
 import json
@@ -20,7 +21,7 @@ import tarfile
 from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor, wait
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from io import BufferedReader, FileIO
 from pathlib import Path
@@ -28,6 +29,7 @@ from pathlib import Path
 from dior.errors import DiorError, nearest
 from dior.progress import reporting
 from dior.release import checksums
+from dior.shortage import of_disk
 from dior.tables.files import write_text
 
 # bytes read and written at once; chosen, as are the others: AHEAD blocks in memory, and seconds of packing lost
@@ -59,7 +61,7 @@ class Note:
 
     def write(self, tar: FileIO, done: int) -> None:
         """Note that the tarball is whole up to byte `done`, once that is on the disk."""
-        _on_disk(tar)
+        os.fsync(tar.fileno())
         write_text(self.path, json.dumps({"which": self.which, "done": done}) + "\n")
 
 
@@ -67,22 +69,45 @@ def run(*, release: Path, subject: str, out: Path) -> None:
     """Pack the part of the folder `release` that is about `subject`: a pseudonym, or `metadata`. Same part, same bytes.
 
     Raises DiorError for a subject that is not in the release, for a file that is gone or not the one that the release
-    was built with, and where the disk has no room; after the last, run again to go on.
+    was built with, where the disk has no room, and while another run
+    packs the same; after those two, run again to go on.
     """
     release, out = Path(release), Path(out)
     packed = plan(release, subject)
     out.parent.mkdir(parents=True, exist_ok=True)
     part, state = leftovers(out)
     which = hashlib.sha256(b"".join(member.header + member.digest.encode() for member in packed)).hexdigest()
-    done = _done(part, state, which, packed)
-    with open(part, "r+b" if done else "wb", buffering=0) as tar:
-        tar.truncate(done)
-        tar.seek(done)
-        _pack(tar, [member for member in packed if member.start >= done], Note(state, which), out.name)
-        _write(tar, bytes(size_of(packed[-1].end) - packed[-1].end))
-        _on_disk(tar)
-    os.replace(part, out)
-    state.unlink(missing_ok=True)
+    size = size_of(packed[-1].end)
+    with _alone(part) as tar:
+        try:
+            done = _done(part, state, which, packed)
+            tar.truncate(done)
+            tar.seek(done)
+            _pack(tar, [member for member in packed if member.start >= done], Note(state, which), out.name)
+            _write(tar, bytes(size - packed[-1].end))
+            os.fsync(tar.fileno())
+        except OSError as error:
+            said = of_disk(error, out, tar.tell(), size) or f"{out}: cannot be written ({error.strerror})"
+            raise DiorError(f"{said}; what is packed so far is kept") from None
+        os.replace(part, out)
+        state.unlink(missing_ok=True)
+
+
+@contextmanager
+def _alone(part: Path) -> Iterator[FileIO]:
+    """Yield a file to be written in which another run may have left off. Raises DiorError while one writes it."""
+    while True:
+        with open(part, "r+b", buffering=0, opener=lambda path, flags: os.open(path, flags | os.O_CREAT, 0o644)) as tar:
+            try:
+                fcntl.flock(tar, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise DiorError(f"{part}: another run is packing this tarball; wait for it, or end it") from None
+            except OSError:
+                pass  # a disk without locks
+            # the other run may have given the file its final name since it was opened
+            if part.exists() and os.path.samestat(part.stat(), os.fstat(tar.fileno())):
+                yield tar
+                return
 
 
 def leftovers(out: Path) -> tuple[Path, Path]:
@@ -216,24 +241,8 @@ def _read(stream: BufferedReader, block: bytearray | memoryview, member: Member)
 def _write(tar: FileIO, content: bytes | memoryview) -> None:
     """All of `content`: the system writes a part of it where the disk is nearly full."""
     left = memoryview(content)
-    try:
-        while left:
-            left = left[tar.write(left) :]
-    except OSError as error:
-        raise _no_room(tar, error) from None
-
-
-def _on_disk(tar: FileIO) -> None:
-    try:
-        os.fsync(tar.fileno())
-    except OSError as error:
-        raise _no_room(tar, error) from None
-
-
-def _no_room(tar: FileIO, error: OSError) -> DiorError:
-    return DiorError(
-        f"{tar.name}: cannot be written ({error.strerror}); make room and run again: what is packed so far is kept"
-    )
+    while left:
+        left = left[tar.write(left) :]
 
 
 def _changed(member: Member) -> DiorError:

@@ -21,7 +21,7 @@ from dior.errors import DiorError
 from dior.evaluate.grids import label_grids
 from dior.report.overlays import Picture, TileView, draw_skeleton, shown_in, view_of
 from dior.tables import tables
-from dior.tables.files import written_whole
+from dior.tables.files import check_written, written_whole
 
 # px; chosen: two side by side fit a phone held sideways
 TILE = (480, 270)
@@ -130,6 +130,7 @@ def _write(path: Path, film: Picture, fps: float, sequence: str) -> None:
         for picture in film:
             writer.write(picture)
         writer.release()
+        check_written(part)
         part.write_bytes(numbered(part.read_bytes()))
 
 

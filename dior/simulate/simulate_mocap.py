@@ -14,7 +14,7 @@ from dior.simulate import truth
 from dior.simulate.motion import Motion, motion_of
 from dior.simulate.runs import runs
 from dior.simulate.settings import Sequence, Settings, from_dict, generator, sequence_named
-from dior.tables.files import written_whole
+from dior.tables.files import check_written, written_whole
 
 # chosen: not 1, so that a reader that takes frame numbers for indices fails
 FIRST_MOCAP_FRAME = 101
@@ -44,8 +44,10 @@ def write_c3d(path: Path, settings: Settings, sequence: Sequence, motion: Motion
     points = np.ones((4, *millimetres.shape[1::-1]))
     points[:3] = np.moveaxis(millimetres, -1, 0).swapaxes(1, 2)
     file["data"]["points"] = points
-    with written_whole(path) as part:
+    least = 16 * millimetres[..., 0].size
+    with written_whole(path, least) as part:
         file.write(str(part))
+        check_written(part, least)
 
 
 def _gaps(settings: Settings, sequence: Sequence, ticks: int, markers: int) -> Bools:

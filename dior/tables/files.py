@@ -1,55 +1,199 @@
-"""Writing files so that a reader never meets half of one."""
+"""Writing files so that a reader never meets half of one, also where two runs write the same file.
 
+What is being written lies beside its place, as `.<name>.<writer>.part<suffix>`. The writer is in the name, so that no
+two write into one file, and so that what a killed one left can be removed, by the next that writes into the folder.
+"""
+
+import errno
+import hashlib
+import itertools
 import os
+import re
 import shutil
+import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
 
+from dior.errors import DiorError
 from dior.paths import AnyPath
+from dior.shortage import of_disk
+from dior.tables import ledger
+
+# after which what another computer was writing is given up; chosen: no writer adds nothing to its file for a day
+GIVEN_UP_S = 86400.0
+# bytes; chosen: more than what is left in the last block of a file on any disk
+_PROBE = 1 << 18
+# <computer>-<its boot>-<process>-<when that started>-<number>
+_LEFT = re.compile(r"\..+\.([0-9a-f]{6})-([0-9a-f]{6})-(\d+)-(\d+)-\d+\.(?:part|old)(?:\.[^.]+)?")
+_number = itertools.count(1)
 
 
 @contextmanager
-def written_whole(path: AnyPath) -> Iterator[Path]:
+def written_whole(path: AnyPath, needed: int | None = None) -> Iterator[Path]:
     """Yield a path beside `path` to write to; it takes the place of `path` only if nothing was raised.
 
-    A failed writer removes what it wrote; what a killed one left is removed by the next. A file has one writer at a
-    time: the workflow sees to that. The suffix is kept for libraries that look at it.
+    `needed`: bytes that will about be written, where that is known. The suffix is kept for libraries that look at it. A
+    failed writer removes what it wrote; a result of a project is noted in its ledger. Raises DiorError where the disk
+    has no room.
     """
     path = Path(path)
+    with _in_place_of(path, needed) as part:
+        yield part
+        _note(part, path)
+
+
+@contextmanager
+def _in_place_of(path: Path, needed: int | None = None) -> Iterator[Path]:
     path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f".{path.stem}.part{path.suffix}")
-    part.unlink(missing_ok=True)
+    _remove_left(os.path.abspath(path.parent))
+    part = _beside(path, path.stem, f"part{path.suffix}")
     try:
         yield part
         os.replace(part, path)
+    except OSError as error:
+        raise _said(error, path, part, needed) from None
     finally:
         part.unlink(missing_ok=True)
+
+
+def _note(part: Path, path: Path) -> None:
+    """Note in the project's ledger what is about to be at `path`; a file that is no result is in none."""
+    result = ledger.result_at(path)
+    if result is None:
+        return
+    with open(part, "rb") as stream:
+        line = result.line(hashlib.file_digest(stream, "sha256").hexdigest())
+    with _in_place_of(result.entry) as entry:
+        entry.write_text(line, encoding="utf-8")
 
 
 @contextmanager
 def folder_written_whole(folder: AnyPath) -> Iterator[Path]:
     """Yield an empty folder beside `folder` to write to; it takes the place of `folder` only if nothing was raised.
 
-    What an earlier, killed build left beside it is removed, and so is every file of an earlier `folder`.
+    Every file of an earlier `folder` is gone then. Raises DiorError where the disk has no room.
     """
     folder = Path(folder)
     folder.parent.mkdir(parents=True, exist_ok=True)
-    part, old = (folder.with_name(f".{folder.name}.{kind}") for kind in ("part", "old"))
-    for left in (part, old):
-        shutil.rmtree(left, ignore_errors=True)
+    _remove_left(os.path.abspath(folder.parent))
+    part, old = (_beside(folder, folder.name, kind) for kind in ("part", "old"))
     part.mkdir()
     try:
         yield part
-        if folder.exists():
-            os.replace(folder, old)
-        os.replace(part, folder)
+        _exchange(part, folder, old)
+    except OSError as error:
+        raise _said(error, folder, part) from None
     finally:
         for left in (part, old):
             shutil.rmtree(left, ignore_errors=True)
 
 
+def _exchange(part: Path, folder: Path, old: Path) -> None:
+    """Put the folder `part` in the place of `folder`, and what was there to `old`; another run may do so, too."""
+    while True:
+        with suppress(FileNotFoundError):
+            os.replace(folder, old)
+        try:
+            os.replace(part, folder)
+            return
+        except OSError as error:
+            if error.errno not in (errno.ENOTEMPTY, errno.EEXIST):
+                raise
+            shutil.rmtree(old, ignore_errors=True)
+
+
+def _said(error: OSError, path: Path, part: Path, needed: int | None = None) -> Exception:
+    """The error as a sentence where the disk had no room for `path`, or else as it is."""
+    written = sum(file.stat().st_size for file in (part, *part.rglob("*")) if file.is_file())
+    said = of_disk(error, path, written, needed)
+    return DiorError(said) if said else error
+
+
+def check_written(path: AnyPath, least: int = 1) -> None:
+    """Raise OSError where a library in C++, which does not tell, could not write all of a file.
+
+    `least`: bytes that it has at the least. A disk that was full takes nothing more at the end of the file either.
+    """
+    with open(path, "ab") as stream:
+        size = stream.tell()
+        stream.write(bytes(_PROBE))
+        stream.flush()
+        stream.truncate(size)
+    if size < least:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
 def write_text(path: AnyPath, text: str) -> None:
     """Write `text` as UTF-8 with Unix line ends, whole or not at all."""
-    with written_whole(path) as part:
-        part.write_bytes(text.encode())
+    content = text.encode()
+    with written_whole(path, len(content)) as part:
+        part.write_bytes(content)
+
+
+def _beside(path: Path, name: str, ending: str) -> Path:
+    """A path that nobody else has, with the name of its writer in it."""
+    pid = os.getpid()
+    writer = f"{_computer()}-{_boot()}-{pid}-{_started(pid) or 0}-{next(_number)}"
+    return path.with_name(f".{name}.{writer}.{ending}")
+
+
+@cache
+def _remove_left(folder: str) -> None:
+    """Remove what dead writers left in a folder, files and folders; looked for once by a process."""
+    for entry in os.scandir(folder):
+        found = _LEFT.fullmatch(entry.name)
+        if found and _is_dead(found, Path(entry)):
+            if entry.is_dir(follow_symlinks=False):
+                shutil.rmtree(entry, ignore_errors=True)
+            else:
+                Path(entry).unlink(missing_ok=True)
+
+
+def _is_dead(writer: re.Match[str], path: Path) -> bool:
+    computer, boot, pid, started = writer.groups()
+    if computer != _computer():
+        try:
+            return time.time() - path.stat().st_mtime > GIVEN_UP_S
+        except FileNotFoundError:
+            return False
+    return boot != _boot() or _started(int(pid)) != int(started)
+
+
+@cache
+def _computer() -> str:
+    """Six letters for this computer and, where processes are counted apart, for the container in it."""
+    try:
+        counted = os.readlink("/proc/self/ns/pid")
+    except OSError:
+        counted = ""
+    return hashlib.sha256(f"{os.uname().nodename}\0{counted}".encode()).hexdigest()[:6]
+
+
+@cache
+def _boot() -> str:
+    """Six letters that change when the computer starts anew."""
+    try:
+        which = Path("/proc/sys/kernel/random/boot_id").read_bytes()
+    except OSError:
+        which = b""
+    return hashlib.sha256(which).hexdigest()[:6]
+
+
+def _started(pid: int) -> int | None:
+    """When a process started, in ticks of the computer; 0 where it does not tell, None where there is no such one."""
+    try:
+        state, *fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+        return int(fields[18]) if state not in "ZX" else None
+    except FileNotFoundError:
+        pass
+    if os.path.isdir("/proc/self"):
+        return None
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return None
+    except PermissionError:
+        pass
+    return 0

@@ -6,6 +6,7 @@ a dict of numpy arrays of equal length: strings as object arrays ("" is null), f
 tables that are released tell the `datasets` library the types of their columns.
 """
 
+import hashlib
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -19,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dior.arrays import AnyPath, Floats, Table
 from dior.errors import DiorError, nearest
-from dior.tables import buffers
+from dior.tables import buffers, ledger
 from dior.tables.files import written_whole
 from dior.tables.schemas import PICTURE, RELEASED, SCHEMAS, VERSION, VOCABULARY
 
@@ -138,7 +139,7 @@ def write(path: AnyPath, name: str, columns: Mapping[str, Column], metadata: Map
 
 def write_arrow(path: AnyPath, table: pa.Table) -> None:
     """Write a pyarrow table that has a table's columns and metadata already, whole or not at all."""
-    with written_whole(path) as part:
+    with written_whole(path, table.nbytes) as part:
         pq.write_table(table, part, compression="zstd", use_dictionary=_dictionary_columns(table))
 
 
@@ -147,31 +148,65 @@ def _dictionary_columns(table: pa.Table) -> list[str] | bool:
 
 
 def read_arrow(path: AnyPath, name: str, columns: Sequence[str] | None = None) -> pa.Table:
-    """The table as pyarrow, its kind checked. Raises DiorError for a missing, broken or other file."""
-    with _opened(path, name) as file:
+    """The table as pyarrow. Raises DiorError for a missing, broken or other file, and for a result that is damaged."""
+    with _opened(path, name, columns) as file:
         return file.read(columns=columns)
 
 
 @contextmanager
-def _opened(path: AnyPath, name: str) -> Iterator[pq.ParquetFile]:
-    """Yield the Parquet file of a table, its kind checked."""
+def _opened(path: AnyPath, name: str, columns: Sequence[str] | None) -> Iterator[pq.ParquetFile]:
+    """Yield the Parquet file of a table that is what its job wrote, its kind and `columns` checked."""
+    with _parquet(path) as file:
+        _check_columns(path, file.schema_arrow, name, columns)
+        yield file
+
+
+@contextmanager
+def _parquet(path: AnyPath) -> Iterator[pq.ParquetFile]:
+    """Yield a Parquet file that is what its job wrote."""
     path = Path(path)
     if not path.is_file():
         raise DiorError(f"{path}: there is no such file")
     try:
-        # pq.read_table would import pyarrow.dataset and, through it, pandas: 0.4 s in every job
-        with pq.ParquetFile(path) as file:
-            kind = (file.schema_arrow.metadata or {}).get(b"dior_table", b"").decode()
-            if kind != name:
-                raise DiorError(f"{path}: holds the table '{kind or 'unknown'}', not '{name}'")
-            yield file
+        with open(path, "rb") as stream:
+            ledger.check(path, hashlib.file_digest(stream, "sha256").hexdigest())
+            # what was hashed is read, also where another file takes its place meanwhile; pq.read_table would import
+            # pyarrow.dataset and, through it, pandas: 0.4 s in every job
+            with pq.ParquetFile(stream) as file:
+                yield file
+    except MemoryError:
+        raise
     except (pa.ArrowException, OSError) as error:
-        raise DiorError(f"{path}: not a readable Parquet file ({error}); delete it and run again") from None
+        said = " ".join(str(error).split())
+        raise DiorError(f"{path}: not a readable Parquet file ({said}); delete it and run again") from None
+
+
+def _check_columns(path: AnyPath, found: pa.Schema, name: str, columns: Sequence[str] | None) -> None:
+    """Raise DiorError for another table than `name`, and where what is to be read is not as the table has it."""
+    kind = (found.metadata or {}).get(b"dior_table", b"").decode(errors="replace")
+    if kind != name:
+        raise DiorError(f"{path}: holds the table '{kind or 'unknown'}', not '{name}'")
+    schema = SCHEMAS[name]
+    if columns is None and found.names != schema.names:
+        odd = next((c for c in found.names if c not in schema.names), "")
+        raise DiorError(
+            f"{path}: {f'has a column {odd!r}' if odd else 'lacks columns'} that the table {name} of this dior "
+            f"{'does not have' if odd else 'has'}, or has them in another order; delete it and run again"
+        )
+    for column in schema.names if columns is None else columns:
+        at = found.get_field_index(column)
+        if at < 0:
+            raise DiorError(f"{path}: has no column '{column}'{nearest(column, found.names)}; delete it and run again")
+        if found.field(at).type != schema.field(column).type:
+            raise DiorError(
+                f"{path}: its column '{column}' holds {found.field(at).type}, not {schema.field(column).type}; "
+                "delete it and run again"
+            )
 
 
 def read_in_parts(path: AnyPath, name: str, columns: Sequence[str] | None, rows: int) -> Iterator[Table]:
     """As `read`, of `rows` rows at a time: for tables with pictures, which need not fit into the memory."""
-    with _opened(path, name) as file:
+    with _opened(path, name, columns) as file:
         for batch in file.iter_batches(batch_size=rows, columns=columns):
             yield {c: buffers.to_numpy(a) for c, a in zip(batch.schema.names, batch.columns, strict=True)}
 
@@ -207,8 +242,9 @@ def empty(name: str) -> Table:
 
 
 def metadata(path: AnyPath) -> dict[str, str]:
-    """The key-value metadata of a table file."""
-    return {k.decode(): v.decode() for k, v in (pq.read_schema(path).metadata or {}).items()}
+    """The key-value metadata of a table file. Raises DiorError for one that is not what its job wrote."""
+    with _parquet(path) as file:
+        return {k.decode(): v.decode() for k, v in (file.schema_arrow.metadata or {}).items()}
 
 
 def rows(table: Table, keep: NDArray[Any]) -> Table:

@@ -368,6 +368,36 @@ def test_a_broken_sequence_does_not_stop_the_others(copy):
 
 
 @pytest.mark.slow
+def test_a_damaged_result_is_told_and_what_is_told_makes_it_anew(copy, project):
+    """One bit, with the time that the file had: Snakemake does not see it, the step that reads it does."""
+    table, labels = copy / "results/mocap/indoor_01.parquet", "results/reproject/indoor_01.cam01.parquet"
+    before, content = table.stat(), bytearray(table.read_bytes())
+    content[len(content) // 2] ^= 4
+    table.write_bytes(content)
+    os.utime(table, ns=(before.st_atime_ns, before.st_mtime_ns))
+    assert planned(copy) == {}
+    code, text = snakemake(copy, "--forcerun", labels, "--", labels, check=False)
+    assert code != 0 and not (copy / labels).exists()
+    (said,) = set(re.findall(r"^dior reproject: (.*)$", text, re.MULTILINE))
+    assert said.startswith("results/mocap/indoor_01.parquet: is not what its job wrote")
+    advice = re.search(r"run snakemake again with `(--forcerun \S+)`$", said)[1]
+    snakemake(copy, *advice.split(), "--", labels)
+    assert contents(copy) == contents(project)
+
+
+@pytest.mark.slow
+def test_every_result_that_a_step_reads_is_noted(project):
+    """And nothing that there is not."""
+    noted = {path.relative_to(project / "results/.sha256") for path in (project / "results/.sha256").rglob("*.*")}
+    read = {path for kind in ("parquet", "json", "csv") for path in (project / "results").rglob(f"*.{kind}")}
+    read = {path.relative_to(project / "results") for path in read}
+    assert (
+        noted == {path for path in read if path.parts[0] not in ("release", ".sha256", "timing.csv")}
+        and len(noted) > 200
+    )
+
+
+@pytest.mark.slow
 def test_snakemakes_own_report(project, tmp_path):
     snakemake(project, "--report", tmp_path / "report.zip")
     snakemake(project, "--report", tmp_path / "report.html")

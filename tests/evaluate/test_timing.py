@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from dior.cli import main
+from dior.errors import DiorError
 from dior.evaluate import timing
 from dior.tables import tables
 
@@ -90,3 +91,12 @@ def test_the_time_of_a_job_is_its_own_and_its_childrens(tmp_path, monkeypatch):
     monkeypatch.setenv(timing.FOLDER, str(tmp_path))
     timing.write("metrics", {}, time.monotonic())
     assert json.loads((tmp_path / "metrics/metrics.timing.json").read_text())["cpu_s"] == 3.75
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", "null", '{"step": "frames"}', "\xff", '"cpu_s"'])
+def test_a_damaged_note_of_the_costs_is_one_sentence(tmp_path, text):
+    path = tmp_path / "frames/walk.timing.json"
+    path.parent.mkdir()
+    path.write_text(text, encoding="latin-1")
+    with pytest.raises(DiorError, match="walk.timing.json: is not what a job notes of its costs; delete it"):
+        timing.collect(tmp_path, ["walk"], [])

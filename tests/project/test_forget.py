@@ -27,6 +27,8 @@ results/release/dior-1.0.0/labels_2d/zebra-0001/out_1.cam01.parquet results/rele
 results/release/dior-1.0.0-exports/SHA256SUMS results/release/dior-1.0.0-zebra-0001.tar
 results/release/dior-1.0.0-metadata.tar results/release/.dior-1.0.0-zebra-0001.part.tar
 results/release/.dior-1.0.0-zebra-0001.part.json
+results/.sha256/frames/in_1.parquet results/.sha256/simulate/truth/out_1/labels_2d.parquet
+results/.sha256/evaluate/metrics.csv results/.sha256/locate/lab/cam01.parquet
 """.split()
 # of out_2, whose subject S02 (apple-0002) withdrew, of a session and of a sequence that are not there any more
 GONE = """
@@ -40,6 +42,8 @@ logs/frames/out_2.log logs/clocks/out_2.cam01.benchmark.tsv logs/tarballs/apple-
 results/release/dior-0.9.0 results/release/dior-0.9.0-exports results/release/dior-0.9.0-zebra-0001.tar
 results/release/dior-0.9.0-metadata.tar results/release/dior-1.0.0-apple-0002.tar results/release/.dior-1.0.0.part
 results/release/.dior-1.0.0-apple-0002.part.tar results/release/.dior-1.0.0-metadata.part.tar
+results/frames/.out_2.8fab0a-7c0deb-123-4567-1.part.parquet results/.sha256/frames/out_2.parquet
+results/.sha256/locate/hall results/.sha256/simulate/truth/out_2
 """.split()
 
 
@@ -92,7 +96,7 @@ def test_deleting_leaves_everything_else(withdrawn, capsys):
     (withdrawn / "data/out_2/a.bag").touch()
     assert main.main(["forget", "--project", str(withdrawn), "--yes"]) == 0
     told = capsys.readouterr().out
-    assert "Deleted 29 files and folders" in told
+    assert "Deleted 33 files and folders" in told
     assert told.split("dior deletes none of these:\n")[1].split() == [
         "data/out_2/a.bag",
         "config/boxes/out_2.cam03.csv",

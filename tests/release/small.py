@@ -1,5 +1,7 @@
 """A small release with known truth, in the layout of the real one: two people, indoors and outdoors, two cameras."""
 
+import shutil
+
 import cv2
 import numpy as np
 
@@ -9,6 +11,7 @@ from dior.geometry import camera_tables
 from dior.geometry.camera import Camera, Intrinsics, pose
 from dior.geometry.multiview import look_at
 from dior.label.reproject import labels
+from dior.release import checksums
 from dior.simulate import settings
 from dior.simulate.motion import motion_of
 from dior.tables import tables
@@ -72,6 +75,14 @@ def build(folder):
     both = [camera_tables.camera_columns(rig, session) for session in ("field", "lab")]
     joined = {key: [*both[0][key], *both[1][key]] for key in both[0] if key in tables.columns_of("released_cameras")}
     tables.write(folder / "cameras.parquet", "released_cameras", joined)
+    return summed(folder)
+
+
+def summed(folder):
+    """Write the checksums of a release that was edited; returns its folder."""
+    (folder / checksums.SUMS).unlink(missing_ok=True)
+    shutil.rmtree(folder / checksums.FOLDER, ignore_errors=True)
+    checksums.write(folder)
     return folder
 
 

@@ -197,6 +197,7 @@ def test_gaitgraph_leaves_out_pictures_with_an_unknown_joint(made, tmp_path):
     rows["u"][lost] = rows["v"][lost] = rows["depth"][lost] = np.nan
     rows["status"][lost] = "missing_3d"
     tables.write(path, "labels_2d", rows)
+    small.summed(release)
     exports.run(release=release, formats=["gaitgraph", "opengait", "coco"], out=tmp_path / "out")
     found = casia_b(tmp_path / "out/gaitgraph/dior_pose_train.csv")
     assert 4 not in found[1, 0, 1, 36] and len(found[1, 0, 1, 36]) == small.PICTURES - 1
@@ -322,8 +323,11 @@ def test_a_build_that_fails_leaves_the_one_before(made, tmp_path):
     release = shutil.copytree(made[0], tmp_path / "r")
     exports.run(release=release, formats=["trc"], out=tmp_path / "out")
     before = (tmp_path / "out/SHA256SUMS").read_bytes()
-    (release / "skeletons_3d/pb22/walk_3.parquet").write_bytes(b"broken")
-    with pytest.raises(DiorError, match=r"walk_3\.parquet"):
+    path = release / "skeletons_3d/pb22/walk_3.parquet"
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+    with pytest.raises(DiorError, match=r"walk_3\.parquet: its SHA-256 is not the one that SHA256SUMS has"):
         exports.run(release=release, formats=["trc", "c3d"], out=tmp_path / "out")
     assert (tmp_path / "out/SHA256SUMS").read_bytes() == before
     assert sorted(path.name for path in tmp_path.iterdir()) == ["out", "r"]
@@ -338,6 +342,7 @@ def test_free_text_of_the_sheet_makes_no_folders_and_breaks_no_list(made, tmp_pa
         rows["outfit"][i], rows["walk"][i] = texts.get(name, ("", ""))
     rows["environment"][:] = "outdoor"
     tables.write(release / "sequences.parquet", "sequences", rows)
+    small.summed(release)
     exports.run(release=release, formats=["opengait", "gaitgraph", "bids"], out=tmp_path / "out")
     kinds = sorted(path.name for path in (tmp_path / "out/opengait/data/pa11").iterdir())
     assert kinds == ["outdoor-raincoatlong-01", "outdoor-raincoatlong-02"]

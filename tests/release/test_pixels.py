@@ -77,6 +77,14 @@ def test_pictures_of_a_camera(recording):
     assert text.startswith("2 of 7 pictures cannot be read") and "frame 4" in text
 
 
+def test_a_picture_is_not_lost_because_memory_is_short(recording, monkeypatch):
+    _, given = recording
+    monkeypatch.setattr(pixels, "released", lambda *_: np.empty(2**50))
+    with pytest.raises(MemoryError):
+        pixels.run(**given)
+    assert not given["out"].exists()
+
+
 def test_same_bytes_and_no_picture_in_the_statistics(recording):
     _, given = recording
     pixels.run(**given)

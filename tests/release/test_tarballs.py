@@ -196,9 +196,41 @@ def test_a_full_disk_is_told_and_what_was_packed_is_kept(tmp_path, monkeypatch):
     command = [sys.executable, "-c", PACK, folder, WHO[0], out]
     done = subprocess.run([*command, str(len(whole) // 2)], capture_output=True, text=True)
     assert done.returncode == 1 and not out.exists()
-    assert done.stderr.startswith(f"{tmp_path}/.full.part.tar: cannot be written (File too large); make room and run")
+    assert done.stderr.startswith(f"{out}: cannot be written: files may not become so large: ")
+    assert f"of about {len(whole) / 1e6:.1f} MB were written" in done.stderr
+    assert done.stderr.endswith("run again; what is packed so far is kept\n")
     opened = read_again(monkeypatch, folder, WHO[0], out)
     assert 0 < len(opened) < 7 and out.read_bytes() == whole
+
+
+def test_two_runs_do_not_pack_into_one_file(tmp_path):
+    """The second says so, and once the first has ended, alive or killed, it goes on."""
+    folder = release(tmp_path / "dior-0.1.0")
+    out = tmp_path / "x.tar"
+    part, _ = tarballs.leftovers(out)
+    with tarballs._alone(part) as first:
+        first.write(b"half")
+        done = subprocess.run([sys.executable, "-c", PACK, folder, WHO[0], out], capture_output=True, text=True)
+        assert done.returncode == 1 and "another run is packing this tarball" in done.stderr
+        assert part.read_bytes() == b"half" and not out.exists()
+    assert pack(folder, WHO[0], out).read_bytes() == pack(folder, WHO[0]).read_bytes()
+
+
+def test_a_file_that_got_its_final_name_meanwhile_is_not_written_into(tmp_path, monkeypatch):
+    """The other run ended between the opening and the locking."""
+    part, out = tmp_path / ".x.part.tar", tmp_path / "x.tar"
+    part.write_bytes(b"whole")
+    lock = tarballs.fcntl.flock
+
+    def late(file, how):
+        if part.exists() and not out.exists():
+            part.rename(out)
+        lock(file, how)
+
+    monkeypatch.setattr(tarballs.fcntl, "flock", late)
+    with tarballs._alone(part) as tar:
+        tar.truncate(0)
+    assert out.read_bytes() == b"whole" and part.read_bytes() == b""
 
 
 def test_another_release_is_packed_from_the_start(tmp_path):

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 BY_RECORDING = ("coco", "opengait", "gaitgraph", "webdataset")
 BY_WALK = ("trc", "c3d", "bids")
 FORMATS = (*BY_RECORDING, *BY_WALK)
+# the tables of recordings and walks that are exported
+READ = ("labels_2d", "skeletons_3d", "frames")
 HEAD = """\
 # {name}: exports
 
@@ -51,7 +53,7 @@ Where markers lack, the nearest marker stands for the joint, or nothing does.
 def run(*, release: Path, formats: list[str], out: Path) -> None:
     """Write the exports of a release folder in `formats` to the folder `out`, whole or not at all.
 
-    Raises DiorError for an unknown format and for a folder that is no release.
+    Raises DiorError for an unknown format, for a folder that is no release and for one that is damaged.
     """
     from dior.release.exports import bids, c3d, coco, gaitgraph, opengait, poses, recordings, trc, webdataset
 
@@ -61,6 +63,7 @@ def run(*, release: Path, formats: list[str], out: Path) -> None:
         if name not in FORMATS:
             raise DiorError(f"release: exports: there is no format '{name}'{nearest(name, FORMATS)}")
     found = recordings.read(release)
+    checksums.check(found.folder, READ)
     chosen = [name for name in FORMATS if name in formats]
     with folder_written_whole(out) as folder:
         with ExitStack() as stack:

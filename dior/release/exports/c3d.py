@@ -12,6 +12,7 @@ import numpy as np
 from dior.arrays import Floats
 from dior.release.exports.fixed_rate import AddWalk, file_per_walk
 from dior.release.exports.recordings import Release
+from dior.tables.files import check_written
 
 ABOUT = """\
 `c3d/<subject>/<sequence>.c3d`: every joint or marker of a walk, mm, in the world of the release (Z up). Missing:
@@ -44,3 +45,4 @@ def write(path: Path, rate: float, points: Floats, joints: Sequence[str]) -> Non
     file["data"]["points"] = data
     file["data"]["meta_points"]["residuals"] = np.where(missing, -1.0, 0.0)[None]
     file.write(str(path))
+    check_written(path, 16 * missing.size)
