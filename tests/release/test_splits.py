@@ -1,5 +1,6 @@
 """Nobody is in two parts, and the parts stay as they are as far as they can when people come and go."""
 
+import hashlib
 from collections import Counter
 
 import pytest
@@ -64,6 +65,15 @@ def test_the_shares(people, expected):
 def test_who_was_recorded_when_does_not_matter():
     names = [f"person-{i:04}" for i in range(20)]
     assert splits.by_subject(names) == splits.by_subject(names[::-1])
+
+
+def test_a_name_that_comes_first_is_not_tested_for_that():
+    """What people are called, perhaps in the order of their recordings, says nothing of the part that they are in."""
+    names = [f"person-{i:04}" for i in range(20)]
+    order = sorted(names, key=lambda name: hashlib.sha256(name.encode()).hexdigest())
+    parts = splits.by_subject(names)
+    assert [parts[name] for name in order] == ["test"] * 4 + ["val"] * 2 + ["train"] * 14
+    assert [name for name in names if parts[name] == "test"] != names[:4]
 
 
 def test_by_range_and_by_outfit():
