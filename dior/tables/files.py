@@ -23,6 +23,8 @@ from dior.tables import ledger
 
 # after which what another computer was writing is given up; chosen: no writer adds nothing to its file for a day
 GIVEN_UP_S = 86400.0
+# bytes that a file's name may have on any disk
+_LONGEST = 255
 # bytes; chosen: more than what is left in the last block of a file on any disk
 _PROBE = 1 << 18
 # <computer>-<its boot>-<process>-<when that started>-<number>
@@ -135,8 +137,9 @@ def write_text(path: AnyPath, text: str) -> None:
 def _beside(path: Path, name: str, ending: str) -> Path:
     """A path that nobody else has, with the name of its writer in it."""
     pid = os.getpid()
-    writer = f"{_computer()}-{_boot()}-{pid}-{_stat(pid)[1]}-{next(_number)}"
-    return path.with_name(f".{name}.{writer}.{ending}")
+    tail = f".{_computer()}-{_boot()}-{pid}-{_stat(pid)[1]}-{next(_number)}.{ending}"
+    kept = name.encode()[: _LONGEST - len(tail.encode()) - 1].decode(errors="ignore")
+    return path.with_name(f".{kept}{tail}")
 
 
 @cache
