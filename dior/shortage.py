@@ -10,6 +10,8 @@ import os
 import re
 import resource
 import shutil
+import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 from dior.paths import AnyPath
@@ -48,27 +50,36 @@ def of_disk(error: BaseException, path: AnyPath, written: int, needed: int | Non
     done = f"it takes more than {size(written)}"
     if needed and needed > written:
         done = f"{size(written)} of about {size(needed)} were written"
-    return f"{path}: cannot be written: {_FULL[error.errno]}: {done}{_room(error, path)}"
+    return f"{path}: cannot be written: {_FULL[error.errno]}: {done}{_room(error, [path])}"
 
 
-def _room(error: OSError, path: AnyPath) -> str:
+def _room(error: OSError, paths: Sequence[AnyPath]) -> str:
     """How much room there is, and what to do."""
     if error.errno == errno.EFBIG:
         limit = resource.getrlimit(resource.RLIMIT_FSIZE)[0]
         known = f", and the limit of a file is {size(limit)}" if limit != resource.RLIM_INFINITY else ""
         return f"{known}; raise it (`ulimit -f`), or take another disk, and run again"
-    folder = next((one for one in Path(os.path.abspath(path)).parents if one.is_dir()), Path("/"))
-    free = f", and {size(shutil.disk_usage(folder).free)} are left in {folder}"
-    return f"{free if error.errno == errno.ENOSPC else ''}; make room there and run again"
+    if error.errno != errno.ENOSPC:
+        return "; make room there and run again"
+    left = [f"{size(shutil.disk_usage(folder).free)} in {folder}" for folder in map(_folder, paths)]
+    return f"; left are {' and '.join(left)}; make room there and run again"
+
+
+def _folder(path: AnyPath) -> Path:
+    """The nearest folder that is there."""
+    whole = Path(os.path.abspath(path))
+    return next((one for one in (whole, *whole.parents) if one.is_dir()), Path("/"))
 
 
 def sentence(error: BaseException) -> str:
     """What to say of an error that ended a step, "" where nothing was short."""
     if isinstance(error, OSError) and error.errno in _FULL:
-        where = error.filename or os.getcwd()
-        return f"{where}: cannot be written: {_FULL[error.errno]}{_room(error, os.path.join(where, ''))}"
-    known = isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno == errno.ENOMEM)
-    return of_memory(error) if known or _NO_MEMORY.search(str(error)) else ""
+        known = isinstance(error.filename, str)
+        places = [error.filename] if known else [os.getcwd(), tempfile.gettempdir()]
+        what = f"{error.filename}: cannot be written" if known else "cannot write"
+        return f"{what}: {_FULL[error.errno]}{_room(error, places)}"
+    short = isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno == errno.ENOMEM)
+    return of_memory(error) if short or _NO_MEMORY.search(str(error)) else ""
 
 
 def of_memory(error: BaseException) -> str:

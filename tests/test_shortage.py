@@ -1,5 +1,6 @@
 """Room on a disk and memory, each really short: one sentence, exit code 1, nothing half-written."""
 
+import errno
 import re
 import resource
 import shutil
@@ -55,7 +56,9 @@ def test_a_film_that_could_not_be_written_whole(tmp_path):
         "init.run.__annotations__ = {'folder': Path}\n"
     )
     code, said = run(["init", "x"], "RLIMIT_FSIZE", 20_000, before)
-    assert code == 1 and "a.webm: cannot be written: files may not become so large: 20.0 kB" in said, said
+    assert (
+        code == 1 and "a.webm: cannot be written: files may not become so large: it takes more than 20.0 kB" in said
+    ), said
     assert files(tmp_path) == []
 
 
@@ -77,7 +80,7 @@ def test_a_full_disk(full, words, most):
     code, said = run([*words, folder], within=[word.replace("100k", most) for word in within])
     assert code == 1 and said.count("\n") == 1, said
     assert re.search(r"(mlkit/cam0\d.jsonl|mocap.c3d): cannot be written: the disk is full: [\d.]+ kB of about ", said)
-    assert f" 0 B are left in {folder}/indoor_01" in said and said.endswith("; make room there and run again\n")
+    assert f"; left are 0 B in {folder}/indoor_01" in said and said.endswith("; make room there and run again\n")
 
 
 WORK = {
@@ -121,6 +124,13 @@ def test_what_is_told_without_a_limit():
     assert "9.2e" not in said and "TB more are needed beside" in said and said.count(";") == 1
     if resource.getrlimit(resource.RLIMIT_AS)[0] == resource.RLIM_INFINITY:
         assert "this computer has" in said or "cgroup" in said
+
+
+def test_a_full_disk_of_which_the_error_tells_no_file(tmp_path):
+    said = shortage.sentence(OSError(errno.ENOSPC, "No space left on device"))
+    assert said.startswith("cannot write: the disk is full; left are ") and said.count("B in /") == 2
+    said = shortage.sentence(OSError(errno.EDQUOT, "Disk quota exceeded", str(tmp_path / "a")))
+    assert said == f"{tmp_path}/a: cannot be written: the quota on this disk is used up; make room there and run again"
 
 
 def test_other_errors_are_not_about_room_or_memory():

@@ -23,6 +23,8 @@ from dior.tables import ledger
 
 # after which what another computer was writing is given up; chosen: no writer adds nothing to its file for a day
 GIVEN_UP_S = 86400.0
+# bytes that a file's name may have on any disk
+_LONGEST = 255
 # bytes; chosen: more than what is left in the last block of a file on any disk
 _PROBE = 1 << 18
 # <computer>-<its boot>-<process>-<when that started>-<number>
@@ -135,8 +137,9 @@ def write_text(path: AnyPath, text: str) -> None:
 def _beside(path: Path, name: str, ending: str) -> Path:
     """A path that nobody else has, with the name of its writer in it."""
     pid = os.getpid()
-    writer = f"{_computer()}-{_boot()}-{pid}-{_started(pid) or 0}-{next(_number)}"
-    return path.with_name(f".{name}.{writer}.{ending}")
+    tail = f".{_computer()}-{_boot()}-{pid}-{_stat(pid)[1]}-{next(_number)}.{ending}"
+    kept = name.encode()[: _LONGEST - len(tail.encode()) - 1].decode(errors="ignore")
+    return path.with_name(f".{kept}{tail}")
 
 
 @cache
@@ -148,7 +151,9 @@ def _remove_left(folder: str) -> None:
             if entry.is_dir(follow_symlinks=False):
                 shutil.rmtree(entry, ignore_errors=True)
             else:
-                Path(entry).unlink(missing_ok=True)
+                # it may be gone by now, or somebody else's
+                with suppress(OSError):
+                    os.unlink(entry)
 
 
 def _is_dead(writer: re.Match[str], path: Path) -> bool:
@@ -158,7 +163,7 @@ def _is_dead(writer: re.Match[str], path: Path) -> bool:
             return time.time() - path.stat().st_mtime > GIVEN_UP_S
         except FileNotFoundError:
             return False
-    return boot != _boot() or _started(int(pid)) != int(started)
+    return boot != _boot() or not _lives(int(pid), int(started))
 
 
 @cache
@@ -181,19 +186,21 @@ def _boot() -> str:
     return hashlib.sha256(which).hexdigest()[:6]
 
 
-def _started(pid: int) -> int | None:
-    """When a process started, in ticks of the computer; 0 where it does not tell, None where there is no such one."""
-    try:
-        state, *fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-        return int(fields[18]) if state not in "ZX" else None
-    except FileNotFoundError:
-        pass
-    if os.path.isdir("/proc/self"):
-        return None
+def _lives(pid: int, started: int) -> bool:
     try:
         os.kill(pid, 0)
-    except ProcessLookupError:
-        return None
+    except (ProcessLookupError, OverflowError):
+        return False
     except PermissionError:
-        pass
-    return 0
+        pass  # somebody else's
+    state, own = _stat(pid)
+    return state not in ("Z", "X") and own in (0, started)
+
+
+def _stat(pid: int) -> tuple[str, int]:
+    """The state of a process and when it started, in ticks of the computer; 0 where that does not tell."""
+    try:
+        state, *fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    except OSError:
+        return "", 0
+    return state, int(fields[18])

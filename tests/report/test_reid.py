@@ -9,6 +9,7 @@ import pytest
 from dior.reid import recognise
 from dior.reid.protocols import PROTOCOLS, Item
 from dior.report import reid
+from dior.tables.files import write_text
 
 VIEWS = [(place, f"cam{i:02d}") for place in ("indoor", "outdoor") for i in range(1, 5)]
 METHODS = [("gaitgraph", "gaitgraph.pth"), ("gaitmixer", "gaitmixer.pt"), ("gaitmixer", "ours.pt")]
@@ -47,7 +48,7 @@ def written(folder, rows, left_out=(("labels", "field", "outdoor_07", "cam04", "
     texts = (recognise.as_csv(rows), recognise.curves_csv(rows), recognise._csv(recognise.LEFT_OUT, left_out))
     paths = [folder / f"{name}.csv" for name in ("table", "cmc", "left_out")]
     for path, text in zip(paths, texts, strict=True):
-        path.write_text(text)
+        write_text(path, text)
     return paths
 
 

@@ -63,6 +63,12 @@ def test_what_a_living_writer_writes_is_left_alone_and_so_is_what_names_none(tmp
     assert sorted(path.name for path in tmp_path.iterdir()) == [".release-who.part.tar", "a.txt"]
 
 
+@pytest.mark.parametrize("name", ["a" * 247 + ".parquet", "\u00e4" * 124 + ".csv"])
+def test_a_name_may_be_as_long_as_the_disk_lets_it(tmp_path, name):
+    write_text(tmp_path / name, "whole")
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+
+
 def test_who_is_dead(tmp_path, monkeypatch):
     """A process that has the number of another, or another start of the computer; one elsewhere after a day."""
     own = files._beside(tmp_path / "a", "a", "part")
