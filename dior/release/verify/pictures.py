@@ -39,7 +39,8 @@ CHANGED, LEAST_SIGMA = 5.0, 1.0
 # pictures that are tried as the other one of an exchange
 TRIED = 24
 # Correlation of small pictures: another camera's background must fit this well, and so much better than the own one.
-LIKE, BETTER = 0.8, 0.2
+# Chosen: a body that fills a part of the picture leaves half of it, and no two pictures of one camera differ so much.
+LIKE, BETTER = 0.5, 0.3
 THUMB = (48, 27)
 # of a normal distribution
 SD_OF_MAD = 1.4826

@@ -207,7 +207,7 @@ def _signature(stored: Stored, key: Path | None) -> "tuple[list[Problem], str]":
         if key is None:
             return (
                 [],
-                f"; signed with {signature.signer(content, armoured)}, --key <public key of the lab> checks whose",
+                f"; signed with {signature.signer(content, armoured)}, --key <the lab's public key> checks whose",
             )
         return [], f"; signed by {signature.checked(content, armoured, key)}"
     except DiorError as error:
