@@ -28,7 +28,7 @@ from tests.end_to_end import recomputed
 from tests.end_to_end.workflow import ROOT, edit, nudge, planned, snakemake, start
 
 # steps that the capture has nothing for, or that are made only when asked for
-NOT_IN_IT = {"detect", "detectors", "zoom", "to_mark", "inputs", "recognise", "reid"}
+NOT_IN_IT = {"detect", "detectors", "zoom", "to_mark", "inputs", "recognise", "reid", "sign"}
 TINY = {"subjects": 2, "sequences": 1, "duration_s": 3.0, "width": 640, "height": 360, "fx": 320.0, "gallery": True}
 
 

@@ -152,12 +152,9 @@ def test_a_signature_for_something_else(made, keys, verified):
 
 def test_a_release_without_a_signature(made, keys, verified):
     (made / checksums.SIGNATURE).unlink()
-    assert verified(made, "--key", f"{keys['lab']}.pub") == (
-        1,
-        [
-            "dior-0.1.0/SHA256SUMS.sig: is missing: its lab has not signed it, or the signature was lost; ask them for it"
-        ],
-    )
+    why = "its lab has not signed it, or the signature was lost; ask them for it"
+    problem = f"dior-0.1.0/SHA256SUMS.sig: is missing: {why}"
+    assert verified(made, "--key", f"{keys['lab']}.pub") == (1, [problem])
 
 
 @pytest.mark.parametrize(

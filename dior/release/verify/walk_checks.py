@@ -51,7 +51,7 @@ class Broken(Exception):
     """A table that cannot be looked into; the text says why."""
 
 
-@dataclass
+@dataclass(eq=False)
 class WalkFindings:
     """What was found in a walk: problems as (path, sentence); by camera the counts, and the path of its pictures with
     the set of their sizes (height, width).
