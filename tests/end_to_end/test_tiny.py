@@ -18,6 +18,7 @@ import pandas as pd
 import pytest
 
 from dior.body.names import COCO_17
+from dior.cli import main
 from dior.evaluate import bootstrap, statistics
 from dior.ingest import bags
 from dior.project.steps import MODULES, STAGES
@@ -183,6 +184,12 @@ def withdraw(folder, release="no", pictures="no"):
     row = next(line for line in sheet.read_text().splitlines() if line.startswith("S02"))
     edit(sheet, row, row.replace("\tyes\tyes", f"\t{release}\t{pictures}"))
     return row.split("\t")[1]
+
+
+def test_verify_believes_the_release(project, capsys):
+    """Labels, figures and texts are computed once more; every picture is decoded."""
+    assert main.main(["verify", "--decode", str(project / "results/release/dior-0.1.0")]) == 0
+    assert "(decoded); not signed" in capsys.readouterr().out
 
 
 @pytest.mark.slow
