@@ -103,7 +103,8 @@ def _twice(values: Floats) -> tuple[Floats, Floats]:
 def _reprojection(grid: LabelGrid, detected: Table, min_score: float) -> tuple[Floats, Floats]:
     """The least and the largest distance (F, J) px of each label from its detection, left and right exchanged or not.
 
-    As `dior.evaluate.reprojection.errors`, which is told what was exchanged.
+    The least is NaN where the detector was not sure enough one way or the other: there may be no distance. As
+    `dior.evaluate.reprojection.errors`, which is told what was exchanged.
     """
     values, frames, joints = value_grid(detected, "frame", "u", "v", "score")
     legs = np.array([is_leg(name) for name in joints])[:, None]
@@ -113,7 +114,7 @@ def _reprojection(grid: LabelGrid, detected: Table, min_score: float) -> tuple[F
         found = onto(grid.frames, grid.joints, one, frames, joints)
         with np.errstate(invalid="ignore"):
             each.append(np.where(found[..., 2] >= min_score, distance(grid.uv, found[..., :2]), np.nan))
-    return np.fmin.reduce(each), np.fmax.reduce(each)
+    return np.minimum.reduce(each), np.fmax.reduce(each)
 
 
 def _checked(grid: LabelGrid, marks: Table) -> Floats | None:
@@ -144,8 +145,10 @@ def _expected(low: Floats, high: Floats) -> Expected | None:
     if low is high or np.array_equal(low, high, equal_nan=True):
         found = rows.mean_row("", low, "")
         return Expected(found[0].value, found[0].value, found[0].n, found[0].n) if found else None
-    n = int(np.isfinite(high).sum())
-    return Expected(float(np.nansum(low) / n), float(np.nansum(high) / n), n, n) if n else None
+    # only distances are uncertain, none of which is negative
+    n_low, n_high = (int(np.isfinite(values).sum()) for values in (low, high))
+    most = float(np.nansum(high) / n_low) if n_low else np.inf
+    return Expected(float(np.nansum(low) / n_high), most, n_low, n_high) if n_high else None
 
 
 def check(release: Release) -> list[Problem]:
@@ -177,7 +180,7 @@ def _of_walks(stated: dict[tuple[str, ...], Figure], release: Release) -> Iterat
     }
     mine = {key: row for key, row in stated.items() if key[0] in RECOMPUTED and key[3] and key[4] and not key[1]}
     yield from _some([key for key in mine if key not in expected], "has figures of what the tables do not have", _named)
-    lacking = [key for key in expected if key not in stated]
+    lacking = [key for key, one in expected.items() if key not in stated and one.n_low]
     yield from _some(lacking, "lacks figures that the tables give", _named)
     wrong = [key for key, one in expected.items() if key in stated and not _agrees(stated[key], one)]
 
@@ -194,13 +197,13 @@ def _role(release: Release, sequence: str, camera: str) -> str:
 
 
 def _agrees(row: Figure, one: Expected) -> bool:
-    near = DIGITS * max(abs(one.low), abs(one.high))
+    near = DIGITS * max(abs(one.low), abs(row["value"]))
     return one.n_low <= row["n"] <= one.n_high and one.low - near <= row["value"] <= one.high + near
 
 
 def _between(one: Expected) -> str:
     value = f"{one.low:.6g}" if one.low == one.high else f"{one.low:.6g} to {one.high:.6g}"
-    return f"{value} of {one.n_low}"
+    return f"{value} of {one.n_low}" + (f" to {one.n_high}" if one.n_high > one.n_low else "")
 
 
 def _pooled(stated: dict[tuple[str, ...], Figure]) -> Iterator[str]:

@@ -253,6 +253,11 @@ def test_left_and_right_may_have_been_exchanged():
     one = figures._expected(low, high)
     assert (one.low, one.high, one.n_low) == (1, 10, 2)
     assert figures._agrees({"value": 1.0, "n": 2}, one) and not figures._agrees({"value": 0.99, "n": 2}, one)
+    low, high = figures._reprojection(grid, detected | {"score": np.array([0.1, 1.0])}, 0.3)
+    one = figures._expected(low, high)
+    assert (one.n_low, one.n_high) == (0, 2), "which of the two is compared nobody knows"
+    for n, value in ((1, 1.0), (1, 9.0), (2, 5.0)):
+        assert figures._agrees({"value": value, "n": n}, one)
 
 
 @pytest.mark.parametrize("model", ["plumb_bob", "rational_polynomial", "inverse_brown_conrady"])
