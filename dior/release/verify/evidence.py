@@ -109,12 +109,13 @@ def rig(tables: dict[str, Table], made_of: dict[str, Any]) -> Rig | None:
 def camera_of(table: Table, row: int) -> Camera | None:
     """The camera in a row of `released_cameras`; None without a pose or a lens that can be computed with."""
     pose = table["wTc"][row].reshape(4, 4)
-    numbers = [float(table[key][row]) for key in ("fx", "fy", "cx", "cy")]
-    if not np.isfinite(pose).all() or not np.isfinite(numbers).all():
+    fx, fy, cx, cy = (float(table[key][row]) for key in ("fx", "fy", "cx", "cy"))
+    if not np.isfinite(pose).all() or not np.isfinite([fx, fy, cx, cy]).all():
         return None
-    size = int(table["width"][row]), int(table["height"][row])
+    width, height = (int(table[key][row]) for key in ("width", "height"))
+    model, coefficients = table["distortion_model"][row], tuple(table["distortion"][row].tolist())
     try:
-        lens = Intrinsics(*size, *numbers, table["distortion_model"][row], tuple(table["distortion"][row].tolist()))
+        lens = Intrinsics(width, height, fx, fy, cx, cy, model, coefficients)
     except DiorError:
         return None
     return Camera(table["camera"][row], lens, pose, table["role"][row], table["locate"][row])
