@@ -13,7 +13,7 @@ STAGES = {
     "evaluate": ("moved", "evaluate", "detectors", "zoom", "to_mark", "metrics", "statistics"),
     "reid": ("inputs", "recognise"),
     "report": ("reid", "overlays", "clip", "report"),
-    "release": ("provenance", "heads", "pixels", "package", "exports", "tarballs"),
+    "release": ("provenance", "heads", "pixels", "package", "sign", "exports", "tarballs"),
 }
 # step -> the module of the package that runs it, without `dior.`
 MODULES = {step: f"{stage}.{step}" for stage, steps in STAGES.items() for step in steps}
@@ -30,6 +30,7 @@ PLACES = {
     "overlays": "results/report",
     "clip": "results/report",
     "package": "results/release",
+    "sign": "results/release",
     "exports": "results/release",
     "tarballs": "results/release",
 }

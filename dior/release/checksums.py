@@ -18,6 +18,8 @@ from dior.progress import reporting
 from dior.tables.files import write_text
 
 SUMS = "SHA256SUMS"
+# beside it, where the lab signs its releases (signature.py); in no list, as it is made of one
+SIGNATURE = f"{SUMS}.sig"
 FOLDER = "checksums"
 # the part of a release that is about nobody alone; no pseudonym may be called so
 METADATA = "metadata"

@@ -128,7 +128,7 @@ def _field(part: Part, column: pa.Field) -> dict[str, Any]:
         "@id": f"{part.name}/{column.name}",
         "name": column.name,
         "description": _described(part.table, column),
-        "dataType": _data_type(column.type),
+        "dataType": data_type(column.type),
         "source": {**files, "extract": {"column": column.name}, **picture},
     }
     if pa.types.is_fixed_size_list(column.type):
@@ -143,10 +143,11 @@ def _described(table: str, column: pa.Field) -> str:
     return "; ".join(filter(None, parts)) or column.name
 
 
-def _data_type(kind: pa.DataType) -> str:
+def data_type(kind: pa.DataType) -> str:
+    """The type of a column in Croissant's words."""
     if kind == PICTURE:
         return "sc:ImageObject"
     if pa.types.is_fixed_size_list(kind):
-        return _data_type(kind.value_type)
+        return data_type(kind.value_type)
     word = tables.word_of(kind)
     return "sc:Text" if word == "string" else f"cr:{word.capitalize()}"

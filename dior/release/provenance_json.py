@@ -30,6 +30,8 @@ VERSION = 1
 PATHS = ("detector.model", "simulate.motion", "release.license_file")
 # what has no effect on a release
 LEFT_OUT = ("data_root", "report", "reid")
+# where the lab's private key is, is nobody's business
+SECRET = ("release.sign",)
 
 
 def of(project: Project, walks: Walks, recordings: dict[str, Path], code: dict[str, str]) -> dict[str, Any]:
@@ -57,7 +59,8 @@ def of(project: Project, walks: Walks, recordings: dict[str, Path], code: dict[s
 
 def config_of(project: Project) -> dict[str, Any]:
     """Every setting by its dotted key, sorted; those of PATHS as the checksum of the file, "" where there is none."""
-    found = dict(sorted(_flat({key: value for key, value in project.config.items() if key not in LEFT_OUT})))
+    settings = _flat({key: value for key, value in project.config.items() if key not in LEFT_OUT})
+    found = {key: value for key, value in sorted(settings) if key not in SECRET}
     for key in PATHS:
         if found.get(key):
             path = Path(project.root) / found[key]

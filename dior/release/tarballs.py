@@ -3,7 +3,7 @@
 INPUTS   a release folder (see package.py) and the part of it: a pseudonym, or `metadata`
 OUTPUT   results/release/dior-<version>-<part>.tar, below dior-<version>/: of a subject its labels, skeletons, frames
          with pixels, detections, boxes, marks and the checksums of those; of `metadata` what lies at the top of the
-         release: card, cameras, sheets, splits, figures, provenance, the checksums of all files
+         release: card, cameras, sheets, splits, figures, provenance, the checksums of all files and their signature
          .dior-<version>-<part>.part.tar and .json beside it while it is made, or where that was cut short
 A subject's tarball names nobody else, so that it stays as it is when another withdraws; only that of metadata does not.
 Unpacked over each other all of them are the release, byte for byte. Plain tar: Parquet is compressed already.
@@ -122,8 +122,10 @@ def members(release: Path, subject: str) -> dict[str, str]:
     if subject not in parts:
         raise DiorError(f"{release}: subject '{subject}' is not in the release{nearest(subject, parts)}")
     first = checksums.list_of(subject)
-    # the list of all files is in no list
-    found = {first: listed.get(first) or checksums.digest(open(release / first, "rb"))}
+    # the list of all files is in no list, nor is its signature
+    unlisted = (checksums.SUMS, checksums.SIGNATURE) if subject == checksums.METADATA else ()
+    there = [name for name in unlisted if (release / name).is_file()]
+    found = {name: checksums.digest(open(release / name, "rb")) for name in there} or {first: listed[first]}
     return found | {name: listed[name] for name in sorted(listed) if checksums.of_whom(name) == subject}
 
 

@@ -18,6 +18,7 @@ import pandas as pd
 import pytest
 
 from dior.body.names import COCO_17
+from dior.cli import main
 from dior.evaluate import bootstrap, statistics
 from dior.ingest import bags
 from dior.project.steps import MODULES, STAGES
@@ -28,7 +29,7 @@ from tests.end_to_end import recomputed
 from tests.end_to_end.workflow import ROOT, edit, nudge, planned, snakemake, start
 
 # steps that the capture has nothing for, or that are made only when asked for
-NOT_IN_IT = {"detect", "detectors", "zoom", "to_mark", "inputs", "recognise", "reid"}
+NOT_IN_IT = {"detect", "detectors", "zoom", "to_mark", "inputs", "recognise", "reid", "sign"}
 TINY = {"subjects": 2, "sequences": 1, "duration_s": 3.0, "width": 640, "height": 360, "fx": 320.0, "gallery": True}
 
 
@@ -183,6 +184,12 @@ def withdraw(folder, release="no", pictures="no"):
     row = next(line for line in sheet.read_text().splitlines() if line.startswith("S02"))
     edit(sheet, row, row.replace("\tyes\tyes", f"\t{release}\t{pictures}"))
     return row.split("\t")[1]
+
+
+def test_verify_believes_the_release(project, capsys):
+    """Labels, figures and texts are computed once more; every picture is decoded."""
+    assert main.main(["verify", "--decode", str(project / "results/release/dior-0.1.0")]) == 0
+    assert "(decoded); not signed" in capsys.readouterr().out
 
 
 @pytest.mark.slow

@@ -1,12 +1,21 @@
-"""A small release of the decided layout, table by table, whose parts a test can change."""
+"""A small release of the decided layout, table by table, whose parts a test can change.
 
+Its labels are where its 3D, its cameras and its clocks put them, its figures are those of its tables, and its texts say
+what its provenance.json says.
+"""
+
+import hashlib
 import json
 
 import cv2
 import numpy as np
 import pyarrow.parquet as pq
 
-from dior.release import checksums
+from dior.evaluate import evaluate
+from dior.evaluate.metrics import as_csv
+from dior.project import licenses
+from dior.release import card as cards
+from dior.release import checksums, citation, croissant, metrics_csv
 from dior.tables import tables
 
 JOINTS = ("nose", "left_hip", "right_hip")
@@ -19,6 +28,8 @@ WALKS = {
 CAMERAS = ("cam01", "cam02")
 FRAMES, WIDTH, HEIGHT = 4, 32, 24
 STEP_NS = 10**8
+# all cameras are at the origin and look along z; what they see is FAR away, m, and their clocks are LATE_NS behind
+FOCAL, FAR, LATE_NS = 20.0, 2.0, 5 * 10**8
 EVERYONE = ("apple-0002", "zebra-0001")
 
 
@@ -37,11 +48,10 @@ def stamps(count=FRAMES):
 def labels(name, camera, /, **changed):
     who = WALKS[name][0]
     each, n = len(JOINTS), FRAMES * len(JOINTS)
-    rng = np.random.default_rng([ord(name[-1]), ord(camera[-1])])
+    body = skeleton(name)
     status = np.array(["ok"] * n, object)
-    u, v = rng.uniform(5, 20, n), rng.uniform(5, 20, n)
-    status[0], u[0] = "out_of_frame", -9
-    status[1], u[1], v[1] = "missing_3d", np.nan, np.nan
+    status[:2] = "out_of_frame", "missing_3d"
+    u, v = (FOCAL * body[key].astype(np.float32).astype(float) / FAR + FOCAL for key in "xy")
     return {
         "subject": [who] * n,
         "sequence": [name] * n,
@@ -51,6 +61,7 @@ def labels(name, camera, /, **changed):
         "stamp_ns": np.repeat(stamps(), each),
         "u": u,
         "v": v,
+        "depth": body["z"],
         "sigma_u": np.full(n, 0.5),
         "status": status,
         "source": ["triangulated"] * n,
@@ -59,18 +70,19 @@ def labels(name, camera, /, **changed):
 
 def skeleton(name, /, **changed):
     n = FRAMES * len(JOINTS)
-    x = np.arange(n, dtype=float)
+    rng = np.random.default_rng(ord(name[-1]))
+    x, y = (rng.uniform(5, 20, n) - FOCAL) * FAR / FOCAL, (rng.uniform(5, 20, n) - FOCAL) * FAR / FOCAL
     status = np.array(["ok"] * n, object)
-    x[1], status[1] = np.nan, "too_few_views"
+    x[:2], status[1] = ((-9 - FOCAL) * FAR / FOCAL, np.nan), "too_few_views"
     return {
         "subject": [WALKS[name][0]] * n,
         "sequence": [name] * n,
         "joint": np.array(JOINTS * FRAMES, object),
         "instant": np.repeat(np.arange(FRAMES), len(JOINTS)),
-        "stamp_ns": np.repeat(stamps(), len(JOINTS)),
+        "stamp_ns": np.repeat(stamps() + LATE_NS, len(JOINTS)),
         "x": x,
-        "y": np.where(status == "ok", 1.0, np.nan),
-        "z": np.where(status == "ok", 2.0, np.nan),
+        "y": np.where(status == "ok", y, np.nan),
+        "z": np.where(status == "ok", FAR, np.nan),
         "status": status,
     } | changed
 
@@ -127,7 +139,7 @@ def cameras(who=EVERYONE, /, **changed):
         "locate": ["tape"] * n,
         "width": [WIDTH] * n,
         "height": [HEIGHT] * n,
-        **{key: [20.0] * n for key in ("fx", "fy", "cx", "cy")},
+        **{key: [FOCAL] * n for key in ("fx", "fy", "cx", "cy")},
         "distortion_model": ["plumb_bob"] * n,
         "distortion": np.zeros((n, 8)),
         "wTc": np.tile(np.eye(4).ravel(), (n, 1)),
@@ -170,17 +182,68 @@ def splits(who=EVERYONE, /, **changed):
 
 
 CARD = """---
-pretty_name: made up
+pretty_name: "made up"
+license: "cc0-1.0"
 ---
+# made up
+
+Version 0.1.0. Licence: [CC0-1.0]({url}).
+
+{summary}
+
 | environment | camera | role | sequences | frames | labels in the picture | share of all |
 |---|---|---|---:|---:|---:|---:|
-{}
+{rows}
 
-The end.
+| figure | tool | over | value | unit | n |
+|---|---|---|---:|---|---:|
+{figures}
+
+{cited}
 """
 
 
-def card(who=EVERYONE, labels_each=10):
+ABOUT = {"title": "made up", "version": "0.1.0", "license": "CC0-1.0", "license_file": "", "authors": [], "doi": "",
+         "year": 0}  # fmt: skip
+
+
+def summary(who=EVERYONE, labels_each=10):
+    rows = {name: {"subject": one, "environment": place} for name, (one, _, place) in walks(who).items()}
+    recordings = [role(session, camera) for _, session, _ in walks(who).values() for camera in CAMERAS]
+    counted = [
+        {"what": what, "environment": "", "role": which, "camera": "", "reason": "", "value": each * n}
+        for what, each in (("keypoints_2d", labels_each), ("frames", FRAMES))
+        for which, n in (("", len(recordings)), ("long_range", recordings.count("long_range")))
+    ]
+    return cards.summary(rows, counted)
+
+
+def figures(folder, who=EVERYONE):
+    """Rows of metrics.csv, by the step that measures the labels."""
+    steps, paths = folder.parent / "steps", []
+    steps.mkdir(exist_ok=True)
+    for name, (subject, session, _) in walks(who).items():
+        drawn = steps / f"{name}.csv"
+        edges = boxes(name, "cam02")
+        keys = ("frame", "u_min", "v_min", "u_max", "v_max")
+        drawn.write_text(f"{','.join(keys)}\n{','.join(str(edges[key][0]) for key in keys)}\n")
+        paths.append(steps / f"{name}.parquet")
+        evaluate.run(
+            sequence=name,
+            subject=subject,
+            labels=[folder / f"labels_2d/{subject}/{name}.{camera}.parquet" for camera in CAMERAS],
+            skeleton=None,
+            roles={camera: role(session, camera) for camera in CAMERAS},
+            detected=evaluate.Detected(None, 0.3, None),
+            yardsticks=evaluate.Yardsticks({"cam02": drawn}, [], {}, None),
+            out=paths[-1],
+            out_frames=steps / "frames.parquet",
+            out_checks=steps / "checks.parquet",
+        )
+    return metrics_csv.released(paths, {name: {"subject": subject} for name, (subject, *_) in walks(who).items()})
+
+
+def card(who=EVERYONE, labels_each=10, shown=()):
     total = {}
     for _, session, environment in walks(who).values():
         for camera in CAMERAS:
@@ -189,12 +252,24 @@ def card(who=EVERYONE, labels_each=10):
     rows = [
         f"| {' | '.join(key)} | {n} | {n * FRAMES} | {n * labels_each} | 0.833 |" for key, n in sorted(total.items())
     ]
-    return CARD.format("\n".join(rows))
+    lines = [f"| {' | '.join(map(str, one))} |" for one in map(cards._figure, shown) if one]
+    return CARD.format(
+        rows="\n".join(rows),
+        figures="\n".join(lines),
+        url=licenses.url("CC0-1.0"),
+        summary=summary(who, labels_each),
+        cited=citation.bibtex(ABOUT),
+    )
 
 
 def write(folder, name, table, columns):
     """One table of the release, and the checksums made anew, as who changes a release on purpose would."""
     tables.write(folder / name, table, columns)
+    content = json.loads((folder / "croissant.json").read_text())
+    for one in content["distribution"]:
+        if one.get("contentUrl") == name:
+            one["sha256"] = checksums.digest(open(folder / name, "rb"))
+    (folder / "croissant.json").write_text(json.dumps(content) + "\n")
     remade(folder)
 
 
@@ -239,11 +314,12 @@ def release(folder, who=EVERYONE):
         ("gallery", "released_gallery", {"subject": sorted(who), "angle": ["frontal"] * len(who)}),
     ):
         tables.write(folder / f"{name}.parquet", table, columns)
-    (folder / "README.md").write_text(card(who))
-    (folder / "metrics.csv").write_text(",".join(tables.columns_of("metrics")) + "\n")
-    for name in ("LICENSE", "CITATION.cff"):
-        (folder / name).write_text(f"{name}\n")
-    (folder / "croissant.json").write_text(json.dumps({"distribution": []}) + "\n")
+    shown = figures(folder, who)
+    (folder / "README.md").write_text(card(who, shown=shown))
+    (folder / "metrics.csv").write_text(as_csv(shown))
+    (folder / "LICENSE").write_text(licenses.text(ABOUT, ""))
+    (folder / "CITATION.cff").write_text(citation.text(ABOUT))
+    (folder / "croissant.json").write_text(json.dumps(croissant.content(folder, ABOUT, summary(who))) + "\n")
     (folder / "provenance.json").write_text(json.dumps(provenance(who)) + "\n")
     checksums.write(folder)
     return folder
@@ -251,11 +327,13 @@ def release(folder, who=EVERYONE):
 
 def provenance(who=EVERYONE):
     """As provenance_json.py writes it."""
+    config = {"refine.method": "spline", "triangulate.min_score": 0.3, "detector.min_score": 0.3}
+    config |= {f"release.{key}": value for key, value in ABOUT.items()}
     return {
         "provenance_version": 1,
         "release": "0.1.0",
-        "config": {"refine.method": "spline", "triangulate.min_score": 0.3},
-        "config_sha256": "c",
+        "config": config,
+        "config_sha256": hashlib.sha256(json.dumps(config, sort_keys=True).encode()).hexdigest(),
         "sessions": {
             session: {
                 "session.yaml": "s",

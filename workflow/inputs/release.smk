@@ -1,6 +1,10 @@
 """Input and parameter functions of the rules of release. They only look things up in the project."""
 
 from glob import escape, glob
+from pathlib import Path
+
+from dior.release.sign import key_of
+from dior.release.signature import public_key
 
 # the steps whose output is in a release or shapes it
 RELEASED_STEPS = [
@@ -116,6 +120,7 @@ def released_by_hand():
 def release_config(wildcards):
     """The settings that a release is made with or tells of, as text."""
     told = {key: CONFIG[key] for key in CONFIG if key not in ("report", "reid")}
+    told["release"] = {key: value for key, value in told["release"].items() if key != "sign"}
     return json.dumps(told, sort_keys=True)
 
 
@@ -182,7 +187,33 @@ def released_gallery():
 
 def release_outputs():
     """All that is made of a release."""
-    return [*released_files(), *tarballs_of(PROJECT.released_subjects), *exports()]
+    return [
+        *released_files(),
+        *signature_file(),
+        *tarballs_of(PROJECT.released_subjects),
+        *exports(),
+    ]
+
+
+def signature_file():
+    return [f"{RELEASE}/SHA256SUMS.sig"] if CONFIG["release"]["sign"] else []
+
+
+def signer(wildcards):
+    """The public key that signs, so that another one signs anew; where the private one is stays in the config."""
+    try:
+        return public_key(key_of(Path("."), CONFIG) or Path())
+    except DiorError:
+        # the step says what is wrong, when its time comes
+        return ""
+
+
+def packed(wildcards):
+    """What a tarball waits for: that of metadata holds the signature."""
+    return [
+        f"{RELEASE}/SHA256SUMS",
+        *(signature_file() if wildcards.subject == "metadata" else []),
+    ]
 
 
 def existing_release():

@@ -2,7 +2,7 @@
 
 Required inputs: labels, pictures, skeletons, frames, detections, cameras and figures of the subjects who agreed, and
 their recordings, for the checksums.
-Outputs: results/provenance/<sequence>.json, results/release/dior-<version>/; beside it a tarball per
+Outputs: results/provenance/<sequence>.json, results/release/dior-<version>/, signed or not; beside it a tarball per
 subject and one of metadata, and the exports to other formats.
 """
 
@@ -116,10 +116,29 @@ rule package:
         "../scripts/step.py"
 
 
+rule sign:
+    """Sign the checksums of the release with a key of the lab's."""
+    input:
+        f"{RELEASE}/SHA256SUMS",
+    output:
+        out=f"{RELEASE}/SHA256SUMS.sig",
+    log:
+        "logs/sign/sign.log",
+    benchmark:
+        "logs/sign/sign.benchmark.tsv"
+    params:
+        project=".",
+        release=release_folder,
+        signer=signer,
+        code=code("release.sign"),
+    shell:
+        dior("sign")
+
+
 rule tarballs:
     """Pack one subject's part of the release, or what is about all (`metadata`)."""
     input:
-        f"{RELEASE}/SHA256SUMS",
+        packed,
     output:
         out=f"{RELEASE}-{{subject}}.tar",
     log:

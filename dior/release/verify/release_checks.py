@@ -10,7 +10,7 @@ import json
 import re
 from collections import Counter
 from collections.abc import Collection, Sequence
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -20,6 +20,9 @@ from dior.release.verify import walk_checks
 from dior.release.verify.folder_or_tarball import File
 from dior.release.verify.walk_checks import PARTS, Broken, Problem, WalkFindings
 from dior.tables import tables
+
+if TYPE_CHECKING:
+    from dior.release.verify.evidence import Release
 
 LABELS = re.compile(r"labels_2d/([^/]+)/([^./]+)\.([^/]+)\.parquet")
 # (subject, sequence, camera)
@@ -236,14 +239,16 @@ def sizes(walks: Sequence[WalkFindings], found: dict[str, Table]) -> list[Proble
     return problems
 
 
-def card(file: File, walks: Sequence[WalkFindings], found: dict[str, Table]) -> list[Problem]:
+def card(release: "Release") -> list[Problem]:
     """The counts that the card states must be those of the tables."""
-    text = file.read().decode("utf-8", "replace")
+    text = release.files["README.md"].read().decode("utf-8", "replace")
     if CARD_HEADER not in text:
         return [("README.md", f"has no table '{CARD_HEADER}'")]
     lines = text.split(CARD_HEADER)[1].split("\n\n")[0].splitlines()[2:]
     stated = {tuple(cells[:3]): tuple(cells[3:6]) for cells in (_cells(line) for line in lines)}
-    counted = {where: tuple(str(n[what]) for what in COUNTED) for where, n in _by_camera(walks, found).items()}
+    counted = {
+        where: tuple(str(n[what]) for what in COUNTED) for where, n in _by_camera(release.walks, release.tables).items()
+    }
     return [
         (
             "README.md",

@@ -24,6 +24,8 @@ from dior.progress import reporting
 from dior.release import checksums
 
 if TYPE_CHECKING:
+    from dior.arrays import Table
+    from dior.release.verify.evidence import Rig
     from dior.release.verify.folder_or_tarball import File, Tarball
     from dior.release.verify.walk_checks import Problem, WalkFindings
 
@@ -49,16 +51,24 @@ class Stored:
         return checksums.METADATA in self.parts and {checksums.of_whom(name) for name in self.listed} <= self.parts
 
 
-def run(paths: list[Path], *, decode: bool = False) -> None:
+def run(paths: list[Path], *, key: Path | None = None, decode: bool = False) -> None:
     """Print what is wrong with releases.
 
-    `paths`: release folder, exports folder, tarballs; `decode`: decode every picture, not only read its header.
+    `paths`: release folder, exports folder, tarballs; `key`: whose signature it must bear, an allowed-signers file or
+    public keys; `decode`: decode every picture, not only read its header.
 
     Raises DiorError where something is wrong, after all of it was printed.
     """
+    if key is not None:
+        from dior.release import signature
+
+        signature.allowed_signers(key)
     wrong = 0
     for stored in _stored(paths):
         problems, summary = _looked_at(stored, decode)
+        wrong_signature, signed = _signature(stored, key)
+        problems += wrong_signature
+        summary += signed
         for path, text in sorted(problems):
             print(f"{stored.name}/{path}: {text}" if path else f"{stored.name}: {text}")
         wrong += len(problems)
@@ -127,40 +137,81 @@ def _list(found: Stored, path: str) -> dict[str, str]:
 
 def _compare(found: Stored, files: "dict[str, File]", expected: Collection[str], where: str) -> None:
     found.problems += [(name, f"is missing{where}") for name in sorted(expected - files.keys())]
-    found.problems += [(name, f"should not be in the files{where}") for name in sorted(files.keys() - expected)]
+    extra = files.keys() - expected - ({checksums.SIGNATURE} if checksums.SUMS in expected else set())
+    found.problems += [(name, f"should not be in the files{where}") for name in sorted(extra)]
 
 
 def _looked_at(stored: Stored, decode: bool) -> "tuple[list[Problem], str]":
     """(problems, what was looked at as a sentence)."""
     problems = list(stored.problems)
     version = _version(stored)
-    groups = _groups(stored)
-    with ThreadPoolExecutor(checksums.THREADS) as pool:
-        looked = pool.map(lambda group: _group(stored, group, groups[group], decode, not version), groups)
-        found = list(reporting(looked, len(groups), "walks and files" if stored.parts else "files", stored.name))
-    walks: list[WalkFindings] = []
-    good: dict[str, File] = {}
-    for wrong, intact, walk in found:
-        problems += wrong
-        good |= intact
-        if walk:
-            walks.append(walk)
-            problems += walk.problems
     n_files, size = len(stored.files), sum(file.size for file in stored.files.values())
     summary = f"{n_files} files, {size / 1e9:.2f} GB, checksums right"
+    rig: Rig | None = None
+    about: dict[str, Table] = {}
+    good: dict[str, File] = {}
+    walks: list[WalkFindings] = []
+    groups = _groups(stored)
+    with ThreadPoolExecutor(checksums.THREADS) as pool:
+        alone, together = ([names for group, names in groups.items() if (len(group) > 1) == many] for many in (0, 1))
+        for wrong, intact in pool.map(lambda names: _intact(stored, names), alone):
+            problems += wrong
+            good |= intact
+        if checksums.METADATA in stored.parts and not version:
+            from dior.release.verify import evidence, release_checks
+
+            top = {name: file for name, file in good.items() if "/" not in name}
+            about, wrong = release_checks.about(top, stored.listed.keys(), stored.listed)
+            problems += wrong
+            # what is wrong in these tables is wrong in all that is computed with them
+            rig = None if wrong else evidence.rig(about, evidence.provenance(top))
+        looked = pool.map(lambda names: _walk(stored, names, decode, not version, rig), together)
+        for wrong, intact, walk in reporting(looked, len(together), "walks" if stored.parts else "files", stored.name):
+            problems += wrong
+            good |= intact
+            if walk:
+                walks.append(walk)
+                problems += walk.problems
     if not stored.parts or version:
         return problems + version, summary
     problems += _complete(stored)
     if checksums.METADATA in stored.parts:
-        from dior.release.verify import release_checks
+        problems += _lists_agree(stored, good) + release_checks.sizes(walks, about)
+        if stored.whole and not problems and rig:
+            from dior.release.verify import checks
 
-        problems += _lists_agree(stored, good)
-        top = {name: file for name, file in good.items() if "/" not in name}
-        tables, wrong = release_checks.about(top, stored.listed.keys(), stored.listed)
-        problems += wrong + release_checks.sizes(walks, tables)
-        if stored.whole and not problems:
-            problems += release_checks.card(top["README.md"], walks, tables)
+            problems += checks.of_release(evidence.Release(good, about, walks, evidence.provenance(good), rig))
     return problems, f"{summary}; {_counted(stored, walks, decode)}"
+
+
+def _signature(stored: Stored, key: Path | None) -> "tuple[list[Problem], str]":
+    """(problems, what is known of the signature as the end of a sentence)."""
+    from dior.release import signature
+
+    path, files = checksums.SIGNATURE, stored.files
+    if path not in files or checksums.SUMS not in files:
+        if key is None:
+            return [], "; not signed, so that what was changed consistently is not found" if stored.parts else ""
+        whole = checksums.METADATA in stored.parts
+        why = "its lab has not signed it, or the signature was lost; ask them for it"
+        other = (
+            f"is in the tarball of {checksums.METADATA}; give that, too"
+            if stored.parts
+            else ("exports are not signed; verify the release that they were made of")
+        )
+        return [(path, f"is missing: {why if whole else other}")], ""
+    content, armoured = files[checksums.SUMS].read(), files[path].read()
+    if key is None and not signature.can_check():
+        return [], "; signed, which nobody can check without ssh-keygen"
+    try:
+        if key is None:
+            return (
+                [],
+                f"; signed with {signature.signer(content, armoured)}, --key <the lab's public key> checks whose",
+            )
+        return [], f"; signed by {signature.checked(content, armoured, key)}"
+    except DiorError as error:
+        return [(path, str(error))], ""
 
 
 def _version(stored: Stored) -> "list[Problem]":
@@ -182,10 +233,8 @@ def _groups(stored: Stored) -> dict[tuple[str, ...], list[str]]:
     return groups
 
 
-def _group(
-    stored: Stored, group: tuple[str, ...], names: list[str], decode: bool, look_inside: bool
-) -> "tuple[list[Problem], dict[str, File], WalkFindings | None]":
-    """(problems, files whose checksum is right, `Walk` or None) of files that are looked at together."""
+def _intact(stored: Stored, names: list[str]) -> "tuple[list[Problem], dict[str, File]]":
+    """(problems, files whose checksum is right) of some files."""
     good: dict[str, File] = {}
     problems: list[Problem] = []
     for name in names:
@@ -200,14 +249,27 @@ def _group(
             problems.append(
                 (name, "its SHA-256 is not the listed one: damaged, changed or of another build; get it again")
             )
-    if len(group) == 1 or not look_inside:
+    return problems, good
+
+
+def _walk(
+    stored: Stored, names: list[str], decode: bool, look_inside: bool, rig: "Rig | None"
+) -> "tuple[list[Problem], dict[str, File], WalkFindings | None]":
+    """(problems, files whose checksum is right, what was found in them or None) of the files of one walk."""
+    problems, good = _intact(stored, names)
+    if not look_inside:
         return problems, good, None
-    from dior.release.verify import walk_checks
+    from dior.release.verify import checks, walk_checks
 
     listed = [name for name in names if name in stored.listed]
     intact = {name: good[name] for name in listed if name in good}
-    who, sequence = group
-    return problems, good, walk_checks.walk(who, sequence, intact, listed, decode)
+    _, who, file = names[0].split("/")
+    found = walk_checks.walk(who, file.split(".")[0], intact, listed, decode)
+    if rig and not problems and not found.problems:
+        checks.of_walk(found, intact, rig, decode)
+    found.tables.clear()
+    found.pictures.clear()
+    return problems, good, found
 
 
 def _lists_agree(stored: Stored, good: "dict[str, File]") -> "list[Problem]":

@@ -10,7 +10,7 @@ where first.
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import pyarrow as pa
@@ -22,6 +22,7 @@ from dior.ingest import jpeg
 from dior.release import layout
 from dior.release.layout import IN_PICTURE, Part
 from dior.release.verify.folder_or_tarball import File
+from dior.release.verify.sample import Sample
 from dior.tables import buffers, tables
 from dior.tables.schemas import SCHEMAS, VERSION, VOCABULARY
 
@@ -35,12 +36,12 @@ BUFFER = 1 << 20
 PARTS = {part.name: part for part in layout.PARTS}
 # what is looked at of a walk's tables, beside the words of all columns
 COLUMNS = {
-    "labels_2d": ("joint", "frame", "stamp_ns", "u", "v", "status"),
+    "labels_2d": ("joint", "frame", "stamp_ns", "u", "v", "depth", "status"),
     "skeletons_3d": ("joint", "instant", "stamp_ns", "x", "y", "z", "status"),
     "frames": ("frame", "stamp_ns", "height", "width", "no_image"),
-    "detections": ("joint", "frame", "stamp_ns"),
-    "boxes": ("frame", "stamp_ns"),
-    "marks": ("camera", "joint", "frame", "stamp_ns"),
+    "detections": ("joint", "frame", "stamp_ns", "u", "v", "score"),
+    "boxes": ("frame", "stamp_ns", "u_min", "v_min", "u_max", "v_max"),
+    "marks": ("camera", "kind", "joint", "frame", "stamp_ns", "u", "v", "x", "y", "z", "residual_px"),
 }
 WITHOUT_PIXEL = ("missing_3d", "behind_camera")
 WITH_POINT = ("ok", "gap_filled")
@@ -50,14 +51,23 @@ class Broken(Exception):
     """A table that cannot be looked into; the text says why."""
 
 
-@dataclass
+@dataclass(eq=False)
 class WalkFindings:
     """What was found in a walk: problems as (path, sentence); by camera the counts, and the path of its pictures with
-    the set of their sizes (height, width)."""
+    the set of their sizes (height, width).
+
+    `tables`: by kind and camera, and `pictures`: by camera a sample (sample.py), while the walk is looked at;
+    `figures`: what they give of metrics.csv (figures.py); `suspects`: by camera, recordings whose pictures may be those
+    of another one (pictures.py).
+    """
 
     who: str
     sequence: str
     problems: list[Problem] = field(default_factory=list)
+    tables: dict[str, dict[str, Table]] = field(default_factory=dict)
+    figures: dict[tuple[str, str, str], Any] = field(default_factory=dict)
+    pictures: dict[str, list[tuple[int, bytes]]] = field(default_factory=dict)
+    suspects: dict[str, Any] = field(default_factory=dict)
     counts: dict[str, Counter[str]] = field(default_factory=dict)
     sizes: dict[str, tuple[str, set[tuple[int, int]]]] = field(default_factory=dict)
 
@@ -129,12 +139,15 @@ def walk(who: str, sequence: str, files: dict[str, File], listed: Sequence[str],
                 raise Broken(f"lies in a folder that a release does not have{nearest(kind, PARTS)}")
             camera = _camera(name, part)
             table, words = read(file, part, COLUMNS[kind])
+            found.tables.setdefault(kind, {})[camera] = table
             counts = found.counts.setdefault(camera, Counter())
             sentences = unknown_words(words, part.table) + _whose(words, who, sequence, camera)
             if kind == "frames":
                 frames[camera] = table
                 found.sizes[camera] = (path, set(zip(table["height"].tolist(), table["width"].tolist(), strict=True)))
-                sentences += _frames(table, file, decode, counts)
+                sample = Sample(len(table["frame"]))
+                sentences += _frames(table, file, decode, counts, sample)
+                found.pictures[camera] = sample.pictures()
             elif kind == "skeletons_3d":
                 sentences += _skeleton(table, counts)
             else:
@@ -172,7 +185,7 @@ def _first(wrong: Bools, what: str, table: Table, keys: Sequence[str] = ("frame"
     ]
 
 
-def _frames(table: Table, file: File, decode: bool, counts: Counter[str]) -> list[str]:
+def _frames(table: Table, file: File, decode: bool, counts: Counter[str], sample: Sample) -> list[str]:
     counts["frames"] += len(table["frame"])
     counts["camera_recordings"] += 1
     sentences = _first(np.r_[False, np.diff(table["frame"]) <= 0], "frames out of order or twice", table)
@@ -180,8 +193,9 @@ def _frames(table: Table, file: File, decode: bool, counts: Counter[str]) -> lis
     there = np.zeros(len(table["frame"]), bool)
     wrong: dict[str, list[int]] = {}
     size = list(zip(table["height"].tolist(), table["width"].tolist(), strict=True))
-    for row, data in _pictures(file):
+    for row, data in pictures_in(file):
         there[row] = True
+        sample.add(row, data)
         try:
             _check_picture(data, size[row], decode)
         except ValueError as error:
@@ -194,7 +208,7 @@ def _frames(table: Table, file: File, decode: bool, counts: Counter[str]) -> lis
     ]
 
 
-def _pictures(file: File) -> Iterator[tuple[int, bytes]]:
+def pictures_in(file: File) -> Iterator[tuple[int, bytes]]:
     """Yield (row, bytes) of the pictures, a few in memory at a time."""
     start = 0
     with pq.ParquetFile(file.open(), buffer_size=BUFFER) as table:

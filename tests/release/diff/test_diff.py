@@ -246,7 +246,7 @@ def moved(whole, tmp_path_factory):
          {("walk_2", "cam01"), ("walk_2", "cam02")}),
         (by_hand("walk_2", "config/checks/walk_2.cam02.csv"), "config/checks/walk_2.cam02.csv (new)", set()),
         (setting("refine.method", "none"), 'setting refine.method: "spline" -> "none"', OUTDOORS),
-        (setting("release.title", "x"), 'setting release.title: not there -> "x"', set()),
+        (setting("release.title", "x"), 'setting release.title: "made up" -> "x"', set()),
         (setting("release.faces", "fill"), 'setting release.faces: not there -> "fill"', set()),
         (setting("calibrate.locate", section="code"), "code of calibrate.locate", INDOORS),
         (setting("label.reproject", section="code"), "code of label.reproject", EVERYWHERE),

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from dior.cli import main
+from dior.evaluate import evaluate
+from dior.label import reproject
 from dior.release import checksums, tarballs
 from dior.release.verify import walk_checks
 from dior.tables import tables
@@ -79,20 +81,57 @@ def test_what_is_whole_is_told_with_its_counts(whole, packed, capsys):
         assert "not all of the release was given" in capsys.readouterr().out, part
 
 
-def test_what_package_builds_is_whole(tmp_path, verified):
-    """With labels that have pixels, which those of `made` have not all."""
-    arguments = project.project(tmp_path)
-    for path in arguments["labels"]:
-        table = tables.read(path, "labels_2d")
-        tables.write(path, "labels_2d", table | {"v": np.ones(len(table["v"]))})
+def evaluated(arguments):
+    """A project of `made` whose labels are projections and whose figures are theirs: by the steps that make them."""
+    results = arguments["project"] / "results"
     for path in arguments["skeletons"]:
         table = tables.read(path, "skeletons_3d")
-        tables.write(path, "skeletons_3d", table | {"y": table["x"], "z": table["x"]})
-    project.build(arguments)
-    out = arguments["out"]
-    assert verified(out) == []
+        who, name = table["subject"][0], table["sequence"][0]
+        n = 4 * len(project.JOINTS)
+        columns = {
+            "subject": [who] * n, "sequence": [name] * n, "joint": list(project.JOINTS) * 4,
+            "instant": np.repeat(np.arange(4), 2), "stamp_ns": np.repeat(np.arange(4) * 10**8, 2),
+            "x": np.tile([0.001, 0.9], 4), "y": np.full(n, 0.002), "z": np.full(n, 2.0), "status": ["ok"] * n,
+        }  # fmt: skip
+        tables.write(path, "skeletons_3d", columns)
+        clock = {"sequence": [name] * 3, "camera": list(project.ROLES), "offset_s": [0.0, 0.02, 0.01],
+                 "drift_ppm": [0.0, 5.0, 0.0], "source": ["reference"] * 3}  # fmt: skip
+        tables.write(results / f"clocks/{name}.parquet", "offsets", clock)
+        session = next(walk[2] for walk in project.WALKS if walk[0] == name)
+        for camera in project.ROLES:
+            reproject.run(
+                sequence=name, subject=who, camera=camera, cameras=[results / f"place/{session}.parquet"], makers=[],
+                covariance=[], skeleton=path, frames=results / f"frames/{name}.parquet",
+                clocks=[results / f"clocks/{name}.parquet"], clock_gains=[], source="mocap",
+                out=results / f"reproject/{name}.{camera}.parquet",
+            )  # fmt: skip
+        detected = results / f"detections/{name}.parquet"
+        boxes, checks = (arguments["project"] / f"config/{one}" for one in ("boxes", "checks"))
+        evaluate.run(
+            sequence=name, subject=who, labels=[results / f"reproject/{name}.{camera}.parquet" for camera in
+            project.ROLES], skeleton=None, roles=project.ROLES,
+            detected=evaluate.Detected(detected if detected.exists() else None, 0.3, None),
+            yardsticks=evaluate.Yardsticks(
+                {"cam02": boxes / f"{name}.cam02.csv"} if (boxes / f"{name}.cam02.csv").exists() else {},
+                [results / "locate/field/cam01.marks.parquet"] if session == "field" else [],
+                {"cam01": checks / f"{name}.cam01.csv"} if (checks / f"{name}.cam01.csv").exists() else {}, None,
+            ),
+            out=results / f"evaluate/{name}.parquet", out_frames=results / "f.parquet",
+            out_checks=results / "c.parquet",
+        )  # fmt: skip
+    return arguments
+
+
+@pytest.fixture(scope="module")
+def packaged(tmp_path_factory):
+    """The folder of a release that the step `package` has built."""
+    return project.build(evaluated(project.project(tmp_path_factory.mktemp("packaged"))))
+
+
+def test_what_package_builds_is_whole(packaged, tmp_path, verified):
+    assert verified(packaged) == []
     for part in ("zebra-0001", "metadata"):
-        tarballs.run(release=out, subject=part, out=tmp_path / f"{part}.tar")
+        tarballs.run(release=packaged, subject=part, out=tmp_path / f"{part}.tar")
         assert verified(tmp_path / f"{part}.tar") == []
 
 
@@ -249,8 +288,7 @@ MIRRORED = np.diag([1, 1, -1, 1.0]).ravel()
         (
             label_row("status", 4, "out_of_frame"),
             [
-                "README.md: states 2 recordings, 8 frames and 20 labels for outdoor cam02 long-range; the tables have "
-                "2 recordings, 8 frames and 19 labels"
+                f"{LABELS}: 1 labels have a status that the 3D denies, first frame 1, joint left_hip: out_of_frame",
             ],
         ),
         (
