@@ -32,6 +32,7 @@ def load(root: AnyPath, config: dict[str, Any] | None = None) -> Project:
     root = Path(root)
     config = _plain(config) if config is not None else read_yaml(root / "config/config.yaml", "config/config.yaml")
     check(config, "config", "config/config.yaml")
+    cross_checks.check_config(config)
     licenses.check(config["release"], root)
     (rows, lines), (people, _) = sheets(root)
     if not rows:

@@ -184,7 +184,7 @@ def test_what_may_be_left_out(step):
         (["--e"], "--e takes PATH, not nothing"),
         (["--f", "x", "y"], r"--f takes \[PATH\], not 'x' 'y'"),
         (["--i", "cam01"], "--i takes .KEY=TEXT .+, not 'cam01'"),
-        (["--k", "{"], "--k takes JSON, not '{'"),
+        (["--k", "{"], "--k takes JSON {...}, not '{'"),
         (["--m", "z"], r"--m takes x\|y, not 'z'"),
         (["--fra", "5"], "there is no flag --fra .did you mean '--far'"),
         (["--a", "x", "--a", "y"], "--a is given twice"),
