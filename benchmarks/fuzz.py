@@ -176,13 +176,20 @@ def damaged(reader: str, seed: int, i: int) -> tuple[str, bytes]:
 
 @dataclass
 class Outcome:
-    """What became of the files of one reader: how many were read and refused, by kind of fault its files."""
+    """What became of the files of one reader: how many were read and refused, by kind of fault its files and the
+    text of the first."""
 
     read: int = 0
     refused: int = 0
     seconds: float = 0.0
     megabytes: float = 0.0
     faults: dict[str, list[int]] = field(default_factory=dict)
+    examples: dict[str, str] = field(default_factory=dict)
+
+    def add(self, i: int, verdict: str) -> None:
+        kind, _, example = verdict.partition(": ")
+        self.faults.setdefault(kind, []).append(i)
+        self.examples.setdefault(kind, example)
 
 
 def tried(reader: str, folder: Path, seed: int, i: int) -> str:
@@ -195,14 +202,14 @@ def tried(reader: str, folder: Path, seed: int, i: int) -> str:
         text = str(error)
         named = path.name in text or path.parent.name in text or "/".join(path.parts[-2:]) in text
         if "\n" in text or not text.isprintable():
-            return f"a refusal of several lines: {text!r:.120}"
-        return "refused" if named else f"a refusal that does not name the file: {text:.120}"
+            return f"a refusal of several lines: {text!r:.200}"
+        return "refused" if named else f"a refusal that does not name the file: {text:.200}"
     except MemoryError:
         return "memory"
     except BaseException as error:
         last = traceback.extract_tb(error.__traceback__)
         own = [one for one in last if "/dior/" in one.filename] or last
-        return f"{type(error).__name__} at {Path(own[-1].filename).name}:{own[-1].lineno}: {str(error)!r:.80}"
+        return f"{type(error).__name__} at {Path(own[-1].filename).name} line {own[-1].lineno}: {str(error)!r:.120}"
     return "read"
 
 
@@ -269,11 +276,11 @@ def fuzzed(reader: str, count: int, seed: int) -> Outcome:
             elif verdict == "refused":
                 outcome.refused += 1
             else:
-                outcome.faults.setdefault(verdict, []).append(i)
+                outcome.add(i, verdict)
             if seconds > LIMIT_S and verdict != "slow":
-                outcome.faults.setdefault("slow", []).append(i)
+                outcome.add(i, f"slow: {seconds:.1f} s")
             if megabytes > LIMIT_MB:
-                outcome.faults.setdefault("memory", []).append(i)
+                outcome.add(i, f"memory: {megabytes:.0f} MB")
     return outcome
 
 
@@ -306,9 +313,9 @@ def main() -> int:
             f"{name:16}{outcome.read:7}{outcome.refused:9}{faults:8}{outcome.seconds:11.2f}{outcome.megabytes:9.0f}",
             flush=True,
         )
-        for text, numbers in outcome.faults.items():
+        for kind, numbers in outcome.faults.items():
             kept = f" ({_keep(given.keep, name, given.seed, numbers[0])})" if given.keep else ""
-            print(f"  {len(numbers)} x {text}, first file {numbers[0]}{kept}", flush=True)
+            print(f"  {len(numbers)} x {kind}, first file {numbers[0]}{kept}: {outcome.examples[kind]}", flush=True)
     print(f"{found['files']} files, {found['faults']} faults")
     return int(found["faults"] > 0)
 

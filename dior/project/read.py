@@ -34,6 +34,8 @@ _KINDS = {
     "array": "a list",
     "boolean": "true or false",
 }
+# above it not every whole number is a float
+LARGEST = 2**53
 _LIMITS = {
     "minimum": "at least",
     "exclusiveMinimum": "above",
@@ -126,9 +128,11 @@ def check(content: Any, kind: str, shown: AnyPath) -> Any:
 
 
 def _check_finite(content: Any, inside: str) -> None:
-    """YAML's .nan and .inf are numbers to a schema, but never what a person measured."""
+    """YAML's .nan and .inf are numbers to a schema, but never what a person measured; nor is what fits no float."""
     if isinstance(content, float) and not math.isfinite(content):
         raise DiorError(f"'{inside}' is {content} but should be a finite number")
+    if isinstance(content, int) and abs(content) > LARGEST:
+        raise DiorError(f"'{inside}' is {content}, which is more than any number here can be")
     keys = content.items() if isinstance(content, dict) else enumerate(content) if isinstance(content, list) else ()
     for key, value in keys:
         _check_finite(value, f"{inside}.{key}" if inside else str(key))

@@ -22,8 +22,8 @@ MOST_BYTES = 1 << 20
 MOST_DEPTH = 40
 # chosen: an alias counts as all that it stands for
 MOST_VALUES = 100_000
-# no number of a config is larger: what is read as an integer goes into int64 or a float
-MOST_DIGITS = 18
+# what ROS 2 writes for a time without an end; Python itself prints no number of thousands of digits
+LARGEST = 2**64
 # what PyYAML's constructors raise besides its own errors, for `2023-02-30` or `!!int x`
 NO_SUCH_VALUE = (ValueError, TypeError, LookupError, AttributeError, OverflowError)
 
@@ -108,8 +108,8 @@ def _loader() -> "type[yaml.SafeLoader]":
             except NO_SUCH_VALUE:
                 shown = node.value[:40] if isinstance(node.value, str) else node.tag
                 raise DiorError(f"{where}'{shown}' is no value of its kind; put it in quotes if it is text") from None
-            if isinstance(value, int) and abs(value) >= 10**MOST_DIGITS:
-                raise DiorError(f"{where}a number of more than {MOST_DIGITS} digits; put it in quotes if it is text")
+            if isinstance(value, int) and abs(value) >= LARGEST:
+                raise DiorError(f"{where}a number of 20 digits or more; put it in quotes if it is text")
             return value
 
     def mapping(loader: "yaml.SafeLoader", node: "yaml.MappingNode") -> dict[Any, Any]:
