@@ -26,11 +26,10 @@ from dior.project import boxes, cross_checks, project
 from dior.project.camera_file import camera_settings
 from dior.project.read import check, read_sheet, read_yaml
 from dior.release.verify.folder_or_tarball import of_tarball
-from dior.simulate import config as simulated
-from dior.simulate import settings
 from dior.tables import tables
 from tests.ingest import bagfiles, formats
 
+ROOT = Path(__file__).resolve().parents[1]
 SIZE = (formats.WIDTH, formats.HEIGHT)
 T0 = bagfiles.T0
 TOPICS = ["/cam01/image_raw", "/cam02/image_raw"]
@@ -51,11 +50,9 @@ class Reader:
 
 @cache
 def _demo() -> dict[str, bytes]:
-    """The config of a simulated capture of one walk in each place, by path."""
-    with TemporaryDirectory() as folder:
-        root = Path(folder)
-        simulated.write(settings.from_dict({"subjects": 1, "sequences": 1, "gallery": True}), root / "config")
-        return {path.relative_to(root).as_posix(): path.read_bytes() for path in sorted(root.rglob("*.*"))}
+    """The config of the demo, by path."""
+    files = sorted((ROOT / "config").rglob("*.*"))
+    return {path.relative_to(ROOT).as_posix(): path.read_bytes() for path in files}
 
 
 def _of_demo(*endings: str) -> dict[str, bytes]:
