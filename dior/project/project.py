@@ -73,6 +73,8 @@ def read_config(root: AnyPath) -> dict[str, Any]:
             "`dior init <folder>`"
         )
     content = read_yaml(path, shown)
+    if not content:
+        raise DiorError(f"{shown}: is empty; it needs `data_root` and `release` (`dior init` writes an example)")
     if not isinstance(content, dict):
         raise DiorError(f"{shown}: is a {type(content).__name__}, not keys with values such as `data_root: data`")
     return content
