@@ -73,6 +73,8 @@ def _format(path: Path, wanted: str, where: str) -> str:
     """The tool that wrote `path`. Raises DiorError for a missing path, an unknown content and another tool's."""
     if not path.exists():
         raise DiorError(f"{where}: there are no detections at {path}; check `detections` in sequences.tsv")
+    if not (path.is_file() or path.is_dir()):
+        raise DiorError(f"{where}: {path} is neither a file nor a folder; check `detections` in sequences.tsv")
     found = recognise(path)
     kind = "folder" if path.is_dir() else "file"
     if found == "empty":
