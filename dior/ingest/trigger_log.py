@@ -10,7 +10,7 @@ import os
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 from dior.errors import DiorError, nearest
 from dior.project.plain_text import bytes_of
@@ -55,7 +55,7 @@ def read(path: str | os.PathLike[str]) -> list[Capture]:
     return captures
 
 
-def _is_time(ns: Any) -> bool:
+def _is_time(ns: Any) -> TypeGuard[int]:
     return isinstance(ns, int) and 0 <= ns <= LATEST_NS
 
 

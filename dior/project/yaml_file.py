@@ -96,7 +96,7 @@ def _base() -> Any:
 def _loader() -> "type[yaml.SafeLoader]":
     import yaml
 
-    base = _base()
+    base: Any = _base()
 
     class Loader(base):
         """A safe loader that does not let the second of two equal keys win in silence."""
