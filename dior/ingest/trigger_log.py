@@ -5,6 +5,7 @@ OUTPUTS  the `Capture` that the pictures are of
 Times are ns since the Unix epoch by the clock of the computer that ran `dior trigger`.
 """
 
+import io
 import json
 import os
 from dataclasses import dataclass, replace
@@ -17,7 +18,7 @@ from dior.project.plain_text import bytes_of
 
 NS = 1e9
 # chosen: a year of captures
-MOST_BYTES = 1 << 28
+MOST_BYTES = 1 << 26
 # the year 2262, where int64 ends
 LATEST_NS = 2**63 - 1
 
@@ -41,7 +42,7 @@ def read(path: str | os.PathLike[str]) -> list[Capture]:
         raise DiorError(f"{path}: there is no such trigger log; check `trigger_log` in sequences.tsv and `data_root`")
     captures: list[Capture] = []
     known = 0
-    for event in map(_event, bytes_of(path, path, MOST_BYTES).splitlines()):
+    for event in map(_event, io.BytesIO(bytes_of(path, path, MOST_BYTES))):
         known += "event" in event
         name, start, stop = event.get("name"), event.get("start_ns"), event.get("stop_ns")
         if event.get("event") == "start" and isinstance(name, str) and _is_time(start):

@@ -10,6 +10,7 @@ import errno
 import io
 import os
 import stat
+from collections.abc import Iterator
 from typing import TypeAlias
 
 from dior.errors import DiorError
@@ -18,8 +19,10 @@ from dior.paths import AnyPath
 # a row's line, and its cells without the blanks around them
 Line: TypeAlias = tuple[int, list[str]]
 
-# chosen: some hundred thousand rows; no person writes more, and it is read in a second
-MOST_BYTES = 1 << 24
+# chosen: a hundred thousand rows; no person writes more
+MOST_BYTES = 1 << 22
+# chosen: ten times as many as the widest table has
+MOST_CELLS = 1000
 UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 SAVE = "save it again as UTF-8 (in Excel as 'CSV UTF-8')"
 NAMES = {",": "commas", "\t": "tabs", ";": "semicolons"}
@@ -52,7 +55,10 @@ def bytes_of(path: AnyPath, shown: AnyPath, most_bytes: int = MOST_BYTES) -> byt
 
 def text_of(path: AnyPath, shown: AnyPath, most_bytes: int = MOST_BYTES) -> str:
     """The text of a file in UTF-8. Raises DiorError as `bytes_of`, and for another encoding, with the line."""
-    content = bytes_of(path, shown, most_bytes)
+    return _decoded(bytes_of(path, shown, most_bytes), shown)
+
+
+def _decoded(content: bytes, shown: AnyPath) -> str:
     if content.startswith(UTF_16):
         raise DiorError(f"{shown}: is UTF-16, as Excel's 'Unicode text' is; {SAVE}")
     if b"\0" in content:
@@ -68,32 +74,41 @@ def text_of(path: AnyPath, shown: AnyPath, most_bytes: int = MOST_BYTES) -> str:
         ) from None
 
 
-def rows_of(path: AnyPath, shown: AnyPath, delimiter: str = ",", most_bytes: int = MOST_BYTES) -> list[Line]:
-    """The rows of a table that are not empty, the header among them.
+def rows_of(path: AnyPath, shown: AnyPath, delimiter: str = ",") -> list[Line]:
+    """The rows of a table that are not empty, the header among them. Raises DiorError as `each_row`."""
+    rows = list(each_row(path, shown, delimiter))
+    header = rows[0][1] if rows else []
+    for other in {*NAMES} - {delimiter}:
+        if len(header) == 1 and other in header[0]:
+            raise DiorError(f"{shown}: the columns must be separated by {NAMES[delimiter]}, not by {NAMES[other]}")
+    return rows
+
+
+def each_row(path: AnyPath, shown: AnyPath, delimiter: str = ",", most_bytes: int = MOST_BYTES) -> Iterator[Line]:
+    """Yield the rows of a table that are not empty.
 
     A cell holds no line break and no delimiter: where a quote opens one, it has swallowed what came after it. Raises
     DiorError as `text_of`, and for such a cell, with the line on which it begins.
     """
-    reader = csv.reader(io.StringIO(text_of(path, shown, most_bytes), newline=""), delimiter=delimiter)
-    rows: list[Line] = []
+    content = bytes_of(path, shown, most_bytes)
+    _decoded(content, shown)
+    # a str of all of it, and above all io.StringIO, would be several times as large
+    reader = csv.reader(io.TextIOWrapper(io.BytesIO(content), "utf-8-sig", newline=""), delimiter=delimiter)
     line = 1
     try:
         for cells in reader:
-            if any(mark in cell for cell in cells for mark in ("\n", "\r", delimiter)):
+            letters = "".join(cells)
+            if "\n" in letters or "\r" in letters or delimiter in letters:
                 until = f"up to line {reader.line_num}" if reader.line_num > line else f"with {NAMES[delimiter]}"
                 raise DiorError(
                     f'{shown} line {line}: a cell opens a quote (") and goes on {until}; delete the quote, or the '
                     "line break within it"
                 )
+            if len(cells) > MOST_CELLS:
+                raise DiorError(f"{shown} line {line}: has {len(cells)} cells, which no table has; is it another file?")
             stripped = [cell.strip() for cell in cells]
             if any(stripped):
-                rows.append((line, stripped))
+                yield line, stripped
             line = reader.line_num + 1
     except csv.Error as error:
         raise DiorError(f'{shown} line {line}: no row of a table ({error}); is a quote (") open there?') from None
-    if rows and len(rows[0][1]) == 1:
-        (header,) = rows[0][1]
-        for other in {*NAMES} - {delimiter}:
-            if other in header:
-                raise DiorError(f"{shown}: the columns must be separated by {NAMES[delimiter]}, not by {NAMES[other]}")
-    return rows

@@ -83,9 +83,9 @@ def read_sheet(
         raise DiorError(f"{shown}: the file is empty; its first line must name the columns")
     (_, header), *body = lines
     schema, known = _schema(kind), list(_schema(kind)["properties"])
-    repeated = [column for column in header if header.count(column) > 1]
-    if repeated:
-        raise DiorError(f"{shown}: column '{repeated[0]}' is there twice")
+    repeated = next((column for i, column in enumerate(header) if column in header[:i]), None)
+    if repeated is not None:
+        raise DiorError(f"{shown}: column '{repeated}' is there twice")
     patterns = schema.get("patternProperties", {})
     for column in header:
         if column not in known and not any(re.search(pattern, column) for pattern in patterns):

@@ -1,6 +1,8 @@
 """Files of people and other programs, whatever is in them: the rows, or one sentence with the line and what to do."""
 
 import os
+import time
+import tracemalloc
 
 import pytest
 
@@ -26,6 +28,7 @@ def refused(path, content, delimiter=","):
         (b'a,b\n1,"2\n3,4\n5,6\n', 'boxes.csv line 2: a cell opens a quote (") and goes on up to line 4; delete'),
         (b'a,b\n1,"2\n3,4\n5",6\n', 'boxes.csv line 2: a cell opens a quote (") and goes on up to line 4; delete'),
         (b'a,b\n1,2\n"3,4', 'boxes.csv line 3: a cell opens a quote (") and goes on with commas; delete the quote'),
+        (b"a,b\n" + b"," * 1000, "boxes.csv line 2: has 1001 cells, which no table has; is it another file?"),
         (b"a;b\n1;2\n", "boxes.csv: the columns must be separated by commas, not by semicolons"),
         (b"a\tb\n1\t2\n", "boxes.csv: the columns must be separated by commas, not by tabs"),
     ],
@@ -71,8 +74,22 @@ def test_what_is_too_large_is_not_read(tmp_path):
     path = tmp_path / "x.csv"
     with open(path, "wb") as stream:
         stream.truncate(1 << 40)
-    with pytest.raises(DiorError, match=r"x.csv: has 1099512 MB, and at most 17 MB are read"):
+    with pytest.raises(DiorError, match=r"x.csv: has 1099512 MB, and at most 4 MB are read"):
         bytes_of(path, "x.csv")
+
+
+def test_the_largest_table_costs_little_time_and_memory(tmp_path):
+    path = tmp_path / "x.csv"
+    path.write_bytes(b"a,b\n" + b"1\n" * 20_000)
+    begun = time.process_time()
+    assert len(rows_of(path, path)) == 20_001
+    # the largest that is read is a hundred times as large
+    assert 100 * (time.process_time() - begun) < 10
+    tracemalloc.start()
+    rows_of(path, path)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert 100 * peak < 800e6
 
 
 def test_an_error_is_one_line_that_can_be_printed():

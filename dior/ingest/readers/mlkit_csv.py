@@ -15,10 +15,10 @@ from dior.body.names import MLKIT_33
 from dior.errors import DiorError
 from dior.ingest.people import People, gathered
 from dior.ingest.readers.common import INTERRUPTED, frame_of
-from dior.project.plain_text import rows_of
+from dior.project.plain_text import each_row
 
-# chosen: an hour of pictures
-MOST_BYTES = 1 << 27
+# chosen: half an hour of pictures
+MOST_BYTES = 1 << 26
 COLUMNS = 2 + 3 * len(MLKIT_33)
 
 
@@ -39,7 +39,7 @@ def read(path: AnyPath) -> People:
 def poses(path: AnyPath) -> tuple[list[str], list[str], Floats]:
     """(names, classes, points (rows, 33, 3)) as the file has them, of any pictures."""
     names, classes, rows = [], [], []
-    for line, row in rows_of(path, path, most_bytes=MOST_BYTES):
+    for line, row in each_row(path, path, most_bytes=MOST_BYTES):
         if len(row) != COLUMNS:
             raise DiorError(f"{path}: line {line} has {len(row)} columns, not {COLUMNS}; {INTERRUPTED}")
         names.append(row[0])
