@@ -4,6 +4,7 @@ INPUTS   a TOML file
 OUTPUTS  the section of a camera, found by its key, the last part of its key or its entry `name`; numbers in it
 """
 
+import re
 import tomllib
 from collections.abc import Collection, Iterator
 from pathlib import Path
@@ -19,6 +20,8 @@ from dior.project.plain_text import text_of
 MOST_BYTES = 1 << 20
 # chosen: those who write such files have cameras on the first or second level
 MOST_DEPTH = 8
+# chosen: of a key; tomllib's time grows with its square
+MOST_DOTS = 40
 # chosen: no focal length in px, no distortion and no place in m is larger
 LARGEST = 1e7
 
@@ -31,6 +34,7 @@ def section(path: AnyPath, name: str, keys: Collection[str]) -> dict[str, Any]:
     if not Path(path).exists():
         raise DiorError(f"{path}: there is no such file; check the camera's YAML and data_root")
     text = text_of(path, path, MOST_BYTES)
+    _check_keys(text, path)
     try:
         content = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -47,6 +51,14 @@ def section(path: AnyPath, name: str, keys: Collection[str]) -> dict[str, Any]:
     if len(matching) > 1:
         raise DiorError(f"{path}: '{name}' is the name of {len(matching)} sections: {', '.join(matching)}")
     return found[matching[0]]
+
+
+def _check_keys(text: str, path: AnyPath) -> None:
+    """Raise DiorError for a key such as a.b.c of very many parts."""
+    for number, line in enumerate(text.splitlines(), 1):
+        parts = re.split(r"[,={}\[\]]", line.partition("#")[0])
+        if max(part.count(".") for part in parts) > MOST_DOTS:
+            raise DiorError(f"{path} line {number}: a key of more than {MOST_DOTS} parts; is the file damaged?")
 
 
 def numbers(section: dict[str, Any], key: str, shapes: Collection[tuple[int, ...]], where: str) -> Floats:

@@ -36,7 +36,9 @@ def refused(folder, read, old, new):
         ("left", "Gerät", "line 2: the byte 0xe4 is not UTF-8"),
         ("left", "x\0", "line 2: holds a zero byte"),
         ("[cam_01]", "[cam1]", "no camera 'cam_01' (did you mean 'cam1'?); it has cam1"),
-        ("[cam_01]", "[" + "a." * 3000 + "cam_01]", "no camera 'cam_01'"),
+        ("[cam_01]", "[" + "a." * 30 + "cam_01]", "no camera 'cam_01'"),
+        ("[cam_01]", "[" + "a." * 300_000 + "cam_01]", "line 1: a key of more than 40 parts; is the file damaged?"),
+        ('name = "left"', "x = {" + "a.b." * 2000 + "c = 1}", "line 2: a key of more than 40 parts"),
         ('"left"', "0x" + "f" * 5000, None),
     ],
 )
@@ -49,6 +51,12 @@ def test_a_file_that_is_none(tmp_path, read, old, new, sentence):
             read(tmp_path / "calibration.toml", "left")
     else:
         assert sentence in refused(tmp_path, read, old, new)
+
+
+def test_long_lists_and_leaders_are_no_keys(tmp_path):
+    path = tmp_path / "calibration.toml"
+    path.write_text(CAMERA + f"points = [{', '.join(['0.125'] * 500)}]\n# x{'.' * 100}\n")
+    assert from_toml(path, "cam_01").fx == 600
 
 
 @pytest.mark.parametrize(
