@@ -1,6 +1,16 @@
+from snakemake.exceptions import WorkflowError
 from snakemake.utils import min_version
 
+from dior.errors import DiorError
+from dior.project.project import read_config
+
 min_version("9.0")
+
+try:
+    # Snakemake's own reader, below, ends in a traceback where the file is no YAML
+    read_config(".")
+except DiorError as error:
+    raise WorkflowError(str(error)) from None
 
 
 configfile: "config/config.yaml"

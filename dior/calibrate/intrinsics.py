@@ -101,19 +101,11 @@ def from_camera_info(info: rosbag.CameraInfo, topic: str, distortion_model: str,
 def from_toml(path: AnyPath, name: str, distortion_model: str = "") -> Intrinsics:
     """Intrinsics from the table `name` of a TOML file; OpenCV's plumb_bob unless `distortion_model` says otherwise."""
     where, table = f"{path}, [{name}]", toml_cameras.section(path, name, ("matrix",))
-    missing = [key for key in ("size", "distortions") if key not in table]
-    if missing:
-        raise DiorError(f"{where}: the key '{missing[0]}' is missing")
     if table.get("fisheye"):
         raise DiorError(f"{where}: a fisheye lens is not understood; the models are {', '.join(MODELS)}")
-    try:
-        (fx, skew, cx), (_, fy, cy) = table["matrix"][0], table["matrix"][1]
-        width, height = (int(round(size)) for size in table["size"])
-        coefficients = tuple(float(k) for k in table["distortions"])
-    except (TypeError, ValueError, IndexError):
-        raise DiorError(f"{where}: `size` must be 2 numbers, `matrix` 3x3, `distortions` a list") from None
-    if len(coefficients) not in COEFFICIENTS:
-        raise DiorError(f"{where}: {len(coefficients)} distortions, not 4, 5 or 8")
+    (fx, skew, cx), (_, fy, cy), _ = toml_cameras.numbers(table, "matrix", [(3, 3)], where).tolist()
+    width, height = (round(size) for size in toml_cameras.numbers(table, "size", [(2,)], where).tolist())
+    coefficients = toml_cameras.numbers(table, "distortions", [(count,) for count in COEFFICIENTS], where).tolist()
     return _intrinsics(width, height, (fx, skew, cx, fy, cy), distortion_model or "plumb_bob", coefficients, where)
 
 

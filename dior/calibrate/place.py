@@ -36,23 +36,9 @@ def reference_pose(path: AnyPath, name: str, convention: str = "cTw") -> Floats:
         raise DiorError(f"{path}: convention '{convention}' is not one of {', '.join(CONVENTIONS)}")
     section = toml_cameras.section(path, name, ("rotation", "translation"))
     where = f"{path} [{name}]"
-    translation = _numbers(where, section, "translation")
-    if translation.shape != (3,):
-        raise DiorError(f"{where}: translation must have 3 numbers, it has the shape {translation.shape}")
-    T = pose(_rotation(where, _numbers(where, section, "rotation")), translation)
+    translation = toml_cameras.numbers(section, "translation", [(3,)], where)
+    T = pose(_rotation(where, toml_cameras.numbers(section, "rotation", [(3,), (3, 3)], where)), translation)
     return inverse_pose(T) if convention == "cTw" else T
-
-
-def _numbers(where: str, section: dict[str, Any], key: str) -> Floats:
-    if key not in section:
-        raise DiorError(f"{where}: `{key}` is missing")
-    try:
-        values = np.array(section[key], float)
-    except (ValueError, TypeError):
-        raise DiorError(f"{where}: `{key}` must be numbers") from None
-    if not np.isfinite(values).all():
-        raise DiorError(f"{where}: `{key}` has a value that is not finite")
-    return values
 
 
 def _rotation(where: str, values: Floats) -> Floats:
@@ -60,8 +46,6 @@ def _rotation(where: str, values: Floats) -> Floats:
 
     if values.shape == (3,):
         return Rotation.from_rotvec(values).as_matrix()
-    if values.shape != (3, 3):
-        raise DiorError(f"{where}: rotation must be a Rodrigues vector or 3x3, it has the shape {values.shape}")
     if np.abs(values @ values.T - np.eye(3)).max() > 1e-3 or np.linalg.det(values) < 0:
         raise DiorError(f"{where}: rotation is no rotation matrix (its rows must be orthonormal and right-handed)")
     return Rotation.from_matrix(values).as_matrix()

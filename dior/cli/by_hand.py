@@ -5,7 +5,6 @@ source. The texts of the flags are those of `dior.cli.flags`, from the docstring
 """
 
 import inspect
-import json
 import re
 from collections.abc import Callable
 from dataclasses import is_dataclass
@@ -88,7 +87,8 @@ def _json(hint: Any) -> dict[str, Any]:
     """What cyclopts is told of a parameter that is JSON: it would leave what is nested as text."""
     if "Any" not in str(hint):
         return {}
-    return {"converter": lambda _, tokens: json.loads(tokens[0].value), "accepts_keys": False, "n_tokens": 1}
+    kind = next(kind for begin, kind in flags.JSON.items() if str(hint).startswith(begin))
+    return {"converter": lambda _, tokens: kind.value([tokens[0].value]), "accepts_keys": False, "n_tokens": 1}
 
 
 def _documented(module: str) -> Callable[..., Any]:

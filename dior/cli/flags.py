@@ -51,17 +51,42 @@ def _pairs(convert: Callable[[str], Any]) -> Callable[[list[str]], Any]:
     return value
 
 
-JSON = Kind(1, 1, _one(json.loads), "JSON")
+def _json(least: type) -> Callable[[str], Any]:
+    def value(word: str) -> Any:
+        try:
+            content = json.loads(word)
+        except RecursionError:
+            raise ValueError from None
+        if not isinstance(content, least):
+            raise ValueError
+        return content
+
+    return value
+
+
+def _path(word: str) -> Path:
+    """A path; an empty word would be the folder that one is in."""
+    if not word:
+        raise ValueError
+    return Path(word)
+
+
+# by what the annotation begins with
+JSON = {
+    "dict": Kind(1, 1, _one(_json(dict)), "JSON {...}"),
+    "list": Kind(1, 1, _one(_json(list)), "JSON [...]"),
+    "": Kind(1, 1, _one(_json(object)), "JSON"),
+}
 KINDS = {
     "str": Kind(1, 1, _one(str), "TEXT"),
     "int": Kind(1, 1, _one(int), "INTEGER"),
     "float": Kind(1, 1, _one(float), "NUMBER"),
-    "Path": Kind(1, 1, _one(Path), "PATH"),
-    "Path | None": Kind(0, 1, lambda words: Path(words[0]) if words else None, "[PATH]"),
+    "Path": Kind(1, 1, _one(_path), "PATH"),
+    "Path | None": Kind(0, 1, lambda words: _path(words[0]) if words else None, "[PATH]"),
     "list[str]": Kind(0, None, list, "[TEXT ...]"),
-    "list[Path]": Kind(0, None, lambda words: [Path(word) for word in words], "[PATH ...]"),
+    "list[Path]": Kind(0, None, lambda words: [_path(word) for word in words], "[PATH ...]"),
     "dict[str, str]": Kind(0, None, _pairs(str), "[KEY=TEXT ...]"),
-    "dict[str, Path]": Kind(0, None, _pairs(Path), "[KEY=PATH ...]"),
+    "dict[str, Path]": Kind(0, None, _pairs(_path), "[KEY=PATH ...]"),
 }
 # a text that may be empty: Snakemake's shell lines hold no word for it
 EMPTY = Kind(0, 1, lambda words: words[0] if words else "", "[TEXT]")
@@ -158,7 +183,7 @@ def _kind(annotation: ast.expr, default: ast.expr | None, where: str) -> Kind:
     if text in KINDS:
         return KINDS[text]
     if re.search(r"\bAny\b", text):
-        return JSON
+        return next(kind for begin, kind in JSON.items() if text.startswith(begin))
     if text.startswith("Literal["):
         choices = ast.literal_eval(text.removeprefix("Literal"))
         return Kind(1, 1, _one(lambda word: choices[choices.index(word)]), "|".join(choices))

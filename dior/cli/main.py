@@ -7,8 +7,11 @@ said in one sentence, or `dior diff` found differences; 2 the command line is wr
 
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import import_module
 from operator import attrgetter
+from pathlib import Path
 from typing import Any
 
 from dior.cli import flags
@@ -63,9 +66,31 @@ def _run_step(step: str, words: list[str]) -> int:
     module = import_module(f"dior.{MODULES[step]}")
     from dior.evaluate import timing
 
-    module.run(**_grouped(module, step, given))
+    with _all_or_nothing([value for value in given.values() if isinstance(value, Path)]):
+        module.run(**_grouped(module, step, given))
     timing.write(step, given, started)
     return 0
+
+
+@contextmanager
+def _all_or_nothing(paths: list[Path]) -> Iterator[None]:
+    """Take away the files among `paths` that a step wrote before it failed, as Snakemake does with its outputs."""
+    before = {path: _state(path) for path in paths}
+    try:
+        yield
+    except BaseException:
+        for path in paths:
+            if path.is_file() and _state(path) != before[path]:
+                path.unlink()
+        raise
+
+
+def _state(path: Path) -> tuple[int, ...]:
+    try:
+        found = path.stat()
+    except OSError:
+        return ()
+    return found.st_ino, found.st_mtime_ns, found.st_size
 
 
 def _grouped(module: Any, step: str, given: dict[str, Any]) -> dict[str, Any]:

@@ -5,7 +5,6 @@ INPUTS   `marks` tables of locate; `checks/<sequence>.<camera>.csv`: `sequence,f
 OUTPUT   distances px.
 """
 
-import csv
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -14,6 +13,8 @@ import numpy as np
 from dior.arrays import AnyPath, Floats, Table
 from dior.errors import DiorError, nearest
 from dior.evaluate.grids import LabelGrid, distance
+from dior.project.boxes import FAR_PX
+from dior.project.plain_text import rows_of
 from dior.tables import tables
 
 REQUIRED = ("sequence", "frame", "joint", "u", "v")
@@ -48,31 +49,33 @@ def points(
     is not in `frames`, those of the recording, or `joints`, those of the labels.
     """
     path, frames = Path(path), set(frames)
-    if not path.is_file():
-        raise DiorError(f"{path}: there is no such file")
-    lines = list(csv.reader(path.read_text(encoding="utf-8-sig").splitlines()))
-    header = [word.strip() for word in lines[0]] if lines else []
+    lines = rows_of(path, path)
+    header = lines[0][1] if lines else []
     for column in REQUIRED:
         if column not in header:
             raise DiorError(f"{path}: the first line has no column '{column}'{nearest(column, header)}")
-    found = {}
-    for number, words in enumerate(lines[1:], start=2):
-        if not any(word.strip() for word in words):
-            continue
+    found: dict[tuple[int, str], tuple[float, float]] = {}
+    for number, words in lines[1:]:
         where = f"{path}, line {number}"
         cells = dict(zip(header, words, strict=False))
-        if not cells.get("u", "-").strip() and not cells.get("v", "-").strip():
+        if not cells.get("u", "-") and not cells.get("v", "-"):
             continue
         try:
             frame, uv = int(cells["frame"]), (float(cells["u"]), float(cells["v"]))
         except (ValueError, KeyError):
-            raise DiorError(f"{where}: '{','.join(words)}' has no whole frame number and no two pixel values") from None
+            raise DiorError(
+                f"{where}: '{','.join(words):.80}' has no whole frame number and no two pixel values"
+            ) from None
         if cells["sequence"] != sequence:
             raise DiorError(f"{where}: is of sequence '{cells['sequence']}', not '{sequence}'")
         if frame not in frames:
             raise DiorError(f"{where}: frame {frame} is not in the recording; frames count from 0")
         if cells["joint"] not in joints:
             raise DiorError(f"{where}: no label is called '{cells['joint']}'{nearest(cells['joint'], joints)}")
+        if not all(abs(pixel) <= FAR_PX for pixel in uv):
+            raise DiorError(f"{where}: the point at ({cells['u']}, {cells['v']}) is in no picture")
+        if (frame, cells["joint"]) in found:
+            raise DiorError(f"{where}: {cells['joint']} of frame {frame} is there already; keep one of the two rows")
         found[frame, cells["joint"]] = uv
     return found
 

@@ -29,6 +29,7 @@ __all__ = [
     "read_pictures", "repeated", "topics_of",
 ]  # fmt: skip
 
+BY_INDEX = "the bag is damaged: copy it again, or make the index anew (`rosbag reindex`, `mcap recover`)"
 # full name -> (message type, number of messages)
 Topics: TypeAlias = dict[str, tuple[str, int]]
 
@@ -179,7 +180,7 @@ def camera_info_topic(topic: str) -> str:
     return topic.removesuffix("/compressed").rpartition("/")[0] + "/camera_info"
 
 
-def read_camera_info(bags: Iterable[Path], topic: str) -> CameraInfo:
+def read_camera_info(bags: Sequence[Path], topic: str) -> CameraInfo:
     """The CameraInfo that belongs to the image `topic`, the same in every message of all `bags`.
 
     Raises DiorError where there is none or where one of them differs from the first.
@@ -198,7 +199,9 @@ def read_camera_info(bags: Iterable[Path], topic: str) -> CameraInfo:
             info = CameraInfo(width, height, K, D, model, where)
             first = first or info
             _check_same(first, info)
-    assert first is not None, "bags_with gives bags with a message"
+    if first is None:
+        listed = ", ".join(map(str, bags))
+        raise DiorError(f"{listed}: {info_topic} has messages by the index, and none is there; {BY_INDEX}")
     return first
 
 

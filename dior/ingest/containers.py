@@ -101,6 +101,8 @@ def _files(bag: AnyPath) -> list[Path]:
     bag = Path(bag)
     if not bag.exists():
         raise DiorError(f"{bag}: there is no such bag; check `bags` in sequences.tsv and `data_root`")
+    if not (bag.is_file() or bag.is_dir()):
+        raise DiorError(f"{bag}: is neither a file nor a folder; check `bags` in sequences.tsv")
     files = _listed(bag) if bag.is_dir() else [bag]
     return [_unpacked(bag, path) if _head(bag, path).startswith(ZSTD_MAGIC) else path for path in files]
 

@@ -76,6 +76,8 @@ def _format(path: Path, wanted: str, where: str) -> str:
     result = ledger.result_at(path)
     if result and result.parts[0] == "detect":
         ledger.check_file(path)
+    if not (path.is_file() or path.is_dir()):
+        raise DiorError(f"{where}: {path} is neither a file nor a folder; check `detections` in sequences.tsv")
     found = recognise(path)
     kind = "folder" if path.is_dir() else "file"
     if found == "empty":

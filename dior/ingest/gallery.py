@@ -17,11 +17,15 @@ import numpy as np
 from dior.arrays import Table
 from dior.errors import DiorError
 from dior.ingest import bags as rosbag
+from dior.ingest import messages
+from dior.project.plain_text import bytes_of
 from dior.tables import tables
 
 SHEET = "config/gallery.tsv"
 KEY = ("subject", "outfit", "angle")
 SUFFIXES = (".jpeg", ".jpg", ".png")
+# chosen: more than any camera's JPEG or PNG has
+MOST_BYTES = 1 << 28
 # chosen: fewer than this share of the median over outfits and angles is a warning
 FEW_PICTURES = 0.5
 
@@ -90,14 +94,10 @@ def _natural(file: Path) -> list[tuple[int, str]]:
 
 def _size(file: Path, where: str) -> tuple[int, int]:
     """(height, width) px of a picture file. Raises DiorError for one that cannot be decoded."""
-    import cv2
-
-    content = np.fromfile(file, np.uint8)
-    flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
-    picture = cv2.imdecode(content, flags) if len(content) else None
-    if picture is None:
-        raise DiorError(f"{where}: {file} is no readable picture; remove it or copy it again")
-    return picture.shape
+    try:
+        return messages.size_of_file(bytes_of(file, file, MOST_BYTES))
+    except ValueError as error:
+        raise DiorError(f"{where}: {file} is no readable picture ({error}); remove it or copy it again") from None
 
 
 def _of_bag(row: dict[str, str], data_root: Path) -> Table:

@@ -90,6 +90,16 @@ def decode(kind: str, raw: bytes, wire: str, size: tuple[int, int]) -> NDArray[n
     return picture
 
 
+def size_of_file(data: bytes) -> tuple[int, int]:
+    """(height, width) px of a JPEG or PNG file that OpenCV decodes to that size. Raises ValueError."""
+    # asked first, as in `decode`
+    size = _checked(*_compressed_size(memoryview(data)))
+    picture = _decompressed(np.frombuffer(data, np.uint8))
+    if picture is None or picture.shape[:2] != size:
+        raise ValueError("its JPEG or PNG data are damaged")
+    return size
+
+
 def compressed(kind: str, raw: bytes, wire: str) -> bytes | None:
     """The JPEG or PNG file in an image message, or None where its pixels are raw. Raises ValueError."""
     return None if kind == RAW else _image(kind, raw, wire).data.tobytes()
@@ -127,6 +137,10 @@ def _size(message: Any, kind: str) -> tuple[int, int]:
         height, width = message.height, message.width
     else:
         height, width = _compressed_size(memoryview(message.data))
+    return _checked(height, width)
+
+
+def _checked(height: int, width: int) -> tuple[int, int]:
     if not 0 < height * width <= MOST_PIXELS or max(height, width) >= 1 << 16:
         raise ValueError(f"it claims to be {width}x{height} px")
     return height, width

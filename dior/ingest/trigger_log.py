@@ -5,16 +5,22 @@ OUTPUTS  the `Capture` that the pictures are of
 Times are ns since the Unix epoch by the clock of the computer that ran `dior trigger`.
 """
 
+import io
 import json
 import os
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 from dior.errors import DiorError, nearest
+from dior.project.plain_text import bytes_of
 
 NS = 1e9
+# chosen: a year of captures
+MOST_BYTES = 1 << 26
+# the year 2262, where int64 ends
+LATEST_NS = 2**63 - 1
 
 
 @dataclass(frozen=True)
@@ -36,18 +42,22 @@ def read(path: str | os.PathLike[str]) -> list[Capture]:
         raise DiorError(f"{path}: there is no such trigger log; check `trigger_log` in sequences.tsv and `data_root`")
     captures: list[Capture] = []
     known = 0
-    for event in map(_event, path.read_bytes().splitlines()):
+    for event in map(_event, io.BytesIO(bytes_of(path, path, MOST_BYTES))):
         known += "event" in event
         name, start, stop = event.get("name"), event.get("start_ns"), event.get("stop_ns")
-        if event.get("event") == "start" and isinstance(name, str) and isinstance(start, int):
+        if event.get("event") == "start" and isinstance(name, str) and _is_time(start):
             captures.append(Capture(name, start))
-        if event.get("event") == "stop" and isinstance(stop, int):
+        if event.get("event") == "stop" and _is_time(stop):
             going = [i for i, capture in enumerate(captures) if capture.name == name and capture.stop_ns is None]
             if going:
                 captures[going[-1]] = replace(captures[going[-1]], stop_ns=stop)
     if not known:
         raise DiorError(f"{path}: no log of `dior trigger`: no line of it is a JSON object with an `event`")
     return captures
+
+
+def _is_time(ns: Any) -> TypeGuard[int]:
+    return isinstance(ns, int) and 0 <= ns <= LATEST_NS
 
 
 def _event(line: bytes) -> dict[str, Any]:

@@ -5,7 +5,6 @@ INPUTS   `boxes/<sequence>.<camera>.csv`: `frame,u_min,v_min,u_max,v_max`, px. A
 OUTPUT   frames and edges; recorded px
 """
 
-import csv
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,10 @@ from numpy.typing import ArrayLike
 
 from dior.arrays import AnyPath, Floats, Ints
 from dior.errors import DiorError, nearest
+from dior.project.plain_text import rows_of
 
+# no picture is this large
+FAR_PX = 1e6
 COLUMNS = ("frame", "u_min", "v_min", "u_max", "v_max")
 
 
@@ -24,19 +26,16 @@ def read(path: AnyPath, frames: ArrayLike) -> tuple[Ints, Floats]:
     inside out, a frame that the recording does not have and a second box of one frame.
     """
     path = Path(path)
-    if not path.is_file():
-        raise DiorError(f"{path}: there is no such file")
-    lines = list(csv.reader(path.read_text(encoding="utf-8-sig").splitlines()))
+    lines = rows_of(path, path)
     if not lines:
         raise DiorError(f"{path}: is empty; its first line must be '{','.join(COLUMNS)}'")
-    if tuple(word.strip() for word in lines[0]) != COLUMNS:
-        wrong = next((f", not '{word}'{nearest(word, COLUMNS)}" for word in lines[0] if word not in COLUMNS), "")
+    header = lines[0][1]
+    if tuple(header) != COLUMNS:
+        wrong = next((f", not '{word}'{nearest(word, COLUMNS)}" for word in header if word not in COLUMNS), "")
         raise DiorError(f"{path}: the first line must be '{','.join(COLUMNS)}'{wrong}")
     known = set(np.asarray(frames).tolist())
     boxes: dict[int, list[float]] = {}
-    for number, words in enumerate(lines[1:], start=2):
-        if not any(word.strip() for word in words):
-            continue
+    for number, words in lines[1:]:
         where = f"{path}, line {number}"
         box = _row(words, where)
         if box is None:
@@ -57,14 +56,14 @@ def read(path: AnyPath, frames: ArrayLike) -> tuple[Ints, Floats]:
 def _row(words: list[str], where: str) -> tuple[int, list[float]] | None:
     if len(words) != len(COLUMNS):
         raise DiorError(f"{where}: has {len(words)} values, not the {len(COLUMNS)} of '{','.join(COLUMNS)}'")
-    if not any(word.strip() for word in words[1:]):
+    if not any(words[1:]):
         return None
     try:
         frame, edges = int(words[0]), [float(word) for word in words[1:]]
     except ValueError:
-        raise DiorError(f"{where}: '{','.join(words)}' is not a whole frame number and four numbers") from None
-    if not np.isfinite(edges).all():
-        raise DiorError(f"{where}: an edge of the box is not a finite number")
+        raise DiorError(f"{where}: '{','.join(words):.80}' is not a whole frame number and four numbers") from None
+    if not all(abs(edge) <= FAR_PX for edge in edges):
+        raise DiorError(f"{where}: an edge of the box at {','.join(words[1:])} is in no picture")
     u_min, v_min, u_max, v_max = edges
     if u_min > u_max or v_min > v_max:
         raise DiorError(f"{where}: the box is inside out (u_min {u_min} u_max {u_max}, v_min {v_min} v_max {v_max})")

@@ -14,8 +14,20 @@ from dior.project.bumps import session_folder
 from dior.project.contents import Project
 from dior.project.read import Row, Rows, check, read_yaml
 
+# Snakemake takes braces for wildcards; what is not printed cannot be retyped from a sentence
+NO_PART_OF_A_PATH = re.compile(r"[{}\x00-\x1f\x7f]")
 # chosen: what a tape measure resolves; two cameras are farther apart
 SAME_PLACE_M = 0.01
+
+
+def check_config(config: dict[str, Any]) -> None:
+    """Paths in config.yaml must be such as a command line and Snakemake take as they are."""
+    paths = {"data_root": [config["data_root"]], "detector.model": [config["detector"]["model"]]}
+    paths |= {f"reid.networks.{name}": files for name, files in config["reid"]["networks"].items()}
+    for key, files in paths.items():
+        for path in files:
+            _check_path(path, f"config/config.yaml: '{key}'")
+            _check_begin(path, f"config/config.yaml: '{key}'", "./")
 
 
 def check_sheets(project: Project, people: Rows, lines: dict[str, int]) -> None:
@@ -42,6 +54,7 @@ def check_gallery(project: Project, people: Rows, lines: dict[tuple[str, ...], i
             raise DiorError(f"{where}: give either path (a folder of pictures) or bag (with its topic)")
         if bool(row["bag"]) != bool(row["topic"]):
             raise DiorError(f"{where}: {'bag needs its topic' if row['bag'] else 'topic is of no bag'}")
+        _check_path(row["path"] or row["bag"], where)
         if os.path.isabs(row["path"] or row["bag"]):
             raise DiorError(f"{where}: '{row['path'] or row['bag']}' must be relative to data_root")
         _check_words(row, ("outfit", "angle"), people, where)
@@ -55,6 +68,7 @@ def check_detectors(project: Project, lines: dict[tuple[str, ...], int]) -> None
             raise DiorError(
                 f"{where}: '{row['sequence']}' is not in config/sequences.tsv{nearest(row['sequence'], project.rows)}"
             )
+        _check_path(row["path"], where)
         if os.path.isabs(row["path"]):
             raise DiorError(f"{where}: path '{row['path']}' must be relative to data_root")
         if row["sequence"] not in project.sequences:
@@ -90,6 +104,9 @@ def check_sessions(project: Project, lines: dict[str, int]) -> None:
 def check_camera(camera: dict[str, Any], shown: str) -> None:
     """A camera must have what its `locate` needs."""
     _check_intrinsics(camera, shown)
+    _check_begin(camera["topic"], f"{shown}: 'topic'", "/")
+    if "reference" in camera:
+        _check_path(camera["reference"]["file"], f"{shown}: 'reference.file'")
     locate = camera["locate"]
     if locate == "align" and camera["role"] != "long_range":
         raise DiorError(f"{shown}: 'locate: align' is for long_range cameras; a close one has marks, tape or reference")
@@ -119,6 +136,9 @@ def _check_intrinsics(camera: dict[str, Any], shown: str) -> None:
     if len(ways) != 1:
         given = " and ".join(ways) or "nothing"
         raise DiorError(f"{shown}: 'intrinsics' names {given}; give one of file (with name), chessboard and charuco")
+    board = source[ways[0]]
+    _check_path(board if isinstance(board, str) else board["path"], f"{shown}: 'intrinsics.{ways[0]}'")
+    _check_begin(source.get("name", ""), f"{shown}: 'intrinsics.name'", "")
     model = camera.get("distortion_model", "plumb_bob")
     if ways[0] != "file" and model != "plumb_bob":
         raise DiorError(f"{shown}: 'distortion_model: {model}' does not fit: a {ways[0]} gives a plumb_bob lens")
@@ -182,8 +202,24 @@ def _check_references(project: Project, row: Row, people: Rows, where: str) -> N
         _check_detector(project, f"{where}: sequence '{name}' has 'detections: detect'")
     for column in ("bags", "mocap", "detections", "trigger_log", "truth"):
         for path in row[column].split(";"):
+            _check_path(path.replace("{camera}", "") if column == "detections" else path, f"{where}: {column}")
             if os.path.isabs(path.strip()):
                 raise DiorError(f"{where}: {column} '{path.strip()}' must be relative to data_root")
+    _check_begin(project.capture(name), f"{where}: the capture behind # in trigger_log", "")
+
+
+def _check_path(path: str, what: str) -> None:
+    """Raise DiorError for a path that the workflow would take for something else."""
+    if found := NO_PART_OF_A_PATH.search(path):
+        why = "which the workflow takes for a wildcard" if found[0] in "{}" else "which cannot be typed"
+        raise DiorError(f"{what} is '{path}' with {found[0]!r}, {why}; rename the file or folder")
+
+
+def _check_begin(word: str, what: str, before: str) -> None:
+    """Raise DiorError for a word that a command would take for an option; `before`: what may stand before it."""
+    if word.startswith("-"):
+        fix = f"write '{before}{word}'" if before else "rename it"
+        raise DiorError(f"{what} is '{word}', which begins with - as the options of a command do; {fix}")
 
 
 def _check_detector(project: Project, asking: str) -> None:

@@ -15,6 +15,7 @@ from base64 import b64decode
 from collections.abc import Iterable
 from pathlib import Path
 
+from dior.errors import DiorError
 from dior.paths import AnyPath
 from dior.project import bumps
 from dior.project.consent import consents, processed
@@ -64,6 +65,8 @@ def run(*, project: Path = Path("."), yes: bool = False) -> None:
     `project`: folder that holds config/; `yes`: delete what is listed.
     """
     root = project
+    if not (root / "config").is_dir():
+        raise DiorError(f"{root}: is no project (there is no config/ in it); give --project the folder that holds it")
     known = Known(root)
     found = [*left(root, known), *_records(root, known)]
     units = {unit for path in found if (unit := _unit(path.parts))}

@@ -3,11 +3,11 @@
 What they say is read by the steps that locate a camera (dior/calibrate/marks/marks.py). Loads no numerics.
 """
 
-import csv
 from typing import TypeAlias
 
 from dior.errors import DiorError, nearest
 from dior.paths import AnyPath
+from dior.project.plain_text import rows_of
 
 MARK_COLUMNS = ("sequence", "frame", "joint", "u", "v")
 # sequence -> the line of its first mark, and that of its first mark without x, y, z (None if all have them)
@@ -16,17 +16,17 @@ MarkedLines: TypeAlias = dict[str, tuple[int, int | None]]
 
 def read_marks(path: AnyPath, shown: str) -> MarkedLines:
     """Sequences of a marks CSV, in order: name -> (its first line, the first line without x, y, z or None)."""
-    with open(path, encoding="utf-8-sig", errors="replace", newline="") as stream:
-        table = csv.DictReader(stream)
-        for column in table.fieldnames or ():
-            if column not in (*MARK_COLUMNS, *"xyz"):
-                raise DiorError(f"{shown}: unknown column '{column}'{nearest(column, (*MARK_COLUMNS, *'xyz'))}")
-        for column in MARK_COLUMNS:
-            if column not in (table.fieldnames or ()):
-                raise DiorError(f"{shown}: column '{column}' is missing; the file has {','.join(MARK_COLUMNS)}[,x,y,z]")
-        lines: MarkedLines = {}
-        for mark in table:
-            first, without = lines.get(mark["sequence"], (table.line_num, None))
-            given = all(mark.get(axis) for axis in "xyz")
-            lines[mark["sequence"]] = (first, without if given or without else table.line_num)
+    (_, header), *rows = rows_of(path, shown) or [(1, [""])]
+    for column in header:
+        if column not in (*MARK_COLUMNS, *"xyz"):
+            raise DiorError(f"{shown}: unknown column '{column}'{nearest(column, (*MARK_COLUMNS, *'xyz'))}")
+    for column in MARK_COLUMNS:
+        if column not in header:
+            raise DiorError(f"{shown}: column '{column}' is missing; the file has {','.join(MARK_COLUMNS)}[,x,y,z]")
+    lines: MarkedLines = {}
+    for line, cells in rows:
+        mark = dict(zip(header, cells, strict=False))
+        first, without = lines.get(mark["sequence"], (line, None))
+        given = all(mark.get(axis) for axis in "xyz")
+        lines[mark["sequence"]] = (first, without if given or without else line)
     return lines

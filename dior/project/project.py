@@ -30,8 +30,9 @@ def load(root: AnyPath, config: dict[str, Any] | None = None) -> Project:
     changes made on its command line).
     """
     root = Path(root)
-    config = _plain(config) if config is not None else read_yaml(root / "config/config.yaml", "config/config.yaml")
+    config = _plain(config) if config is not None else read_config(root)
     check(config, "config", "config/config.yaml")
+    cross_checks.check_config(config)
     licenses.check(config["release"], root)
     (rows, lines), (people, _) = sheets(root)
     if not rows:
@@ -60,6 +61,23 @@ def load(root: AnyPath, config: dict[str, Any] | None = None) -> Project:
     cross_checks.check_sessions(project, lines)
     cross_checks.check_detectors(project, detector_lines)
     return project
+
+
+def read_config(root: AnyPath) -> dict[str, Any]:
+    """The content of config.yaml, not checked yet. Raises DiorError where it is not there or no YAML with keys."""
+    shown = "config/config.yaml"
+    path = Path(root) / shown
+    if not path.exists():
+        raise DiorError(
+            f"{shown}: there is no such file; name the folder that holds config/ with --directory, or make one with "
+            "`dior init <folder>`"
+        )
+    content = read_yaml(path, shown)
+    if not content:
+        raise DiorError(f"{shown}: is empty; it needs `data_root` and `release` (`dior init` writes an example)")
+    if not isinstance(content, dict):
+        raise DiorError(f"{shown}: is a {type(content).__name__}, not keys with values such as `data_root: data`")
+    return content
 
 
 def sheets(root: AnyPath) -> tuple[tuple[Rows, dict[str, int]], tuple[Rows, dict[str, int]]]:

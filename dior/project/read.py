@@ -1,11 +1,10 @@
-"""Reading what people write: YAML files and tab-separated sheets, checked against the JSON schemas.
+"""What people write, YAML files and tab-separated sheets, checked against the JSON schemas.
 
 INPUTS: files of a project's config/ and `dior/project/schemas/<kind>.schema.yaml`. OUTPUTS: plain dicts with the
 schemas' defaults filled in. Every complaint is one DiorError that names the file, the key or line, and the nearest
 valid name.
 """
 
-import csv
 import math
 import re
 from collections.abc import Callable
@@ -16,10 +15,11 @@ from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, overload
 
 from dior.errors import DiorError, nearest
 from dior.paths import AnyPath
+from dior.project.plain_text import rows_of
+from dior.project.yaml_file import read_yaml as read_yaml
 
 if TYPE_CHECKING:
     import fastjsonschema
-    import yaml
 
 SCHEMAS = Path(__file__).with_name("schemas")
 # a row of a sheet by column, as text; rows by name, which is one cell or several
@@ -34,61 +34,14 @@ _KINDS = {
     "array": "a list",
     "boolean": "true or false",
 }
+# above it not every whole number is a float
+LARGEST = 2**53
 _LIMITS = {
     "minimum": "at least",
     "exclusiveMinimum": "above",
     "maximum": "at most",
     "exclusiveMaximum": "below",
 }
-
-
-def read_yaml(path: AnyPath, shown: AnyPath | None = None) -> Any:
-    """The content of a YAML file ({} for an empty one). Raises DiorError for no file, no YAML or a key given twice.
-
-    `shown` is the file's name in messages.
-    """
-    import yaml
-
-    shown = shown or path
-    try:
-        with open(path, "rb") as stream:
-            content = yaml.load(stream, _loader())
-    except FileNotFoundError:
-        raise DiorError(f"{shown}: there is no such file") from None
-    except DiorError as error:
-        raise DiorError(f"{shown}: {error}") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        mark = getattr(error, "problem_mark", None)
-        where = f" line {mark.line + 1}" if mark else ""
-        reason = getattr(error, "problem", None) or error
-        raise DiorError(f"{shown}{where}: not valid YAML ({reason}); check the indentation and quotes") from None
-    return {} if content is None else content
-
-
-@cache
-def _loader() -> "type[yaml.SafeLoader]":
-    import yaml
-
-    # PyYAML may have been built without the loader in C
-    base: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-
-    class Loader(base):
-        """A safe loader that does not let the second of two equal keys win in silence."""
-
-    def mapping(loader: "yaml.SafeLoader", node: "yaml.MappingNode") -> dict[Any, Any]:
-        first: dict[str, int] = {}
-        for key, _ in node.value:
-            if not isinstance(key, yaml.ScalarNode):
-                raise DiorError(f"the key on line {key.start_mark.line + 1} is no plain word")
-            if key.value in first:
-                raise DiorError(
-                    f"key '{key.value}' is given twice, on lines {first[key.value]} and {key.start_mark.line + 1}"
-                )
-            first[key.value] = key.start_mark.line + 1
-        return loader.construct_mapping(node, deep=True)
-
-    Loader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, mapping)
-    return Loader
 
 
 def columns_of(kind: str) -> list[str]:
@@ -125,13 +78,14 @@ def read_sheet(
     twice.
     """
     shown = shown or str(path)
-    header, body = _cells(path, shown)
+    lines = rows_of(path, shown, "\t")
+    if not lines:
+        raise DiorError(f"{shown}: the file is empty; its first line must name the columns")
+    (_, header), *body = lines
     schema, known = _schema(kind), list(_schema(kind)["properties"])
-    if len(header) == 1 and ("," in header[0] or ";" in header[0]):
-        raise DiorError(f"{shown}: the columns must be separated by tabs, not by commas or semicolons")
-    repeated = [column for column in header if header.count(column) > 1]
-    if repeated:
-        raise DiorError(f"{shown}: column '{repeated[0]}' is there twice")
+    repeated = next((column for i, column in enumerate(header) if column in header[:i]), None)
+    if repeated is not None:
+        raise DiorError(f"{shown}: column '{repeated}' is there twice")
     patterns = schema.get("patternProperties", {})
     for column in header:
         if column not in known and not any(re.search(pattern, column) for pattern in patterns):
@@ -140,7 +94,7 @@ def read_sheet(
         if column not in header:
             raise DiorError(f"{shown}: column '{column}' is missing; it holds {_first_sentence(schema, column)}")
     rows: dict[Any, Row] = {}
-    lines: dict[Any, int] = {}
+    line_of: dict[Any, int] = {}
     for line, cells in body:
         if len(cells) > len(header):
             raise DiorError(f"{shown} line {line}: {len(cells)} cells but the sheet has {len(header)} columns")
@@ -149,25 +103,10 @@ def read_sheet(
         name = row[key] if isinstance(key, str) else tuple(row[column] for column in key)
         if name in rows:
             what = f"{key} '{name}'" if isinstance(key, str) else f"{', '.join(key)} '{', '.join(name)}'"
-            raise DiorError(f"{shown}: {what} is there twice, on lines {lines[name]} and {line}")
+            raise DiorError(f"{shown}: {what} is there twice, on lines {line_of[name]} and {line}")
         rows[name] = {**dict.fromkeys(known, ""), **row}
-        lines[name] = line
-    return rows, lines
-
-
-def _cells(path: AnyPath, shown: AnyPath) -> tuple[list[str], list[tuple[int, list[str]]]]:
-    try:
-        with open(path, encoding="utf-8-sig", newline="") as stream:
-            reader = csv.reader(stream, delimiter="\t")
-            lines = [(reader.line_num, [cell.strip() for cell in cells]) for cells in reader]
-    except FileNotFoundError:
-        raise DiorError(f"{shown}: there is no such file") from None
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise DiorError(f"{shown}: not a tab-separated UTF-8 file ({error})") from None
-    lines = [(number, cells) for number, cells in lines if any(cells)]
-    if not lines:
-        raise DiorError(f"{shown}: the file is empty; its first line must name the columns")
-    return lines[0][1], lines[1:]
+        line_of[name] = line
+    return rows, line_of
 
 
 def check(content: Any, kind: str, shown: AnyPath) -> Any:
@@ -189,9 +128,11 @@ def check(content: Any, kind: str, shown: AnyPath) -> Any:
 
 
 def _check_finite(content: Any, inside: str) -> None:
-    """YAML's .nan and .inf are numbers to a schema, but never what a person measured."""
+    """YAML's .nan and .inf are numbers to a schema, but never what a person measured; nor is what fits no float."""
     if isinstance(content, float) and not math.isfinite(content):
         raise DiorError(f"'{inside}' is {content} but should be a finite number")
+    if isinstance(content, int) and abs(content) > LARGEST:
+        raise DiorError(f"'{inside}' is {content}, which is more than any number here can be")
     keys = content.items() if isinstance(content, dict) else enumerate(content) if isinstance(content, list) else ()
     for key, value in keys:
         _check_finite(value, f"{inside}.{key}" if inside else str(key))
@@ -209,7 +150,7 @@ def _fill(schema: dict[str, Any], content: Any, inside: str) -> None:
             continue
         if schema.get("additionalProperties", True) is False:
             if not known:
-                raise DiorError(f"'{inside}{key}' is not a name of letters, digits, _ and -")
+                raise DiorError(f"'{inside}{key}' is not a name of letters, digits, _ and - (not first; at most 100)")
             raise DiorError(f"unknown key '{inside}{key}'{nearest(key, known)}")
     for key, value in known.items():
         if key not in content and "default" in value:

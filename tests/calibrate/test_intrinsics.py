@@ -132,10 +132,10 @@ def test_toml(tmp_path):
     "old, new, name, text",
     [
         ("", "", "cam_1", "no camera 'cam_1' .did you mean 'cam_01'"),
-        ("size", "sizes", "cam_01", "the key 'size' is missing"),
+        ("size", "sizes", "cam_01", "`size` is missing"),
         ("fisheye = false", "fisheye = true", "cam_01", "fisheye"),
         ("[640.0, 480.0]", "[640.0]", "cam_01", "`size` must be 2 numbers"),
-        ("[0.1, ", "[", "cam_01", "3 distortions"),
+        ("[0.1, ", "[", "cam_01", "`distortions` must be 4 or 5 or 8 numbers, and there is 3"),
         ("[cam_01]", "[cam_01", "cam_01", "not readable as TOML"),
     ],
 )

@@ -45,6 +45,9 @@ WRONG = {
     "trigger --log a --port UDP": "--port",
     "simulate --write-config a --settings {": "--settings",
     "simulate --settings {}": "--write-config",
+    "simulate --write-config a --settings [1]": "--settings",
+    "package --config [1] --project . --out x": "--config takes JSON {...}",
+    "frames --sequence a --data-root b --out=": "--out takes PATH, not ''",
 }
 
 
@@ -76,6 +79,29 @@ def test_a_fault_of_the_system_without_a_file_keeps_its_trace(monkeypatch):
     monkeypatch.setattr(init, "run", broken)
     with pytest.raises(BrokenPipeError):
         main.main(["init", "mine"])
+
+
+def test_a_step_that_fails_leaves_none_of_its_files(tmp_path, monkeypatch, capsys):
+    """The last of three outputs cannot be written; what another run wrote of them goes, too, as with Snakemake."""
+    from dior.ingest import audit
+
+    def run(*, frames: Path, out: Path, out_dropped: Path, findings: Path, **_):
+        for path in (out, out_dropped):
+            path.write_text("new")
+        findings.parent.mkdir()
+
+    monkeypatch.setattr(audit, "run", run)
+    out, dropped, frames = (tmp_path / name for name in ("out", "dropped", "frames"))
+    frames.write_text("")
+    out.write_text("old and longer")
+    words = ["audit", "--sequence", "walk", "--frames", frames, "--data-root", tmp_path, "--out", out]
+    code, text = said(capsys, *words, "--out-dropped", dropped, "--findings", "/proc/x/findings")
+    assert code == 1 and "/proc/x" in text and text.count("\n") == 1
+    assert frames.exists() and not out.exists() and not dropped.exists()
+    out.write_text("old")
+    monkeypatch.setattr(audit, "run", lambda **_: Path("/proc/x/y").mkdir())
+    assert said(capsys, *words, "--out-dropped", dropped, "--findings", "f")[0] == 1
+    assert out.read_text() == "old", "it was not written"
 
 
 def test_names_are_spelled_either_way(tmp_path, monkeypatch):

@@ -1,5 +1,6 @@
 """Tiny bags written with known stamps and pictures, and the real ones."""
 
+import os
 import struct
 
 import cv2
@@ -143,6 +144,12 @@ def test_bag_with_damaged_chunk(tmp_path):
     bag.write_bytes(content[: at - 40] + b"\xff" * 30 + content[at - 10 :])
     with pytest.raises(DiorError, match=r"bad\.bag: the bag is truncated or was not closed"):
         index(tmp_path, [bag])
+
+
+def test_a_pipe_is_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "walk.bag")
+    with pytest.raises(DiorError, match=r"walk.bag: is neither a file nor a folder"):
+        bags.topics_of(tmp_path / "walk.bag")
 
 
 def test_not_a_bag_and_empty_file(tmp_path):

@@ -220,3 +220,14 @@ def test_picture_header_with_an_impossible_size(tmp_path):
     bag = write(tmp_path / "walk", [sent], "ros1")
     with pytest.raises(DiorError, match="it claims to be 40000x40000 px"):
         bags.index(bag, ["/cam01/image_raw"])
+
+
+def test_an_index_that_promises_messages_that_are_not_there(tmp_path, monkeypatch):
+    """Found by benchmarks.fuzz in an MCAP file whose chunk lost what its summary counts."""
+    stamp = T0 + 33_333_333
+    bag = write(tmp_path / "walk", [info("/cam01/camera_info", stamp)], "mcap alone")
+    monkeypatch.setattr(bags, "messages_of", lambda *_: iter(()))
+    with pytest.raises(
+        DiorError, match=r"/cam01/camera_info has messages by the index, and none is there; the bag is d"
+    ):
+        bags.read_camera_info([bag], "/cam01/image_raw")

@@ -1,6 +1,7 @@
 """Truncated, empty, wrong-typed and bit-flipped detections: one clear sentence or sane people, nothing else."""
 
 import json
+import os
 import re
 import shutil
 import tracemalloc
@@ -185,6 +186,17 @@ def test_hostile_files_end_soon(tmp_path, name, text):
     recognise(path)
     with pytest.raises(DiorError):
         READERS[name].read(tmp_path if READERS[name].shape == "folder" else path)
+
+
+def test_what_is_no_file(tmp_path):
+    """A pipe would be waited for without an end; a folder called like a file is found in the folder of another."""
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(DiorError, match=r"walk, cam01: .*pipe is neither a file nor a folder"):
+        run(tmp_path, tmp_path / "pipe")
+    folder = formats.openpose(tmp_path, scene(18))
+    (folder / "000000000009_keypoints.json").mkdir()
+    with pytest.raises(DiorError, match=r"000000000009_keypoints.json: cannot be read .Is a directory"):
+        run(tmp_path, folder)
 
 
 def test_a_frame_far_out_is_refused_before_anything_is_made_for_it(tmp_path):

@@ -69,13 +69,20 @@ def test_an_empty_gallery_is_an_empty_table(tmp_path):
     [
         ("nowhere", "config/gallery.tsv, S01, coat, frontal: there is no folder"),
         ("empty", "holds no picture"),
-        ("broken", "broken/1.jpg is no readable picture"),
+        ("broken", "broken/1.jpg is no readable picture .*neither JPEG nor PNG"),
+        ("huge", "huge/1.png is no readable picture .it claims to be 60000x60000 px"),
+        ("damaged", "damaged/1.png is no readable picture"),
     ],
 )
 def test_folders_that_cannot_be_read(tmp_path, path, text):
     (tmp_path / "empty").mkdir()
     (tmp_path / "broken").mkdir()
     (tmp_path / "broken/1.jpg").write_bytes(b"")
+    folder(tmp_path / "huge", ["1.png"])
+    whole = (tmp_path / "huge/1.png").read_bytes()
+    (tmp_path / "huge/1.png").write_bytes(whole[:16] + 2 * (60000).to_bytes(4, "big") + whole[24:])
+    (tmp_path / "damaged").mkdir()
+    (tmp_path / "damaged/1.png").write_bytes(whole[:40])
     with pytest.raises(DiorError, match=text):
         run(tmp_path, [row(path=path)])
 

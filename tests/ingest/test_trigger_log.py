@@ -80,6 +80,8 @@ def test_a_torn_or_strange_line_is_left_out_and_another_file_refused(tmp_path):
     path = write(tmp_path / "a.jsonl", ("start", "walk_01", 0))
     lines = ['{"event": "stop", "na', "[1, 2]", '{"event": "start", "name": 5, "start_ns": 3}', '{"event": "start"}']
     lines += ['{"event": "start", "name": "x", "start_ns": "soon"}', "\x00\xff", "[" * 5000, ""]
+    # JSON holds numbers that no clock shows
+    lines += [f'{{"event": "start", "name": "x", "start_ns": {ns}}}' for ns in ("9" * 400, "9" * 5000, "1e999", "-1")]
     path.write_bytes(path.read_bytes() + "\n".join(lines).encode("latin-1"))
     assert read(path) == [Capture("walk_01", T0)]
     for content in (b"", b"time,name\n0,walk\n", b"[1]\n{}\n"):

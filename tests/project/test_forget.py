@@ -79,6 +79,12 @@ def present(folder):
     return {str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()}
 
 
+def test_a_folder_that_is_no_project_is_named(capsys, tmp_path):
+    for folder in (tmp_path, "/nope"):
+        assert main.main(["forget", "--project", str(folder)]) == 1
+        assert f"{folder}: is no project (there is no config/ in it)" in capsys.readouterr().err
+
+
 def test_what_is_left_is_listed_and_stays(withdrawn, capsys):
     before = present(withdrawn)
     assert main.main(["forget", "--project", str(withdrawn)]) == 0

@@ -181,3 +181,33 @@ def test_only_evaluate_reads_the_truth():
     inputs = "".join(path.read_text() for path in sorted((ROOT / "workflow/inputs").glob("*.smk")))
     users = {name for name, text in RULES.items() for part in re.findall(r"=(truth\w*)", text)}
     assert users == {"evaluate"} and inputs.count("PROJECT.truth(") == 2
+
+
+BAD_CONFIGS = {
+    "Latin-1": (b"data_root: caf\xe9\n", "config/config.yaml line 1: the byte 0xe9 is not UTF-8"),
+    "an open bracket": (b"a: 1\ndata_root: [\n", "config/config.yaml line 3: not valid YAML"),
+    "a key that is given twice": (b"data_root: a\ndata_root: b\n", "key 'data_root' is given twice, on lines 1 and 2"),
+    "deep": (b"a: " + b"[" * 50_000, "config/config.yaml line 1: nested 40 times"),
+    "a list": (b"- a\n", "config/config.yaml: is a list, not keys with values"),
+    "a folder": (None, "config/config.yaml: is a folder where a file should be"),
+    "nothing": (b"", "config/config.yaml: is empty; it needs `data_root` and `release`"),
+}
+
+
+@pytest.mark.parametrize(
+    "name", [one if one == "Latin-1" else pytest.param(one, marks=pytest.mark.slow) for one in BAD_CONFIGS]
+)
+def test_what_is_wrong_with_the_config_is_said_in_the_words_of_dior(tmp_path, name):
+    """Snakemake's own reader of `configfile:` would end in a traceback or in words that name no file."""
+    content, sentence = BAD_CONFIGS[name]
+    path = tmp_path / "config/config.yaml"
+    path.parent.mkdir()
+    path.mkdir() if content is None else path.write_bytes(content)
+    code, text = snakemake(tmp_path, "-n", check=False)
+    assert code == 1 and sentence in text and "Traceback" not in text and "yaml.scanner" not in text
+
+
+@pytest.mark.slow
+def test_where_there_is_no_config_it_is_said_how_to_get_one(tmp_path):
+    code, text = snakemake(tmp_path, "-n", check=False)
+    assert code == 1 and "config/config.yaml: there is no such file; name the folder that holds config/" in text

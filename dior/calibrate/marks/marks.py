@@ -8,7 +8,6 @@ Without xyz, `joint` is a C3D marker, taken at the picture's own stamp plus the 
 linearly between two ticks of the mocap, never across a gap.
 """
 
-import csv
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -21,11 +20,15 @@ from dior.calibrate.marks.pnp import Mark
 from dior.clocks.axis import sample, seconds
 from dior.errors import DiorError, nearest
 from dior.geometry.camera import Camera, Intrinsics, in_frame, project
+from dior.project.boxes import FAR_PX
+from dior.project.plain_text import rows_of
 from dior.tables import tables
 from dior.tables.tables import Finding
 
 COLUMNS = ("sequence", "frame", "joint", "u", "v")
 WORLD = ("x", "y", "z")
+FAR_M = 1e5  # chosen: no point that is marked is 100 km away
+MOST_DIGITS = 9  # of a frame's number
 MANY_LOST = 0.2  # chosen: of the marks, for a warning and no mere information
 
 
@@ -63,12 +66,9 @@ def read(path: AnyPath) -> Marks:
     path = Path(path)
     if not path.is_file():
         raise DiorError(f"{path}: there is no such file; mark at least 4 points or choose another `locate`")
-    with open(path, newline="", encoding="utf-8-sig") as stream:
-        reader = csv.DictReader(stream)
-        header = [name.strip() for name in reader.fieldnames or ()]
-        reader.fieldnames = header
-        _check_header(path, header)
-        rows = [_row(f"{path} line {reader.line_num}", reader.line_num, row) for row in reader]
+    (_, header), *lines = rows_of(path, path) or [(1, [""])]
+    _check_header(path, header)
+    rows = [_row(f"{path} line {line}", line, header, cells) for line, cells in lines]
     first: dict[tuple[str, int, str], int] = {}
     for row in rows:
         key = row[0], row[1], row[2]
@@ -100,29 +100,31 @@ def _check_header(path: AnyPath, header: Sequence[str]) -> None:
         raise DiorError(f"{path}: column '{missing[0]}' is missing; the header is sequence,frame,joint,u,v[,x,y,z]")
 
 
-def _row(where: str, line: int, row: dict[str, Any]) -> Line:
-    if None in row or None in row.values():
-        raise DiorError(f"{where}: the number of cells is not that of the header")
-    cells = {name: value.strip() for name, value in row.items()}
+def _row(where: str, line: int, header: Sequence[str], words: Sequence[str]) -> Line:
+    if len(words) != len(header):
+        raise DiorError(f"{where}: has {len(words)} cells where the header has {len(header)}")
+    cells = dict(zip(header, words, strict=True))
     if not cells["sequence"] or not cells["joint"]:
         raise DiorError(f"{where}: sequence or joint is empty")
-    if not cells["frame"].isdecimal():
-        raise DiorError(f"{where}: frame is '{cells['frame']}', not a whole number from 0")
+    if not cells["frame"].isdecimal() or len(cells["frame"]) > MOST_DIGITS:
+        raise DiorError(f"{where}: frame is '{cells['frame']:.40}', not a whole number from 0")
     given = [name for name in WORLD if cells.get(name)]
     if given and len(given) < 3:
         raise DiorError(f"{where}: give all of x,y,z or none (only {','.join(given)} is there)")
-    uv = tuple(_number(where, name, cells[name]) for name in ("u", "v"))
-    xyz = tuple(_number(where, name, cells[name]) for name in WORLD) if given else (np.nan,) * 3
+    uv = tuple(_number(where, name, cells[name], FAR_PX) for name in ("u", "v"))
+    xyz = tuple(_number(where, name, cells[name], FAR_M) for name in WORLD) if given else (np.nan,) * 3
     return cells["sequence"], int(cells["frame"]), cells["joint"], line, uv, xyz
 
 
-def _number(where: str, name: str, text: str) -> float:
+def _number(where: str, name: str, text: str, most: float) -> float:
     try:
         value = float(text)
     except ValueError:
         value = np.nan
     if not np.isfinite(value):
-        raise DiorError(f"{where}: {name} is '{text}', not a number")
+        raise DiorError(f"{where}: {name} is '{text:.40}', not a number")
+    if abs(value) > most:
+        raise DiorError(f"{where}: {name} is {value:.6g}, which no mark is; is a decimal point lost?")
     return value
 
 

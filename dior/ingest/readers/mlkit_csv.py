@@ -6,7 +6,6 @@ INPUTS   rows without a header: picture name, class, 33 x (x, y, z); x and y are
 OUTPUTS  `People` with the joints MLKIT_33, every score 1.
 """
 
-import csv
 import re
 
 import numpy as np
@@ -16,7 +15,10 @@ from dior.body.names import MLKIT_33
 from dior.errors import DiorError
 from dior.ingest.people import People, gathered
 from dior.ingest.readers.common import INTERRUPTED, frame_of
+from dior.project.plain_text import each_row
 
+# chosen: half an hour of pictures
+MOST_BYTES = 1 << 26
 COLUMNS = 2 + 3 * len(MLKIT_33)
 
 
@@ -37,16 +39,15 @@ def read(path: AnyPath) -> People:
 def poses(path: AnyPath) -> tuple[list[str], list[str], Floats]:
     """(names, classes, points (rows, 33, 3)) as the file has them, of any pictures."""
     names, classes, rows = [], [], []
-    try:
-        with open(path, encoding="utf-8", newline="") as stream:
-            for count, row in enumerate(csv.reader(stream, strict=True), 1):
-                if len(row) != COLUMNS:
-                    raise DiorError(f"{path}: line {count} has {len(row)} columns, not {COLUMNS}; {INTERRUPTED}")
-                names.append(row[0])
-                classes.append(row[1])
-                rows.append([float(cell) for cell in row[2:]])
-    except (ValueError, csv.Error) as error:
-        raise DiorError(f"{path}: line {len(rows) + 1} is not name, class, 99 numbers ({error})") from None
+    for line, row in each_row(path, path, most_bytes=MOST_BYTES):
+        if len(row) != COLUMNS:
+            raise DiorError(f"{path}: line {line} has {len(row)} columns, not {COLUMNS}; {INTERRUPTED}")
+        names.append(row[0])
+        classes.append(row[1])
+        try:
+            rows.append([float(cell) for cell in row[2:]])
+        except ValueError as error:
+            raise DiorError(f"{path}: line {line} is not name, class, 99 numbers ({error!s:.80})") from None
     if not rows:
         raise DiorError(f"{path} is empty; run the detector")
     return names, classes, np.array(rows).reshape(-1, len(MLKIT_33), 3)

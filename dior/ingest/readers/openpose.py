@@ -73,6 +73,8 @@ def _text(path: AnyPath) -> bytes:
             part = os.read(file, READ_AT_ONCE)
             text += part
         return text
+    except OSError as error:
+        raise DiorError(f"{path}: cannot be read ({error.strerror}); a folder of OpenPose holds files only") from None
     finally:
         os.close(file)
 

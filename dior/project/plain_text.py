@@ -1,0 +1,114 @@
+"""Text files and tables that a person or another program wrote, read so that whatever is in them is one sentence.
+
+INPUTS   files in UTF-8, with or without a byte order mark
+OUTPUTS  their text; the rows of a CSV or tab-separated file with their lines
+Loads no numerics.
+"""
+
+import csv
+import errno
+import io
+import os
+import stat
+from collections.abc import Iterator
+from typing import TypeAlias
+
+from dior.errors import DiorError
+from dior.paths import AnyPath
+
+# a row's line, and its cells without the blanks around them
+Line: TypeAlias = tuple[int, list[str]]
+
+# chosen: a hundred thousand rows; no person writes more
+MOST_BYTES = 1 << 22
+# chosen: ten times as many as the widest table has
+MOST_CELLS = 1000
+UTF_16 = (b"\xff\xfe", b"\xfe\xff")
+SAVE = "save it again as UTF-8 (in Excel as 'CSV UTF-8')"
+NAMES = {",": "commas", "\t": "tabs", ";": "semicolons"}
+
+
+def bytes_of(path: AnyPath, shown: AnyPath, most_bytes: int = MOST_BYTES) -> bytes:
+    """The content of a file, `shown` being its name in messages.
+
+    Raises DiorError where there is none, where it cannot be read, and for one of more than `most_bytes`.
+    """
+    try:
+        status = os.stat(path)
+        if stat.S_ISDIR(status.st_mode):
+            raise DiorError(f"{shown}: is a folder where a file should be; rename or remove it")
+        if not stat.S_ISREG(status.st_mode):
+            raise DiorError(f"{shown}: is no plain file (a pipe or a device); put the file itself there")
+        if status.st_size > most_bytes:
+            raise DiorError(
+                f"{shown}: has {status.st_size / 1e6:.0f} MB, and at most {most_bytes / 1e6:.0f} MB are read; is it "
+                "another file?"
+            )
+        with open(path, "rb") as stream:
+            return stream.read()
+    except (FileNotFoundError, NotADirectoryError):
+        raise DiorError(f"{shown}: there is no such file") from None
+    except OSError as error:
+        fix = f"; try `chmod u+r {shown}`" if error.errno == errno.EACCES else ""
+        raise DiorError(f"{shown}: cannot be read ({error.strerror}){fix}") from None
+
+
+def text_of(path: AnyPath, shown: AnyPath, most_bytes: int = MOST_BYTES) -> str:
+    """The text of a file in UTF-8. Raises DiorError as `bytes_of`, and for another encoding, with the line."""
+    return _decoded(bytes_of(path, shown, most_bytes), shown)
+
+
+def _decoded(content: bytes, shown: AnyPath) -> str:
+    if content.startswith(UTF_16):
+        raise DiorError(f"{shown}: is UTF-16, as Excel's 'Unicode text' is; {SAVE}")
+    if b"\0" in content:
+        line = content.count(b"\n", 0, content.index(b"\0")) + 1
+        raise DiorError(f"{shown} line {line}: holds a zero byte, so it is no text or damaged; {SAVE}")
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        raise DiorError(
+            f"{shown} line {line}: the byte 0x{content[error.start]:02x} is not UTF-8, so the file is Latin-1 or "
+            f"damaged; {SAVE}"
+        ) from None
+
+
+def rows_of(path: AnyPath, shown: AnyPath, delimiter: str = ",") -> list[Line]:
+    """The rows of a table that are not empty, the header among them. Raises DiorError as `each_row`."""
+    rows = list(each_row(path, shown, delimiter))
+    header = rows[0][1] if rows else []
+    for other in {*NAMES} - {delimiter}:
+        if len(header) == 1 and other in header[0]:
+            raise DiorError(f"{shown}: the columns must be separated by {NAMES[delimiter]}, not by {NAMES[other]}")
+    return rows
+
+
+def each_row(path: AnyPath, shown: AnyPath, delimiter: str = ",", most_bytes: int = MOST_BYTES) -> Iterator[Line]:
+    """Yield the rows of a table that are not empty.
+
+    A cell holds no line break and no delimiter: where a quote opens one, it has swallowed what came after it. Raises
+    DiorError as `text_of`, and for such a cell, with the line on which it begins.
+    """
+    content = bytes_of(path, shown, most_bytes)
+    _decoded(content, shown)
+    # a str of all of it, and above all io.StringIO, would be several times as large
+    reader = csv.reader(io.TextIOWrapper(io.BytesIO(content), "utf-8-sig", newline=""), delimiter=delimiter)
+    line = 1
+    try:
+        for cells in reader:
+            letters = "".join(cells)
+            if "\n" in letters or "\r" in letters or delimiter in letters:
+                until = f"up to line {reader.line_num}" if reader.line_num > line else f"with {NAMES[delimiter]}"
+                raise DiorError(
+                    f'{shown} line {line}: a cell opens a quote (") and goes on {until}; delete the quote, or the '
+                    "line break within it"
+                )
+            if len(cells) > MOST_CELLS:
+                raise DiorError(f"{shown} line {line}: has {len(cells)} cells, which no table has; is it another file?")
+            stripped = [cell.strip() for cell in cells]
+            if any(stripped):
+                yield line, stripped
+            line = reader.line_num + 1
+    except csv.Error as error:
+        raise DiorError(f'{shown} line {line}: no row of a table ({error}); is a quote (") open there?') from None

@@ -1,0 +1,127 @@
+"""YAML files that people write, read so that nothing in them can hang, crash or surprise.
+
+INPUTS   files of a project's config/, and others that are YAML
+OUTPUTS  plain dicts, lists, texts and numbers
+What would be deep, large or endless is found in the parser's events, before anything is made of it: the loader itself
+calls itself for each level, in C until the stack ends. Loads no numerics.
+"""
+
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+from dior.errors import DiorError
+from dior.paths import AnyPath
+from dior.project.plain_text import text_of
+
+if TYPE_CHECKING:
+    import yaml
+
+# chosen: ten times what the largest file of a project with hundreds of walks has
+MOST_BYTES = 1 << 20
+# chosen: no key of the schemas lies deeper than 8
+MOST_DEPTH = 40
+# chosen: an alias counts as all that it stands for
+MOST_VALUES = 100_000
+# what ROS 2 writes for a time without an end; Python itself prints no number of thousands of digits
+LARGEST = 2**64
+# what PyYAML's constructors raise besides its own errors, for `2023-02-30` or `!!int x`
+NO_SUCH_VALUE = (ValueError, TypeError, LookupError, AttributeError, OverflowError)
+
+
+def read_yaml(path: AnyPath, shown: AnyPath | None = None) -> Any:
+    """The content of a YAML file ({} for an empty one). `shown` is the file's name in messages.
+
+    Raises DiorError for no file, no YAML, a key given twice, and what is nested or repeated beyond all reason.
+    """
+    import yaml
+
+    shown = shown or path
+    text = text_of(path, shown, MOST_BYTES)
+    try:
+        _check_events(text)
+        content = yaml.load(text, _loader())
+    except DiorError as error:
+        raise DiorError(f"{shown}{' ' if str(error).startswith('line ') else ': '}{error}") from None
+    except (yaml.YAMLError, RecursionError) as error:
+        mark, at = getattr(error, "problem_mark", None), getattr(error, "position", None)
+        line = mark.line + 1 if mark else text.count("\n", 0, at) + 1 if isinstance(at, int) else None
+        where = f" line {line}" if line else ""
+        reason = getattr(error, "problem", None) or str(error).split("\n")[0]
+        raise DiorError(f"{shown}{where}: not valid YAML ({reason}); check the indentation and quotes") from None
+    return {} if content is None else content
+
+
+def _check_events(text: str) -> None:
+    """Raise DiorError, `line <n>: ` before its text, where the values of a YAML text are too deep or too many."""
+    import yaml
+
+    # per open list or mapping its anchor and how many values it holds; the first stands for the file
+    inside: list[tuple[str | None, int]] = [(None, 0)]
+    sizes: dict[str, int] = {}
+    for event in yaml.parse(text, _base()):
+        line = event.start_mark.line + 1
+        if isinstance(event, yaml.CollectionEndEvent):
+            anchor, size = inside.pop()
+            if anchor:
+                sizes[anchor] = size
+        elif isinstance(event, yaml.CollectionStartEvent):
+            inside.append((event.anchor, 1))
+            if len(inside) > MOST_DEPTH:
+                raise DiorError(f"line {line}: nested {MOST_DEPTH} times; is a bracket or a quote left open?")
+            continue
+        elif isinstance(event, yaml.AliasEvent):
+            if any(anchor == event.anchor for anchor, _ in inside):
+                raise DiorError(f"line {line}: '*{event.anchor}' stands for what it is in; write the values out")
+            size = sizes.get(event.anchor, 1)
+        elif isinstance(event, yaml.ScalarEvent):
+            size = 1
+            if event.anchor:
+                sizes[event.anchor] = 1
+        else:
+            continue
+        around, before = inside[-1]
+        inside[-1] = around, before + size
+        if before + size > MOST_VALUES:
+            raise DiorError(f"line {line}: more than {MOST_VALUES} values, aliases (*) written out; is it the file?")
+
+
+def _base() -> Any:
+    import yaml
+
+    # PyYAML may have been built without the loader in C
+    return getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+
+@cache
+def _loader() -> "type[yaml.SafeLoader]":
+    import yaml
+
+    base: Any = _base()
+
+    class Loader(base):
+        """A safe loader that does not let the second of two equal keys win in silence."""
+
+        def construct_object(self, node: "yaml.Node", deep: bool = False) -> Any:
+            where = f"line {node.start_mark.line + 1}: "
+            try:
+                value = super().construct_object(node, deep=deep)
+            except NO_SUCH_VALUE:
+                shown = node.value[:40] if isinstance(node.value, str) else node.tag
+                raise DiorError(f"{where}'{shown}' is no value of its kind; put it in quotes if it is text") from None
+            if isinstance(value, int) and abs(value) >= LARGEST:
+                raise DiorError(f"{where}a number of 20 digits or more; put it in quotes if it is text")
+            return value
+
+    def mapping(loader: "yaml.SafeLoader", node: "yaml.MappingNode") -> dict[Any, Any]:
+        first: dict[str, int] = {}
+        for key, _ in node.value:
+            line = key.start_mark.line + 1
+            if not isinstance(key, yaml.ScalarNode):
+                raise DiorError(f"the key on line {line} is no plain word")
+            if key.value in first:
+                raise DiorError(f"key '{key.value:.40}' is given twice, on lines {first[key.value]} and {line}")
+            first[key.value] = line
+        return loader.construct_mapping(node, deep=True)
+
+    Loader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, mapping)
+    return Loader
