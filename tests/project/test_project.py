@@ -235,12 +235,56 @@ def test_config_errors(root, old, new, parts):
         ("subjects", "apple-0002", "zebra-0001", ["'S01' and 'S02' share the pseudonym"]),
         ("subjects", "apple-0002", "Metadata", ["pseudonym 'metadata', as a tarball is called"]),
         ("subjects", "1.72", "172", ["line 2", "'height_m' is '172' but should be a height in metres"]),
+        ("subjects", "S02", "-S02", ["line 3", "'subject' is '-S02' but should be a name of", "- (not first)"]),
+        ("subjects", "apple-0002", "-apple-02", ["line 3", "'pseudonym' is '-apple-02'", "- (not first)"]),
         ("subjects", "\tyes", "\tmaybe", ["line 2", "'consent_release' is 'maybe'", "yes or no"]),
     ],
 )
 def test_sheet_errors(root, sheet, old, new, parts):
     edit(root, f"{sheet}.tsv", old, new)
     fails(root, f"config/{sheet}.tsv", *parts)
+
+
+def _cell(column):
+    """The sheet of sequences with {text} in a cell of the last row."""
+
+    def text(root):
+        lines = (root / "config/sequences.tsv").read_text().splitlines()
+        cells = lines[-1].split("\t") + [""] * (len(SEQUENCES) - len(lines[-1].split("\t")))
+        cells[SEQUENCES.index(column)] = "{text}"
+        return "\n".join([*lines[:-1], "\t".join(cells)]) + "\n"
+
+    return text
+
+
+SHEETS_TEXT = {
+    "sequences": [(column, _cell(column)) for column in ("outfit", "walk", "exclude_reason")],
+    "gallery": [("outfit", lambda root: "subject\toutfit\tangle\tpath\nS01\t{text}\tfrontal\tg\n")],
+    "effort": [("what", lambda root: "what\tminutes\n{text}\t3\n")],
+}
+
+
+@pytest.mark.parametrize(
+    "text", ["=HYPERLINK(1)", "+1+1", "-1+cmd|' /C calc'!A0", "@SUM(1)", "＝1", "a\tb", "a\nb", "a\rb"]
+)
+@pytest.mark.parametrize("sheet", ["sequences", "gallery", "effort"])
+def test_free_text_that_a_spreadsheet_would_run_is_refused(root, sheet, text):
+    """By the sheets' readers, so that no CSV or TSV of a report, a release or an export can have it."""
+    for column, line in SHEETS_TEXT[sheet]:
+        path = root / f"config/{sheet}.tsv"
+        before = path.read_text() if path.exists() else None
+        path.write_text(line(root).replace("{text}", f'"{text}"' if text[1] in "\t\n\r" else text))
+        fails(root, f"config/{sheet}.tsv line", f"'{column}' is ", "free text", "= + - or @")
+        path.write_text(before) if before else path.unlink()
+
+
+@pytest.mark.parametrize(
+    "text", ["-", "+", "-0.5", "coat = 2 m", "a-b", "Mantel, rot", "赤い", "(none)", "'s coat", "5 kg +"]
+)
+def test_other_free_text_is_taken(root, text):
+    for column, line in SHEETS_TEXT["sequences"]:
+        (root / "config/sequences.tsv").write_text(line(root).replace("{text}", text))
+        assert text in {row[column] for row in project.load(root).rows.values()}
 
 
 @pytest.mark.parametrize(

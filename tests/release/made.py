@@ -1,5 +1,6 @@
 """A small project whose steps have run: four walks of three people, one of whom did not agree to the release."""
 
+import csv
 from dataclasses import fields
 
 import cv2
@@ -245,3 +246,20 @@ def build(given, **changes):
 def files(folder):
     """Content by path of all files in a folder."""
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def run_by_a_spreadsheet(folder):
+    """(file, cell) of the cells of CSV and TSV files in a folder that a spreadsheet would take for a formula."""
+    found = []
+    for path in sorted((*folder.rglob("*.csv"), *folder.rglob("*.tsv"))):
+        with path.open(newline="") as stream:
+            for row in csv.reader(stream, delimiter="\t" if path.suffix == ".tsv" else ","):
+                found += [(path.name, cell) for cell in row if cell[:1] in tuple("=+-@\t\r") and not number(cell)]
+    return found
+
+
+def number(cell):
+    try:
+        return bool(float(cell)) or True
+    except ValueError:
+        return False
