@@ -97,7 +97,7 @@ def run(
     another subject's.
     """
     loaded, out = projects.load(project, config), Path(out)
-    kept = set(map(loaded.pseudonym, loaded.released_subjects))
+    kept = set(loaded.released_subjects)
     _withdraw(out, kept)
     if not kept:
         shutil.rmtree(out, ignore_errors=True)

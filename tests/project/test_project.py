@@ -120,7 +120,7 @@ def test_what_is_written_is_what_is_read(root):
     assert p.close("field") == ["cam01", "cam02"] and list(p.cameras("field")) == ["cam01", "cam02", "cam03"]
     assert p.first_sequence("field") == "out_1"
     assert p.sequences_of("field") == ["out_1", "out_2"]
-    assert p.sequences_of_subject("S01") == ["out_1", "in_1"]
+    assert p.sequences_of_subject("zebra-0001") == ["out_1", "in_1"]
     assert (p.mocap("in_1"), p.mocap("out_1")) == (["data/in_1/mocap.c3d"], [])
     assert p.trigger_log("in_1") == ["data/in_1/trigger.jsonl"] and p.capture("in_1") == "walk 3"
     assert (p.trigger_log("out_1"), p.capture("out_1")) == ([], "")
@@ -129,7 +129,7 @@ def test_what_is_written_is_what_is_read(root):
     assert p.checks("out_1") == {"cam01": "config/checks/out_1.cam01.csv"}
     assert (p.offsets("in_1"), p.offsets("out_1")) == (["config/offsets/in_1.yaml"], [])
     assert p.truth("out_1") == [], "a column that the sheet lacks is empty"
-    assert p.released_subjects == ("S01",) and p.released_sequences == ("out_1", "in_1")
+    assert p.released_subjects == ("zebra-0001",) and p.released_sequences == ("out_1", "in_1")
     assert set(p.sequence("out_1")) == {*SEQUENCES, "truth"}
 
 
@@ -485,12 +485,13 @@ def test_metric_facts_have_sequences_for_subjects_and_the_heights_of_all(root):
     path.write_text(path.read_text() + FACT + THIGH + "stature: true\n")
     known = project.load(root).metric_facts("field")
     assert known["keypoint_distance"][0]["sequences"] == ["out_1"] and "subject" not in known["keypoint_distance"][0]
-    assert known["stature"] == [{"height_m": 1.72, "sigma_m": 0.01, "sequences": ["out_1"]}]
+    measured = {"subject": "zebra-0001", "height_m": 1.72, "sigma_m": 0.01, "sequences": ["out_1"]}
+    assert known["stature"] == known["heights"] == [measured]
     edit(root, "sessions/field/session.yaml", "stature: true\n", "")
     edit(root, "subjects.tsv", "1.72\t0.01", "1.72\t")
     known = project.load(root).metric_facts("field")
     assert known["stature"] == []
-    assert known["heights"] == [{"subject": "S01", "height_m": 1.72, "sigma_m": 0.0, "sequences": ["out_1"]}]
+    assert known["heights"] == [measured | {"sigma_m": 0.0}]
     edit(root, "subjects.tsv", "1.72\t", "\t")
     assert project.load(root).metric_facts("field")["heights"] == []
 
@@ -545,7 +546,7 @@ def test_the_gallery_may_be_there(root):
     sheet = root / "config/gallery.tsv"
     sheet.write_text(f"{header}S01\tcoat\tfrontal\tgallery/a/\t\t\nS01\tcoat\tdown45\t\tg.bag\t/cam/image\n")
     loaded = project.load(root)
-    assert list(loaded.gallery) == [("S01", "coat", "frontal"), ("S01", "coat", "down45")]
+    assert list(loaded.gallery) == [("zebra-0001", "coat", "frontal"), ("zebra-0001", "coat", "down45")]
     assert loaded.gallery_files() == [loaded.in_data("gallery/a"), loaded.in_data("g.bag")]
     for line, text in (
         ("S09\tcoat\tfrontal\ta\t\t", "subject 'S09' is not in config/subjects.tsv"),

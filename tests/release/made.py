@@ -204,10 +204,11 @@ def project(root, walks=WALKS):
         found[kind].append(results / path)
         return found[kind][-1]
 
-    for i, (name, who, _, environment, _) in enumerate(walks):
+    for i, (name, real, _, environment, _) in enumerate(walks):
+        who = PSEUDONYM[real]
         for camera in ROLES:
             labels(add("labels", f"reproject/{name}.{camera}.parquet"), who, name, camera)
-            pixels(add("pixels", f"pixels/{name}.{camera}.parquet"), PSEUDONYM.get(who, ""), name, camera)
+            pixels(add("pixels", f"pixels/{name}.{camera}.parquet"), who, name, camera)
         skeleton(add("skeletons", f"mocap/{name}.parquet"), who, name)
         frames(add("frames", f"frames/{name}.parquet"), name)
         clocks(add("clocks", f"clocks/{name}.parquet"), name)
