@@ -44,6 +44,10 @@ include: "workflow/rules/release.smk"
 fill_in_lines()
 
 
+onstart:
+    secret.keep(os.getcwd(), KEY)
+
+
 onsuccess:
     say_what_to_open()
 

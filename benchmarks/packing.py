@@ -124,7 +124,7 @@ class Sources:
             self._table(
                 "labels", "reproject", unit, "labels_2d", self._labels(words | {"camera": camera}, joints, stamps)
             )
-            shown = {**words, "subject": self.project.pseudonym(who), "camera": camera}
+            shown = {**words, "camera": camera}
             self._table("pixels", "pixels", unit, "released_frames", self._pictures(shown, stamps))
         self._table("skeletons", "refine", sequence, "skeletons_3d", self._skeleton(words, joints, stamps))
         each = {"camera": tables.Repeated(cameras, np.repeat(np.arange(len(cameras)), FRAMES))}
@@ -224,7 +224,7 @@ def measure_labels(root):
             gallery=None, steps={}, out=out,
         )  # fmt: skip
     with told("tarballs"):
-        for part in [*map(sources.project.pseudonym, sources.project.released_subjects), checksums.METADATA]:
+        for part in [*sources.project.released_subjects, checksums.METADATA]:
             tarballs.run(release=out, subject=part, out=out.with_name(f"{out.name}-{part}.tar"))
     size = sum(path.stat().st_size for path in out.rglob("*") if path.is_file())
     seconds = time.monotonic() - began

@@ -84,15 +84,15 @@ def check_height(
 ) -> None:
     """Refuse a person (points as for `check`) who is not as tall as subjects.tsv says, `height_m` +- `sigma_m`.
 
-    Beyond `share` of it, and beyond 4 sigma.
+    Beyond `share` of it, and beyond 4 sigma. The message, which goes into a log, does not tell the height.
     """
-    found = stature(points, joints)
+    off = stature(points, joints) - height_m
     limit = max(share * height_m, HEIGHT_SIGMAS * sigma_m)
-    if abs(found - height_m) > limit:
+    if abs(off) > limit:
         raise DiorError(
-            f"{where}: {subject} would be {found:.2f} m tall, config/subjects.tsv says {height_m:.2f} m, which is "
-            f"{abs(found - height_m):.2f} m off and more than {limit:.2f} m (physics.stature_share); correct height_m, "
-            "or the scale by the tape, the tag's size_m and the other metric facts, or is somebody else walking?"
+            f"{where}: {subject} would be {100 * abs(off):.0f} cm {'taller' if off > 0 else 'smaller'} than "
+            f"config/subjects.tsv says, more than {100 * limit:.0f} cm (physics.stature_share); correct height_m, or "
+            "the scale by the tape, the tag's size_m and the other metric facts, or is somebody else walking?"
         )
 
 

@@ -39,6 +39,7 @@ from dior.errors import DiorError, nearest
 from dior.geometry import camera_tables, disagreeing_views
 from dior.geometry.camera import REFERENCE_FX, Camera, reprojection_errors
 from dior.geometry.triangulation import triangulated
+from dior.project import heights
 from dior.project.camera_file import camera_settings
 from dior.tables import tables
 from dior.tables.tables import Finding
@@ -300,13 +301,15 @@ class Measured:
     """What is known in metres, and where it is in the pictures.
 
     `known`: metric facts (`Project.metric_facts`); `marks`: marks CSVs of the close cameras; `marked`: the sequences of
-    which these are used; `tags`: tables `marks` that place wrote of cameras that see the AprilTag.
+    which these are used; `tags`: tables `marks` that place wrote of cameras that see the AprilTag; `people`: the
+    subjects.tsv that has the heights of whom `known` names without.
     """
 
     known: dict[str, Any]
     marks: list[Path]
     marked: list[str]
     tags: list[Path]
+    people: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -338,7 +341,7 @@ def run(
 
     `camera_files`: the YAML files, named by their camera; `physics`: limits (`dior.body.plausible`).
     """
-    window, known = walks.window, measured.known
+    window, known = walks.window, heights.filled(measured.known, measured.people)
     huber_px, max_mean_px, intrinsics_sigma = choices.huber_px, choices.max_mean_px, choices.intrinsics_sigma
     placed = list(camera_tables.read_cameras(cameras).values())
     yamls = {Path(path).stem.partition("@")[0]: path for path in camera_files}

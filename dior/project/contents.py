@@ -21,7 +21,8 @@ class Project:
     """What the workflow and the release know of a project. `rows` and `subjects`: sheet rows by name, as strings, of
     those who agreed to be processed; `withheld`: the rows of the other sequences, by which only names are checked;
     `gallery`: those of gallery.tsv by (subject, outfit, angle); `detectors`: those of detectors.tsv by (sequence,
-    camera, tool, zoom).
+    camera, tool, zoom). A subject is the pseudonym in all of them; `pseudonyms` tells by the name in the sheet, which
+    nothing but the reading of config/ asks: what is made of a person is found, and forgotten, without the name.
 
     `session_files` and `camera_files`: contents of session.yaml by session and of the camera YAMLs by session and
     camera, defaults filled in. `marks`: by (session, camera), the sequences named in the marks, in order, each with
@@ -40,6 +41,7 @@ class Project:
     detectors: dict[tuple[str, ...], Row] = field(default_factory=dict)
     withheld: Rows = field(default_factory=dict)
     left_out: list[tuple[str, str]] = field(default_factory=list)
+    pseudonyms: dict[str, str] = field(default_factory=dict, repr=False)
 
     @property
     def data_root(self) -> str:
@@ -69,9 +71,8 @@ class Project:
 
     @cached_property
     def released_subjects(self) -> tuple[str, ...]:
-        """Subjects of the processed sequences who consent to the release, in the order of their pseudonyms."""
-        agreed = [name for name in self.processed_subjects if self.consents(name, "release")]
-        return tuple(sorted(agreed, key=self.pseudonym))
+        """Subjects of the processed sequences who consent to the release, sorted."""
+        return tuple(name for name in self.processed_subjects if self.consents(name, "release"))
 
     @cached_property
     def released_sequences(self) -> tuple[str, ...]:
@@ -124,9 +125,6 @@ class Project:
     def indoor(self, sequence: str) -> bool:
         return self.rows[sequence]["environment"] == "indoor"
 
-    def pseudonym(self, subject: str) -> str:
-        return self.subjects[subject]["pseudonym"]
-
     def sequences_of(self, session: str) -> list[str]:
         """Processed sequences of a session, in the order of recording."""
         return [name for name in self.sequences if self.rows[name]["session"] == session]
@@ -175,7 +173,8 @@ class Project:
     def metric_facts(self, session: str) -> dict[str, Any]:
         """What is known in metres of a session that is adjusted, subjects replaced by their sequences of the window.
 
-        `heights`: of the window's subjects, where subjects.tsv has them, to judge the adjusted people by.
+        `heights`: of the window's subjects, where subjects.tsv has them, to judge the adjusted people by; `stature`:
+        those of them that the adjustment uses.
         """
         settings, window = self.session_files[session], self.window(session)
 
@@ -198,8 +197,7 @@ class Project:
             for subject in sorted({self.subject_of(name) for name in window})
             if self.subjects[subject]["height_m"]
         ]
-        with_sigma = [fact for fact in known["heights"] if settings.get("stature") and fact["sigma_m"]]
-        known["stature"] = [{key: value for key, value in fact.items() if key != "subject"} for fact in with_sigma]
+        known["stature"] = [fact for fact in known["heights"] if settings.get("stature") and fact["sigma_m"]]
         return known
 
     def marks_sequences(self, session: str, camera: str) -> list[str]:

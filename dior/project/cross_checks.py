@@ -345,6 +345,7 @@ def _check_facts(project: Project, session: str) -> None:
     """The metric facts are about cameras of the session and people of the walks that it is adjusted with."""
     shown, settings, window = project.session_file(session), project.session_files[session], project.window(session)
     close, people = project.close(session), sorted({project.subject_of(name) for name in window})
+    named = {pseudonym: name for name, pseudonym in project.pseudonyms.items()}
     for i, fact in enumerate(settings.get("distances", [])):
         first, second = fact["between"]
         if first not in close:
@@ -361,14 +362,14 @@ def _check_facts(project: Project, session: str) -> None:
         # after a bump the walks of a subject may all be in the other part of the session
         if name not in {project.subject_of(walk) for walk in project.whole_session(session)}:
             raise DiorError(
-                f"{shown}: 'keypoint_distance.{i}.subject' is '{name}', who walks in no sequence of session "
-                f"'{session}'{nearest(name, people)}"
+                f"{shown}: 'keypoint_distance.{i}.subject' is '{named.get(name, name)}', who walks in no sequence of "
+                f"session '{session}'{nearest(name, [named[who] for who in people])}"
             )
     measured = [name for name in people if project.subjects[name]["height_m"]]
     if settings.get("stature") and not any(project.subjects[name]["height_sigma_m"] for name in measured):
         raise DiorError(
             f"{shown}: 'stature' needs height_m and height_sigma_m in config/subjects.tsv of one of the people in "
-            f"'adjust': {', '.join(people)}"
+            f"'adjust': {', '.join(named[who] for who in people)}"
         )
 
 

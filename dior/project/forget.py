@@ -3,7 +3,9 @@
 INPUTS   a project's sheets, results/, logs/ and .snakemake/
 OUTPUTS  lines on standard output; with `yes` the files are gone
 A run of the workflow makes nothing of them any more and leaves them out of the report and of the release, but what was
-made of each sequence is kept where it is until then, and so are releases of other versions and their tarballs.
+made of each sequence is kept where it is until then, and so are releases of other versions and their tarballs, and what
+Snakemake noted. Of what is about all it is told by the record that it was made of somebody who is gone; a run makes it
+anew, unless nothing asks for it any more.
 What people wrote (config/) and the recordings are only named: they are nobody's output.
 """
 
@@ -12,7 +14,7 @@ import os
 import re
 import shutil
 from base64 import b64decode
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from dior.errors import DiorError
@@ -39,17 +41,29 @@ OF_ALL = {
 }
 SUMS, RELEASES = "SHA256SUMS", Path("results/release")
 RECORDS = (".snakemake/metadata", ".snakemake/incomplete")
+# what Snakemake writes besides: of whole runs, and of jobs that were killed
+NOTES = ("logs", ".snakemake/log", ".snakemake/scripts", ".snakemake/auxiliary", ".snakemake/iocache")
+# paths of outputs and logs in a text
+PATHS = re.compile(r"(?:results|logs)/[A-Za-z0-9_@./-]+")
+# a pattern that finds nothing
+NOWHERE = r"(?!)"
+# a person may have begun to fill it in: only what it has of those who are gone is deleted
+BY_HAND = Path("results/evaluate/to_mark")
 
 
 class Known:
     """The names that a project has: `units` (sequences and sessions) and of the released ones `walks`, (pseudonym,
-    sequence) pairs; `withheld`: rows of the sequences of people who may not be processed.
+    sequence) pairs; `pseudonyms`: of these; `withheld`: rows of the sequences of people who may not be processed;
+    `gone`: the names of these people in the sheet, but for numbers and single letters, and their pseudonyms.
     """
 
     def __init__(self, root: Path) -> None:
         (rows, _), (people, _) = sheets(root)
         rows, self.withheld = processed(bumps.in_parts(root, rows), people)
         self.units = {*rows, *(row["session"] for row in rows.values())}
+        left_out = [row for row in people.values() if not consents(row, "processing")]
+        words = {row[key] for row in left_out for key in ("subject", "pseudonym")}
+        self.gone = {word for word in words if _is_name(word)}
         agreed = {name: row["pseudonym"] for name, row in people.items() if consents(row)}
         self.walks = {
             (agreed[row["subject"]], name)
@@ -57,6 +71,11 @@ class Known:
             if row["subject"] in agreed and not row["exclude_reason"]
         }
         self.pseudonyms = {who for who, _ in self.walks}
+
+
+def _is_name(word: str) -> bool:
+    """Whether a word can be looked for in a text: a number or a letter is anywhere."""
+    return len(word) > 1 and not word.isdigit()
 
 
 def run(*, project: Path = Path("."), yes: bool = False) -> None:
@@ -68,9 +87,8 @@ def run(*, project: Path = Path("."), yes: bool = False) -> None:
     if not (root / "config").is_dir():
         raise DiorError(f"{root}: is no project (there is no config/ in it); give --project the folder that holds it")
     known = Known(root)
-    found = [*left(root, known), *_records(root, known)]
-    units = {unit for path in found if (unit := _unit(path.parts))}
-    found += _run_logs(root, units | set(known.withheld))
+    tells = _Telling(known)
+    found = [*left(root, known), *_made_of(root, tells), *_notes(root, tells)]
     found = sorted(dict.fromkeys(found))
     for path in found:
         print(path)
@@ -164,15 +182,64 @@ def _walks(release: Path) -> set[tuple[str, str]]:
     return {(who, file.split(".")[0]) for _, who, file in parts}
 
 
-def _records(root: Path, known: Known) -> list[Path]:
-    """Snakemake's records of outputs that are named by what the project does not have."""
-    found = []
+class _Telling:
+    """Whether a text tells of somebody who is gone: by a name that the sheets still have, or by the path of an output
+    that the project does not have any more.
+    """
+
+    def __init__(self, known: Known) -> None:
+        self.known = known
+        self.words = _naming({*known.gone, *filter(_is_name, known.withheld)})
+        # a record has names in quotes, and after a flag; anywhere else a name may be a word of dior's own
+        self.quoted = _naming(known.gone, r"""(?<=["'])""", r"""(?=[\\"'])""")
+        self.typed = _naming(known.gone, r"--[\w-]+ ", r"""(?=[\s"'])""")
+
+    def text(self, text: str) -> bool:
+        return bool(self.words.search(text)) or self._paths(text)
+
+    def record(self, text: str) -> bool:
+        return bool(self.quoted.search(text) or self.typed.search(text)) or self._paths(text)
+
+    def _paths(self, text: str) -> bool:
+        return any(self.path(path) for path in set(PATHS.findall(text)))
+
+    def path(self, path: str) -> bool:
+        """Whether an output or a log is about what the project does not have; in a release a person's folder tells."""
+        parts = Path(path).parts
+        if parts[:2] != RELEASES.parts:
+            return _is_stray(parts, self.known)
+        # results/release/<version>/<table>/<pseudonym>/<sequence>[.<camera>].parquet
+        of_walk = len(parts) == 6 and parts[5].endswith(".parquet")
+        return of_walk and (parts[4], parts[5].split(".")[0]) not in self.known.walks
+
+
+def _made_of(root: Path, tells: _Telling) -> list[Path]:
+    """Snakemake's records of outputs that are not there or were made of somebody who is gone; and these outputs."""
+    records = list(_records(root))
+    lost = {path for path, output in records if tells.path(output) or not os.path.lexists(root / output)}
+    kept = {output: path for path, output in records if path not in lost and path.parts[1] == "metadata"}
+    stale: set[str] = set()
+    more = {output for output, path in kept.items() if tells.record(_text(root / path))}
+    while more:
+        stale |= more
+        # what was made of a stale output is stale, too: what is up to date has other inputs
+        quoted = re.compile("|".join(f'"{re.escape(output)}"' for output in more))
+        more = {output for output in kept.keys() - stale if quoted.search(_text(root / kept[output]))}
+    return [*lost, *(kept[output] for output in stale), *(Path(output) for output in stale if _is_made(output))]
+
+
+def _is_made(output: str) -> bool:
+    """Whether an output may be deleted as a whole. The release's own files are judged by `_releases`."""
+    path = Path(output)
+    return path.parts[0] == "results" and path.parts[1:2] != RELEASES.parts[1:] and path != BY_HAND
+
+
+def _records(root: Path) -> Iterator[tuple[Path, str]]:
+    """Snakemake's records, relative to `root`, with the output that each is about."""
     for folder in filter(lambda folder: (root / folder).is_dir(), map(Path, RECORDS)):
-        for path in (root / folder).rglob("*"):
+        for path in sorted(path for path in (root / folder).rglob("*") if path.is_file()):
             coded = "".join(part.removeprefix("@") for part in path.relative_to(root / folder).parts)
-            if path.is_file() and _is_stray(Path(_decoded(coded)).parts, known):
-                found.append(path.relative_to(root))
-    return found
+            yield path.relative_to(root), _decoded(coded)
 
 
 def _decoded(name: str) -> str:
@@ -182,17 +249,21 @@ def _decoded(name: str) -> str:
         return ""
 
 
-def _run_logs(root: Path, names: set[str]) -> list[Path]:
-    """Snakemake's logs of whole runs that name one of these."""
-    if not names:
-        return []
-    logs, named = sorted((root / ".snakemake/log").glob("*.log")), _naming(names)
-    return [path.relative_to(root) for path in logs if named.search(path.read_text(encoding="utf-8", errors="replace"))]
+def _notes(root: Path, tells: _Telling) -> list[Path]:
+    """Logs of steps and of whole runs, and what killed jobs left, that tell of somebody who is gone."""
+    folders = [root / folder for folder in NOTES]
+    files = sorted(path for folder in folders if folder.is_dir() for path in folder.rglob("*") if path.is_file())
+    return [path.relative_to(root) for path in files if tells.text(_text(path))]
 
 
-def _naming(names: Iterable[str]) -> re.Pattern[str]:
-    """What finds one of some names as a word of its own in a text."""
-    return re.compile(rf"(?<![\w-])({'|'.join(map(re.escape, sorted(names)))})(?![\w-])")
+def _text(path: Path) -> str:
+    return path.read_text(encoding="utf-8", errors="replace")
+
+
+def _naming(names: Iterable[str], before: str = r"(?<![\w-])", after: str = r"(?![\w-])") -> re.Pattern[str]:
+    """What finds one of some names in a text, as a word of its own or between what `before` and `after` say."""
+    words = "|".join(map(re.escape, sorted(names)))
+    return re.compile(f"{before}(?:{words}){after}" if words else NOWHERE)
 
 
 def _by_people(root: Path, known: Known) -> list[str]:
@@ -205,13 +276,11 @@ def _by_people(root: Path, known: Known) -> list[str]:
         files = [*bags_of(row), row["mocap"], row["detections"].partition("{")[0], row["trigger_log"].partition("#")[0]]
         recordings |= {str(data / path) for path in files if path and path != "detect"}
     there = [path for path in sorted(recordings) if (root / path).exists() and not path.startswith("results/")]
-    if not known.withheld:
-        return there
-    named = _naming(known.withheld)
+    named = _naming({*known.withheld, *known.gone})
     for path in sorted((root / "config").rglob("*")):
         if not path.is_file() or path.name in ("sequences.tsv", "subjects.tsv"):
             continue
-        if named.search(path.name) or named.search(path.read_text(encoding="utf-8", errors="replace")):
+        if named.search(path.name) or named.search(_text(path)):
             there.append(str(path.relative_to(root)))
     return there
 

@@ -7,11 +7,14 @@ counts as two (dior/project/bumps.py). Nothing else is globbed: the sheets and s
 each time Snakemake parses the workflow, so this module loads no numerics, and YAML and the schemas' validator only when
 asked.
 
-Who did not agree to be processed (dior/project/consent.py) is not there: the rows are dropped as soon as the sheets are
-read, and what else names one of these sequences is left alone or, where nothing is left without it, complained about.
+People are called by their pseudonyms as soon as the sheets are checked, so that no step, parameter, log or table has a
+name. Who did not agree to be processed (dior/project/consent.py) is not there: the rows are dropped as soon as the
+sheets are read, and what else names one of these sequences is left alone or, where nothing is left without it,
+complained about.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -56,6 +59,7 @@ def load(root: AnyPath, config: dict[str, Any] | None = None) -> Project:
         raise DiorError("config/sequences.tsv: every row has an exclude_reason, so there is nothing to process")
     cross_checks.check_sheets(project, people, lines)
     cross_checks.check_gallery(project, people, gallery_lines)
+    project = _by_pseudonym(project, people)
     for session in project.sessions:
         sessions.read(project, session)
     cross_checks.check_sessions(project, lines)
@@ -78,6 +82,24 @@ def read_config(root: AnyPath) -> dict[str, Any]:
     if not isinstance(content, dict):
         raise DiorError(f"{shown}: is a {type(content).__name__}, not keys with values such as `data_root: data`")
     return content
+
+
+def _by_pseudonym(project: Project, people: Rows) -> Project:
+    """The project with every subject called by the pseudonym. `people`: all rows of subjects.tsv."""
+    pseudonyms = {name: row["pseudonym"] for name, row in people.items()}
+
+    def hidden(row: Row) -> Row:
+        # an excluded row may be of somebody who is in no sheet
+        return {**row, "subject": pseudonyms.get(row["subject"], "")}
+
+    return replace(
+        project,
+        rows={name: hidden(row) for name, row in project.rows.items()},
+        withheld={name: hidden(row) for name, row in project.withheld.items()},
+        gallery={(pseudonyms[name[0]], *name[1:]): hidden(row) for name, row in project.gallery.items()},
+        subjects={row["pseudonym"]: hidden(row) for row in project.subjects.values()},
+        pseudonyms=pseudonyms,
+    )
 
 
 def sheets(root: AnyPath) -> tuple[tuple[Rows, dict[str, int]], tuple[Rows, dict[str, int]]]:

@@ -74,7 +74,11 @@ def _tag(project: Project, session: str, tag: dict[str, Any], elsewhere: set[str
 
 
 def _facts(project: Project, session: str, facts: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The distances between joints but those of people who may not shape the poses."""
+    """The distances between joints but those of people who may not shape the poses; subjects by pseudonym."""
+    facts = [
+        fact | {"subject": project.pseudonyms.get(fact["subject"], fact["subject"])} if "subject" in fact else fact
+        for fact in facts
+    ]
     folder, rows = bumps.session_folder(session), {**project.rows, **project.withheld}
     here = {name: row["subject"] for name, row in rows.items() if bumps.session_folder(row["session"]) == folder}
     barred = {here[name] for name in project.barred(session)}

@@ -14,7 +14,7 @@ import pyarrow as pa
 
 from dior.evaluate import statistics
 from dior.project import licenses
-from dior.release import citation
+from dior.release import citation, escape
 from dior.release.layout import Part
 from dior.release.people_tables import Walks
 from dior.tables import tables
@@ -56,6 +56,7 @@ def text(release: dict[str, Any], walks: Walks, counted: Rows, figures: Rows, pa
         undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True
     )
     environment.filters["quoted"] = lambda word: json.dumps(str(word), ensure_ascii=False)
+    environment.filters["shown"] = escape.markdown
     environment.filters["cell"] = lambda word: str(word).replace("|", "\\|")
     rows, names = list(walks.values()), [part.name for part in parts]
     return environment.from_string(TEMPLATE.read_text(encoding="utf-8")).render(

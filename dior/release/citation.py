@@ -4,9 +4,11 @@ INPUT    the `release:` section of the config. OUTPUT: YAML text
 """
 
 import json
+import re
 from typing import Any
 
 from dior.project import licenses
+from dior.release import escape
 
 MESSAGE = "If you use this dataset, please cite it as below."
 # the format asks for an author; so does nobody where the config names none
@@ -38,9 +40,11 @@ def _what(release: dict[str, Any]) -> list[str]:
 
 def bibtex(release: dict[str, Any]) -> str:
     """One @misc entry, for Croissant's citeAs and for the card."""
-    authors = " and ".join(release["authors"]) or NOBODY
-    fields = {"title": f"{{{release['title']}}}", "author": authors, "note": f"version {release['version']}"}
-    fields |= {key: str(release[key]) for key in ("year", "doi") if release[key]}
+    authors = " and ".join(map(escape.bibtex, release["authors"])) or NOBODY
+    fields = {"title": f"{{{escape.bibtex(release['title'])}}}", "author": authors}
+    fields |= {"note": f"version {release['version']}"}
+    # a DOI stands as it is in BibTeX; its own characters are none of TeX's but _, which every style takes there
+    fields |= {key: re.sub(r"[\\{}\s]", "", str(release[key])) for key in ("year", "doi") if release[key]}
     inner = ", ".join(f"{key} = {{{value}}}" for key, value in fields.items())
     return f"@misc{{dior-{release['version']}, {inner}}}"
 

@@ -11,15 +11,13 @@ from dior.tables import tables
 
 
 def released(paths: Iterable[Path], walks: Walks) -> list[dict[str, Any]]:
-    """Rows of metrics.csv: those of the released walks, by pseudonym, pooled over them.
+    """Rows of metrics.csv: those of the released walks, pooled over them.
 
     A row of no sequence is the adjustment's of a session, which uses the walks of people who agreed only.
     """
     rows = []
     for path in paths:
         for figure in rows_of(tables.read(path, "metrics")):
-            if figure["sequence"] in walks:
-                rows.append({**figure, "subject": walks[figure["sequence"]]["subject"]})
-            elif not figure["sequence"] and not figure["subject"]:
+            if figure["sequence"] in walks or not figure["sequence"] and not figure["subject"]:
                 rows.append(figure)
     return merged(rows)

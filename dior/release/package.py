@@ -32,6 +32,7 @@ from dior.release import (
     checksums,
     citation,
     croissant,
+    escape,
     layout,
     metrics_csv,
     people_tables,
@@ -96,7 +97,7 @@ def run(
     another subject's.
     """
     loaded, out = projects.load(project, config), Path(out)
-    kept = set(map(loaded.pseudonym, loaded.released_subjects))
+    kept = set(loaded.released_subjects)
     _withdraw(out, kept)
     if not kept:
         shutil.rmtree(out, ignore_errors=True)
@@ -226,7 +227,8 @@ def _write_about(
     write_text(folder / "README.md", card.text(release, walks, counted, figures, parts, example))
     write_text(folder / "LICENSE", licenses.text(release, project.root))
     write_text(folder / "CITATION.cff", citation.text(release))
-    write_text(folder / "croissant.json", _json(croissant.content(folder, release, card.summary(walks, counted))))
+    described = croissant.content(folder, release, card.summary(walks, counted))
+    write_text(folder / "croissant.json", escape.json_in_page(_json(described)))
     write_text(folder / "provenance.json", _json(made_of))
 
 

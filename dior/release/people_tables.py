@@ -23,17 +23,14 @@ SHEET_COLUMNS = ("sequence", "environment", "outfit", "walk", "subject")
 def released_walks(project: Project, frames: dict[str, Path]) -> Walks:
     """Rows of the sheet by sequence, sorted by pseudonym and sequence, of the walks that are released.
 
-    `frames`: the `frames` table by sequence. `subject` is the pseudonym, `real_name` who it is; `session` is the
-    project's, `released_session` what the release calls it; `cameras` are the names of those that recorded it;
-    `shift_ns` is what is subtracted from every stamp.
+    `frames`: the `frames` table by sequence. `session` is the project's, `released_session` what the release calls it;
+    `cameras` are the names of those that recorded it; `shift_ns` is what is subtracted from every stamp.
     """
     rows = {name: project.sequence(name) for name in project.released_sequences}
     shown, shifts = _session_names(rows), _shifts_ns(project, frames)
     walks: list[dict[str, Any]] = [
         {
             **row,
-            "real_name": row["subject"],
-            "subject": project.pseudonym(row["subject"]),
             "released_session": shown[row["session"]],
             "cameras": sorted(project.cameras_of(name)),
             "shift_ns": shifts[row["subject"]],
@@ -44,7 +41,7 @@ def released_walks(project: Project, frames: dict[str, Path]) -> Walks:
 
 
 def _shifts_ns(project: Project, frames: dict[str, Path]) -> dict[str, int]:
-    """By real name, ns to take off the stamps: 0 unless the config asks for more."""
+    """By subject, ns to take off the stamps: 0 unless the config asks for more."""
     people = project.released_subjects
     if not project.config["release"]["shift_stamps"]:
         return dict.fromkeys(people, 0)
@@ -77,24 +74,21 @@ def sequences(walks: Walks) -> dict[str, list[Any]]:
 
 
 def subjects(walks: Walks, people: dict[str, dict[str, str]]) -> dict[str, list[Any]]:
-    """Columns of `subjects`; `people`: rows of subjects.tsv by real name."""
-    real = {walk["subject"]: walk["real_name"] for walk in walks.values()}
-    names = sorted(real)
+    """Columns of `subjects`; `people`: rows of subjects.tsv by pseudonym."""
+    names = sorted({walk["subject"] for walk in walks.values()})
 
     def metres(column: str) -> list[float]:
-        return [float(people[real[name]][column] or "nan") for name in names]
+        return [float(people[name][column] or "nan") for name in names]
 
     return {"subject": names, "height_m": metres("height_m"), "height_sigma_m": metres("height_sigma_m")}
 
 
 def gallery(path: Path, walks: Walks) -> Table:
-    """Columns of the gallery of the released subjects, by pseudonym, without the files, which name machines."""
-    pseudonyms = {walk["real_name"]: walk["subject"] for walk in walks.values()}
-    shifts = {walk["real_name"]: walk["shift_ns"] for walk in walks.values()}
+    """Columns of the gallery of the released subjects, without the files, which name machines."""
+    shifts = {walk["subject"]: walk["shift_ns"] for walk in walks.values()}
     table = tables.read(path, "gallery")
-    table = tables.rows(table, np.array([name in pseudonyms for name in table["subject"]], bool))
+    table = tables.rows(table, np.array([name in shifts for name in table["subject"]], bool))
     ns = np.array([shifts[name] for name in table["subject"]], np.int64)
     table["stamp_ns"] = shift_stamps.shifted_stamps(table["stamp_ns"], ns)
-    table["subject"] = np.array([pseudonyms[name] for name in table["subject"]], object)
     order = np.lexsort([table[key].astype(str) for key in ("angle", "outfit", "subject")])
     return {key: table[key][order] for key in tables.columns_of("released_gallery")}

@@ -48,14 +48,14 @@ def write(folder: Path, walk: dict[str, Any], sources: Sources) -> None:
     joints = {}
     for camera in walk["cameras"]:
         recording = f"{who}/{name}.{camera}.parquet"
-        labels = _as_pseudonym(tables.read_arrow(sources.labels[camera], "labels_2d"), sources.labels[camera], walk)
+        labels = _own(tables.read_arrow(sources.labels[camera], "labels_2d"), sources.labels[camera], walk)
         joints[camera] = labels["joint"].combine_chunks().dictionary.to_pylist()
         tables.write_arrow(folder / "labels_2d" / recording, labels)
         _check_pictures(sources.pixels[camera], walk, camera, stamps[camera])
         link(sources.pixels[camera], folder / "frames" / recording)
     skeleton = tables.read_arrow(sources.skeleton, "skeletons_3d")
     out = folder / "skeletons_3d" / who / f"{name}.parquet"
-    tables.write_arrow(out, _as_pseudonym(skeleton, sources.skeleton, walk))
+    tables.write_arrow(out, _own(skeleton, sources.skeleton, walk))
     if sources.detections:
         _write_detections(sources.detections, walk, folder)
     for camera, path in sources.boxes.items():
@@ -69,19 +69,17 @@ def _stamps(index: Table, camera: str) -> dict[int, int]:
     return dict(zip(mine["frame"].tolist(), mine["stamp_ns"].tolist(), strict=True))
 
 
-def _as_pseudonym(table: pa.Table, path: Path, walk: dict[str, Any]) -> pa.Table:
-    """The table with the pseudonym as its subject, once it is sure whose it is."""
-    for column, expected in (("subject", walk["real_name"]), ("sequence", walk["sequence"])):
+def _own(table: pa.Table, path: Path, walk: dict[str, Any]) -> pa.Table:
+    """The table with the release's stamps and metadata, once it is sure whose it is."""
+    for column, expected in (("subject", walk["subject"]), ("sequence", walk["sequence"])):
         names = pc.unique(table[column].cast(pa.string())).to_pylist()
         if names not in ([expected], []):
             raise DiorError(
                 f"{path}: the {column} is {names[0]}, but the sheet says {expected}; delete it and run again"
             )
     kind = tables.kind_of(table)
-    at = table.schema.get_field_index("subject")
-    named = table.set_column(at, SCHEMAS[kind].field("subject"), _repeated(walk["subject"], len(table)))
-    named = shift_stamps.shifted(named, walk["shift_ns"]) if walk["shift_ns"] else named
-    return named.replace_schema_metadata(tables.own_metadata(kind))
+    table = shift_stamps.shifted(table, walk["shift_ns"]) if walk["shift_ns"] else table
+    return table.replace_schema_metadata(tables.own_metadata(kind))
 
 
 def _repeated(word: str, length: int) -> pa.DictionaryArray:

@@ -25,7 +25,7 @@ def write(
     environment: "jinja2.Environment", project: Project, frames: int, effort: Path | None, out_timing: Path, out: Path
 ) -> None:
     """Write the table and the page. `environment`: Jinja's, `frames`: of the dataset, `effort`: file or None."""
-    people = [project.pseudonym(name) for name in project.released_subjects]
+    people = list(project.released_subjects)
     jobs = timing.collect(project.root / "logs", project.sequences, project.sessions, people)
     rows = timing.by_step(jobs, frames)
     write_text(out_timing, timing.as_csv(rows))

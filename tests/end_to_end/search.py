@@ -1,13 +1,16 @@
 """Everything that files tell: their bytes, and what these mean where they are packed or coded.
 
 Parquet cells, schema and metadata; members of tar and zip files, with names and owners; what is gzipped; JSON and HTML
-with their escapes undone; and the bytes of pictures inside any of them.
+with their escapes undone; the bytes of pictures inside any of them; and names of files in base64, which Snakemake's
+records have.
 """
 
+import base64
 import gzip
 import html
 import io
 import json
+import re
 import tarfile
 import zipfile
 from pathlib import Path
@@ -25,7 +28,15 @@ def told(path, root=None):
         return
     where = str(path.relative_to(root)) if root else path.name
     yield where, where.lower().encode()
+    yield where, _named_in_base64(path.name)
     yield from _content(where, path.read_bytes())
+
+
+def _named_in_base64(name):
+    code = "".join(re.findall(r"[A-Za-z0-9_-]", name))
+    # as many characters as are whole bytes
+    code = code[: -1 if len(code) % 4 == 1 else None]
+    return base64.urlsafe_b64decode(code + "=" * (-len(code) % 4)).lower()
 
 
 def _content(where, content):

@@ -5,6 +5,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
+from dior.project import project as projects
 from dior.simulate import config as simulated
 from dior.simulate import settings
 from dior.simulate.clocks import clocks_of
@@ -36,7 +37,7 @@ def project(tmp_path_factory):
 
 def test_labels_are_near_the_truth(project):
     rows = metrics(project)
-    by_sequence = {"subject": "S01", "role": "close"}
+    by_sequence = {"subject": projects.load(project).subject_of("indoor_01"), "role": "close"}
     assert figure(rows, "error_to_truth_2d", sequence="indoor_01", **by_sequence) < 0.4
     assert figure(rows, "error_to_truth_2d", sequence="outdoor_01", **by_sequence) < 3.0
     assert figure(rows, "error_to_truth_2d", role="long_range") < 1.5

@@ -3,6 +3,7 @@
 The search decodes every table, JSON, tar member, picture and page, and is first seen to find what is there.
 """
 
+import re
 import shutil
 from collections import Counter
 from pathlib import Path
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 
 from dior.cli import main
-from dior.project import project
+from dior.project import project, secret
 from dior.tables import tables
 from tests.end_to_end import lab
 from tests.end_to_end.search import holding
@@ -23,6 +24,8 @@ GONE, WALKS = "Lindqvist", ("hall_quartz", "lawn_quartz")
 RELEASED = Path("results/release")
 # what others get to see
 SHOWN = ("results/release", "results/report", "results/evaluate/metrics.csv", "results/evaluate/statistics.csv")
+# what people wrote and recorded; of all else nothing may tell who somebody is
+THEIRS = ("config", "recordings")
 # exports of the part of the split in which there was nobody else
 EMPTIED = ("coco/person_keypoints_val.json", "gaitgraph/dior_pose_valid.csv")
 ALONE_IN = {f"dior-0.1.0-exports/{name}" for name in EMPTIED}
@@ -36,6 +39,9 @@ def before(tmp_path_factory):
     folder = tmp_path_factory.mktemp("lab") / "gait"
     with pytest.MonkeyPatch.context() as monkeypatch:
         lab.write(folder, monkeypatch)
+    sheet = folder / "config/subjects.tsv"
+    # a height that is found nowhere by chance
+    sheet.write_text(re.sub(rf"(?m)^({GONE}\t.+?\t\d\.\d+)", r"\g<1>0137", sheet.read_text()))
     snakemake(folder)
     snakemake(folder, "release")
     return folder
@@ -46,11 +52,7 @@ def after(before, tmp_path_factory):
     """The same when one has withdrawn and it has run again; and what that run said."""
     folder = tmp_path_factory.mktemp("withdrawn") / "gait"
     shutil.copytree(before, folder, symlinks=True)
-    sheet = folder / "config/subjects.tsv"
-    lines = sheet.read_text().splitlines()
-    at = next(i for i, line in enumerate(lines) if line.startswith(GONE))
-    lines[at] = lines[at].replace("\tyes\tyes", "\tno\tyes")
-    sheet.write_text("\n".join(lines) + "\n")
+    refuse(folder)
     _, text = snakemake(folder)
     return folder, text
 
@@ -58,6 +60,26 @@ def after(before, tmp_path_factory):
 def pseudonym(folder):
     line = next(line for line in (folder / "config/subjects.tsv").open() if line.startswith(GONE))
     return line.split("\t")[1]
+
+
+def height(folder):
+    line = next(line for line in (folder / "config/subjects.tsv").open() if line.startswith(GONE))
+    return line.split("\t")[2]
+
+
+def made(folder, words):
+    """(word, where) of what the workflow and Snakemake have made."""
+    entries = [entry for entry in sorted(folder.iterdir()) if entry.name not in THEIRS]
+    return [(word, f"{entry.name}/{where}") for entry in entries for word, where in holding(entry, words)]
+
+
+def refuse(folder):
+    """Write into the sheet that the person may not be processed."""
+    sheet = folder / "config/subjects.tsv"
+    lines = sheet.read_text().splitlines()
+    at = next(i for i, line in enumerate(lines) if line.startswith(GONE))
+    lines[at] = lines[at].replace("\tyes\tyes", "\tno\tyes")
+    sheet.write_text("\n".join(lines) + "\n")
 
 
 def release(folder):
@@ -74,8 +96,37 @@ def test_the_search_finds_who_is_there(before):
     assert {"subjects.parquet", "sequences.parquet", "metrics.csv"} <= {Path(place).name for place in places}
     assert [place for place in places if ".tar: " in place and place.endswith(".parquet")]
     assert {"index.html", f"{WALKS[1]}.html"} <= {Path(p).name for _, p in holding(before / "results/report", WALKS)}
-    assert holding(before / "results/report", [GONE])
     assert {word for word, _ in holding(before / lab.DATA, lab.MACHINE)} == {word.lower() for word in lab.MACHINE}
+
+
+def test_names_and_heights_stay_in_the_sheet(before):
+    """Names in nothing that is made; heights, with the pseudonym, in what is published of them and nowhere else."""
+    assert made(before, lab.PEOPLE.values()) == []
+    told = {where for _, where in made(before, [height(before)])}
+    assert told and all(where.startswith("results/release/") for where in told)
+    assert made(before, [pseudonym(before)])
+
+
+def test_what_is_not_in_the_parameters_is_noticed_when_it_changes(before, tmp_path):
+    """A height re-runs the adjustment and the release, a pseudonym what is made of that person; a lost key the same as
+    another height, and what counts the rows.
+    """
+    folder = tmp_path / "gait"
+    shutil.copytree(before, folder, symlinks=True)
+    assert planned(folder, "release") == {}
+    sheet = folder / "config/subjects.tsv"
+    text = sheet.read_text()
+    sheet.write_text(text.replace(height(folder), "1.72"))
+    jobs = planned(folder, "release")
+    assert {"adjust", "package"} <= jobs.keys() and not {"mocap", "frames", "detections", "locate"} & jobs.keys()
+    sheet.write_text(text.replace(pseudonym(folder), "violet-0007"))
+    jobs = planned(folder, "release")
+    assert jobs["mocap"] == jobs["triangulate"] == 1 and {"reproject", "package", "tarballs"} <= jobs.keys()
+    sheet.write_text(text)
+    (folder / secret.FILE).unlink()
+    jobs = planned(folder, "release")
+    assert {"adjust", "package"} <= jobs.keys() and not {"mocap", "frames", "detections", "locate"} & jobs.keys()
+    assert not (folder / secret.FILE).exists(), "a dry run writes nothing"
 
 
 def test_no_name_of_a_person_machine_or_folder_is_in_the_release(before):
@@ -143,13 +194,26 @@ def test_it_is_as_if_that_one_had_never_come(after, tmp_path):
             assert same.read_bytes() == path.read_bytes(), path.relative_to(fresh)
 
 
+def test_who_never_agreed_is_nowhere(before, tmp_path):
+    """A project with the rows and all hand-made files of somebody who may not be processed, from the first run on."""
+    folder = tmp_path / "gait"
+    shutil.copytree(before / "config", folder / "config")
+    (folder / lab.DATA).parent.mkdir()
+    (folder / lab.DATA).symlink_to(before / lab.DATA)
+    refuse(folder)
+    snakemake(folder, "release")
+    assert made(folder, [GONE, pseudonym(folder), height(folder), *WALKS, "quartz"]) == []
+
+
 def test_what_else_is_left_is_deleted_on_demand(after, tmp_path, capsys):
+    """And nothing is made again that was not about the person."""
     folder = tmp_path / "gait"
     shutil.copytree(after[0], folder, symlinks=True)
-    words = [GONE, pseudonym(folder), *WALKS]
-    left = {where.split("/")[0] for _, where in holding(folder / "results", words)}
+    words = [GONE, pseudonym(folder), height(folder), *WALKS, "quartz"]
+    left = {where.split("/")[1] for word, where in made(folder, words) if where.startswith("results/")}
     assert {"frames", "reproject", "evaluate"} <= left
+    assert {where.split("/")[0] for _, where in made(folder, words)} == {"results", "logs", ".snakemake"}
     assert main.main(["forget", "--project", str(folder), "--yes"]) == 0
     assert "config/boxes/lawn_quartz.cam04.csv" in capsys.readouterr().out
-    assert holding(folder / "results", words) == [] and holding(folder / "logs", words) == []
+    assert made(folder, words) == []
     assert planned(folder) == planned(folder, "release") == {}

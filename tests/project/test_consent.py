@@ -66,10 +66,10 @@ def test_who_may_not_be_processed_is_not_there(root):  # noqa: F811
     (root / "config/offsets/out_1.yaml").write_text("cam01: {offset_s: 0.1}\n")
     loaded = project.load(root)
     assert loaded.sequences == ("out_2", "in_1") and loaded.excluded == {} and set(loaded.rows) == {"out_2", "in_1"}
-    assert set(loaded.subjects) == {"S01"} and [key[0] for key in loaded.gallery] == ["S01"]
+    assert set(loaded.subjects) == {"zebra-0001"} and [key[0] for key in loaded.gallery] == ["zebra-0001"]
     assert [row["sequence"] for row in loaded.detectors.values()] == ["out_2"]
-    assert loaded.processed_subjects == loaded.released_subjects == ("S01",) and loaded.left_out == []
-    assert loaded.pictures_released("out_2") and not loaded.consents("S02", "processing")
+    assert loaded.processed_subjects == loaded.released_subjects == ("zebra-0001",) and loaded.left_out == []
+    assert loaded.pictures_released("out_2") and not loaded.consents("apple-0002", "processing")
     edit(root, "subjects.tsv", "\tno", "\t")
     assert project.load(root).rows == loaded.rows, "an empty cell is no yes"
 
@@ -111,7 +111,7 @@ def test_only_who_agreed_to_the_release_shapes_its_poses(root, second):  # noqa:
     assert list(loaded.window("field")) == ["out_1"] and loaded.shaping("field") == ["out_1"]
     assert loaded.cameras("field")["cam03"]["align"]["sequences"] == ["out_1"]
     known = loaded.metric_facts("field")
-    assert known["keypoint_distance"] == [] and [fact["subject"] for fact in known["heights"]] == ["S01"]
+    assert known["keypoint_distance"] == [] and [fact["subject"] for fact in known["heights"]] == ["zebra-0001"]
     assert loaded.left_out == [
         ("field", "1 window of the adjustment is not used: no consent"),
         ("field", "1 distance between joints is not used: no consent"),

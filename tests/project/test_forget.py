@@ -1,5 +1,6 @@
 """What is left of people who are gone is found, and deleted only on demand; everything else stays."""
 
+import json
 from base64 import urlsafe_b64encode
 
 import pytest
@@ -19,6 +20,7 @@ results/report/index.html results/report/cost.html results/report/sequences/out_
 results/report/sequences/.snakemake_timestamp
 results/report/assets/plots/out_2.svg results/report/assets/out_1/cam01.jpg results/timing.csv
 results/gallery/gallery.parquet results/gallery/gallery.findings.parquet results/frames/out_3.parquet
+results/frames/out_1.parquet
 results/simulate/out_1/pc1.bag results/simulate/truth/out_1/labels_2d.parquet results/mine/out_2.txt
 results/zoom/out_1.cam03/frame_000000.png logs/frames/in_1.log logs/adjust/field.timing.json
 logs/package/package.log logs/metrics/metrics.benchmark.tsv logs/evaluate/to_mark.log logs/report/report.log
@@ -63,7 +65,7 @@ def withdrawn(root):  # noqa: F811
         (root / f"results/release/dior-{name}").mkdir(exist_ok=True)
         (root / f"results/release/dior-{name}/SHA256SUMS").write_text("".join(lines) + f"{'0' * 64}  README.md\n")
     (root / ".snakemake/log/0.snakemake.log").write_text("output: results/frames/out_2.parquet\n")
-    (root / ".snakemake/log/1.snakemake.log").write_text("output: results/frames/out_21.parquet\n")
+    (root / ".snakemake/log/1.snakemake.log").write_text("output: results/frames/out_1.parquet\nout_21 _out_2\n")
     for output in ("results/frames/out_1.parquet", "results/frames/out_2.parquet"):
         record = root / ".snakemake/metadata" / urlsafe_b64encode(output.encode()).decode()
         record.parent.mkdir(exist_ok=True)
@@ -135,3 +137,67 @@ def test_who_may_be_processed_but_not_published_is_in_no_release(withdrawn):
     edit(withdrawn, "subjects.tsv", "\tno", "\tno\tno\tyes")
     left = {str(path) for path in forget.left(withdrawn)}
     assert "results/frames/out_2.parquet" not in left and "results/release/dior-0.9.0" in left
+
+
+def noted(root, output, **content):  # noqa: F811
+    """Write Snakemake's record of an output."""
+    path = root / record(output)
+    path.write_text(json.dumps({"rule": "r", "input": [], "params": [], **content}))
+    return path
+
+
+def test_what_is_about_all_but_was_made_of_who_is_gone_is_found_by_its_record(withdrawn, capsys):
+    """As where nothing asks for it any more: one person is left to recognise, or nobody in the gallery."""
+    table = noted(
+        withdrawn, "results/reid/table.csv", input=["results/reid/out_1.parquet", "results/reid/out_2.parquet"]
+    )
+    page = noted(withdrawn, "results/reid/index.html", input=["results/reid/table.csv"])
+    rows = json.dumps(json.dumps([{"subject": "apple-0002", "outfit": "coat"}]))
+    gallery = noted(withdrawn, "results/gallery/gallery.parquet", params=[rows])
+    marked = noted(withdrawn, "results/evaluate/to_mark", input=["results/reproject/out_2.cam03.parquet"])
+    kept = noted(withdrawn, "results/evaluate/metrics.csv", input=["results/evaluate/out_1.parquet"], params=["S02_"])
+    forget.run(project=withdrawn, yes=True)
+    assert not any(path.exists() for path in (table, page, gallery, marked)) and kept.exists()
+    assert not any((withdrawn / f"results/{name}").exists() for name in ("reid/table.csv", "reid/index.html"))
+    assert not (withdrawn / "results/gallery/gallery.parquet").exists()
+    assert (withdrawn / "results/evaluate/metrics.csv").exists() and (withdrawn / "results/evaluate/to_mark").exists()
+    capsys.readouterr()
+    forget.run(project=withdrawn)
+    assert capsys.readouterr().out.startswith("Nothing is left")
+
+
+def test_what_older_versions_noted_is_found(withdrawn):
+    """The sheets in the parameters of the release, names in shell lines, records of files that are gone, logs."""
+    sheets = json.dumps(json.dumps([{"out_1": {"subject": "S01"}}, {"S02": {"height_m": "1.8"}}]))
+    packed = noted(withdrawn, "results/release/dior-1.0.0/labels_2d/zebra-0001/out_1.cam01.parquet", params=[sheets])
+    shell = noted(withdrawn, "results/timing.csv", shellcmd="dior refine --subject S02 --out x")
+    gone = [
+        noted(withdrawn, f"results/release/dior-1.0.0/{name}")
+        for name in ("labels_2d/apple-0002/out_2.cam01.parquet", "cameras.parquet")
+    ]
+    unlike = noted(withdrawn, "results/reid/cmc.csv", params=["S021", "'xS02'"], code="S02 is a word here")
+    notes = [withdrawn / name for name in ("logs/report/report.log", ".snakemake/scripts/tmp1.step.py")]
+    for path in notes:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("S02 would be 1.80 m tall\n")
+    listed = set(forget._made_of(withdrawn, forget._Telling(forget.Known(withdrawn))))
+    forget.run(project=withdrawn, yes=True)
+    assert not any(path.exists() for path in (packed, shell, *gone, *notes)) and unlike.exists()
+    assert packed.relative_to(withdrawn) in listed
+    assert (withdrawn / "results/release/dior-1.0.0/labels_2d/zebra-0001/out_1.cam01.parquet").exists()
+
+
+@pytest.mark.parametrize("name", ["7", "07", "A"])
+def test_a_number_or_a_letter_is_no_name_to_look_for(withdrawn, name):
+    edit(withdrawn, "subjects.tsv", "S02\t", f"{name}\t")
+    edit(withdrawn, "sequences.tsv", "\tS02\t", f"\t{name}\t")
+    kept = noted(withdrawn, "results/evaluate/metrics.csv", params=[f"'{name}'"], shellcmd=f"dior x --width {name} ")
+    forget.run(project=withdrawn, yes=True)
+    assert kept.exists() and (withdrawn / "results/evaluate/metrics.csv").exists()
+
+
+def test_files_that_name_a_person_are_told(withdrawn, capsys):
+    path = withdrawn / "config/sessions/field/session.yaml"
+    path.write_text(path.read_text() + "# S02 carried a stick\n")
+    forget.run(project=withdrawn)
+    assert "config/sessions/field/session.yaml" in capsys.readouterr().out.split("dior deletes none of these:")[1]

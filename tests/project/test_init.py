@@ -34,7 +34,9 @@ def test_what_is_written_only_has_to_be_filled_in(tmp_path):
     loaded = project.load(tmp_path / "mine")
     assert loaded.sequences == ("walk_01",) and loaded.close("session_01") == ["cam01", "cam02", "cam03"]
     assert loaded.config["data_root"] == "data" and "simulate" not in loaded.config
-    assert loaded.released_subjects == ("P1",) and not loaded.pictures_released("walk_01"), "that is not answered yet"
+    assert loaded.released_subjects == ("violet-77",) and not loaded.pictures_released("walk_01"), (
+        "that is not answered yet"
+    )
 
 
 def test_every_file_passes_its_schema(tmp_path):

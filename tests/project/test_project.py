@@ -120,7 +120,7 @@ def test_what_is_written_is_what_is_read(root):
     assert p.close("field") == ["cam01", "cam02"] and list(p.cameras("field")) == ["cam01", "cam02", "cam03"]
     assert p.first_sequence("field") == "out_1"
     assert p.sequences_of("field") == ["out_1", "out_2"]
-    assert p.sequences_of_subject("S01") == ["out_1", "in_1"]
+    assert p.sequences_of_subject("zebra-0001") == ["out_1", "in_1"]
     assert (p.mocap("in_1"), p.mocap("out_1")) == (["data/in_1/mocap.c3d"], [])
     assert p.trigger_log("in_1") == ["data/in_1/trigger.jsonl"] and p.capture("in_1") == "walk 3"
     assert (p.trigger_log("out_1"), p.capture("out_1")) == ([], "")
@@ -130,7 +130,7 @@ def test_what_is_written_is_what_is_read(root):
     assert p.checks("out_1") == {"cam01": "config/checks/out_1.cam01.csv"}
     assert (p.offsets("in_1"), p.offsets("out_1")) == (["config/offsets/in_1.yaml"], [])
     assert p.truth("out_1") == [], "a column that the sheet lacks is empty"
-    assert p.released_subjects == ("S01",) and p.released_sequences == ("out_1", "in_1")
+    assert p.released_subjects == ("zebra-0001",) and p.released_sequences == ("out_1", "in_1")
     assert set(p.sequence("out_1")) == {*SEQUENCES, "truth"}
 
 
@@ -236,12 +236,56 @@ def test_config_errors(root, old, new, parts):
         ("subjects", "apple-0002", "zebra-0001", ["'S01' and 'S02' share the pseudonym"]),
         ("subjects", "apple-0002", "Metadata", ["pseudonym 'metadata', as a tarball is called"]),
         ("subjects", "1.72", "172", ["line 2", "'height_m' is '172' but should be a height in metres"]),
+        ("subjects", "S02", "-S02", ["line 3", "'subject' is '-S02' but should be a name of", "- (not first)"]),
+        ("subjects", "apple-0002", "-apple-02", ["line 3", "'pseudonym' is '-apple-02'", "- (not first)"]),
         ("subjects", "\tyes", "\tmaybe", ["line 2", "'consent_release' is 'maybe'", "yes or no"]),
     ],
 )
 def test_sheet_errors(root, sheet, old, new, parts):
     edit(root, f"{sheet}.tsv", old, new)
     fails(root, f"config/{sheet}.tsv", *parts)
+
+
+def _cell(column):
+    """The sheet of sequences with {text} in a cell of the last row."""
+
+    def text(root):
+        lines = (root / "config/sequences.tsv").read_text().splitlines()
+        cells = lines[-1].split("\t") + [""] * (len(SEQUENCES) - len(lines[-1].split("\t")))
+        cells[SEQUENCES.index(column)] = "{text}"
+        return "\n".join([*lines[:-1], "\t".join(cells)]) + "\n"
+
+    return text
+
+
+SHEETS_TEXT = {
+    "sequences": [(column, _cell(column)) for column in ("outfit", "walk", "exclude_reason")],
+    "gallery": [("outfit", lambda root: "subject\toutfit\tangle\tpath\nS01\t{text}\tfrontal\tg\n")],
+    "effort": [("what", lambda root: "what\tminutes\n{text}\t3\n")],
+}
+
+
+@pytest.mark.parametrize(
+    "text", ["=HYPERLINK(1)", "+1+1", "-1+cmd|' /C calc'!A0", "@SUM(1)", "＝1", "a\tb", "a\nb", "a\rb"]
+)
+@pytest.mark.parametrize("sheet", ["sequences", "gallery", "effort"])
+def test_free_text_that_a_spreadsheet_would_run_is_refused(root, sheet, text):
+    """By the sheets' readers, so that no CSV or TSV of a report, a release or an export can have it."""
+    for column, line in SHEETS_TEXT[sheet]:
+        path = root / f"config/{sheet}.tsv"
+        before = path.read_text() if path.exists() else None
+        path.write_text(line(root).replace("{text}", f'"{text}"' if text[1] in "\t\n\r" else text))
+        fails(root, f"config/{sheet}.tsv line", f"'{column}' is ", "free text", "= + - or @")
+        path.write_text(before) if before else path.unlink()
+
+
+@pytest.mark.parametrize(
+    "text", ["-", "+", "-0.5", "coat = 2 m", "a-b", "Mantel, rot", "赤い", "(none)", "'s coat", "5 kg +"]
+)
+def test_other_free_text_is_taken(root, text):
+    for column, line in SHEETS_TEXT["sequences"]:
+        (root / "config/sequences.tsv").write_text(line(root).replace("{text}", text))
+        assert text in {row[column] for row in project.load(root).rows.values()}
 
 
 @pytest.mark.parametrize(
@@ -465,12 +509,13 @@ def test_metric_facts_have_sequences_for_subjects_and_the_heights_of_all(root):
     path.write_text(path.read_text() + FACT + THIGH + "stature: true\n")
     known = project.load(root).metric_facts("field")
     assert known["keypoint_distance"][0]["sequences"] == ["out_1"] and "subject" not in known["keypoint_distance"][0]
-    assert known["stature"] == [{"height_m": 1.72, "sigma_m": 0.01, "sequences": ["out_1"]}]
+    measured = {"subject": "zebra-0001", "height_m": 1.72, "sigma_m": 0.01, "sequences": ["out_1"]}
+    assert known["stature"] == known["heights"] == [measured]
     edit(root, "sessions/field/session.yaml", "stature: true\n", "")
     edit(root, "subjects.tsv", "1.72\t0.01", "1.72\t")
     known = project.load(root).metric_facts("field")
     assert known["stature"] == []
-    assert known["heights"] == [{"subject": "S01", "height_m": 1.72, "sigma_m": 0.0, "sequences": ["out_1"]}]
+    assert known["heights"] == [measured | {"sigma_m": 0.0}]
     edit(root, "subjects.tsv", "1.72\t", "\t")
     assert project.load(root).metric_facts("field")["heights"] == []
 
@@ -525,7 +570,7 @@ def test_the_gallery_may_be_there(root):
     sheet = root / "config/gallery.tsv"
     sheet.write_text(f"{header}S01\tcoat\tfrontal\tgallery/a/\t\t\nS01\tcoat\tdown45\t\tg.bag\t/cam/image\n")
     loaded = project.load(root)
-    assert list(loaded.gallery) == [("S01", "coat", "frontal"), ("S01", "coat", "down45")]
+    assert list(loaded.gallery) == [("zebra-0001", "coat", "frontal"), ("zebra-0001", "coat", "down45")]
     assert loaded.gallery_files() == [loaded.in_data("gallery/a"), loaded.in_data("g.bag")]
     for line, text in (
         ("S09\tcoat\tfrontal\ta\t\t", "subject 'S09' is not in config/subjects.tsv"),

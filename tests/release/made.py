@@ -1,5 +1,6 @@
 """A small project whose steps have run: four walks of three people, one of whom did not agree to the release."""
 
+import csv
 from dataclasses import fields
 
 import cv2
@@ -203,10 +204,11 @@ def project(root, walks=WALKS):
         found[kind].append(results / path)
         return found[kind][-1]
 
-    for i, (name, who, _, environment, _) in enumerate(walks):
+    for i, (name, real, _, environment, _) in enumerate(walks):
+        who = PSEUDONYM[real]
         for camera in ROLES:
             labels(add("labels", f"reproject/{name}.{camera}.parquet"), who, name, camera)
-            pixels(add("pixels", f"pixels/{name}.{camera}.parquet"), PSEUDONYM.get(who, ""), name, camera)
+            pixels(add("pixels", f"pixels/{name}.{camera}.parquet"), who, name, camera)
         skeleton(add("skeletons", f"mocap/{name}.parquet"), who, name)
         frames(add("frames", f"frames/{name}.parquet"), name)
         clocks(add("clocks", f"clocks/{name}.parquet"), name)
@@ -245,3 +247,20 @@ def build(given, **changes):
 def files(folder):
     """Content by path of all files in a folder."""
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def run_by_a_spreadsheet(folder):
+    """(file, cell) of the cells of CSV and TSV files in a folder that a spreadsheet would take for a formula."""
+    found = []
+    for path in sorted((*folder.rglob("*.csv"), *folder.rglob("*.tsv"))):
+        with path.open(newline="") as stream:
+            for row in csv.reader(stream, delimiter="\t" if path.suffix == ".tsv" else ","):
+                found += [(path.name, cell) for cell in row if cell[:1] in tuple("=+-@\t\r") and not number(cell)]
+    return found
+
+
+def number(cell):
+    try:
+        return bool(float(cell)) or True
+    except ValueError:
+        return False

@@ -1,5 +1,8 @@
 """The card, the licence and the citation say what the config says and what is in the release."""
 
+import json
+import re
+
 import pytest
 import yaml
 
@@ -90,3 +93,36 @@ def test_the_citation_is_yaml_with_people_and_names():
     assert found["preferred-citation"]["year"] == 2026 and found["preferred-citation"]["authors"] == people
     plain = yaml.safe_load(citation.text(FACTS))
     assert plain["authors"] == [{"name": "anonymous"}] and {"doi", "preferred-citation"} & set(plain) == set()
+
+
+HOSTILE = (
+    "<script>alert(1)</script> <img src=x onerror=f()> [click](javascript:f) ![i](http://x) `c` $x$ a_b*c* } \\input{x}"
+)
+
+
+def test_a_title_that_is_html_markdown_or_tex_is_text_in_the_card(made):
+    """In its heading, among the authors, as a licence, and as a citation."""
+    (made["project"] / "terms.txt").write_text("Ask us.")
+    hostile = {"title": HOSTILE, "authors": [HOSTILE, "Lab\n# Heading\n```"], "license": HOSTILE}
+    config = made["config"] | {"release": RELEASE | hostile | {"license_file": "terms.txt"}}
+    out = build(made, config=config)
+    _, front, body = (out / "README.md").read_text().split("---\n", 2)
+    assert yaml.safe_load(front)["pretty_name"] == HOSTILE
+    prose, cited = body.split("```bibtex\n")
+    top = prose.split("## How to read it")[0]
+    assert "<" not in top and top.count("&lt;script&gt;") == 3 and "\n# Heading" not in top
+    assert not re.search(r"(?<!\\)[`*_\[\]$]", top.replace("**", "")), "nothing is a link, a picture, code or emphasis"
+    assert cited.count("\n") == 2 and cited.count("{") == cited.count("}"), "the entry is one line, whose braces match"
+    assert r"\input" not in cited and r"\textbackslash{}input" in cited
+    described = (out / "croissant.json").read_text()
+    assert "<" not in described and ">" not in described, "it may stand in a page's <script>"
+    content = json.loads(described)
+    assert content["name"] == HOSTILE and content["creator"][0]["name"] == HOSTILE and content["license"] == HOSTILE
+    assert yaml.safe_load((out / "CITATION.cff").read_text())["title"] == HOSTILE
+
+
+def test_a_harmless_title_is_shown_as_it_is(made):
+    title = "DIOR: indoor-outdoor (2nd), Zürich 2.0"
+    out = build(made, config=made["config"] | {"release": RELEASE | {"title": title}})
+    assert f"# {title}\n" in (out / "README.md").read_text()
+    assert f"title = {{{{{title}}}}}," in (out / "README.md").read_text()

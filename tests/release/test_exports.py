@@ -21,6 +21,7 @@ from dior.release import exports, package
 from dior.release.exports import fixed_rate, opengait, recordings, trc
 from dior.tables import tables
 from tests.release import small
+from tests.release.made import run_by_a_spreadsheet
 
 
 @pytest.fixture(scope="module")
@@ -31,6 +32,13 @@ def made(tmp_path_factory):
     out = root / "dior-0.1.0-exports"
     exports.run(release=release, formats=list(exports.FORMATS), out=out)
     return release, out
+
+
+def test_no_cell_is_a_formula_and_numbers_stay_numbers(made, tmp_path):
+    assert len([path for folder in made for path in folder.rglob("*.?sv")]) > 5
+    assert [run_by_a_spreadsheet(folder) for folder in made] == [[], []]
+    (tmp_path / "a.tsv").write_text("a\t=1\n-0.5\t@x\n")
+    assert run_by_a_spreadsheet(tmp_path) == [("a.tsv", "=1"), ("a.tsv", "@x")], "it would find one"
 
 
 def coco_of(out, part):

@@ -99,6 +99,7 @@ ALONE = {
         "report": {"page", "sequences", "cost", "plots"},
     },
     "params": {
+        "adjust": {"heights"},
         "detections": {"folders"},
         "detectors": {"states"},
         "statistics": {"sheet"},
@@ -149,6 +150,16 @@ def test_what_is_printed_can_be_pasted(printed):
     assert parsed("locate", lines["locate"])["ransac_px"] == 8.0
     assert parsed("frames", lines["frames"])["topics"]["cam01"] == "/cam01/color/image_raw/compressed"
     assert parsed("adjust", lines["adjust"])["physics"].keys() >= {"speed_m_s"}
+
+
+def test_what_is_printed_names_nobody_and_tells_no_height(printed):
+    """Nor is it in the parameters of scripts, which Snakemake keeps and prints as the reason to run again."""
+    people = [line.split("\t") for line in (ROOT / "config/subjects.tsv").read_text().splitlines()[1:]]
+    words = {word for name, _, height, *_ in people for word in (name, height)}
+    assert len(words) > 2 and not re.findall(rf"(?<![\w.])(?:{'|'.join(map(re.escape, words))})(?![\w.])", printed)
+    assert re.search(r"--known \S*heights.* --people config/subjects.tsv", printed)
+    rules = "".join(RULES.values())
+    assert not re.findall(r"as_json\([^)]*PROJECT\.(?:rows|subjects)\b", rules)
 
 
 def longest_commands(folder, subjects):

@@ -206,8 +206,19 @@ def aligned_covariance(wildcards):
 
 
 def metric_facts(wildcards):
-    """What session.yaml and subjects.tsv know in metres, as JSON."""
-    return json.dumps(PROJECT.metric_facts(wildcards.session), sort_keys=True)
+    """What session.yaml and subjects.tsv know in metres, as JSON; whose heights, but not these."""
+    known = heights.without(PROJECT.metric_facts(wildcards.session))
+    return json.dumps(known, sort_keys=True)
+
+
+def people_measured(wildcards):
+    """The sheet with the heights of the people that a session is adjusted with, where there are any."""
+    known = PROJECT.metric_facts(wildcards.session)
+    return ["config/subjects.tsv"] if known["heights"] else []
+
+
+def heights_fingerprint(wildcards):
+    return fingerprint(PROJECT.metric_facts(wildcards.session)["heights"])(wildcards)
 
 
 def fact_marks(wildcards):

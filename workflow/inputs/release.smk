@@ -41,6 +41,14 @@ def released(path):
     return expand(path, sequence=PROJECT.released_sequences)
 
 
+def released_rows():
+    """The sheets' rows of the released sequences and subjects."""
+    return [
+        {name: PROJECT.rows[name] for name in PROJECT.released_sequences},
+        {name: PROJECT.subjects[name] for name in PROJECT.released_subjects},
+    ]
+
+
 def released_sessions():
     return [
         session
@@ -158,10 +166,7 @@ def released_files():
     Not the pictures: they are hard links to results/pixels/, and Snakemake sets the time of what a job made, so that
     these inputs would be newer than the release.
     """
-    people = {
-        sequence: PROJECT.pseudonym(PROJECT.subject_of(sequence))
-        for sequence in PROJECT.released_sequences
-    }
+    people = {sequence: PROJECT.subject_of(sequence) for sequence in PROJECT.released_sequences}
     tables = ["cameras", "clocks", "sequences", "subjects", "splits"]
     tables += ["camera_covariance"] if released_covariances() else []
     tables += ["gallery"] if released_gallery() else []
@@ -228,17 +233,12 @@ def existing_release():
 
 def tarballs_of(subjects):
     """A tarball for each subject and one for what is about all of them."""
-    parts = [PROJECT.pseudonym(name) for name in subjects]
-    return [f"{RELEASE}-{part}.tar" for part in (*parts, "metadata") if parts]
+    return [f"{RELEASE}-{part}.tar" for part in (*subjects, "metadata") if subjects]
 
 
 def own_clock(wildcards):
     """The table with the clock of one camera."""
     return clocks_of(wildcards.sequence, [wildcards.camera])
-
-
-def pseudonym(wildcards):
-    return PROJECT.pseudonym(subject(wildcards))
 
 
 def pictures_consent(wildcards):

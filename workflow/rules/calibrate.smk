@@ -112,6 +112,8 @@ rule adjust:
         max_mean_px=CONFIG["adjust"]["max_mean_px"],
         max_gap=CONFIG["time"]["max_gap"],
         known=metric_facts,
+        people=people_measured,
+        heights=heights_fingerprint,
         marked=fact_sequences,
         intrinsics_sigma=CONFIG["adjust"]["intrinsics_sigma"],
         physics=as_json(CONFIG["physics"]),

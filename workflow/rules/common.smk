@@ -10,7 +10,7 @@ import sys
 
 from snakemake.exceptions import WorkflowError
 
-from dior.project import project
+from dior.project import heights, project, secret
 from dior.cli.flags import flags_of
 from dior.errors import DiorError
 from dior.project.forget import left
@@ -24,8 +24,11 @@ os.environ.update(DIOR_TIMINGS="logs")
 
 try:
     PROJECT = project.load(os.getcwd(), config)
+    KEY = secret.key_of(os.getcwd())
 except DiorError as error:
-    raise WorkflowError(str(error)) from None
+    # on the screen only: it may name a person, and what Snakemake says is kept in its logs
+    print(error, file=sys.stderr)
+    sys.exit(1)
 
 CONFIG = PROJECT.config
 DATA = str(PROJECT.data_root)
@@ -134,6 +137,15 @@ def as_json(value):
 
     def text(wildcards):
         return json.dumps(value, sort_keys=True)
+
+    return text
+
+
+def fingerprint(value):
+    """A function for params that must not tell what is in the sheets, but change with it."""
+
+    def text(wildcards):
+        return secret.digest(KEY, value)
 
     return text
 

@@ -156,7 +156,7 @@ rule statistics:
         "logs/statistics/statistics.benchmark.tsv"
     params:
         root=".",
-        sheet=as_json(PROJECT.rows),
+        sheet=fingerprint(PROJECT.rows),
         code=code("evaluate.statistics"),
     script:
         "../scripts/step.py"

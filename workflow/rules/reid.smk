@@ -53,7 +53,7 @@ rule recognise:
         adaptations=CONFIG["reid"]["adaptations"],
         length=CONFIG["reid"]["length"],
         chunks=CONFIG["reid"]["chunks"],
-        sheet=as_json(PROJECT.rows),
+        sheet=fingerprint(PROJECT.rows),
         detectors=as_json(long_range_rows()),
         states=long_range_states,
         code=code("reid.recognise"),

@@ -63,7 +63,7 @@ rule pixels:
     benchmark:
         "logs/pixels/{sequence}.{camera}.benchmark.tsv"
     params:
-        subject=pseudonym,
+        subject=subject,
         data_root=DATA,
         faces=CONFIG["release"]["faces"],
         consent=pictures_consent,
@@ -109,7 +109,7 @@ rule package:
         project=".",
         config=release_config,
         out=release_folder,
-        sheets=as_json([PROJECT.rows, PROJECT.subjects]),
+        sheets=fingerprint(released_rows()),
         steps=released_code(),
         code=code("release.package"),
     script:

@@ -92,7 +92,7 @@ rule report:
         root=".",
         out=page_folder,
         title=CONFIG["release"]["title"],
-        sheet=as_json(PROJECT.rows),
+        sheet=fingerprint(PROJECT.rows),
         consents=as_json([PROJECT.left_out, PROJECT.unanswered]),
         code=code("report.report"),
     script:
