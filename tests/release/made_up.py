@@ -254,7 +254,7 @@ def provenance(who=EVERYONE):
     return {
         "provenance_version": 1,
         "release": "0.1.0",
-        "config": {"refine.method": "spline", "triangulate.min_score": 0.3},
+        "config": {"release.faces": "shown", "refine.method": "spline", "triangulate.min_score": 0.3},
         "config_sha256": "c",
         "sessions": {
             session: {

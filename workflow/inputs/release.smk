@@ -232,6 +232,45 @@ def covered_heads(wildcards):
     return [f"results/heads/{wildcards.sequence}.{wildcards.camera}.parquet"]
 
 
+def other_covers(wildcards):
+    """What else is to be covered, if anything is."""
+    return [path.replace(".parquet", ".covers.parquet") for path in covered_heads(wildcards)]
+
+
+def everybody_detected(wildcards):
+    """The detector's own output of a close camera, which holds everybody and not the subject alone."""
+    sequence, camera = wildcards.sequence, wildcards.camera
+    pattern = PROJECT.detections_pattern(sequence)
+    detected = pattern and camera in close_names(wildcards)
+    paths = [pattern.format(camera=camera)] if detected else []
+    return paths if PROJECT.detected_here(sequence) else there(lambda _: paths)(wildcards)
+
+
+def own_boxes(wildcards):
+    """[path] of the boxes drawn by hand on a camera's pictures, or []."""
+    drawn = PROJECT.boxes(wildcards.sequence)
+    return [drawn[wildcards.camera]] if wildcards.camera in drawn else []
+
+
+def noticed_errors(wildcards):
+    """The findings that make a camera's light red: of the recording, and of cameras that moved."""
+    session = session_of(wildcards)
+    moved = [session] if session in watched_sessions() else []
+    return [
+        f"results/audit/{wildcards.sequence}.findings.parquet",
+        *[f"results/moved/{name}.findings.parquet" for name in moved],
+    ]
+
+
+def camera_role(wildcards):
+    return PROJECT.cameras(session_of(wildcards))[wildcards.camera]["role"]
+
+
+def heads_checked(wildcards):
+    """Who has looked whether the heads in a camera's pictures are covered, and released them all the same."""
+    return PROJECT.heads_checked(session_of(wildcards)).get(wildcards.camera, "")
+
+
 def stamps_from(wildcards):
     """The tables with all pictures of a sequence's subject, if stamps count from the first of them."""
     if not CONFIG["release"]["shift_stamps"]:

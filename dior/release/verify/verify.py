@@ -152,12 +152,12 @@ def _looked_at(stored: Stored, decode: bool) -> "tuple[list[Problem], str]":
         return problems + version, summary
     problems += _complete(stored)
     if checksums.METADATA in stored.parts:
-        from dior.release.verify import release_checks
+        from dior.release.verify import head_checks, release_checks
 
         problems += _lists_agree(stored, good)
         top = {name: file for name, file in good.items() if "/" not in name}
         tables, wrong = release_checks.about(top, stored.listed.keys(), stored.listed)
-        problems += wrong + release_checks.sizes(walks, tables)
+        problems += wrong + release_checks.sizes(walks, tables) + head_checks.problems(good, tables)
         if stored.whole and not problems:
             problems += release_checks.card(top["README.md"], walks, tables)
     return problems, f"{summary}; {_counted(stored, walks, decode)}"

@@ -80,8 +80,9 @@ def test_what_is_whole_is_told_with_its_counts(whole, packed, capsys):
 
 
 def test_what_package_builds_is_whole(tmp_path, verified):
-    """With labels that have pixels, which those of `made` have not all."""
+    """With labels that have pixels, which those of `made` have not all, and faces as they are: it has no real heads."""
     arguments = project.project(tmp_path)
+    arguments["config"]["release"]["faces"] = "shown"
     for path in arguments["labels"]:
         table = tables.read(path, "labels_2d")
         tables.write(path, "labels_2d", table | {"v": np.ones(len(table["v"]))})
