@@ -27,6 +27,7 @@ TEXTS = {
     "cmc": "table cmc.csv of re-identification",
     "config": "the content of config.yaml",
     "consent": "whether the subject agreed to a release of pictures",
+    "covers": "table `other_covers` of what else is covered, none where nothing is",
     "covariance": "tables `camera_covariance` of the cameras",
     "covariances": "tables `camera_covariance` of all cameras",
     "crop": "look at the whole picture, or a second time at the person found in it",

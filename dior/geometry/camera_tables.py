@@ -65,7 +65,11 @@ def read_cameras(paths: AnyPath | Iterable[AnyPath]) -> dict[str, Camera]:
 
 def read_released_cameras(path: AnyPath) -> dict[tuple[str, str], Camera]:
     """Cameras by (session, camera) from the `released_cameras` table of a release."""
-    t = tables.read(path, "released_cameras")
+    return of_released(tables.read(path, "released_cameras"))
+
+
+def of_released(t: Table) -> dict[tuple[str, str], Camera]:
+    """The same from the table."""
     return {key: _camera(t, i) for i, key in enumerate(zip(t["session"], t["camera"], strict=True))}
 
 

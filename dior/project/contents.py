@@ -166,6 +166,10 @@ class Project:
         """Instants that the adjustment uses: sequence -> {first, count, step}; empty means no adjustment."""
         return self.session_files[session]["adjust"]
 
+    def heads_checked(self, session: str) -> dict[str, str]:
+        """Cameras whose pictures are released although dior does not say that the heads are covered: name -> reason."""
+        return self.session_files[session].get("heads_checked", {})
+
     def tag_sequence(self, session: str) -> str:
         """The sequence in whose pictures the AprilTag lies."""
         return self.session_files[session].get("tag", {}).get("sequence") or self.shaping(session)[0]

@@ -4,7 +4,7 @@ INPUTS   `cameras` and `camera_covariance` tables of the sessions, `offsets` tab
 OUTPUTS  columns of `released_cameras` and `camera_covariance`, sorted by session and camera, and of `released_clocks`
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +17,13 @@ from dior.release.people_tables import Walks
 from dior.tables import tables
 
 
-def released(paths: Iterable[Path], covariances: Iterable[Path], walks: Walks) -> Table:
-    """Columns of the final cameras of the released sessions, with each one's own covariance where it is known."""
+def released(
+    paths: Iterable[Path], covariances: Iterable[Path], walks: Walks, checked: Mapping[str, Mapping[str, str]]
+) -> Table:
+    """Columns of the final cameras of the released sessions, with each one's own covariance where it is known.
+
+    `checked`: session -> camera -> who has looked at its pictures.
+    """
     shown = {walk["session"]: walk["released_session"] for walk in walks.values()}
     wanted = {(walk["session"], camera) for walk in walks.values() for camera in walk["cameras"]}
     table = _of_sessions(paths, "cameras", shown)
@@ -34,6 +39,7 @@ def released(paths: Iterable[Path], covariances: Iterable[Path], walks: Walks) -
         if pair["camera"] == pair["other"]
     }
     table["covariance"] = np.array([own.get(name, np.full(36, np.nan)) for name in names])
+    table["heads_checked"] = np.array([checked.get(s, {}).get(camera, "") for s, camera in names], object)
     return _sorted({key: table[key] for key in tables.columns_of("released_cameras")}, shown)
 
 

@@ -45,10 +45,18 @@ SIZES = (
 )
 
 
-def text(release: dict[str, Any], walks: Walks, counted: Rows, figures: Rows, parts: list[Part], example: str) -> str:
+def text(
+    release: dict[str, Any],
+    walks: Walks,
+    counted: Rows,
+    figures: Rows,
+    parts: list[Part],
+    example: str,
+    checked: list[tuple[str, str, str]],
+) -> str:
     """The card. `release`: the section of the config; `walks`: the released ones (people_tables.py); `counted`: rows
     of `statistics.rows_of` for them; `figures`: rows of metrics.csv; `parts`: of layout.py, those that there are;
-    `example`: the name of a labels file.
+    `example`: the name of a labels file; `checked`: (session, camera, reason) of `heads_checked`.
     """
     from jinja2 import Environment, StrictUndefined
 
@@ -78,6 +86,7 @@ def text(release: dict[str, Any], walks: Walks, counted: Rows, figures: Rows, pa
         figures=[figure for figure in map(_figure, figures) if figure],
         metrics={name: meaning for name, meaning in METRICS.items() if _has(figures, name)},
         example=example,
+        checked=checked,
         sigma_query=SIGMA_QUERY,
         splits=SPLITS,
     )

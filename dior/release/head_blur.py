@@ -43,10 +43,11 @@ def inside(box: Sequence[float] | Floats, height: int, width: int) -> tuple[slic
     )
 
 
-def cover(picture: NDArray[np.uint8], box: Floats, how: str) -> None:
+def cover(picture: NDArray[np.uint8], box: Sequence[float] | Floats, how: str, whole: bool = False) -> None:
     """Cover the head in `box` (4,) px of a BGR `picture` (height, width, 3) uint8, in place.
 
-    `how`: `blurred` and `pixelated` leave the mean colours of a few cells, `filled` nothing.
+    `whole`: all of the box, not only the ellipse in it. `how`: `blurred` and `pixelated` leave the mean colours of a
+    few cells, `filled` nothing.
     """
     import cv2
 
@@ -62,5 +63,8 @@ def cover(picture: NDArray[np.uint8], box: Floats, how: str) -> None:
         means = cv2.resize(part, cells, interpolation=cv2.INTER_AREA)
         smooth = cv2.INTER_NEAREST if how == "pixelated" else cv2.INTER_LINEAR
         instead = cv2.resize(means, (wide, high), interpolation=smooth)
+    if whole:
+        part[:] = instead
+        return
     at = [np.arange(piece.start, piece.stop) for piece in (rows, columns)]
     np.copyto(part, instead, where=ellipse(box, *at)[..., None])

@@ -19,8 +19,8 @@ Places: TypeAlias = dict[str, tuple[float, float, float]]
 # Half lengths (horizontal, vertical) m, and how far the ellipsoid's middle is above that between the ears. A man's head
 # is 0.20 m long, 0.15 m broad and 0.23 m high on average, his nose 0.02 m before it; the rest is hair and larger heads.
 # Chosen; `python -m benchmarks.blur` prints how much of the simulated heads they cover.
-RADII_M = (0.125, 0.145)
-RAISED_M = 0.015
+RADII_M = (0.15, 0.20)
+RAISED_M = 0.01
 # Places in the head's axes (forward, left, up) m, from the middle between the ears: detectors put the face where a
 # mean one has it, and Plug-in-Gait's four markers are on the temples and behind them (Vicon, Plug-in Gait reference).
 # Chosen by the proportions of a head as large as that of RADII_M.

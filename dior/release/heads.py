@@ -1,27 +1,38 @@
-"""Where the subject's head is in every picture of a camera: what the release covers.
+"""Where the subject's head is in every picture of a camera, what else moves there, and whether that is sure enough.
 
-INPUTS   the skeleton, the camera's pose and clock, its `labels_2d`; the `heads` of an earlier release, if there are any
-OUTPUTS  `heads` table: a row per picture with a box of whole pixels that holds the head; findings
+INPUTS   the skeleton, the camera's pose and clock, its `labels_2d`, the sequence's figures, the pictures; a detector's
+         output and the `heads` of an earlier release, if there are any
+OUTPUTS  `heads` table: a row per picture with a box of whole pixels that holds the head, and whether the picture may be
+         released; `other_covers`: boxes of whatever else is to be covered; findings
 The box is that of an ellipsoid as large as a head (`head_model`), projected and enlarged by SIGMAS of the labels'
 uncertainty. It works where no face detector does: from behind, and at a distance where a head has three pixels. Its
 edges are rounded outwards on a grid, so that a camera that is moved by a tenth of a pixel leaves most pictures of the
 release as they are, byte by byte. All of them stay where the boxes of an earlier release are given: a box is kept as
-long as it holds the head. Only the subject's head is known; somebody else in the picture is not covered.
+long as it holds the head.
+
+A picture is not released where the labels' uncertainty is not known or more than half a head, where the sequence's
+light is red, and where the picture itself does not show the head under its cover (`head_evidence`). A person who has
+looked at the pictures can say so: `heads_checked` of session.yaml lifts all three, and the release tells of it.
 """
 
 import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from dior.arrays import Floats, Table, Texts
+from dior.arrays import Bools, Floats, Ints, Table, Texts
+from dior.calibrate.outline import tracks
 from dior.clocks import clock as on_axis
 from dior.clocks.axis import seconds
 from dior.errors import DiorError
 from dior.geometry import camera as cam
 from dior.geometry import camera_tables
 from dior.geometry.camera import Camera
-from dior.release import head_model
+from dior.project import boxes as hand_boxes
+from dior.release import faces, head_model, look
+from dior.report import lights
 from dior.tables import tables
 
 # Of the labels' uncertainty. The ellipsoid is a head with its hair and somewhat more, so that 1.5 leave less than 0.1 %
@@ -43,6 +54,67 @@ NEAR_M = 0.3
 SLIVER = 0.15
 
 
+EDGES = ("u_min", "v_min", "u_max", "v_max")
+
+
+@dataclass(frozen=True)
+class Filmed:
+    """The pictures and who was found in them.
+
+    `data_root`: folder that the bags lie in; `detections`: the detector's own output of the camera, everybody in it,
+    or None; `format`: tool that it is of, or auto; `min_score`: score from which a joint counts; `boxes`: boxes drawn
+    by hand around the subject, CSV, or None.
+    """
+
+    data_root: Path
+    detections: Path | None
+    format: str
+    min_score: float
+    boxes: Path | None
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What says whether the labels of the camera can be relied on.
+
+    `role`: close or long_range; `metrics`: table `metrics` of the sequence; `noticed`: tables `findings` with what is
+    wrong with the session or the recording; `session`: name of the session; `checked`: who has looked at the pictures
+    and released them all the same, or nothing.
+    """
+
+    role: str
+    session: str
+    metrics: Path
+    noticed: list[Path]
+    checked: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Known:
+    """What is known of the head in the pictures of a camera, a row each.
+
+    `rows` of its `frames`; `times` (F,) s; `middle` between the ears (F, 3) m with its own error `own` (F,) m; `sigma`
+    (F, 2) px of the labels; `points` (F, J, 3) m of the `joints`, NaN where missing.
+    """
+
+    rows: Table
+    camera: Camera
+    times: Floats
+    middle: Floats
+    own: Floats
+    sigma: Floats
+    points: Floats
+    joints: list[str]
+
+    def walker(self, edges: Floats, drawn: Floats) -> look.Walker:
+        """The same as pictures are looked at with covers `edges` (F, 4) px and boxes `drawn` (F, 4) px by hand."""
+        return look.Walker(self.camera, self.times, self.middle, self.points, self.joints, edges, drawn)
+
+    def boxes(self, sigmas: float | None = None) -> tuple[Floats, Texts]:
+        """As `boxes`."""
+        return boxes(self.camera, self.middle, self.own, self.sigma, SIGMAS if sigmas is None else sigmas)
+
+
 def run(
     *,
     sequence: str,
@@ -53,43 +125,142 @@ def run(
     clocks: list[Path],
     labels: Path,
     before: Path | None,
+    filmed: Filmed,
+    judged: Judged,
     out: Path,
+    out_covers: Path,
     findings: Path,
 ) -> None:
-    """Write the head's box in every picture of one camera of one sequence.
+    """Write the head's box in every picture of one camera of one sequence, and what else is to be covered there.
 
     `cameras`, `clocks`: tables that hold the camera's pose and its clock. Raises DiorError where they do not, and where
-    the labels are of other pictures. `before`: the table that an earlier release was made with, or None.
+    the labels are of other pictures. `before`: the table that an earlier release was made with, or None; `out_covers`:
+    table `other_covers` to write.
     """
-    rows, view, middle, own, sigma = known(sequence, camera, cameras, skeleton, frames, clocks, labels)
-    box, status = boxes(view, middle, own, sigma)
+    where = f"{sequence}, camera {camera}"
+    subject = known(sequence, camera, cameras, skeleton, frames, clocks, labels)
+    box, status = subject.boxes()
     box = np.where((status == "ok")[:, None], on_grid(box), np.nan)
     if before:
-        box = kept(
-            _earlier(before, rows, f"{sequence}, camera {camera}"), box, boxes(view, middle, own, sigma, KEPT_SIGMAS)[0]
-        )
-    tables.write(out, "heads", {"frame": rows["frame"], "status": status, **dict(zip(EDGES, box.T, strict=True))})
-    said = _findings(f"{sequence}/{camera}", status, bool(np.isfinite(sigma).any()))
+        box = kept(_earlier(before, subject.rows, where), box, subject.boxes(KEPT_SIGMAS)[0])
+    red = red_by(sequence, camera, judged, subject.camera.intrinsics.fx)
+    if not judged.checked:
+        status = np.where(doubtful(subject) & (status != "unknown"), "uncertain", status).astype(object)
+        if red:
+            status = np.full(len(status), "red", object)
+    moving_boxes: list[Ints] = [np.zeros((0, 4), int)] * len(status)
+    if np.isin(status, ("ok", "out_of_frame")).any():
+        found = faces.read(filmed.detections, filmed.format, filmed.min_score, subject.rows, where)
+        walker = subject.walker(box, drawn_boxes(filmed.boxes, subject.rows))
+        seen = look.looked(walker, judged.role, found, look.reader(subject.rows, filmed.data_root))
+        moving_boxes = seen.others
+        if not judged.checked:
+            wrong = np.isin(status, ("ok", "out_of_frame")) & (seen.sure != "ok")
+            status = np.where(wrong, seen.sure, status).astype(object)
+    box = np.where((status == "out_of_frame")[:, None], np.nan, box)
+    tables.write(
+        out, "heads", {"frame": subject.rows["frame"], "status": status, **dict(zip(EDGES, box.T, strict=True))}
+    )
+    tables.write(out_covers, "other_covers", _covers(subject.rows["frame"], moving_boxes))
+    said = _findings(f"{sequence}/{camera}", status, red, judged.checked)
     for _, severity, _, text in said:
         print(f"{sequence}, {camera}: {severity}: {text}", file=sys.stderr)
     tables.write_findings(findings, said)
 
 
-EDGES = ("u_min", "v_min", "u_max", "v_max")
+def drawn_boxes(path: Path | None, rows: Table) -> Floats:
+    """Edges (F, 4) px of the boxes drawn by hand, NaN where there is none."""
+    edges = np.full((len(rows["frame"]), 4), np.nan)
+    if path:
+        frames, boxes = hand_boxes.read(path, rows["frame"])
+        edges[np.searchsorted(rows["frame"], frames)] = boxes
+    return edges
+
+
+def _covers(frames: Ints, boxes: Sequence[Ints]) -> Table:
+    """Columns of `other_covers`: a row per box of each of the pictures `frames` (F,)."""
+    count = [len(each) for each in boxes]
+    edges = np.concatenate([np.zeros((0, 4)), *boxes])
+    return {"frame": np.repeat(frames, count), **dict(zip(EDGES, edges.T, strict=True))}
+
+
+def red_by(sequence: str, camera: str, judged: Judged, fx: float) -> str:
+    """Why the report's light of the camera is red, in words, or "".
+
+    Lost pictures do not count: they say nothing of the others.
+    """
+    table = tables.read(judged.metrics, "metrics")
+    figures = figures_of(table, table["camera"] == camera)
+    found = [row for path in judged.noticed for row in _findings_in(path)]
+    own = [
+        finding for name in (camera, "") for finding in lights.findings_of(found, sequence, judged.session, "", name)
+    ]
+    return reasons(figures, fx, own, judged.role)
+
+
+def figures_of(table: Table, mine: Bools) -> dict[str, float]:
+    """Metric -> value of the rows `mine` (N,) of a table of figures, those of all joints."""
+    mine = mine & (table["joint"] == "") & (table["tool"] == "")
+    return dict(zip(table["metric"][mine].tolist(), map(float, table["value"][mine]), strict=True))
+
+
+def reasons(figures: dict[str, float], fx: float, found: list[tuple[str, str]], role: str) -> str:
+    """What makes a camera's light red, in words; "" where it is not."""
+    light = lights.judge(figures, fx, found, role)
+    return "; ".join(light.reasons) if light.level == "bad" else ""
+
+
+def _findings_in(path: Path) -> list[lights.Finding]:
+    table = tables.read(path, "findings")
+    return list(zip(*(table[key].tolist() for key in ("scope", "severity", "code", "text")), strict=True))
+
+
+def doubtful(subject: Known) -> Bools:
+    """Pictures (F,) in which the labels' uncertainty is not known, or larger than half a head."""
+    _, status = subject.boxes()
+    distance = np.linalg.norm(subject.middle - subject.camera.centre, axis=1)
+    with np.errstate(invalid="ignore"):
+        small = subject.sigma.max(axis=1) <= head_model.RADII_M[0] * subject.camera.intrinsics.fx / distance
+    # of who is not in the picture, the sigma need not be small
+    return ~np.isfinite(subject.sigma).all(axis=1) | (status == "ok") & ~small
 
 
 def known(
     sequence: str, camera: str, cameras: list[Path], skeleton: Path, frames: Path, clocks: list[Path], labels: Path
-) -> tuple[Table, Camera, Floats, Floats, Floats]:
-    """The camera's rows of `frames`, and what `boxes` needs of them, as of `run`."""
+) -> Known:
+    """What is known of the head in one camera's pictures; arguments as of `run`."""
     (placed,) = camera_tables.read_placed(cameras, [camera], sequence)
-    rows = tables.of_camera(tables.read(frames, "frames", ["camera", "frame", "stamp_ns"]), camera)
+    where = f"{sequence}, camera {camera}"
     if camera not in (own_clocks := on_axis.read(clocks)):
-        raise DiorError(f"{sequence}, camera {camera}: {', '.join(map(str, clocks))} has no clock of it")
+        raise DiorError(f"{where}: {', '.join(map(str, clocks))} has no clock of it")
+    rows = tables.of_camera(tables.read(frames, "frames"), camera)
     body, clock = tables.read(skeleton, "skeletons_3d"), own_clocks[camera]
-    times = seconds(rows["stamp_ns"], body["stamp_ns"][0], clock.offset_s, clock.drift_ppm)
-    sigma = _sigma(labels, tables.ordered_unique(body["joint"]), rows, f"{sequence}, camera {camera}")
-    return rows, placed, *_heads(body, times), _everywhere(times, sigma)
+    table = tables.read(labels, "labels_2d", list(LABELLED))
+    found = of_tables(rows, placed, body, table, clock.offset_s, clock.drift_ppm)
+    if found is None:
+        raise DiorError(f"{where}: {labels} has labels of other joints or pictures; run reproject again")
+    return found
+
+
+# what is read of the labels
+LABELLED = ("frame", "joint", "sigma_u", "sigma_v")
+
+
+def of_tables(
+    rows: Table, placed: Camera, body: Table, labels: Table, offset_s: float, drift_ppm: float
+) -> Known | None:
+    """The same from tables: `rows` of the camera's pictures, `body` (`skeletons_3d`) and the camera's `labels_2d`.
+
+    None where the labels are of other joints or pictures.
+    """
+    times = seconds(rows["stamp_ns"], body["stamp_ns"][0], offset_s, drift_ppm)
+    track, _, joints = tracks.read(body)
+    sigma = _sigma(labels, joints, rows)
+    if sigma is None:
+        return None
+    return Known(
+        rows, placed, times, *_heads(body, times), _everywhere(times, sigma), bridged(track.at(times), times), joints
+    )
 
 
 def _heads(body: Table, times: Floats) -> tuple[Floats, Floats]:
@@ -101,16 +272,34 @@ def _heads(body: Table, times: Floats) -> tuple[Floats, Floats]:
     return head_model.at_times(times, instants, head_model.steady(instants, middle, filled), own)
 
 
-def _sigma(labels: Path, joints: list[str], rows: Table, where: str) -> Floats:
-    """Uncertainty (F, 2) px of the labels of the head, the mean over its joints; NaN where none is known."""
-    table = tables.read(labels, "labels_2d", ["frame", "joint", "sigma_u", "sigma_v"])
-    values, named = tables.grid(table, "frame", "sigma_u", "sigma_v")
+def _sigma(labels: Table, joints: list[str], rows: Table) -> Floats | None:
+    """Uncertainty (F, 2) px of the labels of the head, the mean over its joints; NaN where none is known.
+
+    None where the labels are of other joints or pictures.
+    """
+    values, named = tables.grid(labels, "frame", "sigma_u", "sigma_v")
     if named != joints or not np.array_equal(values[:, 0, 0], rows["frame"]):
-        raise DiorError(f"{where}: {labels} has labels of other joints or pictures; run reproject again")
+        return None
     mine = values[:, head_model.used(joints), 1:]
     known = np.all(np.isfinite(mine), axis=-1)
     count = known.sum(axis=1)[:, None]
     return np.where(count > 0, np.where(known[..., None], mine, 0.0).sum(axis=1) / np.maximum(count, 1), np.nan)
+
+
+def bridged(points: Floats, times: Floats) -> Floats:
+    """Points (F, J, 3) m at ascending `times` (F,) s, on a straight line over gaps as long as those of the head."""
+    out = points.copy()
+    for j in range(points.shape[1]):
+        known = np.isfinite(points[:, j]).all(axis=1)
+        if known.sum() < 2 or known.all():
+            continue
+        after = np.searchsorted(times[known], times)
+        inside = (after > 0) & (after < known.sum()) & ~known
+        gap = times[known][after.clip(1, known.sum() - 1)] - times[known][after.clip(1, known.sum() - 1) - 1]
+        mine = inside & (gap <= head_model.MAX_GAP_S)
+        for axis in range(3):
+            out[mine, j, axis] = np.interp(times[mine], times[known], points[known, j, axis])
+    return out
 
 
 def _everywhere(times: Floats, sigma: Floats) -> Floats:
@@ -191,6 +380,13 @@ def _earlier(path: Path, rows: Table, where: str) -> Floats:
     return np.stack([table[key] for key in EDGES], axis=1)
 
 
+def hold(edges: Floats, least: Floats) -> Bools:
+    """Whether (F,) the edges (F, 4) of whole pixels hold the boxes `least` (F, 4) px."""
+    with np.errstate(invalid="ignore"):
+        inside = (edges[:, :2] <= least[:, :2] + 0.5 + SLIVER) & (edges[:, 2:] >= least[:, 2:] + 0.5 - SLIVER)
+    return inside.all(axis=1)
+
+
 def kept(before: Floats, edges: Floats, least: Floats) -> Floats:
     """Edges (F, 4) on the grid, those of `before` where they still hold the boxes `least` (F, 4) px and little more."""
 
@@ -198,20 +394,34 @@ def kept(before: Floats, edges: Floats, least: Floats) -> Floats:
         return (box[:, 2] - box[:, 0]) * (box[:, 3] - box[:, 1])
 
     with np.errstate(invalid="ignore"):
-        inside = (before[:, :2] <= least[:, :2] + 0.5 + SLIVER) & (before[:, 2:] >= least[:, 2:] + 0.5 - SLIVER)
-        same = inside.all(axis=1) & np.isfinite(edges).all(axis=1) & (area(before) <= KEPT_AREA * area(edges))
+        same = hold(before, least) & np.isfinite(edges).all(axis=1) & (area(before) <= KEPT_AREA * area(edges))
     return np.where(same[:, None], before, edges)
 
 
-def _findings(scope: str, status: Texts, certain: bool) -> list[tuple[str, str, str, str]]:
+def _findings(scope: str, status: Texts, red: str, checked: str) -> list[tuple[str, str, str, str]]:
+    """What a person should see: how many pictures are not released, and why."""
     found = []
-    lost = int((status == "unknown").sum())
-    if lost:
-        text = f"{lost} of {len(status)} pictures are not released: where the head is in them is not known"
-        found.append((scope, "warning", "head_unknown", text))
-    if not certain and (status == "ok").any():
-        text = (
-            "how certain the labels are is not known; the head is covered with half its size around it, so look at it"
-        )
-        found.append((scope, "warning", "head_uncertain", text))
+    why = {word: text.format(red=red) for word, text in WHY.items()}
+    for word, text in why.items():
+        lost = int((status == word).sum())
+        if lost:
+            advice = ADVICE if word != "unknown" else ""
+            text = f"{lost} of {len(status)} pictures are not released: {text}{advice}"
+            found.append((scope, "warning", f"head_{word}", text))
+    if checked:
+        text = f"its pictures are released although dior did not judge whether the heads are covered: {checked}"
+        found.append((scope, "warning", "heads_checked", text + (f" (the light is red: {red})" if red else "")))
     return found
+
+
+WHY = {
+    "unknown": "where the head is in them is not known",
+    "uncertain": "how far the labels are off is not known, or may be more than half a head",
+    "red": "{red}",
+    "unseen": "nothing that moves is seen where the 3D has the head",
+    "beside": "what moves there is beside the cover",
+}
+ADVICE = (
+    "; correct the camera's pose or clock, or look at the pictures yourself and say so in `heads_checked` of "
+    "session.yaml"
+)

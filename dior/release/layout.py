@@ -41,6 +41,7 @@ PARTS = (
     Part("detections", "released_detections", f"detections/{_RECORDING}", "frame and joint that a detector found"),
     Part("boxes", "released_boxes", f"boxes/{_RECORDING}", "box that a person drew around the subject"),
     Part("marks", "released_marks", f"marks/{_WALK}", "point that a person marked in a picture"),
+    Part("covers", "released_covers", f"covers/{_RECORDING}", "head, or something else, that is covered in a picture"),
     Part("cameras", "released_cameras", "cameras.parquet", "session and camera"),
     Part("camera_covariance", "camera_covariance", "camera_covariance.parquet", "pair of cameras of a session"),
     Part("clocks", "released_clocks", "clocks.parquet", "recording of a camera"),

@@ -52,13 +52,14 @@ THREADS = 2
 class WalkFiles:
     """What the steps made of each sequence, in files that they name <sequence>.parquet or <sequence>.<camera>.parquet.
 
-    `labels`: tables `labels_2d`; `pixels`: tables `released_frames`; `skeletons`: tables `skeletons_3d`; `frames`:
-    tables `frames`; `detections`: tables `detections`; `clocks`: tables `offsets`; `provenance`: checksums of the
-    recordings, a JSON file each.
+    `labels`: tables `labels_2d`; `pixels`: tables `released_frames`; `covers`: tables `released_covers`, in files
+    <sequence>.<camera>.covers.parquet; `skeletons`: tables `skeletons_3d`; `frames`: tables `frames`; `detections`:
+    tables `detections`; `clocks`: tables `offsets`; `provenance`: checksums of the recordings, a JSON file each.
     """
 
     labels: list[Path]
     pixels: list[Path]
+    covers: list[Path]
     skeletons: list[Path]
     frames: list[Path]
     detections: list[Path]
@@ -105,6 +106,7 @@ def run(
     found = {
         "labels": _by_name(of_walks.labels, "labels"),
         "pixels": _by_name(of_walks.pixels, "pictures"),
+        "covers": {name.removesuffix(".covers"): path for name, path in _by_name(of_walks.covers, "covers").items()},
         "skeletons": _by_name(of_walks.skeletons, "skeletons"),
         "frames": _by_name(of_walks.frames, "frames"),
         "detections": _by_name(of_walks.detections, "detections"),
@@ -114,7 +116,8 @@ def run(
     walks = people_tables.released_walks(loaded, needed)
     sources = {name: _sources(walk, found, of_cameras.marks, loaded) for name, walk in walks.items()}
     recordings = {name: _of(found["checksums"], name, "checksums") for name in walks}
-    rig = rigs.released(of_cameras.cameras, of_cameras.covariances, walks)
+    checked = {session: loaded.heads_checked(session) for session in {walk["session"] for walk in walks.values()}}
+    rig = rigs.released(of_cameras.cameras, of_cameras.covariances, walks, checked)
     joint = rigs.covariance(of_cameras.covariances, walks)
     made_of = provenance_json.of(loaded, walks, recordings, steps)
     with folder_written_whole(out) as folder:
@@ -141,7 +144,8 @@ def run(
         rows = metrics_csv.released(metrics, walks)
         write_text(folder / "metrics.csv", as_csv(rows))
         counted = _counted(walks, roles, sources, pictures.get("angle", ()))
-        _write_about(folder, loaded, walks, counted, rows, made_of)
+        looked_at = [row for row in zip(rig["session"], rig["camera"], rig["heads_checked"], strict=True) if row[2]]
+        _write_about(folder, loaded, walks, counted, rows, made_of, looked_at)
         checksums.write(folder)
 
 
@@ -194,6 +198,7 @@ def _sources(
     return walk_files.Sources(
         labels=by_camera("labels", "labels"),
         pixels=by_camera("pixels", "pictures"),
+        covers=by_camera("covers", "covers"),
         skeleton=_of(found["skeletons"], name, "skeletons"),
         frames=_of(found["frames"], name, "frames"),
         detections=found["detections"].get(name),
@@ -219,12 +224,13 @@ def _write_about(
     counted: list[dict[str, Any]],
     figures: list[dict[str, Any]],
     made_of: dict[str, Any],
+    checked: list[tuple[str, str, str]],
 ) -> None:
     """Write what tells about the release: card, licence, citation, Croissant and provenance."""
     release = project.config["release"]
     parts = layout.parts_of(folder)
     example = min(path.relative_to(folder).as_posix() for path in folder.glob("labels_2d/*/*.parquet"))
-    write_text(folder / "README.md", card.text(release, walks, counted, figures, parts, example))
+    write_text(folder / "README.md", card.text(release, walks, counted, figures, parts, example, checked))
     write_text(folder / "LICENSE", licenses.text(release, project.root))
     write_text(folder / "CITATION.cff", citation.text(release))
     described = croissant.content(folder, release, card.summary(walks, counted))

@@ -1,9 +1,9 @@
-"""The released pictures of one camera of a walk, the subject's head covered.
+"""The released pictures of one camera of a walk, the subject's head and what else moves covered.
 
-INPUTS   the `frames` index, the bags below data_root, `heads` (where the head is, on a coarse grid)
-OUTPUTS  `released_frames` table with the pictures as JPEG; findings
+INPUTS   the `frames` index, the bags below data_root, `heads` (where the head is, on a coarse grid), `other_covers`
+OUTPUTS  `released_frames` table with the pictures as JPEG; `released_covers`: what is covered in them; findings
 Nothing here looks at labels: as long as the boxes of `heads` stay, so do the pictures, byte by byte. A picture without
-a head in it is passed on as recorded, one with a head is decoded, covered and encoded again by the recorder's own
+anything to cover is passed on as recorded, one with a head is decoded, covered and encoded again by the recorder's own
 tables; what was no JPEG is encoded at quality 95. Only the picture's own segments are written: no EXIF, no comment,
 nothing after its end. A picture that cannot be released is null and says why.
 """
@@ -32,6 +32,8 @@ from dior.tables.files import written_whole
 # longer footer.
 GROUP = 200
 IMAGE = ("image.bytes", "image.path")
+# of the words of HEAD_STATUS, those of pictures that are released
+RELEASED = ("ok", "out_of_frame")
 
 
 def run(
@@ -42,18 +44,21 @@ def run(
     frames: Path,
     data_root: Path,
     heads: Path | None,
+    covers: Path | None,
     faces: Literal["blurred", "filled", "pixelated", "shown"],
     consent: Literal["yes", "no"],
     shift: dict[str, Any],
     out: Path,
+    out_covers: Path,
     findings: Path,
 ) -> None:
     """Write the released pictures of one camera of one sequence.
 
-    `subject`: the pseudonym. `heads`: its table, None where faces are `shown`. `consent`: "yes", or "no" for a subject
-    who did not agree to pictures, of which all are null then. `shift`: arguments of `shift_stamps.shift_ns`, empty to
-    leave the stamps as they are. Raises DiorError where `heads` is of other pictures, and where a picture is not in its
-    bag any more.
+    `subject`: the pseudonym. `heads`: its table, None where faces are `shown`; `covers`: table `other_covers` of what
+    else is to be covered, None likewise; `out_covers`: table `released_covers` to write. `consent`: "yes", or "no" for
+    a subject who did not agree to pictures, of which all are null then. `shift`: arguments of `shift_stamps.shift_ns`,
+    empty to leave the stamps as they are. Raises DiorError where `heads` is of other pictures, and where a picture is
+    not in its bag any more.
     """
     import cv2
 
@@ -62,9 +67,11 @@ def run(
     rows = tables.of_camera(tables.read(frames, "frames"), camera)
     count = len(rows["frame"])
     covered = faces != "shown" and consent == "yes"
-    if covered and heads is None:
+    if covered and (heads is None or covers is None):
         raise DiorError(f"{where}: faces are to be {faces}, but no table of heads is given; run heads first")
-    boxes, unknown = _boxes(heads, rows, where) if heads and covered else ([None] * count, np.zeros(count, bool))
+    boxes, withheld = _boxes(heads, rows, where) if heads and covered else ([None] * count, [""] * count)
+    others = _others(covers, rows) if covers and covered else [[]] * count
+    shown = np.zeros(count, bool)
     later = shift_stamps.shift_ns(**shift) if shift else 0
     words = {"subject": subject, "sequence": sequence, "camera": camera}
     lost: Counter[str] = Counter()
@@ -74,8 +81,10 @@ def run(
         for group in done:
             mine = tables.rows(rows, group)
             pictures, reasons = _pictures(
-                mine, [boxes[i] for i in group], unknown[group], data_root, faces, consent, why
-            )
+                mine, [boxes[i] for i in group], [others[i] for i in group], [withheld[i] for i in group], data_root,
+                faces, consent, why,
+            )  # fmt: skip
+            shown[group] = [picture is not None for picture in pictures]
             lost.update(reasons)
             once = np.zeros(len(group), int)
             columns: dict[str, tables.Column] = {
@@ -86,6 +95,7 @@ def run(
                 "no_image": reasons,
             }
             writer.write_table(tables.to_arrow("released_frames", columns))
+    tables.write(out_covers, "released_covers", _named(words, _released_covers(rows, later, boxes, others, shown)))
     found = _findings(f"{sequence}/{camera}", lost["not_readable"], count, why)
     for _, severity, _, text in found:
         print(f"{where}: {severity}: {text}", file=sys.stderr)
@@ -96,14 +106,48 @@ def _groups(count: int) -> Iterator[Ints]:
     return (np.arange(start, min(start + GROUP, count)) for start in range(0, count, GROUP))
 
 
-def _boxes(heads: Path, rows: Table, where: str) -> tuple[list[Floats | None], Bools]:
-    """Of each picture the edges (4,) of the box to cover, None for no head, and whether it is not known (F,)."""
+def _boxes(heads: Path, rows: Table, where: str) -> tuple[list[Floats | None], list[str]]:
+    """Of each picture the edges (4,) of the box to cover, None for no head, and the word of NO_IMAGE why it is not
+    released, "" where it is."""
     table = tables.read(heads, "heads")
     if not np.array_equal(table["frame"], rows["frame"]):
         raise DiorError(f"{where}: {heads} is of other pictures; run heads again")
     edges = np.stack([table[key] for key in EDGES], axis=1)
     boxes = [None if status == "out_of_frame" else edge for status, edge in zip(table["status"], edges, strict=True)]
-    return boxes, table["status"] == "unknown"
+    return boxes, ["" if word in RELEASED else f"head_{word}" for word in table["status"]]
+
+
+def _others(covers: Path, rows: Table) -> list[list[Floats]]:
+    """Of each picture the edges (4,) of what else is to be covered."""
+    table = tables.read(covers, "other_covers")
+    found: list[list[Floats]] = [[] for _ in rows["frame"]]
+    edges = np.stack([table[key] for key in EDGES], axis=1)
+    for row, box in zip(np.searchsorted(rows["frame"], table["frame"]), edges, strict=True):
+        found[row].append(box)
+    return found
+
+
+def _named(words: dict[str, str], columns: dict[str, tables.Column]) -> dict[str, tables.Column]:
+    return {**{key: [word] * len(columns["frame"]) for key, word in words.items()}, **columns}  # type: ignore[arg-type]
+
+
+def _released_covers(
+    rows: Table, later: int, boxes: list[Floats | None], others: list[list[Floats]], shown: Bools
+) -> dict[str, tables.Column]:
+    """Columns of `released_covers` of the pictures that are `shown` (F,), but for whose they are."""
+    found: list[tuple[int, str, Floats]] = []
+    for i in np.flatnonzero(shown).tolist():
+        head = boxes[i]
+        found += [(i, "head", head)] if head is not None else []
+        found += [(i, "other", box) for box in others[i]]
+    at = np.array([i for i, _, _ in found], int)
+    edges = np.array([box for _, _, box in found]).reshape(-1, 4)
+    return {
+        "frame": rows["frame"][at],
+        "stamp_ns": rows["stamp_ns"][at] - later,
+        "what": [what for _, what, _ in found],
+        **dict(zip(EDGES, edges.T, strict=True)),
+    }
 
 
 def _writer(path: Path) -> pq.ParquetWriter:
@@ -123,7 +167,8 @@ def _writer(path: Path) -> pq.ParquetWriter:
 def _pictures(
     rows: Table,
     boxes: list[Floats | None],
-    unknown: Bools,
+    others: list[list[Floats]],
+    withheld: list[str],
     data_root: Path,
     faces: str,
     consent: str,
@@ -134,12 +179,12 @@ def _pictures(
     found = np.full(len(boxes), None, object)
     if consent != "yes":
         return found, np.full(len(boxes), "no_consent", object)
-    reasons = np.where(unknown, "head_unknown", "").astype(object)
-    wanted = np.flatnonzero(~unknown)
+    reasons = np.array(withheld, object)
+    wanted = np.flatnonzero(reasons == "")
     for row, message, _ in bags.read_messages(tables.rows(rows, wanted), data_root):
         i = wanted[row]
         try:
-            found[i] = released(message, (rows["height"][i], rows["width"][i]), boxes[i], faces)
+            found[i] = released(message, (rows["height"][i], rows["width"][i]), boxes[i], others[i], faces)
         except BROKEN as error:
             # where memory is short, no picture is to blame
             if sentence(error):
@@ -149,8 +194,9 @@ def _pictures(
     return found, reasons
 
 
-def released(message: Any, size: tuple[int, int], box: Floats | None, faces: str) -> bytes | None:
-    """JPEG bytes of a message's picture of `size` (height, width) px, with the head in `box` covered; None for none.
+def released(message: Any, size: tuple[int, int], box: Floats | None, others: list[Floats], faces: str) -> bytes | None:
+    """JPEG bytes of a message's picture of `size` (height, width) px, with the head in `box`, None for none, and all of
+    the boxes `others` covered.
 
     Raises one of BROKEN for a picture that cannot be read.
     """
@@ -162,10 +208,12 @@ def released(message: Any, size: tuple[int, int], box: Floats | None, faces: str
     quality, sampling = jpeg.QUALITY, jpeg.SAMPLING
     if data is not None and data.startswith(jpeg.SOI):
         stripped, plain = jpeg.bare(data)
-        if plain and box is None:
+        if plain and box is None and not others:
             return stripped
         quality, sampling = jpeg.settings(stripped)
     picture = messages.decode(message.kind, raw, message.wire, size)
+    for other in others:
+        head_blur.cover(picture, other, faces, whole=True)
     if box is not None:
         head_blur.cover(picture, box, faces)
     return jpeg.encoded(picture, quality, sampling)

@@ -1,7 +1,7 @@
 """The files of one walk in a release, by pseudonym and with nothing that names a machine, a file or a person.
 
-INPUTS   of each step the tables of the walk: `labels_2d`, `skeletons_3d`, `frames`, `detections`, `marks`, pictures
-         (`released_frames`, by pseudonym already), boxes and checks as CSV
+INPUTS   of each step the tables of the walk: `labels_2d`, `skeletons_3d`, `frames`, `detections`, `marks`, pictures and
+         what is covered in them (by pseudonym already), boxes and checks as CSV
 OUTPUTS  <table>/<subject>/<sequence>[.<camera>].parquet; where nobody marked, drew or detected there is no file
 Units as in dior/tables/schemas/. Metadata is made anew, so that nothing else slips through.
 """
@@ -31,6 +31,7 @@ class Sources:
 
     labels: dict[str, Path]
     pixels: dict[str, Path]
+    covers: dict[str, Path]
     skeleton: Path
     frames: Path
     detections: Path | None = None
@@ -53,6 +54,7 @@ def write(folder: Path, walk: dict[str, Any], sources: Sources) -> None:
         tables.write_arrow(folder / "labels_2d" / recording, labels)
         _check_pictures(sources.pixels[camera], walk, camera, stamps[camera])
         link(sources.pixels[camera], folder / "frames" / recording)
+        link(sources.covers[camera], folder / "covers" / recording)
     skeleton = tables.read_arrow(sources.skeleton, "skeletons_3d")
     out = folder / "skeletons_3d" / who / f"{name}.parquet"
     tables.write_arrow(out, _own(skeleton, sources.skeleton, walk))

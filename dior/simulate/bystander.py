@@ -1,4 +1,4 @@
-"""A second person who stands beside the walkway for a part of the recording.
+"""A second person who stands or walks beside the walkway for a part of the recording.
 
 OUTPUT   `SecondPerson`: the landmarks at the pictures of a camera, and what the camera sees of them
 """
@@ -19,6 +19,8 @@ from dior.simulate.settings import Sequence, Settings, generator
 # chosen, in view of several cameras and in the way of none: azimuth (degrees) and distance (m) from the middle of the
 # walkway
 PLACES = {"indoor": (90.0, 3.3), "outdoor": (-30.0, 3.3)}
+# chosen: m, the middle of the loop on which a second person walks; before and behind the subject, by camera
+LOOP_AT = (0.0, -2.2)
 # chosen: amplitude at the top of the head and period of the sway of somebody who stands
 SWAY_M, SWAY_S = 0.015, 3.7
 SUBJECT = "S00"
@@ -52,16 +54,26 @@ def seen(settings: Settings, sequence: Sequence, camera: Camera, seconds: Floats
     begin = draw.uniform(0.0, settings.duration_s - length)
     first = settings.clocks.start_delay_s[0] if sequence.environment == "indoor" else 0.0
     present = (seconds >= first + begin) & (seconds < first + begin + length)
-    azimuth, distance = PLACES[sequence.environment]
+    if settings.bystander_walks:
+        walker = Walker(body, start=float(draw.uniform(0.0, 8.0)), until=float(seconds.max(initial=0.0)) + 1.0)
+        landmarks = walker.at(seconds)[0] + (*LOOP_AT, 0.0)
+    else:
+        landmarks = _swaying(body, sequence.environment, seconds)
+    uv, depth = scene.project(camera, landmarks)
+    uv = np.where((depth > 0)[..., None], uv, np.nan)
+    return SecondPerson(body.height, landmarks, uv, depth, scene.in_picture(camera.intrinsics, uv), present)
+
+
+def _swaying(body: Body, environment: str, seconds: Floats) -> Floats:
+    """Landmarks (P, 33, 3) m of a body that stands in its place at `seconds` (P,)."""
+    azimuth, distance = PLACES[environment]
     angle = np.deg2rad(azimuth)
     points = standing(body, np.array([distance * np.cos(angle), distance * np.sin(angle)]), angle + np.pi)
     height = points[:, 2:] / body.height
     sway = SWAY_M * np.stack([np.sin(2 * np.pi * seconds / SWAY_S), np.cos(4.4 * seconds / SWAY_S)], axis=-1)
-    landmarks = np.repeat(points[None], count, axis=0)
+    landmarks = np.repeat(points[None], len(seconds), axis=0)
     landmarks[..., :2] += sway[:, None] * height
-    uv, depth = scene.project(camera, landmarks)
-    uv = np.where((depth > 0)[..., None], uv, np.nan)
-    return SecondPerson(body.height, landmarks, uv, depth, scene.in_picture(camera.intrinsics, uv), present)
+    return landmarks
 
 
 def standing(body: Body, place: Floats, heading: float) -> Floats:

@@ -113,6 +113,7 @@ class Settings:
     intrinsics_error: float = 0.0  # by how much the focal length in CameraInfo is wrong, as a share
     walks: tuple[str, ...] = ("across", "along")  # walk patterns, in turn
     bystander: float = 0.0  # share of a recording in which a second person stands by
+    bystander_walks: bool = False  # the second person walks to and fro beside the walkway
     occluder: bool = False  # outdoors a wall hides the lower half of the body from the long-range camera
     sun: bool = False  # the sun stands in the long-range picture
     gallery: bool = False  # pictures of each subject and outfit from all around

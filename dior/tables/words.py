@@ -7,8 +7,11 @@ SKELETON_STATUS = ("ok", "too_few_views", "rejected", "gap_filled")
 OFFSET_SOURCE = ("estimated", "manual", "reference", "assumed_zero")
 CLOCK_METHOD = ("", "detections", "marks", "pictures", "cameras", "boxes")
 DROP_REASON = ("not_sent", "recorder_behind", "between_bags", "same_stamp", "same_picture")
-HEAD_STATUS = ("ok", "out_of_frame", "unknown")
-NO_IMAGE = ("no_consent", "head_unknown", "not_readable")
+HEAD_STATUS = ("ok", "out_of_frame", "unknown", "uncertain", "red", "unseen", "beside")
+NO_IMAGE = (
+    *("no_consent", "head_unknown", "head_uncertain", "head_red", "head_unseen", "head_beside", "not_readable"),
+)
+COVER = ("head", "other")
 MARK_KIND = ("mark", "check")
 SPLITS = {"subject": ("train", "val", "test"), "range": ("gallery", "probe"), "outfit": ("gallery", "probe")}
 SEVERITY = ("info", "warning", "error")

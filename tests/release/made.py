@@ -136,6 +136,14 @@ def pixels(path, who, name, camera, count=FRAMES):
     tables.write(path, "released_frames", columns)
 
 
+def covers(path, who, name, camera):
+    """A head in the first picture, and something else in the second."""
+    columns = {"subject": [who] * 2, "sequence": [name] * 2, "camera": [camera] * 2, "frame": [0, 1],
+               "stamp_ns": [0, 10**8], "what": ["head", "other"]}  # fmt: skip
+    edges = zip(("u_min", "v_min", "u_max", "v_max"), (8.0, 8.0, 16.0, 16.0), strict=True)
+    tables.write(path, "released_covers", columns | {key: [value] * 2 for key, value in edges})
+
+
 def clocks(path, name):
     """cam01 is the reference, cam02 is 20 ms late and has no known error."""
     columns = {"sequence": [name] * 3, "camera": list(ROLES), "offset_s": [0.0, 0.02, -0.01],
@@ -197,7 +205,18 @@ def project(root, walks=WALKS):
     write_config(root)
     sheets(root, CONSENT, walks=walks)
     results = root / "results"
-    lists = ("labels", "pixels", "skeletons", "frames", "detections", "metrics", "cameras", "covariances", "clocks")
+    lists = (
+        "labels",
+        "pixels",
+        "covers",
+        "skeletons",
+        "frames",
+        "detections",
+        "metrics",
+        "cameras",
+        "covariances",
+        "clocks",
+    )
     found = {name: [] for name in (*lists, "provenance")}
 
     def add(kind, path):
@@ -209,6 +228,7 @@ def project(root, walks=WALKS):
         for camera in ROLES:
             labels(add("labels", f"reproject/{name}.{camera}.parquet"), who, name, camera)
             pixels(add("pixels", f"pixels/{name}.{camera}.parquet"), who, name, camera)
+            covers(add("covers", f"pixels/{name}.{camera}.covers.parquet"), who, name, camera)
         skeleton(add("skeletons", f"mocap/{name}.parquet"), who, name)
         frames(add("frames", f"frames/{name}.parquet"), name)
         clocks(add("clocks", f"clocks/{name}.parquet"), name)

@@ -50,9 +50,21 @@ def test_the_card(built):
             assert f"| {column} |" in body
     assert "| u | float32 | px |" in body and "| wTc | 16 x float64 | m |" in body
     assert "| status | string |  | ok, out_of_frame, behind_camera, missing_3d, occluded |" in body
-    assert "no_consent, head_unknown, not_readable" in body
+    assert "no_consent, head_unknown, head_uncertain, head_red, head_unseen, head_beside, not_readable" in body
+    assert "heads are covered. Who released it" not in body
     assert "simulated" not in body.split("## What is in it")[0]
     assert "assumed to be zero" not in body and "not part of the release" not in body
+
+
+def test_who_has_looked_at_the_heads_is_told(made):
+    path = made["project"] / "config/sessions/field/session.yaml"
+    path.write_text(path.read_text() + "heads_checked: {cam02: all of walk_2 looked at}\n")
+    out = build(made)
+    body = " ".join((out / "README.md").read_text().split())
+    assert "Of camera cam02 of session field, dior does not say" in body and "says: all of walk_2 looked at" in body
+    rig = tables.read(out / "cameras.parquet", "released_cameras")
+    told = dict(zip(zip(rig["session"], rig["camera"], strict=True), rig["heads_checked"], strict=True))
+    assert told.pop(("field", "cam02")) == "all of walk_2 looked at" and set(told.values()) == {""}
 
 
 def test_a_simulated_capture_says_so(made, tmp_path):

@@ -1,5 +1,9 @@
-"""The head's box in a picture: it holds the head, whichever way it is turned, and a small fix rarely moves it."""
+"""The head's box in a picture: it holds the head, whichever way it is turned, and a small fix rarely moves it. Where it
+does not hold the head that the pictures show, they are not released."""
 
+from functools import cache
+
+import cv2
 import numpy as np
 import pytest
 
@@ -7,7 +11,7 @@ from dior.clocks import clock
 from dior.errors import DiorError
 from dior.geometry import camera as cam
 from dior.geometry import camera_tables, covariance
-from dior.release import head_blur, head_model, heads
+from dior.release import head_blur, head_model, heads, look, moving
 from dior.simulate.scene import project as simulated
 from dior.tables import tables
 from tests.rig import camera, ring
@@ -112,31 +116,109 @@ def test_small_fix_writes_no_picture_anew_where_the_earlier_boxes_are_given(walk
     assert given["out"].read_bytes() == first.read_bytes()
 
 
+# left, up m from the middle between the ears, of a body that stands upright
+BODY = {
+    "left_ear": (0.075, 0.0), "right_ear": (-0.075, 0.0),
+    "left_shoulder": (0.19, -0.20), "right_shoulder": (-0.19, -0.20),
+    "left_elbow": (0.25, -0.50), "right_elbow": (-0.25, -0.50), "left_hip": (0.12, -0.75), "right_hip": (-0.12, -0.75),
+}  # fmt: skip
+COUNT = 30
+
+
+def in_view():
+    """The camera of the walk."""
+    return ring(1)[0]
+
+
+@cache
+def _painted(middle, shown):
+    """A grey picture (720, 1280, 3) with the body where it is `shown`, its ears about `middle` (3,) m."""
+    view = in_view()
+    picture = (100 + 20 * np.add.outer(np.arange(720) // 40 % 2, np.arange(1280) // 40 % 2)).astype(np.uint8)
+    picture = np.repeat(picture[..., None], 3, axis=2)
+    for (left, up), radius in shapes_of_body() if shown else []:
+        (u, v), depth = simulated(view, np.array(middle) + (0.0, left, up))
+        if depth > 0 and np.isfinite([u, v]).all():
+            size = int(round(view.intrinsics.fx * radius / depth))
+            cv2.circle(picture, (int(round(u)), int(round(v))), size, (200, 40, 40), -1)
+    return picture
+
+
+def shapes_of_body():
+    flesh = [(left, up) for left, up in BODY.values() if up < 0]
+    trunk = [(left, up) for up in np.linspace(-0.75, -0.2, 12) for left in np.linspace(-0.16, 0.16, 7)]
+    neck = [(0.0, up) for up in (-0.08, -0.12, -0.16, -0.2)]
+    head = [(0.0, 0.03), (0.0, -0.03)]
+    return [(p, 0.06) for p in flesh + trunk] + [(p, 0.05) for p in neck] + [(p, 0.085) for p in head]
+
+
+def filmed(view, middle, shown=lambda i: True, others=()):
+    """What reads the pictures of a walk: the body where `shown`, and discs `others` (point (3,) m, radius, which)."""
+
+    def read(wanted, factor):
+        for i in wanted.tolist():
+            picture = _painted(tuple(middle[i]), bool(shown(i))).copy()
+            for at, radius, when in others:
+                (u, v), depth = simulated(view, np.array(at, float))
+                if i in when:
+                    size = int(round(view.intrinsics.fx * radius / depth))
+                    cv2.circle(picture, (int(u), int(v)), size, (30, 30, 30), -1)
+            yield i, moving.reduced(picture, factor)
+
+    return lambda rows, data_root: read
+
+
 @pytest.fixture
-def walk(tmp_path):
-    """Tables of a walk past one camera, and the arguments of the step."""
-    view = ring(1)[0]
-    count, joints = 30, ("left_ear", "right_ear")
+def walk(tmp_path, monkeypatch):
+    """Tables of a walk past one camera, and the arguments of the step; its pictures are drawn."""
+    view = in_view()
+    count, joints = COUNT, tuple(BODY)
     stamps = np.arange(count, dtype=np.int64) * 33_333_333
-    middle = np.stack([np.linspace(-0.5, 0.5, count), np.zeros(count), np.full(count, 1.6)], axis=1)
-    points = np.stack([middle + (0, side * 0.075, 0) for side in (1, -1)], axis=1)
-    each = {"instant": np.repeat(np.arange(count), 2), "stamp_ns": np.repeat(stamps, 2)}
+    middle = np.stack([np.zeros(count), np.linspace(-1.4, 1.4, count), np.full(count, 1.6)], axis=1)
+    points = np.stack([middle + (0, *place) for place in BODY.values()], axis=1)
+    n, each_of = count * len(joints), len(joints)
+    each = {"instant": np.repeat(np.arange(count), each_of), "stamp_ns": np.repeat(stamps, each_of)}
     body = each | {axis: points[..., i].ravel() for i, axis in enumerate("xyz")}
-    body |= {"joint": joints * count, "status": ["ok"] * 2 * count}
-    body["x"][20:24] = np.nan  # one instant and a half of the next: two pictures without a head
+    body |= {"joint": joints * count, "status": ["ok"] * n}
+    # one instant, and the next without an ear: two pictures without a head
+    body["x"][10 * each_of : 11 * each_of], body["x"][11 * each_of] = np.nan, np.nan
     tables.write(tmp_path / "body.parquet", "skeletons_3d", body)
     frames = {"camera": ["cam01"] * count, "frame": np.arange(count), "stamp_ns": stamps}
+    frames |= {"height": [720] * count, "width": [1280] * count}
     tables.write(tmp_path / "frames.parquet", "frames", frames)
-    labels = {"joint": joints * count, "frame": np.repeat(np.arange(count), 2)}
-    labels |= {"sigma_u": np.full(2 * count, 1.0), "sigma_v": np.full(2 * count, 1.0)}
+    labels = {"joint": joints * count, "frame": np.repeat(np.arange(count), each_of)}
+    labels |= {"sigma_u": np.full(n, 1.0), "sigma_v": np.full(n, 1.0)}
     tables.write(tmp_path / "labels.parquet", "labels_2d", labels)
     camera_tables.write_cameras(tmp_path / "cameras.parquet", [view])
     clock.write(tmp_path / "clocks.parquet", tmp_path / "gains.parquet", "walk", {"cam01": clock.Clock(0.0)})
+    tables.write(tmp_path / "metrics.parquet", "metrics", figures(coverage=1.0))
+    tables.write_findings(tmp_path / "noticed.parquet", [])
+    monkeypatch.setattr(look, "reader", filmed(view, middle))
     paths = {"skeleton": "body", "frames": "frames", "labels": "labels"}
     given = {key: tmp_path / f"{name}.parquet" for key, name in paths.items()}
     given |= {"cameras": [tmp_path / "cameras.parquet"], "clocks": [tmp_path / "clocks.parquet"]}
+    given |= {"filmed": heads.Filmed(tmp_path, None, "auto", 0.3, None)}
+    given |= {"judged": judged(tmp_path)}
     given |= {"before": None, "out": tmp_path / "heads.parquet", "findings": tmp_path / "findings.parquet"}
-    return view, middle, {"sequence": "walk", "camera": "cam01", **given}
+    return view, middle, {"sequence": "walk", "camera": "cam01", "out_covers": tmp_path / "covers.parquet", **given}
+
+
+def figures(**values):
+    count = len(values)
+    return {"metric": list(values), "camera": ["cam01"] * count, "sequence": ["walk"] * count,
+            "role": ["close"] * count, "value": list(values.values()), "n": [9] * count}  # fmt: skip
+
+
+def judged(folder, checked=""):
+    return heads.Judged("close", "lab", folder / "metrics.parquet", [folder / "noticed.parquet"], checked)
+
+
+def status_of(given):
+    return tables.read(given["out"], "heads")["status"]
+
+
+def said(given):
+    return tables.read(given["findings"], "findings")["text"].tolist()
 
 
 def test_step_writes_a_box_for_every_picture_also_where_the_3d_is_missing(walk):
@@ -145,22 +227,142 @@ def test_step_writes_a_box_for_every_picture_also_where_the_3d_is_missing(walk):
     table = tables.read(given["out"], "heads")
     edges = np.stack([table[key] for key in heads.EDGES], axis=1)
     uv = cam.project(view, middle)[0] + 0.5
-    assert (table["status"] == "ok").all() and table["frame"].tolist() == list(range(30))
+    assert (table["status"] == "ok").all() and table["frame"].tolist() == list(range(COUNT))
     assert ((edges[:, :2] < uv) & (uv < edges[:, 2:])).all()
-    assert not len(tables.read(given["findings"], "findings")["text"])
+    assert not said(given) and not len(tables.read(given["out_covers"], "other_covers")["frame"])
 
 
 def test_step_says_where_the_head_is_not_known(walk):
     _, _, given = walk
     body = tables.read(given["skeleton"], "skeletons_3d")
-    body["x"][:40] = np.nan
+    body["x"][: 20 * len(BODY)] = np.nan
     tables.write(given["skeleton"], "skeletons_3d", body)
     heads.run(**given)
     table = tables.read(given["out"], "heads")
     assert (table["status"][:15] == "unknown").all() and (table["status"][17:] == "ok").all()
     assert np.isnan(table["u_min"][:15]).all()
-    (text,) = tables.read(given["findings"], "findings")["text"]
+    (text,) = said(given)
     assert "of 30 pictures are not released" in text
+
+
+@pytest.mark.parametrize("turn", [(0, 1.5, 0), (0, -1.5, 0), (-1.5, 0, 0), (0, 20, 0)])
+def test_no_picture_is_released_where_the_pose_puts_the_cover_beside_the_head(walk, turn):
+    """Labels with a small sigma and a green light: only the pictures tell."""
+    view, _, given = walk
+    wrong = covariance.moved(view, np.array([*np.deg2rad(turn), 0, 0, 0]))
+    camera_tables.write_cameras(given["cameras"][0], [wrong])
+    heads.run(**given)
+    assert set(status_of(given)) <= {"beside", "unseen"}
+    assert "30 of 30 pictures are not released" in said(given)[0] and "heads_checked" in said(given)[0]
+
+
+@pytest.mark.parametrize("turn", [(0, 0, 0), (0, 0.5, 0), (-0.5, 0, 0), (0.5, 0, 0), (1.5, 0, 0), (4, 0, 0)])
+def test_of_a_released_picture_all_of_the_head_is_covered(walk, turn):
+    """Where the cover is too low, what moves above it is covered; where that goes too far nothing is released."""
+    view, middle, given = walk
+    camera_tables.write_cameras(given["cameras"][0], [covariance.moved(view, np.array([*np.deg2rad(turn), 0, 0, 0]))])
+    heads.run(**given)
+    table = tables.read(given["out"], "heads")
+    edges = np.stack([table[key] for key in heads.EDGES], axis=1)
+    around = 2 * np.pi * np.arange(16) / 16
+    for i in np.flatnonzero(table["status"] == "ok"):
+        uv = simulated(view, middle[i] + np.stack([0 * around, 0.08 * np.cos(around), 0.11 * np.sin(around)], axis=1))[
+            0
+        ]
+        at = np.round(uv).astype(int)
+        under = head_blur.ellipse(edges[i], np.arange(720), np.arange(1280))[at[:, 1], at[:, 0]]
+        for box in covered(given, i):
+            under |= ((at >= box[:2]) & (at < box[2:])).all(axis=1)
+        assert under.all(), i
+    if turn == (0, 0, 0):
+        assert (table["status"] == "ok").all()
+
+
+def test_nobody_under_the_cover_is_not_released(walk, monkeypatch):
+    view, middle, given = walk
+    monkeypatch.setattr(look, "reader", filmed(view, middle, shown=lambda i: i >= 20))
+    heads.run(**given)
+    assert (status_of(given)[:10] == "unseen").all()
+    monkeypatch.setattr(look, "reader", filmed(view, middle, shown=lambda i: i >= 10))
+    heads.run(**given)
+    assert (status_of(given)[:5] == "unseen").all() and (status_of(given)[15:] == "ok").all()
+
+
+def test_who_stands_still_is_not_seen(walk, monkeypatch):
+    view, middle, given = walk
+    monkeypatch.setattr(look, "reader", filmed(view, middle[[15] * COUNT]))
+    heads.run(**given)
+    assert set(status_of(given)) == {"unseen"}
+
+
+@pytest.mark.parametrize("sigma", [np.nan, 40.0])
+def test_labels_of_which_nobody_knows_how_good_they_are_release_no_picture(walk, sigma):
+    _, _, given = walk
+    labels = tables.read(given["labels"], "labels_2d")
+    tables.write(given["labels"], "labels_2d", labels | {"sigma_u": np.full(len(labels["frame"]), sigma)})
+    heads.run(**given)
+    assert set(status_of(given)) == {"uncertain"}
+
+
+def test_a_red_light_releases_no_picture(walk, tmp_path):
+    _, _, given = walk
+    tables.write(tmp_path / "metrics.parquet", "metrics", figures(coverage=1.0, in_box_share=0.06))
+    heads.run(**given)
+    assert set(status_of(given)) == {"red"} and "6.0 % of the labels are in the hand boxes" in said(given)[0]
+    tables.write(tmp_path / "metrics.parquet", "metrics", figures(coverage=1.0, in_box_share=0.9))
+    tables.write_findings(tmp_path / "noticed.parquet", [("lab/cam01", "error", "camera_bumped", "it moved")])
+    heads.run(**given)
+    assert set(status_of(given)) == {"red"} and "it moved" in said(given)[0]
+    tables.write_findings(tmp_path / "noticed.parquet", [("lab/cam02", "error", "camera_bumped", "it moved")])
+    heads.run(**given)
+    assert set(status_of(given)) == {"ok"}, "another camera's"
+
+
+def test_who_has_looked_lifts_all_of_it_but_an_unknown_head(walk, tmp_path):
+    view, _, given = walk
+    tables.write(tmp_path / "metrics.parquet", "metrics", figures(coverage=1.0, in_box_share=0.06))
+    wrong = covariance.moved(view, np.array([0, np.deg2rad(1.5), 0, 0, 0, 0]))
+    camera_tables.write_cameras(given["cameras"][0], [wrong])
+    heads.run(**given | {"judged": judged(tmp_path, "looked at all of them (A. B.)")})
+    assert set(status_of(given)) == {"ok"}
+    (text,) = said(given)
+    assert "looked at all of them (A. B.)" in text and "in the hand boxes" in text
+
+
+def covered(given, frame):
+    table = tables.read(given["out_covers"], "other_covers")
+    mine = tables.rows(table, table["frame"] == frame)
+    return np.stack([mine[key] for key in heads.EDGES], axis=1)
+
+
+def test_what_else_moves_at_the_height_of_a_head_is_covered(walk, monkeypatch):
+    view, middle, given = walk
+    head, foot = (0.5, 1.6, 1.7), (0.5, 1.6, -1.0)
+    others = [(head, 0.1, range(4, 6)), (foot, 0.1, range(4, 6))]
+    monkeypatch.setattr(look, "reader", filmed(view, middle, others=others))
+    heads.run(**given)
+    (u, v), _ = simulated(view, np.array(head))
+    radius = view.intrinsics.fx * 0.1 / np.linalg.norm(view.centre - head)
+    for frame in range(COUNT):
+        boxes = covered(given, frame)
+        if frame not in range(4, 6):
+            assert not len(boxes)
+            continue
+        (box,) = boxes
+        assert box[0] <= u - radius and box[1] <= v - radius and box[2] >= u + radius and box[3] >= v + radius
+        assert (box[2:] - box[:2] < 2 * radius + 24).all()
+    assert set(status_of(given)) == {"ok"}
+
+
+def test_where_somebody_stood_for_a_while_is_covered_all_the_time(walk, monkeypatch):
+    """Which of the two pictures is the empty one nobody knows."""
+    view, middle, given = walk
+    monkeypatch.setattr(look, "reader", filmed(view, middle, others=[((0.5, 1.6, 1.7), 0.1, range(18))]))
+    heads.run(**given)
+    (u, v), _ = simulated(view, np.array((0.5, 1.6, 1.7)))
+    for frame in range(COUNT):
+        boxes = covered(given, frame)
+        assert ((boxes[:, 0] < u) & (u < boxes[:, 2]) & (boxes[:, 1] < v) & (v < boxes[:, 3])).any(), frame
 
 
 @pytest.mark.parametrize(

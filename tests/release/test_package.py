@@ -18,7 +18,20 @@ from dior.geometry import camera_tables
 from dior.release import layout, metrics_csv, shift_stamps, walk_files
 from dior.tables import tables
 from dior.tables.files import written_whole
-from tests.release.made import CONSENT, PSEUDONYM, ROLES, WALKS, build, figure, files, labels, pixels, project, sheets
+from tests.release.made import (
+    CONSENT,
+    PSEUDONYM,
+    ROLES,
+    WALKS,
+    build,
+    covers,
+    figure,
+    files,
+    labels,
+    pixels,
+    project,
+    sheets,
+)
 
 SECRETS = ("Realname", "Secondname", "Refuser", "mango-0003", "walk_4", "walk_5", "host", "/home")
 
@@ -35,7 +48,7 @@ def told(name, content):
 def test_who_did_not_agree_is_in_no_file(built):
     found = files(built["out"])
     recordings = [("apple-0002", "walk_3"), ("zebra-0001", "walk_1"), ("zebra-0001", "walk_2")]
-    expected = {f"{table}/{who}/{name}.{camera}.parquet" for table in ("labels_2d", "frames")
+    expected = {f"{table}/{who}/{name}.{camera}.parquet" for table in ("labels_2d", "frames", "covers")
                 for who, name in recordings for camera in ROLES}  # fmt: skip
     expected |= {f"skeletons_3d/{who}/{name}.parquet" for who, name in recordings}
     expected |= {f"detections/{who}/{name}.{camera}.parquet" for who, name in recordings[::2] for camera in
@@ -250,13 +263,15 @@ def test_a_part_of_a_session_is_called_after_a_released_walk(tmp_path):
     session = tmp_path / "config/sessions/field"
     (session / "cam01@walk_4.yaml").write_text((session / "cam01.yaml").read_text())
     sheets(tmp_path, CONSENT, walks=walks)
-    for kind in ("labels", "pixels", "skeletons", "frames", "clocks", "provenance"):
+    for kind in ("labels", "pixels", "covers", "skeletons", "frames", "clocks", "provenance"):
         for path in [path for path in arguments[kind] if path.name.startswith("walk_2.")]:
             twin = path.with_name(path.name.replace("walk_2", "walk_6"))
             if kind == "labels":
                 labels(twin, "zebra-0001", "walk_6", path.stem.split(".")[1])
             elif kind == "pixels":
                 pixels(twin, "zebra-0001", "walk_6", path.stem.split(".")[1])
+            elif kind == "covers":
+                covers(twin, "zebra-0001", "walk_6", path.stem.split(".")[1])
             elif kind in ("skeletons", "clocks"):
                 name = {"skeletons": "skeletons_3d", "clocks": "offsets"}[kind]
                 table = tables.read(path, name)
@@ -353,9 +368,10 @@ def test_stamps_count_from_each_persons_first_picture_where_asked_for(made, buil
     config = made["config"] | {"release": made["config"]["release"] | {"shift_stamps": True}}
     with pytest.raises(DiorError, match="whose frames and stamps are not those of the 3 pictures"):
         build(made, config=config)
-    for path in made["pixels"]:
-        table = tables.read(path, "released_frames")
-        tables.write(path, "released_frames", table | {"stamp_ns": table["stamp_ns"] + shift_stamps.FIRST_NS})
+    for kind, name in (("pixels", "released_frames"), ("covers", "released_covers")):
+        for path in made[kind]:
+            table = tables.read(path, name)
+            tables.write(path, name, table | {"stamp_ns": table["stamp_ns"] + shift_stamps.FIRST_NS})
     out = build(made, config=config)
     assert "walks is at 1980-01-01 00:00 UTC" in (out / "README.md").read_text()
     for path in sorted(out.rglob("*.parquet")):

@@ -36,6 +36,7 @@ def recording(tmp_path):
     frames.run(sequence="walk", bags=[bag], data_root=tmp_path, topics={"cam01": TOPIC}, out=index)
     given = {"sequence": "walk", "subject": "P01", "camera": "cam01", "frames": index, "data_root": tmp_path}
     given |= {"heads": _heads(tmp_path / "heads.parquet", "ok out_of_frame unknown ok ok out_of_frame ok".split())}
+    given |= {"covers": _covers(tmp_path / "others.parquet", {}), "out_covers": tmp_path / "covers.parquet"}
     given |= {"faces": "filled", "consent": "yes", "shift": {}, "out": tmp_path / "out.parquet"}
     return sent, given | {"findings": tmp_path / "findings.parquet"}
 
@@ -48,6 +49,17 @@ def _heads(path, status):
     columns = dict(zip(("u_min", "v_min", "u_max", "v_max"), edges.T, strict=True))
     tables.write(path, "heads", {"frame": np.arange(len(status)), "status": status, **columns})
     return path
+
+
+def _covers(path, boxes):
+    """Table of what else is to be covered, `boxes` by frame."""
+    edges = np.array([box for each in boxes.values() for box in each], float).reshape(-1, 4)
+    frame = np.repeat(np.array([*boxes], int), [len(each) for each in boxes.values()])
+    tables.write(path, "other_covers", {"frame": frame, **dict(zip(EDGES, edges.T, strict=True))})
+    return path
+
+
+EDGES = ("u_min", "v_min", "u_max", "v_max")
 
 
 def decoded(data):
@@ -85,6 +97,33 @@ def test_a_picture_is_not_lost_because_memory_is_short(recording, monkeypatch):
     assert not given["out"].exists()
 
 
+def test_what_else_moves_is_covered_whole_and_told(recording, tmp_path):
+    _, given = recording
+    other = (40, 8, 70, 30)
+    pixels.run(**given | {"covers": _covers(tmp_path / "some.parquet", {1: [other], 2: [other], 3: [other, BOX]})})
+    table = tables.read(given["out"], "released_frames")
+    for i in (1, 3):
+        found = decoded(table["image"][i]).astype(int)
+        assert np.abs(found[8:30, 40:] - head_blur.GREY).mean() < 12
+    covers = tables.read(given["out_covers"], "released_covers")
+    rows = list(zip(covers["frame"].tolist(), covers["what"], *(covers[key].tolist() for key in EDGES), strict=True))
+    assert rows == [
+        (0, "head", *BOX), (1, "other", *other), (3, "head", *BOX), (3, "other", *other), (3, "other", *BOX),
+        (6, "head", *BOX),
+    ]  # fmt: skip
+    assert set(covers["subject"]) == {"P01"} and set(covers["camera"]) == {"cam01"}
+    assert covers["stamp_ns"].tolist() == [bagfiles.T0 + i * STEP for i in (0, 1, 3, 3, 3, 6)]
+
+
+@pytest.mark.parametrize("word", ["uncertain", "red", "unseen", "beside"])
+def test_a_picture_whose_head_is_not_surely_covered_is_not_released(recording, tmp_path, word):
+    _, given = recording
+    pixels.run(**given | {"heads": _heads(tmp_path / "doubt.parquet", [word] * 7)})
+    table = tables.read(given["out"], "released_frames")
+    assert set(table["no_image"]) == {f"head_{word}"} and all(image is None for image in table["image"])
+    assert not len(tables.read(given["out_covers"], "released_covers")["frame"])
+
+
 def test_same_bytes_and_no_picture_in_the_statistics(recording):
     _, given = recording
     pixels.run(**given)
@@ -108,14 +147,14 @@ def test_row_groups_are_small_and_in_order(recording, monkeypatch):
 
 def test_without_consent_no_bag_is_opened(recording):
     _, given = recording
-    pixels.run(**given | {"consent": "no", "heads": None, "data_root": given["data_root"] / "gone"})
+    pixels.run(**given | {"consent": "no", "heads": None, "covers": None, "data_root": given["data_root"] / "gone"})
     table = tables.read(given["out"], "released_frames")
     assert set(table["no_image"]) == {"no_consent"} and all(image is None for image in table["image"])
 
 
 def test_shown_faces_are_passed_on(recording):
     sent, given = recording
-    pixels.run(**given | {"faces": "shown", "heads": None})
+    pixels.run(**given | {"faces": "shown", "heads": None, "covers": None})
     table = tables.read(given["out"], "released_frames")
     for i in (0, 1, 2, 6):
         assert table["image"][i] == jpeg.bare(sent[i].content["data"].tobytes())[0]

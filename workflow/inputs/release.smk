@@ -42,10 +42,11 @@ def released(path):
 
 
 def released_rows():
-    """The sheets' rows of the released sequences and subjects."""
+    """The sheets' rows of the released sequences and subjects, and whose heads somebody has looked at."""
     return [
         {name: PROJECT.rows[name] for name in PROJECT.released_sequences},
         {name: PROJECT.subjects[name] for name in PROJECT.released_subjects},
+        {session: PROJECT.heads_checked(session) for session in released_sessions()},
     ]
 
 
@@ -261,6 +262,45 @@ def covered_heads(wildcards):
     if shown or not PROJECT.pictures_released(wildcards.sequence):
         return []
     return [f"results/heads/{wildcards.sequence}.{wildcards.camera}.parquet"]
+
+
+def other_covers(wildcards):
+    """What else is to be covered, if anything is."""
+    return [path.replace(".parquet", ".covers.parquet") for path in covered_heads(wildcards)]
+
+
+def everybody_detected(wildcards):
+    """The detector's own output of a close camera, which holds everybody and not the subject alone."""
+    sequence, camera = wildcards.sequence, wildcards.camera
+    pattern = PROJECT.detections_pattern(sequence)
+    detected = pattern and camera in close_names(wildcards)
+    paths = [pattern.format(camera=camera)] if detected else []
+    return paths if PROJECT.detected_here(sequence) else there(lambda _: paths)(wildcards)
+
+
+def own_boxes(wildcards):
+    """[path] of the boxes drawn by hand on a camera's pictures, or []."""
+    drawn = PROJECT.boxes(wildcards.sequence)
+    return [drawn[wildcards.camera]] if wildcards.camera in drawn else []
+
+
+def noticed_errors(wildcards):
+    """The findings that make a camera's light red: of the recording, and of cameras that moved."""
+    session = session_of(wildcards)
+    moved = [session] if session in watched_sessions() else []
+    return [
+        f"results/audit/{wildcards.sequence}.findings.parquet",
+        *[f"results/moved/{name}.findings.parquet" for name in moved],
+    ]
+
+
+def camera_role(wildcards):
+    return PROJECT.cameras(session_of(wildcards))[wildcards.camera]["role"]
+
+
+def heads_checked(wildcards):
+    """Who has looked whether the heads in a camera's pictures are covered, and released them all the same."""
+    return PROJECT.heads_checked(session_of(wildcards)).get(wildcards.camera, "")
 
 
 def stamps_from(wildcards):

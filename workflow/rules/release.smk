@@ -27,7 +27,7 @@ rule provenance:
 
 
 rule heads:
-    """Find the subject's head in the pictures of one camera."""
+    """Find the heads in the pictures of one camera, and whether they are surely covered there."""
     input:
         cameras=camera_file,
         skeleton=skeleton,
@@ -35,28 +35,42 @@ rule heads:
         clocks=own_clock,
         labels="results/reproject/{sequence}.{camera}.parquet",
         before=earlier_heads,
+        bags=there(released_bags),
+        detections=everybody_detected,
+        boxes=own_boxes,
+        metrics="results/evaluate/{sequence}.parquet",
+        noticed=noticed_errors,
     output:
         out="results/heads/{sequence}.{camera}.parquet",
+        out_covers="results/heads/{sequence}.{camera}.covers.parquet",
         findings="results/heads/{sequence}.{camera}.findings.parquet",
     log:
         "logs/heads/{sequence}.{camera}.log",
     benchmark:
         "logs/heads/{sequence}.{camera}.benchmark.tsv"
     params:
+        data_root=DATA,
+        format=detection_format,
+        min_score=CONFIG["detector"]["min_score"],
+        role=camera_role,
+        session=session_of,
+        checked=heads_checked,
         code=code("release.heads"),
     shell:
         dior("heads")
 
 
 rule pixels:
-    """Write the released pictures of one camera, the subject's head covered."""
+    """Write the released pictures of one camera, the heads covered."""
     input:
         bags=there(released_bags),
         frames="results/frames/{sequence}.parquet",
         heads=covered_heads,
+        covers=other_covers,
         shift=stamps_from,
     output:
         out="results/pixels/{sequence}.{camera}.parquet",
+        out_covers="results/pixels/{sequence}.{camera}.covers.parquet",
         findings="results/pixels/{sequence}.{camera}.findings.parquet",
     log:
         "logs/pixels/{sequence}.{camera}.log",
@@ -79,6 +93,11 @@ rule package:
         labels=[path for sequence in PROJECT.released_sequences for path in labels_of(sequence)],
         pixels=[
             f"results/pixels/{sequence}.{camera}.parquet"
+            for sequence in PROJECT.released_sequences
+            for camera in PROJECT.cameras_of(sequence)
+        ],
+        covers=[
+            f"results/pixels/{sequence}.{camera}.covers.parquet"
             for sequence in PROJECT.released_sequences
             for camera in PROJECT.cameras_of(sequence)
         ],

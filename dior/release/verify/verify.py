@@ -176,7 +176,9 @@ def _looked_at(stored: Stored, decode: bool) -> "tuple[list[Problem], str]":
         return problems + version, summary
     problems += _complete(stored)
     if checksums.METADATA in stored.parts:
-        problems += _lists_agree(stored, good) + release_checks.sizes(walks, about)
+        from dior.release.verify import head_checks
+
+        problems += _lists_agree(stored, good) + release_checks.sizes(walks, about) + head_checks.problems(good, about)
         if stored.whole and not problems and rig:
             from dior.release.verify import checks
 

@@ -41,6 +41,7 @@ COLUMNS = {
     "frames": ("frame", "stamp_ns", "height", "width", "no_image"),
     "detections": ("joint", "frame", "stamp_ns", "u", "v", "score"),
     "boxes": ("frame", "stamp_ns", "u_min", "v_min", "u_max", "v_max"),
+    "covers": ("frame", "stamp_ns"),
     "marks": ("camera", "kind", "joint", "frame", "stamp_ns", "u", "v", "x", "y", "z", "residual_px"),
 }
 WITHOUT_PIXEL = ("missing_3d", "behind_camera")
@@ -175,7 +176,7 @@ def _whose(words: Words, who: str, sequence: str, camera: str) -> list[str]:
     ]
 
 
-def _first(wrong: Bools, what: str, table: Table, keys: Sequence[str] = ("frame",)) -> list[str]:
+def first(wrong: Bools, what: str, table: Table, keys: Sequence[str] = ("frame",)) -> list[str]:
     """[how often, what and where first] of the rows where `wrong`, [] where there are none."""
     if not wrong.any():
         return []
@@ -188,8 +189,8 @@ def _first(wrong: Bools, what: str, table: Table, keys: Sequence[str] = ("frame"
 def _frames(table: Table, file: File, decode: bool, counts: Counter[str], sample: Sample) -> list[str]:
     counts["frames"] += len(table["frame"])
     counts["camera_recordings"] += 1
-    sentences = _first(np.r_[False, np.diff(table["frame"]) <= 0], "frames out of order or twice", table)
-    sentences += _first(np.r_[False, np.diff(table["stamp_ns"]) < 0], "stamps that go back", table)
+    sentences = first(np.r_[False, np.diff(table["frame"]) <= 0], "frames out of order or twice", table)
+    sentences += first(np.r_[False, np.diff(table["stamp_ns"]) < 0], "stamps that go back", table)
     there = np.zeros(len(table["frame"]), bool)
     wrong: dict[str, list[int]] = {}
     size = list(zip(table["height"].tolist(), table["width"].tolist(), strict=True))
@@ -201,8 +202,8 @@ def _frames(table: Table, file: File, decode: bool, counts: Counter[str], sample
         except ValueError as error:
             wrong.setdefault(str(error), []).append(row)
     counts["pictures"] += int(there.sum())
-    sentences += _first(~there & (table["no_image"] == ""), "rows with neither a picture nor a reason", table)
-    sentences += _first(there & (table["no_image"] != ""), "rows with a picture and a reason for none", table)
+    sentences += first(~there & (table["no_image"] == ""), "rows with neither a picture nor a reason", table)
+    sentences += first(there & (table["no_image"] != ""), "rows with a picture and a reason for none", table)
     return sentences + [
         f"{len(rows)} pictures: {why}, first frame {table['frame'][rows[0]]}" for why, rows in sorted(wrong.items())
     ]
@@ -255,15 +256,15 @@ def _skeleton(table: Table, counts: Counter[str]) -> list[str]:
     if sentences:
         return sentences
     where = ("instant", "joint")
-    sentences = _first(np.r_[False, np.diff(table["stamp_ns"]) < 0], "stamps that go back", table, where)
+    sentences = first(np.r_[False, np.diff(table["stamp_ns"]) < 0], "stamps that go back", table, where)
     there = np.isfinite(np.stack([table[axis] for axis in "xyz"])).all(axis=0)
     with_point = np.isin(table["status"], WITH_POINT)
     counts["points_3d"] += int(there.sum())
-    sentences += _first(
+    sentences += first(
         with_point & ~there, "points that are missing although their status says otherwise", table, where
     )
-    sentences += _first(table["status"] == "", "rows without a status", table, where)
-    return sentences + _first(
+    sentences += first(table["status"] == "", "rows without a status", table, where)
+    return sentences + first(
         ~with_point & there, "points that are there although their status says otherwise", table, where
     )
 
@@ -294,7 +295,7 @@ def _in_frames(table: Table, frames: Table, camera: str) -> list[str]:
     else:
         known = frames["frame"][at] == table["frame"]
         same = frames["stamp_ns"][at] == table["stamp_ns"]
-    return _first(~known, f"rows in frames that camera {camera} does not have", table, where) + _first(
+    return first(~known, f"rows in frames that camera {camera} does not have", table, where) + first(
         known & ~same, f"rows whose stamp is not that of the frame of camera {camera}", table, where
     )
 
@@ -308,15 +309,15 @@ def _labels(table: Table, frames: Table, counts: Counter[str]) -> list[str]:
     inside = np.isin(table["status"], IN_PICTURE)
     counts["keypoints_2d"] += int(inside.sum())
     without = ~np.isin(frames["frame"], table["frame"])
-    sentences += _first(without, "frames without labels", frames)
+    sentences += first(without, "frames without labels", frames)
     pixels = np.stack([table["u"], table["v"]], axis=-1)
     there = np.isfinite(pixels).all(axis=-1)
     none = np.isin(table["status"], WITHOUT_PIXEL)
-    sentences += _first(table["status"] == "", "rows without a status", table, where)
-    sentences += _first(~none & ~there, "labels without a pixel although their status says otherwise", table, where)
-    sentences += _first(none & there, "labels with a pixel although their status says otherwise", table, where)
+    sentences += first(table["status"] == "", "rows without a status", table, where)
+    sentences += first(~none & ~there, "labels without a pixel although their status says otherwise", table, where)
+    sentences += first(none & there, "labels with a pixel although their status says otherwise", table, where)
     outside = inside & there & ~in_picture(pixels, frames)
-    return sentences + _first(outside, "labels outside the picture although their status says otherwise", table, where)
+    return sentences + first(outside, "labels outside the picture although their status says otherwise", table, where)
 
 
 def in_picture(pixels: Floats, frames: Table) -> Bools:

@@ -1,6 +1,6 @@
 """Tables of dior.release: what leaves the house."""
 
-from dior.tables.words import CLOCK_METHOD, HEAD_STATUS, MARK_KIND, NO_IMAGE, OFFSET_SOURCE, SPLITS
+from dior.tables.words import CLOCK_METHOD, COVER, HEAD_STATUS, MARK_KIND, NO_IMAGE, OFFSET_SOURCE, SPLITS
 
 TABLES = {
     "heads": (
@@ -15,6 +15,25 @@ TABLES = {
         ("u_max", "float64", "px", "the column after the last"),
         ("v_max", "float64", "px", "the row after the last"),
         ("status", HEAD_STATUS),
+    ),
+    "other_covers": (
+        ("frame", "int32"),
+        ("u_min", "float64", "px", "first column of pixels that is covered, whole; it may lie outside the picture"),
+        ("v_min", "float64", "px", "first row"),
+        ("u_max", "float64", "px", "the column after the last"),
+        ("v_max", "float64", "px", "the row after the last"),
+    ),
+    "released_covers": (
+        ("subject", "text", "", "pseudonym"),
+        ("sequence", "text"),
+        ("camera", "text"),
+        ("frame", "int32"),
+        ("stamp_ns", "int64", "ns", "the picture's header stamp"),
+        ("what", COVER, "", "head: the subject's, the ellipse in the box; other: what else moves, the whole box"),
+        ("u_min", "float64", "px", "first column of pixels that is covered, whole; it may lie outside the picture"),
+        ("v_min", "float64", "px", "first row"),
+        ("u_max", "float64", "px", "the column after the last"),
+        ("v_max", "float64", "px", "the row after the last"),
     ),
     "released_frames": (
         ("subject", "text", "", "pseudonym"),
@@ -87,6 +106,12 @@ TABLES = {
             "of the pose's own error, rows of the 6x6 matrix: a turn about the camera's own axes, then a shift of its "
             "centre in the world; null: not known",
         ),
+        (
+            "heads_checked",
+            "text",
+            "",
+            "who says that the heads in its pictures are covered, where dior does not; null: dior does",
+        ),
     ),
     "released_clocks": (
         ("subject", "text", "", "pseudonym"),
@@ -145,6 +170,7 @@ RELEASED = (
     "released_boxes",
     "released_marks",
     "released_detections",
+    "released_covers",
     "released_cameras",
     "camera_covariance",
     "released_clocks",

@@ -1,0 +1,168 @@
+"""All pictures of a camera looked at: is the subject's head under its cover, and what else is to be covered.
+
+INPUTS   the pictures of a recording, in whatever order its bags give them; what the 3D knows of the subject
+OUTPUTS  by picture what is to be thought of the cover, and boxes of whole pixels around everything else
+"""
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from dior.arrays import Floats, Ints, Table, Texts
+from dior.calibrate.outline import silhouettes
+from dior.geometry import camera as cam
+from dior.geometry.camera import Camera
+from dior.ingest import bags
+from dior.ingest.containers import BROKEN
+from dior.release import faces, head_evidence, moving
+from dior.release.faces import Faces
+from dior.release.moving import Picture
+
+# chosen: pictures are looked at smaller than they are while a head is so many pixels wide
+HEAD_PX, FACTORS = 16, (4, 2)
+# chosen: from so many boxes drawn by hand on, their median is good to half a pixel
+LEAST_BOXES = 8
+# s; chosen: the error of a detector at one joint changes over this time
+STEADY_S = 0.5
+# (row, picture) of the rows asked for that can be read, `factor` times smaller
+Read = Callable[[Ints, int], Iterable[tuple[int, Picture]]]
+
+
+@dataclass(frozen=True, eq=False)
+class Walker:
+    """The subject in a camera's pictures, a row each: `times` (F,) s, `middle` between the ears (F, 3) m, `points`
+    (F, J, 3) m of the `joints`, `edges` (F, 4) px of the cover, `drawn` (F, 4) px of boxes drawn around the body by
+    hand, NaN none."""
+
+    camera: Camera
+    times: Floats
+    middle: Floats
+    points: Floats
+    joints: list[str]
+    edges: Floats
+    drawn: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Looked:
+    """By picture what is to be thought of the cover, as of `head_evidence.sure`, and `others`: boxes (N, 4) of whole
+    pixels around what else is to be covered."""
+
+    sure: Texts
+    others: list[Ints]
+
+
+def reader(rows: Table, data_root: Path) -> Read:
+    """What reads the pictures of `frames` rows; those that cannot be read are left out."""
+
+    def read(wanted: Ints, factor: int) -> Iterator[tuple[int, Picture]]:
+        mine = {key: values[wanted] for key, values in rows.items()}
+        for row, message, _ in bags.read_messages(mine, data_root):
+            try:
+                size = int(mine["height"][row]), int(mine["width"][row])
+                yield int(wanted[row]), moving.smaller(message, size, factor)
+            except BROKEN:
+                continue
+
+    return read
+
+
+def factor_of(edges: Floats) -> int:
+    """How many times smaller the pictures with covers `edges` (F, 4) px are looked at."""
+    wide = edges[:, 2] - edges[:, 0]
+    wide = wide[np.isfinite(wide)]
+    if not len(wide):
+        return FACTORS[-1]
+    return next((factor for factor in FACTORS if np.median(wide) >= HEAD_PX * factor), 1)
+
+
+def looked(walker: Walker, role: str, found: Faces, read: Read) -> Looked:
+    """`Looked` at all pictures that `read` gives. `role` of the camera: in a close one something is covered where it
+    may be a head, in a long-range one anywhere. `found`: what a detector found."""
+    factor = factor_of(walker.edges)
+    few = {row: picture for row, picture in read(moving.samples(len(walker.times)), factor)}
+    if not few:
+        nowhere = np.full(len(walker.times), "unseen", object)
+        return Looked(nowhere, [np.zeros((0, 4), int)] * len(walker.times))
+    subject = head_evidence.subject_of(walker.camera, walker.edges, walker.middle, walker.points, walker.joints, factor)
+    bodies = [head_evidence.whole_body(few[row].shape[:2], subject, row) for row in sorted(few)]
+    scene = moving.scene_of([few[row] for row in sorted(few)], bodies)
+    every = read(np.arange(len(walker.times)), factor)
+    return judged(walker, role, found, ((row, moving.standing_out(one, scene)) for row, one in every), factor)
+
+
+def judged(walker: Walker, role: str, found: Faces, masks: Iterable[tuple[int, moving.Mask]], factor: int) -> Looked:
+    """The same from the masks of what stands out, by row."""
+    count = len(walker.times)
+    subject = head_evidence.subject_of(walker.camera, walker.edges, walker.middle, walker.points, walker.joints, factor)
+    says, off_m = np.full(count, "outside", object), np.full((count, 2), np.nan)
+    others: list[Ints] = [np.zeros((0, 4), int)] * count
+    zone, often = None, None
+    for row, mask in masks:
+        if often is None:
+            often = np.zeros(mask.shape, np.int32)
+            zone = head_evidence.head_zone(walker.camera, mask.shape, factor) if role == "close" else None
+        one, rest = head_evidence.look(mask, subject, row, zone)
+        says[row], off_m[row], others[row] = one.says, one.off_m, one.others
+        often += rest
+    cover_m = head_evidence.covers_m(subject)
+    told = head_evidence.holds(cover_m, by_hand_m(walker, subject.scale * factor))
+    told |= head_evidence.holds(cover_m, _detected_m(walker, found, subject.scale * factor))
+    sure = head_evidence.sure(says, off_m, cover_m, walker.times, told)
+    always = np.zeros((0, 4), int)
+    if often is not None and count > 1:
+        scale = np.nanmedian(subject.scale) if np.isfinite(subject.scale).any() else 0.0
+        always = head_evidence.stays(often, count, head_evidence.JOIN_M * float(scale))
+    strange = faces.strangers(found, walker.edges, walker.times)
+    return Looked(
+        sure,
+        [
+            np.concatenate([_whole(np.concatenate([each, always]), factor), heads])
+            for each, heads in zip(others, strange, strict=True)
+        ],
+    )
+
+
+def _whole(boxes: Ints, factor: int) -> Ints:
+    """Boxes (N, 4) of small pixels in those of the picture, with one small pixel around them."""
+    return np.concatenate([(boxes[:, :2] - 1) * factor, (boxes[:, 2:] + 1) * factor], axis=1)
+
+
+def _detected_m(walker: Walker, found: Faces, scale: Floats) -> Floats:
+    """How far (F, 2) m a detector finds the head to the right of and below the 3D, in the median over some pictures."""
+    uv = cam.project(walker.camera, walker.points)[0]
+    return _steady(faces.off(found, uv, walker.joints), walker.times) / scale[:, None]
+
+
+def by_hand_m(walker: Walker, scale: Floats) -> Floats:
+    """The same (F, 2) m by the boxes that a person drew, in the median over all of them; NaN where there are too few.
+
+    A person draws boxes larger than the body by some margin, which is taken from their width.
+    """
+    drawn = np.isfinite(walker.drawn).all(axis=1)
+    if drawn.sum() < LEAST_BOXES:
+        return np.full((len(scale), 2), np.nan)
+    points, flesh_m = silhouettes.outline(walker.points[drawn], walker.joints)
+    uv, flesh = cam.project(walker.camera, points)[0], (flesh_m * scale[drawn][:, None])[..., None]
+    whole = np.isfinite(uv).all(axis=(1, 2))
+    if whole.sum() < LEAST_BOXES:
+        return np.full((len(scale), 2), np.nan)
+    low, high = ((uv - flesh).min(axis=1)[whole], (uv + flesh).max(axis=1)[whole])
+    boxes, px = walker.drawn[drawn][whole], scale[drawn][whole]
+    margin = float(np.median(((boxes[:, 2] - boxes[:, 0]) - (high - low)[:, 0]) / 2))
+    aside = (boxes[:, 0] + boxes[:, 2]) / 2 - (low + high)[:, 0] / 2
+    down = boxes[:, 1] + margin - low[:, 1]
+    return np.tile(np.median(np.stack([aside, down], axis=1) / px[:, None], axis=0), (len(scale), 1))
+
+
+def _steady(values: Floats, times: Floats) -> Floats:
+    """The running median (F, 2) over what is known up to STEADY_S before and after; NaN where nothing is."""
+    out = np.full(values.shape, np.nan)
+    known = np.flatnonzero(np.isfinite(values).all(axis=1))
+    first, last = (np.searchsorted(times[known], times + s) for s in (-STEADY_S, STEADY_S))
+    for i in range(len(times)):
+        if last[i] > first[i]:
+            out[i] = np.median(values[known[first[i] : last[i]]], axis=0)
+    return out
