@@ -13,6 +13,7 @@ from typing import Any
 
 from dior.cli import flags
 from dior.errors import DiorError
+from dior.project import running
 from dior.project.steps import MODULES
 
 NEXT = """dior turns raw recordings of a gait capture into a labelled dataset. To begin:
@@ -58,8 +59,9 @@ def _run_step(step: str, words: list[str]) -> int:
     module = import_module(f"dior.{MODULES[step]}")
     from dior.evaluate import timing
 
-    module.run(**_grouped(module, step, given))
-    timing.write(step, given, started)
+    with running.job():
+        module.run(**_grouped(module, step, given))
+        timing.write(step, given, started)
     return 0
 
 
