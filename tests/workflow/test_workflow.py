@@ -84,12 +84,10 @@ ALONE = {
         **dict.fromkeys(("audit", "detect", "clocks", "align", "follow", "zoom", "overlays", "clip"), {"bags"}),
         **dict.fromkeys(("simulate", "simulate_mocap"), {"motion"}),
         "pixels": {"bags"},
-        "place": {"bags", "reference"},
+        "place": {"bags"},
         "detections": {"files"},
         "gallery": {"recordings"},
-        "intrinsics": {"file"},
-        "detectors": {"files"},
-        "recognise": {"weights", "detectors"},
+        "recognise": {"weights"},
         "package": {"by_hand", "license"},
     },
     "output": {
@@ -99,13 +97,11 @@ ALONE = {
         "report": {"page", "sequences", "cost", "plots"},
     },
     "params": {
-        "detections": {"folders"},
-        "detectors": {"states"},
+        "detectors": {"tools"},
         "statistics": {"sheet"},
-        "recognise": {"sheet", "detectors", "states"},
+        "recognise": {"sheet", "detectors", "tools"},
         "report": {"sheet", "consents"},
-        "provenance": {"folders"},
-        "package": {"sheets"},
+        "package": {"sheets", "settings"},
     },
 }
 
@@ -125,7 +121,7 @@ def test_a_rule_calls_things_by_the_flags_of_its_step(step):
     given = set().union(re.findall(r"\{(\w+)\}", outputs), *named.values())
     assert flags.keys() - given == {name for name, flag in flags.items() if flag.default and name not in given}
     for section, names in named.items():
-        alone = ALONE[section].get(step, set()) | ({"code"} if section == "params" else set())
+        alone = ALONE[section].get(step, set()) | ({"code", "contents"} & names if section == "params" else set())
         assert names - flags.keys() == alone, section
 
 
@@ -179,5 +175,5 @@ def test_only_evaluate_reads_the_truth():
     readers = {name for name, text in RULES.items() if "truth" in text.split("output:")[0]}
     assert readers == {"evaluate"}
     inputs = "".join(path.read_text() for path in sorted((ROOT / "workflow/inputs").glob("*.smk")))
-    users = {name for name, text in RULES.items() for part in re.findall(r"=(truth\w*)", text)}
+    users = {name for name, text in RULES.items() for part in re.findall(r"\b(truth_\w+)", text)}
     assert users == {"evaluate"} and inputs.count("PROJECT.truth(") == 2

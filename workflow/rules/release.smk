@@ -10,7 +10,7 @@ subject and one of metadata, and the exports to other formats.
 rule provenance:
     """Take the checksums of the recordings of one sequence."""
     input:
-        there(recording_files),
+        simulated(recording_files),
     output:
         out="results/provenance/{sequence}.json",
     log:
@@ -19,8 +19,8 @@ rule provenance:
         "logs/provenance/{sequence}.benchmark.tsv"
     threads: 2
     params:
-        recordings=recordings,
-        folders=recording_folders,
+        recordings=untracked(recordings),
+        contents=contents_of(recorded(recording_files)),
         code=code("release.provenance"),
     shell:
         dior("provenance")
@@ -43,6 +43,7 @@ rule heads:
     benchmark:
         "logs/heads/{sequence}.{camera}.benchmark.tsv"
     params:
+        contents=contents_of(earlier_heads),
         code=code("release.heads"),
     shell:
         dior("heads")
@@ -51,7 +52,7 @@ rule heads:
 rule pixels:
     """Write the released pictures of one camera, the subject's head covered."""
     input:
-        bags=there(released_bags),
+        bags=simulated(released_bags),
         frames="results/frames/{sequence}.parquet",
         heads=covered_heads,
         shift=stamps_from,
@@ -64,10 +65,11 @@ rule pixels:
         "logs/pixels/{sequence}.{camera}.benchmark.tsv"
     params:
         subject=pseudonym,
-        data_root=DATA,
+        data_root=data_root,
         faces=CONFIG["release"]["faces"],
         consent=pictures_consent,
         shift=stamps_shift,
+        contents=contents_of(recorded(released_bags)),
         code=code("release.pixels"),
     shell:
         dior("pixels")
@@ -107,10 +109,12 @@ rule package:
     threads: 2
     params:
         project=".",
-        config=release_config,
+        config=untracked(release_config),
+        settings=release_settings,
         out=release_folder,
         sheets=as_json([PROJECT.rows, PROJECT.subjects]),
         steps=released_code(),
+        contents=contents_of(hand_made_of_release),
         code=code("release.package"),
     script:
         "../scripts/step.py"
