@@ -49,15 +49,18 @@ class Stored:
         return checksums.METADATA in self.parts and {checksums.of_whom(name) for name in self.listed} <= self.parts
 
 
-def run(paths: list[Path], *, decode: bool = False) -> None:
-    """Print what is wrong with releases.
+def run(paths: list[Path] | None = None, *, decode: bool = False, inputs: Path | None = None) -> None:
+    """Print what is wrong with releases, or with the recordings of a project.
 
-    `paths`: release folder, exports folder, tarballs; `decode`: decode every picture, not only read its header.
+    `paths`: release folder, exports folder, tarballs; `decode`: decode every picture, not only read its header;
+    `inputs`: folder of a project, whose recordings are hashed whole and compared with what its release was made from.
 
     Raises DiorError where something is wrong, after all of it was printed.
     """
-    wrong = 0
-    for stored in _stored(paths):
+    if not paths and inputs is None:
+        raise DiorError("name a release folder, an exports folder or tarballs, or a project with --inputs")
+    wrong = _print_inputs(inputs) if inputs else 0
+    for stored in _stored(paths or []):
         problems, summary = _looked_at(stored, decode)
         for path, text in sorted(problems):
             print(f"{stored.name}/{path}: {text}" if path else f"{stored.name}: {text}")
@@ -66,6 +69,15 @@ def run(paths: list[Path], *, decode: bool = False) -> None:
             print(f"{stored.name}: {summary}")
     if wrong:
         raise DiorError(f"{wrong} problem{'s' if wrong > 1 else ''}")
+
+
+def _print_inputs(project: Path) -> int:
+    """Print what is wrong with a project's recordings; returns how many are."""
+    from dior.release.verify import recordings
+
+    problems, count = recordings.problems(project)
+    print("\n".join(problems) if problems else f"{project}: {count} recordings are what the labels were made from")
+    return len(problems)
 
 
 def _stored(paths: list[Path]) -> list[Stored]:
