@@ -1,7 +1,10 @@
 """The workflow as text: no lint but the one about conda, and one name per step everywhere."""
 
+import os
 import re
 import shlex
+from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -75,6 +78,22 @@ def test_a_release_is_made_anew_where_anything_of_one_is(tmp_path):
     (release / "frames/somebody/walk_1.cam01.parquet").touch()
     assert functions["existing_release"]() == ["all of it"]
     assert re.search(r"^rule all:.*?existing_release\(\)", (ROOT / "Snakefile").read_text(), re.MULTILINE | re.DOTALL)
+
+
+def test_the_tables_of_reid_are_asked_for_where_their_page_is(tmp_path, monkeypatch):
+    """A step that failed has lost them, and is to fail again."""
+    monkeypatch.chdir(tmp_path)
+    functions = {
+        "expand": lambda pattern, table: [pattern.format(table=name) for name in table],
+        "os": os,
+        "PROJECT": SimpleNamespace(processed_subjects=("S01", "S02")),
+        "CONFIG": {"reid": {"networks": {}}},
+    }
+    exec((ROOT / "workflow/inputs/reid.smk").read_text(), functions)
+    assert functions["existing_recognition"]() == []
+    Path("results/reid").mkdir(parents=True)
+    Path("results/reid/index.html").touch()
+    assert functions["existing_recognition"]()[0] == "results/reid/table.csv"
 
 
 # what Snakemake alone needs: inputs that the step is told of otherwise or finds through its tables, outputs that it
