@@ -3,11 +3,10 @@
 OUTPUTS  .snakemake/run.lock: process, computer and beginning of the last run, which locks it while it lives;
          .snakemake/jobs.lock: locked, together, by the jobs that are at work
 These are locks of the operating system on open files. They end with the process however that ends, so nobody has to
-remove one, and what a killed run left of Snakemake's own lock counts for nothing. Where a file system knows no locks,
-only Snakemake's is left.
+remove one, and what a killed run left of Snakemake's own lock counts for nothing. Where a system or a file system knows
+no locks, only Snakemake's is left.
 """
 
-import fcntl
 import os
 import socket
 import time
@@ -39,10 +38,10 @@ def begin(root: AnyPath) -> bool:
     with ExitStack() as open_files:
         stream = open_files.enter_context(open(path, "a+", encoding="utf-8"))
         try:
-            if not _locked(stream, fcntl.LOCK_EX):
+            if not _locked(stream):
                 raise DiorError(f"{_who(path)}; wait until it has ended, or end it there with `kill -INT <process>`")
             with open(Path(root) / JOBS, "a", encoding="utf-8") as jobs:
-                if not _locked(jobs, fcntl.LOCK_EX):
+                if not _locked(jobs):
                     raise DiorError(
                         "jobs of a run that was killed are still at work in this folder; wait until they have ended "
                         "(`pgrep -af dior` shows them)"
@@ -64,7 +63,7 @@ def at_work(root: AnyPath) -> str:
         return ""
     with open(path, "a", encoding="utf-8") as stream:
         try:
-            return "" if _locked(stream, fcntl.LOCK_EX) else _who(path)
+            return "" if _locked(stream) else _who(path)
         except OSError:
             return ""
 
@@ -78,17 +77,21 @@ def job() -> Iterator[None]:
         return
     with open(path, "a", encoding="utf-8") as stream:
         try:
-            _locked(stream, fcntl.LOCK_SH)
+            _locked(stream, together=True)
         except OSError:
             # no locks here
             pass
         yield
 
 
-def _locked(stream: IO[str], how: int) -> bool:
-    """Whether a lock was got; another process may have it. OSError where the file system knows none."""
+def _locked(stream: IO[str], together: bool = False) -> bool:
+    """Whether a lock was got, alone or `together` with others; another process may have it. OSError: no locks here."""
     try:
-        fcntl.flock(stream, how | fcntl.LOCK_NB)
+        import fcntl
+    except ImportError:
+        raise OSError("this system has no flock") from None
+    try:
+        fcntl.flock(stream, (fcntl.LOCK_SH if together else fcntl.LOCK_EX) | fcntl.LOCK_NB)
     except BlockingIOError:
         return False
     return True

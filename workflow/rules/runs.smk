@@ -67,7 +67,7 @@ def begin_run(started):
         alone = running.begin(os.getcwd())
     except DiorError as error:
         raise WorkflowError(str(error)) from None
-    if alone and started.persistence.locked:
+    if alone:
         # left by a run that was killed
         started.persistence.cleanup_locks()
         os.makedirs(".snakemake/locks", exist_ok=True)
