@@ -191,7 +191,7 @@ def test_what_was_replaced_is_noticed_whatever_its_time(copy, file):
 @pytest.mark.slow
 def test_the_middle_of_a_recording_is_looked_at_when_asked(copy, capsys):
     assert main.main(["verify", "--inputs", str(copy)]) == 0
-    assert "10 recordings are what the labels were made from" in capsys.readouterr().out
+    assert "12 recordings are what the labels were made from" in capsys.readouterr().out
     bag = copy / OUTDOOR / "pc1.bag"
     assert bag.stat().st_size > 3 * replaced.END
     flip(bag, bag.stat().st_size // 2)
