@@ -17,6 +17,7 @@ configfile: "config/config.yaml"
 
 
 include: "workflow/rules/common.smk"
+include: "workflow/rules/runs.smk"
 include: "workflow/inputs/ingest.smk"
 include: "workflow/inputs/calibrate.smk"
 include: "workflow/inputs/label.smk"

@@ -16,6 +16,7 @@ from typing import Any
 
 from dior.cli import flags
 from dior.errors import DiorError
+from dior.project import running
 from dior.project.steps import MODULES
 
 NEXT = """dior turns raw recordings of a gait capture into a labelled dataset. To begin:
@@ -66,9 +67,10 @@ def _run_step(step: str, words: list[str]) -> int:
     module = import_module(f"dior.{MODULES[step]}")
     from dior.evaluate import timing
 
-    with _all_or_nothing([value for value in given.values() if isinstance(value, Path)]):
-        module.run(**_grouped(module, step, given))
-    timing.write(step, given, started)
+    with running.job():
+        with _all_or_nothing([value for value in given.values() if isinstance(value, Path)]):
+            module.run(**_grouped(module, step, given))
+        timing.write(step, given, started)
     return 0
 
 

@@ -259,6 +259,15 @@ class Project:
             return f"results/detect/{sequence}.{{camera}}.json"
         return self.in_data(pattern) if pattern else ""
 
+    def recordings(self, sequence: str) -> dict[str, str]:
+        """Paths of a sequence's recordings by what they are for: `bag_1`, `mocap`, `trigger_log`, `detections.cam1`."""
+        found = {f"bag_{number}": path for number, path in enumerate(self.bags(sequence), start=1)}
+        found.update(zip(("mocap",), self.mocap(sequence), strict=False))
+        found.update(zip(("trigger_log",), self.trigger_log(sequence), strict=False))
+        pattern = "" if self.detected_here(sequence) else self.detections_pattern(sequence)
+        close = self.close(self.session_of(sequence)) if pattern else []
+        return found | {f"detections.{camera}": pattern.format(camera=camera) for camera in close}
+
     def detectors_of(self, sequence: str) -> list[dict[str, str]]:
         """Outputs of other detectors: dicts camera, tool, zoom, path (as seen from the root), sorted."""
         mine = [row for _, row in sorted(self.detectors.items()) if row["sequence"] == sequence]

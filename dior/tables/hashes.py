@@ -2,7 +2,6 @@
 
 import ast
 import hashlib
-import os
 import runpy
 from dataclasses import dataclass
 from functools import cache
@@ -195,14 +194,3 @@ def _undescribed(schema: Any) -> Any:
         return schema
     kept = {key: part for key, part in schema.items() if key != "description" or not isinstance(part, str)}
     return {key: _undescribed(part) for key, part in kept.items()}
-
-
-def folder_state(path: AnyPath) -> str:
-    """A short hash of the names, sizes and times of the files in a folder; "" for what is no folder.
-
-    Snakemake looks at a folder's own time, which does not change when a file in it is written again.
-    """
-    if not os.path.isdir(path):
-        return ""
-    files = sorted((e.name, e.stat().st_size, e.stat().st_mtime_ns) for e in os.scandir(path) if e.is_file())
-    return hashlib.sha256(repr(files).encode()).hexdigest()[:16]

@@ -154,15 +154,6 @@ def test_the_docs_say_what_a_change_re_runs():
     assert written == reruns.table(reruns.steps_by_name()), said
 
 
-def test_a_file_written_again_in_a_folder_is_noticed(tmp_path):
-    assert by_content.folder_state(tmp_path / "none") == ""
-    (tmp_path / "a.json").write_text("1")
-    before = by_content.folder_state(tmp_path)
-    assert by_content.folder_state(tmp_path) == before
-    (tmp_path / "a.json").write_text("22")
-    assert by_content.folder_state(tmp_path) != before
-
-
 def test_a_module_that_is_not_there_is_an_error():
     with pytest.raises(ValueError, match="dior.label.reprojekt"):
         by_content.code_hash("label.reprojekt")

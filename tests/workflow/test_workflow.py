@@ -1,7 +1,10 @@
 """The workflow as text: no lint but the one about conda, and one name per step everywhere."""
 
+import os
 import re
 import shlex
+from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -77,6 +80,22 @@ def test_a_release_is_made_anew_where_anything_of_one_is(tmp_path):
     assert re.search(r"^rule all:.*?existing_release\(\)", (ROOT / "Snakefile").read_text(), re.MULTILINE | re.DOTALL)
 
 
+def test_the_tables_of_reid_are_asked_for_where_their_page_is(tmp_path, monkeypatch):
+    """A step that failed has lost them, and is to fail again."""
+    monkeypatch.chdir(tmp_path)
+    functions = {
+        "expand": lambda pattern, table: [pattern.format(table=name) for name in table],
+        "os": os,
+        "PROJECT": SimpleNamespace(processed_subjects=("S01", "S02")),
+        "CONFIG": {"reid": {"networks": {}}},
+    }
+    exec((ROOT / "workflow/inputs/reid.smk").read_text(), functions)
+    assert functions["existing_recognition"]() == []
+    Path("results/reid").mkdir(parents=True)
+    Path("results/reid/index.html").touch()
+    assert functions["existing_recognition"]()[0] == "results/reid/table.csv"
+
+
 # what Snakemake alone needs: inputs that the step is told of otherwise or finds through its tables, outputs that it
 # writes into its folder, and parameters that re-run it
 ALONE = {
@@ -84,12 +103,10 @@ ALONE = {
         **dict.fromkeys(("audit", "detect", "clocks", "align", "follow", "zoom", "overlays", "clip"), {"bags"}),
         **dict.fromkeys(("simulate", "simulate_mocap"), {"motion"}),
         "pixels": {"bags"},
-        "place": {"bags", "reference"},
+        "place": {"bags"},
         "detections": {"files"},
         "gallery": {"recordings"},
-        "intrinsics": {"file"},
-        "detectors": {"files"},
-        "recognise": {"weights", "detectors"},
+        "recognise": {"weights"},
         "package": {"by_hand", "license"},
     },
     "output": {
@@ -100,13 +117,11 @@ ALONE = {
     },
     "params": {
         "adjust": {"heights"},
-        "detections": {"folders"},
-        "detectors": {"states"},
+        "detectors": {"tools"},
         "statistics": {"sheet"},
-        "recognise": {"sheet", "detectors", "states"},
+        "recognise": {"sheet", "detectors", "tools"},
         "report": {"sheet", "consents"},
-        "provenance": {"folders"},
-        "package": {"sheets"},
+        "package": {"sheets", "settings"},
     },
 }
 
@@ -126,7 +141,7 @@ def test_a_rule_calls_things_by_the_flags_of_its_step(step):
     given = set().union(re.findall(r"\{(\w+)\}", outputs), *named.values())
     assert flags.keys() - given == {name for name, flag in flags.items() if flag.default and name not in given}
     for section, names in named.items():
-        alone = ALONE[section].get(step, set()) | ({"code"} if section == "params" else set())
+        alone = ALONE[section].get(step, set()) | ({"code", "contents"} & names if section == "params" else set())
         assert names - flags.keys() == alone, section
 
 
@@ -190,7 +205,7 @@ def test_only_evaluate_reads_the_truth():
     readers = {name for name, text in RULES.items() if "truth" in text.split("output:")[0]}
     assert readers == {"evaluate"}
     inputs = "".join(path.read_text() for path in sorted((ROOT / "workflow/inputs").glob("*.smk")))
-    users = {name for name, text in RULES.items() for part in re.findall(r"=(truth\w*)", text)}
+    users = {name for name, text in RULES.items() for part in re.findall(r"\b(truth_\w+)", text)}
     assert users == {"evaluate"} and inputs.count("PROJECT.truth(") == 2
 
 

@@ -60,9 +60,14 @@ def detector_rows(wildcards):
     return json.dumps(PROJECT.detectors_of(wildcards.sequence))
 
 
-def detector_states(wildcards):
-    """What is in the outputs that are folders, as for the detections."""
-    return [folder_state(path) for path in detector_files(wildcards)]
+def detector_tools(wildcards):
+    """Whose outputs they are, in the order of `contents_of(detector_files)`."""
+    return as_told(PROJECT.detectors_of(wildcards.sequence))
+
+
+def as_told(rows):
+    """Rows of detectors.tsv as text, without the paths, which tell where data_root is."""
+    return json.dumps([{key: row[key] for key in row if key != "path"} for row in rows])
 
 
 def detector_labels(wildcards):

@@ -1,18 +1,27 @@
 """Input and parameter functions of the rules of ingest, and what all stages share. They only look things up in the project."""
 
 
-def there(files):
-    """A function for the files that exist, or will, of those that `files` names.
+def simulated(files):
+    """A function for the files that `files` names where the simulation makes them.
 
-    Snakemake stops everything where an input is missing. So a missing recording is no input: the step that reads it
-    says what is wrong, in its own words, and the other sequences go on.
+    Recordings are no inputs of the rules: their times would count, Snakemake would stop everything where one is
+    missing, and it would run everything again where they were moved. The step that reads one says what is wrong with
+    it, in its own words, while the others go on; `contents_of(recorded(files))` tells when one was replaced.
     """
 
-    def existing(wildcards):
-        made = "simulate" in CONFIG
-        return [path for path in files(wildcards) if made or os.path.exists(path)]
+    def made(wildcards):
+        return files(wildcards) if "simulate" in CONFIG else []
 
-    return existing
+    return made
+
+
+def recorded(files):
+    """A function for the same files where they were recorded."""
+
+    def found(wildcards):
+        return [] if "simulate" in CONFIG else files(wildcards)
+
+    return found
 
 
 def bags(wildcards):
@@ -61,10 +70,16 @@ def detection_pattern(wildcards):
 
 
 def detection_files(wildcards):
-    """The detections of the close cameras: as the sheet has them, where they exist, or those of rule detect."""
+    """The detections of the close cameras, where detect or the simulation makes them."""
     if PROJECT.detected_here(wildcards.sequence):
         return recorded_detections(wildcards)
-    return there(recorded_detections)(wildcards)
+    return simulated(recorded_detections)(wildcards)
+
+
+def brought_detections(wildcards):
+    """The other detections, which were brought."""
+    here = PROJECT.detected_here(wildcards.sequence)
+    return [] if here else recorded(recorded_detections)(wildcards)
 
 
 def detection_format(wildcards):
@@ -74,7 +89,7 @@ def detection_format(wildcards):
 
 
 def detector_model(wildcards):
-    return [CONFIG["detector"]["model"]]
+    return [ancient(CONFIG["detector"]["model"])]
 
 
 def recorded_detections(wildcards):
@@ -82,12 +97,7 @@ def recorded_detections(wildcards):
     return [pattern.format(camera=camera) for camera in close_names(wildcards)]
 
 
-def detection_folders(wildcards):
-    """What is in the detections that are folders: a file written again in one does not change the folder's time."""
-    return [folder_state(path) for path in detection_files(wildcards)]
-
-
 def motion(wildcards):
     """The C3D whose walk the simulation uses, if any."""
     path = CONFIG["simulate"]["motion"]
-    return [path] if path else []
+    return [ancient(path)] if path else []

@@ -36,7 +36,7 @@ def compared_weights(wildcards):
             "config/config.yaml: 'reid.networks' names weights, but PyTorch, which networks need, is not installed: "
             f"{INSTALL} (or leave the lists empty: the baseline needs no network)"
         )
-    return network_weights()
+    return [ancient(path) for path in network_weights()]
 
 
 def long_range_rows():
@@ -54,16 +54,20 @@ def long_range_detectors(wildcards):
     return [row["path"] for row in long_range_rows()]
 
 
-def long_range_states(wildcards):
-    """What is in the outputs that are folders, as for the detections."""
-    return [folder_state(path) for path in long_range_detectors(wildcards)]
+def long_range_tools(wildcards):
+    """Whose outputs they are, in the order of `contents_of(long_range_detectors)`."""
+    return as_told(long_range_rows())
 
 
 def existing_recognition():
-    """The tables, where there are some already that can be kept up: nobody who withdrew stays in them."""
+    """The tables, where there are some already that can be kept up: nobody who withdrew stays in them.
+
+    Their page tells, too: a step that fails loses its tables, and is to fail again until it is mended.
+    """
     lacking = lacks_torch() or not all(map(os.path.isfile, network_weights()))
     possible = len(PROJECT.processed_subjects) > 1 and not lacking
-    return RECOGNITION if possible and os.path.exists(RECOGNITION[0]) else []
+    there = any(map(os.path.exists, [RECOGNITION[0], "results/reid/index.html"]))
+    return RECOGNITION if possible and there else []
 
 
 def existing_reid():

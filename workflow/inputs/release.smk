@@ -126,6 +126,10 @@ def released_by_hand():
     return [path for path in dict.fromkeys(files) if os.path.exists(path)]
 
 
+def hand_made_of_release(wildcards):
+    return [*released_by_hand(), *license_file()]
+
+
 def release_config(wildcards):
     """The settings that a release is made with or tells of, as text."""
     told = {key: CONFIG[key] for key in CONFIG if key not in ("report", "reid")}
@@ -133,32 +137,28 @@ def release_config(wildcards):
     return json.dumps(told, sort_keys=True)
 
 
+def release_settings(wildcards):
+    """The same but for where the recordings are, which a release does not tell."""
+    told = json.loads(release_config(wildcards))
+    return json.dumps({key: told[key] for key in told if key != "data_root"}, sort_keys=True)
+
+
 def license_file():
     path = CONFIG["release"]["license_file"]
-    return [path] if path else []
+    return [ancient(path)] if path else []
 
 
 def recordings(wildcards):
-    """The recordings of a sequence by what they are for, as `what=path` words."""
-    sequence = wildcards.sequence
-    numbered = enumerate(PROJECT.bags(sequence), start=1)
-    found = {f"bag_{number}": path for number, path in numbered}
-    found |= {"mocap": path for path in PROJECT.mocap(sequence)}
-    found |= {"trigger_log": path for path in PROJECT.trigger_log(sequence)}
-    if PROJECT.detections_pattern(sequence) and not PROJECT.detected_here(sequence):
-        paths = zip(close_names(wildcards), recorded_detections(wildcards), strict=True)
-        there_now = [pair for pair in paths if "simulate" in CONFIG or os.path.exists(pair[1])]
-        found |= {f"detections.{camera}": path for camera, path in there_now}
-    return [f"{what}={path}" for what, path in found.items()]
+    """The recordings of a sequence by what they are for, as `what=path` words; a close camera may have no detections."""
+    return [
+        f"{what}={path}"
+        for what, path in PROJECT.recordings(wildcards.sequence).items()
+        if "simulate" in CONFIG or not what.startswith("detections.") or os.path.exists(path)
+    ]
 
 
 def recording_files(wildcards):
     return [word.split("=", 1)[1] for word in recordings(wildcards)]
-
-
-def recording_folders(wildcards):
-    """What is in the recordings that are folders, as for the detections."""
-    return [folder_state(path) for path in recording_files(wildcards)]
 
 
 def released_files():
@@ -271,17 +271,23 @@ def other_covers(wildcards):
 
 def everybody_detected(wildcards):
     """The detector's own output of a close camera, which holds everybody and not the subject alone."""
-    sequence, camera = wildcards.sequence, wildcards.camera
-    pattern = PROJECT.detections_pattern(sequence)
-    detected = pattern and camera in close_names(wildcards)
-    paths = [pattern.format(camera=camera)] if detected else []
-    return paths if PROJECT.detected_here(sequence) else there(lambda _: paths)(wildcards)
+    pattern = PROJECT.detections_pattern(wildcards.sequence)
+    detected = pattern and wildcards.camera in close_names(wildcards)
+    paths = [pattern.format(camera=wildcards.camera)] if detected else []
+    return [path for path in paths if detections_are_made(wildcards) or os.path.exists(path)]
 
 
-def own_boxes(wildcards):
-    """[path] of the boxes drawn by hand on a camera's pictures, or []."""
-    drawn = PROJECT.boxes(wildcards.sequence)
-    return [drawn[wildcards.camera]] if wildcards.camera in drawn else []
+def detections_are_made(wildcards):
+    """Whether detect or the simulation makes them, and nobody brought them."""
+    return "simulate" in CONFIG or PROJECT.detected_here(wildcards.sequence)
+
+
+def everybody_made(wildcards):
+    return everybody_detected(wildcards) if detections_are_made(wildcards) else []
+
+
+def everybody_brought(wildcards):
+    return [] if detections_are_made(wildcards) else everybody_detected(wildcards)
 
 
 def noticed_errors(wildcards):

@@ -128,6 +128,10 @@ def all_overlays():
     ]
 
 
+def effort_files(wildcards):
+    return PROJECT.effort()
+
+
 def page_folder(wildcards, output):
     """Where the page is; its other files are beside it."""
     return os.path.dirname(output.page)

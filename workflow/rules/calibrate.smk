@@ -10,7 +10,6 @@ rule intrinsics:
     """Take a camera's intrinsics from the session's first recording, from a file or from pictures of a board."""
     input:
         frames=first_frames,
-        file=there(intrinsics_file),
     output:
         out="results/intrinsics/{session}/{camera}.parquet",
         findings="results/intrinsics/{session}/{camera}.findings.parquet",
@@ -26,7 +25,8 @@ rule intrinsics:
         board=intrinsics_board,
         distortion_model=setting("distortion_model"),
         sequence=first_sequence,
-        data_root=DATA,
+        data_root=data_root,
+        contents=contents_of(intrinsics_file),
         code=code("calibrate.intrinsics"),
     shell:
         dior("intrinsics")
@@ -56,6 +56,7 @@ rule locate:
     params:
         sequences=marked_sequences,
         ransac_px=CONFIG["locate"]["ransac_px"],
+        contents=contents_of(own_yaml, own_marks, marked_offsets),
         code=code("calibrate.locate"),
     shell:
         dior("locate")
@@ -66,9 +67,8 @@ rule place:
     input:
         camera_file=own_yaml,
         intrinsics="results/intrinsics/{session}/{camera}.parquet",
-        reference=there(reference_file),
         frames=tag_frames,
-        bags=there(tag_bags),
+        bags=simulated(tag_bags),
     output:
         out="results/place/{session}/{camera}.parquet",
         out_marks="results/place/{session}/{camera}.marks.parquet",
@@ -78,8 +78,9 @@ rule place:
     benchmark:
         "logs/place/{session}.{camera}.benchmark.tsv"
     params:
-        data_root=DATA,
+        data_root=data_root,
         tag=tag,
+        contents=contents_of(own_yaml, reference_file, recorded(tag_bags)),
         code=code("calibrate.place"),
     shell:
         dior("place")
@@ -117,6 +118,7 @@ rule adjust:
         marked=fact_sequences,
         intrinsics_sigma=CONFIG["adjust"]["intrinsics_sigma"],
         physics=as_json(CONFIG["physics"]),
+        contents=contents_of(close_yamls, adjusted_offsets, fact_marks),
         code=code("calibrate.adjust"),
     shell:
         dior("adjust")
@@ -132,7 +134,7 @@ rule clocks:
         mocap=clocked_mocap,
         marked=marked_clocks,
         offsets=clocked_offsets,
-        bags=there(clocked_bags),
+        bags=simulated(clocked_bags),
     output:
         out="results/clocks/{recording}.parquet",
         out_gains="results/clocks/{recording}.gains.parquet",
@@ -147,7 +149,8 @@ rule clocks:
         names=clocked_names,
         min_score=CONFIG["detector"]["min_score"],
         max_gap=CONFIG["time"]["max_gap"],
-        data_root=DATA,
+        data_root=data_root,
+        contents=contents_of(clocked_offsets, recorded(clocked_bags)),
         code=code("calibrate.clocks"),
     shell:
         dior("clocks")
@@ -163,7 +166,7 @@ rule align:
         offsets=aligned_offsets,
         boxes=aligned_boxes,
         marks=aligned_marks,
-        bags=there(aligned_bags),
+        bags=simulated(aligned_bags),
         close=aligned_close,
         close_covariance=aligned_covariance,
     output:
@@ -175,7 +178,10 @@ rule align:
     benchmark:
         "logs/align/{session}.{camera}.benchmark.tsv"
     params:
-        data_root=DATA,
+        data_root=data_root,
+        contents=contents_of(
+            own_yaml, aligned_offsets, aligned_boxes, aligned_marks, recorded(aligned_bags)
+        ),
         code=code("calibrate.align"),
     shell:
         dior("align")
@@ -191,7 +197,7 @@ rule follow:
         frames="results/frames/{sequence}.parquet",
         offsets=sequence_offsets,
         boxes=own_boxes,
-        bags=there(followed_bags),
+        bags=simulated(followed_bags),
     output:
         out="results/follow/{sequence}.{camera}.parquet",
         out_gains="results/follow/{sequence}.{camera}.gains.parquet",
@@ -203,7 +209,8 @@ rule follow:
         "logs/follow/{sequence}.{camera}.benchmark.tsv"
     params:
         makers=makers,
-        data_root=DATA,
+        data_root=data_root,
+        contents=contents_of(followed_yaml, sequence_offsets, own_boxes, recorded(followed_bags)),
         code=code("calibrate.follow"),
     shell:
         dior("follow")

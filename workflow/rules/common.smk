@@ -7,6 +7,8 @@ import json
 import os
 import re
 import sys
+import time
+from functools import cache
 
 from snakemake.exceptions import WorkflowError
 
@@ -14,13 +16,17 @@ from dior.project import heights, project, secret
 from dior.cli.flags import flags_of
 from dior.errors import DiorError
 from dior.project.forget import left
+from dior.project import running
+from dior.project.replaced import state
 from dior.tables.hashes import code_hash as code
-from dior.tables.hashes import folder_state
+from dior.tables.hashes import file_sha256
 
 # `dior` is found beside the Python that runs Snakemake, without activating the environment
 os.environ.update(PATH=os.pathsep.join([os.path.dirname(sys.executable), os.getenv("PATH", "")]))
 # each job leaves what it cost beside its log (dior/evaluate/timing.py); no rule knows of it
 os.environ.update(DIOR_TIMINGS="logs")
+# and says while it is at work that it is (dior/project/running.py)
+os.environ.update({running.OF_A_JOB: running.JOBS})
 
 try:
     PROJECT = project.load(os.getcwd(), config)
@@ -30,6 +36,7 @@ except DiorError as error:
     print(error, file=sys.stderr)
     sys.exit(1)
 
+BEGUN = time.time()
 CONFIG = PROJECT.config
 DATA = str(PROJECT.data_root)
 SEQUENCES = PROJECT.sequences
@@ -75,8 +82,44 @@ def fill_in_lines():
         LINES[step] = made.shellcmd = " ".join(["dior", step, *words, "2>&1 | tee {log:q}"])
 
 
-def data_root(wildcards):
+def untracked(getter):
+    """A parameter that a step is told and that does not run it again, as what it says of files is said by `contents_of`.
+
+    Snakemake does not keep what is derived from the input; that the function takes it is what counts.
+    """
+
+    def value(wildcards, input):
+        return getter(wildcards)
+
+    return value
+
+
+def data_root(wildcards, input):
+    """Where the recordings are: moved elsewhere they are the same, so this runs nothing again."""
     return DATA
+
+
+def contents_of(*getters):
+    """A parameter that tells what is in the files that these functions name, whatever their times.
+
+    Of what people wrote all of it counts, of other files their name below data_root, their length and their ends.
+    """
+
+    def told(wildcards):
+        found = [getter(wildcards) for getter in getters]
+        paths = [path for one in found for path in ([one] if isinstance(one, str) else one)]
+        return [content_of(path) for path in dict.fromkeys(paths)]
+
+    return told
+
+
+@cache
+def content_of(path):
+    """A file's or folder's name and what is in it."""
+    if path.startswith("config/") and os.path.isfile(path):
+        return f"{path} {file_sha256(path)}"
+    below = path.startswith(os.path.join(DATA, ""))
+    return f"{os.path.relpath(path, DATA) if below else path} {state(path)}"
 
 
 def release_folder(wildcards):
@@ -172,3 +215,6 @@ def say_what_failed(run_logs):
         with open(path) as stream:
             lines = stream.read().strip().splitlines()
         print(f"{path}: {lines[-1] if lines else 'empty'}", file=sys.stderr)
+    page = "results/report/index.html"
+    if os.path.exists(page) and os.path.getmtime(page) < BEGUN:
+        print(f"{page} is still that of an earlier run", file=sys.stderr)

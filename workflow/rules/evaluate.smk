@@ -40,7 +40,7 @@ rule evaluate:
         boxes=hand_boxes,
         checks=hand_checks,
         marks=marks_tables,
-        truth=truth_tables,
+        truth=simulated(truth_tables),
     output:
         out="results/evaluate/{sequence}.parquet",
         out_frames="results/evaluate/{sequence}.frames.parquet",
@@ -54,8 +54,9 @@ rule evaluate:
         roles=roles,
         boxes=named(PROJECT.boxes),
         checks=named(PROJECT.checks),
-        truth=truth_folder,
+        truth=untracked(truth_folder),
         min_score=CONFIG["detector"]["min_score"],
+        contents=contents_of(hand_boxes, hand_checks, recorded(truth_tables)),
         code=code("evaluate.evaluate"),
     shell:
         dior("evaluate")
@@ -64,7 +65,6 @@ rule evaluate:
 rule detectors:
     """Measure what other detectors find in the pictures of one sequence."""
     input:
-        files=there(detector_files),
         frames="results/frames/{sequence}.parquet",
         labels=detector_labels,
     output:
@@ -77,9 +77,10 @@ rule detectors:
         "logs/detectors/{sequence}.benchmark.tsv"
     params:
         subject=subject,
-        rows=detector_rows,
-        states=detector_states,
+        rows=untracked(detector_rows),
+        tools=detector_tools,
         roles=roles,
+        contents=contents_of(detector_files),
         code=code("evaluate.detectors"),
     shell:
         dior("detectors")
@@ -88,7 +89,7 @@ rule detectors:
 rule zoom:
     """Write the centre of a camera's pictures for a detector (only when asked for)."""
     input:
-        bags=there(bags),
+        bags=simulated(bags),
         frames="results/frames/{sequence}.parquet",
     output:
         out=directory("results/zoom/{sequence}.{camera}"),
@@ -98,7 +99,8 @@ rule zoom:
     benchmark:
         "logs/zoom/{sequence}.{camera}.benchmark.tsv"
     params:
-        data_root=DATA,
+        data_root=data_root,
+        contents=contents_of(recorded(bags)),
         code=code("evaluate.zoom"),
     shell:
         dior("zoom")

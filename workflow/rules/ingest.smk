@@ -9,7 +9,7 @@ results/detections, results/gallery (where there is a gallery.tsv).
 rule frames:
     """Index the pictures of a sequence by stamp; the pixels stay in the bags."""
     input:
-        bags=there(bags),
+        bags=simulated(bags),
     output:
         out="results/frames/{sequence}.parquet",
     log:
@@ -17,9 +17,10 @@ rule frames:
     benchmark:
         "logs/frames/{sequence}.benchmark.tsv"
     params:
-        bags=bags,
+        bags=untracked(bags),
         topics=topics,
-        data_root=DATA,
+        data_root=data_root,
+        contents=contents_of(recorded(bags)),
         code=code("ingest.frames"),
     shell:
         dior("frames")
@@ -28,7 +29,7 @@ rule frames:
 rule audit:
     """Audit the stamps of a sequence: what is late, lost, repeated, black or out of order."""
     input:
-        bags=there(bags),
+        bags=simulated(bags),
         frames="results/frames/{sequence}.parquet",
     output:
         out="results/audit/{sequence}.parquet",
@@ -39,7 +40,8 @@ rule audit:
     benchmark:
         "logs/audit/{sequence}.benchmark.tsv"
     params:
-        data_root=DATA,
+        data_root=data_root,
+        contents=contents_of(recorded(bags)),
         code=code("ingest.audit"),
     shell:
         dior("audit")
@@ -48,8 +50,7 @@ rule audit:
 rule mocap:
     """Read the markers of an indoor sequence, by name and in metres."""
     input:
-        c3d=there(mocap_file),
-        trigger_log=there(trigger_log),
+        c3d=simulated(mocap_file),
         frames="results/frames/{sequence}.parquet",
     output:
         out="results/mocap/{sequence}.parquet",
@@ -58,13 +59,14 @@ rule mocap:
     benchmark:
         "logs/mocap/{sequence}.benchmark.tsv"
     params:
-        c3d=mocap_file,
-        trigger_log=trigger_log,
+        c3d=untracked(mocap_file),
+        trigger_log=untracked(trigger_log),
         capture=capture,
         subject=subject,
         units=mocap_units,
         up=mocap_up,
         prefix=mocap_prefix,
+        contents=contents_of(recorded(mocap_file), trigger_log),
         code=code("ingest.mocap"),
     shell:
         dior("mocap")
@@ -74,7 +76,7 @@ rule detect:
     """Run the project's pose network on the pictures of a close camera."""
     input:
         model=detector_model,
-        bags=there(bags),
+        bags=simulated(bags),
         frames="results/frames/{sequence}.parquet",
     output:
         out="results/detect/{sequence}.{camera}.json",
@@ -84,7 +86,8 @@ rule detect:
         "logs/detect/{sequence}.{camera}.benchmark.tsv"
     params:
         crop=CONFIG["detector"]["crop"],
-        data_root=DATA,
+        data_root=data_root,
+        contents=contents_of(detector_model, recorded(bags)),
         code=code("ingest.detect"),
     shell:
         dior("detect")
@@ -103,10 +106,10 @@ rule detections:
     benchmark:
         "logs/detections/{sequence}.benchmark.tsv"
     params:
-        pattern=detection_pattern,
+        pattern=untracked(detection_pattern),
         cameras=close_names,
-        folders=detection_folders,
         format=detection_format,
+        contents=contents_of(brought_detections),
         code=code("ingest.detections"),
     shell:
         dior("detections")
@@ -115,7 +118,7 @@ rule detections:
 rule gallery:
     """Index the pictures of the subjects from all around."""
     input:
-        recordings=there(gallery_files),
+        recordings=simulated(gallery_files),
     output:
         out="results/gallery/gallery.parquet",
         findings="results/gallery/gallery.findings.parquet",
@@ -125,7 +128,8 @@ rule gallery:
         "logs/gallery/gallery.benchmark.tsv"
     params:
         rows=as_json(list(PROJECT.gallery.values())),
-        data_root=DATA,
+        data_root=data_root,
+        contents=contents_of(recorded(gallery_files)),
         code=code("ingest.gallery"),
     shell:
         dior("gallery")

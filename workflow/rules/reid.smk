@@ -37,7 +37,6 @@ rule recognise:
         labels=expand("results/reid/{sequence}.parquet", sequence=SEQUENCES),
         skeletons=expand("results/reid/{sequence}.skeleton.parquet", sequence=SEQUENCES),
         frames=expand("results/frames/{sequence}.parquet", sequence=SEQUENCES),
-        detectors=there(long_range_detectors),
     output:
         out=report("results/reid/table.csv", category="Re-identification"),
         out_cmc="results/reid/cmc.csv",
@@ -54,8 +53,9 @@ rule recognise:
         length=CONFIG["reid"]["length"],
         chunks=CONFIG["reid"]["chunks"],
         sheet=fingerprint(PROJECT.rows),
-        detectors=as_json(long_range_rows()),
-        states=long_range_states,
+        detectors=untracked(as_json(long_range_rows())),
+        tools=long_range_tools,
+        contents=contents_of(compared_weights, long_range_detectors),
         code=code("reid.recognise"),
     script:
         "../scripts/step.py"

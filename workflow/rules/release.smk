@@ -10,7 +10,7 @@ subject and one of metadata, and the exports to other formats.
 rule provenance:
     """Take the checksums of the recordings of one sequence."""
     input:
-        there(recording_files),
+        simulated(recording_files),
     output:
         out="results/provenance/{sequence}.json",
     log:
@@ -19,8 +19,8 @@ rule provenance:
         "logs/provenance/{sequence}.benchmark.tsv"
     threads: 2
     params:
-        recordings=recordings,
-        folders=recording_folders,
+        recordings=untracked(recordings),
+        contents=contents_of(recorded(recording_files)),
         code=code("release.provenance"),
     shell:
         dior("provenance")
@@ -35,8 +35,8 @@ rule heads:
         clocks=own_clock,
         labels="results/reproject/{sequence}.{camera}.parquet",
         before=earlier_heads,
-        bags=there(released_bags),
-        detections=everybody_detected,
+        bags=simulated(released_bags),
+        detections=everybody_made,
         boxes=own_boxes,
         metrics="results/evaluate/{sequence}.parquet",
         noticed=noticed_errors,
@@ -49,12 +49,16 @@ rule heads:
     benchmark:
         "logs/heads/{sequence}.{camera}.benchmark.tsv"
     params:
-        data_root=DATA,
+        data_root=data_root,
+        detections=untracked(everybody_detected),
         format=detection_format,
         min_score=CONFIG["detector"]["min_score"],
         role=camera_role,
         session=session_of,
         checked=heads_checked,
+        contents=contents_of(
+            earlier_heads, own_boxes, everybody_brought, recorded(released_bags)
+        ),
         code=code("release.heads"),
     shell:
         dior("heads")
@@ -63,7 +67,7 @@ rule heads:
 rule pixels:
     """Write the released pictures of one camera, the heads covered."""
     input:
-        bags=there(released_bags),
+        bags=simulated(released_bags),
         frames="results/frames/{sequence}.parquet",
         heads=covered_heads,
         covers=other_covers,
@@ -78,10 +82,11 @@ rule pixels:
         "logs/pixels/{sequence}.{camera}.benchmark.tsv"
     params:
         subject=subject,
-        data_root=DATA,
+        data_root=data_root,
         faces=CONFIG["release"]["faces"],
         consent=pictures_consent,
         shift=stamps_shift,
+        contents=contents_of(recorded(released_bags)),
         code=code("release.pixels"),
     shell:
         dior("pixels")
@@ -126,10 +131,12 @@ rule package:
     threads: 2
     params:
         project=".",
-        config=release_config,
+        config=untracked(release_config),
+        settings=release_settings,
         out=release_folder,
         sheets=fingerprint(released_rows()),
         steps=released_code(),
+        contents=contents_of(hand_made_of_release),
         code=code("release.package"),
     script:
         "../scripts/step.py"

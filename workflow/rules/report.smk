@@ -8,7 +8,7 @@ Outputs: results/report/index.html with its assets beside it; it opens from disk
 rule overlays:
     """Draw the labels of one camera on a few of its pictures."""
     input:
-        bags=there(bags),
+        bags=simulated(bags),
         frames="results/frames/{sequence}.parquet",
         labels=own_label,
         detections=own_detections,
@@ -22,11 +22,12 @@ rule overlays:
         "logs/overlays/{sequence}.{camera}.benchmark.tsv"
     params:
         out="results/report/assets/{sequence}",
-        data_root=DATA,
+        data_root=data_root,
         boxes=own_boxes_words,
         roles=own_role,
         per_camera=CONFIG["report"]["overlay_frames"],
         min_score=CONFIG["detector"]["min_score"],
+        contents=contents_of(own_boxes, recorded(bags)),
         code=code("report.overlays"),
     shell:
         dior("overlays")
@@ -35,7 +36,7 @@ rule overlays:
 rule clip:
     """Film the labels of all cameras of a sequence side by side."""
     input:
-        bags=there(bags),
+        bags=simulated(bags),
         frames="results/frames/{sequence}.parquet",
         clocks=all_clocks,
         timeline="results/timeline/{sequence}.parquet",
@@ -48,9 +49,10 @@ rule clip:
     benchmark:
         "logs/clip/{sequence}.benchmark.tsv"
     params:
-        data_root=DATA,
+        data_root=data_root,
         roles=roles,
         seconds=CONFIG["report"]["clip_seconds"],
+        contents=contents_of(recorded(bags)),
         code=code("report.clip"),
     shell:
         dior("clip")
@@ -94,6 +96,7 @@ rule report:
         title=CONFIG["release"]["title"],
         sheet=fingerprint(PROJECT.rows),
         consents=as_json([PROJECT.left_out, PROJECT.unanswered]),
+        contents=contents_of(effort_files),
         code=code("report.report"),
     script:
         "../scripts/step.py"

@@ -28,6 +28,7 @@ rule simulate:
     params:
         settings=as_json(CONFIG["simulate"]),
         out=data_root,
+        contents=contents_of(motion),
         code=code("simulate.simulate"),
     shell:
         dior("simulate")
@@ -46,6 +47,7 @@ rule simulate_mocap:
     params:
         settings=as_json(CONFIG["simulate"]),
         out=data_root,
+        contents=contents_of(motion),
         code=code("simulate.simulate_mocap"),
     shell:
         dior("simulate_mocap")

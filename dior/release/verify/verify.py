@@ -51,20 +51,25 @@ class Stored:
         return checksums.METADATA in self.parts and {checksums.of_whom(name) for name in self.listed} <= self.parts
 
 
-def run(paths: list[Path], *, key: Path | None = None, decode: bool = False) -> None:
-    """Print what is wrong with releases.
+def run(
+    paths: list[Path] | None = None, *, key: Path | None = None, decode: bool = False, inputs: Path | None = None
+) -> None:
+    """Print what is wrong with releases, or with the recordings of a project.
 
     `paths`: release folder, exports folder, tarballs; `key`: whose signature it must bear, an allowed-signers file or
-    public keys; `decode`: decode every picture, not only read its header.
+    public keys; `decode`: decode every picture, not only read its header; `inputs`: folder of a project, whose
+    recordings are hashed whole and compared with what its release was made from.
 
     Raises DiorError where something is wrong, after all of it was printed.
     """
+    if not paths and inputs is None:
+        raise DiorError("name a release folder, an exports folder or tarballs, or a project with --inputs")
     if key is not None:
         from dior.release import signature
 
         signature.allowed_signers(key)
-    wrong = 0
-    for stored in _stored(paths):
+    wrong = _print_inputs(inputs) if inputs else 0
+    for stored in _stored(paths or []):
         problems, summary = _looked_at(stored, decode)
         wrong_signature, signed = _signature(stored, key)
         problems += wrong_signature
@@ -76,6 +81,15 @@ def run(paths: list[Path], *, key: Path | None = None, decode: bool = False) -> 
             print(f"{stored.name}: {summary}")
     if wrong:
         raise DiorError(f"{wrong} problem{'s' if wrong > 1 else ''}")
+
+
+def _print_inputs(project: Path) -> int:
+    """Print what is wrong with a project's recordings; returns how many are."""
+    from dior.release.verify import recordings
+
+    problems, count = recordings.problems(project)
+    print("\n".join(problems) if problems else f"{project}: {count} recordings are what the labels were made from")
+    return len(problems)
 
 
 def _stored(paths: list[Path]) -> list[Stored]:

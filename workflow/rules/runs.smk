@@ -1,0 +1,81 @@
+"""Runs: how Snakemake's planning is made to see what it alone would not.
+
+1. Every file has to be there that the target was made from. Snakemake looks for what lacks only among the files of the
+   target. As a step that fails loses its results and its inputs are noted all the same, the next run would find the
+   report newer than all else, and nothing to do.
+2. The time of a result is the one that was noted when it was made. A copy of a project, whose files got other times in
+   another order, would else be made again.
+3. Where a file lacks that SHA256SUMS names, the release or the exports are made again: their rules do not name all.
+4. One run at a time, and the second says which is the first.
+"""
+
+from snakemake.dag import DAG
+from snakemake_interface_storage_plugins.io import Mtime
+
+from dior.project import running
+
+
+def of_dior(update_needrun):
+    """The planning of Snakemake, told all that."""
+
+    async def planned(dag, *args, **kwargs):
+        begin_run(dag.workflow)
+        recall_times(dag)
+        dag.forcefiles.update(lists_of_lost_files(dag))
+        targets, dag.targetjobs = dag.targetjobs, set(dag.jobs)
+        try:
+            await update_needrun(dag, *args, **kwargs)
+        finally:
+            dag.targetjobs = targets
+
+    planned.is_of_dior = True
+    return planned
+
+
+def recall_times(dag):
+    """Let Snakemake believe that each result, and the benchmark of its job, is as old as .snakemake/metadata says."""
+    times, notes = dag.workflow.iocache.mtime, dag.workflow.persistence
+    for job in dag.jobs:
+        noted = [(path, notes.metadata(path)) for path in job.output]
+        made = {path: Mtime(local=note.endtime) for path, note in noted if note and note.endtime}
+        times.update(made)
+        if job.benchmark and made:
+            times[job.benchmark] = next(iter(made.values()))
+
+
+def lists_of_lost_files(dag):
+    """The SHA256SUMS that name a file which is not there any more: who made them makes all of it again."""
+    made = {path for job in dag.jobs for path in job.output}
+    lists = [path for path in made if os.path.basename(path) == "SHA256SUMS"]
+    return [path for path in lists if os.path.exists(path) and lost_files(path)]
+
+
+def lost_files(sums):
+    """Whether a file is gone that a list of checksums names."""
+    folder = os.path.dirname(sums)
+    with open(sums, encoding="utf-8", errors="replace") as stream:
+        # as `sha256sum` writes it: 64 digits, two blanks, the name
+        names = [line.rstrip("\n")[66:] for line in stream]
+    return not all(os.path.exists(os.path.join(folder, name)) for name in names)
+
+
+def begin_run(started):
+    """Hold the folder, before Snakemake looks for its own lock, which says neither who nor since when."""
+    if started.dryrun or not started.is_main_process or started.executor_plugin is None:
+        return
+    try:
+        alone = running.begin(os.getcwd())
+    except DiorError as error:
+        raise WorkflowError(str(error)) from None
+    if alone:
+        # left by a run that was killed
+        started.persistence.cleanup_locks()
+        os.makedirs(".snakemake/locks", exist_ok=True)
+
+
+if not hasattr(DAG.update_needrun, "is_of_dior"):
+    DAG.update_needrun = of_dior(DAG.update_needrun)
+
+# whoever unlocks a folder while a run lives in it would start a second one
+if "--unlock" in sys.argv and (who := running.at_work(os.getcwd())):
+    raise WorkflowError(f"{who}; there is nothing to unlock while it lives")
