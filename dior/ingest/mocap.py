@@ -24,6 +24,7 @@ from dior.body.names import PLUG_IN_GAIT_39
 from dior.errors import DiorError
 from dior.ingest.c3d_check import Layout, layout
 from dior.ingest.c3d_points import read_points
+from dior.project import prefixes
 from dior.tables import tables
 
 METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
@@ -72,18 +73,21 @@ def run(
     capture: str = "",
     units: str = "",
     up: Literal["z", "y", "x"] = "z",
-    prefix: str = "",
+    people: Path | None = None,
+    session_file: Path | None = None,
 ) -> None:
     """Write the markers of `c3d`. `capture`: its name in the trigger log where it is not the C3D's, else "";
-    `units`: mm, cm or m, where the C3D does not say it or says it wrongly; `up`: its vertical axis; `prefix`: what the
-    subject's labels begin with, where there are several subjects.
+    `units`: mm, cm or m, where the C3D does not say it or says it wrongly; `up`: its vertical axis; `people`,
+    `session_file`: subjects.tsv and session.yaml, which tell what the subject's labels begin with where the C3D holds
+    several subjects.
 
     See the module's docstring.
     """
     stamps = tables.read(frames, "frames", ["stamp_ns"])["stamp_ns"]
     if not len(stamps):
         raise DiorError(f"{sequence}: {frames} has no picture, so the mocap has no start")
-    mocap = read(c3d, subject, units, up, prefix)
+    name, prefix = prefixes.name_and_prefix(subject, people, session_file) if people and session_file else ("", "")
+    mocap = read(c3d, name, units, up, prefix)
     instants, joints = mocap.points.shape[:2]
     instant = np.arange(instants)
     t0 = start_by_log(trigger_log, capture, c3d, mocap, stamps) if trigger_log else int(stamps.min())
@@ -189,7 +193,7 @@ def _find_markers(labels: Sequence[str], path: AnyPath, subject: str, prefix: st
     found = {}
     for marker, there in places.items():
         if len(there) > 1:
-            points = " and ".join(f"{i + 1} ('{labels[i]}')" for i in there)
+            points = " and ".join(f"{i + 1} ('{named[i][1]}')" for i in there)
             raise DiorError(
                 f"{path}: the points {points} are all the marker {marker}; name or delete them so that one is left, "
                 "and export it again"
@@ -198,10 +202,11 @@ def _find_markers(labels: Sequence[str], path: AnyPath, subject: str, prefix: st
             found[marker] = there[0]
     if len(found) < FEWEST:
         more = f" and {len(labels) - LISTED} more" if len(labels) > LISTED else ""
-        behind = f" behind the prefix '{prefix}' (`mocap.prefix` in session.yaml)" if prefix else ""
+        behind = " behind the prefix that `mocap.prefix` in session.yaml gives" if prefix else ""
+        words = [label.rpartition(":")[2].strip() for label in labels]
         raise DiorError(
             f"{path}: {len(found)} of the {len(PLUG_IN_GAIT_39)} Plug-in-Gait markers are there{behind}, and fewer "
-            f"than {FEWEST} are no such marker set; its labels are {', '.join(labels[:LISTED]) or 'none'}{more}. "
+            f"than {FEWEST} are no such marker set; its labels are {', '.join(words[:LISTED]) or 'none'}{more}. "
             "Were they labelled before the export?"
         )
     return found
@@ -215,15 +220,15 @@ def _parts(label: str, prefix: str) -> tuple[str, str]:
     return (prefix, label[len(prefix) :].lstrip(":_ ").strip()) if label.startswith(prefix) else ("", "")
 
 
-def _chosen(prefixes: set[str], path: AnyPath, subject: str) -> str:
+def _chosen(given: set[str], path: AnyPath, subject: str) -> str:
     """The prefix that is the subject's name, where several have the same markers."""
-    same = [prefix for prefix in prefixes if prefix.lower() == subject.lower()]
+    same = [prefix for prefix in given if prefix.lower() == subject.lower()]
     if subject and len(same) == 1:
         return same[0]
-    names = sorted(prefix for prefix in prefixes if prefix)
+    # a prefix is often a name, which no log may keep
     raise DiorError(
-        f"{path}: its labels are of several subjects, with the prefixes {', '.join(names)}; set "
-        f"`mocap: {{prefix: {{{subject or '<subject>'}: {names[0]}}}}}`, or which it is, in session.yaml"
+        f"{path}: its labels are of {len(given)} subjects, with as many prefixes; set "
+        "`mocap: {prefix: {<subject>: <prefix>}}` in session.yaml, with what stands before the colon of the labels"
     )
 
 

@@ -238,7 +238,8 @@ class Project:
     def mocap_settings(self, sequence: str) -> dict[str, str]:
         """How its C3D is read: `units` ("" to take the file's word), `up`, and the `prefix` of the subject's labels."""
         given = self.session_files[self.session_of(sequence)]["mocap"]
-        prefix = given["prefix"].get(self.subject_of(sequence), "")
+        names = {pseudonym: name for name, pseudonym in self.pseudonyms.items()}
+        prefix = given["prefix"].get(names[self.subject_of(sequence)], "")
         return {"units": given.get("units", ""), "up": given["up"], "prefix": prefix}
 
     def truth(self, sequence: str) -> list[str]:

@@ -386,10 +386,11 @@ def _check_facts(project: Project, session: str) -> None:
 def _check_mocap(project: Project, session: str) -> None:
     """`mocap.prefix` is of people who walk in the session, also of those who may not be processed."""
     folder = session_folder(session)
+    named = {pseudonym: name for name, pseudonym in project.pseudonyms.items()}
     people = {
-        row["subject"]
+        named[row["subject"]]
         for row in (*project.rows.values(), *project.withheld.values())
-        if session_folder(row["session"]) == folder
+        if session_folder(row["session"]) == folder and row["subject"] in named
     }
     for name in project.session_files[session]["mocap"]["prefix"]:
         if name not in people:

@@ -202,12 +202,13 @@ TWO_POINTS = np.concatenate([POINTS, POINTS + (0, 3000, 0)], axis=1)
 def test_two_subjects_in_one_file(tmp_path):
     path = file_of(tmp_path, TWO, TWO_POINTS)
     sentence = refused(path, subject="S01")
-    assert "prefixes Anna, Ben; set `mocap: {prefix: {S01: Anna}}`" in sentence and "session.yaml" in sentence
+    assert "of 2 subjects, with as many prefixes; set `mocap: {prefix: {<subject>: <prefix>}}` in session" in sentence
+    assert "Anna" not in sentence and "Ben" not in sentence, "a log keeps no name"
     assert is_the_person(mocap.read(path, subject="S01", prefix="Anna"))
     assert is_the_person(mocap.read(path, subject="anna"))
     ben = mocap.read(path, subject="S01", prefix="Ben")
     np.testing.assert_allclose(ben.points, person(ben.markers, FRAMES) + (0, 3, 0), atol=1e-6)
-    assert "behind the prefix 'Cleo' (`mocap.prefix` in session.yaml)" in refused(path, prefix="Cleo")
+    assert "behind the prefix that `mocap.prefix` in session.yaml gives" in refused(path, prefix="Cleo")
     with_dash = file_of(tmp_path, [label.replace(":", "_") for label in TWO], TWO_POINTS)
     assert is_the_person(mocap.read(with_dash, prefix="Anna_"))
 
@@ -240,7 +241,11 @@ def test_another_axis_is_up(tmp_path, up, turn):
 
 def test_the_settings_reach_the_table(tmp_path):
     y_up = np.stack([TWO_POINTS[..., 0], TWO_POINTS[..., 2], -TWO_POINTS[..., 1]], axis=-1) / 1000
-    table = run(tmp_path, file_of(tmp_path, TWO, y_up, units=()), units="m", up="y", prefix="Anna")
+    people, session_file = tmp_path / "subjects.tsv", tmp_path / "session.yaml"
+    people.write_text("subject\tpseudonym\theight_m\nS01\tzebra-0001\t1.7\n")
+    session_file.write_text("cameras: [cam01]\nmocap: {prefix: {S01: Anna}}\n")
+    c3d = file_of(tmp_path, TWO, y_up, units=())
+    table = run(tmp_path, c3d, subject="zebra-0001", units="m", up="y", people=people, session_file=session_file)
     xyz, joints = tables.grid(table, "x", "y", "z")
     np.testing.assert_allclose(xyz, person(joints, FRAMES), atol=1e-6)
 

@@ -116,6 +116,7 @@ ALONE = {
         "report": {"page", "sequences", "cost", "plots"},
     },
     "params": {
+        "mocap": {"prefix"},
         "adjust": {"heights"},
         "detectors": {"tools"},
         "statistics": {"sheet"},
