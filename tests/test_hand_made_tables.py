@@ -54,6 +54,12 @@ def test_samples_of_another_program_in_latin_1(tmp_path):
         mlkit_csv.read(tmp_path / "a.csv")
 
 
+def test_a_name_that_no_file_has(tmp_path):
+    (tmp_path / "a.csv").write_text("0" * 100_000 + "x.jpg,x" + ",1" * 99 + "\n")
+    with pytest.raises(DiorError, match=r"a.csv: the picture '0{40}...' has a name of 100005 letters"):
+        mlkit_csv.read(tmp_path / "a.csv")
+
+
 @pytest.mark.parametrize(
     ("name", "row", "sentence"),
     [

@@ -17,6 +17,8 @@ from dior.ingest.people import People, gathered
 from dior.ingest.readers.common import INTERRUPTED, frame_of
 from dior.project.plain_text import each_row
 
+# of a file
+LONGEST_NAME = 255
 # chosen: half an hour of pictures
 MOST_BYTES = 1 << 26
 COLUMNS = 2 + 3 * len(MLKIT_33)
@@ -25,6 +27,11 @@ COLUMNS = 2 + 3 * len(MLKIT_33)
 def read(path: AnyPath) -> People:
     """The landmarks of a recording. Raises DiorError for other rows and for pictures of more than one recording."""
     names, _, points = poses(path)
+    # the search for the last number takes the square of the length
+    if too_long := next((name for name in names if len(name) > LONGEST_NAME), ""):
+        raise DiorError(
+            f"{path}: the picture '{too_long[:40]}...' has a name of {len(too_long)} letters; {INTERRUPTED}"
+        )
     stems = sorted({re.sub(r"\d+(?!.*\d)", "#", name.rpartition(".")[0] or name) for name in names})
     if len(stems) > 1:
         raise DiorError(
