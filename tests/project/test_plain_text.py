@@ -1,7 +1,6 @@
 """Files of people and other programs, whatever is in them: the rows, or one sentence with the line and what to do."""
 
 import os
-import time
 import tracemalloc
 
 import pytest
@@ -78,17 +77,14 @@ def test_what_is_too_large_is_not_read(tmp_path):
         bytes_of(path, "x.csv")
 
 
-def test_the_largest_table_costs_little_time_and_memory(tmp_path):
+def test_the_largest_table_costs_little_memory(tmp_path):
     path = tmp_path / "x.csv"
     path.write_bytes(b"a,b\n" + b"1\n" * 20_000)
-    begun = time.process_time()
-    assert len(rows_of(path, path)) == 20_001
-    # the largest that is read is a hundred times as large
-    assert 100 * (time.process_time() - begun) < 10
     tracemalloc.start()
-    rows_of(path, path)
+    assert len(rows_of(path, path)) == 20_001
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
+    # the largest that is read is a hundred times as large
     assert 100 * peak < 800e6
 
 
