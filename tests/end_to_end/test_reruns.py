@@ -76,14 +76,14 @@ def bad_marker(path):
     path.write_text("\n".join(lines) + "\n")
 
 
-# target; what is broken, how, and the step that says so. Each breaks another part, as what follows a failure waits
+# target; what is broken, how, and the steps that say so. Each breaks another part, as what follows a failure waits
 BROKEN = {
     "bag cut, C3D gone": ("all", {
         f"{OUTDOOR}/pc2.bag": (cut, "frames/outdoor_01"),
-        f"{INDOOR}/mocap.c3d": (gone, "mocap/indoor_01"),
+        f"{INDOOR}/mocap.c3d": (gone, "mocap/indoor_01", "provenance/indoor_01"),
     }),
     "bag gone, detections cut": ("release", {
-        f"{INDOOR}/pc1.bag": (gone, "frames/indoor_01"),
+        f"{INDOOR}/pc1.bag": (gone, "frames/indoor_01", "provenance/indoor_01"),
         f"{OUTDOOR}/mlkit/cam02.jsonl": (cut, "detections/outdoor_01"),
     }),
     "marks, boxes": ("report", {
@@ -112,12 +112,12 @@ def said(text):
 @pytest.mark.parametrize("name", BROKEN)
 def test_what_failed_fails_again_until_it_is_mended(project, copy, name):
     target, broken = BROKEN[name]
-    for path, (how, _) in broken.items():
+    for path, (how, *_) in broken.items():
         how(copy / path)
     ends = [snakemake(copy, target, "--keep-going", check=False) for _ in range(2)]
     assert [code for code, _ in ends] == [1, 1]
     first, second = (said(text) for _, text in ends)
-    assert first == second and first.keys() == {step for _, step in broken.values()}
+    assert first == second and first.keys() == {step for _, *steps in broken.values() for step in steps}
     assert "Traceback" not in ends[1][1]
     assert "results/report/index.html is still that of an earlier run" in ends[1][1]
     for path in broken:
