@@ -104,7 +104,7 @@ def _of_head(joints: Sequence[str], pair: Ints) -> bool:
     return any(joints[i] in head_model.HEAD for i in pair)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Look:
     """What one picture says of the head (one of SAYS), and how far (2,) m to the right of and below the 3D it is seen,
     NaN unless it is; `others`: boxes (N, 4) px of what moves and is not the subject."""
