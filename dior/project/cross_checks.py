@@ -256,10 +256,10 @@ def _check_heads_checked(project: Project, session: str) -> None:
     for camera, reason in project.heads_checked(session).items():
         if camera not in cameras:
             raise DiorError(f"{shown}: heads_checked names '{camera}', no camera of it{nearest(camera, cameras)}")
-        _check_words({f"heads_checked {camera}": reason}, (f"heads_checked {camera}",), project.subjects, shown)
+        _check_words({f"heads_checked {camera}": reason}, (f"heads_checked {camera}",), project.pseudonyms, shown)
 
 
-def _check_words(row: Row, columns: Iterable[str], people: Rows, where: str) -> None:
+def _check_words(row: Row, columns: Iterable[str], people: Iterable[str], where: str) -> None:
     """Nor must other words that go there. A number is a size or an angle, and a letter a kind; no person's name."""
     for column in columns:
         for subject in people:

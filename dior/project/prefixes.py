@@ -1,4 +1,4 @@
-"""What a person's labels begin with in a C3D is often the person's name: it stays in config/, and a step reads it there.
+"""What a person's labels begin with in a C3D is often the name: it stays in config/, and a step reads it there.
 
 INPUTS   a pseudonym, subjects.tsv and the session's session.yaml. OUTPUTS: the name in the sheet, and the prefix.
 What a rule passes to a step is kept in Snakemake's records and printed in its logs. Loads no numerics.

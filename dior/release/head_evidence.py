@@ -104,7 +104,7 @@ def _of_head(joints: Sequence[str], pair: Ints) -> bool:
     return any(joints[i] in head_model.HEAD for i in pair)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Look:
     """What one picture says of the head (one of SAYS), and how far (2,) m to the right of and below the 3D it is seen,
     NaN unless it is; `others`: boxes (N, 4) px of what moves and is not the subject."""
@@ -173,7 +173,8 @@ def bust(mask: Mask, subject: Subject, i: int) -> tuple[str, Floats]:
     counts = np.ones(drawn.shape, np.float32)
     if 2 * BARE_HEAD_M[0] * scale >= HAT_PX:
         counts[: max(int(np.floor(v - HAT_ABOVE_M * scale)) - low[1], 0)] = 0
-    wrong = cv2.matchTemplate(part.astype(np.float32), drawn.astype(np.float32), cv2.TM_SQDIFF, mask=counts)
+    found = cv2.matchTemplate(part.astype(np.float32), drawn.astype(np.float32), cv2.TM_SQDIFF, mask=counts)
+    wrong = np.asarray(found, np.float64)
     row, column = np.unravel_index(int(wrong.argmin()), wrong.shape)
     here = part[row : row + size[1], column : column + size[0]]
     if here[drawn > 0].mean() < FILLED:

@@ -242,7 +242,7 @@ def test_another_axis_is_up(tmp_path, up, turn):
 def test_the_settings_reach_the_table(tmp_path):
     y_up = np.stack([TWO_POINTS[..., 0], TWO_POINTS[..., 2], -TWO_POINTS[..., 1]], axis=-1) / 1000
     people, session_file = tmp_path / "subjects.tsv", tmp_path / "session.yaml"
-    people.write_text("subject\tpseudonym\theight_m\nS01\tzebra-0001\t1.7\n")
+    people.write_text("subject\tpseudonym\theight_m\theight_sigma_m\tconsent_release\nS01\tzebra-0001\t1.7\t\tyes\n")
     session_file.write_text("cameras: [cam01]\nmocap: {prefix: {S01: Anna}}\n")
     c3d = file_of(tmp_path, TWO, y_up, units=())
     table = run(tmp_path, c3d, subject="zebra-0001", units="m", up="y", people=people, session_file=session_file)

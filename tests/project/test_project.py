@@ -236,8 +236,8 @@ def test_config_errors(root, old, new, parts):
         ("subjects", "apple-0002", "zebra-0001", ["'S01' and 'S02' share the pseudonym"]),
         ("subjects", "apple-0002", "Metadata", ["pseudonym 'metadata', as a tarball is called"]),
         ("subjects", "1.72", "172", ["line 2", "'height_m' is '172' but should be a height in metres"]),
-        ("subjects", "S02", "-S02", ["line 3", "'subject' is '-S02' but should be a name of", "- (not first)"]),
-        ("subjects", "apple-0002", "-apple-02", ["line 3", "'pseudonym' is '-apple-02'", "- (not first)"]),
+        ("subjects", "S02", "-S02", ["line 3", "'subject' is '-S02' but should be a name of", "- (not first"]),
+        ("subjects", "apple-0002", "-apple-02", ["line 3", "'pseudonym' is '-apple-02'", "- (not first"]),
         ("subjects", "\tyes", "\tmaybe", ["line 2", "'consent_release' is 'maybe'", "yes or no"]),
     ],
 )
@@ -265,16 +265,14 @@ SHEETS_TEXT = {
 }
 
 
-@pytest.mark.parametrize(
-    "text", ["=HYPERLINK(1)", "+1+1", "-1+cmd|' /C calc'!A0", "@SUM(1)", "＝1", "a\tb", "a\nb", "a\rb"]
-)
+@pytest.mark.parametrize("text", ["=HYPERLINK(1)", "+1+1", "-1+cmd|' /C calc'!A0", "@SUM(1)", "＝1"])
 @pytest.mark.parametrize("sheet", ["sequences", "gallery", "effort"])
 def test_free_text_that_a_spreadsheet_would_run_is_refused(root, sheet, text):
     """By the sheets' readers, so that no CSV or TSV of a report, a release or an export can have it."""
     for column, line in SHEETS_TEXT[sheet]:
         path = root / f"config/{sheet}.tsv"
         before = path.read_text() if path.exists() else None
-        path.write_text(line(root).replace("{text}", f'"{text}"' if text[1] in "\t\n\r" else text))
+        path.write_text(line(root).replace("{text}", text))
         fails(root, f"config/{sheet}.tsv line", f"'{column}' is ", "free text", "= + - or @")
         path.write_text(before) if before else path.unlink()
 

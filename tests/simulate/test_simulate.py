@@ -153,3 +153,13 @@ def test_a_short_c3d_is_refused(shared):
     used = settings.from_dict({"motion": str(shared / "mocap/walk_100hz.c3d"), "duration_s": 10.0})
     with pytest.raises(DiorError, match="lasts 3.14 s"):
         motion_of(used, settings.sequence_named(used, "indoor_01"))
+
+
+def test_a_second_person_who_walks_passes_beside_the_walkway():
+    used = settings.from_dict({"bystander": 0.5, "bystander_walks": True, "duration_s": 4.0})
+    walk = settings.sequences(used)[-1]
+    seen = truth.view(used, walk, motion_of(used, walk), "cam01")
+    other = bystander.seen(used, walk, seen.camera, seen.clock.seconds)
+    hips = other.landmarks[:, MLKIT_33.index("left_hip")]
+    assert np.ptp(hips[:, 0]) > 1.0 and np.abs(hips[:, 1] - bystander.LOOP_AT[1]).max() < 1.0
+    assert other.present.mean() == pytest.approx(0.5, abs=0.05)

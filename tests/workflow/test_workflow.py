@@ -103,6 +103,7 @@ ALONE = {
         **dict.fromkeys(("audit", "detect", "clocks", "align", "follow", "zoom", "overlays", "clip"), {"bags"}),
         **dict.fromkeys(("simulate", "simulate_mocap"), {"motion"}),
         "pixels": {"bags"},
+        "heads": {"bags"},
         "place": {"bags"},
         "detections": {"files"},
         "gallery": {"recordings"},

@@ -57,8 +57,17 @@ def mocap_up(wildcards):
     return PROJECT.mocap_settings(wildcards.sequence)["up"]
 
 
-def mocap_prefix(wildcards):
-    return PROJECT.mocap_settings(wildcards.sequence)["prefix"]
+def prefix_fingerprint(wildcards):
+    return fingerprint(PROJECT.mocap_settings(wildcards.sequence)["prefix"])(wildcards)
+
+
+def subjects_sheet(wildcards):
+    return "config/subjects.tsv"
+
+
+def sequence_session_file(wildcards):
+    """The session.yaml of a sequence; a parameter that runs nothing again."""
+    return PROJECT.session_file(session_of(wildcards))
 
 
 def close_names(wildcards):

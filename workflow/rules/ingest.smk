@@ -65,7 +65,9 @@ rule mocap:
         subject=subject,
         units=mocap_units,
         up=mocap_up,
-        prefix=mocap_prefix,
+        people=untracked(subjects_sheet),
+        session_file=untracked(sequence_session_file),
+        prefix=prefix_fingerprint,
         contents=contents_of(recorded(mocap_file), trigger_log),
         code=code("ingest.mocap"),
     shell:

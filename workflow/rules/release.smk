@@ -56,9 +56,7 @@ rule heads:
         role=camera_role,
         session=session_of,
         checked=heads_checked,
-        contents=contents_of(
-            earlier_heads, own_boxes, everybody_brought, recorded(released_bags)
-        ),
+        contents=contents_of(earlier_heads, own_boxes, everybody_brought, recorded(released_bags)),
         code=code("release.heads"),
     shell:
         dior("heads")

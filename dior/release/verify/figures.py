@@ -19,7 +19,7 @@ import numpy as np
 
 from dior.arrays import Floats, Table
 from dior.body.names import is_leg, swap_index
-from dior.evaluate import bootstrap, box_fit, boxes, metrics, reprojection, rows
+from dior.evaluate import bootstrap, boxes, labels_in_boxes, metrics, reprojection, rows
 from dior.evaluate.grids import LabelGrid, distance, onto, value_grid
 from dior.release.layout import IN_PICTURE
 from dior.release.verify.evidence import Release, Walk
@@ -72,7 +72,7 @@ def of_walk(walk: Walk) -> Figures:
         if drawn and camera.role == "long_range":
             edges = np.stack([drawn[key] for key in ("u_min", "v_min", "u_max", "v_max")], axis=-1)
             found.append(("in_box_share", *_twice(boxes.inside(grid, drawn["frame"], edges)), False))
-            fitted = box_fit.figures(grid, boxes.of_frames(grid, drawn["frame"], edges))
+            fitted = labels_in_boxes.figures(grid, boxes.of_frames(grid, drawn["frame"], edges))
             found += [(metric, *_twice(values), False) for metric, _, values in fitted]
         if marks and (checked := _checked(grid, tables.of_camera(marks, name))) is not None:
             found.append(("check_error", *_twice(distance(grid.uv, checked)), True))
