@@ -308,7 +308,7 @@ def test_the_text_says_it_all(whole, later, capsys):
         "labels and pictures",
         "  walk_2  cam01  labels_2d moved median 5, p95 5, max 5 px  because of [1]",
         "",
-        "files changed: cameras.parquet, clocks.parquet, provenance.json",
+        "files changed: cameras.parquet, clocks.parquet, croissant.json, provenance.json",
         "",
         "inputs and settings that changed",
         "  [1] config/sessions/field/cam01.yaml",
