@@ -45,3 +45,15 @@ def test_links_between_the_pages_lead_somewhere():
     for page in pages:
         for link in re.findall(r"\]\(([^)#:]+)(?:#[\w-]*)?\)", page.read_text()):
             assert (page.parent / link).exists(), f"{page.name}: {link}"
+
+
+def test_every_fault_of_the_page_of_reliability_is_tried_by_a_test_that_there_is():
+    text = (ROOT / "docs/reliability.md").read_text()
+    named, section_file = [], re.search(r"^In `([\w/.]+)`", text, re.MULTILINE)[1]
+    for path, name in re.findall(r"`([\w/.]*)::(\w+)`", text):
+        named.append((path or section_file, name))
+    lost = [
+        f"{path}::{name}" for path, name in named
+        if not re.search(rf"^def {name}\(", (ROOT / "tests" / path).read_text(), re.MULTILINE)
+    ]  # fmt: skip
+    assert len(named) > 80 and lost == []

@@ -13,8 +13,8 @@ from dior.tables import tables
 from tests.release.made import ROLES
 
 CONFIGS = {
-    "labels_2d": 54, "skeletons_3d": 6, "frames": 27, "detections": 12, "boxes": 2, "marks": 3, "covers": 18, "cameras": 6,
-    "camera_covariance": 8, "clocks": 9, "sequences": 3, "subjects": 2, "splits": 27,
+    "labels_2d": 54, "skeletons_3d": 6, "frames": 27, "detections": 12, "boxes": 2, "marks": 3, "covers": 18,
+    "cameras": 6, "camera_covariance": 8, "clocks": 9, "sequences": 3, "subjects": 2, "splits": 27,
 }  # fmt: skip
 
 
