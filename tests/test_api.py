@@ -79,4 +79,6 @@ def test_the_example_of_a_project_reads_one(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     exec(PROJECT, {})
     cameras = ["cam01", "cam02", "cam03", "cam04"]
-    assert f"indoor_01 S01 {cameras}" in capsys.readouterr().out.splitlines()
+    found = [line.split(" ", 2) for line in capsys.readouterr().out.splitlines()]
+    assert ["indoor_01", str(cameras)] in [[walk, rest] for walk, _, rest in found]
+    assert all(len(person) >= 8 and person != "S01" for _, person, _ in found), "a pseudonym"

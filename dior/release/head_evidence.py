@@ -299,9 +299,14 @@ def sure(says: Texts, off_m: Floats, cover_m: Floats, times: Floats, told: Bools
         return np.where(covered & ~told, "unseen", "ok").astype(object)
     if known[judged].mean() < SEEN_SHARE:
         return np.full(len(says), "unseen", object)
-    # a bust that is a part of the scene, for it hides the same place all the time, is found where it is not
+    # a bust that is a part of the scene, for it hides the same place all the time, is found where it is not; where
+    # something else tells of most pictures, the others do not speak for these
     seen = np.flatnonzero((says == "seen") & covered & ~told)
-    if len(seen) and not holds(np.median(cover_m[seen], axis=0), np.median(off_m[seen], axis=0)):
+    if (
+        len(seen)
+        and told[judged].mean() < SEEN_SHARE
+        and not holds(np.median(cover_m[seen], axis=0), np.median(off_m[seen], axis=0))
+    ):
         return np.full(len(says), "beside", object)
     first, last = (np.searchsorted(times, times + s, side="left" if s < 0 else "right") for s in (-WINDOW_S, WINDOW_S))
     n_known, n_judged = (np.concatenate([[0], np.cumsum(which)]) for which in (known, judged))

@@ -78,12 +78,12 @@ class Judged:
     """What says whether the labels of the camera can be relied on.
 
     `role`: close or long_range; `metrics`: table `metrics` of the sequence; `noticed`: tables `findings` with what is
-    wrong with the session or the recording; `session`: name of the session; `checked`: who has looked at the pictures
+    wrong with the session or the recording; `session_name`: of the sequence; `checked`: who has looked at the pictures
     and released them all the same, or nothing.
     """
 
     role: str
-    session: str
+    session_name: str
     metrics: Path
     noticed: list[Path]
     checked: str = ""
@@ -193,7 +193,9 @@ def red_by(sequence: str, camera: str, judged: Judged, fx: float) -> str:
     figures = figures_of(table, table["camera"] == camera)
     found = [row for path in judged.noticed for row in _findings_in(path)]
     own = [
-        finding for name in (camera, "") for finding in lights.findings_of(found, sequence, judged.session, "", name)
+        finding
+        for name in (camera, "")
+        for finding in lights.findings_of(found, sequence, judged.session_name, "", name)
     ]
     return reasons(figures, fx, own, judged.role)
 

@@ -139,7 +139,7 @@ def _detected_m(walker: Walker, found: Faces, scale: Floats) -> Floats:
 def by_hand_m(walker: Walker, scale: Floats) -> Floats:
     """The same (F, 2) m by the boxes that a person drew, in the median over all of them; NaN where there are too few.
 
-    A person draws boxes larger than the body by some margin, which is taken from their width.
+    A person draws boxes larger than the body by some margin, the same on opposite sides: their middle tells.
     """
     drawn = np.isfinite(walker.drawn).all(axis=1)
     if drawn.sum() < LEAST_BOXES:
@@ -151,10 +151,8 @@ def by_hand_m(walker: Walker, scale: Floats) -> Floats:
         return np.full((len(scale), 2), np.nan)
     low, high = ((uv - flesh).min(axis=1)[whole], (uv + flesh).max(axis=1)[whole])
     boxes, px = walker.drawn[drawn][whole], scale[drawn][whole]
-    margin = float(np.median(((boxes[:, 2] - boxes[:, 0]) - (high - low)[:, 0]) / 2))
-    aside = (boxes[:, 0] + boxes[:, 2]) / 2 - (low + high)[:, 0] / 2
-    down = boxes[:, 1] + margin - low[:, 1]
-    return np.tile(np.median(np.stack([aside, down], axis=1) / px[:, None], axis=0), (len(scale), 1))
+    off = (boxes[:, :2] + boxes[:, 2:]) / 2 - (low + high) / 2
+    return np.tile(np.median(off / px[:, None], axis=0), (len(scale), 1))
 
 
 def _steady(values: Floats, times: Floats) -> Floats:

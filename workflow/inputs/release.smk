@@ -290,6 +290,17 @@ def everybody_brought(wildcards):
     return [] if detections_are_made(wildcards) else everybody_detected(wildcards)
 
 
+def evaluated(wildcards):
+    """The figures of all cameras of a sequence; that they were written again does not count."""
+    return [ancient(f"results/evaluate/{wildcards.sequence}.parquet")]
+
+
+def own_checks(wildcards):
+    """[path] of the hand checks of a camera, or []."""
+    made = PROJECT.checks(wildcards.sequence)
+    return [made[wildcards.camera]] if wildcards.camera in made else []
+
+
 def noticed_errors(wildcards):
     """The findings that make a camera's light red: of the recording, and of cameras that moved."""
     session = session_of(wildcards)

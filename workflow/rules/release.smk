@@ -38,7 +38,7 @@ rule heads:
         bags=simulated(released_bags),
         detections=everybody_made,
         boxes=own_boxes,
-        metrics="results/evaluate/{sequence}.parquet",
+        metrics=evaluated,
         noticed=noticed_errors,
     output:
         out="results/heads/{sequence}.{camera}.parquet",
@@ -54,9 +54,11 @@ rule heads:
         format=detection_format,
         min_score=CONFIG["detector"]["min_score"],
         role=camera_role,
-        session=session_of,
+        session_name=session_of,
         checked=heads_checked,
-        contents=contents_of(earlier_heads, own_boxes, everybody_brought, recorded(released_bags)),
+        contents=contents_of(
+            earlier_heads, own_boxes, own_checks, everybody_brought, recorded(released_bags)
+        ),
         code=code("release.heads"),
     shell:
         dior("heads")
