@@ -68,9 +68,11 @@ def off(faces: Faces, uv: Floats, joints: list[str]) -> Floats:
     if not shared:
         return found
     apart = faces.uv[:, [faces.joints.index(n) for n in shared]] - uv[faces.row][:, [joints.index(n) for n in shared]]
-    known = np.isfinite(apart).all(axis=-1)
+    known = np.asarray(np.isfinite(apart).all(axis=-1))
     count = np.maximum(known.sum(axis=1), 1)[:, None]
-    mean = np.where(known.any(axis=1)[:, None], np.where(known[..., None], apart, 0.0).sum(axis=1) / count, np.nan)
+    mean = np.where(
+        np.asarray(known.any(axis=1))[:, None], np.where(known[..., None], apart, 0.0).sum(axis=1) / count, np.nan
+    )
     # the nearest last, so that it is what stays
     for i in np.argsort(-np.nan_to_num(np.linalg.norm(mean, axis=1), nan=np.inf), kind="stable"):
         if np.isfinite(mean[i]).all():

@@ -13,8 +13,10 @@ the cover does not reach; it is covered, too.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dior.arrays import Bools, Floats, Ints, Texts
 from dior.body.names import bones_of
@@ -276,7 +278,7 @@ def head_zone(camera: Camera, shape: tuple[int, int], factor: int) -> Mask:
     return above.astype(np.uint8)
 
 
-def stays(count: Ints, pictures: int, join_px: float) -> Ints:
+def stays(count: NDArray[np.integer[Any]], pictures: int, join_px: float) -> Ints:
     """Boxes (N, 4) px of where something that is not the subject stood out in many of the pictures.
 
     `count` (H, W): in how many.

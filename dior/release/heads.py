@@ -386,7 +386,7 @@ def hold(edges: Floats, least: Floats) -> Bools:
     """Whether (F,) the edges (F, 4) of whole pixels hold the boxes `least` (F, 4) px."""
     with np.errstate(invalid="ignore"):
         inside = (edges[:, :2] <= least[:, :2] + 0.5 + SLIVER) & (edges[:, 2:] >= least[:, 2:] + 0.5 - SLIVER)
-    return inside.all(axis=1)
+    return np.asarray(inside.all(axis=1))
 
 
 def kept(before: Floats, edges: Floats, least: Floats) -> Floats:

@@ -69,7 +69,10 @@ def run(
     covered = faces != "shown" and consent == "yes"
     if covered and (heads is None or covers is None):
         raise DiorError(f"{where}: faces are to be {faces}, but no table of heads is given; run heads first")
-    boxes, withheld = _boxes(heads, rows, where) if heads and covered else ([None] * count, [""] * count)
+    boxes: list[Floats | None] = [None] * count
+    withheld = [""] * count
+    if heads and covered:
+        boxes, withheld = _boxes(heads, rows, where)
     others = _others(covers, rows) if covers and covered else [[]] * count
     shown = np.zeros(count, bool)
     later = shift_stamps.shift_ns(**shift) if shift else 0
@@ -128,7 +131,7 @@ def _others(covers: Path, rows: Table) -> list[list[Floats]]:
 
 
 def _named(words: dict[str, str], columns: dict[str, tables.Column]) -> dict[str, tables.Column]:
-    return {**{key: [word] * len(columns["frame"]) for key, word in words.items()}, **columns}  # type: ignore[arg-type]
+    return {**{key: [word] * len(columns["frame"]) for key, word in words.items()}, **columns}
 
 
 def _released_covers(

@@ -173,7 +173,7 @@ def read(content: bytes) -> Iterator[Figure]:
 
 def _of_walks(stated: dict[tuple[str, ...], Figure], release: Release) -> Iterator[str]:
     """Yield what is wrong with the figures of single cameras in single walks."""
-    expected = {
+    expected: dict[tuple[str, ...], Expected] = {
         (metric, "", walk.who, walk.sequence, camera, _role(release, walk.sequence, camera), joint): one
         for walk in release.walks
         for (metric, camera, joint), one in walk.figures.items()

@@ -58,13 +58,13 @@ def of_labels(labels: Table, skeleton: Table, camera: Camera, clock: tuple[float
         return
     pixels, depth = cam.project(camera, points)
     off = np.linalg.norm(pixels - uvd[..., :2], axis=-1)
-    wrong = ~same(uvd[..., :2], pixels).all(axis=-1)
+    wrong = np.asarray(~same(uvd[..., :2], pixels).all(axis=-1))
     if wrong.any():
         f, j = np.unravel_index(np.argmax(np.where(wrong, np.nan_to_num(off, nan=np.inf), -1.0)), shape)
         by = f"is off by {off[f, j]:.3g} px" if np.isfinite(off[f, j]) else "is there where nothing projects, or gone"
         yield (
             f"{int(wrong.sum())} labels are not where the 3D, the camera and its clock put them: frame {frames[f]}, "
-            f"joint {joints[j]} {by}" + _whole(wrong, np.isfinite(points).all(axis=-1), frames)
+            f"joint {joints[j]} {by}" + _whole(wrong, np.asarray(np.isfinite(points).all(axis=-1)), frames)
         )
         return
     deep = ~same(uvd[..., 2], depth)
@@ -118,7 +118,7 @@ def _possible(status: Texts, points: Floats, pixels: Floats, depth: Floats, came
 
 def _whole(wrong: Bools, known: Bools, frames: Ints) -> str:
     """How the wrong labels lie: that tells what was moved."""
-    count = wrong.any(axis=1)
+    count = np.asarray(wrong.any(axis=1))
     if (count | ~known.any(axis=1)).all():
         return "; all frames with 3D, so the camera's pose, lens or clock, or whose labels they are, was changed"
     return f"; {int(count.sum())} of {len(count)} frames, first {frames[np.argmax(count)]}"
