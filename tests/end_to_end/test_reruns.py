@@ -4,6 +4,7 @@ A step that failed fails again until it is mended; what was replaced is noticed 
 copied or moved runs nothing; what was deleted is made again; two runs do not work in one folder.
 """
 
+import csv
 import os
 import shutil
 import signal
@@ -112,6 +113,9 @@ def said(text):
 @pytest.mark.parametrize("name", BROKEN)
 def test_what_failed_fails_again_until_it_is_mended(project, copy, name):
     target, broken = BROKEN[name]
+    with open(copy / "config/subjects.tsv", newline="") as sheet:
+        pseudonyms = {row["subject"]: row["pseudonym"] for row in csv.DictReader(sheet, delimiter="\t")}
+    target = target.replace("S01", pseudonyms["S01"])
     for path, (how, *_) in broken.items():
         how(copy / path)
     ends = [snakemake(copy, target, "--keep-going", check=False) for _ in range(2)]
@@ -176,7 +180,8 @@ def of_same_length(path):
         # a comment, or the last digit of the last number
         text = path.read_text()
         at = max(i for i, letter in enumerate(text) if letter.isdigit())
-        path.write_text(text[:at] + str((int(text[at]) + 1) % 10) + text[at + 1 :])
+        digit = text[:at] + str((int(text[at]) + 1) % 10) + text[at + 1 :]
+        path.write_text(text.replace("# the", "# The", 1) if "# the" in text else digit)
     os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
     assert path.stat().st_size == times.st_size
 
