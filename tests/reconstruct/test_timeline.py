@@ -89,6 +89,16 @@ def test_indoors_the_instants_are_the_mocaps(tmp_path):
     assert line["cam01"]["weight"][:4] == pytest.approx([0, 0.3, 0.6, 0.9], abs=1e-4)
 
 
+def timeline_of_the_second(folder, known):
+    """The timeline of cam02, of frames in f.parquet and two cameras with the clocks `known`."""
+    clock.write(folder / "c.parquet", folder / "g.parquet", "walk", known)
+    timeline.run(
+        sequence="walk", frames=folder / "f.parquet", cameras=["cam01", "cam02"], clocks=[folder / "c.parquet"],
+        mocap=None, max_gap=1.5, out=folder / "t.parquet",
+    )  # fmt: skip
+    return tables.of_camera(tables.read(folder / "t.parquet", "timeline"), "cam02")
+
+
 @pytest.mark.parametrize(("hz", "missing"), [(60, [10]), (15, [])])
 def test_a_drop_is_told_by_each_cameras_own_rate(tmp_path, hz, missing):
     """Instants at 30 Hz: of a camera at 60 Hz 33 ms are a lost picture, of one at 15 Hz 67 ms are none."""
@@ -98,12 +108,7 @@ def test_a_drop_is_told_by_each_cameras_own_rate(tmp_path, hz, missing):
     cameras = np.repeat(np.array(["cam01", "cam02"], object), list(map(len, stamps)))
     tables.write(tmp_path / "f.parquet", "frames", {"camera": cameras, "stamp_ns": np.concatenate(stamps)})
     known = {name: clock.Clock(0.0) for name in ("cam01", "cam02")}
-    clock.write(tmp_path / "c.parquet", tmp_path / "g.parquet", "walk", known)
-    timeline.run(
-        sequence="walk", frames=tmp_path / "f.parquet", cameras=["cam01", "cam02"], clocks=[tmp_path / "c.parquet"],
-        mocap=None, max_gap=1.5, out=tmp_path / "t.parquet",
-    )  # fmt: skip
-    line = tables.of_camera(tables.read(tmp_path / "t.parquet", "timeline"), "cam02")
+    line = timeline_of_the_second(tmp_path, known)
     assert np.flatnonzero(line["frame_before"][:31] < 0).tolist() == missing
 
 
@@ -113,11 +118,6 @@ def test_a_drift_moves_a_camera_further_and_further(tmp_path):
     columns = {"camera": np.repeat(np.array(["cam01", "cam02"], object), 301), "stamp_ns": np.tile(stamps, 2)}
     tables.write(tmp_path / "f.parquet", "frames", columns)
     known = {"cam01": clock.Clock(0.0), "cam02": clock.Clock(0.0, -2000.0)}
-    clock.write(tmp_path / "c.parquet", tmp_path / "g.parquet", "walk", known)
-    timeline.run(
-        sequence="walk", frames=tmp_path / "f.parquet", cameras=["cam01", "cam02"], clocks=[tmp_path / "c.parquet"],
-        mocap=None, max_gap=1.5, out=tmp_path / "t.parquet",
-    )  # fmt: skip
-    line = tables.of_camera(tables.read(tmp_path / "t.parquet", "timeline"), "cam02")
+    line = timeline_of_the_second(tmp_path, known)
     assert line["frame_before"][[30, 150]].tolist() == [30, 150]
     assert line["weight"][[30, 150]] == pytest.approx([0.06, 0.3], abs=0.002)

@@ -2,7 +2,6 @@
 
 import json
 import re
-import shutil
 
 import cv2
 import numpy as np
@@ -22,17 +21,6 @@ from tests.release import made_up
 
 LABELS = "labels_2d/zebra-0001/walk_2.cam02.parquet"
 FRAMES = "frames/zebra-0001/walk_2.cam02.parquet"
-
-
-@pytest.fixture(scope="module")
-def whole(tmp_path_factory):
-    return made_up.release(tmp_path_factory.mktemp("whole") / "dior-0.1.0")
-
-
-@pytest.fixture
-def made(whole, tmp_path):
-    shutil.copytree(whole, tmp_path / whole.name)
-    return tmp_path / whole.name
 
 
 @pytest.fixture

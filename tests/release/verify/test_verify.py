@@ -24,17 +24,6 @@ SKELETON = "skeletons_3d/zebra-0001/walk_2.parquet"
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory):
-    return made_up.release(tmp_path_factory.mktemp("whole") / "dior-0.1.0")
-
-
-@pytest.fixture
-def made(whole, tmp_path):
-    shutil.copytree(whole, tmp_path / whole.name)
-    return tmp_path / whole.name
-
-
-@pytest.fixture(scope="module")
 def packed(whole):
     """The tarballs of the release by part."""
     found = {part: whole.with_name(f"{part}.tar") for part in PARTS}
