@@ -10,7 +10,7 @@ from dior.simulate import config as simulated
 from dior.simulate import settings
 from dior.simulate.clocks import clocks_of
 from dior.tables import tables
-from tests.end_to_end.test_tiny import figure, metrics
+from tests.end_to_end.results import figure, metrics
 from tests.end_to_end.workflow import snakemake
 
 SEQUENCES = {"indoor_01": 39, "outdoor_01": 33}

@@ -4,7 +4,7 @@ import pytest
 
 from dior.simulate import config as simulated
 from dior.simulate import settings
-from tests.end_to_end.test_tiny import figure, metrics
+from tests.end_to_end.results import figure, metrics
 from tests.end_to_end.workflow import snakemake
 
 

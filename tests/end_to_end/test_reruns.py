@@ -16,7 +16,7 @@ import pytest
 from dior.cli import main
 from dior.project import replaced, running
 from dior.simulate import config, settings, simulate, simulate_mocap
-from tests.end_to_end.test_tiny import contents
+from tests.end_to_end.results import contents
 from tests.end_to_end.workflow import ROOT, edit, planned, snakemake, start
 from tests.project.test_replaced import flip
 
