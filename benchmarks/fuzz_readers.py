@@ -21,13 +21,13 @@ from dior.calibrate.place import reference_pose
 from dior.clocks import by_hand
 from dior.errors import DiorError
 from dior.evaluate import checks
-from dior.ingest import bags, detections, gallery, messages, trigger_log, trigger_packet
+from dior.ingest import bags, detections, gallery, messages, mocap, trigger_log, trigger_packet
 from dior.project import boxes, cross_checks, project
 from dior.project.camera_file import camera_settings
 from dior.project.read import check, read_sheet, read_yaml
 from dior.release.verify.folder_or_tarball import of_tarball
 from dior.tables import tables
-from tests.ingest import bagfiles, formats
+from tests.ingest import bagfiles, c3d_files, formats
 
 ROOT = Path(__file__).resolve().parents[1]
 SIZE = (formats.WIDTH, formats.HEIGHT)
@@ -263,6 +263,15 @@ def _gallery(path: Path, folder: Path) -> None:
     gallery.run(rows=[row], data_root=path.parent.parent, out=folder / "o.parquet", findings=folder / "f.parquet")
 
 
+@cache
+def _c3d() -> dict[str, bytes]:
+    labels = list(c3d_files.PLACES)
+    points = 1000 * c3d_files.person(labels, 12)
+    return {
+        f"{processor}.c3d": c3d_files.c3d_bytes(labels, points, processor=processor) for processor in ("intel", "dec")
+    }
+
+
 # what dior's own listener and packers write, and anyone may send
 
 
@@ -328,6 +337,7 @@ READERS = {
     "db3": _bag("db3 alone", "db3 message alone", "db3 zstd alone"),
     "mcap": _bag("mcap alone", "mcap zstd", "mcap lz4", "mcap plain", "mcap ros1"),
     "ros2_folder": Reader(_ros2_folder, lambda path, folder: _read_bag(path.parent, folder), _write_ros2_folder),
+    "c3d": Reader(_c3d, lambda path, folder: mocap.read(path)),
     "messages": Reader(_messages, _message),
     "pictures": Reader(_pictures, _gallery),
     "trigger_log": Reader(_log, _trigger_log),

@@ -1,7 +1,8 @@
 """What is short when a step cannot go on: room on a disk or memory, how much there is and about how much it takes.
 
-Every function returns "" for an error that is about neither. Imports nothing heavy; asks the system as far as it tells
-(Linux: /proc and cgroups) and leaves out what it does not.
+The functions of an error return "" where it is about neither. Imports nothing but the standard library, since where
+memory is short nothing more can be loaded; asks the system as far as it tells (Linux: /proc and cgroups) and leaves out
+what it does not.
 """
 
 import errno
@@ -28,6 +29,8 @@ _NO_MEMORY = re.compile(
 )
 # how much was asked for: OpenCV, Arrow
 _ASKED = re.compile(r"(?:allocate|of size) (\d+)")
+# how a line begins that says why: one of dior, or the last of a traceback
+_REASON = re.compile(r"dior \S+: |\w[\w.]*(Error|Exception|Interrupt|Exit)\b")
 _GROUPS = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes")
 
 
@@ -80,6 +83,21 @@ def sentence(error: BaseException) -> str:
         return f"{what}: {_FULL[error.errno]}{_room(error, places)}"
     short = isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno == errno.ENOMEM)
     return of_memory(error) if short or _NO_MEMORY.search(str(error)) else ""
+
+
+def last_words(log: str) -> str:
+    """Why a job failed, by the last line of its log; of one that was killed, which cannot say so, that it probably was.
+
+    >>> last_words("reading\\ndior frames: walk.bag: is truncated\\n")
+    'dior frames: walk.bag: is truncated'
+    """
+    last = (log.strip().splitlines() or [""])[-1]
+    if _REASON.match(last):
+        return last
+    return (
+        f"{last}{'; ' if last else ''}ended without saying why, as a job does that the system kills because the memory "
+        f"is short; {_limit()}"
+    )
 
 
 def of_memory(error: BaseException) -> str:

@@ -137,3 +137,17 @@ def test_other_errors_are_not_about_room_or_memory():
     for error in (OSError(2, "No such file"), RuntimeError("memorable"), ValueError(), OSError("torn"), KeyError("a")):
         assert shortage.sentence(error) == "" and shortage.of_disk(error, "a", 1) == ""
     assert shortage.size(0) == "0 B" and shortage.size(999) == "999 B" and shortage.size(2.5e13) == "25.0 TB"
+
+
+@pytest.mark.parametrize(
+    "last", ["dior frames: walk.bag: is truncated", "ValueError: no", "numpy.exceptions.AxisError: 3"]
+)
+def test_a_log_that_says_why_is_quoted(last):
+    assert shortage.last_words(f"frames 12\n{last}\n") == last
+
+
+@pytest.mark.parametrize("log", ["", "\n", "indoor_01, cam01: warning: 3 pictures are lost\n"])
+def test_a_job_that_was_killed_says_nothing_and_the_end_of_the_run_does(log):
+    said = shortage.last_words(log)
+    assert "ended without saying why, as a job does that the system kills because the memory is short; " in said
+    assert said.startswith(log.strip()) and "fewer jobs at once" in said

@@ -21,6 +21,7 @@ SUMS = "SHA256SUMS"
 # beside it, where the lab signs its releases (signature.py); in no list, as it is made of one
 SIGNATURE = f"{SUMS}.sig"
 FOLDER = "checksums"
+NOT_AS_LISTED = f"its SHA-256 is not the one that {SUMS} has, so it is damaged or edited"
 # the part of a release that is about nobody alone; no pseudonym may be called so
 METADATA = "metadata"
 LINE = re.compile(r"([0-9a-f]{64})  (.+)")
@@ -67,10 +68,18 @@ def check(folder: Path, parts: Collection[str]) -> None:
             raise DiorError(f"{folder / name}: listed in {SUMS} but gone; build the release again")
     for name, found in _of_files(folder, sorted(listed)).items():
         if found != listed[name]:
-            raise DiorError(
-                f"{folder / name}: its SHA-256 is not the one that {SUMS} has, so it is damaged or edited: delete the "
-                "release's folder and build it again"
-            )
+            raise DiorError(f"{folder / name}: {NOT_AS_LISTED}: delete the release's folder and build it again")
+
+
+def expect(folder: Path, names: Collection[str], listed: dict[str, str]) -> None:
+    """Raise DiorError unless files of a release that are to be read are those that `listed` has the digests of."""
+    for name in names:
+        try:
+            found = digest(open(folder / name, "rb"))
+        except OSError as error:
+            raise DiorError(f"{folder / name}: cannot be read ({error.strerror}); `dior verify {folder}`") from None
+        if found != listed.get(name):
+            raise DiorError(f"{folder / name}: {NOT_AS_LISTED}; `dior verify {folder}` says what else is")
 
 
 def _of_files(folder: Path, names: list[str]) -> dict[str, str]:

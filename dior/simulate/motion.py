@@ -14,6 +14,7 @@ import numpy as np
 from dior.arrays import Bools, Floats
 from dior.body.names import MLKIT_33, PLUG_IN_GAIT_39
 from dior.errors import DiorError
+from dior.ingest import mocap
 from dior.simulate import body as bodies
 from dior.simulate.gait import Walker
 from dior.simulate.patterns import RUN, WALK, of_person
@@ -100,24 +101,22 @@ def _motion(settings: Settings, sequence: Sequence) -> tuple[Motion, float]:
 
 
 def from_c3d(path: Path) -> Motion:
-    """The walk of a real C3D with Plug-in-Gait markers, centred on the walkway; gaps are filled; `seen` says where."""
-    import ezc3d
+    """The walk of a real C3D with Plug-in-Gait markers, centred on the walkway; gaps are filled; `seen` says where.
+
+    Raises DiorError as `mocap.read`, and where a marker is missing that the body needs.
+    """
     from scipy.interpolate import CubicSpline
 
-    file = ezc3d.c3d(str(path))
-    point = file["parameters"]["POINT"]
-    labels = [label.split(":")[-1].strip() for label in point["LABELS"]["value"]]
-    names = tuple(name for name in PLUG_IN_GAIT_39 if name in labels)
+    recorded = mocap.read(path)
+    names, xyz = recorded.markers, recorded.points
     missing = [name for name in NEEDED if name not in names]
     if missing:
         raise DiorError(f"simulate.motion: {path} has no marker {', '.join(missing)}")
-    unit = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}[point["UNITS"]["value"][0].strip()]
-    xyz = np.moveaxis(file["data"]["points"][:3, [labels.index(n) for n in names]], 0, -1).swapaxes(0, 1) * unit
-    seen = np.isfinite(xyz).all(axis=-1) & (np.abs(xyz).sum(axis=-1) > 0)
+    seen = np.isfinite(xyz).all(axis=-1)
     xyz = _filled(xyz, seen)
     middle = (xyz.max(axis=(0, 1)) + xyz.min(axis=(0, 1))) / 2
     xyz = xyz - (middle[0], middle[1], 0.0)
-    ticks = np.arange(len(xyz)) / float(point["RATE"]["value"][0])
+    ticks = np.arange(len(xyz)) / recorded.rate
     curve = CubicSpline(ticks, xyz, axis=0)
 
     def at(t: Floats) -> tuple[Floats, Floats]:

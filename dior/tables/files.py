@@ -38,7 +38,7 @@ def written_whole(path: AnyPath, needed: int | None = None) -> Iterator[Path]:
 
     `needed`: bytes that will about be written, where that is known. The suffix is kept for libraries that look at it. A
     failed writer removes what it wrote; a result of a project is noted in its ledger. Raises DiorError where the disk
-    has no room.
+    has no room, and where `path` is a folder.
     """
     path = Path(path)
     with _in_place_of(path, needed) as part:
@@ -48,6 +48,8 @@ def written_whole(path: AnyPath, needed: int | None = None) -> Iterator[Path]:
 
 @contextmanager
 def _in_place_of(path: Path, needed: int | None = None) -> Iterator[Path]:
+    if path.is_dir():
+        raise DiorError(f"{path}: is a folder; give the name of the file to write")
     path.parent.mkdir(parents=True, exist_ok=True)
     _remove_left(os.path.abspath(path.parent))
     part = _beside(path, path.stem, f"part{path.suffix}")
@@ -78,6 +80,8 @@ def folder_written_whole(folder: AnyPath) -> Iterator[Path]:
     Every file of an earlier `folder` is gone then. Raises DiorError where the disk has no room.
     """
     folder = Path(folder)
+    if not folder.name:
+        raise DiorError(f"{folder}: is not to be replaced; give the name of a folder in it")
     folder.parent.mkdir(parents=True, exist_ok=True)
     _remove_left(os.path.abspath(folder.parent))
     part, old = (_beside(folder, folder.name, kind) for kind in ("part", "old"))

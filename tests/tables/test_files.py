@@ -5,6 +5,7 @@ import time
 
 import pytest
 
+from dior.errors import DiorError
 from dior.tables import files
 from dior.tables.files import folder_written_whole, write_text, written_whole
 
@@ -119,3 +120,12 @@ def test_a_folder_is_there_whole_or_as_it_was(tmp_path):
     with folder_written_whole(tmp_path / "a") as folder:
         write_text(folder / "new.txt", "zwei")
     assert [path.name for path in tmp_path.rglob("*")] == ["a", "new.txt"]
+
+
+def test_a_folder_in_the_place_of_a_file_and_one_without_a_name(tmp_path):
+    for path in (tmp_path, "."):
+        with pytest.raises(DiorError, match="is a folder; give the name of the file"), files.written_whole(path):
+            pass
+    with pytest.raises(DiorError, match="give the name of a folder in it"), files.folder_written_whole("."):
+        pass
+    assert list(tmp_path.iterdir()) == []

@@ -12,6 +12,7 @@ from functools import cache
 
 from snakemake.exceptions import WorkflowError
 
+from dior import shortage
 from dior.project import heights, project, secret
 from dior.cli.flags import flags_of
 from dior.errors import DiorError
@@ -213,8 +214,7 @@ def say_what_failed(run_logs):
             failed += re.findall(r"^    log: (\S+) \(check log", stream.read(), re.MULTILINE)
     for path in filter(os.path.exists, dict.fromkeys(failed)):
         with open(path) as stream:
-            lines = stream.read().strip().splitlines()
-        print(f"{path}: {lines[-1] if lines else 'empty'}", file=sys.stderr)
+            print(f"{path}: {shortage.last_words(stream.read())}", file=sys.stderr)
     page = "results/report/index.html"
     if os.path.exists(page) and os.path.getmtime(page) < BEGUN:
         print(f"{page} is still that of an earlier run", file=sys.stderr)

@@ -36,6 +36,8 @@ Place: TypeAlias = tuple[str, str]
 Digests: TypeAlias = dict[int, tuple[int, bytes | None, str]]
 TABLE = {part.name: part.table for part in PARTS}
 LENS = ("width", "height", "fx", "fy", "cx", "cy", "distortion_model", "distortion")
+# what is read of every release
+READ = ("sequences.parquet", "cameras.parquet", "clocks.parquet", causes.PROVENANCE)
 # pictures in memory at once; chosen: it bounds the memory
 PICTURES_AT_ONCE = 16
 
@@ -60,7 +62,8 @@ def compared(first: Path, second: Path) -> Found:
     found = {"first": first.resolve().name, "second": second.resolve().name, "same": listed[0] == listed[1]}
     if found["same"]:
         return found
-    for folder in (first, second):
+    for folder, sums in zip((first, second), listed, strict=True):
+        checksums.expect(folder, READ, sums)
         if wrong := of_other_version(folder / "sequences.parquet"):
             raise DiorError(f"{folder}: {wrong}")
     sheets = [_walks(folder) for folder in (first, second)]
@@ -220,8 +223,12 @@ def _recording(
         if kind not in paths[0] or kind not in paths[1]:
             found[kind] = "added" if kind in paths[1] else "removed"
         elif listed[0][paths[0][kind]] != listed[1][paths[1][kind]]:
-            files = [folder / path[kind] for folder, path in zip(folders, paths, strict=True)]
-            found[kind] = LOOK[kind](*files) if kind in LOOK else "changed"
+            if kind not in LOOK:
+                found[kind] = "changed"
+                continue
+            for folder, path, digests in zip(folders, paths, listed, strict=True):
+                checksums.expect(folder, [path[kind]], digests)
+            found[kind] = LOOK[kind](*(folder / path[kind] for folder, path in zip(folders, paths, strict=True)))
     return found
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from dior.cli import main
+from dior.errors import DiorError
 from dior.release.diff import diff
 from dior.tables import tables
 from tests.release import made_up
@@ -61,6 +62,19 @@ def test_trouble_is_exit_code_2(whole, later, tmp_path, capsys):
     made_up.remade(later)
     assert main.main(["diff", str(whole), str(later)]) == 2
     assert "provenance.json: cannot be read" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", [*diff.READ, WALK_2.format("cam01")])
+def test_a_file_that_is_not_what_the_release_was_built_with_is_not_compared(whole, later, name):
+    labels(later, **moved_by(3, 4))
+    content = bytearray((later / name).read_bytes())
+    content[len(content) // 2] ^= 4
+    (later / name).write_bytes(content)
+    with pytest.raises(DiorError, match=f"{name}: its SHA-256 is not the one that SHA256SUMS has.*dior verify"):
+        diff.compared(whole, later)
+    (later / name).unlink()
+    with pytest.raises(DiorError, match=f"{name}: cannot be read.*dior verify"):
+        diff.compared(whole, later)
 
 
 def test_labels_that_all_moved_by_a_3_4_5_triangle(whole, later):
