@@ -3,17 +3,20 @@
 import csv
 import json
 import os
+import random
 import re
 import shutil
 import signal
 import time
 import zipfile
 from collections import Counter
+from contextlib import suppress
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pandas as pd
+import psutil
 import pytest
 
 from dior.body.names import COCO_17
@@ -31,6 +34,10 @@ from tests.end_to_end.workflow import ROOT, edit, nudge, planned, snakemake, sta
 # steps that the capture has nothing for, or that are made only when asked for
 NOT_IN_IT = {"detect", "detectors", "zoom", "to_mark", "inputs", "recognise", "reid", "sign"}
 TINY = {"subjects": 1, "sequences": 1, "duration_s": 3.0, "width": 640, "height": 360, "fx": 320.0, "gallery": True}
+
+
+# what is killed
+KINDS = ("group", "snakemake", "job")
 
 
 @pytest.fixture(scope="module")
@@ -326,21 +333,40 @@ def test_two_runs_of_the_same_input_give_the_same_bytes(project, tmp_path):
     assert contents(tmp_path / "again") == contents(project)
 
 
+def logged(folder):
+    return len(list((folder / "logs").glob("*/*.log")))
+
+
 @pytest.mark.slow
-def test_a_killed_run_goes_on_to_the_same_bytes(project, tmp_path):
-    """Everything is killed at once, as a power cut does, at three moments."""
-    folder = tmp_path / "killed"
+def test_a_run_that_is_killed_20_times_goes_on_to_the_same_bytes(project, tmp_path):
+    """Everything as a power cut does, Snakemake alone, or one job and what it started; after some more jobs began."""
+    folder, chance, killed = tmp_path / "killed", random.Random(17), Counter()
     shutil.copytree(project / "config", folder / "config")
-    for moment in ("simulate/indoor_01/pc1.bag", "frames/outdoor_01.parquet", "reproject/indoor_01.cam02.parquet"):
-        run = start(folder)
-        while not (folder / "results" / moment).exists():
-            assert run.poll() is None, f"the run ended before {moment}"
-            time.sleep(0.05)
-        os.killpg(run.pid, signal.SIGKILL)
-        run.wait()
-        snakemake(folder, "--unlock")
+    for _ in range(40):
+        run = start(folder, "all", "release")
+        until, wait_s, which = logged(folder) + chance.randint(1, 5), chance.uniform(0, 0.5), chance.choice(KINDS)
+        while run.poll() is None and logged(folder) < until:
+            time.sleep(0.02)
+        time.sleep(wait_s)
+        jobs = []
+        with suppress(psutil.NoSuchProcess):
+            jobs = psutil.Process(run.pid).children()
+            if which == "group":
+                os.killpg(run.pid, signal.SIGKILL)
+            elif which == "snakemake":
+                run.kill()
+            else:
+                for process in (*jobs[0].children(recursive=True), jobs[0]) if jobs else ():
+                    process.kill()
+            killed[which] += bool(jobs)
+        if run.wait() == 0 or sum(killed.values()) == 20:
+            break
+        # those of a killed Snakemake go on to their end, and until then no other begins
+        psutil.wait_procs(jobs)
+    assert set(killed) == set(KINDS) and sum(killed.values()) > 15, killed
     snakemake(folder, "all", "release")
     assert contents(folder) == contents(project)
+    assert not list(folder.rglob(".*.part*"))
 
 
 @pytest.mark.parametrize(

@@ -20,10 +20,10 @@ def command(project, words, root):
     }
 
 
-def start(project, root=ROOT):
+def start(project, *words, root=ROOT):
     """Start the workflow as a process group of its own."""
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    return subprocess.Popen(**command(project, (), root), **quiet, start_new_session=True)
+    return subprocess.Popen(**command(project, words, root), **quiet, start_new_session=True)
 
 
 def snakemake(project, *words, root=ROOT, check=True):
