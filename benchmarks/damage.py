@@ -21,7 +21,7 @@ from dior.errors import DiorError
 from dior.evaluate import metrics, statistics
 from dior.release import provenance
 from dior.report import reid
-from dior.tables import ledger, tables
+from dior.tables import result_checksums, tables
 
 # readers of the results that are no tables, by the end of their paths
 OTHERS: dict[str, Callable[[Path], Any]] = {
@@ -44,7 +44,7 @@ def kinds(results: Path) -> dict[str, Path]:
     """One result of each kind: the step's folder, and the name of the table or of the file."""
     found: dict[str, Path] = {}
     for path in sorted(results.rglob("*")):
-        if path.is_file() and (result := ledger.result_at(path)):
+        if path.is_file() and (result := result_checksums.result_at(path)):
             what = tables.metadata(path)["dior_table"] if path.suffix == ".parquet" else path.name
             found.setdefault(f"{result.parts[0]}/{f'*{path.suffix}' if path.suffix == '.json' else what}", path)
     return found
@@ -84,7 +84,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--every-bit-of", metavar="STEP")
     given = parser.parse_args()
-    results = given.project / ledger.RESULTS
+    results = given.project / result_checksums.RESULTS
     print(f"{'result':44} {'bytes':>8} {'flips':>6} {'silent':>6} {'silent by itself':>16}")
     with tempfile.TemporaryDirectory() as folder:
         for kind, path in kinds(results).items():
@@ -99,10 +99,10 @@ def main() -> None:
 
 def row(kind: str, path: Path, read: Callable[[Path], Any], bits: Iterable[int], folder: Path) -> None:
     """Flip bits of a copy in a project and of one outside, and print what is silent."""
-    result = ledger.result_at(path)
+    result = result_checksums.result_at(path)
     assert result
     inside = folder / "project" / result.name
-    entry = folder / "project" / ledger.RESULTS / result.entry.relative_to(result.results)
+    entry = folder / "project" / result_checksums.RESULTS / result.entry.relative_to(result.results)
     # the readers know some files by their place
     outside = folder / "elsewhere" / Path(*result.parts)
     for source, copy in ((path, inside), (result.entry, entry), (path, outside)):

@@ -24,7 +24,7 @@ from dior.evaluate import checks
 from dior.ingest import bags, detections, gallery, messages, mocap, trigger_log, trigger_packet
 from dior.project import boxes, cross_checks, project
 from dior.project.camera_file import camera_settings
-from dior.project.read import check, read_sheet, read_yaml
+from dior.project.schema_check import check, read_sheet, read_yaml
 from dior.release.verify.folder_or_tarball import of_tarball
 from dior.tables import tables
 from tests.ingest import bagfiles, c3d_files, formats

@@ -20,7 +20,7 @@ from dior.evaluate import metrics, statistics
 from dior.geometry import camera_tables
 from dior.geometry.camera import Camera, Intrinsics, pose
 from dior.geometry.multiview import look_at
-from dior.project.read import columns_of
+from dior.project.schema_check import columns_of
 from dior.report import report
 from dior.tables import tables
 

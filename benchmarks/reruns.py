@@ -1,4 +1,4 @@
-"""What a change of each file re-runs: the files and tables that the hashes of the steps cover (dior/tables/hashes.py).
+"""What a change of each file re-runs: the files and tables that the steps' hashes cover (dior/tables/code_hash.py).
 
 usage: python -m benchmarks.reruns [--write]      (--write: the table goes into docs/architecture.md)
 
@@ -10,8 +10,8 @@ import sys
 from collections import defaultdict
 
 from dior.project.steps import MODULES
+from dior.tables.code_hash import PACKAGE, covered
 from dior.tables.files import write_text
-from dior.tables.hashes import PACKAGE, covered
 
 DOCS = PACKAGE.parent / "docs" / "architecture.md"
 BEGIN, END = "<!-- python -m benchmarks.reruns --write -->\n", "<!-- end -->\n"

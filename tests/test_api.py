@@ -47,7 +47,7 @@ def test_importing_dior_loads_nothing():
 
 
 def test_no_module_of_the_package_goes_through_the_public_names():
-    """The hashes of code would not see what lies behind them (dior/tables/hashes.py)."""
+    """The hashes of code would not see what lies behind them (dior/tables/code_hash.py)."""
     files = [path for path in (ROOT / "dior").rglob("*.py") if path.parent != ROOT / "dior/cli"]
     assert len(files) > 200
     through = re.compile(r"^\s*(import dior\b(?!\.)|from dior import (?!__version__))", re.MULTILINE)

@@ -8,7 +8,7 @@ from dior.evaluate import checks
 from dior.ingest.readers import mlkit_csv
 from dior.project import boxes
 from dior.project.marks_file import read_marks
-from dior.project.read import columns_of, read_sheet
+from dior.project.schema_check import columns_of, read_sheet
 
 SHEETS = ("sequences", "subjects", "gallery", "detectors", "effort")
 # reader: (its header, a row of it, how the columns are separated)

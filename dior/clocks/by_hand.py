@@ -11,7 +11,7 @@ from dior.arrays import AnyPath
 from dior.clocks.axis import ClockValues
 from dior.clocks.clock import Clock
 from dior.errors import DiorError, nearest
-from dior.project import read as checked
+from dior.project import schema_check
 
 
 def by_hand(path: AnyPath | None, cameras: Sequence[str]) -> dict[str, Clock]:
@@ -22,7 +22,7 @@ def by_hand(path: AnyPath | None, cameras: Sequence[str]) -> dict[str, Clock]:
     """
     if path is None or not Path(path).is_file():
         return {}
-    given = checked.check(checked.read_yaml(path), "offsets", path)
+    given = schema_check.check(schema_check.read_yaml(path), "offsets", path)
     for camera in given:
         if camera not in cameras:
             known = ", ".join(cameras)

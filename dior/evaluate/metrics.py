@@ -20,7 +20,7 @@ from dior.arrays import AnyPath, Table
 from dior.errors import DiorError
 from dior.evaluate import bootstrap
 from dior.evaluate.rows import stacked
-from dior.tables import ledger, tables
+from dior.tables import result_checksums, tables
 from dior.tables.files import write_text
 
 COLUMNS = tables.columns_of("metrics")
@@ -151,7 +151,7 @@ def _cell(value: Any) -> Any:
 
 def read(path: AnyPath) -> list[Figure]:
     """Rows of metrics.csv as dicts; value, low and high are floats (NaN: unknown), n is an int."""
-    rows = list(csv.DictReader(io.StringIO(ledger.read_text(path), newline="")))
+    rows = list(csv.DictReader(io.StringIO(result_checksums.read_text(path), newline="")))
     if rows and tuple(rows[0]) != tuple(COLUMNS):
         raise DiorError(f"{path}: the columns are not {','.join(COLUMNS)}; delete it and run again")
     for row in rows:

@@ -31,7 +31,7 @@ from dior.errors import DiorError
 from dior.progress import reporting
 from dior.project import project as projects
 from dior.project.bumps import session_folder
-from dior.tables import ledger, tables
+from dior.tables import result_checksums, tables
 from dior.tables.files import write_text
 
 COLUMNS = ("what", "environment", "role", "camera", "reason", "value", "unit")
@@ -172,7 +172,7 @@ def as_csv(rows: Iterable[Count]) -> str:
 
 def read(path: AnyPath) -> list[Count]:
     """Rows of statistics.csv as dicts; a count is an int, a measured value a float."""
-    rows = list(csv.DictReader(io.StringIO(ledger.read_text(path), newline="")))
+    rows = list(csv.DictReader(io.StringIO(result_checksums.read_text(path), newline="")))
     if rows and tuple(rows[0]) != COLUMNS:
         raise DiorError(f"{path}: the columns are not {','.join(COLUMNS)}; delete it and run again")
     return [row | {"value": float(row["value"]) if row["unit"] else int(row["value"])} for row in rows]

@@ -109,7 +109,7 @@ def _files(bag: AnyPath) -> list[Path]:
 
 def _listed(folder: Path) -> list[Path]:
     """The files that a ROS 2 folder's metadata.yaml names."""
-    from dior.project.read import read_yaml
+    from dior.project.schema_check import read_yaml
 
     path = folder / METADATA
     if not path.is_file():

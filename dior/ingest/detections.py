@@ -19,7 +19,7 @@ from dior.ingest import people as subject
 from dior.ingest.people import People, Subject
 from dior.ingest.readers import READERS, Reader
 from dior.ingest.readers.recognise import recognise
-from dior.tables import ledger, tables
+from dior.tables import result_checksums, tables
 
 # chosen: above this share of frames something missing is a warning
 FEW = 0.1
@@ -73,9 +73,9 @@ def _format(path: Path, wanted: str, where: str) -> str:
     """The tool that wrote `path`. Raises DiorError for a missing path, an unknown content and another tool's."""
     if not path.exists():
         raise DiorError(f"{where}: there are no detections at {path}; check `detections` in sequences.tsv")
-    result = ledger.result_at(path)
+    result = result_checksums.result_at(path)
     if result and result.parts[0] == "detect":
-        ledger.check_file(path)
+        result_checksums.check_file(path)
     if not (path.is_file() or path.is_dir()):
         raise DiorError(f"{where}: {path} is neither a file nor a folder; check `detections` in sequences.tsv")
     found = recognise(path)

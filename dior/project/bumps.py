@@ -11,7 +11,7 @@ import os
 
 from dior.errors import DiorError, nearest
 from dior.paths import AnyPath
-from dior.project.read import Rows
+from dior.project.schema_check import Rows
 
 MARK = "@"
 

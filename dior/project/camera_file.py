@@ -4,7 +4,7 @@ from typing import Any
 
 from dior.errors import DiorError
 from dior.paths import AnyPath
-from dior.project import read
+from dior.project import schema_check
 
 
 def camera_settings(path: AnyPath, needs: str = "") -> dict[str, Any]:
@@ -12,7 +12,7 @@ def camera_settings(path: AnyPath, needs: str = "") -> dict[str, Any]:
 
     Raises DiorError for what the schema refuses and for a section that the way of locating needs and is not there.
     """
-    settings = read.check(read.read_yaml(path), "camera", path)
+    settings = schema_check.check(schema_check.read_yaml(path), "camera", path)
     how = settings["locate"]
     if needs and how not in needs.split("|"):
         raise DiorError(f"{path}: `locate` is {how}, this step is for {needs.replace('|', ' or ')}")

@@ -11,7 +11,7 @@ not be processed. Loads no numerics.
 """
 
 from dior.errors import DiorError, nearest
-from dior.project.read import Name, Row, Rows
+from dior.project.schema_check import Name, Row, Rows
 
 PURPOSES = ("processing", "release", "pictures")
 YES = ("1", "true", "yes")

@@ -13,7 +13,7 @@ from typing import Any
 from dior.project import bumps
 from dior.project.consent import consents
 from dior.project.marks_file import MarkedLines, read_marks
-from dior.project.read import Row, Rows
+from dior.project.schema_check import Row, Rows
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from typing import Any
 from dior.errors import DiorError, nearest
 from dior.project.bumps import session_folder
 from dior.project.contents import Project
-from dior.project.read import Row, Rows, check, read_yaml
+from dior.project.schema_check import Row, Rows, check, read_yaml
 
 # Snakemake takes braces for wildcards; what is not printed cannot be retyped from a sentence
 NO_PART_OF_A_PATH = re.compile(r"[{}\x00-\x1f\x7f]")

@@ -24,7 +24,7 @@ from dior.project.consent import consents, processed
 from dior.project.contents import bags_of
 from dior.project.project import sheets
 from dior.project.steps import MODULES
-from dior.tables import ledger
+from dior.tables import result_checksums
 
 # folders of a step whose entries are named by sequence, as those of the step itself
 INSIDE = {
@@ -115,7 +115,7 @@ def left(root: AnyPath, known: "Known | None" = None) -> list[Path]:
     known = known or Known(root)
     found: list[Path] = []
     for step in MODULES:
-        for folder in (Path("results", step), Path("logs", step), Path("results", ledger.FOLDER, step)):
+        for folder in (Path("results", step), Path("logs", step), Path("results", result_checksums.FOLDER, step)):
             found += _strays(root, folder, known)
     return [*found, *_releases(root, known)]
 
@@ -137,8 +137,8 @@ def _is_stray(parts: tuple[str, ...], known: Known) -> bool:
 
 
 def _noted(parts: tuple[str, ...]) -> tuple[str, ...]:
-    """The path of the result that a path in the ledger tells of; any other path as it is."""
-    return parts[:1] + parts[2:] if parts[1:2] == (ledger.FOLDER,) else parts
+    """The path of the result that a path in the list of checksums tells of; any other path as it is."""
+    return parts[:1] + parts[2:] if parts[1:2] == (result_checksums.FOLDER,) else parts
 
 
 def _unit(parts: tuple[str, ...]) -> str | None:
@@ -268,7 +268,7 @@ def _naming(names: Iterable[str], before: str = r"(?<![\w-])", after: str = r"(?
 
 def _by_people(root: Path, known: Known) -> list[str]:
     """Recordings of the withheld sequences, and files in config/ that name one of these, as far as they are there."""
-    from dior.project.read import read_yaml
+    from dior.project.schema_check import read_yaml
 
     data = Path(read_yaml(root / "config/config.yaml").get("data_root", "data"))
     recordings = set()

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from dior.errors import DiorError
-from dior.project.read import read_sheet
+from dior.project.schema_check import read_sheet
 
 # keys of the facts that are lists of people with their heights
 OF_PEOPLE = ("heights", "stature")

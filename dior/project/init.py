@@ -8,7 +8,7 @@ import shlex
 from pathlib import Path
 
 from dior.errors import DiorError
-from dior.project.read import columns_of
+from dior.project.schema_check import columns_of
 from dior.tables.files import write_text
 
 TEMPLATES = Path(__file__).parent / "templates"

@@ -6,7 +6,7 @@ What a rule passes to a step is kept in Snakemake's records and printed in its l
 
 from pathlib import Path
 
-from dior.project import read
+from dior.project import schema_check
 
 
 def name_and_prefix(pseudonym: str, people: Path, session_file: Path) -> tuple[str, str]:
@@ -14,7 +14,7 @@ def name_and_prefix(pseudonym: str, people: Path, session_file: Path) -> tuple[s
 
     Raises DiorError for files that cannot be read.
     """
-    rows, _ = read.read_sheet(people, "subjects", "subject")
+    rows, _ = schema_check.read_sheet(people, "subjects", "subject")
     name = next((name for name, row in rows.items() if row["pseudonym"] == pseudonym), "")
-    settings = read.check(read.read_yaml(session_file), "session", session_file)
+    settings = schema_check.check(schema_check.read_yaml(session_file), "session", session_file)
     return name, settings["mocap"]["prefix"].get(name, "")

@@ -23,7 +23,7 @@ from dior.paths import AnyPath
 from dior.project import bumps, cross_checks, licenses, sessions
 from dior.project.consent import consents, processed
 from dior.project.contents import Project
-from dior.project.read import Row, Rows, check, read_sheet, read_yaml
+from dior.project.schema_check import Row, Rows, check, read_sheet, read_yaml
 
 
 def load(root: AnyPath, config: dict[str, Any] | None = None) -> Project:

@@ -13,7 +13,7 @@ from dior.errors import DiorError, nearest
 from dior.project import bumps, cross_checks
 from dior.project.contents import Project
 from dior.project.marks_file import MarkedLines, read_marks
-from dior.project.read import check, read_yaml
+from dior.project.schema_check import check, read_yaml
 
 
 def read(project: Project, session: str) -> None:

@@ -14,7 +14,7 @@ from dior.project import licenses
 from dior.release import citation, layout
 from dior.release.layout import Part
 from dior.tables import tables
-from dior.tables.hashes import file_sha256
+from dior.tables.result_checksums import file_sha256
 from dior.tables.schemas import PICTURE, SCHEMAS, VOCABULARY
 
 PARQUET = "application/x-parquet"

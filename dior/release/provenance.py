@@ -17,9 +17,9 @@ from dior.arrays import AnyPath
 from dior.errors import DiorError
 from dior.progress import reporting
 from dior.release import checksums
-from dior.tables import ledger
+from dior.tables import result_checksums
 from dior.tables.files import write_text
-from dior.tables.hashes import file_sha256
+from dior.tables.result_checksums import file_sha256
 
 
 def run(*, sequence: str, recordings: dict[str, Path], out: Path) -> None:
@@ -46,6 +46,6 @@ def checksum_of(path: AnyPath, where: str) -> dict[str, str | int]:
 def read(path: AnyPath) -> Any:
     """What `run` wrote."""
     try:
-        return json.loads(ledger.read_text(path))
+        return json.loads(result_checksums.read_text(path))
     except (OSError, ValueError) as error:
         raise DiorError(f"{path}: not readable ({error}); delete it and run again") from None

@@ -5,7 +5,7 @@ OUTPUT   a dict for JSON:
          config       every setting by its dotted key, and `config_sha256` over all of them
          sessions     SHA-256 of the files of each session, by name: session.yaml, cameras, marks
          sequences    of each walk: recordings (SHA-256 and size) and the hand-made files about it
-         code         a hash of each step's code (dior.tables.hashes), `packages` versions
+         code         a hash of each step's code (dior.tables.code_hash), `packages` versions
 
 No path of a machine, nobody's name: a setting that is a path is replaced by its file's checksum. Sheets are not hashed,
 as a hash of so little can be turned back into names; what the release has of them is in its tables.
@@ -22,7 +22,7 @@ from typing import Any
 from dior.project.project import Project
 from dior.release import provenance
 from dior.release.people_tables import Walks
-from dior.tables.hashes import file_sha256
+from dior.tables.result_checksums import file_sha256
 
 # of the layout of provenance.json; raised where a reader of the one before could not read it
 VERSION = 1

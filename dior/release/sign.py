@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from dior.errors import DiorError
-from dior.project.read import check, read_yaml
+from dior.project.schema_check import check, read_yaml
 from dior.release import checksums, signature
 from dior.tables.files import written_whole
 

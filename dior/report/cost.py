@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from dior.arrays import AnyPath
 from dior.evaluate import timing
 from dior.project.project import Project
-from dior.project.read import read_sheet
+from dior.project.schema_check import read_sheet
 from dior.report.numbers import count
 from dior.tables.files import write_text
 

@@ -15,7 +15,7 @@ import numpy as np
 from dior.arrays import AnyPath
 from dior.reid.columns import ABOVE_CHANCE, AT_CHANCE, DETECTOR, LABELS, NO_OUTPUT, NO_TRIAL, POINTS
 from dior.report import check_figures, pages, plots
-from dior.tables import ledger
+from dior.tables import result_checksums
 from dior.tables.files import folder_written_whole, write_text
 
 # a row of one of the files by column, as text
@@ -96,7 +96,7 @@ def read(table: AnyPath, cmc: AnyPath, left_out: AnyPath) -> ReidTables:
     """`ReidTables` by the three files."""
 
     def rows(path: AnyPath) -> list[Row]:
-        return list(csv.DictReader(io.StringIO(ledger.read_text(path), newline="")))
+        return list(csv.DictReader(io.StringIO(result_checksums.read_text(path), newline="")))
 
     return ReidTables(rows(table), rows(cmc), rows(left_out))
 

@@ -16,7 +16,7 @@ import numpy as np
 from dior.arrays import Floats
 from dior.errors import DiorError
 from dior.project.init import TEMPLATES
-from dior.project.read import check, describe, read_yaml
+from dior.project.schema_check import check, describe, read_yaml
 from dior.simulate import scene, simulate_gallery, truth
 from dior.simulate.body import body_of
 from dior.simulate.clocks import clocks_of

@@ -14,7 +14,6 @@ import numpy as np
 from dior.arrays import Bools, Floats
 from dior.body.names import MLKIT_33, PLUG_IN_GAIT_39
 from dior.errors import DiorError
-from dior.ingest import mocap
 from dior.simulate import body as bodies
 from dior.simulate.gait import Walker
 from dior.simulate.patterns import RUN, WALK, of_person
@@ -106,6 +105,8 @@ def from_c3d(path: Path) -> Motion:
     Raises DiorError as `mocap.read`, and where a marker is missing that the body needs.
     """
     from scipy.interpolate import CubicSpline
+
+    from dior.ingest import mocap
 
     recorded = mocap.read(path)
     names, xyz = recorded.markers, recorded.points

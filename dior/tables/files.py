@@ -19,7 +19,7 @@ from pathlib import Path
 from dior.errors import DiorError
 from dior.paths import AnyPath
 from dior.shortage import of_disk
-from dior.tables import ledger
+from dior.tables import result_checksums
 
 # after which what another computer was writing is given up; chosen: no writer adds nothing to its file for a day
 GIVEN_UP_S = 86400.0
@@ -37,7 +37,7 @@ def written_whole(path: AnyPath, needed: int | None = None) -> Iterator[Path]:
     """Yield a path beside `path` to write to; it takes the place of `path` only if nothing was raised.
 
     `needed`: bytes that will about be written, where that is known. The suffix is kept for libraries that look at it. A
-    failed writer removes what it wrote; a result of a project is noted in its ledger. Raises DiorError where the disk
+    failed writer removes what it wrote; the checksum of a project's result is noted. Raises DiorError where the disk
     has no room, and where `path` is a folder.
     """
     path = Path(path)
@@ -63,14 +63,12 @@ def _in_place_of(path: Path, needed: int | None = None) -> Iterator[Path]:
 
 
 def _note(part: Path, path: Path) -> None:
-    """Note in the project's ledger what is about to be at `path`; a file that is no result is in none."""
-    result = ledger.result_at(path)
+    """Note the checksum of what is about to be at `path`; of a file that is no result there is none."""
+    result = result_checksums.result_at(path)
     if result is None:
         return
-    with open(part, "rb") as stream:
-        line = result.line(hashlib.file_digest(stream, "sha256").hexdigest())
     with _in_place_of(result.entry) as entry:
-        entry.write_text(line, encoding="utf-8")
+        entry.write_text(result.line(result_checksums.file_sha256(part)), encoding="utf-8")
 
 
 @contextmanager

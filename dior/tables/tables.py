@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dior.arrays import AnyPath, Floats, Table
 from dior.errors import DiorError, nearest
-from dior.tables import buffers, ledger
+from dior.tables import buffers, result_checksums
 from dior.tables.files import written_whole
 from dior.tables.schemas import PICTURE, RELEASED, SCHEMAS, VERSION, VOCABULARY
 
@@ -169,7 +169,7 @@ def _parquet(path: AnyPath) -> Iterator[pq.ParquetFile]:
         raise DiorError(f"{path}: there is no such file")
     try:
         with open(path, "rb") as stream:
-            ledger.check(path, hashlib.file_digest(stream, "sha256").hexdigest())
+            result_checksums.check(path, hashlib.file_digest(stream, "sha256").hexdigest())
             # what was hashed is read, also where another file takes its place meanwhile; pq.read_table would import
             # pyarrow.dataset and, through it, pandas: 0.4 s in every job
             with pq.ParquetFile(stream) as file:

@@ -8,7 +8,7 @@ import yaml
 
 from dior.errors import DiorError
 from dior.project import init, project
-from dior.project.read import check, columns_of
+from dior.project.schema_check import check, columns_of
 
 
 def filled_in(root):

@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from dior.errors import DiorError, nearest
-from dior.project import project, read
+from dior.project import project, schema_check
 
 SEQUENCES = (
     "sequence session_order subject session environment outfit walk bags mocap detections trigger_log exclude_reason"
@@ -736,12 +736,15 @@ def test_whose_clock_is_found_by_the_known_walker(root):
 
 
 def test_a_default_that_somebody_changes_is_not_everybodys():
-    first, second = (read.check(yaml.safe_load(CLOSE.format(name="cam01", x=1)), "camera", "cam01") for _ in range(2))
+    first, second = (
+        schema_check.check(yaml.safe_load(CLOSE.format(name="cam01", x=1)), "camera", "cam01") for _ in range(2)
+    )
     nested = [key for key, value in first.items() if isinstance(value, dict) and key != "tape"]
     assert nested
     for key in nested:
         first[key]["changed"] = True
-        assert "changed" not in second[key] and "changed" not in read._schema("camera")["properties"][key]["default"]
+        default = schema_check._schema("camera")["properties"][key]["default"]
+        assert "changed" not in second[key] and "changed" not in default
 
 
 @pytest.mark.parametrize("word", [".nan", ".inf", "-.inf"])

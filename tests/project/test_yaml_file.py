@@ -5,7 +5,7 @@ import time
 import pytest
 
 from dior.errors import DiorError
-from dior.project.read import check
+from dior.project.schema_check import check
 from dior.project.yaml_file import LARGEST, MOST_DEPTH, read_yaml
 
 BOMB = "a: &a0 [x,x,x,x,x,x,x,x,x]\n" + "".join(f"b{i}: &a{i + 1} [{','.join([f'*a{i}'] * 9)}]\n" for i in range(12))

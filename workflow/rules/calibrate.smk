@@ -157,7 +157,7 @@ rule clocks:
 
 
 rule align:
-    """Place the long-range camera by what is drawn or seen around the known walker, or as a person nudged it."""
+    """Place the long-range camera by boxes drawn or outlines seen around the known walker, or as a person nudged it."""
     input:
         camera_file=own_yaml,
         intrinsics="results/intrinsics/{session}/{camera}.parquet",

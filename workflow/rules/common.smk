@@ -19,8 +19,8 @@ from dior.errors import DiorError
 from dior.project.forget import left
 from dior.project import running
 from dior.project.replaced import state
-from dior.tables.hashes import code_hash as code
-from dior.tables.hashes import file_sha256
+from dior.tables.code_hash import code_hash as code
+from dior.tables.result_checksums import file_sha256
 
 # `dior` is found beside the Python that runs Snakemake, without activating the environment
 os.environ.update(PATH=os.pathsep.join([os.path.dirname(sys.executable), os.getenv("PATH", "")]))

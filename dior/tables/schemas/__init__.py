@@ -2,8 +2,8 @@
 
 A stage's `TABLES`: columns by table, each (name, type, unit, description); the last two may be left out. A type is
 `text` (a word out of few), `string`, `picture`, what numpy calls a number, `float64[8]` for eight of them, or the words
-that the column may have. Nothing else knows them. A stage imports nothing but `dior.tables.words`: `dior.tables.hashes`
-reads it each time Snakemake parses the workflow.
+that the column may have. Nothing else knows them. A stage imports nothing but `dior.tables.words`:
+`dior.tables.code_hash` reads it each time Snakemake parses the workflow.
 """
 
 from typing import Any

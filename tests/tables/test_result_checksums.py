@@ -15,7 +15,7 @@ from dior.evaluate import metrics, statistics
 from dior.ingest import detections
 from dior.release import provenance
 from dior.report import reid
-from dior.tables import ledger, tables
+from dior.tables import result_checksums, tables
 from dior.tables.files import write_text
 from dior.tables.schemas import PICTURE, SCHEMAS, VOCABULARY
 
@@ -117,7 +117,7 @@ def test_a_result_that_no_job_noted_is_refused_with_what_to_run(project, table):
     by_hand = table.with_name("walk_2.parquet")
     shutil.copy(table, by_hand)
     assert "no job has noted" in refused(by_hand) and "--forcerun results/clocks/walk_2.parquet" in refused(by_hand)
-    entry = ledger.result_at(table).entry
+    entry = result_checksums.result_at(table).entry
     for damaged in ("", "0" * 64, f"{'0' * 64}  results/clocks/walk_2.parquet\n", "\0" * 99):
         entry.write_text(damaged)
         assert refused(table).endswith(AGAIN)
@@ -139,9 +139,9 @@ def test_elsewhere_nothing_is_noted_and_nothing_asked(project, table, tmp_path):
         project / "results/release/dior-1.0.0/clocks.parquet",
     ):
         tables.write(path, "offsets", OFFSETS)
-        assert ledger.result_at(path) is None and len(tables.read(path, "offsets")["camera"]) == 3
+        assert result_checksums.result_at(path) is None and len(tables.read(path, "offsets")["camera"]) == 3
     noted = [path for path in (project / "results/.sha256").rglob("*") if path.is_file()]
-    assert noted == [ledger.result_at(table).entry] and not (tmp_path / "results/.sha256").exists()
+    assert noted == [result_checksums.result_at(table).entry] and not (tmp_path / "results/.sha256").exists()
     shutil.copy(table, tmp_path / "copied.parquet")
     assert pd.read_parquet(tmp_path / "copied.parquet")["offset_s"].tolist() == [0.1, 0.2, 0.3]
     assert len(tables.read(tmp_path / "copied.parquet", "offsets")["camera"]) == 3
@@ -244,3 +244,9 @@ def test_every_bit_of_a_table_counts(project, table):
     shutil.copy(table, outside)
     some = random_flips(table.stat().st_size, 300, 1)
     assert len(list(silent(outside, read, some, Exception))) > 30
+
+
+def test_the_checksum_is_that_of_others(tmp_path):
+    """Of "abc", in the standard (FIPS 180-2, B.1)."""
+    (tmp_path / "a").write_bytes(b"abc")
+    assert result_checksums.file_sha256(tmp_path / "a").startswith("ba7816bf8f01cfea")

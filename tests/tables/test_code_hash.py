@@ -5,7 +5,7 @@ import pytest
 
 from benchmarks import reruns
 from dior.project.steps import MODULES
-from dior.tables import hashes as by_content
+from dior.tables import code_hash as by_content
 
 
 @pytest.fixture
@@ -157,8 +157,3 @@ def test_the_docs_say_what_a_change_re_runs():
 def test_a_module_that_is_not_there_is_an_error():
     with pytest.raises(ValueError, match="dior.label.reprojekt"):
         by_content.code_hash("label.reprojekt")
-
-
-def test_file_hash(tmp_path):
-    (tmp_path / "a").write_bytes(b"abc")
-    assert by_content.file_sha256(tmp_path / "a").startswith("ba7816bf8f01cfea")

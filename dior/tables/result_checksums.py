@@ -41,12 +41,18 @@ class Result:
 
     @property
     def entry(self) -> Path:
-        """The file of the ledger that has its line."""
+        """The file that has its checksum."""
         return self.results.joinpath(FOLDER, *self.parts)
 
     def line(self, digest: str) -> str:
-        """What the ledger says of it; `digest`: hex SHA-256."""
+        """The line of that file; `digest`: hex SHA-256."""
         return f"{digest}  {self.name}\n"
+
+
+def file_sha256(path: AnyPath) -> str:
+    """Hex SHA-256 of a file's bytes."""
+    with open(path, "rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def result_at(path: AnyPath) -> Result | None:
@@ -70,14 +76,14 @@ def check(path: AnyPath, digest: str) -> None:
     try:
         noted = _noted(result.entry)
     except FileNotFoundError:
-        ledger = result.results / FOLDER
-        if ledger.is_dir():
+        folder = result.results / FOLDER
+        if folder.is_dir():
             raise DiorError(
                 f"{path}: no job has noted what it wrote there, so that this cannot be trusted ({result.entry} is "
                 f"missing); {again}, or with `--forceall` if an older dior made it"
             ) from None
         raise DiorError(
-            f"{path}: cannot be trusted, since {ledger} is missing, where jobs note what they wrote; if the results "
+            f"{path}: cannot be trusted, since {folder} is missing, where jobs note what they wrote; if the results "
             "were copied, copy that folder, too; if an older dior made them, run snakemake again with `--forceall`"
         ) from None
     if noted != result.line(digest):
@@ -90,7 +96,7 @@ def check(path: AnyPath, digest: str) -> None:
 
 
 def _noted(entry: Path) -> str:
-    """The line in a file of the ledger. Raises FileNotFoundError."""
+    """The line in a file of checksums. Raises FileNotFoundError."""
     if not entry.is_file():
         # a disk on the network may not show what another computer has just written until the folder is listed
         with suppress(OSError):
@@ -100,8 +106,7 @@ def _noted(entry: Path) -> str:
 
 def check_file(path: AnyPath) -> None:
     """The same for a result that is not read by dior's own means."""
-    with open(path, "rb") as stream:
-        check(path, hashlib.file_digest(stream, "sha256").hexdigest())
+    check(path, file_sha256(path))
 
 
 def read_bytes(path: AnyPath) -> bytes:

@@ -1,4 +1,4 @@
-"""What a result was made with: content hashes of files and of the code of a step."""
+"""What a result was made with: a hash of the code of its step."""
 
 import ast
 import hashlib
@@ -9,7 +9,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from dior.paths import AnyPath
+from dior.tables.result_checksums import file_sha256
 
 PACKAGE = Path(__file__).parents[1]
 # what numbers are computed with; other packages read and write, and a new version of them re-runs nothing
@@ -25,12 +25,6 @@ class _Module:
     meaning: str
     imports: frozenset[str]
     strings: frozenset[str]
-
-
-def file_sha256(path: AnyPath) -> str:
-    """Hex SHA-256 of a file's bytes."""
-    with open(path, "rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 @cache
