@@ -43,6 +43,7 @@ include: "workflow/rules/release.smk"
 
 
 fill_in_lines()
+keep_code()
 
 
 onstart:

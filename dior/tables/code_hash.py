@@ -1,20 +1,32 @@
-"""What a result was made with: a hash of the code of its step."""
+"""What a result was made with: a hash of the code of its step.
+
+Snakemake asks for the hashes of all steps each time it starts. What a module's text says is therefore kept, by the hash
+of the text, in the user's folder for caches: 2 s of the 7 s that a start takes.
+"""
 
 import ast
 import hashlib
+import json
+import os
 import runpy
+import sys
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from dior.errors import DiorError
+from dior.tables.files import write_text
 from dior.tables.result_checksums import file_sha256
 
 PACKAGE = Path(__file__).parents[1]
 # what numbers are computed with; other packages read and write, and a new version of them re-runs nothing
 NUMERIC = ("numpy", "opencv-python-headless", "gtsam", "scipy")
 NOT_CODE = {"cli"}
+# modules that are kept at the most; chosen: those of some versions of dior
+KEPT = 3000
 
 
 @dataclass(frozen=True)
@@ -126,8 +138,56 @@ def _module(path: Path) -> _Module:
     return _parsed(path.read_text(encoding="utf-8"))
 
 
-@cache
 def _parsed(text: str) -> _Module:
+    """What a module's text says."""
+    # as this file and this Python understand it
+    key = _sha256(f"{sys.version}\0{_own_text()}\0{text}")
+    kept = _kept()
+    if key not in kept:
+        kept[key] = _read(text)
+        _new().add(key)
+    return kept[key]
+
+
+@cache
+def _own_text() -> str:
+    return Path(__file__).read_text(encoding="utf-8")
+
+
+def _cache_file() -> Path:
+    return Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")) / "dior" / "code.json"
+
+
+@cache
+def _kept() -> dict[str, _Module]:
+    """What was kept, by key, and what was read since; damaged, it is as if there was nothing."""
+    with suppress(OSError, ValueError):
+        digest, _, content = _cache_file().read_text(encoding="utf-8").partition("\n")
+        if digest == _sha256(content):
+            return {k: _Module(m, frozenset(i), frozenset(s)) for k, (m, i, s) in json.loads(content).items()}
+    return {}
+
+
+@cache
+def _new() -> set[str]:
+    """Keys of what was read and is not kept yet."""
+    return set()
+
+
+def keep() -> None:
+    """Keep what was read of modules for the next start; without a word where it cannot be."""
+    if not (new := _new()):
+        return
+    kept = _kept()
+    if len(kept) > KEPT:
+        kept = {key: kept[key] for key in new}
+    content = json.dumps({k: [m.meaning, sorted(m.imports), sorted(m.strings)] for k, m in sorted(kept.items())})
+    with suppress(OSError, DiorError, UnicodeEncodeError):
+        write_text(_cache_file(), f"{_sha256(content)}\n{content}")
+    new.clear()
+
+
+def _read(text: str) -> _Module:
     tree = ast.parse(text)
     imports, strings = set(), set()
     for node in ast.walk(tree):

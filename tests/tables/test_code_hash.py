@@ -1,3 +1,4 @@
+import json
 import shutil
 from functools import _lru_cache_wrapper
 
@@ -20,7 +21,7 @@ def package(tmp_path, monkeypatch):
 def clear():
     """Forget what was read of the package, but not what a text means."""
     for cached in vars(by_content).values():
-        if isinstance(cached, _lru_cache_wrapper) and cached is not by_content._parsed:
+        if isinstance(cached, _lru_cache_wrapper) and cached is not by_content._kept:
             cached.cache_clear()
 
 
@@ -157,3 +158,62 @@ def test_the_docs_say_what_a_change_re_runs():
 def test_a_module_that_is_not_there_is_an_error():
     with pytest.raises(ValueError, match="dior.label.reprojekt"):
         by_content.code_hash("label.reprojekt")
+
+
+@pytest.fixture
+def kept(tmp_path, monkeypatch):
+    """The file that modules are kept in, in a folder of its own; nothing is known yet."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    by_content._kept.cache_clear()
+    by_content._new.cache_clear()
+    yield tmp_path / "dior/code.json"
+    by_content._kept.cache_clear()
+    by_content._new.cache_clear()
+
+
+def started(monkeypatch):
+    """The hashes as another process finds them, and how many modules it reads."""
+    texts, read = [], by_content._read
+    by_content._kept.cache_clear()
+    with monkeypatch.context() as patched:
+        patched.setattr(by_content, "_read", lambda text: texts.append(text) or read(text))
+        found = each()
+    by_content.keep()
+    return found, len(texts)
+
+
+def test_what_is_kept_is_not_read_again_but_what_changed(kept, package, monkeypatch):
+    before, read = started(monkeypatch)
+    assert read > 100 and started(monkeypatch) == (before, 0)
+    edit(package / "calibrate/align.py", "import numpy as np", "import numpy as np\n\nNEW = 1")
+    after, read = started(monkeypatch)
+    assert read == 1 and changed(before, after) == {"align"}
+    assert started(monkeypatch) == (after, 0)
+    # another dior, or another Python, understands them anew
+    monkeypatch.setattr(by_content, "_own_text", lambda: "# other")
+    assert started(monkeypatch)[1] > 100
+
+
+@pytest.mark.parametrize("damage", [lambda text: text[:-9], lambda text: text.replace("a", "b", 1), lambda text: ""])
+def test_what_is_kept_and_damaged_is_read_again(kept, monkeypatch, damage):
+    before, read = started(monkeypatch)
+    kept.write_text(damage(kept.read_text()))
+    assert started(monkeypatch) == (before, read)
+    assert started(monkeypatch) == (before, 0)
+
+
+def test_where_nothing_can_be_kept_all_is_read(kept, tmp_path, monkeypatch):
+    (tmp_path / "dior").write_text("no folder")
+    before, read = started(monkeypatch)
+    assert started(monkeypatch) == (before, read)
+
+
+def test_few_versions_are_kept(kept, monkeypatch):
+    _, read = started(monkeypatch)
+    monkeypatch.setattr(by_content, "_own_text", lambda: "# other")
+    started(monkeypatch)
+    assert len(json.loads(kept.read_text().partition("\n")[2])) == 2 * read
+    monkeypatch.setattr(by_content, "KEPT", 2 * read)
+    monkeypatch.setattr(by_content, "_own_text", lambda: "# a third")
+    assert started(monkeypatch)[1] == read and started(monkeypatch)[1] == 0
+    assert len(json.loads(kept.read_text().partition("\n")[2])) == read

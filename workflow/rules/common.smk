@@ -20,6 +20,7 @@ from dior.project.forget import left
 from dior.project import running
 from dior.project.replaced import state
 from dior.tables.code_hash import code_hash as code
+from dior.tables.code_hash import keep as keep_code
 from dior.tables.result_checksums import file_sha256
 
 # `dior` is found beside the Python that runs Snakemake, without activating the environment
