@@ -1,7 +1,5 @@
 """`python -m dior` is the command `dior`."""
 
-import sys
+from dior.cli.main import command
 
-from dior.cli.main import main
-
-sys.exit(main())
+command()

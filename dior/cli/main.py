@@ -5,6 +5,7 @@ types goes through cyclopts (`dior.cli.by_hand`). Exit codes: 0 all is well; 1 s
 said in one sentence, or `dior diff` found differences; 2 the command line is wrong (or what `dior diff` was given).
 """
 
+import os
 import sys
 import time
 from collections.abc import Iterator
@@ -105,5 +106,25 @@ def _grouped(module: Any, step: str, given: dict[str, Any]) -> dict[str, Any]:
     return arguments | {name: attrgetter(of)(module)(**values) for (name, of), values in parts.items()}
 
 
+def command() -> None:
+    """The process of the command line: `main`, and its end."""
+    code = main()
+    if sys.argv[1:] and sys.argv[1].replace("-", "_") in MODULES:
+        end(code)
+    sys.exit(code)
+
+
+def end(code: int) -> None:
+    """End the process of a step at once.
+
+    Its files are written and closed. What the libraries in C++ do at an ordinary exit takes as long as some steps, and
+    on a busy machine now and then aborts it ("terminate called without an active exception"), for which a whole job
+    would be lost.
+    """
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)
+
+
 if __name__ == "__main__":
-    sys.exit(main())
+    command()

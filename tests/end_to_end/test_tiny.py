@@ -221,7 +221,9 @@ def test_without_a_target_there_is_no_release_but_one_that_is_there_is_kept_up(p
     of_release = {"heads", "pixels", "provenance", "package", "exports", "tarballs"}
     jobs = planned(tmp_path)
     assert jobs["report"] == 1 and not of_release & set(jobs)
-    (tmp_path / "results/release/dior-0.1.0").mkdir(parents=True)
+    about_somebody = tmp_path / "results/release/dior-0.1.0/frames/somebody/walk.cam01.parquet"
+    about_somebody.parent.mkdir(parents=True)
+    about_somebody.touch()
     jobs = planned(tmp_path)
     assert jobs["report"] == 1 and of_release <= set(jobs) and jobs["provenance"] == 2
 

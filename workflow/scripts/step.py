@@ -40,4 +40,4 @@ def run(job):
                 os.dup2(own, stream)
 
 
-sys.exit(run(snakemake))  # noqa: F821 (Snakemake puts it there)
+main.end(run(snakemake))  # noqa: F821 (Snakemake puts it there)
