@@ -113,7 +113,7 @@ def from_c3d(path: Path) -> Motion:
     missing = [name for name in NEEDED if name not in names]
     if missing:
         raise DiorError(f"simulate.motion: {path} has no marker {', '.join(missing)}")
-    seen = np.isfinite(xyz).all(axis=-1)
+    seen: Bools = np.asarray(np.isfinite(xyz).all(axis=-1))
     xyz = _filled(xyz, seen)
     middle = (xyz.max(axis=(0, 1)) + xyz.min(axis=(0, 1))) / 2
     xyz = xyz - (middle[0], middle[1], 0.0)

@@ -58,7 +58,9 @@ def mocap_up(wildcards):
 
 
 def prefix_fingerprint(wildcards):
-    return fingerprint(PROJECT.mocap_settings(wildcards.sequence)["prefix"])(wildcards)
+    prefix = PROJECT.mocap_settings(wildcards.sequence)["prefix"]
+    # without one there is nothing to hide, and a key that is lost runs nothing again
+    return fingerprint(prefix)(wildcards) if prefix else ""
 
 
 def subjects_sheet(wildcards):
