@@ -342,8 +342,8 @@ def findings(
     for name, clock in clocks.items():
         own, half = marks.sequence == name, on_axis.NORMAL_95 * clock.sigma(list(clock.gains), spread)[0]
         text = (
-            f"{name}: the pictures are {clock.offset_s:+.4f} s +- {half:.4f} s (95 %) from the mocap, by {own.sum()} "
-            f"marks on {len(set(marks.frame[own].tolist()))} frames"
+            f"{name}: in the middle of the marks the pictures are {clock.late_s:+.4f} s +- {half:.4f} s (95 %) from "
+            f"the mocap, by {own.sum()} marks on {len(set(marks.frame[own].tolist()))} frames"
         )
         if half > UNCERTAIN_S:
             found.append(
