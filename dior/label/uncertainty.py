@@ -25,11 +25,13 @@ from dior.geometry.camera import Camera
 @dataclass(frozen=True, eq=False)
 class Timing:
     """The `clocks` by name of the cameras behind the points and of the label's own; the points' `velocity` (F, J, 3)
-    m/s and the time `elapsed` (F,) s of the pictures after t0."""
+    m/s and the time `elapsed` (F,) s of the pictures after t0. `stamp_sigma` (F,) s is the standard error of the
+    pictures' own stamps, where these were restored."""
 
     clocks: dict[str, Clock]
     velocity: Floats
     elapsed: Floats
+    stamp_sigma: Floats | None = None
 
 
 def of_labels(
@@ -69,6 +71,8 @@ def of_labels(
             clock = timing.clocks[name]
             after = 1e-6 * (timing.elapsed - clock.middle_s)
             variance = clock.given[0] ** 2 + (after * clock.given[1]) ** 2
+            if name == camera.name and timing.stamp_sigma is not None:
+                variance = variance + timing.stamp_sigma**2
             out = out + variance[:, None, None, None] * moved[..., :, None] * moved[..., None, :]
             for by, gain in clock.gains.items():
                 # a clock that was fitted to a camera which is not here keeps only its own error

@@ -39,7 +39,7 @@ TABLES = {
         ("subject", "text", "", "pseudonym"),
         ("sequence", "text"),
         ("camera", "text"),
-        ("frame", "int32", "", "counted from 0 in the camera's recording, by header stamp"),
+        ("frame", "int32", "", "counted from 0 in the camera's recording, as recorded"),
         ("stamp_ns", "int64", "ns", "header stamp, since the Unix epoch"),
         ("height", "int32", "px"),
         ("width", "int32", "px"),
