@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from dior.arrays import AnyPath
-from dior.calibrate.lens import realsense, toml_cameras
+from dior.calibrate.lens import of_pictures, realsense, toml_cameras
 from dior.errors import DiorError, nearest
 from dior.geometry import camera_tables
 from dior.geometry.camera import MODELS, Camera, Intrinsics, check_picture_size
@@ -60,42 +60,51 @@ def run(
     elif source == "camera_info":
         bags = [Path(data_root) / bag for bag in tables.ordered_unique(pictures["bag"])]
         yaml = f"sessions/{session}/{camera}.yaml"
-        lens = from_camera_info(rosbag.read_camera_info(bags, topic), topic, distortion_model, yaml)
+        info = rosbag.read_camera_info(bags, topic)
+        size = int(pictures["width"][0]), int(pictures["height"][0])
+        lens, found = from_camera_info(info, topic, distortion_model, yaml, size), of_pictures.findings(info, topic)
     else:
         lens = from_toml(Path(data_root) / source, name, distortion_model)
+    if source != "camera_info" and of_pictures.is_rectified(topic) and any(lens.distortion):
+        text = f"the pictures on {topic} are rectified, but the lens has distortion; is it that of the raw pictures?"
+        found.append(("warning", "rectified_with_distortion", text))
     check_picture_size(lens, pictures["width"][0], pictures["height"][0], f"{where} ({sequence})")
     camera_tables.write_cameras(out, [Camera(camera, lens, role=role)], session=session)
     tables.write_findings(findings, [(f"{session}/{camera}", *finding) for finding in found])
 
 
-def from_camera_info(info: rosbag.CameraInfo, topic: str, distortion_model: str, yaml: str) -> Intrinsics:
-    """Intrinsics from a `bags.CameraInfo`; `distortion_model` overrides the bag's word, `yaml` is where it is given.
+def from_camera_info(
+    info: rosbag.CameraInfo, topic: str, distortion_model: str, yaml: str, size: tuple[int, int]
+) -> Intrinsics:
+    """Intrinsics from a `bags.CameraInfo` of pictures of `size` (width, height) px.
 
-    Raises DiorError for an uncalibrated camera, another lens model, and a RealSense colour topic whose model only a
-    person can know.
+    `distortion_model` overrides the bag's word, `yaml` is where it is given. Raises DiorError for an uncalibrated
+    camera, another lens model, a RealSense colour topic whose model only a person can know, and what
+    `of_pictures.lens_of` refuses.
     """
-    if not any(info.K):
+    rectified = of_pictures.is_rectified(topic)
+    if not rectified and not any(info.K):
         raise DiorError(
             f"{info.where}: K is all zero, so the camera is not calibrated; give `intrinsics: {{file, name}}` in {yaml}"
         )
-    if info.model not in BAG_MODELS:
+    if not rectified and info.model not in BAG_MODELS:
         raise DiorError(
             f"{info.where}: distortion_model '{info.model}' is not one of {', '.join(BAG_MODELS)}; "
             f"give `intrinsics: {{file, name}}` in {yaml}"
         )
-    if len(info.D) not in COEFFICIENTS:
+    if not rectified and len(info.D) not in COEFFICIENTS:
         raise DiorError(f"{info.where}: D has {len(info.D)} numbers, not 4, 5 or 8")
-    if realsense.is_colour(topic) and any(info.D) and not distortion_model:
+    (width, height), K, D = of_pictures.lens_of(info, topic, size)
+    if realsense.is_colour(topic) and any(D) and not distortion_model:
         raise DiorError(
             f"{info.where}: a bag cannot tell a RealSense's lens model, because realsense-ros writes {info.model} even "
             "where the coefficients are inverse_brown_conrady (3 px off at a normalised radius of 0.4, 12 px at 0.8); "
             f"add `distortion_model:` with one of {', '.join(MODELS)} to {yaml} "
             "(`rs-enumerate-devices -c` shows which the camera has)"
         )
-    fx, skew, cx, _, fy, cy = info.K[:6]
-    return _intrinsics(
-        info.width, info.height, (fx, skew, cx, fy, cy), distortion_model or info.model, info.D, info.where
-    )
+    (fx, skew, cx), (_, fy, cy), _ = K.tolist()
+    model = "plumb_bob" if rectified else distortion_model or info.model
+    return _intrinsics(width, height, (fx, skew, cx, fy, cy), model, D, info.where)
 
 
 def from_toml(path: AnyPath, name: str, distortion_model: str = "") -> Intrinsics:
