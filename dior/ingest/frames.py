@@ -1,6 +1,7 @@
 """The index of all pictures of a sequence.
 
-INPUTS   the sequence's bags (one per recording computer, possibly split in time, possibly overlapping).
+INPUTS   the sequence's bags (one per recording computer, possibly split in time, possibly overlapping), and which
+         clocks are given by hand
 OUTPUTS  `frames` table: cameras in the order of their names, frames numbered from 0 per camera as they were recorded,
          header stamps (ns) that were wrong for a while restored (stamps.py);
          with bag, topic, receive stamp and nth it takes to read a picture back (`bags.read_pictures`). A picture that
@@ -11,6 +12,8 @@ OUTPUTS  `frames` table: cameras in the order of their names, frames numbered fr
 import json
 import os
 from collections import Counter
+from collections.abc import Collection
+from datetime import UTC, datetime
 from itertools import pairwise
 from pathlib import Path
 
@@ -28,9 +31,22 @@ JUMP_NS = 1_000_000_000
 # so many pictures of each
 SPLIT_NS, MOST_LAG_NS, ACROSS = 1_000_000_000, 20_000_000, 30
 
+NONE: list[str] = []
 
-def run(*, sequence: str, bags: list[Path], data_root: Path, topics: dict[str, str], out: Path) -> None:
-    """Index `bags` (paths) for the cameras of `topics` (dict camera -> image topic). See the module's docstring."""
+
+def run(
+    *,
+    sequence: str,
+    bags: list[Path],
+    data_root: Path,
+    topics: dict[str, str],
+    out: Path,
+    by_hand: list[str] = NONE,
+) -> None:
+    """Index `bags` (paths) for the cameras of `topics` (dict camera -> image topic). See the module's docstring.
+
+    `by_hand`: cameras whose clocks a person gave, which may therefore be of any other time.
+    """
     full_names = [rosbag.full_name(topic) for topic in topics.values()]
     for what, values in (("bag", [os.path.normpath(bag) for bag in bags]), ("topic", full_names)):
         twice = [value for value, count in Counter(values).items() if count > 1]
@@ -49,6 +65,7 @@ def run(*, sequence: str, bags: list[Path], data_root: Path, topics: dict[str, s
             index = rosbag.index(bag, wanted)
             _check_complete(bag, there[bag], index, wanted)
             indexes[_relative(bag, data_root)] = index
+    _check_overlap(sequence, topics, indexes, by_hand)
     parts: list[Table] = []
     recorded_twice: dict[str, int] = {}
     for camera in sorted(topics):
@@ -56,6 +73,40 @@ def run(*, sequence: str, bags: list[Path], data_root: Path, topics: dict[str, s
         parts.append(table)
     columns = {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
     tables.write(out, "frames", columns, {"recorded_twice": json.dumps(recorded_twice)})
+
+
+def _check_overlap(sequence: str, topics: dict[str, str], indexes: dict[str, Table], given: Collection[str]) -> None:
+    """Refuse recordings of which one part ended before the other began, unless their clocks are `given` by hand.
+
+    A camera that overlaps with no other may do so through a third.
+    """
+    spans = []
+    for camera, topic in sorted(topics.items()):
+        picked = {bag: index["stamp_ns"][index["topic"] == topic] for bag, index in indexes.items()}
+        stamps_ns = np.concatenate(list(picked.values()))
+        # what has no stamps at all is refused for that
+        if camera not in given and len(stamps_ns) and stamps_ns.min() > 0:
+            bags = ", ".join(Path(bag).name for bag, own in picked.items() if len(own))
+            spans.append((int(stamps_ns.min()), int(stamps_ns.max()), camera, bags))
+    spans.sort()
+    end = 0
+    for i, (first, last, *_) in enumerate(spans):
+        if i and first > end:
+            before, after = (
+                f"{', '.join(one[2] for one in part)} ({'; '.join(dict.fromkeys(one[3] for one in part))})"
+                for part in (spans[:i], spans[i:])
+            )
+            raise DiorError(
+                f"{sequence}: the recordings do not overlap: that of {before} ended {(first - end) / 1e9:.1f} s before "
+                f"that of {after} began ({_utc(end)} and {_utc(first)} UTC by the header stamps). Is a bag of another "
+                "walk among the `bags` in sequences.tsv, or was a computer's clock set wrong? In that case give "
+                f"offset_s of {' and '.join(one[2] for one in spans[i:])} in config/offsets/{sequence}.yaml"
+            )
+        end = max(end, last)
+
+
+def _utc(ns: int) -> str:
+    return f"{datetime.fromtimestamp(ns // 10**9, UTC):%Y-%m-%d %H:%M:%S}"
 
 
 def _relative(bag: Path, data_root: Path) -> str:

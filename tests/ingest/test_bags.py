@@ -116,6 +116,40 @@ def test_a_clock_that_is_set_between_two_bags_is_refused(tmp_path, by_s, said):
         index(tmp_path, paths)
 
 
+@pytest.mark.parametrize("cameras", [("cam01", "cam02"), ("cam02", "cam01")])
+def test_recorders_that_do_not_overlap_are_said_first_unless_a_person_gave_the_clock(tmp_path, cameras):
+    """Also where another thing is wrong: the second camera's pictures change their size."""
+    near, far = cameras
+    one = write_bag(tmp_path / "pc1.bag", pictures([T0 + 10**8 * i for i in range(5)], topic="/a/image"))
+    late = T0 + 3_600_000_000_000
+    sizes = [(48, 64), (48, 64), (30, 90)]
+    messages = [
+        ("/b/image", late + i * 10**8 + 4, compressed(late + i * 10**8, encoded(picture(9, size=size))))
+        for i, size in enumerate(sizes)
+    ]
+    topics = {near: "/a/image", far: "/b/image"}
+    paths = [one, write_bag(tmp_path / "pc2.bag", messages)]
+    said = (
+        rf"walk: the recordings do not overlap: that of {near} \(pc1.bag\) ended 3599.6 s before that of {far} "
+        rf"\(pc2.bag\) began \(2024-02-15 12:26:40 and 2024-02-15 13:26:40 UTC .* give offset_s "
+        rf"of {far} in config/offsets"
+    )
+    with pytest.raises(DiorError, match=said):
+        index(tmp_path, paths, topics)
+    out = {"data_root": tmp_path, "out": tmp_path / "frames.parquet"}
+    with pytest.raises(DiorError, match="a camera must keep one resolution"):
+        frames.run(sequence="walk", bags=paths, topics=topics, by_hand=[far], **out)
+
+
+def test_recordings_may_overlap_through_a_third(tmp_path):
+    """The first camera ended before the second began."""
+    parts = {"/a/image": (0, 5), "/b/image": (6, 12), "/c/image": (3, 9)}
+    messages = [m for t, (a, b) in parts.items() for m in pictures([T0 + 10**8 * i for i in range(a, b)], topic=t)]
+    bag = write_bag(tmp_path / "pc1.bag", sorted(messages, key=lambda message: message[1]))
+    table = index(tmp_path, [bag], {f"cam0{i}": topic for i, topic in enumerate(parts)})
+    assert len(table["frame"]) == 17
+
+
 def test_same_input_same_bytes(tmp_path):
     bag = write_bag(tmp_path / "a.bag", pictures([T0, T0 + 9]))
     index(tmp_path, [bag])
