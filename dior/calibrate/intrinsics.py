@@ -19,6 +19,8 @@ from dior.tables import tables
 
 BAG_MODELS = ("plumb_bob", "rational_polynomial")
 COEFFICIENTS = (4, 5, 8)  # of distortion, as OpenCV's models have them
+# chosen: 1/64 of a lens whose largest coefficient is 0.19, and less than any lens of which somebody bothers to tell
+TINY = 0.003
 
 
 def run(
@@ -65,6 +67,7 @@ def run(
         lens, found = from_camera_info(info, topic, distortion_model, yaml, size), of_pictures.findings(info, topic)
     else:
         lens = from_toml(Path(data_root) / source, name, distortion_model)
+        found = _tiny_distortion(lens, f"{source} [{name}]")
     if source != "camera_info" and of_pictures.is_rectified(topic) and any(lens.distortion):
         text = f"the pictures on {topic} are rectified, but the lens has distortion; is it that of the raw pictures?"
         found.append(("warning", "rectified_with_distortion", text))
@@ -116,6 +119,18 @@ def from_toml(path: AnyPath, name: str, distortion_model: str = "") -> Intrinsic
     width, height = (round(size) for size in toml_cameras.numbers(table, "size", [(2,)], where).tolist())
     coefficients = toml_cameras.numbers(table, "distortions", [(count,) for count in COEFFICIENTS], where).tolist()
     return _intrinsics(width, height, (fx, skew, cx, fy, cy), distortion_model or "plumb_bob", coefficients, where)
+
+
+def _tiny_distortion(lens: Intrinsics, where: str) -> list[tuple[str, str, str]]:
+    """A hint where the coefficients may be 1/64 of the lens's."""
+    largest = max(map(abs, lens.distortion))
+    if not 0 < largest < TINY:
+        return []
+    text = (
+        f"{where}: all distortion coefficients are below {TINY:g} (the largest is {largest:.2g}). Pose2Sim's converter "
+        "from Qualisys divides them by 64; if that wrote the file, multiply them by 64, or calibrate with a chessboard"
+    )
+    return [("info", "tiny_distortion", text)]
 
 
 def _intrinsics(

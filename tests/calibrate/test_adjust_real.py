@@ -31,7 +31,7 @@ def capture(shared, tmp_path_factory):
     import tomllib
 
     folder, source = tmp_path_factory.mktemp("real_outdoor"), shared / "real_outdoor"
-    calibration = tomllib.loads((source / "reference/calibration.toml").read_text())
+    calibration = tomllib.loads((source / "reference/calibration_qualisys.toml").read_text())
     cameras, rows = [], []
     for name in NAMES:
         entry = calibration[f"cam_{name[3:]}"]
@@ -39,7 +39,7 @@ def capture(shared, tmp_path_factory):
         lens = Intrinsics(
             *map(int, entry["size"]), K[0, 0], K[1, 1], K[0, 2], K[1, 2], "plumb_bob", tuple(entry["distortions"])
         )
-        wTc = reference_pose(source / "reference/calibration.toml", f"cam_{name[3:]}")
+        wTc = reference_pose(source / "reference/calibration_qualisys.toml", f"cam_{name[3:]}")
         cameras.append(Camera(name, lens, wTc, "close", "reference"))
         keypoints = np.full((100, 25, 3), np.nan)
         for path in sorted((source / "openpose_single" / name).glob("*.json")):

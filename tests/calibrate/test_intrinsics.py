@@ -199,6 +199,18 @@ def test_toml(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("distortions", "hint"),
+    [([-0.0007, 0.0022, 9.5e-06, 1e-05], True), ([-0.046, 0.14, 6e-4, 7e-4], False), ([0.0] * 4, False)],
+)
+def test_coefficients_that_may_be_a_64th_are_hinted_at(tmp_path, distortions, hint):
+    (tmp_path / "calib.toml").write_text(TOML.replace("[0.1, -0.2, 0.001, 0.002]", str(distortions)))
+    run(tmp_path, source="calib.toml", name="cam_01")
+    found = tables.read(tmp_path / "findings.parquet", "findings")
+    assert list(zip(found["severity"], found["code"], strict=True)) == [("info", "tiny_distortion")] * hint
+    assert not hint or "calib.toml [cam_01]: all distortion coefficients are below 0.003" in found["text"][0]
+
+
+@pytest.mark.parametrize(
     "old, new, name, text",
     [
         ("", "", "cam_1", "no camera 'cam_1' .did you mean 'cam_01'"),
