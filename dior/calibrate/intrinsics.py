@@ -6,6 +6,7 @@ OUTPUTS  `cameras` table of one row: pixels, distortion as k1 k2 p1 p2 k3 (k4 k5
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,8 @@ from dior.geometry.camera import MODELS, Camera, Intrinsics, check_picture_size
 from dior.ingest import bags as rosbag
 from dior.tables import tables
 
+# chosen: a board and the maker differ by 0.1 to 0.6 % in fx (`lens.board`); files tell no better
+MAKERS_SIGMA = 0.003
 BAG_MODELS = ("plumb_bob", "rational_polynomial")
 COEFFICIENTS = (4, 5, 8)  # of distortion, as OpenCV's models have them
 # chosen: 1/64 of a lens whose largest coefficient is 0.19, and less than any lens of which somebody bothers to tell
@@ -33,6 +36,7 @@ def run(
     name: str = "",
     board: dict[str, Any],
     distortion_model: str = "",
+    sigma: str = "",
     frames: Path,
     sequence: str,
     data_root: Path,
@@ -43,6 +47,8 @@ def run(
 
     `name` is the table in the TOML, `board` the section of the camera's YAML ({"chessboard": ...} or {"charuco": ...});
     `distortion_model` is what the camera's YAML says, "" if nothing.
+
+    `sigma`: 1 sigma of focal length and centre over the focal length, where the camera's YAML says it.
     """
     where = f"session {session}, {camera}"
     pictures = tables.of_camera(tables.read(frames, "frames", ["camera", "bag", "height", "width"]), camera)
@@ -71,6 +77,8 @@ def run(
     if source != "camera_info" and of_pictures.is_rectified(topic) and any(lens.distortion):
         text = f"the pictures on {topic} are rectified, but the lens has distortion; is it that of the raw pictures?"
         found.append(("warning", "rectified_with_distortion", text))
+    if sigma or not lens.sigma:
+        lens = replace(lens, sigma=float(sigma) if sigma else MAKERS_SIGMA)
     check_picture_size(lens, pictures["width"][0], pictures["height"][0], f"{where} ({sequence})")
     camera_tables.write_cameras(out, [Camera(camera, lens, role=role)], session=session)
     tables.write_findings(findings, [(f"{session}/{camera}", *finding) for finding in found])

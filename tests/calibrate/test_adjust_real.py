@@ -37,7 +37,14 @@ def capture(shared, tmp_path_factory):
         entry = calibration[f"cam_{name[3:]}"]
         K = np.array(entry["matrix"])
         lens = Intrinsics(
-            *map(int, entry["size"]), K[0, 0], K[1, 1], K[0, 2], K[1, 2], "plumb_bob", tuple(entry["distortions"])
+            *map(int, entry["size"]),
+            K[0, 0],
+            K[1, 1],
+            K[0, 2],
+            K[1, 2],
+            "plumb_bob",
+            tuple(entry["distortions"]),
+            LENS_SIGMA,
         )
         wTc = reference_pose(source / "reference/calibration_qualisys.toml", f"cam_{name[3:]}")
         cameras.append(Camera(name, lens, wTc, "close", "reference"))
@@ -81,7 +88,7 @@ def adjusted(folder, cameras, out, tape_sigma=None, sections=None, clocks=GENLOC
             WINDOW if sections is None else sections,
         ),
         choices=Choices(
-            min_score=0.4, min_views=3, huber_px=15.0, max_mean_px=12.0, max_gap=1.5, intrinsics_sigma=LENS_SIGMA
+            min_score=0.4, min_views=3, huber_px=15.0, max_mean_px=12.0, max_gap=1.5
         ),
         measured=Measured(known={}, marks=[], marked=[], tags=[]), physics={},
         written=Written(

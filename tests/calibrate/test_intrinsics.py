@@ -198,6 +198,15 @@ def test_toml(tmp_path):
     assert lens.model == "plumb_bob" and lens.distortion == (0.1, -0.2, 0.001, 0.002, 0, 0, 0, 0)
 
 
+def test_how_well_a_lens_is_known_is_the_makers_unless_a_person_says_it(tmp_path):
+    (tmp_path / "calib.toml").write_text(TOML)
+    from_file = {"source": "calib.toml", "name": "cam_01"}
+    assert run(tmp_path, [camera_info((0,) * 5)], OTHER).intrinsics.sigma == 0.003
+    assert run(tmp_path, **from_file).intrinsics.sigma == 0.003
+    assert run(tmp_path, **from_file, sigma="0.001").intrinsics.sigma == 0.001
+    assert run(tmp_path, **from_file, sigma="0").intrinsics.sigma == 0
+
+
 @pytest.mark.parametrize(
     ("distortions", "hint"),
     [([-0.0007, 0.0022, 9.5e-06, 1e-05], True), ([-0.046, 0.14, 6e-4, 7e-4], False), ([0.0] * 4, False)],

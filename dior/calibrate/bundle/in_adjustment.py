@@ -271,7 +271,7 @@ def with_errors(
     back = np.linalg.inv(clocks - gain @ A)
     of_clocks = back @ (given + gain @ spread.covariance @ gain.T) @ back.T
     sigma = np.sqrt(np.diagonal(of_clocks)).reshape(timed.given.shape)
-    return replace(spread, covariance=(covariance + covariance.T) / 2), sigma
+    return replace(spread, covariance=(covariance + covariance.T) / 2, across=both @ spread.across), sigma
 
 
 def by_clocks(solved: reduced.Solved, tracks: uncertainty.Tracks, timed: Sequences) -> Floats:

@@ -15,6 +15,12 @@ TABLES = {
         ("fy", "float64", "px"),
         ("cx", "float64", "px"),
         ("cy", "float64", "px"),
+        (
+            "intrinsics_sigma",
+            "float64",
+            "",
+            "1 sigma of the focal length and of cx and cy, relative to the focal length",
+        ),
         ("distortion_model", "text"),
         ("distortion", "float64[8]", "", "k1 k2 p1 p2 k3 k4 k5 k6"),
         ("wTc", "float64[16]", "m", "pose of the camera in the world, rows of the 4x4 matrix"),
@@ -31,6 +37,14 @@ TABLES = {
             "rad, m",
             "of the errors of camera (rows) and other (columns), rows of the 6x6 matrix: a turn about the camera's own "
             "axes, then a shift of its centre in the world",
+        ),
+        (
+            "with_lens",
+            "float64[45]",
+            "rad, m",
+            "the same with the errors of the lenses (focal length, cx, cy, relative to the focal length), which the "
+            "poses have adapted to: rows of the 6x3 matrix of the camera's pose and the other's lens, of the 3x6 matrix"
+            " of its lens and the other's pose, of the 3x3 matrix of the lenses; null: the lenses are taken as right",
         ),
     ),
     "camera_turns": (

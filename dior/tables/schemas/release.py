@@ -96,6 +96,12 @@ TABLES = {
         ("fy", "float64", "px"),
         ("cx", "float64", "px"),
         ("cy", "float64", "px"),
+        (
+            "intrinsics_sigma",
+            "float64",
+            "",
+            "1 sigma of the focal length and of cx and cy, relative to the focal length",
+        ),
         ("distortion_model", "text"),
         ("distortion", "float64[8]", "", "k1 k2 p1 p2 k3 k4 k5 k6"),
         ("wTc", "float64[16]", "m", "pose of the camera in the world, rows of the 4x4 matrix"),
