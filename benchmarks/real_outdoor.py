@@ -39,7 +39,7 @@ def rig(data):
     """The four cameras at the reference calibration."""
     import tomllib
 
-    path = data / "reference/calibration.toml"
+    path = data / "reference/calibration_qualisys.toml"
     entries = tomllib.loads(path.read_text())
     cameras = []
     for name in CAMERAS:

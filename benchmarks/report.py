@@ -196,7 +196,7 @@ def _tables(rng, results, sequence, subject, env):
     }  # fmt: skip
     clocks = dict.fromkeys(tables.columns_of("offsets"), np.full(4, 0.003)) | {
         "sequence": _repeat([sequence], 4), "camera": np.array(CAMERAS, dtype=object), "offset_s": late,
-        "low": late - 0.006, "high": late + 0.006, "source": _repeat(["estimated"], 4),
+        "late_s": late, "late_low": late - 0.006, "late_high": late + 0.006, "source": _repeat(["estimated"], 4),
         "method": _repeat(["detections"], 4),
     }  # fmt: skip
     return {

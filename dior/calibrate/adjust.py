@@ -36,7 +36,7 @@ from dior.calibrate.lens import realsense
 from dior.clocks import by_hand as clocks
 from dior.clocks import ray_lags
 from dior.errors import DiorError, nearest
-from dior.geometry import camera_tables, disagreeing_views
+from dior.geometry import camera_tables, covariance, disagreeing_views
 from dior.geometry.camera import REFERENCE_FX, Camera, reprojection_errors
 from dior.geometry.triangulation import triangulated
 from dior.project import heights
@@ -73,7 +73,7 @@ def adjust(
     tracks: uncertainty.Tracks | None = None,
     known: Sequence[facts.Known] = (),
     marked: facts.Marked | None = None,
-    lens_sigma: float = LENS_SIGMA,
+    lens_sigma: float | Floats = LENS_SIGMA,
     start_priors: Sequence[bundle.Prior] | None = None,
 ) -> Adjusted:
     """Adjust V cameras to the detections `observed`: recorded px (V, N, 2), NaN where not seen.
@@ -284,7 +284,7 @@ class Choices:
 
     `min_score`: score from which a detection counts; `min_views`: least number of cameras that see a joint; `huber_px`:
     residual in px beyond which a keypoint pulls no harder; `max_mean_px`: mean residual in px above which the session
-    is refused; `intrinsics_sigma`: 1 sigma of the focal length and the principal point, relative to the focal length;
+    is refused;
     `max_gap`: nominal periods between two pictures over which is interpolated.
     """
 
@@ -292,7 +292,6 @@ class Choices:
     min_views: int
     huber_px: float
     max_mean_px: float
-    intrinsics_sigma: float
     max_gap: float
 
 
@@ -342,8 +341,9 @@ def run(
     `camera_files`: the YAML files, named by their camera; `physics`: limits (`dior.body.plausible`).
     """
     window, known = walks.window, heights.filled(measured.known, measured.people)
-    huber_px, max_mean_px, intrinsics_sigma = choices.huber_px, choices.max_mean_px, choices.intrinsics_sigma
+    huber_px, max_mean_px = choices.huber_px, choices.max_mean_px
     placed = list(camera_tables.read_cameras(cameras).values())
+    intrinsics_sigma = np.array([camera.intrinsics.sigma for camera in placed])
     yamls = {Path(path).stem.partition("@")[0]: path for path in camera_files}
     settings = {name: camera_settings(path) for name, path in yamls.items()}
     for camera in placed:
@@ -400,7 +400,9 @@ def run(
     )
     camera_tables.write_cameras(written.out, done.cameras, session)
     if done.uncertainty is not None:
-        camera_tables.write_camera_covariance(written.out_covariance, names, done.uncertainty.covariance, session)
+        known_to = done.uncertainty
+        spread = covariance.joined(known_to.covariance, known_to.across, known_to.lenses)
+        camera_tables.write_camera_covariance(written.out_covariance, names, spread, session)
     tables.write(written.out_metrics, "metrics", outcome.metrics(done))
     tables.write_findings(written.findings, found)
 
@@ -412,7 +414,7 @@ def _by_detections_alone(
     max_mean_px: float,
     start_priors: Sequence[bundle.Prior],
     timed: in_adjustment.Sequences,
-    lens_sigma: float,
+    lens_sigma: Floats,
 ) -> Adjusted | None:
     """`Adjusted` with the clocks that were given by hand free, to compare them; None where there is none, or no answer.
 

@@ -212,18 +212,18 @@ def findings_of(
         if not np.isfinite(half).all():
             half, known = on_axis.NORMAL_95 * np.array(clock.given), ", if the cameras' poses are right"
         text = (
-            f"offset {clock.offset_s:+.4f} ± {half[0]:.4f} s, drift {clock.drift_ppm:+.0f} ± {half[1]:.0f} ppm "
-            f"(95 %{known}), from {clock.method}"
+            f"offset {clock.late_s:+.4f} ± {half[0]:.4f} s in the middle, drift {clock.drift_ppm:+.0f} ± "
+            f"{half[1]:.0f} ppm (95 %{known}), from {clock.method}"
         )
         apart = _apart(hand, clock) if hand else 0.0
         if hand and abs(apart) > on_axis.doubtful_s(np.hypot(half[0] / on_axis.NORMAL_95, hand.given[0])):
             found.append(
-                (scope, "warning", "clock_contradicts", f"config/offsets says {hand.offset_s:+.4f} s, the recording "
-                 f"{text}: {abs(apart) / period_s:.1f} pictures apart; remove the value or check it")
+                (scope, "warning", "clock_contradicts", f"config/offsets says {clock.late_s + apart:+.4f} s there, the "
+                 f"recording {text}: {abs(apart) / period_s:.1f} pictures apart; remove the value or check it")
             )  # fmt: skip
-        elif not indoor and abs(clock.offset_s) > FAR_OFF * period_s and not hand:
+        elif not indoor and abs(clock.late_s) > FAR_OFF * period_s and not hand:
             found.append(
-                (scope, "warning", "clock_off", f"{text}: {abs(clock.offset_s) / period_s:.1f} pictures from "
+                (scope, "warning", "clock_off", f"{text}: {abs(clock.late_s) / period_s:.1f} pictures from "
                  "the reference; corrected, but its computer's time or its stamps want a look")
             )  # fmt: skip
         else:
@@ -233,4 +233,4 @@ def findings_of(
 
 def _apart(hand: on_axis.Clock, clock: on_axis.Clock) -> float:
     """How far (s) a clock by hand is from the estimate in the middle of the recording."""
-    return hand.offset_s - clock.offset_s + 1e-6 * (hand.drift_ppm - clock.drift_ppm) * clock.middle_s
+    return hand.offset_s + 1e-6 * hand.drift_ppm * clock.middle_s - clock.late_s

@@ -6,19 +6,24 @@ OUTPUTS  `cameras` table of one row: pixels, distortion as k1 k2 p1 p2 k3 (k4 k5
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from dior.arrays import AnyPath
-from dior.calibrate.lens import realsense, toml_cameras
+from dior.calibrate.lens import of_pictures, realsense, toml_cameras
 from dior.errors import DiorError, nearest
 from dior.geometry import camera_tables
 from dior.geometry.camera import MODELS, Camera, Intrinsics, check_picture_size
 from dior.ingest import bags as rosbag
 from dior.tables import tables
 
+# chosen: a board and the maker differ by 0.1 to 0.6 % in fx (`lens.board`); files tell no better
+MAKERS_SIGMA = 0.003
 BAG_MODELS = ("plumb_bob", "rational_polynomial")
 COEFFICIENTS = (4, 5, 8)  # of distortion, as OpenCV's models have them
+# chosen: 1/64 of a lens whose largest coefficient is 0.19, and less than any lens of which somebody bothers to tell
+TINY = 0.003
 
 
 def run(
@@ -31,6 +36,7 @@ def run(
     name: str = "",
     board: dict[str, Any],
     distortion_model: str = "",
+    sigma: str = "",
     frames: Path,
     sequence: str,
     data_root: Path,
@@ -41,6 +47,8 @@ def run(
 
     `name` is the table in the TOML, `board` the section of the camera's YAML ({"chessboard": ...} or {"charuco": ...});
     `distortion_model` is what the camera's YAML says, "" if nothing.
+
+    `sigma`: 1 sigma of focal length and centre over the focal length, where the camera's YAML says it.
     """
     where = f"session {session}, {camera}"
     pictures = tables.of_camera(tables.read(frames, "frames", ["camera", "bag", "height", "width"]), camera)
@@ -60,42 +68,54 @@ def run(
     elif source == "camera_info":
         bags = [Path(data_root) / bag for bag in tables.ordered_unique(pictures["bag"])]
         yaml = f"sessions/{session}/{camera}.yaml"
-        lens = from_camera_info(rosbag.read_camera_info(bags, topic), topic, distortion_model, yaml)
+        info = rosbag.read_camera_info(bags, topic)
+        size = int(pictures["width"][0]), int(pictures["height"][0])
+        lens, found = from_camera_info(info, topic, distortion_model, yaml, size), of_pictures.findings(info, topic)
     else:
         lens = from_toml(Path(data_root) / source, name, distortion_model)
+        found = _tiny_distortion(lens, f"{source} [{name}]")
+    if source != "camera_info" and of_pictures.is_rectified(topic) and any(lens.distortion):
+        text = f"the pictures on {topic} are rectified, but the lens has distortion; is it that of the raw pictures?"
+        found.append(("warning", "rectified_with_distortion", text))
+    if sigma or not lens.sigma:
+        lens = replace(lens, sigma=float(sigma) if sigma else MAKERS_SIGMA)
     check_picture_size(lens, pictures["width"][0], pictures["height"][0], f"{where} ({sequence})")
     camera_tables.write_cameras(out, [Camera(camera, lens, role=role)], session=session)
     tables.write_findings(findings, [(f"{session}/{camera}", *finding) for finding in found])
 
 
-def from_camera_info(info: rosbag.CameraInfo, topic: str, distortion_model: str, yaml: str) -> Intrinsics:
-    """Intrinsics from a `bags.CameraInfo`; `distortion_model` overrides the bag's word, `yaml` is where it is given.
+def from_camera_info(
+    info: rosbag.CameraInfo, topic: str, distortion_model: str, yaml: str, size: tuple[int, int]
+) -> Intrinsics:
+    """Intrinsics from a `bags.CameraInfo` of pictures of `size` (width, height) px.
 
-    Raises DiorError for an uncalibrated camera, another lens model, and a RealSense colour topic whose model only a
-    person can know.
+    `distortion_model` overrides the bag's word, `yaml` is where it is given. Raises DiorError for an uncalibrated
+    camera, another lens model, a RealSense colour topic whose model only a person can know, and what
+    `of_pictures.lens_of` refuses.
     """
-    if not any(info.K):
+    rectified = of_pictures.is_rectified(topic)
+    if not rectified and not any(info.K):
         raise DiorError(
             f"{info.where}: K is all zero, so the camera is not calibrated; give `intrinsics: {{file, name}}` in {yaml}"
         )
-    if info.model not in BAG_MODELS:
+    if not rectified and info.model not in BAG_MODELS:
         raise DiorError(
             f"{info.where}: distortion_model '{info.model}' is not one of {', '.join(BAG_MODELS)}; "
             f"give `intrinsics: {{file, name}}` in {yaml}"
         )
-    if len(info.D) not in COEFFICIENTS:
+    if not rectified and len(info.D) not in COEFFICIENTS:
         raise DiorError(f"{info.where}: D has {len(info.D)} numbers, not 4, 5 or 8")
-    if realsense.is_colour(topic) and any(info.D) and not distortion_model:
+    (width, height), K, D = of_pictures.lens_of(info, topic, size)
+    if realsense.is_colour(topic) and any(D) and not distortion_model:
         raise DiorError(
             f"{info.where}: a bag cannot tell a RealSense's lens model, because realsense-ros writes {info.model} even "
             "where the coefficients are inverse_brown_conrady (3 px off at a normalised radius of 0.4, 12 px at 0.8); "
             f"add `distortion_model:` with one of {', '.join(MODELS)} to {yaml} "
             "(`rs-enumerate-devices -c` shows which the camera has)"
         )
-    fx, skew, cx, _, fy, cy = info.K[:6]
-    return _intrinsics(
-        info.width, info.height, (fx, skew, cx, fy, cy), distortion_model or info.model, info.D, info.where
-    )
+    (fx, skew, cx), (_, fy, cy), _ = K.tolist()
+    model = "plumb_bob" if rectified else distortion_model or info.model
+    return _intrinsics(width, height, (fx, skew, cx, fy, cy), model, D, info.where)
 
 
 def from_toml(path: AnyPath, name: str, distortion_model: str = "") -> Intrinsics:
@@ -107,6 +127,18 @@ def from_toml(path: AnyPath, name: str, distortion_model: str = "") -> Intrinsic
     width, height = (round(size) for size in toml_cameras.numbers(table, "size", [(2,)], where).tolist())
     coefficients = toml_cameras.numbers(table, "distortions", [(count,) for count in COEFFICIENTS], where).tolist()
     return _intrinsics(width, height, (fx, skew, cx, fy, cy), distortion_model or "plumb_bob", coefficients, where)
+
+
+def _tiny_distortion(lens: Intrinsics, where: str) -> list[tuple[str, str, str]]:
+    """A hint where the coefficients may be 1/64 of the lens's."""
+    largest = max(map(abs, lens.distortion))
+    if not 0 < largest < TINY:
+        return []
+    text = (
+        f"{where}: all distortion coefficients are below {TINY:g} (the largest is {largest:.2g}). Pose2Sim's converter "
+        "from Qualisys divides them by 64; if that wrote the file, multiply them by 64, or calibrate with a chessboard"
+    )
+    return [("info", "tiny_distortion", text)]
 
 
 def _intrinsics(

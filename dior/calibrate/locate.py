@@ -204,7 +204,7 @@ def _findings(scope: str, path: AnyPath, marks: hand_marks.Marks, located: Locat
 class LocatedWithClocks:
     """`located` and the marks `used` for it; the camera's `clock` on each sequence, sequence -> (offset_s, drift_ppm,
     source); `clocks`, sequence -> `Clock`, of those in which C3D markers are marked; `profile` as of
-    `clock_from_marks.Found`; `covariance` (6, 6) of the pose.
+    `clock_from_marks.Found`; `covariance` (9, 9) of pose and lens (`dior.geometry.covariance`).
     """
 
     located: Located
@@ -265,13 +265,18 @@ def with_clocks(
     sigma_m, sigma_deg = _standard_errors(J, located.residual_px[located.inlier])
     located = replace(located, jacobian=J, sigma_m=sigma_m, sigma_deg=sigma_deg)
     frame = np.array([f"{s} {f}" for s, f in zip(agreeing.sequence, agreeing.frame, strict=True)])
-    full, middle = clock_from_marks.uncertainty(J, t[inlier], located.miss, agreeing.joint, frame)
+    lens = camera.intrinsics.sigma
+    by_lens = covariance.by_lens(camera.at(located.wTc), used.xyz[located.inlier]).reshape(-1, 3)
+    full, middle, across = clock_from_marks.uncertainty(
+        J, t[inlier], located.miss, agreeing.joint, frame, lens * by_lens
+    )
+    joint = covariance.joined(full[:6, :6], lens * across, lens**2 * np.eye(3))
     clocks = clock_from_marks.clocks(camera.name, at.names, offsets, full, middle)
     findings += lost + clock_from_marks.findings(scope, clocks, full[:6, :6], agreeing)
     for name in dict.fromkeys(marks.sequence[np.isfinite(t)].tolist() + list(why_unknown)):
         if name not in clocks:
             clocks[name] = Clock(*clock[name])
-    return LocatedWithClocks(located, used, dict(clock), clocks, seen.profile, full[:6, :6], findings)
+    return LocatedWithClocks(located, used, dict(clock), clocks, seen.profile, joint, findings)
 
 
 def _lens_models(scope: str, path: AnyPath, lens: Camera, marks: hand_marks.Marks, located: Located) -> list[Finding]:
@@ -395,11 +400,11 @@ def run(
     found = solved.findings + _findings(scope, given.marks, used, located, ransac_px)
     if realsense.is_ambiguous(settings["topic"], lens.intrinsics):
         found += _lens_models(scope, camera_file, lens, used, located)
-    found += _next_mark(scope, lens.at(located.wTc), located, spread, used, motions, stamps, solved.clock)
+    found += _next_mark(scope, lens.at(located.wTc), located, spread[:6, :6], used, motions, stamps, solved.clock)
     camera_tables.write_cameras(written.out, [lens.at(located.wTc, settings["locate"])], session)
     camera_tables.write_camera_covariance(written.out_covariance, [camera], spread, session)
     each = {sequence: {camera: one} for sequence, one in solved.clocks.items()}
-    write_all(written.out_clocks, written.out_clock_gains, each, [camera], spread)
+    write_all(written.out_clocks, written.out_clock_gains, each, [camera], spread[:6, :6])
     tables.write(written.out_clock_costs, "clock_costs", clock_from_marks.costs(camera, solved.profile))
     tables.write(written.out_marks, "marks", _columns(session, camera, used, located))
     tables.write_findings(written.findings, found)

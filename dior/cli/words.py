@@ -48,7 +48,6 @@ TEXTS = {
     "indoor": "labels of the indoor recordings",
     "inputs": "tables `metrics`",
     "intrinsics": "table `cameras` with the camera's intrinsics",
-    "intrinsics_sigma": "1 sigma of the focal length and the principal point, relative to the focal length",
     "known": "metric facts of the session",
     "labels": "tables `labels_2d`",
     "left_out": "table left_out.csv of re-identification",

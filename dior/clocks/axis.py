@@ -34,10 +34,13 @@ def nominal_fps(stamps_ns: Ints) -> float:
 def bracket(times: Floats, queries: Floats, max_gap_s: float) -> tuple[Ints, Ints, Floats]:
     """Frames around each query: indices before and after (Q,), -1 for none, and the weight (Q,) of the later.
 
-    `times` (F,) s ascending. A query between frames further apart than `max_gap_s` has none (a drop), nor has one
-    outside the recording. A query within a microsecond of a frame is that frame, with weight 0.
+    `times` (F,) s, in any order: a picture may be recorded after a later one. A query between frames further apart than
+    `max_gap_s` has none (a drop), nor has one outside the recording. A query within a microsecond
+    of a frame is that frame, with weight 0.
     """
     times, queries = np.asarray(times, float), np.asarray(queries, float)
+    order = None if (np.diff(times) >= 0).all() else np.argsort(times, kind="stable")
+    times = times if order is None else times[order]
     after = np.searchsorted(times, queries)
     nearest = np.clip(after, 0, len(times) - 1)
     nearest = np.where(
@@ -53,7 +56,10 @@ def bracket(times: Floats, queries: Floats, max_gap_s: float) -> tuple[Ints, Int
         weight = np.where(gap > 0, (queries - times[before]) / gap, 0.0)
     before = np.where(exact, nearest, np.where(inside, before, -1))
     after = np.where(exact, nearest, np.where(inside, after, -1))
-    return before, after, np.where(exact | (before < 0), 0.0, weight)
+    weight = np.where(exact | (before < 0), 0.0, weight)
+    if order is not None:
+        before, after = (np.where(each < 0, -1, order[each]) for each in (before, after))
+    return before, after, weight
 
 
 def blend(values: Floats, before: Ints, after: Ints, weight: Floats) -> Floats:

@@ -59,21 +59,38 @@ class Clock:
     given: tuple[float, float] = (np.nan, np.nan)
     gains: dict[str, Floats] = field(default_factory=dict)
 
-    def sigma(self, names: Sequence[str] = (), joint: Floats | None = None) -> Floats:
-        """Standard errors (2,) of the time in the middle (s) and the drift (ppm), with those of the cameras' poses.
+    @property
+    def late_s(self) -> float:
+        """The camera's lag (s) in the middle of the recording; `offset_s` is that at t0."""
+        return self.offset_s + 1e-6 * self.drift_ppm * self.middle_s
+
+    def covariance(self, names: Sequence[str] = (), joint: Floats | None = None) -> Floats:
+        """Covariance (2, 2) of the time in the middle (s) and the drift (ppm), with the errors of the cameras' poses.
 
         `joint` (6N, 6N): covariance of the cameras called `names`. NaN where a camera of `gains` has none.
         """
-        variance = np.array(self.given) ** 2
+        own = np.diag(np.array(self.given) ** 2)
         if not self.gains:
-            return np.sqrt(variance)
+            return own
         if joint is None or any(name not in names for name in self.gains):
-            return np.full(2, np.nan)
+            return np.full((2, 2), np.nan)
         gain = np.zeros((2, len(names), 6))
-        for name, own in self.gains.items():
-            gain[:, list(names).index(name)] = own
+        for name, by_camera in self.gains.items():
+            gain[:, list(names).index(name)] = by_camera
         flat = gain.reshape(2, -1)
-        return np.sqrt(variance + np.einsum("ij,jk,ik->i", flat, joint, flat))
+        return np.asarray(own + flat @ joint @ flat.T, float)
+
+    def sigma(self, names: Sequence[str] = (), joint: Floats | None = None) -> Floats:
+        """Standard errors (2,) of the time in the middle (s) and the drift (ppm); arguments as of `covariance`."""
+        return np.sqrt(np.diagonal(self.covariance(names, joint)))
+
+    def sigma_offset(self, names: Sequence[str] = (), joint: Floats | None = None) -> float:
+        """Standard error (s) of `offset_s`, to which the drift leads back from the middle; arguments as there."""
+        spread = self.covariance(names, joint)
+        if not self.middle_s:
+            return float(np.sqrt(spread[0, 0]))
+        back = np.array([1.0, -1e-6 * self.middle_s])
+        return float(np.sqrt(back @ spread @ back))
 
 
 def doubtful_s(sigma_s: float) -> float:
@@ -110,7 +127,9 @@ def write_all(
     """The same of several sequences: dict sequence -> dict camera -> `Clock`."""
     each = [(sequence, camera, clock) for sequence, own in clocks.items() for camera, clock in own.items()]
     sigma = np.array([clock.sigma(names, joint) for _, _, clock in each]).reshape(-1, 2)
+    half = NORMAL_95 * np.array([clock.sigma_offset(names, joint) for _, _, clock in each])
     offset = np.array([clock.offset_s for _, _, clock in each])
+    late = np.array([clock.late_s for _, _, clock in each])
     tables.write(
         path,
         "offsets",
@@ -119,11 +138,15 @@ def write_all(
             "camera": [camera for _, camera, _ in each],
             "offset_s": offset,
             "drift_ppm": [clock.drift_ppm for _, _, clock in each],
-            "middle_s": [clock.middle_s for _, _, clock in each],
-            "sigma_s": sigma[:, 0],
+            "sigma_s": half / NORMAL_95,
             "sigma_drift_ppm": sigma[:, 1],
-            "low": offset - NORMAL_95 * sigma[:, 0],
-            "high": offset + NORMAL_95 * sigma[:, 0],
+            "low": offset - half,
+            "high": offset + half,
+            "middle_s": [clock.middle_s for _, _, clock in each],
+            "late_s": late,
+            "late_sigma_s": sigma[:, 0],
+            "late_low": late - NORMAL_95 * sigma[:, 0],
+            "late_high": late + NORMAL_95 * sigma[:, 0],
             "given_sigma_s": [clock.given[0] for _, _, clock in each],
             "given_sigma_drift_ppm": [clock.given[1] for _, _, clock in each],
             "source": [clock.source for _, _, clock in each],

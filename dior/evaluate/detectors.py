@@ -52,7 +52,7 @@ def run(
     `rows`: dicts camera, tool, zoom, path; `roles`: camera -> close | long_range; `labels`: label files. Raises
     DiorError for output that is missing, of another recording or other pictures, or of no known tool.
     """
-    pictures = tables.read(frames, "frames", ["camera", "frame", "stamp_ns", "width", "height"])
+    pictures = tables.read(frames, "frames", ["camera", "frame", "stamp_ns", "restored_s", "width", "height"])
     grids = label_grids(labels)
     measured, parts, found = [], [], []
     for row in rows:
@@ -112,7 +112,7 @@ def read(path: Path, pictures: Table, zoom: int, where: str) -> tuple[People, Bo
     size = wide, high
     if kind in READERS:
         people = in_pixels(people, READERS[kind], size, path, where)
-    check_recording(people, pictures["stamp_ns"], path, where)
+    check_recording(people, pictures, path, where)
     if zoom > 1 and len(people.frame):
         middle = np.nanmean(people.uv, axis=1)
         if (np.abs(2 * middle - size) > size).any(axis=1).mean() > 0.5:

@@ -28,6 +28,7 @@ class Intrinsics:
     `distortion` holds k1 k2 p1 p2 k3 (k4 k5 k6), zeros where the source gave fewer. `plumb_bob` and
     `rational_polynomial` map ideal to recorded coordinates (OpenCV's calib3d documentation);
     `inverse_brown_conrady` is the same polynomial from recorded to ideal (librealsense, rs2_deproject_pixel_to_point).
+    `sigma`: 1 sigma of the focal length and of cx and cy, all relative to the focal length.
     """
 
     width: int
@@ -38,6 +39,7 @@ class Intrinsics:
     cy: float
     model: str = "plumb_bob"
     distortion: tuple[float, ...] = (0.0,) * 8
+    sigma: float = 0.0
 
     def __post_init__(self) -> None:
         if self.model not in MODELS:

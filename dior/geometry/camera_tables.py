@@ -35,6 +35,7 @@ def camera_columns(
     }
     for key in ("width", "height", "fx", "fy", "cx", "cy"):
         columns[key] = [getattr(lens, key) for lens in lenses]
+    columns["intrinsics_sigma"] = [lens.sigma for lens in lenses]
     if offset_s is not None:
         columns["offset_s"] = offset_s
     if drift_ppm is not None:
@@ -84,6 +85,7 @@ def _camera(t: Table, i: int) -> Camera:
         float(t["cy"][i]),
         t["distortion_model"][i],
         tuple(t["distortion"][i].tolist()),
+        float(np.nan_to_num(t["intrinsics_sigma"][i])),
     )
     wTc = t["wTc"][i].reshape(4, 4)
     camera = Camera(t["camera"][i], lens, role=t["role"][i], locate=t["locate"][i])
@@ -102,23 +104,33 @@ def read_placed(paths: Sequence[AnyPath], names: Iterable[str], where: str) -> l
 def write_camera_covariance(
     path: AnyPath, names: Sequence[str], covariance: Floats, session: str = "", own: Collection[str] | None = None
 ) -> None:
-    """Write a `camera_covariance` table of V cameras from (6V, 6V); NaN is unknown.
+    """Write a `camera_covariance` table of V cameras from (6V, 6V), or (9V, 9V) with their lenses; NaN is unknown.
 
     `own`: the cameras whose rows are written, all by default; the others' are in another file.
     """
     pairs = [(i, j) for i, name in enumerate(names) if own is None or name in own for j in range(len(names))]
-    blocks = np.asarray(covariance, float).reshape(len(names), 6, len(names), 6)
+    each = len(covariance) // max(len(names), 1)
+    blocks = np.zeros((len(names), 9, len(names), 9))
+    blocks[:, :each, :, :each] = np.asarray(covariance, float).reshape(len(names), each, len(names), each)
     columns: dict[str, tables.Column] = {
         "session": [session] * len(pairs),
         "camera": [names[i] for i, _ in pairs],
         "other": [names[j] for _, j in pairs],
-        "covariance": [blocks[i, :, j].ravel() for i, j in pairs],
+        "covariance": [blocks[i, :6, j, :6].ravel() for i, j in pairs],
+        "with_lens": [
+            np.concatenate([blocks[i, :6, j, 6:].ravel(), blocks[i, 6:, j, :6].ravel(), blocks[i, 6:, j, 6:].ravel()])
+            for i, j in pairs
+        ],
     }
     tables.write(path, "camera_covariance", columns)
 
 
-def read_camera_covariance(paths: AnyPath | Iterable[AnyPath], names: Sequence[str]) -> Floats:
+def read_camera_covariance(
+    paths: AnyPath | Iterable[AnyPath], names: Sequence[str], with_lenses: bool = False
+) -> Floats:
     """Covariance (6V, 6V) of the cameras `names` from one or several `camera_covariance` tables.
+
+    With their lenses it is (9V, 9V), nine rows a camera (`dior.geometry.covariance`).
 
     A camera that is in none of them, or not known, has NaN in its own block and with every other; cameras of which no
     table has a pair are taken as independent.
@@ -126,15 +138,20 @@ def read_camera_covariance(paths: AnyPath | Iterable[AnyPath], names: Sequence[s
     blocks = {}
     for path in [paths] if isinstance(paths, (str, os.PathLike)) else paths:
         t = tables.read(path, "camera_covariance")
-        for a, b, values in zip(t["camera"], t["other"], t["covariance"], strict=True):
-            blocks[a, b] = values.reshape(6, 6)
-    out = np.zeros((len(names), 6, len(names), 6))
+        for a, b, values, lens in zip(t["camera"], t["other"], t["covariance"], t["with_lens"], strict=True):
+            # a table without lenses has none that are uncertain
+            lens = np.nan_to_num(lens)
+            blocks[a, b] = np.block(
+                [[values.reshape(6, 6), lens[:18].reshape(6, 3)], [lens[18:36].reshape(3, 6), lens[36:].reshape(3, 3)]]
+            )
+    out = np.zeros((len(names), 9, len(names), 9))
     for i, a in enumerate(names):
         for j, b in enumerate(names):
             unknown = any(not np.isfinite(blocks.get((c, c), np.nan)).all() for c in (a, b))
-            pair = blocks[a, b] if (a, b) in blocks else blocks[b, a].T if (b, a) in blocks else np.zeros((6, 6))
+            pair = blocks[a, b] if (a, b) in blocks else blocks[b, a].T if (b, a) in blocks else np.zeros((9, 9))
             out[i, :, j] = np.nan if unknown else pair
-    return out.reshape(6 * len(names), 6 * len(names))
+    each = 9 if with_lenses else 6
+    return out[:, :each, :, :each].reshape(each * len(names), each * len(names))
 
 
 def unplaced(path: AnyPath, camera: str) -> Camera:

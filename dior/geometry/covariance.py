@@ -2,7 +2,8 @@
 
 A camera's error is a vector of six numbers: a turn about its own axes (rad), then a shift of its centre in the world
 (m). `wTc` with the error `step` is `(wRc exp(step[:3]), centre + step[3:])`. The covariance of V cameras is (6V, 6V),
-six rows a camera. Vocabulary of calibrate, reconstruct and label.
+six rows a camera. With the lenses it is (9V, 9V), nine rows a camera: after the pose's error those of the focal length,
+cx and cy, all relative to the focal length. Vocabulary of calibrate, reconstruct and label.
 """
 
 from collections.abc import Sequence
@@ -42,6 +43,31 @@ def projection(camera: cam.Camera, points: Floats) -> tuple[Floats, Floats]:
     return by_point, np.concatenate([turn, -by_point], axis=-1)
 
 
+def by_lens(camera: cam.Camera, points: Floats) -> Floats:
+    """Derivative of the recorded pixel by the error of the lens (..., 2, 3): focal length, cx, cy over focal length.
+
+    `points` (..., 3) m; NaN where there is no pixel.
+    """
+    lens = camera.intrinsics
+    uv = cam.project(camera, points)[0]
+    out = np.zeros((*uv.shape, 3))
+    out[..., 0] = uv - (lens.cx, lens.cy)
+    out[..., 0, 1] = out[..., 1, 2] = lens.fx
+    known = np.all(np.isfinite(uv), axis=-1)
+    return np.where(np.asarray(known)[..., None, None], out, np.nan)
+
+
+def joined(poses: Floats, across: Floats, lenses: Floats) -> Floats:
+    """(9V, 9V) of V cameras from that of their poses (6V, 6V), of poses and lenses (6V, 3V), and of lenses (3V, 3V)."""
+    count = len(lenses) // 3
+    out = np.zeros((count, 9, count, 9))
+    out[:, :6, :, :6] = poses.reshape(count, 6, count, 6)
+    out[:, :6, :, 6:] = across.reshape(count, 6, count, 3)
+    out[:, 6:, :, :6] = across.T.reshape(count, 3, count, 6)
+    out[:, 6:, :, 6:] = lenses.reshape(count, 3, count, 3)
+    return out.reshape(9 * count, 9 * count)
+
+
 def cross(v: Floats) -> Floats:
     """Matrices (..., 3, 3) with `cross(v) @ w = v x w`."""
     zero = np.zeros(v.shape[:-1])
@@ -59,14 +85,19 @@ def _lens(intrinsics: cam.Intrinsics, xy: Floats) -> Floats:
     return np.stack(columns, axis=-1)
 
 
-def triangulated(cameras: Sequence[cam.Camera], points: Floats, information: Floats) -> tuple[Floats, Floats]:
+def triangulated(
+    cameras: Sequence[cam.Camera], points: Floats, information: Floats, with_lenses: bool = False
+) -> tuple[Floats, Floats]:
     """What points (..., 3) inherit: covariance (..., 3, 3) of the pixels, derivative (..., 3, 6V) by the cameras.
 
     `information` (V, ..., 2, 2) 1/px^2 of each view's pixel, zero where a view had no say. The derivative is that
     by the errors of the V cameras that the point was made with (implicit function theorem at the least squares
-    solution). NaN with fewer than two views.
+    solution), (..., 3, 9V) with those of their lenses. NaN with fewer than two views.
     """
     by_point, by_camera = zip(*(projection(camera, points) for camera in cameras), strict=True)
+    if with_lenses:
+        lenses = [by_lens(camera, points) for camera in cameras]
+        by_camera = tuple(np.concatenate(pair, axis=-1) for pair in zip(by_camera, lenses, strict=True))
     say = np.asarray(information, float)
     used = say[..., 0, 0] > 0
     J = [np.where(u[..., None, None], j, 0.0) for u, j in zip(used, by_point, strict=True)]

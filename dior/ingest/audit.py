@@ -2,7 +2,7 @@
 
 INPUTS   `frames` table of the sequence, its bags
 OUTPUTS  `stamp_audit` (a row per camera and bag), `dropped_frames` (a row with its reason for every picture that is
-         missing or there twice), findings
+         missing or there twice), findings, also of stamps that frames restored
 
 Header stamps are the camera's clock, receive stamps the recorder's, int64 ns. The lag is receive minus header.
 Every message is compared with the one before, by its first bytes; of each camera 12 pictures are decoded to see whether
@@ -21,6 +21,7 @@ import numpy as np
 from dior.arrays import Bools, Floats, Ints, Table
 from dior.clocks.axis import nominal_fps
 from dior.ingest import bags as rosbag
+from dior.ingest import stamps
 from dior.ingest.frames import JUMP_NS, check_usable
 from dior.tables import tables
 
@@ -46,12 +47,13 @@ MOST_DRIFT_SIGMA_PPM = 20.0
 class Audit:
     """`row`: one row of `stamp_audit` by column; `dropped`: (frame, stamp_ns, reason) per missing or repeated picture.
 
-    `jumps`: (frame, step of the header clock in s) of the jumps of the clock.
+    `jumps`: (frame, step of the header clock in s) of the jumps of the clock; `glitches`: stamps that were restored.
     """
 
     row: dict[str, Any]
     dropped: tuple[tuple[int, int, str], ...]
     jumps: tuple[tuple[int, float], ...]
+    glitches: tuple[stamps.Glitch, ...] = ()
 
 
 def run(*, sequence: str, frames: Path, data_root: Path, out: Path, out_dropped: Path, findings: Path) -> None:
@@ -84,10 +86,13 @@ def run(*, sequence: str, frames: Path, data_root: Path, out: Path, out_dropped:
 
 
 def audit(frames: Table, repeated: Bools) -> Audit:
-    """`Audit` of the pictures of one camera in one bag: rows of the `frames` table by stamp, F of them.
+    """`Audit` of the pictures of one camera in one bag: rows of the `frames` table as recorded, F of them.
 
     `repeated` (F,) says whether a picture has the bytes of the one before it in the bag.
     """
+    glitches = _glitches(frames)
+    order = np.argsort(frames["stamp_ns"], kind="stable")
+    frames, repeated = tables.rows(frames, order), repeated[order]
     stamps, receive, number = frames["stamp_ns"], frames["receive_ns"], frames["frame"]
     same_stamp = np.r_[False, np.diff(stamps) == 0]
     same_picture = repeated & ~same_stamp
@@ -98,6 +103,7 @@ def audit(frames: Table, repeated: Bools) -> Audit:
         "same_stamp": int(same_stamp.sum()),
         "same_picture": int(same_picture.sum()),
         "out_of_order": int((np.diff(stamps[np.argsort(receive, kind="stable")]) < 0).sum()),
+        "restored": int(np.isfinite(frames["restored_s"]).sum()),
         **_lag(stamps, receive),
     }
     stamps, receive, number = stamps[~same_stamp], receive[~same_stamp], number[~same_stamp]
@@ -124,7 +130,19 @@ def audit(frames: Table, repeated: Bools) -> Audit:
         reason = "recorder_behind" if late[i] or late[i + 1] else "not_sent"
         missing = first + period * np.arange(tick[i] + 1, tick[i + 1])
         dropped += [(int(number[i]), int(stamps[0] + shift[i] + round(1e9 * at)), reason) for at in missing]
-    return Audit(row, tuple(sorted(dropped)), jumps)
+    return Audit(row, tuple(sorted(dropped)), jumps, glitches)
+
+
+def _glitches(frames: Table) -> tuple[stamps.Glitch, ...]:
+    """The runs of frames whose stamps were restored, from rows as recorded."""
+    by, number = frames["restored_s"], frames["frame"]
+    wrong = np.isfinite(by)
+    begins = wrong & np.r_[True, (by[1:] != by[:-1]) | ~wrong[:-1]]
+    ends = wrong & np.r_[begins[1:] | ~wrong[1:], True]
+    return tuple(
+        stamps.Glitch(int(number[a]), int(number[b]), float(by[a]), float(frames["restored_sigma_s"][a]))
+        for a, b in zip(np.flatnonzero(begins), np.flatnonzero(ends), strict=True)
+    )
 
 
 def _grid(seconds: Floats) -> tuple[Ints, float, float]:
@@ -237,6 +255,13 @@ def judge(row: dict[str, Any], audited: Audit, bag: str) -> list[tuple[str, str,
         add(True, "black_pictures", f"{row['black']} of {row['looked_at']} pictures looked at are black")
     if row["out_of_order"]:
         add(False, "out_of_order", f"{_count(row['out_of_order'], 'picture')} received after a later one")
+    for one in audited.glitches:
+        frames = f"frame {one.first}" if one.first == one.last else f"frames {one.first} to {one.last}"
+        text = (
+            f"the header clock is {abs(one.early_s):.2f} s {'early' if one.early_s > 0 else 'late'} in {frames} and "
+            f"nowhere else; their stamps are restored by when they were received, to {1e3 * one.sigma_s:.1f} ms"
+        )
+        add(True, "stamps_restored", text)
     for frame, step in audited.jumps:
         text = f"the header clock jumps by {step:.1f} s after frame {frame}; offsets before it do not hold after it"
         found.append(("error", "clock_jump", f"{bag}: {text}, so split the sequence there"))

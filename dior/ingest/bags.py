@@ -36,7 +36,8 @@ Topics: TypeAlias = dict[str, tuple[str, int]]
 
 @dataclass(frozen=True)
 class CameraInfo:
-    """What sensor_msgs/CameraInfo says of a lens. `K` 9 numbers by rows, px; `D` as published; `where` it was read."""
+    """What sensor_msgs/CameraInfo says of a lens. `K`, `R` 9 numbers and `P` 12 by rows, px; `D` as published;
+    `binning` in x and y; `roi` x, y, width, height px; `where` it was read."""
 
     width: int
     height: int
@@ -44,6 +45,10 @@ class CameraInfo:
     D: tuple[float, ...]
     model: str
     where: str
+    R: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+    P: tuple[float, ...] = (0.0,) * 12
+    binning: tuple[int, int] = (0, 0)
+    roi: tuple[int, int, int, int] = (0, 0, 0, 0)
 
 
 def bags_with(bags: Iterable[Path], topic: str, where: str) -> list[Path]:
@@ -193,10 +198,10 @@ def read_camera_info(bags: Sequence[Path], topic: str) -> CameraInfo:
             if message.kind != messages.CAMERA_INFO:
                 raise DiorError(f"{where} is a {message.kind}, not {messages.CAMERA_INFO}")
             try:
-                width, height, model, D, K = messages.camera_info(message.raw, message.wire)
+                said = messages.camera_info(message.raw, message.wire)
             except BROKEN as error:
                 raise DiorError(f"{where} is no readable CameraInfo ({error})") from None
-            info = CameraInfo(width, height, K, D, model, where)
+            info = CameraInfo(where=where, **said)
             first = first or info
             _check_same(first, info)
     if first is None:
@@ -206,7 +211,7 @@ def read_camera_info(bags: Sequence[Path], topic: str) -> CameraInfo:
 
 
 def _check_same(first: CameraInfo, info: CameraInfo) -> None:
-    for key in ("width", "height", "model", "K", "D"):
+    for key in ("width", "height", "model", "K", "D", "R", "P", "binning", "roi"):
         a, b = getattr(first, key), getattr(info, key)
         if a != b:
             raise DiorError(

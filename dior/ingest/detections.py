@@ -13,12 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from dior.arrays import AnyPath, Ints
+from dior.arrays import AnyPath, Ints, Table
 from dior.errors import DiorError, nearest
 from dior.ingest import people as subject
 from dior.ingest.people import People, Subject
 from dior.ingest.readers import READERS, Reader
 from dior.ingest.readers.recognise import recognise
+from dior.ingest.stamps import header_ns
 from dior.tables import result_checksums, tables
 
 # chosen: above this share of frames something missing is a warning
@@ -49,7 +50,7 @@ def run(
         raise DiorError(f"detector.format '{format}' is not one of {', '.join(known)}{nearest(format, known)}")
     if "{camera}" not in pattern and len(cameras) > 1:
         raise DiorError(f"{sequence}: `detections` in sequences.tsv is '{pattern}', which needs a {{camera}} in it")
-    pictures = tables.read(frames, "frames", ["camera", "frame", "stamp_ns", "width", "height"])
+    pictures = tables.read(frames, "frames", ["camera", "frame", "stamp_ns", "restored_s", "width", "height"])
     parts, seen = [], []
     for camera in sorted(cameras):
         where = f"{sequence}, {camera}"
@@ -60,7 +61,7 @@ def run(
         path = Path(pattern.replace("{camera}", camera))
         reader = READERS[_format(path, format, where)]
         people = in_pixels(reader.read(path), reader, (mine["width"][0], mine["height"][0]), path, where)
-        check_recording(people, stamps_ns, path, where)
+        check_recording(people, mine, path, where)
         _check_anybody(people, path, where)
         track = subject.follow(people, stamps_ns)
         seen += [(f"{sequence}/{camera}", *finding) for finding in _findings(people, track, camera, reader)]
@@ -116,8 +117,9 @@ def in_pixels(people: People, reader: Reader, size: tuple[int, int], path: AnyPa
     return replace(people, uv=people.uv * np.array(size, float) - 0.5)
 
 
-def check_recording(people: People, stamps_ns: Ints, path: AnyPath, where: str) -> None:
-    """Refuse detections of another recording than that with picture stamps `stamps_ns` (frames,)."""
+def check_recording(people: People, pictures: Table, path: AnyPath, where: str) -> None:
+    """Refuse detections of another recording than that with the `pictures` (rows of the `frames` table)."""
+    stamps_ns, as_recorded = pictures["stamp_ns"], header_ns(pictures)
     count = len(stamps_ns)
     beyond = people.ran[(people.ran < 0) | (people.ran >= count)]
     if len(beyond):
@@ -127,7 +129,9 @@ def check_recording(people: People, stamps_ns: Ints, path: AnyPath, where: str) 
             f"the detections belong to another recording{from_one}"
         )
     period_ns = np.median(np.diff(stamps_ns)) if count > 1 else 1e9
-    off = (people.stamp_ns >= 0) & (np.abs(people.stamp_ns - stamps_ns[people.ran]) > period_ns / 2)
+    # a detector has the header's stamp, which may have been restored
+    apart = [np.abs(people.stamp_ns - each[people.ran]) for each in (stamps_ns, as_recorded)]
+    off = (people.stamp_ns >= 0) & (np.minimum(*apart) > period_ns / 2)
     if off.any():
         i = int(np.argmax(off))
         raise DiorError(

@@ -1,7 +1,9 @@
 """The index of all pictures of a sequence.
 
-INPUTS   the sequence's bags (one per recording computer, possibly split in time, possibly overlapping).
-OUTPUTS  `frames` table: cameras in the order of their names, frames numbered from 0 per camera by header stamp (ns);
+INPUTS   the sequence's bags (one per recording computer, possibly split in time, possibly overlapping), and which
+         clocks are given by hand
+OUTPUTS  `frames` table: cameras in the order of their names, frames numbered from 0 per camera as they were recorded,
+         header stamps (ns) that were wrong for a while restored (stamps.py);
          with bag, topic, receive stamp and nth it takes to read a picture back (`bags.read_pictures`). A picture that
          several bags recorded is one frame, of the first of them in the sheet; the table's metadata `recorded_twice`
          says how many were left out, per camera. One that a single bag holds twice is the camera's doing and stays.
@@ -10,6 +12,9 @@ OUTPUTS  `frames` table: cameras in the order of their names, frames numbered fr
 import json
 import os
 from collections import Counter
+from collections.abc import Collection
+from datetime import UTC, datetime
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -17,16 +22,31 @@ import numpy as np
 from dior.arrays import Bools, Ints, Table
 from dior.errors import DiorError
 from dior.ingest import bags as rosbag
+from dior.ingest import stamps
 from dior.tables import tables
 
 # chosen: more than a recorder's lag varies; what is less and goes back counts as pictures out of order
 JUMP_NS = 1_000_000_000
-# chosen: a network now and then swaps two pictures; more is a driver that does not stamp them in order
-MOST_OUT_OF_ORDER = 0.1
+# chosen: a recorder that splits its bags leaves less than that between them; lags vary by less from one to the next, by
+# so many pictures of each
+SPLIT_NS, MOST_LAG_NS, ACROSS = 1_000_000_000, 20_000_000, 30
+
+NONE: list[str] = []
 
 
-def run(*, sequence: str, bags: list[Path], data_root: Path, topics: dict[str, str], out: Path) -> None:
-    """Index `bags` (paths) for the cameras of `topics` (dict camera -> image topic). See the module's docstring."""
+def run(
+    *,
+    sequence: str,
+    bags: list[Path],
+    data_root: Path,
+    topics: dict[str, str],
+    out: Path,
+    by_hand: list[str] = NONE,
+) -> None:
+    """Index `bags` (paths) for the cameras of `topics` (dict camera -> image topic). See the module's docstring.
+
+    `by_hand`: cameras whose clocks a person gave, which may therefore be of any other time.
+    """
     full_names = [rosbag.full_name(topic) for topic in topics.values()]
     for what, values in (("bag", [os.path.normpath(bag) for bag in bags]), ("topic", full_names)):
         twice = [value for value, count in Counter(values).items() if count > 1]
@@ -45,6 +65,7 @@ def run(*, sequence: str, bags: list[Path], data_root: Path, topics: dict[str, s
             index = rosbag.index(bag, wanted)
             _check_complete(bag, there[bag], index, wanted)
             indexes[_relative(bag, data_root)] = index
+    _check_overlap(sequence, topics, indexes, by_hand)
     parts: list[Table] = []
     recorded_twice: dict[str, int] = {}
     for camera in sorted(topics):
@@ -52,6 +73,40 @@ def run(*, sequence: str, bags: list[Path], data_root: Path, topics: dict[str, s
         parts.append(table)
     columns = {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
     tables.write(out, "frames", columns, {"recorded_twice": json.dumps(recorded_twice)})
+
+
+def _check_overlap(sequence: str, topics: dict[str, str], indexes: dict[str, Table], given: Collection[str]) -> None:
+    """Refuse recordings of which one part ended before the other began, unless their clocks are `given` by hand.
+
+    A camera that overlaps with no other may do so through a third.
+    """
+    spans = []
+    for camera, topic in sorted(topics.items()):
+        picked = {bag: index["stamp_ns"][index["topic"] == topic] for bag, index in indexes.items()}
+        stamps_ns = np.concatenate(list(picked.values()))
+        # what has no stamps at all is refused for that
+        if camera not in given and len(stamps_ns) and stamps_ns.min() > 0:
+            bags = ", ".join(Path(bag).name for bag, own in picked.items() if len(own))
+            spans.append((int(stamps_ns.min()), int(stamps_ns.max()), camera, bags))
+    spans.sort()
+    end = 0
+    for i, (first, last, *_) in enumerate(spans):
+        if i and first > end:
+            before, after = (
+                f"{', '.join(one[2] for one in part)} ({'; '.join(dict.fromkeys(one[3] for one in part))})"
+                for part in (spans[:i], spans[i:])
+            )
+            raise DiorError(
+                f"{sequence}: the recordings do not overlap: that of {before} ended {(first - end) / 1e9:.1f} s before "
+                f"that of {after} began ({_utc(end)} and {_utc(first)} UTC by the header stamps). Is a bag of another "
+                "walk among the `bags` in sequences.tsv, or was a computer's clock set wrong? In that case give "
+                f"offset_s of {' and '.join(one[2] for one in spans[i:])} in config/offsets/{sequence}.yaml"
+            )
+        end = max(end, last)
+
+
+def _utc(ns: int) -> str:
+    return f"{datetime.fromtimestamp(ns // 10**9, UTC):%Y-%m-%d %H:%M:%S}"
 
 
 def _relative(bag: Path, data_root: Path) -> str:
@@ -67,27 +122,79 @@ def _check_complete(bag: Path, there: dict[str, tuple[str, int]], index: Table, 
 
 
 def _of_camera(sequence: str, camera: str, topic: str, indexes: dict[str, Table]) -> tuple[Table, int]:
-    """Rows of one camera from the indexes of all bags, sorted by header stamp, and how many were left out."""
-    picked = {bag: tables.rows(index, index["topic"] == topic) for bag, index in indexes.items()}
-    table = {key: np.concatenate([part[key] for part in picked.values()]) for key in next(iter(picked.values()))}
-    table["bag"] = np.concatenate([np.full(len(part["topic"]), bag, object) for bag, part in picked.items()])
-    number = np.repeat(np.arange(len(picked)), [len(part["topic"]) for part in picked.values()])
-    order = np.lexsort((table["receive_ns"], table["stamp_ns"]))
-    order = order[_of_first_bag(table["stamp_ns"][order], number[order])]
+    """Rows of one camera from the indexes of all bags, in recorded order, and how many were left out."""
+    where, parts = f"{sequence}, {camera}", []
+    for bag, index in indexes.items():
+        part = tables.rows(index, index["topic"] == topic)
+        part = tables.rows(part, np.argsort(part["receive_ns"], kind="stable"))
+        parts.append(part | _restored(part, where) | {"bag": np.full(len(part["topic"]), bag, object)})
+    _check_between(parts, where)
+    table = {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
+    number = np.repeat(np.arange(len(parts)), [len(part["topic"]) for part in parts])
+    # within a bag as recorded; what another bag has in between is between by its stamp, as two recorders' clocks differ
+    latest = np.concatenate([np.maximum.accumulate(part["stamp_ns"]) for part in parts])
+    order = np.lexsort((np.arange(len(number)), number, latest))
+    order = order[_of_first_bag(*(each[order] for each in (stamps.header_ns(table), table["stamp_ns"], number)))]
     left_out, table = len(number) - len(order), tables.rows(table, order)
     _check_one_size(sequence, camera, table)
-    check_usable(table["stamp_ns"], table["receive_ns"], f"{sequence}, {camera}")
+    check_usable(table["stamp_ns"], table["receive_ns"], where)
     table["camera"] = np.full(len(order), camera, object)
     table["frame"] = np.arange(len(order), dtype=np.int32)
     return table, left_out
 
 
-def _of_first_bag(stamp_ns: Ints, bag: Ints) -> Bools:
-    """Mask (N,) of the rows whose stamp no bag of a lower number `bag` (N,) has."""
-    _, index = np.unique(stamp_ns, return_inverse=True)
-    first = np.full(len(stamp_ns), np.iinfo(int).max)
-    np.minimum.at(first, index, bag)
-    return bag == first[index]
+def _restored(part: Table, where: str) -> Table:
+    """The columns about stamps of one camera in one bag, in recorded order."""
+    if (part["stamp_ns"] <= 0).any():
+        # `check_usable` says so
+        nothing = np.full(len(part["stamp_ns"]), np.nan)
+        return {"restored_s": nothing, "restored_sigma_s": nothing}
+    found = stamps.restored(part["stamp_ns"], part["receive_ns"], where)
+    wrong = found.shift_ns != 0
+    columns = {"restored_s": found.shift_ns / 1e9, "restored_sigma_s": found.sigma_s}
+    return {"stamp_ns": found.stamp_ns} | {key: np.where(wrong, each, np.nan) for key, each in columns.items()}
+
+
+def _of_first_bag(header_ns: Ints, stamp_ns: Ints, bag: Ints) -> Bools:
+    """Mask (N,) of the rows whose picture no bag of a lower number `bag` (N,) has: the same header, and the same time.
+
+    A header's clock that goes back gives a stamp to two pictures.
+    """
+    steps = np.diff(np.unique(header_ns))
+    near = np.median(steps) / 2 if len(steps) else 0
+    order = np.lexsort((stamp_ns, header_ns))
+    another = (np.diff(header_ns[order]) != 0) | (np.diff(stamp_ns[order]) > near)
+    picture = np.empty(len(order), int)
+    picture[order] = np.r_[0, np.cumsum(another)]
+    first = np.full(len(order), np.iinfo(int).max)
+    np.minimum.at(first, picture, bag)
+    return np.asarray(bag == first[picture])
+
+
+def _check_between(parts: list[Table], where: str) -> None:
+    """Refuse a header clock that was set between one bag (rows in recorded order) and the next."""
+    parts = sorted((part for part in parts if len(part["stamp_ns"]) > 1), key=lambda part: int(part["receive_ns"][0]))
+    for one, other in pairwise(parts):
+        received = int(other["receive_ns"][0] - one["receive_ns"][-1])
+        period = np.median(np.diff(one["stamp_ns"]))
+        back = int(one["stamp_ns"].max() - other["stamp_ns"].min())
+        # two recorders have clocks of their own, and then the same pictures where they overlap
+        if received < 0 or np.isin(one["stamp_ns"], other["stamp_ns"]).any():
+            continue
+        # a network can only add to a lag
+        lags = (np.percentile(lag, 20) for lag in (_lag(one)[-ACROSS:], _lag(other)[:ACROSS]))
+        by = -np.diff(list(lags))[0]
+        if back > period / 2 or (received < SPLIT_NS and abs(by) > max(period, MOST_LAG_NS)):
+            by = by if received < SPLIT_NS else -back
+            raise DiorError(
+                f"{where}: the header clock was set {'back' if by < 0 else 'forward'} by {abs(by) / 1e9:.1f} s between "
+                f"{one['bag'][-1]} and {other['bag'][0]}, so stamps before and after it mean different times; give the "
+                "bags as two sequences"
+            )
+
+
+def _lag(part: Table) -> Ints:
+    return np.asarray(part["receive_ns"] - part["stamp_ns"])
 
 
 def _check_one_size(sequence: str, camera: str, table: Table) -> None:
@@ -102,7 +209,7 @@ def _check_one_size(sequence: str, camera: str, table: Table) -> None:
 
 
 def check_usable(stamp_ns: Ints, receive_ns: Ints, where: str) -> None:
-    """Refuse stamps (F,) of one camera, sorted by header stamp, that no step can work with.
+    """Refuse stamps (F,) of one camera that no step can work with.
 
     Raises DiorError, beginning with `where`: fewer than two pictures, header stamps that are zero, all the same, set
     back by more than a second while recording, or in another order than the pictures came in.
@@ -127,7 +234,7 @@ def check_usable(stamp_ns: Ints, receive_ns: Ints, where: str) -> None:
             "two sequences"
         )
     back = float((steps < 0).mean())
-    if back > MOST_OUT_OF_ORDER:
+    if back > stamps.MOST_OUT_OF_ORDER:
         raise DiorError(
             f"{where}: {back:.0%} of the header stamps are earlier than the one before in the recording; the driver "
             "does not stamp in the order of the pictures, or two cameras publish to one topic"

@@ -104,5 +104,5 @@ def _of_bag(row: dict[str, str], data_root: Path) -> Table:
     path = Path(data_root) / row["bag"]
     rosbag.bags_with([path], row["topic"], SHEET)
     index = rosbag.index(path, [row["topic"]])
-    index = tables.rows(index, np.argsort(index["stamp_ns"], kind="stable"))
+    index = tables.rows(index, np.argsort(index["receive_ns"], kind="stable"))
     return {**index, "file": np.full(len(index["stamp_ns"]), row["bag"], object)}

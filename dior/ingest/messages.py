@@ -105,10 +105,18 @@ def compressed(kind: str, raw: bytes, wire: str) -> bytes | None:
     return None if kind == RAW else _image(kind, raw, wire).data.tobytes()
 
 
-def camera_info(raw: bytes, wire: str) -> tuple[int, int, str, tuple[float, ...], tuple[float, ...]]:
-    """(width, height, model, D, K) of a CameraInfo. Raises ValueError."""
+def camera_info(raw: bytes, wire: str) -> dict[str, Any]:
+    """What `bags.CameraInfo` holds of a CameraInfo, by its names. Raises ValueError."""
     message = decoded(CAMERA_INFO, raw, wire)
-    return message.width, message.height, message.distortion_model, tuple(message.d.tolist()), tuple(message.k.tolist())
+    roi = message.roi
+    return {
+        "width": message.width,
+        "height": message.height,
+        "model": message.distortion_model,
+        **{key.upper(): tuple(getattr(message, key).tolist()) for key in "dkrp"},
+        "binning": (message.binning_x, message.binning_y),
+        "roi": (roi.x_offset, roi.y_offset, roi.width, roi.height),
+    }
 
 
 def content(kind: str, raw: bytes, wire: str) -> tuple[Any, ...]:

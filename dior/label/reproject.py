@@ -79,9 +79,9 @@ def run(
     uv, depth, status = labels(rig[camera], points, joints)
     if source == "mocap":
         noise = np.zeros_like(noise)
-    joint = camera_tables.read_camera_covariance(covariance, names)
+    joint = camera_tables.read_camera_covariance(covariance, names, with_lenses=True)
     elapsed = seconds(rows["stamp_ns"], body["stamp_ns"][0])
-    timing = uncertainty.Timing(known, velocity, elapsed)
+    timing = uncertainty.Timing(known, velocity, elapsed, np.nan_to_num(rows["restored_sigma_s"]))
     spread = uncertainty.of_labels(rig[camera], points, noise, [rig[name] for name in makers], names, joint, timing)
     sigma_u, sigma_v, rho_uv = uncertainty.columns(spread)
     count, each = status.shape

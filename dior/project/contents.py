@@ -13,7 +13,7 @@ from typing import Any
 from dior.project import bumps
 from dior.project.consent import consents
 from dior.project.marks_file import MarkedLines, read_marks
-from dior.project.schema_check import Row, Rows
+from dior.project.schema_check import Row, Rows, read_yaml
 
 
 @dataclass(frozen=True)
@@ -299,6 +299,10 @@ class Project:
         """[path] of the offsets given by hand, or []."""
         path = f"config/offsets/{sequence}.yaml"
         return [path] if self._exists(path) else []
+
+    def clocked_by_hand(self, sequence: str) -> list[str]:
+        """Cameras whose clock a person gave."""
+        return sorted(camera for path in self.offsets(sequence) for camera in read_yaml(self.root / path, path))
 
     def boxes(self, sequence: str) -> dict[str, str]:
         """Hand-drawn boxes: camera -> file, where there is one."""

@@ -27,7 +27,7 @@ def camera_walks(
 
     Raises DiorError as `detectors.read` does.
     """
-    pictures = tables.read(frames, "frames", ["camera", "frame", "stamp_ns", "width", "height"])
+    pictures = tables.read(frames, "frames", ["camera", "frame", "stamp_ns", "restored_s", "width", "height"])
     found, left_out = [], []
     for row in rows:
         camera, zoom = row["camera"], int(row["zoom"])

@@ -154,7 +154,7 @@ def regular(stamps_ns: Ints, values: Floats) -> tuple[Floats, float]:
     if len(stamps_ns) < 2:
         return np.asarray(values, float), np.nan
     fps = nominal_fps(stamps_ns)
-    place = np.rint((stamps_ns - stamps_ns[0]) / 1e9 * fps).astype(int)
+    place = np.rint((stamps_ns - stamps_ns.min()) / 1e9 * fps).astype(int)
     first = np.unique(place, return_index=True)[1]
     out = np.full((place.max() + 1, *values.shape[1:]), np.nan)
     out[place[first]] = values[first]

@@ -48,7 +48,7 @@ def read(path: Path | None, tool: str, min_score: float, rows: Table, where: str
         return NOBODY
     reader = READERS[found]
     people = detections.in_pixels(reader.read(path), reader, (rows["width"][0], rows["height"][0]), path, where)
-    detections.check_recording(people, rows["stamp_ns"], path, where)
+    detections.check_recording(people, rows, path, where)
     uv = np.where((people.score >= min_score)[..., None], people.uv, np.nan)
     mine = [i for i, joint in enumerate(people.joints) if joint in head_model.HEAD]
     there = np.isfinite(uv[:, mine]).all(axis=-1).sum(axis=1) >= LEAST_JOINTS

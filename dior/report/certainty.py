@@ -26,7 +26,8 @@ def spreads(paths: Iterable[AnyPath]) -> dict[str, dict[str, Floats]]:
     found: dict[str, dict[str, Floats]] = {}
     for path in paths:
         table = tables.read(path, "camera_covariance")
-        for session, camera, other, values in zip(*table.values(), strict=True):
+        columns = (table[key] for key in ("session", "camera", "other", "covariance"))
+        for session, camera, other, values in zip(*columns, strict=True):
             if camera != other:
                 continue
             sigma = np.sqrt(np.diag(values.reshape(6, 6)))

@@ -41,7 +41,7 @@ STEPS = (1, 2, 3, 5, 7)
 
 @dataclass(frozen=True, eq=False)
 class SequenceClocks:
-    """`clocks`: camera -> (offset, low, high) ms of the 95 % interval and the `source` of table `offsets`.
+    """`clocks`: camera -> (lag in the middle, low, high) ms of its 95 % interval, and the `source` of table `offsets`.
 
     `costs`: camera -> (lags (L,) ms, costs (L,) px); `rows`: what the page's table shows, a dict per camera; `notes`:
     (camera, text) of clocks that are not simply estimated.
@@ -97,7 +97,10 @@ def _of_sequence(
         by_hand = [f"given in config/offsets/{sequence}.yaml"] if one["source"] == "manual" else []
         notes += [(camera, "; ".join(by_hand + doubts[camera]))] if by_hand + doubts[camera] else []
     return SequenceClocks(
-        {c: (*(1e3 * one[key] for key in ("offset_s", "low", "high")), one["source"]) for c, one in clocks.items()},
+        {
+            c: (*(1e3 * one[key] for key in ("late_s", "late_low", "late_high")), one["source"])
+            for c, one in clocks.items()
+        },
         costs,
         tuple(_row(one, costs.get(c), bool(doubts[c])) for c, one in clocks.items()),
         tuple(notes),
@@ -107,16 +110,16 @@ def _of_sequence(
 def _row(one: Row, costs: Curve | None, doubted: bool) -> dict[str, str]:
     unknown = one["source"] == "assumed_zero"
     zero = unknown or one["source"] == "reference"
-    half, given = NORMAL_95 * 1e3 * one["sigma_s"], NORMAL_95 * 1e3 * one["given_sigma_s"]
+    half, given = NORMAL_95 * 1e3 * one["late_sigma_s"], NORMAL_95 * 1e3 * one["given_sigma_s"]
     source = one["method"] if one["source"] == "estimated" else one["source"]
     return {
         "camera": one["camera"],
-        "offset": "0" if zero else _signed(1e3 * one["offset_s"], 1),
+        "offset": "0" if zero else _signed(1e3 * one["late_s"], 1),
         "interval": "unknown" if unknown else NOTHING if zero else _interval(one, half),
         # what is left of it where the poses are not doubted, if that is less
         "given": f"as placed ±{given:.1f}" if given < 0.9 * half else "",
         "drift": NOTHING if zero else _drift(one["drift_ppm"], NORMAL_95 * one["sigma_drift_ppm"]),
-        "residual": _residual(*costs, 1e3 * one["offset_s"], zero) if costs else NOTHING,
+        "residual": _residual(*costs, 1e3 * one["late_s"], zero) if costs else NOTHING,
         "source": WORDS.get(source, source),
         "light": "look" if unknown or doubted else "none" if one["source"] == "manual" else "",
     }
@@ -140,7 +143,7 @@ def _residual(lags: Floats, costs: Floats, offset: float, zero: bool) -> str:
 def _interval(one: Row, half: float) -> str:
     if not np.isfinite(half):
         return "unknown"
-    return f"{1e3 * one['low']:.1f} to {1e3 * one['high']:.1f}" if half else "taken as exact"
+    return f"{1e3 * one['late_low']:.1f} to {1e3 * one['late_high']:.1f}" if half else "taken as exact"
 
 
 def at(lags: Floats, costs: Floats, lag: float) -> float:

@@ -318,6 +318,7 @@ def _lost_stamps(stamp_ns: Ints) -> Ints:
     """Where pictures are missing: the middle of every gap of at least one and a half median periods, ns."""
     if len(stamp_ns) < 3:
         return stamp_ns[:0]
+    stamp_ns = np.sort(stamp_ns)
     steps = np.diff(stamp_ns)
     gap = steps >= 1.5 * np.median(steps)
     return (stamp_ns[:-1][gap] + stamp_ns[1:][gap]) // 2

@@ -193,6 +193,6 @@ def lost_share(stamp_ns: Ints) -> float:
     """Share of pictures missing from stamps (F,) ns, by the gaps that are a multiple of the median period."""
     if len(stamp_ns) < 3:
         return 0.0
-    steps = np.diff(stamp_ns)
+    steps = np.diff(np.sort(stamp_ns))
     lost = (np.rint(steps / np.median(steps)).astype(int) - 1).clip(0).sum()
     return float(lost / (lost + len(stamp_ns)))

@@ -83,8 +83,6 @@ def config_yaml(settings: Settings) -> str:
     template = (TEMPLATES / "config.yaml").read_text(encoding="utf-8")
     assert "\ndata_root: data\n" in template
     text = template.replace("\ndata_root: data\n", "\ndata_root: results/simulate\n")
-    assert "intrinsics_sigma: 0.003\n" in text
-    text = text.replace("intrinsics_sigma: 0.003\n", f"intrinsics_sigma: {settings.intrinsics_error:g}\n")
     keys = "dior/project/schemas/config.schema.yaml"
     text += f"\n# The capture is simulated. All keys and their defaults: {keys}.\nsimulate:\n"
     default, given = asdict(from_dict({"preset": settings.preset})), asdict(settings)
@@ -162,18 +160,19 @@ def _write_session(settings: Settings, folder: Path, session: str, walks: list[S
     write_text(folder / "session.yaml", text)
     boxed = sorted(walk.name for walk in walks)[:ALIGNED]
     for name, placed in scene.cameras_of(settings, session).items():
-        write_text(folder / f"{name}.yaml", _camera_yaml(name, placed, outdoor, boxed))
+        write_text(folder / f"{name}.yaml", _camera_yaml(settings, name, placed, outdoor, boxed))
         if not outdoor:
             seen = truth.view(settings, walks[0], motion_of(settings, walks[0]), name)
             write_text(folder / f"{name}.marks.csv", marks(settings, walks[0], seen))
 
 
-def _camera_yaml(name: str, placed: scene.Placed, outdoor: bool, boxed: list[str]) -> str:
+def _camera_yaml(settings: Settings, name: str, placed: scene.Placed, outdoor: bool, boxed: list[str]) -> str:
     long_range = placed.camera.role == "long_range"
     lines = [
         f"role: {placed.camera.role}",
         f"topic: /{name}/color/image_raw/compressed",
         "intrinsics: camera_info",
+        f"intrinsics_sigma: {settings.intrinsics_error:g}",
         "# the simulator's lens is what the bag says; a real RealSense may not be",
         "distortion_model: plumb_bob",
         f"locate: {'align' if long_range else 'tape' if outdoor else 'marks'}",

@@ -100,7 +100,7 @@ def reported(settings: Settings, session: str, camera: Camera) -> Intrinsics:
 
     The focal length is too long or too short, the principal point is off by as much in some direction.
     """
-    lens = camera.intrinsics
+    lens = replace(camera.intrinsics, sigma=settings.intrinsics_error)
     if not settings.intrinsics_error:
         return lens
     draw = generator(settings, "camera_info", session, camera.name)

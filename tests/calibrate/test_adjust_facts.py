@@ -96,7 +96,7 @@ def ran(folder, placed, known=None, marks=(), tags=(), sigma_m=0.3, sequences=("
             window={name: {"first": 0, "count": MOMENTS, "step": 1} for name in sequences},
         ),
         choices=adjust.Choices(
-            min_score=0.4, min_views=3, huber_px=15.0, max_mean_px=12.0, max_gap=1.5, intrinsics_sigma=0
+            min_score=0.4, min_views=3, huber_px=15.0, max_mean_px=12.0, max_gap=1.5
         ),
         measured=adjust.Measured(known or {}, list(marks), list(sequences), list(tags)), physics=physics or {},
         written=adjust.Written(

@@ -31,15 +31,22 @@ def capture(shared, tmp_path_factory):
     import tomllib
 
     folder, source = tmp_path_factory.mktemp("real_outdoor"), shared / "real_outdoor"
-    calibration = tomllib.loads((source / "reference/calibration.toml").read_text())
+    calibration = tomllib.loads((source / "reference/calibration_qualisys.toml").read_text())
     cameras, rows = [], []
     for name in NAMES:
         entry = calibration[f"cam_{name[3:]}"]
         K = np.array(entry["matrix"])
         lens = Intrinsics(
-            *map(int, entry["size"]), K[0, 0], K[1, 1], K[0, 2], K[1, 2], "plumb_bob", tuple(entry["distortions"])
+            *map(int, entry["size"]),
+            K[0, 0],
+            K[1, 1],
+            K[0, 2],
+            K[1, 2],
+            "plumb_bob",
+            tuple(entry["distortions"]),
+            LENS_SIGMA,
         )
-        wTc = reference_pose(source / "reference/calibration.toml", f"cam_{name[3:]}")
+        wTc = reference_pose(source / "reference/calibration_qualisys.toml", f"cam_{name[3:]}")
         cameras.append(Camera(name, lens, wTc, "close", "reference"))
         keypoints = np.full((100, 25, 3), np.nan)
         for path in sorted((source / "openpose_single" / name).glob("*.json")):
@@ -81,7 +88,7 @@ def adjusted(folder, cameras, out, tape_sigma=None, sections=None, clocks=GENLOC
             WINDOW if sections is None else sections,
         ),
         choices=Choices(
-            min_score=0.4, min_views=3, huber_px=15.0, max_mean_px=12.0, max_gap=1.5, intrinsics_sigma=LENS_SIGMA
+            min_score=0.4, min_views=3, huber_px=15.0, max_mean_px=12.0, max_gap=1.5
         ),
         measured=Measured(known={}, marks=[], marked=[], tags=[]), physics={},
         written=Written(
@@ -249,4 +256,6 @@ def test_a_clock_given_by_hand_that_is_wrong_by_three_pictures_is_named(capture,
     folder, cameras = capture
     _, _, findings = adjusted(shifted(folder, tmp_path / "in", "cam03", 0.05), cameras, tmp_path / "out")
     (text,) = told(findings, "clock_contradicts")
-    assert text.startswith(f"{SEQUENCE}/cam03: the offset of +0.0 ms given by hand contradicts")
+    assert text.startswith(
+        f"{SEQUENCE}/cam03: the offset given by hand, in the middle of the window +0.0 ms, contradicts"
+    )

@@ -16,6 +16,9 @@ T0 = 1_708_000_000_000_000_000
 REALSENSE = "/cam01/color/image_raw/compressed"
 OTHER = "/cam01/rgb/image_raw/compressed"
 K = (600.0, 0, 320.5, 0, 601.0, 240.25, 0, 0, 1)
+IDENTITY = (1, 0, 0, 0, 1, 0, 0, 0, 1)
+# another focal length and middle than K, and the second camera of a pair: P[3] is its distance times -fx
+P = (560.0, 0, 318.0, -56.0, 0, 560.0, 242.0, 0, 0, 0, 1, 0)
 TOML = """
 [cam_01]
 name = "cam_01"
@@ -26,13 +29,18 @@ fisheye = false
 """
 
 
-def camera_info(d=(), k=K, model="plumb_bob", width=640, height=480, second=0):
+def camera_info(d=(), k=K, model="plumb_bob", width=640, height=480, second=0, p=(0,) * 12, r=IDENTITY, **window):
+    """`window`: binning_x, binning_y; left, top, wide, high of the region of interest."""
     time = TYPES["builtin_interfaces/msg/Time"](sec=T0 // 10**9 + second, nanosec=0)
-    roi = TYPES["sensor_msgs/msg/RegionOfInterest"](x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)
+    window = dict.fromkeys(("binning_x", "binning_y", "left", "top", "wide", "high"), 0) | window
+    roi = TYPES["sensor_msgs/msg/RegionOfInterest"](
+        x_offset=window["left"], y_offset=window["top"], height=window["high"], width=window["wide"], do_rectify=False
+    )
     return TYPES["sensor_msgs/msg/CameraInfo"](
         header=TYPES["std_msgs/msg/Header"](seq=second, stamp=time, frame_id="lens"),
         height=height, width=width, distortion_model=model, D=np.array(d, float), K=np.array(k, float),
-        R=np.eye(3).ravel(), P=np.zeros(12), binning_x=0, binning_y=0, roi=roi,
+        R=np.array(r, float), P=np.array(p, float), binning_x=window["binning_x"], binning_y=window["binning_y"],
+        roi=roi,
     )  # fmt: skip
 
 
@@ -40,7 +48,7 @@ def run(tmp_path, infos=None, topic=REALSENSE, size=(640, 480), **kwargs):
     """Write a bag with the CameraInfo messages and a frames table that points to it, and run the step."""
     (tmp_path / "a.bag").unlink(missing_ok=True)
     if infos:
-        info_topic = topic.removesuffix("/image_raw/compressed") + "/camera_info"
+        info_topic = topic.removesuffix("/compressed").rpartition("/")[0] + "/camera_info"
         with Writer(tmp_path / "a.bag") as writer:
             connection = writer.add_connection(info_topic, infos[0].__msgtype__, typestore=STORE)
             for i, info in enumerate(infos):
@@ -111,6 +119,68 @@ def test_refused_camera_info(tmp_path, info, text):
         run(tmp_path, [info], OTHER)
 
 
+@pytest.mark.parametrize(
+    "name", ["image_rect", "image_rect_color/compressed", "image_rect_raw", "image_rect/compressed"]
+)
+@pytest.mark.parametrize("model", ["plumb_bob", "equidistant"])
+def test_rectified_pictures_have_P_and_no_distortion(tmp_path, name, model):
+    lens = run(tmp_path, [camera_info((0.1, -0.2, 0, 0), model=model, p=P)], f"/cam01/{name}").intrinsics
+    assert (lens.fx, lens.fy, lens.cx, lens.cy) == (560, 560, 318, 242)
+    assert lens.model == "plumb_bob" and not any(lens.distortion) and (lens.width, lens.height) == (640, 480)
+    found = tables.read(tmp_path / "findings.parquet", "findings")
+    assert list(zip(found["severity"], found["code"], strict=True)) == [("info", "rectified_pictures")]
+
+
+def test_rectified_pictures_that_are_turned_or_whose_P_is_zero_or_whose_lens_is_another(tmp_path):
+    c, s = np.cos(0.01), np.sin(0.01)
+    run(tmp_path, [camera_info(p=P, r=(c, 0, s, 0, 1, 0, -s, 0, c), d=(0,) * 5)], "/cam01/image_rect")
+    found = tables.read(tmp_path / "findings.parquet", "findings")
+    assert found["severity"].tolist() == ["warning"] and "turned by 0.57 degrees" in found["text"][0]
+    with pytest.raises(
+        DiorError, match="P is all zero, so nothing tells the focal length of the rectified pictures on /c"
+    ):
+        run(tmp_path, [camera_info((0,) * 5)], "/cam01/image_rect")
+    (tmp_path / "calib.toml").write_text(TOML)
+    run(tmp_path, topic="/cam01/image_rect", source="calib.toml", name="cam_01")
+    found = tables.read(tmp_path / "findings.parquet", "findings")
+    assert (found["severity"][0], found["code"][0]) == ("warning", "rectified_with_distortion")
+
+
+@pytest.mark.parametrize(
+    "window, size, middle",
+    [
+        ({"binning_x": 1, "binning_y": 1}, (640, 480), (320.5, 240.25)),
+        ({"wide": 640, "high": 480}, (640, 480), (320.5, 240.25)),
+        ({"binning_x": 2, "binning_y": 2}, (320, 240), (160.0, 119.875)),
+        ({"left": 100, "top": 40, "wide": 400, "high": 300}, (400, 300), (220.5, 200.25)),
+        ({"left": 100, "top": 40, "wide": 400, "high": 300, "binning_x": 2, "binning_y": 2}, (200, 150), (110, 99.875)),
+    ],
+)
+def test_a_part_of_the_sensor_or_binned_pixels_have_their_own_middle_and_focal_length(tmp_path, window, size, middle):
+    """Pixel n of binned ones lies between 2n and 2n + 1."""
+    lens = run(tmp_path, [camera_info((0.1,) * 5, **window)], OTHER, size).intrinsics
+    n = max(window.get("binning_x", 1), 1)
+    assert (lens.cx, lens.cy) == pytest.approx(middle) and (lens.fx, lens.fy) == (600 / n, 601 / n)
+    assert (lens.width, lens.height) == size and lens.distortion[:5] == (0.1,) * 5
+
+
+@pytest.mark.parametrize(
+    "window, size",
+    [
+        ({"binning_x": 2, "binning_y": 2}, (640, 480)),
+        ({"binning_x": 2, "binning_y": 1}, (320, 240)),
+        ({"wide": 400, "high": 300}, (640, 480)),
+        ({"left": 100, "top": 40, "wide": 640, "high": 480}, (640, 480)),
+        ({"left": 100}, (640, 480)),
+    ],
+)
+def test_a_region_or_binning_that_contradicts_the_sizes_is_refused(tmp_path, window, size):
+    said = r"camera_info: by its region of interest .* of 640x480 px, the pictures would be .*, and they are "
+    for topic in (OTHER, "/cam01/rgb/image_rect"):
+        with pytest.raises(DiorError, match=said + f"{size[0]}x{size[1]}, so what K is of cannot be told"):
+            run(tmp_path, [camera_info((0,) * 5, p=P, **window)], topic, size)
+
+
 def test_no_camera_info_in_the_bag(tmp_path):
     run(tmp_path, [camera_info((0,) * 5)], OTHER)
     with pytest.raises(DiorError, match=r"topic /cam02/rgb/camera_info is not in .*there are /cam01/rgb/camera_info"):
@@ -126,6 +196,27 @@ def test_toml(tmp_path):
     lens = run(tmp_path, source="calib.toml", name="cam_01").intrinsics
     assert (lens.width, lens.height, lens.fx, lens.fy, lens.cx, lens.cy) == (640, 480, 600, 601, 320.5, 240.25)
     assert lens.model == "plumb_bob" and lens.distortion == (0.1, -0.2, 0.001, 0.002, 0, 0, 0, 0)
+
+
+def test_how_well_a_lens_is_known_is_the_makers_unless_a_person_says_it(tmp_path):
+    (tmp_path / "calib.toml").write_text(TOML)
+    from_file = {"source": "calib.toml", "name": "cam_01"}
+    assert run(tmp_path, [camera_info((0,) * 5)], OTHER).intrinsics.sigma == 0.003
+    assert run(tmp_path, **from_file).intrinsics.sigma == 0.003
+    assert run(tmp_path, **from_file, sigma="0.001").intrinsics.sigma == 0.001
+    assert run(tmp_path, **from_file, sigma="0").intrinsics.sigma == 0
+
+
+@pytest.mark.parametrize(
+    ("distortions", "hint"),
+    [([-0.0007, 0.0022, 9.5e-06, 1e-05], True), ([-0.046, 0.14, 6e-4, 7e-4], False), ([0.0] * 4, False)],
+)
+def test_coefficients_that_may_be_a_64th_are_hinted_at(tmp_path, distortions, hint):
+    (tmp_path / "calib.toml").write_text(TOML.replace("[0.1, -0.2, 0.001, 0.002]", str(distortions)))
+    run(tmp_path, source="calib.toml", name="cam_01")
+    found = tables.read(tmp_path / "findings.parquet", "findings")
+    assert list(zip(found["severity"], found["code"], strict=True)) == [("info", "tiny_distortion")] * hint
+    assert not hint or "calib.toml [cam_01]: all distortion coefficients are below 0.003" in found["text"][0]
 
 
 @pytest.mark.parametrize(

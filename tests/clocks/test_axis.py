@@ -150,3 +150,13 @@ def test_a_picture_beside_a_bridged_instant_says_so_and_between_lost_ones_there_
     points, _, bridged, _ = axis.at_pictures(skeleton, T0 + np.round(at * 1e7).astype(np.int64), 0.0, 0.0)
     assert at[bridged[:, 0]].tolist() == [19.5, 20.0, 20.5]
     assert at[np.isnan(points[:, 0, 0])].tolist() == [30.0, 31.5]
+
+
+def test_a_picture_that_was_recorded_after_a_later_one_is_in_its_place():
+    times, order = np.arange(6) / 10, np.array([0, 1, 3, 2, 4, 5])
+    values = 10 * times[:, None]
+    at = np.array([0.05, 0.15, 0.2, 0.25, 0.35, 0.6])
+    found = axis.sample(times[order], values[order], at, 0.15)[:, 0]
+    assert found == pytest.approx([0.5, 1.5, 2, 2.5, 3.5, np.nan], nan_ok=True)
+    before, after, _ = axis.bracket(times[order], at, 0.15)
+    assert before.tolist() == [0, 1, 3, 3, 2, -1] and after.tolist() == [1, 3, 3, 2, 4, -1]

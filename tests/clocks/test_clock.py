@@ -60,14 +60,30 @@ def test_sigma_is_unknown_without_the_covariance_of_a_camera_that_it_hangs_on():
     assert clocks.Clock(0.1, given=(0.003, 7.0)).sigma().tolist() == [0.003, 7.0]
 
 
-def test_the_table_has_the_interval_of_the_time_in_the_middle(tmp_path):
-    made = {"cam01": clocks.Clock(0.25, -30.0, "estimated", "cameras", 30.0, (0.004, 6.0))}
+def test_the_table_has_the_interval_of_the_offset_and_that_of_the_lag_in_the_middle(tmp_path):
+    """6 ppm over 30 s lead back to t0 with 0.18 ms more; -30 ppm are 0.9 ms there."""
+    made = {"cam01": clocks.Clock(0.25, -30.0, "estimated", "cameras", 30.0, (0.0004, 6.0))}
     paths = tmp_path / "o.parquet", tmp_path / "g.parquet"
     clocks.write(*paths, "walk_1", made)
     table = clocks.tables.read(paths[0], "offsets")
-    assert table["low"][0] == pytest.approx(0.25 - 1.96 * 0.004)
-    assert table["high"][0] == pytest.approx(0.25 + 1.96 * 0.004)
-    assert (table["sigma_s"][0], table["sigma_drift_ppm"][0], table["drift_ppm"][0]) == (0.004, 6.0, -30.0)
+    at_t0 = np.hypot(0.0004, 0.00018)
+    assert table["sigma_s"][0] == pytest.approx(at_t0)
+    assert [table[key][0] for key in ("low", "high")] == pytest.approx([0.25 - 1.96 * at_t0, 0.25 + 1.96 * at_t0])
+    assert (table["late_s"][0], table["late_sigma_s"][0]) == pytest.approx((0.25 - 0.0009, 0.0004))
+    assert table["late_low"][0] == pytest.approx(0.2491 - 1.96 * 0.0004)
+    assert table["late_high"][0] == pytest.approx(0.2491 + 1.96 * 0.0004)
+    assert (table["sigma_drift_ppm"][0], table["drift_ppm"][0]) == (6.0, -30.0)
+
+
+def test_what_a_camera_does_to_time_and_drift_together_counts_in_the_offset():
+    """A turn that makes the middle late by a and the drift larger by b makes t0 late by a - 30 b / 1e6."""
+    gain = np.zeros((2, 6))
+    gain[:, 0] = 0.01, 200.0
+    clock = clocks.Clock(0.1, 0.0, middle_s=30.0, given=(0.0, 0.0), gains={"cam02": gain})
+    joint = np.diag([0.5**2, 0, 0, 0, 0, 0])
+    assert clock.sigma_offset(["cam02"], joint) == pytest.approx(0.5 * (0.01 - 0.006))
+    assert np.isnan(clock.sigma_offset(["cam01"], joint))
+    assert clocks.Clock(0.1, given=(0.003, np.nan)).sigma_offset() == 0.003
 
 
 def test_a_clock_by_hand_is_doubted_by_time_and_not_by_pictures():

@@ -74,11 +74,15 @@ def adjusted_project(project, shared, metres, degrees):
     """OpenPose, all four cameras close, adjusted on frames 1, 3, ... 99 from perturbed reference cameras."""
     data = shared / "real_outdoor"
     moved = project / "moved.toml"
-    moved.write_text(perturbed((data / "reference/calibration.toml").read_text(), 1, metres, degrees))
+    moved.write_text(perturbed((data / "reference/calibration_qualisys.toml").read_text(), 1, metres, degrees))
     edit(project / "config/sequences.tsv", "mlkit/{camera}.jsonl", "openpose_single/{camera}")
     for i in range(1, 5):
         path = project / f"config/sessions/beam/cam0{i}.yaml"
-        edit(path, "reference/calibration.toml", os.path.relpath(moved, data))
+        edit(
+            path,
+            "reference: {file: reference/calibration_qualisys.toml",
+            f"reference: {{file: {os.path.relpath(moved, data)}",
+        )
     edit(project / "config/sessions/beam/cam04.yaml", "role: long_range", "role: close")
     with open(project / "config/sessions/beam/session.yaml", "a") as stream:
         stream.write("adjust:\n  beam_01: {first: 1, count: 50, step: 2}\n")
@@ -111,7 +115,13 @@ def test_adjusted_cameras(project, shared, metres, degrees, start):
             "sessions/beam/cam02.yaml", "/cam02/color/image_raw", "/cam02/colour/image_raw", "frames", ["/cam02/color/"]
         ),
         slow("sessions/beam/cam02.yaml", "name: cam_02", "name: cam_20", "place", ["cam_20", "it has cam_01, cam_02"]),
-        slow("sessions/beam/cam02.yaml", "reference/cal", "refrence/cal", "place", ["refrence/calibration.toml"]),
+        slow(
+            "sessions/beam/cam02.yaml",
+            "reference: {file: ref",
+            "reference: {file: refr",
+            "place",
+            ["refrerence/calibration_q"],
+        ),
     ],
 )
 def test_a_mistake_is_one_clear_sentence(project, file, right, wrong, step, words):

@@ -1,5 +1,7 @@
 """Jacobians against finite differences, and the covariance of a triangulated point against many tries."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -27,6 +29,30 @@ def test_projection_matches_finite_differences(rig):
             step = 1e-6 * np.eye(6)[axis]
             there, back = (cam.project(covariance.moved(camera, s * step), POINTS)[0] for s in (1, -1))
             np.testing.assert_allclose(by_camera[..., axis], (there - back) / 2e-6, atol=1e-3)
+
+
+def test_the_pixel_follows_the_lens(rig):
+    """Focal length, cx and cy, relative to the focal length; fy goes with fx."""
+    for camera in rig:
+        lens, slope = camera.intrinsics, covariance.by_lens(camera, POINTS)
+        for axis, wrong in enumerate(_wrong_lens(lens, 1e-6 * np.eye(3)[axis]) for axis in range(3)):
+            moved = cam.project(replace(camera, intrinsics=wrong), POINTS)[0] - cam.project(camera, POINTS)[0]
+            np.testing.assert_allclose(slope[..., axis], moved / 1e-6, atol=1e-2)
+
+
+def _wrong_lens(lens, error):
+    cx, cy = lens.cx + error[1] * lens.fx, lens.cy + error[2] * lens.fx
+    return replace(lens, fx=lens.fx * (1 + error[0]), fy=lens.fy * (1 + error[0]), cx=cx, cy=cy)
+
+
+def test_triangulated_point_follows_the_lenses(rig):
+    uv = np.stack([cam.project(c, POINTS)[0] for c in rig])
+    say = np.broadcast_to(np.eye(2) / 2.0**2, (3, 2, 2, 2))
+    _, by_all = covariance.triangulated(rig, POINTS, say, with_lenses=True)
+    step = np.zeros((3, 9))
+    step[:, 6:] = 1e-4 * np.random.default_rng(0).standard_normal((3, 3))
+    wrong = [replace(c, intrinsics=_wrong_lens(c.intrinsics, s[6:])) for c, s in zip(rig, step, strict=True)]
+    np.testing.assert_allclose(_points(wrong, uv) - POINTS, by_all @ step.ravel(), atol=3e-5)
 
 
 def test_triangulated_point_follows_its_cameras(rig):
@@ -68,6 +94,24 @@ def test_camera_covariance_is_read_as_written_and_joined(tmp_path):
     np.testing.assert_array_equal(turned[:6, 6:], S[12:, :6])
     alone = camera_tables.read_camera_covariance(both[0], names)
     assert np.isnan(alone[12:]).all() and np.isnan(alone[:, 12:]).all() and np.isfinite(alone[:12, :12]).all()
+
+
+def test_the_covariance_with_lenses_is_read_as_written(tmp_path):
+    A = np.random.default_rng(1).standard_normal((18, 18))
+    S, names = A @ A.T, ["cam01", "cam02"]
+    camera_tables.write_camera_covariance(tmp_path / "a.parquet", names, S, "lab")
+    np.testing.assert_array_equal(camera_tables.read_camera_covariance(tmp_path / "a.parquet", names, True), S)
+    turned = camera_tables.read_camera_covariance(tmp_path / "a.parquet", names[::-1], True)
+    np.testing.assert_array_equal(turned[:9, 9:], S[9:, :9])
+    poses = camera_tables.read_camera_covariance(tmp_path / "a.parquet", names)
+    np.testing.assert_array_equal(poses[:6, 6:], S[:6, 9:15])
+    blocks = S.reshape(2, 9, 2, 9)
+    parts = [blocks[:, a, :, b] for a, b in ((slice(6), slice(6)), (slice(6), slice(6, 9)), (slice(6, 9), slice(6, 9)))]
+    flat = [part.reshape(part.shape[0] * part.shape[1], -1) for part in parts]
+    np.testing.assert_array_equal(covariance.joined(*flat), S)
+    # without lenses they are right
+    camera_tables.write_camera_covariance(tmp_path / "b.parquet", names, np.eye(12), "lab")
+    assert np.diag(camera_tables.read_camera_covariance(tmp_path / "b.parquet", names, True)).sum() == 12
 
 
 def test_point_covariance_is_read_from_its_columns():

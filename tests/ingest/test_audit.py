@@ -21,6 +21,8 @@ def table(stamp_ns, lag_ms=4.0, bag="a.bag"):
         "receive_ns": receive[order],
         "frame": np.arange(len(order)),
         "bag": np.full(len(order), bag, object),
+        "restored_s": np.full(len(order), np.nan),
+        "restored_sigma_s": np.full(len(order), np.nan),
     }
 
 
@@ -134,13 +136,23 @@ def test_repeated_pictures_and_pictures_out_of_order():
     assert audited(table(grid(), lag)).row["out_of_order"] == 1
 
 
-@pytest.mark.parametrize("back_s, refused", [(0.5, False), (0.99, False), (1.1, True), (2.5, True)])
-def test_a_clock_that_is_set_back_by_more_than_a_second_is_refused(back_s, refused):
+def test_restored_stamps_are_named_and_nothing_of_them_is_lost_or_jumps():
+    rows = table(grid())
+    rows["restored_s"][[*range(100, 120), 200]] = [0.6] * 20 + [-0.25]
+    rows["restored_sigma_s"][[*range(100, 120), 200]] = [0.0005] * 20 + [0.002]
+    done = audited(rows)
+    assert done.row["restored"] == 21 and done.row["lost"] == 0 and done.jumps == ()
+    [first, second] = audit.judge({**done.row, "black": 0}, done, "a.bag")
+    assert first[:2] == second[:2] == ("warning", "stamps_restored")
+    assert "a.bag: the header clock is 0.60 s early in frames 100 to 119 and nowhere else" in first[2]
+    assert "to 0.5 ms" in first[2] and "0.25 s late in frame 200" in second[2]
+
+
+@pytest.mark.parametrize("back_s", [1.1, 2.5])
+def test_a_clock_that_is_set_back_by_more_than_a_second_between_bags_is_refused(back_s):
     receive = grid()
     stamps = receive - np.where(np.arange(300) >= 150, round((back_s + PERIOD / 1e9) * 1e9), 0)
     order = np.argsort(stamps, kind="stable")
-    if not refused:
-        return frames.check_usable(stamps[order], receive[order], "walk, cam01")
     with pytest.raises(
         DiorError, match=f"walk, cam01: the header clock was set back by {back_s:.1f} s after picture 149"
     ):

@@ -79,12 +79,75 @@ def test_two_bags_of_one_camera_merge_by_stamp_and_cameras_are_sorted(tmp_path):
     assert second["frame"].tolist() == [0, 1, 2, 3]
 
 
-def test_messages_received_out_of_order_are_numbered_by_header_stamp(tmp_path):
+def test_messages_received_out_of_order_are_numbered_as_recorded(tmp_path):
     stamps = [T0 + i for i in (0, 1, 3, 2, *range(4, 20))]
     messages = [(TOPIC, T0 + 100 + i, compressed(s, encoded(picture(i)))) for i, s in enumerate(stamps)]
     table = index(tmp_path, [write_bag(tmp_path / "a.bag", messages)])
-    assert table["stamp_ns"].tolist() == sorted(stamps)
-    assert table["receive_ns"][:5].tolist() == [T0 + 100, T0 + 101, T0 + 103, T0 + 102, T0 + 104]
+    assert table["stamp_ns"].tolist() == stamps and np.isnan(table["restored_s"]).all()
+    assert table["receive_ns"].tolist() == [T0 + 100 + i for i in range(20)]
+
+
+def test_stamps_that_jump_back_for_a_while_renumber_nothing(tmp_path):
+    """20 pictures 0.6 s early, in one bag and where the next bag begins."""
+    right = [T0 + 33_333_333 * i for i in range(100)]
+    given = [s - 600_000_000 * (40 <= i < 60) for i, s in enumerate(right)]
+    messages = [
+        (TOPIC, r + 4_000_000, compressed(s, encoded(picture(i))))
+        for i, (s, r) in enumerate(zip(given, right, strict=True))
+    ]
+    for parts in ([messages], [messages[:50], messages[50:]], [messages[:65], messages[48:]]):
+        paths = [write_bag(tmp_path / f"{len(parts)}_{i}_{len(one)}.bag", one) for i, one in enumerate(parts)]
+        table = index(tmp_path, paths)
+        np.testing.assert_allclose((table["stamp_ns"] - right) / 1e9, 0, atol=1e-6)
+        assert (np.diff(table["receive_ns"]) > 0).all() and table["frame"].tolist() == list(range(100))
+        assert np.flatnonzero(np.isfinite(table["restored_s"])).tolist() == list(range(40, 60))
+        assert table["restored_s"][40] == pytest.approx(0.6, abs=1e-6) and 0 < table["restored_sigma_s"][40] < 1e-4
+        pixels = dict(bags.read_pictures(tables.rows(table, np.array([40, 41])), tmp_path))
+        assert [pixels[i][0, 0, 0] for i in (0, 1)] == [40, 41]
+
+
+@pytest.mark.parametrize(("by_s", "said"), [(-0.6, "set back by 0.6 s"), (0.6, "set forward by 0.6 s")])
+def test_a_clock_that_is_set_between_two_bags_is_refused(tmp_path, by_s, said):
+    right = [T0 + 33_333_333 * i for i in range(100)]
+    given = [s + round(1e9 * by_s) * (i >= 50) for i, s in enumerate(right)]
+    messages = [(TOPIC, r + 4_000_000, compressed(s, encoded(picture(9)))) for s, r in zip(given, right, strict=True)]
+    paths = [write_bag(tmp_path / name, part) for name, part in (("a.bag", messages[:50]), ("b.bag", messages[50:]))]
+    with pytest.raises(DiorError, match=f"the header clock was {said} between a.bag and b.bag"):
+        index(tmp_path, paths)
+
+
+@pytest.mark.parametrize("cameras", [("cam01", "cam02"), ("cam02", "cam01")])
+def test_recorders_that_do_not_overlap_are_said_first_unless_a_person_gave_the_clock(tmp_path, cameras):
+    """Also where another thing is wrong: the second camera's pictures change their size."""
+    near, far = cameras
+    one = write_bag(tmp_path / "pc1.bag", pictures([T0 + 10**8 * i for i in range(5)], topic="/a/image"))
+    late = T0 + 3_600_000_000_000
+    sizes = [(48, 64), (48, 64), (30, 90)]
+    messages = [
+        ("/b/image", late + i * 10**8 + 4, compressed(late + i * 10**8, encoded(picture(9, size=size))))
+        for i, size in enumerate(sizes)
+    ]
+    topics = {near: "/a/image", far: "/b/image"}
+    paths = [one, write_bag(tmp_path / "pc2.bag", messages)]
+    said = (
+        rf"walk: the recordings do not overlap: that of {near} \(pc1.bag\) ended 3599.6 s before that of {far} "
+        rf"\(pc2.bag\) began \(2024-02-15 12:26:40 and 2024-02-15 13:26:40 UTC .* give offset_s "
+        rf"of {far} in config/offsets"
+    )
+    with pytest.raises(DiorError, match=said):
+        index(tmp_path, paths, topics)
+    out = {"data_root": tmp_path, "out": tmp_path / "frames.parquet"}
+    with pytest.raises(DiorError, match="a camera must keep one resolution"):
+        frames.run(sequence="walk", bags=paths, topics=topics, by_hand=[far], **out)
+
+
+def test_recordings_may_overlap_through_a_third(tmp_path):
+    """The first camera ended before the second began."""
+    parts = {"/a/image": (0, 5), "/b/image": (6, 12), "/c/image": (3, 9)}
+    messages = [m for t, (a, b) in parts.items() for m in pictures([T0 + 10**8 * i for i in range(a, b)], topic=t)]
+    bag = write_bag(tmp_path / "pc1.bag", sorted(messages, key=lambda message: message[1]))
+    table = index(tmp_path, [bag], {f"cam0{i}": topic for i, topic in enumerate(parts)})
+    assert len(table["frame"]) == 17
 
 
 def test_same_input_same_bytes(tmp_path):

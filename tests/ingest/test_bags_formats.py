@@ -19,6 +19,7 @@ from tests.ingest.bagfiles import FORMATS, T0, info, packed, picture, raw, write
 
 JPEG, RAW = "/cam01/color/image_raw/compressed", "/cam02/image_raw"
 STEP = 33_333_333
+SIZE = 64, 48  # width, height px of the CameraInfo written there
 
 
 def capture(count=6):
@@ -221,11 +222,11 @@ def test_a_recorded_realsense_needs_a_person_to_name_its_model(tmp_path, form, t
     with pytest.raises(
         DiorError, match=r"cannot tell a RealSense's lens model.* add `distortion_model:` .*cam01\.yaml"
     ):
-        intrinsics.from_camera_info(lens, topic, "", "cam01.yaml")
+        intrinsics.from_camera_info(lens, topic, "", "cam01.yaml", SIZE)
     for model in ("plumb_bob", "inverse_brown_conrady"):
-        assert intrinsics.from_camera_info(lens, topic, model, "cam01.yaml").model == model
+        assert intrinsics.from_camera_info(lens, topic, model, "cam01.yaml", SIZE).model == model
     plain = bags.read_camera_info([write(tmp_path / "plain", [info(beside, T0, (0.0,) * 5)], form)], topic)
-    assert intrinsics.from_camera_info(plain, topic, "", "cam01.yaml").model == "plumb_bob"
+    assert intrinsics.from_camera_info(plain, topic, "", "cam01.yaml", SIZE).model == "plumb_bob"
 
 
 def test_recorded_lens_of_both_spellings_through_the_step(tmp_path):
@@ -234,7 +235,7 @@ def test_recorded_lens_of_both_spellings_through_the_step(tmp_path):
         bag = write(tmp_path / form, capture(), form)
         index(tmp_path, [bag])
         lens = bags.read_camera_info([bag], RAW)
-        written.append(intrinsics.from_camera_info(lens, RAW, "", "cam02.yaml"))
+        written.append(intrinsics.from_camera_info(lens, RAW, "", "cam02.yaml", SIZE))
     assert written[0] == written[1] and written[0].model == "rational_polynomial"
 
 

@@ -64,11 +64,11 @@ def write_openpose(folder, files):
         (folder / name).write_text(json.dumps({"version": 1.3, "people": found}))
 
 
-def run(tmp_path, pattern, cameras=("cam01",), format="auto", count=5):
+def run(tmp_path, pattern, cameras=("cam01",), format="auto", count=5, **columns):
     frame = np.tile(np.arange(count), len(cameras))
     tables.write(tmp_path / "frames.parquet", "frames", {
         "camera": np.repeat(np.array(cameras, object), count), "frame": frame, "stamp_ns": stamp(frame),
-    })  # fmt: skip
+    } | columns)  # fmt: skip
     detections.run(
         sequence="walk", pattern=str(tmp_path / pattern), cameras=list(cameras), format=format,
         frames=tmp_path / "frames.parquet", out=tmp_path / "out.parquet", findings=tmp_path / "out.findings.parquet",
@@ -211,6 +211,16 @@ def test_detections_of_another_recording(tmp_path):
     write_lines(tmp_path / "cam01.jsonl", [line(0), line(5)])
     with pytest.raises(DiorError, match=r"walk, cam01: .* has frame 5 but the recording has frames 0 to 4"):
         run(tmp_path, "{camera}.jsonl")
+
+
+def test_a_detector_has_the_stamps_of_the_headers_also_where_they_were_restored(tmp_path):
+    early = {"restored_s": np.where(np.arange(5) == 3, 0.6, np.nan)}
+    write_lines(tmp_path / "cam01.jsonl", [line(0), line(3, stamp_ns=stamp(3) - 600_000_000)])
+    table, _ = run(tmp_path, "cam01.jsonl", **early)
+    assert (table["stamp_ns"][table["frame"] == 3] == stamp(3)).all()
+    write_lines(tmp_path / "cam01.jsonl", [line(2, stamp_ns=stamp(2) - 600_000_000)])
+    with pytest.raises(DiorError, match="gives frame 2 the stamp"):
+        run(tmp_path, "cam01.jsonl", **early)
 
 
 @pytest.mark.parametrize(

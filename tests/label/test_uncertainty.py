@@ -92,6 +92,18 @@ def test_a_clock_moves_a_label_along_its_motion_and_the_more_the_longer_its_drif
     assert np.sqrt(np.trace(spread, axis1=-2, axis2=-1)) == pytest.approx(late[:, None] * speed_px, rel=1e-9)
 
 
+def test_a_stamp_that_was_restored_adds_its_own_error_to_its_picture():
+    own = camera("cam01", (0.0, 5.0, 1.0))
+    points = np.broadcast_to([0.0, 0.0, 1.0], (2, 1, 3))
+    velocity = np.broadcast_to([2.0, 0.0, 0.0], points.shape)
+    speed_px = np.linalg.norm(cov.projection(own, points)[0] @ velocity[..., None], axis=(-1, -2))
+    clock, restored = {"cam01": Clock(0.0, given=(0.003, 0.0))}, np.array([0.0, 0.004])
+    timing = uncertainty.Timing(clock, velocity, np.zeros(2), restored)
+    spread = uncertainty.of_labels(own, points, np.zeros((2, 1, 3, 3)), [], ["cam01"], np.zeros((6, 6)), timing)
+    late = np.array([0.003, 0.005])
+    assert np.sqrt(np.trace(spread, axis1=-2, axis2=-1)) == pytest.approx(late[:, None] * speed_px, rel=1e-9)
+
+
 def test_what_a_clock_owes_to_a_pose_grows_with_its_drift():
     """The clock's own camera is turned: its label moves by the pose and, in time, by what the clock took from it."""
     own = camera("cam01", (0.0, 5.0, 1.0))

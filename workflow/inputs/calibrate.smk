@@ -35,6 +35,11 @@ def intrinsics_board(wildcards):
     return json.dumps({} if not isinstance(source, dict) or "file" in source else source)
 
 
+def intrinsics_sigma(wildcards):
+    """As text, "" where the camera's YAML does not say it."""
+    return str(PROJECT.cameras(wildcards.session)[wildcards.camera].get("intrinsics_sigma", ""))
+
+
 def intrinsics_file(wildcards):
     source = setting("intrinsics")(wildcards)
     if not isinstance(source, dict):

@@ -37,6 +37,10 @@ def topics(wildcards):
     return [f"{name}={camera['topic']}" for name, camera in cameras.items()]
 
 
+def clocked_by_hand(wildcards):
+    return PROJECT.clocked_by_hand(wildcards.sequence)
+
+
 def mocap_file(wildcards):
     return PROJECT.mocap(wildcards.sequence)
 

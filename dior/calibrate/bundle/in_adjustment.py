@@ -271,7 +271,7 @@ def with_errors(
     back = np.linalg.inv(clocks - gain @ A)
     of_clocks = back @ (given + gain @ spread.covariance @ gain.T) @ back.T
     sigma = np.sqrt(np.diagonal(of_clocks)).reshape(timed.given.shape)
-    return replace(spread, covariance=(covariance + covariance.T) / 2), sigma
+    return replace(spread, covariance=(covariance + covariance.T) / 2, across=both @ spread.across), sigma
 
 
 def by_clocks(solved: reduced.Solved, tracks: uncertainty.Tracks, timed: Sequences) -> Floats:
@@ -328,17 +328,19 @@ def findings(
             sigma = adjusted.clocks_sigma[i, v, 0]
             if not held:
                 text = (
-                    f"its clock is {1000 * offsets[i, v, 0]:+.1f} ms +- {1000 * NORMAL_95 * sigma:.1f} ms from that of "
-                    f"{timed.names[timed.reference]}, in the middle of the window {1000 * done.clocks[i, v, 0]:+.1f} ms"
+                    f"in the middle of the window its clock is {1000 * done.clocks[i, v, 0]:+.1f} ms +- "
+                    f"{1000 * NORMAL_95 * sigma:.1f} ms from that of {timed.names[timed.reference]}, at t0 "
+                    f"{1000 * offsets[i, v, 0]:+.1f} ms"
                 )
                 found.append((scope, "info", "adjust_clock", text))
                 continue
             off, period = adjusted.clocks[i, v, 0] - done.clocks[i, v, 0], 1.0 / timed.recorded[i].fps
             if abs(off) > doubtful_s(sigma):
                 text = (
-                    f"the offset of {1000 * offsets[i, v, 0]:+.1f} ms given by hand contradicts the detections, by "
-                    f"which it is {1000 * (offsets[i, v, 0] + off):+.1f} ms +- {1000 * NORMAL_95 * sigma:.1f} ms, "
-                    f"{abs(off) / period:.1f} pictures off; correct or remove it in config/offsets/{sequence}.yaml"
+                    f"the offset given by hand, in the middle of the window {1000 * done.clocks[i, v, 0]:+.1f} ms, "
+                    f"contradicts the detections, by which it is {1000 * adjusted.clocks[i, v, 0]:+.1f} ms +- "
+                    f"{1000 * NORMAL_95 * sigma:.1f} ms there, {abs(off) / period:.1f} pictures off; correct or "
+                    f"remove it in config/offsets/{sequence}.yaml"
                 )
                 found.append((scope, "warning", "clock_contradicts", text))
     return found

@@ -50,9 +50,12 @@ class Uncertainty:
 
     `bias_m`: sigma of a cluster's offset in each axis of the picture, at the body; `noise`: the pixels' variance in
     units of the assumed one; `autocorrelation_time`: the noise's integrated one in frames, so many are one measurement.
+    `across` (6V, 3V) and `lenses` (3V, 3V) are those of poses and lenses and of the lenses (`covariance.joined`).
     """
 
     covariance: Floats
+    across: Floats
+    lenses: Floats
     bias_m: float
     noise: float
     autocorrelation_time: float
@@ -126,7 +129,7 @@ class Considered:
     through: Floats
     gradient: Floats
 
-    def part(self, keep: slice) -> tuple[Floats, Floats, Floats]:
+    def part(self, keep: slice | Ints) -> tuple[Floats, Floats, Floats]:
         """`cross`, `through`, `gradient` of some of the parameters."""
         return self.cross[:, keep], self.through[:, keep], self.gradient[keep]
 
@@ -176,11 +179,11 @@ def considered(
     return Considered(cross, own, through, gradient)
 
 
-def of(solved: reduced.Solved, tracks: Tracks, lens_sigma: float = 0.0) -> Uncertainty:
+def of(solved: reduced.Solved, tracks: Tracks, lens_sigma: float | Floats = 0.0) -> Uncertainty:
     """`Uncertainty` of an adjustment; `tracks` of its first points, more points (marked ones) have no clusters.
 
     `lens_sigma`: 1 sigma of the focal length and principal point, both relative to the focal length, before the
-    pixels are used.
+    pixels are used; one for all cameras or (V,).
     """
     linear, views, count = solved.linear, len(solved.cameras), solved.linear.r.shape[-1]
     people = len(tracks.joint)
@@ -207,13 +210,20 @@ def of(solved: reduced.Solved, tracks: Tracks, lens_sigma: float = 0.0) -> Uncer
     pixels = autocorrelation_time * noise * (solved.normal - sum(h.T @ h for _, h in rows))
     through = whole.through[:, :size]
     middle = bias * through @ through.T + pixels + of_facts
-    if lens_sigma:
-        L = whole.through[:, size:]
-        middle = (
-            middle + L @ lens_moment(whole, size, inverse, middle, bias, noise * autocorrelation_time, lens_sigma) @ L.T
+    sigma = np.repeat(np.broadcast_to(lens_sigma, views), 3)
+    wrong = sigma > 0
+    moment = np.zeros((lenses, lenses))
+    if wrong.any():
+        M = lens_moment(
+            whole, size + np.flatnonzero(wrong), size, inverse, middle, bias, noise * autocorrelation_time, sigma[wrong]
         )
-    covariance = inverse @ middle @ inverse
-    return Uncertainty((covariance + covariance.T) / 2, float(np.sqrt(bias)), float(noise), float(autocorrelation_time))
+        moment[np.ix_(wrong, wrong)] = M
+    L = whole.through[:, size:]
+    covariance = inverse @ (middle + L @ moment @ L.T) @ inverse
+    return Uncertainty(
+        (covariance + covariance.T) / 2, -inverse @ L @ moment, moment, float(np.sqrt(bias)), float(noise),
+        float(autocorrelation_time),
+    )  # fmt: skip
 
 
 def by_parameters(solved: reduced.Solved, derivative: Floats, at: Ints, size: int) -> Floats:
@@ -257,23 +267,23 @@ def variances(
 
 
 def lens_moment(
-    whole: Considered, size: int, inverse: Floats, middle: Floats, bias: float, noise: float, sigma: float
+    whole: Considered, k: Ints, size: int, inverse: Floats, middle: Floats, bias: float, noise: float, sigma: Floats
 ) -> Floats:
-    """Second moment (3V, 3V) of the intrinsics' errors, given what the pixels say of them.
+    """Second moment (L, L) of the errors of intrinsics, parameters `k` (L,), given what the pixels say of them.
 
-    They are not adjusted. With white noise many pixels tell that there is hardly any error; where a detector's
-    systematic errors hide it, what was assumed remains.
+    `sigma` (L,): how large they are before. They are not adjusted. With white noise many pixels tell that there is
+    hardly any error; where a detector's systematic errors hide it, what was assumed remains.
     """
-    b, k = slice(0, size), slice(size, None)
+    b = slice(0, size)
     cross, through, gradient = whole.part(k)
     gain = cross.T @ inverse
-    T = whole.own[k, k] - gain @ through
+    T = whole.own[np.ix_(k, k)] - gain @ through
     with_cameras = noise * cross.T + bias * whole.own[k, b] @ whole.through[:, b].T
-    M = noise * whole.own[k, k] + bias * whole.own[k, b] @ whole.own[b, k]
+    M = noise * whole.own[np.ix_(k, k)] + bias * whole.own[k, b] @ whole.own[b][:, k]
     M = M - with_cameras @ gain.T - gain @ with_cameras.T + gain @ middle @ gain.T
     M = (M + M.T) / 2 + 1e-9 * np.trace(M) / len(M) * np.eye(len(M))
     weighted = np.linalg.solve(M, T)
-    P = np.linalg.inv(T.T @ weighted + np.eye(len(M)) / sigma**2)
+    P = np.linalg.inv(T.T @ weighted + np.diag(1 / sigma**2))
     mean = -P @ weighted.T @ gradient
     return P + np.outer(mean, mean)
 

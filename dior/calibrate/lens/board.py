@@ -17,7 +17,7 @@ Board points are metres in the board's plane, pixels are recorded ones. What the
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -43,6 +43,7 @@ CENTRE_COVERAGE, K3_COVERAGE = 0.5, 0.6
 # chosen: below the first a focal length and a distance look alike; the second is asked for in the findings
 LEAST_TILT_DEG, GOOD_TILT_DEG = 10.0, 30.0
 GOOD_RMS, MOST_RMS = 0.5 / 1280, 2.0 / 1280  # chosen, px per px of width: warned of, refused
+HELD_SIGMA = 0.003  # chosen: as of intrinsics by the maker
 MOST_FX_SD = 0.01  # chosen: 1 % of the focal length is 5 cm at 5 m
 
 
@@ -109,7 +110,9 @@ def from_board(
     path = Path(data_root) / settings["path"]
     views = find(pictures(path, settings.get("topic", ""), where), detector(kind, settings, where), f"{where}: {path}")
     done = calibrate(views, f"{where}: {path}")
-    return done.lens, findings(done)
+    # a centre that was held in the middle is the maker's, no better
+    sigma = done.fx_sd / done.lens.fx
+    return replace(done.lens, sigma=max(sigma, HELD_SIGMA) if "centre" in done.fixed else sigma), findings(done)
 
 
 def pictures(path: Path, topic: str, where: str) -> Iterator[tuple[str, Picture]]:

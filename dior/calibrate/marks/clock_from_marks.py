@@ -280,13 +280,16 @@ def _doubts(ends: list[End], cost: Floats, marks: int, where: str, s: int) -> st
     )
 
 
-def uncertainty(J: Floats, t: Floats, miss: Floats, joint: Ints | Texts, frame: Ints | Texts) -> tuple[Floats, Floats]:
-    """Covariance (6 + 2S, 6 + 2S) of the errors of pose, times (s) and drifts (ppm); and when (S,) s those times are.
+def uncertainty(
+    J: Floats, t: Floats, miss: Floats, joint: Ints | Texts, frame: Ints | Texts, by_lens: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """Covariance (6 + 2S, 6 + 2S) of the errors of pose, times (s) and drifts (ppm); when (S,) s those times are; and
+    covariance (6, 3) of the pose and the lens, if this has a variance of 1.
 
     `J` (2N, 6 + S) and `miss` (N, 2) px of the inliers, `t` (N,) s as in `Places`, `joint` and `frame` as in
-    `pnp.pose_covariance`. Stamps have errors of their own. A drift that is held at 0 moves pose and offsets by what
-    the marks make of it; the time is the camera's where its own drift does not move it, in the middle of the marked
-    frames.
+    `pnp.pose_covariance`; `by_lens` (2N, 3) px of the marks by its errors, times their sigma. Stamps have errors of
+    their own. A drift that is held at 0 moves pose and offsets by what the marks make of it; the time is the camera's
+    where its own drift does not move it, in the middle of the marked frames.
     """
     S = J.shape[1] - 6
     solve = np.linalg.solve(J.T @ J, J.T)
@@ -298,8 +301,12 @@ def uncertainty(J: Floats, t: Floats, miss: Floats, joint: Ints | Texts, frame: 
     by_error = np.concatenate([-moved, np.eye(S)])
     full = on_axis.DRIFT_SD_PPM**2 * by_error @ by_error.T
     by_stamp = solve @ (J[:, 6:].sum(axis=1)[:, None] * np.repeat(np.equal.outer(frame, np.unique(frame)), 2, axis=0))
-    full[: 6 + S, : 6 + S] += pnp.pose_covariance(J, miss, joint, frame) + STAMP_SD_S**2 * by_stamp @ by_stamp.T
-    return full, middle
+    # pose and clocks make up for a lens that is wrong as well as they can
+    adapted = -solve @ by_lens
+    full[: 6 + S, : 6 + S] += (
+        pnp.pose_covariance(J, miss, joint, frame) + STAMP_SD_S**2 * by_stamp @ by_stamp.T + adapted @ adapted.T
+    )
+    return full, middle, adapted[:6]
 
 
 def clocks(
@@ -342,8 +349,8 @@ def findings(
     for name, clock in clocks.items():
         own, half = marks.sequence == name, on_axis.NORMAL_95 * clock.sigma(list(clock.gains), spread)[0]
         text = (
-            f"{name}: the pictures are {clock.offset_s:+.4f} s +- {half:.4f} s (95 %) from the mocap, by {own.sum()} "
-            f"marks on {len(set(marks.frame[own].tolist()))} frames"
+            f"{name}: in the middle of the marks the pictures are {clock.late_s:+.4f} s +- {half:.4f} s (95 %) from "
+            f"the mocap, by {own.sum()} marks on {len(set(marks.frame[own].tolist()))} frames"
         )
         if half > UNCERTAIN_S:
             found.append(

@@ -15,6 +15,12 @@ TABLES = {
         ("fy", "float64", "px"),
         ("cx", "float64", "px"),
         ("cy", "float64", "px"),
+        (
+            "intrinsics_sigma",
+            "float64",
+            "",
+            "1 sigma of the focal length and of cx and cy, relative to the focal length",
+        ),
         ("distortion_model", "text"),
         ("distortion", "float64[8]", "", "k1 k2 p1 p2 k3 k4 k5 k6"),
         ("wTc", "float64[16]", "m", "pose of the camera in the world, rows of the 4x4 matrix"),
@@ -31,6 +37,14 @@ TABLES = {
             "rad, m",
             "of the errors of camera (rows) and other (columns), rows of the 6x6 matrix: a turn about the camera's own "
             "axes, then a shift of its centre in the world",
+        ),
+        (
+            "with_lens",
+            "float64[45]",
+            "rad, m",
+            "the same with the errors of the lenses (focal length, cx, cy, relative to the focal length), which the "
+            "poses have adapted to: rows of the 6x3 matrix of the camera's pose and the other's lens, of the 3x6 matrix"
+            " of its lens and the other's pose, of the 3x3 matrix of the lenses; null: the lenses are taken as right",
         ),
     ),
     "camera_turns": (
@@ -49,12 +63,16 @@ TABLES = {
         ("camera", "text"),
         ("offset_s", "float64", "s"),
         ("drift_ppm", "float64", "ppm"),
-        ("middle_s", "float64", "s", "after t0: sigma_s is the standard error of the camera's time there"),
-        ("sigma_s", "float64", "s", "null: not known"),
+        ("sigma_s", "float64", "s", "of offset_s, which is the camera's lag at t0; null: not known"),
         ("sigma_drift_ppm", "float64", "ppm"),
-        ("low", "float64", "s", "95 % interval"),
+        ("low", "float64", "s", "95 % interval of offset_s"),
         ("high", "float64", "s"),
-        ("given_sigma_s", "float64", "s", "what of sigma_s is left with the cameras' poses as given"),
+        ("middle_s", "float64", "s", "after t0: the middle of the recording, or of what the clock was found by"),
+        ("late_s", "float64", "s", "the camera's lag there: offset_s + drift_ppm / 1e6 * middle_s"),
+        ("late_sigma_s", "float64", "s", "of late_s; null: not known"),
+        ("late_low", "float64", "s", "95 % interval of late_s"),
+        ("late_high", "float64", "s"),
+        ("given_sigma_s", "float64", "s", "what of late_sigma_s is left with the cameras' poses as given"),
         ("given_sigma_drift_ppm", "float64", "ppm"),
         ("source", OFFSET_SOURCE),
         ("method", CLOCK_METHOD),

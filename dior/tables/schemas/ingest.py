@@ -5,8 +5,10 @@ from dior.tables.words import DROP_REASON
 TABLES = {
     "frames": (
         ("camera", "text"),
-        ("frame", "int32", "", "counted from 0 in the camera's recording, by header stamp"),
-        ("stamp_ns", "int64", "ns", "header stamp, since the Unix epoch"),
+        ("frame", "int32", "", "counted from 0 in the camera's recording, as recorded"),
+        ("stamp_ns", "int64", "ns", "header stamp, since the Unix epoch, restored where it was wrong for a while"),
+        ("restored_s", "float64", "s", "what was added to the header's stamp; null: nothing"),
+        ("restored_sigma_s", "float64", "s", "1 sigma of that"),
         ("receive_ns", "int64", "ns", "the bag's receive stamp"),
         ("bag", "text", "", "file, relative to data_root"),
         ("topic", "text"),
@@ -28,6 +30,7 @@ TABLES = {
         ("same_stamp", "int32", "", "pictures with the stamp of the one before"),
         ("same_picture", "int32", "", "pictures with other stamps but the bytes of the one before"),
         ("out_of_order", "int32", "", "pictures received after a later one"),
+        ("restored", "int32", "", "pictures whose header stamp was wrong for a while"),
         ("clock_jumps", "int32", "", "steps of more than 1 s of the header's against the receiver's clock"),
         ("lag_ms", "float64", "ms", "receive minus header stamp, median"),
         ("lag_spread_ms", "float64", "ms", "95th minus 5th percentile of the lag"),

@@ -1,5 +1,7 @@
 """The cameras' covariance against many tries with known errors, and the clusters that it is made of."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.linalg import null_space
@@ -56,6 +58,28 @@ def test_habits_of_the_detector_widen_the_covariance():
     assert turns[1] > 2 * turns[0]
     assert np.allclose(biased.covariance, biased.covariance.T)
     assert np.linalg.eigvalsh(biased.covariance).min() > 0
+
+
+def test_cameras_move_with_a_lens_that_is_wrong_as_the_covariance_says():
+    """One camera's focal length is 0.2 % too long: poses and lens are off together."""
+    points, tracks = walker(40)
+    cameras = ring(3)
+    uv = np.stack([project(c, points)[0] for c in cameras]) + np.random.default_rng(0).normal(0, 1, (3, len(points), 2))
+    lens = cameras[1].intrinsics
+    wrong = [*cameras]
+    wrong[1] = replace(cameras[1], intrinsics=replace(lens, fx=lens.fx * 1.002, fy=lens.fy * 1.002))
+    right, off = (
+        adjust.adjust(given, uv, tape(cameras, 0.05), HUBER, MOST, "s", tracks, (), None, np.array([0.0, 0.003, 0.003]))
+        for given in (cameras, wrong)
+    )
+    moved = np.concatenate(
+        [np.r_[_turn(a.wRc.T @ b.wRc), b.centre - a.centre] for a, b in zip(right.cameras, off.cameras, strict=True)]
+    )
+    known = right.uncertainty
+    assert not known.lenses[:3].any() and not known.across[:, :3].any()
+    by_lens = known.across[:, 3:] @ np.linalg.inv(known.lenses[3:, 3:])
+    np.testing.assert_allclose(0.002 * by_lens[:, 0], moved, atol=0.15 * np.abs(moved).max())
+    assert np.abs(moved).max() > 1e-3
 
 
 def test_a_camera_in_front_sees_the_front():
