@@ -216,7 +216,7 @@ def _system(
     J[:, 2], J[:, 3] = by_time, 1e-6 * by_time * (seen.seconds[rows.frame] - seen.middle_s(0))
     for axis in range(3):
         J[at, 4 + 3 * index + axis] = rows.by_point[:, axis]
-    prior = np.eye(J.shape[1]) / max(seen.bias_m, 1e-4) ** 2
+    prior = np.eye(J.shape[1]) / max(np.hypot(seen.bias_m, seen.outline_m), 1e-4) ** 2
     prior[:4, :4] = reading.prior[np.ix_(FITTED, FITTED)]
     return J, prior, rows.residual - np.einsum("ni,ni->n", rows.by_point, own), shifts
 
