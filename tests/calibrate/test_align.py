@@ -12,6 +12,7 @@ from dior.errors import DiorError
 from dior.geometry import camera_tables, covariance
 from dior.geometry.camera import project
 from dior.geometry.tape import look_at_pose
+from dior.project.boxes import kept_back
 from dior.simulate import draw
 from dior.simulate.motion import motion_of
 from dior.simulate.settings import from_dict, sequences
@@ -239,6 +240,25 @@ def test_a_habit_moves_the_labels_and_is_in_their_sigma(tmp_path):
     assert sigma[1.0] ** 2 - sigma[0.0] ** 2 == pytest.approx(1 / 2, rel=0.15)
     said = tables.read(tmp_path / "findings.parquet", "findings")["text"][0]
     assert "further out in every box, by 1 px" in said
+
+
+def test_boxes_that_are_kept_back_place_no_camera(tmp_path):
+    _, files, _, _ = prepared(tmp_path, "boxes")
+    first = run_in(tmp_path, **files)
+    path = tmp_path / "walk.cam04.csv"
+    rows = [line.split(",") for line in path.read_text().splitlines()]
+    frames = np.array([int(row[0]) for row in rows[1:]])
+    kept = kept_back(frames)
+    assert 0 < kept.sum() < 10
+
+    def with_moved(which):
+        for row, moved in zip(rows[1:], which, strict=True):
+            row[1:] = [str(float(edge) + 4 * moved) for edge in row[1:]]
+        path.write_text("\n".join(",".join(row) for row in rows) + "\n")
+        return run_in(tmp_path, **files)
+
+    np.testing.assert_array_equal(with_moved(kept).wTc, first.wTc)
+    assert np.abs(with_moved(~kept).wTc - first.wTc).max() > 1e-3
 
 
 def test_a_clock_left_open_widens_the_covariance(tmp_path):

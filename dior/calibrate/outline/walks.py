@@ -90,9 +90,10 @@ def given_clock(camera: str, frames: Path, offsets: Path | None) -> ClockValues:
 
 
 def from_boxes(walk: FilmedWalk, path: Path) -> tuple[Ints, Floats]:
-    """Pictures (F,) with a box, by their row, and its edges (F, 4) px."""
+    """Pictures (F,) with a box that is not kept back, by their row, and its edges (F, 4) px."""
     numbers, edges = hand_boxes.read(path, walk.rows["frame"])
-    return np.searchsorted(walk.rows["frame"], numbers), edges
+    fitted = ~hand_boxes.kept_back(numbers)
+    return np.searchsorted(walk.rows["frame"], numbers[fitted]), edges[fitted]
 
 
 def from_marks(walk: FilmedWalk, marks: hand_marks.Marks, path: Path) -> tuple[Ints, Floats]:
