@@ -76,7 +76,7 @@ def main():
         elif part == "real":
             clocks_real.table(real_outdoor.ROOT.parent / "shared/data/real_outdoor")
         else:
-            pooled += list(made[part](seeds))
+            pooled += list(made[part](range(seeds) if part == "pictures" else seeds))
         print()
     if pooled:
         error, sigma = np.array(pooled).T

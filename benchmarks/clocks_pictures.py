@@ -7,9 +7,9 @@ Clocks are off by up to 0.6 s. `median`, `worst`: error (ms) of the time in the 
 of the 95 % intervals that hold it; `error/s`: its rms in units of the stated error. `refused`: how often nothing was
 said. Indoors a located camera 5 m away sees 60 s (its place is known to 5 mm and 0.05 degrees, which the intervals
 count), drifts by 50 ppm, and its pictures are rendered, made noisy and compressed. The long-range camera is 60 m away
-and placed by 30 boxes of each of two walks of 20 s, whose edges have errors of 1 px, with its clocks left open; the
-`label` columns are the mean error (px) of its labels at the true joints with true clocks in every step and with those
-that were found.
+and placed by 30 boxes of each of two walks of 20 s, drawn around the rendered body with errors of 1 px on each edge,
+with its clocks left open; the `label` columns are the mean error (px) of its labels at the true joints with true clocks
+in every step and with those that were found.
 """
 
 import sys
@@ -19,9 +19,10 @@ import numpy as np
 
 from benchmarks import long_range, scene
 from dior.calibrate.outline import boxes_fit, clock_from_pictures, long_range_clock, seen_edges, tracks
+from dior.calibrate.outline.walks import margins
 from dior.clocks.clock import DRIFT_SD_PPM, OFFSET_SD_S
 from dior.geometry import covariance
-from dior.geometry.camera import in_frame, project
+from dior.geometry.camera import project
 from dior.simulate import backdrop, draw
 from dior.simulate import settings as levels
 from dior.simulate.motion import motion_of
@@ -33,6 +34,8 @@ PLACE_M, TURN_DEG = 0.005, 0.05
 NOISE_GREY = 2.0
 LONG_WALKS = (("across", "along"), ("straight", "circling"))
 LONG_FRAMES, BOXES = 600, 30
+MARGINS = margins({}, "boxes")[:2]
+WAYS = (("plain", "body"), ("dressed", "body"), ("plain", "joints"))  # the body, and what its boxes are compared with
 GRIP = 45  # frames of a walk that the shifted clock may need beyond its ends
 
 
@@ -106,30 +109,31 @@ def _mocap(motion, settings, lasts_s, random):
     }
 
 
-def long_range_clocks(level, seed):
+def long_range_clocks(level, seed, worn="plain", around="body"):
     """Per walk: error (s), standard error and refusal; and the mean label error px with true and with found clocks."""
     random = np.random.default_rng([seed, 12])
     walks = LONG_WALKS[seed % len(LONG_WALKS)]
     late = random.uniform(-APART_S, APART_S, len(walks))
     made = [long_range.capture(level, seed, walk) for walk in walks]
-    rows = np.linspace(GRIP, LONG_FRAMES - 1 - GRIP, BOXES).round().astype(int)
+    rows = tuple(np.linspace(GRIP, LONG_FRAMES - 1 - GRIP, BOXES).round().astype(int).tolist())
     parts, followed = [], []
-    for k, (seen, points) in enumerate(made):
-        uv = seen.true_uv[3][rows]
-        edges = long_range.boxes(uv, in_frame(seen.cameras[3].intrinsics, uv), 0.0, seed + 1000 * k)
-        parts.append((tracks.BodyTrack(seen.seconds, points), seen.seconds[rows], edges))
+    for k, (walk, (seen, points)) in enumerate(zip(walks, made, strict=True)):
+        edges = long_range.drawn(long_range.body(seed, rows, worn, walk), seed + 1000 * k, margin=0.0)
+        whole, flesh_m, outline_m = long_range.outlined(points, around)
+        parts.append((tracks.BodyTrack(seen.seconds, whole), seen.seconds[list(rows)], edges))
+    kind = {"bias_m": long_range.BIAS_M[level], "flesh_m": flesh_m, "outline_m": outline_m}
     start = long_range.off(made[0][0].given[3], seed)
     labels = []
     for clocks in (np.zeros(len(walks)), late):
         known = not clocks.any()
-        camera, spread = _aligned(start, parts, clocks, known, f"{level} {seed}")
+        camera, spread = _aligned(start, parts, kind, clocks, known, f"{level} {seed}")
         errors = []
         for k, (seen, _) in enumerate(made):
             track, moments, edges = parts[k]
             own = moments - clocks[k]
             where = 0.0
             if not known:
-                found = long_range_clock.estimate(camera, _seen([(track, own, edges)]), "boxes")
+                found = long_range_clock.estimate(camera, _seen([(track, own, edges)], kind), "boxes", MARGINS)
                 clock = found.clock
                 where = clock.offset_s + 1e-6 * clock.drift_ppm * clock.middle_s
                 followed.append((where - clocks[k], clock.sigma([camera.name], spread)[0], found.refused))
@@ -140,27 +144,23 @@ def long_range_clocks(level, seed):
     return followed, *labels
 
 
-def _seen(parts, clocks=None, held=False):
+def _seen(parts, kind, held=False):
     points = [track.at(moments) for track, moments, _ in parts]
     walk = np.repeat(np.arange(len(parts)), [len(moments) for _, moments, _ in parts])
     every = np.concatenate(points)
     return seen_edges.EdgeObservations(
         every, np.concatenate([edges for *_, edges in parts]), np.full((*every.shape[:2], 2), np.nan),
         np.concatenate([moments for _, moments, _ in parts]), walk,
-        tracks=() if held else tuple(track for track, *_ in parts),
+        tracks=() if held else tuple(track for track, *_ in parts), **kind,
     )  # fmt: skip
 
 
-def _aligned(start, parts, clocks, held, where):
+def _aligned(start, parts, kind, clocks, held, where):
     """The camera placed by the boxes of both walks, and its covariance (6, 6)."""
     shifted = [(track, moments - late, edges) for (track, moments, edges), late in zip(parts, clocks, strict=True)]
     open_clocks = 0 if held else len(parts)
-    freedom = seen_edges.Freedom(
-        shift=(long_range.START_M, 0.0, 0.0),
-        clock_s=(OFFSET_SD_S,) * open_clocks,
-        drift_ppm=(DRIFT_SD_PPM,) * open_clocks,
-    )
-    fitted = boxes_fit.fit(start, freedom, _seen(shifted, held=held), where)
+    freedom = long_range.freedom(clock_s=(OFFSET_SD_S,) * open_clocks, drift_ppm=(DRIFT_SD_PPM,) * open_clocks)
+    fitted = boxes_fit.fit(start, freedom, _seen(shifted, kind, held), where)
     return fitted.camera, fitted.pose_covariance
 
 
@@ -177,19 +177,30 @@ def line(name, done, labels=()):
     return kept
 
 
+HEAD = f"  {'':<34}  median   worst   inside  error/s    sigma  refused"
+
+
 def table(seeds):
     """Print the rows; returns all (error s, sigma s)."""
-    head = f"  {'':<34}  median   worst   inside  error/s    sigma  refused"
-    print(f"Indoor camera, silhouettes in at most {clock_from_pictures.PICTURES} pictures of {LASTS_S:g} s, ms\n{head}")
+    print(f"Indoor camera, silhouettes in at most {clock_from_pictures.PICTURES} pictures of {LASTS_S:g} s, ms\n{HEAD}")
     pooled = []
-    for level in ("ideal", "real"):
-        pooled += line(f"{level}, {seeds} recordings", [indoor(level, seed) for seed in range(seeds)])
-    print(f"Long-range camera, {BOXES} boxes of each of two walks, ms\n{head}    label: true, found")
-    for level in ("ideal", "real"):
-        done = [long_range_clocks(level, seed) for seed in range(seeds)]
-        pooled += line(f"{level}, {2 * seeds} walks", [one for each, *_ in done for one in each], [d[1:] for d in done])
+    for level in long_range.LEVELS:
+        pooled += line(f"{level}, {len(seeds)} recordings", [indoor(level, seed) for seed in seeds])
+    return pooled + long_range_table(seeds)
+
+
+def long_range_table(seeds):
+    """Print the rows of the long-range camera; returns all (error s, sigma s)."""
+    print(f"Long-range camera, {BOXES} boxes of each of two walks, ms\n{HEAD}    label: true, found")
+    pooled = []
+    for level in long_range.LEVELS:
+        for worn, around in WAYS:
+            done = [long_range_clocks(level, seed, worn, around) for seed in seeds]
+            clocks, labels = [one for each, *_ in done for one in each], [labels for _, *labels in done]
+            kept = line(f"{level}, {worn}, {around}, {len(clocks)} walks", clocks, labels)
+            pooled += kept if around == "body" else []
     return pooled
 
 
 if __name__ == "__main__":
-    table(int(sys.argv[1]) if len(sys.argv) > 1 else 20)
+    table(range(int(sys.argv[1]) if len(sys.argv) > 1 else 20))

@@ -25,7 +25,7 @@ import numpy as np
 
 from dior.arrays import AnyPath, Floats
 from dior.calibrate.outline import boxes_fit, seen_edges
-from dior.calibrate.outline.walks import SILHOUETTE_MARGIN_PX, FilmedWalk, by_close, gather, read_walk
+from dior.calibrate.outline.walks import FilmedWalk, by_close, gather, margins, read_walk
 from dior.clocks.clock import DRIFT_SD_PPM, OFFSET_SD_S
 from dior.errors import DiorError
 from dior.geometry import camera as cam
@@ -74,11 +74,13 @@ def freedom(settings: Mapping[str, Any], held: Sequence[bool]) -> seen_edges.Fre
     beside = (min(sigma, ACROSS_M), min(sigma, HEIGHT_M))
     how = settings["align"].get("fit", "range")
     shift = (sigma,) * 3 if how == "position" else (sigma, *beside)
-    margin = SILHOUETTE_MARGIN_PX if settings["align"]["from"] == "silhouettes" else seen_edges.Freedom.margin_px
+    margin_px, split_px, habit_px = margins(settings)
     return seen_edges.Freedom(
         shift=shift,
         focal=FOCAL_SIGMA if how == "focal" else 0.0,
-        margin_px=margin,
+        margin_px=margin_px,
+        margin_split_px=split_px,
+        habit_px=habit_px,
         clock_s=tuple(0.0 if known else OFFSET_SD_S for known in held),
         drift_ppm=tuple(0.0 if known else DRIFT_SD_PPM for known in held),
     )
@@ -102,8 +104,12 @@ def found_out(
     fitted: boxes_fit.Fitted,
     pose_covariance: Floats,
     taped: Floats,
+    habit_px: float,
 ) -> list[tuple[str, str, str, str]]:
-    """What the fit found, with 95 % intervals: (scope, severity, code, text)."""
+    """What the fit found, with 95 % intervals: (scope, severity, code, text).
+
+    `taped`: standard errors of the tape (3,) m; `habit_px`: of an edge that is drawn further out in every box.
+    """
     edge = np.isfinite(fitted.residual)
     residual = np.concatenate([fitted.residual[edge], fitted.click_residual[np.isfinite(fitted.click_residual)]])
     agreed = np.abs(residual) <= boxes_fit.CUT * fitted.sd_px
@@ -112,16 +118,18 @@ def found_out(
     turn_half = np.degrees(half[:3])
     spread = 1.96 * np.sqrt(np.diagonal(fitted.covariance))
     focal = f", focal length {100 * np.expm1(fitted.values[6]):+.2f} ± {100 * spread[6]:.2f} %" if spread[6] else ""
-    margins = ""
+    drawn = ""
     if edge.any():
-        margins = (
+        drawn = (
             f"; the boxes are {fitted.values[7]:.1f} ± {spread[7]:.1f} px too large along u and "
             f"{fitted.values[8]:.1f} ± {spread[8]:.1f} px along v, on each edge"
         )
+    if habit_px:
+        drawn += f" (that one of them is further out in every box, by {habit_px:g} px, is in the intervals)"
     text = (
         f"turned from its start by {turn[1]:+.3f} ± {turn_half[1]:.3f} degrees to the left, "
         f"{turn[0]:+.3f} ± {turn_half[0]:.3f} up and {turn[2]:+.2f} ± {turn_half[2]:.2f} about its axis, moved "
-        f"{fitted.values[3]:+.2f} ± {spread[3]:.2f} m along its sight{focal}{margins}. {len(seen.points)} pictures of "
+        f"{fitted.values[3]:+.2f} ± {spread[3]:.2f} m along its sight{focal}{drawn}. {len(seen.points)} pictures of "
         f"{', '.join(walk.name for walk in walks)}: {agreed.mean():.0%} of {len(residual)} edges and clicks agree, "
         f"rms {np.sqrt((residual[agreed] ** 2).mean()):.2f} px. ± is a 95 % interval"
     )
@@ -230,7 +238,7 @@ def run(
     )
     walks = [read_walk(name, camera, skeletons[name], frames[name], offsets.get(name)) for name in sorted(skeletons)]
     cam.check_picture_size(lens.intrinsics, walks[0].rows["width"][0], walks[0].rows["height"][0], scope)
-    seen = gather(walks, start, how["from"], boxes, data_root, given.marks)
+    seen = gather(walks, start, how["from"], boxes, data_root, given.marks, how.get("around", "body"))
     close, close_covariance = triangulated_by.close, triangulated_by.close_covariance
     rig = (
         [c for c in camera_tables.read_cameras(close).values() if c.wTc is not None and c.role == "close"]
@@ -249,5 +257,5 @@ def run(
     all_names = [camera, *(c.name for c in rig)][: len(spread) // 6]
     camera_tables.write_cameras(out, [fitted.camera], session)
     camera_tables.write_camera_covariance(out_covariance, all_names, spread, session, own=[camera])
-    found = found_out(scope, walks, seen, fitted, spread[:6, :6], np.array(trusted.shift))
+    found = found_out(scope, walks, seen, fitted, spread[:6, :6], np.array(trusted.shift), trusted.habit_px)
     tables.write_findings(findings, found)

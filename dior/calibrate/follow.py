@@ -11,23 +11,25 @@ boxes placed the camera, both together are then what one fit of everything would
 Where the data cannot tell, the clock is that of the stamps and its error unknown.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from dior.arrays import Floats
-from dior.calibrate.outline import boxes_fit, clock_from_pictures, long_range_clock, seen_edges, silhouettes, tracks
+from dior.calibrate.outline import boxes_fit, clock_from_pictures, long_range_clock, seen_edges
 from dior.calibrate.outline.seen_edges import EdgeObservations
 from dior.calibrate.outline.walks import (
-    SILHOUETTE_MARGIN_PX,
     FilmedWalk,
     by_close,
     constant_error,
+    edged,
     from_boxes,
     from_pictures,
+    margins,
     read_walk,
 )
 from dior.clocks import by_hand as hand_offsets
@@ -42,24 +44,27 @@ FEWEST_BOXES = 4  # chosen: fewer are not meant to tell the clock (docs/formats.
 
 
 def watched(
-    walk: FilmedWalk, camera: Camera, boxes: Path | None, data_root: Path
+    walk: FilmedWalk, camera: Camera, settings: Mapping[str, Any], boxes: Path | None, data_root: Path
 ) -> tuple[EdgeObservations, str, tuple[float, float]]:
-    """`EdgeObservations` of one walk, the method (table `offsets`), and the margins' prior (all edges, v to u) px."""
-    flesh: Floats | float = 0.0
+    """`EdgeObservations` of one walk, the method (table `offsets`), and the margins' prior (all edges, v to u) px.
+
+    `settings` of the camera's YAML: what the boxes are around.
+    """
     shown, edges = from_boxes(walk, boxes) if boxes else (np.zeros(0, int), np.zeros((0, 4)))
     if len(shown) >= FEWEST_BOXES:
-        method, track, margin = "boxes", walk.track, seen_edges.Freedom.margin_px
+        method, source, around = "boxes", "boxes", settings.get("align", {}).get("around", "body")
     else:
         ((shown, edges),) = from_pictures([walk], camera, data_root)
-        points, flesh = silhouettes.outline(walk.track.points, walk.joints)
-        method, track, margin = "pictures", tracks.BodyTrack(walk.track.seconds, points), SILHOUETTE_MARGIN_PX
+        method, source, around = "pictures", "silhouettes", "body"
+    margin_px, split_px, _ = margins(settings, source)
+    track, flesh_m, outline_m = edged(walk, around)
     seconds = walk.seconds[shown]
     points = track.at(seconds)
     nothing = np.full((*points.shape[:2], 2), np.nan)
     seen = seen_edges.EdgeObservations(
-        points, edges, nothing, seconds, np.zeros(len(shown), int), constant_error([walk]), flesh, (track,)
+        points, edges, nothing, seconds, np.zeros(len(shown), int), constant_error([walk]), flesh_m, (track,), outline_m
     )
-    return seen, method, (margin, seen_edges.Freedom.margin_split_px)
+    return seen, method, (margin_px, split_px)
 
 
 def hidden_side(camera: Camera, seen: EdgeObservations, margin: tuple[float, float], occluder: str, where: str) -> str:
@@ -156,7 +161,7 @@ def run(
         write(sequence, camera, by_hand[camera], [], [], written)
         return
     settings = camera_settings(camera_file)
-    seen, method, margin = watched(walk, rig[camera], given.boxes, data_root)
+    seen, method, margin = watched(walk, rig[camera], settings, given.boxes, data_root)
     occluder = settings.get("align", {}).get("occluder", "auto")
     # without edges or 3D there is no side to read; the estimate says what that means for the clock
     enough = np.isfinite(seen.edges).sum() >= long_range_clock.FEWEST

@@ -8,9 +8,9 @@ import numpy as np
 
 from dior.arrays import Floats, Ints
 from dior.evaluate.grids import LabelGrid
-from dior.project.boxes import COLUMNS, read
+from dior.project.boxes import COLUMNS, kept_back, read
 
-__all__ = ["COLUMNS", "inside", "of_frames", "read"]
+__all__ = ["COLUMNS", "inside", "kept_back", "of_frames", "read", "within"]
 
 
 def of_frames(grid: LabelGrid, box_frames: Ints, boxes: Floats) -> Floats:
@@ -23,8 +23,13 @@ def of_frames(grid: LabelGrid, box_frames: Ints, boxes: Floats) -> Floats:
 
 def inside(grid: LabelGrid, box_frames: Ints, boxes: Floats) -> Floats:
     """1 or 0 (F, J) whether an in-frame label lies in its frame's box, NaN where there is nothing to judge."""
+    return within(grid, of_frames(grid, box_frames, boxes))
+
+
+def within(grid: LabelGrid, hand: Floats) -> Floats:
+    """The same for the box (F, 4) px of every frame, NaN where there is none."""
     u, v = grid.uv[..., 0], grid.uv[..., 1]
-    u_min, v_min, u_max, v_max = of_frames(grid, box_frames, boxes).T[:, :, None]
+    u_min, v_min, u_max, v_max = hand.T[:, :, None]
     with np.errstate(invalid="ignore"):
         hit = (u >= u_min) & (u <= u_max) & (v >= v_min) & (v <= v_max)
     judged = np.isfinite(u_min) & grid.in_frame

@@ -77,10 +77,16 @@ def in_box_words(table: "pd.DataFrame") -> str:
     if not {"in_box_share", "in_box_expected"} <= set(far.index):
         return "The share says as much of the boxes as of the labels: large boxes hold any label."
     share, expected = 100 * far["in_box_share"], 100 * far["in_box_expected"]
-    return (
+    text = (
         f"The share says as much of the boxes as of the labels: perfect labels would score {expected:.1f} % in boxes "
         f"drawn like these, which is good to about 4 percentage points with 30 boxes; these labels score {share:.1f} %."
     )
+    if {"held_back_share", "held_back_expected"} <= set(far.index):
+        text += (
+            f" In the boxes that no step has fitted to they score {100 * far['held_back_share']:.1f} %, perfect ones "
+            f"would score {100 * far['held_back_expected']:.1f} %; these have the habits of who drew them, too."
+        )
+    return text
 
 
 def detectors(table: "pd.DataFrame") -> list[Drawing]:

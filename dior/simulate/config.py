@@ -3,7 +3,7 @@
 INPUTS   settings (the `simulate:` section)
 OUTPUTS  config.yaml, sequences.tsv, subjects.tsv, sessions/, boxes/ in a folder, gallery.tsv if asked for
 The committed demo config is what `dior simulate --write-config config` writes. Values are rounded as a person would
-note them (0.01 px, 1 mm, 0.1 ms), and no picture is rendered for them.
+note them (0.01 px, 1 mm, 0.1 ms), and no picture is rendered for them: boxes are drawn around the outlines.
 """
 
 from copy import deepcopy
@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from dior.arrays import Floats
+from dior.arrays import Floats, Ints
 from dior.errors import DiorError
 from dior.project.init import TEMPLATES
 from dior.project.schema_check import check, describe, read_yaml
-from dior.simulate import scene, simulate_gallery, truth
+from dior.simulate import backdrop, draw, scene, simulate_gallery, truth
 from dior.simulate.body import body_of
 from dior.simulate.clocks import clocks_of
 from dior.simulate.motion import motion_of
@@ -212,20 +212,41 @@ def marks(
 
 
 def _boxes(settings: Settings, walk: Sequence) -> str:
-    """Boxes drawn around the person in the long-range picture; an edge is `box_margin_px` too far out, give or take."""
-    seen = truth.view(settings, walk, motion_of(settings, walk), scene.LONG_RANGE)
-    uv, status = seen.landmark(seen.uv), seen.landmark(seen.status)
-    uv = np.where(((status == "ok") | (status == "occluded"))[..., None], uv, np.nan)
+    """Boxes drawn around the person in the long-range picture; an edge is `box_margin_px` too far out, give or take.
+
+    One person draws them all, who has the same habits (`box_habit_px`) in every box.
+    """
+    motion = motion_of(settings, walk)
+    seen = truth.view(settings, walk, motion, scene.LONG_RANGE)
+    frames = np.arange(0, len(seen.seconds), BOX_EVERY)
+    tight = tight_boxes(settings, walk, motion.height, seen, frames)
+    habit = settings.box_habit_px * generator(settings, "drawer").standard_normal(4)
     random = generator(settings, "boxes", walk.name)
     numbers = seen.clock.frame_numbers
     lines = ["frame,u_min,v_min,u_max,v_max"]
-    for frame in range(0, len(uv), BOX_EVERY):
-        error = settings.box_margin_px + settings.box_sd_px * random.standard_normal(4)
-        if not np.isfinite(uv[frame]).any():
-            continue
-        low, high = np.nanmin(uv[frame], axis=0) - error[:2], np.nanmax(uv[frame], axis=0) + error[2:]
-        lines.append(f"{numbers[frame]},{low[0]:.2f},{low[1]:.2f},{high[0]:.2f},{high[1]:.2f}")
+    for frame, box in zip(frames.tolist(), tight, strict=True):
+        outwards = settings.box_margin_px + habit + settings.box_sd_px * random.standard_normal(4)
+        if np.isfinite(box).all():
+            edges = box + outwards * (-1, -1, 1, 1)
+            lines.append(f"{numbers[frame]},{','.join(f'{edge:.2f}' for edge in edges)}")
     return "\n".join(lines) + "\n"
+
+
+def tight_boxes(settings: Settings, walk: Sequence, height: float, seen: truth.View, frames: Ints) -> Floats:
+    """Boxes (F, 4) px without any error in the pictures `frames` (F,) of a camera's `truth.View`, NaN without anybody.
+
+    Around what is seen of the body as it is drawn; or around its joints, also those that something hides.
+    """
+    if settings.box_around == "joints":
+        uv, status = seen.landmark(seen.uv)[frames], seen.landmark(seen.status)[frames]
+        known = ((status == "ok") | (status == "occluded"))[..., None]
+        low, high = np.where(known, uv, np.inf).min(axis=1), np.where(known, uv, -np.inf).max(axis=1)
+        box = np.concatenate([low, high], axis=1)
+        return np.where(np.isfinite(box), box, np.nan)
+    points = draw.figure(seen.landmarks[frames], height)
+    drawing = draw.outlines(seen.camera, points, height, walk.outfit, walk.subject, settings.figure)
+    wall = backdrop.in_front(settings, seen.camera, walk.environment)
+    return draw.seen_boxes(drawing, (settings.width, settings.height), wall)
 
 
 def write_offsets(settings: Settings, folder: Path) -> None:

@@ -1,10 +1,11 @@
-"""The body in a picture: drawn over the backdrop.
+"""The body in a picture: drawn over the backdrop, and the box around what is seen of it.
 
 The body is a set of tapered limbs between landmarks, drawn from far to near. The same limbs tell which joints are
-hidden. Pixel (0, 0) is the centre of the top-left pixel.
+hidden; what the dressed figure wears over them hides none. Pixel (0, 0) is the centre of the top-left pixel.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,8 @@ ARC = 7
 # chosen: a body lower than SMALL_PX is drawn so many times larger, then averaged: edges of a pixel have the right share
 SUPERSAMPLE = 8
 SMALL_PX = 120
+# chosen: what a wall leaves of a body is looked at so many times larger: its box is right to 1/32 px
+FINE = 16
 
 SKIN, HAIR, SHOE = (140, 170, 215), (40, 55, 75), (45, 45, 50)
 CLOTHES = {
@@ -62,6 +65,20 @@ _TRUNK_LIMBS = [("chest", "waist", 0.074, 0.072), ("left_shoulder", "left_hip", 
 _TRUNK_LIMBS += [("right_shoulder", "right_hip", 0.045, 0.068), ("left_hip", "right_hip", 0.070, 0.070)]
 
 
+# What the dressed figure has beside the plain one, whose outline the steps know to a centimetre or two; chosen by eye:
+# a stouter build, hair that stands off the head, shoes with thick soles and a long tip, a bag at the left hip.
+STOUTER = {"top": 1.12, "legs": 1.12, "sleeve": 1.12, "shoe": 1.0, "skin": 1.0, "hair": 1.0}
+_WORN = [("skull", "hair", 0.064, 0.055, "hair"), ("bag", "bag", 0.060, 0.060, "top")]
+for _s in ("left", "right"):
+    _WORN += [(f"{_s}_heel", f"{_s}_foot_index", 0.026, 0.024, "shoe")]
+    _WORN += [(f"{_s}_foot_index", f"{_s}_tip", 0.024, 0.016, "shoe")]
+_DRESSED = [(a, b, ra * STOUTER[kind], rb * STOUTER[kind], kind) for a, b, ra, rb, kind in _LIMBS] + _WORN
+FIGURES = {
+    "plain": (_LIMBS, _TRUNK),
+    "dressed": (_DRESSED, {name: radius * STOUTER["top"] for name, radius in _TRUNK.items()}),
+}
+
+
 def figure(landmarks: Floats, height: float) -> dict[str, Floats]:
     """Points of the drawn body (T, 3) by name: the landmarks and a few more, from landmarks (T, 33, 3)."""
     p = {name: landmarks[:, i] for name, i in _AT.items()}
@@ -83,6 +100,9 @@ def figure(landmarks: Floats, height: float) -> dict[str, Floats]:
         toes = p[f"{side}_foot_index"] + 0.022 * height * sole
         toes[:, 2] = np.maximum(toes[:, 2], 0.012 * height)
         p[f"{side}_toes"] = toes
+        p[f"{side}_tip"] = toes + 0.022 * height * sole
+    p["hair"] = ears + height * (0.030 * up - 0.015 * forward)
+    p["bag"] = p["left_hip"] + 0.085 * height * _unit(p["left_hip"] - p["right_hip"])
     return p
 
 
@@ -101,8 +121,11 @@ class Drawing:
     box: Floats
 
 
-def outlines(camera: Camera, points: dict[str, Floats], height: float, outfit: str, subject: str) -> Drawing:
-    """`Drawing` of the body (points as from `figure`) in a camera."""
+def outlines(
+    camera: Camera, points: dict[str, Floats], height: float, outfit: str, subject: str, worn: str = "plain"
+) -> Drawing:
+    """`Drawing` of the body (points as from `figure`) in a camera; `worn`: one of `FIGURES`."""
+    shapes, rounds = FIGURES[worn]
     pixel, depth = {}, {}
     for name, xyz in points.items():
         pixel[name], depth[name] = project(camera, xyz)
@@ -111,17 +134,17 @@ def outlines(camera: Camera, points: dict[str, Floats], height: float, outfit: s
     colour = {**cloth, "skin": SKIN, "hair": HAIR, "shoe": SHOE}
     colour["sleeve"] = cloth["top"] if outfit == "jacket" else SKIN
 
-    a = np.stack([pixel[limb[0]] for limb in _LIMBS], axis=1)
-    b = np.stack([pixel[limb[1]] for limb in _LIMBS], axis=1)
-    za = np.stack([depth[limb[0]] for limb in _LIMBS], axis=1)
-    zb = np.stack([depth[limb[1]] for limb in _LIMBS], axis=1)
-    ra = fx * height * np.array([limb[2] for limb in _LIMBS]) / za
-    rb = fx * height * np.array([limb[3] for limb in _LIMBS]) / zb
+    a = np.stack([pixel[limb[0]] for limb in shapes], axis=1)
+    b = np.stack([pixel[limb[1]] for limb in shapes], axis=1)
+    za = np.stack([depth[limb[0]] for limb in shapes], axis=1)
+    zb = np.stack([depth[limb[1]] for limb in shapes], axis=1)
+    ra = fx * height * np.array([limb[2] for limb in shapes]) / za
+    rb = fx * height * np.array([limb[3] for limb in shapes]) / zb
     limbs = _shaded(a, b, ra, rb)
 
-    names = list(_TRUNK)
+    names = list(rounds)
     centre = np.stack([pixel[name] for name in names], axis=1)
-    radius = fx * height * np.array(list(_TRUNK.values())) / np.stack([depth[name] for name in names], axis=1)
+    radius = fx * height * np.array(list(rounds.values())) / np.stack([depth[name] for name in names], axis=1)
     turn = np.linspace(0, 2 * np.pi, 16, endpoint=False)
     ring = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
     layers = []
@@ -133,7 +156,7 @@ def outlines(camera: Camera, points: dict[str, Floats], height: float, outfit: s
 
     deep = np.concatenate([(za + zb) / 2, ((depth["chest"] + depth["waist"]) / 2)[:, None]], axis=1)
     order = np.argsort(-deep, axis=1, kind="stable")
-    kinds = [limb[4] for limb in _LIMBS] + ["top"]
+    kinds = [limb[4] for limb in shapes] + ["top"]
     shades = np.array([0.68, 0.88, 1.05])
     colours = np.clip(np.array([colour[k] for k in kinds])[:, None, :] * shades[:, None], 0, 255)
     whole = np.concatenate([limbs.reshape(len(a), -1, 2), trunk.reshape(len(a), -1, 2)], axis=1)
@@ -170,19 +193,39 @@ def paint(picture: NDArray[np.uint8], drawing: Drawing, i: int) -> None:
 
     high, wide = picture.shape[:2]
     box = drawing.box[i]
-    if not np.isfinite(box).all() or box[0] > wide or box[1] > high or box[2] < 0 or box[3] < 0:
+    if not _in_picture(box, (wide, high)):
         return
     small = box[3] - box[1] < SMALL_PX
     times = SUPERSAMPLE if small else 1
-    u0, v0 = np.maximum(np.floor(box[:2]).astype(int) - 2, 0)
-    u1, v1 = np.minimum(np.ceil(box[2:]).astype(int) + 3, (wide, high))
+    u0, v0, u1, v1 = _around(box, (wide, high))
     part = picture[v0:v1, u0:u1]
     canvas = np.repeat(np.repeat(part, times, axis=0), times, axis=1) if small else part
-    corner = np.array([u0, v0]) - 0.5
-    limbs = np.round(((drawing.limbs[i] - corner) * times - 0.5) * (1 << SHIFT)).astype(np.int32)
-    trunk = ((drawing.trunk[i] - corner) * times - 0.5).astype(np.float32)
-    kind = cv2.LINE_8 if small else cv2.LINE_AA
-    colours = drawing.colours.tolist()
+    _fill(canvas, drawing, i, (u0, v0), times, drawing.colours.tolist(), cv2.LINE_8 if small else cv2.LINE_AA)
+    if small:
+        part[:] = cv2.resize(canvas, (u1 - u0, v1 - v0), interpolation=cv2.INTER_AREA)
+
+
+def _in_picture(box: Floats, size: tuple[int, int]) -> bool:
+    inside = box[0] <= size[0] and box[1] <= size[1] and box[2] >= 0 and box[3] >= 0
+    return bool(np.isfinite(box).all() and inside)
+
+
+def _around(box: Floats, size: tuple[int, int]) -> tuple[int, int, int, int]:
+    """The pixels u0, v0, u1, v1 of a picture (width, height) that hold a box, and a little around it."""
+    u0, v0 = np.maximum(np.floor(box[:2]).astype(int) - 2, 0).tolist()
+    u1, v1 = np.minimum(np.ceil(box[2:]).astype(int) + 3, size).tolist()
+    return u0, v0, u1, v1
+
+
+def _fill(
+    canvas: NDArray[np.uint8], drawing: Drawing, i: int, corner: tuple[int, int], times: int, colours: Any, kind: int
+) -> None:
+    """Draw the body of frame `i` into a canvas that begins at the pixel `corner` and is `times` as large, in place."""
+    import cv2
+
+    begin = np.array(corner) - 0.5
+    limbs = np.round(((drawing.limbs[i] - begin) * times - 0.5) * (1 << SHIFT)).astype(np.int32)
+    trunk = ((drawing.trunk[i] - begin) * times - 0.5).astype(np.float32)
     last = len(limbs)
     for p in drawing.order[i].tolist():
         for layer in range(3):
@@ -191,8 +234,46 @@ def paint(picture: NDArray[np.uint8], drawing: Drawing, i: int) -> None:
                 cv2.fillConvexPoly(canvas, hull, colours[p][layer], kind, SHIFT)
             else:
                 cv2.fillConvexPoly(canvas, limbs[p, layer], colours[p][layer], kind, SHIFT)
-    if small:
-        part[:] = cv2.resize(canvas, (u1 - u0, v1 - v0), interpolation=cv2.INTER_AREA)
+
+
+def seen_boxes(drawing: Drawing, size: tuple[int, int], wall: Bools | None = None) -> Floats:
+    """Tight boxes (T, 4) px of what a picture (width, height) shows of the body: u_min, v_min, u_max, v_max.
+
+    NaN where it shows nothing of it. `wall` (height, width, 1): pixels in which something hides everybody. A pixel
+    ends half a pixel from its centre, so that a picture that is all body has the box -0.5, -0.5, width - 0.5, ...
+    """
+    found = np.full((len(drawing.box), 4), np.nan)
+    limit = np.array([*size, *size]) - 0.5
+    for i, box in enumerate(drawing.box):
+        if not _in_picture(box, size):
+            continue
+        u0, v0, u1, v1 = _around(box, size)
+        if wall is None or not wall[v0:v1, u0:u1].any():
+            found[i] = np.clip(box, -0.5, limit)
+        else:
+            found[i] = _beside_wall(drawing, i, (u0, v0), wall[v0:v1, u0:u1, 0])
+    return found
+
+
+def _beside_wall(drawing: Drawing, i: int, corner: tuple[int, int], wall: Bools) -> Floats:
+    """The box (4,) px of what the wall, in the pixels from `corner` on, leaves of the body; NaN for nothing."""
+    import cv2
+
+    hidden = np.repeat(np.repeat(wall, FINE, axis=0), FINE, axis=1)
+    canvas = np.zeros(hidden.shape, np.uint8)
+    _fill(canvas, drawing, i, corner, FINE, np.full((len(drawing.colours), 3), 255).tolist(), cv2.LINE_8)
+    whole, left = canvas > 0, (canvas > 0) & ~hidden
+    if not left.any():
+        return np.full(4, np.nan)
+    ends, all_ends = _ends(left), _ends(whole)
+    # an edge that the wall leaves alone is known better than to a pixel of the canvas
+    return np.where(ends == all_ends, drawing.box[i], np.tile(corner, 2) - 0.5 + ends / FINE)
+
+
+def _ends(mask: Bools) -> Ints:
+    """u_min, v_min, u_max, v_max (4,) of the pixels of a mask, the last ones counted whole."""
+    rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
+    return np.array([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1])
 
 
 def hidden(camera: Camera, points: dict[str, Floats], height: float, joints: Floats, slack: Floats) -> Bools:

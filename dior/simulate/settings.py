@@ -20,6 +20,8 @@ WALKS = ("across", "along", "running", "straight", "circling")
 OUTFITS = ("shirt", "jacket")
 LEVELS = ("ideal", "real")
 PEOPLE = ("same", "heights", "different")
+FIGURES = ("plain", "dressed")
+AROUND = ("body", "joints")
 
 
 @dataclass(frozen=True)
@@ -99,6 +101,7 @@ class Settings:
     sequences: int = 2  # walks of each person in each environment
     sessions: int = 1  # days in each environment, with other cameras; everybody comes on one of them
     people: str = "heights"  # same: one body and gait; heights: differ in height and speed; different: in all
+    figure: str = "plain"  # how the body is drawn; dressed: stouter, with hair, thick shoes and a bag
     environments: tuple[str, ...] = (
         "indoor",
         "outdoor",
@@ -126,8 +129,10 @@ class Settings:
     long_range_tape_sigma_m: float = 0.3  # the same along the range of the long-range camera
     aim_sd_deg: float = 2.0  # how far the axis of a close camera misses the tape target, per angle
     mark_noise_px: float = 1.0  # error of a hand mark in u and in v
+    box_around: str = "body"  # body: a person draws boxes around what is seen of the body; joints: a machine's
     box_margin_px: float = 3.0  # how much too large a hand-drawn box is, on each edge
     box_sd_px: float = 1.0  # random error of each edge of a box
+    box_habit_px: float = 0.0  # sd of what each side is drawn further out than the others, the same in every box
     jpeg_quality: int = 85  # of the recorded pictures
     motion: str | None = None  # path of a C3D whose walk is used instead of the parametric walker
     detector: Detector = field(default_factory=Detector)
@@ -168,6 +173,8 @@ def from_dict(values: Mapping[str, Any] | None) -> Settings:
     for walk in settings.walks:
         _known(walk, WALKS, "simulate.walks")
     _known(settings.people, PEOPLE, "simulate.people")
+    _known(settings.figure, FIGURES, "simulate.figure")
+    _known(settings.box_around, AROUND, "simulate.box_around")
     _known(settings.detector.level, LEVELS, "simulate.detector.level")
     for key in POSITIVE:
         if not getattr(settings, key) > 0:

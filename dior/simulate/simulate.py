@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dior.arrays import Floats
-from dior.geometry.camera import Camera, Intrinsics
+from dior.geometry.camera import Intrinsics
 from dior.progress import reporting
 from dior.simulate import backdrop, bystander, detector_real, draw, scene, truth
 from dior.simulate.bystander import SecondPerson
@@ -127,9 +126,11 @@ def painter(
     import cv2
 
     empty = backdrop.background(settings, seen.camera, sequence.environment)
-    figures = [_outlines(seen.camera, seen.landmarks, height, sequence.outfit, sequence.subject)]
+    own = draw.figure(seen.landmarks, height)
+    figures = [draw.outlines(seen.camera, own, height, sequence.outfit, sequence.subject, settings.figure)]
     if other.present.any():
-        second = _outlines(seen.camera, other.landmarks, other.height, "shirt", bystander.SUBJECT)
+        others = draw.figure(other.landmarks, other.height)
+        second = draw.outlines(seen.camera, others, other.height, "shirt", bystander.SUBJECT)
         figures.append(second)
         nearer = other.depth.mean(axis=1) < np.nanmean(seen.landmark(seen.depth), axis=1)
     wall = backdrop.in_front(settings, seen.camera, sequence.environment)
@@ -146,10 +147,6 @@ def painter(
         return cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, settings.jpeg_quality])[1].ravel()
 
     return jpeg
-
-
-def _outlines(camera: Camera, landmarks: Floats, height: float, outfit: str, subject: str) -> draw.Drawing:
-    return draw.outlines(camera, draw.figure(landmarks, height), height, outfit, subject)
 
 
 def _header(store: "Typestore", seq: int, stamp_ns: int, camera: str) -> Any:

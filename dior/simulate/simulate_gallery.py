@@ -42,7 +42,7 @@ def write(settings: Settings, sequence: Sequence, folder: Path) -> None:
     figure = draw.figure(landmarks, body.height)
     for angle, camera in cameras(settings).items():
         empty = backdrop.background(settings, camera, "indoor")
-        outlines = draw.outlines(camera, figure, body.height, sequence.outfit, sequence.subject)
+        outlines = draw.outlines(camera, figure, body.height, sequence.outfit, sequence.subject, settings.figure)
         for i, turn in enumerate(turns.tolist()):
             picture = empty.copy()
             draw.paint(picture, outlines, i)

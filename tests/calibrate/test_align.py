@@ -6,11 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from dior.body.names import MLKIT_33
 from dior.calibrate.align import ByHand, CloseCameras, Walks, aligned_pose, run
 from dior.errors import DiorError
-from dior.geometry import camera_tables
+from dior.geometry import camera_tables, covariance
 from dior.geometry.camera import project
 from dior.geometry.tape import look_at_pose
+from dior.project.boxes import kept_back
+from dior.simulate import draw
+from dior.simulate.motion import motion_of
+from dior.simulate.settings import from_dict, sequences
 from dior.tables import tables
 from tests.rig import ring
 
@@ -154,7 +159,8 @@ def recorded(folder, true, offset_s=0.25):
 
 def prepared(folder, source, lines=""):
     tape = "tape: {position_m: [0, 61, 1.9], sigma_m: 1.0, target_m: [0.4, 0, 0.7]}\n"
-    lens = write_camera(folder, tape + f"align: {{from: {source}, sequences: [walk]{lines}}}")
+    around = ", around: joints" if source == "boxes" else ""
+    lens = write_camera(folder, tape + f"align: {{from: {source}, sequences: [walk]{around}{lines}}}")
     true = lens.at(look_at_pose("", {"position_m": [0, 60, 1.9], "target_m": [-0.2, 0, 1.1]}))
     return true, *recorded(folder, true)
 
@@ -164,9 +170,9 @@ def test_run_places_the_camera_by_what_was_drawn(tmp_path, source):
     true, files, points, uv = prepared(tmp_path, source)
     camera = run_in(tmp_path, **files)
     assert np.abs(project(camera, points)[0] - uv).max() < 0.1
-    covariance = camera_tables.read_camera_covariance(tmp_path / "covariance.parquet", ["cam04"])
+    spread = camera_tables.read_camera_covariance(tmp_path / "covariance.parquet", ["cam04"])
     error = camera.centre - true.centre
-    assert np.isfinite(covariance).all() and abs(error[1]) < 3 * np.sqrt(covariance[4, 4])
+    assert np.isfinite(spread).all() and abs(error[1]) < 3 * np.sqrt(spread[4, 4])
     said = tables.read(tmp_path / "findings.parquet", "findings")
     assert list(said["code"]) == ["camera_aligned"] and ("2.0 ±" in said["text"][0]) == (source == "boxes")
 
@@ -182,6 +188,77 @@ def test_a_clock_that_nobody_gave_is_found_with_the_pose(tmp_path, source):
     text = tables.read(tmp_path / "findings.parquet", "findings")["text"][0]
     found = int(re.search(r"walk ([+-]\d+) ± \d+ ms", text).group(1))
     assert abs(found - 250) < 15
+
+
+def people(folder, worn, habit=(0.0, 0.0, 0.0, 0.0)):
+    """A simulated walk with all joints, and boxes drawn 2 px large around the body as it is rendered."""
+    true, files, _, _ = prepared(folder, "boxes")
+    settings = from_dict({"environments": ["outdoor"], "duration_s": 11.0})
+    motion = motion_of(settings, sequences(settings)[0])
+    t = np.arange(1200) / 100
+    points, count = motion.at(t)[0], len(t) * len(MLKIT_33)
+    columns = {axis: points[..., i].ravel() for i, axis in enumerate("xyz")}
+    columns |= {"joint": list(MLKIT_33) * len(t), "instant": np.repeat(np.arange(len(t)), len(MLKIT_33))}
+    columns |= {"stamp_ns": 10**18 + columns["instant"] * 10**7, "status": ["ok"] * count, "subject": ["S01"] * count}
+    tables.write(folder / "walk.parquet", "skeletons_3d", columns | {"sequence": ["walk"] * count})
+    frames = np.arange(0, 330, 10)
+    landmarks = motion.at(frames / 30)[0]
+    figure = draw.figure(landmarks, motion.height)
+    tight = draw.outlines(true, figure, motion.height, "shirt", "S01", worn).box
+    boxes = tight + (np.array([2, 2, 2, 2]) + habit) * (-1, -1, 1, 1)
+    lines = [f"{f},{','.join(f'{x:.2f}' for x in box)}" for f, box in zip(frames, boxes, strict=True)]
+    (folder / "walk.cam04.csv").write_text("\n".join(["frame,u_min,v_min,u_max,v_max", *lines]) + "\n")
+    return true, files, landmarks
+
+
+@pytest.mark.parametrize("worn", ["plain", "dressed"])
+def test_boxes_around_the_person_are_compared_with_the_outline(tmp_path, worn):
+    true, files, points = people(tmp_path, worn)
+    off = {}
+    for around in ("joints", "body"):
+        yaml = (tmp_path / "cam04.yaml").read_text()
+        (tmp_path / "cam04.yaml").write_text(yaml.replace("around: joints", f"around: {around}"))
+        camera = run_in(tmp_path, **files)
+        off[around] = (project(camera, points)[0] - project(true, points)[0]).mean(axis=(0, 1))
+    # the outline is 0.8 px further above the top landmark than below the lowest one; half of that is a tilt
+    assert off["joints"][1] < -0.3 and abs(off["body"][1]) < 0.15
+    assert abs(off["body"][0]) < 0.15
+
+
+def test_a_habit_moves_the_labels_and_is_in_their_sigma(tmp_path):
+    true, files, points = people(tmp_path, "plain", (0.0, 1.0, 0.0, -1.0))
+    sigma = {}
+    for habit in (0.0, 1.0):
+        yaml = (tmp_path / "cam04.yaml").read_text()
+        (tmp_path / "cam04.yaml").write_text(re.sub("around: joints|habit_px: [0-9.]+", f"habit_px: {habit}", yaml))
+        camera = run_in(tmp_path, **files)
+        spread = camera_tables.read_camera_covariance(tmp_path / "covariance.parquet", ["cam04"])
+        _, J = covariance.projection(camera, points.mean(axis=(0, 1)))
+        sigma[habit] = np.sqrt((J @ spread @ J.T)[1, 1])
+    off = (project(camera, points)[0] - project(true, points)[0])[..., 1].mean()
+    assert off == pytest.approx(-1.0, abs=0.2)
+    assert sigma[1.0] ** 2 - sigma[0.0] ** 2 == pytest.approx(1 / 2, rel=0.15)
+    said = tables.read(tmp_path / "findings.parquet", "findings")["text"][0]
+    assert "further out in every box, by 1 px" in said
+
+
+def test_boxes_that_are_kept_back_place_no_camera(tmp_path):
+    _, files, _, _ = prepared(tmp_path, "boxes")
+    first = run_in(tmp_path, **files)
+    path = tmp_path / "walk.cam04.csv"
+    rows = [line.split(",") for line in path.read_text().splitlines()]
+    frames = np.array([int(row[0]) for row in rows[1:]])
+    kept = kept_back(frames)
+    assert 0 < kept.sum() < 10
+
+    def with_moved(which):
+        for row, moved in zip(rows[1:], which, strict=True):
+            row[1:] = [str(float(edge) + 4 * moved) for edge in row[1:]]
+        path.write_text("\n".join(",".join(row) for row in rows) + "\n")
+        return run_in(tmp_path, **files)
+
+    np.testing.assert_array_equal(with_moved(kept).wTc, first.wTc)
+    assert np.abs(with_moved(~kept).wTc - first.wTc).max() > 1e-3
 
 
 def test_a_clock_left_open_widens_the_covariance(tmp_path):

@@ -62,8 +62,33 @@ def test_iou_of_boxes_with_known_overlap(hand, share):
 def test_frames_without_a_box_are_not_judged():
     grid = grid_of(np.repeat(SQUARE, 4, axis=0))
     hand = boxes.of_frames(grid, np.array([1, 2, 3]), np.array([[9.0, 19.0, 15.0, 31.0]] * 3))
-    for _, _, values in labels_in_boxes.figures(grid, hand):
+    for name, _, values in labels_in_boxes.figures(grid, hand):
+        if name.startswith("held_back"):
+            assert np.isnan(values).all()  # 3 boxes are too few to keep any back
+            continue
         assert np.isnan(values[0]).all() and np.isfinite(values[1:]).all()
+
+
+def test_boxes_that_are_kept_back_are_the_same_wherever_others_are_drawn():
+    many, few = np.arange(0, 1000, 2), np.arange(0, 1000, 10)
+    kept = set(many[boxes.kept_back(many)].tolist())
+    assert set(few[boxes.kept_back(few)].tolist()) == kept & set(few.tolist())
+    assert 0.15 < len(kept) / len(many) < 0.25
+    assert not boxes.kept_back(np.arange(14)).any() and boxes.kept_back(np.arange(15)).any()
+
+
+def test_only_boxes_that_are_kept_back_are_held_back_figures():
+    grid = grid_of(np.repeat(SQUARE, 40, axis=0))
+    kept = boxes.kept_back(np.arange(40))
+    # in those, the labels lie 2 px right and 1 px below the middle of a box that is 4 px high, one of three inside
+    hand = np.where(kept[:, None], [[8.0, 22.0, 12.0, 26.0]], [[9.0, 19.0, 15.0, 31.0]])
+    found = {name: values for name, _, values in labels_in_boxes.figures(grid, hand) if "held_back" in name}
+    assert set(found) == {f"held_back_{name}" for name in ("share", "expected", "offset_u", "offset_v")}
+    for values in found.values():
+        assert (np.isfinite(values).all(axis=1) == kept).all()
+    assert np.nanmean(found["held_back_share"]) == pytest.approx(1 / 3)
+    assert np.nanmean(found["held_back_offset_u"]) == pytest.approx(2 / 4)
+    assert np.nanmean(found["held_back_offset_v"]) == pytest.approx(1 / 4)
 
 
 def test_one_box_tells_nothing_about_its_spread():

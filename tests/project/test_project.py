@@ -361,7 +361,8 @@ def test_what_a_camera_is_aligned_to_must_be_there(root, align, part):
 def test_a_camera_that_is_aligned_to_boxes(root):
     edit(root, "sessions/field/cam03.yaml", "nudge: {azimuth_deg: 0.2}", "align: {from: boxes, sequences: [out_1]}")
     found = project.load(root).cameras("field")["cam03"]["align"]
-    assert found == {"from": "boxes", "sequences": ["out_1"], "fit": "range", "occluder": "auto"}
+    asked = {"from": "boxes", "sequences": ["out_1"]}
+    assert found == asked | {"fit": "range", "around": "body", "habit_px": 0.5, "occluder": "auto"}
     edit(root, "sessions/field/cam01.yaml", "locate: tape", "locate: tape\nalign: {from: boxes, sequences: [out_1]}")
     fails(root, "config/sessions/field/cam01.yaml", "'align' has no effect")
 

@@ -43,6 +43,31 @@ def test_a_long_range_camera_that_nothing_checks_is_never_good():
     assert lights.judge(boxed, 760.0, role="long_range").level == "good"
 
 
+@pytest.mark.parametrize(
+    ("share", "expected", "level"),
+    [(0.60, 0.62, "good"), (0.92, 0.985, "look"), (0.99, 0.95, "good"), (0.60, 0.95, "bad")],
+)
+def test_boxes_are_judged_by_what_perfect_labels_would_score_in_them(share, expected, level):
+    """Tight boxes hold few labels and are no fault of theirs; large ones are no merit."""
+    figures = {"coverage": 1.0, "in_box_share": share, "in_box_expected": expected}
+    assert lights.judge(figures, 760.0, role="long_range").level == level
+
+
+def test_boxes_that_were_kept_back_judge_and_not_those_that_placed_the_camera():
+    figures = {"coverage": 1.0, "in_box_share": 0.97, "in_box_expected": 0.97}
+    kept = {"held_back_share": 0.85, "held_back_expected": 0.97}
+    assert lights.judge(figures, 760.0, role="long_range").level == "good"
+    light = lights.judge(figures | kept, 760.0, role="long_range")
+    assert light.level == "look" and "12.0 % fewer labels are in the hand boxes" in light.reasons[0]
+
+
+def test_labels_beside_the_middle_of_large_boxes_are_seen():
+    figures = {"coverage": 1.0, "held_back_share": 0.995, "held_back_expected": 1.0, "held_back_offset_u": 0.0}
+    # 0.02 and 0.09 of 25 px
+    levels = [lights.judge(figures | {"held_back_offset_v": v}, 760.0).level for v in (0.02, 0.09, -0.09, 0.3)]
+    assert levels == ["good", "look", "look", "bad"]
+
+
 def test_findings_are_matched_to_what_they_are_about():
     findings = [
         ("walk/cam01", "info", "a", "one"),
@@ -85,7 +110,8 @@ def test_the_limits_are_where_their_reasons_put_them():
     limit = {one.metric: one for one in lights.LIMITS}
     assert limit["reprojection_error"].look == 15 and limit["reprojection_error"].scaled_by_fx
     assert all(2 < limit[name].look < limit[name].bad for name in ("mark_error", "check_error", "error_to_truth_2d"))
-    assert limit["in_box_share"].look == 0.95 and limit["in_box_share"].bad > 0.63
+    assert limit["in_box_share"].look == 1 - limit["in_box_lacking"].look == 0.95
+    assert limit["in_box_share"].bad == 1 - limit["in_box_lacking"].bad > 0.63
     assert limit["lost_pictures"].bad == 0.05 and limit["lost_pictures"].look < 0.05
     assert limit["coverage"].sign == limit["in_picture_share"].sign == limit["in_box_share"].sign == -1
 

@@ -1,5 +1,6 @@
 import hashlib
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from dior.body.names import MLKIT_33, PLUG_IN_GAIT_39
 from dior.errors import DiorError
 from dior.geometry import camera as cam
 from dior.ingest import bags, mocap
-from dior.simulate import backdrop, bystander, config, scene, settings, simulate, simulate_mocap, truth
+from dior.simulate import backdrop, bystander, config, draw, scene, settings, simulate, simulate_mocap, truth
 from dior.simulate.motion import motion_of
 from dior.tables import tables
 from tests.simulate.conftest import TINY
@@ -128,15 +129,91 @@ def test_some_joints_are_hidden_behind_the_body_and_not_all(tiny):
     assert 0.05 < share < 0.6
 
 
-def test_boxes_are_as_large_and_as_rough_as_they_say(tmp_path):
-    used = settings.from_dict({"duration_s": 40.0, "environments": ["outdoor"], "sequences": 1, "subjects": 1})
+def outdoors(**keys):
+    """Settings of one walk outdoors, the walk, its motion and what the long-range camera sees of it."""
+    used = settings.from_dict({"environments": ["outdoor"], "sequences": 1, "subjects": 1, **keys})
     walk = settings.sequence_named(used, "outdoor_01")
+    motion = motion_of(used, walk)
+    return used, walk, motion, truth.view(used, walk, motion, "cam04")
+
+
+def drawn_boxes(used, walk):
+    """Frames (F,) and edges (F, 4) px of the boxes in the config."""
     rows = np.array([line.split(",") for line in config._boxes(used, walk).splitlines()[1:]], float)
-    seen = truth.view(used, walk, motion_of(used, walk), "cam04")
-    uv = seen.uv[rows[:, 0].astype(int)]
-    grown = np.concatenate([uv.min(axis=1) - rows[:, 1:3], rows[:, 3:] - uv.max(axis=1)], axis=1)
+    return rows[:, 0].astype(int), rows[:, 1:]
+
+
+@pytest.mark.parametrize("around", ["body", "joints"])
+def test_boxes_are_as_large_and_as_rough_as_they_say(around):
+    used, walk, motion, seen = outdoors(duration_s=40.0, box_around=around)
+    frames, edges = drawn_boxes(used, walk)
+    if around == "joints":
+        uv = seen.uv[frames]
+        tight = np.concatenate([uv.min(axis=1), uv.max(axis=1)], axis=1)
+    else:
+        tight = rendered_boxes(seen, motion, frames, walk)
+    grown = (edges - tight) * (-1, -1, 1, 1)
     assert grown.mean() == pytest.approx(used.box_margin_px, abs=0.15)
     assert grown.std() == pytest.approx(used.box_sd_px, rel=0.12)
+
+
+def rendered_boxes(seen, motion, frames, walk, worn="plain", times=48):
+    """Boxes (F, 4) px of what is painted where the picture is so many times larger."""
+    lens = seen.camera.intrinsics
+    size, scaled = np.array([40, 40]) * times, {k: getattr(lens, k) * times for k in ("fx", "fy")}
+    found = []
+    for frame in frames:
+        corner = np.floor(seen.uv[frame].mean(axis=0)) - (20, 20)
+        centre = {k: (getattr(lens, k) - c + 0.5) * times - 0.5 for k, c in zip(("cx", "cy"), corner, strict=True)}
+        window = replace(lens, width=int(size[0]), height=int(size[1]), **scaled, **centre)
+        near = replace(seen.camera, intrinsics=window)
+        points = draw.figure(seen.landmarks[frame : frame + 1], motion.height)
+        drawing = draw.outlines(near, points, motion.height, walk.outfit, walk.subject, worn)
+        picture = np.zeros((size[1], size[0], 3), np.uint8)
+        draw.paint(picture, drawing, 0)
+        body = picture.max(axis=-1) > 0
+        v, u = np.flatnonzero(body.any(axis=1)), np.flatnonzero(body.any(axis=0))
+        ends = np.array([u[0], v[0], u[-1] + 1, v[-1] + 1])
+        found.append(np.tile(corner, 2) - 0.5 + ends / times)
+    return np.array(found)
+
+
+@pytest.mark.parametrize("worn", ["plain", "dressed"])
+def test_a_box_without_error_is_that_of_the_painted_body(worn):
+    used, walk, motion, seen = outdoors(duration_s=8.0, box_sd_px=0.0, box_margin_px=0.0, figure=worn)
+    frames, edges = drawn_boxes(used, walk)
+    # OpenCV paints an edge a pixel or two of the enlarged picture further out
+    np.testing.assert_allclose(edges, rendered_boxes(seen, motion, frames, walk, worn), atol=0.05)
+
+
+def test_the_second_figure_is_larger_all_around():
+    plain, dressed = (
+        drawn_boxes(*outdoors(duration_s=30.0, box_sd_px=0.0, box_margin_px=0.0, figure=worn)[:2])[1]
+        for worn in ("plain", "dressed")
+    )
+    grown = ((dressed - plain) * (-1, -1, 1, 1)).mean(axis=0)
+    # hair and soles of some centimetres, at 12.7 px/m
+    assert (grown[[1, 3]] > 0.1).all() and (grown[[1, 3]] < 0.6).all() and (grown[[0, 2]] > 0.2).all()
+
+
+def test_behind_a_wall_the_box_ends_at_the_wall():
+    used, walk, _, seen = outdoors(duration_s=8.0, box_sd_px=0.0, box_margin_px=0.0, occluder=True)
+    _, edges = drawn_boxes(used, walk)
+    _, whole = drawn_boxes(replace(used, occluder=False), walk)
+    wall = backdrop.in_front(used, seen.camera, walk.environment)[..., 0]
+    # the wall's highest row above each box; the box ends there, to a sixteenth of a pixel and the slope of the wall
+    for box, plain in zip(edges, whole, strict=True):
+        columns = wall[:, int(plain[0]) : int(plain[2]) + 1]
+        top = columns.argmax(axis=0)
+        assert top.min() - 0.5 - 0.07 <= box[3] <= top.max() - 0.5 + 0.07 and box[3] < plain[3] - 5
+        assert box[1] == plain[1]
+
+
+def test_a_habit_is_the_same_in_every_box():
+    plain, unequal = (drawn_boxes(*outdoors(duration_s=10.0, box_habit_px=habit)[:2])[1] for habit in (0.0, 1.0))
+    moved = unequal - plain
+    np.testing.assert_allclose(moved, moved[:1].repeat(len(moved), axis=0), atol=0.011)
+    assert np.abs(moved).max() > 0.3
 
 
 def test_a_wrong_key_is_refused_with_the_nearest():

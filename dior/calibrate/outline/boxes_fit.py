@@ -4,9 +4,11 @@ INPUTS   a start, `Freedom` (what may move, how far the tape is trusted), `EdgeO
          clicks)
 OUTPUTS  `Fitted`: the camera, what was fitted with its covariance, which edges agreed
 
-An edge of a box is the extreme of the projected joints in its direction, moved outwards by a margin. Which joint is
-the extreme changes from step to step; between the changes the edge has that joint's derivative. Robust least squares
-(Geman-McClure weights, the scale lowered in steps) with the priors as further observations.
+An edge of a box is the extreme of the projected points in its direction (of the body's outline where a person drew it,
+of the joints where a machine did), moved outwards by a margin in u and one in v. Which point is the extreme changes
+from step to step; between the changes the edge has that point's derivative. Robust least squares (Geman-McClure
+weights, the scale lowered in steps) with the priors as further observations. What the edges above and below, or left
+and right, have unequal looks like a turn of the camera and is in the covariance alone, by its prior.
 
 Where the clock of a walk's pictures is not known either, the fit has the time in the middle of its pictures and the
 drift as further parameters, and the camera's covariance is that with both left open. A walk in one direction only tells
@@ -338,8 +340,10 @@ class Reading:
         # what moves a point moves the edge: by_point along its axis; what moves all edges moves the camera as far
         pull = slope * inverse @ (rows.J * weight[:, None]).T / self.sd**2
         points = self.seen.at(self.clocks)[0]
-        meat_of_bias = edge_errors.of_bias(pull, rows, self.camera(), points, self.seen)
-        spread = inverse @ meat @ inverse + meat_of_bias
+        of_bias = edge_errors.of_bias(pull, rows, self.camera(), points, self.seen)
+        of_habit = edge_errors.of_habit(pull, rows, self.freedom.habit_px)
+        of_outline = edge_errors.of_outline(pull, rows, self.camera(), points, self.seen)
+        spread = inverse @ meat @ inverse + of_bias + of_outline + of_habit
         by_cameras = np.zeros((9, 0))
         if derivative is not None:
             moves = derivative(points) if callable(derivative) else derivative

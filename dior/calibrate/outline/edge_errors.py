@@ -76,6 +76,30 @@ def of_bias(pull: Floats, rows: EdgeResiduals, camera: Camera, points: Floats, s
     return out
 
 
+def of_outline(pull: Floats, rows: EdgeResiduals, camera: Camera, points: Floats, seen: EdgeObservations) -> Floats:
+    """Covariance (P, P) of parameters that residuals move by `pull` (P, N), from an outline that lies further out than
+    it does by `seen.outline_m`: above and below alike in every picture, beside alike while the same side is seen."""
+    out = np.zeros((len(pull), len(pull)))
+    edge = rows.kind >= 0
+    if not seen.outline_m or not edge.any():
+        return out
+    way = way_seen(camera, points, seen.seconds, seen.walk)[rows.frame]
+    group = np.where(rows.axis == 0, 5 * rows.kind + way, 5 * rows.kind)
+    scale = np.linalg.norm(rows.by_point, axis=1)
+    for g in np.unique(group[edge]):
+        mine = edge & (group == g)
+        G = pull[:, mine] @ scale[mine]
+        out += seen.outline_m**2 * np.outer(G, G)
+    return out
+
+
+def of_habit(pull: Floats, rows: EdgeResiduals, habit_px: float) -> Floats:
+    """Covariance (P, P) of parameters that residuals move by `pull` (P, N), from edges each of whose four sides lies
+    further out by `habit_px` (sd) in every box."""
+    by_side = np.stack([pull[:, rows.kind == side].sum(axis=1) for side in range(4)], axis=1)
+    return habit_px**2 * by_side @ by_side.T
+
+
 def way_seen(camera: Camera, points: Floats, seconds: Floats, walk: Ints) -> Ints:
     """0 to 4 (F,): whether the body of points (F, J, 3) m goes away, right, towards the camera or left, or stands."""
     known = np.all(np.isfinite(points), axis=-1)[..., None]

@@ -6,9 +6,11 @@ OUTPUTS  `dior.clocks.clock.Clock` and the cost of each lag (px)
 
 The edges are those of `boxes_fit`. A joint is not where the outline is, nor where the 3D has it, and that difference is
 constant while the same side of the body is seen: each (joint, side) has a shift of its own in the fit, with a prior, so
-that no constant turns into time. What is left is robustly weighted; the covariance is a sandwich over blocks of time
-and over the edges of one side of the body, since errors near in time are alike, and so are those of every step. World
-in metres, recorded pixels, times in s on the axis of the track.
+that no constant turns into time. An outline that is not known before and behind the body (toes, a bag) has one shift
+more in the direction of the walk, whichever that is: while the whole body goes ahead that looks like time, and the gait
+tells the two apart, feet and hands that stand still or swing while the body goes. What is left is robustly weighted;
+the covariance is a sandwich over blocks of time and over the edges of one side of the body, since errors near in time
+are alike, and so are those of every step. World in metres, recorded pixels, times in s on the axis of the track.
 """
 
 from collections.abc import Callable
@@ -26,6 +28,7 @@ from dior.clocks.clock import DRIFT_SD_PPM, OFFSET_SD_S, Clock
 from dior.geometry.camera import Camera
 
 LAGS_S = lag.window(25.0)  # chosen: in 40 ms a walker's outline moves little; the fit does the rest
+NEAR_S = np.arange(-20, 21) / 100  # chosen: lags about the best whose likelihood is looked at, less than half a step
 MOST_HEIGHT = 0.15  # chosen: of the person's height, from which on an edge is an outlier in the search
 HALF_STEP_S = 0.04  # chosen: edges are differentiated over twice that, in which another joint may become the extreme
 STEPS = 30  # of the fit at most
@@ -39,8 +42,23 @@ FITTED = [7, 8, 9, 10]  # of the parameters of `boxes_fit`: both margins, time a
 
 # names of the cameras that made the 3D, and what gives the derivative (F, J, 3, 6V) of its points by their errors
 Makers: TypeAlias = tuple[list[str], Callable[[Floats], Floats]]
-# the shift (3,) m of each group of (joint, side of the body)
-Shifts: TypeAlias = dict[int, Floats]
+
+
+@dataclass(frozen=True, eq=False)
+class Misfit:
+    """Where the outline is not where the points are: `lead_m` in the direction of the walk, and the shift (3,) m of
+    each group of (joint, side of the body)."""
+
+    lead_m: float
+    shifts: dict[int, Floats]
+
+    @property
+    def values(self) -> Floats:
+        return np.array([self.lead_m, *np.array(list(self.shifts.values())).ravel()])
+
+    def moved(self, step: Floats) -> "Misfit":
+        shifts = np.array(list(self.shifts.values())) + step[1:].reshape(-1, 3)
+        return Misfit(self.lead_m + float(step[0]), dict(zip(self.shifts, shifts, strict=True)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +106,7 @@ def estimate(
     best = int(np.nanargmin(costs))
     reading.clocks[0, 0] = LAGS_S[best]
     given, gains, sd, speed = _refine(reading, camera, seen, makers)
-    given = np.hypot(given, (trails_m / speed, 0.0))
+    given = np.hypot((max(given[0], width(reading, limit, sd)), given[1]), (trails_m / speed, 0.0))
     offset, drift = reading.clocks[0]
     # the fit has the time in the middle, the formula that at t0
     clock = Clock(
@@ -144,28 +162,47 @@ def cost_at(reading: boxes_fit.Reading, limit_px: float) -> float:
     return np.sqrt(np.minimum(own**2, limit_px**2).mean())
 
 
+def width(reading: boxes_fit.Reading, limit_px: float, sd: float) -> float:
+    """Standard deviation (s) of the likelihood of the lags near the reading's, each side of the boxes about its median.
+
+    Where little tells the time it is no bell, and wider than what it is at its peak: noise finds other swings of limbs.
+    """
+    kept = reading.values.copy()
+
+    def cost(late_s: float) -> float:
+        reading.clocks[0, 0] = kept[9] + late_s
+        return cost_at(reading, limit_px)
+
+    chi2 = np.isfinite(reading.seen.edges).sum() * lag.curve(cost, NEAR_S) ** 2 / sd**2
+    reading.values = kept
+    if not np.isfinite(chi2).any():
+        return 0.0
+    likely = np.nan_to_num(np.exp(-(chi2 - np.nanmin(chi2)) / 2))
+    middle = (likely * NEAR_S).sum() / likely.sum()
+    return float(np.sqrt((likely * (NEAR_S - middle) ** 2).sum() / likely.sum()))
+
+
 def _refine(
     reading: boxes_fit.Reading, camera: Camera, seen: EdgeObservations, makers: Makers | None
 ) -> tuple[Floats, dict[str, Floats], float, float]:
     """Moves the reading's clock and margins to the best; given sigma (2,), gains by camera, sd px of an
     edge, and the speed m/s of what tells the time."""
-    scale, shifts = None, None
+    scale, misfit = None, Misfit(0.0, {})
     for _ in range(STEPS):
         rows = reading.rows()
-        J, prior, residual, shifts = _system(reading, rows, camera, seen, shifts)
+        J, prior, residual, misfit = _system(reading, rows, camera, seen, misfit)
         if scale is None:
             scale = max(edge_errors.spread(residual - np.median(residual)), 1.0) * 2 * boxes_fit.CUT
-        step, _, _ = _solve(J, prior, residual, shifts, reading, scale)
+        step, _, _ = _solve(J, prior, residual, misfit, reading, scale)
         scale = max(0.7 * scale, boxes_fit.CUT * edge_errors.spread(residual))
-        free = 4
-        reading.values[FITTED] += step[:free] * np.minimum(1.0, 0.2 / max(abs(step[2]), 1e-12))
-        shifts = dict(zip(shifts, np.array(list(shifts.values())) + step[free:].reshape(-1, 3), strict=True))
+        reading.values[FITTED] += step[:4] * np.minimum(1.0, 0.2 / max(abs(step[2]), 1e-12))
+        misfit = misfit.moved(step[4:])
         if abs(step[2]) < 1e-6 and scale <= boxes_fit.CUT * edge_errors.spread(residual) * 1.001:
             break
     rows = reading.rows()
-    J, prior, residual, shifts = _system(reading, rows, camera, seen, shifts)
+    J, prior, residual, misfit = _system(reading, rows, camera, seen, misfit)
     sd = edge_errors.spread(residual)
-    _, A, weight = _solve(J, prior, residual, shifts, reading, boxes_fit.CUT * sd)
+    _, A, weight = _solve(J, prior, residual, misfit, reading, boxes_fit.CUT * sd)
     slope = max(edge_errors.slopes(residual, boxes_fit.CUT * sd).sum() / weight.sum(), 0.2)
     inverse = np.linalg.inv(slope * (A - prior) + prior)
     score = J * (weight * residual / sd**2)[:, None]
@@ -200,25 +237,35 @@ def _system(
     rows: edge_errors.EdgeResiduals,
     camera: Camera,
     seen: EdgeObservations,
-    shifts: Shifts | None,
-) -> tuple[Floats, Floats, Floats, Shifts]:
-    """Derivatives (N, 4 + 3G) by margins, time, drift and the shift (m) of each (joint, side of the body), the
-    precision of their priors, residuals (N,) px with the shifts so far, and these by group."""
-    points = seen.at(reading.clocks)[0]
+    misfit: Misfit,
+) -> tuple[Floats, Floats, Floats, Misfit]:
+    """Derivatives (N, 5 + 3G) by margins, time, drift, the lead (m) and the shift (m) of each (joint, side of the
+    body), the precision of their priors, residuals (N,) px with the misfit so far, and that with the groups of now."""
+    points, velocity, _ = seen.at(reading.clocks)
     side = edge_errors.way_seen(camera, points, seen.seconds, seen.walk)[rows.frame]
     groups, index = np.unique(rows.joint * 5 + side, return_inverse=True)
-    shifts = {g: (shifts or {}).get(g, np.zeros(3)) for g in groups.tolist()}
-    own = np.array(list(shifts.values()))[index]
+    misfit = Misfit(misfit.lead_m, {g: misfit.shifts.get(g, np.zeros(3)) for g in groups.tolist()})
     at = np.arange(len(index))
-    J = np.zeros((len(index), 4 + 3 * len(groups)))
+    J = np.zeros((len(index), 5 + 3 * len(groups)))
     J[:, :4] = rows.J[:, FITTED]
     by_time = _by_time(reading, rows, len(seen.seconds))
     J[:, 2], J[:, 3] = by_time, 1e-6 * by_time * (seen.seconds[rows.frame] - seen.middle_s(0))
+    J[:, 4] = np.einsum("ni,ni->n", rows.by_point, ahead(velocity)[rows.frame])
     for axis in range(3):
-        J[at, 4 + 3 * index + axis] = rows.by_point[:, axis]
-    prior = np.eye(J.shape[1]) / max(seen.bias_m, 1e-4) ** 2
+        J[at, 5 + 3 * index + axis] = rows.by_point[:, axis]
+    prior = np.eye(J.shape[1]) / max(np.hypot(seen.bias_m, seen.outline_m), 1e-4) ** 2
     prior[:4, :4] = reading.prior[np.ix_(FITTED, FITTED)]
-    return J, prior, rows.residual - np.einsum("ni,ni->n", rows.by_point, own), shifts
+    # half of what before and behind have unequal
+    prior[4, 4] = 1 / max(seen.outline_m / np.sqrt(2), 1e-6) ** 2
+    return J, prior, rows.residual - J[:, 4:] @ misfit.values, misfit
+
+
+def ahead(velocity: Floats) -> Floats:
+    """The horizontal direction (F, 3) in which a body goes whose points have the velocities (F, J, 3) m/s; 0 where it
+    stands."""
+    whole = velocity.mean(axis=1) * (1, 1, 0)
+    speed = np.linalg.norm(whole, axis=1, keepdims=True)
+    return np.where(speed > edge_errors.STANDS_M_S, whole / np.maximum(speed, 1e-9), 0.0)
 
 
 def _by_time(reading: boxes_fit.Reading, rows: edge_errors.EdgeResiduals, count: int) -> Floats:
@@ -237,12 +284,12 @@ def _by_time(reading: boxes_fit.Reading, rows: edge_errors.EdgeResiduals, count:
 
 
 def _solve(
-    J: Floats, prior: Floats, residual: Floats, shifts: Shifts, reading: boxes_fit.Reading, scale: float
+    J: Floats, prior: Floats, residual: Floats, misfit: Misfit, reading: boxes_fit.Reading, scale: float
 ) -> tuple[Floats, Floats, Floats]:
     """A step of all parameters, the normal matrix and the weights; the scale of the weights is `CUT` sd."""
     weight, sd = edge_errors.weights(residual, scale), scale / boxes_fit.CUT
     A = (J * weight[:, None]).T @ J / sd**2 + prior
-    values = np.concatenate([reading.values[FITTED], np.array(list(shifts.values())).ravel()])
+    values = np.concatenate([reading.values[FITTED], misfit.values])
     step = np.linalg.solve(A, J.T @ (weight * residual) / sd**2 - prior @ values)
     return step, A, weight
 

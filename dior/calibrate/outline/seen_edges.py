@@ -16,14 +16,20 @@ from dior.calibrate.outline.tracks import BodyTrack
 # chosen: 3D joints of real detectors are off by about 1 % of the body height (design, section 9), for as long as the
 # same side is seen, and the outline of a body goes around other points than theirs
 JOINT_BIAS_M = 0.025
+# chosen: hair, soles, clothes and build that `silhouettes.outline` does not know, on each side of a person; at crown
+# and soles the same from wherever they are seen
+OUTLINE_M = 0.02
+# chosen: sd of what a person draws each of the four edges further out than the margin of its axis, in every box alike
+HABIT_PX = 0.5
 
 
 @dataclass(frozen=True)
 class Freedom:
     """Standard errors of what is known before: `turn` (3,) rad, `shift` (3,) m along, right and up, `focal` of the log.
 
-    0 holds a value. `margin_px` that of the margin of all edges, `margin_split_px` that of v against u. `clock_s` and
-    `drift_ppm` (K,): of the clocks of the K walks.
+    0 holds a value. `margin_px` that of the margin of all edges, `margin_split_px` that of v against u. `habit_px`: of
+    what each edge is drawn further out than that in every box: top against bottom looks like a tilt and left against
+    right like a pan, so that no number of boxes tells it. `clock_s` and `drift_ppm` (K,): of the clocks of the K walks.
     """
 
     turn: tuple[float, float, float] = (np.radians(5), np.radians(5), np.radians(3))
@@ -31,6 +37,7 @@ class Freedom:
     focal: float = 0.0
     margin_px: float = 3.0
     margin_split_px: float = 0.3
+    habit_px: float = 0.0
     clock_s: tuple[float, ...] = ()
     drift_ppm: tuple[float, ...] = ()
 
@@ -41,7 +48,8 @@ class EdgeObservations:
 
     `seconds` (F,) and `walk` (F,): pictures of one walk near in time may share their errors. `bias_m`: standard error
     of a joint's place that is constant while the same side of the body is seen and shows in no residual. `flesh_m`
-    (J,): how far the outline that the edges are of lies outside of each joint. `tracks`: that of each walk, on whose
+    (J,): how far the outline that the edges are of lies outside of each joint, `outline_m`: standard error of that, 0
+    where the edges are those of the joints. `tracks`: that of each walk, on whose
     time axis the `seconds` are where a clock is to be found; `points` are then those at these `seconds`.
     """
 
@@ -53,6 +61,7 @@ class EdgeObservations:
     bias_m: float = JOINT_BIAS_M
     flesh_m: Floats | float = 0.0
     tracks: tuple[BodyTrack, ...] = ()
+    outline_m: float = 0.0
 
     def middle_s(self, walk: int) -> float:
         """Time (s) in the middle of the pictures of a walk, where errors of its clock and drift are independent."""
@@ -75,10 +84,9 @@ class EdgeObservations:
         """One walk alone, its pictures `lag_s` later."""
         mine = self.walk == walk
         seconds = self.seconds[mine] + lag_s
-        flesh = self.flesh_m
         return EdgeObservations(
             self.tracks[walk].at(seconds), self.edges[mine], self.clicks[mine], seconds,
-            np.zeros(mine.sum(), int), self.bias_m, flesh, (),
+            np.zeros(mine.sum(), int), self.bias_m, self.flesh_m, (), self.outline_m,
         )  # fmt: skip
 
 

@@ -1,4 +1,5 @@
-"""Where a walker is in the pictures of a still camera, without a detector: what differs from the empty scene.
+"""Where a walker is in the pictures of a still camera, without a detector: what differs from the empty scene. And the
+outline of a body whose 3D is known, which that, and a box that a person draws, is compared with.
 
 INPUTS   BGR pictures of one recording, where the person is about to be (a window)
 OUTPUTS  edges (F, 4) px of the tight box of the silhouette, NaN where nothing stands out
@@ -34,6 +35,7 @@ EAR_TO_CROWN = 0.0755
 FLESH = {
     "nose": 0.015, "ear": 0.012, "shoulder": 0.040, "elbow": 0.030, "wrist": 0.020, "pinky": 0.015, "index": 0.015,
     "thumb": 0.015, "hip": 0.060, "knee": 0.037, "ankle": 0.027, "heel": 0.018, "foot_index": 0.018, "crown": 0.0,
+    "big_toe": 0.018, "small_toe": 0.018,
 }  # fmt: skip
 
 
@@ -43,8 +45,13 @@ def flesh(joints: Sequence[str], height_m: float) -> Floats:
 
 
 def crown(points: Floats, joints: Sequence[str]) -> Floats:
-    """The crown of the head (F, 3) m above the ears, from points (F, J, 3): a silhouette ends there, joints do not."""
-    ears = np.stack([points[:, joints.index(f"{side}_ear")] for side in ("left", "right")]).mean(axis=0)
+    """The crown of the head (F, 3) m above the ears, or the one that is known, from points (F, J, 3): a silhouette ends
+    there, joints do not."""
+    each = np.stack([points[:, joints.index(f"{side}_ear")] for side in ("left", "right")])
+    known = np.isfinite(each).all(axis=-1, keepdims=True)
+    ears = np.where(
+        known.any(axis=0), np.where(known, each, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1), np.nan
+    )
     up = EAR_TO_CROWN / (1 - EAR_TO_CROWN) * np.nanmedian(ears[:, 2])
     return ears + (0.0, 0.0, up)
 
@@ -61,9 +68,12 @@ def outline(points: Floats, joints: Sequence[str]) -> tuple[Floats, Floats]:
 
     `points` (F, J, 3) of joints or of Plug-in-Gait markers; the crown and the toes are added where they are known.
     """
-    if "left_ear" in joints:
+    if not np.isfinite(points[..., 2]).any():
+        return points, np.zeros(points.shape[1])
+    if {"left_ear", "right_ear"} <= set(joints):
         top = crown(points, joints)
-        return np.concatenate([points, top[:, None]], axis=1), flesh([*joints, "crown"], float(np.nanmedian(top[:, 2])))
+        highest = top[:, 2] if np.isfinite(top).any() else points[..., 2]
+        return np.concatenate([points, top[:, None]], axis=1), flesh([*joints, "crown"], float(np.nanmedian(highest)))
     at = {joint: points[:, i] for i, joint in enumerate(joints)}
     added = {}
     band = np.stack([at[joint] for joint in HEAD if joint in at], axis=1) if any(j in at for j in HEAD) else points

@@ -72,6 +72,17 @@ def read_walk(name: str, camera: str, skeleton: Path, frames: Path, offsets: Pat
     return FilmedWalk(name, rows, when, track, joints, source == "manual", sd_m)
 
 
+def edged(walk: FilmedWalk, around: str) -> tuple[tracks.BodyTrack, Floats | float, float]:
+    """What edges are the extremes of: its track, `flesh_m` and `outline_m` as in `seen_edges.EdgeObservations`.
+
+    `around`: body, whose outline a person draws and a silhouette shows; or joints, as a machine may.
+    """
+    if around == "joints":
+        return walk.track, 0.0, 0.0
+    points, flesh_m = silhouettes.outline(walk.track.points, walk.joints)
+    return tracks.BodyTrack(walk.track.seconds, points), flesh_m, seen_edges.OUTLINE_M
+
+
 def given_clock(camera: str, frames: Path, offsets: Path | None) -> ClockValues:
     """Offset s, drift ppm and source of a camera's clock by the file of those given by hand, which may be None."""
     known = tables.ordered_unique(tables.read(frames, "frames", ["camera"])["camera"])
@@ -79,9 +90,10 @@ def given_clock(camera: str, frames: Path, offsets: Path | None) -> ClockValues:
 
 
 def from_boxes(walk: FilmedWalk, path: Path) -> tuple[Ints, Floats]:
-    """Pictures (F,) with a box, by their row, and its edges (F, 4) px."""
+    """Pictures (F,) with a box that is not kept back, by their row, and its edges (F, 4) px."""
     numbers, edges = hand_boxes.read(path, walk.rows["frame"])
-    return np.searchsorted(walk.rows["frame"], numbers), edges
+    fitted = ~hand_boxes.kept_back(numbers)
+    return np.searchsorted(walk.rows["frame"], numbers[fitted]), edges[fitted]
 
 
 def from_marks(walk: FilmedWalk, marks: hand_marks.Marks, path: Path) -> tuple[Ints, Floats]:
@@ -137,8 +149,10 @@ def gather(
     files: Mapping[str, Path],
     data_root: Path,
     marks: Path | None,
+    around: str = "body",
 ) -> seen_edges.EdgeObservations:
-    """`seen_edges.EdgeObservations` of all sequences. `files`: boxes by sequence; `marks`: a path."""
+    """`seen_edges.EdgeObservations` of all sequences. `files`: boxes by sequence, drawn `around` the body or joints;
+    `marks`: a path."""
     if source == "boxes":
         missing = [walk.name for walk in walks if walk.name not in files]
         if missing:
@@ -151,13 +165,13 @@ def gather(
             raise DiorError(f"{start.name}: align.from says marks, but there is no file of marks")
         clicked = hand_marks.read(marks)
         found = [from_marks(walk, clicked, marks) for walk in walks]
-    flesh: Floats | float = 0.0
+    around = {"silhouettes": "body", "marks": "joints"}.get(source, around)
+    flesh_m: Floats | float = 0.0
+    outline_m = 0.0
     parts, used = [], []
     for k, (walk, (shown, values)) in enumerate(zip(walks, found, strict=True)):
-        track, count = walk.track, len(shown)
-        if source == "silhouettes":
-            whole, flesh = silhouettes.outline(track.points, walk.joints)
-            track = tracks.BodyTrack(track.seconds, whole)
+        count = len(shown)
+        track, flesh_m, outline_m = edged(walk, around)
         used.append(track)
         points = track.at(walk.seconds[shown])
         clicks = values if source == "marks" else np.full((*points.shape[:2], 2), np.nan)
@@ -165,8 +179,24 @@ def gather(
         parts.append((points, edges, clicks, walk.seconds[shown], np.full(count, k)))
     points, edges, clicks, seconds, number = (np.concatenate(column) for column in zip(*parts, strict=True))
     return seen_edges.EdgeObservations(
-        points, edges, clicks, seconds, number, constant_error(walks), flesh, tuple(used)
+        points, edges, clicks, seconds, number, constant_error(walks), flesh_m, tuple(used), outline_m
     )
+
+
+def margins(settings: Mapping[str, Any], source: str = "") -> tuple[float, float, float]:
+    """Prior of the margin of all edges, of v against u, and of what an edge is drawn further out than these (sd, px).
+
+    `settings` of a camera's YAML; `source`: boxes or silhouettes, where it is not what `align.from` says.
+    """
+    how = settings.get("align", {})
+    known = seen_edges.Freedom
+    source = source or how["from"]
+    if source != "boxes":
+        margin_px = SILHOUETTE_MARGIN_PX if source == "silhouettes" else known.margin_px
+        return margin_px, known.margin_split_px, 0.0
+    habit_px = float(how.get("habit_px", seen_edges.HABIT_PX))
+    # the parts of a habit that above and below, left and right share make the two margins differ as much
+    return known.margin_px, float(np.hypot(known.margin_split_px, habit_px)), habit_px
 
 
 def constant_error(walks: Sequence[FilmedWalk]) -> float:

@@ -47,7 +47,8 @@ class Expected(NamedTuple):
 Figures: TypeAlias = dict[tuple[str, str, str], Expected]
 RECOMPUTED = (
     "coverage", "in_picture_share", "reprojection_error", "in_box_share", "in_box_expected", "box_iou", "box_offset_u",
-    "box_offset_v", "box_width_difference", "box_height_difference", "mark_error", "check_error",
+    "box_offset_v", "box_width_difference", "box_height_difference", "held_back_share", "held_back_expected",
+    "held_back_offset_u", "held_back_offset_v", "mark_error", "check_error",
 )  # fmt: skip
 
 

@@ -139,6 +139,43 @@ def test_a_bias_of_the_joints_widens_the_intervals():
     assert np.sqrt(grown[0]) == pytest.approx(0.5 * 0.025 * np.sqrt(1 + 1 / 4) / 60, rel=0.5)
 
 
+def test_edges_that_are_further_out_in_every_box_are_in_the_covariance_as_a_tilt_and_a_pan():
+    points = body()
+    edges = boxes(project(true_camera(), points)[0], 1.0, 0.5)
+    without, habit = (
+        boxes_fit.fit(start(), replace(FREE, habit_px=h), seen(points, edges), "cam04") for h in (0.0, 0.5)
+    )
+    np.testing.assert_array_equal(without.values, habit.values)
+    grown = np.sqrt(np.diagonal(habit.covariance) - np.diagonal(without.covariance))
+    # half the difference of two edges, and half their sum, of 0.5 px each; f is 760 px
+    np.testing.assert_allclose(grown[:2], 0.5 / np.sqrt(2) / 760, rtol=0.1)
+    np.testing.assert_allclose(grown[boxes_fit.MARGIN], 0.5 / np.sqrt(2), rtol=0.15)
+
+
+@pytest.mark.parametrize(("sides", "turn"), [((1, 3), 0), ((0, 2), 1)])
+def test_the_unequal_part_of_a_habit_turns_the_camera_by_half_of_it(sides, turn):
+    points = body()
+    edges = boxes(project(true_camera(), points)[0])
+    edges[:, sides[0]] -= 1.0
+    found, plain = (
+        boxes_fit.fit(start(), FREE, seen(points, e), "cam04", occluder="none")
+        for e in (edges, boxes(project(true_camera(), points)[0]))
+    )
+    assert abs(found.values[turn] - plain.values[turn]) * 760 == pytest.approx(0.5, abs=0.05)
+
+
+def test_an_outline_that_lies_further_out_is_in_the_covariance():
+    points = body()
+    edges = boxes(project(true_camera(), points)[0], 0.0, 0.5)
+    without, unknown = (
+        boxes_fit.fit(start(), FREE, replace(seen(points, edges), outline_m=m), "cam04") for m in (0.0, 0.02)
+    )
+    grown = np.sqrt(np.diagonal(unknown.covariance) - np.diagonal(without.covariance))
+    # crown and soles by 2 cm each, 60 m away; beside, each side of the body has its own
+    assert grown[0] == pytest.approx(0.02 / 60 / np.sqrt(2), rel=0.1)
+    assert 0 < grown[1] < 0.02 / 60 / np.sqrt(2)
+
+
 def test_the_camera_follows_a_world_that_is_shifted():
     """Close cameras that are all off by the same put the points there: dθ of the fit says where this one goes."""
     points = body()

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from dior.calibrate.outline import long_range_clock, tracks
-from dior.calibrate.outline.seen_edges import EdgeObservations
+from dior.calibrate.outline import boxes_fit, long_range_clock, tracks
+from dior.calibrate.outline.seen_edges import EdgeObservations, Freedom
 from dior.geometry.camera import project
 from tests.calibrate.outline.test_boxes_fit import boxes, true_camera
 
@@ -44,6 +44,44 @@ def test_an_outline_that_trails_widens_the_time_by_what_it_takes_to_walk_so_far(
     # an instant counts by its speed: the mean of v^2 over that of |v| is pi / 4 of the fastest
     assert np.sqrt(trails[0] ** 2 - plain[0] ** 2) == pytest.approx(0.06 / (np.pi / 4 * FASTEST_M_S), rel=0.1)
     assert trails[1] == plain[1]
+
+
+def swinging(t, lead_m=0.0):
+    """Points (T, 5, 3) m of a walker to and fro along X whose feet swing, `lead_m` ahead of where they are."""
+    x, way = 1.25 * np.sin(0.8 * t), np.sign(np.cos(0.8 * t))
+    swing = 0.35 * np.sin(5.5 * t)
+    parts = [(0 * t, 1.7), (0.25 + 0 * t, 0.8), (-0.25 + 0 * t, 0.8), (swing, 0.05), (-swing, 0.05)]
+    return np.stack([np.stack([x + aside + way * lead_m, 0 * t, 0 * t + up], axis=-1) for aside, up in parts], axis=1)
+
+
+def test_an_outline_that_is_always_ahead_is_told_from_time_by_the_gait():
+    """Toes 3 cm ahead of where they are known to be: 40 ms by the place of the walker alone."""
+    t, seconds = np.arange(-2, 15, 0.01), np.arange(0.5, 11.5, 0.1)
+    edges = boxes(project(true_camera(), swinging(seconds + LATE_S, 0.03))[0], 2.0, 0.02, seed=1)
+    track, nothing = tracks.BodyTrack(t, swinging(t)), np.full((len(seconds), 5, 2), np.nan)
+    off = {}
+    for outline_m in (0.0, 0.02):
+        seen = EdgeObservations(
+            track.at(seconds), edges, nothing, seconds, np.zeros(len(seconds), int), 0.0, 0.0, (track,), outline_m
+        )
+        clock = long_range_clock.estimate(true_camera(), seen, "boxes").clock
+        off[outline_m] = abs(clock.offset_s + 1e-6 * clock.drift_ppm * clock.middle_s - LATE_S)
+    assert off[0.02] < 0.006 < 0.02 < off[0.0]
+
+
+def test_a_body_that_stands_goes_nowhere():
+    velocity = np.zeros((2, 3, 3))
+    velocity[1] = (0.0, -1.5, 0.3)
+    np.testing.assert_allclose(long_range_clock.ahead(velocity), [[0, 0, 0], [0, -1, 0]])
+
+
+@pytest.mark.parametrize(("sd_px", "least", "most"), [(0.3, 0.0, 0.005), (1e4, 0.115, 0.12)])
+def test_lags_that_fit_alike_widen_the_time(sd_px, least, most):
+    reading = boxes_fit.Reading(true_camera(), Freedom((0, 0, 0), (0, 0, 0), clock_s=(1.0,)), watched(), "")
+    reading.clocks[0, 0] = LATE_S
+    kept = reading.values.copy()
+    assert least <= long_range_clock.width(reading, 5.0, sd_px) < most
+    np.testing.assert_array_equal(reading.values, kept)
 
 
 def test_few_clusters_know_their_own_scatter_badly():
