@@ -85,7 +85,8 @@ def _middle(pictures: Sequence[Picture]) -> Picture:
     for _ in range(len(pictures) // 2):
         # the least goes to the end, and away
         for i in range(len(left) - 1):
-            left[i], left[i + 1] = cv2.max(left[i], left[i + 1]), cv2.min(left[i], left[i + 1])
+            more, less = cv2.max(left[i], left[i + 1]), cv2.min(left[i], left[i + 1])
+            left[i], left[i + 1] = np.asarray(more, np.uint8), np.asarray(less, np.uint8)
         left.pop()
     least = left[0].copy()
     for each in left[1:]:
@@ -93,7 +94,7 @@ def _middle(pictures: Sequence[Picture]) -> Picture:
     return np.asarray(least, np.uint8)
 
 
-def _strongest(picture: Picture) -> Picture:
+def _strongest(picture: NDArray[Any]) -> Picture:
     """The largest of the three channels (H, W)."""
     import cv2
 
