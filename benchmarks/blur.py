@@ -2,13 +2,13 @@
 cameras, against the head that the simulator drew. And are pictures kept back where a pose is wrong?
 
 usage: python -m benchmarks.blur [CAPTURES] [SECONDS]      (3 captures a level, seeds 1-3, walks of 5 s)
-       python -m benchmarks.off_poses [SECONDS] [LEVELS] [BYSTANDERS]      (the last table alone)
 
 `covered`: share of the head's area that is covered, in pictures that are released; `least`: of one camera of one walk.
 `times`: covered area over the head's; `most`: of one camera of one walk. `lost`: pictures that are not released. The
 head is the skull and the face of the drawn body, hidden or not, its border pixels counted by what the head has of them.
 Below, how many pictures and files a small fix of the camera writes anew, and how many where config/heads/ has the boxes
-from before it; and last what `benchmarks.off_poses` tells of poses that are off.
+from before it; and last what `benchmarks.off_poses` tells of poses that are off, of as many captures with each kind of
+bystander.
 """
 
 import os
@@ -168,7 +168,7 @@ def main():
     for (level, role, fix), (count, files, *changed) in sorted(fixes.items()):
         shares = [100 * number / of for number, of in zip(changed, (count, files) * 2, strict=True)]
         print(f"{level:<8}{role:<12}{fix:>5} px{shares[0]:>10.1f}{shares[1]:>7.0f}{shares[2]:>30.1f}{shares[3]:>7.0f}")
-    cases = [(1, level, who, seconds) for level in ("ideal", "real") for who in off_poses.BYSTANDERS]
+    cases = [(seed, level, who, seconds) for seed, level in jobs for who in off_poses.BYSTANDERS]
     with ProcessPoolExecutor(os.cpu_count()) as pool:
         off_poses.print_table(list(pool.map(off_poses.of_capture, *zip(*cases, strict=True))))
 

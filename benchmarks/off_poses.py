@@ -1,8 +1,12 @@
 """Heads that a release would show where the pose of a camera is wrong by some angle, which nothing tells but the
 pictures: what `benchmarks.blur` prints last.
 
+usage: python -m benchmarks.off_poses [SECONDS] [LEVELS] [BYSTANDERS] [SEEDS]      (4 ideal,real nobody,stands,walks 1)
+
 Neither the labels' sigma nor the sequence's light know of the error here, so that only what the pictures show is
-measured. A picture counts as uncovered with one pixel that is at least half head, hair, cap or bun and under no cover.
+measured. A picture counts as bare with one pixel that is at least half head, hair, cap or bun and under no cover.
+`not released`: of all pictures; `own cover alone`: pictures in which the subject's cover leaves such a pixel; `bare`
+and `bystander bare`: of the released pictures, those that show some of the subject's head, and of somebody else's.
 """
 
 import sys
@@ -172,28 +176,35 @@ def of_pose(subject, role, found, drawn, masks, factor, own, others):
 
 
 def print_table(results):
-    """`results`: dicts of `of_capture`."""
+    """`results`: dicts of `of_capture`. Cameras and bystanders apart, then all of a level and an angle."""
     total = defaultdict(lambda: np.zeros(len(COLUMNS)))
     for found in results:
-        for key, counts in found.items():
-            total[key] += counts
+        for (level, who, role, angle), counts in found.items():
+            total[level, who, role, angle] += counts
+            total[level, "all", "all", angle] += counts
     print(
-        f"\n{'pictures with a head, %':<8}\n{'level':<8}{'bystander':<11}{'cameras':<12}{'off, deg':>9}{'n':>7}"
-        f"{'not released':>14}{'bare without':>14}{'bare':>8}{'bystander bare':>16}"
+        f"\n{'level':<8}{'bystander':<11}{'cameras':<12}{'off, deg':>9}{'pictures':>10}{'not released, %':>17}"
+        f"{'own cover alone, %':>20}{'bare, %':>9}{'bystander bare, %':>19}"
     )
-    for (level, who, role, angle), (n, lost, before, bare, other, _) in sorted(total.items()):
+    for (level, who, role, angle), (n, lost, before, bare, other, _) in sorted(total.items(), key=_order):
         out = max(n - lost, 1)
         print(
-            f"{level:<8}{who:<11}{role.replace('_', ' '):<12}{angle:>9}{int(n):>7}{100 * lost / n:>14.2f}"
-            f"{100 * before / n:>14.2f}{100 * bare / out:>8.2f}{100 * other / out:>16.2f}"
+            f"{level:<8}{who:<11}{role.replace('_', ' '):<12}{angle:>9}{int(n):>10}{100 * lost / n:>17.2f}"
+            f"{100 * before / n:>20.2f}{100 * bare / out:>9.2f}{100 * other / out:>19.2f}"
         )
 
 
+def _order(row):
+    level, who, role, angle = row[0]
+    return level, who == "all", who, role, angle
+
+
 def main():
-    seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 4.0
-    levels = sys.argv[2].split(",") if len(sys.argv) > 2 else ("ideal", "real")
-    who = sys.argv[3].split(",") if len(sys.argv) > 3 else tuple(BYSTANDERS)
-    print_table([of_capture(1, level, one, seconds) for level in levels for one in who])
+    given = [*sys.argv[1:], *("4", "ideal,real", ",".join(BYSTANDERS), "1")[len(sys.argv) - 1 :]]
+    seconds, (levels, who, seeds) = float(given[0]), (words.split(",") for words in given[1:])
+    cases = [(int(seed), level, one, seconds) for seed in seeds for level in levels for one in who]
+    print(f"seeds {', '.join(seeds)}, walks of {seconds:g} s, every {EVERY}nd picture; limit: bare at most 0.1 %")
+    print_table([of_capture(*case) for case in cases])
 
 
 if __name__ == "__main__":

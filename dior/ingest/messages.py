@@ -77,17 +77,21 @@ def picture_of(kind: str, raw: bytes, wire: str) -> tuple[int, int, int]:
 def decode(kind: str, raw: bytes, wire: str, size: tuple[int, int]) -> NDArray[np.uint8]:
     """BGR picture (height, width, 3) of an image message of a known `size` (height, width) px. Raises ValueError."""
     message = _image(kind, raw, wire)
-    _stamp_ns(message)
     # asked first, so that OpenCV never sees a damaged size
-    said = _size(message, kind)
-    if said != tuple(size):
-        raise ValueError(f"it is {said[1]}x{said[0]} px where its index says {size[1]}x{size[0]}")
+    _check_size(message, kind, size)
     if kind == RAW:
         return _raw_pixels(message)
     picture = _decompressed(message.data)
     if picture is None or picture.shape[:2] != tuple(size):
         raise ValueError("its JPEG or PNG data are damaged")
     return picture
+
+
+def _check_size(message: Any, kind: str, size: tuple[int, int]) -> None:
+    _stamp_ns(message)
+    said = _size(message, kind)
+    if said != tuple(size):
+        raise ValueError(f"it is {said[1]}x{said[0]} px where its index says {size[1]}x{size[0]}")
 
 
 def size_of_file(data: bytes) -> tuple[int, int]:
@@ -103,6 +107,21 @@ def size_of_file(data: bytes) -> tuple[int, int]:
 def compressed(kind: str, raw: bytes, wire: str) -> bytes | None:
     """The JPEG or PNG file in an image message, or None where its pixels are raw. Raises ValueError."""
     return None if kind == RAW else _image(kind, raw, wire).data.tobytes()
+
+
+def small_jpeg(kind: str, raw: bytes, wire: str, size: tuple[int, int], factor: int) -> NDArray[np.uint8] | None:
+    """As `decode`, `factor` (2, 4 or 8) times smaller, its size rounded up, of an image message that holds a JPEG; None
+    for any other. Takes two thirds of the time. Raises ValueError."""
+    message = _image(kind, raw, wire)
+    if kind == RAW or bytes(message.data[:2]) != jpeg.SOI:
+        return None
+    import cv2
+
+    _check_size(message, kind, size)
+    picture = _decompressed(message.data, getattr(cv2, f"IMREAD_REDUCED_COLOR_{factor}"))
+    if picture is None or picture.shape[:2] != tuple(-(-side // factor) for side in size):
+        raise ValueError("its JPEG or PNG data are damaged")
+    return picture
 
 
 def camera_info(raw: bytes, wire: str) -> dict[str, Any]:
@@ -176,14 +195,13 @@ def _check_layout(message: Any) -> None:
         raise ValueError(f"{encoding} cannot be {width} px wide: its pixels come in pairs")
 
 
-def _decompressed(data: NDArray[np.uint8]) -> NDArray[Any] | None:
-    """BGR picture of JPEG or PNG bytes (N,), None where OpenCV finds none."""
+def _decompressed(data: NDArray[np.uint8], how: int = 1) -> NDArray[Any] | None:
+    """BGR picture of JPEG or PNG bytes (N,), None where OpenCV finds none. `how`: IMREAD_COLOR or a reduced one."""
     import cv2
 
-    # a turned picture would not fit the intrinsics: EXIF's orientation is for people
-    flags = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
     try:
-        return cv2.imdecode(data, flags)
+        # a turned picture would not fit the intrinsics: EXIF's orientation is for people
+        return cv2.imdecode(data, how | cv2.IMREAD_IGNORE_ORIENTATION)
     except cv2.error:
         return None
 

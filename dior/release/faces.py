@@ -96,4 +96,4 @@ def strangers(faces: Faces, edges: Floats, times: Floats) -> list[Ints]:
         when = times[faces.row[i]]
         for row in range(*np.searchsorted(times, (when - FOUND_S, when + FOUND_S))):
             found[row].append(around)
-    return [np.unique(np.array(each, int).reshape(-1, 4), axis=0) for each in found]
+    return [np.unique(np.array(each, int), axis=0) if each else np.zeros((0, 4), int) for each in found]

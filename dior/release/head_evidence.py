@@ -25,28 +25,35 @@ from dior.geometry.camera import Camera
 from dior.release import head_blur, head_model, moving
 from dior.release.moving import Mask
 
-# All lengths m at the head's distance. Chosen, half the sides of an ellipse as large as a bare head, about the middle
-# between the ears; how far flesh and clothes lie outside of the shoulders, the trunk and the upper arms, by joints and
-# by markers, which are on the skin.
-BARE_HEAD_M, SHOULDER_M, MARKER_M = (0.085, 0.12), 0.06, 0.03
+# All lengths m at the head's distance. Chosen, half the sides of an ellipse about the middle between the ears that a
+# bare head fills, and of one beyond which there is neither hair nor a hat.
+BARE_HEAD_M, WORN_HEAD_M = (0.075, 0.11), (0.13, 0.16)
+# chosen: so far outside of the shoulders, the trunk and the upper arms there is flesh in any case, and beyond the
+# second there are no clothes, by joints and by markers, which are on the skin
+FLESH_M, CLOTHES_M = (0.02, 0.0), (0.11, 0.09)
 # chosen: of the bust so much above and below the ears is looked at, and to both sides; so far it is looked for
 ABOVE_M, BELOW_M, BESIDE_M, FARTHEST_M = 0.32, 0.40, 0.42, 0.25
-# chosen: higher than this above the ears anything may be, hair or a hat, which would pull the bust up. A head narrower
-# than so many pixels has too few of them without its top, and its hat is less than one.
-HAT_ABOVE_M, HAT_PX = 0.05, 6
-# chosen: at its place so much of it stands out, where it is seen at all; so much of it is in the picture
-FILLED, IN_PICTURE = 0.5, 0.6
+# chosen: higher than this above the ears anything may be, hair or a hat
+HAT_ABOVE_M = 0.05
+# chosen: at its place so much of it stands out, where it is seen at all; so much of it is in the picture. Places that
+# differ by so little of it are as good
+FILLED, IN_PICTURE, AS_GOOD = 0.5, 0.6, 0.01
 # what has to be under the cover. Chosen: of most people it is less (0.08 and 0.12), the rest is for the outline's error
 LARGE_HEAD_M = (0.105, 0.145)
 # chosen: what lies outside of the line between two joints with clothes on it, and how far below the middle of its
 # ellipsoid the head ends and the body begins
-FLESH_M, CHIN_M = 0.11, 0.12
-# s; chosen: a cover that is right so long before and after is right; the median over it forgets single pictures
-WINDOW_S = 0.25
+BODY_M, CHIN_M = 0.11, 0.12
+# s; chosen: a cover that is right so long before and after is right; the median over it forgets single pictures. Up and
+# down over a longer time: there, only the pose puts a cover beside a head, not the clock, and a bust seen from the side
+# is less sure
+WINDOW_S, UPRIGHT_S = 0.25, 1.0
 # chosen: of the pictures in a window, and of all with a head
 SEEN_SHARE = 0.5
 # chosen: where so many pictures show the head beside its cover, the others of the recording are no surer
 BESIDE_SHARE = 0.3
+# m. Chosen: half a head; what is told further off than that is not of this head, or the labels are not. So much may be
+# wrong with what is told: a detector is off by this at a joint of the face, a box drawn by hand at a side
+TOLD_M, TOLD_SPARE_M = 0.15, 0.06
 # chosen: a bust may be seen so much higher: what is above the cover and moves is covered for that
 HIGHER_M = 0.08
 # chosen: of the scene nothing is taken from where the subject may be, so much around the bones
@@ -71,7 +78,7 @@ class Subject:
 
     `edges` (F, 4) of the cover, first and after the last, NaN none; `head` (F, 2) the middle of the head's ellipsoid;
     `scale` (F,) px per m there; `limbs` (F, B, 2, 2) ends of the bones, `upper` (B,) which are of the bust; `trunk`
-    (F, K, 2) corners of the trunk; `flesh_m` how far flesh lies outside of these.
+    (F, K, 2) corners of the trunk; `of_markers`: all of these are markers on the skin.
     """
 
     edges: Floats
@@ -80,7 +87,7 @@ class Subject:
     limbs: Floats
     upper: Bools
     trunk: Floats
-    flesh_m: float
+    of_markers: bool
 
 
 def subject_of(
@@ -98,8 +105,8 @@ def subject_of(
     upper = np.array([{joints[i], joints[j]} <= {*TRUNK, *ARMS} for i, j in bones], bool)
     small = (lambda at: (at + 0.5) / factor - 0.5) if factor > 1 else np.asarray
     scale = camera.intrinsics.fx / distance / factor
-    flesh_m = SHOULDER_M if "left_shoulder" in joints else MARKER_M
-    return Subject(edges / factor, small(head), scale, small(uv[:, bones]), upper, small(uv[:, corners]), flesh_m)
+    of_markers = "left_shoulder" not in joints
+    return Subject(edges / factor, small(head), scale, small(uv[:, bones]), upper, small(uv[:, corners]), of_markers)
 
 
 def _of_head(joints: Sequence[str], pair: Ints) -> bool:
@@ -161,40 +168,33 @@ def bust(mask: Mask, subject: Subject, i: int) -> tuple[str, Floats]:
     shown = np.minimum(low + size, (wide, high)) - np.maximum(low, 0)
     if (shown < IN_PICTURE * size).any():
         return "outside", nothing
-    drawn = _drawn_bust(subject, i, low, size, np.array([u, v]))
-    # what is outside of the picture tells nothing: there, the bust is as it is drawn
+    body, around = _drawn_bust(subject, i, low, size, np.array([u, v]))
+    # what is outside of the picture tells nothing
     reach = int(np.ceil(max(FARTHEST_M * scale, 2.0)))
-    part = np.zeros(size[::-1] + 2 * reach, np.uint8)
-    part[reach:-reach, reach:-reach] = drawn
+    part = np.full(size[::-1] + 2 * reach, 0.5, np.float32)
     first = np.maximum(low - reach, 0)
     last = np.minimum(low + size + reach, (wide, high))
     at = first - low + reach
     part[at[1] : at[1] + last[1] - first[1], at[0] : at[0] + last[0] - first[0]] = mask[
         first[1] : last[1], first[0] : last[0]
     ]
-    counts = np.ones(drawn.shape, np.float32)
-    if 2 * BARE_HEAD_M[0] * scale >= HAT_PX:
-        counts[: max(int(np.floor(v - HAT_ABOVE_M * scale)) - low[1], 0)] = 0
-    found = cv2.matchTemplate(part.astype(np.float32), drawn.astype(np.float32), cv2.TM_SQDIFF, mask=counts)
-    wrong = np.asarray(found, np.float64)
+    around[: max(int(np.floor(v - HAT_ABOVE_M * scale)) - low[1], 0)] = 0
+    # pixels of the body that do not stand out, and pixels around it that do
+    weights = around.astype(np.float32) - body
+    wrong = cv2.matchTemplate(part, weights, cv2.TM_CCORR) + float(body.sum())
     row, column = np.unravel_index(int(wrong.argmin()), wrong.shape)
     here = part[row : row + size[1], column : column + size[0]]
-    if here[drawn > 0].mean() < FILLED:
+    if here[body > 0].mean() < FILLED:
         return "unseen", nothing
-    shift = [_between(wrong[row], int(column)) - reach, _between(wrong[:, column], int(row)) - reach]
-    return "seen", np.array(shift) / scale
+    # clothes and hair leave it some room: the middle of the places that are as good
+    good = (wrong <= wrong[row, column] + max(AS_GOOD * float(body.sum()), 0.5)).astype(np.uint8)
+    _, pieces, _, middles = cv2.connectedComponentsWithStats(good)
+    return "seen", (middles[pieces[row, column]] - reach) / scale
 
 
-def _between(values: Floats, i: int) -> float:
-    """Where the parabola through the smallest of values (N,) at `i` and its neighbours is lowest."""
-    if not 0 < i < len(values) - 1:
-        return float(i)
-    a, b, c = (float(values[i + k]) for k in (-1, 0, 1))
-    return i + (0.5 * (a - c) / (a - 2 * b + c) if a - 2 * b + c > 0 else 0.0)
-
-
-def _drawn_bust(subject: Subject, i: int, low: Ints, size: Ints, ears: Floats) -> Mask:
-    """Head, shoulders, chest and upper arms (height, width) as the 3D has them, in the part of the picture at `low`."""
+def _drawn_bust(subject: Subject, i: int, low: Ints, size: Ints, ears: Floats) -> tuple[Mask, Mask]:
+    """In the part of the picture at `low`, two masks (height, width): what is head, shoulders, chest or upper arms
+    whatever somebody wears, as the 3D has them, and what is neither these nor clothes or hair."""
     import cv2
 
     scale = subject.scale[i]
@@ -202,23 +202,27 @@ def _drawn_bust(subject: Subject, i: int, low: Ints, size: Ints, ears: Floats) -
     fine = int(np.clip(np.ceil(32 / scale), 1, 4))
     found = np.zeros(size[::-1] * fine, np.uint8)
 
-    def there(at: Floats) -> Ints:
-        return np.clip(np.round((at - low + 0.5) * fine - 0.5), -30000, 30000).astype(int)
-
-    axes = np.maximum(np.round(np.array(BARE_HEAD_M) * scale * fine), 1).astype(int)
-    cv2.ellipse(found, there(ears).tolist(), axes.tolist(), 0, 0, 360, 1, -1)
-    thick = max(int(round(2 * subject.flesh_m * scale * fine)), 1)
-    limbs = subject.limbs[i][subject.upper]
-    for a, b in there(limbs[np.isfinite(limbs).all(axis=(1, 2))]).tolist():
-        cv2.line(found, a, b, 1, thick)
-    trunk = subject.trunk[i]
-    trunk = trunk[np.isfinite(trunk).all(axis=1)]
-    if len(trunk) > 2:
-        cv2.fillConvexPoly(found, cv2.convexHull(there(trunk).astype(np.int32)), 1)
-    if fine == 1:
-        return found
-    shares = found.reshape(size[1], fine, size[0], fine).mean(axis=(1, 3))
-    return (shares > 0.25).astype(np.uint8)
+    limbs, trunk = subject.limbs[i][subject.upper], subject.trunk[i]
+    limbs, trunk = limbs[np.isfinite(limbs).all(axis=(1, 2))], trunk[np.isfinite(trunk).all(axis=1)]
+    points = np.concatenate([ears[None], limbs.reshape(-1, 2), trunk])
+    points = np.clip(np.round((points - low + 0.5) * fine - 0.5), -30000, 30000).astype(np.int32)
+    middle, lines = points[0].tolist(), points[1 : 1 + 2 * len(limbs)].reshape(-1, 2, 2).tolist()
+    corners = cv2.convexHull(points[1 + 2 * len(limbs) :]) if len(trunk) > 2 else None
+    for value, head, flesh in ((1, WORN_HEAD_M, CLOTHES_M), (2, BARE_HEAD_M, FLESH_M)):
+        axes = np.maximum(np.round(np.array(head) * scale * fine), 1).astype(int)
+        cv2.ellipse(found, middle, axes.tolist(), 0, 0, 360, value, -1)
+        thick = max(int(round(2 * flesh[subject.of_markers] * scale * fine)), 1)
+        for a, b in lines:
+            cv2.line(found, a, b, value, thick)
+        if corners is not None:
+            cv2.fillConvexPoly(found, corners, value)
+    if fine > 1:
+        body, around = (
+            cv2.resize((found == value).astype(np.float32), size.tolist(), interpolation=cv2.INTER_AREA)
+            for value in (2, 0)
+        )
+        return (body > 0.5).astype(np.uint8), (around > 0.999).astype(np.uint8)
+    return (found == 2).astype(np.uint8), (found == 0).astype(np.uint8)
 
 
 def _body(shape: tuple[int, ...], subject: Subject, i: int) -> Mask:
@@ -229,7 +233,7 @@ def _body(shape: tuple[int, ...], subject: Subject, i: int) -> Mask:
     scale = subject.scale[i]
     if not np.isfinite(scale):
         return found
-    thick = max(int(np.ceil(2 * FLESH_M * scale)), 1)
+    thick = max(int(np.ceil(2 * BODY_M * scale)), 1)
     reach = 10 * max(shape)
     limbs = subject.limbs[i]
     limbs = limbs[np.isfinite(limbs).all(axis=(1, 2)) & (np.abs(limbs) < reach).all(axis=(1, 2))]
@@ -286,11 +290,11 @@ def stays(count: NDArray[np.integer[Any]], pictures: int, join_px: float) -> Int
     return moving.groups((count > STAYS_SHARE * pictures).astype(np.uint8), join_px, LEAST_PX)
 
 
-def sure(says: Texts, off_m: Floats, cover_m: Floats, times: Floats, told: Bools) -> Texts:
+def sure(says: Texts, off_m: Floats, cover_m: Floats, scale: Floats, times: Floats, told: Bools) -> Texts:
     """What is to be thought of each picture (F,): "ok", "unseen" or "beside".
 
-    `says` (F,) of SAYS and `off_m` (F, 2) as of `Look`; `cover_m` (F, 4) as of `covers_m`; `times` (F,) s ascending;
-    `told` (F,): something else tells that the head is under its cover.
+    `says` (F,) of SAYS and `off_m` (F, 2) as of `Look`; `cover_m` (F, 4) as of `covers_m`; `scale` (F,) px per m;
+    `times` (F,) s ascending; `told` (F,): something else tells where the head is, and it is covered there.
     """
     judged = says != "outside"
     known = judged & ((says == "seen") | told)
@@ -301,39 +305,67 @@ def sure(says: Texts, off_m: Floats, cover_m: Floats, times: Floats, told: Bools
         return np.where(covered & ~told, "unseen", "ok").astype(object)
     if known[judged].mean() < SEEN_SHARE:
         return np.full(len(says), "unseen", object)
-    # a bust that is a part of the scene, for it hides the same place all the time, is found where it is not; where
-    # something else tells of most pictures, the others do not speak for these
-    seen = np.flatnonzero((says == "seen") & covered & ~told)
-    if (
-        len(seen)
-        and told[judged].mean() < SEEN_SHARE
-        and not holds(np.median(cover_m[seen], axis=0), np.median(off_m[seen], axis=0))
-    ):
-        return np.full(len(says), "beside", object)
     first, last = (np.searchsorted(times, times + s, side="left" if s < 0 else "right") for s in (-WINDOW_S, WINDOW_S))
     n_known, n_judged = (np.concatenate([[0], np.cumsum(which)]) for which in (known, judged))
     share = (n_known[last] - n_known[first]) / np.maximum(n_judged[last] - n_judged[first], 1)
     out[judged & (share < SEEN_SHARE)] = "unseen"
-    for i in seen:
-        near = seen[np.searchsorted(seen, first[i]) : np.searchsorted(seen, last[i])]
-        if not holds(cover_m[i], np.median(off_m[near], axis=0)):
-            out[i] = "beside"
+    seen = (says == "seen") & covered & ~told
+    off_px = np.where(seen[:, None], off_m * scale[:, None], np.nan)
+    around = [steady(off_px[:, [axis]], times, s) for axis, s in enumerate((WINDOW_S, UPRIGHT_S))]
+    out[seen & ~holds(cover_m, np.concatenate(around, axis=1) / scale[:, None])] = "beside"
+    # a bust that is a part of the scene, for it hides the same place all the time, is found where it is not; where
+    # something else tells of most pictures, the others do not speak for these
+    if seen.any() and told[judged].mean() < SEEN_SHARE:
+        common = np.nanmedian(off_px, axis=0) / scale[:, None]
+        out[covered & ~told & ~holds(cover_m, common)] = "beside"
     if (out[judged] == "beside").mean() > BESIDE_SHARE:
         return np.full(len(says), "beside", object)
     return out
 
 
-def holds(cover_m: Floats, off_m: Floats) -> Bools:
+def steady(values: Floats, times: Floats, window_s: float) -> Floats:
+    """The running median (F, N) of `values` (F, N) over what is known up to `window_s` before and after; NaN where
+    nothing is."""
+    out = np.full(values.shape, np.nan)
+    known = np.flatnonzero(np.isfinite(values).all(axis=1))
+    first = np.searchsorted(times[known], times - window_s)
+    last = np.searchsorted(times[known], times + window_s, side="right")
+    for i in np.flatnonzero(last > first):
+        # as np.median, which takes ten times as long for so few
+        near = np.sort(values[known[first[i] : last[i]]], axis=0)
+        out[i] = (near[(len(near) - 1) // 2] + near[len(near) // 2]) / 2
+    return out
+
+
+def holds(cover_m: Floats, off_m: Floats, spare_m: float = 0.0, higher_m: float = HIGHER_M) -> Bools:
     """Whether (...,) the ellipse in `cover_m` (..., 4) m, left, top, right and bottom from the middle between the ears,
-    holds a head that is `off_m` (..., 2) m to the right of and below it. False for NaN.
+    holds a head, and `spare_m` around it, that is `off_m` (..., 2) m to the right of and below it, or up to `higher_m`
+    higher than it holds. False for NaN.
     """
     turn = np.linspace(0, 2 * np.pi, 24, endpoint=False)
-    outline = np.stack([np.cos(turn), np.sin(turn)], axis=-1) * LARGE_HEAD_M
+    outline = np.stack([np.cos(turn), np.sin(turn)], axis=-1) * (np.array(LARGE_HEAD_M) + spare_m)
     middle, half = (cover_m[..., :2] + cover_m[..., 2:]) / 2, (cover_m[..., 2:] - cover_m[..., :2]) / 2
     with np.errstate(invalid="ignore"):
-        off_m = np.stack([off_m[..., 0], off_m[..., 1] + np.clip(-off_m[..., 1], 0, HIGHER_M)], axis=-1)
+        off_m = np.stack([off_m[..., 0], off_m[..., 1] + np.clip(-off_m[..., 1], 0, higher_m)], axis=-1)
         from_middle = (off_m - middle)[..., None, :] + outline
         return np.asarray(((from_middle / half[..., None, :]) ** 2).sum(axis=-1).max(axis=-1) <= 1)
+
+
+def told_where(subject: Subject, cover_m: Floats, off_m: Floats) -> tuple[Bools, list[Ints]]:
+    """In which pictures (F,) something else than the bust tells where the head is, near the cover, and by picture boxes
+    (N, 4) px around that place where the cover is not sure to hold it.
+
+    `cover_m` (F, 4) as of `covers_m`; `off_m` (F, 2) m to the right of and below the 3D, NaN where nothing is told.
+    """
+    told = np.isfinite(cover_m).all(axis=1) & (np.linalg.norm(off_m, axis=1) <= TOLD_M)
+    beside = told & ~holds(cover_m, off_m, TOLD_SPARE_M, 0.0)
+    reach = np.array(LARGE_HEAD_M) + TOLD_SPARE_M
+    ears = subject.head + np.array([0.0, head_model.RAISED_M]) * subject.scale[:, None]
+    boxes: list[Ints] = [np.zeros((0, 4), int)] * len(told)
+    for i in np.flatnonzero(beside):
+        ends = [ears[i] + (off_m[i] + side * reach) * subject.scale[i] for side in (-1, 1)]
+        boxes[i] = np.concatenate([np.floor(ends[0] + 0.5), np.ceil(ends[1] + 0.5)]).astype(int)[None]
+    return told, boxes
 
 
 def covers_m(subject: Subject) -> Floats:

@@ -6,6 +6,7 @@ The ellipsoid is round about the vertical: which way somebody looks is what dete
 has to be covered as well. It is in metres, not in statures: heads differ less than people do.
 """
 
+import math
 from collections.abc import Sequence
 from typing import TypeAlias
 
@@ -133,6 +134,12 @@ def _longest(t: Floats, at: Floats) -> Bools:
     for j in range(len(t)):
         while t[j] - t[longest_before] > AWAY_S:
             longest_before += 1
+        # as a rule the instant before is near, and the end of the longest chain up to there
+        if longest_before < j and best_at[j - 1] == j - 1:
+            if math.dist(at[j - 1], at[j]) <= limit * (t[j] - t[j - 1]) + JUMP_M:
+                came[j], best_at[j] = j - 1, j
+                length[j] = best_so_far[j] = length[j - 1] + 1
+                continue
         far = np.linalg.norm(at[longest_before:j] - at[j], axis=1)
         near = np.flatnonzero(far <= limit * (t[j] - t[longest_before:j]) + JUMP_M) + longest_before
         found = [near[np.argmax(length[near])]] if len(near) else []

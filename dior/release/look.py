@@ -6,6 +6,7 @@ OUTPUTS  by picture what is to be thought of the cover, and boxes of whole pixel
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -89,7 +90,8 @@ def looked(walker: Walker, role: str, found: Faces, read: Read) -> Looked:
     subject = head_evidence.subject_of(walker.camera, walker.edges, walker.middle, walker.points, walker.joints, factor)
     bodies = [head_evidence.whole_body(few[row].shape[:2], subject, row) for row in sorted(few)]
     scene = moving.scene_of([few[row] for row in sorted(few)], bodies)
-    every = read(np.arange(len(walker.times)), factor)
+    others = read(np.setdiff1d(np.arange(len(walker.times)), list(few)), factor)
+    every = chain(few.items(), others)
     return judged(walker, role, found, ((row, moving.standing_out(one, scene)) for row, one in every), factor)
 
 
@@ -108,9 +110,15 @@ def judged(walker: Walker, role: str, found: Faces, masks: Iterable[tuple[int, m
         says[row], off_m[row], others[row] = one.says, one.off_m, one.others
         often += rest
     cover_m = head_evidence.covers_m(subject)
-    told = head_evidence.holds(cover_m, by_hand_m(walker, subject.scale * factor))
-    told |= head_evidence.holds(cover_m, _detected_m(walker, found, subject.scale * factor))
-    sure = head_evidence.sure(says, off_m, cover_m, walker.times, told)
+    px = subject.scale * factor
+    told, there = zip(
+        *(
+            head_evidence.told_where(subject, cover_m, off_m)
+            for off_m in (by_hand_m(walker, px), _detected_m(walker, found, px))
+        ),
+        strict=True,
+    )
+    sure = head_evidence.sure(says, off_m, cover_m, subject.scale, walker.times, np.any(told, axis=0))
     always = np.zeros((0, 4), int)
     if often is not None and count > 1:
         scale = np.nanmedian(subject.scale) if np.isfinite(subject.scale).any() else 0.0
@@ -119,8 +127,8 @@ def judged(walker: Walker, role: str, found: Faces, masks: Iterable[tuple[int, m
     return Looked(
         sure,
         [
-            np.concatenate([_whole(np.concatenate([each, always]), factor), heads])
-            for each, heads in zip(others, strange, strict=True)
+            np.concatenate([_whole(np.concatenate([*each, always]), factor), heads])
+            for *each, heads in zip(others, *there, strange, strict=True)
         ],
     )
 
@@ -133,7 +141,7 @@ def _whole(boxes: Ints, factor: int) -> Ints:
 def _detected_m(walker: Walker, found: Faces, scale: Floats) -> Floats:
     """How far (F, 2) m a detector finds the head to the right of and below the 3D, in the median over some pictures."""
     uv = cam.project(walker.camera, walker.points)[0]
-    return _steady(faces.off(found, uv, walker.joints), walker.times) / scale[:, None]
+    return head_evidence.steady(faces.off(found, uv, walker.joints), walker.times, STEADY_S) / scale[:, None]
 
 
 def by_hand_m(walker: Walker, scale: Floats) -> Floats:
@@ -153,14 +161,3 @@ def by_hand_m(walker: Walker, scale: Floats) -> Floats:
     boxes, px = walker.drawn[drawn][whole], scale[drawn][whole]
     off = (boxes[:, :2] + boxes[:, 2:]) / 2 - (low + high) / 2
     return np.tile(np.median(off / px[:, None], axis=0), (len(scale), 1))
-
-
-def _steady(values: Floats, times: Floats) -> Floats:
-    """The running median (F, 2) over what is known up to STEADY_S before and after; NaN where nothing is."""
-    out = np.full(values.shape, np.nan)
-    known = np.flatnonzero(np.isfinite(values).all(axis=1))
-    first, last = (np.searchsorted(times[known], times + s) for s in (-STEADY_S, STEADY_S))
-    for i in range(len(times)):
-        if last[i] > first[i]:
-            out[i] = np.median(values[known[first[i] : last[i]]], axis=0)
-    return out

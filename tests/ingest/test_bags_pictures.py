@@ -113,6 +113,22 @@ def test_a_damaged_size_is_refused_by_the_index_or_harmless(tmp_path, encoding):
                 assert got.shape == (rows["height"][0], rows["width"][0], 3), (name, value)
 
 
+@pytest.mark.parametrize("encoding", ENCODINGS)
+def test_a_jpeg_is_unpacked_smaller_and_checked_as_a_whole_one(encoding):
+    sent = sent_as(encoding)
+    message = serialized(sent, "cdr")
+    found = messages.small_jpeg(sent.kind, message, "cdr", (HEIGHT, WIDTH), 2)
+    if encoding != "jpeg":
+        assert found is None
+        return
+    assert found.shape == (HEIGHT // 2, WIDTH // 2, 3)
+    assert np.abs(found[:, [0, -1]].astype(int) - picture(90, (HEIGHT, WIDTH))[::2, [0, -1]]).max() < 30
+    with pytest.raises(ValueError, match="where its index says 16x14"):
+        messages.small_jpeg(sent.kind, message, "cdr", (HEIGHT + 2, WIDTH), 2)
+    with pytest.raises(ValueError):
+        messages.small_jpeg(sent.kind, message.replace(b"\xff\xc4", b"\xff\xc5"), "cdr", (HEIGHT, WIDTH), 2)
+
+
 many = settings(max_examples=100, deadline=None, derandomize=True)
 
 

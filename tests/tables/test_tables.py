@@ -1,4 +1,6 @@
 import json
+import subprocess
+import sys
 
 import numpy as np
 import pyarrow as pa
@@ -154,3 +156,12 @@ def test_a_slice_of_a_column_is_read_from_its_own_first_row():
     array = pa.array([1, None, 3, None, 5], pa.int32())
     assert buffers.numbers(array.slice(1, 3), -1).tolist() == [-1, 3, -1]
     assert buffers.numbers(array.slice(2), -1).tolist() == [3, -1, 5]
+
+
+def test_a_table_without_rows_is_read_without_pandas(tmp_path):
+    """Pyarrow imports it to make an array of an empty list, which takes longer than some steps."""
+    path = tmp_path / "findings.parquet"
+    tables.write_findings(path, [])
+    code = f"import sys; from dior.tables import tables; tables.read({str(path)!r}, 'findings'); print(*sys.modules)"
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert "pyarrow" in found.split() and "pandas" not in found.split()
