@@ -63,6 +63,9 @@ SUBJECT_M = 0.25
 NEAREST_M, HEAD_HEIGHTS_M = 2.0, (0.85, 2.3)
 # chosen: pieces so far apart are one thing; so many pixels are one, be it not at the cover
 JOIN_M, LEAST_PX = 0.15, 12
+# chosen: what is so tall may be a body without its head, which ends so much higher (with the neck, and what else of it
+# does not stand out)
+BODY_PART_M, HEAD_ON_TOP_M = 0.7, 0.55
 # Where something has stood out for this share of the recording, it is covered in all pictures: the scene may be the
 # person, who then stands out where they are not. Chosen.
 STAYS_SHARE = 0.1
@@ -140,8 +143,18 @@ def look(mask: Mask, subject: Subject, i: int, zone: Mask | None) -> tuple[Look,
     if zone is not None:
         rest &= zone
     scale = subject.scale[i] if np.isfinite(subject.scale[i]) else 0.0
-    others = moving.groups(rest, JOIN_M * scale, LEAST_PX, _around(cover, box))
+    others = _with_head(moving.groups(rest, JOIN_M * scale, LEAST_PX, _around(cover, box)), scale)
     return Look(says, off_m, others), rest
+
+
+def _with_head(boxes: Ints, scale: float) -> Ints:
+    """Boxes (N, 4) px, those of something as tall as a part of a body higher by what may not stand out of the scene.
+
+    A head has the colours of what is behind it more often than a whole body has; `scale` px per m.
+    """
+    tall = boxes[:, 3] - boxes[:, 1] >= BODY_PART_M * scale
+    low = np.where(tall, boxes[:, 1] - int(np.ceil(HEAD_ON_TOP_M * scale)), boxes[:, 1])
+    return np.stack([boxes[:, 0], np.maximum(low, 0), boxes[:, 2], boxes[:, 3]], axis=1)
 
 
 def _around(cover: Mask, box: Floats) -> Mask:

@@ -97,3 +97,11 @@ def test_what_a_detector_or_a_person_says_counts_near_the_cover_and_is_covered_t
             assert (box[:2] <= head - reach).all() and (box[2:] >= head + reach).all()
             assert (box[2:] - box[:2] <= 2 * reach + 2 * evidence.TOLD_SPARE_M * there.scale[0] + 2).all()
     assert not evidence.told_where(there, cover, np.full((1, 2), np.nan))[0].any()
+
+
+def test_what_is_as_tall_as_a_body_is_covered_with_the_head_that_it_must_have():
+    """A head of the colours of the scene does not stand out; what is small is no body, and no box leaves the picture."""
+    boxes = np.array([[10, 100, 20, 200], [10, 100, 20, 130], [10, 5, 20, 200]])
+    np.testing.assert_array_equal(
+        evidence._with_head(boxes, 100.0), [[10, 45, 20, 200], [10, 100, 20, 130], [10, 0, 20, 200]]
+    )
