@@ -100,8 +100,7 @@ def test_what_a_detector_or_a_person_says_counts_near_the_cover_and_is_covered_t
 
 
 def test_what_is_as_tall_as_a_body_is_covered_with_the_head_that_it_must_have():
-    """A head of the colours of the scene does not stand out; what is small is no body, and no box leaves the picture."""
+    """A head of the colours of the scene does not stand out; what is small is no body; no box leaves the picture."""
     boxes = np.array([[10, 100, 20, 200], [10, 100, 20, 130], [10, 5, 20, 200]])
-    np.testing.assert_array_equal(
-        evidence._with_head(boxes, 100.0), [[10, 45, 20, 200], [10, 100, 20, 130], [10, 0, 20, 200]]
-    )
+    found = evidence._with_head(boxes, 100.0)
+    np.testing.assert_allclose(found, [[10, 45, 20, 200], [10, 100, 20, 130], [10, 0, 20, 200]], atol=1)
