@@ -143,7 +143,7 @@ def drawn_boxes(used, walk):
     return rows[:, 0].astype(int), rows[:, 1:]
 
 
-@pytest.mark.parametrize("around", ["body", "joints"])
+@pytest.mark.parametrize("around", [pytest.param("body", marks=pytest.mark.slow), "joints"])
 def test_boxes_are_as_large_and_as_rough_as_they_say(around):
     used, walk, motion, seen = outdoors(duration_s=40.0, box_around=around)
     frames, edges = drawn_boxes(used, walk)
