@@ -227,7 +227,8 @@ def test_a_recorder_in_the_foreground_is_ended_by_its_number(nexus, tmp_path):
     waited((tmp_path / "ready").exists, "recorder")
     listening.send(stop())
     listening.wait_for("command", 2)
-    assert (tmp_path / "bag").read_text() == "saved\n"
+    # the command ends when it has sent the signal, the recorder a little later
+    waited(lambda: (tmp_path / "bag").exists() and (tmp_path / "bag").read_text() == "saved\n", "bag")
     assert {e["status"] for e in listening.events("command")} == {0}
 
 
