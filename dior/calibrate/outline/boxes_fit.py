@@ -46,6 +46,9 @@ CUT = 3.0  # chosen: residuals of that many sd weigh a quarter
 # As much again with many edges, so that a small misfit of all of them is not taken for a wall.
 COST_OF_HIDING = {"": 0.0, "v_max": 25.0, "v_min": 45.0}  # walls and hedges hide legs; little hides heads
 DOUBTFUL = 12.0  # chosen: chi2 by which the reading that is taken is ahead of the next, e^6 at even odds
+# chosen: readings of which the labels differ less, in heights of the body, are the same to who uses them. Where nothing
+# hides anything they differ by up to 0.12 (10 boxes, 11 px), behind a wall up to the hips by 0.14 and more
+OTHER_LABELS = 0.13
 # chosen: edges so near the median are the occluder's; how well its line is known
 NEAR_LINE_PX, LINE_PX = 3.0, 1.0
 LAGS_S = lag.window(10.0)  # chosen: of clocks; a start, from which the fit goes on
@@ -60,9 +63,9 @@ class Fitted:
     """`values` (9,) and `covariance` (9, 9) of the parameters, of the six of `dior.geometry.covariance` with those of V
     close cameras `by_cameras` (9, 6V); `residual` (F, 4) px of the edges, NaN where none; `agree` (F, 4);
     `click_residual` (F, J, 2) px; `hidden` the side that an occluder has, or ""; `sd_px` of an edge; `inflation` by
-    time; `ahead` by how much (chi2) the edges prefer this reading to the next. `clocks` (K, 2) s and ppm: what is to be
-    added to each walk's time in the middle of its pictures and drift, with `clock_sigma` (K, 2); `points` (F, J, 3)
-    with these clocks.
+    time; `ahead` by how much (chi2) the edges prefer this reading to any that would put the labels elsewhere. `clocks`
+    (K, 2) s and ppm: what is to be added to each walk's time in the middle of its pictures and drift, with
+    `clock_sigma` (K, 2); `points` (F, J, 3) with these clocks.
     """
 
     camera: Camera
@@ -143,8 +146,17 @@ def fit(
     sd_px = min(reading.sd for reading in tried)
     costs = np.array([reading.cost(sd_px) for reading in tried])
     best = int(np.argmin(costs))
-    others = np.delete(costs, best)
-    return replace(tried[best].fitted(derivative), ahead=float(min(others - costs[best], default=np.inf)))
+    found = tried[best].fitted(derivative)
+    # what a wall costs beforehand chooses, but must not hide that the edges alone say nothing
+    alone = costs - [reading.charge for reading in tried]
+    lead = np.minimum(costs - costs[best], alone - alone[best])
+    elsewhere = [i for i in range(len(tried)) if i != best and tried[best].labels_differ(tried[i])]
+    ahead = float(min(lead[elsewhere], default=np.inf))
+    if ahead >= DOUBTFUL:
+        return replace(found, ahead=ahead)
+    # the labels may as well be where the next reading has them: as far off is one standard deviation
+    step = tried[min(elsewhere, key=lambda i: lead[i])].values[:9] - found.values
+    return replace(found, ahead=ahead, covariance=found.covariance + np.outer(step, step))
 
 
 class Reading:
@@ -309,6 +321,23 @@ class Reading:
         step[self.free] = np.linalg.solve(H[np.ix_(self.free, self.free)], g[self.free])
         return step
 
+    @property
+    def charge(self) -> float:
+        """What it costs beforehand to read the edges so, a chi2."""
+        if not self.side:
+            return 0.0
+        hidden = (np.abs(self.seen.edges[:, SIDES.index(self.side)] - self.line) <= NEAR_LINE_PX).sum()
+        return float(max(COST_OF_HIDING[self.side], hidden))
+
+    def labels_differ(self, other: Reading) -> bool:
+        """Whether this reading puts the body elsewhere than `other`: by more than OTHER_LABELS of its height."""
+        ours, theirs = (
+            cam.project(reading.camera(), reading.seen.at(reading.clocks)[0])[0] for reading in (self, other)
+        )
+        low, high = _extremes(ours, np.all(np.isfinite(ours), axis=-1))
+        height = np.nanmedian(high[:, 1] - low[:, 1])
+        return bool(np.nanmedian(np.linalg.norm(ours - theirs, axis=-1)) > OTHER_LABELS * height)
+
     def cost(self, sd_px: float) -> float:
         """Chi2 of the edges, no more than that of an outlier each, and of the priors; `sd_px` of an edge."""
         rows = self.rows()
@@ -318,8 +347,7 @@ class Reading:
         lost = np.isfinite(self.seen.clicks).sum() - (rows.kind < 0).sum() + missing
         hiding = lost if self.seen.tracks else 0.0
         if self.side:
-            hidden = (np.abs(self.seen.edges[:, SIDES.index(self.side)] - self.line) <= NEAR_LINE_PX).sum()
-            hiding = missing + max(COST_OF_HIDING[self.side], hidden)
+            hiding = missing + self.charge
         return (z2 / (1 + z2 / CUT**2)).sum() + hiding + prior
 
     def fitted(self, derivative: Derivative) -> Fitted:

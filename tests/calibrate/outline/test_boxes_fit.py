@@ -95,6 +95,28 @@ def test_the_edge_of_a_wall_is_not_the_body():
     assert label_error(misled.camera, points) > 1.0
 
 
+@pytest.mark.parametrize("wall", [False, True])
+def test_a_wall_that_few_careless_boxes_do_not_show_is_doubted_and_in_sigma(wall):
+    """Where a person is 11 px tall and edges have an sd of 1 px, half a person looks much like a whole one."""
+    half = replace(LENS, fx=380.0, fy=380.0)
+    truth = replace(true_camera(), intrinsics=half)
+    points = body(10)
+    uv = project(truth, points)[0]
+    shown = np.where((uv[..., 1] < uv[:, 2:3, 1])[..., None], uv, uv[:, 8:9]) if wall else uv
+    for seed in range(5):
+        edges = boxes(shown, 3.0, 0.0)
+        if wall:
+            edges[:, 3] = uv[:, 2:4, 1].mean() + 3.0
+        edges += np.random.default_rng(seed).standard_normal(edges.shape)
+        found = boxes_fit.fit(replace(start(), intrinsics=half), FREE, seen(points, edges), "cam04")
+        off = np.abs(project(found.camera, points)[0] - uv)[..., 1].mean()
+        _, J = covariance.projection(found.camera, points)
+        sigma = np.sqrt((J @ found.pose_covariance @ np.swapaxes(J, -1, -2))[..., 1, 1]).mean()
+        doubted = found.ahead < boxes_fit.DOUBTFUL
+        assert not doubted or wall
+        assert off < 3 * sigma and (doubted or found.hidden or off < 1.0)
+
+
 def test_clicked_head_and_feet_do_as_well():
     points = body(8)
     uv = project(true_camera(), points)[0]
