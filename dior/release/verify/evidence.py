@@ -41,7 +41,7 @@ class Walk:
 
     `tables`: by kind of part (layout.py) and camera, "" for those of all cameras, with the columns of
     `walk_checks.COLUMNS`; `files`: by path in the release; `decode`: look at every picture, not only at `pictures`, a
-    sample of (row, bytes) by camera; `suspects`: of `WalkFindings`, to be added to.
+    sample of (row, bytes) by camera; `suspects`, `beside`: of `WalkFindings`, to be added to.
     """
 
     who: str
@@ -52,6 +52,7 @@ class Walk:
     decode: bool
     pictures: dict[str, list[tuple[int, bytes]]]
     suspects: dict[str, Any]
+    beside: dict[str, Any]
 
     def of(self, kind: str) -> dict[str, Table]:
         """The tables of a kind by camera; {} where the walk has none."""

@@ -114,7 +114,8 @@ class View:
 def check(walk: Walk) -> list[Problem]:
     """Find pictures of a walk that were exchanged with others of it.
 
-    A recording whose pictures show nothing where its labels are is kept in `walk.suspects`, for `exchanged`.
+    A recording whose pictures show nothing where its labels are is kept in `walk.suspects`, for `exchanged`, and where
+    there is one, those of the other cameras are in `walk.beside`: its pictures may be theirs.
     """
     views: dict[str, View] = {}
     problems: list[Problem] = []
@@ -132,6 +133,8 @@ def check(walk: Walk) -> list[Problem]:
             walk.suspects[name] = view
         else:
             problems += [(path, text) for text in _within(view, shares, own, file)]
+    if walk.suspects:
+        walk.beside.update(views)
     return problems + _of_other_cameras(views)
 
 
@@ -249,9 +252,10 @@ def _of_other_cameras(views: dict[str, View]) -> list[Problem]:
 def exchanged(release: Release) -> list[Problem]:
     """Recordings whose pictures show the subject where the labels of another recording are, and not at their own."""
     suspects = [view for walk in release.walks for view in walk.suspects.values()]
+    beside = [view for walk in release.walks for name, view in walk.beside.items() if name not in walk.suspects]
     problems = []
     for view in suspects:
-        for other in suspects:
+        for other in [*suspects, *beside]:
             if other is not view and _fits(view, other):
                 problems.append(
                     (

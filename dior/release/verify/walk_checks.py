@@ -60,7 +60,7 @@ class WalkFindings:
 
     `tables`: by kind and camera, and `pictures`: by camera a sample (sample.py), while the walk is looked at;
     `figures`: what they give of metrics.csv (figures.py); `suspects`: by camera, recordings whose pictures may be those
-    of another one (pictures.py).
+    of another one, and `beside` all of a walk that has one (pictures.py).
     """
 
     who: str
@@ -70,6 +70,7 @@ class WalkFindings:
     figures: dict[tuple[str, str, str], Any] = field(default_factory=dict)
     pictures: dict[str, list[tuple[int, bytes]]] = field(default_factory=dict)
     suspects: dict[str, Any] = field(default_factory=dict)
+    beside: dict[str, Any] = field(default_factory=dict)
     counts: dict[str, Counter[str]] = field(default_factory=dict)
     sizes: dict[str, tuple[str, set[tuple[int, int]]]] = field(default_factory=dict)
 

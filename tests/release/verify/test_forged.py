@@ -334,7 +334,7 @@ def problems_of(tmp_path, decode=True, **recordings):
         kept[camera] = some.pictures()
         of["labels_2d"][camera], of["frames"][camera] = labels, frames
     rig = evidence.Rig({}, {}, {}, {}, {})
-    walk = evidence.Walk("who-0001", "walk", of, files, rig, decode, kept, {})
+    walk = evidence.Walk("who-0001", "walk", of, files, rig, decode, kept, {}, {})
     return pictures.check(walk), walk.suspects
 
 
@@ -366,7 +366,7 @@ def test_pictures_in_their_order_raise_no_alarm(tmp_path):
 
 
 def of_suspects(suspects):
-    walk = type("Walk", (), {"suspects": suspects})()
+    walk = type("Walk", (), {"suspects": suspects, "beside": {}})()
     return pictures.exchanged(pictures.Release({}, {}, [walk], {}, evidence.Rig({}, {}, {}, {}, {})))
 
 
