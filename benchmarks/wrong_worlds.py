@@ -2,7 +2,8 @@
 
 usage: python -m benchmarks.wrong_worlds [SEEDS] [poses] [c3d] [captures]      (20 seeds, all parts)
 
-poses     a walk of 8 s seen by three cameras around, in memory (benchmarks/scene.py), with pixels as detected
+poses     a walk of 8 s seen by three cameras around, in an L and on one side, each 10 cm and 3 degrees off its even
+          place; in memory (benchmarks/scene.py), with pixels as detected
 c3d       the motion capture of a walk of 8 s, written anew
 captures  whole clean captures (benchmarks/steps.py)
 
@@ -24,6 +25,7 @@ import numpy as np
 from benchmarks import scene, steps, worlds
 from dior.body import wrong_world
 from dior.errors import DiorError
+from dior.geometry import covariance
 from dior.geometry.camera import inverse_pose, pose
 from dior.ingest import mocap
 from dior.reconstruct import robust
@@ -32,6 +34,7 @@ from dior.simulate import simulate_mocap
 from dior.simulate.motion import motion_of
 
 EVERY, FRAMES = 4, 240
+RIGS = {"around": scene.AZIMUTHS, "L": (0.0, 45.0, 90.0), "side": (-35.0, 0.0, 35.0)}
 TURN = {
     "Y": np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]),
     "-Y": np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]),
@@ -167,15 +170,24 @@ def shown(beside):
     return ", ".join(f"{code} {times}" for code, times in beside.items()) or "-"
 
 
+def rig(name, seed):
+    """Three cameras of `RIGS`, each off by 10 cm and 3 degrees of its even place."""
+    random = np.random.default_rng([seed, 18])
+    cameras = [scene.camera(f"cam{i + 1:02d}", azimuth) for i, azimuth in enumerate(RIGS[name])]
+    errors = [np.r_[np.radians(3.0) * random.normal(size=3), 0.1 * random.normal(size=3)] for _ in cameras]
+    return [covariance.moved(camera, error) for camera, error in zip(cameras, errors, strict=True)]
+
+
 def poses(seeds):
-    print(f"{'level':<7}{'height':<8}{'kind':<16}{'named':>7}   wrongly")
-    for level in ("ideal", "real"):
-        walks = [scene.make(level, seed, FRAMES) for seed in range(1, seeds + 1)]
+    print(f"{'level':<7}{'rig':<8}{'height':<8}{'kind':<16}{'named':>7}   wrongly")
+    for level, name in ((level, name) for level in ("ideal", "real") for name in RIGS):
+        walks = [scene.make(level, seed, FRAMES, rig(name, seed)) for seed in range(1, seeds + 1)]
         for height, kind in ((height, kind) for height in (True, False) for kind in KINDS):
             make, words = KINDS[kind]
             beside = {}
             named = sum(count(said(make(walk.given), walk, height), words, beside) for walk in walks)
-            print(f"{level:<7}{'known' if height else '-':<8}{kind:<16}{named:>7}   {shown(beside)}", flush=True)
+            known = "known" if height else "-"
+            print(f"{level:<7}{name:<8}{known:<8}{kind:<16}{named:>7}   {shown(beside)}", flush=True)
 
 
 def captures(seeds):
