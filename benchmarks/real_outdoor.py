@@ -15,14 +15,18 @@ from scipy.spatial.transform import Rotation
 
 from dior.body.names import swap_index
 from dior.calibrate import adjust, place
-from dior.calibrate.bundle import bundle, outcome, starts
+from dior.calibrate.bundle import bundle, given_poses, in_adjustment, outcome, starts
+from dior.calibrate.bundle.window import Recorded
+from dior.calibrate.clock.from_cameras import TimedDetections
 from dior.calibrate.outline import boxes_fit, seen_edges
 from dior.errors import DiorError
+from dior.geometry import covariance
 from dior.geometry.camera import Camera, Intrinsics, inverse_pose, pose, project, undistort
 from dior.geometry.multiview import look_at
 from dior.geometry.triangulation import triangulate
 from dior.ingest.readers import mlkit, openpose
-from dior.reconstruct import robust
+from dior.label import uncertainty
+from dior.reconstruct import refine, robust
 from dior.reconstruct.swaps import exchange, find_exchanged, find_mistaken_limbs
 from dior.reconstruct.triangulate import by_rays
 from dior.tables import tables
@@ -31,6 +35,11 @@ ROOT = Path(__file__).resolve().parents[1]
 CAMERAS = ("cam01", "cam02", "cam03", "cam04")
 SWAPPED = [*range(41, 62), 65, *range(67, 75), 77, 78, 81]
 FRAMES, FPS = 100, 60.0
+# of the config: scores that count, the adjustment's loss, gaps; and how well a lens from a file is known
+CONFIDENT, HUBER_PX, MAX_GAP, BRIDGED_S, LENS_SIGMA = 0.4, 15.0, 1.5, 0.2, 0.003
+# chi squared with two degrees of freedom
+IN_95, IN_50 = 5.991, 1.386
+NOISES_PX = np.arange(0.0, 40.0, 0.1)
 BOXED_FRAMES = range(0, FRAMES, 5)
 BOXED = {"left_big_toe": "left_foot_index", "right_big_toe": "right_foot_index"}
 
@@ -113,6 +122,103 @@ def print_unseen_camera(data, cameras):
     true[1, SWAPPED] = True
     found, false = (some & true).sum(), (some & ~true).sum()
     print(f"  exchanged frames found  {found} of {true.sum()} (limit 30), false {false} (limit 2)")
+
+
+def observed_by_mlkit(data, names):
+    """Pixels, scores and joints of ML Kit in these cameras, without doubtful ones."""
+    uv, score, joints = stack(mlkit, [data / f"mlkit/{name}.jsonl" for name in names])
+    return uv, np.where(score >= CONFIDENT, score, 0.0), joints
+
+
+def pose_errors(cameras, uv, score, joints):
+    """`given_poses.PoseErrors` of the reference poses, as the step `reference` finds them by this walk."""
+    seen = np.where((score > 0)[..., None], uv, np.nan)
+    timed = tuple(TimedDetections(np.arange(FRAMES) / FPS, one, MAX_GAP / FPS) for one in seen)
+    window = {"first": 0, "count": FRAMES, "step": 1}
+    by_hand = [[(0.0, 0.0, "manual")] * len(cameras)]
+    names = [camera.name for camera in cameras]
+    walk = in_adjustment.of([Recorded(timed, tuple(joints), FPS)], [window], names, by_hand, 2)
+    return given_poses.of(cameras, walk, HUBER_PX, np.full(len(cameras), LENS_SIGMA))
+
+
+def labels_of(makers, uv, score, sigma, joints, camera, errors, lens_sigma):
+    """Labels (100, J, 2) px of a camera and their covariance, of the 3D that `makers` give, smoothed as by `refine`."""
+    found = robust.triangulate(makers, uv, score, FPS, sigma)
+    points = np.where((found.scaled <= 45.0)[..., None], found.points, np.nan)
+    weights = np.where(found.used, score, 0.0) / sigma[:, None]
+    time_s, constant_share = robust.error_correlation(makers, uv, score, found, FPS)
+    spread = robust.covariance(makers, points, weights)
+    points, spread, _ = refine.refined(points, spread, joints, FPS, time_s, constant_share, BRIDGED_S)
+    rig = [*makers, camera]
+    poses = np.kron(np.eye(len(rig)), errors.covariance())
+    lenses = lens_sigma**2 * np.eye(3 * len(rig))
+    joint = covariance.joined(poses, np.zeros((len(poses), len(lenses))), lenses)
+    names = [one.name for one in rig]
+    return project(camera, points)[0], uncertainty.of_labels(camera, points, spread, makers, names, joint)
+
+
+def distances(off, spread, noise_px):
+    """Squared Mahalanobis distances (N,) of `off` (..., 2) px, of labels' covariance widened by a detector's noise."""
+    known = np.isfinite(off).all(axis=-1) & np.isfinite(spread).all(axis=(-1, -2))
+    wide = spread[known] + noise_px**2 * np.eye(2)
+    return np.einsum("ni,nij,nj->n", off[known], np.linalg.inv(wide), off[known])
+
+
+def least_noise(parts, share, quantile):
+    """The least detector's noise (px in u and in v) with which that share of all parts, (off, spread), is inside."""
+    for noise_px in NOISES_PX:
+        if np.mean(np.concatenate([distances(*part, noise_px) for part in parts]) <= quantile) >= share:
+            return noise_px
+    return np.nan
+
+
+def print_ellipses(data, cameras):
+    """Do the labels' ellipses hold in the unseen camera? The labels without sigma, and the share inside.
+
+    The detector's noise is taken from the close cameras, each labelled by the other two: the scatter about each
+    camera's own offset, beyond that of the 3D. A constant offset of a camera is its pose's, for which its sigma is to
+    stand. cam04 is read after that.
+    """
+    close = cameras[:3]
+    uv, score, joints = observed_by_mlkit(data, CAMERAS[:3])
+    errors = pose_errors(close, uv, score, joints)
+    swapped = find_exchanged(close, uv, score, joints, FPS)
+    uv, score = exchange(uv, swapped, joints), exchange(score, swapped, joints)
+    sigma = robust.noise(close, uv, score, FPS)
+    score = np.where(find_mistaken_limbs(close, uv, score, sigma, joints, FPS), 0.0, score)
+    scatter, whole = [], []
+    for view in range(3):
+        rest = [i for i in range(3) if i != view]
+        own = [close[i] for i in rest], uv[rest], score[rest], sigma[rest], joints, close[view]
+        labels, spread = labels_of(*own, errors, LENS_SIGMA)
+        off = np.where((score[view] > 0)[..., None], uv[view] - labels, np.nan)
+        whole.append((off, spread))
+        scatter.append(
+            (off - np.nanmedian(off, axis=(0, 1)), labels_of(*own, given_poses.PoseErrors(0.0, 0.0), 0.0)[1])
+        )
+    noise_px, all_px = least_noise(scatter, 0.5, IN_50), least_noise(whole, 0.95, IN_95)
+    print("reference cameras: 95 % ellipses of the labels, poses' errors by the walk of cam01-cam03")
+    print(f"  poses known to {np.degrees(errors.turn_rad):.2f} degrees and {1000 * errors.shift_m:.0f} mm")
+    held = np.mean(np.concatenate([distances(*part, noise_px) for part in whole]) <= IN_95)
+    print(
+        f"  cam01-cam03, each by the other two: the detector's noise is {noise_px:.1f} px, {held:.1%} are inside with "
+        f"it; with offsets taken for noise, so that 95 % are, it is {all_px:.1f} px"
+    )
+    labels, spread = labels_of(close, uv, score, sigma, joints, cameras[3], errors, LENS_SIGMA)
+    theirs, confident, _ = observed_by_mlkit(data, CAMERAS[3:])
+    off = np.where((confident[0] > 0)[..., None], theirs[0] - labels, np.nan)
+    without = (np.isfinite(labels).all(axis=-1) & ~np.isfinite(spread).all(axis=(-1, -2))).sum()
+    sd = np.sqrt(np.nanmedian(np.diagonal(spread, axis1=-2, axis2=-1), axis=(0, 1)))
+    print(
+        f"  cam04: {np.isfinite(labels[..., 0]).sum()} labels, {without} without sigma (limit 0), sd {sd.round(1)} px"
+    )
+    shares = {}
+    for name, px in (("as they are", 0.0), ("with that noise", noise_px), ("with offsets too", all_px)):
+        hit = distances(off, spread, px) <= IN_95
+        shares[px] = hit.mean()
+        limit = " (limit 85-99 %)" if px == noise_px else ""
+        print(f"    {name:<17} {hit.mean():.1%} of {len(hit)} confident detections inside{limit}")
+    return int(without), float(shares[noise_px])
 
 
 def print_unseen_from_boxes(data, cameras):
@@ -210,6 +316,7 @@ def main():
     data = Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT.parent / "shared/data/real_outdoor"
     cameras = rig(data)
     print_unseen_camera(data, cameras)
+    print_ellipses(data, cameras)
     print_unseen_from_boxes(data, cameras)
     print_adjustment(data, cameras)
     print_starts(data, cameras)

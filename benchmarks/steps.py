@@ -37,11 +37,8 @@ class Capture:
         return self.folder / f"results/{step}/{unit}{kind}.parquet"
 
 
-def labelled(folder, true_clocks=False, **settings):
-    """`Capture` with every label of it made in `folder`; `settings` of the `simulate:` section.
-
-    `true_clocks`: config/offsets has the clocks, which are estimated otherwise.
-    """
+def recorded(folder, true_clocks=False, **settings):
+    """`Capture` with the tables of its recordings in `folder`; arguments as of `labelled`."""
     made = levels.from_dict(settings)
     config.write(made, Path(folder) / "config")
     if true_clocks:
@@ -49,6 +46,15 @@ def labelled(folder, true_clocks=False, **settings):
     capture = Capture(Path(folder), made, projects.load(folder))
     for walk in levels.sequences(made):
         _record(capture, walk)
+    return capture
+
+
+def labelled(folder, true_clocks=False, **settings):
+    """`Capture` with every label of it made in `folder`; `settings` of the `simulate:` section.
+
+    `true_clocks`: config/offsets has the clocks, which are estimated otherwise.
+    """
+    capture = recorded(folder, true_clocks, **settings)
     for session in capture.project.sessions:
         (_indoors if levels.place_of(session) == "lab" else _outdoors)(capture, session)
     for name in capture.project.sequences:
@@ -201,13 +207,18 @@ def adjusted(capture, session):
     )  # fmt: skip
 
 
-def _outdoors(capture, session):
-    project, close = capture.project, capture.project.close(session)
+def reconstructed(capture, session):
+    """The 3D of an outdoor session: its close cameras adjusted, clocks, triangulated and refined."""
     adjusted(capture, session)
     rig, spread = [capture.made("adjust", session)], [capture.made("adjust", session, ".covariance")]
-    for name in project.sequences_of(session):
+    for name in capture.project.sequences_of(session):
         _clocks(capture, name, rig, spread)
-        skeleton(capture, session, name, close)
+        skeleton(capture, session, name, capture.project.close(session))
+
+
+def _outdoors(capture, session):
+    project, close = capture.project, capture.project.close(session)
+    reconstructed(capture, session)
     for camera in (name for name in project.cameras(session) if name not in close):
         _align(capture, session, camera)
         for name in project.sequences_of(session):

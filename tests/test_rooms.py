@@ -13,7 +13,7 @@ ROOMS = (
     + ("simulate", "cli")
 )
 CALIBRATE = ("lens", "marks", "clock", "outline", "bundle")
-RULES = ("intrinsics", "locate", "place", "adjust", "clocks", "align", "follow")
+RULES = ("intrinsics", "locate", "place", "reference", "adjust", "clocks", "align", "follow")
 
 
 def imports():

@@ -8,8 +8,8 @@ and passes. Limits are the section `physics` of config.yaml.
 """
 
 import warnings
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -30,6 +30,55 @@ LIMITS: dict[str, Any] = {
 }
 
 
+class Fault(NamedTuple):
+    """What no person in a right world does: its `code`, and the sentence about it."""
+
+    code: str
+    text: str
+
+
+def measured(points: Floats, joints: Sequence[str], seconds: Floats | None = None) -> dict[str, float]:
+    """The figures that `LIMITS` judges, by name; `seconds` (T,): when, for the speed."""
+    return {
+        "stature_m": stature(points, joints),
+        "feet_m": feet(points, joints),
+        "lean_deg": lean(points, joints),
+        "speed_m_s": np.nan if seconds is None else speed(points, joints, seconds),
+    }
+
+
+def faults(found: Mapping[str, float], limits: Mapping[str, Any]) -> list[Fault]:
+    """What is impossible in the figures of `measured`, by limits as of `LIMITS`."""
+    wrong = []
+    low, high = limits["stature_m"]
+    if found["stature_m"] < low or found["stature_m"] > high:
+        text = (
+            f"the person would be {found['stature_m']:.2f} m tall, outside of {low:g}-{high:g} m "
+            "(physics.stature_m); the scale is wrong, check the tape, the tag's size_m and other metric facts"
+        )
+        wrong.append(Fault("stature", text))
+    if abs(found["feet_m"]) > limits["feet_m"]:
+        side = "above" if found["feet_m"] > 0 else "below"
+        text = (
+            f"the feet stand {abs(found['feet_m']):.2f} m {side} the floor, more than {limits['feet_m']:g} m "
+            "(physics.feet_m); is Z = 0 the floor in tape.position_m and tag.position_m?"
+        )
+        wrong.append(Fault("floor", text))
+    if found["lean_deg"] > limits["lean_deg"]:
+        text = (
+            f"the body leans by {found['lean_deg']:.0f} degrees on average, more than {limits['lean_deg']:g} "
+            "(physics.lean_deg); is Z up, and is tag.up right?"
+        )
+        wrong.append(Fault("vertical", text))
+    if found["speed_m_s"] > limits["speed_m_s"]:
+        text = (
+            f"the person moves at {found['speed_m_s']:.1f} m/s, more than {limits['speed_m_s']:g} "
+            "(physics.speed_m_s); check the scale and the stamps"
+        )
+        wrong.append(Fault("speed", text))
+    return wrong
+
+
 def check(
     points: Floats,
     joints: Sequence[str],
@@ -41,36 +90,15 @@ def check(
 
     `limits`: some of `LIMITS`; `seconds` (T,): when, for the speed.
     """
-    limits = LIMITS | (limits or {})
-    found = {
-        "stature_m": stature(points, joints),
-        "feet_m": feet(points, joints),
-        "lean_deg": lean(points, joints),
-        "speed_m_s": np.nan if seconds is None else speed(points, joints, seconds),
-    }
-    low, high = limits["stature_m"]
-    if found["stature_m"] < low or found["stature_m"] > high:
-        raise DiorError(
-            f"{where}: the person would be {found['stature_m']:.2f} m tall, outside of {low:g}-{high:g} m "
-            "(physics.stature_m); the scale is wrong, check the tape, the tag's size_m and other metric facts"
-        )
-    if abs(found["feet_m"]) > limits["feet_m"]:
-        side = "above" if found["feet_m"] > 0 else "below"
-        raise DiorError(
-            f"{where}: the feet stand {abs(found['feet_m']):.2f} m {side} the floor, more than {limits['feet_m']:g} m "
-            "(physics.feet_m); is Z = 0 the floor in tape.position_m and tag.position_m?"
-        )
-    if found["lean_deg"] > limits["lean_deg"]:
-        raise DiorError(
-            f"{where}: the body leans by {found['lean_deg']:.0f} degrees on average, more than {limits['lean_deg']:g} "
-            "(physics.lean_deg); is Z up, and is tag.up right?"
-        )
-    if found["speed_m_s"] > limits["speed_m_s"]:
-        raise DiorError(
-            f"{where}: the person moves at {found['speed_m_s']:.1f} m/s, more than {limits['speed_m_s']:g} "
-            "(physics.speed_m_s); check the scale and the stamps"
-        )
+    found = measured(points, joints, seconds)
+    for fault in faults(found, LIMITS | (limits or {})):
+        raise DiorError(f"{where}: {fault.text}")
     return found
+
+
+def height_off(height: float, height_m: float, sigma_m: float, share: float) -> bool:
+    """Whether a person `height` m tall is not the one of `height_m` +- `sigma_m`: beyond `share` and 4 sigma of it."""
+    return abs(height - height_m) > max(share * height_m, HEIGHT_SIGMAS * sigma_m)
 
 
 def check_height(
@@ -86,9 +114,9 @@ def check_height(
 
     Beyond `share` of it, and beyond 4 sigma. The message, which goes into a log, does not tell the height.
     """
-    off = stature(points, joints) - height_m
-    limit = max(share * height_m, HEIGHT_SIGMAS * sigma_m)
-    if abs(off) > limit:
+    height = stature(points, joints)
+    if height_off(height, height_m, sigma_m, share):
+        off, limit = height - height_m, max(share * height_m, HEIGHT_SIGMAS * sigma_m)
         raise DiorError(
             f"{where}: {subject} would be {100 * abs(off):.0f} cm {'taller' if off > 0 else 'smaller'} than "
             f"config/subjects.tsv says, more than {100 * limit:.0f} cm (physics.stature_share); correct height_m, or "
@@ -96,14 +124,14 @@ def check_height(
         )
 
 
-def _joint(points: Floats, joints: Sequence[str], name: str) -> Floats:
+def joint(points: Floats, joints: Sequence[str], name: str) -> Floats:
     """A joint (T, 3), NaN where the detector has none of that name."""
     return points[:, list(joints).index(name)] if name in joints else np.full((len(points), 3), np.nan)
 
 
-def _middle(points: Floats, joints: Sequence[str], part: str) -> Floats:
+def middle(points: Floats, joints: Sequence[str], part: str) -> Floats:
     """Mean of the left and right `part` (T, 3), NaN where one is missing."""
-    return np.mean([_joint(points, joints, f"{side}_{part}") for side in SIDES], axis=0)
+    return np.mean([joint(points, joints, f"{side}_{part}") for side in SIDES], axis=0)
 
 
 def _median(values: Floats, axis: int | None = None) -> Any:
@@ -112,15 +140,20 @@ def _median(values: Floats, axis: int | None = None) -> Any:
         return np.nanmedian(values, axis=axis)
 
 
+def segment(points: Floats, joints: Sequence[str], a: str, b: str) -> float:
+    """Median length (m) from `a` to `b`: of both sides, or of the trunk between the middles of both sides."""
+    if a == "shoulder":
+        each = [middle(points, joints, a) - middle(points, joints, b)]
+    else:
+        each = [joint(points, joints, f"{s}_{a}") - joint(points, joints, f"{s}_{b}") for s in SIDES]
+    return float(_median(np.linalg.norm(each, axis=-1)))
+
+
 def stature(points: Floats, joints: Sequence[str]) -> float:
     """Height (m) by the lengths of thighs, shanks and trunk; NaN where none of them is known."""
     length, share = 0.0, 0.0
     for (a, b), part in SEGMENTS.items():
-        if a == "shoulder":
-            each = [_middle(points, joints, a) - _middle(points, joints, b)]
-        else:
-            each = [_joint(points, joints, f"{s}_{a}") - _joint(points, joints, f"{s}_{b}") for s in SIDES]
-        size = _median(np.linalg.norm(each, axis=-1))
+        size = segment(points, joints, a, b)
         if np.isfinite(size):
             length, share = length + size, share + part
     return float(length / share) if share else np.nan
@@ -128,7 +161,7 @@ def stature(points: Floats, joints: Sequence[str]) -> float:
 
 def feet(points: Floats, joints: Sequence[str]) -> float:
     """How far (m) the soles of the standing feet are above the floor: the lowest quarter of heels and toes."""
-    heights = np.stack([_joint(points, joints, f"{side}_{part}")[:, 2] for side in SIDES for part in FEET]).ravel()
+    heights = np.stack([joint(points, joints, f"{side}_{part}")[:, 2] for side in SIDES for part in FEET]).ravel()
     heights = heights[np.isfinite(heights)]
     if not len(heights):
         return np.nan
@@ -137,7 +170,7 @@ def feet(points: Floats, joints: Sequence[str]) -> float:
 
 def lean(points: Floats, joints: Sequence[str]) -> float:
     """Angle (degrees) of the mean direction from hips to shoulders with the vertical."""
-    trunk = _middle(points, joints, "shoulder") - _middle(points, joints, "hip")
+    trunk = middle(points, joints, "shoulder") - middle(points, joints, "hip")
     with np.errstate(invalid="ignore"):
         direction = _median(trunk / np.linalg.norm(trunk, axis=1, keepdims=True), axis=0)
     size = np.linalg.norm(direction)
@@ -146,7 +179,7 @@ def lean(points: Floats, joints: Sequence[str]) -> float:
 
 def speed(points: Floats, joints: Sequence[str], seconds: Floats) -> float:
     """Median horizontal speed (m/s) of the hips between instants about a third of a second apart."""
-    hips, seconds = _middle(points, joints, "hip"), np.asarray(seconds, float)
+    hips, seconds = middle(points, joints, "hip"), np.asarray(seconds, float)
     if len(seconds) < 2:
         return np.nan
     apart = min(max(1, round(1 / 3 / np.median(np.diff(seconds)))), len(seconds) - 1)

@@ -5,7 +5,7 @@ INPUTS   camera YAML (`locate: tape` with `tape`, `locate: reference` with `refe
 OUTPUTS  cameras (one row with wTc), `marks` (where the corners of the tag were seen, else empty), findings
 
 World in metres, Z up, floor at Z = 0. A reference file is a TOML with a section per camera that holds `rotation`
-(Rodrigues vector in radians or 3x3) and `translation` (m), as Pose2Sim and caliscope write them.
+(Rodrigues vector in radians or 3x3) and `translation` (`reference.units`), as Pose2Sim and caliscope write them.
 """
 
 from pathlib import Path
@@ -19,15 +19,16 @@ from dior.errors import DiorError
 from dior.geometry import camera_tables
 from dior.geometry.camera import inverse_pose, pose
 from dior.geometry.camera_tables import unplaced
-from dior.geometry.tape import check_above_floor, look_at_pose
+from dior.geometry.tape import look_at_pose
 from dior.project.camera_file import camera_settings
 from dior.tables import tables
 
 CONVENTIONS = ("cTw", "wTc")
+METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 
 
-def reference_pose(path: AnyPath, name: str, convention: str = "cTw") -> Floats:
-    """wTc (4, 4) of the camera `name` in a TOML calibration.
+def reference_pose(path: AnyPath, name: str, convention: str = "cTw", units: str = "m") -> Floats:
+    """wTc (4, 4) of the camera `name` in a TOML calibration; `units` of its translation.
 
     `name` is the section's key, its last part or its entry `name`. Raises DiorError for an unknown name (with the
     nearest), a missing or broken rotation or translation.
@@ -37,7 +38,8 @@ def reference_pose(path: AnyPath, name: str, convention: str = "cTw") -> Floats:
     section = toml_cameras.section(path, name, ("rotation", "translation"))
     where = f"{path} [{name}]"
     translation = toml_cameras.numbers(section, "translation", [(3,)], where)
-    T = pose(_rotation(where, toml_cameras.numbers(section, "rotation", [(3,), (3, 3)], where)), translation)
+    rotation = _rotation(where, toml_cameras.numbers(section, "rotation", [(3,), (3, 3)], where))
+    T = pose(rotation, METRES[units] * translation)
     return inverse_pose(T) if convention == "cTw" else T
 
 
@@ -46,8 +48,13 @@ def _rotation(where: str, values: Floats) -> Floats:
 
     if values.shape == (3,):
         return Rotation.from_rotvec(values).as_matrix()
-    if np.abs(values @ values.T - np.eye(3)).max() > 1e-3 or np.linalg.det(values) < 0:
+    if np.abs(values @ values.T - np.eye(3)).max() > 1e-3:
         raise DiorError(f"{where}: rotation is no rotation matrix (its rows must be orthonormal and right-handed)")
+    if np.linalg.det(values) < 0:
+        raise DiorError(
+            f"{where}: rotation is no rotation matrix but mirrors, so the calibration is left-handed; export it with a "
+            "right-handed world and OpenCV's axes (x right, y down, z forward)"
+        )
     return Rotation.from_matrix(values).as_matrix()
 
 
@@ -83,8 +90,9 @@ def run(
         wTc = look_at_pose(camera_file, settings["tape"])
     else:
         reference = settings["reference"]
-        wTc = reference_pose(Path(data_root) / reference["file"], reference["name"], reference.get("convention", "cTw"))
-        check_above_floor(camera_file, wTc[:3, 3], "does reference.convention match the file?")
+        path = Path(data_root) / reference["file"]
+        # whether it is above a floor is asked where its world is known: in the step reference
+        wTc = reference_pose(path, reference["name"], reference["convention"], reference["units"])
     camera_tables.write_cameras(out, [unplaced(intrinsics, camera).at(wTc, settings["locate"])], session)
     count = len(marks.get("joint", ()))
     tables.write(out_marks, "marks", {"session": [session] * count, "camera": [camera] * count, **marks})

@@ -290,7 +290,9 @@ def _check_distinct(project: Project, session: str) -> None:
                 raise DiorError(f"{where} have the same topic '{a['topic']}'")
             if len(measured) == 2 and _distance(*measured) < SAME_PLACE_M:
                 raise DiorError(f"{where} are at the same place {measured[0]} (tape.position_m)")
-            if a["locate"] == b["locate"] == "reference" and a["reference"] == b["reference"]:
+            if a["locate"] == b["locate"] == "reference" and all(
+                a["reference"][key] == b["reference"][key] for key in ("file", "name", "convention")
+            ):
                 raise DiorError(f"{where} take the same pose '{a['reference']['name']}' (reference.name)")
 
 

@@ -40,3 +40,15 @@ def filled(known: dict[str, Any], people: Path | None) -> dict[str, Any]:
         return fact | {"height_m": float(row["height_m"]), "sigma_m": float(row["height_sigma_m"] or 0)}
 
     return known | {key: [whole(fact) for fact in known[key]] for key in OF_PEOPLE if key in known}
+
+
+def of(subject: str, people: Path | None) -> tuple[float, float] | None:
+    """Height and its standard error (m, 0 where not said) of a subject, by the pseudonym, in `people`, a subjects.tsv.
+
+    None where there is no sheet, no such subject or no height.
+    """
+    if people is None:
+        return None
+    rows = read_sheet(people, "subjects", "subject")[0].values()
+    height = [(row["height_m"], row["height_sigma_m"]) for row in rows if row["pseudonym"] == subject]
+    return (float(height[0][0]), float(height[0][1] or 0)) if height and height[0][0] else None

@@ -7,8 +7,8 @@ A step's results lie in the folder of its name, unless `PLACES` says otherwise.
 STAGES = {
     "simulate": ("simulate", "simulate_mocap", "simulate_gallery"),
     "ingest": ("frames", "audit", "mocap", "detect", "detections", "gallery"),
-    "calibrate": ("intrinsics", "locate", "place", "adjust", "clocks", "align", "follow"),
-    "reconstruct": ("timeline", "triangulate", "refine"),
+    "calibrate": ("intrinsics", "locate", "place", "reference", "adjust", "clocks", "align", "follow"),
+    "reconstruct": ("timeline", "triangulate", "refine", "world"),
     "label": ("reproject",),
     "evaluate": ("moved", "evaluate", "detectors", "zoom", "to_mark", "metrics", "statistics"),
     "reid": ("inputs", "recognise"),

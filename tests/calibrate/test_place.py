@@ -69,7 +69,7 @@ def test_a_camera_is_found_by_key_last_key_and_name(tmp_path):
         ("rotation = [0, 0, 0]", "`translation` is missing"),
         ("rotation = [0, 0]\ntranslation = [1, 2, 3]", "`rotation` must be 3 or 3 x 3 numbers, and there is 2"),
         ("rotation = [[1, 0, 0], [0, 1, 0], [0, 0, 2]]\ntranslation = [1, 2, 3]", "no rotation matrix"),
-        ("rotation = [[1, 0, 0], [0, 1, 0], [0, 0, -1]]\ntranslation = [1, 2, 3]", "no rotation matrix"),
+        ("rotation = [[1, 0, 0], [0, 1, 0], [0, 0, -1]]\ntranslation = [1, 2, 3]", "mirrors, so .* is left-handed"),
         ("rotation = [0, 0, nan]\ntranslation = [1, 2, 3]", "not finite"),
         ("rotation = [0, 0, 0]\ntranslation = [1, 2]", "3 numbers"),
     ],

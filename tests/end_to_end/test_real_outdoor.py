@@ -39,6 +39,12 @@ def test_reference_cameras_label_the_unseen_one(project, shared):
     snakemake(project, "all", "release")
     figures = score(shared, project / "results/reproject/beam_01.cam04.parquet")
     assert figures["mean"] <= 22.5 and figures["median"] <= 19.5 and figures["coverage"] >= 0.98
+    found = tables.read(project / "results/reference/beam.findings.parquet", "findings")
+    assert found["code"].tolist() == ["reference_uncertainty"]
+    assert not len(tables.read(project / "results/world/beam_01.findings.parquet", "findings")["code"])
+    for camera in ("cam01", "cam02", "cam03", "cam04"):
+        labels = tables.read(project / f"results/reproject/beam_01.{camera}.parquet", "labels_2d")
+        assert np.isfinite(labels["sigma_u"][np.isfinite(labels["u"])]).all()
     swaps = tables.read(project / "results/triangulate/beam_01.swaps.parquet", "swaps")
     found = {name: tables.of_camera(swaps, name)["swapped"] for name in ("cam01", "cam02", "cam03")}
     true = np.zeros(100, bool)

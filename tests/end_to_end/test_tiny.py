@@ -32,7 +32,7 @@ from tests.end_to_end.results import contents, figure, metrics
 from tests.end_to_end.workflow import ROOT, edit, nudge, planned, snakemake, start
 
 # steps that the capture has nothing for, or that are made only when asked for
-NOT_IN_IT = {"detect", "detectors", "zoom", "to_mark", "moved", "inputs", "recognise", "reid", "sign"}
+NOT_IN_IT = {"detect", "reference", "detectors", "zoom", "to_mark", "moved", "inputs", "recognise", "reid", "sign"}
 TINY = {"subjects": 1, "sequences": 1, "duration_s": 3.0, "width": 640, "height": 360, "fx": 320.0, "gallery": True}
 
 
@@ -239,7 +239,7 @@ def test_an_edited_long_range_camera_touches_only_its_own_labels(copy):
 def test_an_edited_close_camera_touches_its_session(copy):
     nudge(copy / "config/sessions/field/cam01.yaml", "sigma_m")
     assert planned(copy) == {
-        "place": 1, "adjust": 1, "clocks": 1, "timeline": 1, "follow": 1, "triangulate": 1, "refine": 1,
+        "place": 1, "adjust": 1, "clocks": 1, "timeline": 1, "follow": 1, "triangulate": 1, "refine": 1, "world": 1,
         "align": 1, "reproject": 4, "evaluate": 1,
         "overlays": 4, "clip": 1, "metrics": 1, "statistics": 1, "report": 1,
         "heads": 4, "pixels": 4, "package": 1, "exports": 1, "tarballs": 2,

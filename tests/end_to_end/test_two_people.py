@@ -69,7 +69,7 @@ def test_an_edited_sheet_row_touches_its_sequence(copy):
     edit(copy / "config/sequences.tsv", row, row.replace("\tS02\t", "\tS01\t"))
     # the session is adjusted with this walk, and its person's height judges that
     assert planned(copy) == {
-        "adjust": 1, "clocks": 2, "timeline": 2, "follow": 2, "triangulate": 2, "refine": 2,
+        "adjust": 1, "clocks": 2, "timeline": 2, "follow": 2, "triangulate": 2, "refine": 2, "world": 2,
         "align": 1, "moved": 1, "reproject": 8, "evaluate": 2,
         "overlays": 8, "clip": 2, "metrics": 1, "statistics": 1, "report": 1,
         "heads": 8, "pixels": 8, "package": 1, "exports": 1, "tarballs": 3,
@@ -80,9 +80,9 @@ def test_who_withdraws_touches_the_labels_that_depended_on_it(copy):
     """The cameras outdoors were adjusted and aligned with a walk of S02; indoors there is nothing to do."""
     withdraw(copy)
     assert planned(copy) == {
-        "adjust": 1, "clocks": 1, "timeline": 1, "follow": 1, "triangulate": 1, "refine": 1, "align": 1, "gallery": 1,
-        "reproject": 4, "evaluate": 1, "overlays": 4, "clip": 1, "metrics": 1, "statistics": 1, "report": 1,
-        "heads": 4, "pixels": 4, "package": 1, "exports": 1, "tarballs": 2,
+        "adjust": 1, "clocks": 1, "timeline": 1, "follow": 1, "triangulate": 1, "refine": 1, "world": 1, "align": 1,
+        "gallery": 1, "reproject": 4, "evaluate": 1, "overlays": 4, "clip": 1, "metrics": 1, "statistics": 1,
+        "report": 1, "heads": 4, "pixels": 4, "package": 1, "exports": 1, "tarballs": 2,
     }  # fmt: skip
 
 

@@ -118,6 +118,8 @@ ALONE = {
     },
     "params": {
         "mocap": {"prefix"},
+        "reference": {"height"},
+        "world": {"height"},
         "adjust": {"heights"},
         "detectors": {"tools"},
         "statistics": {"sheet"},
@@ -158,8 +160,9 @@ def test_what_is_printed_can_be_pasted(printed):
     assert len(commands) > 250
     lines = {words[1]: words[2:] for words in map(shlex.split, commands)}
     scripts = {name for name, text in RULES.items() if "    script:\n" in text}
-    # the demo has neither detections of its own network, nor a gallery, nor other detectors, nor a key to sign with
-    not_there = {"detect", "gallery", "simulate_gallery", "detectors", "sign"}
+    # the demo has neither detections of its own network, nor a gallery, nor other detectors, nor a reference, nor a key
+    # to sign with
+    not_there = {"detect", "gallery", "simulate_gallery", "detectors", "sign", "reference"}
     assert MODULES.keys() - lines.keys() == scripts | not_there
     for step, words in lines.items():
         given = parsed(step, words)

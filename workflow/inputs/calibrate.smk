@@ -112,10 +112,58 @@ def adjusted_offsets(wildcards):
 
 
 def placed(wildcards):
-    return [
-        f"results/place/{wildcards.session}/{camera}.parquet"
-        for camera in PROJECT.close(wildcards.session)
-    ]
+    session = wildcards.session
+    return list(dict.fromkeys(placed_of(session, camera) for camera in PROJECT.close(session)))
+
+
+def referenced(session):
+    """The cameras of a session that somebody else's calibration places."""
+    cameras = PROJECT.cameras(session)
+    return [name for name, camera in cameras.items() if camera["locate"] == "reference"]
+
+
+def referenced_cameras(wildcards):
+    session = wildcards.session
+    return [f"results/place/{session}/{camera}.parquet" for camera in referenced(session)]
+
+
+def referenced_yamls(wildcards):
+    session = wildcards.session
+    return [PROJECT.camera_file(session, camera) for camera in referenced(session)]
+
+
+def telling_walk(session):
+    """The first outdoor sequence by which a reference calibration is judged, "" where there is none."""
+    outdoor = [name for name in PROJECT.shaping(session) if not PROJECT.indoor(name)]
+    return outdoor[0] if outdoor else ""
+
+
+def telling(path):
+    """A table, below results/, of the walk by which a session's reference calibration is judged."""
+
+    def files(wildcards):
+        sequence = telling_walk(wildcards.session)
+        return [f"results/{path.format(sequence=sequence)}"] if sequence else []
+
+    return files
+
+
+def telling_sequence(wildcards):
+    return telling_walk(wildcards.session)
+
+
+def telling_subject(wildcards):
+    sequence = telling_walk(wildcards.session)
+    return PROJECT.subject_of(sequence) if sequence else ""
+
+
+def telling_offsets(wildcards):
+    sequence = telling_walk(wildcards.session)
+    return PROJECT.offsets(sequence) if sequence else []
+
+
+def telling_height(wildcards):
+    return heights_of(telling_subject(wildcards))
 
 
 def tag_marks(wildcards):

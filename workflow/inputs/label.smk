@@ -98,5 +98,9 @@ def label_source(wildcards):
     return "mocap" if PROJECT.indoor(wildcards.sequence) else "triangulated"
 
 
+def walker_height(wildcards):
+    return heights_of(subject(wildcards))
+
+
 def labels(wildcards):
     return labels_of(wildcards.sequence)

@@ -83,6 +83,12 @@ def all_findings():
             for camera, setting in PROJECT.cameras(session).items()
             if setting["locate"] in ("tape", "apriltag", "reference")
         ],
+        *[
+            f"results/reference/{session}.findings.parquet"
+            for session in PROJECT.sessions
+            if referenced(session)
+        ],
+        *[f"results/world/{sequence}.findings.parquet" for sequence in SEQUENCES],
         *[f"results/adjust/{session}.findings.parquet" for session in ADJUSTED],
         *[f"results/moved/{session}.findings.parquet" for session in watched_sessions()],
         *[f"results/locate/{session}/{camera}.findings.parquet" for session, camera in located],

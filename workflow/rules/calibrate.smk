@@ -2,7 +2,7 @@
 
 Required inputs: config/sessions/<session>/, the frames, indoors the mocap, outdoors the detections; for the long-range
 camera the skeletons of the sequences that its file lists, and their boxes, marks or pictures.
-Outputs: results/intrinsics, results/locate (indoors), results/place, results/adjust, results/align, results/follow.
+Outputs: results/intrinsics, results/locate (indoors), results/place, results/reference, results/adjust, results/align, results/follow.
 """
 
 
@@ -85,6 +85,36 @@ rule place:
         code=code("calibrate.place"),
     shell:
         dior("place")
+
+
+rule reference:
+    """Judge somebody else's calibration by a walk: is its world one, and how well is it known?"""
+    input:
+        cameras=referenced_cameras,
+        camera_files=referenced_yamls,
+        detections=telling("detections/{sequence}.parquet"),
+        frames=telling("frames/{sequence}.parquet"),
+        offsets=telling_offsets,
+    output:
+        out="results/reference/{session}.parquet",
+        out_covariance="results/reference/{session}.covariance.parquet",
+        findings="results/reference/{session}.findings.parquet",
+    log:
+        "logs/reference/{session}.log",
+    benchmark:
+        "logs/reference/{session}.benchmark.tsv"
+    params:
+        sequence=telling_sequence,
+        subject=telling_subject,
+        people=untracked(subjects_sheet),
+        height=telling_height,
+        min_score=CONFIG["adjust"]["min_score"],
+        huber_px=CONFIG["adjust"]["huber_px"],
+        max_gap=CONFIG["time"]["max_gap"],
+        contents=contents_of(referenced_yamls, telling_offsets),
+        code=code("calibrate.reference"),
+    shell:
+        dior("reference")
 
 
 rule adjust:

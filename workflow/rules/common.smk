@@ -156,13 +156,20 @@ def camera_of(session, camera):
         return f"results/align/{session}/{camera}.parquet"
     if PROJECT.window(session) and camera in PROJECT.close(session):
         return f"results/adjust/{session}.parquet"
+    return placed_of(session, camera)
+
+
+def placed_of(session, camera):
+    """The file with the pose of a camera before anything is adjusted."""
+    if PROJECT.cameras(session)[camera]["locate"] == "reference":
+        return f"results/reference/{session}.parquet"
     return f"results/place/{session}/{camera}.parquet"
 
 
 def covariance_of(session, camera):
     """The file with the uncertainty of a camera's pose; "" where the step that gives the pose does not know it."""
     path = camera_of(session, camera)
-    known = ("results/locate/", "results/align/", "results/adjust/")
+    known = ("results/locate/", "results/align/", "results/adjust/", "results/reference/")
     return path.replace(".parquet", ".covariance.parquet") if path.startswith(known) else ""
 
 
@@ -193,6 +200,12 @@ def fingerprint(value):
         return secret.digest(KEY, value)
 
     return text
+
+
+def heights_of(name):
+    """What changes with a subject's height, and does not tell it."""
+    row = PROJECT.subjects.get(name, {})
+    return secret.digest(KEY, [row.get("height_m", ""), row.get("height_sigma_m", "")])
 
 
 def say_what_to_open():

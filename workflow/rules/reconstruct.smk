@@ -1,7 +1,8 @@
-"""Reconstruct: the instants of every sequence, and outdoors the 3D joints at them, as they are and smoothed.
+"""Reconstruct: the instants of every sequence, outdoors the 3D joints at them, as they are and smoothed, and whether
+the 3D of a sequence is possible.
 
 Required inputs: frames, cameras, detections, clocks.
-Outputs: results/timeline, results/triangulate, results/refine.
+Outputs: results/timeline, results/triangulate, results/refine, results/world.
 """
 
 
@@ -70,3 +71,24 @@ rule refine:
         code=code("reconstruct.refine"),
     shell:
         dior("refine")
+
+
+rule world:
+    """Ask of the 3D of any sequence whether a person can walk in its world."""
+    input:
+        skeleton=skeleton,
+    output:
+        findings="results/world/{sequence}.findings.parquet",
+    log:
+        "logs/world/{sequence}.log",
+    benchmark:
+        "logs/world/{sequence}.benchmark.tsv"
+    params:
+        subject=subject,
+        people=untracked(subjects_sheet),
+        height=walker_height,
+        physics=as_json(CONFIG["physics"]),
+        source=label_source,
+        code=code("reconstruct.world"),
+    shell:
+        dior("world")

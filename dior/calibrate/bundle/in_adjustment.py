@@ -78,11 +78,15 @@ class Sequences:
         middle = np.array([self.middle(i) for i in range(len(values))])
         return np.stack([values[..., 0] - 1e-6 * values[..., 1] * middle[:, None], values[..., 1]], axis=-1)
 
+    def at_middle(self, offsets: Floats) -> Floats:
+        """Clocks (S, V, 2) as time in the middle (s) and drift, from the offset (s) at t0 and drift."""
+        middle = np.array([self.middle(i) for i in range(len(offsets))])
+        return np.stack([offsets[..., 0] + 1e-6 * offsets[..., 1] * middle[:, None], offsets[..., 1]], axis=-1)
+
     def start(self, cameras: Sequence[Camera], aim_rad: Floats, shift_m: Floats) -> Floats:
         """Clocks (S, V, 2) as given, the others by `ray_lags`. `aim_rad`, `shift_m` (V,)."""
-        values = self.given.copy()
+        values = self.at_middle(self.given)
         for i, found in enumerate(self.recorded):
-            values[i, :, 0] += 1e-6 * values[i, :, 1] * self.middle(i)
             if self.held[i].all():
                 continue
             rays = [
