@@ -119,6 +119,7 @@ ALONE = {
     "params": {
         "mocap": {"prefix"},
         "adjust": {"heights"},
+        "triangulate": {"height"},
         "detectors": {"tools"},
         "statistics": {"sheet"},
         "recognise": {"sheet", "detectors", "tools"},
