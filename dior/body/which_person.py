@@ -5,9 +5,9 @@ OUTPUTS  `Choice`: the subject's detection in every view, and the stretches that
 
 Bodies are found a few times a second, followed through the room, and put together into people: somebody who comes back
 is the same person if he can have walked there and his stature is the same. The subject is the one whom a person
-pointed at; else who alone is there, or is there for most of the time, or is at times all that all cameras see; else
-whose stature is the measured one. Where none of these tells, nobody is chosen: that two views of three agree is no
-proof, since both may follow the same wrong person.
+pointed at; else who alone is there, or walks, or is there for most of the time, or is at times all that all cameras
+see; else whose stature is the measured one. Where none of these tells, nobody is chosen: that two views of three agree
+is no proof, since both may follow the same wrong person.
 """
 
 from collections import Counter
@@ -32,6 +32,9 @@ WALKS_M_S = 4.0  # a person who comes back has not run faster in the meantime; c
 LEAST_S = 0.5  # who is seen for less is nobody to choose; chosen: three sightings
 # who is there for less than this share of another's time is passing by; chosen
 PASSING = 0.5
+# who stays within the one is not who was recorded walking, where another goes farther than the other, m; chosen: a sway
+# and the errors of a place, and two steps in walks of a second
+STANDS_M, GOES_M = 0.3, 0.5
 # for so long without a break all cameras must see one person and nobody else. Chosen: a person who is hidden behind
 # another in the one camera that follows him looks like that for two thirds of a second
 UNANIMOUS_S = 1.5
@@ -311,6 +314,9 @@ def _decided(
     rivals: list[_Person], found: Sequence[list[Sighting]], height_m: float, height_sigma_m: float, fps: float
 ) -> _Person | None:
     """Which of several people is the subject; None where it cannot be told."""
+    way = np.array([_way(person.sightings) for person in rivals])
+    if (way > GOES_M).any():
+        rivals = [person for person, far in zip(rivals, way, strict=True) if far > STANDS_M]
     if len(rivals) == 1:
         return rivals[0]
     agreed = [person for person in rivals if _unanimous(person, found) >= UNANIMOUS_S * fps]
@@ -325,6 +331,13 @@ def _decided(
     with np.errstate(invalid="ignore"):
         clear = (cost - cost[best] >= ODDS) & (np.abs(sizes[:, 0] - sizes[best, 0]) >= APART_M)
     return rivals[best] if np.delete(clear, best).all() else None
+
+
+def _way(bodies: list[Sighting]) -> float:
+    """How far apart (m) the places of a body are, but for the outermost tenths."""
+    places = np.array([body.place[:2] for body in _together(bodies) or bodies])
+    low, high = np.quantile(places, (0.1, 0.9), axis=0)
+    return float(np.linalg.norm(high - low))
 
 
 def _unanimous(person: _Person, found: Sequence[list[Sighting]]) -> int:

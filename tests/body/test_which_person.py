@@ -116,6 +116,20 @@ def test_a_passer_by_does_not_make_the_subject_doubtful():
     assert (choice.state == OWN).all() and (picked(owner, choice) == 0).mean() > 0.99
 
 
+def test_who_stands_beside_the_walkway_is_not_the_subject():
+    """As in `together`, but the other stays where he was in the first picture; no height is known."""
+    capture, seen, owner = made("together")
+    uv, score = seen.uv.copy(), seen.score.copy()
+    for view in range(3):
+        mine = owner[view] == 1
+        (first,) = np.flatnonzero(mine[:, 0])
+        person, t = np.nonzero(mine)
+        uv[view, person, t] = seen.uv[view, first, 0]
+        score[view, person, t] = seen.score[view, first, 0]
+    choice = which_person.choose(capture.cameras, replace(seen, uv=uv, score=score))
+    assert (choice.state == OWN).all() and (picked(owner, choice) == 0).mean() > 0.95
+
+
 def test_bodies_are_where_they_are_and_as_tall():
     capture, seen, owner = made("together")
     known = seen.score[:, :, ::30] > 0
