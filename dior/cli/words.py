@@ -89,6 +89,7 @@ TEXTS = {
     "out_marks": TABLE,
     "out_metrics": TABLE,
     "out_skeleton": TABLE,
+    "out_people": TABLE,
     "out_swaps": TABLE,
     "out_timing": CSV,
     "overlays": "contact sheets of all cameras",

@@ -114,6 +114,17 @@ def seconds(stamp_ns: Ints | int, t0_ns: int | np.int64, offset_s: float = 0.0, 
     return elapsed / 1e9 * (1 + 1e-6 * drift_ppm) + offset_s
 
 
+def said_at_pictures(skeleton: Table, stamps_ns: Ints, offset_s: float, drift_ppm: float, word: str) -> Bools:
+    """Whether an instant beside a picture says `word` of a joint in its status, (F, J)."""
+    status = (skeleton["status"] == word).reshape(-1, len(tables.ordered_unique(skeleton["joint"])))
+    instants_ns = skeleton["stamp_ns"].reshape(status.shape)[:, 0]
+    grid = seconds(instants_ns, instants_ns[0], 0.0, 0.0)
+    after = np.searchsorted(grid, seconds(stamps_ns, instants_ns[0], offset_s, drift_ppm))
+    after = np.clip(after, 0, len(grid) - 1)
+    found: Bools = status[after] | status[np.maximum(after - 1, 0)]
+    return found
+
+
 def velocity_at_pictures(skeleton: Table, stamps_ns: Ints, offset_s: float, drift_ppm: float) -> Floats:
     """Velocities (F, J, 3) m/s of the joints at the pictures' stamps, 0 where a joint has no neighbour in time."""
     points, _ = tables.grid(skeleton, "x", "y", "z")

@@ -11,6 +11,7 @@ import numpy as np
 
 from dior.arrays import AnyPath, Floats, Ints, Table
 from dior.tables import tables
+from dior.tables.words import WITHOUT_3D
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +53,7 @@ def _label_grid(camera: str, table: Table) -> LabelGrid:
         joints,
         np.where(in_frame[..., None], uv.astype(float), np.nan),
         in_frame,
-        status == "missing_3d",
+        np.isin(status, WITHOUT_3D),
     )
 
 

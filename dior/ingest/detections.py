@@ -4,6 +4,8 @@ INPUTS   one file or folder per camera (`pattern` with {camera}; the formats of 
          `frames` table.
 OUTPUTS  `detections` table, complete camera x frame x joint, recorded pixels, of the subject only: `person` is its
          index in the detector's output, null with u, v, score where the subject was not found or the detector not run.
+         Who the subject is is a guess, made before it is known where the cameras are; `detected_people`: everybody in
+         the cameras in which there may be others, for the choice that knows (dior/body/which_person.py).
          `findings`: pictures without output, without a person, with several people, and ambiguous choices.
 """
 
@@ -37,6 +39,7 @@ def run(
     frames: Path,
     out: Path,
     findings: Path,
+    out_people: Path | None = None,
 ) -> None:
     """Write the subject's detections of `cameras`, those whose detections are used. See the module's docstring.
 
@@ -51,7 +54,7 @@ def run(
     if "{camera}" not in pattern and len(cameras) > 1:
         raise DiorError(f"{sequence}: `detections` in sequences.tsv is '{pattern}', which needs a {{camera}} in it")
     pictures = tables.read(frames, "frames", ["camera", "frame", "stamp_ns", "restored_s", "width", "height"])
-    parts, seen = [], []
+    parts, everybody, seen = [], [], []
     for camera in sorted(cameras):
         where = f"{sequence}, {camera}"
         mine = tables.of_camera(pictures, camera)
@@ -66,7 +69,11 @@ def run(
         track = subject.follow(people, stamps_ns)
         seen += [(f"{sequence}/{camera}", *finding) for finding in _findings(people, track, camera, reader)]
         parts.append(_columns(camera, stamps_ns, people, track))
+        if out_people:
+            everybody.append(_everybody(camera, people, subject.tracks(people, stamps_ns)))
     tables.write(out, "detections", _concatenated(parts))
+    if out_people:
+        tables.write(out_people, "detected_people", _concatenated(everybody))
     tables.write_findings(findings, seen)
 
 
@@ -166,6 +173,22 @@ def _columns(camera: str, stamps_ns: Ints, people: People, track: Subject) -> di
     }
 
 
+def _everybody(camera: str, people: People, track: Ints) -> dict[str, Any]:
+    """Columns of the people of one camera, none where one body is all that there is; text as in `_columns`."""
+    rows = np.arange(len(track) if track.any() else 0)
+    joints = len(people.joints)
+    return {
+        "camera": camera,
+        "joints": people.joints,
+        "frame": np.repeat(people.frame[rows], joints),
+        "person": np.repeat(people.person[rows], joints),
+        "track": np.repeat(track[rows], joints),
+        "u": people.uv[rows, :, 0].ravel(),
+        "v": people.uv[rows, :, 1].ravel(),
+        "score": np.where(np.isnan(people.uv[rows, :, 0]), np.nan, people.score[rows]).ravel(),
+    }
+
+
 def _concatenated(parts: list[dict[str, Any]]) -> dict[str, Any]:
     words = list(dict.fromkeys(joint for part in parts for joint in part["joints"]))
     index = [np.array([words.index(joint) for joint in part["joints"]]) for part in parts]
@@ -175,7 +198,7 @@ def _concatenated(parts: list[dict[str, Any]]) -> dict[str, Any]:
         "camera": tables.Repeated([part["camera"] for part in parts], np.repeat(np.arange(len(parts)), rows)),
         "joint": tables.Repeated(words, np.concatenate(tiled)),
     }
-    for key in ("frame", "stamp_ns", "person", "u", "v", "score"):
+    for key in parts[0].keys() - {"camera", "joints"}:
         columns[key] = np.concatenate([part[key] for part in parts])
     return columns
 

@@ -27,6 +27,8 @@ JUMP = 60.0
 SKIP = 1.5
 # chosen: the longest gap, counted over pictures with people, after which where the subject was still tells who it is
 MEMORY_S = 1.5
+# chosen: a track goes on over a step that costs at most this; 1 is what a body can do, and a detector errs beside
+LINK = 2.0
 # chosen: as much as a score of 0 instead of 1 for a 30th of a second
 AMBIGUOUS = 1.0
 # chosen: pairs of people compared at once, some megabytes of joints
@@ -150,6 +152,42 @@ def follow(people: People, stamps_ns: Ints) -> Subject:
     return Subject(row, count > 1, ambiguous, (count > 0) & (row < 0))
 
 
+def tracks(people: People, stamps_ns: Ints) -> Ints:
+    """Number (P,) of the track of each person, counted by their beginnings: the same body from picture to picture.
+
+    A track goes on with the nearest person that it can have reached, also over a gap of `MEMORY_S`; who is nowhere near
+    begins another one, so that a detector of one person that takes somebody else begins a track.
+    """
+    out = np.zeros(len(people.frame), np.int64)
+    if len(out) < 2:
+        return out
+    looked_at = np.diff(stamps_ns[people.ran]) / 1e9
+    share = float(np.median(looked_at)) / PERIOD_S if len(looked_at) else 1.0
+    when = ((stamps_ns - stamps_ns[0]) / 1e9)[people.frame]
+    starts = np.flatnonzero(np.diff(people.frame, prepend=-1)).tolist()
+    if len(starts) == len(out) and np.diff(when).max() <= MEMORY_S:
+        rows = np.arange(1, len(out))
+        if (_moved(people, when, share, rows, rows - 1) ** 2 <= LINK).all():
+            return out
+    last: list[int] = []
+    for begin, end in zip(starts, [*starts[1:], len(out)], strict=True):
+        recent = np.array([i for i, row in enumerate(last) if when[begin] - when[row] <= MEMORY_S], int)
+        now = np.arange(begin, end)
+        a, b = np.repeat(now, len(recent)), np.tile(recent, len(now))
+        step = _moved(people, when, share, a, np.array(last, int)[b]) ** 2 if len(b) else np.empty(0)
+        taken: dict[int, int] = {}
+        for i in np.argsort(step, kind="stable").tolist():
+            if step[i] <= LINK and a[i] not in taken and b[i] not in taken.values():
+                taken[int(a[i])] = int(b[i])
+        for row in now.tolist():
+            if row not in taken:
+                taken[row] = len(last)
+                last.append(row)
+            out[row] = taken[row]
+            last[taken[row]] = row
+    return out
+
+
 def _best_path(people: People, seconds: Floats, share: float) -> tuple[Ints, Floats]:
     """Rows of the chosen people, and by how much the second-best person of each one's frame is worse.
 
@@ -230,6 +268,14 @@ def _extent(uv: Floats) -> Floats:
 def _steps(people: People, when: Floats, share: float, a: Ints, b: Ints) -> Floats:
     """Cost of the step from people `b` to people `a` (N,): the square of their distance over their reach, up to 1 of it
     as noise, which counts by the time that a picture stands for.
+    """
+    moved = _moved(people, when, share, a, b)
+    noise = share * np.minimum((moved / max(share, 1.0)) ** 2, 1.0)
+    return np.minimum(noise + np.maximum(moved**2 - 1.0, 0.0), JUMP)
+
+
+def _moved(people: People, when: Floats, share: float, a: Ints, b: Ints) -> Floats:
+    """Distance of people `a` from people `b` (N,) over what they could have moved in the time between.
 
     The distance is the mean over the joints that both have, also with left and right exchanged: a detector that
     exchanges them has not found another person. Without a common joint the middles are compared.
@@ -247,8 +293,7 @@ def _steps(people: People, when: Floats, share: float, a: Ints, b: Ints) -> Floa
     slow = max(share, 1.0)
     periods = np.maximum((when[a] - when[b]) / PERIOD_S - (slow - 1), 1.0)
     reach = (REACH + SPEED * periods) * np.maximum(extent[a], extent[b])
-    noise = share * np.minimum((distance / reach / slow) ** 2, 1.0)
-    return np.minimum(noise + np.maximum((distance / reach) ** 2 - 1.0, 0.0), JUMP)
+    return distance / reach
 
 
 def _mean_distance(uv_a: Floats, uv_b: Floats) -> Floats:

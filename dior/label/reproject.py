@@ -14,7 +14,7 @@ import numpy as np
 
 from dior.arrays import Floats, Texts
 from dior.clocks import clock as on_axis
-from dior.clocks.axis import at_pictures, seconds, velocity_at_pictures
+from dior.clocks.axis import at_pictures, said_at_pictures, seconds, velocity_at_pictures
 from dior.errors import DiorError
 from dior.geometry import camera as cam
 from dior.geometry import camera_tables
@@ -22,6 +22,7 @@ from dior.geometry.camera import Camera
 from dior.label import uncertainty
 from dior.label.visibility import hidden
 from dior.tables import tables
+from dior.tables.words import WITHOUT_3D
 
 
 def labels(camera: Camera, points: Floats, names: Sequence[str]) -> tuple[Floats, Floats, Texts]:
@@ -77,6 +78,8 @@ def run(
     points, noise, bridged, joints = at_pictures(body, rows["stamp_ns"], offset_s, drift_ppm)
     velocity = velocity_at_pictures(body, rows["stamp_ns"], offset_s, drift_ppm)
     uv, depth, status = labels(rig[camera], points, joints)
+    suspect = said_at_pictures(body, rows["stamp_ns"], offset_s, drift_ppm, "suspect")
+    status = np.where((status == "missing_3d") & suspect, "suspect", status)
     if source == "mocap":
         noise = np.zeros_like(noise)
     joint = camera_tables.read_camera_covariance(covariance, names, with_lenses=True)
@@ -87,7 +90,7 @@ def run(
     count, each = status.shape
     once = np.zeros(count * each, int)
     words = [source, "interpolated"]
-    has_source = (status != "missing_3d").ravel()
+    has_source = ~np.isin(status, WITHOUT_3D).ravel()
     tables.write(
         out,
         "labels_2d",

@@ -304,6 +304,11 @@ class Project:
         """Cameras whose clock a person gave."""
         return sorted(camera for path in self.offsets(sequence) for camera in read_yaml(self.root / path, path))
 
+    def seeds(self, sequence: str) -> list[str]:
+        """[path] of the file in which a person pointed at the subject, or []."""
+        path = f"config/people/{sequence}.yaml"
+        return [path] if self._exists(path) else []
+
     def boxes(self, sequence: str) -> dict[str, str]:
         """Hand-drawn boxes: camera -> file, where there is one."""
         return self._per_camera("boxes", sequence)

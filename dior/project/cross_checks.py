@@ -96,10 +96,11 @@ def check_sessions(project: Project, lines: dict[str, int]) -> None:
         for camera in project.cameras(session):
             _check_marks(project, session, camera)
             _check_align(project, session, camera)
-    for folder in ("offsets", "boxes", "checks"):
+    for folder in ("offsets", "people", "boxes", "checks"):
         _check_names(project, folder)
     for name in project.sequences:
         _check_offsets(project, name)
+        _check_seeds(project, name)
 
 
 def check_camera(camera: dict[str, Any], shown: str) -> None:
@@ -421,7 +422,8 @@ def _check_marks(project: Project, session: str, camera: str) -> None:
 def _check_names(project: Project, folder: str) -> None:
     """A file whose name no sequence or camera has would be left out in silence."""
     path = project.root / "config" / folder
-    suffix = ".yaml" if folder == "offsets" else ".csv"
+    whole = folder in ("offsets", "people")
+    suffix = ".yaml" if whole else ".csv"
     for file in sorted(os.listdir(path)) if path.is_dir() else ():
         if file.startswith(".") or not file.endswith(suffix):
             continue
@@ -433,7 +435,7 @@ def _check_names(project: Project, folder: str) -> None:
                 f"config/{folder}/{file}: '{sequence}' is not in config/sequences.tsv{nearest(sequence, project.rows)}"
                 "; remove the file if its row was taken out"
             )
-        if folder == "offsets" or sequence in project.excluded:
+        if whole or sequence in project.excluded:
             continue
         if camera not in project.cameras_of(sequence):
             raise DiorError(
@@ -448,3 +450,17 @@ def _check_offsets(project: Project, sequence: str) -> None:
         for camera in check(read_yaml(project.root / shown, shown), "offsets", shown):
             if camera not in cameras:
                 raise DiorError(f"{shown}: '{camera}' is no camera of this sequence{nearest(camera, cameras)}")
+
+
+def _check_seeds(project: Project, sequence: str) -> None:
+    """Somebody who points at the subject does so in a close camera of a walk that is triangulated."""
+    for shown in project.seeds(sequence):
+        if project.indoor(sequence):
+            raise DiorError(f"{shown}: '{sequence}' is indoor, where the motion capture says where the subject is")
+        close = project.close(project.session_of(sequence))
+        for number, seed in enumerate(check(read_yaml(project.root / shown, shown), "people", shown)["seeds"], 1):
+            if seed["camera"] not in close:
+                raise DiorError(
+                    f"{shown}: seed {number}: '{seed['camera']}' is no close camera of this sequence"
+                    f"{nearest(seed['camera'], close)}"
+                )

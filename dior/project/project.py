@@ -1,11 +1,11 @@
 """A project folder: its config, sheets, sessions and cameras, read and checked as a whole.
 
 INPUTS: `<root>/config/`: config.yaml, sequences.tsv, subjects.tsv; gallery.tsv, detectors.tsv and effort.tsv, which may
-be missing; sessions/<session>/{session.yaml, <camera>.yaml, <camera>.marks.csv}, offsets/, boxes/, checks/. OUTPUTS: a
-`Project`, whose paths are strings relative to `root`, Snakemake's working directory. A session that a bump splits
-counts as two (dior/project/bumps.py). Nothing else is globbed: the sheets and session.yaml say what exists. It is read
-each time Snakemake parses the workflow, so this module loads no numerics, and YAML and the schemas' validator only when
-asked.
+be missing; sessions/<session>/{session.yaml, <camera>.yaml, <camera>.marks.csv}, offsets/, people/, boxes/, checks/.
+OUTPUTS: a `Project`, whose paths are strings relative to `root`, Snakemake's working directory. A session that a bump
+splits counts as two (dior/project/bumps.py). Nothing else is globbed: the sheets and session.yaml say what exists. It
+is read each time Snakemake parses the workflow, so this module loads no numerics, and YAML and the schemas' validator
+only when asked.
 
 People are called by their pseudonyms as soon as the sheets are checked, so that no step, parameter, log or table has a
 name. Who did not agree to be processed (dior/project/consent.py) is not there: the rows are dropped as soon as the

@@ -56,6 +56,9 @@ def run(*, sequence: str, subject: str, skeleton: Path, max_gap_s: float, out: P
     status = table["status"].astype(str).reshape(shape)
     time, constant_share = (float(about.get(key, 0.0)) for key in ("noise_time_s", "noise_stays"))
     points, covariance, filled = refined(points, covariance, joints, rate(stamps), time, constant_share, max_gap_s)
+    left_open = status == "suspect"
+    points[left_open], covariance[left_open] = np.nan, np.nan
+    filled &= ~left_open
     status = np.where(filled, "gap_filled", status)
     n_views = np.where(filled, 0, table["n_views"].reshape(shape))
     residual = table["residual_px"].reshape(shape)

@@ -176,19 +176,24 @@ def find_mistaken_limbs(
 
     `uv` with exchanged sides already turned back, `sigma` (V, J) px, `fps` the rate of the instants. Compared are, per
     limb and instant, chi squared of the limb's own views, and that of some views' pixels from the point of the other
-    limb, the rest being right.
+    limb, the rest being right. One of two names on one limb is right: where both would be wrong, the limbs only lie on
+    one another in these pictures, and it is something else that the other views do not agree with.
     """
     views, count, joints = uv.shape[:3]
     out = np.zeros((views, count, joints), bool)
     at = {name: i for i, name in enumerate(names)}
     weights = np.where(np.isfinite(uv).all(axis=-1), score, 0.0) / sigma[:, None]
+    found: dict[tuple[str, ...], tuple[list[int], Bools]] = {}
     for limb, other in LIMBS:
         pairs = [(at[a], at[b]) for a, b in zip(limb, other, strict=True) if a in at and b in at]
         if not pairs:
             continue
         own, others = (list(side) for side in zip(*pairs, strict=True))
-        wrong = _mistaken_views(cameras, uv, weights, own, others, fps)
-        out[:, :, own] = wrong[..., None]
+        found[limb] = own, _mistaken_views(cameras, uv, weights, own, others, fps)
+    for limb, other in LIMBS:
+        if limb in found:
+            own, wrong = found[limb]
+            out[:, :, own] = (wrong & ~found[other][1].any(axis=0))[..., None]
     return out
 
 

@@ -1,9 +1,12 @@
 """3D joints of an outdoor sequence from the detections of its close cameras.
 
-INPUTS   cameras (`cameras` tables), detections, timeline
+INPUTS   cameras (`cameras` tables), detections, everybody in the pictures (`detected_people`), timeline; the subject's
+         height (subjects.tsv) and config/people/<sequence>.yaml, where there are any
 OUTPUTS  `skeletons_3d`: one row per instant and joint; `swaps`: which detections had left and right exchanged;
          `findings`: what a person should know about them
-World frame, metres. Two methods: `rays`, the paper's intersection, and `robust`, the default.
+Where there is anybody else, the subject's detections are chosen now that the cameras are known (`which_person`); else
+they are those of `detections`. World frame, metres. Two methods: `rays`, the paper's intersection, and `robust`, the
+default.
 """
 
 from collections.abc import Sequence
@@ -13,13 +16,14 @@ from pathlib import Path
 import numpy as np
 
 from dior.arrays import AnyPath, Bools, Floats, Ints, Table, Texts
+from dior.body import which_person
 from dior.body.names import is_leg, swap_index
 from dior.clocks.axis import blend
 from dior.errors import DiorError
 from dior.geometry import camera as cam
 from dior.geometry import camera_tables, multiview
 from dior.geometry.camera import Camera
-from dior.reconstruct import robust
+from dior.reconstruct import everybody, robust
 from dior.reconstruct.gates import implausible
 from dior.reconstruct.swaps import exchange, find_exchanged, find_mistaken_limbs
 from dior.tables import tables
@@ -90,15 +94,31 @@ def run(
     out: Path,
     out_swaps: Path,
     findings: Path,
+    everybody_seen: Path | None = None,
+    people: Path | None = None,
+    seeds: Path | None = None,
 ) -> None:
-    """Triangulate one sequence from the cameras `names`, whose poses are in the `cameras` tables."""
+    """Triangulate one sequence from the cameras `names`, whose poses are in the `cameras` tables.
+
+    `everybody_seen`: table `detected_people`; `people`: subjects.tsv, where the subject's height is known; `seeds`:
+    YAML file in which somebody pointed at the subject.
+    """
     if method not in METHODS:
         raise DiorError(f"config/config.yaml: triangulate.method is '{method}', not one of {', '.join(METHODS)}")
     rig = camera_tables.read_placed(cameras, names, sequence)
     line = tables.read(timeline, "timeline")
-    uv, score, joints = observations(tables.read(detections, "detections"), line, names, limits.min_score)
+    detected = tables.read(detections, "detections")
+    uv, score, joints = observations(detected, line, names, limits.min_score)
     stamps = line["stamp_ns"][:: len(tables.ordered_unique(line["camera"]))]
     fps = rate(stamps)
+    frames = nearest_frames(line, names)
+    others = tables.read(everybody_seen, "detected_people") if everybody_seen else None
+    seen = everybody.at_instants(detected, others, line, names, limits.min_score, fps)
+    height_m, height_sigma_m = everybody.height_of(people, subject)
+    pointed = everybody.seeds_of(seeds, seen, names, frames)
+    choice = which_person.choose(rig, seen, height_m, height_sigma_m, pointed)
+    if choice:
+        uv, score = everybody.picked(seen, choice)
     swapped = np.zeros(uv.shape[:3], bool)
     mistaken = np.zeros(uv.shape[:3], bool)
     if method == "robust":
@@ -131,6 +151,9 @@ def run(
         speeds = (limits.max_speed, limits.max_body_speed)
         good &= ~implausible(sound, covariance, joints, fps, *speeds, limits.max_bone_change)
     status = np.where(~enough, "too_few_views", np.where(good, "ok", "rejected"))
+    if choice:
+        word = which_person.words(choice.state)[:, None]
+        status = np.where(word == "", status, word)
     points = np.where((status == "ok")[..., None], points, np.nan)
     residual = np.where(enough, residual, np.nan)
     covariance = np.where((status == "ok")[..., None, None], covariance, np.nan)
@@ -138,8 +161,10 @@ def run(
     write_skeleton(
         out, subject, sequence, joints, stamps, points, status, used.sum(axis=0), residual, covariance, about
     )
-    write_swaps(out_swaps, names, stamps, nearest_frames(line, names), swapped, joints)
+    write_swaps(out_swaps, names, stamps, frames, swapped, joints)
     notes = _findings(sequence, names, np.any(swapped, axis=2), status) + _mistaken_findings(sequence, names, mistaken)
+    if choice:
+        notes += everybody.findings(sequence, choice, names, frames, fps, bool(np.isfinite(height_m)))
     tables.write_findings(findings, notes)
 
 

@@ -89,8 +89,9 @@ def _session_files(project: Project, session: str) -> dict[str, str]:
 
 
 def _hand_made(project: Project, sequence: str) -> dict[str, str]:
-    """SHA-256 by path of what a person made for one walk: offsets, boxes, checks."""
-    paths = [*project.offsets(sequence), *project.boxes(sequence).values(), *project.checks(sequence).values()]
+    """SHA-256 by path of what a person made for one walk: offsets, seeds, boxes, checks."""
+    paths = [*project.offsets(sequence), *project.seeds(sequence)]
+    paths += [*project.boxes(sequence).values(), *project.checks(sequence).values()]
     return _digests(project, {path: path for path in paths})
 
 

@@ -1,9 +1,11 @@
 """The words that a column may have, where they are few: the vocabularies of `dior.tables.schemas`."""
 
-LABEL_STATUS = ("ok", "out_of_frame", "behind_camera", "missing_3d", "occluded")
+LABEL_STATUS = ("ok", "out_of_frame", "behind_camera", "missing_3d", "occluded", "suspect")
+# of labels_2d: what has no pixel because there is no 3D
+WITHOUT_3D = ("missing_3d", "suspect")
 SWAPPED_PART = ("all", "legs", "rest")
 LABEL_SOURCE = ("mocap", "triangulated", "interpolated")
-SKELETON_STATUS = ("ok", "too_few_views", "rejected", "gap_filled")
+SKELETON_STATUS = ("ok", "too_few_views", "rejected", "gap_filled", "suspect")
 OFFSET_SOURCE = ("estimated", "manual", "reference", "assumed_zero")
 CLOCK_METHOD = ("", "detections", "marks", "pictures", "cameras", "boxes")
 DROP_REASON = ("not_sent", "recorder_behind", "between_bags", "same_stamp", "same_picture")

@@ -223,3 +223,24 @@ def test_the_short_cut_for_one_person_agrees_with_the_full_search():
     searched = follow(people([*found, (25, 1, (5000.0, 0.0), 0.3, 0.1)]), stamps(50))
     assert np.delete(searched.row, range(25, 50)).tolist() == follow(alone, stamps(50)).row[:25].tolist()
     assert (searched.row >= 0).all() and searched.several.sum() == 1
+
+
+def test_a_track_goes_on_over_a_gap_and_ends_where_somebody_else_is_taken():
+    walk = [(t, 0, (100 + 4 * t, 200), 1.0, 0.9) for t in range(60) if not 10 <= t < 20]
+    assert not module.tracks(people(walk), stamps(60)).any()
+    # from 30 to 44 the detector of one person gives somebody who stands aside
+    taken = [(t, 0, (500, 200), 1.0, 0.9) if 30 <= t < 45 else one for t, *_ in walk for one in walk if one[0] == t]
+    number = module.tracks(people(taken), stamps(60))
+    expected = [1 if 30 <= t < 45 else 0 for t, *_ in walk]
+    assert number.tolist() == expected
+
+
+def test_two_people_have_a_track_each_whatever_their_order():
+    found = []
+    for t in range(30):
+        a, b = (100 + 4 * t, 200), (600 - 4 * t, 260)
+        found += [(t, 0, a, 1.0, 0.9), (t, 1, b, 1.0, 0.9)] if t % 2 else [(t, 0, b, 1.0, 0.9), (t, 1, a, 1.0, 0.9)]
+    all_people = people(found)
+    number = module.tracks(all_people, stamps(30))
+    left = all_people.uv[:, :, 0].mean(axis=1) < 350
+    assert len(set(number[left].tolist())) == 1 and len(set(number[~left].tolist())) == 1

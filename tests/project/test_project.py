@@ -646,7 +646,8 @@ def test_the_schemas_themselves_are_documented_and_strict():
 
     folder = Path(project.__file__).parents[2] / "dior/project/schemas"
     paths = sorted(folder.glob("*.schema.yaml"))
-    kinds = ["camera", "config", "detectors", "effort", "gallery", "offsets", "sequences", "session", "subjects"]
+    kinds = ["camera", "config", "detectors", "effort", "gallery", "offsets", "people", "sequences", "session"]
+    kinds += ["subjects"]
     assert [p.name.split(".")[0] for p in paths] == kinds
 
     def walk(schema, where):

@@ -1,3 +1,5 @@
+from unittest.mock import patch
+
 import numpy as np
 import pytest
 
@@ -46,7 +48,7 @@ def write_inputs(folder, cameras, uv, score=0.9):
     )
 
 
-def run(folder, names, method="robust"):
+def run(folder, names, method="robust", **more):
     tri.run(
         sequence="walk_1",
         subject="S01",
@@ -59,8 +61,95 @@ def run(folder, names, method="robust"):
         out=folder / "skeleton.parquet",
         out_swaps=folder / "swaps.parquet",
         findings=folder / "findings.parquet",
+        **more,
     )
     return tables.read(folder / "skeleton.parquet", "skeletons_3d")
+
+
+def write_people(folder, cameras, *people):
+    """Table `detected_people` of `people`, each (track, uv (V, T, J, 2)), in every camera; NaN: nobody."""
+    parts = []
+    for view, camera in enumerate(cameras):
+        for frame in range(people[0][1].shape[1] if people else 0):
+            for track, uv in people:
+                if np.isfinite(uv[view, frame]).any():
+                    parts.append((camera.name, frame, track, uv[view, frame]))
+    each = len(MLKIT_33)
+    tables.write(
+        folder / "people.parquet",
+        "detected_people",
+        {
+            "camera": np.repeat([part[0] for part in parts], each).astype(object),
+            **{key: np.repeat([part[i] for part in parts], each).astype(int) for key, i in COLUMNS.items()},
+            "joint": np.tile(np.array(MLKIT_33, object), len(parts)),
+            "u": np.array([part[3][:, 0] for part in parts]).ravel(),
+            "v": np.array([part[3][:, 1] for part in parts]).ravel(),
+            "score": np.full(len(parts) * each, 0.9),
+        },
+    )
+    return folder / "people.parquet"
+
+
+COLUMNS = {"frame": 1, "person": 2, "track": 2}
+
+
+def test_where_there_is_one_person_the_bytes_are_those_of_one_person(tmp_path):
+    cameras, points = ring(3), walker(60)
+    names = [camera.name for camera in cameras]
+    uv = observed(cameras, points, 2.0)
+    uv[1, 20:30] = np.nan
+    write_inputs(tmp_path, cameras, uv)
+    with patch.object(tri.which_person, "choose", lambda *_: None):
+        run(tmp_path, names)
+    files = [tmp_path / f"{name}.parquet" for name in ("skeleton", "swaps", "findings")]
+    before = [file.read_bytes() for file in files]
+    run(tmp_path, names, everybody_seen=write_people(tmp_path, cameras))
+    assert [file.read_bytes() for file in files] == before
+
+
+def two(folder, **more):
+    """A walker and, 1.2 m beside, somebody of the same build; the one camera's choice is the other's."""
+    cameras, points = ring(3), walker(60)
+    mine, other = observed(cameras, points, 0.5), observed(cameras, points + (0.0, 1.2, 0.0), 0.5)
+    write_inputs(folder, cameras, np.concatenate([mine[:2], other[2:]]))
+    everybody = write_people(folder, cameras, (0, mine), (1, other))
+    table = run(folder, [c.name for c in cameras], everybody_seen=everybody, **more)
+    said = dict(zip(*(tables.read(folder / "findings.parquet", "findings")[c] for c in ("code", "text")), strict=True))
+    return cameras, points, mine, table, said
+
+
+def test_what_cannot_be_told_is_suspect_and_asks_for_a_seed(tmp_path):
+    _, _, _, table, said = two(tmp_path)
+    assert set(table["status"]) == {"suspect"} and np.isnan(table["x"]).all()
+    assert "frames 0 to 59" in said["who_is_subject"] and "config/people/walk_1.yaml" in said["who_is_subject"]
+    assert "height_m" in said["who_is_subject"]
+
+
+def test_a_seed_labels_whom_it_points_at(tmp_path):
+    seeds = tmp_path / "seeds.yaml"
+    cameras, points, mine, *_ = two(tmp_path)
+    u, v = np.nanmean(mine[2, 30], axis=0)
+    seeds.write_text(f"seeds: [{{camera: {cameras[2].name}, frame: 30, u: {u:.1f}, v: {v:.1f}}}]")
+    _, _, _, table, said = two(tmp_path, seeds=seeds)
+    xyz, _ = tables.grid(table, "x", "y", "z")
+    assert (table["status"] == "ok").mean() > 0.98 and "who_is_subject" not in said
+    assert np.nanmax(np.linalg.norm(xyz - points, axis=-1)) < 0.1
+
+
+@pytest.mark.parametrize(
+    ("seed", "words"),
+    [
+        ("{camera: cam9, frame: 30, u: 1, v: 1}", "'cam9' is not one of the close cameras"),
+        ("{camera: CAM, frame: 60, u: 1, v: 1}", "has no frame 60 at any instant, but 0 to 59"),
+        ("{camera: CAM, frame: 30, u: -4000, v: 1}", r"nobody was detected near \(-4000, 1\) in frame 30"),
+        ("{camera: CAM, frame: 30, u: 1}", "v"),
+    ],
+)
+def test_a_seed_that_is_wrong_is_refused(tmp_path, seed, words):
+    seeds = tmp_path / "seeds.yaml"
+    seeds.write_text(f"seeds: [{seed.replace('CAM', ring(3)[0].name)}]")
+    with pytest.raises(DiorError, match=words):
+        two(tmp_path, seeds=seeds)
 
 
 @pytest.mark.parametrize("method", tri.METHODS)

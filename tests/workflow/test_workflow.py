@@ -121,6 +121,7 @@ ALONE = {
         "reference": {"height"},
         "world": {"height"},
         "adjust": {"heights"},
+        "triangulate": {"height"},
         "detectors": {"tools"},
         "statistics": {"sheet"},
         "recognise": {"sheet", "detectors", "tools"},

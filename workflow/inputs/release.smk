@@ -114,6 +114,7 @@ def released_by_hand():
         for sequence in PROJECT.released_sequences
         for path in [
             *PROJECT.offsets(sequence),
+            *PROJECT.seeds(sequence),
             *PROJECT.boxes(sequence).values(),
             *PROJECT.checks(sequence).values(),
         ]

@@ -103,6 +103,7 @@ rule detections:
         frames="results/frames/{sequence}.parquet",
     output:
         out="results/detections/{sequence}.parquet",
+        out_people="results/detections/{sequence}.people.parquet",
         findings="results/detections/{sequence}.findings.parquet",
     log:
         "logs/detections/{sequence}.log",

@@ -31,6 +31,7 @@ rule triangulate:
     input:
         cameras=close_cameras,
         detections="results/detections/{sequence}.parquet",
+        everybody_seen="results/detections/{sequence}.people.parquet",
         timeline="results/timeline/{sequence}.parquet",
     output:
         out="results/triangulate/{sequence}.parquet",
@@ -43,6 +44,10 @@ rule triangulate:
     params:
         subject=subject,
         names=close_names,
+        people=untracked(subject_measured),
+        height=height_fingerprint,
+        seeds=untracked(sequence_seeds),
+        contents=contents_of(sequence_seeds),
         method=CONFIG["triangulate"]["method"],
         max_error_px=CONFIG["triangulate"]["max_error_px"],
         max_speed=CONFIG["triangulate"]["max_speed_m_s"],

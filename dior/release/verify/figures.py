@@ -25,6 +25,7 @@ from dior.release.layout import IN_PICTURE
 from dior.release.verify.evidence import Release, Walk
 from dior.release.verify.walk_checks import Problem
 from dior.tables import tables
+from dior.tables.words import WITHOUT_3D
 
 PATH = "metrics.csv"
 # one in the sixth digit of a number that begins with 1, and what the sum of such roundings adds
@@ -94,7 +95,7 @@ def _grid(camera: str, labels: Table) -> LabelGrid:
     inside = np.isin(status, IN_PICTURE)
     frames, stamps = (labels[key].reshape(shape)[:, 0] for key in ("frame", "stamp_ns"))
     pixels = np.where(inside[..., None], uv.astype(float), np.nan)
-    return LabelGrid(camera, frames, stamps, joints, pixels, inside, status == "missing_3d")
+    return LabelGrid(camera, frames, stamps, joints, pixels, inside, np.isin(status, WITHOUT_3D))
 
 
 def _twice(values: Floats) -> tuple[Floats, Floats]:

@@ -20,6 +20,7 @@ from dior.release.layout import IN_PICTURE
 from dior.release.verify.evidence import Walk
 from dior.release.verify.walk_checks import Problem
 from dior.tables import tables
+from dior.tables.words import WITHOUT_3D
 
 # units in the last place of a float32
 ULPS = 1.0
@@ -113,7 +114,7 @@ def _possible(status: Texts, points: Floats, pixels: Floats, depth: Floats, came
         edge = np.minimum(np.abs(pixels + 0.5), np.abs(pixels + 0.5 - (lens.width, lens.height))).min(axis=-1) < AT_EDGE
     right = np.where(there, cam.in_frame(lens, pixels), status == "out_of_frame")
     right &= there == cam.in_frame(lens, pixels)
-    return np.where(~known, status == "missing_3d", np.where(behind, status == "behind_camera", right | edge))
+    return np.where(~known, np.isin(status, WITHOUT_3D), np.where(behind, status == "behind_camera", right | edge))
 
 
 def _whole(wrong: Bools, known: Bools, frames: Ints) -> str:

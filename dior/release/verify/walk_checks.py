@@ -26,6 +26,7 @@ from dior.release.verify.folder_or_tarball import File
 from dior.release.verify.sample import Sample
 from dior.tables import buffers, tables
 from dior.tables.schemas import SCHEMAS, VERSION, VOCABULARY
+from dior.tables.words import WITHOUT_3D
 
 # a path in the release, and what is wrong with it
 Problem: TypeAlias = tuple[str, str]
@@ -45,7 +46,7 @@ COLUMNS = {
     "covers": ("frame", "stamp_ns"),
     "marks": ("camera", "kind", "joint", "frame", "stamp_ns", "u", "v", "x", "y", "z", "residual_px"),
 }
-WITHOUT_PIXEL = ("missing_3d", "behind_camera")
+WITHOUT_PIXEL = (*WITHOUT_3D, "behind_camera")
 WITH_POINT = ("ok", "gap_filled")
 
 

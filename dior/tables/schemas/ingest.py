@@ -73,4 +73,14 @@ TABLES = {
         ("v", "float32", "px"),
         ("score", "float32"),
     ),
+    "detected_people": (
+        ("camera", "text", "", "those in which there may be more people than the subject"),
+        ("frame", "int32"),
+        ("person", "int32", "", "index of the person in the detector's output"),
+        ("track", "int32", "", "one body from picture to picture in this camera, counted from 0"),
+        ("joint", "text"),
+        ("u", "float32", "px"),
+        ("v", "float32", "px"),
+        ("score", "float32"),
+    ),
 }

@@ -1,0 +1,149 @@
+"""Is the right person labelled where there are two? Captures in memory, triangulated as the step does it.
+
+usage: python -m benchmarks.which_person [KIND|all] [LEVEL|both] [SEEDS] [METRES]      (20 seeds)
+
+clean              nobody else; a warning is a false alarm
+together           a detector of several people; another walks beside the subject throughout
+another            the subject leaves, another walks in for 3 s, the subject comes back
+one_camera         a detector of one person; one camera follows the other for 35 % of the time
+mostly_one_camera  the same for 70 %
+same_build         as `together`, both of one height: nothing can decide
+two_cameras        two cameras of three follow the other throughout, both of one height: nothing can decide
+
+Walks of 10 s, three cameras; the other is 4 to 10 cm taller or smaller, or METRES. `right`: of the labels, those at
+the subject's joints; `kept`: of the joints at instants at which two views have the subject, those with a label;
+`stranger`: labels at the other; `suspect`: the share of joints that is left open; `warned`: captures with a warning;
+`before`: the same where the choice is made in each camera alone.
+"""
+
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import sys
+import tempfile
+from pathlib import Path
+from unittest.mock import patch
+
+import numpy as np
+
+from benchmarks import two_walkers
+from dior.body import which_person
+from dior.geometry import camera_tables
+from dior.ingest import detections, people
+from dior.reconstruct import triangulate
+from dior.simulate import settings as levels
+from dior.tables import tables
+
+LIMITS = triangulate.Limits(0.3, 45.0, 12.0, 8.0, 0.4)
+SUBJECT = "p0123456789"
+# a label is the subject's where it is this near, or nearer than to the other
+NEAR_M = 0.3
+
+
+def labelled(folder, capture, seeds=None):
+    """The step's points (T, 33, 3) m, NaN without one, status (T, 33) and findings {code: text} of a capture."""
+    folder = Path(folder)
+    names = [camera.name for camera in capture.cameras]
+    stamps = two_walkers.stamps(capture)
+    camera_tables.write_cameras(folder / "cameras.parquet", list(capture.cameras))
+    subject, everybody = [], []
+    for name, found in zip(names, capture.people, strict=True):
+        subject.append(detections._columns(name, stamps, found, people.follow(found, stamps)))
+        everybody.append(detections._everybody(name, found, people.tracks(found, stamps)))
+    tables.write(folder / "detections.parquet", "detections", detections._concatenated(subject))
+    tables.write(folder / "people.parquet", "detected_people", detections._concatenated(everybody))
+    count, views = len(stamps), len(names)
+    tables.write(
+        folder / "timeline.parquet",
+        "timeline",
+        {
+            "instant": np.repeat(np.arange(count), views),
+            "camera": np.tile(np.array(names, object), count),
+            "stamp_ns": np.repeat(stamps, views),
+            "frame_before": np.repeat(np.arange(count), views),
+            "frame_after": np.repeat(np.arange(count), views),
+            "weight": np.zeros(count * views),
+        },
+    )
+    (folder / "subjects.tsv").write_text(
+        "subject\tpseudonym\theight_m\theight_sigma_m\tconsent_release\tconsent_pictures\n"
+        f"S01\t{SUBJECT}\t{capture.height_m:.3f}\t{two_walkers.HEIGHT_SIGMA_M}\tyes\tyes\n"
+    )
+    triangulate.run(
+        sequence="walk_1", subject=SUBJECT, cameras=[folder / "cameras.parquet"], names=names,
+        detections=folder / "detections.parquet", timeline=folder / "timeline.parquet", method="robust", limits=LIMITS,
+        out=folder / "skeleton.parquet", out_swaps=folder / "swaps.parquet", findings=folder / "findings.parquet",
+        everybody_seen=folder / "people.parquet", people=folder / "subjects.tsv", seeds=seeds,
+    )  # fmt: skip
+    table = tables.read(folder / "skeleton.parquet", "skeletons_3d")
+    points, _ = tables.grid(table, "x", "y", "z")
+    found = tables.read(folder / "findings.parquet", "findings")
+    said = dict(zip(found["code"], found["text"], strict=True))
+    return points, table["status"].astype(str).reshape(points.shape[:2]), said
+
+
+def judged(capture, points, status):
+    """Labels, those of them at the subject; joints at instants at which two views have the subject, those of them with
+    a label; labels at the other person; joints that are suspect."""
+    ok = status == "ok"
+    with np.errstate(invalid="ignore"):
+        off = np.linalg.norm(points[None] - capture.points, axis=-1)
+    off = np.where(capture.there[..., None], off, np.inf)
+    right = ok & ((off[0] <= NEAR_M) | (off[0] <= off[1]) & np.isfinite(off[0]))
+    two = np.broadcast_to(in_two_views(capture)[:, None], ok.shape)
+    return np.array(
+        [ok.sum(), right.sum(), two.sum(), (ok & two).sum(), (ok & ~right).sum(), (status == "suspect").sum()]
+    )
+
+
+def in_two_views(capture):
+    """Where (T,) the detectors of two views gave the subject."""
+    seen = np.zeros((len(capture.cameras), len(capture.seconds)), bool)
+    for view, (found, owner) in enumerate(zip(capture.people, capture.owner, strict=True)):
+        seen[view, found.frame[owner == 0]] = True
+    return seen.sum(axis=0) >= 2
+
+
+WARNINGS = ("somebody_else", "who_is_subject")
+
+
+def one(kind, level, seed, taller=None):
+    capture = two_walkers.make(kind, level, seed, taller=taller)
+    with tempfile.TemporaryDirectory() as folder:
+        points, status, said = labelled(folder, capture)
+        with patch.object(which_person, "choose", lambda *_: None):
+            before = labelled(folder, capture)
+    return judged(capture, points, status), said, judged(capture, *before[:2])
+
+
+def main():
+    kind = sys.argv[1] if len(sys.argv) > 1 else "all"
+    level = sys.argv[2] if len(sys.argv) > 2 else "both"
+    seeds = int(sys.argv[3]) if len(sys.argv) > 3 else 20
+    taller = float(sys.argv[4]) if len(sys.argv) > 4 else None
+    print(f"seeds 0-{seeds - 1}, {two_walkers.SECONDS:g} s each" + (f", {taller:+.2f} m" if taller else ""))
+    print(
+        f"{'kind':<19}{'level':<7}{'right':>8}{'kept':>8}{'stranger':>10}{'suspect':>9}{'warned':>8}"
+        f"{'before: right':>15}{'kept':>8}{'stranger':>10}"
+    )
+    for which in two_walkers.KINDS if kind == "all" else kind.split(","):
+        for grade in levels.LEVELS if level == "both" else level.split(","):
+            each = [one(which, grade, seed, taller) for seed in range(seeds)]
+            now, before = sum(e[0] for e in each), sum(e[2] for e in each)
+            total = seeds * round(two_walkers.SECONDS * two_walkers.FPS) * 33
+            warned = sum(any(code in said for code in WARNINGS) for _, said, _ in each)
+            print(
+                f"{which:<19}{grade:<7}{_share(now[1], now[0]):>8}{_share(now[3], now[2]):>8}{now[4]:>10}"
+                f"{_share(now[5], total):>9}{warned:>8}{_share(before[1], before[0]):>15}"
+                f"{_share(before[3], before[2]):>8}{before[4]:>10}",
+                flush=True,
+            )
+
+
+def _share(part, whole):
+    return f"{part / whole:.1%}" if whole else "-"
+
+
+if __name__ == "__main__":
+    main()
