@@ -7,7 +7,6 @@ A camera without rows in `detected_people` has one body only, which `detections`
 """
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,7 +17,7 @@ from dior.body import people_seen
 from dior.body.which_person import STRANGER, UNDECIDED, Choice, Seed, Seen
 from dior.clocks.axis import blend
 from dior.errors import DiorError, nearest
-from dior.project import heights, schema_check
+from dior.project import schema_check
 from dior.tables import tables
 
 MOST = 4  # people at once in a view; chosen: all sets of one person of each view are tried. The longest there stay
@@ -86,14 +85,6 @@ def picked(seen: Seen, choice: Choice) -> tuple[Floats, Floats]:
     score = np.where(none[..., None], 0.0, np.take_along_axis(seen.score, at, axis=1)[:, 0])
     uv = np.take_along_axis(seen.uv, at[..., None], axis=1)[:, 0]
     return np.where(none[..., None, None], np.nan, uv), score
-
-
-def height_of(sheet: Path | None, subject: str) -> tuple[float, float]:
-    """The subject's height and its standard error, m, from subjects.tsv; NaN and 0 without."""
-    if sheet is None:
-        return np.nan, 0.0
-    (found,) = heights.filled({"heights": [{"subject": subject}]}, sheet)["heights"]
-    return found["height_m"], found["sigma_m"]
 
 
 def seeds_of(path: AnyPath | None, seen: Seen, cameras: Sequence[str], frames: Ints) -> list[Seed]:

@@ -23,6 +23,7 @@ from dior.errors import DiorError
 from dior.geometry import camera as cam
 from dior.geometry import camera_tables, multiview
 from dior.geometry.camera import Camera
+from dior.project import heights
 from dior.reconstruct import everybody, robust
 from dior.reconstruct.gates import implausible
 from dior.reconstruct.swaps import exchange, find_exchanged, find_mistaken_limbs
@@ -114,7 +115,7 @@ def run(
     frames = nearest_frames(line, names)
     others = tables.read(everybody_seen, "detected_people") if everybody_seen else None
     seen = everybody.at_instants(detected, others, line, names, limits.min_score, fps)
-    height_m, height_sigma_m = everybody.height_of(people, subject)
+    height_m, height_sigma_m = heights.of(subject, people) or (np.nan, 0.0)
     pointed = everybody.seeds_of(seeds, seen, names, frames)
     choice = which_person.choose(rig, seen, height_m, height_sigma_m, pointed)
     if choice:

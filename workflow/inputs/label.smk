@@ -49,19 +49,6 @@ def sequence_seeds(wildcards):
     return PROJECT.seeds(wildcards.sequence)
 
 
-def subject_measured(wildcards):
-    """The sheet with the height of a sequence's subject, where it is known."""
-    known = PROJECT.subjects[subject(wildcards)]["height_m"]
-    return ["config/subjects.tsv"] if known else []
-
-
-def height_fingerprint(wildcards):
-    row = PROJECT.subjects[subject(wildcards)]
-    return (
-        fingerprint([row["height_m"], row["height_sigma_m"]])(wildcards) if row["height_m"] else ""
-    )
-
-
 def makers(wildcards):
     """The cameras that the sequence's 3D was triangulated from; none indoors."""
     return [] if PROJECT.indoor(wildcards.sequence) else close_names(wildcards)

@@ -44,8 +44,8 @@ rule triangulate:
     params:
         subject=subject,
         names=close_names,
-        people=untracked(subject_measured),
-        height=height_fingerprint,
+        people=untracked(subjects_sheet),
+        height=walker_height,
         seeds=untracked(sequence_seeds),
         contents=contents_of(sequence_seeds),
         method=CONFIG["triangulate"]["method"],
