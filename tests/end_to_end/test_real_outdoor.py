@@ -96,7 +96,7 @@ def adjusted_project(project, shared, metres, degrees):
 
 @pytest.mark.parametrize(
     ("metres", "degrees", "start"),
-    [slow(0.0, 0.0, (14.0, 14.5)), slow(0.05, 2.0, (30.0, 150.0))],
+    [slow(0.0, 0.0, (13.7, 14.2)), slow(0.05, 2.0, (30.0, 150.0))],
     ids=["reference", "perturbed"],
 )
 def test_adjusted_cameras(project, shared, metres, degrees, start):
