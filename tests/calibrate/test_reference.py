@@ -67,7 +67,7 @@ def test_what_the_sentence_says_mends_it(capture):
         for camera in true(capture):
             np.testing.assert_allclose(cameras[camera.name].wTc, camera.wTc, atol=1e-9)
     found, cameras, _ = worlds.reference_run(capture, first, world="from_walk")
-    assert found[0][1] == "reference_world"
+    assert found[0][:2] == ("info", "reference_world")
     relative = [inverse_pose(cameras[c.name].wTc) @ cameras[true(capture)[0].name].wTc for c in true(capture)]
     for camera, found_pose in zip(true(capture), relative, strict=True):
         np.testing.assert_allclose(found_pose, inverse_pose(camera.wTc) @ true(capture)[0].wTc, atol=1e-9)
@@ -101,6 +101,17 @@ def test_without_a_walk_nothing_but_the_yaml_tells_the_errors(capture, tmp_path)
     np.testing.assert_allclose(np.sqrt(np.diag(known))[[0, 5]], (np.radians(0.1), 0.01))
     with pytest.raises(DiorError, match="from_walk` needs an outdoor walk"):
         run(world="from_walk")
+
+
+def test_a_way_is_as_long_as_what_is_known_of_it():
+    assert reference.extent(np.array([np.nan, 1.0, -2.0, np.nan, 0.5])) == 3.0
+    assert reference.extent(np.full(3, np.nan)) == 0.0
+
+
+def test_a_world_of_a_short_walk_is_warned_of(capture, monkeypatch):
+    monkeypatch.setattr(reference, "LEAST_WAY_M", 100.0)
+    found, _, _ = worlds.reference_run(capture, KINDS["camera 0"][0], world="from_walk")
+    assert found[0][:2] == ("warning", "reference_world") and "lean of the body" in found[0][2]
 
 
 def test_one_sigma_of_the_yaml_goes_before_the_walks():
