@@ -1,10 +1,11 @@
 """Reference calibrations with a mistake in them, and clean ones: is the mistake named, and does nothing else cry?
 
-usage: python -m benchmarks.wrong_worlds [SEEDS] [poses] [c3d] [captures]      (20 seeds, all parts)
+usage: python -m benchmarks.wrong_worlds [SEEDS] [poses] [c3d] [from_walk] [captures]      (20 seeds, all parts)
 
 poses     a walk of 8 s seen by three cameras around, in an L and on one side, each 10 cm and 3 degrees off its even
           place; in memory (benchmarks/scene.py), with pixels as detected
 c3d       the motion capture of a walk of 8 s, written anew
+from_walk what `reference.world: from_walk` leaves of a tilt
 captures  whole clean captures (benchmarks/steps.py)
 
 `named`: the sentence has the words of the kind, by the poses (the step `reference`) or by the 3D (the step `world`);
@@ -214,7 +215,24 @@ def captures(seeds):
         print(f"{level:<7}{refused:>7}{warned:>7}   {shown(wrong)} (of {walks} sequences)", flush=True)
 
 
-PARTS = {"poses": poses, "c3d": c3d, "captures": captures}
+def from_walk(seeds):
+    print("the first camera as origin, the world taken from the walk: tilt (degrees) and height (m) that are left")
+    for level in ("ideal", "real"):
+        left = []
+        for seed in range(1, seeds + 1):
+            walk = scene.make(level, seed, FRAMES, rig("around", seed))
+            cameras, true = of_first(walk.given), walk.given
+            uv = np.where((walk.score >= 0.3)[..., None], walk.uv, np.nan)[:, ::EVERY]
+            _, points = wrong_world.of_poses(cameras, uv, walk.names, vertical=False)
+            bTw = wrong_world.rebased(points, walk.names)
+            ends = [(c.wTc, bTw @ given.wTc) for c, given in zip(true, cameras, strict=True)]
+            tilts = [np.degrees(np.arccos(np.clip(a[2, :3] @ b[2, :3], -1, 1))) for a, b in ends]
+            left.append((max(tilts), max(abs(a[2, 3] - b[2, 3]) for a, b in ends)))
+        middle, most = np.median(left, axis=0), np.max(left, axis=0)
+        print(f"{level:<7}median {middle[0]:.2f}, {middle[1]:.3f}   worst {most[0]:.2f}, {most[1]:.3f}", flush=True)
+
+
+PARTS = {"poses": poses, "c3d": c3d, "from_walk": from_walk, "captures": captures}
 
 
 def main():

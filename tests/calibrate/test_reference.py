@@ -8,7 +8,8 @@ from benchmarks.wrong_worlds import KINDS
 from dior.calibrate import reference
 from dior.calibrate.bundle.given_poses import PoseErrors
 from dior.errors import DiorError
-from dior.geometry.camera import angle_deg, inverse_pose
+from dior.geometry import camera_tables
+from dior.geometry.camera import inverse_pose
 from dior.tables import tables
 
 
@@ -48,6 +49,17 @@ def test_a_wrong_calibration_is_refused_by_name(capture, kind):
     assert str(error.value).startswith(f"session {session}, ") and words in str(error.value)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("level", "seed"), [("ideal", 2), ("real", 3)])
+def test_every_kind_is_refused_by_name_and_no_right_one(level, seed, tmp_path):
+    walks = {"subjects": 1, "sequences": 1, "duration_s": 8.0, "environments": ["outdoor"]}
+    capture = steps.recorded(tmp_path, preset=level, seed=seed, gallery=False, **walks)
+    worlds.reference_run(capture)
+    for change, words in (KINDS[kind] for kind in KINDS if kind != "clean" and not kind.startswith("1.")):
+        with pytest.raises(DiorError, match=words):
+            worlds.reference_run(capture, change)
+
+
 def test_what_the_sentence_says_mends_it(capture):
     millimetres, inverted, first = (KINDS[kind][0] for kind in ("millimetres", "inverted", "camera 0"))
     for change, keys in ((millimetres, {"units": "mm"}), (inverted, {"convention": "wTc"})):
@@ -55,7 +67,7 @@ def test_what_the_sentence_says_mends_it(capture):
         for camera in true(capture):
             np.testing.assert_allclose(cameras[camera.name].wTc, camera.wTc, atol=1e-9)
     found, cameras, _ = worlds.reference_run(capture, first, world="from_walk")
-    assert found[0][1] == "reference_world"
+    assert found[0][:2] == ("info", "reference_world")
     relative = [inverse_pose(cameras[c.name].wTc) @ cameras[true(capture)[0].name].wTc for c in true(capture)]
     for camera, found_pose in zip(true(capture), relative, strict=True):
         np.testing.assert_allclose(found_pose, inverse_pose(camera.wTc) @ true(capture)[0].wTc, atol=1e-9)
@@ -63,7 +75,6 @@ def test_what_the_sentence_says_mends_it(capture):
         assert abs(cameras[camera.name].centre[2] - camera.centre[2]) < 0.1
         up, own = cameras[camera.name].wRc[2], camera.wRc[2]
         assert np.degrees(np.arccos(np.clip(up @ own, -1, 1))) < 1.5
-    assert angle_deg(np.eye(3), np.eye(3)) == 0
 
 
 def test_without_a_walk_nothing_but_the_yaml_tells_the_errors(capture, tmp_path):
@@ -83,9 +94,24 @@ def test_without_a_walk_nothing_but_the_yaml_tells_the_errors(capture, tmp_path)
     found = run()
     assert found["code"].tolist() == ["reference_uncertainty_unknown"] and "reference.sigma_m" in found["text"][0]
     assert found["scope"].tolist() == [f"{session}/{name}"] and found["severity"].tolist() == ["warning"]
+    unknown = camera_tables.read_camera_covariance(tmp_path / "covariance.parquet", [name], with_lenses=True)
+    assert np.isnan(unknown).all()
     assert not len(run(sigma_m=0.01, sigma_deg=0.1)["code"])
+    known = camera_tables.read_camera_covariance(tmp_path / "covariance.parquet", [name], with_lenses=True)
+    np.testing.assert_allclose(np.sqrt(np.diag(known))[[0, 5]], (np.radians(0.1), 0.01))
     with pytest.raises(DiorError, match="from_walk` needs an outdoor walk"):
         run(world="from_walk")
+
+
+def test_a_way_is_as_long_as_what_is_known_of_it():
+    assert reference.extent(np.array([np.nan, 1.0, -2.0, np.nan, 0.5])) == 3.0
+    assert reference.extent(np.full(3, np.nan)) == 0.0
+
+
+def test_a_world_of_a_short_walk_is_warned_of(capture, monkeypatch):
+    monkeypatch.setattr(reference, "LEAST_WAY_M", 100.0)
+    found, _, _ = worlds.reference_run(capture, KINDS["camera 0"][0], world="from_walk")
+    assert found[0][:2] == ("warning", "reference_world") and "lean of the body" in found[0][2]
 
 
 def test_one_sigma_of_the_yaml_goes_before_the_walks():
