@@ -12,7 +12,7 @@ the cover does not reach; it is covered, too.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -110,6 +110,46 @@ def subject_of(
     scale = camera.intrinsics.fx / distance / factor
     of_markers = "left_shoulder" not in joints
     return Subject(edges / factor, small(head), scale, small(uv[:, bones]), upper, small(uv[:, corners]), of_markers)
+
+
+def quarter_turns(camera: Camera) -> int:
+    """By how many quarters, against the clock, a camera's pictures are turned so that up is above in them, or nearest.
+
+    What a head looks like is known of upright pictures only.
+    """
+    right, down = camera.wRc[2, :2]
+    if abs(down) >= abs(right):
+        return 0 if down <= 0 else 2
+    return 1 if right > 0 else 3
+
+
+def turned_points(uv: Floats, quarters: int, shape: tuple[int, ...]) -> Floats:
+    """Pixels uv (..., 2) of a picture of `shape` (height, width) in the picture that is `np.rot90` of it."""
+    high, wide = shape[:2]
+    for _ in range(quarters % 4):
+        uv = np.stack([uv[..., 1], wide - 1 - uv[..., 0]], axis=-1)
+        high, wide = wide, high
+    return uv
+
+
+def turned_boxes(boxes: Any, quarters: int, shape: tuple[int, ...]) -> Any:
+    """The same of boxes (..., 4): first column and row, those after the last."""
+    high, wide = shape[:2]
+    for _ in range(quarters % 4):
+        u0, v0, u1, v1 = (boxes[..., i] for i in range(4))
+        boxes = np.stack([v0, wide - u1, v1, wide - u0], axis=-1)
+        high, wide = wide, high
+    return boxes
+
+
+def turned(subject: Subject, quarters: int, shape: tuple[int, ...]) -> Subject:
+    """The `Subject` in pictures of `shape` (height, width) that are turned by `np.rot90`."""
+    if not quarters % 4:
+        return subject
+    head, limbs, trunk = (
+        turned_points(points, quarters, shape) for points in (subject.head, subject.limbs, subject.trunk)
+    )
+    return replace(subject, edges=turned_boxes(subject.edges, quarters, shape), head=head, limbs=limbs, trunk=trunk)
 
 
 def _of_head(joints: Sequence[str], pair: Ints) -> bool:
