@@ -22,8 +22,9 @@ from dior.arrays import Bools, Floats, Ints, Texts
 from dior.body.names import bones_of
 from dior.geometry import camera as cam
 from dior.geometry.camera import Camera
-from dior.release import head_blur, head_model, moving
-from dior.release.moving import Mask
+from dior.ingest import moving
+from dior.ingest.moving import Mask
+from dior.release import head_blur, head_model
 
 # All lengths m at the head's distance. Chosen, half the sides of an ellipse about the middle between the ears that a
 # bare head fills, and of one beyond which there is neither hair nor a hat.
@@ -177,7 +178,7 @@ def look(mask: Mask, subject: Subject, i: int, zone: Mask | None) -> tuple[Look,
     box = subject.edges[i]
     if np.isfinite(box).all():
         # only those small pixels that it covers whole
-        inside, part = moving.in_ellipse(cover, box + (1.0, 1.0, -1.0, -1.0))
+        inside, part = _in_ellipse(cover, box + (1.0, 1.0, -1.0, -1.0))
         part[inside] = 1
     rest[(cover | _body(mask.shape, subject, i)) > 0] = 0
     if zone is not None:
@@ -185,6 +186,14 @@ def look(mask: Mask, subject: Subject, i: int, zone: Mask | None) -> tuple[Look,
     scale = subject.scale[i] if np.isfinite(subject.scale[i]) else 0.0
     others = _with_head(moving.groups(rest, JOIN_M * scale, LEAST_PX, _around(cover, box)), scale)
     return Look(says, off_m, others), rest
+
+
+def _in_ellipse(mask: Mask, box: Floats) -> tuple[Bools, Mask]:
+    """Which pixels of the ellipse in a box (4,) lie in the mask's picture, as a bool array of the box's part of it, and
+    that part of the mask."""
+    rows, columns = head_blur.inside((*np.floor(box[:2]), *np.ceil(box[2:])), *mask.shape)
+    at = np.arange(rows.start, rows.stop), np.arange(columns.start, columns.stop)
+    return head_blur.ellipse(box, *at), mask[rows, columns]
 
 
 def _with_head(boxes: Ints, scale: float) -> Ints:

@@ -15,11 +15,11 @@ from dior.arrays import Floats, Ints, Table, Texts
 from dior.calibrate.outline import silhouettes
 from dior.geometry import camera as cam
 from dior.geometry.camera import Camera
-from dior.ingest import bags
+from dior.ingest import bags, moving
 from dior.ingest.containers import BROKEN
-from dior.release import faces, head_evidence, moving
+from dior.ingest.moving import Picture
+from dior.release import faces, head_evidence
 from dior.release.faces import Faces
-from dior.release.moving import Picture
 
 # chosen: pictures are looked at smaller than they are while a head is so many pixels wide
 HEAD_PX, FACTORS = 16, (4, 2)
