@@ -42,13 +42,14 @@ RANSAC_PX = 8.0
 CLOCKS = {"ideal": {"apart_s": 0.6}, "real": {"apart_s": 0.6, "drift_ppm": 50.0}}
 
 
-def errors(seed, level, seconds=SECONDS):
+def errors(seed, level, seconds=SECONDS, roll_deg=0.0):
     """Rows (walk, camera, marked frames, how they are chosen, error s, sigma s) of a seed; NaN where it is refused."""
     walk_name = WALKS[seed % len(WALKS)]
     settings = levels.from_dict(
         {
             "preset": level, "seed": seed, "subjects": 1, "sequences": 1, "environments": ["indoor"],
             "duration_s": seconds, "walks": [walk_name], "clocks": CLOCKS[level], "gallery": False,
+            "roll_deg": roll_deg,
         }
     )  # fmt: skip
     walk = levels.sequences(settings)[0]

@@ -83,7 +83,7 @@ def indoor(level, seed, lasts_s=LASTS_S):
     given = covariance.moved(true, known * random.standard_normal(6))
     lens = replace(given.intrinsics, fx=true.intrinsics.fx * (1 + settings.intrinsics_error))
     given = replace(given, intrinsics=replace(lens, fy=lens.fx))
-    edges = clock_from_pictures.edges_of(small, factor, clock_from_pictures.tall_px(given, track))
+    edges = clock_from_pictures.edges_of(small, factor, *clock_from_pictures.stance(given, track))
     found = clock_from_pictures.from_edges(given, track, flesh_m, moments, edges)
     middle = found.clock.middle_s
     error = found.clock.offset_s + 1e-6 * (found.clock.drift_ppm - drift) * middle - offset

@@ -19,7 +19,8 @@ import numpy as np
 from benchmarks import head_scenes, steps
 from dior.errors import DiorError
 from dior.geometry import covariance
-from dior.release import faces, head_blur, head_evidence, heads, look, moving
+from dior.ingest import moving
+from dior.release import faces, head_blur, head_evidence, heads, look
 from dior.simulate import simulate
 from dior.simulate.motion import motion_of
 from dior.simulate.settings import sequence_named

@@ -37,7 +37,8 @@ from dior.clocks import by_hand as clocks
 from dior.clocks import ray_lags
 from dior.errors import DiorError, nearest
 from dior.geometry import camera_tables, covariance, disagreeing_views
-from dior.geometry.camera import REFERENCE_FX, Camera, reprojection_errors
+from dior.geometry.camera import REFERENCE_FX, Camera, pose, reprojection_errors
+from dior.geometry.multiview import rotation_z
 from dior.geometry.triangulation import triangulated
 from dior.project import heights
 from dior.project.camera_file import camera_settings
@@ -349,13 +350,12 @@ def run(
     for camera in placed:
         if camera.name not in settings:
             raise DiorError(f"session {session}: no YAML for {camera.name}{nearest(camera.name, settings)}")
-    start_priors = [prior_of(camera, settings[camera.name]) for camera in placed]
-    priors = [beside_tag(p, c, settings[c.name]) for p, c in zip(start_priors, placed, strict=True)]
+    found: list[Finding] = []
     files = {
         kind: {Path(path).name.partition(".")[0]: path for path in paths}
         for kind, paths in (("detections", walks.detections), ("frames", walks.frames), ("offsets", walks.offsets))
     }
-    recorded, given, found = [], [], []
+    recorded, given = [], []
     for sequence in window:
         where = f"session {session}, {sequence}"
         for kind in ("detections", "frames"):
@@ -366,6 +366,10 @@ def run(
         seen = tables.read(files["detections"][sequence], "detections")
         recorded.append(seen_in.recorded(placed, seen, pictures, choices.min_score, choices.max_gap, where))
         given.append([clock[camera.name] for camera in placed])
+    placed, rolled = _as_mounted(placed, settings, recorded, session)
+    found += rolled
+    start_priors = [prior_of(camera, settings[camera.name]) for camera in placed]
+    priors = [beside_tag(p, c, settings[c.name]) for p, c in zip(start_priors, placed, strict=True)]
     names = [camera.name for camera in placed]
     timed = in_adjustment.of(recorded, list(window.values()), names, given, choices.min_views)
     corners = seen_in.tag_corners(placed, measured.tags, f"session {session}")
@@ -405,6 +409,29 @@ def run(
         camera_tables.write_camera_covariance(written.out_covariance, names, spread, session)
     tables.write(written.out_metrics, "metrics", outcome.metrics(done))
     tables.write_findings(written.findings, found)
+
+
+def _as_mounted(
+    placed: Sequence[Camera], settings: Mapping[str, dict[str, Any]], recorded: Sequence[seen_in.Recorded], session: str
+) -> tuple[list[Camera], list[Finding]]:
+    """The cameras that a tape placed, level as far as it knows, turned about their axes as the people in their pictures
+    say, where the YAML does not; and findings.
+    """
+    out, found = [], []
+    for i, camera in enumerate(placed):
+        angle = 0.0
+        if camera.locate == "tape" and "roll_deg" not in settings[camera.name].get("tape", {}):
+            seen = max(recorded, key=lambda one: len(one.seen[i].uv))
+            angle = starts.roll(camera, seen.seen[i].uv, seen.names)
+        out.append(camera.at(pose(camera.wRc @ rotation_z(angle), camera.centre)) if angle else camera)
+        if angle:
+            text = (
+                f"the people in the pictures stand as if the camera was turned by {np.degrees(angle):.0f} degrees "
+                "about its axis, and the adjustment starts there; if it is mounted so, say tape.roll_deg: "
+                f"{np.degrees(angle):.0f}, if not, its detections are of turned pictures"
+            )
+            found.append((f"{session}/{camera.name}", "warning", "camera_rolled", text))
+    return out, found
 
 
 def _by_detections_alone(

@@ -24,13 +24,13 @@ from typing import Any
 import numpy as np
 
 from dior.arrays import AnyPath, Floats
-from dior.calibrate.outline import boxes_fit, seen_edges
+from dior.calibrate.outline import boxes_fit, edge_errors, seen_edges
 from dior.calibrate.outline.walks import FilmedWalk, by_close, gather, margins, read_walk
 from dior.clocks.clock import DRIFT_SD_PPM, OFFSET_SD_S
 from dior.errors import DiorError
 from dior.geometry import camera as cam
 from dior.geometry import camera_tables, covariance
-from dior.geometry.camera import pose
+from dior.geometry.camera import Camera, pose
 from dior.geometry.camera_tables import unplaced
 from dior.geometry.multiview import look_at_angles, rotation_x, rotation_z
 from dior.geometry.tape import check_above_floor, look_at_pose
@@ -41,6 +41,10 @@ from dior.tables import tables
 ACROSS_M, HEIGHT_M = 0.1, 0.05
 FOCAL_SIGMA = 0.03  # chosen: of the log of the focal length; a zoom or a lens that is focused anew changes it as much
 FEW_AGREE = 0.6  # chosen: share of the edges below which a person is to look at what was drawn
+# chosen: a camera that is not level, where nobody says so: boxes that agree less than FEW_AGREE or more loosely than
+# this (px at fx 760) are tried with cameras a quarter turn apart, each of which finds a roll 60 degrees from it; one
+# that ends turned by more than this is rolled, and fitted again from there
+LOOSE_PX, TRIED_DEG, LEVEL_DEG = 3.0, (90.0, 180.0, 270.0), 10.0
 FAR_FROM_TAPE = 3.0  # sd of the tape: 0.3 % of correct measurements are further off
 
 
@@ -62,7 +66,8 @@ def aligned_pose(where: AnyPath, tape: Mapping[str, Any], nudge: Mapping[str, An
         raise DiorError(f"{where}: nudge.distance_m {distance:g} moves the camera past its target")
     moved = centre + (distance * away / np.linalg.norm(away) if distance else 0.0)
     check_above_floor(where, moved, "tape.position_m is x, y, z with Z up from the floor")
-    return pose(rotation_z(azimuth) @ rotation_x(elevation), moved)
+    roll = np.radians(tape.get("roll_deg", 0.0))
+    return pose(rotation_z(azimuth) @ rotation_x(elevation) @ rotation_z(roll), moved)
 
 
 def freedom(settings: Mapping[str, Any], held: Sequence[bool]) -> seen_edges.Freedom:
@@ -84,6 +89,56 @@ def freedom(settings: Mapping[str, Any], held: Sequence[bool]) -> seen_edges.Fre
         clock_s=tuple(0.0 if known else OFFSET_SD_S for known in held),
         drift_ppm=tuple(0.0 if known else DRIFT_SD_PPM for known in held),
     )
+
+
+def fit_any_roll(
+    start: Camera,
+    trusted: seen_edges.Freedom,
+    seen: seen_edges.EdgeObservations,
+    where: str,
+    derivative: boxes_fit.Derivative,
+    occluder: str,
+) -> tuple[boxes_fit.Fitted, float]:
+    """`boxes_fit.fit` from the start, or where that does not agree from one that is turned about its axis; by how much
+    (degrees), 0 for a level one.
+    """
+
+    def turned(degrees: float) -> Camera:
+        return start.at(pose(start.wRc @ rotation_z(np.radians(degrees)), start.centre))
+
+    fitted, by = boxes_fit.fit(start, trusted, seen, where, derivative, occluder), 0.0
+    compared = _compared(fitted, seen)
+    if (
+        np.abs(compared) <= boxes_fit.CUT * fitted.sd_px
+    ).mean() < FEW_AGREE or fitted.sd_px > LOOSE_PX * start.intrinsics.fx / 760:
+        tried = [(fitted, by)]
+        for degrees in TRIED_DEG:
+            tried.append((boxes_fit.fit(turned(degrees), trusted, seen, where, derivative, occluder), degrees))
+        scale = boxes_fit.CUT * min(one.sd_px for one, _ in tried)
+        fitted, by = min(tried, key=lambda one: -edge_errors.weights(_compared(one[0], seen), scale).mean())
+    ends = by + float(np.degrees(fitted.values[2]))
+    if abs(ends - by) > LEVEL_DEG:
+        by = ends
+        fitted = boxes_fit.fit(turned(by), trusted, seen, where, derivative, occluder)
+    return fitted, (by + 180) % 360 - 180
+
+
+def _compared(fitted: boxes_fit.Fitted, seen: seen_edges.EdgeObservations) -> Floats:
+    """Residuals (N,) px of all edges that are not an occluder's and of all clicks; 1e9 for what the fit has no body at.
+
+    A wrong roll may run out of the walk's time, where nothing contradicts it.
+    """
+    edges = np.isfinite(seen.edges)
+    if fitted.hidden:
+        edges[:, boxes_fit.SIDES.index(boxes_fit.edge_of(fitted.camera, fitted.hidden))] = False
+    each = np.concatenate([fitted.residual[edges], fitted.click_residual[np.isfinite(seen.clicks)]])
+    return np.nan_to_num(each, nan=1e9)
+
+
+def _residuals(fitted: boxes_fit.Fitted) -> Floats:
+    """All residuals (N,) px, of edges and clicks."""
+    each = np.concatenate([fitted.residual.ravel(), fitted.click_residual.ravel()])
+    return each[np.isfinite(each)]
 
 
 def joint_covariance(fitted: boxes_fit.Fitted, close_covariance: Floats | None, range_m: float) -> Floats:
@@ -111,7 +166,7 @@ def found_out(
     `taped`: standard errors of the tape (3,) m; `habit_px`: of an edge that is drawn further out in every box.
     """
     edge = np.isfinite(fitted.residual)
-    residual = np.concatenate([fitted.residual[edge], fitted.click_residual[np.isfinite(fitted.click_residual)]])
+    residual = _residuals(fitted)
     agreed = np.abs(residual) <= boxes_fit.CUT * fitted.sd_px
     half = 1.96 * np.sqrt(np.diagonal(pose_covariance))
     turn = np.degrees(fitted.values[:3]) * (1, -1, 1)
@@ -152,7 +207,7 @@ def found_out(
              "everything drawn around the subject, is the clock right, is the tape right within its sigma_m?")
         )  # fmt: skip
     if fitted.hidden:
-        side = "lower" if fitted.hidden == "v_max" else "upper"
+        side = {"below": "lower", "above": "upper"}[fitted.hidden]
         found.append(
             (scope, "info", "occluder", f"the {side} edges are read as those of something that hides the body beyond; "
              "say align.occluder: none if nothing does")
@@ -247,7 +302,17 @@ def run(
     )
     derivative = partial(by_close, rig) if rig else None
     trusted = freedom(settings, [walk.held for walk in walks])
-    fitted = boxes_fit.fit(start, trusted, seen, scope, derivative, how.get("occluder", "auto"))
+    by_roll: list[tuple[str, str, str, str]] = []
+    if "roll_deg" in settings["tape"]:
+        fitted = boxes_fit.fit(start, trusted, seen, scope, derivative, how.get("occluder", "auto"))
+    else:
+        fitted, degrees = fit_any_roll(start, trusted, seen, scope, derivative, how.get("occluder", "auto"))
+        if degrees:
+            text = (
+                f"what was drawn or seen fits a camera that is turned by {degrees:.0f} degrees about its axis; if it "
+                f"is mounted so, say tape.roll_deg: {degrees:.0f}"
+            )
+            by_roll.append((scope, "warning", "camera_rolled", text))
     check_above_floor(camera_file, fitted.camera.centre, "are the boxes the subject's, and is the tape right?")
     known = None
     if rig and close_covariance:
@@ -258,4 +323,4 @@ def run(
     camera_tables.write_cameras(out, [fitted.camera], session)
     camera_tables.write_camera_covariance(out_covariance, all_names, spread, session, own=[camera])
     found = found_out(scope, walks, seen, fitted, spread[:6, :6], np.array(trusted.shift), trusted.habit_px)
-    tables.write_findings(findings, found)
+    tables.write_findings(findings, by_roll + found)

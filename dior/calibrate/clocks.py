@@ -224,7 +224,8 @@ def findings_of(
         elif not indoor and abs(clock.late_s) > FAR_OFF * period_s and not hand:
             found.append(
                 (scope, "warning", "clock_off", f"{text}: {abs(clock.late_s) / period_s:.1f} pictures from "
-                 "the reference; corrected, but its computer's time or its stamps want a look")
+                 "the reference. That is put right if its computer's time or its stamps are off; if the numbers of its "
+                 "detections slipped it looks the same, and then its labels are as much early or late: look at both")
             )  # fmt: skip
         else:
             found.append((scope, "info", "clock_found", text))

@@ -1,12 +1,13 @@
 """Detections of every tool in one table: the subject's joints on every frame of every camera.
 
 INPUTS   one file or folder per camera (`pattern` with {camera}; the formats of `readers.READERS`) and the sequence's
-         `frames` table.
+         `frames` table; the bags, with whose pictures they are compared (`on_pictures`).
 OUTPUTS  `detections` table, complete camera x frame x joint, recorded pixels, of the subject only: `person` is its
          index in the detector's output, null with u, v, score where the subject was not found or the detector not run.
          Who the subject is is a guess, made before it is known where the cameras are; `detected_people`: everybody in
          the cameras in which there may be others, for the choice that knows (dior/body/which_person.py).
-         `findings`: pictures without output, without a person, with several people, and ambiguous choices.
+         `findings`: pictures without output, without a person, with several people, and ambiguous choices; whether
+         they lie on the pictures.
 """
 
 from dataclasses import replace
@@ -17,6 +18,7 @@ import numpy as np
 
 from dior.arrays import AnyPath, Ints, Table
 from dior.errors import DiorError, nearest
+from dior.ingest import on_pictures
 from dior.ingest import people as subject
 from dior.ingest.people import People, Subject
 from dior.ingest.readers import READERS, Reader
@@ -28,6 +30,8 @@ from dior.tables import result_checksums, tables
 FEW = 0.1
 # a body is larger than this in pixels, and no larger in fractions of the picture
 FRACTIONS_END = 3.0
+# columns of `frames`
+NEEDED = ["camera", "frame", "stamp_ns", "restored_s", "width", "height"]
 
 
 def run(
@@ -40,11 +44,13 @@ def run(
     out: Path,
     findings: Path,
     out_people: Path | None = None,
+    data_root: Path | None = None,
 ) -> None:
     """Write the subject's detections of `cameras`, those whose detections are used. See the module's docstring.
 
-    `format` is auto or a key of READERS. Raises DiorError for a missing file, a wrong format, frames or stamps of
-    another recording, and a camera in which nobody was ever found.
+    `format` is auto or a key of READERS; the bags of `frames` are below `data_root`, without which the detections are
+    not compared with the pictures. Raises DiorError for a missing file, a wrong format, frames or stamps of another
+    recording, a camera in which nobody was ever found, and detections that do not lie on the pictures.
     """
     if not cameras:
         raise DiorError(f"{sequence}: no camera is given whose detections are to be read")
@@ -53,7 +59,7 @@ def run(
         raise DiorError(f"detector.format '{format}' is not one of {', '.join(known)}{nearest(format, known)}")
     if "{camera}" not in pattern and len(cameras) > 1:
         raise DiorError(f"{sequence}: `detections` in sequences.tsv is '{pattern}', which needs a {{camera}} in it")
-    pictures = tables.read(frames, "frames", ["camera", "frame", "stamp_ns", "restored_s", "width", "height"])
+    pictures = tables.read(frames, "frames", None if data_root else NEEDED)
     parts, everybody, seen = [], [], []
     for camera in sorted(cameras):
         where = f"{sequence}, {camera}"
@@ -71,6 +77,11 @@ def run(
         parts.append(_columns(camera, stamps_ns, people, track))
         if out_people:
             everybody.append(_everybody(camera, people, subject.tracks(people, stamps_ns)))
+        if data_root:
+            uv, score = (parts[-1][key].reshape(len(stamps_ns), -1) for key in ("u", "score"))
+            uv = np.stack([uv, parts[-1]["v"].reshape(uv.shape)], axis=-1)
+            found = on_pictures.check(uv, score, people.joints, mine, data_root, path, where)
+            seen += [(f"{sequence}/{camera}", severity, code, f"{camera}: {text}") for severity, code, text in found]
     tables.write(out, "detections", _concatenated(parts))
     if out_people:
         tables.write(out_people, "detected_people", _concatenated(everybody))

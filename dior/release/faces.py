@@ -80,10 +80,11 @@ def off(faces: Faces, uv: Floats, joints: list[str]) -> Floats:
     return found
 
 
-def strangers(faces: Faces, edges: Floats, times: Floats) -> list[Ints]:
+def strangers(faces: Faces, edges: Floats, times: Floats, on_its_side: bool = False) -> list[Ints]:
     """By picture boxes (N, 4) of whole pixels around the heads that are not under the subject's cover.
 
     `edges` (F, 4) px of the cover, `times` (F,) s ascending. A box is there up to FOUND_S before and after, too.
+    `on_its_side`: the camera is, and a head wider than high in its pictures.
     """
     box = edges[faces.row]
     middle, half = (box[:, :2] + box[:, 2:]) / 2 - 0.5, (box[:, 2:] - box[:, :2]) / 2
@@ -91,7 +92,7 @@ def strangers(faces: Faces, edges: Floats, times: Floats) -> list[Ints]:
         covered = (((faces.middle - middle) / half) ** 2).sum(axis=1) <= 1
     found: list[list[Ints]] = [[] for _ in times]
     for i in np.flatnonzero(~covered):
-        reach = np.array(AROUND) * faces.height[i]
+        reach = np.array(AROUND[:: -1 if on_its_side else 1]) * faces.height[i]
         around = np.concatenate([np.floor(faces.middle[i] - reach), np.ceil(faces.middle[i] + reach) + 1]).astype(int)
         when = times[faces.row[i]]
         for row in range(*np.searchsorted(times, (when - FOUND_S, when + FOUND_S))):

@@ -12,7 +12,7 @@ the cover does not reach; it is covered, too.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -22,8 +22,9 @@ from dior.arrays import Bools, Floats, Ints, Texts
 from dior.body.names import bones_of
 from dior.geometry import camera as cam
 from dior.geometry.camera import Camera
-from dior.release import head_blur, head_model, moving
-from dior.release.moving import Mask
+from dior.ingest import moving
+from dior.ingest.moving import Mask
+from dior.release import head_blur, head_model
 
 # All lengths m at the head's distance. Chosen, half the sides of an ellipse about the middle between the ears that a
 # bare head fills, and of one beyond which there is neither hair nor a hat.
@@ -112,6 +113,46 @@ def subject_of(
     return Subject(edges / factor, small(head), scale, small(uv[:, bones]), upper, small(uv[:, corners]), of_markers)
 
 
+def quarter_turns(camera: Camera) -> int:
+    """By how many quarters, against the clock, a camera's pictures are turned so that up is above in them, or nearest.
+
+    What a head looks like is known of upright pictures only.
+    """
+    right, down = camera.wRc[2, :2]
+    if abs(down) >= abs(right):
+        return 0 if down <= 0 else 2
+    return 1 if right > 0 else 3
+
+
+def turned_points(uv: Floats, quarters: int, shape: tuple[int, ...]) -> Floats:
+    """Pixels uv (..., 2) of a picture of `shape` (height, width) in the picture that is `np.rot90` of it."""
+    high, wide = shape[:2]
+    for _ in range(quarters % 4):
+        uv = np.stack([uv[..., 1], wide - 1 - uv[..., 0]], axis=-1)
+        high, wide = wide, high
+    return uv
+
+
+def turned_boxes(boxes: Any, quarters: int, shape: tuple[int, ...]) -> Any:
+    """The same of boxes (..., 4): first column and row, those after the last."""
+    high, wide = shape[:2]
+    for _ in range(quarters % 4):
+        u0, v0, u1, v1 = (boxes[..., i] for i in range(4))
+        boxes = np.stack([v0, wide - u1, v1, wide - u0], axis=-1)
+        high, wide = wide, high
+    return boxes
+
+
+def turned(subject: Subject, quarters: int, shape: tuple[int, ...]) -> Subject:
+    """The `Subject` in pictures of `shape` (height, width) that are turned by `np.rot90`."""
+    if not quarters % 4:
+        return subject
+    head, limbs, trunk = (
+        turned_points(points, quarters, shape) for points in (subject.head, subject.limbs, subject.trunk)
+    )
+    return replace(subject, edges=turned_boxes(subject.edges, quarters, shape), head=head, limbs=limbs, trunk=trunk)
+
+
 def _of_head(joints: Sequence[str], pair: Ints) -> bool:
     return any(joints[i] in head_model.HEAD for i in pair)
 
@@ -137,7 +178,7 @@ def look(mask: Mask, subject: Subject, i: int, zone: Mask | None) -> tuple[Look,
     box = subject.edges[i]
     if np.isfinite(box).all():
         # only those small pixels that it covers whole
-        inside, part = moving.in_ellipse(cover, box + (1.0, 1.0, -1.0, -1.0))
+        inside, part = _in_ellipse(cover, box + (1.0, 1.0, -1.0, -1.0))
         part[inside] = 1
     rest[(cover | _body(mask.shape, subject, i)) > 0] = 0
     if zone is not None:
@@ -145,6 +186,14 @@ def look(mask: Mask, subject: Subject, i: int, zone: Mask | None) -> tuple[Look,
     scale = subject.scale[i] if np.isfinite(subject.scale[i]) else 0.0
     others = _with_head(moving.groups(rest, JOIN_M * scale, LEAST_PX, _around(cover, box)), scale)
     return Look(says, off_m, others), rest
+
+
+def _in_ellipse(mask: Mask, box: Floats) -> tuple[Bools, Mask]:
+    """Which pixels of the ellipse in a box (4,) lie in the mask's picture, as a bool array of the box's part of it, and
+    that part of the mask."""
+    rows, columns = head_blur.inside((*np.floor(box[:2]), *np.ceil(box[2:])), *mask.shape)
+    at = np.arange(rows.start, rows.stop), np.arange(columns.start, columns.stop)
+    return head_blur.ellipse(box, *at), mask[rows, columns]
 
 
 def _with_head(boxes: Ints, scale: float) -> Ints:

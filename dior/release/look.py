@@ -15,11 +15,11 @@ from dior.arrays import Floats, Ints, Table, Texts
 from dior.calibrate.outline import silhouettes
 from dior.geometry import camera as cam
 from dior.geometry.camera import Camera
-from dior.ingest import bags
+from dior.ingest import bags, moving
 from dior.ingest.containers import BROKEN
-from dior.release import faces, head_evidence, moving
+from dior.ingest.moving import Picture
+from dior.release import faces, head_evidence
 from dior.release.faces import Faces
-from dior.release.moving import Picture
 
 # chosen: pictures are looked at smaller than they are while a head is so many pixels wide
 HEAD_PX, FACTORS = 16, (4, 2)
@@ -101,19 +101,25 @@ def judged(walker: Walker, role: str, found: Faces, masks: Iterable[tuple[int, m
     subject = head_evidence.subject_of(walker.camera, walker.edges, walker.middle, walker.points, walker.joints, factor)
     says, off_m = np.full(count, "outside", object), np.full((count, 2), np.nan)
     others: list[Ints] = [np.zeros((0, 4), int)] * count
-    zone, often = None, None
+    quarters, lens = head_evidence.quarter_turns(walker.camera), walker.camera.intrinsics
+    shape = (lens.height // factor, lens.width // factor)
+    # everything is judged in upright pictures
+    upright, zone, often = head_evidence.turned(subject, quarters, shape), None, None
     for row, mask in masks:
         if often is None:
-            often = np.zeros(mask.shape, np.int32)
-            zone = head_evidence.head_zone(walker.camera, mask.shape, factor) if role == "close" else None
-        one, rest = head_evidence.look(mask, subject, row, zone)
+            shape = (mask.shape[0], mask.shape[1])
+            upright = head_evidence.turned(subject, quarters, shape)
+            often = np.zeros(np.rot90(mask, quarters).shape, np.int32)
+            if role == "close":
+                zone = np.ascontiguousarray(np.rot90(head_evidence.head_zone(walker.camera, shape, factor), quarters))
+        one, rest = head_evidence.look(np.ascontiguousarray(np.rot90(mask, quarters)), upright, row, zone)
         says[row], off_m[row], others[row] = one.says, one.off_m, one.others
         often += rest
-    cover_m = head_evidence.covers_m(subject)
+    cover_m = head_evidence.covers_m(upright)
     px = subject.scale * factor
     told, there = zip(
         *(
-            head_evidence.told_where(subject, cover_m, off_m)
+            head_evidence.told_where(upright, cover_m, head_evidence.turned_points(off_m, quarters, (1, 1)))
             for off_m in (by_hand_m(walker, px), _detected_m(walker, found, px))
         ),
         strict=True,
@@ -123,11 +129,17 @@ def judged(walker: Walker, role: str, found: Faces, masks: Iterable[tuple[int, m
     if often is not None and count > 1:
         scale = np.nanmedian(subject.scale) if np.isfinite(subject.scale).any() else 0.0
         always = head_evidence.stays(often, count, head_evidence.JOIN_M * float(scale))
-    strange = faces.strangers(found, walker.edges, walker.times)
+    strange = faces.strangers(found, walker.edges, walker.times, quarters % 2 == 1)
+    back = np.rot90(np.empty(shape[:2], np.uint8), quarters).shape
     return Looked(
         sure,
         [
-            np.concatenate([_whole(np.concatenate([*each, always]), factor), heads])
+            np.concatenate(
+                [
+                    _whole(head_evidence.turned_boxes(np.concatenate([*each, always]), -quarters, back), factor),
+                    heads,
+                ]
+            )
             for *each, heads in zip(others, *there, strange, strict=True)
         ],
     )

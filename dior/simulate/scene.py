@@ -67,6 +67,7 @@ def _placed(settings: Settings, session: str, name: str) -> Placed:
     aim = np.deg2rad(0.4 if far else settings.aim_sd_deg)
     a, e = look_at_angles(centre, target) + np.clip(draw.standard_normal(2), -1.5, 1.5) * aim * (1.0, 0.6)
     roll = np.deg2rad(0.1 if far else 0.7) * draw.standard_normal()
+    roll += np.deg2rad(settings.roll_deg) * (name in settings.rolled)
     wTc = pose(rotation_z(a) @ rotation_x(e) @ rotation_z(roll), centre)
 
     sigma = np.full(3, settings.tape_sigma_m)

@@ -128,6 +128,8 @@ class Settings:
     tape_sigma_m: float = 0.05  # error of a tape-measured coordinate
     long_range_tape_sigma_m: float = 0.3  # the same along the range of the long-range camera
     aim_sd_deg: float = 2.0  # how far the axis of a close camera misses the tape target, per angle
+    roll_deg: float = 0.0  # by how much the cameras in `rolled` are turned about their axis, 180 is upside down
+    rolled: tuple[str, ...] = CAMERAS  # which cameras `roll_deg` is of
     mark_noise_px: float = 1.0  # error of a hand mark in u and in v
     box_around: str = "body"  # body: a person draws boxes around what is seen of the body; joints: a machine's
     box_margin_px: float = 3.0  # how much too large a hand-drawn box is, on each edge
@@ -176,6 +178,8 @@ def from_dict(values: Mapping[str, Any] | None) -> Settings:
     _known(settings.figure, FIGURES, "simulate.figure")
     _known(settings.box_around, AROUND, "simulate.box_around")
     _known(settings.detector.level, LEVELS, "simulate.detector.level")
+    for camera in settings.rolled:
+        _known(camera, CAMERAS, "simulate.rolled")
     for key in POSITIVE:
         if not getattr(settings, key) > 0:
             raise DiorError(f"simulate.{key} is {getattr(settings, key)}: it must be above 0")

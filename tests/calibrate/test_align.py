@@ -7,20 +7,35 @@ import numpy as np
 import pytest
 
 from dior.body.names import MLKIT_33
-from dior.calibrate.align import ByHand, CloseCameras, Walks, aligned_pose, run
+from dior.calibrate.align import ByHand, CloseCameras, Walks, aligned_pose, fit_any_roll, run
 from dior.errors import DiorError
 from dior.geometry import camera_tables, covariance
-from dior.geometry.camera import project
+from dior.geometry.camera import pose, project
+from dior.geometry.multiview import rotation_z
 from dior.geometry.tape import look_at_pose
 from dior.project.boxes import kept_back
 from dior.simulate import draw
 from dior.simulate.motion import motion_of
 from dior.simulate.settings import from_dict, sequences
 from dior.tables import tables
+from tests.calibrate.outline import test_boxes_fit as boxed
 from tests.rig import ring
 
 TAPE = {"position_m": [3.0, 60.0, 1.5], "target_m": [0.0, 0.0, 1.0]}
 BODY = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 1.9], [0.3, 0.0, 0.1]])
+
+
+@pytest.mark.parametrize("roll_deg", range(0, 360, 30))
+def test_boxes_find_every_roll(roll_deg):
+    """From an upright start: near it, and where a quarter turn is nearer; the body goes on as seen."""
+    points, start = boxed.body(40), boxed.start()
+    level = boxed.true_camera()
+    true = level.at(pose(level.wRc @ rotation_z(np.radians(roll_deg)), level.centre))
+    seen = boxed.seen(points, boxed.boxes(project(true, points)[0], 2.0, 0.5))
+    found, degrees = fit_any_roll(start, boxed.FREE, seen, "cam04", None, "none")
+    assert np.linalg.norm(project(found.camera, points)[0] - project(true, points)[0], axis=-1).mean() < 0.5
+    assert abs((degrees - roll_deg + 180) % 360 - 180) < 2
+    assert found.pose_covariance.shape == (6, 6)
 
 
 def pixels(nudge):

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from dior.geometry import camera as cam
+from dior.geometry.multiview import rotation_z
 from dior.release import head_evidence as evidence
 from tests.rig import camera
 
@@ -44,6 +45,36 @@ def drawn(there, wears):
     if cap:
         cv2.rectangle(mask, np.round(ears - np.array([0.09, cap]) * scale).astype(int).tolist(), at, 1, -1)
     return mask
+
+
+@pytest.mark.parametrize("quarters", range(4))
+def test_a_bust_in_a_turned_picture_is_that_of_the_upright_one(quarters):
+    level = camera("c", (7.0, 0, 1.6), (0, 0, 1.6), distortion=(0.0,) * 8)
+    turned = level.at(cam.pose(level.wRc @ rotation_z(-quarters * np.pi / 2), level.centre))
+    assert evidence.quarter_turns(turned) == quarters
+    there = subject(level, (0.0, 0.3, 1.6), False)
+    mask = drawn(there, "cap")
+    as_seen = np.rot90(mask, -quarters)
+    seen = evidence.turned(there, -quarters, mask.shape)
+    upright = evidence.turned(seen, quarters, as_seen.shape)
+    np.testing.assert_allclose(upright.head, there.head)
+    np.testing.assert_allclose(upright.limbs, there.limbs)
+    np.testing.assert_allclose(upright.edges, there.edges)
+    # a pixel of the mask at the nose stays at the nose
+    u, v = np.round(seen.head[0]).astype(int)
+    assert as_seen[v, u] and as_seen.sum() == mask.sum()
+    says, off = evidence.bust(np.ascontiguousarray(np.rot90(as_seen, quarters)), upright, 0)
+    assert says == "seen" and (np.abs(off) <= 0.02).all()
+
+
+@pytest.mark.parametrize("roll_deg", range(0, 360, 30))
+def test_the_nearest_upright_picture_has_up_above(roll_deg):
+    level = camera("c", (7.0, 0, 1.6), (0, 0, 1.6), distortion=(0.0,) * 8)
+    turned = level.at(cam.pose(level.wRc @ rotation_z(np.radians(roll_deg)), level.centre))
+    foot, head = cam.project(turned, np.array([(0.0, 0, 1.0), (0.0, 0, 1.6)]))[0]
+    foot, head = evidence.turned_points(np.array([foot, head]), evidence.quarter_turns(turned), (720, 1280))
+    up = head - foot
+    assert -up[1] >= 0.99 * abs(up[0])
 
 
 @pytest.mark.parametrize("off", [(0.0, 0.0), (0.08, 0.0), (-0.05, 0.10), (0.0, -0.12)])

@@ -11,7 +11,8 @@ from dior.clocks import clock
 from dior.errors import DiorError
 from dior.geometry import camera as cam
 from dior.geometry import camera_tables, covariance
-from dior.release import head_blur, head_model, heads, look, moving
+from dior.ingest import moving
+from dior.release import head_blur, head_model, heads, look
 from dior.simulate.scene import project as simulated
 from dior.tables import tables
 from tests.rig import camera, ring

@@ -105,7 +105,7 @@ ALONE = {
         "pixels": {"bags"},
         "heads": {"bags"},
         "place": {"bags"},
-        "detections": {"files"},
+        "detections": {"files", "bags"},
         "gallery": {"recordings"},
         "recognise": {"weights"},
         "package": {"by_hand", "license"},

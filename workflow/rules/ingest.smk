@@ -97,9 +97,10 @@ rule detect:
 
 
 rule detections:
-    """Read the 2D detections of a sequence and follow the subject in them."""
+    """Read the 2D detections of a sequence, follow the subject in them and compare them with the pictures."""
     input:
         files=detection_files,
+        bags=simulated(bags),
         frames="results/frames/{sequence}.parquet",
     output:
         out="results/detections/{sequence}.parquet",
@@ -113,7 +114,8 @@ rule detections:
         pattern=untracked(detection_pattern),
         cameras=close_names,
         format=detection_format,
-        contents=contents_of(brought_detections),
+        data_root=data_root,
+        contents=contents_of(brought_detections, recorded(bags)),
         code=code("ingest.detections"),
     shell:
         dior("detections")

@@ -29,6 +29,9 @@ SAMPLE, MOST_DRAWS = 1000, 300  # chosen: joints and RANSAC's draws; 300 find 5 
 # chosen: how far an aim by eye is off, about the camera's x axis and about the vertical, and how many of such starts
 TURNED_DEG, MOST_TURNED = (12.0, 25.0), 4
 CAPPED_PX = 60.0  # chosen, at fx 1680: a joint that is farther off is as wrong as one behind the camera
+# chosen: a tripod is level to a few degrees, and so upright is who walks: more is a camera that is mounted otherwise.
+# It is believed where so much of the body's directions agrees (the length of their mean), in so many pictures
+ROLLED_DEG, AGREED, FEWEST_UPRIGHT = 20.0, 0.8, 20
 SAME_M, SAME_DEG = 0.10, 1.5  # chosen: ends nearer than this differ by where their samples stopped
 EQUAL = 1.05  # chosen: a cost within 5 % of the best is as good, by the noise of a sample
 
@@ -97,6 +100,25 @@ def same_world(one: Sequence[Camera], other: Sequence[Camera]) -> bool:
         if np.linalg.norm(a.centre - b.centre) > SAME_M or angle_deg(a.wRc, b.wRc) > SAME_DEG:
             return False
     return True
+
+
+def roll(camera: Camera, uv: Floats, joints: Sequence[str]) -> float:
+    """By how much (rad) a level camera is turned about its axis, by the people in its pictures: uv (F, J, 2) px.
+
+    Who walks has the shoulders above the ankles, or the hips where these are not seen. 0 up to 20 degrees, where too
+    few are seen, or not all of one mind.
+    """
+    places = [[i for i, name in enumerate(joints) if name.endswith(part)] for part in ("shoulder", "hip", "ankle")]
+    if not all(places):
+        return 0.0
+    rays = undistort(camera.intrinsics, uv)
+    top, middle, below = (rays[:, own].mean(axis=1) for own in places)
+    up = top - np.where(np.isfinite(below), below, middle)
+    up = up[np.isfinite(up).all(axis=1)]
+    up = (up / np.maximum(np.linalg.norm(up, axis=1, keepdims=True), 1e-12)).mean(axis=0) if len(up) else np.zeros(2)
+    angle = float(np.arctan2(-up[0], -up[1]))
+    few = np.isfinite(top).all(axis=1).sum() < FEWEST_UPRIGHT
+    return 0.0 if few or np.linalg.norm(up) < AGREED or abs(angle) < np.radians(ROLLED_DEG) else angle
 
 
 def turned(cameras: Sequence[Camera]) -> Iterator[tuple[str, list[Camera]]]:

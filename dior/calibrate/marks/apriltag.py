@@ -7,7 +7,8 @@ World in metres, Z up, floor at Z = 0. A marker's own axes: origin in its centre
 official picture, z out of the printed side. Corners are the outer corners of the black square: top left, top right,
 bottom right, bottom left; recorded pixels.
 A square seen once has two poses that fit nearly as well. The second is left out where it is behind the camera, below
-the floor, upside down while the other is upright, or fits clearly worse; if none of this decides, it is an error.
+the floor, fits clearly worse, or, where both fit, is upside down while the other is upright; if none of this decides,
+it is an error.
 """
 
 from collections.abc import Callable, Sequence
@@ -19,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dior.arrays import AnyPath, Bools, Floats, Ints, Table
+from dior.calibrate.marks.pnp import upright
 from dior.errors import DiorError
 from dior.geometry import covariance
 from dior.geometry.camera import Camera, angle_deg, inverse_pose, pose, project, undistort
@@ -219,12 +221,13 @@ def choose(found: Sequence[Solution], wTm: Floats, corner_sigma_px: float, where
         )
     if len(above) == 1:
         return above[0][0], "the only one above the floor"
-    down = [wTc[2, 1] for wTc, _ in above]
-    if min(down) < -0.5 and max(down) > 0.5:
-        return above[int(np.argmin(down))][0], "the only one that is not upside down"
     (best, best_px), (other, other_px) = above
     if other_px >= WORSE * max(best_px, corner_sigma_px):
         return best, f"the other fits to {other_px:.2f} px"
+    # a camera may be mounted upside down: that decides only where nothing else does
+    standing = [upright(wTc) for wTc, _ in above]
+    if sorted(standing) == [-1, 1]:
+        return above[int(np.argmax(standing))][0], "the only one that is not upside down, of two that fit as well"
     raise DiorError(
         f"{where}: two poses fit the tag, to {best_px:.2f} and {other_px:.2f} px, "
         f"{np.linalg.norm(best[:3, 3] - other[:3, 3]):.2f} m and {angle_deg(best[:3, :3], other[:3, :3]):.0f} "

@@ -144,8 +144,8 @@ def search(
         there = np.isfinite(xyz[:, part.clock == s]).all(axis=2)
         cost = np.where(there.mean(axis=1) < pose_grid.SHARE_OF_CONSENSUS, np.inf, cost)
         profile[name] = LAGS_S, np.sqrt(cost / use.sum())
-        ends = _refined(camera, part, seen, np.nan_to_num(offsets), s, poses, cost, ransac_px)
-        why[s] = _doubts(ends, cost, use.sum(), f"{where}, {name}", s)
+        ends, lost = _refined(camera, part, seen, np.nan_to_num(offsets), s, poses, cost, ransac_px)
+        why[s] = _doubts(ends, lost, cost, use.sum(), f"{where}, {name}", s)
         if why[s]:
             continue
         start, offsets = (
@@ -175,13 +175,14 @@ def _refined(
     poses: Floats,
     cost: Floats,
     limit_px: float,
-) -> list[End]:
-    """`End`s of the best local minima of a grid, the best one first; sequence `s` is the one that was searched."""
+) -> tuple[list[End], tuple[str, ...]]:
+    """`End`s of the best local minima of a grid, the best one first, and where the others put the camera that cannot
+    stand there; sequence `s` is the one that was searched."""
     # half a step of the grid costs less than that
     most = cost.min() + len(uv) * limit_px**2 / 2
     lowest = lag.minima(cost)
     lowest = lowest[cost[lowest] <= most]
-    ends = []
+    ends, lost = [], []
     for k in lowest[np.argsort(cost[lowest], kind="stable")][:CANDIDATES]:
         tried = offsets.copy()
         tried[s] = LAGS_S[k]
@@ -189,9 +190,28 @@ def _refined(
         if end is None or np.abs(end.offsets[s]) > lag.WINDOW_S:
             continue
         xyz = part.only(end.inlier).at(end.offsets)[0]
-        if not pnp.implausible(end.camera, xyz[np.isfinite(xyz).all(axis=1)]):
+        cannot = pnp.impossible(end.camera, xyz[np.isfinite(xyz).all(axis=1)])
+        if cannot:
+            lost.append(cannot)
+        else:
             ends.append(end)
-    return sorted(ends, key=lambda end: end.cost)
+    ends.sort(key=lambda end: end.cost)
+    return _without_mirrored(ends, len(uv)), tuple(dict.fromkeys(lost))
+
+
+def _without_mirrored(ends: list[End], marks: int) -> list[End]:
+    """`ends` without those of an upside-down camera, where an upright one fits about as well as the best of them."""
+    if not ends:
+        return ends
+    limit = ends[0].cost + lag.CLEARLY * _variance(ends[0], marks)
+    if any(end.cost < limit and pnp.upright(end.camera.wTc) == 1 for end in ends):
+        return [end for end in ends if pnp.upright(end.camera.wTc) != -1]
+    return ends
+
+
+def _variance(end: End, marks: int) -> float:
+    """Variance (px^2) of a coordinate, from the residuals of inliers and how people click before anything is seen."""
+    return (pnp.CLICK_WORTH * pnp.CLICK_SD_PX**2 + end.cost) / (pnp.CLICK_WORTH + max(2 * marks - 7, 0))
 
 
 def _end(camera: Camera, part: Places, uv: Floats, offsets: Floats, s: int, limit_px: float) -> End | None:
@@ -256,13 +276,20 @@ def jacobian(camera: Camera, part: Places, offsets: Floats) -> Floats:
     return np.concatenate([by_camera, by_offset], axis=2).reshape(-1, 6 + len(offsets))
 
 
-def _doubts(ends: list[End], cost: Floats, marks: int, where: str, s: int) -> str:
-    """Why the best of the ends is no answer for sequence `s`, or "". Raises DiorError where 0 is none either."""
+def _doubts(ends: list[End], lost: tuple[str, ...], cost: Floats, marks: int, where: str, s: int) -> str:
+    """Why the best of the ends is no answer for sequence `s`, or "". Raises DiorError where 0 is none either.
+
+    `lost`: where ends put the camera that cannot stand there.
+    """
+    if not ends and lost:
+        return (
+            f"where its marks agree on a pose, the camera is {' or '.join(lost)}; are they on the right markers, is "
+            "the mocap's Z up and its floor at 0?"
+        )
     if not ends:
         return f"no offset within {lag.WINDOW_S:g} s brings half of its marks to where they are"
     best = ends[0]
-    # the residuals of inliers, and how people click before anything is seen
-    variance = (pnp.CLICK_WORTH * pnp.CLICK_SD_PX**2 + best.cost) / (pnp.CLICK_WORTH + max(2 * marks - 7, 0))
+    variance = _variance(best, marks)
     chi2 = (cost - best.cost) / variance
     refined = [end.offsets[s] for end in ends[1:] if end.cost - best.cost < lag.CLEARLY * variance]
     others = np.sort([*lag.rivals(LAGS_S, chi2, best.offsets[s]), *refined])

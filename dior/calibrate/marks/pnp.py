@@ -22,6 +22,9 @@ CLICK_SD_PX, CLICK_WORTH = 1.5, 4.0
 FLAT = 0.25
 OTHER_DEG = 3.0  # chosen: poses nearer than that are one
 CLEARLY_WORSE = 20.0  # chosen, chi2: at even odds the other solution is 20 000 times less likely (e^10)
+CLEARLY_UP = (
+    0.5  # chosen: of the vertical, in the picture's v axis: rolled by less than 60 degrees, or by more than 120
+)
 SUSPECT = 0.01  # chosen: chance that the worst of all good marks looks as bad
 
 
@@ -91,15 +94,21 @@ def other_solution(camera: cam.Camera, xyz: Floats, uv: Floats, refine: Refine) 
     return None
 
 
-def implausible(camera: cam.Camera, xyz: Floats) -> str:
+def impossible(camera: cam.Camera, xyz: Floats) -> str:
     """Why a camera cannot stand there, or ""."""
     if not camera.centre[2] > 0:
         return "below the floor"
-    if camera.wRc[2, 1] > 0:
-        return "upside down"
     if (cam.project(camera, xyz)[1] <= 0).any():
         return "with marks behind it"
     return ""
+
+
+def upright(wTc: Floats) -> int:
+    """1 for a camera whose pictures have up above, -1 for one that is upside down, 0 for one on its side or that looks
+    up or down. Any of them may be mounted so: it only breaks ties.
+    """
+    down = -float(wTc[2, 1])
+    return 0 if abs(down) < CLEARLY_UP else int(np.sign(down))
 
 
 def decide(camera: cam.Camera, other: Floats | None, xyz: Floats, uv: Floats, where: str) -> tuple[Floats, str]:
@@ -112,13 +121,13 @@ def decide(camera: cam.Camera, other: Floats | None, xyz: Floats, uv: Floats, wh
     first, second = camera, camera.at(other)
     misses = [np.nan_to_num(cam.project(c, xyz)[0] - uv, nan=1e3) for c in (first, second)]
     chi2 = [(miss**2).sum() for miss in misses]
-    if chi2[1] < chi2[0] and not implausible(second, xyz):
+    if chi2[1] < chi2[0] and not impossible(second, xyz):
         first, second, misses, chi2 = second, first, misses[::-1], chi2[::-1]
     worse = (chi2[1] - chi2[0]) / variance(misses[0], misses[0].size - 6)
     rms = [np.sqrt((miss**2).mean()) for miss in misses]
     distance, angle = np.linalg.norm(first.centre - second.centre), cam.angle_deg(first.wRc, second.wRc)
     apart = f"{distance:.1f} m and {angle:.0f} degrees away"
-    reasons = [implausible(c, xyz) for c in (first, second)]
+    reasons = [impossible(c, xyz) for c in (first, second)]
     if reasons[1]:
         return first.wTc, f"the marks are nearly in a plane; the other pose that fits, {apart}, is {reasons[1]}"
     if worse > CLEARLY_WORSE and not reasons[0]:
@@ -126,6 +135,10 @@ def decide(camera: cam.Camera, other: Floats | None, xyz: Floats, uv: Floats, wh
         return first.wTc, f"{text} ({rms[1]:.2f} px rms, not {rms[0]:.2f})"
     if reasons[0]:
         return second.wTc, f"the marks are nearly in a plane; a pose that fits as well, {apart}, is {reasons[0]}"
+    standing = upright(first.wTc), upright(second.wTc)
+    if sorted(standing) == [-1, 1]:
+        taken = first if standing[0] == 1 else second
+        return taken.wTc, f"the marks are nearly in a plane; a pose that fits as well, {apart}, is upside down"
     raise DiorError(
         f"{where}: the marks are nearly in a plane and two poses fit ({rms[0]:.2f} and {rms[1]:.2f} px rms, {apart}); "
         "mark a point that is well outside of the plane"

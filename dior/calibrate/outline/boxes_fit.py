@@ -44,7 +44,7 @@ SCALES = (16.0, 8.0, 4.0)  # chosen: of the weights, px, before they follow the 
 CUT = 3.0  # chosen: residuals of that many sd weigh a quarter
 # chosen: what it costs to read a side as an occluder's, beyond the usual cost 1 of each edge that is left out: a chi2.
 # As much again with many edges, so that a small misfit of all of them is not taken for a wall.
-COST_OF_HIDING = {"": 0.0, "v_max": 25.0, "v_min": 45.0}  # walls and hedges hide legs; little hides heads
+COST_OF_HIDING = {"": 0.0, "below": 25.0, "above": 45.0}  # walls and hedges hide legs; little hides heads
 DOUBTFUL = 12.0  # chosen: chi2 by which the reading that is taken is ahead of the next, e^6 at even odds
 # chosen: readings of which the labels differ less, in heights of the body, are the same to who uses them. Where nothing
 # hides anything they differ by up to 0.12 (10 boxes, 11 px), behind a wall up to the hips by 0.14 and more
@@ -62,10 +62,10 @@ Derivative: TypeAlias = Callable[[Floats], Floats] | Floats | None
 class Fitted:
     """`values` (9,) and `covariance` (9, 9) of the parameters, of the six of `dior.geometry.covariance` with those of V
     close cameras `by_cameras` (9, 6V); `residual` (F, 4) px of the edges, NaN where none; `agree` (F, 4);
-    `click_residual` (F, J, 2) px; `hidden` the side that an occluder has, or ""; `sd_px` of an edge; `inflation` by
-    time; `ahead` by how much (chi2) the edges prefer this reading to any that would put the labels elsewhere. `clocks`
-    (K, 2) s and ppm: what is to be added to each walk's time in the middle of its pictures and drift, with
-    `clock_sigma` (K, 2); `points` (F, J, 3) with these clocks.
+    `click_residual` (F, J, 2) px; `hidden` what an occluder hides, below or above, or ""; `sd_px` of an edge;
+    `inflation` by time; `ahead` by how much (chi2) the edges prefer this reading to any that would put the labels
+    elsewhere. `clocks` (K, 2) s and ppm: what is to be added to each walk's time in the middle of its pictures and
+    drift, with `clock_sigma` (K, 2); `points` (F, J, 3) with these clocks.
     """
 
     camera: Camera
@@ -120,7 +120,16 @@ def with_parameters(start: Camera, axes: Floats, values: Floats) -> Camera:
     return replace(camera, intrinsics=replace(lens, fx=lens.fx * grown, fy=lens.fy * grown))
 
 
-READINGS = {"auto": ("", "v_max", "v_min"), "none": ("",), "below": ("v_max",), "above": ("v_min",)}
+READINGS = {"auto": ("", "below", "above"), "none": ("",), "below": ("below",), "above": ("above",)}
+
+
+def edge_of(camera: Camera, hidden: str) -> str:
+    """Which of SIDES lies towards what is `hidden` of a body, below or above in the world; "" for nothing."""
+    if not hidden:
+        return ""
+    down = -camera.wRc[2, :2] * (1 if hidden == "below" else -1)
+    axis = int(abs(down[1]) >= abs(down[0]))
+    return SIDES[axis + 2 * int(down[axis] > 0)]
 
 
 def fit(
@@ -134,7 +143,7 @@ def fit(
     """`Fitted` from a start a few degrees off.
 
     `derivative`: a function that gives the (F, J, 3, 6V) of points by the errors of the close cameras, or the array
-    itself, for `by_cameras`. Of the readings "all edges are the body's" and "the lower (upper) edge is an occluder's,
+    itself, for `by_cameras`. Of the readings "all edges are the body's" and "the edge below (above) is an occluder's,
     which hides the joints beyond it" the one is chosen that the edges agree with best; `occluder` (auto, none, below,
     above) may say which. Raises DiorError (beginning with `where`) with too little to fit.
     """
@@ -142,7 +151,7 @@ def fit(
     if count < 8:
         raise DiorError(f"{where}: {count} usable edges and clicked coordinates; draw boxes on at least 4 pictures")
     readings = READINGS[occluder] if np.isfinite(seen.edges).any() else ("",)
-    tried = [Reading(start, freedom, seen, side).solve(where) for side in readings]
+    tried = [Reading(start, freedom, seen, hides).solve(where) for hides in readings]
     sd_px = min(reading.sd for reading in tried)
     costs = np.array([reading.cost(sd_px) for reading in tried])
     best = int(np.argmin(costs))
@@ -162,8 +171,9 @@ def fit(
 class Reading:
     """One reading of the edges, with the state of its iteration."""
 
-    def __init__(self, start: Camera, freedom: Freedom, seen: EdgeObservations, side: str) -> None:
-        self.start, self.axes, self.seen, self.side = start, sight(start), seen, side
+    def __init__(self, start: Camera, freedom: Freedom, seen: EdgeObservations, hides: str) -> None:
+        self.start, self.axes, self.seen, self.hides = start, sight(start), seen, hides
+        self.side = side = edge_of(start, hides)
         self.freedom = freedom
         self.prior = seen_edges.prior(freedom, len(seen.tracks))
         self.free = np.diagonal(self.prior) < 1e15
@@ -190,7 +200,7 @@ class Reading:
         held = replace(self.freedom, clock_s=(), drift_ppm=())
 
         def cost(late_s: float) -> float:
-            alone = Reading(self.start, held, self.seen.only(walk, late_s), self.side)
+            alone = Reading(self.start, held, self.seen.only(walk, late_s), self.hides)
             return alone.cost_of_search(where) + (late_s / self.freedom.clock_s[walk]) ** 2
 
         return float(LAGS_S[np.argmin(lag.curve(cost, LAGS_S))])
@@ -251,8 +261,10 @@ class Reading:
         )
         if self.side:
             # one edge is not the body's: the other says where it is
-            other = self.seen.edges[:, 1] - low[:, 1] if self.side == "v_max" else self.seen.edges[:, 3] - high[:, 1]
-            miss[: len(other), 1] = other
+            k = SIDES.index(self.side)
+            axis = AXIS[k]
+            other = self.seen.edges[:, axis] - low[:, axis] if k > 1 else self.seen.edges[:, 2 + axis] - high[:, axis]
+            miss[: len(other), axis] = other
         u, v = np.nanmedian(miss, axis=0)
         lens = self.start.intrinsics
         return np.array([np.arctan(v / lens.fy), -np.arctan(u / lens.fx), 0.0])
@@ -267,7 +279,7 @@ class Reading:
             return there, there, np.zeros(len(uv), bool)
         k = SIDES.index(self.side)
         cut = np.abs(self.seen.edges[:, k] - self.line) <= NEAR_LINE_PX
-        beyond = OUTWARDS[k] * (uv[..., 1] - self.line) + self.values[8]
+        beyond = OUTWARDS[k] * (uv[..., AXIS[k]] - self.line) + self.values[7 + AXIS[k]]
         surely, perhaps = (there & ~((beyond > slack) & cut[:, None]) for slack in (-LINE_PX, LINE_PX))
         return surely, perhaps, cut
 
@@ -327,7 +339,7 @@ class Reading:
         if not self.side:
             return 0.0
         hidden = (np.abs(self.seen.edges[:, SIDES.index(self.side)] - self.line) <= NEAR_LINE_PX).sum()
-        return float(max(COST_OF_HIDING[self.side], hidden))
+        return float(max(COST_OF_HIDING[self.hides], hidden))
 
     def labels_differ(self, other: Reading) -> bool:
         """Whether this reading puts the body elsewhere than `other`: by more than OTHER_LABELS of its height."""
@@ -335,7 +347,7 @@ class Reading:
             cam.project(reading.camera(), reading.seen.at(reading.clocks)[0])[0] for reading in (self, other)
         )
         low, high = _extremes(ours, np.all(np.isfinite(ours), axis=-1))
-        height = np.nanmedian(high[:, 1] - low[:, 1])
+        height = np.nanmedian((high - low).max(axis=1))
         return bool(np.nanmedian(np.linalg.norm(ours - theirs, axis=-1)) > OTHER_LABELS * height)
 
     def cost(self, sd_px: float) -> float:
@@ -387,7 +399,7 @@ class Reading:
         camera = self.camera()
         sigma = np.sqrt(np.diagonal(spread))[9:].reshape(-1, 2)
         return Fitted(
-            camera, self.values[:9], spread[:9, :9], residual, agree, clicks, self.side, self.sd, inflation,
+            camera, self.values[:9], spread[:9, :9], residual, agree, clicks, self.hides, self.sd, inflation,
             by_cameras=by_cameras, clocks=self.clocks, clock_sigma=sigma, points=points,
         )  # fmt: skip
 

@@ -50,7 +50,7 @@ def from_pictures(
     small: list[Any] = [None] * len(shown)
     for row, picture in read_pictures(rows(frames_rows, shown), data_root):
         small[row] = shrunk(picture, factor)
-    edges = edges_of(small, factor, tall_px(camera, track))
+    edges = edges_of(small, factor, *stance(camera, track))
     found = from_edges(camera, track, flesh_m, seconds(frames_rows["stamp_ns"][shown], t0_ns), edges)
     return found.clock, long_range_clock.LAGS_S, found.costs_px
 
@@ -82,17 +82,15 @@ def chosen(count: int) -> Ints:
     return np.unique(np.linspace(0, count - 1, min(PICTURES, count)).round().astype(int))
 
 
-def tall_px(camera: Camera, track: tracks.BodyTrack) -> float:
-    """Height (px) of the person in the recorded picture, in the median."""
-    v = cam.project(camera, track.points[:: max(1, len(track.points) // 200)])[0][..., 1]
-    seen = np.any(np.isfinite(v), axis=1)[:, None]
-    high = np.nanmax(np.where(seen, v, np.inf), axis=1) - np.nanmin(np.where(seen, v, 0.0), axis=1)
-    return float(np.median(high[np.isfinite(high)])) if np.isfinite(high).any() else float(TALL_PX)
+def stance(camera: Camera, track: tracks.BodyTrack) -> tuple[float, int]:
+    """How tall (px) the person is in the recorded picture, in the median, and along which of its axes."""
+    tall, standing = silhouettes.stance(cam.project(camera, track.points[:: max(1, len(track.points) // 200)])[0])
+    return (tall if np.isfinite(tall) else float(TALL_PX)), standing
 
 
 def shrinking(camera: Camera, track: tracks.BodyTrack) -> int:
     """By which whole number pictures are shrunk."""
-    return max(1, round(tall_px(camera, track) / TALL_PX))
+    return max(1, round(stance(camera, track)[0] / TALL_PX))
 
 
 def shrunk(picture: silhouettes.Picture, factor: int) -> silhouettes.Picture:
@@ -104,11 +102,11 @@ def shrunk(picture: silhouettes.Picture, factor: int) -> silhouettes.Picture:
     return whole if factor == 1 else np.asarray(cv2.resize(whole, (wide, high), interpolation=cv2.INTER_AREA), np.uint8)
 
 
-def edges_of(small: Sequence[silhouettes.Picture], factor: int, tall: float) -> Floats:
+def edges_of(small: Sequence[silhouettes.Picture], factor: int, tall: float, standing: int = 1) -> Floats:
     """Edges (F, 4) in recorded px of the person in shrunk pictures; NaN where the picture's border cuts him."""
     step = max(1, len(small) // EMPTY_FROM)
     empty = silhouettes.empty_scene(small[::step])
-    edges = silhouettes.edges(small, tall / factor, empty)
+    edges = silhouettes.edges(small, tall / factor, empty, standing)
     high, wide = small[0].shape[:2]
     with np.errstate(invalid="ignore"):
         cut = (edges < BORDER_PX - 0.5) | (edges > np.array([wide, high, wide, high]) - 0.5 - BORDER_PX)

@@ -108,11 +108,25 @@ def empty_scene(pictures: Sequence[Picture]) -> Scene:
     return np.median(np.asarray(pictures), axis=0).astype(np.float32)
 
 
-def edges(pictures: Sequence[Picture], height_px: float, empty: Scene) -> Floats:
+def stance(uv: Floats) -> tuple[float, int]:
+    """How tall (px, the median) a body with the points uv (F, J, 2) px is in pictures, and along which axis it stands.
+
+    1 is v; 0 where the camera is on its side. NaN where no picture has any point.
+    """
+    seen = np.asarray(np.isfinite(uv).all(axis=-1, keepdims=True))
+    high, low = np.where(seen, uv, -np.inf).max(axis=1), np.where(seen, uv, np.inf).min(axis=1)
+    there = seen[..., 0].any(axis=1)
+    if not there.any():
+        return np.nan, 1
+    size = np.median((high - low)[there], axis=0)
+    return float(size.max()), int(size[1] >= size[0])
+
+
+def edges(pictures: Sequence[Picture], height_px: float, empty: Scene, standing: int = 1) -> Floats:
     """Edges (F, 4) px, in the coordinates of the pictures (F, height, width, 3) uint8, of a person `height_px` tall.
 
-    `empty` as from `empty_scene`. The largest group of pixels that stand out is the person, if it is neither too small
-    nor more than twice as tall.
+    `empty` as from `empty_scene`, `standing` the axis along which the person stands (`stance`). The largest group of
+    pixels that stand out is the person, if it is neither too small nor more than twice as tall.
     """
     import cv2
 
@@ -123,14 +137,15 @@ def edges(pictures: Sequence[Picture], height_px: float, empty: Scene) -> Floats
     limit = np.maximum(LEAST_CONTRAST, NOISES * noise)
     found = np.full((len(pictures), 4), np.nan)
     reach = max(3, int(JOIN * height_px) | 1)
-    kernel = np.ones((reach, max(3, reach // 2 | 1)), np.uint8)
+    kernel = np.ones((reach, max(3, reach // 2 | 1))[:: 1 if standing else -1], np.uint8)
+    along = cv2.CC_STAT_HEIGHT if standing else cv2.CC_STAT_WIDTH
     for i, strength in enumerate(differs):
         mask = (strength > limit).astype(np.uint8)
         _, labels, stats, _ = cv2.connectedComponentsWithStats(cv2.morphologyEx(mask, cv2.MORPH_CLOSE, kernel))
         inside = np.bincount(labels[mask > 0], minlength=len(stats))
         inside[0] = 0
         best = int(inside.argmax())
-        if inside[best] < SMALLEST_PX or stats[best, cv2.CC_STAT_HEIGHT] > 2 * height_px:
+        if inside[best] < SMALLEST_PX or stats[best, along] > 2 * height_px:
             continue
         found[i] = _extent(np.where((labels == best) & (mask > 0), strength, 0.0))
     return found

@@ -137,9 +137,13 @@ def from_pictures(walks: Sequence[FilmedWalk], start: Camera, data_root: Path) -
         pieces.append(mine)
     few = [picture for mine in pieces for picture in mine[:: max(1, len(walks))]]
     empty = silhouettes.empty_scene(few)
-    tall = float(np.nanmedian([np.nanmedian(np.ptp(uv[..., 1], axis=1)) for uv in seen]))
+    stances = [silhouettes.stance(uv) for uv in seen]
+    tall, standing = float(np.nanmedian([px for px, _ in stances])), round(np.mean([axis for _, axis in stances]))
     corner = np.array([u0, v0, u0, v0])
-    return [(chosen, silhouettes.edges(mine, tall, empty) + corner) for chosen, mine in zip(rows, pieces, strict=True)]
+    return [
+        (chosen, silhouettes.edges(mine, tall, empty, standing) + corner)
+        for chosen, mine in zip(rows, pieces, strict=True)
+    ]
 
 
 def gather(

@@ -6,7 +6,8 @@ import pytest
 from dior.calibrate.bundle import starts
 from dior.calibrate.bundle.outcome import shift_and_turn
 from dior.errors import DiorError
-from dior.geometry.camera import pose
+from dior.geometry.camera import pose, project
+from dior.geometry.multiview import rotation_z
 from tests.calibrate.test_adjust import body, misplaced, seen
 from tests.rig import ring
 
@@ -24,6 +25,34 @@ def test_the_epipolar_start_does_not_need_the_aim(count):
 
 def test_too_few_joints_give_no_epipolar_start():
     assert starts.epipolar(ring(3), seen(ring(3), body(20))) is None
+
+
+PARTS = [f"{side}_{part}" for side in ("left", "right") for part in ("shoulder", "hip", "ankle")]
+STANDING = np.array([(x, y, z) for y in (0.2, -0.2) for x, z in ((0.0, 1.45), (0.0, 0.95), (0.15, 0.08))])
+
+
+def people(camera, count=40):
+    """Joints (F, 6, 2) px of somebody who walks through a camera's pictures."""
+    along = np.linspace(-1.5, 1.5, count)
+    return project(camera, STANDING + np.stack([along, 0.3 * along, 0 * along], axis=-1)[:, None])[0]
+
+
+@pytest.mark.parametrize("roll_deg", range(-150, 181, 30))
+def test_the_people_tell_how_a_camera_is_rolled(roll_deg):
+    (level,) = ring(1)
+    turned = level.at(pose(level.wRc @ rotation_z(np.radians(roll_deg)), level.centre))
+    found = np.degrees(starts.roll(level, people(turned), PARTS))
+    assert abs((found - roll_deg + 180) % 360 - 180) < (8 if roll_deg else 1e-9)
+
+
+def test_nobody_or_people_upside_up_and_down_tell_no_roll():
+    (level,) = ring(1)
+    uv = people(level)
+    turned = np.where(np.arange(40)[:, None, None] % 2, (1279, 719) - uv, uv)
+    assert starts.roll(level, turned, PARTS) == 0.0
+    assert starts.roll(level, np.full((40, 6, 2), np.nan), PARTS) == 0.0
+    assert starts.roll(level, (1279, 719) - uv[:5], PARTS) == 0.0
+    assert starts.roll(level, (1279, 719) - uv, ["nose"] * 6) == 0.0
 
 
 def outcome(*ends):

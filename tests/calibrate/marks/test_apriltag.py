@@ -8,7 +8,8 @@ from dior.calibrate import place
 from dior.calibrate.marks import apriltag
 from dior.errors import DiorError
 from dior.geometry import camera_tables
-from dior.geometry.camera import Camera, Intrinsics, angle_deg, inverse_pose, project
+from dior.geometry.camera import Camera, Intrinsics, angle_deg, inverse_pose, pose, project
+from dior.geometry.multiview import rotation_z
 from dior.ingest import bags
 from dior.tables import tables
 from tests.ingest.test_bags import T0, TOPIC, compressed, encoded, write_bag
@@ -134,14 +135,25 @@ def test_no_tag_in_any_picture(tmp_path):
         apriltag.place(camera("cam01", (2, 0, 1)), FLAT, frames, tmp_path, None, "field, cam01")
 
 
-def test_a_flat_tag_is_told_apart_by_what_is_up():
-    """Both poses of a far, small tag fit; the wrong one has the camera upside down."""
+@pytest.mark.parametrize("roll_deg", range(0, 360, 30))
+def test_a_flat_tag_is_told_apart_by_the_fit_whatever_the_roll(roll_deg):
+    """One of the two poses of a tag on the floor often has the camera upside down: it may be."""
     for centre in ((3, 0.5, 1.5), (-2, -3, 1.2), (0.3, 4, 2)):
         view = camera("cam01", centre, (0, 0, 1), distortion=())
+        view = view.at(pose(view.wRc @ rotation_z(np.radians(roll_deg)), view.centre))
         corners = project(view, apriltag.marker_points(0.4))[0].round(1)
         found = apriltag.solutions(view, corners, 0.4)
         wTc, why = apriltag.choose(found, np.eye(4), 0.3, "cam01")
-        assert np.linalg.norm(wTc[:3, 3] - centre) < 0.15 and "upside down" in why
+        assert np.linalg.norm(wTc[:3, 3] - centre) < 0.15 and "the other fits to" in why
+        assert angle_deg(wTc[:3, :3], view.wRc) < 2
+
+
+def test_what_is_up_tells_poses_apart_that_fit_as_well():
+    view = camera("cam01", (3, 0.5, 1.5), (0, 0, 1), distortion=())
+    found = apriltag.solutions(view, project(view, apriltag.marker_points(0.4))[0], 0.4)
+    # corners so uncertain that both fit
+    wTc, why = apriltag.choose(found, np.eye(4), 5.0, "cam01")
+    assert np.linalg.norm(wTc[:3, 3] - view.centre) < 0.15 and "upside down" in why
 
 
 def test_an_ambiguous_pose_is_refused():

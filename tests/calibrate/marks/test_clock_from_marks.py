@@ -8,8 +8,9 @@ from dior.calibrate.marks import clock_from_marks
 from dior.calibrate.marks.marks import Marks, Motion
 from dior.clocks.clock import DRIFT_SD_PPM
 from dior.errors import DiorError
-from dior.geometry.camera import project
+from dior.geometry.camera import pose, project
 from dior.geometry.covariance import moved
+from dior.geometry.multiview import rotation_z
 from tests.rig import ring
 
 T0, FPS = 1_708_000_000_000_000_000, 30
@@ -82,6 +83,24 @@ def test_exact_marks_give_pose_and_clock(offset_s):
     assert (found.source, found.method, found.drift_ppm) == ("estimated", "marks", 0.0)
     np.testing.assert_allclose(solved.located.wTc, VIEW.wTc, atol=2e-3)
     assert codes(solved) == ["clock_from_marks"] and solved.clock["walk_1"][2] == "estimated"
+
+
+@pytest.mark.parametrize("roll_deg", range(0, 360, 30))
+def test_every_roll_gives_pose_and_clock(roll_deg, monkeypatch):
+    turned = VIEW.at(VIEW.wTc @ pose(rotation_z(np.radians(roll_deg)), np.zeros(3)))
+    monkeypatch.setattr("tests.calibrate.marks.test_clock_from_marks.VIEW", turned)
+    solved = solve(marked([3, 40, 77], 0.31, noise_px=0.5))
+    assert solved.clocks["walk_1"].offset_s == pytest.approx(0.31, abs=0.005)
+    np.testing.assert_allclose(solved.located.wTc, turned.wTc, atol=0.03)
+    assert codes(solved) == ["clock_from_marks"]
+
+
+def test_marks_that_put_the_camera_below_the_floor_say_so():
+    marks = marked([3, 40, 77], 0.31)
+    sunk = Motion(motion().t, T0, motion().xyz - (0, 0, 10.0), NAMES)
+    at = clock_from_marks.places(marks, np.repeat([0.1, 4 / 3, 77 / 30], 16), {"walk_1": sunk}, {})
+    found = clock_from_marks.search(VIEW, at, marks.uv, marks.frame, 8.0, "cam01")
+    assert "the camera is below the floor" in found.why[0] and "floor at 0?" in found.why[0]
 
 
 def test_wrong_marks_do_not_move_the_clock():

@@ -7,7 +7,8 @@ from dior.calibrate.locate import locate, refine
 from dior.calibrate.marks import pnp
 from dior.errors import DiorError
 from dior.geometry import covariance
-from dior.geometry.camera import angle_deg, project
+from dior.geometry.camera import angle_deg, pose, project
+from dior.geometry.multiview import rotation_z
 from tests.rig import camera
 
 VIEW = camera("cam01", (3.0, -2.0, 1.6))
@@ -67,12 +68,31 @@ def test_a_pose_below_the_floor_is_not_taken():
     assert (chosen == VIEW.wTc).all() and "below the floor" in said
 
 
-def test_upside_down_is_named():
-    turned = VIEW.wTc.copy()
-    turned[:3, :3] = VIEW.wRc @ np.diag([-1.0, -1.0, 1.0])
-    assert pnp.implausible(VIEW.at(turned), points()) == "upside down"
-    assert pnp.implausible(VIEW, points()) == ""
-    assert pnp.implausible(VIEW, points() + (20, -14, 0)) == "with marks behind it"
+def rolled(roll_deg):
+    return VIEW.at(VIEW.wTc @ pose(rotation_z(np.radians(roll_deg)), np.zeros(3)))
+
+
+@pytest.mark.parametrize("roll_deg", range(0, 360, 30))
+def test_no_roll_is_impossible(roll_deg):
+    assert pnp.impossible(rolled(roll_deg), points()) == ""
+    assert pnp.impossible(rolled(roll_deg), points() + (20, -14, 0)) == "with marks behind it"
+    assert pnp.upright(rolled(roll_deg).wTc) == (1 if roll_deg in (0, 30, 330) else -1 if 150 <= roll_deg <= 210 else 0)
+
+
+def test_upside_down_breaks_a_tie_and_nothing_else():
+    xyz = points(16, thick=0.6)
+    down = rolled(180)
+    uv = project(down, xyz)[0]
+    # the marks say upside down: an upright pose that fits worse does not win
+    chosen, said = pnp.decide(down, VIEW.wTc, xyz, uv, "marks")
+    assert (chosen == down.wTc).all() and "fits clearly worse" in said
+    # a mirrored twin that fits as well, since the projection is replaced by one that tells nothing
+    far = xyz.mean(axis=0) + 1e-9 * (xyz - xyz.mean(axis=0))
+    level = project(VIEW, far)[0]
+    for first, second in ((VIEW, down), (down, VIEW)):
+        both = np.where(np.isfinite(level), (project(first, far)[0] + project(second, far)[0]) / 2, np.nan)
+        chosen, said = pnp.decide(first, second.wTc, far, both, "marks")
+        assert (chosen == VIEW.wTc).all() and "is upside down" in said
 
 
 def fitted(xyz, uv):

@@ -36,6 +36,18 @@ def test_the_edges_are_those_of_the_bar():
     assert np.abs((found - expected).mean(axis=0)).max() < 0.3
 
 
+def test_somebody_in_a_camera_on_its_side_is_no_taller():
+    pictures, expected = walk(scene(), hide_below=36)
+    lying = pictures.transpose(0, 2, 1, 3)
+    found = silhouettes.edges(lying, 12, silhouettes.empty_scene(lying), standing=0)
+    np.testing.assert_allclose(found, expected[:, [1, 0, 3, 2]], atol=0.6)
+    # a bar four times as long as expected is nobody, in the direction in which people are tall
+    assert np.isnan(silhouettes.edges(lying, 5, silhouettes.empty_scene(lying), standing=0)).all()
+    uv = np.array([[(5.0, 3.0), (9.0, 23.0)], [(6.0, 3.0), (10.0, 23.0)], [(np.nan, 1.0), (2.0, np.nan)]])
+    assert silhouettes.stance(uv) == (20.0, 1) and silhouettes.stance(uv[..., ::-1]) == (20.0, 0)
+    assert np.isnan(silhouettes.stance(uv[2:])[0])
+
+
 def test_light_that_changes_is_no_person():
     gain = 1 + 0.12 * np.sin(np.arange(30))
     pictures, expected = walk(scene(), gain)

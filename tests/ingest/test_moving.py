@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from dior.release import faces, moving
+from dior.ingest import moving
+from dior.release import faces
 
 HEIGHT, WIDTH = 96, 128
 

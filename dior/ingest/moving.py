@@ -205,13 +205,3 @@ def groups(mask: Mask, join_px: float, least: int, near: Mask | None = None) -> 
             across, down = (np.flatnonzero(inside.any(axis=axis)) for axis in (0, 1))
             found.append((u + across[0], v + down[0], u + across[-1] + 1, v + down[-1] + 1))
     return np.array(found, int).reshape(-1, 4)
-
-
-def in_ellipse(mask: Mask, box: Floats) -> tuple[Bools, Mask]:
-    """Which pixels of the ellipse in a box (4,) lie in the mask's picture, as a bool array of the box's part of it, and
-    that part of the mask."""
-    from dior.release import head_blur
-
-    rows, columns = head_blur.inside((*np.floor(box[:2]), *np.ceil(box[2:])), *mask.shape)
-    at = np.arange(rows.start, rows.stop), np.arange(columns.start, columns.stop)
-    return head_blur.ellipse(box, *at), mask[rows, columns]
