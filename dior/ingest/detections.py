@@ -30,6 +30,7 @@ from dior.tables import result_checksums, tables
 FEW = 0.1
 # a body is larger than this in pixels, and no larger in fractions of the picture
 FRACTIONS_END = 3.0
+SAY_SO = "say so in `detections_checked` of session.yaml"
 # columns of `frames`
 NEEDED = ["camera", "frame", "stamp_ns", "restored_s", "width", "height"]
 
@@ -45,11 +46,13 @@ def run(
     findings: Path,
     out_people: Path | None = None,
     data_root: Path | None = None,
+    looked_at: list[str] | None = None,
 ) -> None:
     """Write the subject's detections of `cameras`, those whose detections are used. See the module's docstring.
 
     `format` is auto or a key of READERS; the bags of `frames` are below `data_root`, without which the detections are
-    not compared with the pictures. Raises DiorError for a missing file, a wrong format, frames or stamps of another
+    not compared with the pictures; `looked_at`: cameras of which somebody says that they lie on them, so that the
+    comparison only warns. Raises DiorError for a missing file, a wrong format, frames or stamps of another
     recording, a camera in which nobody was ever found, and detections that do not lie on the pictures.
     """
     if not cameras:
@@ -80,7 +83,12 @@ def run(
         if data_root:
             uv, score = (parts[-1][key].reshape(len(stamps_ns), -1) for key in ("u", "score"))
             uv = np.stack([uv, parts[-1]["v"].reshape(uv.shape)], axis=-1)
-            found = on_pictures.check(uv, score, people.joints, mine, data_root, path, where)
+            try:
+                found = on_pictures.check(uv, score, people.joints, mine, data_root, path, where)
+            except on_pictures.OffPictures as wrong:
+                if camera not in (looked_at or []):
+                    raise DiorError(f"{wrong}. If you have looked and they are right, {SAY_SO}") from None
+                found = [("warning", "detections_off_pictures", f"{wrong}. `detections_checked` lets them pass")]
             seen += [(f"{sequence}/{camera}", severity, code, f"{camera}: {text}") for severity, code, text in found]
     tables.write(out, "detections", _concatenated(parts))
     if out_people:

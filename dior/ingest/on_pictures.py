@@ -67,6 +67,10 @@ class Alternative:
     frames: int = 0
 
 
+class OffPictures(DiorError):
+    """The detections clearly do not lie on the pictures."""
+
+
 def _scaled(by: float) -> Change:
     return lambda uv, size: (uv + 0.5) * by - 0.5
 
@@ -273,14 +277,14 @@ def verdict(
     if better.any():
         # a slip of a few frames more or less moves the body in fewer or more of the pictures
         best = int(np.argmax(np.where(better, found.gain * found.count, -np.inf)))
-        raise DiorError(
+        raise OffPictures(
             f"{where}: the detections fit the pictures when {others[best].words}: what moves and the body then have "
             f"{found.other[best]:.0%} in common, {ORDINARY} {found.score[best]:.0%} ({found.count[best]} pictures); "
             f"{others[best].remedy}"
         )
     _, t, count, score, _ = found.elsewhen
     if count and t > -SURE and score < NOWHERE:
-        raise DiorError(
+        raise OffPictures(
             f"{where}: the detections lie nowhere near what moves in the pictures ({score:.0%} in common in {count} "
             "pictures, no more than those of another moment), nor do they turned, mirrored, rescaled or shifted by up "
             f"to {SLIPS[-1]} frames; are they of another camera or recording?"

@@ -170,6 +170,10 @@ class Project:
         """Cameras whose pictures are released although dior does not say that the heads are covered: name -> reason."""
         return self.session_files[session].get("heads_checked", {})
 
+    def detections_checked(self, session: str) -> dict[str, str]:
+        """Cameras whose detections are used although dior says that they lie beside the pictures: name -> reason."""
+        return self.session_files[session].get("detections_checked", {})
+
     def tag_sequence(self, session: str) -> str:
         """The sequence in whose pictures the AprilTag lies."""
         return self.session_files[session].get("tag", {}).get("sequence") or self.shaping(session)[0]

@@ -92,7 +92,7 @@ def check_sessions(project: Project, lines: dict[str, int]) -> None:
         _check_tag(project, session)
         _check_facts(project, session)
         _check_mocap(project, session)
-        _check_heads_checked(project, session)
+        _check_looked_at(project, session)
         for camera in project.cameras(session):
             _check_marks(project, session, camera)
             _check_align(project, session, camera)
@@ -251,13 +251,16 @@ def _check_name(row: Row, people: Rows, where: str) -> None:
     _check_words(row, ("outfit", "walk"), people, where)
 
 
-def _check_heads_checked(project: Project, session: str) -> None:
-    """Cameras that there are, and reasons that tell nobody's name: the release shows them."""
+def _check_looked_at(project: Project, session: str) -> None:
+    """Cameras that there are, and reasons that tell nobody's name: a release shows them."""
     shown, cameras = project.session_file(session), project.cameras(session)
-    for camera, reason in project.heads_checked(session).items():
-        if camera not in cameras:
-            raise DiorError(f"{shown}: heads_checked names '{camera}', no camera of it{nearest(camera, cameras)}")
-        _check_words({f"heads_checked {camera}": reason}, (f"heads_checked {camera}",), project.pseudonyms, shown)
+    reasons = {"heads_checked": project.heads_checked(session)}
+    reasons["detections_checked"] = project.detections_checked(session)
+    for key, of_cameras in reasons.items():
+        for camera, reason in of_cameras.items():
+            if camera not in cameras:
+                raise DiorError(f"{shown}: {key} names '{camera}', no camera of it{nearest(camera, cameras)}")
+            _check_words({f"{key} {camera}": reason}, (f"{key} {camera}",), project.pseudonyms, shown)
 
 
 def _check_words(row: Row, columns: Iterable[str], people: Iterable[str], where: str) -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from dior.body.names import BODY_25, BODY_25B, COCO_18, MLKIT_33
 from dior.errors import DiorError
-from dior.ingest import detections
+from dior.ingest import detections, on_pictures
 from dior.ingest.readers import mlkit, openpose
 from dior.tables import tables
 
@@ -64,7 +64,7 @@ def write_openpose(folder, files):
         (folder / name).write_text(json.dumps({"version": 1.3, "people": found}))
 
 
-def run(tmp_path, pattern, cameras=("cam01",), format="auto", count=5, **columns):
+def run(tmp_path, pattern, cameras=("cam01",), format="auto", count=5, how=None, **columns):
     frame = np.tile(np.arange(count), len(cameras))
     tables.write(tmp_path / "frames.parquet", "frames", {
         "camera": np.repeat(np.array(cameras, object), count), "frame": frame, "stamp_ns": stamp(frame),
@@ -72,6 +72,7 @@ def run(tmp_path, pattern, cameras=("cam01",), format="auto", count=5, **columns
     detections.run(
         sequence="walk", pattern=str(tmp_path / pattern), cameras=list(cameras), format=format,
         frames=tmp_path / "frames.parquet", out=tmp_path / "out.parquet", findings=tmp_path / "out.findings.parquet",
+        **(how or {}),
     )  # fmt: skip
     found = tables.read(tmp_path / "out.findings.parquet", "findings")
     return tables.read(tmp_path / "out.parquet", "detections"), dict(zip(found["code"], found["text"], strict=True))
@@ -158,6 +159,18 @@ def test_openpose_subject_among_several(tmp_path):
     assert "more than one person in 12 of 13 frames" in findings["several_people"]
     assert "ambiguous in 0" in findings["several_people"]
     assert "in 1 of 13 frames only somebody else" in findings["subject_left_out"]
+
+
+def test_detections_that_do_not_lie_on_the_pictures_pass_where_somebody_has_looked(tmp_path, monkeypatch):
+    def off(*_):
+        raise on_pictures.OffPictures("walk, cam01: the detections fit the pictures when mirrored")
+
+    monkeypatch.setattr(on_pictures, "check", off)
+    write_lines(tmp_path / "cam01.jsonl", [line(0), line(1)])
+    with pytest.raises(DiorError, match="mirrored. If you have looked and they are right, say so in `detections_ch"):
+        run(tmp_path, "{camera}.jsonl", how={"data_root": tmp_path})
+    _, findings = run(tmp_path, "{camera}.jsonl", how={"data_root": tmp_path, "looked_at": ["cam01"]})
+    assert "mirrored. `detections_checked` lets them pass" in findings["detections_off_pictures"]
 
 
 def test_missing_file_names_the_path_tried(tmp_path):

@@ -760,15 +760,16 @@ def test_a_word_that_is_like_none_gets_no_suggestion():
     assert nearest("robost", ["robust", "rays"]) == " (did you mean 'robust'?)"
 
 
-def test_who_has_looked_at_the_heads_is_told_by_camera(root):
+@pytest.mark.parametrize("key", ["heads_checked", "detections_checked"])
+def test_who_has_looked_is_told_by_camera(root, key):
     path = root / "config/sessions/field/session.yaml"
     before = path.read_text()
-    path.write_text(before + "heads_checked: {cam03: all of out_1 looked at}\n")
-    assert project.load(root).heads_checked("field") == {"cam03": "all of out_1 looked at"}
-    assert project.load(root).heads_checked("lab") == {}
-    path.write_text(before + "heads_checked: {cam30: all of out_1 looked at}\n")
-    fails(root, "field/session.yaml: heads_checked names 'cam30', no camera of it", "did you mean 'cam03'")
-    path.write_text(before + "heads_checked: {cam03: S01 has looked at them}\n")
-    fails(root, "heads_checked cam03 'S01 has looked at them' must not hold the name of subject 'S01'")
-    path.write_text(before + "heads_checked: {cam03: yes}\n")
-    fails(root, "field/session.yaml", "heads_checked")
+    path.write_text(before + f"{key}: {{cam03: all of out_1 looked at}}\n")
+    assert getattr(project.load(root), key)("field") == {"cam03": "all of out_1 looked at"}
+    assert getattr(project.load(root), key)("lab") == {}
+    path.write_text(before + f"{key}: {{cam30: all of out_1 looked at}}\n")
+    fails(root, f"field/session.yaml: {key} names 'cam30', no camera of it", "did you mean 'cam03'")
+    path.write_text(before + f"{key}: {{cam03: S01 has looked at them}}\n")
+    fails(root, f"{key} cam03 'S01 has looked at them' must not hold the name of subject 'S01'")
+    path.write_text(before + f"{key}: {{cam03: yes}}\n")
+    fails(root, "field/session.yaml", key)

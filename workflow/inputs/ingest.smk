@@ -67,6 +67,11 @@ def prefix_fingerprint(wildcards):
     return fingerprint(prefix)(wildcards) if prefix else ""
 
 
+def detections_checked(wildcards):
+    """Cameras of whose detections somebody says that they lie on the pictures."""
+    return sorted(PROJECT.detections_checked(session_of(wildcards)))
+
+
 def subjects_sheet(wildcards):
     return "config/subjects.tsv"
 

@@ -115,6 +115,7 @@ rule detections:
         cameras=close_names,
         format=detection_format,
         data_root=data_root,
+        looked_at=detections_checked,
         contents=contents_of(brought_detections, recorded(bags)),
         code=code("ingest.detections"),
     shell:
