@@ -35,6 +35,7 @@ rule triangulate:
     output:
         out="results/triangulate/{sequence}.parquet",
         out_swaps="results/triangulate/{sequence}.swaps.parquet",
+        out_detections="results/triangulate/{sequence}.detections.parquet",
         findings="results/triangulate/{sequence}.findings.parquet",
     log:
         "logs/triangulate/{sequence}.log",
