@@ -389,7 +389,11 @@ def test_marks_without_3d_points_need_the_mocap(root):
         ("people/oat_1.yaml", POINTED, ["config/people/oat_1.yaml: 'oat_1' is not in config/sequences.tsv", "'out_1'"]),
         ("people/out_1.yaml", POINTED.replace("01", "1"), ["seed 1: 'cam1' is no close camera of this", "'cam01'"]),
         ("people/out_1.yaml", POINTED.replace("01", "03"), ["seed 1: 'cam03' is no close camera of this sequence"]),
-        ("people/out_1.yaml", POINTED.replace("5, u", "5.5, u"), ["'seeds.0.frame' is 5.5 but should be a whole number"]),
+        (
+            "people/out_1.yaml",
+            POINTED.replace("5, u", "5.5, u"),
+            ["'seeds.0.frame' is 5.5 but should be a whole number"],
+        ),
         ("people/out_1.yaml", "seeds: []\n", ["'seeds' is [] but should be a list of 1 or more values"]),
         ("people/in_1.yaml", POINTED, ["'in_1' is indoor, where the motion capture says where the subject is"]),
         ("boxes/out_1.cam3.csv", "", ["'cam3' is no camera of session 'field' (did you mean 'cam03'?)"]),
