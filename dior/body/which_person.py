@@ -24,6 +24,7 @@ from dior.geometry.camera import Camera
 PER_S = 6.0  # bodies are looked for so many times a second; chosen: a walker moves by 0.2 m meanwhile
 MEMORY_S = 1.5  # a body that is not seen for longer is not followed; chosen, as of the tracks in one camera
 KNOWN = 3  # a track that a path had so often is its own; chosen: half a second
+HANDED_ON = 0.5  # chosen: see `_paths`
 HISTORY_S = 2.0  # of whose detections a body was; chosen: longer than people hide each other in passing
 # how far a body can be from where it was expected: at once, and more per second; chosen: a walker's change of pace
 REACH_M, SPEED_M_S = 0.35, 1.5
@@ -175,9 +176,11 @@ def _paths(found: Sequence[list[Sighting]], track: Ints, fps: float) -> list[_Pa
     """Bodies followed from instant to instant: those whose detections go on and that are where they can be.
 
     Where people hide each other, detections of two may meet in one body for a moment. So a body goes on with the path
-    that had more of its detections' tracks several times in the last seconds.
+    that had more of its detections' tracks several times in the last seconds; a track that another has had since counts
+    half, since a camera that sees one person before the other does not notice that it was handed on.
     """
     paths: list[_Path] = []
+    holder: dict[tuple[int, int], _Path] = {}
     past = round(HISTORY_S * fps)
     for bodies in found:
         if not bodies:
@@ -187,7 +190,11 @@ def _paths(found: Sequence[list[Sighting]], track: Ints, fps: float) -> list[_Pa
         for i, path in enumerate(open_):
             before = Counter(one for body in path.sightings[-past:] for one in _tracks(body, track))
             for j, body in enumerate(bodies):
-                shared = sum(min(before[one], KNOWN) for one in _tracks(body, track)) / KNOWN
+                shared = sum(
+                    min(before[one], KNOWN) / KNOWN * (1.0 if holder[one] is path else HANDED_ON)
+                    for one in _tracks(body, track)
+                    if one in before
+                )
                 off = _off(path, body, fps)
                 if shared and off <= 1:
                     ways.append((off - shared, i, j))
@@ -198,6 +205,7 @@ def _paths(found: Sequence[list[Sighting]], track: Ints, fps: float) -> list[_Pa
                 done[1].add(j)
                 open_[i].sightings.append(bodies[j])
         paths += [_Path([body]) for j, body in enumerate(bodies) if j not in done[1]]
+        holder |= {one: path for path in paths if path.last in bodies for one in _tracks(path.last, track)}
     return paths
 
 
@@ -292,7 +300,7 @@ def _subject(
     most = max(len(person.sightings) + person.perhaps for person in sure)
     rivals = [person for person in sure if len(person.sightings) + person.perhaps >= PASSING * most]
     chosen = _decided(rivals, found, height_m, height_sigma_m, fps)
-    if chosen is None:
+    if chosen is None or _doubted(chosen, found, fps):
         return [], [], [path for person in people for path in person.paths]
     own = list(chosen.paths)
     others: list[_Path] = []
@@ -338,6 +346,17 @@ def _way(bodies: list[Sighting]) -> float:
     places = np.array([body.place[:2] for body in _together(bodies) or bodies])
     low, high = np.quantile(places, (0.1, 0.9), axis=0)
     return float(np.linalg.norm(high - low))
+
+
+def _doubted(person: _Person, found: Sequence[list[Sighting]], fps: float) -> bool:
+    """Whether only some views speak for a person, while another sees somebody else, and never all for `UNANIMOUS_S`."""
+    against = 0
+    for body in person.sightings:
+        lacking = body.members < 0
+        against += any(other.alone and (other.members[lacking] >= 0).any() for other in found[body.t])
+    sightings = len(person.sightings)
+    split = against > sightings / 2 or not _together(person.sightings)
+    return split and _unanimous(person, found) < UNANIMOUS_S * fps
 
 
 def _unanimous(person: _Person, found: Sequence[list[Sighting]]) -> int:

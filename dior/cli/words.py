@@ -81,6 +81,7 @@ TEXTS = {
     "out_cmc": CSV,
     "out_costs": TABLE,
     "out_covariance": TABLE,
+    "out_detections": TABLE,
     "out_dropped": TABLE,
     "out_frames": TABLE,
     "out_gains": TABLE,

@@ -87,6 +87,37 @@ def picked(seen: Seen, choice: Choice) -> tuple[Floats, Floats]:
     return np.where(none[..., None, None], np.nan, uv), score
 
 
+def of_subject(
+    detections: Table, everybody: Table | None, seen: Seen, choice: Choice | None, cameras: Sequence[str], frames: Ints
+) -> Table:
+    """The table `detections` with the chosen people, nobody where none is the subject; `frames` (V, T)."""
+    if choice is None:
+        return detections
+    out = {key: values.copy() for key, values in detections.items()}
+    joints = len(seen.names)
+    for view, name in enumerate(cameras):
+        rows = np.flatnonzero(detections["camera"] == name).reshape(-1, joints)
+        here = np.flatnonzero(frames[view] >= 0)
+        at = np.searchsorted(frames[view, here], np.arange(len(rows))).clip(max=len(here) - 1)
+        pick = np.where(choice.state == 0, choice.pick[view], -1)
+        chosen = np.where(pick >= 0, seen.track[view, np.maximum(pick, 0), np.arange(len(pick))], -1)
+        wanted = chosen[here[at]] if len(here) else np.full(len(rows), -1)
+        mine = None if everybody is None else tables.of_camera(everybody, name)
+        if mine is None or not len(mine["frame"]):
+            lost = rows[wanted < 0].ravel()
+        else:
+            lost = rows.ravel()
+        out["person"][lost] = -1
+        for key in ("u", "v", "score"):
+            out[key][lost] = np.nan
+        if mine is not None and len(mine["frame"]):
+            keep = np.flatnonzero(wanted[mine["frame"]] == mine["track"])
+            to = rows[mine["frame"][keep], keep % joints]
+            for key in ("person", "u", "v", "score"):
+                out[key][to] = mine[key][keep]
+    return out
+
+
 def seeds_of(path: AnyPath | None, seen: Seen, cameras: Sequence[str], frames: Ints) -> list[Seed]:
     """The `Seed`s of a file; `frames` (V, T): each instant's picture.
 

@@ -3,6 +3,7 @@
 INPUTS   cameras (`cameras` tables), detections, everybody in the pictures (`detected_people`), timeline; the subject's
          height (subjects.tsv) and config/people/<sequence>.yaml, where there are any
 OUTPUTS  `skeletons_3d`: one row per instant and joint; `swaps`: which detections had left and right exchanged;
+         `detections` again, of whom was chosen;
          `findings`: what a person should know about them
 Where there is anybody else, the subject's detections are chosen now that the cameras are known (`which_person`); else
 they are those of `detections`. World frame, metres. Two methods: `rays`, the paper's intersection, and `robust`, the
@@ -98,6 +99,7 @@ def run(
     everybody_seen: Path | None = None,
     people: Path | None = None,
     seeds: Path | None = None,
+    out_detections: Path | None = None,
 ) -> None:
     """Triangulate one sequence from the cameras `names`, whose poses are in the `cameras` tables.
 
@@ -120,6 +122,9 @@ def run(
     choice = which_person.choose(rig, seen, height_m, height_sigma_m, pointed)
     if choice:
         uv, score = everybody.picked(seen, choice)
+    if out_detections:
+        mine = everybody.of_subject(detected, others, seen, choice, names, frames)
+        tables.write(out_detections, "detections", mine)
     swapped = np.zeros(uv.shape[:3], bool)
     mistaken = np.zeros(uv.shape[:3], bool)
     if method == "robust":

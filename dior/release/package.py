@@ -109,7 +109,10 @@ def run(
         "covers": {name.removesuffix(".covers"): path for name, path in _by_name(of_walks.covers, "covers").items()},
         "skeletons": _by_name(of_walks.skeletons, "skeletons"),
         "frames": _by_name(of_walks.frames, "frames"),
-        "detections": _by_name(of_walks.detections, "detections"),
+        # those that triangulate chose are called <sequence>.detections
+        "detections": {
+            name.partition(".")[0]: path for name, path in _by_name(of_walks.detections, "detections").items()
+        },
         "checksums": _by_name(of_walks.provenance, "checksums"),
     }
     needed = {name: _of(found["frames"], name, "frames") for name in loaded.released_sequences}

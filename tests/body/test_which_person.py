@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from benchmarks import two_walkers
+from benchmarks import which_person as benchmark
 from dior.body import people_seen, which_person
 from dior.body.which_person import OWN, STRANGER, UNDECIDED, Seed, Seen
 from dior.ingest import people as tracking
@@ -154,3 +155,26 @@ def test_one_view_alone_tells_where_somebody_stands():
     hips = capture.points[0, ::30, 23:25].mean(axis=1)
     off = [np.linalg.norm((bodies[0].place - hips[t])[:2]) for t, bodies in enumerate(found)]
     assert all(bodies[0].alone for bodies in found) and np.median(off) < 0.4
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("level", ["ideal", "real"])
+@pytest.mark.parametrize("kind", two_walkers.KINDS)
+def test_the_step_labels_the_subject_and_nobody_else(kind, level):
+    """Two seeds of each kind; `python -m benchmarks.which_person` has 20."""
+    each = [benchmark.one(kind, level, seed) for seed in (0, 1)]
+    ok, right, in_two, kept, strange, suspect = sum(counts for counts, _, _ in each)
+    said = {code for _, codes, _ in each for code in codes} & set(benchmark.WARNINGS)
+    if kind in ("same_build", "two_cameras"):
+        assert ok == 0 and suspect > 0 and said == {"who_is_subject"}
+    else:
+        assert right >= 0.98 * ok and strange <= 0.0005 * ok and kept >= 0.9 * in_two
+        assert said == ({"somebody_else"} if kind == "another" else set())
+
+
+@pytest.mark.slow
+def test_a_fourth_camera_is_no_obstacle():
+    capture = two_walkers.make("mostly_one_camera", "ideal", 0, views=4, taller=0.07)
+    seen, owner = seen_of(capture)
+    choice = which_person.choose(capture.cameras, seen, capture.height_m, 0.01)
+    assert (choice.state == OWN).all() and ((picked(owner, choice) == 0) == (owner[:, 0] == 0)).mean() > 0.98

@@ -83,7 +83,8 @@ def _reprojection(project, seen):
     parts = []
     for sequence in sorted(set(seen["sequence"])):
         path, exchanged = (
-            project / f"results/{name}.parquet" for name in (f"detections/{sequence}", f"triangulate/{sequence}.swaps")
+            project / f"results/{name}.parquet"
+            for name in (f"triangulate/{sequence}.detections", f"triangulate/{sequence}.swaps")
         )
         if not exchanged.exists():
             continue

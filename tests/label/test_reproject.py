@@ -105,6 +105,20 @@ def test_every_status_has_its_meaning(tmp_path):
     assert np.isnan(u[[1, 2, 5]]).all() and np.isfinite(u[[0, 3, 4]]).all()
 
 
+def test_a_picture_beside_what_is_left_open_is_left_open(tmp_path):
+    """Ten instants of 10 ms are suspect; before them one is missing for another reason."""
+    points = moving(60)
+    points[19:30] = np.nan
+    status = np.full((60, 2), "ok", object)
+    status[19], status[20:30] = "too_few_views", "suspect"
+    times = np.array([0.185, 0.189, 0.195, 0.25, 0.295, 0.305])
+    inputs(tmp_path, camera("cam01", (4.0, 0.0, 1.5)), points, times, status=status)
+    table = run(tmp_path)
+    words = ["missing_3d", "missing_3d", "suspect", "suspect", "suspect", "ok"]
+    assert table["status"].reshape(6, 2)[:, 0].tolist() == words
+    assert np.isnan(table["u"].reshape(6, 2)[:5]).all() and set(table["source"][:10]) == {""}
+
+
 def test_nothing_is_made_up_across_a_gap(tmp_path):
     points = moving(60)
     points[20] = np.nan

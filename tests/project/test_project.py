@@ -94,6 +94,9 @@ def root(tmp_path):
     return tmp_path
 
 
+POINTED = "seeds: [{camera: cam01, frame: 5, u: 1.5, v: 2}]\n"
+
+
 def edit(root, name, old, new, count=1):
     path = root / "config" / name
     text = path.read_text()
@@ -383,6 +386,16 @@ def test_marks_without_3d_points_need_the_mocap(root):
         ),
         ("offsets/out_1.yaml", "cam01: {ofset_s: 0}\n", ["unknown key 'cam01.ofset_s' (did you mean 'offset_s'?)"]),
         ("offsets/out_1.yaml", "cam01: {offset_s: 1e-3}\n", ["'cam01.offset_s' is '1e-3' but should be a number"]),
+        ("people/oat_1.yaml", POINTED, ["config/people/oat_1.yaml: 'oat_1' is not in config/sequences.tsv", "'out_1'"]),
+        ("people/out_1.yaml", POINTED.replace("01", "1"), ["seed 1: 'cam1' is no close camera of this", "'cam01'"]),
+        ("people/out_1.yaml", POINTED.replace("01", "03"), ["seed 1: 'cam03' is no close camera of this sequence"]),
+        (
+            "people/out_1.yaml",
+            POINTED.replace("5, u", "5.5, u"),
+            ["'seeds.0.frame' is 5.5 but should be a whole number"],
+        ),
+        ("people/out_1.yaml", "seeds: []\n", ["'seeds' is [] but should be a list of 1 or more values"]),
+        ("people/in_1.yaml", POINTED, ["'in_1' is indoor, where the motion capture says where the subject is"]),
         ("boxes/out_1.cam3.csv", "", ["'cam3' is no camera of session 'field' (did you mean 'cam03'?)"]),
         ("boxes/oat_1.cam03.csv", "", ["'oat_1' is not in config/sequences.tsv (did you mean 'out_1'?)"]),
         ("checks/out_1.csv", "", ["<sequence>.<camera>.csv"]),
@@ -394,6 +407,7 @@ def test_marks_without_3d_points_need_the_mocap(root):
     ],
 )
 def test_errors_of_files_beside(root, file, text, parts):
+    (root / "config/people").mkdir()
     (root / "config" / file).write_text(text)
     fails(root, f"config/{file}", *parts)
 

@@ -119,8 +119,9 @@ def two(folder, **more):
 
 
 def test_what_cannot_be_told_is_suspect_and_asks_for_a_seed(tmp_path):
-    _, _, _, table, said = two(tmp_path)
+    _, _, _, table, said = two(tmp_path, out_detections=tmp_path / "chosen.parquet")
     assert set(table["status"]) == {"suspect"} and np.isnan(table["x"]).all()
+    assert np.isnan(tables.read(tmp_path / "chosen.parquet", "detections")["u"]).all()
     assert "frames 0 to 59" in said["who_is_subject"] and "config/people/walk_1.yaml" in said["who_is_subject"]
     assert "height_m" in said["who_is_subject"]
 
@@ -130,7 +131,11 @@ def test_a_seed_labels_whom_it_points_at(tmp_path):
     cameras, points, mine, *_ = two(tmp_path)
     u, v = np.nanmean(mine[2, 30], axis=0)
     seeds.write_text(f"seeds: [{{camera: {cameras[2].name}, frame: 30, u: {u:.1f}, v: {v:.1f}}}]")
-    _, _, _, table, said = two(tmp_path, seeds=seeds)
+    chosen = tmp_path / "chosen.parquet"
+    _, _, _, table, said = two(tmp_path, seeds=seeds, out_detections=chosen)
+    written = tables.read(chosen, "detections")
+    uv = np.stack([written["u"], written["v"]], axis=-1).reshape(mine.shape)
+    assert np.nanmax(np.abs(uv - mine)) < 1e-3 and (written["person"] == 0).all()
     xyz, _ = tables.grid(table, "x", "y", "z")
     assert (table["status"] == "ok").mean() > 0.98 and "who_is_subject" not in said
     assert np.nanmax(np.linalg.norm(xyz - points, axis=-1)) < 0.1

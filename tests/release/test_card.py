@@ -49,7 +49,7 @@ def test_the_card(built):
         for column in tables.columns_of(name):
             assert f"| {column} |" in body
     assert "| u | float32 | px |" in body and "| wTc | 16 x float64 | m |" in body
-    assert "| status | string |  | ok, out_of_frame, behind_camera, missing_3d, occluded |" in body
+    assert "| status | string |  | ok, out_of_frame, behind_camera, missing_3d, occluded, suspect |" in body
     assert "no_consent, head_unknown, head_uncertain, head_red, head_unseen, head_beside, not_readable" in body
     assert "heads are covered. Who released it" not in body
     assert "simulated" not in body.split("## What is in it")[0]

@@ -89,8 +89,13 @@ def released_marks():
 
 
 def released_detections():
+    """Of the subject: outdoors as it was chosen."""
     return [
-        f"results/detections/{sequence}.parquet"
+        (
+            f"results/detections/{sequence}.parquet"
+            if PROJECT.indoor(sequence)
+            else f"results/triangulate/{sequence}.detections.parquet"
+        )
         for sequence in PROJECT.released_sequences
         if PROJECT.detections_pattern(sequence)
     ]

@@ -8,7 +8,7 @@ def own_label(wildcards):
 def own_detections(wildcards):
     session = session_of(wildcards)
     drawn = not PROJECT.indoor(wildcards.sequence) and wildcards.camera in PROJECT.close(session)
-    return f"results/detections/{wildcards.sequence}.parquet" if drawn else []
+    return f"results/triangulate/{wildcards.sequence}.detections.parquet" if drawn else []
 
 
 def own_swaps(wildcards):

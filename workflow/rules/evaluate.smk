@@ -11,7 +11,7 @@ rule moved:
     """Look for a camera that moved in the course of a session."""
     input:
         cameras=watched_cameras,
-        detections=watched("detections/{sequence}.parquet"),
+        detections=watched("triangulate/{sequence}.detections.parquet"),
         timelines=watched("timeline/{sequence}.parquet"),
         swaps=watched("triangulate/{sequence}.swaps.parquet"),
     output:
@@ -35,7 +35,7 @@ rule evaluate:
     input:
         labels=labels,
         skeleton=skeleton,
-        detections=outdoor_only("results/detections/{sequence}.parquet"),
+        detections=outdoor_only("results/triangulate/{sequence}.detections.parquet"),
         swaps=outdoor_only("results/triangulate/{sequence}.swaps.parquet"),
         boxes=hand_boxes,
         checks=hand_checks,

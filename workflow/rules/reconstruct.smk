@@ -36,6 +36,7 @@ rule triangulate:
     output:
         out="results/triangulate/{sequence}.parquet",
         out_swaps="results/triangulate/{sequence}.swaps.parquet",
+        out_detections="results/triangulate/{sequence}.detections.parquet",
         findings="results/triangulate/{sequence}.findings.parquet",
     log:
         "logs/triangulate/{sequence}.log",
