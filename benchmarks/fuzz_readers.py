@@ -175,6 +175,7 @@ def _detections(key: str) -> Reader:
     def read(path: Path, folder: Path) -> None:
         named = path.parent if path.parent.name in ("openpose", "yolo", "solutions", "text") else path
         detections.run(
+            looked_at=[],
             sequence="walk", pattern=str(named), cameras=["cam01"], format="auto", frames=folder / "frames.parquet",
             out=folder / "out.parquet", findings=folder / "findings.parquet",
         )  # fmt: skip

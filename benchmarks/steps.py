@@ -83,7 +83,7 @@ def _record(capture, walk):
             trigger_log=None, out=capture.made("mocap", walk.name),
         )  # fmt: skip
     detections.run(
-        sequence=walk.name, pattern=str(data / f"{walk.name}/mlkit/{{camera}}.jsonl"),
+        looked_at=[], sequence=walk.name, pattern=str(data / f"{walk.name}/mlkit/{{camera}}.jsonl"),
         cameras=capture.project.close(walk.session), format="mlkit", frames=frames,
         out=capture.made("detections", walk.name), findings=capture.made("detections", walk.name, ".findings"),
     )  # fmt: skip

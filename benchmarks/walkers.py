@@ -92,6 +92,7 @@ def _record(job):
     simulate.write_detections(settings, walk, motion.height, views, others, data)
     close = capture.project.close(walk.session)
     detections.run(
+        looked_at=[],
         sequence=name, pattern=str(data / f"{name}/mlkit/{{camera}}.jsonl"), cameras=close, format="mlkit",
         frames=frames, out=capture.made("detections", name), findings=capture.made("detections", name, ".findings"),
     )  # fmt: skip

@@ -42,11 +42,11 @@ def run(
     cameras: list[str],
     format: str,
     frames: Path,
+    looked_at: list[str],
     out: Path,
     findings: Path,
     out_people: Path | None = None,
     data_root: Path | None = None,
-    looked_at: list[str] | None = None,
 ) -> None:
     """Write the subject's detections of `cameras`, those whose detections are used. See the module's docstring.
 
@@ -86,7 +86,7 @@ def run(
             try:
                 found = on_pictures.check(uv, score, people.joints, mine, data_root, path, where)
             except on_pictures.OffPictures as wrong:
-                if camera not in (looked_at or []):
+                if camera not in looked_at:
                     raise DiorError(f"{wrong}. If you have looked and they are right, {SAY_SO}") from None
                 found = [("warning", "detections_off_pictures", f"{wrong}. `detections_checked` lets them pass")]
             seen += [(f"{sequence}/{camera}", severity, code, f"{camera}: {text}") for severity, code, text in found]

@@ -158,7 +158,7 @@ def test_the_step_writes_what_detections_reads(tmp_path, crop, within):
     assert (tmp_path / "cam01.json").read_bytes() == first
     assert [one["image_id"] for one in json.loads(first)] == [0, 1, 3]
     detections.run(
-        sequence="walk", pattern=str(tmp_path / "{camera}.json"), cameras=["cam01"], format="coco",
+        looked_at=[], sequence="walk", pattern=str(tmp_path / "{camera}.json"), cameras=["cam01"], format="coco",
         frames=tmp_path / "indexed.parquet", out=tmp_path / "out.parquet", findings=tmp_path / "f.parquet",
     )  # fmt: skip
     grid, joints = tables.grid(tables.read(tmp_path / "out.parquet", "detections"), "u", "v")

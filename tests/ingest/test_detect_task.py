@@ -93,7 +93,7 @@ def test_landmarks_come_out_in_recorded_pixels(tmp_path, monkeypatch):
     assert landmarker.closed and asked[0]["base_options"] == {"model_asset_path": str(tmp_path / "pose.task")}
     assert asked[0]["running_mode"] == "IMAGE" and asked[0]["num_poses"] == 3
     detections.run(
-        sequence="walk", pattern=str(tmp_path / "{camera}.json"), cameras=["cam01"], format="coco",
+        looked_at=[], sequence="walk", pattern=str(tmp_path / "{camera}.json"), cameras=["cam01"], format="coco",
         frames=arguments["frames"], out=tmp_path / "out.parquet", findings=tmp_path / "f.parquet",
     )  # fmt: skip
     grid, joints = tables.grid(tables.read(tmp_path / "out.parquet", "detections"), "u", "v", "score")

@@ -72,7 +72,7 @@ def run(tmp_path, pattern, cameras=("cam01",), format="auto", count=5, how=None,
     detections.run(
         sequence="walk", pattern=str(tmp_path / pattern), cameras=list(cameras), format=format,
         frames=tmp_path / "frames.parquet", out=tmp_path / "out.parquet", findings=tmp_path / "out.findings.parquet",
-        **(how or {}),
+        **({"looked_at": []} | (how or {})),
     )  # fmt: skip
     found = tables.read(tmp_path / "out.findings.parquet", "findings")
     return tables.read(tmp_path / "out.parquet", "detections"), dict(zip(found["code"], found["text"], strict=True))
@@ -286,7 +286,7 @@ def run_real(shared, tmp_path, pattern, cameras=CAMERAS):
         "stamp_ns": T0 + np.rint(frame * 1e9 / 60).astype(np.int64),
     })  # fmt: skip
     detections.run(
-        sequence="beam", pattern=str(pattern), cameras=list(cameras), format="auto",
+        looked_at=[], sequence="beam", pattern=str(pattern), cameras=list(cameras), format="auto",
         frames=tmp_path / "frames.parquet", out=tmp_path / "out.parquet", findings=tmp_path / "out.findings.parquet",
     )  # fmt: skip
     findings = tables.read(tmp_path / "out.findings.parquet", "findings")

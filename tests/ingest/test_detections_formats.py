@@ -27,6 +27,7 @@ def run(tmp_path, path, format="auto", count=FRAMES):
     }  # fmt: skip
     tables.write(tmp_path / "frames.parquet", "frames", columns)
     detections.run(
+        looked_at=[],
         sequence="walk", pattern=str(path), cameras=["cam01"], format=format, frames=tmp_path / "frames.parquet",
         out=tmp_path / "out.parquet", findings=tmp_path / "out.findings.parquet",
     )  # fmt: skip
@@ -177,6 +178,7 @@ def test_fractions_need_the_picture_size(tmp_path):
     tables.write(tmp_path / "frames.parquet", "frames", columns)
     with pytest.raises(DiorError, match="the size of the pictures is not known"):
         detections.run(
+            looked_at=[],
             sequence="walk", pattern=str(path), cameras=["cam01"], format="auto", frames=tmp_path / "frames.parquet",
             out=tmp_path / "out.parquet", findings=tmp_path / "f.parquet",
         )  # fmt: skip
