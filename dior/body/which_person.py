@@ -37,8 +37,9 @@ PASSING = 0.5
 # and the errors of a place, and two steps in walks of a second
 STANDS_M, GOES_M = 0.3, 0.5
 # for so long without a break all cameras must see one person and nobody else. Chosen: a person who is hidden behind
-# another in the one camera that follows him looks like that for two thirds of a second
-UNANIMOUS_S = 1.5
+# another in the one camera that follows him looked like that for 1.8 s in one of 20 walks
+UNANIMOUS_S = 2.0
+DOUBT = 0.25  # of the time that another view sees somebody else; chosen: more than detectors take a bystander
 # how well a stature is known by the joints of a detector beside its scatter, m: between people, and of one who is seen
 # by other views; against a tape measure; of one view alone. Chosen, by simulated captures of level `real`, where joints
 # are off by 1 % of the body (`python -m benchmarks.which_person`)
@@ -355,7 +356,7 @@ def _doubted(person: _Person, found: Sequence[list[Sighting]], fps: float) -> bo
         lacking = body.members < 0
         against += any(other.alone and (other.members[lacking] >= 0).any() for other in found[body.t])
     sightings = len(person.sightings)
-    split = against > sightings / 2 or not _together(person.sightings)
+    split = against > DOUBT * sightings or not _together(person.sightings)
     return split and _unanimous(person, found) < UNANIMOUS_S * fps
 
 
