@@ -218,7 +218,15 @@ def test_a_command_that_hangs_is_reported_and_left(nexus, tmp_path):
             os.kill(int(pid), signal.SIGKILL)
 
 
-def test_a_recorder_in_the_foreground_is_ended_by_its_number(nexus, tmp_path):
+@pytest.fixture
+def interruptible():
+    """As `dior trigger` is, also where the tests run in the background of a script, which ignores SIGINT."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+def test_a_recorder_in_the_foreground_is_ended_by_its_number(interruptible, nexus, tmp_path):
     listening = nexus(
         f"trap 'echo saved > {tmp_path}/bag; exit 0' INT; touch {tmp_path}/ready; while :; do sleep 0.05; done",
         "kill -INT $START_PID",
