@@ -84,6 +84,7 @@ def without_camera(path, name, camera):
     tables.write(path, name, tables.rows(table, table["camera"] != camera))
 
 
+@pytest.mark.slow
 def test_the_page_has_the_words_of_each(capture, tmp_path):
     """indoor_01 failed; outdoor_01 lacks cam03, and cam02's detector is swapped; outdoor_02 has a high error."""
     originals = audited(capture)

@@ -194,7 +194,14 @@ def test_what_is_kept_is_not_read_again_but_what_changed(kept, package, monkeypa
     assert started(monkeypatch)[1] > 100
 
 
-@pytest.mark.parametrize("damage", [lambda text: text[:-9], lambda text: text.replace("a", "b", 1), lambda text: ""])
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda text: text[:-9],
+        pytest.param(lambda text: text.replace("a", "b", 1), marks=pytest.mark.slow),
+        pytest.param(lambda text: "", marks=pytest.mark.slow),
+    ],
+)
 def test_what_is_kept_and_damaged_is_read_again(kept, monkeypatch, damage):
     before, read = started(monkeypatch)
     kept.write_text(damage(kept.read_text()))
@@ -208,6 +215,7 @@ def test_where_nothing_can_be_kept_all_is_read(kept, tmp_path, monkeypatch):
     assert started(monkeypatch) == (before, read)
 
 
+@pytest.mark.slow
 def test_few_versions_are_kept(kept, monkeypatch):
     _, read = started(monkeypatch)
     monkeypatch.setattr(by_content, "_own_text", lambda: "# other")
