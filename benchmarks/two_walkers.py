@@ -15,6 +15,7 @@ from dior.simulate import bystander, detector, detector_real, truth
 from dior.simulate import settings as levels
 from dior.simulate.body import Body
 from dior.simulate.gait import Walker
+from dior.tables import tables
 
 FPS, SECONDS = 30.0, 10.0
 KINDS = ("clean", "together", "another", "one_camera", "mostly_one_camera", "same_build", "two_cameras")
@@ -153,3 +154,12 @@ def followed(capture):
         score.append(np.where((row >= 0)[:, None], people.score[row], 0.0))
         whose.append(np.where(row >= 0, owner[row], -1))
     return np.stack(uv), np.stack(score), np.stack(whose)
+
+
+def write_timeline(path, cameras, stamps_ns):
+    """Write a `timeline` in which every instant is a picture of each of `cameras`."""
+    count, views = len(stamps_ns), len(cameras)
+    frame = np.repeat(np.arange(count), views)
+    columns = {"instant": frame, "frame_before": frame, "frame_after": frame, "weight": np.zeros(count * views)}
+    columns |= {"camera": np.tile(np.array(cameras, object), count), "stamp_ns": np.repeat(stamps_ns, views)}
+    tables.write(path, "timeline", columns)

@@ -54,19 +54,7 @@ def labelled(folder, capture, seeds=None):
         everybody.append(detections._everybody(name, found, people.tracks(found, stamps)))
     tables.write(folder / "detections.parquet", "detections", detections._concatenated(subject))
     tables.write(folder / "people.parquet", "detected_people", detections._concatenated(everybody))
-    count, views = len(stamps), len(names)
-    tables.write(
-        folder / "timeline.parquet",
-        "timeline",
-        {
-            "instant": np.repeat(np.arange(count), views),
-            "camera": np.tile(np.array(names, object), count),
-            "stamp_ns": np.repeat(stamps, views),
-            "frame_before": np.repeat(np.arange(count), views),
-            "frame_after": np.repeat(np.arange(count), views),
-            "weight": np.zeros(count * views),
-        },
-    )
+    two_walkers.write_timeline(folder / "timeline.parquet", names, stamps)
     (folder / "subjects.tsv").write_text(
         "subject\tpseudonym\theight_m\theight_sigma_m\tconsent_release\tconsent_pictures\n"
         f"S01\t{SUBJECT}\t{capture.height_m:.3f}\t{two_walkers.HEIGHT_SIGMA_M}\tyes\tyes\n"

@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks import scene, steps, worlds
-from dior.body import wrong_world
+from dior.body import world_of_walk, wrong_world
 from dior.errors import DiorError
 from dior.geometry import covariance
 from dior.geometry.camera import inverse_pose, pose
@@ -224,7 +224,7 @@ def from_walk(seeds):
             cameras, true = of_first(walk.given), walk.given
             uv = np.where((walk.score >= 0.3)[..., None], walk.uv, np.nan)[:, ::EVERY]
             _, points = wrong_world.of_poses(cameras, uv, walk.names, vertical=False)
-            bTw = wrong_world.rebased(points, walk.names)
+            bTw = world_of_walk.rebased(points, walk.names)
             ends = [(c.wTc, bTw @ given.wTc) for c, given in zip(true, cameras, strict=True)]
             tilts = [np.degrees(np.arccos(np.clip(a[2, :3] @ b[2, :3], -1, 1))) for a, b in ends]
             left.append((max(tilts), max(abs(a[2, 3] - b[2, 3]) for a, b in ends)))

@@ -44,11 +44,10 @@ DOUBT = 0.25  # of the time that another view sees somebody else; chosen: more t
 # by other views; against a tape measure; of one view alone. Chosen, by simulated captures of level `real`, where joints
 # are off by 1 % of the body (`python -m benchmarks.which_person`)
 SAME_M, MEASURED_M, ALONE_SIGMA_M = 0.008, 0.012, 0.05
-SCATTER_M = (
-    0.015  # of the statures of one body, at least; chosen, as of level `ideal`: few sightings may agree by chance
-)
+# of the statures of one body, at least, m; chosen, as of level `ideal`: few sightings may agree by chance
+SCATTER_M = 0.015
 DIFFERENT = 3.0  # so many standard errors apart are two people; chosen
-TOLD_M = 0.04  # people of this difference are told apart (chosen by the issue of what benefits: two sizes of shoes)
+TOLD_M = 0.04  # people whose statures differ by so much, m, are told apart; chosen: shoes make half of it
 # a height decides where it makes one person so many times as likely, and the others' stature is so far from his, m;
 # chosen: less decides by chance between two of one build, more leaves people of `TOLD_M` open
 ODDS, APART_M = np.log(5.0), 0.025

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from dior.arrays import Floats
-from dior.body import plausible, wrong_world
+from dior.body import plausible, world_of_walk, wrong_world
 from dior.calibrate.bundle import given_poses, in_adjustment
 from dior.calibrate.bundle import window as seen_in
 from dior.calibrate.bundle.given_poses import PoseErrors
@@ -95,7 +95,7 @@ def run(
         motion = checked(close, timed, walk, settings[close[0].name], f"{where}, {walk.sequence}", not from_walk)
         if from_walk:
             joints = timed.recorded[0].names
-            bTw = wrong_world.rebased(motion, joints)
+            bTw = world_of_walk.rebased(motion, joints)
             rig = [camera.at(bTw @ camera.wTc) for camera in rig]
             close = [camera for camera in rig if camera.role == "close"]
             found.append(_moved(session, walk.sequence, bTw, motion, joints))

@@ -49,7 +49,6 @@ LEAST_MOVES = 0.25
 # chosen: pictures by which a numbering may be off; a few in a row tell as much as all of them
 SLIPS = (*range(1, 9), 10, 12, 15)
 SCALES = (2.0, 0.5, 1.5, 2 / 3)
-ORDINARY = "as they are"
 
 # pixels (..., 2) of the picture and its size (width, height) to pixels (..., 2)
 Change: TypeAlias = Callable[[Floats, tuple[int, int]], Floats]
@@ -85,8 +84,6 @@ TURNS = (
     Alternative("mirrored left to right", _AS_RECORDED, lambda uv, size: np.array([size[0] - 1, 0]) + uv * (-1, 1)),
     Alternative("mirrored top to bottom", _AS_RECORDED, lambda uv, size: np.array([0, size[1] - 1]) + uv * (1, -1)),
 )
-
-
 ELSEWHEN = Alternative("of another moment", "", _unchanged)
 
 
@@ -279,7 +276,7 @@ def verdict(
         best = int(np.argmax(np.where(better, found.gain * found.count, -np.inf)))
         raise OffPictures(
             f"{where}: the detections fit the pictures when {others[best].words}: what moves and the body then have "
-            f"{found.other[best]:.0%} in common, {ORDINARY} {found.score[best]:.0%} ({found.count[best]} pictures); "
+            f"{found.other[best]:.0%} in common, as they are {found.score[best]:.0%} ({found.count[best]} pictures); "
             f"{others[best].remedy}"
         )
     _, t, count, score, _ = found.elsewhen

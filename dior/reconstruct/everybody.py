@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from dior.arrays import AnyPath, Floats, Ints, Table
 from dior.body import people_seen
-from dior.body.which_person import STRANGER, UNDECIDED, Choice, Seed, Seen
+from dior.body.which_person import OWN, STRANGER, UNDECIDED, Choice, Seed, Seen
 from dior.clocks.axis import blend
 from dior.errors import DiorError, nearest
 from dior.project import schema_check
@@ -81,7 +81,7 @@ def _slots(people: Table, frames: int, joints: int) -> tuple[Floats, Ints]:
 def picked(seen: Seen, choice: Choice) -> tuple[Floats, Floats]:
     """Pixels (V, T, J, 2) and scores (V, T, J) of the chosen people, NaN and 0 where there is none."""
     at = np.maximum(choice.pick, 0)[:, None, :, None]
-    none = (choice.pick < 0) | (choice.state > 0)
+    none = (choice.pick < 0) | (choice.state != OWN)
     score = np.where(none[..., None], 0.0, np.take_along_axis(seen.score, at, axis=1)[:, 0])
     uv = np.take_along_axis(seen.uv, at[..., None], axis=1)[:, 0]
     return np.where(none[..., None, None], np.nan, uv), score
@@ -99,18 +99,17 @@ def of_subject(
         rows = np.flatnonzero(detections["camera"] == name).reshape(-1, joints)
         here = np.flatnonzero(frames[view] >= 0)
         at = np.searchsorted(frames[view, here], np.arange(len(rows))).clip(max=len(here) - 1)
-        pick = np.where(choice.state == 0, choice.pick[view], -1)
+        pick = np.where(choice.state == OWN, choice.pick[view], -1)
         chosen = np.where(pick >= 0, seen.track[view, np.maximum(pick, 0), np.arange(len(pick))], -1)
         wanted = chosen[here[at]] if len(here) else np.full(len(rows), -1)
         mine = None if everybody is None else tables.of_camera(everybody, name)
-        if mine is None or not len(mine["frame"]):
-            lost = rows[wanted < 0].ravel()
-        else:
-            lost = rows.ravel()
+        # one body only: its rows are there already
+        several = mine is not None and len(mine["frame"]) > 0
+        lost = (rows if several else rows[wanted < 0]).ravel()
         out["person"][lost] = -1
         for key in ("u", "v", "score"):
             out[key][lost] = np.nan
-        if mine is not None and len(mine["frame"]):
+        if mine is not None and several:
             keep = np.flatnonzero(wanted[mine["frame"]] == mine["track"])
             to = rows[mine["frame"][keep], keep % joints]
             for key in ("person", "u", "v", "score"):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks.wrong_worlds import KINDS
-from dior.body import plausible, wrong_world
+from dior.body import plausible, world_of_walk, wrong_world
 from dior.body.wrong_world import Person
 from dior.geometry.camera import inverse_pose, pose, project
 from tests.calibrate.bundle.test_facts import walker
@@ -151,7 +151,7 @@ def test_the_world_of_the_walk_has_its_floor_and_vertical():
     points, names = person()
     for turn in ((0, 0, 0), (1.5, 0.2, -0.3), (0.1, 3.0, 0.4)):
         moved = points @ Rotation.from_rotvec(turn).as_matrix().T + (4, -3, 2)
-        bTw = wrong_world.rebased(moved, names)
+        bTw = world_of_walk.rebased(moved, names)
         back = moved @ bTw[:3, :3].T + bTw[:3, 3]
         np.testing.assert_allclose(bTw[:3, :3] @ bTw[:3, :3].T, np.eye(3), atol=1e-12)
         assert np.linalg.det(bTw[:3, :3]) > 0

@@ -3,6 +3,7 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 
+from benchmarks.two_walkers import write_timeline
 from dior.body.names import MLKIT_33
 from dior.errors import DiorError
 from dior.geometry import camera as cam
@@ -34,18 +35,7 @@ def write_inputs(folder, cameras, uv, score=0.9):
             "score": np.where(np.isfinite(uv[..., 0]), score, np.nan).ravel(),
         },
     )
-    tables.write(
-        folder / "timeline.parquet",
-        "timeline",
-        {
-            "instant": np.repeat(np.arange(count), views),
-            "camera": np.tile(np.array(names, object), count),
-            "stamp_ns": np.repeat(stamps, views),
-            "frame_before": np.repeat(np.arange(count), views),
-            "frame_after": np.repeat(np.arange(count), views),
-            "weight": np.zeros(count * views),
-        },
-    )
+    write_timeline(folder / "timeline.parquet", names, stamps)
 
 
 def run(folder, names, method="robust", **more):

@@ -46,8 +46,8 @@ CUT = 3.0  # chosen: residuals of that many sd weigh a quarter
 # As much again with many edges, so that a small misfit of all of them is not taken for a wall.
 COST_OF_HIDING = {"": 0.0, "below": 25.0, "above": 45.0}  # walls and hedges hide legs; little hides heads
 DOUBTFUL = 12.0  # chosen: chi2 by which the reading that is taken is ahead of the next, e^6 at even odds
-# chosen: readings of which the labels differ less, in heights of the body, are the same to who uses them. Where nothing
-# hides anything they differ by up to 0.12 (10 boxes, 11 px), behind a wall up to the hips by 0.14 and more
+# chosen: readings of which the labels differ less, in heights of the body, are the same to who uses them; half a body
+# that is taken for a whole one puts them further off, and chance less (`python -m benchmarks.long_range hidden`)
 OTHER_LABELS = 0.13
 # chosen: edges so near the median are the occluder's; how well its line is known
 NEAR_LINE_PX, LINE_PX = 3.0, 1.0
