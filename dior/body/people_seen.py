@@ -262,8 +262,9 @@ def _alone(
     if not feet:
         return None
     camera = cameras[view]
-    foot = max(feet, key=lambda i: float(uv[i, 1]))
-    ray = cam.rays(camera, uv[foot])
+    # the lower one of the world: the camera may be upside down
+    rays = cam.rays(camera, uv[feet])
+    ray = rays[int((rays[:, 2] / np.linalg.norm(rays, axis=1)).argmin())]
     if ray[2] * (ANKLE_M - camera.centre[2]) <= 0:
         return None
     place = camera.centre + ray * (ANKLE_M - camera.centre[2]) / ray[2]
