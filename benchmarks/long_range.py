@@ -12,10 +12,10 @@ who draws all sides alike. A habit is drawn anew for each seed, each edge furthe
 ± is a standard error over the seeds.
 
 `hidden`: half of the body behind a wall, in how many seeds the fit takes an edge for the wall's, and in how many it
-doubts how to read the edges (`occluder_doubtful`), which is a false alarm where the whole body is seen; exact boxes show
-what is left of the loss of half of the edges. `pictures`: silhouettes instead of boxes; `moved`: by how much the labels
-differ from those of the same capture without wall or sun, in the mean; `bias`: that of all seeds together. `clocks`:
-the long-range camera's part of `benchmarks.clocks_pictures`.
+doubts how to read the edges (`occluder_doubtful`), a false alarm where the whole body is seen; exact boxes show what is
+left of the loss of half of the edges. `pictures`: silhouettes instead of boxes; `moved`: by how much the labels differ
+from those of the same capture without wall or sun, in the mean; `bias`: that of all seeds together. `clocks`: the
+long-range camera's part of `benchmarks.clocks_pictures`.
 """
 
 import sys
