@@ -258,7 +258,7 @@ def line(level, seeds, name, fit, reference=None):
         error, spread = label_errors(level, seed, found)
         mean.append(np.linalg.norm(error, axis=-1).mean())
         held.append(inside(error, spread))
-        hidden += bool(found.hidden)
+        hidden += bool(found.camera.occluded)
         doubted += found.ahead < boxes_fit.DOUBTFUL
         if reference:
             step = error - label_errors(level, seed, reference(seed))[0]

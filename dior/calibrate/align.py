@@ -129,8 +129,8 @@ def _compared(fitted: boxes_fit.Fitted, seen: seen_edges.EdgeObservations) -> Fl
     A wrong roll may run out of the walk's time, where nothing contradicts it.
     """
     edges = np.isfinite(seen.edges)
-    if fitted.hidden:
-        edges[:, boxes_fit.SIDES.index(boxes_fit.edge_of(fitted.camera, fitted.hidden))] = False
+    if (side := cam.occluded_edge(fitted.camera)) is not None:
+        edges[:, side] = False
     each = np.concatenate([fitted.residual[edges], fitted.click_residual[np.isfinite(seen.clicks)]])
     return np.nan_to_num(each, nan=1e9)
 
@@ -206,8 +206,8 @@ def found_out(
             (scope, "warning", "align_disagrees", f"only {agreed.mean():.0%} of the edges agree with one camera; is "
              "everything drawn around the subject, is the clock right, is the tape right within its sigma_m?")
         )  # fmt: skip
-    if fitted.hidden:
-        side = {"below": "lower", "above": "upper"}[fitted.hidden]
+    if fitted.camera.occluded:
+        side = {"below": "lower", "above": "upper"}[fitted.camera.occluded]
         found.append(
             (scope, "info", "occluder", f"the {side} edges are read as those of something that hides the body beyond; "
              "say align.occluder: none if nothing does")

@@ -77,7 +77,8 @@ def hidden_side(camera: Camera, seen: EdgeObservations, margin: tuple[float, flo
         return readings[0]
     held = seen_edges.Freedom(turn=(0, 0, 0), shift=(0, 0, 0), margin_px=margin[0], margin_split_px=margin[1])
     seconds = seen.seconds + long_range_clock.best_lag(camera, held, seen)
-    return boxes_fit.fit(camera, held, replace(seen, seconds=seconds, points=seen.tracks[0].at(seconds)), where).hidden
+    late = replace(seen, seconds=seconds, points=seen.tracks[0].at(seconds))
+    return boxes_fit.fit(camera, held, late, where).camera.occluded
 
 
 def findings_of(scope: str, found: long_range_clock.ClockFromEdges) -> list[tuple[str, str, str, str]]:

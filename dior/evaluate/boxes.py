@@ -10,7 +10,7 @@ from dior.arrays import Floats, Ints
 from dior.evaluate.grids import LabelGrid
 from dior.project.boxes import COLUMNS, kept_back, read
 
-__all__ = ["COLUMNS", "inside", "kept_back", "of_frames", "read", "within"]
+__all__ = ["COLUMNS", "kept_back", "of_frames", "read", "within"]
 
 
 def of_frames(grid: LabelGrid, box_frames: Ints, boxes: Floats) -> Floats:
@@ -21,13 +21,10 @@ def of_frames(grid: LabelGrid, box_frames: Ints, boxes: Floats) -> Floats:
     return edges
 
 
-def inside(grid: LabelGrid, box_frames: Ints, boxes: Floats) -> Floats:
-    """1 or 0 (F, J) whether an in-frame label lies in its frame's box, NaN where there is nothing to judge."""
-    return within(grid, of_frames(grid, box_frames, boxes))
-
-
 def within(grid: LabelGrid, hand: Floats) -> Floats:
-    """The same for the box (F, 4) px of every frame, NaN where there is none."""
+    """1 or 0 (F, J) whether an in-frame label lies in its frame's box `hand` (F, 4) px, NaN where there is nothing to
+    judge.
+    """
     u, v = grid.uv[..., 0], grid.uv[..., 1]
     u_min, v_min, u_max, v_max = hand.T[:, :, None]
     with np.errstate(invalid="ignore"):

@@ -1,7 +1,7 @@
 """The figures of one sequence: how good its labels are, by every yardstick that the sequence offers.
 
 INPUTS   the sequence's `labels_2d` (one file per camera), `skeletons_3d`, and where there are any: `detections`,
-         hand boxes, `marks` and hand checks, `swaps`, the truth's folder.
+         hand boxes with the poses of their cameras, `marks` and hand checks, `swaps`, the truth's folder.
 OUTPUTS  results/evaluate/<sequence>.parquet         `metrics`, every row a mean with its count
          results/evaluate/<sequence>.frames.parquet  `frame_metrics`, the same per picture, for the report's timelines
          results/evaluate/<sequence>.checks.parquet  `check_errors`, every hand check, for quantiles over sequences
@@ -23,6 +23,8 @@ from dior.evaluate import checks as check_files
 from dior.evaluate import labels_in_boxes, reprojection, rows
 from dior.evaluate import truth as against
 from dior.evaluate.grids import LabelGrid, distance, label_grids, onto, value_grid
+from dior.geometry.camera import Camera, occluded_edge
+from dior.geometry.camera_tables import read_cameras
 from dior.tables import tables
 
 # rows of `metrics` and of `frame_metrics`
@@ -65,6 +67,7 @@ def run(
     subject: str,
     labels: list[Path],
     skeleton: Path | None,
+    cameras: list[Path],
     roles: dict[str, str],
     detected: Detected,
     yardsticks: Yardsticks,
@@ -74,7 +77,8 @@ def run(
 ) -> None:
     """Evaluate one sequence.
 
-    `labels`: label files; `skeleton`: their 3D, or None; `roles`: camera -> close | long_range.
+    `labels`: label files; `skeleton`: their 3D, or None; `cameras`: the poses of the cameras with boxes; `roles`:
+    camera -> close | long_range.
     """
     boxes, checks, truth = yardsticks.boxes, yardsticks.checks, yardsticks.truth
     grids = label_grids(labels)
@@ -84,7 +88,7 @@ def run(
     found, per_frame = _coverage(grids, roles)
     for part, part_frames in (
         _reprojection(grids, roles, detected.detections, detected.swaps, detected.min_score),
-        _boxes(grids, roles, boxes),
+        _boxes(grids, roles, boxes, read_cameras(cameras)),
         _truth_2d(grids, roles, truth),
     ):
         found += part
@@ -145,16 +149,17 @@ def _reprojection(
     return _summed("reprojection_error", "px", measured, roles)
 
 
-def _boxes(grids: dict[str, LabelGrid], roles: dict[str, str], boxes: dict[str, Path]) -> Measured:
+def _boxes(
+    grids: dict[str, LabelGrid], roles: dict[str, str], boxes: dict[str, Path], rig: dict[str, Camera]
+) -> Measured:
     found, per_frame = [], []
     for camera, path in sorted(boxes.items()):
         if roles[camera] != "long_range":
             continue
         grid = grids[camera]
         drawn = box_files.read(path, grid.frames)
-        parts = [("in_box_share", "share", box_files.inside(grid, *drawn))]
-        parts += labels_in_boxes.figures(grid, box_files.of_frames(grid, *drawn))
-        for metric, unit, values in parts:
+        hand = box_files.of_frames(grid, *drawn)
+        for metric, unit, values in labels_in_boxes.figures(grid, hand, occluded_edge(rig[camera])):
             rows_of, frames_of = _summed(metric, unit, [(grid, values)], roles, by_joint=False)
             found += rows_of
             per_frame += frames_of

@@ -57,7 +57,10 @@ class Intrinsics:
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """One camera of a session. `wTc` (4, 4): pose of the camera in the world, m; None while unknown."""
+    """One camera of a session. `wTc` (4, 4): pose of the camera in the world, m; None while unknown.
+
+    `occluded`: the part of a person that something hides in all of its pictures, below or above; "" for nothing.
+    """
 
     name: str
     intrinsics: Intrinsics
@@ -65,6 +68,7 @@ class Camera:
     wTc: Floats = None  # type: ignore[assignment]
     role: str = "close"
     locate: str = ""
+    occluded: str = ""
 
     @property
     def wRc(self) -> Floats:
@@ -78,6 +82,15 @@ class Camera:
     def at(self, wTc: ArrayLike, locate: str = "") -> "Camera":
         """The same camera at another pose."""
         return replace(self, wTc=np.asarray(wTc, float), locate=locate or self.locate)
+
+
+def occluded_edge(camera: Camera) -> int | None:
+    """Which of u_min, v_min, u_max, v_max lies towards what is `occluded` of a body, below or above in the world."""
+    if not camera.occluded:
+        return None
+    down = -camera.wRc[2, :2] * (1 if camera.occluded == "below" else -1)
+    axis = int(abs(down[1]) >= abs(down[0]))
+    return axis + 2 * int(down[axis] > 0)
 
 
 def pose(wRc: ArrayLike, centre: ArrayLike) -> Floats:

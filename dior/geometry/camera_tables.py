@@ -29,6 +29,7 @@ def camera_columns(
         "camera": [camera.name for camera in cameras],
         "role": [camera.role for camera in cameras],
         "locate": [camera.locate for camera in cameras],
+        "occluded": [camera.occluded for camera in cameras],
         "distortion_model": [lens.model for lens in lenses],
         "distortion": [lens.distortion for lens in lenses],
         "wTc": [unknown if camera.wTc is None else np.ravel(camera.wTc) for camera in cameras],
@@ -88,7 +89,7 @@ def _camera(t: Table, i: int) -> Camera:
         float(np.nan_to_num(t["intrinsics_sigma"][i])),
     )
     wTc = t["wTc"][i].reshape(4, 4)
-    camera = Camera(t["camera"][i], lens, role=t["role"][i], locate=t["locate"][i])
+    camera = Camera(t["camera"][i], lens, role=t["role"][i], locate=t["locate"][i], occluded=t["occluded"][i])
     return camera.at(wTc) if np.isfinite(wTc).all() else camera
 
 

@@ -21,6 +21,9 @@ FAR_PX = 1e6
 COLUMNS = ("frame", "u_min", "v_min", "u_max", "v_max")
 # chosen: one box in so many is kept back, and none where a sequence has fewer than so many of a camera
 ONE_IN, FEWEST = 5, 15
+NEAR_LINE_PX = (
+    3.0  # chosen: of a careful drawer's edges at something that does not move, sd 1 px, 3 in 1000 are further
+)
 
 
 def read(path: AnyPath, frames: ArrayLike) -> tuple[Ints, Floats]:
@@ -55,6 +58,16 @@ def read(path: AnyPath, frames: ArrayLike) -> tuple[Ints, Floats]:
         boxes[frame] = edges
     ordered = sorted(boxes)
     return np.array(ordered, np.int64), np.array([boxes[f] for f in ordered], float).reshape(-1, 4)
+
+
+def line_of(edges: Floats) -> float:
+    """Where (px) something that hides a part of everybody ends, by the edges (B,) px of boxes towards it."""
+    return float(np.nanmedian(edges))
+
+
+def at_line(edges: Floats, line: float) -> Bools:
+    """Which edges (B,) px are those of what hides a part of the body at `line`, and not the body's own."""
+    return np.abs(edges - line) <= NEAR_LINE_PX
 
 
 def kept_back(frames: ArrayLike) -> Bools:

@@ -19,7 +19,10 @@ from dior.arrays import Bools, Floats, Ints, Table
 from dior.body import names
 from dior.errors import DiorError, nearest
 from dior.evaluate import boxes as box_files
+from dior.evaluate import labels_in_boxes
 from dior.evaluate.grids import LabelGrid, distance, label_grids, onto, value_grid
+from dior.geometry.camera import occluded_edge
+from dior.geometry.camera_tables import read_cameras
 from dior.report import picture_choice
 from dior.report.colours import BOX, DETECTION, LEFT, MIDDLE, OUTLIER, RIGHT
 from dior.tables import tables
@@ -62,14 +65,15 @@ def run(
     swaps: Path | None,
     min_score: float,
     boxes: dict[str, Path],
+    cameras: list[Path],
     roles: dict[str, str],
     per_camera: int,
     out: Path,
 ) -> None:
     """Write `<out>/<camera>.jpg` for every camera with labels.
 
-    `labels`: label files, `boxes`: camera -> CSV, `roles`: camera -> close | long_range; `per_camera`: how
-    many pictures are drawn. `detections` and `swaps` may be None.
+    `labels`: label files, `boxes`: camera -> CSV, `cameras`: the poses of those; `roles`: camera -> close | long_range;
+    `per_camera`: how many pictures are drawn. `detections` and `swaps` may be None.
     """
     import cv2
 
@@ -79,11 +83,15 @@ def run(
     index = tables.read(frames, "frames")
     found = None if detections is None else tables.read(detections, "detections")
     exchanged = None if swaps is None else tables.read(swaps, "swaps", ["camera", "frame", "swapped", "part"])
+    rig = read_cameras(cameras)
     chosen = {}
     for camera, grid in grids.items():
         boxed = box_files.read(boxes[camera], grid.frames) if camera in boxes else (np.array([], int), np.empty((0, 4)))
+        inside = None
+        if len(boxed[0]):
+            inside = labels_in_boxes.share(grid, box_files.of_frames(grid, *boxed), occluded_edge(rig[camera]))
         seen = None if found is None else tables.of_camera(found, camera)
-        how = picture_choice.measured(grid, roles[camera], seen, _exchanged(exchanged, camera), boxed, min_score)
+        how = picture_choice.measured(grid, roles[camera], seen, _exchanged(exchanged, camera), inside, min_score)
         ranked = picture_choice.by_rank(grid.frames, *how, per_camera) if how else []
         chosen[camera] = (ranked or picture_choice.spread(grid.frames, per_camera), boxed)
     wanted = np.zeros(len(index["frame"]), bool)

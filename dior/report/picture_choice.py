@@ -9,7 +9,6 @@ from collections.abc import Callable
 import numpy as np
 
 from dior.arrays import Floats, Ints, Table
-from dior.evaluate import boxes as box_files
 from dior.evaluate import reprojection
 from dior.evaluate.grids import LabelGrid
 from dior.report.numbers import show
@@ -20,17 +19,16 @@ def measured(
     role: str,
     detections: Table | None,
     exchanged: Table | None,
-    boxed: tuple[Ints, Floats],
+    inside: Floats | None,
     min_score: float,
 ) -> tuple[Floats, Callable[[float], str]] | None:
     """How bad (F,) each frame of the labels is, NaN where unknown, and a function from that to words; or None.
 
     A close camera: mean distance of the labels from its own detections, px, with the sides of the frames `exchanged`
-    put right. A long-range one: share of the labels outside of the hand box. `boxed`: frames and edges.
+    put right. A long-range one: share of the labels that are not `inside` the hand box, 1 or 0 (F, J), None without.
     """
     with np.errstate(invalid="ignore"):
-        if role == "long_range" and len(boxed[0]):
-            inside = box_files.inside(grid, *boxed)
+        if role == "long_range" and inside is not None:
             return 1 - _mean(inside), lambda bad: f"{show(1 - bad, 'share')} in the box"
         if role == "close" and detections is not None and reprojection.comparable(grid, detections):
             errors = reprojection.errors(grid, detections, min_score, exchanged)

@@ -45,6 +45,9 @@ def test_labels_are_near_the_truth(project):
     assert figure(rows, "error_to_truth_2d", sequence="outdoor_01", **by_sequence) < 3.0
     # measured: 0.42
     assert figure(rows, "error_to_truth_2d", role="long_range") < 0.6
+    # the wall hides the legs, which the boxes cannot judge
+    share = figure(rows, "in_box_share", role="long_range")
+    assert share > 0.95 and share > figure(rows, "in_box_expected", role="long_range") - 0.03
 
 
 def test_every_label_without_a_pixel_has_its_reason_and_no_other_has(project):

@@ -1,11 +1,15 @@
 """Label boxes and hand boxes: known overlaps and offsets, and the share of perfect labels against a simulation."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from dior.body.names import MLKIT_33
 from dior.evaluate import boxes, labels_in_boxes
 from dior.evaluate.grids import LabelGrid
-from dior.geometry.camera import project
+from dior.geometry.camera import occluded_edge, pose, project
+from dior.geometry.multiview import rotation_z
 from tests.report.conftest import rig, walk
 
 FRAMES = 400
@@ -146,6 +150,33 @@ def test_thirty_boxes_are_enough_for_a_few_percent():
         hand = drawn(rng, true, 1.0, 1.0)
         off.append(np.nanmean(figure(grid_of(true), hand, "in_box_expected")) - share(true, hand))
     assert abs(np.mean(off)) < 0.01 and np.std(off) < 0.04
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_what_a_wall_hides_is_not_judged(turned):
+    """Boxes end at a wall that hides the legs; the camera may hang upside down."""
+    rng, camera = np.random.default_rng(5), rig(far=True)[3]
+    if turned:
+        camera = camera.at(pose(camera.wRc @ rotation_z(np.pi), camera.centre))
+    true = project(camera, walk(FRAMES))[0]
+    edge = occluded_edge(replace(camera, occluded="below"))
+    assert edge == (1 if turned else 3)
+    shown = drawn(rng, true, 1.0, 1.0)
+    wall = np.median(true[:, MLKIT_33.index("left_knee"), 1])
+    shown[:, edge] = wall + rng.normal(0, 0.5, FRAMES)
+
+    def found(uv, edge):
+        return {name: values for name, _, values in labels_in_boxes.figures(grid_of(uv), shown, edge)}
+
+    judged = found(true, edge)
+    ankles = [MLKIT_33.index(f"{side}_ankle") for side in ("left", "right")]
+    assert np.isnan(judged["in_box_share"][:, ankles]).all() and np.isfinite(judged["in_box_share"][:, :11]).all()
+    assert np.nanmean(judged["in_box_share"]) == pytest.approx(np.nanmean(judged["in_box_expected"]), abs=0.01)
+    assert np.nanmean(judged["in_box_share"]) > np.nanmean(found(true, None)["in_box_share"]) + 0.15
+    assert np.isnan(judged["box_offset_v"]).all() and abs(np.nanmean(judged["box_offset_u"])) < 0.2
+    # labels beside the person are still found out
+    aside = found(true + (4.0, 0.0), edge)
+    assert np.nanmean(aside["in_box_share"]) < np.nanmean(aside["in_box_expected"]) - 0.2
 
 
 def test_exact_boxes_hold_perfect_labels():

@@ -5,8 +5,10 @@ import pytest
 
 from dior.errors import DiorError
 from dior.evaluate import boxes, checks, evaluate, grids, metrics, reprojection, truth
+from dior.geometry import camera_tables
 from dior.geometry.multiview import rotation_x, rotation_z
 from dior.tables import tables
+from tests.rig import camera
 
 JOINTS = ("nose", "left_hip", "right_hip")
 START_NS = 1_700_000_000_000_000_000
@@ -57,8 +59,11 @@ def run(tmp_path, labels, **given):
     """`given`: fields of Detected and Yardsticks, or skeleton and roles."""
     inputs = {"skeleton": None, "roles": {"cam01": "close"}, "detections": None, "min_score": 0.3, "swaps": None}
     inputs |= {"boxes": {}, "marks": [], "checks": {}, "truth": None} | given
+    poses = [tmp_path / "cameras.parquet"]
+    camera_tables.write_cameras(*poses, [camera(name, (60, 0, 2), (0, 0, 1)) for name in inputs["boxes"]])
     evaluate.run(
-        sequence="walk", subject="S1", labels=[labels], skeleton=inputs["skeleton"], roles=inputs["roles"],
+        sequence="walk", subject="S1", labels=[labels], skeleton=inputs["skeleton"], cameras=poses,
+        roles=inputs["roles"],
         detected=evaluate.Detected(inputs["detections"], inputs["min_score"], inputs["swaps"]),
         yardsticks=evaluate.Yardsticks(inputs["boxes"], inputs["marks"], inputs["checks"], inputs["truth"]),
         out=tmp_path / "walk.parquet", out_frames=tmp_path / "walk.frames.parquet",

@@ -13,10 +13,12 @@ import pyarrow.parquet as pq
 
 from dior.evaluate import evaluate
 from dior.evaluate.metrics import as_csv
+from dior.geometry import camera_tables
 from dior.project import licenses
 from dior.release import card as cards
 from dior.release import checksums, citation, croissant, metrics_csv
 from dior.tables import tables
+from tests.rig import camera as camera_at
 
 JOINTS = ("nose", "left_hip", "right_hip")
 # sequence -> subject, session, environment; the cameras of a session are cam01, close, and cam02, far outdoors
@@ -228,11 +230,14 @@ def figures(folder, who=EVERYONE):
         keys = ("frame", "u_min", "v_min", "u_max", "v_max")
         drawn.write_text(f"{','.join(keys)}\n{','.join(str(edges[key][0]) for key in keys)}\n")
         paths.append(steps / f"{name}.parquet")
+        poses = steps / f"{name}.cameras.parquet"
+        camera_tables.write_cameras(poses, [camera_at("cam02", (60, 0, 2), (0, 0, 1))])
         evaluate.run(
             sequence=name,
             subject=subject,
             labels=[folder / f"labels_2d/{subject}/{name}.{camera}.parquet" for camera in CAMERAS],
             skeleton=None,
+            cameras=[poses],
             roles={camera: role(session, camera) for camera in CAMERAS},
             detected=evaluate.Detected(None, 0.3, None),
             yardsticks=evaluate.Yardsticks({"cam02": drawn}, [], {}, None),

@@ -227,11 +227,14 @@ def write_sequence(root, number, sequence, subject, session):
         tables.write(detections, "detections", stacked(found))
         boxes = {"cam04": root / f"config/boxes/{sequence}.cam04.csv"}
         write_boxes(boxes["cam04"], project(cameras[3], points)[0], every=10)
+    poses = results / f"place/{sequence}.parquet"
+    camera_tables.write_cameras(poses, cameras)
     evaluate.run(
         sequence=sequence,
         subject=subject,
         labels=labels,
         skeleton=skeleton,
+        cameras=[poses],
         roles={camera.name: camera.role for camera in cameras},
         detected=evaluate.Detected(detections, 0.3, None),
         yardsticks=evaluate.Yardsticks(boxes, [], {}, truth),

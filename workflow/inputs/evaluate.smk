@@ -15,6 +15,11 @@ def hand_boxes(wildcards):
     return list(PROJECT.boxes(wildcards.sequence).values())
 
 
+def boxed_cameras(wildcards):
+    """The poses of the cameras in whose pictures boxes are drawn."""
+    return cameras_of(session_of(wildcards), PROJECT.boxes(wildcards.sequence))
+
+
 def hand_checks(wildcards):
     return list(PROJECT.checks(wildcards.sequence).values())
 

@@ -21,6 +21,11 @@ def own_boxes(wildcards):
     return [path] if path else []
 
 
+def own_boxed_camera(wildcards):
+    """The pose of the camera where boxes are drawn in its pictures."""
+    return [camera_of(session_of(wildcards), wildcards.camera)] if own_boxes(wildcards) else []
+
+
 def own_boxes_words(wildcards):
     return [f"{wildcards.camera}={path}" for path in own_boxes(wildcards)]
 

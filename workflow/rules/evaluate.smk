@@ -35,6 +35,7 @@ rule evaluate:
     input:
         labels=labels,
         skeleton=skeleton,
+        cameras=boxed_cameras,
         detections=outdoor_only("results/triangulate/{sequence}.detections.parquet"),
         swaps=outdoor_only("results/triangulate/{sequence}.swaps.parquet"),
         boxes=hand_boxes,

@@ -14,6 +14,7 @@ rule overlays:
         detections=own_detections,
         swaps=own_swaps,
         boxes=own_boxes,
+        cameras=own_boxed_camera,
     output:
         "results/report/assets/{sequence}/{camera}.jpg",
     log:

@@ -36,21 +36,21 @@ from dior.errors import DiorError
 from dior.geometry import camera as cam
 from dior.geometry import covariance
 from dior.geometry.camera import Camera
+from dior.project import boxes
 
 TURN, SHIFT, FOCAL, MARGIN = slice(0, 3), slice(3, 6), 6, slice(7, 9)
 AXIS, OUTWARDS = np.array([0, 1, 0, 1]), np.array([-1.0, -1.0, 1.0, 1.0])  # of u_min, v_min, u_max, v_max
-SIDES = ("u_min", "v_min", "u_max", "v_max")
 SCALES = (16.0, 8.0, 4.0)  # chosen: of the weights, px, before they follow the residuals
 CUT = 3.0  # chosen: residuals of that many sd weigh a quarter
 # chosen: what it costs to read a side as an occluder's, beyond the usual cost 1 of each edge that is left out: a chi2.
 # As much again with many edges, so that a small misfit of all of them is not taken for a wall.
-COST_OF_HIDING = {"": 0.0, "below": 25.0, "above": 45.0}  # walls and hedges hide legs; little hides heads
+COST_OF_HIDING = 25.0
+HIDDEN_HEADS = 20.0  # chosen: walls and hedges hide legs; little hides heads
 DOUBTFUL = 12.0  # chosen: chi2 by which the reading that is taken is ahead of the next, e^6 at even odds
 # chosen: readings of which the labels differ less, in heights of the body, are the same to who uses them; half a body
 # that is taken for a whole one puts them further off, and chance less (`python -m benchmarks.long_range hidden`)
 OTHER_LABELS = 0.13
-# chosen: edges so near the median are the occluder's; how well its line is known
-NEAR_LINE_PX, LINE_PX = 3.0, 1.0
+LINE_PX = 1.0  # chosen: how well an occluder's line is known
 LAGS_S = lag.window(10.0)  # chosen: of clocks; a start, from which the fit goes on
 
 
@@ -62,7 +62,7 @@ Derivative: TypeAlias = Callable[[Floats], Floats] | Floats | None
 class Fitted:
     """`values` (9,) and `covariance` (9, 9) of the parameters, of the six of `dior.geometry.covariance` with those of V
     close cameras `by_cameras` (9, 6V); `residual` (F, 4) px of the edges, NaN where none; `agree` (F, 4);
-    `click_residual` (F, J, 2) px; `hidden` what an occluder hides, below or above, or ""; `sd_px` of an edge;
+    `click_residual` (F, J, 2) px; `sd_px` of an edge;
     `inflation` by time; `ahead` by how much (chi2) the edges prefer this reading to any that would put the labels
     elsewhere. `clocks` (K, 2) s and ppm: what is to be added to each walk's time in the middle of its pictures and
     drift, with `clock_sigma` (K, 2); `points` (F, J, 3) with these clocks.
@@ -74,7 +74,6 @@ class Fitted:
     residual: Floats
     agree: Bools
     click_residual: Floats
-    hidden: str
     sd_px: float
     inflation: float
     ahead: float = np.inf
@@ -123,15 +122,6 @@ def with_parameters(start: Camera, axes: Floats, values: Floats) -> Camera:
 READINGS = {"auto": ("", "below", "above"), "none": ("",), "below": ("below",), "above": ("above",)}
 
 
-def edge_of(camera: Camera, hidden: str) -> str:
-    """Which of SIDES lies towards what is `hidden` of a body, below or above in the world; "" for nothing."""
-    if not hidden:
-        return ""
-    down = -camera.wRc[2, :2] * (1 if hidden == "below" else -1)
-    axis = int(abs(down[1]) >= abs(down[0]))
-    return SIDES[axis + 2 * int(down[axis] > 0)]
-
-
 def fit(
     start: Camera,
     freedom: Freedom,
@@ -156,8 +146,8 @@ def fit(
     costs = np.array([reading.cost(sd_px) for reading in tried])
     best = int(np.argmin(costs))
     found = tried[best].fitted(derivative)
-    # what a wall costs beforehand chooses, but must not hide that the edges alone say nothing
-    alone = costs - [reading.charge for reading in tried]
+    # what a wall costs beforehand chooses, but must not hide that the edges alone say nothing of what is likely anyway
+    alone = costs - [reading.charge - reading.unlikely for reading in tried]
     lead = np.minimum(costs - costs[best], alone - alone[best])
     elsewhere = [i for i in range(len(tried)) if i != best and tried[best].labels_differ(tried[i])]
     ahead = float(min(lead[elsewhere], default=np.inf))
@@ -172,14 +162,14 @@ class Reading:
     """One reading of the edges, with the state of its iteration."""
 
     def __init__(self, start: Camera, freedom: Freedom, seen: EdgeObservations, hides: str) -> None:
-        self.start, self.axes, self.seen, self.hides = start, sight(start), seen, hides
-        self.side = side = edge_of(start, hides)
+        self.start, self.axes, self.seen, self.hides = replace(start, occluded=hides), sight(start), seen, hides
+        self.side = side = cam.occluded_edge(self.start)
         self.freedom = freedom
         self.prior = seen_edges.prior(freedom, len(seen.tracks))
         self.free = np.diagonal(self.prior) < 1e15
         self.values = np.zeros(len(self.prior))
         self.sd = SCALES[-1] / CUT
-        self.line = np.nanmedian(seen.edges[:, SIDES.index(side)]) if side else np.nan
+        self.line = np.nan if side is None else boxes.line_of(seen.edges[:, side])
 
     @property
     def clocks(self) -> Floats:
@@ -214,7 +204,7 @@ class Reading:
         for scale in SCALES:
             for _ in range(2):
                 self.values = self.values + self._step(self.rows(), scale)
-        return self.cost(SCALES[-1] / CUT) + (0 if self.side else count - len(self.rows().kind))
+        return self.cost(SCALES[-1] / CUT) + (0 if self.side is not None else count - len(self.rows().kind))
 
     def _try_another(self, walk: int, where: str) -> None:
         """Another clock of this walk, if all pictures together agree better with it."""
@@ -259,10 +249,9 @@ class Reading:
                 (self.seen.clicks - uv).reshape(-1, 2),
             ]
         )
-        if self.side:
+        if self.side is not None:
             # one edge is not the body's: the other says where it is
-            k = SIDES.index(self.side)
-            axis = AXIS[k]
+            k, axis = self.side, AXIS[self.side]
             other = self.seen.edges[:, axis] - low[:, axis] if k > 1 else self.seen.edges[:, 2 + axis] - high[:, axis]
             miss[: len(other), axis] = other
         u, v = np.nanmedian(miss, axis=0)
@@ -275,10 +264,10 @@ class Reading:
     def visible(self, uv: Floats) -> tuple[Bools, Bools, Bools]:
         """Joints (F, J) that are surely not behind the occluder, those that may not be, and pictures (F,) it cuts."""
         there = np.all(np.isfinite(uv), axis=-1) & cam.in_frame(self.start.intrinsics, uv)
-        if not self.side:
+        if self.side is None:
             return there, there, np.zeros(len(uv), bool)
-        k = SIDES.index(self.side)
-        cut = np.abs(self.seen.edges[:, k] - self.line) <= NEAR_LINE_PX
+        k = self.side
+        cut = boxes.at_line(self.seen.edges[:, k], self.line)
         beyond = OUTWARDS[k] * (uv[..., AXIS[k]] - self.line) + self.values[7 + AXIS[k]]
         surely, perhaps = (there & ~((beyond > slack) & cut[:, None]) for slack in (-LINE_PX, LINE_PX))
         return surely, perhaps, cut
@@ -290,15 +279,15 @@ class Reading:
         uv, depth = cam.project(camera, points)
         shown, perhaps, cut = self.visible(uv)
         edges = np.where(np.any(shown, axis=1)[:, None], self.seen.edges, np.nan)
-        if self.side:
-            edges[cut, SIDES.index(self.side)] = np.nan
+        if self.side is not None:
+            edges[cut, self.side] = np.nan
         with np.errstate(invalid="ignore", divide="ignore"):
             flesh = np.broadcast_to(camera.intrinsics.fx * np.asarray(self.seen.flesh_m) / depth, uv.shape[:2])
         outwards, most = (
             np.where(known[..., None], uv[..., AXIS] * OUTWARDS + flesh[..., None], -np.inf)
             for known in (shown, perhaps)
         )
-        if self.side:
+        if self.side is not None:
             # an edge that hangs on a joint at the occluder's line tells nothing
             edges[~(most.max(axis=1) < outwards.max(axis=1) + LINE_PX / 2)] = np.nan
         frame, side = np.nonzero(np.isfinite(edges))
@@ -336,10 +325,15 @@ class Reading:
     @property
     def charge(self) -> float:
         """What it costs beforehand to read the edges so, a chi2."""
-        if not self.side:
+        if self.side is None:
             return 0.0
-        hidden = (np.abs(self.seen.edges[:, SIDES.index(self.side)] - self.line) <= NEAR_LINE_PX).sum()
-        return float(max(COST_OF_HIDING[self.hides], hidden))
+        hidden = boxes.at_line(self.seen.edges[:, self.side], self.line).sum()
+        return float(max(COST_OF_HIDING, hidden)) + self.unlikely
+
+    @property
+    def unlikely(self) -> float:
+        """The part of `charge` that is not for any wall, but for one that few have."""
+        return HIDDEN_HEADS if self.hides == "above" else 0.0
 
     def labels_differ(self, other: Reading) -> bool:
         """Whether this reading puts the body elsewhere than `other`: by more than OTHER_LABELS of its height."""
@@ -358,7 +352,7 @@ class Reading:
         prior = self.values[self.free] @ self.prior[np.ix_(self.free, self.free)] @ self.values[self.free]
         lost = np.isfinite(self.seen.clicks).sum() - (rows.kind < 0).sum() + missing
         hiding = lost if self.seen.tracks else 0.0
-        if self.side:
+        if self.side is not None:
             hiding = missing + self.charge
         return (z2 / (1 + z2 / CUT**2)).sum() + hiding + prior
 
@@ -399,7 +393,7 @@ class Reading:
         camera = self.camera()
         sigma = np.sqrt(np.diagonal(spread))[9:].reshape(-1, 2)
         return Fitted(
-            camera, self.values[:9], spread[:9, :9], residual, agree, clicks, self.hides, self.sd, inflation,
+            camera, self.values[:9], spread[:9, :9], residual, agree, clicks, self.sd, inflation,
             by_cameras=by_cameras, clocks=self.clocks, clock_sigma=sigma, points=points,
         )  # fmt: skip
 

@@ -9,6 +9,12 @@ TABLES = {
         ("camera", "text"),
         ("role", "text"),
         ("locate", "text", "", "how the pose was found"),
+        (
+            "occluded",
+            "text",
+            "",
+            "what something hides of a person in all pictures by the boxes: below or above; null: nothing known",
+        ),
         ("width", "int32", "px"),
         ("height", "int32", "px"),
         ("fx", "float64", "px"),

@@ -90,6 +90,12 @@ TABLES = {
         ("camera", "text"),
         ("role", "text", "", "close: its detections are used; long_range: it only receives labels"),
         ("locate", "text", "", "how the pose was found"),
+        (
+            "occluded",
+            "text",
+            "",
+            "what something hides of a person in all pictures by the boxes: below or above; null: nothing known",
+        ),
         ("width", "int32", "px"),
         ("height", "int32", "px"),
         ("fx", "float64", "px", "K is [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]"),

@@ -62,7 +62,7 @@ def test_exact_boxes_give_the_camera_back():
     points = body()
     found = boxes_fit.fit(start(), FREE, seen(points, boxes(project(true_camera(), points)[0])), "cam04")
     assert label_error(found.camera, points) < 0.02
-    assert abs(found.camera.centre[1] - 60) < 0.1 and found.agree.all() and found.hidden == ""
+    assert abs(found.camera.centre[1] - 60) < 0.1 and found.agree.all() and found.camera.occluded == ""
     np.testing.assert_allclose(found.values[boxes_fit.MARGIN], 0, atol=0.05)
 
 
@@ -90,7 +90,7 @@ def test_the_edge_of_a_wall_is_not_the_body():
     edges = boxes(np.where((uv[..., 1] < line)[..., None], uv, uv[:, 8:9]))
     edges[:, 3] = line
     found = boxes_fit.fit(start(), FREE, seen(points, edges), "cam04")
-    assert found.hidden == "below" and label_error(found.camera, points) < 0.1
+    assert found.camera.occluded == "below" and label_error(found.camera, points) < 0.1
     misled = boxes_fit.fit(start(), FREE, seen(points, edges), "cam04", occluder="none")
     assert label_error(misled.camera, points) > 1.0
 
@@ -114,7 +114,7 @@ def test_a_wall_that_few_careless_boxes_do_not_show_is_doubted_and_in_sigma(wall
         sigma = np.sqrt((J @ found.pose_covariance @ np.swapaxes(J, -1, -2))[..., 1, 1]).mean()
         doubted = found.ahead < boxes_fit.DOUBTFUL
         assert not doubted or wall
-        assert off < 3 * sigma and (doubted or found.hidden or off < 1.0)
+        assert off < 3 * sigma and (doubted or found.camera.occluded or off < 1.0)
 
 
 def test_clicked_head_and_feet_do_as_well():

@@ -98,7 +98,7 @@ def evaluated(arguments):
         boxes, checks = (arguments["project"] / f"config/{one}" for one in ("boxes", "checks"))
         evaluate.run(
             sequence=name, subject=who, labels=[results / f"reproject/{name}.{camera}.parquet" for camera in
-            project.ROLES], skeleton=None, roles=project.ROLES,
+            project.ROLES], skeleton=None, cameras=[results / f"place/{session}.parquet"], roles=project.ROLES,
             detected=evaluate.Detected(detected if detected.exists() else None, 0.3, None),
             yardsticks=evaluate.Yardsticks(
                 {"cam02": boxes / f"{name}.cam02.csv"} if (boxes / f"{name}.cam02.csv").exists() else {},
