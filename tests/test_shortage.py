@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from dior import shortage
+from tests.cases import slow
 from tests.end_to_end.workflow import ROOT
 
 SETTINGS = '{"duration_s": 1, "width": 320, "height": 180, "fx": 160.0}'
@@ -92,9 +93,7 @@ WORK = {
 }
 
 
-@pytest.mark.parametrize(
-    "work", [next(iter(WORK)), *(pytest.param(one, marks=pytest.mark.slow) for one in [*WORK][1:])]
-)
+@pytest.mark.parametrize("work", [next(iter(WORK)), *(slow(one) for one in [*WORK][1:])])
 def test_memory_that_is_short(work):
     before = (
         "import numpy as np, cv2; from pathlib import Path; from dior.project import init\n"

@@ -21,9 +21,7 @@ FAR_PX = 1e6
 COLUMNS = ("frame", "u_min", "v_min", "u_max", "v_max")
 # chosen: one box in so many is kept back, and none where a sequence has fewer than so many of a camera
 ONE_IN, FEWEST = 5, 15
-NEAR_LINE_PX = (
-    3.0  # chosen: of a careful drawer's edges at something that does not move, sd 1 px, 3 in 1000 are further
-)
+NEAR_LINE_PX = 3.0  # chosen: edges drawn at something that stands, sd 1 px; 3 in 1000 are further off
 
 
 def read(path: AnyPath, frames: ArrayLike) -> tuple[Ints, Floats]:

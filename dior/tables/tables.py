@@ -150,7 +150,8 @@ def _dictionary_columns(table: pa.Table) -> list[str] | bool:
 def read_arrow(path: AnyPath, name: str, columns: Sequence[str] | None = None) -> pa.Table:
     """The table as pyarrow. Raises DiorError for a missing, broken or other file, and for a result that is damaged."""
     with _opened(path, name, columns) as file:
-        return file.read(columns=columns)
+        # pyarrow's threads end a busy process with an abort now and then (1 in 60), and gain nothing with such files
+        return file.read(columns=columns, use_threads=False)
 
 
 @contextmanager
@@ -207,7 +208,7 @@ def _check_columns(path: AnyPath, found: pa.Schema, name: str, columns: Sequence
 def read_in_parts(path: AnyPath, name: str, columns: Sequence[str] | None, rows: int) -> Iterator[Table]:
     """As `read`, of `rows` rows at a time: for tables with pictures, which need not fit into the memory."""
     with _opened(path, name, columns) as file:
-        for batch in file.iter_batches(batch_size=rows, columns=columns):
+        for batch in file.iter_batches(batch_size=rows, columns=columns, use_threads=False):
             yield {c: buffers.to_numpy(a) for c, a in zip(batch.schema.names, batch.columns, strict=True)}
 
 

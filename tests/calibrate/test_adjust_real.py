@@ -17,6 +17,7 @@ from dior.geometry import camera_tables
 from dior.geometry.camera import Camera, Intrinsics, pose
 from dior.geometry.multiview import look_at
 from dior.tables import tables
+from tests.cases import slow
 
 NAMES = [f"cam{i:02d}" for i in range(1, 5)]
 T0 = 1_708_000_000_000_000_000
@@ -141,7 +142,7 @@ def test_from_the_reference_extrinsics(capture, tmp_path):
     assert "1001 joints at 50 of 50 instants of beam" in findings["text"][0]
 
 
-@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 5))])
+@pytest.mark.parametrize("seed", [0, *(slow(seed) for seed in range(1, 5))])
 def test_from_five_centimetres_and_two_degrees(capture, tmp_path, seed):
     folder, cameras = capture
     rng = np.random.default_rng(seed)
@@ -234,7 +235,7 @@ def told(findings, code):
     return [f"{s}: {t}" for s, c, t in zip(*(findings[k] for k in ("scope", "code", "text")), strict=True) if c == code]
 
 
-@pytest.mark.parametrize("by_s", [pytest.param(0.0, marks=pytest.mark.slow), 0.05])
+@pytest.mark.parametrize("by_s", [slow(0.0), 0.05])
 def test_clocks_that_nobody_gave_are_found(capture, tmp_path, by_s):
     """Genlocked: what a camera's stamps are shifted by is what comes out, and the others' clocks are near zero."""
     folder, cameras = capture

@@ -10,14 +10,10 @@ import numpy as np
 import pytest
 
 from dior.tables import tables
+from tests.cases import slow
 from tests.end_to_end.workflow import ROOT, edit, snakemake
 
 PROJECT = ROOT / "tests/projects/real_outdoor"
-
-
-def slow(*values):
-    """A case that only `pytest -m slow` runs."""
-    return pytest.param(*values, marks=pytest.mark.slow)
 
 
 @pytest.fixture

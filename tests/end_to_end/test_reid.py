@@ -54,6 +54,7 @@ def without_torch(folder, *words):
     return done.returncode, done.stdout + done.stderr
 
 
+@pytest.mark.slow
 def test_it_is_made_only_when_asked_for(tmp_path):
     """Whatever the config asks for, and whether or not it is there."""
     folder = config(tmp_path)

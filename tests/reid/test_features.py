@@ -10,6 +10,7 @@ from dior.reid.features import FEATURES, measure
 from dior.simulate.body import Body
 from dior.simulate.gait import Walker
 from dior.simulate.patterns import WALK
+from tests.cases import slow
 
 FPS, SECONDS = 30.0, 10.0
 JOINTS = [MLKIT_33.index(name) for name in COCO_17]
@@ -70,11 +71,11 @@ def test_where_and_when_a_walk_is_does_not_matter():
     ("change", "feature", "least"),
     [
         ({"arm": (-8.0, 26.0, 30.0, 10.0)}, "shoulder_cos1", 0.12),
-        pytest.param({"arm": (-8.0, 16.0, 45.0, 10.0)}, "elbow_0", 0.2, marks=pytest.mark.slow),
-        pytest.param({"lean": 8.0}, "lean_0", 0.06, marks=pytest.mark.slow),
-        pytest.param({"hips_turn": 12.0}, "hips_turn_cos1", 0.06, marks=pytest.mark.slow),
-        pytest.param({"feet_apart": 0.05}, "step_width_0", 0.05, marks=pytest.mark.slow),
-        pytest.param({"quickness": 1.08}, "cadence", 0.05, marks=pytest.mark.slow),
+        slow({"arm": (-8.0, 16.0, 45.0, 10.0)}, "elbow_0", 0.2),
+        slow({"lean": 8.0}, "lean_0", 0.06),
+        slow({"hips_turn": 12.0}, "hips_turn_cos1", 0.06),
+        slow({"feet_apart": 0.05}, "step_width_0", 0.05),
+        slow({"quickness": 1.08}, "cadence", 0.05),
     ],
 )
 def test_a_gait_shows_where_it_differs(change, feature, least):

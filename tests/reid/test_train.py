@@ -12,6 +12,7 @@ from dior.reid.protocols import Item
 torch = pytest.importorskip("torch", reason="PyTorch is not installed: pip install -r requirements-reid.txt")
 
 from dior.reid import losses  # noqa: E402
+from tests.cases import slow  # noqa: E402
 
 SUBJECTS, WALKS, FRAMES = 3, 3, 64
 
@@ -40,7 +41,7 @@ def small(monkeypatch):
     torch.set_num_threads(threads)
 
 
-SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in ("gaitgraph", "gaitformer")]
+SLOW = [slow(name) for name in ("gaitgraph", "gaitformer")]
 
 
 # the contrast of 3 right ones shares the probability: it cannot be less

@@ -18,6 +18,7 @@ from dior.geometry import camera_tables
 from dior.release import layout, metrics_csv, shift_stamps, walk_files
 from dior.tables import tables
 from dior.tables.files import written_whole
+from tests.cases import slow
 from tests.release.made import (
     CONSENT,
     PSEUDONYM,
@@ -186,7 +187,7 @@ project.build(given)
 """
 
 
-@pytest.mark.parametrize("where", ["package.checksums.write", pytest.param("os.replace", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("where", ["package.checksums.write", slow("os.replace")])
 def test_a_build_that_was_killed_and_run_again_is_the_same(built, tmp_path, where):
     code = KILLED.format(root=str(tmp_path), where=where)
     done = subprocess.run([sys.executable, "-c", code])

@@ -9,6 +9,7 @@ from dior.simulate import scene
 from dior.simulate.body import Body, body_of, markers
 from dior.simulate.motion import motion_of
 from dior.simulate.settings import from_dict, sequences
+from tests.cases import slow
 
 TIMES = np.arange(0, 4, 0.01)
 
@@ -33,7 +34,7 @@ def test_the_same_person_may_go_by_many_names():
     assert body_of(other, "S01") == Body(body_of(other, "S01").height)
 
 
-@pytest.mark.parametrize("subject", ["S01", *(pytest.param(f"S{i:02d}", marks=pytest.mark.slow) for i in range(2, 7))])
+@pytest.mark.parametrize("subject", ["S01", *(slow(f"S{i:02d}") for i in range(2, 7))])
 def test_different_people_walk_as_people_do(subject):
     settings, walk = first_walk("different", subject)
     body, motion = body_of(settings, subject), motion_of(settings, walk)

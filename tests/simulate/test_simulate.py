@@ -12,6 +12,7 @@ from dior.ingest import bags, mocap
 from dior.simulate import backdrop, bystander, config, draw, scene, settings, simulate, simulate_mocap, truth
 from dior.simulate.motion import motion_of
 from dior.tables import tables
+from tests.cases import slow
 from tests.simulate.conftest import TINY
 
 
@@ -143,7 +144,7 @@ def drawn_boxes(used, walk):
     return rows[:, 0].astype(int), rows[:, 1:]
 
 
-@pytest.mark.parametrize("around", [pytest.param("body", marks=pytest.mark.slow), "joints"])
+@pytest.mark.parametrize("around", [slow("body"), "joints"])
 def test_boxes_are_as_large_and_as_rough_as_they_say(around):
     used, walk, motion, seen = outdoors(duration_s=40.0, box_around=around)
     frames, edges = drawn_boxes(used, walk)

@@ -10,6 +10,7 @@ import pytest
 
 from dior.cli.flags import flags_of, parsed
 from dior.project.steps import MODULES, place_of
+from tests.cases import slow
 from tests.end_to_end.workflow import ROOT, snakemake
 
 RULES = {
@@ -25,7 +26,7 @@ BESIDE = {"report": {"results/timing.csv"}}
 def test_no_lint_but_conda(tmp_path):
     from dior.simulate import config, settings
 
-    config.write(settings.Settings(), tmp_path / "config")
+    config.write(settings.Settings(subjects=1, sequences=1), tmp_path / "config")
     _, text = snakemake(tmp_path, "--lint", check=False)
     found = set(re.findall(r"^    \* (.*)$", text, re.MULTILINE))
     assert found == {"Specify a conda environment or container for each rule.:"}
@@ -49,7 +50,7 @@ def printed(tmp_path_factory):
     from dior.simulate import config, settings
 
     folder = tmp_path_factory.mktemp("printed")
-    config.write(settings.Settings(), folder / "config")
+    config.write(settings.Settings(subjects=1, sequences=1, gallery=True), folder / "config")
     return snakemake(folder, "-n", "-p", "all", "release", "reid", "results/evaluate/to_mark", "zoomed")[1]
 
 
@@ -226,9 +227,7 @@ BAD_CONFIGS = {
 }
 
 
-@pytest.mark.parametrize(
-    "name", [one if one == "Latin-1" else pytest.param(one, marks=pytest.mark.slow) for one in BAD_CONFIGS]
-)
+@pytest.mark.parametrize("name", [one if one == "Latin-1" else slow(one) for one in BAD_CONFIGS])
 def test_what_is_wrong_with_the_config_is_said_in_the_words_of_dior(tmp_path, name):
     """Snakemake's own reader of `configfile:` would end in a traceback or in words that name no file."""
     content, sentence = BAD_CONFIGS[name]
