@@ -67,6 +67,7 @@ JOIN_M, LEAST_PX = 0.15, 12
 # chosen: what is so tall may be a body without its head, which ends so much higher (with the neck, and what else of it
 # does not stand out)
 BODY_PART_M, HEAD_ON_TOP_M = 0.7, 0.55
+HELD_S = 0.25  # s; chosen: so long before and after it is seen somebody is covered where that was
 # Where something has stood out for this share of the recording, it is covered in all pictures: the scene may be the
 # person, who then stands out where they are not. Chosen.
 STAYS_SHARE = 0.1
@@ -342,6 +343,24 @@ def head_zone(camera: Camera, shape: tuple[int, int], factor: int) -> Mask:
     if height > high:
         above = slope < 0
     return above.astype(np.uint8)
+
+
+def held(others: Sequence[Ints], times: Floats, shape: tuple[int, int]) -> list[Ints]:
+    """By picture the boxes (N, 4) px of it and of those up to HELD_S before and after, what overlaps as one.
+
+    Who walks by does not stand out in every picture, least of all before something of the same colour. `times` (F,) s
+    ascending.
+    """
+    first = np.searchsorted(times, times - HELD_S)
+    last = np.searchsorted(times, times + HELD_S, side="right")
+    found = []
+    for a, b in zip(first, last, strict=True):
+        near = [boxes for boxes in others[a:b] if len(boxes)]
+        mask = np.zeros(shape, np.uint8)
+        for u_min, v_min, u_max, v_max in np.concatenate([*near, np.zeros((0, 4), int)]).clip(0).tolist():
+            mask[v_min:v_max, u_min:u_max] = 1
+        found.append(moving.groups(mask, 1, 1) if near else np.zeros((0, 4), int))
+    return found
 
 
 def stays(count: NDArray[np.integer[Any]], pictures: int, join_px: float) -> Ints:

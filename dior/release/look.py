@@ -18,6 +18,7 @@ from dior.geometry.camera import Camera
 from dior.ingest import bags, moving
 from dior.ingest.containers import BROKEN
 from dior.ingest.moving import Picture
+from dior.project.boxes import at_line, line_of
 from dior.release import faces, head_evidence
 from dior.release.faces import Faces
 
@@ -131,6 +132,7 @@ def judged(walker: Walker, role: str, found: Faces, masks: Iterable[tuple[int, m
         always = head_evidence.stays(often, count, head_evidence.JOIN_M * float(scale))
     strange = faces.strangers(found, walker.edges, walker.times, quarters % 2 == 1)
     back = np.rot90(np.empty(shape[:2], np.uint8), quarters).shape
+    others = head_evidence.held(others, walker.times, (back[0], back[1]))
     return Looked(
         sure,
         [
@@ -159,7 +161,8 @@ def _detected_m(walker: Walker, found: Faces, scale: Floats) -> Floats:
 def by_hand_m(walker: Walker, scale: Floats) -> Floats:
     """The same (F, 2) m by the boxes that a person drew, in the median over all of them; NaN where there are too few.
 
-    A person draws boxes larger than the body by some margin, the same on opposite sides: their middle tells.
+    A person draws boxes larger than the body by some margin, the same on opposite sides: their middle tells. Where one
+    edge is that of something that hides the rest of the body, the other tells, with the margin of the other axis.
     """
     drawn = np.isfinite(walker.drawn).all(axis=1)
     if drawn.sum() < LEAST_BOXES:
@@ -172,4 +175,14 @@ def by_hand_m(walker: Walker, scale: Floats) -> Floats:
     low, high = ((uv - flesh).min(axis=1)[whole], (uv + flesh).max(axis=1)[whole])
     boxes, px = walker.drawn[drawn][whole], scale[drawn][whole]
     off = (boxes[:, :2] + boxes[:, 2:]) / 2 - (low + high) / 2
+    side = cam.occluded_edge(walker.camera)
+    if side is not None:
+        axis = side % 2
+        cut = at_line(boxes[:, side], line_of(boxes[:, side]))
+        margin = np.median((boxes[:, 2:] - boxes[:, :2] - (high - low))[:, 1 - axis]) / 2
+        if side > 1:
+            free = boxes[:, axis] + margin - low[:, axis]
+        else:
+            free = boxes[:, axis + 2] - margin - high[:, axis]
+        off[cut, axis] = free[cut]
     return np.tile(np.median(off / px[:, None], axis=0), (len(scale), 1))

@@ -162,6 +162,7 @@ def test_points_behind_a_camera_at_the_start_are_counted_or_brought_back():
     assert done.left_out <= 1 and np.nanmedian(done.after_px) < 0.1
 
 
+@pytest.mark.slow
 def test_it_is_byte_stable():
     cameras, points = ring(4), body()
     placed, uv = misplaced(cameras), seen(cameras, points, 2.0)

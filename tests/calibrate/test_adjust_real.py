@@ -142,7 +142,8 @@ def test_from_the_reference_extrinsics(capture, tmp_path):
     assert "1001 joints at 50 of 50 instants of beam" in findings["text"][0]
 
 
-@pytest.mark.parametrize("seed", [0, *(slow(seed) for seed in range(1, 5))])
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(5))
 def test_from_five_centimetres_and_two_degrees(capture, tmp_path, seed):
     folder, cameras = capture
     rng = np.random.default_rng(seed)
@@ -235,6 +236,7 @@ def told(findings, code):
     return [f"{s}: {t}" for s, c, t in zip(*(findings[k] for k in ("scope", "code", "text")), strict=True) if c == code]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("by_s", [slow(0.0), 0.05])
 def test_clocks_that_nobody_gave_are_found(capture, tmp_path, by_s):
     """Genlocked: what a camera's stamps are shifted by is what comes out, and the others' clocks are near zero."""

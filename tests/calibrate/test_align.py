@@ -19,6 +19,7 @@ from dior.simulate.motion import motion_of
 from dior.simulate.settings import from_dict, sequences
 from dior.tables import tables
 from tests.calibrate.outline import test_boxes_fit as boxed
+from tests.cases import slow
 from tests.rig import ring
 
 TAPE = {"position_m": [3.0, 60.0, 1.5], "target_m": [0.0, 0.0, 1.0]}
@@ -192,7 +193,7 @@ def test_run_places_the_camera_by_what_was_drawn(tmp_path, source):
     assert list(said["code"]) == ["camera_aligned"] and ("2.0 ±" in said["text"][0]) == (source == "boxes")
 
 
-@pytest.mark.parametrize("source", ["boxes", "marks"])
+@pytest.mark.parametrize("source", [slow("boxes"), "marks"])
 def test_a_clock_that_nobody_gave_is_found_with_the_pose(tmp_path, source):
     true, files, points, uv = prepared(tmp_path, source)
     camera = run_in(tmp_path, **files | {"offsets": []})

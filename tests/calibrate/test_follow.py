@@ -41,6 +41,7 @@ def test_the_clock_is_found_with_what_it_owes_to_the_pose(tmp_path):
     assert list(tables.read(paths[3], "findings")["code"]) == ["clock_followed"]
 
 
+@pytest.mark.slow
 def test_gains_say_where_the_clock_goes_with_another_pose(tmp_path):
     true, files, _, uv = prepared(tmp_path, "boxes")
     # to and fro, a camera that is turned seems late as often as early

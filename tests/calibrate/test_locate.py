@@ -309,6 +309,7 @@ def wrong_lens(lens, random, sigma=0.003):
     return replace(lens, **focal, cx=lens.cx + x * lens.fx, cy=lens.cy + y * lens.fx, sigma=sigma)
 
 
+@pytest.mark.slow
 def test_a_lens_that_is_wrong_widens_the_labels_by_what_it_does_to_them():
     """60 lenses that are 0.3 % off: 100 marks on a body in the middle of the room, labels up to 3 m from there. Chi2 of
     two coordinates is 2 on average; without the lens it is more."""

@@ -107,23 +107,22 @@ def test_adjusted_cameras(project, shared, metres, degrees, start):
         assert np.isin(labels["status"], ("ok", "occluded")).mean() > 0.9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("file", "right", "wrong", "step", "words"),
     [
         ("sequences.tsv", "pc2.bag", "pc3.bag", "frames", ["pc3.bag", "no such bag"]),
-        slow("sequences.tsv", "mlkit/", "mlkt/", "detections", ["beam_01", "mlkt/cam01.jsonl"]),
-        slow("sequences.tsv", "mlkit/{camera}.jsonl", "openpose/{camera}", "detections", ["OpenPose", "mlkit"]),
-        slow(
-            "sessions/beam/cam02.yaml", "/cam02/color/image_raw", "/cam02/colour/image_raw", "frames", ["/cam02/color/"]
-        ),
-        slow(
+        ("sequences.tsv", "mlkit/", "mlkt/", "detections", ["beam_01", "mlkt/cam01.jsonl"]),
+        ("sequences.tsv", "mlkit/{camera}.jsonl", "openpose/{camera}", "detections", ["OpenPose", "mlkit"]),
+        ("sessions/beam/cam02.yaml", "/cam02/color/image_raw", "/cam02/colour/image_raw", "frames", ["/cam02/color/"]),
+        (
             "sessions/beam/cam02.yaml",
             "name: cam_02",
             "name: cam_20",
             "intrinsics",
             ["cam_20", "it has cam_01, cam_02"],
         ),
-        slow(
+        (
             "sessions/beam/cam02.yaml",
             "reference: {file: ref",
             "reference: {file: refr",

@@ -62,6 +62,7 @@ def test_it_is_made_only_when_asked_for(tmp_path):
     assert not OF_REID & set(planned(folder, "all", "release"))
 
 
+@pytest.mark.slow
 def test_what_lacks_is_said_before_the_first_job(tmp_path):
     folder = config(tmp_path)
     edit(folder / "config/config.yaml", "gaitmixer: []", "gaitmixer: [weights/ours.pt]")

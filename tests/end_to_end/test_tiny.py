@@ -235,6 +235,7 @@ def test_an_edited_long_range_camera_touches_only_its_own_labels(copy):
     }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_an_edited_close_camera_touches_its_session(copy):
     nudge(copy / "config/sessions/field/cam01.yaml", "sigma_m")
     assert planned(copy) == {

@@ -90,6 +90,7 @@ def test_the_unseen_camera_is_labelled(shared, rig):
     assert figures["mean"] <= 20.4 and figures["median"] <= 18.4 and figures["coverage"] >= 0.98
 
 
+@pytest.mark.slow
 def test_the_ellipses_of_the_unseen_camera_hold(shared, rig):
     """Every label has a sigma; 98.7 % of the unseen camera's detections are inside."""
     without, share = benchmark.print_ellipses(shared / "real_outdoor", rig)

@@ -135,3 +135,15 @@ def test_what_is_as_tall_as_a_body_is_covered_with_the_head_that_it_must_have():
     boxes = np.array([[10, 100, 20, 200], [10, 100, 20, 130], [10, 5, 20, 200]])
     found = evidence._with_head(boxes, 100.0)
     np.testing.assert_allclose(found, [[10, 45, 20, 200], [10, 100, 20, 130], [10, 0, 20, 200]], atol=1)
+
+
+def test_who_is_seen_is_covered_there_a_little_before_and_after():
+    """What overlaps becomes one box, what does not stays two; the clock is in seconds, not in pictures."""
+    nothing, one, next_to_it = np.zeros((0, 4), int), np.array([[10, 20, 14, 30]]), np.array([[13, 20, 17, 31]])
+    others = [nothing] * 40
+    others[10], others[12], others[13] = one, next_to_it, np.array([[60, 70, 64, 75]])
+    found = evidence.held(others, TIMES, (100, 100))
+    assert [boxes.tolist() for boxes in found[7:9]] == [[], one.tolist()]
+    assert found[9].tolist() == one.tolist() and found[11].tolist() == [[10, 20, 17, 31], [60, 70, 64, 75]]
+    assert found[15].tolist() == [[60, 70, 64, 75]] and not len(found[16])
+    assert [len(boxes) for boxes in evidence.held(others, TIMES / 20, (100, 100))] == [2] * 40

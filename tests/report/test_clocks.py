@@ -87,6 +87,7 @@ def test_a_sequence_without_clocks_is_left_out(capture):
     assert clocks.in_words({}) == "0 clocks are estimated."
 
 
+@pytest.mark.slow
 def test_many_recordings_and_none_that_is_known_can_be_drawn(capture, tmp_path):
     unknown = clocks.SequenceClocks({"cam01": (0.0, np.nan, np.nan, "assumed_zero")}, {}, (), ())
     many = {f"walk_{i}": unknown for i in range(clocks.MOST_NAMES + 1)}

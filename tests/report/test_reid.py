@@ -123,6 +123,7 @@ def test_nothing_compared_is_said(tmp_path):
     assert list((tmp_path / "plots").iterdir()) == []
 
 
+@pytest.mark.slow
 def test_pictures_are_there_and_the_same_again(full, tmp_path):
     folder, text = full
     names = {path.name for path in (folder / "plots").iterdir()}

@@ -17,6 +17,8 @@ from dior.simulate.settings import CAMERAS, COMPUTERS, from_dict, sequence_named
 from dior.tables import tables
 from tests.simulate.test_real import lengths_of, within
 
+pytestmark = pytest.mark.slow
+
 # pictures of the size of a stamp: only their stamps count
 SMALL = {"preset": "real", "subjects": 1, "sequences": 1, "width": 64, "height": 36, "fx": 32.0, "duration_s": 20.0}
 OFTEN = {"dropped": 0.05, "duplicated": 0.02, "late_stamps": 0.03, "late_arrivals": 0.03, "drift_ppm": 40.0}

@@ -179,7 +179,7 @@ def rendered_boxes(seen, motion, frames, walk, worn="plain", times=48):
     return np.array(found)
 
 
-@pytest.mark.parametrize("worn", ["plain", "dressed"])
+@pytest.mark.parametrize("worn", ["plain", slow("dressed")])
 def test_a_box_without_error_is_that_of_the_painted_body(worn):
     used, walk, motion, seen = outdoors(duration_s=8.0, box_sd_px=0.0, box_margin_px=0.0, figure=worn)
     frames, edges = drawn_boxes(used, walk)
@@ -187,6 +187,7 @@ def test_a_box_without_error_is_that_of_the_painted_body(worn):
     np.testing.assert_allclose(edges, rendered_boxes(seen, motion, frames, walk, worn), atol=0.05)
 
 
+@pytest.mark.slow
 def test_the_second_figure_is_larger_all_around():
     plain, dressed = (
         drawn_boxes(*outdoors(duration_s=30.0, box_sd_px=0.0, box_margin_px=0.0, figure=worn)[:2])[1]

@@ -10,7 +10,6 @@ import pytest
 
 from dior.cli.flags import flags_of, parsed
 from dior.project.steps import MODULES, place_of
-from tests.cases import slow
 from tests.end_to_end.workflow import ROOT, snakemake
 
 RULES = {
@@ -227,7 +226,8 @@ BAD_CONFIGS = {
 }
 
 
-@pytest.mark.parametrize("name", [one if one == "Latin-1" else slow(one) for one in BAD_CONFIGS])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", BAD_CONFIGS)
 def test_what_is_wrong_with_the_config_is_said_in_the_words_of_dior(tmp_path, name):
     """Snakemake's own reader of `configfile:` would end in a traceback or in words that name no file."""
     content, sentence = BAD_CONFIGS[name]

@@ -118,6 +118,7 @@ def test_a_track_has_no_points_in_a_gap_or_outside():
     np.testing.assert_allclose(track.velocity(np.array([0.25]))[0, 0], [10.0, 0, 0])
 
 
+@pytest.mark.slow
 def test_pictures_alone_tell_the_clock(monkeypatch):
     camera = scene.camera("cam01", 40.0)
     camera = replace(camera, intrinsics=Intrinsics(320, 180, 160.0, 160.0, 159.5, 89.5))
