@@ -53,8 +53,9 @@ SEEN_SHARE = 0.5
 # chosen: where so many pictures show the head beside its cover, the others of the recording are no surer
 BESIDE_SHARE = 0.3
 # m. Chosen: half a head; what is told further off than that is not of this head, or the labels are not. So much may be
-# wrong with what is told: a detector is off by this at a joint of the face, a box drawn by hand at a side
-TOLD_M, TOLD_SPARE_M = 0.15, 0.06
+# wrong with what is told: a detector is off by this at a joint of the face, a box drawn by hand at a side; and where
+# one side alone tells, hair and how it is drawn do not cancel
+TOLD_M, TOLD_SPARE_M, ONE_SIDE_SPARE_M = 0.15, 0.06, 0.12
 # chosen: a bust may be seen so much higher: what is above the cover and moves is covered for that
 HIGHER_M = 0.08
 # chosen: of the scene nothing is taken from where the subject may be, so much around the bones
@@ -67,6 +68,9 @@ JOIN_M, LEAST_PX = 0.15, 12
 # chosen: what is so tall may be a body without its head, which ends so much higher (with the neck, and what else of it
 # does not stand out)
 BODY_PART_M, HEAD_ON_TOP_M = 0.7, 0.55
+# A body that is gone is looked for so long, s, where it can have walked to: as fast as this, m/s, and as far as its
+# outline changes, m. Chosen: a walker passes another, or a post, in less
+GONE_S, WALKS_M_S, STEP_M = 1.5, 2.5, 0.4
 HELD_S = 0.25  # s; chosen: so long before and after it is seen somebody is covered where that was
 # Where something has stood out for this share of the recording, it is covered in all pictures: the scene may be the
 # person, who then stands out where they are not. Chosen.
@@ -345,6 +349,37 @@ def head_zone(camera: Camera, shape: tuple[int, int], factor: int) -> Mask:
     return above.astype(np.uint8)
 
 
+def followed(others: Sequence[Ints], times: Floats, scale: float) -> list[Ints]:
+    """By picture the boxes (N, 4) px, and where a body was on its way that stops to stand out and is seen again later.
+
+    Who walks past something of the same colour, or past the subject, is gone for a while. A body is what is as tall as
+    a part of one; it is gone if no body is where it can have walked to in the next picture, and the first that is
+    there within GONE_S is it. `times` (F,) s ascending; `scale` px per m.
+    """
+    bodies = [boxes[boxes[:, 3] - boxes[:, 1] >= BODY_PART_M * scale] for boxes in others]
+    found = [[boxes] for boxes in others]
+
+    def reached(box: Ints, i: int, j: int) -> Ints:
+        """Bodies in picture j that one in picture i may be, the nearest first."""
+        off = np.abs((bodies[j][:, :2] + bodies[j][:, 2:] - box[:2] - box[2:]) / 2).max(axis=1, initial=0.0)
+        near = off <= (STEP_M + WALKS_M_S * (times[j] - times[i])) * scale
+        return bodies[j][near][np.argsort(off[near], kind="stable")]
+
+    for i, here in enumerate(bodies[:-1]):
+        last = int(np.searchsorted(times, times[i] + GONE_S, side="right"))
+        for box in here:
+            if len(reached(box, i, i + 1)):
+                continue
+            j = next((j for j in range(i + 2, last) if len(reached(box, i, j))), None)
+            if j is None:
+                continue
+            ahead = reached(box, i, j)[0]
+            for k in range(i + 1, j):
+                at = box + (ahead - box) * (times[k] - times[i]) / (times[j] - times[i])
+                found[k].append(np.concatenate([np.floor(at[:2]), np.ceil(at[2:])]).astype(int)[None])
+    return [np.concatenate(boxes) for boxes in found]
+
+
 def held(others: Sequence[Ints], times: Floats, shape: tuple[int, int]) -> list[Ints]:
     """By picture the boxes (N, 4) px of it and of those up to HELD_S before and after, what overlaps as one.
 
@@ -432,15 +467,18 @@ def holds(cover_m: Floats, off_m: Floats, spare_m: float = 0.0, higher_m: float 
         return np.asarray(((from_middle / half[..., None, :]) ** 2).sum(axis=-1).max(axis=-1) <= 1)
 
 
-def told_where(subject: Subject, cover_m: Floats, off_m: Floats) -> tuple[Bools, list[Ints]]:
+def told_where(
+    subject: Subject, cover_m: Floats, off_m: Floats, spare_m: float = TOLD_SPARE_M
+) -> tuple[Bools, list[Ints]]:
     """In which pictures (F,) something else than the bust tells where the head is, near the cover, and by picture boxes
     (N, 4) px around that place where the cover is not sure to hold it.
 
-    `cover_m` (F, 4) as of `covers_m`; `off_m` (F, 2) m to the right of and below the 3D, NaN where nothing is told.
+    `cover_m` (F, 4) as of `covers_m`; `off_m` (F, 2) m to the right of and below the 3D, NaN where nothing is told;
+    `spare_m` that may be wrong with it.
     """
     told = np.isfinite(cover_m).all(axis=1) & (np.linalg.norm(off_m, axis=1) <= TOLD_M)
-    beside = told & ~holds(cover_m, off_m, TOLD_SPARE_M, 0.0)
-    reach = np.array(LARGE_HEAD_M) + TOLD_SPARE_M
+    beside = told & ~holds(cover_m, off_m, spare_m, 0.0)
+    reach = np.array(LARGE_HEAD_M) + spare_m
     ears = subject.head + np.array([0.0, head_model.RAISED_M]) * subject.scale[:, None]
     boxes: list[Ints] = [np.zeros((0, 4), int)] * len(told)
     for i in np.flatnonzero(beside):

@@ -118,20 +118,25 @@ def judged(walker: Walker, role: str, found: Faces, masks: Iterable[tuple[int, m
         often += rest
     cover_m = head_evidence.covers_m(upright)
     px = subject.scale * factor
+    by_hand_spare_m = head_evidence.ONE_SIDE_SPARE_M if walker.camera.occluded else head_evidence.TOLD_SPARE_M
     told, there = zip(
         *(
-            head_evidence.told_where(upright, cover_m, head_evidence.turned_points(off_m, quarters, (1, 1)))
-            for off_m in (by_hand_m(walker, px), _detected_m(walker, found, px))
+            head_evidence.told_where(upright, cover_m, head_evidence.turned_points(off, quarters, (1, 1)), spare_m)
+            for off, spare_m in (
+                (by_hand_m(walker, px), by_hand_spare_m),
+                (_detected_m(walker, found, px), head_evidence.TOLD_SPARE_M),
+            )
         ),
         strict=True,
     )
     sure = head_evidence.sure(says, off_m, cover_m, subject.scale, walker.times, np.any(told, axis=0))
+    scale = float(np.nanmedian(subject.scale)) if np.isfinite(subject.scale).any() else 0.0
     always = np.zeros((0, 4), int)
     if often is not None and count > 1:
-        scale = np.nanmedian(subject.scale) if np.isfinite(subject.scale).any() else 0.0
-        always = head_evidence.stays(often, count, head_evidence.JOIN_M * float(scale))
+        always = head_evidence.stays(often, count, head_evidence.JOIN_M * scale)
     strange = faces.strangers(found, walker.edges, walker.times, quarters % 2 == 1)
     back = np.rot90(np.empty(shape[:2], np.uint8), quarters).shape
+    others = head_evidence.followed(others, walker.times, scale) if scale else others
     others = head_evidence.held(others, walker.times, (back[0], back[1]))
     return Looked(
         sure,

@@ -147,3 +147,27 @@ def test_who_is_seen_is_covered_there_a_little_before_and_after():
     assert found[9].tolist() == one.tolist() and found[11].tolist() == [[10, 20, 17, 31], [60, 70, 64, 75]]
     assert found[15].tolist() == [[60, 70, 64, 75]] and not len(found[16])
     assert [len(boxes) for boxes in evidence.held(others, TIMES / 20, (100, 100))] == [2] * 40
+
+
+def test_a_body_that_is_gone_for_a_while_is_covered_on_its_way():
+    """Ten pictures a second; it walks to the right by 10 px each, 1 m/s, and is as tall as 1 m."""
+    nothing = np.zeros((0, 4), int)
+
+    def walking(gone, others=()):
+        boxes = [np.array([[10 * i, 20, 10 * i + 30, 120]]) for i in range(40)]
+        for i in gone:
+            boxes[i] = nothing
+        for i, box in others:
+            boxes[i] = np.array([box])
+        return evidence.followed(boxes, TIMES, 100.0)
+
+    found = walking(range(12, 24))
+    for i, boxes in enumerate(found):
+        np.testing.assert_allclose(boxes, [[10 * i, 20, 10 * i + 30, 120]], atol=1)
+    # nobody comes back in time, or where they can have walked to, or it was nothing as tall as a body
+    for found in (
+        walking(range(12, 28)),
+        walking(range(12, 40), [(14, (600, 20, 630, 120))]),
+        walking(range(12, 40), [(14, (140, 20, 170, 60))]),
+    ):
+        assert not len(found[12]) and not len(found[13])
