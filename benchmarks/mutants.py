@@ -102,7 +102,11 @@ def survives(tree: Path, mutant: tuple[Path, str, dict, int, int], rooms: tuple[
     module, operator, arguments, occurrence, line = mutant
     path, source = tree / module, (ROOT / module).read_text(encoding="utf-8")
     mutated = mutate_code(source, cosmic_ray.plugins.get_operator(operator)(**arguments), occurrence)
-    if mutated is None or ast.dump(ast.parse(mutated)) == ast.dump(ast.parse(source)):
+    try:
+        if mutated is None or ast.dump(ast.parse(mutated)) == ast.dump(ast.parse(source)):
+            return False
+    except SyntaxError:
+        # a star between arguments was taken for a product
         return False
     path.write_text(mutated, encoding="utf-8")
     try:

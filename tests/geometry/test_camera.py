@@ -38,6 +38,21 @@ def test_undistort_undoes_distort_over_the_whole_picture(model, u, v):
     assert cam.distort(lens, there) == pytest.approx([u, v], abs=1e-5)
 
 
+def test_how_the_lens_bends_follows_finite_differences():
+    """Every coefficient of the rational model and the tangential ones, in every direction from the centre."""
+    distortion = (-0.2, 0.11, 0.013, -0.017, -0.05, 0.07, 0.04, -0.03)
+    xy = np.random.default_rng(0).uniform(-0.6, 0.6, (50, 2))
+    step = 1e-6
+    numeric = np.stack(
+        [
+            (cam._polynomial(distortion, xy + d) - cam._polynomial(distortion, xy - d)) / (2 * step)
+            for d in step * np.eye(2)
+        ],
+        axis=-1,
+    )
+    np.testing.assert_allclose(cam._polynomial_jacobian(distortion, xy), numeric, atol=1e-8)
+
+
 def test_inverse_brown_conrady_is_the_polynomial_read_backwards():
     forward, inverse = (camera("a", (4, 0, 1), model=m).intrinsics for m in ("plumb_bob", "inverse_brown_conrady"))
     ideal = np.array([0.5, 0.3])

@@ -96,6 +96,19 @@ def test_camera_covariance_is_read_as_written_and_joined(tmp_path):
     assert np.isnan(alone[12:]).all() and np.isnan(alone[:, 12:]).all() and np.isfinite(alone[:12, :12]).all()
 
 
+@pytest.mark.parametrize("with_lenses", [False, True])
+def test_cameras_of_which_no_table_has_a_pair_are_independent(tmp_path, with_lenses):
+    S, names = np.diag(np.arange(1.0, 7.0)), ["cam01", "cam02"]
+    paths = [tmp_path / f"{name}.parquet" for name in names]
+    for path, name, factor in zip(paths, names, (1, 3), strict=True):
+        camera_tables.write_camera_covariance(path, [name], factor * S, "lab")
+    found = camera_tables.read_camera_covariance(paths, names, with_lenses)
+    each = 9 if with_lenses else 6
+    assert found.shape == (2 * each, 2 * each)
+    np.testing.assert_array_equal(found[each : each + 6, each : each + 6], 3 * S)
+    assert not found[:each, each:].any() and not found[6:each].any()
+
+
 def test_the_covariance_with_lenses_is_read_as_written(tmp_path):
     A = np.random.default_rng(1).standard_normal((18, 18))
     S, names = A @ A.T, ["cam01", "cam02"]

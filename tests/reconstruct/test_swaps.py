@@ -111,6 +111,20 @@ def test_a_limb_that_two_views_take_for_the_other_is_left_out_in_both():
     assert not find_mistaken_limbs(cameras, uv, score, sigma, MLKIT_33, FPS).any()
 
 
+@pytest.mark.parametrize("others_agree", [True, False])
+def test_two_views_are_mistaken_where_the_two_others_agree(others_agree):
+    cameras = ring(4)
+    uv = observed(cameras, walker(60), 2.0)
+    own, others = ([MLKIT_33.index(name) for name in side if name in MLKIT_33] for side in LIMBS[2])
+    taken = uv.copy()
+    taken[:2, 20:32, own] = observed(cameras, walker(60), 2.0, seed=9)[:2, 20:32, others]
+    if not others_agree:
+        taken[2, 20:32, own, 1] -= 60
+    score, sigma = np.ones(uv.shape[:3]), np.full((4, 33), 2.0)
+    found = find_mistaken_limbs(cameras, taken, score, sigma, MLKIT_33, FPS)
+    assert found[:2, 20:32, own].all() == others_agree
+
+
 def test_the_cheapest_path_is_that_of_all_paths():
     """Costs of a change that depend on its direction, against every path."""
     random = np.random.default_rng(0)
