@@ -53,9 +53,8 @@ SEEN_SHARE = 0.5
 # chosen: where so many pictures show the head beside its cover, the others of the recording are no surer
 BESIDE_SHARE = 0.3
 # m. Chosen: half a head; what is told further off than that is not of this head, or the labels are not. So much may be
-# wrong with what is told: a detector is off by this at a joint of the face, a box drawn by hand at a side; and where
-# one side alone tells, hair and how it is drawn do not cancel
-TOLD_M, TOLD_SPARE_M, ONE_SIDE_SPARE_M = 0.15, 0.06, 0.12
+# wrong with what is told: a detector is off by this at a joint of the face, a box drawn by hand at a side
+TOLD_M, TOLD_SPARE_M = 0.15, 0.06
 # chosen: a bust may be seen so much higher: what is above the cover and moves is covered for that
 HIGHER_M = 0.08
 # chosen: of the scene nothing is taken from where the subject may be, so much around the bones
@@ -467,18 +466,15 @@ def holds(cover_m: Floats, off_m: Floats, spare_m: float = 0.0, higher_m: float 
         return np.asarray(((from_middle / half[..., None, :]) ** 2).sum(axis=-1).max(axis=-1) <= 1)
 
 
-def told_where(
-    subject: Subject, cover_m: Floats, off_m: Floats, spare_m: float = TOLD_SPARE_M
-) -> tuple[Bools, list[Ints]]:
+def told_where(subject: Subject, cover_m: Floats, off_m: Floats) -> tuple[Bools, list[Ints]]:
     """In which pictures (F,) something else than the bust tells where the head is, near the cover, and by picture boxes
     (N, 4) px around that place where the cover is not sure to hold it.
 
-    `cover_m` (F, 4) as of `covers_m`; `off_m` (F, 2) m to the right of and below the 3D, NaN where nothing is told;
-    `spare_m` that may be wrong with it.
+    `cover_m` (F, 4) as of `covers_m`; `off_m` (F, 2) m to the right of and below the 3D, NaN where nothing is told.
     """
     told = np.isfinite(cover_m).all(axis=1) & (np.linalg.norm(off_m, axis=1) <= TOLD_M)
-    beside = told & ~holds(cover_m, off_m, spare_m, 0.0)
-    reach = np.array(LARGE_HEAD_M) + spare_m
+    beside = told & ~holds(cover_m, off_m, TOLD_SPARE_M, 0.0)
+    reach = np.array(LARGE_HEAD_M) + TOLD_SPARE_M
     ears = subject.head + np.array([0.0, head_model.RAISED_M]) * subject.scale[:, None]
     boxes: list[Ints] = [np.zeros((0, 4), int)] * len(told)
     for i in np.flatnonzero(beside):

@@ -118,14 +118,10 @@ def judged(walker: Walker, role: str, found: Faces, masks: Iterable[tuple[int, m
         often += rest
     cover_m = head_evidence.covers_m(upright)
     px = subject.scale * factor
-    by_hand_spare_m = head_evidence.ONE_SIDE_SPARE_M if walker.camera.occluded else head_evidence.TOLD_SPARE_M
     told, there = zip(
         *(
-            head_evidence.told_where(upright, cover_m, head_evidence.turned_points(off, quarters, (1, 1)), spare_m)
-            for off, spare_m in (
-                (by_hand_m(walker, px), by_hand_spare_m),
-                (_detected_m(walker, found, px), head_evidence.TOLD_SPARE_M),
-            )
+            head_evidence.told_where(upright, cover_m, head_evidence.turned_points(off_m, quarters, (1, 1)))
+            for off_m in (by_hand_m(walker, px), _detected_m(walker, found, px))
         ),
         strict=True,
     )
@@ -166,10 +162,13 @@ def _detected_m(walker: Walker, found: Faces, scale: Floats) -> Floats:
 def by_hand_m(walker: Walker, scale: Floats) -> Floats:
     """The same (F, 2) m by the boxes that a person drew, in the median over all of them; NaN where there are too few.
 
-    A person draws boxes larger than the body by some margin, the same on opposite sides: their middle tells. Where one
-    edge is that of something that hides the rest of the body, the other tells, with the margin of the other axis.
+    A person draws boxes larger than the body by some margin, the same on opposite sides: their middle tells. A box that
+    ends at something that hides the rest of the body tells nothing: where its middle should be nobody knows.
     """
     drawn = np.isfinite(walker.drawn).all(axis=1)
+    side = cam.occluded_edge(walker.camera)
+    if side is not None and drawn.any():
+        drawn[drawn] = ~at_line(walker.drawn[drawn, side], line_of(walker.drawn[drawn, side]))
     if drawn.sum() < LEAST_BOXES:
         return np.full((len(scale), 2), np.nan)
     points, flesh_m = silhouettes.outline(walker.points[drawn], walker.joints)
@@ -180,14 +179,4 @@ def by_hand_m(walker: Walker, scale: Floats) -> Floats:
     low, high = ((uv - flesh).min(axis=1)[whole], (uv + flesh).max(axis=1)[whole])
     boxes, px = walker.drawn[drawn][whole], scale[drawn][whole]
     off = (boxes[:, :2] + boxes[:, 2:]) / 2 - (low + high) / 2
-    side = cam.occluded_edge(walker.camera)
-    if side is not None:
-        axis = side % 2
-        cut = at_line(boxes[:, side], line_of(boxes[:, side]))
-        margin = np.median((boxes[:, 2:] - boxes[:, :2] - (high - low))[:, 1 - axis]) / 2
-        if side > 1:
-            free = boxes[:, axis] + margin - low[:, axis]
-        else:
-            free = boxes[:, axis + 2] - margin - high[:, axis]
-        off[cut, axis] = free[cut]
     return np.tile(np.median(off / px[:, None], axis=0), (len(scale), 1))
