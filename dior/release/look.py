@@ -165,7 +165,7 @@ def by_hand_m(walker: Walker, scale: Floats) -> Floats:
     A person draws boxes larger than the body by some margin, the same on opposite sides: their middle tells. A box that
     ends at something that hides the rest of the body tells nothing: where its middle should be nobody knows.
     """
-    drawn = np.isfinite(walker.drawn).all(axis=1)
+    drawn = np.asarray(np.isfinite(walker.drawn).all(axis=1))
     side = cam.occluded_edge(walker.camera)
     if side is not None and drawn.any():
         drawn[drawn] = ~at_line(walker.drawn[drawn, side], line_of(walker.drawn[drawn, side]))
