@@ -10,6 +10,7 @@ from dior.calibrate.lens import realsense
 from dior.errors import DiorError
 from dior.geometry.camera import pose, project
 from dior.geometry.multiview import look_at, similarity
+from tests.cases import some
 from tests.rig import camera as looking_in
 from tests.rig import ring
 
@@ -61,7 +62,7 @@ def test_exact_placement_without_noise_stays_where_it_is():
         np.testing.assert_allclose(found.wTc, true.wTc, atol=1e-9)
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", some(range(5), 0))
 @pytest.mark.parametrize("count", [3, 4])
 def test_the_demo_s_tape_and_aim_reach_the_noise(seed, count):
     cameras, points = ring(count), body()

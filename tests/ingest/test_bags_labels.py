@@ -18,7 +18,7 @@ from dior.label import reproject
 from dior.reconstruct import timeline
 from dior.simulate import config, settings, simulate, simulate_mocap
 from dior.tables import tables
-from tests.cases import slow
+from tests.cases import some
 from tests.end_to_end.workflow import ROOT, edit, snakemake
 from tests.ingest.bagfiles import INFO, PACKED, STORES, Sent, write
 
@@ -171,7 +171,7 @@ def test_a_c3d_without_some_markers_has_the_labels_of_the_others(simulated, tmp_
         np.testing.assert_allclose(ours["u"], theirs["u"][same], atol=0.6)
 
 
-@pytest.mark.parametrize("form", [*FORMATS[:3], *(slow(form) for form in FORMATS[3:])])
+@pytest.mark.parametrize("form", some(FORMATS, FORMATS[0]))
 def test_labels_of_a_simulated_walk_are_the_same_bytes_from_every_format(simulated, tmp_path, form):
     folder, bags, wanted = simulated
     again = [write(tmp_path / bag.stem, list(sent_in(bag)), form) for bag in bags]

@@ -6,6 +6,7 @@ import pytest
 from dior.body.names import COCO_17, bones_of
 from dior.errors import DiorError
 from dior.ingest import moving, on_pictures
+from tests.cases import some
 from tests.ingest.test_bags import T0, TOPIC, compressed, encoded, write_bag
 
 SIZE, FACTOR, COUNT = (640, 360), 2, 60
@@ -85,7 +86,7 @@ FAULTS = {
 }
 
 
-@pytest.mark.parametrize("words", FAULTS)
+@pytest.mark.parametrize("words", some(FAULTS, *[*FAULTS][::3]))
 def test_what_is_wrong_is_named(words):
     true = walker(left_px=60.0)
     said = f"w, cam02: cam02.json: the detections fit the pictures when {words}: what moves and the body then have"

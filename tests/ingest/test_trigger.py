@@ -13,6 +13,7 @@ import pytest
 
 from dior.errors import DiorError
 from dior.ingest import host_clock, trigger, trigger_log
+from tests.cases import some
 from tests.ingest.test_trigger_packet import LAUGHS, packet
 
 LONG_S = 20
@@ -304,7 +305,7 @@ def test_a_privileged_port_says_what_to_do(monkeypatch):
         trigger.bound("0.0.0.0", 30)
 
 
-@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("ending", some([signal.SIGINT, signal.SIGTERM, signal.SIGHUP], signal.SIGTERM))
 def test_the_command_ends_cleanly_by_a_signal(tmp_path, ending):
     log, said = tmp_path / "trigger.jsonl", tmp_path / "said"
     with trigger.bound("127.0.0.1", 0) as free:

@@ -98,7 +98,9 @@ def test_the_person_60_m_away_is_20_to_25_px_tall():
         assert 18.5 < np.median(tall) and tall.max() < 26
 
 
-@pytest.mark.parametrize("name, camera", [("indoor_01", "cam02"), ("outdoor_01", "cam03"), ("outdoor_01", "cam04")])
+@pytest.mark.parametrize(
+    "name, camera", [slow("indoor_01", "cam02"), slow("outdoor_01", "cam03"), ("outdoor_01", "cam04")]
+)
 def test_the_drawn_body_covers_the_labels(name, camera):
     import cv2
 
