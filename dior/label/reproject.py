@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from dior.arrays import Floats, Texts
+from dior.body.visibility import hidden
 from dior.clocks import clock as on_axis
 from dior.clocks.axis import at_pictures, said_at_pictures, seconds, velocity_at_pictures
 from dior.errors import DiorError
@@ -20,7 +21,6 @@ from dior.geometry import camera as cam
 from dior.geometry import camera_tables
 from dior.geometry.camera import Camera
 from dior.label import uncertainty
-from dior.label.visibility import hidden
 from dior.tables import tables
 from dior.tables.words import WITHOUT_3D
 

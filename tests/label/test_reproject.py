@@ -2,12 +2,12 @@ import numpy as np
 import pytest
 
 from dior.body.names import MLKIT_33
+from dior.body.visibility import hidden
 from dior.clocks import clock as clocks
 from dior.errors import DiorError
 from dior.geometry import camera as cam
 from dior.geometry import camera_tables
 from dior.label import reproject, uncertainty
-from dior.label.visibility import hidden
 from dior.reconstruct.triangulate import write_skeleton
 from dior.tables import tables
 from tests.rig import camera

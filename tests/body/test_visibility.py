@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from dior.body import visibility
 from dior.body.names import MLKIT_33
-from dior.label import visibility
-from dior.label.visibility import hidden
+from dior.body.visibility import hidden
 from dior.simulate import settings as levels
 from dior.simulate import truth
 from dior.simulate.motion import motion_of

@@ -31,7 +31,7 @@ LIMBS = (
     ("neck", "mid_hip", 0.062, 0.066),
     ("left_hip", "right_hip", 0.058, 0.058),
 )
-# chosen; tests/label/test_visibility.py holds them to 90 % of the landmarks and 83 % of the markers as the simulator
+# chosen; tests/body/test_visibility.py holds them to 90 % of the landmarks and 83 % of the markers as the simulator
 # draws them, and 85 % of those called hidden
 OWN = 1.2  # a joint within this many radii of a limb's axis belongs to it,
 OWN_DEPTH = 1.4  # and is hidden by it only where it lies this many radii behind its surface
@@ -54,7 +54,7 @@ INWARDS = {"shoulder": 0.0, "elbow": 0.022, "knee": 0.036, "ankle": 0.024}
 def hidden(camera: Camera, points: Floats, names: Sequence[str]) -> Bools:
     """Whether points (F, J, 3) m, called `names`, are behind a part of the body as seen by `camera`: (F, J) bool."""
     at = body_points(points, names)
-    stature = _stature(at)
+    stature = stature_of(at)
     out = np.zeros(points.shape[:2], bool)
     if not np.isfinite(stature):
         return out
@@ -127,7 +127,7 @@ def _from_markers(m: dict[str, Floats]) -> dict[str, Floats]:
     """Joint centres from Plug-in-Gait markers, to a few centimetres: enough to say what hides what."""
     centres = {name: mean_of(m, markers) for name, markers in NEAREST.items()}
     at = {name: centre for name, centre in centres.items() if centre is not None}
-    stature = _stature(at)
+    stature = stature_of(at)
     if not np.isfinite(stature) or not {"left_hip", "right_hip"} <= set(at):
         return at
     left = at["left_hip"] - at["right_hip"]
@@ -144,7 +144,7 @@ def _from_markers(m: dict[str, Floats]) -> dict[str, Floats]:
     return at
 
 
-def _stature(at: dict[str, Floats]) -> float:
+def stature_of(at: dict[str, Floats]) -> float:
     """Stature (m) from the shanks; NaN where neither is known."""
     shanks = [
         np.linalg.norm(at[f"{side}_knee"] - at[f"{side}_ankle"], axis=-1)
