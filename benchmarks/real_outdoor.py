@@ -26,7 +26,7 @@ from dior.geometry.multiview import look_at
 from dior.geometry.triangulation import triangulate
 from dior.ingest.readers import mlkit, openpose
 from dior.label import uncertainty
-from dior.reconstruct import refine, robust
+from dior.reconstruct import detector_noise, refine, robust
 from dior.reconstruct.swaps import exchange, find_exchanged, find_mistaken_limbs
 from dior.reconstruct.triangulate import by_rays
 from dior.tables import tables
@@ -100,7 +100,7 @@ def robust_points(data, cameras):
     score = np.where(robust.strangers(close, uv, score, FPS, swap_index(joints))[..., None], 0.0, score)
     swapped = find_exchanged(close, uv, score, joints, FPS)
     uv, score = exchange(uv, swapped, joints), exchange(score, swapped, joints)
-    sigma = robust.noise(close, uv, score, FPS)
+    sigma = detector_noise.estimated(close, uv, score, FPS, joints).sigma
     score = np.where(find_mistaken_limbs(close, uv, score, sigma, joints, FPS), 0.0, score)
     found = robust.triangulate(close, uv, score, FPS, sigma)
     return np.where((found.scaled <= 45.0)[..., None], found.points, np.nan), swapped, joints
@@ -141,14 +141,14 @@ def pose_errors(cameras, uv, score, joints):
     return given_poses.of(cameras, walk, HUBER_PX, np.full(len(cameras), LENS_SIGMA))
 
 
-def labels_of(makers, uv, score, sigma, joints, camera, errors, lens_sigma):
+def labels_of(makers, uv, score, noise, joints, camera, errors, lens_sigma):
     """Labels (100, J, 2) px of a camera and their covariance, of the 3D that `makers` give, smoothed as by `refine`."""
-    found = robust.triangulate(makers, uv, score, FPS, sigma)
+    found = robust.triangulate(makers, uv, score, FPS, noise.sigma)
     points = np.where((found.scaled <= 45.0)[..., None], found.points, np.nan)
-    weights = np.where(found.used, score, 0.0) / sigma[:, None]
-    time_s, constant_share = robust.error_correlation(makers, uv, score, found, FPS)
+    weights = np.where(found.used, score, 0.0) / noise.sigma
+    time_s, constant_share = robust.error_correlation(makers, uv, score, found, FPS, noise)
     spread = robust.covariance(makers, points, weights)
-    points, spread, _ = refine.refined(points, spread, joints, FPS, time_s, constant_share, BRIDGED_S)
+    points, spread, _, _ = refine.refined(points, spread, joints, FPS, time_s, constant_share, BRIDGED_S)
     rig = [*makers, camera]
     poses = np.kron(np.eye(len(rig)), errors.covariance())
     lenses = lens_sigma**2 * np.eye(3 * len(rig))
@@ -184,12 +184,12 @@ def print_ellipses(data, cameras):
     errors = pose_errors(close, uv, score, joints)
     swapped = find_exchanged(close, uv, score, joints, FPS)
     uv, score = exchange(uv, swapped, joints), exchange(score, swapped, joints)
-    sigma = robust.noise(close, uv, score, FPS)
-    score = np.where(find_mistaken_limbs(close, uv, score, sigma, joints, FPS), 0.0, score)
+    noise = detector_noise.estimated(close, uv, score, FPS, joints)
+    score = np.where(find_mistaken_limbs(close, uv, score, noise.sigma, joints, FPS), 0.0, score)
     scatter, whole = [], []
     for view in range(3):
         rest = [i for i in range(3) if i != view]
-        own = [close[i] for i in rest], uv[rest], score[rest], sigma[rest], joints, close[view]
+        own = [close[i] for i in rest], uv[rest], score[rest], noise.of_views(rest), joints, close[view]
         labels, spread = labels_of(*own, errors, LENS_SIGMA)
         off = np.where((score[view] > 0)[..., None], uv[view] - labels, np.nan)
         whole.append((off, spread))
@@ -204,7 +204,7 @@ def print_ellipses(data, cameras):
         f"  cam01-cam03, each by the other two: the detector's noise is {noise_px:.1f} px, {held:.1%} are inside with "
         f"it; with offsets taken for noise, so that 95 % are, it is {all_px:.1f} px"
     )
-    labels, spread = labels_of(close, uv, score, sigma, joints, cameras[3], errors, LENS_SIGMA)
+    labels, spread = labels_of(close, uv, score, noise, joints, cameras[3], errors, LENS_SIGMA)
     theirs, confident, _ = observed_by_mlkit(data, CAMERAS[3:])
     off = np.where((confident[0] > 0)[..., None], theirs[0] - labels, np.nan)
     without = (np.isfinite(labels).all(axis=-1) & ~np.isfinite(spread).all(axis=(-1, -2))).sum()

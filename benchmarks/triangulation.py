@@ -23,7 +23,7 @@ from benchmarks import scene
 from dior.body.names import LIMBS, is_leg, swap_index
 from dior.geometry import camera as cam
 from dior.geometry import triangulation
-from dior.reconstruct import refine, robust, swaps
+from dior.reconstruct import detector_noise, refine, robust, swaps
 from dior.reconstruct.gates import implausible
 from dior.reconstruct.triangulate import by_rays
 from dior.simulate.runs import runs
@@ -185,12 +185,12 @@ def print_swaps():
             start = time.process_time()
             exchanged = swaps.find_exchanged(s.cameras, uv, score, s.names, scene.FPS)
             uv, score = swaps.exchange(uv, exchanged, s.names), swaps.exchange(score, exchanged, s.names)
-            sigma = robust.noise(s.cameras, uv, score, scene.FPS)
+            sigma = detector_noise.estimated(s.cameras, uv, score, scene.FPS, s.names).sigma
             taken = swaps.find_mistaken_limbs(s.cameras, uv, score, sigma, s.names, scene.FPS)
             each = (time.process_time() - start) / score[0].size * 1e6
             kept = np.where(taken, 0.0, score)
             after = robust.triangulate(s.cameras, uv, kept, scene.FPS, sigma)
-            covariance = robust.covariance(s.cameras, after.points, np.where(after.used, kept, 0) / sigma[:, None])
+            covariance = robust.covariance(s.cameras, after.points, np.where(after.used, kept, 0) / sigma)
             points = np.where(np.isfinite(covariance).all(axis=(-1, -2))[..., None], after.points, np.nan)
             jumps = implausible(points, covariance, list(s.names), scene.FPS, *GATES)
             # a limb that jumps onto the other one is not believed either
@@ -240,9 +240,7 @@ def print_covariance():
             s = scene.make(level, seed, SHORT)
             score = score_of(s.uv, s.score)
             found = robust.triangulate(s.cameras, s.uv, score, scene.FPS)
-            covariance = robust.covariance(
-                s.cameras, found.points, np.where(found.used, score, 0) / found.sigma[:, None]
-            )
+            covariance = robust.covariance(s.cameras, found.points, np.where(found.used, score, 0) / found.sigma)
             sound = ~(s.swapped | s.wrong).any(axis=0)
             a, b = standardised(found.points - s.points, covariance, sound)
             z.append(a), inside.append(b), each.append(np.sqrt((a**2).mean()))
@@ -271,7 +269,7 @@ def print_refined():
             s = scene.make(level, seed, SHORT)
             points, covariance, time_s, stays = reconstructed(s)
             start = time.process_time()
-            path, spread, filled = refine.refined(
+            path, spread, filled, _ = refine.refined(
                 points, covariance, list(s.names), scene.FPS, time_s, stays, max_gap_s=0.2
             )
             spent += (time.process_time() - start) / len(SEEDS)
@@ -302,14 +300,15 @@ def reconstructed(s):
     score = np.where(other[..., None], 0.0, score)
     exchanged = swaps.find_exchanged(s.cameras, s.uv, score, s.names, scene.FPS)
     uv, score = swaps.exchange(s.uv, exchanged, s.names), swaps.exchange(score, exchanged, s.names)
-    sigma = robust.noise(s.cameras, uv, score, scene.FPS)
+    noise = detector_noise.estimated(s.cameras, uv, score, scene.FPS, s.names)
+    sigma = noise.sigma
     score = np.where(swaps.find_mistaken_limbs(s.cameras, uv, score, sigma, s.names, scene.FPS), 0.0, score)
     found = robust.triangulate(s.cameras, uv, score, scene.FPS, sigma)
-    covariance = robust.covariance(s.cameras, found.points, np.where(found.used, score, 0) / sigma[:, None])
+    covariance = robust.covariance(s.cameras, found.points, np.where(found.used, score, 0) / sigma)
     points = np.where(np.isfinite(covariance).all(axis=(-1, -2))[..., None], found.points, np.nan)
     bad = implausible(points, covariance, list(s.names), scene.FPS, *GATES)
     points = np.where(bad[..., None], np.nan, points)
-    return points, covariance, *robust.error_correlation(s.cameras, uv, score, found, scene.FPS)
+    return points, covariance, *robust.error_correlation(s.cameras, uv, score, found, scene.FPS, noise)
 
 
 def lag_ms(points, truth):

@@ -54,15 +54,16 @@ def run(*, sequence: str, subject: str, skeleton: Path, max_gap_s: float, out: P
     covariance = point_covariance(table, shape)
     stamps = table["stamp_ns"].reshape(shape)[:, 0]
     status = table["status"].astype(str).reshape(shape)
-    time, constant_share = (float(about.get(key, 0.0)) for key in ("noise_time_s", "noise_stays"))
-    points, covariance, filled = refined(points, covariance, joints, rate(stamps), time, constant_share, max_gap_s)
+    time = float(about.get("noise_time_s", 0.0))
+    constant = np.nan_to_num(table["constant_share"].astype(float).reshape(shape))
+    points, covariance, filled, constant = refined(points, covariance, joints, rate(stamps), time, constant, max_gap_s)
     left_open = status == "suspect"
-    points[left_open], covariance[left_open] = np.nan, np.nan
+    points[left_open], covariance[left_open], constant[left_open] = np.nan, np.nan, np.nan
     filled &= ~left_open
     status = np.where(filled, "gap_filled", status)
     n_views = np.where(filled, 0, table["n_views"].reshape(shape))
     residual = table["residual_px"].reshape(shape)
-    write_skeleton(out, subject, sequence, joints, stamps, points, status, n_views, residual, covariance)
+    write_skeleton(out, subject, sequence, joints, stamps, points, status, n_views, residual, covariance, constant)
     text = f"{filled.mean():.1%} of the 3D joints were bridged over gaps of at most {max_gap_s:g} s"
     tables.write_findings(findings, [(sequence, "info", "gaps_bridged", text)] if filled.any() else [])
 
@@ -73,34 +74,39 @@ def refined(
     names: Sequence[str],
     fps: float,
     time_s: float,
-    constant_share: float,
+    constant_share: Floats | float,
     max_gap_s: float,
-) -> tuple[Floats, Floats, Bools]:
-    """Smoothed points (T, J, 3), their covariance (T, J, 3, 3), and which were bridged (T, J).
+) -> tuple[Floats, Floats, Bools, Floats]:
+    """Smoothed points (T, J, 3), their covariance (T, J, 3, 3), which were bridged (T, J), and which share of their
+    variance is constant (T, J).
 
-    The noise is autoregressive with the time constant `time_s`, but for the share `constant_share` of its variance,
-    which is a constant error.
+    The noise is autoregressive with the time constant `time_s`, but for the share `constant_share` (T, J) of its
+    variance, which is a constant error.
     """
     known = np.all(np.isfinite(points), axis=-1) & np.all(np.isfinite(covariance), axis=(-1, -2))
     enough = np.flatnonzero(known.sum(axis=0) >= round(LEAST_S * fps))
     filled = np.zeros(known.shape, bool)
+    constant_share = np.array(np.broadcast_to(constant_share, known.shape), float)
     if not len(enough):
-        return points, covariance, filled
+        return points, covariance, filled, constant_share
+    share = constant_share[:, enough, None, None]
     given = np.where(known[..., None], points, np.nan)[:, enough]
     # the constant error moves path and points alike: the smoother is not to know of it
-    steady = _steady(covariance[:, enough], known[:, enough], round(STEADY * time_s * fps))
-    noise = (1 - constant_share) * steady
+    half = round(STEADY * time_s * fps)
+    noise = _steady((1 - share) * covariance[:, enough], known[:, enough], half)
     ar1 = float(np.exp(-1 / (fps * time_s))) if time_s > 0 else 0.0
     path, spread, _ = smooth(given, noise, ar1, learned(given, noise, ar1, fps))
     gaps = _short_gaps(known[:, enough], instants_within(max_gap_s, fps))
-    constant = constant_share * _carried(covariance[:, enough], known[:, enough])
+    constant = _carried(_steady(share * covariance[:, enough], known[:, enough], half), known[:, enough])
     path, spread = with_bones(path, spread, constant, [names[j] for j in enough.tolist()])
     there = known[:, enough] | gaps
     points, covariance = points.copy(), covariance.copy()
     points[:, enough] = np.where(there[..., None], path, np.nan)
     covariance[:, enough] = np.where(there[..., None, None], spread + constant, np.nan)
     filled[:, enough] = gaps
-    return points, covariance, filled
+    whole = np.trace(spread + constant, axis1=-2, axis2=-1)
+    constant_share[:, enough] = np.trace(constant, axis1=-2, axis2=-1) / whole
+    return points, covariance, filled, constant_share
 
 
 def learned(points: Floats, noise: Floats, ar1: float, fps: float) -> Floats:

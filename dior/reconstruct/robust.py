@@ -12,7 +12,6 @@ was just before and after: its prediction between the nearest good instants, who
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Any
 
 import numpy as np
 
@@ -23,27 +22,18 @@ from dior.geometry.disagreeing_views import best_subsets
 from dior.geometry.triangulation import (
     Rig,
     mean_errors,
-    meet,
     meet_in_blocks,
-    residuals,
     rig_of,
     views_of,
     with_every_view,
 )
+from dior.reconstruct.detector_noise import DROP_FACTOR, SAMPLE, Noise, estimated, median_chi2
 from dior.reconstruct.timeline import instants_within
 
-# a view disagrees where the residuals are this many times what the noise makes of them; chosen: less leaves out right
-# views, more believes wrong ones
-DROP_FACTOR = 3.0
-ROUNDS = 3  # of points and noise in turn; chosen
 FEW_JOINTS = 5  # fewer say nothing about a person; chosen
-LEAST_PX = 0.05  # no detector is better; chosen
-SAMPLE = 2500  # points that the noise is estimated from: its error is then a few per cent
-APART_S = 0.3  # residuals nearer in time say the same: the noise of pose networks is correlated over 0.15 s
-# a joint's noise in a view is mixed with the view's as if so many independent equations spoke for that; chosen: less
-# follows chance in short walks, more makes all joints alike
-SHRINK = 30.0
 DIES_S = 0.3  # up to which lag errors that die away are summed; chosen: twice the 0.15 s of pose networks
+# chosen: more than this is never constant; and how far what is constant of shares and of pixels is held together
+MOST_STAYS, ALIKE = 0.9, 0.01
 LEAST_REST = 0.05  # a smaller sum of correlations may be chance; chosen
 # a joint is predicted from good instants at most this far away on either side; chosen: longer, and the line between
 # them is no prediction
@@ -55,7 +45,7 @@ class Points:
     """Triangulated joints.
 
     `points` (T, J, 3) m, `used` (V, T, J) bool, `residual` (T, J) px mean distance of the detections used, `scaled` the
-    same at fx 1680, `sigma` (V, J) px of a detection with score 1, in u and in v.
+    same at fx 1680, `sigma` (V, T, J) px of a detection with score 1, in u and in v.
     """
 
     points: np.ndarray
@@ -63,52 +53,6 @@ class Points:
     residual: np.ndarray
     scaled: np.ndarray
     sigma: np.ndarray
-
-
-def noise(cameras: Sequence[Camera], uv: Floats, score: Floats, fps: float) -> Floats:
-    """Standard deviation (V, J) px, in u and in v, of a detection with score 1; that of score s is 1/s of it.
-
-    From the residuals of a sample of the instants at which all views agree, with the degrees of freedom that the points
-    took (Helmert's variance components): the residuals themselves are smaller than the errors.
-    """
-    joints = uv.shape[2]
-    seen = (score > 0).sum(axis=0) >= 2
-    rows = np.flatnonzero(seen.any(axis=1))
-    if not len(rows):
-        return np.full((len(cameras), joints), np.nan)
-    every = max(1, len(rows) * joints // SAMPLE)
-    rows = rows[::every]
-    independent = min(1.0, every / fps / APART_S)
-    uv, score = uv[:, rows], score[:, rows]
-    joint = np.tile(np.arange(joints), len(rows))
-    start = views_of(rig_of(cameras), uv, np.where(score > 0, score, 0.0))
-    degrees = 2 * (start.w > 0).sum(axis=0) - 3
-    points, chi2 = meet(start)
-    known = np.isfinite(chi2) & (degrees >= 1)
-    if not known.any():
-        return np.full((len(cameras), joints), np.nan)
-    # half of the points agree, whatever the others do
-    per_degree = np.median(chi2[known] / _median_chi2(degrees[known]))
-    sigma = np.full((len(cameras), joints), max(np.sqrt(per_degree), LEAST_PX))
-    for _ in range(ROUNDS):
-        views = replace(start, w=start.w / sigma[:, joint])
-        points, chi2 = meet(views)
-        agree = np.flatnonzero(chi2 <= DROP_FACTOR**2 * degrees)
-        left, free = residuals(views.at(agree), points[:, agree])
-        free = np.where(views.w[:, agree] > 0, free, 0.0)
-        square = (left**2).sum(axis=1) * sigma[:, joint[agree]] ** 2
-        sums = [np.stack([np.bincount(joint[agree], v, joints) for v in values]) for values in (square, free)]
-        total = sums[0].sum() / sums[1].sum()
-        sums = [values * independent for values in sums]
-        of_view = [values.sum(axis=1, keepdims=True) for values in sums]
-        of_view = (of_view[0] + SHRINK * total) / (of_view[1] + SHRINK)
-        sigma = np.maximum(np.sqrt((sums[0] + SHRINK * of_view) / (sums[1] + SHRINK)), LEAST_PX)
-    return sigma
-
-
-def _median_chi2(degrees: Any) -> Any:
-    """Median of chi squared (Wilson and Hilferty 1931), good to 1 % from one degree on."""
-    return degrees * (1 - 2 / (9 * degrees)) ** 3
 
 
 def triangulate(
@@ -120,9 +64,9 @@ def triangulate(
     noise. Of the subsets of one size that is taken which agrees best with itself and with the joint's prediction.
     """
     shape = count, joints = uv.shape[1:3]
-    sigma = noise(cameras, uv, score, fps) if sigma is None else sigma
+    sigma = estimated(cameras, uv, score, fps).sigma if sigma is None else sigma
     rig = rig_of(cameras)
-    weights = score / sigma[:, None]
+    weights = score / sigma
     points, chi2, used, pixels, scaled = with_every_view(rig, uv, weights)
     seen = used.sum(axis=0, dtype=np.int8)
     good = chi2 <= DROP_FACTOR**2 * (2 * seen - 3)
@@ -153,7 +97,7 @@ def strangers(cameras: Sequence[Camera], uv: Floats, score: Floats, fps: float, 
     middle = (uv + uv[:, :, mirror]) / 2
     certain = np.where(both, np.minimum(score, score[:, :, mirror]), 0.0)
     rig = rig_of(cameras)
-    weights = certain / noise(cameras, middle, certain, fps)[:, None]
+    weights = certain / estimated(cameras, middle, certain, fps).sigma
     _, chi2, used, _, _ = with_every_view(rig, middle, weights)
     rows = _strange(chi2, used, uv.shape[1:3])
     out = np.zeros(uv.shape[:2], bool)
@@ -250,23 +194,24 @@ def _prediction_error(points: Floats, good: Bools, half: int) -> Floats:
     known = np.isfinite(square)
     out = np.full(points.shape[2], np.nan)
     for j in np.flatnonzero(known.any(axis=0)):
-        out[j] = np.sqrt(np.median(square[known[:, j], j]) / _median_chi2(3))
+        out[j] = np.sqrt(np.median(square[known[:, j], j]) / median_chi2(3))
     return out
 
 
 def error_correlation(
-    cameras: Sequence[Camera], uv: Floats, score: Floats, found: Points, fps: float
-) -> tuple[float, float]:
-    """How the errors of the detections are correlated in time: time constant (s) of what dies away, and the share of
-    the variance that is constant.
+    cameras: Sequence[Camera], uv: Floats, score: Floats, found: Points, fps: float, noise: Noise | None = None
+) -> tuple[float, Floats]:
+    """How the errors of the detections are correlated in time: time constant (s) of what dies away, and the share
+    (T, J) of the points' variance that is constant.
 
     From the correlation in time of the residuals of `found` (`Points`), which the walk itself does not move: what is
     left after `LASTS_S` is taken to be constant (a detector's offset of a joint), the rest to be autoregressive, with
     the sum of its correlations up to `DIES_S`, since it is slow noise that a smoother leaves: detections interpolated
-    between two pictures share one with the instant before, which is as slow. 0 s is white noise.
+    between two pictures share one with the instant before, which is as slow. 0 s is white noise. Of the two parts of
+    `noise`, shares of the body's size and pixels, each has a constant share of its own.
     """
     count, joints = uv.shape[1:3]
-    views = views_of(rig_of(cameras), uv, np.where(found.used, score, 0.0) / found.sigma[:, None])
+    views = views_of(rig_of(cameras), uv, np.where(found.used, score, 0.0) / found.sigma)
     origin = views.rig.origin
     rows = slice(0, min(count, max(1, 10 * SAMPLE // joints)))
     columns = np.arange(count * joints).reshape(count, joints)[rows].ravel()
@@ -280,15 +225,40 @@ def error_correlation(
     left[..., known] = np.where(some.w[:, None] > 0, np.clip(ideal * some.w[:, None], -3.0, 3.0), np.nan)
     series = left.reshape(len(cameras), 2, -1, joints)
 
-    constant_share = float(np.clip(autocorrelation(series, round(LASTS_S * fps), axis=2), 0.0, 0.9))
+    stays = float(np.clip(autocorrelation(series, round(LASTS_S * fps), axis=2), 0.0, MOST_STAYS))
+    by_size = np.zeros(uv.shape[:3]) if noise is None else noise.by_size
+    of_size, of_pixels = _constant_shares(series, by_size[:, rows], round(LASTS_S * fps), stays)
+    seen = np.maximum(found.used.sum(axis=0), 1)
+    constant = (np.where(found.used, of_size * by_size + of_pixels * (1 - by_size), 0.0)).sum(axis=0) / seen
     lags = max(1, round(DIES_S * fps))
-    rest = sum(autocorrelation(series, lag, axis=2) - constant_share for lag in range(1, lags + 1)) / (
-        1 - constant_share
-    )
+    rest = sum(autocorrelation(series, lag, axis=2) - stays for lag in range(1, lags + 1)) / (1 - stays)
     if rest < LEAST_REST:
-        return 0.0, constant_share
+        return 0.0, constant
     # the autoregressive noise whose correlations have that sum
     ar1 = 0.0
     for _ in range(50):
         ar1 = min(rest / (rest + 1 - ar1**lags), 0.98)
-    return -1 / (fps * np.log(ar1)), constant_share
+    return -1 / (fps * np.log(ar1)), constant
+
+
+def _constant_shares(series: Floats, by_size: Floats, apart: int, stays: float) -> tuple[float, float]:
+    """What is constant of the noise in shares of the body's size, and of that in pixels, of residuals (V, 2, T, J).
+
+    `by_size` (V, T, J): the first one's share of the variance; `apart` instants that count as long. A regression of
+    products of residuals on these shares. `stays`, of all, is what both are where nothing tells them apart.
+    """
+    if not 0 < apart < series.shape[2]:
+        return stays, stays
+    later, earlier = series[:, :, apart:], series[:, :, :-apart]
+    both = np.isfinite(later) & np.isfinite(earlier)
+    product = np.where(both, later * earlier, 0.0).sum(axis=1)
+    power = np.where(both, later**2 + earlier**2, 0.0).sum(axis=1) / 2
+    size = np.sqrt(by_size[:, apart:] * by_size[:, :-apart])
+    pixels = np.sqrt((1 - by_size[:, apart:]) * (1 - by_size[:, :-apart]))
+    N = np.array([[(a * b * power).sum() for b in (size, pixels)] for a in (size, pixels)])
+    c = np.array([(a * product).sum() for a in (size, pixels)])
+    held = ALIKE * power.sum()
+    if not held > 0:
+        return stays, stays
+    of_size, of_pixels = np.clip(np.linalg.solve(N + held * np.eye(2), c + held * stays), 0.0, MOST_STAYS)
+    return float(of_size), float(of_pixels)

@@ -174,15 +174,15 @@ def find_mistaken_limbs(
 ) -> Bools:
     """Where several views put both names on one limb: (V, T, J) bool, of the name that is wrong.
 
-    `uv` with exchanged sides already turned back, `sigma` (V, J) px, `fps` the rate of the instants. Compared are, per
-    limb and instant, chi squared of the limb's own views, and that of some views' pixels from the point of the other
-    limb, the rest being right. One of two names on one limb is right: where both would be wrong, the limbs only lie on
-    one another in these pictures, and it is something else that the other views do not agree with.
+    `uv` with exchanged sides already turned back, `sigma` (V, T, J) px, `fps` the rate of the instants. Compared are,
+    per limb and instant, chi squared of the limb's own views, and that of some views' pixels from the point of the
+    other limb, the rest being right. One of two names on one limb is right: where both would be wrong, the limbs only
+    lie on one another in these pictures, and it is something else that the other views do not agree with.
     """
     views, count, joints = uv.shape[:3]
     out = np.zeros((views, count, joints), bool)
     at = {name: i for i, name in enumerate(names)}
-    weights = np.where(np.isfinite(uv).all(axis=-1), score, 0.0) / sigma[:, None]
+    weights = np.where(np.isfinite(uv).all(axis=-1), score, 0.0) / sigma
     found: dict[tuple[str, ...], tuple[list[int], Bools]] = {}
     for limb, other in LIMBS:
         pairs = [(at[a], at[b]) for a, b in zip(limb, other, strict=True) if a in at and b in at]

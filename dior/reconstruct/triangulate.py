@@ -25,7 +25,7 @@ from dior.geometry import camera as cam
 from dior.geometry import camera_tables, multiview
 from dior.geometry.camera import Camera
 from dior.project import heights
-from dior.reconstruct import everybody, robust
+from dior.reconstruct import detector_noise, everybody, robust
 from dior.reconstruct.gates import implausible
 from dior.reconstruct.swaps import exchange, find_exchanged, find_mistaken_limbs
 from dior.tables import tables
@@ -132,12 +132,11 @@ def run(
         score = np.where(other[..., None], 0.0, score)
         swapped = find_exchanged(rig, uv, score, joints, fps)
         uv, score = exchange(uv, swapped, joints), exchange(score, swapped, joints)
-        sigma = robust.noise(rig, uv, score, fps)
-        mistaken = find_mistaken_limbs(rig, uv, score, sigma, joints, fps)
+        noise = detector_noise.estimated(rig, uv, score, fps, joints)
+        mistaken = find_mistaken_limbs(rig, uv, score, noise.sigma, joints, fps)
         score = np.where(mistaken, 0.0, score)
-        found = robust.triangulate(rig, uv, score, fps, sigma)
+        found = robust.triangulate(rig, uv, score, fps, noise.sigma)
         points, used, residual = found.points, found.used, found.residual
-        time_s, constant_share = robust.error_correlation(rig, uv, score, found, fps)
         good = found.scaled <= limits.max_error_px  # false for NaN
     else:
         used = score > 0
@@ -145,10 +144,10 @@ def run(
         errors = np.where(used, cam.reprojection_errors(rig, points, uv), 0.0)
         residual = errors.sum(axis=0) / np.maximum(used.sum(axis=0), 1)
         good = np.ones(residual.shape, bool)
-        sigma = robust.noise(rig, uv, score, fps)
-        found = robust.Points(points, used, residual, residual, sigma)
-        time_s, constant_share = robust.error_correlation(rig, uv, score, found, fps)
-    weights = np.where(used, score, 0.0) / sigma[:, None]
+        noise = detector_noise.estimated(rig, uv, score, fps, joints)
+        found = robust.Points(points, used, residual, residual, noise.sigma)
+    time_s, constant_share = robust.error_correlation(rig, uv, score, found, fps, noise)
+    weights = np.where(used, score, 0.0) / noise.sigma
     covariance = robust.covariance(rig, points, weights)
     enough = (used.sum(axis=0) >= 2) & np.all(np.isfinite(points), axis=-1)
     good &= in_front(rig, points, used)
@@ -163,9 +162,11 @@ def run(
     points = np.where((status == "ok")[..., None], points, np.nan)
     residual = np.where(enough, residual, np.nan)
     covariance = np.where((status == "ok")[..., None, None], covariance, np.nan)
-    about = {"noise_time_s": f"{time_s:.6g}", "noise_stays": f"{constant_share:.6g}"}
+    constant_share = np.where(status == "ok", constant_share, np.nan)
+    about = {"noise_time_s": f"{time_s:.6g}"}
+    n_views = used.sum(axis=0)
     write_skeleton(
-        out, subject, sequence, joints, stamps, points, status, used.sum(axis=0), residual, covariance, about
+        out, subject, sequence, joints, stamps, points, status, n_views, residual, covariance, constant_share, about
     )
     write_swaps(out_swaps, names, stamps, frames, swapped, joints)
     notes = _findings(sequence, names, np.any(swapped, axis=2), status) + _mistaken_findings(sequence, names, mistaken)
@@ -185,9 +186,11 @@ def write_skeleton(
     n_views: Ints,
     residual: Floats,
     covariance: Floats | None = None,
+    constant_share: Floats | None = None,
     metadata: dict[str, str] | None = None,
 ) -> None:
-    """Write `skeletons_3d` from points (T, J, 3), their covariance (T, J, 3, 3) and what is known about them (T, J)."""
+    """Write `skeletons_3d` from points (T, J, 3), their covariance (T, J, 3, 3), which share of it is constant (T, J),
+    and what is known about them (T, J)."""
     count, each = points.shape[:2]
     once = np.zeros(count * each, int)
     tables.write(
@@ -201,6 +204,7 @@ def write_skeleton(
             "stamp_ns": np.repeat(stamps, each),
             **{axis: points[..., i].ravel() for i, axis in enumerate("xyz")},
             **({} if covariance is None else sigmas(covariance.reshape(-1, 3, 3))),
+            **({} if constant_share is None else {"constant_share": constant_share.ravel()}),
             "n_views": n_views.ravel(),
             "residual_px": residual.ravel(),
             "status": status.ravel(),

@@ -64,7 +64,7 @@ def test_smoothing_helps_has_no_lag_and_knows_what_is_left(time_s):
     truth = np.repeat(moving(300), 12, axis=1)
     points = noisy(truth, 0.02, time_s, random)
     covariance = np.broadcast_to(4e-4 * np.eye(3), (300, 12, 3, 3)).copy()
-    path, spread, filled = refine.refined(points, covariance, [f"j{i}" for i in range(12)], FPS, time_s, 0.0, 0.2)
+    path, spread, filled, _ = refine.refined(points, covariance, [f"j{i}" for i in range(12)], FPS, time_s, 0.0, 0.2)
     error = path - truth
     assert (error**2).mean() < (0.3 if time_s == 0 else 0.8) * ((points - truth) ** 2).mean()
     z = error / np.sqrt(np.diagonal(spread, axis1=-2, axis2=-1))
@@ -80,7 +80,7 @@ def test_smoothing_helps_has_no_lag_and_knows_what_is_left(time_s):
 def test_what_stays_of_the_noise_stays_in_the_covariance():
     points = noisy(np.repeat(moving(120), 2, axis=1), 0.02, 0.0, np.random.default_rng(3))
     covariance = np.broadcast_to(4e-4 * np.eye(3), (120, 2, 3, 3)).copy()
-    _, spread, _ = refine.refined(points, covariance, ["a", "b"], FPS, 0.0, 0.5, 0.2)
+    _, spread, _, _ = refine.refined(points, covariance, ["a", "b"], FPS, 0.0, 0.5, 0.2)
     assert (np.diagonal(spread, axis1=-2, axis2=-1) >= 2e-4).all()
 
 
@@ -89,7 +89,7 @@ def test_short_gaps_are_bridged_with_more_doubt_and_long_ones_are_not():
     points = noisy(truth, 0.01, 0.0, np.random.default_rng(4))
     points[50:55, 0] = points[100:110, 0] = points[:3, 0] = np.nan
     covariance = np.where(np.isfinite(points)[..., None], 1e-4 * np.eye(3), np.nan)
-    path, spread, filled = refine.refined(points, covariance, ["a", "b"], FPS, 0.0, 0.0, 0.2)
+    path, spread, filled, _ = refine.refined(points, covariance, ["a", "b"], FPS, 0.0, 0.0, 0.2)
     assert np.flatnonzero(filled[:, 0]).tolist() == [50, 51, 52, 53, 54] and not filled[:, 1].any()
     assert np.isnan(path[100:110, 0]).all() and np.isnan(path[:3, 0]).all() and np.isnan(spread[100:110, 0]).all()
     assert np.linalg.norm(path[50:55, 0] - truth[50:55, 0], axis=-1).max() < 0.05
@@ -124,9 +124,12 @@ def test_the_step_keeps_every_row(tmp_path):
     covariance = np.where(np.isfinite(points)[..., None], 1e-4 * np.eye(3), np.nan)
     stamps = 10**18 + np.arange(60) * 33_333_333
     views, residual = np.full((60, 2), 3), np.where(np.isfinite(points[..., 0]), 1.0, np.nan)
-    about = {"noise_time_s": "0.1", "noise_stays": "0.2"}
+    about = {"noise_time_s": "0.1"}
+    share = np.where(np.isfinite(covariance[..., 0, 0]), 0.2, np.nan)
     names = ["left_knee", "left_ankle"]
-    write_skeleton(tmp_path / "t.parquet", "S", "w", names, stamps, points, status, views, residual, covariance, about)
+    write_skeleton(
+        tmp_path / "t.parquet", "S", "w", names, stamps, points, status, views, residual, covariance, share, about
+    )  # fmt: skip
     refine.run(
         sequence="w", subject="S", skeleton=tmp_path / "t.parquet", max_gap_s=0.2,
         out=tmp_path / "r.parquet", findings=tmp_path / "f.parquet",
@@ -134,11 +137,11 @@ def test_the_step_keeps_every_row(tmp_path):
     table = tables.read(tmp_path / "r.parquet", "skeletons_3d")
     after, joints = tables.grid(table, "x", "y", "z")
     assert joints == names and after.shape == points.shape
-    # the noise is as triangulate's metadata says
-    wanted, _, _ = refine.refined(points, covariance, names, triangulate.rate(stamps), 0.1, 0.2, 0.2)
+    # the noise is as triangulate says
+    wanted, _, _, stays = refine.refined(points, covariance, names, triangulate.rate(stamps), 0.1, 0.2, 0.2)
     assert after[:, 0] == pytest.approx(wanted[:, 0], abs=1e-6)
     for other in ((0.0, 0.2), (0.1, 0.0)):
-        unlike, _, _ = refine.refined(points, covariance, names, triangulate.rate(stamps), *other, 0.2)
+        unlike, _, _, _ = refine.refined(points, covariance, names, triangulate.rate(stamps), *other, 0.2)
         assert np.abs(unlike - wanted)[:, 0].max() > 1e-4
     words = table["status"].reshape(60, 2)
     assert (words[20:23, 0] == "gap_filled").all() and np.isfinite(after[20:23, 0]).all()
@@ -151,15 +154,15 @@ def test_the_step_keeps_every_row(tmp_path):
 def test_what_stays_is_not_smoothed_and_the_rest_is_as_if_it_were_alone():
     points = noisy(np.repeat(moving(120), 2, axis=1), 0.02, 0.0, np.random.default_rng(3))
     C = np.broadcast_to(4e-4 * np.eye(3), (120, 2, 3, 3)).copy()
-    path, spread, _ = refine.refined(points, C, ["a", "b"], FPS, 0.1, 0.36, 0.2)
-    alone, less, _ = refine.refined(points, 0.64 * C, ["a", "b"], FPS, 0.1, 0.0, 0.2)
+    path, spread, _, _ = refine.refined(points, C, ["a", "b"], FPS, 0.1, 0.36, 0.2)
+    alone, less, _, _ = refine.refined(points, 0.64 * C, ["a", "b"], FPS, 0.1, 0.0, 0.2)
     assert path == pytest.approx(alone, abs=1e-12) and spread == pytest.approx(less + 0.36 * C, abs=1e-12)
 
 
 def test_noise_that_lasts_is_not_taken_for_white():
     points = noisy(np.repeat(moving(120), 2, axis=1), 0.02, 0.15, np.random.default_rng(3))
     C = np.broadcast_to(4e-4 * np.eye(3), (120, 2, 3, 3)).copy()
-    (path, spread, _), (white, less, _) = (
+    (path, spread, _, _), (white, less, _, _) = (
         refine.refined(points, C, ["a", "b"], FPS, time_s, 0.0, 0.2) for time_s in (0.15, 0.0)
     )
     keep = np.exp(-1 / (FPS * 0.15))
@@ -186,7 +189,7 @@ def test_gaps_are_bridged_by_their_time(fps):
     points[after : after + most + 1] = np.nan
     C = np.where(np.isfinite(points)[..., None], 1e-4 * np.eye(3), np.nan)
     for rate in (1e9 / step_ns, float(fps)):
-        _, _, filled = refine.refined(points, C, ["a"], rate, 0.0, 0.0, 0.2)
+        _, _, filled, _ = refine.refined(points, C, ["a"], rate, 0.0, 0.0, 0.2)
         assert np.flatnonzero(filled[:, 0]).tolist() == list(range(20, 20 + most))
 
 

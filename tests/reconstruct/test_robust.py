@@ -32,7 +32,10 @@ def test_the_wrong_view_is_left_out_even_where_its_error_lies_along_the_epipolar
     found = robust.triangulate(cameras, uv, np.ones(uv.shape[:3]), FPS)
     right = (np.arange(3)[:, None, None] != view)[:, hit]
     alone = np.stack(
-        [robust.triangulate(cameras, uv[:, [t]], np.ones((3, 1, 33)), FPS, found.sigma).used[:, 0] for t in range(60)],
+        [
+            robust.triangulate(cameras, uv[:, [t]], np.ones((3, 1, 33)), FPS, found.sigma[:, [t]]).used[:, 0]
+            for t in range(60)
+        ],
         axis=1,
     )
     chosen, guessed = ((used[:, hit] == right).all(axis=0).mean() for used in (found.used, alone))
@@ -63,21 +66,11 @@ def test_a_missing_view_and_a_score_of_zero_have_no_say():
     assert np.isnan(found.points[6, 7]).all()
 
 
-def test_noise_is_what_was_added_though_residuals_are_smaller():
-    cameras, points = ring(3), walker(400)
-    uv = observed(cameras, points, 2.0)
-    sigma = robust.noise(cameras, uv, np.ones(uv.shape[:3]), FPS)
-    assert sigma.mean() == pytest.approx(2.0, rel=0.03)
-    # a score of a half is twice the noise
-    assert robust.noise(cameras, uv, np.full(uv.shape[:3], 0.5), FPS) == pytest.approx(sigma / 2)
-    assert np.isnan(robust.noise(cameras, uv, np.zeros(uv.shape[:3]), FPS)).all()
-
-
 def test_covariance_is_that_of_many_tries():
     cameras, point = ring(3), np.array([[[0.2, -0.3, 1.1]]])
     repeated = np.broadcast_to(point, (4000, 1, 3))
     uv = observed(cameras, repeated, 2.0)
-    found = robust.triangulate(cameras, uv, np.ones(uv.shape[:3]), FPS, np.full((3, 1), 2.0))
+    found = robust.triangulate(cameras, uv, np.ones(uv.shape[:3]), FPS, np.full((3, 4000, 1), 2.0))
     C = robust.covariance(cameras, point, np.full((3, 1, 1), 0.5))[0, 0]
     tried = np.cov((found.points - point)[:, 0].T)
     assert tried == pytest.approx(C, abs=0.06 * np.trace(C))
@@ -100,7 +93,7 @@ def test_persistence_is_read_from_the_residuals(time_s, stays):
     found = robust.triangulate(cameras, uv, np.ones(uv.shape[:3]), FPS)
     told = robust.error_correlation(cameras, uv, np.ones(uv.shape[:3]), found, FPS)
     assert told[0] == pytest.approx(time_s, abs=0.04)
-    assert told[1] == pytest.approx(stays, abs=0.08)
+    assert told[1].shape == uv.shape[1:3] and told[1].mean() == pytest.approx(stays, abs=0.08)
     assert len(MLKIT_33) == uv.shape[2]
 
 
@@ -113,17 +106,6 @@ def test_a_view_of_somebody_else_is_left_out_as_a_whole_and_exchanged_sides_are_
     uv = exchange(uv, exchanged, MLKIT_33)
     other = robust.strangers(cameras, uv, np.ones(uv.shape[:3]), FPS, swap_index(MLKIT_33))
     assert other[1, 20:30].all() and other.sum() == 10
-
-
-def test_neighbours_in_time_say_little_new_of_a_joints_own_noise():
-    """At 3 instants a second each residual counts; at 30 they are correlated, and the joint is more like the rest."""
-    cameras, points = ring(3), walker(60)
-    uv = observed(cameras, points, 2.0)
-    uv[:, :, 7] += 2 * (uv[:, :, 7] - observed(cameras, points, 0.0)[:, :, 7])
-    fast, slow = (robust.noise(cameras, uv, np.ones(uv.shape[:3]), fps) for fps in (30.0, 3.0))
-    own, rest = slow[:, 7].mean(), np.delete(slow, 7, axis=1).mean()
-    assert own > 2 * rest
-    assert fast[:, 7].mean() - rest < 0.7 * (own - rest)
 
 
 def test_a_joint_is_predicted_on_the_line_between_the_good_instants_around_it():
@@ -158,14 +140,5 @@ def test_how_long_errors_last_is_a_time_at_any_rate(fps):
     for t in range(1, uv.shape[1]):
         noise[:, t] = keep * noise[:, t - 1] + np.sqrt(1 - keep**2) * noise[:, t]
     uv = uv + 2 * noise
-    found = robust.triangulate(cameras, uv, np.ones(uv.shape[:3]), fps, np.full((3, 8), 2.0))
+    found = robust.triangulate(cameras, uv, np.ones(uv.shape[:3]), fps, np.full(uv.shape[:3], 2.0))
     assert robust.error_correlation(cameras, uv, np.ones(uv.shape[:3]), found, fps)[0] == pytest.approx(0.15, abs=0.04)
-
-
-@pytest.mark.parametrize("views", [2, 3])
-def test_one_detection_in_twenty_that_is_wrong_hardly_moves_the_noise(views):
-    cameras, random = ring(4)[:views], np.random.default_rng(0)
-    uv = observed(cameras, walker(300), 2.0)
-    hit = random.random(uv.shape[:3]) < 0.05
-    uv[hit] += random.normal(0, 20.0, (hit.sum(), 2))
-    assert robust.noise(cameras, uv, np.ones(uv.shape[:3]), FPS).mean() == pytest.approx(2.0, rel=0.15)

@@ -6,7 +6,8 @@ import pytest
 from benchmarks import scene
 from dior.body.names import LIMBS, MLKIT_33, is_leg, swap_index
 from dior.geometry import camera as cam
-from dior.reconstruct import robust, swaps
+from dior.reconstruct import swaps
+from dior.reconstruct.detector_noise import estimated
 from dior.reconstruct.swaps import combinations, exchange, find_exchanged, find_mistaken_limbs, find_swaps
 from tests.rig import ring
 
@@ -105,7 +106,7 @@ def test_a_limb_that_two_views_take_for_the_other_is_left_out_in_both():
     own, others = ([MLKIT_33.index(name) for name in side if name in MLKIT_33] for side in LIMBS[2])
     taken = uv.copy()
     taken[:2, 20:32, own] = observed(cameras, walker(60), 2.0, seed=9)[:2, 20:32, others]
-    score, sigma = np.ones(uv.shape[:3]), np.full((3, 33), 2.0)
+    score, sigma = np.ones(uv.shape[:3]), np.full(uv.shape[:3], 2.0)
     found = find_mistaken_limbs(cameras, taken, score, sigma, MLKIT_33, FPS)
     assert found[:2, 20:32, own].all() and found.sum() == 2 * 12 * len(own)
     assert not find_mistaken_limbs(cameras, uv, score, sigma, MLKIT_33, FPS).any()
@@ -174,7 +175,9 @@ def test_a_fast_limb_has_not_jumped(fps):
     points = walker(fps)
     points[..., 0] *= 2.0
     uv = observed(cameras, points, 0.0)
-    assert not find_mistaken_limbs(cameras, uv, np.ones(uv.shape[:3]), np.full((3, 33), 200.0), MLKIT_33, fps).any()
+    assert not find_mistaken_limbs(
+        cameras, uv, np.ones(uv.shape[:3]), np.full(uv.shape[:3], 200.0), MLKIT_33, fps
+    ).any()
 
 
 @pytest.mark.parametrize("fps", [15, 60, 120])
@@ -187,7 +190,7 @@ def test_a_limb_taken_for_the_other_counts_by_the_time_it_lasts(fps):
     uv = observed(cameras, walker(len(t)) * [1, 0.2, 1], 0.0)
     where = np.ix_([0, 1], np.flatnonzero(long | short), own)
     uv[where] = uv[np.ix_([0, 1], np.flatnonzero(long | short), others)]
-    found = find_mistaken_limbs(cameras, uv, np.ones(uv.shape[:3]), np.full((3, 33), 33.0), MLKIT_33, fps)
+    found = find_mistaken_limbs(cameras, uv, np.ones(uv.shape[:3]), np.full(uv.shape[:3], 33.0), MLKIT_33, fps)
     assert (found[:2, :, own] == long[:, None]).all() and not found[2].any()
 
 
@@ -209,6 +212,6 @@ def test_legs_that_hide_each_other_are_not_both_mistaken_where_the_third_view_is
     legs = [is_leg(name) for name in MLKIT_33]
     uv = walk.uv.copy()
     uv[2][:, legs, 0] += 40
-    sigma = robust.noise(cameras, uv, walk.score, scene.FPS)
+    sigma = estimated(cameras, uv, walk.score, scene.FPS, walk.names).sigma
     found = find_mistaken_limbs(cameras, uv, walk.score, sigma, MLKIT_33, scene.FPS)
     assert found.any(axis=(0, 2)).mean() < 0.03

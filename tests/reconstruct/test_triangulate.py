@@ -1,3 +1,4 @@
+from dataclasses import replace
 from unittest.mock import patch
 
 import numpy as np
@@ -249,7 +250,9 @@ def test_the_limit_of_the_error_is_that_of_a_camera_of_fx_1680(tmp_path, monkeyp
     uv[0, 6, 0] += [0, 25]
     uv[1, 6, 0] -= [0, 25]
     write_inputs(tmp_path, cameras, uv)
-    monkeypatch.setattr(tri.robust, "noise", lambda *_: np.full((2, 33), 2.0))
+    noise = tri.detector_noise.estimated(cameras, uv, np.ones(uv.shape[:3]), 30.0)
+    known = replace(noise, sigma=np.full(uv.shape[:3], 2.0))
+    monkeypatch.setattr(tri.detector_noise, "estimated", lambda *_: known)
     limits = Limits(0.3, limit_px, 1e9, 1e9, 1e9)
     tri.run(
         sequence="walk_1", subject="S01", cameras=[tmp_path / "cameras.parquet"], names=[c.name for c in cameras],

@@ -26,6 +26,7 @@ TABLES = {
         ("rho_xy", "float32", "", "correlation of the errors"),
         ("rho_xz", "float32"),
         ("rho_yz", "float32"),
+        ("constant_share", "float32", "", "of the variance what lasts for a second and more, null where not known"),
         ("n_views", "int8", "", "null where the views are not known (mocap)"),
         ("residual_px", "float32", "px", "mean distance to the detections used"),
         ("status", SKELETON_STATUS),
