@@ -147,7 +147,7 @@ def labels_of(makers, uv, score, noise, joints, camera, errors, lens_sigma):
     points = np.where((found.scaled <= 45.0)[..., None], found.points, np.nan)
     weights = np.where(found.used, score, 0.0) / noise.sigma
     time_s, constant_share = robust.error_correlation(makers, uv, score, found, FPS, noise)
-    spread = robust.covariance(makers, points, weights)
+    spread = robust.covariance(makers, points, weights, noise.own)
     points, spread, _, _ = refine.refined(points, spread, joints, FPS, time_s, constant_share, BRIDGED_S)
     rig = [*makers, camera]
     poses = np.kron(np.eye(len(rig)), errors.covariance())

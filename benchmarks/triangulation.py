@@ -304,7 +304,7 @@ def reconstructed(s):
     sigma = noise.sigma
     score = np.where(swaps.find_mistaken_limbs(s.cameras, uv, score, sigma, s.names, scene.FPS), 0.0, score)
     found = robust.triangulate(s.cameras, uv, score, scene.FPS, sigma)
-    covariance = robust.covariance(s.cameras, found.points, np.where(found.used, score, 0) / sigma)
+    covariance = robust.covariance(s.cameras, found.points, np.where(found.used, score, 0) / sigma, noise.own)
     points = np.where(np.isfinite(covariance).all(axis=(-1, -2))[..., None], found.points, np.nan)
     bad = implausible(points, covariance, list(s.names), scene.FPS, *GATES)
     points = np.where(bad[..., None], np.nan, points)

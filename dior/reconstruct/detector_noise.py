@@ -24,7 +24,8 @@ from dior.arrays import Bools, Floats, Ints
 from dior.body import visibility
 from dior.clocks.persistence import LASTS_S, autocorrelation
 from dior.geometry.camera import Camera
-from dior.geometry.triangulation import meet, meet_in_blocks, residuals, rig_of, views_of
+from dior.geometry.covariance import cross
+from dior.geometry.triangulation import Views, meet, meet_in_blocks, residuals, rig_of, views_of
 
 # a view disagrees where the residuals are this many times what the noise makes of them; chosen: less leaves out right
 # views, more believes wrong ones
@@ -43,6 +44,9 @@ USUAL = 0.015, 2.0
 EXPECTED_PX, EXPECTED_WORTH = np.geomspace(25.0, 800.0, 6), 2.0
 STATURE_M = 1.7  # chosen: of a body whose shanks are not known (a mean adult)
 LEAST_DEPTH_M = 0.5  # chosen: nobody walks nearer to a camera
+# chosen: how far a pose may be off, rad and m, so far that it is told by the residuals alone
+HELD = np.array([np.radians(2.0)] * 3 + [0.1] * 3)
+LEAST_FREE = 0.5  # chosen: few residuals are not believed to be the poses' alone
 LOOKED_S = 0.2  # chosen: how often it is looked how large a body is and what it hides, a third of a step
 
 
@@ -52,7 +56,8 @@ class Noise:
 
     Made of `parts` (J, 2, 2): share of the body's size and px, of what is seen and of what is hidden; `size` (V, T) px
     of the body in the picture, `hidden` (V, T, J); and `of_view` (V, J), by how much a joint is worse in a view than in
-    all views: its pictures may be, its lens or its pose, or one leg is always taken for the other there.
+    all views: its pictures may be, its lens or its pose, or one leg is always taken for the other there. `own` (V,):
+    what of a view's variance is the detections' own, and not its pose's, whose error has a covariance of its own.
     """
 
     sigma: Floats
@@ -60,11 +65,12 @@ class Noise:
     size: Floats
     hidden: Bools
     of_view: Floats
+    own: Floats
 
     def of_views(self, views: Sequence[int]) -> "Noise":
         """That of some of the views."""
         at = list(views)
-        return Noise(self.sigma[at], self.parts, self.size[at], self.hidden[at], self.of_view[at])
+        return Noise(self.sigma[at], self.parts, self.size[at], self.hidden[at], self.of_view[at], self.own[at])
 
     @property
     def by_size(self) -> Floats:
@@ -99,7 +105,7 @@ def estimated(
     every = max(1, len(rows) * joints // SAMPLE)
     rows = rows[::every]
     if not np.isfinite(size).any():
-        return Noise(np.full(score.shape, np.nan), parts, size, hidden, of_view)
+        return Noise(np.full(score.shape, np.nan), parts, size, hidden, of_view, np.ones(views))
     independent = min(1.0, every / fps / APART_S)
     said = views_of(rig_of(cameras), uv[:, rows], np.where(score > 0, score, 0.0)[:, rows])
     degrees = 2 * (said.w > 0).sum(axis=0) - 3
@@ -111,8 +117,8 @@ def estimated(
     count = independent * degrees[known].sum()
     ratio = np.median(chi2[known] / median_chi2(degrees[known])) if count else 1.0
     usual = np.array(USUAL) * np.sqrt((count * ratio + SHRINK) / (count + SHRINK))
-    parts = np.tile(usual, (joints, 2, 1))
-    for _ in range(ROUNDS):
+    parts, own = np.tile(usual, (joints, 2, 1)), np.ones(views)
+    for turn in range(ROUNDS):
         sigma = of_parts(parts, *at, of_view).reshape(views, -1)
         weighted = replace(said, w=said.w / sigma)
         points, chi2 = meet(weighted)
@@ -130,10 +136,53 @@ def estimated(
             joint[agree], np.repeat(at[0], joints, axis=1)[:, agree], at[1].reshape(views, -1)[:, agree],
             (sigma / of_view[:, joint])[:, agree] ** 2, worth * (left**2).sum(axis=1), worth * free,
         )  # fmt: skip
+        if turn == ROUNDS - 1:
+            own = _own(weighted.at(agree), points[:, agree], left, seen.free, worth)
         parts = fitted(seen, usual, joints)
         beyond = seen.variance / of_parts(parts, *at, np.ones_like(of_view)).reshape(views, -1)[:, agree] ** 2
         of_view = _of_views(replace(seen, square=seen.square * of_view[:, joint[agree]] ** 2 * beyond), joints)
-    return Noise(of_parts(parts, size, hidden, of_view), parts, size, hidden, of_view)
+    return Noise(of_parts(parts, size, hidden, of_view), parts, size, hidden, of_view, own)
+
+
+def _own(views: Views, points: Floats, left: Floats, free: Floats, worth: float) -> Floats:
+    """What of the views' variance is left (V,) when their poses are free; arguments as of `without_poses`.
+
+    `free` (V, N) of `Squares`, whose squares count `worth` each. The poses' unknowns take their share of it: where the
+    cameras were adjusted to these detections, residuals are smaller by it, and the noise is larger than they say.
+    """
+    after, taken = without_poses(views, points, left)
+    before, square = ((worth * (each**2).sum(axis=1)).sum(axis=1) for each in (left, after))
+    scale = max(1 - taken / free.sum(), LEAST_FREE)
+    return np.asarray((square + EXPECTED_WORTH) / (scale * before + EXPECTED_WORTH))
+
+
+def without_poses(views: Views, points: Floats, left: Floats) -> tuple[Floats, float]:
+    """Whitened residuals (V, 2, N) of points (3, N) less what other poses of the cameras explain of them, and how many
+    unknowns that took.
+
+    The poses' six unknowns each by linear least squares, the points eliminated; what moves, turns and scales the world
+    as a whole explains nothing, and is held by `HELD`.
+    """
+    count = len(views.x)
+    p = views.rig.rows[..., :3] @ points + views.rig.rows[..., 3:]
+    scale, x, y = views.w / p[:, 2], p[:, 0] / p[:, 2], p[:, 1] / p[:, 2]
+    by_axes = np.zeros((*scale.shape, 2, 3))  # derivative of the residual by the point in the camera's axes
+    by_axes[..., 0, 0] = by_axes[..., 1, 1] = -scale
+    by_axes[..., 0, 2], by_axes[..., 1, 2] = scale * x, scale * y
+    J = by_axes @ views.rig.rows[:, None, :, :3]
+    C = np.concatenate([-by_axes @ cross(np.moveaxis(p, 1, -1)), by_axes], axis=-1) * HELD
+    r = np.moveaxis(left, 1, -1)
+    # of each point: what follows the cameras when it gives way
+    P = np.linalg.inv(np.einsum("vnai,vnaj->nij", J, J))
+    G = P @ np.einsum("vnai,vnak->nivk", J, C).reshape(-1, 3, 6 * count)
+    D = -np.einsum("vnai,nik->vnak", J, G)
+    for v in range(count):
+        D[v, :, :, 6 * v : 6 * v + 6] += C[v]
+    D = D.reshape(-1, 6 * count)
+    S = D.T @ D
+    held = np.linalg.inv(S + np.eye(len(S)))
+    explained = (D @ (held @ (D.T @ r.ravel()))).reshape(r.shape)
+    return left - np.moveaxis(explained, -1, 1), float(np.trace(held @ S))
 
 
 @dataclass(frozen=True, eq=False)

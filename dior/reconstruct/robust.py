@@ -141,10 +141,11 @@ def _same_person(rig: Rig, uv: Floats, weights: Floats) -> Bools:
     return keep
 
 
-def covariance(cameras: Sequence[Camera], points: Floats, weights: Floats) -> Floats:
+def covariance(cameras: Sequence[Camera], points: Floats, weights: Floats, own: Floats | None = None) -> Floats:
     """Covariance (T, J, 3, 3) m^2 of points (T, J, 3) given the cameras; weights (V, T, J) 1/px, 0: not used.
 
-    NaN where a point is, and with fewer than two views.
+    `own` (V,): what of the views' variances is the detections' own, all where None. NaN where a point is, and with
+    fewer than two views.
     """
     rig = rig_of(cameras)
     p = (points - rig.origin).reshape(-1, 3).T
@@ -154,10 +155,14 @@ def covariance(cameras: Sequence[Camera], points: Floats, weights: Floats) -> Fl
         x, y = at[:, 0] / at[:, 2], at[:, 1] / at[:, 2]
         w2 = np.where(w > 0, (w / at[:, 2]) ** 2, 0.0)
         features = np.stack([w2 * (x * x + y * y), w2 * x, w2 * y, w2], axis=1)
-        information = (rig.linear[:6] @ features.reshape(-1, p.shape[1]))[[0, 1, 2, 1, 3, 4, 2, 4, 5]].T
+        information, told = (
+            (rig.linear[:6] @ (features * share[:, None, None]).reshape(-1, p.shape[1]))[[0, 1, 2, 1, 3, 4, 2, 4, 5]].T
+            for share in (np.ones(len(cameras)), np.ones(len(cameras)) if own is None else own)
+        )
     known = np.isfinite(information).all(axis=1) & ((w > 0).sum(axis=0) >= 2)
     out = np.full((p.shape[1], 3, 3), np.nan)
-    out[known] = np.linalg.inv(information[known].reshape(-1, 3, 3))
+    inverse = np.linalg.inv(information[known].reshape(-1, 3, 3))
+    out[known] = inverse if own is None else inverse @ told[known].reshape(-1, 3, 3) @ inverse
     return out.reshape(*points.shape, 3)
 
 

@@ -148,7 +148,7 @@ def run(
         found = robust.Points(points, used, residual, residual, noise.sigma)
     time_s, constant_share = robust.error_correlation(rig, uv, score, found, fps, noise)
     weights = np.where(used, score, 0.0) / noise.sigma
-    covariance = robust.covariance(rig, points, weights)
+    covariance = robust.covariance(rig, points, weights, noise.own)
     enough = (used.sum(axis=0) >= 2) & np.all(np.isfinite(points), axis=-1)
     good &= in_front(rig, points, used)
     if method == "robust":

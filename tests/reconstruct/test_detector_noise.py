@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from benchmarks import scene
+from dior.geometry.covariance import moved
+from dior.geometry.triangulation import meet, residuals, rig_of, views_of
 from dior.reconstruct import detector_noise, robust
 from dior.reconstruct.detector_noise import USUAL, Squares, estimated, fitted
 from tests.reconstruct.test_swaps import observed, walker
@@ -105,6 +107,39 @@ def test_a_view_that_is_worse_is_told():
     uv[1] += uv[1] - exact[1]
     sigma = estimated(cameras, uv, np.ones(uv.shape[:3]), FPS).sigma.mean(axis=(1, 2))
     assert sigma == pytest.approx([2.0, 4.0, 2.0], rel=0.12)
+
+
+def test_errors_of_poses_are_no_noise_of_the_detections():
+    """They are in the cameras' own covariance; here three times the noise's variance, of which half is left at most."""
+    cameras, points = ring(3), walker(200)
+    uv, random = observed(cameras, points, 2.0), np.random.default_rng(8)
+    own = []
+    for off in (0.0, 1.0):
+        steps = off * random.normal(size=(3, 6)) * np.array([np.radians(0.4)] * 3 + [0.02] * 3)
+        found = estimated([moved(c, s) for c, s in zip(cameras, steps, strict=True)], uv, np.ones(uv.shape[:3]), FPS)
+        whole = (found.sigma**2).mean(axis=(1, 2))
+        own.append(((found.own * whole).mean(), whole.mean()))
+    assert own[0] == pytest.approx((4.0, 4.0), rel=0.06)
+    assert own[1][1] > 12 and own[1][0] < 0.5 * own[1][1]
+
+
+def test_poses_that_were_fitted_to_the_detections_took_their_share_of_the_residuals():
+    """With constant offsets an adjustment takes a good part; the noise is told as large as it was."""
+    cameras, points = ring(3), walker(12)
+    exact, random = observed(cameras, points, 0.0), np.random.default_rng(9)
+    told, left_over = [], []
+    for _ in range(20):
+        uv = exact + 2.0 * random.normal(size=(3, 1, 33, 2)) + 0.2 * random.normal(size=exact.shape)
+        views = views_of(rig_of(cameras), uv, np.full(uv.shape[:3], 0.5))
+        where, _ = meet(views)
+        left, free = residuals(views, where)
+        after, taken = detector_noise.without_poses(views, where, left)
+        assert 8 < taken <= 3 * 6 - 6.9
+        left_over.append((after**2).sum() / (left**2).sum())
+        own = detector_noise._own(views, where, left, free / 12, 1 / 12)
+        told.append(own.mean())
+    assert np.mean(left_over) < 0.95
+    assert np.mean(told) == pytest.approx(1.0, abs=0.03)
 
 
 def test_neighbours_in_time_say_little_new_of_a_joints_own_noise():

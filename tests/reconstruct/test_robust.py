@@ -74,6 +74,11 @@ def test_covariance_is_that_of_many_tries():
     C = robust.covariance(cameras, point, np.full((3, 1, 1), 0.5))[0, 0]
     tried = np.cov((found.points - point)[:, 0].T)
     assert tried == pytest.approx(C, abs=0.06 * np.trace(C))
+    own = robust.covariance(cameras, point, np.full((3, 1, 1), 0.5), np.full(3, 0.25))[0, 0]
+    assert own == pytest.approx(C / 4)
+    # the first view takes no part of what is its pose's alone
+    less = robust.covariance(cameras, point, np.full((3, 1, 1), 0.5), np.array([0.0, 1.0, 1.0]))[0, 0]
+    assert 0.3 * np.trace(C) < np.trace(less) < np.trace(C)
     two = robust.covariance(cameras, point, np.array([0.5, 0.5, 0.0])[:, None, None])[0, 0]
     assert np.trace(two) > np.trace(C)
     assert np.isnan(robust.covariance(cameras, point, np.array([0.5, 0, 0])[:, None, None])).all()
