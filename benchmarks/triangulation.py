@@ -1,12 +1,14 @@
 """Triangulation against the truth: accuracy and speed beside the peers, exchanged sides, error bars, smoothing.
 
-usage: python -m benchmarks.triangulation [1 2 3 4]      (the tables to print; all by default)
+usage: python -m benchmarks.triangulation [1 2 3 4 5]      (the tables to print; all by default)
 
 1  errors and time per point with and without 5 % gross outliers; limits 21.5 mm, 39 mm, 2 us at `ideal`
 2  legs exchanged in one view, and a limb taken for the other in two views; limits: recall 95 %, false 0.5 %
 3  the covariance of the points: rms(error / sigma) 0.8-1.25, 95 % ellipsoids hold 90-98 %
 4  triangulated and refined: errors, covariance and lag
-Tables 1 and 2: one walk of two minutes; 3 and 4: `SEEDS` walks. Times are those of the
+5  labels of cameras 2, 4.5 and 8 m from the walkway, all of them as they are: do 95 % ellipses hold at all depths, seen
+   and hidden (90-98 %), intervals by walks
+Tables 1 and 2: one walk of two minutes; 3 to 5: `SEEDS` walks. Times are those of the
 processor, in one thread, as Snakemake gives a job.
 """
 
@@ -21,8 +23,10 @@ import numpy as np
 
 from benchmarks import scene
 from dior.body.names import LIMBS, is_leg, swap_index
+from dior.evaluate import bootstrap
 from dior.geometry import camera as cam
 from dior.geometry import triangulation
+from dior.geometry.covariance import projection
 from dior.reconstruct import detector_noise, refine, robust, swaps
 from dior.reconstruct.gates import implausible
 from dior.reconstruct.triangulate import by_rays
@@ -36,11 +40,14 @@ PEER_POINTS = 2000  # of the slow peers only so many points are timed
 SEEDS = range(12)
 SHORT = 400
 GATES = (12.0, 8.0, 0.4)  # m/s of a joint and of the body, change of a bone, as in the config
-IN_95 = 7.815  # chi squared, three degrees of freedom
+MIN_SCORE = 0.3  # as in the config
+IN_95, IN_95_PX = 7.815, 5.991  # chi squared, three and two degrees of freedom
+NEAR_FAR = ((20.0, 2.0), (140.0, 4.5), (250.0, 8.0))  # degrees and m of table 5's cameras
+DEPTHS = {"< 2 m": 0.0, "2-3 m": 2.0, "3-4 m": 3.0, "4-6 m": 4.0, "> 6 m": 6.0}
 
 
 def score_of(uv, score):
-    return np.where(np.isfinite(uv).all(axis=-1), score, 0.0)
+    return np.where(np.isfinite(uv).all(axis=-1) & (score >= MIN_SCORE), score, 0.0)
 
 
 def dlt(cameras, uv, score):
@@ -293,6 +300,50 @@ def print_refined():
             )
 
 
+def print_by_place():
+    print(f"5. Labels near and far, true cameras, seeds {SEEDS[0]}-{SEEDS[-1]}, {SHORT} frames (90-98 %)")
+    print(f"   {'':<20}{'labels':>9}{'inside 95 %':>13}{'interval':>16}{'rms(error/sigma)':>18}{'error, px':>11}")
+    for level in LEVELS:
+        sums = {}
+        for seed in SEEDS:
+            s = scene.make(level, seed, SHORT, [scene.camera(f"cam{i + 1:02d}", *at) for i, at in enumerate(NEAR_FAR)])
+            points, covariance, time_s, stays = reconstructed(s)
+            path, spread, _, _ = refine.refined(
+                points, covariance, list(s.names), scene.FPS, time_s, stays, max_gap_s=0.2
+            )
+            for cell, counts in by_place(s, path, spread).items():
+                sums.setdefault(cell, []).append(counts)
+        for cell in ("all", "seen", "hidden", *DEPTHS):
+            rows = np.array(sums[cell])
+            n, inside, square, error = rows.sum(axis=0)
+            low, high = bootstrap.of_mean(rows[:, 1], rows[:, 0])
+            print(
+                f"   {f'{level}, {cell}':<20}{int(n):>9}{inside / n:>13.1%}{f'{low:.1%}-{high:.1%}':>16}"
+                f"{np.sqrt(square / n):>18.2f}{error / n:>11.2f}"
+            )
+
+
+def by_place(s, path, spread):
+    """{cell: (labels, inside, sum of (error / sigma)^2, sum of errors px)} of the labels of a scene's own cameras."""
+    sound = ~(s.swapped | s.wrong).any(axis=0)
+    found = {}
+    for camera, true, status in zip(s.cameras, s.true_uv, s.status, strict=True):
+        uv, depth = cam.project(camera, path)
+        by_point, _ = projection(camera, path)
+        C, off = by_point @ spread @ np.swapaxes(by_point, -1, -2), uv - true
+        known = sound & np.isfinite(off).all(axis=-1) & np.isfinite(C).all(axis=(-1, -2))
+        known &= np.isin(status, ("ok", "occluded"))
+        off, C, hidden = off[known], C[known], status[known] == "occluded"
+        distance = np.einsum("ni,nij,nj->n", off, np.linalg.inv(C), off)
+        z = off / np.sqrt(np.diagonal(C, axis1=-2, axis2=-1))
+        each = np.stack([np.ones(len(off)), distance <= IN_95_PX, (z**2).mean(axis=1), np.linalg.norm(off, axis=1)])
+        near = np.digitize(depth[known], list(DEPTHS.values())[1:])
+        cells = {"all": hidden | True, "seen": ~hidden, "hidden": hidden}
+        for cell, use in (cells | {name: near == i for i, name in enumerate(DEPTHS)}).items():
+            found[cell] = found.get(cell, 0.0) + each[:, use].sum(axis=1)
+    return found
+
+
 def reconstructed(s):
     """What the step triangulate makes of a scene: points, covariance, and how the noise lasts."""
     score = score_of(s.uv, s.score)
@@ -319,7 +370,7 @@ def lag_ms(points, truth):
     return -1000 * (error[good] * speed[good]).sum() / (speed[good] ** 2).sum()
 
 
-TABLES = {"1": print_accuracy, "2": print_swaps, "3": print_covariance, "4": print_refined}
+TABLES = {"1": print_accuracy, "2": print_swaps, "3": print_covariance, "4": print_refined, "5": print_by_place}
 
 
 def main():
