@@ -181,6 +181,18 @@ def test_the_size_is_the_bodys_and_what_it_hides_is_hidden():
     assert (hidden == (walk.status == "occluded")).mean() > 0.85 and hidden.any()
 
 
+def test_hidden_joints_that_are_guessed_get_more():
+    walk = scene.make("ideal", 0, 240)
+    score, random = np.ones(walk.uv.shape[:3]), np.random.default_rng(5)
+    hidden = detector_noise.bodies(walk.cameras, walk.true_uv, score, scene.FPS, walk.names)[1]
+    uv = walk.uv + np.where(hidden[..., None], 7.0, 0.0) * random.normal(size=walk.uv.shape)
+    found = estimated(walk.cameras, uv, score, scene.FPS, walk.names)
+    seen, guessed = (np.sqrt((found.sigma[found.hidden == what] ** 2).mean()) for what in (False, True))
+    true = [np.sqrt(((uv - walk.true_uv)[found.hidden == what] ** 2).mean()) for what in (False, True)]
+    assert seen == pytest.approx(true[0], rel=0.15) and 0.7 * true[1] < guessed < 1.1 * true[1]
+    assert not estimated(walk.cameras, uv, score, scene.FPS).hidden.any()
+
+
 def test_shares_that_last_and_pixels_that_do_not_are_told_apart():
     """A learned offset grows with the body, noise of the picture does not: what is constant is more for near people."""
     cameras, points = away(600)

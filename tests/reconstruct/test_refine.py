@@ -143,6 +143,7 @@ def test_the_step_keeps_every_row(tmp_path):
     for other in ((0.0, 0.2), (0.1, 0.0)):
         unlike, _, _, _ = refine.refined(points, covariance, names, triangulate.rate(stamps), *other, 0.2)
         assert np.abs(unlike - wanted)[:, 0].max() > 1e-4
+    assert table["constant_share"].reshape(60, 2)[:, 0] == pytest.approx(stays[:, 0], abs=1e-6)
     words = table["status"].reshape(60, 2)
     assert (words[20:23, 0] == "gap_filled").all() and np.isfinite(after[20:23, 0]).all()
     # a joint that was hardly seen is left as it is
@@ -154,9 +155,11 @@ def test_the_step_keeps_every_row(tmp_path):
 def test_what_stays_is_not_smoothed_and_the_rest_is_as_if_it_were_alone():
     points = noisy(np.repeat(moving(120), 2, axis=1), 0.02, 0.0, np.random.default_rng(3))
     C = np.broadcast_to(4e-4 * np.eye(3), (120, 2, 3, 3)).copy()
-    path, spread, _, _ = refine.refined(points, C, ["a", "b"], FPS, 0.1, 0.36, 0.2)
+    path, spread, _, stays = refine.refined(points, C, ["a", "b"], FPS, 0.1, 0.36, 0.2)
     alone, less, _, _ = refine.refined(points, 0.64 * C, ["a", "b"], FPS, 0.1, 0.0, 0.2)
     assert path == pytest.approx(alone, abs=1e-12) and spread == pytest.approx(less + 0.36 * C, abs=1e-12)
+    # smoothed, more of what is left is constant
+    assert stays == pytest.approx(0.36 * 12e-4 / np.trace(spread, axis1=-2, axis2=-1)) and (stays >= 0.36).all()
 
 
 def test_noise_that_lasts_is_not_taken_for_white():

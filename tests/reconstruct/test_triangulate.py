@@ -4,11 +4,13 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 
+from benchmarks import scene
 from benchmarks.two_walkers import write_timeline
 from dior.body.names import MLKIT_33
 from dior.errors import DiorError
 from dior.geometry import camera as cam
 from dior.geometry import camera_tables
+from dior.geometry.covariance import moved
 from dior.reconstruct import triangulate as tri
 from dior.reconstruct.triangulate import Limits
 from dior.tables import tables
@@ -239,6 +241,26 @@ def test_a_score_goes_with_its_detection_to_the_other_side(tmp_path):
     write_inputs(tmp_path, cameras, uv)
     views = run(tmp_path, [c.name for c in cameras])["n_views"].reshape(20, 33)
     assert (views[:, right] == 2).all() and (views[:, left] == 3).all()
+
+
+def test_the_uncertainty_is_that_of_the_detectors_noise_and_says_what_of_it_lasts(tmp_path):
+    walk = scene.make("real", 1, 90, swapped=0.0, wrong_together=0.0, missed=0.0)
+    cameras = [
+        moved(c, s) for c, s in zip(walk.cameras, 0.003 * np.random.default_rng(0).normal(size=(3, 6)), strict=True)
+    ]
+    write_inputs(tmp_path, cameras, walk.uv)
+    table = run(tmp_path, [c.name for c in cameras])
+    ok = table["status"].reshape(90, 33) == "ok"
+    seen = np.full(walk.score.shape, 0.9)
+    noise = tri.detector_noise.estimated(cameras, walk.uv, seen, scene.FPS, MLKIT_33)
+    found = tri.robust.triangulate(cameras, walk.uv, seen, scene.FPS, noise.sigma)
+    weights = np.where(found.used, seen, 0.0) / noise.sigma
+    sigma = np.sqrt(tri.robust.covariance(cameras, found.points, weights, noise.own)[..., 0, 0])
+    assert noise.own.min() < 0.9 and noise.hidden.any() and ok.mean() > 0.9
+    assert table["sigma_x"].reshape(90, 33)[ok] == pytest.approx(sigma[ok], rel=1e-3)
+    stays = tri.robust.error_correlation(cameras, walk.uv, seen, found, scene.FPS, noise)[1]
+    assert table["constant_share"].reshape(90, 33)[ok] == pytest.approx(stays[ok], abs=1e-3)
+    assert np.ptp(stays[ok]) > 0.01
 
 
 @pytest.mark.parametrize(("limit_px", "status"), [(55.0, "rejected"), (75.0, "ok")])
