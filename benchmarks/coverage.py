@@ -12,8 +12,9 @@ version of the code.
 A 95 % ellipse should hold 95 % of the true keypoints wherever they are: by depth, by how large the person is in the
 picture (body heights), seen or hidden, by speed (of the keypoint across the line of sight). The labels of one capture
 share its cameras' and its detector's errors, so that captures are what is drawn anew for the intervals (`bootstrap`). A
-cell passes where its interval meets 90-98 %, and counts where so many captures contribute as the issue asks: 100, long
-range 200. The person who draws boxes has the habit that `align.habit_px` expects, drawn anew for every capture.
+cell passes where its interval meets 90-98 % (else it is `outside`), and counts where 100 captures contribute, long
+range 200 (else they are `few`). The person who draws boxes has the habit that `align.habit_px` expects, drawn anew for
+every capture.
 """
 
 import json
