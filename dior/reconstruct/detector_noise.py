@@ -30,7 +30,9 @@ from dior.geometry.triangulation import Views, meet, meet_in_blocks, residuals, 
 # a view disagrees where the residuals are this many times what the noise makes of them; chosen: less leaves out right
 # views, more believes wrong ones
 DROP_FACTOR = 3.0
-ROUNDS = 6  # of points and noise in turn; chosen: with hidden joints as good as seen ones both are found to 1 % then
+# of points and noise in turn, where nothing is hidden and where something is; chosen: with hidden joints as good as
+# seen ones both are found to 1 % then
+ROUNDS, HIDDEN_ROUNDS = 3, 6
 LEAST_PX = 0.05  # no detector is better; chosen
 SAMPLE = 2500  # points that the noise is estimated from: its error is then a few per cent
 APART_S = 0.3  # residuals nearer in time say the same: the noise of pose networks is correlated over 0.15 s
@@ -46,6 +48,7 @@ STATURE_M = 1.7  # chosen: of a body whose shanks are not known (a mean adult)
 LEAST_DEPTH_M = 0.5  # chosen: nobody walks nearer to a camera
 # chosen: how far a pose may be off, rad and m, so far that it is told by the residuals alone
 HELD = np.array([np.radians(2.0)] * 3 + [0.1] * 3)
+SOME = 3  # chosen: every third joint tells how far away a body is
 LEAST_FREE = 0.5  # chosen: few residuals are not believed to be the poses' alone
 LOOKED_S = 0.2  # chosen: how often it is looked how large a body is and what it hides, a third of a step
 
@@ -118,7 +121,8 @@ def estimated(
     ratio = np.median(chi2[known] / median_chi2(degrees[known])) if count else 1.0
     usual = np.array(USUAL) * np.sqrt((count * ratio + SHRINK) / (count + SHRINK))
     parts, own = np.tile(usual, (joints, 2, 1)), np.ones(views)
-    for turn in range(ROUNDS):
+    rounds = HIDDEN_ROUNDS if hidden.any() else ROUNDS
+    for turn in range(rounds):
         sigma = of_parts(parts, *at, of_view).reshape(views, -1)
         weighted = replace(said, w=said.w / sigma)
         points, chi2 = meet(weighted)
@@ -136,7 +140,7 @@ def estimated(
             joint[agree], np.repeat(at[0], joints, axis=1)[:, agree], at[1].reshape(views, -1)[:, agree],
             (sigma / of_view[:, joint])[:, agree] ** 2, worth * (left**2).sum(axis=1), worth * free,
         )  # fmt: skip
-        if turn == ROUNDS - 1:
+        if turn == rounds - 1:
             own = _own(weighted.at(agree), points[:, agree], left, seen.free, worth)
         parts = fitted(seen, usual, joints)
         beyond = seen.variance / of_parts(parts, *at, np.ones_like(of_view)).reshape(views, -1)[:, agree] ** 2
@@ -256,15 +260,16 @@ def bodies(
 ) -> tuple[Floats, Bools]:
     """How tall the body is in the pictures (V, T) px, and what it hides of itself (V, T, J).
 
-    Its stature at the depth of the median joint. Looked at every `LOOKED_S`; between, sizes are interpolated, and what
-    is hidden is as at the nearest look. NaN where the body is nowhere.
+    Its stature at the depth of the median joint, of some of them without `names`. Looked at every `LOOKED_S`; between,
+    sizes are interpolated, and what is hidden is as at the nearest look. NaN where the body is nowhere.
     """
     views, count, joints = score.shape
     every = max(1, round(LOOKED_S * fps))
     rows = np.arange(0, count, every)
+    some = slice(None, None, 1 if names else SOME)
     rig = rig_of(cameras)
-    points, _ = meet_in_blocks(views_of(rig, uv[:, rows], score[:, rows]))
-    points = (points.T + rig.origin).reshape(len(rows), joints, 3)
+    points, _ = meet_in_blocks(views_of(rig, uv[:, rows, some], score[:, rows, some]))
+    points = (points.T + rig.origin).reshape(len(rows), -1, 3)
     there = np.any(np.isfinite(points).all(axis=-1), axis=1)
     size, hidden = np.full((views, count), np.nan), np.zeros(score.shape, bool)
     if not there.any():

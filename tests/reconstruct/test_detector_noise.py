@@ -21,7 +21,7 @@ def fit(random, count, sizes, parts, hidden=None):
     hidden = np.zeros((3, count), bool) if hidden is None else hidden
     joint, free, found = np.arange(count) % 2, np.ones((3, count)), np.tile(USUAL, (2, 2, 1))
     square = variance_of(parts, joint, size, hidden) * random.chisquare(1, (3, count))
-    for _ in range(detector_noise.ROUNDS):
+    for _ in range(detector_noise.HIDDEN_ROUNDS):
         taken = variance_of(found, joint, size, hidden)
         found = fitted(Squares(joint, size, hidden, taken, square / taken, free), np.array(USUAL), 2)
     return found
