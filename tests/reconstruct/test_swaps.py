@@ -121,7 +121,7 @@ def test_two_views_are_mistaken_where_the_two_others_agree(others_agree):
     taken[:2, 20:32, own] = observed(cameras, walker(60), 2.0, seed=9)[:2, 20:32, others]
     if not others_agree:
         taken[2, 20:32, own, 1] -= 60
-    score, sigma = np.ones(uv.shape[:3]), np.full((4, 33), 2.0)
+    score, sigma = np.ones(uv.shape[:3]), np.full(uv.shape[:3], 2.0)
     found = find_mistaken_limbs(cameras, taken, score, sigma, MLKIT_33, FPS)
     assert found[:2, 20:32, own].all() == others_agree
 
