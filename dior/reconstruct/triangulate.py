@@ -4,7 +4,7 @@ INPUTS   cameras (`cameras` tables), detections, everybody in the pictures (`det
          height (subjects.tsv) and config/people/<sequence>.yaml, where there are any
 OUTPUTS  `skeletons_3d`: one row per instant and joint; `swaps`: which detections had left and right exchanged;
          `detections` again, of whom was chosen;
-         `findings`: what a person should know about them
+         `findings`: what a person should know about them, first of all which camera does not belong to the others
 Where there is anybody else, the subject's detections are chosen now that the cameras are known (`which_person`); else
 they are those of `detections`. World frame, metres. Two methods: `rays`, the paper's intersection, and `robust`, the
 default.
@@ -22,7 +22,7 @@ from dior.body.names import is_leg, swap_index
 from dior.clocks.axis import blend
 from dior.errors import DiorError
 from dior.geometry import camera as cam
-from dior.geometry import camera_tables, multiview
+from dior.geometry import camera_tables, culprit, multiview
 from dior.geometry.camera import Camera
 from dior.project import heights
 from dior.reconstruct import detector_noise, everybody, robust
@@ -70,6 +70,22 @@ def observations(
         uv.append(at[..., :2])
         score.append(np.where(np.isfinite(at).all(axis=-1), at[..., 2], 0.0))
     return np.stack(uv), np.stack(score), names
+
+
+def crossed(detections: Table, timeline: Table, cameras: Sequence[str], min_score: float) -> tuple[Floats, list[str]]:
+    """Each camera's detections at the moments of every camera's pictures, (V, V, T, J, 2) px, and the joints.
+
+    As `observations` where both are the same camera; else as if its detections belonged to the pictures of the other.
+    """
+    lines = [tables.of_camera(timeline, name) for name in cameras]
+    longest = 1 + max(int(line["frame_after"].max()) for line in lines)
+    out = []
+    for name in cameras:
+        values, joints = tables.grid(tables.of_camera(detections, name), "u", "v", "score")
+        uv = np.where((values[..., 2] >= min_score)[..., None], values[..., :2], np.nan)
+        uv = np.concatenate([uv, np.full((max(longest - len(uv), 0), *uv.shape[1:]), np.nan)])
+        out.append([blend(uv, line["frame_before"], line["frame_after"], line["weight"]) for line in lines])
+    return np.array(out), joints
 
 
 @dataclass(frozen=True)
@@ -122,8 +138,8 @@ def run(
     choice = which_person.choose(rig, seen, height_m, height_sigma_m, pointed)
     if choice:
         uv, score = everybody.picked(seen, choice)
+    mine = everybody.of_subject(detected, others, seen, choice, names, frames)
     if out_detections:
-        mine = everybody.of_subject(detected, others, seen, choice, names, frames)
         tables.write(out_detections, "detections", mine)
     swapped = np.zeros(uv.shape[:3], bool)
     mistaken = np.zeros(uv.shape[:3], bool)
@@ -169,10 +185,28 @@ def run(
         out, subject, sequence, joints, stamps, points, status, n_views, residual, covariance, constant_share, about
     )
     write_swaps(out_swaps, names, stamps, frames, swapped, joints)
-    notes = _findings(sequence, names, np.any(swapped, axis=2), status) + _mistaken_findings(sequence, names, mistaken)
+    told = mine if choice and np.mean(choice.state == which_person.OWN) > MOSTLY else detected
+    notes = _culprit(sequence, rig, told, line, limits.min_score, choice is not None)
+    notes += _findings(sequence, names, np.any(swapped, axis=2), status)
+    notes += _mistaken_findings(sequence, names, mistaken)
     if choice:
         notes += everybody.findings(sequence, choice, names, frames, fps, bool(np.isfinite(height_m)))
     tables.write_findings(findings, notes)
+
+
+def _culprit(
+    sequence: str, rig: Sequence[Camera], detections: Table, timeline: Table, min_score: float, several: bool
+) -> list[tuple[str, str, str, str]]:
+    """What is said of a camera that does not belong to the others.
+
+    Where `several` people were followed, detections that no pose explains are for `which_person` to judge.
+    """
+    names = [camera.name for camera in rig]
+    seen, joints = crossed(detections, timeline, names, min_score)
+    verdict = culprit.judge(rig, seen, swap_index(joints))
+    if several and not all(one.exchange or one.posed for one in verdict.readings):
+        return []
+    return culprit.findings(sequence, names, verdict, f"the files of the detections of {sequence}")
 
 
 def write_skeleton(

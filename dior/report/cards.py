@@ -11,6 +11,7 @@ from typing import Any, TypeAlias
 
 from dior.arrays import AnyPath, Floats, Ints
 from dior.errors import DiorError
+from dior.geometry import culprit
 from dior.geometry.camera import Camera
 from dior.project.project import Project
 from dior.report import lights
@@ -82,6 +83,7 @@ def card(
             lights.findings_of(found, sequence, session, subject, camera),
             settings["role"],
         )
+        light = lights.beside_culprit(light, found, sequence, camera)
         cells.append(
             {
                 "camera": camera,
@@ -103,8 +105,11 @@ def card(
 
 
 def shown(findings: Iterable[Finding]) -> list[dict[str, str]]:
-    """Findings (scope, severity, code, text) as dicts for the templates, the worst first, each once."""
-    ordered = sorted(set(findings), key=lambda f: (SEVERITY_ORDER.index(f[1]), f))
+    """Findings (scope, severity, code, text) as dicts for the templates, the worst first, each once.
+
+    Of equal ones that is first which says where the others come from.
+    """
+    ordered = sorted(set(findings), key=lambda f: (SEVERITY_ORDER.index(f[1]), f[2] not in culprit.CODES, f))
     return [
         {"where": scope.replace("/", " \u203a "), "severity": severity, "code": code, "text": text}
         for scope, severity, code, text in ordered

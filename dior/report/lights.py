@@ -4,13 +4,14 @@ INPUTS   rows of metrics.csv, `frame_metrics`, `findings`, the sheets
 OUTPUT   `Light`s and findings; nothing is drawn or written here
 """
 
-from collections.abc import Container, Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Container, Iterable, Mapping
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
 
 from dior.arrays import Ints
+from dior.geometry import culprit
 from dior.geometry.camera import REFERENCE_FX
 from dior.report.key_figures import Row
 from dior.report.numbers import show
@@ -151,15 +152,40 @@ def about(scope: str, names: Iterable[str]) -> bool:
 
 
 def findings_of(
-    findings: Iterable[Finding], sequence: str, session: str, subject: str, camera: str = ""
+    findings: Collection[Finding], sequence: str, session: str, subject: str, camera: str = ""
 ) -> list[tuple[str, str]]:
-    """(severity, text) of `findings` (scope, severity, code, text) about a sequence, or about one of its cameras."""
+    """(severity, text) of `findings` (scope, severity, code, text) about a sequence, or about one of its cameras.
+
+    What is said of a camera that does not belong to the others comes first, and is about the sequence, too: its 3D is
+    drawn by it.
+    """
     names = {sequence, session, subject, camera} - {""}
-    return [
+    culprits = [
         (severity, text)
-        for scope, severity, _, text in findings
-        if about(scope, names) and scope and ((camera in scope.split("/")) if camera else True)
+        for scope, severity, code, text in findings
+        if code in culprit.CODES and {sequence, camera} - {""} <= set(scope.split("/"))
     ]
+    return culprits + [
+        (severity, text)
+        for scope, severity, code, text in findings
+        if code not in culprit.CODES
+        and about(scope, names)
+        and scope
+        and ((camera in scope.split("/")) if camera else True)
+    ]
+
+
+def beside_culprit(light: Light, findings: Iterable[Finding], sequence: str, camera: str) -> Light:
+    """The light of a camera, the other one that draws its labels first among its reasons."""
+    named: dict[str, None] = {}
+    for scope, _, code, _ in findings:
+        first, *cameras = scope.split("/")
+        if code in culprit.CODES and first == sequence and cameras and camera not in cameras:
+            named |= dict.fromkeys(cameras)
+    if not named or light.level == "good":
+        return light
+    text = f"the labels follow the 3D, which {' or '.join(named)} may have drawn aside: look there first"
+    return replace(light, reasons=(text, *light.reasons))
 
 
 def noticed(

@@ -9,8 +9,7 @@ from benchmarks.two_walkers import write_timeline
 from dior.body.names import MLKIT_33
 from dior.errors import DiorError
 from dior.geometry import camera as cam
-from dior.geometry import camera_tables
-from dior.geometry.covariance import moved
+from dior.geometry import camera_tables, covariance
 from dior.reconstruct import triangulate as tri
 from dior.reconstruct.triangulate import Limits
 from dior.tables import tables
@@ -246,7 +245,7 @@ def test_a_score_goes_with_its_detection_to_the_other_side(tmp_path):
 def test_the_uncertainty_is_that_of_the_detectors_noise_and_says_what_of_it_lasts(tmp_path):
     walk = scene.make("real", 1, 90, swapped=0.0, wrong_together=0.0, missed=0.0)
     cameras = [
-        moved(c, s) for c, s in zip(walk.cameras, 0.003 * np.random.default_rng(0).normal(size=(3, 6)), strict=True)
+        covariance.moved(c, s) for c, s in zip(walk.cameras, 0.003 * np.random.default_rng(0).normal(size=(3, 6)), strict=True)
     ]
     write_inputs(tmp_path, cameras, walk.uv)
     table = run(tmp_path, [c.name for c in cameras])
@@ -292,3 +291,37 @@ def test_a_swap_is_of_the_picture_that_is_nearest():
         "frame_after": np.array([1, 2, 3, -1]), "weight": np.array([0.4, 0.6, 0.0, 0.0]),
     }  # fmt: skip
     assert tri.nearest_frames(line, ["cam01"]).tolist() == [[0, 2, 2, -1]]
+
+
+def test_the_camera_that_does_not_belong_to_the_others_is_said_first(tmp_path):
+    cameras, points = ring(), walker(60)
+    uv = observed(cameras, points, 1.0)
+    placed = [cameras[0], covariance.moved(cameras[1], np.r_[0, np.radians(3.0), 0, 0, 0, 0]), cameras[2]]
+    for given, first in ((cameras, ""), (placed, "culprit_camera")):
+        write_inputs(tmp_path, given, uv)
+        run(tmp_path, [c.name for c in given])
+        found = tables.read(tmp_path / "findings.parquet", "findings")
+        assert [code for code in found["code"] if code.startswith("culprit")] == ([first] if first else [])
+    assert (found["scope"][0], found["code"][0]) == ("walk_1/cam02", "culprit_camera")
+
+
+def test_detections_are_crossed_with_the_pictures_of_every_camera():
+    """The second camera lost its first two pictures."""
+    line = {
+        "camera": np.repeat(["cam01", "cam02"], 4).astype(object),
+        "frame_before": np.array([0, 1, 2, 3, -1, -1, 0, 1]),
+        "frame_after": np.array([0, 1, 2, 3, -1, -1, 0, 1]),
+        "weight": np.zeros(8),
+    }
+    detected = {
+        "camera": np.repeat(["cam01", "cam02"], [4, 2]).astype(object),
+        "frame": np.array([0, 1, 2, 3, 0, 1]),
+        "joint": np.full(6, "nose", object),
+        "u": np.array([10.0, 11, 12, 13, 20, 21]),
+        "v": np.zeros(6),
+        "score": np.array([0.9, 0.9, 0.9, 0.1, 0.9, 0.9]),
+    }
+    found, joints = tri.crossed(detected, line, ["cam01", "cam02"], 0.3)
+    n = np.nan
+    expected = [[[10, 11, 12, n], [n, n, 10, 11]], [[20, 21, n, n], [n, n, 20, 21]]]
+    assert joints == ["nose"] and np.array_equal(found[..., 0, 0], expected, equal_nan=True)

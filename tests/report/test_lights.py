@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from dior.geometry.camera import REFERENCE_FX
-from dior.report import lights, numbers
+from dior.report import cards, lights, numbers
 
 GOOD = {"coverage": 0.99, "in_picture_share": 0.9, "reprojection_error": 3.0}
 
@@ -78,6 +78,33 @@ def test_findings_are_matched_to_what_they_are_about():
     own = lights.findings_of(findings, "walk", "lab", "S01", "cam01")
     assert own == [("info", "one"), ("warning", "two")]
     assert lights.findings_of(findings, "walk", "lab", "S01") == [("error", "three")]
+
+
+CULPRIT = ("walk/cam02", "error", "culprit_camera", "cam02 does not belong to the others")
+
+
+def test_the_culprit_comes_first_and_is_about_the_sequence_too():
+    findings = [("lab/cam02", "error", "a", "one"), ("walk", "error", "b", "two"), CULPRIT]
+
+    def of(camera=""):
+        return [text for _, text in lights.findings_of(findings, "walk", "lab", "S01", camera)]
+
+    assert of("cam02") == [CULPRIT[3], "one"] and of() == [CULPRIT[3], "two"] and of("cam01") == []
+    both = [("walk/cam01/cam02", "error", "culprit_exchanged", "exchanged")]
+    assert lights.findings_of(both, "walk", "lab", "S01", "cam01") == [("error", "exchanged")]
+    assert not lights.findings_of(both, "walk", "lab", "S01", "cam03")
+    assert not lights.findings_of(both, "other", "lab", "S01")
+    assert [row["code"] for row in cards.shown([("a", "error", "b", "two"), CULPRIT])] == ["culprit_camera", "b"]
+
+
+def test_the_light_of_an_innocent_camera_points_at_the_culprit():
+    red = lights.judge({"coverage": 1.0, "reprojection_error": 40.0}, REFERENCE_FX)
+    beside = lights.beside_culprit(red, [CULPRIT], "walk", "cam01")
+    assert "cam02 may have drawn aside" in beside.reasons[0] and beside.reasons[1:] == red.reasons
+    assert lights.beside_culprit(red, [CULPRIT], "walk", "cam02") == red
+    assert lights.beside_culprit(red, [CULPRIT], "other", "cam01") == red
+    good = lights.judge({"coverage": 1.0}, REFERENCE_FX)
+    assert lights.beside_culprit(good, [CULPRIT], "walk", "cam01") == good
 
 
 def test_lost_pictures_are_counted_from_the_gaps():

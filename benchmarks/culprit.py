@@ -1,0 +1,157 @@
+"""Is the camera that does not belong to the others named? Walks of 8 s in memory, with one fault each.
+
+usage: python -m benchmarks.culprit [KIND|all] [RIG|all] [LEVEL|both] [SEEDS]      (20 seeds)
+
+pose         one pose is turned by 3 degrees about an axis drawn by chance
+session      one camera has the pose of another session: put up at the same place again, 10 cm and 3 degrees off
+exchanged    the detections of two cameras have changed places
+clean        nothing is wrong; anything that is said is a false alarm
+two_cameras  two cameras of the rig, one pose wrong: it cannot be told which
+
+around, L, side, four: cameras of benchmarks/wrong_worlds.py and four around, each 10 cm and 3 degrees off its even
+place; all pictures are taken at the same moments. `capture`: the field of the simulator with all that level `real` has
+(bystander, wall, clocks, lost pictures), its clocks estimated with the fault in it (benchmarks/steps.py).
+
+`alone`: the culprit and nothing else is named; `first`: it is the first of a set that cannot be told apart; `in set`;
+`unclear`: it is said that it cannot be told; `none`: nothing is said; `wrong`: somebody else is named. `most`: how many
+times as far apart the views of clean walks are than under the best reading (limit `culprit.EXPLAINS`).
+"""
+
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import sys
+import tempfile
+from collections import Counter
+from dataclasses import replace
+from unittest.mock import patch
+
+import numpy as np
+
+from benchmarks import scene, steps, worlds, wrong_worlds
+from dior.body.names import swap_index
+from dior.errors import DiorError
+from dior.geometry import camera_tables, covariance, culprit
+from dior.reconstruct import triangulate
+from dior.tables import tables
+
+KINDS = ("pose", "session", "exchanged", "clean", "two_cameras")
+RIGS = {**wrong_worlds.RIGS, "four": (0.0, 90.0, 180.0, 270.0)}
+FRAMES, OFF_DEG, OFF_M, LEAST_SCORE = 240, 3.0, 0.1, 0.3
+OUTCOMES = ("alone", "first", "in set", "unclear", "none", "wrong")
+
+
+def turned(camera, random):
+    """The camera turned by `OFF_DEG` about any axis."""
+    axis = random.normal(size=3)
+    return covariance.moved(camera, np.r_[np.radians(OFF_DEG) * axis / np.linalg.norm(axis), 0, 0, 0])
+
+
+def put_up_again(camera, random):
+    return covariance.moved(camera, np.r_[np.radians(OFF_DEG) * random.normal(size=3), OFF_M * random.normal(size=3)])
+
+
+def faulty(kind, cameras, seed):
+    """Cameras with the fault of a kind, whose detections (V,) each one has, and which cameras are wrong."""
+    random = np.random.default_rng([seed, KINDS.index(kind)])
+    cameras, of = list(cameras), np.arange(len(cameras))
+    if kind == "exchanged":
+        pair = np.sort(random.permutation(len(cameras))[:2])
+        of[pair] = pair[::-1]
+        return cameras, of, tuple(pair.tolist())
+    if kind == "clean":
+        return cameras, of, ()
+    view = int(random.integers(len(cameras)))
+    cameras[view] = (put_up_again if kind == "session" else turned)(cameras[view], random)
+    return cameras, of, (view,)
+
+
+def judged(kind, rig, level, seed):
+    """`culprit.Verdict` and which cameras are wrong, of a walk in memory."""
+    with patch.dict(wrong_worlds.RIGS, RIGS):
+        placed = wrong_worlds.rig(rig, seed)
+    walk = scene.make(level, seed, FRAMES, placed[:2] if kind == "two_cameras" else placed)
+    cameras, of, wrong = faulty(kind, walk.given, seed)
+    uv = np.where((walk.score >= LEAST_SCORE)[..., None], walk.uv, np.nan)[of]
+    crossed = np.repeat(uv[:, None], len(cameras), axis=1)
+    return culprit.judge(cameras, crossed, swap_index(walk.names)), wrong
+
+
+def judged_capture(kind, level, seed):
+    """The same of a simulated capture, its clocks estimated with the fault in it."""
+    with tempfile.TemporaryDirectory() as folder:
+        made = steps.recorded(
+            folder, preset=level, seed=seed, subjects=1, sequences=1, environments=["outdoor"], duration_s=8.0,
+            gallery=False,
+        )  # fmt: skip
+        session = worlds.outdoors(made)
+        (name,), close = made.project.sequences_of(session), made.project.close(session)
+        if kind == "two_cameras":
+            close = close[:2]
+        given = [
+            replace(made.views[name][one].placed.camera, intrinsics=lens_of(made, session, one).intrinsics)
+            for one in close
+        ]
+        cameras, of, wrong = faulty(kind, given, seed)
+        camera_tables.write_cameras(made.made("adjust", session), cameras, session)
+        detected = exchanged(tables.read(made.made("detections", name), "detections"), close, of)
+        tables.write(made.made("detections", name), "detections", detected)
+        with patch.object(type(made.project), "close", lambda *_: close):
+            steps._clocks(made, name, [made.made("adjust", session)], [])
+        crossed, joints = triangulate.crossed(
+            detected, tables.read(made.made("timeline", name), "timeline"), close, LEAST_SCORE
+        )
+        return culprit.judge(cameras, crossed, swap_index(joints)), wrong
+
+
+def lens_of(made, session, camera):
+    return camera_tables.read_cameras(made.made("intrinsics", f"{session}/{camera}"))[camera]
+
+
+def exchanged(detected, names, of):
+    """The table `detections` with each camera's rows those of `names[of]`, frame by frame, as files that were
+    exchanged are read: a frame that the other one has not is empty, what is beyond the camera's pictures is lost."""
+    out = {key: values.copy() for key, values in detected.items()}
+    for view, other in enumerate(of):
+        to, source = (np.flatnonzero(detected["camera"] == names[i]) for i in (view, other))
+        count = min(len(to), len(source))
+        for key in ("person", "u", "v", "score"):
+            out[key][to[:count]] = detected[key][source[:count]]
+            out[key][to[count:]] = -1 if key == "person" else np.nan
+    return out
+
+
+def outcome(verdict, wrong):
+    """One of `OUTCOMES`."""
+    named = [one.cameras for one in verdict.readings]
+    if not named:
+        return "unclear" if verdict.apart else "none"
+    if wrong not in named:
+        return "wrong"
+    return "alone" if len(named) == 1 else "first" if named[0] == wrong else "in set"
+
+
+def main():
+    kinds, rigs, level, seeds = [*sys.argv[1:], *("all", "all", "both", "20")[len(sys.argv) - 1 :]]
+    heads = "".join(f"{one:>9}" for one in (*OUTCOMES, "most"))
+    print(f"seeds 1-{seeds}\n{'kind':<13}{'rig':<9}{'level':<7}{heads}")
+    for kind in KINDS if kinds == "all" else kinds.split(","):
+        for rig in RIGS if rigs == "all" else rigs.split(","):
+            for grade in ("ideal", "real") if level == "both" else (level,):
+                count, most = Counter(), 0.0
+                for seed in range(1, int(seeds) + 1):
+                    try:
+                        made = judged_capture(kind, grade, seed) if rig == "capture" else judged(kind, rig, grade, seed)
+                    except DiorError as error:
+                        print(f"{kind} {rig} {grade} {seed} is refused before: {error}", file=sys.stderr)
+                        continue
+                    count[outcome(*made)] += 1
+                    if made[0].others and kind == "clean":
+                        most = max(most, made[0].error_px / min(one.least_px for one in made[0].others))
+                row = "".join(f"{count[one] or '-':>9}" for one in OUTCOMES)
+                print(f"{kind:<13}{rig:<9}{grade:<7}{row}" + (f"{most:>9.2f}" if most else ""), flush=True)
+
+
+if __name__ == "__main__":
+    main()
