@@ -29,7 +29,17 @@ import numpy as np
 
 from dior.arrays import Bools, Floats
 from dior.body import plausible as people
-from dior.calibrate.bundle import beginning, bundle, facts, in_adjustment, outcome, reduced, starts, uncertainty
+from dior.calibrate.bundle import (
+    beginning,
+    bundle,
+    culprits,
+    facts,
+    in_adjustment,
+    outcome,
+    reduced,
+    starts,
+    uncertainty,
+)
 from dior.calibrate.bundle import window as seen_in
 from dior.calibrate.bundle.outcome import Adjusted, check_end, in_front
 from dior.calibrate.lens import realsense
@@ -202,6 +212,24 @@ def metric(
     stated += [one for fact in known for one in fact.made(about)]
     points = np.where(np.isfinite(points), points, 0.0)
     return reduced.solve(cameras, reduced.Observed(ideal, each, len(taking_part)), points, stated), stated
+
+
+def _sampled_cost(cameras: Sequence[Camera], priors: Sequence[bundle.Prior], huber_px: float) -> culprits.Cost:
+    """What it costs (`culprits.Cost`) to adjust some of the cameras to a sample of what they have, from as placed."""
+
+    def cost(views: Sequence[int], timed: in_adjustment.Sequences) -> tuple[float, float]:
+        own, held = [cameras[i] for i in views], [priors[i] for i in views]
+        uv, _, _ = timed.observations(timed.start(own, *how_far_off(own, held)))
+        few = uv[:, _sample(np.all(np.isfinite(uv), axis=-1))]
+        sigma = huber_px * np.array([camera.intrinsics.fx for camera in own]) / REFERENCE_FX / bundle.HUBER
+        adjusted = sampled(own, few, held, sigma, "")
+        strain = sum(
+            float(((camera.centre - prior.position) ** 2).sum()) / prior.sigma_m**2
+            for camera, prior in zip(adjusted, held, strict=True)
+        )
+        return starts.cost(adjusted, few), strain
+
+    return cost
 
 
 def agreeing(cameras: Sequence[Camera], uv: Floats) -> Floats:
@@ -377,10 +405,16 @@ def run(
     clicked = {Path(path).name.partition(".")[0].partition("@")[0]: path for path in measured.marks}
     wanted = seen_in.names_of_marks(known) - set(names)
     points = seen_in.marked(clicked, names, wanted, measured.marked, MARK_SIGMA_PX)
-    done = adjust(
-        placed, timed, priors, huber_px, max_mean_px, f"session {session}", None, stated, points, intrinsics_sigma,
-        start_priors,
-    )  # fmt: skip
+    try:
+        done = adjust(
+            placed, timed, priors, huber_px, max_mean_px, f"session {session}", None, stated, points, intrinsics_sigma,
+            start_priors,
+        )  # fmt: skip
+    except (DiorError, np.linalg.LinAlgError) as error:
+        said = str(error) if isinstance(error, DiorError) else f"session {session}: the adjustment diverges"
+        why = culprits.sentence(placed, timed, list(window), _sampled_cost(placed, start_priors, huber_px))
+        why = why and f"session {session}: {why}. Without that: "
+        raise DiorError(why + said) from error
     uv, tracks, parts = timed.observations(done.clocks)
     for sequence, part, instants in zip(window, parts, window.values(), strict=True):
         text = f"{len(part.joint)} joints at {part.count} of {instants['count']} instants of {sequence} used"
