@@ -17,13 +17,14 @@ from typing import Self, TypeAlias
 import numpy as np
 
 from dior.arrays import Bools, Floats, Ints
+from dior.body.names import swap_index
 from dior.geometry import camera as cam
-from dior.geometry import camera_tables
+from dior.geometry import camera_tables, culprit
 from dior.geometry import covariance as cov
 from dior.geometry.camera import Camera
 from dior.geometry.disagreeing_views import DROP_FACTOR, by_dropping, usual_error
 from dior.reconstruct.swaps import exchange, in_table
-from dior.reconstruct.triangulate import observations
+from dior.reconstruct.triangulate import crossed, observations
 from dior.tables import tables
 
 # the turn (3,) rad, its covariance (3, 3) and how much of the squared residuals it explains, px^2
@@ -191,24 +192,39 @@ def run(
     """
     placed = camera_tables.read_cameras(cameras)
     rig = [placed[name] for name in names]
-    found = []
-    for paths in zip(detections, timelines, swaps, strict=True):
-        uv, score, joints = observations(
-            tables.read(paths[0], "detections"), tables.read(paths[1], "timeline"), names, min_score
-        )
+    found, told, wrong = [], [], []
+    for i, paths in enumerate(zip(detections, timelines, swaps, strict=True)):
+        detected, line = tables.read(paths[0], "detections"), tables.read(paths[1], "timeline")
+        uv, score, joints = observations(detected, line, names, min_score)
+        verdict = culprit.judge(rig, crossed(detected, line, names, min_score)[0], swap_index(joints))
+        if not _of_cameras(verdict):
+            continue
+        told.append(i)
+        wrong.append(verdict.suspects)
         swapped = in_table(tables.read(paths[2], "swaps"), names, joints)
         uv, score = exchange(uv, swapped, joints), exchange(score, swapped, joints)
         chosen = np.unique(np.linspace(0, uv.shape[1] - 1, min(uv.shape[1], MOST_INSTANTS)).round().astype(int))
         found.append(normal(rig, uv[:, chosen], score[:, chosen], joints))
     change = find_change(found)
     rows = [
-        (session, sequence, name, *_row(_against_others(found, s, v)))
+        (session, sequence, name, *_row(_against_others(found, told.index(s), v) if s in told else None))
         for s, sequence in enumerate(sequences)
         for v, name in enumerate(names)
     ]
     keys = tables.columns_of("camera_turns")
     tables.write(out, "camera_turns", {key: [row[i] for row in rows] for i, key in enumerate(keys)})
-    tables.write_findings(findings, _findings(session, names, sequences, change))
+    also = (
+        [] if change is None else [sequences[s] for s, who in zip(told, wrong, strict=True) if who == (change.camera,)]
+    )
+    tables.write_findings(findings, _findings(session, names, [sequences[s] for s in told], change, also))
+
+
+def _of_cameras(verdict: culprit.Verdict) -> bool:
+    """Whether what the views of a sequence disagree in may come from how one camera stands.
+
+    Exchanged detections, and those of another walk, look like cameras that turned.
+    """
+    return not verdict.apart and all(one.posed for one in verdict.readings)
 
 
 def _against_others(found: Sequence[Normal], s: int, v: int) -> Turn | None:
@@ -225,8 +241,9 @@ def _row(known: Turn | None) -> tuple[float, ...]:
 
 
 def _findings(
-    session: str, names: Sequence[str], sequences: Sequence[str], change: Change | None
+    session: str, names: Sequence[str], sequences: Sequence[str], change: Change | None, also: Sequence[str] = ()
 ) -> list[tuple[str, str, str, str]]:
+    """The finding of a change; `also`: the sequences in which `triangulate` named its camera as well."""
     if change is None:
         return []
     name, first = names[change.camera], sequences[change.first]
@@ -236,4 +253,6 @@ def _findings(
         f"residuals against the other cameras; if it was bumped, copy config/sessions/{folder}/{name}.yaml to "
         f"{name}@{first}.yaml, correct it there, and name a walk from {first} on in session.yaml's `adjust`"
     )
+    if also:
+        text += f"; that it does not belong to the others in {', '.join(also)} is the same fault"
     return [(f"{session}/{name}", "error", "camera_bumped", text)]

@@ -74,19 +74,47 @@ def test_run_names_camera_and_sequence(tmp_path):
     for seed, sequence in enumerate(sequences):
         uv = seen(turned(rig, 0, 0.4 if seed else 0.0), seed)
         write(tmp_path, sequence, names, uv)
-    moved.run(
-        session="field", sequences=sequences, names=names, cameras=[tmp_path / "cameras.parquet"],
-        detections=[tmp_path / f"{s}.detections.parquet" for s in sequences],
-        timelines=[tmp_path / f"{s}.timeline.parquet" for s in sequences],
-        swaps=[tmp_path / f"{s}.swaps.parquet" for s in sequences],
-        min_score=0.3, out=tmp_path / "turns.parquet", findings=tmp_path / "findings.parquet",
-    )  # fmt: skip
+    run(tmp_path, names, sequences)
     (text,) = tables.read(tmp_path / "findings.parquet", "findings")["text"]
     assert "cam01 was turned by 0.4" in text and "between walk_1 and walk_2" in text and "cam01@walk_2.yaml" in text
     table = tables.read(tmp_path / "turns.parquet", "camera_turns")
     assert len(table["camera"]) == 9
     first = (table["camera"] == "cam01") & (table["sequence"] == "walk_1")
     assert table["turn_y"][first] == pytest.approx(-0.4, abs=0.05)
+
+
+def run(folder, names, sequences):
+    moved.run(
+        session="field", sequences=sequences, names=names, cameras=[folder / "cameras.parquet"],
+        detections=[folder / f"{s}.detections.parquet" for s in sequences],
+        timelines=[folder / f"{s}.timeline.parquet" for s in sequences],
+        swaps=[folder / f"{s}.swaps.parquet" for s in sequences],
+        min_score=0.3, out=folder / "turns.parquet", findings=folder / "findings.parquet",
+    )  # fmt: skip
+
+
+def test_a_bump_that_shows_in_a_walk_is_one_fault(tmp_path):
+    rig = ring(3)
+    names, sequences = [c.name for c in rig], ["walk_1", "walk_2"]
+    camera_tables.write_cameras(tmp_path / "cameras.parquet", rig, "field")
+    for seed, sequence in enumerate(sequences):
+        write(tmp_path, sequence, names, seen(turned(rig, 0, 3.0 if seed else 0.0), seed))
+    run(tmp_path, names, sequences)
+    (text,) = tables.read(tmp_path / "findings.parquet", "findings")["text"]
+    assert text.endswith("; that it does not belong to the others in walk_2 is the same fault")
+
+
+def test_detections_that_were_exchanged_are_no_turn(tmp_path):
+    rig = ring(3)
+    names, sequences = [c.name for c in rig], ["walk_1", "walk_2"]
+    camera_tables.write_cameras(tmp_path / "cameras.parquet", rig, "field")
+    for seed, sequence in enumerate(sequences):
+        uv = seen(rig, seed)
+        write(tmp_path, sequence, names, uv[[1, 0, 2]] if seed else uv)
+    run(tmp_path, names, sequences)
+    assert not len(tables.read(tmp_path / "findings.parquet", "findings")["text"])
+    table = tables.read(tmp_path / "turns.parquet", "camera_turns")
+    assert np.array_equal(np.isnan(table["turn_y"]), [True] * 6)
 
 
 def write(folder, sequence, names, uv):
