@@ -7,10 +7,14 @@ session      one camera has the pose of another session: put up at the same plac
 exchanged    the detections of two cameras have changed places
 clean        nothing is wrong; anything that is said is a false alarm
 two_cameras  two cameras of the rig, one pose wrong: it cannot be told which
+c3d          the motion capture is that of another walk of the same person
+
+two_cameras is for the rigs in memory, c3d for the lab.
 
 around, L, side, four: cameras of benchmarks/wrong_worlds.py and four around, each 10 cm and 3 degrees off its even
 place; all pictures are taken at the same moments. `capture`: the field of the simulator with all that level `real` has
-(bystander, wall, clocks, lost pictures), its clocks estimated with the fault in it (benchmarks/steps.py).
+(bystander, wall, clocks, lost pictures), its clocks estimated with the fault in it (benchmarks/steps.py). `lab`: the
+same indoors, four cameras at their true places, judged by the motion capture (`calibrate.clocks`, `report.lights`).
 
 `alone`: the culprit and nothing else is named; `first`: it is the first of a set that cannot be told apart; `in set`;
 `unclear`: it is said that it cannot be told; `none`: nothing is said; `wrong`: somebody else is named. `most`: how many
@@ -31,12 +35,16 @@ import numpy as np
 
 from benchmarks import scene, steps, worlds, wrong_worlds
 from dior.body.names import swap_index
+from dior.calibrate import clocks
+from dior.clocks import clock as on_axis
 from dior.errors import DiorError
 from dior.geometry import camera_tables, covariance, culprit
+from dior.ingest import mocap
 from dior.reconstruct import triangulate
+from dior.report import lights
 from dior.tables import tables
 
-KINDS = ("pose", "session", "exchanged", "clean", "two_cameras")
+KINDS = ("pose", "session", "exchanged", "clean", "two_cameras", "c3d")
 RIGS = {**wrong_worlds.RIGS, "four": (0.0, 90.0, 180.0, 270.0)}
 FRAMES, OFF_DEG, OFF_M, LEAST_SCORE = 240, 3.0, 0.1, 0.3
 OUTCOMES = ("alone", "first", "in set", "unclear", "none", "wrong")
@@ -87,8 +95,6 @@ def judged_capture(kind, level, seed):
         )  # fmt: skip
         session = worlds.outdoors(made)
         (name,), close = made.project.sequences_of(session), made.project.close(session)
-        if kind == "two_cameras":
-            close = close[:2]
         given = [
             replace(made.views[name][one].placed.camera, intrinsics=lens_of(made, session, one).intrinsics)
             for one in close
@@ -97,12 +103,56 @@ def judged_capture(kind, level, seed):
         camera_tables.write_cameras(made.made("adjust", session), cameras, session)
         detected = exchanged(tables.read(made.made("detections", name), "detections"), close, of)
         tables.write(made.made("detections", name), "detections", detected)
-        with patch.object(type(made.project), "close", lambda *_: close):
-            steps._clocks(made, name, [made.made("adjust", session)], [])
+        steps._clocks(made, name, [made.made("adjust", session)], [])
         crossed, joints = triangulate.crossed(
             detected, tables.read(made.made("timeline", name), "timeline"), close, LEAST_SCORE
         )
         return culprit.judge(cameras, crossed, swap_index(joints)), wrong
+
+
+def said_indoors(kind, level, seed):
+    """The findings of the step `clocks` on an indoor walk, and the scope of the right one, "" for none."""
+    with tempfile.TemporaryDirectory() as folder:
+        made = steps.recorded(
+            folder, preset=level, seed=seed, subjects=1, sequences=2, environments=["indoor"], duration_s=8.0,
+            gallery=False,
+        )  # fmt: skip
+        name, other = made.project.sequences
+        session = made.project.session_of(name)
+        close = made.project.close(session)
+        given = [
+            replace(made.views[name][one].placed.camera, intrinsics=lens_of(made, session, one).intrinsics)
+            for one in close
+        ]
+        cameras, of, wrong = faulty("clean" if kind == "c3d" else kind, given, seed)
+        camera_tables.write_cameras(made.made("adjust", session), cameras, session)
+        detected = exchanged(tables.read(made.made("detections", name), "detections"), close, of)
+        tables.write(made.made("detections", name), "detections", detected)
+        if kind == "c3d":
+            c3d = made.folder / f"data/{other}/mocap.c3d"
+            mocap.run(
+                sequence=name, subject=made.project.subject_of(name), c3d=c3d, frames=made.made("frames", name),
+                trigger_log=None, out=made.made("mocap", name),
+            )  # fmt: skip
+        # no pictures are drawn
+        nothing = (on_axis.Clock(0.0), clocks.NONE, clocks.NONE, "nothing tells it")
+        with (
+            patch.object(type(made.project), "clocked", lambda *_: close),
+            patch.object(clocks, "_by_pictures", lambda *_: nothing),
+        ):
+            steps._clocks(made, name, [made.made("adjust", session)], [])
+        found = tables.read(made.made("clocks", name, ".findings"), "findings")
+        rows = zip(*(found[key] for key in ("scope", "severity", "code", "text")), strict=True)
+        said = [scope for scope, _, code, _ in lights.by_mocap(rows) if code in culprit.CODES]
+        right = name if kind == "c3d" else "/".join((name, *(close[i] for i in wrong))) if wrong else ""
+        return said, right
+
+
+def outcome_indoors(said, right):
+    if not said:
+        return "none"
+    named = {word for scope in said for word in scope.split("/")}
+    return "alone" if named == set(right.split("/")) else "in set" if set(right.split("/")) <= named else "wrong"
 
 
 def lens_of(made, session, camera):
@@ -137,11 +187,16 @@ def main():
     heads = "".join(f"{one:>9}" for one in (*OUTCOMES, "most"))
     print(f"seeds 1-{seeds}\n{'kind':<13}{'rig':<9}{'level':<7}{heads}")
     for kind in KINDS if kinds == "all" else kinds.split(","):
+        if kind == "c3d" and rigs != "lab":
+            continue
         for rig in RIGS if rigs == "all" else rigs.split(","):
             for grade in ("ideal", "real") if level == "both" else (level,):
                 count, most = Counter(), 0.0
                 for seed in range(1, int(seeds) + 1):
                     try:
+                        if rig == "lab":
+                            count[outcome_indoors(*said_indoors(kind, grade, seed))] += 1
+                            continue
                         made = judged_capture(kind, grade, seed) if rig == "capture" else judged(kind, rig, grade, seed)
                     except DiorError as error:
                         print(f"{kind} {rig} {grade} {seed} is refused before: {error}", file=sys.stderr)

@@ -20,6 +20,7 @@ from dior.arrays import Floats, Table
 from dior.calibrate.marks.marks import read_motion
 from dior.clocks import by_hand as given_by
 from dior.clocks import clock as on_axis
+from dior.clocks import lag
 from dior.clocks.axis import instants, rates
 from dior.geometry import camera_tables
 from dior.geometry.camera import Camera
@@ -27,6 +28,9 @@ from dior.tables import tables
 
 # chosen: pictures; cameras that run free on one network's time are nearer to each other
 FAR_OFF = 0.9
+# chosen: joints of detectors and of markers are 0.04-0.08 m apart where the C3D is the recording's, and 0.35 m or more
+# with another walk's (`python -m benchmarks.culprit c3d lab`)
+APART_M = 0.2
 NONE = np.zeros(0)
 
 
@@ -88,15 +92,16 @@ def run(
     manual = given_by.by_hand(offsets, tables.ordered_unique(pictures["camera"]))
     seen = tables.read(detected.detections, "detections") if detected.detections else None
     if mocap:
-        estimates = _indoors(sequence, rig, seen, pictures, mocap, indoors.marked, manual, min_score, data_root)
+        estimates, off = _indoors(sequence, rig, seen, pictures, mocap, indoors.marked, manual, min_score, data_root)
     else:
+        off = {}
         estimates = _outdoors(sequence, rig, seen, pictures, min_score, detected.max_gap)
     joint = camera_tables.read_camera_covariance(covariance, names) if covariance else None
     used = {name: manual.get(name, clock) for name, (clock, *_) in estimates.items()}
     on_axis.write(written.out, written.out_gains, sequence, used, names, joint)
     tables.write(written.out_costs, "clock_costs", _costs(sequence, estimates))
     period = 1 / rates(pictures, names)[1]
-    found = findings_of(sequence, estimates, manual, names, joint, period, bool(mocap))
+    found = _beside_mocap(sequence, off) + findings_of(sequence, estimates, manual, names, joint, period, bool(mocap))
     tables.write_findings(written.findings, found)
 
 
@@ -110,15 +115,18 @@ def _indoors(
     manual: Mapping[str, on_axis.Clock],
     min_score: float,
     data_root: Path,
-) -> dict[str, on_axis.Estimate]:
-    """By camera: `Clock`, lags, costs, why it is not known or "". Pictures are read only where nothing else tells."""
+) -> tuple[dict[str, on_axis.Estimate], dict[str, float]]:
+    """By camera: `Clock`, lags, costs, why it is not known or "", and how far (m) its detections are from the joints.
+
+    Pictures are read only where nothing else tells.
+    """
     from dior.calibrate.bundle import window
     from dior.calibrate.clock import from_mocap
 
     _, motion = read_motion(mocap)
     kinds = {kind: [path for path in marked if f".{kind}." in Path(path).name] for kind in ("clocks", "clock_gains")}
     by_marks = on_axis.read(kinds["clocks"], kinds["clock_gains"], sequence)
-    found = {}
+    found, off = {}, {}
     for camera in rig:
         rows = tables.of_camera(pictures, camera.name)
         elapsed = (rows["stamp_ns"] - motion.t0_ns) / 1e9
@@ -128,6 +136,10 @@ def _indoors(
             walker = from_mocap.walker_of(motion.t, motion.xyz, motion.joints, joints)
             uv = uv[:, [joints.index(name) for name in walker.names]]
             tried.append(from_mocap.from_detections(camera, walker, uv, elapsed))
+            _, lags, costs, _ = tried[-1]
+            late = [lag.lowest(lags, costs)] if np.isfinite(costs).any() else []
+            late += [manual[camera.name].offset_s] if camera.name in manual else []
+            off[camera.name] = from_mocap.off_m(camera, walker, uv, elapsed, late)
         if not (tried and not tried[-1][3]) and camera.name in by_marks:
             clock = by_marks[camera.name]
             tried.append((clock, NONE, NONE, "" if clock.source != "assumed_zero" else "its marks do not tell"))
@@ -137,7 +149,25 @@ def _indoors(
             tried.append(_by_pictures(camera, mocap, rows, data_root, f"{sequence}, {camera.name}"))
         known = [one for one in tried if not one[3]]
         found[camera.name] = (known or tried)[0]
-    return found
+    return found, off
+
+
+def _beside_mocap(sequence: str, off: Mapping[str, float]) -> list[tuple[str, str, str, str]]:
+    """Whether the detections of each camera lie on the motion capture; `off` m. Their first word is the distance.
+
+    All cameras of a sequence together tell whose fault it is (`report.lights.by_mocap`).
+    """
+    what = "m beside its detections are the joints of the motion capture (median, at the lag that fits best)"
+    return [
+        (
+            f"{sequence}/{name}",
+            "error" if metres > APART_M else "info",
+            "mocap_apart" if metres > APART_M else "mocap_agrees",
+            f"{metres:.2f} {what}",
+        )
+        for name, metres in off.items()
+        if np.isfinite(metres)
+    ]
 
 
 def _by_pictures(camera: Camera, mocap: Path, rows: Table, data_root: Path, where: str) -> on_axis.Estimate:

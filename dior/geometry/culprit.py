@@ -27,7 +27,7 @@ from dior.geometry.triangulation import meet_in_blocks, rig_of, triangulated, vi
 
 Finding: TypeAlias = tuple[str, str, str, str]
 # of the findings; they come first where findings are shown, since what is said of other cameras follows from them
-CODES = ("culprit_camera", "culprit_exchanged", "culprit_unclear")
+CODES = ("culprit_camera", "culprit_exchanged", "culprit_unclear", "culprit_c3d")
 
 # chosen: neighbours in time say the same, and more takes longer. Instants at most and at least, and points at most
 MOST_INSTANTS, LEAST_INSTANTS, MOST_POINTS = 150, 30, 3000

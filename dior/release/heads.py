@@ -192,12 +192,12 @@ def red_by(sequence: str, camera: str, judged: Judged, fx: float) -> str:
     table = tables.read(judged.metrics, "metrics")
     figures = figures_of(table, table["camera"] == camera)
     found = [row for path in judged.noticed for row in _findings_in(path)]
-    own = [
+    own = dict.fromkeys(
         finding
         for name in (camera, "")
         for finding in lights.findings_of(found, sequence, judged.session_name, "", name)
-    ]
-    return reasons(figures, fx, own, judged.role)
+    )
+    return reasons(figures, fx, list(own), judged.role)
 
 
 def figures_of(table: Table, mine: Bools) -> dict[str, float]:

@@ -188,6 +188,42 @@ def beside_culprit(light: Light, findings: Iterable[Finding], sequence: str, cam
     return replace(light, reasons=(text, *light.reasons))
 
 
+def by_mocap(findings: Iterable[Finding]) -> list[Finding]:
+    """The findings, with whose fault it is where detections do not lie on the motion capture (`calibrate.clocks`).
+
+    Where they do in no camera it is the C3D's, where they do in most a camera's. One alone cannot tell.
+    """
+    findings = list(findings)
+    metres: dict[str, dict[str, dict[str, str]]] = {}
+    for scope, _, code, text in findings:
+        if code in ("mocap_apart", "mocap_agrees"):
+            sequence, _, camera = scope.partition("/")
+            metres.setdefault(sequence, {"mocap_apart": {}, "mocap_agrees": {}})[code][camera] = text.split()[0]
+    found: list[Finding] = []
+    for sequence, by_code in metres.items():
+        apart, agree = by_code["mocap_apart"], by_code["mocap_agrees"]
+        each = ", ".join(f"{camera} {off} m" for camera, off in sorted((apart | agree).items()))
+        what = f"at the lag that fits best the joints of the motion capture are beside the detections by: {each}"
+        mend = "is its pose (its marks) wrong, or are its detections another camera's, walk's or person's?"
+        if len(apart) > 1 and not agree:
+            text = (
+                f"the motion capture is not that of this recording: {what}; is mocap.c3d another walk's, or does it "
+                f"begin at quite another time (config/offsets/{sequence}.yaml)?"
+            )
+            found.append((sequence, "error", "culprit_c3d", text))
+        elif len(apart) < len(agree):
+            for camera in apart:
+                text = f"{camera} does not belong to the others: {what}; {mend}"
+                found.append((f"{sequence}/{camera}", "error", "culprit_camera", text))
+        elif apart:
+            text = (
+                f"the motion capture and {', '.join(apart)} do not belong together, and it cannot be told whose fault "
+                f"it is: {what}; is mocap.c3d another walk's? If not, of each camera: {mend}"
+            )
+            found.append(("/".join((sequence, *apart)), "error", "culprit_unclear", text))
+    return [finding for finding in findings if finding[2] != "mocap_apart"] + found
+
+
 def noticed(
     cameras: Mapping[str, Iterable[str]],
     pictures: Mapping[str, Container[str]],

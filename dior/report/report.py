@@ -143,6 +143,7 @@ def run(
     found = [finding for path in findings for finding in _findings(path)]
     audited = sequence_stamps.read(times.audits, times.dropped, times.frames)
     cameras = {s: project.cameras_of(s) for s in project.sequences}
+    found = lights.by_mocap(found)
     found += lights.noticed(
         cameras,
         {name: set(one.lags) for name, one in audited.items()},

@@ -107,6 +107,25 @@ def test_the_light_of_an_innocent_camera_points_at_the_culprit():
     assert lights.beside_culprit(good, [CULPRIT], "walk", "cam01") == good
 
 
+def mocap(**off_m):
+    """Findings of the step `clocks`, by camera how far its detections are from the joints, m."""
+    words = {True: ("error", "mocap_apart"), False: ("info", "mocap_agrees")}
+    return [(f"walk/{name}", *words[m > 0.2], f"{m:.2f} m beside its detections") for name, m in off_m.items()]
+
+
+def test_whose_fault_it_is_that_detections_do_not_lie_on_the_motion_capture():
+    def told(**off_m):
+        return [(scope, code) for scope, severity, code, _ in lights.by_mocap(mocap(**off_m)) if severity == "error"]
+
+    assert told(cam01=0.4, cam02=1.1, cam03=0.5) == [("walk", "culprit_c3d")]
+    assert told(cam01=0.05, cam02=0.06, cam03=0.5) == [("walk/cam03", "culprit_camera")]
+    assert told(cam01=0.5) == [("walk/cam01", "culprit_unclear")]
+    assert told(cam01=0.05, cam02=0.6) == [("walk/cam02", "culprit_unclear")]
+    assert told(cam01=0.05, cam02=0.06) == []
+    (finding,) = lights.by_mocap(mocap(cam01=0.4, cam02=1.1))
+    assert "cam01 0.40 m, cam02 1.10 m" in finding[3] and "another walk's" in finding[3]
+
+
 def test_lost_pictures_are_counted_from_the_gaps():
     stamps = np.delete(np.arange(100) * 33_333_333, [10, 11, 50])
     assert lights.lost_share(stamps) == pytest.approx(0.03)

@@ -308,12 +308,18 @@ def own_checks(wildcards):
 
 
 def noticed_errors(wildcards):
-    """The findings that make a camera's light red: of the recording, and of cameras that moved."""
+    """The findings that make a camera's light red: of the recording, of cameras that moved, and of those that do not
+    belong to the others."""
     session = session_of(wildcards)
     moved = [session] if session in watched_sessions() else []
     return [
         f"results/audit/{wildcards.sequence}.findings.parquet",
         *[f"results/moved/{name}.findings.parquet" for name in moved],
+        *(
+            clocks_of(wildcards.sequence, [wildcards.camera], ".findings")
+            if PROJECT.indoor(wildcards.sequence)
+            else [f"results/triangulate/{wildcards.sequence}.findings.parquet"]
+        ),
     ]
 
 

@@ -17,7 +17,6 @@ import numpy as np
 
 from dior.calibrate.bundle import starts
 from dior.calibrate.bundle.in_adjustment import Sequences
-from dior.calibrate.clock.from_cameras import TimedDetections
 from dior.errors import DiorError
 from dior.geometry.camera import Camera
 from dior.geometry.culprit import AGREE_PX, ALIKE, EXPLAINS
@@ -79,7 +78,7 @@ def exchanged(timed: Sequences, pair: tuple[int, int], only: int | None = None) 
     for i, own in enumerate(timed.recorded):
         seen = list(own.seen)
         if only is None or i == only:
-            seen[a], seen[b] = _with_pixels_of(own.seen[a], own.seen[b]), _with_pixels_of(own.seen[b], own.seen[a])
+            seen[a], seen[b] = own.seen[a].with_pixels(own.seen[b].uv), own.seen[b].with_pixels(own.seen[a].uv)
         recorded.append(replace(own, seen=tuple(seen)))
     return replace(timed, recorded=tuple(recorded))
 
@@ -91,13 +90,6 @@ def without(timed: Sequences, kept: Sequence[int]) -> Sequences:
     held[:, names.index(min(names))] = True
     recorded = tuple(replace(own, seen=tuple(own.seen[i] for i in kept)) for own in timed.recorded)
     return replace(timed, recorded=recorded, names=names, given=timed.given[:, kept], held=held)
-
-
-def _with_pixels_of(own: TimedDetections, other: TimedDetections) -> TimedDetections:
-    uv = np.full((len(own.elapsed), *other.uv.shape[1:]), np.nan)
-    count = min(len(uv), len(other.uv))
-    uv[:count] = other.uv[:count]
-    return replace(own, uv=uv)
 
 
 def _cost(cost: Cost, views: Sequence[int], timed: Sequences) -> tuple[float, float]:

@@ -56,6 +56,18 @@ class TimedDetections:
         times = self.elapsed + value[0] + 1e-6 * value[1] * (self.elapsed - middle)
         return sample(times, self.uv, grid, self.max_gap_s)
 
+    def with_pixels(self, uv: Floats) -> "TimedDetections":
+        """The same pictures with another file's detections uv (G, J, 2), frame by frame: what is beyond them is lost,
+        what lacks is missing."""
+        return replace(self, uv=frame_by_frame(uv, len(self.elapsed)))
+
+
+def frame_by_frame(uv: Floats, count: int) -> Floats:
+    """Detections uv (F, J, 2) of a file as those of `count` pictures, NaN where it has no frame."""
+    out = np.full((count, *uv.shape[1:]), np.nan)
+    out[: len(uv)] = uv[:count]
+    return out
+
 
 def from_detections(
     cameras: Sequence[Camera], seen: Sequence[TimedDetections], names: Sequence[str], grid: Floats, fps: float

@@ -97,6 +97,23 @@ def search(camera: Camera, motion: WalkerJoints, uv: Floats, elapsed: Floats) ->
     return lags, lag.mean_cost(total, known.sum(axis=1))
 
 
+def off_m(camera: Camera, motion: WalkerJoints, uv: Floats, elapsed: Floats, lags_s: Sequence[float]) -> float:
+    """How far (m) detections are from the joints, beside them at their depth: the median, at the best of some lags.
+
+    Arguments as of `from_detections`. NaN where nothing is both detected and known.
+    """
+    every = max(1, len(elapsed) // SEARCHED)
+    px, depth = cam.project(camera, motion.points)
+    metres = np.where(depth > 0, depth, np.nan) / camera.intrinsics.fx
+    found = []
+    for late in lags_s:
+        where = bracket(motion.t, elapsed[::every] + late, 2.5 * float(np.median(np.diff(motion.t))))
+        off = np.linalg.norm(blend(px, *where) - uv[::every], axis=-1) * blend(metres, *where)
+        if np.isfinite(off).any():
+            found.append(float(np.nanmedian(off)))
+    return min(found, default=np.nan)
+
+
 def fitted(
     camera: Camera, motion: WalkerJoints, uv: Floats, elapsed: Floats, middle: float, start: Floats
 ) -> tuple[Floats, fit.SolvedClocks | None]:

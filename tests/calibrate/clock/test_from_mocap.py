@@ -90,3 +90,12 @@ def test_somebody_else_costs_no_more_than_a_limb_that_is_out_of_reach(walk):
     _, costs = from_mocap.search(CAMERA, walk[1], seen(*walk, elapsed, 0.2) + 400.0, elapsed)
     depth = project(CAMERA, walk[1].points)[1]
     assert np.nanmax(costs) < CAMERA.intrinsics.fx * from_mocap.REACH_M / np.nanmin(depth) < 400
+
+
+def test_how_far_detections_are_from_the_joints_at_the_best_of_some_lags(walk):
+    elapsed = 1.5 + np.arange(150) / 30
+    uv = seen(*walk, elapsed, 0.5, noise_px=0.0) + (6.0, 8.0)
+    # 10 px beside at fx 640 and 4 to 6 m, and landmarks are not the centres of joints
+    assert 0.05 < from_mocap.off_m(CAMERA, walk[1], uv, elapsed, [-1.0, 0.5]) < 0.13
+    assert from_mocap.off_m(CAMERA, walk[1], uv, elapsed, [-1.0]) > 0.2
+    assert np.isnan(from_mocap.off_m(CAMERA, walk[1], np.full_like(uv, np.nan), elapsed, [0.5]))
