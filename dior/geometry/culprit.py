@@ -120,7 +120,7 @@ def judge(cameras: Sequence[Camera], crossed: Floats, mirror: Ints, agree_px: fl
     """
     views, each = len(cameras), np.arange(len(cameras))
     most = min(max(MOST_POINTS // len(mirror), LEAST_INSTANTS), MOST_INSTANTS)
-    crossed = middles(crossed[:, :, _spread(crossed.shape[2], most)], mirror)
+    crossed = middles(crossed[:, :, spread(crossed.shape[2], most)], mirror)
     uv = crossed[each, each]
     given = apart(cameras, uv)
     exchanges = [_exchanged(cameras, crossed, pair) for pair in combinations(range(views), 2)]
@@ -246,7 +246,7 @@ def resected(camera: Camera, points: Floats, uv: Floats) -> Camera:
     """The camera where its detections uv (N, 2) px of points (N, 3) m ask it to be; robust Gauss-Newton steps from
     where it is."""
     known = np.flatnonzero(np.isfinite(points).all(axis=1) & np.isfinite(uv).all(axis=1))
-    known = known[_spread(len(known), POINTS)]
+    known = known[spread(len(known), POINTS)]
     points, uv = points[known], uv[known]
     for _ in range(STEPS):
         miss = uv - project(camera, points)[0]
@@ -288,6 +288,6 @@ def _exchanged(cameras: Sequence[Camera], crossed: Floats, pair: tuple[int, int]
     return Reading(pair, apart(cameras, crossed[of, np.arange(len(cameras))]))
 
 
-def _spread(count: int, most: int) -> Ints:
+def spread(count: int, most: int) -> Ints:
     """At most so many indices of `count`, evenly spread."""
     return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int)) if count else np.zeros(0, int)

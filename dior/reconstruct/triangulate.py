@@ -76,8 +76,11 @@ def crossed(detections: Table, timeline: Table, cameras: Sequence[str], min_scor
     """Each camera's detections at the moments of every camera's pictures, (V, V, T, J, 2) px, and the joints.
 
     As `observations` where both are the same camera; else as if its detections belonged to the pictures of the other.
+    At instants that are spread over the sequence, as many as `culprit.judge` asks for.
     """
     lines = [tables.of_camera(timeline, name) for name in cameras]
+    few = culprit.spread(len(lines[0]["frame_before"]), culprit.MOST_INSTANTS)
+    lines = [tables.rows(line, few) for line in lines]
     longest = 1 + max(int(line["frame_after"].max()) for line in lines)
     out = []
     for name in cameras:

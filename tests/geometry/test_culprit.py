@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from benchmarks import culprit as benchmark
 from dior.geometry import camera as cam
 from dior.geometry import covariance, culprit
 from tests.rig import camera, ring
@@ -141,3 +142,20 @@ def test_left_and_right_may_be_exchanged_in_any_picture():
     uv[1, ::2] = uv[1, ::2][:, MIRROR]
     assert not culprit.findings("walk", NAMES, judged(cameras, uv), "files")
     assert [one.cameras for one in judged(turned(cameras, 0), uv).readings] == [(0,)]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 3])
+@pytest.mark.parametrize("level", ["ideal", "real"])
+@pytest.mark.parametrize("kind", ["pose", "session", "exchanged", "clean"])
+def test_captures_whose_clocks_are_estimated_with_the_fault(kind, level, seed):
+    verdict, wrong = benchmark.judged_capture(kind, level, seed)
+    assert [one.cameras for one in verdict.readings] == ([wrong] if wrong else []) and not verdict.apart
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("kind", ["c3d", "clean"])
+def test_a_motion_capture_of_another_walk(kind, seed):
+    said, right = benchmark.said_indoors(kind, "real", seed)
+    assert said == ([right] if right else [])
