@@ -245,7 +245,8 @@ def test_a_score_goes_with_its_detection_to_the_other_side(tmp_path):
 def test_the_uncertainty_is_that_of_the_detectors_noise_and_says_what_of_it_lasts(tmp_path):
     walk = scene.make("real", 1, 90, swapped=0.0, wrong_together=0.0, missed=0.0)
     cameras = [
-        covariance.moved(c, s) for c, s in zip(walk.cameras, 0.003 * np.random.default_rng(0).normal(size=(3, 6)), strict=True)
+        covariance.moved(c, s)
+        for c, s in zip(walk.cameras, 0.003 * np.random.default_rng(0).normal(size=(3, 6)), strict=True)
     ]
     write_inputs(tmp_path, cameras, walk.uv)
     table = run(tmp_path, [c.name for c in cameras])
