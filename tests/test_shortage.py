@@ -31,6 +31,7 @@ def files(folder):
     return sorted(path.name for path in folder.rglob("*") if path.is_file())
 
 
+@pytest.mark.slow
 def test_a_file_that_may_not_become_so_large(tmp_path):
     code, said = run([*SIMULATE, tmp_path], "RLIMIT_FSIZE", 20_000)
     assert code == 1 and said.count("\n") == 1, said

@@ -65,6 +65,7 @@ def test_without_a_height_nobody_is_chosen():
     assert [(one.first, one.last) for one in choice.stretches] == [(0, 299)]
 
 
+@pytest.mark.slow
 def test_two_of_one_height_are_left_open():
     capture, seen, _ = made("same_build")
     choice = which_person.choose(capture.cameras, seen, capture.height_m, 0.01)
@@ -89,6 +90,7 @@ def test_who_walks_in_while_the_subject_is_away_is_rejected():
     assert one.taller_m == pytest.approx(0.07, abs=0.02) and 0.5 < one.off_m < 3.0
 
 
+@pytest.mark.slow
 def test_one_camera_that_follows_another_is_left_out_and_not_the_others():
     capture, seen, owner = made("mostly_one_camera")
     choice = which_person.choose(capture.cameras, seen, capture.height_m, 0.01)

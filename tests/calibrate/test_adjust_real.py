@@ -121,6 +121,7 @@ def test_about_a_thousand_joints_are_used(capture):
     assert seen.uv.shape == (4, 1001, 2) and seen.count == 50
 
 
+@pytest.mark.slow
 def test_from_the_reference_extrinsics(capture, tmp_path):
     folder, cameras = capture
     found, metrics, findings = adjusted(folder, cameras, tmp_path)

@@ -60,6 +60,7 @@ def test_every_kind_is_refused_by_name_and_no_right_one(level, seed, tmp_path):
             worlds.reference_run(capture, change)
 
 
+@pytest.mark.slow
 def test_what_the_sentence_says_mends_it(capture):
     millimetres, inverted, first = (KINDS[kind][0] for kind in ("millimetres", "inverted", "camera 0"))
     for change, keys in ((millimetres, {"units": "mm"}), (inverted, {"convention": "wTc"})):
@@ -108,6 +109,7 @@ def test_a_way_is_as_long_as_what_is_known_of_it():
     assert reference.extent(np.full(3, np.nan)) == 0.0
 
 
+@pytest.mark.slow
 def test_a_world_of_a_short_walk_is_warned_of(capture, monkeypatch):
     monkeypatch.setattr(reference, "LEAST_WAY_M", 100.0)
     found, _, _ = worlds.reference_run(capture, KINDS["camera 0"][0], world="from_walk")

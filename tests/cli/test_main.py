@@ -192,6 +192,7 @@ def test_the_command_starts_without_heavy_packages(words):
     assert ("cyclopts" in found) == (words == ["--help"])
 
 
+@pytest.mark.slow
 def test_a_step_imports_itself_and_not_what_a_person_needs(tmp_path):
     found = modules_of("simulate_mocap", *OF_A_WALK, str(tmp_path))
     assert "dior.simulate.simulate_mocap" in found and not found & {"cyclopts", "rich", "dior.cli.by_hand"}

@@ -16,7 +16,6 @@ import pytest
 from dior.cli import main
 from dior.project import replaced, running
 from dior.simulate import config, settings, simulate, simulate_mocap
-from tests.cases import slow
 from tests.end_to_end.results import contents
 from tests.end_to_end.workflow import ROOT, edit, planned, snakemake, start
 from tests.project.test_replaced import flip
@@ -345,7 +344,8 @@ def toy(tmp_path):
     return tmp_path
 
 
-@pytest.mark.parametrize(("lost", "jobs"), [slow("", {}), ("a", {"a": 1, "b": 1, "c": 1}), slow("c/b", {"c": 1})])
+@pytest.mark.slow
+@pytest.mark.parametrize(("lost", "jobs"), [("", {}), ("a", {"a": 1, "b": 1, "c": 1}), ("c/b", {"c": 1})])
 def test_what_lacks_below_a_target_that_is_there_is_asked_for(toy, lost, jobs):
     if lost:
         (toy / lost).unlink()

@@ -18,7 +18,6 @@ from dior.geometry import camera_tables
 from dior.release import layout, metrics_csv, shift_stamps, walk_files
 from dior.tables import tables
 from dior.tables.files import written_whole
-from tests.cases import slow
 from tests.release.made import (
     CONSENT,
     PSEUDONYM,
@@ -187,7 +186,8 @@ project.build(given)
 """
 
 
-@pytest.mark.parametrize("where", ["package.checksums.write", slow("os.replace")])
+@pytest.mark.slow
+@pytest.mark.parametrize("where", ["package.checksums.write", "os.replace"])
 def test_a_build_that_was_killed_and_run_again_is_the_same(built, tmp_path, where):
     code = KILLED.format(root=str(tmp_path), where=where)
     done = subprocess.run([sys.executable, "-c", code])
@@ -218,6 +218,7 @@ def test_every_table_is_in_the_layout(built):
         assert {tables.metadata(path)["dior_table"] for path in out.glob(part.pattern)} == {part.table}
 
 
+@pytest.mark.slow
 def test_nothing_of_an_earlier_release_stays(made, tmp_path, capsys):
     (build(made) / "stale.parquet").touch()
     sheets(tmp_path, CONSENT | {"Secondname": "no"})
@@ -257,6 +258,7 @@ def as_a_job_writes(path, content):
         part.write_bytes(content)
 
 
+@pytest.mark.slow
 def test_a_part_of_a_session_is_called_after_a_released_walk(tmp_path):
     """cam01 was bumped before walk_4, which is not released, so that walk_6 after it tells the name."""
     walks = (*WALKS[:3], WALKS[3], ("walk_6", "Realname", "field", "outdoor", "coat"))
@@ -338,6 +340,7 @@ def test_two_tables_of_a_camera_are_refused(made):
         build(made)
 
 
+@pytest.mark.slow
 def test_the_gallery_is_of_released_subjects_under_pseudonyms_without_files(made, tmp_path):
     who = ["mango-0003", "apple-0002", "zebra-0001", "zebra-0001"]
     table = {"subject": who, "outfit": ["coat", "", "coat", "coat"], "angle": ["frontal"] * 4, "picture": [0, 0, 0, 1],
@@ -365,6 +368,7 @@ def test_the_gallery_is_of_released_subjects_under_pseudonyms_without_files(made
     assert not (out / "gallery.parquet").exists() and "gallery.parquet" not in (out / "README.md").read_text()
 
 
+@pytest.mark.slow
 def test_stamps_count_from_each_persons_first_picture_where_asked_for(made, built):
     config = made["config"] | {"release": made["config"]["release"] | {"shift_stamps": True}}
     with pytest.raises(DiorError, match="whose frames and stamps are not those of the 3 pictures"):

@@ -69,6 +69,7 @@ def verified(capsys):
     return said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["lab", "rsa"])
 def test_the_same_release_and_key_give_the_same_bytes(made, keys, kind):
     first = signed_by(made, keys[kind])

@@ -103,6 +103,7 @@ def test_a_detectors_own_output_is_beside_it(full):
     assert reid.NO_OUTPUT not in text
 
 
+@pytest.mark.slow
 def test_without_it_the_page_says_so(tmp_path):
     text = page(tmp_path, table(detected=False))
     assert f"outdoor cam04: {reid.NO_OUTPUT}." in text and "config/detectors.tsv" in text

@@ -14,6 +14,8 @@ from dior.simulate.runs import runs
 from dior.simulate.settings import from_dict, sequence_named
 from dior.tables import tables
 
+pytestmark = pytest.mark.slow
+
 CLOSE = ("cam01", "cam02", "cam03")
 MIRROR = swap_index(MLKIT_33)
 # rates high enough for a minute to hold enough runs

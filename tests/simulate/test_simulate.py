@@ -28,6 +28,7 @@ def test_the_simulators_projection_is_the_projects(session):
         assert np.abs(depth - their_depth).max() < 1e-9
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_bytes_and_another_seed_others(tiny, tmp_path):
     _, folder = tiny
     simulate.run(settings=TINY, sequence="outdoor_01", out=tmp_path / "same")
@@ -181,7 +182,8 @@ def rendered_boxes(seen, motion, frames, walk, worn="plain", times=48):
     return np.array(found)
 
 
-@pytest.mark.parametrize("worn", ["plain", slow("dressed")])
+@pytest.mark.slow
+@pytest.mark.parametrize("worn", ["plain", "dressed"])
 def test_a_box_without_error_is_that_of_the_painted_body(worn):
     used, walk, motion, seen = outdoors(duration_s=8.0, box_sd_px=0.0, box_margin_px=0.0, figure=worn)
     frames, edges = drawn_boxes(used, walk)

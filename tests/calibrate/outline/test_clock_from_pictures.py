@@ -65,6 +65,7 @@ def test_the_clock_is_found_to_milliseconds(watched):
     assert found.after_px < 3 < found.before_px
 
 
+@pytest.mark.slow
 def test_an_outline_that_is_always_further_ahead_is_no_time(watched):
     camera, track, flesh_m, stamps, edges = watched
     ahead = edges + (6.0, 0.0, 6.0, 0.0)
