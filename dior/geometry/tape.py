@@ -14,7 +14,7 @@ from dior.geometry.multiview import look_at, rotation_z
 def check_above_floor(where: AnyPath, centre: Floats, hint: str) -> None:
     """Refuse a camera whose centre (3,) m is below the floor."""
     if not centre[2] > 0:
-        raise DiorError(f"{where}: the camera is {-centre[2]:.2f} m below the floor; {hint}")
+        raise DiorError(f"{where}: the camera is {abs(centre[2]):.2f} m below the floor; {hint}")
 
 
 def look_at_pose(where: AnyPath, tape: Mapping[str, Any]) -> Floats:

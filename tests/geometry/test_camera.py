@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -5,6 +7,7 @@ from hypothesis import strategies as st
 
 from dior.errors import DiorError
 from dior.geometry import camera as cam
+from dior.geometry.multiview import rotation_z
 from tests.rig import D455, camera
 
 RATIONAL = (0.2, -0.4, 0.001, -0.0005, 0.1, 0.3, -0.3, 0.05)
@@ -36,6 +39,20 @@ def test_undistort_undoes_distort_over_the_whole_picture(model, u, v):
     lens = camera("a", (4, 0, 1), model=model).intrinsics
     there = cam.undistort(lens, np.array([u, v]))
     assert cam.distort(lens, there) == pytest.approx([u, v], abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("roll_deg", "below", "above"),
+    [(0, "v_max", "v_min"), (180, "v_min", "v_max"), (90, "u_max", "u_min"), (-90, "u_min", "u_max")],
+)
+def test_the_edge_of_a_box_towards_what_is_hidden_turns_with_the_camera(roll_deg, below, above):
+    """A camera that is turned clockwise, as seen from behind it, has the floor at the right of its picture."""
+    upright = camera("far", (60.0, 5.0, 2.0), target=(0.0, 0.0, 1.0))
+    rolled = upright.at(cam.pose(upright.wRc @ rotation_z(np.radians(roll_deg)), upright.centre))
+    assert cam.occluded_edge(rolled) is None
+    for part, edge in (("below", below), ("above", above)):
+        found = cam.occluded_edge(replace(rolled, occluded=part))
+        assert ("u_min", "v_min", "u_max", "v_max")[found] == edge
 
 
 def test_how_the_lens_bends_follows_finite_differences():

@@ -73,6 +73,8 @@ def test_one_view_tells_nothing(rig):
     say = np.zeros((3, 2, 2, 2))
     say[0] = np.eye(2)
     assert np.isnan(covariance.triangulated(rig, POINTS, say)[0]).all()
+    say[1] = np.eye(2)
+    assert np.isfinite(covariance.triangulated(rig, POINTS, say)[0]).all(), "two do"
 
 
 def _points(cameras, uv):
