@@ -19,7 +19,7 @@ from dior.ingest import bags, moving
 from dior.ingest.containers import BROKEN
 from dior.ingest.moving import Picture
 from dior.project.boxes import at_line, line_of
-from dior.release import faces, head_evidence
+from dior.release import faces, head_evidence, other_people
 from dior.release.faces import Faces
 
 # chosen: pictures are looked at smaller than they are while a head is so many pixels wide
@@ -112,7 +112,7 @@ def judged(walker: Walker, role: str, found: Faces, masks: Iterable[tuple[int, m
             upright = head_evidence.turned(subject, quarters, shape)
             often = np.zeros(np.rot90(mask, quarters).shape, np.int32)
             if role == "close":
-                zone = np.ascontiguousarray(np.rot90(head_evidence.head_zone(walker.camera, shape, factor), quarters))
+                zone = np.ascontiguousarray(np.rot90(other_people.head_zone(walker.camera, shape, factor), quarters))
         one, rest = head_evidence.look(np.ascontiguousarray(np.rot90(mask, quarters)), upright, row, zone)
         says[row], off_m[row], others[row] = one.says, one.off_m, one.others
         often += rest
@@ -129,11 +129,11 @@ def judged(walker: Walker, role: str, found: Faces, masks: Iterable[tuple[int, m
     scale = float(np.nanmedian(subject.scale)) if np.isfinite(subject.scale).any() else 0.0
     always = np.zeros((0, 4), int)
     if often is not None and count > 1:
-        always = head_evidence.stays(often, count, head_evidence.JOIN_M * scale)
+        always = other_people.stays(often, count, other_people.JOIN_M * scale)
     strange = faces.strangers(found, walker.edges, walker.times, quarters % 2 == 1)
     back = np.rot90(np.empty(shape[:2], np.uint8), quarters).shape
-    others = head_evidence.followed(others, walker.times, scale) if scale else others
-    others = head_evidence.held(others, walker.times, (back[0], back[1]))
+    others = other_people.followed(others, walker.times, scale) if scale else others
+    others = other_people.held(others, walker.times, (back[0], back[1]))
     return Looked(
         sure,
         [
