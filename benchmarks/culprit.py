@@ -86,6 +86,21 @@ def judged(kind, rig, level, seed):
     return culprit.judge(cameras, crossed, swap_index(walk.names)), wrong
 
 
+def given_with_fault(made, name, kind, seed):
+    """Cameras and detections of a walk with the fault of a kind, as they are written for the steps, and which cameras
+    are wrong."""
+    session = made.project.session_of(name)
+    close = made.project.close(session)
+    given = [
+        replace(made.views[name][one].placed.camera, intrinsics=lens_of(made, session, one).intrinsics) for one in close
+    ]
+    cameras, of, wrong = faulty(kind, given, seed)
+    camera_tables.write_cameras(made.made("adjust", session), cameras, session)
+    detected = exchanged(tables.read(made.made("detections", name), "detections"), close, of)
+    tables.write(made.made("detections", name), "detections", detected)
+    return cameras, detected, wrong
+
+
 def judged_capture(kind, level, seed):
     """The same of a simulated capture, its clocks estimated with the fault in it."""
     with tempfile.TemporaryDirectory() as folder:
@@ -95,14 +110,7 @@ def judged_capture(kind, level, seed):
         )  # fmt: skip
         session = worlds.outdoors(made)
         (name,), close = made.project.sequences_of(session), made.project.close(session)
-        given = [
-            replace(made.views[name][one].placed.camera, intrinsics=lens_of(made, session, one).intrinsics)
-            for one in close
-        ]
-        cameras, of, wrong = faulty(kind, given, seed)
-        camera_tables.write_cameras(made.made("adjust", session), cameras, session)
-        detected = exchanged(tables.read(made.made("detections", name), "detections"), close, of)
-        tables.write(made.made("detections", name), "detections", detected)
+        cameras, detected, wrong = given_with_fault(made, name, kind, seed)
         steps._clocks(made, name, [made.made("adjust", session)], [])
         crossed, joints = triangulate.crossed(
             detected, tables.read(made.made("timeline", name), "timeline"), close, LEAST_SCORE
@@ -120,14 +128,7 @@ def said_indoors(kind, level, seed):
         name, other = made.project.sequences
         session = made.project.session_of(name)
         close = made.project.close(session)
-        given = [
-            replace(made.views[name][one].placed.camera, intrinsics=lens_of(made, session, one).intrinsics)
-            for one in close
-        ]
-        cameras, of, wrong = faulty("clean" if kind == "c3d" else kind, given, seed)
-        camera_tables.write_cameras(made.made("adjust", session), cameras, session)
-        detected = exchanged(tables.read(made.made("detections", name), "detections"), close, of)
-        tables.write(made.made("detections", name), "detections", detected)
+        _, _, wrong = given_with_fault(made, name, "clean" if kind == "c3d" else kind, seed)
         if kind == "c3d":
             c3d = made.folder / f"data/{other}/mocap.c3d"
             mocap.run(

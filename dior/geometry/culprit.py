@@ -45,7 +45,7 @@ STANDS_OUT = 3.0
 ALIKE, ALIKE_PX = 1.35, 1.0
 # chosen: views that are so far apart that labels are no use, as for `reprojection_error` in `report.lights`
 FAR_APART_PX = 30.0
-# chosen: cameras that are farther apart do not agree, as detectors have 10-15 px of noise
+# chosen: a reading under which the views are farther apart is none, as detectors have 10-15 px of noise
 AGREE_PX = 20.0
 MEASURE = "median over the walk, px at fx 1680"
 NOWHERE_PX = 500.0  # chosen: of rays that do not meet, and at most
@@ -110,13 +110,12 @@ class Verdict:
         return tuple(sorted({one for reading in self.readings for one in reading.cameras}))
 
 
-def judge(cameras: Sequence[Camera], crossed: Floats, mirror: Ints, agree_px: float = AGREE_PX) -> Verdict:
+def judge(cameras: Sequence[Camera], crossed: Floats, mirror: Ints) -> Verdict:
     """`Verdict` on V cameras from `crossed` (V, V, T, J, 2) px: the detections of the first at the moments of the
     pictures of the second, NaN where missing.
 
-    `mirror` (J,): the joint of the other side; `agree_px`: a reading under which the views are farther apart is none.
-    Where two cameras' detections were exchanged, their frames were counted
-    by each other's pictures, too. Not more than two cameras can tell that they do not agree.
+    `mirror` (J,): the joint of the other side. Where two cameras' detections were exchanged, their frames were counted
+    by each other's pictures, too. Two cameras can only tell that they do not agree.
     """
     views, each = len(cameras), np.arange(len(cameras))
     most = min(max(MOST_POINTS // len(mirror), LEAST_INSTANTS), MOST_INSTANTS)
@@ -132,8 +131,7 @@ def judge(cameras: Sequence[Camera], crossed: Floats, mirror: Ints, agree_px: fl
     if not found or not np.isfinite(given):
         return Verdict(given, (), ())
     best = min(found, key=lambda one: one.most_px)
-    limit = ALIKE * best.most_px + ALIKE_PX
-    limit = min(limit, agree_px)
+    limit = min(ALIKE * best.most_px + ALIKE_PX, AGREE_PX)
     alike = [one for one in found if one.most_px <= limit and _explains(given, one.least_px)]
     # a pose that puts all right is a better reason than detections that happen to disagree with everybody
     kept = [one for one in alike if one.exchange or one.posed]

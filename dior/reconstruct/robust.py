@@ -155,15 +155,20 @@ def covariance(cameras: Sequence[Camera], points: Floats, weights: Floats, own: 
         x, y = at[:, 0] / at[:, 2], at[:, 1] / at[:, 2]
         w2 = np.where(w > 0, (w / at[:, 2]) ** 2, 0.0)
         features = np.stack([w2 * (x * x + y * y), w2 * x, w2 * y, w2], axis=1)
-        information, told = (
-            (rig.linear[:6] @ (features * share[:, None, None]).reshape(-1, p.shape[1]))[[0, 1, 2, 1, 3, 4, 2, 4, 5]].T
-            for share in (np.ones(len(cameras)), np.ones(len(cameras)) if own is None else own)
-        )
+        information = _symmetric(rig, features)
+        told = None if own is None else _symmetric(rig, features * own[:, None, None])
     known = np.isfinite(information).all(axis=1) & ((w > 0).sum(axis=0) >= 2)
     out = np.full((p.shape[1], 3, 3), np.nan)
     inverse = np.linalg.inv(information[known].reshape(-1, 3, 3))
-    out[known] = inverse if own is None else inverse @ told[known].reshape(-1, 3, 3) @ inverse
+    if told is not None:
+        inverse = inverse @ told[known].reshape(-1, 3, 3) @ inverse
+    out[known] = inverse
     return out.reshape(*points.shape, 3)
+
+
+def _symmetric(rig: Rig, features: Floats) -> Floats:
+    """Information (N, 9) about N points, rows of the 3x3 matrices, from what the views (V, 4, N) say of them."""
+    return np.asarray((rig.linear[:6] @ features.reshape(-1, features.shape[-1]))[[0, 1, 2, 1, 3, 4, 2, 4, 5]].T)
 
 
 def predicted(points: Floats, good: Bools, at: Ints, fps: float) -> tuple[Floats, Floats]:

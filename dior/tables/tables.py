@@ -185,8 +185,8 @@ def _parquet(path: AnyPath) -> Iterator[pq.ParquetFile]:
 
 
 def _mapped(stream: BinaryIO) -> mmap.mmap | bytes:
-    """The content of a file. From it pyarrow reads without a thread; of those that it starts to read a file, one in
-    some hundred aborts a busy process that ends meanwhile."""
+    """The content of a file. From it pyarrow reads without a thread; those that it starts to read a file now and then
+    abort a busy process that ends meanwhile."""
     if not os.fstat(stream.fileno()).st_size:
         return b""
     try:
