@@ -116,6 +116,7 @@ def labels_from(simulated, bags, data_root, out, trigger_log=None, offsets=None)
     return found
 
 
+@pytest.mark.slow
 def test_a_trigger_log_moves_the_zero_of_all_steps_alike(simulated, tmp_path):
     """The log says 0.3 s before the first picture: with offsets to match, the same pictures get the same labels."""
     folder, bags, _ = simulated

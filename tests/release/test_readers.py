@@ -37,6 +37,7 @@ def datasets(tmp_path_factory):
     return datasets
 
 
+@pytest.mark.slow
 def test_datasets_loads_every_config_with_its_types(built, datasets, tmp_path):
     out = built["out"]
     front = yaml.safe_load(card(out).split("---\n")[1])
@@ -53,6 +54,7 @@ def test_datasets_loads_every_config_with_its_types(built, datasets, tmp_path):
     assert rig["wTc"][0] == np.eye(4).ravel().tolist() and rig["covariance"][1] is None
 
 
+@pytest.mark.slow
 def test_datasets_decodes_the_pictures(built, datasets, tmp_path):
     found = datasets.load_dataset(str(built["out"]), "frames", cache_dir=str(tmp_path))["train"]
     assert isinstance(found.features["image"], datasets.Image)
@@ -93,6 +95,7 @@ def test_the_cards_lines_of_python_run(built, datasets, monkeypatch, tmp_path):
     assert len(scope["pictures"]) == 18 and set(scope["test"]["split"]) == {"subject"}
 
 
+@pytest.mark.slow
 def test_croissant_is_valid_and_its_records_are_the_rows(built):
     import mlcroissant
 
