@@ -86,3 +86,13 @@ def test_usual_error_is_in_pixels_at_fx_1680():
     uv = observed(cameras, walker(200), 1.0)
     assert 1.0 < disagreeing_views.usual_error(cameras, uv, np.ones(uv.shape[:3])) < 3.0
     assert disagreeing_views.usual_error(cameras, uv * np.nan, np.ones(uv.shape[:3])) == np.inf
+
+
+def test_no_fewer_views_are_kept_than_agree():
+    """A camera that does not see the joint makes no pair of the others a set of three."""
+    cameras, points = ring(5), walker(10)
+    uv, weights = observed(cameras, points, 2.0), np.ones((5, 10, 33))
+    uv[1] += [90, -70]
+    uv[4], weights[4] = np.nan, 0.0
+    _, _, used, good = disagreeing_views.by_dropping(cameras, uv, weights, 15.0, 45.0)
+    assert good.all() and (used.sum(axis=0) == 3).all() and not used[1].any()

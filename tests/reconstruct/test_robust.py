@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from dior.body.names import MLKIT_33, swap_index
+from dior.geometry.triangulation import rig_of
 from dior.reconstruct import robust
 from dior.reconstruct.swaps import exchange
 from tests.reconstruct.test_swaps import observed, walker
@@ -147,3 +148,37 @@ def test_how_long_errors_last_is_a_time_at_any_rate(fps):
     uv = uv + 2 * noise
     found = robust.triangulate(cameras, uv, np.ones(uv.shape[:3]), fps, np.full(uv.shape[:3], 2.0))
     assert robust.error_correlation(cameras, uv, np.ones(uv.shape[:3]), found, fps)[0] == pytest.approx(0.15, abs=0.04)
+
+
+@pytest.mark.parametrize("views", [3, 4])
+def test_a_person_is_strange_from_the_disagreement_per_equation_to_spare(views):
+    """Each view has two equations, a point three unknowns."""
+    used = np.ones((views, robust.FEW_JOINTS), bool)
+    limit = robust.DROP_FACTOR**2 * (2 * views - 3)
+    for chi2, strange in ((0.99 * limit, []), (1.01 * limit, [0])):
+        shape = (1, robust.FEW_JOINTS)
+        assert robust._strange(np.full(robust.FEW_JOINTS, chi2), used, shape).tolist() == strange
+
+
+def test_those_left_agree_up_to_a_disagreement_per_equation_to_spare():
+    """Of four views one is far off, and another as far as three views may disagree, or a little farther."""
+    cameras, points, ones = ring(4), walker(1), np.ones((4, 1, 33))
+    uv = observed(cameras, points, 0.0)
+    moved = uv + np.array([0, 0, 1, 0])[:, None, None, None] * [0, 1]
+    chi2 = robust.with_every_view(rig_of(cameras[1:]), moved[1:], ones[1:])[1].reshape(33)
+    limit = robust.DROP_FACTOR * np.sqrt(3 / chi2)
+    for factor, left in ((0.97, 3), (1.03, 2)):
+        moved = uv.copy()
+        moved[0] += [150, 90]
+        moved[2, 0, :, 1] += factor * limit
+        used = robust.triangulate(cameras, moved, ones, FPS, ones).used
+        assert (used.sum(axis=0) == left).all(), factor
+
+
+def test_at_a_few_pictures_a_second_the_next_one_alone_predicts():
+    points, good = np.zeros((3, 12, 1)), np.ones((12, 1), bool)
+    points[0, :, 0], points[1, ::2, 0] = np.arange(12), 0.01
+    good[5] = False
+    assert np.isfinite(robust.predicted(points, good, np.array([5]), 3.0)[0]).all()
+    good[6] = False
+    assert np.isnan(robust.predicted(points, good, np.array([5]), 3.0)[0]).all()
