@@ -170,6 +170,10 @@ class Project:
         """Cameras whose pictures are released although dior does not say that the heads are covered: name -> reason."""
         return self.session_files[session].get("heads_checked", {})
 
+    def privacy_masks(self, session: str) -> dict[str, list[list[float]]]:
+        """Rectangles (u_min, v_min, u_max, v_max) px that are covered in all released pictures, by camera."""
+        return self.session_files[session].get("privacy_masks", {})
+
     def detections_checked(self, session: str) -> dict[str, str]:
         """Cameras whose detections are used although dior says that they lie beside the pictures: name -> reason."""
         return self.session_files[session].get("detections_checked", {})

@@ -261,6 +261,15 @@ def _check_looked_at(project: Project, session: str) -> None:
             if camera not in cameras:
                 raise DiorError(f"{shown}: {key} names '{camera}', no camera of it{nearest(camera, cameras)}")
             _check_words({f"{key} {camera}": reason}, (f"{key} {camera}",), project.pseudonyms, shown)
+    for camera, masks in project.privacy_masks(session).items():
+        if camera not in cameras:
+            raise DiorError(f"{shown}: privacy_masks names '{camera}', no camera of it{nearest(camera, cameras)}")
+        for u_min, v_min, u_max, v_max in masks:
+            if not (u_min < u_max and v_min < v_max):
+                raise DiorError(
+                    f"{shown}: privacy_masks of {camera}: [{u_min:g}, {v_min:g}, {u_max:g}, {v_max:g}] holds no pixel; "
+                    "the order is u_min, v_min, u_max, v_max"
+                )
 
 
 def _check_words(row: Row, columns: Iterable[str], people: Iterable[str], where: str) -> None:

@@ -774,6 +774,20 @@ def test_a_word_that_is_like_none_gets_no_suggestion():
     assert nearest("robost", ["robust", "rays"]) == " (did you mean 'robust'?)"
 
 
+def test_privacy_masks_are_rectangles_of_a_camera(root):
+    path = root / "config/sessions/field/session.yaml"
+    before = path.read_text()
+    path.write_text(before + "privacy_masks: {cam03: [[0, 180, 90, 300], [5, 5, 6, 7.5]]}\n")
+    assert project.load(root).privacy_masks("field") == {"cam03": [[0, 180, 90, 300], [5, 5, 6, 7.5]]}
+    assert project.load(root).privacy_masks("lab") == {}
+    path.write_text(before + "privacy_masks: {cam30: [[0, 180, 90, 300]]}\n")
+    fails(root, "field/session.yaml: privacy_masks names 'cam30', no camera of it", "did you mean 'cam03'")
+    path.write_text(before + "privacy_masks: {cam03: [[90, 180, 0, 300]]}\n")
+    fails(root, "privacy_masks of cam03: [90, 180, 0, 300] holds no pixel", "u_min, v_min, u_max, v_max")
+    path.write_text(before + "privacy_masks: {cam03: [[90, 180, 100]]}\n")
+    fails(root, "field/session.yaml", "privacy_masks")
+
+
 @pytest.mark.parametrize("key", ["heads_checked", "detections_checked"])
 def test_who_has_looked_is_told_by_camera(root, key):
     path = root / "config/sessions/field/session.yaml"

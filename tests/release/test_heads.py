@@ -1,6 +1,7 @@
 """The head's box in a picture: it holds the head, whichever way it is turned, and a small fix rarely moves it. Where it
 does not hold the head that the pictures show, they are not released."""
 
+from dataclasses import replace
 from functools import cache
 
 import cv2
@@ -198,7 +199,7 @@ def walk(tmp_path, monkeypatch):
     paths = {"skeleton": "body", "frames": "frames", "labels": "labels"}
     given = {key: tmp_path / f"{name}.parquet" for key, name in paths.items()}
     given |= {"cameras": [tmp_path / "cameras.parquet"], "clocks": [tmp_path / "clocks.parquet"]}
-    given |= {"filmed": heads.Filmed(tmp_path, None, "auto", 0.3, None)}
+    given |= {"filmed": heads.Filmed(tmp_path, None, "auto", 0.3, None, [])}
     given |= {"judged": judged(tmp_path)}
     given |= {"before": None, "out": tmp_path / "heads.parquet", "findings": tmp_path / "findings.parquet"}
     return view, middle, {"sequence": "walk", "camera": "cam01", "out_covers": tmp_path / "covers.parquet", **given}
@@ -244,6 +245,17 @@ def test_step_says_where_the_head_is_not_known(walk):
     assert np.isnan(table["u_min"][:15]).all()
     (text,) = said(given)
     assert "of 30 pictures are not released" in text
+
+
+def test_a_privacy_mask_is_covered_in_all_pictures(walk):
+    _, _, given = walk
+    for mask, edges in (([10, 20, 30.2, 40.5], [10, 20, 31, 41]), ([-0.5, 700, 40, 900], [0, 700, 41, 720])):
+        heads.run(**given | {"filmed": replace(given["filmed"], masks=[mask])})
+        covers = tables.read(given["out_covers"], "other_covers")
+        found = np.stack([covers[key] for key in heads.EDGES], axis=1)
+        assert covers["frame"][(found == edges).all(axis=1)].tolist() == list(range(COUNT)), mask
+    with pytest.raises(DiorError, match=r"camera cam01: `privacy_masks` .* lies outside of its pictures of 1280x720"):
+        heads.run(**given | {"filmed": replace(given["filmed"], masks=[[1280, 0, 1300, 20]])})
 
 
 @pytest.mark.parametrize("turn", [(0, 1.5, 0), (0, -1.5, 0), (-1.5, 0, 0), (0, 20, 0)])

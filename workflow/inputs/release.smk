@@ -332,6 +332,11 @@ def heads_checked(wildcards):
     return PROJECT.heads_checked(session_of(wildcards)).get(wildcards.camera, "")
 
 
+def privacy_masks(wildcards):
+    """Rectangles of a camera's pictures that are covered in all of them, as JSON."""
+    return json.dumps(PROJECT.privacy_masks(session_of(wildcards)).get(wildcards.camera, []))
+
+
 def stamps_from(wildcards):
     """The tables with all pictures of a sequence's subject, if stamps count from the first of them."""
     if not CONFIG["release"]["shift_stamps"]:

@@ -53,6 +53,7 @@ rule heads:
         detections=untracked(everybody_detected),
         format=detection_format,
         min_score=CONFIG["detector"]["min_score"],
+        masks=privacy_masks,
         role=camera_role,
         session_name=session_of,
         checked=heads_checked,
