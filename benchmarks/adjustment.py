@@ -13,11 +13,11 @@ import numpy as np
 
 from benchmarks import scene
 from dior.body.names import MLKIT_33
-from dior.calibrate import adjust
-from dior.calibrate.bundle import bundle, facts, uncertainty
+from dior.calibrate.bundle import adjustment, bundle, facts, uncertainty
 from dior.errors import DiorError
 from dior.geometry.camera import pose, project
 from dior.geometry.multiview import similarity
+from dior.geometry.triangulation import triangulated
 
 TAPE_M, AIM_DEG = 0.10, 2.0
 SEEDS, CAPTURES, SHORT = 20, 40, 120
@@ -58,7 +58,7 @@ def run(made, seed, known=(), marked=None, start=None, prior=None):
     start = start or placed(made.given, seed)
     where, sigma = f"seed {seed}", lens_sigma(made)
     prior = prior or priors(start)
-    return adjust.adjust(start, uv, prior, HUBER_PX, MOST_PX, where, tracks, known, marked, sigma)
+    return adjustment.adjust(start, uv, prior, HUBER_PX, MOST_PX, where, tracks, known, marked, sigma)
 
 
 def adjusted_or_told(made, seed, known, marked):
@@ -73,7 +73,7 @@ def adjusted_or_told(made, seed, known, marked):
 def lens_sigma(made):
     """What is known of the intrinsics: exact at `ideal`, 0.3 % wrong at `real`."""
     exact = all(true.intrinsics == given.intrinsics for true, given in zip(made.cameras, made.given, strict=True))
-    return 0.0 if exact else adjust.LENS_SIGMA
+    return 0.0 if exact else adjustment.LENS_SIGMA
 
 
 def errors(done, made):
@@ -136,7 +136,7 @@ def print_time(level):
         took.append(time.perf_counter() - begun)
         start = placed(made.given, seed)
         begun = time.perf_counter()
-        points = adjust.triangulated(start, uv)
+        points = triangulated(start, uv)
         good = np.isfinite(points).all(axis=1)
         bundle.optimise(*bundle.build(start, uv[:, good], points[good], priors(start), [4.25] * 3), "plain")
         plain.append(time.perf_counter() - begun)

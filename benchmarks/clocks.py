@@ -53,8 +53,8 @@ def wrong(seeds):
 
 def _error(made, uv, late, pictures):
     """Median reprojection error px with one camera `pictures` late."""
-    from dior.calibrate.adjust import triangulated
     from dior.geometry.camera import reprojection_errors
+    from dior.geometry.triangulation import triangulated
 
     uv = np.stack([np.roll(one, pictures * (view == late), axis=0) for view, one in enumerate(uv)])[:, 1:]
     uv = uv.reshape(len(uv), -1, 2)

@@ -16,7 +16,7 @@ import numpy as np
 
 from benchmarks import steps
 from dior.calibrate import adjust
-from dior.calibrate.bundle import in_adjustment, window
+from dior.calibrate.bundle import adjustment, in_adjustment, window
 from dior.geometry import camera_tables
 from dior.geometry.camera import pose
 from dior.geometry.multiview import look_at, similarity
@@ -120,12 +120,12 @@ def tried(level, seed):
         cameras, priors = placed(capture)
         sequences, values = timed(capture, cameras)
         limits = 15.0, 20.0, f"{level}, seed {seed}"
-        done = adjust.adjust(cameras, sequences, priors, *limits, lens_sigma=lens)
+        done = adjustment.adjust(cameras, sequences, priors, *limits, lens_sigma=lens)
         points = [error_3d(capture, done.points, done.tracks, sequences)]
         for uv, tracks in (sequences.observations(values)[:2], nearest(sequences, values)):
-            other = adjust.adjust(cameras, uv, priors, *limits, tracks, lens_sigma=lens)
+            other = adjustment.adjust(cameras, uv, priors, *limits, tracks, lens_sigma=lens)
             points.append(error_3d(capture, other.points, tracks, sequences))
-        start = sequences.start(cameras, *adjust.how_far_off(cameras, priors))
+        start = sequences.start(cameras, *adjustment.how_far_off(cameras, priors))
     free = ~sequences.held
     return (
         (done.clocks - values)[free][:, 0], done.clocks_sigma[free][:, 0], (start - values)[free][:, 0],

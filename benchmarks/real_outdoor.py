@@ -14,8 +14,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dior.body.names import swap_index
-from dior.calibrate import adjust, place
-from dior.calibrate.bundle import bundle, given_poses, in_adjustment, outcome, starts
+from dior.calibrate import place
+from dior.calibrate.bundle import adjustment, bundle, given_poses, in_adjustment, outcome, starts
 from dior.calibrate.bundle.window import Recorded
 from dior.calibrate.clock.from_cameras import TimedDetections
 from dior.calibrate.outline import boxes_fit, seen_edges
@@ -23,7 +23,7 @@ from dior.errors import DiorError
 from dior.geometry import covariance
 from dior.geometry.camera import Camera, Intrinsics, inverse_pose, pose, project, undistort
 from dior.geometry.multiview import look_at
-from dior.geometry.triangulation import triangulate
+from dior.geometry.triangulation import triangulate, triangulated
 from dior.ingest.readers import mlkit, openpose
 from dior.label import uncertainty
 from dior.reconstruct import detector_noise, refine, robust
@@ -265,7 +265,7 @@ def print_adjustment(data, cameras):
             cameras if seed is None else [perturbed(c, np.random.default_rng([seed, i])) for i, c in enumerate(cameras)]
         )
         priors = [bundle.Prior(c.centre, 0.05, c.wRc, np.radians(2.0)) for c in start]
-        done = adjust.adjust(start, seen, priors, 15.0, 12.0, "real_outdoor")
+        done = adjustment.adjust(start, seen, priors, 15.0, 12.0, "real_outdoor")
         name = "reference extrinsics" if seed is None else f"5 cm, 2 degrees off, seed {seed}"
         before, after = np.nanmean(done.before_px), np.nanmean(done.after_px)
         print(f"  {name:<32}{before:>8.2f} -> {after:.2f} px, {done.iterations} iterations")
@@ -279,7 +279,7 @@ def print_starts(data, cameras):
     found = starts.epipolar(cameras, seen)
     angles = ", ".join(f"{outcome.shift_and_turn(a, b)[1]:.1f}" for a, b in zip(cameras, found, strict=True))
     print(f"epipolar start, degrees from the reference (limit 1.3-4.4): {angles}")
-    target = np.median(np.nan_to_num(adjust.triangulated(cameras, seen)), axis=0)
+    target = np.median(np.nan_to_num(triangulated(cameras, seen)), axis=0)
     ends = []
     for seed in range(20):
         random = np.random.default_rng([seed, 7])
@@ -288,7 +288,7 @@ def print_starts(data, cameras):
         priors = [bundle.Prior(c.centre, 0.05, c.wRc, np.radians(30.0)) for c in looking]
         off = [outcome.shift_and_turn(a, b)[1] for a, b in zip(cameras, looking, strict=True)]
         try:
-            done = adjust.adjust(looking, seen, priors, 15.0, 12.0, "real_outdoor")
+            done = adjustment.adjust(looking, seen, priors, 15.0, 12.0, "real_outdoor")
             ends.append(np.nanmean(done.after_px))
         except DiorError as error:
             print(f"  seed {seed}: refused, {error}")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dior.calibrate import adjust as step
-from dior.calibrate.bundle import bundle
+from dior.calibrate.bundle import adjustment, bundle
 from dior.calibrate.bundle.outcome import in_front, shift_and_turn
 from dior.calibrate.lens import realsense
 from dior.errors import DiorError
@@ -46,7 +46,7 @@ def misplaced(cameras, sigma_m=0.05, aim_m=0.3, seed=0):
 def test_without_noise_the_cameras_are_recovered_up_to_the_gauge():
     cameras, points = ring(3), body()
     placed = misplaced(cameras)
-    done = step.adjust(placed, seen(cameras, points), tape(placed, 10.0), HUBER, MOST, "s")
+    done = adjustment.adjust(placed, seen(cameras, points), tape(placed, 10.0), HUBER, MOST, "s")
     assert np.nanmean(done.after_px) < 1e-3 < np.nanmean(done.before_px)
     s, R, t = similarity(done.points, points)
     assert np.linalg.norm(s * done.points @ R.T + t - points, axis=1).max() < 1e-3
@@ -57,7 +57,7 @@ def test_without_noise_the_cameras_are_recovered_up_to_the_gauge():
 
 def test_exact_placement_without_noise_stays_where_it_is():
     cameras, points = ring(3), body()
-    done = step.adjust(cameras, seen(cameras, points), tape(cameras), HUBER, MOST, "s")
+    done = adjustment.adjust(cameras, seen(cameras, points), tape(cameras), HUBER, MOST, "s")
     for found, true in zip(done.cameras, cameras, strict=True):
         np.testing.assert_allclose(found.wTc, true.wTc, atol=1e-9)
 
@@ -67,7 +67,7 @@ def test_exact_placement_without_noise_stays_where_it_is():
 def test_the_demo_s_tape_and_aim_reach_the_noise(seed, count):
     cameras, points = ring(count), body()
     placed = misplaced(cameras, seed=seed)
-    done = step.adjust(placed, seen(cameras, points, 2.0, seed), tape(placed), HUBER, MOST, "s")
+    done = adjustment.adjust(placed, seen(cameras, points, 2.0, seed), tape(placed), HUBER, MOST, "s")
     # 2 px of noise per axis is 2.5 px of distance, less what the points take up
     assert np.nanmean(done.after_px) < 2.3 and np.nanmean(done.before_px) > 5
     _, R, t = similarity(done.points, points, scale=False)
@@ -86,8 +86,8 @@ def with_wrong_person(uv, share, by_px=(90.0, 30.0)):
 def test_another_person_in_one_camera_does_not_move_the_cameras():
     cameras, points = ring(3), body()
     placed, uv = misplaced(cameras), seen(cameras, points, 2.0)
-    clean = step.adjust(placed, uv, tape(placed), HUBER, MOST, "s")
-    done = step.adjust(placed, with_wrong_person(uv, 0.12), tape(placed), HUBER, MOST, "s")
+    clean = adjustment.adjust(placed, uv, tape(placed), HUBER, MOST, "s")
+    done = adjustment.adjust(placed, with_wrong_person(uv, 0.12), tape(placed), HUBER, MOST, "s")
     assert clean.disagreeing < 0.005 and 0.03 < done.disagreeing < 0.13
     assert np.nanmean(done.after_px) < 2.4
     for found, true in zip(done.cameras, clean.cameras, strict=True):
@@ -106,7 +106,7 @@ def test_two_cameras_keep_to_their_tape_and_horizon():
     cameras, points = ring(2, radius=4), body()
     cameras[1] = ring(5, radius=4)[1]
     placed = misplaced(cameras, 0.02, 0.05)
-    done = step.adjust(placed, seen(cameras, points, 1.0), tape(placed, 0.02), HUBER, MOST, "s")
+    done = adjustment.adjust(placed, seen(cameras, points, 1.0), tape(placed, 0.02), HUBER, MOST, "s")
     for found, true in zip(done.cameras, cameras, strict=True):
         assert np.linalg.norm(found.centre - true.centre) < 0.1
 
@@ -117,7 +117,7 @@ def test_a_tighter_tape_moves_less():
     placed = misplaced(cameras)
     shifts = []
     for sigma in (0.001, 0.05):
-        done = step.adjust(placed, seen(cameras, points, 2.0), tape(placed, sigma), HUBER, MOST, "s")
+        done = adjustment.adjust(placed, seen(cameras, points, 2.0), tape(placed, sigma), HUBER, MOST, "s")
         shifts.append(max(shift_and_turn(a, b)[0] for a, b in zip(placed, done.cameras, strict=True)))
     assert shifts[0] < 0.02 < shifts[1]
 
@@ -130,7 +130,7 @@ def test_gross_outliers_hardly_matter():
     wrong = rng.random(uv.shape[:2]) < 0.05
     off = uv + wrong[..., None] * rng.choice([-1, 1], uv.shape) * rng.uniform(30, 80, uv.shape)
     placed = misplaced(cameras)
-    clean, dirty = (step.adjust(placed, x, tape(placed), HUBER, 20.0, "s") for x in (uv, off))
+    clean, dirty = (adjustment.adjust(placed, x, tape(placed), HUBER, 20.0, "s") for x in (uv, off))
     for a, b in zip(clean.cameras, dirty.cameras, strict=True):
         distance, angle = shift_and_turn(a, b)
         assert distance < 0.02 and angle < 0.4
@@ -138,7 +138,7 @@ def test_gross_outliers_hardly_matter():
 
 def test_residuals_are_in_recorded_pixels():
     cameras, points = ring(3), body()
-    done = step.adjust(cameras, seen(cameras, points, 2.0), tape(cameras), HUBER, MOST, "s")
+    done = adjustment.adjust(cameras, seen(cameras, points, 2.0), tape(cameras), HUBER, MOST, "s")
     expected = np.linalg.norm(seen(done.cameras, done.points) - seen(cameras, points, 2.0), axis=-1)
     np.testing.assert_allclose(done.after_px, expected, atol=1e-9)
 
@@ -148,7 +148,7 @@ def test_joints_that_not_all_see_take_part_and_the_unseen_stay_nan():
     uv = seen(cameras, points)
     uv[0, :100] = np.nan
     uv[1:, 399] = np.nan
-    done = step.adjust(misplaced(cameras), uv, tape(misplaced(cameras)), HUBER, MOST, "s")
+    done = adjustment.adjust(misplaced(cameras), uv, tape(misplaced(cameras)), HUBER, MOST, "s")
     assert done.left_out == 1 and np.isnan(done.points[399]).all() and np.isnan(done.after_px[0, :100]).all()
     assert np.isfinite(done.after_px[1, :100]).all()
 
@@ -159,7 +159,7 @@ def test_points_behind_a_camera_at_the_start_are_counted_or_brought_back():
     uv = seen(cameras, points)
     uv[:, 0] = 640, 360
     assert not in_front(cameras, np.full_like(uv, 640), 10 * cameras[0].centre[None] + 0 * points).any()
-    done = step.adjust(misplaced(cameras), uv, tape(misplaced(cameras)), HUBER, MOST, "s")
+    done = adjustment.adjust(misplaced(cameras), uv, tape(misplaced(cameras)), HUBER, MOST, "s")
     assert done.left_out <= 1 and np.nanmedian(done.after_px) < 0.1
 
 
@@ -167,7 +167,7 @@ def test_points_behind_a_camera_at_the_start_are_counted_or_brought_back():
 def test_it_is_byte_stable():
     cameras, points = ring(4), body()
     placed, uv = misplaced(cameras), seen(cameras, points, 2.0)
-    runs = [step.adjust(placed, uv, tape(placed), HUBER, MOST, "s") for _ in range(3)]
+    runs = [adjustment.adjust(placed, uv, tape(placed), HUBER, MOST, "s") for _ in range(3)]
     assert len({np.stack([c.wTc for c in run.cameras]).tobytes() + run.points.tobytes() for run in runs}) == 1
 
 
@@ -175,11 +175,11 @@ def test_it_is_byte_stable():
 def test_the_limit_scales_with_the_focal_length():
     cameras, points = ring(3), body()
     uv = seen(cameras, points, 6.0)
-    mean = np.nanmean(step.adjust(cameras, uv, tape(cameras), HUBER, 100.0, "s").after_px)
+    mean = np.nanmean(adjustment.adjust(cameras, uv, tape(cameras), HUBER, 100.0, "s").after_px)
     limit = mean * 1680 / 640
-    step.adjust(cameras, uv, tape(cameras), HUBER, limit * 1.001, "s")
+    adjustment.adjust(cameras, uv, tape(cameras), HUBER, limit * 1.001, "s")
     with pytest.raises(DiorError, match=r"session x: .* ends at a mean of \d.* \(cam01 .*adjust.max_mean_px"):
-        step.adjust(cameras, uv, tape(cameras), HUBER, limit * 0.999, "session x")
+        adjustment.adjust(cameras, uv, tape(cameras), HUBER, limit * 0.999, "session x")
 
 
 def test_the_worst_camera_is_named_where_the_adjustment_ends_too_high():
@@ -190,12 +190,12 @@ def test_the_worst_camera_is_named_where_the_adjustment_ends_too_high():
     with pytest.raises(
         DiorError, match=r"ends at a mean of .* \(cam01 \d.*, cam02 \d.*\), above .* first cam02, which"
     ):
-        step.adjust(cameras, seen(cameras, points) + noise, tape(cameras), HUBER, 2.0, "s")
+        adjustment.adjust(cameras, seen(cameras, points) + noise, tape(cameras), HUBER, 2.0, "s")
 
 
 def refused(cameras, uv, message):
     with pytest.raises(DiorError, match=message):
-        step.adjust(cameras, uv, tape(cameras), HUBER, MOST, "session field")
+        adjustment.adjust(cameras, uv, tape(cameras), HUBER, MOST, "session field")
 
 
 def test_priors_come_from_the_tape_or_the_placement():
@@ -237,7 +237,7 @@ def looks_away():
 
 def test_a_camera_that_looks_away_is_brought_back_by_the_keypoints():
     placed, points = looks_away()
-    done = step.adjust(placed, seen(ring(3), points, 1.0), tape(placed), HUBER, MOST, "s")
+    done = adjustment.adjust(placed, seen(ring(3), points, 1.0), tape(placed), HUBER, MOST, "s")
     assert [one.name for one in done.starts if not one.cameras][0] == "as placed"
     for found, true in zip(done.cameras, ring(3), strict=True):
         distance, angle = shift_and_turn(true, found)
@@ -262,13 +262,13 @@ def test_poor_tape_held_too_tight_is_refused():
     cameras, points = ring(4), body()
     placed = misplaced(cameras, 0.8, seed=2)
     with pytest.raises(DiorError, match="above the limit of 4.6 px"):
-        step.adjust(placed, seen(cameras, points, 2.0), tape(placed, 0.0005), HUBER, MOST, "s")
+        adjustment.adjust(placed, seen(cameras, points, 2.0), tape(placed, 0.0005), HUBER, MOST, "s")
 
 
 def test_at_the_papers_size():
     cameras, points = ring(3), body(400 * 33)
     placed = misplaced(cameras)
-    done = step.adjust(placed, seen(cameras, points, 2.0), tape(placed), HUBER, MOST, "s")
+    done = adjustment.adjust(placed, seen(cameras, points, 2.0), tape(placed), HUBER, MOST, "s")
     assert np.nanmean(done.after_px) < 1.8
 
 
@@ -279,7 +279,7 @@ def test_the_joints_tell_a_realsense_its_lens_model(named):
     uv = seen(cameras, body(600), 0.3)
     if named != "plumb_bob":
         cameras = [*map(realsense.as_other, cameras[:3]), cameras[3]]
-    done = step.adjust(cameras, uv, tape(cameras), HUBER, MOST, "s")
+    done = adjustment.adjust(cameras, uv, tape(cameras), HUBER, MOST, "s")
     yamls = {camera.name: f"{camera.name}.yaml" for camera in cameras}
     topics = dict.fromkeys(yamls, "/cam/color/image_raw") | {"cam04": "/cam/image"}
     found = step._lens_models("field", yamls, topics, done, uv, tape(cameras), HUBER)

@@ -8,8 +8,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dior.body.names import BODY_25B
-from dior.calibrate.adjust import LENS_SIGMA, Choices, Measured, Walks, Written, run
+from dior.calibrate.adjust import Choices, Measured, Walks, Written, run
 from dior.calibrate.bundle import window
+from dior.calibrate.bundle.adjustment import LENS_SIGMA
 from dior.calibrate.bundle.outcome import shift_and_turn
 from dior.calibrate.place import reference_pose
 from dior.errors import DiorError

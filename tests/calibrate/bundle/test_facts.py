@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from dior.calibrate import adjust
-from dior.calibrate.bundle import bundle, facts, reduced
+from dior.calibrate.bundle import adjustment, bundle, facts, reduced
 from dior.calibrate.bundle.uncertainty import Tracks
 from dior.errors import DiorError
 from dior.geometry import covariance
 from dior.geometry.camera import project
+from dior.geometry.triangulation import triangulated
 from tests.calibrate.test_adjust import HUBER, MOST, body, misplaced, seen, tape
 from tests.rig import ring
 
@@ -84,7 +84,9 @@ def adjusted(known, marked=None, scale=1.04, sigma_m=0.3):
     points, tracks = walker()
     middle = np.array([0, 0, 1.0])
     far = [c.at(np.block([[c.wRc, (middle + scale * (c.centre - middle))[:, None]], [np.eye(4)[3:]]])) for c in ring(3)]
-    return adjust.adjust(far, seen(ring(3), points, 0.5), tape(far, sigma_m), HUBER, MOST, "s", tracks, known, marked)
+    return adjustment.adjust(
+        far, seen(ring(3), points, 0.5), tape(far, sigma_m), HUBER, MOST, "s", tracks, known, marked
+    )
 
 
 def scale_of(done):
@@ -123,7 +125,7 @@ def test_more_frames_give_a_length_no_more_weight():
     for moments in (30, 300):
         points, tracks = walker(moments)
         fact = facts.KeypointDistance(("left_shoulder", "left_ankle"), 1.05 * 0.779 * 1.75, 0.02)
-        done = adjust.adjust(ring(3), seen(ring(3), points), tape(ring(3), 0.1), HUBER, MOST, "s", tracks, [fact])
+        done = adjustment.adjust(ring(3), seen(ring(3), points), tape(ring(3), 0.1), HUBER, MOST, "s", tracks, [fact])
         ends.append(scale_of(done))
     assert 1.01 < ends[0] < 1.04 and abs(ends[0] - ends[1]) < 0.003
 
@@ -133,7 +135,7 @@ def test_the_floor_brings_the_feet_down():
     lifted = [covariance.moved(c, [0, 0, 0, 0, 0, 0.15]) for c in ring(3)]
     uv = seen(ring(3), points)
     for known, low in (([], 0.1), ([facts.Floor(0.005, 0.01)], -0.02)):
-        done = adjust.adjust(lifted, uv, tape(lifted, 0.1), HUBER, MOST, "s", tracks, known)
+        done = adjustment.adjust(lifted, uv, tape(lifted, 0.1), HUBER, MOST, "s", tracks, known)
         feet = done.points[tracks.joint >= 8, 2].mean() - facts.SOLE_M["left_heel"]
         assert low - 0.01 < feet < low + 0.07
 
@@ -166,8 +168,8 @@ def test_the_reduced_system_ends_where_gtsam_does():
     cameras, points = ring(3), body(200)
     uv, placed = seen(cameras, points, 2.0), misplaced(cameras)
     sigma = np.full(3, 4.0)
-    there = adjust.sampled(placed, uv, tape(placed), sigma, "s")
-    found, _ = adjust.metric(there, uv, adjust.triangulated(there, uv), tape(placed), sigma, None, (), None, "s")
+    there = adjustment.sampled(placed, uv, tape(placed), sigma, "s")
+    found, _ = adjustment.metric(there, uv, triangulated(there, uv), tape(placed), sigma, None, (), None, "s")
     graph, _ = bundle.build(there, uv, found.points, tape(placed), sigma)
     _, values = bundle.build(found.cameras, uv, found.points, tape(placed), sigma)
     cost = found.linear.cost + sum(0.5 * row.residual @ row.residual for row in found.facts)

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import null_space
 
-from dior.calibrate import adjust
-from dior.calibrate.bundle import bundle, facts, reduced, uncertainty
+from dior.calibrate.bundle import adjustment, bundle, facts, reduced, uncertainty
 from dior.calibrate.bundle.uncertainty import Tracks
 from dior.geometry.camera import project
 from tests.calibrate.bundle.test_facts import walker
@@ -29,7 +28,7 @@ def tried(seed, noise_px=1.0, bias_m=0.0, tape_m=0.05):
         seen, depth = project(camera, points)
         offset = random.normal(0, bias_m, (4, len(tracks.names), 2))[side, tracks.joint]
         uv.append(seen + camera.intrinsics.fx / depth[:, None] * offset + random.normal(0, noise_px, seen.shape))
-    done = adjust.adjust(placed, np.stack(uv), tape(placed, tape_m), HUBER, 30.0, "s", tracks, (), None, 0.0)
+    done = adjustment.adjust(placed, np.stack(uv), tape(placed, tape_m), HUBER, 30.0, "s", tracks, (), None, 0.0)
     error = np.concatenate(
         [
             np.r_[_turn(found.wRc.T @ c.wRc), c.centre - found.centre]
@@ -69,7 +68,9 @@ def test_cameras_move_with_a_lens_that_is_wrong_as_the_covariance_says():
     wrong = [*cameras]
     wrong[1] = replace(cameras[1], intrinsics=replace(lens, fx=lens.fx * 1.002, fy=lens.fy * 1.002))
     right, off = (
-        adjust.adjust(given, uv, tape(cameras, 0.05), HUBER, MOST, "s", tracks, (), None, np.array([0.0, 0.003, 0.003]))
+        adjustment.adjust(
+            given, uv, tape(cameras, 0.05), HUBER, MOST, "s", tracks, (), None, np.array([0.0, 0.003, 0.003])
+        )
         for given in (cameras, wrong)
     )
     moved = np.concatenate(
@@ -132,7 +133,7 @@ def test_a_known_length_narrows_the_scale():
     uv = np.stack([project(c, points)[0] for c in cameras]) + np.random.default_rng(0).normal(0, 1, (3, len(points), 2))
     sigma = []
     for known in ([], [facts.KeypointDistance(("left_shoulder", "left_ankle"), 0.779 * 1.75, 0.005)]):
-        done = adjust.adjust(cameras, uv, tape(cameras, 0.1), HUBER, MOST, "s", tracks, known, None, 0.0)
+        done = adjustment.adjust(cameras, uv, tape(cameras, 0.1), HUBER, MOST, "s", tracks, known, None, 0.0)
         sigma.append(uncertainty.scale_sigma(done.cameras, done.uncertainty.covariance))
     assert sigma[0] > 0.009 and abs(sigma[1] - 0.005 / (0.779 * 1.75)) < 0.001
 
