@@ -1,7 +1,7 @@
 """The command `dior`: one subcommand per step of the workflow, and the few that a person types. No logic here.
 
 A step's flags are read from its source and only its own module is imported, so that a job starts fast; what a person
-types goes through cyclopts (`dior.cli.by_hand`). Exit codes: 0 all is well; 1 something is wrong with what was given,
+types goes through cyclopts (`dior.cli.commands`). Exit codes: 0 all is well; 1 something is wrong with what was given,
 said in one sentence, or `dior diff` found differences; 2 the command line is wrong (or what `dior diff` was given).
 """
 
@@ -38,9 +38,9 @@ def main(argv: list[str] | None = None) -> int:
     try:
         if step in MODULES and not (step == "simulate" and OF_A_JOB not in words):
             return _run_step(step, words[1:])
-        from dior.cli import by_hand
+        from dior.cli import commands
 
-        return by_hand.run(words)
+        return commands.run(words)
     except flags.UsageError as error:
         print(f"dior {words[0]}: {error}", file=sys.stderr)
         return 2

@@ -18,13 +18,13 @@ import numpy as np
 
 from dior.arrays import Floats, Table
 from dior.errors import DiorError, nearest
-from dior.evaluate import boxes as box_files
 from dior.evaluate import checks as check_files
 from dior.evaluate import labels_in_boxes, reprojection, rows
 from dior.evaluate import truth as against
 from dior.evaluate.grids import LabelGrid, distance, label_grids, onto, value_grid
 from dior.geometry.camera import Camera, occluded_edge
 from dior.geometry.camera_tables import read_cameras
+from dior.project import boxes as hand_boxes
 from dior.tables import tables
 
 # rows of `metrics` and of `frame_metrics`
@@ -157,8 +157,8 @@ def _boxes(
         if roles[camera] != "long_range":
             continue
         grid = grids[camera]
-        drawn = box_files.read(path, grid.frames)
-        hand = box_files.of_frames(grid, *drawn)
+        drawn = hand_boxes.read(path, grid.frames)
+        hand = labels_in_boxes.of_frames(grid, *drawn)
         for metric, unit, values in labels_in_boxes.figures(grid, hand, occluded_edge(rig[camera])):
             rows_of, frames_of = _summed(metric, unit, [(grid, values)], roles, by_joint=False)
             found += rows_of

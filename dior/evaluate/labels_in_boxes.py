@@ -1,4 +1,5 @@
-"""How the box around the labels lies in the hand-drawn box, and what perfect labels would score in such boxes.
+"""Share of the labels inside hand-drawn boxes, the paper's measure of the long-range labels; how the box around the
+labels lies in the hand-drawn one, and what perfect labels would score in such boxes.
 
 INPUTS   `LabelGrid` of a long-range camera, hand boxes (F, 4) px in the order u_min, v_min, u_max, v_max, NaN without.
 OUTPUTS  per frame intersection over union, signed centre and size offset px; per label the probability that a perfect
@@ -18,13 +19,32 @@ from dataclasses import replace
 
 import numpy as np
 
-from dior.arrays import Bools, Floats
-from dior.evaluate import boxes
+from dior.arrays import Bools, Floats, Ints
 from dior.evaluate.grids import LabelGrid
-from dior.project.boxes import at_line, line_of
+from dior.project.boxes import at_line, kept_back, line_of
 
 WILD = 4.0  # chosen: of boxes drawn with care one in 16 000 is left out
 SD_OF_MAD = 1.4826  # of a normal distribution
+
+
+def of_frames(grid: LabelGrid, box_frames: Ints, boxes: Floats) -> Floats:
+    """Edges (F, 4) px of the box of every frame of the labels, NaN where there is none."""
+    edges = np.full((len(grid.frames), 4), np.nan)
+    _, row, box = np.intersect1d(grid.frames, box_frames, return_indices=True)
+    edges[row] = boxes[box]
+    return edges
+
+
+def within(grid: LabelGrid, hand: Floats) -> Floats:
+    """1 or 0 (F, J) whether an in-frame label lies in its frame's box `hand` (F, 4) px, NaN where there is nothing to
+    judge.
+    """
+    u, v = grid.uv[..., 0], grid.uv[..., 1]
+    u_min, v_min, u_max, v_max = hand.T[:, :, None]
+    with np.errstate(invalid="ignore"):
+        hit = (u >= u_min) & (u <= u_max) & (v >= v_min) & (v <= v_max)
+    judged = np.isfinite(u_min) & grid.in_frame
+    return np.where(judged, hit.astype(float), np.nan)
 
 
 def figures(grid: LabelGrid, hand: Floats, occluded_edge: int | None = None) -> list[tuple[str, str, Floats]]:
@@ -35,7 +55,7 @@ def figures(grid: LabelGrid, hand: Floats, occluded_edge: int | None = None) -> 
     untold = cut[:, :2] | cut[:, 2:]
     offset[untold], size[untold] = np.nan, np.nan
     perfect, judges = expected(grid, hand, cut), held_back(grid, hand)[:, None]
-    inside = boxes.within(grid, hand)
+    inside = within(grid, hand)
     own = [("share", inside), ("expected", perfect)]
     height = np.where(_size(hand)[:, 1:] > 0, _size(hand)[:, 1:], np.nan)
     own += [(f"offset_{axis}", offset[:, [i]] / height) for i, axis in enumerate("uv")]
@@ -55,13 +75,13 @@ def held_back(grid: LabelGrid, hand: Floats) -> Bools:
     """Frames (F,) whose box is kept back from every fit."""
     drawn = np.flatnonzero(np.isfinite(hand).all(axis=1))
     out = np.zeros(len(hand), bool)
-    out[drawn] = boxes.kept_back(grid.frames[drawn])
+    out[drawn] = kept_back(grid.frames[drawn])
     return out
 
 
 def share(grid: LabelGrid, hand: Floats, occluded_edge: int | None) -> Floats:
     """1 or 0 (F, J) whether a label lies in the hand box, NaN where there is nothing to judge."""
-    return boxes.within(unhidden(grid, hand, occluded_edge)[0], hand)
+    return within(unhidden(grid, hand, occluded_edge)[0], hand)
 
 
 def unhidden(grid: LabelGrid, hand: Floats, occluded_edge: int | None) -> tuple[LabelGrid, Bools]:
@@ -129,8 +149,8 @@ def expected(grid: LabelGrid, hand: Floats, cut: Bools) -> Floats:
     label = label_boxes(grid)
     untold = np.tile(cut[:, :2] | cut[:, 2:], 2)
     margin, sd = drawing(np.where(untold, np.nan, label), hand)
-    within = np.concatenate([grid.uv - label[:, None, :2], label[:, None, 2:] - grid.uv], axis=-1)
-    each = _normal(within + np.tile(margin, 2), np.tile(sd, 2))
+    inside = np.concatenate([grid.uv - label[:, None, :2], label[:, None, 2:] - grid.uv], axis=-1)
+    each = _normal(inside + np.tile(margin, 2), np.tile(sd, 2))
     probability = np.where(cut[:, None], 1.0, each).prod(axis=-1)
     return np.where(np.all(np.isfinite(hand), axis=1)[:, None] & grid.in_frame, probability, np.nan)
 

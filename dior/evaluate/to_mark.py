@@ -18,7 +18,8 @@ from zlib import crc32
 import numpy as np
 
 from dior.arrays import AnyPath
-from dior.evaluate import boxes, checks
+from dior.evaluate import checks
+from dior.project import boxes
 from dior.tables import tables
 from dior.tables.files import write_text
 

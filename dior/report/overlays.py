@@ -18,11 +18,11 @@ from numpy.typing import ArrayLike, NDArray
 from dior.arrays import Bools, Floats, Ints, Table
 from dior.body import names
 from dior.errors import DiorError, nearest
-from dior.evaluate import boxes as box_files
 from dior.evaluate import labels_in_boxes
 from dior.evaluate.grids import LabelGrid, distance, label_grids, onto, value_grid
 from dior.geometry.camera import occluded_edge
 from dior.geometry.camera_tables import read_cameras
+from dior.project import boxes as hand_boxes
 from dior.report import picture_choice
 from dior.report.colours import BOX, DETECTION, LEFT, MIDDLE, OUTLIER, RIGHT
 from dior.tables import tables
@@ -86,10 +86,12 @@ def run(
     rig = read_cameras(cameras)
     chosen = {}
     for camera, grid in grids.items():
-        boxed = box_files.read(boxes[camera], grid.frames) if camera in boxes else (np.array([], int), np.empty((0, 4)))
+        boxed = (
+            hand_boxes.read(boxes[camera], grid.frames) if camera in boxes else (np.array([], int), np.empty((0, 4)))
+        )
         inside = None
         if len(boxed[0]):
-            inside = labels_in_boxes.share(grid, box_files.of_frames(grid, *boxed), occluded_edge(rig[camera]))
+            inside = labels_in_boxes.share(grid, labels_in_boxes.of_frames(grid, *boxed), occluded_edge(rig[camera]))
         seen = None if found is None else tables.of_camera(found, camera)
         how = picture_choice.measured(grid, roles[camera], seen, _exchanged(exchanged, camera), inside, min_score)
         ranked = picture_choice.by_rank(grid.frames, *how, per_camera) if how else []

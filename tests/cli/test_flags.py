@@ -9,7 +9,7 @@ from typing import get_type_hints
 import pytest
 
 from dior.cli import flags, main, words
-from dior.cli.by_hand import COMMANDS
+from dior.cli.commands import COMMANDS
 from dior.evaluate import timing
 from dior.project.steps import MODULES
 

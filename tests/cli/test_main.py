@@ -162,9 +162,9 @@ def test_the_help_names_every_command_those_of_a_person_first(capsys):
 
 
 def test_the_help_of_a_command_tells_its_flags(capsys):
-    from dior.cli import by_hand
+    from dior.cli import commands
 
-    for name, module in by_hand.COMMANDS.items():
+    for name, module in commands.COMMANDS.items():
         assert main.main([name, "--help"]) == 0
         shown = " ".join(capsys.readouterr().out.replace("│", " ").split())
         run = import_module(module).run
@@ -195,7 +195,7 @@ def test_the_command_starts_without_heavy_packages(words):
 @pytest.mark.slow
 def test_a_step_imports_itself_and_not_what_a_person_needs(tmp_path):
     found = modules_of("simulate_mocap", *OF_A_WALK, str(tmp_path))
-    assert "dior.simulate.simulate_mocap" in found and not found & {"cyclopts", "rich", "dior.cli.by_hand"}
+    assert "dior.simulate.simulate_mocap" in found and not found & {"cyclopts", "rich", "dior.cli.commands"}
     # the simulator's own modules may use each other
     others = {f"dior.{module}" for module in MODULES.values() if not module.startswith("simulate.")}
     assert not found & others

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from dior.errors import DiorError
-from dior.evaluate import boxes, checks, evaluate, grids, metrics, reprojection, truth
+from dior.evaluate import checks, evaluate, grids, metrics, reprojection, truth
 from dior.geometry import camera_tables
 from dior.geometry.multiview import rotation_x, rotation_z
+from dior.project import boxes
 from dior.tables import tables
 from tests.rig import camera
 

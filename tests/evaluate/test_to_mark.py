@@ -5,8 +5,9 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from dior.evaluate import boxes, checks, to_mark
+from dior.evaluate import checks, to_mark
 from dior.evaluate.grids import label_grids
+from dior.project import boxes
 from dior.tables import tables
 
 JOINTS = ("LASI", "RASI", "C7")

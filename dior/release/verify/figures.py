@@ -19,7 +19,7 @@ import numpy as np
 
 from dior.arrays import Floats, Table
 from dior.body.names import is_leg, swap_index
-from dior.evaluate import bootstrap, boxes, labels_in_boxes, metrics, reprojection, rows
+from dior.evaluate import bootstrap, labels_in_boxes, metrics, reprojection, rows
 from dior.evaluate.grids import LabelGrid, distance, onto, value_grid
 from dior.geometry.camera import occluded_edge
 from dior.release.layout import IN_PICTURE
@@ -74,7 +74,7 @@ def of_walk(walk: Walk) -> Figures:
         drawn = walk.of("boxes").get(name)
         if drawn and camera.role == "long_range":
             edges = np.stack([drawn[key] for key in ("u_min", "v_min", "u_max", "v_max")], axis=-1)
-            hand = boxes.of_frames(grid, drawn["frame"], edges)
+            hand = labels_in_boxes.of_frames(grid, drawn["frame"], edges)
             fitted = labels_in_boxes.figures(grid, hand, occluded_edge(camera))
             found += [(metric, *_twice(values), False) for metric, _, values in fitted]
         if marks and (checked := _checked(grid, tables.of_camera(marks, name))) is not None:

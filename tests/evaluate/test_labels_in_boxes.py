@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from dior.body.names import MLKIT_33
-from dior.evaluate import boxes, labels_in_boxes
+from dior.evaluate import labels_in_boxes
 from dior.evaluate.grids import LabelGrid
 from dior.geometry.camera import occluded_edge, pose, project
 from dior.geometry.multiview import rotation_z
+from dior.project import boxes
 from tests.report.conftest import rig, walk
 
 FRAMES = 400
@@ -65,7 +66,7 @@ def test_iou_of_boxes_with_known_overlap(hand, share):
 
 def test_frames_without_a_box_are_not_judged():
     grid = grid_of(np.repeat(SQUARE, 4, axis=0))
-    hand = boxes.of_frames(grid, np.array([1, 2, 3]), np.array([[9.0, 19.0, 15.0, 31.0]] * 3))
+    hand = labels_in_boxes.of_frames(grid, np.array([1, 2, 3]), np.array([[9.0, 19.0, 15.0, 31.0]] * 3))
     for name, _, values in labels_in_boxes.figures(grid, hand):
         if name.startswith("held_back"):
             assert np.isnan(values).all()  # 3 boxes are too few to keep any back
