@@ -153,11 +153,12 @@ def run(
         if red:
             status = np.full(len(status), "red", object)
     moving_boxes: list[Ints] = [np.zeros((0, 4), int)] * len(status)
+    always = np.zeros(len(status), bool)
     if np.isin(status, ("ok", "out_of_frame")).any():
         found = faces.read(filmed.detections, filmed.format, filmed.min_score, subject.rows, where)
         walker = subject.walker(box, drawn_boxes(filmed.boxes, subject.rows))
         seen = look.looked(walker, judged.role, found, look.reader(subject.rows, filmed.data_root))
-        moving_boxes = seen.others
+        moving_boxes, always = seen.others, seen.always
         if not judged.checked:
             wrong = np.isin(status, ("ok", "out_of_frame")) & (seen.sure != "ok")
             status = np.where(wrong, seen.sure, status).astype(object)
@@ -167,7 +168,7 @@ def run(
         out, "heads", {"frame": subject.rows["frame"], "status": status, **dict(zip(EDGES, box.T, strict=True))}
     )
     tables.write(out_covers, "other_covers", _covers(subject.rows["frame"], moving_boxes))
-    said = _findings(f"{sequence}/{camera}", status, red, judged.checked)
+    said = _findings(f"{sequence}/{camera}", status, always, red, judged.checked)
     for _, severity, _, text in said:
         print(f"{sequence}, {camera}: {severity}: {text}", file=sys.stderr)
     tables.write_findings(findings, said)
@@ -419,15 +420,15 @@ def kept(before: Floats, edges: Floats, least: Floats) -> Floats:
     return np.where(same[:, None], before, edges)
 
 
-def _findings(scope: str, status: Texts, red: str, checked: str) -> list[tuple[str, str, str, str]]:
-    """What a person should see: how many pictures are not released, and why."""
+def _findings(scope: str, status: Texts, always: Bools, red: str, checked: str) -> list[tuple[str, str, str, str]]:
+    """What a person should see: how many pictures are not released, and why; `always` (F,) as of `look.Looked`."""
     found = []
-    why = {word: text.format(red=red) for word, text in WHY.items()}
+    unseen = status == "unseen"
+    why = WHY | ({"unseen": NO_SCENE} if (always & unseen).sum() > unseen.sum() / 2 else {})
     for word, text in why.items():
         lost = int((status == word).sum())
         if lost:
-            advice = ADVICE if word != "unknown" else ""
-            text = f"{lost} of {len(status)} pictures are not released: {text}{advice}"
+            text = f"{lost} of {len(status)} pictures are not released: {text.format(red=red)}"
             found.append((scope, "warning", f"head_{word}", text))
     if checked:
         text = f"its pictures are released although dior did not judge whether the heads are covered: {checked}"
@@ -435,14 +436,17 @@ def _findings(scope: str, status: Texts, red: str, checked: str) -> list[tuple[s
     return found
 
 
+LOOK = "look at the pictures yourself and say so in `heads_checked` of session.yaml"
+ADVICE = f"; correct the camera's pose or clock, or {LOOK}"
 WHY = {
     "unknown": "where the head is in them is not known",
-    "uncertain": "how far the labels are off is not known, or may be more than half a head",
-    "red": "{red}",
-    "unseen": "nothing that moves is seen where the 3D has the head",
-    "beside": "what moves there is beside the cover",
+    "uncertain": f"how far the labels are off is not known, or may be more than half a head{ADVICE}",
+    "red": f"{{red}}{ADVICE}",
+    "unseen": f"nothing that moves is seen where the 3D has the head{ADVICE}",
+    "beside": f"what moves there is beside the cover{ADVICE}",
 }
-ADVICE = (
-    "; correct the camera's pose or clock, or look at the pictures yourself and say so in `heads_checked` of "
-    "session.yaml"
+NO_SCENE = (
+    "the subject is in the same part of the pictures in nearly all of the recording, so that none shows the scene "
+    "without them, and nothing tells whether the cover is on the head; draw boxes in 8 of its pictures (config/boxes/) "
+    f"if it is a long-range camera, or {LOOK}"
 )

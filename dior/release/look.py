@@ -4,14 +4,14 @@ INPUTS   the pictures of a recording, in whatever order its bags give them; what
 OUTPUTS  by picture what is to be thought of the cover, and boxes of whole pixels around everything else
 """
 
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
 
 import numpy as np
 
-from dior.arrays import Floats, Ints, Table, Texts
+from dior.arrays import Bools, Floats, Ints, Table, Texts
 from dior.calibrate.outline import silhouettes
 from dior.geometry import camera as cam
 from dior.geometry.camera import Camera
@@ -19,7 +19,7 @@ from dior.ingest import bags, moving
 from dior.ingest.containers import BROKEN
 from dior.ingest.moving import Picture
 from dior.project.boxes import at_line, line_of
-from dior.release import faces, head_evidence, other_people
+from dior.release import faces, head_blur, head_evidence, other_people
 from dior.release.faces import Faces
 
 # chosen: pictures are looked at smaller than they are while a head is so many pixels wide
@@ -50,10 +50,12 @@ class Walker:
 @dataclass(frozen=True, eq=False)
 class Looked:
     """By picture what is to be thought of the cover, as of `head_evidence.sure`, and `others`: boxes (N, 4) of whole
-    pixels around what else is to be covered."""
+    pixels around what else is to be covered. `always` (F,): where the cover is, the subject is in nearly all of the
+    recording, so that the scene is not known there and nothing can stand out of it."""
 
     sure: Texts
     others: list[Ints]
+    always: Bools
 
 
 def reader(rows: Table, data_root: Path) -> Read:
@@ -87,17 +89,29 @@ def looked(walker: Walker, role: str, found: Faces, read: Read) -> Looked:
     few = {row: picture for row, picture in read(moving.samples(len(walker.times)), factor)}
     if not few:
         nowhere = np.full(len(walker.times), "unseen", object)
-        return Looked(nowhere, [np.zeros((0, 4), int)] * len(walker.times))
+        return Looked(nowhere, [np.zeros((0, 4), int)] * len(walker.times), np.zeros(len(walker.times), bool))
     subject = head_evidence.subject_of(walker.camera, walker.edges, walker.middle, walker.points, walker.joints, factor)
     bodies = [head_evidence.whole_body(few[row].shape[:2], subject, row) for row in sorted(few)]
     scene = moving.scene_of([few[row] for row in sorted(few)], bodies)
     others = read(np.setdiff1d(np.arange(len(walker.times)), list(few)), factor)
     every = chain(few.items(), others)
-    return judged(walker, role, found, ((row, moving.standing_out(one, scene)) for row, one in every), factor)
+    found_out = judged(walker, role, found, ((row, moving.standing_out(one, scene)) for row, one in every), factor)
+    return replace(found_out, always=_always(subject.edges, bodies))
+
+
+def _always(edges: Floats, bodies: Sequence[moving.Mask]) -> Bools:
+    """Pictures (F,) with covers `edges` (F, 4) px for most of which the samples, with the subject in `bodies`, do not
+    tell the scene."""
+    unknown = sum((body == 0).astype(int) for body in bodies) < moving.LEAST_LEFT
+    out = np.zeros(len(edges), bool)
+    for i in np.flatnonzero(np.isfinite(edges).all(axis=1)):
+        part = unknown[head_blur.inside(edges[i], *unknown.shape)]
+        out[i] = part.size > 0 and part.mean() > 0.5
+    return out
 
 
 def judged(walker: Walker, role: str, found: Faces, masks: Iterable[tuple[int, moving.Mask]], factor: int) -> Looked:
-    """The same from the masks of what stands out, by row."""
+    """The same from the masks of what stands out, by row; these do not tell `always`."""
     count = len(walker.times)
     subject = head_evidence.subject_of(walker.camera, walker.edges, walker.middle, walker.points, walker.joints, factor)
     says, off_m = np.full(count, "outside", object), np.full((count, 2), np.nan)
@@ -145,6 +159,7 @@ def judged(walker: Walker, role: str, found: Faces, masks: Iterable[tuple[int, m
             )
             for *each, heads in zip(others, *there, strange, strict=True)
         ],
+        np.zeros(count, bool),
     )
 
 

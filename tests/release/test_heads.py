@@ -247,6 +247,19 @@ def test_step_says_where_the_head_is_not_known(walk):
     assert "of 30 pictures are not released" in text
 
 
+def test_where_no_picture_shows_the_scene_without_the_subject_that_is_what_is_said(walk, monkeypatch):
+    view, middle, given = walk
+    still = np.tile(middle[:1], (COUNT, 1))
+    body = tables.read(given["skeleton"], "skeletons_3d")
+    for key in "xyz":
+        body[key] = np.repeat(body[key].reshape(-1, len(BODY))[:1], len(body[key]) // len(BODY), axis=0).ravel()
+    tables.write(given["skeleton"], "skeletons_3d", body)
+    monkeypatch.setattr(look, "reader", filmed(view, still))
+    heads.run(**given)
+    assert set(status_of(given)) == {"unseen"}
+    assert "so that none shows the scene without them" in said(given)[0] and "pose or clock" not in said(given)[0]
+
+
 def test_a_privacy_mask_is_covered_in_all_pictures(walk):
     _, _, given = walk
     for mask, edges in (([10, 20, 30.2, 40.5], [10, 20, 31, 41]), ([-0.5, 700, 40, 900], [0, 700, 41, 720])):
