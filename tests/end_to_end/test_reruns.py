@@ -331,6 +331,65 @@ rule c:
 """
 
 
+OLD = """
+import os
+import sys
+
+from snakemake.exceptions import WorkflowError
+
+from dior.errors import DiorError
+
+
+include: "{root}/workflow/rules/runs.smk"
+
+
+rule a:
+    output:
+        "a",
+    params:
+        word=os.environ["A"],
+    shell:
+        "touch {{output}}"
+
+
+rule b:
+    input:
+        ancient("a"),
+    output:
+        "b",
+    params:
+        word=os.environ["B"],
+    shell:
+        "touch {{output}}"
+
+
+rule c:
+    input:
+        "b",
+    output:
+        "c",
+    shell:
+        "touch {{output}}"
+"""
+
+
+@pytest.mark.slow
+def test_what_changed_is_made_again_where_an_input_that_counts_as_old_is_made_again(tmp_path, monkeypatch):
+    (tmp_path / "Snakefile").write_text(OLD.format(root=ROOT))
+    (tmp_path / "dior").symlink_to(ROOT / "dior")
+
+    def with_words(run, a, b):
+        monkeypatch.setenv("A", a)
+        monkeypatch.setenv("B", b)
+        return run(tmp_path, "c", root=tmp_path)
+
+    with_words(snakemake, "1", "1")
+    assert with_words(planned, "1", "1") == {}
+    assert with_words(planned, "2", "1") == {"a": 1}
+    assert with_words(planned, "1", "2") == {"b": 1, "c": 1}
+    assert with_words(planned, "2", "2") == {"a": 1, "b": 1, "c": 1}
+
+
 @pytest.fixture
 def toy(tmp_path):
     """A chain of three steps that have run: results that are there, and no notes of how they were made."""

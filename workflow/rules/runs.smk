@@ -6,7 +6,9 @@
 2. The time of a result is the one that was noted when it was made. A copy of a project, whose files got other times in
    another order, would else be made again.
 3. Where a file lacks that SHA256SUMS names, the release or the exports are made again: their rules do not name all.
-4. One run at a time, and the second says which is the first.
+4. A job whose input is made again, but counts as old (`ancient`), is asked whether it has to run for another reason.
+   Snakemake takes it for one that will run anyway, and does not ask: a changed param would wait for the next run.
+5. One run at a time, and the second says which is the first.
 """
 
 from snakemake.dag import DAG
@@ -23,13 +25,27 @@ def of_dior(update_needrun):
         recall_times(dag)
         dag.forcefiles.update(lists_of_lost_files(dag))
         targets, dag.targetjobs = dag.targetjobs, set(dag.jobs)
+        dag.bfs = made_again
         try:
             await update_needrun(dag, *args, **kwargs)
         finally:
             dag.targetjobs = targets
+            del dag.bfs
 
     planned.is_of_dior = True
     return planned
+
+
+def made_again(depending, *jobs):
+    """The jobs, and those that will run because these do; Snakemake's own search goes through ancient files, too."""
+    found, waiting = set(jobs), list(jobs)
+    while waiting:
+        job = waiting.pop()
+        yield job
+        for other, files in depending[job].items():
+            if other not in found and not all(file.is_ancient for file in files):
+                found.add(other)
+                waiting.append(other)
 
 
 def recall_times(dag):
