@@ -322,12 +322,13 @@ def of_poses(
     person: Person | None = None,
     convention: str = "cTw",
     vertical: bool = True,
+    metres: float = 1.0,
 ) -> tuple[list[Fault], Floats]:
     """Why poses that somebody else found are of no use here, with the fix in each sentence, and the points by them.
 
-    `uv` (V, T, J, 2) recorded px of one person, NaN where not seen; the faults begin with a verb, their subject is the
-    calibration. Without `vertical` it may stand as it likes. A size that is off by less than `USELESS` is left to
-    `of_person`, which judges every sequence.
+    `uv` (V, T, J, 2) recorded px of one person, NaN where not seen; the faults begin with a verb, their subject is
+    the calibration; `metres`: what a unit of its translations is taken for. Without `vertical` it may stand as it
+    likes. A size that is off by less than `USELESS` is left to `of_person`, which judges every sequence.
     """
     reading, points = other_reading(cameras, uv, joints, convention)
     found = []
@@ -341,6 +342,8 @@ def of_poses(
         words = scale_words(ratio, tolerance)
         short = {f"in {unit}, not metres": key for unit, key in KEYS.items()}.get(words, "")
         fix = f"set reference.units: {short}" if short else "correct its translations"
+        if metres != 1 and 1 / USELESS < ratio / metres < USELESS:
+            fix = "its translations are metres, so set reference.units: m in the YAML of every camera of it"
         found.append(Fault("world_scale", f"is {words}; {fix}"))
     angle, axis = off_vertical(upward(points, joints))
     spread = np.ptp([c.centre for c in cameras], axis=0).max()

@@ -47,6 +47,11 @@ def _rotation(where: str, values: Floats) -> Floats:
     from scipy.spatial.transform import Rotation
 
     if values.shape == (3,):
+        if (turn := float(np.linalg.norm(values))) > 2 * np.pi * 1.01:
+            raise DiorError(
+                f"{where}: rotation is a Rodrigues vector of {turn:.0f} rad, more than a whole turn; if it is in "
+                "degrees, multiply it by pi / 180"
+            )
         return Rotation.from_rotvec(values).as_matrix()
     if np.abs(values @ values.T - np.eye(3)).max() > 1e-3:
         raise DiorError(f"{where}: rotation is no rotation matrix (its rows must be orthonormal and right-handed)")

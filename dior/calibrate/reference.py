@@ -24,6 +24,7 @@ from dior.body import plausible, world_of_walk, wrong_world
 from dior.calibrate.bundle import given_poses, in_adjustment
 from dior.calibrate.bundle import window as seen_in
 from dior.calibrate.bundle.given_poses import PoseErrors
+from dior.calibrate.place import METRES
 from dior.clocks import by_hand as clocks
 from dior.errors import DiorError
 from dior.geometry import camera_tables, covariance
@@ -156,7 +157,13 @@ def checked(
     seconds = (window["first"] + window["step"] * np.arange(window["count"])) / own.fps
     uv = np.stack([one.at(seconds, clock, 0.0) for one, clock in zip(own.seen, timed.given[0], strict=True)])
     found, points = wrong_world.of_poses(
-        close, uv, own.names, _person(walk), reference.get("convention", "cTw"), vertical
+        close,
+        uv,
+        own.names,
+        _person(walk),
+        reference.get("convention", "cTw"),
+        vertical,
+        METRES[reference.get("units", "m")],
     )
     if found:
         raise DiorError(

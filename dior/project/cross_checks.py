@@ -18,6 +18,8 @@ from dior.project.schema_check import Row, Rows, check, read_yaml
 NO_PART_OF_A_PATH = re.compile(r"[{}\x00-\x1f\x7f]")
 # chosen: what a tape measure resolves; two cameras are farther apart
 SAME_PLACE_M = 0.01
+# chosen: of somebody farther from a close camera no detector finds joints; a long-range camera sees nobody at two km
+FARTHEST_M = {"close": 100.0, "long_range": 2000.0}
 
 
 def check_config(config: dict[str, Any]) -> None:
@@ -124,6 +126,13 @@ def check_camera(camera: dict[str, Any], shown: str) -> None:
         raise DiorError(f"{shown}: the section 'align' has no effect with 'locate: {locate}'")
     if "tape" in camera and _distance(camera["tape"]["position_m"], camera["tape"]["target_m"]) < SAME_PLACE_M:
         raise DiorError(f"{shown}: 'tape.target_m' is the camera's own position, so it looks nowhere")
+    if "tape" in camera:
+        off, most = _distance(camera["tape"]["position_m"], camera["tape"]["target_m"]), FARTHEST_M[camera["role"]]
+        if off > most:
+            raise DiorError(
+                f"{shown}: 'tape.position_m' is {off:.0f} m from 'tape.target_m'; both are metres from the origin on "
+                "the floor, not centimetres or degrees of latitude"
+            )
 
 
 def _check_intrinsics(camera: dict[str, Any], shown: str) -> None:
@@ -302,7 +311,10 @@ def _check_distinct(project: Project, session: str) -> None:
             if a["topic"] == b["topic"]:
                 raise DiorError(f"{where} have the same topic '{a['topic']}'")
             if len(measured) == 2 and _distance(*measured) < SAME_PLACE_M:
-                raise DiorError(f"{where} are at the same place {measured[0]} (tape.position_m)")
+                raise DiorError(
+                    f"{where} are at the same place {measured[0]} (tape.position_m of {first}.yaml and {second}.yaml); "
+                    "correct one of them, or delete `tape:` where nothing was measured"
+                )
             if a["locate"] == b["locate"] == "reference" and all(
                 a["reference"][key] == b["reference"][key] for key in ("file", "name", "convention")
             ):

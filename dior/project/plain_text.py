@@ -25,6 +25,11 @@ MOST_BYTES = 1 << 22
 MOST_CELLS = 1000
 UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 SAVE = "save it again as UTF-8 (in Excel as 'CSV UTF-8')"
+# Excel has UTF-8 for commas only
+SAVE_TABS = (
+    "save it again as UTF-8 with tabs between the columns (LibreOffice: 'Text CSV', with tabs; from Excel as "
+    "'Unicode text', then as UTF-8 by a text editor)"
+)
 NAMES = {",": "commas", "\t": "tabs", ";": "semicolons"}
 
 
@@ -59,18 +64,19 @@ def text_of(path: AnyPath, shown: AnyPath, most_bytes: int = MOST_BYTES) -> str:
 
 
 def _decoded(content: bytes, shown: AnyPath) -> str:
+    save = SAVE_TABS if str(shown).endswith(".tsv") else SAVE
     if content.startswith(UTF_16):
-        raise DiorError(f"{shown}: is UTF-16, as Excel's 'Unicode text' is; {SAVE}")
+        raise DiorError(f"{shown}: is UTF-16, as Excel's 'Unicode text' is; {save}")
     if b"\0" in content:
         line = content.count(b"\n", 0, content.index(b"\0")) + 1
-        raise DiorError(f"{shown} line {line}: holds a zero byte, so it is no text or damaged; {SAVE}")
+        raise DiorError(f"{shown} line {line}: holds a zero byte, so it is no text or damaged; {save}")
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + 1
         raise DiorError(
             f"{shown} line {line}: the byte 0x{content[error.start]:02x} is not UTF-8, so the file is Latin-1 or "
-            f"damaged; {SAVE}"
+            f"damaged; {save}"
         ) from None
 
 

@@ -83,6 +83,8 @@ def read_sheet(
         raise DiorError(f"{shown}: the file is empty; its first line must name the columns")
     (_, header), *body = lines
     schema, known = _schema(kind), list(_schema(kind)["properties"])
+    if "" in header:
+        raise DiorError(f"{shown}: column {header.index('') + 1} has no name; delete it, or name it in the first line")
     repeated = next((column for i, column in enumerate(header) if column in header[:i]), None)
     if repeated is not None:
         raise DiorError(f"{shown}: column '{repeated}' is there twice")

@@ -94,9 +94,10 @@ def _read_camera(project: Project, session: str, name: str) -> dict[str, Any]:
     _check_first(project, session, shown)
     if not (project.root / shown).is_file():
         there = [file.removesuffix(".yaml") for file in sorted(os.listdir((project.root / shown).parent))]
+        meant = nearest(name, [n for n in there if n not in ("session", *project.session_files[session]["cameras"])])
         raise DiorError(
             f"{project.session_file(session)}: camera '{name}' has no file {shown}"
-            f"{nearest(name, [n for n in there if n != 'session'])}"
+            f"{meant or '; copy that of another camera there and change it'}"
         )
     camera = check(read_yaml(project.root / shown, shown), "camera", shown)
     cross_checks.check_camera(camera, shown)

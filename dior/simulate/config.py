@@ -50,7 +50,8 @@ HEIGHT_SIGMA_M = 0.01
 def run(*, write_config: Path, settings: dict[str, Any] | None = None) -> None:
     """Write the config of a simulated capture.
 
-    `write_config`: folder to write it to; `settings`: what differs from the demo, as JSON.
+    `write_config`: folder to write it to; `settings`: what differs from the demo, as JSON, such as
+    '{"subjects": 1, "sequences": 1, "duration_s": 4}' (all keys: `simulate:` in a project's config.yaml).
     Raises DiorError where there is a config already: what a person wrote is never overwritten.
     """
     if (write_config / "config.yaml").exists():

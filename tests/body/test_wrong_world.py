@@ -118,6 +118,14 @@ def test_poses_of_use_pass_whatever_their_size_and_heading():
         np.testing.assert_allclose(got, factor * points @ turn[:3, :3].T + turn[:3, 3], atol=1e-6)
 
 
+def test_metres_that_were_declared_as_another_unit_are_not_to_be_corrected_in_the_calibration():
+    points, names = person()
+    for metres in (0.01, 0.001):
+        cameras = [c.at(pose(c.wRc, metres * c.centre)) for c in rig()]
+        found, _ = wrong_world.of_poses(cameras, seen(rig(), points), names, Person("p1", HEIGHT), metres=metres)
+        assert found[0].text.endswith("so set reference.units: m in the YAML of every camera of it")
+
+
 @pytest.mark.parametrize("jitter", [0.0, 0.3])
 def test_exchanged_cameras_are_named_and_on_an_even_ring_what_looks_the_same(jitter):
     points, names = person()

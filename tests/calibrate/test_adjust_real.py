@@ -179,7 +179,8 @@ def test_look_at_starts_with_a_local_minimum_are_brought_back_by_the_keypoints(c
     folder, cameras = capture
     found, metrics, findings = adjusted(folder, looking_at(cameras, target), tmp_path, 0.05)
     assert mean_px(metrics, "adjust_error_after") <= 9.0
-    assert "adjust_starts" in findings["code"].tolist()
+    # by another start, or by one that is turned as the people stand
+    assert {"adjust_starts", "camera_rolled"} & set(findings["code"].tolist())
     for camera in cameras:
         assert shift_and_turn(camera, found[camera.name])[1] < 3
 

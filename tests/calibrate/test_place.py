@@ -72,6 +72,7 @@ def test_a_camera_is_found_by_key_last_key_and_name(tmp_path):
         ("rotation = [[1, 0, 0], [0, 1, 0], [0, 0, -1]]\ntranslation = [1, 2, 3]", "mirrors, so .* is left-handed"),
         ("rotation = [0, 0, nan]\ntranslation = [1, 2, 3]", "not finite"),
         ("rotation = [0, 0, 0]\ntranslation = [1, 2]", "3 numbers"),
+        ("rotation = [0, 90, 45]\ntranslation = [1, 2, 3]", "vector of 101 rad, .*in degrees, multiply it by pi / 180"),
     ],
 )
 def test_broken_references_are_named(tmp_path, text, message):

@@ -36,6 +36,13 @@ def test_a_table_that_is_none_is_one_sentence_with_the_line(tmp_path, content, s
     assert refused(tmp_path / "boxes.csv", content).startswith(sentence)
 
 
+def test_who_saves_a_sheet_again_is_told_to_keep_the_tabs(tmp_path):
+    for content in ("a\tb\n1\tü\n".encode("latin-1"), "a\tb\n".encode("utf-16")):
+        (tmp_path / "sheet.tsv").write_bytes(content)
+        with pytest.raises(DiorError, match="save it again as UTF-8 with tabs between the columns"):
+            rows_of(tmp_path / "sheet.tsv", "config/sheet.tsv", "\t")
+
+
 def test_a_quote_swallows_no_cells_of_a_sheet(tmp_path):
     text = refused(tmp_path / "sheet.tsv", b'a\tb\tc\n1\t"coat\t3\n4\t5\t6\n', "\t")
     assert text.startswith('boxes.csv line 2: a cell opens a quote (") and goes on up to line 3')

@@ -233,6 +233,7 @@ def test_config_errors(root, old, new, parts):
         ("sequences", "out_1\t9", "take-S02\t9", ["line 3", "'take-S02' holds that of subject 'S02'"]),
         ("sequences", "outfit", "outfitt", ["unknown column 'outfitt' (did you mean 'outfit'?)"]),
         ("sequences", "\toutfit\twalk", "\twalk\twalk", ["column 'walk' is there twice"]),
+        ("sequences", "\toutfit\twalk", "\toutfit\t\twalk", ["column 7 has no name; delete it"]),
         ("sequences", "rain", "rain\tx\ty", ["line 5: 14 cells but the sheet has 12 columns"]),
         ("subjects", "\tconsent_release", "", ["column 'consent_release' is missing"]),
         ("subjects", "zebra-0001", "zebra", ["line 2", "'pseudonym' is 'zebra'", "8 or more letters"]),
@@ -313,7 +314,13 @@ def test_other_free_text_is_taken(root, text):
         ),
         ("field/cam01.yaml", "locate", "intrinsics: {fil: a, name: b}\nlocate", ["unknown key 'intrinsics.fil'"]),
         ("field/cam01.yaml", "locate", "intrinsics: {file: a}\nlocate", ["key 'intrinsics.name' is missing"]),
-        ("field/cam02.yaml", "[-4, 0, 1.5]", "[4, 0, 1.5]", ["'cam01' and 'cam02' are at the same place"]),
+        (
+            "field/cam02.yaml",
+            "[-4, 0, 1.5]",
+            "[4, 0, 1.5]",
+            ["'cam01' and 'cam02' are at the same place"],
+        ),
+        ("field/cam02.yaml", "[-4, 0, 1.5]", "[-400, 0, 150]", ["'tape.position_m' is 427 m from", "centimetres"]),
         ("field/cam02.yaml", "/cam02/", "/cam01/", ["'cam01' and 'cam02' have the same topic"]),
         (
             "field/cam02.yaml",
