@@ -1,6 +1,7 @@
 """Is the camera that does not belong to the others named? Walks of 8 s in memory, with one fault each.
 
 usage: python -m benchmarks.culprit [KIND|all] [RIG|all] [LEVEL|both] [SEEDS]      (20 seeds)
+       python -m benchmarks.culprit labels [LEVEL|both] [SEEDS]                    (20 seeds)
 
 pose         one pose is turned by 3 degrees about an axis drawn by chance
 session      one camera has the pose of another session: put up at the same place again, 10 cm and 3 degrees off
@@ -19,6 +20,11 @@ same indoors, four cameras at their true places, judged by the motion capture (`
 `alone`: the culprit and nothing else is named; `first`: it is the first of a set that cannot be told apart; `in set`;
 `unclear`: it is said that it cannot be told; `none`: nothing is said; `wrong`: somebody else is named. `most`: how many
 times as far apart the views of clean walks are than under the best reading (limit `culprit.EXPLAINS`).
+
+`labels`: of captures of three close cameras of which one pose is wrong and `culprit_camera` names it, how far off the
+labels are of the camera that is named and of the others, px, how many of them are inside their 95 % ellipses, and how
+many joints have a label; and the same of these captures without the fault. `report.red_labels` rests on it: the labels
+of the others are released.
 """
 
 import os
@@ -47,6 +53,7 @@ from dior.tables import tables
 KINDS = ("pose", "session", "exchanged", "clean", "two_cameras", "c3d")
 RIGS = {**wrong_worlds.RIGS, "four": (0.0, 90.0, 180.0, 270.0)}
 FRAMES, OFF_DEG, OFF_M, LEAST_SCORE = 240, 3.0, 0.1, 0.3
+INSIDE = 5.991  # chi-square with 2 degrees of freedom, 95 %
 OUTCOMES = ("alone", "first", "in set", "unclear", "none", "wrong")
 
 
@@ -149,6 +156,72 @@ def said_indoors(kind, level, seed):
         return said, right
 
 
+def labelled(level, seed, kind):
+    """(errors px and whether inside its ellipse of each label in the picture, share of joints with a label) of the
+    cameras of a capture that are wrong and of the others, and whether that is what `triangulate` says."""
+    with tempfile.TemporaryDirectory() as folder:
+        made = steps.recorded(
+            folder, preset=level, seed=seed, subjects=1, sequences=1, environments=["outdoor"], duration_s=8.0,
+            gallery=False,
+        )  # fmt: skip
+        session = worlds.outdoors(made)
+        (name,), close = made.project.sequences_of(session), made.project.close(session)
+        steps.adjusted(made, session)
+        rig, spread = made.made("adjust", session), made.made("adjust", session, ".covariance")
+        placed = camera_tables.read_cameras(rig)
+        cameras, _, wrong = faulty(kind, [placed[one] for one in close], seed)
+        camera_tables.write_cameras(rig, cameras, session)
+        steps._clocks(made, name, [rig], [spread])
+        steps.skeleton(made, session, name, close)
+        found = tables.read(made.made("triangulate", name, ".findings"), "findings")
+        said = [scope for scope, code in zip(found["scope"], found["code"], strict=True) if code == "culprit_camera"]
+        parts = {True: [], False: []}
+        for i, camera in enumerate(close):
+            steps._reproject(made, name, camera)
+            table = tables.read(steps.labels_of(made, name, camera), "labels_2d")
+            parts[i in faulty("pose", cameras, seed)[2]].append(of_truth(table, made.views[name][camera]))
+        return parts, said == ["/".join((name, *(close[i] for i in wrong)))]
+
+
+def of_truth(table, seen):
+    """(errors px (N,), inside (N,) of a camera's labels in the picture against its `truth.View`, share of joints)."""
+    values, joints = tables.grid(table, "u", "v", "sigma_u", "sigma_v", "rho_uv")
+    where, shown = [seen.joints.index(joint) for joint in joints], seen.clock.messages
+    off = values[..., :2] - seen.uv[shown][:, where]
+    there = np.isin(seen.status[shown][:, where], ("ok", "occluded")) & np.isfinite(off).all(axis=-1)
+    (u, v), (sigma_u, sigma_v, rho) = off[there].T, values[there][:, 2:].T
+    a, b = u / sigma_u, v / sigma_v
+    return np.hypot(u, v), (a**2 - 2 * rho * a * b + b**2) / (1 - rho**2) < INSIDE, np.isfinite(off[..., 0]).mean()
+
+
+def main_labels(level, seeds):
+    print(
+        f"seeds 1-{seeds}\n{'level':<7}{'fault':<7}{'labels of':<12}{'captures':>9}{'px':>7}{'inside':>8}{'joints':>8}"
+    )
+    for grade in ("ideal", "real") if level == "both" else (level,):
+        found = {}
+        for seed in range(1, seeds + 1):
+            try:
+                each = {kind: labelled(grade, seed, kind) for kind in ("clean", "pose")}
+            except DiorError as error:
+                print(f"{grade} {seed} is refused before: {error}", file=sys.stderr)
+                continue
+            if each["pose"][1]:
+                for kind, (parts, _) in each.items():
+                    for mine, values in parts.items():
+                        found.setdefault((kind, mine), []).append(values)
+        for (kind, mine), captures in sorted(found.items()):
+            px, inside, joints = (
+                np.concatenate([np.atleast_1d(one[i]) for parts in captures for one in parts]) for i in range(3)
+            )
+            whose = "the culprit" if mine else "the others"
+            print(
+                f"{grade:<7}{kind:<7}{whose:<12}{len(captures):>9}{px.mean():>7.2f}{inside.mean():>8.1%}"
+                f"{joints.mean():>8.1%}",
+                flush=True,
+            )
+
+
 def outcome_indoors(said, right):
     if not said:
         return "none"
@@ -184,6 +257,10 @@ def outcome(verdict, wrong):
 
 
 def main():
+    if sys.argv[1:2] == ["labels"]:
+        level, seeds = [*sys.argv[2:], *("both", "20")[len(sys.argv) - 2 :]]
+        main_labels(level, int(seeds))
+        return
     kinds, rigs, level, seeds = [*sys.argv[1:], *("all", "all", "both", "20")[len(sys.argv) - 1 :]]
     heads = "".join(f"{one:>9}" for one in (*OUTCOMES, "most"))
     print(f"seeds 1-{seeds}\n{'kind':<13}{'rig':<9}{'level':<7}{heads}")

@@ -174,6 +174,13 @@ class Project:
         """Rectangles (u_min, v_min, u_max, v_max) px that are covered in all released pictures, by camera."""
         return self.session_files[session].get("privacy_masks", {})
 
+    def labels_accepted(self, session: str) -> dict[str, str]:
+        """Labels that are released although their light is red: "<sequence>" or "<sequence>/<camera>" -> reason.
+
+        Of all parts of a session that a bump splits.
+        """
+        return self.session_files[session].get("labels_accepted", {})
+
     def detections_checked(self, session: str) -> dict[str, str]:
         """Cameras whose detections are used although dior says that they lie beside the pictures: name -> reason."""
         return self.session_files[session].get("detections_checked", {})

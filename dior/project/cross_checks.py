@@ -279,6 +279,18 @@ def _check_looked_at(project: Project, session: str) -> None:
                     f"{shown}: privacy_masks of {camera}: [{u_min:g}, {v_min:g}, {u_max:g}, {v_max:g}] holds no pixel; "
                     "the order is u_min, v_min, u_max, v_max"
                 )
+    rows = {**project.rows, **project.withheld}
+    here = [name for name, row in rows.items() if session_folder(row["session"]) == session_folder(session)]
+    for key, reason in project.labels_accepted(session).items():
+        sequence, _, camera = key.partition("/")
+        if sequence not in here:
+            raise DiorError(
+                f"{shown}: labels_accepted names '{sequence}', no sequence of this session"
+                f"{nearest(sequence, project.rows.keys() & set(here))}"
+            )
+        if camera and camera not in cameras:
+            raise DiorError(f"{shown}: labels_accepted names '{key}', no camera of it{nearest(camera, cameras)}")
+        _check_words({"labels_accepted": reason}, ("labels_accepted",), project.pseudonyms, shown)
 
 
 def _check_words(row: Row, columns: Iterable[str], people: Iterable[str], where: str) -> None:

@@ -17,6 +17,7 @@ from dior.project import licenses
 from dior.release import citation, escape
 from dior.release.layout import Part
 from dior.release.people_tables import Walks
+from dior.release.suspect import RedLight
 from dior.tables import tables
 from dior.tables.schemas import METRICS, PICTURE, SCHEMAS, VOCABULARY
 from dior.tables.words import SPLITS
@@ -53,10 +54,12 @@ def text(
     parts: list[Part],
     example: str,
     checked: list[tuple[str, str, str]],
+    lights: list[RedLight],
 ) -> str:
     """The card. `release`: the section of the config; `walks`: the released ones (people_tables.py); `counted`: rows
     of `statistics.rows_of` for them; `figures`: rows of metrics.csv; `parts`: of layout.py, those that there are;
-    `example`: the name of a labels file; `checked`: (session, camera, reason) of `heads_checked`.
+    `example`: the name of a labels file; `checked`: (session, camera, reason) of `heads_checked`; `lights`:
+    what is red of the labels.
     """
     from jinja2 import Environment, StrictUndefined
 
@@ -87,6 +90,7 @@ def text(
         metrics={name: meaning for name, meaning in METRICS.items() if _has(figures, name)},
         example=example,
         checked=checked,
+        lights=lights,
         sigma_query=SIGMA_QUERY,
         splits=SPLITS,
     )

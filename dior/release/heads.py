@@ -31,9 +31,10 @@ from dior.errors import DiorError
 from dior.geometry import camera as cam
 from dior.geometry import camera_tables
 from dior.geometry.camera import Camera
+from dior.geometry.camera_tables import read_cameras
 from dior.project import boxes as hand_boxes
 from dior.release import faces, head_model, look
-from dior.report import lights
+from dior.report import lights, red_labels
 from dior.tables import tables
 
 # Of the labels' uncertainty. The ellipsoid is a head with its hair and somewhat more, so that 1.5 leave less than 0.1 %
@@ -80,12 +81,15 @@ class Filmed:
 class Judged:
     """What says whether the labels of the camera can be relied on.
 
-    `role`: close or long_range; `metrics`: table `metrics` of the sequence; `noticed`: tables `findings` with what is
-    wrong with the session or the recording; `session_name`: of the sequence; `checked`: who has looked at the pictures
-    and released them all the same, or nothing.
+    `roles`: camera -> close | long_range of all cameras of the session; `makers`: those that the 3D is drawn from, none
+    indoors; `method`: robust, or rays for all views as they are; `metrics`: table `metrics` of the sequence; `noticed`:
+    tables `findings` with what is wrong with the session or the recording; `session_name`: of the sequence; `checked`:
+    who has looked at the pictures and released them all the same, or nothing.
     """
 
-    role: str
+    roles: dict[str, str]
+    makers: list[str]
+    method: str
     session_name: str
     metrics: Path
     noticed: list[Path]
@@ -136,9 +140,9 @@ def run(
 ) -> None:
     """Write the head's box in every picture of one camera of one sequence, and what else is to be covered there.
 
-    `cameras`, `clocks`: tables that hold the camera's pose and its clock. Raises DiorError where they do not, and where
-    the labels are of other pictures. `before`: the table that an earlier release was made with, or None; `out_covers`:
-    table `other_covers` to write.
+    `cameras`, `clocks`: tables that hold the poses of the session's cameras and the camera's clock. Raises DiorError
+    where they do not, and where the labels are of other pictures. `before`: the table that an earlier release was made
+    with, or None; `out_covers`: table `other_covers` to write.
     """
     where = f"{sequence}, camera {camera}"
     subject = known(sequence, camera, cameras, skeleton, frames, clocks, labels)
@@ -147,7 +151,7 @@ def run(
     box = np.where((status == "ok")[:, None], on_grid(box), np.nan)
     if before:
         box = kept(_earlier(before, subject.rows, where), box, subject.boxes(KEPT_SIGMAS)[0])
-    red = red_by(sequence, camera, judged, subject.camera.intrinsics.fx)
+    red = red_by(sequence, camera, judged, {name: one.intrinsics.fx for name, one in read_cameras(cameras).items()})
     if not judged.checked:
         status = np.where(doubtful(subject) & (status != "unknown"), "uncertain", status).astype(object)
         if red:
@@ -157,7 +161,7 @@ def run(
     if np.isin(status, ("ok", "out_of_frame")).any():
         found = faces.read(filmed.detections, filmed.format, filmed.min_score, subject.rows, where)
         walker = subject.walker(box, drawn_boxes(filmed.boxes, subject.rows))
-        seen = look.looked(walker, judged.role, found, look.reader(subject.rows, filmed.data_root))
+        seen = look.looked(walker, judged.roles[camera], found, look.reader(subject.rows, filmed.data_root))
         moving_boxes, always = seen.others, seen.always
         if not judged.checked:
             wrong = np.isin(status, ("ok", "out_of_frame")) & (seen.sure != "ok")
@@ -204,26 +208,22 @@ def _covers(frames: Ints, boxes: Sequence[Ints]) -> Table:
     return {"frame": np.repeat(frames, count), **dict(zip(EDGES, edges.T, strict=True))}
 
 
-def red_by(sequence: str, camera: str, judged: Judged, fx: float) -> str:
-    """Why the report's light of the camera is red, in words, or "".
+def red_by(sequence: str, camera: str, judged: Judged, fx: dict[str, float]) -> str:
+    """Why the report's light of the camera is red, or which one says that its labels are wrong, in words, or "".
 
-    Lost pictures do not count: they say nothing of the others.
+    `fx`: px by camera. Lost pictures do not count: they say nothing of the others.
     """
-    table = tables.read(judged.metrics, "metrics")
-    figures = figures_of(table, table["camera"] == camera)
+    figures = red_labels.by_camera(tables.read(judged.metrics, "metrics"))
     found = [row for path in judged.noticed for row in _findings_in(path)]
     own = dict.fromkeys(
         finding
         for name in (camera, "")
         for finding in lights.findings_of(found, sequence, judged.session_name, "", name)
     )
-    return reasons(figures, fx, list(own), judged.role)
-
-
-def figures_of(table: Table, mine: Bools) -> dict[str, float]:
-    """Metric -> value of the rows `mine` (N,) of a table of figures, those of all joints."""
-    mine = mine & (table["joint"] == "") & (table["tool"] == "")
-    return dict(zip(table["metric"][mine].tolist(), map(float, table["value"][mine]), strict=True))
+    why = reasons(figures.get((sequence, camera), {}), fx[camera], list(own), judged.roles[camera])
+    rig = {name: red_labels.Judged(fx[name], figures.get((sequence, name), {})) for name in judged.roles}
+    wrong = red_labels.of_walk(sequence, judged.session_name, rig, judged.makers, found, judged.method == "robust")
+    return why or "; ".join(red.reason for red in wrong if red.camera in ("", camera))
 
 
 def reasons(figures: dict[str, float], fx: float, found: list[tuple[str, str]], role: str) -> str:

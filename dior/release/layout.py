@@ -45,6 +45,7 @@ PARTS = (
     Part("cameras", "released_cameras", "cameras.parquet", "session and camera"),
     Part("camera_covariance", "camera_covariance", "camera_covariance.parquet", "pair of cameras of a session"),
     Part("clocks", "released_clocks", "clocks.parquet", "recording of a camera"),
+    Part("lights", "released_lights", "lights.parquet", "red light that is about the labels of a camera or a walk"),
     Part("sequences", "sequences", "sequences.parquet", "walk"),
     Part("subjects", "subjects", "subjects.parquet", "person"),
     Part("splits", "splits", "splits.parquet", "recording of a camera and part of a split that it is in"),

@@ -2,11 +2,12 @@
 
 INPUTS   the project's config; `labels_2d` and pictures (`released_frames`) per sequence and camera, `skeletons_3d`,
          `frames`, `detections` and the checksums of the recordings per sequence, `marks`, `cameras` and
-         `camera_covariance` of the sessions, `offsets` (clocks), `metrics`, `gallery` if there is one
+         `camera_covariance` of the sessions, `offsets` (clocks), `metrics` and `findings`, `gallery` if there is one
 OUTPUT   results/release/dior-<version>/: the tables of layout.py, README.md (dataset card), LICENSE, CITATION.cff,
          croissant.json, provenance.json, metrics.csv and, last, SHA256SUMS
 Units as in dior/tables/schemas/. A subject is its pseudonym in every path and column. Same input, same bytes: no clock,
-no names of machines or files. A subject who did not agree is in no file and no count.
+no names of machines or files. A subject who did not agree is in no file and no count. What a red light says is wrong
+has no place in it, unless the lab accepts it (suspect.py).
 """
 
 import json
@@ -38,6 +39,7 @@ from dior.release import (
     people_tables,
     provenance_json,
     splits,
+    suspect,
     walk_files,
 )
 from dior.release.people_tables import Walks
@@ -86,6 +88,7 @@ def run(
     of_walks: WalkFiles,
     of_cameras: CameraFiles,
     metrics: list[Path],
+    findings: list[Path],
     gallery: Path | None,
     steps: dict[str, str],
     out: Path,
@@ -93,7 +96,8 @@ def run(
     """Build the release folder `out` whole beside its place and put it there.
 
     `project`: the folder that holds config/; `config`: the content of config.yaml. Files of sequences that are not
-    released may be among the others and are left out. `gallery`: its table or None; `steps`: hash of each step's code.
+    released may be among the others and are left out. `findings`: tables `findings` of the steps; `gallery`: its table
+    or None; `steps`: hash of each step's code.
     Raises DiorError where nobody agreed to the release and where a released sequence lacks a table or is labelled as
     another subject's.
     """
@@ -122,10 +126,16 @@ def run(
     checked = {session: loaded.heads_checked(session) for session in {walk["session"] for walk in walks.values()}}
     rig = rigs.released(of_cameras.cameras, of_cameras.covariances, walks, checked)
     joint = rigs.covariance(of_cameras.covariances, walks)
-    made_of = provenance_json.of(loaded, walks, recordings, steps)
+    accepted = {key: why for walk in walks.values() for key, why in loaded.labels_accepted(walk["session"]).items()}
+    robust = loaded.config["triangulate"]["method"] == "robust"
+    lights = suspect.red_lights(walks, rig, metrics, findings, accepted, robust)
+    without_place = {name: suspect.without_place(lights, name) for name in walks}
+    made_of = provenance_json.of(loaded, walks, recordings, steps, suspect.told(lights))
     with folder_written_whole(out) as folder:
         with ThreadPoolExecutor(THREADS) as pool:
-            written = pool.map(walk_files.write, repeat(folder), walks.values(), sources.values())
+            written = pool.map(
+                walk_files.write, repeat(folder), walks.values(), sources.values(), without_place.values()
+            )
             for _ in reporting(written, len(walks), "sequences", "release"):
                 pass
         pictures = people_tables.gallery(gallery, walks) if gallery else {}
@@ -136,6 +146,7 @@ def run(
             "cameras": ("released_cameras", rig),
             "camera_covariance": ("camera_covariance", joint),
             "clocks": ("released_clocks", rigs.clocks(of_walks.clocks, walks)),
+            "lights": ("released_lights", suspect.columns(lights)),
             "sequences": ("sequences", people_tables.sequences(walks)),
             "subjects": ("subjects", people_tables.subjects(walks, loaded.subjects)),
             "splits": ("splits", splits.columns(walks, roles)),
@@ -144,11 +155,11 @@ def run(
         for name, (table, columns) in about.items():
             if len(next(iter(columns.values()), ())):
                 tables.write(folder / f"{name}.parquet", table, columns)
-        rows = metrics_csv.released(metrics, walks)
+        rows = metrics_csv.released(metrics, walks, without_place)
         write_text(folder / "metrics.csv", as_csv(rows))
-        counted = _counted(walks, roles, sources, pictures.get("angle", ()))
+        counted = _counted(folder, walks, roles, sources, pictures.get("angle", ()))
         looked_at = [row for row in zip(rig["session"], rig["camera"], rig["heads_checked"], strict=True) if row[2]]
-        _write_about(folder, loaded, walks, counted, rows, made_of, looked_at)
+        _write_about(folder, loaded, walks, counted, rows, made_of, looked_at, lights)
         checksums.write(folder)
 
 
@@ -212,11 +223,15 @@ def _sources(
 
 
 def _counted(
-    walks: Walks, roles: dict[tuple[str, str], str], sources: dict[str, walk_files.Sources], angles: Iterable[str]
+    folder: Path,
+    walks: Walks,
+    roles: dict[tuple[str, str], str],
+    sources: dict[str, walk_files.Sources],
+    angles: Iterable[str],
 ) -> list[dict[str, Any]]:
-    """Rows of statistics.csv for the released walks."""
-    labels = [path for source in sources.values() for path in source.labels.values()]
-    skeletons, frames = ([getattr(source, key) for source in sources.values()] for key in ("skeleton", "frames"))
+    """Rows of statistics.csv for the released walks, of the labels and the 3D as they are in the release `folder`."""
+    labels, skeletons = (sorted(folder.glob(f"{name}/*/*.parquet")) for name in ("labels_2d", "skeletons_3d"))
+    frames = [source.frames for source in sources.values()]
     return statistics.rows_of(walks, roles, labels, skeletons, frames, angles=angles)
 
 
@@ -228,12 +243,13 @@ def _write_about(
     figures: list[dict[str, Any]],
     made_of: dict[str, Any],
     checked: list[tuple[str, str, str]],
+    lights: list[suspect.RedLight],
 ) -> None:
     """Write what tells about the release: card, licence, citation, Croissant and provenance."""
     release = project.config["release"]
     parts = layout.parts_of(folder)
     example = min(path.relative_to(folder).as_posix() for path in folder.glob("labels_2d/*/*.parquet"))
-    write_text(folder / "README.md", card.text(release, walks, counted, figures, parts, example, checked))
+    write_text(folder / "README.md", card.text(release, walks, counted, figures, parts, example, checked, lights))
     write_text(folder / "LICENSE", licenses.text(release, project.root))
     write_text(folder / "CITATION.cff", citation.text(release))
     described = croissant.content(folder, release, card.summary(walks, counted))

@@ -4,7 +4,8 @@ INPUTS   the project's config and the checksums of each walk's recordings (prove
 OUTPUT   a dict for JSON:
          config       every setting by its dotted key, and `config_sha256` over all of them
          sessions     SHA-256 of the files of each session, by name: session.yaml, cameras, marks
-         sequences    of each walk: recordings (SHA-256 and size) and the hand-made files about it
+         sequences    of each walk: recordings (SHA-256 and size) and the hand-made files about it; `accepted`: who
+                      accepts labels whose light is red, by camera, "" for the whole walk; left out where nobody does
          code         a hash of each step's code (dior.tables.code_hash), `packages` versions
 
 No path of a machine, nobody's name: a setting that is a path is replaced by its file's checksum. Sheets are not hashed,
@@ -34,9 +35,15 @@ LEFT_OUT = ("data_root", "report", "reid")
 SECRET = ("release.sign",)
 
 
-def of(project: Project, walks: Walks, recordings: dict[str, Path], code: dict[str, str]) -> dict[str, Any]:
+def of(
+    project: Project,
+    walks: Walks,
+    recordings: dict[str, Path],
+    code: dict[str, str],
+    accepted: dict[str, dict[str, str]],
+) -> dict[str, Any]:
     """The content of provenance.json. `recordings`: by sequence, the file that provenance.py wrote; `code`: hash by
-    step of the code that made what is in the release.
+    step of the code that made what is in the release; `accepted`: by sequence, as above.
     """
     settings = config_of(project)
     return {
@@ -49,7 +56,11 @@ def of(project: Project, walks: Walks, recordings: dict[str, Path], code: dict[s
             for session, shown in sorted({(walk["session"], walk["released_session"]) for walk in walks.values()})
         },
         "sequences": {
-            name: {"recordings": provenance.read(recordings[name]), "by_hand": _hand_made(project, name)}
+            name: {
+                "recordings": provenance.read(recordings[name]),
+                "by_hand": _hand_made(project, name),
+                **({"accepted": accepted[name]} if name in accepted else {}),
+            }
             for name in sorted(walks)
         },
         "code": dict(sorted(code.items())),

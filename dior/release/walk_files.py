@@ -8,6 +8,7 @@ Units as in dior/tables/schemas/. Metadata is made anew, so that nothing else sl
 
 import os
 import shutil
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,7 @@ from dior.arrays import Table
 from dior.errors import DiorError
 from dior.evaluate import checks as hand_checks
 from dior.project import boxes as hand_boxes
-from dior.release import shift_stamps
+from dior.release import shift_stamps, suspect
 from dior.tables import buffers, tables
 from dior.tables.schemas import SCHEMAS
 
@@ -40,8 +41,11 @@ class Sources:
     marks: tuple[Path, ...] = ()
 
 
-def write(folder: Path, walk: dict[str, Any], sources: Sources) -> None:
-    """Write what the release folder `folder` has of one walk (see people_tables.py)."""
+def write(folder: Path, walk: dict[str, Any], sources: Sources, without_place: Collection[str] = ()) -> None:
+    """Write what the release folder `folder` has of one walk (see people_tables.py).
+
+    `without_place`: cameras whose labels are suspect, "" for the 3D and the labels of all (suspect.py).
+    """
     who, name = walk["subject"], walk["sequence"]
     index = tables.read(sources.frames, "frames", ["camera", "frame", "stamp_ns"])
     index["stamp_ns"] = shift_stamps.shifted_stamps(index["stamp_ns"], walk["shift_ns"])
@@ -51,13 +55,16 @@ def write(folder: Path, walk: dict[str, Any], sources: Sources) -> None:
         recording = f"{who}/{name}.{camera}.parquet"
         labels = _own(tables.read_arrow(sources.labels[camera], "labels_2d"), sources.labels[camera], walk)
         joints[camera] = labels["joint"].combine_chunks().dictionary.to_pylist()
+        if camera in without_place or "" in without_place:
+            labels = suspect.hidden(labels)
         tables.write_arrow(folder / "labels_2d" / recording, labels)
         _check_pictures(sources.pixels[camera], walk, camera, stamps[camera])
         link(sources.pixels[camera], folder / "frames" / recording)
         link(sources.covers[camera], folder / "covers" / recording)
     skeleton = tables.read_arrow(sources.skeleton, "skeletons_3d")
     out = folder / "skeletons_3d" / who / f"{name}.parquet"
-    tables.write_arrow(out, _own(skeleton, sources.skeleton, walk))
+    skeleton = _own(skeleton, sources.skeleton, walk)
+    tables.write_arrow(out, suspect.hidden(skeleton) if "" in without_place else skeleton)
     if sources.detections:
         _write_detections(sources.detections, walk, folder)
     for camera, path in sources.boxes.items():

@@ -24,7 +24,11 @@ WORDS = {"good": "good", "look": "look at it", "bad": "fix it", "none": "left ou
 
 @dataclass(frozen=True)
 class Limit:
-    """From where on a figure is amber (`look`) and red (`bad`). `sign` +1: large is bad, -1: small is bad."""
+    """From where on a figure is amber (`look`) and red (`bad`). `sign` +1: large is bad, -1: small is bad.
+
+    `wrong`: what a red one says is wrong (`report.red_labels`): "" no label, "camera" where the camera's labels are,
+    "drawn" the same, and the 3D where many of the cameras that it is drawn from say so.
+    """
 
     metric: str
     look: float
@@ -33,6 +37,7 @@ class Limit:
     unit: str
     words: str
     why: str
+    wrong: str = ""
     scaled_by_fx: bool = False
 
 
@@ -41,7 +46,7 @@ LIMITS = (
     Limit("coverage", 0.95, 0.80, -1, "share", "{} of the joints have a label", "more than a few gaps"),
     Limit(
         "in_picture_share", 0.50, 0.05, -1, "share", "{} of the labels are in the picture",
-        "a camera that looks elsewhere has all its labels outside, and nothing else shows it",
+        "a camera that looks elsewhere has all its labels outside, and nothing else shows it", "camera",
     ),
     Limit(
         "lost_pictures", 0.01, 0.05, 1, "share", "{} of the pictures were lost in the recording",
@@ -50,25 +55,30 @@ LIMITS = (
     Limit(
         "reprojection_error", 15.0, 30.0, 1, "px", "labels are {} from the detections",
         "a real detector has 10-15 px of noise at a focal length of 1680 px; limits are scaled by the focal length",
-        scaled_by_fx=True,
+        "drawn", scaled_by_fx=True,
     ),
-    Limit("mark_error", 3.0, 6.0, 1, "px", "the clicked marks fit to {}", "a person clicks to about 1-2 px"),
-    Limit("check_error", 3.0, 6.0, 1, "px", "labels are {} from the hand checks", "a person clicks to about 1-2 px"),
+    Limit("mark_error", 3.0, 6.0, 1, "px", "the clicked marks fit to {}", "a person clicks to about 1-2 px", "camera"),
+    Limit(
+        "check_error", 3.0, 6.0, 1, "px", "labels are {} from the hand checks", "a person clicks to about 1-2 px",
+        "drawn",
+    ),
     Limit(
         "in_box_share", 0.95, 0.70, -1, "share", "{} of the labels are in the hand boxes",
-        "only where it is not known what perfect labels would score in boxes drawn like these",
+        "only where it is not known what perfect labels would score in boxes drawn like these", "camera",
     ),
     Limit(
         "in_box_lacking", 0.05, 0.30, 1, "share", "{} fewer labels are in the hand boxes than perfect ones would be",
         "tight boxes hold few labels and large ones any; of 6 boxes kept back, perfect labels lack 5 % in one of 10 "
-        "walks where boxes are tight, and in none where they are 3 px large",
+        "walks where boxes are tight, and in none where they are 3 px large", "camera",
     ),
     Limit(
         "held_back_offset", 0.08, 0.20, 1, "share", "labels lie {} of a box's height beside its middle",
         "perfect ones lie up to 4 % below it: the crown is further above the joints of the head than the soles below "
-        "those of the feet, and a person draws one edge further out than the other",
+        "those of the feet, and a person draws one edge further out than the other", "camera",
     ),
-    Limit("error_to_truth_2d", 3.0, 6.0, 1, "px", "labels are {} from the truth", "only in simulated captures"),
+    Limit(
+        "error_to_truth_2d", 3.0, 6.0, 1, "px", "labels are {} from the truth", "only in simulated captures", "drawn"
+    ),
     Limit(
         "swapped_share", 0.25, np.inf, 1, "share", "left and right were exchanged in {} of the detections",
         "they are turned back before use; when they are many, some will have been overlooked",
@@ -108,7 +118,7 @@ def judge(
     No `coverage` means that there are no labels. A long-range camera without a yardstick is never good. Hand boxes
     judge against what perfect labels would score in them, and where boxes were kept back from every fit, those do.
     """
-    figures = _boxes_compared(figures)
+    figures = boxes_compared(figures)
     found = [(SEVERITY_LEVEL[severity], text) for severity, text in findings]
     if "coverage" not in figures:
         found.append(("bad", "no labels were made"))
@@ -118,12 +128,7 @@ def judge(
         value = figures.get(limit.metric)
         if value is None:
             continue
-        by = fx / REFERENCE_FX if limit.scaled_by_fx and fx else 1.0
-        look, bad = limit.sign * limit.look * by, limit.sign * limit.bad * by
-        level = "bad" if limit.sign * value > bad else "look" if limit.sign * value > look else "good"
-        text = limit.words.format(show(value, limit.unit))
-        if level != "good":
-            text += f" (limit {show(limit.look * by, limit.unit)})"
+        level, text = of_figure(limit, value, fx)
         if level != "good" or limit.metric not in ("in_picture_share", "lost_pictures", "swapped_share"):
             found.append((level, text))
     ordered = sorted(found, key=lambda item: -LEVELS.index(item[0]))
@@ -134,7 +139,16 @@ def judge(
     )
 
 
-def _boxes_compared(figures: Mapping[str, float]) -> dict[str, float]:
+def of_figure(limit: Limit, value: float, fx: float | None) -> tuple[str, str]:
+    """(one of LEVELS, words) of a figure of a camera with focal length `fx` px, None where it is not known."""
+    by = fx / REFERENCE_FX if limit.scaled_by_fx and fx else 1.0
+    look, bad = limit.sign * limit.look * by, limit.sign * limit.bad * by
+    level = "bad" if limit.sign * value > bad else "look" if limit.sign * value > look else "good"
+    text = limit.words.format(show(value, limit.unit))
+    return level, text if level == "good" else f"{text} (limit {show(limit.look * by, limit.unit)})"
+
+
+def boxes_compared(figures: Mapping[str, float]) -> dict[str, float]:
     """The figures, with what hand boxes tell in place of the bare share in them."""
     found = dict(figures)
     of = "held_back" if "held_back_expected" in found else "in_box"

@@ -808,3 +808,28 @@ def test_who_has_looked_is_told_by_camera(root, key):
     fails(root, f"{key} cam03 'S01 has looked at them' must not hold the name of subject 'S01'")
     path.write_text(before + f"{key}: {{cam03: yes}}\n")
     fails(root, "field/session.yaml", key)
+
+
+def test_who_accepts_a_red_light_is_told_by_walk_or_camera(root):
+    path = root / "config/sessions/field/session.yaml"
+    before = path.read_text()
+
+    def given(text):
+        path.write_text(before + f"labels_accepted: {{{text}}}\n")
+
+    given("out_1/cam03: the boxes are of the coat, out_1: mocap and floor are right")
+    accepted = {"out_1/cam03": "the boxes are of the coat", "out_1": "mocap and floor are right"}
+    assert project.load(root).labels_accepted("field") == accepted
+    assert project.load(root).labels_accepted("lab") == {}
+    shown = "field/session.yaml: labels_accepted names"
+    given("out_11/cam03: the boxes are of the coat")
+    fails(root, f"{shown} 'out_11', no sequence of this session", "did you mean 'out_1'")
+    given("in_1: the boxes are of the coat")
+    fails(root, f"{shown} 'in_1', no sequence of this session")
+    given("out_1/cam30: the boxes are of the coat")
+    fails(root, f"{shown} 'out_1/cam30', no camera of it", "did you mean 'cam03'")
+    given("out_1: S01 has looked at them")
+    fails(root, "labels_accepted 'S01 has looked at them' must not hold the name of subject 'S01'")
+    for empty in ('""', '"              "', "yes", "null"):
+        given(f"out_1: {empty}")
+        fails(root, "field/session.yaml", "labels_accepted.out_1")

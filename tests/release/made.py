@@ -249,6 +249,7 @@ def project(root, walks=WALKS):
         "config": yaml.safe_load((root / "config/config.yaml").read_text()),
         **found,
         "marks": [results / "locate/field/cam01.marks.parquet"],
+        "findings": [],
         "gallery": None,
         "steps": {"label.reproject": "0123abcd"},
         "out": results / "release/dior-0.1.0",

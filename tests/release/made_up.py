@@ -115,7 +115,9 @@ def frames(name, camera, /, **changed):
 
 
 def boxes(name, camera, /, **changed):
-    edges = {key: [float(i)] for i, key in enumerate(("u_min", "v_min", "u_max", "v_max"))}
+    edges = {
+        key: [value] for key, value in zip(("u_min", "v_min", "u_max", "v_max"), (2.0, 3.0, 22.0, 21.0), strict=True)
+    }
     told = {"subject": [WALKS[name][0]], "sequence": [name], "camera": [camera]}
     return {**told, "frame": [2], "stamp_ns": [int(stamps()[2])], **edges} | changed
 

@@ -212,7 +212,9 @@ def figures(**values):
 
 
 def judged(folder, checked=""):
-    return heads.Judged("close", "lab", folder / "metrics.parquet", [folder / "noticed.parquet"], checked)
+    return heads.Judged(
+        {"cam01": "close"}, [], "robust", "lab", folder / "metrics.parquet", [folder / "noticed.parquet"], checked
+    )
 
 
 def status_of(given):
@@ -342,6 +344,24 @@ def test_a_red_light_releases_no_picture(walk, tmp_path):
     tables.write_findings(tmp_path / "noticed.parquet", [("lab/cam02", "error", "camera_bumped", "it moved")])
     heads.run(**given)
     assert set(status_of(given)) == {"ok"}, "another camera's"
+
+
+def test_no_picture_is_released_where_the_3d_is_in_doubt(walk, tmp_path):
+    """Also of a camera whose own light is not red: the cover is where the 3D is."""
+    view, _, given = walk
+    tables.write_findings(tmp_path / "noticed.parquet", [("walk", "error", "world_scale", "it is too large")])
+    heads.run(**given)
+    assert set(status_of(given)) == {"red"} and "too large" in said(given)[0]
+    tables.write_findings(tmp_path / "noticed.parquet", [])
+    both = [view, camera("cam02", (0, 5.0, 1.6), (0, 0, 1.6))]
+    camera_tables.write_cameras(given["cameras"][0], both)
+    columns = figures(coverage=1.0, reprojection_error=60.0)
+    tables.write(tmp_path / "metrics.parquet", "metrics", columns | {"camera": ["cam01", "cam02"]})
+    two = replace(given["judged"], roles={"cam01": "close", "cam02": "close"})
+    heads.run(**given | {"judged": two})
+    assert set(status_of(given)) == {"ok"}, "the motion capture's, which no camera makes"
+    heads.run(**given | {"judged": replace(two, makers=["cam01", "cam02"])})
+    assert set(status_of(given)) == {"red"} and "beside what is seen in cam02" in said(given)[0]
 
 
 def test_who_has_looked_lifts_all_of_it_but_an_unknown_head(walk, tmp_path):

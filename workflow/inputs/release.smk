@@ -42,11 +42,13 @@ def released(path):
 
 
 def released_rows():
-    """The sheets' rows of the released sequences and subjects, and whose heads somebody has looked at."""
+    """The sheets' rows of the released sequences and subjects, whose heads somebody has looked at, and which red lights
+    somebody accepts."""
     return [
         {name: PROJECT.rows[name] for name in PROJECT.released_sequences},
         {name: PROJECT.subjects[name] for name in PROJECT.released_subjects},
         {session: PROJECT.heads_checked(session) for session in released_sessions()},
+        {session: PROJECT.labels_accepted(session) for session in released_sessions()},
     ]
 
 
@@ -110,6 +112,11 @@ def released_metrics():
         *expand("results/adjust/{session}.metrics.parquet", session=adjusted),
         *expand("results/detectors/{sequence}.parquet", sequence=detected),
     ]
+
+
+def released_findings():
+    """The findings of all steps about the released sequences and their sessions."""
+    return findings_about(PROJECT.released_sequences, released_sessions())
 
 
 def released_by_hand():
@@ -308,23 +315,20 @@ def own_checks(wildcards):
 
 
 def noticed_errors(wildcards):
-    """The findings that make a camera's light red: of the recording, of cameras that moved, and of those that do not
-    belong to the others."""
+    """The findings that make a camera's light red: of the recording, of cameras that moved, of those that do not belong
+    to the others, and of a world in which nobody can walk."""
     session = session_of(wildcards)
     moved = [session] if session in watched_sessions() else []
     return [
         f"results/audit/{wildcards.sequence}.findings.parquet",
         *[f"results/moved/{name}.findings.parquet" for name in moved],
         *(
-            clocks_of(wildcards.sequence, [wildcards.camera], ".findings")
+            clocks_of(wildcards.sequence, PROJECT.cameras_of(wildcards.sequence), ".findings")
             if PROJECT.indoor(wildcards.sequence)
             else [f"results/triangulate/{wildcards.sequence}.findings.parquet"]
         ),
+        f"results/world/{wildcards.sequence}.findings.parquet",
     ]
-
-
-def camera_role(wildcards):
-    return PROJECT.cameras(session_of(wildcards))[wildcards.camera]["role"]
 
 
 def heads_checked(wildcards):

@@ -53,53 +53,70 @@ def report_clock_costs():
 
 def all_findings():
     """The findings of every step and every unit of it."""
-    outdoor = [sequence for sequence in SEQUENCES if not PROJECT.indoor(sequence)]
+    gallery = ["results/gallery/gallery.findings.parquet"] if PROJECT.gallery else []
+    return [*gallery, *findings_about(SEQUENCES, PROJECT.sessions)]
+
+
+def findings_about(sequences, sessions):
+    """The findings of every step about some sequences and their sessions."""
+    outdoor = [sequence for sequence in sequences if not PROJECT.indoor(sequence)]
     refines = CONFIG["refine"]["method"] != "none"
     located = [
         (session, camera)
-        for session in PROJECT.sessions
+        for session in sessions
         for camera, setting in PROJECT.cameras(session).items()
         if setting["locate"] == "marks"
     ]
     return [
-        *[f"results/audit/{sequence}.findings.parquet" for sequence in SEQUENCES],
-        *(["results/gallery/gallery.findings.parquet"] if PROJECT.gallery else []),
+        *[f"results/audit/{sequence}.findings.parquet" for sequence in sequences],
         *[
             f"results/detections/{sequence}.findings.parquet"
-            for sequence in SEQUENCES
+            for sequence in sequences
             if PROJECT.detections_pattern(sequence)
         ],
         *[
             path
-            for sequence in SEQUENCES
+            for sequence in sequences
             for path in clocks_of(sequence, PROJECT.cameras_of(sequence), ".findings")
         ],
         *[f"results/triangulate/{sequence}.findings.parquet" for sequence in outdoor],
         *[f"results/refine/{sequence}.findings.parquet" for sequence in outdoor if refines],
-        *[f"results/detectors/{sequence}.findings.parquet" for sequence in DETECTED],
+        *[
+            f"results/detectors/{sequence}.findings.parquet"
+            for sequence in DETECTED
+            if sequence in sequences
+        ],
         *[
             f"results/intrinsics/{session}/{camera}.findings.parquet"
-            for session in PROJECT.sessions
+            for session in sessions
             for camera in PROJECT.cameras(session)
         ],
         *[
             f"results/place/{session}/{camera}.findings.parquet"
-            for session in PROJECT.sessions
+            for session in sessions
             for camera, setting in PROJECT.cameras(session).items()
             if setting["locate"] in ("tape", "apriltag", "reference")
         ],
         *[
             f"results/reference/{session}.findings.parquet"
-            for session in PROJECT.sessions
+            for session in sessions
             if referenced(session)
         ],
-        *[f"results/world/{sequence}.findings.parquet" for sequence in SEQUENCES],
-        *[f"results/adjust/{session}.findings.parquet" for session in ADJUSTED],
-        *[f"results/moved/{session}.findings.parquet" for session in watched_sessions()],
+        *[f"results/world/{sequence}.findings.parquet" for sequence in sequences],
+        *[
+            f"results/adjust/{session}.findings.parquet"
+            for session in ADJUSTED
+            if session in sessions
+        ],
+        *[
+            f"results/moved/{session}.findings.parquet"
+            for session in watched_sessions()
+            if session in sessions
+        ],
         *[f"results/locate/{session}/{camera}.findings.parquet" for session, camera in located],
         *[
             f"results/align/{session}/{camera}.findings.parquet"
-            for session in PROJECT.sessions
+            for session in sessions
             for camera, setting in PROJECT.cameras(session).items()
             if setting["locate"] == "align"
         ],

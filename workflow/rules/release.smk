@@ -29,7 +29,7 @@ rule provenance:
 rule heads:
     """Find the heads in the pictures of one camera, and whether they are surely covered there."""
     input:
-        cameras=camera_file,
+        cameras=session_cameras,
         skeleton=skeleton,
         frames="results/frames/{sequence}.parquet",
         clocks=own_clock,
@@ -54,7 +54,9 @@ rule heads:
         format=detection_format,
         min_score=CONFIG["detector"]["min_score"],
         masks=privacy_masks,
-        role=camera_role,
+        roles=roles,
+        makers=makers,
+        method=CONFIG["triangulate"]["method"],
         session_name=session_of,
         checked=heads_checked,
         contents=contents_of(
@@ -119,6 +121,7 @@ rule package:
         covariances=released_covariances(),
         clocks=released_clocks(),
         metrics=released_metrics(),
+        findings=released_findings(),
         gallery=released_gallery(),
         provenance=released("results/provenance/{sequence}.json"),
         by_hand=released_by_hand(),

@@ -107,6 +107,9 @@ def changes(first: dict[str, Any], second: dict[str, Any], session_of: dict[str,
             folder, file = row[0].split("/")[-2:]
             camera = file.split(".")[1] if folder in ("boxes", "checks") else ""
             found.append(Change(_file(row[0], *row), MARKS if folder == "checks" else "", *where, camera))
+        for row in _differing(one, other, "accepted"):
+            what = f"of camera {row[0]} of {sequence}" if row[0] else f"of {sequence}"
+            found.append(Change(_said("acceptance", what, *row[1:]), "", *where, row[0]))
     return sorted(found, key=lambda change: change.text)
 
 

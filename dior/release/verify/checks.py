@@ -10,20 +10,25 @@ from collections.abc import Callable
 from typing import Any, TypeAlias
 
 from dior.errors import DiorError
-from dior.release.verify import evidence, figures, pictures, projections, release_checks, texts
+from dior.release.verify import evidence, figures, light_checks, pictures, projections, release_checks, texts
 from dior.release.verify.evidence import Release, Walk
 from dior.release.verify.folder_or_tarball import File
 from dior.release.verify.walk_checks import Problem, WalkFindings
 
-OF_WALK: tuple[Callable[[Walk], list[Problem]], ...] = (projections.check, pictures.check)
+OF_WALK: tuple[Callable[[Walk], list[Problem]], ...] = (
+    light_checks.check,
+    projections.check,
+    pictures.check,
+)
 OF_RELEASE: tuple[Callable[[Release], list[Problem]], ...] = (
     release_checks.card,
     texts.check,
     figures.check,
+    light_checks.of_release,
     pictures.exchanged,
 )
 # what a table that nobody has foreseen may raise
-UNFORESEEN = (DiorError, ArithmeticError, LookupError, TypeError, ValueError)
+UNFORESEEN = (DiorError, ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
 Check: TypeAlias = Callable[[Any], list[Problem]]
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from dior.arrays import Table
 from dior.errors import DiorError
 from dior.geometry.camera import Camera, Intrinsics
+from dior.release.suspect import RedLight, without_place
 from dior.release.verify.folder_or_tarball import File
 from dior.release.verify.walk_checks import WalkFindings
 
@@ -22,7 +23,7 @@ class Rig:
 
     `cameras`: by (session, camera), None for one without a pose or a lens; `session`, `environment`: by sequence;
     `clocks`: (offset_s, drift_ppm) by (sequence, camera); `settings`: the config by dotted key, as provenance.json has
-    it, {} without.
+    it, {} without; `lights`: the red ones.
     """
 
     cameras: dict[tuple[str, str], Camera | None]
@@ -30,6 +31,11 @@ class Rig:
     environment: dict[str, str]
     clocks: dict[tuple[str, str], tuple[float, float]]
     settings: dict[str, Any]
+    lights: tuple[RedLight, ...] = ()
+
+    def suspect(self, sequence: str, camera: str = "") -> bool:
+        """Whether the labels of a camera, or without one the 3D, must have no place."""
+        return bool({"", camera} & without_place(self.lights, sequence))
 
     def camera(self, sequence: str, name: str) -> Camera | None:
         return self.cameras.get((self.session.get(sequence, ""), name))
@@ -104,6 +110,16 @@ def rig(tables: dict[str, Table], made_of: dict[str, Any]) -> Rig | None:
             )
         },
         settings if isinstance(settings, dict) else {},
+        lights_of(tables),
+    )
+
+
+def lights_of(tables: dict[str, Table]) -> tuple[RedLight, ...]:
+    """The red lights that a release tells of."""
+    if "lights" not in tables:
+        return ()
+    return tuple(
+        RedLight(*row) for row in zip(*(tables["lights"][key].tolist() for key in RedLight._fields), strict=True)
     )
 
 

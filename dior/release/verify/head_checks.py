@@ -3,9 +3,9 @@
 INPUTS   the files of a release (folder_or_tarball.py) whose checksum is right, and its tables about everything
 OUTPUTS  problems as (path, sentence)
 The head is put into the pictures again from the 3D, the camera, the clock and the labels' uncertainty, and must lie
-under the cover that `covers` tells; uncertainty and figures must be what `dior.release.heads` asks for, unless the
-camera's `heads_checked` says who looked. What the pictures themselves show, and what else moves in them, is not looked
-at again: that needs them as they were.
+under the cover that `covers` tells; uncertainty, figures and lights must be what `dior.release.heads` asks for, unless
+the camera's `heads_checked` says who looked. What the pictures themselves show, and what else moves in them, is not
+looked at again: that needs them as they were.
 """
 
 import csv
@@ -19,9 +19,12 @@ from dior.arrays import Floats, Table
 from dior.geometry import camera_tables
 from dior.release import heads
 from dior.release.heads import EDGES
+from dior.release.suspect import without_place
 from dior.release.verify import walk_checks
+from dior.release.verify.evidence import lights_of
 from dior.release.verify.folder_or_tarball import File
 from dior.release.verify.walk_checks import PARTS, Broken, Problem
+from dior.report import red_labels
 from dior.tables import tables
 
 Key: TypeAlias = tuple[str, ...]
@@ -81,6 +84,14 @@ def _of_recording(path: str, files: dict[str, File], about: dict[str, Table], fi
     )
     session = _row(about["sequences"], sequence=sequence)["session"][0]
     rig = _row(about["cameras"], session=session, camera=camera)
+    red_lights = lights_of(about)
+    if not rig["heads_checked"][0]:
+        for light in red_lights:
+            if light.sequence == sequence and light.camera in ("", camera):
+                return [f"has pictures although a light is red: {light.reason}"]
+    elif {"", camera} & without_place(red_lights, sequence):
+        # where the head is, nobody can say without a place
+        return []
     clock = _row(about["clocks"], sequence=sequence, camera=camera)
     placed = next(iter(camera_tables.of_released(rig).values()))
     if placed.wTc is None or not len(body["joint"]):
@@ -99,8 +110,8 @@ def _of_recording(path: str, files: dict[str, File], about: dict[str, Table], fi
     sentences += walk_checks.first(
         shown & heads.doubtful(known), "pictures whose labels have no sigma, or one of more than half a head", frames
     )
-    own = (figures["sequence"] == sequence) & (figures["camera"] == camera)
-    red = heads.reasons(heads.figures_of(figures, own), placed.intrinsics.fx, [], placed.role) if own.any() else ""
+    own = red_labels.by_camera(figures).get((sequence, camera))
+    red = heads.reasons(own, placed.intrinsics.fx, [], placed.role) if own else ""
     return sentences + ([f"has pictures although its figures are red: {red}"] if red else [])
 
 

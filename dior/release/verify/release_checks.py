@@ -36,6 +36,7 @@ KEYS = {
     "cameras": ("session", "camera"),
     "camera_covariance": ("session", "camera", "other"),
     "clocks": ("sequence", "camera"),
+    "lights": ("sequence", "camera"),
     "sequences": ("sequence",),
     "subjects": ("subject",),
     "splits": ("split", "subject", "sequence", "camera"),
@@ -74,6 +75,8 @@ def about(
         problems += [("cameras.parquet", text) for text in _poses(found["cameras"])]
     if "clocks" in found:
         problems += [("clocks.parquet", text) for text in _clocks(found["clocks"], _recordings(names))]
+    if "lights" in found:
+        problems += [("lights.parquet", text) for text in _lights(found["lights"], _recordings(names))]
     if "splits" in found:
         problems += [("splits.parquet", text) for text in _splits(found["splits"], _recordings(names))]
     if "metrics.csv" in files:
@@ -151,6 +154,17 @@ def _clocks(table: Table, recordings: list[Recording]) -> list[str]:
     named = set(zip(*(table[key].tolist() for key in ("subject", "sequence", "camera")), strict=True))
     sentences = [f"recording '{_shown(one)}' is not in labels_2d/" for one in sorted(named - set(recordings))]
     return sentences + [f"recording '{_shown(one)}' has no clock" for one in sorted(set(recordings) - named)]
+
+
+def _lights(table: Table, recordings: list[Recording]) -> list[str]:
+    """Each is about a recording, or about a walk, and says why."""
+    known = {*recordings, *((who, sequence, "") for who, sequence, _ in recordings)}
+    rows = zip(*(table[key].tolist() for key in ("subject", "sequence", "camera", "reason")), strict=True)
+    return [
+        f"recording '{_shown(tuple(filter(None, row[:3])))}' is not in labels_2d/"
+        for row in rows
+        if row[:3] not in known
+    ]
 
 
 def _splits(table: Table, recordings: list[Recording]) -> list[str]:

@@ -101,18 +101,18 @@ def _card(release: Release, about: dict[str, Any]) -> Iterator[str]:
             yield f"its front matter does not say {line}, which provenance.json does"
     named = f"[{about['license']}]({licenses.url(about['license'])})" if known else f"{about['license']}, see LICENSE"
     by = f", by {'; '.join(about['authors'])}" if about["authors"] else ""
-    lines = set(map(_plain, text.splitlines()))
+    lines = set(map(plain, text.splitlines()))
     for line in (f"# {about['title']}", f"Version {about['version']}{by}. Licence: {named}."):
-        if _plain(line) not in lines:
+        if plain(line) not in lines:
             yield f"has no line '{line}', by which title, version, authors and licence are those of provenance.json"
-    if _plain(citation.bibtex(about)) not in _plain(text):
+    if plain(citation.bibtex(about)) not in plain(text):
         yield "cites another title, author, version, year or DOI than provenance.json has"
     if _numbers(_summary(release)) not in map(_numbers, text.splitlines()):
         yield f"has no line with the counts of '{_summary(release)}'"
     yield from _figures(text, release.files)
 
 
-def _plain(text: str) -> str:
+def plain(text: str) -> str:
     """Without what keeps a title from being taken for HTML or Markdown."""
     return html.unescape(text).replace("\\", "")
 

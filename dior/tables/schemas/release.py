@@ -148,6 +148,18 @@ TABLES = {
         ("source", OFFSET_SOURCE, "", "reference: the clock that the others are told against"),
         ("method", CLOCK_METHOD, "", "what an estimated clock was found by"),
     ),
+    "released_lights": (
+        ("subject", "text", "", "pseudonym"),
+        ("sequence", "text"),
+        ("camera", "text", "", "whose labels are wrong; null: the 3D of the walk, and the labels of all its cameras"),
+        ("reason", "text", "", "what is red"),
+        (
+            "accepted",
+            "text",
+            "",
+            "who says why the labels are there all the same; null: they are not, their status is suspect",
+        ),
+    ),
     "released_gallery": (
         ("subject", "text", "", "pseudonym"),
         ("outfit", "text"),
@@ -191,6 +203,7 @@ RELEASED = (
     "released_cameras",
     "camera_covariance",
     "released_clocks",
+    "released_lights",
     "sequences",
     "subjects",
     "splits",
