@@ -129,6 +129,8 @@ def run(
     accepted = {key: why for walk in walks.values() for key, why in loaded.labels_accepted(walk["session"]).items()}
     robust = loaded.config["triangulate"]["method"] == "robust"
     lights = suspect.red_lights(walks, rig, metrics, findings, accepted, robust)
+    for line in suspect.said(lights, accepted, walks):
+        print(f"release: {line}", file=sys.stderr)
     without_place = {name: suspect.without_place(lights, name) for name in walks}
     made_of = provenance_json.of(loaded, walks, recordings, steps, suspect.told(lights))
     with folder_written_whole(out) as folder:

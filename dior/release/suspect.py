@@ -77,6 +77,20 @@ def findings_in(path: Path) -> list[Finding]:
     return list(zip(*(table[key].tolist() for key in ("scope", "severity", "code", "text")), strict=True))
 
 
+def said(lights: Iterable[RedLight], accepted: Accepted, walks: Walks) -> list[str]:
+    """Sentences for who makes the release: what has no place and why, and words that were given for nothing."""
+    lights = list(lights)
+    lines = [
+        f"{' '.join(filter(None, (light.sequence, light.camera)))}: its labels are suspect and have no place: "
+        f"{light.reason}; mend it, or say why they are good in `labels_accepted` of session.yaml"
+        for light in lights
+        if not light.accepted
+    ]
+    used = {word for light in lights if light.accepted for word in (light.sequence, f"{light.sequence}/{light.camera}")}
+    unused = [key for key in accepted if key.partition("/")[0] in walks and key not in used]
+    return lines + [f"labels_accepted of {key} is not used: nothing is red that it could accept" for key in unused]
+
+
 def columns(lights: Iterable[RedLight]) -> dict[str, list[str]]:
     """Columns of `released_lights`."""
     rows = list(lights)

@@ -60,6 +60,12 @@ TITLES = {
     "error_to_truth_3d_aligned": "3D against the truth, rigidly aligned",
     "swapped_share": "Left and right exchanged in the detections",
 }
+# what is not released where a figure is red, by `lights.Limit.wrong`
+WRONG = {
+    "": "",
+    "camera": "its labels",
+    "drawn": "its labels; those of all, and the 3D, where half of its cameras are red so",
+}
 
 
 @dataclass(frozen=True)
@@ -256,6 +262,7 @@ def _limit(limit: lights.Limit) -> dict[str, str]:
         "title": TITLES.get(limit.metric, limit.metric.replace("_", " ").capitalize()),
         "look": f"{word} {numbers.show(limit.look, limit.unit)}",
         "bad": f"{word} {numbers.show(limit.bad, limit.unit)}" if np.isfinite(limit.bad) else "never",
+        "wrong": WRONG[limit.wrong],
         "why": limit.why,
     }
 

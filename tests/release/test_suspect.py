@@ -168,6 +168,17 @@ def test_a_cameras_word_does_not_mend_the_3d(red):
     assert set(status_of(build(red), "walk_3.cam02")) == {"suspect"}
 
 
+def test_who_makes_the_release_is_told_what_has_no_place(red, capsys):
+    accept(red, f'{{walk_2: "{WHY}", walk_3/cam02: "{WHY}"}}')
+    build(red)
+    lines = [line for line in capsys.readouterr().err.splitlines() if "suspect" in line or "accepted" in line]
+    assert lines == [
+        "release: walk_3: its labels are suspect and have no place: the 3D has the wrong size; mend it, or say why "
+        "they are good in `labels_accepted` of session.yaml",
+        "release: labels_accepted of walk_3/cam02 is not used: nothing is red that it could accept",
+    ]
+
+
 def test_a_release_of_good_lights_has_no_table_of_them(built):
     assert not (built["out"] / "lights.parquet").exists()
     assert "in doubt" not in (built["out"] / "README.md").read_text()
