@@ -20,6 +20,8 @@ PROVENANCE = "provenance.json"
 INDOOR, OUTDOOR = "indoor", "outdoor"
 # what nothing but these tables is made of, and what is about no recording
 PICTURES, MARKS, FILES = "frames", "marks", "files"
+# what tells whether a red light takes the place of labels away; of a recording: that it did in one release only
+LIGHTS = "lights"
 # what a setting or a step's code is about, by how its name begins; all others touch everything
 SETTINGS = {
     "locate.": INDOOR,
@@ -37,7 +39,8 @@ STEPS = {
     "calibrate.adjust": OUTDOOR,
     "reconstruct.": OUTDOOR,
     "ingest.gallery": FILES,
-    "evaluate.": FILES,
+    "evaluate.": LIGHTS,
+    "release.package": LIGHTS,
     "release.heads": PICTURES,
     "release.pixels": PICTURES,
     "release.": FILES,
@@ -48,8 +51,8 @@ STEPS = {
 class Change:
     """An input or setting that changed.
 
-    `about`: INDOOR, OUTDOOR, PICTURES, MARKS, FILES or "" for everything; `session`, `sequence` and `camera` are those
-    that it belongs to, "" for all.
+    `about`: INDOOR, OUTDOOR, PICTURES, MARKS, LIGHTS, FILES or "" for everything; `session`, `sequence` and `camera`
+    are those that it belongs to, "" for all.
     """
 
     text: str
@@ -63,7 +66,8 @@ class Change:
 class ChangedRecording:
     """One camera, or "" for the 3D and the marks, of a walk that differs.
 
-    `tables`: those that differ; `close`: names of the session's close cameras; `posed`: cameras whose pose differs.
+    `tables`: those that differ, and LIGHTS; `close`: names of the session's close cameras; `posed`: cameras whose pose
+    differs.
     """
 
     session: str
@@ -109,7 +113,7 @@ def changes(first: dict[str, Any], second: dict[str, Any], session_of: dict[str,
             found.append(Change(_file(row[0], *row), MARKS if folder == "checks" else "", *where, camera))
         for row in _differing(one, other, "accepted"):
             what = f"of camera {row[0]} of {sequence}" if row[0] else f"of {sequence}"
-            found.append(Change(_said("acceptance", what, *row[1:]), "", *where, row[0]))
+            found.append(Change(_said("acceptance", what, *row[1:]), LIGHTS, *where, row[0]))
     return sorted(found, key=lambda change: change.text)
 
 
@@ -136,7 +140,9 @@ def can_touch(change: Change, where: ChangedRecording) -> bool:
     """Whether a `Change` can be a reason why a `ChangedRecording` differs."""
     if change.about in (INDOOR, OUTDOOR) and change.about != where.environment:
         return False
-    if change.about in (PICTURES, MARKS, FILES) and change.about not in where.tables:
+    # a check is among the marks, and a yardstick of labels
+    reached = {change.about, LIGHTS} if change.about == MARKS else {change.about}
+    if change.about in (PICTURES, MARKS, LIGHTS, FILES) and not reached & where.tables:
         return False
     if change.session not in ("", where.session) or not _of_camera(change, where):
         return False

@@ -102,7 +102,10 @@ def _where(one: Found, walk: dict[str, Any], rig: Rows, cameras: list[Found]) ->
     posed = {camera["camera"] for camera in cameras if camera["session"] == session and camera.get("moved_mm")}
     posed |= {camera["camera"] for camera in cameras if camera["session"] == session and camera.get("turned_deg")}
     close = {camera for (where, camera), row in rig.items() if where == session and row["role"] == "close"}
-    sets = map(frozenset, (TABLE.keys() & one.keys(), close, posed))
+    differ = TABLE.keys() & one.keys()
+    if any(isinstance(one[kind], dict) and len(set(one[kind].get("suspect", ()))) > 1 for kind in differ):
+        differ |= {causes.LIGHTS}
+    sets = map(frozenset, (differ, close, posed))
     return causes.ChangedRecording(session, one["sequence"], one.get("camera", ""), walk["environment"], *sets)
 
 
@@ -281,6 +284,7 @@ def _changes(a: Table, b: Table, distance: Floats) -> Found:
     return {
         "moved_share": _share(distance[np.isfinite(distance)] > 0),
         "status_changed_share": _share(a["status"] != b["status"]),
+        "suspect": [int((table["status"] == "suspect").sum()) for table in (a, b)],
         "stamps_moved_ms": _rounded(ticks / 1e6),
     }
 

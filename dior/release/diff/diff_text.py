@@ -83,6 +83,9 @@ def _moved(kind: str, change: Found) -> str:
     if change["status_changed_share"]:
         parts.append(f"status of {100 * change['status_changed_share']:.3g} % changed")
     parts += [f"{change[key]} {key.replace('_', ' ')}" for key in ("rows_added", "rows_removed") if change[key]]
+    before, after = change["suspect"]
+    if before != after:
+        parts.append(f"suspect {before} -> {after}")
     if change["stamps_moved_ms"]:
         parts.append(f"stamps moved by up to {_number(change['stamps_moved_ms'])} ms")
     if change.get("sigma_ratio") not in (None, 1.0):

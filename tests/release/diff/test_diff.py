@@ -9,7 +9,8 @@ import pytest
 
 from dior.cli import main
 from dior.errors import DiorError
-from dior.release.diff import diff
+from dior.release import suspect
+from dior.release.diff import diff, diff_text
 from dior.tables import tables
 from tests.release import made_up
 
@@ -84,7 +85,7 @@ def test_labels_that_all_moved_by_a_3_4_5_triangle(whole, later):
     assert (one["sequence"], one["camera"], one["change"]) == ("walk_2", "cam01", "changed")
     assert one["labels_2d"] == {
         "rows": 12, "rows_added": 0, "rows_removed": 0, "moved_px": {"median": 5.0, "p95": 5.0, "max": 5.0},
-        "moved_share": 1.0, "status_changed_share": 0.0, "stamps_moved_ms": 0.0, "sigma_ratio": None,
+        "moved_share": 1.0, "status_changed_share": 0.0, "suspect": [0, 0], "stamps_moved_ms": 0.0, "sigma_ratio": None,
     }  # fmt: skip
     assert not found["skeletons"] and not found["cameras"]
     assert found["files"] == {"added": [], "removed": [], "changed": []}
@@ -240,6 +241,37 @@ def moved(whole, tmp_path_factory):
         path = folder / f"labels_2d/{made_up.WALKS[walk][0]}/{walk}.{camera}.parquet"
         tables.write(path, "labels_2d", made_up.labels(walk, camera, **moved_by(1, 0, camera, walk)))
     return folder
+
+
+def accepted(sequence, camera):
+    return lambda content: content["sequences"][sequence].update(accepted={camera: "it is right"})
+
+
+@pytest.mark.parametrize(
+    ("change", "text", "touched"),
+    [
+        (accepted("walk_2", "cam02"), 'acceptance of camera cam02 of walk_2: not there -> "it is right"',
+         {("walk_2", "cam02")}),
+        (accepted("walk_2", ""), 'acceptance of walk_2: not there -> "it is right"',
+         {("walk_2", "cam01"), ("walk_2", "cam02")}),
+        (setting("evaluate.evaluate", section="code"), "code of evaluate.evaluate", OUTDOORS),
+        (by_hand("walk_3", "config/checks/walk_3.cam02.csv"), "config/checks/walk_3.cam02.csv (new)",
+         {("walk_3", "cam02")}),
+    ],
+)  # fmt: skip
+def test_what_tells_of_a_red_light_is_the_reason_where_labels_lose_their_place(
+    whole, moved, tmp_path, change, text, touched
+):
+    """The walks outdoors lose it; indoors labels move."""
+    later = shutil.copytree(moved, tmp_path / "dior-0.2.0")
+    for walk, camera in OUTDOORS:
+        path = later / f"labels_2d/{made_up.WALKS[walk][0]}/{walk}.{camera}.parquet"
+        tables.write_arrow(path, suspect.hidden(tables.read_arrow(path, "labels_2d")))
+    provenance(later, change)
+    found = diff.compared(whole, later)
+    assert {(one["sequence"], one["camera"]) for one in found["recordings"] if one["because"]} == touched
+    assert {tuple(one["because"]) for one in found["recordings"]} <= {(), (text,)}
+    assert "status of 91.7 % changed, suspect 0 -> 11" in diff_text.of(found)
 
 
 @pytest.mark.parametrize(
