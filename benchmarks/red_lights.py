@@ -2,10 +2,10 @@
 
 usage: python -m benchmarks.red_lights [LEVEL|both] [FIRST] [LAST]      (seeds 1 to 20)
 
-Each capture is simulated and labelled anew (benchmarks/steps.py), walks of 8 s, measured by `evaluate` with its boxes,
-marks and truth, and asked for what is wrong with its labels (`report.red_labels`) by these figures and by the findings
-of `triangulate`, `clocks` and `world`. Anything that is printed below a capture is a false alarm. Of recordings as such
-(`audit`) and of cameras that were bumped (`moved`) nothing is asked: the captures have one walk a session, and no bags.
+Each capture is simulated and labelled anew (benchmarks/steps.py), walks of 8 s, measured by `evaluate` with its boxes and
+marks, and asked for what is wrong with its labels (`report.red_labels`) by these figures and by the findings of
+`triangulate`, `clocks` and `world`. Each line above a sum is a false alarm. Of recordings as such (`audit`) and of
+cameras that were bumped (`moved`) nothing is asked: the captures have one walk a session, and no bags.
 """
 
 import os
@@ -14,6 +14,9 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import sys
 import tempfile
+from contextlib import ExitStack
+from functools import partial
+from unittest.mock import patch
 
 from benchmarks import steps, worlds
 from dior.errors import DiorError
@@ -42,6 +45,27 @@ def reds(made, name):
     return red_labels.of_walk(name, session, cameras, () if indoor else close, found)
 
 
+def everybody_kept():
+    """The steps as the workflow runs them: of everybody whom the detector found, the subject is chosen in 3D."""
+    keep = {"detections": _with_people, "triangulate": _of_people}
+    stack = ExitStack()
+    for name, changed in keep.items():
+        step = getattr(steps, name)
+        stack.enter_context(patch.object(step, "run", partial(changed, step.run)))
+    return stack
+
+
+def _with_people(run, *, out, **given):
+    run(out=out, out_people=out.with_suffix(".people.parquet"), **given)
+
+
+def _of_people(run, *, detections, out, **given):
+    run(
+        detections=detections, out=out, everybody_seen=detections.with_suffix(".people.parquet"),
+        out_detections=out.with_suffix(".detections.parquet"), **given,
+    )  # fmt: skip
+
+
 def _findings(path):
     table = tables.read(path, "findings")
     return list(zip(*(table[key].tolist() for key in ("scope", "severity", "code", "text")), strict=True))
@@ -59,7 +83,7 @@ def _evaluated(made, name):
         labels=[steps.labels_of(made, name, one) for one in cameras],
         skeleton=None, cameras=placed, roles={one: how["role"] for one, how in cameras.items()},
         detected=evaluate.Detected(
-            None if indoor else made.made("detections", name), project.config["detector"]["min_score"],
+            None if indoor else made.made("triangulate", name, ".detections"), project.config["detector"]["min_score"],
             None if indoor else made.made("triangulate", name, ".swaps"),
         ),
         yardsticks=evaluate.Yardsticks(
@@ -77,7 +101,7 @@ def main():
     for grade in ("ideal", "real") if level == "both" else (level,):
         walks = recordings = wrong = 0
         for seed in range(int(first), int(last) + 1):
-            with tempfile.TemporaryDirectory() as folder:
+            with tempfile.TemporaryDirectory() as folder, everybody_kept():
                 try:
                     made = steps.labelled(
                         folder, preset=grade, seed=seed, subjects=1, sequences=1, duration_s=SECONDS, gallery=False

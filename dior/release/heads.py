@@ -10,9 +10,10 @@ edges are rounded outwards on a grid, so that a camera that is moved by a tenth 
 release as they are, byte by byte. All of them stay where the boxes of an earlier release are given: a box is kept as
 long as it holds the head.
 
-A picture is not released where the labels' uncertainty is not known or more than half a head, where the sequence's
-light is red, and where the picture itself does not show the head under its cover (`head_evidence`). A person who has
-looked at the pictures can say so: `heads_checked` of session.yaml lifts all three, and the release tells of it.
+A picture is not released where the labels' uncertainty is not known or more than half a head, where the camera's light
+is red or another one says that its labels are wrong (`report.red_labels`), and where the picture itself does not show
+the head under its cover (`head_evidence`). A person who has looked at the pictures can say so: `heads_checked` of
+session.yaml lifts all three, and the release tells of it.
 """
 
 import sys

@@ -76,9 +76,7 @@ LIMITS = (
         "perfect ones lie up to 4 % below it: the crown is further above the joints of the head than the soles below "
         "those of the feet, and a person draws one edge further out than the other", "camera",
     ),
-    Limit(
-        "error_to_truth_2d", 3.0, 6.0, 1, "px", "labels are {} from the truth", "only in simulated captures", "drawn"
-    ),
+    Limit("error_to_truth_2d", 3.0, 6.0, 1, "px", "labels are {} from the truth", "only in simulated captures"),
     Limit(
         "swapped_share", 0.25, np.inf, 1, "share", "left and right were exchanged in {} of the detections",
         "they are turned back before use; when they are many, some will have been overlooked",

@@ -5,8 +5,9 @@ OUTPUT   `Red`s: of which camera, "" for the whole walk, and why in words that a
 
 A figure (`lights.LIMITS`) is about the camera that has it; what it says is wrong is its `wrong`. How few joints have a
 label, how many pictures were lost and how often left and right were exchanged says nothing against the labels that
-there are. Where half of the cameras that the 3D is drawn from are red by figures that compare labels with what the
-pictures show, nothing says that the other half is right: the 3D is wrong.
+there are; and the truth, which only a simulation has, must not help to make a release. Where half of the cameras that
+the 3D is drawn from are red by figures that compare labels with what the pictures show, nothing says that the other
+half is right: the 3D is wrong.
 
 A finding with severity error is about the cameras that it names: robust triangulation leaves a view out that does not
 agree with the others, so that one wrong camera hardly moves the labels of the others (`python -m benchmarks.culprit

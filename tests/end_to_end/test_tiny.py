@@ -57,6 +57,14 @@ def test_labels_are_near_the_truth(project):
     assert figure(rows, "in_box_share", role="long_range") > 0.9
 
 
+def test_nothing_is_in_doubt_in_a_clean_capture(project):
+    out = project / "results/release/dior-0.1.0"
+    assert not (out / "lights.parquet").exists()
+    paths = list(out.glob("labels_2d/*/*.parquet"))
+    assert len(paths) == 8
+    assert not [path for path in paths if "suspect" in tables.read(path, "labels_2d", ["status"])["status"]]
+
+
 def test_metrics_are_those_of_an_independent_computation(project):
     """Every figure of these metrics, pooled or not, by joint or not, to the six digits of the file."""
     rows = metrics(project)

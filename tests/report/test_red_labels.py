@@ -41,7 +41,7 @@ def test_each_figure_is_about_its_own_camera_or_about_no_label(limit):
     figures = {"held_back_offset": {"held_back_offset_u": 0.0, "held_back_offset_v": value}}.get(key, {key: value})
     if key == "in_box_lacking":
         figures = {"in_box_share": 1 - value, "in_box_expected": 1.0}
-    labels_are_there = ("coverage", "lost_pictures")
+    labels_are_there = ("coverage", "lost_pictures", "error_to_truth_2d")
     assert found(far=figures) == ([] if key in labels_are_there else ["far"])
     better = {
         name: one - limit.sign * 0.002 if name != "in_box_share" else one + 0.002 for name, one in figures.items()
@@ -59,7 +59,7 @@ def test_a_figure_of_half_of_the_cameras_that_made_the_3d_is_about_all():
     off = {"reprojection_error": 31.0}
     assert found(cam01=off) == ["cam01"]
     assert found(cam01=off, cam02=off) == ["", "cam01", "cam02"]
-    assert found(cam01=off, far={"error_to_truth_2d": 7.0}) == ["cam01", "far"], "the far one did not draw it"
+    assert found(cam01=off, far={"check_error": 7.0}) == ["cam01", "far"], "the far one did not draw it"
     assert found(cam01=off, makers=("cam01", "cam02")) == ["", "cam01"], "one of two"
     assert found(cam01=off, cam02=off, makers=()) == ["cam01", "cam02"], "the motion capture's"
     aside = {"in_picture_share": 0.01}

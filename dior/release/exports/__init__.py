@@ -29,7 +29,8 @@ HEAD = """\
 # {name}: exports
 
 Made from the release `{name}` alone, by subject's pseudonym and with its licence and terms; its `README.md` says what
-the labels are and how good they are. `sha256sum -c SHA256SUMS` checks this folder.
+the labels are and how good they are. `sha256sum -c SHA256SUMS` checks this folder. What is `suspect` in the
+release has no place here either: no keypoint, no point, and where a format knows no empty recording, none.
 
 COCO-17 is taken by name from labels that have these joints (outdoor). Indoor labels are motion capture markers: joint
 centres are derived from them in 3D by rules (below) and projected at each picture's own stamp. They are marked as
