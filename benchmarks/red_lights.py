@@ -2,8 +2,8 @@
 
 usage: python -m benchmarks.red_lights [LEVEL|both] [FIRST] [LAST]      (seeds 1 to 20)
 
-Each capture is simulated and labelled anew (benchmarks/steps.py), walks of 8 s, measured by `evaluate` with its boxes and
-marks, and asked for what is wrong with its labels (`report.red_labels`) by these figures and by the findings of
+Each capture is simulated and labelled anew (benchmarks/steps.py), walks of 8 s, measured by `evaluate` with its boxes
+and marks, and asked for what is wrong with its labels (`report.red_labels`) by these figures and by the findings of
 `triangulate`, `clocks` and `world`. Each line above a sum is a false alarm. Of recordings as such (`audit`) and of
 cameras that were bumped (`moved`) nothing is asked: the captures have one walk a session, and no bags.
 """

@@ -82,13 +82,13 @@ class Filmed:
 class Judged:
     """What says whether the labels of the camera can be relied on.
 
-    `roles`: camera -> close | long_range of all cameras of the session; `makers`: those that the 3D is drawn from, none
-    indoors; `method`: robust, or rays for all views as they are; `metrics`: table `metrics` of the sequence; `noticed`:
-    tables `findings` with what is wrong with the session or the recording; `session_name`: of the sequence; `checked`:
-    who has looked at the pictures and released them all the same, or nothing.
+    `role`: close or long_range; `makers`: cameras that the 3D is drawn from, none indoors; `method`: robust, or rays
+    for all views as they are; `metrics`: table `metrics` of the sequence; `noticed`: tables `findings` with what is
+    wrong with the session or the recording; `session_name`: of the sequence; `checked`: who has looked at the pictures
+    and released them all the same, or nothing.
     """
 
-    roles: dict[str, str]
+    role: str
     makers: list[str]
     method: str
     session_name: str
@@ -141,9 +141,9 @@ def run(
 ) -> None:
     """Write the head's box in every picture of one camera of one sequence, and what else is to be covered there.
 
-    `cameras`, `clocks`: tables that hold the poses of the session's cameras and the camera's clock. Raises DiorError
-    where they do not, and where the labels are of other pictures. `before`: the table that an earlier release was made
-    with, or None; `out_covers`: table `other_covers` to write.
+    `cameras`, `clocks`: tables that hold the poses of the camera and of the makers, and the camera's clock. Raises
+    DiorError where they do not, and where the labels are of other pictures. `before`: the table that an earlier release
+    was made with, or None; `out_covers`: table `other_covers` to write.
     """
     where = f"{sequence}, camera {camera}"
     subject = known(sequence, camera, cameras, skeleton, frames, clocks, labels)
@@ -162,7 +162,7 @@ def run(
     if np.isin(status, ("ok", "out_of_frame")).any():
         found = faces.read(filmed.detections, filmed.format, filmed.min_score, subject.rows, where)
         walker = subject.walker(box, drawn_boxes(filmed.boxes, subject.rows))
-        seen = look.looked(walker, judged.roles[camera], found, look.reader(subject.rows, filmed.data_root))
+        seen = look.looked(walker, judged.role, found, look.reader(subject.rows, filmed.data_root))
         moving_boxes, always = seen.others, seen.always
         if not judged.checked:
             wrong = np.isin(status, ("ok", "out_of_frame")) & (seen.sure != "ok")
@@ -221,8 +221,8 @@ def red_by(sequence: str, camera: str, judged: Judged, fx: dict[str, float]) -> 
         for name in (camera, "")
         for finding in lights.findings_of(found, sequence, judged.session_name, "", name)
     )
-    why = reasons(figures.get((sequence, camera), {}), fx[camera], list(own), judged.roles[camera])
-    rig = {name: red_labels.Judged(fx[name], figures.get((sequence, name), {})) for name in judged.roles}
+    why = reasons(figures.get((sequence, camera), {}), fx[camera], list(own), judged.role)
+    rig = {name: red_labels.Judged(fx[name], figures.get((sequence, name), {})) for name in (*judged.makers, camera)}
     wrong = red_labels.of_walk(sequence, judged.session_name, rig, judged.makers, found, judged.method == "robust")
     return why or "; ".join(red.reason for red in wrong if red.camera in ("", camera))
 

@@ -212,9 +212,7 @@ def figures(**values):
 
 
 def judged(folder, checked=""):
-    return heads.Judged(
-        {"cam01": "close"}, [], "robust", "lab", folder / "metrics.parquet", [folder / "noticed.parquet"], checked
-    )
+    return heads.Judged("close", [], "robust", "lab", folder / "metrics.parquet", [folder / "noticed.parquet"], checked)
 
 
 def status_of(given):
@@ -357,10 +355,9 @@ def test_no_picture_is_released_where_the_3d_is_in_doubt(walk, tmp_path):
     camera_tables.write_cameras(given["cameras"][0], both)
     columns = figures(coverage=1.0, reprojection_error=60.0)
     tables.write(tmp_path / "metrics.parquet", "metrics", columns | {"camera": ["cam01", "cam02"]})
-    two = replace(given["judged"], roles={"cam01": "close", "cam02": "close"})
-    heads.run(**given | {"judged": two})
+    heads.run(**given)
     assert set(status_of(given)) == {"ok"}, "the motion capture's, which no camera makes"
-    heads.run(**given | {"judged": replace(two, makers=["cam01", "cam02"])})
+    heads.run(**given | {"judged": replace(given["judged"], makers=["cam01", "cam02"])})
     assert set(status_of(given)) == {"red"} and "beside what is seen in cam02" in said(given)[0]
 
 

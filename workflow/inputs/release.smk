@@ -317,18 +317,29 @@ def own_checks(wildcards):
 def noticed_errors(wildcards):
     """The findings that make a camera's light red: of the recording, of cameras that moved, of those that do not belong
     to the others, and of a world in which nobody can walk."""
-    session = session_of(wildcards)
+    session, cameras = session_of(wildcards), PROJECT.cameras_of(wildcards.sequence)
+    own = clocks_of(wildcards.sequence, [wildcards.camera], ".findings")
+    # that those of another camera were written again does not count
+    others = [
+        ancient(path)
+        for path in clocks_of(wildcards.sequence, cameras, ".findings")
+        if path not in own
+    ]
     moved = [session] if session in watched_sessions() else []
     return [
         f"results/audit/{wildcards.sequence}.findings.parquet",
         *[f"results/moved/{name}.findings.parquet" for name in moved],
         *(
-            clocks_of(wildcards.sequence, PROJECT.cameras_of(wildcards.sequence), ".findings")
+            [*own, *others]
             if PROJECT.indoor(wildcards.sequence)
             else [f"results/triangulate/{wildcards.sequence}.findings.parquet"]
         ),
         f"results/world/{wildcards.sequence}.findings.parquet",
     ]
+
+
+def camera_role(wildcards):
+    return PROJECT.cameras(session_of(wildcards))[wildcards.camera]["role"]
 
 
 def heads_checked(wildcards):

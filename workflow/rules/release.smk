@@ -29,7 +29,7 @@ rule provenance:
 rule heads:
     """Find the heads in the pictures of one camera, and whether they are surely covered there."""
     input:
-        cameras=session_cameras,
+        cameras=label_cameras,
         skeleton=skeleton,
         frames="results/frames/{sequence}.parquet",
         clocks=own_clock,
@@ -54,7 +54,7 @@ rule heads:
         format=detection_format,
         min_score=CONFIG["detector"]["min_score"],
         masks=privacy_masks,
-        roles=roles,
+        role=camera_role,
         makers=makers,
         method=CONFIG["triangulate"]["method"],
         session_name=session_of,
