@@ -92,16 +92,18 @@ class Stretch:
 @dataclass(frozen=True, eq=False)
 class Choice:
     """`pick` (V, T): the subject's place among the K people of a view, -1 for none; `state` (T,): `OWN` where it
-    counts, `STRANGER` where only others are seen, `UNDECIDED`; `stretches` of the last two; `people`: how many."""
+    counts, `STRANGER` where only others are seen, `UNDECIDED`; `stretches` of the last two; `people`: how many;
+    `followed`: who was where."""
 
     pick: Ints
     state: Ints
     stretches: tuple[Stretch, ...]
     people: int
+    followed: "Followed"
 
 
 @dataclass(eq=False)
-class _Path:
+class Path:
     """A body followed through the room, its first sighting first."""
 
     sightings: list[Sighting] = field(default_factory=list)
@@ -121,17 +123,30 @@ class _Path:
 
 
 @dataclass(eq=False)
-class _Person:
+class Person:
     """Paths of one person; `sure`: by the body, not for want of a contradiction; `perhaps`: other sightings that may be
     his."""
 
-    paths: list[_Path]
+    paths: list[Path]
     sure: bool = True
     perhaps: int = 0
 
     @property
     def sightings(self) -> list[Sighting]:
         return [one for path in self.paths for one in path.sightings]
+
+
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """The `people` who were followed, at every `every`-th instant, and whose paths are whose: the `own` of the subject,
+    those of `others`, and those of which it cannot be told (`unclear`). `least`: sightings of the shortest path."""
+
+    people: Sequence[Person]
+    own: Sequence[Path]
+    others: Sequence[Path]
+    unclear: Sequence[Path]
+    every: int
+    least: float
 
 
 def choose(
@@ -152,14 +167,15 @@ def choose(
     found = people_seen.sightings(cameras, seen.uv[:, :, at], known[:, :, at], seen.names, meets)
     track, fps = seen.track[:, :, at], seen.fps / every
     everybody = _paths(found, track, fps)
-    paths = [path for path in everybody if len(path.sightings) >= LEAST_S * fps]
+    least = LEAST_S * fps
+    paths = [path for path in everybody if len(path.sightings) >= least]
     marked = _pointed_at(everybody, seen, seeds, every, track)
     paths += [path for path in marked if path not in paths]
-    people = _people(paths, fps)
+    people = people_of(paths, fps)
     if len(people) < 2:
         return None
-    own, others, unclear = _subject(people, marked, found, height_m, height_sigma_m, fps)
-    return _choice(cameras, seen, known, own, others, unclear, every, len(people))
+    whose = _subject(people, marked, found, height_m, height_sigma_m, fps)
+    return _choice(cameras, seen, Followed(people, *whose, every, least))
 
 
 def _together(bodies: list[Sighting]) -> list[Sighting]:
@@ -167,20 +183,20 @@ def _together(bodies: list[Sighting]) -> list[Sighting]:
     return several if len(several) > len(bodies) / 2 else []
 
 
-def _tracks(body: Sighting, track: Ints) -> set[tuple[int, int]]:
+def tracks_of(body: Sighting, track: Ints) -> set[tuple[int, int]]:
     """(view, track) of a body's detections; `track` (V, K, T)."""
     return {(v, int(track[v, who, body.t])) for v, who in enumerate(body.members.tolist()) if who >= 0}
 
 
-def _paths(found: Sequence[list[Sighting]], track: Ints, fps: float) -> list[_Path]:
+def _paths(found: Sequence[list[Sighting]], track: Ints, fps: float) -> list[Path]:
     """Bodies followed from instant to instant: those whose detections go on and that are where they can be.
 
     Where people hide each other, detections of two may meet in one body for a moment. So a body goes on with the path
     that had more of its detections' tracks several times in the last seconds; a track that another has had since counts
     half, since a camera that sees one person before the other does not notice that it was handed on.
     """
-    paths: list[_Path] = []
-    holder: dict[tuple[int, int], _Path] = {}
+    paths: list[Path] = []
+    holder: dict[tuple[int, int], Path] = {}
     past = round(HISTORY_S * fps)
     for bodies in found:
         if not bodies:
@@ -188,11 +204,11 @@ def _paths(found: Sequence[list[Sighting]], track: Ints, fps: float) -> list[_Pa
         open_ = [path for path in paths if bodies[0].t - path.last.t <= MEMORY_S * fps]
         ways = []
         for i, path in enumerate(open_):
-            before = Counter(one for body in path.sightings[-past:] for one in _tracks(body, track))
+            before = Counter(one for body in path.sightings[-past:] for one in tracks_of(body, track))
             for j, body in enumerate(bodies):
                 shared = sum(
                     min(before[one], KNOWN) / KNOWN * (1.0 if holder[one] is path else HANDED_ON)
-                    for one in _tracks(body, track)
+                    for one in tracks_of(body, track)
                     if one in before
                 )
                 off = _off(path, body, fps)
@@ -204,12 +220,12 @@ def _paths(found: Sequence[list[Sighting]], track: Ints, fps: float) -> list[_Pa
                 done[0].add(i)
                 done[1].add(j)
                 open_[i].sightings.append(bodies[j])
-        paths += [_Path([body]) for j, body in enumerate(bodies) if j not in done[1]]
-        holder |= {one: path for path in paths if path.last in bodies for one in _tracks(path.last, track)}
+        paths += [Path([body]) for j, body in enumerate(bodies) if j not in done[1]]
+        holder |= {one: path for path in paths if path.last in bodies for one in tracks_of(path.last, track)}
     return paths
 
 
-def _off(path: _Path, body: Sighting, fps: float) -> float:
+def _off(path: Path, body: Sighting, fps: float) -> float:
     """Horizontal distance of a body from where a path leads, over how far it can be."""
     last, seconds = path.last, (body.t - path.last.t) / fps
     expected = last.place
@@ -235,21 +251,24 @@ def _size(bodies: list[Sighting]) -> tuple[float, float]:
     return (float(np.median(alone)), ALONE_SIGMA_M) if alone else (np.nan, np.inf)
 
 
-def _people(paths: Sequence[_Path], fps: float) -> list[_Person]:
-    """Paths put together into people, the longest first. A path that fits nobody, or two, is somebody of its own."""
-    people: list[_Person] = []
+def people_of(paths: Sequence[Path], fps: float, known: Sequence[Person] = ()) -> list[Person]:
+    """Paths put together into people, the longest first. A path that fits nobody, or two, is somebody of its own.
+
+    `known`: people whom paths may fit as well.
+    """
+    people = list(known)
     for path in sorted(paths, key=lambda one: (-len(one.together), -len(one.sightings), one.first.t)):
         fits = [(person, sure) for person in people if (sure := _fits(person, path, fps)) is not None]
         if len(fits) == 1 and fits[0][1]:
             fits[0][0].paths.append(path)
         else:
-            people.append(_Person([path], sure=not fits))
+            people.append(Person([path], sure=not fits))
             for person, _ in fits[:1] if len(fits) == 1 else ():
                 person.perhaps += len(path.sightings)
     return people
 
 
-def _fits(person: _Person, path: _Path, fps: float) -> bool | None:
+def _fits(person: Person, path: Path, fps: float) -> bool | None:
     """Whether a path can be a person's: None for no, else whether the stature says so, too, or only does not object."""
     for other in person.paths:
         earlier, later = (other, path) if other.first.t < path.first.t else (path, other)
@@ -266,7 +285,7 @@ def _fits(person: _Person, path: _Path, fps: float) -> bool | None:
     return bool(DIFFERENT * sd <= 1.5 * TOLD_M)
 
 
-def _pointed_at(paths: Sequence[_Path], seen: Seen, seeds: Sequence[Seed], every: int, track: Ints) -> list[_Path]:
+def _pointed_at(paths: Sequence[Path], seen: Seen, seeds: Sequence[Seed], every: int, track: Ints) -> list[Path]:
     """The path of each seed: that with the detection's track, nearest in time."""
     out = []
     for seed in seeds:
@@ -275,7 +294,7 @@ def _pointed_at(paths: Sequence[_Path], seen: Seen, seeds: Sequence[Seed], every
             (abs(body.t * every - seed.t), i)
             for i, path in enumerate(paths)
             for body in path.sightings
-            if wanted in _tracks(body, track)
+            if wanted in tracks_of(body, track)
         ]
         if near:
             out.append(paths[min(near)[1]])
@@ -283,13 +302,13 @@ def _pointed_at(paths: Sequence[_Path], seen: Seen, seeds: Sequence[Seed], every
 
 
 def _subject(
-    people: list[_Person],
-    marked: Sequence[_Path],
+    people: list[Person],
+    marked: Sequence[Path],
     found: Sequence[list[Sighting]],
     height_m: float,
     height_sigma_m: float,
     fps: float,
-) -> tuple[list[_Path], list[_Path], list[_Path]]:
+) -> tuple[list[Path], list[Path], list[Path]]:
     """Paths of the subject, of others, and those of which it cannot be told."""
     if marked:
         pinned = [person for person in people if any(path in person.paths for path in marked)]
@@ -303,8 +322,8 @@ def _subject(
     if chosen is None or _doubted(chosen, found, fps):
         return [], [], [path for person in people for path in person.paths]
     own = list(chosen.paths)
-    others: list[_Path] = []
-    unclear: list[_Path] = []
+    others: list[Path] = []
+    unclear: list[Path] = []
     for person in people:
         if person is not chosen:
             for path in person.paths:
@@ -313,14 +332,14 @@ def _subject(
     return own, others, unclear
 
 
-def _meets(path: _Path, others: Sequence[_Path]) -> bool:
+def _meets(path: Path, others: Sequence[Path]) -> bool:
     """Whether a path is there at the time of others."""
     return any(path.first.t <= other.last.t and other.first.t <= path.last.t for other in others)
 
 
 def _decided(
-    rivals: list[_Person], found: Sequence[list[Sighting]], height_m: float, height_sigma_m: float, fps: float
-) -> _Person | None:
+    rivals: list[Person], found: Sequence[list[Sighting]], height_m: float, height_sigma_m: float, fps: float
+) -> Person | None:
     """Which of several people is the subject; None where it cannot be told."""
     way = np.array([_way(person.sightings) for person in rivals])
     if (way > GOES_M).any():
@@ -348,7 +367,7 @@ def _way(bodies: list[Sighting]) -> float:
     return float(np.linalg.norm(high - low))
 
 
-def _doubted(person: _Person, found: Sequence[list[Sighting]], fps: float) -> bool:
+def _doubted(person: Person, found: Sequence[list[Sighting]], fps: float) -> bool:
     """Whether only some views speak for a person, while another sees somebody else, and never all for `UNANIMOUS_S`."""
     against = 0
     for body in person.sightings:
@@ -359,7 +378,7 @@ def _doubted(person: _Person, found: Sequence[list[Sighting]], fps: float) -> bo
     return split and _unanimous(person, found) < UNANIMOUS_S * fps
 
 
-def _unanimous(person: _Person, found: Sequence[list[Sighting]]) -> int:
+def _unanimous(person: Person, found: Sequence[list[Sighting]]) -> int:
     """At how many instants, one after the other, all views see this person and nobody else."""
     agreed = np.zeros(len(found) + 2, int)
     for body in person.sightings:
@@ -368,25 +387,42 @@ def _unanimous(person: _Person, found: Sequence[list[Sighting]]) -> int:
     return int((ends[1::2] - ends[::2]).max(initial=0))
 
 
-def _choice(
-    cameras: Sequence[Camera],
-    seen: Seen,
-    known: Bools,
-    own: list[_Path],
-    others: list[_Path],
-    unclear: list[_Path],
-    every: int,
-    people: int,
-) -> Choice:
+def _choice(cameras: Sequence[Camera], seen: Seen, followed: Followed) -> Choice:
     """`Choice` at all instants, from paths at every `every`-th of them."""
+    groups = (followed.own, followed.others, followed.unclear)
+    off, spans = away_from(cameras, seen, groups, followed.every)
+    near = (off[0] <= OURS) & (off[0] <= off[1:].min(axis=0))
+    pick = nearest_of(near, off[0])
+    subject = (pick >= 0).sum(axis=0) >= 2
+    state = np.full(off.shape[-1], OWN)
+    state[spans[1] & ~subject] = STRANGER
+    state[spans[2] & ~subject] = UNDECIDED
+    if not followed.own:
+        state[:] = UNDECIDED
+    stretches = _stretches(state, followed.own, [*followed.others, *followed.unclear], followed.every)
+    return Choice(pick, state, tuple(stretches), len(followed.people), followed)
+
+
+def nearest_of(near: Bools, off: Floats) -> Ints:
+    """Of the people of each view (V, K, T) who are `near`, the place of the nearest, -1 for nobody: (V, T)."""
+    return np.where(near.any(axis=1), np.where(near, off, np.inf).argmin(axis=1), -1)
+
+
+def away_from(
+    cameras: Sequence[Camera], seen: Seen, groups: Sequence[Sequence[Path]], every: int
+) -> tuple[Floats, Bools]:
+    """How far (G, V, K, T), in body sizes, everybody's detections lie from the nearest body of each of some groups of
+    paths, and at which instants (G, T) one of these is there. Infinite where there is none.
+    """
     views, each, count = seen.track.shape
     joints = people_seen.joints_of(seen.names)
+    known = (seen.score > 0) & np.isfinite(seen.uv).all(axis=-1)
     uv, say = seen.uv[:, :, :, joints.columns], known[:, :, :, joints.columns]
     middle, both = people_seen.middles(uv, say, joints)
     size = people_seen.sizes(uv, say)
-    off = np.full((3, views, each, count), np.inf)
-    spans = np.zeros((3, count), bool)
-    for kind, paths in enumerate((own, others, unclear)):
+    off = np.full((len(groups), views, each, count), np.inf)
+    spans = np.zeros((len(groups), count), bool)
+    for kind, paths in enumerate(groups):
         for path in paths:
             if not path.together:
                 continue
@@ -398,18 +434,10 @@ def _choice(
                     at = there - rows[0]
                     now = people_seen.away(camera, body[at], middle[v, k, there], both[v, k, there], size[v, k, there])
                     off[kind, v, k, there] = np.minimum(off[kind, v, k, there], now)
-    near = (off[0] <= OURS) & (off[0] <= off[1:].min(axis=0))
-    pick = np.where(near.any(axis=1), np.where(near, off[0], np.inf).argmin(axis=1), -1)
-    subject = (pick >= 0).sum(axis=0) >= 2
-    state = np.full(count, OWN)
-    state[spans[1] & ~subject] = STRANGER
-    state[spans[2] & ~subject] = UNDECIDED
-    if not own:
-        state[:] = UNDECIDED
-    return Choice(pick, state, tuple(_stretches(state, own, others + unclear, every)), people)
+    return off, spans
 
 
-def _between(path: _Path, every: int, count: int) -> tuple[Ints, Floats]:
+def _between(path: Path, every: int, count: int) -> tuple[Ints, Floats]:
     """Instants (n,) of a path, and the middles of the body's joints (n, M, 3) at them, on lines; NaN if not known."""
     ends = path.together[0].t, path.together[-1].t
     first, last = max((ends[0] - 1) * every + 1, 0), min((ends[1] + 1) * every, count)
@@ -425,7 +453,7 @@ def _between(path: _Path, every: int, count: int) -> tuple[Ints, Floats]:
     return rows, out
 
 
-def _stretches(state: Ints, own: Sequence[_Path], others: Sequence[_Path], every: int) -> list[Stretch]:
+def _stretches(state: Ints, own: Sequence[Path], others: Sequence[Path], every: int) -> list[Stretch]:
     """The stretches of one state, and where their people are."""
     edges = np.flatnonzero(np.diff(state)) + 1
     mine = sorted((body for path in own for body in path.sightings), key=lambda body: body.t)

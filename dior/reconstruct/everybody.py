@@ -80,8 +80,13 @@ def _slots(people: Table, frames: int, joints: int) -> tuple[Floats, Ints]:
 
 def picked(seen: Seen, choice: Choice) -> tuple[Floats, Floats]:
     """Pixels (V, T, J, 2) and scores (V, T, J) of the chosen people, NaN and 0 where there is none."""
-    at = np.maximum(choice.pick, 0)[:, None, :, None]
-    none = (choice.pick < 0) | (choice.state != OWN)
+    return of_picked(seen, np.where(choice.state == OWN, choice.pick, -1))
+
+
+def of_picked(seen: Seen, pick: Ints) -> tuple[Floats, Floats]:
+    """The same of the people at the places `pick` (V, T), -1 for none."""
+    at = np.maximum(pick, 0)[:, None, :, None]
+    none = pick < 0
     score = np.where(none[..., None], 0.0, np.take_along_axis(seen.score, at, axis=1)[:, 0])
     uv = np.take_along_axis(seen.uv, at[..., None], axis=1)[:, 0]
     return np.where(none[..., None, None], np.nan, uv), score

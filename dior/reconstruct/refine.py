@@ -8,6 +8,7 @@ smoothed away: it is left in the covariance. Then the bones get their lengths ba
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from dior.arrays import Bools, Floats, Ints
 from dior.geometry.covariance import point_covariance
 from dior.reconstruct.smooth import smooth
 from dior.reconstruct.timeline import instants_within
-from dior.reconstruct.triangulate import rate, write_skeleton
+from dior.reconstruct.triangulate import Skeleton, rate, write_skeleton
 from dior.tables import tables
 
 # m/s^3 of a joint, from a head to a foot that meets the floor; chosen: wide enough that neither end is the likeliest
@@ -51,21 +52,37 @@ def run(*, sequence: str, subject: str, skeleton: Path, max_gap_s: float, out: P
     about = tables.metadata(skeleton)
     points, joints = tables.grid(table, "x", "y", "z")
     shape = points.shape[:2]
-    covariance = point_covariance(table, shape)
     stamps = table["stamp_ns"].reshape(shape)[:, 0]
-    status = table["status"].astype(str).reshape(shape)
-    time = float(about.get("noise_time_s", 0.0))
-    constant = np.nan_to_num(table["constant_share"].astype(float).reshape(shape))
-    points, covariance, filled, constant = refined(points, covariance, joints, rate(stamps), time, constant, max_gap_s)
-    left_open = status == "suspect"
-    points[left_open], covariance[left_open], constant[left_open] = np.nan, np.nan, np.nan
-    filled &= ~left_open
-    status = np.where(filled, "gap_filled", status)
-    n_views = np.where(filled, 0, table["n_views"].reshape(shape))
-    residual = table["residual_px"].reshape(shape)
-    write_skeleton(out, subject, sequence, joints, stamps, points, status, n_views, residual, covariance, constant)
+    given = Skeleton(
+        points, table["status"].astype(str).reshape(shape), table["n_views"].reshape(shape),
+        table["residual_px"].reshape(shape), point_covariance(table, shape),
+        np.nan_to_num(table["constant_share"].astype(float).reshape(shape)), float(about.get("noise_time_s", 0.0)),
+    )  # fmt: skip
+    found = over_time(given, joints, rate(stamps), max_gap_s)
+    write_skeleton(
+        out, subject, sequence, joints, stamps, found.points, found.status, found.n_views, found.residual,
+        found.covariance, found.constant_share,
+    )  # fmt: skip
+    filled = found.status == "gap_filled"
     text = f"{filled.mean():.1%} of the 3D joints were bridged over gaps of at most {max_gap_s:g} s"
     tables.write_findings(findings, [(sequence, "info", "gaps_bridged", text)] if filled.any() else [])
+
+
+def over_time(given: Skeleton, names: Sequence[str], fps: float, max_gap_s: float) -> Skeleton:
+    """The `Skeleton` smoothed, with short gaps bridged but for what is suspect."""
+    points, covariance, filled, constant = refined(
+        given.points, given.covariance, names, fps, given.time_s, given.constant_share, max_gap_s
+    )
+    left_open = given.status == "suspect"
+    filled = filled & ~left_open
+    return replace(
+        given,
+        points=np.where(left_open[..., None], np.nan, points),
+        status=np.where(filled, "gap_filled", given.status),
+        n_views=np.where(filled, 0, given.n_views),
+        covariance=np.where(left_open[..., None, None], np.nan, covariance),
+        constant_share=np.where(left_open, np.nan, constant),
+    )
 
 
 def refined(

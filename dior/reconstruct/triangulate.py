@@ -11,7 +11,7 @@ default.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -125,25 +125,131 @@ def run(
     `everybody_seen`: table `detected_people`; `people`: subjects.tsv, where the subject's height is known; `seeds`:
     YAML file in which somebody pointed at the subject.
     """
+    given = gathered(
+        sequence, subject, cameras, names, detections, timeline, method, limits.min_score, everybody_seen, people, seeds
+    )
+    rig, joints, stamps, frames = given.rig, given.seen.names, given.stamps, given.frames
+    choice, seen = given.choice, given.seen
+    uv, score = (given.uv, given.score) if choice is None else everybody.picked(seen, choice)
+    mine = everybody.of_subject(given.detected, given.others, seen, choice, names, frames)
+    if out_detections:
+        tables.write(out_detections, "detections", mine)
+    found, corrected = solved(rig, uv, score, joints, seen.fps, method, limits)
+    if choice:
+        word = which_person.words(choice.state)[:, None]
+        found = found.known_only(np.where(word == "", found.status, word))
+    about = {"noise_time_s": f"{found.time_s:.6g}"}
+    write_skeleton(
+        out, subject, sequence, joints, stamps, found.points, found.status, found.n_views, found.residual,
+        found.covariance, found.constant_share, about,
+    )  # fmt: skip
+    write_swaps(out_swaps, names, stamps, frames, corrected.swapped, joints)
+    told = mine if choice and np.mean(choice.state == which_person.OWN) > MOSTLY else given.detected
+    notes = _culprit(sequence, rig, told, given.line, limits.min_score, choice is not None)
+    notes += _findings(sequence, names, np.any(corrected.swapped, axis=2), found.status)
+    notes += _mistaken_findings(sequence, names, corrected.mistaken)
+    if choice:
+        notes += everybody.findings(sequence, choice, names, frames, seen.fps, given.measured)
+    tables.write_findings(findings, notes)
+
+
+@dataclass(frozen=True, eq=False)
+class Given:
+    """What the close cameras `rig` have of a sequence: the subject's detections as the step `detections` has them, `uv`
+    (V, T, J, 2) px and `score` (V, T, J); everybody `seen`, and who of them is the subject (`choice`, None where there
+    is nobody else); `stamps` (T,) ns and `frames` (V, T) of the instants; the tables `line`, `detected` and `others`;
+    `measured`: the subject's height is known."""
+
+    rig: list[Camera]
+    uv: Floats
+    score: Floats
+    seen: which_person.Seen
+    choice: which_person.Choice | None
+    stamps: Ints
+    frames: Ints
+    line: Table
+    detected: Table
+    others: Table | None
+    measured: bool
+
+
+def gathered(
+    sequence: str,
+    subject: str,
+    cameras: list[Path],
+    names: list[str],
+    detections: Path,
+    timeline: Path,
+    method: str,
+    min_score: float,
+    everybody_seen: Path | None,
+    people: Path | None,
+    seeds: Path | None,
+) -> Given:
+    """`Given` from the files; arguments as of `run`."""
     if method not in METHODS:
         raise DiorError(f"config/config.yaml: triangulate.method is '{method}', not one of {', '.join(METHODS)}")
     rig = camera_tables.read_placed(cameras, names, sequence)
     line = tables.read(timeline, "timeline")
     detected = tables.read(detections, "detections")
-    uv, score, joints = observations(detected, line, names, limits.min_score)
+    uv, score, _ = observations(detected, line, names, min_score)
     stamps = line["stamp_ns"][:: len(tables.ordered_unique(line["camera"]))]
     fps = rate(stamps)
     frames = nearest_frames(line, names)
     others = tables.read(everybody_seen, "detected_people") if everybody_seen else None
-    seen = everybody.at_instants(detected, others, line, names, limits.min_score, fps)
+    seen = everybody.at_instants(detected, others, line, names, min_score, fps)
     height_m, height_sigma_m = heights.of(subject, people) or (np.nan, 0.0)
     pointed = everybody.seeds_of(seeds, seen, names, frames)
     choice = which_person.choose(rig, seen, height_m, height_sigma_m, pointed)
-    if choice:
-        uv, score = everybody.picked(seen, choice)
-    mine = everybody.of_subject(detected, others, seen, choice, names, frames)
-    if out_detections:
-        tables.write(out_detections, "detections", mine)
+    measured = bool(np.isfinite(height_m))
+    return Given(rig, uv, score, seen, choice, stamps, frames, line, detected, others, measured)
+
+
+@dataclass(frozen=True, eq=False)
+class Skeleton:
+    """The 3D of somebody: `points` (T, J, 3) m and their `covariance` (T, J, 3, 3) m^2, NaN but where `status` (T, J)
+    is ok; `n_views` and `residual` px (T, J); `constant_share` (T, J) of the variance, the rest of which dies away with
+    the time constant `time_s`."""
+
+    points: Floats
+    status: Texts
+    n_views: Ints
+    residual: Floats
+    covariance: Floats
+    constant_share: Floats
+    time_s: float
+
+    def known_only(self, status: Texts) -> "Skeleton":
+        """The same with another status, and without what is not ok."""
+        ok = status == "ok"
+        points, covariance = np.where(ok[..., None], self.points, np.nan), self.covariance
+        return replace(
+            self,
+            points=points,
+            status=status,
+            covariance=np.where(ok[..., None, None], covariance, np.nan),
+            constant_share=np.where(ok, self.constant_share, np.nan),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Corrected:
+    """Which detections (V, T, J) had left and right `swapped`, and which were `mistaken` for the other limb."""
+
+    swapped: Bools
+    mistaken: Bools
+
+
+def solved(
+    rig: Sequence[Camera],
+    uv: Floats,
+    score: Floats,
+    joints: Sequence[str],
+    fps: float,
+    method: str,
+    limits: Limits,
+) -> tuple[Skeleton, Corrected]:
+    """The `Skeleton` of one person from detections uv (V, T, J, 2) px with scores (V, T, J), and what was corrected."""
     swapped = np.zeros(uv.shape[:3], bool)
     mistaken = np.zeros(uv.shape[:3], bool)
     if method == "robust":
@@ -175,26 +281,9 @@ def run(
         speeds = (limits.max_speed, limits.max_body_speed)
         good &= ~implausible(sound, covariance, joints, fps, *speeds, limits.max_bone_change)
     status = np.where(~enough, "too_few_views", np.where(good, "ok", "rejected"))
-    if choice:
-        word = which_person.words(choice.state)[:, None]
-        status = np.where(word == "", status, word)
-    points = np.where((status == "ok")[..., None], points, np.nan)
     residual = np.where(enough, residual, np.nan)
-    covariance = np.where((status == "ok")[..., None, None], covariance, np.nan)
-    constant_share = np.where(status == "ok", constant_share, np.nan)
-    about = {"noise_time_s": f"{time_s:.6g}"}
-    n_views = used.sum(axis=0)
-    write_skeleton(
-        out, subject, sequence, joints, stamps, points, status, n_views, residual, covariance, constant_share, about
-    )
-    write_swaps(out_swaps, names, stamps, frames, swapped, joints)
-    told = mine if choice and np.mean(choice.state == which_person.OWN) > MOSTLY else detected
-    notes = _culprit(sequence, rig, told, line, limits.min_score, choice is not None)
-    notes += _findings(sequence, names, np.any(swapped, axis=2), status)
-    notes += _mistaken_findings(sequence, names, mistaken)
-    if choice:
-        notes += everybody.findings(sequence, choice, names, frames, fps, bool(np.isfinite(height_m)))
-    tables.write_findings(findings, notes)
+    skeleton = Skeleton(points, status, used.sum(axis=0), residual, covariance, constant_share, time_s)
+    return skeleton.known_only(status), Corrected(swapped, mistaken)
 
 
 def _culprit(
@@ -228,26 +317,35 @@ def write_skeleton(
 ) -> None:
     """Write `skeletons_3d` from points (T, J, 3), their covariance (T, J, 3, 3), which share of it is constant (T, J),
     and what is known about them (T, J)."""
+    once = np.zeros(points.shape[0] * points.shape[1], int)
+    own = {"subject": tables.Repeated([subject], once), "sequence": tables.Repeated([sequence], once)}
+    known = columns(joints, stamps, points, status, n_views, residual, covariance, constant_share)
+    tables.write(path, "skeletons_3d", own | known, metadata)
+
+
+def columns(
+    joints: Sequence[str],
+    stamps: Ints,
+    points: Floats,
+    status: Texts,
+    n_views: Ints,
+    residual: Floats,
+    covariance: Floats | None = None,
+    constant_share: Floats | None = None,
+) -> dict[str, tables.Column]:
+    """The columns of `skeletons_3d` but for whose it is; arguments as of `write_skeleton`."""
     count, each = points.shape[:2]
-    once = np.zeros(count * each, int)
-    tables.write(
-        path,
-        "skeletons_3d",
-        {
-            "subject": tables.Repeated([subject], once),
-            "sequence": tables.Repeated([sequence], once),
-            "joint": tables.Repeated(joints, np.tile(np.arange(each), count)),
-            "instant": np.repeat(np.arange(count), each),
-            "stamp_ns": np.repeat(stamps, each),
-            **{axis: points[..., i].ravel() for i, axis in enumerate("xyz")},
-            **({} if covariance is None else sigmas(covariance.reshape(-1, 3, 3))),
-            **({} if constant_share is None else {"constant_share": constant_share.ravel()}),
-            "n_views": n_views.ravel(),
-            "residual_px": residual.ravel(),
-            "status": status.ravel(),
-        },
-        metadata,
-    )
+    return {
+        "joint": tables.Repeated(joints, np.tile(np.arange(each), count)),
+        "instant": np.repeat(np.arange(count), each),
+        "stamp_ns": np.repeat(stamps, each),
+        **{axis: points[..., i].ravel() for i, axis in enumerate("xyz")},
+        **({} if covariance is None else sigmas(covariance.reshape(-1, 3, 3))),
+        **({} if constant_share is None else {"constant_share": constant_share.ravel()}),
+        "n_views": n_views.ravel(),
+        "residual_px": residual.ravel(),
+        "status": status.ravel(),
+    }
 
 
 def sigmas(covariance: Floats) -> dict[str, Floats]:
