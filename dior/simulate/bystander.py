@@ -42,12 +42,30 @@ class SecondPerson:
     present: Bools
 
 
+@dataclass(frozen=True, eq=False)
+class Bystander:
+    """Landmarks (P, 33, 3) m of a second person of that `height` m, and when the person is there (P,)."""
+
+    height: float
+    landmarks: Floats
+    present: Bools
+
+
 def seen(settings: Settings, sequence: Sequence, camera: Camera, seconds: Floats) -> SecondPerson:
     """`SecondPerson` by a camera at `seconds` (P,); NaN where there is nobody in the whole recording."""
     count = len(seconds)
     if not settings.bystander:
         nowhere, never = np.full((count, len(MLKIT_33), 3), np.nan), np.zeros((count, len(MLKIT_33)), bool)
         return SecondPerson(np.nan, nowhere, nowhere[..., :2], nowhere[..., 2], never, never[:, 0])
+    one = at(settings, sequence, seconds)
+    uv, depth = scene.project(camera, one.landmarks)
+    uv = np.where((depth > 0)[..., None], uv, np.nan)
+    inside = scene.in_picture(camera.intrinsics, uv)
+    return SecondPerson(one.height, one.landmarks, uv, depth, inside, one.present)
+
+
+def at(settings: Settings, sequence: Sequence, seconds: Floats) -> Bystander:
+    """`Bystander` of a recording at `seconds` (P,)."""
     draw = generator(settings, "bystander", sequence.name)
     body = Body(round(float(draw.uniform(1.66, 1.84)), 3))
     length = settings.bystander * settings.duration_s
@@ -59,9 +77,7 @@ def seen(settings: Settings, sequence: Sequence, camera: Camera, seconds: Floats
         landmarks = walker.at(seconds)[0] + (*LOOP_AT, 0.0)
     else:
         landmarks = _swaying(body, sequence.environment, seconds)
-    uv, depth = scene.project(camera, landmarks)
-    uv = np.where((depth > 0)[..., None], uv, np.nan)
-    return SecondPerson(body.height, landmarks, uv, depth, scene.in_picture(camera.intrinsics, uv), present)
+    return Bystander(body.height, landmarks, present)
 
 
 def _swaying(body: Body, environment: str, seconds: Floats) -> Floats:

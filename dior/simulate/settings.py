@@ -26,7 +26,7 @@ AROUND = ("body", "joints")
 
 @dataclass(frozen=True)
 class Detector:
-    """Errors of the 2D detector; all but `level` and `noise_px` count at level `real` only."""
+    """Errors of the 2D detector; all but `level`, `noise_px` and `everybody` count at level `real` only."""
 
     level: str = "ideal"  # ideal: white noise, nothing missed; real: all of the below
     noise_px: float = 2.0  # ideal: standard deviation of a landmark in u and in v
@@ -47,6 +47,7 @@ class Detector:
     missed_frames: tuple[int, int] = (1, 5)  # how long that lasts, pictures
     taken: float = 0.2  # share of the bystander's pictures in which he is found instead of the subject
     taken_frames: tuple[int, int] = (3, 15)  # how long that lasts, pictures
+    everybody: bool = False  # all people of a picture are found, with the same errors, and not one of them; any level
 
 
 @dataclass(frozen=True)
@@ -273,6 +274,12 @@ def sequence_named(settings: Settings, name: str) -> Sequence:
     if name not in known:
         raise DiorError(f"the simulated capture has no sequence '{name}'{nearest(name, known)}")
     return known[name]
+
+
+def detections_path(settings: Settings, sequence: str) -> str:
+    """Where the detections of a walk lie below data_root, with {camera} in it: ML Kit's, who finds one person at most,
+    or MediaPipe's."""
+    return f"{sequence}/{'mediapipe' if settings.detector.everybody else 'mlkit'}/{{camera}}.jsonl"
 
 
 def generator(settings: Settings, *names: object) -> np.random.Generator:

@@ -2,11 +2,12 @@
 
 INPUTS   the `simulate:` section and the sequence's name
 OUTPUTS  below `out` (data_root): <sequence>/pc1.bag and pc2.bag (ROS 1, a recording computer each),
-         <sequence>/mlkit/<camera>.jsonl, truth/<sequence>/*.parquet
+         <sequence>/mlkit/<camera>.jsonl, or mediapipe/ of everybody, truth/<sequence>/*.parquet
 Every random number derives from the seed and a name, so that the same settings give the same bytes.
 """
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,9 +19,9 @@ from dior.progress import reporting
 from dior.simulate import backdrop, bystander, detector_real, draw, scene, truth
 from dior.simulate.bystander import SecondPerson
 from dior.simulate.clocks import Clock
-from dior.simulate.detector import detect, write_mlkit
+from dior.simulate.detector import detect, write_mediapipe, write_mlkit
 from dior.simulate.motion import Motion, motion_of
-from dior.simulate.settings import COMPUTERS, Sequence, Settings, from_dict, sequence_named
+from dior.simulate.settings import COMPUTERS, Sequence, Settings, detections_path, from_dict, sequence_named
 from dior.simulate.truth import View
 from dior.tables.files import written_whole
 
@@ -63,18 +64,40 @@ def write_detections(
     others: dict[str, SecondPerson],
     out: Path,
 ) -> None:
-    """Detect the person in every camera, and write the detections and the truth below `out`."""
+    """Detect the person in every camera, or everybody, and write the detections and the truth below `out`."""
+    pattern, folder = str(out / detections_path(settings, walk.name)), out / "truth" / walk.name
+    if not settings.detector.everybody:
+        found = _detected(settings, walk, height, views, others)
+        for camera, detected in found.items():
+            write_mlkit(Path(pattern.format(camera=camera)), views[camera].clock, detected)
+        truth.write(settings, walk, views, found, folder)
+        return
+    # nobody is taken for anybody else
+    nobody = {camera: replace(one, present=np.zeros_like(one.present)) for camera, one in others.items()}
+    found = _detected(settings, walk, height, views, nobody)
+    people = [found]
+    truth.write(settings, walk, views, found, folder)
+    if settings.bystander:
+        second = replace(walk, name=f"{walk.name} second", subject=bystander.SUBJECT)
+        seen = {name: truth.second_view(settings, walk, own, height, others[name]) for name, own in views.items()}
+        people.append(_detected(settings, second, next(iter(others.values())).height, seen, nobody))
+        truth.write_second(settings, replace(second, name=walk.name), seen, folder)
+    for camera, own in views.items():
+        each = [one[camera] for one in people]
+        write_mediapipe(Path(pattern.format(camera=camera)), own.clock, own.camera.intrinsics, each)
+
+
+def _detected(
+    settings: Settings, walk: Sequence, height: float, views: dict[str, View], others: dict[str, SecondPerson]
+) -> dict[str, truth.Detected]:
+    """What the detector makes of one person in every camera; arguments as of `detector_real.detect`."""
     if settings.detector.level == "real":
-        found = detector_real.detect(settings, walk, height, views, others)
-    else:
-        noise_px = settings.detector.noise_px
-        found = {
-            camera: detect(seen, noise_px, truth.detector_generator(settings, walk, camera))
-            for camera, seen in views.items()
-        }
-    for camera, detected in found.items():
-        write_mlkit(out / walk.name / "mlkit" / f"{camera}.jsonl", views[camera].clock, detected)
-    truth.write(settings, walk, views, found, out / "truth" / walk.name)
+        return detector_real.detect(settings, walk, height, views, others)
+    noise_px = settings.detector.noise_px
+    return {
+        camera: detect(seen, noise_px, truth.detector_generator(settings, walk, camera))
+        for camera, seen in views.items()
+    }
 
 
 def write_bag(

@@ -1,7 +1,8 @@
 """What is true of a simulated walk, and the tables that say so.
 
 INPUTS   settings and a sequence's name
-OUTPUTS  `View` of each camera in memory; truth/<sequence>/{labels_2d,skeletons_3d,cameras,detections}.parquet
+OUTPUTS  `View` of each camera in memory; truth/<sequence>/{labels_2d,skeletons_3d,cameras,detections}.parquet; of the
+         second person, where everybody is detected, second_{labels_2d,skeletons_3d}.parquet
 Indoors the joints are the markers and, after them, the landmarks; outdoors the landmarks. World metres, Z up; pixels
 as recorded.
 """
@@ -19,6 +20,7 @@ from dior.body.names import MLKIT_33
 from dior.geometry import camera_tables
 from dior.geometry.camera import Camera
 from dior.simulate import bystander, draw, scene
+from dior.simulate.bystander import SecondPerson
 from dior.simulate.clocks import Clock, clocks_of
 from dior.simulate.motion import Motion, mocap_lasts, motion_of
 from dior.simulate.settings import Sequence, Settings, generator
@@ -82,18 +84,44 @@ def view(settings: Settings, sequence: Sequence, motion: Motion, camera: str) ->
     clocks, _ = clocks_of(settings, sequence)
     seconds = clocks[camera].seconds
     joints, points, known, landmarks = _joints(sequence, motion, seconds)
+    behind = _behind_others(settings, sequence, placed.camera, seconds, points)
+    return _seen(placed, clocks[camera], joints, points, known, landmarks, motion.height, behind)
+
+
+def second_view(settings: Settings, sequence: Sequence, subject: View, height: float, other: SecondPerson) -> View:
+    """`View` of the second person, whom the subject of that `height` (m) hides where he is nearer; the landmarks alone,
+    missing while the person is not there."""
+    camera, landmarks = subject.camera, np.nan_to_num(other.landmarks)
+    behind = np.zeros(landmarks.shape[:2], bool)
+    if sequence.environment == "outdoor":
+        behind |= scene.behind_wall(settings, camera, landmarks)
+    behind |= draw.hidden(camera, draw.figure(subject.landmarks, height), height, landmarks, np.zeros(len(MLKIT_33)))
+    known = np.repeat(other.present[:, None], len(MLKIT_33), axis=1)
+    return _seen(subject.placed, subject.clock, MLKIT_33, landmarks, known, landmarks, other.height, behind)
+
+
+def _seen(
+    placed: scene.Placed,
+    clock: Clock,
+    joints: tuple[str, ...],
+    points: Floats,
+    known: Bools,
+    landmarks: Floats,
+    height: float,
+    behind: Bools,
+) -> View:
+    """`View` of points (F, J, 3) m of a body with `landmarks` (F, 33, 3) m; `behind` (F, J) something else."""
     uv, depth = scene.project(placed.camera, points)
     inside = scene.in_picture(placed.camera.intrinsics, uv)
-    slack = motion.height * np.array([depth_below_surface(name) for name in joints])
-    behind_body = draw.hidden(placed.camera, draw.figure(landmarks, motion.height), motion.height, points, slack)
-    behind_body |= _behind_others(settings, sequence, placed.camera, seconds, points)
+    slack = height * np.array([depth_below_surface(name) for name in joints])
+    hidden = behind | draw.hidden(placed.camera, draw.figure(landmarks, height), height, points, slack)
     status = np.select(
-        [~known, depth <= 0, ~inside, behind_body],
+        [~known, depth <= 0, ~inside, hidden],
         ["missing_3d", "behind_camera", "out_of_frame", "occluded"],
         "ok",
     )
     uv = np.where((known & (depth > 0))[..., None], uv, np.nan)
-    return View(placed, clocks[camera], seconds, landmarks, joints, uv, np.where(known, depth, np.nan), status)
+    return View(placed, clock, clock.seconds, landmarks, joints, uv, np.where(known, depth, np.nan), status)
 
 
 def _joints(sequence: Sequence, motion: Motion, seconds: Floats) -> tuple[tuple[str, ...], Floats, Bools, Floats]:
@@ -154,6 +182,18 @@ def write(
     )
 
 
+def write_second(settings: Settings, sequence: Sequence, views: dict[str, View], folder: Path) -> None:
+    """Write the truth of the second person, `sequence.subject`; null where nobody is there."""
+    tables.write(
+        folder / "second_labels_2d.parquet", "labels_2d", _stacked(_labels(sequence, v) for v in views.values())
+    )
+    seconds = _instants(settings, sequence, views)
+    other = bystander.at(settings, sequence, seconds)
+    points, known = other.landmarks, np.repeat(other.present[:, None], len(MLKIT_33), axis=1)
+    skeleton = _skeleton_of(settings, sequence, seconds, MLKIT_33, points, known)
+    tables.write(folder / "second_skeletons_3d.parquet", "skeletons_3d", skeleton)
+
+
 def _stacked(parts: Iterable[Table]) -> Table:
     parts = list(parts)
     return {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
@@ -177,14 +217,24 @@ def _labels(sequence: Sequence, seen: View) -> Table:
     }
 
 
-def _skeleton(settings: Settings, sequence: Sequence, motion: Motion, views: dict[str, View]) -> Table:
-    _, t0 = clocks_of(settings, sequence)
+def _instants(settings: Settings, sequence: Sequence, views: dict[str, View]) -> Floats:
+    """Times (T,) s of the instants of the truth."""
     if sequence.environment == "indoor":
-        seconds = mocap_seconds(settings)
-    else:
-        last = max(v.seconds[-1] for v in views.values())
-        seconds = np.arange(int(np.floor(last * settings.fps)) + 1) / settings.fps
+        return mocap_seconds(settings)
+    last = max(v.seconds[-1] for v in views.values())
+    return np.arange(int(np.floor(last * settings.fps)) + 1) / settings.fps
+
+
+def _skeleton(settings: Settings, sequence: Sequence, motion: Motion, views: dict[str, View]) -> Table:
+    seconds = _instants(settings, sequence, views)
     joints, points, known, _ = _joints(sequence, motion, seconds)
+    return _skeleton_of(settings, sequence, seconds, joints, points, known)
+
+
+def _skeleton_of(
+    settings: Settings, sequence: Sequence, seconds: Floats, joints: tuple[str, ...], points: Floats, known: Bools
+) -> Table:
+    _, t0 = clocks_of(settings, sequence)
     points = np.where(known[..., None], points, np.nan)
     count, each = known.shape
     return {

@@ -9,6 +9,7 @@ from dior.body.names import MLKIT_33, PLUG_IN_GAIT_39
 from dior.errors import DiorError
 from dior.geometry import camera as cam
 from dior.ingest import bags, mocap
+from dior.ingest.readers import mediapipe
 from dior.simulate import backdrop, bystander, config, draw, scene, settings, simulate, simulate_mocap, truth
 from dior.simulate.motion import motion_of
 from dior.tables import tables
@@ -246,3 +247,34 @@ def test_a_second_person_who_walks_passes_beside_the_walkway():
     hips = other.landmarks[:, MLKIT_33.index("left_hip")]
     assert np.ptp(hips[:, 0]) > 1.0 and np.abs(hips[:, 1] - bystander.LOOP_AT[1]).max() < 1.0
     assert other.present.mean() == pytest.approx(0.5, abs=0.05)
+
+
+@pytest.mark.parametrize("level", ["ideal", pytest.param("real", marks=pytest.mark.slow)])
+def test_a_detector_of_everybody_gives_both_people_where_the_truth_has_them(tmp_path, level):
+    used = settings.from_dict(
+        {"subjects": 1, "sequences": 1, "environments": ["outdoor"], "duration_s": 0.7, "bystander": 0.6,
+         "detector": {"level": level, "everybody": True, "missed": 0.0, "swapped": 0.0}}
+    )  # fmt: skip
+    (walk,) = settings.sequences(used)
+    motion = motion_of(used, walk)
+    views, others = simulate.observe(used, walk, motion)
+    simulate.write_detections(used, walk, motion.height, views, others, tmp_path)
+    truth_of = [
+        tables.read(tmp_path / f"truth/{walk.name}/{name}labels_2d.parquet", "labels_2d") for name in ("", "second_")
+    ]
+    found = mediapipe.read(tmp_path / settings.detections_path(used, walk.name).format(camera="cam01"))
+    size = np.array([used.width, used.height])
+    frames = len(found.ran)
+    subject, second = (tables.grid(tables.of_camera(true, "cam01"), "u", "v")[0] for true in truth_of)
+    there = np.isfinite(second[..., 0]).any(axis=1)
+    assert there.mean() == pytest.approx(0.6, abs=0.1) and np.bincount(found.frame, minlength=frames).max() == 2
+    assert (np.bincount(found.frame, minlength=frames) == 1 + there).all()
+    uv = found.uv * size - 0.5
+    off = [np.linalg.norm(uv - true[found.frame], axis=-1).mean(axis=1) for true in (subject, second)]
+    near = np.stack(off) < (6.0 if level == "ideal" else 30.0)
+    # each is one of the two, and neither is there twice
+    assert (near.sum(axis=0) == 1).all() and near[0].sum() == frames and near[1].sum() == there.sum()
+    body = tables.read(tmp_path / f"truth/{walk.name}/second_skeletons_3d.parquet", "skeletons_3d")
+    known = body["status"] == "ok"
+    assert known.mean() == pytest.approx(0.6, abs=0.1) and set(body["subject"]) == {bystander.SUBJECT}
+    assert (np.isfinite(body["x"]) == known).all() and 1.4 < body["z"][known].max() < 1.9

@@ -121,3 +121,17 @@ def motion(wildcards):
     """The C3D whose walk the simulation uses, if any."""
     path = CONFIG["simulate"]["motion"]
     return [ancient(path)] if path else []
+
+
+def simulated_detections():
+    """Where the simulation writes the detections of a sequence: of everybody, or of one person at most."""
+    tool = "mediapipe" if CONFIG["simulate"]["detector"]["everybody"] else "mlkit"
+    cameras = ["cam01", "cam02", "cam03", "cam04"]
+    return expand("{data}/{{sequence}}/{tool}/{camera}.jsonl", data=DATA, tool=tool, camera=cameras)
+
+
+def true_tables():
+    """The tables of the truth of a sequence."""
+    second = CONFIG["simulate"]["detector"]["everybody"] and CONFIG["simulate"].get("bystander")
+    of_second = ["second_labels_2d", "second_skeletons_3d"] if second else []
+    return ["labels_2d", "skeletons_3d", "cameras", "detections", *of_second]

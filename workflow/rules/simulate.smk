@@ -11,16 +11,8 @@ rule simulate:
         motion=motion,
     output:
         bags=expand("{data}/{{sequence}}/{pc}.bag", data=DATA, pc=["pc1", "pc2"]),
-        detections=expand(
-            "{data}/{{sequence}}/mlkit/{camera}.jsonl",
-            data=DATA,
-            camera=["cam01", "cam02", "cam03", "cam04"],
-        ),
-        truth=expand(
-            "{data}/truth/{{sequence}}/{table}.parquet",
-            data=DATA,
-            table=["labels_2d", "skeletons_3d", "cameras", "detections"],
-        ),
+        detections=simulated_detections(),
+        truth=expand("{data}/truth/{{sequence}}/{table}.parquet", data=DATA, table=true_tables()),
     log:
         "logs/simulate/{sequence}.log",
     benchmark:
