@@ -19,6 +19,8 @@ from dior.tables import tables
 
 FPS, SECONDS = 30.0, 10.0
 KINDS = ("clean", "together", "another", "one_camera", "mostly_one_camera", "same_build", "two_cameras")
+# of `benchmarks.everyone` alone: the other walks across the subject's way, and passes at this distance or more, m
+CROSSING, PASSES_M = "crossing", 0.45
 # chosen: m, on how much of the walk the second person is beside the subject
 BESIDE_M = (0.9, 1.3)
 AWAY_S = 3.0  # how long the subject is away, and another walks
@@ -45,8 +47,8 @@ class Capture:
 
 
 def make(kind, level, seed, views=3, taller=None):
-    """`Capture` of a kind. `taller`: by how much the other is taller than the subject, m; drawn without it."""
-    random = np.random.default_rng([seed, KINDS.index(kind), levels.LEVELS.index(level)])
+    """`Capture` of a kind, or CROSSING. `taller`: by how much the other is taller than the subject, m, else drawn."""
+    random = np.random.default_rng([seed, (*KINDS, CROSSING).index(kind), levels.LEVELS.index(level)])
     turn = random.uniform(0, 360)
     around = turn + np.arange(views) * 360 / views + random.uniform(-12, 12, views)
     cameras = [
@@ -73,6 +75,12 @@ def make(kind, level, seed, views=3, taller=None):
     points = np.stack([own.at(seconds)[0], other.at(seconds)[0] + aside])
     if kind == "another":
         points[1] = other.at(seconds)[0] + aside
+    while kind == CROSSING:
+        across = replace(other, direction=direction + np.pi / 2, start=random.uniform(0, 8))
+        points[1] = across.at(seconds)[0]
+        hips = points[:, :, 23:25, :2].mean(axis=2)
+        if np.linalg.norm(hips[0] - hips[1], axis=1).min() >= PASSES_M:
+            break
     there = np.ones((2, count), bool)
     if kind == "clean":
         there[1] = False

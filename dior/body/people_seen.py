@@ -45,7 +45,8 @@ class Sighting:
     rays `meet` (V,) in it; others lie near.
 
     `middles` (M, 3) m of its joints, NaN where not known; `stature` m, NaN where the joints do not tell; `alone`: one
-    view only, whose place is that of the feet on the floor.
+    view only, whose place is that of the feet on the floor; `sure`: two views or more have no other person whose rays
+    meet as well.
     """
 
     t: int
@@ -55,6 +56,7 @@ class Sighting:
     stature: float
     alone: bool
     meet: Bools
+    sure: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +90,7 @@ def sightings(
     sets = _meeting(cameras, middle, both, size, meets)
     out = []
     for t, chosen in enumerate(_disjoint(sets, uv.shape[2])):
-        bodies = [_body(cameras, joints, uv[:, :, t], seen[:, :, t], t, members) for members in chosen]
+        bodies = [_body(cameras, joints, uv[:, :, t], seen[:, :, t], t, *one) for one in chosen]
         known = [body for body in bodies if body is not None]
         out.append(_with_others(cameras, joints, uv[:, :, t], seen[:, :, t], size[:, :, t], t, known))
     return out
@@ -161,10 +163,10 @@ def _error(
     return np.where((count >= FEWEST) & upright, median / size[chosen, people][:, rows].mean(axis=0), np.inf)
 
 
-def _disjoint(sets: dict[tuple[int, ...], Floats], count: int) -> Iterator[list[tuple[int, ...]]]:
-    """Per instant the sets that share nobody: those of the most views first, then the best."""
+def _disjoint(sets: dict[tuple[int, ...], Floats], count: int) -> Iterator[list[tuple[tuple[int, ...], bool]]]:
+    """Per instant the sets that share nobody, those of the most views first, then the best; and if each is sure."""
     names = list(sets)
-    views = np.array([sum(who >= 0 for who in members) for members in names], int)
+    views = np.array([_count(members) for members in names], int)
     errors = np.array([sets[members] for members in names]).reshape(len(names), count)
     for t in range(count):
         meeting = np.flatnonzero(np.isfinite(errors[:, t]))
@@ -175,11 +177,41 @@ def _disjoint(sets: dict[tuple[int, ...], Floats], count: int) -> Iterator[list[
             if not people & taken:
                 taken |= people
                 chosen.append(names[i])
-        yield chosen
+        others = [names[i] for i in meeting.tolist()]
+        yield [(members, _sure(members, chosen, others)) for members in chosen]
+
+
+def _sure(members: tuple[int, ...], chosen: Sequence[tuple[int, ...]], meeting: Sequence[tuple[int, ...]]) -> bool:
+    """Whether two views of a set or more have nobody else whose rays meet those of the other views as well.
+
+    Another of the sets that are `meeting` speaks against it where it has as many views, takes nobody whom more views
+    see elsewhere, and is no more like another of the `chosen` sets.
+    """
+    views = _count(members)
+    bound = {(v, who) for other in chosen if _count(other) > views for v, who in enumerate(other)}
+    told = {v for v, who in enumerate(members) if who >= 0}
+    for other in meeting:
+        alike = _alike(other, members)
+        if not alike or _count(other) < views or alike < max(_alike(other, one) for one in chosen):
+            continue
+        against = {(v, who) for v, who in enumerate(other) if who >= 0 and -1 < members[v] != who}
+        if not against & bound:
+            told -= {v for v, _ in against}
+    return len(told) >= 2
+
+
+def _alike(one: tuple[int, ...], other: tuple[int, ...]) -> int:
+    """How many people two sets have in common."""
+    return sum(a == b >= 0 for a, b in zip(one, other, strict=True))
+
+
+def _count(members: tuple[int, ...]) -> int:
+    """How many views a set has."""
+    return sum(who >= 0 for who in members)
 
 
 def _body(
-    cameras: Sequence[Camera], joints: Joints, uv: Floats, seen: Bools, t: int, members: Sequence[int]
+    cameras: Sequence[Camera], joints: Joints, uv: Floats, seen: Bools, t: int, members: Sequence[int], sure: bool
 ) -> Sighting | None:
     """The body of several views at one instant; uv (V, K, J, 2), seen (V, K, J). None where they meet nowhere."""
     views = [v for v, who in enumerate(members) if who >= 0]
@@ -206,6 +238,7 @@ def _body(
         stature(points[None, :each], joints.names),
         False,
         np.array(members) >= 0,
+        sure,
     )
 
 

@@ -98,11 +98,22 @@ def check_sessions(project: Project, lines: dict[str, int]) -> None:
         for camera in project.cameras(session):
             _check_marks(project, session, camera)
             _check_align(project, session, camera)
+    _check_people(project)
     for folder in ("offsets", "people", "boxes", "checks"):
         _check_names(project, folder)
     for name in project.sequences:
         _check_offsets(project, name)
         _check_seeds(project, name)
+
+
+def _check_people(project: Project) -> None:
+    """Where all people are to be labelled, close cameras must be able to see them."""
+    several = [name for name in project.sequences if len(project.close(project.session_of(name))) > 1]
+    if project.config["people"] == "all" and all(project.indoor(name) for name in several):
+        raise DiorError(
+            "config/config.yaml: 'people' is all, but no sequence is outdoors in a session with two close cameras, "
+            "which others could be seen by; write subject"
+        )
 
 
 def check_camera(camera: dict[str, Any], shown: str) -> None:

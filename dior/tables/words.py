@@ -1,10 +1,12 @@
-"""The words that a column may have, where they are few: the vocabularies of `dior.tables.schemas`."""
+"""The words that a column may have, where they are few: the vocabularies of `dior.tables.schemas`. And the columns that
+tables of several stages have."""
 
 LABEL_STATUS = ("ok", "out_of_frame", "behind_camera", "missing_3d", "occluded", "suspect")
 # of labels_2d: what has no pixel because there is no 3D
 WITHOUT_3D = ("missing_3d", "suspect")
 SWAPPED_PART = ("all", "legs", "rest")
 LABEL_SOURCE = ("mocap", "triangulated", "interpolated")
+IS_SUBJECT = ("yes", "no", "unknown")
 SKELETON_STATUS = ("ok", "too_few_views", "rejected", "gap_filled", "suspect")
 OFFSET_SOURCE = ("estimated", "manual", "reference", "assumed_zero")
 CLOCK_METHOD = ("", "detections", "marks", "pictures", "cameras", "boxes")
@@ -17,3 +19,9 @@ COVER = ("head", "other")
 MARK_KIND = ("mark", "check")
 SPLITS = {"subject": ("train", "val", "test"), "range": ("gallery", "probe"), "outfit": ("gallery", "probe")}
 SEVERITY = ("info", "warning", "error")
+# of tables about everybody in a sequence, whose rows are
+WHO = (
+    ("sequence", "text"),
+    ("person", "text", "", "person_1, ... in the order of first appearance, in this sequence alone"),
+    ("is_subject", IS_SUBJECT, "", "unknown: it cannot be told who is the subject"),
+)

@@ -691,7 +691,8 @@ def test_the_template_names_every_key_with_its_default():
     text = (folder / "dior/project/templates/config.yaml").read_text()
     template = yaml.safe_load(text)
     assert set(template) == set(schema) - {"simulate"} and template["data_root"] == "data"
-    for section in set(template) - {"data_root"}:
+    assert template["people"] == schema["people"]["default"] == "subject"
+    for section in set(template) - {"data_root", "people"}:
         assert set(template[section]) == set(schema[section]["properties"])
         for key, value in template[section].items():
             assert schema[section]["properties"][key].get("default", value) == value
@@ -833,3 +834,16 @@ def test_who_accepts_a_red_light_is_told_by_walk_or_camera(root):
     for empty in ('""', '"              "', "yes", "null"):
         given(f"out_1: {empty}")
         fails(root, "field/session.yaml", "labels_accepted.out_1")
+
+
+def test_all_people_are_asked_for_where_close_cameras_can_see_them(root):
+    assert project.load(root).config["people"] == "subject"
+    edit(root, "config.yaml", "data_root: data\n", "data_root: data\npeople: all\n")
+    assert project.load(root).config["people"] == "all"
+    edit(root, "config.yaml", "people: all", "people: al")
+    fails(root, "config/config.yaml", "people", "'al'", "all")
+    edit(root, "config.yaml", "people: al", "people: all")
+    for name in ("out_1", "out_2"):
+        line = next(text for text in (root / "config/sequences.tsv").read_text().splitlines() if text.startswith(name))
+        edit(root, "sequences.tsv", line, f"{line}rain")
+    fails(root, "config/config.yaml: 'people' is all, but no sequence is outdoors in a session with two close cameras")

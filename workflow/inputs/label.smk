@@ -32,6 +32,10 @@ def all_clocks(wildcards):
     return clocks_of(wildcards.sequence, PROJECT.cameras_of(wildcards.sequence))
 
 
+def all_clock_gains(wildcards):
+    return clocks_of(wildcards.sequence, PROJECT.cameras_of(wildcards.sequence), ".gains")
+
+
 def mocap_table(wildcards):
     return skeleton(wildcards) if PROJECT.indoor(wildcards.sequence) else []
 
@@ -65,6 +69,28 @@ def label_covariance(wildcards):
     session = session_of(wildcards)
     files = [covariance_of(session, camera) for camera in [*makers(wildcards), wildcards.camera]]
     return list(dict.fromkeys(path for path in files if path))
+
+
+def sequence_camera_names(wildcards):
+    return PROJECT.cameras_of(wildcards.sequence)
+
+
+def sequence_cameras(wildcards):
+    """The poses of all cameras of a sequence."""
+    return cameras_of(session_of(wildcards), sequence_camera_names(wildcards))
+
+
+def sequence_covariance(wildcards):
+    """The covariances of the same cameras, of those whose step tells it."""
+    session = session_of(wildcards)
+    files = [covariance_of(session, camera) for camera in sequence_camera_names(wildcards)]
+    return list(dict.fromkeys(path for path in files if path))
+
+
+def people_of(sequence, kind=""):
+    """[table] about everybody in a sequence, where all people are labelled; else []."""
+    asked = CONFIG["people"] == "all" and not PROJECT.indoor(sequence)
+    return [f"results/people/{sequence}{kind}.parquet"] if asked else []
 
 
 def outdoor_walks(session):

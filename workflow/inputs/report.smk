@@ -81,6 +81,7 @@ def findings_about(sequences, sessions):
         ],
         *[f"results/triangulate/{sequence}.findings.parquet" for sequence in outdoor],
         *[f"results/refine/{sequence}.findings.parquet" for sequence in outdoor if refines],
+        *[path for sequence in sequences for path in people_of(sequence, ".findings")],
         *[
             f"results/detectors/{sequence}.findings.parquet"
             for sequence in DETECTED
