@@ -58,6 +58,7 @@ SLIVER = 0.15
 
 
 EDGES = ("u_min", "v_min", "u_max", "v_max")
+NO_BOX = np.zeros((0, 4), int)
 
 
 @dataclass(frozen=True)
@@ -138,12 +139,15 @@ def run(
     out: Path,
     out_covers: Path,
     findings: Path,
+    people: Path | None = None,
+    people_labels: Path | None = None,
 ) -> None:
     """Write the head's box in every picture of one camera of one sequence, and what else is to be covered there.
 
     `cameras`, `clocks`: tables that hold the poses of the camera and of the makers, and the camera's clock. Raises
     DiorError where they do not, and where the labels are of other pictures. `before`: the table that an earlier release
-    was made with, or None; `out_covers`: table `other_covers` to write.
+    was made with, or None; `out_covers`: table `other_covers` to write; `people`, `people_labels`: tables `people_3d`
+    and `people_2d` where all people are labelled.
     """
     where = f"{sequence}, camera {camera}"
     subject = known(sequence, camera, cameras, skeleton, frames, clocks, labels)
@@ -153,17 +157,22 @@ def run(
     if before:
         box = kept(_earlier(before, subject.rows, where), box, subject.boxes(KEPT_SIGMAS)[0])
     red = red_by(sequence, camera, judged, {name: one.intrinsics.fx for name, one in read_cameras(cameras).items()})
+    others = known_others(people, people_labels, subject, where) if people and people_labels else []
     if not judged.checked:
-        status = np.where(doubtful(subject) & (status != "unknown"), "uncertain", status).astype(object)
+        unsure = np.any([doubtful(subject), *(doubtful(one) & (one.boxes()[1] == "ok") for one in others)], axis=0)
+        status = np.where(unsure & (status != "unknown"), "uncertain", status).astype(object)
         if red:
             status = np.full(len(status), "red", object)
-    moving_boxes: list[Ints] = [np.zeros((0, 4), int)] * len(status)
+    moving_boxes: list[Ints] = [NO_BOX] * len(status)
     always = np.zeros(len(status), bool)
     if np.isin(status, ("ok", "out_of_frame")).any():
         found = faces.read(filmed.detections, filmed.format, filmed.min_score, subject.rows, where)
         walker = subject.walker(box, drawn_boxes(filmed.boxes, subject.rows))
         seen = look.looked(walker, judged.role, found, look.reader(subject.rows, filmed.data_root))
-        moving_boxes, always = seen.others, seen.always
+        always = seen.always
+        moving_boxes = [
+            np.concatenate([*each]) for each in zip(seen.others, *(heads_of(one) for one in others), strict=True)
+        ]
         if not judged.checked:
             wrong = np.isin(status, ("ok", "out_of_frame")) & (seen.sure != "ok")
             status = np.where(wrong, seen.sure, status).astype(object)
@@ -177,6 +186,32 @@ def run(
     for _, severity, _, text in said:
         print(f"{sequence}, {camera}: {severity}: {text}", file=sys.stderr)
     tables.write_findings(findings, said)
+
+
+def known_others(people: Path, people_labels: Path, subject: Known, where: str) -> list[Known]:
+    """What is known of the heads of everybody else who was labelled, in the pictures of the `subject`.
+
+    Raises DiorError where the labels are of other joints or pictures.
+    """
+    everybody = tables.read(people, "people_3d")
+    everybody = tables.rows(everybody, everybody["is_subject"] != "yes")
+    labels = tables.of_camera(
+        tables.read(people_labels, "people_2d", [*LABELLED, "person", "camera"]), subject.camera.name
+    )
+    found = []
+    for name in tables.ordered_unique(everybody["person"]):
+        body, mine = (tables.rows(table, table["person"] == name) for table in (everybody, labels))
+        one = of_body(subject.rows, subject.camera, subject.times, body, mine)
+        if one is None:
+            raise DiorError(f"{where}: {people_labels} has labels of other joints or pictures; run people again")
+        found.append(one)
+    return found
+
+
+def heads_of(other: Known) -> list[Ints]:
+    """By picture the box (1, 4) of whole pixels that holds somebody's head, or none (0, 4)."""
+    box, status = other.boxes()
+    return [edges[None].astype(int) if ok else NO_BOX for edges, ok in zip(on_grid(box), status == "ok", strict=True)]
 
 
 def drawn_boxes(path: Path | None, rows: Table) -> Floats:
@@ -276,7 +311,11 @@ def of_tables(
 
     None where the labels are of other joints or pictures.
     """
-    times = seconds(rows["stamp_ns"], body["stamp_ns"][0], offset_s, drift_ppm)
+    return of_body(rows, placed, seconds(rows["stamp_ns"], body["stamp_ns"][0], offset_s, drift_ppm), body, labels)
+
+
+def of_body(rows: Table, placed: Camera, times: Floats, body: Table, labels: Table) -> Known | None:
+    """The same at `times` (F,) s, of a body that may be anybody's."""
     track, _, joints = tracks.read(body)
     sigma = _sigma(labels, joints, rows)
     if sigma is None:

@@ -446,3 +446,57 @@ def test_hardly_anything_of_a_head_is_left_outside_where_labels_are_as_sure_as_t
     moved = head + 0.3 * random.standard_normal((1500, 1, 2))
     across = (2 * moved - box[:2] - box[2:]) / (box[2:] - box[:2])
     assert ((across**2).sum(axis=-1) > 1).mean() < 0.001
+
+
+ASIDE_M = (-0.6, 0.9, -0.1)
+
+
+def with_somebody_else(given, sigma=1.0, known=lambda i: True):
+    """The arguments with tables of everybody: beside the subject one who goes along, `known` (instant) or not."""
+    folder = given["out"].parent
+    own, labels = tables.read(given["skeleton"], "skeletons_3d"), tables.read(given["labels"], "labels_2d")
+    other = own | {axis: own[axis] + by for axis, by in zip("xyz", ASIDE_M, strict=True)}
+    gone = ~np.array([known(i) for i in own["instant"].tolist()])
+    for axis in "xyz":
+        other[axis][gone] = np.nan
+    other["status"] = np.where(gone, "suspect", "ok").astype(object)
+    who = {"person": ["person_1", "person_2"], "is_subject": ["yes", "no"]}
+    n = len(own["instant"])
+    who = {key: np.repeat(np.array(words, object), n) for key, words in who.items()}
+    kept = ("joint", "instant", "stamp_ns", "x", "y", "z", "status")
+    body = {key: np.concatenate([own[key], other[key]]) for key in kept}
+    tables.write(folder / "people.parquet", "people_3d", who | body)
+    flat = {key: np.tile(labels[key], 2) for key in ("joint", "frame")} | {"camera": ["cam01"] * 2 * n}
+    flat |= {key: np.repeat([1.0, sigma], n) for key in ("sigma_u", "sigma_v")}
+    tables.write(folder / "people_labels.parquet", "people_2d", who | flat)
+    return given | {"people": folder / "people.parquet", "people_labels": folder / "people_labels.parquet"}
+
+
+def test_the_head_of_somebody_else_is_covered_by_their_3d_though_nothing_shows_there(walk):
+    """Of the size of the subject's; where their 3D ends the cover goes on for a moment, as the subject's does."""
+    view, middle, given = walk
+    heads.run(**with_somebody_else(given, known=lambda i: i < 10))
+    uv = cam.project(view, middle + ASIDE_M)[0] + 0.5
+    table = tables.read(given["out"], "heads")
+    assert (table["status"] == "ok").all()
+    for i in range(COUNT):
+        boxes = covered(given, i)
+        if i < 10:
+            (box,) = boxes
+            assert (box[:2] < uv[i]).all() and (uv[i] < box[2:]).all()
+            own = [table[key][i] for key in heads.EDGES]
+            assert box[2] - box[0] == pytest.approx(own[2] - own[0], rel=0.4)
+        elif i > 12:
+            assert len(boxes) == (0 if (i - 9) / 30 > head_model.MAX_BEYOND_S else 1)
+
+
+@pytest.mark.parametrize("sigma", [pytest.param(np.nan, marks=pytest.mark.slow), 40.0])
+def test_no_picture_is_released_that_has_somebody_elses_head_of_which_nobody_knows_where_it_is(walk, tmp_path, sigma):
+    _, _, given = walk
+    heads.run(**with_somebody_else(given, sigma, known=lambda i: i < 5))
+    there = np.array([len(covered(given, i)) > 0 for i in range(COUNT)])
+    assert there[:5].all() and not there[15:].any()
+    assert (status_of(given)[there] == "uncertain").all() and (status_of(given)[15:] == "ok").all()
+    checked = {"judged": judged(tmp_path, "looked at all of them (A. B.)")}
+    heads.run(**with_somebody_else(given, sigma, known=lambda i: i < 5) | checked)
+    assert set(status_of(given)) == {"ok"}

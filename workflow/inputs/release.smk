@@ -33,7 +33,8 @@ RELEASED_STEPS = [
 
 def released_code():
     """The hash of each of these steps' code, as `step=hash` words."""
-    return [f"{step}={code(step)}" for step in RELEASED_STEPS]
+    others = ["label.people"] if CONFIG["people"] == "all" else []
+    return [f"{step}={code(step)}" for step in [*RELEASED_STEPS, *others]]
 
 
 def released(path):
@@ -288,6 +289,16 @@ def everybody_detected(wildcards):
     detected = pattern and wildcards.camera in close_names(wildcards)
     paths = [pattern.format(camera=wildcards.camera)] if detected else []
     return [path for path in paths if detections_are_made(wildcards) or os.path.exists(path)]
+
+
+def everybody_labelled(wildcards):
+    """[table] with the 3D of everybody in a sequence, where all people are labelled."""
+    return people_of(wildcards.sequence)
+
+
+def everybodys_labels(wildcards):
+    """The same with their labels."""
+    return people_of(wildcards.sequence, ".labels")
 
 
 def detections_are_made(wildcards):

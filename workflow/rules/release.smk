@@ -38,6 +38,8 @@ rule heads:
         bags=simulated(released_bags),
         detections=everybody_made,
         boxes=own_boxes,
+        people=everybody_labelled,
+        people_labels=everybodys_labels,
         metrics=evaluated,
         noticed=noticed_errors,
     output:
