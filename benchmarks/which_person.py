@@ -55,10 +55,7 @@ def labelled(folder, capture, seeds=None):
     tables.write(folder / "detections.parquet", "detections", detections._concatenated(subject))
     tables.write(folder / "people.parquet", "detected_people", detections._concatenated(everybody))
     two_walkers.write_timeline(folder / "timeline.parquet", names, stamps)
-    (folder / "subjects.tsv").write_text(
-        "subject\tpseudonym\theight_m\theight_sigma_m\tconsent_release\tconsent_pictures\n"
-        f"S01\t{SUBJECT}\t{capture.height_m:.3f}\t{two_walkers.HEIGHT_SIGMA_M}\tyes\tyes\n"
-    )
+    write_height(folder, capture.height_m)
     triangulate.run(
         sequence="walk_1", subject=SUBJECT, cameras=[folder / "cameras.parquet"], names=names,
         detections=folder / "detections.parquet", timeline=folder / "timeline.parquet", method="robust", limits=LIMITS,
@@ -70,6 +67,14 @@ def labelled(folder, capture, seeds=None):
     found = tables.read(folder / "findings.parquet", "findings")
     said = dict(zip(found["code"], found["text"], strict=True))
     return points, table["status"].astype(str).reshape(points.shape[:2]), said
+
+
+def write_height(folder, height_m):
+    """Write the sheet of people with the subject's height."""
+    (folder / "subjects.tsv").write_text(
+        "subject\tpseudonym\theight_m\theight_sigma_m\tconsent_release\tconsent_pictures\n"
+        f"S01\t{SUBJECT}\t{height_m:.3f}\t{two_walkers.HEIGHT_SIGMA_M}\tyes\tyes\n"
+    )
 
 
 def judged(capture, points, status):
