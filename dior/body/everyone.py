@@ -31,7 +31,8 @@ from dior.geometry.camera import Camera
 
 # chosen, in body sizes: a detection that is not nearer than that to one than to another may be either's
 TOLD_APART = people_seen.MEETS
-# chosen: somebody who begins new tracks in all views is the same if nobody else is so near, m: farther than a step
+# chosen: whom nobody else is so near, m for each instant at which bodies are looked for, is taken for nobody else; a
+# runner moves half as far meanwhile
 STEP_M = 1.0
 
 
@@ -79,7 +80,7 @@ def _groups(seen: Seen, choice: Choice) -> list[tuple[str, list[Path]]]:
     paths = [path for person in followed.people for path in person.paths]
     at = [{body.t: body for body in path.sightings} for path in paths]
     own = list(followed.own)
-    subject = [Person(own)] if own else []
+    subject = [Person(list(own))] if own else []
     pieces: list[Path] = []
     doubted: list[Path] = []
     for i, path in enumerate(paths):
@@ -96,7 +97,7 @@ def _groups(seen: Seen, choice: Choice) -> list[tuple[str, list[Path]]]:
         rest = [path for path in person.paths if not any(path is mine for mine in own)]
         unknown = number < len(subject) or any(path is other for path in rest for other in doubted)
         found.append(("unknown" if unknown else "no", rest))
-    return [(word, paths) for word, paths in found if any(path.together for path in paths)]
+    return [(word, paths) for word, paths in found if word == "yes" or any(path.together for path in paths)]
 
 
 def _beside(path: Path, others: Sequence[Path]) -> bool:
@@ -119,20 +120,19 @@ def _parts(path: Path, others: Sequence[dict[int, Sighting]], track: Ints) -> li
 
 
 def _goes_on(before: Sighting, after: Sighting, others: Sequence[dict[int, Sighting]], track: Ints) -> bool:
-    """Whether two sightings are of one person: more views go on with their track than have exchanged it with another.
-
-    Where no view says anything, because all begin new tracks, nobody else may be near.
-    """
+    """Whether two sightings are of one person: nobody else is near, or more views go on with their track than have
+    exchanged it with another."""
+    reach = STEP_M * (after.t - before.t)
+    at = [body for other in others for body in (other.get(before.t), other.get(after.t)) if body is not None]
+    if all(np.linalg.norm((body.place - after.place)[:2]) > reach for body in at):
+        return True
     same = handed_on = 0
     for view in np.flatnonzero((before.members >= 0) & (after.members >= 0)).tolist():
         old, new = (int(track[view, body.members[view], body.t]) for body in (before, after))
         same += old == new
         if old != new:
             handed_on += _is_in(others, after.t, view, old, track) or _is_in(others, before.t, view, new, track)
-    if same or handed_on:
-        return same > handed_on
-    at = [body for other in others for body in (other.get(before.t), other.get(after.t)) if body is not None]
-    return all(np.linalg.norm((body.place - after.place)[:2]) > STEP_M for body in at)
+    return same > handed_on
 
 
 def _is_in(others: Sequence[dict[int, Sighting]], t: int, view: int, number: int, track: Ints) -> bool:

@@ -24,7 +24,7 @@ from dior.tables import tables
 WHOSE = ("sequence", "person", "is_subject")
 BODY = [name for name in tables.columns_of("people_3d") if name not in WHOSE]
 KNOWN = ("ok", "gap_filled")
-# where there is nobody else
+# where nobody but the subject is seen by two cameras
 ALONE = Somebody(np.zeros((0, 0), int), np.zeros(0, bool), "yes", 0)
 # chosen: somebody who is left open for more of the time that they are there is worth a warning
 MUCH = 0.1
@@ -77,7 +77,8 @@ def run(
         people, seeds,
     )  # fmt: skip
     own = tables.read(skeleton, "skeletons_3d", BODY)
-    found = everyone(given.rig, given.seen, given.choice) if given.choice else [ALONE]
+    found = everyone(given.rig, given.seen, given.choice) if given.choice else []
+    found = found or [ALONE]
     longest_gap = max_gap_s if smoothing == "smooth" else None
     bodies = [own if one.is_subject == "yes" else body_of(given, one, method, limits, longest_gap) for one in found]
     words = [one.is_subject for one in found]

@@ -42,6 +42,7 @@ def test_two_who_are_apart_are_who_they_are_all_the_time():
     # one camera looks along the line between them for a while
     assert set(np.unique(subject.pick)) <= {-1, 0} and set(np.unique(other.pick)) <= {-1, 1}
     assert ((subject.pick == 0).sum(axis=0) >= 2).all() and ((other.pick == 1).sum(axis=0) >= 2).all()
+    assert [one for one in ((subject.pick < 0).any(axis=1), (other.pick < 0).any(axis=1)) if one.sum() != 1] == []
     assert not subject.unsure.any() and not other.unsure.any()
 
 
@@ -106,6 +107,7 @@ SLOTS = np.broadcast_to(np.arange(6)[None, :, None], (2, 6, 10))
         ((2, 0), ((1, 1), (1, 1)), 1),  # a new track in one view
         ((2, 3), ((1, 1), (1, 1)), 2),  # in both, and somebody is near
         ((2, 3), ((1, 1), (1, 1), 3.0), 1),  # in both, and nobody is near
+        ((1, 1), ((1, 1), (0, 0), 3.0), 1),  # nobody is near who could be taken for them
     ],
 )
 def test_a_path_is_cut_where_the_cameras_tracks_do_not_say_that_one_person_goes_on(second, other, parts):
@@ -114,3 +116,32 @@ def test_a_path_is_cut_where_the_cameras_tracks_do_not_say_that_one_person_goes_
     others = [{0: sighting(0, other[0], at), 2: sighting(2, other[1], at)}]
     found = module._parts(path, others, SLOTS)
     assert len(found) == parts and sum(len(part.sightings) for part in found) == 3
+
+
+def test_where_detections_of_two_meet_as_well_when_they_are_exchanged_nothing_is_certain(monkeypatch):
+    monkeypatch.setattr(people_seen, "_sure", lambda members, chosen, meeting: False)
+    for one in found(*seen_of(*beside(np.full(COUNT, 1.2)))):
+        assert (one.pick == -1).all() and one.unsure.all()
+    path = Path([sighting(1, (0, 0)), sighting(2, (0, 0), sure=False)])
+    assert np.flatnonzero(module._doubtful([path], 5, 100)).tolist() == list(range(6, 15))
+
+
+def test_whoever_goes_on_after_a_meeting_that_the_tracks_do_not_tell_apart_is_somebody_new(monkeypatch):
+    """The cameras exchange their tracks while two are 0.6 m apart, and statures tell nothing."""
+    monkeypatch.setattr(which_person, "_size", lambda bodies: (np.nan, np.inf))
+    cameras, seen = seen_of(*beside(np.full(COUNT, 0.6)))
+    seen.track[:, :, 45:] = seen.track[:, ::-1, 45:]
+    choice = which_person.choose(cameras, seen, seeds=[Seed(0, 2, 0)])
+    people = everyone(cameras, seen, choice)
+    numbers = [set(np.unique(one.pick[:, :45])) | set(np.unique(one.pick[:, 45:])) for one in people]
+    assert [one.is_subject for one in people][0] == "yes" and len(people) > 2
+    for one in people[1:]:
+        assert not ((one.pick[:, :40] >= 0).any() and (one.pick[:, 50:] >= 0).any()), numbers
+
+
+def test_nobody_is_there_where_each_is_seen_by_one_view_alone():
+    cameras, seen = seen_of(*beside(np.full(COUNT, 1.2)))
+    for view, gone in ((0, 1), (1, 0), (2, 0), (2, 1)):
+        seen.uv[view, gone], seen.score[view, gone], seen.track[view, gone] = np.nan, 0.0, -1
+    choice = which_person.choose(cameras, seen)
+    assert choice is None or everyone(cameras, seen, choice) == []
