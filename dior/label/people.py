@@ -26,7 +26,8 @@ BODY = [name for name in tables.columns_of("people_3d") if name not in WHOSE]
 KNOWN = ("ok", "gap_filled")
 # where nobody but the subject is seen by two cameras
 ALONE = Somebody(np.zeros((0, 0), int), np.zeros(0, bool), "yes", 0)
-# chosen: somebody who is left open for more of the time that they are there is worth a warning
+# chosen: somebody who is left open for more of the time that they are there is worth a word; no warning, since lights
+# are of the subject's labels
 MUCH = 0.1
 
 
@@ -168,5 +169,5 @@ def _findings(sequence: str, given: Given, found: Sequence[Somebody], known: Tab
                 f"{called(number)}: at {int(one.unsure.sum())} instants it is not known which detections are theirs, "
                 "as somebody else is too near in the pictures; nothing is labelled there (suspect)"
             )
-            out.append((sequence, "warning", "people_too_near", text))
+            out.append((sequence, "info", "people_too_near", text))
     return [(sequence, "info", "people_labelled", "others are labelled: " + ", ".join(shown)), *out]
