@@ -24,7 +24,6 @@ from dior.project.camera_file import camera_settings
 from dior.tables import tables
 
 CONVENTIONS = ("cTw", "wTc")
-METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 
 
 def reference_pose(path: AnyPath, name: str, convention: str = "cTw", units: str = "m") -> Floats:
@@ -39,7 +38,7 @@ def reference_pose(path: AnyPath, name: str, convention: str = "cTw", units: str
     where = f"{path} [{name}]"
     translation = toml_cameras.numbers(section, "translation", [(3,)], where)
     rotation = _rotation(where, toml_cameras.numbers(section, "rotation", [(3,), (3, 3)], where))
-    T = pose(rotation, METRES[units] * translation)
+    T = pose(rotation, toml_cameras.METRES[units] * translation)
     return inverse_pose(T) if convention == "cTw" else T
 
 

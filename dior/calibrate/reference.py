@@ -24,7 +24,7 @@ from dior.body import plausible, world_of_walk, wrong_world
 from dior.calibrate.bundle import given_poses, in_adjustment
 from dior.calibrate.bundle import window as seen_in
 from dior.calibrate.bundle.given_poses import PoseErrors
-from dior.calibrate.place import METRES
+from dior.calibrate.lens import toml_cameras
 from dior.clocks import by_hand as clocks
 from dior.errors import DiorError
 from dior.geometry import camera_tables, covariance
@@ -163,7 +163,7 @@ def checked(
         _person(walk),
         reference.get("convention", "cTw"),
         vertical,
-        METRES[reference.get("units", "m")],
+        toml_cameras.METRES[reference.get("units", "m")],
     )
     if found:
         raise DiorError(

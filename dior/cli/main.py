@@ -108,18 +108,15 @@ def _grouped(module: Any, step: str, given: dict[str, Any]) -> dict[str, Any]:
 
 def command() -> None:
     """The process of the command line: `main`, and its end."""
-    code = main()
-    if sys.argv[1:] and sys.argv[1].replace("-", "_") in MODULES:
-        end(code)
-    sys.exit(code)
+    end(main())
 
 
 def end(code: int) -> None:
-    """End the process of a step at once.
+    """End the process at once.
 
     Its files are written and closed. What the libraries in C++ do at an ordinary exit takes as long as some steps, and
     on a busy machine now and then aborts it ("terminate called without an active exception"), for which a whole job
-    would be lost.
+    would be lost, or a release that is right called damaged.
     """
     sys.stdout.flush()
     sys.stderr.flush()

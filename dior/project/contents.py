@@ -10,6 +10,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from dior.errors import DiorError
 from dior.project import bumps
 from dior.project.consent import consents
 from dior.project.marks_file import MarkedLines, read_marks
@@ -346,7 +347,12 @@ class Project:
         return {camera: path for camera, path in paths.items() if self._exists(path)}
 
     def _exists(self, path: str) -> bool:
-        return os.path.exists(os.path.join(self.root, path))
+        """Whether a file that need not be there is. Raises DiorError for one that is no file: it would be left out."""
+        there = os.path.join(self.root, path)
+        if os.path.lexists(there) and not os.path.isfile(there):
+            what = "is a folder" if os.path.isdir(there) else "is a link to nothing, or no plain file"
+            raise DiorError(f"{path}: {what}; put the file there, or remove it")
+        return os.path.isfile(there)
 
 
 def bags_of(row: Row) -> list[str]:

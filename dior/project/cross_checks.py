@@ -16,6 +16,8 @@ from dior.project.schema_check import Row, Rows, check, read_yaml
 
 # Snakemake takes braces for wildcards; what is not printed cannot be retyped from a sentence
 NO_PART_OF_A_PATH = re.compile(r"[{}\x00-\x1f\x7f]")
+FOLDERS = ("boxes", "checks", "heads", "offsets", "people", "sessions")
+TABLES_AND_YAML = (".csv", ".tsv", ".yaml", ".yml")
 # chosen: what a tape measure resolves; two cameras are farther apart
 SAME_PLACE_M = 0.01
 # chosen: of somebody farther from a close camera no detector finds joints; a long-range camera sees nobody at two km
@@ -99,6 +101,7 @@ def check_sessions(project: Project, lines: dict[str, int]) -> None:
             _check_marks(project, session, camera)
             _check_align(project, session, camera)
     _check_people(project)
+    _check_folders(project)
     for folder in ("offsets", "people", "boxes", "checks"):
         _check_names(project, folder)
     for name in project.sequences:
@@ -466,6 +469,13 @@ def _check_marks(project: Project, session: str, camera: str) -> None:
             )
 
 
+def _check_folders(project: Project) -> None:
+    """A folder of config/ whose name is nearly that of one that is read would be left out in silence."""
+    for name in sorted(os.listdir(project.root / "config")):
+        if name not in FOLDERS and (project.root / "config" / name).is_dir() and (meant := nearest(name, FOLDERS)):
+            raise DiorError(f"config/{name}: no such folder is read{meant}; rename it")
+
+
 def _check_names(project: Project, folder: str) -> None:
     """A file whose name no sequence or camera has would be left out in silence."""
     path = project.root / "config" / folder
@@ -473,6 +483,8 @@ def _check_names(project: Project, folder: str) -> None:
     suffix = ".yaml" if whole else ".csv"
     for file in sorted(os.listdir(path)) if path.is_dir() else ():
         if file.startswith(".") or not file.endswith(suffix):
+            if not file.startswith((".", "~")) and file.lower().endswith(TABLES_AND_YAML):
+                raise DiorError(f"config/{folder}/{file}: is not read, as its name must end in {suffix}; rename it")
             continue
         sequence, _, camera = file.removesuffix(suffix).partition(".")
         if sequence in project.withheld:

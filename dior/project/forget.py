@@ -19,7 +19,7 @@ from pathlib import Path
 
 from dior.errors import DiorError
 from dior.paths import AnyPath
-from dior.project import bumps
+from dior.project import bumps, running
 from dior.project.consent import consents, processed
 from dior.project.contents import bags_of
 from dior.project.project import sheets
@@ -47,6 +47,7 @@ NOTES = ("logs", ".snakemake/log", ".snakemake/scripts", ".snakemake/auxiliary",
 PATHS = re.compile(r"(?:results|logs)/[A-Za-z0-9_@./-]+")
 # a pattern that finds nothing
 NOWHERE = r"(?!)"
+GALLERY = "config/gallery.tsv"
 # a person may have begun to fill it in: only what it has of those who are gone is deleted
 BY_HAND = Path("results/evaluate/to_mark")
 
@@ -95,6 +96,8 @@ def run(*, project: Path = Path("."), yes: bool = False) -> None:
     if not found:
         print("Nothing is left in results/ and logs/ of sequences or people that the project does not have.")
     elif yes:
+        if who := running.at_work(root):
+            raise DiorError(f"{who}; what it is making now would be deleted, so forget when it has ended")
         for path in found:
             _delete(root / path)
         print(f"Deleted {len(found)} files and folders.")
@@ -268,13 +271,16 @@ def _naming(names: Iterable[str], before: str = r"(?<![\w-])", after: str = r"(?
 
 def _by_people(root: Path, known: Known) -> list[str]:
     """Recordings of the withheld sequences, and files in config/ that name one of these, as far as they are there."""
-    from dior.project.schema_check import read_yaml
+    from dior.project.schema_check import read_sheet, read_yaml
 
     data = Path(read_yaml(root / "config/config.yaml").get("data_root", "data"))
     recordings = set()
     for row in known.withheld.values():
         files = [*bags_of(row), row["mocap"], row["detections"].partition("{")[0], row["trigger_log"].partition("#")[0]]
         recordings |= {str(data / path) for path in files if path and path != "detect"}
+    if (root / GALLERY).is_file():
+        rows, _ = read_sheet(root / GALLERY, "gallery", ("subject", "outfit", "angle"), GALLERY)
+        recordings |= {str(data / row["path"]) for row in rows.values() if row["subject"] in known.gone}
     there = [path for path in sorted(recordings) if (root / path).exists() and not path.startswith("results/")]
     named = _naming({*known.withheld, *known.gone})
     for path in sorted((root / "config").rglob("*")):

@@ -13,6 +13,7 @@ sheets are read, and what else names one of these sequences is left alone or, wh
 complained about.
 """
 
+import os
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -116,7 +117,7 @@ def _optional_sheet(
 ) -> tuple[dict[tuple[str, ...], Row], dict[tuple[str, ...], int]]:
     """Rows of a sheet and their lines; none where there is no such sheet."""
     path = Path(root) / f"config/{kind}.tsv"
-    return read_sheet(path, kind, key, f"config/{kind}.tsv") if path.is_file() else ({}, {})
+    return read_sheet(path, kind, key, f"config/{kind}.tsv") if os.path.lexists(path) else ({}, {})
 
 
 def _plain(mapping: Mapping[str, Any]) -> dict[str, Any]:

@@ -186,6 +186,8 @@ def _sentence(error: "fastjsonschema.JsonSchemaValueException") -> str:
     if error.rule == "required":
         missing = [key for key in schema["required"] if key not in error.value][0]
         return f"key '{inside}{missing}' is missing; it holds: {_first_sentence(schema, missing)}"
+    if error.rule == "minLength" and error.value:
+        return f"'{path}' is {error.value!r}, which is too short; it holds: {_decapitalised(schema['description'])}"
     value = "nothing" if error.value in (None, "") else repr(error.value)
     guess = nearest(error.value, schema["enum"]) if error.rule == "enum" else ""
     subject = f"'{path}'" if path else "the file"

@@ -20,7 +20,6 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -67,8 +66,7 @@ class Filmed:
 
     `data_root`: folder that the bags lie in; `detections`: the detector's own output of the camera, everybody in it,
     or None; `format`: tool that it is of, or auto; `min_score`: score from which a joint counts; `boxes`: boxes drawn
-    by hand around the subject, CSV, or None; `masks`: rectangles (u_min, v_min, u_max, v_max) px to cover in all
-    pictures.
+    by hand around the subject, CSV, or None.
     """
 
     data_root: Path
@@ -76,7 +74,6 @@ class Filmed:
     format: str
     min_score: float
     boxes: Path | None
-    masks: list[Any]
 
 
 @dataclass(frozen=True)
@@ -151,7 +148,6 @@ def run(
     """
     where = f"{sequence}, camera {camera}"
     subject = known(sequence, camera, cameras, skeleton, frames, clocks, labels)
-    masks = masked(filmed.masks, subject.camera, where)
     box, status = subject.boxes()
     box = np.where((status == "ok")[:, None], on_grid(box), np.nan)
     if before:
@@ -176,7 +172,6 @@ def run(
         if not judged.checked:
             wrong = np.isin(status, ("ok", "out_of_frame")) & (seen.sure != "ok")
             status = np.where(wrong, seen.sure, status).astype(object)
-    moving_boxes = [np.concatenate([masks, boxes]) for boxes in moving_boxes]
     box = np.where((status == "out_of_frame")[:, None], np.nan, box)
     tables.write(
         out, "heads", {"frame": subject.rows["frame"], "status": status, **dict(zip(EDGES, box.T, strict=True))}
@@ -221,20 +216,6 @@ def drawn_boxes(path: Path | None, rows: Table) -> Floats:
         frames, boxes = hand_boxes.read(path, rows["frame"])
         edges[np.searchsorted(rows["frame"], frames)] = boxes
     return edges
-
-
-def masked(masks: Sequence[Sequence[float]], camera: Camera, where: str) -> Ints:
-    """Edges (N, 4) of whole pixels of rectangles px. Raises DiorError for one that lies outside of the picture."""
-    lens = camera.intrinsics
-    edges = np.array(masks, float).reshape(-1, 4) + 0.5
-    for (u, v), mask in zip(edges[:, :2].tolist(), masks, strict=True):
-        if u >= lens.width or v >= lens.height:
-            raise DiorError(
-                f"{where}: `privacy_masks` of session.yaml: {list(mask)} lies outside of its pictures of "
-                f"{lens.width}x{lens.height} px"
-            )
-    whole = np.concatenate([np.floor(edges[:, :2]), np.ceil(edges[:, 2:])], axis=1)
-    return whole.clip(0, [lens.width, lens.height] * 2).astype(int)
 
 
 def _covers(frames: Ints, boxes: Sequence[Ints]) -> Table:

@@ -10,7 +10,7 @@ nothing after its end. A picture that cannot be released is null and says why.
 
 import sys
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -48,6 +48,7 @@ def run(
     faces: Literal["blurred", "filled", "pixelated", "shown"],
     consent: Literal["yes", "no"],
     shift: dict[str, Any],
+    masks: list[Any],
     out: Path,
     out_covers: Path,
     findings: Path,
@@ -57,7 +58,8 @@ def run(
     `subject`: the pseudonym. `heads`: its table, None where faces are `shown`; `covers`: table `other_covers` of what
     else is to be covered, None likewise; `out_covers`: table `released_covers` to write. `consent`: "yes", or "no" for
     a subject who did not agree to pictures, of which all are null then. `shift`: arguments of `shift_stamps.shift_ns`,
-    empty to leave the stamps as they are. Raises DiorError where `heads` is of other pictures, and where a picture is
+    empty to leave the stamps as they are. `masks`: rectangles (u_min, v_min, u_max, v_max) px that are covered in all
+    pictures, whatever `faces` says. Raises DiorError where `heads` is of other pictures, and where a picture is
     not in its bag any more.
     """
     import cv2
@@ -74,6 +76,9 @@ def run(
     if heads and covered:
         boxes, withheld = _boxes(heads, rows, where)
     others = _others(covers, rows) if covers and covered else [[]] * count
+    if consent == "yes" and count:
+        always = masked(masks, (rows["height"][0], rows["width"][0]), where)
+        others = [[*always, *each] for each in others]
     shown = np.zeros(count, bool)
     later = shift_stamps.shift_ns(**shift) if shift else 0
     words = {"subject": subject, "sequence": sequence, "camera": camera}
@@ -127,6 +132,25 @@ def _others(covers: Path, rows: Table) -> list[list[Floats]]:
     edges = np.stack([table[key] for key in EDGES], axis=1)
     for row, box in zip(np.searchsorted(rows["frame"], table["frame"]), edges, strict=True):
         found[row].append(box)
+    return found
+
+
+def masked(masks: Sequence[Sequence[float]], size: tuple[int, int], where: str) -> list[Floats]:
+    """Edges (4,) of whole pixels of rectangles px in pictures of `size` (height, width) px.
+
+    Raises DiorError for one that lies outside of them.
+    """
+    high, wide = size
+    found = []
+    for mask in masks:
+        edges = np.array(mask, float) + 0.5
+        if edges[0] >= wide or edges[1] >= high:
+            raise DiorError(
+                f"{where}: `privacy_masks` of session.yaml: {list(mask)} lies outside of its pictures of {wide}x{high} "
+                "px"
+            )
+        whole = np.concatenate([np.floor(edges[:2]), np.ceil(edges[2:])])
+        found.append(whole.clip(0, [wide, high, wide, high]))
     return found
 
 
@@ -216,7 +240,7 @@ def released(message: Any, size: tuple[int, int], box: Floats | None, others: li
         quality, sampling = jpeg.settings(stripped)
     picture = messages.decode(message.kind, raw, message.wire, size)
     for other in others:
-        head_blur.cover(picture, other, faces, whole=True)
+        head_blur.cover(picture, other, faces if faces != "shown" else "blurred", whole=True)
     if box is not None:
         head_blur.cover(picture, box, faces)
     return jpeg.encoded(picture, quality, sampling)

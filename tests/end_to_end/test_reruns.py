@@ -258,10 +258,13 @@ def test_what_is_deleted_is_made_again(project, copy):
         next(release.with_name("dior-0.1.0-exports").rglob("*.json")),
         release.with_name("dior-0.1.0-metadata.tar"),
         copy / "results/frames/outdoor_01.parquet",
+        copy / "results/report/cost.html",
+        next((copy / "results/report/sequences").glob("*.html")),
     ]
     for path in lost:
         path.unlink()
     jobs = planned(copy, "release")
+    assert {"frames", "package", "exports", "tarballs", "report"} <= planned(copy, "all", "release").keys()
     assert {"frames", "package", "exports", "tarballs"} <= jobs.keys() and "mocap" not in jobs
     snakemake(copy, "all", "release")
     assert contents(copy) == contents(project)

@@ -6,6 +6,7 @@ from base64 import urlsafe_b64encode
 import pytest
 
 from dior.cli import main
+from dior.errors import DiorError
 from dior.project import forget
 from tests.project.test_consent import people
 from tests.project.test_project import edit, root  # noqa: F401
@@ -201,3 +202,22 @@ def test_files_that_name_a_person_are_told(withdrawn, capsys):
     path.write_text(path.read_text() + "# S02 carried a stick\n")
     forget.run(project=withdrawn)
     assert "config/sessions/field/session.yaml" in capsys.readouterr().out.split("dior deletes none of these:")[1]
+
+
+def test_pictures_of_the_gallery_are_recordings_of_a_person_too(withdrawn, capsys):
+    header = "subject\toutfit\tangle\tpath\tbag\ttopic\n"
+    rows = "S02\tcoat\tfrontal\tpics/b\t\t\nS01\tcoat\tfrontal\tpics/a\t\t\n"
+    (withdrawn / "config/gallery.tsv").write_text(header + rows)
+    for name in "ab":
+        (withdrawn / "data/pics" / name).mkdir(parents=True)
+    forget.run(project=withdrawn)
+    named = capsys.readouterr().out.split("dior deletes none of these:")[1]
+    assert "pics/b" in named and "pics/a" not in named
+
+
+def test_nothing_is_forgotten_while_a_run_is_at_work(withdrawn, monkeypatch):
+    before = present(withdrawn)
+    monkeypatch.setattr(forget.running, "at_work", lambda folder: "process 7 is at work here")
+    with pytest.raises(DiorError, match="process 7 is at work here; what it is making now would be deleted"):
+        forget.run(project=withdrawn, yes=True)
+    assert present(withdrawn) == before

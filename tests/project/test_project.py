@@ -406,6 +406,12 @@ def test_marks_without_3d_points_need_the_mocap(root):
         ("boxes/out_1.cam3.csv", "", ["'cam3' is no camera of session 'field' (did you mean 'cam03'?)"]),
         ("boxes/oat_1.cam03.csv", "", ["'oat_1' is not in config/sequences.tsv (did you mean 'out_1'?)"]),
         ("checks/out_1.csv", "", ["<sequence>.<camera>.csv"]),
+        (
+            "offsets/out_1.yml",
+            "cam01: {offset_s: 0}\n",
+            ["out_1.yml: is not read, as its name must end in .yaml"],
+        ),
+        ("boxes/out_1.cam03.CSV", "", ["boxes/out_1.cam03.CSV: is not read, as its name must end in .csv; rename it"]),
         ("sessions/field/cam01@oat_2.yaml", "", ["'oat_2' is no sequence of session 'field'", "'out_2'"]),
         ("sessions/field/cam1@out_2.yaml", "", ["cam1.yaml is missing beside it (did you mean 'cam01'?)"]),
         ("sessions/field/cam01@out_2.marks.csv", "", ["cam01@out_2.yaml is missing beside it"]),
@@ -417,6 +423,13 @@ def test_errors_of_files_beside(root, file, text, parts):
     (root / "config/people").mkdir()
     (root / "config" / file).write_text(text)
     fails(root, f"config/{file}", *parts)
+
+
+def test_a_folder_that_nothing_reads_is_named(root):
+    (root / "config/peple").mkdir()
+    fails(root, "config/peple: no such folder is read (did you mean 'people'?); rename it")
+    (root / "config/peple").rename(root / "config/photographs")
+    assert project.load(root).sequences
 
 
 @pytest.mark.parametrize("name", ["config.yaml", "sequences.tsv", "subjects.tsv"])
@@ -794,6 +807,33 @@ def test_privacy_masks_are_rectangles_of_a_camera(root):
     fails(root, "privacy_masks of cam03: [90, 180, 0, 300] holds no pixel", "u_min, v_min, u_max, v_max")
     path.write_text(before + "privacy_masks: {cam03: [[90, 180, 100]]}\n")
     fails(root, "field/session.yaml", "privacy_masks")
+
+
+@pytest.mark.parametrize(
+    "file",
+    ["offsets/out_1.yaml", "people/out_1.yaml", "boxes/out_1.cam03.csv", "heads/out_1.cam03.parquet", "effort.tsv"],
+)
+def test_what_need_not_be_there_is_not_left_out_in_silence(root, file):
+    path = root / "config" / file
+    path.parent.mkdir(exist_ok=True)
+
+    def asked():
+        made = project.load(root)
+        return made.boxes("out_1"), made.seeds("out_1"), made.earlier_heads("out_1", "cam03"), made.effort()
+
+    path.unlink(missing_ok=True)
+    path.symlink_to("/nowhere/at/all")
+    with pytest.raises(DiorError, match=f"config/{file}: (is a link to nothing|there is no such file)"):
+        asked()
+    path.unlink()
+    path.mkdir()
+    with pytest.raises(DiorError, match=f"config/{file}: is a folder"):
+        asked()
+
+
+def test_a_gallery_that_cannot_be_read_is_not_none(root):
+    (root / "config/gallery.tsv").symlink_to("/nowhere/at/all")
+    fails(root, "config/gallery.tsv: there is no such file")
 
 
 @pytest.mark.parametrize("key", ["heads_checked", "detections_checked"])

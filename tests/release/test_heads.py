@@ -199,7 +199,7 @@ def walk(tmp_path, monkeypatch):
     paths = {"skeleton": "body", "frames": "frames", "labels": "labels"}
     given = {key: tmp_path / f"{name}.parquet" for key, name in paths.items()}
     given |= {"cameras": [tmp_path / "cameras.parquet"], "clocks": [tmp_path / "clocks.parquet"]}
-    given |= {"filmed": heads.Filmed(tmp_path, None, "auto", 0.3, None, [])}
+    given |= {"filmed": heads.Filmed(tmp_path, None, "auto", 0.3, None)}
     given |= {"judged": judged(tmp_path)}
     given |= {"before": None, "out": tmp_path / "heads.parquet", "findings": tmp_path / "findings.parquet"}
     return view, middle, {"sequence": "walk", "camera": "cam01", "out_covers": tmp_path / "covers.parquet", **given}
@@ -258,17 +258,6 @@ def test_where_no_picture_shows_the_scene_without_the_subject_that_is_what_is_sa
     heads.run(**given)
     assert set(status_of(given)) == {"unseen"}
     assert "so that none shows the scene without them" in said(given)[0] and "pose or clock" not in said(given)[0]
-
-
-def test_a_privacy_mask_is_covered_in_all_pictures(walk):
-    _, _, given = walk
-    for mask, edges in (([10, 20, 30.2, 40.5], [10, 20, 31, 41]), ([-0.5, 700, 40, 900], [0, 700, 41, 720])):
-        heads.run(**given | {"filmed": replace(given["filmed"], masks=[mask])})
-        covers = tables.read(given["out_covers"], "other_covers")
-        found = np.stack([covers[key] for key in heads.EDGES], axis=1)
-        assert covers["frame"][(found == edges).all(axis=1)].tolist() == list(range(COUNT)), mask
-    with pytest.raises(DiorError, match=r"camera cam01: `privacy_masks` .* lies outside of its pictures of 1280x720"):
-        heads.run(**given | {"filmed": replace(given["filmed"], masks=[[1280, 0, 1300, 20]])})
 
 
 @pytest.mark.parametrize("turn", [(0, 1.5, 0), (0, -1.5, 0), (-1.5, 0, 0), (0, 20, 0)])

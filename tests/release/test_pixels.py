@@ -37,7 +37,7 @@ def recording(tmp_path):
     given = {"sequence": "walk", "subject": "P01", "camera": "cam01", "frames": index, "data_root": tmp_path}
     given |= {"heads": _heads(tmp_path / "heads.parquet", "ok out_of_frame unknown ok ok out_of_frame ok".split())}
     given |= {"covers": _covers(tmp_path / "others.parquet", {}), "out_covers": tmp_path / "covers.parquet"}
-    given |= {"faces": "filled", "consent": "yes", "shift": {}, "out": tmp_path / "out.parquet"}
+    given |= {"faces": "filled", "consent": "yes", "shift": {}, "masks": [], "out": tmp_path / "out.parquet"}
     return sent, given | {"findings": tmp_path / "findings.parquet"}
 
 
@@ -158,6 +158,28 @@ def test_shown_faces_are_passed_on(recording):
     table = tables.read(given["out"], "released_frames")
     for i in (0, 1, 2, 6):
         assert table["image"][i] == jpeg.bare(sent[i].content["data"].tobytes())[0]
+
+
+@pytest.mark.parametrize("faces", ["filled", "shown"])
+def test_a_privacy_mask_is_covered_in_all_pictures_whatever_happens_to_faces(recording, faces):
+    sent, given = recording
+    whole = given if faces == "filled" else given | {"heads": None, "covers": None}
+    pixels.run(**whole | {"faces": faces, "masks": [[30, 8, 59.2, 29.5], [-0.5, -0.5, 2, 2]]})
+    table, covers = tables.read(given["out"], "released_frames"), tables.read(given["out_covers"], "released_covers")
+    edges = np.stack([covers[key] for key in EDGES], axis=1)
+    shown = [i for i, image in enumerate(table["image"]) if image is not None]
+    assert len(shown) > 3 and (covers["what"][(edges == (30, 8, 60, 30)).all(axis=1)] == "other").all()
+    assert covers["frame"][(edges == (30, 8, 60, 30)).all(axis=1)].tolist() == shown
+    assert covers["frame"][(edges == (0, 0, 3, 3)).all(axis=1)].tolist() == shown
+    for i in shown:
+        off = np.abs(decoded(table["image"][i]).astype(int) - scene(i)).mean(axis=2)
+        assert off[8:30, 30:60].mean() > 8 and off[40:].max() < 16
+
+
+def test_a_privacy_mask_outside_of_the_pictures_is_refused(recording):
+    _, given = recording
+    with pytest.raises(DiorError, match=r"walk, camera cam01: `privacy_masks` .* of its pictures of \d+x\d+ px"):
+        pixels.run(**given | {"masks": [[5000, 0, 5010, 20]]})
 
 
 def test_stamps_count_from_the_persons_first_picture(recording):

@@ -6,10 +6,13 @@
 2. The time of a result is the one that was noted when it was made. A copy of a project, whose files got other times in
    another order, would else be made again.
 3. Where a file lacks that SHA256SUMS names, the release or the exports are made again: their rules do not name all.
+   Nor does that of the report, whose first page links to them.
 4. A job whose input is made again, but counts as old (`ancient`), is asked whether it has to run for another reason.
    Snakemake takes it for one that will run anyway, and does not ask: a changed param would wait for the next run.
 5. One run at a time, and the second says which is the first.
 """
+
+import re
 
 from snakemake.dag import DAG
 from snakemake_interface_storage_plugins.io import Mtime
@@ -23,7 +26,7 @@ def of_dior(update_needrun):
     async def planned(dag, *args, **kwargs):
         begin_run(dag.workflow)
         recall_times(dag)
-        dag.forcefiles.update(lists_of_lost_files(dag))
+        dag.forcefiles.update(made_without_all(dag))
         targets, dag.targetjobs = dag.targetjobs, set(dag.jobs)
         dag.bfs = made_again
         try:
@@ -59,20 +62,32 @@ def recall_times(dag):
             times[job.benchmark] = next(iter(made.values()))
 
 
-def lists_of_lost_files(dag):
-    """The SHA256SUMS that name a file which is not there any more: who made them makes all of it again."""
-    made = {path for job in dag.jobs for path in job.output}
-    lists = [path for path in made if os.path.basename(path) == "SHA256SUMS"]
-    return [path for path in lists if os.path.exists(path) and lost_files(path)]
+def made_without_all(dag):
+    """The SHA256SUMS and pages that name a file which is not there any more: who made them makes all of it again."""
+    named_in = {"SHA256SUMS": in_sums, "index.html": in_page}
+    made = {path for job in dag.jobs for path in job.output if os.path.exists(path)}
+    return [
+        path
+        for path in made
+        if (names := named_in.get(os.path.basename(path))) and lost(path, names)
+    ]
 
 
-def lost_files(sums):
-    """Whether a file is gone that a list of checksums names."""
-    folder = os.path.dirname(sums)
-    with open(sums, encoding="utf-8", errors="replace") as stream:
-        # as `sha256sum` writes it: 64 digits, two blanks, the name
-        names = [line.rstrip("\n")[66:] for line in stream]
-    return not all(os.path.exists(os.path.join(folder, name)) for name in names)
+def lost(path, names):
+    """Whether a file is gone that another one names."""
+    with open(path, encoding="utf-8", errors="replace") as stream:
+        named = names(stream.read())
+    return not all(os.path.exists(os.path.join(os.path.dirname(path), name)) for name in named)
+
+
+def in_sums(text):
+    """The files that a list of checksums names, as `sha256sum` writes it: 64 digits, two blanks, the name."""
+    return [line[66:] for line in text.splitlines()]
+
+
+def in_page(text):
+    """The files that a page links to, beside it."""
+    return re.findall(r'(?:src|href|poster)="([^":#]+)(?:#[^"]*)?"', text)
 
 
 def begin_run(started):

@@ -24,6 +24,8 @@ MOST_DEPTH = 8
 MOST_DOTS = 40
 # chosen: no focal length in px, no distortion and no place in m is larger
 LARGEST = 1e7
+# of a translation, by `reference.units`
+METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 
 
 def section(path: AnyPath, name: str, keys: Collection[str]) -> dict[str, Any]:
