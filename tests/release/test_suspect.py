@@ -168,6 +168,16 @@ def test_a_cameras_word_does_not_mend_the_3d(red):
     assert set(status_of(build(red), "walk_3.cam02")) == {"suspect"}
 
 
+def test_nor_is_it_told_while_the_3d_is_in_doubt(red):
+    """It is in no use: whoever reads it would take the labels for those that somebody has looked at."""
+    tables.write_findings(red["findings"][0], [("walk_2", "error", "world_floor", "")])
+    accept(red, f'{{walk_2/cam02: "{WHY}"}}')
+    found = layout.rows_of(tables.read(build(red) / "lights.parquet", "released_lights"))
+    assert [(row["sequence"], row["camera"], row["accepted"]) for row in found] == [
+        ("walk_2", "", ""), ("walk_2", "cam02", ""),
+    ]  # fmt: skip
+
+
 def test_who_makes_the_release_is_told_what_has_no_place(red, capsys):
     accept(red, f'{{walk_2: "{WHY}", walk_3/cam02: "{WHY}"}}')
     build(red)
