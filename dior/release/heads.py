@@ -155,7 +155,7 @@ def run(
     red = red_by(sequence, camera, judged, {name: one.intrinsics.fx for name, one in read_cameras(cameras).items()})
     others = known_others(people, people_labels, subject, where) if people and people_labels else []
     if not judged.checked:
-        unsure = np.any([doubtful(subject), *(doubtful(one) & (one.boxes()[1] == "ok") for one in others)], axis=0)
+        unsure = np.any([doubtful(subject), *(doubtful(one) & in_picture(one) for one in others)], axis=0)
         status = np.where(unsure & (status != "unknown"), "uncertain", status).astype(object)
         if red:
             status = np.full(len(status), "red", object)
@@ -206,7 +206,8 @@ def known_others(people: Path, people_labels: Path, subject: Known, where: str) 
 def heads_of(other: Known) -> list[Ints]:
     """By picture the box (1, 4) of whole pixels that holds somebody's head, or none (0, 4)."""
     box, status = other.boxes()
-    return [edges[None].astype(int) if ok else NO_BOX for edges, ok in zip(on_grid(box), status == "ok", strict=True)]
+    there = (status == "ok") & in_picture(other)
+    return [edges[None].astype(int) if ok else NO_BOX for edges, ok in zip(on_grid(box), there, strict=True)]
 
 
 def drawn_boxes(path: Path | None, rows: Table) -> Floats:
@@ -257,11 +258,36 @@ def _findings_in(path: Path) -> list[lights.Finding]:
 def doubtful(subject: Known) -> Bools:
     """Pictures (F,) in which the labels' uncertainty is not known, or larger than half a head."""
     _, status = subject.boxes()
-    distance = np.linalg.norm(subject.middle - subject.camera.centre, axis=1)
     with np.errstate(invalid="ignore"):
-        small = subject.sigma.max(axis=1) <= head_model.RADII_M[0] * subject.camera.intrinsics.fx / distance
+        small = subject.sigma.max(axis=1) <= half_a_head(subject)
     # of who is not in the picture, the sigma need not be small
     return ~np.isfinite(subject.sigma).all(axis=1) | (status == "ok") & ~small
+
+
+def half_a_head(of: Known) -> Floats:
+    """Half a head's width (F,) px at its distance."""
+    distance = np.linalg.norm(of.middle - of.camera.centre, axis=1)
+    return np.asarray(head_model.RADII_M[0] * of.camera.intrinsics.fx / distance)
+
+
+def in_picture(other: Known) -> Bools:
+    """Whether (F,) the head is in the picture, were it half a head off at the most.
+
+    Of who stands beside a camera pixels are of no use, where a sigma is larger than the picture and a head's outline
+    has no end: that they are beside it tells the angle from its axis.
+    """
+    camera, lens = other.camera, other.camera.intrinsics
+    sigma = np.fmin(other.sigma, half_a_head(other)[:, None])
+    _, status = boxes(camera, other.middle, other.own, sigma)
+    corners = cam.rays(camera, np.array([(u, v) for u in (0.0, lens.width - 1) for v in (0.0, lens.height - 1)]))
+    sight = other.middle - camera.centre
+    distance = np.linalg.norm(sight, axis=1)
+    axis = camera.wRc[:, 2]
+    widest = np.arccos(corners @ axis).max()
+    with np.errstate(invalid="ignore"):
+        aside = np.arccos(np.clip(sight @ axis / distance, -1.0, 1.0))
+        head = np.arcsin(np.minimum(2 * head_model.RADII_M[1] / distance, 1.0))
+        return np.asarray((status == "ok") & (aside - head <= widest))
 
 
 def known(

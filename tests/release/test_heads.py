@@ -440,11 +440,11 @@ def test_hardly_anything_of_a_head_is_left_outside_where_labels_are_as_sure_as_t
 ASIDE_M = (-0.6, 0.9, -0.1)
 
 
-def with_somebody_else(given, sigma=1.0, known=lambda i: True):
+def with_somebody_else(given, sigma=1.0, known=lambda i: True, aside=ASIDE_M):
     """The arguments with tables of everybody: beside the subject one who goes along, `known` (instant) or not."""
     folder = given["out"].parent
     own, labels = tables.read(given["skeleton"], "skeletons_3d"), tables.read(given["labels"], "labels_2d")
-    other = own | {axis: own[axis] + by for axis, by in zip("xyz", ASIDE_M, strict=True)}
+    other = own | {axis: own[axis] + by for axis, by in zip("xyz", aside, strict=True)}
     gone = ~np.array([known(i) for i in own["instant"].tolist()])
     for axis in "xyz":
         other[axis][gone] = np.nan
@@ -489,3 +489,16 @@ def test_no_picture_is_released_that_has_somebody_elses_head_of_which_nobody_kno
     checked = {"judged": judged(tmp_path, "looked at all of them (A. B.)")}
     heads.run(**with_somebody_else(given, sigma, known=lambda i: i < 5) | checked)
     assert set(status_of(given)) == {"ok"}
+
+
+def test_who_stands_beside_the_camera_withholds_and_covers_nothing():
+    """There a pixel's sigma is larger than the picture, and the box that it makes would hold all of it."""
+    view = camera("c", (5.0, 0, 1.6), (0, 0, 1.6), distortion=(0.0,) * 8)
+    # ahead; half a head beyond the picture's border, which is 45 degrees aside; 3 m aside and 0.4 m ahead; behind
+    middle = np.array([(0, 0, 1.6), (3.0, 2.15, 1.6), (4.6, 3.0, 1.6), (6.0, 0, 1.6)])
+    for sigma in (1.0, 1e5, np.nan):
+        known = np.zeros(4), np.full((4, 2), sigma), np.zeros((4, 0, 3))
+        other = heads.Known({}, view, np.arange(4.0), middle, *known, [])
+        assert heads.in_picture(other).tolist() == [True, True, False, False]
+        assert len(heads.heads_of(other)[2]) == 0
+        assert (other.boxes()[1][2] == "ok") == (sigma == 1e5)
