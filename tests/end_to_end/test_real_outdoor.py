@@ -9,6 +9,7 @@ import tomllib
 import numpy as np
 import pytest
 
+from dior.body.plausible import stature
 from dior.tables import tables
 from tests.cases import slow
 from tests.end_to_end.workflow import ROOT, edit, snakemake
@@ -49,6 +50,43 @@ def test_reference_cameras_label_the_unseen_one(project, shared):
     assert (found["cam02"] & ~true).sum() + found["cam01"].sum() + found["cam03"].sum() <= 2
     assert (project / "results/report/index.html").is_file()
     assert (project / "results/release/dior-0.1.0-beamwalker.tar").is_file()
+
+
+@pytest.mark.slow
+def test_who_stands_in_the_background_is_labelled_and_covered_where_all_people_are_asked_for(project):
+    """OpenPose has found somebody in two of the cameras, whom the cover of the head is to hold in both."""
+    edit(project / "config/config.yaml", "data_root:", "people: all\ndata_root:")
+    edit(project / "config/sequences.tsv", "mlkit/{camera}.jsonl", "openpose/{camera}")
+    snakemake(project, *[f"results/heads/beam_01.{camera}.parquet" for camera in ("cam01", "cam02", "cam03")])
+    body = tables.read(project / "results/people/beam_01.parquet", "people_3d")
+    labels = tables.read(project / "results/people/beam_01.labels.parquet", "people_2d")
+    other = tables.rows(body, body["is_subject"] == "no")
+    assert set(body["person"]) == {"person_1", "person_2"} and set(other["person"]) == {"person_2"}
+    points, joints = tables.grid(other, "x", "y", "z")
+    seen = np.isfinite(points[..., 0])
+    assert seen.any(axis=1).sum() >= 95 and 1.5 < stature(points, joints) < 1.9
+    # still, and metres away from the beam
+    middle = np.nanmedian(points[seen.any(axis=1)], axis=1)
+    assert np.ptp(middle[:, :2], axis=0).max() < 0.3 and middle[:, 0].max() < -3
+    found = tables.read(project / "results/detections/beam_01.people.parquet", "detected_people")
+    for camera in ("cam01", "cam02"):
+        mine = tables.of_camera(tables.rows(labels, labels["person"] == "person_2"), camera)
+        uv, names = tables.grid(mine, "u", "v")
+        tracks = [tables.of_camera(tables.rows(found, found["track"] == number), camera) for number in (0, 1)]
+        off = []
+        for track in tracks:
+            at, _ = tables.grid(track, "u", "v")
+            off.append(np.nanmedian(np.linalg.norm(at - uv[track["frame"].reshape(at.shape[:2])[:, 0]], axis=-1)))
+        assert min(off) < 15, off
+        covers = tables.read(project / f"results/heads/beam_01.{camera}.covers.parquet", "other_covers")
+        nose = uv[:, names.index("nose")]
+        for frame in np.flatnonzero(np.isfinite(nose[:, 0])).tolist():
+            here = tables.rows(covers, covers["frame"] == frame)
+            (u, v) = nose[frame]
+            assert ((here["u_min"] < u) & (u < here["u_max"]) & (here["v_min"] < v) & (v < here["v_max"])).any(), frame
+    # who stands beside the third camera withholds none of its pictures
+    heads = tables.read(project / "results/heads/beam_01.cam03.parquet", "heads")
+    assert set(heads["status"]) == {"ok"}
 
 
 def perturbed(text, seed, metres=0.05, degrees=2.0):
