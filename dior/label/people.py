@@ -4,8 +4,9 @@ INPUTS   what triangulate and reproject read, and the subject's skeleton
 OUTPUTS  `people_3d`: everybody's 3D at every instant; `people_2d`: their labels in every picture of every camera, close
          and long-range; `findings`: who was followed, and where it is not known who is whose
 The subject's rows are those of the skeleton and of reproject; the others are triangulated, smoothed and projected by
-the same code, from the detections that are surely theirs (`everyone`). Where these are too few because two people are
-too close together, rows are null and `suspect`. A person is a number in the order of first appearance in the sequence.
+the same code, from the detections that are surely theirs (`whose_detections`). Where these are too few because two
+people are too close together, rows are null and `suspect`. A person is a number in the order of first appearance in the
+sequence.
 """
 
 from collections.abc import Sequence
@@ -15,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from dior.arrays import Table
-from dior.body.everyone import Somebody, everyone
+from dior.body.whose_detections import Somebody, everyone
 from dior.label import reproject
 from dior.reconstruct import everybody, refine, triangulate
 from dior.reconstruct.triangulate import Given, Limits

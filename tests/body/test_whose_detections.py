@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from dior.body import everyone as module
 from dior.body import people_seen, which_person
-from dior.body.everyone import everyone
+from dior.body import whose_detections as module
 from dior.body.names import MLKIT_33
 from dior.body.people_seen import Sighting
 from dior.body.which_person import Path, Seed, Seen
+from dior.body.whose_detections import everyone
 from tests.reconstruct.test_swaps import observed, walker
 from tests.rig import ring
 
