@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from dior.body.which_person import STRANGER, UNDECIDED, Choice, Stretch
+from dior.body.which_person import STRANGER, UNDECIDED, Choice, Followed, Stretch
 from dior.reconstruct import everybody
 
 JOINTS = 2
@@ -36,7 +36,7 @@ FPS, CAMERAS = 30.0, ("cam01", "cam02")
 def said(*stretches):
     """(code, text) of a choice among two people; frames of cam01 are instants + 100, cam02 has none."""
     frames = np.stack([np.arange(100) + 100, np.full(100, -1)])
-    choice = Choice(np.zeros((2, 100), int), np.zeros(100, int), stretches, 2)
+    choice = Choice(np.zeros((2, 100), int), np.zeros(100, int), stretches, 2, Followed([], [], [], [], 1, 0.0))
     return [(code, text) for _, _, code, text in everybody.findings("walk", choice, CAMERAS, frames, FPS, False)]
 
 
