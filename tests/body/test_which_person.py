@@ -50,6 +50,7 @@ def test_one_person_is_nobody_to_choose():
     assert which_person.choose(cameras, Seen(uv, np.ones(uv.shape[:4]), track, names, FPS)) is None
 
 
+@pytest.mark.slow
 def test_the_height_tells_two_people_apart():
     capture, seen, owner = made("together")
     for height, who in ((capture.height_m, 0), (capture.height_m + 0.07, 1)):

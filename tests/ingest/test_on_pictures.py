@@ -128,6 +128,7 @@ def test_few_detections_tell_nothing(tmp_path):
     assert found[0][1] == "detections_unsure" and "found in 4 pictures" in found[0][2]
 
 
+@pytest.mark.slow
 def test_the_pictures_of_a_bag_are_read(tmp_path):
     true = walker()
     pictures = [picture(uv) for uv in true]
