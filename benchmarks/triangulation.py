@@ -374,6 +374,8 @@ TABLES = {"1": print_accuracy, "2": print_swaps, "3": print_covariance, "4": pri
 
 
 def main():
+    if unknown := set(sys.argv[1:]) - TABLES.keys():
+        sys.exit(f"no table {', '.join(sorted(unknown))}; there are {', '.join(TABLES)}")
     for name in sys.argv[1:] or TABLES:
         TABLES[name]()
 
