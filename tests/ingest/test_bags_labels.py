@@ -157,7 +157,7 @@ def test_a_c3d_without_some_markers_has_the_labels_of_the_others(simulated, tmp_
     shutil.copytree(folder, tmp_path / "less")
     c3d = ezc3d.c3d(str(folder / WALK / "mocap.c3d"))
     labels = c3d["parameters"]["POINT"]["LABELS"]["value"]
-    renamed = [f"{label}_" if label.rpartition(":")[2] in lacking else label for label in labels]
+    renamed = [f"{label}X" if label.rpartition(":")[2] in lacking else label for label in labels]
     c3d["parameters"]["POINT"]["LABELS"]["value"] = renamed
     c3d.write(str(tmp_path / "less" / WALK / "mocap.c3d"))
     for path in (tmp_path / "less/config/sessions/lab").glob("*.marks.csv"):
