@@ -4,6 +4,7 @@ INPUTS: a `dior.project.project.Project` whose files have the right keys. OUTPUT
 contradiction: a sentence that names the file, line or key and the likely fix.
 """
 
+import difflib
 import os
 import re
 from collections.abc import Iterable, Sequence
@@ -17,6 +18,8 @@ from dior.project.schema_check import Row, Rows, check, read_yaml
 # Snakemake takes braces for wildcards; what is not printed cannot be retyped from a sentence
 NO_PART_OF_A_PATH = re.compile(r"[{}\x00-\x1f\x7f]")
 FOLDERS = ("boxes", "checks", "heads", "offsets", "people", "sessions")
+# chosen: a letter or two too few or too many in a name; a lab's own `boxes_old` or `notes` is less alike
+A_SLIP = 0.8
 TABLES_AND_YAML = (".csv", ".tsv", ".yaml", ".yml")
 # chosen: what a tape measure resolves; two cameras are farther apart
 SAME_PLACE_M = 0.01
@@ -472,8 +475,9 @@ def _check_marks(project: Project, session: str, camera: str) -> None:
 def _check_folders(project: Project) -> None:
     """A folder of config/ whose name is nearly that of one that is read would be left out in silence."""
     for name in sorted(os.listdir(project.root / "config")):
-        if name not in FOLDERS and (project.root / "config" / name).is_dir() and (meant := nearest(name, FOLDERS)):
-            raise DiorError(f"config/{name}: no such folder is read{meant}; rename it")
+        meant = difflib.get_close_matches(name, FOLDERS, n=1, cutoff=A_SLIP)
+        if meant and name not in FOLDERS and (project.root / "config" / name).is_dir():
+            raise DiorError(f"config/{name}: no such folder is read (did you mean '{meant[0]}'?); rename it")
 
 
 def _check_names(project: Project, folder: str) -> None:
@@ -483,7 +487,8 @@ def _check_names(project: Project, folder: str) -> None:
     suffix = ".yaml" if whole else ".csv"
     for file in sorted(os.listdir(path)) if path.is_dir() else ():
         if file.startswith(".") or not file.endswith(suffix):
-            if not file.startswith((".", "~")) and file.lower().endswith(TABLES_AND_YAML):
+            named = file.partition(".")[0] in project.rows
+            if named and file.lower().endswith(TABLES_AND_YAML):
                 raise DiorError(f"config/{folder}/{file}: is not read, as its name must end in {suffix}; rename it")
             continue
         sequence, _, camera = file.removesuffix(suffix).partition(".")

@@ -55,7 +55,8 @@ BY_HAND = Path("results/evaluate/to_mark")
 class Known:
     """The names that a project has: `units` (sequences and sessions) and of the released ones `walks`, (pseudonym,
     sequence) pairs; `pseudonyms`: of these; `withheld`: rows of the sequences of people who may not be processed;
-    `gone`: the names of these people in the sheet, but for numbers and single letters, and their pseudonyms.
+    `left_out`: the names of these people in the sheet; `gone`: those, but for numbers and single letters, and their
+    pseudonyms.
     """
 
     def __init__(self, root: Path) -> None:
@@ -63,6 +64,7 @@ class Known:
         rows, self.withheld = processed(bumps.in_parts(root, rows), people)
         self.units = {*rows, *(row["session"] for row in rows.values())}
         left_out = [row for row in people.values() if not consents(row, "processing")]
+        self.left_out = {row["subject"] for row in left_out}
         words = {row[key] for row in left_out for key in ("subject", "pseudonym")}
         self.gone = {word for word in words if _is_name(word)}
         agreed = {name: row["pseudonym"] for name, row in people.items() if consents(row)}
@@ -280,7 +282,7 @@ def _by_people(root: Path, known: Known) -> list[str]:
         recordings |= {str(data / path) for path in files if path and path != "detect"}
     if (root / GALLERY).is_file():
         rows, _ = read_sheet(root / GALLERY, "gallery", ("subject", "outfit", "angle"), GALLERY)
-        recordings |= {str(data / row["path"]) for row in rows.values() if row["subject"] in known.gone}
+        recordings |= {str(data / row["path"]) for row in rows.values() if row["subject"] in known.left_out}
     there = [path for path in sorted(recordings) if (root / path).exists() and not path.startswith("results/")]
     named = _naming({*known.withheld, *known.gone})
     for path in sorted((root / "config").rglob("*")):

@@ -204,9 +204,12 @@ def test_files_that_name_a_person_are_told(withdrawn, capsys):
     assert "config/sessions/field/session.yaml" in capsys.readouterr().out.split("dior deletes none of these:")[1]
 
 
-def test_pictures_of_the_gallery_are_recordings_of_a_person_too(withdrawn, capsys):
+@pytest.mark.parametrize("name", ["S02", "7"])
+def test_pictures_of_the_gallery_are_recordings_of_a_person_too(withdrawn, capsys, name):
     header = "subject\toutfit\tangle\tpath\tbag\ttopic\n"
-    rows = "S02\tcoat\tfrontal\tpics/b\t\t\nS01\tcoat\tfrontal\tpics/a\t\t\n"
+    edit(withdrawn, "subjects.tsv", "S02\t", f"{name}\t")
+    edit(withdrawn, "sequences.tsv", "\tS02\t", f"\t{name}\t")
+    rows = f"{name}\tcoat\tfrontal\tpics/b\t\t\nS01\tcoat\tfrontal\tpics/a\t\t\n"
     (withdrawn / "config/gallery.tsv").write_text(header + rows)
     for name in "ab":
         (withdrawn / "data/pics" / name).mkdir(parents=True)

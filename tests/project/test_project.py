@@ -428,8 +428,12 @@ def test_errors_of_files_beside(root, file, text, parts):
 def test_a_folder_that_nothing_reads_is_named(root):
     (root / "config/peple").mkdir()
     fails(root, "config/peple: no such folder is read (did you mean 'people'?); rename it")
-    (root / "config/peple").rename(root / "config/photographs")
-    assert project.load(root).sequences
+    (root / "config/peple").rmdir()
+    for own in ("photographs", "notes", "boxes_old", "docs", "old", "scripts", "calibration"):
+        (root / "config" / own).mkdir()
+    (root / "config/offsets").mkdir(exist_ok=True)
+    (root / "config/offsets/notes.csv").touch()
+    assert project.load(root).sequences, "a lab's own"
 
 
 @pytest.mark.parametrize("name", ["config.yaml", "sequences.tsv", "subjects.tsv"])
