@@ -149,8 +149,7 @@ def said_indoors(kind, level, seed):
             patch.object(clocks, "_by_pictures", lambda *_: nothing),
         ):
             steps._clocks(made, name, [made.made("adjust", session)], [])
-        found = tables.read(made.made("clocks", name, ".findings"), "findings")
-        rows = zip(*(found[key] for key in ("scope", "severity", "code", "text")), strict=True)
+        rows = tables.read_findings(made.made("clocks", name, ".findings"))
         said = [scope for scope, _, code, _ in lights.by_mocap(rows) if code in culprit.CODES]
         right = name if kind == "c3d" else "/".join((name, *(close[i] for i in wrong))) if wrong else ""
         return said, right

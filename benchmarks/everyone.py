@@ -124,11 +124,14 @@ def everybody(folder, cameras, clocks):
             cameras=[folder / "cameras.parquet"], covariance=[folder / "covariance.parquet"],
             clocks=[folder / "clocks.parquet"], clock_gains=[folder / "gains.parquet"],
         ),
-        detections=folder / "detections.parquet", everybody_seen=folder / "people.parquet",
-        timeline=folder / "timeline.parquet", skeleton=folder / "refined.parquet", frames=folder / "frames.parquet",
-        method="robust", limits=which_person.LIMITS, smoothing="smooth", max_gap_s=MAX_GAP_S,
+        recorded=people.Recorded(
+            folder / "detections.parquet", folder / "people.parquet", folder / "timeline.parquet",
+            folder / "frames.parquet", folder / "subjects.tsv",
+        ),
+        skeleton=folder / "refined.parquet", method="robust", limits=which_person.LIMITS, smoothing="smooth",
+        max_gap_s=MAX_GAP_S,
         out=folder / "everybody.parquet", out_labels=folder / "labels.parquet",
-        findings=folder / "everybody.findings.parquet", people=folder / "subjects.tsv",
+        findings=folder / "everybody.findings.parquet",
     )  # fmt: skip
 
 

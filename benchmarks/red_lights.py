@@ -40,7 +40,7 @@ def reds(made, name):
     found = [
         finding
         for step in ("clocks", "world", *(() if indoor else ("triangulate", "refine")))
-        for finding in _findings(made.made(step, name, ".findings"))
+        for finding in tables.read_findings(made.made(step, name, ".findings"))
     ]
     return red_labels.of_walk(name, session, cameras, () if indoor else close, found)
 
@@ -64,11 +64,6 @@ def _of_people(run, *, detections, out, **given):
         detections=detections, out=out, everybody_seen=detections.with_suffix(".people.parquet"),
         out_detections=out.with_suffix(".detections.parquet"), **given,
     )  # fmt: skip
-
-
-def _findings(path):
-    table = tables.read(path, "findings")
-    return list(zip(*(table[key].tolist() for key in ("scope", "severity", "code", "text")), strict=True))
 
 
 def _evaluated(made, name):

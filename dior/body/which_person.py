@@ -312,9 +312,13 @@ def _subject(
     """Paths of the subject, of others, and those of which it cannot be told."""
     if marked:
         pinned = [person for person in people if any(path in person.paths for path in marked)]
-        own = [path for person in pinned for path in person.paths if path in marked or not _meets(path, marked)]
+        own = [path for person in pinned for path in person.paths if path in marked or not at_once(path, marked)]
         rest = [path for person in people for path in person.paths if path not in own]
-        return own, [path for path in rest if _meets(path, own)], [path for path in rest if not _meets(path, own)]
+        return (
+            own,
+            [path for path in rest if at_once(path, own)],
+            [path for path in rest if not at_once(path, own)],
+        )
     sure = [person for person in people if person.sure]
     most = max(len(person.sightings) + person.perhaps for person in sure)
     rivals = [person for person in sure if len(person.sightings) + person.perhaps >= PASSING * most]
@@ -328,11 +332,11 @@ def _subject(
         if person is not chosen:
             for path in person.paths:
                 # who is there beside the subject is not the subject; nor is who is surely of another body or place
-                (others if person.sure or _meets(path, own) else unclear).append(path)
+                (others if person.sure or at_once(path, own) else unclear).append(path)
     return own, others, unclear
 
 
-def _meets(path: Path, others: Sequence[Path]) -> bool:
+def at_once(path: Path, others: Sequence[Path]) -> bool:
     """Whether a path is there at the time of others."""
     return any(path.first.t <= other.last.t and other.first.t <= path.last.t for other in others)
 

@@ -22,6 +22,7 @@ from dior.body.which_person import (
     Path,
     Person,
     Seen,
+    at_once,
     away_from,
     nearest_of,
     people_of,
@@ -90,7 +91,7 @@ def _groups(seen: Seen, choice: Choice) -> list[tuple[str, list[Path]]]:
         parts = [part for part in parts if len(part.sightings) >= followed.least] if len(parts) > 1 else parts
         pieces += parts
         unclear = any(path is other for other in followed.unclear)
-        doubted += [part for part in parts if unclear or len(parts) > 1 and not _beside(part, own)]
+        doubted += [part for part in parts if unclear or len(parts) > 1 and not at_once(part, own)]
     people = people_of(pieces, seen.fps / followed.every, subject)
     found = [("yes", own)] if own else []
     for number, person in enumerate(people):
@@ -98,11 +99,6 @@ def _groups(seen: Seen, choice: Choice) -> list[tuple[str, list[Path]]]:
         unknown = number < len(subject) or any(path is other for path in rest for other in doubted)
         found.append(("unknown" if unknown else "no", rest))
     return [(word, paths) for word, paths in found if word == "yes" or any(path.together for path in paths)]
-
-
-def _beside(path: Path, others: Sequence[Path]) -> bool:
-    """Whether others are there at the time of a path."""
-    return any(path.first.t <= other.last.t and other.first.t <= path.last.t for other in others)
 
 
 def _parts(path: Path, others: Sequence[dict[int, Sighting]], track: Ints) -> list[Path]:

@@ -48,16 +48,30 @@ class Rig:
     clock_gains: list[Path]
 
 
+@dataclass(frozen=True)
+class Recorded:
+    """What the cameras recorded, and what is known of the subject in it.
+
+    `detections`: table `detections`; `everybody_seen`: table `detected_people`; `timeline`, `frames`: tables of these
+    names; `people`: subjects.tsv, where the subject's height is known; `seeds`: YAML file in which somebody pointed at
+    the subject.
+    """
+
+    detections: Path
+    everybody_seen: Path
+    timeline: Path
+    frames: Path
+    people: Path | None = None
+    seeds: Path | None = None
+
+
 def run(
     *,
     sequence: str,
     subject: str,
     rig: Rig,
-    detections: Path,
-    everybody_seen: Path,
-    timeline: Path,
+    recorded: Recorded,
     skeleton: Path,
-    frames: Path,
     method: str,
     limits: Limits,
     smoothing: str,
@@ -65,18 +79,14 @@ def run(
     out: Path,
     out_labels: Path,
     findings: Path,
-    people: Path | None = None,
-    seeds: Path | None = None,
 ) -> None:
     """Label everybody in one outdoor sequence.
 
-    `everybody_seen`: table `detected_people`; `skeleton`: the subject's, as it is labelled; `smoothing`: refine.method;
-    `out_labels`: table `people_2d` to write; `people`: subjects.tsv, where the subject's height is known; `seeds`: YAML
-    file in which somebody pointed at the subject.
+    `skeleton`: the subject's, as it is labelled; `smoothing`: refine.method; `out_labels`: table `people_2d` to write.
     """
     given = triangulate.gathered(
-        sequence, subject, rig.cameras, rig.makers, detections, timeline, method, limits.min_score, everybody_seen,
-        people, seeds,
+        sequence, subject, rig.cameras, rig.makers, recorded.detections, recorded.timeline, method, limits.min_score,
+        recorded.everybody_seen, recorded.people, recorded.seeds,
     )  # fmt: skip
     own = tables.read(skeleton, "skeletons_3d", BODY)
     found = everyone(given.rig, given.seen, given.choice) if given.choice else []
@@ -87,7 +97,9 @@ def run(
     tables.write(out, "people_3d", _joined(sequence, words, bodies))
     known = tables.read(out, "people_3d")
     views = [
-        reproject.seen_by(sequence, one, rig.cameras, rig.makers, rig.covariance, frames, rig.clocks, rig.clock_gains)
+        reproject.seen_by(
+            sequence, one, rig.cameras, rig.makers, rig.covariance, recorded.frames, rig.clocks, rig.clock_gains
+        )
         for one in rig.labelled
     ]
     each = [_labels(views, of_person(known, number)) for number in range(len(found))]
@@ -113,12 +125,7 @@ def body_of(given: Given, who: Somebody, method: str, limits: Limits, max_gap_s:
     skeleton = skeleton.known_only(np.where(who.unsure[:, None], "suspect", skeleton.status))
     if max_gap_s is not None:
         skeleton = refine.over_time(skeleton, seen.names, seen.fps, max_gap_s)
-    return _spelled(
-        triangulate.columns(
-            seen.names, given.stamps, skeleton.points, skeleton.status, skeleton.n_views, skeleton.residual,
-            skeleton.covariance, skeleton.constant_share,
-        )
-    )  # fmt: skip
+    return _spelled(skeleton.columns(seen.names, given.stamps))
 
 
 def _labels(views: Sequence[reproject.View], body: Table) -> Table:

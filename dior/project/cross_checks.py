@@ -100,6 +100,8 @@ def check_sessions(project: Project, lines: dict[str, int]) -> None:
         _check_facts(project, session)
         _check_mocap(project, session)
         _check_looked_at(project, session)
+        _check_masks(project, session)
+        _check_accepted(project, session)
         for camera in project.cameras(session):
             _check_marks(project, session, camera)
             _check_align(project, session, camera)
@@ -287,6 +289,11 @@ def _check_looked_at(project: Project, session: str) -> None:
             if camera not in cameras:
                 raise DiorError(f"{shown}: {key} names '{camera}', no camera of it{nearest(camera, cameras)}")
             _check_words({f"{key} {camera}": reason}, (f"{key} {camera}",), project.pseudonyms, shown)
+
+
+def _check_masks(project: Project, session: str) -> None:
+    """Privacy masks are rectangles of cameras that there are."""
+    shown, cameras = project.session_file(session), project.cameras(session)
     for camera, masks in project.privacy_masks(session).items():
         if camera not in cameras:
             raise DiorError(f"{shown}: privacy_masks names '{camera}', no camera of it{nearest(camera, cameras)}")
@@ -296,6 +303,11 @@ def _check_looked_at(project: Project, session: str) -> None:
                     f"{shown}: privacy_masks of {camera}: [{u_min:g}, {v_min:g}, {u_max:g}, {v_max:g}] holds no pixel; "
                     "the order is u_min, v_min, u_max, v_max"
                 )
+
+
+def _check_accepted(project: Project, session: str) -> None:
+    """Red lights are accepted of walks and cameras that there are, for reasons that tell nobody's name."""
+    shown, cameras = project.session_file(session), project.cameras(session)
     rows = {**project.rows, **project.withheld}
     here = [name for name, row in rows.items() if session_folder(row["session"]) == session_folder(session)]
     for key, reason in project.labels_accepted(session).items():

@@ -59,10 +59,7 @@ def run(*, sequence: str, subject: str, skeleton: Path, max_gap_s: float, out: P
         np.nan_to_num(table["constant_share"].astype(float).reshape(shape)), float(about.get("noise_time_s", 0.0)),
     )  # fmt: skip
     found = over_time(given, joints, rate(stamps), max_gap_s)
-    write_skeleton(
-        out, subject, sequence, joints, stamps, found.points, found.status, found.n_views, found.residual,
-        found.covariance, found.constant_share,
-    )  # fmt: skip
+    write_skeleton(out, subject, sequence, found.columns(joints, stamps))
     filled = found.status == "gap_filled"
     text = f"{filled.mean():.1%} of the 3D joints were bridged over gaps of at most {max_gap_s:g} s"
     tables.write_findings(findings, [(sequence, "info", "gaps_bridged", text)] if filled.any() else [])

@@ -139,10 +139,7 @@ def run(
         word = which_person.words(choice.state)[:, None]
         found = found.known_only(np.where(word == "", found.status, word))
     about = {"noise_time_s": f"{found.time_s:.6g}"}
-    write_skeleton(
-        out, subject, sequence, joints, stamps, found.points, found.status, found.n_views, found.residual,
-        found.covariance, found.constant_share, about,
-    )  # fmt: skip
+    write_skeleton(out, subject, sequence, found.columns(joints, stamps), about)
     write_swaps(out_swaps, names, stamps, frames, corrected.swapped, joints)
     told = mine if choice and np.mean(choice.state == which_person.OWN) > MOSTLY else given.detected
     notes = _culprit(sequence, rig, told, given.line, limits.min_score, choice is not None)
@@ -222,13 +219,18 @@ class Skeleton:
     def known_only(self, status: Texts) -> "Skeleton":
         """The same with another status, and without what is not ok."""
         ok = status == "ok"
-        points, covariance = np.where(ok[..., None], self.points, np.nan), self.covariance
         return replace(
             self,
-            points=points,
+            points=np.where(ok[..., None], self.points, np.nan),
             status=status,
-            covariance=np.where(ok[..., None, None], covariance, np.nan),
+            covariance=np.where(ok[..., None, None], self.covariance, np.nan),
             constant_share=np.where(ok, self.constant_share, np.nan),
+        )
+
+    def columns(self, joints: Sequence[str], stamps: Ints) -> dict[str, tables.Column]:
+        """The columns of `skeletons_3d` but for whose it is."""
+        return columns(
+            joints, stamps, self.points, self.status, self.n_views, self.residual, self.covariance, self.constant_share
         )
 
 
@@ -305,21 +307,12 @@ def write_skeleton(
     path: AnyPath,
     subject: str,
     sequence: str,
-    joints: Sequence[str],
-    stamps: Ints,
-    points: Floats,
-    status: Texts,
-    n_views: Ints,
-    residual: Floats,
-    covariance: Floats | None = None,
-    constant_share: Floats | None = None,
+    known: dict[str, tables.Column],
     metadata: dict[str, str] | None = None,
 ) -> None:
-    """Write `skeletons_3d` from points (T, J, 3), their covariance (T, J, 3, 3), which share of it is constant (T, J),
-    and what is known about them (T, J)."""
-    once = np.zeros(points.shape[0] * points.shape[1], int)
+    """Write `skeletons_3d` of what is `known` (`columns`)."""
+    once = np.zeros(len(known["instant"]), int)
     own = {"subject": tables.Repeated([subject], once), "sequence": tables.Repeated([sequence], once)}
-    known = columns(joints, stamps, points, status, n_views, residual, covariance, constant_share)
     tables.write(path, "skeletons_3d", own | known, metadata)
 
 
@@ -333,7 +326,8 @@ def columns(
     covariance: Floats | None = None,
     constant_share: Floats | None = None,
 ) -> dict[str, tables.Column]:
-    """The columns of `skeletons_3d` but for whose it is; arguments as of `write_skeleton`."""
+    """The columns of `skeletons_3d` but for whose it is, of points (T, J, 3) m, their covariance (T, J, 3, 3) m^2, the
+    share of it that is constant (T, J), and what is known about them (T, J)."""
     count, each = points.shape[:2]
     return {
         "joint": tables.Repeated(joints, np.tile(np.arange(each), count)),

@@ -66,7 +66,8 @@ class Filmed:
 
     `data_root`: folder that the bags lie in; `detections`: the detector's own output of the camera, everybody in it,
     or None; `format`: tool that it is of, or auto; `min_score`: score from which a joint counts; `boxes`: boxes drawn
-    by hand around the subject, CSV, or None.
+    by hand around the subject, CSV, or None; `people`, `people_labels`: tables `people_3d` and `people_2d` where all
+    people are labelled, or None.
     """
 
     data_root: Path
@@ -74,6 +75,8 @@ class Filmed:
     format: str
     min_score: float
     boxes: Path | None
+    people: Path | None = None
+    people_labels: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -136,15 +139,12 @@ def run(
     out: Path,
     out_covers: Path,
     findings: Path,
-    people: Path | None = None,
-    people_labels: Path | None = None,
 ) -> None:
     """Write the head's box in every picture of one camera of one sequence, and what else is to be covered there.
 
     `cameras`, `clocks`: tables that hold the poses of the camera and of the makers, and the camera's clock. Raises
     DiorError where they do not, and where the labels are of other pictures. `before`: the table that an earlier release
-    was made with, or None; `out_covers`: table `other_covers` to write; `people`, `people_labels`: tables `people_3d`
-    and `people_2d` where all people are labelled.
+    was made with, or None; `out_covers`: table `other_covers` to write.
     """
     where = f"{sequence}, camera {camera}"
     subject = known(sequence, camera, cameras, skeleton, frames, clocks, labels)
@@ -153,7 +153,7 @@ def run(
     if before:
         box = kept(_earlier(before, subject.rows, where), box, subject.boxes(KEPT_SIGMAS)[0])
     red = red_by(sequence, camera, judged, {name: one.intrinsics.fx for name, one in read_cameras(cameras).items()})
-    others = known_others(people, people_labels, subject, where) if people and people_labels else []
+    others = known_others(filmed.people, filmed.people_labels, subject, where)
     if not judged.checked:
         unsure = np.any([doubtful(subject), *(doubtful(one) & in_picture(one) for one in others)], axis=0)
         status = np.where(unsure & (status != "unknown"), "uncertain", status).astype(object)
@@ -183,11 +183,14 @@ def run(
     tables.write_findings(findings, said)
 
 
-def known_others(people: Path, people_labels: Path, subject: Known, where: str) -> list[Known]:
-    """What is known of the heads of everybody else who was labelled, in the pictures of the `subject`.
+def known_others(people: Path | None, people_labels: Path | None, subject: Known, where: str) -> list[Known]:
+    """What is known of the heads of everybody else who was labelled, in the pictures of the `subject`; nobody without
+    the tables.
 
     Raises DiorError where the labels are of other joints or pictures.
     """
+    if people is None or people_labels is None:
+        return []
     everybody = tables.read(people, "people_3d")
     everybody = tables.rows(everybody, everybody["is_subject"] != "yes")
     labels = tables.of_camera(
@@ -232,7 +235,7 @@ def red_by(sequence: str, camera: str, judged: Judged, fx: dict[str, float]) -> 
     `fx`: px by camera. Lost pictures do not count: they say nothing of the others.
     """
     figures = red_labels.by_camera(tables.read(judged.metrics, "metrics"))
-    found = [row for path in judged.noticed for row in _findings_in(path)]
+    found = [row for path in judged.noticed for row in tables.read_findings(path)]
     own = dict.fromkeys(
         finding
         for name in (camera, "")
@@ -248,11 +251,6 @@ def reasons(figures: dict[str, float], fx: float, found: list[tuple[str, str]], 
     """What makes a camera's light red, in words; "" where it is not."""
     light = lights.judge(figures, fx, found, role)
     return "; ".join(light.reasons) if light.level == "bad" else ""
-
-
-def _findings_in(path: Path) -> list[lights.Finding]:
-    table = tables.read(path, "findings")
-    return list(zip(*(table[key].tolist() for key in ("scope", "severity", "code", "text")), strict=True))
 
 
 def doubtful(subject: Known) -> Bools:

@@ -18,7 +18,6 @@ import pyarrow as pa
 from dior.arrays import Table
 from dior.release.people_tables import Walks
 from dior.report import red_labels
-from dior.report.lights import Finding
 from dior.tables import buffers, tables
 
 # what is null of a label and of a point without a place, and the statuses that stay as they are
@@ -54,7 +53,9 @@ def red_lights(
     for path in metrics:
         figures |= red_labels.by_camera(tables.read(path, "metrics"))
     # the others say nothing of labels, and there are thousands of them
-    found = [one for path in findings for one in findings_in(path) if one[1] == "error" or one[2] == "mocap_agrees"]
+    found = [
+        one for path in findings for one in tables.read_findings(path) if one[1] == "error" or one[2] == "mocap_agrees"
+    ]
     keys = ("session", "camera", "fx", "role")
     rows = list(zip(*(rig[key].tolist() for key in keys), strict=True))
     lights = []
@@ -70,12 +71,6 @@ def red_lights(
             who = whole or of_camera.get(f"{name}/{red.camera}", "")
             lights.append(RedLight(walk["subject"], name, red.camera, red.reason, who))
     return sorted(lights)
-
-
-def findings_in(path: Path) -> list[Finding]:
-    """The rows of a table `findings`."""
-    table = tables.read(path, "findings")
-    return list(zip(*(table[key].tolist() for key in ("scope", "severity", "code", "text")), strict=True))
 
 
 def said(lights: Iterable[RedLight], accepted: Accepted, walks: Walks) -> list[str]:

@@ -146,7 +146,7 @@ def run(
     project, out = projects.load(root), Path(out)
     rows = metrics_csv.read(evaluated.metrics)
     recorded = read_frame_metrics(evaluated.frame_metrics)
-    found = [finding for path in findings for finding in _findings(path)]
+    found = [finding for path in findings for finding in tables.read_findings(path)]
     audited = sequence_stamps.read(times.audits, times.dropped, times.frames)
     cameras = {s: project.cameras_of(s) for s in project.sequences}
     found = lights.by_mocap(found)
@@ -218,11 +218,6 @@ def read_frame_metrics(paths: Iterable[AnyPath]) -> cards.FrameMetrics:
             values = own["stamp_ns"].to_numpy(), own["value"].to_numpy(), own["n"].to_numpy()
             found.setdefault((sequence, camera), {})[metric] = values
     return found
-
-
-def _findings(path: AnyPath) -> list[lights.Finding]:
-    table = tables.read(path, "findings")
-    return list(zip(*(table[c].tolist() for c in ("scope", "severity", "code", "text")), strict=True))
 
 
 def session_cameras(paths: Iterable[AnyPath]) -> dict[str, dict[str, Camera]]:

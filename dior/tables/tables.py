@@ -29,6 +29,7 @@ from dior.tables.schemas import PICTURE, RELEASED, SCHEMAS, VERSION, VOCABULARY
 
 # (scope, severity, code, text)
 Finding: TypeAlias = tuple[str, str, str, str]
+FINDING = ("scope", "severity", "code", "text")
 # what `write` takes for a column (the module's docstring says how a null is written)
 Column: TypeAlias = "Sequence[Any] | NDArray[Any] | Repeated"
 
@@ -296,9 +297,15 @@ def grid(table: Table, *columns: str) -> tuple[Floats, list[str]]:
 
 def findings_columns(findings: Sequence[Finding]) -> dict[str, list[str]]:
     """Columns of the `findings` table from (scope, severity, code, text) tuples, as given."""
-    return {key: [f[i] for f in findings] for i, key in enumerate(("scope", "severity", "code", "text"))}
+    return {key: [f[i] for f in findings] for i, key in enumerate(FINDING)}
 
 
 def write_findings(path: AnyPath, findings: Sequence[Finding]) -> None:
     """Write what a step wants a person to see: (scope, severity, code, text) tuples; the file may be empty."""
     write(path, "findings", findings_columns(findings))
+
+
+def read_findings(path: AnyPath) -> list[Finding]:
+    """The rows of a table `findings`."""
+    table = read(path, "findings")
+    return list(zip(*(table[key].tolist() for key in FINDING), strict=True))

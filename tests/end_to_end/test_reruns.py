@@ -291,7 +291,8 @@ def test_of_two_runs_the_second_says_who_is_running(project, copy):
     assert contents(copy) == contents(project)
 
 
-TOY = """
+# the planning of dior, on rules of its own
+PLANNED = """
 import os
 import sys
 
@@ -301,6 +302,8 @@ from dior.errors import DiorError
 
 
 include: "{root}/workflow/rules/runs.smk"
+"""
+TOY = """
 
 
 rule all:
@@ -312,7 +315,7 @@ rule a:
     output:
         "a",
     shell:
-        "touch {{output}}"
+        "touch {output}"
 
 
 rule b:
@@ -321,7 +324,7 @@ rule b:
     output:
         "b",
     shell:
-        "touch {{output}}"
+        "touch {output}"
 
 
 rule c:
@@ -330,20 +333,11 @@ rule c:
     output:
         "c/SHA256SUMS",
     shell:
-        "touch {{output}}"
+        "touch {output}"
 """
 
 
 OLD = """
-import os
-import sys
-
-from snakemake.exceptions import WorkflowError
-
-from dior.errors import DiorError
-
-
-include: "{root}/workflow/rules/runs.smk"
 
 
 rule a:
@@ -352,7 +346,7 @@ rule a:
     params:
         word=os.environ["A"],
     shell:
-        "touch {{output}}"
+        "touch {output}"
 
 
 rule b:
@@ -363,7 +357,7 @@ rule b:
     params:
         word=os.environ["B"],
     shell:
-        "touch {{output}}"
+        "touch {output}"
 
 
 rule c:
@@ -372,13 +366,13 @@ rule c:
     output:
         "c",
     shell:
-        "touch {{output}}"
+        "touch {output}"
 """
 
 
 @pytest.mark.slow
 def test_what_changed_is_made_again_where_an_input_that_counts_as_old_is_made_again(tmp_path, monkeypatch):
-    (tmp_path / "Snakefile").write_text(OLD.format(root=ROOT))
+    (tmp_path / "Snakefile").write_text(PLANNED.format(root=ROOT) + OLD)
     (tmp_path / "dior").symlink_to(ROOT / "dior")
 
     def with_words(run, a, b):
@@ -396,7 +390,7 @@ def test_what_changed_is_made_again_where_an_input_that_counts_as_old_is_made_ag
 @pytest.fixture
 def toy(tmp_path):
     """A chain of three steps that have run: results that are there, and no notes of how they were made."""
-    (tmp_path / "Snakefile").write_text(TOY.format(root=ROOT))
+    (tmp_path / "Snakefile").write_text(PLANNED.format(root=ROOT) + TOY)
     (tmp_path / "dior").symlink_to(ROOT / "dior")
     (tmp_path / "c").mkdir()
     for name in ("a", "b", "c/b"):

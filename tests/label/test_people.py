@@ -54,11 +54,13 @@ def made(folder, metres=1.2, several=True):
     tables.write(folder / "frames.parquet", "frames", frames | {"camera": np.repeat(np.array(names, object), COUNT)})
     people.run(
         sequence="walk_1", subject="S01", rig=people.Rig(names, NAMES, **files(folder)),
-        detections=folder / "detections.parquet", everybody_seen=everybody, timeline=folder / "timeline.parquet",
-        skeleton=folder / "refined.parquet", frames=folder / "frames.parquet", method="robust",
+        recorded=people.Recorded(
+            folder / "detections.parquet", everybody, folder / "timeline.parquet", folder / "frames.parquet",
+            seeds=seeds,
+        ),
+        skeleton=folder / "refined.parquet", method="robust",
         limits=people.Limits(0.3, 45.0, 12.0, 8.0, 0.4), smoothing="smooth", max_gap_s=0.2,
         out=folder / "people_3d.parquet", out_labels=folder / "people_2d.parquet", findings=folder / "found.parquet",
-        seeds=seeds,
     )  # fmt: skip
     body, labels = (tables.read(folder / f"{name}.parquet", name) for name in ("people_3d", "people_2d"))
     found = tables.read(folder / "found.parquet", "findings")

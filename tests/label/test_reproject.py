@@ -8,7 +8,7 @@ from dior.errors import DiorError
 from dior.geometry import camera as cam
 from dior.geometry import camera_tables
 from dior.label import reproject, uncertainty
-from dior.reconstruct.triangulate import write_skeleton
+from dior.reconstruct.triangulate import columns, write_skeleton
 from dior.tables import tables
 from tests.rig import camera
 
@@ -20,7 +20,8 @@ def skeleton(path, points, rate=100, status=None):
     stamps = T0 + np.round(np.arange(len(points)) / rate * 1e9).astype(np.int64)
     status = np.full(points.shape[:2], "ok", object) if status is None else status
     unknown = np.full(points.shape[:2], -1)
-    write_skeleton(path, "S01", "walk_1", JOINTS, stamps, points, status, unknown, np.full(points.shape[:2], np.nan))
+    known = columns(JOINTS, stamps, points, status, unknown, np.full(points.shape[:2], np.nan))
+    write_skeleton(path, "S01", "walk_1", known)
 
 
 def inputs(folder, camera_, points, frame_times, offset_s=0.0, drift_ppm=0.0, width=1280, **kwargs):

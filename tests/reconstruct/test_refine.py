@@ -5,7 +5,7 @@ import pytest
 
 from dior.reconstruct import refine, triangulate
 from dior.reconstruct.smooth import smooth
-from dior.reconstruct.triangulate import write_skeleton
+from dior.reconstruct.triangulate import columns, write_skeleton
 from dior.tables import tables
 
 FPS = 30.0
@@ -127,9 +127,8 @@ def test_the_step_keeps_every_row(tmp_path):
     about = {"noise_time_s": "0.1"}
     share = np.where(np.isfinite(covariance[..., 0, 0]), 0.2, np.nan)
     names = ["left_knee", "left_ankle"]
-    write_skeleton(
-        tmp_path / "t.parquet", "S", "w", names, stamps, points, status, views, residual, covariance, share, about
-    )  # fmt: skip
+    known = columns(names, stamps, points, status, views, residual, covariance, share)
+    write_skeleton(tmp_path / "t.parquet", "S", "w", known, about)
     refine.run(
         sequence="w", subject="S", skeleton=tmp_path / "t.parquet", max_gap_s=0.2,
         out=tmp_path / "r.parquet", findings=tmp_path / "f.parquet",

@@ -3,7 +3,7 @@
 import numpy as np
 
 from dior.reconstruct import world
-from dior.reconstruct.triangulate import write_skeleton
+from dior.reconstruct.triangulate import columns, write_skeleton
 from dior.tables import tables
 from tests.body.test_wrong_world import HEIGHT, person
 from tests.ingest.c3d_files import PLACES
@@ -14,9 +14,8 @@ def said(tmp_path, points, names, source="triangulated", height=HEIGHT, physics=
     status = np.where(np.isfinite(points[..., 0]), "ok", "too_few_views")
     none = np.zeros(status.shape, int)
     stamps = 10**18 + np.arange(count) * 33_333_333
-    write_skeleton(
-        tmp_path / "3d.parquet", "walker01", "walk_1", names, stamps, points, status, none, none.astype(float)
-    )
+    known = columns(names, stamps, points, status, none, none.astype(float))
+    write_skeleton(tmp_path / "3d.parquet", "walker01", "walk_1", known)
     (tmp_path / "subjects.tsv").write_text(
         "subject\tpseudonym\theight_m\theight_sigma_m\tconsent_release\tconsent_pictures\n"
         f"S01\twalker01\t{height}\t\tyes\tyes\n"

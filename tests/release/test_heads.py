@@ -458,7 +458,8 @@ def with_somebody_else(given, sigma=1.0, known=lambda i: True, aside=ASIDE_M):
     flat = {key: np.tile(labels[key], 2) for key in ("joint", "frame")} | {"camera": ["cam01"] * 2 * n}
     flat |= {key: np.repeat([1.0, sigma], n) for key in ("sigma_u", "sigma_v")}
     tables.write(folder / "people_labels.parquet", "people_2d", who | flat)
-    return given | {"people": folder / "people.parquet", "people_labels": folder / "people_labels.parquet"}
+    both = folder / "people.parquet", folder / "people_labels.parquet"
+    return given | {"filmed": replace(given["filmed"], people=both[0], people_labels=both[1])}
 
 
 def test_the_head_of_somebody_else_is_covered_by_their_3d_though_nothing_shows_there(walk):
