@@ -2,6 +2,7 @@
 
 import ast
 import re
+from functools import cache
 from pathlib import Path
 
 import dior
@@ -10,13 +11,16 @@ PACKAGE = Path(dior.__file__).parent
 ARRAYS = {"Floats", "Ints", "Bools", "Texts", "Table", "NDArray", "ndarray"}
 
 
+@cache
 def classes():
     """(module, class) of all dataclasses of the package, by their source: names of modules start with `dior`."""
+    found = []
     for path in sorted(PACKAGE.rglob("*.py")):
         module = ".".join(("dior", *path.relative_to(PACKAGE).with_suffix("").parts)).removesuffix(".__init__")
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.ClassDef) and any("dataclass" in ast.unparse(d) for d in node.decorator_list):
-                yield module, node
+                found.append((module, node))
+    return found
 
 
 def holds_arrays(node):
@@ -33,14 +37,11 @@ def compares_fields(node):
     return not own and words.get("eq", "True") != "False"
 
 
-CLASSES = list(classes())
-
-
 def test_dataclasses_are_found():
-    assert len(CLASSES) > 60
-    assert sum(holds_arrays(node) for _, node in CLASSES) > 30
+    assert len(classes()) > 60
+    assert sum(holds_arrays(node) for _, node in classes()) > 30
 
 
 def test_dataclasses_with_arrays_compare_by_identity():
-    wrong = [f"{module}.{node.name}" for module, node in CLASSES if holds_arrays(node) and compares_fields(node)]
+    wrong = [f"{module}.{node.name}" for module, node in classes() if holds_arrays(node) and compares_fields(node)]
     assert not wrong, f"@dataclass(frozen=True, eq=False) is missing: {', '.join(wrong)}"

@@ -1,6 +1,7 @@
 """Who may import whom: the package's rooms stand in an order, and an import only goes downwards."""
 
 import ast
+from functools import cache
 from pathlib import Path
 
 import dior
@@ -16,9 +17,10 @@ CALIBRATE = ("lens", "marks", "clock", "outline", "bundle")
 RULES = ("intrinsics", "locate", "place", "reference", "adjust", "clocks", "align", "follow")
 
 
+@cache
 def imports():
     """(module, what it imports) of the package, as tuples of names without `dior`, imports inside functions too."""
-    modules = {}
+    modules, found = {}, []
     for path in PACKAGE.rglob("*.py"):
         parts = path.relative_to(PACKAGE).with_suffix("").parts
         modules[parts[:-1] if parts[-1] == "__init__" else parts] = path
@@ -27,30 +29,28 @@ def imports():
             if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "dior":
                 base = tuple(node.module.split(".")[1:])
                 for alias in node.names:
-                    yield module, (*base, alias.name) if (*base, alias.name) in modules else base
-
-
-IMPORTS = [(module, used) for module, used in imports() if module and used]
+                    found.append((module, (*base, alias.name) if (*base, alias.name) in modules else base))
+    return [(module, used) for module, used in found if module and used]
 
 
 def test_all_rooms_are_in_the_order():
-    assert {module[0] for module, _ in IMPORTS} <= {*ROOMS, "__main__"} and len(IMPORTS) > 500
+    assert {module[0] for module, _ in imports()} <= {*ROOMS, "__main__"} and len(imports()) > 500
 
 
 def test_imports_go_downwards():
-    upwards = [(m, u) for m, u in IMPORTS if m[0] in ROOMS and ROOMS.index(u[0]) > ROOMS.index(m[0])]
+    upwards = [(m, u) for m, u in imports() if m[0] in ROOMS and ROOMS.index(u[0]) > ROOMS.index(m[0])]
     assert not upwards
 
 
 def test_simulate_is_used_by_the_command_alone():
     """The simulator must not help to make the labels."""
-    assert {m[0] for m, u in IMPORTS if u[0] == "simulate"} <= {"simulate", "cli"}
+    assert {m[0] for m, u in imports() if u[0] == "simulate"} <= {"simulate", "cli"}
 
 
 def test_calibrate_shows_its_rules_and_has_its_rooms_below():
     names = {path.stem for path in (PACKAGE / "calibrate").glob("*.py")} - {"__init__"}
     assert names == set(RULES)
-    inside = [(m[1:], u[1:]) for m, u in IMPORTS if m[0] == u[0] == "calibrate"]
+    inside = [(m[1:], u[1:]) for m, u in imports() if m[0] == u[0] == "calibrate"]
     for module, used in inside:
         if len(module) == 1:
             assert len(used) > 1, f"{module} and {used} are rules: what both need has a room below"
@@ -60,7 +60,7 @@ def test_calibrate_shows_its_rules_and_has_its_rooms_below():
 
 def test_no_two_modules_use_each_other():
     below = {}
-    for module, used in IMPORTS:
+    for module, used in imports():
         below.setdefault(module, set()).add(used)
 
     done = set()

@@ -151,7 +151,7 @@ def suspect(J: Floats, residual: Floats) -> tuple[int, float, float] | None:
     `J` (2N, P), the pose first. None if no mark stands out. Deletion residuals by the hat matrix, tested against the
     noise of the others with the number of marks taken into account (Cook and Weisberg 1982, 2.2.1).
     """
-    from scipy.stats import f as fisher
+    from scipy.special import fdtrc
 
     count = len(residual)
     free = 2 * count - J.shape[1] - 2
@@ -164,7 +164,7 @@ def suspect(J: Floats, residual: Floats) -> tuple[int, float, float] | None:
     drop = np.einsum("ni,ni->n", residual, without)
     noise = (CLICK_WORTH * CLICK_SD_PX**2 + (residual**2).sum() - drop) / (CLICK_WORTH + free)
     worst = int(np.argmax(drop / noise))
-    chance = fisher.sf(drop[worst] / 2 / noise[worst], 2, CLICK_WORTH + free)
+    chance = fdtrc(2, CLICK_WORTH + free, drop[worst] / 2 / noise[worst])
     if chance * count > SUSPECT:
         return None
     step = inverse @ each[worst].T @ without[worst]
