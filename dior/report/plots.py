@@ -28,6 +28,8 @@ WIDTH = 5.2
 STYLE: dict[Any, Any] = {
     "svg.hashsalt": "dior",
     "svg.fonttype": "path",
+    # text is measured for the layout as it is drawn
+    "text.hinting": "none",
     "font.family": "DejaVu Sans",
     "font.size": 10,
     "axes.titlesize": 10,
@@ -41,7 +43,6 @@ STYLE: dict[Any, Any] = {
     "grid.linewidth": 0.8,
     "legend.frameon": False,
     "legend.fontsize": 9,
-    "figure.constrained_layout.use": True,
 }
 
 
@@ -59,11 +60,15 @@ def _pyplot() -> Any:
 
 def new_figure(rows: int = 1, columns: int = 1, height: float = 3.1, **options: Any) -> "tuple[Figure, Any]":
     """A figure and its axes, one or an array of them, WIDTH wide in the report's style; `height` in inches."""
-    return _pyplot().subplots(rows, columns, figsize=(WIDTH, height), **options)
+    return _pyplot().subplots(rows, columns, figsize=(WIDTH, height), **{"layout": "constrained"} | options)
 
 
 def save_svg(figure: "Figure", path: Path) -> None:
     """Write a figure as SVG, without date or version, and close it."""
+    if layout := figure.get_layout_engine():
+        layout.execute(figure)
+        # else Matplotlib draws the whole figure twice
+        figure.set_layout_engine(None)
     with written_whole(path) as part:
         figure.savefig(part, format="svg", metadata={"Date": None, "Creator": None})
     _pyplot().close(figure)

@@ -81,6 +81,7 @@ def test_a_seed_by_hand_goes_before_everything(who):
     assert (choice.state == OWN).all() and (picked(owner, choice) == who).mean() > 0.99
 
 
+@pytest.mark.slow
 def test_who_walks_in_while_the_subject_is_away_is_rejected():
     capture, seen, owner = made("another")
     choice = which_person.choose(capture.cameras, seen, capture.height_m, 0.01)

@@ -14,7 +14,7 @@ from dior.geometry import camera_tables
 from dior.geometry.camera import pose, project
 from dior.tables import tables
 from tests.calibrate.bundle.test_facts import walker
-from tests.cases import some
+from tests.cases import slow, some
 from tests.rig import ring
 
 MOMENTS, T0, FPS = 60, 1_708_000_000_000_000_000, 30
@@ -256,11 +256,11 @@ def distance(**change):
     ("known", "points", "message"),
     [
         (distance(joints=["left_sholder", ANKLE]), {}, "keypoint_distance: the detector has no joint 'left_sholder'.*"),
-        (distance(sequences=[]), {}, "keypoint_distance: left_shoulder, left_ankle .* at 0 instants of the subject's"),
-        ({"distances": [{"between": ["cam1", "cam02"], "length_m": 1.0, "sigma_m": 0.1}]}, {},
-         "distances: 'cam1' is no close camera of cam01, cam02, cam03 .did you mean 'cam01'"),
-        ({"distances": [{"between": ["cam01", "pots"], "length_m": 1.0, "sigma_m": 0.1}]}, POST,
-         "distances: 'pots' is no close camera and marked in fewer than two .*mark it as joint 'pots' .*marks.csv"),
+        slow(distance(sequences=[]), {}, "keypoint_distance: left_shoulder, left_ankle .* at 0 instants of the subj"),
+        slow({"distances": [{"between": ["cam1", "cam02"], "length_m": 1.0, "sigma_m": 0.1}]}, {},
+             "distances: 'cam1' is no close camera of cam01, cam02, cam03 .did you mean 'cam01'"),
+        slow({"distances": [{"between": ["cam01", "pots"], "length_m": 1.0, "sigma_m": 0.1}]}, POST,
+             "distances: 'pots' is no close camera and marked in fewer than two .*mark it as joint 'pots' .*marks.csv"),
         ({"scale_bar": [{"ends": [["bar_a", "bar_c"]], "length_m": 1.0, "sigma_m": 0.1}]}, BAR,
          "scale_bar: 'bar_c' is marked in fewer than two close cameras .*marks.csv"),
     ],

@@ -86,7 +86,7 @@ FAULTS = {
 }
 
 
-@pytest.mark.parametrize("words", some(FAULTS, *[*FAULTS][::3]))
+@pytest.mark.parametrize("words", some(FAULTS, *[*FAULTS][::4]))
 def test_what_is_wrong_is_named(words):
     true = walker(left_px=60.0)
     said = f"w, cam02: cam02.json: the detections fit the pictures when {words}: what moves and the body then have"

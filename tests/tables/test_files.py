@@ -87,11 +87,11 @@ def test_who_is_dead(tmp_path, monkeypatch):
 
 
 def test_two_that_write_one_file_at_once_leave_one_of_them_whole(tmp_path):
-    """Each run writes 200 times; a reader in between never finds half of one, and nothing else is left."""
+    """Each run writes 80 times; a reader in between never finds half of one, and nothing else is left."""
     text = """
 import sys
 from dior.tables.files import folder_written_whole, write_text
-for i in range(200):
+for i in range(80):
     write_text(sys.argv[1] + "/a.txt", sys.argv[2] * 20000)
     with folder_written_whole(sys.argv[1] + "/b") as part:
         for name in "xyz":

@@ -74,7 +74,7 @@ def codes(solved):
     return [code for _, _, code, _ in solved.findings]
 
 
-@pytest.mark.parametrize("offset_s", [-0.613, 0.0, 0.4137, 1.05])
+@pytest.mark.parametrize("offset_s", some([-0.613, 0.0, 0.4137, 1.05], -0.613, 0.4137))
 def test_exact_marks_give_pose_and_clock(offset_s):
     first = max(0, int(-offset_s * FPS) + 1)
     solved = solve(marked([first + 3, first + 40, first + 77], offset_s))
@@ -86,7 +86,7 @@ def test_exact_marks_give_pose_and_clock(offset_s):
     assert codes(solved) == ["clock_from_marks"] and solved.clock["walk_1"][2] == "estimated"
 
 
-@pytest.mark.parametrize("roll_deg", some(range(0, 360, 30), 60, 180, 270))
+@pytest.mark.parametrize("roll_deg", some(range(0, 360, 30), 60, 270))
 def test_every_roll_gives_pose_and_clock(roll_deg, monkeypatch):
     turned = VIEW.at(VIEW.wTc @ pose(rotation_z(np.radians(roll_deg)), np.zeros(3)))
     monkeypatch.setattr("tests.calibrate.marks.test_clock_from_marks.VIEW", turned)

@@ -14,6 +14,7 @@ from dior.label import reproject
 from dior.release import checksums, tarballs
 from dior.release.verify import walk_checks
 from dior.tables import tables
+from tests.cases import some
 from tests.release import made as project
 from tests.release import made_up
 
@@ -144,7 +145,7 @@ def test_one_flipped_byte_in_each_kind_of_file(whole, made, verified):
         shutil.copy(whole / name, made / name)
 
 
-@pytest.mark.parametrize("at", [0, 64, 65, 66, 80, -1])
+@pytest.mark.parametrize("at", some([0, 64, 65, 66, 80, -1], 0, 66))
 def test_a_flipped_byte_in_the_list_of_checksums(made, verified, at):
     flipped(made / "SHA256SUMS", at)
     assert verified(made) and all("dior-0.1.0/" in line for line in verified(made))
