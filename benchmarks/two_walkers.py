@@ -13,14 +13,20 @@ from dior.ingest import people as tracking
 from dior.ingest.people import People
 from dior.simulate import bystander, detector, detector_real, truth
 from dior.simulate import settings as levels
-from dior.simulate.body import Body
+from dior.simulate.body import SHANK, THIGH, TRUNK, Body
 from dior.simulate.gait import Walker
 from dior.tables import tables
 
 FPS, SECONDS = 30.0, 10.0
-KINDS = ("clean", "together", "another", "one_camera", "mostly_one_camera", "same_build", "two_cameras")
 # of `benchmarks.everyone` alone: the other walks across the subject's way, and passes at this distance or more, m
 CROSSING, PASSES_M = "crossing", 0.45
+# the place of a kind is part of its seeds
+_ALL = ("clean", "together", "another", "one_camera", "mostly_one_camera", "same_build", "two_cameras", CROSSING)
+_ALL = (*_ALL, "proportions", "facing")
+KINDS = tuple(kind for kind in _ALL if kind != CROSSING)
+# Of people of one height the length of thigh, shank and trunk together, as a share of it. Chosen: what is left are the
+# neck, the head and the foot, of which the first two are about 0.17 of the height
+BONES_SD = 0.01
 # chosen: m, on how much of the walk the second person is beside the subject
 BESIDE_M = (0.9, 1.3)
 AWAY_S = 3.0  # how long the subject is away, and another walks
@@ -46,9 +52,13 @@ class Capture:
     names: tuple = MLKIT_33
 
 
-def make(kind, level, seed, views=3, taller=None):
-    """`Capture` of a kind, or CROSSING. `taller`: by how much the other is taller than the subject, m, else drawn."""
-    random = np.random.default_rng([seed, (*KINDS, CROSSING).index(kind), levels.LEVELS.index(level)])
+def make(kind, level, seed, views=None, taller=None):
+    """`Capture` of a kind, or CROSSING, by 3 `views`; `facing` by 2.
+
+    `taller`: by how much the other is taller than the subject, m, else drawn.
+    """
+    random = np.random.default_rng([seed, _ALL.index(kind), levels.LEVELS.index(level)])
+    views = views or (2 if kind == "facing" else 3)
     turn = random.uniform(0, 360)
     around = turn + np.arange(views) * 360 / views + random.uniform(-12, 12, views)
     cameras = [
@@ -67,9 +77,11 @@ def make(kind, level, seed, views=3, taller=None):
     beside = random.uniform(*BESIDE_M) * random.choice([-1, 1])
     aside = beside * np.array([-np.sin(direction), np.cos(direction), 0.0])
     phase = random.uniform(-0.4, 0.4)
-    own = Walker(Body(height), speed=speed, direction=direction, start=start, until=SECONDS + 1)
+    builds = BONES_SD * random.standard_normal(2) if kind == "proportions" else np.zeros(2)
+    bodies = [_body(tall, more) for tall, more in zip((height, height + taller), builds.tolist(), strict=True)]
+    own = Walker(bodies[0], speed=speed, direction=direction, start=start, until=SECONDS + 1)
     other = Walker(
-        Body(height + taller), speed=speed * random.uniform(0.97, 1.03), direction=direction, start=start + phase,
+        bodies[1], speed=speed * random.uniform(0.97, 1.03), direction=direction, start=start + phase,
         until=SECONDS + 1,
     )  # fmt: skip
     points = np.stack([own.at(seconds)[0], other.at(seconds)[0] + aside])
@@ -93,6 +105,12 @@ def make(kind, level, seed, views=3, taller=None):
     people, owner = zip(*[_people(found, given[:, v], v, seconds) for v in range(views)], strict=True)
     measured = height + HEIGHT_SIGMA_M * random.standard_normal()
     return Capture(tuple(cameras), seconds, points, there, people, owner, measured)
+
+
+def _body(height, more):
+    """A body whose thigh, shank and trunk are longer by a share `more` of the height, each as its length."""
+    longer = 1 + more / (THIGH + SHANK + TRUNK)
+    return Body(height, thigh_share=longer * THIGH, shank_share=longer * SHANK, trunk_share=longer * TRUNK)
 
 
 def _given(kind, random, views, there):

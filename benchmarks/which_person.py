@@ -9,9 +9,11 @@ one_camera         a detector of one person; one camera follows the other for 35
 mostly_one_camera  the same for 70 %
 same_build         as `together`, both of one height: nothing can decide
 two_cameras        two cameras of three follow the other throughout, both of one height: nothing can decide
+proportions        as `together`; of one height, people's legs and trunk together differ by 1 % of it
+facing             as `together`, with two cameras alone, that face each other
 
-Walks of 10 s, three cameras; the other is 4 to 10 cm taller or smaller, or METRES. `right`: of the labels, those at
-the subject's joints; `kept`: of the joints at instants at which two views have the subject, those with a label;
+Walks of 10 s, mostly three cameras; the other is 4 to 10 cm taller or smaller, or METRES. `right`: of the labels, those
+at the subject's joints; `kept`: of the joints at instants at which two views have the subject, those with a label;
 `stranger`: labels at the other; `suspect`: the share of joints that is left open; `warned`: captures with a warning;
 `before`: the same where the choice is made in each camera alone, of the first 5 seeds, since it takes as long again.
 """

@@ -16,8 +16,9 @@ import numpy as np
 
 from dior.arrays import Bools, Floats, Ints
 from dior.body.names import swap_index
-from dior.body.plausible import stature
+from dior.body.plausible import SEGMENTS, stature
 from dior.geometry import camera as cam
+from dior.geometry import covariance
 from dior.geometry.camera import Camera
 from dior.geometry.triangulation import meet_in_blocks, rig_of, views_of
 
@@ -36,6 +37,7 @@ NEAR = 0.1
 # that meet by chance meet too near or too far, in a giant or a dwarf
 SPAN_M = (0.8, 2.2)
 ANKLE_M = 0.08  # height of an ankle that stands; chosen, as Drillis and Contini's 0.039 of the stature and a sole
+TALL_M = 1.7  # of the bones that errors make longer; chosen, anybody's
 EAR_SHARE = 0.936  # of the stature, Drillis and Contini (1966): the eyes' height, in which the ears are
 
 
@@ -46,7 +48,7 @@ class Sighting:
 
     `middles` (M, 3) m of its joints, NaN where not known; `stature` m, NaN where the joints do not tell; `alone`: one
     view only, whose place is that of the feet on the floor; `sure`: two views or more have no other person whose rays
-    meet as well.
+    meet as well; `longer`: by how much the detector's errors make `stature` longer in the mean, m.
     """
 
     t: int
@@ -57,6 +59,7 @@ class Sighting:
     alone: bool
     meet: Bools
     sure: bool = True
+    longer: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,8 +226,8 @@ def _body(
     points, chi2 = meet_in_blocks(views_of(rig, stacked, np.concatenate([say, both], axis=1)[:, None].astype(float)))
     points = points.T + rig.origin
     limit = 2 * MEETS * float(np.mean(sizes(own, say)))
-    count = np.concatenate([say, both], axis=1).sum(axis=0)
-    good = np.sqrt(chi2 / np.maximum(2 * count - 3, 1)) <= limit  # false for NaN
+    free = np.maximum(2 * np.concatenate([say, both], axis=1).sum(axis=0) - 3, 1)
+    good = np.sqrt(chi2 / free) <= limit  # false for NaN
     points = np.where(good[:, None], points, np.nan)
     each = len(joints.names)
     place = _place(points[each:], joints)
@@ -239,7 +242,26 @@ def _body(
         False,
         np.array(members) >= 0,
         sure,
+        _longer([cameras[v] for v in views], place, chi2[:each][good[:each]], free[:each][good[:each]]),
     )
+
+
+def _longer(cameras: Sequence[Camera], place: Floats, chi2: Floats, free: Ints) -> float:
+    """By how much errors make the bones that tell a stature longer in the mean, as a difference of it, m.
+
+    `chi2` px^2 and degrees of freedom `free` (J,) of the joints of a body at `place` (3,) m. Of a vertical bone of
+    length L between two joints whose places vary by s^2 along each horizontal axis, the mean length is L + 2 s^2 / L,
+    to second order; the trunk is between middles of two joints. From two cameras that face each other, s is a multiple
+    of what it is from cameras around; triangulation itself makes bones shorter there, by up to half of this.
+    """
+    if not len(chi2):
+        return 0.0
+    # the median of chi squared, by Wilson and Hilferty (1931)
+    variance = np.median(chi2 / free / (1 - 2 / (9 * free)) ** 3)
+    J = np.concatenate([covariance.projection(camera, place[None])[0][0] for camera in cameras])
+    spread = variance * np.linalg.pinv(J.T @ J)
+    by_bone = sum((0.5 if bone == ("shoulder", "hip") else 1.0) / share for bone, share in SEGMENTS.items())
+    return float((spread[0, 0] + spread[1, 1]) * by_bone / sum(SEGMENTS.values()) / TALL_M)
 
 
 def _place(middle: Floats, joints: Joints) -> Floats:

@@ -241,12 +241,14 @@ def _size(bodies: list[Sighting]) -> tuple[float, float]:
     """Stature (m) of some sightings of one body, and its standard error; infinite where it is not known.
 
     By several views where they are. The median's error is 1.25 of the mean's, and sightings within a third of a second
-    share a detector's: so many are worth half.
+    share a detector's: so many are worth half. What errors make longer is taken off, and known no better than that.
     """
-    together = [one.stature for one in _together(bodies) if np.isfinite(one.stature)]
+    together = [one for one in _together(bodies) if np.isfinite(one.stature)]
     if together:
-        scatter = 1.4826 * np.median(np.abs(np.array(together) - np.median(together)))
-        return float(np.median(together)), float(max(scatter, SCATTER_M) * np.sqrt(np.pi / len(together)))
+        tall, longer = np.median([[one.stature, one.longer] for one in together], axis=0)
+        scatter = 1.4826 * np.median([abs(one.stature - tall) for one in together])
+        error = np.hypot(max(scatter, SCATTER_M) * np.sqrt(np.pi / len(together)), longer)
+        return float(tall - longer), float(error)
     alone = [one.stature for one in bodies if one.alone and np.isfinite(one.stature)]
     return (float(np.median(alone)), ALONE_SIGMA_M) if alone else (np.nan, np.inf)
 
