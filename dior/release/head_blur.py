@@ -55,16 +55,40 @@ def cover(picture: NDArray[np.uint8], box: Sequence[float] | Floats, how: str, w
     part = picture[rows, columns]
     if not part.size:
         return
-    high, wide = part.shape[:2]
     if how == "filled":
         instead: NDArray[Any] = np.full_like(part, GREY)
     else:
-        cells = tuple(int(np.clip(side // CELL_PX, 1, CELLS)) for side in (wide, high))
-        means = cv2.resize(part, cells, interpolation=cv2.INTER_AREA)
-        smooth = cv2.INTER_NEAREST if how == "pixelated" else cv2.INTER_LINEAR
-        instead = cv2.resize(means, (wide, high), interpolation=smooth)
+        size = (part.shape[0], part.shape[1])
+        instead = _from_cells(cv2.resize(part, _cells(size), interpolation=cv2.INTER_AREA), size, how)
     if whole:
         part[:] = instead
         return
     at = [np.arange(piece.start, piece.stop) for piece in (rows, columns)]
     np.copyto(part, instead, where=ellipse(box, *at)[..., None])
+
+
+def weights(size: tuple[int, int], how: str) -> tuple[Floats, Floats]:
+    """How much each row (h, R) and each column (w, C) of cells counts in those of a box of `size` (h, w) px.
+
+    A pixel has the colours of the R x C cells, times the weights of both.
+    """
+    if how == "filled":
+        return np.ones((size[0], 1)), np.ones((size[1], 1))
+    across, down = _cells(size)
+    rows = _from_cells(np.eye(down), (size[0], down), how)
+    columns = _from_cells(np.eye(across), (size[1], across), how)
+    return rows, columns
+
+
+def _cells(size: tuple[int, int]) -> tuple[int, int]:
+    """How many cells a box of `size` (h, w) px has across and down."""
+    high, wide = (int(np.clip(side // CELL_PX, 1, CELLS)) for side in size)
+    return wide, high
+
+
+def _from_cells(cells: NDArray[Any], size: tuple[int, int], how: str) -> NDArray[Any]:
+    """A picture of `size` (h, w) px of the colours of its cells."""
+    import cv2
+
+    smooth = cv2.INTER_NEAREST if how == "pixelated" else cv2.INTER_LINEAR
+    return cv2.resize(cells, size[::-1], interpolation=smooth)

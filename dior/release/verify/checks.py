@@ -10,7 +10,16 @@ from collections.abc import Callable
 from typing import Any, TypeAlias
 
 from dior.errors import DiorError
-from dior.release.verify import evidence, figures, light_checks, pictures, projections, release_checks, texts
+from dior.release.verify import (
+    cover_checks,
+    evidence,
+    figures,
+    light_checks,
+    pictures,
+    projections,
+    release_checks,
+    texts,
+)
 from dior.release.verify.evidence import Release, Walk
 from dior.release.verify.folder_or_tarball import File
 from dior.release.verify.walk_checks import Problem, WalkFindings
@@ -19,6 +28,7 @@ OF_WALK: tuple[Callable[[Walk], list[Problem]], ...] = (
     light_checks.check,
     projections.check,
     pictures.check,
+    cover_checks.check,
 )
 OF_RELEASE: tuple[Callable[[Release], list[Problem]], ...] = (
     release_checks.card,

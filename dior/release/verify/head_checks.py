@@ -4,8 +4,8 @@ INPUTS   the files of a release (folder_or_tarball.py) whose checksum is right, 
 OUTPUTS  problems as (path, sentence)
 The head is put into the pictures again from the 3D, the camera, the clock and the labels' uncertainty, and must lie
 under the cover that `covers` tells; uncertainty, figures and lights must be what `dior.release.heads` asks for, unless
-the camera's `heads_checked` says who looked. What the pictures themselves show, and what else moves in them, is not
-looked at again: that needs them as they were.
+the camera's `heads_checked` says who looked. Whether the covers are in the pictures is for cover_checks.py; what else
+moves in them is not looked at again: that needs them as they were.
 """
 
 import csv
