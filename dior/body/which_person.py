@@ -41,16 +41,16 @@ STANDS_M, GOES_M = 0.3, 0.5
 UNANIMOUS_S = 2.0
 DOUBT = 0.25  # of the time that another view sees somebody else; chosen: more than detectors take a bystander
 # how well a stature is known by the joints of a detector beside its scatter, m: between people, and of one who is seen
-# by other views; against a tape measure; of one view alone. Chosen, by simulated captures of level `real`, where joints
-# are off by 1 % of the body (`python -m benchmarks.which_person`)
-SAME_M, MEASURED_M, ALONE_SIGMA_M = 0.008, 0.012, 0.05
+# by other views; against a tape measure, as people of one height differ by 1 % of it in neck, head and foot, and joints
+# are off by as much; of one view alone. Chosen, by simulated captures (`python -m benchmarks.which_person`)
+SAME_M, MEASURED_M, ALONE_SIGMA_M = 0.008, 0.02, 0.05
 # of the statures of one body, at least, m; chosen, as of level `ideal`: few sightings may agree by chance
 SCATTER_M = 0.015
 DIFFERENT = 3.0  # so many standard errors apart are two people; chosen
 TOLD_M = 0.04  # people whose statures differ by so much, m, are told apart; chosen: shoes make half of it
 # a height decides where it makes one person so many times as likely, and the others' stature is so far from his, m;
-# chosen: less decides by chance between two of one build, more leaves people of `TOLD_M` open
-ODDS, APART_M = np.log(5.0), 0.025
+# chosen: with 5 times and 12 mm, one in six labels was at the wrong one of two people whose proportions differ
+ODDS, APART_M = np.log(10.0), 0.025
 OURS = 0.1  # a detection farther from the subject's body than so many body sizes is not his; chosen
 
 OWN, STRANGER, UNDECIDED = 0, 1, 2
