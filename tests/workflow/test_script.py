@@ -11,7 +11,7 @@ from tests.end_to_end.workflow import ROOT
 JOB = """
 from types import SimpleNamespace
 snakemake = SimpleNamespace(rule="metrics", log=["job.log"], input={inputs}, output={{"out": "metrics.csv"}},
-    params={{"code": "not a flag"}})
+    params={{"code": "not a flag"}}, wildcards={{}})
 """
 
 

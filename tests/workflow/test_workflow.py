@@ -150,10 +150,10 @@ def test_a_rule_calls_things_by_the_flags_of_its_step(step):
         assert names - flags.keys() == alone, section
 
 
-def test_the_rules_over_all_sequences_are_scripts():
+def test_the_rules_over_all_sequences_or_a_session_are_scripts():
     """Their lists of files outgrow a command line."""
     scripts = [name for name, text in RULES.items() if "    script:\n" in text]
-    assert scripts == ["metrics", "statistics", "recognise", "package", "report"]
+    assert scripts == ["moved", "metrics", "statistics", "recognise", "package", "report"]
 
 
 def test_what_is_printed_can_be_pasted(printed):

@@ -26,8 +26,8 @@ rule moved:
         names=watched_names,
         min_score=CONFIG["detector"]["min_score"],
         code=code("evaluate.moved"),
-    shell:
-        dior("moved")
+    script:
+        "../scripts/step.py"
 
 
 rule evaluate:

@@ -1,6 +1,7 @@
-"""Run the step that the rule is named after; what the rule calls its input, output and params are the step's flags.
+"""Run the step that the rule is named after: the rule's wildcards, files and params with the names of flags are these.
 
-For the rules over all sequences: their lists of files outgrow a command line (128 KB on Linux) at about 120 sequences.
+For the rules over all sequences, or all of a session: their lists of files outgrow a command line (128 KB on Linux) at
+about 120 sequences.
 """
 
 import os
@@ -15,7 +16,7 @@ from dior.cli.flags import flags_of
 def words(job):
     """The command line of `dior` for a job of Snakemake's, as a list."""
     found = [job.rule]
-    for key, value in [*job.input.items(), *job.output.items(), *job.params.items()]:
+    for key, value in (pair for part in (job.wildcards, job.input, job.output, job.params) for pair in part.items()):
         if flag := flags_of(job.rule).get(key):
             found += [flag.typed, *map(str, value if isinstance(value, list) else [value])]
     return found
