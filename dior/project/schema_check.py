@@ -108,7 +108,21 @@ def read_sheet(
             raise DiorError(f"{shown}: {what} is there twice, on lines {line_of[name]} and {line}")
         rows[name] = {**dict.fromkeys(known, ""), **row}
         line_of[name] = line
+    if isinstance(key, str):
+        _check_case(shown, key, line_of)
     return rows, line_of
+
+
+def _check_case(shown: str, key: str, line_of: dict[str, int]) -> None:
+    """Names become those of files, and a release goes where capitals do not tell files apart."""
+    first: dict[str, str] = {}
+    for name, line in line_of.items():
+        other = first.setdefault(name.casefold(), name)
+        if other != name:
+            raise DiorError(
+                f"{shown}: {key} '{other}' and '{name}' on lines {line_of[other]} and {line} differ by capitals alone: "
+                "on Windows and macOS their files would be one; rename one of them"
+            )
 
 
 def check(content: Any, kind: str, shown: AnyPath) -> Any:
@@ -189,9 +203,19 @@ def _sentence(error: "fastjsonschema.JsonSchemaValueException") -> str:
     if error.rule == "minLength" and error.value:
         return f"'{path}' is {error.value!r}, which is too short; it holds: {_decapitalised(schema['description'])}"
     value = "nothing" if error.value in (None, "") else repr(error.value)
-    guess = nearest(error.value, schema["enum"]) if error.rule == "enum" else ""
+    guess = nearest(error.value, schema["enum"]) if error.rule == "enum" else _as_number(error.value, schema)
     subject = f"'{path}'" if path else "the file"
     return f"{subject} is {value} but should be {_expected(schema)}{guess}"
+
+
+def _as_number(value: Any, schema: dict[str, Any]) -> str:
+    """How to write a number that YAML takes for a word: 1e9 is one without a point and a sign."""
+    if schema.get("type") not in ("number", "integer") or not isinstance(value, str):
+        return ""
+    try:
+        return f"; YAML takes that for a word, write {float(value):.15g}"
+    except ValueError:
+        return ""
 
 
 def _expected(schema: dict[str, Any]) -> str:

@@ -217,6 +217,12 @@ def test_config_errors(root, old, new, parts):
     [
         ("sequences", "out_1\t9", "out_2\t9", ["sequence 'out_2' is there twice, on lines 2 and 3"]),
         ("subjects", "S02", "S01", ["subject 'S01' is there twice, on lines 2 and 3"]),
+        (
+            "sequences",
+            "out_2\t",
+            "Out_1\t",
+            ["sequence 'Out_1' and 'out_1' on lines 2 and 3 differ by capitals alone"],
+        ),
         ("sequences", "out_1\t9", "out.1\t9", ["line 3", "'sequence' is 'out.1'", "letters, digits"]),
         ("sequences", "out_1\t9\t", "out_1\tninth\t", ["line 3", "'session_order' is 'ninth'", "whole number"]),
         ("sequences", "9\tS01", "9\tS1", ["line 3", "'S1'", "not in config/subjects.tsv (did you mean 'S01'?)"]),
@@ -392,7 +398,11 @@ def test_marks_without_3d_points_need_the_mocap(root):
             ["'cam1' is no camera of this sequence", "'cam01'"],
         ),
         ("offsets/out_1.yaml", "cam01: {ofset_s: 0}\n", ["unknown key 'cam01.ofset_s' (did you mean 'offset_s'?)"]),
-        ("offsets/out_1.yaml", "cam01: {offset_s: 1e-3}\n", ["'cam01.offset_s' is '1e-3' but should be a number"]),
+        (
+            "offsets/out_1.yaml",
+            "cam01: {offset_s: 1e-3}\n",
+            ["'cam01.offset_s' is '1e-3' but should be a number; YAML takes that for a word, write 0.001"],
+        ),
         ("people/oat_1.yaml", POINTED, ["config/people/oat_1.yaml: 'oat_1' is not in config/sequences.tsv", "'out_1'"]),
         ("people/out_1.yaml", POINTED.replace("01", "1"), ["seed 1: 'cam1' is no close camera of this", "'cam01'"]),
         ("people/out_1.yaml", POINTED.replace("01", "03"), ["seed 1: 'cam03' is no close camera of this sequence"]),
