@@ -119,7 +119,7 @@ def everybody(folder, cameras, clocks):
     clock.write(folder / "clocks.parquet", folder / "gains.parquet", "walk_1", clocks)
     people.run(
         sequence="walk_1", subject=which_person.SUBJECT,
-        rig=people.Rig(
+        rig=people.SequenceCameras(
             labelled=names, makers=[camera.name for camera in cameras if camera.role == "close"],
             cameras=[folder / "cameras.parquet"], covariance=[folder / "covariance.parquet"],
             clocks=[folder / "clocks.parquet"], clock_gains=[folder / "gains.parquet"],

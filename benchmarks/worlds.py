@@ -83,7 +83,7 @@ def reference_run(capture, change=lambda cameras: cameras, **keys):
     reference.run(
         session=session, cameras=[capture.made("referenced", f"{session}/{name}") for name in close],
         camera_files=files,
-        walk=reference.Walk(
+        walk=reference.WalkFiles(
             walk, capture.project.subject_of(walk), capture.made("detections", walk), capture.made("frames", walk),
             None, capture.folder / "config/subjects.tsv",
         ),

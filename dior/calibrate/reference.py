@@ -43,7 +43,7 @@ LEAST_WAY_M = 2.5
 
 
 @dataclass(frozen=True)
-class Walk:
+class WalkFiles:
     """What the cameras recorded of a walk.
 
     `sequence`: its name, "" where no walk tells; `subject`: who walks; `detections`: its table; `frames`: its table;
@@ -76,7 +76,7 @@ def run(
     session: str,
     cameras: list[Path],
     camera_files: list[Path],
-    walk: Walk,
+    walk: WalkFiles,
     choices: Choices,
     out: Path,
     out_covariance: Path,
@@ -127,7 +127,7 @@ def _from_walk(settings: Mapping[str, dict[str, Any]], where: str) -> bool:
 
 
 def recorded(
-    close: Sequence[Camera], walk: Walk, detections: Path, frames: Path, choices: Choices
+    close: Sequence[Camera], walk: WalkFiles, detections: Path, frames: Path, choices: Choices
 ) -> in_adjustment.Sequences:
     """The joints of the walk as the close cameras have them, at instants spread over it."""
     pictures = tables.read(frames, "frames", ["camera", "frame", "stamp_ns"])
@@ -144,7 +144,7 @@ def recorded(
 def checked(
     close: Sequence[Camera],
     timed: in_adjustment.Sequences,
-    walk: Walk,
+    walk: WalkFiles,
     reference: Mapping[str, Any],
     where: str,
     vertical: bool,
@@ -172,7 +172,7 @@ def checked(
     return points
 
 
-def _person(walk: Walk) -> wrong_world.Person | None:
+def _person(walk: WalkFiles) -> wrong_world.Person | None:
     height = heights.of(walk.subject, walk.people)
     return wrong_world.Person(walk.subject, *height) if height else None
 

@@ -33,7 +33,7 @@ MUCH = 0.1
 
 
 @dataclass(frozen=True)
-class Rig:
+class SequenceCameras:
     """The cameras of the sequence.
 
     `labelled`: all cameras that get labels; `makers`: those of them that 3D is made from; `cameras`: their `cameras`
@@ -69,7 +69,7 @@ def run(
     *,
     sequence: str,
     subject: str,
-    rig: Rig,
+    rig: SequenceCameras,
     recorded: Recorded,
     skeleton: Path,
     method: str,

@@ -89,7 +89,7 @@ def test_without_a_walk_nothing_but_the_yaml_tells_the_errors(capture, tmp_path)
         files = worlds.referenced(capture, session, **keys)[:1]
         reference.run(
             session=session, cameras=[capture.made("referenced", f"{session}/{name}")], camera_files=files,
-            walk=reference.Walk("", "", None, None, None, None), choices=reference.Choices(0.3, 15.0, 2.5),
+            walk=reference.WalkFiles("", "", None, None, None, None), choices=reference.Choices(0.3, 15.0, 2.5),
             out=tmp_path / "out.parquet", out_covariance=tmp_path / "covariance.parquet",
             findings=tmp_path / "findings.parquet",
         )  # fmt: skip

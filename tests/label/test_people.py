@@ -53,7 +53,7 @@ def made(folder, metres=1.2, several=True):
     frames = {key: np.tile(values, 4) for key, values in frames.items()}
     tables.write(folder / "frames.parquet", "frames", frames | {"camera": np.repeat(np.array(names, object), COUNT)})
     people.run(
-        sequence="walk_1", subject="S01", rig=people.Rig(names, NAMES, **files(folder)),
+        sequence="walk_1", subject="S01", rig=people.SequenceCameras(names, NAMES, **files(folder)),
         recorded=people.Recorded(
             folder / "detections.parquet", everybody, folder / "timeline.parquet", folder / "frames.parquet",
             seeds=seeds,

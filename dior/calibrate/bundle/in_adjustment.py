@@ -21,7 +21,7 @@ import numpy as np
 
 from dior.arrays import Bools, Floats
 from dior.calibrate.bundle import outcome, reduced, uncertainty
-from dior.calibrate.bundle.window import Recorded, Seen, at_instants, together
+from dior.calibrate.bundle.window import InWindow, Recorded, at_instants, together
 from dior.calibrate.clock import fit as clock_fit
 from dior.calibrate.clock import from_cameras
 from dior.clocks import ray_lags
@@ -102,8 +102,8 @@ class Sequences:
         own = self.recorded[i].seen[view]
         return own.elapsed + value[0] + 1e-6 * value[1] * (own.elapsed - self.middle(i))
 
-    def observations(self, values: Floats) -> tuple[Floats, uncertainty.Tracks, list[Seen]]:
-        """Pixels (V, N, 2) and `uncertainty.Tracks` of the joints at the windows' instants, and the `window.Seen`s."""
+    def observations(self, values: Floats) -> tuple[Floats, uncertainty.Tracks, list[InWindow]]:
+        """Pixels (V, N, 2) and `uncertainty.Tracks` of the joints at the windows' instants, and each `InWindow`."""
         parts = [
             at_instants(found, clocks, window, self.min_views)
             for found, clocks, window in zip(self.recorded, self.at_t0(values), self.windows, strict=True)

@@ -23,7 +23,7 @@ from dior.tables import tables
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class InWindow:
     """`uv` (V, N, 2) recorded px of N joints: `joint` (N,) index into `names`, `instant` (N,) of the window.
 
     `seconds` (T,): the instants' times.
@@ -88,8 +88,8 @@ def observations(
     min_views: int,
     max_gap: float,
     where: str,
-) -> Seen:
-    """`Seen` of one sequence: the joints at the instants of `window`.
+) -> InWindow:
+    """`InWindow` of one sequence: the joints at the instants of `window`.
 
     `detections` and `frames` are tables, `clock` from `by_hand.read`, `max_gap` in nominal frame periods. A joint at
     an instant is kept where its score is above `min_score` in at least `min_views` cameras.
@@ -100,18 +100,18 @@ def observations(
 
 def at_instants(
     found: Recorded, clocks: Sequence[Sequence[float]] | Floats, window: dict[str, int], min_views: int
-) -> Seen:
-    """`Seen` of a `Recorded` sequence by clocks (V, 2), offset s and drift ppm."""
+) -> InWindow:
+    """`InWindow` of a `Recorded` sequence by clocks (V, 2), offset s and drift ppm."""
     queries = (window["first"] + window["step"] * np.arange(window["count"])) / found.fps
     uv = np.stack([own.at(queries, clock, 0.0).reshape(-1, 2) for own, clock in zip(found.seen, clocks, strict=True)])
     kept = np.isfinite(uv).all(axis=-1).sum(axis=0) >= min_views
     index = np.flatnonzero(kept)
     each = len(found.names)
-    return Seen(uv[:, kept], index % each, index // each, found.names, queries)
+    return InWindow(uv[:, kept], index % each, index // each, found.names, queries)
 
 
-def together(parts: Sequence[Seen], counts: Sequence[int]) -> tuple[Floats, Tracks]:
-    """The `Seen` of several sequences as uv (V, N, 2) and `Tracks`; `counts`: instants of each one's window."""
+def together(parts: Sequence[InWindow], counts: Sequence[int]) -> tuple[Floats, Tracks]:
+    """The `InWindow` of several sequences as uv (V, N, 2) and `Tracks`; `counts`: instants of each one's window."""
     names = tuple(dict.fromkeys(name for part in parts for name in part.names))
     number = {name: i for i, name in enumerate(names)}
     joint = [np.array([number[name] for name in part.names], int)[part.joint] for part in parts]

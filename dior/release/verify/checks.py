@@ -1,6 +1,6 @@
 """What is recomputed of a release, in one list: a check is a module with a function that gives problems.
 
-INPUTS   a `Walk` or a `Release` (evidence.py), in which no table is wrong by itself. OUTPUTS: problems as (path,
+INPUTS   a `Walk` or an `Evidence` (evidence.py), in which no table is wrong by itself. OUTPUTS: problems as (path,
          sentence)
 To add a check, add it to one of the tuples. A check of a walk runs beside those of another walk; one of the release
 runs when nothing else was found, as what is wrong with a table is wrong in all that is made of it.
@@ -20,7 +20,7 @@ from dior.release.verify import (
     release_checks,
     texts,
 )
-from dior.release.verify.evidence import Release, Walk
+from dior.release.verify.evidence import Evidence, Walk
 from dior.release.verify.folder_or_tarball import File
 from dior.release.verify.walk_checks import Problem, WalkFindings
 
@@ -30,7 +30,7 @@ OF_WALK: tuple[Callable[[Walk], list[Problem]], ...] = (
     pictures.check,
     cover_checks.check,
 )
-OF_RELEASE: tuple[Callable[[Release], list[Problem]], ...] = (
+OF_RELEASE: tuple[Callable[[Evidence], list[Problem]], ...] = (
     release_checks.card,
     texts.check,
     figures.check,
@@ -42,7 +42,7 @@ UNFORESEEN = (DiorError, ArithmeticError, AttributeError, LookupError, TypeError
 Check: TypeAlias = Callable[[Any], list[Problem]]
 
 
-def of_walk(found: WalkFindings, files: dict[str, File], rig: evidence.Rig, decode: bool) -> None:
+def of_walk(found: WalkFindings, files: dict[str, File], rig: evidence.Setup, decode: bool) -> None:
     """Add to what was `found` in a walk what its tables contradict, and the figures that they give."""
     walk = evidence.Walk(
         found.who, found.sequence, found.tables, files, rig, decode, found.pictures, found.suspects, found.beside
@@ -55,12 +55,12 @@ def of_walk(found: WalkFindings, files: dict[str, File], rig: evidence.Rig, deco
         found.problems += _run(lambda one: found.figures.update(figures.of_walk(one)) or [], walk, figures.PATH)
 
 
-def of_release(release: Release) -> list[Problem]:
+def of_release(release: Evidence) -> list[Problem]:
     """Everything that a release as a whole contradicts."""
     return [problem for check in OF_RELEASE for problem in _run(check, release, "")]
 
 
-def _run(check: Check, of: Walk | Release, path: str) -> list[Problem]:
+def _run(check: Check, of: Walk | Evidence, path: str) -> list[Problem]:
     try:
         return check(of)
     except UNFORESEEN as error:

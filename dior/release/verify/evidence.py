@@ -1,6 +1,6 @@
 """What the checks of a release look at (checks.py), read once and passed to all of them.
 
-INPUTS   tables at the top of a release, its provenance.json, the tables of a walk. OUTPUTS: `Rig`, `Walk`, `Release`
+INPUTS   tables at the top of a release, its provenance.json, the tables of a walk. OUTPUTS: `Setup`, `Walk`, `Evidence`
 """
 
 import json
@@ -18,7 +18,7 @@ from dior.release.verify.walk_checks import WalkFindings
 
 
 @dataclass(frozen=True, eq=False)
-class Rig:
+class Setup:
     """What all walks of a release share.
 
     `cameras`: by (session, camera), None for one without a pose or a lens; `session`, `environment`: by sequence;
@@ -54,7 +54,7 @@ class Walk:
     sequence: str
     tables: dict[str, dict[str, Table]]
     files: dict[str, File]
-    rig: Rig
+    rig: Setup
     decode: bool
     pictures: dict[str, list[tuple[int, bytes]]]
     suspects: dict[str, Any]
@@ -70,7 +70,7 @@ class Walk:
 
 
 @dataclass(frozen=True, eq=False)
-class Release:
+class Evidence:
     """A release of which nothing is missing and in which no file is wrong by itself.
 
     `files`: by path; `tables`: those at its top by name; `walks`: what was found in each; `provenance`: its content.
@@ -80,7 +80,7 @@ class Release:
     tables: dict[str, Table]
     walks: list[WalkFindings]
     provenance: dict[str, Any]
-    rig: Rig
+    rig: Setup
 
 
 def provenance(files: dict[str, File]) -> dict[str, Any]:
@@ -92,14 +92,14 @@ def provenance(files: dict[str, File]) -> dict[str, Any]:
     return content if isinstance(content, dict) else {}
 
 
-def rig(tables: dict[str, Table], made_of: dict[str, Any]) -> Rig | None:
-    """The `Rig` of the tables at the top of a release; None where one of them is missing."""
+def rig(tables: dict[str, Table], made_of: dict[str, Any]) -> Setup | None:
+    """The `Setup` of the tables at the top of a release; None where one of them is missing."""
     if not {"cameras", "clocks", "sequences"} <= set(tables):
         return None
     cameras, clocks, walks = (tables[name] for name in ("cameras", "clocks", "sequences"))
     placed = [camera_of(cameras, row) for row in range(len(cameras["camera"]))]
     settings = made_of.get("config")
-    return Rig(
+    return Setup(
         dict(zip(zip(cameras["session"], cameras["camera"], strict=True), placed, strict=True)),
         dict(zip(walks["sequence"], walks["session"], strict=True)),
         dict(zip(walks["sequence"], walks["environment"], strict=True)),

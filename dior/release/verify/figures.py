@@ -23,7 +23,7 @@ from dior.evaluate import bootstrap, labels_in_boxes, metrics, reprojection, row
 from dior.evaluate.grids import LabelGrid, distance, onto, value_grid
 from dior.geometry.camera import occluded_edge
 from dior.release.layout import IN_PICTURE
-from dior.release.verify.evidence import Release, Walk
+from dior.release.verify.evidence import Evidence, Walk
 from dior.release.verify.walk_checks import Problem
 from dior.tables import tables
 from dior.tables.words import WITHOUT_3D
@@ -154,7 +154,7 @@ def _expected(low: Floats, high: Floats) -> Expected | None:
     return Expected(float(np.nansum(low) / n_high), most, n_low, n_high) if n_high else None
 
 
-def check(release: Release) -> list[Problem]:
+def check(release: Evidence) -> list[Problem]:
     """Compare metrics.csv with what the tables of the walks give, and its means with its own rows."""
     try:
         stated = {tuple(row[key] for key in KEY): row for row in read(release.files[PATH].read())}
@@ -174,7 +174,7 @@ def read(content: bytes) -> Iterator[Figure]:
             raise ValueError(f"line {number} has no value or no count") from None
 
 
-def _of_walks(stated: dict[tuple[str, ...], Figure], release: Release) -> Iterator[str]:
+def _of_walks(stated: dict[tuple[str, ...], Figure], release: Evidence) -> Iterator[str]:
     """Yield what is wrong with the figures of single cameras in single walks."""
     expected: dict[tuple[str, ...], Expected] = {
         (metric, "", walk.who, walk.sequence, camera, _role(release, walk.sequence, camera), joint): one
@@ -194,7 +194,7 @@ def _of_walks(stated: dict[tuple[str, ...], Figure], release: Release) -> Iterat
     yield from _some(wrong, "has figures that are not those of the tables", told)
 
 
-def _role(release: Release, sequence: str, camera: str) -> str:
+def _role(release: Evidence, sequence: str, camera: str) -> str:
     one = release.rig.camera(sequence, camera)
     return one.role if one else ""
 

@@ -1,6 +1,6 @@
 """What a red light says is wrong must have no place in a release, unless it says who accepted it.
 
-INPUTS   a `Walk`, a `Release` (evidence.py). OUTPUTS: problems as (path, sentence)
+INPUTS   a `Walk`, an `Evidence` (evidence.py). OUTPUTS: problems as (path, sentence)
 `lights.parquet` has what was red when the release was made. Of these the labels are looked at again. The figures of
 metrics.csv are judged anew, so that a row that was left out is found; a finding, such as a camera that does not belong
 to the others, is not in a release but for its row.
@@ -12,7 +12,7 @@ import numpy as np
 
 from dior.release.suspect import NO_PLACE, STAYS, told
 from dior.release.verify import figures, texts, walk_checks
-from dior.release.verify.evidence import Release, Walk
+from dior.release.verify.evidence import Evidence, Walk
 from dior.release.verify.walk_checks import PARTS, Problem
 from dior.report import red_labels
 
@@ -35,12 +35,12 @@ def check(walk: Walk) -> list[Problem]:
     return found
 
 
-def of_release(release: Release) -> list[Problem]:
+def of_release(release: Evidence) -> list[Problem]:
     """Figures that are red of what `lights.parquet` does not tell, and what the card and provenance.json tell of it."""
     return [*_left_out(release), *_told(release)]
 
 
-def _left_out(release: Release) -> Iterator[Problem]:
+def _left_out(release: Evidence) -> Iterator[Problem]:
     try:
         rows = list(figures.read(release.files[figures.PATH].read()))
     except ValueError:
@@ -66,7 +66,7 @@ def _left_out(release: Release) -> Iterator[Problem]:
                 yield PATH, f"does not tell of {where}, although the figures are red: {red.reason}"
 
 
-def _told(release: Release) -> Iterator[Problem]:
+def _told(release: Evidence) -> Iterator[Problem]:
     accepted = told(release.rig.lights)
     for name, about in sorted(release.provenance.get("sequences", {}).items()):
         if about.get("accepted", {}) != accepted.get(name, {}):

@@ -1,6 +1,6 @@
 """Pictures must show the subject where the labels are.
 
-INPUTS   a `Walk`, a `Release` (evidence.py): pictures, and the boxes around the labels. OUTPUTS: problems as (path,
+INPUTS   a `Walk`, an `Evidence` (evidence.py): pictures, and the boxes around the labels. OUTPUTS: problems as (path,
          sentence)
 What moves in a picture is what differs from the median of pictures of the same recording. A problem is told only where
 another order explains the pictures, and this one does not: two pictures of each of which more moves where the labels
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from dior.arrays import Floats, Ints, Table
 from dior.release.layout import IN_PICTURE
-from dior.release.verify.evidence import Release, Walk
+from dior.release.verify.evidence import Evidence, Walk
 from dior.release.verify.folder_or_tarball import File
 from dior.release.verify.walk_checks import Problem, pictures_in
 from dior.tables import tables
@@ -249,7 +249,7 @@ def _of_other_cameras(views: dict[str, View]) -> list[Problem]:
     return problems
 
 
-def exchanged(release: Release) -> list[Problem]:
+def exchanged(release: Evidence) -> list[Problem]:
     """Recordings whose pictures show the subject where the labels of another recording are, and not at their own."""
     suspects = [view for walk in release.walks for view in walk.suspects.values()]
     beside = [view for walk in release.walks for name, view in walk.beside.items() if name not in walk.suspects]

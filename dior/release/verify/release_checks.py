@@ -22,7 +22,7 @@ from dior.release.verify.walk_checks import PARTS, Broken, Problem, WalkFindings
 from dior.tables import tables
 
 if TYPE_CHECKING:
-    from dior.release.verify.evidence import Release
+    from dior.release.verify.evidence import Evidence
 
 LABELS = re.compile(r"labels_2d/([^/]+)/([^./]+)\.([^/]+)\.parquet")
 # (subject, sequence, camera)
@@ -253,7 +253,7 @@ def sizes(walks: Sequence[WalkFindings], found: dict[str, Table]) -> list[Proble
     return problems
 
 
-def card(release: "Release") -> list[Problem]:
+def card(release: "Evidence") -> list[Problem]:
     """The counts that the card states must be those of the tables."""
     text = release.files["README.md"].read().decode("utf-8", "replace")
     if CARD_HEADER not in text:

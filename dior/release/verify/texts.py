@@ -1,6 +1,6 @@
 """What a release says of itself must be what it was made with and what it holds.
 
-INPUTS   `Release` (evidence.py): LICENSE, README.md, CITATION.cff, croissant.json, provenance.json and the tables
+INPUTS   `Evidence` (evidence.py): LICENSE, README.md, CITATION.cff, croissant.json, provenance.json and the tables
 OUTPUTS  problems as (path, sentence)
 Facts are compared and not wording, which another version of dior may change: licence, title, version, authors, DOI and
 year; the figures that the card shows; the tables, columns and types that Croissant describes.
@@ -17,7 +17,7 @@ from typing import Any
 
 from dior.project import licenses
 from dior.release import card, citation, croissant, layout
-from dior.release.verify.evidence import Release
+from dior.release.verify.evidence import Evidence
 from dior.release.verify.folder_or_tarball import File
 from dior.release.verify.walk_checks import Problem
 from dior.tables.schemas import SCHEMAS
@@ -29,7 +29,7 @@ ROUNDED = 1e-5
 BOM = b"\xef\xbb\xbf"
 
 
-def check(release: Release) -> list[Problem]:
+def check(release: Evidence) -> list[Problem]:
     """Compare the texts of a release with its settings, as provenance.json has them, and with its tables."""
     settings = {key.removeprefix("release."): value for key, value in release.rig.settings.items()}
     problems = [("provenance.json", text) for text in _provenance(release)]
@@ -44,7 +44,7 @@ def check(release: Release) -> list[Problem]:
     return problems + [("croissant.json", text) for text in _croissant(content, about, release)]
 
 
-def _provenance(release: Release) -> Iterator[str]:
+def _provenance(release: Evidence) -> Iterator[str]:
     """Its own hash, and the sessions and walks that it is about."""
     made_of = release.provenance
     settings = made_of.get("config")
@@ -90,7 +90,7 @@ def _shown(value: Any) -> str:
     return "nothing" if value is None else json.dumps(value, ensure_ascii=False)
 
 
-def _card(release: Release, about: dict[str, Any]) -> Iterator[str]:
+def _card(release: Evidence, about: dict[str, Any]) -> Iterator[str]:
     """The front matter, which the Hub shows, the title, the version and the citation; counts and figures."""
     text = release.files["README.md"].read().decode("utf-8", "replace")
     known = about["license"] in licenses.KNOWN
@@ -121,7 +121,7 @@ def _numbers(text: str) -> list[str]:
     return re.findall(r"\d+", text)
 
 
-def _summary(release: Release) -> str:
+def _summary(release: Evidence) -> str:
     """What the release is in one paragraph, of counts of its tables."""
     sheet = release.tables["sequences"]
     walks = {row["sequence"]: row for row in layout.rows_of(sheet)}
@@ -181,7 +181,7 @@ def _agree(stated: tuple[str, ...] | None, expected: tuple[str, ...] | None) -> 
     return stated[0] in {f"{value * (1 + off):.3g}" for off in (-ROUNDED, 0.0, ROUNDED)}
 
 
-def _croissant(content: dict[str, Any], about: dict[str, Any], release: Release) -> Iterator[str]:
+def _croissant(content: dict[str, Any], about: dict[str, Any], release: Evidence) -> Iterator[str]:
     """What a search engine shows, and the tables with their columns."""
     expected: dict[str, Any] = {
         "name": about["title"],

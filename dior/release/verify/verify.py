@@ -25,7 +25,7 @@ from dior.release import checksums
 
 if TYPE_CHECKING:
     from dior.arrays import Table
-    from dior.release.verify.evidence import Rig
+    from dior.release.verify.evidence import Setup
     from dior.release.verify.folder_or_tarball import File, Tarball
     from dior.release.verify.walk_checks import Problem, WalkFindings
 
@@ -161,7 +161,7 @@ def _looked_at(stored: Stored, decode: bool) -> "tuple[list[Problem], str]":
     version = _version(stored)
     n_files, size = len(stored.files), sum(file.size for file in stored.files.values())
     summary = f"{n_files} files, {size / 1e9:.2f} GB, checksums right"
-    rig: Rig | None = None
+    rig: Setup | None = None
     about: dict[str, Table] = {}
     good: dict[str, File] = {}
     walks: list[WalkFindings] = []
@@ -196,7 +196,7 @@ def _looked_at(stored: Stored, decode: bool) -> "tuple[list[Problem], str]":
         if stored.whole and not problems and rig:
             from dior.release.verify import checks
 
-            problems += checks.of_release(evidence.Release(good, about, walks, evidence.provenance(good), rig))
+            problems += checks.of_release(evidence.Evidence(good, about, walks, evidence.provenance(good), rig))
     return problems, f"{summary}; {_counted(stored, walks, decode)}"
 
 
@@ -269,7 +269,7 @@ def _intact(stored: Stored, names: list[str]) -> "tuple[list[Problem], dict[str,
 
 
 def _walk(
-    stored: Stored, names: list[str], decode: bool, look_inside: bool, rig: "Rig | None"
+    stored: Stored, names: list[str], decode: bool, look_inside: bool, rig: "Setup | None"
 ) -> "tuple[list[Problem], dict[str, File], WalkFindings | None]":
     """(problems, files whose checksum is right, what was found in them or None) of the files of one walk."""
     problems, good = _intact(stored, names)

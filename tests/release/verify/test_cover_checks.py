@@ -6,7 +6,7 @@ import pytest
 
 from dior.release import head_blur, jpeg
 from dior.release.verify import cover_checks
-from dior.release.verify.evidence import Rig, Walk
+from dior.release.verify.evidence import Setup, Walk
 from dior.release.verify.folder_or_tarball import File
 from dior.tables import tables
 from tests.cases import slow
@@ -80,7 +80,7 @@ def walk(folder, images, settings, decode=False):
     read = {"frames": {"cam01": tables.read(folder / files_of(files, "frames"), "released_frames", ["frame"])}}
     read["covers"] = {"cam01": {}}
     kept = {"cam01": [(row, data[row]) for row in range(0, count, 2)]}
-    return Walk("p1", "walk", read, files, Rig({}, {}, {}, {}, settings), decode, kept, {}, {})
+    return Walk("p1", "walk", read, files, Setup({}, {}, {}, {}, settings), decode, kept, {}, {})
 
 
 def files_of(files, kind):

@@ -333,7 +333,7 @@ def problems_of(tmp_path, decode=True, **recordings):
             some.add(row, data)
         kept[camera] = some.pictures()
         of["labels_2d"][camera], of["frames"][camera] = labels, frames
-    rig = evidence.Rig({}, {}, {}, {}, {})
+    rig = evidence.Setup({}, {}, {}, {}, {})
     walk = evidence.Walk("who-0001", "walk", of, files, rig, decode, kept, {}, {})
     return pictures.check(walk), walk.suspects
 
@@ -367,7 +367,7 @@ def test_pictures_in_their_order_raise_no_alarm(tmp_path):
 
 def of_suspects(suspects):
     walk = type("Walk", (), {"suspects": suspects, "beside": {}})()
-    return pictures.exchanged(pictures.Release({}, {}, [walk], {}, evidence.Rig({}, {}, {}, {}, {})))
+    return pictures.exchanged(pictures.Evidence({}, {}, [walk], {}, evidence.Setup({}, {}, {}, {}, {})))
 
 
 def test_recordings_in_which_nobody_moves_are_not_those_of_each_other(tmp_path):
