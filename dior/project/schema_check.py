@@ -213,9 +213,10 @@ def _as_number(value: Any, schema: dict[str, Any]) -> str:
     if schema.get("type") not in ("number", "integer") or not isinstance(value, str):
         return ""
     try:
-        return f"; YAML takes that for a word, write {float(value):.15g}"
+        number = float(value)
     except ValueError:
         return ""
+    return f"; YAML takes that for a word, write {number:.15g}" if math.isfinite(number) else ""
 
 
 def _expected(schema: dict[str, Any]) -> str:
