@@ -12,6 +12,7 @@ import pytest
 
 from dior.calibrate.locate import locate
 from dior.calibrate.place import reference_pose
+from dior.errors import DiorError
 from dior.geometry.camera import Camera, Intrinsics, inverse_pose, project, undistort
 from dior.geometry.triangulation import triangulate
 
@@ -51,22 +52,30 @@ def turn_deg(a, b):
 
 @pytest.mark.slow
 def test_the_board_located_by_pnp_in_two_cameras_is_at_the_same_place(board):
-    """PnP per frame gives the camera in the board's frame; through the known cameras all must agree on the board."""
+    """PnP per frame gives the camera in the board's frame; through the known cameras all must agree on the board.
+
+    A board is a plane: to few of its corners two poses may fit, which is refused, as nothing tells which is right.
+    """
     cameras, seen, _ = board
-    distances, turns, residuals = [], [], []
+    distances, turns, residuals, refused = [], [], [], 0
     for sync in np.unique(seen[:, 0])[::3]:
         poses = []
         for number, camera in cameras.items():
             mine = seen[(seen[:, 0] == sync) & (seen[:, 1] == number)]
             if len(mine) < 10:
                 continue
-            found = _in_board(camera, mine[:, 5:8], mine[:, 3:5])
+            try:
+                found = _in_board(camera, mine[:, 5:8], mine[:, 3:5])
+            except DiorError as error:
+                assert "nearly in a plane and two poses fit" in str(error)
+                refused += 1
+                continue
             residuals.append(found[1])
             poses.append(camera.wTc @ inverse_pose(found[0]))
         for other in poses[1:]:
             distances.append(np.linalg.norm((other @ CENTRE - poses[0] @ CENTRE)[:3]))
             turns.append(turn_deg(other, poses[0]))
-    assert len(distances) > 15
+    assert len(distances) > 15 and refused <= 0.1 * len(residuals), (refused, len(residuals))
     assert np.concatenate(residuals).mean() < 1.0
     assert np.median(distances) < 0.015 and np.median(turns) < 1.5
 
