@@ -44,6 +44,9 @@ DOUBT = 0.25  # of the time that another view sees somebody else; chosen: more t
 # by other views; against a tape measure, as people of one height differ by 1 % of it in neck, head and foot, and joints
 # are off by as much; of one view alone. Chosen, by simulated captures (`python -m benchmarks.which_person`)
 SAME_M, MEASURED_M, ALONE_SIGMA_M = 0.008, 0.02, 0.05
+# of what errors make bones longer to second order, how much they do, and how well that is known; chosen, by
+# simulated captures: triangulation itself makes them shorter
+LONGER, LONGER_SHARE = 0.7, 0.4
 # of the statures of one body, at least, m; chosen, as of level `ideal`: few sightings may agree by chance
 SCATTER_M = 0.015
 DIFFERENT = 3.0  # so many standard errors apart are two people; chosen
@@ -237,20 +240,21 @@ def _off(path: Path, body: Sighting, fps: float) -> float:
     return float(np.linalg.norm((body.place - expected)[:2]) / reach)
 
 
-def _size(bodies: list[Sighting]) -> tuple[float, float]:
-    """Stature (m) of some sightings of one body, and its standard error; infinite where it is not known.
+def _size(bodies: list[Sighting]) -> tuple[float, float, float]:
+    """Stature (m) of some sightings of one body, its standard error, infinite where it is not known, and the part of it
+    that errors made longer, which was taken off.
 
     By several views where they are. The median's error is 1.25 of the mean's, and sightings within a third of a second
-    share a detector's: so many are worth half. What errors make longer is taken off, and known no better than that.
+    share a detector's: so many are worth half.
     """
     together = [one for one in _together(bodies) if np.isfinite(one.stature)]
     if together:
         tall, longer = np.median([[one.stature, one.longer] for one in together], axis=0)
         scatter = 1.4826 * np.median([abs(one.stature - tall) for one in together])
-        error = np.hypot(max(scatter, SCATTER_M) * np.sqrt(np.pi / len(together)), longer)
-        return float(tall - longer), float(error)
+        error = max(scatter, SCATTER_M) * np.sqrt(np.pi / len(together))
+        return float(tall - LONGER * longer), float(error), float(LONGER * longer)
     alone = [one.stature for one in bodies if one.alone and np.isfinite(one.stature)]
-    return (float(np.median(alone)), ALONE_SIGMA_M) if alone else (np.nan, np.inf)
+    return (float(np.median(alone)), ALONE_SIGMA_M, 0.0) if alone else (np.nan, np.inf, 0.0)
 
 
 def people_of(paths: Sequence[Path], fps: float, known: Sequence[Person] = ()) -> list[Person]:
@@ -280,8 +284,9 @@ def _fits(person: Person, path: Path, fps: float) -> bool | None:
         reach = REACH_M + ALONE_M * (later.first.alone + earlier.last.alone)
         if np.linalg.norm((later.first.place - earlier.last.place)[:2]) > reach + WALKS_M_S * max(gap - 1 / fps, 0):
             return None
-    (one, sd_one), (two, sd_two) = _size(person.sightings), _size(path.sightings)
-    sd = np.sqrt(sd_one**2 + sd_two**2 + SAME_M**2)
+    (one, sd_one, long_one), (two, sd_two, long_two) = _size(person.sightings), _size(path.sightings)
+    # the same cameras make both longer
+    sd = np.sqrt(sd_one**2 + sd_two**2 + SAME_M**2 + (LONGER_SHARE * (long_one - long_two)) ** 2)
     if abs(one - two) > DIFFERENT * sd:
         return None
     return bool(DIFFERENT * sd <= 1.5 * TOLD_M)
@@ -358,7 +363,7 @@ def _decided(
     if not np.isfinite(height_m):
         return None
     sizes = np.array([_size(person.sightings) for person in rivals])
-    variance = sizes[:, 1] ** 2 + MEASURED_M**2 + height_sigma_m**2
+    variance = sizes[:, 1] ** 2 + (LONGER_SHARE * sizes[:, 2]) ** 2 + MEASURED_M**2 + height_sigma_m**2
     cost = np.where(np.isfinite(sizes[:, 0]), (sizes[:, 0] - height_m) ** 2 / (2 * variance), 0.0)
     best = int(np.argmin(cost))
     with np.errstate(invalid="ignore"):

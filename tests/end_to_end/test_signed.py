@@ -119,11 +119,13 @@ def test_pictures_that_were_exchanged_are_found(copy, verified):
     first, second = (table["image"] for table in whole.values())
     swapped = first.copy()
     swapped[[4, last]] = swapped[[last, 4]]
-    (line,) = written(swapped)
+    # pictures in the place of others are covered elsewhere
+    bare, line = sorted(written(swapped), key=lambda line: "exchanged" in line)
+    assert path.name in bare and "pictures that show more than a cover leaves" in bare
     assert f"{path.name}: the pictures of frames 4 and {last} are exchanged" in line
     swapped = first.copy()
     swapped[9] = second[9]
-    (line,) = written(swapped)
+    line = next(line for line in written(swapped) if "a cover leaves" not in line)
     assert f"{path.name}: 1 pictures look like those of camera cam02, first frame 9" in line
     # the other camera's labels are where half of what moves in these is, too: that it has another's is not said of it
     lines = [line for line in written(second, first) if "its pictures are those of" in line]

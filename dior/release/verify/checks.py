@@ -28,7 +28,6 @@ OF_WALK: tuple[Callable[[Walk], list[Problem]], ...] = (
     light_checks.check,
     projections.check,
     pictures.check,
-    cover_checks.check,
 )
 OF_RELEASE: tuple[Callable[[Evidence], list[Problem]], ...] = (
     release_checks.card,
@@ -51,6 +50,7 @@ def of_walk(found: WalkFindings, files: dict[str, File], rig: evidence.Setup, de
         return
     for check in OF_WALK:
         found.problems += _run(check, walk, f"labels_2d/{walk.who}/{walk.sequence}")
+    found.bare += _run(cover_checks.check, walk, f"frames/{walk.who}/{walk.sequence}")
     if not found.problems:
         found.problems += _run(lambda one: found.figures.update(figures.of_walk(one)) or [], walk, figures.PATH)
 

@@ -197,6 +197,7 @@ def _looked_at(stored: Stored, decode: bool) -> "tuple[list[Problem], str]":
             from dior.release.verify import checks
 
             problems += checks.of_release(evidence.Evidence(good, about, walks, evidence.provenance(good), rig))
+    problems += [problem for walk in walks for problem in walk.bare]
     return problems, f"{summary}; {_counted(stored, walks, decode)}"
 
 

@@ -61,7 +61,8 @@ class WalkFindings:
 
     `tables`: by kind and camera, and `pictures`: by camera a sample (sample.py), while the walk is looked at;
     `figures`: what they give of metrics.csv (figures.py); `suspects`: by camera, recordings whose pictures may be those
-    of another one, and `beside` all of a walk that has one (pictures.py).
+    of another one, and `beside` all of a walk that has one (pictures.py); `bare`: problems of covers (cover_checks.py),
+    which are wrong in no table, so that what the tables contradict is looked for all the same.
     """
 
     who: str
@@ -72,6 +73,7 @@ class WalkFindings:
     pictures: dict[str, list[tuple[int, bytes]]] = field(default_factory=dict)
     suspects: dict[str, Any] = field(default_factory=dict)
     beside: dict[str, Any] = field(default_factory=dict)
+    bare: list[Problem] = field(default_factory=list)
     counts: dict[str, Counter[str]] = field(default_factory=dict)
     sizes: dict[str, tuple[str, set[tuple[int, int]]]] = field(default_factory=dict)
 
