@@ -21,8 +21,10 @@ FPS, SECONDS = 30.0, 10.0
 # of `benchmarks.everyone` alone: the other walks across the subject's way, and passes at this distance or more, m
 CROSSING, PASSES_M = "crossing", 0.45
 # the place of a kind is part of its seeds
-_ALL = ("clean", "together", "another", "one_camera", "mostly_one_camera", "same_build", "two_cameras", CROSSING)
-_ALL = (*_ALL, "proportions", "facing")
+_ALL = (
+    *("clean", "together", "another", "one_camera", "mostly_one_camera", "same_build", "two_cameras"),
+    *(CROSSING, "proportions", "facing"),
+)
 KINDS = tuple(kind for kind in _ALL if kind != CROSSING)
 # Of people of one height the length of thigh, shank and trunk together, as a share of it. Chosen: what is left are the
 # neck, the head and the foot, of which the first two are about 0.17 of the height

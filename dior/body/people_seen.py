@@ -16,7 +16,8 @@ import numpy as np
 
 from dior.arrays import Bools, Floats, Ints
 from dior.body.names import swap_index
-from dior.body.plausible import SEGMENTS, stature
+from dior.body.plausible import stature
+from dior.body.proportions import SHANK, STATURE_SHARE, THIGH, TRUNK
 from dior.geometry import camera as cam
 from dior.geometry import covariance
 from dior.geometry.camera import Camera
@@ -258,10 +259,9 @@ def _longer(cameras: Sequence[Camera], place: Floats, chi2: Floats, free: Ints) 
         return 0.0
     # the median of chi squared, by Wilson and Hilferty (1931)
     variance = np.median(chi2 / free / (1 - 2 / (9 * free)) ** 3)
-    J = np.concatenate([covariance.projection(camera, place[None])[0][0] for camera in cameras])
-    spread = variance * np.linalg.pinv(J.T @ J)
-    by_bone = sum((0.5 if bone == ("shoulder", "hip") else 1.0) / share for bone, share in SEGMENTS.items())
-    return float((spread[0, 0] + spread[1, 1]) * by_bone / sum(SEGMENTS.values()) / TALL_M)
+    spread, _ = covariance.triangulated(cameras, place, np.broadcast_to(np.eye(2), (len(cameras), 2, 2)))
+    by_bone = (1 / THIGH + 1 / SHANK + 0.5 / TRUNK) / (STATURE_SHARE * TALL_M)
+    return float(variance * (spread[0, 0] + spread[1, 1]) * by_bone)
 
 
 def _place(middle: Floats, joints: Joints) -> Floats:

@@ -52,8 +52,8 @@ SCATTER_M = 0.015
 DIFFERENT = 3.0  # so many standard errors apart are two people; chosen
 TOLD_M = 0.04  # people whose statures differ by so much, m, are told apart; chosen: shoes make half of it
 # a height decides where it makes one person so many times as likely, and the others' stature is so far from his, m;
-# chosen: with 5 times and 12 mm, one in six labels was at the wrong one of two people whose proportions differ, with 10
-# times and 20 mm one in eleven
+# chosen: less chooses the wrong one of two people whose proportions differ, more leaves people of `TOLD_M` open
+# (`python -m benchmarks.which_person proportions,together`)
 ODDS, APART_M = np.log(20.0), 0.025
 OURS = 0.1  # a detection farther from the subject's body than so many body sizes is not his; chosen
 

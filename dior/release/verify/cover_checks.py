@@ -22,8 +22,7 @@ from dior.release.verify.walk_checks import PARTS, Problem, pictures_in
 from dior.tables import tables
 
 # Of what the cells leave over (grey levels, root mean square): so many times what encoding leaves, and more. Chosen:
-# in 1200 covers of sound releases (`real_outdoor`, a simulated capture) it is at most 1.5 times as much, and never more
-# than twice; the median of bare heads is 4 to 44 grey levels more.
+# it is never more than 1.5 times as much in sound releases (`python -m benchmarks.covers`), and far more in bare ones.
 TIMES, MORE = 2.0, 2.0
 # pixels a cell, below which the fit explains anything, and above which more say no more; chosen
 LEAST_PIXELS, MOST_PIXELS = 4, 200
