@@ -14,9 +14,6 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import sys
 import tempfile
-from contextlib import ExitStack
-from functools import partial
-from unittest.mock import patch
 
 from benchmarks import steps, worlds
 from dior.errors import DiorError
@@ -43,27 +40,6 @@ def reds(made, name):
         for finding in tables.read_findings(made.made(step, name, ".findings"))
     ]
     return red_labels.of_walk(name, session, cameras, () if indoor else close, found)
-
-
-def everybody_kept():
-    """The steps as the workflow runs them: of everybody whom the detector found, the subject is chosen in 3D."""
-    keep = {"detections": _with_people, "triangulate": _of_people}
-    stack = ExitStack()
-    for name, changed in keep.items():
-        step = getattr(steps, name)
-        stack.enter_context(patch.object(step, "run", partial(changed, step.run)))
-    return stack
-
-
-def _with_people(run, *, out, **given):
-    run(out=out, out_people=out.with_suffix(".people.parquet"), **given)
-
-
-def _of_people(run, *, detections, out, **given):
-    run(
-        detections=detections, out=out, everybody_seen=detections.with_suffix(".people.parquet"),
-        out_detections=out.with_suffix(".detections.parquet"), **given,
-    )  # fmt: skip
 
 
 def _evaluated(made, name):
@@ -96,7 +72,7 @@ def main():
     for grade in ("ideal", "real") if level == "both" else (level,):
         walks = recordings = wrong = 0
         for seed in range(int(first), int(last) + 1):
-            with tempfile.TemporaryDirectory() as folder, everybody_kept():
+            with tempfile.TemporaryDirectory() as folder:
                 try:
                     made = steps.labelled(
                         folder, preset=grade, seed=seed, subjects=1, sequences=1, duration_s=SECONDS, gallery=False

@@ -86,6 +86,7 @@ def _record(capture, walk):
         looked_at=[], sequence=walk.name, pattern=str(data / f"{walk.name}/mlkit/{{camera}}.jsonl"),
         cameras=capture.project.close(walk.session), format="mlkit", frames=frames,
         out=capture.made("detections", walk.name), findings=capture.made("detections", walk.name, ".findings"),
+        out_people=capture.made("detections", walk.name, ".people"),
     )  # fmt: skip
 
 
@@ -239,6 +240,8 @@ def skeleton(capture, session, name, close):
         ),
         out=capture.made("triangulate", name), out_swaps=capture.made("triangulate", name, ".swaps"),
         findings=capture.made("triangulate", name, ".findings"),
+        everybody_seen=capture.made("detections", name, ".people"), people=capture.folder / "config/subjects.tsv",
+        out_detections=capture.made("triangulate", name, ".detections"),
     )  # fmt: skip
     refine.run(
         sequence=name, subject=capture.project.subject_of(name), skeleton=capture.made("triangulate", name),
