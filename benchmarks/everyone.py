@@ -107,6 +107,10 @@ def in_memory(folder, capture, seed):
     )
 
 
+def _told(folder):
+    return triangulate.Told(folder / "people.parquet", folder / "subjects.tsv")
+
+
 def everybody(folder, cameras, clocks):
     """The tables of the step `people` in a folder that has those of `triangulate`."""
     refine.run(
@@ -125,9 +129,9 @@ def everybody(folder, cameras, clocks):
             clocks=[folder / "clocks.parquet"], clock_gains=[folder / "gains.parquet"],
         ),
         recorded=people.Recorded(
-            folder / "detections.parquet", folder / "people.parquet", folder / "timeline.parquet",
-            folder / "frames.parquet", folder / "subjects.tsv",
+            folder / "detections.parquet", folder / "timeline.parquet", folder / "frames.parquet"
         ),
+        told=_told(folder),
         skeleton=folder / "refined.parquet", method="robust", limits=which_person.LIMITS, smoothing="smooth",
         max_gap_s=MAX_GAP_S,
         out=folder / "everybody.parquet", out_labels=folder / "labels.parquet",
@@ -179,8 +183,7 @@ def simulated(folder, kind, level, seed, who):
         sequence="walk_1", subject=which_person.SUBJECT, cameras=[folder / "cameras.parquet"], names=close,
         detections=folder / "detections.parquet", timeline=folder / "timeline.parquet", method="robust",
         limits=which_person.LIMITS, out=folder / "skeleton.parquet", out_swaps=folder / "swaps.parquet",
-        findings=folder / "findings.parquet", everybody_seen=folder / "people.parquet",
-        people=folder / "subjects.tsv",
+        findings=folder / "findings.parquet", told=_told(folder),
     )  # fmt: skip
     everybody(folder, cameras, clocks)
     return _truth_of(folder, used, walk, views, found, close, who)

@@ -240,7 +240,7 @@ def skeleton(capture, session, name, close):
         ),
         out=capture.made("triangulate", name), out_swaps=capture.made("triangulate", name, ".swaps"),
         findings=capture.made("triangulate", name, ".findings"),
-        everybody_seen=capture.made("detections", name, ".people"), people=capture.folder / "config/subjects.tsv",
+        told=triangulate.Told(capture.made("detections", name, ".people"), capture.folder / "config/subjects.tsv"),
         out_detections=capture.made("triangulate", name, ".detections"),
     )  # fmt: skip
     refine.run(

@@ -31,6 +31,7 @@ KINDS = tuple(kind for kind in _ALL if kind != CROSSING)
 BONES_SD = 0.01
 # chosen: m, on how much of the walk the second person is beside the subject
 BESIDE_M = (0.9, 1.3)
+OTHER_WALK = 1000  # added to the seed of the detector in another walk
 AWAY_S = 3.0  # how long the subject is away, and another walks
 HEIGHT_SIGMA_M = 0.01
 
@@ -41,7 +42,7 @@ class Capture:
 
     `points` (2, T, 33, 3) m of the subject and of the other, `there` (2, T) when they are in the pictures; `people`:
     what each camera's detector gives; `owner`: per camera (P,), whose (0, 1) the rows of `people` are; `height_m` as
-    measured, of the subject.
+    measured, and `body`, of the subject.
     """
 
     cameras: tuple
@@ -51,6 +52,7 @@ class Capture:
     people: tuple
     owner: tuple
     height_m: float
+    body: Body
     names: tuple = MLKIT_33
 
 
@@ -106,7 +108,22 @@ def make(kind, level, seed, views=None, taller=None):
     found = [_detected(level, seed, who, cameras, points[who], (height, height + taller)[who]) for who in range(2)]
     people, owner = zip(*[_people(found, given[:, v], v, seconds) for v in range(views)], strict=True)
     measured = height + HEIGHT_SIGMA_M * random.standard_normal()
-    return Capture(tuple(cameras), seconds, points, there, people, owner, measured)
+    return Capture(tuple(cameras), seconds, points, there, people, owner, measured, bodies[0])
+
+
+def alone(capture, level, seed):
+    """`Capture` of another walk of the subject, by the same cameras: elsewhere, another way, nobody else there."""
+    random = np.random.default_rng([seed, len(_ALL), levels.LEVELS.index(level)])
+    walker = Walker(
+        capture.body, speed=random.uniform(1.0, 1.2), direction=random.uniform(0, np.pi), start=random.uniform(0, 8),
+        until=SECONDS + 1,
+    )  # fmt: skip
+    own = walker.at(capture.seconds)[0]
+    found = [_detected(level, seed + OTHER_WALK, 0, capture.cameras, own, capture.body.height)]
+    given = np.ones((1, len(capture.seconds)), bool)
+    views = range(len(capture.cameras))
+    people, owner = zip(*[_people(found, given, view, capture.seconds) for view in views], strict=True)
+    return replace(capture, points=own[None], there=given, people=people, owner=owner)
 
 
 def _body(height, more):
@@ -157,7 +174,7 @@ def _people(found, given, view, seconds):
     frame, person, uv, score, whose = [], [], [], [], []
     for t in range(len(seconds)):
         n = 0
-        for who in range(2):
+        for who in range(len(found)):
             done = found[who][view]
             if given[who, t] and done.found[t]:
                 frame.append(t), person.append(n), whose.append(who)

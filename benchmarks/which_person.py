@@ -1,6 +1,6 @@
 """Is the right person labelled where there are two? Captures in memory, triangulated as the step does it.
 
-usage: python -m benchmarks.which_person [KIND|all] [LEVEL|both] [SEEDS] [METRES]      (20 seeds)
+usage: python -m benchmarks.which_person [KIND|all] [LEVEL|both] [SEEDS] [METRES] [tape]      (20 seeds)
 
 clean              nobody else; a warning is a false alarm
 together           a detector of several people; another walks beside the subject throughout
@@ -12,7 +12,9 @@ two_cameras        two cameras of three follow the other throughout, both of one
 proportions        as `together`; of one height, people's legs and trunk together differ by 1 % of it
 facing             as `together`, with two cameras alone, that face each other
 
-Walks of 10 s, mostly three cameras; the other is 4 to 10 cm taller or smaller, or METRES. `right`: of the labels, those
+Walks of 10 s, mostly three cameras; the other is 4 to 10 cm taller or smaller, or METRES (- for by chance). The
+subject's height is measured, and there is another walk of theirs, by the same cameras and in which nobody else is seen
+(step `bodies`); with `tape` there is none. `right`: of the labels, those
 at the subject's joints; `kept`: of the joints at instants at which two views have the subject, those with a label;
 `stranger`: labels at the other; `suspect`: the share of joints that is left open; `warned`: captures with a warning;
 `before`: the same where the choice is made in each camera alone, of the first 5 seeds, since it takes as long again.
@@ -33,7 +35,7 @@ from benchmarks import two_walkers
 from dior.body import which_person
 from dior.geometry import camera_tables
 from dior.ingest import detections, people
-from dior.reconstruct import triangulate
+from dior.reconstruct import bodies, triangulate
 from dior.simulate import settings as levels
 from dior.tables import tables
 
@@ -44,9 +46,43 @@ NEAR_M = 0.3
 BEFORE = 5
 
 
-def labelled(folder, capture, seeds=None):
-    """The step's points (T, 33, 3) m, NaN without one, status (T, 33) and findings {code: text} of a capture."""
+def labelled(folder, capture, seeds=None, alone=None):
+    """The step's points (T, 33, 3) m, NaN without one, status (T, 33) and findings {code: text} of a capture.
+
+    `alone`: capture of the subject's other walk.
+    """
     folder = Path(folder)
+    told = alone and told_by(folder, alone)
+    names = write_inputs(folder, capture)
+    write_height(folder, capture.height_m)
+    triangulate.run(
+        sequence="walk_1", subject=SUBJECT, cameras=[folder / "cameras.parquet"], names=names,
+        detections=folder / "detections.parquet", timeline=folder / "timeline.parquet", method="robust", limits=LIMITS,
+        out=folder / "skeleton.parquet", out_swaps=folder / "swaps.parquet", findings=folder / "findings.parquet",
+        told=triangulate.Told(folder / "people.parquet", folder / "subjects.tsv", told, seeds),
+    )  # fmt: skip
+    table = tables.read(folder / "skeleton.parquet", "skeletons_3d")
+    points, _ = tables.grid(table, "x", "y", "z")
+    found = tables.read(folder / "findings.parquet", "findings")
+    said = dict(zip(found["code"], found["text"], strict=True))
+    return points, table["status"].astype(str).reshape(points.shape[:2]), said
+
+
+def told_by(folder, alone):
+    """The step's table `bodies` of a walk of the subject."""
+    names = write_inputs(folder, alone)
+    for kind in ("detections", "people", "timeline"):
+        (folder / f"{kind}.parquet").rename(folder / f"walk_0.{kind}.parquet")
+    bodies.run(
+        session="outdoor", cameras=[folder / "cameras.parquet"], names=names, subjects={"walk_0": SUBJECT},
+        walks=bodies.Walks(*([folder / f"walk_0.{kind}.parquet"] for kind in ("detections", "people", "timeline")), []),
+        min_score=LIMITS.min_score, out=folder / "bodies.parquet",
+    )  # fmt: skip
+    return folder / "bodies.parquet"
+
+
+def write_inputs(folder, capture):
+    """What the steps before have made of a capture; names of the cameras."""
     names = [camera.name for camera in capture.cameras]
     stamps = two_walkers.stamps(capture)
     camera_tables.write_cameras(folder / "cameras.parquet", list(capture.cameras))
@@ -57,18 +93,7 @@ def labelled(folder, capture, seeds=None):
     tables.write(folder / "detections.parquet", "detections", detections._concatenated(subject))
     tables.write(folder / "people.parquet", "detected_people", detections._concatenated(everybody))
     two_walkers.write_timeline(folder / "timeline.parquet", names, stamps)
-    write_height(folder, capture.height_m)
-    triangulate.run(
-        sequence="walk_1", subject=SUBJECT, cameras=[folder / "cameras.parquet"], names=names,
-        detections=folder / "detections.parquet", timeline=folder / "timeline.parquet", method="robust", limits=LIMITS,
-        out=folder / "skeleton.parquet", out_swaps=folder / "swaps.parquet", findings=folder / "findings.parquet",
-        everybody_seen=folder / "people.parquet", people=folder / "subjects.tsv", seeds=seeds,
-    )  # fmt: skip
-    table = tables.read(folder / "skeleton.parquet", "skeletons_3d")
-    points, _ = tables.grid(table, "x", "y", "z")
-    found = tables.read(folder / "findings.parquet", "findings")
-    said = dict(zip(found["code"], found["text"], strict=True))
-    return points, table["status"].astype(str).reshape(points.shape[:2]), said
+    return names
 
 
 def write_height(folder, height_m):
@@ -104,11 +129,15 @@ def in_two_views(capture):
 WARNINGS = ("somebody_else", "who_is_subject")
 
 
-def one(kind, level, seed, taller=None, with_before=False):
-    """Counts (`judged`) of a capture, what was said by code, and the counts where each camera chooses alone."""
+def one(kind, level, seed, taller=None, with_before=False, tape=False):
+    """Counts (`judged`) of a capture, what was said by code, and the counts where each camera chooses alone.
+
+    `tape`: there is no other walk of the subject.
+    """
     capture = two_walkers.make(kind, level, seed, taller=taller)
+    alone = None if tape else two_walkers.alone(capture, level, seed)
     with tempfile.TemporaryDirectory() as folder:
-        points, status, said = labelled(folder, capture)
+        points, status, said = labelled(folder, capture, alone=alone)
         now, before = judged(capture, points, status), np.zeros(6, int)
         if with_before:
             with patch.object(which_person, "choose", lambda *_: None):
@@ -120,7 +149,8 @@ def main():
     kind = sys.argv[1] if len(sys.argv) > 1 else "all"
     level = sys.argv[2] if len(sys.argv) > 2 else "both"
     seeds = int(sys.argv[3]) if len(sys.argv) > 3 else 20
-    taller = float(sys.argv[4]) if len(sys.argv) > 4 else None
+    taller = float(sys.argv[4]) if len(sys.argv) > 4 and sys.argv[4] != "-" else None
+    tape = "tape" in sys.argv[5:]
     print(f"seeds 0-{seeds - 1}, {two_walkers.SECONDS:g} s each" + (f", {taller:+.2f} m" if taller else ""))
     print(
         f"{'kind':<19}{'level':<7}{'right':>8}{'kept':>8}{'stranger':>10}{'suspect':>9}{'warned':>8}"
@@ -128,7 +158,7 @@ def main():
     )
     for which in two_walkers.KINDS if kind == "all" else kind.split(","):
         for grade in levels.LEVELS if level == "both" else level.split(","):
-            each = [one(which, grade, seed, taller, seed < BEFORE) for seed in range(seeds)]
+            each = [one(which, grade, seed, taller, seed < BEFORE, tape) for seed in range(seeds)]
             now, before = sum(e[0] for e in each), sum(e[2] for e in each)
             total = seeds * round(two_walkers.SECONDS * two_walkers.FPS) * 33
             warned = sum(any(code in said for code in WARNINGS) for _, said, _ in each)

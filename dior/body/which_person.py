@@ -12,47 +12,44 @@ is no proof, since both may follow the same wrong person.
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from dior.arrays import Bools, Floats, Ints, Texts
 from dior.body import people_seen
+from dior.body.people_followed import (
+    KNOWN,
+    UNKNOWN,
+    Path,
+    Person,
+    Size,
+    at_once,
+    paths_of,
+    people_of,
+    size_of,
+    together,
+    tracks_of,
+)
 from dior.body.people_seen import Sighting
 from dior.geometry.camera import Camera
 
 PER_S = 6.0  # bodies are looked for so many times a second; chosen: a walker moves by 0.2 m meanwhile
-MEMORY_S = 1.5  # a body that is not seen for longer is not followed; chosen, as of the tracks in one camera
-KNOWN = 3  # a track that a path had so often is its own; chosen: half a second
-HANDED_ON = 0.5  # chosen: see `_paths`
-HISTORY_S = 2.0  # of whose detections a body was; chosen: longer than people hide each other in passing
-# how far a body can be from where it was expected: at once, and more per second; chosen: a walker's change of pace
-REACH_M, SPEED_M_S = 0.35, 1.5
-ALONE_M = 0.8  # more for one view alone, whose foot is not always on the floor; chosen
-WALKS_M_S = 4.0  # a person who comes back has not run faster in the meantime; chosen, a jog
 LEAST_S = 0.5  # who is seen for less is nobody to choose; chosen: three sightings
+TELLS_S = 2.0  # of a walk that tells how tall its subject is; chosen: two strides
 # who is there for less than this share of another's time is passing by; chosen
 PASSING = 0.5
 # who stays within the one is not who was recorded walking, where another goes farther than the other, m; chosen: a sway
 # and the errors of a place, and two steps in walks of a second
 STANDS_M, GOES_M = 0.3, 0.5
-# for so long without a break all cameras must see one person and nobody else. Chosen: a person who is hidden behind
-# another in the one camera that follows him looked like that for 1.8 s in one of 20 walks
-UNANIMOUS_S = 2.0
+# for so long without a break all cameras must see one person and nobody else; chosen: people hide each other for less
+UNANIMOUS_S = 1.0
 DOUBT = 0.25  # of the time that another view sees somebody else; chosen: more than detectors take a bystander
-# how well a stature is known by the joints of a detector beside its scatter, m: between people, and of one who is seen
-# by other views; against a tape measure, as people of one height differ by 1 % of it in neck, head and foot, and joints
-# are off by as much; of one view alone. Chosen, by simulated captures (`python -m benchmarks.which_person`)
-SAME_M, MEASURED_M, ALONE_SIGMA_M = 0.008, 0.02, 0.05
-# of what errors make bones longer to second order, how much they do, and how well that is known; chosen, by
-# simulated captures: triangulation itself makes them shorter
-LONGER, LONGER_SHARE = 0.7, 0.4
-# of the statures of one body, at least, m; chosen, as of level `ideal`: few sightings may agree by chance
-SCATTER_M = 0.015
-DIFFERENT = 3.0  # so many standard errors apart are two people; chosen
-TOLD_M = 0.04  # people whose statures differ by so much, m, are told apart; chosen: shoes make half of it
-# a height decides where it makes one person so many times as likely, and the others' stature is so far from his, m;
-# chosen: less chooses the wrong one of two people whose proportions differ, more leaves people of `TOLD_M` open
+# chosen: how well a tape tells the stature by the joints, m: people of one height differ by 1 % of it in neck, head and
+# foot, and a detector's joints are not the anatomist's
+MEASURED_M = 0.02
+# a stature decides where it makes one person so many times as likely, and the others' is so far from his, m; chosen:
+# less chooses the wrong one of two people whose proportions differ, more leaves people of `TOLD_M` open
 # (`python -m benchmarks.which_person proportions,together`)
 ODDS, APART_M = np.log(20.0), 0.025
 OURS = 0.1  # a detection farther from the subject's body than so many body sizes is not his; chosen
@@ -106,40 +103,6 @@ class Choice:
     followed: "Followed"
 
 
-@dataclass(eq=False)
-class Path:
-    """A body followed through the room, its first sighting first."""
-
-    sightings: list[Sighting] = field(default_factory=list)
-
-    @property
-    def first(self) -> Sighting:
-        return self.sightings[0]
-
-    @property
-    def last(self) -> Sighting:
-        return self.sightings[-1]
-
-    @property
-    def together(self) -> list[Sighting]:
-        """Sightings by several views; none where most are by one, so that the others are chance meetings."""
-        return _together(self.sightings)
-
-
-@dataclass(eq=False)
-class Person:
-    """Paths of one person; `sure`: by the body, not for want of a contradiction; `perhaps`: other sightings that may be
-    his."""
-
-    paths: list[Path]
-    sure: bool = True
-    perhaps: int = 0
-
-    @property
-    def sightings(self) -> list[Sighting]:
-        return [one for path in self.paths for one in path.sightings]
-
-
 @dataclass(frozen=True, eq=False)
 class Followed:
     """The `people` who were followed, at every `every`-th instant, and whose paths are whose: the `own` of the subject,
@@ -153,144 +116,62 @@ class Followed:
     least: float
 
 
+def by_tape(height_m: float, sigma_m: float) -> Size:
+    """The `Size` of somebody whose height was measured."""
+    return Size(height_m, float(np.hypot(MEASURED_M, sigma_m)))
+
+
 def choose(
     cameras: Sequence[Camera],
     seen: Seen,
-    height_m: float = np.nan,
-    height_sigma_m: float = 0.0,
+    known: Size = UNKNOWN,
     seeds: Sequence[Seed] = (),
     meets: float = people_seen.MEETS,
 ) -> Choice | None:
     """`Choice` among the people that are `seen`; None where there is nobody but one person, so that nothing is to do.
 
-    `height_m` +- `height_sigma_m` of the subject, NaN where it was not measured. `meets` as of `people_seen.sightings`.
+    `known`: the subject's size, by the same cameras in another walk (`size_of_subject`), or `by_tape`. `meets` as of
+    `people_seen.sightings`.
     """
+    around = _around(cameras, seen, seeds, meets)
+    if len(around.people) < 2:
+        return None
+    whose = _subject(around, known)
+    return _choice(cameras, seen, Followed(around.people, *whose, around.every, LEAST_S * around.fps))
+
+
+def size_of_subject(cameras: Sequence[Camera], seen: Seen, seeds: Sequence[Seed] = ()) -> Size:
+    """The `Size` of the subject of a walk in which nobody else can be meant, or somebody pointed; else `UNKNOWN`."""
+    around = _around(cameras, seen, seeds)
+    own = around.people[0].paths if len(around.people) == 1 else _subject(around, UNKNOWN)[0] if around.people else []
+    bodies = [one for path in own for one in path.together]
+    return size_of(bodies) if len(bodies) >= TELLS_S * around.fps else UNKNOWN
+
+
+@dataclass(frozen=True, eq=False)
+class _Around:
+    """Everybody at every `every`-th instant, `fps` of these a second: the bodies `found` at each, the `track` (V, K, T)
+    of the detections, the `people` made of them, and the paths that are `marked` by a seed."""
+
+    found: Sequence[list[Sighting]]
+    track: Ints
+    people: Sequence[Person]
+    marked: Sequence[Path]
+    every: int
+    fps: float
+
+
+def _around(cameras: Sequence[Camera], seen: Seen, seeds: Sequence[Seed], meets: float = people_seen.MEETS) -> _Around:
     every = max(1, round(seen.fps / PER_S))
     at = np.arange(0, seen.uv.shape[2], every)
-    known = (seen.score > 0) & np.isfinite(seen.uv).all(axis=-1)
-    found = people_seen.sightings(cameras, seen.uv[:, :, at], known[:, :, at], seen.names, meets)
+    shown = (seen.score > 0) & np.isfinite(seen.uv).all(axis=-1)
+    found = people_seen.sightings(cameras, seen.uv[:, :, at], shown[:, :, at], seen.names, meets)
     track, fps = seen.track[:, :, at], seen.fps / every
-    everybody = _paths(found, track, fps)
-    least = LEAST_S * fps
-    paths = [path for path in everybody if len(path.sightings) >= least]
+    everybody = paths_of(found, track, fps)
+    paths = [path for path in everybody if len(path.sightings) >= LEAST_S * fps]
     marked = _pointed_at(everybody, seen, seeds, every, track)
     paths += [path for path in marked if path not in paths]
-    people = people_of(paths, fps)
-    if len(people) < 2:
-        return None
-    whose = _subject(people, marked, found, height_m, height_sigma_m, fps)
-    return _choice(cameras, seen, Followed(people, *whose, every, least))
-
-
-def _together(bodies: list[Sighting]) -> list[Sighting]:
-    several = [one for one in bodies if not one.alone]
-    return several if len(several) > len(bodies) / 2 else []
-
-
-def tracks_of(body: Sighting, track: Ints) -> set[tuple[int, int]]:
-    """(view, track) of a body's detections; `track` (V, K, T)."""
-    return {(v, int(track[v, who, body.t])) for v, who in enumerate(body.members.tolist()) if who >= 0}
-
-
-def _paths(found: Sequence[list[Sighting]], track: Ints, fps: float) -> list[Path]:
-    """Bodies followed from instant to instant: those whose detections go on and that are where they can be.
-
-    Where people hide each other, detections of two may meet in one body for a moment. So a body goes on with the path
-    that had more of its detections' tracks several times in the last seconds; a track that another has had since counts
-    half, since a camera that sees one person before the other does not notice that it was handed on.
-    """
-    paths: list[Path] = []
-    holder: dict[tuple[int, int], Path] = {}
-    past = round(HISTORY_S * fps)
-    for bodies in found:
-        if not bodies:
-            continue
-        open_ = [path for path in paths if bodies[0].t - path.last.t <= MEMORY_S * fps]
-        ways = []
-        for i, path in enumerate(open_):
-            before = Counter(one for body in path.sightings[-past:] for one in tracks_of(body, track))
-            for j, body in enumerate(bodies):
-                shared = sum(
-                    min(before[one], KNOWN) / KNOWN * (1.0 if holder[one] is path else HANDED_ON)
-                    for one in tracks_of(body, track)
-                    if one in before
-                )
-                off = _off(path, body, fps)
-                if shared and off <= 1:
-                    ways.append((off - shared, i, j))
-        done: tuple[set[int], set[int]] = (set(), set())
-        for _, i, j in sorted(ways):
-            if i not in done[0] and j not in done[1]:
-                done[0].add(i)
-                done[1].add(j)
-                open_[i].sightings.append(bodies[j])
-        paths += [Path([body]) for j, body in enumerate(bodies) if j not in done[1]]
-        holder |= {one: path for path in paths if path.last in bodies for one in tracks_of(path.last, track)}
-    return paths
-
-
-def _off(path: Path, body: Sighting, fps: float) -> float:
-    """Horizontal distance of a body from where a path leads, over how far it can be."""
-    last, seconds = path.last, (body.t - path.last.t) / fps
-    expected = last.place
-    before = next((one for one in path.sightings[-4:-1] if not one.alone), None)
-    if before is not None and not last.alone and last.t > before.t:
-        step = (last.place - before.place) / (last.t - before.t)
-        expected = last.place + step * min(body.t - last.t, 2)
-    reach = REACH_M + SPEED_M_S * seconds + ALONE_M * (last.alone + body.alone)
-    return float(np.linalg.norm((body.place - expected)[:2]) / reach)
-
-
-def _size(bodies: list[Sighting]) -> tuple[float, float, float]:
-    """Stature (m) of some sightings of one body, its standard error, infinite where it is not known, and the part of it
-    that errors made longer, which was taken off.
-
-    By several views where they are. The median's error is 1.25 of the mean's, and sightings within a third of a second
-    share a detector's: so many are worth half.
-    """
-    together = [one for one in _together(bodies) if np.isfinite(one.stature)]
-    if together:
-        tall, longer = np.median([[one.stature, one.longer] for one in together], axis=0)
-        scatter = 1.4826 * np.median([abs(one.stature - tall) for one in together])
-        error = max(scatter, SCATTER_M) * np.sqrt(np.pi / len(together))
-        return float(tall - LONGER * longer), float(error), float(LONGER * longer)
-    alone = [one.stature for one in bodies if one.alone and np.isfinite(one.stature)]
-    return (float(np.median(alone)), ALONE_SIGMA_M, 0.0) if alone else (np.nan, np.inf, 0.0)
-
-
-def people_of(paths: Sequence[Path], fps: float, known: Sequence[Person] = ()) -> list[Person]:
-    """Paths put together into people, the longest first. A path that fits nobody, or two, is somebody of its own.
-
-    `known`: people whom paths may fit as well.
-    """
-    people = list(known)
-    for path in sorted(paths, key=lambda one: (-len(one.together), -len(one.sightings), one.first.t)):
-        fits = [(person, sure) for person in people if (sure := _fits(person, path, fps)) is not None]
-        if len(fits) == 1 and fits[0][1]:
-            fits[0][0].paths.append(path)
-        else:
-            people.append(Person([path], sure=not fits))
-            for person, _ in fits[:1] if len(fits) == 1 else ():
-                person.perhaps += len(path.sightings)
-    return people
-
-
-def _fits(person: Person, path: Path, fps: float) -> bool | None:
-    """Whether a path can be a person's: None for no, else whether the stature says so, too, or only does not object."""
-    for other in person.paths:
-        earlier, later = (other, path) if other.first.t < path.first.t else (path, other)
-        gap = (later.first.t - earlier.last.t) / fps
-        if gap <= 0:
-            return None
-        reach = REACH_M + ALONE_M * (later.first.alone + earlier.last.alone)
-        if np.linalg.norm((later.first.place - earlier.last.place)[:2]) > reach + WALKS_M_S * max(gap - 1 / fps, 0):
-            return None
-    (one, sd_one, long_one), (two, sd_two, long_two) = _size(person.sightings), _size(path.sightings)
-    # the same cameras make both longer
-    sd = np.sqrt(sd_one**2 + sd_two**2 + SAME_M**2 + (LONGER_SHARE * (long_one - long_two)) ** 2)
-    if abs(one - two) > DIFFERENT * sd:
-        return None
-    return bool(DIFFERENT * sd <= 1.5 * TOLD_M)
+    return _Around(found, track, people_of(paths, fps), marked, every, fps)
 
 
 def _pointed_at(paths: Sequence[Path], seen: Seen, seeds: Sequence[Seed], every: int, track: Ints) -> list[Path]:
@@ -309,15 +190,9 @@ def _pointed_at(paths: Sequence[Path], seen: Seen, seeds: Sequence[Seed], every:
     return out
 
 
-def _subject(
-    people: list[Person],
-    marked: Sequence[Path],
-    found: Sequence[list[Sighting]],
-    height_m: float,
-    height_sigma_m: float,
-    fps: float,
-) -> tuple[list[Path], list[Path], list[Path]]:
+def _subject(around: _Around, known: Size) -> tuple[list[Path], list[Path], list[Path]]:
     """Paths of the subject, of others, and those of which it cannot be told."""
+    people, marked = around.people, around.marked
     if marked:
         pinned = [person for person in people if any(path in person.paths for path in marked)]
         own = [path for person in pinned for path in person.paths if path in marked or not at_once(path, marked)]
@@ -330,8 +205,8 @@ def _subject(
     sure = [person for person in people if person.sure]
     most = max(len(person.sightings) + person.perhaps for person in sure)
     rivals = [person for person in sure if len(person.sightings) + person.perhaps >= PASSING * most]
-    chosen = _decided(rivals, found, height_m, height_sigma_m, fps)
-    if chosen is None or _doubted(chosen, found, fps):
+    chosen = _decided(rivals, around, known)
+    if chosen is None or _doubted(chosen, around):
         return [], [], [path for person in people for path in person.paths]
     own = list(chosen.paths)
     others: list[Path] = []
@@ -344,57 +219,63 @@ def _subject(
     return own, others, unclear
 
 
-def at_once(path: Path, others: Sequence[Path]) -> bool:
-    """Whether a path is there at the time of others."""
-    return any(path.first.t <= other.last.t and other.first.t <= path.last.t for other in others)
-
-
-def _decided(
-    rivals: list[Person], found: Sequence[list[Sighting]], height_m: float, height_sigma_m: float, fps: float
-) -> Person | None:
+def _decided(rivals: list[Person], around: _Around, known: Size) -> Person | None:
     """Which of several people is the subject; None where it cannot be told."""
     way = np.array([_way(person.sightings) for person in rivals])
     if (way > GOES_M).any():
         rivals = [person for person, far in zip(rivals, way, strict=True) if far > STANDS_M]
     if len(rivals) == 1:
         return rivals[0]
-    agreed = [person for person in rivals if _unanimous(person, found) >= UNANIMOUS_S * fps]
+    agreed = [person for person in rivals if _unanimous(person, around) >= UNANIMOUS_S * around.fps]
     if len(agreed) == 1:
         return agreed[0]
-    if not np.isfinite(height_m):
+    if not np.isfinite(known.stature_m):
         return None
-    sizes = np.array([_size(person.sightings) for person in rivals])
-    variance = sizes[:, 1] ** 2 + (LONGER_SHARE * sizes[:, 2]) ** 2 + MEASURED_M**2 + height_sigma_m**2
-    cost = np.where(np.isfinite(sizes[:, 0]), (sizes[:, 0] - height_m) ** 2 / (2 * variance), 0.0)
+    sizes = [size_of(person.sightings) for person in rivals]
+    stature = np.array([one.stature_m for one in sizes])
+    variance = np.array([one.variance_to(known) for one in sizes])
+    cost = np.where(np.isfinite(stature), (stature - known.stature_m) ** 2 / (2 * variance), 0.0)
     best = int(np.argmin(cost))
     with np.errstate(invalid="ignore"):
-        clear = (cost - cost[best] >= ODDS) & (np.abs(sizes[:, 0] - sizes[best, 0]) >= APART_M)
+        clear = (cost - cost[best] >= ODDS) & (np.abs(stature - stature[best]) >= APART_M)
     return rivals[best] if np.delete(clear, best).all() else None
 
 
 def _way(bodies: list[Sighting]) -> float:
     """How far apart (m) the places of a body are, but for the outermost tenths."""
-    places = np.array([body.place[:2] for body in _together(bodies) or bodies])
+    places = np.array([body.place[:2] for body in together(bodies) or bodies])
     low, high = np.quantile(places, (0.1, 0.9), axis=0)
     return float(np.linalg.norm(high - low))
 
 
-def _doubted(person: Person, found: Sequence[list[Sighting]], fps: float) -> bool:
+def _doubted(person: Person, around: _Around) -> bool:
     """Whether only some views speak for a person, while another sees somebody else, and never all for `UNANIMOUS_S`."""
     against = 0
     for body in person.sightings:
         lacking = body.members < 0
-        against += any(other.alone and (other.members[lacking] >= 0).any() for other in found[body.t])
-    sightings = len(person.sightings)
-    split = against > DOUBT * sightings or not _together(person.sightings)
-    return split and _unanimous(person, found) < UNANIMOUS_S * fps
+        against += any(other.alone and (other.members[lacking] >= 0).any() for other in around.found[body.t])
+    split = against > DOUBT * len(person.sightings) or not together(person.sightings)
+    return split and _unanimous(person, around) < UNANIMOUS_S * around.fps
 
 
-def _unanimous(person: Person, found: Sequence[list[Sighting]]) -> int:
-    """At how many instants, one after the other, all views see this person and nobody else."""
-    agreed = np.zeros(len(found) + 2, int)
+def _unanimous(person: Person, around: _Around) -> int:
+    """At how many instants, one after the other, all views see this person and nobody else.
+
+    A track that is elsewhere not this person's is not believed to be his where the rays meet: he may hide behind
+    another in the one camera that follows him.
+    """
+    own = {id(body) for body in person.sightings}
+    elsewhere = Counter(
+        one
+        for bodies in around.found
+        for body in bodies
+        if id(body) not in own
+        for one in tracks_of(body, around.track)
+    )
+    agreed = np.zeros(len(around.found) + 2, int)
     for body in person.sightings:
-        agreed[body.t + 1] = len(found[body.t]) == 1 and bool(body.meet.all())
+        alone = len(around.found[body.t]) == 1 and bool(body.meet.all())
+        agreed[body.t + 1] = alone and all(elsewhere[one] < KNOWN for one in tracks_of(body, around.track))
     ends = np.flatnonzero(np.diff(agreed))
     return int((ends[1::2] - ends[::2]).max(initial=0))
 
@@ -469,7 +350,7 @@ def _stretches(state: Ints, own: Sequence[Path], others: Sequence[Path], every: 
     """The stretches of one state, and where their people are."""
     edges = np.flatnonzero(np.diff(state)) + 1
     mine = sorted((body for path in own for body in path.sightings), key=lambda body: body.t)
-    size = _size(mine)[0]
+    size = size_of(mine).stature_m
     out = []
     for rows in np.split(np.arange(len(state)), edges):
         if not len(rows) or state[rows[0]] == OWN:
@@ -481,7 +362,7 @@ def _stretches(state: Ints, own: Sequence[Path], others: Sequence[Path], every: 
             for body in here
             if mine
         ]
-        taller = _size(here)[0] - size if mine else np.nan
+        taller = size_of(here).stature_m - size if mine else np.nan
         out.append(Stretch(first, last, int(state[first]), float(np.median(off)) if off else np.nan, taller))
     return out
 

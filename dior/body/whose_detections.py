@@ -15,19 +15,9 @@ import numpy as np
 
 from dior.arrays import Bools, Ints
 from dior.body import people_seen
+from dior.body.people_followed import Path, Person, at_once, people_of, tracks_of
 from dior.body.people_seen import Sighting
-from dior.body.which_person import (
-    OURS,
-    Choice,
-    Path,
-    Person,
-    Seen,
-    at_once,
-    away_from,
-    nearest_of,
-    people_of,
-    tracks_of,
-)
+from dior.body.which_person import OURS, Choice, Seen, away_from, nearest_of
 from dior.geometry.camera import Camera
 
 # chosen, in body sizes: a detection that is not nearer than that to one than to another may be either's

@@ -19,7 +19,7 @@ from dior.arrays import Table
 from dior.body.whose_detections import Somebody, everyone
 from dior.label import reproject
 from dior.reconstruct import everybody, refine, triangulate
-from dior.reconstruct.triangulate import Given, Limits
+from dior.reconstruct.triangulate import Given, Limits, Told
 from dior.tables import tables
 
 WHOSE = ("sequence", "person", "is_subject")
@@ -50,19 +50,14 @@ class SequenceCameras:
 
 @dataclass(frozen=True)
 class Recorded:
-    """What the cameras recorded, and what is known of the subject in it.
+    """What the cameras recorded.
 
-    `detections`: table `detections`; `everybody_seen`: table `detected_people`; `timeline`, `frames`: tables of these
-    names; `people`: subjects.tsv, where the subject's height is known; `seeds`: YAML file in which somebody pointed at
-    the subject.
+    `detections`, `timeline`, `frames`: tables of these names.
     """
 
     detections: Path
-    everybody_seen: Path
     timeline: Path
     frames: Path
-    people: Path | None = None
-    seeds: Path | None = None
 
 
 def run(
@@ -71,6 +66,7 @@ def run(
     subject: str,
     rig: SequenceCameras,
     recorded: Recorded,
+    told: Told,
     skeleton: Path,
     method: str,
     limits: Limits,
@@ -86,7 +82,7 @@ def run(
     """
     given = triangulate.gathered(
         sequence, subject, rig.cameras, rig.makers, recorded.detections, recorded.timeline, method, limits.min_score,
-        recorded.everybody_seen, recorded.people, recorded.seeds,
+        told,
     )  # fmt: skip
     own = tables.read(skeleton, "skeletons_3d", BODY)
     found = everyone(given.rig, given.seen, given.choice) if given.choice else []

@@ -8,7 +8,7 @@ STAGES = {
     "simulate": ("simulate", "simulate_mocap", "simulate_gallery"),
     "ingest": ("frames", "audit", "mocap", "detect", "detections", "gallery"),
     "calibrate": ("intrinsics", "locate", "place", "reference", "adjust", "clocks", "align", "follow"),
-    "reconstruct": ("timeline", "triangulate", "refine", "world"),
+    "reconstruct": ("timeline", "bodies", "triangulate", "refine", "world"),
     "label": ("reproject", "people"),
     "evaluate": ("moved", "evaluate", "detectors", "zoom", "to_mark", "metrics", "statistics"),
     "reid": ("inputs", "recognise"),

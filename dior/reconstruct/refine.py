@@ -16,8 +16,8 @@ import numpy as np
 from dior.arrays import Bools, Floats, Ints
 from dior.geometry.covariance import point_covariance
 from dior.reconstruct.smooth import smooth
-from dior.reconstruct.timeline import instants_within
-from dior.reconstruct.triangulate import Skeleton, rate, write_skeleton
+from dior.reconstruct.timeline import instants_within, rate
+from dior.reconstruct.triangulate import Skeleton, write_skeleton
 from dior.tables import tables
 
 # m/s^3 of a joint, from a head to a foot that meets the floor; chosen: wide enough that neither end is the likeliest

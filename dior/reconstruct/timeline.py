@@ -5,10 +5,12 @@ OUTPUTS  `timeline`: per instant and camera the frames before and after and the 
 Outdoors the instants are a regular grid at the nominal frame rate, indoors the C3D's own ticks.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
+from dior.arrays import Ints, Table
 from dior.clocks import clock as on_axis
 from dior.clocks.axis import bracket, camera_seconds, instants, rates, start_ns
 from dior.errors import DiorError, nearest
@@ -72,3 +74,14 @@ def run(
         },
         {"fps": f"{fps:g}"},
     )
+
+
+def rate(stamps_ns: Ints) -> float:
+    """Instants per second."""
+    return 1e9 / float(np.median(np.diff(stamps_ns))) if len(stamps_ns) > 1 else 1.0
+
+
+def nearest_frames(timeline: Table, names: Sequence[str]) -> Ints:
+    """The picture nearest to each instant by camera, (V, T); -1 where there is none."""
+    lines = [tables.of_camera(timeline, name) for name in names]
+    return np.stack([np.where(at["weight"] < 0.5, at["frame_before"], at["frame_after"]) for at in lines])

@@ -25,9 +25,10 @@ from dior.geometry import camera as cam
 from dior.geometry import camera_tables, culprit, multiview
 from dior.geometry.camera import Camera
 from dior.project import heights
-from dior.reconstruct import detector_noise, everybody, robust
+from dior.reconstruct import bodies, detector_noise, everybody, robust
 from dior.reconstruct.gates import implausible
 from dior.reconstruct.swaps import exchange, find_exchanged, find_mistaken_limbs
+from dior.reconstruct.timeline import nearest_frames, rate
 from dior.tables import tables
 
 METHODS = ("robust", "rays")
@@ -102,6 +103,20 @@ class Limits:
     max_bone_change: float
 
 
+@dataclass(frozen=True)
+class Told:
+    """What tells the subject from others.
+
+    `everybody_seen`: table `detected_people`; `people`: subjects.tsv, where the subject's height is known; `bodies`:
+    table `bodies`, how tall they are by the same cameras; `seeds`: YAML file in which somebody pointed at the subject.
+    """
+
+    everybody_seen: Path | None = None
+    people: Path | None = None
+    bodies: Path | None = None
+    seeds: Path | None = None
+
+
 def run(
     *,
     sequence: str,
@@ -115,19 +130,11 @@ def run(
     out: Path,
     out_swaps: Path,
     findings: Path,
-    everybody_seen: Path | None = None,
-    people: Path | None = None,
-    seeds: Path | None = None,
+    told: Told,
     out_detections: Path | None = None,
 ) -> None:
-    """Triangulate one sequence from the cameras `names`, whose poses are in the `cameras` tables.
-
-    `everybody_seen`: table `detected_people`; `people`: subjects.tsv, where the subject's height is known; `seeds`:
-    YAML file in which somebody pointed at the subject.
-    """
-    given = gathered(
-        sequence, subject, cameras, names, detections, timeline, method, limits.min_score, everybody_seen, people, seeds
-    )
+    """Triangulate one sequence from the cameras `names`, whose poses are in the `cameras` tables."""
+    given = gathered(sequence, subject, cameras, names, detections, timeline, method, limits.min_score, told)
     rig, joints, stamps, frames = given.rig, given.seen.names, given.stamps, given.frames
     choice, seen = given.choice, given.seen
     uv, score = (given.uv, given.score) if choice is None else everybody.picked(seen, choice)
@@ -141,8 +148,8 @@ def run(
     about = {"noise_time_s": f"{found.time_s:.6g}"}
     write_skeleton(out, subject, sequence, found.columns(joints, stamps), about)
     write_swaps(out_swaps, names, stamps, frames, corrected.swapped, joints)
-    told = mine if choice and np.mean(choice.state == which_person.OWN) > MOSTLY else given.detected
-    notes = _culprit(sequence, rig, told, given.line, limits.min_score, choice is not None)
+    judged = mine if choice and np.mean(choice.state == which_person.OWN) > MOSTLY else given.detected
+    notes = _culprit(sequence, rig, judged, given.line, limits.min_score, choice is not None)
     notes += _findings(sequence, names, np.any(corrected.swapped, axis=2), found.status)
     notes += _mistaken_findings(sequence, names, corrected.mistaken)
     if choice:
@@ -179,9 +186,7 @@ def gathered(
     timeline: Path,
     method: str,
     min_score: float,
-    everybody_seen: Path | None,
-    people: Path | None,
-    seeds: Path | None,
+    told: Told,
 ) -> Given:
     """`Given` from the files; arguments as of `run`."""
     if method not in METHODS:
@@ -193,13 +198,14 @@ def gathered(
     stamps = line["stamp_ns"][:: len(tables.ordered_unique(line["camera"]))]
     fps = rate(stamps)
     frames = nearest_frames(line, names)
-    others = tables.read(everybody_seen, "detected_people") if everybody_seen else None
+    others = tables.read(told.everybody_seen, "detected_people") if told.everybody_seen else None
     seen = everybody.at_instants(detected, others, line, names, min_score, fps)
-    height_m, height_sigma_m = heights.of(subject, people) or (np.nan, 0.0)
-    pointed = everybody.seeds_of(seeds, seen, names, frames)
-    choice = which_person.choose(rig, seen, height_m, height_sigma_m, pointed)
-    measured = bool(np.isfinite(height_m))
-    return Given(rig, uv, score, seen, choice, stamps, frames, line, detected, others, measured)
+    height = heights.of(subject, told.people)
+    known = bodies.of_other_walks(told.bodies, subject, sequence)
+    if height and not np.isfinite(known.sigma_m):
+        known = which_person.by_tape(*height)
+    choice = which_person.choose(rig, seen, known, everybody.seeds_of(told.seeds, seen, names, frames))
+    return Given(rig, uv, score, seen, choice, stamps, frames, line, detected, others, height is not None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -350,17 +356,6 @@ def sigmas(covariance: Floats) -> dict[str, Floats]:
     return {f"sigma_{axis}": sd[:, i] for i, axis in enumerate(axes)} | {
         f"rho_{axes[i]}{axes[j]}": covariance[:, i, j] / (sd[:, i] * sd[:, j]) for i, j in pairs
     }
-
-
-def rate(stamps_ns: Ints) -> float:
-    """Instants per second."""
-    return 1e9 / float(np.median(np.diff(stamps_ns))) if len(stamps_ns) > 1 else 1.0
-
-
-def nearest_frames(timeline: Table, names: Sequence[str]) -> Ints:
-    """The picture nearest to each instant by camera, (V, T); -1 where there is none."""
-    lines = [tables.of_camera(timeline, name) for name in names]
-    return np.stack([np.where(at["weight"] < 0.5, at["frame_before"], at["frame_after"]) for at in lines])
 
 
 def write_swaps(

@@ -56,7 +56,7 @@ def test_one_person_is_nobody_to_choose():
 def test_the_height_tells_two_people_apart():
     capture, seen, owner = made("together")
     for height, who in ((capture.height_m, 0), (capture.height_m + 0.07, 1)):
-        choice = which_person.choose(capture.cameras, seen, height, 0.01)
+        choice = which_person.choose(capture.cameras, seen, which_person.by_tape(height, 0.01))
         assert (choice.state == OWN).all() and choice.people == 2
         assert (picked(owner, choice) == who).mean() > 0.99
 
@@ -71,7 +71,7 @@ def test_without_a_height_nobody_is_chosen():
 @pytest.mark.slow
 def test_two_of_one_height_are_left_open():
     capture, seen, _ = made("same_build")
-    choice = which_person.choose(capture.cameras, seen, capture.height_m, 0.01)
+    choice = which_person.choose(capture.cameras, seen, which_person.by_tape(capture.height_m, 0.01))
     assert (choice.state == UNDECIDED).all()
 
 
@@ -79,14 +79,16 @@ def test_two_of_one_height_are_left_open():
 def test_a_seed_by_hand_goes_before_everything(who):
     capture, seen, owner = made("together")
     person = int(np.flatnonzero(owner[1, :, 150] == who)[0])
-    choice = which_person.choose(capture.cameras, seen, capture.height_m, 0.01, [Seed(1, 150, person)])
+    choice = which_person.choose(
+        capture.cameras, seen, which_person.by_tape(capture.height_m, 0.01), [Seed(1, 150, person)]
+    )
     assert (choice.state == OWN).all() and (picked(owner, choice) == who).mean() > 0.99
 
 
 @pytest.mark.slow
 def test_who_walks_in_while_the_subject_is_away_is_rejected():
     capture, seen, owner = made("another")
-    choice = which_person.choose(capture.cameras, seen, capture.height_m, 0.01)
+    choice = which_person.choose(capture.cameras, seen, which_person.by_tape(capture.height_m, 0.01))
     assert ((choice.state == STRANGER) == capture.there[1]).mean() > 0.98
     assert not (picked(owner, choice) == 1).any()
     assert ((picked(owner, choice) == 0).all(axis=0) == capture.there[0]).mean() > 0.98
@@ -97,7 +99,7 @@ def test_who_walks_in_while_the_subject_is_away_is_rejected():
 @pytest.mark.slow
 def test_one_camera_that_follows_another_is_left_out_and_not_the_others():
     capture, seen, owner = made("mostly_one_camera")
-    choice = which_person.choose(capture.cameras, seen, capture.height_m, 0.01)
+    choice = which_person.choose(capture.cameras, seen, which_person.by_tape(capture.height_m, 0.01))
     assert (choice.state == OWN).all()
     chosen = picked(owner, choice)
     assert ((chosen == 0) == (owner[:, 0] == 0)).mean() > 0.99 and (chosen == 1).mean() < 0.02
@@ -105,7 +107,7 @@ def test_one_camera_that_follows_another_is_left_out_and_not_the_others():
 
 def test_that_two_cameras_of_three_agree_is_no_proof():
     capture, seen, _ = made("two_cameras", taller=0.0)
-    choice = which_person.choose(capture.cameras, seen, capture.height_m, 0.01)
+    choice = which_person.choose(capture.cameras, seen, which_person.by_tape(capture.height_m, 0.01))
     assert (choice.state == UNDECIDED).all()
 
 
@@ -172,7 +174,7 @@ def test_errors_make_bones_longer_from_cameras_that_face_each_other():
 def test_two_cameras_that_face_each_other_choose_nobody_by_a_few_centimetres(seed):
     capture = two_walkers.make("facing", "real", seed, taller=-0.05)
     seen, _ = seen_of(capture)
-    choice = which_person.choose(capture.cameras, seen, capture.height_m, 0.01)
+    choice = which_person.choose(capture.cameras, seen, which_person.by_tape(capture.height_m, 0.01))
     assert (choice.state == UNDECIDED).all()
 
 
@@ -224,5 +226,5 @@ def test_the_step_labels_the_subject_and_nobody_else(kind, level):
 def test_a_fourth_camera_is_no_obstacle():
     capture = two_walkers.make("mostly_one_camera", "ideal", 0, views=4, taller=0.07)
     seen, owner = seen_of(capture)
-    choice = which_person.choose(capture.cameras, seen, capture.height_m, 0.01)
+    choice = which_person.choose(capture.cameras, seen, which_person.by_tape(capture.height_m, 0.01))
     assert (choice.state == OWN).all() and ((picked(owner, choice) == 0) == (owner[:, 0] == 0)).mean() > 0.98

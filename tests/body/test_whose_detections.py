@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from dior.body import people_seen, which_person
+from dior.body import people_followed, people_seen, which_person
 from dior.body import whose_detections as module
 from dior.body.names import MLKIT_33
+from dior.body.people_followed import Path
 from dior.body.people_seen import Sighting
-from dior.body.which_person import Path, Seed, Seen
+from dior.body.which_person import Seed, Seen
 from dior.body.whose_detections import everyone
 from tests.reconstruct.test_swaps import observed, walker
 from tests.rig import ring
@@ -128,7 +129,7 @@ def test_where_detections_of_two_meet_as_well_when_they_are_exchanged_nothing_is
 
 def test_whoever_goes_on_after_a_meeting_that_the_tracks_do_not_tell_apart_is_somebody_new(monkeypatch):
     """The cameras exchange their tracks while two are 0.6 m apart, and statures tell nothing."""
-    monkeypatch.setattr(which_person, "_size", lambda bodies: (np.nan, np.inf))
+    monkeypatch.setattr(people_followed, "size_of", lambda bodies: people_followed.UNKNOWN)
     cameras, seen = seen_of(*beside(np.full(COUNT, 0.6)))
     seen.track[:, :, 45:] = seen.track[:, ::-1, 45:]
     choice = which_person.choose(cameras, seen, seeds=[Seed(0, 2, 0)])

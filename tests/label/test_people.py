@@ -9,6 +9,7 @@ from dior.geometry import camera as cam
 from dior.geometry import camera_tables
 from dior.label import people, reproject
 from dior.reconstruct import refine
+from dior.reconstruct.triangulate import Told
 from dior.tables import tables
 from tests.reconstruct import test_triangulate as triangulated
 from tests.reconstruct.test_swaps import observed, walker
@@ -55,9 +56,9 @@ def made(folder, metres=1.2, several=True):
     people.run(
         sequence="walk_1", subject="S01", rig=people.SequenceCameras(names, NAMES, **files(folder)),
         recorded=people.Recorded(
-            folder / "detections.parquet", everybody, folder / "timeline.parquet", folder / "frames.parquet",
-            seeds=seeds,
+            folder / "detections.parquet", folder / "timeline.parquet", folder / "frames.parquet"
         ),
+        told=Told(everybody, seeds=seeds),
         skeleton=folder / "refined.parquet", method="robust",
         limits=people.Limits(0.3, 45.0, 12.0, 8.0, 0.4), smoothing="smooth", max_gap_s=0.2,
         out=folder / "people_3d.parquet", out_labels=folder / "people_2d.parquet", findings=folder / "found.parquet",

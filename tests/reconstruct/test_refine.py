@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dior.reconstruct import refine, triangulate
+from dior.reconstruct import refine, timeline
 from dior.reconstruct.smooth import smooth
 from dior.reconstruct.triangulate import columns, write_skeleton
 from dior.tables import tables
@@ -137,10 +137,10 @@ def test_the_step_keeps_every_row(tmp_path):
     after, joints = tables.grid(table, "x", "y", "z")
     assert joints == names and after.shape == points.shape
     # the noise is as triangulate says
-    wanted, _, _, stays = refine.refined(points, covariance, names, triangulate.rate(stamps), 0.1, 0.2, 0.2)
+    wanted, _, _, stays = refine.refined(points, covariance, names, timeline.rate(stamps), 0.1, 0.2, 0.2)
     assert after[:, 0] == pytest.approx(wanted[:, 0], abs=1e-6)
     for other in ((0.0, 0.2), (0.1, 0.0)):
-        unlike, _, _, _ = refine.refined(points, covariance, names, triangulate.rate(stamps), *other, 0.2)
+        unlike, _, _, _ = refine.refined(points, covariance, names, timeline.rate(stamps), *other, 0.2)
         assert np.abs(unlike - wanted)[:, 0].max() > 1e-4
     assert table["constant_share"].reshape(60, 2)[:, 0] == pytest.approx(stays[:, 0], abs=1e-6)
     words = table["status"].reshape(60, 2)

@@ -11,6 +11,7 @@ from dior.errors import DiorError
 from dior.geometry import camera as cam
 from dior.geometry import camera_tables, covariance
 from dior.reconstruct import triangulate as tri
+from dior.reconstruct.timeline import nearest_frames
 from dior.reconstruct.triangulate import Limits
 from dior.tables import tables
 from tests.reconstruct.test_swaps import observed, walker
@@ -40,7 +41,7 @@ def write_inputs(folder, cameras, uv, score=0.9):
     write_timeline(folder / "timeline.parquet", names, stamps)
 
 
-def run(folder, names, method="robust", **more):
+def run(folder, names, method="robust", out_detections=None, **told):
     tri.run(
         sequence="walk_1",
         subject="S01",
@@ -53,7 +54,8 @@ def run(folder, names, method="robust", **more):
         out=folder / "skeleton.parquet",
         out_swaps=folder / "swaps.parquet",
         findings=folder / "findings.parquet",
-        **more,
+        told=tri.Told(**told),
+        out_detections=out_detections,
     )
     return tables.read(folder / "skeleton.parquet", "skeletons_3d")
 
@@ -280,6 +282,7 @@ def test_the_limit_of_the_error_is_that_of_a_camera_of_fx_1680(tmp_path, monkeyp
         sequence="walk_1", subject="S01", cameras=[tmp_path / "cameras.parquet"], names=[c.name for c in cameras],
         detections=tmp_path / "detections.parquet", timeline=tmp_path / "timeline.parquet", method="robust",
         limits=limits, out=tmp_path / "s.parquet", out_swaps=tmp_path / "w.parquet", findings=tmp_path / "f.parquet",
+            told=tri.Told(),
     )  # fmt: skip
     table = tables.read(tmp_path / "s.parquet", "skeletons_3d")
     assert table["residual_px"].reshape(12, 33)[6, 0] == pytest.approx(25.0, abs=1.0)
@@ -291,7 +294,7 @@ def test_a_swap_is_of_the_picture_that_is_nearest():
         "camera": np.array(["cam01"] * 4, object), "frame_before": np.array([0, 1, 2, -1]),
         "frame_after": np.array([1, 2, 3, -1]), "weight": np.array([0.4, 0.6, 0.0, 0.0]),
     }  # fmt: skip
-    assert tri.nearest_frames(line, ["cam01"]).tolist() == [[0, 2, 2, -1]]
+    assert nearest_frames(line, ["cam01"]).tolist() == [[0, 2, 2, -1]]
 
 
 def test_the_camera_that_does_not_belong_to_the_others_is_said_first(tmp_path):

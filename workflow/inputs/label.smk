@@ -53,6 +53,46 @@ def sequence_seeds(wildcards):
     return PROJECT.seeds(wildcards.sequence)
 
 
+def telling_walks(session):
+    """The outdoor walks of a session that tell how tall their subjects are: those that placed its close cameras."""
+    return list(PROJECT.window(session)) or [walk for walk in [telling_walk(session)] if walk]
+
+
+def of_telling_walks(path):
+    """Tables, below results/, of the walks that tell how tall their subjects are."""
+
+    def files(wildcards):
+        return [
+            f"results/{path.format(sequence=walk)}" for walk in telling_walks(wildcards.session)
+        ]
+
+    return files
+
+
+def session_cameras(wildcards):
+    return cameras_of(wildcards.session, PROJECT.close(wildcards.session))
+
+
+def session_close_names(wildcards):
+    return PROJECT.close(wildcards.session)
+
+
+def told_subjects(wildcards):
+    return json.dumps({walk: PROJECT.subject_of(walk) for walk in telling_walks(wildcards.session)})
+
+
+def told_seeds(wildcards):
+    return [path for walk in telling_walks(wildcards.session) for path in PROJECT.seeds(walk)]
+
+
+def session_bodies(wildcards):
+    """[table] that tells how tall the subject of a sequence is by another walk of theirs; else []."""
+    own, session = wildcards.sequence, session_of(wildcards)
+    others = [walk for walk in telling_walks(session) if walk != own]
+    told = any(PROJECT.subject_of(walk) == PROJECT.subject_of(own) for walk in others)
+    return [f"results/bodies/{session}.parquet"] if told else []
+
+
 def makers(wildcards):
     """The cameras that the sequence's 3D was triangulated from; none indoors."""
     return [] if PROJECT.indoor(wildcards.sequence) else close_names(wildcards)

@@ -37,6 +37,7 @@ rule people:
         detections="results/detections/{sequence}.parquet",
         everybody_seen="results/detections/{sequence}.people.parquet",
         timeline="results/timeline/{sequence}.parquet",
+        bodies=session_bodies,
         skeleton=skeleton,
         frames="results/frames/{sequence}.parquet",
         clocks=all_clocks,

@@ -2,7 +2,7 @@
 the 3D of a sequence is possible.
 
 Required inputs: frames, cameras, detections, clocks.
-Outputs: results/timeline, results/triangulate, results/refine, results/world.
+Outputs: results/timeline, results/bodies, results/triangulate, results/refine, results/world.
 """
 
 
@@ -26,6 +26,30 @@ rule timeline:
         dior("timeline")
 
 
+rule bodies:
+    """Say how tall the subjects of a session are by their joints, to tell them from others."""
+    input:
+        cameras=session_cameras,
+        detections=of_telling_walks("detections/{sequence}.parquet"),
+        everybody_seen=of_telling_walks("detections/{sequence}.people.parquet"),
+        timelines=of_telling_walks("timeline/{sequence}.parquet"),
+    output:
+        out="results/bodies/{session}.parquet",
+    log:
+        "logs/bodies/{session}.log",
+    benchmark:
+        "logs/bodies/{session}.benchmark.tsv"
+    params:
+        names=session_close_names,
+        subjects=told_subjects,
+        seeds=untracked(told_seeds),
+        contents=contents_of(told_seeds),
+        min_score=CONFIG["detector"]["min_score"],
+        code=code("reconstruct.bodies"),
+    shell:
+        dior("bodies")
+
+
 rule triangulate:
     """Triangulate the joints of an outdoor sequence from its close cameras."""
     input:
@@ -33,6 +57,7 @@ rule triangulate:
         detections="results/detections/{sequence}.parquet",
         everybody_seen="results/detections/{sequence}.people.parquet",
         timeline="results/timeline/{sequence}.parquet",
+        bodies=session_bodies,
     output:
         out="results/triangulate/{sequence}.parquet",
         out_swaps="results/triangulate/{sequence}.swaps.parquet",

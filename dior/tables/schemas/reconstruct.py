@@ -22,6 +22,13 @@ BODY_3D = (
     ("status", SKELETON_STATUS),
 )
 TABLES = {
+    "bodies": (
+        ("subject", "text"),
+        ("sequence", "text"),
+        ("stature_m", "float64", "m", "by the detector's joints; null where it is not sure that the body is his"),
+        ("sigma_m", "float64", "m"),
+        ("longer_m", "float64", "m", "what errors made it longer, which was taken off"),
+    ),
     "timeline": (
         ("instant", "int32"),
         ("camera", "text"),
