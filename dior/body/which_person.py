@@ -1,13 +1,12 @@
 """Which of the people in the pictures is the subject of a recording: by where they are, their stature, and by hand.
 
-INPUTS   placed cameras, the people of each view at every instant (`people_seen`), the subject's measured height, seeds
+INPUTS   placed cameras, the people of each view at every instant (`people_seen`), the subject's stature, seeds
 OUTPUTS  `Choice`: the subject's detection in every view, and the stretches that are somebody else's or cannot be told
 
-Bodies are found a few times a second, followed through the room, and put together into people: somebody who comes back
-is the same person if he can have walked there and his stature is the same. The subject is the one whom a person
-pointed at; else who alone is there, or walks, or is there for most of the time, or is at times all that all cameras
-see; else whose stature is the measured one. Where none of these tells, nobody is chosen: that two views of three agree
-is no proof, since both may follow the same wrong person.
+Bodies are found a few times a second and followed (`people_followed`). The subject is the one whom a person pointed at;
+else who alone is there, or walks, or is there for most of the time, or is at times all that all cameras see; else whose
+stature is the subject's, by another walk or by a tape. Where none of these tells, nobody is chosen: that two views of
+three agree is no proof, since both may follow the same wrong person.
 """
 
 from collections import Counter

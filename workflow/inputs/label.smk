@@ -69,7 +69,7 @@ def of_telling_walks(path):
     return files
 
 
-def session_cameras(wildcards):
+def close_of_session(wildcards):
     return cameras_of(wildcards.session, PROJECT.close(wildcards.session))
 
 
@@ -78,7 +78,7 @@ def session_close_names(wildcards):
 
 
 def told_subjects(wildcards):
-    return json.dumps({walk: PROJECT.subject_of(walk) for walk in telling_walks(wildcards.session)})
+    return [f"{walk}={PROJECT.subject_of(walk)}" for walk in telling_walks(wildcards.session)]
 
 
 def told_seeds(wildcards):

@@ -29,7 +29,7 @@ rule timeline:
 rule bodies:
     """Say how tall the subjects of a session are by their joints, to tell them from others."""
     input:
-        cameras=session_cameras,
+        cameras=close_of_session,
         detections=of_telling_walks("detections/{sequence}.parquet"),
         everybody_seen=of_telling_walks("detections/{sequence}.people.parquet"),
         timelines=of_telling_walks("timeline/{sequence}.parquet"),
