@@ -34,9 +34,9 @@ SCATTER_M = 0.015
 HUBER, HUBER_EFFICIENCY = 1.345, 0.95
 DIFFERENT = 3.0  # so many standard errors apart are two people; chosen
 TOLD_M = 0.04  # people whose statures differ by so much, m, are told apart; chosen: shoes make half of it
-# chosen: so much likelier one person must be than two whose statures differ by `TOLD_M`. Who comes back is mostly who
-# left, so that it is less than what a choice between two people who are both there takes
-SAME_ODDS = np.log(5.0)
+# chosen: so much likelier one person must be than two whose statures differ by `TOLD_M`. Who comes where another has
+# left is ten times as likely he as anybody else, so that it is less than what a choice between two who are there takes
+SAME_ODDS = np.log(2.0)
 
 
 @dataclass(eq=False)
@@ -89,7 +89,8 @@ def paths_of(found: Sequence[list[Sighting]], track: Ints, fps: float) -> list[P
 
     Where people hide each other, detections of two may meet in one body for a moment. So a body goes on with the path
     that had more of its detections' tracks several times in the last seconds; a track that another has had since counts
-    half, since a camera that sees one person before the other does not notice that it was handed on.
+    half, since a camera that sees one person before the other does not notice that it was handed on. Where most views
+    have another track than a moment ago, somebody else came into the others' line of sight.
     """
     paths: list[Path] = []
     holder: dict[tuple[int, int], Path] = {}
@@ -108,7 +109,7 @@ def paths_of(found: Sequence[list[Sighting]], track: Ints, fps: float) -> list[P
                     if one in before
                 )
                 off = _off(path, body, fps)
-                if shared and off <= 1:
+                if shared and off <= 1 and not _exchanged(path.last, body, track):
                     ways.append((off - shared, i, j))
         done: tuple[set[int], set[int]] = (set(), set())
         for _, i, j in sorted(ways):
@@ -119,6 +120,13 @@ def paths_of(found: Sequence[list[Sighting]], track: Ints, fps: float) -> list[P
         paths += [Path([body]) for j, body in enumerate(bodies) if j not in done[1]]
         holder |= {one: path for path in paths if path.last in bodies for one in tracks_of(path.last, track)}
     return paths
+
+
+def _exchanged(last: Sighting, body: Sighting, track: Ints) -> bool:
+    """Whether most of the views that have both of two sightings have another track in the second."""
+    one, other = dict(tracks_of(last, track)), dict(tracks_of(body, track))
+    both = one.keys() & other.keys()
+    return 2 * sum(one[view] != other[view] for view in both) > len(both)
 
 
 def _off(path: Path, body: Sighting, fps: float) -> float:
@@ -150,6 +158,16 @@ class Size:
 
 
 UNKNOWN = Size(np.nan, np.inf)
+
+
+def mean_size(sizes: Sequence[Size]) -> Size:
+    """The mean of several sizes of one body by their precision; unknown ones do not count."""
+    known = [one for one in sizes if np.isfinite(one.sigma_m)]
+    if not known:
+        return UNKNOWN
+    weight = np.array([one.sigma_m for one in known]) ** -2
+    stature, longer = (weight / weight.sum()) @ np.array([(one.stature_m, one.longer_m) for one in known])
+    return Size(float(stature), float(weight.sum() ** -0.5), float(longer))
 
 
 def size_of(bodies: Sequence[Sighting]) -> Size:

@@ -24,8 +24,10 @@ from dior.body.people_followed import (
     Person,
     Size,
     at_once,
+    mean_size,
     paths_of,
     people_of,
+    same,
     size_of,
     together,
     tracks_of,
@@ -41,8 +43,10 @@ PASSING = 0.5
 # who stays within the one is not who was recorded walking, where another goes farther than the other, m; chosen: a sway
 # and the errors of a place, and two steps in walks of a second
 STANDS_M, GOES_M = 0.3, 0.5
-# for so long without a break all cameras must see one person and nobody else; chosen: people hide each other for less
-UNANIMOUS_S = 1.0
+# for so long without a break all cameras must see one person and nobody else; where none of their tracks is at other
+# times somebody else's, for so long. Chosen: a person who is hidden behind another in the one camera that follows him
+# looked like that for 1.8 s in one of 20 walks
+UNANIMOUS_S, UNMIXED_S = 2.0, 1.0
 DOUBT = 0.25  # of the time that another view sees somebody else; chosen: more than detectors take a bystander
 # chosen: how well a tape tells the stature by the joints, m: people of one height differ by 1 % of it in neck, head and
 # foot, and a detector's joints are not the anatomist's
@@ -210,11 +214,13 @@ def _subject(around: _Around, known: Size) -> tuple[list[Path], list[Path], list
     own = list(chosen.paths)
     others: list[Path] = []
     unclear: list[Path] = []
+    size = mean_size([size_of(chosen.sightings), known])
     for person in people:
         if person is not chosen:
             for path in person.paths:
                 # who is there beside the subject is not the subject; nor is who is surely of another body or place
-                (others if person.sure or at_once(path, own) else unclear).append(path)
+                told = None if person.sure or at_once(path, chosen.paths) else same(size, size_of(path.sightings))
+                (others if told is None else own if told else unclear).append(path)
     return own, others, unclear
 
 
@@ -225,7 +231,7 @@ def _decided(rivals: list[Person], around: _Around, known: Size) -> Person | Non
         rivals = [person for person, far in zip(rivals, way, strict=True) if far > STANDS_M]
     if len(rivals) == 1:
         return rivals[0]
-    agreed = [person for person in rivals if _unanimous(person, around) >= UNANIMOUS_S * around.fps]
+    agreed = [person for person in rivals if _unanimous(person, around)]
     if len(agreed) == 1:
         return agreed[0]
     if not np.isfinite(known.stature_m):
@@ -248,34 +254,34 @@ def _way(bodies: list[Sighting]) -> float:
 
 
 def _doubted(person: Person, around: _Around) -> bool:
-    """Whether only some views speak for a person, while another sees somebody else, and never all for `UNANIMOUS_S`."""
+    """Whether only some views speak for a person, while another sees somebody else, and never all of them."""
     against = 0
     for body in person.sightings:
         lacking = body.members < 0
         against += any(other.alone and (other.members[lacking] >= 0).any() for other in around.found[body.t])
     split = against > DOUBT * len(person.sightings) or not together(person.sightings)
-    return split and _unanimous(person, around) < UNANIMOUS_S * around.fps
+    return split and not _unanimous(person, around)
 
 
-def _unanimous(person: Person, around: _Around) -> int:
-    """At how many instants, one after the other, all views see this person and nobody else.
+def _unanimous(person: Person, around: _Around) -> bool:
+    """Whether all views see this person and nobody else for `UNANIMOUS_S`.
 
-    A track that is elsewhere not this person's is not believed to be his where the rays meet: he may hide behind
-    another in the one camera that follows him.
+    For `UNMIXED_S` where none of the tracks is somebody else's elsewhere: he does not hide behind another in the one
+    camera that follows him.
     """
     own = {id(body) for body in person.sightings}
-    elsewhere = Counter(
-        one
-        for bodies in around.found
-        for body in bodies
-        if id(body) not in own
-        for one in tracks_of(body, around.track)
-    )
-    agreed = np.zeros(len(around.found) + 2, int)
+    rest = [body for bodies in around.found for body in bodies if id(body) not in own]
+    elsewhere = Counter(one for body in rest for one in tracks_of(body, around.track))
+    alone, unmixed = np.zeros((2, len(around.found)), bool)
     for body in person.sightings:
-        alone = len(around.found[body.t]) == 1 and bool(body.meet.all())
-        agreed[body.t + 1] = alone and all(elsewhere[one] < KNOWN for one in tracks_of(body, around.track))
-    ends = np.flatnonzero(np.diff(agreed))
+        alone[body.t] = len(around.found[body.t]) == 1 and bool(body.meet.all())
+        unmixed[body.t] = alone[body.t] and all(elsewhere[one] < KNOWN for one in tracks_of(body, around.track))
+    return _longest(alone) >= UNANIMOUS_S * around.fps or _longest(unmixed) >= UNMIXED_S * around.fps
+
+
+def _longest(true: Bools) -> int:
+    """Length of the longest run of what is `true` (T,)."""
+    ends = np.flatnonzero(np.diff(np.pad(true, 1).astype(int)))
     return int((ends[1::2] - ends[::2]).max(initial=0))
 
 

@@ -155,8 +155,9 @@ def follow(people: People, stamps_ns: Ints) -> Subject:
 def tracks(people: People, stamps_ns: Ints) -> Ints:
     """Number (P,) of the track of each person, counted by their beginnings: the same body from picture to picture.
 
-    A track goes on with the nearest person that it can have reached, also over a gap of `MEMORY_S`; who is nowhere near
-    begins another one, so that a detector of one person that takes somebody else begins a track.
+    A track goes on with the nearest person that it can have reached, also over a gap of `MEMORY_S`; those that were
+    seen last go first: whoever passes where another was lost is not taken for him. Who is nowhere near begins another
+    one, so that a detector of one person that takes somebody else begins a track.
     """
     out = np.zeros(len(people.frame), np.int64)
     if len(out) < 2:
@@ -174,9 +175,10 @@ def tracks(people: People, stamps_ns: Ints) -> Ints:
         recent = np.array([i for i, row in enumerate(last) if when[begin] - when[row] <= MEMORY_S], int)
         now = np.arange(begin, end)
         a, b = np.repeat(now, len(recent)), np.tile(recent, len(now))
-        step = _moved(people, when, share, a, np.array(last, int)[b]) ** 2 if len(b) else np.empty(0)
+        before = np.array(last, int)[b]
+        step = _moved(people, when, share, a, before) ** 2 if len(b) else np.empty(0)
         taken: dict[int, int] = {}
-        for i in np.argsort(step, kind="stable").tolist():
+        for i in np.lexsort((step, -people.frame[before])).tolist():
             if step[i] <= LINK and a[i] not in taken and b[i] not in taken.values():
                 taken[int(a[i])] = int(b[i])
         for row in now.tolist():

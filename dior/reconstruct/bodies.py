@@ -15,11 +15,15 @@ import numpy as np
 
 from dior.arrays import AnyPath
 from dior.body import which_person
-from dior.body.people_followed import UNKNOWN, Size
+from dior.body.people_followed import LONGER_SHARE, UNKNOWN, Size, mean_size
 from dior.geometry import camera_tables
 from dior.reconstruct import everybody
 from dior.reconstruct.timeline import nearest_frames, rate
 from dior.tables import tables
+
+# chosen: how far one body's statures by joints are apart from walk to walk beside their scatter, m: a detector errs
+# otherwise from another side, as level `real` does (`python -m benchmarks.which_person sizes`)
+ACROSS_M = 0.012
 
 
 @dataclass(frozen=True)
@@ -89,13 +93,15 @@ def write(path: AnyPath, subjects: Mapping[str, str], found: Sequence[Size]) -> 
 
 
 def of_other_walks(path: AnyPath | None, subject: str, sequence: str) -> Size:
-    """The `Size` of a subject by their walks but one, the mean by its precision; unknown without any."""
+    """The `Size` of a subject as it should be in one walk, by the mean of their others; unknown without any.
+
+    What errors make longer is known by itself in each walk.
+    """
     if path is None:
         return UNKNOWN
     table = tables.read(path, "bodies")
     mine = (table["subject"] == subject) & (table["sequence"] != sequence) & np.isfinite(table["sigma_m"])
-    if not mine.any():
-        return UNKNOWN
-    weight = table["sigma_m"][mine] ** -2
-    stature, longer = (np.average(table[key][mine], weights=weight) for key in ("stature_m", "longer_m"))
-    return Size(float(stature), float(weight.sum() ** -0.5), float(longer))
+    rows = zip(*(table[key][mine].tolist() for key in ("stature_m", "sigma_m", "longer_m")), strict=True)
+    mean = mean_size([Size(*row) for row in rows])
+    sigma = np.sqrt(mean.sigma_m**2 + ACROSS_M**2 + (LONGER_SHARE * mean.longer_m) ** 2)
+    return Size(mean.stature_m, float(sigma))

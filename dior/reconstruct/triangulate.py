@@ -19,6 +19,7 @@ import numpy as np
 from dior.arrays import AnyPath, Bools, Floats, Ints, Table, Texts
 from dior.body import which_person
 from dior.body.names import is_leg, swap_index
+from dior.body.people_followed import UNKNOWN, mean_size
 from dior.clocks.axis import blend
 from dior.errors import DiorError
 from dior.geometry import camera as cam
@@ -201,9 +202,8 @@ def gathered(
     others = tables.read(told.everybody_seen, "detected_people") if told.everybody_seen else None
     seen = everybody.at_instants(detected, others, line, names, min_score, fps)
     height = heights.of(subject, told.people)
-    known = bodies.of_other_walks(told.bodies, subject, sequence)
-    if height and not np.isfinite(known.sigma_m):
-        known = which_person.by_tape(*height)
+    by_tape = which_person.by_tape(*height) if height else UNKNOWN
+    known = mean_size([bodies.of_other_walks(told.bodies, subject, sequence), by_tape])
     choice = which_person.choose(rig, seen, known, everybody.seeds_of(told.seeds, seen, names, frames))
     return Given(rig, uv, score, seen, choice, stamps, frames, line, detected, others, height is not None)
 
