@@ -43,10 +43,14 @@ PASSING = 0.5
 # who stays within the one is not who was recorded walking, where another goes farther than the other, m; chosen: a sway
 # and the errors of a place, and two steps in walks of a second
 STANDS_M, GOES_M = 0.3, 0.5
-# for so long without a break all cameras must see one person and nobody else; where none of their tracks is at other
-# times somebody else's, for so long. Chosen: a person who is hidden behind another in the one camera that follows him
-# looked like that for 1.8 s in one of 20 walks
+# for so long, never contradicted, all cameras must see one person and nobody else; where none of their tracks is at
+# other times somebody else's, for so long. Chosen: a person who is hidden behind another in the one camera that follows
+# him looked like that for 1.8 s in one of 20 walks
 UNANIMOUS_S, UNMIXED_S = 2.0, 1.0
+# two cameras that face each other tell little of where between them somebody is, so that a third that sees another in
+# line with him agrees, for 3.7 s in one of 20 walks. So much longer do errors make his bones then, m, and so long it
+# must be; chosen: three times what cameras around do
+FACING_M, FACING_S = 0.025, 4.0
 DOUBT = 0.25  # of the time that another view sees somebody else; chosen: more than detectors take a bystander
 # chosen: how well a tape tells the stature by the joints, m: people of one height differ by 1 % of it in neck, head and
 # foot, and a detector's joints are not the anatomist's
@@ -272,17 +276,15 @@ def _unanimous(person: Person, around: _Around) -> bool:
     own = {id(body) for body in person.sightings}
     rest = [body for bodies in around.found for body in bodies if id(body) not in own]
     elsewhere = Counter(one for body in rest for one in tracks_of(body, around.track))
-    alone, unmixed = np.zeros((2, len(around.found)), bool)
+    broken = np.cumsum([len(bodies) > 1 for bodies in around.found])
+    alone, unmixed = Counter[int](), Counter[int]()
     for body in person.sightings:
-        alone[body.t] = len(around.found[body.t]) == 1 and bool(body.meet.all())
-        unmixed[body.t] = alone[body.t] and all(elsewhere[one] < KNOWN for one in tracks_of(body, around.track))
-    return _longest(alone) >= UNANIMOUS_S * around.fps or _longest(unmixed) >= UNMIXED_S * around.fps
-
-
-def _longest(true: Bools) -> int:
-    """Length of the longest run of what is `true` (T,)."""
-    ends = np.flatnonzero(np.diff(np.pad(true, 1).astype(int)))
-    return int((ends[1::2] - ends[::2]).max(initial=0))
+        if len(around.found[body.t]) == 1 and body.meet.all():
+            alone[broken[body.t]] += 1
+            unmixed[broken[body.t]] += all(elsewhere[one] < KNOWN for one in tracks_of(body, around.track))
+    least = FACING_S if size_of(person.sightings).longer_m > FACING_M else UNANIMOUS_S
+    longest = (max(runs.values(), default=0) / around.fps for runs in (alone, unmixed))
+    return any(seconds >= enough for seconds, enough in zip(longest, (least, UNMIXED_S), strict=True))
 
 
 def _choice(cameras: Sequence[Camera], seen: Seen, followed: Followed) -> Choice:
