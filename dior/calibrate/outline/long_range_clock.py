@@ -37,6 +37,7 @@ MOST_SIGMA_S = 0.15  # chosen: a 95 % interval of more than a step of walking, 0
 # chi2 by which another lag has to fit worse, that of 3 standard errors: the interval above already refuses what is
 # doubtful, and at the 20 of `lag` a walk of the benchmark was refused whose time was right (clocks_pictures, 1 of 8)
 CLEARLY = 9.0
+MOST_GROWN = 4.0  # chosen: by so much at most the variance of edges is larger than that of their residuals
 FITTED = [7, 8, 9, 10]  # of the parameters of `boxes_fit`: both margins, time and drift
 
 
@@ -106,6 +107,7 @@ def estimate(
     best = int(np.nanargmin(costs))
     reading.clocks[0, 0] = LAGS_S[best]
     given, gains, sd, speed = _refine(reading, camera, seen, makers)
+    count = len(reading.rows().residual)
     given = np.hypot((max(given[0], width(reading, limit, sd)), given[1]), (trails_m / speed, 0.0))
     offset, drift = reading.clocks[0]
     # the fit has the time in the middle, the formula that at t0
@@ -173,7 +175,7 @@ def width(reading: boxes_fit.Reading, limit_px: float, sd: float) -> float:
         reading.clocks[0, 0] = kept[9] + late_s
         return cost_at(reading, limit_px)
 
-    chi2 = np.isfinite(reading.seen.edges).sum() * lag.curve(cost, NEAR_S) ** 2 / sd**2
+    chi2 = len(reading.rows().residual) * lag.curve(cost, NEAR_S) ** 2 / sd**2
     reading.values = kept
     if not np.isfinite(chi2).any():
         return 0.0
@@ -204,6 +206,9 @@ def _refine(
     sd = edge_errors.spread(residual)
     _, A, weight = _solve(J, prior, residual, misfit, reading, boxes_fit.CUT * sd)
     slope = max(edge_errors.slopes(residual, boxes_fit.CUT * sd).sum() / weight.sum(), 0.2)
+    # the shifts of many joints took their part of what few edges err
+    grown = _grown(A, prior, float(weight.sum()))
+    A, sd, residual = (A - prior) / grown**2 + prior, grown * sd, grown * residual
     inverse = np.linalg.inv(slope * (A - prior) + prior)
     score = J * (weight * residual / sd**2)[:, None]
     side = edge_errors.way_seen(camera, seen.at(reading.clocks)[0], seen.seconds, seen.walk)[rows.frame]
@@ -222,6 +227,13 @@ def _refine(
     moves = np.abs(J[:, 2])
     trail = (weight * moves * np.linalg.norm(rows.by_point, axis=1)).sum()
     return given, gains, sd, max(float((weight * moves**2).sum() / max(trail, 1e-12)), 1e-3)
+
+
+def _grown(A: Floats, prior: Floats, count: float) -> float:
+    """How much larger errors are than the residuals of `count` edges to which as many parameters were fitted as the
+    normal matrix `A` (P, P) tells beside their `prior`."""
+    fitted = float(np.trace(np.linalg.solve(A, A - prior)))
+    return float(np.sqrt(count / max(count - fitted, count / MOST_GROWN)))
 
 
 def _clustered(score: Floats, label: NDArray[Any]) -> Floats:
