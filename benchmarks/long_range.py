@@ -1,7 +1,8 @@
 """The long-range camera placed from hand boxes, 60 m away, from a start 1 degree and 2 m off: errors of its labels.
 
-usage: python -m benchmarks.long_range [PART] [SEEDS] [FIRST]      (PART: boxes, hidden, pictures, clocks or all;
-                                                                    SEEDS: 20; FIRST: 0, the first of them)
+usage: python -m benchmarks.long_range [PART] [SEEDS] [FIRST]      (PART: boxes, hidden, pictures, clocks,
+                                                                    yardstick or all; SEEDS: 20;
+                                                                    FIRST: 0, the first of them)
 
 Boxes are drawn around the body as it is rendered: the plain one, whose outline the fit knows to a centimetre or two,
 and the dressed one, whose hair, shoes, build and bag it does not. The error of a label is that of the camera alone: the
@@ -15,7 +16,7 @@ who draws all sides alike. A habit is drawn anew for each seed, each edge furthe
 doubts how to read the edges (`occluder_doubtful`), a false alarm where the whole body is seen; exact boxes show what is
 left of the loss of half of the edges. `pictures`: silhouettes instead of boxes; `moved`: by how much the labels differ
 from those of the same capture without wall or sun, in the mean; `bias`: that of all seeds together. `clocks`: the
-long-range camera's part of `benchmarks.clocks_pictures`.
+long-range camera's part of `benchmarks.clocks_pictures`; `yardstick`: `benchmarks.yardstick`.
 """
 
 import sys
@@ -299,7 +300,14 @@ def of_clocks(seeds):
     clocks_pictures.long_range_table(seeds)
 
 
-PARTS = {"boxes": by_boxes, "hidden": by_half_a_body, "pictures": by_silhouettes, "clocks": of_clocks}
+def of_yardsticks(seeds):
+    from benchmarks import yardstick
+
+    yardstick.table(seeds)
+
+
+PARTS = {"boxes": by_boxes, "hidden": by_half_a_body, "pictures": by_silhouettes, "clocks": of_clocks,
+         "yardstick": of_yardsticks}  # fmt: skip
 
 
 def main():

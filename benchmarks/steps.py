@@ -268,7 +268,8 @@ def _align(capture, session, camera):
             [capture.made("adjust", session)], [capture.made("adjust", session, ".covariance")]
         ),
         out=capture.made("align", unit),
-        out_covariance=capture.made("align", unit, ".covariance"), findings=capture.made("align", unit, ".findings"),
+        out_covariance=capture.made("align", unit, ".covariance"),
+        out_without=capture.made("align", unit, ".left_out"), findings=capture.made("align", unit, ".findings"),
     )  # fmt: skip
 
 

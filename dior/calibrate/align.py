@@ -3,7 +3,7 @@
 INPUTS   camera YAML (`locate: align`, `tape`, and `align` or `nudge`), intrinsics; with `align` the skeletons and
          frames of the sequences it lists, their boxes, marks or pictures, and the clocks given by hand; the close
          cameras and their covariance
-OUTPUTS  cameras (one row with wTc), camera_covariance (rows of this camera), findings
+OUTPUTS  cameras (one row with wTc), camera_covariance (rows of this camera), left_out_boxes, findings
 
 By eye: `wRc = Rz(azimuth + da) Rx(elevation + de)` with the look-at angles of the un-nudged centre, then the centre
 moves `distance_m` away from the target, horizontally; the aim is not recomputed (design, section 2; the paper's
@@ -13,19 +13,22 @@ moves the labels right, a positive elevation turns it up and moves them down, a 
 With `align` this is only the start, and `boxes_fit` does the rest. The 3D is that of the close cameras, so the camera
 takes over the world's errors: its covariance has blocks with theirs. The camera's clock in each sequence is fitted
 with the pose (`dior follow` tells what it is), unless config/offsets says it. World in metres, Z up.
+
+So that boxes may judge what they placed, each is also left out of a fit (`left_out`): a fifth of them at a time.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from dior.arrays import AnyPath, Floats
+from dior.arrays import AnyPath, Floats, Ints, Table
 from dior.calibrate.outline import boxes_fit, edge_errors, seen_edges
-from dior.calibrate.outline.walks import FilmedWalk, by_close, gather, margins, read_walk
+from dior.calibrate.outline import drawers as other_drawers
+from dior.calibrate.outline.walks import FilmedWalk, by_close, from_boxes, gather, margins, read_walk
 from dior.clocks.clock import DRIFT_SD_PPM, OFFSET_SD_S
 from dior.errors import DiorError
 from dior.geometry import camera as cam
@@ -34,6 +37,7 @@ from dior.geometry.camera import Camera, pose
 from dior.geometry.camera_tables import unplaced
 from dior.geometry.multiview import look_at_angles, rotation_x, rotation_z
 from dior.geometry.tape import check_above_floor, look_at_pose
+from dior.project import boxes as hand_boxes
 from dior.project.camera_file import camera_settings
 from dior.tables import tables
 
@@ -99,13 +103,10 @@ def fit_any_roll(
     derivative: boxes_fit.Derivative,
     occluder: str,
 ) -> tuple[boxes_fit.Fitted, float]:
-    """`boxes_fit.fit` from the start, or where that does not agree from one that is turned about its axis; by how much
-    (degrees), 0 for a level one.
+    """`boxes_fit.fit` from the start, or where that does not agree from one that is `rolled`; by how much (degrees), 0
+    for a level one.
     """
-
-    def turned(degrees: float) -> Camera:
-        return start.at(pose(start.wRc @ rotation_z(np.radians(degrees)), start.centre))
-
+    turned = partial(rolled, start)
     fitted, by = boxes_fit.fit(start, trusted, seen, where, derivative, occluder), 0.0
     compared = _compared(fitted, seen)
     if (
@@ -121,6 +122,11 @@ def fit_any_roll(
         by = ends
         fitted = boxes_fit.fit(turned(by), trusted, seen, where, derivative, occluder)
     return fitted, (by + 180) % 360 - 180
+
+
+def rolled(start: Camera, degrees: float) -> Camera:
+    """The camera turned about its axis."""
+    return start.at(pose(start.wRc @ rotation_z(np.radians(degrees)), start.centre))
 
 
 def _compared(fitted: boxes_fit.Fitted, seen: seen_edges.EdgeObservations) -> Floats:
@@ -139,6 +145,45 @@ def _residuals(fitted: boxes_fit.Fitted) -> Floats:
     """All residuals (N,) px, of edges and clicks."""
     each = np.concatenate([fitted.residual.ravel(), fitted.click_residual.ravel()])
     return each[np.isfinite(each)]
+
+
+def left_out(
+    start: Camera,
+    trusted: seen_edges.Freedom,
+    seen: seen_edges.EdgeObservations,
+    fitted: boxes_fit.Fitted,
+    fold: Ints,
+    where: str,
+) -> Floats:
+    """How far (F, 2) px the labels of each picture move where its box is left out of the fit, in the mean over joints.
+
+    `fold` (F,): in which fit each is; NaN where too little is left.
+    """
+    before, moved = cam.project(fitted.camera, fitted.points)[0], np.full((len(fold), 2), np.nan)
+    for number in np.unique(fold):
+        mine = fold == number
+        others = replace(seen, edges=np.where(mine[:, None], np.nan, seen.edges))
+        if np.isfinite(others.edges).sum() < boxes_fit.FEWEST:
+            continue
+        camera, points = boxes_fit.again(start, trusted, others, fitted, where)
+        step = cam.project(camera, points[mine])[0] - before[mine]
+        known = np.isfinite(step).all(axis=-1, keepdims=True)
+        count = known.sum(axis=1)
+        moved[mine] = np.where(count > 0, np.where(known, step, 0.0).sum(axis=1) / np.maximum(count, 1), np.nan)
+    return moved
+
+
+def _left_out_columns(camera: str, drawn: Mapping[str, Ints], moved: Floats) -> Table:
+    """Columns of `left_out_boxes` of the frames `drawn` by sequence, whose labels are `moved` (F, 2) px or NaN."""
+    known = np.isfinite(moved).all(axis=1)
+    names = np.repeat(np.array(list(drawn), object), [len(frames) for frames in drawn.values()])
+    return {
+        "sequence": names[known],
+        "camera": np.full(known.sum(), camera, object),
+        "frame": np.concatenate(list(drawn.values()))[known],
+        "shift_u": moved[known, 0],
+        "shift_v": moved[known, 1],
+    }
 
 
 def joint_covariance(fitted: boxes_fit.Fitted, close_covariance: Floats | None, range_m: float) -> Floats:
@@ -274,9 +319,10 @@ def run(
     triangulated_by: CloseCameras,
     out: Path,
     out_covariance: Path,
+    out_without: Path,
     findings: Path,
 ) -> None:
-    """Write the aligned camera, its covariance and findings."""
+    """Write the aligned camera, its covariance, what it would be without each box, and findings."""
     settings = camera_settings(camera_file, needs="align")
     lens = unplaced(intrinsics, camera)
     start = lens.at(aligned_pose(camera_file, settings["tape"], settings.get("nudge", {})), settings["locate"])
@@ -284,6 +330,7 @@ def run(
     if not how:
         camera_tables.write_cameras(out, [start], session)
         camera_tables.write_camera_covariance(out_covariance, [camera], np.full((6, 6), np.nan), session)
+        tables.write(out_without, "left_out_boxes", {})
         tables.write_findings(findings, [])
         return
     scope = f"{session}/{camera}"
@@ -301,8 +348,14 @@ def run(
         else []
     )
     derivative = partial(by_close, rig) if rig else None
+    compared, prior_px = other_drawers.Apart(), margins(settings)[2]
+    if how["from"] == "boxes":
+        by_drawer = [hand_boxes.read_drawers(boxes[walk.name], walk.rows["frame"]) for walk in walks]
+        compared = other_drawers.apart(by_drawer)
+        settings = settings | {"align": how | {"habit_px": other_drawers.habit(prior_px, compared)}}
     trusted = freedom(settings, [walk.held for walk in walks])
     by_roll: list[tuple[str, str, str, str]] = []
+    degrees = 0.0
     if "roll_deg" in settings["tape"]:
         fitted = boxes_fit.fit(start, trusted, seen, scope, derivative, how.get("occluder", "auto"))
     else:
@@ -322,5 +375,13 @@ def run(
     all_names = [camera, *(c.name for c in rig)][: len(spread) // 6]
     camera_tables.write_cameras(out, [fitted.camera], session)
     camera_tables.write_camera_covariance(out_covariance, all_names, spread, session, own=[camera])
+    without: Table = {}
+    if how["from"] == "boxes":
+        drawn = {walk.name: walk.rows["frame"][from_boxes(walk, boxes[walk.name])[0]] for walk in walks}
+        fold = np.concatenate([hand_boxes.folds(shown) for shown in drawn.values()])
+        moved = left_out(rolled(start, degrees), trusted, seen, fitted, fold, scope)
+        without = _left_out_columns(camera, drawn, moved)
+    tables.write(out_without, "left_out_boxes", without)
     found = found_out(scope, walks, seen, fitted, spread[:6, :6], np.array(trusted.shift), trusted.habit_px)
+    found += other_drawers.findings(scope, compared, prior_px, trusted.habit_px)
     tables.write_findings(findings, by_roll + found)

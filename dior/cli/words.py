@@ -93,6 +93,7 @@ TEXTS = {
     "out_people": TABLE,
     "out_swaps": TABLE,
     "out_timing": CSV,
+    "out_without": TABLE,
     "overlays": "contact sheets of all cameras",
     "pattern": "path of the detections, with {camera} for the camera's name",
     "per_camera": "how many pictures of a camera are drawn",

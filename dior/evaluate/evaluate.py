@@ -1,7 +1,8 @@
 """The figures of one sequence: how good its labels are, by every yardstick that the sequence offers.
 
 INPUTS   the sequence's `labels_2d` (one file per camera), `skeletons_3d`, and where there are any: `detections`,
-         hand boxes with the poses of their cameras, `marks` and hand checks, `swaps`, the truth's folder.
+         hand boxes with the poses of their cameras and `left_out_boxes`, `marks` and hand checks, `swaps`, the truth's
+         folder.
 OUTPUTS  results/evaluate/<sequence>.parquet         `metrics`, every row a mean with its count
          results/evaluate/<sequence>.frames.parquet  `frame_metrics`, the same per picture, for the report's timelines
          results/evaluate/<sequence>.checks.parquet  `check_errors`, every hand check, for quantiles over sequences
@@ -16,7 +17,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from dior.arrays import Floats, Table
+from dior.arrays import Floats, Ints, Table
 from dior.errors import DiorError, nearest
 from dior.evaluate import checks as check_files
 from dior.evaluate import labels_in_boxes, reprojection, rows
@@ -51,11 +52,12 @@ class Detected:
 class Yardsticks:
     """What the labels are compared with.
 
-    `boxes`: camera -> CSV; `marks`: `marks` tables; `checks`: camera -> CSV; `truth`: the folder with
-    `labels_2d.parquet` and `skeletons_3d.parquet`, or None.
+    `boxes`: camera -> CSV; `left_out`: tables `left_out_boxes`; `marks`: `marks` tables; `checks`: camera -> CSV;
+    `truth`: the folder with `labels_2d.parquet` and `skeletons_3d.parquet`, or None.
     """
 
     boxes: dict[str, Path]
+    left_out: list[Path]
     marks: list[Path]
     checks: dict[str, Path]
     truth: Path | None
@@ -88,7 +90,7 @@ def run(
     found, per_frame = _coverage(grids, roles)
     for part, part_frames in (
         _reprojection(grids, roles, detected.detections, detected.swaps, detected.min_score),
-        _boxes(grids, roles, boxes, read_cameras(cameras)),
+        _boxes(grids, roles, yardsticks, read_cameras(cameras), sequence),
         _truth_2d(grids, roles, truth),
     ):
         found += part
@@ -150,20 +152,52 @@ def _reprojection(
 
 
 def _boxes(
-    grids: dict[str, LabelGrid], roles: dict[str, str], boxes: dict[str, Path], rig: dict[str, Camera]
+    grids: dict[str, LabelGrid], roles: dict[str, str], drawn: Yardsticks, rig: dict[str, Camera], sequence: str
 ) -> Measured:
     found, per_frame = [], []
-    for camera, path in sorted(boxes.items()):
+    for camera, path in sorted(drawn.boxes.items()):
         if roles[camera] != "long_range":
             continue
-        grid = grids[camera]
-        drawn = hand_boxes.read(path, grid.frames)
-        hand = labels_in_boxes.of_frames(grid, *drawn)
-        for metric, unit, values in labels_in_boxes.figures(grid, hand, occluded_edge(rig[camera])):
+        grid, edge = grids[camera], occluded_edge(rig[camera])
+        used, *others = hand_boxes.read_drawers(path, grid.frames).values() or [hand_boxes.NONE]
+        hand = labels_in_boxes.of_frames(grid, *used)
+        figures = labels_in_boxes.figures(grid, hand, edge)
+        figures += labels_in_boxes.left_out(grid, hand, *_left_out(drawn.left_out, sequence, camera), edge)
+        for metric, unit, values in figures:
             rows_of, frames_of = _summed(metric, unit, [(grid, values)], roles, by_joint=False)
             found += rows_of
             per_frame += frames_of
+        found += _other_drawers(grid, others, edge, roles[camera])
     return found, per_frame
+
+
+def _left_out(paths: Iterable[Path], sequence: str, camera: str) -> tuple[Ints, Floats]:
+    """Frames (B,) and shifts (B, 2) px of `left_out_boxes` of one camera."""
+    each = []
+    for path in paths:
+        table = tables.of_camera(tables.read(path, "left_out_boxes"), camera)
+        each.append(tables.rows(table, table["sequence"] == sequence))
+    frames = np.concatenate([np.zeros(0, np.int64), *(table["frame"] for table in each)])
+    shift = [np.stack([table["shift_u"], table["shift_v"]], axis=-1) for table in each]
+    return frames, np.concatenate([np.zeros((0, 2)), *shift])
+
+
+def _other_drawers(grid: LabelGrid, drawn: Iterable[hand_boxes.Boxes], edge: int | None, role: str) -> list[rows.Row]:
+    """The figures by the boxes of the other drawers, each with his own margin and spread, of all their boxes together.
+
+    Only in sum: a picture that two of them drew would have two values.
+    """
+    by_metric: dict[str, list[Floats]] = {}
+    for boxes in drawn:
+        hand = labels_in_boxes.of_frames(grid, *boxes)
+        there = np.array(np.isfinite(hand).all(axis=1))
+        for metric, _, values in labels_in_boxes.judged("other_drawer", grid, hand, there, edge):
+            by_metric.setdefault(metric, []).append(values)
+    return [
+        row
+        for metric, parts in by_metric.items()
+        for row in rows.mean_row(metric, np.concatenate(parts), "share", grid.camera, role)
+    ]
 
 
 def _marks(roles: dict[str, str], marks: list[Path], sequence: str) -> list[rows.Row]:

@@ -8,7 +8,8 @@ OUTPUTS  per frame intersection over union, signed centre and size offset px; pe
 The share of labels in hand boxes rewards large boxes: of a person 20 px tall and edges with an sd of 2 px, perfect
 labels score 55-63 % in unbiased boxes and 95-97 % in boxes drawn 3 px large (simulated). So the share is only as good
 as it is near to `in_box_expected`. And boxes that a camera was placed by, or its clock found, hold its labels better
-than others: `held_back_*` are of those alone that no step has fitted to. They share the drawer's habit with the others.
+than others: `held_back_*` are of those alone that no step has fitted to, `left_out_*` of all, each with the labels that
+a fit without it would give. Both share the drawer's habit; `other_drawer_*` are of boxes of somebody else.
 
 Where something hides a part of the body in all pictures (`cameras.occluded`), the edge of a box towards it is not the
 body's: joints beyond it are not judged, the edge itself agrees with whatever the labels say, and along its axis nothing
@@ -49,26 +50,54 @@ def within(grid: LabelGrid, hand: Floats) -> Floats:
 
 def figures(grid: LabelGrid, hand: Floats, occluded_edge: int | None = None) -> list[tuple[str, str, Floats]]:
     """(metric, unit, values) of everything this module measures; `occluded_edge` as of `dior.geometry.camera`."""
-    grid, cut = unhidden(grid, hand, occluded_edge)
+    whole, (grid, cut) = grid, unhidden(grid, hand, occluded_edge)
     label = np.where(cut, hand, label_boxes(grid))
     offset, size = _centre(label) - _centre(hand), _size(label) - _size(hand)
     untold = cut[:, :2] | cut[:, 2:]
     offset[untold], size[untold] = np.nan, np.nan
-    perfect, judges = expected(grid, hand, cut), held_back(grid, hand)[:, None]
-    inside = within(grid, hand)
-    own = [("share", inside), ("expected", perfect)]
-    height = np.where(_size(hand)[:, 1:] > 0, _size(hand)[:, 1:], np.nan)
-    own += [(f"offset_{axis}", offset[:, [i]] / height) for i, axis in enumerate("uv")]
     return [
-        ("in_box_share", "share", inside),
-        ("in_box_expected", "share", perfect),
-        *((f"held_back_{name}", "share", np.where(judges, values, np.nan)) for name, values in own),
+        ("in_box_share", "share", within(grid, hand)),
+        ("in_box_expected", "share", expected(grid, hand, cut)),
+        *judged("held_back", whole, hand, held_back(grid, hand), occluded_edge),
         ("box_iou", "share", iou(label, hand)[:, None]),
         ("box_offset_u", "px", offset[:, :1]),
         ("box_offset_v", "px", offset[:, 1:]),
         ("box_width_difference", "px", size[:, :1]),
         ("box_height_difference", "px", size[:, 1:]),
     ]
+
+
+def judged(
+    name: str, grid: LabelGrid, hand: Floats, judges: Bools, occluded_edge: int | None = None
+) -> list[tuple[str, str, Floats]]:
+    """(metric, unit, values) of those frames whose box `judges` (F,): the share of labels in them, that of perfect
+    labels in such boxes, and how far labels lie beside their middle, as a share of the label box's height.
+
+    That height does not depend on how large the boxes are drawn. The drawer's margin and spread are those of all boxes.
+    """
+    grid, cut = unhidden(grid, hand, occluded_edge)
+    label = np.where(cut, hand, label_boxes(grid))
+    offset = np.where(cut[:, :2] | cut[:, 2:], np.nan, _centre(label) - _centre(hand))
+    height = np.where(_size(label)[:, 1:] > 0, _size(label)[:, 1:], np.nan)
+    found = [("share", within(grid, hand)), ("expected", expected(grid, hand, cut))]
+    found += [(f"offset_{axis}", offset[:, [i]] / height) for i, axis in enumerate("uv")]
+    return [(f"{name}_{what}", "share", np.where(judges[:, None], values, np.nan)) for what, values in found]
+
+
+def left_out(
+    grid: LabelGrid, hand: Floats, frames: Ints, shift: Floats, occluded_edge: int | None = None
+) -> list[tuple[str, str, Floats]]:
+    """`judged` with the labels that a fit without the box would give: those of `frames` (B,) moved by `shift` (B, 2)
+    px, and those of the boxes that are kept back as they are. Nothing where no frame is.
+    """
+    if not len(frames):
+        return []
+    moves = np.full((len(grid.frames), 2), np.nan)
+    moves[held_back(grid, hand)] = 0.0
+    _, row, at = np.intersect1d(grid.frames, frames, return_indices=True)
+    moves[row] = shift[at]
+    moved = replace(grid, uv=grid.uv + np.nan_to_num(moves)[:, None])
+    return judged("left_out", moved, hand, np.isfinite(moves).all(axis=1), occluded_edge)
 
 
 def held_back(grid: LabelGrid, hand: Floats) -> Bools:

@@ -1,16 +1,19 @@
 """Hand-drawn boxes around the person in a long-range picture.
 
-INPUTS   `boxes/<sequence>.<camera>.csv`: `frame,u_min,v_min,u_max,v_max`, px. A row with nothing but a frame is one of
-         `to_mark` that is not drawn yet, or where nobody is seen: no box.
+INPUTS   `boxes/<sequence>.<camera>.csv`: `frame,u_min,v_min,u_max,v_max`, px, and where several people drew, `drawer`.
+         A row with no edge is one of `to_mark` that is not drawn yet, or where nobody is seen: no box.
 OUTPUT   frames and edges; which of them are kept back: no step that fits anything to boxes uses those, so that they may
-         judge what came of it; recorded px
+         judge what came of it; in which fit each of the others is left out; recorded px
+
+The boxes of the drawer who is named first are the ones that steps use; those of the others only judge.
 """
 
 import hashlib
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from dior.arrays import AnyPath, Bools, Floats, Ints
 from dior.errors import DiorError, nearest
@@ -19,30 +22,44 @@ from dior.project.plain_text import rows_of
 # no picture is this large
 FAR_PX = 1e6
 COLUMNS = ("frame", "u_min", "v_min", "u_max", "v_max")
+DRAWER = "drawer"  # a further column, which may be there
+# frames (B,) and edges (B, 4) px of boxes
+Boxes: TypeAlias = tuple[Ints, Floats]
+NONE: Boxes = (np.zeros(0, np.int64), np.zeros((0, 4)))
 # chosen: one box in so many is kept back, and none where a sequence has fewer than so many of a camera
 ONE_IN, FEWEST = 5, 15
+FOLDS = 5  # chosen: fits in which a part of the boxes is left out; each has four fifths of them
 NEAR_LINE_PX = 3.0  # chosen: edges drawn at something that stands, sd 1 px; 3 in 1000 are further off
 
 
-def read(path: AnyPath, frames: ArrayLike) -> tuple[Ints, Floats]:
-    """Boxes as frames (B,) and edges (B, 4) px in the order u_min, v_min, u_max, v_max, sorted by frame.
+def read(path: AnyPath, frames: ArrayLike) -> Boxes:
+    """Boxes as frames (B,) and edges (B, 4) px in the order u_min, v_min, u_max, v_max, sorted by frame: those of the
+    drawer who is named first. As `read_drawers`.
+    """
+    return next(iter(read_drawers(path, frames).values()), NONE)
+
+
+def read_drawers(path: AnyPath, frames: ArrayLike) -> dict[str, Boxes]:
+    """By drawer, in the order of their first boxes, frames (B,) and edges (B, 4) px sorted by frame; "" is one of whom
+    no name is given.
 
     `frames`: the frames of the recording. Raises DiorError, naming file and line, for a malformed row, a box that is
-    inside out, a frame that the recording does not have and a second box of one frame.
+    inside out, a frame that the recording does not have and a second box of one frame by the same drawer.
     """
     path = Path(path)
     lines = rows_of(path, path)
     if not lines:
         raise DiorError(f"{path}: is empty; its first line must be '{','.join(COLUMNS)}'")
-    header = lines[0][1]
-    if tuple(header) != COLUMNS:
-        wrong = next((f", not '{word}'{nearest(word, COLUMNS)}" for word in header if word not in COLUMNS), "")
-        raise DiorError(f"{path}: the first line must be '{','.join(COLUMNS)}'{wrong}")
+    header = tuple(lines[0][1])
+    if header not in (COLUMNS, (*COLUMNS, DRAWER)):
+        allowed = (*COLUMNS, DRAWER)
+        wrong = next((f", not '{word}'{nearest(word, allowed)}" for word in header if word not in allowed), "")
+        raise DiorError(f"{path}: the first line must be '{','.join(COLUMNS)}', and '{DRAWER}' may follow{wrong}")
     known = set(np.asarray(frames).tolist())
-    boxes: dict[int, list[float]] = {}
+    drawn: dict[str, dict[int, list[float]]] = {}
     for number, words in lines[1:]:
         where = f"{path}, line {number}"
-        box = _row(words, where)
+        box = _row(words, header, where)
         if box is None:
             continue
         frame, edges = box
@@ -51,9 +68,14 @@ def read(path: AnyPath, frames: ArrayLike) -> tuple[Ints, Floats]:
                 f"{where}: frame {frame} is not in the recording, whose frames are "
                 f"{min(known, default=0)} to {max(known, default=-1)}; frames count from 0"
             )
+        boxes = drawn.setdefault(words[-1] if DRAWER in header else "", {})
         if frame in boxes:
             raise DiorError(f"{where}: frame {frame} has a second box; keep the one of the subject")
         boxes[frame] = edges
+    return {drawer: _sorted(boxes) for drawer, boxes in drawn.items()}
+
+
+def _sorted(boxes: dict[int, list[float]]) -> Boxes:
     ordered = sorted(boxes)
     return np.array(ordered, np.int64), np.array([boxes[f] for f in ordered], float).reshape(-1, 4)
 
@@ -73,16 +95,29 @@ def kept_back(frames: ArrayLike) -> Bools:
 
     By a hash of the frame's number, so that a box that is added or taken away changes nothing about the others.
     """
-    numbers = np.asarray(frames).tolist()
+    numbers = np.asarray(frames)
     if len(numbers) < FEWEST:
         return np.zeros(len(numbers), bool)
-    digests = (hashlib.sha256(f"kept back {number}".encode()).digest() for number in numbers)
-    return np.array([int.from_bytes(digest[:8], "big") % ONE_IN == 0 for digest in digests])
+    return _lots(numbers) % ONE_IN == 0
 
 
-def _row(words: list[str], where: str) -> tuple[int, list[float]] | None:
-    if len(words) != len(COLUMNS):
-        raise DiorError(f"{where}: has {len(words)} values, not the {len(COLUMNS)} of '{','.join(COLUMNS)}'")
+def folds(frames: ArrayLike) -> Ints:
+    """In which of FOLDS fits each of the boxes of one sequence and camera, by their `frames` (B,), is left out: (B,).
+
+    By the order of the same hashes, so that the parts are equal.
+    """
+    return np.argsort(np.argsort(_lots(np.asarray(frames)))) % FOLDS
+
+
+def _lots(frames: Ints) -> NDArray[np.uint64]:
+    digests = (hashlib.sha256(f"kept back {number}".encode()).digest() for number in frames.tolist())
+    return np.array([int.from_bytes(digest[:8], "big") for digest in digests], np.uint64)
+
+
+def _row(words: list[str], header: tuple[str, ...], where: str) -> tuple[int, list[float]] | None:
+    if len(words) != len(header):
+        raise DiorError(f"{where}: has {len(words)} values, not the {len(header)} of '{','.join(header)}'")
+    words = words[: len(COLUMNS)]
     if not any(words[1:]):
         return None
     try:

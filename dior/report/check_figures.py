@@ -71,6 +71,13 @@ def long_range(table: "pd.DataFrame") -> list[Drawing]:
     ]  # fmt: skip
 
 
+JUDGES = {
+    "held_back": "In the boxes that no step has fitted to, which have the habits of who drew them, too, they score",
+    "left_out": "With each box left out of the fit that gives its labels, they score",
+    "other_drawer": "In the boxes of other drawers, who have habits of their own, they score",
+}
+
+
 def in_box_words(table: "pd.DataFrame") -> str:
     """What the share in hand boxes is to be compared with in this capture."""
     far = pooled(table, "role").query("role == 'long_range'").set_index("metric")["value"]
@@ -81,11 +88,12 @@ def in_box_words(table: "pd.DataFrame") -> str:
         f"The share says as much of the boxes as of the labels: perfect labels would score {expected:.1f} % in boxes "
         f"drawn like these, which is good to about 4 percentage points with 30 boxes; these labels score {share:.1f} %."
     )
-    if {"held_back_share", "held_back_expected"} <= set(far.index):
-        text += (
-            f" In the boxes that no step has fitted to they score {100 * far['held_back_share']:.1f} %, perfect ones "
-            f"would score {100 * far['held_back_expected']:.1f} %; these have the habits of who drew them, too."
-        )
+    for name, words in JUDGES.items():
+        if {f"{name}_share", f"{name}_expected"} <= set(far.index):
+            text += (
+                f" {words} {100 * far[f'{name}_share']:.1f} %, perfect ones would score "
+                f"{100 * far[f'{name}_expected']:.1f} %."
+            )
     return text
 
 

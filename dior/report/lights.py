@@ -72,7 +72,7 @@ LIMITS = (
         "walks where boxes are tight, and in none where they are 3 px large", "camera",
     ),
     Limit(
-        "held_back_offset", 0.08, 0.20, 1, "share", "labels lie {} of a box's height beside its middle",
+        "beside_boxes", 0.08, 0.20, 1, "share", "labels lie {} of their height beside the middle of the hand boxes",
         "perfect ones lie up to 4 % below it: the crown is further above the joints of the head than the soles below "
         "those of the feet, and a person draws one edge further out than the other", "camera",
     ),
@@ -86,6 +86,9 @@ LIMITS = (
 # bystander multiplies the error, people and outfits do not double it
 STANDS_OUT, OTHERS = 2.0, 2
 YARDSTICKS = {"in_box_share", "in_box_lacking", "check_error", "error_to_truth_2d"}
+# boxes of the drawer whose boxes steps use that judge, the best first: each by a fit without it; kept back from every
+# fit, which are fewer; all, which placed the camera
+BOXES_THAT_JUDGE = ("left_out", "held_back", "in_box")
 SEVERITY_LEVEL = {"info": "good", "warning": "look", "error": "bad"}
 
 
@@ -114,7 +117,7 @@ def judge(
 
     `figures`: metric -> value, `fx` px or None, `findings`: (severity, text) pairs that are about this camera.
     No `coverage` means that there are no labels. A long-range camera without a yardstick is never good. Hand boxes
-    judge against what perfect labels would score in them, and where boxes were kept back from every fit, those do.
+    judge against what perfect labels would score in them, as in `boxes_compared`.
     """
     figures = boxes_compared(figures)
     found = [(SEVERITY_LEVEL[severity], text) for severity, text in findings]
@@ -147,14 +150,24 @@ def of_figure(limit: Limit, value: float, fx: float | None) -> tuple[str, str]:
 
 
 def boxes_compared(figures: Mapping[str, float]) -> dict[str, float]:
-    """The figures, with what hand boxes tell in place of the bare share in them."""
+    """The figures, with what hand boxes tell in place of the bare share in them: the first of BOXES_THAT_JUDGE.
+
+    Where others drew, too, the mean of what these and the drawer whose boxes are used say: each has habits, and of two
+    people's the middle is nearer to the truth than either.
+    """
     found = dict(figures)
-    of = "held_back" if "held_back_expected" in found else "in_box"
-    if {f"{of}_share", f"{of}_expected"} <= set(found):
-        found["in_box_lacking"] = max(found[f"{of}_expected"] - found[f"{of}_share"], 0.0)
+    lacking, beside = [], []
+    for names in (BOXES_THAT_JUDGE, ("other_drawer",)):
+        shares = ([found.get(f"{of}_{what}", np.nan) for what in ("expected", "share")] for of in names)
+        lacking += [expected - share for expected, share in shares if np.isfinite(expected - share)][:1]
+        # what hides a part of everybody leaves one axis untold: the other one says how far off labels are at least
+        offsets = (np.array([found.get(f"{of}_offset_{axis}", np.nan) for axis in "uv"]) for of in names)
+        beside += [np.nan_to_num(offset) for offset in offsets if np.isfinite(offset).any()][:1]
+    if lacking:
+        found["in_box_lacking"] = max(float(np.mean(lacking)), 0.0)
         found.pop("in_box_share", None)
-    if {"held_back_offset_u", "held_back_offset_v"} <= set(found):
-        found["held_back_offset"] = float(np.hypot(found["held_back_offset_u"], found["held_back_offset_v"]))
+    if beside:
+        found["beside_boxes"] = float(np.linalg.norm(np.mean(beside, axis=0)))
     return found
 
 

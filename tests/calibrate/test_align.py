@@ -13,7 +13,7 @@ from dior.geometry import camera_tables, covariance
 from dior.geometry.camera import pose, project
 from dior.geometry.multiview import rotation_z
 from dior.geometry.tape import look_at_pose
-from dior.project.boxes import kept_back
+from dior.project.boxes import folds, kept_back
 from dior.simulate import draw
 from dior.simulate.motion import motion_of
 from dior.simulate.settings import from_dict, sequences
@@ -99,8 +99,8 @@ def run_in(folder, **files):
         filmed=Walks(given["skeletons"], given["frames"]),
         given=ByHand(given["offsets"], given["boxes"], given["marks"]),
         triangulated_by=CloseCameras(given["close"], given["close_covariance"]),
-        out=folder / "out.parquet", out_covariance=folder / "covariance.parquet", findings=folder / "findings.parquet",
-        data_root=folder,
+        out=folder / "out.parquet", out_covariance=folder / "covariance.parquet", data_root=folder,
+        out_without=folder / "without.parquet", findings=folder / "findings.parquet",
     )  # fmt: skip
     return camera_tables.read_cameras(folder / "out.parquet")["cam04"]
 
@@ -275,6 +275,52 @@ def test_boxes_that_are_kept_back_place_no_camera(tmp_path):
 
     np.testing.assert_array_equal(with_moved(kept).wTc, first.wTc)
     assert np.abs(with_moved(~kept).wTc - first.wTc).max() > 1e-3
+
+
+@pytest.mark.parametrize("every", [3, slow(1)])
+def test_each_box_is_left_out_of_a_fit(tmp_path, every):
+    """Where the labels then are is where a camera has them that is placed without these boxes."""
+    _, files, points, _ = prepared(tmp_path, "boxes", ", occluder: none")
+    path = tmp_path / "walk.cam04.csv"
+    header, *lines = path.read_text().splitlines()
+    yaml = (tmp_path / "cam04.yaml").read_text()
+    (tmp_path / "cam04.yaml").write_text(yaml.replace("sigma_m: 1.0", "sigma_m: 1.0, roll_deg: 0"))
+    random = np.random.default_rng(3)
+    lines = [line.split(",") for line in lines[::every]]
+    drawn = [[row[0], *(f"{float(x) + random.normal():.2f}" for x in row[1:])] for row in lines]
+
+    def placed(rows):
+        path.write_text("\n".join([header, *(",".join(row) for row in rows)]) + "\n")
+        return run_in(tmp_path, **files)
+
+    whole = placed(drawn)
+    table = tables.read(tmp_path / "without.parquet", "left_out_boxes")
+    frames = np.array([int(row[0]) for row in drawn])
+    fitted = frames[~kept_back(frames)]
+    assert table["frame"].tolist() == fitted.tolist() and set(table["sequence"]) == {"walk"}
+    assert (len(fitted) < len(frames)) == (every == 1)
+    mine = fitted[folds(fitted) == 0]
+    camera = placed([row for row in drawn if int(row[0]) not in mine])
+    shift = np.stack([table["shift_u"], table["shift_v"]], axis=-1)[np.isin(fitted, mine)]
+    expected = (project(camera, points[mine])[0] - project(whole, points[mine])[0]).mean(axis=1)
+    assert np.abs(expected).max() > 0.05
+    np.testing.assert_allclose(shift, expected, atol=0.01)
+
+
+def test_a_second_drawer_places_no_camera_and_tells_the_habit(tmp_path):
+    _, files, points, _ = prepared(tmp_path, "boxes")
+    path = tmp_path / "walk.cam04.csv"
+    alone = run_in(tmp_path, **files)
+    header, *lines = path.read_text().splitlines()
+    rows = [line.split(",") for line in lines]
+    other = [",".join([row[0], row[1], str(float(row[2]) - 4), *row[3:], "zoe"]) for row in rows[::2]]
+    path.write_text("\n".join([header + ",drawer", *(f"{line},max" for line in lines), *other]) + "\n")
+    camera = run_in(tmp_path, **files)
+    assert np.abs(project(camera, points)[0] - project(alone, points)[0]).max() < 0.05
+    said = tables.read(tmp_path / "findings.parquet", "findings")
+    assert list(said["code"]) == ["camera_aligned", "drawers_differ"]
+    # two squares of 0.5 px beforehand, and those of 0 and 2 px
+    assert "further out in every box, by 1.06066 px" in said["text"][0] and "-2.00 ± 0.00 px below" in said["text"][1]
 
 
 def test_a_clock_left_open_widens_the_covariance(tmp_path):

@@ -25,7 +25,8 @@ def test_a_dior_error_is_one_line_and_exit_code_1(tmp_path, capsys):
         capsys,
         *["align", "--session", "field", "--camera", "cam04", "--camera-file", tmp_path / "cam04.yaml"],
         *["--intrinsics", tmp_path / "i.parquet", "--out", tmp_path / "o.parquet", "--data-root", "data"],
-        *["--out-covariance", tmp_path / "c.parquet", "--findings", tmp_path / "f.parquet"],
+        *["--out-covariance", tmp_path / "c.parquet", "--out-without", tmp_path / "w.parquet"],
+        *["--findings", tmp_path / "f.parquet"],
     )
     assert code == 1 and text.startswith("dior align: ") and "cam04.yaml" in text and text.count("\n") == 1
     assert not (tmp_path / "o.parquet").exists()

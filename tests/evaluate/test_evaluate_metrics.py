@@ -59,14 +59,14 @@ def read_metrics(path):
 def run(tmp_path, labels, **given):
     """`given`: fields of Detected and Yardsticks, or skeleton and roles."""
     inputs = {"skeleton": None, "roles": {"cam01": "close"}, "detections": None, "min_score": 0.3, "swaps": None}
-    inputs |= {"boxes": {}, "marks": [], "checks": {}, "truth": None} | given
+    inputs |= {"boxes": {}, "left_out": [], "marks": [], "checks": {}, "truth": None} | given
     poses = [tmp_path / "cameras.parquet"]
     camera_tables.write_cameras(*poses, [camera(name, (60, 0, 2), (0, 0, 1)) for name in inputs["boxes"]])
     evaluate.run(
         sequence="walk", subject="S1", labels=[labels], skeleton=inputs["skeleton"], cameras=poses,
         roles=inputs["roles"],
         detected=evaluate.Detected(inputs["detections"], inputs["min_score"], inputs["swaps"]),
-        yardsticks=evaluate.Yardsticks(inputs["boxes"], inputs["marks"], inputs["checks"], inputs["truth"]),
+        yardsticks=evaluate.Yardsticks(*(inputs[key] for key in ("boxes", "left_out", "marks", "checks", "truth"))),
         out=tmp_path / "walk.parquet", out_frames=tmp_path / "walk.frames.parquet",
         out_checks=tmp_path / "walk.checks.parquet",
     )  # fmt: skip
@@ -164,6 +164,31 @@ def test_share_in_boxes_counts_in_frame_labels_of_boxed_frames(tmp_path):
     labels = write_labels(tmp_path / "l.parquet", uv, status)
     found = run(tmp_path, labels, boxes={"cam01": path}, roles={"cam01": "long_range"})
     assert found["in_box_share", "cam01", ""] == (pytest.approx(3 / 5), 5)
+
+
+def test_other_drawers_and_fits_without_a_box_have_figures_of_their_own(tmp_path):
+    uv = np.tile(np.array([[10, 10], [20, 30], [14, 20]], float), (6, 1, 1))
+    path = tmp_path / "b.csv"
+    own = "".join(f"{frame},10,10,20,30,zoe\n" for frame in range(4))
+    # max draws everything 2 px further left, kim 4 px further down: labels lie 2 px right, or 4 px above
+    others = "".join(f"{frame},8,10,18,30,max\n" for frame in range(2)) + "".join(
+        f"{frame},10,14,20,34,kim\n" for frame in range(2)
+    )
+    path.write_text(BOXES.strip() + ",drawer\n" + own + others)
+    without = {"sequence": ["walk", "walk", "other"], "camera": ["cam01"] * 3, "frame": [0, 1, 2]}
+    tables.write(tmp_path / "w.parquet", "left_out_boxes", without | {"shift_u": [1.0, 3.0, 9.0], "shift_v": [0.0] * 3})
+    found = run(
+        tmp_path, write_labels(tmp_path / "l.parquet", uv), boxes={"cam01": path}, roles={"cam01": "long_range"},
+        left_out=[tmp_path / "w.parquet"],
+    )  # fmt: skip
+    assert found["in_box_share", "cam01", ""] == (1.0, 12)
+    assert found["left_out_offset_u", "cam01", ""] == (pytest.approx(2 / 20), 2)
+    assert found["left_out_share", "cam01", ""] == (pytest.approx(2 / 3), 6)
+    assert found["other_drawer_offset_u", "cam01", ""] == (pytest.approx(1 / 20), 4)
+    assert found["other_drawer_offset_v", "cam01", ""] == (pytest.approx(-2 / 20), 4)
+    assert found["other_drawer_share", "cam01", ""] == (pytest.approx(2 / 3), 12)
+    frames = tables.read(tmp_path / "walk.frames.parquet", "frame_metrics")
+    assert "left_out_share" in frames["metric"] and "other_drawer_share" not in frames["metric"]
 
 
 @pytest.mark.parametrize(

@@ -86,15 +86,43 @@ def test_boxes_that_are_kept_back_are_the_same_wherever_others_are_drawn():
 def test_only_boxes_that_are_kept_back_are_held_back_figures():
     grid = grid_of(np.repeat(SQUARE, 40, axis=0))
     kept = boxes.kept_back(np.arange(40))
-    # in those, the labels lie 2 px right and 1 px below the middle of a box that is 4 px high, one of three inside
+    # in those, labels 10 px high lie 2 px right and 1 px below the middle of a box, one of three inside
     hand = np.where(kept[:, None], [[8.0, 22.0, 12.0, 26.0]], [[9.0, 19.0, 15.0, 31.0]])
     found = {name: values for name, _, values in labels_in_boxes.figures(grid, hand) if "held_back" in name}
     assert set(found) == {f"held_back_{name}" for name in ("share", "expected", "offset_u", "offset_v")}
     for values in found.values():
         assert (np.isfinite(values).all(axis=1) == kept).all()
     assert np.nanmean(found["held_back_share"]) == pytest.approx(1 / 3)
-    assert np.nanmean(found["held_back_offset_u"]) == pytest.approx(2 / 4)
-    assert np.nanmean(found["held_back_offset_v"]) == pytest.approx(1 / 4)
+    assert np.nanmean(found["held_back_offset_u"]) == pytest.approx(2 / 10)
+    assert np.nanmean(found["held_back_offset_v"]) == pytest.approx(1 / 10)
+
+
+def test_how_large_boxes_are_drawn_does_not_change_by_how_much_labels_lie_beside_them():
+    grid, kept = grid_of(np.repeat(SQUARE, 40, axis=0) + (1.5, 0.0)), np.ones(40, bool)
+    for margin in (-1.0, 0.0, 5.0):
+        hand = np.repeat([[10.0, 20.0, 14.0, 30.0]], 40, axis=0) + margin * np.array([-1, -1, 1, 1])
+        found = {name: values for name, _, values in labels_in_boxes.judged("all", grid, hand, kept)}
+        assert np.nanmean(found["all_offset_u"]) == pytest.approx(0.15)
+
+
+def test_a_box_is_judged_by_the_labels_of_the_fit_without_it():
+    grid = grid_of(np.repeat(SQUARE, 10, axis=0))
+    hand = np.repeat([[10.0, 20.0, 14.0, 30.0]], 10, axis=0)
+    # 10 boxes, none kept back; without the box of frame 3 labels would be 1 px further right, and 2 px further down
+    found = {n: v for n, _, v in labels_in_boxes.left_out(grid, hand, np.array([3, 5]), np.array([[1.0, 2.0], [0, 0]]))}
+    known = np.isfinite(found["left_out_share"]).all(axis=1)
+    assert np.flatnonzero(known).tolist() == [3, 5]
+    assert found["left_out_offset_u"][3] == 0.1 and found["left_out_offset_v"][3] == 0.2
+    assert found["left_out_share"][3].tolist() == [1, 0, 1] and (found["left_out_share"][5] == 1).all()
+    assert labels_in_boxes.left_out(grid, hand, np.zeros(0, int), np.zeros((0, 2))) == []
+
+
+def test_boxes_that_were_kept_back_judge_as_they_are_beside_those_that_were_left_out():
+    grid, frames = grid_of(np.repeat(SQUARE, 40, axis=0)), np.arange(40)
+    hand, kept = np.repeat([[10.0, 20.0, 14.0, 30.0]], 40, axis=0), boxes.kept_back(np.arange(40))
+    shift = np.tile([1.0, 0.0], (40 - kept.sum(), 1))
+    found = {name: values for name, _, values in labels_in_boxes.left_out(grid, hand, frames[~kept], shift)}
+    np.testing.assert_allclose(found["left_out_offset_u"][:, 0], np.where(kept, 0.0, 0.1))
 
 
 def test_one_box_tells_nothing_about_its_spread():

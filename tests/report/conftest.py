@@ -237,7 +237,7 @@ def write_sequence(root, number, sequence, subject, session):
         cameras=[poses],
         roles={camera.name: camera.role for camera in cameras},
         detected=evaluate.Detected(detections, 0.3, None),
-        yardsticks=evaluate.Yardsticks(boxes, [], {}, truth),
+        yardsticks=evaluate.Yardsticks(boxes, [], [], {}, truth),
         out=results / f"evaluate/{sequence}.parquet",
         out_frames=results / f"evaluate/{sequence}.frames.parquet",
         out_checks=results / f"evaluate/{sequence}.checks.parquet",

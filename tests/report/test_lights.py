@@ -61,6 +61,32 @@ def test_boxes_that_were_kept_back_judge_and_not_those_that_placed_the_camera():
     assert light.level == "look" and "12.0 % fewer labels are in the hand boxes" in light.reasons[0]
 
 
+def test_the_most_independent_boxes_judge():
+    figures = {"coverage": 1.0, "in_box_share": 0.97, "in_box_expected": 0.97}
+    levels = []
+    for name, beside in (("held_back", 0.1), ("left_out", 0.02)):
+        figures |= {f"{name}_share": 0.97, f"{name}_expected": 0.97}
+        figures |= {f"{name}_offset_u": beside, f"{name}_offset_v": 0.0}
+        levels.append(lights.judge(figures, 760.0, role="long_range").level)
+    assert levels == ["look", "good"]
+
+
+def test_boxes_that_tell_one_axis_alone_say_how_far_off_labels_are_along_it():
+    figures = {"coverage": 1.0, "left_out_share": 0.85, "left_out_expected": 0.95, "left_out_offset_u": 0.3}
+    found = lights.boxes_compared(figures)
+    assert found["in_box_lacking"] == pytest.approx(0.1) and found["beside_boxes"] == pytest.approx(0.3)
+
+
+def test_of_two_drawers_the_middle_judges():
+    figures = {"coverage": 1.0, "in_box_share": 0.5, "in_box_expected": 0.97}
+    figures |= {"left_out_share": 0.97, "left_out_expected": 0.97, "left_out_offset_u": 0.02, "left_out_offset_v": 0.0}
+    for share, u, lacking, beside in ((0.91, -0.02, 0.03, 0.0), (0.93, 0.16, 0.02, 0.09), (0.99, 0.02, 0.0, 0.02)):
+        other = {"other_drawer_share": share, "other_drawer_expected": 0.97}
+        other |= {"other_drawer_offset_u": u, "other_drawer_offset_v": 0.0}
+        found = lights.boxes_compared(figures | other)
+        assert (found["in_box_lacking"], found["beside_boxes"]) == pytest.approx((lacking, beside))
+
+
 def test_labels_beside_the_middle_of_large_boxes_are_seen():
     figures = {"coverage": 1.0, "held_back_share": 0.995, "held_back_expected": 1.0, "held_back_offset_u": 0.0}
     # 0.02 and 0.09 of 25 px

@@ -38,7 +38,7 @@ def test_nothing_is_wrong_with_labels_that_are_good():
 def test_each_figure_is_about_its_own_camera_or_about_no_label(limit):
     """0.001 beyond the red, and 0.001 before it."""
     key, value = limit.metric, limit.bad + limit.sign * 0.001
-    figures = {"held_back_offset": {"held_back_offset_u": 0.0, "held_back_offset_v": value}}.get(key, {key: value})
+    figures = {"beside_boxes": {"held_back_offset_u": 0.0, "held_back_offset_v": value}}.get(key, {key: value})
     if key == "in_box_lacking":
         figures = {"in_box_share": 1 - value, "in_box_expected": 1.0}
     labels_are_there = ("coverage", "lost_pictures", "error_to_truth_2d")

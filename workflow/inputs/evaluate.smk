@@ -20,6 +20,19 @@ def boxed_cameras(wildcards):
     return cameras_of(session_of(wildcards), PROJECT.boxes(wildcards.sequence))
 
 
+def left_out_boxes(wildcards):
+    """What the labels would be without each box, of the cameras that boxes of the sequence place."""
+    session = session_of(wildcards)
+    return [
+        f"results/align/{session}/{camera}.left_out.parquet"
+        for camera, setting in PROJECT.cameras(session).items()
+        if camera in PROJECT.boxes(wildcards.sequence)
+        and setting["locate"] == "align"
+        and setting["role"] == "long_range"
+        and wildcards.sequence in (setting.get("align") or {}).get("sequences", [])
+    ]
+
+
 def hand_checks(wildcards):
     return list(PROJECT.checks(wildcards.sequence).values())
 

@@ -202,6 +202,7 @@ rule align:
     output:
         out="results/align/{session}/{camera}.parquet",
         out_covariance="results/align/{session}/{camera}.covariance.parquet",
+        out_without="results/align/{session}/{camera}.left_out.parquet",
         findings="results/align/{session}/{camera}.findings.parquet",
     log:
         "logs/align/{session}.{camera}.log",

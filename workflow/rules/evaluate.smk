@@ -39,6 +39,7 @@ rule evaluate:
         detections=outdoor_only("results/triangulate/{sequence}.detections.parquet"),
         swaps=outdoor_only("results/triangulate/{sequence}.swaps.parquet"),
         boxes=hand_boxes,
+        left_out=left_out_boxes,
         checks=hand_checks,
         marks=marks_tables,
         truth=simulated(truth_tables),

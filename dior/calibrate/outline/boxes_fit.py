@@ -51,6 +51,7 @@ DOUBTFUL = 12.0  # chosen: chi2 by which the reading that is taken is ahead of t
 # that is taken for a whole one puts them further off, and chance less (`python -m benchmarks.long_range hidden`)
 OTHER_LABELS = 0.13
 LINE_PX = 1.0  # chosen: how well an occluder's line is known
+FEWEST = 8  # edges and coordinates of clicks: with fewer nothing is fitted
 LAGS_S = lag.window(10.0)  # chosen: of clocks; a start, from which the fit goes on
 
 
@@ -138,7 +139,7 @@ def fit(
     above) may say which. Raises DiorError (beginning with `where`) with too little to fit.
     """
     count = np.isfinite(seen.edges).sum() + np.isfinite(seen.clicks).sum()
-    if count < 8:
+    if count < FEWEST:
         raise DiorError(f"{where}: {count} usable edges and clicked coordinates; draw boxes on at least 4 pictures")
     readings = READINGS[occluder] if np.isfinite(seen.edges).any() else ("",)
     tried = [Reading(start, freedom, seen, hides).solve(where) for hides in readings]
@@ -156,6 +157,17 @@ def fit(
     # the labels may as well be where the next reading has them: as far off is one standard deviation
     step = tried[min(elsewhere, key=lambda i: lead[i])].values[:9] - found.values
     return replace(found, ahead=ahead, covariance=found.covariance + np.outer(step, step))
+
+
+def again(start: Camera, freedom: Freedom, seen: EdgeObservations, found: Fitted, where: str) -> tuple[Camera, Floats]:
+    """The camera and the points (F, J, 3) m at its times by fewer observations of the pictures that gave `found`.
+
+    From the same start, with its reading of the edges and from its clocks, which need not be searched again.
+    """
+    reading = Reading(start, freedom, seen, found.camera.occluded)
+    reading.clocks[:] = found.clocks
+    reading._iterate(where)
+    return reading.camera(), seen.at(reading.clocks)[0]
 
 
 class Reading:

@@ -3,9 +3,9 @@
 INPUTS   the tables of each walk (evidence.py), metrics.csv. OUTPUTS: problems as (path, sentence)
 What a walk's labels, detections, boxes and marks give is computed by the functions that made metrics.csv
 (dior/evaluate/); means over walks, people and cameras are pooled again from the rows of the walks. Not recomputed is
-what needs more than a release holds: errors to the truth, of the adjustment, of other detectors, and the swaps that
-were found. Where left and right were exchanged the release does not say in which pictures, so that a reprojection
-error may be anything between its least and its largest.
+what needs more than a release holds: errors to the truth, of the adjustment, of other detectors, what fits without a
+box and the boxes of other drawers say, and the swaps that were found. Where left and right were exchanged the release
+does not say in which pictures, so that a reprojection error may be anything between its least and its largest.
 metrics.csv has six significant digits: a figure may differ by one in the last of them, where another machine's
 arithmetic rounds the other way.
 """

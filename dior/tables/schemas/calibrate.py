@@ -101,6 +101,18 @@ TABLES = {
         ("lag_s", "float64", "s", "offset that was tried"),
         ("cost_px", "float64", "px", "robust mean residual with it"),
     ),
+    "left_out_boxes": (
+        ("sequence", "text"),
+        ("camera", "text"),
+        ("frame", "int32"),
+        (
+            "shift_u",
+            "float64",
+            "px",
+            "by which the labels move to the right where the camera is placed without the box",
+        ),
+        ("shift_v", "float64", "px", "the same downwards"),
+    ),
     "marks": (
         ("session", "text"),
         ("camera", "text"),

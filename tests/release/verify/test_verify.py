@@ -102,7 +102,7 @@ def evaluated(arguments):
             project.ROLES], skeleton=None, cameras=[results / f"place/{session}.parquet"], roles=project.ROLES,
             detected=evaluate.Detected(detected if detected.exists() else None, 0.3, None),
             yardsticks=evaluate.Yardsticks(
-                {"cam02": boxes / f"{name}.cam02.csv"} if (boxes / f"{name}.cam02.csv").exists() else {},
+                {"cam02": boxes / f"{name}.cam02.csv"} if (boxes / f"{name}.cam02.csv").exists() else {}, [],
                 [results / "locate/field/cam01.marks.parquet"] if session == "field" else [],
                 {"cam01": checks / f"{name}.cam01.csv"} if (checks / f"{name}.cam01.csv").exists() else {}, None,
             ),

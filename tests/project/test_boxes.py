@@ -1,0 +1,53 @@
+"""Boxes of several drawers, and in which fit each box is left out."""
+
+import numpy as np
+import pytest
+
+from dior.errors import DiorError
+from dior.project import boxes
+
+HEADER = "frame,u_min,v_min,u_max,v_max,drawer\n"
+FRAMES = np.arange(100)
+
+
+def written(folder, text):
+    path = folder / "walk.cam04.csv"
+    path.write_text(text)
+    return path
+
+
+def test_the_drawer_of_the_first_box_is_the_one_whose_boxes_are_used(tmp_path):
+    # a row of to_mark that nobody has drawn yet names nobody
+    path = written(tmp_path, HEADER + "1,,,,,zoe\n9,1,2,3,4,max\n7,5,6,7,8,zoe\n7,1,1,2,2,max\n")
+    by_drawer = boxes.read_drawers(path, FRAMES)
+    assert list(by_drawer) == ["max", "zoe"]
+    frames, edges = boxes.read(path, FRAMES)
+    assert frames.tolist() == [7, 9] and edges.tolist() == [[1, 1, 2, 2], [1, 2, 3, 4]]
+    assert by_drawer["zoe"][0].tolist() == [7] and by_drawer["zoe"][1].tolist() == [[5, 6, 7, 8]]
+
+
+def test_a_file_without_drawers_has_one(tmp_path):
+    path = written(tmp_path, "frame,u_min,v_min,u_max,v_max\n3,1,2,3,4\n")
+    assert list(boxes.read_drawers(path, FRAMES)) == [""]
+    assert boxes.read(written(tmp_path, HEADER), FRAMES)[1].shape == (0, 4)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (HEADER + "3,1,2,3,4,max\n3,1,2,3,4,max\n", "line 3: frame 3 has a second box"),
+        (HEADER + "3,1,2,3,4\n", "line 2: has 5 values, not the 6"),
+        (HEADER.replace("drawer", "drawr"), "not 'drawr' (did you mean 'drawer'?)"),
+    ],
+)
+def test_slips_are_said_with_their_line(tmp_path, text, words):
+    with pytest.raises(DiorError) as caught:
+        boxes.read_drawers(written(tmp_path, text), FRAMES)
+    assert words in str(caught.value)
+
+
+def test_each_fit_leaves_out_as_many_boxes_spread_over_the_walk():
+    folds = boxes.folds(np.arange(0, 500, 10))
+    assert np.bincount(folds).tolist() == [10] * boxes.FOLDS
+    assert all(np.ptp(np.flatnonzero(folds == k)) > 20 for k in range(boxes.FOLDS))
+    assert boxes.folds(np.array([4, 7, 9])).tolist() != [0, 0, 0] and not len(boxes.folds(np.zeros(0, int)))
