@@ -34,6 +34,7 @@ from dior.geometry import covariance
 from dior.geometry.camera import Camera, Intrinsics, pose, project
 from dior.geometry.disagreeing_views import DROP_FACTOR, by_dropping, usual_error
 from dior.geometry.multiview import look_at_angles, rotation_x, rotation_z
+from dior.reconstruct import refine, robust
 from dior.reconstruct.swaps import exchange, find_exchanged
 from dior.simulate import backdrop, draw
 from dior.simulate import settings as levels
@@ -45,6 +46,7 @@ START_DEG, START_M = 1.0, 2.0
 EDGE_SD_PX = 1.0
 FEW = 10
 CHI2_95 = 5.991
+MOST_ERROR_PX, BRIDGED_S = 45.0, 0.2  # of the 3D, as in config.yaml
 WALKS, LEVELS, FIGURES = ("across", "along"), ("ideal", "real"), ("plain", "dressed")
 # standard error of what a joint of these captures is off in the mean of a walk, and a fifth more (`walks.ALIKE`)
 BIAS_M = {"ideal": 0.001, "real": 0.013}
@@ -77,13 +79,31 @@ def capture(level, seed, walk=None):
     walk = walk or WALKS[seed % 2]
     around = [scene.camera(f"cam{i + 1:02d}", azimuth) for i, azimuth in enumerate(scene.AZIMUTHS)]
     made = scene.make(level, seed, FRAMES, [*around, long_range(seed)], walk)
+    close, uv, score = seen_close(made)
+    limit = min(MOST_ERROR_PX, DROP_FACTOR * usual_error(close, uv, score))
+    points, _, _, good = by_dropping(close, uv, score, limit, MOST_ERROR_PX)
+    return made, np.where(good[..., None], points, np.nan)
+
+
+def seen_close(made):
+    """The close cameras and what they see, uv (3, T, J, 2) px and score (3, T, J), sides put right."""
     close, uv = made.given[:3], made.uv[:3]
     score = np.where(made.score[:3] >= 0.3, made.score[:3], 0.0)
     swapped = find_exchanged(close, uv, score, list(made.names), scene.FPS)
-    uv, score = exchange(uv, swapped, list(made.names)), exchange(score, swapped, list(made.names))
-    limit = min(45.0, DROP_FACTOR * usual_error(close, uv, score))
-    points, _, _, good = by_dropping(close, uv, score, limit, 45.0)
-    return made, np.where(good[..., None], points, np.nan)
+    return close, exchange(uv, swapped, list(made.names)), exchange(score, swapped, list(made.names))
+
+
+@cache
+def smoothed(level, seed, walk):
+    """As `capture`, the 3D as the steps `triangulate` and `refine` make it."""
+    made, _ = capture(level, seed, walk)
+    close, uv, score = seen_close(made)
+    noise = robust.estimated(close, uv, score, scene.FPS)
+    found = robust.triangulate(close, uv, score, scene.FPS, noise.sigma)
+    points = np.where((found.scaled <= MOST_ERROR_PX)[..., None], found.points, np.nan)
+    time_s, share = robust.error_correlation(close, uv, score, found, scene.FPS, noise)
+    spread = robust.covariance(close, points, np.where(found.used, score, 0.0) / noise.sigma, noise.own)
+    return made, refine.refined(points, spread, list(made.names), scene.FPS, time_s, share, BRIDGED_S)[0]
 
 
 def spread_over(count):

@@ -225,7 +225,7 @@ def found_out(
             f"{fitted.values[8]:.1f} ± {spread[8]:.1f} px along v, on each edge"
         )
     if habit_px:
-        drawn += f" (that one of them is further out in every box, by {habit_px:g} px, is in the intervals)"
+        drawn += f" (that one of them is further out in every box, by {habit_px:.2g} px, is in the intervals)"
     text = (
         f"turned from its start by {turn[1]:+.3f} ± {turn_half[1]:.3f} degrees to the left, "
         f"{turn[0]:+.3f} ± {turn_half[0]:.3f} up and {turn[2]:+.2f} ± {turn_half[2]:.2f} about its axis, moved "

@@ -320,7 +320,7 @@ def test_a_second_drawer_places_no_camera_and_tells_the_habit(tmp_path):
     said = tables.read(tmp_path / "findings.parquet", "findings")
     assert list(said["code"]) == ["camera_aligned", "drawers_differ"]
     # two squares of 0.5 px beforehand, and those of 0 and 2 px
-    assert "further out in every box, by 1.06066 px" in said["text"][0] and "-2.00 ± 0.00 px below" in said["text"][1]
+    assert "further out in every box, by 1.1 px" in said["text"][0] and "-2.00 ± 0.00 px below" in said["text"][1]
 
 
 def test_a_clock_left_open_widens_the_covariance(tmp_path):
