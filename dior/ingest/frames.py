@@ -184,8 +184,10 @@ def _check_between(parts: list[Table], where: str) -> None:
         # a network can only add to a lag
         lags = (np.percentile(lag, 20) for lag in (_lag(one)[-ACROSS:], _lag(other)[:ACROSS]))
         by = -np.diff(list(lags))[0]
-        if back > period / 2 or (received < SPLIT_NS and abs(by) > max(period, MOST_LAG_NS)):
-            by = by if received < SPLIT_NS else -back
+        told = received < SPLIT_NS and abs(by) > max(period, MOST_LAG_NS)
+        if back > period / 2 or told:
+            # the lags of many do not tell of the first one or two, which may be too few to be restored
+            by = by if told else -back - (period if received < SPLIT_NS else 0)
             raise DiorError(
                 f"{where}: the header clock was set {'back' if by < 0 else 'forward'} by {abs(by) / 1e9:.1f} s between "
                 f"{one['bag'][-1]} and {other['bag'][0]}, so stamps before and after it mean different times; give the "

@@ -192,12 +192,17 @@ def _end_of_early(header: Floats, lag: Floats, first: int, period: float) -> int
 
 
 def _late_arrival(header: Floats, first: int, last: int, period: float) -> bool:
-    """Whether the stamps of pictures `first` to `last` have places of their own among the others, and none is free
-    where they were received: then they are right, and the network was late."""
+    """Whether the stamps of pictures `first` to `last` have places of their own among the others, or are those of
+    messages that are there twice, and none is free where they were received: then they are right, and the network was
+    late."""
     own, others = header[first : last + 1], np.delete(header, np.arange(first, last + 1))
-    if np.abs(own[:, None] - others).min() < period / 2:
+    apart = np.abs(own[:, None] - others).min(axis=1)
+    if ((apart > 0) & (apart < period / 2)).any():
         return False
-    return last + 1 == len(header) or header[last + 1] - header[first - 1] < (len(own) + 0.5) * period
+    if last + 1 == len(header):
+        # what is there twice may as well be early by whole periods
+        return bool(apart.all())
+    return header[last + 1] - header[first - 1] < (len(own) + 0.5) * period
 
 
 def _early(

@@ -116,6 +116,16 @@ def test_a_clock_that_is_set_between_two_bags_is_refused(tmp_path, by_s, said):
         index(tmp_path, paths)
 
 
+def test_a_glitch_that_ends_with_the_first_picture_of_a_bag_is_told_by_how_much(tmp_path):
+    """One picture is too few to be restored, and the lags of the others are as ever."""
+    right = [T0 + 33_333_333 * i for i in range(100)]
+    given = [s - 600_000_000 * (40 <= i < 51) for i, s in enumerate(right)]
+    messages = [(TOPIC, r + 4_000_000, compressed(s, encoded(picture(9)))) for s, r in zip(given, right, strict=True)]
+    paths = [write_bag(tmp_path / name, part) for name, part in (("a.bag", messages[:50]), ("b.bag", messages[50:]))]
+    with pytest.raises(DiorError, match="the header clock was set back by 0.6 s between a.bag and b.bag"):
+        index(tmp_path, paths)
+
+
 @pytest.mark.parametrize("cameras", [("cam01", "cam02"), ("cam02", "cam01")])
 def test_recorders_that_do_not_overlap_are_said_first_unless_a_person_gave_the_clock(tmp_path, cameras):
     """Also where another thing is wrong: the second camera's pictures change their size."""

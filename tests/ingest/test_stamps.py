@@ -123,6 +123,23 @@ def test_a_network_that_is_slow_and_a_recorder_that_lost_pictures_are_no_glitch(
             assert restored(header[kept], late[kept], "").glitches == ()
 
 
+def test_a_message_that_is_there_twice_and_waited_behind_others_keeps_its_stamp():
+    """Four pictures at once and then the second of them again; the network was slow."""
+    order = np.array([*range(24), 21, *range(24, COUNT)])
+    header, receive = recording()
+    receive[20:24] = receive[23]
+    receive = receive[order]
+    receive[24] += 1_000_000
+    assert restored(header[order], receive, "").glitches == ()
+
+
+def test_pictures_with_the_stamps_of_others_at_the_end_are_restored():
+    """20 whole periods early, as if they were there twice."""
+    header, receive = recording()
+    found = restored(wrong(header, 280, 20, -20 * PERIOD / 1e9), receive, "")
+    assert (found.stamp_ns == header).all()
+
+
 @pytest.mark.parametrize("level", ["ideal", "real"])
 def test_simulated_recordings_are_left_alone_and_their_glitches_restored(level):
     """Late arrivals, late stamps, drops and repeats are none."""
