@@ -76,7 +76,7 @@ def serialized(sent, wire, little_endian=True):
     seq = {"seq": 0} if wire == "ros1" else {}
     content = {"header": types["std_msgs/msg/Header"](**seq, stamp=stamp, frame_id="lens"), **sent.content}
     if sent.kind == INFO:
-        roi = {"x_offset": 0, "y_offset": 0, "height": 0, "width": 0, "do_rectify": False}
+        roi = {"x_offset": 0, "y_offset": 0, "height": 0, "width": 0, "do_rectify": False} | content.get("roi", {})
         content["roi"] = types["sensor_msgs/msg/RegionOfInterest"](**roi)
     if wire == "ros1":
         message = types[sent.kind](**{k.upper() if k in "dkrp" else k: v for k, v in content.items()})
