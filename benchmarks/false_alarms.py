@@ -1,0 +1,121 @@
+"""What is said of clean captures of an indoor and an outdoor walk: warnings, errors, lights that are red or amber.
+
+usage: python -m benchmarks.false_alarms [LEVEL|both] [FIRST] [LAST]      (seeds 1 to 20)
+
+Each capture is simulated and labelled anew (benchmarks/steps.py), walks of 8 s, its outdoor cameras are placed again by
+their true poses as a reference calibration, and its labels are measured by `evaluate` with its boxes and marks. Each
+warning and error of a step and each figure of which a camera's light is not green is printed, and counted by its code;
+`red` are the labels that would be out of a release (`report.red_labels`). Of recordings as such (`audit`,
+benchmarks/bag_faults.py), of pictures (`detections_on_pictures`, benchmarks/on_pictures.py) and of cameras that were
+bumped (`moved`) nothing is asked: the captures have one walk a session, and no bags.
+"""
+
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import sys
+import tempfile
+from collections import Counter
+
+from benchmarks import steps, worlds
+from dior.errors import DiorError
+from dior.evaluate import evaluate
+from dior.report import lights, red_labels
+from dior.tables import tables
+
+SECONDS = 8.0
+
+
+def said(made):
+    """(code, where, text) of all that is said of a labelled capture."""
+    for name in made.project.sequences:
+        worlds.said(made, name)
+        yield from _lights(made, name)
+    worlds.reference_run(made)
+    results = made.folder / "results"
+    # a folder that begins with a point holds sums
+    for path in sorted(results.glob("[a-z]*/**/*.findings.parquet")):
+        step = path.relative_to(results).parts[0]
+        for scope, severity, code, text in tables.read_findings(path):
+            if severity != "info":
+                yield code, f"{step} {severity}, {scope}", text
+
+
+def _lights(made, name):
+    """What is wrong with the labels of a walk, and its figures that are amber."""
+    project, session = made.project, made.project.session_of(name)
+    indoor, close = project.indoor(name), project.close(session)
+    figures = red_labels.by_camera(tables.read(_evaluated(made, name), "metrics"))
+    cameras = {
+        one: red_labels.Judged(seen.camera.intrinsics.fx, figures[name, one]) for one, seen in made.views[name].items()
+    }
+    found = [
+        finding
+        for step in ("clocks", "world", *(() if indoor else ("triangulate", "refine")))
+        for finding in tables.read_findings(made.made(step, name, ".findings"))
+    ]
+    for red in red_labels.of_walk(name, session, cameras, () if indoor else close, found):
+        yield "red", f"{name} {red.camera or 'all'}", red.reason
+    for one, judged in cameras.items():
+        seen = lights.boxes_compared(judged.figures)
+        for limit in lights.LIMITS:
+            # the truth is known in a simulation alone
+            if limit.metric in seen and not limit.metric.startswith("error_to_truth"):
+                level, words = lights.of_figure(limit, seen[limit.metric], judged.fx)
+                if level != "good":
+                    yield f"light {limit.metric}", f"{name} {one}", f"{level}: {words}"
+
+
+def _evaluated(made, name):
+    """The figures of a walk, by the step that measures them; the truth as the simulation has it."""
+    project, session = made.project, made.project.session_of(name)
+    indoor = project.indoor(name)
+    cameras = project.cameras(session)
+    placed = [made.made("align", f"{session}/{one}") for one in cameras if cameras[one]["locate"] == "align"]
+    marks = [made.made("locate", f"{session}/{one}", ".marks") for one in cameras if cameras[one]["locate"] == "marks"]
+    evaluate.run(
+        sequence=name, subject=project.subject_of(name),
+        labels=[steps.labels_of(made, name, one) for one in cameras],
+        skeleton=None, cameras=placed, roles={one: how["role"] for one, how in cameras.items()},
+        detected=evaluate.Detected(
+            None if indoor else made.made("triangulate", name, ".detections"), project.config["detector"]["min_score"],
+            None if indoor else made.made("triangulate", name, ".swaps"),
+        ),
+        yardsticks=evaluate.Yardsticks(
+            {one: made.folder / path for one, path in project.boxes(name).items()}, marks, {},
+            made.folder / "data/truth" / name,
+        ),
+        out=made.made("evaluate", name), out_frames=made.made("evaluate", name, ".frames"),
+        out_checks=made.made("evaluate", name, ".checks"),
+    )  # fmt: skip
+    return made.made("evaluate", name)
+
+
+def main():
+    level, first, last = [*sys.argv[1:], *("both", "1", "20")[len(sys.argv) - 1 :]]
+    for grade in ("ideal", "real") if level == "both" else (level,):
+        captures, counts, walks, recordings = Counter(), Counter(), 0, 0
+        for seed in range(int(first), int(last) + 1):
+            with tempfile.TemporaryDirectory() as folder:
+                try:
+                    made = steps.labelled(
+                        folder, preset=grade, seed=seed, subjects=1, sequences=1, duration_s=SECONDS, gallery=False
+                    )
+                    found = list(said(made))
+                    walks, recordings = walks + len(made.views), recordings + sum(map(len, made.views.values()))
+                except DiorError as error:
+                    found = [("refused", "before", str(error))]
+            counts.update(code for code, *_ in found)
+            captures.update({code for code, *_ in found})
+            for code, where, text in found:
+                print(f"  {grade} {seed} {code} ({where}): {text}", flush=True)
+        print(
+            f"{grade}, seeds {first}-{last}: {counts['red']} red lights in {walks} walks, {recordings} recordings; all:"
+        )
+        for code, times in sorted(counts.items()):
+            print(f"  {code:<32}{times:>5} in {captures[code]} captures", flush=True)
+
+
+if __name__ == "__main__":
+    main()
