@@ -290,8 +290,9 @@ def verdict(
     if not known.any():
         return [_cannot_tell("the subject hardly moves in its pictures")]
     unsure = [other.words for other, clear in zip(others, worse, strict=True) if not clear and not other.frames]
-    slips = [abs(other.frames) for other, clear in zip(others, worse, strict=True) if other.frames and clear]
-    told = f", and not {min(slips)} frames or more off" if slips else ""
+    likely = [abs(other.frames) for other, clear in zip(others, worse, strict=True) if other.frames and not clear]
+    slips = [frames for frames in SLIPS if frames > max(likely, default=0)]
+    told = f", and not {slips[0]} frames or more off" if slips else ""
     text = f"what moves in {len(shown)} pictures lies under the detected body, {np.nanmean(found.score):.0%} in common"
     if unsure or not slips:
         late = [] if slips else ["taken some frames earlier or later"]

@@ -67,27 +67,27 @@ def write_detections(
     """Detect the person in every camera, or everybody, and write the detections and the truth below `out`."""
     pattern, folder = str(out / detections_path(settings, walk.name)), out / "truth" / walk.name
     if not settings.detector.everybody:
-        found = _detected(settings, walk, height, views, others)
-        for camera, detected in found.items():
-            write_mlkit(Path(pattern.format(camera=camera)), views[camera].clock, detected)
+        found = detected(settings, walk, height, views, others)
+        for camera, one in found.items():
+            write_mlkit(Path(pattern.format(camera=camera)), views[camera].clock, one)
         truth.write(settings, walk, views, found, folder)
         return
     # nobody is taken for anybody else
     nobody = {camera: replace(one, present=np.zeros_like(one.present)) for camera, one in others.items()}
-    found = _detected(settings, walk, height, views, nobody)
+    found = detected(settings, walk, height, views, nobody)
     people = [found]
     truth.write(settings, walk, views, found, folder)
     if settings.bystander:
         second = replace(walk, name=f"{walk.name} second", subject=bystander.SUBJECT)
         seen = {name: truth.second_view(settings, walk, own, height, others[name]) for name, own in views.items()}
-        people.append(_detected(settings, second, next(iter(others.values())).height, seen, nobody))
+        people.append(detected(settings, second, next(iter(others.values())).height, seen, nobody))
         truth.write_second(settings, replace(second, name=walk.name), seen, folder)
     for camera, own in views.items():
         each = [one[camera] for one in people]
         write_mediapipe(Path(pattern.format(camera=camera)), own.clock, own.camera.intrinsics, each)
 
 
-def _detected(
+def detected(
     settings: Settings, walk: Sequence, height: float, views: dict[str, View], others: dict[str, SecondPerson]
 ) -> dict[str, truth.Detected]:
     """What the detector makes of one person in every camera; arguments as of `detector_real.detect`."""

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from benchmarks import on_pictures as benchmark
 from dior.body.names import COCO_17, bones_of
 from dior.errors import DiorError
 from dior.ingest import moving, on_pictures
@@ -114,6 +115,19 @@ def test_who_walks_along_the_axis_in_the_middle_is_not_told_from_a_mirror():
     assert "turned by 180 degrees" not in text.partition("told from")[2]
 
 
+@pytest.mark.parametrize(
+    ("likely", "words"), [(0, "not 1 frames or more"), (6, "not 7 frames"), (15, "cannot be told")]
+)
+def test_a_slip_is_told_where_it_would_show_either_way(monkeypatch, likely, words):
+    """That they are later is clear, that they are earlier is not."""
+    others = on_pictures.alternatives()
+    t = np.where([other.frames == likely and likely > 0 for other in others], 2.0, -10.0)
+    many = np.full(len(others), 9)
+    found = on_pictures.Judged(0 * t, t, many, 0 * t + 0.5, 0 * t, 1.0, (0.0, -9.0, 9, 0.5, 0.0))
+    monkeypatch.setattr(on_pictures, "judge", lambda *args: found)
+    assert words in verdict(walker(), walker())[0][2]
+
+
 def test_nothing_that_moves_tells_nothing():
     true = walker()
     still = np.broadcast_to(true[:1], true.shape)
@@ -146,3 +160,17 @@ def test_the_pictures_of_a_bag_are_read(tmp_path):
     assert on_pictures.check(true, score, COCO_17, rows, tmp_path, "d", "w, cam02")[0][1] == "detections_on_pictures"
     with pytest.raises(DiorError, match="turned by 180 degrees"):
         on_pictures.check(CORNER - true, score, COCO_17, rows, tmp_path, "d", "w, cam02")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("level", ["ideal", "real"])
+@pytest.mark.parametrize(("seed", "environment"), [(1, "outdoor"), (2, "indoor")])
+def test_every_fault_of_a_walk_is_named_and_no_clean_one(seed, environment, level):
+    """In one of its cameras or more, and no wrong cause in another; `python -m benchmarks.on_pictures` has 20 seeds."""
+    each = dict(benchmark.verdicts(seed, level, environment))
+    for fault in benchmark.FAULTS:
+        said = {benchmark.judged(fault, one[fault][0]) for one in each.values()} & {"named", "refused"}
+        assert said == (set() if fault == "clean" else {"named"}), (
+            fault,
+            {c: one[fault][0] for c, one in each.items()},
+        )
