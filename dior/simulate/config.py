@@ -201,14 +201,16 @@ def marks(
     markers = [i for i, name in enumerate(seen.joints) if name in motion.names]
     visible = seen.status[:, markers] == "ok"
     shows = visible.sum(axis=1) * (1.0 if worth is None else worth)
-    random = generator(settings, "marks", walk.session, camera)
+    random, lens = generator(settings, "marks", walk.session, camera), seen.camera.intrinsics
     numbers = seen.clock.frame_numbers
     lines = ["sequence,frame,joint,u,v"]
     for part in np.array_split(np.arange(len(visible)), frames):
         frame = int(part[shows[part].argmax()])
         shown = np.flatnonzero(visible[frame])
         for i in sorted(random.permutation(shown)[:MOST_MARKS].tolist()):
-            u, v = seen.uv[frame, markers[i]] + settings.mark_noise_px * random.standard_normal(2)
+            clicked = seen.uv[frame, markers[i]] + settings.mark_noise_px * random.standard_normal(2)
+            # nobody clicks beside the picture
+            u, v = np.clip(clicked, -0.5, np.array([lens.width, lens.height]) - 0.51)
             lines.append(f"{walk.name},{numbers[frame]},{seen.joints[markers[i]]},{u:.2f},{v:.2f}")
     return "\n".join(lines) + "\n"
 

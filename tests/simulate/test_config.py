@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from dior.cli import main
@@ -34,6 +35,15 @@ def test_settings_on_the_command_line_reach_the_config(tmp_path):
     small = project.load(tmp_path)
     assert small.sequences == ("outdoor_01", "indoor_01")
     assert small.config["simulate"]["fps"] == 25.0 and small.config["simulate"]["duration_s"] == 2.0
+
+
+def test_nobody_clicks_beside_the_picture(tmp_path):
+    """However badly."""
+    words = ["--settings", '{"subjects": 1, "sequences": 1, "duration_s": 2.0, "mark_noise_px": 900.0}']
+    assert main.main(["simulate", "--write-config", str(tmp_path / "config"), *words]) == 0
+    [path] = (tmp_path / "config").glob("sessions/lab/cam01.marks.csv")
+    u, v = np.loadtxt(path, delimiter=",", skiprows=1, usecols=(3, 4)).T
+    assert -0.5 <= u.min() < 100 and 1200 < u.max() < 1279.5 and -0.5 <= v.min() < 100 and 600 < v.max() < 719.5
 
 
 def test_a_config_that_is_there_is_not_overwritten(tmp_path, capsys):
