@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from benchmarks import rolls
 from dior.calibrate import adjust as step
 from dior.calibrate.bundle import adjustment, bundle
 from dior.calibrate.bundle.outcome import in_front, shift_and_turn
@@ -286,3 +287,13 @@ def test_the_joints_tell_a_realsense_its_lens_model(named):
     wanted = ("info", "lens_models") if named == "plumb_bob" else ("warning", "lens_model_doubtful")
     assert [(scope, *rest) for scope, *rest, _ in found] == [(f"field/cam0{i}", *wanted) for i in (1, 2, 3)]
     assert f"with the lens as {named}" in found[0][3]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("roll_deg", rolls.QUARTERS)
+@pytest.mark.parametrize(("level", "seed"), [("ideal", 1), ("real", 2)])
+def test_a_camera_that_hangs_turned_is_named_and_placed_as_well(level, seed, roll_deg):
+    """One of three; `python -m benchmarks.rolls` has 20 seeds a level."""
+    named, metres, degrees, held = rolls.taped(seed, level, roll_deg)
+    _, upright_m, upright_deg, _ = rolls.taped(seed, level, 0)
+    assert named and held and metres < 1.5 * upright_m + 0.02 and degrees < 1.5 * upright_deg + 0.2

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from benchmarks import clocks_marks
 from dior.calibrate import locate
 from dior.calibrate.marks import clock_from_marks
 from dior.calibrate.marks.marks import Marks, Motion
@@ -215,3 +216,12 @@ def test_the_stamps_of_frames_are_uncertain(monkeypatch):
         full, *_ = clock_from_marks.uncertainty(J, at.t, np.zeros((48, 2)), np.arange(48), np.repeat(frames, 16), right)
         part.append(full[6, 6])
     assert np.std(found) == pytest.approx(np.sqrt(part[1] - part[0]), rel=0.3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("level", "seed", "roll_deg"), [("ideal", 1, 180.0), ("real", 2, 90.0)])
+def test_cameras_that_hang_turned_have_clocks(level, seed, roll_deg):
+    """Four cameras, located in four ways; `python -m benchmarks.rolls` has 20 seeds a level."""
+    error, sigma = np.array([row[4:] for row in clocks_marks.errors(seed, level, roll_deg=roll_deg)]).T
+    assert np.isfinite(error).all() and np.sqrt(np.mean((error / sigma) ** 2)) < 1.6
+    assert np.median(np.abs(error)) < 0.002
