@@ -143,19 +143,23 @@ def said_of_c3d(path, change, says, height_m):
     return wrong_world.of_person(found.points, found.markers, seconds, wrong_world.Person("p1", height_m, 0.01))
 
 
+def found_in_c3d(kind, seed):
+    """What is said of the C3D of a seed's walk, with a fault of `C3D`."""
+    change, says, _ = C3D[kind]
+    made = levels.from_dict({"seed": seed, "subjects": 1, "sequences": 1, "duration_s": 8.0})
+    walk = next(one for one in levels.sequences(made) if one.environment == "indoor")
+    motion = motion_of(made, walk)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "walk.c3d"
+        simulate_mocap.write_c3d(path, made, walk, motion)
+        return said_of_c3d(path, change, says, motion.height)
+
+
 def c3d(seeds):
     print("C3D, read by the step `mocap` (refused) and judged by the step `world`, height known")
-    for kind, (change, says, words) in C3D.items():
-        named, beside = 0, {}
-        for seed in range(1, seeds + 1):
-            made = levels.from_dict({"seed": seed, "subjects": 1, "sequences": 1, "duration_s": 8.0})
-            walk = next(one for one in levels.sequences(made) if one.environment == "indoor")
-            motion = motion_of(made, walk)
-            with tempfile.TemporaryDirectory() as folder:
-                path = Path(folder) / "walk.c3d"
-                simulate_mocap.write_c3d(path, made, walk, motion)
-                found = said_of_c3d(path, change, says, motion.height)
-            named += count(found, words, beside)
+    for kind, (_, _, words) in C3D.items():
+        beside = {}
+        named = sum(count(found_in_c3d(kind, seed), words, beside) for seed in range(1, seeds + 1))
         print(f"{kind:<24}{named:>7}   {shown(beside)}", flush=True)
 
 

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from benchmarks import scene
+from benchmarks import wrong_worlds as benchmark
 from benchmarks.wrong_worlds import KINDS
 from dior.body import plausible, world_of_walk, wrong_world
 from dior.body.wrong_world import Person
@@ -173,3 +175,15 @@ def test_what_is_missing_says_nothing():
     assert codes(np.full((60, 2, 3), np.nan), ("nose", "left_hip"), person=Person("p1", HEIGHT)) == []
     found, _ = wrong_world.of_poses(rig(), np.full((3, 5, 2, 2), np.nan), ("nose", "left_hip"))
     assert found == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("level", ["ideal", "real"])
+@pytest.mark.parametrize("rig_name", benchmark.RIGS)
+def test_every_mistake_is_named_by_cameras_that_see_a_walk_with_errors(rig_name, level, seed):
+    """`python -m benchmarks.wrong_worlds 20 poses` has 20 seeds."""
+    walk = scene.make(level, seed, benchmark.FRAMES, benchmark.rig(rig_name, seed))
+    for change, words in KINDS.values():
+        found = benchmark.said(change(walk.given), walk, True)
+        assert benchmark.count(found, words, {}) == 1, (words, [fault.text for fault in found])

@@ -1,7 +1,9 @@
 """The step on tables: a right world says nothing, a wrong one is red with its cause and where to mend it."""
 
 import numpy as np
+import pytest
 
+from benchmarks import wrong_worlds as benchmark
 from dior.reconstruct import world
 from dior.reconstruct.triangulate import columns, write_skeleton
 from dior.tables import tables
@@ -66,3 +68,12 @@ def test_half_a_body_of_markers_has_no_height(tmp_path):
 
 def test_a_sequence_without_3d_says_nothing(tmp_path):
     assert said(tmp_path, np.full((1, 2, 3), np.nan), ["nose", "left_hip"]) == {}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", benchmark.C3D)
+def test_what_is_wrong_with_a_c3d_is_named(kind):
+    """Two seeds of each kind; `python -m benchmarks.wrong_worlds 20 c3d` has 20."""
+    for seed in (1, 2):
+        found, words = benchmark.found_in_c3d(kind, seed), benchmark.C3D[kind][2]
+        assert benchmark.count(found, words, {}) == 1, [fault.text for fault in found]
