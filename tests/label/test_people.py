@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from benchmarks import everyone as benchmark
 from dior.body.names import MLKIT_33
 from dior.clocks import clock
 from dior.geometry import camera as cam
@@ -129,3 +130,15 @@ def test_where_there_is_nobody_else_the_subject_alone_is_there_and_that_is_said(
     body, labels, said, *_ = made(tmp_path, several=False)
     assert set(body["person"]) == set(labels["person"]) == {"person_1"} and set(body["is_subject"]) == {"yes"}
     assert "one body in each picture" in said["nobody_else"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("level", "seed"), [("ideal", 0), ("real", 1)])
+@pytest.mark.parametrize("kind", ["together", "crossing"])
+def test_each_of_two_is_labelled_as_well_as_alone(kind, level, seed):
+    """`python -m benchmarks.everyone` has more kinds and seeds."""
+    both, single, (mixed, numbers, not_the_subject) = benchmark.one(kind, level, seed)
+    px, px_alone = (each[:, 1:3, 0] / each[:, 1:3, 1] for each in (both, single))
+    labelled, labelled_alone = (each[:, 3, 0] / each[:, 3, 1] for each in (both, single))
+    assert (px < 1.1 * px_alone + 0.02).all() and (labelled > labelled_alone - 0.02).all()
+    assert (mixed, numbers, bool(not_the_subject)) == (0, 2, False)
