@@ -110,7 +110,8 @@ def _evaluated(made, name):
             None if indoor else made.made("triangulate", name, ".swaps"),
         ),
         yardsticks=evaluate.Yardsticks(
-            {one: made.folder / path for one, path in project.boxes(name).items()}, marks, {},
+            {one: made.folder / path for one, path in project.boxes(name).items()},
+            [path.with_suffix(".left_out.parquet") for path in placed], marks, {},
             made.folder / "data/truth" / name,
         ),
         out=made.made("evaluate", name), out_frames=made.made("evaluate", name, ".frames"),
