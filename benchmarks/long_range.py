@@ -27,7 +27,7 @@ from functools import cache, partial
 import numpy as np
 
 from benchmarks import scene
-from dior.body.names import MLKIT_33
+from dior.body.names import MLKIT_33, bones_of
 from dior.calibrate.outline import boxes_fit, seen_edges, silhouettes
 from dior.calibrate.outline.walks import SILHOUETTE_MARGIN_PX, margins
 from dior.geometry import covariance
@@ -187,8 +187,9 @@ def observed(level, points, edges, seconds, around="body"):
     points, flesh_m, outline_m = outlined(points, around)
     nothing = np.full((*points.shape[:2], 2), np.nan)
     return seen_edges.EdgeObservations(
-        points, edges, nothing, seconds, np.zeros(len(edges), int), BIAS_M[level], flesh_m, outline_m=outline_m
-    )
+        points, edges, nothing, seconds, np.zeros(len(edges), int), BIAS_M[level], flesh_m, outline_m=outline_m,
+        bones=bones_of(MLKIT_33 if around == "body" else []).astype(int),
+    )  # fmt: skip
 
 
 def fitted(level, seed, worn="plain", count=BOXES, around="body", told=None, wall=False, **how):

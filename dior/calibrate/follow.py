@@ -29,6 +29,7 @@ from dior.calibrate.outline.walks import (
     edged,
     from_boxes,
     from_pictures,
+    limbs,
     margins,
     read_walk,
 )
@@ -62,8 +63,9 @@ def watched(
     points = track.at(seconds)
     nothing = np.full((*points.shape[:2], 2), np.nan)
     seen = seen_edges.EdgeObservations(
-        points, edges, nothing, seconds, np.zeros(len(shown), int), constant_error([walk]), flesh_m, (track,), outline_m
-    )
+        points, edges, nothing, seconds, np.zeros(len(shown), int), constant_error([walk]), flesh_m, (track,),
+        outline_m, limbs([walk], around),
+    )  # fmt: skip
     return seen, method, (margin_px, split_px)
 
 

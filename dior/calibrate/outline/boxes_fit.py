@@ -284,6 +284,18 @@ class Reading:
         surely, perhaps = (there & ~((beyond > slack) & cut[:, None]) for slack in (-LINE_PX, LINE_PX))
         return surely, perhaps, cut
 
+    def _cut_limbs(self, uv: Floats, flesh: Floats, cut: Bools) -> Floats:
+        """How far outwards (F, B, 4) px the bones reach where the occluder's line cuts them, -inf where it does not."""
+        k = cam.occluded_edge(self.start)
+        a, b = self.seen.bones.T
+        line = self.line - OUTWARDS[k] * self.values[7 + AXIS[k]]
+        one, other = uv[:, a, AXIS[k]] - line, uv[:, b, AXIS[k]] - line
+        with np.errstate(invalid="ignore", divide="ignore"):
+            part = one / (one - other)
+        at = uv[:, a] + part[..., None] * (uv[:, b] - uv[:, a])
+        reach = at[..., AXIS] * OUTWARDS + np.maximum(flesh[:, a], flesh[:, b])[..., None]
+        return np.where((cut[:, None] & (one * other < 0))[..., None], reach, -np.inf)
+
     def rows(self) -> EdgeResiduals:
         """`EdgeResiduals` of every edge and click at the present values."""
         camera = self.camera()
@@ -300,7 +312,8 @@ class Reading:
             for known in (shown, perhaps)
         )
         if self.side is not None:
-            # an edge that hangs on a joint at the occluder's line tells nothing
+            most = np.concatenate([most, self._cut_limbs(uv, flesh, cut)], axis=1)
+            # an edge that hangs on a joint at the occluder's line, or on a limb that it cuts, tells nothing
             edges[~(most.max(axis=1) < outwards.max(axis=1) + LINE_PX / 2)] = np.nan
         frame, side = np.nonzero(np.isfinite(edges))
         joint = outwards.argmax(axis=1)[frame, side]

@@ -6,7 +6,7 @@ pictures is to be found, too, it has the 3D of each walk at any moment (`tracks`
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -49,8 +49,9 @@ class EdgeObservations:
     `seconds` (F,) and `walk` (F,): pictures of one walk near in time may share their errors. `bias_m`: standard error
     of a joint's place that is constant while the same side of the body is seen and shows in no residual. `flesh_m`
     (J,): how far the outline that the edges are of lies outside of each joint, `outline_m`: standard error of that, 0
-    where the edges are those of the joints. `tracks`: that of each walk, on whose
-    time axis the `seconds` are where a clock is to be found; `points` are then those at these `seconds`.
+    where the edges are those of the joints. `tracks`: that of each walk, on whose time axis the `seconds` are where a
+    clock is to be found; `points` are then those at these `seconds`. `bones` (B, 2): which points a limb joins, so that
+    an occluder may cut it; none where the edges are those of the joints.
     """
 
     points: Floats
@@ -62,6 +63,7 @@ class EdgeObservations:
     flesh_m: Floats | float = 0.0
     tracks: tuple[BodyTrack, ...] = ()
     outline_m: float = 0.0
+    bones: Ints = field(default_factory=lambda: np.zeros((0, 2), int))
 
     def middle_s(self, walk: int) -> float:
         """Time (s) in the middle of the pictures of a walk, where errors of its clock and drift are independent."""
@@ -86,7 +88,7 @@ class EdgeObservations:
         seconds = self.seconds[mine] + lag_s
         return EdgeObservations(
             self.tracks[walk].at(seconds), self.edges[mine], self.clicks[mine], seconds,
-            np.zeros(mine.sum(), int), self.bias_m, self.flesh_m, (), self.outline_m,
+            np.zeros(mine.sum(), int), self.bias_m, self.flesh_m, (), self.outline_m, self.bones,
         )  # fmt: skip
 
 

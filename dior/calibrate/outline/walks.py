@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from dior.arrays import Floats, Ints, Table
+from dior.body.names import bones_of
 from dior.calibrate.marks import marks as hand_marks
 from dior.calibrate.outline import seen_edges, silhouettes, tracks
 from dior.clocks import by_hand as hand_offsets
@@ -81,6 +82,11 @@ def edged(walk: FilmedWalk, around: str) -> tuple[tracks.BodyTrack, Floats | flo
         return walk.track, 0.0, 0.0
     points, flesh_m = silhouettes.outline(walk.track.points, walk.joints)
     return tracks.BodyTrack(walk.track.seconds, points), flesh_m, seen_edges.OUTLINE_M
+
+
+def limbs(walks: Sequence[FilmedWalk], around: str) -> Ints:
+    """Pairs (B, 2) of points of `edged` that a limb joins, which an occluder may cut; none of edges around joints."""
+    return bones_of(walks[0].joints if around == "body" else []).astype(int)
 
 
 def given_clock(camera: str, frames: Path, offsets: Path | None) -> ClockValues:
@@ -183,8 +189,9 @@ def gather(
         parts.append((points, edges, clicks, walk.seconds[shown], np.full(count, k)))
     points, edges, clicks, seconds, number = (np.concatenate(column) for column in zip(*parts, strict=True))
     return seen_edges.EdgeObservations(
-        points, edges, clicks, seconds, number, constant_error(walks), flesh_m, tuple(used), outline_m
-    )
+        points, edges, clicks, seconds, number, constant_error(walks), flesh_m, tuple(used), outline_m,
+        limbs(walks, around),
+    )  # fmt: skip
 
 
 def margins(settings: Mapping[str, Any], source: str = "") -> tuple[float, float, float]:
