@@ -36,11 +36,14 @@ from dior.calibrate.outline.walks import (
 from dior.clocks import by_hand as hand_offsets
 from dior.clocks import clock as clocks
 from dior.geometry import camera as cam
-from dior.geometry import camera_tables
+from dior.geometry import camera_tables, covariance
 from dior.geometry.camera import Camera
 from dior.project.camera_file import camera_settings
 from dior.tables import tables
 
+# chosen: how far off clocks are by half a body that was read as a whole one (`python -m benchmarks.coverage`, level
+# `real`: a wall hides the legs)
+HALF_BODY_S = 0.05
 FEWEST_BOXES = 4  # chosen: fewer are not meant to tell the clock (docs/formats.md); the pictures then do
 
 
@@ -81,6 +84,16 @@ def hidden_side(camera: Camera, seen: EdgeObservations, margin: tuple[float, flo
     seconds = seen.seconds + long_range_clock.best_lag(camera, held, seen)
     late = replace(seen, seconds=seconds, points=seen.tracks[0].at(seconds))
     return boxes_fit.fit(camera, held, late, where).camera.occluded
+
+
+def doubtful(camera: Camera, seen: EdgeObservations, pose_covariance: Floats) -> bool:
+    """Whether the camera's pose (6, 6) is so little known along the body that half of it may have been read as whole
+    (`occluder_doubtful` of `align`): the limbs that tell the time may be others then."""
+    points = seen.points[np.isfinite(seen.points).all(axis=-1)]
+    _, by_camera = covariance.projection(camera, points)
+    spread = by_camera @ pose_covariance @ np.swapaxes(by_camera, -1, -2)
+    along = np.sqrt(np.median(np.trace(spread, axis1=-2, axis2=-1)))
+    return bool(along > boxes_fit.OTHER_LABELS * np.nanmedian(seen.edges[:, 3] - seen.edges[:, 1]))
 
 
 def findings_of(scope: str, found: long_range_clock.ClockFromEdges) -> list[tuple[str, str, str, str]]:
@@ -175,4 +188,8 @@ def run(
     trails_m = clock_from_pictures.TRAILS_M if method == "pictures" else 0.0
     found = long_range_clock.estimate(rig[camera], seen, method, margin, side, derivative, trails_m)
     joint = camera_tables.read_camera_covariance(placed.covariance, names) if placed.covariance else None
+    at = slice(6 * names.index(camera), 6 * names.index(camera) + 6)
+    if joint is not None and not found.refused and doubtful(rig[camera], seen, joint[at, at]):
+        wide = float(np.hypot(found.clock.given[0], HALF_BODY_S)), found.clock.given[1]
+        found = replace(found, clock=replace(found.clock, given=wide))
     write(sequence, camera, found.clock, found.costs_px, findings_of(scope, found), written, names, joint)
