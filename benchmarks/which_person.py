@@ -1,6 +1,7 @@
 """Is the right person labelled where there are two? Captures in memory, triangulated as the step does it.
 
 usage: python -m benchmarks.which_person [KIND|all] [LEVEL|both] [SEEDS] [METRES] [tape]      (20 seeds)
+       python -m benchmarks.which_person sizes [LEVEL|both] [SEEDS]
 
 clean              nobody else; a warning is a false alarm
 together           a detector of several people; another walks beside the subject throughout
@@ -17,7 +18,9 @@ subject's height is measured, and there is another walk of theirs, by the same c
 (step `bodies`); with `tape` there is none. `right`: of the labels, those
 at the subject's joints; `kept`: of the joints at instants at which two views have the subject, those with a label;
 `stranger`: labels at the other; `suspect`: the share of joints that is left open; `warned`: captures with a warning;
-`before`: the same where the choice is made in each camera alone, of the first 5 seeds, since it takes as long again.
+`sizes`: by how much one body's statures differ, in the halves of a walk and in two walks, as mean square and over what
+is expected. `before`: the same counts where the choice is made in each camera alone, of the first 5 seeds, since it
+takes as long again.
 """
 
 import os
@@ -32,10 +35,10 @@ from unittest.mock import patch
 import numpy as np
 
 from benchmarks import two_walkers
-from dior.body import which_person
+from dior.body import people_followed, which_person
 from dior.geometry import camera_tables
 from dior.ingest import detections, people
-from dior.reconstruct import bodies, triangulate
+from dior.reconstruct import bodies, everybody, triangulate
 from dior.simulate import settings as levels
 from dior.tables import tables
 
@@ -145,12 +148,50 @@ def one(kind, level, seed, taller=None, with_before=False, tape=False):
     return now, said, before
 
 
+def sizes(levels_asked, seeds):
+    """Print how far apart the statures of one person are who is alone in two walks."""
+    for grade in levels_asked:
+        halves, walks = [], []
+        for seed in range(seeds):
+            capture = two_walkers.make("clean", grade, seed)
+            one, other = (_bodies(each) for each in (capture, two_walkers.alone(capture, grade, seed)))
+            middle = len(one) // 2
+            halves.append(_apart(*map(people_followed.size_of, (one[:middle], one[middle:]))))
+            walks.append(_apart(*map(people_followed.size_of, (one, other)), bodies.ACROSS_M))
+        for name, each in (("halves of a walk", halves), ("two walks", walks)):
+            metres, share = np.sqrt(np.mean(np.square(each), axis=0))
+            print(f"{grade:<7}{name:<18}{1e3 * metres:>6.1f} mm rms{share:>6.2f} of what is expected", flush=True)
+
+
+def _bodies(capture):
+    """Sightings of the one person of a capture."""
+    with tempfile.TemporaryDirectory() as folder:
+        names = write_inputs(Path(folder), capture)
+        kinds = ("detections", "people", "timeline")
+        read = (tables.read(Path(folder) / f"{kind}.parquet", name) for kind, name in zip(kinds, NAMES, strict=True))
+        seen = everybody.at_instants(*read, names, LIMITS.min_score, two_walkers.FPS)
+    return [
+        body for path in which_person.everybody_around(capture.cameras, seen).people[0].paths for body in path.together
+    ]
+
+
+NAMES = ("detections", "detected_people", "timeline")
+
+
+def _apart(one, other, across_m=0.0):
+    """Difference of two sizes, m, and over what is expected."""
+    apart = one.stature_m - other.stature_m
+    return apart, apart / np.sqrt(one.variance_to(other) + across_m**2)
+
+
 def main():
     kind = sys.argv[1] if len(sys.argv) > 1 else "all"
     level = sys.argv[2] if len(sys.argv) > 2 else "both"
     seeds = int(sys.argv[3]) if len(sys.argv) > 3 else 20
     taller = float(sys.argv[4]) if len(sys.argv) > 4 and sys.argv[4] != "-" else None
     tape = "tape" in sys.argv[5:]
+    if kind == "sizes":
+        return sizes(levels.LEVELS if level == "both" else [level], seeds)
     print(f"seeds 0-{seeds - 1}, {two_walkers.SECONDS:g} s each" + (f", {taller:+.2f} m" if taller else ""))
     print(
         f"{'kind':<19}{'level':<7}{'right':>8}{'kept':>8}{'stranger':>10}{'suspect':>9}{'warned':>8}"

@@ -18,9 +18,9 @@ MEMORY_S = 1.5  # a body that is not seen for longer is not followed; chosen, as
 KNOWN = 3  # a track that a path had so often is its own; chosen: half a second
 HANDED_ON = 0.5  # chosen: see `paths_of`
 HISTORY_S = 2.0  # of whose detections a body was; chosen: longer than people hide each other in passing
-# a sighting that is so much taller or smaller than the `LAST` before is not of the same body; chosen: five times the
-# scatter of level `real`
-LAST, CHIMERA_M, CHIMERA_SCATTERS = 30, 0.13, 5.0
+# a sighting that is so much taller or smaller than the `LAST` before, at least `FEWEST`, is not of the same body;
+# chosen: five times the scatter of level `real`, and a second
+LAST, FEWEST, CHIMERA_M, CHIMERA_SCATTERS = 30, 6, 0.13, 5.0
 # how far a body can be from where it was expected: at once, and more per second; chosen: a walker's change of pace
 REACH_M, SPEED_M_S = 0.35, 1.5
 ALONE_M = 0.8  # more for one view alone, whose foot is not always on the floor; chosen
@@ -138,7 +138,7 @@ def _as_tall(path: Path, body: Sighting) -> bool:
     Rays of two people that meet by chance meet too near or too far, and in somebody of another size.
     """
     before = [one.stature for one in path.sightings[-LAST:] if not one.alone and np.isfinite(one.stature)]
-    if len(before) < KNOWN or body.alone or not np.isfinite(body.stature):
+    if len(before) < FEWEST or body.alone or not np.isfinite(body.stature):
         return True
     tall = float(np.median(before))
     scatter = 1.4826 * float(np.median(np.abs(np.array(before) - tall)))

@@ -44,11 +44,11 @@ PASSING = 0.5
 # and the errors of a place, and two steps in walks of a second
 STANDS_M, GOES_M = 0.3, 0.5
 # for so long, never contradicted, all cameras must see one person and nobody else; where none of their tracks is at
-# other times somebody else's, for so long. Chosen: a person who is hidden behind another in the one camera that follows
-# him looked like that for 1.8 s in one of 20 walks
-UNANIMOUS_S, UNMIXED_S = 2.0, 1.0
+# other times somebody else's, for so long. Chosen: people beside each other, one of whom two cameras follow and the
+# third the other, looked like one for up to 2 s in 2 of 80 walks
+UNANIMOUS_S, UNMIXED_S = 2.5, 1.0
 # two cameras that face each other tell little of where between them somebody is, so that a third that sees another in
-# line with him agrees, for 3.7 s in one of 20 walks. So much longer do errors make his bones then, m, and so long it
+# line with him agrees, for 3.7 s in one of these walks. So much longer do errors make his bones then, m, and so long it
 # must be; chosen: three times what cameras around do
 FACING_M, FACING_S = 0.025, 4.0
 DOUBT = 0.25  # of the time that another view sees somebody else; chosen: more than detectors take a bystander
@@ -140,7 +140,7 @@ def choose(
     `known`: the subject's size, by the same cameras in another walk (`size_of_subject`), or `by_tape`. `meets` as of
     `people_seen.sightings`.
     """
-    around = _around(cameras, seen, seeds, meets)
+    around = everybody_around(cameras, seen, seeds, meets)
     if len(around.people) < 2:
         return None
     whose = _subject(around, known)
@@ -149,14 +149,14 @@ def choose(
 
 def size_of_subject(cameras: Sequence[Camera], seen: Seen, seeds: Sequence[Seed] = ()) -> Size:
     """The `Size` of the subject of a walk in which nobody else can be meant, or somebody pointed; else `UNKNOWN`."""
-    around = _around(cameras, seen, seeds)
+    around = everybody_around(cameras, seen, seeds)
     own = around.people[0].paths if len(around.people) == 1 else _subject(around, UNKNOWN)[0] if around.people else []
     bodies = [one for path in own for one in path.together]
     return size_of(bodies) if len(bodies) >= TELLS_S * around.fps else UNKNOWN
 
 
 @dataclass(frozen=True, eq=False)
-class _Around:
+class Around:
     """Everybody at every `every`-th instant, `fps` of these a second: the bodies `found` at each, the `track` (V, K, T)
     of the detections, the `people` made of them, and the paths that are `marked` by a seed."""
 
@@ -168,7 +168,9 @@ class _Around:
     fps: float
 
 
-def _around(cameras: Sequence[Camera], seen: Seen, seeds: Sequence[Seed], meets: float = people_seen.MEETS) -> _Around:
+def everybody_around(
+    cameras: Sequence[Camera], seen: Seen, seeds: Sequence[Seed] = (), meets: float = people_seen.MEETS
+) -> Around:
     every = max(1, round(seen.fps / PER_S))
     at = np.arange(0, seen.uv.shape[2], every)
     shown = (seen.score > 0) & np.isfinite(seen.uv).all(axis=-1)
@@ -178,7 +180,7 @@ def _around(cameras: Sequence[Camera], seen: Seen, seeds: Sequence[Seed], meets:
     paths = [path for path in everybody if len(path.sightings) >= LEAST_S * fps]
     marked = _pointed_at(everybody, seen, seeds, every, track)
     paths += [path for path in marked if path not in paths]
-    return _Around(found, track, people_of(paths, fps), marked, every, fps)
+    return Around(found, track, people_of(paths, fps), marked, every, fps)
 
 
 def _pointed_at(paths: Sequence[Path], seen: Seen, seeds: Sequence[Seed], every: int, track: Ints) -> list[Path]:
@@ -197,7 +199,7 @@ def _pointed_at(paths: Sequence[Path], seen: Seen, seeds: Sequence[Seed], every:
     return out
 
 
-def _subject(around: _Around, known: Size) -> tuple[list[Path], list[Path], list[Path]]:
+def _subject(around: Around, known: Size) -> tuple[list[Path], list[Path], list[Path]]:
     """Paths of the subject, of others, and those of which it cannot be told."""
     people, marked = around.people, around.marked
     if marked:
@@ -228,7 +230,7 @@ def _subject(around: _Around, known: Size) -> tuple[list[Path], list[Path], list
     return own, others, unclear
 
 
-def _decided(rivals: list[Person], around: _Around, known: Size) -> Person | None:
+def _decided(rivals: list[Person], around: Around, known: Size) -> Person | None:
     """Which of several people is the subject; None where it cannot be told."""
     way = np.array([_way(person.sightings) for person in rivals])
     if (way > GOES_M).any():
@@ -257,7 +259,7 @@ def _way(bodies: list[Sighting]) -> float:
     return float(np.linalg.norm(high - low))
 
 
-def _doubted(person: Person, around: _Around) -> bool:
+def _doubted(person: Person, around: Around) -> bool:
     """Whether only some views speak for a person, while another sees somebody else, and never all of them."""
     against = 0
     for body in person.sightings:
@@ -267,7 +269,7 @@ def _doubted(person: Person, around: _Around) -> bool:
     return split and not _unanimous(person, around)
 
 
-def _unanimous(person: Person, around: _Around) -> bool:
+def _unanimous(person: Person, around: Around) -> bool:
     """Whether all views see this person and nobody else for `UNANIMOUS_S`.
 
     For `UNMIXED_S` where none of the tracks is somebody else's elsewhere: he does not hide behind another in the one

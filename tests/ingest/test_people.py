@@ -236,6 +236,15 @@ def test_a_track_goes_on_over_a_gap_and_ends_where_somebody_else_is_taken():
     assert number.tolist() == expected
 
 
+def test_who_passes_where_another_was_lost_keeps_his_track():
+    """Somebody who stands is not found from 10 on; who walks by passes there half a second later."""
+    walk = [(t, 0, (100 + 4 * t, 200), 1.0, 0.9) for t in range(40)]
+    stands = [(t, 1, (200, 200), 1.0, 0.9) for t in range(10)]
+    found = people(sorted(walk + stands))
+    number = module.tracks(found, stamps(40))
+    assert len(set(number[found.person == 0].tolist())) == 1 and len(set(number.tolist())) == 2
+
+
 def test_two_people_have_a_track_each_whatever_their_order():
     found = []
     for t in range(30):

@@ -95,6 +95,20 @@ def test_the_edge_of_a_wall_is_not_the_body():
     assert label_error(misled.camera, points) > 1.0
 
 
+def test_an_edge_that_hangs_on_a_limb_which_the_wall_cuts_is_not_used():
+    """A forearm (joints 0 and 1) that reaches out and down behind the wall, so that the edge is where that cuts it."""
+    points = np.zeros((6, 3, 3))
+    points[:, 0], points[:, 1], points[:, 2] = (0.2, 0.0, 1.2), (0.8, 0.0, 0.8), (0.0, 0.0, 1.7)
+    uv = project(true_camera(), points)[0]
+    assert (uv[:, 1, 0] < uv[:, 0, 0]).all() and (uv[:, 0, 0] < uv[:, 2, 0]).all()
+    cut = uv[:, :2].mean(axis=1)
+    edges = np.stack([cut[:, 0], uv[:, 2, 1], uv[:, 2, 0], cut[:, 1]], axis=1)
+    for bones, used in ((np.zeros((0, 2), int), 1), (np.array([[0, 1]]), 0)):
+        given = replace(seen(points, edges), bones=bones)
+        reading = boxes_fit.Reading(true_camera(), FREE, given, "below")
+        assert (reading.rows().kind == 0).any() == used
+
+
 @pytest.mark.parametrize("wall", [False, True])
 def test_a_wall_that_few_careless_boxes_do_not_show_is_doubted_and_in_sigma(wall):
     """Where a person is 11 px tall and edges have an sd of 1 px, half a person looks much like a whole one."""

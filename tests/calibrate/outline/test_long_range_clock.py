@@ -46,6 +46,15 @@ def test_an_outline_that_trails_widens_the_time_by_what_it_takes_to_walk_so_far(
     assert trails[1] == plain[1]
 
 
+def test_residuals_to_which_much_was_fitted_are_smaller_than_errors():
+    J = np.random.default_rng(0).standard_normal((40, 10))
+    none = np.zeros((10, 10))
+    assert long_range_clock._grown(J.T @ J, none, 40.0) == pytest.approx(np.sqrt(40 / 30))
+    # what is known beforehand is not fitted
+    held = 1e9 * np.eye(10)
+    assert long_range_clock._grown(J.T @ J + held, held, 40.0) == pytest.approx(1.0, abs=1e-6)
+
+
 def swinging(t, lead_m=0.0):
     """Points (T, 5, 3) m of a walker to and fro along X whose feet swing, `lead_m` ahead of where they are."""
     x, way = 1.25 * np.sin(0.8 * t), np.sign(np.cos(0.8 * t))
