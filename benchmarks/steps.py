@@ -16,7 +16,7 @@ from dior.geometry import camera_tables
 from dior.ingest import detections, mocap
 from dior.label import reproject
 from dior.project import project as projects
-from dior.reconstruct import refine, timeline, triangulate
+from dior.reconstruct import bodies, refine, timeline, triangulate
 from dior.simulate import config, scene, simulate, simulate_mocap
 from dior.simulate import settings as levels
 from dior.simulate.motion import motion_of
@@ -212,9 +212,26 @@ def reconstructed(capture, session):
     """The 3D of an outdoor session: its close cameras adjusted, clocks, triangulated and refined."""
     adjusted(capture, session)
     rig, spread = [capture.made("adjust", session)], [capture.made("adjust", session, ".covariance")]
-    for name in capture.project.sequences_of(session):
+    names, close = capture.project.sequences_of(session), capture.project.close(session)
+    for name in names:
         _clocks(capture, name, rig, spread)
-        skeleton(capture, session, name, capture.project.close(session))
+    _bodies(capture, session, close)
+    for name in names:
+        skeleton(capture, session, name, close)
+
+
+def _bodies(capture, session, close):
+    walks = list(capture.project.window(session))
+    bodies.run(
+        session=session, cameras=[capture.made("adjust", session)], names=close,
+        subjects={name: capture.project.subject_of(name) for name in walks},
+        walks=bodies.Walks(
+            detections=[capture.made("detections", name) for name in walks],
+            everybody_seen=[capture.made("detections", name, ".people") for name in walks],
+            timelines=[capture.made("timeline", name) for name in walks], seeds=[],
+        ),
+        min_score=capture.project.config["detector"]["min_score"], out=capture.made("bodies", session),
+    )  # fmt: skip
 
 
 def _outdoors(capture, session):
@@ -228,7 +245,7 @@ def _outdoors(capture, session):
 
 def skeleton(capture, session, name, close):
     """The 3D of an outdoor sequence, triangulated and refined."""
-    choices = capture.project.config["triangulate"]
+    choices, told_by = capture.project.config["triangulate"], capture.made("bodies", session)
     triangulate.run(
         sequence=name, subject=capture.project.subject_of(name), cameras=[capture.made("adjust", session)],
         names=close, detections=capture.made("detections", name), timeline=capture.made("timeline", name),
@@ -240,7 +257,10 @@ def skeleton(capture, session, name, close):
         ),
         out=capture.made("triangulate", name), out_swaps=capture.made("triangulate", name, ".swaps"),
         findings=capture.made("triangulate", name, ".findings"),
-        told=triangulate.Told(capture.made("detections", name, ".people"), capture.folder / "config/subjects.tsv"),
+        told=triangulate.Told(
+            capture.made("detections", name, ".people"), capture.folder / "config/subjects.tsv",
+            told_by if told_by.exists() else None,
+        ),
         out_detections=capture.made("triangulate", name, ".detections"),
     )  # fmt: skip
     refine.run(

@@ -195,8 +195,8 @@ def test_one_view_alone_tells_where_somebody_stands_also_upside_down():
 
 
 LEFT_OPEN = pytest.mark.xfail(
-    reason="where a camera follows somebody else for most of a walk, it is left open in half of the walks and more: "
-    "two of three cameras that agree are no proof, and all three agree for less than UNANIMOUS_S"
+    reason="where a camera follows somebody else for most of a walk, a fifth of the walks are left open: two of three "
+    "cameras that agree are no proof, and all three agree for less than UNANIMOUS_S"
 )
 
 
