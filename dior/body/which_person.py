@@ -171,6 +171,7 @@ class Around:
 def everybody_around(
     cameras: Sequence[Camera], seen: Seen, seeds: Sequence[Seed] = (), meets: float = people_seen.MEETS
 ) -> Around:
+    """`Around` of the people that are `seen`."""
     every = max(1, round(seen.fps / PER_S))
     at = np.arange(0, seen.uv.shape[2], every)
     shown = (seen.score > 0) & np.isfinite(seen.uv).all(axis=-1)

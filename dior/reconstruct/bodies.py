@@ -16,6 +16,7 @@ import numpy as np
 from dior.arrays import AnyPath
 from dior.body import which_person
 from dior.body.people_followed import LONGER_SHARE, UNKNOWN, Size, mean_size
+from dior.errors import DiorError
 from dior.geometry import camera_tables
 from dior.reconstruct import everybody
 from dior.reconstruct.timeline import nearest_frames, rate
@@ -71,8 +72,13 @@ def run(
             min_score,
             fps,
         )
-        pointed = everybody.seeds_of(seeds.get(sequence), seen, names, nearest_frames(line, names))
-        found.append(which_person.size_of_subject(rig, seen, pointed))
+        try:
+            pointed = everybody.seeds_of(seeds.get(sequence), seen, names, nearest_frames(line, names))
+        except DiorError:
+            # the walk's own step says what is wrong with its seeds; the others go on
+            found.append(UNKNOWN)
+        else:
+            found.append(which_person.size_of_subject(rig, seen, pointed))
     write(out, subjects, found)
 
 

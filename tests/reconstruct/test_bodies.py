@@ -55,6 +55,10 @@ def test_where_somebody_else_may_be_meant_there_is_none_but_by_a_seed(tmp_path):
     middle = np.nanmean(observed(ring(3), both[0], 0.5, 0)[1, 20], axis=0)
     seeds = tmp_path / "walk_0.yaml"
     seeds.write_text(f"seeds: [{{camera: cam02, frame: 20, u: {middle[0]:.1f}, v: {middle[1]:.1f}}}]")
+    wrong = tmp_path / "wrong/walk_0.yaml"
+    wrong.parent.mkdir()
+    wrong.write_text("seeds: [{camera: cam02, frame: 20, u: 1.0, v: 1.0}]")
+    assert np.isnan(told(tmp_path / "missed", walker(COUNT), seeds=[wrong])["stature_m"])
     row = told(tmp_path / "seeded", *both, seeds=[seeds])
     assert row["stature_m"] == pytest.approx(plausible.stature(both[0], MLKIT_33), abs=0.01)
 
