@@ -38,6 +38,8 @@ NEAR = 0.1
 # that meet by chance meet too near or too far, in a giant or a dwarf
 SPAN_M = (0.8, 2.2)
 ANKLE_M = 0.08  # height of an ankle that stands; chosen, as Drillis and Contini's 0.039 of the stature and a sole
+# chosen: so far, m, may a foot on the floor by one view be from the body's middle: half a step, and a foot that is up
+FOOT_M = 0.6
 TALL_M = 1.7  # of the bones that errors make longer; chosen, anybody's
 EAR_SHARE = 0.936  # of the stature, Drillis and Contini (1966): the eyes' height, in which the ears are
 
@@ -45,7 +47,7 @@ EAR_SHARE = 0.936  # of the stature, Drillis and Contini (1966): the eyes' heigh
 @dataclass(frozen=True, eq=False)
 class Sighting:
     """A body at instant `t`: its `place` (3,) m between the hips, `members` (V,) the person of each view or -1, whose
-    rays `meet` (V,) in it; others lie near.
+    rays `meet` (V,) in it and who stands there by that view alone; others lie near.
 
     `middles` (M, 3) m of its joints, NaN where not known; `stature` m, NaN where the joints do not tell; `alone`: one
     view only, whose place is that of the feet on the floor; `sure`: two views or more have no other person whose rays
@@ -234,6 +236,10 @@ def _body(
     place = _place(points[each:], joints)
     if not np.isfinite(place).all():
         return None
+    meet = np.array(members) >= 0
+    for v, one, there in zip(views, own, say, strict=True):
+        foot = _foot(cameras[v], joints, one, there)
+        meet[v] = foot is None or np.linalg.norm((foot - place)[:2]) <= FOOT_M
     return Sighting(
         t,
         place,
@@ -241,7 +247,7 @@ def _body(
         points[each:],
         stature(points[None, :each], joints.names),
         False,
-        np.array(members) >= 0,
+        meet,
         sure,
         _longer([cameras[v] for v in views], place, chi2[:each][good[:each]], free[:each][good[:each]]),
     )
@@ -308,21 +314,29 @@ def away(camera: Camera, body: Floats, middle: Floats, both: Bools, size: Floats
     return np.where(count >= FEWEST, median / size, np.inf)
 
 
-def _alone(
-    cameras: Sequence[Camera], joints: Joints, uv: Floats, seen: Bools, t: int, view: int, person: int
-) -> Sighting | None:
-    """A body that one view sees: where its lower foot meets the floor, its stature from the ears above; or None."""
+def _foot(camera: Camera, joints: Joints, uv: Floats, seen: Bools) -> Floats | None:
+    """Where (3,) the lower foot of a detection meets the floor; None where it does not."""
     at = {name: i for i, name in enumerate(joints.names)}
     feet = [at[name] for name in ("left_ankle", "right_ankle") if name in at and seen[at[name]]]
     if not feet:
         return None
-    camera = cameras[view]
     # the lower one of the world: the camera may be upside down
     rays = cam.rays(camera, uv[feet])
     ray = rays[int((rays[:, 2] / np.linalg.norm(rays, axis=1)).argmin())]
     if ray[2] * (ANKLE_M - camera.centre[2]) <= 0:
         return None
-    place = camera.centre + ray * (ANKLE_M - camera.centre[2]) / ray[2]
+    return np.asarray(camera.centre + ray * (ANKLE_M - camera.centre[2]) / ray[2])
+
+
+def _alone(
+    cameras: Sequence[Camera], joints: Joints, uv: Floats, seen: Bools, t: int, view: int, person: int
+) -> Sighting | None:
+    """A body that one view sees: where its lower foot meets the floor, its stature from the ears above; or None."""
+    camera = cameras[view]
+    place = _foot(camera, joints, uv, seen)
+    if place is None:
+        return None
+    at = {name: i for i, name in enumerate(joints.names)}
     tall = np.nan
     ears = [at[name] for name in ("left_ear", "right_ear", "nose") if name in at and seen[at[name]]]
     if ears:

@@ -18,7 +18,6 @@ import numpy as np
 from dior.arrays import Bools, Floats, Ints, Texts
 from dior.body import people_seen
 from dior.body.people_followed import (
-    KNOWN,
     UNKNOWN,
     Path,
     Person,
@@ -43,14 +42,9 @@ PASSING = 0.5
 # who stays within the one is not who was recorded walking, where another goes farther than the other, m; chosen: a sway
 # and the errors of a place, and two steps in walks of a second
 STANDS_M, GOES_M = 0.3, 0.5
-# for so long, never contradicted, all cameras must see one person and nobody else; where none of their tracks is at
-# other times somebody else's, for so long. Chosen: people beside each other, one of whom two cameras follow and the
-# third the other, looked like one for up to 2 s in 2 of 80 walks
-UNANIMOUS_S, UNMIXED_S = 2.5, 1.0
-# two cameras that face each other tell little of where between them somebody is, so that a third that sees another in
-# line with him agrees, for 3.7 s in one of these walks. So much longer do errors make his bones then, m, and so long it
-# must be; chosen: three times what cameras around do
-FACING_M, FACING_S = 0.025, 4.0
+# for so long, never contradicted, all cameras must see one person and nobody else, standing there by each of them alone.
+# Chosen: people beside each other, one of whom two cameras follow and the third the other, never looked so for half of it
+UNANIMOUS_S = 1.0
 DOUBT = 0.25  # of the time that another view sees somebody else; chosen: more than detectors take a bystander
 # chosen: how well a tape tells the stature by the joints, m: people of one height differ by 1 % of it in neck, head and
 # foot, and a detector's joints are not the anatomist's
@@ -271,23 +265,10 @@ def _doubted(person: Person, around: Around) -> bool:
 
 
 def _unanimous(person: Person, around: Around) -> bool:
-    """Whether all views see this person and nobody else for `UNANIMOUS_S`.
-
-    For `UNMIXED_S` where none of the tracks is somebody else's elsewhere: he does not hide behind another in the one
-    camera that follows him.
-    """
-    own = {id(body) for body in person.sightings}
-    rest = [body for bodies in around.found for body in bodies if id(body) not in own]
-    elsewhere = Counter(one for body in rest for one in tracks_of(body, around.track))
+    """Whether all views see this person and nobody else for `UNANIMOUS_S`."""
     broken = np.cumsum([len(bodies) > 1 for bodies in around.found])
-    alone, unmixed = Counter[int](), Counter[int]()
-    for body in person.sightings:
-        if len(around.found[body.t]) == 1 and body.meet.all():
-            alone[broken[body.t]] += 1
-            unmixed[broken[body.t]] += all(elsewhere[one] < KNOWN for one in tracks_of(body, around.track))
-    least = FACING_S if size_of(person.sightings).longer_m > FACING_M else UNANIMOUS_S
-    longest = (max(runs.values(), default=0) / around.fps for runs in (alone, unmixed))
-    return any(seconds >= enough for seconds, enough in zip(longest, (least, UNMIXED_S), strict=True))
+    runs = Counter(int(broken[one.t]) for one in person.sightings if len(around.found[one.t]) == 1 and one.meet.all())
+    return max(runs.values(), default=0) >= UNANIMOUS_S * around.fps
 
 
 def _choice(cameras: Sequence[Camera], seen: Seen, followed: Followed) -> Choice:
