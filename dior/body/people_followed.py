@@ -93,7 +93,8 @@ def paths_of(found: Sequence[list[Sighting]], track: Ints, fps: float) -> list[P
     Where people hide each other, detections of two may meet in one body for a moment. So a body goes on with the path
     that had more of its detections' tracks several times in the last seconds; a track that another has had since counts
     half, since a camera that sees one person before the other does not notice that it was handed on. Where most views
-    have another track than a moment ago, somebody else came into the others' line of sight.
+    have another track than a moment ago, somebody else came into the others' line of sight; and a body that is not as tall
+    as a path that had its tracks is not taken over by one that had fewer.
     """
     paths: list[Path] = []
     holder: dict[tuple[int, int], Path] = {}
@@ -102,21 +103,22 @@ def paths_of(found: Sequence[list[Sighting]], track: Ints, fps: float) -> list[P
         if not bodies:
             continue
         open_ = [path for path in paths if bodies[0].t - path.last.t <= MEMORY_S * fps]
-        ways = []
+        ways, refused = [], np.zeros(len(bodies))
         for i, path in enumerate(open_):
             before = Counter(one for body in path.sightings[-past:] for one in tracks_of(body, track))
             for j, body in enumerate(bodies):
-                shared = sum(
-                    min(before[one], KNOWN) / KNOWN * (1.0 if holder[one] is path else HANDED_ON)
-                    for one in tracks_of(body, track)
-                    if one in before
-                )
+                known = {one: min(before[one], KNOWN) / KNOWN for one in tracks_of(body, track) if one in before}
                 off = _off(path, body, fps)
-                if shared and off <= 1 and not _exchanged(path.last, body, track) and _as_tall(path, body):
-                    ways.append((off - shared, i, j))
+                if known and off <= 1 and not _exchanged(path.last, body, track):
+                    had = sum(known.values())
+                    if _as_tall(path, body):
+                        shared = sum(part * (1.0 if holder[one] is path else HANDED_ON) for one, part in known.items())
+                        ways.append((off - shared, i, j, had))
+                    else:
+                        refused[j] = max(refused[j], had)
         done: tuple[set[int], set[int]] = (set(), set())
-        for _, i, j in sorted(ways):
-            if i not in done[0] and j not in done[1]:
+        for _, i, j, had in sorted(ways):
+            if i not in done[0] and j not in done[1] and had >= refused[j]:
                 done[0].add(i)
                 done[1].add(j)
                 open_[i].sightings.append(bodies[j])

@@ -38,7 +38,7 @@ NEAR = 0.1
 # that meet by chance meet too near or too far, in a giant or a dwarf
 SPAN_M = (0.8, 2.2)
 ANKLE_M = 0.08  # height of an ankle that stands; chosen, as Drillis and Contini's 0.039 of the stature and a sole
-# chosen: so far, m, may a foot on the floor by one view be from the body's middle: half a step, and a foot that is up
+# chosen: so far, m, may a foot on the floor by one view be from the body's middle: half a step, a foot that is up
 FOOT_M = 0.6
 TALL_M = 1.7  # of the bones that errors make longer; chosen, anybody's
 EAR_SHARE = 0.936  # of the stature, Drillis and Contini (1966): the eyes' height, in which the ears are

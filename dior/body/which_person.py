@@ -42,8 +42,9 @@ PASSING = 0.5
 # who stays within the one is not who was recorded walking, where another goes farther than the other, m; chosen: a sway
 # and the errors of a place, and two steps in walks of a second
 STANDS_M, GOES_M = 0.3, 0.5
-# for so long, never contradicted, all cameras must see one person and nobody else, standing there by each of them alone.
-# Chosen: people beside each other, one of whom two cameras follow and the third the other, never looked so for half of it
+# for so long, never contradicted, all cameras must see one person and nobody else, standing there by each of them
+# alone. Chosen: people beside each other, one of whom two cameras follow and the third the other, never looked so for
+# half of it
 UNANIMOUS_S = 1.0
 DOUBT = 0.25  # of the time that another view sees somebody else; chosen: more than detectors take a bystander
 # chosen: how well a tape tells the stature by the joints, m: people of one height differ by 1 % of it in neck, head and
