@@ -93,8 +93,8 @@ def paths_of(found: Sequence[list[Sighting]], track: Ints, fps: float) -> list[P
     Where people hide each other, detections of two may meet in one body for a moment. So a body goes on with the path
     that had more of its detections' tracks several times in the last seconds; a track that another has had since counts
     half, since a camera that sees one person before the other does not notice that it was handed on. Where most views
-    have another track than a moment ago, somebody else came into the others' line of sight; and a body that is not as tall
-    as a path that had its tracks is not taken over by one that had fewer.
+    have another track than a moment ago, somebody else came into the others' line of sight; and a body that is not as
+    tall as a path that had its tracks is not taken over by one that had fewer.
     """
     paths: list[Path] = []
     holder: dict[tuple[int, int], Path] = {}

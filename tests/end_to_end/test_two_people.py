@@ -67,9 +67,9 @@ def test_targets_have_names(project, tmp_path, target):
 def test_an_edited_sheet_row_touches_its_sequence(copy):
     row = next(r for r in (copy / "config/sequences.tsv").read_text().splitlines() if r.startswith("outdoor_02"))
     edit(copy / "config/sequences.tsv", row, row.replace("\tS02\t", "\tS01\t"))
-    # the session is adjusted with this walk, and its person's height judges that
+    # the session is adjusted with this walk, and its person's height judges that; now it tells of the other one's, too
     assert planned(copy) == {
-        "adjust": 1, "clocks": 2, "timeline": 2, "follow": 2, "triangulate": 2, "refine": 2, "world": 2,
+        "adjust": 1, "clocks": 2, "timeline": 2, "bodies": 1, "follow": 2, "triangulate": 2, "refine": 2, "world": 2,
         "align": 1, "moved": 1, "reproject": 8, "evaluate": 2,
         "overlays": 8, "clip": 2, "metrics": 1, "statistics": 1, "report": 1,
         "heads": 8, "pixels": 8, "package": 1, "exports": 1, "tarballs": 3,
