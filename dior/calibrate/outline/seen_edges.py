@@ -66,8 +66,10 @@ class EdgeObservations:
     bones: Ints = field(default_factory=lambda: np.zeros((0, 2), int))
 
     def middle_s(self, walk: int) -> float:
-        """Time (s) in the middle of the pictures of a walk, where errors of its clock and drift are independent."""
-        return float(self.seconds[self.walk == walk].mean())
+        """Time (s) in the middle of the pictures of a walk, where errors of its clock and drift are independent; 0
+        without one."""
+        seconds = self.seconds[self.walk == walk]
+        return float(seconds.mean()) if len(seconds) else 0.0
 
     def at(self, clocks: Floats) -> tuple[Floats, Floats, Floats]:
         """Points (F, J, 3) m with clocks (K, 2) s and ppm that are off, their velocities, and the time (F,) s from the

@@ -252,3 +252,9 @@ def test_three_pictures_at_once_with_the_same_errors_tell_as_much_as_one():
     assert alone.inflation < 1.5 < found.inflation
     ratio = np.diagonal(found.covariance)[:2] / np.diagonal(alone.covariance)[:2]
     assert (0.7 < ratio).all() and (ratio < 1.4).all(), "independent pictures would have a third of the variance"
+
+
+def test_a_walk_without_a_box_has_no_middle():
+    nothing = np.zeros((2, 1, 3)), np.zeros((2, 4)), np.zeros((2, 1, 2))
+    seen = seen_edges.EdgeObservations(*nothing, seconds=np.array([1.0, 2.0]), walk=np.array([1, 1]))
+    assert (seen.middle_s(0), seen.middle_s(1)) == (0.0, 1.5)
