@@ -26,8 +26,8 @@ Drawn = Iterable[Mapping[str, Boxes]]
 
 @dataclass(frozen=True, eq=False)
 class Apart:
-    """Of K other drawers, by `names`: the middle of the box minus that of the first one's, `mean` (K, 2) px in u and v
-    over `count` (K,) pictures, with its standard error `sigma` (K, 2)."""
+    """Of K pairs of drawers, by `names` of the second one: the middle of the box minus that of the first one's, `mean`
+    (K, 2) px in u and v over `count` (K,) pictures, with its standard error `sigma` (K, 2)."""
 
     names: tuple[str, ...] = ()
     mean: Floats = field(default_factory=lambda: np.zeros((0, 2)))
@@ -37,19 +37,25 @@ class Apart:
 
 def apart(drawn: Drawn) -> Apart:
     """`Apart` by the pictures that another drawer and the one whose boxes are used have both drawn."""
-    steps: dict[str, list[Floats]] = {}
+    steps: dict[tuple[str, str], list[Floats]] = {}
     for by_drawer in drawn:
-        (frames, edges), *_ = by_drawer.values() or [NONE]
-        for name in list(by_drawer)[1:]:
+        used, *others = by_drawer or [""]
+        frames, edges = by_drawer.get(used, NONE)
+        for name in others:
             _, mine, theirs = np.intersect1d(frames, by_drawer[name][0], return_indices=True)
             step = by_drawer[name][1][theirs] - edges[mine]
-            steps.setdefault(name, []).append((step[:, :2] + step[:, 2:]) / 2)
-    each = {name: np.concatenate(parts) for name, parts in steps.items()}
-    each = {name: step for name, step in each.items() if len(step) >= FEWEST}
+            middle = (step[:, :2] + step[:, 2:]) / 2
+            # who is the other in one walk may be the one whose boxes are used in the next: still one difference
+            if (name, used) in steps:
+                steps[name, used].append(-middle)
+            else:
+                steps.setdefault((used, name), []).append(middle)
+    each = {pair: np.concatenate(parts) for pair, parts in steps.items()}
+    each = {pair: step for pair, step in each.items() if len(step) >= FEWEST}
     if not each:
         return Apart()
     return Apart(
-        tuple(each),
+        tuple(name for _, name in each),
         np.array([step.mean(axis=0) for step in each.values()]),
         np.array([step.std(axis=0, ddof=1) / np.sqrt(len(step)) for step in each.values()]),
         tuple(len(step) for step in each.values()),

@@ -25,6 +25,13 @@ def test_the_middles_of_pictures_that_both_drew_are_compared():
     np.testing.assert_allclose(found.sigma, np.std([1] * 5 + [0] * 5, ddof=1) / np.sqrt(10) * np.ones((1, 2)))
 
 
+def test_two_who_change_places_from_walk_to_walk_are_one_difference():
+    max_, zoe = drawn(range(5), 0, 0, 0, 0), drawn(range(5), 1, -2, 1, -2)
+    found = drawers.apart([{"max": max_, "zoe": zoe}, {"zoe": zoe, "max": max_}])
+    assert found.names == ("zoe",) and found.count == (10,)
+    np.testing.assert_allclose(found.mean, [[1, -2]])
+
+
 def test_few_pictures_and_one_drawer_tell_nothing():
     few = {"max": drawn(range(10), 0, 0, 0, 0), "zoe": drawn(range(3), 1, 1, 1, 1)}
     for one in ([few], [{}], [{"max": drawn(range(10), 0, 0, 0, 0)}]):
