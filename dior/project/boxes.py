@@ -44,7 +44,8 @@ def read_drawers(path: AnyPath, frames: ArrayLike) -> dict[str, Boxes]:
     no name is given.
 
     `frames`: the frames of the recording. Raises DiorError, naming file and line, for a malformed row, a box that is
-    inside out, a frame that the recording does not have and a second box of one frame by the same drawer.
+    inside out or has no area, a frame that the recording does not have, a second box of one frame by the same drawer,
+    and a drawer who is written in two ways.
     """
     path = Path(path)
     lines = rows_of(path, path)
@@ -57,6 +58,7 @@ def read_drawers(path: AnyPath, frames: ArrayLike) -> dict[str, Boxes]:
         raise DiorError(f"{path}: the first line must be '{','.join(COLUMNS)}', and '{DRAWER}' may follow{wrong}")
     known = set(np.asarray(frames).tolist())
     drawn: dict[str, dict[int, list[float]]] = {}
+    spelt: dict[str, str] = {}
     for number, words in lines[1:]:
         where = f"{path}, line {number}"
         box = _row(words, header, where)
@@ -68,9 +70,19 @@ def read_drawers(path: AnyPath, frames: ArrayLike) -> dict[str, Boxes]:
                 f"{where}: frame {frame} is not in the recording, whose frames are "
                 f"{min(known, default=0)} to {max(known, default=-1)}; frames count from 0"
             )
-        boxes = drawn.setdefault(words[-1] if DRAWER in header else "", {})
+        drawer = words[-1] if DRAWER in header else ""
+        first = spelt.setdefault(drawer.casefold(), drawer)
+        if first != drawer:
+            raise DiorError(
+                f"{where}: the drawers '{first}' and '{drawer}' differ by capitals alone; write one person in one way"
+            )
+        boxes = drawn.setdefault(drawer, {})
         if frame in boxes:
-            raise DiorError(f"{where}: frame {frame} has a second box; keep the one of the subject")
+            by = f" of drawer '{drawer}'" if drawer else ""
+            raise DiorError(
+                f"{where}: frame {frame} has a second box{by}; keep the one of the subject, or name in the column "
+                f"'{DRAWER}' who drew which"
+            )
         boxes[frame] = edges
     return {drawer: _sorted(boxes) for drawer, boxes in drawn.items()}
 
@@ -81,8 +93,9 @@ def _sorted(boxes: dict[int, list[float]]) -> Boxes:
 
 
 def line_of(edges: Floats) -> float:
-    """Where (px) something that hides a part of everybody ends, by the edges (B,) px of boxes towards it."""
-    return float(np.nanmedian(edges))
+    """Where (px) something that hides a part of everybody ends, by the edges (B,) px towards it; NaN of none."""
+    there = edges[np.isfinite(edges)]
+    return float(np.median(there)) if len(there) else np.nan
 
 
 def at_line(edges: Floats, line: float) -> Bools:
@@ -127,6 +140,8 @@ def _row(words: list[str], header: tuple[str, ...], where: str) -> tuple[int, li
     if not all(abs(edge) <= FAR_PX for edge in edges):
         raise DiorError(f"{where}: an edge of the box at {','.join(words[1:])} is in no picture")
     u_min, v_min, u_max, v_max = edges
+    if u_min == u_max or v_min == v_max:
+        raise DiorError(f"{where}: the box has no area (u {u_min} to {u_max}, v {v_min} to {v_max}); draw it again")
     if u_min > u_max or v_min > v_max:
         raise DiorError(f"{where}: the box is inside out (u_min {u_min} u_max {u_max}, v_min {v_min} v_max {v_max})")
     return frame, edges

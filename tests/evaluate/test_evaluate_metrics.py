@@ -160,7 +160,7 @@ def test_share_in_boxes_counts_in_frame_labels_of_boxed_frames(tmp_path):
     status = np.full((3, 3), "ok", dtype=object)
     status[0, 2], status[1, 1] = "out_of_frame", "occluded"
     path = tmp_path / "b.csv"
-    path.write_text(BOXES + "1,20,20,30,30\n0,10,10,10,10\n")  # edges belong to the box; frame 2 has none
+    path.write_text(BOXES + "1,20,20,30,30\n0,10,10,11,11\n")  # edges belong to the box; frame 2 has none
     labels = write_labels(tmp_path / "l.parquet", uv, status)
     found = run(tmp_path, labels, boxes={"cam01": path}, roles={"cam01": "long_range"})
     assert found["in_box_share", "cam01", ""] == (pytest.approx(3 / 5), 5)

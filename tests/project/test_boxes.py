@@ -36,6 +36,11 @@ def test_a_file_without_drawers_has_one(tmp_path):
     ("text", "words"),
     [
         (HEADER + "3,1,2,3,4,max\n3,1,2,3,4,max\n", "line 3: frame 3 has a second box"),
+        (HEADER + "3,1,2,3,4,max\n3,1,2,3,4,max\n", "a second box of drawer 'max'"),
+        (HEADER + "3,1,2,3,4,\n3,1,2,3,4,\n", "or name in the column 'drawer' who drew which"),
+        (HEADER + "3,1,2,3,4,Max\n4,1,2,3,4,max\n", "line 3: the drawers 'Max' and 'max' differ by capitals alone"),
+        (HEADER + "3,1,2,1,4,max\n", "line 2: the box has no area (u 1.0 to 1.0, v 2.0 to 4.0)"),
+        (HEADER + "3,1,2,3,2,max\n", "line 2: the box has no area (u 1.0 to 3.0, v 2.0 to 2.0)"),
         (HEADER + "3,1,2,3,4\n", "line 2: has 5 values, not the 6"),
         (HEADER.replace("drawer", "drawr"), "not 'drawr' (did you mean 'drawer'?)"),
     ],
@@ -51,3 +56,8 @@ def test_each_fit_leaves_out_as_many_boxes_spread_over_the_walk():
     assert np.bincount(folds).tolist() == [10] * boxes.FOLDS
     assert all(np.ptp(np.flatnonzero(folds == k)) > 20 for k in range(boxes.FOLDS))
     assert boxes.folds(np.array([4, 7, 9])).tolist() != [0, 0, 0] and not len(boxes.folds(np.zeros(0, int)))
+
+
+def test_without_an_edge_there_is_no_line():
+    assert np.isnan(boxes.line_of(np.array([])) + boxes.line_of(np.array([np.nan])))
+    assert boxes.line_of(np.array([1.0, np.nan, 5.0, 2.0])) == 2
