@@ -45,6 +45,7 @@ CUT = 3.0  # chosen: residuals of that many sd weigh a quarter
 # chosen: what it costs to read a side as an occluder's, beyond the usual cost 1 of each edge that is left out: a chi2.
 # As much again with many edges, so that a small misfit of all of them is not taken for a wall.
 COST_OF_HIDING = 25.0
+COST_OF_LOSING = 4.0  # chosen: of an edge at a moment of which there is no 3D; as much as of one that is 2 sd off
 HIDDEN_HEADS = 20.0  # chosen: walls and hedges hide legs; little hides heads
 DOUBTFUL = 12.0  # chosen: chi2 by which the reading that is taken is ahead of the next, e^6 at even odds
 # chosen: readings of which the labels differ less, in heights of the body, are the same to who uses them; half a body
@@ -224,17 +225,22 @@ class Reading:
 
         def cost(late_s: float) -> float:
             self.clocks[walk, 0] = late_s
-            return self.cost(sd)
+            return self.cost(sd) + self._lost()
 
         best = float(LAGS_S[np.argmin(lag.curve(cost, LAGS_S))])
         self.values = kept.copy()
         if abs(best - self.clocks[walk, 0]) <= lag.APART_S:
             return
-        before = self.cost(sd)
+        before = self.cost(sd) + self._lost()
         self.clocks[walk, 0] = best
         self._iterate(where)
-        if self.cost(sd) > before:
+        if self.cost(sd) + self._lost() > before:
             self.values, self.sd = kept, sd
+
+    def _lost(self) -> float:
+        """What it costs that pictures with edges are at moments of which there is no 3D; a clock must not go there."""
+        there = np.any(np.isfinite(self.seen.at(self.clocks)[0]).all(axis=-1), axis=1)
+        return COST_OF_LOSING * float(np.isfinite(self.seen.edges[~there]).sum())
 
     def _iterate(self, where: str) -> None:
         self.values[TURN] = self._aim(where) * self.free[TURN]

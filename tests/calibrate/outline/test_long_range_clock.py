@@ -46,6 +46,15 @@ def test_an_outline_that_trails_widens_the_time_by_what_it_takes_to_walk_so_far(
     assert trails[1] == plain[1]
 
 
+def test_a_clock_that_leaves_boxes_without_a_body_costs_what_they_would():
+    """The walk is known from -2 to 15 s; the last boxes are drawn at 11.3."""
+    reading = boxes_fit.Reading(true_camera(), Freedom(clock_s=(1.0,), drift_ppm=(100.0,)), watched(), "")
+    assert reading._lost() == 0
+    reading.clocks[0, 0] = 3.85
+    # after 11.15 s there is one picture, with four edges
+    assert reading._lost() == 4 * boxes_fit.COST_OF_LOSING
+
+
 def test_residuals_to_which_much_was_fitted_are_smaller_than_errors():
     J = np.random.default_rng(0).standard_normal((40, 10))
     none = np.zeros((10, 10))
