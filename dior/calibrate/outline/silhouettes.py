@@ -69,7 +69,9 @@ def outline(points: Floats, joints: Sequence[str]) -> tuple[Floats, Floats]:
     `points` (F, J, 3) of joints or of Plug-in-Gait markers; the crown and the toes are added where they are known.
     """
     if not np.isfinite(points[..., 2]).any():
-        return points, np.zeros(points.shape[1])
+        # as many points as of any other walk of these joints
+        whole, _ = outline(np.arange(points[:1].size, dtype=float).reshape(points[:1].shape), joints)
+        return np.full((len(points), *whole.shape[1:]), np.nan), np.zeros(whole.shape[1])
     if {"left_ear", "right_ear"} <= set(joints):
         top = crown(points, joints)
         highest = top[:, 2] if np.isfinite(top).any() else points[..., 2]

@@ -181,7 +181,9 @@ def gather(
     parts, used = [], []
     for k, (walk, (shown, values)) in enumerate(zip(walks, found, strict=True)):
         count = len(shown)
-        track, flesh_m, outline_m = edged(walk, around)
+        track, own_flesh_m, outline_m = edged(walk, around)
+        # a walk without any 3D does not tell how large a body is
+        flesh_m = own_flesh_m if np.any(own_flesh_m) else flesh_m
         used.append(track)
         points = track.at(walk.seconds[shown])
         clicks = values if source == "marks" else np.full((*points.shape[:2], 2), np.nan)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from dior.body.names import MLKIT_33
 from dior.calibrate.outline import silhouettes
 
 HIGH, WIDE = 60, 120
@@ -108,3 +109,12 @@ def test_a_sun_that_is_saturated_tells_nothing_of_the_light():
     shining, expected = walk(scene() + sun, gain)
     found = silhouettes.edges(shining, 20, silhouettes.empty_scene(shining))
     np.testing.assert_allclose(found, expected, atol=0.8)
+
+
+@pytest.mark.parametrize("joints", [MLKIT_33, ("LFHD", "RFHD", "LTOE", "LHEE", "RTOE", "RHEE")])
+def test_a_walk_of_which_nothing_is_known_has_as_many_points_as_any_other(joints):
+    points = np.random.default_rng(0).uniform(0, 2, (5, len(joints), 3))
+    known, flesh_m = silhouettes.outline(points, joints)
+    nothing, none_m = silhouettes.outline(np.full(points.shape, np.nan), joints)
+    assert nothing.shape == known.shape and np.isnan(nothing).all()
+    assert none_m.shape == flesh_m.shape and not none_m.any()
