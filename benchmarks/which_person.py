@@ -15,12 +15,11 @@ facing             as `together`, with two cameras alone, that face each other
 
 Walks of 10 s, mostly three cameras; the other is 4 to 10 cm taller or smaller, or METRES (- for by chance). The
 subject's height is measured, and there is another walk of theirs, by the same cameras and in which nobody else is seen
-(step `bodies`); with `tape` there is none. `right`: of the labels, those
-at the subject's joints; `kept`: of the joints at instants at which two views have the subject, those with a label;
-`stranger`: labels at the other; `suspect`: the share of joints that is left open; `warned`: captures with a warning;
-`sizes`: by how much one body's statures differ, in the halves of a walk and in two walks, as mean square and over what
-is expected. `before`: the same counts where the choice is made in each camera alone, of the first 5 seeds, since it
-takes as long again.
+(step `bodies`); with `tape` there is none. `right`: of the labels, those at the subject's joints; `kept`: of the joints
+at instants at which two views have the subject, those with a label; `stranger`: labels at the other; `suspect`: the
+share of joints that is left open; `warned`: captures with a warning. `sizes`: by how much one body's statures differ,
+in the halves of a walk and in two walks, as mean square and over what is expected. `before`: the same counts where the
+choice is made in each camera alone, of the first 5 seeds, since it takes as long again.
 """
 
 import os
@@ -47,6 +46,12 @@ SUBJECT = "p0123456789"
 # a label is the subject's where it is this near, or nearer than to the other
 NEAR_M = 0.3
 BEFORE = 5
+# what the steps before have made, and the tables in it
+FILES = {
+    "detections.parquet": "detections",
+    "people.parquet": "detected_people",
+    "timeline.parquet": "timeline",
+}
 
 
 def labelled(folder, capture, seeds=None, alone=None):
@@ -74,11 +79,11 @@ def labelled(folder, capture, seeds=None, alone=None):
 def told_by(folder, alone):
     """The step's table `bodies` of a walk of the subject."""
     names = write_inputs(folder, alone)
-    for kind in ("detections", "people", "timeline"):
-        (folder / f"{kind}.parquet").rename(folder / f"walk_0.{kind}.parquet")
+    for file in FILES:
+        (folder / file).rename(folder / f"walk_0.{file}")
     bodies.run(
         session="outdoor", cameras=[folder / "cameras.parquet"], names=names, subjects={"walk_0": SUBJECT},
-        walks=bodies.Walks(*([folder / f"walk_0.{kind}.parquet"] for kind in ("detections", "people", "timeline")), []),
+        walks=bodies.Walks(*([folder / f"walk_0.{file}"] for file in FILES), seeds=[]),
         min_score=LIMITS.min_score, out=folder / "bodies.parquet",
     )  # fmt: skip
     return folder / "bodies.parquet"
@@ -89,12 +94,12 @@ def write_inputs(folder, capture):
     names = [camera.name for camera in capture.cameras]
     stamps = two_walkers.stamps(capture)
     camera_tables.write_cameras(folder / "cameras.parquet", list(capture.cameras))
-    subject, everybody = [], []
+    subject, others = [], []
     for name, found in zip(names, capture.people, strict=True):
         subject.append(detections._columns(name, stamps, found, people.follow(found, stamps)))
-        everybody.append(detections._everybody(name, found, people.tracks(found, stamps)))
+        others.append(detections._everybody(name, found, people.tracks(found, stamps)))
     tables.write(folder / "detections.parquet", "detections", detections._concatenated(subject))
-    tables.write(folder / "people.parquet", "detected_people", detections._concatenated(everybody))
+    tables.write(folder / "people.parquet", "detected_people", detections._concatenated(others))
     two_walkers.write_timeline(folder / "timeline.parquet", names, stamps)
     return names
 
@@ -167,15 +172,11 @@ def _bodies(capture):
     """Sightings of the one person of a capture."""
     with tempfile.TemporaryDirectory() as folder:
         names = write_inputs(Path(folder), capture)
-        kinds = ("detections", "people", "timeline")
-        read = (tables.read(Path(folder) / f"{kind}.parquet", name) for kind, name in zip(kinds, NAMES, strict=True))
+        read = (tables.read(Path(folder) / file, name) for file, name in FILES.items())
         seen = everybody.at_instants(*read, names, LIMITS.min_score, two_walkers.FPS)
     return [
         body for path in which_person.everybody_around(capture.cameras, seen).people[0].paths for body in path.together
     ]
-
-
-NAMES = ("detections", "detected_people", "timeline")
 
 
 def _apart(one, other, across_m=0.0):

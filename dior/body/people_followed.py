@@ -19,7 +19,7 @@ KNOWN = 3  # a track that a path had so often is its own; chosen: half a second
 HANDED_ON = 0.5  # chosen: see `paths_of`
 HISTORY_S = 2.0  # of whose detections a body was; chosen: longer than people hide each other in passing
 # a sighting that is so much taller or smaller than the `LAST` before, at least `FEWEST`, is not of the same body;
-# chosen: five times the scatter of level `real`, and a second
+# chosen: far beyond the scatter of one body's, and a second
 LAST, FEWEST, CHIMERA_M, CHIMERA_SCATTERS = 30, 6, 0.13, 5.0
 # how far a body can be from where it was expected: at once, and more per second; chosen: a walker's change of pace
 REACH_M, SPEED_M_S = 0.35, 1.5

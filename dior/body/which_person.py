@@ -43,8 +43,8 @@ PASSING = 0.5
 # and the errors of a place, and two steps in walks of a second
 STANDS_M, GOES_M = 0.3, 0.5
 # for so long, never contradicted, all cameras must see one person and nobody else, standing there by each of them
-# alone. Chosen: people beside each other, one of whom two cameras follow and the third the other, never looked so for
-# half of it
+# alone. Chosen: long beside chance meetings of people beside each other, one of whom two cameras follow and the third
+# the other (`python -m benchmarks.which_person two_cameras`)
 UNANIMOUS_S = 1.0
 DOUBT = 0.25  # of the time that another view sees somebody else; chosen: more than detectors take a bystander
 # chosen: how well a tape tells the stature by the joints, m: people of one height differ by 1 % of it in neck, head and

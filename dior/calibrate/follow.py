@@ -41,8 +41,8 @@ from dior.geometry.camera import Camera
 from dior.project.camera_file import camera_settings
 from dior.tables import tables
 
-# chosen: how far off clocks are by half a body that was read as a whole one (`python -m benchmarks.coverage`, level
-# `real`: a wall hides the legs)
+# chosen: standard error of the time by half a body that was read as a whole one; with it, labels that move fast are as
+# often inside their ellipses as others (`python -m benchmarks.coverage`, level `real`: a wall hides the legs)
 HALF_BODY_S = 0.05
 FEWEST_BOXES = 4  # chosen: fewer are not meant to tell the clock (docs/formats.md); the pictures then do
 

@@ -19,7 +19,7 @@ from dior.body.people_followed import LONGER_SHARE, UNKNOWN, Size, mean_size
 from dior.errors import DiorError
 from dior.geometry import camera_tables
 from dior.reconstruct import everybody
-from dior.reconstruct.timeline import nearest_frames, rate
+from dior.reconstruct.timeline import nearest_frames, rate, stamps_of
 from dior.tables import tables
 
 # chosen: how far one body's statures by joints are apart from walk to walk beside their scatter, m: a detector errs
@@ -63,7 +63,7 @@ def run(
     found = []
     for sequence in subjects:
         line = tables.read(timelines[sequence], "timeline")
-        fps = rate(line["stamp_ns"][:: len(tables.ordered_unique(line["camera"]))])
+        fps = rate(stamps_of(line))
         seen = everybody.at_instants(
             tables.read(detected[sequence], "detections"),
             tables.read(everybody_seen[sequence], "detected_people"),

@@ -76,6 +76,11 @@ def run(
     )
 
 
+def stamps_of(timeline: Table) -> Ints:
+    """The stamps (T,) ns of the instants of a `timeline`."""
+    return timeline["stamp_ns"][:: len(tables.ordered_unique(timeline["camera"]))]
+
+
 def rate(stamps_ns: Ints) -> float:
     """Instants per second."""
     return 1e9 / float(np.median(np.diff(stamps_ns))) if len(stamps_ns) > 1 else 1.0

@@ -29,7 +29,7 @@ from dior.project import heights
 from dior.reconstruct import bodies, detector_noise, everybody, robust
 from dior.reconstruct.gates import implausible
 from dior.reconstruct.swaps import exchange, find_exchanged, find_mistaken_limbs
-from dior.reconstruct.timeline import nearest_frames, rate
+from dior.reconstruct.timeline import nearest_frames, rate, stamps_of
 from dior.tables import tables
 
 METHODS = ("robust", "rays")
@@ -196,7 +196,7 @@ def gathered(
     line = tables.read(timeline, "timeline")
     detected = tables.read(detections, "detections")
     uv, score, _ = observations(detected, line, names, min_score)
-    stamps = line["stamp_ns"][:: len(tables.ordered_unique(line["camera"]))]
+    stamps = stamps_of(line)
     fps = rate(stamps)
     frames = nearest_frames(line, names)
     others = tables.read(told.everybody_seen, "detected_people") if told.everybody_seen else None
