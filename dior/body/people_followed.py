@@ -235,13 +235,27 @@ def _fits(person: Person, path: Path, fps: float) -> bool | None:
     """Whether a path can be a person's: None for no, else whether the stature says so, too, or only does not object."""
     for other in person.paths:
         earlier, later = (other, path) if other.first.t < path.first.t else (path, other)
-        gap = (later.first.t - earlier.last.t) / fps
-        if gap <= 0:
+        last = _last_before(earlier, later)
+        if last is None:
             return None
-        reach = REACH_M + ALONE_M * (later.first.alone + earlier.last.alone)
-        if np.linalg.norm((later.first.place - earlier.last.place)[:2]) > reach + WALKS_M_S * max(gap - 1 / fps, 0):
+        reach = REACH_M + ALONE_M * (later.first.alone + last.alone)
+        gap = (later.first.t - last.t - 1) / fps
+        if np.linalg.norm((later.first.place - last.place)[:2]) > reach + WALKS_M_S * gap:
             return None
     return same(size_of(person.sightings), size_of(path.sightings))
+
+
+def _last_before(earlier: Path, later: Path) -> Sighting | None:
+    """The last sighting of a path before a later one begins, None where both are there at once.
+
+    A path may go on for less than `KNOWN` sightings beside the one that took over, as where a detection of somebody
+    else was taken for the body; not where several views see both at one instant, who are two people.
+    """
+    rest = [one for one in earlier.sightings if one.t >= later.first.t]
+    taken = {one.t for one in later.sightings if not one.alone}
+    if len(rest) >= KNOWN or len(rest) == len(earlier.sightings) or earlier.last.t >= later.last.t:
+        return None
+    return None if any(one.t in taken for one in rest if not one.alone) else earlier.sightings[-len(rest) - 1]
 
 
 def same(one: Size, other: Size) -> bool | None:
@@ -255,4 +269,5 @@ def same(one: Size, other: Size) -> bool | None:
 
 def at_once(path: Path, others: Sequence[Path]) -> bool:
     """Whether a path is there at the time of others."""
-    return any(path.first.t <= other.last.t and other.first.t <= path.last.t for other in others)
+    ordered = (sorted((path, other), key=lambda one: one.first.t) for other in others)
+    return any(_last_before(earlier, later) is None for earlier, later in ordered)

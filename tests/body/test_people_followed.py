@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dior.body import people_followed as module
-from dior.body.people_followed import UNKNOWN, Path, Size, mean_size, paths_of, same, size_of
+from dior.body.people_followed import UNKNOWN, Path, Size, at_once, mean_size, paths_of, people_of, same, size_of
 from dior.body.people_seen import Sighting
 
 FPS = 6.0
@@ -12,10 +12,10 @@ TALL = 1.75
 NONE = np.zeros((0, 3))
 
 
-def sighting(t, tracks=(0, 0, 0), x=0.0, stature=TALL, longer=0.0):
+def sighting(t, tracks=(0, 0, 0), x=0.0, stature=TALL, longer=0.0, alone=False):
     """A body whose detection in each view is in the slot of its track."""
     members = np.array(tracks)
-    return Sighting(t, np.array([x, 0.0, 1.0]), members, NONE, stature, False, members >= 0, longer=longer)
+    return Sighting(t, np.array([x, 0.0, 1.0]), members, NONE, stature, alone, members >= 0, longer=longer)
 
 
 SLOTS = np.broadcast_to(np.arange(4)[None, :, None], (3, 4, 60))
@@ -45,6 +45,28 @@ def test_two_whose_rays_meet_by_chance_are_of_another_size(stature, goes_on):
 def test_who_varies_much_goes_on_as_tall_as_that():
     before = [sighting(t, stature=TALL + 0.1 * (-1) ** t) for t in range(6)]
     assert len(followed(*before, sighting(6, stature=TALL + 0.25))) == 1
+
+
+@pytest.mark.parametrize(
+    ("beside", "alone", "people"),
+    [
+        ((), False, 1),
+        ((31,), True, 1),
+        # whom several views see at another instant of half a second may be the same, but not at the same one
+        ((31,), False, 1),
+        ((30,), False, 2),
+        ((30,), True, 1),
+        ((31, 33, 35), True, 2),
+    ],
+)
+def test_a_path_that_another_took_over_may_go_on_for_two_sightings(beside, alone, people):
+    statures = TALL + 0.01 * np.random.default_rng(2).standard_normal(60)
+    earlier = Path([sighting(t, x=0.1 * t, stature=statures[t]) for t in range(30)])
+    earlier.sightings += [sighting(t, x=9.0, alone=alone) for t in beside]
+    later = Path([sighting(t, x=0.1 * t, stature=statures[t]) for t in range(30, 60) if t not in (31, 33, 35)])
+    assert len(people_of([earlier, later], FPS)) == people
+    assert at_once(earlier, [later]) == at_once(later, [earlier]) == (people == 2)
+    assert at_once(earlier, [earlier])
 
 
 def test_a_size_is_the_mean_without_outliers_and_what_errors_made_longer():
