@@ -1,4 +1,4 @@
-"""What is said of clean captures of an indoor and an outdoor walk: warnings, errors, lights that are red or amber.
+"""What is said of clean captures of two indoor and two outdoor walks: warnings, errors, lights that are red or amber.
 
 usage: python -m benchmarks.false_alarms [LEVEL|both] [FIRST] [LAST]      (seeds 1 to 20)
 
@@ -8,8 +8,7 @@ warning and error of a step and each figure of which a camera's light is not gre
 `red` are the labels that would be out of a release (`report.red_labels`). `true`: what the truth bears out is no false
 alarm, that somebody else alone was found, that a wall may hide a part of the body, that so many detections are wrong.
 Of recordings as such (`audit`, benchmarks/bag_faults.py), of pictures (`detections_on_pictures`,
-benchmarks/on_pictures.py) and of cameras that were bumped (`moved`) nothing is asked: the captures have one walk a
-session, and no bags.
+benchmarks/on_pictures.py) and of cameras that were bumped (`moved`, benchmarks/bumps.py) nothing is asked.
 """
 
 import os
@@ -128,7 +127,7 @@ def main():
             with tempfile.TemporaryDirectory() as folder:
                 try:
                     made = steps.labelled(
-                        folder, preset=grade, seed=seed, subjects=1, sequences=1, duration_s=SECONDS, gallery=False
+                        folder, preset=grade, seed=seed, subjects=1, duration_s=SECONDS, gallery=False
                     )
                     found = list(said(made))
                     walks, recordings = walks + len(made.views), recordings + sum(map(len, made.views.values()))
