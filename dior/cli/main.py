@@ -108,7 +108,11 @@ def _grouped(module: Any, step: str, given: dict[str, Any]) -> dict[str, Any]:
 
 def command() -> None:
     """The process of the command line: `main`, and its end."""
-    end(main())
+    try:
+        end(main())
+    except BrokenPipeError:
+        # whoever reads, such as `head`, has enough; the code is what a shell says of one that SIGPIPE ended
+        os._exit(141)
 
 
 def end(code: int) -> None:

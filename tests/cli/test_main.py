@@ -184,6 +184,13 @@ def modules_of(*words):
 HEAVY = {"numpy", "pandas", "cv2", "gtsam", "matplotlib", "pyarrow", "scipy", "torch"}
 
 
+def test_a_reader_that_has_enough_ends_it_without_a_word():
+    call = [sys.executable, "-m", "dior", "align", "--help"]
+    with subprocess.Popen(call, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        process.stdout.close()
+        assert process.stderr.read() == b"" and process.wait() == 141
+
+
 @pytest.mark.parametrize("words", [["--help"], ["frames", "--help"], [], ["align", "--sesion", "x"]])
 def test_the_command_starts_without_heavy_packages(words):
     """Start-up is paid by every job."""
