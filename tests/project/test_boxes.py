@@ -61,3 +61,14 @@ def test_each_fit_leaves_out_as_many_boxes_spread_over_the_walk():
 def test_without_an_edge_there_is_no_line():
     assert np.isnan(boxes.line_of(np.array([])) + boxes.line_of(np.array([np.nan])))
     assert boxes.line_of(np.array([1.0, np.nan, 5.0, 2.0])) == 2
+
+
+@pytest.mark.parametrize("sd", [0.5, 1.0, 2.0])
+def test_edges_at_what_hides_a_part_are_told_from_the_bodys_own_however_they_are_drawn(sd):
+    edges = 300 + sd * np.random.default_rng(3).standard_normal(60)
+    own = np.array([314.0, 315.0, 313.0])
+    line = boxes.line_of(np.r_[edges, own])
+    assert boxes.at_line(np.r_[edges, own, np.nan], line).tolist() == [True] * 60 + [False] * 4
+    # one or two that are off were drawn amiss: of the body's own there would be more
+    assert boxes.at_line(np.r_[edges, own[:2]], boxes.line_of(edges)).all()
+    assert not boxes.at_line(np.array([np.nan]), np.nan).any()
