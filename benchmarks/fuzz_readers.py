@@ -15,7 +15,7 @@ from tempfile import TemporaryDirectory
 import cv2
 import numpy as np
 
-from dior.calibrate.intrinsics import from_toml
+from dior.calibrate.intrinsics import from_file
 from dior.calibrate.marks import marks
 from dior.calibrate.place import reference_pose
 from dior.clocks import by_hand
@@ -27,6 +27,14 @@ from dior.project.camera_file import camera_settings
 from dior.project.schema_check import check, read_sheet, read_yaml
 from dior.release.verify.folder_or_tarball import of_tarball
 from dior.tables import tables
+from tests.calibrate.readers import (
+    test_kalibr,
+    test_opencap,
+    test_opencv_storage,
+    test_qualisys,
+    test_ros_camera_info,
+    test_vicon,
+)
 from tests.ingest import bagfiles, c3d_files, formats
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -121,17 +129,34 @@ CALIBRATION = {
 }
 
 
-def _toml(path: Path, folder: Path) -> None:
-    """Both readers of the file, each of which may refuse."""
+def _calibration(names: tuple[str, ...], path: Path, folder: Path) -> None:
+    """Lens and pose of each camera, each of which may be refused."""
     refused = []
-    for read in (from_toml, reference_pose):
-        for name in ("cam_01", "cam_02"):
+    for name in names:
+        for read in (from_file, partial(reference_pose, world="from_walk")):
             try:
                 read(path, name)
             except DiorError as error:
                 refused.append(error)
     if refused:
         raise refused[0]
+
+
+@cache
+def _tools() -> dict[str, bytes]:
+    """Calibrations as other tools write them, by path."""
+    with TemporaryDirectory() as folder:
+        root = Path(folder)
+        written = [test_kalibr.chain(root), test_opencap.written(root, test_opencap.content())]
+        pose = {"R": np.eye(3), "T": np.ones(3), "units": "m"}
+        written += [test_opencv_storage.of_sample(root / f"a.{end}", **pose) for end in test_opencv_storage.ENDINGS]
+        found = {path.relative_to(root).as_posix(): path.read_bytes() for path in written}
+    texts = {"ros.yaml": test_ros_camera_info.TEXT, "lab.xcp": test_vicon.TEXT, "lab.qca.txt": test_qualisys.TEXT}
+    return found | {name: text.encode() for name, text in texts.items()}
+
+
+def _tool(files: tuple[str, ...], *cameras: str) -> Reader:
+    return Reader(lambda: {name: _tools()[name] for name in files}, partial(_calibration, cameras))
 
 
 # what detectors write
@@ -332,7 +357,13 @@ READERS = {
     "marks": Reader(lambda: MARKS, lambda path, folder: marks.read(path)),
     "boxes": Reader(lambda: BOXES, lambda path, folder: boxes.read(path, range(10))),
     "checks": Reader(lambda: CHECKS, lambda path, folder: checks.points(path, "walk_1", range(10), ["LASI", "RKNE"])),
-    "toml": Reader(lambda: CALIBRATION, _toml),
+    "toml": Reader(lambda: CALIBRATION, partial(_calibration, ("cam_01", "cam_02"))),
+    "kalibr": _tool(("chain.yaml",), "cam0", "cam2"),
+    "opencv": _tool(("a.yml", "a.xml", "a.json"), "a"),
+    "ros_info": Reader(lambda: {"ros.yaml": _tools()["ros.yaml"]}, lambda path, folder: from_file(path, "left")),
+    "qualisys": _tool(("lab.qca.txt",), "cam01", "cam03"),
+    "vicon": _tool(("lab.xcp",), "Vue_1"),
+    "opencap": _tool(("Cam1/cameraIntrinsicsExtrinsics.pickle",), "Cam1"),
     **{key: _detections(key) for key in detections.READERS},
     "ros1": _bag("ros1", "ros1 lz4", "ros1 bz2"),
     "db3": _bag("db3 alone", "db3 message alone", "db3 zstd alone"),

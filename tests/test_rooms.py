@@ -13,7 +13,7 @@ ROOMS = (
     + ("ingest", "calibrate", "reconstruct", "label", "evaluate", "reid", "report", "release")
     + ("simulate", "cli")
 )
-CALIBRATE = ("lens", "marks", "clock", "outline", "bundle")
+CALIBRATE = ("readers", "lens", "marks", "clock", "outline", "bundle")
 RULES = ("intrinsics", "locate", "place", "reference", "adjust", "clocks", "align", "follow")
 
 

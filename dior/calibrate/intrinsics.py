@@ -1,17 +1,17 @@
 """Intrinsics of one camera of a session, checked against the pictures it recorded.
 
-INPUTS   CameraInfo of the bags in the `frames` table; or a TOML file in the style of Pose2Sim and Qualisys (`[name]`
-         with `size`, `matrix`, `distortions`); or pictures of a chessboard or ChArUco board (board.py)
+INPUTS   CameraInfo of the bags in the `frames` table; or a calibration file (`dior.calibrate.readers.files`); or
+         pictures of a chessboard or ChArUco board (board.py)
 OUTPUTS  `cameras` table of one row: pixels, distortion as k1 k2 p1 p2 k3 (k4 k5 k6), pose null; findings
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from dior.arrays import AnyPath
-from dior.calibrate.lens import of_pictures, realsense, toml_cameras
+from dior.calibrate.lens import of_pictures, realsense
+from dior.calibrate.readers import files, given
 from dior.errors import DiorError, nearest
 from dior.geometry import camera_tables
 from dior.geometry.camera import MODELS, Camera, Intrinsics, check_picture_size
@@ -43,10 +43,10 @@ def run(
     out: Path,
     findings: Path,
 ) -> None:
-    """Write the intrinsics of `camera`, from `source`: "camera_info", "board" or a TOML file's path below `data_root`.
+    """Write the intrinsics of `camera`, from `source`: "camera_info", "board" or a file's path below `data_root`.
 
-    `name` is the table in the TOML, `board` the section of the camera's YAML ({"chessboard": ...} or {"charuco": ...});
-    `distortion_model` is what the camera's YAML says, "" if nothing.
+    `name` is the camera in the file, `board` the section of the camera's YAML ({"chessboard": ...} or
+    {"charuco": ...}); `distortion_model` is what the camera's YAML says, "" if nothing.
 
     `sigma`: 1 sigma of focal length and centre over the focal length, where the camera's YAML says it.
     """
@@ -72,7 +72,7 @@ def run(
         size = int(pictures["width"][0]), int(pictures["height"][0])
         lens, found = from_camera_info(info, topic, distortion_model, yaml, size), of_pictures.findings(info, topic)
     else:
-        lens = from_toml(Path(data_root) / source, name, distortion_model)
+        lens = from_file(Path(data_root) / source, name, distortion_model)
         found = _tiny_distortion(lens, f"{source} [{name}]")
     if source != "camera_info" and of_pictures.is_rectified(topic) and any(lens.distortion):
         text = f"the pictures on {topic} are rectified, but the lens has distortion; is it that of the raw pictures?"
@@ -115,18 +115,12 @@ def from_camera_info(
         )
     (fx, skew, cx), (_, fy, cy), _ = K.tolist()
     model = "plumb_bob" if rectified else distortion_model or info.model
-    return _intrinsics(width, height, (fx, skew, cx, fy, cy), model, D, info.where)
+    return given.checked(width, height, (fx, skew, cx, fy, cy), model, D, info.where)
 
 
-def from_toml(path: AnyPath, name: str, distortion_model: str = "") -> Intrinsics:
-    """Intrinsics from the table `name` of a TOML file; OpenCV's plumb_bob unless `distortion_model` says otherwise."""
-    where, table = f"{path}, [{name}]", toml_cameras.section(path, name, ("matrix",))
-    if table.get("fisheye"):
-        raise DiorError(f"{where}: a fisheye lens is not understood; the models are {', '.join(MODELS)}")
-    (fx, skew, cx), (_, fy, cy), _ = toml_cameras.numbers(table, "matrix", [(3, 3)], where).tolist()
-    width, height = (round(size) for size in toml_cameras.numbers(table, "size", [(2,)], where).tolist())
-    coefficients = toml_cameras.numbers(table, "distortions", [(count,) for count in COEFFICIENTS], where).tolist()
-    return _intrinsics(width, height, (fx, skew, cx, fy, cy), distortion_model or "plumb_bob", coefficients, where)
+def from_file(path: AnyPath, name: str, distortion_model: str = "") -> Intrinsics:
+    """Intrinsics of the camera `name` in a calibration file; `distortion_model` is what the camera's YAML says."""
+    return given.intrinsics(files.camera(path, name), distortion_model, f"{path} [{name}]")
 
 
 def _tiny_distortion(lens: Intrinsics, where: str) -> list[tuple[str, str, str]]:
@@ -139,14 +133,3 @@ def _tiny_distortion(lens: Intrinsics, where: str) -> list[tuple[str, str, str]]
         "from Qualisys divides them by 64; if that wrote the file, multiply them by 64, or calibrate with a chessboard"
     )
     return [("info", "tiny_distortion", text)]
-
-
-def _intrinsics(
-    width: int, height: int, pinhole: Sequence[float], model: str, coefficients: Sequence[float], where: str
-) -> Intrinsics:
-    fx, skew, cx, fy, cy = pinhole
-    if not (fx > 0 and fy > 0) or skew:
-        raise DiorError(f"{where}: the focal lengths {fx} and {fy} must be positive and the skew {skew} zero")
-    if model != "rational_polynomial" and any(coefficients[5:]):
-        raise DiorError(f"{where}: k4, k5 and k6 are given, but {model} has none of them; it is rational_polynomial")
-    return Intrinsics(width, height, fx, fy, cx, cy, model, tuple(coefficients))

@@ -4,62 +4,28 @@ INPUTS   camera YAML (`locate: tape` with `tape`, `locate: reference` with `refe
          `tag` of session.yaml and the pictures of one sequence), intrinsics
 OUTPUTS  cameras (one row with wTc), `marks` (where the corners of the tag were seen, else empty), findings
 
-World in metres, Z up, floor at Z = 0. A reference file is a TOML with a section per camera that holds `rotation`
-(Rodrigues vector in radians or 3x3) and `translation` (`reference.units`), as Pose2Sim and caliscope write them.
+World in metres, Z up, floor at Z = 0. A reference file is one of those that `dior.calibrate.readers.files` reads.
 """
 
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from dior.arrays import AnyPath, Floats
-from dior.calibrate.lens import toml_cameras
+from dior.calibrate.readers import files, given
 from dior.errors import DiorError
 from dior.geometry import camera_tables
-from dior.geometry.camera import inverse_pose, pose
 from dior.geometry.camera_tables import unplaced
 from dior.geometry.tape import look_at_pose
 from dior.project.camera_file import camera_settings
 from dior.tables import tables
 
-CONVENTIONS = ("cTw", "wTc")
 
+def reference_pose(path: AnyPath, name: str, convention: str = "", units: str = "", world: str = "as_given") -> Floats:
+    """wTc (4, 4) m of the camera `name` in a calibration file; the others are what `reference` of its YAML says.
 
-def reference_pose(path: AnyPath, name: str, convention: str = "cTw", units: str = "m") -> Floats:
-    """wTc (4, 4) of the camera `name` in a TOML calibration; `units` of its translation.
-
-    `name` is the section's key, its last part or its entry `name`. Raises DiorError for an unknown name (with the
-    nearest), a missing or broken rotation or translation.
+    Raises DiorError as `readers.files.camera` and `readers.given.placed`.
     """
-    if convention not in CONVENTIONS:
-        raise DiorError(f"{path}: convention '{convention}' is not one of {', '.join(CONVENTIONS)}")
-    section = toml_cameras.section(path, name, ("rotation", "translation"))
-    where = f"{path} [{name}]"
-    translation = toml_cameras.numbers(section, "translation", [(3,)], where)
-    rotation = _rotation(where, toml_cameras.numbers(section, "rotation", [(3,), (3, 3)], where))
-    T = pose(rotation, toml_cameras.METRES[units] * translation)
-    return inverse_pose(T) if convention == "cTw" else T
-
-
-def _rotation(where: str, values: Floats) -> Floats:
-    from scipy.spatial.transform import Rotation
-
-    if values.shape == (3,):
-        if (turn := float(np.linalg.norm(values))) > 2 * np.pi * 1.01:
-            raise DiorError(
-                f"{where}: rotation is a Rodrigues vector of {turn:.0f} rad, more than a whole turn; if it is in "
-                "degrees, multiply it by pi / 180"
-            )
-        return Rotation.from_rotvec(values).as_matrix()
-    if np.abs(values @ values.T - np.eye(3)).max() > 1e-3:
-        raise DiorError(f"{where}: rotation is no rotation matrix (its rows must be orthonormal and right-handed)")
-    if np.linalg.det(values) < 0:
-        raise DiorError(
-            f"{where}: rotation is no rotation matrix but mirrors, so the calibration is left-handed; export it with a "
-            "right-handed world and OpenCV's axes (x right, y down, z forward)"
-        )
-    return Rotation.from_matrix(values).as_matrix()
+    return given.placed(files.camera(path, name), path, convention, units, world)
 
 
 def run(
@@ -96,7 +62,8 @@ def run(
         reference = settings["reference"]
         path = Path(data_root) / reference["file"]
         # whether it is above a floor is asked where its world is known: in the step reference
-        wTc = reference_pose(path, reference["name"], reference["convention"], reference["units"])
+        convention, units = (reference.get(key, "") for key in ("convention", "units"))
+        wTc = reference_pose(path, reference["name"], convention, units, reference["world"])
     camera_tables.write_cameras(out, [unplaced(intrinsics, camera).at(wTc, settings["locate"])], session)
     count = len(marks.get("joint", ()))
     tables.write(out_marks, "marks", {"session": [session] * count, "camera": [camera] * count, **marks})

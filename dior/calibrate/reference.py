@@ -24,7 +24,7 @@ from dior.body import plausible, world_of_walk, wrong_world
 from dior.calibrate.bundle import given_poses, in_adjustment
 from dior.calibrate.bundle import window as seen_in
 from dior.calibrate.bundle.given_poses import PoseErrors
-from dior.calibrate.lens import toml_cameras
+from dior.calibrate.readers import given
 from dior.clocks import by_hand as clocks
 from dior.errors import DiorError
 from dior.geometry import camera_tables, covariance
@@ -163,7 +163,7 @@ def checked(
         _person(walk),
         reference.get("convention", "cTw"),
         vertical,
-        toml_cameras.METRES[reference.get("units", "m")],
+        given.METRES[reference.get("units", "m")],
     )
     if found:
         raise DiorError(

@@ -357,7 +357,7 @@ def _check_distinct(project: Project, session: str) -> None:
                     "correct one of them, or delete `tape:` where nothing was measured"
                 )
             if a["locate"] == b["locate"] == "reference" and all(
-                a["reference"][key] == b["reference"][key] for key in ("file", "name", "convention")
+                a["reference"].get(key) == b["reference"].get(key) for key in ("file", "name", "convention")
             ):
                 raise DiorError(f"{where} take the same pose '{a['reference']['name']}' (reference.name)")
 

@@ -33,10 +33,14 @@ def read_yaml(path: AnyPath, shown: AnyPath | None = None) -> Any:
 
     Raises DiorError for no file, no YAML, a key given twice, and what is nested or repeated beyond all reason.
     """
+    shown = shown or path
+    return yaml_of(text_of(path, shown, MOST_BYTES), shown)
+
+
+def yaml_of(text: str, shown: AnyPath) -> Any:
+    """The content of a YAML text; raises as `read_yaml`."""
     import yaml
 
-    shown = shown or path
-    text = text_of(path, shown, MOST_BYTES)
     try:
         _check_events(text)
         content = yaml.load(text, _loader())

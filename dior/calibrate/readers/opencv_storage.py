@@ -1,0 +1,119 @@
+"""Cameras in the YAML, XML or JSON that OpenCV's FileStorage writes, by the names of OpenCV's own samples.
+
+INPUTS   the content of a file
+OUTPUTS  a `GivenCamera` for the one camera of a file, or two for a stereo pair
+Sources: FileStorage of OpenCV 4 and 5 (matrices as `rows`, `cols`, `dt`, `data`), and the names in
+samples/cpp/calibration.cpp and tutorial_code/calib3d (`camera_matrix`, `distortion_coefficients`, `image_width`,
+`image_height`, `fisheye_model`) and stereo_calib.cpp (`M1`, `D1`, `M2`, `D2`; `R` and `T` lead from the first camera to
+the second). The samples write `M1` and `R` into two files and no size beside them, so that each gives a part only.
+
+`R` and `T` beside one camera lead from the world to it, as everywhere in OpenCV. Their unit is that of the board's
+squares, which the file does not tell; what `dior export-cameras` writes has `units` besides.
+"""
+
+import re
+from collections.abc import Mapping
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dior.arrays import AnyPath, Floats
+from dior.calibrate.readers.given import METRES, GivenCamera, Lens, Pose, numbers, part, rotation, size
+from dior.calibrate.readers.yaml_calibrations import matrix
+from dior.errors import DiorError
+from dior.geometry.camera import pose
+
+if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element
+
+KIND = "type_id"
+# of OpenCV's distortion coefficients by their number: those behind k6 are of thin prisms (4) and a tilted sensor (2)
+MODELS = {4: "plumb_bob", 5: "plumb_bob", 8: "rational_polynomial", 12: "thin prism", 14: "tilted sensor"}
+FISHEYE = "equidistant (fisheye)"
+# what a file has that is of a camera
+ONE, PAIR = ("camera_matrix", "distortion_coefficients"), ("M1", "D1", "M2", "D2", "R", "T")
+
+
+def plain_yaml(text: str) -> str:
+    """The text as a YAML reader of any make takes it: without the directive of OpenCV 4 and the tag of matrices."""
+    return re.sub(r"!!opencv-(nd-)?matrix", "", re.sub(r"^%YAML:1\.0", "# ", text))
+
+
+def of_xml(root: "Element") -> dict[str, Any]:
+    """The content of an XML file as the YAML one has it."""
+    return {element.tag: _plain(element) for element in root}
+
+
+def _plain(element: "Element") -> Any:
+    if len(element):
+        inside = {one.tag: (one.text or "").strip() for one in element}
+        lists = {key: inside.get(key, "").split() for key in ("data", "sizes") if key in inside}
+        return inside | lists | {KIND: element.attrib.get(KIND, "")}
+    return (element.text or "").strip().strip('"')
+
+
+def recognises(content: Mapping[Any, Any]) -> bool:
+    """Whether the content of a file has a camera by one of the names."""
+    return any(key in content for key in (*ONE, *PAIR))
+
+
+def cameras(content: Mapping[Any, Any], path: AnyPath, stem: str) -> list[GivenCamera]:
+    """The cameras of a file: one that is called as the file without its ending, `stem`, or "1" and "2" of a pair."""
+    if "camera_matrix" in content or not any(key in content for key in PAIR):
+        where = f"{path} [{stem}]"
+        lens = part(partial(_lens, content, *ONE, where))
+        return [GivenCamera(stem, lens, part(partial(_placed, content, where)))]
+    first, second = (f"{path} [{name}]" for name in "12")
+    return [
+        GivenCamera("1", part(partial(_lens, content, "M1", "D1", first)), _of_pair(np.eye(4))),
+        GivenCamera(
+            "2", part(partial(_lens, content, "M2", "D2", second)), part(lambda: _of_pair(_rigid(content, second)))
+        ),
+    ]
+
+
+def _lens(content: Mapping[str, Any], K: str, D: str, where: str) -> Lens:
+    pinhole = matrix(content, K, where)
+    if pinhole.shape != (3, 3):
+        raise DiorError(f"{where}: `{K}` must be 3 x 3 numbers")
+    if "image_width" not in content:
+        raise DiorError(
+            f"{where}: the file does not say the size of the pictures; add `image_width` and `image_height` to it, as "
+            "OpenCV's calibration sample writes them"
+        )
+    sides = [numbers(content, key, [()], where) for key in ("image_width", "image_height")]
+    width, height = size(np.array(sides), where)
+    coefficients = matrix(content, D, where).ravel()
+    if _is_fisheye(content):
+        return Lens(width, height, pinhole, FISHEYE, ())
+    if len(coefficients) not in MODELS:
+        raise DiorError(f"{where}: `{D}` must be 4, 5, 8, 12 or 14 numbers, and there is {len(coefficients)}")
+    used = coefficients if coefficients[8:].any() else coefficients[:8]
+    return Lens(width, height, pinhole, MODELS[len(used)], tuple(used.tolist()))
+
+
+def _is_fisheye(content: Mapping[str, Any]) -> bool:
+    return str(content.get("fisheye_model", "0")) not in ("0", "")
+
+
+def _placed(content: Mapping[str, Any], where: str) -> Pose:
+    """The pose of the one camera of a file."""
+    if "R" not in content:
+        raise DiorError(f"{where}: the file has no pose (`R` and `T`)")
+    units = str(content.get("units", ""))
+    if units not in ("", *METRES):
+        raise DiorError(f"{where}: units '{units}' is not one of {', '.join(METRES)}")
+    return Pose(_rigid(content, where), "cTw", units)
+
+
+def _of_pair(T: Floats) -> Pose:
+    return Pose(T, "cTw", origin="its world is that of the first camera of the pair")
+
+
+def _rigid(content: Mapping[str, Any], where: str) -> Floats:
+    """T (4, 4) from `R` (3 x 3, or a Rodrigues vector) and `T`."""
+    turn, shift = matrix(content, "R", where), matrix(content, "T", where).ravel()
+    if turn.size not in (3, 9) or len(shift) != 3:
+        raise DiorError(f"{where}: `R` must be 3 x 3 or 3 numbers, and `T` 3")
+    return pose(rotation(turn if turn.size == 9 else turn.ravel(), where), shift)
