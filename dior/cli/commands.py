@@ -24,6 +24,7 @@ COMMANDS = {
     "init": "dior.project.init",
     "verify": "dior.release.verify.verify",
     "diff": "dior.release.diff.diff",
+    "export-cameras": "dior.release.export_cameras",
     "forget": "dior.project.forget",
     "trigger": "dior.ingest.trigger",
     "simulate": "dior.simulate.config",

@@ -167,6 +167,23 @@ class Project:
         """Instants that the adjustment uses: sequence -> {first, count, step}; empty means no adjustment."""
         return self.session_files[session]["adjust"]
 
+    def final_cameras(self, session: str, camera: str) -> str:
+        """The table with the final pose of a camera."""
+        how = self.cameras(session)[camera]["locate"]
+        if how == "marks":
+            return f"results/locate/{session}/{camera}.parquet"
+        if how == "align":
+            return f"results/align/{session}/{camera}.parquet"
+        if self.window(session) and camera in self.close(session):
+            return f"results/adjust/{session}.parquet"
+        return self.first_cameras(session, camera)
+
+    def first_cameras(self, session: str, camera: str) -> str:
+        """The table with the pose of a camera before anything is adjusted."""
+        if self.cameras(session)[camera]["locate"] == "reference":
+            return f"results/reference/{session}.parquet"
+        return f"results/place/{session}/{camera}.parquet"
+
     def heads_checked(self, session: str) -> dict[str, str]:
         """Cameras whose pictures are released although dior does not say that the heads are covered: name -> reason."""
         return self.session_files[session].get("heads_checked", {})

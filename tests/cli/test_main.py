@@ -157,7 +157,7 @@ def test_the_help_names_every_command_those_of_a_person_first(capsys):
     typed, steps = text.split("Steps of the workflow")
     names = {step.replace("_", "-") for step in MODULES} - {"simulate"}
     assert all(f"│ {name} " in steps for name in names)
-    commands = ("init", "verify", "diff", "forget", "trigger", "simulate", "train-reid")
+    commands = ("init", "verify", "diff", "export-cameras", "forget", "trigger", "simulate", "train-reid")
     assert all(f"│ {name} " in typed for name in commands)
     assert "Exit codes: 0" in " ".join(text.split()) and "--install-completion" in typed
 

@@ -113,7 +113,9 @@ def adjusted_offsets(wildcards):
 
 def placed(wildcards):
     session = wildcards.session
-    return list(dict.fromkeys(placed_of(session, camera) for camera in PROJECT.close(session)))
+    return list(
+        dict.fromkeys(PROJECT.first_cameras(session, camera) for camera in PROJECT.close(session))
+    )
 
 
 def referenced(session):

@@ -46,7 +46,7 @@ def close_cameras(wildcards):
 
 
 def camera_file(wildcards):
-    return camera_of(session_of(wildcards), wildcards.camera)
+    return PROJECT.final_cameras(session_of(wildcards), wildcards.camera)
 
 
 def sequence_seeds(wildcards):

@@ -23,7 +23,11 @@ def own_boxes(wildcards):
 
 def own_boxed_camera(wildcards):
     """The pose of the camera where boxes are drawn in its pictures."""
-    return [camera_of(session_of(wildcards), wildcards.camera)] if own_boxes(wildcards) else []
+    return (
+        [PROJECT.final_cameras(session_of(wildcards), wildcards.camera)]
+        if own_boxes(wildcards)
+        else []
+    )
 
 
 def own_boxes_words(wildcards):

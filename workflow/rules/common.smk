@@ -147,35 +147,16 @@ def skeleton(wildcards):
     return skeleton_of(wildcards.sequence)
 
 
-def camera_of(session, camera):
-    """The file with the final pose of a camera."""
-    how = PROJECT.cameras(session)[camera]["locate"]
-    if how == "marks":
-        return f"results/locate/{session}/{camera}.parquet"
-    if how == "align":
-        return f"results/align/{session}/{camera}.parquet"
-    if PROJECT.window(session) and camera in PROJECT.close(session):
-        return f"results/adjust/{session}.parquet"
-    return placed_of(session, camera)
-
-
-def placed_of(session, camera):
-    """The file with the pose of a camera before anything is adjusted."""
-    if PROJECT.cameras(session)[camera]["locate"] == "reference":
-        return f"results/reference/{session}.parquet"
-    return f"results/place/{session}/{camera}.parquet"
-
-
 def covariance_of(session, camera):
     """The file with the uncertainty of a camera's pose; "" where the step that gives the pose does not know it."""
-    path = camera_of(session, camera)
+    path = PROJECT.final_cameras(session, camera)
     known = ("results/locate/", "results/align/", "results/adjust/", "results/reference/")
     return path.replace(".parquet", ".covariance.parquet") if path.startswith(known) else ""
 
 
 def cameras_of(session, names):
     """The files with the final poses of some cameras of a session."""
-    return list(dict.fromkeys(camera_of(session, camera) for camera in names))
+    return list(dict.fromkeys(PROJECT.final_cameras(session, camera) for camera in names))
 
 
 def labels_of(sequence):
