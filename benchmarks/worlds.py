@@ -73,8 +73,11 @@ def outdoors(capture):
     return next(s for s in capture.project.sessions if not capture.project.indoor(capture.project.first_sequence(s)))
 
 
-def reference_run(capture, change=lambda cameras: cameras, **keys):
-    """The findings, cameras and covariance of the step `reference`; arguments as of `referenced`."""
+def reference_run(capture, change=lambda cameras: cameras, marks=(), **keys):
+    """The findings, cameras and covariance of the step `reference`; arguments as of `referenced`.
+
+    `marks`: CSVs of points that are marked in the first walk.
+    """
     session = outdoors(capture)
     files = referenced(capture, session, change, **keys)
     walk, choices = capture.project.sequences_of(session)[0], capture.project.config
@@ -82,7 +85,7 @@ def reference_run(capture, change=lambda cameras: cameras, **keys):
     close = capture.project.close(session)
     reference.run(
         session=session, cameras=[capture.made("referenced", f"{session}/{name}") for name in close],
-        camera_files=files,
+        camera_files=files, marks=list(marks), marked=[walk] if marks else [],
         walk=reference.WalkFiles(
             walk, capture.project.subject_of(walk), capture.made("detections", walk), capture.made("frames", walk),
             None, capture.folder / "config/subjects.tsv",

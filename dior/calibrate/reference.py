@@ -1,15 +1,15 @@
 """Cameras of somebody else's calibration: is its world one, what does the walk say of it, how well is it known?
 
-INPUTS   the placed cameras of a session with `locate: reference`, their YAML; of one outdoor walk the detections,
-         frames and clocks given by hand
+INPUTS   the placed cameras of a session with `locate: reference`, their YAML, marks with x, y, z; of one outdoor walk
+         the detections, frames and clocks given by hand
 OUTPUTS  `cameras` (as placed, or in the walk's world), `camera_covariance`, findings
 
 A calibration under which no walk can be reconstructed (another unit, inverted poses, a left-handed world, another axis
 up) is refused by name, before clocks and 3D fail of it (`body.wrong_world`). `reference.world: from_walk` takes the
-floor and the vertical from the walk, and leaves the size, and where the cameras stand to each other, as they are. A
-pose's standard errors are those of the YAML, else those that the walk tells (`bundle.given_poses`), for the long-range
-camera of the calibration too; where neither is there they are null, and a finding says so. The poses themselves are not
-adjusted: that is `adjust`. World in metres, Z up.
+floor and the vertical from the walk, `from_marks` from three measured points or more; both leave the size, and where
+the cameras stand to each other, as they are. A pose's standard errors are those of the YAML, else those that the walk
+tells (`bundle.given_poses`), for the long-range camera of the calibration too; where neither is there they are null,
+and a finding says so. The poses themselves are not adjusted: that is `adjust`. World in metres, Z up.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,6 +24,9 @@ from dior.body import plausible, world_of_walk, wrong_world
 from dior.calibrate.bundle import given_poses, in_adjustment
 from dior.calibrate.bundle import window as seen_in
 from dior.calibrate.bundle.given_poses import PoseErrors
+from dior.calibrate.marks import world_of_points
+from dior.calibrate.marks.marks import Marks
+from dior.calibrate.marks.marks import read as read_marks
 from dior.calibrate.readers import given
 from dior.clocks import by_hand as clocks
 from dior.errors import DiorError
@@ -40,6 +43,8 @@ INSTANTS = 150
 # chosen: two strides. On simulated walks the vertical is found to 0.4 degrees (median), on the 0.9 m of a balancing
 # beam in real_outdoor it is 14 degrees off
 LEAST_WAY_M = 2.5
+# chosen: a tape and a click on a post's foot are good to half as much
+MOST_OFF_M = 0.05
 
 
 @dataclass(frozen=True)
@@ -76,21 +81,33 @@ def run(
     session: str,
     cameras: list[Path],
     camera_files: list[Path],
+    marks: list[Path],
+    marked: list[str],
     walk: WalkFiles,
     choices: Choices,
     out: Path,
     out_covariance: Path,
     findings: Path,
 ) -> None:
-    """Write the reference cameras of a session, their covariance and findings."""
+    """Write the reference cameras of a session, their covariance and findings.
+
+    `marks`: marks CSVs of the cameras, where the world is that of marked points; `marked`: the sequences of which these
+    are used.
+    """
     rig = list(camera_tables.read_cameras(cameras).values())
     yamls = {Path(path).stem.partition("@")[0]: path for path in camera_files}
     settings = {camera.name: camera_settings(yamls[camera.name])["reference"] for camera in rig}
     where = f"session {session}"
-    from_walk = _from_walk(settings, where)
+    world = _world(settings, where)
+    from_walk = world == "from_walk"
     close = [camera for camera in rig if camera.role == "close"]
     found: list[Finding] = []
     timed = None
+    if world == "from_marks":
+        by = world_of_points.rebased(rig, _points(marks, marked), where)
+        rig = [camera.at(by.bTw @ camera.wTc) for camera in rig]
+        close = [camera for camera in rig if camera.role == "close"]
+        found.append(_moved_by_points(session, by))
     if walk.detections and walk.frames and len(close) > 1:
         timed = recorded(close, walk, walk.detections, walk.frames, choices)
         motion = checked(close, timed, walk, settings[close[0].name], f"{where}, {walk.sequence}", not from_walk)
@@ -118,12 +135,19 @@ def run(
     tables.write_findings(findings, found)
 
 
-def _from_walk(settings: Mapping[str, dict[str, Any]], where: str) -> bool:
+def _world(settings: Mapping[str, dict[str, Any]], where: str) -> str:
+    """What `reference.world` is, of all cameras."""
     worlds = {name: one["world"] for name, one in settings.items()}
     if len(set(worlds.values())) > 1:
         each = ", ".join(f"{name} {world}" for name, world in worlds.items())
         raise DiorError(f"{where}: reference.world must be the same for every reference camera, and is {each}")
-    return "from_walk" in worlds.values()
+    return next(iter(worlds.values()))
+
+
+def _points(paths: Sequence[Path], sequences: Sequence[str]) -> dict[str, Marks]:
+    """The marks by camera that are of some sequences."""
+    found = {Path(path).name.partition(".")[0].partition("@")[0]: read_marks(path) for path in paths}
+    return {name: own.only(np.isin(own.sequence.astype(str), sequences)) for name, own in found.items()}
 
 
 def recorded(
@@ -191,6 +215,18 @@ def _moved(session: str, sequence: str, bTw: Floats, motion: Floats, joints: Seq
         f"; the way is {way:.1f} m long, and below {LEAST_WAY_M:g} m a lean of the body is taken for the floor's tilt"
     )
     return (session, "warning", "reference_world", text)
+
+
+def _moved_by_points(session: str, by: world_of_points.Rebased) -> Finding:
+    """What became of the world, a warning where the points contradict the calibration."""
+    worst = int(by.off_m.argmax())
+    text = (
+        f"the world is that of {len(by.names)} marked points ({', '.join(by.names)}): {by.names[worst]} is furthest "
+        f"off, by {100 * by.off_m[worst]:.1f} cm, so that the floor's tilt is known to "
+        f"{np.degrees(by.tilt_rad):.2f} degrees (1 sigma) or better"
+    )
+    off = by.off_m[worst] > MOST_OFF_M
+    return (session, "warning" if off else "info", "reference_world", text)
 
 
 def extent(along: Floats) -> float:

@@ -9,7 +9,7 @@ from dior.calibrate import reference
 from dior.calibrate.bundle.given_poses import PoseErrors
 from dior.errors import DiorError
 from dior.geometry import camera_tables
-from dior.geometry.camera import inverse_pose
+from dior.geometry.camera import inverse_pose, project
 from dior.tables import tables
 from tests.cases import some
 
@@ -81,6 +81,32 @@ def test_what_the_sentence_says_mends_it(capture):
         assert np.degrees(np.arccos(np.clip(up @ own, -1, 1))) < 1.5
 
 
+def test_three_marked_points_give_the_world(capture, tmp_path):
+    """Of a calibration in the first camera's world; a fourth point that is measured wrongly is a warning."""
+    places = {"post": (0, 0, 0), "corner": (1, 0, 0), "bag": (0.2, 1.2, 0), "wrong": (-0.5, 0.5, 0.3)}
+    walk = capture.project.sequences_of(worlds.outdoors(capture))[0]
+    files = []
+    for camera in true(capture):
+        rows = ["sequence,frame,joint,u,v,x,y,z", "elsewhere,0,post,1,1,9,9,9"]
+        for name, xyz in places.items():
+            u, v = project(camera, np.array(xyz, float))[0]
+            rows.append(f"{walk},0,{name},{u},{v},{','.join(map(str, xyz))}")
+        files.append(tmp_path / f"{camera.name}@{walk}.marks.csv")
+        files[-1].write_text("\n".join(rows[:-1]) + "\n")
+    first = KINDS["camera 0"][0]
+    found, cameras, _ = worlds.reference_run(capture, first, marks=files, world="from_marks")
+    assert found[0][:2] == ("info", "reference_world") and "3 marked points (post, corner, bag)" in found[0][2]
+    for camera in true(capture):
+        np.testing.assert_allclose(cameras[camera.name].wTc, camera.wTc, atol=1e-6)
+    for file, camera in zip(files, true(capture), strict=True):
+        u, v = project(camera, np.array(places["wrong"], float))[0]
+        file.write_text(file.read_text() + f"{walk},1,wrong,{u},{v},-0.5,0.5,0.5\n")
+    found, _, _ = worlds.reference_run(capture, first, marks=files, world="from_marks")
+    assert found[0][:2] == ("warning", "reference_world") and "wrong is furthest off, by " in found[0][2]
+    with pytest.raises(DiorError, match="from_marks` needs 3 points"):
+        worlds.reference_run(capture, first, world="from_marks")
+
+
 def test_without_a_walk_nothing_but_the_yaml_tells_the_errors(capture, tmp_path):
     session = worlds.outdoors(capture)
     name = capture.project.close(session)[0]
@@ -89,6 +115,7 @@ def test_without_a_walk_nothing_but_the_yaml_tells_the_errors(capture, tmp_path)
         files = worlds.referenced(capture, session, **keys)[:1]
         reference.run(
             session=session, cameras=[capture.made("referenced", f"{session}/{name}")], camera_files=files,
+            marks=[], marked=[],
             walk=reference.WalkFiles("", "", None, None, None, None), choices=reference.Choices(0.3, 15.0, 2.5),
             out=tmp_path / "out.parquet", out_covariance=tmp_path / "covariance.parquet",
             findings=tmp_path / "findings.parquet",

@@ -134,6 +134,23 @@ def referenced_yamls(wildcards):
     return [PROJECT.camera_file(session, camera) for camera in referenced(session)]
 
 
+def referenced_marks(wildcards):
+    """The marks of a session's reference cameras, where marked points are its world."""
+    session = wildcards.session
+    cameras = [PROJECT.cameras(session)[name]["reference"] for name in referenced(session)]
+    if all(camera["world"] != "from_marks" for camera in cameras):
+        return []
+    paths = [PROJECT.marks_file(session, name) for name in referenced(session)]
+    return [path for path in paths if os.path.exists(path)]
+
+
+def referenced_sequences(wildcards):
+    """The sequences in whose pictures these points may be marked."""
+    session, files = wildcards.session, cameras_of_files(referenced_marks(wildcards))
+    names = [name for camera in files for name in PROJECT.clicked(session, camera)]
+    return list(dict.fromkeys(names))
+
+
 def telling_walk(session):
     """The first outdoor sequence by which a reference calibration is judged, "" where there is none."""
     outdoor = [name for name in PROJECT.shaping(session) if not PROJECT.indoor(name)]
@@ -288,12 +305,14 @@ def fact_marks(wildcards):
 
 def fact_sequences(wildcards):
     """The sequences in whose pictures the points of the facts may be marked."""
-    session, close = wildcards.session, PROJECT.close(wildcards.session)
-    files = [os.path.basename(path).split(".")[0].split("@")[0] for path in fact_marks(wildcards)]
-    names = [
-        name for camera in close if camera in files for name in PROJECT.clicked(session, camera)
-    ]
+    session, files = wildcards.session, cameras_of_files(fact_marks(wildcards))
+    names = [name for camera in files for name in PROJECT.clicked(session, camera)]
     return list(dict.fromkeys(names))
+
+
+def cameras_of_files(paths):
+    """The cameras that files such as `<camera>@<part>.marks.csv` are of."""
+    return [os.path.basename(path).split(".")[0].split("@")[0] for path in paths]
 
 
 def sequence_offsets(wildcards):

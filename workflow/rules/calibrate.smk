@@ -92,6 +92,7 @@ rule reference:
     input:
         cameras=referenced_cameras,
         camera_files=referenced_yamls,
+        marks=referenced_marks,
         detections=telling("detections/{sequence}.parquet"),
         frames=telling("frames/{sequence}.parquet"),
         offsets=telling_offsets,
@@ -111,7 +112,8 @@ rule reference:
         min_score=CONFIG["adjust"]["min_score"],
         huber_px=CONFIG["adjust"]["huber_px"],
         max_gap=CONFIG["time"]["max_gap"],
-        contents=contents_of(referenced_yamls, telling_offsets),
+        marked=referenced_sequences,
+        contents=contents_of(referenced_yamls, telling_offsets, referenced_marks),
         code=code("calibrate.reference"),
     shell:
         dior("reference")

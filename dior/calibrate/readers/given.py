@@ -170,7 +170,8 @@ def placed(camera: GivenCamera, path: AnyPath, convention: str, units: str, worl
     if given.origin and world == "as_given":
         raise DiorError(
             f"{where}: {given.origin}, so that its Z is no vertical and its Z = 0 no floor; set `reference.world: "
-            "from_walk` in the YAML of every camera of it, which takes both from the session's first outdoor walk"
+            "from_walk` in the YAML of every camera of it, which takes both from the session's first outdoor walk, or "
+            "`from_marks`, by three measured points"
         )
     T = pose(given.T[:3, :3], METRES[units] * given.T[:3, 3])
     return inverse_pose(T) if convention == "cTw" else T
