@@ -104,3 +104,11 @@ def test_three_points_on_a_line_tell_no_turn_about_it():
         own.uv[2] = project(camera, own.xyz[2])[0]
     with pytest.raises(DiorError, match="the marked points post, corner, bag are on a line; mark one beside it"):
         world_of_points.rebased(cameras, marks, "")
+
+
+def test_a_point_that_one_camera_alone_has_says_nothing():
+    _, cameras, marks = scene()
+    for camera in cameras[1:]:
+        own = marks[camera.name]
+        marks[camera.name] = own.only(own.joint != "lamp")
+    assert world_of_points.rebased(cameras, marks, "").names == ("post", "corner", "bag")
