@@ -37,6 +37,8 @@ from tests.calibrate.readers import (
 )
 from tests.ingest import bagfiles, c3d_files, formats
 
+# of the detections that are one file per picture
+FOLDERS = ("openpose", "yolo", "solutions", "text", "pose2sim", "mmpose", "yolo_json")
 ROOT = Path(__file__).resolve().parents[1]
 SIZE = (formats.WIDTH, formats.HEIGHT)
 T0 = bagfiles.T0
@@ -198,7 +200,7 @@ def _detections(key: str) -> Reader:
         tables.write(folder / "frames.parquet", "frames", columns)
 
     def read(path: Path, folder: Path) -> None:
-        named = path.parent if path.parent.name in ("openpose", "yolo", "solutions", "text") else path
+        named = path.parent if path.parent.name in FOLDERS else path
         detections.run(
             looked_at=[],
             sequence="walk", pattern=str(named), cameras=["cam01"], format="auto", frames=folder / "frames.parquet",

@@ -23,7 +23,7 @@ from dior.evaluate import rows as figures
 from dior.evaluate.grids import LabelGrid, label_grids
 from dior.evaluate.labels_in_boxes import label_boxes
 from dior.evaluate.zoom import window
-from dior.ingest.detections import check_recording, in_pixels
+from dior.ingest.detections import check_recording, of_recording
 from dior.ingest.people import People, gathered
 from dior.ingest.readers import READERS
 from dior.ingest.readers.common import files_by_frame
@@ -101,18 +101,19 @@ def read(path: Path, pictures: Table, zoom: int, where: str) -> tuple[People, Bo
     if not len(pictures["frame"]):
         raise DiorError(f"{where}: there are no pictures of this camera; correct the row")
     kind = recognise(path)
+    u, v, wide, high = window(int(pictures["width"][0]), int(pictures["height"][0]), zoom)
+    size = wide, high
     if kind == "empty":
         people, silent = _nobody(path, where)
+        check_recording(people, pictures, path, where)
     elif kind is None:
         known = ", ".join(reader.tool for reader in READERS.values())
         raise DiorError(f"{where}: {path} is output of none of {known}; docs/formats.md shows what they look like")
     else:
-        people, silent = READERS[kind].read(path), READERS[kind].silent
-    u, v, wide, high = window(int(pictures["width"][0]), int(pictures["height"][0]), zoom)
-    size = wide, high
-    if kind in READERS:
-        people = in_pixels(people, READERS[kind], size, path, where)
-    check_recording(people, pictures, path, where)
+        people, silent = (
+            of_recording(path, READERS[kind], pictures["camera"][0], pictures, where, size=size),
+            READERS[kind].silent,
+        )
     if zoom > 1 and len(people.frame):
         middle = np.nanmean(people.uv, axis=1)
         if (np.abs(2 * middle - size) > size).any(axis=1).mean() > 0.5:

@@ -45,23 +45,23 @@ def run(
     looked_at: list[str],
     out: Path,
     findings: Path,
+    first_frame: int = 0,
     out_people: Path | None = None,
     data_root: Path | None = None,
 ) -> None:
     """Write the subject's detections of `cameras`, those whose detections are used. See the module's docstring.
 
-    `format` is auto or a key of READERS; the bags of `frames` are below `data_root`, without which the detections are
-    not compared with the pictures; `looked_at`: cameras of which somebody says that they lie on them, so that the
-    comparison only warns. Raises DiorError for a missing file, a wrong format, frames or stamps of another
-    recording, a camera in which nobody was ever found, and detections that do not lie on the pictures.
+    `format` is auto or a key of READERS; `first_frame`: number that the files give the first picture; the bags of
+    `frames` are below `data_root`, without which the detections are not compared with the pictures; `looked_at`:
+    cameras of which somebody says that they lie on them, so that the comparison only warns. Raises DiorError for a
+    missing file, a wrong format, frames or stamps of another recording, a camera in which nobody was ever found, and
+    detections that do not lie on the pictures.
     """
     if not cameras:
         raise DiorError(f"{sequence}: no camera is given whose detections are to be read")
     if format != "auto" and format not in READERS:
         known = ("auto", *READERS)
         raise DiorError(f"detector.format '{format}' is not one of {', '.join(known)}{nearest(format, known)}")
-    if "{camera}" not in pattern and len(cameras) > 1:
-        raise DiorError(f"{sequence}: `detections` in sequences.tsv is '{pattern}', which needs a {{camera}} in it")
     pictures = tables.read(frames, "frames", None if data_root else NEEDED)
     parts, everybody, seen = [], [], []
     for camera in sorted(cameras):
@@ -72,11 +72,14 @@ def run(
             raise DiorError(f"{where}: {frames} has no frame of this camera")
         path = Path(pattern.replace("{camera}", camera))
         reader = READERS[_format(path, format, where)]
-        people = in_pixels(reader.read(path), reader, (mine["width"][0], mine["height"][0]), path, where)
-        check_recording(people, mine, path, where)
+        if "{camera}" not in pattern and len(cameras) > 1 and not reader.all_cameras:
+            raise DiorError(f"{sequence}: `detections` in sequences.tsv is '{pattern}', which needs a {{camera}} in it")
+        people = of_recording(path, reader, camera, mine, where, first_frame)
         _check_anybody(people, path, where)
         track = subject.follow(people, stamps_ns)
-        seen += [(f"{sequence}/{camera}", *finding) for finding in _findings(people, track, camera, reader)]
+        seen += [
+            (f"{sequence}/{camera}", *finding) for finding in _findings(people, track, camera, reader, first_frame)
+        ]
         parts.append(_columns(camera, stamps_ns, people, track))
         if out_people:
             everybody.append(_everybody(camera, people, subject.tracks(people, stamps_ns)))
@@ -121,6 +124,78 @@ def _format(path: Path, wanted: str, where: str) -> str:
     return found
 
 
+def of_recording(
+    path: AnyPath,
+    reader: Reader,
+    camera: str,
+    pictures: Table,
+    where: str,
+    first_frame: int = 0,
+    size: tuple[int, int] | None = None,
+) -> People:
+    """Everybody in the detections of a camera, in pixels, frames counted from 0.
+
+    `pictures`: rows of the `frames` table of the camera; `first_frame`: number that the files give the first of them;
+    `size` (width, height) of what the detector was run on, where it is not that of the pictures. Raises DiorError for
+    files that are not of that recording.
+    """
+    people = reader.read(path, camera)
+    people = _by_stamp(people, pictures, path, where) if people.by_stamp else _from_zero(people, first_frame, path)
+    people = in_pixels(people, reader, size or (pictures["width"][0], pictures["height"][0]), path, where)
+    check_recording(people, pictures, path, where, first_frame)
+    return people
+
+
+def _from_zero(people: People, first_frame: int, path: AnyPath) -> People:
+    if not first_frame:
+        return people
+    if len(people.ran) and people.ran[0] < first_frame:
+        raise DiorError(
+            f"{path}: it begins with frame {people.ran[0]}, and `detector.first_frame` in config.yaml says that the "
+            f"first is {first_frame}"
+        )
+    return replace(people, frame=people.frame - first_frame, ran=people.ran - first_frame)
+
+
+def _by_stamp(people: People, pictures: Table, path: AnyPath, where: str) -> People:
+    """`people` whose frames are places in `stamp_ns` on the frames that have these stamps.
+
+    Raises DiorError for a stamp that no picture has, to half of the time between two, and for two of the same picture.
+    """
+    # a detector has the header's stamp, which may have been restored
+    stamps = np.concatenate([header_ns(pictures), pictures["stamp_ns"]])
+    order = np.argsort(stamps, kind="stable")
+    right = np.clip(np.searchsorted(stamps[order], people.stamp_ns), 1, len(stamps) - 1)
+    near = order[np.stack([right - 1, right])]
+    apart = np.abs(stamps[near] - people.stamp_ns)
+    frame = np.where(apart[0] <= apart[1], near[0], near[1]) % len(pictures["stamp_ns"])
+    if (far := apart.min(axis=0) > _half_period_ns(pictures)).any():
+        raise DiorError(
+            f"{where}: {path} has the stamp {people.stamp_ns[int(far.argmax())]} ns, at which there is no picture of "
+            "the recording; the detections belong to another one, or count from another moment"
+        )
+    if len(twice := np.flatnonzero(np.diff(np.sort(frame)) == 0)):
+        raise DiorError(f"{where}: two stamps in {path} are those of frame {np.sort(frame)[twice[0]]}")
+    of_people = frame[people.frame]
+    rows, order = np.argsort(of_people, kind="stable"), np.argsort(frame, kind="stable")
+    return replace(
+        people,
+        frame=of_people[rows],
+        person=people.person[rows],
+        uv=people.uv[rows],
+        score=people.score[rows],
+        ran=frame[order],
+        stamp_ns=people.stamp_ns[order],
+        by_stamp=False,
+    )
+
+
+def _half_period_ns(pictures: Table) -> float:
+    """Half of the time between two pictures, ns."""
+    stamps_ns = pictures["stamp_ns"]
+    return float(np.median(np.diff(stamps_ns)) if len(stamps_ns) > 1 else 1e9) / 2
+
+
 def in_pixels(people: People, reader: Reader, size: tuple[int, int], path: AnyPath, where: str) -> People:
     """`people` of pictures of `size` (width, height) in pixels, whether the reader gives fractions or pixels.
 
@@ -143,21 +218,24 @@ def in_pixels(people: People, reader: Reader, size: tuple[int, int], path: AnyPa
     return replace(people, uv=people.uv * np.array(size, float) - 0.5)
 
 
-def check_recording(people: People, pictures: Table, path: AnyPath, where: str) -> None:
-    """Refuse detections of another recording than that with the `pictures` (rows of the `frames` table)."""
+def check_recording(people: People, pictures: Table, path: AnyPath, where: str, first_frame: int = 0) -> None:
+    """Refuse detections of another recording than that with the `pictures` (rows of the `frames` table).
+
+    `people` counted from 0, and their files from `first_frame`.
+    """
     stamps_ns, as_recorded = pictures["stamp_ns"], header_ns(pictures)
     count = len(stamps_ns)
     beyond = people.ran[(people.ran < 0) | (people.ran >= count)]
     if len(beyond):
-        from_one = "; are they counted from 1?" if people.ran[0] == 1 and beyond[-1] == count else ""
+        from_one = "; are they counted from 1? Then set `detector.first_frame: 1` in config.yaml"
         raise DiorError(
-            f"{where}: {path} has frame {beyond[-1]} but the recording has frames 0 to {count - 1}; "
-            f"the detections belong to another recording{from_one}"
+            f"{where}: {path} has frame {beyond[-1] + first_frame} but the recording has frames {first_frame} to "
+            f"{count - 1 + first_frame}; the detections belong to another recording"
+            f"{from_one if people.ran[0] == 1 and beyond[-1] == count and not first_frame else ''}"
         )
-    period_ns = np.median(np.diff(stamps_ns)) if count > 1 else 1e9
     # a detector has the header's stamp, which may have been restored
     apart = [np.abs(people.stamp_ns - each[people.ran]) for each in (stamps_ns, as_recorded)]
-    off = (people.stamp_ns >= 0) & (np.minimum(*apart) > period_ns / 2)
+    off = (people.stamp_ns >= 0) & (np.minimum(*apart) > _half_period_ns(pictures))
     if off.any():
         i = int(np.argmax(off))
         raise DiorError(
@@ -222,7 +300,9 @@ def _concatenated(parts: list[dict[str, Any]]) -> dict[str, Any]:
     return columns
 
 
-def _findings(people: People, track: Subject, camera: str, reader: Reader) -> list[tuple[str, str, str]]:
+def _findings(
+    people: People, track: Subject, camera: str, reader: Reader, first_frame: int
+) -> list[tuple[str, str, str]]:
     """(severity, code, text) of one camera."""
     frames = len(track.row)
     count = np.bincount(people.frame, minlength=frames)
@@ -235,8 +315,11 @@ def _findings(people: People, track: Subject, camera: str, reader: Reader) -> li
         if reader.silent:
             text += f", or found nobody there: {reader.tool} output does not tell"
         found.append(("warning" if not_run > FEW * frames else "info", "detector_not_run", text))
-    if len(people.ran) and people.ran[0] == 1:
-        text = f"{camera}: the detections begin at frame 1; if the tool counts from 1, all of them are a frame late"
+    if len(people.ran) and people.ran[0] == 1 and not first_frame:
+        text = (
+            f"{camera}: the detections begin at frame 1; if the tool counts from 1, all of them are a frame late, and "
+            "`detector.first_frame` in config.yaml should be 1"
+        )
         found.append(("warning", "frames_from_one", text))
     if nobody:
         text = f"{camera}: the detector found nobody in {nobody} of {frames} frames"

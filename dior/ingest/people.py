@@ -46,6 +46,7 @@ class People:
 
     `joints` J names; `frame` and `person` (P,), the latter the index in the detector's output; `uv` (P, J, 2) px;
     `score` (P, J), 0 where missing; `ran` the sorted frames that the detector looked at; `stamp_ns` of those, or -1.
+    `by_stamp`: the file has no frame numbers, and `frame` and `ran` are places in `stamp_ns`.
     """
 
     joints: tuple[str, ...]
@@ -55,6 +56,7 @@ class People:
     score: Floats
     ran: Ints
     stamp_ns: Ints
+    by_stamp: bool = False
 
 
 def gathered(
@@ -64,14 +66,15 @@ def gathered(
     points: Floats,
     ran: Numbers | None = None,
     stamp_ns: Numbers | None = None,
+    by_stamp: bool = False,
 ) -> People:
     """`People` from what a file holds, in any order.
 
     `frame` (P,) numbers from 0, `points` (P, J, 3) u, v, score; a coordinate that is not finite is missing. `ran` are
-    the frames that the detector looked at (those of `frame` where it does not say) and `stamp_ns` their stamps. A
-    person is counted by its place among those of its frame, one without any joint is left out. `points` is written
-    to and not copied: it is the largest thing that a reader has. Raises DiorError for
-    frames and coordinates that cannot be.
+    the frames that the detector looked at (those of `frame` where it does not say) and `stamp_ns` their stamps;
+    `by_stamp` as of `People`. A person is counted by its place among those of its frame, one without any joint is left
+    out. `points` is written to and not copied: it is the largest thing that a reader has. Raises DiorError for frames
+    and coordinates that cannot be.
     """
     frames = whole_numbers(path, frame)
     points = np.asarray(points, float).reshape(len(frames), len(joints), 3)
@@ -99,7 +102,7 @@ def gathered(
     np.clip(np.nan_to_num(score, copy=False), 0.0, 1.0, out=score)
     seen = ~missing.all(axis=1)
     rows = slice(None) if seen.all() else seen
-    return People(tuple(joints), frames[rows], person[rows], uv[rows], score[rows], looked_at, stamps)
+    return People(tuple(joints), frames[rows], person[rows], uv[rows], score[rows], looked_at, stamps, by_stamp)
 
 
 def _order(numbers: Ints) -> slice | Ints:

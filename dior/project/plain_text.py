@@ -90,7 +90,9 @@ def rows_of(path: AnyPath, shown: AnyPath, delimiter: str = ",") -> list[Line]:
     return rows
 
 
-def each_row(path: AnyPath, shown: AnyPath, delimiter: str = ",", most_bytes: int = MOST_BYTES) -> Iterator[Line]:
+def each_row(
+    path: AnyPath, shown: AnyPath, delimiter: str = ",", most_bytes: int = MOST_BYTES, most_cells: int = MOST_CELLS
+) -> Iterator[Line]:
     """Yield the rows of a table that are not empty.
 
     A cell holds no line break and no delimiter: where a quote opens one, it has swallowed what came after it. Raises
@@ -110,7 +112,7 @@ def each_row(path: AnyPath, shown: AnyPath, delimiter: str = ",", most_bytes: in
                     f'{shown} line {line}: a cell opens a quote (") and goes on {until}; delete the quote, or the '
                     "line break within it"
                 )
-            if len(cells) > MOST_CELLS:
+            if len(cells) > most_cells:
                 raise DiorError(f"{shown} line {line}: has {len(cells)} cells, which no table has; is it another file?")
             stripped = [cell.strip() for cell in cells]
             if any(stripped):

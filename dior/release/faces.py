@@ -39,16 +39,18 @@ class Faces:
 NOBODY = Faces(np.zeros(0, int), [], np.zeros((0, 0, 2)), np.zeros((0, 2)), np.zeros(0))
 
 
-def read(path: Path | None, tool: str, min_score: float, rows: Table, where: str) -> Faces:
-    """The faces in a detector's output of a camera whose pictures are `rows`; nobody where there is none."""
+def read(path: Path | None, tool: str, min_score: float, rows: Table, where: str, first_frame: int = 0) -> Faces:
+    """The faces in a detector's output of a camera whose pictures are `rows`; nobody where there is none.
+
+    `first_frame`: number that it gives the first picture.
+    """
     if path is None or not path.exists() or not len(rows["frame"]):
         return NOBODY
     found = recognise(path) if tool == "auto" else tool
     if found not in READERS:
         return NOBODY
     reader = READERS[found]
-    people = detections.in_pixels(reader.read(path), reader, (rows["width"][0], rows["height"][0]), path, where)
-    detections.check_recording(people, rows, path, where)
+    people = detections.of_recording(path, reader, rows["camera"][0], rows, where, first_frame)
     uv = np.where((people.score >= min_score)[..., None], people.uv, np.nan)
     mine = [i for i, joint in enumerate(people.joints) if joint in head_model.HEAD]
     there = np.isfinite(uv[:, mine]).all(axis=-1).sum(axis=1) >= LEAST_JOINTS

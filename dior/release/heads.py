@@ -67,7 +67,7 @@ class Filmed:
     `data_root`: folder that the bags lie in; `detections`: the detector's own output of the camera, everybody in it,
     or None; `format`: tool that it is of, or auto; `min_score`: score from which a joint counts; `boxes`: boxes drawn
     by hand around the subject, CSV, or None; `people`, `people_labels`: tables `people_3d` and `people_2d` where all
-    people are labelled, or None.
+    people are labelled, or None; `first_frame`: number that the detections give the first picture.
     """
 
     data_root: Path
@@ -77,6 +77,7 @@ class Filmed:
     boxes: Path | None
     people: Path | None = None
     people_labels: Path | None = None
+    first_frame: int = 0
 
 
 @dataclass(frozen=True)
@@ -162,7 +163,7 @@ def run(
     moving_boxes: list[Ints] = [NO_BOX] * len(status)
     always = np.zeros(len(status), bool)
     if np.isin(status, ("ok", "out_of_frame")).any():
-        found = faces.read(filmed.detections, filmed.format, filmed.min_score, subject.rows, where)
+        found = faces.read(filmed.detections, filmed.format, filmed.min_score, subject.rows, where, filmed.first_frame)
         walker = subject.walker(box, drawn_boxes(filmed.boxes, subject.rows))
         seen = look.looked(walker, judged.role, found, look.reader(subject.rows, filmed.data_root))
         always = seen.always

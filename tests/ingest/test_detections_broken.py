@@ -21,8 +21,10 @@ from tests.ingest.test_detections_formats import run
 
 each_writer = pytest.mark.parametrize("writer", WRITERS, ids=lambda writer: writer.__name__)
 often = settings(max_examples=15, deadline=2000, suppress_health_check=list(HealthCheck), derandomize=True)
+CSV_WRITERS = [formats.deeplabcut, formats.deeplabcut_of_several, formats.caliscope]
 JSON_WRITERS = [writer for writer in WRITERS if "text" not in writer.__name__ and writer.__name__[:4] != "yolo"]
-JSON_WRITERS.remove(formats.mlkit_csv)
+JSON_WRITERS += [formats.yolo_json, formats.yolo_json_list, formats.yolo_json_lines, formats.yolo_validated]
+JSON_WRITERS = [writer for writer in JSON_WRITERS if "csv" not in WRITERS[writer][0] and writer not in CSV_WRITERS]
 
 
 @pytest.fixture

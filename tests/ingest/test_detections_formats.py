@@ -19,17 +19,18 @@ FRAMES = 4
 each_writer = pytest.mark.parametrize("writer", WRITERS, ids=lambda writer: writer.__name__)
 
 
-def run(tmp_path, path, format="auto", count=FRAMES):
-    frame = np.arange(count)
+def run(tmp_path, path, format="auto", count=FRAMES, cameras=("cam01",), first_frame=0, period_ns=1):
+    frame = np.tile(np.arange(count), len(cameras))
     columns = {
-        "camera": np.full(count, "cam01", object), "frame": frame, "stamp_ns": 1_708_000_000_000_000_000 + frame,
-        "width": np.full(count, WIDTH), "height": np.full(count, HEIGHT),
+        "camera": np.repeat(np.array(cameras, object), count), "frame": frame,
+        "stamp_ns": 1_708_000_000_000_000_000 + period_ns * frame, "width": np.full(len(frame), WIDTH),
+        "height": np.full(len(frame), HEIGHT),
     }  # fmt: skip
     tables.write(tmp_path / "frames.parquet", "frames", columns)
     detections.run(
         looked_at=[],
-        sequence="walk", pattern=str(path), cameras=["cam01"], format=format, frames=tmp_path / "frames.parquet",
-        out=tmp_path / "out.parquet", findings=tmp_path / "out.findings.parquet",
+        sequence="walk", pattern=str(path), cameras=list(cameras), format=format, frames=tmp_path / "frames.parquet",
+        out=tmp_path / "out.parquet", findings=tmp_path / "out.findings.parquet", first_frame=first_frame,
     )  # fmt: skip
     found = tables.read(tmp_path / "out.findings.parquet", "findings")
     return tables.read(tmp_path / "out.parquet", "detections"), dict(zip(found["code"], found["text"], strict=True))
@@ -160,6 +161,47 @@ def test_frames_counted_from_one(tmp_path):
     assert "if the tool counts from 1, all of them are a frame late" in findings["frames_from_one"]
     with pytest.raises(DiorError, match="frame 3 but the recording has frames 0 to 2.*are they counted from 1"):
         run(tmp_path, path, count=3)
+    table, findings = run(tmp_path, path, count=3, first_frame=1)
+    expected = [one[0][:, 0] for one in scene(17, (1, 2, 3)).values()]
+    np.testing.assert_allclose(table["u"].reshape(3, 17), expected, atol=1e-3)
+    assert set(findings) == {"several_people"}
+    with pytest.raises(DiorError, match="has frame 3 but the recording has frames 1 to 2; the .* recording$"):
+        run(tmp_path, path, count=2, first_frame=1)
+    with pytest.raises(DiorError, match="it begins with frame 1, and `detector.first_frame` in config.yaml says .* 2"):
+        run(tmp_path, path, first_frame=2)
+
+
+def test_frames_by_the_stamps_where_the_tool_wrote_no_frame(tmp_path):
+    found = scene(33, (3, 0, 2))
+    stamps = {frame: 1_708_000_000_000 + 10 * frame for frame in found}
+    lines = formats.mlkit(tmp_path, found).read_text().splitlines()
+    for key, scale, path in (("stamp_ns", 10**6, "mlkit.jsonl"), ("timestamp_ms", 1, "tasks.jsonl")):
+        if key == "timestamp_ms":
+            lines = formats.mediapipe_tasks(tmp_path, found).read_text().splitlines()
+        given = [{key: scale * stamps[f]} for f in found]
+        content = [
+            {k: v for k, v in json.loads(line).items() if k not in ("frame", "stamp_ns")} | stamp
+            for line, stamp in zip(lines, given, strict=True)
+        ]
+        path = tmp_path / path
+        path.write_text("\n".join(map(json.dumps, content)))
+        table, findings = run(tmp_path, path, period_ns=10**7)
+        u = table["u"].reshape(4, 33)
+        assert np.isnan(u[1]).all() and "not run on 1 of 4" in findings["detector_not_run"]
+        for frame in found:
+            np.testing.assert_allclose(u[frame], found[frame][0][:, 0], atol=1e-3)
+        content[1][key] += 5 * scale + scale // 2 + 1
+        path.write_text("\n".join(map(json.dumps, content)))
+        with pytest.raises(DiorError, match="at which there is no picture|two stamps in .* are those of frame"):
+            run(tmp_path, path, count=1, period_ns=10**7)
+        content[1] |= {key: content[0][key]}
+        path.write_text("\n".join(map(json.dumps, content)))
+        with pytest.raises(DiorError, match="two stamps in .* are those of frame 3"):
+            run(tmp_path, path, period_ns=10**7)
+        content[1] |= {"frame": 1}
+        path.write_text("\n".join(map(json.dumps, content)))
+        with pytest.raises(DiorError, match="have none; write it with each|has no 'frame'|has no \"frame\""):
+            run(tmp_path, path)
 
 
 def test_fractions_taken_for_pixels_and_pixels_for_fractions(tmp_path):

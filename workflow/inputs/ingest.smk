@@ -108,6 +108,12 @@ def detection_format(wildcards):
     return "coco" if here else CONFIG["detector"]["format"]
 
 
+def detection_first_frame(wildcards):
+    """Rule detect counts from 0."""
+    here = PROJECT.detected_here(wildcards.sequence)
+    return 0 if here or "simulate" in CONFIG else CONFIG["detector"]["first_frame"]
+
+
 def detector_model(wildcards):
     return [ancient(CONFIG["detector"]["model"])]
 

@@ -114,6 +114,7 @@ rule detections:
         pattern=untracked(detection_pattern),
         cameras=close_names,
         format=detection_format,
+        first_frame=detection_first_frame,
         data_root=data_root,
         looked_at=detections_checked,
         contents=contents_of(brought_detections, recorded(bags)),

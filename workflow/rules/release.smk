@@ -54,6 +54,7 @@ rule heads:
         data_root=data_root,
         detections=untracked(everybody_detected),
         format=detection_format,
+        first_frame=detection_first_frame,
         min_score=CONFIG["detector"]["min_score"],
         role=camera_role,
         makers=makers,

@@ -5,28 +5,50 @@ from dataclasses import dataclass
 
 from dior.arrays import AnyPath
 from dior.ingest.people import People
-from dior.ingest.readers import alphapose, coco, mediapipe, mlkit, mlkit_csv, openpose, yolo
+from dior.ingest.readers import (
+    alphapose,
+    caliscope,
+    coco,
+    deeplabcut,
+    mediapipe,
+    mlkit,
+    mlkit_csv,
+    mmpose,
+    openpose,
+    yolo,
+    yolo_json,
+)
 
 
 @dataclass(frozen=True)
 class Reader:
-    """`read(path)` gives People; `tool` is its name in messages; `shape` what `detections` must name: file, folder or
-    either. `fractions`: it gives u, v as fractions of the picture. `silent`: its files say nothing of a picture in
-    which nobody was found."""
+    """`read(path, camera)` gives People; `tool` is its name in messages; `shape` what `detections` must name: file,
+    folder or either. `fractions`: it gives u, v as fractions of the picture. `silent`: its files say nothing of a
+    picture in which nobody was found. `all_cameras`: one file holds those of several cameras."""
 
     tool: str
-    read: Callable[[AnyPath], People]
+    read: Callable[..., People]
     shape: str
     fractions: bool = False
     silent: bool = False
+    all_cameras: bool = False
+
+
+def _alone(read: Callable[[AnyPath], People]) -> Callable[..., People]:
+    """The same of a file that holds one camera, whichever it is."""
+    return lambda path, camera="": read(path)
 
 
 READERS = {
-    "mlkit": Reader("ML Kit", mlkit.read, "file"),
-    "openpose": Reader("OpenPose", openpose.read, "folder"),
-    "mediapipe": Reader("MediaPipe", mediapipe.read, "either", fractions=True),
-    "alphapose": Reader("AlphaPose", alphapose.read, "file", silent=True),
-    "yolo": Reader("YOLO pose", yolo.read, "either", fractions=True, silent=True),
-    "coco": Reader("COCO results", coco.read, "file", silent=True),
-    "mlkit_csv": Reader("ML Kit CSV", mlkit_csv.read, "file"),
+    "mlkit": Reader("ML Kit", _alone(mlkit.read), "file"),
+    "openpose": Reader("OpenPose", _alone(openpose.read), "folder"),
+    "mediapipe": Reader("MediaPipe", _alone(mediapipe.read), "either", fractions=True),
+    "alphapose": Reader("AlphaPose", _alone(alphapose.read), "file", silent=True),
+    "yolo": Reader("YOLO pose", _alone(yolo.read), "either", fractions=True, silent=True),
+    "coco": Reader("COCO results", _alone(coco.read), "file", silent=True),
+    "mmpose": Reader("MMPose", _alone(mmpose.read), "either"),
+    "yolo_json": Reader("YOLO pose JSON", _alone(yolo_json.read), "either"),
+    "deeplabcut": Reader("DeepLabCut", _alone(deeplabcut.read), "file"),
+    "caliscope": Reader("caliscope", caliscope.read, "file", silent=True, all_cameras=True),
+    "mlkit_csv": Reader("ML Kit CSV", _alone(mlkit_csv.read), "file"),
 }

@@ -3,6 +3,9 @@
 INPUTS   [{"image_id": frame, "keypoints": [x, y, score, ...], "score"}], pixels, of 17 (COCO), 26 (Halpe), 133 (COCO
          WholeBody) or 136 (Halpe full body) keypoints; (0, 0) is a missing joint. COCO lets the third number be 1 (or
          0) throughout; then the person's score takes its place. A picture without a person is not in the list.
+         Also `predictions.json`, which `save_json` of a validation by Ultralytics writes: results with a "file_name",
+         their image_id a text where it is no number (ultralytics 8.4.190, models/yolo/detect/val.py, pred_to_json);
+         their pixels are those of `yolo_json`.
 OUTPUTS  `People`.
 """
 
@@ -15,12 +18,22 @@ from dior.arrays import AnyPath, Floats
 from dior.body.names import BY_COUNT
 from dior.errors import DiorError
 from dior.ingest.people import People, gathered
-from dior.ingest.readers.common import load_json, number, one_model, triples
+from dior.ingest.readers import yolo_json
+from dior.ingest.readers.common import frame_of, load_json, number, one_model, triples
 
 
 def read(path: AnyPath) -> People:
     """All people of the file. Raises DiorError for a file that is no such list."""
-    return from_list(load_json(path, "COCO results"), path, lambda name, _: name)
+    content = load_json(path, "COCO results")
+    people = from_list(content, path, _frame)
+    if "file_name" in content[0]:
+        people.uv[...] -= yolo_json.EDGE
+    return people
+
+
+def _frame(image_id: Any, where: str) -> Any:
+    # a stem, and what looks like an extension belongs to it
+    return frame_of(f"{image_id}.", f"{where}, {image_id:.40}") if isinstance(image_id, str) else image_id
 
 
 def from_list(content: Any, path: AnyPath, frame_of: Callable[[Any, str], int]) -> People:

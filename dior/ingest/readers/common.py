@@ -79,6 +79,18 @@ def triples(flat: Any, where: str) -> Floats:
     return points
 
 
+def points_of(uv: Any, scores: Any, where: str) -> Floats:
+    """Pairs x, y and their scores (None: all 1) as an array (J, 3), (0, 0) as NaN. Raises DiorError for others."""
+    try:
+        points = np.array([[number(u), number(v), 1.0] for u, v in uv], float).reshape(-1, 3)
+        if scores is not None:
+            points[:, 2] = [number(score) for score in scores]
+    except (TypeError, ValueError, OverflowError) as error:
+        raise DiorError(f"{where}: the keypoints are no pairs of numbers with a score each ({error})") from None
+    points[(points[:, :2] == 0).all(axis=1)] = np.nan
+    return points
+
+
 def one_model(people: Sequence[Floats], where: AnyPath) -> Floats:
     """Arrays (J, 3) of people as one (P, J, 3). Raises DiorError where they differ in length."""
     counts = sorted({len(one) for one in people})

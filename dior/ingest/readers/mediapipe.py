@@ -6,7 +6,8 @@ INPUTS   per picture the result as its Python packages give it:
          web        {"landmarks": [[{...}, ...], ...]}
          text       landmarks { landmark { x: ... y: ... visibility: ... presence: ... } ... }
          as a folder of <anything><frame>.json, .pbtxt or .txtpb; as JSON lines or a JSON list whose entries have a
-         "frame"; or as a single .pbtxt, which is frame 0. Nobody is null or an empty list.
+         "frame", or each a "timestamp_ms" or "stamp_ns" since the Unix epoch, which tells the picture; or as a single
+         .pbtxt, which is frame 0. Nobody is null or an empty list.
          Fractions of the picture's width and height; the score is `visibility`, else `presence`, else 1.
 OUTPUTS  `People` with the joints MLKIT_33, in fractions of the picture.
 """
@@ -31,13 +32,18 @@ SCORES = ("visibility", "presence")
 
 def read(path: AnyPath) -> People:
     """All people of the folder or file. Raises DiorError for what is not MediaPipe's and for a frame given twice."""
+    stamps: list[int | None] = []
+    by_stamp = False
     if os.path.isdir(path):
         names = files_by_frame(path, (".json", *TEXT))
         pictures = [(frame, _whole_file(Path(path) / name), f"{path}/{name}") for frame, name in names.items()]
     elif str(path).endswith(TEXT):
         pictures = [(0, _whole_file(path), str(path))]
     else:
-        pictures = [(_frame(one, where), one, where) for one, where in _entries(path)]
+        entries = _entries(path)
+        stamps = [_stamp_ns(one) for one, _ in entries]
+        by_stamp = None not in stamps and not any("frame" in one for one, _ in entries)
+        pictures = [(i if by_stamp else _frame(one, where), one, where) for i, (one, where) in enumerate(entries)]
     frames: list[Any] = []
     points: list[list[list[float]]] = []
     for frame, content, where in pictures:
@@ -45,7 +51,8 @@ def read(path: AnyPath) -> People:
         frames += [frame] * len(people)
         points += people
     whole = np.array(points).reshape(-1, len(MLKIT_33), 3)
-    return gathered(path, MLKIT_33, frames, whole, [frame for frame, _, _ in pictures])
+    looked_at = [frame for frame, _, _ in pictures]
+    return gathered(path, MLKIT_33, frames, whole, looked_at, stamps if by_stamp else None, by_stamp)
 
 
 def _whole_file(path: AnyPath) -> Any:
@@ -75,6 +82,15 @@ def _frame(content: Any, where: str) -> Any:
     if not isinstance(content, dict) or "frame" not in content:
         raise DiorError(f'{where} has no "frame"; write it with each picture, or a file per picture')
     return content["frame"]
+
+
+def _stamp_ns(content: Any) -> int | None:
+    """When a picture was taken, by its entry; None where that does not say it."""
+    for key, ns in (("stamp_ns", 1), ("timestamp_ms", 1_000_000)):
+        stamp = content.get(key) if isinstance(content, dict) else None
+        if isinstance(stamp, int) and not isinstance(stamp, bool) and 0 <= stamp * ns < 1 << 63:
+            return stamp * ns
+    return None
 
 
 def _people(content: Any, where: str) -> list[list[list[float]]]:

@@ -1,7 +1,8 @@
 """Detections of Google's ML Kit (BlazePose) as JSON lines, one per picture.
 
 INPUTS   {"frame", "stamp_ns", "landmarks": [{"type", "x", "y", "z", "inFrameLikelihood"}]}; pixels; `landmarks: []` is
-         nobody, a missing line is a picture that the detector never saw. ML Kit finds one person at most.
+         nobody, a missing line is a picture that the detector never saw. ML Kit finds one person at most. Where no
+         line has a "frame", the stamps tell the picture.
 OUTPUTS  `People` with the joints `skeletons.MLKIT_33`.
 """
 
@@ -31,8 +32,8 @@ class _Landmark(msgspec.Struct, gc=False):
 
 
 class _Picture(msgspec.Struct, gc=False):
-    frame: int
     landmarks: list[_Landmark]
+    frame: int | None = None
     stamp_ns: Annotated[int, msgspec.Meta(ge=-(2**63), le=2**63 - 1)] = -1
 
 
@@ -53,7 +54,7 @@ def read(path: AnyPath) -> People:
         # whole lines
         while text := stream.read(BLOCK_BYTES) + stream.readline():
             try:
-                block = _columns(_LINES.decode_lines(text))
+                block = _columns(_numbered(_LINES.decode_lines(text)))
             except (msgspec.MsgspecError, RecursionError):
                 block = _strictly(text.split(b"\n"), path, before)
             frame += block[0]
@@ -62,7 +63,19 @@ def read(path: AnyPath) -> People:
             before += text.count(b"\n")
     if not frame:
         raise DiorError(f"{path} is empty; run the detector")
-    return gathered(path, MLKIT_33, frame, np.concatenate(points), frame, stamp_ns)
+    if 0 < frame.count(None) < len(frame):
+        raise DiorError(f"{path}: some lines have a 'frame' and others have none; write it with each")
+    by_stamp = frame[0] is None
+    frame = list(range(len(frame))) if by_stamp else frame
+    return gathered(path, MLKIT_33, frame, np.concatenate(points), frame, stamp_ns, by_stamp)
+
+
+def _numbered(pictures: list[_Picture]) -> list[_Picture]:
+    """The same. Raises MsgspecError where one has neither frame nor stamp, or where not all have what one has."""
+    without = sum(picture.frame is None for picture in pictures)
+    if without and (without < len(pictures) or any(picture.stamp_ns < 0 for picture in pictures)):
+        raise msgspec.ValidationError
+    return pictures
 
 
 def _columns(pictures: list[_Picture]) -> tuple[list[Any], list[int], Floats]:
@@ -88,14 +101,17 @@ def _strictly(lines: list[bytes], path: AnyPath, before: int) -> tuple[list[Any]
             continue
         where = f"{path}: line {count}"
         content = from_json(line, where, "ML Kit")
-        for key in ("frame", "landmarks"):
-            if not isinstance(content, dict) or key not in content:
+        keys = content.keys() if isinstance(content, dict) else ()
+        # no frame is needed where every line before had a stamp instead
+        by_stamp = "stamp_ns" in keys and not any(number is not None for number in frames)
+        for key in ("landmarks",) if by_stamp else ("frame", "landmarks"):
+            if key not in keys:
                 raise DiorError(f"{where} has no '{key}'")
         try:
             # a number that is not whole is found out with the frames of all lines
             stamp = content.get("stamp_ns")
             stamps.append(-1 if stamp is None else int(np.int64(stamp + 0)))
-            frames.append(content["frame"])
+            frames.append(content.get("frame"))
             points.append(_landmarks(content["landmarks"], where))
         except (TypeError, AttributeError, KeyError, OverflowError, ValueError) as error:
             raise DiorError(f"{where} is no picture's landmarks as ML Kit writes them ({error!r:.80})") from None

@@ -1,8 +1,11 @@
 """Detections of OpenPose as it writes them: a folder with one JSON file per picture.
 
 INPUTS   <anything><frame>[<no digits>].json with `people[].pose_keypoints_2d` = x, y, confidence per joint, pixels;
-         (0, 0, 0) is a missing joint; `people: []` and `people: [{}]` are nobody.
-OUTPUTS  `People` with the joints of BODY_25, BODY_25B or COCO_18, told apart by the number and place of the points.
+         (0, 0, 0) and NaN are a missing joint; `people: []` and `people: [{}]` are nobody. Pose2Sim writes the same of
+         RTMPose by rtmlib (0.10.49, poseEstimation.py, save_to_openpose): 17, 26 or 133 keypoints of a person, frames
+         from 0, NaN throughout for somebody whom its tracker lost or a picture on which the network failed.
+OUTPUTS  `People` with the joints of BODY_25, BODY_25B, COCO_17, COCO_18, HALPE_26 or WHOLEBODY_133, told apart by the
+         number and place of the points.
 """
 
 import os
@@ -12,12 +15,18 @@ import msgspec
 import numpy as np
 
 from dior.arrays import AnyPath, Floats
-from dior.body.names import BODY_25, BODY_25B, COCO_18, bones_of
+from dior.body.names import BODY_25, BODY_25B, COCO_17, COCO_18, HALPE_26, WHOLEBODY_133, bones_of
 from dior.errors import DiorError
 from dior.ingest.people import People, gathered
-from dior.ingest.readers.common import files_by_frame
+from dior.ingest.readers.common import files_by_frame, from_json, number
 
-CANDIDATES = {len(COCO_18): {"COCO_18": COCO_18}, len(BODY_25): {"BODY_25": BODY_25, "BODY_25B": BODY_25B}}
+CANDIDATES = {
+    len(COCO_17): {"COCO_17": COCO_17},
+    len(COCO_18): {"COCO_18": COCO_18},
+    len(BODY_25): {"BODY_25": BODY_25, "BODY_25B": BODY_25B},
+    len(HALPE_26): {"HALPE_26": HALPE_26},
+    len(WHOLEBODY_133): {"WHOLEBODY_133": WHOLEBODY_133},
+}
 # of the right naming the bones are 2 to 4 times shorter than of the wrong one
 CLEARLY_SHORTER = 0.8
 # chosen: people that tell models with the same number of points apart
@@ -43,18 +52,14 @@ def read(folder: AnyPath) -> People:
     frame: list[int] = []
     values: list[array[float] | None] = []
     size = 0
-    for number, name in names.items():
+    for of_picture, name in names.items():
         path = f"{folder}/{name}"
-        try:
-            people = _FILE.decode(_text(path)).people
-        except (msgspec.MsgspecError, RecursionError):
-            raise DiorError(f"{path}: not a JSON file of OpenPose; was it interrupted?") from None
-        for person in people:
+        for person in _people(_text(path), path):
             keypoints = person.pose_keypoints_2d
             if keypoints and len(keypoints) != size:
                 _check_count(len(keypoints), size, path)
                 size = len(keypoints)
-            frame.append(number)
+            frame.append(of_picture)
             values.append(array("d", keypoints) if keypoints else None)
     if not size:
         return gathered(folder, BODY_25, [], np.empty((0, len(BODY_25), 3)), list(names))
@@ -77,6 +82,20 @@ def _text(path: AnyPath) -> bytes:
         raise DiorError(f"{path}: cannot be read ({error.strerror}); a folder of OpenPose holds files only") from None
     finally:
         os.close(file)
+
+
+def _people(text: bytes, path: AnyPath) -> list[_Person]:
+    """The people of a file, with NaN, which is no JSON, where it has that."""
+    try:
+        return _FILE.decode(text).people
+    except (msgspec.MsgspecError, RecursionError):
+        if b"NaN" not in text:
+            raise DiorError(f"{path}: not a JSON file of OpenPose; was it interrupted?") from None
+    try:
+        people = from_json(text, path, "OpenPose")["people"]
+        return [_Person([number(value) for value in one.get("pose_keypoints_2d", [])]) for one in people]
+    except (KeyError, TypeError, AttributeError, OverflowError) as error:
+        raise DiorError(f"{path} has no people as OpenPose writes them ({error!r:.80})") from None
 
 
 def _check_count(size: int, before: int, path: AnyPath) -> None:

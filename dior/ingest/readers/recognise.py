@@ -5,12 +5,12 @@ import re
 from pathlib import Path
 
 from dior.arrays import AnyPath
-from dior.ingest.readers import mlkit_csv, yolo
+from dior.ingest.readers import caliscope, mlkit_csv, yolo
 from dior.ingest.readers.mediapipe import TEXT
 
 # chosen: holds the first picture of every tool's files
 HEAD_BYTES = 1 << 16
-SUFFIXES = (".json", ".jsonl", ".txt", *TEXT)
+SUFFIXES = (".json", ".jsonl", ".txt", ".csv", *TEXT)
 _KEY = re.compile(rb'"([^"\\\n]{1,200})"\s*:')
 _MESSAGE = re.compile(rb"(?:\s+|#[^\n]*\n)*(?:pose_)?landmarks?\s*:?\s*\{")
 _PICTURE = re.compile(rb"\.\w{3,4}$")
@@ -19,13 +19,13 @@ _PICTURE = re.compile(rb"\.\w{3,4}$")
 def recognise(path: AnyPath) -> str | None:
     """The key in `READERS` of the tool that wrote a file or folder, "empty", or None: none of them.
 
-    Only the first HEAD_BYTES are looked at, and only the first file of a folder that is not empty.
+    Only the first HEAD_BYTES are looked at, and only the first file of a folder in which there is anybody.
     """
     path = Path(path)
     if not path.is_dir():
         return _of_head(_head(path), alone=True)
     heads = (_head(path / name) for name in sorted(os.listdir(path)) if name.endswith(SUFFIXES))
-    return next((_of_head(head, alone=False) for head in heads if head), "empty")
+    return next((kind for head in heads if (kind := _of_head(head, alone=False)) != "empty"), "empty")
 
 
 def _head(path: AnyPath) -> bytes:
@@ -41,6 +41,10 @@ def _of_head(head: bytes, alone: bool) -> str | None:
     if _MESSAGE.match(head):
         return "mediapipe"
     line = head.split(b"\n", 1)[0]
+    if line.startswith(b"scorer,"):
+        return "deeplabcut"
+    if {caliscope.MARK.encode(), b"keypoint_id"} <= set(line.strip().split(b",")):
+        return "caliscope"
     if line.count(b",") + 1 == mlkit_csv.COLUMNS:
         return "mlkit_csv"
     numbers = re.fullmatch(rb"[-+.\deEnaif\s]*", line)
@@ -52,11 +56,16 @@ def _of_head(head: bytes, alone: bool) -> str | None:
 def _of_json(head: bytes) -> str | None:
     keys = _KEY.findall(head)
     names = set(keys)
+    if {b"keypoints", b"keypoint_scores"} <= names or names & {b"instances", b"meta_info", b"instance_info"}:
+        return "mmpose"
     if head[:1] == b"[":
         if not keys:
             return "empty" if re.fullmatch(rb"\[[\s\[\]]*", head) else None
         if {b"image_id", b"keypoints"} <= names:
-            return "alphapose" if re.search(rb'"image_id"\s*:\s*"', head) else "coco"
+            by_name = re.search(rb'"image_id"\s*:\s*"', head) and b"file_name" not in names
+            return "alphapose" if by_name else "coco"
+        if {b"keypoints", b"class", b"confidence"} <= names:
+            return "yolo_json"
         return "mediapipe" if _is_mediapipe(names) else None
     if _PICTURE.search(keys[0] if keys else b"") and names & {b"bodies", b"people"}:
         return "alphapose"
