@@ -36,6 +36,7 @@ def run(
     name: str = "",
     board: dict[str, Any],
     distortion_model: str = "",
+    info_topic: str = "",
     sigma: str = "",
     frames: Path,
     sequence: str,
@@ -46,7 +47,8 @@ def run(
     """Write the intrinsics of `camera`, from `source`: "camera_info", "board" or a file's path below `data_root`.
 
     `name` is the camera in the file, `board` the section of the camera's YAML ({"chessboard": ...} or
-    {"charuco": ...}); `distortion_model` is what the camera's YAML says, "" if nothing.
+    {"charuco": ...}); `distortion_model` is what the camera's YAML says, "" if nothing; `info_topic`: topic of the
+    CameraInfo where it is not the one beside.
 
     `sigma`: 1 sigma of focal length and centre over the focal length, where the camera's YAML says it.
     """
@@ -68,7 +70,7 @@ def run(
     elif source == "camera_info":
         bags = [Path(data_root) / bag for bag in tables.ordered_unique(pictures["bag"])]
         yaml = f"sessions/{session}/{camera}.yaml"
-        info = rosbag.read_camera_info(bags, topic)
+        info = rosbag.read_camera_info(bags, topic, info_topic)
         size = int(pictures["width"][0]), int(pictures["height"][0])
         lens, found = from_camera_info(info, topic, distortion_model, yaml, size), of_pictures.findings(info, topic)
     else:
@@ -98,7 +100,10 @@ def from_camera_info(
         raise DiorError(
             f"{info.where}: K is all zero, so the camera is not calibrated; give `intrinsics: {{file, name}}` in {yaml}"
         )
-    if not rectified and info.model not in BAG_MODELS:
+    own, refused = realsense.said_by_librealsense(info.model, info.D)
+    if not rectified and refused:
+        raise DiorError(f"{info.where}: distortion_model {refused}; give `intrinsics: {{file, name}}` in {yaml}")
+    if not rectified and not own and info.model not in BAG_MODELS:
         raise DiorError(
             f"{info.where}: distortion_model '{info.model}' is not one of {', '.join(BAG_MODELS)}; "
             f"give `intrinsics: {{file, name}}` in {yaml}"
@@ -106,7 +111,7 @@ def from_camera_info(
     if not rectified and len(info.D) not in COEFFICIENTS:
         raise DiorError(f"{info.where}: D has {len(info.D)} numbers, not 4, 5 or 8")
     (width, height), K, D = of_pictures.lens_of(info, topic, size)
-    if realsense.is_colour(topic) and any(D) and not distortion_model:
+    if realsense.is_colour(topic) and any(D) and not distortion_model and not own:
         raise DiorError(
             f"{info.where}: a bag cannot tell a RealSense's lens model, because realsense-ros writes {info.model} even "
             "where the coefficients are inverse_brown_conrady (3 px off at a normalised radius of 0.4, 12 px at 0.8); "
@@ -114,7 +119,7 @@ def from_camera_info(
             "(`rs-enumerate-devices -c` shows which the camera has)"
         )
     (fx, skew, cx), (_, fy, cy), _ = K.tolist()
-    model = "plumb_bob" if rectified else distortion_model or info.model
+    model = "plumb_bob" if rectified else distortion_model or own or info.model
     return given.checked(width, height, (fx, skew, cx, fy, cy), model, D, info.where)
 
 

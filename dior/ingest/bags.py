@@ -1,7 +1,7 @@
 """Bags: what is in them, an index of their pictures, the pictures, and the CameraInfo beside them.
 
 INPUTS   bags as `containers` reads them (ROS 1 .bag, ROS 2 .db3 and .mcap, files or folders), with sensor_msgs
-         CompressedImage (JPEG or PNG) or Image (rgb8, bgr8, mono8, yuyv, yuv422_yuy2) and CameraInfo.
+         CompressedImage (JPEG or PNG) or Image (`messages.ENCODINGS`) and CameraInfo.
 OUTPUTS  arrays in memory; the pixels stay in the bags.
 Stamps are int64 ns since the Unix epoch: `stamp_ns` from the message header, `receive_ns` from the bag.
 """
@@ -29,6 +29,8 @@ __all__ = [
     "read_pictures", "repeated", "topics_of",
 ]  # fmt: skip
 
+# how the topics of pictures end that realsense-viewer records (librealsense, src/media/ros/ros_file_format.h)
+OF_LIBREALSENSE = "/image/data"
 BY_INDEX = "the bag is damaged: copy it again, or make the index anew (`rosbag reindex`, `mcap recover`)"
 # full name -> (message type, number of messages)
 Topics: TypeAlias = dict[str, tuple[str, int]]
@@ -181,16 +183,20 @@ def repeated(bag: Path, topics: Sequence[str]) -> set[tuple[str, int, int]]:
 
 
 def camera_info_topic(topic: str) -> str:
-    """The CameraInfo topic beside an image topic: `a/image_raw/compressed` and `a/image_raw` have `a/camera_info`."""
+    """The CameraInfo topic beside an image topic: `a/image_raw/compressed` and `a/image_raw` have `a/camera_info`, and
+    librealsense's `a/image/data` has `a/info/camera_info`."""
+    if topic.endswith(OF_LIBREALSENSE):
+        return topic.removesuffix(OF_LIBREALSENSE) + "/info/camera_info"
     return topic.removesuffix("/compressed").rpartition("/")[0] + "/camera_info"
 
 
-def read_camera_info(bags: Sequence[Path], topic: str) -> CameraInfo:
+def read_camera_info(bags: Sequence[Path], topic: str, info_topic: str = "") -> CameraInfo:
     """The CameraInfo that belongs to the image `topic`, the same in every message of all `bags`.
 
-    Raises DiorError where there is none or where one of them differs from the first.
+    `info_topic` is its topic, where that is not the one beside. Raises DiorError where there is none or where one of
+    them differs from the first.
     """
-    info_topic = camera_info_topic(topic)
+    info_topic = info_topic or camera_info_topic(topic)
     first = None
     for bag in bags_with(bags, info_topic, "CameraInfo"):
         for number, message in enumerate(messages_of(bag, {full_name(info_topic)})):

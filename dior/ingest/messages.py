@@ -6,6 +6,7 @@ OUTPUTS  header stamp (int64 ns since the Unix epoch, 0 where the driver set non
 rosbags' type store decodes. ValueError means damage.
 """
 
+from contextlib import suppress
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -34,9 +35,26 @@ DEFINITIONS = {
         "uint32 x_offset\nuint32 y_offset\nuint32 height\nuint32 width\nbool do_rectify\n"
     ),
 }
+# What librealsense puts behind an Image since it writes "1" for the header's frame_id: the unit of a depth picture
+# (third-party/realsense-file/rosbag/msgs/sensor_msgs/Image.h). The definition in the bag does not say so.
+DEPTH_UNIT_BYTES = 4
+VERSION_WITH_DEPTH_UNIT = "1"
+# of image_transport's plugins, whose pictures are those of a video: how its topics end, by the type
+VIDEO_TRANSPORTS = {
+    "ffmpeg_image_transport_msgs/msg/FFMPEGPacket": "ffmpeg",
+    "theora_image_transport/msg/Packet": "theora",
+}
 HEADER = {"ros1": "uint32 seq\ntime stamp\nstring frame_id\n", "cdr": "time stamp\nstring frame_id\n"}
-# bytes per pixel; all are of 8-bit samples, which is_bigendian does not concern
-ENCODINGS = {"rgb8": 3, "bgr8": 3, "mono8": 1, "yuv422_yuy2": 2, "yuyv": 2}
+# bytes per pixel; all are of 8-bit samples, which is_bigendian does not concern. 8UC1 and YUYV are librealsense's words
+# (src/media/ros/ros_file_format.h) for mono8 and yuyv; yuv422 is UYVY, as uyvy (sensor_msgs/image_encodings.hpp).
+ENCODINGS = {
+    **dict.fromkeys(("rgb8", "bgr8"), 3),
+    **dict.fromkeys(("rgba8", "bgra8"), 4),
+    **dict.fromkeys(("mono8", "8UC1"), 1),
+    **dict.fromkeys(("yuv422_yuy2", "yuyv", "YUYV", "yuv422", "uyvy"), 2),
+}
+# compressed_depth_image_transport's word in `format`
+DEPTH = "compressedDepth"
 PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
 # 8192 x 8192: no video camera gives more, and a damaged size is not decoded into gigabytes
 MOST_PIXELS = 1 << 26
@@ -65,7 +83,13 @@ def decoded(kind: str, raw: bytes, wire: str) -> Any:
         # a view, because rosbags cuts the head of CDR off by copying the rest
         return (store.deserialize_ros1 if wire == "ros1" else store.deserialize_cdr)(memoryview(raw), kind)
     except (SerdeError, IndexError) as error:
-        raise ValueError(str(error).split("\n")[0]) from None
+        reason = str(error).split("\n")[0]
+    if kind == RAW and wire == "ros1":
+        with suppress(SerdeError, IndexError):
+            message: Any = store.deserialize_ros1(memoryview(raw)[:-DEPTH_UNIT_BYTES], kind)
+            if message.header.frame_id == VERSION_WITH_DEPTH_UNIT:
+                return message
+    raise ValueError(reason)
 
 
 def picture_of(kind: str, raw: bytes, wire: str) -> tuple[int, int, int]:
@@ -146,9 +170,18 @@ def content(kind: str, raw: bytes, wire: str) -> tuple[Any, ...]:
 
 
 def _image(kind: str, raw: bytes, wire: str) -> Any:
+    if kind in VIDEO_TRANSPORTS:
+        name = VIDEO_TRANSPORTS[kind]
+        raise ValueError(
+            f"it is a piece of a video, {kind}, which is not read; play the bag beside `ros2 run image_transport "
+            f"republish`, from the transport {name} to compressed, and record the topic that this publishes"
+        )
     if kind not in (COMPRESSED, RAW):
         raise ValueError(f"its type is {kind}, not {COMPRESSED} or {RAW}")
-    return decoded(kind, raw, wire)
+    message = decoded(kind, raw, wire)
+    if kind == COMPRESSED and DEPTH in message.format:
+        raise ValueError(f"it is a depth picture ({DEPTH}), in which nobody can be marked; name the topic in colour")
+    return message
 
 
 def _stamp_ns(message: Any) -> int:
@@ -215,8 +248,11 @@ def _raw_pixels(message: Any) -> NDArray[Any]:
         return picture.copy()
     if message.encoding == "rgb8":
         return np.ascontiguousarray(picture[..., ::-1])
-    if message.encoding == "mono8":
+    if depth == 1:
         return np.repeat(picture, 3, axis=2)
+    if message.encoding in ("rgba8", "bgra8"):
+        return np.ascontiguousarray(picture[..., 2::-1] if message.encoding == "rgba8" else picture[..., :3])
     import cv2
 
-    return cv2.cvtColor(np.ascontiguousarray(picture), cv2.COLOR_YUV2BGR_YUY2)
+    uyvy = message.encoding in ("yuv422", "uyvy")
+    return cv2.cvtColor(np.ascontiguousarray(picture), cv2.COLOR_YUV2BGR_UYVY if uyvy else cv2.COLOR_YUV2BGR_YUY2)

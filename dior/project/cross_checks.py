@@ -127,7 +127,8 @@ def _check_people(project: Project) -> None:
 def check_camera(camera: dict[str, Any], shown: str) -> None:
     """A camera must have what its `locate` needs."""
     _check_intrinsics(camera, shown)
-    _check_begin(camera["topic"], f"{shown}: 'topic'", "/")
+    for key in ("topic", "camera_info"):
+        _check_begin(camera.get(key, ""), f"{shown}: '{key}'", "/")
     if "reference" in camera:
         _check_path(camera["reference"]["file"], f"{shown}: 'reference.file'")
     locate = camera["locate"]
@@ -159,6 +160,8 @@ def _check_intrinsics(camera: dict[str, Any], shown: str) -> None:
     source = camera["intrinsics"]
     if not isinstance(source, dict):
         return
+    if "camera_info" in camera:
+        raise DiorError(f"{shown}: 'camera_info' has no effect, as 'intrinsics' does not come from the bag; delete one")
     ways = [key for key in ("file", "chessboard", "charuco") if key in source]
     for key, other in (("file", "name"), ("name", "file")):
         if key in source and other not in source:

@@ -24,8 +24,11 @@ ROS2 = {
     "mcap message": ("MCAP", "MESSAGE"),
     "mcap file": ("MCAP", "FILE"),
 }
+# as `ros2 bag record` of Jazzy and later has them: metadata of version 9 with the types' hashes, custom data and the
+# distribution's name
+NEWER = {"db3 9": "db3", "mcap 9": "mcap", "mcap zstd 9": "mcap zstd"}
 SINGLE = {"db3 alone": "db3", "mcap alone": "mcap", "db3 zstd alone": "db3 file", "db3 message alone": "db3 message"}
-FORMATS = ("ros1", "ros1 lz4", "ros1 bz2", *ROS2, *SINGLE, "mcap plain", "mcap ros1")
+FORMATS = ("ros1", "ros1 lz4", "ros1 bz2", *ROS2, *SINGLE, *NEWER, "mcap plain", "mcap ros1")
 
 
 @dataclass(frozen=True)
@@ -70,11 +73,11 @@ def info(topic, stamp_ns, d=(0.1, -0.2, 0.001, 0.002, 0.05), model="plumb_bob", 
     return Sent(topic, stamp_ns + delay, stamp_ns, INFO, content | {"binning_x": 0, "binning_y": 0})
 
 
-def serialized(sent, wire, little_endian=True):
+def serialized(sent, wire, little_endian=True, frame_id="lens"):
     types = STORES[wire].types
     stamp = types["builtin_interfaces/msg/Time"](sec=sent.stamp_ns // 10**9, nanosec=sent.stamp_ns % 10**9)
     seq = {"seq": 0} if wire == "ros1" else {}
-    content = {"header": types["std_msgs/msg/Header"](**seq, stamp=stamp, frame_id="lens"), **sent.content}
+    content = {"header": types["std_msgs/msg/Header"](**seq, stamp=stamp, frame_id=frame_id), **sent.content}
     if sent.kind == INFO:
         roi = {"x_offset": 0, "y_offset": 0, "height": 0, "width": 0, "do_rectify": False} | content.get("roi", {})
         content["roi"] = types["sensor_msgs/msg/RegionOfInterest"](**roi)
@@ -91,9 +94,11 @@ def write(path, messages, form, little_endian=True, chunk=1 << 20):
         return _write_ros1(path.with_suffix(".bag"), messages, ROS1_CODECS[form[5:]], chunk)
     if form in ("mcap plain", "mcap ros1"):
         return write_plain_mcap(path.with_suffix(".mcap"), messages, "ros1" if form == "mcap ros1" else "cdr")
-    storage, mode = ROS2[SINGLE.get(form, form)]
-    writer = rosbag2.Writer(path, version=8, storage_plugin=rosbag2.StoragePlugin[storage])
+    storage, mode = ROS2[(SINGLE | NEWER).get(form, form)]
+    writer = rosbag2.Writer(path, version=9 if form in NEWER else 8, storage_plugin=rosbag2.StoragePlugin[storage])
     writer.set_compression(rosbag2.CompressionMode[mode], rosbag2.CompressionFormat.ZSTD)
+    if form in NEWER:
+        writer.set_custom_data("operator", "S01: walk\n- 1")
     with writer:
         if form == "mcap lz4":
             writer.storage.compression, writer.storage.compressor = "lz4", lz4.frame.compress

@@ -97,32 +97,43 @@ def test_big_endian_cdr(tmp_path):
 
 
 @pytest.mark.parametrize("form", ["ros1", "mcap"])
-@pytest.mark.parametrize("encoding", ["rgb8", "bgr8", "mono8", "png", "jpeg"])
+@pytest.mark.parametrize("encoding", ["rgb8", "bgr8", "rgba8", "bgra8", "mono8", "8UC1", "png", "jpeg"])
 def test_every_encoding_gives_the_picture_in_bgr(tmp_path, form, encoding):
     image = picture(100)
-    stored = {"rgb8": image[..., ::-1], "bgr8": image, "mono8": image[..., :1]}.get(encoding)
+    alpha = np.full_like(image[..., :1], 77)
+    stored = {
+        "rgb8": image[..., ::-1],
+        "bgr8": image,
+        "rgba8": np.concatenate([image[..., ::-1], alpha], axis=2),
+        "bgra8": np.concatenate([image, alpha], axis=2),
+        "mono8": image[..., :1],
+        "8UC1": image[..., :1],
+    }.get(encoding)
     sent = raw(RAW, T0, stored, encoding, padding=5) if stored is not None else None
     bag = write(tmp_path / "walk", [sent or packed(RAW, T0, image, {"png": ".png", "jpeg": ".jpg"}[encoding])], form)
     ((_, got),) = bags.read_pictures(rows(bag, RAW), tmp_path)
-    wanted = np.repeat(image[..., :1], 3, axis=2) if encoding == "mono8" else image
+    wanted = np.repeat(image[..., :1], 3, axis=2) if encoding in ("mono8", "8UC1") else image
     assert np.abs(got.astype(int) - wanted).max() <= (8 if encoding == "jpeg" else 0)
 
 
 @pytest.mark.parametrize("form", ["ros1", "db3"])
-@pytest.mark.parametrize("encoding", ["yuv422_yuy2", "yuyv"])
-def test_yuyv_is_decoded_as_opencv_does(tmp_path, form, encoding):
+@pytest.mark.parametrize("encoding", ["yuv422_yuy2", "yuyv", "YUYV", "uyvy", "yuv422"])
+def test_yuyv_and_uyvy_are_decoded_as_opencv_does(tmp_path, form, encoding):
     rng = np.random.default_rng(1)
     pixels = rng.integers(0, 256, (10, 14, 2), dtype=np.uint8)
+    luma_at = int(encoding in ("uyvy", "yuv422"))
     sent = raw("/cam02/image_raw", T0, pixels, encoding, padding=3, bigendian=1)
     bag = write(tmp_path / "a", [sent], form)
     table = rows(bag, RAW)
     ((_, got),) = bags.read_pictures(table, tmp_path)
-    np.testing.assert_array_equal(got, cv2.cvtColor(pixels, cv2.COLOR_YUV2BGR_YUYV))
+    np.testing.assert_array_equal(
+        got, cv2.cvtColor(pixels, cv2.COLOR_YUV2BGR_UYVY if luma_at else cv2.COLOR_YUV2BGR_YUYV)
+    )
     grey = pixels.copy()
-    grey[..., 1] = 128
+    grey[..., 1 - luma_at] = 128
     bag = write(tmp_path / "b", [raw("/cam02/image_raw", T0, grey, encoding)], form)
     ((_, got),) = bags.read_pictures(rows(bag, RAW), tmp_path)
-    luma = np.clip((grey[..., 0].astype(float) - 16) * 255 / 219, 0, 255)
+    luma = np.clip((grey[..., luma_at].astype(float) - 16) * 255 / 219, 0, 255)
     assert np.abs(got.astype(float) - luma[..., None]).max() <= 1.5
 
 
@@ -131,7 +142,9 @@ def test_odd_yuyv_and_unknown_encodings_are_refused(tmp_path):
     with pytest.raises(DiorError, match="yuyv cannot be 5 px wide"):
         index(tmp_path, [write(tmp_path / "a", [odd], "db3")], {"cam02": RAW})
     deep = raw(RAW, T0, np.zeros((4, 4, 2), np.uint8), "16UC1")
-    with pytest.raises(DiorError, match="encoding '16UC1' is not one of rgb8, bgr8, mono8, yuv422_yuy2, yuyv"):
+    with pytest.raises(
+        DiorError, match="encoding '16UC1' is not one of rgb8, bgr8, rgba8, bgra8, mono8, 8UC1, yuv422_yuy2, yuyv"
+    ):
         index(tmp_path, [write(tmp_path / "b", [deep], "db3")], {"cam02": RAW})
 
 

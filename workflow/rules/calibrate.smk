@@ -24,6 +24,7 @@ rule intrinsics:
         name=intrinsics_name,
         board=intrinsics_board,
         distortion_model=setting("distortion_model"),
+        info_topic=setting("camera_info"),
         sigma=intrinsics_sigma,
         sequence=first_sequence,
         data_root=data_root,

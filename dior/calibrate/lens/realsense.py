@@ -2,8 +2,10 @@
 
 realsense-ros writes plumb_bob in either case, which is 3 px off at a normalised radius of 0.4 and 12 px at 0.8. So a
 person names the model in the camera's YAML, and the residuals are reported under both.
+realsense-viewer writes librealsense's own words, which are to be believed (`said_by_librealsense`).
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from dior.arrays import AnyPath
@@ -11,6 +13,33 @@ from dior.geometry.camera import Camera, Intrinsics
 
 MODELS = ("plumb_bob", "inverse_brown_conrady")
 CLEARLY_BETTER = 0.8  # chosen: the share of the error that the other model has to reach before a person is asked
+
+
+# rs2_distortion_to_string (librealsense, src/to-string.cpp and include/librealsense2/h/rs_types.h): the same
+# coefficients k1 k2 p1 p2 k3 as here, by rs2_project_point_to_pixel and rs2_deproject_pixel_to_point (rsutil.h)
+LIBREALSENSE = {
+    "None": "plumb_bob",
+    "Brown Conrady": "plumb_bob",
+    "Inverse Brown Conrady": "inverse_brown_conrady",
+    "Modified Brown Conrady": "plumb_bob",
+}
+FISHEYES = ("Ftheta", "Kannala Brandt4")
+
+
+def said_by_librealsense(model: str, D: Sequence[float]) -> tuple[str, str]:
+    """(the lens model that a word of librealsense and coefficients `D` mean, "" for another's word; why it is refused,
+    "" where it is not)."""
+    word = model.strip().replace("_", " ").title()
+    if word in FISHEYES:
+        return "", f"'{model}' is librealsense's word for a fisheye lens, which is not understood"
+    if word == "Modified Brown Conrady" and any(D[2:4]):
+        return "", (
+            f"'{model}' bends by p1 and p2 what is bent by k1 to k3 already, which is not understood unless p1 and p2 "
+            "are 0"
+        )
+    if word == "None" and any(D):
+        return "", f"'{model}' is librealsense's word for a lens without distortion, and D is not zero"
+    return LIBREALSENSE.get(word, ""), ""
 
 
 def is_colour(topic: str) -> bool:
