@@ -36,6 +36,7 @@ from tests.calibrate.readers import (
     test_vicon,
 )
 from tests.ingest import bagfiles, c3d_files, formats
+from tests.ingest.mocap_files import texts
 
 # of the detections that are one file per picture
 FOLDERS = ("openpose", "yolo", "solutions", "text", "pose2sim", "mmpose", "yolo_json")
@@ -101,11 +102,16 @@ def _yaml(kind: str, path: Path, folder: Path) -> None:
 
 SHEETS = {
     "effort": b"what\tminutes\tcount\nmarks\t45.5\t120\nboxes\t30\t\n",
+    "markers": b"name\tmarker\tformat\nL_IAS\tLASI\t\nL_FAL\tLANK\tqtm\n",
     "gallery": b"subject\toutfit\tangle\tpath\tbag\ttopic\nS01\tcoat\tfrontal\tgallery/S01\t\t\n"
     b"S01\t\tdown45\t\tgallery/S01.bag\t/cam/image\n",
     "detectors": b"sequence\tcamera\ttool\tzoom\tpath\nwalk_1\tcam04\tyolo\t4\tyolo/{camera}\n",
 }
-KEYS = {"gallery": ("subject", "outfit", "angle"), "detectors": ("sequence", "camera", "tool", "zoom")}
+KEYS = {
+    "gallery": ("subject", "outfit", "angle"),
+    "detectors": ("sequence", "camera", "tool", "zoom"),
+    "markers": ("name", "format"),
+}
 
 
 def _sheet(kind: str) -> Reader:
@@ -300,6 +306,15 @@ def _c3d() -> dict[str, bytes]:
     }
 
 
+@cache
+def _mocap_texts() -> dict[str, bytes]:
+    labels = list(c3d_files.PLACES)
+    points = c3d_files.person(labels, 12)
+    with TemporaryDirectory() as folder:
+        writers = {"a.tsv": texts.qtm, "a.csv": texts.motive, "a.trc": texts.trc}
+        return {name: write(Path(folder) / name, labels, points).read_bytes() for name, write in writers.items()}
+
+
 # what dior's own listener and packers write, and anyone may send
 
 
@@ -355,7 +370,7 @@ READERS = {
     "session": Reader(lambda: _of_demo("session.yaml"), partial(_yaml, "session")),
     "camera": Reader(_cameras, lambda path, folder: cross_checks.check_camera(camera_settings(path), str(path))),
     "offsets": Reader(_offsets, lambda path, folder: by_hand.by_hand(path, ["cam01", "cam02"])),
-    **{kind: _sheet(kind) for kind in ("sequences", "subjects", "gallery", "detectors", "effort")},
+    **{kind: _sheet(kind) for kind in ("sequences", "subjects", "gallery", "detectors", "effort", "markers")},
     "marks": Reader(lambda: MARKS, lambda path, folder: marks.read(path)),
     "boxes": Reader(lambda: BOXES, lambda path, folder: boxes.read(path, range(10))),
     "checks": Reader(lambda: CHECKS, lambda path, folder: checks.points(path, "walk_1", range(10), ["LASI", "RKNE"])),
@@ -371,6 +386,7 @@ READERS = {
     "db3": _bag("db3 alone", "db3 message alone", "db3 zstd alone"),
     "mcap": _bag("mcap alone", "mcap zstd", "mcap lz4", "mcap plain", "mcap ros1"),
     "ros2_folder": Reader(_ros2_folder, lambda path, folder: _read_bag(path.parent, folder), _write_ros2_folder),
+    "mocap_texts": Reader(_mocap_texts, lambda path, folder: mocap.read(path)),
     "c3d": Reader(_c3d, lambda path, folder: mocap.read(path)),
     "messages": Reader(_messages, _message),
     "pictures": Reader(_pictures, _gallery),

@@ -10,7 +10,7 @@ from dior.project import boxes
 from dior.project.marks_file import read_marks
 from dior.project.schema_check import columns_of, read_sheet
 
-SHEETS = ("sequences", "subjects", "gallery", "detectors", "effort")
+SHEETS = ("sequences", "subjects", "gallery", "detectors", "effort", "markers")
 # reader: (its header, a row of it, how the columns are separated)
 TABLES = {
     "boxes": (boxes.COLUMNS, "3,10,20,30,40", lambda path: boxes.read(path, range(9))),

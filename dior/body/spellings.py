@@ -19,16 +19,16 @@ _WORDS = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
 
 def joint_of(name: str) -> str | None:
     """The joint that `name` spells, None where it is no known one."""
-    return _joint(_parts(name))
+    return _joint(words_of(name))
 
 
 def tidy(name: str) -> str:
     """`joint_of` a name, or else the name in small letters, its side first, with `_` between its words."""
-    words = _parts(name)
+    words = words_of(name)
     return _joint(words) or "_".join(words)
 
 
-def _parts(name: str) -> list[str]:
+def words_of(name: str) -> list[str]:
     """The words of a name in small letters, its side, where it has one, first and spelled out."""
     words = [word.lower() for word in _WORDS.findall(name)]
     for at in (0, -1):

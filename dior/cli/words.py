@@ -10,7 +10,7 @@ TEXTS = {
     "bags": "bags of the sequence",
     "board": "the board that the intrinsics are found with, {} for none",
     "boxes": "boxes drawn by hand, CSV",
-    "c3d": "C3D file of the sequence",
+    "c3d": "C3D, TSV, CSV or TRC file of the sequence",
     "camera": "name of the camera",
     "camera_file": "YAML file of the camera",
     "camera_files": "YAML files of the cameras",

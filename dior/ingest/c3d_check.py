@@ -55,13 +55,14 @@ class Frame(NamedTuple):
 class Layout:
     """`labels` of the points, in their order; `units`: as written, "" if they are not; `rate` Hz, 0 if it is not
     written; `first`: number of the first frame stored, from 1, 0 where the header's first and last are not those of
-    the frames stored; `frames`: how many are stored."""
+    the frames stored; `frames`: how many are stored; `up`: the axis that POINT:Y_SCREEN has upwards, "" if none."""
 
     labels: tuple[str, ...]
     units: str
     rate: float
     first: int
     frames: int
+    up: str = ""
 
 
 def layout(path: AnyPath) -> Layout:
@@ -187,7 +188,9 @@ def _fitted(header: _Header, parameters: _Parameters, size: int) -> Layout:
     rate = parameters.number("POINT:RATE") or header.rate
     if header.last < MOST_FRAMES and header.last - header.first + 1 != frames or first == MOST_FRAMES:
         first = 0
-    return Layout(tuple(_labels(parameters)[: frame.points]), units, rate, first, frames)
+    screen = (parameters.texts("POINT:Y_SCREEN") or [""])[0].upper()
+    up = screen[-1].lower() if screen in ("X", "Y", "Z", "+X", "+Y", "+Z") else ""
+    return Layout(tuple(_labels(parameters)[: frame.points]), units, rate, first, frames, up)
 
 
 def _that_fit(counts: list[int], frame: Frame, there: int) -> int:

@@ -1,20 +1,21 @@
-"""Markers of a C3D file on the clock of the pictures.
+"""Markers of a C3D, TSV, CSV or TRC file on the clock of the pictures.
 
-INPUTS   a C3D (Vicon Plug-in-Gait labels, four or more of them, any order, other points ignored), what session.yaml
-         says of it under `mocap`, the sequence's `frames` table, and the log of `dior trigger` where there is one.
+INPUTS   a file of `mocap_files` (Vicon Plug-in-Gait labels, four or more of them, any order, other points ignored),
+         what session.yaml says of it under `mocap`, a lab's own names of the markers (config/markers.tsv) if there are
+         any, the sequence's `frames` table, and the log of `dior trigger` where there is one.
 OUTPUTS  `skeletons_3d` table: the markers of `skeletons.PLUG_IN_GAIT_39` that the file has, in that order, world of the
-         C3D turned Z up, metres. An instant is a tick of the C3D, counted from 0 at the first frame stored; its
+         file turned Z up, metres. An instant is a tick of the file, counted from 0 at the first frame stored; its
          stamp_ns is t0 + instant / rate. t0 is decided here for all steps: when the trigger log says that the first
          frame stored was taken, or the earliest picture stamp of the sequence where there is no log. A gap is null with
          `too_few_views`. Metadata: rate_hz, first_frame (number of the first frame stored, as the C3D counts, from 1;
          0 where it contradicts itself), t0_from (trigger_log | pictures).
+         `findings`: what was taken for what, where the file does not say it by itself.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
@@ -22,8 +23,8 @@ from dior.arrays import AnyPath, Floats, Ints
 from dior.body import marker_checks
 from dior.body.names import PLUG_IN_GAIT_39
 from dior.errors import DiorError
-from dior.ingest.c3d_check import Layout, layout
-from dior.ingest.c3d_points import read_points
+from dior.ingest import marker_names, mocap_files
+from dior.ingest.mocap_files.capture import Capture
 from dior.project import prefixes
 from dior.tables import tables
 
@@ -41,25 +42,25 @@ UP = {
     "y": ((1, 0, 0), (0, 0, -1), (0, 1, 0)),
     "x": ((0, 0, -1), (0, 1, 0), (1, 0, 0)),
 }
-# chosen: a file with fewer labels of the 39 is of another marker set, or of none
-FEWEST = 4
+# what a file calls its rate and its unit, by its kind
+RATE = {"c3d": "POINT:RATE", "qtm": "FREQUENCY", "motive": "its frame rate", "trc": "DataRate"}
+UNITS = {"c3d": "POINT:UNITS", "qtm": "its unit", "motive": "Length Units", "trc": "Units"}
 # Hz; chosen: beyond any motion capture
 RATES = (1.0, 10_000.0)
 # chosen: in a smaller share of the frames a marker has the wrong label, which is corrected by hand
 FEW = 0.1
-# chosen: how many labels a sentence lists
-LISTED = 20
 
 
 @dataclass(frozen=True, eq=False)
 class Mocap:
     """`points` (frames, markers, 3) m, NaN in gaps; `rate` Hz; `first_frame` as the C3D counts, from 1, 0 where it
-    contradicts itself."""
+    contradicts itself; `said`: (severity, code, text) of findings."""
 
     markers: tuple[str, ...]
     points: Floats
     rate: float
     first_frame: int
+    said: tuple[tuple[str, str, str], ...] = ()
 
 
 def run(
@@ -72,22 +73,27 @@ def run(
     out: Path,
     capture: str = "",
     units: str = "",
-    up: Literal["z", "y", "x"] = "z",
+    up: str = "",
     people: Path | None = None,
     session_file: Path | None = None,
+    names: Path | None = None,
+    findings: Path | None = None,
 ) -> None:
-    """Write the markers of `c3d`. `capture`: its name in the trigger log where it is not the C3D's, else "";
-    `units`: mm, cm or m, where the C3D does not say it or says it wrongly; `up`: its vertical axis; `people`,
-    `session_file`: subjects.tsv and session.yaml, which tell what the subject's labels begin with where the C3D holds
-    several subjects.
+    """Write the markers of `c3d`. `capture`: its name in the trigger log where it is not the file's, else "";
+    `units`: mm, cm or m, where the file does not say it or says it wrongly; `up`: its vertical axis, x, y or z, where
+    the file does not say it or says it wrongly; `people`, `session_file`: subjects.tsv and session.yaml, which tell
+    what the subject's labels begin with where the file holds several subjects; `names`: markers.tsv, if there is one.
 
     See the module's docstring.
     """
+    if up and up not in UP:
+        raise DiorError(f"{sequence}: the axis '{up}' is none of {', '.join(UP)}")
     stamps = tables.read(frames, "frames", ["stamp_ns"])["stamp_ns"]
     if not len(stamps):
         raise DiorError(f"{sequence}: {frames} has no picture, so the mocap has no start")
     name, prefix = prefixes.name_and_prefix(subject, people, session_file) if people and session_file else ("", "")
-    mocap = read(c3d, name, units, up, prefix)
+    named = marker_names.sheet(names, mocap_files.recognise(c3d)) if names and c3d.is_file() else {}
+    mocap = read(c3d, name, units, up, prefix, named)
     instants, joints = mocap.points.shape[:2]
     instant = np.arange(instants)
     t0 = start_by_log(trigger_log, capture, c3d, mocap, stamps) if trigger_log else int(stamps.min())
@@ -111,6 +117,8 @@ def run(
         "t0_from": "trigger_log" if trigger_log else "pictures",
     }
     tables.write(out, "skeletons_3d", columns, metadata)
+    if findings:
+        tables.write_findings(findings, [(sequence, *finding) for finding in mocap.said])
 
 
 def start_by_log(log: Path, capture: str, c3d: AnyPath, mocap: Mocap, stamps: Ints) -> int:
@@ -131,105 +139,61 @@ def start_by_log(log: Path, capture: str, c3d: AnyPath, mocap: Mocap, stamps: In
     return found.start_ns + round((mocap.first_frame - 1) * 1e9 / mocap.rate)
 
 
-def read(path: AnyPath, subject: str = "", units: str = "", up: str = "z", prefix: str = "") -> Mocap:
-    """The Plug-in-Gait markers of a C3D file as `Mocap`. `subject` as in the sheet; the others as for `run`.
+def read(
+    path: AnyPath,
+    subject: str = "",
+    units: str = "",
+    up: str = "",
+    prefix: str = "",
+    named: Mapping[str, str] = marker_names.NOTHING,
+) -> Mocap:
+    """The Plug-in-Gait markers of a file as `Mocap`. `subject` as in the sheet; `named`: a lab's own names; the others
+    as for `run`.
 
     Raises DiorError for a missing or broken file, one that is not what it says of itself, an unknown unit, a rate that
     is not positive, a marker given twice, too few markers, and markers that are on no upright body.
     """
-    if not Path(path).is_file():
-        raise DiorError(f"{path}: there is no such C3D; check `mocap` in sequences.tsv and `data_root`")
+    kind, about = mocap_files.read(path)
+    if not RATES[0] <= about.rate <= RATES[1]:
+        raise DiorError(f"{path}: {RATE[kind]} is {about.rate:g}; it needs its frame rate, so export it again")
+    found = marker_names.find(about.labels, path, subject, prefix, named)
+    markers = tuple(marker for marker in PLUG_IN_GAIT_39 if marker in found.place)
     try:
-        about = layout(path)
-        if not RATES[0] <= about.rate <= RATES[1]:
-            raise DiorError(f"{path}: POINT:RATE is {about.rate:g}; a C3D needs its frame rate, so export it again")
-        found = _find_markers(about.labels, path, subject, prefix)
-        markers = tuple(marker for marker in PLUG_IN_GAIT_39 if marker in found)
-        xyz = read_points(path, [found[marker] for marker in markers])
+        xyz = about.points([found.place[marker] for marker in markers])
     except (OSError, ValueError) as error:
-        raise DiorError(f"{path}: not a readable C3D ({error})") from None
-    if len(xyz) < about.frames:
-        raise DiorError(
-            f"{path}: not a readable C3D (ezc3d finds {len(xyz)} of its {about.frames} frames; POINT:FRAMES is wrong, "
-            "so export it again)"
-        )
-    scale = METRES[units or _unit(about, path)]
+        raise DiorError(f"{path}: not a readable {mocap_files.READERS[kind].tool} ({error})") from None
+    scale = METRES[units or _unit(about, path, kind)]
     # a point whose residual is negative is invalid, whatever its coordinates (user guide of c3d.org): ezc3d gives NaN
-    xyz = xyz[: about.frames]
     gap = ~np.isfinite(xyz).all(axis=-1) | (xyz == 0).all(axis=-1)
     if gap.all():
         raise DiorError(f"{path}: no frame has any of its markers; were they reconstructed before the export?")
     points = np.where(gap[..., None], np.nan, xyz * scale)
-    mocap = Mocap(markers, points @ np.array(UP[up], float).T, about.rate, about.first)
-    _check_body(mocap, path, scale, up)
+    chosen = up or _vertical(about, points, markers)
+    said = list(found.said)
+    if chosen != "z" and not up:
+        text = f"its {chosen} axis is the vertical one, as its format or itself says: the markers are turned Z up"
+        said.append(("info", "mocap_turned", text))
+    mocap = Mocap(markers, points @ np.array(UP[chosen], float).T, about.rate, about.first, tuple(said))
+    _check_body(mocap, path, scale, chosen)
     return mocap
 
 
-def _unit(about: Layout, path: AnyPath) -> str:
+def _vertical(about: Capture, points: Floats, markers: tuple[str, ...]) -> str:
+    """The vertical axis of markers (T, M, 3) as the file says, or Z where it does not or where the body does not stand
+    along that axis."""
+    if not about.up:
+        return "z"
+    along = marker_checks.axis_up(points, markers)
+    lean = math.degrees(math.acos(min(max(float(along["xyz".index(about.up)]), -1.0), 1.0)))
+    return "z" if lean > marker_checks.UPRIGHT_DEG else about.up
+
+
+def _unit(about: Capture, path: AnyPath, kind: str) -> str:
     unit = SPELLED.get(about.units.lower(), about.units.lower())
     if unit not in METRES:
         says = f"is '{about.units}', not one of {', '.join(METRES)}" if about.units else "is empty"
-        raise DiorError(f"{path}: POINT:UNITS {says}; set `mocap: {{units: mm}}`, or what it is, in session.yaml")
+        raise DiorError(f"{path}: {UNITS[kind]} {says}; set `mocap: {{units: mm}}`, or what it is, in session.yaml")
     return unit
-
-
-def _find_markers(labels: Sequence[str], path: AnyPath, subject: str, prefix: str) -> dict[str, int]:
-    """Index of each marker among the labels: dict marker -> index.
-
-    A prefix up to a colon is the subject's name. Labels in small letters, or with other signs around them, count where
-    there is none that is spelled right.
-    """
-    named = [_parts(label, prefix) for label in labels]
-    places: dict[str, list[int]] = {}
-    for i, (_, word) in enumerate(named):
-        marker = word.strip(" .*_-'\"\0").upper()
-        if marker in PLUG_IN_GAIT_39:
-            places.setdefault(marker, []).append(i)
-    for marker, there in places.items():
-        places[marker] = [i for i in there if named[i][1] == marker] or there
-    if any(len({named[i][0] for i in there}) > 1 for there in places.values()):
-        chosen = _chosen({named[i][0] for there in places.values() for i in there}, path, subject)
-        places = {marker: [i for i in there if named[i][0] == chosen] for marker, there in places.items()}
-    found = {}
-    for marker, there in places.items():
-        if len(there) > 1:
-            points = " and ".join(f"{i + 1} ('{named[i][1]}')" for i in there)
-            raise DiorError(
-                f"{path}: the points {points} are all the marker {marker}; name or delete them so that one is left, "
-                "and export it again"
-            )
-        if there:
-            found[marker] = there[0]
-    if len(found) < FEWEST:
-        more = f" and {len(labels) - LISTED} more" if len(labels) > LISTED else ""
-        behind = " behind the prefix that `mocap.prefix` in session.yaml gives" if prefix else ""
-        words = [label.rpartition(":")[2].strip() for label in labels]
-        raise DiorError(
-            f"{path}: {len(found)} of the {len(PLUG_IN_GAIT_39)} Plug-in-Gait markers are there{behind}, and fewer "
-            f"than {FEWEST} are no such marker set; its labels are {', '.join(words[:LISTED]) or 'none'}{more}. "
-            "Were they labelled before the export?"
-        )
-    return found
-
-
-def _parts(label: str, prefix: str) -> tuple[str, str]:
-    """The prefix of a label and what follows; nothing follows where `prefix` is given and the label has another."""
-    if not prefix:
-        before, _, word = label.rpartition(":")
-        return before.strip(), word.strip()
-    return (prefix, label[len(prefix) :].lstrip(":_ ").strip()) if label.startswith(prefix) else ("", "")
-
-
-def _chosen(given: set[str], path: AnyPath, subject: str) -> str:
-    """The prefix that is the subject's name, where several have the same markers."""
-    same = [prefix for prefix in given if prefix.lower() == subject.lower()]
-    if subject and len(same) == 1:
-        return same[0]
-    # a prefix is often a name, which no log may keep
-    raise DiorError(
-        f"{path}: its labels are of {len(given)} subjects, with as many prefixes; set "
-        "`mocap: {prefix: {<subject>: <prefix>}}` in session.yaml, with what stands before the colon of the labels"
-    )
 
 
 def _check_body(mocap: Mocap, path: AnyPath, scale: float, up: str) -> None:
@@ -268,4 +232,4 @@ def _check_vertical(along: Floats, path: AnyPath, up: str) -> None:
         fix = f"but along {axis}; set `mocap: {{up: {axis}}}` in session.yaml"
     else:
         fix = f"it leans by {lean:.0f} degrees from it; export it with Z up"
-    raise DiorError(f"{path}: the body does not stand along the C3D's {up} axis, {fix}")
+    raise DiorError(f"{path}: the body does not stand along the {up} axis, {fix}")

@@ -273,7 +273,7 @@ class Project:
         given = self.session_files[self.session_of(sequence)]["mocap"]
         names = {pseudonym: name for name, pseudonym in self.pseudonyms.items()}
         prefix = given["prefix"].get(names[self.subject_of(sequence)], "")
-        return {"units": given.get("units", ""), "up": given["up"], "prefix": prefix}
+        return {"units": given.get("units", ""), "up": given.get("up", ""), "prefix": prefix}
 
     def truth(self, sequence: str) -> list[str]:
         return self._optional(sequence, "truth")
@@ -354,6 +354,10 @@ class Project:
         """[path] of the table that an earlier release covered the head by, or []."""
         path = f"config/heads/{sequence}.{camera}.parquet"
         return [path] if self._exists(path) else []
+
+    def marker_names(self) -> list[str]:
+        """The sheet of a lab's own names of markers, if there is one."""
+        return ["config/markers.tsv"] if self._exists("config/markers.tsv") else []
 
     def effort(self) -> list[str]:
         """[path] of the sheet of manual work, or []."""

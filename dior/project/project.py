@@ -1,7 +1,8 @@
 """A project folder: its config, sheets, sessions and cameras, read and checked as a whole.
 
-INPUTS: `<root>/config/`: config.yaml, sequences.tsv, subjects.tsv; gallery.tsv, detectors.tsv and effort.tsv, which may
-be missing; sessions/<session>/{session.yaml, <camera>.yaml, <camera>.marks.csv}, offsets/, people/, boxes/, checks/.
+INPUTS: `<root>/config/`: config.yaml, sequences.tsv, subjects.tsv; gallery.tsv, detectors.tsv, effort.tsv and
+markers.tsv, which may be missing; sessions/<session>/{session.yaml, <camera>.yaml, <camera>.marks.csv}, offsets/,
+people/, boxes/, checks/.
 OUTPUTS: a `Project`, whose paths are strings relative to `root`, Snakemake's working directory. A session that a bump
 splits counts as two (dior/project/bumps.py). Nothing else is globbed: the sheets and session.yaml say what exists. It
 is read each time Snakemake parses the workflow, so this module loads no numerics, and YAML and the schemas' validator
@@ -43,8 +44,9 @@ def load(root: AnyPath, config: dict[str, Any] | None = None) -> Project:
         raise DiorError("config/sequences.tsv has no rows yet: enter one row per recorded walk")
     gallery, gallery_lines = _optional_sheet(root, "gallery", ("subject", "outfit", "angle"))
     detectors, detector_lines = _optional_sheet(root, "detectors", ("sequence", "camera", "tool", "zoom"))
-    # only the report reads what is in it, hours later
+    # only the report and the step mocap read what is in them, the former hours later
     _optional_sheet(root, "effort", ("what",))
+    _optional_sheet(root, "markers", ("name", "format"))
     rows, withheld = processed(bumps.in_parts(root, rows), people)
     project = Project(
         root, config, rows, {name: row for name, row in people.items() if consents(row, "processing")},

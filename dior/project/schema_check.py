@@ -102,11 +102,12 @@ def read_sheet(
             raise DiorError(f"{shown} line {line}: {len(cells)} cells but the sheet has {len(header)} columns")
         row = dict(zip(header, [*cells, *[""] * (len(header) - len(cells))], strict=True))
         check(row, kind, f"{shown} line {line}")
+        row = {**dict.fromkeys(known, ""), **row}
         name = row[key] if isinstance(key, str) else tuple(row[column] for column in key)
         if name in rows:
             what = f"{key} '{name}'" if isinstance(key, str) else f"{', '.join(key)} '{', '.join(name)}'"
             raise DiorError(f"{shown}: {what} is there twice, on lines {line_of[name]} and {line}")
-        rows[name] = {**dict.fromkeys(known, ""), **row}
+        rows[name] = row
         line_of[name] = line
     if isinstance(key, str):
         _check_case(shown, key, line_of)

@@ -43,6 +43,7 @@ def project(tmp_path_factory):
         "checks/outdoor_01.cam01.csv": "sequence,frame,joint,u,v\noutdoor_01,30,nose,320.5,100.5\n",
         "detectors.tsv": "sequence\tcamera\ttool\tzoom\tpath\noutdoor_01\tcam04\tyolo\t1\toutdoor_01/yolo.json\n",
         "effort.tsv": "what\tminutes\nclicking marks\t30\n",
+        "markers.tsv": "name\tmarker\nhip 7\tLASI\n",
     }.items():
         (folder / "config" / name).parent.mkdir(exist_ok=True)
         (folder / "config" / name).write_text(text)
@@ -166,6 +167,7 @@ READ_BY = {
     "config/checks/outdoor_01.cam01.csv": {"evaluate", "package"},
     "config/offsets/indoor_01.yaml": {"locate", "clocks", "package"},
     "config/effort.tsv": {"report"},
+    "config/markers.tsv": {"mocap"},
 }
 
 

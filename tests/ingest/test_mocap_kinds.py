@@ -233,7 +233,7 @@ def test_metres_that_are_called_millimetres(tmp_path, right, scale):
 )
 def test_another_axis_is_up(tmp_path, up, turn):
     path = file_of(tmp_path, points=POINTS @ np.array(turn).T)
-    assert f"not stand along the C3D's z axis, but along {up}; set `mocap: {{up: {up}}}`" in refused(path)
+    assert f"not stand along the z axis, but along {up}; set `mocap: {{up: {up}}}`" in refused(path)
     assert is_the_person(mocap.read(path, up=up))
     upside_down = file_of(tmp_path, points=POINTS * (1, -1, -1))
     assert "leans by 180" in (sentence := refused(upside_down)) and "export it with Z up" in sentence

@@ -127,7 +127,7 @@ def test_what_is_written_is_what_is_read(root):
     assert (p.mocap("in_1"), p.mocap("out_1")) == (["data/in_1/mocap.c3d"], [])
     assert p.trigger_log("in_1") == ["data/in_1/trigger.jsonl"] and p.capture("in_1") == "walk 3"
     assert (p.trigger_log("out_1"), p.capture("out_1")) == ([], "")
-    assert p.mocap_settings("in_1") == {"units": "", "up": "z", "prefix": ""}
+    assert p.mocap_settings("in_1") == {"units": "", "up": "", "prefix": ""}
     assert p.marks_sequences("lab", "cam01") == p.marks_mocap("lab", "cam01") == ["in_1"]
     assert p.boxes("out_1") == {"cam03": "config/boxes/out_1.cam03.csv"}
     assert p.checks("out_1") == {"cam01": "config/checks/out_1.cam01.csv"}
@@ -694,8 +694,8 @@ def test_the_schemas_themselves_are_documented_and_strict():
 
     folder = Path(project.__file__).parents[2] / "dior/project/schemas"
     paths = sorted(folder.glob("*.schema.yaml"))
-    kinds = ["camera", "config", "detectors", "effort", "gallery", "offsets", "people", "sequences", "session"]
-    kinds += ["subjects"]
+    kinds = ["camera", "config", "detectors", "effort", "gallery", "markers", "offsets", "people", "sequences"]
+    kinds += ["session", "subjects"]
     assert [p.name.split(".")[0] for p in paths] == kinds
 
     def walk(schema, where):

@@ -61,6 +61,11 @@ def mocap_up(wildcards):
     return PROJECT.mocap_settings(wildcards.sequence)["up"]
 
 
+def marker_names(wildcards):
+    """The sheet of a lab's own names of markers, if there is one."""
+    return PROJECT.marker_names()
+
+
 def prefix_fingerprint(wildcards):
     prefix = PROJECT.mocap_settings(wildcards.sequence)["prefix"]
     # without one there is nothing to hide, and a key that is lost runs nothing again

@@ -74,6 +74,11 @@ def findings_about(sequences, sessions):
     return [
         *[f"results/audit/{sequence}.findings.parquet" for sequence in sequences],
         *[
+            f"results/mocap/{sequence}.findings.parquet"
+            for sequence in sequences
+            if PROJECT.indoor(sequence)
+        ],
+        *[
             f"results/detections/{sequence}.findings.parquet"
             for sequence in sequences
             if PROJECT.detections_pattern(sequence)

@@ -55,6 +55,7 @@ rule mocap:
         frames="results/frames/{sequence}.parquet",
     output:
         out="results/mocap/{sequence}.parquet",
+        findings="results/mocap/{sequence}.findings.parquet",
     log:
         "logs/mocap/{sequence}.log",
     benchmark:
@@ -69,7 +70,8 @@ rule mocap:
         people=untracked(subjects_sheet),
         session_file=untracked(sequence_session_file),
         prefix=prefix_fingerprint,
-        contents=contents_of(recorded(mocap_file), trigger_log),
+        names=untracked(marker_names),
+        contents=contents_of(recorded(mocap_file), trigger_log, marker_names),
         code=code("ingest.mocap"),
     shell:
         dior("mocap")

@@ -1,0 +1,50 @@
+"""One reader per kind of file with motion capture, which its first bytes tell; each gives a `Capture`."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from dior.arrays import AnyPath
+from dior.errors import DiorError
+from dior.ingest.mocap_files import c3d, motive, qtm, trc
+from dior.ingest.mocap_files.capture import Capture
+
+BOM = b"\xef\xbb\xbf"
+
+
+@dataclass(frozen=True)
+class Reader:
+    """`read(path)` gives a `Capture` and raises ValueError or DiorError; `tool` is its name in messages; `begins`: the
+    first bytes of its files."""
+
+    tool: str
+    read: Callable[[AnyPath], Capture]
+    begins: tuple[bytes, ...]
+
+
+# what is none of the others is said to be no C3D
+C3D = "c3d"
+READERS = {
+    "qtm": Reader("TSV of Qualisys Track Manager", qtm.read, (b"NO_OF_FRAMES", b"FILE_VERSION")),
+    "motive": Reader("CSV of OptiTrack Motive", motive.read, (b"Format Version",)),
+    "trc": Reader("TRC", trc.read, (b"PathFileType",)),
+    C3D: Reader("C3D", c3d.read, ()),
+}
+
+
+def recognise(path: AnyPath) -> str:
+    """The key in READERS of a file, by its first bytes."""
+    with open(path, "rb") as stream:
+        head = stream.read(64).removeprefix(BOM)
+    return next((key for key, reader in READERS.items() if head.startswith(reader.begins)), C3D)
+
+
+def read(path: AnyPath) -> tuple[str, Capture]:
+    """(key in READERS, what the file holds). Raises DiorError for a missing or broken file."""
+    if not Path(path).is_file():
+        raise DiorError(f"{path}: there is no such C3D; check `mocap` in sequences.tsv and `data_root`")
+    try:
+        kind = recognise(path)
+        return kind, READERS[kind].read(path)
+    except (OSError, ValueError) as error:
+        raise DiorError(f"{path}: not a readable {READERS[kind].tool} ({error})") from None

@@ -1,0 +1,27 @@
+"""C3D, as `dior.ingest.c3d_check` asks about it and `dior.ingest.c3d_points` reads it.
+
+INPUTS   a path. OUTPUTS: its `Capture`; POINT:Y_SCREEN says which axis points up on the screen (user guide of c3d.org),
+         +Z in Vicon's files and +Y in those with Y up.
+"""
+
+from collections.abc import Sequence
+
+from dior.arrays import AnyPath, Floats
+from dior.ingest.c3d_check import layout
+from dior.ingest.c3d_points import read_points
+from dior.ingest.mocap_files.capture import Capture
+
+
+def read(path: AnyPath) -> Capture:
+    """The content of a C3D. Raises ValueError where it is damaged."""
+    about = layout(path)
+
+    def points(index: Sequence[int]) -> Floats:
+        xyz = read_points(path, index)
+        if len(xyz) < about.frames:
+            raise ValueError(
+                f"ezc3d finds {len(xyz)} of its {about.frames} frames; POINT:FRAMES is wrong, so export it again"
+            )
+        return xyz[: about.frames]
+
+    return Capture(about.labels, about.units, about.up, about.rate, about.first, about.frames, points)

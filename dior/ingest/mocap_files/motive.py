@@ -1,0 +1,72 @@
+"""CSV that OptiTrack Motive exports of a take.
+
+INPUTS   a line of keys and values (Format Version, ..., Export Frame Rate, Total Exported Frames, Length Units,
+         Coordinate Space), rows of what each column is (Type, Name, ID, Parent, then Position or Rotation), a row
+         Frame, Time (Seconds), X, Y, Z, ..., then a row per frame, counted from 0; an empty cell is missing. Columns of
+         other types than Marker (solved ones of bones and rigid bodies, rotations) are not read.
+OUTPUTS  a `Capture`, Y up as the program has it unless it was told otherwise.
+Source: docs.optitrack.com, Data Export: CSV, and headers of versions 1.22 to 1.25 in public readers' tests; no file of
+the program was at hand.
+"""
+
+from collections.abc import Iterator
+
+from dior.arrays import AnyPath
+from dior.ingest.mocap_files.capture import Capture, captured, number, numbers, rows
+from dior.project.plain_text import Line
+
+AXES = ["X", "Y", "Z"]
+MARKER = "Marker"
+FRAME = "Frame"
+
+
+def read(path: AnyPath) -> Capture:
+    """The content of a CSV. Raises ValueError where it is no such export of markers, DiorError where it is no text."""
+    lines = iter(rows(path, ","))
+    _, keys = next(lines, (0, [""]))
+    header = dict(zip(keys[::2], keys[1::2], strict=False))
+    space = header.get("Coordinate Space") or "Global"
+    if space != "Global":
+        raise ValueError(f"its Coordinate Space is '{space:.40}'; export it in the global one")
+    labels, places = _markers(lines)
+    table: list[list[float]] = []
+    first = 1.0
+    for line, cells in lines:
+        # the time of day has no number
+        values = numbers(line, [cells[0], *(cell for at in places for cell in cells[at : at + 3])], 1 + 3 * len(labels))
+        if not table:
+            first = max(values[0] + 1, 1.0)
+        table.append(values[1:])
+    rate = header.get("Export Frame Rate") or header.get("Capture Frame Rate") or "0"
+    said = header.get("Total Exported Frames") or header.get("Total Frames in Take") or "0"
+    return captured(
+        labels, header.get("Length Units", ""), "y", number(rate, "frame rate"), first, number(said, "frames"), table
+    )
+
+
+def _markers(lines: Iterator[Line]) -> tuple[list[str], list[int]]:
+    """Names of the markers and the columns of their x, from the rows before the numbers. Raises ValueError."""
+    about, axes = [], [""]
+    for _, axes in lines:
+        if axes[0] == FRAME:
+            break
+        about.append(axes)
+    if len(about) < 2 or axes[0] != FRAME:
+        raise ValueError("it has no rows Type, Name and Frame before its numbers; export it with the header")
+    kinds = [row + [""] * (len(axes) - len(row)) for row in about]
+    kind, name = (
+        next((row for row in kinds if word in row[:2]), kinds[at]) for at, word in enumerate(("Type", "Name"))
+    )
+    what = next((row for row in kinds if "Position" in row), [""] * len(axes))
+    places = [
+        at
+        for at in range(len(axes) - 2)
+        if axes[at : at + 3] == AXES
+        and kind[at] == MARKER
+        and what[at] == "Position"
+        and len(set(name[at : at + 3])) == 1
+    ]
+    if not places:
+        there = sorted({word for word in kind if word and word != "Type"})
+        raise ValueError(f"no column is a Marker's position (there are {', '.join(there)[:80]}); export the markers")
+    return [name[at].strip('"') for at in places], places

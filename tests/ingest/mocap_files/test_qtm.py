@@ -1,0 +1,51 @@
+import numpy as np
+import pytest
+
+from dior.errors import DiorError
+from dior.ingest import mocap
+from tests.ingest.c3d_files import PLACES, person
+from tests.ingest.mocap_files.texts import qtm
+
+LABELS = list(PLACES)
+POINTS = person(LABELS, 12)
+NEWER = (["FILE_VERSION", "2.0.0"], ["EVENT", "Label", "3", "0.03"], ["TRAJECTORY_TYPES", *["Measured"] * len(LABELS)])
+
+
+@pytest.mark.parametrize("columns", [True, False])
+@pytest.mark.parametrize("zeros", [True, False])
+@pytest.mark.parametrize("more", [(), NEWER])
+def test_every_header_and_gaps(tmp_path, columns, zeros, more):
+    points = POINTS.copy()
+    points[3:5, 7] = np.nan
+    got = mocap.read(qtm(tmp_path / "a.tsv", LABELS, points, 120.0, 40, columns, zeros, more))
+    assert (got.rate, got.first_frame, got.said) == (120.0, 40 if columns else 1, ())
+    expected = points[:, [LABELS.index(marker) for marker in got.markers]]
+    np.testing.assert_allclose(got.points, expected, atol=1e-6)
+
+
+def test_a_tab_at_the_end_of_every_row(tmp_path):
+    for columns in (True, False):
+        path = qtm(tmp_path / "a.tsv", LABELS, POINTS, columns=columns)
+        path.write_text(path.read_text().replace("\n", "\t\n"))
+        assert len(mocap.read(path).markers) == len(LABELS)
+
+
+@pytest.mark.parametrize(
+    "old, new, text",
+    [
+        ("DATA_INCLUDED\t3D", "DATA_INCLUDED\t6D", "its DATA_INCLUDED is '6D', not 3D"),
+        ("MARKER_NAMES", "BODY_NAMES", "it has no MARKER_NAMES"),
+        ("NO_OF_FRAMES\t12", "NO_OF_FRAMES\t13", "it holds 12 of its 13 frames; it is cut off"),
+        ("FREQUENCY\t100", "FREQUENCY\tfast", "its FREQUENCY is 'fast', which is no number"),
+        ("FREQUENCY\t100", "FREQUENCY\t0", "FREQUENCY is 0; it needs its frame rate"),
+        ("\n3\t", "\n3\tx\t", "line 14 holds something that is no number"),
+        ("\tRTOE\n", "\tRTOE\tRTOE2\n", "line 12 has 74 columns, not 77"),
+    ],
+)
+def test_what_is_no_such_file(tmp_path, old, new, text):
+    path = qtm(tmp_path / "a.tsv", LABELS, POINTS)
+    content = path.read_text()
+    assert old in content
+    path.write_text(content.replace(old, new, 1))
+    with pytest.raises(DiorError, match=rf"a\.tsv: .*{text}"):
+        mocap.read(path)

@@ -1,0 +1,80 @@
+import numpy as np
+import pytest
+
+from dior.errors import DiorError
+from dior.ingest import marker_names, mocap
+from tests.ingest.c3d_files import PLACES, c3d_bytes, person
+
+PLAIN = ["LASI", "RASI", "LPSI", "RPSI"]
+
+
+def write_sheet(path, *rows):
+    path.write_text("\n".join(["name\tmarker\tformat", *("\t".join(row) for row in rows)]) + "\n")
+    return path
+
+
+def found(labels, named=marker_names.NOTHING, **how):
+    got = marker_names.find(labels, "a.c3d", named=named, **how)
+    return {marker: labels[i] for marker, i in got.place.items()}, got.said
+
+
+def test_the_sheet_goes_before_the_spelling(tmp_path):
+    path = write_sheet(tmp_path / "m.tsv", ("L_FAL", "LANK", ""), ("LKNE", "LTIB", "qtm"), ("L_FAL", "LHEE", "trc"))
+    assert marker_names.sheet(path, "c3d") == {"L_FAL": "LANK"}
+    assert marker_names.sheet(path, "trc") == {"L_FAL": "LHEE"}
+    named = marker_names.sheet(path, "qtm")
+    assert named == {"L_FAL": "LANK", "LKNE": "LTIB"}
+    places, said = found([*PLAIN, "LKNE", "S01:L_FAL", "LANK"], named)
+    assert places["LTIB"] == "LKNE" and "LKNE" not in places and places["LANK"] == "S01:L_FAL"
+    assert said == [("info", "markers_by_sheet", "2 of 6 markers have the names that config/markers.tsv gives them")]
+
+
+@pytest.mark.parametrize(
+    "row, text",
+    [(("a", "LXXX"), "LXXX"), (("=a", "LASI"), "name"), (("a", "LASI", "c4d"), "c4d"), (("", "LASI"), "name")],
+)
+def test_a_wrong_sheet_names_the_line(tmp_path, row, text):
+    with pytest.raises(DiorError, match=rf"config/markers\.tsv line 2.*{text}"):
+        marker_names.sheet(write_sheet(tmp_path / "m.tsv", row), "c3d")
+
+
+@pytest.mark.parametrize("word", ["L_KNE", "L.Kne", "LeftKNE", "KNE_L", "kne left"])
+def test_a_guess_is_said(word):
+    places, said = found([*PLAIN, word])
+    assert places["LKNE"] == word
+    ((severity, code, text),) = said
+    assert (severity, code) == ("warning", "markers_guessed") and f"{word} for LKNE" in text
+
+
+def test_only_one_label_alone_is_guessed():
+    places, said = found([*PLAIN, "L_KNE", "KNE.L"])
+    assert "LKNE" not in places and said == []
+    places, said = found([*PLAIN, "L_KNE", "LKNE"])
+    assert places["LKNE"] == "LKNE" and said == []
+    places, said = found([*PLAIN, "L_KNE", "lkne*"])
+    assert places["LKNE"] == "lkne*" and said == []
+
+
+def test_names_of_places_that_are_no_markers_are_not_guessed():
+    for word in ("LKnee", "LHipAngles", "L_FLE", "LFEO", "L", "C8", "left"):
+        assert set(found([*PLAIN, word])[0]) == set(PLAIN)
+
+
+def test_two_points_of_the_same_name_by_the_sheet():
+    with pytest.raises(DiorError, match=r"the points 5 \('a'\) and 6 \('b'\) are all the marker LKNE"):
+        found([*PLAIN, "a", "b"], {"a": "LKNE", "b": "LKNE"})
+
+
+@pytest.mark.parametrize(
+    "screen, up, word", [("+Y", "y", "y"), ("+Z", "z", ""), ("+Y", "z", ""), ("-Y", "z", ""), ("", "z", "")]
+)
+def test_a_c3d_says_which_axis_is_up(tmp_path, screen, up, word):
+    """OptiTrack's have Y up; where the body stands along Z all the same, it is Z."""
+    labels = list(PLACES)
+    points = 1000 * person(labels, 5)
+    if up == "y":
+        points = points @ np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]]).T
+    (tmp_path / "a.c3d").write_bytes(c3d_bytes(labels, points, more={"POINT:Y_SCREEN": [screen]} if screen else None))
+    got = mocap.read(tmp_path / "a.c3d")
+    np.testing.assert_allclose(got.points, person(got.markers, 5), atol=1e-6)
+    assert [text.split()[1] for _, _, text in got.said] == ([word] if word else [])
