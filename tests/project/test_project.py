@@ -114,6 +114,12 @@ def fails(root, *parts):
     return text
 
 
+def test_one_table_of_detections_may_hold_all_cameras(root):
+    edit(root, "sequences.tsv", "out_1/mlkit/{camera}.jsonl", "out_1/xy_RTMPOSE.csv")
+    found = project.load(root).recordings("out_1")
+    assert {found[f"detections.{camera}"] for camera in ("cam01", "cam02")} == {"data/out_1/xy_RTMPOSE.csv"}
+
+
 def test_what_is_written_is_what_is_read(root):
     p = project.load(root)
     assert p.sequences == ("out_1", "out_2", "in_1"), "by session, order as a number, name"
