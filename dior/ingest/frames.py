@@ -32,6 +32,7 @@ JUMP_NS = 1_000_000_000
 SPLIT_NS, MOST_LAG_NS, ACROSS = 1_000_000_000, 20_000_000, 30
 
 NONE: list[str] = []
+NOTHING: dict[str, str] = {}
 
 
 def run(
@@ -42,12 +43,14 @@ def run(
     topics: dict[str, str],
     out: Path,
     by_hand: list[str] = NONE,
+    in_bags: dict[str, str] = NOTHING,
 ) -> None:
     """Index `bags` (paths) for the cameras of `topics` (dict camera -> image topic). See the module's docstring.
 
-    `by_hand`: cameras whose clocks a person gave, which may therefore be of any other time.
+    `by_hand`: cameras whose clocks a person gave, which may therefore be of any other time; `in_bags`: by camera what
+    the names of its bags hold, where other cameras have the same topic in other bags.
     """
-    full_names = [rosbag.full_name(topic) for topic in topics.values()]
+    full_names = [rosbag.full_name(topic) for camera, topic in topics.items() if camera not in in_bags]
     for what, values in (("bag", [os.path.normpath(bag) for bag in bags]), ("topic", full_names)):
         twice = [value for value, count in Counter(values).items() if count > 1]
         if twice:
@@ -57,32 +60,62 @@ def run(
     if not topics:
         raise DiorError(f"{sequence}: no camera is given; write a <camera>.yaml for each into its session")
     there = {bag: rosbag.topics_of(bag) for bag in bags}
-    holders = {camera: rosbag.holding(there, topic, f"{sequence}, {camera}") for camera, topic in topics.items()}
-    indexes = {}
+    holders = {
+        camera: rosbag.holding(_named(there, in_bags.get(camera, ""), sequence, camera), topic, f"{sequence}, {camera}")
+        for camera, topic in topics.items()
+    }
+    indexes: dict[str, dict[str, Table]] = {camera: {} for camera in topics}
     for bag in bags:
-        wanted = [topics[camera] for camera, holding in holders.items() if bag in holding]
+        wanted = {camera: topics[camera] for camera, holding in holders.items() if bag in holding}
+        _check_one_camera(wanted, f"{sequence}: {bag}")
         if wanted:
-            index = rosbag.index(bag, wanted)
-            _check_complete(bag, there[bag], index, wanted)
-            indexes[_relative(bag, data_root)] = index
+            index = rosbag.index(bag, list(wanted.values()))
+            _check_complete(bag, there[bag], index, list(wanted.values()))
+            for camera in wanted:
+                indexes[camera][_relative(bag, data_root)] = index
     _check_overlap(sequence, topics, indexes, by_hand)
     parts: list[Table] = []
     recorded_twice: dict[str, int] = {}
     for camera in sorted(topics):
-        table, recorded_twice[camera] = _of_camera(sequence, camera, topics[camera], indexes)
+        table, recorded_twice[camera] = _of_camera(sequence, camera, topics[camera], indexes[camera])
         parts.append(table)
     columns = {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
     tables.write(out, "frames", columns, {"recorded_twice": json.dumps(recorded_twice)})
 
 
-def _check_overlap(sequence: str, topics: dict[str, str], indexes: dict[str, Table], given: Collection[str]) -> None:
+def _named(there: dict[Path, rosbag.Topics], word: str, sequence: str, camera: str) -> dict[Path, rosbag.Topics]:
+    """The bags whose names hold `word`."""
+    found = {bag: topics for bag, topics in there.items() if word in bag.name}
+    if not found:
+        raise DiorError(
+            f"{sequence}, {camera}: no bag has '{word}' in its name, which `bag` of the camera's YAML says; they are "
+            f"{', '.join(bag.name for bag in there)}"
+        )
+    return found
+
+
+def _check_one_camera(topics: dict[str, str], where: str) -> None:
+    """Refuse two cameras (dict camera -> topic) that would be the same pictures of a bag."""
+    owner: dict[str, str] = {}
+    for camera, topic in topics.items():
+        other = owner.setdefault(rosbag.full_name(topic), camera)
+        if other != camera:
+            raise DiorError(
+                f"{where}: {other} and {camera} are both its topic {topic}; give `bag`, what the names of their bags "
+                "hold, in the YAML of each"
+            )
+
+
+def _check_overlap(
+    sequence: str, topics: dict[str, str], indexes: dict[str, dict[str, Table]], given: Collection[str]
+) -> None:
     """Refuse recordings of which one part ended before the other began, unless their clocks are `given` by hand.
 
     A camera that overlaps with no other may do so through a third.
     """
     spans = []
     for camera, topic in sorted(topics.items()):
-        picked = {bag: index["stamp_ns"][index["topic"] == topic] for bag, index in indexes.items()}
+        picked = {bag: index["stamp_ns"][index["topic"] == topic] for bag, index in indexes[camera].items()}
         stamps_ns = np.concatenate(list(picked.values()))
         # what has no stamps at all is refused for that
         if camera not in given and len(stamps_ns) and stamps_ns.min() > 0:

@@ -352,8 +352,11 @@ def _check_distinct(project: Project, session: str) -> None:
             a, b = project.cameras(session)[first], project.cameras(session)[second]
             where = f"config/sessions/{session}: cameras '{first}' and '{second}'"
             measured = [camera["tape"]["position_m"] for camera in (a, b) if "tape" in camera]
-            if a["topic"] == b["topic"]:
-                raise DiorError(f"{where} have the same topic '{a['topic']}'")
+            if a["topic"] == b["topic"] and not ({"bag"} <= a.keys() & b.keys() and a["bag"] != b["bag"]):
+                raise DiorError(
+                    f"{where} have the same topic '{a['topic']}'; where they have it in different bags, give `bag` of "
+                    "each, what the names of its bags hold"
+                )
             if len(measured) == 2 and _distance(*measured) < SAME_PLACE_M:
                 raise DiorError(
                     f"{where} are at the same place {measured[0]} (tape.position_m of {first}.yaml and {second}.yaml); "

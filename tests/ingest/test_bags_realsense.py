@@ -8,7 +8,7 @@ from rosbags import rosbag1
 
 from dior.calibrate import intrinsics
 from dior.errors import DiorError
-from dior.ingest import audit, bags, messages
+from dior.ingest import audit, bags, frames, messages
 from dior.project import cross_checks
 from dior.tables import tables
 from tests.ingest.bagfiles import INFO, STORES, T0, info, packed, picture, raw, serialized, write
@@ -135,3 +135,23 @@ def test_transports_of_video_are_refused_by_name(kind, name):
         ValueError, match=rf"a piece of a video, {kind}, which is not read; .* transport {name} to comp"
     ):
         messages.picture_of(kind, b"", "cdr")
+
+
+def test_cameras_of_the_same_topic_in_bags_of_their_own(tmp_path):
+    bags_of = [viewers(tmp_path / f"{name}.bag", count=count) for name, count in (("a_123", 4), ("a_456", 3))]
+    topics, out = {"cam01": TOPIC, "cam02": TOPIC}, tmp_path / "frames.parquet"
+
+    def read(**in_bags):
+        frames.run(sequence="walk", bags=bags_of, data_root=tmp_path, topics=topics, out=out, in_bags=in_bags)
+        return tables.read(out, "frames")
+
+    table = read(cam01="456", cam02="123")
+    assert table["camera"].tolist() == ["cam01"] * 3 + ["cam02"] * 4
+    assert table["bag"].tolist() == ["a_456.bag"] * 3 + ["a_123.bag"] * 4
+    assert len(dict(bags.read_pictures(table, tmp_path))) == 7
+    with pytest.raises(DiorError, match="topic .*Color_0/image/data is given twice"):
+        read()
+    with pytest.raises(DiorError, match=r"a_456\.bag: cam01 and cam02 are both its topic .*; give `bag`"):
+        read(cam01="456", cam02="a_")
+    with pytest.raises(DiorError, match=r"cam02: no bag has '789' in its name, .* they are a_123\.bag, a_456\.bag"):
+        read(cam01="456", cam02="789")

@@ -37,6 +37,12 @@ def topics(wildcards):
     return [f"{name}={camera['topic']}" for name, camera in cameras.items()]
 
 
+def in_bags(wildcards):
+    """By camera what the names of its bags hold, where its YAML says it."""
+    cameras = PROJECT.cameras(session_of(wildcards))
+    return [f"{name}={camera['bag']}" for name, camera in cameras.items() if "bag" in camera]
+
+
 def clocked_by_hand(wildcards):
     return PROJECT.clocked_by_hand(wildcards.sequence)
 

@@ -19,6 +19,7 @@ rule frames:
     params:
         bags=untracked(bags),
         topics=topics,
+        in_bags=in_bags,
         by_hand=untracked(clocked_by_hand),
         data_root=data_root,
         contents=contents_of(recorded(bags)),
