@@ -4,10 +4,12 @@ INPUTS   the labels of the points; the subject's name or prefix; a lab's own nam
 OUTPUTS  the place of each marker, and what a person should know of how it was found
 
 A marker is, in this order: what the sheet says; a label that is spelled right; one in small letters or with other signs
-around it; a guess: one label alone that spells side and marker otherwise, such as L_ASI or Asi-Left.
+around it; one behind a word and an underscore, as Motive writes the subject where it is not told to write a colon
+(docs.optitrack.com, Data Export: C3D, Colon Name Separation); a guess: one label alone that spells side and marker
+otherwise, such as L_ASI or Asi-Left.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,7 +25,7 @@ FEWEST = 4
 # chosen: how many labels a sentence lists
 LISTED = 20
 # how a marker was found
-BY_SHEET, EXACT, ALIKE, GUESSED = range(4)
+BY_SHEET, EXACT, ALIKE, BEHIND, GUESSED = range(5)
 _SIDES = {"left": "L", "right": "R"}
 NOTHING: Mapping[str, str] = {}
 
@@ -60,7 +62,11 @@ def find(
     parts = [_parts(label, prefix) for label in labels]
     ranked: dict[str, dict[int, list[int]]] = {}
     for i, (_, word) in enumerate(parts):
-        for marker, rank in _read(word, named):
+        found = _read(word, named)
+        if not found and not prefix and (split := _behind(word, named)):
+            parts[i], found = split, (named.get(split[1], split[1]), BEHIND)
+        if found:
+            marker, rank = found
             ranked.setdefault(marker, {}).setdefault(rank, []).append(i)
     best = {marker: min(ranks) for marker, ranks in ranked.items()}
     places = {marker: ranks[best[marker]] for marker, ranks in ranked.items()}
@@ -104,19 +110,25 @@ def _said(
     return said
 
 
-def _read(word: str, named: Mapping[str, str]) -> Iterator[tuple[str, int]]:
+def _read(word: str, named: Mapping[str, str]) -> tuple[str, int] | None:
     """The marker that a word may be, and how well it says so."""
     if word in named:
-        yield named[word], BY_SHEET
-        return
+        return named[word], BY_SHEET
     marker = word.strip(" .*_-'\"\0").upper()
     if marker in PLUG_IN_GAIT_39:
-        yield marker, EXACT if marker == word else ALIKE
-        return
+        return marker, EXACT if marker == word else ALIKE
     words = words_of(word)
     spelled = (_SIDES.get(words[0], words[0]) + "".join(words[1:])).upper() if words else ""
-    if spelled in PLUG_IN_GAIT_39:
-        yield spelled, GUESSED
+    return (spelled, GUESSED) if spelled in PLUG_IN_GAIT_39 else None
+
+
+def _behind(word: str, named: Mapping[str, str]) -> tuple[str, str] | None:
+    """A word split at one of its underscores, if what follows that is a marker's name."""
+    pieces = word.split("_")
+    splits = (("_".join(pieces[:at]), "_".join(pieces[at:])) for at in range(1, len(pieces)))
+    return next(
+        ((before, name) for before, name in splits if before and (name in named or name in PLUG_IN_GAIT_39)), None
+    )
 
 
 def _parts(label: str, prefix: str) -> tuple[str, str]:

@@ -167,6 +167,8 @@ def test_frames_counted_from_one(tmp_path):
     assert set(findings) == {"several_people"}
     with pytest.raises(DiorError, match="has frame 3 but the recording has frames 1 to 2; the .* recording$"):
         run(tmp_path, path, count=2, first_frame=1)
+    _, findings = run(tmp_path, formats.yolo_stream(tmp_path, scene(17, (2, 3))), count=3, first_frame=1)
+    assert set(findings) == {"detector_not_run"}
     with pytest.raises(DiorError, match="it begins with frame 1, and `detector.first_frame` in config.yaml says .* 2"):
         run(tmp_path, path, first_frame=2)
 

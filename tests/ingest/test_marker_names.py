@@ -55,6 +55,20 @@ def test_only_one_label_alone_is_guessed():
     assert places["LKNE"] == "lkne*" and said == []
 
 
+def test_a_subject_before_an_underscore():
+    """As Motive writes it, unless it is told to write a colon."""
+    places, said = found([f"Ann_{name}" for name in PLAIN])
+    assert list(places) == PLAIN and said == []
+    two = [f"{who}_{name}" for who in ("Ann", "Ben B") for name in PLAIN]
+    assert list(found(two, subject="ben b")[0].values()) == two[4:]
+    with pytest.raises(DiorError, match="its labels are of 2 subjects") as refused:
+        found(two)
+    assert "Ann" not in str(refused.value)
+    # what is spelled right goes before it, and the sheet's names have underscores of their own
+    places, _ = found([*PLAIN, "old_LASI", "Ann_L_FAL"], {"L_FAL": "LANK"})
+    assert places["LASI"] == "LASI" and places["LANK"] == "Ann_L_FAL"
+
+
 def test_names_of_places_that_are_no_markers_are_not_guessed():
     for word in ("LKnee", "LHipAngles", "L_FLE", "LFEO", "L", "C8", "left"):
         assert set(found([*PLAIN, word])[0]) == set(PLAIN)
