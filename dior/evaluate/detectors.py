@@ -49,8 +49,9 @@ def run(
 ) -> None:
     """Measure the detectors of one sequence.
 
-    `rows`: dicts camera, tool, zoom, path; `roles`: camera -> close | long_range; `labels`: label files. Raises
-    DiorError for output that is missing, of another recording or other pictures, or of no known tool.
+    `rows`: dicts camera, tool, zoom, path and, where it is not 0, first_frame; `roles`: camera -> close | long_range;
+    `labels`: label files. Raises DiorError for output that is missing, of another recording or other pictures, or of no
+    known tool.
     """
     pictures = tables.read(frames, "frames", ["camera", "frame", "stamp_ns", "restored_s", "width", "height"])
     grids = label_grids(labels)
@@ -60,7 +61,7 @@ def run(
         tool = row["tool"] if zoom == 1 else f"{row['tool']} {zoom}x"
         where = f"{SHEET}: {sequence}, {camera}, {tool}"
         mine = tables.of_camera(pictures, camera)
-        people, looked_at = read(Path(row["path"]), mine, zoom, where)
+        people, looked_at = read(Path(row["path"]), mine, zoom, where, int(row.get("first_frame") or 0))
         part = per_frame(people, looked_at, _boxes(grids[camera], mine["frame"]))
         detected, success = _float(part["people"]), _float(part["success"])
         for metric, values in (("detected_share", detected > 0), ("success_share", success > 0)):
@@ -91,10 +92,11 @@ def _keys(sequence: str, row: dict[str, str], mine: Table) -> Table:
     }
 
 
-def read(path: Path, pictures: Table, zoom: int, where: str) -> tuple[People, Bools]:
+def read(path: Path, pictures: Table, zoom: int, where: str, first_frame: int = 0) -> tuple[People, Bools]:
     """`People` of one output in recorded pixels, and the pictures (F,) that the detector looked at.
 
-    `pictures`: rows of `frames` of the camera. `zoom` above 1: the output is of the pieces that the step `zoom` writes.
+    `pictures`: rows of `frames` of the camera; `first_frame`: number that the tool gives the first of them. `zoom`
+    above 1: the output is of the pieces that the step `zoom` writes.
     """
     if not path.exists():
         raise DiorError(f"{where}: there is no output at {path}; path is relative to data_root")
@@ -110,10 +112,9 @@ def read(path: Path, pictures: Table, zoom: int, where: str) -> tuple[People, Bo
         known = ", ".join(reader.tool for reader in READERS.values())
         raise DiorError(f"{where}: {path} is output of none of {known}; docs/formats.md shows what they look like")
     else:
-        people, silent = (
-            of_recording(path, READERS[kind], pictures["camera"][0], pictures, where, size=size),
-            READERS[kind].silent,
-        )
+        reader, camera = READERS[kind], pictures["camera"][0]
+        people = of_recording(path, reader, camera, pictures, where, first_frame, size, f"`first_frame` in {SHEET}")
+        silent = reader.silent
     if zoom > 1 and len(people.frame):
         middle = np.nanmean(people.uv, axis=1)
         if (np.abs(2 * middle - size) > size).any(axis=1).mean() > 0.5:

@@ -31,6 +31,7 @@ FEW = 0.1
 # a body is larger than this in pixels, and no larger in fractions of the picture
 FRACTIONS_END = 3.0
 SAY_SO = "say so in `detections_checked` of session.yaml"
+SETTING = "`detector.first_frame` in config.yaml"
 # columns of `frames`
 NEEDED = ["camera", "frame", "stamp_ns", "restored_s", "width", "height"]
 
@@ -132,27 +133,29 @@ def of_recording(
     where: str,
     first_frame: int = 0,
     size: tuple[int, int] | None = None,
+    setting: str = SETTING,
 ) -> People:
     """Everybody in the detections of a camera, in pixels, frames counted from 0.
 
     `pictures`: rows of the `frames` table of the camera; `first_frame`: number that the files give the first of them;
-    `size` (width, height) of what the detector was run on, where it is not that of the pictures. Raises DiorError for
-    files that are not of that recording.
+    `size` (width, height) of what the detector was run on, where it is not that of the pictures; `setting`: where
+    `first_frame` is said. Raises DiorError for files that are not of that recording.
     """
     people = reader.read(path, camera)
-    people = _by_stamp(people, pictures, path, where) if people.by_stamp else _from_zero(people, first_frame, path)
+    people = (
+        _by_stamp(people, pictures, path, where) if people.by_stamp else _from_zero(people, first_frame, path, setting)
+    )
     people = in_pixels(people, reader, size or (pictures["width"][0], pictures["height"][0]), path, where)
-    check_recording(people, pictures, path, where, first_frame)
+    check_recording(people, pictures, path, where, first_frame, setting)
     return people
 
 
-def _from_zero(people: People, first_frame: int, path: AnyPath) -> People:
+def _from_zero(people: People, first_frame: int, path: AnyPath, setting: str) -> People:
     if not first_frame:
         return people
     if len(people.ran) and people.ran[0] < first_frame:
         raise DiorError(
-            f"{path}: it begins with frame {people.ran[0]}, and `detector.first_frame` in config.yaml says that the "
-            f"first is {first_frame}"
+            f"{path}: it begins with frame {people.ran[0]}, and {setting} says that the first is {first_frame}"
         )
     return replace(people, frame=people.frame - first_frame, ran=people.ran - first_frame)
 
@@ -218,16 +221,18 @@ def in_pixels(people: People, reader: Reader, size: tuple[int, int], path: AnyPa
     return replace(people, uv=people.uv * np.array(size, float) - 0.5)
 
 
-def check_recording(people: People, pictures: Table, path: AnyPath, where: str, first_frame: int = 0) -> None:
+def check_recording(
+    people: People, pictures: Table, path: AnyPath, where: str, first_frame: int = 0, setting: str = SETTING
+) -> None:
     """Refuse detections of another recording than that with the `pictures` (rows of the `frames` table).
 
-    `people` counted from 0, and their files from `first_frame`.
+    `people` counted from 0, and their files from `first_frame`, which `setting` says.
     """
     stamps_ns, as_recorded = pictures["stamp_ns"], header_ns(pictures)
     count = len(stamps_ns)
     beyond = people.ran[(people.ran < 0) | (people.ran >= count)]
     if len(beyond):
-        from_one = "; are they counted from 1? Then set `detector.first_frame: 1` in config.yaml"
+        from_one = f"; are they counted from 1? Then {setting} should be 1"
         raise DiorError(
             f"{where}: {path} has frame {beyond[-1] + first_frame} but the recording has frames {first_frame} to "
             f"{count - 1 + first_frame}; the detections belong to another recording"
@@ -318,7 +323,7 @@ def _findings(
     if len(people.ran) and people.ran[0] == 1 and not first_frame:
         text = (
             f"{camera}: the detections begin at frame 1; if the tool counts from 1, all of them are a frame late, and "
-            "`detector.first_frame` in config.yaml should be 1"
+            f"{SETTING} should be 1"
         )
         found.append(("warning", "frames_from_one", text))
     if nobody:

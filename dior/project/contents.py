@@ -303,10 +303,14 @@ class Project:
         return found | {f"detections.{camera}": pattern.format(camera=camera) for camera in close}
 
     def detectors_of(self, sequence: str) -> list[dict[str, str]]:
-        """Outputs of other detectors: dicts camera, tool, zoom, path (as seen from the root), sorted."""
+        """Outputs of other detectors: dicts camera, tool, zoom, path (as seen from the root) and, where it is given,
+        first_frame, sorted."""
         mine = [row for _, row in sorted(self.detectors.items()) if row["sequence"] == sequence]
         return [
-            {**{key: row[key] for key in ("camera", "tool", "zoom")}, "path": self.in_data(row["path"].rstrip("/"))}
+            {
+                **{key: row[key] for key in ("camera", "tool", "zoom", "first_frame") if row[key]},
+                "path": self.in_data(row["path"].rstrip("/")),
+            }
             for row in mine
         ]
 

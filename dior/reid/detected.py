@@ -33,7 +33,9 @@ def camera_walks(
         camera, zoom = row["camera"], int(row["zoom"])
         tool = row["tool"] if zoom == 1 else f"{row['tool']} {zoom}x"
         mine = tables.of_camera(pictures, camera)
-        people, _ = detectors.read(row["path"], mine, zoom, f"{detectors.SHEET}: {where}, {camera}, {tool}")
+        people, _ = detectors.read(
+            row["path"], mine, zoom, f"{detectors.SHEET}: {where}, {camera}, {tool}", int(row.get("first_frame") or 0)
+        )
         lacks = [name for name in COCO_17 if name not in people.joints]
         if lacks:
             left_out.append((tool, camera, f"the detector has no {lacks[0].replace('_', ' ')}"))

@@ -58,8 +58,8 @@ def measure(folder, people, zoom=1, tool="somebody", content=None):
     return run(folder, path, zoom, tool)
 
 
-def run(folder, path, zoom=1, tool="somebody"):
-    row = {"camera": "cam04", "tool": tool, "zoom": str(zoom), "path": str(path)}
+def run(folder, path, zoom=1, tool="somebody", **more):
+    row = {"camera": "cam04", "tool": tool, "zoom": str(zoom), "path": str(path)} | more
     detectors.run(
         sequence="walk", subject="S1", rows=[row], roles={"cam04": "long_range"}, frames=folder / "frames.parquet",
         labels=[folder / "labels.parquet"], out=folder / "m.parquet", out_frames=folder / "f.parquet",
@@ -76,6 +76,15 @@ def test_all(capture):
     assert found == {"detected_share": (1.0, 10), "success_share": (1.0, 9)}
     assert frames["success"].tolist() == [1] * 9 + [-1], "a picture without labels cannot be judged"
     assert frames["keypoints"].tolist() == [17] * 10 and frames["keypoints_in_box"].tolist() == [17] * 9 + [-1]
+
+
+def test_a_tool_that_counts_from_one(capture):
+    with pytest.raises(
+        DiorError, match="are they counted from 1. Then `first_frame` in config/detectors.tsv should be 1"
+    ):
+        measure(capture, {f + 1: [person(17)] for f in range(FRAMES)})
+    _, frames = run(capture, capture / "out.json", first_frame="1")
+    assert frames["success"].tolist() == [1] * 9 + [-1]
 
 
 def test_none_is_a_result_and_no_error(capture):

@@ -674,6 +674,8 @@ def test_outputs_of_other_detectors_may_be_there(root):
         {"camera": "cam03", "tool": "mlkit", "zoom": "4", "path": loaded.in_data("z/a.jsonl")},
     ]
     assert loaded.detectors_of("out_2") == []
+    sheet.write_text("first_frame\t" + DETECTORS + "1\tout_1\tcam03\tmlkit\t1\tr\n")
+    assert [row["first_frame"] for row in project.load(root).detectors_of("out_1")] == ["1"]
 
 
 @pytest.mark.parametrize(

@@ -55,7 +55,9 @@ def test_pictures_with_nobody_and_files_of_one_picture(tmp_path):
 
 def test_the_demo_counts_from_one(tmp_path):
     path = formats.mmpose_demo(tmp_path, scene(26, (1, 2, 3, 4)))
-    with pytest.raises(DiorError, match="are they counted from 1. Then set `detector.first_frame: 1` in config.yaml"):
+    with pytest.raises(
+        DiorError, match="are they counted from 1. Then `detector.first_frame` in config.yaml should be 1"
+    ):
         run(tmp_path, path)
     table, findings = run(tmp_path, path, first_frame=1)
     assert np.isfinite(table["u"].reshape(4, 26)[3]).all() and set(findings) == {"several_people"}
