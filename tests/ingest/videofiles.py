@@ -1,0 +1,77 @@
+"""Small videos, written with PyAV: what a lab's cameras leave, and what is done to files on the way."""
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+av = pytest.importorskip("av", reason="pip install -e '.[video]'")
+
+SIZE = (48, 64)
+GREYS = 23
+TICK = Fraction(1, 90000)
+# chosen: nearly no loss, so that a picture's grey is told from its neighbours'
+OPTIONS = {"libx264": {"crf": "4"}, "libx265": {"crf": "4", "x265-params": "log-level=none"}}
+
+
+def grey_of(number):
+    """The grey of the left half of the picture `number`, by which it is known again: 8 from that of its neighbours."""
+    return 40 + 8 * (number % GREYS)
+
+
+def numbered(number, size=SIZE):
+    """A picture (height, width, 3) BGR of grey `grey_of` with a blue mark in its upper left corner."""
+    picture = np.zeros((*size, 3), np.uint8)
+    picture[:, : size[1] // 2] = grey_of(number)
+    picture[:12, :16] = (255, 0, 0)
+    return picture
+
+
+def write(
+    path, pictures, *, times=None, rate=30, codec="libx264", b_frames=2, key_every=10, rotation=0, metadata=None,
+    tracks=1, sound=None, options=None,
+):  # fmt: skip
+    """Write the `pictures`, shown at `times` (s), else at `rate`; `tracks`: the same picture in so many streams;
+    `sound`: (samples (N,), rate Hz) of an audio track; `options` of the container."""
+    pictures = list(pictures)
+    times = [Fraction(i, rate) for i in range(len(pictures))] if times is None else times
+    tick = Fraction(1, rate) if path.suffix == ".avi" else TICK
+    height, width = pictures[0].shape[:2]
+    with av.open(str(path), "w", options=options or {}) as container:
+        container.metadata.update(metadata or {})
+        streams = []
+        for _ in range(tracks):
+            stream = container.add_stream(codec, rate=rate)
+            stream.width, stream.height, stream.pix_fmt = width, height, "yuvj420p" if codec == "mjpeg" else "yuv420p"
+            if codec != "mjpeg":
+                stream.options = {"bf": str(b_frames), "g": str(key_every), **OPTIONS[codec]}
+            stream.time_base = stream.codec_context.time_base = tick
+            if rotation:
+                stream.set_display_rotation(rotation)
+            streams.append(stream)
+        heard = _add_sound(container, sound) if sound is not None else None
+        for picture, time in zip(pictures, times, strict=True):
+            for stream in streams:
+                frame = av.VideoFrame.from_ndarray(picture, format="bgr24")
+                frame.pts, frame.time_base = round(Fraction(time) / tick), tick
+                container.mux(stream.encode(frame))
+        if heard is not None:
+            _mux_sound(container, heard, *sound)
+        for stream in streams:
+            container.mux(stream.encode())
+
+
+def _add_sound(container, sound):
+    stream = container.add_stream("aac", rate=sound[1], layout="mono")
+    stream.bit_rate = 128_000
+    return stream
+
+
+def _mux_sound(container, stream, samples, rate):
+    for start in range(0, len(samples), 1024):
+        block = np.zeros(1024, np.float32)
+        block[: len(samples[start : start + 1024])] = samples[start : start + 1024]
+        frame = av.AudioFrame.from_ndarray(block[None], format="fltp", layout="mono")
+        frame.sample_rate, frame.pts, frame.time_base = rate, start, Fraction(1, rate)
+        container.mux(stream.encode(frame))
+    container.mux(stream.encode())
