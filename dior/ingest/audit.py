@@ -25,7 +25,7 @@ import numpy as np
 from dior.arrays import Bools, Floats, Ints, Table
 from dior.clocks.axis import nominal_fps
 from dior.ingest import bags as rosbag
-from dior.ingest import stamps, video_frames
+from dior.ingest import stamps, video_starts
 from dior.ingest.frames import JUMP_NS, check_usable
 from dior.tables import tables
 
@@ -73,7 +73,7 @@ def run(*, sequence: str, frames: Path, data_root: Path, out: Path, out_dropped:
 
     Raises DiorError for a camera whose stamps cannot be used, see `check_usable`.
     """
-    table, films = tables.read(frames, "frames"), video_frames.told(frames)
+    table, films = tables.read(frames, "frames"), video_starts.told(frames)
     repeats = _repeats(table, data_root)
     rows, dropped, found = [], [], []
     for camera in tables.ordered_unique(table["camera"]):
@@ -166,7 +166,7 @@ def with_lost(audited: Audit, lost: Sequence[tuple[int, int, str]]) -> Audit:
 
 
 def _by_what(bag: str, film: dict[str, Any]) -> tuple[str, str, str]:
-    """What the stamps of a video are by: `film` as of `video_frames.told`."""
+    """What the stamps of a video are by: `film` as of `video_starts.told`."""
     text = f"{bag}: {SOURCES[film['source']]}"
     if film["start_sigma_s"]:
         text += f", to {film['start_sigma_s']:.1g} s (1 sigma), which is how far off its clock is looked for"

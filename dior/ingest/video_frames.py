@@ -8,20 +8,17 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
-from dior.arrays import AnyPath, Ints, Table
+from dior.arrays import Ints, Table
 from dior.errors import DiorError
 from dior.ingest import bags, containers, picture_folders, video_stamps
 from dior.ingest.video_stamps import VideoStamps
+from dior.ingest.video_starts import METADATA, MOST_SIGMAS
 from dior.ingest.videos import VideoIndex
-from dior.tables import tables
 
-METADATA = "videos"
-# standard errors within which a start is looked for
-MOST_SIGMAS = 3.0
 # first and last stamp (ns) of a camera, its name, and what it is recorded on
 Span: TypeAlias = tuple[int, int, str, str]
 
@@ -133,15 +130,10 @@ def metadata(found: Mapping[str, Film]) -> dict[str, str]:
         camera: {
             "source": film.stamps.source,
             "start_sigma_s": film.stamps.start_sigma_s,
+            "apart_sigma_s": film.stamps.apart_sigma_s,
             "tick_s": film.index.tick_s,
             "lost": film.lost(),
         }
         for camera, film in sorted(found.items())
     }
     return {METADATA: json.dumps(said)} if said else {}
-
-
-def told(frames: AnyPath) -> dict[str, dict[str, Any]]:
-    """The same of a file of the table, by camera: source, start_sigma_s, tick_s, and lost (frame, stamp_ns, reason)."""
-    found: dict[str, dict[str, Any]] = json.loads(tables.metadata(frames).get(METADATA, "{}"))
-    return found

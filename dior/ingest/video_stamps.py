@@ -55,13 +55,15 @@ OLD_SKELLYCAM = ["", "0"]
 class VideoStamps:
     """Stamps (F,) ns of a video's pictures.
 
-    `sigma_s`: of one against the others, by the step of the video's time; `start_sigma_s`: of all of them together;
-    `source`: sidecar, created or none, what the start is by; `undated`: the start is an arbitrary one.
+    `sigma_s`: of one against the others, by the step of the video's time; `start_sigma_s`: of all of them together, and
+    `apart_sigma_s` of that against other cameras'; `source`: sidecar, created, sound or none, what the start is by;
+    `undated`: the start is an arbitrary one.
     """
 
     stamp_ns: Ints
     sigma_s: float
     start_sigma_s: float
+    apart_sigma_s: float
     source: str
     undated: bool = False
 
@@ -82,21 +84,21 @@ def stamps_of(index: VideoIndex, sidecar: Mapping[int, int] | None, where: str) 
         known = index.created_ns is not None
         start_ns = (index.created_ns if known else NO_DATE_NS) or 0
         sigma_s, source = (CREATED_SIGMA_S, "created") if known else (NO_START_SIGMA_S, "none")
-        return VideoStamps(start_ns + index.pts_ns - index.pts_ns[0], tick_s, sigma_s, source, not known)
+        return VideoStamps(start_ns + index.pts_ns - index.pts_ns[0], tick_s, sigma_s, sigma_s, source, not known)
     count = len(index.pts_ns) + len(index.lost)
     beyond = [frame for frame in sidecar if not 0 <= frame < count]
     if beyond:
         raise DiorError(f"{where} names frame {beyond[0]}, and the video has {count} pictures; is it of another one?")
     whole = np.array([sidecar.get(int(number), -1) for number in index.number], np.int64)
     if (whole >= 0).all():
-        return VideoStamps(whole, 0.0, 0.0, "sidecar")
+        return VideoStamps(whole, 0.0, 0.0, 0.0, "sidecar")
     at = np.flatnonzero(whole >= 0)
     if not len(at):
         raise DiorError(f"{where} names none of the video's pictures that can be read")
     first = whole[at[0]] - index.pts_ns[at[0]]
     # as whole numbers: the ns since 1970 are too many for a float
     off = np.interp(index.pts_ns, index.pts_ns[at], (whole[at] - index.pts_ns[at] - first).astype(float))
-    return VideoStamps(index.pts_ns + first + np.rint(off).astype(np.int64), tick_s, 0.0, "sidecar")
+    return VideoStamps(index.pts_ns + first + np.rint(off).astype(np.int64), tick_s, 0.0, 0.0, "sidecar")
 
 
 def regular(pts_ns: Ints, tick_ns: float) -> Ints | None:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from dior.errors import DiorError
-from dior.ingest import audit, bags, containers, frames, messages, video_frames
+from dior.ingest import audit, bags, containers, frames, messages, video_starts
 from dior.ingest.video_frames import Recorded
 from dior.tables import tables
 from tests.ingest.videofiles import GREYS, SIZE, grey_of, numbered, write
@@ -37,7 +37,7 @@ def indexed(folder, name, topic="video0", **others):
     out = folder / "frames.parquet"
     recorded = Recorded(videos={"cam01": folder / name}, **others)
     frames.run(sequence="walk", bags=[], data_root=folder, topics={"cam01": topic}, out=out, recorded=recorded)
-    return tables.read(out, "frames"), video_frames.told(out)["cam01"]
+    return tables.read(out, "frames"), video_starts.told(out)["cam01"]
 
 
 def made(folder, name, count=COUNT, **how):

@@ -5,6 +5,9 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+from dior.ingest import bags
+from dior.tables import tables
+
 av = pytest.importorskip("av", reason="pip install -e '.[video]'")
 
 SIZE = (48, 64)
@@ -75,3 +78,43 @@ def _mux_sound(container, stream, samples, rate):
         frame.sample_rate, frame.pts, frame.time_base = rate, start, Fraction(1, rate)
         container.mux(stream.encode(frame))
     container.mux(stream.encode())
+
+
+def from_bags(bag_files, folder, suffix=".mp4", late_s=None, sidecars=True, **how):
+    """Write the pictures of ROS 1 bags, a video `folder`/<camera><suffix> per topic, each with `<camera>.csv` of the
+    header stamps; of topics /<camera>/... . `late_s`: by camera, how much of its beginning is left out; `how`: as of
+    `write`. Returns the first stamp (ns) of each camera."""
+    folder.mkdir(parents=True, exist_ok=True)
+    first = {}
+    for bag in bag_files:
+        topics = [name for name, (kind, _) in bags.topics_of(bag).items() if not kind.endswith("CameraInfo")]
+        table = bags.index(bag, topics)
+        table["bag"] = np.full(len(table["topic"]), bag.name, object)
+        for topic in topics:
+            camera = topic.strip("/").split("/")[0]
+            rows = tables.rows(table, table["topic"] == topic)
+            rows = tables.rows(rows, np.argsort(rows["stamp_ns"], kind="stable"))
+            kept = rows["stamp_ns"] - rows["stamp_ns"][0] >= 1e9 * (late_s or {}).get(camera, 0.0)
+            rows = tables.rows(rows, kept & np.r_[True, np.diff(rows["stamp_ns"]) > 0])
+            shown = dict(bags.read_pictures(rows, bag.parent))
+            first[camera] = int(rows["stamp_ns"][0])
+            times = [Fraction(int(stamp) - first[camera], 10**9) for stamp in rows["stamp_ns"]]
+            write(folder / f"{camera}{suffix}", [shown[i] for i in range(len(times))], times=times, **how)
+            lines = "".join(f"{i},{stamp}\n" for i, stamp in enumerate(rows["stamp_ns"].tolist()))
+            if sidecars:
+                (folder / f"{camera}.csv").write_text("frame,stamp_ns\n" + lines)
+    return first
+
+
+def lens_toml(bag_files):
+    """The lenses of the CameraInfo of topics /<camera>/... in bags, as a TOML file with a table for each camera."""
+    text = ""
+    for bag in bag_files:
+        for topic, (kind, _) in bags.topics_of(bag).items():
+            if kind.endswith("CameraInfo"):
+                continue
+            info, name = bags.read_camera_info([bag], topic), topic.strip("/").split("/")[0]
+            matrix = [list(info.K[i : i + 3]) for i in (0, 3, 6)]
+            text += f'[{name}]\nname = "{name}"\nsize = [{info.width}.0, {info.height}.0]\n'
+            text += f"matrix = {matrix}\ndistortions = {list(info.D)}\n\n"
+    return text

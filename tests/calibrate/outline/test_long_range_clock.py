@@ -5,6 +5,7 @@ import pytest
 
 from dior.calibrate.outline import boxes_fit, long_range_clock, tracks
 from dior.calibrate.outline.seen_edges import EdgeObservations, Freedom
+from dior.clocks import lag
 from dior.geometry.camera import project
 from tests.calibrate.outline.test_boxes_fit import boxes, true_camera
 
@@ -113,6 +114,6 @@ def test_few_clusters_know_their_own_scatter_badly():
      (0.2, 0.151, "leaves ± 0.30 s open"), (0.2, np.nan, "open")],
 )  # fmt: skip
 def test_a_clock_is_refused_at_the_end_of_the_search_and_where_the_motion_leaves_it_open(offset, sigma_s, said):
-    costs = 1 + (long_range_clock.LAGS_S - offset) ** 2
+    costs = 1 + (lag.window(long_range_clock.LAGS_HZ) - offset) ** 2
     why = long_range_clock._doubt(costs, np.array([sigma_s, 5.0]), offset, 1.0, 100)
     assert said in why and bool(said) == bool(why)
