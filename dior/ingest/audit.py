@@ -43,6 +43,7 @@ REPEATED = {
 SOURCES = {
     "sidecar": "stamps from a file beside it",
     "created": "stamps by its own times from when it was created on",
+    "sound": "stamps by its own times, whose start is told by the sound that another camera has, too",
     "none": "stamps by its own times, and nothing says when it began",
 }
 # chosen: what a walker moves in less is below a detector's resolution

@@ -18,7 +18,7 @@ from tempfile import TemporaryDirectory
 
 from dior.arrays import AnyPath
 from dior.errors import DiorError
-from dior.ingest import picture_folders, videos
+from dior.ingest import picture_folders, video_audio, videos
 from dior.ingest.bag_reader import ZSTD_MAGIC, Message, opened
 
 BROKEN = (ValueError, LookupError, OSError, EOFError, OverflowError, MemoryError)
@@ -83,6 +83,16 @@ def video_index(path: AnyPath, topic: str) -> videos.VideoIndex:
     """`videos.index`. Raises DiorError for a broken video."""
     try:
         return videos.index(Path(path), topic)
+    except BROKEN as error:
+        raise _damaged(path, "video", HINTS["video"], error) from None
+
+
+def heard(path: AnyPath) -> video_audio.Heard | None:
+    """What is heard in a video, None of what is none or has no sound. Raises DiorError for a broken one."""
+    if not is_video(path):
+        return None
+    try:
+        return video_audio.heard(Path(path))
     except BROKEN as error:
         raise _damaged(path, "video", HINTS["video"], error) from None
 

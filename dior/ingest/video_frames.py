@@ -14,7 +14,8 @@ import numpy as np
 
 from dior.arrays import Ints, Table
 from dior.errors import DiorError
-from dior.ingest import bags, containers, picture_folders, video_stamps
+from dior.ingest import bags, containers, picture_folders, video_audio, video_stamps
+from dior.ingest.video_audio import Heard
 from dior.ingest.video_stamps import VideoStamps
 from dior.ingest.video_starts import METADATA, MOST_SIGMAS
 from dior.ingest.videos import VideoIndex
@@ -88,7 +89,52 @@ def films(sequence: str, topics: Mapping[str, str], recorded: Recorded, others_n
     """
     found = {camera: _film(f"{sequence}, {camera}", camera, topics[camera], recorded) for camera in sorted(topics)}
     stamps = video_stamps.together({camera: film.stamps for camera, film in found.items()}, others_ns)
-    return {camera: replace(film, stamps=stamps[camera]) for camera, film in found.items()}
+    found = {camera: replace(film, stamps=stamps[camera]) for camera, film in found.items()}
+    # a file whose times are not to be believed does not tell when its sound was
+    return by_sound({camera: film for camera, film in found.items() if camera not in recorded.rates}) | {
+        camera: film for camera, film in found.items() if camera in recorded.rates
+    }
+
+
+def by_sound(found: Mapping[str, Film]) -> dict[str, Film]:
+    """The films, those whose start is uncertain moved to where their sound is that of another, the best known first."""
+    order = sorted(found, key=lambda camera: (found[camera].stamps.start_sigma_s, camera))
+    if not any(found[camera].stamps.start_sigma_s for camera in order):
+        return dict(found)
+    heard = {camera: containers.heard(found[camera].path) for camera in order}
+    out, settled = dict(found), [camera for camera in order if heard[camera]][:1]
+    for camera in order:
+        if heard[camera] is None or camera in settled or not found[camera].stamps.start_sigma_s:
+            continue
+        for other in settled:
+            moved = _by_sound_of(out[camera], heard[camera], out[other], heard[other])
+            if moved is not None:
+                out[camera] = moved
+                settled.append(camera)
+                break
+    if len(settled) > 1 and out[settled[0]].stamps.apart_sigma_s:
+        first = out[settled[0]]
+        out[settled[0]] = replace(first, stamps=replace(first.stamps, apart_sigma_s=video_audio.SIGMA_S))
+    return out
+
+
+def _by_sound_of(film: Film, heard: Heard | None, other: Film, others: Heard | None) -> Film | None:
+    """A film moved to where its sound is that of `other`; None where that cannot be told."""
+    if heard is None or others is None:
+        return None
+    # of the stamps less the times in the files
+    off_ns = [int(one.stamps.stamp_ns[0] - one.index.pts_ns[0]) for one in (film, other)]
+    apart_s = (off_ns[0] - off_ns[1]) / 1e9
+    sigma_s = float(np.hypot(film.stamps.start_sigma_s, other.stamps.start_sigma_s))
+    late_s = video_audio.lag(others, heard, apart_s, MOST_SIGMAS * sigma_s)
+    if late_s is None:
+        return None
+    start_sigma_s = float(np.hypot(other.stamps.start_sigma_s, video_audio.SIGMA_S))
+    stamps = replace(
+        film.stamps.later(round(1e9 * (late_s - apart_s))),
+        start_sigma_s=start_sigma_s, apart_sigma_s=video_audio.SIGMA_S, source="sound",
+    )  # fmt: skip
+    return replace(film, stamps=stamps)
 
 
 def _film(where: str, camera: str, topic: str, recorded: Recorded) -> Film:

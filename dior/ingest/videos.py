@@ -166,6 +166,41 @@ def index(path: Path, topic: str) -> VideoIndex:
     return VideoIndex(pts_ns, np.searchsorted(every, pts_ns), height, width, tuple(lost), tick_s, _began(told, pts_ns))
 
 
+def sound(path: Path, rate_hz: int, most_s: float) -> tuple[NDArray[np.float64], float]:
+    """Samples (N,) of the beginning of the first audio track of a file, of all its channels together, and when in the
+    file (s) the first is; none where there is no sound. Raises ValueError."""
+    import av
+
+    parts: list[NDArray[np.float64]] = []
+    start_s: float | None = None
+    with _opened(path) as container:
+        if not container.streams.audio:
+            return np.zeros(0), 0.0
+        resampler = av.AudioResampler(format="flt", layout="mono", rate=rate_hz)
+        left = round(most_s * rate_hz)
+        for frame in _sounding(container, container.streams.audio[0]):
+            start_s = frame.time if start_s is None else start_s
+            parts += [one.to_ndarray().ravel() for one in resampler.resample(frame)]
+            left -= round(frame.samples * rate_hz / frame.sample_rate)
+            if left <= 0:
+                break
+    return np.concatenate([np.zeros(0), *parts]), start_s or 0.0
+
+
+def _sounding(container: Any, stream: Any) -> Iterator[Any]:
+    """The frames of an audio track that can be decoded, up to where the file ends or is broken."""
+    import av
+
+    try:
+        for packet in container.demux(stream):
+            try:
+                yield from packet.decode()
+            except av.FFmpegError:
+                continue
+    except av.FFmpegError:
+        return
+
+
 def _lost(pts_ns: Ints, sent: "_Sent", beyond: int, period_ns: float) -> list[tuple[int, str]]:
     """(PTS in ns, reason) of what was in the file and gave no picture, and of `beyond` pictures after its end."""
     last = int(pts_ns[-1])

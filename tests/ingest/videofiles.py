@@ -80,10 +80,11 @@ def _mux_sound(container, stream, samples, rate):
     container.mux(stream.encode())
 
 
-def from_bags(bag_files, folder, suffix=".mp4", late_s=None, sidecars=True, **how):
+def from_bags(bag_files, folder, suffix=".mp4", late_s=None, sidecars=True, sound_of=None, **how):
     """Write the pictures of ROS 1 bags, a video `folder`/<camera><suffix> per topic, each with `<camera>.csv` of the
-    header stamps; of topics /<camera>/... . `late_s`: by camera, how much of its beginning is left out; `how`: as of
-    `write`. Returns the first stamp (ns) of each camera."""
+    header stamps; of topics /<camera>/... . `late_s`: by camera, how much of its beginning is left out; `sound_of`: the
+    sound of a camera by its name, its first stamp (ns) and how long it recorded (s); `how`: as of `write`. Returns by
+    camera the first stamp (ns) and how many pictures are left out."""
     folder.mkdir(parents=True, exist_ok=True)
     first = {}
     for bag in bag_files:
@@ -97,9 +98,12 @@ def from_bags(bag_files, folder, suffix=".mp4", late_s=None, sidecars=True, **ho
             kept = rows["stamp_ns"] - rows["stamp_ns"][0] >= 1e9 * (late_s or {}).get(camera, 0.0)
             rows = tables.rows(rows, kept & np.r_[True, np.diff(rows["stamp_ns"]) > 0])
             shown = dict(bags.read_pictures(rows, bag.parent))
-            first[camera] = int(rows["stamp_ns"][0])
-            times = [Fraction(int(stamp) - first[camera], 10**9) for stamp in rows["stamp_ns"]]
-            write(folder / f"{camera}{suffix}", [shown[i] for i in range(len(times))], times=times, **how)
+            began = int(rows["stamp_ns"][0])
+            first[camera] = began, int((~kept).sum())
+            times = [Fraction(int(stamp) - began, 10**9) for stamp in rows["stamp_ns"]]
+            sound = sound_of(camera, began, float(times[-1])) if sound_of else None
+            pictures = [shown[i] for i in range(len(times))]
+            write(folder / f"{camera}{suffix}", pictures, times=times, sound=sound, **how)
             lines = "".join(f"{i},{stamp}\n" for i, stamp in enumerate(rows["stamp_ns"].tolist()))
             if sidecars:
                 (folder / f"{camera}.csv").write_text("frame,stamp_ns\n" + lines)
