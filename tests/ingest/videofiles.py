@@ -80,11 +80,12 @@ def _mux_sound(container, stream, samples, rate):
     container.mux(stream.encode())
 
 
-def from_bags(bag_files, folder, suffix=".mp4", late_s=None, sidecars=True, sound_of=None, **how):
+def from_bags(bag_files, folder, suffix=".mp4", late_s=None, sound_of=None, turned=(), matroska=(), **how):
     """Write the pictures of ROS 1 bags, a video `folder`/<camera><suffix> per topic, each with `<camera>.csv` of the
     header stamps; of topics /<camera>/... . `late_s`: by camera, how much of its beginning is left out; `sound_of`: the
-    sound of a camera by its name, its first stamp (ns) and how long it recorded (s); `how`: as of `write`. Returns by
-    camera the first stamp (ns) and how many pictures are left out."""
+    sound of a camera by its name, its first stamp (ns) and how long it recorded (s); `turned`, `matroska`: cameras
+    whose pictures lie and are to be turned, and whose file is Matroska under the same name; `how`: as of `write`.
+    Returns by camera the first stamp (ns) and how many pictures are left out."""
     folder.mkdir(parents=True, exist_ok=True)
     first = {}
     for bag in bag_files:
@@ -103,10 +104,13 @@ def from_bags(bag_files, folder, suffix=".mp4", late_s=None, sidecars=True, soun
             times = [Fraction(int(stamp) - began, 10**9) for stamp in rows["stamp_ns"]]
             sound = sound_of(camera, began, float(times[-1])) if sound_of else None
             pictures = [shown[i] for i in range(len(times))]
-            write(folder / f"{camera}{suffix}", pictures, times=times, sound=sound, **how)
+            if camera in turned:
+                pictures = [np.ascontiguousarray(np.rot90(picture, -1)) for picture in pictures]
+            path = folder / f"{camera}{'.mkv' if camera in matroska else suffix}"
+            write(path, pictures, times=times, sound=sound, rotation=90 if camera in turned else 0, **how)
+            path.rename(folder / f"{camera}{suffix}")
             lines = "".join(f"{i},{stamp}\n" for i, stamp in enumerate(rows["stamp_ns"].tolist()))
-            if sidecars:
-                (folder / f"{camera}.csv").write_text("frame,stamp_ns\n" + lines)
+            (folder / f"{camera}.csv").write_text("frame,stamp_ns\n" + lines)
     return first
 
 
