@@ -67,7 +67,7 @@ def coarse(
     for a, b in combinations(range(len(cameras)), 2):
         if held[a] and held[b]:
             continue
-        reach = lags if held[a] or held[b] else lag.window(STEPS_HZ, 2 * most_s)
+        reach = lags if held[a] or held[b] else lag.steps(2 * most) / STEPS_HZ
         apart = np.hypot(aim_rad[a], aim_rad[b]), np.hypot(shift_m[a], shift_m[b])
         costs[a, b] = pair_cost(cameras[a].centre, seen[a], cameras[b].centre, seen[b], reach, span, *apart)
     at, found = lag.together(costs, held, most), np.zeros(len(cameras))
