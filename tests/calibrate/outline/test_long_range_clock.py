@@ -1,5 +1,7 @@
 """The clock of a camera by the edges of boxes around a walker: its time at t0, what widens it, when it is refused."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -36,6 +38,15 @@ def test_the_offset_is_that_at_t0_however_long_ago_that_is():
     assert abs(soon.drift_ppm) > 0.1
     for clock in (soon, late):
         assert clock.offset_s + 1e-6 * clock.drift_ppm * clock.middle_s == pytest.approx(LATE_S, abs=0.01)
+
+
+def test_a_clock_further_off_is_found_where_it_is_looked_for():
+    near = long_range_clock.estimate(true_camera(), watched(late_s=2.6), "boxes")
+    wide = long_range_clock.estimate(true_camera(), replace(watched(late_s=2.6), most_s=3.5), "boxes")
+    assert near.refused and not wide.refused
+    assert wide.clock.offset_s + 1e-6 * wide.clock.drift_ppm * wide.clock.middle_s == pytest.approx(2.6, abs=0.01)
+    assert len(long_range_clock.lags_of(wide.costs_px)) == len(wide.costs_px)
+    assert long_range_clock.lags_of(wide.costs_px)[-1] == pytest.approx(3.52), "in steps of 40 ms"
 
 
 def test_an_outline_that_trails_widens_the_time_by_what_it_takes_to_walk_so_far():
