@@ -379,6 +379,8 @@ def _stream(container: Any, number: int) -> Any:
     if number >= len(there):
         raise ValueError(f"it has {len(there)} video streams, and no video{number}")
     stream = there[number]
+    if stream.codec_context is None or not stream.time_base:
+        raise ValueError("its codec is not known, or its times have no unit")
     stream.thread_type = "AUTO"
     # Snakemake says by this variable how many cores a job has; 0 is all
     stream.codec_context.thread_count = int(os.environ.get("OMP_NUM_THREADS") or 0)

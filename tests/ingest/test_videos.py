@@ -10,10 +10,12 @@ import cv2
 import numpy as np
 import pytest
 
+from dior.calibrate.lens import board
 from dior.errors import DiorError
 from dior.ingest import audit, bags, containers, frames, messages, video_starts
 from dior.ingest.video_frames import Recorded
 from dior.tables import tables
+from tests.ingest import bagfiles
 from tests.ingest.videofiles import GREYS, SIZE, grey_of, numbered, write
 
 av = pytest.importorskip("av", reason="pip install -e '.[video]'")
@@ -172,6 +174,53 @@ def test_a_folder_of_pictures_is_read_by_number_with_a_rate_or_stamps(tmp_path):
     assert (table["stamp_ns"] - 10**18).tolist() == [i**2 for i in range(12)]
     kind, wire, raw = next((m.kind, m.wire, m.raw) for m in containers.messages(folder, {"/pictures"}, {3}))
     assert messages.compressed(kind, raw, wire) == (folder / "3.png").read_bytes(), "as it is, for the release"
+
+
+def test_a_camera_in_a_video_begins_with_those_in_bags(tmp_path):
+    topic = "/cam01/image_raw/compressed"
+    sent = [bagfiles.packed(topic, bagfiles.T0 + i * 10**9 // 30, numbered(i)) for i in range(5)]
+    bag = bagfiles.write(tmp_path / "pc1", sent, "ros1")
+    made(tmp_path, "cam02.mkv", count=5)
+    out = tmp_path / "frames.parquet"
+    topics, recorded = {"cam01": topic, "cam02": "video0"}, Recorded(videos={"cam02": tmp_path / "cam02.mkv"})
+    frames.run(sequence="walk", bags=[bag], data_root=tmp_path, topics=topics, out=out, recorded=recorded)
+    table = tables.read(out, "frames")
+    assert list(zip(table["camera"], table["bag"], strict=True)) == (
+        [("cam01", "pc1.bag")] * 5 + [("cam02", "cam02.mkv")] * 5
+    )
+    assert table["stamp_ns"][5] == table["stamp_ns"][0] == bagfiles.T0
+    assert set(video_starts.told(out)) == {"cam02"}
+    found = dict(bags.read_pictures(table, tmp_path))
+    assert [number_of(found[i]) for i in range(5, 10)] == list(range(5))
+
+
+def test_a_board_may_be_on_a_video(tmp_path):
+    path = made(tmp_path, "board.mp4", count=130)
+    found = list(board.pictures(path, "", "cam01"))
+    assert len(found) == board.MOST_PICTURES and found[0][1].shape == SIZE
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["film.mp4", "film.mkv", "film.avi"])
+def test_damaged_files_are_read_or_refused_in_a_sentence(tmp_path, name):
+    """Bytes that are flipped, left out or zero, anywhere and in the head."""
+    path = made(tmp_path, name, codec="mjpeg" if name.endswith("avi") else "libx264")
+    whole, random = path.read_bytes(), np.random.default_rng(0)
+    for trial in range(150):
+        data = bytearray(whole)
+        at = random.integers(0, len(data) if trial % 2 else 2000, 3)
+        if trial % 3 == 0:
+            del data[int(at[0]) : int(at[0]) + 50]
+        elif trial % 3 == 1:
+            data[int(at[0]) : int(at[0]) + 200] = bytes(200)
+        for i in at:
+            data[min(i, len(data) - 1)] ^= int(random.integers(1, 256))
+        path.write_bytes(data)
+        try:
+            table, _ = indexed(tmp_path, name)
+            assert sum(1 for _ in bags.read_pictures(table, tmp_path)) == len(table["frame"])
+        except DiorError as error:
+            assert name in str(error) or "walk" in str(error)
 
 
 def test_what_is_no_video_is_said(tmp_path):
