@@ -110,7 +110,7 @@ def sound(count):
 
 def clocks(count):
     """Print the errors of clocks whose starts are known to a second."""
-    error, held, unknown = [], [], 0
+    error, held, unknown = {"close": [], "long_range": []}, [], 0
     for seed in range(count):
         for preset in ("ideal", "real"):
             with tempfile.TemporaryDirectory() as folder:
@@ -129,16 +129,17 @@ def clocks(count):
                             unknown += 1
                             continue
                         true = seen.clock.offset_s + 1e-6 * seen.clock.drift_ppm * row["middle_s"][0]
-                        error.append(row["late_s"][0] - true)
-                        if abs(error[-1]) > FAR_S:
-                            print(f"  {preset}, seed {seed}: {name} {1e3 * error[-1]:+.0f} ms, true {true:+.3f} s")
+                        off = row["late_s"][0] - true
+                        error[seen.camera.role].append(1e3 * abs(off))
+                        if abs(off) > FAR_S:
+                            print(f"  {preset}, seed {seed}: {name} {1e3 * off:+.0f} ms, true {true:+.3f} s")
                         held.append(row["late_low"][0] <= true <= row["late_high"][0])
-    error = 1e3 * np.abs(error)
     print(
         f"clocks of cameras {APART_S:g} s early or late at most, the start known to {START_SIGMA_S:g} s, "
-        f"{2 * count} captures: {len(error)} found, {unknown} not; median {np.median(error):.2f} ms, "
-        f"worst {error.max():.2f} ms [5 ms]; {np.mean(held):.0%} in their 95 % intervals"
+        f"{2 * count} captures: {len(held)} found, {unknown} not; {np.mean(held):.0%} in their 95 % intervals"
     )
+    for role, off in error.items():
+        print(f"  {role:<12}median {np.median(off):.2f} ms, worst {max(off):.2f} ms [5 ms]")
 
 
 def on_videos(source, target, data_root, late=None, sound_of=None, turned=(), matroska=(), sidecars=False):

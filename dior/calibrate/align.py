@@ -38,6 +38,7 @@ from dior.geometry.camera import Camera, pose
 from dior.geometry.camera_tables import unplaced
 from dior.geometry.multiview import look_at_angles, rotation_x, rotation_z
 from dior.geometry.tape import check_above_floor, look_at_pose
+from dior.ingest.video_starts import MOST_SIGMAS
 from dior.project import boxes as hand_boxes
 from dior.project.camera_file import camera_settings
 from dior.tables import tables
@@ -91,7 +92,7 @@ def freedom(settings: Mapping[str, Any], held: Sequence[bool], most_s: float = l
         margin_px=margin_px,
         margin_split_px=split_px,
         habit_px=habit_px,
-        clock_s=tuple(0.0 if known else OFFSET_SD_S * most_s / lag.WINDOW_S for known in held),
+        clock_s=tuple(0.0 if known else max(OFFSET_SD_S, most_s / MOST_SIGMAS) for known in held),
         drift_ppm=tuple(0.0 if known else DRIFT_SD_PPM for known in held),
     )
 

@@ -26,6 +26,7 @@ from dior.calibrate.outline.seen_edges import EdgeObservations, Freedom
 from dior.clocks import lag, persistence
 from dior.clocks.clock import DRIFT_SD_PPM, OFFSET_SD_S, Clock
 from dior.geometry.camera import Camera
+from dior.ingest.video_starts import MOST_SIGMAS
 
 LAGS_HZ = 25.0  # chosen: in 40 ms a walker's outline moves little; the fit does the rest
 NEAR_S = np.arange(-20, 21) / 100  # chosen: lags about the best whose likelihood is looked at, less than half a step
@@ -98,7 +99,7 @@ def estimate(
     """
     freedom = seen_edges.Freedom(
         turn=(0, 0, 0), shift=(0, 0, 0), margin_px=margin[0], margin_split_px=margin[1],
-        clock_s=(OFFSET_SD_S * seen.most_s / lag.WINDOW_S,), drift_ppm=(DRIFT_SD_PPM,),
+        clock_s=(max(OFFSET_SD_S, seen.most_s / MOST_SIGMAS),), drift_ppm=(DRIFT_SD_PPM,),
     )  # fmt: skip
     reading = boxes_fit.Reading(camera, freedom, seen, side)
     middle, count = seen.middle_s(0), int(np.isfinite(seen.edges).sum())
