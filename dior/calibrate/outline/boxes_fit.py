@@ -375,7 +375,9 @@ class Reading:
         )
         low, high = _extremes(ours, np.all(np.isfinite(ours), axis=-1))
         height = np.nanmedian((high - low).max(axis=1))
-        return bool(np.nanmedian(np.linalg.norm(ours - theirs, axis=-1)) > OTHER_LABELS * height)
+        off = np.linalg.norm(ours - theirs, axis=-1)
+        # by another clock they may have no picture with 3D in common
+        return not np.isfinite(off).any() or bool(np.nanmedian(off) > OTHER_LABELS * height)
 
     def cost(self, sd_px: float) -> float:
         """Chi2 of the edges, no more than that of an outlier each, and of the priors; `sd_px` of an edge."""
