@@ -27,7 +27,7 @@ BEATS_HZ = 60.0  # chosen: onsets are no faster; above is the noise of 4 ms
 MOST_S = 180.0  # chosen: of each track; bounds memory and time
 FEWEST_S = 2.0  # chosen: less sound repeats itself too little by chance
 # chosen: of a peak over the robust standard deviation of the curve, whose largest of 10 000 by chance is 4; and the
-# share of it that another peak may have: two scenes with steps of the same pace come to 0.5 (`python -m
+# share of it that another peak may have, so that of two scenes with steps of the same pace nothing is told (`python -m
 # benchmarks.videos sound`)
 CLEAR_SD, MOST_RIVAL = 10.0, 0.45
 APART_S = 0.05  # chosen: echoes
