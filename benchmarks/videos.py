@@ -227,11 +227,14 @@ def compared(one, other, gone=None):
 
 
 def scene_of(seconds):
-    """A function for the sound that each camera of a capture has of one scene, as of `videofiles.from_bags`."""
+    """A function for the sound that each camera of a walk has of one scene, as of `videofiles.from_bags`."""
     rate, began = 16000, []
     scene = test_video_audio.steps(1, seconds + 20, rate)
 
     def sound_of(camera, first_ns, length_s):
+        if began and abs(first_ns - began[0]) > 60 * 10**9:
+            # the next walk
+            began.clear()
         began.append(first_ns)
         start = 5 + (first_ns - began[0]) / 1e9
         heard = test_video_audio.recorded(scene, start, length_s + 0.1, len(began), rate)
