@@ -39,6 +39,7 @@ REPEATED = {
     "same_stamp": "stamp of the one before",
     "same_picture": "bytes of the one before under another stamp",
 }
+LAGS = ("lag_ms", "lag_spread_ms", "lag_max_ms", "drift_ppm")
 # by what the stamps of a video are (`video_stamps.VideoStamps`)
 SOURCES = {
     "sidecar": "stamps from a file beside it",
@@ -88,7 +89,7 @@ def run(*, sequence: str, frames: Path, data_root: Path, out: Path, out_dropped:
         for bag in tables.ordered_unique(own["bag"]):
             mine = own["bag"] == bag
             audited = audit(tables.rows(own, mine), repeats[table["camera"] == camera][mine])
-            audited = with_lost(audited, film["lost"]) if film else audited
+            audited = of_video(audited, film["lost"]) if film else audited
             looked = black[mine]
             seen = {"looked_at": int((looked >= 0).sum()), "black": int((looked > 0).sum())}
             rows.append({"camera": camera, "bag": bag, **audited.row, **seen})
@@ -151,9 +152,9 @@ def audit(frames: Table, repeated: Bools) -> Audit:
     return Audit(row, tuple(sorted(dropped)), jumps, glitches)
 
 
-def with_lost(audited: Audit, lost: Sequence[tuple[int, int, str]]) -> Audit:
-    """The audit of a video of which pictures cannot be read: `lost` (frame before, stamp_ns, reason), those in gaps of
-    the stamps among them."""
+def of_video(audited: Audit, lost: Sequence[tuple[int, int, str]]) -> Audit:
+    """The audit of a video, which has no lags, and of which pictures cannot be read: `lost` (frame before, stamp_ns,
+    reason), those in gaps of the stamps among them."""
     known = np.array([stamp for _, stamp, _ in lost], np.int64)
     near = 0.5e9 / audited.row["rate_hz"] if audited.row["rate_hz"] else 0.0
     others = [
@@ -161,7 +162,7 @@ def with_lost(audited: Audit, lost: Sequence[tuple[int, int, str]]) -> Audit:
         if one[2] not in ("not_sent", "recorder_behind") or not (np.abs(known - one[1]) < near).any()
     ]  # fmt: skip
     again = sum(one[2] in ("not_sent", "recorder_behind") for one in others)
-    row = audited.row | {"lost": again + len(lost)}
+    row = audited.row | {"lost": again + len(lost)} | dict.fromkeys(LAGS, np.nan)
     dropped = sorted([*others, *((frame, stamp, reason) for frame, stamp, reason in lost)])
     return replace(audited, row=row, dropped=tuple(dropped))
 

@@ -108,12 +108,12 @@ def is_video(head: bytes) -> bool:
 
 
 def topics(path: Path) -> list[tuple[str, str, int]]:
-    """(full name, message type, number of pictures by the file's word or 1) of each stream. Raises ValueError."""
+    """(full name, message type, about how many pictures, at least 1) of each stream. Raises ValueError."""
     with _opened(path) as container:
         found = []
         for number, stream in enumerate(_streams(container)):
             for name in (f"/video{number}", f"/video{number}/{STORED}"):
-                found.append((name, messages.RAW, max(stream.frames, 1)))
+                found.append((name, messages.RAW, max(stream.frames or _about(container, stream), 1)))
         return found
 
 
@@ -385,6 +385,12 @@ def _stream(container: Any, number: int) -> Any:
     # Snakemake says by this variable how many cores a job has; 0 is all
     stream.codec_context.thread_count = int(os.environ.get("OMP_NUM_THREADS") or 0)
     return stream
+
+
+def _about(container: Any, stream: Any) -> int:
+    """About how many pictures a stream has that does not count them, by the length of the file."""
+    seconds, rate = (container.duration or 0) / 1e6, stream.average_rate or stream.guessed_rate or 0
+    return round(seconds * float(rate))
 
 
 def is_stream(topic: str) -> bool:

@@ -156,6 +156,7 @@ def test_audit_of_a_whole_video_warns_of_nothing(tmp_path):
         found = tables.read_findings(out["findings"])
         assert {severity for _, severity, _, _ in found} == {"info"}
         assert "video_stamps" in {code for _, _, code, _ in found}
+        assert np.isnan(tables.read(out["out"], "stamp_audit")["lag_ms"]).all(), "there is no other clock"
 
 
 def test_a_folder_of_pictures_is_read_by_number_with_a_rate_or_stamps(tmp_path):

@@ -32,7 +32,7 @@ TABLES = {
         ("out_of_order", "int32", "", "pictures received after a later one"),
         ("restored", "int32", "", "pictures whose header stamp was wrong for a while"),
         ("clock_jumps", "int32", "", "steps of more than 1 s of the header's against the receiver's clock"),
-        ("lag_ms", "float64", "ms", "receive minus header stamp, median"),
+        ("lag_ms", "float64", "ms", "receive minus header stamp, median; null: of a video, as the three that follow"),
         ("lag_spread_ms", "float64", "ms", "95th minus 5th percentile of the lag"),
         ("lag_max_ms", "float64", "ms", "largest lag minus the median"),
         (
