@@ -171,7 +171,9 @@ def _by_what(bag: str, film: dict[str, Any]) -> tuple[str, str, str]:
     """What the stamps of a video are by: `film` as of `video_starts.told`."""
     text = f"{bag}: {SOURCES[film['source']]}"
     if film["start_sigma_s"]:
-        text += f", to {film['start_sigma_s']:.1g} s (1 sigma), which is how far off its clock is looked for"
+        text += f", to {film['start_sigma_s']:.1g} s (1 sigma)"
+    if film["apart_sigma_s"] < film["start_sigma_s"]:
+        text += f", and to {film['apart_sigma_s']:.1g} s against the cameras with the same sound"
     if film["tick_s"] > COARSE_TICK_S:
         text += f"; its times are in steps of {1e3 * film['tick_s']:.1f} ms"
     return "info", "video_stamps", text

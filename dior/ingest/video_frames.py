@@ -177,7 +177,7 @@ def metadata(found: Mapping[str, Film]) -> dict[str, str]:
             "source": film.stamps.source,
             "start_sigma_s": film.stamps.start_sigma_s,
             "apart_sigma_s": film.stamps.apart_sigma_s,
-            "tick_s": film.index.tick_s,
+            "tick_s": film.index.tick_s if film.stamps.sigma_s else 0.0,
             "lost": film.lost(),
         }
         for camera, film in sorted(found.items())

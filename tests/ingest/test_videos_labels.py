@@ -54,7 +54,7 @@ def test_labels_from_videos_are_those_from_bags(simulated, filmed, tmp_path, sta
 
 @pytest.mark.slow
 def test_the_workflow_makes_of_videos_what_it_makes_of_bags(tmp_path):
-    """Up to the release, from videos of which nothing says when they began, all with sound, one 1.7 s late."""
+    """Up to the release, from videos of which nothing says when they began, all with sound."""
     from benchmarks import videos
 
     bag, film = tmp_path / "bags", tmp_path / "videos"
@@ -62,12 +62,12 @@ def test_the_workflow_makes_of_videos_what_it_makes_of_bags(tmp_path):
     snakemake(bag, "all", "release")
     film.mkdir()
     sound = videos.scene_of(videos.SMALL["duration_s"])
-    videos.on_videos(bag, film, bag / "results/simulate", videos.LATE, sound, ["cam03"], ["cam01"])
+    videos.on_videos(bag, film, bag / "results/simulate", None, sound, ["cam03"], ["cam01"])
     snakemake(film, "all", "release")
-    for sequence, camera, off, lost in videos.apart(bag, film, videos.GONE):
+    for sequence, camera, off, lost in videos.apart(bag, film):
         # the clocks are found anew
         assert np.nanmax(off) < 0.3 and not lost, (sequence, camera)
     of_each = [(one / "results/pixels").glob("*.cam0?.parquet") for one in (bag, film)]
     pictures = [sum(len(tables.read(path, "released_frames")["image"]) for path in paths) for paths in of_each]
-    assert pictures[0] - pictures[1] == sum(videos.GONE["outdoor_01"].values())
+    assert pictures[0] == pictures[1] > 0
     assert "video.cam01" in (film / "results/provenance/outdoor_01.json").read_text()
