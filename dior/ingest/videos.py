@@ -142,7 +142,9 @@ def index(path: Path, topic: str) -> VideoIndex:
             size = (frame.width, frame.height) if turned else (frame.height, frame.width)
             shown.append((pts_ns, *messages.checked_size(*size)))
         told, tick_ns = {**stream.metadata, **container.metadata}, 1e9 * float(stream.time_base)
-        said, is_avi = stream.frames, container.format.name == "avi"
+        is_avi = container.format.name == "avi"
+        # FFmpeg's index of an mp4 has what the edit list leaves, and `frames` all that is stored
+        said = len(stream.index_entries) if "mp4" in container.format.name.split(",") else stream.frames
     if not shown:
         raise ValueError("no picture in it can be decoded")
     pts_ns, height, width = np.array(shown, np.int64).T

@@ -15,7 +15,7 @@ from dior.errors import DiorError
 from dior.ingest import audit, bags, containers, frames, messages, video_starts
 from dior.ingest.video_frames import Recorded
 from dior.tables import tables
-from tests.ingest import bagfiles
+from tests.ingest import bagfiles, videofiles
 from tests.ingest.videofiles import GREYS, SIZE, grey_of, numbered, write
 
 av = pytest.importorskip("av", reason="pip install -e '.[video]'")
@@ -27,6 +27,7 @@ KINDS = {
     "b_frames.mp4": {},
     "variable.mp4": {"times": [Fraction(int(t), 3000) for t in np.cumsum(np.arange(COUNT) % 3 * 50 + 70)]},
     "hevc.mp4": {"codec": "libx265"},
+    "fragmented.mp4": {"options": {"movflags": "frag_keyframe+empty_moov"}},
     "film.mov": {},
     "film.mkv": {},
     "film.avi": {"codec": "mjpeg"},
@@ -104,6 +105,31 @@ def test_a_turned_picture_is_given_as_opencv_shows_it_or_as_it_is_stored(tmp_pat
     assert (stored["height"][0], stored["width"][0]) == SIZE
     first = next(picture for _, picture in bags.read_pictures(tables.rows(stored, np.array([0])), tmp_path))
     assert number_of(first) == 0 and first[4, 4, 0] > 200 > first[4, 4, 2] + 100
+
+
+def edited(path, first, last, timescale_of=videofiles.TICK):
+    """Cut an mp4 as editors do without encoding anew: its edit list shows the pictures `first` to `last` alone."""
+    data = bytearray(path.read_bytes())
+    at = data.index(b"elst") + 4
+    version, entries = data[at], int.from_bytes(data[at + 4 : at + 8], "big")
+    assert (version, entries) == (0, 1)
+    movie = data.index(b"mvhd") + 4
+    movie_hz = int.from_bytes(data[movie + 12 : movie + 16], "big")
+    begin = int.from_bytes(data[at + 12 : at + 16], "big") + round(Fraction(first, 30) / timescale_of)
+    data[at + 8 : at + 12] = round(Fraction(last + 1 - first, 30) * movie_hz).to_bytes(4, "big")
+    data[at + 12 : at + 16] = begin.to_bytes(4, "big")
+    path.write_bytes(data)
+
+
+def test_an_edit_list_is_applied_and_what_it_leaves_out_is_not_lost(tmp_path):
+    path = made(tmp_path, "cut.mp4")
+    edited(path, 23, 40)
+    table, told = indexed(tmp_path, path.name)
+    found = dict(bags.read_pictures(table, tmp_path))
+    assert [number_of(found[i]) for i in range(len(found))] == [i % GREYS for i in range(23, 41)]
+    assert not told["lost"] and table["receive_ns"][0] == 0
+    some = tables.rows(table, np.array([16]))
+    assert [number_of(picture) for _, picture in bags.read_pictures(some, tmp_path)] == [39 % GREYS]
 
 
 def test_of_several_streams_the_one_asked_for_is_read(tmp_path):
