@@ -296,9 +296,9 @@ def _key_before(container: Any, stream: Any, target_ns: int) -> int | None:
 
 
 def _from_key(container: Any, stream: Any, key_ns: int) -> Iterator[tuple[int, Any]]:
-    """The pictures from a key frame on; what comes before it in the order of showing lacks what it is made of."""
+    """The pictures from where a key frame is. Those shown before it lack what they are made of; nobody wants them."""
     container.seek(_pts(key_ns, stream.time_base), stream=stream)
-    return ((at, frame) for at, frame in _decoded(container, stream, _Sent()) if at >= key_ns)
+    return _decoded(container, stream, _Sent())
 
 
 def _decoded(container: Any, stream: Any, sent: _Sent) -> Iterator[tuple[int, Any]]:

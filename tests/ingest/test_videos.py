@@ -27,6 +27,7 @@ KINDS = {
     "b_frames.mp4": {},
     "variable.mp4": {"times": [Fraction(int(t), 3000) for t in np.cumsum(np.arange(COUNT) % 3 * 50 + 70)]},
     "hevc.mp4": {"codec": "libx265"},
+    "open_gop.mp4": {"b_frames": 3, "coder": {"x264-params": "open-gop=1:b-adapt=0"}},
     "fragmented.mp4": {"options": {"movflags": "frag_keyframe+empty_moov"}},
     "film.mov": {},
     "film.mkv": {},
@@ -67,7 +68,7 @@ def test_pictures_are_those_that_were_shown_in_their_order_and_a_seek_finds_the_
     assert (table["height"] == SIZE[0]).all() and (table["width"] == SIZE[1]).all()
     inorder = dict(bags.read_pictures(table, tmp_path))
     assert [number_of(inorder[i]) for i in range(COUNT)] == [i % GREYS for i in range(COUNT)]
-    for chosen in ([COUNT - 1], [0, COUNT - 1], [19, 20, 21, 44], [43]):
+    for chosen in (*([i] for i in range(16, COUNT)), [0, COUNT - 1], [19, 20, 21, 44]):
         some = tables.rows(table, np.array(chosen))
         for row, picture in bags.read_pictures(some, tmp_path):
             assert (picture == inorder[chosen[row]]).all()
@@ -266,3 +267,15 @@ def test_a_missing_pyav_is_one_sentence(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "av", None)
     with pytest.raises(DiorError, match=r"a video needs PyAV; install it: pip install -e '\.\[video\]'"):
         indexed(tmp_path, "a.mp4")
+
+
+def test_the_time_of_creation_is_that_of_the_first_picture_or_with_android_of_the_last():
+    from dior.ingest import videos
+
+    pts_ns, at = np.array([0, 10, 20]) * 10**9, 1_714_557_600 * 10**9
+    told = {"creation_time": "2024-05-01T10:00:00.000000Z"}
+    assert videos._began(told, pts_ns) == at
+    assert videos._began({"creation_time": "2024-05-01T12:00:00+02:00"}, pts_ns) == at
+    assert videos._began(told | {"com.android.version": "14"}, pts_ns) == at - 20 * 10**9
+    for nothing in ({}, {"creation_time": "1904-01-01T00:00:00Z"}, {"creation_time": "today"}):
+        assert videos._began(nothing, pts_ns) is None

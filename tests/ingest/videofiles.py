@@ -32,10 +32,10 @@ def numbered(number, size=SIZE):
 
 def write(
     path, pictures, *, times=None, rate=30, codec="libx264", b_frames=2, key_every=10, rotation=0, metadata=None,
-    tracks=1, sound=None, options=None,
+    tracks=1, sound=None, options=None, coder=None,
 ):  # fmt: skip
     """Write the `pictures`, shown at `times` (s), else at `rate`; `tracks`: the same picture in so many streams;
-    `sound`: (samples (N,), rate Hz) of an audio track; `options` of the container."""
+    `sound`: (samples (N,), rate Hz) of an audio track; `options` of the container, `coder` of the codec."""
     pictures = list(pictures)
     times = [Fraction(i, rate) for i in range(len(pictures))] if times is None else times
     tick = Fraction(1, rate) if path.suffix == ".avi" else TICK
@@ -47,7 +47,7 @@ def write(
             stream = container.add_stream(codec, rate=rate)
             stream.width, stream.height, stream.pix_fmt = width, height, "yuvj420p" if codec == "mjpeg" else "yuv420p"
             if codec != "mjpeg":
-                stream.options = {"bf": str(b_frames), "g": str(key_every), **OPTIONS[codec]}
+                stream.options = {"bf": str(b_frames), "g": str(key_every), **OPTIONS[codec], **(coder or {})}
             stream.time_base = stream.codec_context.time_base = tick
             if rotation:
                 stream.set_display_rotation(rotation)
