@@ -5,6 +5,7 @@ The config is the one that `dior simulate --write-config` writes; recordings are
 the bags, the detections and the C3D go through their own steps.
 """
 
+import json
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -13,7 +14,7 @@ import numpy as np
 from dior.calibrate import adjust, align, clocks, follow, locate, place
 from dior.clocks.clock import ClockFiles
 from dior.geometry import camera_tables
-from dior.ingest import detections, mocap
+from dior.ingest import detections, mocap, video_starts
 from dior.label import reproject
 from dior.project import project as projects
 from dior.reconstruct import bodies, refine, timeline, triangulate
@@ -37,7 +38,7 @@ class Capture:
         return self.folder / f"results/{step}/{unit}{kind}.parquet"
 
 
-def recorded(folder, true_clocks=False, **settings):
+def recorded(folder, true_clocks=False, start_sigma_s=0.0, **settings):
     """`Capture` with the tables of its recordings in `folder`; arguments as of `labelled`."""
     made = levels.from_dict(settings)
     config.write(made, Path(folder) / "config")
@@ -45,16 +46,17 @@ def recorded(folder, true_clocks=False, **settings):
         config.write_offsets(made, Path(folder) / "config")
     capture = Capture(Path(folder), made, projects.load(folder))
     for walk in levels.sequences(made):
-        _record(capture, walk)
+        _record(capture, walk, start_sigma_s)
     return capture
 
 
-def labelled(folder, true_clocks=False, **settings):
+def labelled(folder, true_clocks=False, start_sigma_s=0.0, **settings):
     """`Capture` with every label of it made in `folder`; `settings` of the `simulate:` section.
 
-    `true_clocks`: config/offsets has the clocks, which are estimated otherwise.
+    `true_clocks`: config/offsets has the clocks, which are estimated otherwise; `start_sigma_s`: how well is known
+    when the cameras began, as of videos.
     """
-    capture = recorded(folder, true_clocks, **settings)
+    capture = recorded(folder, true_clocks, start_sigma_s, **settings)
     for session in capture.project.sessions:
         (_indoors if levels.place_of(session) == "lab" else _outdoors)(capture, session)
     for name in capture.project.sequences:
@@ -63,14 +65,16 @@ def labelled(folder, true_clocks=False, **settings):
     return capture
 
 
-def _record(capture, walk):
+def _record(capture, walk, start_sigma_s=0.0):
     """What ingest makes of a recorded walk."""
     motion = motion_of(capture.settings, walk)
     views, others = simulate.observe(capture.settings, walk, motion)
     capture.views[walk.name] = views
     data, frames = capture.folder / "data", capture.made("frames", walk.name)
     simulate.write_detections(capture.settings, walk, motion.height, views, others, data)
-    tables.write(frames, "frames", _frames(views))
+    starts = {"source": "created", "start_sigma_s": start_sigma_s, "apart_sigma_s": start_sigma_s}
+    metadata = {video_starts.METADATA: json.dumps(dict.fromkeys(views, starts))} if start_sigma_s else {}
+    tables.write(frames, "frames", _frames(views), metadata)
     for name, seen in views.items():
         lens = replace(
             seen.camera, intrinsics=scene.reported(capture.settings, walk.session, seen.camera), wTc=None, locate=""

@@ -46,6 +46,7 @@ from dior.geometry import camera_tables, covariance
 from dior.geometry.camera import REFERENCE_FX, Camera, pose, reprojection_errors
 from dior.geometry.multiview import rotation_z
 from dior.geometry.triangulation import triangulated
+from dior.ingest.video_starts import search_s
 from dior.project import heights
 from dior.project.camera_file import camera_settings
 from dior.tables import tables
@@ -192,7 +193,8 @@ def run(
         pictures = tables.read(files["frames"][sequence], "frames", ["camera", "frame", "stamp_ns"])
         clock = clocks.read(files["offsets"].get(sequence), tables.ordered_unique(pictures["camera"]))
         seen = tables.read(files["detections"][sequence], "detections")
-        recorded.append(seen_in.recorded(placed, seen, pictures, choices.min_score, choices.max_gap, where))
+        most_s = search_s(files["frames"][sequence])
+        recorded.append(seen_in.recorded(placed, seen, pictures, choices.min_score, choices.max_gap, where, most_s))
         given.append([clock[camera.name] for camera in placed])
     placed, rolled = _as_mounted(placed, settings, recorded, session)
     found += rolled

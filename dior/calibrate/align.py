@@ -29,6 +29,7 @@ from dior.arrays import AnyPath, Floats, Ints, Table
 from dior.calibrate.outline import boxes_fit, edge_errors, seen_edges
 from dior.calibrate.outline import drawers as other_drawers
 from dior.calibrate.outline.walks import FilmedWalk, by_close, from_boxes, gather, margins, read_walk
+from dior.clocks import lag
 from dior.clocks.clock import DRIFT_SD_PPM, OFFSET_SD_S
 from dior.errors import DiorError
 from dior.geometry import camera as cam
@@ -37,6 +38,7 @@ from dior.geometry.camera import Camera, pose
 from dior.geometry.camera_tables import unplaced
 from dior.geometry.multiview import look_at_angles, rotation_x, rotation_z
 from dior.geometry.tape import check_above_floor, look_at_pose
+from dior.ingest.video_starts import MOST_SIGMAS
 from dior.project import boxes as hand_boxes
 from dior.project.camera_file import camera_settings
 from dior.tables import tables
@@ -74,10 +76,10 @@ def aligned_pose(where: AnyPath, tape: Mapping[str, Any], nudge: Mapping[str, An
     return pose(rotation_z(azimuth) @ rotation_x(elevation) @ rotation_z(roll), moved)
 
 
-def freedom(settings: Mapping[str, Any], held: Sequence[bool]) -> seen_edges.Freedom:
+def freedom(settings: Mapping[str, Any], held: Sequence[bool], most_s: float = lag.WINDOW_S) -> seen_edges.Freedom:
     """`seen_edges.Freedom` of a camera's YAML: how far the tape is trusted, by what `align.fit` says.
 
-    `held`: of each walk, whether its clock was given by hand.
+    `held`: of each walk, whether its clock was given by hand; `most_s`: how far off the others may be.
     """
     sigma = settings["tape"].get("sigma_m", 0.05)
     beside = (min(sigma, ACROSS_M), min(sigma, HEIGHT_M))
@@ -90,7 +92,7 @@ def freedom(settings: Mapping[str, Any], held: Sequence[bool]) -> seen_edges.Fre
         margin_px=margin_px,
         margin_split_px=split_px,
         habit_px=habit_px,
-        clock_s=tuple(0.0 if known else OFFSET_SD_S for known in held),
+        clock_s=tuple(0.0 if known else max(OFFSET_SD_S, most_s / MOST_SIGMAS) for known in held),
         drift_ppm=tuple(0.0 if known else DRIFT_SD_PPM for known in held),
     )
 
@@ -353,7 +355,7 @@ def run(
         by_drawer = [hand_boxes.read_drawers(boxes[walk.name], walk.rows["frame"]) for walk in walks]
         compared = other_drawers.apart(by_drawer)
         settings = settings | {"align": how | {"habit_px": other_drawers.habit(prior_px, compared)}}
-    trusted = freedom(settings, [walk.held for walk in walks])
+    trusted = freedom(settings, [walk.held for walk in walks], max(walk.most_s for walk in walks))
     by_roll: list[tuple[str, str, str, str]] = []
     degrees = 0.0
     if "roll_deg" in settings["tape"]:

@@ -24,6 +24,7 @@ from dior.clocks import lag
 from dior.clocks.axis import instants, rates
 from dior.geometry import camera_tables
 from dior.geometry.camera import Camera
+from dior.ingest.video_starts import loose_s, search_s
 from dior.tables import tables
 
 # chosen: pictures; cameras that run free on one network's time are nearer to each other
@@ -92,17 +93,30 @@ def run(
     manual = given_by.by_hand(offsets, tables.ordered_unique(pictures["camera"]))
     seen = tables.read(detected.detections, "detections") if detected.detections else None
     if mocap:
-        estimates, off = _indoors(sequence, rig, seen, pictures, mocap, indoors.marked, manual, min_score, data_root)
+        known = _Known(mocap, indoors.marked, manual, search_s(frames, absolute=True))
+        estimates, off = _indoors(sequence, rig, seen, pictures, known, min_score, data_root)
     else:
         off = {}
-        estimates = _outdoors(sequence, rig, seen, pictures, min_score, detected.max_gap)
+        estimates = _outdoors(sequence, rig, seen, pictures, min_score, detected.max_gap, search_s(frames))
     joint = camera_tables.read_camera_covariance(covariance, names) if covariance else None
     used = {name: manual.get(name, clock) for name, (clock, *_) in estimates.items()}
     on_axis.write(written.out, written.out_gains, sequence, used, names, joint)
     tables.write(written.out_costs, "clock_costs", _costs(sequence, estimates))
-    period = 1 / rates(pictures, names)[1]
-    found = _beside_mocap(sequence, off) + findings_of(sequence, estimates, manual, names, joint, period, bool(mocap))
+    period, loose = 1 / rates(pictures, names)[1], loose_s(frames)
+    found = _beside_mocap(sequence, off)
+    found += findings_of(sequence, estimates, manual, names, joint, period, bool(mocap), loose)
     tables.write_findings(written.findings, found)
+
+
+@dataclass(frozen=True)
+class _Known:
+    """What is known of the clocks indoors before: the `mocap` table, what is `marked`, clocks by hand, `manual`, and
+    how far (s) the others may be off, `most_s`."""
+
+    mocap: Path
+    marked: list[Path]
+    manual: Mapping[str, on_axis.Clock]
+    most_s: float
 
 
 def _indoors(
@@ -110,9 +124,7 @@ def _indoors(
     rig: list[Camera],
     seen: Table | None,
     pictures: Table,
-    mocap: Path,
-    marked: list[Path],
-    manual: Mapping[str, on_axis.Clock],
+    known: _Known,
     min_score: float,
     data_root: Path,
 ) -> tuple[dict[str, on_axis.Estimate], dict[str, float]]:
@@ -123,8 +135,11 @@ def _indoors(
     from dior.calibrate.bundle import window
     from dior.calibrate.clock import from_mocap
 
+    mocap, manual = known.mocap, known.manual
     _, motion = read_motion(mocap)
-    kinds = {kind: [path for path in marked if f".{kind}." in Path(path).name] for kind in ("clocks", "clock_gains")}
+    kinds = {
+        kind: [path for path in known.marked if f".{kind}." in Path(path).name] for kind in ("clocks", "clock_gains")
+    }
     by_marks = on_axis.read(kinds["clocks"], kinds["clock_gains"], sequence)
     found, off = {}, {}
     for camera in rig:
@@ -135,7 +150,7 @@ def _indoors(
             uv, joints = window.confident(seen, camera.name, len(elapsed), min_score, sequence)
             walker = from_mocap.walker_of(motion.t, motion.xyz, motion.joints, joints)
             uv = uv[:, [joints.index(name) for name in walker.names]]
-            tried.append(from_mocap.from_detections(camera, walker, uv, elapsed))
+            tried.append(from_mocap.from_detections(camera, walker, uv, elapsed, known.most_s))
             _, lags, costs, _ = tried[-1]
             late = [lag.lowest(lags, costs)] if np.isfinite(costs).any() else []
             late += [manual[camera.name].offset_s] if camera.name in manual else []
@@ -146,9 +161,9 @@ def _indoors(
         if camera.name in manual and not tried:
             tried.append((on_axis.Clock(0.0), NONE, NONE, "there are no detections and no marks of it"))
         elif all(one[3] for one in tried):
-            tried.append(_by_pictures(camera, mocap, rows, data_root, f"{sequence}, {camera.name}"))
-        known = [one for one in tried if not one[3]]
-        found[camera.name] = (known or tried)[0]
+            tried.append(_by_pictures(camera, mocap, rows, data_root, f"{sequence}, {camera.name}", known.most_s))
+        clear = [one for one in tried if not one[3]]
+        found[camera.name] = (clear or tried)[0]
     return found, off
 
 
@@ -170,17 +185,25 @@ def _beside_mocap(sequence: str, off: Mapping[str, float]) -> list[tuple[str, st
     ]
 
 
-def _by_pictures(camera: Camera, mocap: Path, rows: Table, data_root: Path, where: str) -> on_axis.Estimate:
+def _by_pictures(
+    camera: Camera, mocap: Path, rows: Table, data_root: Path, where: str, most_s: float
+) -> on_axis.Estimate:
     from dior.calibrate.outline import clock_from_pictures
 
     clock, lags, costs = clock_from_pictures.from_pictures(
-        camera, tables.read(mocap, "skeletons_3d"), rows, data_root, where
+        camera, tables.read(mocap, "skeletons_3d"), rows, data_root, where, most_s
     )
     return clock, lags, costs, "" if clock.source == "estimated" else "neither detections, marks nor pictures tell it"
 
 
 def _outdoors(
-    sequence: str, rig: list[Camera], seen: Table | None, pictures: Table, min_score: float, max_gap: float
+    sequence: str,
+    rig: list[Camera],
+    seen: Table | None,
+    pictures: Table,
+    min_score: float,
+    max_gap: float,
+    most_s: float,
 ) -> dict[str, on_axis.Estimate]:
     from dior.calibrate.bundle import window
     from dior.calibrate.clock import from_cameras
@@ -193,7 +216,7 @@ def _outdoors(
             c.name: (known, NONE, NONE, "") if c.name == reference else (on_axis.Clock(0.0), NONE, NONE, why)
             for c in rig
         }
-    found = window.recorded(rig, seen, pictures, min_score, max_gap, sequence)
+    found = window.recorded(rig, seen, pictures, min_score, max_gap, sequence, most_s)
     grid = instants(found.fps, max(own.elapsed[-1] for own in found.seen))
     return from_cameras.from_detections(rig, found.seen, found.names, grid, found.fps)
 
@@ -221,10 +244,12 @@ def findings_of(
     joint: Floats | None,
     period_s: float,
     indoor: bool,
+    loose: float = 0.0,
 ) -> list[tuple[str, str, str, str]]:
     """What was found of each clock: `estimates` by camera, and how far those by hand, `manual`, are from them.
 
-    `names`, `joint`: the cameras' covariance; `period_s` of the pictures.
+    `names`, `joint`: the cameras' covariance; `period_s` of the pictures; `loose`: how far off (s) the starts of videos
+    may be.
     """
     found = []
     for name, (clock, _, _, why) in estimates.items():
@@ -251,7 +276,7 @@ def findings_of(
                 (scope, "warning", "clock_contradicts", f"config/offsets says {clock.late_s + apart:+.4f} s there, the "
                  f"recording {text}: {abs(apart) / period_s:.1f} pictures apart; remove the value or check it")
             )  # fmt: skip
-        elif not indoor and abs(clock.late_s) > FAR_OFF * period_s and not hand:
+        elif not indoor and abs(clock.late_s) > max(FAR_OFF * period_s, loose) and not hand:
             found.append(
                 (scope, "warning", "clock_off", f"{text}: {abs(clock.late_s) / period_s:.1f} pictures from "
                  "the reference. That is put right if its computer's time or its stamps are off; if the numbers of its "

@@ -67,7 +67,7 @@ def watched(
     nothing = np.full((*points.shape[:2], 2), np.nan)
     seen = seen_edges.EdgeObservations(
         points, edges, nothing, seconds, np.zeros(len(shown), int), constant_error([walk]), flesh_m, (track,),
-        outline_m, limbs([walk], around),
+        outline_m, limbs([walk], around), walk.most_s,
     )  # fmt: skip
     return seen, method, (margin_px, split_px)
 
@@ -124,7 +124,7 @@ def write(
 ) -> None:
     """Write the tables of one camera's clock."""
     clocks.write(written.out, written.out_gains, sequence, {camera: clock}, names, joint)
-    lags = long_range_clock.LAGS_S[: len(costs_px)]
+    lags = long_range_clock.lags_of(costs_px)
     named = {"sequence": [sequence] * len(lags), "camera": [camera] * len(lags)}
     tables.write(written.out_costs, "clock_costs", {**named, "lag_s": lags, "cost_px": costs_px})
     tables.write_findings(written.findings, findings)

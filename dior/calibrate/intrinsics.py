@@ -9,13 +9,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from dior.arrays import AnyPath
+from dior.arrays import AnyPath, Table
 from dior.calibrate.lens import of_pictures, realsense
 from dior.calibrate.readers import files, given
 from dior.errors import DiorError, nearest
 from dior.geometry import camera_tables
 from dior.geometry.camera import MODELS, Camera, Intrinsics, check_picture_size
 from dior.ingest import bags as rosbag
+from dior.ingest.videos import is_stored, is_stream
 from dior.tables import tables
 
 # chosen: a board and the maker differ by 0.1 to 0.6 % in fx (`lens.board`); files tell no better
@@ -31,7 +32,7 @@ def run(
     session: str,
     camera: str,
     role: str,
-    topic: str,
+    topic: str = "",
     source: str,
     name: str = "",
     board: dict[str, Any],
@@ -53,7 +54,7 @@ def run(
     `sigma`: 1 sigma of focal length and centre over the focal length, where the camera's YAML says it.
     """
     where = f"session {session}, {camera}"
-    pictures = tables.of_camera(tables.read(frames, "frames", ["camera", "bag", "height", "width"]), camera)
+    pictures = tables.of_camera(tables.read(frames, "frames", ["camera", "bag", "topic", "height", "width"]), camera)
     if not len(pictures["camera"]):
         raise DiorError(f"{where}: {frames} has no frame of {camera}; is the camera in session.yaml and in the bags?")
     if distortion_model and distortion_model not in MODELS:
@@ -70,6 +71,11 @@ def run(
     elif source == "camera_info":
         bags = [Path(data_root) / bag for bag in tables.ordered_unique(pictures["bag"])]
         yaml = f"sessions/{session}/{camera}.yaml"
+        if is_stream(pictures["topic"][0]):
+            raise DiorError(
+                f"{where}: 'intrinsics' is camera_info, which {pictures['bag'][0]} has not, as it is no bag; give a "
+                f"file or a board in {yaml}"
+            )
         info = rosbag.read_camera_info(bags, topic, info_topic)
         size = int(pictures["width"][0]), int(pictures["height"][0])
         lens, found = from_camera_info(info, topic, distortion_model, yaml, size), of_pictures.findings(info, topic)
@@ -81,9 +87,22 @@ def run(
         found.append(("warning", "rectified_with_distortion", text))
     if sigma or not lens.sigma:
         lens = replace(lens, sigma=float(sigma) if sigma else MAKERS_SIGMA)
-    check_picture_size(lens, pictures["width"][0], pictures["height"][0], f"{where} ({sequence})")
+    _check_size(lens, pictures, f"{where} ({sequence})", f"sessions/{session}/{camera}.yaml")
     camera_tables.write_cameras(out, [Camera(camera, lens, role=role)], session=session)
     tables.write_findings(findings, [(f"{session}/{camera}", *finding) for finding in found])
+
+
+def _check_size(lens: Intrinsics, pictures: Table, where: str, yaml: str) -> None:
+    """Refuse pictures of another size, and say so where they are those of a video that is turned."""
+    width, height = int(pictures["width"][0]), int(pictures["height"][0])
+    if is_stream(pictures["topic"][0]) and (lens.width, lens.height) == (height, width) != (width, height):
+        frame, other = ("stored", "shown") if is_stored(pictures["topic"][0]) else ("shown", "stored")
+        raise DiorError(
+            f"{where}: the pictures of {pictures['bag'][0]} are {width}x{height} as {frame} and the intrinsics are for "
+            f"{lens.width}x{lens.height}: if they are those of the {other} frame, as detections and marks then have to "
+            f"be, write `video: {{frame: {other}}}` into {yaml}"
+        )
+    check_picture_size(lens, width, height, where)
 
 
 def from_camera_info(

@@ -20,13 +20,14 @@ from dior.arrays import AnyPath, Bools, Floats, Ints
 from dior.calibrate.lens import realsense
 from dior.calibrate.marks import clock_from_marks, pnp
 from dior.calibrate.marks import marks as hand_marks
-from dior.clocks import by_hand
+from dior.clocks import by_hand, lag
 from dior.clocks.clock import Clock, write_all
 from dior.errors import DiorError
 from dior.geometry import camera_tables, covariance
 from dior.geometry.camera import Camera, Intrinsics, inverse_pose, pose, project, undistort
 from dior.geometry.camera_tables import unplaced
 from dior.geometry.tape import check_above_floor
+from dior.ingest.video_starts import search_s
 from dior.project.camera_file import camera_settings
 from dior.tables import tables
 from dior.tables.tables import Finding
@@ -225,18 +226,19 @@ def with_clocks(
     clock: Mapping[str, tuple[float, float, str]],
     ransac_px: float,
     scope: str,
+    most_s: float = lag.WINDOW_S,
 ) -> LocatedWithClocks:
     """`LocatedWithClocks` from `marks`; a manual clock (sequence -> (offset_s, drift_ppm, source)) is not estimated.
 
     Marks of a sequence whose clock they do not determine are left out, or, where there is nothing else, used at offset
-    0.
+    0. `most_s`: how far off a clock may be.
     Other arguments as of `marks.in_world`. Raises DiorError as `locate`, `marks.times` and `clock_from_marks.search`
     do.
     """
     where = f"{path} ({scope})"
     t = hand_marks.times(marks, path, camera.name, camera.intrinsics, motions, stamps)
     manual = {sequence: one for sequence, one in clock.items() if one[2] == "manual"}
-    at = clock_from_marks.places(marks, t, motions, manual)
+    at = clock_from_marks.places(marks, t, motions, manual, most_s)
     seen = clock_from_marks.search(camera, at, marks.uv, marks.frame, ransac_px, where)
     by_marks = {
         name: offset for name, offset in zip(at.names, seen.offsets.tolist(), strict=True) if np.isfinite(offset)
@@ -383,19 +385,20 @@ def run(
     settings = camera_settings(camera_file, needs="marks")
     lens = unplaced(intrinsics, camera)
     motions = dict(hand_marks.read_motion(path) for path in recorded.mocap)
-    stamps, known = {}, {camera}
+    stamps, known, most_s = {}, {camera}, lag.WINDOW_S
     for path in recorded.frames:
         table = tables.read(path, "frames", ["camera", "frame", "stamp_ns"])
         known |= set(table["camera"])
         mine = tables.of_camera(table, camera)
         stamps[Path(path).stem] = mine["frame"], mine["stamp_ns"]
+        most_s = max(most_s, search_s(path, absolute=True))
     files = {Path(path).stem: path for path in given.offsets}
     clock = {sequence: by_hand.read(files.get(sequence), sorted(known))[camera] for sequence in stamps}
 
     scope = f"{session}/{camera}"
     read = hand_marks.read(given.marks)
     read = read.only(np.isin(read.sequence, list(given.sequences)))
-    solved = with_clocks(lens, read, given.marks, motions, stamps, clock, ransac_px, scope)
+    solved = with_clocks(lens, read, given.marks, motions, stamps, clock, ransac_px, scope, most_s)
     located, used, spread = solved.located, solved.used, solved.covariance
     found = solved.findings + _findings(scope, given.marks, used, located, ransac_px)
     if realsense.is_ambiguous(settings["topic"], lens.intrinsics):

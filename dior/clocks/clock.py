@@ -21,7 +21,7 @@ NORMAL_95 = 1.96
 # the internet half were off by more than 78 ppm (Mills, Computer Network Time Synchronization, 2006, on NTP's clocks)
 DRIFT_SD_PPM = 50.0
 # and its time: clocks that the network keeps, or that a person starts on a count, are apart by less
-OFFSET_SD_S = 1.0  # chosen: half of the window of the lag search
+OFFSET_SD_S = 1.0  # chosen: half of the window of the lag search, where nothing says that it is wider
 # a clock by hand is doubted that is so many standard errors from the estimate (0.3 % of correct ones are), and so far,
 # which is 2 mm of walking; chosen
 CONTRADICTS, CONTRADICTS_S = 3.0, 0.002

@@ -55,18 +55,19 @@ def coarse(
     span: tuple[float, float],
     aim_rad: Floats,
     shift_m: Floats,
+    most_s: float = lag.WINDOW_S,
 ) -> Floats:
     """What is to be added to the times (V,) s of the cameras' clocks so that they agree.
 
     `seen`: `Rays` of each camera on its clock as it is known, `held` (V,): clocks that are not to be moved, at least
     one; `span`: first and last second that is looked at; `aim_rad`, `shift_m` (V,): how far off the cameras may be, 1
-    sigma. A camera that shares too few joints with the others keeps its clock.
+    sigma; `most_s`: how far off the clocks may be. A camera that shares too few joints with the others keeps its clock.
     """
-    lags, most, costs = lag.window(STEPS_HZ), round(lag.WINDOW_S * STEPS_HZ), {}
+    lags, most, costs = lag.window(STEPS_HZ, most_s), round(most_s * STEPS_HZ), {}
     for a, b in combinations(range(len(cameras)), 2):
         if held[a] and held[b]:
             continue
-        reach = lags if held[a] or held[b] else lag.window(STEPS_HZ, 2 * lag.WINDOW_S)
+        reach = lags if held[a] or held[b] else lag.steps(2 * most) / STEPS_HZ
         apart = np.hypot(aim_rad[a], aim_rad[b]), np.hypot(shift_m[a], shift_m[b])
         costs[a, b] = pair_cost(cameras[a].centre, seen[a], cameras[b].centre, seen[b], reach, span, *apart)
     at, found = lag.together(costs, held, most), np.zeros(len(cameras))

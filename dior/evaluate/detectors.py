@@ -53,7 +53,7 @@ def run(
     `labels`: label files. Raises DiorError for output that is missing, of another recording or other pictures, or of no
     known tool.
     """
-    pictures = tables.read(frames, "frames", ["camera", "frame", "stamp_ns", "restored_s", "width", "height"])
+    pictures = tables.read(frames, "frames", ["camera", "frame", "stamp_ns", "restored_s", "topic", "width", "height"])
     grids = label_grids(labels)
     measured, parts, found = [], [], []
     for row in rows:

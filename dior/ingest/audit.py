@@ -10,9 +10,13 @@ they are black. Reasons: a gap is `recorder_behind` where the pictures around it
 usual (the recorder or network could not follow), `between_bags` where the recording went on in another bag, else
 `not_sent` (camera or driver left it out). `same_stamp` and `same_picture` are repeated messages. Where only the
 header's clock jumps nothing is missing; that is a finding.
+
+A video has one clock: its receive stamps count as the header's. What is in it and gives no picture is `not_decoded`,
+what was to come after its end `cut_off`; the finding `video_stamps` tells what its stamps are by.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +25,7 @@ import numpy as np
 from dior.arrays import Bools, Floats, Ints, Table
 from dior.clocks.axis import nominal_fps
 from dior.ingest import bags as rosbag
-from dior.ingest import stamps
+from dior.ingest import stamps, video_starts
 from dior.ingest.frames import JUMP_NS, check_usable
 from dior.tables import tables
 
@@ -35,6 +39,16 @@ REPEATED = {
     "same_stamp": "stamp of the one before",
     "same_picture": "bytes of the one before under another stamp",
 }
+LAGS = ("lag_ms", "lag_spread_ms", "lag_max_ms", "drift_ppm")
+# by what the stamps of a video are (`video_stamps.VideoStamps`)
+SOURCES = {
+    "sidecar": "stamps from a file beside it",
+    "created": "stamps by its own times from when it was created on",
+    "sound": "stamps by its own times, whose start is told by the sound that another camera has, too",
+    "none": "stamps by its own times, and nothing says when it began",
+}
+# chosen: what a walker moves in less is below a detector's resolution
+COARSE_TICK_S = 1e-4
 # chosen: 3 ms at 30 Hz, in which a walker's ankle moves about a centimetre
 MOST_JITTER_PERIODS = 0.1
 # chosen: crystals are off by less than 0.01 %, so 1 % is another setting
@@ -61,7 +75,7 @@ def run(*, sequence: str, frames: Path, data_root: Path, out: Path, out_dropped:
 
     Raises DiorError for a camera whose stamps cannot be used, see `check_usable`.
     """
-    table = tables.read(frames, "frames")
+    table, films = tables.read(frames, "frames"), video_starts.told(frames)
     repeats = _repeats(table, data_root)
     rows, dropped, found = [], [], []
     for camera in tables.ordered_unique(table["camera"]):
@@ -69,14 +83,19 @@ def run(*, sequence: str, frames: Path, data_root: Path, out: Path, out_dropped:
         where = f"{sequence}, {camera}"
         check_usable(own["stamp_ns"], own["receive_ns"], where)
         black = _black(own, data_root)
+        film = films.get(camera)
+        if film:
+            own = own | {"receive_ns": own["stamp_ns"]}
         for bag in tables.ordered_unique(own["bag"]):
             mine = own["bag"] == bag
             audited = audit(tables.rows(own, mine), repeats[table["camera"] == camera][mine])
+            audited = of_video(audited, film["lost"]) if film else audited
             looked = black[mine]
             seen = {"looked_at": int((looked >= 0).sum()), "black": int((looked > 0).sum())}
             rows.append({"camera": camera, "bag": bag, **audited.row, **seen})
             dropped += [(camera, *lost) for lost in audited.dropped]
-            found += [(f"{sequence}/{camera}", *finding) for finding in judge(rows[-1], audited, bag)]
+            findings_of = judge(rows[-1], audited, bag, bool(film)) + ([_by_what(bag, film)] if film else [])
+            found += [(f"{sequence}/{camera}", *finding) for finding in findings_of]
         dropped += [(camera, *lost) for lost in _between_bags(own)]
     tables.write(out, "stamp_audit", {key: [row[key] for row in rows] for key in tables.columns_of("stamp_audit")})
     dropped.sort()
@@ -131,6 +150,33 @@ def audit(frames: Table, repeated: Bools) -> Audit:
         missing = first + period * np.arange(tick[i] + 1, tick[i + 1])
         dropped += [(int(number[i]), int(stamps[0] + shift[i] + round(1e9 * at)), reason) for at in missing]
     return Audit(row, tuple(sorted(dropped)), jumps, glitches)
+
+
+def of_video(audited: Audit, lost: Sequence[tuple[int, int, str]]) -> Audit:
+    """The audit of a video, which has no lags, and of which pictures cannot be read: `lost` (frame before, stamp_ns,
+    reason), those in gaps of the stamps among them."""
+    known = np.array([stamp for _, stamp, _ in lost], np.int64)
+    near = 0.5e9 / audited.row["rate_hz"] if audited.row["rate_hz"] else 0.0
+    others = [
+        one for one in audited.dropped
+        if one[2] not in ("not_sent", "recorder_behind") or not (np.abs(known - one[1]) < near).any()
+    ]  # fmt: skip
+    again = sum(one[2] in ("not_sent", "recorder_behind") for one in others)
+    row = audited.row | {"lost": again + len(lost)} | dict.fromkeys(LAGS, np.nan)
+    dropped = sorted([*others, *((frame, stamp, reason) for frame, stamp, reason in lost)])
+    return replace(audited, row=row, dropped=tuple(dropped))
+
+
+def _by_what(bag: str, film: dict[str, Any]) -> tuple[str, str, str]:
+    """What the stamps of a video are by: `film` as of `video_starts.told`."""
+    text = f"{bag}: {SOURCES[film['source']]}"
+    if film["start_sigma_s"]:
+        text += f", to {film['start_sigma_s']:.1g} s (1 sigma)"
+    if film["apart_sigma_s"] < film["start_sigma_s"]:
+        text += f", and to {film['apart_sigma_s']:.1g} s against the cameras with the same sound"
+    if film["tick_s"] > COARSE_TICK_S:
+        text += f"; its times are in steps of {1e3 * film['tick_s']:.1f} ms"
+    return "info", "video_stamps", text
 
 
 def _glitches(frames: Table) -> tuple[stamps.Glitch, ...]:
@@ -232,7 +278,7 @@ def _count(number: int, what: str) -> str:
     return f"{number} {what}{'' if number == 1 else 's'}"
 
 
-def judge(row: dict[str, Any], audited: Audit, bag: str) -> list[tuple[str, str, str]]:
+def judge(row: dict[str, Any], audited: Audit, bag: str, is_video: bool = False) -> list[tuple[str, str, str]]:
     """What a person should see of an audit, of its row in `stamp_audit`: (severity, code, text) tuples."""
     found = []
     period_ms = 1e3 / row["nominal_hz"] if row["nominal_hz"] else np.nan
@@ -267,7 +313,8 @@ def judge(row: dict[str, Any], audited: Audit, bag: str) -> list[tuple[str, str,
         found.append(("error", "clock_jump", f"{bag}: {text}, so split the sequence there"))
     if row["jitter_ms"] > MOST_JITTER_PERIODS * period_ms:
         text = f"stamps are {row['jitter_ms']:.1f} ms rms off a regular rate, at most {row['jitter_max_ms']:.1f} ms"
-        add(True, "stamp_jitter", text)
+        # a video of a variable rate says so itself
+        add(not is_video, "stamp_jitter", text)
     if abs(row["rate_hz"] / row["nominal_hz"] - 1) > MOST_RATE_OFF:
         add(False, "rate", f"{row['rate_hz']:.3f} pictures a second, not {row['nominal_hz']:g}")
     if abs(row["lag_ms"]) > JUMP_NS / 1e6:

@@ -24,13 +24,14 @@ MESSAGE_LIMIT = 1 << 28
 
 @dataclass(frozen=True)
 class Message:
-    """One message of a bag. `topic` is its full name, `kind` as in `sensor_msgs/msg/Image`; `wire` is ros1 or cdr."""
+    """One message of a bag. `topic` is its full name, `kind` as in `sensor_msgs/msg/Image`; `wire` is ros1 or cdr and
+    `raw` its bytes, or as of `messages.PICTURE`."""
 
     topic: str
     kind: str
     wire: str
     receive_ns: int
-    raw: bytes
+    raw: Any
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,8 @@
 """Bags: what is in them, an index of their pictures, the pictures, and the CameraInfo beside them.
 
 INPUTS   bags as `containers` reads them (ROS 1 .bag, ROS 2 .db3 and .mcap, files or folders), with sensor_msgs
-         CompressedImage (JPEG or PNG) or Image (`messages.ENCODINGS`) and CameraInfo.
+         CompressedImage (JPEG or PNG) or Image (`messages.ENCODINGS`) and CameraInfo; videos and folders of pictures,
+         whose pictures count as messages of topics such as `video0`.
 OUTPUTS  arrays in memory; the pixels stay in the bags.
 Stamps are int64 ns since the Unix epoch: `stamp_ns` from the message header, `receive_ns` from the bag.
 """
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 
 from dior.arrays import AnyPath, Table
 from dior.errors import DiorError, nearest
-from dior.ingest import messages
+from dior.ingest import containers, messages, videos
 from dior.ingest.bag_reader import Message, full_name
 from dior.ingest.containers import BROKEN
 from dior.ingest.containers import messages as messages_of
@@ -81,6 +82,8 @@ def index(bag: Path, topics: Sequence[str]) -> Table:
     (px). No picture is decoded. Raises DiorError for a broken bag, a topic that holds no pictures, a bad picture
     header.
     """
+    if containers.is_video(bag):
+        return _of_video([(topic, containers.video_index(bag, topic)) for topic in topics])
     columns: dict[str, list[Any]] = {key: [] for key in ("topic", "stamp_ns", "receive_ns", "nth", "height", "width")}
     given = {full_name(topic): topic for topic in topics}
     count: Counter[str] = Counter()
@@ -97,6 +100,22 @@ def index(bag: Path, topics: Sequence[str]) -> Table:
             columns[key].append(value)
     kinds: dict[str, type] = {"topic": object, "nth": np.int32, "height": np.int32, "width": np.int32}
     return {key: np.array(values, kinds.get(key, np.int64)) for key, values in columns.items()}
+
+
+def _of_video(streams: list[tuple[str, videos.VideoIndex]]) -> Table:
+    """`index` of some streams (topic as given, `VideoIndex`) of a video."""
+    count = [len(one.pts_ns) for _, one in streams]
+    pts_ns, height, width = (
+        np.concatenate([getattr(one, key) for _, one in streams]) for key in ("pts_ns", "height", "width")
+    )
+    return {
+        "topic": np.repeat(np.array([topic for topic, _ in streams], object), count),
+        "stamp_ns": pts_ns,
+        "receive_ns": pts_ns,
+        "nth": np.zeros(sum(count), np.int32),
+        "height": height.astype(np.int32),
+        "width": width.astype(np.int32),
+    }
 
 
 def _numbered(

@@ -1,7 +1,8 @@
 """The files that a recorder leaves, whatever their format: what is in them, and their messages.
 
 INPUTS   a bag: a ROS 1 .bag, a ROS 2 .db3 or .mcap file, or the folder with metadata.yaml that `ros2 bag` writes; each
-         may be compressed as a whole file (.zstd). A file is known by its first bytes, not by its name.
+         may be compressed as a whole file (.zstd). Or a video (`videos`), or a folder of pictures (`picture_folders`).
+         A file is known by its first bytes, not by its name.
 OUTPUTS  topics by their full name, `bag_reader.Message`s, file by file in the order of `bag_reader`.
 A file that is compressed as a whole is unpacked once per run of a step, into the temporary folder: it can be read, but
 each step pays for it, so `rosbags-convert --src <bag> --dst <new bag>` is worth it. Refusing it would make the lab wait
@@ -17,6 +18,7 @@ from tempfile import TemporaryDirectory
 
 from dior.arrays import AnyPath
 from dior.errors import DiorError
+from dior.ingest import picture_folders, video_audio, videos
 from dior.ingest.bag_reader import ZSTD_MAGIC, Message, opened
 
 BROKEN = (ValueError, LookupError, OSError, EOFError, OverflowError, MemoryError)
@@ -25,6 +27,12 @@ FORMATS = {
     b"#ROSBAG V2.0\n": ("ros1", "`rosbag reindex`"),
     b"\x89MCAP0\r\n": ("mcap", "`mcap recover`"),
     b"SQLite format 3\0": ("db3", "`ros2 bag reindex`, or `sqlite3 <file> .recover`"),
+}
+# what is no bag, and who reads it
+READERS = {"video": videos, "pictures": picture_folders}
+HINTS = {
+    "video": "`ffmpeg -i <video> -c copy <new>`, or untrunc where its index is missing,",
+    "pictures": "to remove that file",
 }
 # of an MCAP file, where its header names the profile: magic, kind, size, length of the text
 PROFILE_AT = 8 + 1 + 8 + 4
@@ -37,10 +45,13 @@ def topics(bag: AnyPath) -> dict[str, tuple[str, int]]:
     for path in _files(bag):
         container, hint = _format(bag, path)
         try:
-            with opened(path, container) as recording:
-                there = recording.topics()
+            if container in READERS:
+                there = READERS[container].topics(path)
+            else:
+                with opened(path, container) as recording:
+                    there = recording.topics()
         except BROKEN as error:
-            raise _damaged(bag, hint, error) from None
+            raise _damaged(bag, container, hint, error) from None
         for topic, kind, count in there:
             found[topic] = (kind, found.get(topic, ("", 0))[1] + count)
     return found
@@ -54,20 +65,49 @@ def messages(bag: AnyPath, wanted: Collection[str], received: Collection[int] | 
     for path in _files(bag):
         container, hint = _format(bag, path)
         try:
-            with opened(path, container) as recording:
-                yield from recording.messages(wanted, received)
+            if container in READERS:
+                yield from READERS[container].recorded(path, wanted, received)
+            else:
+                with opened(path, container) as recording:
+                    yield from recording.messages(wanted, received)
         except BROKEN as error:
-            raise _damaged(bag, hint, error) from None
+            raise _damaged(bag, container, hint, error) from None
 
 
-def _damaged(bag: AnyPath, hint: str, error: BaseException) -> DiorError:
+def is_video(path: AnyPath) -> bool:
+    """Whether a path is that of a video's file. Raises DiorError for a file that cannot be read."""
+    return Path(path).is_file() and videos.is_video(_head(path, Path(path)))
+
+
+def video_index(path: AnyPath, topic: str) -> videos.VideoIndex:
+    """`videos.index`. Raises DiorError for a broken video."""
+    try:
+        return videos.index(Path(path), topic)
+    except BROKEN as error:
+        raise _damaged(path, "video", HINTS["video"], error) from None
+
+
+def heard(path: AnyPath) -> video_audio.Heard | None:
+    """What is heard in a video, None of what is none or has no sound. Raises DiorError for a broken one."""
+    if not is_video(path):
+        return None
+    try:
+        return video_audio.heard(Path(path))
+    except BROKEN as error:
+        raise _damaged(path, "video", HINTS["video"], error) from None
+
+
+def _damaged(bag: AnyPath, container: str, hint: str, error: BaseException) -> DiorError:
     """The DiorError for a bag whose bytes make no sense."""
     reason = str(error).split("\n")[0] or type(error).__name__
-    return DiorError(f"{bag}: the bag is truncated or was not closed ({reason}); try {hint} or copy it again")
+    what = "one of the pictures" if container == "pictures" else f"the {container if container == 'video' else 'bag'}"
+    return DiorError(f"{bag}: {what} is truncated or was not closed ({reason}); try {hint} or copy it again")
 
 
 def _format(bag: AnyPath, path: Path) -> tuple[str, str]:
     """(format, what may save a damaged file of it). Raises DiorError for a file of no format that is read."""
+    if path.is_dir():
+        return "pictures", HINTS["pictures"]
     head = _head(bag, path)
     shown = bag if Path(bag).is_file() else path
     for magic, (container, hint) in FORMATS.items():
@@ -78,13 +118,15 @@ def _format(bag: AnyPath, path: Path) -> tuple[str, str]:
                     "converted from a ROS 1 bag, give that bag"
                 )
             return container, hint
+    if videos.is_video(head):
+        return "video", HINTS["video"]
     if not head:
         raise DiorError(f"{shown}: the bag is empty; copy it again from the recording computer")
     if head.startswith(b"#ROSBAG V1"):
         raise DiorError(f"{shown}: this is a bag of the old format 1; convert it with `rosbag fix`")
     raise DiorError(
         f"{shown}: this is not a bag (it begins with {head[:12]!r}); "
-        "bags are ROS 1 .bag files, ROS 2 .db3 or .mcap files, or their folders"
+        "bags are ROS 1 .bag files, ROS 2 .db3 or .mcap files, or their folders, videos mp4, mov, avi or mkv"
     )
 
 
@@ -103,6 +145,8 @@ def _files(bag: AnyPath) -> list[Path]:
         raise DiorError(f"{bag}: there is no such bag; check `bags` in sequences.tsv and `data_root`")
     if not (bag.is_file() or bag.is_dir()):
         raise DiorError(f"{bag}: is neither a file nor a folder; check `bags` in sequences.tsv")
+    if bag.is_dir() and not (bag / METADATA).exists() and picture_folders.files(bag):
+        return [bag]
     files = _listed(bag) if bag.is_dir() else [bag]
     return [_unpacked(bag, path) if _head(bag, path).startswith(ZSTD_MAGIC) else path for path in files]
 

@@ -24,6 +24,7 @@ from dior.ingest.people import People, Subject
 from dior.ingest.readers import READERS, Reader
 from dior.ingest.readers.recognise import recognise
 from dior.ingest.stamps import header_ns
+from dior.ingest.videos import is_stream
 from dior.tables import result_checksums, tables
 
 # chosen: above this share of frames something missing is a warning
@@ -33,7 +34,7 @@ FRACTIONS_END = 3.0
 SAY_SO = "say so in `detections_checked` of session.yaml"
 SETTING = "`detector.first_frame` in config.yaml"
 # columns of `frames`
-NEEDED = ["camera", "frame", "stamp_ns", "restored_s", "width", "height"]
+NEEDED = ["camera", "frame", "stamp_ns", "restored_s", "topic", "width", "height"]
 
 
 def run(
@@ -239,8 +240,12 @@ def check_recording(
             f"{from_one if people.ran[0] == 1 and beyond[-1] == count and not first_frame else ''}"
         )
     # a detector has the header's stamp, which may have been restored
-    apart = [np.abs(people.stamp_ns - each[people.ran]) for each in (stamps_ns, as_recorded)]
-    off = (people.stamp_ns >= 0) & (np.minimum(*apart) > _half_period_ns(pictures))
+    apart = [people.stamp_ns - each[people.ran] for each in (stamps_ns, as_recorded)]
+    stamped = people.stamp_ns >= 0
+    if stamped.any() and "topic" in pictures and is_stream(pictures["topic"][0]):
+        # when a video began may not be known, or better known to the detector
+        apart = [each - round(float(np.median(each[stamped]))) for each in apart]
+    off = stamped & (np.minimum(*(np.abs(each) for each in apart)) > _half_period_ns(pictures))
     if off.any():
         i = int(np.argmax(off))
         raise DiorError(

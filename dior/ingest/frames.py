@@ -1,18 +1,21 @@
 """The index of all pictures of a sequence.
 
-INPUTS   the sequence's bags (one per recording computer, possibly split in time, possibly overlapping), and which
-         clocks are given by hand
+INPUTS   the sequence's bags (one per recording computer, possibly split in time, possibly overlapping), or a video or
+         folder of pictures per camera, with a CSV of stamps; and which clocks are given by hand
 OUTPUTS  `frames` table: cameras in the order of their names, frames numbered from 0 per camera as they were recorded,
          header stamps (ns) that were wrong for a while restored (stamps.py);
          with bag, topic, receive stamp and nth it takes to read a picture back (`bags.read_pictures`). A picture that
          several bags recorded is one frame, of the first of them in the sheet; the table's metadata `recorded_twice`
          says how many were left out, per camera. One that a single bag holds twice is the camera's doing and stays.
+Of a video `bag` is its path, `topic` the stream (`videos`), `receive_ns` the picture's time in the file, the stamp is
+as `video_stamps` has it and `restored_sigma_s` what the step of the file's time leaves open. The metadata `videos`
+tells by camera what its stamps are by, how well their start is known, and which pictures cannot be read.
 """
 
 import json
 import os
 from collections import Counter
-from collections.abc import Collection
+from collections.abc import Collection, Iterable, Iterator
 from datetime import UTC, datetime
 from itertools import pairwise
 from pathlib import Path
@@ -22,7 +25,7 @@ import numpy as np
 from dior.arrays import Bools, Ints, Table
 from dior.errors import DiorError
 from dior.ingest import bags as rosbag
-from dior.ingest import stamps
+from dior.ingest import stamps, video_frames
 from dior.tables import tables
 
 # chosen: more than a recorder's lag varies; what is less and goes back counts as pictures out of order
@@ -33,6 +36,7 @@ SPLIT_NS, MOST_LAG_NS, ACROSS = 1_000_000_000, 20_000_000, 30
 
 NONE: list[str] = []
 NOTHING: dict[str, str] = {}
+IN_BAGS = video_frames.Recorded()
 
 
 def run(
@@ -44,20 +48,24 @@ def run(
     out: Path,
     by_hand: list[str] = NONE,
     in_bags: dict[str, str] = NOTHING,
+    recorded: video_frames.Recorded = IN_BAGS,
 ) -> None:
     """Index `bags` (paths) for the cameras of `topics` (dict camera -> image topic). See the module's docstring.
 
     `by_hand`: cameras whose clocks a person gave, which may therefore be of any other time; `in_bags`: by camera what
-    the names of its bags hold, where other cameras have the same topic in other bags.
+    the names of its bags hold, where other cameras have the same topic in other bags; `recorded`: what the cameras are
+    recorded on that are in no bag.
     """
+    filmed = {camera: topic for camera, topic in topics.items() if camera in recorded.videos}
+    topics = {camera: topic for camera, topic in topics.items() if camera not in filmed}
     full_names = [rosbag.full_name(topic) for camera, topic in topics.items() if camera not in in_bags]
     for what, values in (("bag", [os.path.normpath(bag) for bag in bags]), ("topic", full_names)):
         twice = [value for value, count in Counter(values).items() if count > 1]
         if twice:
             raise DiorError(f"{sequence}: {what} {twice[0]} is given twice")
-    if not bags:
-        raise DiorError(f"{sequence}: no bag is given; fill in `bags` in sequences.tsv")
-    if not topics:
+    if not bags and not filmed:
+        raise DiorError(f"{sequence}: no bag is given; fill in `bags` or `videos` in sequences.tsv")
+    if not topics and not filmed:
         raise DiorError(f"{sequence}: no camera is given; write a <camera>.yaml for each into its session")
     there = {bag: rosbag.topics_of(bag) for bag in bags}
     holders = {
@@ -65,22 +73,32 @@ def run(
         for camera, topic in topics.items()
     }
     indexes: dict[str, dict[str, Table]] = {camera: {} for camera in topics}
+    began: list[int] = []
     for bag in bags:
         wanted = {camera: topics[camera] for camera, holding in holders.items() if bag in holding}
         _check_one_camera(wanted, f"{sequence}: {bag}")
         if wanted:
             index = rosbag.index(bag, list(wanted.values()))
             _check_complete(bag, there[bag], index, list(wanted.values()))
+            began.append(int(index["stamp_ns"].min()))
             for camera in wanted:
                 indexes[camera][_relative(bag, data_root)] = index
-    _check_overlap(sequence, topics, indexes, by_hand)
-    parts: list[Table] = []
-    recorded_twice: dict[str, int] = {}
-    for camera in sorted(topics):
-        table, recorded_twice[camera] = _of_camera(sequence, camera, topics[camera], indexes[camera])
-        parts.append(table)
-    columns = {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
-    tables.write(out, "frames", columns, {"recorded_twice": json.dumps(recorded_twice)})
+    films = video_frames.films(sequence, filmed, recorded, min(began, default=None))
+    _check_overlap(sequence, [*_spans(topics, indexes), *(films[camera].span() for camera in sorted(films))], by_hand)
+    parts: dict[str, Table] = {}
+    recorded_twice = dict.fromkeys(filmed, 0)
+    for camera, topic in topics.items():
+        parts[camera], recorded_twice[camera] = _of_camera(sequence, camera, topic, indexes[camera])
+    for camera, film in films.items():
+        where = f"{sequence}, {camera}"
+        parts[camera] = film.table(_relative(film.path, data_root))
+        _check_one_size(sequence, camera, parts[camera])
+        check_usable(parts[camera]["stamp_ns"], parts[camera]["receive_ns"], where)
+    columns = {
+        key: np.concatenate([parts[camera][key] for camera in sorted(parts)]) for key in tables.columns_of("frames")
+    }
+    metadata = {"recorded_twice": json.dumps(recorded_twice, sort_keys=True)}
+    tables.write(out, "frames", columns, metadata | video_frames.metadata(films))
 
 
 def _named(there: dict[Path, rosbag.Topics], word: str, sequence: str, camera: str) -> dict[Path, rosbag.Topics]:
@@ -106,21 +124,23 @@ def _check_one_camera(topics: dict[str, str], where: str) -> None:
             )
 
 
-def _check_overlap(
-    sequence: str, topics: dict[str, str], indexes: dict[str, dict[str, Table]], given: Collection[str]
-) -> None:
-    """Refuse recordings of which one part ended before the other began, unless their clocks are `given` by hand.
-
-    A camera that overlaps with no other may do so through a third.
-    """
-    spans = []
+def _spans(topics: dict[str, str], indexes: dict[str, dict[str, Table]]) -> Iterator[video_frames.Span]:
+    """First and last stamp of each camera that is in bags."""
     for camera, topic in sorted(topics.items()):
         picked = {bag: index["stamp_ns"][index["topic"] == topic] for bag, index in indexes[camera].items()}
         stamps_ns = np.concatenate(list(picked.values()))
         # what has no stamps at all is refused for that
-        if camera not in given and len(stamps_ns) and stamps_ns.min() > 0:
+        if len(stamps_ns) and stamps_ns.min() > 0:
             bags = ", ".join(Path(bag).name for bag, own in picked.items() if len(own))
-            spans.append((int(stamps_ns.min()), int(stamps_ns.max()), camera, bags))
+            yield int(stamps_ns.min()), int(stamps_ns.max()), camera, bags
+
+
+def _check_overlap(sequence: str, spans: Iterable[video_frames.Span], given: Collection[str]) -> None:
+    """Refuse recordings of which one part ended before the other began, unless their clocks are `given` by hand.
+
+    A camera that overlaps with no other may do so through a third.
+    """
+    spans = [span for span in spans if span[2] not in given]
     spans.sort()
     end = 0
     for i, (first, last, *_) in enumerate(spans):

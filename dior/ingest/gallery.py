@@ -7,7 +7,6 @@ The number in a file's name is the picture's place in its row's recording and, i
 the turn in degrees; it is not interpreted. The pixels stay where they are.
 """
 
-import re
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -17,15 +16,13 @@ import numpy as np
 from dior.arrays import Table
 from dior.errors import DiorError
 from dior.ingest import bags as rosbag
-from dior.ingest import messages
+from dior.ingest import messages, picture_folders
+from dior.ingest.picture_folders import MOST_BYTES, SUFFIXES
 from dior.project.plain_text import bytes_of
 from dior.tables import tables
 
 SHEET = "config/gallery.tsv"
 KEY = ("subject", "outfit", "angle")
-SUFFIXES = (".jpeg", ".jpg", ".png")
-# chosen: more than any camera's JPEG or PNG has
-MOST_BYTES = 1 << 28
 # chosen: fewer than this share of the median over outfits and angles is a warning
 FEW_PICTURES = 0.5
 
@@ -71,7 +68,7 @@ def _of_folder(row: dict[str, str], data_root: Path, where: str) -> Table:
     folder = Path(data_root) / row["path"]
     if not folder.is_dir():
         raise DiorError(f"{where}: there is no folder {folder}; path is relative to data_root")
-    files = sorted((file for file in folder.iterdir() if file.suffix.lower() in SUFFIXES), key=_natural)
+    files = picture_folders.files(folder)
     if not files:
         raise DiorError(f"{where}: {folder} holds no picture ({', '.join(SUFFIXES)})")
     sizes = np.array([_size(file, where) for file in files])
@@ -85,11 +82,6 @@ def _of_folder(row: dict[str, str], data_root: Path, where: str) -> Table:
         "height": sizes[:, 0],
         "width": sizes[:, 1],
     }
-
-
-def _natural(file: Path) -> list[tuple[int, str]]:
-    """Sorts 2.jpg before 10.jpg."""
-    return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", file.name)]
 
 
 def _size(file: Path, where: str) -> tuple[int, int]:

@@ -1,12 +1,14 @@
 """What is in a sensor_msgs Image, CompressedImage or CameraInfo, as ROS 1 or ROS 2 (CDR) writes them.
 
-INPUTS   a message's bytes, its type and its wire ("ros1" or "cdr").
+INPUTS   a message's bytes, its type and its wire ("ros1" or "cdr"); or, of wire `PICTURE`, what has its fields:
+         pictures of videos (type Image, with `picture` and `content()` besides) and of folders (CompressedImage).
 OUTPUTS  header stamp (int64 ns since the Unix epoch, 0 where the driver set none), picture size (px), BGR picture,
          CameraInfo.
 rosbags' type store decodes. ValueError means damage.
 """
 
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -44,6 +46,8 @@ VIDEO_TRANSPORTS = {
     "ffmpeg_image_transport_msgs/msg/FFMPEGPacket": "ffmpeg",
     "theora_image_transport/msg/Packet": "theora",
 }
+# the wire of what is no message: `raw` has its fields
+PICTURE = "picture"
 HEADER = {"ros1": "uint32 seq\ntime stamp\nstring frame_id\n", "cdr": "time stamp\nstring frame_id\n"}
 # bytes per pixel; all are of 8-bit samples, which is_bigendian does not concern. 8UC1 and YUYV are librealsense's words
 # (src/media/ros/ros_file_format.h) for mono8 and yuyv; yuv422 is UYVY, as uyvy (sensor_msgs/image_encodings.hpp).
@@ -60,6 +64,21 @@ PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
 MOST_PIXELS = 1 << 26
 
 
+@dataclass(frozen=True)
+class Stamp:
+    """The stamp of a driver that sets none."""
+
+    sec: int = 0
+    nanosec: int = 0
+
+
+@dataclass(frozen=True)
+class Header:
+    """The header of what is no message."""
+
+    stamp: Stamp = Stamp()
+
+
 @cache
 def _store(wire: str) -> "Typestore":
     """The types of DEFINITIONS. Raises ValueError for an encoding that is neither ROS 1 nor CDR."""
@@ -74,8 +93,10 @@ def _store(wire: str) -> "Typestore":
     return store
 
 
-def decoded(kind: str, raw: bytes, wire: str) -> Any:
+def decoded(kind: str, raw: Any, wire: str) -> Any:
     """A message of one of DEFINITIONS, its fields as ROS 2 spells them. Raises ValueError."""
+    if wire == PICTURE:
+        return raw
     from rosbags.serde import SerdeError
 
     store = _store(wire)
@@ -92,19 +113,19 @@ def decoded(kind: str, raw: bytes, wire: str) -> Any:
     raise ValueError(reason)
 
 
-def picture_of(kind: str, raw: bytes, wire: str) -> tuple[int, int, int]:
+def picture_of(kind: str, raw: Any, wire: str) -> tuple[int, int, int]:
     """(header stamp in ns, height, width) of an image message. The size is one of a picture. Raises ValueError."""
     message = _image(kind, raw, wire)
     return _stamp_ns(message), *_size(message, kind)
 
 
-def decode(kind: str, raw: bytes, wire: str, size: tuple[int, int]) -> NDArray[np.uint8]:
+def decode(kind: str, raw: Any, wire: str, size: tuple[int, int]) -> NDArray[np.uint8]:
     """BGR picture (height, width, 3) of an image message of a known `size` (height, width) px. Raises ValueError."""
     message = _image(kind, raw, wire)
     # asked first, so that OpenCV never sees a damaged size
     _check_size(message, kind, size)
     if kind == RAW:
-        return _raw_pixels(message)
+        return message.picture if wire == PICTURE else _raw_pixels(message)
     picture = _decompressed(message.data)
     if picture is None or picture.shape[:2] != tuple(size):
         raise ValueError("its JPEG or PNG data are damaged")
@@ -121,19 +142,19 @@ def _check_size(message: Any, kind: str, size: tuple[int, int]) -> None:
 def size_of_file(data: bytes) -> tuple[int, int]:
     """(height, width) px of a JPEG or PNG file that OpenCV decodes to that size. Raises ValueError."""
     # asked first, as in `decode`
-    size = _checked(*_compressed_size(memoryview(data)))
+    size = checked_size(*_compressed_size(memoryview(data)))
     picture = _decompressed(np.frombuffer(data, np.uint8))
     if picture is None or picture.shape[:2] != size:
         raise ValueError("its JPEG or PNG data are damaged")
     return size
 
 
-def compressed(kind: str, raw: bytes, wire: str) -> bytes | None:
+def compressed(kind: str, raw: Any, wire: str) -> bytes | None:
     """The JPEG or PNG file in an image message, or None where its pixels are raw. Raises ValueError."""
     return None if kind == RAW else _image(kind, raw, wire).data.tobytes()
 
 
-def small_jpeg(kind: str, raw: bytes, wire: str, size: tuple[int, int], factor: int) -> NDArray[np.uint8] | None:
+def small_jpeg(kind: str, raw: Any, wire: str, size: tuple[int, int], factor: int) -> NDArray[np.uint8] | None:
     """As `decode`, `factor` (2, 4 or 8) times smaller, its size rounded up, of an image message that holds a JPEG; None
     for any other. Takes two thirds of the time. Raises ValueError."""
     message = _image(kind, raw, wire)
@@ -162,14 +183,16 @@ def camera_info(raw: bytes, wire: str) -> dict[str, Any]:
     }
 
 
-def content(kind: str, raw: bytes, wire: str) -> tuple[Any, ...]:
+def content(kind: str, raw: Any, wire: str) -> tuple[Any, ...]:
     """What an image message says but its header, to see whether two say the same. Raises ValueError."""
     message = _image(kind, raw, wire)
+    if wire == PICTURE and kind == RAW:
+        return tuple(message.content())
     keys = ("format",) if kind == COMPRESSED else ("height", "width", "encoding", "is_bigendian", "step")
     return *(getattr(message, key) for key in keys), message.data.tobytes()
 
 
-def _image(kind: str, raw: bytes, wire: str) -> Any:
+def _image(kind: str, raw: Any, wire: str) -> Any:
     if kind in VIDEO_TRANSPORTS:
         name = VIDEO_TRANSPORTS[kind]
         raise ValueError(
@@ -197,10 +220,11 @@ def _size(message: Any, kind: str) -> tuple[int, int]:
         height, width = message.height, message.width
     else:
         height, width = _compressed_size(memoryview(message.data))
-    return _checked(height, width)
+    return checked_size(height, width)
 
 
-def _checked(height: int, width: int) -> tuple[int, int]:
+def checked_size(height: int, width: int) -> tuple[int, int]:
+    """A size that a picture may have, as it is. Raises ValueError for another."""
     if not 0 < height * width <= MOST_PIXELS or max(height, width) >= 1 << 16:
         raise ValueError(f"it claims to be {width}x{height} px")
     return height, width

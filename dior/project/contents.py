@@ -257,6 +257,44 @@ class Project:
     def bags(self, sequence: str) -> list[str]:
         return [self.in_data(bag) for bag in bags_of(self.rows[sequence])]
 
+    def videos(self, sequence: str) -> dict[str, str]:
+        """Videos or folders of pictures of the cameras that are in no bag: camera -> path."""
+        return self._of_cameras(sequence, "videos")
+
+    def sidecars(self, sequence: str) -> dict[str, str]:
+        """CSV files with the stamps of their pictures: camera -> path."""
+        return self._of_cameras(sequence, "stamps")
+
+    def _of_cameras(self, sequence: str, column: str) -> dict[str, str]:
+        row = self.rows[sequence]
+        pattern = row[column] if row["videos"] else ""
+        filmed = self.filmed(sequence) if pattern else []
+        return {camera: self.in_data(pattern.format(camera=camera).rstrip("/")) for camera in filmed}
+
+    def filmed(self, sequence: str) -> list[str]:
+        """Cameras of a sequence that are in no bag: those without a topic, or all where it has no bags."""
+        cameras = self.camera_files[self.session_of(sequence)]
+        return [name for name, camera in cameras.items() if not camera["topic"] or not bags_of(self.rows[sequence])]
+
+    def topics(self, sequence: str) -> dict[str, str]:
+        """By camera the topic of its pictures, or the stream of its video (dior/ingest/videos.py)."""
+        cameras, filmed = self.camera_files[self.session_of(sequence)], self.filmed(sequence)
+        return {name: stream_of(camera) if name in filmed else camera["topic"] for name, camera in cameras.items()}
+
+    def video_rates(self, sequence: str) -> dict[str, str]:
+        """Pictures per second by camera, where they are given for its videos."""
+        cameras = self.camera_files[self.session_of(sequence)]
+        return {
+            name: str(cameras[name]["video"]["fps"])
+            for name in self.filmed(sequence)
+            if "fps" in cameras[name]["video"]
+        }
+
+    def picture_files(self, sequence: str) -> list[str]:
+        """What the pictures of a sequence, and their stamps, are read from."""
+        of_cameras = [*self.videos(sequence).values(), *self.sidecars(sequence).values()]
+        return list(dict.fromkeys([*self.bags(sequence), *of_cameras]))
+
     def mocap(self, sequence: str) -> list[str]:
         return self._optional(sequence, "mocap")
 
@@ -294,8 +332,11 @@ class Project:
         return self.in_data(pattern) if pattern else ""
 
     def recordings(self, sequence: str) -> dict[str, str]:
-        """Paths of a sequence's recordings by what they are for: `bag_1`, `mocap`, `trigger_log`, `detections.cam1`."""
+        """Paths of a sequence's recordings by what they are for: `bag_1`, `video.cam1`, `stamps.cam1`, `mocap`,
+        `trigger_log`, `detections.cam1`."""
         found = {f"bag_{number}": path for number, path in enumerate(self.bags(sequence), start=1)}
+        found |= {f"video.{camera}": path for camera, path in self.videos(sequence).items()}
+        found |= {f"stamps.{camera}": path for camera, path in self.sidecars(sequence).items()}
         found.update(zip(("mocap",), self.mocap(sequence), strict=False))
         found.update(zip(("trigger_log",), self.trigger_log(sequence), strict=False))
         pattern = "" if self.detected_here(sequence) else self.detections_pattern(sequence)
@@ -378,6 +419,12 @@ class Project:
             what = "is a folder" if os.path.isdir(there) else "is a link to nothing, or no plain file"
             raise DiorError(f"{path}: {what}; put the file there, or remove it")
         return os.path.isfile(there)
+
+
+def stream_of(camera: dict[str, Any]) -> str:
+    """What the stream of a camera's video is called, from the content of its YAML."""
+    video = camera["video"]
+    return f"video{video['stream']}" + ("/stored" if video["frame"] == "stored" else "")
 
 
 def bags_of(row: Row) -> list[str]:

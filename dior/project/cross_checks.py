@@ -20,6 +20,8 @@ NO_PART_OF_A_PATH = re.compile(r"[{}\x00-\x1f\x7f]")
 FOLDERS = ("boxes", "checks", "heads", "offsets", "people", "sessions")
 # chosen: a letter or two too few or too many in a name; a lab's own `boxes_old` or `notes` is less alike
 A_SLIP = 0.8
+# columns in which {camera} stands for the camera's name
+PATTERNS = ("videos", "stamps", "detections")
 TABLES_AND_YAML = (".csv", ".tsv", ".yaml", ".yml")
 # chosen: what a tape measure resolves; two cameras are farther apart
 SAME_PLACE_M = 0.01
@@ -129,6 +131,11 @@ def check_camera(camera: dict[str, Any], shown: str) -> None:
     _check_intrinsics(camera, shown)
     for key in ("topic", "camera_info"):
         _check_begin(camera.get(key, ""), f"{shown}: '{key}'", "/")
+    if not camera["topic"] and camera["intrinsics"] == "camera_info":
+        raise DiorError(
+            f"{shown}: 'intrinsics' is camera_info, which bags have and videos have not; give a file or a board, or, "
+            "for a camera that is in bags, its 'topic'"
+        )
     if "reference" in camera:
         _check_path(camera["reference"]["file"], f"{shown}: 'reference.file'")
     locate = camera["locate"]
@@ -233,9 +240,9 @@ def _check_references(project: Project, row: Row, people: Rows, where: str) -> N
         )
     if project.detected_here(name):
         _check_detector(project, f"{where}: sequence '{name}' has 'detections: detect'")
-    for column in ("bags", "mocap", "detections", "trigger_log", "truth"):
+    for column in ("bags", "videos", "stamps", "mocap", "detections", "trigger_log", "truth"):
         for path in row[column].split(";"):
-            _check_path(path.replace("{camera}", "") if column == "detections" else path, f"{where}: {column}")
+            _check_path(path.replace("{camera}", "") if column in PATTERNS else path, f"{where}: {column}")
             if os.path.isabs(path.strip()):
                 raise DiorError(f"{where}: {column} '{path.strip()}' must be relative to data_root")
     _check_begin(project.capture(name), f"{where}: the capture behind # in trigger_log", "")
@@ -352,7 +359,11 @@ def _check_distinct(project: Project, session: str) -> None:
             a, b = project.cameras(session)[first], project.cameras(session)[second]
             where = f"config/sessions/{session}: cameras '{first}' and '{second}'"
             measured = [camera["tape"]["position_m"] for camera in (a, b) if "tape" in camera]
-            if a["topic"] == b["topic"] and not ({"bag"} <= a.keys() & b.keys() and a["bag"] != b["bag"]):
+            if (
+                a["topic"]
+                and a["topic"] == b["topic"]
+                and not ({"bag"} <= a.keys() & b.keys() and a["bag"] != b["bag"])
+            ):
                 raise DiorError(
                     f"{where} have the same topic '{a['topic']}'; where they have it in different bags, give `bag` of "
                     "each, what the names of its bags hold"
@@ -368,8 +379,40 @@ def _check_distinct(project: Project, session: str) -> None:
                 raise DiorError(f"{where} take the same pose '{a['reference']['name']}' (reference.name)")
 
 
+def _check_videos(project: Project, row: Row, where: str) -> None:
+    """Every camera is in a bag or has a video of its own."""
+    name, session = row["sequence"], row["session"]
+    if not project.bags(name) and not row["videos"]:
+        raise DiorError(f"{where}: sequence '{name}' has no bags and no videos; name what its cameras recorded")
+    filmed = project.filmed(name)
+    if filmed and not row["videos"]:
+        shown = project.camera_file(session, filmed[0])
+        raise DiorError(
+            f"{where}: sequence '{name}' has no videos, and {shown} has no topic of its bags; give `videos` here, or "
+            "`topic` there"
+        )
+    if row["videos"] and not filmed:
+        raise DiorError(
+            f"{where}: sequence '{name}' has bags and videos, and every camera of session '{session}' has a topic, by "
+            f"which it is in the bags; delete the topic of those in videos ({project.camera_file(session, '<camera>')})"
+        )
+    if row["stamps"] and not row["videos"]:
+        raise DiorError(f"{where}: sequence '{name}' has stamps of videos, but no videos; bags have stamps themselves")
+    owner: dict[tuple[str, str], str] = {}
+    topics = project.topics(name)
+    for camera, path in project.videos(name).items():
+        stream = path, topics[camera].partition("/")[0]
+        if stream in owner:
+            raise DiorError(
+                f"{where}: cameras '{owner[stream]}' and '{camera}' of sequence '{name}' are the same {stream[1]} of "
+                f"{path}; write {{camera}} into `videos`, or give their `video: {{stream: ...}}`"
+            )
+        owner[stream] = camera
+
+
 def _check_sequence(project: Project, row: Row, where: str) -> None:
     name, session = row["sequence"], row["session"]
+    _check_videos(project, row, where)
     if row["environment"] == "indoor" and not row["mocap"]:
         raise DiorError(f"{where}: sequence '{name}' is indoor but has no mocap (the C3D file)")
     if row["environment"] == "indoor":

@@ -278,7 +278,8 @@ def _by_people(root: Path, known: Known) -> list[str]:
     data = Path(read_yaml(root / "config/config.yaml").get("data_root", "data"))
     recordings = set()
     for row in known.withheld.values():
-        files = [*bags_of(row), row["mocap"], row["detections"].partition("{")[0], row["trigger_log"].partition("#")[0]]
+        patterns = (row[column].partition("{")[0] for column in ("detections", "videos", "stamps"))
+        files = [*bags_of(row), row["mocap"], *patterns, row["trigger_log"].partition("#")[0]]
         recordings |= {str(data / path) for path in files if path and path != "detect"}
     if (root / GALLERY).is_file():
         rows, _ = read_sheet(root / GALLERY, "gallery", ("subject", "outfit", "angle"), GALLERY)

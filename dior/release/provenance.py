@@ -1,7 +1,8 @@
 """What a walk was recorded as: the checksums of its recordings, so that a release can say what it was made from.
 
-INPUTS   the recordings of a sequence: bags, C3D, trigger log, detections; files, or folders of files
-OUTPUT   results/provenance/<sequence>.json: SHA-256 and size by what each is for (`bag_1`, `mocap`, `detections.cam01`)
+INPUTS   the recordings of a sequence: bags, videos, C3D, trigger log, detections; files, or folders of files
+OUTPUT   results/provenance/<sequence>.json: SHA-256 and size by what each is for (`bag_1`, `video.cam01`, `mocap`,
+         `detections.cam01`)
 
 A file's name may tell a machine, a person or a date, so none is kept. The recordings are read once, when a sequence is
 released for the first time, and not again because another is added.

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from dior.arrays import Floats, Table
+from dior.ingest import video_starts
 from dior.report.numbers import count, show
 from dior.tables import tables
 
@@ -42,10 +43,12 @@ def read(audits: list[Path], dropped: list[Path], frames: list[Path]) -> dict[st
 def _recorded(sequence: str, audit: Path, dropped: Path, frames: Path) -> SequenceStamps:
     table = tables.read(frames, "frames", ["camera", "stamp_ns", "receive_ns"])
     start = table["stamp_ns"].min()
-    lags = {}
+    lags, films = {}, video_starts.told(frames)
     for camera in tables.ordered_unique(table["camera"]):
         own = tables.of_camera(table, camera)
-        lag = (own["receive_ns"] - own["stamp_ns"]) / 1e6
+        # a video's pictures were received as they were taken
+        received = own["stamp_ns" if camera in films else "receive_ns"]
+        lag = (received - own["stamp_ns"]) / 1e6
         lags[camera] = (own["stamp_ns"] - start) / 1e9, lag - np.median(lag)
     lost = tables.read(dropped, "dropped_frames")
     reasons: dict[str, dict[str, list[float]]] = {}

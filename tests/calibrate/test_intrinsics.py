@@ -236,6 +236,21 @@ def test_refused_toml(tmp_path, old, new, name, text):
         run(tmp_path, source="calib.toml", name=name)
 
 
+def test_intrinsics_of_the_other_frame_of_a_turned_video_are_refused_by_name(tmp_path):
+    (tmp_path / "calib.toml").write_text(TOML)
+    of = {"source": "calib.toml", "name": "cam_01"}
+    with pytest.raises(
+        DiorError, match=r"480x640 as shown .* write `video: \{frame: stored\}` into sessions/lab/cam01"
+    ):
+        run(tmp_path, topic="video0", size=(480, 640), **of)
+    with pytest.raises(DiorError, match=r"480x640 as stored .* `video: \{frame: shown\}`"):
+        run(tmp_path, topic="video0/stored", size=(480, 640), **of)
+    with pytest.raises(DiorError, match="the pictures are 480x641 but the intrinsics are for 640x480"):
+        run(tmp_path, topic="video0", size=(480, 641), **of)
+    with pytest.raises(DiorError, match=r"'intrinsics' is camera_info, which a\.bag has not"):
+        run(tmp_path, topic="video0")
+
+
 def test_toml_that_is_not_there(tmp_path):
     with pytest.raises(DiorError, match=r"gone\.toml: there is no such file"):
         run(tmp_path, source="gone.toml", name="cam_01")

@@ -41,10 +41,10 @@ def turned(cameras, degrees, metres, seed=0):
     return out
 
 
-def found(cameras, rays, held):
+def found(cameras, rays, held, **how):
     count = len(cameras)
     return ray_lags.coarse(
-        cameras, rays, held, (0.0, 6.5), np.full(count, np.radians(ray_lags.AIM_DEG)), np.full(count, 0.1)
+        cameras, rays, held, (0.0, 6.5), np.full(count, np.radians(ray_lags.AIM_DEG)), np.full(count, 0.1), **how
     )
 
 
@@ -58,6 +58,13 @@ def test_lags_are_found_with_poor_poses_and_exchanged_sides(walk):
 def test_four_cameras_are_told_together():
     cameras, apart = turned(ring(4), 3.0, 0.05), np.array([0.0, 1.21, -0.9, 1.6])
     got = found(cameras, seen(cameras, "across", apart), [True, False, False, False])
+    assert np.abs(got - apart).max() < 0.08
+
+
+@pytest.mark.parametrize("most_s", [3.0, 4.2426])
+def test_cameras_further_apart_are_found_where_they_are_looked_for(most_s):
+    cameras, apart = turned(ring(3), 3.0, 0.05), np.array([0.0, 2.6, -1.4])
+    got = found(cameras, seen(cameras, "across", apart), [True, False, False], most_s=most_s)
     assert np.abs(got - apart).max() < 0.08
 
 

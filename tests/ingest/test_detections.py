@@ -236,6 +236,20 @@ def test_a_detector_has_the_stamps_of_the_headers_also_where_they_were_restored(
         run(tmp_path, "cam01.jsonl", **early)
 
 
+def test_of_a_video_the_detectors_stamps_may_begin_elsewhere_but_not_go_on_otherwise(tmp_path):
+    film = {"topic": ["video0"] * 5}
+    write_lines(tmp_path / "cam01.jsonl", [line(i, stamp_ns=stamp(i) + 10**12) for i in range(4)])
+    run(tmp_path, "cam01.jsonl", **film)
+    with pytest.raises(DiorError, match="gives frame 0 the stamp"):
+        run(tmp_path, "cam01.jsonl")
+    write_lines(
+        tmp_path / "cam01.jsonl",
+        [line(i, stamp_ns=stamp(i) + 10**12) for i in (0, 1, 2)] + [line(4, stamp_ns=stamp(2))],
+    )
+    with pytest.raises(DiorError, match="gives frame 4 the stamp"):
+        run(tmp_path, "cam01.jsonl", **film)
+
+
 @pytest.mark.parametrize(
     "lines, text",
     [

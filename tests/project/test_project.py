@@ -140,7 +140,7 @@ def test_what_is_written_is_what_is_read(root):
     assert (p.offsets("in_1"), p.offsets("out_1")) == (["config/offsets/in_1.yaml"], [])
     assert p.truth("out_1") == [], "a column that the sheet lacks is empty"
     assert p.released_subjects == ("zebra-0001",) and p.released_sequences == ("out_1", "in_1")
-    assert set(p.sequence("out_1")) == {*SEQUENCES, "truth"}
+    assert set(p.sequence("out_1")) == {*SEQUENCES, "truth", "videos", "stamps"}
 
 
 def test_defaults_are_filled_in(root):
@@ -239,7 +239,7 @@ def test_config_errors(root, old, new, parts):
         ("sequences", "out_1/mlkit/{camera}.jsonl", "out_1/x.jsonl", ["line 3", "{camera}"]),
         ("sequences", "out_1/mlkit/{camera}.jsonl\t", "a/{camera}.jsonl\tlog", ["'out_1' is outdoor", "trigger_log"]),
         ("sequences", "in_1/trigger", "/in_1/trigger", ["trigger_log '/in_1/trigger.jsonl#walk 3' must be relative"]),
-        ("sequences", "in_1/a.bag", "", ["line 4: 'bags' is nothing"]),
+        ("sequences", "in_1/a.bag", "", ["line 4: sequence 'in_1' has no bags and no videos"]),
         ("sequences", "in_1/a.bag", "/disk/a.bag", ["line 4", "bags '/disk/a.bag' must be relative to data_root"]),
         ("sequences", "out_1\t9", "s01_out-1\t9", ["line 3", "'s01_out-1' holds that of subject 'S01'"]),
         ("sequences", "out_1\t9", "take-S02\t9", ["line 3", "'take-S02' holds that of subject 'S02'"]),

@@ -61,7 +61,7 @@ def tag_frames(wildcards):
 def tag_bags(wildcards):
     if setting("locate")(wildcards) != "apriltag":
         return []
-    return PROJECT.bags(tag_sequence(wildcards))
+    return PROJECT.picture_files(tag_sequence(wildcards))
 
 
 def tag(wildcards):
@@ -257,7 +257,9 @@ def aligned_marks(wildcards):
 def aligned_bags(wildcards):
     if not aligned_from(wildcards, "silhouettes"):
         return []
-    return [bag for sequence in aligned_sequences(wildcards) for bag in PROJECT.bags(sequence)]
+    return [
+        bag for sequence in aligned_sequences(wildcards) for bag in PROJECT.picture_files(sequence)
+    ]
 
 
 def aligned_close(wildcards):
@@ -369,7 +371,7 @@ def clocked_bags(wildcards):
     sequence = clocked_sequence(wildcards)
     if clocked_detections(wildcards) or not PROJECT.indoor(sequence):
         return []
-    return PROJECT.bags(sequence)
+    return PROJECT.picture_files(sequence)
 
 
 def marked_clocks(wildcards):
@@ -391,4 +393,4 @@ def followed_yaml(wildcards):
 
 def followed_bags(wildcards):
     """The pictures of a camera, where nobody drew boxes for it."""
-    return [] if own_boxes(wildcards) else PROJECT.bags(wildcards.sequence)
+    return [] if own_boxes(wildcards) else PROJECT.picture_files(wildcards.sequence)

@@ -28,13 +28,34 @@ def bags(wildcards):
     return PROJECT.bags(wildcards.sequence)
 
 
+def picture_files(wildcards):
+    """The bags and videos of a sequence, and the stamps of these."""
+    return PROJECT.picture_files(wildcards.sequence)
+
+
+def videos(wildcards):
+    return as_words(PROJECT.videos(wildcards.sequence))
+
+
+def sidecars(wildcards):
+    return as_words(PROJECT.sidecars(wildcards.sequence))
+
+
+def video_rates(wildcards):
+    return as_words(PROJECT.video_rates(wildcards.sequence))
+
+
+def as_words(found):
+    """A dict as a flag takes it."""
+    return [f"{key}={value}" for key, value in found.items()]
+
+
 def gallery_files(wildcards):
     return PROJECT.gallery_files()
 
 
 def topics(wildcards):
-    cameras = PROJECT.cameras(session_of(wildcards))
-    return [f"{name}={camera['topic']}" for name, camera in cameras.items()]
+    return as_words(PROJECT.topics(wildcards.sequence))
 
 
 def in_bags(wildcards):

@@ -262,7 +262,7 @@ def pictures_consent(wildcards):
 
 def released_bags(wildcards):
     """The recordings of a sequence whose pictures are released."""
-    return bags(wildcards) if PROJECT.pictures_released(wildcards.sequence) else []
+    return picture_files(wildcards) if PROJECT.pictures_released(wildcards.sequence) else []
 
 
 def earlier_heads(wildcards):

@@ -91,7 +91,7 @@ rule detectors:
 rule zoom:
     """Write the centre of a camera's pictures for a detector (only when asked for)."""
     input:
-        bags=simulated(bags),
+        bags=simulated(picture_files),
         frames="results/frames/{sequence}.parquet",
     output:
         out=directory("results/zoom/{sequence}.{camera}"),
@@ -102,7 +102,7 @@ rule zoom:
         "logs/zoom/{sequence}.{camera}.benchmark.tsv"
     params:
         data_root=data_root,
-        contents=contents_of(recorded(bags)),
+        contents=contents_of(recorded(picture_files)),
         code=code("evaluate.zoom"),
     shell:
         dior("zoom")

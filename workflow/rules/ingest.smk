@@ -1,6 +1,6 @@
 """Ingest: what was recorded, as tables.
 
-Required inputs: the bags, C3D files and detections named in config/sequences.tsv.
+Required inputs: the bags or videos, C3D files and detections named in config/sequences.tsv.
 Outputs: results/frames, results/audit, results/mocap, results/detect (where the sheet asks for it),
 results/detections, results/gallery (where there is a gallery.tsv).
 """
@@ -9,7 +9,7 @@ results/detections, results/gallery (where there is a gallery.tsv).
 rule frames:
     """Index the pictures of a sequence by stamp; the pixels stay in the bags."""
     input:
-        bags=simulated(bags),
+        bags=simulated(picture_files),
     output:
         out="results/frames/{sequence}.parquet",
     log:
@@ -21,8 +21,11 @@ rule frames:
         topics=topics,
         in_bags=in_bags,
         by_hand=untracked(clocked_by_hand),
+        videos=untracked(videos),
+        sidecars=untracked(sidecars),
+        rates=video_rates,
         data_root=data_root,
-        contents=contents_of(recorded(bags)),
+        contents=contents_of(recorded(picture_files)),
         code=code("ingest.frames"),
     shell:
         dior("frames")
@@ -31,7 +34,7 @@ rule frames:
 rule audit:
     """Audit the stamps of a sequence: what is late, lost, repeated, black or out of order."""
     input:
-        bags=simulated(bags),
+        bags=simulated(picture_files),
         frames="results/frames/{sequence}.parquet",
     output:
         out="results/audit/{sequence}.parquet",
@@ -43,7 +46,7 @@ rule audit:
         "logs/audit/{sequence}.benchmark.tsv"
     params:
         data_root=data_root,
-        contents=contents_of(recorded(bags)),
+        contents=contents_of(recorded(picture_files)),
         code=code("ingest.audit"),
     shell:
         dior("audit")
@@ -82,7 +85,7 @@ rule detect:
     """Run the project's pose network on the pictures of a close camera."""
     input:
         model=detector_model,
-        bags=simulated(bags),
+        bags=simulated(picture_files),
         frames="results/frames/{sequence}.parquet",
     output:
         out="results/detect/{sequence}.{camera}.json",
@@ -93,7 +96,7 @@ rule detect:
     params:
         crop=CONFIG["detector"]["crop"],
         data_root=data_root,
-        contents=contents_of(detector_model, recorded(bags)),
+        contents=contents_of(detector_model, recorded(picture_files)),
         code=code("ingest.detect"),
     shell:
         dior("detect")
@@ -103,7 +106,7 @@ rule detections:
     """Read the 2D detections of a sequence, follow the subject in them and compare them with the pictures."""
     input:
         files=detection_files,
-        bags=simulated(bags),
+        bags=simulated(picture_files),
         frames="results/frames/{sequence}.parquet",
     output:
         out="results/detections/{sequence}.parquet",
@@ -120,7 +123,7 @@ rule detections:
         first_frame=detection_first_frame,
         data_root=data_root,
         looked_at=detections_checked,
-        contents=contents_of(brought_detections, recorded(bags)),
+        contents=contents_of(brought_detections, recorded(picture_files)),
         code=code("ingest.detections"),
     shell:
         dior("detections")

@@ -8,7 +8,7 @@ Outputs: results/report/index.html with its assets beside it; it opens from disk
 rule overlays:
     """Draw the labels of one camera on a few of its pictures."""
     input:
-        bags=simulated(bags),
+        bags=simulated(picture_files),
         frames="results/frames/{sequence}.parquet",
         labels=own_label,
         detections=own_detections,
@@ -28,7 +28,7 @@ rule overlays:
         roles=own_role,
         per_camera=CONFIG["report"]["overlay_frames"],
         min_score=CONFIG["detector"]["min_score"],
-        contents=contents_of(own_boxes, recorded(bags)),
+        contents=contents_of(own_boxes, recorded(picture_files)),
         code=code("report.overlays"),
     shell:
         dior("overlays")
@@ -37,7 +37,7 @@ rule overlays:
 rule clip:
     """Film the labels of all cameras of a sequence side by side."""
     input:
-        bags=simulated(bags),
+        bags=simulated(picture_files),
         frames="results/frames/{sequence}.parquet",
         clocks=all_clocks,
         timeline="results/timeline/{sequence}.parquet",
@@ -53,7 +53,7 @@ rule clip:
         data_root=data_root,
         roles=roles,
         seconds=CONFIG["report"]["clip_seconds"],
-        contents=contents_of(recorded(bags)),
+        contents=contents_of(recorded(picture_files)),
         code=code("report.clip"),
     shell:
         dior("clip")

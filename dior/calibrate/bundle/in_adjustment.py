@@ -94,7 +94,8 @@ class Sequences:
                 for v, (camera, own) in enumerate(zip(cameras, found.seen, strict=True))
             ]
             grid = self.grid(i, MOST_S)
-            values[i, :, 0] += ray_lags.coarse(cameras, rays, self.held[i], (grid[0], grid[-1]), aim_rad, shift_m)
+            most_s, span = max(own.most_s for own in found.seen), (grid[0], grid[-1])
+            values[i, :, 0] += ray_lags.coarse(cameras, rays, self.held[i], span, aim_rad, shift_m, most_s)
         return values
 
     def times(self, i: int, view: int, value: Floats) -> Floats:

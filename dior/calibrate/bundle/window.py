@@ -16,6 +16,7 @@ from dior.calibrate.bundle import facts
 from dior.calibrate.bundle.uncertainty import Tracks
 from dior.calibrate.clock import from_cameras
 from dior.calibrate.marks import marks as hand_marks
+from dior.clocks import lag
 from dior.clocks.axis import camera_seconds, rates, start_ns
 from dior.errors import DiorError
 from dior.geometry.camera import Camera
@@ -51,16 +52,23 @@ class Recorded:
 
 
 def recorded(
-    cameras: Sequence[Camera], detections: Table, frames: Table, min_score: float, max_gap: float, where: str
+    cameras: Sequence[Camera],
+    detections: Table,
+    frames: Table,
+    min_score: float,
+    max_gap: float,
+    where: str,
+    most_s: float = lag.WINDOW_S,
 ) -> Recorded:
-    """`Recorded` of one sequence: the pixels with a score above `min_score`; `max_gap` in nominal frame periods."""
+    """`Recorded` of one sequence: the pixels with a score above `min_score`; `max_gap` in nominal frame periods,
+    `most_s` how far the clocks may be off."""
     t0 = start_ns(frames)
     own, fps = rates(frames, [camera.name for camera in cameras])
     seen = []
     for camera in cameras:
         times = camera_seconds(frames, camera.name, t0, (0.0, 0.0))
         uv, joints = confident(detections, camera.name, len(times), min_score, where)
-        seen.append(from_cameras.TimedDetections(times, uv, max_gap / own[camera.name]))
+        seen.append(from_cameras.TimedDetections(times, uv, max_gap / own[camera.name], most_s))
     return Recorded(tuple(seen), tuple(joints), fps)
 
 

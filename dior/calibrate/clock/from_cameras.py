@@ -45,11 +45,13 @@ TIMED = {"nose", "neck", "mid_hip"} | {
 
 @dataclass(frozen=True, eq=False)
 class TimedDetections:
-    """What a camera has: `elapsed` (F,) s after t0, `uv` (F, J, 2) px with NaN, `max_gap_s` of its pictures."""
+    """What a camera has: `elapsed` (F,) s after t0, `uv` (F, J, 2) px with NaN, `max_gap_s` of its pictures; how far
+    (s) its clock may be off those of the others, `most_s`."""
 
     elapsed: Floats
     uv: Floats
     max_gap_s: float
+    most_s: float = lag.WINDOW_S
 
     def at(self, grid: Floats, value: Floats, middle: float) -> Floats:
         """Detections (T, J, 2) at moments `grid` (T,) s, by a clock (time in the middle s, drift ppm)."""
@@ -81,7 +83,7 @@ def from_detections(
     timed = [i for i, name in enumerate(names) if name in TIMED] or list(range(len(names)))
     names, seen = [names[i] for i in timed], [replace(s, uv=s.uv[:, timed]) for s in seen]
     rays = [cam.undistort(c.intrinsics, s.at(grid, np.zeros(2), middle)) for c, s in zip(cameras, seen, strict=True)]
-    found = search(cameras, rays, fps)
+    found = search(cameras, rays, fps, max(s.most_s for s in seen))
     why = {name: reason for name, (_, _, reason) in found.items()}
     known = [c for c in cameras if not why.get(c.name)]
     clocks = {cameras[0].name: Clock(0.0, source="reference", given=(0.0, 0.0), middle_s=middle)}
@@ -108,14 +110,17 @@ def from_detections(
     }
 
 
-def search(cameras: Sequence[Camera], rays: Sequence[Floats], fps: float) -> dict[str, tuple[Floats, Floats, str]]:
-    """By camera but the first: lags (L,) s, costs (L,) px of epipolar distance, the reason against it or "".
+def search(
+    cameras: Sequence[Camera], rays: Sequence[Floats], fps: float, most_s: float = lag.WINDOW_S
+) -> dict[str, tuple[Floats, Floats, str]]:
+    """By camera but the first: lags (L,) s up to `most_s`, costs (L,) px of epipolar distance, the reason against it or
+    "".
 
     `rays` (V) of (T, J, 2) ideal coordinates at moments 1/fps apart. A camera's cost at a lag is that of its pairs,
     and of what the lags of the other cameras then make worse among themselves: two cameras on a stride from each other
     may fit, but hardly with a third one.
     """
-    most = round(lag.WINDOW_S * fps)
+    most = round(most_s * fps)
     count = len(cameras)
     costs = {}
     for a, b in combinations(range(count), 2):
@@ -124,7 +129,7 @@ def search(cameras: Sequence[Camera], rays: Sequence[Floats], fps: float) -> dic
         if np.isfinite(curve).any():
             # where too little overlaps nothing is said for the lag
             costs[a, b] = np.nan_to_num(curve, nan=np.nanmax(curve))
-    at, lags, out = lag.together(costs, np.arange(count) == 0, most), lag.window(fps), {}
+    at, lags, out = lag.together(costs, np.arange(count) == 0, most), lag.window(fps, most_s), {}
     for view in range(1, count):
         curve = np.full(len(lags), np.nan)
         own = [pair for pair in costs if view in pair]

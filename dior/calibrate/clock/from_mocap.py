@@ -60,12 +60,15 @@ def walker_of(t: Floats, xyz: Floats, markers: Sequence[str], wanted: Sequence[s
     )
 
 
-def from_detections(camera: Camera, motion: WalkerJoints, uv: Floats, elapsed: Floats) -> Estimate:
+def from_detections(
+    camera: Camera, motion: WalkerJoints, uv: Floats, elapsed: Floats, most_s: float = lag.WINDOW_S
+) -> Estimate:
     """`Clock`, lags (L,) s and costs (L,) px of the lag; the reason where it is not known (the clock is zero then).
 
-    `uv` (F, J, 2) of `motion.names`, NaN where not seen; `elapsed` (F,) s after t0, ascending.
+    `uv` (F, J, 2) of `motion.names`, NaN where not seen; `elapsed` (F,) s after t0, ascending;
+    `most_s`: how far off the clock may be.
     """
-    lags, costs = search(camera, motion, uv, elapsed)
+    lags, costs = search(camera, motion, uv, elapsed, most_s)
     if not np.isfinite(costs).any():
         return Clock(0.0), lags, costs, "no joint is both detected and known from the markers"
     best_s = lag.lowest(lags, costs)
@@ -82,9 +85,12 @@ def from_detections(camera: Camera, motion: WalkerJoints, uv: Floats, elapsed: F
     return fit.clock_of(value, middle, solved, [camera.name]), lags, costs, why
 
 
-def search(camera: Camera, motion: WalkerJoints, uv: Floats, elapsed: Floats) -> tuple[Floats, Floats]:
-    """Lags (L,) s and the mean distance (L,) px of detections from the projected joints, each no more than 0.3 m."""
-    lags = lag.window(STEPS_HZ)
+def search(
+    camera: Camera, motion: WalkerJoints, uv: Floats, elapsed: Floats, most_s: float = lag.WINDOW_S
+) -> tuple[Floats, Floats]:
+    """Lags (L,) s up to `most_s` and the mean distance (L,) px of detections from the projected joints, each no more
+    than 0.3 m."""
+    lags = lag.window(STEPS_HZ, most_s)
     at = np.unique(np.linspace(0, len(elapsed) - 1, min(SEARCHED, len(elapsed))).round().astype(int))
     where = bracket(motion.t, (elapsed[at] + lags[:, None]).ravel(), 2.5 * np.median(np.diff(motion.t)))
     px, depth = cam.project(camera, motion.points)

@@ -28,6 +28,7 @@ from dior.arrays import AnyPath, Floats
 from dior.errors import DiorError, nearest
 from dior.geometry.camera import Intrinsics
 from dior.ingest import bags as rosbag
+from dior.ingest.containers import is_video
 from dior.progress import reporting
 
 SUFFIXES = (".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff")
@@ -116,10 +117,12 @@ def from_board(
 
 
 def pictures(path: Path, topic: str, where: str) -> Iterator[tuple[str, Picture]]:
-    """Yield (name, grey picture uint8 (height, width)) of a folder, by name, or of a bag's `topic`, by stamp.
+    """Yield (name, grey picture uint8 (height, width)) of a folder, by name, of a video or a bag's `topic`, by stamp.
 
-    Of a bag at most 120 pictures are looked at, evenly spread.
+    Of a bag or video at most 120 pictures are looked at, evenly spread.
     """
+    if not topic and is_video(path):
+        topic = "video0"
     if topic:
         yield from _of_bag(path, topic)
         return

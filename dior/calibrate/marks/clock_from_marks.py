@@ -29,7 +29,7 @@ from dior.errors import DiorError
 from dior.geometry import covariance
 from dior.geometry.camera import Camera, project
 
-LAGS_S = lag.window(50.0)  # a foot that swings moves 10 cm in a step of these, within what RANSAC takes for agreement
+LAGS_HZ = 50.0  # a foot that swings moves 10 cm in a step of these, within what RANSAC takes for agreement
 STAMP_SD_S = 0.0005  # chosen: of a header stamp, which all marks of a frame share; what cameras' drivers jitter by
 CANDIDATES = 8  # chosen: minima that are refined; a window of 4 s has about as many steps
 UNCERTAIN_S = 0.010  # chosen: half a 95 % interval from which on more marks are asked for, 1.2 cm of walking
@@ -40,7 +40,8 @@ class Places:
     """Where N marks are in the world, at any offsets of the `names`d sequences whose clocks are to be found.
 
     `xyz` (N, 3) m of marks that stay, NaN for the others; of those `clock` (N,) index of the sequence, else -1; `t`
-    (N,) s after the mocap's start by the camera's clock, `joint` (N,) index in `motions[clock]`.
+    (N,) s after the mocap's start by the camera's clock, `joint` (N,) index in `motions[clock]`; `most_s`:
+    how far off the clocks may be.
     """
 
     xyz: Floats
@@ -49,6 +50,7 @@ class Places:
     joint: Ints
     motions: tuple[hand_marks.Motion, ...]
     names: tuple[str, ...]
+    most_s: float = lag.WINDOW_S
 
     def at(self, offsets: Floats) -> tuple[Floats, Floats]:
         """Points (..., N, 3) m and velocities (..., N, 3) m/s at `offsets` (..., S); NaN where a marker is missing."""
@@ -63,7 +65,8 @@ class Places:
         return xyz, velocity
 
     def only(self, keep: Bools) -> Places:
-        return Places(self.xyz[keep], self.clock[keep], self.t[keep], self.joint[keep], self.motions, self.names)
+        part = self.xyz[keep], self.clock[keep], self.t[keep], self.joint[keep]
+        return Places(*part, self.motions, self.names, self.most_s)
 
 
 def _linear(motion: hand_marks.Motion, joint: Ints, t: Floats) -> tuple[Floats, Floats]:
@@ -77,7 +80,11 @@ def _linear(motion: hand_marks.Motion, joint: Ints, t: Floats) -> tuple[Floats, 
 
 
 def places(
-    marks: hand_marks.Marks, t: Floats, motions: Mapping[str, hand_marks.Motion], fixed: Mapping[str, ClockValues]
+    marks: hand_marks.Marks,
+    t: Floats,
+    motions: Mapping[str, hand_marks.Motion],
+    fixed: Mapping[str, ClockValues],
+    most_s: float = lag.WINDOW_S,
 ) -> Places:
     """`Places` of marks (N) whose sequences are free unless in `fixed`: sequence -> (offset_s, drift_ppm, ...).
 
@@ -97,7 +104,7 @@ def places(
         offset_s, drift_ppm = fixed[marks.sequence[i]][:2]
         at = t[i : i + 1] * (1 + 1e-6 * drift_ppm) + offset_s
         xyz[i] = _linear(motion, joint[i : i + 1], at)[0][0]
-    return Places(xyz, clock, t, joint, tuple(motions[s] for s in names), names)
+    return Places(xyz, clock, t, joint, tuple(motions[s] for s in names), names, most_s)
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +129,7 @@ def search(
     The first sequence is searched together with the pose, the next ones with the pose known, each refined with all
     before it. Raises DiorError where several offsets of a sequence fit and 0 is none of them.
     """
-    count = len(where_marked.names)
+    count, lags = len(where_marked.names), lag.window(LAGS_HZ, where_marked.most_s)
     offsets, why, profile, start = np.full(count, np.nan), [""] * count, {}, None
     fixed = where_marked.clock < 0
     settled = fixed & np.isfinite(where_marked.xyz).all(axis=1)
@@ -136,16 +143,16 @@ def search(
             continue
         use = settled | own
         part, seen = where_marked.only(use), uv[use]
-        tried = np.tile(np.nan_to_num(offsets), (len(LAGS_S), 1))
-        tried[:, s] = LAGS_S
+        tried = np.tile(np.nan_to_num(offsets), (len(lags), 1))
+        tried[:, s] = lags
         xyz = part.at(tried)[0]
         poses, cost = pose_grid.grid(camera.intrinsics, xyz, seen, ransac_px, start)
         # an offset at which there is no mocap fits nothing
         there = np.isfinite(xyz[:, part.clock == s]).all(axis=2)
         cost = np.where(there.mean(axis=1) < pose_grid.SHARE_OF_CONSENSUS, np.inf, cost)
-        profile[name] = LAGS_S, np.sqrt(cost / use.sum())
+        profile[name] = lags, np.sqrt(cost / use.sum())
         ends, lost = _refined(camera, part, seen, np.nan_to_num(offsets), s, poses, cost, ransac_px)
-        why[s] = _doubts(ends, lost, cost, use.sum(), f"{where}, {name}", s)
+        why[s] = _doubts(ends, lost, lags, cost, use.sum(), f"{where}, {name}", s)
         if why[s]:
             continue
         start, offsets = (
@@ -185,9 +192,9 @@ def _refined(
     ends, lost = [], []
     for k in lowest[np.argsort(cost[lowest], kind="stable")][:CANDIDATES]:
         tried = offsets.copy()
-        tried[s] = LAGS_S[k]
+        tried[s] = lag.window(LAGS_HZ, part.most_s)[k]
         end = _end(camera.at(poses[k]), part, uv, tried, s, limit_px)
-        if end is None or np.abs(end.offsets[s]) > lag.WINDOW_S:
+        if end is None or np.abs(end.offsets[s]) > part.most_s:
             continue
         xyz = part.only(end.inlier).at(end.offsets)[0]
         cannot = pnp.impossible(end.camera, xyz[np.isfinite(xyz).all(axis=1)])
@@ -276,7 +283,7 @@ def jacobian(camera: Camera, part: Places, offsets: Floats) -> Floats:
     return np.concatenate([by_camera, by_offset], axis=2).reshape(-1, 6 + len(offsets))
 
 
-def _doubts(ends: list[End], lost: tuple[str, ...], cost: Floats, marks: int, where: str, s: int) -> str:
+def _doubts(ends: list[End], lost: tuple[str, ...], lags: Floats, cost: Floats, marks: int, where: str, s: int) -> str:
     """Why the best of the ends is no answer for sequence `s`, or "". Raises DiorError where 0 is none either.
 
     `lost`: where ends put the camera that cannot stand there.
@@ -287,18 +294,18 @@ def _doubts(ends: list[End], lost: tuple[str, ...], cost: Floats, marks: int, wh
             "the mocap's Z up and its floor at 0?"
         )
     if not ends:
-        return f"no offset within {lag.WINDOW_S:g} s brings half of its marks to where they are"
+        return f"no offset within {lags[-1]:g} s brings half of its marks to where they are"
     best = ends[0]
     variance = _variance(best, marks)
     chi2 = (cost - best.cost) / variance
     refined = [end.offsets[s] for end in ends[1:] if end.cost - best.cost < lag.CLEARLY * variance]
-    others = np.sort([*lag.rivals(LAGS_S, chi2, best.offsets[s]), *refined])
+    others = np.sort([*lag.rivals(lags, chi2, best.offsets[s]), *refined])
     others = others[np.abs(others - best.offsets[s]) > lag.APART_S]
     if not len(others):
         return ""
     # one end of a valley stands for it
     named = ", ".join(f"{x:.2f} s" for x in others[np.diff(others, prepend=-np.inf) > lag.APART_S])
-    if chi2[np.argmin(np.abs(LAGS_S))] < lag.CLEARLY:
+    if chi2[np.argmin(np.abs(lags))] < lag.CLEARLY:
         return f"offsets of {best.offsets[s]:.2f} s and {named} fit as well"
     raise DiorError(
         f"{where}: offsets of {best.offsets[s]:.2f} s and {named} fit the marks equally well, as one stride and the "

@@ -53,7 +53,7 @@ DOUBTFUL = 12.0  # chosen: chi2 by which the reading that is taken is ahead of t
 OTHER_LABELS = 0.13
 LINE_PX = 1.0  # chosen: how well an occluder's line is known
 FEWEST = 8  # edges and coordinates of clicks: with fewer nothing is fitted
-LAGS_S = lag.window(10.0)  # chosen: of clocks; a start, from which the fit goes on
+LAGS_HZ = 10.0  # chosen: of clocks; a start, from which the fit goes on
 
 
 # of points by the errors of the close cameras (F, J, 3, 6V), or what gives it for points (F, J, 3)
@@ -206,7 +206,8 @@ class Reading:
             alone = Reading(self.start, held, self.seen.only(walk, late_s), self.hides)
             return alone.cost_of_search(where) + (late_s / self.freedom.clock_s[walk]) ** 2
 
-        return float(LAGS_S[np.argmin(lag.curve(cost, LAGS_S))])
+        lags = lag.window(LAGS_HZ, self.seen.most_s)
+        return float(lags[np.argmin(lag.curve(cost, lags))])
 
     def cost_of_search(self, where: str) -> float:
         """The cost after a few steps; what cannot be compared counts as much as what fits."""
@@ -227,7 +228,8 @@ class Reading:
             self.clocks[walk, 0] = late_s
             return self.cost(sd) + self._lost()
 
-        best = float(LAGS_S[np.argmin(lag.curve(cost, LAGS_S))])
+        lags = lag.window(LAGS_HZ, self.seen.most_s)
+        best = float(lags[np.argmin(lag.curve(cost, lags))])
         self.values = kept.copy()
         if abs(best - self.clocks[walk, 0]) <= lag.APART_S:
             return
@@ -373,7 +375,9 @@ class Reading:
         )
         low, high = _extremes(ours, np.all(np.isfinite(ours), axis=-1))
         height = np.nanmedian((high - low).max(axis=1))
-        return bool(np.nanmedian(np.linalg.norm(ours - theirs, axis=-1)) > OTHER_LABELS * height)
+        off = np.linalg.norm(ours - theirs, axis=-1)
+        # by another clock they may have no picture with 3D in common
+        return not np.isfinite(off).any() or bool(np.nanmedian(off) > OTHER_LABELS * height)
 
     def cost(self, sd_px: float) -> float:
         """Chi2 of the edges, no more than that of an outlier each, and of the priors; `sd_px` of an edge."""

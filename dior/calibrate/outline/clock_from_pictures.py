@@ -17,6 +17,7 @@ import numpy as np
 
 from dior.arrays import Floats, Ints, Table
 from dior.calibrate.outline import long_range_clock, seen_edges, silhouettes, tracks
+from dior.clocks import lag
 from dior.clocks.axis import seconds
 from dior.clocks.clock import Clock
 from dior.geometry import camera as cam
@@ -32,11 +33,17 @@ EMPTY_FROM = 60  # chosen: pictures whose median is the empty scene; bounds the 
 
 
 def from_pictures(
-    camera: Camera, mocap_table: Table, frames_rows: Table, data_root: Path, where: str
+    camera: Camera,
+    mocap_table: Table,
+    frames_rows: Table,
+    data_root: Path,
+    where: str,
+    most_s: float = lag.WINDOW_S,
 ) -> tuple[Clock, Floats, Floats]:
     """`Clock`, the lags (s) and their costs (px).
 
-    `mocap_table`, `frames_rows`: dicts of arrays, tables `skeletons_3d` of the sequence and `frames` of the camera.
+    `mocap_table`, `frames_rows`: dicts of arrays, tables `skeletons_3d` of the sequence and `frames` of the camera;
+    `most_s`: how far off the clock may be.
     Where the pictures cannot tell, the clock is `assumed_zero`. Raises DiorError (naming `where`) for pictures of
     another size than the intrinsics.
     """
@@ -51,8 +58,8 @@ def from_pictures(
     for row, picture in read_pictures(rows(frames_rows, shown), data_root):
         small[row] = shrunk(picture, factor)
     edges = edges_of(small, factor, *stance(camera, track))
-    found = from_edges(camera, track, flesh_m, seconds(frames_rows["stamp_ns"][shown], t0_ns), edges)
-    return found.clock, long_range_clock.LAGS_S, found.costs_px
+    found = from_edges(camera, track, flesh_m, seconds(frames_rows["stamp_ns"][shown], t0_ns), edges, most_s)
+    return found.clock, long_range_clock.lags_of(found.costs_px), found.costs_px
 
 
 def body(mocap_table: Table) -> tuple[tracks.BodyTrack, int, Floats]:
@@ -114,13 +121,18 @@ def edges_of(small: Sequence[silhouettes.Picture], factor: int, tall: float, sta
 
 
 def from_edges(
-    camera: Camera, track: tracks.BodyTrack, flesh_m: Floats, moments: Floats, edges: Floats
+    camera: Camera,
+    track: tracks.BodyTrack,
+    flesh_m: Floats,
+    moments: Floats,
+    edges: Floats,
+    most_s: float = lag.WINDOW_S,
 ) -> long_range_clock.ClockFromEdges:
     """`long_range_clock.ClockFromEdges` from edges (F, 4) px of pictures taken at `moments` (F,) s by the stamps."""
     points = track.at(moments)
     nothing = np.full((*points.shape[:2], 2), np.nan)
     seen = seen_edges.EdgeObservations(
-        points, edges, nothing, moments, np.zeros(len(moments), int), BIAS_M, flesh_m, (track,)
+        points, edges, nothing, moments, np.zeros(len(moments), int), BIAS_M, flesh_m, (track,), most_s=most_s
     )
     scale = camera.intrinsics.fx / 760
     margin = MARGIN_PX * scale, MARGIN_SPLIT_PX * scale

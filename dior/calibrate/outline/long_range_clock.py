@@ -13,7 +13,7 @@ the covariance is a sandwich over blocks of time and over the edges of one side 
 are alike, and so are those of every step. World in metres, recorded pixels, times in s on the axis of the track.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -26,8 +26,9 @@ from dior.calibrate.outline.seen_edges import EdgeObservations, Freedom
 from dior.clocks import lag, persistence
 from dior.clocks.clock import DRIFT_SD_PPM, OFFSET_SD_S, Clock
 from dior.geometry.camera import Camera
+from dior.ingest.video_starts import MOST_SIGMAS
 
-LAGS_S = lag.window(25.0)  # chosen: in 40 ms a walker's outline moves little; the fit does the rest
+LAGS_HZ = 25.0  # chosen: in 40 ms a walker's outline moves little; the fit does the rest
 NEAR_S = np.arange(-20, 21) / 100  # chosen: lags about the best whose likelihood is looked at, less than half a step
 MOST_HEIGHT = 0.15  # chosen: of the person's height, from which on an edge is an outlier in the search
 HALF_STEP_S = 0.04  # chosen: edges are differentiated over twice that, in which another joint may become the extreme
@@ -64,8 +65,8 @@ class Misfit:
 
 @dataclass(frozen=True, eq=False)
 class ClockFromEdges:
-    """The `clock`, the cost px of each of `LAGS_S`, the residual px before (no offset) and after, the number of edges
-    and why it was refused, or ""."""
+    """The `clock`, the cost px of each lag (`lags_of`), the residual px before (no offset) and after, the number of
+    edges and why it was refused, or ""."""
 
     clock: Clock
     costs_px: Floats
@@ -73,6 +74,11 @@ class ClockFromEdges:
     after_px: float
     count: int
     refused: str = ""
+
+
+def lags_of(costs: Sequence[float] | Floats) -> Floats:
+    """The lags (L,) s that have the costs (L,)."""
+    return lag.steps(len(costs) // 2) / LAGS_HZ if len(costs) else np.zeros(0)
 
 
 def estimate(
@@ -92,20 +98,21 @@ def estimate(
     time.
     """
     freedom = seen_edges.Freedom(
-        turn=(0, 0, 0), shift=(0, 0, 0), margin_px=margin[0], margin_split_px=margin[1], clock_s=(OFFSET_SD_S,),
-        drift_ppm=(DRIFT_SD_PPM,),
+        turn=(0, 0, 0), shift=(0, 0, 0), margin_px=margin[0], margin_split_px=margin[1],
+        clock_s=(max(OFFSET_SD_S, seen.most_s / MOST_SIGMAS),), drift_ppm=(DRIFT_SD_PPM,),
     )  # fmt: skip
     reading = boxes_fit.Reading(camera, freedom, seen, side)
     middle, count = seen.middle_s(0), int(np.isfinite(seen.edges).sum())
     zero = Clock(0.0, middle_s=middle)
     if count < FEWEST:
-        return ClockFromEdges(zero, np.full(len(LAGS_S), np.nan), np.nan, np.nan, count, f"only {count} edges")
+        untried = np.full(len(lag.window(LAGS_HZ, seen.most_s)), np.nan)
+        return ClockFromEdges(zero, untried, np.nan, np.nan, count, f"only {count} edges")
     limit = outlier_px(seen)
     costs = curve(reading, limit)
     if not np.isfinite(costs).any():
         return ClockFromEdges(zero, costs, np.nan, np.nan, count, "no picture shows the person")
     best = int(np.nanargmin(costs))
-    reading.clocks[0, 0] = LAGS_S[best]
+    reading.clocks[0, 0] = lags_of(costs)[best]
     given, gains, sd, speed = _refine(reading, camera, seen, makers)
     count = len(reading.rows().residual)
     given = np.hypot((max(given[0], width(reading, limit, sd)), given[1]), (trails_m / speed, 0.0))
@@ -120,7 +127,7 @@ def estimate(
         (float(given[0]), float(given[1])),
         gains,
     )
-    at_zero = int(np.argmin(np.abs(LAGS_S)))
+    at_zero = len(costs) // 2
     after = float(cost_at(reading, limit))
     why = _doubt(costs, given, offset, sd, count)
     if not np.isfinite(after):
@@ -131,7 +138,7 @@ def estimate(
 def best_lag(camera: Camera, freedom: Freedom, seen: EdgeObservations) -> float:
     """The lag s of the least cost with the camera as it is and nothing hidden; 0 where none can be compared."""
     costs = curve(boxes_fit.Reading(camera, freedom, seen, ""), outlier_px(seen))
-    return float(LAGS_S[np.nanargmin(costs)]) if np.isfinite(costs).any() else 0.0
+    return float(lags_of(costs)[np.nanargmin(costs)]) if np.isfinite(costs).any() else 0.0
 
 
 def outlier_px(seen: EdgeObservations) -> float:
@@ -141,14 +148,14 @@ def outlier_px(seen: EdgeObservations) -> float:
 
 
 def curve(reading: boxes_fit.Reading, limit_px: float) -> Floats:
-    """Robust rms px of the edges for each of `LAGS_S`, each side of the boxes about its own median."""
+    """Robust rms px of the edges for each lag, each side of the boxes about its own median."""
     kept = reading.values.copy()
 
     def cost(late_s: float) -> float:
         reading.clocks[0] = late_s, 0.0
         return cost_at(reading, limit_px)
 
-    costs = lag.curve(cost, LAGS_S)
+    costs = lag.curve(cost, lag.window(LAGS_HZ, reading.seen.most_s))
     reading.values = kept
     return costs
 
@@ -310,6 +317,7 @@ def _doubt(costs: Floats, given: Floats, offset: float, sd: float, count: int) -
     """Why the data cannot tell, or ""."""
     if not given[0] < MOST_SIGMA_S:
         return f"the motion leaves ± {1.96 * given[0]:.2f} s open"
-    if abs(offset) > LAGS_S[-1] - lag.APART_S / 2:
-        return f"the best lag is at the end of the ± {LAGS_S[-1]:g} s that were tried"
-    return lag.doubt(LAGS_S, lag.worse(costs, count, sd), offset, max(lag.APART_S, 3 * given[0]), CLEARLY)
+    lags = lags_of(costs)
+    if abs(offset) > lags[-1] - lag.APART_S / 2:
+        return f"the best lag is at the end of the ± {lags[-1]:g} s that were tried"
+    return lag.doubt(lags, lag.worse(costs, count, sd), offset, max(lag.APART_S, 3 * given[0]), CLEARLY)

@@ -12,6 +12,7 @@ import numpy as np
 
 from dior.arrays import Floats, Ints
 from dior.calibrate.outline.tracks import BodyTrack
+from dior.clocks import lag
 
 # chosen: 3D joints of real detectors are off by about 1 % of the body height (design, section 9), for as long as the
 # same side is seen, and the outline of a body goes around other points than theirs
@@ -51,7 +52,7 @@ class EdgeObservations:
     (J,): how far the outline that the edges are of lies outside of each joint, `outline_m`: standard error of that, 0
     where the edges are those of the joints. `tracks`: that of each walk, on whose time axis the `seconds` are where a
     clock is to be found; `points` are then those at these `seconds`. `bones` (B, 2): which points a limb joins, so that
-    an occluder may cut it; none where the edges are those of the joints.
+    an occluder may cut it; none where the edges are those of the joints. `most_s`: how far off the clocks may be.
     """
 
     points: Floats
@@ -64,6 +65,7 @@ class EdgeObservations:
     tracks: tuple[BodyTrack, ...] = ()
     outline_m: float = 0.0
     bones: Ints = field(default_factory=lambda: np.zeros((0, 2), int))
+    most_s: float = lag.WINDOW_S
 
     def middle_s(self, walk: int) -> float:
         """Time (s) in the middle of the pictures of a walk, where errors of its clock and drift are independent; 0
@@ -90,7 +92,7 @@ class EdgeObservations:
         seconds = self.seconds[mine] + lag_s
         return EdgeObservations(
             self.tracks[walk].at(seconds), self.edges[mine], self.clicks[mine], seconds,
-            np.zeros(mine.sum(), int), self.bias_m, self.flesh_m, (), self.outline_m, self.bones,
+            np.zeros(mine.sum(), int), self.bias_m, self.flesh_m, (), self.outline_m, self.bones, self.most_s,
         )  # fmt: skip
 
 

@@ -17,12 +17,14 @@ from dior.body.names import bones_of
 from dior.calibrate.marks import marks as hand_marks
 from dior.calibrate.outline import seen_edges, silhouettes, tracks
 from dior.clocks import by_hand as hand_offsets
+from dior.clocks import lag
 from dior.clocks.axis import ClockValues, seconds
 from dior.errors import DiorError, nearest
 from dior.geometry import camera as cam
 from dior.geometry import covariance
 from dior.geometry.camera import Camera
 from dior.geometry.covariance import point_covariance
+from dior.ingest.video_starts import search_s
 from dior.project import boxes as hand_boxes
 from dior.tables import tables
 
@@ -38,7 +40,8 @@ class FilmedWalk:
     """One sequence and the pictures of the camera: their `rows` and `seconds` (F,) by the clock as far as it is known,
     the `track` of the `joints`, whether the clock is `held` at what a person gave.
 
-    `sd_m`: standard error of a joint in an axis, given the close cameras; NaN where it is not known.
+    `sd_m`: standard error of a joint in an axis, given the close cameras; NaN where it is not known. `most_s`: how far
+    off the clock may be.
     """
 
     name: str
@@ -48,6 +51,7 @@ class FilmedWalk:
     joints: list[str]
     held: bool
     sd_m: float
+    most_s: float = lag.WINDOW_S
 
     @property
     def points(self) -> Floats:
@@ -70,7 +74,7 @@ def read_walk(name: str, camera: str, skeleton: Path, frames: Path, offsets: Pat
     variance = np.trace(noise, axis1=-2, axis2=-1)[np.isfinite(noise).all(axis=(-2, -1))] / 3
     sd_m = float(np.sqrt(np.median(variance))) if len(variance) else np.nan
     when = seconds(rows["stamp_ns"], t0_ns, offset_s, drift_ppm)
-    return FilmedWalk(name, rows, when, track, joints, source == "manual", sd_m)
+    return FilmedWalk(name, rows, when, track, joints, source == "manual", sd_m, search_s(frames))
 
 
 def edged(walk: FilmedWalk, around: str) -> tuple[tracks.BodyTrack, Floats | float, float]:
@@ -192,7 +196,7 @@ def gather(
     points, edges, clicks, seconds, number = (np.concatenate(column) for column in zip(*parts, strict=True))
     return seen_edges.EdgeObservations(
         points, edges, clicks, seconds, number, constant_error(walks), flesh_m, tuple(used), outline_m,
-        limbs(walks, around),
+        limbs(walks, around), max(walk.most_s for walk in walks),
     )  # fmt: skip
 
 

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -39,6 +41,15 @@ def test_clocks_are_found_from_each_other(walk):
         error = clock.offset_s + 1e-6 * clock.drift_ppm * clock.middle_s - true
         assert abs(error) < 4 * clock.given[0] < 0.008
         assert abs(lags[np.nanargmin(costs)] - true) < 0.08
+
+
+def test_clocks_further_off_are_found_where_they_are_looked_for(walk):
+    late = (0.0, 2.7, -2.4)
+    wide = [replace(one, most_s=3.2) for one in shifted(walk, late)]
+    told = from_cameras.from_detections(list(walk.given), wide, list(walk.names), walk.seconds, scene.FPS)
+    for name, true in zip(("cam02", "cam03"), late[1:], strict=True):
+        clock, *_, why = told[name]
+        assert why == "" and clock.offset_s + 1e-6 * clock.drift_ppm * clock.middle_s == pytest.approx(true, abs=0.008)
 
 
 def test_one_camera_a_whole_frame_wrong_shows(walk):

@@ -39,6 +39,14 @@ def test_a_clock_is_found_in_the_window_to_less_than_a_millisecond(walk, offset_
     assert abs(lags[np.nanargmin(costs)] - offset_s) < 0.04
 
 
+def test_a_clock_further_off_is_found_where_it_is_looked_for(walk):
+    elapsed = np.arange(300) / 30
+    uv = seen(*walk, elapsed, 3.1)
+    clock, lags, *_, why = from_mocap.from_detections(CAMERA, walk[1], uv, elapsed, most_s=4.0)
+    assert why == "" and clock.offset_s + 1e-6 * clock.drift_ppm * clock.middle_s == pytest.approx(3.1, abs=0.0015)
+    assert lags[-1] == -lags[0] == 4.0
+
+
 def test_a_constant_error_of_the_detector_is_no_time(walk):
     elapsed = np.arange(300) / 30
     uv = seen(*walk, elapsed, 0.3)

@@ -61,7 +61,7 @@ def test_the_clock_is_found_to_milliseconds(watched):
     assert (found.clock.source, found.clock.method) == ("estimated", "pictures")
     assert late(found.clock) == pytest.approx(truth, abs=0.004)
     assert abs(late(found.clock) - truth) < 4 * found.clock.given[0] < 0.02
-    assert long_range_clock.LAGS_S[np.nanargmin(found.costs_px)] == pytest.approx(LATE_S, abs=0.05)
+    assert long_range_clock.lags_of(found.costs_px)[np.nanargmin(found.costs_px)] == pytest.approx(LATE_S, abs=0.05)
     assert found.after_px < 3 < found.before_px
 
 

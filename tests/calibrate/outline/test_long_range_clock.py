@@ -1,10 +1,13 @@
 """The clock of a camera by the edges of boxes around a walker: its time at t0, what widens it, when it is refused."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from dior.calibrate.outline import boxes_fit, long_range_clock, tracks
 from dior.calibrate.outline.seen_edges import EdgeObservations, Freedom
+from dior.clocks import lag
 from dior.geometry.camera import project
 from tests.calibrate.outline.test_boxes_fit import boxes, true_camera
 
@@ -35,6 +38,15 @@ def test_the_offset_is_that_at_t0_however_long_ago_that_is():
     assert abs(soon.drift_ppm) > 0.1
     for clock in (soon, late):
         assert clock.offset_s + 1e-6 * clock.drift_ppm * clock.middle_s == pytest.approx(LATE_S, abs=0.01)
+
+
+def test_a_clock_further_off_is_found_where_it_is_looked_for():
+    near = long_range_clock.estimate(true_camera(), watched(late_s=2.6), "boxes")
+    wide = long_range_clock.estimate(true_camera(), replace(watched(late_s=2.6), most_s=3.5), "boxes")
+    assert near.refused and not wide.refused
+    assert wide.clock.offset_s + 1e-6 * wide.clock.drift_ppm * wide.clock.middle_s == pytest.approx(2.6, abs=0.01)
+    assert len(long_range_clock.lags_of(wide.costs_px)) == len(wide.costs_px)
+    assert long_range_clock.lags_of(wide.costs_px)[-1] == pytest.approx(3.52), "in steps of 40 ms"
 
 
 def test_an_outline_that_trails_widens_the_time_by_what_it_takes_to_walk_so_far():
@@ -113,6 +125,6 @@ def test_few_clusters_know_their_own_scatter_badly():
      (0.2, 0.151, "leaves ± 0.30 s open"), (0.2, np.nan, "open")],
 )  # fmt: skip
 def test_a_clock_is_refused_at_the_end_of_the_search_and_where_the_motion_leaves_it_open(offset, sigma_s, said):
-    costs = 1 + (long_range_clock.LAGS_S - offset) ** 2
+    costs = 1 + (lag.window(long_range_clock.LAGS_HZ) - offset) ** 2
     why = long_range_clock._doubt(costs, np.array([sigma_s, 5.0]), offset, 1.0, 100)
     assert said in why and bool(said) == bool(why)

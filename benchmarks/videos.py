@@ -1,0 +1,289 @@
+"""Videos beside bags: how fast they are read, what their sound tells, how far off their starts may be, and whether the
+labels are those of bags.
+
+usage: python -m benchmarks.videos [speed | sound | clocks | labels | real] [N]      (all but real; N: of captures, 4)
+
+speed   pictures of 1280 x 720 read in order beside PyAV alone, and 12 of them anywhere
+sound   two microphones in one scene of steps: how often the lag is told, how far off it is; and of two scenes
+clocks  captures of benchmarks/steps.py whose cameras began up to 1.7 s early or late, the start known to 1 s (1 sigma)
+labels  the workflow on a small capture from bags and from its videos (PTS alone, one camera turned, one in Matroska,
+        all with sound; and again with one that began 1.7 s late): labels, picture by picture
+real    the same of ../shared/data/real_outdoor: figures of the unseen camera
+"""
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks import steps
+from dior.ingest import bags, frames, video_audio
+from dior.ingest.video_audio import Heard
+from dior.ingest.video_frames import Recorded
+from dior.simulate import settings as levels
+from dior.tables import tables
+from tests.ingest import test_video_audio, videofiles
+
+ROOT = Path(__file__).resolve().parents[1]
+COUNT, SIZE = 300, (720, 1280)
+# as much, evenly spread, is a standard deviation of a second
+APART_S, START_SIGMA_S = 1.7, 1.0
+SMALL = {"subjects": 1, "sequences": 1, "duration_s": 4}
+FAR_S = 0.05
+LATE = {"outdoor_01": {"cam02": 1.7}}
+GONE = {sequence: {camera: round(30 * s) for camera, s in late.items()} for sequence, late in LATE.items()}
+
+
+def speed():
+    """Print what reading takes."""
+    import av
+
+    noise = np.random.default_rng(0).integers(0, 255, (*SIZE, 3), np.uint8)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        path = folder / "film.mp4"
+        videofiles.write(path, [np.roll(noise, 5 * i, axis=1) for i in range(COUNT)], key_every=60)
+
+        def alone():
+            with av.open(str(path)) as container:
+                container.streams.video[0].thread_type = "AUTO"
+                return sum(frame.to_ndarray(format="bgr24")[0, 0, 0] >= 0 for frame in container.decode(video=0))
+
+        def index():
+            frames.run(
+                sequence="w", bags=[], data_root=folder, topics={"cam01": "video0"}, out=folder / "f.parquet",
+                recorded=Recorded({"cam01": path}),
+            )  # fmt: skip
+
+        index()
+        table = tables.read(folder / "f.parquet", "frames")
+        some = tables.rows(table, np.sort(np.random.default_rng(1).choice(COUNT, 12, replace=False)))
+        ways = {
+            "PyAV alone, in order": alone,
+            "read_pictures, in order": lambda: sum(1 for _ in bags.read_pictures(table, folder)),
+            "index": index,
+            "read_pictures, 12 anywhere": lambda: sum(1 for _ in bags.read_pictures(some, folder)),
+        }
+        taken = {what: min(_seconds(how) for _ in range(5)) for what, how in ways.items()}
+    print(f"{COUNT} pictures of {SIZE[1]} x {SIZE[0]}, H.264, a key frame every 60; best of 5")
+    for what, seconds in taken.items():
+        print(f"  {what:<30}{seconds:>8.2f} s{1e3 * seconds / COUNT:>9.2f} ms per picture of the file")
+    first, second = list(taken.values())[:2]
+    print(f"  in order, beside PyAV alone: {second / first:.2f} [at most 1.30]")
+
+
+def _seconds(how):
+    began = time.perf_counter()
+    how()
+    return time.perf_counter() - began
+
+
+def sound(count):
+    """Print how often, and how well, a lag is told."""
+    print(f"lags by sound, {count} scenes each; of two other scenes none may be told")
+    print(f"  {'seconds':>8}{'noise':>7}{'told':>7}{'worst, ms':>11}{'of two scenes':>15}")
+    for seconds in (6, 12, 40):
+        for noise in (0.3, 1.0):
+            told, others = [], 0
+            for seed in range(count):
+                scene, late_s = test_video_audio.steps(seed, seconds + 6), 3 * np.random.default_rng(seed).random()
+                one, other, foreign = (
+                    Heard(video_audio.onsets(test_video_audio.recorded(heard, start, seconds, way, noise=noise)), 0.0)
+                    for heard, start, way in (
+                        (scene, 1.0, 2 * seed), (scene, 1.0 + late_s, 2 * seed + 1),
+                        (test_video_audio.steps(1000 + seed, seconds + 6), 1.0, 2 * seed + 1),
+                    )
+                )  # fmt: skip
+                found = video_audio.lag(one, other, 0.0, 15.0)
+                told += [] if found is None else [abs(found - late_s)]
+                others += video_audio.lag(one, foreign, 0.0, 15.0) is not None
+            worst = f"{1e3 * max(told):.1f}" if told else "-"
+            print(f"  {seconds:>8}{noise:>7}{len(told) / count:>7.0%}{worst:>11}{others:>15}")
+
+
+def clocks(count):
+    """Print the errors of clocks whose starts are known to a second."""
+    error, held, unknown = {"close": [], "long_range": []}, [], 0
+    for seed in range(count):
+        for preset in ("ideal", "real"):
+            with tempfile.TemporaryDirectory() as folder:
+                capture = steps.labelled(
+                    folder, preset=preset, seed=seed, subjects=1, sequences=1, environments=["outdoor"],
+                    clocks={"apart_s": APART_S}, start_sigma_s=START_SIGMA_S,
+                )  # fmt: skip
+                for walk in levels.sequences(capture.settings):
+                    for name, seen in capture.views[walk.name].items():
+                        path = capture.made("follow", f"{walk.name}.{name}")
+                        path = path if path.is_file() else capture.made("clocks", walk.name)
+                        row = tables.of_camera(tables.read(path, "offsets"), name)
+                        if row["source"][0] == "reference":
+                            continue
+                        if row["source"][0] != "estimated":
+                            unknown += 1
+                            continue
+                        true = seen.clock.offset_s + 1e-6 * seen.clock.drift_ppm * row["middle_s"][0]
+                        off = row["late_s"][0] - true
+                        error[seen.camera.role].append(1e3 * abs(off))
+                        if abs(off) > FAR_S:
+                            print(f"  {preset}, seed {seed}: {name} {1e3 * off:+.0f} ms, true {true:+.3f} s")
+                        held.append(row["late_low"][0] <= true <= row["late_high"][0])
+    print(
+        f"clocks of cameras {APART_S:g} s early or late at most, the start known to {START_SIGMA_S:g} s, "
+        f"{2 * count} captures: {len(held)} found, {unknown} not; {np.mean(held):.0%} in their 95 % intervals"
+    )
+    for role, off in error.items():
+        print(f"  {role:<12}median {np.median(off):.2f} ms, worst {max(off):.2f} ms [5 ms]")
+
+
+def on_videos(source, target, data_root, late=None, sound_of=None, turned=(), matroska=(), sidecars=False):
+    """A project `target` like `source`, whose recordings are in `data_root`, on videos of its pictures.
+
+    `late`: by sequence and camera, s of the beginning that are left out; `sound_of` as of `videofiles.from_bags`;
+    `turned`, `matroska`: cameras whose videos are to be turned, and of that container under the same name.
+    """
+    shutil.copytree(source / "config", target / "config")
+    data, config = target / "data", target / "config/config.yaml"
+    data.mkdir()
+    # the section `simulate:` and what is indented below it
+    text = re.sub(r"(?m)^simulate:\n(?:[ #].*\n|\n)*", "", config.read_text())
+    config.write_text(re.sub(r"(?m)^data_root: .*$", "data_root: data", text))
+    header, *rows = [line.split("\t") for line in (target / "config/sequences.tsv").read_text().splitlines()]
+    lines = ["\t".join([*header, "videos", "stamps"])]
+    for cells in rows:
+        row = dict(zip(header, cells, strict=True))
+        name, there = row["sequence"], [data_root / bag for bag in row["bags"].split(";")]
+        gone = videofiles.from_bags(there, data / name, late_s=(late or {}).get(name), sound_of=sound_of,
+                                    turned=turned, matroska=matroska)  # fmt: skip
+        (data / name / "lenses.toml").write_text(videofiles.lens_toml(there))
+        for camera, (_, count) in gone.items():
+            _without_first(data_root / row["detections"].format(camera=camera), data, data_root, count)
+        if row["mocap"]:
+            shutil.copy(data_root / row["mocap"], data / row["mocap"])
+        row |= {"bags": "", "truth": ""}
+        stamps = f"{name}/{{camera}}.csv" if sidecars else ""
+        lines.append("\t".join([*row.values(), f"{name}/{{camera}}.mp4", stamps]))
+        for path in (target / f"config/sessions/{row['session']}").glob("cam??.yaml"):
+            lens = f"{{file: {name}/lenses.toml, name: {path.stem}}}"
+            without = re.sub(r"(?m)^topic: .*\n", "", path.read_text())
+            path.write_text(without.replace("intrinsics: camera_info", f"intrinsics: {lens}"))
+    (target / "config/sequences.tsv").write_text("\n".join(lines) + "\n")
+
+
+def _without_first(path, data, data_root, count):
+    """Copy a camera's ML Kit lines but the first `count`, the frames numbered anew."""
+    if not path.is_file():
+        return
+    rows = [json.loads(line) for line in path.read_text().splitlines()][count:]
+    target = data / path.relative_to(data_root)
+    target.parent.mkdir(exist_ok=True)
+    target.write_text("".join(json.dumps(row | {"frame": i}) + "\n" for i, row in enumerate(rows)))
+
+
+def simulated(folder, settings):
+    """Write a project folder of a capture that is simulated."""
+    words = ["simulate", "--write-config", folder / "config", "--settings", json.dumps(settings)]
+    subprocess.run([sys.executable, "-m", "dior", *words], cwd=ROOT, check=True)
+
+
+def run(project, *targets):
+    """Run the workflow in a project folder."""
+    command = [sys.executable, "-m", "snakemake", "-j2", "--quiet", "all", "--directory", project, *targets]
+    subprocess.run(command, cwd=ROOT, check=True, env=os.environ | {"PYTHONPATH": str(ROOT)})
+
+
+def apart(one, other, gone=None):
+    """Yield (sequence, camera, px by which the labels of two projects are apart, how many only `one` has), picture by
+    picture. `gone`: pictures that `other` lacks at the beginning, by sequence and camera."""
+    for path in sorted((one / "results/reproject").glob("*.parquet")):
+        sequence, camera = path.stem.split(".")
+        a, b = (tables.read(each / "results/reproject" / path.name, "labels_2d") for each in (one, other))
+        shift = (gone or {}).get(sequence, {}).get(camera, 0)
+        at = {key: i for i, key in enumerate(zip(a["frame"].tolist(), a["joint"], strict=True))}
+        pairs = [
+            (at[frame + shift, joint], j)
+            for j, (frame, joint) in enumerate(zip(b["frame"].tolist(), b["joint"], strict=True))
+            if (frame + shift, joint) in at
+        ]
+        i, j = np.array(pairs).T
+        off = np.hypot(a["u"][i] - b["u"][j], a["v"][i] - b["v"][j])
+        lost = np.isfinite(a["u"][i]) & ~np.isfinite(b["u"][j])
+        yield sequence, camera, off, int(lost.sum())
+
+
+def compared(one, other, gone=None):
+    """Print the same."""
+    for sequence, camera, off, lost in apart(one, other, gone):
+        print(
+            f"  {sequence}.{camera}{np.isfinite(off).sum():>8} labels{np.nanmean(off):>9.4f} px mean"
+            f"{np.nanmax(off):>9.4f} worst; {lost} only from bags"
+        )
+
+
+def scene_of(seconds):
+    """A function for the sound that each camera of a walk has of one scene, as of `videofiles.from_bags`."""
+    rate, began = 16000, []
+    scene = test_video_audio.steps(1, seconds + 20, rate)
+
+    def sound_of(camera, first_ns, length_s):
+        if began and abs(first_ns - began[0]) > 60 * 10**9:
+            # the next walk
+            began.clear()
+        began.append(first_ns)
+        start = 5 + (first_ns - began[0]) / 1e9
+        heard = test_video_audio.recorded(scene, start, length_s + 0.1, len(began), rate)
+        return (0.1 * heard).astype(np.float32), rate
+
+    return sound_of
+
+
+def labels():
+    """Run a small capture from bags and from videos, and compare the labels."""
+    with tempfile.TemporaryDirectory() as name:
+        bag = Path(name) / "bags"
+        simulated(bag, SMALL)
+        run(bag)
+        for what, late, gone in (("", None, None), (", cam02 1.7 s late outdoors", LATE, GONE)):
+            film = Path(name) / f"videos{len(what)}"
+            film.mkdir()
+            on_videos(bag, film, bag / "results/simulate", late, scene_of(SMALL["duration_s"]), ["cam03"], ["cam01"])
+            run(film)
+            print(f"labels from videos (PTS alone; cam01 Matroska, cam03 turned{what}) beside bags")
+            compared(bag, film, gone)
+
+
+def real():
+    """Run the real session from its bags and from videos with stamps, and compare labels."""
+    source, data = ROOT / "tests/projects/real_outdoor", ROOT.parent / "shared/data/real_outdoor"
+    with tempfile.TemporaryDirectory() as name:
+        bag, film = Path(name) / "bags", Path(name) / "videos"
+        shutil.copytree(source / "config", bag / "config")
+        config = bag / "config/config.yaml"
+        config.write_text(re.sub(r"(?m)^data_root: .*$", f"data_root: {data}", config.read_text()))
+        film.mkdir()
+        on_videos(bag, film, data, sidecars=True)
+        (film / "data/reference").symlink_to(data / "reference")
+        for project in (bag, film):
+            run(project)
+        print("labels of real_outdoor from videos beside bags")
+        compared(bag, film)
+
+
+def main():
+    words = [word for word in sys.argv[1:] if not word.isdigit()] or ["speed", "sound", "clocks", "labels"]
+    count = int(next((word for word in sys.argv[1:] if word.isdigit()), 4))
+    ways = {
+        "speed": speed, "sound": lambda: sound(count), "clocks": lambda: clocks(count), "labels": labels, "real": real,
+    }  # fmt: skip
+    for word in words:
+        ways[word]()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,185 @@
+"""The rows of the table `frames` for cameras that are recorded on videos or as folders of pictures.
+
+INPUTS   by camera a video or folder, its stream, a CSV of stamps, a rate
+OUTPUTS  `Film`s: rows of `frames`, and what the table's metadata tell of the stamps and of the pictures that are lost
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+
+from dior.arrays import Ints, Table
+from dior.errors import DiorError
+from dior.ingest import bags, containers, picture_folders, video_audio, video_stamps
+from dior.ingest.video_audio import Heard
+from dior.ingest.video_stamps import VideoStamps
+from dior.ingest.video_starts import METADATA, MOST_SIGMAS
+from dior.ingest.videos import VideoIndex
+
+# first and last stamp (ns) of a camera, its name, and what it is recorded on
+Span: TypeAlias = tuple[int, int, str, str]
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """What cameras are recorded on that are in no bag.
+
+    `videos`: the video or folder of pictures of each camera that is in no bag; `sidecars`: CSV files with the stamps of
+    their pictures; `rates`: pictures per second by camera, where the times in the file are not to be believed.
+    """
+
+    videos: dict[str, Path] = field(default_factory=dict)
+    sidecars: dict[str, Path] = field(default_factory=dict)
+    rates: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Film:
+    """A camera's recording on `path`; `key` (F,) is by what a picture is found (`bag_reader.Message.receive_ns`)."""
+
+    camera: str
+    path: Path
+    topic: str
+    index: VideoIndex
+    key: Ints
+    stamps: VideoStamps
+
+    def span(self) -> Span:
+        """Between which stamps the recording may lie."""
+        slack = round(MOST_SIGMAS * 1e9 * self.stamps.start_sigma_s)
+        first, last = int(self.stamps.stamp_ns.min()), int(self.stamps.stamp_ns.max())
+        return first - slack, last + slack, self.camera, self.path.name
+
+    def table(self, bag: str) -> Table:
+        """Rows of `frames`; `bag` is the path as the table has it."""
+        count = len(self.key)
+        sigma = np.full(count, self.stamps.sigma_s or np.nan)
+        return {
+            "camera": np.full(count, self.camera, object),
+            "frame": np.arange(count, dtype=np.int32),
+            "stamp_ns": self.stamps.stamp_ns,
+            "restored_s": np.full(count, np.nan),
+            "restored_sigma_s": sigma,
+            "receive_ns": self.key,
+            "bag": np.full(count, bag, object),
+            "topic": np.full(count, self.topic, object),
+            "nth": np.zeros(count, np.int32),
+            "height": self.index.height.astype(np.int32),
+            "width": self.index.width.astype(np.int32),
+        }
+
+    def lost(self) -> list[tuple[int, int, str]]:
+        """(frame before, stamp_ns, reason) of the pictures that cannot be read."""
+        pts_ns, stamp_ns = self.index.pts_ns, self.stamps.stamp_ns
+        found = []
+        for at, reason in self.index.lost:
+            before = max(int(np.searchsorted(pts_ns, at)) - 1, 0)
+            found.append((before, int(stamp_ns[before]) + at - int(pts_ns[before]), reason))
+        return found
+
+
+def films(sequence: str, topics: Mapping[str, str], recorded: Recorded, others_ns: int | None) -> dict[str, Film]:
+    """`Film`s by camera of the streams `topics`. `others_ns`: first stamp of the cameras that are in bags.
+
+    Raises DiorError for what is not there, cannot be read, or has neither stamps nor a rate.
+    """
+    found = {camera: _film(f"{sequence}, {camera}", camera, topics[camera], recorded) for camera in sorted(topics)}
+    stamps = video_stamps.together({camera: film.stamps for camera, film in found.items()}, others_ns)
+    found = {camera: replace(film, stamps=stamps[camera]) for camera, film in found.items()}
+    # a file whose times are not to be believed does not tell when its sound was
+    return by_sound({camera: film for camera, film in found.items() if camera not in recorded.rates}) | {
+        camera: film for camera, film in found.items() if camera in recorded.rates
+    }
+
+
+def by_sound(found: Mapping[str, Film]) -> dict[str, Film]:
+    """The films, those whose start is uncertain moved to where their sound is that of another, the best known first."""
+    order = sorted(found, key=lambda camera: (found[camera].stamps.start_sigma_s, camera))
+    if not any(found[camera].stamps.start_sigma_s for camera in order):
+        return dict(found)
+    heard = {camera: containers.heard(found[camera].path) for camera in order}
+    out, settled = dict(found), [camera for camera in order if heard[camera]][:1]
+    for camera in order:
+        if heard[camera] is None or camera in settled or not found[camera].stamps.start_sigma_s:
+            continue
+        for other in settled:
+            moved = _by_sound_of(out[camera], heard[camera], out[other], heard[other])
+            if moved is not None:
+                out[camera] = moved
+                settled.append(camera)
+                break
+    if len(settled) > 1 and out[settled[0]].stamps.apart_sigma_s:
+        first = out[settled[0]]
+        out[settled[0]] = replace(first, stamps=replace(first.stamps, apart_sigma_s=video_audio.SIGMA_S))
+    return out
+
+
+def _by_sound_of(film: Film, heard: Heard | None, other: Film, others: Heard | None) -> Film | None:
+    """A film moved to where its sound is that of `other`; None where that cannot be told."""
+    if heard is None or others is None:
+        return None
+    # of the stamps less the times in the files
+    off_ns = [int(one.stamps.stamp_ns[0] - one.index.pts_ns[0]) for one in (film, other)]
+    apart_s = (off_ns[0] - off_ns[1]) / 1e9
+    sigma_s = float(np.hypot(film.stamps.start_sigma_s, other.stamps.start_sigma_s))
+    late_s = video_audio.lag(others, heard, apart_s, MOST_SIGMAS * sigma_s)
+    if late_s is None:
+        return None
+    start_sigma_s = float(np.hypot(other.stamps.start_sigma_s, video_audio.SIGMA_S))
+    stamps = replace(
+        film.stamps.later(round(1e9 * (late_s - apart_s))),
+        start_sigma_s=start_sigma_s, apart_sigma_s=video_audio.SIGMA_S, source="sound",
+    )  # fmt: skip
+    return replace(film, stamps=stamps)
+
+
+def _film(where: str, camera: str, topic: str, recorded: Recorded) -> Film:
+    path, sidecar = recorded.videos[camera], recorded.sidecars.get(camera)
+    rate = float(recorded.rates.get(camera, "nan"))
+    if not path.exists():
+        raise DiorError(f"{where}: there is no {path}; check `videos` in sequences.tsv and `data_root`")
+    is_video = containers.is_video(path)
+    if not is_video and not path.is_dir():
+        raise DiorError(f"{where}: {path} is no video and no folder of pictures; name bags in `bags`, not in `videos`")
+    if not is_video:
+        topic = picture_folders.TOPIC
+    index = containers.video_index(path, topic) if is_video else _of_folder(path)
+    key = index.pts_ns
+    if np.isfinite(rate):
+        index = replace(index, pts_ns=np.rint(1e9 * index.number / rate).astype(np.int64), lost=(), tick_s=0.0)
+    elif not is_video and not sidecar:
+        raise DiorError(
+            f"{where}: {path} is a folder of pictures, which have no time; give `fps` under `video:` in the camera's "
+            "YAML, or a CSV of their stamps (`stamps` in sequences.tsv)"
+        )
+    given = video_stamps.read_sidecar(sidecar, path) if sidecar else None
+    stamps = video_stamps.stamps_of(index, given, f"{where}: {sidecar}")
+    if not is_video and not np.isfinite(rate) and len(given or {}) < len(key):
+        raise DiorError(f"{where}: {sidecar} has {len(given or {})} stamps for {len(key)} pictures of {path}")
+    return Film(camera, path, topic, index, key, stamps)
+
+
+def _of_folder(path: Path) -> VideoIndex:
+    """`VideoIndex` of a folder of pictures, their times being their numbers."""
+    index = bags.index(path, [picture_folders.TOPIC])
+    number = index["receive_ns"]
+    return VideoIndex(number, number, index["height"], index["width"], (), 0.0, None)
+
+
+def metadata(found: Mapping[str, Film]) -> dict[str, str]:
+    """What the metadata of `frames` say of the cameras that are recorded on videos; none where there are none."""
+    said = {
+        camera: {
+            "source": film.stamps.source,
+            "start_sigma_s": film.stamps.start_sigma_s,
+            "apart_sigma_s": film.stamps.apart_sigma_s,
+            "tick_s": film.index.tick_s if film.stamps.sigma_s else 0.0,
+            "lost": film.lost(),
+        }
+        for camera, film in sorted(found.items())
+    }
+    return {METADATA: json.dumps(said)} if said else {}

@@ -1,0 +1,108 @@
+"""When a video's pictures were taken: sidecars of every layout, the file's own times, a start of its own."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dior.errors import DiorError
+from dior.ingest import video_stamps
+from dior.ingest.video_stamps import NO_DATE_NS
+from dior.ingest.videos import VideoIndex
+
+T0 = 1_708_000_000_000_000_000
+FRAME_NS = 40_000_000
+
+
+def index(count=5, created_ns=None, tick_s=0.0, lost=(), pts_ns=None):
+    pts_ns = FRAME_NS * np.arange(count) if pts_ns is None else np.asarray(pts_ns)
+    size = np.full(count, 10)
+    return VideoIndex(pts_ns, np.arange(count), size, size, lost, tick_s, created_ns)
+
+
+def test_without_a_sidecar_the_start_is_as_good_as_what_it_is_by():
+    created = video_stamps.stamps_of(index(created_ns=T0), None, "x")
+    assert created.stamp_ns.tolist() == [T0 + FRAME_NS * i for i in range(5)]
+    assert (created.source, created.start_sigma_s, created.undated) == ("created", 1.0, False)
+    none = video_stamps.stamps_of(index(), None, "x")
+    assert none.stamp_ns[0] == NO_DATE_NS and none.undated and none.start_sigma_s > created.start_sigma_s
+
+
+def test_what_has_no_date_begins_with_the_others():
+    dated = video_stamps.stamps_of(index(created_ns=T0), None, "x")
+    none = video_stamps.stamps_of(index(), None, "x")
+    found = video_stamps.together({"cam01": none, "cam02": dated}, None)
+    assert found["cam01"].stamp_ns[0] == found["cam02"].stamp_ns[0] == T0
+    assert video_stamps.together({"cam01": none}, T0 - 5)["cam01"].stamp_ns[0] == T0 - 5
+    assert video_stamps.together({"cam01": none}, None)["cam01"].stamp_ns[0] == NO_DATE_NS
+
+
+def test_a_sidecar_of_some_frames_gives_the_start_and_the_rate_between_them():
+    assert video_stamps.stamps_of(index(), {0: T0}, "x").stamp_ns.tolist() == [T0 + FRAME_NS * i for i in range(5)]
+    # a file's clock that is slow by a tenth between the second and the fourth picture
+    found = video_stamps.stamps_of(index(), {1: T0, 3: T0 + round(2.2 * FRAME_NS)}, "x")
+    assert ((found.stamp_ns - T0) / FRAME_NS).tolist() == pytest.approx([-1, 0, 1.1, 2.2, 3.2])
+    assert found.start_sigma_s == 0
+    with pytest.raises(DiorError, match="x names frame 5, and the video has 5 pictures"):
+        video_stamps.stamps_of(index(), {5: T0}, "x")
+    video_stamps.stamps_of(index(lost=((200_000_000, "cut_off"),)), {5: T0, 4: T0 - 1}, "x")
+
+
+def test_rounded_times_of_a_regular_rate_are_put_back_and_others_keep_their_step():
+    exact = np.rint(1e9 * np.delete(np.arange(300), [20, 21]) / 29.97).astype(int)
+    rounded = np.rint(exact / 1e6).astype(int) * 10**6
+    found = video_stamps.regular(rounded, 1e6)
+    assert np.abs(found - exact).max() < 2e5 and np.abs(rounded - exact).max() > 4e5
+    jittered = rounded + 10**6 * (np.arange(298) % 7 == 3)
+    assert video_stamps.regular(jittered, 1e6) is None
+    stamped = video_stamps.stamps_of(index(298, tick_s=1e-3, pts_ns=jittered), None, "x")
+    assert stamped.sigma_s == pytest.approx(1e-3 / 12**0.5)
+    assert (stamped.stamp_ns - NO_DATE_NS == jittered - jittered[0]).all()
+
+
+LAYOUTS = {
+    "ours": "frame,stamp_ns\n0,1708000000000000000\n1,1708000000040000001\n",
+    "caliscope": "cam_id,frame_time\n1,1708000000.04\n2,9\n1,1708000000.0\n",
+    "caliscope before": "sync_index,port,frame_index,frame_time\n0,1,7,1708000000.0\n0,2,7,9\n1,1,8,1708000000.04\n",
+    "freemocap": (
+        "recording_frame_number,connection_frame_number,timestamp.from_recording_start.sec,timestamp.utc.seconds,x\n"
+        "0,100,1.52e-07,1708000000.0,y\n1,101,0.04,1708000000.0400000,y\n"
+    ),
+    "skellycam before": ",0\n0,1.708e+18\n1,1.70800000004e+18\n",
+}
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_every_layout_gives_stamps_by_frame(tmp_path, layout):
+    """The columns are as the tools' sources have them; the numbers are made up here."""
+    (tmp_path / "s.csv").write_text(LAYOUTS[layout])
+    found = video_stamps.read_sidecar(tmp_path / "s.csv", Path("walk/cam_1.mp4"))
+    assert found == {0: T0, 1: T0 + FRAME_NS + (layout == "ours")}
+
+
+def test_seconds_of_no_date_count_from_one():
+    assert video_stamps.LONGEST_UPTIME_NS < NO_DATE_NS < T0
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("time,x\n1,2\n", "its columns are time, x, which are stamps of no layout"),
+        ("frame,stamp_ns\n", "it has no stamps$"),
+        ("frame,stamp_ns\n0,soon\n", "line 2: is not frame, stamp_ns"),
+        ("frame,stamp_ns\n0\n", "line 2: is not frame, stamp_ns"),
+        ("frame,stamp_ns\n0,1e18\n0,1e18\n", "it has frames twice"),
+        ("frame,stamp_ns\n0,nan\n", "line 2: is not frame, stamp_ns"),
+        ("cam_id,frame_time\n2,5\n", "it has no stamps of cam_id 1, the number in the name of cam_1.mp4"),
+    ],
+)
+def test_a_sidecar_that_is_none_is_refused(tmp_path, text, words):
+    (tmp_path / "s.csv").write_text(text)
+    with pytest.raises(DiorError, match=words):
+        video_stamps.read_sidecar(tmp_path / "s.csv", Path("cam_1.mp4"))
+
+
+def test_uptimes_are_stamps(tmp_path):
+    (tmp_path / "s.csv").write_text("cam_id,frame_time\n1,12.5\n1,12.54\n")
+    found = video_stamps.read_sidecar(tmp_path / "s.csv", Path("cam_1.mp4"))
+    assert found == {0: NO_DATE_NS + 12_500_000_000, 1: NO_DATE_NS + 12_540_000_000}
