@@ -22,6 +22,7 @@ if has_keys:
 
 
 include: "workflow/rules/common.smk"
+include: "workflow/rules/terminal.smk"
 include: "workflow/rules/runs.smk"
 include: "workflow/inputs/ingest.smk"
 include: "workflow/inputs/calibrate.smk"
@@ -53,6 +54,7 @@ keep_code()
 
 onstart:
     secret.keep(os.getcwd(), KEY)
+    show_bars()
 
 
 onsuccess:
@@ -60,7 +62,7 @@ onsuccess:
 
 
 onerror:
-    say_what_failed(log)
+    say_what_failed()
 
 
 rule all:

@@ -114,7 +114,7 @@ ALONE = {
         "simulate": {"bags", "detections", "truth"},
         "simulate_gallery": {"frontal", "down"},
         "reid": {"page", "plots"},
-        "report": {"page", "sequences", "cost", "plots"},
+        "report": {"page", "sequences", "cost", "verdict", "plots"},
     },
     "params": {
         "mocap": {"prefix"},
