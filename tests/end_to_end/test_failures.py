@@ -4,6 +4,7 @@
 one that fails, up to the step that notices.
 """
 
+import os
 import re
 import resource
 import shutil
@@ -152,6 +153,18 @@ def test_the_last_line_of_a_job_that_was_killed(own):
     last = text.strip().splitlines()[-1]
     assert running.returncode == 1 and "logs/frames/indoor_01.log: ended without saying why" in last, text
     assert "memory" in last
+
+
+@pytest.mark.slow
+def test_the_last_line_of_a_run_that_is_ended_by_hand(own):
+    """As Ctrl-C does: it goes to Snakemake and all that it has started."""
+    running = begin(own, "results/frames/indoor_01.parquet", start_new_session=True)
+    while not (own / "logs/frames/indoor_01.log").exists() and running.poll() is None:
+        time.sleep(0.02)
+    os.killpg(running.pid, signal.SIGINT)
+    text = running.communicate()[1]
+    assert running.returncode == 1, text
+    assert text.strip().splitlines()[-1] == "The run was ended before all was done; type the same line again to go on"
 
 
 def words(process):

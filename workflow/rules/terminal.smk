@@ -21,6 +21,8 @@ from dior.project.forget import left
 
 # chosen: somebody who looks at a log in a batch system every few minutes sees that it lives
 EVERY_S = 60
+# how Snakemake begins to say that it was told to end, by Ctrl-C and by SIGTERM
+TOLD_TO_END = ("Terminating processes on user request", "Will exit after finishing currently")
 # what is said when this process ends, when Snakemake has said all
 LAST_LINES = []
 
@@ -32,6 +34,7 @@ class Jobs(logging.Handler):
     def __init__(self):
         super().__init__()
         self.rules, self.failed, self.done, self.total = {}, [], 0, 0
+        self.told_to_end = False
 
     def emit(self, record):
         event = getattr(record, "event", None)
@@ -46,6 +49,8 @@ class Jobs(logging.Handler):
             self.done, self.total = record.done, record.total
         elif record.msg == NOTHING_TO_BE_DONE_MSG:
             say_what_to_open()
+        elif str(record.msg).startswith(TOLD_TO_END):
+            self.told_to_end = True
 
     def at_work(self):
         """`12 of 63 jobs done; at work: clocks 2, frames`."""
@@ -131,13 +136,15 @@ def say_what_failed():
     page = "results/report/index.html"
     if os.path.exists(page) and os.path.getmtime(page) < BEGUN:
         LAST_LINES.append(f"{page} is still that of an earlier run")
-    for path in filter(os.path.exists, JOBS_HEARD.failed):
-        with open(path, encoding="utf-8", errors="replace") as stream:
-            LAST_LINES.append(f"{path}: {shortage.last_words(stream.read())}")
-    if not JOBS_HEARD.failed:
+    # jobs that were ended with the run do not say why
+    if JOBS_HEARD.told_to_end or not JOBS_HEARD.failed:
         LAST_LINES.append(
             "The run was ended before all was done; type the same line again to go on"
         )
+        return
+    for path in filter(os.path.exists, JOBS_HEARD.failed):
+        with open(path, encoding="utf-8", errors="replace") as stream:
+            LAST_LINES.append(f"{path}: {shortage.last_words(stream.read())}")
 
 
 def say_last_lines():
