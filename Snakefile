@@ -1,4 +1,5 @@
-from snakemake.exceptions import WorkflowError
+import sys
+
 from snakemake.utils import min_version
 
 from dior.errors import DiorError
@@ -7,16 +8,21 @@ from dior.project.project import read_config
 min_version("9.0")
 
 try:
-    # Snakemake's own reader, below, ends in a traceback where the file is no YAML
-    read_config(".")
+    # Snakemake's own reader, below, ends in a traceback where the file is no YAML, and takes none without a key
+    has_keys = bool(read_config("."))
 except DiorError as error:
-    raise WorkflowError(str(error)) from None
+    # Snakemake would print where this was raised after the sentence
+    print(error, file=sys.stderr)
+    sys.exit(1)
 
 
-configfile: "config/config.yaml"
+if has_keys:
+
+    configfile: "config/config.yaml"
 
 
 include: "workflow/rules/common.smk"
+include: "workflow/rules/terminal.smk"
 include: "workflow/rules/runs.smk"
 include: "workflow/inputs/ingest.smk"
 include: "workflow/inputs/calibrate.smk"
@@ -48,6 +54,7 @@ keep_code()
 
 onstart:
     secret.keep(os.getcwd(), KEY)
+    show_bars()
 
 
 onsuccess:
@@ -55,7 +62,7 @@ onsuccess:
 
 
 onerror:
-    say_what_failed(log)
+    say_what_failed()
 
 
 rule all:

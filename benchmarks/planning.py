@@ -22,7 +22,8 @@ def planned(walks):
     """(jobs, CPU seconds) of a dry run of everything."""
     with tempfile.TemporaryDirectory() as folder:
         config.write(settings.from_dict({"subjects": walks // 2, **WALK}), Path(folder) / "config")
-        command = [sys.executable, "-m", "snakemake", "-n", "all", "release", "--directory", folder]
+        plain = ["--workflow-profile", "profiles/plain", "--directory", folder]
+        command = [sys.executable, "-m", "snakemake", "-n", "all", "release", *plain]
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
         done = subprocess.run(
             command, cwd=ROOT, check=True, env=os.environ | {"PYTHONPATH": str(ROOT)}, capture_output=True, text=True

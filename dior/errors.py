@@ -1,11 +1,14 @@
-"""The one error that a user sees as a sentence instead of a traceback."""
+"""The one error that a user sees as a sentence instead of a traceback, and several of them together."""
 
 import difflib
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 
 # chosen: what a terminal shows on some lines; the fix stands at the end
 MOST_LETTERS = 1500
+# chosen: what a screen shows; a slip in a column is in every row
+MOST_FAULTS = 20
 
 
 class DiorError(Exception):
@@ -13,6 +16,48 @@ class DiorError(Exception):
 
     def __str__(self) -> str:
         return one_line(super().__str__())
+
+
+class DiorErrors(DiorError):
+    """Several of them, a line each."""
+
+    def __init__(self, found: Iterable[DiorError]) -> None:
+        self.found = list(found)
+
+    def __str__(self) -> str:
+        lines = list(dict.fromkeys(map(str, self.found)))
+        more = [f"and {len(lines) - MOST_FAULTS} more"] if len(lines) > MOST_FAULTS else []
+        return "\n".join([*lines[:MOST_FAULTS], *more])
+
+
+class Faults:
+    """Collects the errors of parts that can be looked at one by one, so that all are told at once.
+
+    >>> faults = Faults()
+    >>> for name in ("a", "b"):
+    ...     with faults.kept():
+    ...         raise DiorError(f"{name}.yaml: there is no such file")
+    >>> len(faults.found)
+    2
+    """
+
+    def __init__(self) -> None:
+        self.found: list[DiorError] = []
+
+    @contextmanager
+    def kept(self) -> Iterator[None]:
+        """Keep the error of what is done within."""
+        try:
+            yield
+        except DiorErrors as several:
+            self.found += several.found
+        except DiorError as error:
+            self.found.append(error)
+
+    def tell(self) -> None:
+        """Raise what was kept, if anything was."""
+        if self.found:
+            raise self.found[0] if len(self.found) == 1 else DiorErrors(self.found)
 
 
 def one_line(text: str) -> str:

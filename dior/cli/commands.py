@@ -22,6 +22,8 @@ from dior.project.steps import MODULES
 # command -> module whose `run` does it
 COMMANDS = {
     "init": "dior.project.init",
+    "pseudonyms": "dior.project.pseudonyms",
+    "run": "dior.project.run",
     "verify": "dior.release.verify.verify",
     "diff": "dior.release.diff.diff",
     "export-cameras": "dior.release.export_cameras",
@@ -99,8 +101,11 @@ def _documented(module: str) -> Callable[..., Any]:
     for name, hint in get_type_hints(command).items():
         if name != "return":
             text = flags.text_of(name, command.__doc__ or "")
-            how = Parameter(name="*") if is_dataclass(hint) else Parameter(help=text, **_json(hint))
             old = inspect.signature(command).parameters[name]
+            # words for another program begin as they like
+            others = old.kind is old.VAR_POSITIONAL
+            how = Parameter(help=text, allow_leading_hyphen=others, **_json(hint))
+            how = Parameter(name="*") if is_dataclass(hint) else how
             parameters.append(old.replace(annotation=Annotated[hint, how]))
 
     def documented(*args: Any, **kwargs: Any) -> Any:

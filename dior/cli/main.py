@@ -20,9 +20,11 @@ from dior.errors import DiorError
 from dior.project import running
 from dior.project.steps import MODULES
 
-NEXT = """dior turns raw recordings of a gait capture into a labelled dataset. To begin:
-  dior init my_capture                      writes a project folder; fill in its config/
-  snakemake -j2 --directory my_capture      labels it, from the clone of dior
+NEXT = """dior turns raw recordings of a gait capture into a labelled dataset. What to type:
+  dior init my_capture             writes a project folder; fill in its config/
+  dior run my_capture -n           says what is wrong with it, or what would run
+  dior run my_capture              labels it, and again after each change what depends on that; look at the report
+  dior run my_capture release      makes the dataset as others get it
 `dior --help` lists all commands."""
 # `dior simulate` without it is what a person types
 OF_A_JOB = "--sequence"

@@ -1,7 +1,7 @@
 """What one file of a project says about another, checked when the project is read.
 
-INPUTS: a `dior.project.project.Project` whose files have the right keys. OUTPUTS: a DiorError for the first
-contradiction: a sentence that names the file, line or key and the likely fix.
+INPUTS: a `dior.project.project.Project` whose files have the right keys. OUTPUTS: a DiorError for the contradictions:
+sentences that name the file, line or key and the likely fix.
 """
 
 import difflib
@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from dior.errors import DiorError, nearest
+from dior.errors import DiorError, Faults, nearest
 from dior.project.bumps import session_folder
 from dior.project.contents import Project
 from dior.project.schema_check import Row, Rows, check, read_yaml
@@ -44,11 +44,15 @@ def check_sheets(project: Project, people: Rows, lines: dict[str, int]) -> None:
 
     `people`: all rows of subjects.tsv, of those who may not be processed, too; `lines` of the rows of sequences.tsv.
     """
-    _check_pseudonyms(people)
+    faults = Faults()
+    with faults.kept():
+        _check_pseudonyms(people)
     for name in project.sequences:
         where = f"config/sequences.tsv line {lines[name]}"
-        _check_references(project, project.rows[name], people, where)
-        _check_name(project.rows[name], people, where)
+        with faults.kept():
+            _check_references(project, project.rows[name], people, where)
+            _check_name(project.rows[name], people, where)
+    faults.tell()
 
 
 def check_gallery(project: Project, people: Rows, lines: dict[tuple[str, ...], int]) -> None:
@@ -92,28 +96,39 @@ def check_detectors(project: Project, lines: dict[tuple[str, ...], int]) -> None
 
 def check_sessions(project: Project, lines: dict[str, int]) -> None:
     """Sequences, sessions, cameras and the files beside them must fit together. `lines` of the sheet's rows."""
+    faults = Faults()
     for session in project.sessions:
-        _check_distinct(project, session)
-    for name in project.sequences:
-        _check_sequence(project, project.rows[name], f"config/sequences.tsv line {lines[name]}")
+        with faults.kept():
+            _check_distinct(project, session)
+            for name in project.sequences_of(session):
+                _check_sequence(project, project.rows[name], f"config/sequences.tsv line {lines[name]}")
+    # what follows counts on that
+    faults.tell()
     for session in project.sessions:
-        _check_window(project, session)
-        _check_tag(project, session)
-        _check_facts(project, session)
-        _check_mocap(project, session)
-        _check_looked_at(project, session)
-        _check_masks(project, session)
-        _check_accepted(project, session)
+        with faults.kept():
+            # each counts on those before it
+            _check_window(project, session)
+            _check_tag(project, session)
+            _check_facts(project, session)
+            _check_mocap(project, session)
+            _check_looked_at(project, session)
+            _check_masks(project, session)
+            _check_accepted(project, session)
         for camera in project.cameras(session):
-            _check_marks(project, session, camera)
-            _check_align(project, session, camera)
-    _check_people(project)
-    _check_folders(project)
+            with faults.kept():
+                _check_marks(project, session, camera)
+                _check_align(project, session, camera)
+    for check_all in (_check_people, _check_folders):
+        with faults.kept():
+            check_all(project)
     for folder in ("offsets", "people", "boxes", "checks"):
-        _check_names(project, folder)
+        with faults.kept():
+            _check_names(project, folder)
     for name in project.sequences:
-        _check_offsets(project, name)
-        _check_seeds(project, name)
+        for check_given in (_check_offsets, _check_seeds):
+            with faults.kept():
+                check_given(project, name)
+    faults.tell()
 
 
 def _check_people(project: Project) -> None:

@@ -29,8 +29,7 @@ def run(folder: Path) -> None:
         write_text(folder / "config" / path, text)
     print(
         f"Wrote {folder / 'config'}. Fill in sequences.tsv, subjects.tsv and sessions/{SESSION} (a file per camera), "
-        "then run, from the clone of dior:\n"
-        f"  .venv/bin/snakemake -j2 --directory {shlex.quote(str(folder.resolve()))}"
+        f"then type\n  dior run {shlex.quote(str(folder.resolve()))}"
     )
 
 

@@ -44,10 +44,20 @@ def check(release: dict[str, Any], root: AnyPath) -> None:
             f"config/config.yaml: 'release.license_file' is '{path}', where there is no file; it is relative to the "
             "folder that holds config/"
         )
-    if not path and name not in KNOWN:
+    if not path and name and name not in KNOWN:
         raise DiorError(
             f"config/config.yaml: 'release.license' is '{name}', whose text dior does not know{nearest(name, KNOWN)}; "
             f"take one of {', '.join(KNOWN)}, or name the file with the text in 'release.license_file'"
+        )
+
+
+def check_chosen(release: dict[str, Any]) -> None:
+    """Raise DiorError where the `release:` section names no licence: what people agreed to, nobody else can know."""
+    if not release["license"]:
+        raise DiorError(
+            "config/config.yaml: 'release.license' is not given, without which nothing can be released: what the "
+            f"subjects agreed to decides; take one of {', '.join(KNOWN)}, or another with its text in "
+            "'release.license_file'"
         )
 
 
@@ -57,7 +67,11 @@ def url(name: str) -> str:
 
 
 def text(release: dict[str, Any], root: AnyPath) -> str:
-    """Content of the file LICENSE: the text that the config names, or the known licence's name and place."""
+    """Content of the file LICENSE: the text that the config names, or the known licence's name and place.
+
+    Raises DiorError as `check_chosen`.
+    """
+    check_chosen(release)
     if release["license_file"]:
         with open(os.path.join(root, release["license_file"]), encoding="utf-8-sig") as stream:
             return stream.read().replace("\r\n", "\n")

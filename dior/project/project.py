@@ -20,7 +20,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from dior.errors import DiorError
+from dior.errors import DiorError, Faults
 from dior.paths import AnyPath
 from dior.project import bumps, cross_checks, licenses, sessions
 from dior.project.consent import consents, processed
@@ -29,24 +29,36 @@ from dior.project.schema_check import Row, Rows, check, read_sheet, read_yaml
 
 
 def load(root: AnyPath, config: dict[str, Any] | None = None) -> Project:
-    """Read and check the project in the folder `root`; DiorError names the first thing that is wrong.
+    """Read and check the project in the folder `root`; DiorError names what is wrong, a line for each file or row.
+
+    What one file says of another is looked at when each is right in itself. Of a file or row the first fault is told.
 
     `config` is the content of config.yaml where the caller has read it already (Snakemake's `config`, which may hold
     changes made on its command line).
     """
     root = Path(root)
     config = _plain(config) if config is not None else read_config(root)
-    check(config, "config", "config/config.yaml")
-    cross_checks.check_config(config)
-    licenses.check(config["release"], root)
-    (rows, lines), (people, _) = sheets(root)
+    faults = Faults()
+    with faults.kept():
+        check(config, "config", "config/config.yaml")
+        cross_checks.check_config(config)
+        licenses.check(config["release"], root)
+    with faults.kept():
+        (rows, lines), (people, _) = sheets(root)
+    with faults.kept():
+        gallery, gallery_lines = _optional_sheet(root, "gallery", ("subject", "outfit", "angle"))
+    with faults.kept():
+        detectors, detector_lines = _optional_sheet(root, "detectors", ("sequence", "camera", "tool", "zoom"))
+    with faults.kept():
+        # only the report and the step mocap read what is in them, the former hours later
+        _optional_sheet(root, "effort", ("what",))
+    with faults.kept():
+        _optional_sheet(root, "markers", ("name", "format"))
+    if faults.found:
+        sessions.check_alone(root, faults)
+    faults.tell()
     if not rows:
         raise DiorError("config/sequences.tsv has no rows yet: enter one row per recorded walk")
-    gallery, gallery_lines = _optional_sheet(root, "gallery", ("subject", "outfit", "angle"))
-    detectors, detector_lines = _optional_sheet(root, "detectors", ("sequence", "camera", "tool", "zoom"))
-    # only the report and the step mocap read what is in them, the former hours later
-    _optional_sheet(root, "effort", ("what",))
-    _optional_sheet(root, "markers", ("name", "format"))
     rows, withheld = processed(bumps.in_parts(root, rows), people)
     project = Project(
         root, config, rows, {name: row for name, row in people.items() if consents(row, "processing")},
@@ -60,13 +72,23 @@ def load(root: AnyPath, config: dict[str, Any] | None = None) -> Project:
         )
     if not project.sequences:
         raise DiorError("config/sequences.tsv: every row has an exclude_reason, so there is nothing to process")
-    cross_checks.check_sheets(project, people, lines)
-    cross_checks.check_gallery(project, people, gallery_lines)
+    with faults.kept():
+        cross_checks.check_sheets(project, people, lines)
+    with faults.kept():
+        cross_checks.check_gallery(project, people, gallery_lines)
+    if faults.found:
+        sessions.check_alone(root, faults)
+    faults.tell()
     project = _by_pseudonym(project, people)
     for session in project.sessions:
-        sessions.read(project, session)
-    cross_checks.check_sessions(project, lines)
-    cross_checks.check_detectors(project, detector_lines)
+        with faults.kept():
+            sessions.read(project, session)
+    faults.tell()
+    with faults.kept():
+        cross_checks.check_sessions(project, lines)
+    with faults.kept():
+        cross_checks.check_detectors(project, detector_lines)
+    faults.tell()
     return project
 
 
@@ -80,8 +102,6 @@ def read_config(root: AnyPath) -> dict[str, Any]:
             "`dior init <folder>`"
         )
     content = read_yaml(path, shown)
-    if not content:
-        raise DiorError(f"{shown}: is empty; it needs `data_root` and `release` (`dior init` writes an example)")
     if not isinstance(content, dict):
         raise DiorError(f"{shown}: is a {type(content).__name__}, not keys with values such as `data_root: data`")
     return content
@@ -106,12 +126,15 @@ def _by_pseudonym(project: Project, people: Rows) -> Project:
 
 
 def sheets(root: AnyPath) -> tuple[tuple[Rows, dict[str, int]], tuple[Rows, dict[str, int]]]:
-    """Rows by name and their lines, of sequences.tsv and of subjects.tsv."""
+    """Rows by name and their lines, of sequences.tsv and of subjects.tsv. Raises DiorError for both together."""
     sequences, subjects = "config/sequences.tsv", "config/subjects.tsv"
-    return (
-        read_sheet(Path(root) / sequences, "sequences", "sequence", sequences),
-        read_sheet(Path(root) / subjects, "subjects", "subject", subjects),
-    )
+    faults = Faults()
+    with faults.kept():
+        walks = read_sheet(Path(root) / sequences, "sequences", "sequence", sequences)
+    with faults.kept():
+        people = read_sheet(Path(root) / subjects, "subjects", "subject", subjects)
+    faults.tell()
+    return walks, people
 
 
 def _optional_sheet(

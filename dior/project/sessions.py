@@ -7,9 +7,11 @@ nothing is left without it, so that a person has to name something else. Loads n
 
 import os
 from collections.abc import Collection
+from pathlib import Path
 from typing import Any
 
-from dior.errors import DiorError, nearest
+from dior.errors import DiorError, Faults, nearest
+from dior.paths import AnyPath
 from dior.project import bumps, cross_checks
 from dior.project.contents import Project
 from dior.project.marks_file import MarkedLines, read_marks
@@ -17,7 +19,7 @@ from dior.project.schema_check import check, read_yaml
 
 
 def read(project: Project, session: str) -> None:
-    """Read the files of a session into the project."""
+    """Read the files of a session into the project. Raises DiorError for all of its cameras together."""
     shown = project.session_file(session)
     content = check(read_yaml(project.root / shown, shown), "session", shown)
     repeated = [name for name in content["cameras"] if content["cameras"].count(name) > 1]
@@ -32,7 +34,22 @@ def read(project: Project, session: str) -> None:
     if "keypoint_distance" in content:
         content["keypoint_distance"] = _facts(project, session, content["keypoint_distance"])
     project.session_files[session] = content
-    project.camera_files[session] = {name: _read_camera(project, session, name) for name in content["cameras"]}
+    faults = Faults()
+    cameras = project.camera_files[session] = {}
+    for name in content["cameras"]:
+        with faults.kept():
+            cameras[name] = _read_camera(project, session, name)
+    faults.tell()
+
+
+def check_alone(root: AnyPath, faults: Faults) -> None:
+    """Keep what is wrong in the files of all sessions, each looked at alone, where the sheets are wrong already."""
+    for path in sorted(Path(root).glob("config/sessions/*/*.yaml")):
+        shown = path.relative_to(root).as_posix()
+        with faults.kept():
+            content = check(read_yaml(path, shown), "session" if path.name == "session.yaml" else "camera", shown)
+            if path.name != "session.yaml":
+                cross_checks.check_camera(content, shown)
 
 
 def _elsewhere(project: Project, session: str) -> set[str]:

@@ -80,7 +80,7 @@ def run(
     if missing:
         raise DiorError(
             f"{labels}: no COCO-17 labels of {len(missing)} of {len(paths)} sequences, such as {missing[0]}; run "
-            "`snakemake -j2 reid` first"
+            "`dior run reid` first"
         )
     # a canonical sequence does not depend on the width of the picture
     widths = {name: dict.fromkeys(known.cameras_of(name), inputs.WIDTH) for name in paths}

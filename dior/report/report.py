@@ -3,8 +3,8 @@
 INPUTS   the project's sheets, results/evaluate/metrics.csv, `frame_metrics`, `findings`, `cameras`, `skeletons_3d`,
          `stamp_audit`, `dropped_frames`, `frames`, `offsets`, `clock_costs`, contact sheets (overlays)
          statistics.csv, and what is there of re-identification (reid.py), the jobs' timings and effort.tsv (cost.py)
-OUTPUTS  <out>/index.html, written last; <out>/sequences/<sequence>.html; <out>/assets/plots/*.svg; <out>/cost.html and
-         results/timing.csv
+OUTPUTS  <out>/index.html, written last; <out>/sequences/<sequence>.html; <out>/assets/plots/*.svg; <out>/cost.html,
+         <out>/verdict.txt, which a run ends with, and results/timing.csv
 """
 
 import shutil
@@ -26,6 +26,7 @@ from dior.report import cards, cost, dataset, key_figures, lights, numbers, page
 from dior.report import clocks as sequence_clocks
 from dior.report import stamps as sequence_stamps
 from dior.report.figures import Figures
+from dior.report.verdict import sentence
 from dior.tables import tables
 from dior.tables.files import write_text
 from dior.tables.schemas import METRICS
@@ -204,6 +205,9 @@ def run(
         words=lights.WORDS,
         meanings=[(TITLES[name], name, text) for name, text in METRICS.items()],
         fx_of_limits=f"{REFERENCE_FX:.0f}",
+    )
+    write_text(
+        out / "verdict.txt", sentence(shown, lambda s, camera: project.camera_file(project.session_of(s), camera))
     )
     write_text(out / "index.html", page)
 

@@ -1,5 +1,6 @@
 import importlib.metadata
 import inspect
+import re
 import subprocess
 import sys
 from importlib import import_module
@@ -142,7 +143,8 @@ def test_the_networks_to_train_are_those_there_are():
 
 def test_dior_alone_says_what_to_type_next(capsys):
     assert main.main([]) == 0
-    assert "dior init" in capsys.readouterr().out
+    text = capsys.readouterr().out
+    assert re.findall(r"^  dior (\w+) my_capture", text, re.MULTILINE) == ["init", "run", "run", "run"]
 
 
 def test_the_version():
@@ -157,7 +159,10 @@ def test_the_help_names_every_command_those_of_a_person_first(capsys):
     typed, steps = text.split("Steps of the workflow")
     names = {step.replace("_", "-") for step in MODULES} - {"simulate"}
     assert all(f"│ {name} " in steps for name in names)
-    commands = ("init", "verify", "diff", "export-cameras", "forget", "trigger", "simulate", "train-reid")
+    commands = (
+        *("init", "pseudonyms", "run", "verify", "diff", "export-cameras", "forget", "trigger", "simulate"),
+        "train-reid",
+    )
     assert all(f"│ {name} " in typed for name in commands)
     assert "Exit codes: 0" in " ".join(text.split()) and "--install-completion" in typed
 

@@ -1,12 +1,18 @@
 """The whole workflow on a tiny simulated capture: results, nothing to do twice, and only what depends on an edit."""
 
 import csv
+import fcntl
 import json
 import os
+import pty
 import random
 import re
 import shutil
 import signal
+import struct
+import subprocess
+import sys
+import termios
 import time
 import zipfile
 from collections import Counter
@@ -30,7 +36,7 @@ from dior.tables import tables
 from tests.cases import slow
 from tests.end_to_end import recomputed
 from tests.end_to_end.results import contents, figure, metrics
-from tests.end_to_end.workflow import ROOT, edit, nudge, planned, snakemake, start
+from tests.end_to_end.workflow import ENVIRONMENT, ROOT, edit, nudge, planned, snakemake, start
 
 # steps that the capture has nothing for, or that are made only when asked for
 NOT_IN_IT = {"detect", "reference", "detectors", "zoom", "to_mark", "moved", "inputs", "recognise", "reid", "sign"}
@@ -243,6 +249,81 @@ def test_an_edited_long_range_camera_touches_only_its_own_labels(copy):
         "align": 1, "follow": 1, "reproject": 1, "evaluate": 1, "overlays": 1, "clip": 1, "metrics": 1, "statistics": 1,
         "heads": 1, "pixels": 1, "report": 1, "package": 1, "exports": 1, "tarballs": 2,
     }  # fmt: skip
+
+
+def test_why_it_runs_again_is_said_with_the_key_and_the_file(copy):
+    """Also in what Snakemake says of each job, which prints all values before and after otherwise."""
+    edit(copy / "config/config.yaml", "max_error_px: 45.0", "max_error_px: 30.0")
+    nudge(copy / "config/sessions/field/cam04.yaml", "sigma_m")
+    _, text = snakemake(copy, "-n")
+    said, camera = "triangulate.max_error_px 45.0 -> 30.0", "config/sessions/field/cam04.yaml"
+    (line,) = re.findall(r"^Runs again because of: (.*)$", text, re.MULTILINE)
+    assert set(line.split("; ")) == {said, camera}
+    # a job that runs because of one before it has that as its reason
+    assert re.findall(r"Params have changed since last execution: (.*)$", text, re.MULTILINE) == [said]
+
+
+@pytest.mark.slow
+def test_a_change_of_consent_names_nobody_as_the_reason(copy):
+    sheet = copy / "config/subjects.tsv"
+    name, pseudonym = sheet.read_text().splitlines()[1].split("\t")[:2]
+    edit(sheet, "\tyes\tyes", "\tyes\tno")
+    _, text = snakemake(copy, "release")
+    log = max((copy / ".snakemake/log").iterdir()).read_text()
+    for said in (text, log):
+        reasons = re.findall(r"^(?:Runs again because of|    reason): (.*)$", said, re.MULTILINE)
+        assert any("a consent in config/subjects.tsv" in reason for reason in reasons)
+        changed = [reason.split("since last execution: ", 1)[-1] for reason in reasons if "Params have" in reason]
+        assert len(changed) > 1 and not [text for text in changed if name in text or pseudonym in text]
+
+
+@pytest.mark.slow
+def test_the_terminal_shows_bars_and_ends_with_the_verdict(copy):
+    """With the default profile, 100 columns wide; a bar is drawn over the one before it."""
+    shutil.rmtree(copy / "results/reproject")
+    code, text = on_a_terminal(copy, "all", "-j2")
+    assert code == 0 and "Workflow Progress" in text
+    shown = text.count("\n") - text.count("\x1b[1A")
+    assert 10 < shown < 60
+    page = f"Open {copy}/results/report/index.html"
+    last = re.sub(r"\x1b\[[?\d;]*\w|\r", "", text).strip().split("\n")[-1]
+    assert re.fullmatch(rf"\d of 8 recordings are good\..* {page}", last)
+    assert "dior reproject" not in text
+    code, text = on_a_terminal(copy)
+    assert code == 0 and "Nothing to be done" in text and text.rstrip().endswith(page)
+
+
+def on_a_terminal(project, *words):
+    """Exit code of `dior run` and all that it writes to a terminal of 100 columns."""
+    main_end, end = pty.openpty()
+    fcntl.ioctl(end, termios.TIOCSWINSZ, struct.pack("HHHH", 40, 100, 0, 0))
+    command = [sys.executable, "-m", "dior", "run", str(project), *words]
+    env = ENVIRONMENT | {"TERM": "xterm"}
+    with subprocess.Popen(command, cwd=ROOT, env=env, stdin=end, stdout=end, stderr=end) as running:
+        os.close(end)
+        written = b""
+        with suppress(OSError):
+            while piece := os.read(main_end, 65536):
+                written += piece
+    os.close(main_end)
+    return running.returncode, written.decode()
+
+
+@pytest.mark.slow
+def test_off_a_terminal_a_line_now_and_then_says_that_it_lives(copy, tmp_path):
+    """Here every second instead of every minute."""
+    checkout = tmp_path / "checkout"
+    for name in ("workflow", "profiles"):
+        shutil.copytree(ROOT / name, checkout / name)
+    shutil.copy(ROOT / "Snakefile", checkout)
+    edit(checkout / "workflow/rules/terminal.smk", "EVERY_S = 60", "EVERY_S = 1")
+    shutil.rmtree(copy / "results/reproject")
+    command = [sys.executable, "-m", "dior", "run", str(copy), "--snakefile", str(checkout / "Snakefile")]
+    done = subprocess.run(command, cwd=ROOT, env=ENVIRONMENT, capture_output=True, text=True)
+    lives = re.findall(r"^\d+ min: \d+ of \d+ jobs done; at work: ([\w, ]+)$", done.stderr, re.MULTILINE)
+    assert done.returncode == 0 and len(lives) > 3 and any("reproject" in line for line in lives)
+    assert len(done.stderr.splitlines()) - len(lives) < 60
+    assert done.stderr.rstrip().endswith(f"Open {copy}/results/report/index.html")
 
 
 @pytest.mark.slow

@@ -7,11 +7,14 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
+# the checkout goes before a package that is installed
+ENVIRONMENT = os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])}
 
 
 def command(project, words, root):
     """Arguments of `subprocess` for Snakemake with the code of the checkout `root`."""
     base = [sys.executable, "-m", "snakemake", "-j2", "--snakefile", root / "Snakefile", "--directory", project]
+    base += ["--workflow-profile", ROOT / "profiles/plain"]
     return {
         "args": [str(word) for word in (*base, *words)],
         "env": os.environ | {"PYTHONPATH": str(root)},

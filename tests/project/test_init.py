@@ -67,7 +67,7 @@ def test_an_empty_sheet_is_a_clear_error(tmp_path):
 
 def test_the_line_to_run_next_is_printed(tmp_path, capsys):
     init.run(tmp_path / "my walks")
-    assert capsys.readouterr().out.endswith(f"  .venv/bin/snakemake -j2 --directory '{tmp_path}/my walks'\n")
+    assert capsys.readouterr().out.endswith(f"  dior run '{tmp_path}/my walks'\n")
 
 
 def test_a_config_that_is_there_is_never_overwritten(tmp_path):

@@ -1,6 +1,7 @@
 """The config is read as written, and each slip in it is one sentence that names where and the nearest word."""
 
 import dataclasses
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -8,8 +9,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from dior.errors import DiorError, nearest
-from dior.project import project, schema_check
+from dior.errors import DiorError, DiorErrors, nearest
+from dior.project import licenses, project, schema_check
 
 SEQUENCES = (
     "sequence session_order subject session environment outfit walk bags mocap detections trigger_log exclude_reason"
@@ -197,9 +198,7 @@ def test_cameras_by_marks_are_not_adjusted_and_cameras_by_tape_are(root):
         ("method: rays", "max_error_px: -1", ["'triangulate.max_error_px' is -1", "above 0"]),
         ("{method: rays}", "[rays]", ["'triangulate' is ['rays'] but should be keys with values"]),
         ("{method: rays}", "", ["'triangulate' is nothing but should be keys with values"]),
-        ("data_root: data", "", ["key 'data_root' is missing"]),
         ("data_root: data\n", "- data\n# ", ["config/config.yaml line"]),
-        ("license: CC-BY-4.0", "authors: [x]", ["key 'release.license' is missing"]),
         ("version: 0.1.0", "version: 1.0", ["'release.version' is 1.0 but should be a version such as 0.1.0"]),
         ("version: 0.1.0", "version: ../x", ["'release.version' is '../x'"]),
         ("data_root: data", "data_root: data\ndata_root: else", ["key 'data_root' is given twice, on lines 1 and 2"]),
@@ -391,6 +390,9 @@ def test_a_camera_that_is_aligned_to_boxes(root):
 
 def test_marks_without_3d_points_need_the_mocap(root):
     all_marked(root, "sequence,frame,joint,u,v\nout_1,0,LASI,1,2\n")
+    assert told(root) == ["sessions/field/cam01.marks.csv line 2", "sessions/field/cam02.marks.csv line 2"]
+    known = root / "config/sessions/field/cam02.marks.csv"
+    known.write_text("sequence,frame,joint,u,v,x,y,z\nout_1,0,LASI,1,2,0,0,1\n")
     fails(root, "config/sessions/field/cam01.marks.csv line 2", "'out_1' has no mocap")
 
 
@@ -730,7 +732,9 @@ def test_the_template_names_every_key_with_its_default():
     for section in set(template) - {"data_root", "people"}:
         assert set(template[section]) == set(schema[section]["properties"])
         for key, value in template[section].items():
-            assert schema[section]["properties"][key].get("default", value) == value
+            # no licence is everybody's
+            if key != "license":
+                assert schema[section]["properties"][key]["default"] == value
             at = text.splitlines().index(next(n for n in text.splitlines() if n.startswith(f"  {key}:")))
             assert text.splitlines()[at - 1].startswith("  #"), f"{section}.{key} has no comment"
 
@@ -909,3 +913,61 @@ def test_all_people_are_asked_for_where_close_cameras_can_see_them(root):
         line = next(text for text in (root / "config/sequences.tsv").read_text().splitlines() if text.startswith(name))
         edit(root, "sequences.tsv", line, f"{line}rain")
     fails(root, "config/config.yaml: 'people' is all, but no sequence is outdoors in a session with two close cameras")
+
+
+@pytest.mark.parametrize("text", ["", "# nothing but this\n", "data_root: data\n"])
+def test_every_key_of_the_config_may_be_left_out(root, text):
+    (root / "config/config.yaml").write_text(text)
+    p = project.load(root)
+    assert p.data_root == "data" and p.config["release"]["version"] == "0.1.0" and p.config["release"]["license"] == ""
+    template = yaml.safe_load((Path(project.__file__).parent / "templates/config.yaml").read_text())
+    template["release"]["license"] = ""
+    assert p.config == template
+
+
+def test_only_a_release_needs_a_licence(root):
+    edit(root, "config.yaml", ", license: CC-BY-4.0", "")
+    release = project.load(root).config["release"]
+    for asked in (lambda: licenses.check_chosen(release), lambda: licenses.text(release, root)):
+        with pytest.raises(DiorError, match="'release.license' is not given, .*take one of CC0-1.0"):
+            asked()
+
+
+def told(root):
+    """The files that the faults of a project name, of each the line or key."""
+    with pytest.raises(DiorError) as caught:
+        project.load(root)
+    return [re.match(r"config/([\w./]+(?: line \d+)?): ", line)[1] for line in str(caught.value).split("\n")]
+
+
+def test_faults_of_several_files_are_told_together(root):
+    edit(root, "sessions/field/cam01.yaml", "role: close", "role: closed")
+    edit(root, "sessions/field/cam03.yaml", "topic:", "tpic:")
+    edit(root, "sessions/lab/session.yaml", "cameras:", "camras:")
+    cameras = ["sessions/field/cam01.yaml", "sessions/field/cam03.yaml", "sessions/lab/session.yaml"]
+    assert told(root) == cameras
+    # also where sheets are wrong, without which nobody knows which of them are used
+    edit(root, "sequences.tsv", "\tindoor", "\tindor")
+    edit(root, "subjects.tsv", "\tyes", "\tmaybe")
+    edit(root, "config.yaml", "method: rays", "method: ray")
+    assert told(root) == ["config.yaml", "sequences.tsv line 4", "subjects.tsv line 2", *cameras]
+
+
+def test_rows_that_name_what_is_not_there_are_told_together(root):
+    for name in ("S01", "S02"):
+        edit(root, "sequences.tsv", f"\t{name}\tfield", f"\t{name}\tfeild")
+    edit(root, "sessions/lab/cam01.yaml", "role: close", "role: closed")
+    assert told(root) == ["sequences.tsv line 3", "sequences.tsv line 2", "sessions/lab/cam01.yaml"]
+
+
+def test_hand_made_files_are_told_together(root):
+    edit(root, "offsets/in_1.yaml", "cam01", "cam07")
+    (root / "config/boxes/out_1.cam09.csv").write_text("frame,u_min,v_min,u_max,v_max\n")
+    edit(root, "sessions/field/session.yaml", "out_1", "out_9")
+    assert len(told(root)) == 3
+
+
+def test_of_many_faults_the_first_are_told():
+    found = DiorErrors(DiorError(f"line {n}\nof it") for n in range(30))
+    lines = str(found).split("\n")
+    assert len(lines) == 21 and lines[0] == "line 0 of it" and lines[-1] == "and 10 more"

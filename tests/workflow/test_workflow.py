@@ -114,7 +114,7 @@ ALONE = {
         "simulate": {"bags", "detections", "truth"},
         "simulate_gallery": {"frontal", "down"},
         "reid": {"page", "plots"},
-        "report": {"page", "sequences", "cost", "plots"},
+        "report": {"page", "sequences", "cost", "verdict", "plots"},
     },
     "params": {
         "mocap": {"prefix"},
@@ -222,7 +222,6 @@ BAD_CONFIGS = {
     "deep": (b"a: " + b"[" * 50_000, "config/config.yaml line 1: nested 40 times"),
     "a list": (b"- a\n", "config/config.yaml: is a list, not keys with values"),
     "a folder": (None, "config/config.yaml: is a folder where a file should be"),
-    "nothing": (b"", "config/config.yaml: is empty; it needs `data_root` and `release`"),
 }
 
 

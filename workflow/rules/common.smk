@@ -5,18 +5,15 @@ Required inputs: config/ of the working directory, read and checked once per par
 
 import json
 import os
-import re
 import sys
 import time
 from functools import cache
 
 from snakemake.exceptions import WorkflowError
 
-from dior import shortage
 from dior.project import heights, project, secret
 from dior.cli.flags import flags_of
 from dior.errors import DiorError
-from dior.project.forget import left
 from dior.project import running
 from dior.project.replaced import state
 from dior.tables.code_hash import code_hash as code
@@ -187,29 +184,3 @@ def heights_of(name):
     """What changes with a subject's height, and does not tell it."""
     row = PROJECT.subjects.get(name, {})
     return secret.digest(KEY, [row.get("height_m", ""), row.get("height_sigma_m", "")])
-
-
-def say_what_to_open():
-    """The end of a run: where to look."""
-    for page in filter(os.path.exists, ["results/report/index.html", "results/reid/index.html"]):
-        print(f"Open {os.path.abspath(page)}", file=sys.stderr)
-    if stale := left("."):
-        print(
-            f"results/ and logs/ still hold {len(stale)} files and folders of sequences or people that the project no "
-            "longer has: `dior forget` lists them, docs/people.md tells more",
-            file=sys.stderr,
-        )
-
-
-def say_what_failed(run_logs):
-    """The end of a run that failed: the last line of the log of each job that did, which says why."""
-    failed = []
-    for run_log in filter(os.path.exists, run_logs):
-        with open(run_log) as stream:
-            failed += re.findall(r"^    log: (\S+) \(check log", stream.read(), re.MULTILINE)
-    for path in filter(os.path.exists, dict.fromkeys(failed)):
-        with open(path) as stream:
-            print(f"{path}: {shortage.last_words(stream.read())}", file=sys.stderr)
-    page = "results/report/index.html"
-    if os.path.exists(page) and os.path.getmtime(page) < BEGUN:
-        print(f"{page} is still that of an earlier run", file=sys.stderr)

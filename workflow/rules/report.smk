@@ -83,6 +83,7 @@ rule report:
         page="results/report/index.html",
         sequences=directory("results/report/sequences"),
         cost="results/report/cost.html",
+        verdict="results/report/verdict.txt",
         out_timing="results/timing.csv",
         plots=report(
             directory("results/report/assets/plots"), patterns=["{name}.svg"], category="Figures"

@@ -10,6 +10,8 @@
 4. A job whose input is made again, but counts as old (`ancient`), is asked whether it has to run for another reason.
    Snakemake takes it for one that will run anyway, and does not ask: a changed param would wait for the next run.
 5. One run at a time, and the second says which is the first.
+
+What it has planned is told in words (terminal.smk).
 """
 
 import re
@@ -17,7 +19,7 @@ import re
 from snakemake.dag import DAG
 from snakemake_interface_storage_plugins.io import Mtime
 
-from dior.project import running
+from dior.project import licenses, running
 
 
 def of_dior(update_needrun):
@@ -34,6 +36,8 @@ def of_dior(update_needrun):
         finally:
             dag.targetjobs = targets
             del dag.bfs
+        check_license(dag)
+        tell_why(dag)
 
     planned.is_of_dior = True
     return planned
@@ -90,6 +94,21 @@ def in_page(text):
     return re.findall(r'(?:src|href|poster)="([^":#]+)(?:#[^"]*)?"', text)
 
 
+def check_license(dag):
+    """What a release lacks is said before the hours that it takes."""
+    if any(job.rule.name == "package" for job in dag.needrun_jobs(exclude_finished=False)):
+        try:
+            licenses.check_chosen(CONFIG["release"])
+        except DiorError as error:
+            refuse(error)
+
+
+def refuse(error):
+    """End the run with a sentence of dior's, after which Snakemake prints where it came from."""
+    LAST_LINES.append(str(error))
+    raise WorkflowError(str(error)) from None
+
+
 def begin_run(started):
     """Hold the folder, before Snakemake looks for its own lock, which says neither who nor since when."""
     if started.dryrun or not started.is_main_process or started.executor_plugin is None:
@@ -97,7 +116,7 @@ def begin_run(started):
     try:
         alone = running.begin(os.getcwd())
     except DiorError as error:
-        raise WorkflowError(str(error)) from None
+        refuse(error)
     if alone:
         # left by a run that was killed
         started.persistence.cleanup_locks()
