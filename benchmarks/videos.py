@@ -139,7 +139,8 @@ def clocks(count):
         f"{2 * count} captures: {len(held)} found, {unknown} not; {np.mean(held):.0%} in their 95 % intervals"
     )
     for role, off in error.items():
-        print(f"  {role:<12}median {np.median(off):.2f} ms, worst {max(off):.2f} ms [5 ms]")
+        limit = " [5 ms]" if role == "close" else ", by boxes"
+        print(f"  {role:<12}median {np.median(off):.2f} ms, worst {max(off):.2f} ms{limit}")
 
 
 def on_videos(source, target, data_root, late=None, sound_of=None, turned=(), matroska=(), sidecars=False):
