@@ -182,7 +182,7 @@ def sound(path: Path, rate_hz: int, most_s: float) -> tuple[NDArray[np.float64],
         left = round(most_s * rate_hz)
         for frame in _sounding(container, container.streams.audio[0]):
             start_s = frame.time if start_s is None else start_s
-            parts += [one.to_ndarray().ravel().astype(float) for one in resampler.resample(frame)]
+            parts += [np.asarray(one.to_ndarray(), np.float64).ravel() for one in resampler.resample(frame)]
             left -= round(frame.samples * rate_hz / frame.sample_rate)
             if left <= 0:
                 break
