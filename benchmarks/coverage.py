@@ -10,11 +10,12 @@ takes half the time. The second form prints the tables of all captures in the fo
 version of the code.
 
 A 95 % ellipse should hold 95 % of the true keypoints wherever they are: by depth, by how large the person is in the
-picture (body heights), seen or hidden, by speed (of the keypoint across the line of sight). The labels of one capture
-share its cameras' and its detector's errors, so that captures are what is drawn anew for the intervals (`bootstrap`). A
-cell passes where its interval meets 90-98 % (else it is `outside`), and counts where 100 captures contribute, long
-range 200 (else they are `few`). The person who draws boxes has the habit that `align.habit_px` expects, drawn anew for
-every capture.
+picture (body heights), seen or hidden, by speed (of the keypoint across the line of sight). Where it cannot be told
+whether a wall hides the legs (`doubtful`, by `occluder_doubtful` of `align`; else `told`), the ellipse reaches from one
+reading of the boxes to the other, and holds nearly always. The labels of one capture share its cameras' and its
+detector's errors, so that captures are what is drawn anew for the intervals (`bootstrap`). A cell passes where its
+interval meets 90-98 % (else it is `outside`), and counts where 100 captures contribute, long range 200 (else they are
+`few`). The person who draws boxes has the habit that `align.habit_px` expects, drawn anew for every capture.
 """
 
 import json
@@ -63,10 +64,18 @@ def counted(seed, level, lens, close=False):
                 role = seen.placed.camera.role
                 group = "indoor" if made.project.indoor(name) else "long range" if role == "long_range" else "close"
                 table = tables.read(steps.labels_of(made, name, camera), "labels_2d")
-                for cell, sums in of_labels(table, seen, group).items():
+                sums_of = of_labels(table, seen, group)
+                if group == "long range" and sums_of:
+                    sums_of[_reading(made, name, camera)] = sums_of["all"]
+                for cell, sums in sums_of.items():
                     out.setdefault(group, {}).setdefault(cell, np.zeros(5))
                     out[group][cell] += sums
     return {group: {cell: sums.tolist() for cell, sums in cells.items()} for group, cells in out.items()}
+
+
+def _reading(made, name, camera):
+    path = made.made("align", f"{made.project.session_of(name)}/{camera}", ".findings")
+    return "doubtful" if any(code == "occluder_doubtful" for *_, code, _ in tables.read_findings(path)) else "told"
 
 
 def of_labels(table, seen, group):
@@ -118,7 +127,7 @@ def _names(name, edges, unit):
 def cells_of(group):
     """Names of a group's cells as they are printed."""
     cuts = [_names(name, of.get(group, of[""]), unit) for name, of, unit in CUTS]
-    return ["all", "seen", "hidden", *(name for names in cuts for name in names)]
+    return ["all", "told", "doubtful", "seen", "hidden", *(name for names in cuts for name in names)]
 
 
 def run(folder, first, last, chosen):
