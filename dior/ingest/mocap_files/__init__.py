@@ -15,7 +15,7 @@ BOM = b"\xef\xbb\xbf"
 @dataclass(frozen=True)
 class Reader:
     """`read(path)` gives a `Capture` and raises ValueError or DiorError; `tool` is its name in messages; `begins`: the
-    first bytes of its files."""
+    first bytes of its files, in any case."""
 
     tool: str
     read: Callable[[AnyPath], Capture]
@@ -35,8 +35,10 @@ READERS = {
 def recognise(path: AnyPath) -> str:
     """The key in READERS of a file, by its first bytes."""
     with open(path, "rb") as stream:
-        head = stream.read(64).removeprefix(BOM)
-    return next((key for key, reader in READERS.items() if head.startswith(reader.begins)), C3D)
+        head = stream.read(64).removeprefix(BOM).upper()
+    return next(
+        (key for key, reader in READERS.items() if head.startswith(tuple(word.upper() for word in reader.begins))), C3D
+    )
 
 
 def read(path: AnyPath) -> tuple[str, Capture]:

@@ -28,24 +28,25 @@ def read(path: AnyPath) -> Capture:
     space = header.get("Coordinate Space") or "Global"
     if space != "Global":
         raise ValueError(f"its Coordinate Space is '{space:.40}'; export it in the global one")
-    labels, places = _markers(lines)
+    labels, places, timed = _markers(lines)
     table: list[list[float]] = []
-    first = 1.0
+    before: list[tuple[int, float, float]] = []
     for line, cells in lines:
         # the time of day has no number
-        values = numbers(line, [cells[0], *(cell for at in places for cell in cells[at : at + 3])], 1 + 3 * len(labels))
-        if not table:
-            first = max(values[0] + 1, 1.0)
-        table.append(values[1:])
+        read = [cells[0], cells[1] if timed else "", *(cell for at in places for cell in cells[at : at + 3])]
+        values = numbers(line, read, 2 + 3 * len(labels))
+        before.append((line, values[0], values[1]))
+        table.append(values[2:])
     rate = header.get("Export Frame Rate") or header.get("Capture Frame Rate") or "0"
     said = header.get("Total Exported Frames") or header.get("Total Frames in Take") or "0"
-    return captured(
-        labels, header.get("Length Units", ""), "y", number(rate, "frame rate"), first, number(said, "frames"), table
-    )
+    first = max(before[0][1] + 1, 1.0) if before else 1.0
+    hertz, count = number(rate, "frame rate"), number(said, "frames")
+    return captured(labels, header.get("Length Units", ""), "y", hertz, first, count, table, before)
 
 
-def _markers(lines: Iterator[Line]) -> tuple[list[str], list[int]]:
-    """Names of the markers and the columns of their x, from the rows before the numbers. Raises ValueError."""
+def _markers(lines: Iterator[Line]) -> tuple[list[str], list[int], bool]:
+    """Names of the markers, the columns of their x, and whether the second column is the time, from the rows before the
+    numbers. Raises ValueError."""
     about, axes = [], [""]
     for _, axes in lines:
         if axes[0] == FRAME:
@@ -69,4 +70,4 @@ def _markers(lines: Iterator[Line]) -> tuple[list[str], list[int]]:
     if not places:
         there = sorted({word for word in kind if word and word != "Type"})
         raise ValueError(f"no column is a Marker's position (there are {', '.join(there)[:80]}); export the markers")
-    return [name[at].strip('"') for at in places], places
+    return [name[at].strip('"') for at in places], places, axes[1].startswith("Time (")

@@ -1,9 +1,9 @@
 """TSV that Qualisys Track Manager exports of a 3D measurement.
 
-INPUTS   lines of a word in capitals and its values (NO_OF_FRAMES, FREQUENCY, DATA_INCLUDED, ..., MARKER_NAMES; EVENT
-         and TRAJECTORY_TYPES where there are any; FILE_VERSION first in newer ones), a row of column names or none,
-         then a row per frame: x, y, z of every marker in mm, before them the frame and the time or neither. (0, 0, 0)
-         and what is empty are missing.
+INPUTS   lines of a word, in capitals as a rule, and its values (NO_OF_FRAMES, FREQUENCY, DATA_INCLUDED, ...,
+         MARKER_NAMES, which may be empty; EVENT and TRAJECTORY_TYPES where there are any; FILE_VERSION first in newer
+         ones), a row of column names or none, then a row per frame: x, y, z of every marker in mm, before them the
+         frame and the time or neither. (0, 0, 0) and what is empty are missing.
 OUTPUTS  a `Capture` in mm, Z up.
 Source: public readers of such files (FieldTrip's qualisys_tsv.m, the package qualisys of PyPI 0.2.0); no file of the
 program was at hand.
@@ -12,7 +12,7 @@ program was at hand.
 import re
 
 from dior.arrays import AnyPath
-from dior.ingest.mocap_files.capture import Capture, captured, number, numbers, rows
+from dior.ingest.mocap_files.capture import NOTHING, Capture, captured, named, number, numbers, rows, without_last
 
 _KEY = re.compile(r"[A-Z][A-Z0-9_]*")
 BEFORE = ("frame", "time")
@@ -23,10 +23,11 @@ def read(path: AnyPath) -> Capture:
     header: dict[str, list[str]] = {}
     table: list[list[float]] = []
     labels: list[str] = []
-    lead, first = -1, 1.0
+    before: list[tuple[int, float, float]] = []
+    lead = -1
     for line, cells in rows(path, "\t"):
-        if not table and _KEY.fullmatch(cells[0]):
-            header[cells[0]] = [cell for cell in cells[1:] if cell]
+        if not table and lead < 0 and _is_key(cells[0]):
+            header[cells[0].upper()] = without_last(cells[1:])
             continue
         labels = labels or _labels(header)
         if not table and lead < 0 and not _is_number(cells[0]):
@@ -40,12 +41,13 @@ def read(path: AnyPath) -> Capture:
                 f"line {line} has {len(cells)} columns for {len(labels)} markers, with or without frame, time"
             )
         values = numbers(line, cells, lead + 3 * len(labels))
-        if not table and lead:
-            first = max(values[0], 1.0)
-        table.append(values[lead : lead + 3 * len(labels)])
+        if lead:
+            before.append((line, values[0], values[1]))
+        table.append(values[lead:])
     labels = labels or _labels(header)
     said, rate = (number((header.get(key) or ["0"])[0], key) for key in ("NO_OF_FRAMES", "FREQUENCY"))
-    return captured(labels, "mm", "z", rate, first, said, table)
+    first = max(before[0][1], 1.0) if before else 1.0
+    return captured(labels, "mm", "z", rate, first, said, table, before)
 
 
 def _labels(header: dict[str, list[str]]) -> list[str]:
@@ -53,7 +55,12 @@ def _labels(header: dict[str, list[str]]) -> list[str]:
         raise ValueError(f"its DATA_INCLUDED is '{included[0]:.40}', not 3D; export the 3D data of the markers")
     if not header.get("MARKER_NAMES"):
         raise ValueError("it has no MARKER_NAMES; export the 3D data of labelled trajectories, with the header")
-    return header["MARKER_NAMES"]
+    counted = header.get("NO_OF_MARKERS")
+    return named(header["MARKER_NAMES"], counted[0] if counted else None, "NO_OF_MARKERS")
+
+
+def _is_key(word: str) -> bool:
+    return bool(_KEY.fullmatch(word.upper())) and word.lower() not in (*BEFORE, *NOTHING) and not _is_number(word)
 
 
 def _is_number(word: str) -> bool:

@@ -39,7 +39,8 @@ def test_a_tab_at_the_end_of_every_row(tmp_path):
         ("FREQUENCY\t100", "FREQUENCY\tfast", "its FREQUENCY is 'fast', which is no number"),
         ("FREQUENCY\t100", "FREQUENCY\t0", "FREQUENCY is 0; it needs its frame rate"),
         ("\n3\t", "\n3\tx\t", "line 14 holds something that is no number"),
-        ("\tRTOE\n", "\tRTOE\tRTOE2\n", "line 12 has 74 columns, not 77"),
+        ("\tRTOE\n", "\tRTOE\tRTOE2\n", "its NO_OF_MARKERS is 24, and it names 25 markers"),
+        ("NO_OF_MARKERS\t24", "NO_OF_MARKERS\t25", "line 12 has 74 columns, not 77"),
     ],
 )
 def test_what_is_no_such_file(tmp_path, old, new, text):
