@@ -137,6 +137,7 @@ def check(content: Any, kind: str, shown: AnyPath) -> Any:
     try:
         _fill(_schema(kind), content, "")
         _check_finite(content, "")
+        _make_whole(_schema(kind), content)
         return _validator(kind)(content)
     except fastjsonschema.JsonSchemaValueException as error:
         raise DiorError(f"{shown}: {_sentence(error)}") from None
@@ -175,6 +176,25 @@ def _fill(schema: dict[str, Any], content: Any, inside: str) -> None:
     for key, value in content.items():
         below: dict[str, Any] = known.get(key) or next((s for p, s in patterns.items() if re.search(p, key)), {})
         _fill(below, value, f"{inside}{key}.")
+
+
+def _make_whole(schema: dict[str, Any], content: Any) -> None:
+    """Turn 1.0 where an integer belongs, which a schema takes for one, into 1, which flags of the steps need."""
+    places: list[tuple[Any, dict[str, Any]]] = []
+    if isinstance(content, dict):
+        known = schema.get("properties", {})
+        patterns = schema.get("patternProperties", {})
+        places = [
+            (key, known.get(key) or next((below for pattern, below in patterns.items() if re.search(pattern, key)), {}))
+            for key in content
+        ]
+    elif isinstance(content, list):
+        places = [(at, schema.get("items", {})) for at in range(len(content))]
+    for key, below in places:
+        value = content[key]
+        if below.get("type") == "integer" and isinstance(value, float) and value.is_integer():
+            content[key] = int(value)
+        _make_whole(below, value)
 
 
 @cache

@@ -87,3 +87,13 @@ def test_the_depth_that_is_allowed(tmp_path):
 def test_a_number_that_fits_no_float_is_none_of_a_config():
     with pytest.raises(DiorError, match=r"x.yaml: 'cam01.offset_s' is 1000000000000000000000, which is more than any"):
         check({"cam01": {"offset_s": 10**21}}, "offsets", "x.yaml")
+
+
+def test_a_whole_number_with_a_point_is_one():
+    config = check({"detector": {"first_frame": 1.0}}, "config", "config.yaml")
+    assert repr(config["detector"]["first_frame"]) == "1"
+    seed = {"camera": "cam01", "frame": 7.0, "u": 1.0, "v": 2.0}
+    people = check({"seeds": [seed]}, "people", "walk.yaml")
+    assert repr(people["seeds"][0]["frame"]) == "7" and repr(people["seeds"][0]["u"]) == "1.0"
+    with pytest.raises(DiorError, match="'detector.first_frame' is 1.5 but should be a whole number"):
+        check({"detector": {"first_frame": 1.5}}, "config", "config.yaml")
