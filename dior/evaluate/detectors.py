@@ -27,7 +27,7 @@ from dior.ingest.detections import check_recording, of_recording
 from dior.ingest.people import People, gathered
 from dior.ingest.readers import READERS
 from dior.ingest.readers.common import files_by_frame
-from dior.ingest.readers.recognise import recognise
+from dior.ingest.readers.recognise import recognise, why_empty
 from dior.tables import tables
 
 SHEET = "config/detectors.tsv"
@@ -134,7 +134,7 @@ def _nobody(path: Path, where: str) -> tuple[People, bool]:
         return gathered(path, COCO_17, [], np.empty((0, len(COCO_17), 3)), list(names)), False
     if path.is_file() and path.stat().st_size:
         return gathered(path, COCO_17, [], np.empty((0, len(COCO_17), 3)), []), True
-    raise DiorError(f"{where}: {path} is empty; run the detector (a list without anybody is written as [])")
+    raise DiorError(f"{where}: {path} {why_empty(path)} (a list without anybody is written as [])")
 
 
 def _boxes(grid: LabelGrid, frames: Ints) -> Floats:

@@ -22,7 +22,7 @@ from dior.ingest import on_pictures
 from dior.ingest import people as subject
 from dior.ingest.people import People, Subject
 from dior.ingest.readers import READERS, Reader
-from dior.ingest.readers.recognise import recognise
+from dior.ingest.readers.recognise import recognise, why_empty
 from dior.ingest.stamps import header_ns
 from dior.ingest.videos import is_stream
 from dior.tables import result_checksums, tables
@@ -113,7 +113,7 @@ def _format(path: Path, wanted: str, where: str) -> str:
     found = recognise(path)
     kind = "folder" if path.is_dir() else "file"
     if found == "empty":
-        raise DiorError(f"{where}: the {kind} {path} is empty; run the detector")
+        raise DiorError(f"{where}: the {kind} {path} {why_empty(path)}")
     if wanted != "auto" and found != wanted:
         what = f"{READERS[found].tool} output" if found else "something else"
         raise DiorError(f"{where}: the {kind} {path} is {what}, not {wanted}; correct detector.format or the path")

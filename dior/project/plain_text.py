@@ -23,6 +23,7 @@ Line: TypeAlias = tuple[int, list[str]]
 MOST_BYTES = 1 << 22
 # chosen: ten times as many as the widest table has
 MOST_CELLS = 1000
+UTF_8_MARK = b"\xef\xbb\xbf"
 UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 SAVE = "save it again as UTF-8 (in Excel as 'CSV UTF-8')"
 # Excel has UTF-8 for commas only
@@ -63,15 +64,25 @@ def text_of(path: AnyPath, shown: AnyPath, most_bytes: int = MOST_BYTES) -> str:
     return _decoded(bytes_of(path, shown, most_bytes), shown)
 
 
-def _decoded(content: bytes, shown: AnyPath) -> str:
-    save = SAVE_TABS if str(shown).endswith(".tsv") else SAVE
+def unmarked(content: bytes, shown: AnyPath) -> bytes:
+    """The same, or its beginning, without a byte order mark. Raises DiorError for UTF-16."""
     if content.startswith(UTF_16):
-        raise DiorError(f"{shown}: is UTF-16, as Excel's 'Unicode text' is; {save}")
+        raise DiorError(f"{shown}: is UTF-16, as Excel's 'Unicode text' is; {_save(shown)}")
+    return content.removeprefix(UTF_8_MARK)
+
+
+def _save(shown: AnyPath) -> str:
+    return SAVE_TABS if str(shown).endswith(".tsv") else SAVE
+
+
+def _decoded(content: bytes, shown: AnyPath) -> str:
+    save = _save(shown)
+    content = unmarked(content, shown)
     if b"\0" in content:
         line = content.count(b"\n", 0, content.index(b"\0")) + 1
         raise DiorError(f"{shown} line {line}: holds a zero byte, so it is no text or damaged; {save}")
     try:
-        return content.decode("utf-8-sig")
+        return content.decode()
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + 1
         raise DiorError(

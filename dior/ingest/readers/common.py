@@ -12,8 +12,11 @@ import numpy as np
 from dior.arrays import AnyPath, Floats
 from dior.body.names import BY_COUNT
 from dior.errors import DiorError
+from dior.project.plain_text import unmarked
 
 INTERRUPTED = "was the detector interrupted?"
+# the names of the classes, which labelling tools write beside the rows of YOLO
+BESIDE = ("classes.txt",)
 _LAST_NUMBER = re.compile(r"([0-9]{1,18})[^0-9]*$")
 
 
@@ -28,22 +31,36 @@ def frame_of(name: str, where: str) -> int:
     return int(found[1])
 
 
+def names_in(folder: AnyPath, suffixes: str | tuple[str, ...]) -> list[str]:
+    """Names of the folder's files with one of `suffixes` in any case, sorted; none that is hidden, as the `._*` that
+    macOS writes beside others, nor of BESIDE."""
+    return [
+        name
+        for name in sorted(os.listdir(folder))
+        if name.lower().endswith(suffixes) and not name.startswith(".") and name.lower() not in BESIDE
+    ]
+
+
 def files_by_frame(folder: AnyPath, suffixes: str | tuple[str, ...]) -> dict[int, str]:
     """Names of the folder's files with one of `suffixes`, by frame, ascending. Raises DiorError for a frame twice."""
     found: dict[int, str] = {}
-    for name in sorted(os.listdir(folder)):
-        if name.endswith(suffixes):
-            frame = frame_of(name, f"{folder}/{name}")
-            if frame in found:
-                raise DiorError(f"{folder}: {found[frame]} and {name} are both frame {frame}")
-            found[frame] = name
+    for name in names_in(folder, suffixes):
+        frame = frame_of(name, f"{folder}/{name}")
+        if frame in found:
+            raise DiorError(f"{folder}: {found[frame]} and {name} are both frame {frame}")
+        found[frame] = name
     return dict(sorted(found.items()))
+
+
+def content_of(path: AnyPath) -> bytes:
+    """What a file holds, without a byte order mark. Raises DiorError for UTF-16."""
+    with open(path, "rb") as stream:
+        return unmarked(stream.read(), path)
 
 
 def load_json(path: AnyPath, what: str) -> Any:
     """The JSON of a whole file. Raises DiorError where it is none; `what` it should be is for the message."""
-    with open(path, "rb") as stream:
-        return from_json(stream.read(), path, what)
+    return from_json(content_of(path), path, what)
 
 
 def from_json(text: bytes, where: AnyPath, what: str) -> Any:

@@ -23,7 +23,7 @@ from dior.body.names import MLKIT_33
 from dior.errors import DiorError
 from dior.ingest.people import People, gathered
 from dior.ingest.readers import prototext
-from dior.ingest.readers.common import files_by_frame, from_json, number
+from dior.ingest.readers.common import content_of, files_by_frame, from_json, number
 
 TEXT = (".pbtxt", ".txtpb", ".textproto")
 KEYS = ("pose_landmarks", "poseLandmarks", "landmarks", "landmark")
@@ -37,7 +37,7 @@ def read(path: AnyPath) -> People:
     if os.path.isdir(path):
         names = files_by_frame(path, (".json", *TEXT))
         pictures = [(frame, _whole_file(Path(path) / name), f"{path}/{name}") for frame, name in names.items()]
-    elif str(path).endswith(TEXT):
+    elif str(path).lower().endswith(TEXT):
         pictures = [(0, _whole_file(path), str(path))]
     else:
         entries = _entries(path)
@@ -56,10 +56,10 @@ def read(path: AnyPath) -> People:
 
 
 def _whole_file(path: AnyPath) -> Any:
-    text = Path(path).read_bytes()
+    text = content_of(path)
     if not text.strip():
         raise DiorError(f"{path} is empty; run the detector")
-    if str(path).endswith(TEXT):
+    if str(path).lower().endswith(TEXT):
         try:
             return _from_text(prototext.parse(text.decode(), path), path)
         except UnicodeDecodeError:
@@ -69,7 +69,7 @@ def _whole_file(path: AnyPath) -> Any:
 
 def _entries(path: AnyPath) -> list[tuple[Any, str]]:
     """(content, where) of every picture of a JSON list or of JSON lines."""
-    text = Path(path).read_bytes()
+    text = content_of(path)
     if text.lstrip()[:1] == b"[":
         return [(one, f"{path}: entry {i}") for i, one in enumerate(from_json(text, path, "MediaPipe"))]
     lines = [(line, f"{path}: line {i}") for i, line in enumerate(text.splitlines(), 1) if line.strip()]

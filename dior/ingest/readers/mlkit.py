@@ -18,6 +18,7 @@ from dior.body.names import MLKIT_33
 from dior.errors import DiorError
 from dior.ingest.people import People, gathered
 from dior.ingest.readers.common import from_json, number
+from dior.project.plain_text import unmarked
 
 KEYS = ("x", "y", "inFrameLikelihood")
 # chosen: some hundred lines are decoded at a time
@@ -53,6 +54,7 @@ def read(path: AnyPath) -> People:
     with open(path, "rb") as stream:
         # whole lines
         while text := stream.read(BLOCK_BYTES) + stream.readline():
+            text = text if before else unmarked(text, path)
             try:
                 block = _columns(_numbered(_LINES.decode_lines(text)))
             except (msgspec.MsgspecError, RecursionError):

@@ -19,6 +19,7 @@ from dior.body.names import BODY_25, BODY_25B, COCO_17, COCO_18, HALPE_26, WHOLE
 from dior.errors import DiorError
 from dior.ingest.people import People, gathered
 from dior.ingest.readers.common import files_by_frame, from_json, number
+from dior.project.plain_text import unmarked
 
 CANDIDATES = {
     len(COCO_17): {"COCO_17": COCO_17},
@@ -77,7 +78,7 @@ def _text(path: AnyPath) -> bytes:
         while len(part) == READ_AT_ONCE:
             part = os.read(file, READ_AT_ONCE)
             text += part
-        return text
+        return unmarked(text, path)
     except OSError as error:
         raise DiorError(f"{path}: cannot be read ({error.strerror}); a folder of OpenPose holds files only") from None
     finally:

@@ -6,7 +6,9 @@ from pathlib import Path
 
 from dior.arrays import AnyPath
 from dior.ingest.readers import caliscope, mlkit_csv, yolo
+from dior.ingest.readers.common import names_in
 from dior.ingest.readers.mediapipe import TEXT
+from dior.project.plain_text import unmarked
 
 # chosen: holds the first picture of every tool's files
 HEAD_BYTES = 1 << 16
@@ -20,17 +22,26 @@ def recognise(path: AnyPath) -> str | None:
     """The key in `READERS` of the tool that wrote a file or folder, "empty", or None: none of them.
 
     Only the first HEAD_BYTES are looked at, and only the first file of a folder in which there is anybody.
+    Raises DiorError for UTF-16.
     """
     path = Path(path)
     if not path.is_dir():
         return _of_head(_head(path), alone=True)
-    heads = (_head(path / name) for name in sorted(os.listdir(path)) if name.endswith(SUFFIXES))
+    heads = (_head(path / name) for name in names_in(path, SUFFIXES))
     return next((kind for head in heads if (kind := _of_head(head, alone=False)) != "empty"), "empty")
+
+
+def why_empty(path: AnyPath) -> str:
+    """What is to be said of an empty file or folder."""
+    others = [name for name in sorted(os.listdir(path)) if not name.startswith(".")] if os.path.isdir(path) else []
+    if not others or names_in(path, SUFFIXES):
+        return "is empty; run the detector"
+    return f"holds {others[0]} and no file that ends in {', '.join(SUFFIXES)}; name the folder of the detector's files"
 
 
 def _head(path: AnyPath) -> bytes:
     with open(path, "rb") as stream:
-        return stream.read(HEAD_BYTES).strip()
+        return unmarked(stream.read(HEAD_BYTES), path).strip()
 
 
 def _of_head(head: bytes, alone: bool) -> str | None:

@@ -17,7 +17,7 @@ from dior.arrays import AnyPath, Floats
 from dior.body.names import COCO_17
 from dior.errors import DiorError
 from dior.ingest.people import People, gathered
-from dior.ingest.readers.common import INTERRUPTED, files_by_frame
+from dior.ingest.readers.common import INTERRUPTED, content_of, files_by_frame
 
 # class and box before the keypoints; the box's confidence and the track may come after
 BOX = 5
@@ -47,29 +47,26 @@ def read(path: AnyPath) -> People:
 def _rows(path: AnyPath, leading: int) -> list[list[float]]:
     """Numbers of every row that is not empty, all of the same kind."""
     rows = []
-    with open(path, "rb") as stream:
-        for count, line in enumerate(stream, 1):
-            words = line.split()
-            if not words:
-                continue
-            where = f"{path}: line {count}"
-            if keypoint_width(len(words) - leading) is None:
-                if leading and keypoint_width(len(words)):
-                    raise DiorError(f"{where} has {len(words)} columns and no frame at its beginning; {ONE_PICTURE}")
-                known = " or ".join(str(width + leading) for width in WIDTHS)
-                raise DiorError(f"{where} has {len(words)} columns, not {known}; {INTERRUPTED}")
-            try:
-                row = [float(word) for word in words]
-            except ValueError:
-                raise DiorError(f"{where} holds something that is no number; {INTERRUPTED}") from None
-            kind, centre = row[leading : leading + 2]
-            # a box whose centre is 0 is a class, and a class with decimals a box's centre: a column too many or too few
-            if not kind.is_integer() or not centre:
-                shift = ONE_PICTURE if leading else "rows that begin with the frame belong in one file, not in a folder"
-                raise DiorError(
-                    f"{where} has no class and box at its {'second' if leading else 'first'} column; {shift}"
-                )
-            rows.append(row)
+    for count, line in enumerate(content_of(path).splitlines(), 1):
+        words = line.split()
+        if not words:
+            continue
+        where = f"{path}: line {count}"
+        if keypoint_width(len(words) - leading) is None:
+            if leading and keypoint_width(len(words)):
+                raise DiorError(f"{where} has {len(words)} columns and no frame at its beginning; {ONE_PICTURE}")
+            known = " or ".join(str(width + leading) for width in WIDTHS)
+            raise DiorError(f"{where} has {len(words)} columns, not {known}; {INTERRUPTED}")
+        try:
+            row = [float(word) for word in words]
+        except ValueError:
+            raise DiorError(f"{where} holds something that is no number; {INTERRUPTED}") from None
+        kind, centre = row[leading : leading + 2]
+        # a box whose centre is 0 is a class, and a class with decimals a box's centre: a column too many or too few
+        if not kind.is_integer() or not centre:
+            shift = ONE_PICTURE if leading else "rows that begin with the frame belong in one file, not in a folder"
+            raise DiorError(f"{where} has no class and box at its {'second' if leading else 'first'} column; {shift}")
+        rows.append(row)
     return rows
 
 

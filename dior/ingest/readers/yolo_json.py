@@ -10,7 +10,6 @@ OUTPUTS  `People` with the joints COCO_17, in pixels. The file's are the text ro
 """
 
 import os
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,7 @@ from dior.arrays import AnyPath, Floats
 from dior.body.names import COCO_17
 from dior.errors import DiorError
 from dior.ingest.people import People, gathered
-from dior.ingest.readers.common import files_by_frame, from_json, load_json, points_of
+from dior.ingest.readers.common import content_of, files_by_frame, from_json, load_json, points_of
 
 TOOL = "a YOLO pose model"
 # from the edge of the first pixel to its centre
@@ -46,7 +45,7 @@ def read(path: AnyPath) -> People:
 
 def _of_stream(path: AnyPath) -> list[tuple[int, Any, str]]:
     """(frame, content, where) of every picture of a file of all of them."""
-    text = Path(path).read_bytes().strip()
+    text = content_of(path).strip()
     lines = text.splitlines()
     if len(lines) > 1 and lines[0].strip().startswith(b"[") and lines[0].strip().endswith(b"]"):
         numbered = [(f"{path}: line {count}", line) for count, line in enumerate(lines, 1) if line.strip()]
