@@ -94,7 +94,7 @@ def run(*, sequence: str, frames: Path, data_root: Path, out: Path, out_dropped:
             seen = {"looked_at": int((looked >= 0).sum()), "black": int((looked > 0).sum())}
             rows.append({"camera": camera, "bag": bag, **audited.row, **seen})
             dropped += [(camera, *lost) for lost in audited.dropped]
-            findings_of = judge(rows[-1], audited, bag, bool(film)) + ([_by_what(bag, film)] if film else [])
+            findings_of = judge(rows[-1], audited, bag, bool(film)) + (_by_what(bag, film) if film else [])
             found += [(f"{sequence}/{camera}", *finding) for finding in findings_of]
         dropped += [(camera, *lost) for lost in _between_bags(own)]
     tables.write(out, "stamp_audit", {key: [row[key] for row in rows] for key in tables.columns_of("stamp_audit")})
@@ -167,7 +167,7 @@ def of_video(audited: Audit, lost: Sequence[tuple[int, int, str]]) -> Audit:
     return replace(audited, row=row, dropped=tuple(dropped))
 
 
-def _by_what(bag: str, film: dict[str, Any]) -> tuple[str, str, str]:
+def _by_what(bag: str, film: dict[str, Any]) -> list[tuple[str, str, str]]:
     """What the stamps of a video are by: `film` as of `video_starts.told`."""
     text = f"{bag}: {SOURCES[film['source']]}"
     if film["start_sigma_s"]:
@@ -176,7 +176,8 @@ def _by_what(bag: str, film: dict[str, Any]) -> tuple[str, str, str]:
         text += f", and to {film['apart_sigma_s']:.1g} s against the cameras with the same sound"
     if film["tick_s"] > COARSE_TICK_S:
         text += f"; its times are in steps of {1e3 * film['tick_s']:.1f} ms"
-    return "info", "video_stamps", text
+    noted = [("warning", "video_stamps", f"{bag}: the file with its stamps {film['note']}")] if film["note"] else []
+    return [("info", "video_stamps", text), *noted]
 
 
 def _glitches(frames: Table) -> tuple[stamps.Glitch, ...]:

@@ -157,9 +157,10 @@ def _film(where: str, camera: str, topic: str, recorded: Recorded) -> Film:
             "YAML, or a CSV of their stamps (`stamps` in sequences.tsv)"
         )
     given = video_stamps.read_sidecar(sidecar, path) if sidecar else None
-    stamps = video_stamps.stamps_of(index, given, f"{where}: {sidecar}")
-    if not is_video and not np.isfinite(rate) and len(given or {}) < len(key):
-        raise DiorError(f"{where}: {sidecar} has {len(given or {})} stamps for {len(key)} pictures of {path}")
+    if given and not is_video and not np.isfinite(rate) and len(given.stamp_ns) < len(key):
+        raise DiorError(f"{where}: {sidecar} has {len(given.stamp_ns)} stamps for {len(key)} pictures of {path}")
+    timed = "`video.fps` says" if np.isfinite(rate) else "the video" if is_video else ""
+    stamps = video_stamps.stamps_of(index, given, f"{where}: {sidecar}", "video" if is_video else "folder", timed)
     return Film(camera, path, topic, index, key, stamps)
 
 
@@ -177,6 +178,7 @@ def metadata(found: Mapping[str, Film]) -> dict[str, str]:
             "source": film.stamps.source,
             "start_sigma_s": film.stamps.start_sigma_s,
             "apart_sigma_s": film.stamps.apart_sigma_s,
+            "note": film.stamps.note,
             "tick_s": film.index.tick_s if film.stamps.sigma_s else 0.0,
             "lost": film.lost(),
         }

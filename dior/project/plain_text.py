@@ -94,11 +94,15 @@ def _decoded(content: bytes, shown: AnyPath) -> str:
 def rows_of(path: AnyPath, shown: AnyPath, delimiter: str = ",") -> list[Line]:
     """The rows of a table that are not empty, the header among them. Raises DiorError as `each_row`."""
     rows = list(each_row(path, shown, delimiter))
-    header = rows[0][1] if rows else []
+    check_delimiter(rows[0][1] if rows else [], shown, delimiter)
+    return rows
+
+
+def check_delimiter(header: list[str], shown: AnyPath, delimiter: str = ",") -> None:
+    """Refuse a header whose columns are separated by something else than `delimiter`."""
     for other in {*NAMES} - {delimiter}:
         if len(header) == 1 and other in header[0]:
             raise DiorError(f"{shown}: the columns must be separated by {NAMES[delimiter]}, not by {NAMES[other]}")
-    return rows
 
 
 def each_row(

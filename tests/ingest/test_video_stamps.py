@@ -7,7 +7,7 @@ import pytest
 
 from dior.errors import DiorError
 from dior.ingest import video_stamps
-from dior.ingest.video_stamps import NO_DATE_NS
+from dior.ingest.video_stamps import NO_DATE_NS, Sidecar
 from dior.ingest.videos import VideoIndex
 
 T0 = 1_708_000_000_000_000_000
@@ -38,14 +38,16 @@ def test_what_has_no_date_begins_with_the_others():
 
 
 def test_a_sidecar_of_some_frames_gives_the_start_and_the_rate_between_them():
-    assert video_stamps.stamps_of(index(), {0: T0}, "x").stamp_ns.tolist() == [T0 + FRAME_NS * i for i in range(5)]
+    assert video_stamps.stamps_of(index(), Sidecar({0: T0}), "x").stamp_ns.tolist() == [
+        T0 + FRAME_NS * i for i in range(5)
+    ]
     # a file's clock that is slow by a tenth between the second and the fourth picture
-    found = video_stamps.stamps_of(index(), {1: T0, 3: T0 + round(2.2 * FRAME_NS)}, "x")
+    found = video_stamps.stamps_of(index(), Sidecar({1: T0, 3: T0 + round(2.2 * FRAME_NS)}), "x")
     assert ((found.stamp_ns - T0) / FRAME_NS).tolist() == pytest.approx([-1, 0, 1.1, 2.2, 3.2])
     assert found.start_sigma_s == 0
     with pytest.raises(DiorError, match="x names frame 5, and the video has 5 pictures"):
-        video_stamps.stamps_of(index(), {5: T0}, "x")
-    video_stamps.stamps_of(index(lost=((200_000_000, "cut_off"),)), {5: T0, 4: T0 - 1}, "x")
+        video_stamps.stamps_of(index(), Sidecar({5: T0}), "x")
+    video_stamps.stamps_of(index(lost=((200_000_000, "cut_off"),)), Sidecar({5: T0, 4: T0 - FRAME_NS}), "x")
 
 
 def test_rounded_times_of_a_regular_rate_are_put_back_and_others_keep_their_step():
@@ -76,7 +78,7 @@ LAYOUTS = {
 def test_every_layout_gives_stamps_by_frame(tmp_path, layout):
     """The columns are as the tools' sources have them; the numbers are made up here."""
     (tmp_path / "s.csv").write_text(LAYOUTS[layout])
-    found = video_stamps.read_sidecar(tmp_path / "s.csv", Path("walk/cam_1.mp4"))
+    found = video_stamps.read_sidecar(tmp_path / "s.csv", Path("walk/cam_1.mp4")).stamp_ns
     assert found == {0: T0, 1: T0 + FRAME_NS + (layout == "ours")}
 
 
@@ -93,6 +95,17 @@ def test_seconds_of_no_date_count_from_one():
         ("frame,stamp_ns\n0\n", "line 2: is not frame, stamp_ns"),
         ("frame,stamp_ns\n0,1e18\n0,1e18\n", "it has frames twice"),
         ("frame,stamp_ns\n0,nan\n", "line 2: is not frame, stamp_ns"),
+        (
+            "frame,stamp_ns\n0,1e18\n1,1e25\n",
+            "line 3: has a number that is too large for a frame or for stamp_ns in ns",
+        ),
+        ("frame,stamp_ns\n1e25,1e18\n", "line 2: is not frame, stamp_ns"),
+        (f"frame,stamp_ns\n{10**25},1e18\n", "line 2: has a number that is too large"),
+        ("cam_id,frame_time\n1,9e999999\n", "line 2: is not cam_id, frame_time"),
+        ("frame,stamp_ns,stamp_ns\n0,1e18,0\n", "column 'stamp_ns' is there twice"),
+        ("Frame,stamp_ns\n0,1e18\n", "unknown column 'Frame'; did you mean 'frame'"),
+        ("frame;stamp_ns\n0;1e18\n", "the columns must be separated by commas, not by semicolons"),
+        ("frame\tstamp_ns\n0\t1e18\n", "the columns must be separated by commas, not by tabs"),
         ("cam_id,frame_time\n2,5\n", "it has no stamps of cam_id 1, the number in the name of cam_1.mp4"),
     ],
 )
@@ -104,5 +117,49 @@ def test_a_sidecar_that_is_none_is_refused(tmp_path, text, words):
 
 def test_uptimes_are_stamps(tmp_path):
     (tmp_path / "s.csv").write_text("cam_id,frame_time\n1,12.5\n1,12.54\n")
-    found = video_stamps.read_sidecar(tmp_path / "s.csv", Path("cam_1.mp4"))
+    found = video_stamps.read_sidecar(tmp_path / "s.csv", Path("cam_1.mp4")).stamp_ns
     assert found == {0: NO_DATE_NS + 12_500_000_000, 1: NO_DATE_NS + 12_540_000_000}
+
+
+def every(unit_ns, count=30, first=0, by_ns=FRAME_NS):
+    """Stamps by frame as `read_sidecar` gives them of a column whose unit is taken for 1 ns."""
+    return {first + i: T0 // unit_ns + i * by_ns // unit_ns for i in range(count)}
+
+
+@pytest.mark.parametrize(("unit", "unit_ns"), [("us", 10**3), ("ms", 10**6), ("s", 10**9)])
+@pytest.mark.parametrize("timed", ["the video", ""])
+def test_stamps_of_another_unit_are_refused_by_its_name(unit, unit_ns, timed):
+    with pytest.raises(DiorError, match=rf"x: the column stamp_ns has .* they are in {unit}, and stamp_ns is in ns"):
+        video_stamps.stamps_of(index(30), Sidecar(every(unit_ns)), "x", "video", timed)
+    with pytest.raises(DiorError, match=r"x: the column frame_time has .* they are in ms, and frame_time is in s"):
+        seconds = Sidecar(every(1, by_ns=FRAME_NS * 1000), "frame_time", "s")
+        video_stamps.stamps_of(index(30), seconds, "x", "video", timed)
+    with pytest.raises(DiorError, match=r"they are in s, and"):
+        video_stamps.stamps_of(index(30), Sidecar(every(10**9, by_ns=10**9)), "x", "video", timed)
+
+
+def test_stamps_of_another_rate_are_refused_with_both_and_a_pause_is_none():
+    with pytest.raises(DiorError, match=r"200 pictures per second, and the video 25; is it of another.*slow motion"):
+        video_stamps.stamps_of(index(30), Sidecar(every(1, by_ns=FRAME_NS // 8)), "x")
+    with pytest.raises(DiorError, match=r"12\.5 pictures per second, and the video 25"):
+        video_stamps.stamps_of(index(30), Sidecar({0: T0, 29: T0 + 58 * FRAME_NS}), "x")
+    paused = {frame: stamp + (frame > 15) * 10**10 for frame, stamp in every(1).items()}
+    assert video_stamps.stamps_of(index(30), Sidecar(paused), "x").stamp_ns[-1] == paused[29]
+    assert video_stamps.stamps_of(index(30), Sidecar(every(1, by_ns=33_333_333)), "x").source == "sidecar"
+
+
+def test_rows_without_a_number_are_as_many_as_pictures():
+    for count in (29, 31):
+        by_place = Sidecar(every(1, count), "frame_time", "s", by_place=True)
+        with pytest.raises(DiorError, match=f"x has {count} stamps, and the video has 30 pictures"):
+            video_stamps.stamps_of(index(30), by_place, "x")
+    video_stamps.stamps_of(index(30), Sidecar(every(1), "frame_time", "s", by_place=True), "x")
+
+
+def test_frames_that_count_from_1_are_refused_and_a_lone_one_is_noted():
+    for count in (30, 29, 2):
+        with pytest.raises(DiorError, match=f"x names the frames 1 to {count} of the folder's 30 .*count from 0"):
+            video_stamps.stamps_of(index(30), Sidecar(every(1, count, first=1)), "x", "folder")
+    found = video_stamps.stamps_of(index(30), Sidecar({1: T0}), "x")
+    assert found.stamp_ns[1] == T0 and "frames count from 0" in found.note
+    assert not video_stamps.stamps_of(index(30), Sidecar({0: T0}), "x").note

@@ -168,10 +168,12 @@ def test_a_picture_whose_bytes_are_damaged_is_lost_and_the_others_keep_their_num
     data = bytearray(path.read_bytes())
     data[at : at + size] = bytes(size)
     path.write_bytes(data)
-    (tmp_path / "stamps.csv").write_text("frame,stamp_ns\n" + "".join(f"{i},{10**18 + i}\n" for i in range(COUNT)))
+    (tmp_path / "stamps.csv").write_text(
+        "frame,stamp_ns\n" + "".join(f"{i},{10**18 + i * 33_333_333 + i % 2}\n" for i in range(COUNT))
+    )
     table, told = indexed(tmp_path, path.name, sidecars={"cam01": tmp_path / "stamps.csv"})
-    assert told["lost"] == [[19, 10**18 + 19 + 33_333_334, "not_decoded"]] and len(table["frame"]) == COUNT - 1
-    assert (table["stamp_ns"] - 10**18).tolist() == [i for i in range(COUNT) if i != 20]
+    assert told["lost"] == [[19, 10**18 + 20 * 33_333_333 + 2, "not_decoded"]] and len(table["frame"]) == COUNT - 1
+    assert (table["stamp_ns"] - 10**18).tolist() == [i * 33_333_333 + i % 2 for i in range(COUNT) if i != 20]
 
 
 def test_audit_of_a_whole_video_warns_of_nothing(tmp_path):
@@ -197,9 +199,9 @@ def test_a_folder_of_pictures_is_read_by_number_with_a_rate_or_stamps(tmp_path):
     assert set(np.diff(table["stamp_ns"])) == {20_000_000} and told["source"] == "none"
     found = dict(bags.read_pictures(table, tmp_path))
     assert [number_of(found[i]) for i in range(12)] == list(range(12)), "10.png comes after 9.png"
-    (tmp_path / "s.csv").write_text("frame,stamp_ns\n" + "".join(f"{i},{10**18 + i**2}\n" for i in range(12)))
+    (tmp_path / "s.csv").write_text("frame,stamp_ns\n" + "".join(f"{i},{10**18 + i**2 * 10**6}\n" for i in range(12)))
     table, _ = indexed(tmp_path, "cam01", sidecars={"cam01": tmp_path / "s.csv"})
-    assert (table["stamp_ns"] - 10**18).tolist() == [i**2 for i in range(12)]
+    assert (table["stamp_ns"] - 10**18).tolist() == [i**2 * 10**6 for i in range(12)]
     kind, wire, raw = next((m.kind, m.wire, m.raw) for m in containers.messages(folder, {"/pictures"}, {3}))
     assert messages.compressed(kind, raw, wire) == (folder / "3.png").read_bytes(), "as it is, for the release"
 
