@@ -41,11 +41,12 @@ REPEATED = {
 }
 LAGS = ("lag_ms", "lag_spread_ms", "lag_max_ms", "drift_ppm")
 # by what the stamps of a video are (`video_stamps.VideoStamps`)
+OWN_TIMES, RATE = "by its own times", "at the rate that `video.fps` gives"
 SOURCES = {
     "sidecar": "stamps from a file beside it",
-    "created": "stamps by its own times from when it was created on",
-    "sound": "stamps by its own times, whose start is told by the sound that another camera has, too",
-    "none": "stamps by its own times, and nothing says when it began",
+    "created": f"stamps {OWN_TIMES} from when it was created on",
+    "sound": f"stamps {OWN_TIMES}, whose start is told by the sound that another camera has, too",
+    "none": f"stamps {OWN_TIMES}, and nothing says when it began",
 }
 # chosen: what a walker moves in less is below a detector's resolution
 COARSE_TICK_S = 1e-4
@@ -170,6 +171,8 @@ def of_video(audited: Audit, lost: Sequence[tuple[int, int, str]]) -> Audit:
 def _by_what(bag: str, film: dict[str, Any]) -> list[tuple[str, str, str]]:
     """What the stamps of a video are by: `film` as of `video_starts.told`."""
     text = f"{bag}: {SOURCES[film['source']]}"
+    if film["by_rate"]:
+        text = text.replace(OWN_TIMES, RATE)
     if film["start_sigma_s"]:
         text += f", to {film['start_sigma_s']:.1g} s (1 sigma)"
     if film["apart_sigma_s"] < film["start_sigma_s"]:

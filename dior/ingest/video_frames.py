@@ -12,7 +12,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from dior.arrays import Ints, Table
+from dior.arrays import Floats, Ints, Table
 from dior.errors import DiorError
 from dior.ingest import bags, containers, picture_folders, video_audio, video_stamps
 from dior.ingest.video_audio import Heard
@@ -39,7 +39,10 @@ class Recorded:
 
 @dataclass(frozen=True, eq=False)
 class Film:
-    """A camera's recording on `path`; `key` (F,) is by what a picture is found (`bag_reader.Message.receive_ns`)."""
+    """A camera's recording on `path`; `key` (F,) is by what a picture is found (`bag_reader.Message.receive_ns`).
+
+    `by_rate`: its times are by a rate that a person gave.
+    """
 
     camera: str
     path: Path
@@ -47,6 +50,7 @@ class Film:
     index: VideoIndex
     key: Ints
     stamps: VideoStamps
+    by_rate: bool = False
 
     def span(self) -> Span:
         """Between which stamps the recording may lie."""
@@ -139,7 +143,7 @@ def _by_sound_of(film: Film, heard: Heard | None, other: Film, others: Heard | N
 
 def _film(where: str, camera: str, topic: str, recorded: Recorded) -> Film:
     path, sidecar = recorded.videos[camera], recorded.sidecars.get(camera)
-    rate = float(recorded.rates.get(camera, "nan"))
+    rate = _rate(where, recorded.rates.get(camera))
     if not path.exists():
         raise DiorError(f"{where}: there is no {path}; check `videos` in sequences.tsv and `data_root`")
     is_video = containers.is_video(path)
@@ -148,27 +152,59 @@ def _film(where: str, camera: str, topic: str, recorded: Recorded) -> Film:
     if not is_video:
         topic = picture_folders.TOPIC
     index = containers.video_index(path, topic) if is_video else _of_folder(path)
-    key = index.pts_ns
+    key = index.pts_ns if is_video else np.arange(len(index.pts_ns))
     if np.isfinite(rate):
-        index = replace(index, pts_ns=np.rint(1e9 * index.number / rate).astype(np.int64), lost=(), tick_s=0.0)
+        index = _timed(index, index.number / rate)
     elif not is_video and not sidecar:
         raise DiorError(
             f"{where}: {path} is a folder of pictures, which have no time; give `fps` under `video:` in the camera's "
             "YAML, or a CSV of their stamps (`stamps` in sequences.tsv)"
         )
     given = video_stamps.read_sidecar(sidecar, path) if sidecar else None
-    if given and not is_video and not np.isfinite(rate) and len(given.stamp_ns) < len(key):
-        raise DiorError(f"{where}: {sidecar} has {len(given.stamp_ns)} stamps for {len(key)} pictures of {path}")
-    timed = "`video.fps` says" if np.isfinite(rate) else "the video" if is_video else ""
+    timed = "`video.fps`" if np.isfinite(rate) else "the video" if is_video else ""
     stamps = video_stamps.stamps_of(index, given, f"{where}: {sidecar}", "video" if is_video else "folder", timed)
-    return Film(camera, path, topic, index, key, stamps)
+    if not timed:
+        without = [int(number) for number in index.number if int(number) not in (given.stamp_ns if given else {})]
+        if without:
+            raise DiorError(
+                f"{where}: {sidecar} has no stamps for {len(without)} of the {len(key)} pictures of {path}, of which "
+                f"frame {without[0]} is the first; a number that the names leave out counts as a frame, too"
+            )
+        index = _timed(index, (stamps.stamp_ns - stamps.stamp_ns[0]) / 1e9)
+    return Film(camera, path, topic, index, key, stamps, bool(np.isfinite(rate)))
+
+
+def _rate(where: str, given: str | None) -> float:
+    """Pictures per second, NaN where none are given. Raises DiorError for what is no rate."""
+    try:
+        rate = float(given if given is not None else "nan")
+    except ValueError:
+        rate = 0.0
+    if given is not None and not 0 < rate < np.inf:
+        raise DiorError(f"{where}: the rate '{given}' is no number of pictures per second above 0, such as 29.97")
+    return rate
+
+
+def _timed(index: VideoIndex, at_s: Floats) -> VideoIndex:
+    """The index with other times (F,) s of its pictures, the lost ones between them by their numbers."""
+    every = np.arange(len(index.number) + len(index.lost))
+    missing = np.setdiff1d(every, index.number)
+    # beyond the last picture at the mean rate
+    period = (at_s[-1] - at_s[0]) / max(index.number[-1] - index.number[0], 1)
+    beyond = np.maximum(missing - index.number[-1], 0) - np.maximum(index.number[0] - missing, 0)
+    lost_s = np.interp(missing, index.number, at_s) + period * beyond
+    reasons = [reason for _, reason in index.lost]
+    lost = tuple((round(1e9 * at), reason) for at, reason in zip(lost_s.tolist(), reasons, strict=True))
+    return replace(index, pts_ns=np.rint(1e9 * at_s).astype(np.int64), lost=lost, tick_s=0.0)
 
 
 def _of_folder(path: Path) -> VideoIndex:
-    """`VideoIndex` of a folder of pictures, their times being their numbers."""
+    """`VideoIndex` of a folder of pictures, their times being their numbers; those that the names leave out are
+    lost."""
     index = bags.index(path, [picture_folders.TOPIC])
-    number = index["receive_ns"]
-    return VideoIndex(number, number, index["height"], index["width"], (), 0.0, None)
+    number = picture_folders.numbers(path)
+    lost = tuple((int(at), "not_sent") for at in np.setdiff1d(np.arange(number[-1] + 1), number))
+    return VideoIndex(number, number, index["height"], index["width"], lost, 0.0, None)
 
 
 def metadata(found: Mapping[str, Film]) -> dict[str, str]:
@@ -179,6 +215,7 @@ def metadata(found: Mapping[str, Film]) -> dict[str, str]:
             "start_sigma_s": film.stamps.start_sigma_s,
             "apart_sigma_s": film.stamps.apart_sigma_s,
             "note": film.stamps.note,
+            "by_rate": film.by_rate,
             "tick_s": film.index.tick_s if film.stamps.sigma_s else 0.0,
             "lost": film.lost(),
         }

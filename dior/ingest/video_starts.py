@@ -20,7 +20,7 @@ MOST_SIGMAS = 3.0
 
 def told(frames: AnyPath) -> dict[str, dict[str, Any]]:
     """By camera: source, start_sigma_s, apart_sigma_s, note (`video_stamps.VideoStamps`), tick_s, the step of times
-    that are irregular, else 0, and what is lost: (frame before, stamp_ns, reason)."""
+    that are irregular, else 0, by_rate (`video_frames.Film`), and what is lost: (frame before, stamp_ns, reason)."""
     found: dict[str, dict[str, Any]] = json.loads(tables.metadata(frames).get(METADATA, "{}"))
     return found
 

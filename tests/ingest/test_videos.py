@@ -12,7 +12,7 @@ import pytest
 
 from dior.calibrate.lens import board
 from dior.errors import DiorError
-from dior.ingest import audit, bags, containers, frames, messages, video_starts
+from dior.ingest import audit, bags, containers, frames, messages, picture_folders, video_starts
 from dior.ingest.video_frames import Recorded
 from dior.tables import tables
 from tests.ingest import bagfiles, videofiles
@@ -204,6 +204,76 @@ def test_a_folder_of_pictures_is_read_by_number_with_a_rate_or_stamps(tmp_path):
     assert (table["stamp_ns"] - 10**18).tolist() == [i**2 * 10**6 for i in range(12)]
     kind, wire, raw = next((m.kind, m.wire, m.raw) for m in containers.messages(folder, {"/pictures"}, {3}))
     assert messages.compressed(kind, raw, wire) == (folder / "3.png").read_bytes(), "as it is, for the release"
+
+
+def named(folder, names):
+    """A folder with small pictures of the `names`."""
+    folder.mkdir()
+    for i, name in enumerate(names):
+        (folder / name).write_bytes(cv2.imencode(f".{name[-3:].lower()}", numbered(i))[1].tobytes())
+    return folder
+
+
+def test_pictures_missing_between_the_numbers_of_a_folder_are_lost_and_keep_their_time(tmp_path):
+    folder = named(tmp_path / "cam01", [f"img_{i:04d}.jpg" for i in (*range(1, 6), *range(8, 21))])
+    (folder / "._img_0001.jpg").write_bytes(b"x")
+    (folder / ".img_0002.jpg").write_bytes(b"x")
+    table, told = indexed(tmp_path, "cam01", rates={"cam01": "25"})
+    since = (table["stamp_ns"] - table["stamp_ns"][0]) // 40_000_000
+    assert since.tolist() == [*range(5), *range(7, 20)] and told["by_rate"]
+    began = int(table["stamp_ns"][0])
+    assert told["lost"] == [[4, began + i * 40_000_000, "not_sent"] for i in (5, 6)]
+    out = {key: tmp_path / f"{key}.parquet" for key in ("out", "out_dropped", "findings")}
+    audit.run(sequence="walk", frames=tmp_path / "frames.parquet", data_root=tmp_path, **out)
+    assert tables.read(out["out"], "stamp_audit")["lost"].tolist() == [2]
+    texts = [text for _, _, code, text in tables.read_findings(out["findings"]) if code == "video_stamps"]
+    assert len(texts) == 1 and "at the rate that `video.fps` gives" in texts[0] and "own times" not in texts[0]
+    (tmp_path / "s.csv").write_text("frame,stamp_ns\n" + "".join(f"{i},{10**18 + i * 10**7}\n" for i in range(18)))
+    with pytest.raises(DiorError, match=r"s\.csv has no stamps for 2 of the 18 pictures of .*cam01, .*frame 18 is the"):
+        indexed(tmp_path, "cam01", sidecars={"cam01": tmp_path / "s.csv"})
+    (tmp_path / "s.csv").write_text("frame,stamp_ns\n" + "".join(f"{i},{10**18 + i * 10**7}\n" for i in since))
+    table, told = indexed(tmp_path, "cam01", sidecars={"cam01": tmp_path / "s.csv"})
+    assert told["lost"] == [[4, 10**18 + i * 10**7, "not_sent"] for i in (5, 6)]
+
+
+@pytest.mark.parametrize(
+    ("names", "words"),
+    [
+        (["img_0001.jpg", "img_0002.jpg", "img_0002.png"], r"img_0002\.png: has the number of img_0002\.jpg; remove"),
+        (
+            ["img_0001.jpg", "img_0003.jpg", "img_0003 (1).jpg"],
+            r"img_0003 \(1\)\.jpg: its name has no number like that",
+        ),
+        (["1.jpg", "2.jpg", "background.jpg"], r"background\.jpg: its name has no number like that of 1\.jpg"),
+        (["1.jpg", "2.jpg", "900.jpg"], r"cam01: more numbers are missing .* between 2\.jpg and 900\.jpg"),
+    ],
+)
+def test_a_picture_that_does_not_fit_among_the_numbers_of_a_folder_is_refused_by_name(tmp_path, names, words):
+    named(tmp_path / "cam01", names)
+    with pytest.raises(DiorError, match=words):
+        indexed(tmp_path, "cam01", rates={"cam01": "25"})
+
+
+@pytest.mark.parametrize(
+    ("names", "numbers"),
+    [
+        ([f"{i}.jpg" for i in range(0, 50, 10)], [0, 1, 2, 3, 4]),
+        (["0.jpg", "33.jpg", "67.jpg", "100.jpg"], [0, 1, 2, 3]),
+        (["9.59.58.jpg", "9.59.59.jpg", "10.00.03.jpg"], [0, 1, 2]),
+        (["a.jpg", "b.jpg"], [0, 1]),
+        (["img_1.jpg", "IMG_2.JPG", "img_4.jpg"], [0, 1, 3]),
+        (["cam2_0.jpg", "cam2_2.jpg", "cam2_6.jpg"], [0, 1, 3]),
+    ],
+)
+def test_names_that_step_by_a_constant_or_are_times_have_no_gaps(tmp_path, names, numbers):
+    assert picture_folders.numbers(named(tmp_path / "cam01", names)).tolist() == numbers
+
+
+@pytest.mark.parametrize("rate", ["30,0", "0", "-30", "inf", "nan"])
+def test_a_rate_that_is_none_is_one_sentence(tmp_path, rate):
+    named(tmp_path / "cam01", ["1.jpg", "2.jpg"])
+    with pytest.raises(DiorError, match=f"walk, cam01: the rate '{rate}' is no number of pictures per second above 0"):
+        indexed(tmp_path, "cam01", rates={"cam01": rate})
 
 
 def test_a_camera_in_a_video_begins_with_those_in_bags(tmp_path):
