@@ -26,7 +26,8 @@ from dior.arrays import Bools, Floats, Ints, Table
 from dior.clocks.axis import nominal_fps
 from dior.ingest import bags as rosbag
 from dior.ingest import stamps, video_starts
-from dior.ingest.frames import JUMP_NS, check_usable
+from dior.ingest.frames import check_usable
+from dior.ingest.stamps import JUMP_NS
 from dior.tables import tables
 
 # 1.5: half-way between one period and two. 2.0 chosen: later than pictures come while a recorder keeps up

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from dior.arrays import AnyPath, Table
 from dior.errors import DiorError, nearest
-from dior.ingest import containers, messages, videos
+from dior.ingest import containers, messages, picture_folders, videos
 from dior.ingest.bag_reader import Message, full_name
 from dior.ingest.containers import BROKEN
 from dior.ingest.containers import messages as messages_of
@@ -92,7 +92,7 @@ def index(bag: Path, topics: Sequence[str]) -> Table:
         try:
             stamp_ns, height, width = messages.picture_of(message.kind, message.raw, message.wire)
         except BROKEN as error:
-            where = f"{bag}: message {count[topic]} of {topic}"
+            where = _file_of(message) or f"{bag}: message {count[topic]} of {topic}"
             raise DiorError(f"{where} has no readable picture ({error})") from None
         count[topic] += 1
         row = (topic, stamp_ns, message.receive_ns, nth, height, width)
@@ -178,7 +178,13 @@ def _picture(message: Message, size: tuple[int, int], where: str) -> NDArray[np.
     try:
         return messages.decode(message.kind, message.raw, message.wire, size)
     except BROKEN as error:
-        raise DiorError(f"{where} received at {message.receive_ns} ns cannot be decoded ({error})") from None
+        where = _file_of(message) or f"{where} received at {message.receive_ns} ns"
+        raise DiorError(f"{where} cannot be decoded ({error})") from None
+
+
+def _file_of(message: Message) -> str:
+    """The picture's file where it has one of its own, else empty."""
+    return f"{message.raw.path}: the picture" if isinstance(message.raw, picture_folders.PictureFile) else ""
 
 
 def repeated(bag: Path, topics: Sequence[str]) -> set[tuple[str, int, int]]:

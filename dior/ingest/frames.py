@@ -28,8 +28,6 @@ from dior.ingest import bags as rosbag
 from dior.ingest import stamps, video_frames
 from dior.tables import tables
 
-# chosen: more than a recorder's lag varies; what is less and goes back counts as pictures out of order
-JUMP_NS = 1_000_000_000
 # chosen: a recorder that splits its bags leaves less than that between them; lags vary by less from one to the next, by
 # so many pictures of each
 SPLIT_NS, MOST_LAG_NS, ACROSS = 1_000_000_000, 20_000_000, 30
@@ -282,7 +280,7 @@ def check_usable(stamp_ns: Ints, receive_ns: Ints, where: str) -> None:
     recorded = np.argsort(receive_ns, kind="stable")
     steps = np.diff(stamp_ns[recorded])
     worst = int(np.argmin(steps))
-    if steps[worst] < -JUMP_NS:
+    if steps[worst] < -stamps.JUMP_NS:
         raise DiorError(
             f"{where}: the header clock was set back by {-steps[worst] / 1e9:.1f} s after picture {worst} of the "
             "recording, so stamps before and after it mean different times; split the bag there and give the parts as "

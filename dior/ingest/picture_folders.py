@@ -29,9 +29,10 @@ MOST_BYTES = 1 << 28
 
 @dataclass(frozen=True, eq=False)
 class PictureFile:
-    """The bytes `data` (N,) of a file, with the fields of a sensor_msgs/CompressedImage."""
+    """The bytes `data` (N,) of the file `path`, with the fields of a sensor_msgs/CompressedImage."""
 
     data: NDArray[np.uint8]
+    path: Path
     format: str = ""
     header: messages.Header = messages.Header()
 
@@ -98,4 +99,4 @@ def recorded(folder: Path, wanted: Collection[str], received: Collection[int] | 
             data = np.frombuffer(bytes_of(file, file, MOST_BYTES), np.uint8)
             if not len(data):
                 raise DiorError(f"{file}: is empty; remove that picture or copy it again")
-            yield Message(TOPIC, messages.COMPRESSED, messages.PICTURE, number, PictureFile(data))
+            yield Message(TOPIC, messages.COMPRESSED, messages.PICTURE, number, PictureFile(data, file))

@@ -31,6 +31,8 @@ CERTAIN_SD = 5.0
 LEAST_S = 2e-3  # chosen: lags vary by more than that in any network
 # chosen: a network now and then swaps two pictures; more is a driver that does not stamp them in order
 MOST_OUT_OF_ORDER = 0.1
+# chosen: more than a recorder's lag varies; what is less and goes back counts as pictures out of order
+JUMP_NS = 1_000_000_000
 ALIKE = 0.4  # chosen: share of lags that are nearest together, below a half
 FEWEST_FIRST = 3  # chosen: pictures at the beginning whose lag is alike; one or two a recorder's start explains
 CAUGHT_UP_S = 1.0  # chosen: within that a network that was slow has caught up

@@ -147,8 +147,18 @@ def _film(where: str, camera: str, topic: str, recorded: Recorded) -> Film:
     if not path.exists():
         raise DiorError(f"{where}: there is no {path}; check `videos` in sequences.tsv and `data_root`")
     is_video = containers.is_video(path)
+    if path.is_file() and not path.stat().st_size:
+        raise DiorError(f"{where}: {path} is empty; copy it again from where it was recorded")
     if not is_video and not path.is_dir():
-        raise DiorError(f"{where}: {path} is no video and no folder of pictures; name bags in `bags`, not in `videos`")
+        raise DiorError(
+            f"{where}: {path} is no video and no folder of pictures; name bags in `bags`, not in `videos`; mp4, "
+            f"mov, avi, mkv and webm are read, and `ffmpeg -i {path.name} -c copy {path.stem}.mp4` makes one of others"
+        )
+    if not is_video and not picture_folders.files(path):
+        raise DiorError(
+            f"{where}: there is no picture in the folder {path}; those that end in "
+            f"{', '.join(picture_folders.SUFFIXES)} are read"
+        )
     if not is_video:
         topic = picture_folders.TOPIC
     index = containers.video_index(path, topic) if is_video else _of_folder(path)

@@ -27,6 +27,7 @@ import numpy as np
 
 from dior.arrays import AnyPath, Ints
 from dior.errors import DiorError
+from dior.ingest.stamps import JUMP_NS, MOST_OUT_OF_ORDER
 from dior.ingest.videos import VideoIndex
 from dior.project.plain_text import check_delimiter, each_row
 
@@ -162,8 +163,18 @@ def _check_rate(index: VideoIndex, stamp_ns: Ints, sidecar: Sidecar, where: str,
     # a recording that paused is not slower; stamps in whole seconds do not tell steps
     step = float(np.median(steps / own))
     slow = step if step > 0 else float(steps.sum() / own.sum())
-    if slow <= 0:
-        return
+    back = np.diff(stamp_ns[at])
+    if not back.any():
+        raise DiorError(
+            f"{where}: {sidecar.time} is the same for all {len(at)} pictures; did a spreadsheet round it, or is it "
+            f"not in {sidecar.unit}?"
+        )
+    if (back < 0).mean() > MOST_OUT_OF_ORDER or back.min() < -JUMP_NS or slow <= 0:
+        number = index.number[at[int(np.argmin(back)) + 1]]
+        raise DiorError(
+            f"{where}: {sidecar.time} goes back, the furthest by {-back.min() / 1e9:.3g} s at frame {number}; is it in "
+            "the order of the pictures?"
+        )
     if not timed:
         rate_hz = 1e9 / slow
         if LEAST_HZ <= rate_hz <= MOST_HZ:

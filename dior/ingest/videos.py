@@ -379,7 +379,10 @@ def _streams(container: Any) -> list[Any]:
 def _stream(container: Any, number: int) -> Any:
     there = _streams(container)
     if number >= len(there):
-        raise ValueError(f"it has {len(there)} video streams, and no video{number}")
+        count = f"{len(there)} video stream{'' if len(there) == 1 else 's'}"
+        raise DiorError(
+            f"{container.name}: it has {count}, and no video{number}; `video.stream` in the camera's YAML counts from 0"
+        )
     stream = there[number]
     if stream.codec_context is None or not stream.time_base:
         raise ValueError("its codec is not known, or its times have no unit")

@@ -148,6 +148,17 @@ def test_stamps_of_another_rate_are_refused_with_both_and_a_pause_is_none():
     assert video_stamps.stamps_of(index(30), Sidecar(every(1, by_ns=33_333_333)), "x").source == "sidecar"
 
 
+def test_stamps_that_stand_or_go_back_name_their_file_and_column():
+    with pytest.raises(DiorError, match=r"x: stamp_ns is the same for all 30 pictures"):
+        video_stamps.stamps_of(index(30), Sidecar(dict.fromkeys(range(30), T0)), "x")
+    back = every(1) | {frame: T0 for frame in (20, 21)}
+    for wrong in (back | {20: T0 - 10**10}, {0: T0 + 10**9, 29: T0}, dict(enumerate(reversed(every(1).values())))):
+        with pytest.raises(DiorError, match=r"x: stamp_ns goes back, the furthest by .* s at frame \d+"):
+            video_stamps.stamps_of(index(30), Sidecar(wrong), "x")
+    swapped = every(1) | {10: T0 + 11 * FRAME_NS, 11: T0 + 10 * FRAME_NS}
+    assert video_stamps.stamps_of(index(30), Sidecar(swapped), "x").source == "sidecar"
+
+
 def test_rows_without_a_number_are_as_many_as_pictures():
     for count in (29, 31):
         by_place = Sidecar(every(1, count), "frame_time", "s", by_place=True)

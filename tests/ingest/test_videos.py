@@ -137,7 +137,7 @@ def test_of_several_streams_the_one_asked_for_is_read(tmp_path):
     made(tmp_path, "two.mkv", tracks=2)
     first, second = (indexed(tmp_path, "two.mkv", topic)[0] for topic in ("video0", "video1"))
     assert len(first["frame"]) == len(second["frame"]) == COUNT and set(second["topic"]) == {"video1"}
-    with pytest.raises(DiorError, match=r"two\.mkv: .*it has 2 video streams, and no video2"):
+    with pytest.raises(DiorError, match=r"two\.mkv: it has 2 video streams, and no video2; `video\.stream`"):
         indexed(tmp_path, "two.mkv", "video2")
 
 
@@ -251,6 +251,34 @@ def test_pictures_missing_between_the_numbers_of_a_folder_are_lost_and_keep_thei
 def test_a_picture_that_does_not_fit_among_the_numbers_of_a_folder_is_refused_by_name(tmp_path, names, words):
     named(tmp_path / "cam01", names)
     with pytest.raises(DiorError, match=words):
+        indexed(tmp_path, "cam01", rates={"cam01": "25"})
+
+
+def test_a_damaged_picture_of_a_folder_is_named_by_its_file(tmp_path):
+    folder = named(tmp_path / "cam01", ["1.png", "2.png", "3.png"])
+    whole = (folder / "2.png").read_bytes()
+    for data, words in ((b"", "is empty"), (b"RIFF0000WEBP", "the picture has no readable picture")):
+        (folder / "2.png").write_bytes(data)
+        with pytest.raises(DiorError, match=rf"cam01/2\.png: {words}"):
+            indexed(tmp_path, "cam01", rates={"cam01": "25"})
+    (folder / "2.png").write_bytes(whole[:40] + bytes(60))
+    table, _ = indexed(tmp_path, "cam01", rates={"cam01": "25"})
+    with pytest.raises(DiorError, match=r"cam01/2\.png: the picture cannot be decoded"):
+        list(bags.read_pictures(table, tmp_path))
+
+
+def test_what_is_empty_or_of_another_container_is_told_what_is_read(tmp_path):
+    (tmp_path / "a.mp4").write_bytes(b"")
+    with pytest.raises(DiorError, match=r"a\.mp4 is empty; copy it again"):
+        indexed(tmp_path, "a.mp4")
+    made(tmp_path, "b.ts", count=3)
+    with pytest.raises(DiorError, match=r"mkv and webm are read, and `ffmpeg -i b\.ts -c copy b\.mp4`"):
+        indexed(tmp_path, "b.ts")
+    (tmp_path / "cam01").mkdir()
+    (tmp_path / "cam01" / "1.bmp").write_bytes(b"BM")
+    with pytest.raises(
+        DiorError, match=r"no picture in the folder .*cam01; those that end in \.jpeg, \.jpg, \.png are"
+    ):
         indexed(tmp_path, "cam01", rates={"cam01": "25"})
 
 
