@@ -239,7 +239,9 @@ def together(found: Mapping[str, VideoStamps], others_ns: int | None) -> dict[st
 def read_sidecar(path: AnyPath, video: Path) -> Sidecar:
     """The stamps of a video's pictures. Raises DiorError for a file of no layout, and for broken rows."""
     rows = each_row(path, path, most_bytes=MOST_BYTES)
-    _, header = next(rows, (1, [""]))
+    _, header = next(rows, (1, []))
+    if not header:
+        raise DiorError(f"{path}: the file is empty; its first line must be frame,stamp_ns")
     number, time, unit, camera = _layout(path, header)
     if header == OLD_SKELLYCAM:
         header = [number, time]

@@ -90,6 +90,7 @@ def test_seconds_of_no_date_count_from_one():
     ("text", "words"),
     [
         ("time,x\n1,2\n", "its columns are time, x, which are stamps of no layout"),
+        ("", "the file is empty; its first line must be frame,stamp_ns"),
         ("frame,stamp_ns\n", "it has no stamps$"),
         ("frame,stamp_ns\n0,soon\n", "line 2: is not frame, stamp_ns"),
         ("frame,stamp_ns\n0\n", "line 2: is not frame, stamp_ns"),

@@ -174,6 +174,10 @@ def test_a_picture_whose_bytes_are_damaged_is_lost_and_the_others_keep_their_num
     table, told = indexed(tmp_path, path.name, sidecars={"cam01": tmp_path / "stamps.csv"})
     assert told["lost"] == [[19, 10**18 + 20 * 33_333_333 + 2, "not_decoded"]] and len(table["frame"]) == COUNT - 1
     assert (table["stamp_ns"] - 10**18).tolist() == [i * 33_333_333 + i % 2 for i in range(COUNT) if i != 20]
+    table, told = indexed(tmp_path, path.name, rates={"cam01": "50"})
+    began = int(table["stamp_ns"][0])
+    assert told["lost"] == [[19, began + 400_000_000, "not_decoded"]], "at the rate that is given, too"
+    assert table["stamp_ns"][20] == began + 420_000_000
 
 
 def test_audit_of_a_whole_video_warns_of_nothing(tmp_path):
