@@ -137,9 +137,8 @@ def from_camera_info(
             f"add `distortion_model:` with one of {', '.join(MODELS)} to {yaml} "
             "(`rs-enumerate-devices -c` shows which the camera has)"
         )
-    (fx, skew, cx), (_, fy, cy), _ = K.tolist()
     model = "plumb_bob" if rectified else distortion_model or own or info.model
-    return given.checked(width, height, (fx, skew, cx, fy, cy), model, D, info.where)
+    return given.checked(width, height, K, model, D, info.where)
 
 
 def from_file(path: AnyPath, name: str, distortion_model: str = "") -> Intrinsics:

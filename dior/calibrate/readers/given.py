@@ -13,7 +13,7 @@ import numpy as np
 
 from dior.arrays import AnyPath, Floats
 from dior.errors import DiorError
-from dior.geometry.camera import MODELS, Intrinsics, inverse_pose, pose
+from dior.geometry.camera import MODELS, Intrinsics, in_frame, inverse_pose, pose
 
 # of a translation, by `reference.units`
 METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
@@ -22,6 +22,8 @@ CONVENTIONS = ("cTw", "wTc")
 LARGEST = 1e7
 # chosen: rounding to four digits; what is further off is no rotation
 ORTHONORMAL = 1e-3
+# chosen: of a picture's sides; principal points of whole pictures are this near to the middle
+NEAR_CENTRE = 0.2
 Part = TypeVar("Part")
 
 
@@ -140,15 +142,40 @@ def intrinsics(camera: GivenCamera, distortion_model: str, where: str) -> Intrin
             f"{where}: the file says that the lens is {lens.model}, and `distortion_model` in the camera's YAML says "
             f"{distortion_model}; delete the key there"
         )
-    (fx, skew, cx), (_, fy, cy), _ = lens.K.tolist()
-    return checked(lens.width, lens.height, (fx, skew, cx, fy, cy), model, lens.distortion, where)
+    found = checked(lens.width, lens.height, lens.K, model, lens.distortion, where)
+    _check_centre(found, where)
+    return found
 
 
-def checked(
-    width: int, height: int, pinhole: Sequence[float], model: str, coefficients: Sequence[float], where: str
-) -> Intrinsics:
-    """`Intrinsics` with `pinhole` fx, skew, cx, fy, cy (px); refuses what no lens can have."""
-    fx, skew, cx, fy, cy = pinhole
+def _check_centre(lens: Intrinsics, where: str) -> None:
+    """Raise DiorError where the principal point lies outside the picture, with what that looks like.
+
+    Only of files: a bag says of which part of the sensor its pictures are, and there it may lie outside.
+    """
+    focal, centre, sides = np.array([[lens.fx, lens.fy], [lens.cx, lens.cy], [lens.width, lens.height]])
+    if in_frame(lens, centre):
+        return
+    if np.abs(focal / sides - 0.5).max() < NEAR_CENTRE:
+        fix = "it looks as if focal lengths and principal point were exchanged"
+    elif (centre > 0).all():
+        fix = (
+            f"K looks like one of pictures of about {2 * lens.cx:.0f} x {2 * lens.cy:.0f} px; give K and size of the "
+            "pictures that were recorded"
+        )
+    else:
+        fix = "give the K of the whole pictures that were recorded"
+    raise DiorError(
+        f"{where}: the principal point {lens.cx:g}, {lens.cy:g} lies outside the pictures of {lens.width} x "
+        f"{lens.height} px; {fix}"
+    )
+
+
+def checked(width: int, height: int, K: Floats, model: str, coefficients: Sequence[float], where: str) -> Intrinsics:
+    """`Intrinsics` of a `K` (3, 3) px; refuses what no lens can have."""
+    (fx, skew, cx), (below, fy, cy), last = K.tolist()
+    if below or last != [0, 0, 1]:
+        looks = "; it looks transposed: write it by rows" if any(last[:2]) and not (cx or cy) else ""
+        raise DiorError(f"{where}: K must have 0 below its diagonal and the last row 0, 0, 1, and has {last}{looks}")
     if not (fx > 0 and fy > 0) or skew:
         raise DiorError(f"{where}: the focal lengths {fx} and {fy} must be positive and the skew {skew} zero")
     if model != "rational_polynomial" and any(coefficients[5:]):

@@ -84,6 +84,27 @@ def test_a_world_that_is_no_floor_is_refused_unless_the_walk_gives_one(every):
         assert np.isfinite(reference_pose(every[kind], name, world="from_walk")).all()
 
 
+@pytest.mark.parametrize(
+    ("K", "sentence"),
+    [
+        ("[[600, 0, 0], [0, 600, 0], [320, 240, 1]]", "last row 0, 0, 1, and has .*; it looks transposed: write it by"),
+        ("[[600, 0, 320], [9, 600, 240], [0, 0, 1]]", "K must have 0 below its diagonal"),
+        ("[[600, 0, 320], [0, 600, 240], [0, 0, 0]]", "K must have .* the last row 0, 0, 1"),
+        ("[[320, 0, 600], [0, 240, 600], [0, 0, 1]]", "600, 600 lies outside .* 640 x 480 px; .* were exchanged"),
+        (
+            "[[1800, 0, 960], [0, 1800, 540], [0, 0, 1]]",
+            "outside .*; K looks like one of pictures of about 1920 x 1080",
+        ),
+        ("[[600, 0, -320], [0, 600, 240], [0, 0, 1]]", "-320, 240 lies outside .*; give the K of the whole pictures"),
+    ],
+)
+def test_a_matrix_that_is_none_of_these_pictures_is_refused_and_says_what_it_looks_like(tmp_path, K, sentence):
+    path = tmp_path / "calibration.toml"
+    path.write_text(toml.CAMERA.replace("[[600, 0, 320], [0, 600, 240], [0, 0, 1]]", K))
+    with pytest.raises(DiorError, match=rf"calibration\.toml \[cam_01\]: .*{sentence}"):
+        from_file(path, "cam_01")
+
+
 def test_real_files_read_as_they_did(shared):
     """Centres and focal lengths that dior 0.1 read of them."""
     folder = shared / "real_outdoor/reference"
