@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 SUBPIXELS = 64.0
 # chosen: whether the last pixel is counted, of a thousand
 SENSOR_SHARE = 0.01
+NO = ("0", "false", "no")
 FLIP = np.diag([1.0, -1.0, -1.0])
 
 
@@ -79,7 +80,7 @@ def _lens(element: "Element", where: str) -> Lens:
 
 
 def _pose(element: "Element", where: str) -> Pose:
-    if element.attrib.get("calibrated", "true") == "false" or element.attrib.get("active", "1") == "0":
+    if any(element.attrib.get(key, "").strip().lower() in NO for key in ("calibrated", "active")):
         raise DiorError(f"{where}: QTM did not calibrate this camera")
     _check_unit(element, where)
     transform = element.find("transform")

@@ -89,6 +89,9 @@ def test_pictures_of_a_part_of_the_sensor(tmp_path):
         ('z="1896.5058524092062"', "", "`z` is missing"),
         ('x="1460.2323709212087"', 'x="nan"', "`x` has a value that is not finite"),
         ('active="1"', 'active="0"', "QTM did not calibrate this camera"),
+        ('active="1"', 'active="False"', "QTM did not calibrate this camera"),
+        ('active="1"', 'active="1" calibrated="0"', "QTM did not calibrate this camera"),
+        ('active="1"', 'active="1" calibrated="FALSE"', "QTM did not calibrate this camera"),
         ('active="1"', 'active="1" calibrated="false"', "QTM did not calibrate this camera"),
     ],
 )
