@@ -50,21 +50,31 @@ def of_kalibr(content: Mapping[Any, Any], path: AnyPath) -> list[GivenCamera]:
     before: Floats | DiorError = np.eye(4)
     found = []
     origin = f"its world is that of camera {named[0][0]} (Kalibr's chain begins there)"
-    for position, (key, one) in enumerate(named):
+    last = ""
+    for key, one in named:
         where = f"{path} [{key}]"
-        before = part(partial(_chained, one, before, position == 0, where))
+        before = part(partial(_chained, one, before, last, key, where))
+        last = key
         placed = before if isinstance(before, DiorError) else Pose(before, "cTw", "m", origin=origin)
         found.append(GivenCamera(key, part(partial(_lens_of_kalibr, one, where)), placed))
     return found
 
 
-def _chained(one: Mapping[str, Any], before: Floats | DiorError, first: bool, where: str) -> Floats:
-    """cTw (4, 4) m of a camera whose forerunner in the chain has the pose `before`."""
+def _chained(one: Mapping[str, Any], before: Floats | DiorError, last: str, key: str, where: str) -> Floats:
+    """cTw (4, 4) m of the camera `key`, whose forerunner in the file is `last` ("" for none) with the pose `before`."""
     if isinstance(before, DiorError):
         raise before
-    if first and "T_cn_cnm1" not in one:
+    if not last and "T_cn_cnm1" not in one:
         return before
+    if last and int(key[3:]) != int(last[3:]) + 1:
+        raise DiorError(
+            f"{where}: the camera before it is {last}, and its `T_cn_cnm1` leads from cam{int(key[3:]) - 1}; put that "
+            "back into the camchain, or calibrate without it"
+        )
     T = numbers(one, "T_cn_cnm1", [(4, 4)], where)
+    if not np.array_equal(T[3], [0, 0, 0, 1]):
+        looks = "; it looks transposed: write it by rows" if T[3, :3].any() and not T[:3, 3].any() else ""
+        raise DiorError(f"{where}: `T_cn_cnm1` must have the last row 0, 0, 0, 1, and has {T[3].tolist()}{looks}")
     return pose(rotation(T[:3, :3], where), T[:3, 3]) @ before
 
 
@@ -87,6 +97,11 @@ def of_ros(content: Mapping[Any, Any], path: AnyPath, stem: str) -> list[GivenCa
     name = str(content.get("camera_name") or stem)
     where = f"{path} [{name}]"
     none = DiorError(f"{where}: a CameraInfo of ROS has no pose; place the camera by another file or by its tape")
+    if "R" in content and "T" in content:
+        none = DiorError(
+            f"{where}: `R` and `T` are only read of OpenCV's files, and its matrices have no `!!opencv-matrix`; write "
+            "the file by cv2.FileStorage"
+        )
     return [GivenCamera(name, part(partial(_lens_of_ros, content, where)), none, (stem,) if stem != name else ())]
 
 

@@ -91,7 +91,13 @@ def test_no_distortion_and_another_word_for_the_model(tmp_path):
     [
         (lambda c: c["cam1"].pop("T_cn_cnm1"), r"\[cam1\]: `T_cn_cnm1` is missing"),
         (lambda c: c["cam1"].update(T_cn_cnm1=np.eye(3).tolist()), r"\[cam1\]: `T_cn_cnm1` must be 4 x 4"),
-        (lambda c: c["cam1"].update(T_cn_cnm1=(2 * np.eye(4)).tolist()), r"\[cam1\]: rotation is no rotation matrix"),
+        (lambda c: c.pop("cam1"), r"\[cam2\]: the camera before it is cam0, and its `T_cn_cnm1` leads from cam1; put"),
+        (lambda c: c["cam1"].update(T_cn_cnm1=np.transpose(c["cam1"]["T_cn_cnm1"]).tolist()), "it looks transposed"),
+        (lambda c: c["cam1"].update(T_cn_cnm1=np.diag([1.0, 1, 1, 2]).tolist()), "must have the last row 0, 0, 0, 1"),
+        (
+            lambda c: c["cam1"].update(T_cn_cnm1=np.diag([2.0, 2, 2, 1]).tolist()),
+            r"\[cam1\]: rotation is no rotation matrix",
+        ),
         (lambda c: c["cam1"].update(T_cn_cnm1=np.diag([1.0, 1, -1, 1]).tolist()), "mirrors, so .* left-handed"),
         (lambda c: c.update(left=c.pop("cam1")), r"\[left\]: a camchain's cameras are called cam0"),
     ],
