@@ -43,15 +43,29 @@ def run(*words: str) -> None:
 def of_project(words: Sequence[str]) -> tuple[Path, list[str]]:
     """The project's folder, and the words that are Snakemake's.
 
-    The first word is the folder if a config lies in it, and else, in a project's folder, a target.
+    The first word is the folder if a config lies in it, and else, in a project's folder, a target, also where a folder
+    of its name is there, as release/ is.
     """
-    if words and (Path(words[0]) / CONFIG).is_file():
-        return Path(words[0]), list(words[1:])
-    if words and (words[0].startswith((".", "/", "~")) or Path(words[0]).is_dir()):
-        beside = [path.parents[1] for path in Path(words[0]).absolute().parent.glob(f"*/{CONFIG}")]
-        meant = nearest(Path(words[0]).name, [path.name for path in beside])
-        raise DiorError(f"{words[0]}: there is no {CONFIG} in it{meant or '; `dior init <folder>` makes a project'}")
-    if not Path(CONFIG).is_file():
+    first = next(iter(words), "")
+    if first and (Path(first) / CONFIG).is_file():
+        return Path(first), list(words[1:])
+    here = Path(CONFIG).is_file()
+    is_flag = first.startswith("-")
+    if first and not is_flag and not (here and not first.startswith((".", "/", "~"))):
+        around = next((path for path in Path(first).absolute().parents if (path / CONFIG).is_file()), None)
+        if around is not None and Path(first).exists():
+            raise DiorError(f"{first}: lies in the project {around}; name that (`dior run {around} ...`)")
+        beside = [path.parents[1] for path in Path(first).absolute().parent.glob(f"*/{CONFIG}")]
+        meant = nearest(Path(first).name.lower(), [path.name for path in beside])
+        raise DiorError(
+            f"{first}: there is no {CONFIG} in it, and the project's folder is the first word"
+            f"{meant or '; `dior init <folder>` makes a project'}"
+        )
+    if not here:
+        later = next((word for word in words[1:] if (Path(word) / CONFIG).is_file()), None)
+        if later is not None:
+            rest = " ".join(word for word in words if word != later)
+            raise DiorError(f"{later}: the project's folder is the first word (`dior run {later} {rest}`)")
         raise DiorError(
             f"there is no {CONFIG} here; name the project's folder (`dior run ../my_capture`), or make one with "
             "`dior init <folder>`"

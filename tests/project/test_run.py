@@ -50,6 +50,8 @@ def test_the_project_is_named_or_where_one_is(projects, typed, monkeypatch):
     monkeypatch.chdir(projects / "walks")
     assert typed() == typed(".") == f"{OURS} --cores 7 --directory {projects}/walks"
     assert typed("release") == f"{OURS} --cores 7 --directory {projects}/walks release"
+    (projects / "walks/release").mkdir()
+    assert typed("release") == f"{OURS} --cores 7 --directory {projects}/walks release"
     assert typed("-n", "--until", "refine").endswith("/walks -n --until refine")
 
 
@@ -70,10 +72,25 @@ def test_what_is_given_is_not_filled_in(words, filled, projects, typed):
 def test_where_there_is_no_project_it_is_said(projects, capsys):
     for words, said in (
         ((), "there is no config/config.yaml here"),
-        (("../nothing",), "../nothing: there is no config/config.yaml in it; `dior init"),
-        (("./walk",), "./walk: there is no config/config.yaml in it (did you mean 'walks'?)"),
-        (("walks/config",), "walks/config: there is no"),
-        (("release",), "there is no config/config.yaml here"),
+        (
+            ("../nothing",),
+            "../nothing: there is no config/config.yaml in it, and the project's folder is the first word; ",
+        ),
+        (
+            ("./walk",),
+            "./walk: there is no config/config.yaml in it, and the project's folder is the first word (did you",
+        ),
+        (
+            ("nowhere", "-n"),
+            "nowhere: there is no config/config.yaml in it, and the project's folder is the first word; ",
+        ),
+        (
+            ("Walk", "-n"),
+            "Walk: there is no config/config.yaml in it, and the project's folder is the first word (did y",
+        ),
+        (("-n", "walks"), "walks: the project's folder is the first word (`dior run walks -n`)"),
+        (("-n",), "there is no config/config.yaml here"),
+        (("walks/config",), f"walks/config: lies in the project {projects}/walks; name that"),
     ):
         assert main.main(["run", *words]) == 1
         assert capsys.readouterr().err.startswith(f"dior run: {said}"), words

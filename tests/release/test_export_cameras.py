@@ -146,3 +146,8 @@ def test_a_lens_without_words_is_left_out_and_said_or_refused_where_it_is_named(
 def test_what_is_refused(root, tmp_path, change, sentence):  # noqa: F811
     with pytest.raises(DiorError, match=sentence):
         export_cameras.run(root, **{"session": "field", "out": tmp_path / "out"} | change)
+
+
+def test_a_project_that_is_none_is_named(tmp_path):
+    with pytest.raises(DiorError, match="nope/config/config.yaml: there is no such file; name the folder"):
+        export_cameras.run(tmp_path / "nope", session="field", out=tmp_path / "out")
