@@ -51,7 +51,11 @@ def yaml_of(text: str, shown: AnyPath) -> Any:
         line = mark.line + 1 if mark else text.count("\n", 0, at) + 1 if isinstance(at, int) else None
         where = f" line {line}" if line else ""
         reason = getattr(error, "problem", None) or str(error).split("\n")[0]
-        raise DiorError(f"{shown}{where}: not valid YAML ({reason}); check the indentation and quotes") from None
+        two = "another document" in reason
+        fix = (
+            "are two files joined? keep what is on one side of its `---`" if two else "check the indentation and quotes"
+        )
+        raise DiorError(f"{shown}{where}: not valid YAML ({reason}); {fix}") from None
     return {} if content is None else content
 
 

@@ -29,13 +29,17 @@ def camera(path: AnyPath, name: str) -> GivenCamera:
     matching = [one for one in found if name in (one.name, *one.also)]
     if not matching:
         known = [name for one in found for name in (one.name, *one.also)]
-        there = ", ".join(one.name for one in found) or "none"
+        there = ", ".join(_shown(one.name) for one in found) or "none"
         raise DiorError(f"{path}: no camera '{name}'{nearest(name, known)}; it has {there}")
     if len(matching) > 1:
-        raise DiorError(
-            f"{path}: '{name}' is the name of {len(matching)} cameras: {', '.join(one.name for one in matching)}"
-        )
+        there = ", ".join(_shown(one.name) for one in matching)
+        raise DiorError(f"{path}: '{name}' is the name of {len(matching)} cameras: {there}")
     return matching[0]
+
+
+def _shown(name: str) -> str:
+    """A name, in quotes where blanks at its ends would not be seen."""
+    return name if name == name.strip() else f"'{name}'"
 
 
 def cameras(path: AnyPath) -> list[GivenCamera]:
@@ -82,6 +86,11 @@ def _of_yaml(text: str, path: AnyPath, stem: str) -> list[GivenCamera]:
         of_opencv = "opencv-matrix" in text
         if yaml_calibrations.is_ros(content) and not of_opencv:
             return yaml_calibrations.of_ros(content, path, stem)
-        if of_opencv and opencv_storage.recognises(content):
-            return opencv_storage.cameras(content, path, stem)
+        if opencv_storage.recognises(content):
+            if of_opencv:
+                return opencv_storage.cameras(content, path, stem)
+            raise DiorError(
+                f"{path}: has the names of OpenCV's calibrations and no matrix as its FileStorage writes it "
+                "(`!!opencv-matrix` with rows, cols, dt and data); write it by cv2.FileStorage"
+            )
     raise DiorError(f"{path}: no calibration that is read ({KINDS}); docs/calibrations.md says what they look like")

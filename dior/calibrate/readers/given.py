@@ -5,6 +5,7 @@ A part that is not there, or cannot be right, is the sentence that refuses it: i
 for, so that a file may give the lens of one camera and the pose of another.
 """
 
+import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -82,13 +83,17 @@ def numbers(section: Mapping[str, Any], key: str, shapes: Collection[tuple[int, 
     if key not in section:
         raise DiorError(f"{where}: `{key}` is missing")
     wanted = " or ".join(" x ".join(map(str, shape)) for shape in shapes)
+    wanted = f"{wanted} numbers" if wanted else "one number"
     try:
         values = np.array(section[key], float)
     except (ValueError, TypeError, OverflowError):
-        raise DiorError(f"{where}: `{key}` must be {wanted} numbers") from None
+        words = section[key] if isinstance(section[key], list) else [section[key]]
+        comma = next((word for word in words if isinstance(word, str) and re.fullmatch(r"\s*[+-]?\d+,\d+.*", word)), "")
+        fix = f", and '{comma:.40}' has a decimal comma; write a point" if comma else ""
+        raise DiorError(f"{where}: `{key}` must be {wanted}{fix}") from None
     if values.shape not in shapes:
         given = " x ".join(map(str, values.shape)) or "one"
-        raise DiorError(f"{where}: `{key}` must be {wanted} numbers, and there is {given}")
+        raise DiorError(f"{where}: `{key}` must be {wanted}, and there is {given}")
     if not (np.abs(values) <= LARGEST).all():
         raise DiorError(f"{where}: `{key}` has a value that is not finite or above {LARGEST:.0e}")
     return values

@@ -65,12 +65,9 @@ def cameras(content: Mapping[Any, Any], path: AnyPath, stem: str) -> list[GivenC
         lens = part(partial(_lens, content, *ONE, where))
         return [GivenCamera(stem, lens, part(partial(_placed, content, where)))]
     first, second = (f"{path} [{name}]" for name in "12")
-    return [
-        GivenCamera("1", part(partial(_lens, content, "M1", "D1", first)), _of_pair(np.eye(4))),
-        GivenCamera(
-            "2", part(partial(_lens, content, "M2", "D2", second)), part(lambda: _of_pair(_rigid(content, second)))
-        ),
-    ]
+    lenses = part(partial(_lens, content, "M1", "D1", first)), part(partial(_lens, content, "M2", "D2", second))
+    poses = part(partial(_of_pair, content, True, first)), part(partial(_of_pair, content, False, second))
+    return [GivenCamera("1", lenses[0], poses[0]), GivenCamera("2", lenses[1], poses[1])]
 
 
 def _lens(content: Mapping[str, Any], K: str, D: str, where: str) -> Lens:
@@ -101,14 +98,19 @@ def _placed(content: Mapping[str, Any], where: str) -> Pose:
     """The pose of the one camera of a file."""
     if "R" not in content:
         raise DiorError(f"{where}: the file has no pose (`R` and `T`)")
+    return Pose(_rigid(content, where), "cTw", _units(content, where))
+
+
+def _units(content: Mapping[str, Any], where: str) -> str:
     units = str(content.get("units", ""))
     if units not in ("", *METRES):
         raise DiorError(f"{where}: units '{units}' is not one of {', '.join(METRES)}")
-    return Pose(_rigid(content, where), "cTw", units)
+    return units
 
 
-def _of_pair(T: Floats) -> Pose:
-    return Pose(T, "cTw", origin="its world is that of the first camera of the pair")
+def _of_pair(content: Mapping[str, Any], first: bool, where: str) -> Pose:
+    T = np.eye(4) if first else _rigid(content, where)
+    return Pose(T, "cTw", _units(content, where), origin="its world is that of the first camera of the pair")
 
 
 def _rigid(content: Mapping[str, Any], where: str) -> Floats:

@@ -30,6 +30,9 @@ COEFFICIENTS = (4, 5, 8)  # of distortion, as OpenCV's models have them
 OF_A_CAMERA = ("matrix", "rotation", "translation")
 # of FreeMoCap's `metadata`
 SQUARE, GROUND = "charuco_square_size", "groundplane_calibration"
+# chosen: squares that cameras around a person see are larger; 1 is what FreeMoCap has until somebody measures it, and
+# 0.058 or 5.8 were given in m or cm
+LEAST_SQUARE_MM = 10.0
 
 
 def recognises(line: str) -> bool:
@@ -43,7 +46,9 @@ def cameras(text: str, path: AnyPath) -> list[GivenCamera]:
     try:
         content = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise DiorError(f"{path}: not readable as TOML ({error}); check the quotes and brackets there") from None
+        twice = re.search("twice|overwrite", str(error))
+        fix = "are two files joined? keep one" if twice else "check the quotes and brackets there"
+        raise DiorError(f"{path}: not readable as TOML ({error}); {fix}") from None
     except (ValueError, RecursionError) as error:
         reason = "nested too deeply" if isinstance(error, RecursionError) else "a number has thousands of digits"
         raise DiorError(f"{path}: not readable as TOML ({reason}); copy the file again") from None
@@ -66,8 +71,9 @@ def _usual(metadata: Any, sections: list[dict[str, Any]]) -> tuple[str, str]:
         return "m", ""
     if SQUARE not in metadata:
         return ("m" if any(table.get("fisheye") is False for table in sections) else ""), ""
-    # a square of 1 is what FreeMoCap has until somebody measures it
-    units = "" if metadata[SQUARE] == 1 else "mm"
+    side = metadata[SQUARE]
+    measured = type(side) in (int, float) and side >= LEAST_SQUARE_MM
+    units = "mm" if measured else ""
     return units, "" if metadata.get(GROUND) is True else f"FreeMoCap did not take its board for the floor ({GROUND})"
 
 
@@ -82,7 +88,9 @@ def _lens(table: dict[str, Any], where: str) -> Lens:
     K = numbers(table, "matrix", [(3, 3)], where)
     width, height = size(numbers(table, "size", [(2,)], where), where)
     coefficients = numbers(table, "distortions", [(count,) for count in COEFFICIENTS], where)
-    fisheye = bool(table.get("fisheye"))
+    fisheye = table.get("fisheye", False)
+    if not isinstance(fisheye, bool):
+        raise DiorError(f"{where}: `fisheye` must be true or false without quotes, and is {fisheye!r:.40}")
     model = "equidistant (fisheye)" if fisheye else "plumb_bob"
     return Lens(width, height, K, model, tuple(coefficients.tolist()), said=fisheye)
 

@@ -56,13 +56,20 @@ def _frame(element: "Element", where: str) -> "Element":
     return frames[0]
 
 
+def _is_zero(word: str) -> bool:
+    try:
+        return float(word) == 0
+    except ValueError:
+        return False
+
+
 def _lens(element: "Element", where: str) -> Lens:
     frame = _frame(element, where)
     for key in ("VICON_RADIAL", "VICON_RADIAL2"):
         words = frame.attrib.get(key, "").split()
         # of the newer one the model's name and the centre come first
         coefficients = words[3:] if key.endswith("2") else words
-        if any(word.strip("+-0.") for word in coefficients):
+        if not all(map(_is_zero, coefficients)):
             raise DiorError(
                 f"{where}: a lens with Vicon's {key} is not understood, as nothing that was at hand says which way it "
                 "leads; take the intrinsics from a chessboard or ChArUco board (the pose is read)"

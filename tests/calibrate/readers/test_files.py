@@ -54,6 +54,8 @@ def test_a_name_tells_nothing(every, tmp_path):
         ("<a><b></a>", "line 1: not valid XML"),
         ("<" + "a><" * 100_000, "nested 40 times; is a tag left open?"),
         ("a: [1, 2\n", "not valid YAML"),
+        ("cam0: {camera_model: pinhole}\n---\ncam0: {camera_model: pinhole}\n", "; are two files joined? keep what"),
+        ("M1: {rows: 3}\n", "no matrix as its FileStorage writes it (`!!opencv-matrix` with"),
         ("cam0: {camera_model: pinhole}\ncam0: {camera_model: pinhole}\n", "key 'cam0' is given twice"),
         ("[a]\nb = \n", "not readable as TOML"),
         ("%YAML:1.0\n---\na: !!opencv-matrix\n  rows: 1\n", "no calibration that is read"),

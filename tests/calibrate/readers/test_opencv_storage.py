@@ -77,6 +77,10 @@ def test_a_pair_of_the_stereo_sample(tmp_path, ending):
         found = reference_pose(extrinsics, name, units="m", world="from_walk")
         found[:3, 3] *= 0.025
         rigs.same_pose(found, wTc)
+    in_mm = storage(tmp_path / f"mm.{ending}", R=cTw[:3, :3], T=1000 * cTw[:3, 3:], units="mm")
+    rigs.same_pose(reference_pose(in_mm, "2", world="from_walk"), second)
+    with pytest.raises(DiorError, match="its unit is mm by its format, and `reference.units`"):
+        reference_pose(in_mm, "2", units="m", world="from_walk")
     with pytest.raises(DiorError, match="`M1` is missing"):
         from_file(extrinsics, "1")
     sized = storage(tmp_path / f"sized.{ending}", **lens, image_width=1280, image_height=720)

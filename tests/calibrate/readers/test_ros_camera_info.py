@@ -60,6 +60,13 @@ def test_it_has_no_pose(tmp_path):
         reference_pose(written(tmp_path), "left")
 
 
+def test_a_pose_without_the_tags_of_opencv_is_named(tmp_path):
+    path = tmp_path / "head_camera.yaml"
+    path.write_text(f"{TEXT}\nR: {{rows: 3, cols: 1, data: [0, 0, 0]}}\nT: {{rows: 3, cols: 1, data: [0, 0, 0]}}\n")
+    with pytest.raises(DiorError, match="only read of OpenCV's files, and its matrices have no `!!opencv-matrix`"):
+        reference_pose(path, "head_camera")
+
+
 @pytest.mark.parametrize(
     ("old", "new", "sentence"),
     [
@@ -67,7 +74,7 @@ def test_it_has_no_pose(tmp_path):
         ("cols: 5", "cols: 4", "`distortion_coefficients` is 1 x 4, and has 5 numbers"),
         ("900.25, 0, 640.5, 0, 901.75, 355.125, 0, 0, 1", "0, 0, 0, 0, 0, 0, 0, 0, 0", "K is all zero"),
         ("image_width: 1280", "image_width: 1280.5", "pictures of 1280.5 x 720 px cannot be"),
-        ("image_width: 1280", "image_width: wide", "`image_width` must be .*numbers"),
+        ("image_width: 1280", "image_width: wide", "`image_width` must be one number"),
         ("  cols: 3\n  data: [900.25, 0", "  cols: 3\n  data: [900.25, left", "`data` must be 9 numbers"),
         ("image_height: 720\n", "", "`image_height` is missing"),
     ],

@@ -27,6 +27,16 @@ def refused(folder, read, old, new):
     return str(caught.value)
 
 
+def test_a_section_twice_is_two_files_and_a_word_is_no_fisheye(tmp_path):
+    assert "are two files joined?" in refused(tmp_path, from_file, CAMERA, CAMERA + CAMERA)
+    said = refused(tmp_path, from_file, 'name = "left"', 'fisheye = "false"')
+    assert said.endswith("[cam_01]: `fisheye` must be true or false without quotes, and is 'false'")
+
+
+def test_a_name_with_blanks_at_its_end_is_shown_as_such(tmp_path):
+    assert "did you mean 'cam_01 '?); it has 'cam_01 '" in refused(tmp_path, from_file, "[cam_01]", '["cam_01 "]')
+
+
 @pytest.mark.parametrize("read", [from_file, reference_pose])
 @pytest.mark.parametrize(
     ("old", "new", "sentence"),
@@ -147,8 +157,10 @@ def test_freemocap_says_its_unit_and_its_floor(tmp_path):
     with pytest.raises(DiorError, match="FreeMoCap did not take its board for the floor .*groundplane_calibration"):
         reference_pose(freemocap(tmp_path, ground="false"), "left")
     rigs.same_pose(reference_pose(freemocap(tmp_path, ground="false"), "left", world="from_walk"), wTc)
-    with pytest.raises(DiorError, match="the file does not say its unit"):
-        reference_pose(freemocap(tmp_path, square="1"), "left")
+    for square in ("1", "0.058", "5.8", '"58"', "true", "nan"):
+        with pytest.raises(DiorError, match="the file does not say its unit"):
+            reference_pose(freemocap(tmp_path, square=square), "left")
+    rigs.same_pose(reference_pose(freemocap(tmp_path, square="3.9"), "left", units="mm"), wTc)
 
 
 def test_a_fisheye_lens_is_refused_by_name_whatever_the_yaml_says(tmp_path):

@@ -53,6 +53,11 @@ def test_pose_and_lens(tmp_path, name):
     rigs.same_lens(path, name, (), (1920, 1080), K)
 
 
+@pytest.mark.parametrize("zeros", ["0 0 0", "0.000000e+00 -0.0E-12 +0", ""])
+def test_a_radial_polynomial_of_zeros_is_none_however_they_are_written(tmp_path, zeros):
+    assert not any(from_file(written(tmp_path, "540.5 0 0 0", f"540.5 {zeros}"), "Vue_1").distortion)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "sentence"),
     [
@@ -64,7 +69,13 @@ def test_pose_and_lens(tmp_path, name):
         ('VICON_RADIAL2="Vicon3Parameter 960.25 540.5 0 0 0"', 'VICON_RADIAL="1e-8 0"', "Vicon's VICON_RADIAL is not"),
         ('RATIO="1"', 'RATIO="1.02"', "pixels that are not square"),
         ('"1920 1080"', '"1920"', "`SENSOR_SIZE` must be 2 numbers"),
-        ('FOCAL_LENGTH="1650.5"', 'FOCAL_LENGTH="x"', "`FOCAL_LENGTH` must be"),
+        ('FOCAL_LENGTH="1650.5"', 'FOCAL_LENGTH="x"', "`FOCAL_LENGTH` must be one number$"),
+        (
+            'FOCAL_LENGTH="1650.5"',
+            'FOCAL_LENGTH="1650,5"',
+            "must be one number, and '1650,5' has a decimal comma; write",
+        ),
+        ('"960.25 540.5"', '"960,25 540,5"', "must be 2 numbers, and '960,25' has a decimal comma"),
         ('FOCAL_LENGTH="1650.5"', "", "`FOCAL_LENGTH` is missing"),
     ],
 )
