@@ -112,6 +112,7 @@ def test_camera_info_that_changes_names_the_first_that_differs(tmp_path):
         (camera_info((0,) * 3), "D has 3 numbers, not 4, 5 or 8"),
         (camera_info((0, 0, 0, 0, 0, 0.1, 0, 0)), "k4, k5 and k6 are given"),
         (camera_info((0,) * 5, k=(600, 2.0, *K[2:])), "skew 2.0"),
+        (camera_info((0,) * 5, k=(600, 0, 0, 0, 600, 0, 320, 240, 1)), "it looks transposed"),
     ],
 )
 def test_refused_camera_info(tmp_path, info, text):
@@ -153,6 +154,7 @@ def test_rectified_pictures_that_are_turned_or_whose_P_is_zero_or_whose_lens_is_
         ({"wide": 640, "high": 480}, (640, 480), (320.5, 240.25)),
         ({"binning_x": 2, "binning_y": 2}, (320, 240), (160.0, 119.875)),
         ({"left": 100, "top": 40, "wide": 400, "high": 300}, (400, 300), (220.5, 200.25)),
+        ({"left": 400, "top": 40, "wide": 200, "high": 300}, (200, 300), (-79.5, 200.25)),
         ({"left": 100, "top": 40, "wide": 400, "high": 300, "binning_x": 2, "binning_y": 2}, (200, 150), (110, 99.875)),
     ],
 )
