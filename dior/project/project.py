@@ -98,7 +98,7 @@ def read_config(root: AnyPath) -> dict[str, Any]:
     path = Path(root) / shown
     if not path.exists():
         raise DiorError(
-            f"{path}: there is no such file; name the folder that holds config/ with --directory, or make one with "
+            f"{shown}: there is no such file; name the folder that holds config/ with --directory, or make one with "
             "`dior init <folder>`"
         )
     content = read_yaml(path, shown)

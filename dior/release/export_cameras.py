@@ -18,6 +18,7 @@ from dior.errors import DiorError, nearest
 from dior.geometry import camera_tables
 from dior.geometry.camera import Camera, inverse_pose
 from dior.project import project as projects
+from dior.project.run import CONFIG
 from dior.tables.files import folder_written_whole, write_text
 
 # how many of the coefficients k1 k2 p1 p2 k3 k4 k5 k6 a format has
@@ -61,6 +62,8 @@ def _listed() -> str:
 
 def placed(root: Path, session: str) -> tuple[list[Camera], dict[str, str]]:
     """The cameras of a session of the project in `root` with their final poses, and their topics by name."""
+    if not (root / CONFIG).is_file():
+        raise DiorError(f"{root}: there is no {CONFIG} in it; name the project's folder")
     found = projects.load(root)
     if session not in found.sessions:
         known = f"{nearest(session, found.sessions)}; there are {', '.join(found.sessions)}"

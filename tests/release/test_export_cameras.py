@@ -149,5 +149,5 @@ def test_what_is_refused(root, tmp_path, change, sentence):  # noqa: F811
 
 
 def test_a_project_that_is_none_is_named(tmp_path):
-    with pytest.raises(DiorError, match="nope/config/config.yaml: there is no such file; name the folder"):
+    with pytest.raises(DiorError, match="nope: there is no config/config.yaml in it"):
         export_cameras.run(tmp_path / "nope", session="field", out=tmp_path / "out")
