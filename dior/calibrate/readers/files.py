@@ -9,7 +9,16 @@ import re
 from pathlib import Path
 
 from dior.arrays import AnyPath
-from dior.calibrate.readers import opencap, opencv_storage, qualisys, toml_cameras, vicon, xml_text, yaml_calibrations
+from dior.calibrate.readers import (
+    kalibr,
+    opencap,
+    opencv_storage,
+    qualisys,
+    ros_camera_info,
+    toml_cameras,
+    vicon,
+    xml_text,
+)
 from dior.calibrate.readers.given import GivenCamera
 from dior.errors import DiorError, nearest
 from dior.project.plain_text import bytes_of, text_of
@@ -80,12 +89,12 @@ def _of_xml(text: str, path: AnyPath, stem: str) -> list[GivenCamera]:
 def _of_yaml(text: str, path: AnyPath, stem: str) -> list[GivenCamera]:
     content = yaml_of(opencv_storage.plain_yaml(text), path)
     if isinstance(content, dict):
-        if yaml_calibrations.is_kalibr(content):
-            return yaml_calibrations.of_kalibr(content, path)
+        if kalibr.recognises(content):
+            return kalibr.cameras(content, path)
         # OpenCV marks its matrices, by a tag or in JSON by their kind; ROS does not
         of_opencv = "opencv-matrix" in text
-        if yaml_calibrations.is_ros(content) and not of_opencv:
-            return yaml_calibrations.of_ros(content, path, stem)
+        if ros_camera_info.recognises(content) and not of_opencv:
+            return ros_camera_info.cameras(content, path, stem)
         if opencv_storage.recognises(content):
             if of_opencv:
                 return opencv_storage.cameras(content, path, stem)

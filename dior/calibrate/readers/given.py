@@ -99,6 +99,22 @@ def numbers(section: Mapping[str, Any], key: str, shapes: Collection[tuple[int, 
     return values
 
 
+def matrix(content: Mapping[str, Any], key: str, where: str) -> Floats:
+    """A matrix written as `rows`, `cols` and `data`, as ROS and OpenCV do. Raises DiorError for anything else."""
+    node = content.get(key)
+    if not isinstance(node, Mapping):
+        raise DiorError(f"{where}: `{key}` is missing, or no matrix with rows, cols and data")
+    if "sizes" in node and "rows" not in node:
+        # how OpenCV 5 writes a vector
+        node = {**node, "rows": numbers(node, "sizes", [(1,)], f"{where}: {key}")[0], "cols": 1}
+    rows, columns = (int(numbers(node, side, [()], f"{where}: {key}")) for side in ("rows", "cols"))
+    data = node.get("data")
+    count = len(data) if isinstance(data, list) else 0
+    if min(rows, columns) < 0 or count != rows * columns:
+        raise DiorError(f"{where}: `{key}` is {rows} x {columns}, and has {count} numbers")
+    return numbers(node, "data", [(count,)], f"{where}: {key}").reshape(rows, columns)
+
+
 def size(values: Sequence[float] | Floats, where: str) -> tuple[int, int]:
     """Width and height (px) of pictures, whole and positive."""
     width, height = (round(float(value)) for value in values)

@@ -19,8 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dior.arrays import AnyPath, Floats
-from dior.calibrate.readers.given import METRES, GivenCamera, Lens, Pose, numbers, part, rotation, size
-from dior.calibrate.readers.yaml_calibrations import matrix
+from dior.calibrate.readers.given import METRES, GivenCamera, Lens, Pose, matrix, numbers, part, rotation, size
 from dior.errors import DiorError
 from dior.geometry.camera import pose
 
