@@ -14,12 +14,13 @@ from tests.end_to_end.workflow import ROOT
 
 @pytest.fixture
 def projects(tmp_path, monkeypatch):
-    """Two folders with a config in an empty one, which is where we are."""
+    """Two folders with a config in an empty one, which is where we are; the folder above is this test's, too."""
+    here = tmp_path / "projects"
     for name in ("walks", "field trip"):
-        (tmp_path / name / "config").mkdir(parents=True)
-        (tmp_path / name / "config/config.yaml").write_text("data_root: data\n")
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+        (here / name / "config").mkdir(parents=True)
+        (here / name / "config/config.yaml").write_text("data_root: data\n")
+    monkeypatch.chdir(here)
+    return here
 
 
 @pytest.fixture
