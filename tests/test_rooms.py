@@ -9,7 +9,7 @@ import dior
 PACKAGE = Path(dior.__file__).parent
 # each room may import those before it; docs/architecture.md draws it
 ROOMS = (
-    ("errors", "progress", "paths", "arrays", "shortage", "tables", "project", "geometry", "body", "clocks")
+    ("errors", "progress", "paths", "arrays", "shortage", "formats", "tables", "project", "geometry", "body", "clocks")
     + ("ingest", "calibrate", "reconstruct", "label", "evaluate", "reid", "report", "release")
     + ("simulate", "cli")
 )

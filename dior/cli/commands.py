@@ -26,6 +26,7 @@ COMMANDS = {
     "run": "dior.project.run",
     "verify": "dior.release.verify.verify",
     "diff": "dior.release.diff.diff",
+    "formats": "dior.cli.formats",
     "export-cameras": "dior.release.export_cameras",
     "forget": "dior.project.forget",
     "trigger": "dior.ingest.trigger",

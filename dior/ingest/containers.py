@@ -18,6 +18,7 @@ from tempfile import TemporaryDirectory
 
 from dior.arrays import AnyPath
 from dior.errors import DiorError
+from dior.formats import BagFormat
 from dior.ingest import picture_folders, video_audio, videos
 from dior.ingest.bag_reader import ZSTD_MAGIC, Message, opened
 
@@ -37,6 +38,30 @@ HINTS = {
 # of an MCAP file, where its header names the profile: magic, kind, size, length of the text
 PROFILE_AT = 8 + 1 + 8 + 4
 METADATA = "metadata.yaml"
+DESCRIPTIONS = (
+    BagFormat(
+        key="ros1",
+        format="ROS 1 `.bag`, version 2.0",
+        storage="chunks",
+        compression="none, lz4, bz2",
+        note="version 1 is refused: `rosbag fix`",
+    ),
+    BagFormat(
+        key="db3",
+        format="ROS 2 `.db3`, or the folder with `metadata.yaml`",
+        storage="SQLite",
+        compression="none, messages (zstd), whole file (zstd)",
+        note="an unfinished recording (`-wal` beside it) is refused: `ros2 bag reindex`",
+    ),
+    BagFormat(
+        key="mcap",
+        format="ROS 2 `.mcap`, or the folder with `metadata.yaml`",
+        storage="chunks, or messages without chunks and summary",
+        compression="none, lz4, zstd, messages (zstd), whole file (zstd)",
+        note="of the profile `ros2`, as `ros2 bag` writes it; MCAP that was converted from ROS 1 is "
+        "refused: give the `.bag`",
+    ),
+)
 
 
 def topics(bag: AnyPath) -> dict[str, tuple[str, int]]:

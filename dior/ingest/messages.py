@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dior.formats import MessageFormat
 from dior.ingest import jpeg
 
 if TYPE_CHECKING:
@@ -62,6 +63,32 @@ DEPTH = "compressedDepth"
 PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
 # 8192 x 8192: no video camera gives more, and a damaged size is not decoded into gigabytes
 MOST_PIXELS = 1 << 26
+DESCRIPTIONS = (
+    MessageFormat(
+        key="sensor_msgs/CompressedImage",
+        what="pictures in files",
+        read="JPEG and PNG; EXIF's orientation is ignored",
+        refused="`compressedDepth`, and other formats",
+    ),
+    MessageFormat(
+        key="sensor_msgs/Image",
+        what="pictures in pixels",
+        read="`rgb8`, `bgr8`, `rgba8`, `bgra8`, `mono8` (`8UC1`), `yuyv` (`yuv422_yuy2`, `YUYV`), `uyvy` "
+        "(`yuv422`), padded rows too",
+        refused="other encodings, by their names; fewer bytes than the rows need",
+    ),
+    MessageFormat(
+        key="sensor_msgs/CameraInfo",
+        what="the lens",
+        read="ROS 1 (`D`, `K`) and ROS 2 (`d`, `k`), once or with every picture, `plumb_bob` and "
+        "`rational_polynomial`. Beside `a/image_raw` and `a/image_raw/compressed` it is "
+        "`a/camera_info`, beside `a/image/data` `a/info/camera_info`, and else what `camera_info:` in "
+        "the camera's YAML names. Of rectified pictures (`image_rect*`) it is P, without distortion. "
+        "Region of interest and binning are applied to K",
+        refused="one that does not stay the same in all bags of the sequence; a region of interest and "
+        "binning that contradict the sizes",
+    ),
+)
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from dior.arrays import Ints
 from dior.errors import DiorError
+from dior.formats import VideoFormat
 from dior.ingest import messages
 from dior.ingest.bag_reader import Message
 from dior.project.plain_text import bytes_of
@@ -25,6 +26,15 @@ TOPIC = "/pictures"
 SUFFIXES = (".jpeg", ".jpg", ".png")
 # chosen: more than any camera's JPEG or PNG has
 MOST_BYTES = 1 << 28
+DESCRIPTIONS = (
+    VideoFormat(
+        key="pictures",
+        format="folder of `jpg`, `jpeg`, `png`",
+        read="in the order of the numbers in the names; numbers left out between are lost pictures "
+        "(`not_sent`); EXIF's orientation is ignored, as in bags",
+        tried="written here",
+    ),
+)
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 from dior.arrays import Ints
 from dior.errors import DiorError
+from dior.formats import VideoFormat
 from dior.ingest import messages
 from dior.ingest.bag_reader import Message, full_name
 
@@ -43,6 +44,30 @@ FEWEST_BEYOND = 2
 BOX_AT, BOXES = 4, (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip", b"pnot")
 MATROSKA_MAGIC, RIFF_MAGIC, AVI_MAGIC = b"\x1a\x45\xdf\xa3", b"RIFF", b"AVI "
 BEYOND = (1 << 62, None)
+DESCRIPTIONS = (
+    VideoFormat(
+        key="mp4",
+        format="mp4, mov",
+        read="every codec of FFmpeg; times as the edit list has them, in steps of 11 µs or so",
+        tried="written here: H.264 with and without B-frames, at a constant and a variable rate, HEVC; in "
+        "fragments; cut by an edit list; turned by 90, 180 and 270 degrees; cut off; a picture's "
+        "bytes destroyed",
+    ),
+    VideoFormat(
+        key="mkv",
+        format="mkv, webm",
+        read="every codec of FFmpeg; times are in steps of 1 ms: those of a regular rate are put back onto it, of "
+        "others the step is in the labels' sigma",
+        tried="written here: H.264, two streams, cut off",
+    ),
+    VideoFormat(
+        key="avi",
+        format="avi",
+        read="every codec of FFmpeg; its times are those of decoding, which B-frames follow in another order: they are "
+        "sorted, and such a file is read from its beginning",
+        tried="written here: MJPEG, H.264 with B-frames",
+    ),
+)
 
 
 @dataclass(frozen=True, eq=False)

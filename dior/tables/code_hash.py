@@ -25,14 +25,16 @@ PACKAGE = Path(__file__).parents[1]
 # what numbers are computed with; other packages read and write, and a new version of them re-runs nothing
 NUMERIC = ("numpy", "opencv-python-headless", "gtsam", "scipy")
 NOT_CODE = {"cli"}
+# the constant in which readers describe their formats (dior/formats.py): words for people
+WORDS = "DESCRIPTIONS"
 # modules that are kept at the most; chosen: those of some versions of dior
 KEPT = 3000
 
 
 @dataclass(frozen=True)
 class _Module:
-    """Of a module's syntax tree: a hash without docstrings (comments are not in a tree), what it imports inside the
-    package, without `dior.`, and the strings that it spells."""
+    """Of a module's syntax tree: a hash without docstrings and WORDS (comments are not in a tree), what it imports
+    inside the package, without `dior.`, and the strings that it spells."""
 
     meaning: str
     imports: frozenset[str]
@@ -46,8 +48,8 @@ def code_hash(*modules: str) -> str:
     It covers the modules; every dior module they import (inside functions, too); of each table whose name one of
     these spells the columns' names, types, units and words; the files that are no Python and that those name
     (templates; the JSON schemas, whose defaults are filled in); and the installed versions of the numeric packages.
-    Comments, docstrings and the descriptions of columns and keys do not count, so that an edit of those re-runs
-    nothing, except those of columns in the steps that show them: who imports `dior.tables.schemas`.
+    Comments, docstrings and the descriptions of formats, columns and keys do not count, so that an edit of those
+    re-runs nothing, except those of columns in the steps that show them: who imports `dior.tables.schemas`.
     """
     digest = hashlib.sha256()
     for name, meaning in covered(*modules):
@@ -189,6 +191,7 @@ def keep() -> None:
 
 def _read(text: str) -> _Module:
     tree = ast.parse(text)
+    tree.body = [node for node in tree.body if not _is_words(node)]
     imports, strings = set(), set()
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
@@ -204,6 +207,10 @@ def _read(text: str) -> _Module:
     # `dior` itself holds the version and names for others (tests/test_api.py: nothing in here goes through those)
     inside = {".".join(part[1:]) for part in parts if part[0] == "dior" and part[1:] and part[1] not in NOT_CODE}
     return _Module(_sha256(ast.dump(tree)), frozenset(inside), frozenset(strings))
+
+
+def _is_words(node: ast.stmt) -> bool:
+    return isinstance(node, ast.Assign) and any(isinstance(to, ast.Name) and to.id == WORDS for to in node.targets)
 
 
 def _sha256(text: str) -> str:

@@ -2,31 +2,47 @@
 
 INPUTS   a file
 OUTPUTS  its cameras (`given.GivenCamera`), or the one that a camera's YAML names
-docs/calibrations.md has the formats.
+`dior formats calibrations` says what each reads.
 """
 
-import re
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 from dior.arrays import AnyPath
-from dior.calibrate.readers import (
-    kalibr,
-    opencap,
-    opencv_storage,
-    qualisys,
-    ros_camera_info,
-    toml_cameras,
-    vicon,
-    xml_text,
-)
+from dior.calibrate.readers import kalibr, opencap, opencv_storage, qualisys, ros_camera_info, toml_cameras, vicon
 from dior.calibrate.readers.given import GivenCamera
+from dior.calibrate.readers.source import Source
 from dior.errors import DiorError, nearest
-from dior.project.plain_text import bytes_of, text_of
-from dior.project.yaml_file import yaml_of
+from dior.formats import CalibrationFormat
 
-# chosen: a camera has some hundred bytes; Vicon's, which have their thresholds besides, some ten thousand
-MOST_BYTES, MOST_BYTES_XML = 1 << 20, 1 << 22
-KINDS = "Pose2Sim, anipose, FreeMoCap or caliscope TOML, Kalibr, OpenCV, ROS, Qualisys, Vicon or OpenCap"
+
+@dataclass(frozen=True)
+class Reader:
+    """`recognises(source)`: whether a file is its own; `cameras(source)` gives what is in it; `tool`: its name in
+    messages; `described`: for people."""
+
+    tool: str
+    recognises: Callable[[Source], bool]
+    cameras: Callable[[Source], list[GivenCamera]]
+    described: tuple[CalibrationFormat, ...]
+
+
+# asked in this order: a pickle is no text, and TOML is no YAML
+READERS = {
+    "opencap": Reader("OpenCap", opencap.recognises, opencap.cameras, opencap.DESCRIPTIONS),
+    "qualisys": Reader("Qualisys", qualisys.recognises, qualisys.cameras, qualisys.DESCRIPTIONS),
+    "vicon": Reader("Vicon", vicon.recognises, vicon.cameras, vicon.DESCRIPTIONS),
+    "toml": Reader(
+        "Pose2Sim, anipose, FreeMoCap and caliscope TOML",
+        toml_cameras.recognises,
+        toml_cameras.cameras,
+        toml_cameras.DESCRIPTIONS,
+    ),
+    "kalibr": Reader("Kalibr", kalibr.recognises, kalibr.cameras, kalibr.DESCRIPTIONS),
+    "ros_info": Reader("ROS", ros_camera_info.recognises, ros_camera_info.cameras, ros_camera_info.DESCRIPTIONS),
+    "opencv": Reader("OpenCV", opencv_storage.recognises, opencv_storage.cameras, opencv_storage.DESCRIPTIONS),
+}
 
 
 def camera(path: AnyPath, name: str) -> GivenCamera:
@@ -55,51 +71,12 @@ def cameras(path: AnyPath) -> list[GivenCamera]:
     """The cameras of a file. Raises DiorError for a missing or broken one, and for one of another kind."""
     if not Path(path).exists():
         raise DiorError(f"{path}: there is no such file; check the camera's YAML and data_root")
-    content = bytes_of(path, path, MOST_BYTES_XML)
-    stem = Path(path).stem
-    if opencap.recognises(content):
-        return opencap.cameras(content, path, tuple(dict.fromkeys((stem, Path(path).absolute().parent.name))))
-    is_xml = content.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(b"<")
-    text = text_of(path, path, MOST_BYTES_XML if is_xml else MOST_BYTES)
-    if is_xml:
-        return _of_xml(text, path, stem)
-    if toml_cameras.recognises(_first_line(text)):
-        return toml_cameras.cameras(text, path)
-    return _of_yaml(text, path, stem)
-
-
-def _first_line(text: str) -> str:
-    """The first line that is neither empty nor a comment, from its first letter."""
-    found = re.search(r"^[ \t]*([^\s#].*)$", text, re.MULTILINE)
-    return found[1] if found else ""
-
-
-def _of_xml(text: str, path: AnyPath, stem: str) -> list[GivenCamera]:
-    root = xml_text.root_of(text, path)
-    for reader in (qualisys, vicon):
-        if reader.recognises(root):
-            return reader.cameras(root, path)
-    if root.tag == "opencv_storage":
-        content = opencv_storage.of_xml(root)
-        if opencv_storage.recognises(content):
-            return opencv_storage.cameras(content, path, stem)
-    raise DiorError(f"{path}: an XML file with <{root.tag:.40}> that has no camera; is it {KINDS}?")
-
-
-def _of_yaml(text: str, path: AnyPath, stem: str) -> list[GivenCamera]:
-    content = yaml_of(opencv_storage.plain_yaml(text), path)
-    if isinstance(content, dict):
-        if kalibr.recognises(content):
-            return kalibr.cameras(content, path)
-        # OpenCV marks its matrices, by a tag or in JSON by their kind; ROS does not
-        of_opencv = "opencv-matrix" in text
-        if ros_camera_info.recognises(content) and not of_opencv:
-            return ros_camera_info.cameras(content, path, stem)
-        if opencv_storage.recognises(content):
-            if of_opencv:
-                return opencv_storage.cameras(content, path, stem)
-            raise DiorError(
-                f"{path}: has the names of OpenCV's calibrations and no matrix as its FileStorage writes it "
-                "(`!!opencv-matrix` with rows, cols, dt and data); write it by cv2.FileStorage"
-            )
-    raise DiorError(f"{path}: no calibration that is read ({KINDS}); docs/calibrations.md says what they look like")
+    source = Source(path)
+    reader = next((reader for reader in READERS.values() if reader.recognises(source)), None)
+    if reader is None:
+        what = (
+            "no calibration" if source.xml is None else f"an XML file with <{source.xml.tag:.40}>, and no calibration"
+        )
+        known = ", ".join(reader.tool for reader in READERS.values())
+        raise DiorError(f"{path}: {what} that is read ({known}); `dior formats calibrations` says what they look like")
+    return reader.cameras(source)

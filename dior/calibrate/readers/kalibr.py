@@ -1,6 +1,6 @@
 """Cameras in Kalibr's camchain (YAML).
 
-INPUTS   the content of a file
+INPUTS   a file
 OUTPUTS  a `GivenCamera` for each camera
 Source: Kalibr's wiki, "yaml formats" and "supported models". `intrinsics` of a pinhole are fu fv pu pv; radtan has
 OpenCV's k1 k2 p1 p2; `T_cn_cnm1` takes points of the camera before into this one, in metres as its board is given.
@@ -14,24 +14,44 @@ from typing import Any
 
 import numpy as np
 
-from dior.arrays import AnyPath, Floats
+from dior.arrays import Floats
 from dior.calibrate.readers.given import GivenCamera, Lens, Pose, numbers, part, rotation, size
+from dior.calibrate.readers.source import Source
 from dior.errors import DiorError
+from dior.formats import CalibrationFormat
 from dior.geometry.camera import pose
 
 OF_A_CAMERA = ("camera_model", "intrinsics")
 # of its pinhole, by how OpenCV and ROS call the same
 DISTORTIONS = {"radtan": "plumb_bob", "none": "plumb_bob", "equi": "equidistant (fisheye)", "fov": "fov"}
+DESCRIPTIONS = (
+    CalibrationFormat(
+        key="kalibr",
+        file="Kalibr camchain YAML",
+        name="`cam0`, `cam1`, ...",
+        convention="cTw",
+        unit="m",
+        world="camera 0: `from_walk` or `from_marks`",
+        lens="pinhole with radtan or none",
+        checked="each link is a rotation with the last row 0, 0, 0, 1, none is missing and no camera is left "
+        "out; `T_cam_imu` is left alone",
+        sample="written here by Kalibr's wiki",
+    ),
+)
 
 
-def recognises(content: Mapping[Any, Any]) -> bool:
-    """Whether the content of a YAML file is a camchain."""
-    return any(isinstance(one, dict) and set(OF_A_CAMERA) & set(one) for one in content.values())
+def recognises(source: Source) -> bool:
+    """Whether a YAML file is a camchain."""
+    return bool(_cameras_in(source))
 
 
-def cameras(content: Mapping[Any, Any], path: AnyPath) -> list[GivenCamera]:
+def _cameras_in(source: Source) -> list[tuple[Any, dict[Any, Any]]]:
+    return [(key, one) for key, one in source.mapping.items() if isinstance(one, dict) and set(OF_A_CAMERA) & set(one)]
+
+
+def cameras(source: Source) -> list[GivenCamera]:
     """The cameras of a camchain, each with its pose from the first one."""
-    named = [(key, one) for key, one in content.items() if isinstance(one, dict) and set(OF_A_CAMERA) & set(one)]
+    named, path = _cameras_in(source), source.path
     wrong = next((key for key, _ in named if not re.fullmatch(r"cam\d{1,4}", str(key))), None)
     if wrong is not None:
         raise DiorError(f"{path} [{wrong}]: a camchain's cameras are called cam0, cam1, ...; is it Kalibr's?")

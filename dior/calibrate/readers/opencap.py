@@ -1,6 +1,6 @@
 """The pickle in which OpenCap keeps a camera (`cameraIntrinsicsExtrinsics.pickle`).
 
-INPUTS   the bytes of a file
+INPUTS   a file
 OUTPUTS  its one `GivenCamera`, called as the file, or as the folder that it lies in
 Sources: opencap-core (`utilsChecker.saveCameraParameters`, `calcExtrinsics`) and Pose2Sim 0.10.49
 (`calibration.calib_opencap_fun`), which agree: a dict with `intrinsicMat` (3x3), `distortion` (OpenCV's five),
@@ -19,13 +19,16 @@ import pickletools
 import struct
 from collections.abc import Mapping
 from functools import partial
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
-from dior.arrays import AnyPath, Floats
+from dior.arrays import Floats
 from dior.calibrate.readers.given import GivenCamera, Lens, Pose, numbers, part, rotation, size
+from dior.calibrate.readers.source import Source
 from dior.errors import DiorError
+from dior.formats import CalibrationFormat
 from dior.geometry.camera import pose
 
 # what pickles of protocol 2 and later begin with
@@ -40,6 +43,19 @@ BROKEN = (
     pickle.UnpicklingError, EOFError, ValueError, TypeError, LookupError, AttributeError, OverflowError, struct.error,
     AssertionError, ImportError, UnicodeError,
 )  # fmt: skip
+DESCRIPTIONS = (
+    CalibrationFormat(
+        key="opencap",
+        file="OpenCap `cameraIntrinsicsExtrinsics.pickle`",
+        name="the file, or its folder (`Cam0`)",
+        convention="cTw",
+        unit="mm",
+        world="a board that stands: `from_walk` or `from_marks`",
+        lens="plumb_bob",
+        checked="nothing of the pickle is run, arrays are as long as they say",
+        sample="written here by numpy 2 and as numpy 1 does, by the source of opencap-core",
+    ),
+)
 
 
 class _Dtype:
@@ -119,13 +135,15 @@ class _Unpickler(pickle._Unpickler):  # Python's own code of it
         return _KNOWN[module, name]
 
 
-def recognises(content: bytes) -> bool:
-    """Whether these bytes begin as a pickle does."""
-    return content.startswith(BEGIN)
+def recognises(source: Source) -> bool:
+    """Whether a file begins as a pickle does."""
+    return source.content.startswith(BEGIN)
 
 
-def cameras(content: bytes, path: AnyPath, names: tuple[str, ...]) -> list[GivenCamera]:
-    """The camera of a file, by the first of `names`, or one of the others."""
+def cameras(source: Source) -> list[GivenCamera]:
+    """The camera of a file, by the file's name or by its folder's."""
+    content, path = source.content, source.path
+    names = tuple(dict.fromkeys((source.stem, Path(path).absolute().parent.name)))
     try:
         # before anything is made of them: what is nested deeply would end the stack
         if any(i >= MOST_STEPS for i, _ in enumerate(pickletools.genops(content))):

@@ -1,6 +1,6 @@
 """Cameras in the YAML, XML or JSON that OpenCV's FileStorage writes, by the names of OpenCV's own samples.
 
-INPUTS   the content of a file
+INPUTS   a file
 OUTPUTS  a `GivenCamera` for the one camera of a file, or two for a stereo pair
 Sources: FileStorage of OpenCV 4 and 5 (matrices as `rows`, `cols`, `dt`, `data`), and the names in
 samples/cpp/calibration.cpp and tutorial_code/calib3d (`camera_matrix`, `distortion_coefficients`, `image_width`,
@@ -11,16 +11,17 @@ the second). The samples write `M1` and `R` into two files and no size beside th
 squares, which the file does not tell; what `dior export-cameras` writes has `units` besides.
 """
 
-import re
 from collections.abc import Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dior.arrays import AnyPath, Floats
+from dior.arrays import Floats
 from dior.calibrate.readers.given import METRES, GivenCamera, Lens, Pose, matrix, numbers, part, rotation, size
+from dior.calibrate.readers.source import Source
 from dior.errors import DiorError
+from dior.formats import CalibrationFormat
 from dior.geometry.camera import pose
 
 if TYPE_CHECKING:
@@ -32,16 +33,38 @@ MODELS = {4: "plumb_bob", 5: "plumb_bob", 8: "rational_polynomial", 12: "thin pr
 FISHEYE = "equidistant (fisheye)"
 # what a file has that is of a camera
 ONE, PAIR = ("camera_matrix", "distortion_coefficients"), ("M1", "D1", "M2", "D2", "R", "T")
+DESCRIPTIONS = (
+    CalibrationFormat(
+        key="opencv",
+        file="OpenCV FileStorage, YAML, XML or JSON: `camera_matrix`, `distortion_coefficients`, "
+        "`image_width`, `image_height`, and `R`, `T` beside them",
+        name="the file's name without its ending",
+        convention="cTw",
+        unit="asked for, unless the file has `units`",
+        world="not told",
+        lens="plumb_bob (4, 5 numbers), rational_polynomial (8)",
+        checked="shapes; more than 8 numbers that are not zero",
+        sample="written by OpenCV 5; its header as OpenCV 4 writes it",
+    ),
+    CalibrationFormat(
+        key="opencv",
+        file="OpenCV's stereo sample: `M1`, `D1`, `M2`, `D2`; `R`, `T`",
+        name="`1`, `2`",
+        convention="cTw",
+        unit="asked for, unless the file has `units`",
+        world="camera 1: `from_walk` or `from_marks`",
+        lens="plumb_bob (4, 5 numbers), rational_polynomial (8); the size has to be added, the sample writes none",
+        checked="shapes; more than 8 numbers that are not zero",
+        sample="written by OpenCV 5",
+    ),
+)
 
 
-def plain_yaml(text: str) -> str:
-    """The text as a YAML reader of any make takes it: without the directive of OpenCV 4 and the tag of matrices."""
-    return re.sub(r"!!opencv-(nd-)?matrix", "", re.sub(r"^%YAML:1\.0", "# ", text))
-
-
-def of_xml(root: "Element") -> dict[str, Any]:
-    """The content of an XML file as the YAML one has it."""
-    return {element.tag: _plain(element) for element in root}
+def _content(source: Source) -> dict[Any, Any]:
+    """What is in a file of FileStorage; of XML as the YAML one has it."""
+    if source.xml is None:
+        return source.mapping
+    return {element.tag: _plain(element) for element in source.xml} if source.xml.tag == "opencv_storage" else {}
 
 
 def _plain(element: "Element") -> Any:
@@ -52,13 +75,20 @@ def _plain(element: "Element") -> Any:
     return (element.text or "").strip().strip('"')
 
 
-def recognises(content: Mapping[Any, Any]) -> bool:
-    """Whether the content of a file has a camera by one of the names."""
+def recognises(source: Source) -> bool:
+    """Whether a file has a camera by one of the names."""
+    content = _content(source)
     return any(key in content for key in (*ONE, *PAIR))
 
 
-def cameras(content: Mapping[Any, Any], path: AnyPath, stem: str) -> list[GivenCamera]:
-    """The cameras of a file: one that is called as the file without its ending, `stem`, or "1" and "2" of a pair."""
+def cameras(source: Source) -> list[GivenCamera]:
+    """The cameras of a file: one that is called as the file without its ending, or "1" and "2" of a pair."""
+    content, path, stem = _content(source), source.path, source.stem
+    if source.xml is None and not source.has_opencv_matrix:
+        raise DiorError(
+            f"{path}: has the names of OpenCV's calibrations and no matrix as its FileStorage writes it "
+            "(`!!opencv-matrix` with rows, cols, dt and data); write it by cv2.FileStorage"
+        )
     if "camera_matrix" in content or not any(key in content for key in PAIR):
         where = f"{path} [{stem}]"
         lens = part(partial(_lens, content, *ONE, where))

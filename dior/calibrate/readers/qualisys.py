@@ -1,6 +1,6 @@
 """Cameras in the XML that Qualisys Track Manager exports (`.qca.txt`).
 
-INPUTS   the root of a file
+INPUTS   a file
 OUTPUTS  a `GivenCamera` for each camera, called by its serial number
 Sources, which agree: Pose2Sim 0.10.49 (`calibration.read_qca`), public code that draws QTM's markers into the videos of
 Miqus cameras with this file, and public code that calibrates the lenses of the LBMC data anew. They say:
@@ -18,11 +18,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dior.arrays import AnyPath
 from dior.calibrate.readers.given import GivenCamera, Lens, Pose, part, rotation
 from dior.calibrate.readers.given import size as whole
+from dior.calibrate.readers.source import Source
 from dior.calibrate.readers.xml_text import attributes
 from dior.errors import DiorError
+from dior.formats import CalibrationFormat
 from dior.geometry.camera import pose
 
 if TYPE_CHECKING:
@@ -33,19 +34,32 @@ SUBPIXELS = 64.0
 SENSOR_SHARE = 0.01
 NO = ("0", "false", "no")
 FLIP = np.diag([1.0, -1.0, -1.0])
+DESCRIPTIONS = (
+    CalibrationFormat(
+        key="qualisys",
+        file="Qualisys `.qca.txt`",
+        name="the serial number",
+        convention="its own; turned to OpenCV's axes",
+        unit="mm; 1/64 px",
+        world="the L-frame, Z up unless QTM was told otherwise",
+        lens="plumb_bob, the coefficients as they are",
+        checked="the sensor has 64 units a pixel (Theia3D's file has not), `active`, `calibrated`",
+        sample="Pose2Sim's file for `real_outdoor`; poses as Pose2Sim reads them",
+    ),
+)
 
 
-def recognises(root: "Element") -> bool:
-    """Whether the root of an XML file is one of QTM's calibrations."""
-    return root.tag == "calibration" and root.find("cameras/camera") is not None
+def recognises(source: Source) -> bool:
+    """Whether a file is one of QTM's calibrations."""
+    return bool(source.elements("calibration", "cameras/camera"))
 
 
-def cameras(root: "Element", path: AnyPath) -> list[GivenCamera]:
+def cameras(source: Source) -> list[GivenCamera]:
     """The cameras of a file."""
     found = []
-    for number, element in enumerate(root.findall("cameras/camera"), 1):
+    for number, element in enumerate(source.elements("calibration", "cameras/camera"), 1):
         name = element.attrib.get("serial") or str(number)
-        found.append(_camera(name, element, f"{path} [{name}]"))
+        found.append(_camera(name, element, f"{source.path} [{name}]"))
     return found
 
 

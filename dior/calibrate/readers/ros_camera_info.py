@@ -1,6 +1,6 @@
 """The camera in the YAML file that ROS keeps a CameraInfo in.
 
-INPUTS   the content of a file
+INPUTS   a file
 OUTPUTS  its one `GivenCamera`
 Source: image_common, camera_calibration_parsers/src/parse_yml.cpp. `camera_matrix`, `distortion_coefficients` with
 rows, cols and data, `distortion_model` (plumb_bob where there is none), no pose. The lens is that of the raw pictures:
@@ -13,21 +13,36 @@ from typing import Any
 
 import numpy as np
 
-from dior.arrays import AnyPath
 from dior.calibrate.readers.given import GivenCamera, Lens, matrix, numbers, part, size
+from dior.calibrate.readers.source import Source
 from dior.errors import DiorError
+from dior.formats import CalibrationFormat
 
 KEYS = ("camera_matrix", "distortion_coefficients", "image_width")
 COEFFICIENTS = {"plumb_bob": (4, 5), "rational_polynomial": (8,)}
+DESCRIPTIONS = (
+    CalibrationFormat(
+        key="ros_info",
+        file="ROS `camera_info` YAML",
+        name="`camera_name`, or the file's name",
+        convention="no pose",
+        unit="",
+        world="",
+        lens="plumb_bob, rational_polynomial; K and D, for raw pictures",
+        checked="number of coefficients, a K of zeros",
+        sample="written here by `camera_calibration_parsers`",
+    ),
+)
 
 
-def recognises(content: Mapping[Any, Any]) -> bool:
-    """Whether the content of a YAML file is a CameraInfo."""
-    return set(KEYS) <= set(content)
+def recognises(source: Source) -> bool:
+    """Whether a YAML file is a CameraInfo, whose keys OpenCV's files may have as well."""
+    return set(KEYS) <= set(source.mapping) and not source.has_opencv_matrix
 
 
-def cameras(content: Mapping[Any, Any], path: AnyPath, stem: str) -> list[GivenCamera]:
-    """The one camera of a CameraInfo file, called as `camera_name` says or as the file without its ending, `stem`."""
+def cameras(source: Source) -> list[GivenCamera]:
+    """The one camera of a CameraInfo file, called as `camera_name` says or as the file without its ending."""
+    content, path, stem = source.mapping, source.path, source.stem
     name = str(content.get("camera_name") or stem)
     where = f"{path} [{name}]"
     none = DiorError(f"{where}: a CameraInfo of ROS has no pose; place the camera by another file or by its tape")

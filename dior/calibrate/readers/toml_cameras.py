@@ -1,6 +1,6 @@
 """Cameras in TOML, a section each: Pose2Sim, anipose (aniposelib), FreeMoCap and caliscope.
 
-INPUTS   the text of a file
+INPUTS   a file
 OUTPUTS  a `GivenCamera` for each section with `matrix`, `rotation` or `translation`, on whatever level; its names are
          the section's key, the last part of the key, and the entry `name`
 Sources: the files that aniposelib 0.8.0 (`CameraGroup.dump`) and caliscope 0.11.8 (`CameraArray.to_toml`) write, the
@@ -19,7 +19,9 @@ from typing import Any
 
 from dior.arrays import AnyPath
 from dior.calibrate.readers.given import GivenCamera, Lens, Pose, numbers, part, rotation, size
+from dior.calibrate.readers.source import Source
 from dior.errors import DiorError
+from dior.formats import CalibrationFormat
 from dior.geometry.camera import pose
 
 # chosen: those who write such files have cameras on the first or second level
@@ -33,15 +35,60 @@ SQUARE, GROUND = "charuco_square_size", "groundplane_calibration"
 # chosen: squares that cameras around a person see are larger; 1 is what FreeMoCap has until somebody measures it, and
 # 0.058 or 5.8 were given in m or cm
 LEAST_SQUARE_MM = 10.0
+DESCRIPTIONS = tuple(
+    CalibrationFormat(
+        key="toml",
+        file=file,
+        name=name,
+        convention="cTw, unless the YAML says wTc",
+        unit=unit,
+        world=world,
+        lens="plumb_bob, or what `distortion_model` says; fisheye is refused",
+        checked="shapes, a rotation of degrees or that mirrors, coefficients that are 1/64",
+        sample=sample,
+    )
+    for file, name, unit, world, sample in (
+        (
+            "Pose2Sim TOML",
+            "the section, or its `name`",
+            "m, unless the YAML says another",
+            "as exported; Pose2Sim's has Z up",
+            "real: `real_outdoor/reference/*.toml`",
+        ),
+        (
+            "caliscope TOML",
+            "`cameras.1`, `1`",
+            "m, unless the YAML says another",
+            "as set in caliscope",
+            "written by caliscope 0.11.8; real: `charuco/camera_array.toml`",
+        ),
+        (
+            "anipose TOML (aniposelib)",
+            "the section, or its `name`",
+            "asked for: that of its board",
+            "not told",
+            "written by aniposelib 0.8.0",
+        ),
+        (
+            "FreeMoCap TOML",
+            "the section, or its `name`",
+            "mm; asked for where `charuco_square_size` is below 10",
+            "the board's floor by `groundplane_calibration`, else `from_walk` or `from_marks`",
+            "written here by the source of FreeMoCap 1.8.2",
+        ),
+    )
+)
 
 
-def recognises(line: str) -> bool:
-    """Whether a text whose first line that is neither empty nor a comment is `line` is TOML."""
+def recognises(source: Source) -> bool:
+    """Whether a file is TOML, by its first line that is neither empty nor a comment."""
+    line = source.first_line
     return line.startswith("[") or re.match(r"[\w.\"'-]+\s*=", line) is not None
 
 
-def cameras(text: str, path: AnyPath) -> list[GivenCamera]:
+def cameras(source: Source) -> list[GivenCamera]:
     """The cameras of a file. Raises DiorError for a text that is no TOML."""
+    text, path = source.text, source.path
     _check_keys(text, path)
     try:
         content = tomllib.loads(text)

@@ -1,6 +1,6 @@
 """Cameras in the XML that Vicon's programs write (`.xcp`).
 
-INPUTS   the root of a file
+INPUTS   a file
 OUTPUTS  a `GivenCamera` for each camera, called by its DEVICEID, or NAME
 Sources: Vicon's page on XCP files (CaraPost reference: the quaternion's last value is the real one), and five public
 readers that agree on the rest (Pose2Sim 0.10.49 among them): the rotation is that from the world to the camera, with
@@ -19,8 +19,10 @@ import numpy as np
 from dior.arrays import AnyPath
 from dior.calibrate.readers.given import GivenCamera, Lens, Pose, part
 from dior.calibrate.readers.given import size as whole
+from dior.calibrate.readers.source import Source
 from dior.calibrate.readers.xml_text import attributes, listed
 from dior.errors import DiorError
+from dior.formats import CalibrationFormat
 from dior.geometry.camera import pose
 
 if TYPE_CHECKING:
@@ -28,16 +30,31 @@ if TYPE_CHECKING:
 
 # chosen: rounding to six digits
 UNIT_LENGTH = 1e-4
+DESCRIPTIONS = (
+    CalibrationFormat(
+        key="vicon",
+        file="Vicon `.xcp`",
+        name="`DEVICEID`, or `NAME`",
+        convention="its own: the quaternion's real part last, the camera's place",
+        unit="mm",
+        world="Z up",
+        lens="only without VICON_RADIAL(2), which is refused",
+        checked="one KeyFrame, a quaternion of length 1, square pixels",
+        sample="written here; pose as Pose2Sim 0.10.49 reads it",
+    ),
+)
 
 
-def recognises(root: "Element") -> bool:
-    """Whether the root of an XML file is one of Vicon's calibrations."""
-    return root.tag == "Cameras" and root.find("Camera") is not None
+def recognises(source: Source) -> bool:
+    """Whether a file is one of Vicon's calibrations."""
+    return bool(source.elements("Cameras", "Camera"))
 
 
-def cameras(root: "Element", path: AnyPath) -> list[GivenCamera]:
+def cameras(source: Source) -> list[GivenCamera]:
     """The cameras of a file."""
-    return [_camera(element, number, path) for number, element in enumerate(root.findall("Camera"), 1)]
+    return [
+        _camera(element, number, source.path) for number, element in enumerate(source.elements("Cameras", "Camera"), 1)
+    ]
 
 
 def _camera(element: "Element", number: int, path: AnyPath) -> GivenCamera:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from dior.arrays import AnyPath
 from dior.errors import DiorError
+from dior.formats import MocapFormat
 from dior.ingest.mocap_files import c3d, motive, qtm, trc
 from dior.ingest.mocap_files.capture import Capture
 
@@ -15,20 +16,21 @@ BOM = b"\xef\xbb\xbf"
 @dataclass(frozen=True)
 class Reader:
     """`read(path)` gives a `Capture` and raises ValueError or DiorError; `tool` is its name in messages; `begins`: the
-    first bytes of its files, in any case."""
+    first bytes of its files, in any case; `described`: for people."""
 
     tool: str
     read: Callable[[AnyPath], Capture]
     begins: tuple[bytes, ...]
+    described: tuple[MocapFormat, ...]
 
 
 # what is none of the others is said to be no C3D
 C3D = "c3d"
 READERS = {
-    "qtm": Reader("TSV of Qualisys Track Manager", qtm.read, (b"NO_OF_FRAMES", b"FILE_VERSION")),
-    "motive": Reader("CSV of OptiTrack Motive", motive.read, (b"Format Version",)),
-    "trc": Reader("TRC", trc.read, (b"PathFileType",)),
-    C3D: Reader("C3D", c3d.read, ()),
+    "qtm": Reader("TSV of Qualisys Track Manager", qtm.read, (b"NO_OF_FRAMES", b"FILE_VERSION"), qtm.DESCRIPTIONS),
+    "motive": Reader("CSV of OptiTrack Motive", motive.read, (b"Format Version",), motive.DESCRIPTIONS),
+    "trc": Reader("TRC", trc.read, (b"PathFileType",), trc.DESCRIPTIONS),
+    C3D: Reader("C3D", c3d.read, (), c3d.DESCRIPTIONS),
 }
 
 

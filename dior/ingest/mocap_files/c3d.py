@@ -7,9 +7,23 @@ INPUTS   a path. OUTPUTS: its `Capture`; POINT:Y_SCREEN says which axis points u
 from collections.abc import Sequence
 
 from dior.arrays import AnyPath, Floats
+from dior.formats import MocapFormat
 from dior.ingest.c3d_check import layout
 from dior.ingest.c3d_points import read_points
 from dior.ingest.mocap_files.capture import Capture
+
+DESCRIPTIONS = (
+    MocapFormat(
+        key="c3d",
+        tool="C3D of Vicon, Qualisys, OptiTrack, ...",
+        first_frame="of the header",
+        unit="`POINT:UNITS`",
+        up="`POINT:Y_SCREEN`, else Z",
+        checked="header, parameters and the file's size agree on the frames and on what one holds; files of "
+        "MIPS (SGI) computers are refused",
+        sample="real: three of Vicon, `mocap/`; the others written here, from the user guide of c3d.org",
+    ),
+)
 
 
 def read(path: AnyPath) -> Capture:

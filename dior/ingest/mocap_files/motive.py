@@ -12,12 +12,25 @@ the program was at hand.
 from collections.abc import Iterator
 
 from dior.arrays import AnyPath
+from dior.formats import MocapFormat
 from dior.ingest.mocap_files.capture import Capture, captured, number, numbers, rows
 from dior.project.plain_text import Line
 
 AXES = ["X", "Y", "Z"]
 MARKER = "Marker"
 FRAME = "Frame"
+DESCRIPTIONS = (
+    MocapFormat(
+        key="motive",
+        tool="CSV of OptiTrack Motive, versions 1.22 to 1.25, columns of the type Marker, global coordinates",
+        first_frame="column Frame, which counts from 0",
+        unit="`Length Units`",
+        up="Y",
+        checked="every frame is there and has the time of its rate, to 1 % and 0.01 s; names and numbers are as many "
+        "as the header says; local coordinates, no markers and decimal commas are refused",
+        sample="written here, from docs.optitrack.com and public readers' tests",
+    ),
+)
 
 
 def read(path: AnyPath) -> Capture:

@@ -12,10 +12,24 @@ program was at hand.
 import re
 
 from dior.arrays import AnyPath
+from dior.formats import MocapFormat
 from dior.ingest.mocap_files.capture import NOTHING, Capture, captured, named, number, numbers, rows, without_last
 
 _KEY = re.compile(r"[A-Z][A-Z0-9_]*")
 BEFORE = ("frame", "time")
+DESCRIPTIONS = (
+    MocapFormat(
+        key="qtm",
+        tool="TSV of Qualisys Track Manager, 3D data, with the header; `FILE_VERSION`, `EVENT`, "
+        "`TRAJECTORY_TYPES`, frame and time may be there or not",
+        first_frame="column Frame, else 1",
+        unit="mm",
+        up="Z",
+        checked="every frame is there and has the time of its rate, to 1 % and 0.01 s; names and numbers are as many "
+        "as the header says; 6D data and decimal commas are refused",
+        sample="written here, from public readers of such files",
+    ),
+)
 
 
 def read(path: AnyPath) -> Capture:

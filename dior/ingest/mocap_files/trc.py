@@ -8,7 +8,21 @@ Source: OpenSim's documentation, Marker (.trc) Files.
 """
 
 from dior.arrays import AnyPath
+from dior.formats import MocapFormat
 from dior.ingest.mocap_files.capture import Capture, captured, named, number, numbers, rows, without_last
+
+DESCRIPTIONS = (
+    MocapFormat(
+        key="trc",
+        tool="TRC (OpenSim, Cortex)",
+        first_frame="column Frame#",
+        unit="`Units`",
+        up="Y",
+        checked="every frame is there and has the time of its rate, to 1 % and 0.01 s; names and numbers are as many "
+        "as the header says; a decimal comma is refused",
+        sample="real: `real_outdoor/reference/skeleton.trc`, of joints; of markers written here",
+    ),
+)
 
 
 def read(path: AnyPath) -> Capture:

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from dior.arrays import AnyPath
+from dior.formats import DetectionFormat
 from dior.ingest.people import People
 from dior.ingest.readers import (
     alphapose,
@@ -23,12 +24,13 @@ from dior.ingest.readers import (
 @dataclass(frozen=True)
 class Reader:
     """`read(path, camera)` gives People; `tool` is its name in messages; `shape` what `detections` must name: file,
-    folder or either. `fractions`: it gives u, v as fractions of the picture. `silent`: its files say nothing of a
-    picture in which nobody was found. `all_cameras`: one file holds those of several cameras."""
+    folder or either; `described`: for people. `fractions`: it gives u, v as fractions of the picture. `silent`: its
+    files say nothing of a picture in which nobody was found. `all_cameras`: one file holds those of several cameras."""
 
     tool: str
     read: Callable[..., People]
     shape: str
+    described: tuple[DetectionFormat, ...]
     fractions: bool = False
     silent: bool = False
     all_cameras: bool = False
@@ -40,15 +42,15 @@ def _alone(read: Callable[[AnyPath], People]) -> Callable[..., People]:
 
 
 READERS = {
-    "mlkit": Reader("ML Kit", _alone(mlkit.read), "file"),
-    "openpose": Reader("OpenPose", _alone(openpose.read), "folder"),
-    "mediapipe": Reader("MediaPipe", _alone(mediapipe.read), "either", fractions=True),
-    "alphapose": Reader("AlphaPose", _alone(alphapose.read), "file", silent=True),
-    "yolo": Reader("YOLO pose", _alone(yolo.read), "either", fractions=True, silent=True),
-    "coco": Reader("COCO results", _alone(coco.read), "file", silent=True),
-    "mmpose": Reader("MMPose", _alone(mmpose.read), "either"),
-    "yolo_json": Reader("YOLO pose JSON", _alone(yolo_json.read), "either"),
-    "deeplabcut": Reader("DeepLabCut", _alone(deeplabcut.read), "file"),
-    "caliscope": Reader("caliscope", caliscope.read, "file", silent=True, all_cameras=True),
-    "mlkit_csv": Reader("ML Kit CSV", _alone(mlkit_csv.read), "file"),
+    "mlkit": Reader("ML Kit", _alone(mlkit.read), "file", mlkit.DESCRIPTIONS),
+    "openpose": Reader("OpenPose", _alone(openpose.read), "folder", openpose.DESCRIPTIONS),
+    "mediapipe": Reader("MediaPipe", _alone(mediapipe.read), "either", mediapipe.DESCRIPTIONS, fractions=True),
+    "alphapose": Reader("AlphaPose", _alone(alphapose.read), "file", alphapose.DESCRIPTIONS, silent=True),
+    "yolo": Reader("YOLO pose", _alone(yolo.read), "either", yolo.DESCRIPTIONS, fractions=True, silent=True),
+    "coco": Reader("COCO results", _alone(coco.read), "file", coco.DESCRIPTIONS, silent=True),
+    "mmpose": Reader("MMPose", _alone(mmpose.read), "either", mmpose.DESCRIPTIONS),
+    "yolo_json": Reader("YOLO pose JSON", _alone(yolo_json.read), "either", yolo_json.DESCRIPTIONS),
+    "deeplabcut": Reader("DeepLabCut", _alone(deeplabcut.read), "file", deeplabcut.DESCRIPTIONS),
+    "caliscope": Reader("caliscope", caliscope.read, "file", caliscope.DESCRIPTIONS, silent=True, all_cameras=True),
+    "mlkit_csv": Reader("ML Kit CSV", _alone(mlkit_csv.read), "file", mlkit_csv.DESCRIPTIONS),
 }

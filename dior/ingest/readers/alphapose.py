@@ -14,11 +14,31 @@ from typing import Any
 from dior.arrays import AnyPath, Floats
 from dior.body.names import BY_COUNT
 from dior.errors import DiorError
+from dior.formats import DetectionFormat, Sample
 from dior.ingest.people import People, gathered
 from dior.ingest.readers import coco
 from dior.ingest.readers.common import frame_of, load_json, one_model, triples
 
 BY_PICTURE = {"bodies": "joints", "people": "pose_keypoints_2d"}
+DESCRIPTIONS = (
+    DetectionFormat(
+        key="alphapose",
+        tool="AlphaPose, default, `cmu` and `open` layouts",
+        file="the file `alphapose-results.json`",
+        joints="17 (COCO), 26 (Halpe), 136 (Halpe full body), 133 (WholeBody), 18 (`cmu`, `open`)",
+        frame="last number in `image_id`",
+        score="of the keypoint, at most 1",
+        nobody="not told apart from not run",
+        refused="another number of keypoints; several models in a file; two names of one frame",
+        samples=(
+            Sample(
+                "AlphaPose: 17, 26, 136 keypoints; `cmu`, `open`",
+                "two people, scores above 1, `idx` as number, list, list of lists or null",
+                "written here",
+            ),
+        ),
+    ),
+)
 
 
 def read(path: AnyPath) -> People:

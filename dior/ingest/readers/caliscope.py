@@ -16,6 +16,7 @@ import numpy as np
 from dior.arrays import AnyPath
 from dior.body.names import COCO_17, HALPE_26, WHOLEBODY_133
 from dior.errors import DiorError
+from dior.formats import DetectionFormat, Sample
 from dior.ingest.people import People, gathered
 from dior.ingest.readers.common import INTERRUPTED
 from dior.project.plain_text import each_row
@@ -26,6 +27,27 @@ MARK = "img_loc_x"
 MODELS = (COCO_17, HALPE_26, WHOLEBODY_133)
 # chosen: ten minutes of four cameras
 MOST_BYTES = 1 << 28
+DESCRIPTIONS = (
+    DetectionFormat(
+        key="caliscope",
+        tool="caliscope, `xy_<tracker>.csv`",
+        file="the file, for all cameras",
+        joints="17, 26 (Halpe), 133 (WholeBody), by the last keypoint",
+        frame="`frame_index`",
+        score="none: 1",
+        nobody="not told apart from not run",
+        refused="a file without `frame_index`, which older versions wrote; no `cam_id` that is the number at the end "
+        "of the camera's name",
+        samples=(
+            Sample(
+                "caliscope CSV",
+                "two cameras, nobody; real_outdoor written again: the same table; a real file of an older version"
+                " is refused",
+                "written by caliscope 0.11.8 from points made up, and here",
+            ),
+        ),
+    ),
+)
 
 
 def read(path: AnyPath, camera: str = "") -> People:

@@ -17,9 +17,30 @@ import numpy as np
 from dior.arrays import AnyPath, Floats
 from dior.body.names import BY_COUNT
 from dior.errors import DiorError
+from dior.formats import DetectionFormat, Sample
 from dior.ingest.people import People, gathered
 from dior.ingest.readers import yolo_json
 from dior.ingest.readers.common import frame_of, load_json, number, one_model, triples
+
+DESCRIPTIONS = (
+    DetectionFormat(
+        key="coco",
+        tool="results of COCO's keypoint task",
+        file="a file",
+        joints="17, 18, 26, 33, 133, 136 by number",
+        frame="`image_id`; in Ultralytics' `predictions.json` its last number",
+        score="third number; the person's `score` where it is 1 (or 0) throughout",
+        nobody="not told apart from not run",
+        refused="another number of keypoints; several models in a file",
+        samples=(
+            Sample(
+                "COCO keypoint results",
+                "two people, `v` of 1 throughout",
+                "written here",
+            ),
+        ),
+    ),
+)
 
 
 def read(path: AnyPath) -> People:

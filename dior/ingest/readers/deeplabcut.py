@@ -17,6 +17,7 @@ import numpy as np
 from dior.arrays import AnyPath, Floats
 from dior.body.spellings import joint_of, tidy
 from dior.errors import DiorError
+from dior.formats import DetectionFormat, Sample
 from dior.ingest.people import People, gathered
 from dior.ingest.readers.common import INTERRUPTED
 from dior.project.plain_text import each_row
@@ -30,6 +31,26 @@ FEWEST = 4
 MOST_BYTES = 1 << 28
 # chosen: seven people of 133 parts
 MOST_CELLS = 3000
+DESCRIPTIONS = (
+    DetectionFormat(
+        key="deeplabcut",
+        tool="DeepLabCut, CSV of a video, `_filtered` too",
+        file="the file",
+        joints="any, by the names of the parts: formats.md, names of parts",
+        frame="first column",
+        score="`likelihood`",
+        nobody="empty cells; a missing row: not run",
+        refused="two parts of one joint; fewer than four parts that are joints of a person; individuals with different "
+        "parts; tables of labelled pictures",
+        samples=(
+            Sample(
+                "DeepLabCut CSV of 3 and 4 header rows",
+                "one and two people, spellings of parts; real_outdoor (BODY_25B, ML Kit) written again: the same table",
+                "written here; what `create_df_from_prediction` of deeplabcut 3.0.2 itself wrote was read as well",
+            ),
+        ),
+    ),
+)
 
 
 def read(path: AnyPath) -> People:

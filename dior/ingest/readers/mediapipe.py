@@ -21,6 +21,7 @@ import numpy as np
 from dior.arrays import AnyPath
 from dior.body.names import MLKIT_33
 from dior.errors import DiorError
+from dior.formats import DetectionFormat, Sample
 from dior.ingest.people import People, gathered
 from dior.ingest.readers import prototext
 from dior.ingest.readers.common import content_of, files_by_frame, from_json, number
@@ -28,6 +29,30 @@ from dior.ingest.readers.common import content_of, files_by_frame, from_json, nu
 TEXT = (".pbtxt", ".txtpb", ".textproto")
 KEYS = ("pose_landmarks", "poseLandmarks", "landmarks", "landmark")
 SCORES = ("visibility", "presence")
+DESCRIPTIONS = (
+    DetectionFormat(
+        key="mediapipe",
+        tool="MediaPipe pose landmarker",
+        file="a folder of `.json` or `.pbtxt`, a `.jsonl`, a JSON list, or one `.pbtxt` file",
+        joints="33",
+        frame='file\'s name, or `"frame"` in the entry, or else `timestamp_ms`; a single `.pbtxt` is frame 0',
+        score="`visibility`, else `presence`",
+        nobody="`null`, `[]`; a missing entry: not run",
+        refused="pixels in place of fractions; another number of landmarks; a frame twice",
+        samples=(
+            Sample(
+                "MediaPipe protobuf text",
+                "33 landmarks of one picture with visibility and presence",
+                "real: MediaPipe's test data, `detections/mediapipe_pose_landmarks.pbtxt`",
+            ),
+            Sample(
+                "MediaPipe JSON: tasks, solutions, web",
+                "one and two people, missing coordinates, nobody",
+                "written here",
+            ),
+        ),
+    ),
+)
 
 
 def read(path: AnyPath) -> People:

@@ -16,6 +16,7 @@ import numpy as np
 from dior.arrays import AnyPath, Floats
 from dior.body.names import MLKIT_33
 from dior.errors import DiorError
+from dior.formats import DetectionFormat, Sample
 from dior.ingest.people import People, gathered
 from dior.ingest.readers.common import from_json, number
 from dior.project.plain_text import unmarked
@@ -23,6 +24,25 @@ from dior.project.plain_text import unmarked
 KEYS = ("x", "y", "inFrameLikelihood")
 # chosen: some hundred lines are decoded at a time
 BLOCK_BYTES = 1 << 18
+DESCRIPTIONS = (
+    DetectionFormat(
+        key="mlkit",
+        tool="ML Kit, JSON lines",
+        file="a file",
+        joints="33",
+        frame="`frame`, or else `stamp_ns`",
+        score="`inFrameLikelihood`",
+        nobody="`landmarks: []`; a missing line: not run",
+        refused="a line that is no JSON; `frame` in some lines only; a frame twice; a `type` that is not 0 to 32",
+        samples=(
+            Sample(
+                "ML Kit JSON lines",
+                "4 cameras x 100 frames x 33 landmarks, all of them",
+                "real: BlazePose run on Pose2Sim's demo session, `real_outdoor/mlkit`",
+            ),
+        ),
+    ),
+)
 
 
 class _Landmark(msgspec.Struct, gc=False):

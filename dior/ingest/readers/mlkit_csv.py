@@ -13,6 +13,7 @@ import numpy as np
 from dior.arrays import AnyPath, Floats
 from dior.body.names import MLKIT_33
 from dior.errors import DiorError
+from dior.formats import DetectionFormat, Sample
 from dior.ingest.people import People, gathered
 from dior.ingest.readers.common import INTERRUPTED, frame_of
 from dior.project.plain_text import each_row
@@ -22,6 +23,25 @@ LONGEST_NAME = 255
 # chosen: half an hour of pictures
 MOST_BYTES = 1 << 26
 COLUMNS = 2 + 3 * len(MLKIT_33)
+DESCRIPTIONS = (
+    DetectionFormat(
+        key="mlkit_csv",
+        tool="ML Kit's pose samples, CSV",
+        file="a file",
+        joints="33",
+        frame="last number in the picture's name",
+        score="none: 1",
+        nobody="not told",
+        refused="pictures of more than one recording, such as ML Kit's own collection",
+        samples=(
+            Sample(
+                "ML Kit CSV",
+                "812 rows x 33 x (x, y, z), 4 classes",
+                "real: ML Kit's fitness samples, `detections/mlkit_fitness_pose_samples.csv`",
+            ),
+        ),
+    ),
+)
 
 
 def read(path: AnyPath) -> People:

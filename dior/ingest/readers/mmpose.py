@@ -20,10 +20,32 @@ from dior.arrays import AnyPath, Floats
 from dior.body.names import BY_COUNT, COCO_17
 from dior.body.spellings import joint_of
 from dior.errors import DiorError
+from dior.formats import DetectionFormat, Sample
 from dior.ingest.people import People, gathered
 from dior.ingest.readers.common import files_by_frame, load_json, one_model, points_of
 
 TOOL = "MMPose"
+DESCRIPTIONS = (
+    DetectionFormat(
+        key="mmpose",
+        tool="MMPose 1.x, inferencer and demo scripts",
+        file="the file `<video>.json`, or the folder of `<stem><frame>.json` of pictures",
+        joints="17 (COCO), 26 (Halpe), 133 (WholeBody), 136 (Halpe full body); the demo's names are compared",
+        frame="`frame_id`, or file's name",
+        score="`keypoint_scores`, at most 1",
+        nobody="`instances: []`, `[]`; a missing entry: not run",
+        refused="a model of other joints, by the demo's names; another number of keypoints; a picture's instances "
+        "named as a video's",
+        samples=(
+            Sample(
+                "MMPose JSON: pictures, video, demo",
+                "two people, nobody, other models' names; real_outdoor written again: the same table",
+                "written here, from the source of mmpose 1.3.2; instances of its own `split_instances` were read "
+                "as well",
+            ),
+        ),
+    ),
+)
 
 
 def read(path: AnyPath) -> People:

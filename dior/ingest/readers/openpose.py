@@ -17,6 +17,7 @@ import numpy as np
 from dior.arrays import AnyPath, Floats
 from dior.body.names import BODY_25, BODY_25B, COCO_17, COCO_18, HALPE_26, WHOLEBODY_133, bones_of
 from dior.errors import DiorError
+from dior.formats import DetectionFormat, Sample
 from dior.ingest.people import People, gathered
 from dior.ingest.readers.common import files_by_frame, from_json, number
 from dior.project.plain_text import unmarked
@@ -34,6 +35,38 @@ CLEARLY_SHORTER = 0.8
 ENOUGH_PEOPLE = 500
 # files are a few kB, and a buffer of this size costs no system call of its own
 READ_AT_ONCE = 1 << 15
+DESCRIPTIONS = (
+    DetectionFormat(
+        key="openpose",
+        tool="OpenPose; RTMPose (rtmlib) by Pose2Sim",
+        file="the folder",
+        joints="BODY_25, BODY_25B, told apart by the bones, COCO-18; 17 (COCO), 26 (Halpe), 133 (WholeBody)",
+        frame="last number in the file's name",
+        score="confidence",
+        nobody="`people: []`, `people: [{}]`, NaN throughout; a missing file: not run",
+        refused="another number of keypoints (rtmlib's 134); several models in a folder; a frame twice; "
+        "`--keypoint_scale 3` (fractions)",
+        samples=(
+            Sample(
+                "OpenPose BODY_25B",
+                "4 cameras x 100 files, up to two people; the published choice of the person in 398 of 400 "
+                "frames, the two others explained in the test",
+                "real: Pose2Sim's demo session, `real_outdoor/openpose`, `openpose_single`",
+            ),
+            Sample(
+                "OpenPose BODY_25, COCO-18",
+                "one person from the front, the side and behind; empty files",
+                "written here",
+            ),
+            Sample(
+                "OpenPose JSON of 17, 26, 133 keypoints with NaN",
+                "two people, nobody, NaN throughout; real_outdoor's detections written again: the same table",
+                "written here, as `save_to_openpose` of Pose2Sim 0.10.49; what that function itself wrote was "
+                "read as well",
+            ),
+        ),
+    ),
+)
 
 
 class _Person(msgspec.Struct, gc=False):

@@ -16,6 +16,7 @@ import numpy as np
 from dior.arrays import AnyPath, Floats
 from dior.body.names import COCO_17
 from dior.errors import DiorError
+from dior.formats import DetectionFormat, Sample
 from dior.ingest.people import People, gathered
 from dior.ingest.readers.common import INTERRUPTED, content_of, files_by_frame
 
@@ -24,6 +25,26 @@ BOX = 5
 MOST_AT_THE_END = 2
 ONE_PICTURE = "is it the file of one picture? Then name the folder of them in `detections`"
 WIDTHS = (BOX + 3 * len(COCO_17), BOX + 2 * len(COCO_17))
+DESCRIPTIONS = (
+    DetectionFormat(
+        key="yolo",
+        tool="Ultralytics pose, text",
+        file="the folder of `<stem>_<frame>.txt`, or a file whose rows begin with the frame",
+        joints="17",
+        frame="file's name, or first column",
+        score="conf; 1 in rows of 39 columns, which have none",
+        nobody="an empty file; else not told apart from not run",
+        refused="rows of a stream in a folder, and a picture's in a file; other numbers of columns; other classes "
+        "than 0 are not read",
+        samples=(
+            Sample(
+                "YOLO pose: 56 and 39 columns, each per picture and as a stream",
+                "two people, `0 0 conf`, other classes, the box's confidence and track at the end",
+                "written here",
+            ),
+        ),
+    ),
+)
 
 
 def read(path: AnyPath) -> People:

@@ -17,12 +17,34 @@ import numpy as np
 from dior.arrays import AnyPath, Floats
 from dior.body.names import COCO_17
 from dior.errors import DiorError
+from dior.formats import DetectionFormat, Sample
 from dior.ingest.people import People, gathered
 from dior.ingest.readers.common import content_of, files_by_frame, from_json, load_json, points_of
 
 TOOL = "a YOLO pose model"
 # from the edge of the first pixel to its centre
 EDGE = 0.5
+DESCRIPTIONS = (
+    DetectionFormat(
+        key="yolo_json",
+        tool="Ultralytics pose, `to_json()`",
+        file="the folder of `<stem>_<frame>.json`, or a file of all pictures: a JSON list of them or JSON lines, in "
+        "order from 0",
+        joints="17",
+        frame="file's name, or place in the file",
+        score="`visible`, else 1",
+        nobody="`[]`; a missing file: not run",
+        refused="a file of one picture; another number of keypoints; other classes than 0 are not read",
+        samples=(
+            Sample(
+                "YOLO JSON: per picture, list, lines; `predictions.json`",
+                "two people, nobody, other classes; the same as the text rows; real_outdoor written again: the "
+                "same table",
+                "written here, from the source of ultralytics 8.4.190",
+            ),
+        ),
+    ),
+)
 
 
 def read(path: AnyPath) -> People:

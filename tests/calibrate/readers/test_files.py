@@ -45,12 +45,15 @@ def test_a_name_tells_nothing(every, tmp_path):
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("", "no calibration that is read (Pose2Sim, "),
+        ("", "no calibration that is read (OpenCap, Qualisys, "),
         ("role: close\ntopic: /a\n", "no calibration that is read"),
         ("# a\n- 1\n- 2\n", "no calibration that is read"),
-        ("<html><body/></html>", "an XML file with <html> that has no camera"),
-        ("<opencv_storage><a>1</a></opencv_storage>", "an XML file with <opencv_storage> that has no camera"),
-        ("<calibration/>", "an XML file with <calibration> that has no camera"),
+        ("<html><body/></html>", "an XML file with <html>, and no calibration that is read (OpenCap, "),
+        (
+            "<opencv_storage><a>1</a></opencv_storage>",
+            "an XML file with <opencv_storage>, and no calibration",
+        ),
+        ("<calibration/>", "an XML file with <calibration>, and no calibration that is read"),
         ("<a><b></a>", "line 1: not valid XML"),
         ("<" + "a><" * 100_000, "nested 40 times; is a tag left open?"),
         ("a: [1, 2\n", "not valid YAML"),

@@ -1,0 +1,17 @@
+"""AlphaPose: its models, its scores above 1, and the shapes of its tracker's number."""
+
+import pytest
+
+from dior.ingest.readers import alphapose
+from tests.ingest import formats
+from tests.ingest.formats import scene
+
+
+@pytest.mark.parametrize("count, joints", formats.ALPHAPOSE_COUNTS.items())
+@pytest.mark.parametrize("idx", [1, 1.0, [1.0], [[1.0]], None])
+def test_alphapose_counts_and_idx(tmp_path, count, joints, idx):
+    found = scene(count)
+    found[0][0][0, 2] = 1.3
+    people = alphapose.read(formats.alphapose(tmp_path, found, idx=idx))
+    assert people.joints == joints
+    assert people.score[0, 0] == 1.0 and people.score.max() <= 1.0

@@ -1,0 +1,27 @@
+"""MediaPipe: its own sample."""
+
+import shutil
+
+import numpy as np
+
+from dior.body.names import MLKIT_33
+from dior.ingest.readers import mediapipe
+from dior.ingest.readers.recognise import recognise
+from tests.ingest.formats import HEIGHT, WIDTH
+from tests.ingest.test_detections_formats import run
+
+
+def test_real_mediapipe_text(shared, tmp_path):
+    path = shared / "detections" / "mediapipe_pose_landmarks.pbtxt"
+    assert recognise(path) == "mediapipe"
+    people = mediapipe.read(path)
+    assert people.joints == MLKIT_33 and people.frame.tolist() == [0] and np.isfinite(people.uv).all()
+    np.testing.assert_allclose(people.uv[0, [0, 32]], [[0.46507242, 0.41610304], [0.30121577, 0.94473803]])
+    np.testing.assert_allclose(people.score[0, [0, 32]], [0.99998844, 0.97545445])
+    table, _ = run(tmp_path, path)
+    np.testing.assert_allclose(table["u"][0], 0.46507242 * WIDTH - 0.5, rtol=1e-6)
+    np.testing.assert_allclose(table["v"][0], 0.41610304 * HEIGHT - 0.5, rtol=1e-6)
+    (tmp_path / "folder").mkdir()
+    for frame in (1, 3):
+        shutil.copy(path, tmp_path / "folder" / f"cam01_{frame:04d}.pbtxt")
+    assert mediapipe.read(tmp_path / "folder").frame.tolist() == [1, 3]
