@@ -1,7 +1,8 @@
 """Bags: what is in them, an index of their pictures, the pictures, and the CameraInfo beside them.
 
 INPUTS   bags as `containers` reads them (ROS 1 .bag, ROS 2 .db3 and .mcap, files or folders), with sensor_msgs
-         CompressedImage (JPEG or PNG) or Image (`messages.ENCODINGS`) and CameraInfo; videos and folders of pictures,
+         CompressedImage (JPEG or PNG) or Image (`messages.ENCODINGS`), packets of a video, which come decoded
+         (`packets`), and CameraInfo; videos and folders of pictures,
          whose pictures count as messages of topics such as `video0`.
 OUTPUTS  arrays in memory; the pixels stay in the bags.
 Stamps are int64 ns since the Unix epoch: `stamp_ns` from the message header, `receive_ns` from the bag.
@@ -208,11 +209,11 @@ def repeated(bag: Path, topics: Sequence[str]) -> set[tuple[str, int, int]]:
 
 
 def camera_info_topic(topic: str) -> str:
-    """The CameraInfo topic beside an image topic: `a/image_raw/compressed` and `a/image_raw` have `a/camera_info`, and
-    librealsense's `a/image/data` has `a/info/camera_info`."""
+    """The CameraInfo topic beside an image topic: `a/image_raw/compressed`, `a/image_raw/ffmpeg` and `a/image_raw` have
+    `a/camera_info`, and librealsense's `a/image/data` has `a/info/camera_info`."""
     if topic.endswith(OF_LIBREALSENSE):
         return topic.removesuffix(OF_LIBREALSENSE) + "/info/camera_info"
-    return topic.removesuffix("/compressed").rpartition("/")[0] + "/camera_info"
+    return topic.removesuffix("/compressed").removesuffix("/ffmpeg").rpartition("/")[0] + "/camera_info"
 
 
 def read_camera_info(bags: Sequence[Path], topic: str, info_topic: str = "") -> CameraInfo:

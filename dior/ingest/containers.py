@@ -19,7 +19,8 @@ from tempfile import TemporaryDirectory
 from dior.arrays import AnyPath
 from dior.errors import DiorError
 from dior.formats import BagFormat
-from dior.ingest import picture_folders, video_audio, videos
+from dior.ingest import messages as contents
+from dior.ingest import packets, picture_folders, video_audio, videos
 from dior.ingest.bag_reader import ZSTD_MAGIC, Message, opened
 
 BROKEN = (ValueError, LookupError, OSError, EOFError, OverflowError, MemoryError)
@@ -85,18 +86,25 @@ def topics(bag: AnyPath) -> dict[str, tuple[str, int]]:
 def messages(bag: AnyPath, wanted: Collection[str], received: Collection[int] | None = None) -> Iterator[Message]:
     """Yield the `Message`s of the topics `wanted` (full names), only of the receive stamps `received` if given.
 
-    Raises DiorError for a broken bag.
+    Packets of a video are decoded, from the key frame before; the packets themselves are not given. Raises DiorError
+    for a broken bag.
     """
+    unpacker = packets.Unpacker(bag, received)
     for path in _files(bag):
         container, hint = _format(bag, path)
         try:
             if container in READERS:
                 yield from READERS[container].recorded(path, wanted, received)
-            else:
-                with opened(path, container) as recording:
-                    yield from recording.messages(wanted, received)
+                continue
+            with opened(path, container) as recording:
+                packed = {topic for topic, kind, _ in recording.topics() if kind == contents.PACKET} & {*wanted}
+                # before the others, which leave the reader with the chunks of `received` alone
+                for message in recording.messages(packed, None) if packed else ():
+                    yield from unpacker.given(message)
+                yield from recording.messages({*wanted} - packed, received)
         except BROKEN as error:
             raise _damaged(bag, container, hint, error) from None
+    yield from unpacker.rest()
 
 
 def is_video(path: AnyPath) -> bool:

@@ -25,7 +25,7 @@ import numpy as np
 from dior.arrays import Bools, Ints, Table
 from dior.errors import DiorError
 from dior.ingest import bags as rosbag
-from dior.ingest import stamps, video_frames
+from dior.ingest import messages, stamps, video_frames
 from dior.tables import tables
 
 # chosen: a recorder that splits its bags leaves less than that between them; lags vary by less from one to the next, by
@@ -167,8 +167,10 @@ def _relative(bag: Path, data_root: Path) -> str:
 def _check_complete(bag: Path, there: dict[str, tuple[str, int]], index: Table, topics: list[str]) -> None:
     """Refuse a bag that says it holds other messages than are there."""
     for topic in topics:
-        said, found = there[rosbag.full_name(topic)][1], int((index["topic"] == topic).sum())
-        if said != found:
+        kind, said = there[rosbag.full_name(topic)]
+        found = int((index["topic"] == topic).sum())
+        # what comes before a key frame is no picture
+        if said != found and kind != messages.PACKET:
             raise DiorError(f"{bag}: it says it holds {said} messages of {topic}, but there are {found}; copy it again")
 
 

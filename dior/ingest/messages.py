@@ -42,10 +42,17 @@ DEFINITIONS = {
 # (third-party/realsense-file/rosbag/msgs/sensor_msgs/Image.h). The definition in the bag does not say so.
 DEPTH_UNIT_BYTES = 4
 VERSION_WITH_DEPTH_UNIT = "1"
-# of image_transport's plugins, whose pictures are those of a video: how its topics end, by the type
-VIDEO_TRANSPORTS = {
-    "ffmpeg_image_transport_msgs/msg/FFMPEGPacket": "ffmpeg",
-    "theora_image_transport/msg/Packet": "theora",
+# of image_transport's plugins whose pictures are those of a video: `packets` decodes those of ffmpeg
+PACKET, THEORA = "ffmpeg_image_transport_msgs/msg/FFMPEGPacket", "theora_image_transport/msg/Packet"
+# not as it is in the other's messages
+OF_PACKET = {
+    "ros1": (
+        "std_msgs/Header header\nuint8[] data\nint32 width\nint32 height\nstring encoding\nuint64 pts\nuint8 flags\n"
+    ),
+    "cdr": (
+        "std_msgs/Header header\nint32 width\nint32 height\nstring encoding\nuint64 pts\nuint8 flags\n"
+        "bool is_bigendian\nuint8[] data\n"
+    ),
 }
 # the wire of what is no message: `raw` has its fields
 PICTURE = "picture"
@@ -76,6 +83,13 @@ DESCRIPTIONS = (
         read="`rgb8`, `bgr8`, `rgba8`, `bgra8`, `mono8` (`8UC1`), `yuyv` (`yuv422_yuy2`, `YUYV`), `uyvy` "
         "(`yuv422`), padded rows too",
         refused="other encodings, by their names; fewer bytes than the rows need",
+    ),
+    MessageFormat(
+        key="ffmpeg_image_transport_msgs/FFMPEGPacket",
+        what="pictures as a video",
+        read="H.264, HEVC, AV1, VP8, VP9, MJPEG; of ROS 1 and ROS 2, by PyAV (the extra `video`). Packets before the "
+        "first key frame, and from a lost or damaged one to the next key frame, give no picture",
+        refused="other encoders, by their names; a sensor's colour filter (bayer); theora_image_transport/Packet",
     ),
     MessageFormat(
         key="sensor_msgs/CameraInfo",
@@ -115,13 +129,13 @@ def _store(wire: str) -> "Typestore":
         raise ValueError(f"its encoding is '{wire}', not cdr or ros1")
     store = get_typestore(Stores.EMPTY)
     store.register(get_types_from_msg(HEADER[wire], "std_msgs/msg/Header"))
-    for kind, definition in DEFINITIONS.items():
+    for kind, definition in {**DEFINITIONS, PACKET: OF_PACKET[wire]}.items():
         store.register(get_types_from_msg(definition, kind))
     return store
 
 
 def decoded(kind: str, raw: Any, wire: str) -> Any:
-    """A message of one of DEFINITIONS, its fields as ROS 2 spells them. Raises ValueError."""
+    """A message of one of DEFINITIONS or a PACKET, its fields as ROS 2 spells them. Raises ValueError."""
     if wire == PICTURE:
         return raw
     from rosbags.serde import SerdeError
@@ -143,14 +157,14 @@ def decoded(kind: str, raw: Any, wire: str) -> Any:
 def picture_of(kind: str, raw: Any, wire: str) -> tuple[int, int, int]:
     """(header stamp in ns, height, width) of an image message. The size is one of a picture. Raises ValueError."""
     message = _image(kind, raw, wire)
-    return _stamp_ns(message), *_size(message, kind)
+    return _stamp_ns(message), *_size(message, kind, wire)
 
 
 def decode(kind: str, raw: Any, wire: str, size: tuple[int, int]) -> NDArray[np.uint8]:
     """BGR picture (height, width, 3) of an image message of a known `size` (height, width) px. Raises ValueError."""
     message = _image(kind, raw, wire)
     # asked first, so that OpenCV never sees a damaged size
-    _check_size(message, kind, size)
+    _check_size(message, kind, wire, size)
     if kind == RAW:
         return message.picture if wire == PICTURE else _raw_pixels(message)
     picture = _decompressed(message.data)
@@ -159,9 +173,9 @@ def decode(kind: str, raw: Any, wire: str, size: tuple[int, int]) -> NDArray[np.
     return picture
 
 
-def _check_size(message: Any, kind: str, size: tuple[int, int]) -> None:
+def _check_size(message: Any, kind: str, wire: str, size: tuple[int, int]) -> None:
     _stamp_ns(message)
-    said = _size(message, kind)
+    said = _size(message, kind, wire)
     if said != tuple(size):
         raise ValueError(f"it is {said[1]}x{said[0]} px where its index says {size[1]}x{size[0]}")
 
@@ -189,7 +203,7 @@ def small_jpeg(kind: str, raw: Any, wire: str, size: tuple[int, int], factor: in
         return None
     import cv2
 
-    _check_size(message, kind, size)
+    _check_size(message, kind, wire, size)
     picture = _decompressed(message.data, getattr(cv2, f"IMREAD_REDUCED_COLOR_{factor}"))
     if picture is None or picture.shape[:2] != tuple(-(-side // factor) for side in size):
         raise ValueError("its JPEG or PNG data are damaged")
@@ -220,11 +234,10 @@ def content(kind: str, raw: Any, wire: str) -> tuple[Any, ...]:
 
 
 def _image(kind: str, raw: Any, wire: str) -> Any:
-    if kind in VIDEO_TRANSPORTS:
-        name = VIDEO_TRANSPORTS[kind]
+    if kind == THEORA:
         raise ValueError(
             f"it is a piece of a video, {kind}, which is not read; play the bag beside `ros2 run image_transport "
-            f"republish`, from the transport {name} to compressed, and record the topic that this publishes"
+            "republish`, from the transport theora to compressed, and record the topic that this publishes"
         )
     if kind not in (COMPRESSED, RAW):
         raise ValueError(f"its type is {kind}, not {COMPRESSED} or {RAW}")
@@ -241,9 +254,10 @@ def _stamp_ns(message: Any) -> int:
     return stamp.sec * 10**9 + stamp.nanosec
 
 
-def _size(message: Any, kind: str) -> tuple[int, int]:
+def _size(message: Any, kind: str, wire: str) -> tuple[int, int]:
     if kind == RAW:
-        _check_layout(message)
+        if wire != PICTURE:
+            _check_layout(message)
         height, width = message.height, message.width
     else:
         height, width = _compressed_size(memoryview(message.data))

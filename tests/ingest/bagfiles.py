@@ -2,16 +2,27 @@
 
 import struct
 from dataclasses import dataclass, field
+from fractions import Fraction
 
 import cv2
 import lz4.frame
 import numpy as np
 from rosbags import rosbag1, rosbag2
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 T0 = 1_708_000_000_000_000_000
 IMAGE, PACKED, INFO = (f"sensor_msgs/msg/{kind}" for kind in ("Image", "CompressedImage", "CameraInfo"))
 STORES = {"ros1": get_typestore(Stores.ROS1_NOETIC), "cdr": get_typestore(Stores.ROS2_HUMBLE)}
+# as ffmpeg_image_transport_msgs of ROS 1 and of ROS 2 have it
+PACKET = "ffmpeg_image_transport_msgs/msg/FFMPEGPacket"
+OF_PACKET = {
+    "ros1": "Header header\nuint8[] data\nint32 img_width\nint32 img_height\nstring encoding\nuint64 pts\n"
+    "uint8 flags\n",
+    "cdr": "std_msgs/Header header\nint32 width\nint32 height\nstring encoding\nuint64 pts\nuint8 flags\n"
+    "bool is_bigendian\nuint8[] data\n",
+}
+for wire, definition in OF_PACKET.items():
+    STORES[wire].register(get_types_from_msg(definition, PACKET))
 ROS1_CODECS = {"": None, "lz4": rosbag1.Writer.CompressionFormat.LZ4, "bz2": rosbag1.Writer.CompressionFormat.BZ2}
 # name of a format: (rosbags' storage, compression mode)
 ROS2 = {
@@ -73,11 +84,49 @@ def info(topic, stamp_ns, d=(0.1, -0.2, 0.001, 0.002, 0.05), model="plumb_bob", 
     return Sent(topic, stamp_ns + delay, stamp_ns, INFO, content | {"binning_x": 0, "binning_y": 0})
 
 
+def packets(topic, stamps_ns, images, encoder="libx264", gop=5, b_frames=0, delay=4_000_000):
+    """The packets that ffmpeg_image_transport makes of `images` (height, width, 3), in the order of the encoder."""
+    import av
+
+    context = av.CodecContext.create(encoder, "w")
+    context.height, context.width = images[0].shape[:2]
+    context.pix_fmt, context.time_base, context.gop_size = "yuv420p", Fraction(1, 100), gop
+    context.max_b_frames = b_frames
+    # no key frames but those of the group, though the pictures differ
+    context.options = {"crf": "4", "sc_threshold": "0", "x265-params": "log-level=none"}
+    made = []
+    for pts, image in [*enumerate(images), (-1, None)]:
+        frame = None if image is None else av.VideoFrame.from_ndarray(image, "bgr24")
+        if frame is not None:
+            frame.pts = pts
+        made += context.encode(frame)
+    size = {"width": context.width, "height": context.height}
+    return [
+        Sent(
+            topic,
+            stamps_ns[place] + delay,
+            stamps_ns[one.pts],
+            PACKET,
+            size | {"encoding": encoder, "pts": one.pts, "flags": int(one.is_keyframe), "is_bigendian": False}
+            | {"data": np.frombuffer(bytes(one), np.uint8)},
+        )
+        for place, one in enumerate(made)
+    ]  # fmt: skip
+
+
+def _fields(sent, wire):
+    """The fields of a message but its header."""
+    if sent.kind != PACKET or wire != "ros1":
+        return sent.content
+    named = {"width": "img_width", "height": "img_height"}
+    return {named.get(key, key): value for key, value in sent.content.items() if key != "is_bigendian"}
+
+
 def serialized(sent, wire, little_endian=True, frame_id="lens"):
     types = STORES[wire].types
     stamp = types["builtin_interfaces/msg/Time"](sec=sent.stamp_ns // 10**9, nanosec=sent.stamp_ns % 10**9)
     seq = {"seq": 0} if wire == "ros1" else {}
-    content = {"header": types["std_msgs/msg/Header"](**seq, stamp=stamp, frame_id=frame_id), **sent.content}
+    content = {"header": types["std_msgs/msg/Header"](**seq, stamp=stamp, frame_id=frame_id), **_fields(sent, wire)}
     if sent.kind == INFO:
         roi = {"x_offset": 0, "y_offset": 0, "height": 0, "width": 0, "do_rectify": False} | content.get("roi", {})
         content["roi"] = types["sensor_msgs/msg/RegionOfInterest"](**roi)

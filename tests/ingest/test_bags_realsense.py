@@ -129,10 +129,10 @@ def test_depth_pictures_are_refused_by_name(tmp_path):
         index(tmp_path, [bag], {"cam01": "/depth/compressedDepth"})
 
 
-@pytest.mark.parametrize("kind, name", messages.VIDEO_TRANSPORTS.items())
-def test_transports_of_video_are_refused_by_name(kind, name):
+def test_theora_is_refused_by_name():
+    kind = messages.THEORA
     with pytest.raises(
-        ValueError, match=rf"a piece of a video, {kind}, which is not read; .* transport {name} to comp"
+        ValueError, match=rf"a piece of a video, {kind}, which is not read; .* transport theora to comp"
     ):
         messages.picture_of(kind, b"", "cdr")
 

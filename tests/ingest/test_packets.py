@@ -1,0 +1,137 @@
+"""Pictures that the transport ffmpeg put into bags: those that were sent, each with its own stamp, from any place."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dior.errors import DiorError
+from dior.ingest import bags, frames, messages
+from dior.tables import tables
+from tests.ingest.bagfiles import T0, info, packed, packets, picture, write
+
+pytest.importorskip("av")
+TOPIC, COUNT, PERIOD = "/cam01/image_raw/ffmpeg", 23, 33_000_000
+STAMPS = [T0 + PERIOD * i for i in range(COUNT)]
+IMAGES = [picture(20 + 10 * i) for i in range(COUNT)]
+
+
+def sent(**how):
+    return packets(TOPIC, STAMPS, IMAGES, **how)
+
+
+def indexed(folder, bag, topics=None):
+    out = folder / "frames.parquet"
+    topics = topics or {"cam01": TOPIC}
+    frames.run(sequence="walk", bags=bag if isinstance(bag, list) else [bag], data_root=folder, topics=topics, out=out)
+    return tables.read(out, "frames")
+
+
+def greys(table, folder):
+    """By row the brightness of the left half of each picture, which is what was sent up to the codec."""
+    found = {row: image for row, image in bags.read_pictures(table, folder)}
+    for image in found.values():
+        assert image.shape == (48, 64, 3) and image[:, 40:].mean() < 4
+    return {row: float(np.median(image[:, 4:28, :2])) for row, image in found.items()}
+
+
+@pytest.mark.parametrize(
+    "form, how",
+    [
+        ("ros1", {}),
+        ("db3", {}),
+        ("mcap zstd", {}),
+        ("db3 message", {}),
+        ("mcap", {"encoder": "libx265"}),
+        ("mcap", {"gop": 100}),
+    ],
+)
+def test_every_picture_with_its_own_stamp(tmp_path, form, how):
+    table = indexed(tmp_path, write(tmp_path / "walk", sent(**how), form))
+    assert table["stamp_ns"].tolist() == STAMPS
+    assert set(table["height"]) == {48} and set(table["width"]) == {64}
+    found = greys(table, tmp_path)
+    np.testing.assert_allclose([found[i] for i in range(COUNT)], [20 + 10 * i for i in range(COUNT)], atol=3)
+    # any of them alone is the same one
+    for rows in ([7], [21, 3], [22], [0, 14]):
+        some = greys(tables.rows(table, np.array(rows)), tmp_path)
+        assert some == {place: found[row] for place, row in enumerate(rows)}
+
+
+def test_a_recording_that_begins_between_key_frames(tmp_path):
+    """What comes before the first key frame is made of pictures that nobody has."""
+    table = indexed(tmp_path, write(tmp_path / "walk", sent()[3:], "mcap"))
+    assert table["stamp_ns"].tolist() == STAMPS[5:]
+    assert greys(table, tmp_path)[0] == pytest.approx(70, abs=3)
+
+
+def test_pictures_behind_a_lost_or_damaged_packet_are_left_out_up_to_the_next_key_frame(tmp_path):
+    made = sent()
+    del made[7]
+    table = indexed(tmp_path, write(tmp_path / "lost", made, "db3"))
+    there = [i for i in range(COUNT) if i not in (7, 8, 9)]
+    assert table["stamp_ns"].tolist() == [STAMPS[i] for i in there]
+    found = greys(table, tmp_path)
+    np.testing.assert_allclose([found[row] for row in range(len(there))], [20 + 10 * i for i in there], atol=3)
+    made = sent()
+    made[7].content["data"] = np.zeros(9, np.uint8)
+    table = indexed(tmp_path, write(tmp_path / "zeros", made, "db3"))
+    assert table["stamp_ns"].tolist() == [STAMPS[i] for i in there]
+
+
+def test_an_encoder_that_begins_anew(tmp_path):
+    """Its count begins at 0 again, at a key frame."""
+    later = 10**9
+    again = [replace(one, receive_ns=one.receive_ns + later, stamp_ns=one.stamp_ns + later) for one in sent()]
+    table = indexed(tmp_path, write(tmp_path / "walk", [*sent(), *again], "mcap"))
+    assert table["stamp_ns"].tolist() == [*STAMPS, *(stamp + later for stamp in STAMPS)]
+    found = greys(table, tmp_path)
+    assert [round(found[i] - found[i + COUNT]) for i in range(COUNT)] == [0] * COUNT
+
+
+def test_beside_pictures_of_another_camera_and_with_the_lens_beside_it(tmp_path):
+    other = "/cam02/image_raw/compressed"
+    jpeg = [packed(other, stamp, image, ".jpg") for stamp, image in zip(STAMPS, IMAGES, strict=True)]
+    bag = write(tmp_path / "walk", [*sent(), *jpeg, info("/cam01/camera_info", T0)], "ros1")
+    table = indexed(tmp_path, bag, {"cam01": TOPIC, "cam02": other})
+    assert table["camera"].tolist() == ["cam01"] * COUNT + ["cam02"] * COUNT
+    rows = np.array([3, 9, COUNT + 4])
+    assert len(greys(tables.rows(table, rows), tmp_path)) == 3
+    assert bags.read_camera_info([bag], TOPIC).width == 64
+    # a picture that is sent again is told as of any other topic
+    assert bags.repeated(bag, [TOPIC]) == set()
+
+
+@pytest.mark.parametrize("encoding", ["huffyuv", "h264;gray;bayer_rggb8;bayer_rggb8"])
+def test_another_encoder_is_refused_by_its_name(tmp_path, encoding):
+    made = sent()
+    for one in made:
+        one.content["encoding"] = encoding
+    with pytest.raises(
+        DiorError, match=rf"walk.*{TOPIC}: its encoding is '{encoding}', .* republish`, from the transport ffmpeg"
+    ):
+        indexed(tmp_path, write(tmp_path / "walk", made, "mcap"))
+
+
+def test_what_the_newer_plugin_calls_its_encoding(tmp_path):
+    made = sent()
+    for one in made:
+        one.content["encoding"] = "h264;yuv420p;bgr8;bgr8"
+    assert len(indexed(tmp_path, write(tmp_path / "walk", made, "mcap"))["frame"]) == COUNT
+
+
+def test_nothing_that_can_be_decoded(tmp_path):
+    bag = write(tmp_path / "walk", sent(gop=100)[1:], "mcap")
+    with pytest.raises(DiorError, match=rf"walk: {TOPIC}: no picture can be decoded from its 22 packets; .* key frame"):
+        indexed(tmp_path, bag)
+
+
+def test_pictures_that_are_sent_in_another_order_are_refused(tmp_path):
+    with pytest.raises(DiorError, match=rf"walk: {TOPIC}: its packets are in another order than its pictures"):
+        indexed(tmp_path, write(tmp_path / "walk", sent(b_frames=2, gop=8), "mcap"))
+
+
+def test_a_message_that_is_cut_off(tmp_path):
+    raw = b"\0\1\0\0" + bytes(9)
+    with pytest.raises(ValueError):
+        messages.decoded(messages.PACKET, raw, "cdr")
