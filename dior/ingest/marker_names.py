@@ -2,6 +2,7 @@
 
 INPUTS   the labels of the points; the subject's name or prefix; a lab's own names (config/markers.tsv)
 OUTPUTS  the place of each marker, and what a person should know of how it was found
+A marker of the lab's own that the sheet gives a `joint` is found by that name beside those of Plug-in-Gait.
 
 A marker is, in this order: what the sheet says; a label that is spelled right; one in small letters or with other signs
 around it; one behind a word and an underscore, as Motive writes the subject where it is not told to write a colon
@@ -15,7 +16,7 @@ from pathlib import Path
 
 from dior.arrays import AnyPath
 from dior.body.names import PLUG_IN_GAIT_39
-from dior.body.spellings import words_of
+from dior.body.spellings import joint_of, words_of
 from dior.errors import DiorError
 from dior.project import schema_check
 
@@ -39,16 +40,31 @@ class Found:
 
 
 def sheet(path: Path, kind: str) -> dict[str, str]:
-    """Plug-in-Gait marker by a lab's own name, for files of a `kind` (key of mocap_files.READERS).
+    """Plug-in-Gait marker, or joint of its own, by a lab's name for it, in files of a `kind` (key in `READERS`).
 
-    Raises DiorError as `read_sheet`.
+    Raises DiorError as `read_sheet`, for a row that is neither or both, and for a joint whose name means another place.
     """
-    rows, _ = schema_check.read_sheet(path, "markers", ("name", "format"), SHEET)
+    rows, lines = schema_check.read_sheet(path, "markers", ("name", "format"), SHEET)
+    for key, row in rows.items():
+        _check_row(row, f"{SHEET} line {lines[key]}")
     named: dict[str, str] = {}
     # what is for the format goes before what is for any
     for wanted in ("", kind):
-        named |= {name: row["marker"] for (name, format), row in rows.items() if format == wanted}
+        named |= {name: row["marker"] or row["joint"] for (name, format), row in rows.items() if format == wanted}
     return named
+
+
+def _check_row(row: Mapping[str, str], where: str) -> None:
+    name, joint = row["name"], row["joint"]
+    if bool(row["marker"]) == bool(joint):
+        raise DiorError(
+            f"{where}: '{name}' needs either `marker`, what it is of Plug-in-Gait's, or `joint`, a name of its own"
+        )
+    if joint and (joint_of(joint) or joint.upper() in PLUG_IN_GAIT_39):
+        raise DiorError(
+            f"{where}: the joint '{joint}' of '{name}' is one of a detector's, or a marker of Plug-in-Gait, so another "
+            "place of the body; give it a name such as left_epicondyle"
+        )
 
 
 def find(
@@ -84,12 +100,13 @@ def find(
             )
         if len(there) == 1:
             place[marker] = there[0]
-    if len(place) < FEWEST:
+    known = sum(marker in PLUG_IN_GAIT_39 for marker in place)
+    if known < FEWEST:
         more = f" and {len(labels) - LISTED} more" if len(labels) > LISTED else ""
         behind = " behind the prefix that `mocap.prefix` in session.yaml gives" if prefix else ""
         words = [label.rpartition(":")[2].strip() for label in labels]
         raise DiorError(
-            f"{path}: {len(place)} of the {len(PLUG_IN_GAIT_39)} Plug-in-Gait markers are there{behind}, and fewer "
+            f"{path}: {known} of the {len(PLUG_IN_GAIT_39)} Plug-in-Gait markers are there{behind}, and fewer "
             f"than {FEWEST} are no such marker set; its labels are {', '.join(words[:LISTED]) or 'none'}{more}. "
             f"Were they labelled before the export? If they have names of your lab's, list them in {SHEET}"
         )
@@ -103,6 +120,8 @@ def _said(
     by_sheet = [marker for marker in place if best[marker] == BY_SHEET]
     if listed:
         text = f"{len(by_sheet)} of {len(place)} markers have the names that {SHEET} gives them"
+        if own := [marker for marker in by_sheet if marker not in PLUG_IN_GAIT_39]:
+            text += f", of which Plug-in-Gait does not have {', '.join(own)}"
         said.append(("info", "markers_by_sheet", text))
     if guessed := [f"{words[marker]} for {marker}" for marker in place if best[marker] == GUESSED]:
         text = f"by their spelling alone are taken {', '.join(guessed)}; look, and list them in {SHEET}"

@@ -3,12 +3,13 @@
 INPUTS   a file of `mocap_files` (Vicon Plug-in-Gait labels, four or more of them, any order, other points ignored),
          what session.yaml says of it under `mocap`, a lab's own names of the markers (config/markers.tsv) if there are
          any, the sequence's `frames` table, and the log of `dior trigger` where there is one.
-OUTPUTS  `skeletons_3d` table: the markers of `skeletons.PLUG_IN_GAIT_39` that the file has, in that order, world of the
-         file turned Z up, metres. An instant is a tick of the file, counted from 0 at the first frame stored; its
-         stamp_ns is t0 + instant / rate. t0 is decided here for all steps: when the trigger log says that the first
-         frame stored was taken, or the earliest picture stamp of the sequence where there is no log. A gap is null with
-         `too_few_views`. Metadata: rate_hz, first_frame (number of the first frame stored, as the C3D counts, from 1;
-         0 where it contradicts itself), t0_from (trigger_log | pictures).
+OUTPUTS  `skeletons_3d` table: the markers of `names.PLUG_IN_GAIT_39` that the file has, in that order, then those that
+         the sheet makes joints of their own, in its order; world of the file turned Z up, metres. An instant is a tick
+         of the file, counted from 0 at the first frame stored; its stamp_ns is t0 + instant / rate. t0 is decided here
+         for all steps: when the trigger log says that the first frame stored was taken, or the earliest picture stamp
+         of the sequence where there is no log. A gap is null with `too_few_views`. Metadata: rate_hz, first_frame
+         (number of the first frame stored, as the C3D counts, from 1; 0 where it contradicts itself), t0_from
+         (trigger_log | pictures).
          `findings`: what was taken for what, where the file does not say it by itself.
 """
 
@@ -147,8 +148,8 @@ def read(
     prefix: str = "",
     named: Mapping[str, str] = marker_names.NOTHING,
 ) -> Mocap:
-    """The Plug-in-Gait markers of a file as `Mocap`. `subject` as in the sheet; `named`: a lab's own names; the others
-    as for `run`.
+    """The Plug-in-Gait markers of a file, and a lab's own, as `Mocap`. `subject` as in the sheet; `named`: as of
+    `marker_names.sheet`; the others as for `run`.
 
     Raises DiorError for a missing or broken file, one that is not what it says of itself, an unknown unit, a rate that
     is not positive, a marker given twice, too few markers, and markers that are on no upright body.
@@ -157,7 +158,7 @@ def read(
     if not RATES[0] <= about.rate <= RATES[1]:
         raise DiorError(f"{path}: {RATE[kind]} is {about.rate:g}; it needs its frame rate, so export it again")
     found = marker_names.find(about.labels, path, subject, prefix, named)
-    markers = tuple(marker for marker in PLUG_IN_GAIT_39 if marker in found.place)
+    markers = tuple(marker for marker in dict.fromkeys((*PLUG_IN_GAIT_39, *named.values())) if marker in found.place)
     try:
         xyz = about.points([found.place[marker] for marker in markers])
     except (OSError, ValueError) as error:

@@ -3,7 +3,9 @@ import pytest
 
 from dior.errors import DiorError
 from dior.ingest import marker_names, mocap
+from dior.label import reproject
 from tests.ingest.c3d_files import PLACES, c3d_bytes, person
+from tests.rig import ring
 
 PLAIN = ["LASI", "RASI", "LPSI", "RPSI"]
 
@@ -36,6 +38,47 @@ def test_the_sheet_goes_before_the_spelling(tmp_path):
 def test_a_wrong_sheet_names_the_line(tmp_path, row, text):
     with pytest.raises(DiorError, match=rf"config/markers\.tsv line 2.*{text}"):
         marker_names.sheet(write_sheet(tmp_path / "m.tsv", row), "c3d")
+
+
+def own_sheet(path, *rows):
+    path.write_text("\n".join(["name\tmarker\tjoint", *("\t".join(row) for row in rows)]) + "\n")
+    return path
+
+
+def test_a_marker_of_the_labs_own_is_a_further_joint(tmp_path):
+    path = own_sheet(tmp_path / "m.tsv", ("L_FTC", "", "left_trochanter"), ("L_FLE", "LKNE", ""), ("gone", "", "gone"))
+    named = marker_names.sheet(path, "c3d")
+    labels = list(PLACES)
+    points = person(labels, 5)
+    points = np.concatenate([points, points[:, :1] + (0.1, 0.0, 0.0)], axis=1)
+    (tmp_path / "a.c3d").write_bytes(c3d_bytes([*labels, "S01:L_FTC"], 1000 * points))
+    got = mocap.read(tmp_path / "a.c3d", named=named)
+    assert got.markers[-1] == "left_trochanter" and len(got.markers) == len(PLACES) + 1
+    np.testing.assert_allclose(got.points[:, -1], points[:, -1], atol=1e-6)
+    ((_, code, text),) = got.said
+    assert code == "markers_by_sheet" and text.startswith("1 of 25 markers have")
+    assert text.endswith("of which Plug-in-Gait does not have left_trochanter")
+    # it is projected as the others are, and the body hides it
+    camera = ring(3)[0]
+    uv, _, status = reproject.labels(camera, got.points, got.markers)
+    assert np.isfinite(uv[:, -1]).all() and set(status[:, -1]) <= {"ok", "occluded", "out_of_frame"}
+    with pytest.raises(DiorError, match="2 of the 39 Plug-in-Gait markers are there"):
+        found([*PLAIN[:2], "L_FTC", "gone"], named)
+
+
+@pytest.mark.parametrize(
+    "row, text",
+    [
+        (("a", "", ""), "'a' needs either `marker`"),
+        (("a", "LASI", "left_trochanter"), "'a' needs either `marker`"),
+        (("a", "", "left_knee"), "'left_knee' of 'a' is one of a detector's"),
+        (("a", "", "lasi"), "'lasi' of 'a' is one of a detector's"),
+        (("a", "", "Left Thing"), "joint"),
+    ],
+)
+def test_a_joint_that_cannot_be(tmp_path, row, text):
+    with pytest.raises(DiorError, match=rf"config/markers\.tsv line 2.*{text}"):
+        marker_names.sheet(own_sheet(tmp_path / "m.tsv", row), "c3d")
 
 
 @pytest.mark.parametrize("word", ["L_KNE", "L.Kne", "LeftKNE", "KNE_L", "kne left"])
