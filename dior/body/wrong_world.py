@@ -341,7 +341,9 @@ def of_poses(
     if ratio > USELESS or ratio < 1 / USELESS:
         words = scale_words(ratio, tolerance)
         short = {f"in {unit}, not metres": key for unit, key in KEYS.items()}.get(words, "")
-        fix = f"set reference.units: {short}" if short else "correct its translations"
+        fix = "correct its translations"
+        if short:
+            fix = f"set reference.units: {short}, or, if its format says the unit, export it anew"
         if metres != 1 and 1 / USELESS < ratio / metres < USELESS:
             fix = "its translations are metres, so set reference.units: m in the YAML of every camera of it"
         found.append(Fault("world_scale", f"is {words}; {fix}"))

@@ -37,6 +37,8 @@ MOST_ROUNDED = 0.55
 NO_DATE_NS = 946_684_800 * 10**9
 # chosen: three years; no computer runs that long, and nobody recorded in 1973
 LONGEST_UPTIME_NS = 10**8 * 10**9
+# chosen: the years 2010 to 2040
+DATES_NS = (1_262_304_000 * 10**9, 2_208_988_800 * 10**9)
 # chosen: a file's time of creation is in whole seconds, and a recorder takes its time between the file and a picture
 CREATED_SIGMA_S = 1.0
 # chosen: recorders that people start one after the other
@@ -267,11 +269,23 @@ def read_sidecar(path: AnyPath, video: Path) -> Sidecar:
     stamps = dict(found)
     if len(stamps) < len(found):
         raise DiorError(f"{path}: it has frames twice")
+    if len(stamps) == 1:
+        _check_one_stamp(min(stamps.values()), time, unit, path)
     if min(stamps.values()) < LONGEST_UPTIME_NS:
         stamps = {frame: stamp + NO_DATE_NS for frame, stamp in stamps.items()}
     if min(stamps.values()) <= 0:
         raise DiorError(f"{path}: it has stamps before 1970")
     return Sidecar(stamps, time, unit, not number)
+
+
+def _check_one_stamp(stamp_ns: int, time: str, unit: str, path: AnyPath) -> None:
+    """Refuse a stamp that is a date in another unit: of several the rate tells."""
+    for other, scale in UNITS.items():
+        if other != unit and DATES_NS[0] <= stamp_ns // UNITS[unit] * scale < DATES_NS[1]:
+            raise DiorError(
+                f"{path}: its one stamp is {stamp_ns // UNITS[unit]}, a date if it is in {other}, and {time} is in "
+                f"{unit}; write it in {unit} since 1970, or two frames or more of a clock that counts from elsewhere"
+            )
 
 
 def _layout(path: AnyPath, header: list[str]) -> tuple[str, str, str, str]:

@@ -72,3 +72,11 @@ def test_a_folder_of_other_files_is_not_empty(tmp_path):
     (tmp_path / "op" / "walk.mp4").write_bytes(b"x")
     with pytest.raises(DiorError, match=r"op holds walk\.mp4 and no file that ends in \.json, .*; name the folder of"):
         run(tmp_path, tmp_path / "op")
+
+
+@each_folder
+@pytest.mark.parametrize("name", ["config.json", "a_meta.json", "zz.txt"])
+def test_a_file_without_a_number_beside_the_pictures(tmp_path, writer, name):
+    path, kind, before = written(tmp_path, writer)
+    (path / name).write_text('{"model": "rtmpose"}')
+    is_read_as(path, kind, before)

@@ -175,3 +175,23 @@ def test_frames_that_count_from_1_are_refused_and_a_lone_one_is_noted():
     found = video_stamps.stamps_of(index(30), Sidecar({1: T0}), "x")
     assert found.stamp_ns[1] == T0 and "frames count from 0" in found.note
     assert not video_stamps.stamps_of(index(30), Sidecar({0: T0}), "x").note
+
+
+@pytest.mark.parametrize("stamp, unit", [(T0 // 10**6, "ms"), (T0 // 10**3, "us"), (T0 // 10**9, "s")])
+def test_one_stamp_in_another_unit(tmp_path, stamp, unit):
+    """Several are told by their rate."""
+    path = tmp_path / "stamps.csv"
+    path.write_text(f"frame,stamp_ns\n0,{stamp}\n")
+    with pytest.raises(
+        DiorError, match=rf"stamps\.csv: its one stamp is {stamp}, a date if it is in {unit}, and stamp_ns"
+    ):
+        video_stamps.read_sidecar(path, Path("cam01.mp4"))
+    path.write_text(f"frame,stamp_ns\n0,{stamp}\n1,{stamp + FRAME_NS}\n")
+    assert len(video_stamps.read_sidecar(path, Path("cam01.mp4")).stamp_ns) == 2
+
+
+def test_one_stamp_of_an_uptime_or_a_date(tmp_path):
+    path = tmp_path / "stamps.csv"
+    for stamp, read in ((T0, T0), (7 * 3600 * 10**9, 7 * 3600 * 10**9 + NO_DATE_NS)):
+        path.write_text(f"frame,stamp_ns\n0,{stamp}\n")
+        assert video_stamps.read_sidecar(path, Path("cam01.mp4")).stamp_ns == {0: read}

@@ -100,8 +100,12 @@ def numbers(section: Mapping[str, Any], key: str, shapes: Collection[tuple[int, 
 
 
 def matrix(content: Mapping[str, Any], key: str, where: str) -> Floats:
-    """A matrix written as `rows`, `cols` and `data`, as ROS and OpenCV do. Raises DiorError for anything else."""
+    """A matrix written as `rows`, `cols` and `data`, as ROS and OpenCV do, or as a list of its rows, as Python's json
+    does. Raises DiorError for anything else."""
     node = content.get(key)
+    if isinstance(node, list):
+        listed = node if node and isinstance(node[0], list) else [node]
+        return numbers({key: listed}, key, [(len(listed), len(listed[0]))], where)
     if not isinstance(node, Mapping):
         raise DiorError(f"{where}: `{key}` is missing, or no matrix with rows, cols and data")
     if "sizes" in node and "rows" not in node:

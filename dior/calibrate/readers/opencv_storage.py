@@ -2,7 +2,8 @@
 
 INPUTS   a file
 OUTPUTS  a `GivenCamera` for the one camera of a file, or two for a stereo pair
-Sources: FileStorage of OpenCV 4 and 5 (matrices as `rows`, `cols`, `dt`, `data`), and the names in
+Sources: FileStorage of OpenCV 4 and 5 (matrices as `rows`, `cols`, `dt`, `data`; lists of rows, as Python's json.dump
+writes them, are read as well), and the names in
 samples/cpp/calibration.cpp and tutorial_code/calib3d (`camera_matrix`, `distortion_coefficients`, `image_width`,
 `image_height`, `fisheye_model`) and stereo_calib.cpp (`M1`, `D1`, `M2`, `D2`; `R` and `T` lead from the first camera to
 the second). The samples write `M1` and `R` into two files and no size beside them, so that each gives a part only.
@@ -37,7 +38,8 @@ DESCRIPTIONS = (
     CalibrationFormat(
         key="opencv",
         file="OpenCV FileStorage, YAML, XML or JSON: `camera_matrix`, `distortion_coefficients`, "
-        "`image_width`, `image_height`, and `R`, `T` beside them",
+        "`image_width`, `image_height`, and `R`, `T` beside them; "
+        "matrices as lists of rows, too",
         name="the file's name without its ending",
         convention="cTw",
         unit="asked for, unless the file has `units`",
@@ -84,10 +86,11 @@ def recognises(source: Source) -> bool:
 def cameras(source: Source) -> list[GivenCamera]:
     """The cameras of a file: one that is called as the file without its ending, or "1" and "2" of a pair."""
     content, path, stem = _content(source), source.path, source.stem
-    if source.xml is None and not source.has_opencv_matrix:
+    lists = any(isinstance(content[key], list) for key in (*ONE, *PAIR) if key in content)
+    if source.xml is None and not source.has_opencv_matrix and not lists:
         raise DiorError(
             f"{path}: has the names of OpenCV's calibrations and no matrix as its FileStorage writes it "
-            "(`!!opencv-matrix` with rows, cols, dt and data); write it by cv2.FileStorage"
+            "(`!!opencv-matrix` with rows, cols, dt and data), nor as a list of rows; write it by cv2.FileStorage"
         )
     if "camera_matrix" in content or not any(key in content for key in PAIR):
         where = f"{path} [{stem}]"

@@ -37,7 +37,8 @@ DESCRIPTIONS = (
 
 def recognises(source: Source) -> bool:
     """Whether a YAML file is a CameraInfo, whose keys OpenCV's files may have as well."""
-    return set(KEYS) <= set(source.mapping) and not source.has_opencv_matrix
+    K = source.mapping.get("camera_matrix")
+    return set(KEYS) <= set(source.mapping) and not isinstance(K, list) and not source.has_opencv_matrix
 
 
 def cameras(source: Source) -> list[GivenCamera]:

@@ -20,9 +20,14 @@ MOST_CELLS = 3100
 # as tools write that a marker was not seen
 NOTHING = ("", "nan", "null")
 _COMMA = re.compile(r"[-+]?\d+,\d+")
+EVERY = "export every frame"
 POINT = "decimals must have a point, not a comma, so export it again with the settings of a language that has one"
 # of a time, s, and a share of it; chosen: times are written to 0.01 s or finer, and 60 Hz may be 59.94
 ROUNDED_S, ROUGHLY = 0.01, 0.01
+# of periods: half-way between one and two; of a digit, chosen: a rate is rounded as well
+MISSED, MISCOUNTED = 1.5, 0.02
+# of a time after the point, at the most
+MOST_DIGITS = 9
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,23 +111,51 @@ def captured(
 
     Raises ValueError where there are fewer, or none, where frames are left out, and for times of another rate.
     """
-    _check_steps(before, rate)
+    step = _step(before, rate)
     if len(table) < said or not table:
         raise ValueError(f"it holds {len(table)} of its {said:.0f} frames; it is cut off, copy it again")
     whole = np.array(table).reshape(len(table), len(labels), 3)
+    # the number that the first frame has at this rate, if it has one
+    number = (first - 1) / step + 1
+    first = number if number.is_integer() else 0
     return Capture(tuple(labels), units, up, rate, int(first), len(table), lambda index: whole[:, list(index)])
 
 
-def _check_steps(before: Sequence[tuple[int, float, float]], rate: float) -> None:
-    """Refuse rows that are not frame after frame at `rate` Hz."""
-    begun = before[0][2] if before else math.nan
-    for at in range(1, len(before)):
-        line, frame, time = before[at]
-        last = before[at - 1][1]
-        if frame != last + 1:
-            raise ValueError(f"line {line}: frame {frame:g} follows frame {last:g}; export every frame, gaps as well")
-        if rate > 0 and abs(time - begun - at / rate) > ROUNDED_S + ROUGHLY * at / rate:
-            raise ValueError(
-                f"line {line}: its time is {time - begun:g} s after the first row's, and {at} frames at its rate of "
-                f"{rate:g} Hz take {at / rate:g} s; export every frame, with the rate that they have"
-            )
+def _step(before: Sequence[tuple[int, float, float]], rate: float) -> float:
+    """By how much the frames' numbers step from row to row: 1, or more where a part of the frames was exported, at the
+    rate that this part has. Raises ValueError for rows that are left out and for times of another rate."""
+    if len(before) < 2:
+        return 1.0
+    lines, frames, times = np.array(before).T
+    # without a rate or a time nothing is off
+    since, timed = times - times[0], rate > 0 and bool(np.isfinite(times).all())
+    due = np.arange(len(before)) / rate if rate > 0 else np.full(len(before), np.inf)
+    off = np.abs(since - due) > ROUNDED_S + ROUGHLY * due
+    step = float(frames[1] - frames[0])
+    step = step if step >= 1 and timed and not off.any() else 1.0
+    if (wrong := np.diff(frames) != step).any():
+        at = int(wrong.argmax()) + 1
+        raise ValueError(
+            f"line {lines[at]:.0f}: frame {frames[at]:g} follows frame {frames[at - 1]:g}; {EVERY}, gaps as well"
+        )
+    if off.any():
+        at = int(off.argmax())
+        raise ValueError(
+            f"line {lines[at]:.0f}: its time is {since[at]:g} s after the first row's, and {at} frames at its rate of "
+            f"{rate:g} Hz take {due[at]:g} s; {EVERY}, with the rate that they have"
+        )
+    if timed and (late := np.diff(times) > _longest_step(times, 1 / rate)).any():
+        at = int(late.argmax()) + 1
+        raise ValueError(
+            f"line {lines[at]:.0f}: its time is {times[at] - times[at - 1]:g} s after that of the row before, which is "
+            f"more than a frame at {rate:g} Hz; {EVERY}, gaps as well"
+        )
+    return step
+
+
+def _longest_step(times: Floats, period: float) -> float:
+    """The longest time (s) between rows of `times` (F,) of which none is left out, by the digits that they have."""
+    digits = next((n for n in range(MOST_DIGITS) if np.allclose(times, times.round(n), rtol=0, atol=1e-9)), MOST_DIGITS)
+    digit = 10.0**-digits
+    # of times that are rounded a step is the next whole digit at most
+    return max(MISSED * period, math.ceil(period / digit - MISCOUNTED) * digit) + 1e-9

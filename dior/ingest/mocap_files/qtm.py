@@ -3,12 +3,14 @@
 INPUTS   lines of a word, in capitals as a rule, and its values (NO_OF_FRAMES, FREQUENCY, DATA_INCLUDED, ...,
          MARKER_NAMES, which may be empty; EVENT and TRAJECTORY_TYPES where there are any; FILE_VERSION first in newer
          ones), a row of column names or none, then a row per frame: x, y, z of every marker in mm, before them the
-         frame and the time or neither. (0, 0, 0) and what is empty are missing.
+         frame and the time or neither, or one of them if the row of column names says which. (0, 0, 0) and what is
+         empty are missing.
 OUTPUTS  a `Capture` in mm, Z up.
 Source: public readers of such files (FieldTrip's qualisys_tsv.m, the package qualisys of PyPI 0.2.0); no file of the
 program was at hand.
 """
 
+import math
 import re
 
 from dior.arrays import AnyPath
@@ -16,7 +18,8 @@ from dior.formats import MocapFormat
 from dior.ingest.mocap_files.capture import NOTHING, Capture, captured, named, number, numbers, rows, without_last
 
 _KEY = re.compile(r"[A-Z][A-Z0-9_]*")
-BEFORE = ("frame", "time")
+TIME = "time"
+BEFORE = ("frame", TIME)
 DESCRIPTIONS = (
     MocapFormat(
         key="qtm",
@@ -38,25 +41,26 @@ def read(path: AnyPath) -> Capture:
     table: list[list[float]] = []
     labels: list[str] = []
     before: list[tuple[int, float, float]] = []
-    lead = -1
+    lead, named_first = -1, ""
     for line, cells in rows(path, "\t"):
         if not table and lead < 0 and _is_key(cells[0]):
             header[cells[0].upper()] = without_last(cells[1:])
             continue
         labels = labels or _labels(header)
         if not table and lead < 0 and not _is_number(cells[0]):
-            lead = sum(cell.lower() in BEFORE for cell in cells[:2])
+            lead, named_first = sum(cell.lower() in BEFORE for cell in cells[:2]), cells[0].lower()
             continue
         # a tab at the end of a row makes an empty cell more
         if lead < 0:
             lead = max(len(cells) - bool(not cells[-1]) - 3 * len(labels), 0)
-        if lead not in (0, 2):
+        if lead > 2 or (lead == 1 and named_first not in BEFORE):
             raise ValueError(
                 f"line {line} has {len(cells)} columns for {len(labels)} markers, with or without frame, time"
             )
         values = numbers(line, cells, lead + 3 * len(labels))
         if lead:
-            before.append((line, values[0], values[1]))
+            frame = len(table) + 1.0 if named_first == TIME and lead == 1 else values[0]
+            before.append((line, frame, values[lead - 1] if lead == 2 or named_first == TIME else math.nan))
         table.append(values[lead:])
     labels = labels or _labels(header)
     said, rate = (number((header.get(key) or ["0"])[0], key) for key in ("NO_OF_FRAMES", "FREQUENCY"))

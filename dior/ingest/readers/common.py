@@ -25,20 +25,25 @@ def frame_of(name: str, where: str) -> int:
 
     Raises DiorError for a name without one.
     """
-    found = _LAST_NUMBER.search(name.rpartition(".")[0] or name)
+    found = _number_in(name)
     if not found:
         raise DiorError(f"{where}: the file name holds no frame number")
     return int(found[1])
 
 
+def _number_in(name: str) -> re.Match[str] | None:
+    return _LAST_NUMBER.search(name.rpartition(".")[0] or name)
+
+
 def names_in(folder: AnyPath, suffixes: str | tuple[str, ...]) -> list[str]:
     """Names of the folder's files with one of `suffixes` in any case, sorted; none that is hidden, as the `._*` that
-    macOS writes beside others, nor of BESIDE."""
-    return [
+    macOS writes beside others, nor of BESIDE. Where some are numbered only these: the others are of no picture."""
+    found = [
         name
         for name in sorted(os.listdir(folder))
         if name.lower().endswith(suffixes) and not name.startswith(".") and name.lower() not in BESIDE
     ]
+    return [name for name in found if _number_in(name)] or found
 
 
 def files_by_frame(folder: AnyPath, suffixes: str | tuple[str, ...]) -> dict[int, str]:

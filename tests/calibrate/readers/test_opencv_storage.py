@@ -1,5 +1,7 @@
 """What OpenCV's FileStorage writes, written by it, under the names of its samples."""
 
+import json
+
 import cv2
 import numpy as np
 import pytest
@@ -121,3 +123,19 @@ def test_eight_coefficients_are_rational(tmp_path):
         tmp_path / "a.xml", camera_matrix=rigs.K, distortion_coefficients=eight, image_width=1280, image_height=720
     )
     assert rigs.same_lens(path, "a", eight[0]).model == "rational_polynomial"
+
+
+def test_matrices_as_lists_of_rows(tmp_path):
+    """As json.dump of Python writes arrays that tolist() made."""
+    wTc = rigs.poses()[1]
+    cTw = inverse_pose(wTc)
+    content = {"image_width": 1280, "image_height": 720, "camera_matrix": rigs.K.tolist()}
+    content |= {"distortion_coefficients": [list(rigs.D)], "R": cTw[:3, :3].tolist(), "T": cTw[:3, 3].tolist()}
+    path = tmp_path / "cam01.json"
+    path.write_text(json.dumps(content))
+    rigs.same_lens(path, "cam01")
+    rigs.same_pose(reference_pose(path, "cam01", units="m"), wTc)
+    for key, value in (("camera_matrix", rigs.K.ravel().tolist()), ("R", [[1, 0], [0, 1]]), ("T", [1, 2])):
+        path.write_text(json.dumps(content | {key: value}))
+        with pytest.raises(DiorError, match=rf"cam01\.json .*`{key}`"):
+            from_file(path, "cam01") if key == "camera_matrix" else reference_pose(path, "cam01", units="m")

@@ -23,6 +23,35 @@ def test_every_header_and_gaps(tmp_path, columns, zeros, more):
     np.testing.assert_allclose(got.points, expected, atol=1e-6)
 
 
+@pytest.mark.parametrize(
+    "kept, at, first, text",
+    [("Frame", 0, 40, "line 17: frame 46 follows frame 44"), ("Time", 1, 1, "line 17: its time is 0.02 s after that")],
+)
+def test_one_of_frame_and_time_alone(tmp_path, kept, at, first, text):
+    path = qtm(tmp_path / "a.tsv", LABELS, POINTS, 100.0, 40)
+    head, _, rest = path.read_text().partition("Frame\tTime")
+    names, *rows = rest.splitlines()
+    rows = [line.split("\t") for line in rows]
+    rows = ["\t".join([row[at], *row[2:]]) for row in rows]
+    path.write_text("\n".join([f"{head}{kept}{names}", *rows]))
+    got = mocap.read(path)
+    assert got.first_frame == first
+    np.testing.assert_allclose(got.points, POINTS[:, [LABELS.index(m) for m in got.markers]], atol=1e-6)
+    del rows[5]
+    path.write_text("\n".join([f"{head}{kept}{names}".replace("FRAMES\t12", "FRAMES\t11"), *rows]))
+    with pytest.raises(DiorError, match=rf"a\.tsv: .*{text}"):
+        mocap.read(path)
+
+
+def test_a_column_more_that_nothing_names_is_refused(tmp_path):
+    path = qtm(tmp_path / "a.tsv", LABELS, POINTS, columns=False)
+    head, names, rest = path.read_text().partition("MARKER_NAMES")
+    lines = rest.splitlines()
+    path.write_text(head + names + lines[0] + "\n" + "".join(f"{i}\t{line}\n" for i, line in enumerate(lines[1:], 1)))
+    with pytest.raises(DiorError, match="line 11 has 73 columns for 24 markers, with or without frame, time"):
+        mocap.read(path)
+
+
 def test_a_tab_at_the_end_of_every_row(tmp_path):
     for columns in (True, False):
         path = qtm(tmp_path / "a.tsv", LABELS, POINTS, columns=columns)

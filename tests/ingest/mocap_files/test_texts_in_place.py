@@ -59,6 +59,60 @@ def test_every_second_row_and_times_of_another_rate(tmp_path, write):
         mocap.read(path)
 
 
+def renumbered(path, write, step):
+    """The file with its frames' numbers as every `step`-th frame of a capture has them, its times left alone."""
+    lines = path.read_bytes().decode().splitlines(keepends=True)
+    mark = "," if write is motive else "\t"
+    for at in range(FIRST[write], len(lines)):
+        number, rest = lines[at].split(mark, 1)
+        first = 0 if write is motive else 1
+        lines[at] = f"{first + step * (int(number) - first)}{mark}{rest}"
+    path.write_bytes("".join(lines).encode())
+    return path
+
+
+@pytest.mark.parametrize("write", WRITERS)
+@pytest.mark.parametrize("step", [2, 5])
+def test_every_second_frame_of_a_capture_at_the_rate_that_these_have(tmp_path, write, step):
+    path = renumbered(file_of(tmp_path, write, rate=50.0, first=11), write, step)
+    got = mocap.read(path)
+    # the first of them is 0.2 s after the start, as it was
+    assert (got.rate, got.first_frame) == (50.0, 11)
+    np.testing.assert_allclose(got.points, POINTS[:, [LABELS.index(marker) for marker in got.markers]], atol=1e-5)
+    if write is not motive:
+        path.write_bytes(path.read_bytes().replace(f"\n{step * 10 + 1}\t".encode(), f"\n{step * 10 + 2}\t".encode(), 1))
+        with pytest.raises(DiorError, match=r"line \d+: frame \d+ follows frame \d+; export every frame"):
+            mocap.read(path)
+
+
+@pytest.mark.parametrize("write", WRITERS)
+@pytest.mark.parametrize("digits", [2, 6])
+def test_a_row_that_is_left_out_and_the_frames_counted_on(tmp_path, write, digits):
+    """Only the times tell."""
+    path = with_rows(file_of(tmp_path, write), write, [*range(9), *range(10, 24)])
+    lines = path.read_bytes().decode().splitlines(keepends=True)
+    mark = "," if write is motive else "\t"
+    first = 0 if write is motive else 1
+    for place, at in enumerate(range(FIRST[write], len(lines))):
+        _, time, rest = lines[at].split(mark, 2)
+        lines[at] = mark.join([str(first + place), f"{float(time):.{digits}f}", rest])
+    path.write_bytes("".join(lines).encode())
+    with pytest.raises(DiorError, match=rf"line {FIRST[write] + 10}: its time is 0.02 s after that of the row before"):
+        mocap.read(path)
+
+
+@pytest.mark.parametrize("rate", [60.0, 59.94, 100.0, 119.88, 120.0, 200.0, 250.0])
+@pytest.mark.parametrize("digits", [2, 3, 5])
+def test_times_of_any_digits_are_no_rows_that_are_left_out(tmp_path, rate, digits):
+    path = file_of(tmp_path, trc, rate=rate, points=person(LABELS, 400))
+    lines = path.read_text().splitlines(keepends=True)
+    for at in range(FIRST[trc], len(lines)):
+        number, time, rest = lines[at].split("\t", 2)
+        lines[at] = f"{number}\t{float(time):.{digits}f}\t{rest}"
+    path.write_text("".join(lines))
+    assert len(mocap.read(path).points) == 400
+
+
 @pytest.mark.parametrize("write", WRITERS)
 def test_a_rate_and_times_that_are_rounded(tmp_path, write):
     path = file_of(tmp_path, write, rate=59.94)
