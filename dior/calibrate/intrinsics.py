@@ -25,6 +25,10 @@ BAG_MODELS = ("plumb_bob", "rational_polynomial")
 COEFFICIENTS = (4, 5, 8)  # of distortion, as OpenCV's models have them
 # chosen: 1/64 of a lens whose largest coefficient is 0.19, and less than any lens of which somebody bothers to tell
 TINY = 0.003
+# how pictures are made smaller or larger; twice as large the centre is outside, which `readers.given` refuses
+RESIZED = (1 / 4, 1 / 3, 1 / 2, 2 / 3, 4 / 3, 3 / 2)
+# chosen: of half a side, more than a lens is off its sensor
+OFF_CENTRE = 0.06
 
 
 def run(
@@ -81,7 +85,7 @@ def run(
         lens, found = from_camera_info(info, topic, distortion_model, yaml, size), of_pictures.findings(info, topic)
     else:
         lens = from_file(Path(data_root) / source, name, distortion_model)
-        found = _tiny_distortion(lens, f"{source} [{name}]")
+        found = _tiny_distortion(lens, f"{source} [{name}]") + _of_other_size(lens, f"{source} [{name}]")
     if source != "camera_info" and of_pictures.is_rectified(topic) and any(lens.distortion):
         text = f"the pictures on {topic} are rectified, but the lens has distortion; is it that of the raw pictures?"
         found.append(("warning", "rectified_with_distortion", text))
@@ -156,3 +160,17 @@ def _tiny_distortion(lens: Intrinsics, where: str) -> list[tuple[str, str, str]]
         "from Qualisys divides them by 64; if that wrote the file, multiply them by 64, or calibrate with a chessboard"
     )
     return [("info", "tiny_distortion", text)]
+
+
+def _of_other_size(lens: Intrinsics, where: str) -> list[tuple[str, str, str]]:
+    """A hint where the principal point lies as that of smaller or larger pictures does."""
+    across, down = 2 * lens.cx / lens.width, 2 * lens.cy / lens.height
+    scale = next((one for one in RESIZED if max(abs(across - one), abs(down - one)) < OFF_CENTRE), 0.0)
+    if not scale:
+        return []
+    text = (
+        f"{where}: the principal point {lens.cx:.0f}, {lens.cy:.0f} is far from the middle of pictures of {lens.width} "
+        f"x {lens.height} px, and near that of {scale * lens.width:.0f} x {scale * lens.height:.0f}; is K that of such "
+        f"pictures? Then multiply its first two rows by {1 / scale:.4g}"
+    )
+    return [("warning", "lens_of_other_size", text)]

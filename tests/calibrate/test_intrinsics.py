@@ -222,6 +222,21 @@ def test_coefficients_that_may_be_a_64th_are_hinted_at(tmp_path, distortions, hi
 
 
 @pytest.mark.parametrize(
+    ("scale", "size"),
+    [(0.5, "320 x 240"), (2 / 3, "427 x 320"), (1.5, "960 x 720"), (0.95, ""), (1.0, ""), (1.12, ""), (0.85, "")],
+)
+def test_a_matrix_of_pictures_of_another_size_is_hinted_at(tmp_path, scale, size):
+    """Where twice the principal point is that of such pictures; a lens that is off its sensor's middle is none."""
+    (tmp_path / "calib.toml").write_text(
+        TOML.replace("320.5", f"{320.5 * scale}").replace("240.25", f"{240.25 * scale}")
+    )
+    run(tmp_path, source="calib.toml", name="cam_01")
+    found = tables.read(tmp_path / "findings.parquet", "findings")
+    assert list(zip(found["severity"], found["code"], strict=True)) == [("warning", "lens_of_other_size")] * bool(size)
+    assert not size or f"of pictures of 640 x 480 px, and near that of {size}; is K" in found["text"][0]
+
+
+@pytest.mark.parametrize(
     "old, new, name, text",
     [
         ("", "", "cam_1", "no camera 'cam_1' .did you mean 'cam_01'"),
