@@ -1,6 +1,8 @@
 """What is said of formats: every reader says it, the docs say the same, and each has its test file."""
 
 import json
+import subprocess
+import sys
 from dataclasses import asdict
 from pathlib import Path
 
@@ -116,3 +118,11 @@ def test_a_description_re_runs_nothing():
     changed = text.replace("OpenPose; RTMPose", "OpenPose; frames; RTMPose")
     assert changed != text and read(changed) == read(text)
     assert read(text.replace("CLEARLY_SHORTER = 0.8", "CLEARLY_SHORTER = 0.9")) != read(text)
+
+
+@pytest.mark.slow
+def test_the_real_data_in_every_format(shared):
+    """Ends with 1 where something that is read differs from what was written."""
+    words = [sys.executable, "-m", "benchmarks.formats", str(shared)]
+    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0 and done.stdout.count(" here ") > 50, done.stdout + done.stderr

@@ -7,6 +7,7 @@ import numpy as np
 from dior.body.names import COCO_17, COCO_18, HALPE_26, HALPE_136, MLKIT_33, WHOLEBODY_133
 
 WIDTH, HEIGHT = 640, 480
+T0 = 1_708_000_000_000_000_000
 
 
 def scene(joints, frames=(0, 1, 2, 3), seed=1):
@@ -37,16 +38,14 @@ def _write(path, text):
     return path
 
 
-def mlkit(folder, found):
+def mlkit(folder, found, period_ns=1.0):
     lines = []
     for frame, people in found.items():
         landmarks = [
             {"type": i, "x": u, "y": v, "z": -1.5, "inFrameLikelihood": s}
             for i, (u, v, s) in enumerate(people[0].tolist()) if np.isfinite(u)
         ]  # fmt: skip
-        lines.append(
-            json.dumps({"frame": frame, "stamp_ns": 1_708_000_000_000_000_000 + frame, "landmarks": landmarks})
-        )
+        lines.append(json.dumps({"frame": frame, "stamp_ns": T0 + round(period_ns * frame), "landmarks": landmarks}))
     return _write(folder / "mlkit.jsonl", "\n".join(lines) + "\n")
 
 
@@ -189,7 +188,7 @@ def deeplabcut_of_several(folder, found, names=COCO_17):
     ]
     nobody = np.full((len(names), 3), np.nan)
     rows = [
-        [frame, *(cell for one in [*people, nobody][:2] for cell in _cells(one)), 5.0, 6.0, 0.9]
+        [frame, *(cell for one in [*people, nobody, nobody][:2] for cell in _cells(one)), 5.0, 6.0, 0.9]
         for frame, people in found.items()
     ]
     return _write(folder / "DLC_el.csv", _table([*header, *rows]))
