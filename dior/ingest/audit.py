@@ -47,6 +47,7 @@ SOURCES = {
     "sidecar": "stamps from a file beside it",
     "created": f"stamps {OWN_TIMES} from when it was created on",
     "sound": f"stamps {OWN_TIMES}, whose start is told by the sound that another camera has, too",
+    "flash": f"stamps {OWN_TIMES}, whose start is told by the flash that another camera saw, too",
     "none": f"stamps {OWN_TIMES}, and nothing says when it began",
 }
 # chosen: what a walker moves in less is below a detector's resolution
@@ -177,7 +178,7 @@ def _by_what(bag: str, film: dict[str, Any]) -> list[tuple[str, str, str]]:
     if film["start_sigma_s"]:
         text += f", to {film['start_sigma_s']:.1g} s (1 sigma)"
     if film["apart_sigma_s"] < film["start_sigma_s"]:
-        text += f", and to {film['apart_sigma_s']:.1g} s against the cameras with the same sound"
+        text += f", and to {film['apart_sigma_s']:.1g} s against the cameras with the same sound or flash"
     if film["tick_s"] > COARSE_TICK_S:
         text += f"; its times are in steps of {1e3 * film['tick_s']:.1f} ms"
     noted = [("warning", "video_stamps", f"{bag}: the file with its stamps {film['note']}")] if film["note"] else []

@@ -95,3 +95,8 @@ def lag(one: Heard, other: Heard, about_s: float, most_s: float) -> float | None
     if not aside.any() or curve[best] < CLEAR_SD * sd or curve[aside].max() > MOST_RIVAL * curve[best]:
         return None
     return lags.lowest(seconds, -curve, best)
+
+
+def sigma_s(one: Heard, other: Heard) -> float:
+    """Standard error of a lag."""
+    return SIGMA_S

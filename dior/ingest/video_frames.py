@@ -5,23 +5,24 @@ OUTPUTS  `Film`s: rows of `frames`, and what the table's metadata tell of the st
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from dior.arrays import Floats, Ints, Table
 from dior.errors import DiorError
-from dior.ingest import bags, containers, picture_folders, video_audio, video_stamps
-from dior.ingest.video_audio import Heard
+from dior.ingest import bags, containers, picture_folders, video_audio, video_flash, video_stamps
 from dior.ingest.video_stamps import VideoStamps
 from dior.ingest.video_starts import METADATA, MOST_SIGMAS
 from dior.ingest.videos import VideoIndex
 
 # first and last stamp (ns) of a camera, its name, and what it is recorded on
 Span: TypeAlias = tuple[int, int, str, str]
+# what a start is by that was compared with another camera's
+MOVED = ("sound", "flash")
 
 
 @dataclass(frozen=True)
@@ -94,49 +95,61 @@ def films(sequence: str, topics: Mapping[str, str], recorded: Recorded, others_n
     found = {camera: _film(f"{sequence}, {camera}", camera, topics[camera], recorded) for camera in sorted(topics)}
     stamps = video_stamps.together({camera: film.stamps for camera, film in found.items()}, others_ns)
     found = {camera: replace(film, stamps=stamps[camera]) for camera, film in found.items()}
+    if not any(film.stamps.start_sigma_s for film in found.values()):
+        return found
     # a file whose times are not to be believed does not tell when its sound was
-    return by_sound({camera: film for camera, film in found.items() if camera not in recorded.rates}) | {
-        camera: film for camera, film in found.items() if camera in recorded.rates
-    }
+    return by_flash(by_sound(found, [camera for camera in found if camera not in recorded.rates]))
 
 
-def by_sound(found: Mapping[str, Film]) -> dict[str, Film]:
-    """The films, those whose start is uncertain moved to where their sound is that of another, the best known first."""
-    order = sorted(found, key=lambda camera: (found[camera].stamps.start_sigma_s, camera))
-    if not any(found[camera].stamps.start_sigma_s for camera in order):
-        return dict(found)
-    heard = {camera: containers.heard(found[camera].path) for camera in order}
-    out, settled = dict(found), [camera for camera in order if heard[camera]][:1]
-    for camera in order:
-        if heard[camera] is None or camera in settled or not found[camera].stamps.start_sigma_s:
-            continue
+def by_sound(found: Mapping[str, Film], cameras: Collection[str]) -> dict[str, Film]:
+    """The films, those of `cameras` whose start is uncertain moved to where their sound is that of another."""
+    heard = {camera: containers.heard(found[camera].path) for camera in cameras}
+    return _moved(found, heard, video_audio, "sound")
+
+
+def by_flash(found: Mapping[str, Film]) -> dict[str, Film]:
+    """The films, those whose start is uncertain, and which no sound told, moved to where they saw the same flash."""
+    seen = {camera: video_flash.flashes(film.index.light, film.index.pts_ns) for camera, film in found.items()}
+    return _moved(found, seen, video_flash, "flash")
+
+
+def _moved(found: Mapping[str, Film], signs: Mapping[str, Any], kind: Any, source: str) -> dict[str, Film]:
+    """The films moved by signs that cameras have, the best known first; `kind`: the module that compares the signs."""
+    order = sorted(signs, key=lambda camera: (found[camera].stamps.start_sigma_s, camera))
+    order = [camera for camera in order if signs[camera]]
+    settled = [camera for camera in order if _compared(found[camera].stamps)] or order[:1]
+    out = dict(found)
+    for camera in [camera for camera in order if camera not in settled]:
         for other in settled:
-            moved = _by_sound_of(out[camera], heard[camera], out[other], heard[other])
+            moved = _moved_to(out[camera], signs[camera], out[other], signs[other], kind)
             if moved is not None:
-                out[camera] = moved
+                out[camera] = replace(moved, stamps=replace(moved.stamps, source=source))
                 settled.append(camera)
                 break
-    if len(settled) > 1 and out[settled[0]].stamps.apart_sigma_s:
-        first = out[settled[0]]
-        out[settled[0]] = replace(first, stamps=replace(first.stamps, apart_sigma_s=video_audio.SIGMA_S))
+    if len(settled) > 1 and not _compared(out[settled[0]].stamps):
+        first, second = (out[camera].stamps for camera in settled[:2])
+        out[settled[0]] = replace(out[settled[0]], stamps=replace(first, apart_sigma_s=second.apart_sigma_s))
     return out
 
 
-def _by_sound_of(film: Film, heard: Heard | None, other: Film, others: Heard | None) -> Film | None:
-    """A film moved to where its sound is that of `other`; None where that cannot be told."""
-    if heard is None or others is None:
-        return None
+def _compared(stamps: VideoStamps) -> bool:
+    """Whether a start is exact, or good against another camera's."""
+    return stamps.source in MOVED or not stamps.start_sigma_s or stamps.apart_sigma_s < stamps.start_sigma_s
+
+
+def _moved_to(film: Film, sign: Any, other: Film, others: Any, kind: Any) -> Film | None:
+    """A film moved to where its sign is that of `other`; None where that cannot be told."""
     # of the stamps less the times in the files
     off_ns = [int(one.stamps.stamp_ns[0] - one.index.pts_ns[0]) for one in (film, other)]
     apart_s = (off_ns[0] - off_ns[1]) / 1e9
     sigma_s = float(np.hypot(film.stamps.start_sigma_s, other.stamps.start_sigma_s))
-    late_s = video_audio.lag(others, heard, apart_s, MOST_SIGMAS * sigma_s)
+    late_s = kind.lag(others, sign, apart_s, MOST_SIGMAS * sigma_s)
     if late_s is None:
         return None
-    start_sigma_s = float(np.hypot(other.stamps.start_sigma_s, video_audio.SIGMA_S))
+    known_s = kind.sigma_s(others, sign)
     stamps = replace(
         film.stamps.later(round(1e9 * (late_s - apart_s))),
-        start_sigma_s=start_sigma_s, apart_sigma_s=video_audio.SIGMA_S, source="sound",
+        start_sigma_s=float(np.hypot(other.stamps.start_sigma_s, known_s)), apart_sigma_s=known_s,
     )  # fmt: skip
     return replace(film, stamps=stamps)
 

@@ -68,8 +68,8 @@ class VideoStamps:
     """Stamps (F,) ns of a video's pictures.
 
     `sigma_s`: of one against the others, by the step of the video's time; `start_sigma_s`: of all of them together, and
-    `apart_sigma_s` of that against other cameras'; `source`: sidecar, created, sound or none, what the start is by;
-    `undated`: the start is an arbitrary one; `note`: what a person should look at in the file with stamps.
+    `apart_sigma_s` of that against other cameras'; `source`: what the start is by, sidecar, created, sound, flash or
+    none; `undated`: the start is an arbitrary one; `note`: what a person should look at in the file with stamps.
     """
 
     stamp_ns: Ints

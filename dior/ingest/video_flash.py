@@ -1,0 +1,98 @@
+"""How far apart two videos began, by a flash of light that both saw.
+
+INPUTS   the mean brightness and the times of the pictures of two videos
+OUTPUTS  a lag (s), or that it cannot be told
+
+A flash (a camera's, a lamp that is switched on for a moment, a film's slate with a light) makes a few pictures brighter
+than those before and after. What gets brighter for longer is the exposure's doing, or somebody who passes; what does so
+all the time is flicker. One flash tells a lag; of several the pattern has to fit one way only. A flash is in a picture
+or in the next, so that a lag is as good as a picture is long.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dior.arrays import Floats, Ints
+
+# chosen: a flash of xenon takes a millisecond, a lamp switched on and off by hand a fifth of a second; exposure
+# controls, and people who pass, take longer
+LONGEST_S = 0.25
+# chosen: of 255; a white sleeve waved before the lens makes 5 or so
+LEAST = 8.0
+# chosen: times as much as pictures usually stand out: flicker, which does so in every second one, tells nothing
+CLEAR = 10.0
+# chosen: of its peak, within two pictures, as a rolling shutter may have parts of a flash in both
+SUDDEN = 0.5
+MOST = 20  # chosen: of more flashes a pattern fits by chance, and they are none that somebody made for this
+# chosen: of the flashes that both could have seen: cameras that face away miss some
+FEWEST_SHARED = 0.6
+
+
+@dataclass(frozen=True, eq=False)
+class Flashes:
+    """When in the file flashes began, `at_s` (N,); `first_s`, `last_s`: its first and last picture, `period_s` from one
+    to the next."""
+
+    at_s: Floats
+    first_s: float
+    last_s: float
+    period_s: float
+
+
+def flashes(light: Floats | None, pts_ns: Ints) -> Flashes | None:
+    """The `Flashes` in pictures of brightness `light` (F,), 0 to 255; None where there are none, or too many.
+
+    `pts_ns` (F,): times in the file.
+    """
+    from scipy.ndimage import grey_opening
+
+    if light is None or len(light) < 3:
+        return None
+    seconds = pts_ns / 1e9
+    period = float(np.median(np.diff(seconds)))
+    # pulses that are shorter are opened away
+    size = max(2, round(LONGEST_S / period))
+    above = light - grey_opening(light, size, mode="nearest")
+    # a recording may begin or end within a change that lasts
+    above[:size] = above[len(above) - size :] = 0.0
+    bright = above > max(LEAST, CLEAR * float(np.median(above)))
+    begins = np.flatnonzero(bright & ~np.r_[False, bright[:-1]])
+    begins = begins[[light[i : i + 2].max() - light[i - 1] > SUDDEN * above[i : i + size].max() for i in begins]]
+    if not 0 < len(begins) <= MOST:
+        return None
+    return Flashes(seconds[begins], float(seconds[0]), float(seconds[-1]), period)
+
+
+def lag(one: Flashes, other: Flashes, about_s: float, most_s: float) -> float | None:
+    """Time in the file of `one` less that in the file of `other` at which the same flashes, of those up to `most_s`
+    from `about_s`; None where it cannot be told."""
+    same = one.period_s + other.period_s
+    tried = np.unique(one.at_s[:, None] - other.at_s)
+    tried = tried[np.abs(tried - about_s) <= most_s]
+    if not len(tried):
+        return None
+    shared = [_shared(one, other, late_s, same) for late_s in tried.tolist()]
+    counts = np.array([len(each) for each in shared])
+    best = int(np.argmax(counts))
+    late_s = float(np.median(shared[best]))
+    alike = (counts == counts[best]) & (np.abs(tried - late_s) > same)
+    seen = min(_within(one.at_s, other, late_s), _within(other.at_s + late_s, one, 0.0))
+    return None if alike.any() or counts[best] < FEWEST_SHARED * seen else late_s
+
+
+def sigma_s(one: Flashes, other: Flashes) -> float:
+    """Standard error of a lag."""
+    return max(one.period_s, other.period_s)
+
+
+def _shared(one: Flashes, other: Flashes, late_s: float, same_s: float) -> Floats:
+    """The lags (N,) of the flashes that are the same ones at a lag."""
+    apart = one.at_s[:, None] - other.at_s
+    near = apart[np.arange(len(apart)), np.abs(apart - late_s).argmin(axis=1)]
+    return np.asarray(near[np.abs(near - late_s) <= same_s])
+
+
+def _within(at_s: Floats, other: Flashes, late_s: float) -> int:
+    """How many of the moments are within the recording of the other at a lag."""
+    return int(((at_s - late_s >= other.first_s) & (at_s - late_s <= other.last_s)).sum())

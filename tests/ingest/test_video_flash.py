@@ -1,0 +1,102 @@
+"""Starts told by a flash: in curves of brightness that are made here, and in the files of two cameras."""
+
+import numpy as np
+import pytest
+
+from dior.ingest import frames, video_flash, video_starts
+from dior.ingest.video_frames import Recorded
+from dior.tables import tables
+from tests.ingest.videofiles import numbered, write
+
+
+def curve(at_s=(), fps=30.0, seconds=10.0, seed=0, height=40.0, phase_s=0.0):
+    """Brightness and times (ns) of pictures with noise, and a flash of 20 ms at each of `at_s`."""
+    times = phase_s + np.arange(round(seconds * fps)) / fps
+    light = 90 + np.random.default_rng(seed).normal(0, 0.3, len(times))
+    for flash in at_s:
+        light[np.searchsorted(times, flash)] += height
+    return light, np.rint(1e9 * times).astype(np.int64)
+
+
+def seen(*given, **how):
+    return video_flash.flashes(*curve(*given, **how))
+
+
+@pytest.mark.parametrize(("fps", "late_s"), [((30, 30), 1.7), ((30, 60), -2.3), ((120, 25), 0.0)])
+def test_one_flash_tells_the_lag_to_a_picture(fps, late_s):
+    one, other = (
+        seen([5.0 - late], rate, seed=i) for i, (rate, late) in enumerate(zip(fps, (0.0, late_s), strict=True))
+    )
+    assert video_flash.lag(one, other, 0.0, 4.0) == pytest.approx(late_s, abs=1 / min(fps))
+    assert video_flash.sigma_s(one, other) == pytest.approx(1 / min(fps), rel=1e-3)
+    assert video_flash.lag(one, other, 10.0, 4.0) is None, "the true lag is not among those that may be"
+
+
+def test_two_flashes_that_fit_alike_tell_nothing_and_a_pattern_does():
+    assert video_flash.lag(seen([4.0, 6.0]), seen([5.0]), 0.0, 4.0) is None
+    assert video_flash.lag(seen([4.0, 6.0]), seen([4.0, 6.0]), 0.0, 4.0) == pytest.approx(0, abs=0.04)
+    assert video_flash.lag(seen([2.0, 3.0, 5.5]), seen([1.0, 2.0, 4.5]), 0.0, 4.0) == pytest.approx(1, abs=0.04)
+
+
+def test_flashes_that_the_other_has_not_tell_nothing():
+    one, other = seen([1.5, 3.1, 4.4, 6.2, 8.1]), seen([2.0, 2.9, 5.1, 7.6])
+    assert video_flash.lag(one, other, 0.0, 4.0) is None
+
+
+def changed(light, **what):
+    """The curve with something else in it than a flash."""
+    count = len(light)
+    if "person" in what:
+        light = light - what["person"] * np.exp(-0.5 * ((np.arange(count) - count / 2) / 12) ** 2)
+    if "white" in what:
+        light = light + what["white"] * np.exp(-0.5 * ((np.arange(count) - count / 2) / 12) ** 2)
+    if "exposure" in what:
+        light = light + what["exposure"] * np.minimum(np.arange(count) / 20, 1)
+    if "lamp" in what:
+        light = light + what["lamp"] * (np.arange(count) > count / 2)
+    if "flicker" in what:
+        light = light + what["flicker"] * np.sin(np.arange(count) * 2.6)
+    return light
+
+
+@pytest.mark.parametrize(
+    "what", [{"person": 30}, {"white": 30}, {"exposure": 60}, {"lamp": 50}, {"flicker": 5}, {"lamp": -50}], ids=str
+)
+def test_what_is_no_flash_is_none_and_hides_none(what):
+    light, pts_ns = curve()
+    assert video_flash.flashes(changed(light, **what), pts_ns) is None
+    light, pts_ns = curve([7.0], height=150)
+    found = video_flash.flashes(changed(light, **what), pts_ns)
+    assert found.at_s == pytest.approx([7.0], abs=0.04)
+
+
+def test_strong_flicker_and_what_brightens_by_and_by_tell_nothing():
+    light, pts_ns = curve()
+    assert video_flash.flashes(changed(light, flicker=20), pts_ns) is None
+    assert video_flash.flashes(light + 4 * (np.arange(len(light)) % 23), pts_ns) is None
+
+
+def test_the_first_and_last_pictures_and_a_few_tell_nothing():
+    assert seen([0.1]) is None and seen([9.95]) is None
+    assert video_flash.flashes(None, np.arange(5)) is None
+    assert video_flash.flashes(np.array([1.0, 99.0]), np.arange(2)) is None
+
+
+def test_a_camera_that_began_late_is_put_where_it_saw_the_flash(tmp_path):
+    """By `frames`, from the files: cam02 began 1 s late, cam03 saw nothing."""
+    for camera, flash in (("cam01", 45), ("cam02", 15), ("cam03", None)):
+        pictures = [numbered(i) // (1 if i == flash else 3) for i in range(60)]
+        write(tmp_path / f"{camera}.mp4", pictures)
+    videos = {camera: tmp_path / f"{camera}.mp4" for camera in ("cam01", "cam02", "cam03")}
+    frames.run(
+        sequence="w", bags=[], data_root=tmp_path, topics=dict.fromkeys(videos, "video0"), out=tmp_path / "f.parquet",
+        recorded=Recorded(videos),
+    )  # fmt: skip
+    table, told = tables.read(tmp_path / "f.parquet", "frames"), video_starts.told(tmp_path / "f.parquet")
+    first = {camera: int(tables.of_camera(table, camera)["stamp_ns"][0]) for camera in videos}
+    assert (first["cam02"] - first["cam01"]) / 1e9 == pytest.approx(1.0, abs=1e-6)
+    assert first["cam03"] == first["cam01"]
+    assert {camera: one["source"] for camera, one in told.items()} == {
+        "cam01": "none", "cam02": "flash", "cam03": "none",
+    }  # fmt: skip
+    assert [told[camera]["apart_sigma_s"] for camera in videos] == pytest.approx([1 / 30, 1 / 30, 5.0], abs=1e-4)
