@@ -18,6 +18,7 @@ So that boxes may judge what they placed, each is also left out of a fit (`left_
 """
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -116,7 +117,9 @@ def fit_any_roll(
     ).mean() < FEW_AGREE or fitted.sd_px > LOOSE_PX * start.intrinsics.fx / 760:
         tried = [(fitted, by)]
         for degrees in TRIED_DEG:
-            tried.append((boxes_fit.fit(turned(degrees), trusted, seen, where, derivative, occluder), degrees))
+            # a wrong roll may come to nothing
+            with suppress(DiorError):
+                tried.append((boxes_fit.fit(turned(degrees), trusted, seen, where, derivative, occluder), degrees))
         scale = boxes_fit.CUT * min(one.sd_px for one, _ in tried)
         fitted, by = min(tried, key=lambda one: -edge_errors.weights(_compared(one[0], seen), scale).mean())
     ends = by + float(np.degrees(fitted.values[2]))
@@ -167,7 +170,10 @@ def left_out(
         others = replace(seen, edges=np.where(mine[:, None], np.nan, seen.edges))
         if np.isfinite(others.edges).sum() < boxes_fit.FEWEST:
             continue
-        camera, points = boxes_fit.again(start, trusted, others, fitted, where)
+        try:
+            camera, points = boxes_fit.again(start, trusted, others, fitted, where)
+        except DiorError:
+            continue
         step = cam.project(camera, points[mine])[0] - before[mine]
         known = np.isfinite(step).all(axis=-1, keepdims=True)
         count = known.sum(axis=1)

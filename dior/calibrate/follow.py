@@ -35,6 +35,7 @@ from dior.calibrate.outline.walks import (
 )
 from dior.clocks import by_hand as hand_offsets
 from dior.clocks import clock as clocks
+from dior.errors import DiorError
 from dior.geometry import camera as cam
 from dior.geometry import camera_tables, covariance
 from dior.geometry.camera import Camera
@@ -83,7 +84,11 @@ def hidden_side(camera: Camera, seen: EdgeObservations, margin: tuple[float, flo
     held = seen_edges.Freedom(turn=(0, 0, 0), shift=(0, 0, 0), margin_px=margin[0], margin_split_px=margin[1])
     seconds = seen.seconds + long_range_clock.best_lag(camera, held, seen)
     late = replace(seen, seconds=seconds, points=seen.tracks[0].at(seconds))
-    return boxes_fit.fit(camera, held, late, where).camera.occluded
+    try:
+        return boxes_fit.fit(camera, held, late, where).camera.occluded
+    except DiorError:
+        # nothing is where the 3D goes
+        return ""
 
 
 def doubtful(camera: Camera, seen: EdgeObservations, pose_covariance: Floats) -> bool:

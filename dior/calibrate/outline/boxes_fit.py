@@ -143,7 +143,14 @@ def fit(
     if count < FEWEST:
         raise DiorError(f"{where}: {count} usable edges and clicked coordinates; draw boxes on at least 4 pictures")
     readings = READINGS[occluder] if np.isfinite(seen.edges).any() else ("",)
-    tried = [Reading(start, freedom, seen, hides).solve(where) for hides in readings]
+    tried, error = [], None
+    for hides in readings:
+        try:
+            tried.append(Reading(start, freedom, seen, hides).solve(where))
+        except DiorError as one:
+            error = one
+    if error and not tried:
+        raise error
     sd_px = min(reading.sd for reading in tried)
     costs = np.array([reading.cost(sd_px) for reading in tried])
     best = int(np.argmin(costs))
@@ -235,8 +242,12 @@ class Reading:
             return
         before = self.cost(sd) + self._lost()
         self.clocks[walk, 0] = best
-        self._iterate(where)
-        if self.cost(sd) + self._lost() > before:
+        try:
+            self._iterate(where)
+            better = self.cost(sd) + self._lost() <= before
+        except DiorError:
+            better = False
+        if not better:
             self.values, self.sd = kept, sd
 
     def _lost(self) -> float:
@@ -249,6 +260,8 @@ class Reading:
         for scale in (*SCALES, *(None,) * 12):
             for _ in range(6 if scale else 3):
                 rows = self.rows()
+                if not len(rows.residual):
+                    raise DiorError(f"{where}: no edge or click is where the 3D goes; is tape.target_m where that is?")
                 if scale is None:
                     self.sd = edge_errors.spread(rows.residual)
                 step = self._step(rows, scale or CUT * self.sd)

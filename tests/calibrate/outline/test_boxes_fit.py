@@ -258,3 +258,33 @@ def test_a_walk_without_a_box_has_no_middle():
     nothing = np.zeros((2, 1, 3)), np.zeros((2, 4)), np.zeros((2, 1, 2))
     seen = seen_edges.EdgeObservations(*nothing, seconds=np.array([1.0, 2.0]), walk=np.array([1, 1]))
     assert (seen.middle_s(0), seen.middle_s(1)) == (0.0, 1.5)
+
+
+def test_a_reading_that_comes_to_nothing_is_left_out(monkeypatch):
+    points, solve = body(), boxes_fit.Reading.solve
+    edges = boxes(project(true_camera(), points)[0])
+    alone = boxes_fit.fit(start(), FREE, seen(points, edges), "cam04", occluder="none")
+
+    def failing(hides):
+        def of(reading, where):
+            if reading.hides in hides:
+                raise DiorError(f"{where}: nothing")
+            return solve(reading, where)
+
+        return of
+
+    monkeypatch.setattr(boxes_fit.Reading, "solve", failing(("below", "above")))
+    found = boxes_fit.fit(start(), FREE, seen(points, edges), "cam04")
+    np.testing.assert_array_equal(found.values, alone.values)
+    monkeypatch.setattr(boxes_fit.Reading, "solve", failing(("", "below", "above")))
+    with pytest.raises(DiorError, match="cam04: nothing"):
+        boxes_fit.fit(start(), FREE, seen(points, edges), "cam04")
+
+
+def test_a_fit_that_has_no_edge_left_is_refused_and_no_number():
+    points = body()
+    edges = boxes(project(true_camera(), points)[0])
+    reading = boxes_fit.Reading(start(), FREE, seen(points, edges), "")
+    reading.visible = lambda uv: (*np.zeros((2, *uv.shape[:2]), bool), np.zeros(len(uv), bool))
+    with pytest.raises(DiorError, match="no edge or click is where the 3D goes"):
+        reading.solve("cam04")
