@@ -38,7 +38,7 @@ class Capture:
         return self.folder / f"results/{step}/{unit}{kind}.parquet"
 
 
-def recorded(folder, true_clocks=False, start_sigma_s=0.0, **settings):
+def recorded(folder, true_clocks=False, start_sigma_s=0.0, offsets_s=None, **settings):
     """`Capture` with the tables of its recordings in `folder`; arguments as of `labelled`."""
     made = levels.from_dict(settings)
     config.write(made, Path(folder) / "config")
@@ -46,17 +46,18 @@ def recorded(folder, true_clocks=False, start_sigma_s=0.0, **settings):
         config.write_offsets(made, Path(folder) / "config")
     capture = Capture(Path(folder), made, projects.load(folder))
     for walk in levels.sequences(made):
-        _record(capture, walk, start_sigma_s)
+        _record(capture, walk, start_sigma_s, offsets_s)
     return capture
 
 
-def labelled(folder, true_clocks=False, start_sigma_s=0.0, **settings):
+def labelled(folder, true_clocks=False, start_sigma_s=0.0, offsets_s=None, **settings):
     """`Capture` with every label of it made in `folder`; `settings` of the `simulate:` section.
 
     `true_clocks`: config/offsets has the clocks, which are estimated otherwise; `start_sigma_s`: how well is known
-    when the cameras began, as of videos.
+    when the cameras began, as of videos; `offsets_s`: the same pictures by clocks that are off by this, camera by
+    camera, and by nothing where they are not named.
     """
-    capture = recorded(folder, true_clocks, start_sigma_s, **settings)
+    capture = recorded(folder, true_clocks, start_sigma_s, offsets_s, **settings)
     for session in capture.project.sessions:
         (_indoors if levels.place_of(session) == "lab" else _outdoors)(capture, session)
     for name in capture.project.sequences:
@@ -65,11 +66,13 @@ def labelled(folder, true_clocks=False, start_sigma_s=0.0, **settings):
     return capture
 
 
-def _record(capture, walk, start_sigma_s=0.0):
+def _record(capture, walk, start_sigma_s=0.0, offsets_s=None):
     """What ingest makes of a recorded walk."""
     motion = motion_of(capture.settings, walk)
     views, others = simulate.observe(capture.settings, walk, motion)
     capture.views[walk.name] = views
+    if offsets_s is not None:
+        views = {name: _with_offset(seen, offsets_s.get(name, 0.0)) for name, seen in views.items()}
     data, frames = capture.folder / "data", capture.made("frames", walk.name)
     simulate.write_detections(capture.settings, walk, motion.height, views, others, data)
     starts = {"source": "created", "start_sigma_s": start_sigma_s, "apart_sigma_s": start_sigma_s}
@@ -92,6 +95,13 @@ def _record(capture, walk, start_sigma_s=0.0):
         out=capture.made("detections", walk.name), findings=capture.made("detections", walk.name, ".findings"),
         out_people=capture.made("detections", walk.name, ".people"),
     )  # fmt: skip
+
+
+def _with_offset(seen, offset_s):
+    """A view of the same pictures whose stamps are off by another offset."""
+    clock = seen.clock
+    moved = clock.stamp_ns + round(1e9 * (clock.offset_s - offset_s))
+    return replace(seen, clock=replace(clock, stamp_ns=moved, offset_s=offset_s))
 
 
 def _frames(views):

@@ -1,13 +1,20 @@
 """Videos beside bags: how fast they are read, what their sound tells, how far off their starts may be, and whether the
 labels are those of bags.
 
-usage: python -m benchmarks.videos [speed | sound | clocks | labels | real] [N]      (all but real; N: of captures, 4)
+usage: python -m benchmarks.videos [speed | sound | clocks | beyond | labels | real] [N] [FILE.jsonl]
+
+All but real if none is named. N: of captures, 4. FILE.jsonl keeps the results of `clocks`: captures that are in it are
+not made again.
+
 
 speed   pictures of 1280 x 720 read in order beside PyAV alone, and 12 of them anywhere
 sound   two microphones in one scene of steps: how often the lag is told, how far off it is; and of two scenes
-clocks  captures of benchmarks/steps.py whose cameras began up to 1.7 s early or late, the start known to 1 s (1 sigma)
-labels  the workflow on a small capture from bags and from its videos (PTS alone, one camera turned, one in Matroska,
-        all with sound; and again with one that began 1.7 s late): labels, picture by picture
+clocks  captures of benchmarks/steps.py whose cameras began up to 1.7 s early or late, the start known to 1 s (1 sigma),
+        and the same pictures with exact stamps
+beyond  the same with one camera that began further off than was said: clocks that are right, unknown or wrong
+labels  the workflow on small captures from bags and from their videos (constant and variable rate; PTS alone, with one
+        that began 1.7 s late, stamps in a file; one camera turned, one in Matroska, all with sound): labels, picture by
+        picture
 real    the same of ../shared/data/real_outdoor: figures of the unseen camera
 """
 
@@ -19,11 +26,15 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections import Counter
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 
 from benchmarks import steps
+from dior.clocks.axis import start_ns
+from dior.errors import DiorError
 from dior.ingest import bags, frames, video_audio
 from dior.ingest.video_audio import Heard
 from dior.ingest.video_frames import Recorded
@@ -35,10 +46,29 @@ ROOT = Path(__file__).resolve().parents[1]
 COUNT, SIZE = 300, (720, 1280)
 # as much, evenly spread, is a standard deviation of a second
 APART_S, START_SIGMA_S = 1.7, 1.0
+STARTS = {
+    "second": (f"starts known to {START_SIGMA_S:g} s (1 sigma)", START_SIGMA_S, None),
+    "exact": ("the same pictures with exact stamps, as a check: what is left is no fault of the starts", 0.0, {}),
+}
+# how well the starts are said to be known (1 sigma; 0: as of bags, whose clocks are searched up to 2 s) and how far off
+# one is, s
+BEYOND = ((0.0, 2.3), (0.0, -3.0), (0.0, 4.9), (1.0, 4.9), (1.0, -4.9))
+WITHIN_MS = 5.0  # what the project asks for
 SMALL = {"subjects": 1, "sequences": 1, "duration_s": 4}
 FAR_S = 0.05
 LATE = {"outdoor_01": {"cam02": 1.7}}
 GONE = {sequence: {camera: round(30 * s) for camera, s in late.items()} for sequence, late in LATE.items()}
+# rate of the pictures, errors of the stamps that make it so, and by what the videos of each are told: in words, what of
+# their beginnings is left out, in s and pictures, and whether they have files with stamps
+LABELLED = (
+    ("constant", {}, (
+        ("PTS alone", None, None, False), ("PTS alone, cam02 1.7 s late outdoors", LATE, GONE, False),
+        ("sidecar", None, None, True),
+    )),
+    ("variable", {"jitter_ms": 2.0, "dropped": 0.05}, (
+        ("PTS alone", None, None, False), ("sidecar", None, None, True),
+    )),
+)  # fmt: skip
 
 
 def speed():
@@ -108,39 +138,99 @@ def sound(count):
             print(f"  {seconds:>8}{noise:>7}{len(told) / count:>7.0%}{worst:>11}{others:>15}")
 
 
-def clocks(count):
-    """Print the errors of clocks whose starts are known to a second."""
-    error, held, unknown = {"close": [], "long_range": []}, [], 0
+def clocks(count, kept=None):
+    """Print the errors of clocks whose starts are known to a second, and of the same pictures with exact stamps.
+
+    `kept`: file to which the results of each capture are added; captures that it has are not made again.
+    """
+    rows = [json.loads(line) for line in kept.read_text().splitlines()] if kept and kept.is_file() else []
+    there = {(row["preset"], row["seed"], row["starts"]) for row in rows}
     for seed in range(count):
-        for preset in ("ideal", "real"):
-            with tempfile.TemporaryDirectory() as folder:
-                capture = steps.labelled(
-                    folder, preset=preset, seed=seed, subjects=1, sequences=1, environments=["outdoor"],
-                    clocks={"apart_s": APART_S}, start_sigma_s=START_SIGMA_S,
-                )  # fmt: skip
-                for walk in levels.sequences(capture.settings):
-                    for name, seen in capture.views[walk.name].items():
-                        path = capture.made("follow", f"{walk.name}.{name}")
-                        path = path if path.is_file() else capture.made("clocks", walk.name)
-                        row = tables.of_camera(tables.read(path, "offsets"), name)
-                        if row["source"][0] == "reference":
-                            continue
-                        if row["source"][0] != "estimated":
-                            unknown += 1
-                            continue
-                        true = seen.clock.offset_s + 1e-6 * seen.clock.drift_ppm * row["middle_s"][0]
-                        off = row["late_s"][0] - true
-                        error[seen.camera.role].append(1e3 * abs(off))
-                        if abs(off) > FAR_S:
-                            print(f"  {preset}, seed {seed}: {name} {1e3 * off:+.0f} ms, true {true:+.3f} s")
-                        held.append(row["late_low"][0] <= true <= row["late_high"][0])
+        for preset, starts in product(("ideal", "real"), STARTS):
+            if (preset, seed, starts) not in there:
+                rows += [
+                    {"preset": preset, "seed": seed, "starts": starts, **row}
+                    for row in clocks_of(*STARTS[starts][1:], preset=preset, seed=seed)
+                ]
+                if kept:
+                    kept.write_text("".join(json.dumps(row) + "\n" for row in rows))
+    for starts, (what, *_) in STARTS.items():
+        print(f"clocks of cameras {APART_S:g} s early or late at most, {count} captures of a preset; {what}")
+        for preset, role in product(("ideal", "real"), ("close", "long_range")):
+            _print_clocks(
+                f"{preset}, {role}",
+                [
+                    row
+                    for row in rows
+                    if (row["preset"], row["role"], row["starts"]) == (preset, role, starts) and row["seed"] < count
+                ],
+            )
+
+
+def _print_clocks(what, rows):
+    """Print how far off clocks are, and name those that are far off."""
+    told = [row for row in rows if row["told"]]
+    off, held = np.abs([row["off_ms"] for row in told]), [row["held"] for row in told]
     print(
-        f"clocks of cameras {APART_S:g} s early or late at most, the start known to {START_SIGMA_S:g} s, "
-        f"{2 * count} captures: {len(held)} found, {unknown} not; {np.mean(held):.0%} in their 95 % intervals"
+        f"  {what:<18}{len(told):>4} told, {len(rows) - len(told)} not; median {np.median(off):.2f} ms, worst "
+        f"{off.max():.2f} ms; {np.mean(off <= WITHIN_MS):.0%} within {WITHIN_MS:g} ms; {np.mean(held):.0%} in their "
+        "95 % intervals"
     )
-    for role, off in error.items():
-        limit = " [5 ms]" if role == "close" else ", by boxes"
-        print(f"  {role:<12}median {np.median(off):.2f} ms, worst {max(off):.2f} ms{limit}")
+    for row in told:
+        if abs(row["off_ms"]) > 1e3 * FAR_S:
+            print(f"    seed {row['seed']}: {row['camera']} {row['off_ms']:+.0f} ms")
+
+
+def clocks_of(start_sigma_s, offsets_s, **settings):
+    """Yield what is found of each clock of an outdoor capture; arguments as of `steps.labelled`."""
+    with tempfile.TemporaryDirectory() as folder:
+        capture = steps.labelled(
+            folder, subjects=1, sequences=1, environments=["outdoor"], clocks={"apart_s": APART_S},
+            start_sigma_s=start_sigma_s, offsets_s=offsets_s, **settings,
+        )  # fmt: skip
+        for walk in levels.sequences(capture.settings):
+            pictures = tables.read(capture.made("frames", walk.name), "frames")
+            # the clocks of the scene count from the first stamp, and so do those that are found
+            t0_s = (start_ns(pictures) - min(v.clock.stamp_ns[0] for v in capture.views[walk.name].values())) / 1e9
+            for name, seen in capture.views[walk.name].items():
+                path = capture.made("follow", f"{walk.name}.{name}")
+                path = path if path.is_file() else capture.made("clocks", walk.name)
+                row = tables.rows(tables.of_camera(tables.read(path, "offsets"), name), slice(0, 1))
+                row = {key: values[0] for key, values in row.items()}
+                if row["source"] == "reference":
+                    continue
+                clock = seen.clock
+                offset_s = clock.offset_s if offsets_s is None else offsets_s.get(name, 0.0)
+                # a drift counts from the clock's own t0
+                at_s = row["middle_s"] + t0_s + offset_s - clock.offset_s
+                true = offset_s + 1e-6 * clock.drift_ppm * at_s
+                yield {
+                    "camera": name, "role": seen.camera.role, "told": row["source"] == "estimated",
+                    "off_ms": 1e3 * float(row["late_s"] - true), "sigma_ms": 1e3 * float(row["late_sigma_s"]),
+                    "held": bool(row["late_low"] <= true <= row["late_high"]),
+                }  # fmt: skip
+
+
+def beyond(count):
+    """Print what becomes of a camera that began further off than was said: what must not be is a wrong clock."""
+    print(f"a camera that began further off than was said, {count} captures of a preset")
+    for preset, camera in product(("ideal", "real"), ("cam02", "cam04")):
+        for start_sigma_s, late_s in BEYOND:
+            outcomes, said = Counter(), []
+            for seed in range(count):
+                try:
+                    rows = list(clocks_of(start_sigma_s, {camera: late_s}, preset=preset, seed=seed))
+                except DiorError as error:
+                    outcomes["refused"] += 1
+                    said.append(f"seed {seed}: {str(error).partition('. ')[0]}")
+                    continue
+                wrong = [row for row in rows if row["told"] and abs(row["off_ms"]) > 1e3 * FAR_S]
+                own = next(row for row in rows if row["camera"] == camera)
+                outcomes["wrong" if wrong else "right" if own["told"] else "unknown"] += 1
+                said += [f"seed {seed}: {row['camera']} {row['off_ms']:+.0f} ms" for row in wrong]
+            found = ", ".join(f"{number} {what}" for what, number in sorted(outcomes.items()))
+            print(f"  {preset}, {camera} {late_s:+.1f} s, said good to {start_sigma_s:g} s: {found}")
+            print("".join(f"    {text}\n" for text in said), end="", flush=True)
 
 
 def on_videos(source, target, data_root, late=None, sound_of=None, turned=(), matroska=(), sidecars=False):
@@ -246,17 +336,19 @@ def scene_of(seconds):
 
 def labels():
     """Run a small capture from bags and from videos, and compare the labels."""
-    with tempfile.TemporaryDirectory() as name:
-        bag = Path(name) / "bags"
-        simulated(bag, SMALL)
-        run(bag)
-        for what, late, gone in (("", None, None), (", cam02 1.7 s late outdoors", LATE, GONE)):
-            film = Path(name) / f"videos{len(what)}"
-            film.mkdir()
-            on_videos(bag, film, bag / "results/simulate", late, scene_of(SMALL["duration_s"]), ["cam03"], ["cam01"])
-            run(film)
-            print(f"labels from videos (PTS alone; cam01 Matroska, cam03 turned{what}) beside bags")
-            compared(bag, film, gone)
+    for rate, clocks, ways in LABELLED:
+        with tempfile.TemporaryDirectory() as name:
+            bag = Path(name) / "bags"
+            simulated(bag, SMALL | {"clocks": clocks})
+            run(bag)
+            for i, (what, late, gone, sidecars) in enumerate(ways):
+                film = Path(name) / f"videos{i}"
+                film.mkdir()
+                data, sound = bag / "results/simulate", scene_of(SMALL["duration_s"])
+                on_videos(bag, film, data, late, sound, ["cam03"], ["cam01"], sidecars)
+                run(film)
+                print(f"labels from videos ({rate} rate; {what}; cam01 Matroska, cam03 turned) beside bags")
+                compared(bag, film, gone)
 
 
 def real():
@@ -277,10 +369,13 @@ def real():
 
 
 def main():
-    words = [word for word in sys.argv[1:] if not word.isdigit()] or ["speed", "sound", "clocks", "labels"]
+    words = [word for word in sys.argv[1:] if not word.isdigit()]
+    kept = next((Path(word) for word in words if word.endswith(".jsonl")), None)
+    words = [word for word in words if not word.endswith(".jsonl")] or ["speed", "sound", "clocks", "beyond", "labels"]
     count = int(next((word for word in sys.argv[1:] if word.isdigit()), 4))
     ways = {
-        "speed": speed, "sound": lambda: sound(count), "clocks": lambda: clocks(count), "labels": labels, "real": real,
+        "speed": speed, "sound": lambda: sound(count), "clocks": lambda: clocks(count, kept),
+        "beyond": lambda: beyond(count), "labels": labels, "real": real,
     }  # fmt: skip
     for word in words:
         ways[word]()

@@ -207,6 +207,12 @@ def run(
     clicked = {Path(path).name.partition(".")[0].partition("@")[0]: path for path in measured.marks}
     wanted = seen_in.names_of_marks(known) - set(names)
     points = seen_in.marked(clicked, names, wanted, measured.marked, MARK_SIGMA_PX)
+    cost = _sampled_cost(placed, start_priors, huber_px)
+
+    def far_off() -> str:
+        off = adjustment.how_far_off(placed, start_priors)
+        return culprits.far_off(timed, list(window), cost, lambda wide: wide.start(placed, *off))
+
     try:
         done = adjustment.adjust(
             placed, timed, priors, huber_px, max_mean_px, f"session {session}", None, stated, points, intrinsics_sigma,
@@ -214,9 +220,8 @@ def run(
         )  # fmt: skip
     except (DiorError, np.linalg.LinAlgError) as error:
         said = str(error) if isinstance(error, DiorError) else f"session {session}: the adjustment diverges"
-        why = culprits.sentence(placed, timed, list(window), _sampled_cost(placed, start_priors, huber_px))
-        why = why and f"session {session}: {why}. Without that: "
-        raise DiorError(why + said) from error
+        why = far_off() or culprits.sentence(placed, timed, list(window), cost)
+        raise DiorError((why and f"session {session}: {why}. Without that: ") + said) from error
     uv, tracks, parts = timed.observations(done.clocks)
     for sequence, part, instants in zip(window, parts, window.values(), strict=True):
         text = f"{len(part.joint)} joints at {part.count} of {instants['count']} instants of {sequence} used"
@@ -227,7 +232,11 @@ def run(
         skeleton = np.full((len(part.seconds), len(part.names), 3), np.nan)
         skeleton[part.instant, part.joint] = done.points[tracks.sequence == i]
         scope = f"session {session}, {sequence}"
-        people.check(skeleton, part.names, scope, physics, part.seconds)
+        try:
+            people.check(skeleton, part.names, scope, physics, part.seconds)
+        except DiorError as error:
+            why = far_off()
+            raise DiorError((why and f"session {session}: {why}. Without that: ") + str(error)) from error
         for person in known.get("heights", []):
             if sequence in person["sequences"]:
                 share = (people.LIMITS | physics)["stature_share"]

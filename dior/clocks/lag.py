@@ -19,6 +19,9 @@ WINDOW_S = 2.0  # chosen: clocks started on a count or kept by the network diffe
 # chosen: less than half of a step, and steps are 0.3 s (running) to 0.6 s apart: what is nearer is the same minimum
 APART_S = 0.2
 CLEARLY = 20.0  # chi2 by which a rival has to fit worse; at even odds it is exp(10) = 22 000 times less likely then
+# chosen: of a recording: recordings that share less have hardly a walk in common
+MOST_SHARE = 0.6
+FURTHEST_S = 12.0  # chosen: beyond what is said of a start; further it costs time and memory, and walks repeat
 BEAM = 400  # chosen: exact for three cameras at up to 100 Hz; more cameras keep that many of their combinations
 
 # of each pair of cameras (a, b): the cost (2R + 1,) of b's lag less a's, -R to R steps
@@ -84,8 +87,23 @@ def rivals(lags: Floats, chi2: Floats, best_s: float, apart_s: float = APART_S, 
     return lags[at[np.argsort(chi2[at], kind="stable")]]
 
 
+def further(most_s: float, length_s: float) -> float:
+    """How far (s) lags are searched next where the best one up to `most_s` was at an end, in recordings that last
+    `length_s`; `most_s` where that is all."""
+    return max(most_s, min(2 * most_s, MOST_SHARE * length_s, FURTHEST_S))
+
+
+def at_an_end(lags: Floats, costs: Floats, best_s: float) -> bool:
+    """Whether a lag is the first or the last that could be compared, so that one beyond may be better."""
+    first, last = lags[np.isfinite(costs)][[0, -1]]
+    return not first + APART_S / 2 < best_s < last - APART_S / 2
+
+
 def doubt(lags: Floats, chi2: Floats, best_s: float, apart_s: float = APART_S, clearly: float = CLEARLY) -> str:
     """Why the lag that was found cannot be trusted, or ""; arguments as of `rivals`."""
+    if at_an_end(lags, chi2, best_s):
+        first, last = lags[np.isfinite(chi2)][[0, -1]]
+        return f"the best lag is at the end of the {first:+.1f} to {last:+.1f} s that were tried"
     others = rivals(lags, chi2, best_s, apart_s, clearly)
     return f"a lag of {others[0]:+.2f} s fits about as well as {best_s:+.2f} s" if len(others) else ""
 

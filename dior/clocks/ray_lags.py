@@ -61,7 +61,8 @@ def coarse(
 
     `seen`: `Rays` of each camera on its clock as it is known, `held` (V,): clocks that are not to be moved, at least
     one; `span`: first and last second that is looked at; `aim_rad`, `shift_m` (V,): how far off the cameras may be, 1
-    sigma; `most_s`: how far off the clocks may be. A camera that shares too few joints with the others keeps its clock.
+    sigma; `most_s`: how far off the clocks may be: where one is found at the end of that it is searched further. A
+    camera that shares too few joints with the others keeps its clock.
     """
     lags, most, costs = lag.window(STEPS_HZ, most_s), round(most_s * STEPS_HZ), {}
     for a, b in combinations(range(len(cameras)), 2):
@@ -75,6 +76,9 @@ def coarse(
         along = lag.along(costs, at, view, most)
         # a flat curve: it shares too little with the others
         found[view] = lag.lowest(lags, along, at[view] + most) if np.ptp(along) > 0 else 0.0
+    more_s = lag.further(most_s, span[1] - span[0])
+    if more_s > most_s and any(lag.at_an_end(lags, lags, late_s) for late_s in found.tolist()):
+        return coarse(cameras, seen, held, span, aim_rad, shift_m, more_s)
     return found
 
 

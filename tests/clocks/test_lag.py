@@ -36,6 +36,20 @@ def test_another_minimum_makes_a_time_doubtful():
         assert lag.doubt(LAGS, lag.worse(twice, 45), 0.5) == f"a lag of {other:+.2f} s fits about as well as +0.50 s"
 
 
+def test_a_lag_at_the_end_of_what_could_be_compared_is_doubtful():
+    costs = 10 - valley(1.0, 8, 0.5)
+    assert lag.doubt(LAGS, lag.worse(costs, 45), 1.0) == ""
+    cut = np.where(LAGS > 1.0, np.nan, costs)
+    said = "the best lag is at the end of the -2.0 to +1.0 s that were tried"
+    assert lag.doubt(LAGS, lag.worse(cut, 45), 1.0) == said
+    assert lag.at_an_end(LAGS, cut, 0.95) and not lag.at_an_end(LAGS, cut, 0.85)
+    assert lag.at_an_end(LAGS, -LAGS, -1.95) and not lag.at_an_end(LAGS, -LAGS, -1.85)
+
+
+def test_how_far_lags_are_searched_next():
+    assert [lag.further(2.0, length_s) for length_s in (2.0, 5.0, 30.0)] == [2.0, 3.0, 4.0]
+
+
 def test_how_much_worse_is_clearly_worse():
     # chi2 of 100 measurements: 100 (c^2 / c0^2 - 1)
     for factor, rival in ((0.99, True), (1.01, False)):

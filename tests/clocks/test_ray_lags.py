@@ -68,6 +68,11 @@ def test_cameras_further_apart_are_found_where_they_are_looked_for(most_s):
     assert np.abs(got - apart).max() < 0.08
 
 
+def test_a_lag_at_the_end_of_the_window_is_looked_for_further():
+    cameras, apart = turned(ring(3), 3.0, 0.05), np.array([0.0, 2.3, -0.4])
+    assert np.abs(found(cameras, seen(cameras, "across", apart), [True, False, False]) - apart).max() < 0.08
+
+
 def test_clocks_that_are_held_stay():
     cameras = turned(ring(3), 3.0, 0.05)
     got = found(cameras, seen(cameras, "across", np.array([0.0, 0.0, 0.5])), [True, True, False])

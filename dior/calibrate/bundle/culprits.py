@@ -1,4 +1,5 @@
-"""Why an adjustment came to nothing: two cameras whose detections were exchanged, or one whose detections are others'.
+"""Why an adjustment came to nothing: two cameras whose detections were exchanged, one whose detections are others', or
+clocks that are further off than they are searched.
 
 INPUTS   placed cameras, what they have of the window's sequences, an adjustment to a sample of it
 OUTPUTS  a sentence that names them, or nothing
@@ -15,6 +16,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from dior.arrays import Floats
 from dior.calibrate.bundle import starts
 from dior.calibrate.bundle.in_adjustment import Sequences
 from dior.errors import DiorError
@@ -68,6 +70,28 @@ def sentence(cameras: Sequence[Camera], timed: Sequences, sequences: Sequence[st
         f"{ways}: the adjustment of a sample then ends at {ends} px instead of {given:.1f} px (at fx 1680)"
         + ("" if len(found) == 1 else ", so that it cannot be told which")
         + "; look at their files of detections first"
+    )
+
+
+def far_off(timed: Sequences, sequences: Sequence[str], cost: Cost, start: Callable[[Sequences], Floats]) -> str:
+    """Which clocks are further off than they are searched, or ""; `start`: the clocks (S, V, 2) that an adjustment
+    starts with."""
+    wide, views = timed.searched_far(), range(len(timed.names))
+    values, given = start(wide), _cost(cost, views, timed)[0]
+    found = [
+        (sequence, name, values[i, v, 0], own.most_s)
+        for i, sequence in enumerate(sequences)
+        for v, (name, own) in enumerate(zip(timed.names, timed.recorded[i].seen, strict=True))
+        if abs(values[i, v, 0]) > own.most_s and not timed.held[i, v]
+    ]
+    tried = Tried(*_cost(cost, views, wide), ())
+    if not found or not _best([tried], given, 3.0 * len(views)):
+        return ""
+    each = ", ".join(f"{name} in {sequence} {late_s:+.1f} s" for sequence, name, late_s, _ in found)
+    return (
+        f"clocks are further off that of {timed.names[timed.reference]} than the {max(one[3] for one in found):.1f} s "
+        f"that are searched, {each}: the adjustment of a sample then ends at {tried.cost_px:.1f} px instead of "
+        f"{given:.1f} px (at fx 1680); give what they are as offset_s in config/offsets/{found[0][0]}.yaml"
     )
 
 

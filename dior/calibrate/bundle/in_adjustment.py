@@ -24,7 +24,7 @@ from dior.calibrate.bundle import outcome, reduced, uncertainty
 from dior.calibrate.bundle.window import InWindow, Recorded, at_instants, together
 from dior.calibrate.clock import fit as clock_fit
 from dior.calibrate.clock import from_cameras
-from dior.clocks import ray_lags
+from dior.clocks import lag, ray_lags
 from dior.clocks.axis import ClockValues
 from dior.clocks.clock import DRIFT_SD_PPM, NORMAL_95, doubtful_s
 from dior.geometry.camera import Camera
@@ -129,6 +129,16 @@ class Sequences:
     def freed(self) -> Sequences:
         """The same with no clock held but the reference's: what the detections alone say."""
         return replace(self, held=np.broadcast_to(np.arange(len(self.names)) == self.reference, self.held.shape))
+
+    def searched_far(self) -> Sequences:
+        """The same with clocks that are looked for as far off as any are."""
+        recorded = []
+        for i, found in enumerate(self.recorded):
+            grid = self.grid(i, MOST_S)
+            far_s = min(lag.FURTHEST_S, lag.MOST_SHARE * float(grid[-1] - grid[0]))
+            seen = tuple(replace(own, most_s=max(own.most_s, far_s)) for own in found.seen)
+            recorded.append(replace(found, seen=seen))
+        return replace(self, recorded=tuple(recorded))
 
     def compared(self, cameras: Sequence[Camera], values: Floats, fits: Sequence[Fit | None]) -> list[Fit | None]:
         """The `Fit`s with what the cameras' errors add; None where all clocks are held or nothing tells."""

@@ -83,7 +83,7 @@ def from_detections(
     timed = [i for i, name in enumerate(names) if name in TIMED] or list(range(len(names)))
     names, seen = [names[i] for i in timed], [replace(s, uv=s.uv[:, timed]) for s in seen]
     rays = [cam.undistort(c.intrinsics, s.at(grid, np.zeros(2), middle)) for c, s in zip(cameras, seen, strict=True)]
-    found = search(cameras, rays, fps, max(s.most_s for s in seen))
+    found = searched(cameras, rays, fps, max(s.most_s for s in seen))
     why = {name: reason for name, (_, _, reason) in found.items()}
     known = [c for c in cameras if not why.get(c.name)]
     clocks = {cameras[0].name: Clock(0.0, source="reference", given=(0.0, 0.0), middle_s=middle)}
@@ -108,6 +108,20 @@ def from_detections(
         )
         for c in cameras
     }
+
+
+def searched(
+    cameras: Sequence[Camera], rays: Sequence[Floats], fps: float, most_s: float
+) -> dict[str, tuple[Floats, Floats, str]]:
+    """`search`, and again further where a best lag is at an end: a start may be worse than it was said to be."""
+    found = search(cameras, rays, fps, most_s)
+    more_s = lag.further(most_s, len(rays[0]) / fps)
+    ends = [
+        lag.at_an_end(lags, costs, lag.lowest(lags, costs))
+        for lags, costs, _ in found.values()
+        if np.isfinite(costs).any()
+    ]
+    return searched(cameras, rays, fps, more_s) if more_s > most_s and any(ends) else found
 
 
 def search(

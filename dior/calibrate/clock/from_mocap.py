@@ -68,7 +68,7 @@ def from_detections(
     `uv` (F, J, 2) of `motion.names`, NaN where not seen; `elapsed` (F,) s after t0, ascending;
     `most_s`: how far off the clock may be.
     """
-    lags, costs = search(camera, motion, uv, elapsed, most_s)
+    lags, costs = searched(camera, motion, uv, elapsed, most_s)
     if not np.isfinite(costs).any():
         return Clock(0.0), lags, costs, "no joint is both detected and known from the markers"
     best_s = lag.lowest(lags, costs)
@@ -83,6 +83,15 @@ def from_detections(
         return Clock(0.0), lags, costs, "too few detections of moving joints"
     why = fit.doubt(solved) or fit.disagreement(value[0] - best_s, MOST_APART_S)
     return fit.clock_of(value, middle, solved, [camera.name]), lags, costs, why
+
+
+def searched(camera: Camera, motion: WalkerJoints, uv: Floats, elapsed: Floats, most_s: float) -> tuple[Floats, Floats]:
+    """`search`, and again further where the best lag is at an end: a start may be worse than it was said to be."""
+    lags, costs = search(camera, motion, uv, elapsed, most_s)
+    more_s = lag.further(most_s, float(elapsed[-1] - elapsed[0]))
+    if more_s > most_s and np.isfinite(costs).any() and lag.at_an_end(lags, costs, lag.lowest(lags, costs)):
+        return searched(camera, motion, uv, elapsed, more_s)
+    return lags, costs
 
 
 def search(

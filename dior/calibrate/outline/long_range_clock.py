@@ -318,6 +318,4 @@ def _doubt(costs: Floats, given: Floats, offset: float, sd: float, count: int) -
     if not given[0] < MOST_SIGMA_S:
         return f"the motion leaves ± {1.96 * given[0]:.2f} s open"
     lags = lags_of(costs)
-    if abs(offset) > lags[-1] - lag.APART_S / 2:
-        return f"the best lag is at the end of the ± {lags[-1]:g} s that were tried"
     return lag.doubt(lags, lag.worse(costs, count, sd), offset, max(lag.APART_S, 3 * given[0]), CLEARLY)

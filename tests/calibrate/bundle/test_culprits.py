@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -39,6 +41,28 @@ def cost(wrong=40.0, strained=()):
         return (5.0 if right or alike else wrong), 100.0 if alike else 3.0
 
     return of
+
+
+@pytest.mark.parametrize(
+    ("late_s", "ends_px", "said"),
+    [(4.9, 5.0, "cam02 in walk_1 +4.9 s"), (1.9, 5.0, ""), (4.9, 25.0, ""), (4.9, 39.0, "")],
+)
+def test_a_clock_further_off_than_is_searched_is_named_with_what_it_is(late_s, ends_px, said):
+    long = Recorded(tuple(TimedDetections(np.arange(300) / 30, np.zeros((300, 1, 2)), 0.1) for _ in RIG), ("nose",), 30)
+    window = {"first": 0, "count": 300, "step": 1}
+    found = replace(timed((0, 1, 2)), recorded=(long,), windows=(window,))
+
+    def start(wide):
+        assert [own.most_s for own in wide.recorded[0].seen] == pytest.approx([6.0] * 3, abs=0.1)
+        return np.array([[[0.0, 0.0], [late_s, 0.0], [0.1, 0.0]]])
+
+    def of(views, tried):
+        return (ends_px if tried.recorded[0].seen[0].most_s > 2 else 40.0), 3.0
+
+    text = culprits.far_off(found, ["walk_1"], of, start)
+    assert bool(text) == bool(said) and said in text
+    if said:
+        assert "than the 2.0 s that are searched" in text and "offset_s in config/offsets/walk_1.yaml" in text
 
 
 def test_files_that_were_exchanged_are_named():

@@ -52,6 +52,14 @@ def test_clocks_further_off_are_found_where_they_are_looked_for(walk):
         assert why == "" and clock.offset_s + 1e-6 * clock.drift_ppm * clock.middle_s == pytest.approx(true, abs=0.008)
 
 
+def test_a_clock_beyond_the_window_is_looked_for_further_and_no_others_are_moved(walk):
+    told = found(walk, (0.0, 2.3, 0.1))
+    assert [told[name][3] for name in ("cam02", "cam03")] == ["", ""]
+    assert told["cam02"][0].offset_s == pytest.approx(2.3, abs=0.008)
+    assert told["cam03"][0].offset_s == pytest.approx(0.1, abs=0.008)
+    assert told["cam02"][1][-1] == pytest.approx(4.0, abs=1 / scene.FPS)
+
+
 def test_one_camera_a_whole_frame_wrong_shows(walk):
     told = found(walk, (0.0, 1 / scene.FPS, 0.0))
     assert told["cam02"][0].offset_s == pytest.approx(1 / scene.FPS, abs=0.004)

@@ -47,6 +47,16 @@ def test_a_clock_further_off_is_found_where_it_is_looked_for(walk):
     assert lags[-1] == -lags[0] == 4.0
 
 
+def test_a_clock_beyond_the_window_is_looked_for_further(walk):
+    elapsed = np.arange(300) / 30
+    clock, lags, *_, why = from_mocap.from_detections(CAMERA, walk[1], seen(*walk, elapsed, 2.3), elapsed)
+    assert why == "" and clock.offset_s == pytest.approx(2.3, abs=0.0015) and lags[-1] == 4.0
+    # and is not known where the recording ends before it
+    few = elapsed[:100]
+    clock, lags, *_, why = from_mocap.from_detections(CAMERA, walk[1], seen(*walk, few, 2.3), few)
+    assert clock.source == "assumed_zero" and lags[-1] == 2.0 and "at the end of the -1.6 to +2.0 s" in why
+
+
 def test_a_constant_error_of_the_detector_is_no_time(walk):
     elapsed = np.arange(300) / 30
     uv = seen(*walk, elapsed, 0.3)
