@@ -41,6 +41,8 @@ def test_two_flashes_that_fit_alike_tell_nothing_and_a_pattern_does():
 def test_flashes_that_the_other_has_not_tell_nothing():
     one, other = seen([1.5, 3.1, 4.4, 6.2, 8.1]), seen([2.0, 2.9, 5.1, 7.6])
     assert video_flash.lag(one, other, 0.0, 4.0) is None
+    one, other = seen([2.0, 3.0, 5.3, 8.1]), seen([2.0, 3.0, 4.1, 6.6])
+    assert video_flash.lag(one, other, 0.0, 4.0) is None, "one lag fits best, by two of four"
 
 
 def changed(light, **what):
