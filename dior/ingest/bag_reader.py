@@ -89,8 +89,7 @@ def opened(path: Path, container: str) -> Iterator[Recording]:
 
     if container == "db3":
         _check_database(path)
-    # as much of a path as rosbags asks for
-    file: Any = _File(path)
+    file: Any = file_of(path)
     with damage_as_value_error():
         if container == "ros1":
             reader: Any = rosbag1.Reader(file)
@@ -117,6 +116,11 @@ def damage_as_value_error() -> Iterator[None]:
         raise ValueError("its records are cut off or contradict each other") from None
     except Exception as error:
         raise ValueError(str(error).split("\n")[0] or type(error).__name__) from None
+
+
+def file_of(path: Path) -> "_File":
+    """As much of a path as rosbags asks for."""
+    return _File(path)
 
 
 class _File:

@@ -11,10 +11,11 @@ for a conversion before the first look at its data.
 
 import os
 import shutil
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import TypeVar
 
 from dior.arrays import AnyPath
 from dior.errors import DiorError
@@ -63,23 +64,35 @@ DESCRIPTIONS = (
         "refused: give the `.bag`",
     ),
 )
+Found = TypeVar("Found")
 
 
 def topics(bag: AnyPath) -> dict[str, tuple[str, int]]:
     """Topics of a bag: dict full name -> (message type, number of messages). Raises DiorError for a broken bag."""
     found: dict[str, tuple[str, int]] = {}
+    for topic, kind, count in of_files(bag, _topics):
+        found[topic] = (kind, found.get(topic, ("", 0))[1] + count)
+    return found
+
+
+def _topics(path: Path, container: str) -> list[tuple[str, str, int]]:
+    if container in READERS:
+        found: list[tuple[str, str, int]] = READERS[container].topics(path)
+        return found
+    with opened(path, container) as recording:
+        return recording.topics()
+
+
+def of_files(bag: AnyPath, read: Callable[[Path, str], list[Found]]) -> list[Found]:
+    """What `read` finds in all files of a bag, each given as its path and its format: ros1, mcap, db3, video or
+    pictures. Raises DiorError for a broken bag."""
+    found: list[Found] = []
     for path in _files(bag):
         container, hint = _format(bag, path)
         try:
-            if container in READERS:
-                there = READERS[container].topics(path)
-            else:
-                with opened(path, container) as recording:
-                    there = recording.topics()
+            found += read(path, container)
         except BROKEN as error:
             raise _damaged(bag, container, hint, error) from None
-        for topic, kind, count in there:
-            found[topic] = (kind, found.get(topic, ("", 0))[1] + count)
     return found
 
 

@@ -160,6 +160,22 @@ def picture_of(kind: str, raw: Any, wire: str) -> tuple[int, int, int]:
     return _stamp_ns(message), *_size(message, kind, wire)
 
 
+def stamp_and_size(kind: str, raw: Any, wire: str) -> tuple[int | None, tuple[int, int] | None]:
+    """(header stamp in ns, (height, width) px) of any message; None where it has none, or it cannot be told."""
+    try:
+        stamp_ns, *size = picture_of(kind, raw, wire)
+        return stamp_ns, (size[0], size[1])
+    except ValueError:
+        if kind not in (COMPRESSED, RAW, CAMERA_INFO):
+            return None, None
+    try:
+        # a depth picture, which `picture_of` refuses, or a lens
+        message = decoded(kind, raw, wire)
+        return _stamp_ns(message), None if kind == COMPRESSED else (message.height, message.width)
+    except ValueError:
+        return None, None
+
+
 def decode(kind: str, raw: Any, wire: str, size: tuple[int, int]) -> NDArray[np.uint8]:
     """BGR picture (height, width, 3) of an image message of a known `size` (height, width) px. Raises ValueError."""
     message = _image(kind, raw, wire)

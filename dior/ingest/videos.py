@@ -92,6 +92,21 @@ class VideoIndex:
     light: Floats | None = None
 
 
+@dataclass(frozen=True)
+class VideoEnds:
+    """A stream by its name (`topics`): about how many pictures, when it began (ns since the Unix epoch, None where the
+    file does not say), about how long it is, the size of its first picture (px), pictures per second, 0 where
+    unknown."""
+
+    topic: str
+    count: int
+    began_ns: int | None
+    span_ns: int
+    height: int
+    width: int
+    fps: float
+
+
 @dataclass(frozen=True, eq=False)
 class DecodedPicture:
     """A decoded picture, to be turned counterclockwise by `quarters`, with the fields of a sensor_msgs/Image."""
@@ -143,6 +158,30 @@ def topics(path: Path) -> list[tuple[str, str, int]]:
             for name in (f"/video{number}", f"/video{number}/{STORED}"):
                 found.append((name, messages.RAW, max(stream.frames or _about(container, stream), 1)))
         return found
+
+
+def ends(path: Path) -> list[VideoEnds]:
+    """`VideoEnds` of each stream, by the file's own words and its first picture. Raises ValueError."""
+    found = []
+    with _opened(path) as container:
+        for number in range(len(_streams(container))):
+            stream = _stream(container, number)
+            container.seek(0)
+            _, frame = next(_decoded(container, stream, _Sent()), (0, None))
+            if frame is None:
+                raise ValueError("no picture in it can be decoded")
+            count = max(stream.frames or _about(container, stream), 1)
+            fps = float(stream.average_rate or stream.guessed_rate or 0)
+            span_ns = round(1e9 * (count - 1) / fps) if fps else 0
+            began_ns = _began({**stream.metadata, **container.metadata}, np.array([0, span_ns]))
+            size = frame.height, frame.width
+            shown = size[::-1] if _quarters(frame) % 2 else size
+            name = f"/video{number}"
+            found += [
+                VideoEnds(topic, count, began_ns, span_ns, *messages.checked_size(*of), fps)
+                for topic, of in ((name, shown), (f"{name}/{STORED}", size))
+            ]
+    return found
 
 
 def recorded(path: Path, wanted: Collection[str], received: Collection[int] | None) -> Iterator[Message]:
