@@ -41,8 +41,8 @@ class Faults:
     2
     """
 
-    def __init__(self) -> None:
-        self.found: list[DiorError] = []
+    def __init__(self, found: Iterable[DiorError] = ()) -> None:
+        self.found: list[DiorError] = list(found)
 
     @contextmanager
     def kept(self) -> Iterator[None]:

@@ -29,17 +29,26 @@ from dior.project.schema_check import Row, Rows, check, read_sheet, read_yaml
 
 
 def load(root: AnyPath, config: dict[str, Any] | None = None) -> Project:
-    """Read and check the project in the folder `root`; DiorError names what is wrong, a line for each file or row.
+    """Read and check the project in the folder `root`; DiorError names what is wrong, a line for each mistake.
 
-    What one file says of another is looked at when each is right in itself. Of a file or row the first fault is told.
+    What one file says of another is looked at when each is right in itself.
 
     `config` is the content of config.yaml where the caller has read it already (Snakemake's `config`, which may hold
     changes made on its command line).
     """
-    root = Path(root)
-    config = _plain(config) if config is not None else read_config(root)
     faults = Faults()
+    project = as_far_as_it_goes(root, faults, config)
+    faults.tell()
+    assert project is not None
+    return project
+
+
+def as_far_as_it_goes(root: AnyPath, faults: Faults, config: dict[str, Any] | None = None) -> Project | None:
+    """The same, what is wrong being kept in `faults`: without the sessions whose files are wrong, their walks excluded;
+    None where nothing is left, or where the config or a sheet is wrong."""
+    root = Path(root)
     with faults.kept():
+        config = _plain(config) if config is not None else read_config(root)
         check(config, "config", "config/config.yaml")
         cross_checks.check_config(config)
         licenses.check(config["release"], root)
@@ -54,42 +63,66 @@ def load(root: AnyPath, config: dict[str, Any] | None = None) -> Project:
         _optional_sheet(root, "effort", ("what",))
     with faults.kept():
         _optional_sheet(root, "markers", ("name", "format"))
-    if faults.found:
+    if faults.found or config is None:
         sessions.check_alone(root, faults)
-    faults.tell()
-    if not rows:
-        raise DiorError("config/sequences.tsv has no rows yet: enter one row per recorded walk")
+        return None
+    with faults.kept():
+        _check_anything(rows, people, root)
+    if faults.found:
+        return None
     rows, withheld = processed(bumps.in_parts(root, rows), people)
     project = Project(
         root, config, rows, {name: row for name, row in people.items() if consents(row, "processing")},
         gallery=processed(gallery, people)[0], withheld=withheld,
         detectors={name: row for name, row in detectors.items() if row["sequence"] not in withheld},
     )  # fmt: skip
-    if not rows:
-        raise DiorError(
-            "config/subjects.tsv: nobody agreed to be processed, so there is nothing to do; consent_processing is yes "
-            "for those who did, or, where it is left out, consent_release. `dior forget` lists what is left of others"
-        )
-    if not project.sequences:
-        raise DiorError("config/sequences.tsv: every row has an exclude_reason, so there is nothing to process")
     with faults.kept():
         cross_checks.check_sheets(project, people, lines)
     with faults.kept():
         cross_checks.check_gallery(project, people, gallery_lines)
     if faults.found:
         sessions.check_alone(root, faults)
-    faults.tell()
+        return None
     project = _by_pseudonym(project, people)
+    broken = set()
     for session in project.sessions:
+        before = len(faults.found)
         with faults.kept():
             sessions.read(project, session)
-    faults.tell()
+        if len(faults.found) > before:
+            broken.add(session)
+    if broken:
+        return _without(project, broken)
     with faults.kept():
         cross_checks.check_sessions(project, lines)
     with faults.kept():
         cross_checks.check_detectors(project, detector_lines)
-    faults.tell()
     return project
+
+
+def _check_anything(rows: Rows, people: Rows, root: Path) -> None:
+    """Raise DiorError where there is no walk that may be processed."""
+    if not rows:
+        raise DiorError("config/sequences.tsv has no rows yet: enter one row per recorded walk")
+    used, _ = processed(bumps.in_parts(root, rows), people)
+    if not used:
+        raise DiorError(
+            "config/subjects.tsv: nobody agreed to be processed, so there is nothing to do; consent_processing is yes "
+            "for those who did, or, where it is left out, consent_release. `dior forget` lists what is left of others"
+        )
+    if all(row["exclude_reason"] for row in used.values()):
+        raise DiorError("config/sequences.tsv: every row has an exclude_reason, so there is nothing to process")
+
+
+def _without(project: Project, broken: set[str]) -> Project | None:
+    """The project, the walks of the sessions `broken` excluded; None where these are all."""
+    reason = "its session's files are wrong"
+    rows = {
+        name: row | ({"exclude_reason": reason} if row["session"] in broken and not row["exclude_reason"] else {})
+        for name, row in project.rows.items()
+    }
+    left = replace(project, rows=rows)
+    return left if left.sequences else None
 
 
 def read_config(root: AnyPath) -> dict[str, Any]:

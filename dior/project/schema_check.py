@@ -2,7 +2,7 @@
 
 INPUTS: files of a project's config/ and `dior/project/schemas/<kind>.schema.yaml`. OUTPUTS: plain dicts with the
 schemas' defaults filled in. Every complaint is one DiorError that names the file, the key or line, and the nearest
-valid name.
+valid name, and those of one file come together.
 """
 
 import math
@@ -13,7 +13,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, overload
 
-from dior.errors import DiorError, nearest
+from dior.errors import MOST_FAULTS, DiorError, Faults, nearest
 from dior.paths import AnyPath
 from dior.project.plain_text import rows_of
 from dior.project.yaml_file import read_yaml as read_yaml
@@ -89,28 +89,36 @@ def read_sheet(
     if repeated is not None:
         raise DiorError(f"{shown}: column '{repeated}' is there twice")
     patterns = schema.get("patternProperties", {})
-    for column in header:
-        if column not in known and not any(re.search(pattern, column) for pattern in patterns):
-            raise DiorError(f"{shown}: unknown column '{column}'{nearest(column, known)}")
-    for column in schema["required"]:
-        if column not in header:
-            raise DiorError(f"{shown}: column '{column}' is missing; it holds {_first_sentence(schema, column)}")
+    unknown = [
+        column
+        for column in header
+        if column not in known and not any(re.search(pattern, column) for pattern in patterns)
+    ]
+    # a column with a slip in its name is also a missing one, and the slip is what helps
+    missing = [column for column in schema["required"] if column not in header and not unknown]
+    sentences = [f"{shown}: unknown column '{column}'{nearest(column, known)}" for column in unknown]
+    sentences += [f"{shown}: column '{one}' is missing; it holds {_first_sentence(schema, one)}" for one in missing]
+    Faults(map(DiorError, sentences)).tell()
     rows: dict[Any, Row] = {}
     line_of: dict[Any, int] = {}
+    faults = Faults()
     for line, cells in body:
-        if len(cells) > len(header):
-            raise DiorError(f"{shown} line {line}: {len(cells)} cells but the sheet has {len(header)} columns")
-        row = dict(zip(header, [*cells, *[""] * (len(header) - len(cells))], strict=True))
-        check(row, kind, f"{shown} line {line}")
-        row = {**dict.fromkeys(known, ""), **row}
-        name = row[key] if isinstance(key, str) else tuple(row[column] for column in key)
-        if name in rows:
-            what = f"{key} '{name}'" if isinstance(key, str) else f"{', '.join(key)} '{', '.join(name)}'"
-            raise DiorError(f"{shown}: {what} is there twice, on lines {line_of[name]} and {line}")
-        rows[name] = row
-        line_of[name] = line
+        with faults.kept():
+            if len(cells) > len(header):
+                raise DiorError(f"{shown} line {line}: {len(cells)} cells but the sheet has {len(header)} columns")
+            row = dict(zip(header, [*cells, *[""] * (len(header) - len(cells))], strict=True))
+            check(row, kind, f"{shown} line {line}")
+            row = {**dict.fromkeys(known, ""), **row}
+            name = row[key] if isinstance(key, str) else tuple(row[column] for column in key)
+            if name in rows:
+                what = f"{key} '{name}'" if isinstance(key, str) else f"{', '.join(key)} '{', '.join(name)}'"
+                raise DiorError(f"{shown}: {what} is there twice, on lines {line_of[name]} and {line}")
+            rows[name] = row
+            line_of[name] = line
     if isinstance(key, str):
-        _check_case(shown, key, line_of)
+        with faults.kept():
+            _check_case(shown, key, line_of)
+    faults.tell()
     return rows, line_of
 
 
@@ -129,53 +137,76 @@ def _check_case(shown: str, key: str, line_of: dict[str, int]) -> None:
 def check(content: Any, kind: str, shown: AnyPath) -> Any:
     """`content` checked against a schema, filled with its defaults in place, and returned.
 
-    Raises DiorError with the dotted path of the first key that is wrong. Unknown keys come first: a key with a slip in
-    its name is also a missing one, and the slip is what helps.
+    Raises DiorError with the dotted path of each key that is wrong. Unknown keys come first, and none is said to be
+    missing where there is one: a key with a slip in its name is also a missing one, and the slip is what helps.
     """
     import fastjsonschema
 
-    try:
-        _fill(_schema(kind), content, "")
-        _check_finite(content, "")
-        _make_whole(_schema(kind), content)
-        return _validator(kind)(content)
-    except fastjsonschema.JsonSchemaValueException as error:
-        raise DiorError(f"{shown}: {_sentence(error)}") from None
-    except DiorError as error:
-        raise DiorError(f"{shown}: {error}") from None
+    found: list[str] = []
+    _fill(_schema(kind), content, "", found)
+    _check_finite(content, "", found)
+    _make_whole(_schema(kind), content)
+    for _ in range(MOST_FAULTS):
+        try:
+            _validator(kind, strict=not found)(content)
+            break
+        except fastjsonschema.JsonSchemaValueException as error:
+            found += _sentences(error)
+            if not _without(content, error.path[1:]) and error.rule != "required":
+                break
+    Faults(DiorError(f"{shown}: {sentence}") for sentence in dict.fromkeys(found)).tell()
+    return content
 
 
-def _check_finite(content: Any, inside: str) -> None:
+def _without(content: Any, path: list[Any]) -> bool:
+    """Take the value at `path`, or the list that it is in, out of `content`, so that the others can be looked at;
+    False where there is none."""
+    holder, key = None, None
+    for part in path:
+        if not isinstance(content, dict) or part not in content:
+            break
+        holder, key, content = content, part, content[part]
+    if holder is None:
+        return False
+    del holder[key]
+    return True
+
+
+def _check_finite(content: Any, inside: str, found: list[str]) -> None:
     """YAML's .nan and .inf are numbers to a schema, but never what a person measured; nor is what fits no float."""
     if isinstance(content, float) and not math.isfinite(content):
-        raise DiorError(f"'{inside}' is {content} but should be a finite number")
+        found.append(f"'{inside}' is {content} but should be a finite number")
     if isinstance(content, int) and abs(content) > LARGEST:
-        raise DiorError(f"'{inside}' is {content}, which is more than any number here can be")
+        found.append(f"'{inside}' is {content}, which is more than any number here can be")
     keys = content.items() if isinstance(content, dict) else enumerate(content) if isinstance(content, list) else ()
     for key, value in keys:
-        _check_finite(value, f"{inside}.{key}" if inside else str(key))
+        _check_finite(value, f"{inside}.{key}" if inside else str(key), found)
 
 
-def _fill(schema: dict[str, Any], content: Any, inside: str) -> None:
+def _fill(schema: dict[str, Any], content: Any, inside: str, found: list[str]) -> None:
+    """Fill in the defaults; keys that nobody knows are taken out and told in `found`."""
     if not isinstance(content, dict):
         return
     known = schema.get("properties", {})
     patterns = schema.get("patternProperties", {})
-    for key in content:
+    for key in list(content):
         if not isinstance(key, str):
-            raise DiorError(f"key '{inside}{key}' is read as a {type(key).__name__}, not as text; put it in quotes")
-        if key in known or any(re.search(pattern, key) for pattern in patterns):
+            found.append(f"key '{inside}{key}' is read as a {type(key).__name__}, not as text; put it in quotes")
+        elif key in known or any(re.search(pattern, key) for pattern in patterns):
             continue
-        if schema.get("additionalProperties", True) is False:
-            if not known:
-                raise DiorError(f"'{inside}{key}' is not a name of letters, digits, _ and - (not first; at most 100)")
-            raise DiorError(f"unknown key '{inside}{key}'{nearest(key, known)}")
+        elif schema.get("additionalProperties", True) is not False:
+            continue
+        elif known:
+            found.append(f"unknown key '{inside}{key}'{nearest(key, known)}")
+        else:
+            found.append(f"'{inside}{key}' is not a name of letters, digits, _ and - (not first; at most 100)")
+        del content[key]
     for key, value in known.items():
         if key not in content and "default" in value:
             content[key] = deepcopy(value["default"])
     for key, value in content.items():
         below: dict[str, Any] = known.get(key) or next((s for p, s in patterns.items() if re.search(p, key)), {})
-        _fill(below, value, f"{inside}{key}.")
+        _fill(below, value, f"{inside}{key}.", found)
 
 
 def _make_whole(schema: dict[str, Any], content: Any) -> None:
@@ -203,10 +234,23 @@ def _schema(kind: str) -> dict[str, Any]:
 
 
 @cache
-def _validator(kind: str) -> Callable[[Any], Any]:
+def _validator(kind: str, strict: bool) -> Callable[[Any], Any]:
+    """What raises for content that a schema refuses; not `strict`: keys may be missing."""
     import fastjsonschema
 
-    return fastjsonschema.compile(_schema(kind), use_default=False)
+    schema = _schema(kind)
+    return fastjsonschema.compile(schema if strict else _with_gaps(schema), use_default=False)
+
+
+def _with_gaps(schema: Any) -> Any:
+    """A schema without its lists of keys that must be there."""
+    if isinstance(schema, list):
+        return [_with_gaps(one) for one in schema]
+    if not isinstance(schema, dict):
+        return schema
+    # where `required` is a key of the content, it is a schema and no list
+    kept = {key: value for key, value in schema.items() if not (key == "required" and isinstance(value, list))}
+    return {key: _with_gaps(value) for key, value in kept.items()}
 
 
 def _first_sentence(schema: dict[str, Any], key: str) -> str:
@@ -214,13 +258,16 @@ def _first_sentence(schema: dict[str, Any], key: str) -> str:
     return text.split(". ")[0].rstrip(".")
 
 
+def _sentences(error: "fastjsonschema.JsonSchemaValueException") -> list[str]:
+    if error.rule != "required":
+        return [_sentence(error)]
+    inside, schema = "".join(f"{part}." for part in error.path[1:]), error.definition
+    missing = [key for key in schema["required"] if key not in error.value]
+    return [f"key '{inside}{key}' is missing; it holds: {_first_sentence(schema, key)}" for key in missing]
+
+
 def _sentence(error: "fastjsonschema.JsonSchemaValueException") -> str:
-    path = ".".join(str(part) for part in error.path[1:])
-    inside = f"{path}." if path else ""
-    schema = error.definition
-    if error.rule == "required":
-        missing = [key for key in schema["required"] if key not in error.value][0]
-        return f"key '{inside}{missing}' is missing; it holds: {_first_sentence(schema, missing)}"
+    path, schema = ".".join(str(part) for part in error.path[1:]), error.definition
     if error.rule == "minLength" and error.value:
         return f"'{path}' is {error.value!r}, which is too short; it holds: {_decapitalised(schema['description'])}"
     value = "nothing" if error.value in (None, "") else repr(error.value)

@@ -598,7 +598,7 @@ def test_intrinsics_from_a_board_and_placement_by_a_tag(root):
         ("{}", ["'intrinsics' names nothing"]),
         ("{chessboard: {path: board, rows: 7, columns: 4}}", ["key 'intrinsics.chessboard.square_m' is missing"]),
         (f"{{chesboard: {BOARD}}}", ["unknown key 'intrinsics.chesboard' (did you mean 'chessboard'?)"]),
-        (f"{{charuco: {BOARD}}}", ["key 'intrinsics.charuco.marker_m' is missing"]),
+        (f"{{charuco: {BOARD[:-1]}, dictionary: 4X4_50}}}}", ["key 'intrinsics.charuco.marker_m' is missing"]),
         (f"{{chessboard: {BOARD}}}\ndistortion_model: inverse_brown_conrady", ["a chessboard gives a plumb_bob lens"]),
     ],
 )
@@ -971,3 +971,45 @@ def test_of_many_faults_the_first_are_told():
     found = DiorErrors(DiorError(f"line {n}\nof it") for n in range(30))
     lines = str(found).split("\n")
     assert len(lines) == 21 and lines[0] == "line 0 of it" and lines[-1] == "and 10 more"
+
+
+def sentences(root):
+    """What is wrong with a project, a sentence each."""
+    with pytest.raises(DiorErrors) as caught:
+        project.load(root)
+    return [str(one) for one in caught.value.found]
+
+
+def test_all_slips_of_one_file_come_together(root):
+    edit(root, "sessions/field/cam01.yaml", "role: close", "role: clsoe\ncolour: red\nnuge: {}")
+    edit(root, "sessions/field/cam01.yaml", "[4, 0, 1.5]", "[4, 0]")
+    cam01 = "config/sessions/field/cam01.yaml"
+    assert sentences(root) == [
+        f"{cam01}: unknown key 'colour'", f"{cam01}: unknown key 'nuge' (did you mean 'nudge'?)",
+        f"{cam01}: 'role' is 'clsoe' but should be one of close, long_range (did you mean 'close'?)",
+        f"{cam01}: 'tape.position_m' is [4, 0] but should be a list of 3 numbers",
+    ]  # fmt: skip
+
+
+def test_all_slips_of_all_rows_come_together(root):
+    edit(root, "sequences.tsv", "\toutdoor", "\toutdor", 2)
+    edit(root, "sequences.tsv", "out_1\t9", "out_1\tninth")
+    edit(root, "subjects.tsv", "zebra-0001", "z")
+    where = "config/sequences.tsv line"
+    enough = "'environment' is 'outdor' but should be one of indoor, outdoor (did you mean 'outdoor'?)"
+    assert [text.partition(";")[0] for text in sentences(root)] == [
+        f"{where} 2: {enough}",
+        f"{where} 3: 'session_order' is 'ninth' but should be a whole number, the place of the sequence in the order of "
+        "recording within its session",
+        f"{where} 3: {enough}",
+        "config/subjects.tsv line 2: 'pseudonym' is 'z' but should be a made-up name of 8 or more letters, digits, _ and - "
+        "(not first",
+    ]
+
+
+def test_all_columns_that_nobody_knows_come_together(root):
+    edit(root, "sequences.tsv", "outfit\twalk", "outfits\twalks")
+    assert sentences(root) == [
+        "config/sequences.tsv: unknown column 'outfits' (did you mean 'outfit'?)",
+        "config/sequences.tsv: unknown column 'walks' (did you mean 'walk'?)",
+    ]
