@@ -22,7 +22,8 @@ class Stream:
     `first_ns`, `last_ns`: header stamps of the first and the last of them, as they were received (ns since the Unix
     epoch; 0 where the driver set none), the receive stamps of what has no header, None where the file does not tell.
     Of a video they are by its time of creation. `height`, `width` (px) of pictures, or of those that a CameraInfo is
-    of; `fps`: messages per second. A video's topics, and how many pictures it has, are as `bags.topics_of` has them.
+    of; `fps`: messages per second; `why_not`: why the first message is no picture that is read, empty where it is one.
+    A video's topics, and how many pictures it has, are as `bags.topics_of` has them.
     """
 
     topic: str
@@ -33,6 +34,7 @@ class Stream:
     height: int | None
     width: int | None
     fps: float | None
+    why_not: str = ""
 
 
 def glance(path: AnyPath) -> tuple[Stream, ...]:
@@ -53,27 +55,32 @@ def _streams(path: Path, container: str) -> list[Stream]:
 
 
 def _of_bag(ends: Ends) -> Stream:
-    first_ns, size = _told(ends.first)
-    last_ns, _ = _told(ends.last)
-    return _stream(ends.topic, ends.kind, ends.count, (first_ns, last_ns), size)
+    first_ns, size, why_not = _told(ends.first)
+    last_ns, *_ = _told(ends.last)
+    return _stream(ends.topic, ends.kind, ends.count, (first_ns, last_ns), size, why_not)
 
 
-def _told(message: Message | None) -> tuple[int | None, tuple[int, int] | None]:
-    """Stamp (ns) and size (height, width) px of a message."""
+def _told(message: Message | None) -> tuple[int | None, tuple[int, int] | None, str]:
+    """Stamp (ns), size (height, width) px of a message, and why it is no picture."""
     if message is None:
-        return None, None
-    stamp_ns, size = messages.stamp_and_size(message.kind, message.raw, message.wire)
-    return message.receive_ns if stamp_ns is None else stamp_ns, size
+        return None, None, "there is no message of it"
+    stamp_ns, size, why_not = messages.told(message.kind, message.raw, message.wire)
+    return message.receive_ns if stamp_ns is None else stamp_ns, size, why_not
 
 
 def _stream(
-    topic: str, kind: str, count: int, span: tuple[int | None, int | None], size: tuple[int, int] | None
+    topic: str,
+    kind: str,
+    count: int,
+    span: tuple[int | None, int | None],
+    size: tuple[int, int] | None,
+    why_not: str = "",
 ) -> Stream:
     first_ns, last_ns = span
-    lasts = first_ns is not None and last_ns is not None and last_ns > first_ns
-    fps = 1e9 * (count - 1) / (last_ns - first_ns) if lasts and count > 1 else None  # type: ignore[operator]
+    lasts_ns = (last_ns or 0) - (first_ns or 0)
+    fps = 1e9 * (count - 1) / lasts_ns if count > 1 and lasts_ns > 0 else None
     height, width = size or (None, None)
-    return Stream(topic, kind, count, first_ns, last_ns, height, width, fps)
+    return Stream(topic, kind, count, first_ns, last_ns, height, width, fps, why_not)
 
 
 def _of_video(ends: videos.VideoEnds) -> Stream:
@@ -85,8 +92,8 @@ def _of_video(ends: videos.VideoEnds) -> Stream:
 def _of_folder(path: Path) -> Stream:
     files = picture_folders.files(path)
     first = next(picture_folders.recorded(path, {picture_folders.TOPIC}, {0}))
-    _, size = messages.stamp_and_size(first.kind, first.raw, first.wire)
-    return _stream(picture_folders.TOPIC, messages.COMPRESSED, len(files), (None, None), size)
+    _, size, why_not = messages.told(first.kind, first.raw, first.wire)
+    return _stream(picture_folders.TOPIC, messages.COMPRESSED, len(files), (None, None), size, why_not)
 
 
 def _joined(one: Stream, other: Stream) -> Stream:
@@ -95,4 +102,16 @@ def _joined(one: Stream, other: Stream) -> Stream:
     whole = (min(span), max(span)) if span else (None, None)
     size = (one.height, one.width) if one.height else (other.height, other.width)
     known = (size[0], size[1]) if size[0] is not None and size[1] is not None else None
-    return _stream(one.topic, one.kind, one.count + other.count, whole, known)
+    # of a file without a message of it, the other tells
+    why_not = one.why_not if one.count else other.why_not
+    return _stream(one.topic, one.kind, one.count + other.count, whole, known, why_not)
+
+
+def first_message(path: AnyPath, topic: str) -> Message | None:
+    """The first message of a topic (its full name) in a bag. Raises DiorError for a broken one."""
+
+    def read(file: Path, container: str) -> list[Message]:
+        ends = [] if container in containers.READERS else bag_ends.ends(file, container)
+        return [one.first for one in ends if one.topic == topic and one.first]
+
+    return next(iter(containers.of_files(path, read)), None)

@@ -160,20 +160,22 @@ def picture_of(kind: str, raw: Any, wire: str) -> tuple[int, int, int]:
     return _stamp_ns(message), *_size(message, kind, wire)
 
 
-def stamp_and_size(kind: str, raw: Any, wire: str) -> tuple[int | None, tuple[int, int] | None]:
-    """(header stamp in ns, (height, width) px) of any message; None where it has none, or it cannot be told."""
+def told(kind: str, raw: Any, wire: str) -> tuple[int | None, tuple[int, int] | None, str]:
+    """(header stamp in ns, (height, width) px, why it is no picture that is read) of any message; None for a stamp or a
+    size that it does not have, or that cannot be told."""
     try:
         stamp_ns, *size = picture_of(kind, raw, wire)
-        return stamp_ns, (size[0], size[1])
-    except ValueError:
-        if kind not in (COMPRESSED, RAW, CAMERA_INFO):
-            return None, None
+        return stamp_ns, (size[0], size[1]), ""
+    except ValueError as error:
+        why = str(error)
+    if kind not in (COMPRESSED, RAW, CAMERA_INFO):
+        return None, None, why
     try:
         # a depth picture, which `picture_of` refuses, or a lens
         message = decoded(kind, raw, wire)
-        return _stamp_ns(message), None if kind == COMPRESSED else (message.height, message.width)
+        return _stamp_ns(message), None if kind == COMPRESSED else (message.height, message.width), why
     except ValueError:
-        return None, None
+        return None, None, why
 
 
 def decode(kind: str, raw: Any, wire: str, size: tuple[int, int]) -> NDArray[np.uint8]:

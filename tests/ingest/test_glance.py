@@ -17,6 +17,7 @@ from tests.ingest.bagfiles import FORMATS, T0, info, packed, picture, raw, write
 
 CAM01, CAM02 = "/cam01/color/image_raw/compressed", "/cam02/image_raw"
 STEP = 33_333_333
+NO_PICTURE = f"its type is std_msgs/msg/String, not {messages.COMPRESSED} or {messages.RAW}"
 
 
 def capture(first=0, count=40):
@@ -35,10 +36,11 @@ def read_through(bag):
         found.setdefault(message.topic, []).append(message)
     streams = []
     for topic, sent in sorted(found.items()):
-        told = [messages.stamp_and_size(one.kind, one.raw, one.wire) for one in sent]
-        stamps = [stamp for stamp, _ in told]
+        told = [messages.told(one.kind, one.raw, one.wire) for one in sent]
+        stamps = [stamp for stamp, *_ in told]
         fps = 1e9 * (len(sent) - 1) / (stamps[-1] - stamps[0])
-        streams.append(Stream(topic, sent[0].kind, len(sent), stamps[0], stamps[-1], *told[0][1], fps))
+        _, size, why_not = told[0]
+        streams.append(Stream(topic, sent[0].kind, len(sent), stamps[0], stamps[-1], *size, fps, why_not))
     return tuple(streams)
 
 
@@ -94,6 +96,7 @@ def test_what_has_no_picture_does_not_stop_the_others(tmp_path):
     assert (camera.height, camera.width, camera.fps) == (48, 64, None)
     assert (seen.first_ns, seen.height, seen.width) == (T0 + 5, 48, 64)
     assert (seen_packed.first_ns, seen_packed.height) == (T0 + 6, None)
+    assert not camera.why_not and "16UC1" in seen.why_not and "depth picture" in seen_packed.why_not
 
 
 def test_stamps_are_those_of_receiving_where_there_is_no_header_and_zero_where_none_was_set(tmp_path):
@@ -106,7 +109,7 @@ def test_stamps_are_those_of_receiving_where_there_is_no_header_and_zero_where_n
         writer.write(words, T0 + 1, b"\x02\0\0\0hi")
         writer.write(words, T0 + 1_000_000_001, b"\x02\0\0\0ho")
     assert glance(tmp_path / "words.bag") == (
-        Stream("/words", "std_msgs/msg/String", 2, T0 + 1, T0 + 1_000_000_001, None, None, 1.0),
+        Stream("/words", "std_msgs/msg/String", 2, T0 + 1, T0 + 1_000_000_001, None, None, 1.0, NO_PICTURE),
     )
 
 
@@ -116,7 +119,9 @@ def test_a_topic_that_was_declared_and_never_sent(tmp_path):
         writer.add_connection("/silent", messages.RAW, msgdef="string data", md5sum="0" * 32)
         words = writer.add_connection("/words", "std_msgs/msg/String", msgdef="string data", md5sum="0" * 32)
         writer.write(words, T0, b"\x02\0\0\0hi")
-    assert glance(tmp_path / "walk.bag")[0] == Stream("/silent", messages.RAW, 0, None, None, None, None, None)
+    assert glance(tmp_path / "walk.bag")[0] == Stream(
+        "/silent", messages.RAW, 0, None, None, None, None, None, "there is no message of it"
+    )
 
 
 @pytest.mark.parametrize("form", ["ros1", "db3 alone", "mcap alone"])

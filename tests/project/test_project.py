@@ -999,11 +999,11 @@ def test_all_slips_of_all_rows_come_together(root):
     enough = "'environment' is 'outdor' but should be one of indoor, outdoor (did you mean 'outdoor'?)"
     assert [text.partition(";")[0] for text in sentences(root)] == [
         f"{where} 2: {enough}",
-        f"{where} 3: 'session_order' is 'ninth' but should be a whole number, the place of the sequence in the order of "
-        "recording within its session",
+        f"{where} 3: 'session_order' is 'ninth' but should be a whole number, the place of the sequence in the order "
+        "of recording within its session",
         f"{where} 3: {enough}",
-        "config/subjects.tsv line 2: 'pseudonym' is 'z' but should be a made-up name of 8 or more letters, digits, _ and - "
-        "(not first",
+        "config/subjects.tsv line 2: 'pseudonym' is 'z' but should be a made-up name of 8 or more letters, digits, _ "
+        "and - (not first",
     ]
 
 
