@@ -130,6 +130,12 @@ def _limit() -> str:
     return f"{has}end other programs, run fewer jobs at once (`snakemake -j1`), or take a computer with more memory"
 
 
+def free_memory() -> int:
+    """Bytes of memory that programs may still take, by the system and by the cgroup; 0 where it does not tell."""
+    known = [count for count in (_meminfo("MemAvailable"), _group()) if count]
+    return min(known, default=0)
+
+
 def _status(key: str) -> int:
     return _kilobytes(Path("/proc/self/status"), key)
 

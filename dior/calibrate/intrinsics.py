@@ -91,13 +91,16 @@ def run(
         found.append(("warning", "rectified_with_distortion", text))
     if sigma or not lens.sigma:
         lens = replace(lens, sigma=float(sigma) if sigma else MAKERS_SIGMA)
-    _check_size(lens, pictures, f"{where} ({sequence})", f"sessions/{session}/{camera}.yaml")
+    check_size(lens, pictures, f"{where} ({sequence})", f"sessions/{session}/{camera}.yaml")
     camera_tables.write_cameras(out, [Camera(camera, lens, role=role)], session=session)
     tables.write_findings(findings, [(f"{session}/{camera}", *finding) for finding in found])
 
 
-def _check_size(lens: Intrinsics, pictures: Table, where: str, yaml: str) -> None:
-    """Refuse pictures of another size, and say so where they are those of a video that is turned."""
+def check_size(lens: Intrinsics, pictures: Table, where: str, yaml: str) -> None:
+    """Refuse pictures of another size, and say so where they are those of a video that is turned.
+
+    `pictures`: width and height (px), topic and bag of at least one.
+    """
     width, height = int(pictures["width"][0]), int(pictures["height"][0])
     if is_stream(pictures["topic"][0]) and (lens.width, lens.height) == (height, width) != (width, height):
         frame, other = ("stored", "shown") if is_stored(pictures["topic"][0]) else ("shown", "stored")

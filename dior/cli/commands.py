@@ -22,6 +22,7 @@ from dior.project.steps import MODULES
 # command -> module whose `run` does it
 COMMANDS = {
     "init": "dior.project.init",
+    "check": "dior.check.check",
     "pseudonyms": "dior.project.pseudonyms",
     "run": "dior.project.run",
     "verify": "dior.release.verify.verify",

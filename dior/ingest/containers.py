@@ -120,6 +120,11 @@ def messages(bag: AnyPath, wanted: Collection[str], received: Collection[int] | 
     yield from unpacker.rest()
 
 
+def is_packed(path: AnyPath) -> bool:
+    """Whether a file is compressed as a whole. Raises DiorError for one that cannot be read."""
+    return _head(path, Path(path)).startswith(ZSTD_MAGIC)
+
+
 def is_video(path: AnyPath) -> bool:
     """Whether a path is that of a video's file. Raises DiorError for a file that cannot be read."""
     return Path(path).is_file() and videos.is_video(_head(path, Path(path)))

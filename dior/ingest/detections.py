@@ -73,7 +73,7 @@ def run(
         if not len(stamps_ns):
             raise DiorError(f"{where}: {frames} has no frame of this camera")
         path = Path(pattern.replace("{camera}", camera))
-        reader = READERS[_format(path, format, where)]
+        reader = READERS[format_of(path, format, where)]
         if "{camera}" not in pattern and len(cameras) > 1 and not reader.all_cameras:
             raise DiorError(f"{sequence}: `detections` in sequences.tsv is '{pattern}', which needs a {{camera}} in it")
         people = of_recording(path, reader, camera, mine, where, first_frame)
@@ -101,7 +101,7 @@ def run(
     tables.write_findings(findings, seen)
 
 
-def _format(path: Path, wanted: str, where: str) -> str:
+def format_of(path: Path, wanted: str, where: str) -> str:
     """The tool that wrote `path`. Raises DiorError for a missing path, an unknown content and another tool's."""
     if not path.exists():
         raise DiorError(f"{where}: there are no detections at {path}; check `detections` in sequences.tsv")

@@ -82,7 +82,7 @@ def run(
             for camera in wanted:
                 indexes[camera][_relative(bag, data_root)] = index
     films = video_frames.films(sequence, filmed, recorded, min(began, default=None))
-    _check_overlap(sequence, [*_spans(topics, indexes), *(films[camera].span() for camera in sorted(films))], by_hand)
+    check_overlap(sequence, [*_spans(topics, indexes), *(films[camera].span() for camera in sorted(films))], by_hand)
     parts: dict[str, Table] = {}
     recorded_twice = dict.fromkeys(filmed, 0)
     for camera, topic in topics.items():
@@ -133,10 +133,11 @@ def _spans(topics: dict[str, str], indexes: dict[str, dict[str, Table]]) -> Iter
             yield int(stamps_ns.min()), int(stamps_ns.max()), camera, bags
 
 
-def _check_overlap(sequence: str, spans: Iterable[video_frames.Span], given: Collection[str]) -> None:
+def check_overlap(sequence: str, spans: Iterable[video_frames.Span], given: Collection[str]) -> None:
     """Refuse recordings of which one part ended before the other began, unless their clocks are `given` by hand.
 
-    A camera that overlaps with no other may do so through a third.
+    `spans`: first and last stamp (ns) of each camera, its name and its files. A camera that overlaps with no other may
+    do so through a third.
     """
     spans = [span for span in spans if span[2] not in given]
     spans.sort()

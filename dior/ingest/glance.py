@@ -46,6 +46,13 @@ def glance(path: AnyPath) -> tuple[Stream, ...]:
     return tuple(found[key] for key in sorted(found))
 
 
+def is_packed(path: AnyPath) -> bool:
+    """Whether a bag, or a file of its folder, is compressed as a whole, so that a glance would unpack it."""
+    path = Path(path)
+    files = [path] if path.is_file() else [one for one in path.iterdir() if one.suffix == ".zstd"]
+    return any(containers.is_packed(file) for file in files)
+
+
 def _streams(path: Path, container: str) -> list[Stream]:
     if container == "video":
         return [_of_video(one) for one in videos.ends(path)]

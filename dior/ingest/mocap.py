@@ -154,16 +154,13 @@ def read(
     Raises DiorError for a missing or broken file, one that is not what it says of itself, an unknown unit, a rate that
     is not positive, a marker given twice, too few markers, and markers that are on no upright body.
     """
-    kind, about = mocap_files.read(path)
-    if not RATES[0] <= about.rate <= RATES[1]:
-        raise DiorError(f"{path}: {RATE[kind]} is {about.rate:g}; it needs its frame rate, so export it again")
-    found = marker_names.find(about.labels, path, subject, prefix, named)
+    kind, about, found = labelled(path, subject, prefix, named)
     markers = tuple(marker for marker in dict.fromkeys((*PLUG_IN_GAIT_39, *named.values())) if marker in found.place)
     try:
         xyz = about.points([found.place[marker] for marker in markers])
     except (OSError, ValueError) as error:
         raise DiorError(f"{path}: not a readable {mocap_files.READERS[kind].tool} ({error})") from None
-    scale = METRES[units or _unit(about, path, kind)]
+    scale = METRES[units or unit_of(about, path, kind)]
     # a point whose residual is negative is invalid, whatever its coordinates (user guide of c3d.org): ezc3d gives NaN
     gap = ~np.isfinite(xyz).all(axis=-1) | (xyz == 0).all(axis=-1)
     if gap.all():
@@ -179,6 +176,19 @@ def read(
     return mocap
 
 
+def labelled(
+    path: AnyPath, subject: str = "", prefix: str = "", named: Mapping[str, str] = marker_names.NOTHING
+) -> tuple[str, Capture, marker_names.Found]:
+    """(its key in mocap_files.READERS, what it says, its markers) of a file, whose coordinates are not read of a C3D.
+
+    Arguments and errors as of `read`.
+    """
+    kind, about = mocap_files.read(path)
+    if not RATES[0] <= about.rate <= RATES[1]:
+        raise DiorError(f"{path}: {RATE[kind]} is {about.rate:g}; it needs its frame rate, so export it again")
+    return kind, about, marker_names.find(about.labels, path, subject, prefix, named)
+
+
 def _vertical(about: Capture, points: Floats, markers: tuple[str, ...]) -> str:
     """The vertical axis of markers (T, M, 3) as the file says, or Z where it does not or where the body does not stand
     along that axis."""
@@ -189,7 +199,8 @@ def _vertical(about: Capture, points: Floats, markers: tuple[str, ...]) -> str:
     return "z" if lean > marker_checks.UPRIGHT_DEG else about.up
 
 
-def _unit(about: Capture, path: AnyPath, kind: str) -> str:
+def unit_of(about: Capture, path: AnyPath, kind: str) -> str:
+    """The unit that a file says it has. Raises DiorError where it says none that is known."""
     unit = SPELLED.get(about.units.lower(), about.units.lower())
     if unit not in METRES:
         says = f"is '{about.units}', not one of {', '.join(METRES)}" if about.units else "is empty"

@@ -172,7 +172,7 @@ CSV = {
     "results/evaluate/statistics.csv": statistics.read,
     "results/reid/table.csv": lambda path: reid.read(path, path, path),
     "results/provenance/walk_1.json": provenance.read,
-    "results/detect/walk_1.cam01.json": lambda path: detections._format(path, "auto", "walk_1, cam01"),
+    "results/detect/walk_1.cam01.json": lambda path: detections.format_of(path, "auto", "walk_1, cam01"),
 }
 
 

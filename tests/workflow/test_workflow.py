@@ -3,6 +3,7 @@
 import os
 import re
 import shlex
+import shutil
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -10,7 +11,9 @@ import pytest
 
 from dior.cli.flags import flags_of, parsed
 from dior.project.steps import MODULES, place_of
+from tests.check import recorded
 from tests.end_to_end.workflow import ROOT, snakemake
+from tests.project.test_project import root  # noqa: F401
 
 RULES = {
     name: text
@@ -241,3 +244,39 @@ def test_what_is_wrong_with_the_config_is_said_in_the_words_of_dior(tmp_path, na
 def test_where_there_is_no_config_it_is_said_how_to_get_one(tmp_path):
     code, text = snakemake(tmp_path, "-n", check=False)
     assert code == 1 and "config/config.yaml: there is no such file; name the folder that holds config/" in text
+
+
+@pytest.fixture
+def recorded_project(root):  # noqa: F811
+    """A project whose recordings are there."""
+    recorded.record(root / "data")
+    return root
+
+
+def test_a_dry_run_names_what_is_missing_and_plans_the_rest(recorded_project):
+    (recorded_project / "data/in_1/a.bag").unlink()
+    (recorded_project / "data/out_1/mlkit/cam02.jsonl").unlink()
+    _, text = snakemake(recorded_project, "-n", "results/frames/out_2.parquet")
+    assert "rule frames:" in text and text.strip().splitlines()[-3:] == [
+        "config/sequences.tsv line 3: 'out_1': data/out_1/mlkit/cam02.jsonl is not there (detections of cam02) (did "
+        "you mean 'cam01.jsonl'?)",
+        "config/sequences.tsv line 4: 'in_1': data/in_1/a.bag is not there (bag)",
+        "2 missing; `dior check` looks into the recordings, too",
+    ]
+
+
+@pytest.mark.slow
+def test_a_dry_run_fails_where_no_walk_could_run_and_strictly_where_any_could_not(recorded_project):
+    target = "results/frames/out_2.parquet"
+    code, text = snakemake(recorded_project, "-n", target, "--config", "strict=true")
+    assert "missing" not in text
+    (recorded_project / "data/in_1/a.bag").unlink()
+    for words in (["-n"], []):
+        code, text = snakemake(recorded_project, *words, target, "--config", "strict=true", check=False)
+        assert code == 1 and "data/in_1/a.bag is not there (bag)" in text and "rule frames:" not in text
+    # a run does what it can
+    _, text = snakemake(recorded_project, target)
+    assert "missing;" not in text and (recorded_project / target).exists()
+    shutil.rmtree(recorded_project / "data")
+    code, text = snakemake(recorded_project, "-n", target, check=False)
+    assert code == 1 and "config/config.yaml line 1: data_root is 'data', where there is no folder" in text

@@ -27,6 +27,9 @@ os.environ.update(DIOR_TIMINGS="logs")
 # and says while it is at work that it is (dior/project/running.py)
 os.environ.update({running.OF_A_JOB: running.JOBS})
 
+# typed as `--config strict=true`: what is missing ends the run before it begins
+STRICT = str(config.pop("strict", False)).lower() in ("true", "1", "yes")
+
 try:
     PROJECT = project.load(os.getcwd(), config)
     KEY = secret.key_of(os.getcwd())

@@ -1,0 +1,168 @@
+"""What the cameras recorded, at a glance, against what the sheets and the cameras' files say of it.
+
+INPUTS   a `Project` (paths as seen from the working directory); its bags, videos and folders of pictures
+OUTPUTS  by walk and camera what was recorded (`Recorded`); faults and warnings in `Notes`
+Recordings that are not there are told elsewhere (dior/project/missing.py) and left out here. What is damaged in the
+middle of a recording is only seen when it is read. Of videos it is not judged when they began: that takes their sound.
+"""
+
+import multiprocessing
+from collections.abc import Iterable, Mapping
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from math import ceil, nan
+from pathlib import Path
+from typing import TypeAlias
+
+from dior.check.notes import Notes
+from dior.errors import DiorError, nearest
+from dior.ingest import frames, messages, picture_folders
+from dior.ingest.bag_reader import full_name
+from dior.ingest.glance import Stream, glance, is_packed
+from dior.project.contents import Project
+from dior.project.missing import SEQUENCES, line_of
+from dior.project.run import cores
+
+# chosen: fewer are looked at sooner than a second process has begun
+FEW = 40
+# chosen: by its length and rate, a video that does not count its pictures has so many times as many at most
+ABOUT = 1.05
+# what is in a recording, or why that cannot be told; None of one that is compressed as a whole
+InIt: TypeAlias = tuple[Stream, ...] | DiorError | None
+# by path
+Seen: TypeAlias = Mapping[str, InIt]
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """The pictures of a camera in a walk: how many, at most, as two bags may have the same ones and few videos count
+    theirs; stamps (ns) of the
+    first and last, None where the files do not tell; how long it lasts, NaN where they do not tell that either; the
+    pictures' size (px); `paths` of the files that have them."""
+
+    count: int
+    first_ns: int | None
+    last_ns: int | None
+    lasts_s: float
+    height: int
+    width: int
+    paths: tuple[str, ...]
+
+
+def look_at(paths: Iterable[str]) -> Seen:
+    """What is in each of the recordings that are there."""
+    known = [path for path in dict.fromkeys(paths) if Path(path).exists()]
+    if len(known) < FEW or cores() == 1:
+        return {path: _seen(path) for path in known}
+    # PyAV's and OpenCV's threads are not begun yet
+    with ProcessPoolExecutor(cores(), multiprocessing.get_context("fork")) as pool:
+        return dict(zip(known, pool.map(_seen, known, chunksize=8), strict=True))
+
+
+def _seen(path: str) -> InIt:
+    try:
+        return None if is_packed(path) else glance(path)
+    except DiorError as error:
+        return error
+
+
+def of_walk(project: Project, walk: str, line: int, seen: Seen, notes: Notes) -> dict[str, Recorded]:
+    """What each camera recorded of a walk, those left out of which that cannot be told; `line` of it in the sheet."""
+    for path in dict.fromkeys([*project.bags(walk), *project.videos(walk).values()]):
+        found = seen.get(path)
+        if isinstance(found, DiorError):
+            notes.fault(SEQUENCES, line, f"'{walk}': {found}", walk)
+        elif found is None and path in seen:
+            text = f"'{walk}': {path} is compressed as a whole: it was not looked into, and each step will unpack it"
+            notes.warn(SEQUENCES, line, f"{text}; `rosbags-convert --src {path} --dst <new bag>`", walk)
+    recorded = {
+        camera: one
+        for camera in project.cameras_of(walk)
+        if (one := _of_camera(project, walk, camera, seen, notes)) is not None
+    }
+    _check_overlap(project, walk, line, recorded, notes)
+    return recorded
+
+
+def _of_camera(project: Project, walk: str, camera: str, seen: Seen, notes: Notes) -> Recorded | None:
+    session, filmed = project.session_of(walk), camera in project.filmed(walk)
+    settings, shown = project.cameras(session)[camera], project.camera_file(session, camera)
+    topic = full_name(project.topics(walk)[camera])
+    if filmed:
+        paths, key = [project.videos(walk)[camera]], "video"
+        topic = picture_folders.TOPIC if Path(paths[0]).is_dir() else topic
+    else:
+        word = settings.get("bag", "")
+        paths, key = [path for path in project.bags(walk) if word in Path(path).name], "topic"
+        if not paths:
+            names = ", ".join(Path(path).name for path in project.bags(walk))
+            line = line_of(project.root, shown, "bag")
+            notes.fault(shown, line, f"'bag' is '{word}', which is in the name of no bag; they are {names}", walk)
+            return None
+    line = line_of(project.root, shown, key)
+    there: dict[str, tuple[Stream, ...]] = {}
+    for path in paths:
+        if isinstance(streams := seen.get(path), tuple):
+            there[path] = streams
+    mine = {path: stream for path, streams in there.items() for stream in streams if stream.topic == topic}
+    holding = {path: stream for path, stream in mine.items() if stream.count}
+    if not holding:
+        # a bag that cannot be read may have it
+        if len(there) == len(paths):
+            notes.fault(shown, line, _not_there(topic, bool(mine), there), walk)
+        return None
+    found = list(holding.values())
+    for text in dict.fromkeys(filter(None, map(_useless, found))):
+        notes.fault(shown, line, f"{topic}: {text}", walk)
+    if any(_useless(stream) for stream in found):
+        return None
+    sizes = dict.fromkeys(f"{stream.width}x{stream.height}" for stream in found)
+    if len(sizes) > 1:
+        text = f"{topic} has pictures of {' and '.join(sizes)} px; a camera must keep one resolution in a recording"
+        notes.fault(shown, line, text, walk)
+    return _joined(holding, ABOUT if filmed and topic != picture_folders.TOPIC else 1.0)
+
+
+def _not_there(topic: str, declared: bool, there: Mapping[str, tuple[Stream, ...]]) -> str:
+    if declared:
+        return f"{topic} is declared in the bags and has no message; was the camera running?"
+    pictures = {one.topic for streams in there.values() for one in streams if one.count and not one.why_not}
+    if not pictures:
+        return f"{topic} is not there, and no other pictures are that are read"
+    listed = ", ".join(sorted(pictures))
+    return f"{topic} is not there{nearest(topic, sorted(pictures))}; of pictures there are {listed}"
+
+
+def _useless(stream: Stream) -> str:
+    """Why no step can use the pictures of a topic, "" where they can."""
+    if stream.why_not:
+        return stream.why_not
+    if stream.count < 2:
+        return "one picture is no recording; exclude the walk, or drop the camera"
+    if stream.kind in (messages.COMPRESSED, messages.RAW) and stream.first_ns == stream.last_ns == 0:
+        return "the header stamps are zero: the driver did not stamp its pictures (docs/bags.md)"
+    return ""
+
+
+def _joined(holding: Mapping[str, Stream], about: float) -> Recorded:
+    """`about`: how many times as many pictures there may be."""
+    found = list(holding.values())
+    stamps = [ns for one in found for ns in (one.first_ns, one.last_ns) if ns]
+    first_ns, last_ns = (min(stamps), max(stamps)) if stamps else (None, None)
+    lasts_s = max((one.count - 1) / one.fps if one.fps else nan for one in found)
+    if first_ns is not None and last_ns is not None:
+        lasts_s = (last_ns - first_ns) / 1e9
+    count, height, width = sum(one.count for one in found), found[0].height or 0, found[0].width or 0
+    return Recorded(ceil(about * count), first_ns, last_ns, lasts_s, height, width, tuple(holding))
+
+
+def _check_overlap(project: Project, walk: str, line: int, recorded: Mapping[str, Recorded], notes: Notes) -> None:
+    """The step frames refuses recordings that do not overlap in time; asked of the cameras that are in bags."""
+    filmed = project.filmed(walk)
+    spans = [
+        (one.first_ns, one.last_ns, camera, ", ".join(Path(path).name for path in one.paths))
+        for camera, one in sorted(recorded.items())
+        if camera not in filmed and one.first_ns is not None and one.last_ns is not None
+    ]
+    with notes.kept(SEQUENCES, line, walk):
+        frames.check_overlap(walk, spans, project.clocked_by_hand(walk))

@@ -1,0 +1,341 @@
+"""Of broken projects `dior check` tells all that is wrong at once, by file and line; and nothing of whole ones."""
+
+import json
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+
+from dior.check import check, computer, recordings
+from dior.cli import main
+from dior.errors import DiorError
+from tests.check import recorded
+from tests.project.test_project import edit, root  # noqa: F401
+
+REPOSITORY = Path(__file__).parents[2]
+REAL = REPOSITORY.parent / "shared/data/real_outdoor"
+WALKS = "config/sequences.tsv"
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("recorded")
+    recorded.record(folder)
+    return folder
+
+
+@pytest.fixture
+def project(root, data):  # noqa: F811
+    """A whole project, to be broken."""
+    shutil.copytree(data, root / "data")
+    return root
+
+
+def found(folder, capsys):
+    """(exit code, faults, warnings, plan) by the JSON; a fault as `<file>:<line> <text>`."""
+    code = check.run(folder, as_json=True)
+    told = json.loads(capsys.readouterr().out)
+    faults, warnings = (
+        [f"{one['file'].removeprefix('config/')}:{one['line'] or ''} {one['text']}" for one in told[key]]
+        for key in ("faults", "warnings")
+    )
+    assert code == bool(faults) and str(folder) not in "".join(faults + warnings)
+    return faults, warnings, told["plan"]
+
+
+def test_of_a_whole_project_it_says_what_will_be_done_and_what_to_type(project, capsys):
+    assert main.main(["check", str(project)]) == 0
+    text = capsys.readouterr().out
+    assert text.startswith(
+        "All is well.\n3 walks of 2 sessions, 4 s in all: 7 recordings of cameras, 280 pictures, in 5"
+    )
+    assert text.endswith(f"Type\n  dior run {project}\n")
+    faults, warnings, plan = found(project, capsys)
+    assert not faults and not warnings
+    assert (plan["walks"], plan["recordings"], plan["pictures"], plan["files"]) == (3, 7, 280, 5)
+
+
+def nothing_there(project):
+    shutil.rmtree(project / "data")
+    (project / "datas").mkdir()
+    return [r"config.yaml:1 data_root is 'data', where there is no folder \(did you mean 'datas'\?\)"]
+
+
+def names_of_files(project):
+    (project / "data/in_1/a.bag").rename(project / "data/in_1/aa.bag")
+    (project / "data/out_1/mlkit").rename(project / "data/out_1/ml_kit")
+    (project / "data/in_1/mocap.c3d").unlink()
+    return [
+        r"sequences.tsv:3 'out_1': data/out_1/mlkit/cam01.jsonl is not there \(detections of cam01\); not even the "
+        r"folder data/out_1/mlkit \(did you mean 'ml_kit'\?\)",
+        r"sequences.tsv:3 'out_1': data/out_1/mlkit/cam02.jsonl is not there \(detections of cam02\)",
+        r"sequences.tsv:4 'in_1': data/in_1/a.bag is not there \(bag\) \(did you mean 'aa.bag'\?\)",
+        r"sequences.tsv:4 'in_1': data/in_1/mocap.c3d is not there \(motion capture\)$",
+    ]
+
+
+def broken_bags(project):
+    for name in ("out_1/a.bag", "in_1/a.bag"):
+        path = project / "data" / name
+        path.write_bytes(path.read_bytes()[:-2000])
+    (project / "data/out_2/b.bag").write_bytes(b"")
+    return [
+        r"sequences.tsv:2 'out_2': data/out_2/b.bag: the bag is empty",
+        r"sequences.tsv:3 'out_1': data/out_1/a.bag: the bag is truncated",
+        r"sequences.tsv:4 'in_1': data/in_1/a.bag: the bag is truncated",
+    ]
+
+
+def wrong_topics(project):
+    edit(project, "sessions/field/cam02.yaml", "cam02/color", "cam02/colour")
+    edit(project, "sessions/field/cam03.yaml", "/cam03/image", "/cam03/camera_info")
+    edit(project, "sessions/lab/cam01.yaml", "topic: /cam01/image", "topic: /cam01/image\nbag: _0123")
+    return [
+        r"sessions/field/cam02.yaml:2 /cam02/colour/image_raw/compressed is not there \(did you mean '/cam02/color/",
+        r"sessions/field/cam03.yaml:2 /cam03/camera_info: its type is sensor_msgs/msg/CameraInfo, not",
+        r"sessions/lab/cam01.yaml:3 'bag' is '_0123', which is in the name of no bag; they are a.bag",
+    ]
+
+
+def pictures_and_lenses(project):
+    recorded.bag(project / "data/out_2/b.bag", [recorded.COLOUR.format(2)], size=(24, 32))
+    edit(project, "sessions/field/cam03.yaml", "topic: /cam03/image\n", "topic: /cam03/image\ncamera_info: /lens\n")
+    lens = "topic: /cam01/image\nintrinsics: {file: lens.toml, name: cam9}\n"
+    edit(project, "sessions/lab/cam01.yaml", "topic: /cam01/image\n", lens)
+    (project / "data/lens.toml").write_text(
+        '[cam01]\nname = "cam01"\nsize = [1920.0, 1080.0]\nmatrix = [[960.0, 0.0, 960.0], [0.0, 960.0, 540.0], '
+        "[0.0, 0.0, 1.0]]\ndistortions = [0.0, 0.0, 0.0, 0.0]\nrotation = [0.0, 0.0, 0.0]\n"
+        "translation = [0.0, 0.0, 0.0]\nfisheye = false\n"
+    )
+    return [
+        r"sessions/field/cam02.yaml: cam02: the pictures are 32x24 but the intrinsics are for 64x48",
+        r"sessions/field/cam03.yaml: the bags with its pictures have no message of /lens; name its topic",
+        r"sessions/lab/cam01.yaml:3 data/lens.toml: no camera 'cam9' \(did you mean 'cam01'\?\)",
+    ]
+
+
+def lenses_of_another_size(project):
+    pictures_and_lenses(project)
+    edit(project, "sessions/lab/cam01.yaml", "cam9", "cam01")
+    edit(project, "sessions/field/cam03.yaml", "camera_info: /lens\n", "")
+    recorded.bag(project / "data/out_2/b.bag", [recorded.COLOUR.format(2)], 0.2)
+    edit(project, "sessions/field/cam01.yaml", "locate: tape", "intrinsics: {chessboard: {path: board, rows: 7, "
+         "columns: 4, square_m: 0.06}}\nlocate: tape")  # fmt: skip
+    return [
+        r"sessions/field/cam01.yaml:3 'intrinsics' names data/board, which is not there",
+        r"sessions/lab/cam01.yaml:3 cam01: the pictures are 64x48 but the intrinsics are for 1920x1080",
+    ]
+
+
+def other_times(project):
+    recorded.bag(project / "data/out_1/b.bag", [recorded.COLOUR.format(2)], 5.0)
+    log = project / "data/in_1/trigger.jsonl"
+    log.write_text(log.read_text().replace(str(recorded.T0), str(recorded.T0 + 10**11)))
+    return [
+        r"sequences.tsv:3 out_1: the recordings do not overlap: that of cam01, cam03 \(a.bag\) ended 3.7 s before that "
+        r"of cam02 \(b.bag\) began",
+        r"sequences.tsv:4 data/in_1/trigger.jsonl: the capture 'walk 3' began 100.0 s after the first picture",
+    ]
+
+
+def marks_and_boxes(project):
+    edit(project, "sessions/lab/cam01.marks.csv", "3,LASI", "3,LASY")
+    edit(project, "sessions/lab/cam01.marks.csv", "9,LASI", "90,LASI")
+    edit(project, "boxes/out_1.cam03.csv", "v_max\n", "v_max\n12,1,1,9,9\n400,1,1,9,9\n")
+    edit(project, "checks/out_1.cam01.csv", "u,v\n", "u,v\nout_1,40,LASI,3,4\n")
+    (project / "config/people").mkdir()
+    (project / "config/people/out_1.yaml").write_text("seeds: [{camera: cam01, frame: 50, u: 1.5, v: 2}]\n")
+    return [
+        r"boxes/out_1.cam03.csv: .*line 3: frame 400 is not in the recording, whose frames are 0 to 39",
+        r"checks/out_1.cam01.csv:2 frame 40 is not in 'out_1', whose frames are 0 to 39",
+        r"people/out_1.yaml: seed 1: frame 50 is not in 'out_1'",
+        r"sessions/lab/cam01.marks.csv:2 'LASY' is no marker of the motion capture of 'in_1' \(did you mean 'LASI'\?\)",
+        r"sessions/lab/cam01.marks.csv:3 frame 90 is not in 'in_1', whose frames are 0 to 39; is it of another walk",
+    ]
+
+
+def what_detectors_found(project):
+    data = project / "data"
+    recorded.detections(data / "out_1/mlkit/cam01.jsonl", 1)
+    recorded.detections(data / "out_1/mlkit/cam02.jsonl", 0, 90)
+    (data / "out_2/mlkit/cam01.jsonl").write_text('{"what": "is this?"}\n')
+    edit(project, "config.yaml", "data_root: data\n", "data_root: data\ndetector: {format: mlkit}\n")
+    (data / "out_2/mlkit/cam02.jsonl").write_text("")
+    return [
+        r"sequences.tsv:2 out_2, cam01: the file .*cam01.jsonl is something else, not mlkit; correct detector.format",
+        r"sequences.tsv:2 out_2, cam02: the file .*cam02.jsonl is empty; run the detector",
+        r"sequences.tsv:3 out_1, cam01: .* has frames 1 to 40, and the recording has frames 0 to 39; are they counted "
+        r"from 1\? Then `detector.first_frame` in config.yaml should be 1",
+        r"sequences.tsv:3 out_1, cam02: .* has frames 0 to 89, and the recording has frames 0 to 39; are they of",
+    ]
+
+
+def motion_captures(project):
+    recorded.c3d(project / "data/in_1/mocap.c3d", ("A1", "A2", "A3", "A4", "A5"))
+    edit(project, "sequences.tsv", "#walk 3", "#walk 4")
+    return [
+        r"sequences.tsv:4 data/in_1/trigger.jsonl: no capture of this trigger log is called 'walk 4'.*'walk 3'",
+        r"sequences.tsv:4 data/in_1/mocap.c3d: 0 of the 39 Plug-in-Gait markers are there",
+    ]
+
+
+def files_and_recordings(project):
+    """What one session's files have wrong hides nothing of the other's recordings."""
+    edit(project, "sessions/lab/cam01.yaml", "role: close", "role: clsoe\ncolour: red")
+    edit(project, "sessions/field/cam02.yaml", "cam02/color", "cam02/colour")
+    (project / "data/out_1/mlkit/cam02.jsonl").unlink()
+    return [
+        r"sequences.tsv:3 'out_1': data/out_1/mlkit/cam02.jsonl is not there \(detections of cam02\)",
+        r"sessions/field/cam02.yaml:2 /cam02/colour/image_raw/compressed is not there",
+        r"sessions/lab/cam01.yaml:1 'role' is 'clsoe' but should be one of close, long_range",
+        r"sessions/lab/cam01.yaml:2 unknown key 'colour'",
+    ]
+
+
+def sheets_and_recordings(project):
+    """Nor does a wrong sheet hide which recordings are missing."""
+    edit(project, "subjects.tsv", "zebra-0001", "z")
+    edit(project, "config.yaml", "triangulate", "tringulate")
+    (project / "data/in_1/a.bag").unlink()
+    (project / "data/in_1/trigger.jsonl").unlink()
+    return [
+        r"config.yaml:2 unknown key 'tringulate' \(did you mean 'triangulate'\?\)",
+        r"subjects.tsv:2 'pseudonym' is",
+    ]
+
+
+def wrong_config(project):
+    edit(project, "config.yaml", "triangulate", "tringulate")
+    (project / "data/in_1/a.bag").unlink()
+    (project / "data/in_1/trigger.jsonl").unlink()
+    return [
+        r"config.yaml:2 unknown key 'tringulate'",
+        r"sequences.tsv:4 'in_1': data/in_1/a.bag is not there \(bag\)",
+        r"sequences.tsv:4 'in_1': data/in_1/trigger.jsonl is not there \(trigger log\)",
+    ]
+
+
+def silent_cameras(project):
+    recorded.bag(project / "data/out_1/b.bag", [recorded.COLOUR.format(2)], count=1)
+    recorded.bag(project / "data/out_2/a.bag", [recorded.COLOUR.format(1)])
+    edit(project, "sequences.tsv", "out_2/mlkit/{camera}", "out_2/mlkit/{camera}_x")
+    return [
+        r"sequences.tsv:2 'out_2': .* is not there \(detections of cam01\) \(did you mean 'cam01.jsonl'\?\)",
+        r"sequences.tsv:2 'out_2': .* is not there \(detections of cam02\)",
+        r"sessions/field/cam02.yaml:2 /cam02/color/image_raw/compressed: one picture is no recording",
+        r"sessions/field/cam03.yaml:2 /cam03/image is not there; of pictures there are /cam01/color/",
+    ]
+
+
+BROKEN = [
+    nothing_there, names_of_files, broken_bags, wrong_topics, pictures_and_lenses, lenses_of_another_size, other_times,
+    marks_and_boxes, what_detectors_found, motion_captures, files_and_recordings, sheets_and_recordings, wrong_config,
+    silent_cameras,
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("breaking", BROKEN)
+def test_all_that_is_wrong_is_told_at_once(breaking, project, capsys):
+    said = breaking(project)
+    faults, warnings, plan = found(project, capsys)
+    assert len(faults) == len(said), faults
+    for sentence, fault in zip(said, faults, strict=True):
+        assert re.match(sentence, fault), (sentence, fault)
+    assert plan is None and not warnings
+
+
+def test_people_read_it_by_file_with_the_walks_of_a_fault_named_once(project, capsys):
+    wrong_topics(project)
+    assert main.main(["check", str(project)]) == 1
+    lines = capsys.readouterr().out.splitlines()
+    at = lines.index("config/sessions/field/cam02.yaml")
+    assert lines[at + 1].startswith("  line 2: /cam02/colour/image_raw/") and lines[at + 1].endswith("(out_1, out_2)")
+    assert lines[-1] == f"3 to mend in 3 files; then: dior check {project}"
+
+
+def test_a_walk_that_is_excluded_or_of_somebody_who_did_not_agree_is_not_looked_at(project, capsys):
+    for name in ("out_1", "in_1"):
+        shutil.rmtree(project / "data" / name)
+    edit(project, "subjects.tsv", "\tyes\t\n", "\tno\t\n")
+    edit(project, "sessions/field/session.yaml", "adjust: {out_1", "adjust: {out_2")
+    faults, _, plan = found(project, capsys)
+    assert not faults and plan["walks"] == 1
+    edit(project, "sequences.tsv", "out_2/mlkit/{camera}.jsonl\t\t", "out_2/mlkit/{camera}.jsonl\t\train")
+    faults, _, _ = found(project, capsys)
+    assert faults == ["sequences.tsv: every row has an exclude_reason, so there is nothing to process"]
+
+
+def test_many_recordings_are_looked_at_by_several_processes_to_the_same_end(project, monkeypatch, capsys):
+    broken_bags(project)
+    alone = found(project, capsys)
+    monkeypatch.setattr(recordings, "FEW", 1)
+    monkeypatch.setattr(recordings, "cores", lambda: 2)
+    assert found(project, capsys) == alone
+
+
+def test_too_little_room_fails_where_nothing_is_made_yet(project, monkeypatch, capsys):
+    monkeypatch.setattr(computer, "PICTURE_BYTES", 10**12)
+    faults, _, _ = found(project, capsys)
+    assert len(faults) == 1 and re.match(r"results/: the results take about 280\.0 TB, and .* are free", faults[0])
+    (project / "results").mkdir()
+    faults, warnings, plan = found(project, capsys)
+    assert not faults and len(warnings) == 1 and plan
+
+
+def test_little_memory_is_a_warning(project, monkeypatch, capsys):
+    monkeypatch.setattr(computer, "free_memory", lambda: 500_000_000)
+    monkeypatch.setattr(computer, "cores", lambda: 4)
+    faults, warnings, _ = found(project, capsys)
+    assert not faults and "4 jobs at once may take 1.6 GB of memory, and 500.0 MB are free" in warnings[0]
+    assert "-j1" in warnings[0]
+
+
+def test_packages_that_are_asked_for(project, monkeypatch, capsys):
+    monkeypatch.setattr(computer, "find_spec", lambda name: None)
+    assert not found(project, capsys)[0]
+    (project / "net.onnx").touch()
+    edit(project, "config.yaml", "data_root: data\n", "data_root: data\ndetector: {model: net.onnx}\n")
+    edit(project, "sequences.tsv", "out_2/mlkit/{camera}.jsonl", "detect")
+    (project / "data/out_1/cam02.mp4").touch()
+    edit(project, "sequences.tsv", "exclude_reason", "exclude_reason\tvideos")
+    edit(
+        project, "sequences.tsv", "out_1/mlkit/{camera}.jsonl\t\t", "out_1/mlkit/{camera}.jsonl\t\t\tout_1/{camera}.mp4"
+    )
+    edit(project, "sequences.tsv", "detect\t\t", "detect\t\t\tout_1/{camera}.mp4")
+    lens = "intrinsics: {chessboard: {path: out_1, rows: 7, columns: 4, square_m: 0.06}}\n"
+    edit(project, "sessions/field/cam02.yaml", "topic: /cam02/color/image_raw/compressed\n", lens)
+    faults, _, _ = found(project, capsys)
+    assert faults == [
+        "config.yaml:2 `detections: detect` needs onnxruntime; install it: pip install -e '.[detect]'",
+        "sequences.tsv: data/out_1/cam02.mp4 is a video, which needs PyAV; install it: pip install -e '.[video]'",
+    ]
+
+
+def test_a_bag_that_is_compressed_as_a_whole_is_not_unpacked(project, capsys):
+    from backports import zstd
+
+    path = project / "data/in_1/a.bag"
+    path.write_bytes(zstd.compress(path.read_bytes()))
+    faults, warnings, _ = found(project, capsys)
+    assert not faults and len(warnings) == 1
+    assert warnings[0].startswith("sequences.tsv:4 'in_1': data/in_1/a.bag is compressed as a whole")
+
+
+def test_what_will_be_simulated_is_not_missed(tmp_path, capsys):
+    from dior.simulate import config, settings
+
+    config.write(settings.from_dict({"subjects": 1, "sequences": 1, "duration_s": 1.0}), tmp_path / "config")
+    assert main.main(["check", str(tmp_path)]) == 0
+    assert "2 walks of 2 sessions, which are simulated first. Type" in capsys.readouterr().out
+
+
+@pytest.mark.skipif(not REAL.exists(), reason="no recordings of others")
+def test_nothing_is_wrong_with_a_real_recording(capsys):
+    faults, warnings, plan = found(REPOSITORY / "tests/projects/real_outdoor", capsys)
+    assert not faults and not warnings and plan["pictures"] == 400
+
+
+def test_where_there_is_no_project(tmp_path):
+    with pytest.raises(DiorError, match="there is no config/ in it"):
+        check.run(tmp_path)
