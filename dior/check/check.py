@@ -90,7 +90,8 @@ def _look_at_recordings(project: Project, lines: dict[str, int], notes: Notes) -
         found = motion.of_walk(project, walk, line, in_bags, notes)
         if found is not None:
             markers[walk] = found
-        named_frames.of_walk(project, walk, line, recorded[walk], notes)
+        named_frames.of_walk(project, walk, recorded[walk], notes)
+    named_frames.of_detections(project, lines, recorded, notes)
     for session in project.sessions:
         lenses.of_session(project, session, recorded, notes)
         named_frames.of_marks(project, session, recorded, markers, notes)

@@ -14,8 +14,8 @@ from pathlib import Path
 
 from dior.calibrate.marks import marks as marks_of
 from dior.check.notes import Notes
-from dior.check.recordings import Recorded
-from dior.errors import nearest
+from dior.check.recordings import Recorded, side_by_side
+from dior.errors import DiorError, nearest
 from dior.ingest import detections
 from dior.ingest.readers.common import files_by_frame
 from dior.project import boxes
@@ -36,7 +36,7 @@ def of_marks(
     project: Project, session: str, recorded: AllRecorded, markers: Mapping[str, frozenset[str]], notes: Notes
 ) -> None:
     """Look at the marks by which the cameras of a session are located; `markers`: of the walks that have any."""
-    for camera in project.cameras(session):
+    for camera, settings in project.cameras(session).items():
         shown = project.marks_file(session, camera)
         if not os.path.isfile(shown):
             continue
@@ -44,7 +44,9 @@ def of_marks(
         with notes.kept(shown, None):
             found = marks_of.read(shown)
         if found is not None:
-            _check_marks(found, shown, camera, recorded, markers, notes)
+            # others may be marked at joints of the 3D
+            known = markers if settings["locate"] == "marks" else {}
+            _check_marks(found, shown, camera, recorded, known, notes)
 
 
 def _check_marks(
@@ -70,8 +72,8 @@ def _beyond(frame: int, there: Recorded, walk: str) -> str:
     return f"frame {frame} is not in '{walk}', whose frames are 0 to {there.count - 1}; is it of another walk?"
 
 
-def of_walk(project: Project, walk: str, line: int, recorded: Mapping[str, Recorded], notes: Notes) -> None:
-    """Look at the boxes, hand checks, seeds and detections of a walk; `line` of it in the sheet."""
+def of_walk(project: Project, walk: str, recorded: Mapping[str, Recorded], notes: Notes) -> None:
+    """Look at the boxes, hand checks and seeds of a walk."""
     for camera, path in project.boxes(walk).items():
         if there := recorded.get(camera):
             with notes.kept(path, None):
@@ -87,36 +89,45 @@ def of_walk(project: Project, walk: str, line: int, recorded: Mapping[str, Recor
         for number, seed in enumerate(read_yaml(path)["seeds"], 1):
             if (there := recorded.get(seed["camera"])) and seed["frame"] >= there.count:
                 notes.fault(path, None, f"seed {number}: {_beyond(seed['frame'], there, walk)}")
-    if project.detections_pattern(walk) and not project.detected_here(walk):
-        for camera in project.close(project.session_of(walk)):
-            with notes.kept(SEQUENCES, line, walk):
-                _check_detections(project, walk, line, camera, recorded.get(camera), notes)
 
 
-def _check_detections(
-    project: Project, walk: str, line: int, camera: str, there: Recorded | None, notes: Notes
-) -> None:
-    settings, where = project.config["detector"], f"{walk}, {camera}"
-    path = Path(project.detections_pattern(walk).format(camera=camera))
-    if not path.exists():
-        return
-    kind = detections.format_of(path, settings["format"], where)
-    span = _frames_of(path, kind)
-    if there is None or span is None:
-        return
+def of_detections(project: Project, lines: Mapping[str, int], recorded: AllRecorded, notes: Notes) -> None:
+    """Look at the detections of all walks that bring theirs; `lines` of the walks in the sheet."""
+    wanted = project.config["detector"]["format"]
     # the simulation counts from 0
-    begin = 0 if "simulate" in project.config else settings["first_frame"]
-    first, last = span[0] - begin, span[1] - begin
-    if first < 0 or last >= there.count:
-        from_one = first == 1 and last == there.count
-        fix = "are they of another walk?"
-        if from_one:
-            fix = f"are they counted from 1? Then {detections.SETTING} should be 1"
-        text = (
-            f"{where}: {path} has frames {span[0]} to {span[1]}, and the recording has frames {begin} to "
-            f"{there.count - 1 + begin}; {fix}"
-        )
-        notes.fault(SEQUENCES, line, text, walk)
+    begin = 0 if "simulate" in project.config else project.config["detector"]["first_frame"]
+    brought = [
+        (walk, camera, path, wanted)
+        for walk in project.sequences
+        if (pattern := project.detections_pattern(walk)) and not project.detected_here(walk)
+        for camera in project.close(project.session_of(walk))
+        if os.path.exists(path := pattern.format(camera=camera))
+    ]
+    for (walk, camera, path, _), found in zip(brought, side_by_side(_looked_into, brought), strict=True):
+        there = recorded[walk].get(camera)
+        if isinstance(found, DiorError):
+            notes.fault(SEQUENCES, lines[walk], str(found), walk)
+        elif found is not None and there is not None and not 0 <= found[0] - begin <= found[1] - begin < there.count:
+            text = f"{walk}, {camera}: {path} {_of_others(found, begin, there.count)}"
+            notes.fault(SEQUENCES, lines[walk], text, walk)
+
+
+def _of_others(found: tuple[int, int], begin: int, count: int) -> str:
+    fix = "are they of another walk?"
+    if found == (1, count) and not begin:
+        fix = f"are they counted from 1? Then {detections.SETTING} should be 1"
+    frames = f"has frames {found[0]} to {found[1]}, and the recording has frames {begin} to {count - 1 + begin}"
+    return f"{frames}; {fix}"
+
+
+def _looked_into(brought: tuple[str, str, str, str]) -> tuple[int, int] | None | DiorError:
+    """The first and last frame of detections (walk, camera, path, format), None where that takes reading them, or what
+    is wrong with them."""
+    walk, camera, path, wanted = brought
+    try:
+        return _frames_of(Path(path), detections.format_of(Path(path), wanted, f"{walk}, {camera}"))
+    except DiorError as error:
+        return error
 
 
 def _frames_of(path: Path, kind: str) -> tuple[int, int] | None:

@@ -7,12 +7,12 @@ middle of a recording is only seen when it is read. Of videos it is not judged w
 """
 
 import multiprocessing
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from math import ceil, nan
 from pathlib import Path
-from typing import TypeAlias
+from typing import TypeAlias, TypeVar
 
 from dior.check.notes import Notes
 from dior.errors import DiorError, nearest
@@ -31,6 +31,8 @@ ABOUT = 1.05
 InIt: TypeAlias = tuple[Stream, ...] | DiorError | None
 # by path
 Seen: TypeAlias = Mapping[str, InIt]
+Asked = TypeVar("Asked")
+Told = TypeVar("Told")
 
 
 @dataclass(frozen=True)
@@ -52,11 +54,16 @@ class Recorded:
 def look_at(paths: Iterable[str]) -> Seen:
     """What is in each of the recordings that are there."""
     known = [path for path in dict.fromkeys(paths) if Path(path).exists()]
-    if len(known) < FEW or cores() == 1:
-        return {path: _seen(path) for path in known}
+    return dict(zip(known, side_by_side(_seen, known), strict=True))
+
+
+def side_by_side(function: Callable[[Asked], Told], asked: Sequence[Asked]) -> list[Told]:
+    """`function` of each, on all processors where there are many."""
+    if len(asked) < FEW or cores() == 1:
+        return list(map(function, asked))
     # PyAV's and OpenCV's threads are not begun yet
     with ProcessPoolExecutor(cores(), multiprocessing.get_context("fork")) as pool:
-        return dict(zip(known, pool.map(_seen, known, chunksize=8), strict=True))
+        return list(pool.map(function, asked, chunksize=8))
 
 
 def _seen(path: str) -> InIt:
@@ -90,7 +97,11 @@ def _of_camera(project: Project, walk: str, camera: str, seen: Seen, notes: Note
     topic = full_name(project.topics(walk)[camera])
     if filmed:
         paths, key = [project.videos(walk)[camera]], "video"
-        topic = picture_folders.TOPIC if Path(paths[0]).is_dir() else topic
+        if Path(paths[0]).is_dir():
+            topic = picture_folders.TOPIC
+            if "fps" not in settings["video"] and camera not in project.sidecars(walk):
+                text = f"{paths[0]} is a folder of pictures, which have no time; give `video: {{fps: ...}}`, or stamps"
+                notes.fault(shown, line_of(project.root, shown, key), text, walk)
     else:
         word = settings.get("bag", "")
         paths, key = [path for path in project.bags(walk) if word in Path(path).name], "topic"
@@ -114,7 +125,10 @@ def _of_camera(project: Project, walk: str, camera: str, seen: Seen, notes: Note
     found = list(holding.values())
     for text in dict.fromkeys(filter(None, map(_useless, found))):
         notes.fault(shown, line, f"{topic}: {text}", walk)
-    if any(_useless(stream) for stream in found):
+    if any(map(_useless, found)):
+        return None
+    if sum(stream.count for stream in found) < 2:
+        notes.fault(shown, line, f"{topic}: one picture is no recording; exclude the walk, or drop the camera", walk)
         return None
     sizes = dict.fromkeys(f"{stream.width}x{stream.height}" for stream in found)
     if len(sizes) > 1:
@@ -137,8 +151,6 @@ def _useless(stream: Stream) -> str:
     """Why no step can use the pictures of a topic, "" where they can."""
     if stream.why_not:
         return stream.why_not
-    if stream.count < 2:
-        return "one picture is no recording; exclude the walk, or drop the camera"
     if stream.kind in (messages.COMPRESSED, messages.RAW) and stream.first_ns == stream.last_ns == 0:
         return "the header stamps are zero: the driver did not stamp its pictures (docs/bags.md)"
     return ""

@@ -103,11 +103,7 @@ def pictures_and_lenses(project):
     edit(project, "sessions/field/cam03.yaml", "topic: /cam03/image\n", "topic: /cam03/image\ncamera_info: /lens\n")
     lens = "topic: /cam01/image\nintrinsics: {file: lens.toml, name: cam9}\n"
     edit(project, "sessions/lab/cam01.yaml", "topic: /cam01/image\n", lens)
-    (project / "data/lens.toml").write_text(
-        '[cam01]\nname = "cam01"\nsize = [1920.0, 1080.0]\nmatrix = [[960.0, 0.0, 960.0], [0.0, 960.0, 540.0], '
-        "[0.0, 0.0, 1.0]]\ndistortions = [0.0, 0.0, 0.0, 0.0]\nrotation = [0.0, 0.0, 0.0]\n"
-        "translation = [0.0, 0.0, 0.0]\nfisheye = false\n"
-    )
+    (project / "data/lens.toml").write_text(LENS)
     return [
         r"sessions/field/cam02.yaml: cam02: the pictures are 32x24 but the intrinsics are for 64x48",
         r"sessions/field/cam03.yaml: the bags with its pictures have no message of /lens; name its topic",
@@ -228,10 +224,54 @@ def silent_cameras(project):
     ]
 
 
+def filmed(project):
+    """cam02 is in videos of both walks: a folder of pictures, and one with a single stream."""
+    pytest.importorskip("av", reason="pip install -e '.[video]'")
+    from tests.ingest import videofiles
+
+    sheet = project / "config/sequences.tsv"
+    header, *rows = sheet.read_text().splitlines()
+    rows = [f"{row}\t{row.split(chr(9))[0]}/{{camera}}.mp4" if row.startswith("out") else f"{row}\t" for row in rows]
+    sheet.write_text("\n".join([f"{header}\tvideos", *rows]) + "\n")
+    small = {"1920.0, 1080.0": "64.0, 48.0", "960.0, 0.0, 960.0": "60.0, 0.0, 31.5", "960.0, 540.0": "60.0, 23.5"}
+    lens = LENS
+    for old, new in small.items():
+        lens = lens.replace(old, new)
+    (project / "data/lens.toml").write_text(lens)
+    lens = "intrinsics: {file: lens.toml, name: cam01}\n"
+    edit(project, "sessions/field/cam02.yaml", "topic: /cam02/color/image_raw/compressed\n", lens)
+    videofiles.write(project / "data/out_2/cam02.mp4", [videofiles.numbered(i) for i in range(recorded.COUNT)])
+    folder = project / "data/out_1/cam02.mp4"
+    folder.mkdir()
+    for i in range(recorded.COUNT):
+        (folder / f"{i}.jpg").write_bytes(recorded.encoded(recorded.picture(i, recorded.SIZE), ".jpg").tobytes())
+
+
+def videos(project):
+    filmed(project)
+    edit(project, "sessions/field/cam02.yaml", "role", "video: {stream: 3}\nrole")
+    return [
+        r"sessions/field/cam02.yaml:1 data/out_1/cam02.mp4 is a folder of pictures, which have no time; give `video:",
+        r"sessions/field/cam02.yaml:1 /video3 is not there .*; of pictures there are /video0, /video0/stored",
+    ]
+
+
+def test_of_whole_videos_nothing_is_wrong(project, capsys):
+    filmed(project)
+    edit(project, "sessions/field/cam02.yaml", "role", "video: {fps: 30}\nrole")
+    faults, warnings, plan = found(project, capsys)
+    assert not faults and not warnings and plan["recordings"] == 7
+
+
+LENS = (
+    '[cam01]\nname = "cam01"\nsize = [1920.0, 1080.0]\nmatrix = [[960.0, 0.0, 960.0], [0.0, 960.0, 540.0], '
+    "[0.0, 0.0, 1.0]]\ndistortions = [0.0, 0.0, 0.0, 0.0]\nrotation = [0.0, 0.0, 0.0]\n"
+    "translation = [0.0, 0.0, 0.0]\nfisheye = false\n"
+)
 BROKEN = [
     nothing_there, names_of_files, broken_bags, wrong_topics, pictures_and_lenses, lenses_of_another_size, other_times,
     marks_and_boxes, what_detectors_found, motion_captures, files_and_recordings, sheets_and_recordings, wrong_config,
-    silent_cameras,
+    silent_cameras, videos,
 ]  # fmt: skip
 
 

@@ -144,7 +144,7 @@ def test_the_networks_to_train_are_those_there_are():
 def test_dior_alone_says_what_to_type_next(capsys):
     assert main.main([]) == 0
     text = capsys.readouterr().out
-    assert re.findall(r"^  dior (\w+) my_capture", text, re.MULTILINE) == ["init", "run", "run", "run"]
+    assert re.findall(r"^  dior (\w+) my_capture", text, re.MULTILINE) == ["init", "check", "run", "run"]
 
 
 def test_the_version():
