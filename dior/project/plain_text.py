@@ -31,6 +31,8 @@ SAVE_TABS = (
     "save it again as UTF-8 with tabs between the columns (LibreOffice: 'Text CSV', with tabs; from Excel as "
     "'Unicode text', then as UTF-8 by a text editor)"
 )
+# what a line begins with that is for people only
+COMMENT = "#"
 NAMES = {",": "commas", "\t": "tabs", ";": "semicolons"}
 
 
@@ -92,8 +94,11 @@ def _decoded(content: bytes, shown: AnyPath) -> str:
 
 
 def rows_of(path: AnyPath, shown: AnyPath, delimiter: str = ",") -> list[Line]:
-    """The rows of a table that are not empty, the header among them. Raises DiorError as `each_row`."""
-    rows = list(each_row(path, shown, delimiter))
+    """The rows of a table that a person wrote, the header among them, without those that are empty or begin with #.
+
+    Raises DiorError as `each_row`.
+    """
+    rows = [row for row in each_row(path, shown, delimiter) if not row[1][0].startswith(COMMENT)]
     check_delimiter(rows[0][1] if rows else [], shown, delimiter)
     return rows
 

@@ -22,7 +22,7 @@ from typing import Any
 
 from dior.errors import DiorError, Faults
 from dior.paths import AnyPath
-from dior.project import bumps, cross_checks, licenses, sessions
+from dior.project import bumps, cross_checks, licenses, sessions, todos
 from dior.project.consent import consents, processed
 from dior.project.contents import Project
 from dior.project.schema_check import Row, Rows, check, read_sheet, read_yaml
@@ -31,11 +31,13 @@ from dior.project.schema_check import Row, Rows, check, read_sheet, read_yaml
 def load(root: AnyPath, config: dict[str, Any] | None = None) -> Project:
     """Read and check the project in the folder `root`; DiorError names what is wrong, a line for each mistake.
 
-    What one file says of another is looked at when each is right in itself.
+    What one file says of another is looked at when each is right in itself. Where something is still TODO, that is all
+    that is told.
 
     `config` is the content of config.yaml where the caller has read it already (Snakemake's `config`, which may hold
     changes made on its command line).
     """
+    todos.check(Path(root))
     faults = Faults()
     project = as_far_as_it_goes(root, faults, config)
     faults.tell()

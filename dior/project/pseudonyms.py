@@ -10,7 +10,7 @@ import secrets
 from pathlib import Path
 
 from dior.errors import DiorError
-from dior.project.plain_text import text_of
+from dior.project.plain_text import COMMENT, text_of
 from dior.tables.files import write_text
 
 SHEET = "config/subjects.tsv"
@@ -34,13 +34,13 @@ def run(project: Path) -> None:
 def with_pseudonyms(text: str) -> tuple[str, int]:
     """The text of a sheet with its empty pseudonyms filled, and how many those were."""
     lines = text.split("\n")
-    columns = [cell.strip() for cell in lines[0].split("\t")]
+    told = [i for i, line in enumerate(lines) if line.strip() and not line.lstrip().startswith(COMMENT)]
+    columns = [cell.strip() for cell in lines[told[0]].split("\t")] if told else []
     if "pseudonym" not in columns:
         raise DiorError(f"{SHEET}: column 'pseudonym' is missing; add it to the first line")
     at, count = columns.index("pseudonym"), 0
-    for number, line in enumerate(lines[1:], start=1):
-        if not line.strip():
-            continue
+    for number in told[1:]:
+        line = lines[number]
         ending = "\r" if line.endswith("\r") else ""
         cells = line.removesuffix("\r").split("\t")
         cells += [""] * (at + 1 - len(cells))

@@ -6,6 +6,7 @@ What would be deep, large or endless is found in the parser's events, before any
 calls itself for each level, in C until the stack ends. Loads no numerics.
 """
 
+from collections.abc import Iterator
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -57,6 +58,32 @@ def yaml_of(text: str, shown: AnyPath) -> Any:
         )
         raise DiorError(f"{shown}{where}: not valid YAML ({reason}); {fix}") from None
     return {} if content is None else content
+
+
+def scalars_of(path: AnyPath, shown: AnyPath | None = None) -> Iterator[tuple[int, str, str]]:
+    """Yield line, keys with dots, and text of every value of a YAML file, those of a list under the list's key.
+
+    Raises as `read_yaml`.
+    """
+    import yaml
+
+    text = text_of(path, shown or path, MOST_BYTES)
+    # refused here, it is neither deep nor endless
+    yaml_of(text, shown or path)
+    yield from _scalars(yaml.compose(text, _base()), ())
+
+
+def _scalars(node: "yaml.Node | None", keys: tuple[str, ...]) -> Iterator[tuple[int, str, str]]:
+    import yaml
+
+    if isinstance(node, yaml.MappingNode):
+        for key, value in node.value:
+            yield from _scalars(value, (*keys, str(key.value)))
+    elif isinstance(node, yaml.SequenceNode):
+        for value in node.value:
+            yield from _scalars(value, keys)
+    elif isinstance(node, yaml.ScalarNode):
+        yield node.start_mark.line + 1, ".".join(keys), node.value
 
 
 def _check_events(text: str) -> None:

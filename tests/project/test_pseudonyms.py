@@ -22,6 +22,12 @@ def test_empty_cells_are_filled_and_all_else_stays():
     assert with_pseudonyms(SHEET)[0] != text, "nobody can make them again"
 
 
+def test_lines_for_people_are_left_as_they_are():
+    sheet = f"# who they are\n{SHEET}\n# Emil\t\tcomes in May\n"
+    text, count = with_pseudonyms(sheet)
+    assert count == 3 and text.startswith("# who they are\nsubject\t") and text.endswith("\n# Emil\t\tcomes in May\n")
+
+
 def test_a_sheet_without_the_column_is_told():
     with pytest.raises(DiorError, match="column 'pseudonym' is missing"):
         with_pseudonyms("subject\nAnna\n")
