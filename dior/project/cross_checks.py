@@ -144,6 +144,8 @@ def _check_people(project: Project) -> None:
 def check_camera(camera: dict[str, Any], shown: str) -> None:
     """A camera must have what its `locate` needs."""
     _check_intrinsics(camera, shown)
+    if {"lens", "distortion_model"} <= camera.keys():
+        raise DiorError(f"{shown}: 'lens' and 'distortion_model' say the same thing; delete one of them")
     for key in ("topic", "camera_info"):
         _check_begin(camera.get(key, ""), f"{shown}: '{key}'", "/")
     if not camera["topic"] and camera["intrinsics"] == "camera_info":
@@ -175,6 +177,13 @@ def check_camera(camera: dict[str, Any], shown: str) -> None:
                 f"{shown}: 'tape.position_m' is {off:.0f} m from 'tape.target_m'; both are metres from the origin on "
                 "the floor, not centimetres or degrees of latitude"
             )
+
+
+def lens_model(name: str, lenses: dict[str, str], shown: str) -> str:
+    """The lens model of a device. Raises DiorError where config.yaml has none of that name."""
+    if name not in lenses:
+        raise DiorError(f"{shown}: lens '{name}' is not in `lenses` of config/config.yaml{nearest(name, lenses)}")
+    return lenses[name]
 
 
 def _check_intrinsics(camera: dict[str, Any], shown: str) -> None:

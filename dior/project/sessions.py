@@ -118,6 +118,8 @@ def _read_camera(project: Project, session: str, name: str) -> dict[str, Any]:
         )
     camera = check(read_yaml(project.root / shown, shown), "camera", shown)
     cross_checks.check_camera(camera, shown)
+    if "lens" in camera:
+        camera["distortion_model"] = cross_checks.lens_model(camera.pop("lens"), project.config["lenses"], shown)
     if "align" in camera:
         # the close cameras of each part have a world of their own
         elsewhere, listed = _elsewhere(project, session), camera["align"]["sequences"]

@@ -722,6 +722,17 @@ def test_the_schemas_themselves_are_documented_and_strict():
         walk(schema, path.name)
 
 
+def test_cameras_that_are_one_device_have_their_lens_said_once(root):
+    edit(root, "config.yaml", "triangulate:", "lenses: {d455: inverse_brown_conrady}\ntriangulate:")
+    edit(root, "sessions/field/cam01.yaml", "role:", "lens: d455\nrole:")
+    camera = project.load(root).cameras("field")["cam01"]
+    assert camera["distortion_model"] == "inverse_brown_conrady" and "lens" not in camera
+    edit(root, "sessions/field/cam01.yaml", "role:", "distortion_model: plumb_bob\nrole:")
+    fails(root, "config/sessions/field/cam01.yaml: 'lens' and 'distortion_model' say the same thing")
+    edit(root, "sessions/field/cam01.yaml", "lens: d455\ndistortion_model: plumb_bob", "lens: d456")
+    fails(root, "lens 'd456' is not in `lenses` of config/config.yaml", "'d455'")
+
+
 def test_the_template_names_every_key_with_its_default():
     folder = Path(project.__file__).parents[2]
     schema = yaml.safe_load((folder / "dior/project/schemas/config.schema.yaml").read_text())["properties"]
@@ -729,7 +740,8 @@ def test_the_template_names_every_key_with_its_default():
     template = yaml.safe_load(text)
     assert set(template) == set(schema) - {"simulate"} and template["data_root"] == "data"
     assert template["people"] == schema["people"]["default"] == "subject"
-    for section in set(template) - {"data_root", "people"}:
+    assert template["lenses"] == schema["lenses"]["default"] == {}
+    for section in set(template) - {"data_root", "people", "lenses"}:
         assert set(template[section]) == set(schema[section]["properties"])
         for key, value in template[section].items():
             # no licence is everybody's
