@@ -21,7 +21,7 @@ from dior.project.steps import MODULES
 
 # command -> module whose `run` does it
 COMMANDS = {
-    "init": "dior.project.init",
+    "init": "dior.init.init",
     "check": "dior.check.check",
     "pseudonyms": "dior.project.pseudonyms",
     "run": "dior.project.run",

@@ -238,6 +238,13 @@ def together(found: Mapping[str, VideoStamps], others_ns: int | None) -> dict[st
     }
 
 
+def is_sidecar(head: bytes) -> bool:
+    """Whether a file that begins with `head` has the columns of one of `LAYOUTS`."""
+    line = head.split(b"\n", 1)[0].decode("utf-8", "replace")
+    header = [name.strip().strip('"') for name in line.split(",")]
+    return header == OLD_SKELLYCAM or any({*filter(None, (*one[:2], one[3]))} <= {*header} for one in LAYOUTS)
+
+
 def read_sidecar(path: AnyPath, video: Path) -> Sidecar:
     """The stamps of a video's pictures. Raises DiorError for a file of no layout, and for broken rows."""
     rows = each_row(path, path, most_bytes=MOST_BYTES)

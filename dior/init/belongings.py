@@ -1,0 +1,199 @@
+"""What belongs to a walk besides its pictures: motion capture, trigger log, detections, stamps of its videos.
+
+INPUTS   `walks.Walk`s with their cameras, files of `found`
+OUTPUTS  `Cell`s of the sheet by walk, with the reasons; what belongs to none
+Where two are as likely a cell is TODO and names both.
+"""
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import PurePosixPath
+
+from dior.ingest.readers import READERS
+from dior.ingest.trigger_log import Capture
+from dior.init import names
+from dior.init.cameras import Filmed
+from dior.init.found import Detected, Found, Mocap
+from dior.init.walks import Walk, walks_named
+from dior.project.todos import WORD
+
+# chosen: motion capture is saved within so long after a walk, and an hour's difference is a time zone's or a copy's
+SAVED_WITHIN_NS = 600 * 10**9
+
+
+@dataclass(frozen=True)
+class Cell:
+    """What a sheet is to say, empty for nothing, and the reason."""
+
+    text: str = ""
+    reason: str = ""
+
+    @property
+    def asked(self) -> bool:
+        return self.text.startswith(WORD)
+
+
+def either(options: Sequence[str]) -> str:
+    """A cell that asks which of several it is."""
+    return f"{WORD}: {' or '.join(options)}"
+
+
+def mocap_of(
+    found: Found, walks: Sequence[Walk], cameras: Collection[str]
+) -> tuple[dict[int, Cell], dict[int, Cell], dict[int, Mocap], list[tuple[str, str]]]:
+    """By walk its motion capture and its trigger log; the files; what belongs to none."""
+    options: dict[int, list[tuple[Mocap, str, bool]]] = {}
+    aside: list[tuple[str, str]] = []
+    logged = {i: _logged(found, walk) for i, walk in enumerate(walks)}
+    for one in found.mocap:
+        stem = PurePosixPath(one.path).stem.casefold()
+        by_log = [i for i, captures in logged.items() if any(name.casefold() == stem for _, name in captures)]
+        if len(by_log) == 1:
+            log, name = next(pair for pair in logged[by_log[0]] if pair[1].casefold() == stem)
+            reason = f"{log} says that {name} was captured while the pictures were taken"
+            options.setdefault(by_log[0], []).append((one, reason, True))
+            continue
+        named, why = walks_named(one.path, walks, cameras)
+        if len(named) != 1 and (saved := _saved_after(one, walks)) is not None:
+            named, why = [saved], "was saved within ten minutes after it, before any other walk began"
+        for walk in named if len(named) <= 1 else []:
+            at = next(i for i, other in enumerate(walks) if other is walk)
+            options.setdefault(at, []).append((one, f"{one.path} {why}", False))
+        if not named:
+            aside.append((one.path, why))
+        elif len(named) > 1:
+            aside.append((one.path, f"may be of {len(named)} walks; name it in the row of the right one"))
+    cells: dict[int, Cell] = {}
+    files: dict[int, Mocap] = {}
+    for i, mine in options.items():
+        sure = [one for one in mine if one[2]] or [
+            one for one in mine if names.walk_key(one[0].path, cameras) in walks[i].keys] or mine  # fmt: skip
+        aside += [(one[0].path, f"is of the walk of {sure[0][0].path} by its name, and that is nearer") for one in mine
+                  if one not in sure]  # fmt: skip
+        if len(sure) == 1:
+            files[i] = sure[0][0]
+            cells[i] = Cell(sure[0][0].path, sure[0][1])
+        else:
+            paths = [one.path for one, _, _ in sure]
+            cells[i] = Cell(either(paths), f"{len(paths)} files with motion capture may be of it")
+    triggers = {i: _trigger(found, logged[i], files.get(i)) for i in cells if logged[i]}
+    return cells, triggers, files, aside
+
+
+def _logged(found: Found, walk: Walk) -> list[tuple[str, str]]:
+    """(log, name) of the captures that ran while a walk's pictures were taken."""
+    if walk.first_ns is None or walk.last_ns is None:
+        return []
+    first, last = walk.first_ns, walk.last_ns
+    return [
+        (path, capture.name)
+        for path, captures in found.trigger_logs
+        for capture in captures
+        if _ran_ns(capture, captures, first, last) > 0
+    ]
+
+
+def _ran_ns(capture: Capture, captures: Sequence[Capture], first_ns: int, last_ns: int) -> int:
+    later = [one.start_ns for one in captures if one.start_ns > capture.start_ns]
+    end = capture.stop_ns if capture.stop_ns is not None else min(later, default=last_ns)
+    return min(end, last_ns) - max(capture.start_ns, first_ns)
+
+
+def _trigger(found: Found, logged: Sequence[tuple[str, str]], mocap: Mocap | None) -> Cell:
+    stem = PurePosixPath(mocap.path).stem.casefold() if mocap else ""
+    called = [(log, name) for log, name in logged if name.casefold() == stem] or list(logged)
+    if len(called) > 1:
+        return Cell(either([f"{log}#{name}" for log, name in called]), "several captures ran meanwhile")
+    log, name = called[0]
+    behind = "" if name.casefold() == stem else f"#{name}"
+    return Cell(f"{log}{behind}", f"its capture {name} ran while the pictures were taken")
+
+
+def _saved_after(mocap: Mocap, walks: Sequence[Walk]) -> Walk | None:
+    before = [walk for walk in walks if walk.last_ns is not None and walk.last_ns <= mocap.saved_ns]
+    last = max(before, key=lambda walk: walk.last_ns or 0, default=None)
+    return last if last and mocap.saved_ns - (last.last_ns or 0) <= SAVED_WITHIN_NS else None
+
+
+def detections_of(
+    found: Found, walks: Sequence[Walk], of_walks: Sequence[Sequence[Filmed]], known: Collection[str]
+) -> tuple[dict[int, list[tuple[str, dict[str, str], str]]], dict[int, str], list[tuple[str, str]]]:
+    """By walk the sets of detections that are its: (path with {camera}, camera's name by path, tool), and why they are
+    its; what belongs to none. `known`: all names of cameras."""
+    mine: dict[int, dict[tuple[str, str], list[str]]] = {}
+    why: dict[int, str] = {}
+    aside: list[tuple[str, str]] = []
+    for one in found.detections:
+        at, reason = _walk_of(one, walks, known)
+        if at is None:
+            aside.append((one.path, reason))
+            continue
+        why.setdefault(at, reason)
+        kin = one.tool, names.without_cameras(one.path, known)
+        mine.setdefault(at, {}).setdefault(kin, []).append(one.path)
+    sets: dict[int, list[tuple[str, dict[str, str], str]]] = {}
+    for at, kins in mine.items():
+        called = [one.name for one in of_walks[at]]
+        for (tool, _), paths in kins.items():
+            if READERS[tool].all_cameras and len(paths) == 1:
+                sets.setdefault(at, []).append((paths[0], dict.fromkeys(paths, ""), tool))
+                continue
+            given = names.pattern(paths, called)
+            if given is None:
+                aside += [(path, "one path with {camera} in it must tell whose each is; rename them") for path in paths]
+            else:
+                sets.setdefault(at, []).append((*given, tool))
+    return sets, why, aside
+
+
+def _walk_of(one: Detected, walks: Sequence[Walk], known: Collection[str]) -> tuple[int | None, str]:
+    if one.stamp_ns is not None:
+        during = [
+            i for i, walk in enumerate(walks)
+            if walk.first_ns is not None and walk.last_ns is not None
+            and walk.first_ns <= one.stamp_ns <= walk.last_ns
+        ]  # fmt: skip
+        if len(during) == 1:
+            return during[0], "their stamps are of its time"
+    named, reason = walks_named(one.path, walks, known)
+    if len(named) != 1:
+        return None, reason if not named else f"may be of {len(named)} walks by its name"
+    return next(i for i, walk in enumerate(walks) if walk is named[0]), f"each {reason}"
+
+
+def stamps_of(
+    found: Found, walks: Sequence[Walk], of_walks: Sequence[Sequence[Filmed]], known: Collection[str]
+) -> tuple[dict[int, Cell], list[tuple[str, str]]]:
+    """By walk the CSV files with the stamps of its videos; what belongs to none."""
+    mine: dict[int, list[str]] = {}
+    aside: list[tuple[str, str]] = []
+    for path in found.stamps:
+        named, reason = walks_named(path, walks, known)
+        at = next((i for i, walk in enumerate(walks) if len(named) == 1 and walk is named[0]), None)
+        if at is None or all(one.kind == "bag" for one in of_walks[at]):
+            aside.append((path, reason if at is None else "holds stamps, and its walk has no videos"))
+        else:
+            mine.setdefault(at, []).append(path)
+    cells = {}
+    for at, paths in mine.items():
+        called = [one.name for one in of_walks[at] if one.kind != "bag"]
+        given = names.pattern(paths, called)
+        if given and {*given[1].values()} >= {*called}:
+            cells[at] = Cell(given[0], "stamps beside the videos")
+        elif len(paths) == 1:
+            cells[at] = Cell(paths[0], "stamps beside the videos")
+        else:
+            aside += [(path, "holds stamps, and is not called as a camera of its walk") for path in paths]
+    return cells, aside
+
+
+def chosen(sets: Sequence[tuple[str, Mapping[str, str], str]], fits: Callable[[Mapping[str, str]], bool]) -> Cell:
+    """The cell of a walk's detections."""
+    good = [(whole, tool) for whole, called, tool in sets if fits(called)]
+    if len(good) > 1:
+        return Cell(
+            either([whole for whole, _ in good]), "all of them may be meant; other tools' go into detectors.tsv"
+        )
+    if good:
+        return Cell(good[0][0], f"output of {READERS[good[0][1]].tool}")
+    return Cell(WORD, "no detections were found: a path with {camera} in it, or the word detect")

@@ -1,0 +1,266 @@
+"""Write the config of a new project, filled in as far as the recordings tell.
+
+INPUTS   a folder for the project; with `--from` the folder of the recordings
+OUTPUTS  `<folder>/config/`: config.yaml, the sheets, a folder for each session with a YAML file for each camera. Every
+         guess has its reason as a comment; what nobody but the lab knows is TODO (dior/project/todos.py).
+Called again with more recordings it adds their rows and sessions, and names rows whose files are gone. Nothing that is
+there is overwritten, and no recording is copied.
+"""
+
+import os
+import shlex
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from dior.errors import DiorError
+from dior.init import capture as captures
+from dior.init import names, written
+from dior.init.capture import Capture, Session
+from dior.init.found import look
+from dior.project import init as empty
+from dior.project import todos
+from dior.project.contents import bags_of
+from dior.project.plain_text import rows_of
+from dior.project.project import read_config
+from dior.project.schema_check import Row
+from dior.tables.files import write_text
+
+SHEETS = {"sequences": written.WALKS, "subjects": written.PEOPLE}
+# chosen: what a screen shows
+MOST_ASIDE = 30
+# chosen: a path with more steps up says less than the whole one
+MOST_UP = 3
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A sheet that is there: its text, columns, and rows as they are, not checked."""
+
+    text: str
+    columns: tuple[str, ...]
+    rows: tuple[Row, ...]
+
+
+def run(folder: Path, *, as_from: Path | None = None, dry_run: bool = False) -> None:
+    """Write the config of a project into `folder`, print what was found and what to do next.
+
+    `folder`: it may be there; `as_from`: folder of the recordings, which are looked through, without it the config
+    holds nothing yet; `dry_run`: write nothing, show the table.
+    Raises DiorError where there is nothing to make a project of, and, without `as_from`, where there is a config.
+    """
+    if as_from is None:
+        empty.run(folder)
+        return
+    recordings = as_from.resolve()
+    if not recordings.is_dir():
+        raise DiorError(f"{as_from}: there is no such folder; name the one that the recordings are in")
+    root = _data_root(folder, recordings)
+    lenses = read_config(folder).get("lenses") if (folder / "config/config.yaml").exists() else None
+    found = captures.of(root, look(root, recordings), sorted(lenses or {}))
+    if not found.sessions:
+        raise DiorError(
+            f"{as_from}: no recording with pictures of a walk is below it{_some_aside(found.aside)}; bags, videos and "
+            "folders of pictures are read (docs/bags.md, docs/videos.md)"
+        )
+    there = {kind: _sheet(folder, kind) for kind in SHEETS}
+    found, new = _beside(found, there["sequences"], _sessions_there(folder))
+    files = _files(folder, root, found, new, there)
+    print(written.table(found, new))
+    _tell_aside(found)
+    _tell_changes(root, found, new, there["sequences"])
+    if dry_run:
+        print(f"Nothing was written; it would be {_listed(files)}.")
+        return
+    for path, text in files.items():
+        write_text(folder / "config" / path, text)
+    _tell_next(folder, files, new)
+
+
+def _data_root(folder: Path, recordings: Path) -> Path:
+    """What the paths of the sheets are relative to: as config.yaml says where there is one, else the recordings.
+
+    Raises DiorError where the recordings are not below the one that is there.
+    """
+    if not (folder / "config/config.yaml").exists():
+        return recordings
+    root = (folder / str(read_config(folder).get("data_root", "data"))).resolve()
+    if recordings != root and root not in recordings.parents:
+        raise DiorError(
+            f"{folder / 'config/config.yaml'}: 'data_root' is {root}, and {recordings} is not in it; name that folder "
+            "or one in it, or make another project of the others"
+        )
+    return root
+
+
+def _sheet(folder: Path, kind: str) -> Sheet | None:
+    path, shown = folder / "config" / f"{kind}.tsv", f"config/{kind}.tsv"
+    if not path.exists():
+        return None
+    lines = rows_of(path, shown, "\t")
+    if not lines:
+        raise DiorError(f"{shown}: the file is empty; remove it, and it is written anew")
+    (_, header), *body = lines
+    rows = tuple(dict(zip(header, [*cells, *[""] * (len(header) - len(cells))], strict=False)) for _, cells in body)
+    return Sheet(path.read_text(encoding="utf-8-sig"), tuple(header), rows)
+
+
+def _sessions_there(folder: Path) -> set[str]:
+    path = folder / "config/sessions"
+    return {one.name for one in path.iterdir() if one.is_dir()} if path.is_dir() else set()
+
+
+def _beside(found: Capture, sheet: Sheet | None, sessions_there: set[str]) -> tuple[Capture, list[str]]:
+    """The capture with walks and sessions called as in the sheet, and the names of the walks that are not in it."""
+    rows = sheet.rows if sheet else ()
+    owner = {path: row for row in rows for path in _paths(row)}
+    taken_names = [row.get("sequence", "") for row in rows]
+    names_used, new, sessions = [*sessions_there], [], []
+    for session in found.sessions:
+        known = [owner[path] for one in session.taken for path in one.paths if path in owner]
+        # of several the one with the most walks, the first by name
+        folders = sorted({row.get("session", "") for row in known} - {""})
+        name = max(folders, key=lambda one: sum(row.get("session") == one for row in known)) if folders else (
+            names.unique(session.name, names_used))  # fmt: skip
+        names_used.append(name)
+        taken = []
+        for one in session.taken:
+            row = next((owner[path] for path in one.paths if path in owner), None)
+            called = row.get("sequence", one.name) if row else names.unique(one.name, taken_names)
+            if row is None:
+                new.append(called)
+                taken_names.append(called)
+            taken.append(replace(one, name=called))
+        sessions.append(replace(session, name=name, taken=tuple(taken)))
+    return replace(found, sessions=tuple(sessions)), new
+
+
+def _paths(row: Row) -> list[str]:
+    """The recordings that a row names, those of its videos for all cameras that are there."""
+    return [*bags_of({"bags": row.get("bags", "")}), *filter(None, [row.get("videos", "")])]
+
+
+def _files(
+    folder: Path, root: Path, found: Capture, new: Sequence[str], there: Mapping[str, Sheet | None]
+) -> dict[str, str]:
+    """Text by path below config/ of what is to be written: the sheets last, as they make the rest count."""
+    files: dict[str, str] = {}
+    config = folder / "config/config.yaml"
+    if not config.exists():
+        files["config.yaml"] = written.config_yaml(_relative(root, folder), found)
+    lenses = read_config(folder).get("lenses") or {} if config.exists() else None
+    fresh = [
+        replace(session, taken=tuple(one for one in session.taken if one.name in new)) for session in found.sessions
+    ]
+    fresh = [session for session in fresh if session.taken]
+    for session in fresh:
+        if not (folder / "config/sessions" / session.name / "session.yaml").exists():
+            for path, text in written.session_files(session, lenses).items():
+                if not (folder / "config" / path).exists():
+                    files[path] = text
+    people = sorted({one.subject.text for session in fresh for one in session.taken if not one.subject.asked})
+    if any(one.subject.asked for session in fresh for one in session.taken) and there["subjects"] is None:
+        people = people or [todos.WORD]
+    listed = {row.get("subject", "") for row in there["subjects"].rows} if there["subjects"] else set()
+    rows = {
+        "subjects": lambda columns: written.people_rows([one for one in people if one not in listed], columns),
+        "sequences": lambda columns: written.walk_rows(fresh, columns, _orders(fresh, there["sequences"])),
+    }
+    for kind, columns in SHEETS.items():
+        sheet = there[kind]
+        text = rows[kind](sheet.columns if sheet else columns)
+        if sheet is None:
+            files[f"{kind}.tsv"] = written.header(kind, columns) + text
+        elif text:
+            files[f"{kind}.tsv"] = sheet.text + ("" if sheet.text.endswith("\n") else "\n") + text
+    for kind, more in (("gallery", ("path",)), ("detectors", ())):
+        if not (folder / "config" / f"{kind}.tsv").exists() and there["sequences"] is None:
+            files[f"{kind}.tsv"] = empty.header(kind, *more)
+    return files
+
+
+def _orders(sessions: Iterable[Session], sheet: Sheet | None) -> dict[str, int]:
+    """session_order of each new walk: after those that are in the sheet."""
+    last: dict[str, int] = {}
+    for row in sheet.rows if sheet else ():
+        order = row.get("session_order", "")
+        last[row.get("session", "")] = max(last.get(row.get("session", ""), 0), int(order) if order.isdecimal() else 0)
+    orders = {}
+    for session in sessions:
+        for i, one in enumerate(session.taken, start=last.get(session.name, 0) + 1):
+            orders[one.name] = i
+    return orders
+
+
+def _relative(root: Path, folder: Path) -> str:
+    """The folder of the recordings as config.yaml is to name it: from the project's folder, if that is not far."""
+    path = os.path.relpath(root, folder.resolve())
+    return str(root) if path.split(os.sep).count("..") > MOST_UP else Path(path).as_posix()
+
+
+def _some_aside(aside: Sequence[tuple[str, str]]) -> str:
+    return f"; {aside[0][0]} {aside[0][1]}" if aside else ""
+
+
+def _tell_aside(found: Capture) -> None:
+    if not found.aside:
+        return
+    print("These belong to no walk:")
+    groups: dict[tuple[str, str, str], list[str]] = {}
+    for path, reason in found.aside:
+        where = Path(path)
+        groups.setdefault((where.parent.as_posix(), where.suffix, reason), []).append(where.name)
+    for (parent, suffix, reason), files in list(groups.items())[:MOST_ASIDE]:
+        shown = files[0] if len(files) == 1 else f"{len(files)} files *{suffix}"
+        print(f"  {shown if parent == '.' else f'{parent}/{shown}'}: {reason}")
+    if len(groups) > MOST_ASIDE:
+        print(f"  and {len(groups) - MOST_ASIDE} more kinds")
+    print()
+
+
+def _tell_changes(root: Path, found: Capture, new: Sequence[str], sheet: Sheet | None) -> None:
+    """Say which rows lack files, and what could be filled in by now."""
+    if sheet is None:
+        return
+    for row in sheet.rows:
+        gone = [path for path in _paths(row) if not _is_there(root, path)]
+        if gone:
+            print(f"config/sequences.tsv: the files of {row.get('sequence')} are gone: {', '.join(gone)}")
+    rows = {row.get("sequence", ""): row for row in sheet.rows}
+    for session in found.sessions:
+        for one in session.taken:
+            if one.name in new:
+                continue
+            cells = written.walk_cells(session, one, 0)
+            for column in ("mocap", "detections", "stamps", "trigger_log"):
+                said, now = rows[one.name].get(column, ""), cells[column]
+                if now and not now.startswith(todos.WORD) and (not said or said.startswith(todos.WORD)):
+                    print(f"config/sequences.tsv: {column} of {one.name} may be {now} by now")
+
+
+def _is_there(root: Path, path: str) -> bool:
+    if "{camera}" not in path:
+        return (root / path).exists()
+    return any(root.glob(path.replace("{camera}", "*")))
+
+
+def _tell_next(folder: Path, files: Mapping[str, str], new: Sequence[str]) -> None:
+    if not files:
+        print("Nothing is new.")
+    else:
+        print(f"Wrote {_listed(files)} in {folder / 'config'}" + (f", with {len(new)} walks." if new else "."))
+    left = todos.found(folder)
+    where = shlex.quote(str(folder.resolve()))
+    if left:
+        print(f"{len(left)} values are TODO, which only you know: `grep -rn TODO {folder / 'config'}`. Then type")
+    else:
+        print("Type")
+    print(f"  dior pseudonyms {where}\n  dior run {where}")
+
+
+def _listed(files: Mapping[str, str]) -> str:
+    shown = [path for path in files if "/" not in path]
+    cameras = sum(path.startswith("sessions/") and not path.endswith("/session.yaml") for path in files)
+    sessions = sum(path.endswith("/session.yaml") for path in files)
+    shown += [f"{sessions} session{'s' if sessions > 1 else ''} with {cameras} cameras"] if sessions else []
+    return ", ".join(shown) or "nothing"

@@ -1,0 +1,183 @@
+"""Which recordings are of one walk, and which walk a file is of.
+
+INPUTS   `found.Recording`s, paths
+OUTPUTS  `Walk`s with the reasons; of a path the walks that it may be of
+Recordings that were made at the same time are of one walk, whatever they are called. Names tell where no times do.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import PurePosixPath
+
+from dior.init import names
+from dior.init.found import Recording
+
+# chosen: of the shorter of two recordings, at least so much was recorded while the other was, if they are of one walk
+TOGETHER = 0.5
+# chosen: a recorder that splits its bags loses less between two of them, and nobody starts it again so soon
+SPLIT_NS = 500_000_000
+# chosen: dates in names are in whole seconds, of recorders that are started one after the other
+NAMED_NS = 5_000_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class Walk:
+    """Recordings of one walk, sorted; `keys`: what each says it is called; `reasons`: why they belong together."""
+
+    recordings: tuple[Recording, ...]
+    keys: tuple[str, ...]
+    reasons: tuple[str, ...]
+
+    @property
+    def first_ns(self) -> int | None:
+        """When it began, None if nothing tells or only names do."""
+        return min((one.first_ns for one in self.recordings if one.first_ns and one.by != "name"), default=None)
+
+    @property
+    def last_ns(self) -> int | None:
+        return max((one.last_ns for one in self.recordings if one.last_ns and one.by != "name"), default=None)
+
+    @property
+    def key(self) -> str:
+        """The key that most of its recordings have."""
+        return Counter(sorted(self.keys)).most_common(1)[0][0]
+
+    @property
+    def folder(self) -> str:
+        """The innermost folder in which all of its recordings lie."""
+        parents = [PurePosixPath(one.path).parent.parts for one in self.recordings]
+        common = [part[0] for part in zip(*parents, strict=False) if len({*part}) == 1]
+        return "/".join(common)
+
+
+def walks_of(recordings: Sequence[Recording], cameras: Collection[str]) -> list[Walk]:
+    """The walks, in the order of their times and keys. `cameras`: names that are those of cameras, not of walks."""
+    keys = {one.path: names.walk_key(one.path, cameras) for one in recordings}
+    groups: list[list[Recording]] = []
+    for dated in (("stamps", "creation"), ("name",)):
+        groups += _at_once([one for one in recordings if one.by in dated])
+    timed = [group for group in groups if group[0].by != "name"]
+    rest = [group for group in groups if group[0].by == "name"] + [[one] for one in recordings if not one.by]
+    joined: list[list[Recording]] = []
+    for group in rest:
+        mine = {keys[one.path] for one in group}
+        same = [other for other in timed if mine & {keys[one.path] for one in other}]
+        alike = [other for other in joined if mine & {keys[one.path] for one in other}]
+        target = same[0] if len(same) == 1 else alike[0] if alike else None
+        if target is None:
+            joined.append(list(group))
+        else:
+            target += group
+    joined = _in_one_folder(joined)
+    found = [sorted(group, key=lambda one: one.path) for group in (*timed, *joined)]
+    found.sort(key=lambda group: (_first_ns(group), _natural(keys[group[0].path]), group[0].path))
+    return [
+        Walk(tuple(group), tuple(keys[one.path] for one in group), tuple(_reasons(group, found, keys)))
+        for group in found
+    ]  # fmt: skip
+
+
+def _first_ns(group: Sequence[Recording]) -> int:
+    return min((one.first_ns for one in group if one.first_ns), default=0)
+
+
+def _natural(text: str) -> list[tuple[int, str]]:
+    return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", text.lower())]
+
+
+def _at_once(recordings: Sequence[Recording]) -> list[list[Recording]]:
+    """Groups of recordings that were made at the same time, or go on where another one of the same topics ended."""
+    groups: list[list[Recording]] = []
+    for one in sorted(recordings, key=lambda one: (one.first_ns or 0, one.path)):
+        mine = [group for group in groups if any(_belong(one, other) for other in group)]
+        merged = [one, *(other for group in mine for other in group)]
+        groups = [group for group in groups if not any(group is other for other in mine)] + [merged]
+    return groups
+
+
+def _belong(one: Recording, other: Recording) -> bool:
+    if overlap(one, other) > 0:
+        shortest = min((each.last_ns or 0) - (each.first_ns or 0) for each in (one, other))
+        return overlap(one, other) >= TOGETHER * max(shortest, 1)
+    if one.by == other.by == "name":
+        return abs((one.first_ns or 0) - (other.first_ns or 0)) <= NAMED_NS
+    same = one.topics.keys() == other.topics.keys() and one.kind == "bag"
+    beside = PurePosixPath(one.path).parent == PurePosixPath(other.path).parent
+    return same and beside and -overlap(one, other) <= SPLIT_NS
+
+
+def overlap(one: Recording, other: Recording) -> int:
+    """How long (ns) two recordings ran at once; negative is what lies between them."""
+    return min(one.last_ns or 0, other.last_ns or 0) - max(one.first_ns or 0, other.first_ns or 0)
+
+
+def _in_one_folder(groups: list[list[Recording]]) -> list[list[Recording]]:
+    """Recordings of which neither a time nor a name tells, each alone, are of one walk where they lie in one folder."""
+    by_folder: dict[str, list[list[Recording]]] = {}
+    for group in groups:
+        folder = str(PurePosixPath(group[0].path).parent)
+        alone = len(group) == 1 and not group[0].by and folder != "." and not names.DEVICE.search(group[0].path)
+        by_folder.setdefault(folder if alone else group[0].path, []).append(group)
+    return [[one for group in mine for one in group] for mine in by_folder.values()]
+
+
+def _reasons(group: Sequence[Recording], groups: Iterable[Sequence[Recording]], keys: dict[str, str]) -> list[str]:
+    shown = [PurePosixPath(one.path).name for one in group]
+    listed = shown if len({*shown}) == len(shown) else [one.path for one in group]
+    reasons = []
+    dated = [one for one in group if one.by in ("stamps", "creation")]
+    if len(group) > 1 and len(dated) == len(group):
+        together = min(one.last_ns or 0 for one in group) - max(one.first_ns or 0 for one in group)
+        how = f"at the same time for {together / 1e9:.1f} s" if together > 0 else "one after the other without a break"
+        reasons.append(f"{_listed(listed)} were recorded {how}")
+    elif len(group) > 1 and all(one.by == "name" for one in group):
+        reasons.append(f"the names of {_listed(listed)} have the same date and time, to {NAMED_NS // 10**9} s")
+    elif len(group) > 1:
+        why = "have the same name but for the camera's" if len({keys[one.path] for one in group}) == 1 else (
+            "lie in one folder")  # fmt: skip
+        reasons.append(f"{_listed(listed)} {why}, and not all tell when they were recorded")
+    for other in groups:
+        alike = {keys[one.path] for one in other} & {keys[one.path] for one in group}
+        if other is not group and alike and dated and any(one.by in ("stamps", "creation") for one in other):
+            apart = min(one.first_ns or 0 for one in other) - min(one.first_ns or 0 for one in group)
+            reasons.append(
+                f"not with {_listed([one.path for one in other])}, whose name is the same, as that began "
+                f"{abs(apart) / 1e9:.0f} s {'later' if apart > 0 else 'earlier'}; was a clock wrong?"
+            )
+    return reasons
+
+
+def _listed(words: Sequence[str]) -> str:
+    # chosen: what a line holds
+    if len(words) > 4:
+        return f"{', '.join(words[:2])} and {len(words) - 2} more"
+    return " and ".join(filter(None, (", ".join(words[:-1]), words[-1])))
+
+
+def walks_named(path: str, walks: Sequence[Walk], cameras: Collection[str]) -> tuple[list[Walk], str]:
+    """The walks that a file may be of by its name and place, and why; no walk and why not."""
+    key = names.walk_key(path, cameras)
+    if same := [walk for walk in walks if key and key in walk.keys]:
+        return same, "has its name"
+    held = [max((len(one) for one in walk.keys if names.holds(key, one)), default=0) for walk in walks]
+    if max(held, default=0):
+        return [
+            walk for walk, length in zip(walks, held, strict=True) if length == max(held)
+        ], "has its name in its own"
+    if part := [walk for walk in walks if any(names.holds(one, key) for one in walk.keys)]:
+        return part, "has a part of its name"
+    at = names.date_ns(path)
+    if at is not None:
+        dates = {id(walk): [names.date_ns(one.path) for one in walk.recordings] for walk in walks}
+        near = [walk for walk in walks if any(one and abs(one - at) <= NAMED_NS for one in dates[id(walk)])]
+        if near:
+            return near, "has its date"
+    inside = [walk for walk in walks if walk.folder and f"{path}/".startswith(f"{walk.folder}/")]
+    deepest = [walk for walk in inside if len(walk.folder) == max(len(one.folder) for one in inside)]
+    if deepest:
+        return deepest, "lies in its folder"
+    if len(walks) == 1 and not (key and walks[0].folder):
+        return list(walks), "is that of the only walk"
+    return [], "has the name of no walk, and lies in no walk's folder"

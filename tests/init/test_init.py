@@ -1,0 +1,286 @@
+"""`dior init --from`: what a folder of recordings becomes, and what it never does."""
+
+import re
+import shutil
+import time
+
+import pytest
+import yaml
+
+from dior.cli import main
+from dior.errors import DiorError
+from dior.init import init
+from dior.project import project, pseudonyms, todos
+from dior.project.schema_check import read_sheet
+from tests.ingest.test_trigger_log import write as write_log
+from tests.init import small
+from tests.init.small import T0, S
+
+
+def made(folder, capsys=None, **how):
+    """The project of the recordings in `folder`/recordings; returns its folder, and what was printed."""
+    init.run(folder / "project", as_from=folder / "recordings", **how)
+    return folder / "project", capsys.readouterr().out if capsys else ""
+
+
+def rows(folder, sheet="sequences"):
+    return read_sheet(folder / f"config/{sheet}.tsv", sheet, sheet.removesuffix("s"))[0]
+
+
+def yaml_of(folder, path):
+    return yaml.safe_load((folder / f"config/{path}.yaml").read_text())
+
+
+def fill(folder, **answers):
+    """Write what a person knows in the place of each TODO, by the last word of its key."""
+    known = {"subject": "P1", "height_m": "1.7", "height_sigma_m": "0.01", "consent_release": "yes",
+             "consent_pictures": "no", "position_m": "[{}, 1, 1]", **answers}  # fmt: skip
+    for i, todo in enumerate(todos.found(folder)):
+        path = folder / todo.path
+        lines = path.read_text().split("\n")
+        answer = known[todo.key.split(".")[-1]].format(3 * i)
+        lines[todo.line - 1] = re.sub(r"TODO[^\t,}]*", lambda _, answer=answer: answer, lines[todo.line - 1], count=1)
+        path.write_text("\n".join(lines))
+    pseudonyms.run(folder)
+
+
+def contents(folder):
+    return {path.relative_to(folder): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+
+
+@pytest.fixture
+def lab(tmp_path):
+    """Two outdoor walks and an indoor one on the next day, in folders of their own, and things that belong to none."""
+    recordings = tmp_path / "recordings"
+    small.outdoor(recordings, "out_1")
+    small.outdoor(recordings, "out_2", 100)
+    small.outdoor(recordings, "in_1", 86400, far=None)
+    small.c3d(recordings / "in_1/trial.c3d", "Anna:")
+    (recordings / "notes.txt").write_text("it rained")
+    small.bag(recordings / "calibration/board", ["cam01"])
+    return tmp_path
+
+
+def test_a_capture_becomes_a_project_that_loads_once_it_is_filled_in(lab, capsys):
+    folder, said = made(lab, capsys)
+    sheet = rows(folder)
+    assert list(sheet) == ["out_1", "out_2", "in_1"]
+    assert {name: row["environment"] for name, row in sheet.items()} == {
+        "out_1": "outdoor", "out_2": "outdoor", "in_1": "indoor",
+    }  # fmt: skip
+    assert sheet["out_1"] | {} == {
+        "sequence": "out_1", "session_order": "1", "subject": "TODO", "session": "outdoor", "environment": "outdoor",
+        "outfit": "", "walk": "", "bags": "out_1/pc1.bag;out_1/pc2.bag", "mocap": "", "trigger_log": "",
+        "detections": "out_1/mlkit/{camera}.jsonl", "exclude_reason": "", "videos": "", "stamps": "", "truth": "",
+    }  # fmt: skip
+    assert sheet["in_1"]["mocap"] == "in_1/trial.c3d" and sheet["in_1"]["subject"] == "Anna"
+    assert yaml_of(folder, "config")["data_root"] == "../recordings"
+    session = yaml_of(folder, "sessions/outdoor/session")
+    assert session["cameras"] == ["cam01", "cam02", "cam03"]
+    assert session["adjust"] == {name: {"first": 0, "count": 39, "step": 1} for name in ("out_1", "out_2")}
+    far = yaml_of(folder, "sessions/outdoor/cam03")
+    assert far["role"] == "long_range" and far["locate"] == "align" and far["topic"] == "/cam03/image_raw/compressed"
+    assert far["align"] == {"from": "boxes", "sequences": ["out_1", "out_2"], "fit": "range"}
+    assert "nothing" not in said and "notes.txt" in said and "calibration/board.bag: is no walk by its name" in said
+    with pytest.raises(DiorError, match="still TODO"):
+        project.load(folder)
+    fill(folder)
+    for name in ("out_1", "out_2"):
+        (folder / "config/boxes").mkdir(exist_ok=True)
+        (folder / f"config/boxes/{name}.cam03.csv").write_text("frame,u_min,v_min,u_max,v_max\n")
+    for name in ("cam01", "cam02"):
+        (folder / f"config/sessions/indoor/{name}.marks.csv").write_text("sequence,frame,joint,u,v\nin_1,0,LASI,1,2\n")
+    text = (folder / "config/subjects.tsv").read_text()
+    (folder / "config/subjects.tsv").write_text(text + "P1\tpseudonym-1\t\t\tyes\tno\n")
+    loaded = project.load(folder)
+    assert loaded.sequences == ("in_1", "out_1", "out_2") and loaded.close("outdoor") == ["cam01", "cam02"]
+    assert all((folder / path).exists() for name in loaded.sequences for path in loaded.recordings(name).values())
+
+
+def test_every_guess_has_its_reason(lab):
+    folder, _ = made(lab)
+    text = (folder / "config/sequences.tsv").read_text()
+    for words in (
+        "pc1.bag and pc2.bag were recorded at the same time for 3.9 s", "in_1/trial.c3d has its name",
+        "output of ML Kit: each has its name", "with the same cameras on one day", "Anna as the labels in",
+    ):  # fmt: skip
+        assert words in " ".join(text.replace("\n#", "").split()), words
+    camera = (folder / "config/sessions/outdoor/cam03.yaml").read_text()
+    assert "# somebody was detected in 0 of 80 pictures\nrole: long_range\n" in camera
+    assert "# sequence: a name of letters" in text and "64x48 px, 10.0 pictures per second" in camera
+
+
+def test_the_same_recordings_are_the_same_bytes(lab):
+    first = contents(made(lab)[0])
+    shutil.rmtree(lab / "project")
+    assert contents(made(lab)[0]) == first
+    assert not any(str(lab).encode() in text for text in first.values())
+
+
+def test_a_dry_run_writes_nothing(lab, capsys):
+    _, said = made(lab, capsys, dry_run=True)
+    assert not (lab / "project").exists() and "Nothing was written" in said and "out_1/mlkit/{camera}.jsonl" in said
+
+
+def test_recordings_are_left_as_they_are(lab):
+    before = contents(lab / "recordings")
+    made(lab)
+    assert contents(lab / "recordings") == before
+
+
+def test_called_again_it_adds_what_is_new_and_changes_nothing_else(lab, capsys):
+    folder, _ = made(lab)
+    fill(folder)
+    sheet = folder / "config/sequences.tsv"
+    sheet.write_text(sheet.read_text().replace("out_1\t1\tP1", "out_1\t7\tP1").replace("out_2\t2", "lawn\t8"))
+    shutil.rmtree(lab / "recordings/in_1")
+    small.outdoor(lab / "recordings", "out_3", 200)
+    small.outdoor(lab / "recordings", "out_4", 10 * 86400)
+    before = contents(folder)
+    _, said = made(lab, capsys)
+    after = contents(folder)
+    changed = {str(path) for path in after if after[path] != before.get(path)}
+    assert changed == {"config/sequences.tsv", *(
+        f"config/sessions/outdoor_2/{name}.yaml" for name in ("session", "cam01", "cam02", "cam03"))}  # fmt: skip
+    assert sheet.read_bytes().startswith(before[sheet.relative_to(folder)])
+    found = rows(folder)
+    assert list(found) == ["out_1", "lawn", "in_1", "out_3", "out_4"]
+    assert (found["out_3"]["session"], found["out_3"]["session_order"]) == ("outdoor", "9")
+    assert (found["out_4"]["session"], found["out_4"]["session_order"]) == ("outdoor_2", "1")
+    assert "the files of in_1 are gone: in_1/pc1.bag" in said
+    _, said = made(lab, capsys)
+    assert "Nothing is new" in said and contents(folder) == after
+
+
+def test_what_was_asked_and_is_there_now_is_told(lab, capsys):
+    kept = lab / "kept"
+    shutil.move(lab / "recordings/out_2/mlkit", kept)
+    folder, _ = made(lab)
+    assert rows_of_text(folder)["out_2"]["detections"] == "TODO"
+    shutil.move(kept, lab / "recordings/out_2/mlkit")
+    _, said = made(lab, capsys)
+    assert "detections of out_2 may be out_2/mlkit/{camera}.jsonl by now" in said
+
+
+def rows_of_text(folder):
+    """Rows of the sheet as they are: a TODO is no path."""
+    header, *body = [line.split("\t") for line in (folder / "config/sequences.tsv").read_text().split("\n")
+                     if line and not line.startswith("#")]  # fmt: skip
+    return {cells[0]: dict(zip(header, cells, strict=True)) for cells in body}
+
+
+def test_where_two_are_possible_it_asks(lab):
+    shutil.copytree(lab / "recordings/out_1/mlkit", lab / "recordings/out_1/mlkit_old")
+    small.c3d(lab / "recordings/in_1/trial_2.c3d", "Anna:")
+    found = rows_of_text(made(lab)[0])
+    assert found["out_1"]["detections"] == "TODO: out_1/mlkit/{camera}.jsonl or out_1/mlkit_old/{camera}.jsonl"
+    assert found["in_1"]["mocap"] == "TODO: in_1/trial.c3d or in_1/trial_2.c3d"
+
+
+def test_the_trigger_log_tells_the_motion_capture(tmp_path):
+    for i, walk in enumerate(("a", "b")):
+        small.outdoor(tmp_path / "recordings", walk, 100 * i, far=None)
+        small.c3d(tmp_path / f"recordings/mocap/Trial{i + 7}.c3d")
+    events = [(what, f"Trial{i + 7}", 100 * i + at - 0.0) for i in (0, 1) for what, at in (("start", 0.5), ("stop", 3))]
+    log = write_log(tmp_path / "recordings/trigger.jsonl", *events)
+    found = rows(made(tmp_path)[0])
+    assert log.exists() and [found[walk]["mocap"] for walk in ("a", "b")] == ["mocap/Trial7.c3d", "mocap/Trial8.c3d"]
+    assert [found[walk]["trigger_log"] for walk in ("a", "b")] == ["trigger.jsonl"] * 2
+
+
+def test_stamps_in_detections_win_over_their_names(tmp_path):
+    for i, walk in enumerate(("a", "b")):
+        small.bag(tmp_path / f"recordings/{walk}/pc1", ["cam01", "cam02"], 100 * i)
+        for camera in ("cam01", "cam02"):
+            other = {"a": "b", "b": "a"}[walk]
+            small.mlkit(tmp_path / f"recordings/mlkit/{other}/{camera}.jsonl", first_ns=T0 + 100 * i * S)
+    found = rows(made(tmp_path)[0])
+    assert found["a"]["detections"] == "mlkit/b/{camera}.jsonl"
+
+
+def test_names_with_blanks_capitals_and_umlauts(tmp_path):
+    folder = tmp_path / "recordings/Gang Süd/Läufer 1"
+    small.bag(folder / "PC1", ["Kamera_1", "Kamera_2"])
+    for i in (1, 2):
+        small.mlkit(folder / f"Posen/Kamera {i}.JSONL")
+    root, _ = made(tmp_path)
+    found = rows(root)["Laeufer_1"]
+    assert found["bags"] == "Gang Süd/Läufer 1/PC1.bag" and found["session"] == "Gang_Sued"
+    assert found["detections"] == "Gang Süd/Läufer 1/Posen/Kamera {camera}.JSONL"
+    assert yaml_of(root, "sessions/Gang_Sued/session")["cameras"] == ["1", "2"]
+    assert yaml_of(root, "sessions/Gang_Sued/2")["topic"] == "/Kamera_2/image_raw/compressed"
+    fill(root)
+    assert project.load(root).detections_pattern("Laeufer_1").endswith("Posen/Kamera {camera}.JSONL")
+
+
+def test_people_in_folders_are_who_walks_and_are_in_no_name(tmp_path):
+    for i, person in enumerate(("S01", "S02")):
+        small.outdoor(tmp_path / "recordings", f"{person}/walk_1", 100 * i)
+    root, _ = made(tmp_path)
+    found = rows(root)
+    assert {name: (row["subject"], row["session"]) for name, row in found.items()} == {
+        "walk_1": ("S01", "outdoor"), "walk_1_2": ("S02", "outdoor"),
+    }  # fmt: skip
+    assert list(rows_of_people(root)) == ["S01", "S02"]
+
+
+def rows_of_people(folder):
+    lines = [line.split("\t") for line in (folder / "config/subjects.tsv").read_text().split("\n")
+             if line and not line.startswith("#")]  # fmt: skip
+    return {cells[0]: cells for cells in lines[1:]}
+
+
+def test_a_lens_that_a_bag_cannot_tell_is_asked_once_for_each_device(tmp_path):
+    for session, start in (("a", 0), ("b", 864000)):
+        small.outdoor(tmp_path / "recordings", session, start, topic="/{}/color/image_raw/compressed",
+                      d=(0.1, 0.0, 0.0, 0.0, 0.0))  # fmt: skip
+    root, _ = made(tmp_path)
+    asked = [todo for todo in todos.found(root) if "lens" in todo.key or "distortion" in todo.key]
+    assert [todo.key for todo in asked] == ["lenses.realsense_64x48_f600"]
+    for session in ("outdoor", "outdoor_2"):
+        assert yaml_of(root, f"sessions/{session}/cam01")["lens"] == "realsense_64x48_f600"
+
+
+@pytest.mark.parametrize("form", ["mcap", "db3"])
+def test_folders_of_ros_2_are_bags(tmp_path, form):
+    small.bag(tmp_path / "recordings/w/pc1", ["cam01", "cam02"], form=form)
+    assert rows_of_text(made(tmp_path)[0])["w"]["bags"] == "w/pc1"
+
+
+def test_an_empty_folder_and_none_are_one_sentence(tmp_path, capsys):
+    with pytest.raises(DiorError, match="recordings: there is no such folder"):
+        made(tmp_path)
+    (tmp_path / "recordings").mkdir()
+    with pytest.raises(DiorError, match="no recording with pictures of a walk is below it; bags, videos"):
+        made(tmp_path)
+    (tmp_path / "recordings/pc1.bag").write_bytes(b"#ROSBAG V2.0\nxx")
+    assert main.main(["init", str(tmp_path / "project"), "--from", str(tmp_path / "recordings")]) == 1
+    assert "pc1.bag the bag is truncated" in capsys.readouterr().err and not (tmp_path / "project").exists()
+
+
+def test_recordings_elsewhere_are_another_project(lab, tmp_path):
+    folder, _ = made(lab)
+    shutil.copytree(lab / "recordings", tmp_path / "others")
+    with pytest.raises(DiorError, match=r"'data_root' is .*recordings, and .*others is not in it"):
+        init.run(folder, as_from=tmp_path / "others")
+    init.run(folder, as_from=lab / "recordings/out_1")
+
+
+def test_of_a_project_among_its_recordings_only_these_are_looked_at(lab):
+    folder = lab / "recordings"
+    init.run(folder, as_from=folder)
+    before = contents(folder / "config")
+    (folder / "results").mkdir()
+    shutil.copy(folder / "out_1/pc1.bag", folder / "results/made.bag")
+    init.run(folder, as_from=folder)
+    assert contents(folder / "config") == before and yaml_of(folder, "config")["data_root"] == "."
+
+
+def test_five_hundred_files_are_quick(tmp_path):
+    small.outdoor(tmp_path / "recordings", "w")
+    for i in range(500):
+        (tmp_path / f"recordings/picture_{i}.txt").write_text("notes")
+    began = time.process_time()
+    made(tmp_path)
+    # chosen: ten times what it takes
+    assert time.process_time() - began < 5
