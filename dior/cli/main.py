@@ -21,7 +21,8 @@ from dior.project import running
 from dior.project.steps import MODULES
 
 NEXT = """dior turns raw recordings of a gait capture into a labelled dataset. What to type:
-  dior init my_capture             writes a project folder; fill in its config/
+  dior init my_capture --from recordings
+                                   writes a project folder; fill in what is TODO in its config/
   dior check my_capture            says all that is wrong with it, or what a run will do and take
   dior run my_capture              labels it, and again after each change what depends on that; look at the report
   dior run my_capture release      makes the dataset as others get it

@@ -71,13 +71,18 @@ def mocap_of(
         aside += [(one[0].path, f"is of the walk of {sure[0][0].path} by its name, and that is nearer") for one in mine
                   if one not in sure]  # fmt: skip
         if len(sure) == 1:
-            files[i] = sure[0][0]
-            cells[i] = Cell(sure[0][0].path, sure[0][1])
+            files[i], reason, _ = sure[0]
+            cells[i] = Cell(files[i].path, f"{reason} ({_about(files[i])})")
         else:
             paths = [one.path for one, _, _ in sure]
             cells[i] = Cell(either(paths), f"{len(paths)} files with motion capture may be of it")
     triggers = {i: _trigger(found, logged[i], files.get(i)) for i in cells if logged[i]}
     return cells, triggers, files, aside
+
+
+def _about(mocap: Mocap) -> str:
+    length = f", {mocap.seconds:.1f} s" if mocap.seconds else ""
+    return f"{mocap.tool}{length}" + (f"; {mocap.note}" if mocap.note else "")
 
 
 def _logged(found: Found, walk: Walk) -> list[tuple[str, str]]:

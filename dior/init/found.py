@@ -32,6 +32,8 @@ FEWEST_PICTURES, MANY_FILES = 30, 20
 SINCE_ITS_START_NS = video_stamps.NO_DATE_NS
 CALIBRATIONS = (".toml", ".yaml", ".yml", ".xml", ".json", ".xcp", ".txt", ".pickle")
 BAG_ENDINGS = (".bag", ".db3", ".mcap")
+# what separates paths, wildcards, quotes, line ends, what is no UTF-8, and blanks that a sheet strips
+UNWRITABLE = re.compile(r'[;{}"\x00-\x1f\x7f\ud800-\udfff]|^\s|\s$')
 # beside a database of ROS 2
 JOURNALS = ("-wal", "-shm")
 # what operating systems leave
@@ -57,13 +59,6 @@ class Recording:
     last_ns: int | None
     by: str
     topics: dict[str, str] = field(default_factory=dict)
-
-    @property
-    def seconds(self) -> float | None:
-        """How long it is, None if nothing tells."""
-        if self.first_ns is None or self.last_ns is None:
-            return None
-        return (self.last_ns - self.first_ns) / 1e9
 
 
 @dataclass(frozen=True)
@@ -115,6 +110,9 @@ def look(root: Path, below: Path) -> Found:
     every = list(_units(below))
     for path in reporting(every, lambda: len(every), "files", str(below)):
         shown = path.relative_to(root).as_posix()
+        if UNWRITABLE.search(shown):
+            found.aside.append((repr(shown), "has a sign in its name that no sheet can hold; rename it"))
+            continue
         try:
             _sort(path, shown, found)
         except (DiorError, OSError, ValueError) as error:
@@ -129,7 +127,12 @@ def _reason(error: Exception, path: Path, shown: str) -> str:
 
 def _units(folder: Path) -> Iterator[Path]:
     """Files, and folders that are one thing: a bag of ROS 2, pictures, a detector's files of a recording."""
-    entries = sorted(os.scandir(folder), key=lambda entry: entry.name)
+    try:
+        entries = sorted(os.scandir(folder), key=lambda entry: entry.name)
+    except OSError:
+        # who opens it next says why it cannot be
+        yield folder
+        return
     shown = [entry for entry in entries if not entry.name.startswith(".") and entry.name.lower() not in LITTER]
     files = [entry.name for entry in shown if entry.is_file()]
     if containers.METADATA in files and any(any(end in name for end in BAG_ENDINGS) for name in files):
@@ -155,8 +158,11 @@ def _is_of_pictures(folder: Path, written: set[str]) -> bool:
     first = min(written, default="")
     if not first or not names.numbers(first):
         return False
-    tool = recognise(folder / first)
-    tool = recognise(folder) if tool == "empty" else tool
+    try:
+        tool = recognise(folder / first)
+        tool = recognise(folder) if tool == "empty" else tool
+    except (DiorError, OSError):
+        return False
     shape = READERS[tool].shape if tool in READERS else "file"
     return shape == "folder" or shape == "either" and len(written) >= MANY_FILES
 

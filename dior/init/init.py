@@ -50,6 +50,8 @@ def run(folder: Path, *, as_from: Path | None = None, dry_run: bool = False) -> 
     Raises DiorError where there is nothing to make a project of, and, without `as_from`, where there is a config.
     """
     if as_from is None:
+        if dry_run:
+            raise DiorError("--dry-run shows what is found in recordings; name their folder by --from")
         empty.run(folder)
         return
     recordings = as_from.resolve()

@@ -227,7 +227,10 @@ def _recorded(camera: Filmed, first: Taken) -> str:
     if camera.kind == "bag":
         text = _comment(". ".join(camera.reasons)) + f"topic: {value(camera.topic)}\n"
         if camera.bag == WORD:
-            text += _comment("other cameras have this topic in their bags: what do the names of its bags hold?")
+            text += _comment(
+                "other cameras have this topic in their bags: what do the names of its bags hold, and others not? "
+                "Rename them where it is nothing"
+            )
         elif camera.bag:
             text += _comment("other cameras have this topic in their bags; the names of its own hold this")
         return text + (f"bag: {value(camera.bag)}\n" if camera.bag else "")

@@ -284,3 +284,15 @@ def test_five_hundred_files_are_quick(tmp_path):
     made(tmp_path)
     # chosen: ten times what it takes
     assert time.process_time() - began < 5
+
+
+def test_what_no_sheet_can_hold_is_told(lab, capsys):
+    for name in ("a;b", "{x}", 'say "hello"', " blank", "back\x08"):
+        shutil.copytree(lab / "recordings/out_1", lab / f"recordings/{name}")
+    folder, said = made(lab, capsys)
+    assert list(rows(folder)) == ["out_1", "out_2", "in_1"] and said.count("no sheet can hold; rename it") == 10
+
+
+def test_a_dry_run_of_nothing_is_refused(tmp_path):
+    with pytest.raises(DiorError, match="name their folder by --from"):
+        init.run(tmp_path, dry_run=True)
