@@ -10,7 +10,9 @@ COUNT, RATE_HZ = 40, 10
 PICTURE = bagfiles.picture(100)
 
 
-def bag(path, cameras, start_s=0.0, count=COUNT, topic="/{}/image_raw/compressed", form="ros1", d=(0.0,) * 5):
+def bag(
+    path, cameras, start_s=0.0, count=COUNT, topic="/{}/image_raw/compressed", form="ros1", d=(0.0,) * 5, focal_px=600
+):
     """A bag of the pictures and the lens of some cameras; `path` without a suffix. Returns the bag."""
     path.parent.mkdir(parents=True, exist_ok=True)
     messages, jpeg = [], bagfiles.encoded(PICTURE, ".jpg")
@@ -18,7 +20,9 @@ def bag(path, cameras, start_s=0.0, count=COUNT, topic="/{}/image_raw/compressed
         name = topic.format(camera)
         first = T0 + round(start_s * S)
         lens = name.removesuffix("/compressed").rpartition("/")[0] + "/camera_info"
-        messages.append(bagfiles.info(lens, first, d=d))
+        info = bagfiles.info(lens, first, d=d)
+        info.content["k"][:5:4] = focal_px
+        messages.append(info)
         for i in range(count):
             stamp = first + i * S // RATE_HZ
             messages.append(

@@ -69,3 +69,11 @@ def test_cameras_are_called_as_the_files_that_have_their_numbers():
     assert cameras.renamed(["cam01", "cam02"], ["cam02"]) is None
     assert cameras.renamed(["left", "right"], ["a", "b"]) is None
     assert cameras.renamed(["cam01", "kam01"], ["c1"]) is None
+
+
+def test_of_several_transports_the_one_with_most_messages_is_taken():
+    whole, part = (Stream(topic, KIND, count, T0, T0 + S, 48, 64, 10.0) for topic, count in (
+        ("/cam01/image_raw", 100), ("/cam01/image_raw/compressed", 60)))  # fmt: skip
+    one = Recording("w.bag", "bag", (part, whole), T0, T0 + S, "stamps", {})
+    found, _ = filmed(one)
+    assert [camera.topic for camera in found] == ["/cam01/image_raw"]

@@ -1,5 +1,6 @@
 """`dior init --from`: what a folder of recordings becomes, and what it never does."""
 
+import os
 import re
 import shutil
 import time
@@ -296,3 +297,103 @@ def test_what_no_sheet_can_hold_is_told(lab, capsys):
 def test_a_dry_run_of_nothing_is_refused(tmp_path):
     with pytest.raises(DiorError, match="name their folder by --from"):
         init.run(tmp_path, dry_run=True)
+
+
+def lenses(path, x=0.0, pose=True):
+    """A calibration of cam_1 to cam_3 as Pose2Sim writes it; `x`: m, where the first camera is."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    text = ""
+    for i in (1, 2, 3):
+        text += f'[cam_{i}]\nname = "cam_{i}"\nsize = [64.0, 48.0]\nfisheye = false\n'
+        text += "matrix = [[60.0, 0.0, 31.5], [0.0, 60.0, 23.5], [0.0, 0.0, 1.0]]\ndistortions = [0.1, 0.0, 0.0, 0.0]\n"
+        text += f"rotation = [1.57, 0.0, 0.0]\ntranslation = [{x + i}, 0.0, 0.0]\n" if pose else ""
+    path.write_text(text)
+
+
+def test_a_calibration_that_knows_the_cameras_has_their_poses(lab):
+    lenses(lab / "recordings/reference/cal.toml")
+    folder, _ = made(lab)
+    camera = yaml_of(folder, "sessions/outdoor/cam03")
+    assert camera["locate"] == "reference" and camera["role"] == "long_range" and camera["intrinsics"] == "camera_info"
+    assert camera["reference"] == {"file": "reference/cal.toml", "name": "cam_3"}
+    assert yaml_of(folder, "sessions/outdoor/session") == {"cameras": ["cam01", "cam02", "cam03"]}
+
+
+def test_other_poses_are_another_session_and_the_nearest_file_counts(lab):
+    lenses(lab / "recordings/cal.toml", 7)
+    lenses(lab / "recordings/out_1/cal.toml")
+    folder, _ = made(lab)
+    assert [rows_of_text(folder)[name]["session"] for name in ("out_1", "out_2")] == ["outdoor", "outdoor_2"]
+    assert yaml_of(folder, "sessions/outdoor/cam01")["reference"]["file"] == "out_1/cal.toml"
+    assert yaml_of(folder, "sessions/outdoor_2/cam01")["reference"]["file"] == "cal.toml"
+
+
+def test_the_same_poses_in_two_files_are_one_session(lab):
+    for walk in ("out_1", "out_2"):
+        lenses(lab / f"recordings/{walk}/cal.toml")
+    folder, _ = made(lab)
+    assert [rows_of_text(folder)[name]["session"] for name in ("out_1", "out_2")] == ["outdoor"] * 2
+
+
+def test_of_two_calibrations_one_is_asked_for(lab):
+    lenses(lab / "recordings/a.toml")
+    lenses(lab / "recordings/b.toml", 7)
+    folder, _ = made(lab)
+    text = (folder / "config/sessions/outdoor/cam01.yaml").read_text()
+    assert "which of {file: a.toml, name: cam_1} or {file: b.toml, name: cam_1}?\nreference:\n  file: TODO\n" in text
+
+
+def test_folders_of_pictures_have_lenses_from_a_file_and_are_asked_for_their_rate(tmp_path):
+    jpeg = small.bagfiles.encoded(small.PICTURE, ".jpg").tobytes()
+    for camera in ("cam1", "cam2"):
+        folder = tmp_path / f"recordings/w/{camera}"
+        folder.mkdir(parents=True)
+        for i in range(30):
+            (folder / f"{i:03d}.jpg").write_bytes(jpeg)
+    lenses(tmp_path / "recordings/cal.toml", pose=False)
+    root, _ = made(tmp_path)
+    camera = yaml_of(root, "sessions/outdoor/cam1")
+    assert camera["intrinsics"] == {"file": "cal.toml", "name": "cam_1"} and camera["video"] == {"fps": "TODO"}
+    assert "topic" not in camera and camera["locate"] == "tape"
+    assert rows_of_text(root)["w"]["videos"] == "w/{camera}" and rows_of_text(root)["w"]["bags"] == ""
+
+
+def test_few_pictures_are_no_walk_and_a_skeleton_is_no_motion_capture(lab, capsys):
+    small.bag(lab / "recordings/out_1/test", ["cam01"], count=29)
+    small.c3d(lab / "recordings/out_1/skeleton.c3d", labels=("RHip", "RKnee", "RAnkle", "LHip", "LKnee"))
+    small.c3d(lab / "recordings/out_2/own.c3d", labels=("hip_r", "mark 2", "mark 3", "mark 4", "x"))
+    folder, said = made(lab, capsys)
+    assert "out_1/test.bag: 29 pictures are no walk" in said
+    assert "out_1/skeleton.c3d: holds the joints of a skeleton" in said
+    found = rows_of_text(folder)
+    assert found["out_1"]["mocap"] == "" and found["out_2"]["mocap"] == "out_2/own.c3d"
+    assert "config/markers.tsv says which is which" in " ".join((folder / "config/sequences.tsv").read_text().split())
+
+
+def test_motion_capture_that_was_saved_right_after_a_walk_is_its(tmp_path):
+    for i, walk in enumerate(("a", "b")):
+        small.outdoor(tmp_path / "recordings", walk, 100 * i, far=None)
+        small.c3d(tmp_path / f"recordings/mocap/take {i + 7}.c3d")
+        os.utime(tmp_path / f"recordings/mocap/take {i + 7}.c3d", ns=(T0, T0 + (100 * i + 20) * S))
+    small.c3d(tmp_path / "recordings/mocap/take 9.c3d")
+    found = rows(made(tmp_path)[0])
+    assert [found[walk]["mocap"] for walk in ("a", "b")] == ["mocap/take 7.c3d", "mocap/take 8.c3d"]
+
+
+def test_two_kinds_of_a_device_are_asked_for_and_a_new_one_in_its_cameras(tmp_path):
+    how = {"topic": "/{}/color/image_raw/compressed", "d": (0.1, 0.0, 0.0, 0.0, 0.0), "far": None}
+    small.outdoor(tmp_path / "recordings", "a", **how)
+    root, _ = made(tmp_path)
+    small.outdoor(tmp_path / "recordings", "b", 864000, **how, focal_px=625)
+    small.outdoor(tmp_path / "recordings", "c", 2 * 864000, **how, focal_px=640)
+    made(tmp_path)
+    assert yaml_of(root, "sessions/outdoor_2/cam01")["lens"] == "realsense_64x48_f600"
+    other = yaml_of(root, "sessions/outdoor_3/cam01")
+    assert other["distortion_model"] == "TODO" and "lens" not in other
+
+
+def test_names_of_people_in_labels_are_in_no_name(tmp_path):
+    small.outdoor(tmp_path / "recordings", "day_1/Anna_walk_1", far=None)
+    small.c3d(tmp_path / "recordings/day_1/Anna_walk_1/x.c3d", "Anna:")
+    (found,) = rows(made(tmp_path)[0]).values()
+    assert (found["sequence"], found["subject"], found["session"]) == ("walk_1", "Anna", "day_1")
