@@ -134,7 +134,10 @@ def _read_camera(project: Project, session: str, name: str) -> dict[str, Any]:
     path = project.marks_file(session, name)
     if camera["locate"] == "marks":
         if not (project.root / path).is_file():
-            raise DiorError(f"{shown}: 'locate: marks' needs the file {path}")
+            raise DiorError(
+                f"{shown}: 'locate: marks' needs the file {path} with the columns sequence,frame,joint,u,v: 10-20 markers "
+                "clicked on each of 3-10 frames"
+            )
         project.marks[session, name] = _marks(project, session, name, path)
     return camera
 

@@ -1,11 +1,13 @@
 """The `config/` of a simulated capture: what a person would have measured, clicked and drawn.
 
 INPUTS   settings (the `simulate:` section)
-OUTPUTS  config.yaml, sequences.tsv, subjects.tsv, sessions/, boxes/ in a folder, gallery.tsv if asked for
+OUTPUTS  config.yaml, sequences.tsv, subjects.tsv, sessions/, boxes/ in a folder, gallery.tsv if asked for; with
+         `--practice` the recordings, too, and what is done by hand in the pictures is left undone
 The committed demo config is what `dior simulate --write-config config` writes. Values are rounded as a person would
 note them (0.01 px, 1 mm, 0.1 ms), and no picture is rendered for them: boxes are drawn around the outlines.
 """
 
+import shlex
 from copy import deepcopy
 from dataclasses import asdict, fields
 from pathlib import Path
@@ -44,46 +46,88 @@ BOX_EVERY = 10
 ADJUST_INSTANTS = 400
 ALWAYS_SHOWN = ("seed", "subjects", "sequences", "duration_s", "long_range_m", "detector")
 DETECTOR_SHOWN = {"ideal": ("level", "noise_px"), "real": ("level",)}
+# what is recorded to practise on, and the folders beside its config
+ONE_OF_EACH = {"subjects": 1, "sequences": 1, "markers": True}
+RECORDINGS, SOLUTION = "recordings", "solution"
 # chosen: how well a height is measured against a wall
 HEIGHT_SIGMA_M = 0.01
 
 
-def run(*, write_config: Path, settings: dict[str, Any] | None = None) -> None:
-    """Write the config of a simulated capture.
+def run(
+    *, write_config: Path | None = None, practice: Path | None = None, settings: dict[str, Any] | None = None
+) -> None:
+    """Write the config of a simulated capture, or a project to practise on.
 
-    `write_config`: folder to write it to; `settings`: what differs from the demo, as JSON, such as
-    '{"subjects": 1, "sequences": 1, "duration_s": 4}' (all keys: `simulate:` in a project's config.yaml).
+    `write_config`: folder to write the config to; `practice`: folder of a new project, with its recordings, in which
+    the marks, the boxes and the long-range camera are left to do; `settings`: what differs from the demo, as JSON, such
+    as '{"subjects": 1, "sequences": 1, "duration_s": 4}' (all keys: `simulate:` in a project's config.yaml).
     Raises DiorError where there is a config already: what a person wrote is never overwritten.
     """
-    if (write_config / "config.yaml").exists():
-        raise DiorError(f"{write_config / 'config.yaml'} exists already; choose another folder or remove it first")
-    given = {} if settings is None else settings
+    folder = write_config if practice is None else practice / "config"
+    if folder is None or (write_config and practice):
+        raise DiorError("give either --write-config with a folder for the config, or --practice with one for a project")
+    if (folder / "config.yaml").exists():
+        raise DiorError(f"{folder / 'config.yaml'} exists already; choose another folder or remove it first")
+    given = ({} if practice is None else ONE_OF_EACH) | (settings or {})
     whole = read_yaml(TEMPLATES / "config.yaml") | {"simulate": deepcopy(given)}
     check(whole, "config", "--settings")
-    write(from_dict(given), write_config)
+    if practice is None:
+        write(from_dict(given), folder)
+    else:
+        write_practice(from_dict(given), practice)
 
 
-def write(settings: Settings, folder: Path) -> None:
-    """Write every file of the config below `folder`."""
+def write_practice(settings: Settings, folder: Path) -> None:
+    """Write a project that lacks what is done by hand in the pictures, and beside it the config of who has done it.
+
+    The config comes last, when all is recorded.
+    """
+    from dior.simulate import simulate, simulate_gallery, simulate_mocap
+
+    recordings = folder / RECORDINGS
+    for walk in sequences(settings):
+        simulate.record(settings, walk, recordings)
+        if walk.environment == "indoor":
+            simulate_mocap.record(settings, walk, recordings)
+        if settings.gallery:
+            simulate_gallery.write(settings, walk, recordings / "gallery" / walk.name)
+    write(settings, folder / SOLUTION, RECORDINGS)
+    write(settings, folder / "config", RECORDINGS, undone=True)
+    print(
+        f"Wrote {folder}, a project in which the marks of the lab's cameras, the boxes and the place of the field's "
+        f"long-range camera are left to do; in {SOLUTION}/ they are done. Type\n"
+        f"  dior run {shlex.quote(str(folder.resolve()))}\nto hear what is missing"
+    )
+
+
+def write(settings: Settings, folder: Path, recordings: str | None = None, undone: bool = False) -> None:
+    """Write every file of the config below `folder`.
+
+    `recordings`: the folder that they are in already; `undone`: without marks, boxes and what the long-range camera is
+    fitted to.
+    """
     walks = sequences(settings)
-    write_text(folder / "config.yaml", config_yaml(settings))
+    write_text(folder / "config.yaml", config_yaml(settings, recordings))
     write_text(folder / "sequences.tsv", _sheet([_sequence_row(settings, walk) for walk in walks]))
     write_text(folder / "subjects.tsv", _sheet([_subject_row(settings, s) for s in _subjects(walks)]))
     if settings.gallery:
         write_text(folder / "gallery.tsv", _sheet(simulate_gallery.rows(walks)))
     for session in dict.fromkeys(walk.session for walk in walks):
         own = [walk for walk in walks if walk.session == session]
-        _write_session(settings, folder / "sessions" / session, session, own)
+        _write_session(settings, folder / "sessions" / session, session, own, undone)
     for walk in walks:
-        if walk.environment == "outdoor":
+        if walk.environment == "outdoor" and not undone:
             path = folder / "boxes" / f"{walk.name}.{scene.LONG_RANGE}.csv"
             write_text(path, _boxes(settings, walk))
 
 
-def config_yaml(settings: Settings) -> str:
-    """config.yaml: the template of `dior init`, with the data below results/ and the `simulate:` section."""
+def config_yaml(settings: Settings, recordings: str | None = None) -> str:
+    """config.yaml: the template of `dior init`, with the data below results/ and the `simulate:` section; or, where
+    there are `recordings`, with their folder alone."""
     template = (TEMPLATES / "config.yaml").read_text(encoding="utf-8")
     assert "\ndata_root: data\n" in template
+    if recordings is not None:
+        return template.replace("\ndata_root: data\n", f"\ndata_root: {recordings}\n")
     text = template.replace("\ndata_root: data\n", "\ndata_root: results/simulate\n")
     keys = "dior/project/schemas/config.schema.yaml"
     text += f"\n# The capture is simulated. All keys and their defaults: {keys}.\nsimulate:\n"
@@ -151,7 +195,7 @@ def _subject_row(settings: Settings, subject: str) -> dict[str, str]:
     }
 
 
-def _write_session(settings: Settings, folder: Path, session: str, walks: list[Sequence]) -> None:
+def _write_session(settings: Settings, folder: Path, session: str, walks: list[Sequence], undone: bool) -> None:
     outdoor = place_of(session) == SESSIONS["outdoor"]
     text = f"cameras: [{', '.join(CAMERAS)}]\n"
     if outdoor:
@@ -160,10 +204,10 @@ def _write_session(settings: Settings, folder: Path, session: str, walks: list[S
         text += "# a walk of every person, which together cover the walkway\nadjust:\n"
         text += "".join(f"  {name}: {{first: 0, count: {count}, step: 1}}\n" for name in sorted(first.values()))
     write_text(folder / "session.yaml", text)
-    boxed = sorted(walk.name for walk in walks)[:ALIGNED]
+    boxed = [] if undone else sorted(walk.name for walk in walks)[:ALIGNED]
     for name, placed in scene.cameras_of(settings, session).items():
         write_text(folder / f"{name}.yaml", _camera_yaml(settings, name, placed, outdoor, boxed))
-        if not outdoor:
+        if not (outdoor or undone):
             seen = truth.view(settings, walks[0], motion_of(settings, walks[0]), name)
             write_text(folder / f"{name}.marks.csv", marks(settings, walks[0], seen))
 
@@ -182,7 +226,7 @@ def _camera_yaml(settings: Settings, name: str, placed: scene.Placed, outdoor: b
     if outdoor:
         numbers = [f"[{', '.join(f'{x:.3f}' for x in point)}]" for point in (placed.tape, placed.target)]
         lines.append(f"tape: {{position_m: {numbers[0]}, sigma_m: {placed.sigma:g}, target_m: {numbers[1]}}}")
-    if long_range:
+    if long_range and boxed:
         lines.append(
             "# the boxes of two walks place it; the list is fixed, so that a new walk does not move old labels"
         )

@@ -23,6 +23,8 @@ ARC = 7
 # chosen: a body lower than SMALL_PX is drawn so many times larger, then averaged: edges of a pixel have the right share
 SUPERSAMPLE = 8
 SMALL_PX = 120
+# chosen: how wide the markers of a motion capture are: 2 to 4 px from where the cameras stand
+MARKER_M, MARKER_COLOUR = 0.02, (250, 250, 250)
 # chosen: what a wall leaves of a body is looked at so many times larger: its box is right to 1/32 px
 FINE = 16
 
@@ -203,6 +205,20 @@ def paint(picture: NDArray[np.uint8], drawing: Drawing, i: int) -> None:
     _fill(canvas, drawing, i, (u0, v0), times, drawing.colours.tolist(), cv2.LINE_8 if small else cv2.LINE_AA)
     if small:
         part[:] = cv2.resize(canvas, (u1 - u0, v1 - v0), interpolation=cv2.INTER_AREA)
+
+
+def paint_markers(picture: NDArray[np.uint8], uv: Floats, width: Floats) -> None:
+    """Draw round spots at pixels uv (M, 2), `width` (M,) px wide, into `picture` (height, width, 3) uint8, in place.
+
+    A pixel is covered by how far it is from the edge, so that the spot's centre of mass is where the marker is.
+    """
+    high, wide = picture.shape[:2]
+    for centre, across in zip(uv, width, strict=True):
+        u0, v0, u1, v1 = _around(np.concatenate([centre - across, centre + across]), (wide, high))
+        u, v = np.meshgrid(np.arange(u0, u1), np.arange(v0, v1))
+        covered = np.clip(across / 2 - np.hypot(u - centre[0], v - centre[1]) + 0.5, 0, 1)[..., None]
+        part = picture[v0:v1, u0:u1]
+        part[:] = np.round(part + covered * (np.array(MARKER_COLOUR) - part))
 
 
 def _in_picture(box: Floats, size: tuple[int, int]) -> bool:

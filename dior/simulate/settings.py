@@ -120,6 +120,7 @@ class Settings:
     bystander_walks: bool = False  # the second person walks to and fro beside the walkway
     occluder: bool = False  # outdoors a wall hides the lower half of the body from the long-range camera
     sun: bool = False  # the sun stands in the long-range picture
+    markers: bool = False  # the markers of the motion capture are drawn, so that they can be clicked
     gallery: bool = False  # pictures of each subject and outfit from all around
     width: int = 1280  # picture width
     height: int = 720  # picture height

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dior.body.names import MLKIT_33
 from dior.geometry.camera import Intrinsics
 from dior.progress import reporting
 from dior.simulate import backdrop, bystander, detector_real, draw, scene, truth
@@ -39,14 +40,17 @@ def run(*, settings: dict[str, Any], sequence: str, out: Path) -> None:
     `settings` is the section as a dict. Raises DiorError for a wrong key or an unknown sequence.
     """
     capture = from_dict(settings)
-    walk = sequence_named(capture, sequence)
-    motion = motion_of(capture, walk)
-    folder = out / walk.name
-    views, others = observe(capture, walk, motion)
-    write_detections(capture, walk, motion.height, views, others, out)
+    record(capture, sequence_named(capture, sequence), out)
+
+
+def record(settings: Settings, walk: Sequence, out: Path) -> None:
+    """The same of a walk."""
+    motion = motion_of(settings, walk)
+    views, others = observe(settings, walk, motion)
+    write_detections(settings, walk, motion.height, views, others, out)
     for computer, group in COMPUTERS.items():
         seen = {name: (views[name], others[name]) for name in group}
-        write_bag(folder / f"{computer}.bag", capture, walk, motion.height, seen)
+        write_bag(out / walk.name / f"{computer}.bag", settings, walk, motion.height, seen)
 
 
 def observe(settings: Settings, walk: Sequence, motion: Motion) -> tuple[dict[str, View], dict[str, SecondPerson]]:
@@ -157,6 +161,9 @@ def painter(
         figures.append(second)
         nearer = other.depth.mean(axis=1) < np.nanmean(seen.landmark(seen.depth), axis=1)
     wall = backdrop.in_front(settings, seen.camera, sequence.environment)
+    drawn = [i for i, name in enumerate(seen.joints) if settings.markers and name not in MLKIT_33]
+    across = draw.MARKER_M * seen.camera.intrinsics.fx / seen.depth[:, drawn]
+    shown = seen.status[:, drawn] == "ok"
 
     def jpeg(i: int) -> NDArray[np.uint8]:
         picture = empty.copy()
@@ -165,6 +172,7 @@ def painter(
                 draw.paint(picture, figure, i)
         else:
             draw.paint(picture, figures[0], i)
+        draw.paint_markers(picture, seen.uv[i, drawn][shown[i]], across[i, shown[i]])
         if wall is not None:
             picture = np.where(wall, empty, picture)
         return cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, settings.jpeg_quality])[1].ravel()

@@ -23,8 +23,12 @@ FIRST_MOCAP_FRAME = 101
 def run(*, settings: dict[str, Any], sequence: str, out: Path) -> None:
     """Write the C3D of one sequence below `out`. `settings` is the section as a dict."""
     capture = from_dict(settings)
-    walk = sequence_named(capture, sequence)
-    write_c3d(Path(out) / walk.name / "mocap.c3d", capture, walk, motion_of(capture, walk))
+    record(capture, sequence_named(capture, sequence), out)
+
+
+def record(settings: Settings, walk: Sequence, out: Path) -> None:
+    """The same of a walk."""
+    write_c3d(out / walk.name / "mocap.c3d", settings, walk, motion_of(settings, walk))
 
 
 def write_c3d(path: Path, settings: Settings, sequence: Sequence, motion: Motion) -> None:

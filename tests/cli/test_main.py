@@ -46,7 +46,6 @@ WRONG = {
     "train-reid --labels a --out b --network gaitmixr": 'Did you mean "gaitmixer"?',
     "trigger --log a --port UDP": "--port",
     "simulate --write-config a --settings {": "--settings",
-    "simulate --settings {}": "--write-config",
     "simulate --write-config a --settings [1]": "--settings",
     "package --config [1] --project . --out x": "--config takes JSON {...}",
     "frames --sequence a --data-root b --out=": "--out takes PATH, not ''",
