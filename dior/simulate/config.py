@@ -48,7 +48,7 @@ ALWAYS_SHOWN = ("seed", "subjects", "sequences", "duration_s", "long_range_m", "
 DETECTOR_SHOWN = {"ideal": ("level", "noise_px"), "real": ("level",)}
 # what is recorded to practise on, and the folders beside its config
 ONE_OF_EACH = {"subjects": 1, "sequences": 1, "markers": True}
-RECORDINGS, SOLUTION = "recordings", "solution"
+RECORDINGS, SOLUTION, NOTEBOOK = "recordings", "solution", "notebook.txt"
 # chosen: how well a height is measured against a wall
 HEIGHT_SIGMA_M = 0.01
 
@@ -78,7 +78,8 @@ def run(
 
 
 def write_practice(settings: Settings, folder: Path) -> None:
-    """Write a project that lacks what is done by hand in the pictures, and beside it the config of who has done it.
+    """Write a project that lacks what is done by hand in the pictures, beside it the config of who has done it, and
+    what somebody noted on the day, for who makes a project of the recordings alone.
 
     The config comes last, when all is recorded.
     """
@@ -91,6 +92,7 @@ def write_practice(settings: Settings, folder: Path) -> None:
             simulate_mocap.record(settings, walk, recordings)
         if settings.gallery:
             simulate_gallery.write(settings, walk, recordings / "gallery" / walk.name)
+    write_text(folder / NOTEBOOK, _notebook(settings))
     write(settings, folder / SOLUTION, RECORDINGS)
     write(settings, folder / "config", RECORDINGS, undone=True)
     print(
@@ -193,6 +195,25 @@ def _subject_row(settings: Settings, subject: str) -> dict[str, str]:
         "consent_release": "yes",
         "consent_pictures": "yes",
     }
+
+
+def _notebook(settings: Settings) -> str:
+    """What nothing in the recordings tells."""
+    walks = sequences(settings)
+    lines = ["All colour cameras have the lens model plumb_bob.", ""]
+    for row in (_subject_row(settings, subject) for subject in _subjects(walks)):
+        own = ", ".join(walk.name for walk in walks if walk.subject == row["subject"])
+        lines += [
+            f"{row['subject']}, who walks in {own}: {row['height_m']} m tall, measured to {row['height_sigma_m']} m. "
+            "Agreed to the release of labels and of pictures.",
+        ]
+    for session in dict.fromkeys(walk.session for walk in walks if walk.environment == "outdoor"):
+        lines += ["", f"{session}: where the lenses are by tape, x, y, z in m from the middle of the walkway, z up"]
+        lines += [
+            f"{name}  {', '.join(f'{x:.3f}' for x in placed.tape)}  (to {placed.sigma:g} m)"
+            for name, placed in scene.cameras_of(settings, session).items()
+        ]
+    return "\n".join(lines) + "\n"
 
 
 def _write_session(settings: Settings, folder: Path, session: str, walks: list[Sequence], undone: bool) -> None:
