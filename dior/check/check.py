@@ -20,7 +20,6 @@ from dior.check import computer, lenses, motion, named_frames, recordings
 from dior.check.notes import Notes
 from dior.errors import DiorError, Faults
 from dior.project import missing
-from dior.project.consent import processed
 from dior.project.contents import Project
 from dior.project.missing import Fault, line_of
 from dior.project.project import as_far_as_it_goes, read_config, sheets
@@ -67,7 +66,7 @@ def look() -> tuple[Notes, computer.Plan | None]:
     for error in faults.found:
         notes.faults.append(_of_config(str(error)))
     if project is None:
-        notes.faults += _of_rows()
+        notes.faults += _of_sheet()
         return notes, None
     (_, lines), _ = sheets(".")
     notes.faults += missing.of_project(project, lines)
@@ -116,15 +115,13 @@ def _of_config(text: str) -> Fault:
     return Fault(file, at, rest)
 
 
-def _of_rows() -> list[Fault]:
+def _of_sheet() -> list[Fault]:
     """What is missing of the recordings, where the project cannot be read but its sheet and config.yaml can."""
     try:
-        (rows, lines), (people, _) = sheets(".")
         data_root = read_config(".").get("data_root", "data")
+        return missing.of_sheet(".", data_root) if isinstance(data_root, str) else []
     except DiorError:
         return []
-    rows, _ = processed(rows, people)
-    return missing.of_rows(".", data_root, rows, lines) if isinstance(data_root, str) else []
 
 
 def _together(faults: Iterable[Fault]) -> list[dict[str, Any]]:

@@ -1,6 +1,6 @@
 """What the sheets and the cameras name and is not there: recordings, calibrations, networks.
 
-INPUTS   a `Project`, or the rows of sequences.tsv alone where the rest of a project is wrong
+INPUTS   a `Project`, or the sheets alone where the rest of it is wrong
 OUTPUTS  `Fault`s, each with the file and line to mend
 Files are looked for and not opened. What the simulation will make is not missed. Loads no numerics, as it is asked
 whenever `snakemake -n` plans.
@@ -8,6 +8,7 @@ whenever `snakemake -n` plans.
 
 import os
 import re
+from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
@@ -15,9 +16,10 @@ from pathlib import Path
 
 from dior.errors import nearest
 from dior.paths import AnyPath
+from dior.project.consent import processed
 from dior.project.contents import Project, bags_of
-from dior.project.plain_text import text_of
-from dior.project.schema_check import Row, Rows
+from dior.project.plain_text import rows_of, text_of
+from dior.project.schema_check import Row
 
 SEQUENCES, CONFIG = "config/sequences.tsv", "config/config.yaml"
 # chosen: no file of config/ whose lines are told is longer
@@ -47,16 +49,29 @@ def of_project(project: Project, lines: dict[str, int]) -> list[Fault]:
     return [*_of_walks(project, lines), *_of_cameras(project), *_of_sheets(project)]
 
 
-def of_rows(root: AnyPath, data_root: str, rows: Rows, lines: dict[str, int]) -> list[Fault]:
-    """What is missing of the recordings that the rows of sequences.tsv name, those of cameras apart."""
+def of_sheet(root: AnyPath, data_root: str) -> list[Fault]:
+    """What is missing of the recordings that sequences.tsv names, those of cameras apart, however wrong the rest of the
+    project is. Raises DiorError where the sheet cannot be read."""
     if found := _no_data_root(root, data_root):
         return [found]
+    people = {row["subject"]: row for _, row in _as_written(root, "config/subjects.tsv")}
+    written = _as_written(root, SEQUENCES)
+    walks: dict[tuple[str, ...], Row] = {
+        (row["sequence"], str(line)): row for line, row in written if not row["exclude_reason"]
+    }
     return [
-        _absent(root, path, what, name, lines[name])
-        for name, row in rows.items()
+        _absent(root, path, what, name, int(line))
+        for (name, line), row in processed(walks, people)[0].items()
         for what, path in _named(row, data_root)
-        if not row["exclude_reason"] and not _is(root, path)
+        if not _is(root, path)
     ]
+
+
+def _as_written(root: AnyPath, shown: str) -> Iterator[tuple[int, Row]]:
+    """Line and cells by column of each row of a sheet, whatever is in them."""
+    (_, header), *rows = rows_of(Path(root, shown), shown, "\t") or [(1, [""])]
+    for line, cells in rows:
+        yield line, defaultdict(str, zip(header, cells, strict=False))
 
 
 def _named(row: Row, data_root: str) -> Iterator[tuple[str, str]]:

@@ -197,18 +197,20 @@ def sheets_and_recordings(project):
     (project / "data/in_1/trigger.jsonl").unlink()
     return [
         r"config.yaml:2 unknown key 'tringulate' \(did you mean 'triangulate'\?\)",
+        r"sequences.tsv:4 'in_1': data/in_1/a.bag is not there",
+        r"sequences.tsv:4 'in_1': data/in_1/trigger.jsonl is not there",
         r"subjects.tsv:2 'pseudonym' is",
     ]
 
 
-def wrong_config(project):
-    edit(project, "config.yaml", "triangulate", "tringulate")
+def still_to_do(project):
+    edit(project, "sessions/field/cam01.yaml", "role: close", "role: TODO")
+    edit(project, "sequences.tsv", "out_1\t9\tS01", "out_1\t9\tTODO: S01 or S02")
     (project / "data/in_1/a.bag").unlink()
-    (project / "data/in_1/trigger.jsonl").unlink()
     return [
-        r"config.yaml:2 unknown key 'tringulate'",
-        r"sequences.tsv:4 'in_1': data/in_1/a.bag is not there \(bag\)",
-        r"sequences.tsv:4 'in_1': data/in_1/trigger.jsonl is not there \(trigger log\)",
+        r"sequences.tsv: still TODO: subject \(line 3\)",
+        r"sequences.tsv:4 'in_1': data/in_1/a.bag is not there",
+        r"sessions/field/cam01.yaml: still TODO: role \(line 1\)",
     ]
 
 
@@ -270,8 +272,8 @@ LENS = (
 )
 BROKEN = [
     nothing_there, names_of_files, broken_bags, wrong_topics, pictures_and_lenses, lenses_of_another_size, other_times,
-    marks_and_boxes, what_detectors_found, motion_captures, files_and_recordings, sheets_and_recordings, wrong_config,
-    silent_cameras, videos,
+    marks_and_boxes, what_detectors_found, motion_captures, files_and_recordings, sheets_and_recordings,
+    still_to_do, silent_cameras, videos,
 ]  # fmt: skip
 
 
