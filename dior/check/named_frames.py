@@ -114,7 +114,7 @@ def of_detections(project: Project, lines: Mapping[str, int], recorded: AllRecor
 
 def _of_others(found: tuple[int, int], begin: int, count: int) -> str:
     fix = "are they of another walk?"
-    if found == (1, count) and not begin:
+    if found == (1, count):
         fix = f"are they counted from 1? Then {detections.SETTING} should be 1"
     frames = f"has frames {found[0]} to {found[1]}, and the recording has frames {begin} to {count - 1 + begin}"
     return f"{frames}; {fix}"

@@ -1,6 +1,7 @@
 """Recordings for the project of tests/project/test_project.py: an indoor walk and two outdoors, of few pictures."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,8 +15,8 @@ COLOUR, FAR, LAB = "/cam0{}/color/image_raw/compressed", "/cam03/image", "/cam01
 NO_DISTORTION = (0.0,) * 5
 
 
-def bag(path, topics, start_s=0.0, size=SIZE, count=COUNT):
-    """A ROS 1 bag of some cameras, and of their lenses."""
+def bag(path, topics, start_s=0.0, size=SIZE, count=COUNT, stamped=True, lenses=True):
+    """A ROS 1 bag of some cameras, and of their `lenses`."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.unlink(missing_ok=True)
     shown = {"format": "jpeg", "data": encoded(picture(90, size), ".jpg")}
@@ -23,8 +24,11 @@ def bag(path, topics, start_s=0.0, size=SIZE, count=COUNT):
     for i in range(count):
         stamp = T0 + round(1e9 * start_s) + i * STEP
         for topic in topics:
-            sent.append(packed(topic, stamp, np.zeros((2, 2, 3), np.uint8)))
-            sent[-1].content.update(shown)
+            sent.append(replace(packed(topic, stamp, np.zeros((2, 2, 3), np.uint8)), content=shown))
+            if not stamped:
+                sent[-1] = replace(sent[-1], stamp_ns=0)
+            if not lenses:
+                continue
             lens = topic.removesuffix("/compressed").rpartition("/")[0] + "/camera_info"
             sent.append(info(lens, stamp, NO_DISTORTION, size=size))
     return write(path.with_suffix(""), sent, "ros1", chunk=20_000)
@@ -38,8 +42,8 @@ def detections(path, first=0, count=COUNT):
     path.write_text("".join(json.dumps(line) + "\n" for line in lines))
 
 
-def c3d(path, labels=tuple(PLACES)):
-    path.write_bytes(c3d_bytes(list(labels), 1000 * person(labels, 130)))
+def c3d(path, labels=tuple(PLACES), **more):
+    path.write_bytes(c3d_bytes(list(labels), 1000 * person(labels, 130), **more))
 
 
 def record(data):

@@ -10,6 +10,8 @@ import pytest
 from dior.check import check, computer, recordings
 from dior.cli import main
 from dior.errors import DiorError
+from dior.project import missing
+from dior.project.project import load as read
 from tests.check import recorded
 from tests.project.test_project import edit, root  # noqa: F401
 
@@ -176,6 +178,47 @@ def motion_captures(project):
     ]
 
 
+def odd_recordings(project):
+    recorded.bag(project / "data/in_1/a.bag", [recorded.LAB], stamped=False)
+    recorded.c3d(project / "data/in_1/mocap.c3d", units=("furlong",))
+    recorded.bag(project / "data/out_1/c.bag", [recorded.COLOUR.format(2)], 1.0, size=(24, 32))
+    edit(project, "sequences.tsv", "out_1/b.bag", "out_1/b.bag;out_1/c.bag")
+    picture = recorded.COLOUR.format(1)
+    edit(
+        project, "sessions/field/cam03.yaml", "topic: /cam03/image\n", f"topic: /cam03/image\ncamera_info: {picture}\n"
+    )
+    return [
+        r"sequences.tsv:4 data/in_1/mocap.c3d: POINT:UNITS is 'furlong', not one of mm, cm, m",
+        r"sessions/field/cam02.yaml:2 .* has pictures of 64x48 and 32x24 px; a camera must keep one resolution",
+        r"sessions/field/cam03.yaml: data/out_1/a.bag: the first message of .* is a sensor_msgs/msg/Compressed",
+        r"sessions/lab/cam01.yaml:2 /cam01/image: the header stamps are zero",
+    ]
+
+
+def test_what_is_unusual_is_no_mistake(project, capsys):
+    """A lens that only the second of two bags has, a marked point that is no marker, frames that count from 1."""
+    recorded.bag(project / "data/out_1/c.bag", [recorded.COLOUR.format(1)], -1.0, lenses=False)
+    edit(project, "sequences.tsv", "out_1/a.bag", "out_1/c.bag;out_1/a.bag")
+    marks = "sequence,frame,joint,u,v,x,y,z\nin_1,3,LASI,10,20,,,\nin_1,9,corner,11,21,1,2,0\n"
+    (project / "config/sessions/lab/cam01.marks.csv").write_text(marks)
+    edit(project, "config.yaml", "data_root: data\n", "data_root: data\ndetector: {first_frame: 1}\n")
+    for walk in ("out_1", "out_2"):
+        for camera in ("cam01", "cam02"):
+            recorded.detections(project / "data" / walk / "mlkit" / f"{camera}.jsonl", 1)
+    faults, warnings, _ = found(project, capsys)
+    assert not faults and not warnings
+
+
+def test_nothing_could_run_where_each_walk_lacks_something(project):
+    p = read(project)
+    lines = dict.fromkeys(p.rows, 1)
+    (project / "data/in_1/a.bag").unlink()
+    (project / "data/out_1/b.bag").unlink()
+    assert not missing.nothing_could_run(p, missing.of_project(p, lines))
+    (project / "data/out_2/mlkit/cam01.jsonl").unlink()
+    assert missing.nothing_could_run(p, missing.of_project(p, lines))
+
+
 def files_and_recordings(project):
     """What one session's files have wrong hides nothing of the other's recordings."""
     edit(project, "sessions/lab/cam01.yaml", "role: close", "role: clsoe\ncolour: red")
@@ -242,7 +285,9 @@ def filmed(project):
     (project / "data/lens.toml").write_text(lens)
     lens = "intrinsics: {file: lens.toml, name: cam01}\n"
     edit(project, "sessions/field/cam02.yaml", "topic: /cam02/color/image_raw/compressed\n", lens)
-    videofiles.write(project / "data/out_2/cam02.mp4", [videofiles.numbered(i) for i in range(recorded.COUNT)])
+    pictures = [videofiles.numbered(i) for i in range(recorded.COUNT)]
+    created = {"creation_time": "2001-01-01T10:20:30"}
+    videofiles.write(project / "data/out_2/cam02.mp4", pictures, metadata=created)
     folder = project / "data/out_1/cam02.mp4"
     folder.mkdir()
     for i in range(recorded.COUNT):
@@ -273,7 +318,7 @@ LENS = (
 BROKEN = [
     nothing_there, names_of_files, broken_bags, wrong_topics, pictures_and_lenses, lenses_of_another_size, other_times,
     marks_and_boxes, what_detectors_found, motion_captures, files_and_recordings, sheets_and_recordings,
-    still_to_do, silent_cameras, videos,
+    odd_recordings, still_to_do, silent_cameras, videos,
 ]  # fmt: skip
 
 

@@ -1003,6 +1003,13 @@ def test_all_slips_of_one_file_come_together(root):
     ]  # fmt: skip
 
 
+def test_what_is_missing_hides_no_other_slip(root):
+    edit(root, "sessions/field/cam01.yaml", "role: close\n", "")
+    edit(root, "sessions/field/cam01.yaml", "[4, 0, 1.5]", "[4, 0]")
+    missing, wrong = sentences(root)
+    assert "cam01.yaml: key 'role' is missing" in missing and "cam01.yaml: 'tape.position_m' is [4, 0]" in wrong
+
+
 def test_all_slips_of_all_rows_come_together(root):
     edit(root, "sequences.tsv", "\toutdoor", "\toutdor", 2)
     edit(root, "sequences.tsv", "out_1\t9", "out_1\tninth")
