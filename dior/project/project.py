@@ -37,7 +37,6 @@ def load(root: AnyPath, config: dict[str, Any] | None = None) -> Project:
     `config` is the content of config.yaml where the caller has read it already (Snakemake's `config`, which may hold
     changes made on its command line).
     """
-    todos.check(Path(root))
     faults = Faults()
     project = as_far_as_it_goes(root, faults, config)
     faults.tell()
@@ -49,6 +48,10 @@ def as_far_as_it_goes(root: AnyPath, faults: Faults, config: dict[str, Any] | No
     """The same, what is wrong being kept in `faults`: without the sessions whose files are wrong, their walks excluded;
     None where nothing is left, or where the config or a sheet is wrong."""
     root = Path(root)
+    with faults.kept():
+        todos.check(root)
+    if faults.found:
+        return None
     with faults.kept():
         config = _plain(config) if config is not None else read_config(root)
         check(config, "config", "config/config.yaml")
