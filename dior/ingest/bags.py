@@ -33,6 +33,8 @@ __all__ = [
 
 # how the topics of pictures end that realsense-viewer records (librealsense, src/media/ros/ros_file_format.h)
 OF_LIBREALSENSE = "/image/data"
+# how the topics of image_transport's plugins end
+TRANSPORTS = ("/compressed", "/ffmpeg", "/theora")
 BY_INDEX = "the bag is damaged: copy it again, or make the index anew (`rosbag reindex`, `mcap recover`)"
 # full name -> (message type, number of messages)
 Topics: TypeAlias = dict[str, tuple[str, int]]
@@ -209,11 +211,12 @@ def repeated(bag: Path, topics: Sequence[str]) -> set[tuple[str, int, int]]:
 
 
 def camera_info_topic(topic: str) -> str:
-    """The CameraInfo topic beside an image topic: `a/image_raw/compressed`, `a/image_raw/ffmpeg` and `a/image_raw` have
+    """The CameraInfo topic beside an image topic: `a/image_raw`, and with a transport `a/image_raw/compressed`, has
     `a/camera_info`, and librealsense's `a/image/data` has `a/info/camera_info`."""
     if topic.endswith(OF_LIBREALSENSE):
         return topic.removesuffix(OF_LIBREALSENSE) + "/info/camera_info"
-    return topic.removesuffix("/compressed").removesuffix("/ffmpeg").rpartition("/")[0] + "/camera_info"
+    transport = next((one for one in TRANSPORTS if topic.endswith(one)), "")
+    return topic.removesuffix(transport).rpartition("/")[0] + "/camera_info"
 
 
 def read_camera_info(bags: Sequence[Path], topic: str, info_topic: str = "") -> CameraInfo:

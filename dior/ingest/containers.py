@@ -20,7 +20,6 @@ from typing import TypeVar
 from dior.arrays import AnyPath
 from dior.errors import DiorError
 from dior.formats import BagFormat
-from dior.ingest import messages as contents
 from dior.ingest import packets, picture_folders, video_audio, videos
 from dior.ingest.bag_reader import ZSTD_MAGIC, Message, opened
 
@@ -110,7 +109,7 @@ def messages(bag: AnyPath, wanted: Collection[str], received: Collection[int] | 
                 yield from READERS[container].recorded(path, wanted, received)
                 continue
             with opened(path, container) as recording:
-                packed = {topic for topic, kind, _ in recording.topics() if kind == contents.PACKET} & {*wanted}
+                packed = {topic for topic, kind, _ in recording.topics() if kind in packets.KINDS} & {*wanted}
                 # before the others, which leave the reader with the chunks of `received` alone
                 for message in recording.messages(packed, None) if packed else ():
                     yield from unpacker.given(message)

@@ -25,7 +25,7 @@ import numpy as np
 from dior.arrays import Bools, Ints, Table
 from dior.errors import DiorError
 from dior.ingest import bags as rosbag
-from dior.ingest import messages, stamps, video_frames
+from dior.ingest import packets, stamps, video_frames
 from dior.tables import tables
 
 # chosen: a recorder that splits its bags leaves less than that between them; lags vary by less from one to the next, by
@@ -171,7 +171,7 @@ def _check_complete(bag: Path, there: dict[str, tuple[str, int]], index: Table, 
         kind, said = there[rosbag.full_name(topic)]
         found = int((index["topic"] == topic).sum())
         # what comes before a key frame is no picture
-        if said != found and kind != messages.PACKET:
+        if said != found and kind not in packets.KINDS:
             raise DiorError(f"{bag}: it says it holds {said} messages of {topic}, but there are {found}; copy it again")
 
 

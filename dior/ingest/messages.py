@@ -42,7 +42,7 @@ DEFINITIONS = {
 # (third-party/realsense-file/rosbag/msgs/sensor_msgs/Image.h). The definition in the bag does not say so.
 DEPTH_UNIT_BYTES = 4
 VERSION_WITH_DEPTH_UNIT = "1"
-# of image_transport's plugins whose pictures are those of a video: `packets` decodes those of ffmpeg
+# of image_transport's plugins whose pictures are those of a video, which `packets` decodes
 PACKET, THEORA = "ffmpeg_image_transport_msgs/msg/FFMPEGPacket", "theora_image_transport/msg/Packet"
 # not as it is in the other's messages
 OF_PACKET = {
@@ -54,6 +54,7 @@ OF_PACKET = {
         "bool is_bigendian\nuint8[] data\n"
     ),
 }
+OF_THEORA = "std_msgs/Header header\nuint8[] data\nint32 b_o_s\nint32 e_o_s\nint64 granulepos\nint64 packetno\n"
 # the wire of what is no message: `raw` has its fields
 PICTURE = "picture"
 HEADER = {"ros1": "uint32 seq\ntime stamp\nstring frame_id\n", "cdr": "time stamp\nstring frame_id\n"}
@@ -89,7 +90,14 @@ DESCRIPTIONS = (
         what="pictures as a video",
         read="H.264, HEVC, AV1, VP8, VP9, MJPEG; of ROS 1 and ROS 2, by PyAV (the extra `video`). Packets before the "
         "first key frame, and from a lost or damaged one to the next key frame, give no picture",
-        refused="other encoders, by their names; a sensor's colour filter (bayer); theora_image_transport/Packet",
+        refused="other encoders, by their names; a sensor's colour filter (bayer)",
+    ),
+    MessageFormat(
+        key="theora_image_transport/Packet",
+        what="pictures as a video",
+        read="Theora; of ROS 1 and ROS 2, by PyAV, as the other one",
+        refused="a recording without the three headers, which ROS 2 sends before the first picture alone and ROS 1 to "
+        "every recorder",
     ),
     MessageFormat(
         key="sensor_msgs/CameraInfo",
@@ -129,13 +137,13 @@ def _store(wire: str) -> "Typestore":
         raise ValueError(f"its encoding is '{wire}', not cdr or ros1")
     store = get_typestore(Stores.EMPTY)
     store.register(get_types_from_msg(HEADER[wire], "std_msgs/msg/Header"))
-    for kind, definition in {**DEFINITIONS, PACKET: OF_PACKET[wire]}.items():
+    for kind, definition in {**DEFINITIONS, PACKET: OF_PACKET[wire], THEORA: OF_THEORA}.items():
         store.register(get_types_from_msg(definition, kind))
     return store
 
 
 def decoded(kind: str, raw: Any, wire: str) -> Any:
-    """A message of one of DEFINITIONS or a PACKET, its fields as ROS 2 spells them. Raises ValueError."""
+    """A message of one of DEFINITIONS, a PACKET or of THEORA, its fields as ROS 2 spells them. Raises ValueError."""
     if wire == PICTURE:
         return raw
     from rosbags.serde import SerdeError
@@ -252,11 +260,6 @@ def content(kind: str, raw: Any, wire: str) -> tuple[Any, ...]:
 
 
 def _image(kind: str, raw: Any, wire: str) -> Any:
-    if kind == THEORA:
-        raise ValueError(
-            f"it is a piece of a video, {kind}, which is not read; play the bag beside `ros2 run image_transport "
-            "republish`, from the transport theora to compressed, and record the topic that this publishes"
-        )
     if kind not in (COMPRESSED, RAW):
         raise ValueError(f"its type is {kind}, not {COMPRESSED} or {RAW}")
     message = decoded(kind, raw, wire)

@@ -1,10 +1,15 @@
-"""Pictures that image_transport's plugin ffmpeg put into a bag: each message is a packet of a video.
+"""Pictures that image_transport's plugins ffmpeg and theora put into a bag: each message is a packet of a video.
 
-INPUTS   messages `ffmpeg_image_transport_msgs/FFMPEGPacket` of ROS 1 or ROS 2, in the order of the bag
+INPUTS   messages `ffmpeg_image_transport_msgs/FFMPEGPacket` and `theora_image_transport/Packet` of ROS 1 or ROS 2, in
+         the order of the bag
 OUTPUTS  `bag_reader.Message`s with decoded pictures (`messages.PICTURE`), the packet's header stamp and receive stamp
 Sources: ffmpeg_image_transport 1.x and 2.x and ffmpeg_encoder_decoder (ros-misc-utilities), FFMPEGPacket.msg of both. A
 packet holds one picture; `encoding` begins with the encoder's name, such as libx264 or hevc_nvenc; `pts` counts the
 pictures; bit 1 of `flags` is a key frame, which has the stream's parameters in it. There are no B-frames.
+theora_image_transport (image_transport_plugins, theora_publisher.cpp) and the Theora specification, 6.1 and 7.1: three
+packets with headers come first, under the first picture's stamp, and once more for each subscriber of ROS 1; of the
+first byte bit 7 is a header, bit 6 no key frame; an empty packet is the picture before again; `packetno` counts. Its
+pictures use all of 0 to 255.
 
 What cannot be decoded gives no picture: packets before the first key frame of a recording, and those from a lost or
 damaged one to the next key frame, for the decoder would make up what they are made of.
@@ -21,13 +26,27 @@ from dior.ingest import messages
 from dior.ingest.bag_reader import Message
 from dior.ingest.videos import DecodedPicture
 
+KINDS = (messages.PACKET, messages.THEORA)
 # FFmpeg's decoders by what the names of encoders have in them
 CODECS = {"264": "h264", "265": "hevc", "hevc": "hevc", "av1": "av1", "vp9": "vp9", "vpx": "vp8", "mjpeg": "mjpeg"}
 KEY = 1
+# of the first byte of Theora's packets; its headers; FFmpeg's word for pictures that use all of 0 to 255
+IS_HEADER, NO_KEY, HEADERS, FULL_RANGE = 0x80, 0x40, 3, 2
 REPUBLISH = (
-    "play the bag beside `ros2 run image_transport republish`, from the transport ffmpeg to compressed, and record the "
-    "topic that this publishes"
+    "play the bag beside `ros2 run image_transport republish`, from its transport to compressed, and record the topic "
+    "that this publishes"
 )
+
+
+@dataclass(frozen=True, eq=False)
+class _Packet:
+    """`number`: counted from picture to picture; `is_key`: nothing before it is needed; `data`: empty for the picture
+    before once more; `header` of the message."""
+
+    number: int
+    is_key: bool
+    data: bytes
+    header: Any
 
 
 @dataclass
@@ -42,51 +61,70 @@ class Unpacker:
 
     def given(self, message: Message) -> Iterator[Message]:
         """The pictures that are there when the bag's next packet is. Raises ValueError, and DiorError for a codec."""
-        packet = messages.decoded(message.kind, message.raw, message.wire)
-        if message.topic not in self._streams:
-            where = f"{self.bag}: {message.topic}"
-            self._streams[message.topic] = _Stream(where, _decoder(packet.encoding, where))
-        wanted = self.received is None or message.receive_ns in self.received
-        yield from self._streams[message.topic].given(message, packet, wanted)
+        content = messages.decoded(message.kind, message.raw, message.wire)
+        stream = self._streams.setdefault(message.topic, _Stream(f"{self.bag}: {message.topic}"))
+        data = content.data.tobytes()
+        if message.kind == messages.PACKET:
+            stream.decoder = stream.decoder or _decoder(_codec(content.encoding, stream.where), stream.where)
+            packet = _Packet(content.pts, bool(content.flags & KEY), data, content.header)
+        elif data and data[0] & IS_HEADER:
+            yield from stream.headed(data, bool(content.b_o_s))
+            return
+        else:
+            packet = _Packet(content.packetno, bool(data and not data[0] & NO_KEY), data, content.header)
+        yield from stream.given(message, packet, self.received is None or message.receive_ns in self.received)
 
     def rest(self) -> Iterator[Message]:
         """What is left when the bag ends. Raises DiorError for a topic of which nothing could be decoded."""
         for stream in self._streams.values():
             yield from stream.ended()
             if self.received is None and not stream.shown:
+                headers = ", and theora's three headers before it" if len(stream.headers) < HEADERS else ""
                 raise DiorError(
                     f"{stream.where}: no picture can be decoded from its {stream.count} packets; a recording must hold "
-                    "a key frame"
+                    f"a key frame{headers}"
                 )
 
 
 @dataclass
 class _Stream:
-    """The decoder of a topic; `where` it is, for messages. `sent`: message and header by the number of a packet whose
-    picture has not come; `waiting`: packets since the key frame that nobody wanted so far; `whole`: none is missing
-    since then."""
+    """The decoder of a topic; `where` it is, for messages; `headers` of Theora that have come. `sent`: message and
+    header by the number of a packet whose picture has not come; `waiting`: packets since the key frame that nobody
+    wanted so far; `whole`: none is missing since then; `frame`: the last picture."""
 
     where: str
-    decoder: Any
+    decoder: Any = None
+    headers: list[bytes] = field(default_factory=list)
     count: int = 0
     shown: int = 0
     whole: bool = False
-    last_pts: int = -1
+    last: int = -1
     sent: dict[int, tuple[Message, Any]] = field(default_factory=dict)
-    waiting: list[tuple[int, Any]] = field(default_factory=list)
+    waiting: list[tuple[int, _Packet]] = field(default_factory=list)
+    frame: Any = None
 
-    def given(self, message: Message, packet: Any, wanted: bool) -> Iterator[Message]:
-        if packet.flags & KEY:
+    def headed(self, data: bytes, begins: bool) -> Iterator[Message]:
+        """One of Theora's headers; with the third there is a decoder for what follows."""
+        if begins:
             yield from self.ended()
-            self.whole = True
-        elif packet.pts < self.last_pts:
+            self.decoder, self.headers, self.whole = None, [], False
+        self.headers.append(data)
+        if len(self.headers) == HEADERS:
+            self.decoder = _decoder("theora", self.where)
+            self.decoder.extradata = b"".join(len(one).to_bytes(2, "big") + one for one in self.headers)
+
+    def given(self, message: Message, packet: _Packet, wanted: bool) -> Iterator[Message]:
+        if packet.is_key:
+            yield from self.ended()
+            self.whole = self.decoder is not None
+        elif packet.number < self.last:
             raise DiorError(
                 f"{self.where}: its packets are in another order than its pictures (B-frames), which the transport "
                 f"ffmpeg does not make; {REPUBLISH}"
             )
-        elif packet.pts != self.last_pts + 1:
+        elif packet.number != self.last + 1:
             self.whole = False
-        self.last_pts = packet.pts
+        self.last = packet.number
         self.count += 1
         if not self.whole:
             return
@@ -97,50 +135,55 @@ class _Stream:
                 yield from self._decoded(number, one)
             self.waiting = []
 
-    def _decoded(self, number: int, packet: Any) -> Iterator[Message]:
+    def _decoded(self, number: int, packet: _Packet) -> Iterator[Message]:
         import av
 
         if not self.whole:
             return
-        one = av.Packet(packet.data.tobytes())
-        # the file's own count begins anew where its encoder did
+        if not packet.data:
+            yield from self._shown(number, self.frame)
+            return
+        one = av.Packet(packet.data)
+        # the stream's own count begins anew where its encoder did
         one.pts = one.dts = number
         try:
             frames = self.decoder.decode(one)
         except av.FFmpegError:
             self.whole = False
             return
-        yield from self._shown(frames)
+        for frame in frames:
+            yield from self._shown(frame.pts, frame)
 
     def ended(self) -> Iterator[Message]:
         """The pictures that the decoder still holds before the next key frame."""
         import av
 
         self.waiting = []
-        try:
-            yield from self._shown(self.decoder.decode(None))
-        except (av.FFmpegError, EOFError):
-            pass
-        self.decoder.flush_buffers()
+        if self.decoder is not None:
+            try:
+                for frame in self.decoder.decode(None):
+                    yield from self._shown(frame.pts, frame)
+            except (av.FFmpegError, EOFError):
+                pass
+            self.decoder.flush_buffers()
         self.sent = {}
 
-    def _shown(self, frames: list[Any]) -> Iterator[Message]:
-        for frame in frames:
-            if frame.is_corrupt:
-                self.whole = False
-            if frame.pts in self.sent and self.whole:
-                message, header = self.sent.pop(frame.pts)
-                self.shown += 1
-                picture = DecodedPicture(frame, 0, header=header)
-                yield Message(message.topic, messages.RAW, messages.PICTURE, message.receive_ns, picture)
+    def _shown(self, number: int, frame: Any) -> Iterator[Message]:
+        if frame is None or frame.is_corrupt:
+            self.whole = False
+            return
+        self.frame = frame
+        if number in self.sent and self.whole:
+            message, header = self.sent.pop(number)
+            if message.kind == messages.THEORA:
+                frame.color_range = FULL_RANGE
+            self.shown += 1
+            picture = DecodedPicture(frame, 0, header=header)
+            yield Message(message.topic, messages.RAW, messages.PICTURE, message.receive_ns, picture)
 
 
-def _decoder(encoding: str, where: str) -> Any:
-    """The decoder for what an encoder made. Raises DiorError for one that is not known."""
-    try:
-        import av
-    except ImportError:
-        raise DiorError(f"{where}: pictures of the transport ffmpeg need PyAV; pip install -e '.[video]'") from None
+def _codec(encoding: str, where: str) -> str:
+    """FFmpeg's name of what an encoder made. Raises DiorError for one that is not known."""
     encoder, *formats = encoding.split(";")
     name = next((codec for part, codec in CODECS.items() if part in encoder), "")
     if not name or any(one.startswith("bayer") for one in formats[1:2]):
@@ -148,7 +191,15 @@ def _decoder(encoding: str, where: str) -> Any:
             f"{where}: its encoding is '{encoding:.80}', and pictures by {', '.join(sorted(set(CODECS.values())))} are "
             f"read, none of a sensor's colour filter; {REPUBLISH}"
         )
-    decoder = av.CodecContext.create(name, "r")
+    return name
+
+
+def _decoder(codec: str, where: str) -> Any:
+    try:
+        import av
+    except ImportError:
+        raise DiorError(f"{where}: packets of a video need PyAV; install it: pip install -e '.[video]'") from None
+    decoder = av.CodecContext.create(codec, "r")
     av.logging.set_level(None)
     # a picture's slices: whole pictures at once would come later by as many as there are threads
     decoder.thread_type = "SLICE"

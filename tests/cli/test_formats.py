@@ -47,7 +47,7 @@ def test_a_reader_describes_what_it_reads_by_its_own_key(kind):
 
 def test_bags_and_messages_are_described_by_what_they_are_called():
     assert {one.key for one in containers.DESCRIPTIONS} == {name for name, _ in containers.FORMATS.values()}
-    kinds = (messages.COMPRESSED, messages.RAW, messages.PACKET, messages.CAMERA_INFO)
+    kinds = (messages.COMPRESSED, messages.RAW, messages.PACKET, messages.THEORA, messages.CAMERA_INFO)
     called = {kind.replace("/msg/", "/") for kind in kinds}
     assert {one.key for one in messages.DESCRIPTIONS} == called
     for encoding in messages.ENCODINGS:

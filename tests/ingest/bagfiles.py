@@ -10,6 +10,8 @@ import numpy as np
 from rosbags import rosbag1, rosbag2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from tests.ingest import theora_sample
+
 T0 = 1_708_000_000_000_000_000
 IMAGE, PACKED, INFO = (f"sensor_msgs/msg/{kind}" for kind in ("Image", "CompressedImage", "CameraInfo"))
 STORES = {"ros1": get_typestore(Stores.ROS1_NOETIC), "cdr": get_typestore(Stores.ROS2_HUMBLE)}
@@ -21,8 +23,10 @@ OF_PACKET = {
     "cdr": "std_msgs/Header header\nint32 width\nint32 height\nstring encoding\nuint64 pts\nuint8 flags\n"
     "bool is_bigendian\nuint8[] data\n",
 }
+THEORA = "theora_image_transport/msg/Packet"
+OF_THEORA = "std_msgs/Header header\nuint8[] data\nint32 b_o_s\nint32 e_o_s\nint64 granulepos\nint64 packetno\n"
 for wire, definition in OF_PACKET.items():
-    STORES[wire].register(get_types_from_msg(definition, PACKET))
+    STORES[wire].register({**get_types_from_msg(definition, PACKET), **get_types_from_msg(OF_THEORA, THEORA)})
 ROS1_CODECS = {"": None, "lz4": rosbag1.Writer.CompressionFormat.LZ4, "bz2": rosbag1.Writer.CompressionFormat.BZ2}
 # name of a format: (rosbags' storage, compression mode)
 ROS2 = {
@@ -112,6 +116,17 @@ def packets(topic, stamps_ns, images, encoder="libx264", gop=5, b_frames=0, dela
         )
         for place, one in enumerate(made)
     ]  # fmt: skip
+
+
+def theora(topic, stamps_ns, delay=4_000_000):
+    """The packets of the sample as theora_image_transport sends them: the headers under the first picture's stamp."""
+    found = []
+    for number, data in enumerate(theora_sample.packets()):
+        stamp_ns = stamps_ns[max(number - 3, 0)]
+        content = {"b_o_s": int(number == 0), "e_o_s": 0, "granulepos": 0, "packetno": number}
+        content |= {"data": np.frombuffer(data, np.uint8)}
+        found.append(Sent(topic, stamp_ns + delay, stamp_ns, THEORA, content))
+    return found
 
 
 def _fields(sent, wire):

@@ -129,14 +129,6 @@ def test_depth_pictures_are_refused_by_name(tmp_path):
         index(tmp_path, [bag], {"cam01": "/depth/compressedDepth"})
 
 
-def test_theora_is_refused_by_name():
-    kind = messages.THEORA
-    with pytest.raises(
-        ValueError, match=rf"a piece of a video, {kind}, which is not read; .* transport theora to comp"
-    ):
-        messages.picture_of(kind, b"", "cdr")
-
-
 def test_cameras_of_the_same_topic_in_bags_of_their_own(tmp_path):
     bags_of = [viewers(tmp_path / f"{name}.bag", count=count) for name, count in (("a_123", 4), ("a_456", 3))]
     topics, out = {"cam01": TOPIC, "cam02": TOPIC}, tmp_path / "frames.parquet"

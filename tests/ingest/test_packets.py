@@ -1,4 +1,5 @@
-"""Pictures that the transport ffmpeg put into bags: those that were sent, each with its own stamp, from any place."""
+"""Pictures that the transports ffmpeg and theora put into bags: those that were sent, each with its own stamp, from any
+place."""
 
 from dataclasses import replace
 
@@ -8,7 +9,8 @@ import pytest
 from dior.errors import DiorError
 from dior.ingest import bags, frames, messages
 from dior.tables import tables
-from tests.ingest.bagfiles import T0, info, packed, packets, picture, write
+from tests.ingest import theora_sample
+from tests.ingest.bagfiles import T0, info, packed, packets, picture, theora, write
 
 pytest.importorskip("av")
 TOPIC, COUNT, PERIOD = "/cam01/image_raw/ffmpeg", 23, 33_000_000
@@ -108,7 +110,7 @@ def test_another_encoder_is_refused_by_its_name(tmp_path, encoding):
     for one in made:
         one.content["encoding"] = encoding
     with pytest.raises(
-        DiorError, match=rf"walk.*{TOPIC}: its encoding is '{encoding}', .* republish`, from the transport ffmpeg"
+        DiorError, match=rf"walk.*{TOPIC}: its encoding is '{encoding}', .* republish`, from its transport"
     ):
         indexed(tmp_path, write(tmp_path / "walk", made, "mcap"))
 
@@ -135,3 +137,64 @@ def test_a_message_that_is_cut_off(tmp_path):
     raw = b"\0\1\0\0" + bytes(9)
     with pytest.raises(ValueError):
         messages.decoded(messages.PACKET, raw, "cdr")
+
+
+IN_THEORA = "/cam01/image_raw/theora"
+THEIRS = [T0 + PERIOD * i for i in range(theora_sample.COUNT)]
+
+
+def theora_greys(table, folder):
+    """By row the brightness of the left half; all of 0 to 255 is used."""
+    found = dict(bags.read_pictures(table, folder))
+    assert {image.shape for image in found.values()} == {(*theora_sample.SIZE, 3)}
+    assert max(image[:, 34:].max() for image in found.values()) < 12
+    return [float(np.median(found[row][:, 2:26])) for row in sorted(found)]
+
+
+def of_theora(folder, messages_, form="mcap"):
+    return indexed(folder, write(folder / "walk", messages_, form), {"cam01": IN_THEORA})
+
+
+@pytest.mark.parametrize("form", ["ros1", "db3", "mcap zstd"])
+def test_theora(tmp_path, form):
+    table = of_theora(tmp_path, theora(IN_THEORA, THEIRS), form)
+    assert table["stamp_ns"].tolist() == THEIRS
+    expected = [30 + 15 * i for i in range(theora_sample.COUNT)]
+    np.testing.assert_allclose(theora_greys(table, tmp_path), expected, atol=4)
+    rows = np.array([12, 6])
+    np.testing.assert_allclose(theora_greys(tables.rows(table, rows), tmp_path), [210, 120], atol=4)
+
+
+def test_theora_from_its_middle_and_with_a_packet_lost(tmp_path):
+    made = theora(IN_THEORA, THEIRS)
+    # a recorder that comes later gets the headers of ROS 1, under the stamp of the first picture
+    late = [*made[:3], *made[5:]]
+    del late[late.index(made[3 + 6])]
+    table = of_theora(tmp_path, late)
+    assert table["stamp_ns"].tolist() == [THEIRS[i] for i in (5, 10, 11, 12)]
+    np.testing.assert_allclose(theora_greys(table, tmp_path), [105, 180, 195, 210], atol=4)
+    with pytest.raises(DiorError, match=rf"{IN_THEORA}: no picture can be .*, and theora's three headers before it"):
+        of_theora(tmp_path / "without", made[3:])
+
+
+def test_theoras_empty_packet_is_the_picture_before_again(tmp_path):
+    made = theora(IN_THEORA, THEIRS)
+    made[3 + 7].content["data"] = np.zeros(0, np.uint8)
+    del made[3 + 8 : 3 + 10]
+    table = of_theora(tmp_path, made)
+    there = [0, 1, 2, 3, 4, 5, 6, 7, 10, 11, 12]
+    assert table["stamp_ns"].tolist() == [THEIRS[i] for i in there]
+    grey = theora_greys(table, tmp_path)
+    assert grey[7] == grey[6] and grey[8] == pytest.approx(180, abs=4)
+    assert bags.repeated(tmp_path / "walk", [IN_THEORA]) == {(IN_THEORA, THEIRS[7] + 4_000_000, 0)}
+    alone = dict(bags.read_pictures(tables.rows(table, np.array([7])), tmp_path))
+    assert float(np.median(alone[0][:, 2:26])) == grey[6]
+
+
+def test_a_stream_of_theora_that_begins_anew(tmp_path):
+    made = theora(IN_THEORA, THEIRS)
+    again = [replace(one, receive_ns=one.receive_ns + 10**9, stamp_ns=one.stamp_ns + 10**9) for one in made]
+    table = of_theora(tmp_path, [*made, *again])
+    assert table["stamp_ns"].tolist() == [*THEIRS, *(stamp + 10**9 for stamp in THEIRS)]
+    grey = theora_greys(table, tmp_path)
+    assert grey[: theora_sample.COUNT] == grey[theora_sample.COUNT :]
