@@ -227,18 +227,35 @@ def _sent() -> Iterator[bagfiles.Sent]:
         yield bagfiles.raw("/cam02/image_raw", stamp, bagfiles.picture(9 * i, (6, 8)), "bgr8")
 
 
-def _bag(*forms: str) -> Reader:
+# of pictures that are a video, a packet a message
+OF_VIDEO = ("/cam01/image_raw/ffmpeg", "/cam02/image_raw/theora")
+
+
+def _sent_as_video() -> list[bagfiles.Sent]:
+    stamps = [T0 + 33_333_333 * i for i in range(13)]
+    images = [bagfiles.picture(9 * i) for i in range(13)]
+    return [*bagfiles.packets(OF_VIDEO[0], stamps, images), *bagfiles.theora(OF_VIDEO[1], stamps)]
+
+
+def _bag(*forms: str, of_video: bool = False) -> Reader:
     @cache
     def samples() -> dict[str, bytes]:
-        found = {}
+        found, sent = {}, _sent_as_video() if of_video else list(_sent())
         with TemporaryDirectory() as folder:
             for form in forms:
                 name = form.replace(" ", "_")
-                bag = bagfiles.write(Path(folder) / name, list(_sent()), form, chunk=1500)
+                bag = bagfiles.write(Path(folder) / name, sent, form, chunk=1500)
                 found[name] = (bag if bag.is_file() else next(bag.glob("*.*[!l]"))).read_bytes()
         return found
 
-    return Reader(samples, _read_bag)
+    return Reader(samples, _read_video if of_video else _read_bag)
+
+
+def _read_video(path: Path, folder: Path) -> None:
+    table = bags.index(path, OF_VIDEO)
+    table["bag"] = np.full(len(table["topic"]), path.name, object)
+    for _ in bags.read_pictures(table, path.parent):
+        pass
 
 
 def _read_bag(path: Path, folder: Path) -> None:
@@ -385,6 +402,7 @@ READERS = {
     "ros1": _bag("ros1", "ros1 lz4", "ros1 bz2"),
     "db3": _bag("db3 alone", "db3 message alone", "db3 zstd alone"),
     "mcap": _bag("mcap alone", "mcap zstd", "mcap lz4", "mcap plain", "mcap ros1"),
+    "packets": _bag("ros1", "db3 alone", "mcap alone", of_video=True),
     "ros2_folder": Reader(_ros2_folder, lambda path, folder: _read_bag(path.parent, folder), _write_ros2_folder),
     "mocap_texts": Reader(_mocap_texts, lambda path, folder: mocap.read(path)),
     "c3d": Reader(_c3d, lambda path, folder: mocap.read(path)),
