@@ -46,7 +46,7 @@ def read(path: AnyPath) -> Capture:
     before: list[tuple[int, float, float]] = []
     for line, cells in lines:
         # the time of day has no number
-        read = [cells[0], cells[1] if timed else "", *(cell for at in places for cell in cells[at : at + 3])]
+        read = [cells[0], *(cells[1:2] if timed else [""]), *(cell for at in places for cell in cells[at : at + 3])]
         values = numbers(line, read, 2 + 3 * len(labels))
         before.append((line, values[0], values[1]))
         table.append(values[2:])

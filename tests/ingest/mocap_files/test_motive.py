@@ -38,6 +38,7 @@ def test_a_file_with_z_up_is_not_turned(tmp_path):
         ("Frame,Time", "Frames,Time", "it has no rows Type, Name and Frame before its numbers"),
         (",Marker", ",Bone Marker", r"no column is a Marker's position \(there are Bone, Bone Marker\)"),
         ("\r\n2,", "\r\ntwo,", "holds something that is no number"),
+        ("\r\n2,", "\r\n2\r\n2,", "line 10 has 1 columns, not 74; was the export interrupted"),
     ],
 )
 def test_what_is_no_such_file(tmp_path, old, new, text):
