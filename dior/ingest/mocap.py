@@ -43,9 +43,6 @@ UP = {
     "y": ((1, 0, 0), (0, 0, -1), (0, 1, 0)),
     "x": ((0, 0, -1), (0, 1, 0), (1, 0, 0)),
 }
-# what a file calls its rate and its unit, by its kind
-RATE = {"c3d": "POINT:RATE", "qtm": "FREQUENCY", "motive": "its frame rate", "trc": "DataRate"}
-UNITS = {"c3d": "POINT:UNITS", "qtm": "its unit", "motive": "Length Units", "trc": "Units"}
 # Hz; chosen: beyond any motion capture
 RATES = (1.0, 10_000.0)
 # chosen: in a smaller share of the frames a marker has the wrong label, which is corrected by hand
@@ -185,7 +182,9 @@ def labelled(
     """
     kind, about = mocap_files.read(path)
     if not RATES[0] <= about.rate <= RATES[1]:
-        raise DiorError(f"{path}: {RATE[kind]} is {about.rate:g}; it needs its frame rate, so export it again")
+        raise DiorError(
+            f"{path}: {mocap_files.READERS[kind].rate} is {about.rate:g}; it needs its frame rate, so export it again"
+        )
     return kind, about, marker_names.find(about.labels, path, subject, prefix, named)
 
 
@@ -204,7 +203,8 @@ def unit_of(about: Capture, path: AnyPath, kind: str) -> str:
     unit = SPELLED.get(about.units.lower(), about.units.lower())
     if unit not in METRES:
         says = f"is '{about.units}', not one of {', '.join(METRES)}" if about.units else "is empty"
-        raise DiorError(f"{path}: {UNITS[kind]} {says}; set `mocap: {{units: mm}}`, or what it is, in session.yaml")
+        what = mocap_files.READERS[kind].units
+        raise DiorError(f"{path}: {what} {says}; set `mocap: {{units: mm}}`, or what it is, in session.yaml")
     return unit
 
 

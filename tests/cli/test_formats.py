@@ -7,6 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 import pytest
+import yaml
 
 from dior.calibrate.readers import files
 from dior.cli import formats
@@ -71,6 +72,14 @@ def test_what_detections_names_is_what_the_reader_takes():
         (one,) = reader.described
         takes = {word for word in ("file", "folder") if f" {word}" in f" {one.file}"}
         assert takes == ({"file", "folder"} if reader.shape == "either" else {reader.shape}), one.key
+
+
+def test_the_words_of_the_config_are_the_keys_of_the_readers():
+    schemas = ROOT / "dior/project/schemas"
+    config = yaml.safe_load((schemas / "config.schema.yaml").read_text())["properties"]["detector"]["properties"]
+    assert set(config["format"]["enum"]) == {"auto", *readers.READERS}
+    markers = yaml.safe_load((schemas / "markers.schema.yaml").read_text())["properties"]
+    assert set(markers["format"]["enum"]) == {"", *mocap_files.READERS}
 
 
 @pytest.mark.parametrize("room", ROOMS)

@@ -16,21 +16,37 @@ BOM = b"\xef\xbb\xbf"
 @dataclass(frozen=True)
 class Reader:
     """`read(path)` gives a `Capture` and raises ValueError or DiorError; `tool` is its name in messages; `begins`: the
-    first bytes of its files, in any case; `described`: for people."""
+    first bytes of its files, in any case; `rate` and `units`: what a file calls these; `described`: for people."""
 
     tool: str
     read: Callable[[AnyPath], Capture]
     begins: tuple[bytes, ...]
+    rate: str
+    units: str
     described: tuple[MocapFormat, ...]
 
 
 # what is none of the others is said to be no C3D
 C3D = "c3d"
 READERS = {
-    "qtm": Reader("TSV of Qualisys Track Manager", qtm.read, (b"NO_OF_FRAMES", b"FILE_VERSION"), qtm.DESCRIPTIONS),
-    "motive": Reader("CSV of OptiTrack Motive", motive.read, (b"Format Version",), motive.DESCRIPTIONS),
-    "trc": Reader("TRC", trc.read, (b"PathFileType",), trc.DESCRIPTIONS),
-    C3D: Reader("C3D", c3d.read, (), c3d.DESCRIPTIONS),
+    "qtm": Reader(
+        "TSV of Qualisys Track Manager",
+        qtm.read,
+        (b"NO_OF_FRAMES", b"FILE_VERSION"),
+        "FREQUENCY",
+        "its unit",
+        qtm.DESCRIPTIONS,
+    ),
+    "motive": Reader(
+        "CSV of OptiTrack Motive",
+        motive.read,
+        (b"Format Version",),
+        "its frame rate",
+        "Length Units",
+        motive.DESCRIPTIONS,
+    ),
+    "trc": Reader("TRC", trc.read, (b"PathFileType",), "DataRate", "Units", trc.DESCRIPTIONS),
+    C3D: Reader("C3D", c3d.read, (), "POINT:RATE", "POINT:UNITS", c3d.DESCRIPTIONS),
 }
 
 
