@@ -11,10 +11,12 @@ usual (the recorder or network could not follow), `between_bags` where the recor
 `not_sent` (camera or driver left it out). `same_stamp` and `same_picture` are repeated messages. Where only the
 header's clock jumps nothing is missing; that is a finding.
 
-A video has one clock: its receive stamps count as the header's. What is in it and gives no picture is `not_decoded`,
-what was to come after its end `cut_off`; the finding `video_stamps` tells what its stamps are by.
+A video has one clock: its receive stamps count as the header's. What is in it, or in a bag as a packet of one, and
+gives no picture is `not_decoded`, what was to come after a video's end `cut_off`; the finding `video_stamps` tells what
+its stamps are by.
 """
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -26,7 +28,7 @@ from dior.arrays import Bools, Floats, Ints, Table
 from dior.clocks.axis import nominal_fps
 from dior.ingest import bags as rosbag
 from dior.ingest import stamps, video_starts
-from dior.ingest.frames import check_usable
+from dior.ingest.frames import NOT_DECODED, check_usable
 from dior.ingest.stamps import JUMP_NS
 from dior.tables import tables
 
@@ -79,6 +81,7 @@ def run(*, sequence: str, frames: Path, data_root: Path, out: Path, out_dropped:
     Raises DiorError for a camera whose stamps cannot be used, see `check_usable`.
     """
     table, films = tables.read(frames, "frames"), video_starts.told(frames)
+    not_decoded = json.loads(tables.metadata(frames).get(NOT_DECODED, "{}"))
     repeats = _repeats(table, data_root)
     rows, dropped, found = [], [], []
     for camera in tables.ordered_unique(table["camera"]):
@@ -93,6 +96,8 @@ def run(*, sequence: str, frames: Path, data_root: Path, out: Path, out_dropped:
             mine = own["bag"] == bag
             audited = audit(tables.rows(own, mine), repeats[table["camera"] == camera][mine])
             audited = of_video(audited, film["lost"]) if film else audited
+            if packets := not_decoded.get(camera, {}).get(bag):
+                audited = with_lost(audited, _undecoded(packets, own))
             looked = black[mine]
             seen = {"looked_at": int((looked >= 0).sum()), "black": int((looked > 0).sum())}
             rows.append({"camera": camera, "bag": bag, **audited.row, **seen})
@@ -156,8 +161,14 @@ def audit(frames: Table, repeated: Bools) -> Audit:
 
 
 def of_video(audited: Audit, lost: Sequence[tuple[int, int, str]]) -> Audit:
-    """The audit of a video, which has no lags, and of which pictures cannot be read: `lost` (frame before, stamp_ns,
-    reason), those in gaps of the stamps among them."""
+    """The audit of a video, which has no lags, and of which pictures cannot be read: `lost` as of `with_lost`."""
+    audited = with_lost(audited, lost)
+    return replace(audited, row=audited.row | dict.fromkeys(LAGS, np.nan))
+
+
+def with_lost(audited: Audit, lost: Sequence[tuple[int, int, str]]) -> Audit:
+    """The audit where it is known of pictures that they cannot be read: `lost` (frame before, stamp_ns, reason), those
+    in gaps of the stamps among them."""
     known = np.array([stamp for _, stamp, _ in lost], np.int64)
     near = 0.5e9 / audited.row["rate_hz"] if audited.row["rate_hz"] else 0.0
     others = [
@@ -165,9 +176,20 @@ def of_video(audited: Audit, lost: Sequence[tuple[int, int, str]]) -> Audit:
         if one[2] not in ("not_sent", "recorder_behind") or not (np.abs(known - one[1]) < near).any()
     ]  # fmt: skip
     again = sum(one[2] in ("not_sent", "recorder_behind") for one in others)
-    row = audited.row | {"lost": again + len(lost)} | dict.fromkeys(LAGS, np.nan)
+    row = audited.row | {"lost": again + len(lost)}
     dropped = sorted([*others, *((frame, stamp, reason) for frame, stamp, reason in lost)])
     return replace(audited, row=row, dropped=tuple(dropped))
+
+
+def _undecoded(packets: Sequence[int], own: Table) -> list[tuple[int, int, str]]:
+    """(frame before, stamp_ns, reason) of packets without a picture, those with one in another bag left out."""
+    there = set(stamps.header_ns(own).tolist())
+    before = np.maximum(np.searchsorted(own["stamp_ns"], packets) - 1, 0)
+    return [
+        (int(own["frame"][i]), stamp, "not_decoded")
+        for i, stamp in zip(before, packets, strict=True)
+        if stamp not in there
+    ]
 
 
 def _by_what(bag: str, film: dict[str, Any]) -> list[tuple[str, str, str]]:

@@ -78,19 +78,21 @@ def holding(there: dict[Path, Topics], topic: str, where: str) -> list[Path]:
     return found
 
 
-def index(bag: Path, topics: Sequence[str]) -> Table:
+def index(bag: Path, topics: Sequence[str], lost: list[tuple[str, int]] | None = None) -> Table:
     """Index of the pictures of `topics` in one bag, in the order of its files, as a dict of arrays.
 
+    `lost` is told full name and header stamp (ns) of the packets of a video that give no picture.
+
     Keys: topic (as given), stamp_ns, receive_ns, nth (which message of that topic and receive stamp), height, width
-    (px). No picture is decoded. Raises DiorError for a broken bag, a topic that holds no pictures, a bad picture
-    header.
+    (px). No picture is decoded but those of packets. Raises DiorError for a broken bag, a topic that holds no pictures,
+    a bad picture header.
     """
     if containers.is_video(bag):
         return _of_video([(topic, containers.video_index(bag, topic)) for topic in topics])
     columns: dict[str, list[Any]] = {key: [] for key in ("topic", "stamp_ns", "receive_ns", "nth", "height", "width")}
     given = {full_name(topic): topic for topic in topics}
     count: Counter[str] = Counter()
-    for message, nth in _reported(bag, given):
+    for message, nth in _reported(bag, given, lost):
         topic = given[message.topic]
         try:
             stamp_ns, height, width = messages.picture_of(message.kind, message.raw, message.wire)
@@ -122,24 +124,29 @@ def _of_video(streams: list[tuple[str, videos.VideoIndex]]) -> Table:
 
 
 def _numbered(
-    bag: Path, wanted: Collection[str], received: Collection[int] | None = None
+    bag: Path,
+    wanted: Collection[str],
+    received: Collection[int] | None = None,
+    lost: list[tuple[str, int]] | None = None,
 ) -> Iterator[tuple[Message, int]]:
     """Yield (message, nth): which one it is, from 0, of those of its topic and receive stamp."""
     before: Counter[tuple[str, int]] = Counter()
-    for message in messages_of(bag, wanted, received):
+    for message in messages_of(bag, wanted, received, lost):
         key = (message.topic, message.receive_ns)
         yield message, before[key]
         before[key] += 1
 
 
-def _reported(bag: Path, given: Collection[str]) -> Iterator[tuple[Message, int]]:
+def _reported(
+    bag: Path, given: Collection[str], lost: list[tuple[str, int]] | None = None
+) -> Iterator[tuple[Message, int]]:
     """`_numbered` of all messages of some topics, its progress reported."""
 
     def total() -> int:
         there = topics_of(bag)
         return sum(there.get(topic, ("", 0))[1] for topic in given)
 
-    return reporting(_numbered(bag, given), total, "messages", str(bag))
+    return reporting(_numbered(bag, given, None, lost), total, "messages", str(bag))
 
 
 def read_pictures(rows: Table, data_root: AnyPath) -> Iterator[tuple[int, NDArray[np.uint8]]]:

@@ -95,13 +95,18 @@ def of_files(bag: AnyPath, read: Callable[[Path, str], list[Found]]) -> list[Fou
     return found
 
 
-def messages(bag: AnyPath, wanted: Collection[str], received: Collection[int] | None = None) -> Iterator[Message]:
+def messages(
+    bag: AnyPath,
+    wanted: Collection[str],
+    received: Collection[int] | None = None,
+    lost: list[tuple[str, int]] | None = None,
+) -> Iterator[Message]:
     """Yield the `Message`s of the topics `wanted` (full names), only of the receive stamps `received` if given.
 
-    Packets of a video are decoded, from the key frame before; the packets themselves are not given. Raises DiorError
-    for a broken bag.
+    Packets of a video are decoded, from the key frame before; the packets themselves are not given. `lost` is told
+    topic and header stamp (ns) of those that give no picture. Raises DiorError for a broken bag.
     """
-    unpacker = packets.Unpacker(bag, received)
+    unpacker = packets.Unpacker(bag, received, [] if lost is None else lost)
     for path in _files(bag):
         container, hint = _format(bag, path)
         try:

@@ -9,7 +9,8 @@ OUTPUTS  `frames` table: cameras in the order of their names, frames numbered fr
          says how many were left out, per camera. One that a single bag holds twice is the camera's doing and stays.
 Of a video `bag` is its path, `topic` the stream (`videos`), `receive_ns` the picture's time in the file, the stamp is
 as `video_stamps` has it and `restored_sigma_s` what the step of the file's time leaves open. The metadata `videos`
-tells by camera what its stamps are by, how well their start is known, and which pictures cannot be read.
+tells by camera what its stamps are by, how well their start is known, and which pictures cannot be read. Of packets of
+a video in a bag (`packets`) the metadata NOT_DECODED tells by camera and bag the stamps of those that give no picture.
 """
 
 import json
@@ -32,6 +33,7 @@ from dior.tables import tables
 # so many pictures of each
 SPLIT_NS, MOST_LAG_NS, ACROSS = 1_000_000_000, 20_000_000, 30
 
+NOT_DECODED = "not_decoded"
 NONE: list[str] = []
 NOTHING: dict[str, str] = {}
 IN_BAGS = video_frames.Recorded()
@@ -71,16 +73,20 @@ def run(
         for camera, topic in topics.items()
     }
     indexes: dict[str, dict[str, Table]] = {camera: {} for camera in topics}
+    not_decoded: dict[str, dict[str, list[int]]] = {}
     began: list[int] = []
     for bag in bags:
         wanted = {camera: topics[camera] for camera, holding in holders.items() if bag in holding}
         _check_one_camera(wanted, f"{sequence}: {bag}")
         if wanted:
-            index = rosbag.index(bag, list(wanted.values()))
+            lost: list[tuple[str, int]] = []
+            index = rosbag.index(bag, list(wanted.values()), lost)
             _check_complete(bag, there[bag], index, list(wanted.values()))
             began.append(int(index["stamp_ns"].min()))
-            for camera in wanted:
+            for camera, topic in wanted.items():
                 indexes[camera][_relative(bag, data_root)] = index
+                if own := [stamp_ns for name, stamp_ns in lost if name == rosbag.full_name(topic)]:
+                    not_decoded.setdefault(camera, {})[_relative(bag, data_root)] = own
     films = video_frames.films(sequence, filmed, recorded, min(began, default=None))
     check_overlap(sequence, [*_spans(topics, indexes), *(films[camera].span() for camera in sorted(films))], by_hand)
     parts: dict[str, Table] = {}
@@ -96,6 +102,8 @@ def run(
         key: np.concatenate([parts[camera][key] for camera in sorted(parts)]) for key in tables.columns_of("frames")
     }
     metadata = {"recorded_twice": json.dumps(recorded_twice, sort_keys=True)}
+    if not_decoded:
+        metadata[NOT_DECODED] = json.dumps(not_decoded, sort_keys=True)
     tables.write(out, "frames", columns, metadata | video_frames.metadata(films))
 
 

@@ -165,7 +165,7 @@ def decoded(kind: str, raw: Any, wire: str) -> Any:
 def picture_of(kind: str, raw: Any, wire: str) -> tuple[int, int, int]:
     """(header stamp in ns, height, width) of an image message. The size is one of a picture. Raises ValueError."""
     message = _image(kind, raw, wire)
-    return _stamp_ns(message), *_size(message, kind, wire)
+    return stamp_ns(message), *_size(message, kind, wire)
 
 
 def told(kind: str, raw: Any, wire: str) -> tuple[int | None, tuple[int, int] | None, str]:
@@ -200,7 +200,7 @@ def decode(kind: str, raw: Any, wire: str, size: tuple[int, int]) -> NDArray[np.
 
 
 def _check_size(message: Any, kind: str, wire: str, size: tuple[int, int]) -> None:
-    _stamp_ns(message)
+    stamp_ns(message)
     said = _size(message, kind, wire)
     if said != tuple(size):
         raise ValueError(f"it is {said[1]}x{said[0]} px where its index says {size[1]}x{size[0]}")
@@ -268,7 +268,8 @@ def _image(kind: str, raw: Any, wire: str) -> Any:
     return message
 
 
-def _stamp_ns(message: Any) -> int:
+def stamp_ns(message: Any) -> int:
+    """The header stamp of a message, ns since the Unix epoch. Raises ValueError for one that cannot be."""
     stamp = message.header.stamp
     if stamp.sec < 0 or stamp.nanosec >= 10**9:
         raise ValueError(f"its header stamp has {stamp.sec} seconds and {stamp.nanosec} nanoseconds")

@@ -51,10 +51,12 @@ class _Packet:
 
 @dataclass
 class Unpacker:
-    """Decodes the packets of a bag's topics; only the pictures `received` then (ns) are given, all where it is None."""
+    """Decodes the packets of a bag's topics; only the pictures `received` then (ns) are given, all where it is None.
+    Then `lost` is told topic and header stamp (ns) of the packets that gave none."""
 
     bag: AnyPath
     received: Collection[int] | None
+    lost: list[tuple[str, int]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self._streams: dict[str, _Stream] = {}
@@ -73,11 +75,13 @@ class Unpacker:
         else:
             packet = _Packet(content.packetno, bool(data and not data[0] & NO_KEY), data, content.header)
         yield from stream.given(message, packet, self.received is None or message.receive_ns in self.received)
+        self._told(message.topic, stream)
 
     def rest(self) -> Iterator[Message]:
         """What is left when the bag ends. Raises DiorError for a topic of which nothing could be decoded."""
-        for stream in self._streams.values():
+        for topic, stream in self._streams.items():
             yield from stream.ended()
+            self._told(topic, stream)
             if self.received is None and not stream.shown:
                 headers = ", and theora's three headers before it" if len(stream.headers) < HEADERS else ""
                 raise DiorError(
@@ -85,12 +89,17 @@ class Unpacker:
                     f"a key frame{headers}"
                 )
 
+    def _told(self, topic: str, stream: "_Stream") -> None:
+        if self.received is None:
+            self.lost += [(topic, messages.stamp_ns(packet)) for packet in stream.lost]
+        stream.lost.clear()
+
 
 @dataclass
 class _Stream:
     """The decoder of a topic; `where` it is, for messages; `headers` of Theora that have come. `sent`: message and
-    header by the number of a packet whose picture has not come; `waiting`: packets since the key frame that nobody
-    wanted so far; `whole`: none is missing since then; `frame`: the last picture."""
+    packet by the number of one whose picture has not come; `waiting`: packets since the key frame that nobody
+    wanted so far; `whole`: none is missing since then; `lost`: those that give no picture; `frame`: the last one."""
 
     where: str
     decoder: Any = None
@@ -99,8 +108,9 @@ class _Stream:
     shown: int = 0
     whole: bool = False
     last: int = -1
-    sent: dict[int, tuple[Message, Any]] = field(default_factory=dict)
+    sent: dict[int, tuple[Message, _Packet]] = field(default_factory=dict)
     waiting: list[tuple[int, _Packet]] = field(default_factory=list)
+    lost: list[_Packet] = field(default_factory=list)
     frame: Any = None
 
     def headed(self, data: bytes, begins: bool) -> Iterator[Message]:
@@ -127,10 +137,11 @@ class _Stream:
         self.last = packet.number
         self.count += 1
         if not self.whole:
+            self.lost.append(packet)
             return
         self.waiting.append((self.count, packet))
         if wanted:
-            self.sent[self.count] = message, packet.header
+            self.sent[self.count] = message, packet
             for number, one in self.waiting:
                 yield from self._decoded(number, one)
             self.waiting = []
@@ -166,6 +177,7 @@ class _Stream:
             except (av.FFmpegError, EOFError):
                 pass
             self.decoder.flush_buffers()
+        self.lost += [packet for _, packet in self.sent.values()]
         self.sent = {}
 
     def _shown(self, number: int, frame: Any) -> Iterator[Message]:
@@ -174,11 +186,11 @@ class _Stream:
             return
         self.frame = frame
         if number in self.sent and self.whole:
-            message, header = self.sent.pop(number)
+            message, packet = self.sent.pop(number)
             if message.kind == messages.THEORA:
                 frame.color_range = FULL_RANGE
             self.shown += 1
-            picture = DecodedPicture(frame, 0, header=header)
+            picture = DecodedPicture(frame, 0, header=packet.header)
             yield Message(message.topic, messages.RAW, messages.PICTURE, message.receive_ns, picture)
 
 

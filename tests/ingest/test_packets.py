@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dior.errors import DiorError
-from dior.ingest import bags, frames, messages
+from dior.ingest import audit, bags, frames, messages
 from dior.tables import tables
 from tests.ingest import theora_sample
 from tests.ingest.bagfiles import T0, info, packed, packets, picture, theora, write
@@ -79,6 +79,23 @@ def test_pictures_behind_a_lost_or_damaged_packet_are_left_out_up_to_the_next_ke
     made[7].content["data"] = np.zeros(9, np.uint8)
     table = indexed(tmp_path, write(tmp_path / "zeros", made, "db3"))
     assert table["stamp_ns"].tolist() == [STAMPS[i] for i in there]
+
+
+def test_the_audit_has_a_reason_for_every_picture_that_is_missing(tmp_path):
+    """Two before the first key frame, one that was never there, and two behind it."""
+    made = sent()[3:]
+    del made[7 - 3]
+    indexed(tmp_path, write(tmp_path / "walk", made, "mcap"))
+    audit.run(
+        sequence="walk", frames=tmp_path / "frames.parquet", data_root=tmp_path, out=tmp_path / "a.parquet",
+        out_dropped=tmp_path / "d.parquet", findings=tmp_path / "f.parquet",
+    )  # fmt: skip
+    lost = tables.read(tmp_path / "d.parquet", "dropped_frames")
+    found = list(zip(lost["stamp_ns"], lost["reason"], strict=True))
+    expected = {3: "not_decoded", 4: "not_decoded", 7: "not_sent", 8: "not_decoded", 9: "not_decoded"}
+    assert found == [(STAMPS[i], reason) for i, reason in expected.items()]
+    (row,) = zip(*(tables.read(tmp_path / "a.parquet", "stamp_audit")[key] for key in ("lost", "lag_ms")), strict=True)
+    assert row == (5, 4.0)
 
 
 def test_an_encoder_that_begins_anew(tmp_path):
