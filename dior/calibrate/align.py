@@ -106,8 +106,8 @@ def fit_any_roll(
     derivative: boxes_fit.Derivative,
     occluder: str,
 ) -> tuple[boxes_fit.Fitted, float]:
-    """`boxes_fit.fit` from the start, or where that does not agree from one that is `rolled`; by how much (degrees), 0
-    for a level one.
+    """`boxes_fit.fit` from the start, or where that does not agree from one that is `rolled`, or with clocks that are
+    further off than is searched, which a turned camera may feign; by how much it is turned (degrees), 0 for level.
     """
     turned = partial(rolled, start)
     fitted, by = boxes_fit.fit(start, trusted, seen, where, derivative, occluder), 0.0
@@ -116,10 +116,14 @@ def fit_any_roll(
         np.abs(compared) <= boxes_fit.CUT * fitted.sd_px
     ).mean() < FEW_AGREE or fitted.sd_px > LOOSE_PX * start.intrinsics.fx / 760:
         tried = [(fitted, by)]
-        for degrees in TRIED_DEG:
+        ways = [(degrees, trusted, seen) for degrees in TRIED_DEG]
+        if seen.tracks and (far_s := lag.furthest(float(np.ptp(seen.seconds)))) > seen.most_s:
+            loose = tuple(far_s / MOST_SIGMAS if sd_s else 0.0 for sd_s in trusted.clock_s)
+            ways.append((0.0, replace(trusted, clock_s=loose), replace(seen, most_s=far_s)))
+        for degrees, free, those in ways:
             # a wrong roll may come to nothing
             with suppress(DiorError):
-                tried.append((boxes_fit.fit(turned(degrees), trusted, seen, where, derivative, occluder), degrees))
+                tried.append((boxes_fit.fit(turned(degrees), free, those, where, derivative, occluder), degrees))
         scale = boxes_fit.CUT * min(one.sd_px for one, _ in tried)
         fitted, by = min(tried, key=lambda one: -edge_errors.weights(_compared(one[0], seen), scale).mean())
     ends = by + float(np.degrees(fitted.values[2]))
@@ -127,6 +131,19 @@ def fit_any_roll(
         by = ends
         fitted = boxes_fit.fit(turned(by), trusted, seen, where, derivative, occluder)
     return fitted, (by + 180) % 360 - 180
+
+
+def _far_off(camera: str, walks: Sequence[FilmedWalk], fitted: boxes_fit.Fitted) -> list[tuple[str, str, str, str]]:
+    """Findings on clocks that are further off than they are searched."""
+    return [
+        (
+            f"{walk.name}/{camera}", "warning", "clock_unknown",
+            f"what was drawn or seen fits the camera where it was measured if its clock is {late_s:+.1f} s off, more "
+            f"than the {walk.most_s:.1f} s that are searched; give that as offset_s in config/offsets/{walk.name}.yaml",
+        )
+        for walk, late_s in zip(walks, fitted.clocks[:, 0].tolist(), strict=True)
+        if not walk.held and abs(late_s) > walk.most_s
+    ]  # fmt: skip
 
 
 def rolled(start: Camera, degrees: float) -> Camera:
@@ -374,6 +391,7 @@ def run(
                 f"is mounted so, say tape.roll_deg: {degrees:.0f}"
             )
             by_roll.append((scope, "warning", "camera_rolled", text))
+    by_roll += _far_off(camera, walks, fitted)
     check_above_floor(camera_file, fitted.camera.centre, "are the boxes the subject's, and is the tape right?")
     known = None
     if rig and close_covariance:

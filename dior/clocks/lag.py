@@ -87,10 +87,15 @@ def rivals(lags: Floats, chi2: Floats, best_s: float, apart_s: float = APART_S, 
     return lags[at[np.argsort(chi2[at], kind="stable")]]
 
 
+def furthest(length_s: float) -> float:
+    """How far (s) lags are searched at most, beyond what is said of the clocks, in recordings that last `length_s`."""
+    return min(MOST_SHARE * length_s, FURTHEST_S)
+
+
 def further(most_s: float, length_s: float) -> float:
     """How far (s) lags are searched next where the best one up to `most_s` was at an end, in recordings that last
     `length_s`; `most_s` where that is all."""
-    return max(most_s, min(2 * most_s, MOST_SHARE * length_s, FURTHEST_S))
+    return max(most_s, min(2 * most_s, furthest(length_s)))
 
 
 def at_an_end(lags: Floats, costs: Floats, best_s: float) -> bool:

@@ -173,12 +173,12 @@ def recorded(folder, true, offset_s=0.25):
     }, at, uv  # fmt: skip
 
 
-def prepared(folder, source, lines=""):
+def prepared(folder, source, lines="", offset_s=0.25):
     tape = "tape: {position_m: [0, 61, 1.9], sigma_m: 1.0, target_m: [0.4, 0, 0.7]}\n"
     around = ", around: joints" if source == "boxes" else ""
     lens = write_camera(folder, tape + f"align: {{from: {source}, sequences: [walk]{around}{lines}}}")
     true = lens.at(look_at_pose("", {"position_m": [0, 60, 1.9], "target_m": [-0.2, 0, 1.1]}))
-    return true, *recorded(folder, true)
+    return true, *recorded(folder, true, offset_s)
 
 
 @pytest.mark.parametrize("source", ["boxes", "marks"])
@@ -204,6 +204,16 @@ def test_a_clock_that_nobody_gave_is_found_with_the_pose(tmp_path, source):
     text = tables.read(tmp_path / "findings.parquet", "findings")["text"][0]
     found = int(re.search(r"walk ([+-]\d+) ± \d+ ms", text).group(1))
     assert abs(found - 250) < 15
+
+
+def test_a_clock_further_off_than_is_searched_is_named_and_turns_no_camera(tmp_path):
+    true, files, points, uv = prepared(tmp_path, "boxes", offset_s=3.1)
+    camera = run_in(tmp_path, **files | {"offsets": []})
+    assert np.abs(project(camera, points)[0] - uv).max() < 0.3
+    said = tables.read(tmp_path / "findings.parquet", "findings")
+    assert (said["scope"][0], said["severity"][0], said["code"][0]) == ("walk/cam04", "warning", "clock_unknown")
+    assert "its clock is +3.1 s off, more than the 2.0 s" in said["text"][0]
+    assert "offset_s in config/offsets/walk.yaml" in said["text"][0] and "camera_rolled" not in said["code"]
 
 
 def people(folder, worn, habit=(0.0, 0.0, 0.0, 0.0)):

@@ -77,7 +77,7 @@ def far_off(timed: Sequences, sequences: Sequence[str], cost: Cost, start: Calla
     """Which clocks are further off than they are searched, or ""; `start`: the clocks (S, V, 2) that an adjustment
     starts with."""
     wide, views = timed.searched_far(), range(len(timed.names))
-    values, given = start(wide), _cost(cost, views, timed)[0]
+    values, (given, strain), usual = start(wide), _cost(cost, views, timed), 3.0 * len(views)
     found = [
         (sequence, name, values[i, v, 0], own.most_s)
         for i, sequence in enumerate(sequences)
@@ -85,7 +85,9 @@ def far_off(timed: Sequences, sequences: Sequence[str], cost: Cost, start: Calla
         if abs(values[i, v, 0]) > own.most_s and not timed.held[i, v]
     ]
     tried = Tried(*_cost(cost, views, wide), ())
-    if not found or not _best([tried], given, 3.0 * len(views)):
+    # where other people are among the detections, the cameras' places tell more than what they end at
+    placed = tried.cost_px <= min(given, AGREE_PX) and tried.strain <= usual + STRAINED < strain
+    if not found or not (placed or _best([tried], given, usual)):
         return ""
     each = ", ".join(f"{name} in {sequence} {late_s:+.1f} s" for sequence, name, late_s, _ in found)
     return (

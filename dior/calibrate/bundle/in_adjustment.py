@@ -135,7 +135,7 @@ class Sequences:
         recorded = []
         for i, found in enumerate(self.recorded):
             grid = self.grid(i, MOST_S)
-            far_s = min(lag.FURTHEST_S, lag.MOST_SHARE * float(grid[-1] - grid[0]))
+            far_s = lag.furthest(float(grid[-1] - grid[0]))
             seen = tuple(replace(own, most_s=max(own.most_s, far_s)) for own in found.seen)
             recorded.append(replace(found, seen=seen))
         return replace(self, recorded=tuple(recorded))

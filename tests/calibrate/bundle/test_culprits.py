@@ -47,7 +47,8 @@ def cost(wrong=40.0, strained=()):
     ("late_s", "ends_px", "said"),
     [(4.9, 5.0, "cam02 in walk_1 +4.9 s"), (1.9, 5.0, ""), (4.9, 25.0, ""), (4.9, 39.0, "")],
 )
-def test_a_clock_further_off_than_is_searched_is_named_with_what_it_is(late_s, ends_px, said):
+@pytest.mark.parametrize("given", [(40.0, 3.0), (19.0, 100.0)])
+def test_a_clock_further_off_than_is_searched_is_named_with_what_it_is(late_s, ends_px, said, given):
     long = Recorded(tuple(TimedDetections(np.arange(300) / 30, np.zeros((300, 1, 2)), 0.1) for _ in RIG), ("nose",), 30)
     window = {"first": 0, "count": 300, "step": 1}
     found = replace(timed((0, 1, 2)), recorded=(long,), windows=(window,))
@@ -57,7 +58,7 @@ def test_a_clock_further_off_than_is_searched_is_named_with_what_it_is(late_s, e
         return np.array([[[0.0, 0.0], [late_s, 0.0], [0.1, 0.0]]])
 
     def of(views, tried):
-        return (ends_px if tried.recorded[0].seen[0].most_s > 2 else 40.0), 3.0
+        return (ends_px, 3.0) if tried.recorded[0].seen[0].most_s > 2 else given
 
     text = culprits.far_off(found, ["walk_1"], of, start)
     assert bool(text) == bool(said) and said in text
