@@ -1,7 +1,7 @@
 """Videos beside bags: how fast they are read, what their sound tells, how far off their starts may be, and whether the
 labels are those of bags.
 
-usage: python -m benchmarks.videos [speed | sound | clocks | beyond | labels | real] [N] [FILE.jsonl]
+usage: python -m benchmarks.videos [speed | sound | flash | clocks | beyond | labels | real] [N] [FILE.jsonl]
 
 All but real if none is named. N: of captures, 4. FILE.jsonl keeps the results of `clocks`: captures that are in it are
 not made again.
@@ -9,6 +9,7 @@ not made again.
 
 speed   pictures of 1280 x 720 read in order beside PyAV alone, and 12 of them anywhere
 sound   two microphones in one scene of steps: how often the lag is told, how far off it is; and of two scenes
+flash   two cameras that see flashes, among people, lamps and flicker: the same
 clocks  captures of benchmarks/steps.py whose cameras began up to 1.7 s early or late, the start known to 1 s (1 sigma),
         and the same pictures with exact stamps
 beyond  the same with one camera that began further off than was said: clocks that are right, unknown or wrong
@@ -35,12 +36,12 @@ import numpy as np
 from benchmarks import steps
 from dior.clocks.axis import start_ns
 from dior.errors import DiorError
-from dior.ingest import bags, frames, video_audio
+from dior.ingest import bags, frames, video_audio, video_flash
 from dior.ingest.video_audio import Heard
 from dior.ingest.video_frames import Recorded
 from dior.simulate import settings as levels
 from dior.tables import tables
-from tests.ingest import test_video_audio, videofiles
+from tests.ingest import test_video_audio, test_video_flash, videofiles
 
 ROOT = Path(__file__).resolve().parents[1]
 COUNT, SIZE = 300, (720, 1280)
@@ -136,6 +137,33 @@ def sound(count):
                 others += video_audio.lag(one, foreign, 0.0, 15.0) is not None
             worst = f"{1e3 * max(told):.1f}" if told else "-"
             print(f"  {seconds:>8}{noise:>7}{len(told) / count:>7.0%}{worst:>11}{others:>15}")
+
+
+def flash(count):
+    """Print how often, and how well, a lag is told by flashes, among what else changes the light."""
+    curve, changed = test_video_flash.curve, test_video_flash.changed
+    print(f"lags by flashes, {count} scenes each, 30 Hz; one of each of two scenes counts as the same")
+    print(f"  {'beside':<16}{'flashes':>8}{'told':>7}{'worst, ms':>11}{'with none':>11}{'of two scenes':>15}")
+    for beside in ({}, {"person": 30}, {"exposure": 60}, {"lamp": 50}, {"flicker": 5}):
+        for flashes in (1, 3):
+            told, none, others = [], 0, 0
+            for seed in range(count):
+                draw = np.random.default_rng(seed)
+                at_s, late_s = np.sort(draw.uniform(3, 7, flashes)), draw.uniform(-2, 2)
+                one, other, foreign, dark = (
+                    video_flash.flashes(changed(light, **beside), pts_ns)
+                    for light, pts_ns in (
+                        curve(at_s, seed=seed), curve(at_s - late_s, seed=count + seed, phase_s=draw.uniform(0, 0.033)),
+                        curve(draw.uniform(3, 7, flashes), seed=count + seed), curve(seed=count + seed),
+                    )
+                )  # fmt: skip
+                none += dark is not None
+                found = video_flash.lag(one, other, 0.0, 3.0) if one and other else None
+                told += [] if found is None else [abs(found - late_s)]
+                others += bool(one and foreign) and video_flash.lag(one, foreign, 0.0, 3.0) is not None
+            worst = f"{1e3 * max(told):.0f}" if told else "-"
+            named = "".join(beside) or "nothing"
+            print(f"  {named:<16}{flashes:>8}{len(told) / count:>7.0%}{worst:>11}{none:>11}{others:>15}")
 
 
 def clocks(count, kept=None):
@@ -371,11 +399,18 @@ def real():
 def main():
     words = [word for word in sys.argv[1:] if not word.isdigit()]
     kept = next((Path(word) for word in words if word.endswith(".jsonl")), None)
-    words = [word for word in words if not word.endswith(".jsonl")] or ["speed", "sound", "clocks", "beyond", "labels"]
+    words = [word for word in words if not word.endswith(".jsonl")] or [
+        "speed",
+        "sound",
+        "flash",
+        "clocks",
+        "beyond",
+        "labels",
+    ]
     count = int(next((word for word in sys.argv[1:] if word.isdigit()), 4))
     ways = {
-        "speed": speed, "sound": lambda: sound(count), "clocks": lambda: clocks(count, kept),
-        "beyond": lambda: beyond(count), "labels": labels, "real": real,
+        "speed": speed, "sound": lambda: sound(count), "flash": lambda: flash(count),
+        "clocks": lambda: clocks(count, kept), "beyond": lambda: beyond(count), "labels": labels, "real": real,
     }  # fmt: skip
     for word in words:
         ways[word]()

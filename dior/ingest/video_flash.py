@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dior.arrays import Floats, Ints
+from dior.arrays import Bools, Floats, Ints
 
 # chosen: a flash of xenon takes a millisecond, a lamp switched on and off by hand a fifth of a second; exposure
 # controls, and people who pass, take longer
@@ -25,8 +25,9 @@ CLEAR = 10.0
 # chosen: of its peak, within two pictures, as a rolling shutter may have parts of a flash in both
 SUDDEN = 0.5
 MOST = 20  # chosen: of more flashes a pattern fits by chance, and they are none that somebody made for this
-# chosen: of the flashes that both could have seen: cameras that face away miss some
-FEWEST_SHARED = 0.6
+# chosen: of the flashes that both could have seen; cameras that face away miss some, but two of three are alike by
+# chance too often (`python -m benchmarks.videos flash`)
+FEWEST_SHARED, ALL_OF = 0.6, 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +42,8 @@ class Flashes:
 
 
 def flashes(light: Floats | None, pts_ns: Ints) -> Flashes | None:
-    """The `Flashes` in pictures of brightness `light` (F,), 0 to 255; None where there are none, or too many.
+    """The `Flashes` in pictures of brightness `light` (F,), 0 to 255; None where there are none, too many, or where
+    something else is half as bright as would be one.
 
     `pts_ns` (F,): times in the file.
     """
@@ -56,12 +58,17 @@ def flashes(light: Floats | None, pts_ns: Ints) -> Flashes | None:
     above = light - grey_opening(light, size, mode="nearest")
     # a recording may begin or end within a change that lasts
     above[:size] = above[len(above) - size :] = 0.0
-    bright = above > max(LEAST, CLEAR * float(np.median(above)))
-    begins = np.flatnonzero(bright & ~np.r_[False, bright[:-1]])
-    begins = begins[[light[i : i + 2].max() - light[i - 1] > SUDDEN * above[i : i + size].max() for i in begins]]
-    if not 0 < len(begins) <= MOST:
+    least = max(LEAST, CLEAR * float(np.median(above)))
+    begins, doubtful = (_rises(light, above, above > share * least, size) for share in (1.0, 0.5))
+    if not 0 < len(begins) <= MOST or len(doubtful) > len(begins):
         return None
     return Flashes(seconds[begins], float(seconds[0]), float(seconds[-1]), period)
+
+
+def _rises(light: Floats, above: Floats, bright: Bools, size: int) -> Ints:
+    """Where runs begin in a mask (F,) of pictures, of which the brightness (F,) grows suddenly."""
+    begins = np.flatnonzero(bright & ~np.r_[False, bright[:-1]])
+    return begins[[light[i : i + 2].max() - light[i - 1] > SUDDEN * above[i : i + size].max() for i in begins]]
 
 
 def lag(one: Flashes, other: Flashes, about_s: float, most_s: float) -> float | None:
@@ -78,7 +85,7 @@ def lag(one: Flashes, other: Flashes, about_s: float, most_s: float) -> float | 
     late_s = float(np.median(shared[best]))
     alike = (counts == counts[best]) & (np.abs(tried - late_s) > same)
     seen = min(_within(one.at_s, other, late_s), _within(other.at_s + late_s, one, 0.0))
-    return None if alike.any() or counts[best] < FEWEST_SHARED * seen else late_s
+    return None if alike.any() or counts[best] < max(FEWEST_SHARED * seen, min(seen, ALL_OF)) else late_s
 
 
 def sigma_s(one: Flashes, other: Flashes) -> float:

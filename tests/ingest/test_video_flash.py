@@ -43,6 +43,16 @@ def test_flashes_that_the_other_has_not_tell_nothing():
     assert video_flash.lag(one, other, 0.0, 4.0) is None
     one, other = seen([2.0, 3.0, 5.3, 8.1]), seen([2.0, 3.0, 4.1, 6.6])
     assert video_flash.lag(one, other, 0.0, 4.0) is None, "one lag fits best, by two of four"
+    one, other = seen([2.0, 3.0, 5.3]), seen([2.0, 3.0, 4.1])
+    assert video_flash.lag(one, other, 0.0, 4.0) is None, "and by two of three"
+
+
+def test_what_is_half_as_bright_as_a_flash_leaves_open_which_are_flashes():
+    light, pts_ns = curve([4.0])
+    for more, told in ((3.0, True), (6.0, False)):
+        other = light.copy()
+        other[200] += more
+        assert (video_flash.flashes(other, pts_ns) is not None) == told
 
 
 def changed(light, **what):
