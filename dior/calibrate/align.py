@@ -390,6 +390,11 @@ def run(
                 f"what was drawn or seen fits a camera that is turned by {degrees:.0f} degrees about its axis; if it "
                 f"is mounted so, say tape.roll_deg: {degrees:.0f}"
             )
+            if loose := [walk.name for walk in walks if not walk.held]:
+                text += (
+                    f"; if it is level, its clock may be further off than the {walks[0].most_s:.1f} s that are "
+                    f"searched: say tape.roll_deg: 0 and give its offset_s in config/offsets/{loose[0]}.yaml"
+                )
             by_roll.append((scope, "warning", "camera_rolled", text))
     by_roll += _far_off(camera, walks, fitted)
     check_above_floor(camera_file, fitted.camera.centre, "are the boxes the subject's, and is the tape right?")
