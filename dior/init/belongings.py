@@ -5,13 +5,14 @@ OUTPUTS  `Cell`s of the sheet by walk, with the reasons; what belongs to none
 Where two are as likely a cell is TODO and names both.
 """
 
-from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import PurePosixPath
+from typing import TypeAlias
 
 from dior.ingest.readers import READERS
 from dior.ingest.trigger_log import Capture
-from dior.init import names
+from dior.init import cameras, names
 from dior.init.cameras import Filmed
 from dior.init.found import Detected, Found, Mocap
 from dior.init.walks import Walk, walks_named
@@ -19,6 +20,8 @@ from dior.project.todos import WORD
 
 # chosen: motion capture is saved within so long after a walk, and an hour's difference is a time zone's or a copy's
 SAVED_WITHIN_NS = 600 * 10**9
+# a path with {camera}, the camera's name by path, the tool
+Detections: TypeAlias = tuple[str, dict[str, str], str]
 
 
 @dataclass(frozen=True)
@@ -33,13 +36,70 @@ class Cell:
         return self.text.startswith(WORD)
 
 
+@dataclass(frozen=True, eq=False)
+class Owned:
+    """What is of one walk. `files`: path and tool of the detections of each camera; `markers`: its motion capture."""
+
+    mocap: Cell = Cell()
+    trigger: Cell = Cell()
+    detections: Cell = Cell()
+    stamps: Cell = Cell()
+    files: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    markers: Mocap | None = None
+
+
+def owned(
+    found: Found, filmed: Sequence[tuple[Walk, list[Filmed], str]], known: Collection[str]
+) -> tuple[list[Owned], list[list[Filmed]], list[tuple[str, str]]]:
+    """What is of each walk; its cameras, called as its detections; (path, reason) of what is of none.
+
+    `filmed`: walks with their cameras and `videos` of the sheet; `known`: names that are those of cameras.
+    """
+    walks = [walk for walk, _, _ in filmed]
+    sets, why, aside = detections_of(found, walks, [mine for _, mine, _ in filmed], known)
+    of_walks = _called_as_detections(filmed, sets)
+    mocap, triggers, markers, left = mocap_of(found, walks, known)
+    aside += left
+    stamps, left = stamps_of(found, walks, of_walks, known)
+    aside += left
+    every = []
+    for i, mine in enumerate(of_walks):
+        called = {one.name for one in mine}
+        cell = chosen(sets.get(i, ()), called, why.get(i, ""))
+        if i in mocap and cell.text == WORD:
+            cell = Cell("", "none were found, and indoors none are needed")
+        # which camera is far away any of them tells
+        fitting = [(of, tool) for whole, of, tool in sets.get(i, ()) if cell.text == whole or f" {whole}" in cell.text]
+        files, tool = fitting[0] if fitting else ({}, "")
+        of_cameras = {camera: (path, tool) for path, name in files.items() for camera in ([name] if name else called)}
+        every.append(
+            Owned(
+                mocap.get(i, Cell()), triggers.get(i, Cell()), cell, stamps.get(i, Cell()), of_cameras, markers.get(i)
+            )
+        )
+    return every, of_walks, aside
+
+
+def _called_as_detections(
+    filmed: Sequence[tuple[Walk, list[Filmed], str]], sets: Mapping[int, Sequence[Detections]]
+) -> list[list[Filmed]]:
+    """The cameras of bags, called as their detections where these have other names for them."""
+    changed: dict[str, str] = {}
+    for i, (_, mine, videos) in enumerate(filmed):
+        for _, called, _ in sets.get(i, ()):
+            wanted = {*called.values()} - {""}
+            if not videos and wanted:
+                changed |= cameras.renamed([one.name for one in mine], sorted(wanted)) or {}
+    return [mine if videos else cameras.called_anew(mine, changed) for _, mine, videos in filmed]
+
+
 def either(options: Sequence[str]) -> str:
     """A cell that asks which of several it is."""
     return f"{WORD}: {' or '.join(options)}"
 
 
 def mocap_of(
-    found: Found, walks: Sequence[Walk], cameras: Collection[str]
+    found: Found, walks: Sequence[Walk], known: Collection[str]
 ) -> tuple[dict[int, Cell], dict[int, Cell], dict[int, Mocap], list[tuple[str, str]]]:
     """By walk its motion capture and its trigger log; the files; what belongs to none."""
     options: dict[int, list[tuple[Mocap, str, bool]]] = {}
@@ -53,7 +113,7 @@ def mocap_of(
             reason = f"{log} says that {name} was captured while the pictures were taken"
             options.setdefault(by_log[0], []).append((one, reason, True))
             continue
-        named, why = walks_named(one.path, walks, cameras)
+        named, why = walks_named(one.path, walks, known)
         if len(named) != 1 and (saved := _saved_after(one, walks)) is not None:
             named, why = [saved], "was saved within ten minutes after it, before any other walk began"
         for walk in named if len(named) <= 1 else []:
@@ -67,7 +127,7 @@ def mocap_of(
     files: dict[int, Mocap] = {}
     for i, mine in options.items():
         sure = [one for one in mine if one[2]] or [
-            one for one in mine if names.walk_key(one[0].path, cameras) in walks[i].keys] or mine  # fmt: skip
+            one for one in mine if names.walk_key(one[0].path, known) in walks[i].keys] or mine  # fmt: skip
         aside += [(one[0].path, f"is of the walk of {sure[0][0].path} by its name, and that is nearer") for one in mine
                   if one not in sure]  # fmt: skip
         if len(sure) == 1:
@@ -122,7 +182,7 @@ def _saved_after(mocap: Mocap, walks: Sequence[Walk]) -> Walk | None:
 
 def detections_of(
     found: Found, walks: Sequence[Walk], of_walks: Sequence[Sequence[Filmed]], known: Collection[str]
-) -> tuple[dict[int, list[tuple[str, dict[str, str], str]]], dict[int, str], list[tuple[str, str]]]:
+) -> tuple[dict[int, list[Detections]], dict[int, str], list[tuple[str, str]]]:
     """By walk the sets of detections that are its: (path with {camera}, camera's name by path, tool), and why they are
     its; what belongs to none. `known`: all names of cameras."""
     mine: dict[int, dict[tuple[str, str], list[str]]] = {}
@@ -136,7 +196,7 @@ def detections_of(
         why.setdefault(at, reason)
         kin = one.tool, names.without_cameras(one.path, known)
         mine.setdefault(at, {}).setdefault(kin, []).append(one.path)
-    sets: dict[int, list[tuple[str, dict[str, str], str]]] = {}
+    sets: dict[int, list[Detections]] = {}
     for at, kins in mine.items():
         called = [one.name for one in of_walks[at]]
         for (tool, _), paths in kins.items():
@@ -192,13 +252,16 @@ def stamps_of(
     return cells, aside
 
 
-def chosen(sets: Sequence[tuple[str, Mapping[str, str], str]], fits: Callable[[Mapping[str, str]], bool]) -> Cell:
-    """The cell of a walk's detections."""
-    good = [(whole, tool) for whole, called, tool in sets if fits(called)]
+def chosen(sets: Sequence[Detections], called: Collection[str], why: str) -> Cell:
+    """The cell of a walk's detections, `why` they are its."""
+    good = [(whole, tool) for whole, of, tool in sets if {*of.values()} <= {*called, ""}]
     if len(good) > 1:
         return Cell(
             either([whole for whole, _ in good]), "all of them may be meant; other tools' go into detectors.tsv"
         )
     if good:
-        return Cell(good[0][0], f"output of {READERS[good[0][1]].tool}")
-    return Cell(WORD, "no detections were found: a path with {camera} in it, or the word detect")
+        return Cell(good[0][0], f"output of {READERS[good[0][1]].tool}: {why}")
+    if sets:
+        there = ", ".join(sorted({name for _, of, _ in sets for name in of.values()}))
+        return Cell(WORD, f"they are of {there}, and the cameras are {', '.join(sorted(called))}; rename them")
+    return Cell(WORD, "none were found: a path with {camera} in it, or the word detect")

@@ -16,8 +16,9 @@ from pathlib import Path
 from dior.errors import DiorError
 from dior.init import capture as captures
 from dior.init import names, written
-from dior.init.capture import Capture, Session
+from dior.init.capture import Capture
 from dior.init.found import look
+from dior.init.sessions import Session
 from dior.project import init as empty
 from dior.project import todos
 from dior.project.contents import bags_of

@@ -15,7 +15,8 @@ from typing import Any
 from dior.geometry.camera import MODELS
 from dior.ingest.bags import camera_info_topic
 from dior.init.cameras import Filmed
-from dior.init.capture import Capture, Lensed, Session, Taken
+from dior.init.capture import Capture
+from dior.init.sessions import Lensed, Session, Taken
 from dior.project.init import TEMPLATES
 from dior.project.schema_check import columns_of, describe
 from dior.project.todos import WORD
@@ -98,11 +99,11 @@ def walk_cells(session: Session, one: Taken, order: int) -> dict[str, str]:
         "session": session.name,
         "environment": "indoor" if one.indoor else "outdoor",
         "bags": one.bags,
-        "mocap": one.mocap.text,
-        "detections": one.detections.text,
-        "trigger_log": one.trigger.text,
+        "mocap": one.owned.mocap.text,
+        "detections": one.owned.detections.text,
+        "trigger_log": one.owned.trigger.text,
         "videos": one.videos,
-        "stamps": one.stamps.text,
+        "stamps": one.owned.stamps.text,
     }
 
 
@@ -110,12 +111,12 @@ def reasons(session: Session, one: Taken) -> str:
     """Comment lines that say why a row is as it is."""
     said = [f"{one.name}: {when(one)}", *one.walk.reasons, one.subject.reason and f"subject: {one.subject.reason}"]
     said.append(
-        f"indoor, as it has motion capture: {one.mocap.reason}" if one.indoor
+        f"indoor, as it has motion capture: {one.owned.mocap.reason}" if one.indoor
         else "outdoor, as no motion capture belongs to it"
     )  # fmt: skip
     said += [f"{name}: {cell.reason}" for name, cell in (
-        ("trigger_log", one.trigger), ("detections", one.detections), ("stamps", one.stamps)) if cell.reason
-    ]  # fmt: skip
+        ("trigger_log", one.owned.trigger), ("detections", one.owned.detections), ("stamps", one.owned.stamps),
+    ) if cell.reason]  # fmt: skip
     said.append(f"session {session.name}: {session.reason}")
     return _comment(". ".join(filter(None, said)) + ".").replace("\t", " ")
 
@@ -154,7 +155,7 @@ def _session_yaml(session: Session) -> str:
     text += f"cameras: {value([camera.name for camera in session.cameras])}\n"
     taped = [name for name, how in _located(session).items() if how == "tape"]
     if taped:
-        walks = spread([one for one in session.taken if not one.detections.asked] or session.taken, ADJUSTED)
+        walks = spread([one for one in session.taken if not one.owned.detections.asked] or session.taken, ADJUSTED)
         count = INSTANTS // len(walks)
         text += _comment(
             f"{', '.join(taped)} are placed by tape and adjusted by these walks, which should cover the whole walkway; "
@@ -236,7 +237,7 @@ def _recorded(camera: Filmed, first: Taken) -> str:
         return text + (f"bag: {value(camera.bag)}\n" if camera.bag else "")
     text = _comment(f"no topic: it is in {'videos' if camera.kind == 'video' else 'folders of pictures'}, such as "
                     f"{camera.paths[0]}")  # fmt: skip
-    if camera.kind == "pictures" and not first.stamps.text:
+    if camera.kind == "pictures" and not first.owned.stamps.text:
         text += _comment("pictures per second: neither the pictures nor a file beside them tell")
         text += f"video: {{fps: {WORD}}}\n"
     return text
@@ -298,8 +299,8 @@ def table(capture: Capture, new: Sequence[str]) -> str:
         for one in session.taken:
             rows.append((
                 one.name, session.name, "indoor" if one.indoor else "outdoor", when(one), str(len(one.cameras)),
-                one.videos or ", ".join(PurePosixPath(path).name for path in one.paths), one.mocap.text or "-",
-                one.detections.text or "-", "new" if one.name in new else "",
+                one.videos or ", ".join(PurePosixPath(path).name for path in one.paths), one.owned.mocap.text or "-",
+                one.owned.detections.text or "-", "new" if one.name in new else "",
             ))  # fmt: skip
     text = _table(rows)
     of_cameras: list[Sequence[str]] = [("camera", "role", "pictures", "rate", "topic", "lens", "pose")]
