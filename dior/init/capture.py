@@ -95,7 +95,7 @@ def _named(taken: Sequence[Taken]) -> list[Taken]:
 
 def _name(one: Taken, people: Collection[str], parts: int) -> str:
     """The last parts of what a walk's files are called, without anybody's name and any date; empty if none is left."""
-    key = names.without_people(names.without_date(one.walk.key))
+    key = names.without_people(one.walk.key)
     for person in people:
         key = "/".join(names.without(part, person) for part in key.split("/"))
     left = [part for part in key.split("/") if part]

@@ -70,6 +70,8 @@ def run(folder: Path, *, as_from: Path | None = None, dry_run: bool = False) -> 
     found, new = _beside(found, there["sequences"], _sessions_there(folder))
     files = _files(folder, root, found, new, there)
     print(written.table(found, new))
+    for doubt in [doubt for session in found.sessions for one in session.taken for doubt in one.walk.doubts]:
+        print(f"Look: {doubt}.\n")
     _tell_aside(found)
     _tell_changes(root, found, new, there["sequences"])
     if dry_run:
@@ -161,6 +163,7 @@ def _files(
             for path, text in written.session_files(session, lenses).items():
                 if not (folder / "config" / path).exists():
                     files[path] = text
+    _check_columns(fresh, there["sequences"])
     people = sorted({one.subject.text for session in fresh for one in session.taken if not one.subject.asked})
     if any(one.subject.asked for session in fresh for one in session.taken) and there["subjects"] is None:
         people = people or [todos.WORD]
@@ -180,6 +183,18 @@ def _files(
         if not (folder / "config" / f"{kind}.tsv").exists() and there["sequences"] is None:
             files[f"{kind}.tsv"] = empty.header(kind, *more)
     return files
+
+
+def _check_columns(fresh: Iterable[Session], sheet: Sheet | None) -> None:
+    """Refuse a sheet that lacks a column which a new walk needs: its header is a person's."""
+    for session in fresh if sheet else ():
+        for one in session.taken:
+            for column, cell in written.walk_cells(session, one, 0).items():
+                if cell and sheet and column not in sheet.columns:
+                    raise DiorError(
+                        f"config/sequences.tsv: there is no column '{column}', which '{one.name}' needs; add it to the "
+                        "first line, behind a tab"
+                    )
 
 
 def _orders(sessions: Iterable[Session], sheet: Sheet | None) -> dict[str, int]:
@@ -251,11 +266,14 @@ def _tell_next(folder: Path, files: Mapping[str, str], new: Sequence[str]) -> No
     if not files:
         print("Nothing is new.")
     else:
-        print(f"Wrote {_listed(files)} in {folder / 'config'}" + (f", with {len(new)} walks." if new else "."))
+        print(
+            f"Wrote {_listed(files)} in {folder / 'config'}" + (f", with {_counted(len(new), 'walk')}." if new else ".")
+        )
     left = todos.found(folder)
     where = shlex.quote(str(folder.resolve()))
     if left:
-        print(f"{len(left)} values are TODO, which only you know: `grep -rn TODO {folder / 'config'}`. Then type")
+        many = "1 value is" if len(left) == 1 else f"{len(left)} values are"
+        print(f"{many} TODO, which only you know: `grep -rn TODO {folder / 'config'}`. Then type")
     else:
         print("Type")
     print(f"  dior pseudonyms {where}\n  dior run {where}")
@@ -265,5 +283,9 @@ def _listed(files: Mapping[str, str]) -> str:
     shown = [path for path in files if "/" not in path]
     cameras = sum(path.startswith("sessions/") and not path.endswith("/session.yaml") for path in files)
     sessions = sum(path.endswith("/session.yaml") for path in files)
-    shown += [f"{sessions} session{'s' if sessions > 1 else ''} with {cameras} cameras"] if sessions else []
+    shown += [f"{_counted(sessions, 'session')} with {_counted(cameras, 'camera')}"] if sessions else []
     return ", ".join(shown) or "nothing"
+
+
+def _counted(count: int, what: str) -> str:
+    return f"{count} {what}{'' if count == 1 else 's'}"

@@ -7,7 +7,7 @@ OUTPUTS  words, keys by which files of one walk are known, names that a project 
 import re
 import unicodedata
 from calendar import timegm
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from pathlib import PurePosixPath
 
 _END = r"(?![A-Za-z0-9])"
@@ -31,9 +31,9 @@ PERSON = re.compile(
 )
 # what says what a folder or file is, and not of which walk
 KINDS = frozenset(
-    "bag bags rosbag rosbags ros2 video videos film films movie movies pictures images frames rgb color colour raw "
-    "data recording recordings mocap c3d vicon qualisys optitrack motive markers trc detections detection poses pose "
-    "keypoints keypoint json mlkit mediapipe openpose alphapose yolo mmpose rtmpose deeplabcut dlc caliscope coco "
+    "bag bags rosbag rosbags rosbag2 ros2 video videos film films movie movies pictures images frames rgb color colour "
+    "raw data recording recordings mocap c3d vicon qualisys optitrack motive markers trc detections detection poses "
+    "pose keypoints keypoint json mlkit mediapipe openpose alphapose yolo mmpose rtmpose deeplabcut dlc caliscope coco "
     "stamps timestamps results output trigger log calibration".split()
 )
 # where pictures of a board lie, and those of people from all around
@@ -45,6 +45,7 @@ _DATE = re.compile(
     r"(?<![0-9])(20[0-9]{2})[-_.]?(0[1-9]|1[0-2])[-_.]?(0[1-9]|[12][0-9]|3[01])"
     r"[-_.T ]{0,3}([01][0-9]|2[0-3])[-_.:h]?([0-5][0-9])[-_.:m]?([0-5][0-9])(?![0-9])"
 )
+_DAY = re.compile(r"(?<![0-9])20[0-9]{2}[-_.]?(?:0[1-9]|1[0-2])[-_.]?(?:0[1-9]|[12][0-9]|3[01])(?![0-9])")
 _VALID = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,99}")
 MOST_LETTERS = 100
 SPELLED = {"ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "æ": "ae", "ø": "o", "å": "a"}
@@ -116,9 +117,26 @@ def without_people(key: str) -> str:
     return "/".join(part for part in parts if part)
 
 
-def without_date(text: str) -> str:
-    """A text without the dates and times in it, which a release may have to keep to itself."""
-    return re.sub(r"([ _.-])[ _.-]+", r"\1", _DATE.sub("", text)).strip(" _.-")
+def without_dates(key: str) -> str:
+    """A key without the dates and times in it, which a release may have to keep to itself."""
+    parts = [
+        re.sub(r"([ _.-])[ _.-]+", r"\1", _DAY.sub("", _DATE.sub("", part))).strip(" _.-") for part in key.split("/")
+    ]
+    return "/".join(part for part in parts if part)
+
+
+def common(keys: Sequence[str]) -> str:
+    """The words that stand in all of some keys, part by part; empty where these have not as many parts."""
+    parts = [key.split("/") for key in keys]
+    if len({len(one) for one in parts}) != 1:
+        return ""
+    found = []
+    for same in zip(*parts, strict=True):
+        words = re.split(r"([ _.-]+)", same[0])
+        others = [re.split(r"[ _.-]+", one) for one in same[1:]]
+        kept = [i for i in range(0, len(words), 2) if all(words[i] in one for one in others)]
+        found.append("".join(words[kept[0] : kept[-1] + 1]) if kept else "")
+    return "/".join(part for part in found if part)
 
 
 def without(text: str, name: str) -> str:

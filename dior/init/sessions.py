@@ -132,13 +132,13 @@ def sessions_of(
 
 def _place(one: Taken) -> str:
     """The folders around a walk that are nobody's name."""
-    key = names.without_people(one.walk.key)
+    key = names.without_people(one.walk.keys[0])
     return "/".join(key.split("/")[:-1])
 
 
 def _session_name(place: str, mine: Sequence[Taken], taken: Sequence[str]) -> str:
-    people = {one.subject.text for one in mine if not one.subject.asked}
-    for person in people:
+    place = names.without_dates(place)
+    for person in sorted({one.subject.text for one in mine if not one.subject.asked}):
         place = names.without(place, person)
     name = names.valid(place.replace("/", "_")) or ("indoor" if mine[0].indoor else "outdoor")
     return names.unique(name, taken)

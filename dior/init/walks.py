@@ -24,11 +24,13 @@ NAMED_NS = 5_000_000_000
 
 @dataclass(frozen=True, eq=False)
 class Walk:
-    """Recordings of one walk, sorted; `keys`: what each says it is called; `reasons`: why they belong together."""
+    """Recordings of one walk, sorted; `keys`: what each says it is called; `reasons`: why they belong together;
+    `doubts`: what a person should look at."""
 
     recordings: tuple[Recording, ...]
     keys: tuple[str, ...]
     reasons: tuple[str, ...]
+    doubts: tuple[str, ...] = ()
 
     @property
     def first_ns(self) -> int | None:
@@ -41,8 +43,9 @@ class Walk:
 
     @property
     def key(self) -> str:
-        """The key that most of its recordings have."""
-        return Counter(sorted(self.keys)).most_common(1)[0][0]
+        """What its recordings are all called, or else most of them, dates left out."""
+        keys = [names.without_dates(one) for one in self.keys]
+        return names.common(keys) or Counter(sorted(keys)).most_common(1)[0][0]
 
     @property
     def folder(self) -> str:
@@ -74,7 +77,7 @@ def walks_of(recordings: Sequence[Recording], cameras: Collection[str]) -> list[
     found = [sorted(group, key=lambda one: one.path) for group in (*timed, *joined)]
     found.sort(key=lambda group: (_first_ns(group), _natural(keys[group[0].path]), group[0].path))
     return [
-        Walk(tuple(group), tuple(keys[one.path] for one in group), tuple(_reasons(group, found, keys)))
+        Walk(tuple(group), tuple(keys[one.path] for one in group), _reasons(group, keys), _doubts(group, found, keys))
         for group in found
     ]  # fmt: skip
 
@@ -123,30 +126,40 @@ def _in_one_folder(groups: list[list[Recording]]) -> list[list[Recording]]:
     return [[one for group in mine for one in group] for mine in by_folder.values()]
 
 
-def _reasons(group: Sequence[Recording], groups: Iterable[Sequence[Recording]], keys: dict[str, str]) -> list[str]:
+def _reasons(group: Sequence[Recording], keys: dict[str, str]) -> tuple[str, ...]:
+    """Why some recordings are one walk."""
+    if len(group) == 1:
+        return ()
     shown = [PurePosixPath(one.path).name for one in group]
-    listed = shown if len({*shown}) == len(shown) else [one.path for one in group]
-    reasons = []
+    listed = _listed(shown if len({*shown}) == len(shown) else [one.path for one in group])
     dated = [one for one in group if one.by in ("stamps", "creation")]
-    if len(group) > 1 and len(dated) == len(group):
+    if len(dated) == len(group):
         together = min(one.last_ns or 0 for one in group) - max(one.first_ns or 0 for one in group)
         how = f"at the same time for {together / 1e9:.1f} s" if together > 0 else "one after the other without a break"
-        reasons.append(f"{_listed(listed)} were recorded {how}")
-    elif len(group) > 1 and all(one.by == "name" for one in group):
-        reasons.append(f"the names of {_listed(listed)} have the same date and time, to {NAMED_NS // 10**9} s")
-    elif len(group) > 1:
-        why = "have the same name but for the camera's" if len({keys[one.path] for one in group}) == 1 else (
-            "lie in one folder")  # fmt: skip
-        reasons.append(f"{_listed(listed)} {why}, and not all tell when they were recorded")
+        return (f"{listed} were recorded {how}",)
+    if all(one.by == "name" for one in group):
+        return (f"the names of {listed} have the same date and time, to {NAMED_NS // 10**9} s",)
+    alike = len({keys[one.path] for one in group}) == 1
+    why = "have the same name but for the camera's" if alike else "lie in one folder"
+    return (f"{listed} {why}, and not all tell when they were recorded",)
+
+
+def _doubts(group: Sequence[Recording], groups: Iterable[Sequence[Recording]], keys: dict[str, str]) -> tuple[str, ...]:
+    """Walks before this one that are called alike and hold other cameras: it may be the same one by a wrong clock."""
+    doubts = []
+    topics = {topic for one in group for topic in one.topics}
+    first_ns = _first_ns(group)
     for other in groups:
-        alike = {keys[one.path] for one in other} & {keys[one.path] for one in group}
-        if other is not group and alike and dated and any(one.by in ("stamps", "creation") for one in other):
-            apart = min(one.first_ns or 0 for one in other) - min(one.first_ns or 0 for one in group)
-            reasons.append(
-                f"not with {_listed([one.path for one in other])}, whose name is the same, as that began "
-                f"{abs(apart) / 1e9:.0f} s {'later' if apart > 0 else 'earlier'}; was a clock wrong?"
+        alike = {keys[one.path] for one in other} & {keys[one.path] for one in group} - {""}
+        before = 0 < _first_ns(other) < first_ns
+        if alike and before and not topics & {topic for one in other for topic in one.topics}:
+            later = (first_ns - _first_ns(other)) / 1e9
+            mine, theirs = (_listed([one.path for one in each]) for each in (group, other))
+            doubts.append(
+                f"{mine} began {later:.0f} s after {theirs}, which is called the same and holds other cameras: two "
+                "walks by time; if a clock was wrong, put it into that one's row"
             )
-    return reasons
+    return tuple(doubts)
 
 
 def _listed(words: Sequence[str]) -> str:

@@ -109,7 +109,12 @@ def walk_cells(session: Session, one: Taken, order: int) -> dict[str, str]:
 
 def reasons(session: Session, one: Taken) -> str:
     """Comment lines that say why a row is as it is."""
-    said = [f"{one.name}: {when(one)}", *one.walk.reasons, one.subject.reason and f"subject: {one.subject.reason}"]
+    said = [
+        f"{one.name}: {when(one)}",
+        *one.walk.reasons,
+        *one.walk.doubts,
+        one.subject.reason and f"subject: {one.subject.reason}",
+    ]
     said.append(
         f"indoor, as it has motion capture: {one.owned.mocap.reason}" if one.indoor
         else "outdoor, as no motion capture belongs to it"

@@ -31,6 +31,15 @@ def bag(
     return bagfiles.write(path, sorted(messages, key=lambda one: one.receive_ns), form)
 
 
+def pictures(folder, cameras, count=30):
+    """A folder of pictures per camera."""
+    jpeg = bagfiles.encoded(PICTURE, ".jpg").tobytes()
+    for camera in cameras:
+        (folder / camera).mkdir(parents=True)
+        for i in range(count):
+            (folder / f"{camera}/{i:03d}.jpg").write_bytes(jpeg)
+
+
 def mlkit(path, height_px=40.0, count=COUNT, first_ns=None, rate_hz=RATE_HZ, nobody=False):
     """ML Kit's lines of somebody who is so tall; `first_ns`: the stamp of the first picture, none without it."""
     path.parent.mkdir(parents=True, exist_ok=True)

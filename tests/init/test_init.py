@@ -344,12 +344,7 @@ def test_of_two_calibrations_one_is_asked_for(lab):
 
 
 def test_folders_of_pictures_have_lenses_from_a_file_and_are_asked_for_their_rate(tmp_path):
-    jpeg = small.bagfiles.encoded(small.PICTURE, ".jpg").tobytes()
-    for camera in ("cam1", "cam2"):
-        folder = tmp_path / f"recordings/w/{camera}"
-        folder.mkdir(parents=True)
-        for i in range(30):
-            (folder / f"{i:03d}.jpg").write_bytes(jpeg)
+    small.pictures(tmp_path / "recordings/w", ("cam1", "cam2"))
     lenses(tmp_path / "recordings/cal.toml", pose=False)
     root, _ = made(tmp_path)
     camera = yaml_of(root, "sessions/outdoor/cam1")
@@ -397,3 +392,24 @@ def test_names_of_people_in_labels_are_in_no_name(tmp_path):
     small.c3d(tmp_path / "recordings/day_1/Anna_walk_1/x.c3d", "Anna:")
     (found,) = rows(made(tmp_path)[0]).values()
     assert (found["sequence"], found["subject"], found["session"]) == ("walk_1", "Anna", "day_1")
+
+
+def test_a_sheet_without_a_column_that_is_needed_is_not_added_to(tmp_path):
+    small.pictures(tmp_path / "recordings/w", ("cam1", "cam2"))
+    init.run(tmp_path / "project")
+    config = tmp_path / "project/config/config.yaml"
+    config.write_text(config.read_text().replace("data_root: data", "data_root: ../recordings"))
+    before = contents(tmp_path / "project")
+    with pytest.raises(DiorError, match="there is no column 'videos', which 'w' needs; add it"):
+        made(tmp_path)
+    assert contents(tmp_path / "project") == before
+    small.outdoor(tmp_path / "recordings", "rosbag2_2024_05_01-10_30_00")
+    shutil.rmtree(tmp_path / "recordings/w")
+    assert list(rows_of_text(made(tmp_path)[0])) == ["outdoor_01"]
+
+
+def test_days_in_folders_are_sessions_and_in_no_name(tmp_path):
+    for day in ("2024-05-01", "2024-05-02"):
+        small.pictures(tmp_path / f"recordings/{day}/walk_1", ("cam1", "cam2"))
+    found = rows_of_text(made(tmp_path)[0])
+    assert {name: row["session"] for name, row in found.items()} == {"walk_1": "outdoor", "walk_1_2": "outdoor_2"}

@@ -60,7 +60,13 @@ def test_dates_are_read_as_cameras_write_them(name):
 
 def test_what_is_no_date_is_none_and_dates_are_left_out_of_names():
     assert names.date_ns("walk_20240501") is None and names.date_ns("20241301_103007") is None
-    assert names.without_date("hall_2024-05-01-10-30-07") == "hall" and names.without_date("hall_2") == "hall_2"
+    assert names.without_dates("hall_2024-05-01-10-30-07/2024-05-01/20240501_x") == "hall/x"
+    assert names.without_dates("hall_2/walk_20249901") == "hall_2/walk_20249901"
+
+
+def test_what_all_keys_have_in_common_is_a_walks_name():
+    assert names.common(["day/0123_hall_1", "day/0456_hall_1"]) == "day/hall_1"
+    assert names.common(["a b", "b a"]) == "a b" and names.common(["x", "y"]) == "" and names.common(["a", "a/b"]) == ""
 
 
 def test_people_are_known_by_their_numbers_and_are_in_no_name():

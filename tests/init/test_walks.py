@@ -28,9 +28,12 @@ def test_what_was_recorded_at_once_is_one_walk_whatever_it_is_called():
 
 
 def test_time_wins_over_names_and_the_reason_is_told():
-    first, second = walks.walks_of([recorded("walk/pc1.bag", 0), recorded("walk/pc2.bag", 3600)], [])
-    assert [len(one.recordings) for one in (first, second)] == [1, 1]
-    assert "not with walk/pc2.bag, whose name is the same, as that began 3600 s later" in first.reasons[-1]
+    other = recorded("walk/pc2.bag", 3600, topic="/cam02/image")
+    first, second = walks.walks_of([recorded("walk/pc1.bag", 0), other], [])
+    assert [len(one.recordings) for one in (first, second)] == [1, 1] and not first.doubts
+    assert "walk/pc2.bag began 3600 s after walk/pc1.bag, which is called the same" in second.doubts[0]
+    again = walks.walks_of([recorded("walk/pc1.bag", 0), recorded("walk/pc2.bag", 3600)], [])
+    assert not any(one.doubts for one in again), "the same camera, so another walk"
 
 
 def test_recordings_that_share_less_than_half_are_two_walks():
@@ -45,6 +48,13 @@ def test_a_bag_that_was_split_is_one_walk():
     assert len(groups(parts[0], recorded("w/pc1_1.bag", 10.6))) == 2
     assert len(groups(parts[0], recorded("w/pc1_1.bag", 10.1, topic="/cam02/image"))) == 2
     assert len(groups(parts[0], recorded("v/pc1_1.bag", 10.1))) == 2
+
+
+def test_a_walk_is_called_as_all_its_recordings_are():
+    (one,) = walks.walks_of([recorded("0123_hall_1.bag", 0), recorded("0456_hall_1.bag", 1)], [])
+    assert one.key == "hall_1"
+    (one,) = walks.walks_of([recorded(f"pc{i}_2024-05-01-10-30-0{i}.bag", i) for i in (1, 2)], [])
+    assert one.key == ""
 
 
 def test_names_tell_where_no_time_does():
