@@ -82,11 +82,7 @@ def own(demo, folder, layout):
     recordings, project = folder / "recordings", folder / "project"
     layouts.WAYS[layout](demo / "results/simulate", recordings)
     init.run(project, as_from=recordings)
-    typed = filled(project, demo)
-    # the simulator's lenses are exact, and the demo says so; it moves nothing but sigmas
-    for path in (project / "config/sessions").glob("*/cam*.yaml"):
-        path.write_text(path.read_text() + "intrinsics_sigma: 0\n")
-    return project, typed
+    return project, filled(project, demo)
 
 
 def table(typed):

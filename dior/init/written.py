@@ -167,7 +167,8 @@ def _session_yaml(session: Session) -> str:
             "the list is fixed, so that new walks move no old labels. Whose walk it is has to agree to the release."
         )
         text += "adjust:\n" + "".join(
-            f"  {one.name}: {{first: 0, count: {max(min(count, one.pictures - 1), 1)}, step: 1}}\n" for one in walks
+            f"  {value(one.name)}: {{first: 0, count: {max(min(count, one.pictures - 1), 1)}, step: 1}}\n"
+            for one in walks
         )
     return text
 
@@ -298,14 +299,15 @@ def _reference(lensed: Lensed) -> str:
 def table(capture: Capture, new: Sequence[str]) -> str:
     """What was found and guessed, for the terminal. `new`: the walks that are not in the sheet yet."""
     rows: list[Sequence[str]] = [
-        ("walk", "session", "where", "when", "cameras", "recorded in", "motion capture", "detections", "")
+        ("walk", "who", "session", "where", "when", "cameras", "recorded in", "motion capture", "detections", "")
     ]
     for session in capture.sessions:
         for one in session.taken:
+            recorded = one.videos or ", ".join(PurePosixPath(path).name for path in one.paths)
             rows.append((
-                one.name, session.name, "indoor" if one.indoor else "outdoor", when(one), str(len(one.cameras)),
-                one.videos or ", ".join(PurePosixPath(path).name for path in one.paths), one.owned.mocap.text or "-",
-                one.owned.detections.text or "-", "new" if one.name in new else "",
+                one.name, one.subject.text, session.name, "indoor" if one.indoor else "outdoor", when(one),
+                str(len(one.cameras)), recorded, one.owned.mocap.text or "-", one.owned.detections.text or "-",
+                "new" if one.name in new else "",
             ))  # fmt: skip
     text = _table(rows)
     of_cameras: list[Sequence[str]] = [("camera", "role", "pictures", "rate", "topic", "lens", "pose")]

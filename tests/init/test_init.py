@@ -413,3 +413,11 @@ def test_days_in_folders_are_sessions_and_in_no_name(tmp_path):
         small.pictures(tmp_path / f"recordings/{day}/walk_1", ("cam1", "cam2"))
     found = rows_of_text(made(tmp_path)[0])
     assert {name: row["session"] for name, row in found.items()} == {"walk_1": "outdoor", "walk_1_2": "outdoor_2"}
+
+
+def test_names_that_yaml_would_take_for_numbers_stay_names(tmp_path):
+    for i, walk in enumerate(("1", "007", "off")):
+        small.outdoor(tmp_path / "recordings", walk, 100 * i)
+    root, _ = made(tmp_path)
+    assert list(yaml_of(root, "sessions/outdoor/session")["adjust"]) == ["1", "007", "off"]
+    assert yaml_of(root, "sessions/outdoor/cam03")["align"]["sequences"] == ["1", "007"]
