@@ -8,7 +8,7 @@ Of a recording its index is read (`glance`), of everything else the beginning, b
 
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -227,14 +227,23 @@ def _add_recording(path: Path, shown: str, kind: str, found: Found) -> None:
         return
     there = glance(path)
     streams = tuple(one for one in there if one.kind in (COMPRESSED, RAW) and not one.topic.endswith(videos.STORED))
-    enough = tuple(one for one in streams if one.count >= FEWEST_PICTURES)
+    enough = tuple(one for one in streams if one.count >= FEWEST_PICTURES and not one.why_not)
     if not enough:
-        many = max((one.count for one in streams), default=0)
-        listed = ", ".join(f"{one.topic} ({one.kind})" for one in there) or "nothing"
-        found.aside.append((shown, f"{many} pictures are no walk" if many else f"holds no pictures; there is {listed}"))
+        found.aside.append((shown, _why_no_walk(there, streams)))
         return
     topics = {one.topic: one.kind for one in there if one.count}
     found.recordings.append(_timed(Recording(shown, kind, enough, None, None, "", topics)))
+
+
+def _why_no_walk(there: Sequence[Stream], streams: Sequence[Stream]) -> str:
+    """Why a recording is no walk; `streams`: those of its topics that should be pictures."""
+    for one in streams:
+        if one.why_not and one.count >= FEWEST_PICTURES:
+            return f"its pictures cannot be read: of {one.topic}, {one.why_not}"
+    many = max((one.count for one in streams), default=0)
+    if many:
+        return f"{many} picture{'s are' if many > 1 else ' is'} no walk"
+    return f"holds no pictures; there is {', '.join(f'{one.topic} ({one.kind})' for one in there) or 'nothing'}"
 
 
 def _timed(recording: Recording) -> Recording:

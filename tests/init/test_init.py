@@ -5,6 +5,7 @@ import re
 import shutil
 import time
 
+import numpy as np
 import pytest
 import yaml
 
@@ -355,10 +356,13 @@ def test_folders_of_pictures_have_lenses_from_a_file_and_are_asked_for_their_rat
 
 def test_few_pictures_are_no_walk_and_a_skeleton_is_no_motion_capture(lab, capsys):
     small.bag(lab / "recordings/out_1/test", ["cam01"], count=29)
+    depth = [small.bagfiles.raw("/cam01/image", T0 + i * S, np.zeros((4, 4, 2), np.uint8), "16UC1") for i in range(40)]
+    small.bagfiles.write(lab / "recordings/out_2/depth", depth, "ros1")
     small.c3d(lab / "recordings/out_1/skeleton.c3d", labels=("RHip", "RKnee", "RAnkle", "LHip", "LKnee"))
     small.c3d(lab / "recordings/out_2/own.c3d", labels=("hip_r", "mark 2", "mark 3", "mark 4", "x"))
     folder, said = made(lab, capsys)
     assert "out_1/test.bag: 29 pictures are no walk" in said
+    assert "out_2/depth.bag: its pictures cannot be read: of /cam01/image, encoding '16UC1'" in said
     assert "out_1/skeleton.c3d: holds the joints of a skeleton" in said
     found = rows_of_text(folder)
     assert found["out_1"]["mocap"] == "" and found["out_2"]["mocap"] == "out_2/own.c3d"
