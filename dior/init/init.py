@@ -79,7 +79,7 @@ def run(folder: Path, *, as_from: Path | None = None, dry_run: bool = False) -> 
         return
     for path, text in files.items():
         write_text(folder / "config" / path, text)
-    _tell_next(folder, files, new)
+    _tell_next(folder, found, files, new)
 
 
 def _data_root(folder: Path, recordings: Path) -> Path:
@@ -262,13 +262,16 @@ def _is_there(root: Path, path: str) -> bool:
     return any(root.glob(path.replace("{camera}", "*")))
 
 
-def _tell_next(folder: Path, files: Mapping[str, str], new: Sequence[str]) -> None:
+def _tell_next(folder: Path, found: Capture, files: Mapping[str, str], new: Sequence[str]) -> None:
     if not files:
         print("Nothing is new.")
     else:
         print(
             f"Wrote {_listed(files)} in {folder / 'config'}" + (f", with {_counted(len(new), 'walk')}." if new else ".")
         )
+    for how, what in written.BY_HAND.items():
+        if asking := written.located(found, how):
+            print(f"{', '.join(asking)}: {what}.")
     left = todos.found(folder)
     where = shlex.quote(str(folder.resolve()))
     if left:

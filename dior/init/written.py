@@ -28,6 +28,11 @@ INSTANTS, ADJUSTED, ALIGNED = 400, 4, 2
 # chosen: of a tape, from near by and over 60 m; hip height, at which a person in the middle of the walkway is looked at
 SIGMA_M, FAR_SIGMA_M, TARGET_M = 0.05, 0.3, [0.0, 0.0, 1.0]
 WIDTH = 118
+# what a person does besides filling in, by `locate`
+BY_HAND = {
+    "marks": "click markers on 3-10 pictures of each, into sessions/<session>/<camera>.marks.csv",
+    "align": "draw boxes around the person on 20-30 pictures of each, into boxes/<sequence>.<camera>.csv",
+}
 
 
 def config_yaml(data_root: str, capture: Capture) -> str:
@@ -182,6 +187,13 @@ def spread(items: Sequence[Taken], most: int) -> list[Taken]:
 def _located(session: Session) -> dict[str, str]:
     """`locate` of each camera."""
     return {camera.name: _locate(session, camera)[0] for camera in session.cameras}
+
+
+def located(capture: Capture, how: str) -> list[str]:
+    """The cameras, as <session>/<camera>, that are located by `how`."""
+    return [
+        f"{session.name}/{name}" for session in capture.sessions for name, by in _located(session).items() if by == how
+    ]
 
 
 def _locate(session: Session, camera: Filmed) -> tuple[str, str]:

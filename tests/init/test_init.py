@@ -83,6 +83,7 @@ def test_a_capture_becomes_a_project_that_loads_once_it_is_filled_in(lab, capsys
     far = yaml_of(folder, "sessions/outdoor/cam03")
     assert far["role"] == "long_range" and far["locate"] == "align" and far["topic"] == "/cam03/image_raw/compressed"
     assert far["align"] == {"from": "boxes", "sequences": ["out_1", "out_2"], "fit": "range"}
+    assert "indoor/cam01, indoor/cam02: click markers" in said and "outdoor/cam03: draw boxes" in said
     assert "nothing" not in said and "notes.txt" in said and "calibration/board.bag: is no walk by its name" in said
     with pytest.raises(DiorError, match="still TODO"):
         project.load(folder)
