@@ -107,7 +107,8 @@ def _sheet(folder: Path, kind: str) -> Sheet | None:
         raise DiorError(f"{shown}: the file is empty; remove it, and it is written anew")
     (_, header), *body = lines
     rows = tuple(dict(zip(header, [*cells, *[""] * (len(header) - len(cells))], strict=False)) for _, cells in body)
-    return Sheet(path.read_text(encoding="utf-8-sig"), tuple(header), rows)
+    # with its line ends and byte order mark: what is there stays as it is
+    return Sheet(path.read_bytes().decode(), tuple(header), rows)
 
 
 def _sessions_there(folder: Path) -> set[str]:
@@ -178,7 +179,8 @@ def _files(
         if sheet is None:
             files[f"{kind}.tsv"] = written.header(kind, columns) + text
         elif text:
-            files[f"{kind}.tsv"] = sheet.text + ("" if sheet.text.endswith("\n") else "\n") + text
+            added = text if sheet.text.endswith("\n") else f"\n{text}"
+            files[f"{kind}.tsv"] = sheet.text + (added.replace("\n", "\r\n") if "\r\n" in sheet.text else added)
     for kind, more in (("gallery", ("path",)), ("detectors", ())):
         if not (folder / "config" / f"{kind}.tsv").exists() and there["sequences"] is None:
             files[f"{kind}.tsv"] = empty.header(kind, *more)

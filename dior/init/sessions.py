@@ -66,7 +66,9 @@ class Taken:
 
     @property
     def paths(self) -> tuple[str, ...]:
-        return tuple(one.path for one in self.walk.recordings)
+        """What the sheet calls its recordings: bags, and one path for all videos."""
+        bags = [one.path for one in self.walk.recordings if one.kind == "bag"]
+        return (*bags, self.videos) if self.videos else tuple(bags)
 
     @property
     def bags(self) -> str:

@@ -426,3 +426,16 @@ def test_names_that_yaml_would_take_for_numbers_stay_names(tmp_path):
     root, _ = made(tmp_path)
     assert list(yaml_of(root, "sessions/outdoor/session")["adjust"]) == ["1", "007", "off"]
     assert yaml_of(root, "sessions/outdoor/cam03")["align"]["sequences"] == ["1", "007"]
+
+
+def test_videos_and_line_ends_of_a_spreadsheet_are_known_again(tmp_path, capsys):
+    small.pictures(tmp_path / "recordings/w", ("cam1", "cam2"))
+    folder, _ = made(tmp_path)
+    sheet = folder / "config/sequences.tsv"
+    sheet.write_bytes(b"\xef\xbb\xbf" + sheet.read_bytes().replace(b"\n", b"\r\n"))
+    before = sheet.read_bytes()
+    assert "Nothing is new" in made(tmp_path, capsys)[1] and sheet.read_bytes() == before
+    small.pictures(tmp_path / "recordings/v", ("cam1", "cam2"))
+    made(tmp_path)
+    after = sheet.read_bytes()
+    assert after.startswith(before) and after.count(b"\n") == after.count(b"\r\n") > before.count(b"\n")
