@@ -439,3 +439,15 @@ def test_videos_and_line_ends_of_a_spreadsheet_are_known_again(tmp_path, capsys)
     made(tmp_path)
     after = sheet.read_bytes()
     assert after.startswith(before) and after.count(b"\n") == after.count(b"\r\n") > before.count(b"\n")
+
+
+def test_a_session_whose_recordings_are_gone_keeps_its_name(lab):
+    folder, _ = made(lab)
+    for walk in ("out_1", "out_2"):
+        shutil.rmtree(lab / "recordings" / walk)
+    small.outdoor(lab / "recordings", "out_1", 10 * 86400)
+    shutil.move(lab / "recordings/out_1", lab / "recordings/out_9")
+    made(lab)
+    assert {name: row["session"] for name, row in rows_of_text(folder).items()} == {
+        "out_1": "outdoor", "out_2": "outdoor", "in_1": "indoor", "out_9": "outdoor_2",
+    }  # fmt: skip
