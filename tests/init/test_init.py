@@ -451,3 +451,17 @@ def test_a_session_whose_recordings_are_gone_keeps_its_name(lab):
     assert {name: row["session"] for name, row in rows_of_text(folder).items()} == {
         "out_1": "outdoor", "out_2": "outdoor", "in_1": "indoor", "out_9": "outdoor_2",
     }  # fmt: skip
+
+
+def test_real_recordings_of_others(shared, tmp_path, capsys):
+    init.run(tmp_path, as_from=shared / "real_outdoor")
+    said = capsys.readouterr().out
+    (row,) = rows_of_text(tmp_path).values()
+    assert row["bags"] == "pc1.bag;pc2.bag" and row["environment"] == "outdoor" and row["mocap"] == ""
+    assert row["detections"] == "TODO: mlkit/{camera}.jsonl or openpose/{camera} or openpose_single/{camera}"
+    assert "reference/skeleton.trc: holds the joints of a skeleton" in said
+    for camera in ("cam01", "cam02", "cam03", "cam04"):
+        found = yaml_of(tmp_path, f"sessions/outdoor/{camera}")
+        assert found["role"] == "close" and found["locate"] == "reference"
+        # the poses are the same in both files, the lenses are not
+        assert found["reference"] == {"file": "reference/calibration.toml", "name": f"cam_{camera[3:]}"}
