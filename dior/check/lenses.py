@@ -39,7 +39,7 @@ def of_session(project: Project, session: str, recorded: Mapping[str, Mapping[st
         with notes.kept(shown, line_of(project.root, shown, "intrinsics")):
             lens = _lens(project, session, name, settings, first)
         for walk in project.sequences_of(session):
-            if lens is not None and (one := recorded.get(walk, {}).get(name)):
+            if lens is not None and (one := recorded.get(walk, {}).get(name)) and one.width:
                 with notes.kept(shown, line_of(project.root, shown, "intrinsics"), walk):
                     _check_size(project, walk, name, lens, one, shown)
 
@@ -52,7 +52,7 @@ def _lens(
     if isinstance(source, dict):
         path = Path(project.in_data(source["file"])) if "file" in source else None
         return intrinsics.from_file(path, source["name"], model) if path and path.exists() else None
-    if first is None:
+    if first is None or not first.width:
         return None
     info = _camera_info(first, settings)
     shown = project.camera_file(session, name).removeprefix("config/")

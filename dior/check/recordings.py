@@ -16,9 +16,10 @@ from typing import TypeAlias, TypeVar
 
 from dior.check.notes import Notes
 from dior.errors import DiorError, nearest
-from dior.ingest import frames, messages, picture_folders
+from dior.ingest import frames, picture_folders
 from dior.ingest.bag_reader import full_name
 from dior.ingest.glance import Stream, glance, is_packed
+from dior.ingest.messages import PICTURES
 from dior.project.contents import Project
 from dior.project.missing import SEQUENCES, line_of
 from dior.project.run import cores
@@ -130,7 +131,7 @@ def _of_camera(project: Project, walk: str, camera: str, seen: Seen, notes: Note
     if sum(stream.count for stream in found) < 2:
         notes.fault(shown, line, f"{topic}: one picture is no recording; exclude the walk, or drop the camera", walk)
         return None
-    sizes = dict.fromkeys(f"{stream.width}x{stream.height}" for stream in found)
+    sizes = dict.fromkeys(f"{stream.width}x{stream.height}" for stream in found if stream.width)
     if len(sizes) > 1:
         text = f"{topic} has pictures of {' and '.join(sizes)} px; a camera must keep one resolution in a recording"
         notes.fault(shown, line, text, walk)
@@ -151,7 +152,7 @@ def _useless(stream: Stream) -> str:
     """Why no step can use the pictures of a topic, "" where they can."""
     if stream.why_not:
         return stream.why_not
-    if stream.kind in (messages.COMPRESSED, messages.RAW) and stream.first_ns == stream.last_ns == 0:
+    if stream.kind in PICTURES and stream.first_ns == stream.last_ns == 0:
         return "the header stamps are zero: the driver did not stamp its pictures (docs/bags.md)"
     return ""
 

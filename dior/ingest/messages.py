@@ -44,6 +44,8 @@ DEPTH_UNIT_BYTES = 4
 VERSION_WITH_DEPTH_UNIT = "1"
 # of image_transport's plugins whose pictures are those of a video, which `packets` decodes
 PACKET, THEORA = "ffmpeg_image_transport_msgs/msg/FFMPEGPacket", "theora_image_transport/msg/Packet"
+# what a camera's topic may be of
+PICTURES = (COMPRESSED, RAW, PACKET, THEORA)
 # not as it is in the other's messages
 OF_PACKET = {
     "ros1": (
@@ -170,10 +172,13 @@ def picture_of(kind: str, raw: Any, wire: str) -> tuple[int, int, int]:
 
 def told(kind: str, raw: Any, wire: str) -> tuple[int | None, tuple[int, int] | None, str]:
     """(header stamp in ns, (height, width) px, why it is no picture that is read) of any message; None for a stamp or a
-    size that it does not have, or that cannot be told."""
+    size that it does not have, or that cannot be told: of a packet of Theora only the video's head says it."""
     try:
-        stamp_ns, *size = picture_of(kind, raw, wire)
-        return stamp_ns, (size[0], size[1]), ""
+        if kind in (PACKET, THEORA):
+            message = decoded(kind, raw, wire)
+            return stamp_ns(message), (message.height, message.width) if kind == PACKET else None, ""
+        taken_ns, *size = picture_of(kind, raw, wire)
+        return taken_ns, (size[0], size[1]), ""
     except ValueError as error:
         why = str(error)
     if kind not in (COMPRESSED, RAW, CAMERA_INFO):
@@ -181,7 +186,7 @@ def told(kind: str, raw: Any, wire: str) -> tuple[int | None, tuple[int, int] | 
     try:
         # a depth picture, which `picture_of` refuses, or a lens
         message = decoded(kind, raw, wire)
-        return _stamp_ns(message), None if kind == COMPRESSED else (message.height, message.width), why
+        return stamp_ns(message), None if kind == COMPRESSED else (message.height, message.width), why
     except ValueError:
         return None, None, why
 

@@ -19,7 +19,7 @@ from dior.errors import DiorError
 from dior.ingest import containers, marker_names, mocap_files, picture_folders, trigger_log, video_stamps, videos
 from dior.ingest.bag_reader import ZSTD_MAGIC
 from dior.ingest.glance import Stream, glance
-from dior.ingest.messages import COMPRESSED, RAW
+from dior.ingest.messages import PICTURES
 from dior.ingest.readers import READERS
 from dior.ingest.readers.recognise import SUFFIXES, recognise
 from dior.init import names
@@ -226,7 +226,7 @@ def _add_recording(path: Path, shown: str, kind: str, found: Found) -> None:
         found.aside.append((shown, "is no walk by its name; pictures from all around have a row in gallery.tsv"))
         return
     there = glance(path)
-    streams = tuple(one for one in there if one.kind in (COMPRESSED, RAW) and not one.topic.endswith(videos.STORED))
+    streams = tuple(one for one in there if one.kind in PICTURES and not one.topic.endswith(videos.STORED))
     enough = tuple(one for one in streams if one.count >= FEWEST_PICTURES and not one.why_not)
     if not enough:
         found.aside.append((shown, _why_no_walk(there, streams)))

@@ -281,7 +281,7 @@ def _tell_next(folder: Path, found: Capture, files: Mapping[str, str], new: Sequ
         print(f"{many} TODO, which only you know: `grep -rn TODO {folder / 'config'}`. Then type")
     else:
         print("Type")
-    print(f"  dior pseudonyms {where}\n  dior run {where}")
+    print(f"  dior pseudonyms {where}\n  dior check {where}")
 
 
 def _listed(files: Mapping[str, str]) -> str:

@@ -96,13 +96,13 @@ def as_far_as_it_goes(root: AnyPath, faults: Faults, config: dict[str, Any] | No
             sessions.read(project, session)
         if len(faults.found) > before:
             broken.add(session)
-    if broken:
-        return _without(project, broken)
-    with faults.kept():
-        cross_checks.check_sessions(project, lines)
-    with faults.kept():
-        cross_checks.check_detectors(project, detector_lines)
-    return project
+    left = _without(project, broken) if broken else project
+    if left is not None:
+        with faults.kept():
+            cross_checks.check_sessions(left, lines)
+        with faults.kept():
+            cross_checks.check_detectors(left, detector_lines)
+    return left
 
 
 def _check_anything(rows: Rows, people: Rows, root: Path) -> None:

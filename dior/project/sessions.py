@@ -135,8 +135,8 @@ def _read_camera(project: Project, session: str, name: str) -> dict[str, Any]:
     if camera["locate"] == "marks":
         if not (project.root / path).is_file():
             raise DiorError(
-                f"{shown}: 'locate: marks' needs the file {path} with the columns sequence,frame,joint,u,v: 10-20 markers "
-                "clicked on each of 3-10 frames"
+                f"{shown}: 'locate: marks' needs the file {path} with the columns sequence,frame,joint,u,v: 10-20 "
+                "markers clicked on each of 3-10 frames"
             )
         project.marks[session, name] = _marks(project, session, name, path)
     return camera
