@@ -158,7 +158,7 @@ def test_the_last_line_of_a_job_that_was_killed(own):
 @pytest.mark.slow
 def test_the_last_line_of_a_run_that_is_ended_by_hand(own):
     """As Ctrl-C does: it goes to Snakemake and all that it has started, of which the most is left to do."""
-    running = begin(own, start_new_session=True)
+    running = begin(own, "--until", "intrinsics", start_new_session=True)
     while not (own / "logs/frames/indoor_01.log").exists() and running.poll() is None:
         time.sleep(0.02)
     os.killpg(running.pid, signal.SIGINT)
