@@ -27,7 +27,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 from benchmarks.fuzz_readers import READERS, prepared
-from dior.errors import DiorError
+from dior.errors import DiorError, DiorErrors
 
 LIMIT_S = 5.0
 LIMIT_MB = 1000
@@ -199,11 +199,13 @@ def tried(reader: str, folder: Path, seed: int, i: int) -> str:
     try:
         READERS[reader].read(path, folder / "files")
     except DiorError as error:
-        text = str(error)
-        named = path.name in text or path.parent.name in text or "/".join(path.parts[-2:]) in text
-        if "\n" in text or not text.isprintable():
-            return f"a refusal of several lines: {text!r:.200}"
-        return "refused" if named else f"a refusal that does not name the file: {text:.200}"
+        # of several faults each is a sentence that names the file
+        texts = [str(one) for one in (error.found if isinstance(error, DiorErrors) else [error])]
+        names = (path.name, path.parent.name, "/".join(path.parts[-2:]))
+        if broken := [text for text in texts if not text.isprintable()]:
+            return f"a refusal of several lines: {broken[0]!r:.200}"
+        unnamed = [text for text in texts if not any(name in text for name in names)]
+        return f"a refusal that does not name the file: {unnamed[0]:.200}" if unnamed else "refused"
     except MemoryError:
         return "memory"
     except BaseException as error:

@@ -94,6 +94,10 @@ def test_the_corners_that_it_saw_are_there_for_the_adjustment(ran):
     session = folder / "config/sessions/field/session.yaml"
     before = session.read_text()
     session.write_text(before + "adjust: {walk_01: {count: 3}}\n")
+    # a dry run names what is missing
+    (folder / "data/mlkit").mkdir()
+    for name in VIEWS:
+        (folder / f"data/mlkit/{name}.jsonl").touch()
     _, said = snakemake(folder, "--dry-run", "--printshellcmds", "results/adjust/field.parquet")
     session.write_text(before)
     tags = " ".join(f"results/place/field/{name}.marks.parquet" for name in VIEWS)

@@ -4,6 +4,7 @@
 one that fails, up to the step that notices.
 """
 
+import functools
 import os
 import re
 import resource
@@ -157,8 +158,12 @@ def test_the_last_line_of_a_job_that_was_killed(own):
 
 @pytest.mark.slow
 def test_the_last_line_of_a_run_that_is_ended_by_hand(own):
-    """As Ctrl-C does: it goes to Snakemake and all that it has started, of which the most is left to do."""
-    running = begin(own, "--until", "intrinsics", start_new_session=True)
+    """As Ctrl-C does: it goes to Snakemake and all that it has started.
+
+    What a shell has started in the background, such as these tests, leaves SIGINT to nobody that it starts.
+    """
+    hearing = functools.partial(signal.signal, signal.SIGINT, signal.default_int_handler)
+    running = begin(own, "--until", "intrinsics", start_new_session=True, preexec_fn=hearing)
     while not (own / "logs/frames/indoor_01.log").exists() and running.poll() is None:
         time.sleep(0.02)
     os.killpg(running.pid, signal.SIGINT)

@@ -307,6 +307,10 @@ from dior.errors import DiorError
 LAST_LINES = []
 
 
+def tell_what_is_missing(started):
+    pass
+
+
 def tell_why(dag):
     pass
 

@@ -20,8 +20,7 @@ import re
 from snakemake.dag import DAG
 from snakemake_interface_storage_plugins.io import Mtime
 
-from dior.errors import MOST_FAULTS
-from dior.project import licenses, missing, project, running
+from dior.project import licenses, running
 
 
 def of_dior(update_needrun):
@@ -110,25 +109,6 @@ def refuse(error):
     """End the run with a sentence of dior's, after which Snakemake prints where it came from."""
     LAST_LINES.append(str(error))
     raise WorkflowError(str(error)) from None
-
-
-def tell_what_is_missing(started):
-    """Of a dry run, and with `--config strict=true`; where no walk could run, or with that, nothing is planned.
-
-    A real run labels the walks that it can, and the steps of the others say what is wrong.
-    """
-    if not started.is_main_process or not (started.dryrun or STRICT):
-        return
-    (_, lines), _ = project.sheets(os.getcwd())
-    faults = missing.of_project(PROJECT, lines)
-    if not faults:
-        return
-    told = dict.fromkeys(map(str, faults))
-    LAST_LINES.extend(list(told)[:MOST_FAULTS])
-    more = f", of which {MOST_FAULTS} are said above" if len(told) > MOST_FAULTS else ""
-    LAST_LINES.append(f"{len(told)} missing{more}; `dior check` looks into the recordings, too")
-    if STRICT or missing.nothing_could_run(PROJECT, faults):
-        raise WorkflowError("what the sheets name is not there")
 
 
 def begin_run(started):

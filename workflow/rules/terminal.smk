@@ -1,4 +1,4 @@
-"""The terminal: what is said while a run is at work, why something runs again, and the last line.
+"""The terminal: what is missing, what is said while a run is at work, why something runs again, and the last line.
 
 Snakemake's own words are as its profile wants them: profiles/default shows bars (snakemake-logger-plugin-rich) and leaves
 what the jobs print to their logs, profiles/plain shows all that Snakemake and the jobs say. What is said here is beside
@@ -16,7 +16,8 @@ from snakemake.persistence import ParamsChange
 from snakemake_interface_logger_plugins.common import LogEvent
 
 from dior import shortage
-from dior.project import rerun_reasons
+from dior.errors import MOST_FAULTS
+from dior.project import missing, project, rerun_reasons
 from dior.project.forget import left
 
 # chosen: somebody who looks at a log in a batch system every few minutes sees that it lives
@@ -88,6 +89,25 @@ class Told(ParamsChange):
 
     def __str__(self):
         return self.words
+
+
+def tell_what_is_missing(started):
+    """Of a dry run, and with `--config strict=true`; where no walk could run, or with that, nothing is planned.
+
+    A real run labels the walks that it can, and the steps of the others say what is wrong.
+    """
+    if not started.is_main_process or not (started.dryrun or STRICT):
+        return
+    (_, lines), _ = project.sheets(os.getcwd())
+    faults = missing.of_project(PROJECT, lines)
+    if not faults:
+        return
+    told = dict.fromkeys(map(str, faults))
+    LAST_LINES.extend(list(told)[:MOST_FAULTS])
+    more = f", of which {MOST_FAULTS} are said above" if len(told) > MOST_FAULTS else ""
+    LAST_LINES.append(f"{len(told)} missing{more}; `dior check` looks into the recordings, too")
+    if STRICT or missing.nothing_could_run(PROJECT, faults):
+        raise WorkflowError("what the sheets name is not there")
 
 
 def tell_why(dag):
