@@ -34,6 +34,21 @@ def run(folder):
     return times
 
 
+def taken(folder):
+    """What the steps took and left in `folder`, those of the simulation and its recordings left out."""
+    with open(folder / "results/timing.csv", newline="") as stream:
+        seconds = [float(row["cpu_s"]) for row in csv.DictReader(stream) if not row["step"].startswith("simulate")]
+    left = [path for path in (folder / "results").rglob("*") if path.is_file()]
+    left = [path for path in left if folder / "results/simulate" not in path.parents]
+    rows = [path.read_text().splitlines()[1].split("\t") for path in (folder / "logs").rglob("*.benchmark.tsv")]
+    return {
+        "CPU, s": sum(seconds),
+        "on disk, MB": sum(path.stat().st_size for path in left) / 1e6,
+        # its third column is max_rss
+        "memory of the largest job, MB": max(float(row[2]) for row in rows if row[2] not in ("NA", "-")),
+    }
+
+
 def pooled(rows, metric, environment, role):
     """Mean of a metric weighted by its count, from the rows by sequence (and camera, where it has a role)."""
     mine = [
@@ -69,6 +84,9 @@ def main():
     for (what, where, limit), value in zip(LIMITS, measured, strict=True):
         print(f"{f'{what} {where}':<40}{value:>10.3f}{limit:>10.3f}{value / limit:>8.2f}")
     print(f"{'a second call, s':<40}{second:>10.3f}")
+    print("without the simulation (dior/check/computer.py scales these)")
+    for what, value in taken(folder).items():
+        print(f"  {what:<38}{value:>10.1f}")
     if given is None:
         shutil.rmtree(folder)
 

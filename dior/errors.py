@@ -1,4 +1,5 @@
-"""The one error that a user sees as a sentence instead of a traceback, and several of them together."""
+"""The one error that a user sees as a sentence instead of a traceback, several of them together, and how what is said
+is worded."""
 
 import difflib
 import re
@@ -66,6 +67,11 @@ def one_line(text: str) -> str:
     if len(text) > MOST_LETTERS:
         text = f"{text[: MOST_LETTERS - 400]} [...] {text[-400:]}"
     return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in text)
+
+
+def many(number: int, what: str) -> str:
+    """`1 walk`, `2 walks`."""
+    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def nearest(word: object, known: Iterable[object]) -> str:

@@ -18,7 +18,7 @@ from typing import Any
 
 from dior.check import computer, lenses, motion, named_frames, recordings
 from dior.check.notes import Notes
-from dior.errors import DiorError, Faults
+from dior.errors import DiorError, Faults, many
 from dior.project import missing
 from dior.project.contents import Project
 from dior.project.missing import Fault, line_of
@@ -52,7 +52,7 @@ def run(project: Path = Path("."), *, as_json: bool = False) -> int:
         lines += ["", "A run goes on with these, but look:", *_shown(warnings)] if faults else _shown(warnings)
     if faults:
         files = len({fault["file"] for fault in faults})
-        lines += ["", f"{len(faults)} to mend in {files} file{'s' if files > 1 else ''}; then: dior check {shown}"]
+        lines += ["", f"{len(faults)} to mend in {many(files, 'file')}; then: dior check {shown}"]
     elif plan:
         lines += ["", *_warned(len(warnings)), f"{plan} Type", f"  dior run {shown}"]
     print("\n".join(lines).strip())

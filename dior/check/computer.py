@@ -15,6 +15,7 @@ from pathlib import Path
 
 from dior.check.notes import Notes
 from dior.check.recordings import Recorded
+from dior.errors import many
 from dior.project.contents import Project
 from dior.project.missing import CONFIG, line_of
 from dior.project.run import cores
@@ -48,14 +49,14 @@ class Plan:
     free_bytes: int
 
     def __str__(self) -> str:
-        text = f"{_many(self.walks, 'walk')} of {_many(self.sessions, 'session')}"
+        text = f"{many(self.walks, 'walk')} of {many(self.sessions, 'session')}"
         if not self.recordings:
             return f"{text}, which are simulated first."
         count = f"{self.pictures / 1e6:.1f} million" if self.pictures >= 1e6 else f"{self.pictures}"
         return (
-            f"{text}, {_time(self.minutes_walked)} in all: {_many(self.recordings, 'recording')} of cameras, {count} "
-            f"pictures, in {_many(self.files, 'file')} of {size(self.file_bytes)}. A run takes about "
-            f"{_time(max(round(self.minutes), 1))} on {_many(self.processors, 'processor')} and "
+            f"{text}, {_time(self.minutes_walked)} in all: {many(self.recordings, 'recording')} of cameras, {count} "
+            f"pictures, in {many(self.files, 'file')} of {size(self.file_bytes)}. A run takes about "
+            f"{_time(max(round(self.minutes), 1))} on {many(self.processors, 'processor')} and "
             f"{size(self.disk_bytes)} of disk ({size(self.free_bytes)} are free)."
         )
 
@@ -64,10 +65,6 @@ def _time(minutes: float) -> str:
     if minutes < 1:
         return f"{60 * minutes:.0f} s"
     return f"{minutes:.0f} min" if minutes < 100 else f"{minutes / 60:.1f} h"
-
-
-def _many(count: int, what: str) -> str:
-    return f"{count} {what}{'' if count == 1 else 's'}"
 
 
 def plan(project: Project, recorded: Mapping[str, Mapping[str, Recorded]]) -> Plan:

@@ -39,9 +39,8 @@ Told = TypeVar("Told")
 @dataclass(frozen=True)
 class Recorded:
     """The pictures of a camera in a walk: how many, at most, as two bags may have the same ones and few videos count
-    theirs; stamps (ns) of the
-    first and last, None where the files do not tell; how long it lasts, NaN where they do not tell that either; the
-    pictures' size (px); `paths` of the files that have them."""
+    theirs; stamps (ns) of the first and last, None where the files do not tell; how long it lasts, NaN where they do
+    not tell that either; the pictures' size (px), 0 where they do not tell it; `paths` of the files that have them."""
 
     count: int
     first_ns: int | None

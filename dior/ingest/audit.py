@@ -26,6 +26,7 @@ import numpy as np
 
 from dior.arrays import Bools, Floats, Ints, Table
 from dior.clocks.axis import nominal_fps
+from dior.errors import many
 from dior.ingest import bags as rosbag
 from dior.ingest import stamps, video_starts
 from dior.ingest.frames import NOT_DECODED, check_usable
@@ -302,10 +303,6 @@ def _black(frames: Table, data_root: Path) -> Ints:
     return black
 
 
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"
-
-
 def judge(row: dict[str, Any], audited: Audit, bag: str, is_video: bool = False) -> list[tuple[str, str, str]]:
     """What a person should see of an audit, of its row in `stamp_audit`: (severity, code, text) tuples."""
     found = []
@@ -318,17 +315,17 @@ def judge(row: dict[str, Any], audited: Audit, bag: str, is_video: bool = False)
         share = row["lost"] / (row["lost"] + row["pictures"])
         behind = sum(reason == "recorder_behind" for _, _, reason in audited.dropped)
         late = f", {behind} of them while the recorder was behind" if behind else ""
-        gaps = f"in {_count(row['gaps'], 'gap')}, the longest {row['longest_gap_s']:.2f} s"
+        gaps = f"in {many(row['gaps'], 'gap')}, the longest {row['longest_gap_s']:.2f} s"
         # whether that is too much, the report's summary says for the recording as a whole
-        add(False, "pictures_lost", f"{_count(row['lost'], 'picture')} lost ({share:.1%}) {gaps}{late}")
+        add(False, "pictures_lost", f"{many(row['lost'], 'picture')} lost ({share:.1%}) {gaps}{late}")
     for code, what in REPEATED.items():
         if row[code]:
             share = row[code] / row["pictures"]
-            add(share > MOST_REPEATED, code, f"{_count(row[code], 'picture')} ({share:.1%}) with the {what}")
+            add(share > MOST_REPEATED, code, f"{many(row[code], 'picture')} ({share:.1%}) with the {what}")
     if row["black"]:
         add(True, "black_pictures", f"{row['black']} of {row['looked_at']} pictures looked at are black")
     if row["out_of_order"]:
-        add(False, "out_of_order", f"{_count(row['out_of_order'], 'picture')} received after a later one")
+        add(False, "out_of_order", f"{many(row['out_of_order'], 'picture')} received after a later one")
     for one in audited.glitches:
         frames = f"frame {one.first}" if one.first == one.last else f"frames {one.first} to {one.last}"
         text = (

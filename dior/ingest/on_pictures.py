@@ -22,7 +22,7 @@ import numpy as np
 
 from dior.arrays import AnyPath, Bools, Floats, Ints, Table
 from dior.body.names import bones_of
-from dior.errors import DiorError
+from dior.errors import DiorError, many
 from dior.ingest import bags, moving
 from dior.ingest.containers import BROKEN
 from dior.ingest.moving import Mask, Picture
@@ -101,7 +101,7 @@ def alternatives() -> list[Alternative]:
     ]
     slips = [
         Alternative(
-            f"taken {abs(k)} frame{'' if abs(k) == 1 else 's'} {'earlier' if k > 0 else 'later'}",
+            f"taken {many(abs(k), 'frame')} {'earlier' if k > 0 else 'later'}",
             f"they are about so many frames {'late' if k > 0 else 'early'}: number them by the pictures in the bag, "
             "the first of which is 0",
             _unchanged,

@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dior.arrays import Floats, Ints
-from dior.errors import DiorError
+from dior.errors import DiorError, many
 from dior.formats import VideoFormat
 from dior.ingest import messages
 from dior.ingest.bag_reader import Message, full_name
@@ -465,7 +465,7 @@ def _streams(container: Any) -> list[Any]:
 def _stream(container: Any, number: int) -> Any:
     there = _streams(container)
     if number >= len(there):
-        count = f"{len(there)} video stream{'' if len(there) == 1 else 's'}"
+        count = many(len(there), "video stream")
         raise DiorError(
             f"{container.name}: it has {count}, and no video{number}; `video.stream` in the camera's YAML counts from 0"
         )

@@ -18,6 +18,7 @@ from dior.ingest.messages import CAMERA_INFO
 from dior.init import names
 from dior.init.found import Recording
 from dior.init.walks import Walk, overlap
+from dior.project.todos import WORD
 
 # parts of topics that cameras have in common
 COMMON = re.compile(
@@ -87,8 +88,8 @@ def _in_bags(recordings: Sequence[Recording]) -> list[Filmed]:
             reasons += [f"chosen before {', '.join(others)}"] if others else []
             name = called[topic] if len(apart) == 1 else word or f"{called[topic]}_{len(found) + 1}"
             name = name if re.search(r"[A-Za-z]", name) else f"cam{name}"
-            bag = (word if word and all(word in PurePosixPath(one.path).name for one in bags) else "TODO") if (
-                len(apart) > 1) else ""  # fmt: skip
+            told = word and all(word in PurePosixPath(one.path).name for one in bags)
+            bag = "" if len(apart) == 1 else word if told else WORD
             paths = tuple(one.path for one in bags)
             found.append(Filmed(name, "bag", stream, paths, bag, info, tuple(reasons)))
     return sorted(found, key=lambda one: one.name)

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from dior.errors import DiorError
+from dior.errors import DiorError, many
 from dior.init import capture as captures
 from dior.init import names, written
 from dior.init.capture import Capture
@@ -268,17 +268,16 @@ def _tell_next(folder: Path, found: Capture, files: Mapping[str, str], new: Sequ
     if not files:
         print("Nothing is new.")
     else:
-        print(
-            f"Wrote {_listed(files)} in {folder / 'config'}" + (f", with {_counted(len(new), 'walk')}." if new else ".")
-        )
+        print(f"Wrote {_listed(files)} in {folder / 'config'}" + (f", with {many(len(new), 'walk')}." if new else "."))
     for how, what in written.BY_HAND.items():
         if asking := written.located(found, how):
             print(f"{', '.join(asking)}: {what}.")
     left = todos.found(folder)
     where = shlex.quote(str(folder.resolve()))
     if left:
-        many = "1 value is" if len(left) == 1 else f"{len(left)} values are"
-        print(f"{many} TODO, which only you know: `grep -rn TODO {folder / 'config'}`. Then type")
+        are = "is" if len(left) == 1 else "are"
+        config = folder / "config"
+        print(f"{many(len(left), 'value')} {are} TODO, which only you know: `grep -rn TODO {config}`. Then type")
     else:
         print("Type")
     print(f"  dior pseudonyms {where}\n  dior check {where}")
@@ -288,9 +287,5 @@ def _listed(files: Mapping[str, str]) -> str:
     shown = [path for path in files if "/" not in path]
     cameras = sum(path.startswith("sessions/") and not path.endswith("/session.yaml") for path in files)
     sessions = sum(path.endswith("/session.yaml") for path in files)
-    shown += [f"{_counted(sessions, 'session')} with {_counted(cameras, 'camera')}"] if sessions else []
+    shown += [f"{many(sessions, 'session')} with {many(cameras, 'camera')}"] if sessions else []
     return ", ".join(shown) or "nothing"
-
-
-def _counted(count: int, what: str) -> str:
-    return f"{count} {what}{'' if count == 1 else 's'}"

@@ -12,6 +12,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import pyarrow as pa
 
+from dior.errors import many
 from dior.evaluate import statistics
 from dior.project import licenses
 from dior.release import citation, escape
@@ -103,15 +104,11 @@ def summary(walks: Walks, counted: Rows) -> str:
     places = ", ".join(f"{n} {name}" for name, n in _environments(rows).items())
     labels, frames = statistics.of(counted, "keypoints_2d"), statistics.of(counted, "frames")
     text = (
-        f"2D and 3D skeleton labels of {_many(len(rows), 'walk')} of {_many(people, 'subject')} ({places}): "
-        f"{_many(labels, 'label')} inside the picture on {_many(frames, 'frame')}."
+        f"2D and 3D skeleton labels of {many(len(rows), 'walk')} of {many(people, 'subject')} ({places}): "
+        f"{many(labels, 'label')} inside the picture on {many(frames, 'frame')}."
     )
     far = " Some cameras are so far away that no detector works on their pictures." if _long_range(counted) else ""
     return text + far
-
-
-def _many(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def _simulated(rows: Rows) -> bool:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from dior.project import todos
 from tests.end_to_end.workflow import ENVIRONMENT, ROOT, edit
 
 pytestmark = pytest.mark.slow
@@ -20,7 +21,6 @@ def blocks():
 
 def typed(line, folder):
     """Type a line in a folder beside the ones that it makes; returns the exit code and what is said."""
-    assert not re.search(r"/work|\$HOME", line)
     words = line.replace(".venv/bin/dior", f"{sys.executable} -m dior")
     done = subprocess.run(words, shell=True, cwd=folder, env=ENVIRONMENT, capture_output=True, text=True)
     return done.returncode, done.stdout + done.stderr
@@ -52,14 +52,11 @@ def test_what_is_typed_makes_a_release(tmp_path):
     for number, lines in enumerate(todo):
         for line in lines:
             if line.endswith("dior pseudonyms ../my_capture"):
-                assert PAGE.count("`TODO`, 11 times") == 1
-                assert sum("TODO" in path.read_text() for path in tmp_path.glob("my_capture/config/**/*.*")) > 0
+                assert f"`TODO`, {len(todos.found(tmp_path / 'my_capture'))} times" in PAGE
                 fill_in(tmp_path)
+                assert not todos.found(tmp_path / "my_capture")
             if line.endswith("-n"):
                 edit(far, "# align:", "align:")
-            if line.endswith("release") and "run" in line:
-                config = tmp_path / "my_capture/config/config.yaml"
-                config.write_text(re.sub(r"(?m)^( +)license:.*$", r"\1license: CC-BY-4.0", config.read_text()))
             code, text = typed(line, here)
             said.append((line, text))
             expected = 1 if line.endswith("dior check ../my_capture") else 0

@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dior.errors import DiorError
+from dior.errors import DiorError, many
 from dior.progress import reporting
 from dior.release import checksums
 
@@ -80,7 +80,7 @@ def run(
         if not problems:
             print(f"{stored.name}: {summary}")
     if wrong:
-        raise DiorError(f"{wrong} problem{'s' if wrong > 1 else ''}")
+        raise DiorError(many(wrong, "problem"))
 
 
 def _print_inputs(project: Path) -> int:
