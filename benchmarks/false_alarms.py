@@ -124,7 +124,7 @@ def _evaluated(made, name):
             made.folder / "data/truth" / name,
         ),
         out=made.made("evaluate", name), out_frames=made.made("evaluate", name, ".frames"),
-        out_checks=made.made("evaluate", name, ".checks"),
+        out_checks=made.made("evaluate", name, ".checks"), out_quantiles=made.made("evaluate", name, ".quantiles"),
     )  # fmt: skip
     return made.made("evaluate", name)
 

@@ -16,18 +16,19 @@ from pathlib import Path
 import numpy as np
 
 from dior.body.names import MLKIT_33
-from dior.evaluate import metrics, statistics
+from dior.evaluate import label_errors, metrics, statistics
 from dior.geometry import camera_tables
 from dior.geometry.camera import Camera, Intrinsics, pose
 from dior.geometry.multiview import look_at
 from dior.project.schema_check import columns_of
 from dior.report import report
 from dior.tables import tables
+from dior.tables.files import write_text
 
 LIMIT_S, LIMIT_BYTES = 120.0, 100e6
 SUBJECTS, WALKS, FRAMES = 14, 4, 3600
 START_NS, STEP_NS = 1_700_000_000_000_000_000, 33_333_333
-OF_SEQUENCES = ("frame_metrics", "skeletons", "audits", "dropped", "frames", "clocks", "clock_costs")
+OF_SEQUENCES = ("frame_metrics", "quantiles", "skeletons", "audits", "dropped", "frames", "clocks", "clock_costs")
 LENS = Intrinsics(1280, 720, 640.0, 640.0, 640.0, 360.0)
 CAMERAS = ("cam01", "cam02", "cam03", "cam04")
 # (value, unit, n) of the made-up figures of a camera recording
@@ -88,14 +89,14 @@ def write(root):
             overlays[-1].parent.mkdir(parents=True, exist_ok=True)
             overlays[-1].write_bytes(b"\xff\xd8\xff\xd9")
     csv = results / "metrics.csv"
-    csv.write_text(metrics.as_csv(metrics.merged(rows)))
+    write_text(csv, metrics.as_csv(metrics.merged(rows)))
     counted = results / "statistics.csv"
     statistics.run(root=root, labels=[], skeletons=files["skeletons"], frames=files["frames"],
                    dropped=files["dropped"], gallery=None, out=counted)  # fmt: skip
     times = {kind: files[kind] for kind in ("audits", "dropped", "frames", "clocks", "clock_costs")}
     return {
         "root": root, "title": "DIOR size",
-        "evaluated": report.Evaluated(csv, files["frame_metrics"], statistics=counted, recognition=[]),
+        "evaluated": report.Evaluated(csv, files["frame_metrics"], files["quantiles"], counted, recognition=[]),
         "findings": [findings], "scene": report.Scene(cameras, covariances, turns=[], skeletons=files["skeletons"]),
         "times": report.Times(**times), "media": report.Media(overlays, clips=[]), "effort": None,
         "out": root / "report", "out_timing": root / "timing.csv",
@@ -199,7 +200,16 @@ def _tables(rng, results, sequence, subject, env):
         "late_s": late, "late_low": late - 0.006, "late_high": late + 0.006, "source": _repeat(["estimated"], 4),
         "method": _repeat(["detections"], 4),
     }  # fmt: skip
+    spread = {"label_sigma": rng.gamma(4, 0.1, 4 * FRAMES), "label_sigma_m": rng.gamma(4, 0.001, 4 * FRAMES)}
+    parts = [label_errors.quantile_columns(name, values, one, _role(one, env)) for one in CAMERAS for name, values in
+             spread.items()]  # fmt: skip
+    quantiles = {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
+    quantiles |= {
+        "subject": _repeat([subject], len(quantiles["n"])),
+        "sequence": _repeat([sequence], len(quantiles["n"])),
+    }
     return {
+        "quantiles": (results / f"evaluate/{sequence}.quantiles.parquet", "label_quantiles", quantiles),
         "clocks": (results / f"clocks/{sequence}.parquet", "offsets", clocks),
         "clock_costs": (results / f"clocks/{sequence}.costs.parquet", "clock_costs", costs),
         "frame_metrics": (results / f"evaluate/{sequence}.frames.parquet", "frame_metrics", frames),

@@ -75,6 +75,7 @@ TEXTS = {
     "offsets": "YAML files with clocks given by hand",
     "out": "file or folder to write",
     "out_checks": TABLE,
+    "out_quantiles": TABLE,
     "out_clock_costs": TABLE,
     "out_clock_gains": TABLE,
     "out_clocks": TABLE,

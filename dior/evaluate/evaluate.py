@@ -6,6 +6,7 @@ INPUTS   the sequence's `labels_2d` (one file per camera), `skeletons_3d`, and w
 OUTPUTS  results/evaluate/<sequence>.parquet         `metrics`, every row a mean with its count
          results/evaluate/<sequence>.frames.parquet  `frame_metrics`, the same per picture, for the report's timelines
          results/evaluate/<sequence>.checks.parquet  `check_errors`, every hand check, for quantiles over sequences
+         results/evaluate/<sequence>.quantiles.parquet  `label_quantiles`, how sigmas and measured errors are spread
 
 Pixels are recorded (distorted) pixels, lengths metres, shares 0 to 1.
 """
@@ -20,7 +21,7 @@ import numpy as np
 from dior.arrays import Floats, Ints, Table
 from dior.errors import DiorError, nearest
 from dior.evaluate import checks as check_files
-from dior.evaluate import labels_in_boxes, reprojection, rows
+from dior.evaluate import label_errors, labels_in_boxes, reprojection, rows
 from dior.evaluate import truth as against
 from dior.evaluate.grids import LabelGrid, distance, label_grids, onto, value_grid
 from dior.geometry.camera import Camera, occluded_edge
@@ -76,10 +77,11 @@ def run(
     out: Path,
     out_frames: Path,
     out_checks: Path,
+    out_quantiles: Path,
 ) -> None:
     """Evaluate one sequence.
 
-    `labels`: label files; `skeleton`: their 3D, or None; `cameras`: the poses of the cameras with boxes; `roles`:
+    `labels`: label files; `skeleton`: their 3D, or None; `cameras`: the poses of its cameras; `roles`:
     camera -> close | long_range.
     """
     boxes, checks, truth = yardsticks.boxes, yardsticks.checks, yardsticks.truth
@@ -88,10 +90,14 @@ def run(
         if camera not in grids:
             raise DiorError(f"sequence {sequence}: there are no labels of camera '{camera}'{nearest(camera, grids)}")
     found, per_frame = _coverage(grids, roles)
+    rig = read_cameras(cameras)
+    spread = label_errors.sigmas(labels, rig)
+    true = label_grids([Path(truth) / "labels_2d.parquet"]) if truth else {}
+    found += _sigmas(grids, roles, spread)
     for part, part_frames in (
         _reprojection(grids, roles, detected.detections, detected.swaps, detected.min_score),
-        _boxes(grids, roles, yardsticks, read_cameras(cameras), sequence),
-        _truth_2d(grids, roles, truth),
+        _boxes(grids, roles, yardsticks, rig, sequence),
+        _truth_2d(grids, roles, true),
     ):
         found += part
         per_frame += part_frames
@@ -102,6 +108,8 @@ def run(
     tables.write(out_frames, "frame_metrics", _stacked(per_frame, subject, sequence))
     each = [check_files.error_columns(grids[camera], checked[camera], roles[camera]) for camera in sorted(checked)]
     tables.write(out_checks, "check_errors", _stacked(each, subject, sequence))
+    quantiles = _quantiles(grids, roles, spread, checked, true)
+    tables.write(out_quantiles, "label_quantiles", _stacked(quantiles, subject, sequence))
 
 
 def _stacked(parts: Sequence[Table], subject: str, sequence: str) -> Table:
@@ -132,6 +140,38 @@ def _coverage(grids: dict[str, LabelGrid], roles: dict[str, str]) -> Measured:
     found, per_frame = _summed("coverage", "share", measured, roles)
     inside = [(grid, np.where(grid.missing, np.nan, grid.in_frame)) for grid in grids.values()]
     return found + _summed("in_picture_share", "share", inside, roles, by_joint=False)[0], per_frame
+
+
+def _sigmas(
+    grids: dict[str, LabelGrid], roles: dict[str, str], spread: dict[str, tuple[Floats, Floats]]
+) -> list[rows.Row]:
+    """How well each camera's labels say that they are known, and how large the person is in its pictures."""
+    found = []
+    for camera, grid in grids.items():
+        px, m = spread[camera]
+        boxes = labels_in_boxes.label_boxes(grid)
+        found += rows.mean_row("label_sigma", px, "px", camera, roles[camera])
+        found += rows.joint_rows("label_sigma", px, grid.joints, "px", camera, roles[camera])
+        found += rows.mean_row("label_sigma_m", m, "m", camera, roles[camera])
+        found += rows.mean_row("person_height", boxes[:, 3] - boxes[:, 1], "px", camera, roles[camera])
+    return found
+
+
+def _quantiles(
+    grids: dict[str, LabelGrid],
+    roles: dict[str, str],
+    spread: dict[str, tuple[Floats, Floats]],
+    checked: dict[str, Floats],
+    true: dict[str, LabelGrid],
+) -> list[Table]:
+    """Columns of `label_quantiles` by camera and metric."""
+    found = []
+    for camera, grid in grids.items():
+        each = [("label_sigma", spread[camera][0]), ("label_sigma_m", spread[camera][1])]
+        each += [("check_error", distance(grid.uv, checked[camera]))] if camera in checked else []
+        each += [("error_to_truth_2d", against.errors_2d(grid, true[camera]))] if camera in true else []
+        found += [label_errors.quantile_columns(metric, values, camera, roles[camera]) for metric, values in each]
+    return found
 
 
 def _reprojection(
@@ -230,10 +270,7 @@ def _swaps(roles: dict[str, str], swaps: Path | None) -> list[rows.Row]:
     ]
 
 
-def _truth_2d(grids: dict[str, LabelGrid], roles: dict[str, str], truth: Path | None) -> Measured:
-    if truth is None:
-        return [], []
-    true = label_grids([Path(truth) / "labels_2d.parquet"])
+def _truth_2d(grids: dict[str, LabelGrid], roles: dict[str, str], true: dict[str, LabelGrid]) -> Measured:
     measured = [(grid, against.errors_2d(grid, true[camera])) for camera, grid in grids.items() if camera in true]
     return _summed("error_to_truth_2d", "px", measured, roles)
 

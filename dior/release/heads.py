@@ -248,7 +248,7 @@ def red_by(sequence: str, camera: str, judged: Judged, fx: dict[str, float]) -> 
     return why or "; ".join(red.reason for red in wrong if red.camera in ("", camera))
 
 
-def reasons(figures: dict[str, float], fx: float, found: list[tuple[str, str]], role: str) -> str:
+def reasons(figures: dict[str, float], fx: float, found: list[lights.Told], role: str) -> str:
     """What makes a camera's light red, in words; "" where it is not."""
     light = lights.judge(figures, fx, found, role)
     return "; ".join(light.reasons) if light.level == "bad" else ""

@@ -89,17 +89,19 @@ def card(
                 "camera": camera,
                 "role": settings["role"].replace("_", " "),
                 "light": light,
+                "figures": values,
                 "sheet": sheets.get(sequence, {}).get(camera),
             }
         )
     own = lights.findings_of(found, sequence, session, subject)
-    level = lights.worst([*(cell["light"].level for cell in cells), *(lights.SEVERITY_LEVEL[s] for s, _ in own)])
+    level = lights.worst([*(cell["light"].level for cell in cells), *(lights.SEVERITY_LEVEL[s] for s, _, _ in own)])
     return {
         "sequence": sequence,
         "about": ", ".join(w for w in (subject, row["environment"], session, row["outfit"], row["walk"]) if w),
         "level": level,
         "word": lights.WORDS[level],
-        "notes": [text for severity, text in own if severity != "info"],
+        "notes": [text for severity, _, text in own if severity != "info"],
+        "faults": [(lights.SEVERITY_LEVEL[s], code, text) for s, code, text in own if s != "info"],
         "cells": cells,
     }
 

@@ -18,6 +18,8 @@ from dior.report.numbers import show
 
 # scope, severity, code, text
 Finding: TypeAlias = tuple[str, str, str, str]
+# severity, code, text of a finding, of which it is known what it is about
+Told: TypeAlias = tuple[str, str, str]
 LEVELS = ("good", "look", "bad", "none")
 WORDS = {"good": "good", "look": "look at it", "bad": "fix it", "none": "left out"}
 
@@ -89,16 +91,21 @@ YARDSTICKS = {"in_box_share", "in_box_lacking", "check_error", "error_to_truth_2
 # boxes of the drawer whose boxes steps use that judge, the best first: each by a fit without it; kept back from every
 # fit, which are fewer; all, which placed the camera
 BOXES_THAT_JUDGE = ("left_out", "held_back", "in_box")
+# what is wrong where neither a figure nor a finding says it, and what an innocent camera's light says of the culprit
+NO_LABELS, UNCHECKED, BESIDE_CULPRIT = "no_labels", "unchecked", "beside_culprit"
 SEVERITY_LEVEL = {"info": "good", "warning": "look", "error": "bad"}
 
 
 @dataclass(frozen=True)
 class Light:
-    """`level` is one of LEVELS; `reasons`: what made it amber or red; `facts`: the other figures in words."""
+    """`level` is one of LEVELS; `reasons`: what made it amber or red; `facts`: the other figures in words;
+    `faults`: the reasons as (level, code, words), where a code is a finding's, a figure's metric or one of those below.
+    """
 
     level: str
     reasons: tuple[str, ...] = ()
     facts: tuple[str, ...] = ()
+    faults: tuple[tuple[str, str, str], ...] = ()
 
     @property
     def word(self) -> str:
@@ -110,33 +117,32 @@ def worst(levels: Iterable[str]) -> str:
     return max(levels, key=LEVELS.index, default="good")
 
 
-def judge(
-    figures: Mapping[str, float], fx: float | None, findings: Iterable[tuple[str, str]] = (), role: str = "close"
-) -> Light:
+def judge(figures: Mapping[str, float], fx: float | None, findings: Iterable[Told] = (), role: str = "close") -> Light:
     """The `Light` of a camera of a sequence.
 
-    `figures`: metric -> value, `fx` px or None, `findings`: (severity, text) pairs that are about this camera.
+    `figures`: metric -> value, `fx` px or None, `findings`: those that are about this camera.
     No `coverage` means that there are no labels. A long-range camera without a yardstick is never good. Hand boxes
     judge against what perfect labels would score in them, as in `boxes_compared`.
     """
     figures = boxes_compared(figures)
-    found = [(SEVERITY_LEVEL[severity], text) for severity, text in findings]
+    found = [(SEVERITY_LEVEL[severity], text, code) for severity, code, text in findings]
     if "coverage" not in figures:
-        found.append(("bad", "no labels were made"))
+        found.append(("bad", "no labels were made", NO_LABELS))
     if role == "long_range" and not YARDSTICKS & set(figures):
-        found.append(("look", "nothing checks these labels: draw boxes on some frames (config/boxes/)"))
+        found.append(("look", "nothing checks these labels: draw boxes on some frames (config/boxes/)", UNCHECKED))
     for limit in LIMITS:
         value = figures.get(limit.metric)
         if value is None:
             continue
         level, text = of_figure(limit, value, fx)
         if level != "good" or limit.metric not in ("in_picture_share", "lost_pictures", "swapped_share"):
-            found.append((level, text))
+            found.append((level, text, limit.metric))
     ordered = sorted(found, key=lambda item: -LEVELS.index(item[0]))
     return Light(
-        worst(level for level, _ in found),
-        tuple(text for level, text in ordered if level != "good"),
-        tuple(text for level, text in ordered if level == "good"),
+        worst(level for level, _, _ in found),
+        tuple(text for level, text, _ in ordered if level != "good"),
+        tuple(text for level, text, _ in ordered if level == "good"),
+        tuple((level, code, text) for level, text, code in ordered if level != "good"),
     )
 
 
@@ -178,20 +184,20 @@ def about(scope: str, names: Iterable[str]) -> bool:
 
 def findings_of(
     findings: Collection[Finding], sequence: str, session: str, subject: str, camera: str = ""
-) -> list[tuple[str, str]]:
-    """(severity, text) of `findings` (scope, severity, code, text) about a sequence, or about one of its cameras.
+) -> list[Told]:
+    """Those of `findings` that are about a sequence, or about one of its cameras.
 
     What is said of a camera that does not belong to the others comes first, and is about the sequence, too: its 3D is
     drawn by it.
     """
     names = {sequence, session, subject, camera} - {""}
     culprits = [
-        (severity, text)
+        (severity, code, text)
         for scope, severity, code, text in findings
         if code in culprit.CODES and {sequence, camera} - {""} <= set(scope.split("/"))
     ]
     return culprits + [
-        (severity, text)
+        (severity, code, text)
         for scope, severity, code, text in findings
         if code not in culprit.CODES
         and about(scope, names)
@@ -210,7 +216,7 @@ def beside_culprit(light: Light, findings: Iterable[Finding], sequence: str, cam
     if not named or light.level == "good":
         return light
     text = f"the labels follow the 3D, which {' or '.join(named)} may have drawn aside: look there first"
-    return replace(light, reasons=(text, *light.reasons))
+    return replace(light, reasons=(text, *light.reasons), faults=((light.level, BESIDE_CULPRIT, text), *light.faults))
 
 
 def by_mocap(findings: Iterable[Finding]) -> list[Finding]:

@@ -12,6 +12,7 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -22,7 +23,21 @@ from dior.geometry import camera_tables
 from dior.geometry.camera import REFERENCE_FX, Camera
 from dior.project.bumps import session_folder
 from dior.project.project import Project
-from dior.report import cards, cost, dataset, key_figures, lights, numbers, pages, sequence_pages, worst_pictures
+from dior.report import (
+    cards,
+    cost,
+    dataset,
+    headline,
+    key_figures,
+    last_run,
+    lights,
+    numbers,
+    overview,
+    pages,
+    sequence_pages,
+    troubles,
+    worst_pictures,
+)
 from dior.report import clocks as sequence_clocks
 from dior.report import stamps as sequence_stamps
 from dior.report.figures import Figures
@@ -34,6 +49,9 @@ from dior.tables.schemas import METRICS
 PLOTS = "plots"
 # name of a metric for people, in the order of the page
 TITLES = {
+    "label_sigma": "Standard error of a label, by itself",
+    "label_sigma_m": "The same at the person",
+    "person_height": "Height of the person in the picture",
     "coverage": "Joints with a label",
     "in_picture_share": "Labels in the picture",
     "mark_error": "Clicked marks, residual of the fit",
@@ -81,12 +99,13 @@ WRONG = {
 class Evaluated:
     """What was counted and measured of the labels.
 
-    `metrics`: metrics.csv; `frame_metrics`: tables `frame_metrics`; `statistics`: statistics.csv; `recognition`:
-    table.csv, cmc.csv and left_out.csv of re-identification, or nothing.
+    `metrics`: metrics.csv; `frame_metrics`: tables `frame_metrics`; `quantiles`: tables `label_quantiles`;
+    `statistics`: statistics.csv; `recognition`: table.csv, cmc.csv and left_out.csv of re-identification, or nothing.
     """
 
     metrics: Path
     frame_metrics: list[Path]
+    quantiles: list[Path]
     statistics: Path
     recognition: list[Path]
 
@@ -171,6 +190,8 @@ def run(
     sheets = cards.sheets_of(media.overlays, out)
     by_camera = cards.rows_by_camera(rows)
     shown = [cards.card(project, s, by_camera, recorded, found, stations, sheets) for s in project.sequences]
+    table = overview.rows(project, shown, recorded, stations, clocked)
+    table = overview.with_changes(table, last_run.compared(out, overview.figures(table)))
     folder = out / "assets" / PLOTS
     made = Figures(folder, project, rows, recorded)
     sections = [*made.paper(), *made.truth(), *made.clocks(clocked)]
@@ -193,7 +214,10 @@ def run(
         dataset=dataset.section(counted),
         tiles=_tiles(project, recorded),
         tally=Counter(cell["light"].level for card in shown for cell in card["cells"]),
-        cards=shown,
+        headline=headline.lines(_told(project, shown), headline.read(evaluated.quantiles)),
+        table=table,
+        columns=overview.COLUMNS,
+        where=troubles.where,
         excluded=sorted(project.excluded.items()),
         findings=cards.shown([finding for finding in found if finding[1] != "info"]),
         figures=_named(key_figures.table_of(rows, made.environment)),
@@ -206,10 +230,21 @@ def run(
         meanings=[(TITLES[name], name, text) for name, text in METRICS.items()],
         fx_of_limits=f"{REFERENCE_FX:.0f}",
     )
-    write_text(
-        out / "verdict.txt", sentence(shown, lambda s, camera: project.camera_file(project.session_of(s), camera))
-    )
+    write_text(out / "verdict.txt", sentence(table))
     write_text(out / "index.html", page)
+
+
+def _told(project: Project, shown: Iterable[dict[str, Any]]) -> dict[tuple[str, str], headline.Told]:
+    """What the headline is made of, by sequence and camera."""
+    return {
+        (card["sequence"], cell["camera"]): headline.Told(
+            (project.sequence(card["sequence"])["environment"], cell["role"].replace(" ", "_")),
+            cell["light"].level,
+            cell["figures"],
+        )
+        for card in shown
+        for cell in card["cells"]
+    }
 
 
 def _names(project: Project, sequence: str) -> set[str]:

@@ -68,7 +68,7 @@ def run(tmp_path, labels, **given):
         detected=evaluate.Detected(inputs["detections"], inputs["min_score"], inputs["swaps"]),
         yardsticks=evaluate.Yardsticks(*(inputs[key] for key in ("boxes", "left_out", "marks", "checks", "truth"))),
         out=tmp_path / "walk.parquet", out_frames=tmp_path / "walk.frames.parquet",
-        out_checks=tmp_path / "walk.checks.parquet",
+        out_checks=tmp_path / "walk.checks.parquet", out_quantiles=tmp_path / "walk.quantiles.parquet",
     )  # fmt: skip
     return read_metrics(tmp_path / "walk.parquet")
 

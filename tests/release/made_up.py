@@ -246,6 +246,7 @@ def figures(folder, who=EVERYONE):
             out=paths[-1],
             out_frames=steps / "frames.parquet",
             out_checks=steps / "checks.parquet",
+            out_quantiles=steps / "quantiles.parquet",
         )
     return metrics_csv.released(paths, {name: {"subject": subject} for name, (subject, *_) in walks(who).items()})
 

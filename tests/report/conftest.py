@@ -241,6 +241,7 @@ def write_sequence(root, number, sequence, subject, session):
         out=results / f"evaluate/{sequence}.parquet",
         out_frames=results / f"evaluate/{sequence}.frames.parquet",
         out_checks=results / f"evaluate/{sequence}.checks.parquet",
+        out_quantiles=results / f"evaluate/{sequence}.quantiles.parquet",
     )
     return SimpleNamespace(labels=labels, detections=detections, boxes=boxes, skeleton=skeleton)
 
@@ -293,6 +294,7 @@ def write_capture(root):
         clock_costs=clock_costs,
         findings=[findings],
         metrics=csv,
+        quantiles=[root / f"results/evaluate/{s[0]}.quantiles.parquet" for s in SEQUENCES],
         frame_metrics=[root / f"results/evaluate/{s[0]}.frames.parquet" for s in SEQUENCES],
         skeletons=[one.skeleton for one in made.values()],
     )

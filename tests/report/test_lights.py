@@ -32,8 +32,9 @@ def test_each_limit_has_its_words(figures, level, words):
 
 def test_no_labels_are_bad_and_findings_count():
     assert lights.judge({}, None).level == "bad"
-    light = lights.judge(GOOD, 640.0, [("warning", "the camera moved"), ("info", "48 marks")])
+    light = lights.judge(GOOD, 640.0, [("warning", "a", "the camera moved"), ("info", "b", "48 marks")])
     assert light.level == "look" and light.reasons == ("the camera moved",) and "48 marks" in light.facts
+    assert light.faults == (("look", "a", "the camera moved"),)
 
 
 def test_a_long_range_camera_that_nothing_checks_is_never_good():
@@ -102,8 +103,8 @@ def test_findings_are_matched_to_what_they_are_about():
         ("other/cam01", "error", "d", "four"),
     ]
     own = lights.findings_of(findings, "walk", "lab", "S01", "cam01")
-    assert own == [("info", "one"), ("warning", "two")]
-    assert lights.findings_of(findings, "walk", "lab", "S01") == [("error", "three")]
+    assert own == [("info", "a", "one"), ("warning", "b", "two")]
+    assert lights.findings_of(findings, "walk", "lab", "S01") == [("error", "c", "three")]
 
 
 CULPRIT = ("walk/cam02", "error", "culprit_camera", "cam02 does not belong to the others")
@@ -113,11 +114,11 @@ def test_the_culprit_comes_first_and_is_about_the_sequence_too():
     findings = [("lab/cam02", "error", "a", "one"), ("walk", "error", "b", "two"), CULPRIT]
 
     def of(camera=""):
-        return [text for _, text in lights.findings_of(findings, "walk", "lab", "S01", camera)]
+        return [text for _, _, text in lights.findings_of(findings, "walk", "lab", "S01", camera)]
 
     assert of("cam02") == [CULPRIT[3], "one"] and of() == [CULPRIT[3], "two"] and of("cam01") == []
     both = [("walk/cam01/cam02", "error", "culprit_exchanged", "exchanged")]
-    assert lights.findings_of(both, "walk", "lab", "S01", "cam01") == [("error", "exchanged")]
+    assert lights.findings_of(both, "walk", "lab", "S01", "cam01") == [("error", "culprit_exchanged", "exchanged")]
     assert not lights.findings_of(both, "walk", "lab", "S01", "cam03")
     assert not lights.findings_of(both, "other", "lab", "S01")
     assert [row["code"] for row in cards.shown([("a", "error", "b", "two"), CULPRIT])] == ["culprit_camera", "b"]

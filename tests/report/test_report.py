@@ -53,6 +53,7 @@ def write(capture, out):
         evaluated=report.Evaluated(
             metrics=capture.metrics,
             frame_metrics=capture.frame_metrics,
+            quantiles=capture.quantiles,
             statistics=counted(capture),
             recognition=test_reid.written(capture.root / "results/reid", test_reid.table()),
         ),

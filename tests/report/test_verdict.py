@@ -1,49 +1,59 @@
 """The sentence that a run ends with."""
 
-from dior.report.lights import Light
+from dior.report import lights
+from dior.report.overview import CameraRow, RecordingRow
+from dior.report.troubles import Fix, Trouble
 from dior.report.verdict import sentence
 
 
-def card(sequence, level, *lights, notes=()):
-    cells = [{"camera": f"cam{i:02d}", "light": light} for i, light in enumerate(lights, start=1)]
-    return {"sequence": sequence, "level": level, "notes": list(notes), "cells": cells}
+def row(camera, *levels, troubles=()):
+    recordings = tuple(RecordingRow(f"lab_{i}", "", level, "", (), "") for i, level in enumerate(levels, start=1))
+    return CameraRow("lab", camera, "close", lights.worst(levels), "", (), tuple(troubles), recordings)
 
 
-def file_of(sequence, camera):
-    return f"config/sessions/{sequence[:3]}/{camera}.yaml"
-
-
-GOOD, NONE = Light("good"), Light("none")
+BESIDE = Trouble("bad", "beside_boxes", "the labels lie 12.0 ± 0.5 px to the left of the hand boxes",
+                 ("lab_1", "lab_2"), Fix("config/sessions/lab/cam02.yaml", "nudge: {azimuth_deg: 0.58}"))  # fmt: skip
+FEW = Trouble(
+    "look", "coverage", "90.0 % of the joints have a label", ("lab_2",), Fix("config/sessions/lab/cam01.yaml")
+)
 
 
 def test_all_good():
-    assert sentence([card("lab_1", "good", GOOD, GOOD), card("lab_2", "good", GOOD)], file_of) == (
-        "3 of 3 recordings are good."
+    assert sentence([row("cam01", "good", "good"), row("cam02", "good")]) == "3 of 3 recordings are good."
+    assert sentence([row("cam01", "good", "none")]) == "1 of 1 recordings are good."
+
+
+def test_the_worst_is_told_with_what_to_type():
+    rows = [row("cam01", "good", "look", troubles=[FEW]), row("cam02", "bad", "bad", troubles=[BESIDE])]
+    assert sentence(rows) == (
+        "1 of 4 recordings are good. Fix it: lab cam02: the labels lie 12.0 ± 0.5 px to the left of the hand boxes (in "
+        "all 2 recordings); in config/sessions/lab/cam02.yaml: nudge: {azimuth_deg: 0.58}. 1 more is in the report."
     )
-    assert sentence([card("lab_1", "good", GOOD, NONE)], file_of) == "1 of 1 recordings are good."
 
 
-def test_the_worst_is_told_with_the_file_to_edit():
-    cards = [
-        card("lab_1", "look", GOOD, Light("look", ("few joints",))),
-        card("lab_2", "bad", Light("look", ("lost",)), Light("bad", ("labels are 12 px beside.", "more"))),
-        card("lab_3", "good", GOOD),
-    ]
-    assert sentence(cards, file_of) == (
-        "2 of 5 recordings are good. Fix it: lab_2 cam02: labels are 12 px beside; its file is "
-        "config/sessions/lab/cam02.yaml. 2 more are in the report."
+def test_where_nothing_is_computed_the_file_is_named():
+    assert sentence([row("cam01", "good", "look", troubles=[FEW])]).endswith(
+        "90.0 % of the joints have a label (in lab_2); its file is config/sessions/lab/cam01.yaml."
     )
 
 
 def test_a_file_that_the_reason_names_is_not_named_twice():
-    why = "12 px beside; in config/sessions/lab/cam01.yaml: nudge azimuth_deg: +0.58"
-    assert sentence([card("lab_1", "bad", Light("bad", (why,)))], file_of).endswith(f"lab_1 cam01: {why}.")
+    why = "12 px beside; correct config/people/lab_1.yaml"
+    trouble = Trouble("bad", "a", why, ("lab_1",), Fix("config/people/lab_1.yaml"))
+    assert sentence([row("cam01", "bad", troubles=[trouble])]).endswith(f"lab cam01: {why}.")
 
 
 def test_what_is_about_a_whole_walk_is_told_too():
-    cards = [card("lab_1", "bad", GOOD, GOOD, notes=["the 3D has\nthe wrong size", "other"])]
-    assert sentence(cards, file_of) == "2 of 2 recordings are good. Fix it: lab_1: the 3D has the wrong size."
+    walks = row("", troubles=[Trouble("bad", "world_scale", "the 3D has\nthe wrong size", ("lab_1",))])
+    assert sentence([walks, row("cam01", "good")]) == (
+        "1 of 1 recordings are good. Fix it: lab: the 3D has the wrong size."
+    )
+
+
+def test_what_follows_from_another_camera_is_not_told_again():
+    after = Trouble("bad", lights.BESIDE_CULPRIT, "this follows from cam02", ("lab_1",))
+    assert "follows" not in sentence([row("cam01", "bad", troubles=[after]), row("cam02", "bad", troubles=[BESIDE])])
 
 
 def test_it_is_not_endless():
-    assert len(sentence([card("lab_1", "bad", Light("bad", ("x" * 5000,)))], file_of)) < 700
+    assert len(sentence([row("cam01", "bad", troubles=[Trouble("bad", "a", "x" * 5000, ("lab_1",))])])) < 700

@@ -15,11 +15,6 @@ def hand_boxes(wildcards):
     return list(PROJECT.boxes(wildcards.sequence).values())
 
 
-def boxed_cameras(wildcards):
-    """The poses of the cameras in whose pictures boxes are drawn."""
-    return cameras_of(session_of(wildcards), PROJECT.boxes(wildcards.sequence))
-
-
 def left_out_boxes(wildcards):
     """What the labels would be without each box, of the cameras that boxes of the sequence place."""
     session = session_of(wildcards)

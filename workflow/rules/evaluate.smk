@@ -35,7 +35,7 @@ rule evaluate:
     input:
         labels=labels,
         skeleton=skeleton,
-        cameras=boxed_cameras,
+        cameras=sequence_cameras,
         detections=outdoor_only("results/triangulate/{sequence}.detections.parquet"),
         swaps=outdoor_only("results/triangulate/{sequence}.swaps.parquet"),
         boxes=hand_boxes,
@@ -47,6 +47,7 @@ rule evaluate:
         out="results/evaluate/{sequence}.parquet",
         out_frames="results/evaluate/{sequence}.frames.parquet",
         out_checks="results/evaluate/{sequence}.checks.parquet",
+        out_quantiles="results/evaluate/{sequence}.quantiles.parquet",
     log:
         "logs/evaluate/{sequence}.log",
     benchmark:

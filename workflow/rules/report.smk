@@ -64,6 +64,7 @@ rule report:
     input:
         metrics="results/evaluate/metrics.csv",
         frame_metrics=expand("results/evaluate/{sequence}.frames.parquet", sequence=SEQUENCES),
+        quantiles=expand("results/evaluate/{sequence}.quantiles.parquet", sequence=SEQUENCES),
         findings=all_findings(),
         cameras=all_cameras(),
         covariances=all_covariances(),

@@ -220,7 +220,7 @@ def test_a_released_pooling_is_that_of_the_step(whole):
     """`figures` pools without pandas; the step's own rows, to six digits, are the same."""
     rows = list(figures.read((whole / "metrics.csv").read_bytes()))
     stated = {tuple(row[key] for key in figures.KEY): row for row in rows}
-    assert len({key[0] for key in stated}) == 8 and not list(figures._pooled(stated))
+    assert len({key[0] for key in stated}) == 9 and not list(figures._pooled(stated))
     means = figures._means([row for row in rows if row["sequence"] and row["camera"]])
     assert means.keys() == stated.keys()
     low, high = bootstrap.of_mean(np.array([20.0, 40.0]), np.array([24, 48]))

@@ -107,7 +107,7 @@ def evaluated(arguments):
                 {"cam01": checks / f"{name}.cam01.csv"} if (checks / f"{name}.cam01.csv").exists() else {}, None,
             ),
             out=results / f"evaluate/{name}.parquet", out_frames=results / "f.parquet",
-            out_checks=results / "c.parquet",
+            out_checks=results / "c.parquet", out_quantiles=results / "q.parquet",
         )  # fmt: skip
     return arguments
 

@@ -1,0 +1,56 @@
+"""What became better or worse since the figures last changed.
+
+INPUT    the figures of the cameras of this run; <out>/history.json, which a run before left
+OUTPUT   words by camera; <out>/history.json
+
+The file has the figures of this run and those before them. It is written anew only where figures differ, so that the
+same results make the same page again. It is no output of the workflow: without it nothing is compared.
+"""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TypeAlias
+
+from dior.report.lights import LEVELS
+from dior.tables.files import write_text
+
+NAME = "history.json"
+# session/camera -> name of a figure -> its value, or the level of the light
+Figures: TypeAlias = dict[str, dict[str, float | str]]
+# chosen: by how much a figure changes before it is worth a word
+WORTH_TELLING = 0.1
+
+
+def compared(folder: Path, now: Figures) -> dict[str, str]:
+    """session/camera -> "better", "worse", "new" or "", and the history written for the next run."""
+    path = folder / NAME
+    history = _read(path)
+    before: Figures = history.get("before" if history.get("now") == now else "now") or {}
+    if history.get("now") != now:
+        write_text(path, json.dumps({"now": now, "before": before}, indent=1, sort_keys=True) + "\n")
+    if not before:
+        return dict.fromkeys(now, "")
+    return {name: _word(before.get(name), figures) for name, figures in now.items()}
+
+
+def _read(path: Path) -> dict[str, Figures]:
+    """What the file holds; nothing where there is none or it is not whole."""
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def _word(before: Mapping[str, float | str] | None, now: Mapping[str, float | str]) -> str:
+    if before is None:
+        return "new"
+    was, is_now = str(before.get("level", "none")), str(now.get("level", "none"))
+    if was != is_now and {was, is_now} <= set(LEVELS):
+        return "better" if LEVELS.index(is_now) < LEVELS.index(was) else "worse"
+    for key in ("beside_px", "residual_px", "sigma_px"):
+        old, new = before.get(key), now.get(key)
+        if isinstance(old, float) and isinstance(new, float) and abs(new - old) > WORTH_TELLING * max(old, 1e-9):
+            return f"{'better' if new < old else 'worse'}: {old:.2f} to {new:.2f} px"
+    return ""

@@ -1,0 +1,229 @@
+"""The table on top of the report: a row for each camera of a session, with its recordings, what is wrong and what to
+type; and the same in a sentence for the terminal.
+
+INPUTS   the project, the cards of its sequences (`cards.card`), `frame_metrics`, cameras, clocks
+OUTPUT   `CameraRow`s for templates/overview.html.j2; nothing is drawn or written here
+"""
+
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dior.project.project import Project
+from dior.report import beside_boxes, clocks, lights, troubles
+from dior.report.cards import FrameMetrics
+from dior.report.last_run import Figures
+from dior.report.numbers import show
+from dior.report.troubles import Trouble
+
+
+@dataclass(frozen=True)
+class Cell:
+    """What a cell shows, what explains it on hover, and what its column is sorted by."""
+
+    text: str
+    title: str = ""
+    by: float | str = ""
+
+
+@dataclass(frozen=True)
+class RecordingRow:
+    """A recording of a camera: link to its part of the sequence's page."""
+
+    sequence: str
+    link: str
+    level: str
+    word: str
+    cells: tuple[Cell, ...]
+    why: str
+
+
+@dataclass(frozen=True)
+class CameraRow:
+    """A camera of a session; `camera` is "" for what is about whole walks."""
+
+    session: str
+    camera: str
+    role: str
+    level: str
+    word: str
+    cells: tuple[Cell, ...]
+    troubles: tuple[Trouble, ...]
+    recordings: tuple[RecordingRow, ...]
+    change: str = ""
+
+    @property
+    def name(self) -> str:
+        return f"{self.session}/{self.camera}"
+
+
+COLUMNS = (
+    ("\u03c3 of a label", "standard error of one axis of a label, as the labels tell it: in px, and at the person"),
+    ("labelled", "joints with a label"),
+    ("off detections", "mean distance of the labels from this camera's own detections"),
+    ("off hand boxes", "how far the labels lie right of and below where hand boxes have them, with a 95 % interval"),
+    ("clock", "how well the camera's clock is known: half a 95 % interval, the widest of its recordings"),
+)
+NOTHING = Cell("\u2013")
+
+
+def rows(
+    project: Project,
+    cards: Iterable[Mapping[str, Any]],
+    recorded: FrameMetrics,
+    stations: Mapping[str, Mapping[str, Any]],
+    clocked: Mapping[str, clocks.SequenceClocks],
+) -> list[CameraRow]:
+    """A `CameraRow` for each camera of each session, and one for what is about whole walks, the worst first and
+    then in the sheet's order."""
+    by_session: dict[str, list[Mapping[str, Any]]] = {}
+    for card in cards:
+        by_session.setdefault(project.session_of(card["sequence"]), []).append(card)
+    found = []
+    for session, own in by_session.items():
+        walks = _whole_walks(session, own)
+        of_session = [walks] if walks else []
+        for camera in project.cameras(session):
+            seen = [(card, cell) for card in own for cell in card["cells"] if cell["camera"] == camera]
+            if seen:
+                of_session.append(_camera(project, session, camera, seen, recorded, stations, clocked))
+        by_row = troubles.across({row.camera: row.troubles for row in of_session}, project.window(session))
+        found += [_judged(row, by_row[row.camera]) for row in of_session]
+    return sorted(found, key=_order)
+
+
+def _order(row: CameraRow) -> tuple[int, bool]:
+    """The worst first, and causes before what follows from them."""
+    follows = all(one.code == lights.BESIDE_CULPRIT for one in row.troubles)
+    return (0 if row.level == "none" else -lights.LEVELS.index(row.level)), follows
+
+
+def _judged(row: CameraRow, own: tuple[Trouble, ...]) -> CameraRow:
+    """The row with the troubles that are its own in the end; its light is the worst of these and of its recordings."""
+    level = lights.worst((row.level, *(one.level for one in own)))
+    return replace(row, troubles=own, level=level, word=lights.WORDS[level])
+
+
+def figures(found: Iterable[CameraRow]) -> Figures:
+    """What is kept of a run, to be compared with the next (`last_run`)."""
+    names = ("sigma_px", "coverage", "residual_px", "beside_px")
+    return {
+        row.name: {"level": row.level} | {
+            name: float(cell.by) for name, cell in zip(names, row.cells, strict=False) if cell.by != ""
+        }
+        for row in found
+        if row.camera
+    }  # fmt: skip
+
+
+def with_changes(found: Iterable[CameraRow], changes: Mapping[str, str]) -> list[CameraRow]:
+    """The rows with what became of them since the last run."""
+    return [replace(row, change=changes.get(row.name, "")) for row in found]
+
+
+def _camera(
+    project: Project,
+    session: str,
+    camera: str,
+    seen: Sequence[tuple[Mapping[str, Any], Mapping[str, Any]]],
+    recorded: FrameMetrics,
+    stations: Mapping[str, Mapping[str, Any]],
+    clocked: Mapping[str, clocks.SequenceClocks],
+) -> CameraRow:
+    settings = project.cameras(session)[camera]
+    each, recordings, offsets, lags = [], [], [], []
+    for card, cell in seen:
+        sequence, light = card["sequence"], cell["light"]
+        offset = beside_boxes.of_recording(
+            recorded.get((sequence, camera), {}), cell["figures"].get("person_height", np.nan)
+        )
+        offsets.append(offset)
+        lag = clocked[sequence].clocks.get(camera) if sequence in clocked else None
+        lags.append(lag)
+        recordings.append(troubles.Recording(sequence, camera, light.faults, offset))
+        cells = _cells([cell["figures"]], [offset], [lag])
+        link = f"sequences/{sequence}.html#{camera}"
+        each.append(RecordingRow(sequence, link, light.level, light.word, cells, next(iter(light.reasons), "")))
+    file = Path(os.path.relpath(project.camera_file(session, camera), project.root)).as_posix()
+    setting = troubles.Setting(file, settings, stations.get(session, {}).get(camera))
+    level = lights.worst(row.level for row in each)
+    return CameraRow(
+        session,
+        camera,
+        settings["role"].replace("_", " "),
+        level,
+        lights.WORDS[level],
+        _cells([cell["figures"] for _, cell in seen], offsets, lags),
+        tuple(troubles.of_camera(recordings, setting)),
+        tuple(each),
+    )
+
+
+def _whole_walks(session: str, cards: Sequence[Mapping[str, Any]]) -> CameraRow | None:
+    """What is wrong with whole walks of a session and is not said of one of its cameras already."""
+    told = {text for card in cards for cell in card["cells"] for text in cell["light"].reasons}
+    recordings = [
+        troubles.Recording(card["sequence"], "", tuple(fault for fault in card["faults"] if fault[2] not in told))
+        for card in cards
+    ]
+    found = troubles.of_camera(recordings, troubles.Setting(""))
+    if not found:
+        return None
+    level = lights.worst(one.level for one in found)
+    cells = (NOTHING,) * len(COLUMNS)
+    return CameraRow(session, "", "whole walks", level, lights.WORDS[level], cells, tuple(found), ())
+
+
+def _cells(
+    figures: Sequence[Mapping[str, float]],
+    offsets: Sequence[beside_boxes.Offset | None],
+    lags: Sequence[tuple[float, float, float, str] | None],
+) -> tuple[Cell, ...]:
+    """Those of COLUMNS of one or several recordings: means over these, and the widest interval of a clock."""
+    sigma, metres = _mean(figures, "label_sigma"), _mean(figures, "label_sigma_m")
+    coverage, residual = _mean(figures, "coverage"), _mean(figures, "reprojection_error")
+    at_person = f", {show(metres, 'm')}" if np.isfinite(metres) else ""
+    known = [one for one in lags if one]
+    return (
+        Cell(show(sigma, "px") + at_person, "", sigma) if np.isfinite(sigma) else Cell("unknown", "", ""),
+        Cell(show(coverage, "share"), "", -coverage) if np.isfinite(coverage) else NOTHING,
+        Cell(show(residual, "px"), "", residual) if np.isfinite(residual) else NOTHING,
+        _offset(beside_boxes.together([one for one in offsets if one])),
+        _clock(known),
+    )
+
+
+def _mean(figures: Sequence[Mapping[str, float]], metric: str) -> float:
+    values = [one[metric] for one in figures if metric in one]
+    return float(np.mean(values)) if values else np.nan
+
+
+def _offset(offset: beside_boxes.Offset | None) -> Cell:
+    if offset is None:
+        return NOTHING
+    each = zip(offset.uv, offset.sigma, strict=True)
+    right, below = (f"{off:+.1f} \u00b1 {1.96 * sigma:.1f}" for off, sigma in each)
+    title = f"right and below, px; by {offset.n} boxes"
+    return Cell(f"{right}, {below} px", title, float(np.hypot(*offset.uv)))
+
+
+def _clock(lags: Sequence[tuple[float, float, float, str]]) -> Cell:
+    """The widest interval of the clocks; those that nobody knows or that a hand gave are said so."""
+    if not lags:
+        return NOTHING
+    unknown = sum(source == "assumed_zero" for *_, source in lags)
+    if unknown:
+        text = "unknown" if unknown == len(lags) else f"unknown in {unknown} of {len(lags)}"
+        return Cell(text, "taken as it is", np.inf)
+    half = max((high - low) / 2 for _, low, high, _ in lags)
+    if all(source == "reference" for *_, source in lags):
+        return Cell("reference", "the other clocks are told by this one", 0.0)
+    by_hand = ", by hand" if any(source == "manual" for *_, source in lags) else ""
+    late = ", ".join(f"{one:+.1f}" for one, *_ in lags[:6])
+    return Cell(
+        f"\u00b1 {half:.0f} ms{by_hand}" if np.isfinite(half) else f"given{by_hand}", f"late by {late} ms", half
+    )

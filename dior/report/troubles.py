@@ -1,0 +1,229 @@
+"""What is wrong with a camera of a session, cause by cause, and what to type in which file.
+
+INPUTS   the lights of its recordings (codes and sentences), what its YAML says, how far labels lie beside hand boxes
+OUTPUT   `Trouble`s: one for each cause, with the faults that follow from it below it, and a `Fix`
+
+One cause makes many faults: a camera that is turned moves labels out of boxes, which takes its clock away; a camera
+that does not belong to the others draws the 3D of all of them aside. EXPLAINS says what follows from what.
+"""
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from dior.errors import many
+from dior.geometry import culprit
+from dior.geometry.camera import Camera
+from dior.report import beside_boxes, lights
+
+# what is seen where labels are drawn aside, whatever did it
+ASIDE = frozenset({
+    "reprojection_error", "check_error", "error_to_truth_2d", "in_box_lacking", "in_box_share", "beside_boxes",
+    "high_error", "swapped_share", "in_picture_share", "clock_unknown", "clock_off", "align_disagrees",
+    lights.BESIDE_CULPRIT,
+})  # fmt: skip
+WORLD = frozenset({
+    "world_scale", "world_bones", "world_left_handed", "world_axes", "world_floor", "world_vertical", "world_speed",
+})  # fmt: skip
+EVERYTHING = frozenset({"*"})
+# cause -> what follows from it, the first causes first; of two that are there the first is the cause
+EXPLAINS: Mapping[str, frozenset[str]] = {
+    "sequence_failed": EVERYTHING,
+    "camera_missing": EVERYTHING,
+    **dict.fromkeys(culprit.CODES, ASIDE | WORLD | {"clock_contradicts", "camera_bumped", "mark_error", "coverage"}),
+    "camera_bumped": ASIDE | WORLD,
+    "clock_jump": ASIDE | {"clock_contradicts"},
+    "clock_contradicts": ASIDE,
+    lights.BESIDE_CULPRIT: ASIDE | WORLD | {"coverage"},
+    "camera_rolled": ASIDE,
+    "mark_error": ASIDE | {"mark_rejected", "mark_suspect", "pose_uncertain"},
+    "in_picture_share": ASIDE,
+    "beside_boxes": ASIDE,
+    "in_box_lacking": ASIDE,
+    "in_box_share": ASIDE,
+    "high_error": frozenset({"reprojection_error"}),
+    "reprojection_error": frozenset({"error_to_truth_2d", "high_error"}),
+    "check_error": frozenset({"error_to_truth_2d"}),
+}
+# what is wrong with one camera and draws what is made of all of them
+DRAWS_ALL = frozenset({*culprit.CODES, "clock_contradicts", "clock_jump", "camera_bumped"})
+# a file of the project in a sentence
+FILE = re.compile(r"config/[\w./@<>{}-]*\w")
+MANY_BOXES = 20  # chosen: that the light is sure of labels which are 2 px off (docs/figures.md)
+
+
+@dataclass(frozen=True)
+class Fix:
+    """What to type: `file` of the project, `what` to write there, "" where the sentence says it, and what it brings."""
+
+    file: str
+    what: str = ""
+    gain: str = ""
+
+
+@dataclass(frozen=True)
+class Trouble:
+    """A cause: how bad (one of `lights.LEVELS`), its code, what is wrong in a sentence, in which sequences, what to
+    type, and the other faults that follow from it, (where, sentence)."""
+
+    level: str
+    code: str
+    text: str
+    sequences: tuple[str, ...]
+    fix: Fix | None = None
+    follows: tuple[tuple[str, str], ...] = ()
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A camera of a sequence, as far as its troubles go; `camera` is "" for what is about the whole walk."""
+
+    sequence: str
+    camera: str
+    faults: tuple[tuple[str, str, str], ...]
+    offset: beside_boxes.Offset | None = None
+
+
+@dataclass(frozen=True)
+class Setting:
+    """Of a camera: its file, what it says, and where it stands, if that is known."""
+
+    file: str
+    says: Mapping[str, Any] = field(default_factory=dict)
+    camera: Camera | None = None
+
+
+def of_camera(recordings: Sequence[Recording], setting: Setting) -> list[Trouble]:
+    """The `Trouble`s of a camera of a session, the worst first, from those of its recordings that have faults."""
+    heads: dict[str, list[tuple[Recording, str, str, list[tuple[str, str]]]]] = {}
+    for recording in recordings:
+        for level, code, text, follows in causes(recording):
+            heads.setdefault(code, []).append((recording, level, text, follows))
+    found = []
+    for code, each in heads.items():
+        names = tuple(dict.fromkeys(recording.sequence for recording, *_ in each))
+        level = lights.worst(level for _, level, _, _ in each)
+        text = next(text for _, own, text, _ in each if own == level)
+        others = dict.fromkeys(text for _, _, text, _ in each)
+        follows = [(one.sequence, text) for one, _, _, below in each for _, text in below]
+        follows += [(each[0][0].sequence, other) for other in others if other != text]
+        found.append(
+            _with_fix(Trouble(level, code, text, names, None, tuple(dict.fromkeys(follows))), recordings, setting)
+        )
+    return sorted(found, key=lambda one: -lights.LEVELS.index(one.level))
+
+
+def causes(recording: Recording) -> list[tuple[str, str, str, list[tuple[str, str]]]]:
+    """(level, code, sentence, [(code, sentence) of what follows]) of each cause among the faults of a recording."""
+    rank = {code: i for i, code in enumerate(EXPLAINS)}
+    ordered = sorted(dict.fromkeys(recording.faults), key=lambda fault: rank.get(fault[1], len(rank)))
+    found: list[tuple[str, str, str, list[tuple[str, str]]]] = []
+    for level, code, text in ordered:
+        at = next((i for i, one in enumerate(found) if explains(one[1], code)), None)
+        if at is None:
+            found.append((level, code, text, []))
+        else:
+            # a cause is as bad as what follows from it
+            worse, cause, why, follows = found[at]
+            found[at] = lights.worst((worse, level)), cause, why, [*follows, (code, text)]
+    return found
+
+
+def across(by_camera: Mapping[str, Sequence[Trouble]], adjusted: Iterable[str]) -> dict[str, tuple[Trouble, ...]]:
+    """The `Trouble`s of the cameras of a session, "" for whole walks, those of one that follow from another's below it.
+
+    A camera with a wrong clock or place in a walk that the session is `adjusted` with draws the poses of all of them
+    aside; one that does not belong to the others draws the 3D of its walk aside.
+    """
+    window = set(adjusted)
+    found = {camera: list(own) for camera, own in by_camera.items()}
+    for camera, own in by_camera.items():
+        for cause in own:
+            if cause.code not in DRAWS_ALL:
+                continue
+            reach = None if window & set(cause.sequences) else set(cause.sequences)
+            follows: list[tuple[str, str]] = []
+            level = cause.level
+            for other, theirs in found.items():
+                if other == camera:
+                    continue
+                for i, one in enumerate(theirs):
+                    within = reach is None or set(one.sequences) <= reach
+                    if one.code in DRAWS_ALL or not within or not explains(cause.code, one.code):
+                        continue
+                    level = lights.worst((level, one.level))
+                    if one.code != lights.BESIDE_CULPRIT:
+                        follows += [(f"{', '.join(one.sequences)} {other}".strip(), one.text), *one.follows]
+                    text = f"this follows from {camera}, which is to be mended first"
+                    theirs[i] = Trouble(one.level, lights.BESIDE_CULPRIT, text, one.sequences)
+            at = found[camera].index(cause)
+            found[camera][at] = replace(cause, level=level, follows=tuple(dict.fromkeys((*cause.follows, *follows))))
+    return {camera: _once(own) for camera, own in found.items()}
+
+
+def _once(own: Iterable[Trouble]) -> tuple[Trouble, ...]:
+    """Those that follow from another camera as one for each sentence."""
+    found: dict[tuple[str, str], Trouble] = {}
+    for one in own:
+        key = one.code, one.text
+        there = found.get(key)
+        names = tuple(dict.fromkeys((*(there.sequences if there else ()), *one.sequences)))
+        level = lights.worst((one.level, there.level)) if there else one.level
+        found[key] = replace(one, sequences=names, level=level)
+    return tuple(found.values())
+
+
+def explains(cause: str, code: str) -> bool:
+    """Whether a fault follows from a cause."""
+    of_cause = EXPLAINS.get(cause, frozenset())
+    return cause != code and (code in of_cause or "*" in of_cause)
+
+
+def _with_fix(trouble: Trouble, recordings: Sequence[Recording], setting: Setting) -> Trouble:
+    """The trouble with what to type: for labels beside the boxes what is measured of all recordings."""
+    own = [one for one in recordings if one.sequence in trouble.sequences]
+    offsets = [one.offset for one in own if one.offset is not None and any(one.offset.told)]
+    if trouble.code in ("beside_boxes", "in_box_lacking", "in_box_share") and offsets:
+        offset = beside_boxes.together(offsets)
+        if offset and any(offset.told) and (len(offsets) == 1 or beside_boxes.alike(offsets)):
+            follows = ((own[0].sequence, trouble.text), *trouble.follows)
+            text = f"the labels lie {beside_boxes.words(offset)} of the hand boxes".replace("above of", "above")
+            trouble = replace(trouble, text=text.replace("below of", "below"), follows=follows)
+            return replace(trouble, fix=_nudged(offset, setting))
+    if trouble.code == lights.UNCHECKED:
+        [first, *_] = trouble.sequences
+        what = f"{MANY_BOXES} boxes or more: `dior run to_mark` draws which pictures"
+        return replace(trouble, fix=Fix(f"config/boxes/{first}.{own[0].camera}.csv", what, "tells how good they are"))
+    if trouble.code == lights.BESIDE_CULPRIT:
+        return trouble
+    if trouble.code == "clock_contradicts":
+        [first, *_] = trouble.sequences
+        what = f"leave out or correct {own[0].camera}"
+        return replace(trouble, fix=Fix(f"config/offsets/{first}.yaml", what, "the recording tells its clock"))
+    named = FILE.search(trouble.text)
+    file = named[0] if named else setting.file
+    return replace(trouble, fix=Fix(file)) if file else trouble
+
+
+def _nudged(offset: beside_boxes.Offset, setting: Setting) -> Fix:
+    """What puts labels right that lie beside the boxes in all recordings alike."""
+    says = setting.says
+    if says.get("locate") == "align" and not says.get("align") and setting.camera is not None:
+        new = beside_boxes.nudge(offset, setting.camera, says.get("nudge") or {})
+        what = f"nudge: {{{', '.join(f'{key}: {value:g}' for key, value in new.items())}}}"
+        left = max(sigma for sigma, told in zip(offset.sigma, offset.told, strict=True) if told)
+        return Fix(setting.file, what, f"moves the labels onto the boxes, to ± {1.96 * left:.1f} px")
+    if says.get("locate") == "align":
+        return Fix(setting.file, "is the tape right, and are the boxes drawn around the subject?")
+    return Fix(setting.file)
+
+
+def where(trouble: Trouble, recorded: Iterable[str]) -> str:
+    """In which recordings: "in all 4 recordings", "in walk_1 and walk_3", "in 5 of 12 recordings: walk_1, ..."."""
+    names, whole = trouble.sequences, list(recorded)
+    if len(names) == len(whole):
+        return "" if len(whole) == 1 else f"in all {many(len(whole), 'recording')}"
+    if len(names) <= 2:
+        return f"in {' and '.join(names)}"
+    return f"in {len(names)} of {len(whole)} recordings: {', '.join(names[:3])}{', ...' if len(names) > 3 else ''}"

@@ -1,0 +1,94 @@
+"""One cause, one line: what follows from what, and what to type."""
+
+import numpy as np
+
+from dior.geometry.camera import Camera, Intrinsics
+from dior.report import lights, troubles
+from dior.report.beside_boxes import Offset
+from dior.report.troubles import Recording, Setting, Trouble
+
+FAULTS = (
+    ("bad", "in_box_lacking", "46 % fewer labels are in the hand boxes"),
+    ("bad", "beside_boxes", "labels lie 38 % of their height beside"),
+    ("look", "clock_unknown", "the clock is not known"),
+    ("bad", "error_to_truth_2d", "labels are 7.7 px from the truth"),
+)
+LENS = Intrinsics(1280, 720, 760.0, 760.0, 640.0, 360.0)
+BY_EYE = Setting(
+    "config/sessions/field/cam04.yaml", {"locate": "align", "nudge": {"azimuth_deg": 0.3}},
+    Camera("cam04", LENS, np.eye(4), "long_range", "align"),
+)  # fmt: skip
+
+
+def off(u, walk="walk_1", faults=FAULTS):
+    return Recording(walk, "cam04", faults, Offset((u, 0.1), (0.3, 0.4), 20))
+
+
+def test_a_turned_camera_is_one_trouble_with_the_value_to_type():
+    [found] = troubles.of_camera([off(7.7), off(7.5, "walk_2")], BY_EYE)
+    assert found.level == "bad" and found.sequences == ("walk_1", "walk_2")
+    assert found.text == "the labels lie 7.6 ± 0.6 px to the right of the hand boxes"
+    assert found.fix.file == "config/sessions/field/cam04.yaml" and found.fix.what == "nudge: {azimuth_deg: -0.273}"
+    assert {text for _, text in found.follows} >= {text for _, code, text in FAULTS if code != "beside_boxes"}
+
+
+def test_walks_that_are_off_to_both_sides_are_not_mended_by_a_nudge():
+    [found] = troubles.of_camera([off(7.7), off(-7.5, "walk_2")], BY_EYE)
+    assert found.text == FAULTS[1][2] and found.fix.what == ""
+
+
+def test_a_camera_that_is_fitted_to_boxes_is_not_nudged():
+    fitted = Setting(BY_EYE.file, {"locate": "align", "align": {"from": "boxes"}}, BY_EYE.camera)
+    [found] = troubles.of_camera([off(7.7)], fitted)
+    assert "nudge" not in found.fix.what
+
+
+def test_faults_without_a_common_cause_stay_apart_the_worst_first():
+    faults = (("look", "coverage", "90 % of the joints"), ("bad", "mark_error", "marks fit to 9 px"))
+    found = troubles.of_camera([Recording("w", "cam01", faults)], Setting("c.yaml"))
+    assert [one.code for one in found] == ["mark_error", "coverage"] and found[0].fix == troubles.Fix("c.yaml")
+
+
+def test_a_file_in_the_sentence_is_the_one_to_edit():
+    faults = (("look", "a", "correct it in config/people/walk_1.yaml."),)
+    [found] = troubles.of_camera([Recording("walk_1", "cam01", faults)], Setting("c.yaml"))
+    assert found.fix == troubles.Fix("config/people/walk_1.yaml")
+
+
+def test_what_nothing_checks_asks_for_boxes():
+    faults = (("look", lights.UNCHECKED, "nothing checks these labels"),)
+    [found] = troubles.of_camera([Recording("walk_1", "cam04", faults)], BY_EYE)
+    assert found.fix.file == "config/boxes/walk_1.cam04.csv"
+
+
+def trouble(code, *sequences, level="look"):
+    return Trouble(level, code, f"{code} of {sequences[0]}", sequences)
+
+
+def test_a_wrong_clock_in_a_walk_of_the_adjustment_is_behind_what_is_wrong_in_all_walks():
+    found = troubles.across(
+        {"cam02": [trouble("clock_contradicts", "w1")], "cam03": [trouble("reprojection_error", "w2", level="bad")]},
+        ["w1"],
+    )
+    [cause], [after] = found["cam02"], found["cam03"]
+    assert cause.level == "bad" and ("w2 cam03", "reprojection_error of w2") in cause.follows
+    assert after.code == lights.BESIDE_CULPRIT and "follows from cam02" in after.text and after.fix is None
+
+
+def test_elsewhere_it_is_behind_what_is_wrong_in_its_own_walk_alone():
+    given = {"cam02": [trouble("clock_contradicts", "w1")], "cam03": [trouble("reprojection_error", "w2")]}
+    assert troubles.across(given, ["w3"])["cam03"] == (given["cam03"][0],)
+
+
+def test_two_causes_are_both_told():
+    given = {"cam02": [trouble("culprit_camera", "w1")], "cam03": [trouble("clock_contradicts", "w1")]}
+    found = troubles.across(given, ["w1"])
+    assert [len(found[camera]) for camera in given] == [1, 1] and found["cam03"][0].code == "clock_contradicts"
+
+
+def test_where_names_few_walks_and_counts_many():
+    names = [f"w{i}" for i in range(12)]
+    assert troubles.where(trouble("a", *names), names) == "in all 12 recordings"
+    assert troubles.where(trouble("a", "w1"), ["w1"]) == ""
+    assert troubles.where(trouble("a", "w1", "w2"), names) == "in w1 and w2"
+    assert troubles.where(trouble("a", *names[:4]), names) == "in 4 of 12 recordings: w0, w1, w2, ..."
