@@ -5,8 +5,9 @@ OUTPUTS  a lag (s), or that it cannot be told
 
 A flash (a camera's, a lamp that is switched on for a moment, a film's slate with a light) makes a few pictures brighter
 than those before and after. What gets brighter for longer is the exposure's doing, or somebody who passes; what does so
-all the time is flicker. One flash tells a lag; of several the pattern has to fit one way only. A flash is in a picture
-or in the next, so that a lag is as good as a picture is long.
+all the time is flicker. Light that comes back between two legs before the lens, or two black pictures, is no flash
+either: it is no brighter than usual. One flash tells a lag; of several the pattern has to fit one way only. A flash is
+in a picture or in the next, so that a lag is as good as a picture is long.
 """
 
 from dataclasses import dataclass
@@ -22,8 +23,10 @@ LONGEST_S = 0.25
 LEAST = 8.0
 # chosen: times as much as pictures usually stand out: flicker, which does so in every second one, tells nothing
 CLEAR = 10.0
-# chosen: of its peak, within two pictures, as a rolling shutter may have parts of a flash in both
+# chosen: of its peak, within two pictures, as a rolling shutter may have parts of a flash in both; and above the usual
 SUDDEN = 0.5
+# chosen: what makes less than half of this darker, such as somebody who passes before the lens, leaves the median alone
+AROUND_S = 2.0
 MOST = 20  # chosen: of more flashes a pattern fits by chance, and they are none that somebody made for this
 # chosen: of the flashes that both could have seen; cameras that face away miss some, but two of three are alike by
 # chance too often (`python -m benchmarks.videos flash`)
@@ -47,7 +50,7 @@ def flashes(light: Floats | None, pts_ns: Ints) -> Flashes | None:
 
     `pts_ns` (F,): times in the file.
     """
-    from scipy.ndimage import grey_opening
+    from scipy.ndimage import grey_opening, median_filter
 
     if light is None or len(light) < 3:
         return None
@@ -59,6 +62,8 @@ def flashes(light: Floats | None, pts_ns: Ints) -> Flashes | None:
     # a recording may begin or end within a change that lasts
     above[:size] = above[len(above) - size :] = 0.0
     least = max(LEAST, CLEAR * float(np.median(above)))
+    usual = median_filter(light, max(3, round(AROUND_S / period)), mode="nearest")
+    above[light - usual < SUDDEN * above] = 0.0
     begins, doubtful = (_rises(light, above, above > share * least, size) for share in (1.0, 0.5))
     if not 0 < len(begins) <= MOST or len(doubtful) > len(begins):
         return None

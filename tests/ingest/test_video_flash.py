@@ -82,6 +82,19 @@ def test_what_is_no_flash_is_none_and_hides_none(what):
     assert found.at_s == pytest.approx([7.0], abs=0.04)
 
 
+@pytest.mark.parametrize("gap_s", [0.1, 0.2, 0.3])
+@pytest.mark.parametrize("dark_s", [0.03, 0.1, 0.2], ids="{} s".format)
+def test_light_between_two_dark_moments_is_no_flash(gap_s, dark_s):
+    """Legs that pass before the lens, or black pictures: what comes back is the usual light."""
+    light, pts_ns = curve()
+    light_and_flash, _ = curve([8.0])
+    seconds = pts_ns / 1e9
+    dark = sum(((seconds > at) & (seconds <= at + dark_s)) for at in (4.0, 4.0 + dark_s + gap_s)).astype(bool)
+    assert video_flash.flashes(np.where(dark, light - 60, light), pts_ns) is None
+    found = video_flash.flashes(np.where(dark, light_and_flash - 60, light_and_flash), pts_ns)
+    assert found.at_s == pytest.approx([8.0], abs=0.04)
+
+
 def test_strong_flicker_and_what_brightens_by_and_by_tell_nothing():
     light, pts_ns = curve()
     assert video_flash.flashes(changed(light, flicker=20), pts_ns) is None
