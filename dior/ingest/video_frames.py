@@ -98,35 +98,47 @@ def films(sequence: str, topics: Mapping[str, str], recorded: Recorded, others_n
     if not any(film.stamps.start_sigma_s for film in found.values()):
         return found
     # a file whose times are not to be believed does not tell when its sound was
-    return by_flash(by_sound(found, [camera for camera in found if camera not in recorded.rates]))
+    beside = others_ns is not None
+    return by_flash(by_sound(found, [camera for camera in found if camera not in recorded.rates], beside), beside)
 
 
-def by_sound(found: Mapping[str, Film], cameras: Collection[str]) -> dict[str, Film]:
-    """The films, those of `cameras` whose start is uncertain moved to where their sound is that of another."""
+def by_sound(found: Mapping[str, Film], cameras: Collection[str], beside: bool = False) -> dict[str, Film]:
+    """The films, those of `cameras` whose start is uncertain moved to where their sound is that of another. `beside`:
+    there are cameras that are no films."""
     heard = {camera: containers.heard(found[camera].path) for camera in cameras}
-    return _moved(found, heard, video_audio, "sound")
+    return _moved(found, heard, video_audio, "sound", beside)
 
 
-def by_flash(found: Mapping[str, Film]) -> dict[str, Film]:
-    """The films, those whose start is uncertain, and which no sound told, moved to where they saw the same flash."""
+def by_flash(found: Mapping[str, Film], beside: bool = False) -> dict[str, Film]:
+    """The films, those whose start is uncertain, and which no sound told, moved to where they saw the same flash;
+    `beside` as of `by_sound`."""
     seen = {camera: video_flash.flashes(film.index.light, film.index.pts_ns) for camera, film in found.items()}
-    return _moved(found, seen, video_flash, "flash")
+    return _moved(found, seen, video_flash, "flash", beside)
 
 
-def _moved(found: Mapping[str, Film], signs: Mapping[str, Any], kind: Any, source: str) -> dict[str, Film]:
-    """The films moved by signs that cameras have, the best known first; `kind`: the module that compares the signs."""
+def _moved(
+    found: Mapping[str, Film], signs: Mapping[str, Any], kind: Any, source: str, beside: bool
+) -> dict[str, Film]:
+    """The films moved by signs that cameras have, the best known first; `kind`: the module that compares the signs.
+
+    Where none of them is good against other cameras, of which there are some, or some `beside`, the moved ones are near
+    each other and as far from these as before.
+    """
     order = sorted(signs, key=lambda camera: (found[camera].stamps.start_sigma_s, camera))
     order = [camera for camera in order if signs[camera]]
-    settled = [camera for camera in order if _compared(found[camera].stamps)] or order[:1]
+    settled = [camera for camera in order if _compared(found[camera].stamps)]
+    alone = not settled and (beside or any(_compared(film.stamps) for film in found.values()))
+    settled = settled or order[:1]
     out = dict(found)
     for camera in [camera for camera in order if camera not in settled]:
         for other in settled:
             moved = _moved_to(out[camera], signs[camera], out[other], signs[other], kind)
             if moved is not None:
-                out[camera] = replace(moved, stamps=replace(moved.stamps, source=source))
+                apart_s = out[camera].stamps.apart_sigma_s if alone else moved.stamps.apart_sigma_s
+                out[camera] = replace(moved, stamps=replace(moved.stamps, source=source, apart_sigma_s=apart_s))
                 settled.append(camera)
                 break
-    if len(settled) > 1 and not _compared(out[settled[0]].stamps):
+    if len(settled) > 1 and not alone and not _compared(out[settled[0]].stamps):
         first, second = (out[camera].stamps for camera in settled[:2])
         out[settled[0]] = replace(out[settled[0]], stamps=replace(first, apart_sigma_s=second.apart_sigma_s))
     return out

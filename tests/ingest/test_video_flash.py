@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dior.ingest import frames, video_flash, video_starts
+from dior.ingest import frames, video_flash, video_frames, video_starts
 from dior.ingest.video_frames import Recorded
 from dior.tables import tables
 from tests.ingest.videofiles import numbered, write
@@ -125,3 +125,30 @@ def test_a_camera_that_began_late_is_put_where_it_saw_the_flash(tmp_path):
         "cam01": "none", "cam02": "flash", "cam03": "none",
     }  # fmt: skip
     assert [told[camera]["apart_sigma_s"] for camera in videos] == pytest.approx([1 / 30, 1 / 30, 5.0], abs=1e-4)
+
+
+def test_cameras_with_a_flash_of_their_own_are_not_near_the_others(tmp_path):
+    """cam01's stamps are exact and it saw no flash: how far the two others are off it is as open as before."""
+    for camera, flash in (("cam01", None), ("cam02", 45), ("cam03", 15)):
+        write(tmp_path / f"{camera}.mp4", [numbered(i) // (1 if i == flash else 3) for i in range(60)])
+    (tmp_path / "cam01.csv").write_text("frame,stamp_ns\n0,1708000000000000000\n")
+    videos = {camera: tmp_path / f"{camera}.mp4" for camera in ("cam01", "cam02", "cam03")}
+    frames.run(
+        sequence="w", bags=[], data_root=tmp_path, topics=dict.fromkeys(videos, "video0"), out=tmp_path / "f.parquet",
+        recorded=Recorded(videos, {"cam01": tmp_path / "cam01.csv"}),
+    )  # fmt: skip
+    told = video_starts.told(tmp_path / "f.parquet")
+    assert [told[camera]["apart_sigma_s"] for camera in videos] == [0.0, 5.0, 5.0]
+    assert [told[camera]["source"] for camera in videos] == ["sidecar", "none", "flash"]
+    assert video_starts.search_s(tmp_path / "f.parquet") > 15
+
+
+def test_beside_a_camera_that_is_no_video_a_flash_tells_nothing_of_it(tmp_path):
+    for camera, flash in (("cam02", 45), ("cam03", 15)):
+        write(tmp_path / f"{camera}.mp4", [numbered(i) // (1 if i == flash else 3) for i in range(60)])
+    videos = {camera: tmp_path / f"{camera}.mp4" for camera in ("cam02", "cam03")}
+    for others_ns, apart_s in ((None, 1 / 30), (1_708_000_000 * 10**9, 5.0)):
+        films = video_frames.films("w", dict.fromkeys(videos, "video0"), Recorded(videos), others_ns)
+        assert [film.stamps.apart_sigma_s for film in films.values()] == pytest.approx([apart_s] * 2, abs=1e-4)
+        first, second = (int(film.stamps.stamp_ns[0]) for film in films.values())
+        assert (second - first) / 1e9 == pytest.approx(1.0, abs=1e-6)
