@@ -12,7 +12,7 @@ first byte bit 7 is a header, bit 6 no key frame; an empty packet is the picture
 pictures use all of 0 to 255.
 
 What cannot be decoded gives no picture: packets before the first key frame of a recording, and those from a lost or
-damaged one to the next key frame, for the decoder would make up what they are made of.
+damaged one, or an empty one of ffmpeg's, to the next key frame, for the decoder would make up what they are made of.
 """
 
 import os
@@ -32,6 +32,8 @@ CODECS = {"264": "h264", "265": "hevc", "hevc": "hevc", "av1": "av1", "vp9": "vp
 KEY = 1
 # of the first byte of Theora's packets; its headers; FFmpeg's word for pictures that use all of 0 to 255
 IS_HEADER, NO_KEY, HEADERS, FULL_RANGE = 0x80, 0x40, 3, 2
+# of H.264 and HEVC: a count that goes back by more is that of an encoder that began anew
+MOST_REORDERED = 16
 REPUBLISH = (
     "play the bag beside `ros2 run image_transport republish`, from its transport to compressed, and record the topic "
     "that this publishes"
@@ -67,7 +69,7 @@ class Unpacker:
         stream = self._streams.setdefault(message.topic, _Stream(f"{self.bag}: {message.topic}"))
         data = content.data.tobytes()
         if message.kind == messages.PACKET:
-            stream.decoder = stream.decoder or _decoder(_codec(content.encoding, stream.where), stream.where)
+            yield from stream.coded(_codec(content.encoding, stream.where))
             packet = _Packet(content.pts, bool(content.flags & KEY), data, content.header)
         elif data and data[0] & IS_HEADER:
             yield from stream.headed(data, bool(content.b_o_s))
@@ -83,10 +85,12 @@ class Unpacker:
             yield from stream.ended()
             self._told(topic, stream)
             if self.received is None and not stream.shown:
-                headers = ", and theora's three headers before it" if len(stream.headers) < HEADERS else ""
+                needs = f"a key frame of {stream.codec}, as its encoding says"
+                if not stream.codec:
+                    needs = "a key frame" + (", and theora's three headers before it" if not stream.decoder else "")
                 raise DiorError(
                     f"{stream.where}: no picture can be decoded from its {stream.count} packets; a recording must hold "
-                    f"a key frame{headers}"
+                    f"{needs}"
                 )
 
     def _told(self, topic: str, stream: "_Stream") -> None:
@@ -97,12 +101,16 @@ class Unpacker:
 
 @dataclass
 class _Stream:
-    """The decoder of a topic; `where` it is, for messages; `headers` of Theora that have come. `sent`: message and
-    packet by the number of one whose picture has not come; `waiting`: packets since the key frame that nobody
-    wanted so far; `whole`: none is missing since then; `lost`: those that give no picture; `frame`: the last one."""
+    """The decoder of a topic; `where` it is, for messages; its `codec`, "" of Theora, whose `headers` have come.
+
+    `sent`: message and packet by the number of one whose picture has not come; `waiting`: packets since the key frame
+    that nobody wanted so far; `whole`: none is missing since then; `lost`: those that give no picture; `frame`: the
+    last one.
+    """
 
     where: str
     decoder: Any = None
+    codec: str = ""
     headers: list[bytes] = field(default_factory=list)
     count: int = 0
     shown: int = 0
@@ -112,6 +120,12 @@ class _Stream:
     waiting: list[tuple[int, _Packet]] = field(default_factory=list)
     lost: list[_Packet] = field(default_factory=list)
     frame: Any = None
+
+    def coded(self, codec: str) -> Iterator[Message]:
+        """Packets of FFmpeg's `codec` follow: where it is another one than before, with a decoder of its own."""
+        if codec != self.codec:
+            yield from self.ended()
+            self.decoder, self.codec, self.whole = _decoder(codec, self.where), codec, False
 
     def headed(self, data: bytes, begins: bool) -> Iterator[Message]:
         """One of Theora's headers; with the third there is a decoder for what follows."""
@@ -127,7 +141,7 @@ class _Stream:
         if packet.is_key:
             yield from self.ended()
             self.whole = self.decoder is not None
-        elif packet.number < self.last:
+        elif self.last - MOST_REORDERED <= packet.number < self.last:
             raise DiorError(
                 f"{self.where}: its packets are in another order than its pictures (B-frames), which the transport "
                 f"ffmpeg does not make; {REPUBLISH}"
@@ -150,6 +164,9 @@ class _Stream:
         import av
 
         if not self.whole:
+            return
+        if not packet.data and self.codec:
+            self.whole = False
             return
         if not packet.data:
             yield from self._shown(number, self.frame)
@@ -197,7 +214,7 @@ class _Stream:
 def _codec(encoding: str, where: str) -> str:
     """FFmpeg's name of what an encoder made. Raises DiorError for one that is not known."""
     encoder, *formats = encoding.split(";")
-    name = next((codec for part, codec in CODECS.items() if part in encoder), "")
+    name = next((codec for part, codec in CODECS.items() if part in encoder.lower()), "")
     if not name or any(one.startswith("bayer") for one in formats[1:2]):
         raise DiorError(
             f"{where}: its encoding is '{encoding:.80}', and pictures by {', '.join(sorted(set(CODECS.values())))} are "

@@ -121,6 +121,34 @@ def test_beside_pictures_of_another_camera_and_with_the_lens_beside_it(tmp_path)
     assert bags.repeated(bag, [TOPIC]) == set()
 
 
+@pytest.mark.parametrize("empty", [5, 7], ids=["key frame", "other"])
+def test_an_empty_packet_is_a_lost_one(tmp_path, empty):
+    """It is the picture before again with theora alone, and what comes after it is made of it."""
+    made = sent()
+    made[empty].content["data"] = np.zeros(0, np.uint8)
+    table = indexed(tmp_path, write(tmp_path / "walk", made, "mcap"))
+    there = [i for i in range(COUNT) if not empty <= i < 10]
+    assert table["stamp_ns"].tolist() == [STAMPS[i] for i in there]
+    found = greys(table, tmp_path)
+    np.testing.assert_allclose([found[row] for row in range(len(there))], [20 + 10 * i for i in there], atol=3)
+
+
+def test_another_encoder_in_the_middle_has_a_decoder_of_its_own(tmp_path):
+    made = [*sent()[:10], *packets(TOPIC, STAMPS[10:], IMAGES[10:], encoder="libx265")]
+    table = indexed(tmp_path, write(tmp_path / "walk", made, "mcap"))
+    assert table["stamp_ns"].tolist() == STAMPS
+    found = greys(table, tmp_path)
+    np.testing.assert_allclose([found[i] for i in range(COUNT)], [20 + 10 * i for i in range(COUNT)], atol=3)
+    assert greys(tables.rows(table, np.array([21, 3])), tmp_path) == {0: found[21], 1: found[3]}
+
+
+def test_an_encoder_that_begins_anew_and_whose_first_packet_is_lost(tmp_path):
+    later = 10**9
+    again = [replace(one, receive_ns=one.receive_ns + later, stamp_ns=one.stamp_ns + later) for one in sent()[1:]]
+    table = indexed(tmp_path, write(tmp_path / "walk", [*sent(), *again], "mcap"))
+    assert table["stamp_ns"].tolist() == [*STAMPS, *(stamp + later for stamp in STAMPS[5:])]
+
+
 @pytest.mark.parametrize("encoding", ["huffyuv", "h264;gray;bayer_rggb8;bayer_rggb8"])
 def test_another_encoder_is_refused_by_its_name(tmp_path, encoding):
     made = sent()
@@ -141,8 +169,17 @@ def test_what_the_newer_plugin_calls_its_encoding(tmp_path):
 
 def test_nothing_that_can_be_decoded(tmp_path):
     bag = write(tmp_path / "walk", sent(gop=100)[1:], "mcap")
-    with pytest.raises(DiorError, match=rf"walk: {TOPIC}: no picture can be decoded from its 22 packets; .* key frame"):
+    with pytest.raises(
+        DiorError, match=rf"walk: {TOPIC}: no picture can be decoded from its 22 packets; .* of h264, as"
+    ):
         indexed(tmp_path, bag)
+    made = sent()
+    for one in made:
+        one.content["encoding"] = "HEVC"
+    with pytest.raises(
+        DiorError, match="no picture can be decoded from its 23 packets; .* of hevc, as its encoding says"
+    ):
+        indexed(tmp_path, write(tmp_path / "other", made, "mcap"))
 
 
 def test_pictures_that_are_sent_in_another_order_are_refused(tmp_path):
