@@ -76,6 +76,8 @@ def many(number: int, what: str) -> str:
 
 def nearest(word: object, known: Iterable[object]) -> str:
     """` (did you mean 'x'?)` for the nearest of `known`, or an empty string."""
+    words = [str(k) for k in known]
     # chosen: half of the letters alike; a suggestion costs nothing where it is wrong
-    match = difflib.get_close_matches(str(word), [str(k) for k in known], n=1, cutoff=0.5)
+    match = [one for one in words if one.lower() == str(word).lower()]
+    match = match or difflib.get_close_matches(str(word), words, n=1, cutoff=0.5)
     return f" (did you mean '{match[0]}'?)" if match else ""

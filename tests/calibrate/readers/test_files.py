@@ -121,3 +121,10 @@ def test_real_files_read_as_they_did(shared):
     lens, wTc = from_file(path, "cameras.2"), reference_pose(path, "2")
     assert (lens.fx, lens.distortion[4]) == (650.801908585405, 0.12402327219756225)
     np.testing.assert_allclose(inverse_pose(wTc)[:3, 3], [-0.23847883889, 0.18461082841, 1.16829439007], atol=1e-10)
+
+
+def test_a_name_in_other_letters_is_nearer_than_any_other(tmp_path):
+    path = tmp_path / "a.toml"
+    path.write_text("".join(toml.CAMERA.replace("cam_01", name) for name in ("CAM_02", "cam_03")))
+    with pytest.raises(DiorError, match="no camera 'cam_02' .did you mean 'CAM_02'"):
+        files.camera(path, "cam_02")
