@@ -9,8 +9,7 @@ from dior.errors import DiorError
 from dior.formats import MocapFormat
 from dior.ingest.mocap_files import c3d, motive, qtm, trc
 from dior.ingest.mocap_files.capture import Capture
-
-BOM = b"\xef\xbb\xbf"
+from dior.project.plain_text import unmarked
 
 
 @dataclass(frozen=True)
@@ -51,9 +50,9 @@ READERS = {
 
 
 def recognise(path: AnyPath) -> str:
-    """The key in READERS of a file, by its first bytes."""
+    """The key in READERS of a file, by its first bytes. Raises DiorError for UTF-16."""
     with open(path, "rb") as stream:
-        head = stream.read(64).removeprefix(BOM).upper()
+        head = unmarked(stream.read(64), path).upper()
     return next(
         (key for key, reader in READERS.items() if head.startswith(tuple(word.upper() for word in reader.begins))), C3D
     )

@@ -152,3 +152,11 @@ def test_keys_of_qualisys_in_small_letters(tmp_path):
     assert mocap.read(path).rate == 100.0
     path.write_text((head + "MARKER_NAMES" + rest).replace("Frame\tTime", "FRAME\tTIME"))
     assert mocap.read(path).rate == 100.0
+
+
+@pytest.mark.parametrize("write", WRITERS)
+def test_utf_16_is_said_and_is_no_c3d(tmp_path, write):
+    path = file_of(tmp_path, write)
+    path.write_bytes(path.read_bytes().decode().encode("utf-16"))
+    with pytest.raises(DiorError, match="is UTF-16"):
+        mocap.read(path)
