@@ -66,6 +66,7 @@ def run(
         raise DiorError(f"detector.format '{format}' is not one of {', '.join(known)}{nearest(format, known)}")
     pictures = tables.read(frames, "frames", None if data_root else NEEDED)
     parts, everybody, seen = [], [], []
+    in_one_file: dict[str, People] = {}
     for camera in sorted(cameras):
         where = f"{sequence}, {camera}"
         mine = tables.of_camera(pictures, camera)
@@ -78,6 +79,9 @@ def run(
             raise DiorError(f"{sequence}: `detections` in sequences.tsv is '{pattern}', which needs a {{camera}} in it")
         people = of_recording(path, reader, camera, mine, where, first_frame)
         _check_anybody(people, path, where)
+        if "{camera}" not in pattern:
+            _check_own_rows(in_one_file, people, camera, path, sequence)
+            in_one_file[camera] = people
         track = subject.follow(people, stamps_ns)
         seen += [
             (f"{sequence}/{camera}", *finding) for finding in _findings(people, track, camera, reader, first_frame)
@@ -259,6 +263,16 @@ def _check_anybody(people: People, path: AnyPath, where: str) -> None:
         raise DiorError(
             f"{where}: no person found in any of {len(people.ran)} frames of {path}; "
             "is this the right camera and format? If the camera is long-range, say so in its YAML"
+        )
+
+
+def _check_own_rows(others: dict[str, People], people: People, camera: str, path: AnyPath, sequence: str) -> None:
+    """Refuse the rows of a file with all cameras that another camera has been given."""
+    same = [name for name, other in others.items() if np.array_equal(other.uv, people.uv, equal_nan=True)]
+    if same:
+        raise DiorError(
+            f"{sequence}: {same[0]} and {camera} have the same rows of {path}; it has those of one of them only, or "
+            "the names of both end in the same number; give a file per camera, or rename one"
         )
 
 

@@ -64,10 +64,14 @@ def from_list(content: Any, path: AnyPath, frame_of: Callable[[Any, str], int]) 
     frame: list[int] = []
     people: list[Floats] = []
     score: list[float] = []
+    names: dict[Any, Any] = {}
     for count, one in enumerate(content):
         where = f"{path}: result {count}"
         try:
-            frame.append(frame_of(one["image_id"], where))
+            name = one["image_id"]
+            frame.append(frame_of(name, where))
+            if names.setdefault(frame[-1], name) != name:
+                raise DiorError(f"{path}: {names[frame[-1]]} and {name} are both frame {frame[-1]}")
             people.append(triples(one["keypoints"], where))
             score.append(number(one.get("score")))
         except (KeyError, TypeError, AttributeError, OverflowError) as error:

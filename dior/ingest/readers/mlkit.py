@@ -33,7 +33,8 @@ DESCRIPTIONS = (
         frame="`frame`, or else `stamp_ns`",
         score="`inFrameLikelihood`",
         nobody="`landmarks: []`; a missing line: not run",
-        refused="a line that is no JSON; `frame` in some lines only; a frame twice; a `type` that is not 0 to 32",
+        refused="a line that is no JSON; `frame` in some lines only; a frame twice; a `type` that is not 0 to 32, or "
+        "twice in a line",
         samples=(
             Sample(
                 "ML Kit JSON lines",
@@ -101,10 +102,12 @@ def _numbered(pictures: list[_Picture]) -> list[_Picture]:
 
 
 def _columns(pictures: list[_Picture]) -> tuple[list[Any], list[int], Floats]:
-    """(frames, stamps, points) of decoded lines."""
+    """(frames, stamps, points) of decoded lines. Raises MsgspecError for a landmark that is twice in one of them."""
     landmarks = list(chain.from_iterable([picture.landmarks for picture in pictures]))
     row = np.repeat(np.arange(len(pictures)), [len(picture.landmarks) for picture in pictures])
     kind = np.array([one.type for one in landmarks], int)
+    if np.bincount(row * len(MLKIT_33) + kind, minlength=1).max() > 1:
+        raise msgspec.ValidationError
     points = np.full((len(pictures), len(MLKIT_33), 3), np.nan)
     # a list of attributes goes into an array.array several times as fast as numpy takes it
     points[row, kind, 0] = array("d", [one.x for one in landmarks])
@@ -144,9 +147,13 @@ def _landmarks(landmarks: Any, where: str) -> Floats:
     points = np.full((len(MLKIT_33), 3), np.nan)
     if not isinstance(landmarks, list):
         raise TypeError(f"landmarks {landmarks!r:.40}")
+    there: set[int] = set()
     for one in landmarks:
         kind = one.get("type")
         if isinstance(kind, bool) or not isinstance(kind, int) or not 0 <= kind < len(MLKIT_33):
             raise DiorError(f"{where} has a landmark whose type is not 0 to {len(MLKIT_33) - 1}")
+        if kind in there:
+            raise DiorError(f"{where} has the type {kind} twice; ML Kit finds one person, so are two in the line?")
+        there.add(kind)
         points[kind] = [number(one.get(key)) for key in KEYS]
     return points

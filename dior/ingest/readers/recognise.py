@@ -45,7 +45,8 @@ def _head(path: AnyPath) -> bytes:
 
 
 def _of_head(head: bytes, alone: bool) -> str | None:
-    if not head:
+    # a picture of MediaPipe's without anybody
+    if not head or head == b"null":
         return "empty"
     if head[:1] in b"{[":
         return _of_json(head)

@@ -83,3 +83,10 @@ def test_the_real_file_of_an_older_version_is_refused_in_these_words(shared):
     assert recognise(path) == "caliscope"
     with pytest.raises(DiorError, match="xy_CHARUCO.csv: there is no column frame_index; it is of an older caliscope"):
         caliscope.read(path)
+
+
+@pytest.mark.parametrize("ids, cameras", [((2,), ("cam01", "cam02")), ((1, 2), ("cam01", "side1"))])
+def test_two_cameras_with_the_rows_of_one_are_refused(tmp_path, ids, cameras):
+    path = formats.caliscope(tmp_path, scene(26), ids)
+    with pytest.raises(DiorError, match=rf"{cameras[0]} and {cameras[1]} have the same rows of .*xy_RTMPOSE.csv; it"):
+        run(tmp_path, path, cameras=cameras)

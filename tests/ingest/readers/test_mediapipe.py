@@ -7,7 +7,8 @@ import numpy as np
 from dior.body.names import MLKIT_33
 from dior.ingest.readers import mediapipe
 from dior.ingest.readers.recognise import recognise
-from tests.ingest.formats import HEIGHT, WIDTH
+from tests.ingest import formats
+from tests.ingest.formats import HEIGHT, WIDTH, scene
 from tests.ingest.test_detections_formats import run
 
 
@@ -25,3 +26,11 @@ def test_real_mediapipe_text(shared, tmp_path):
     for frame in (1, 3):
         shutil.copy(path, tmp_path / "folder" / f"cam01_{frame:04d}.pbtxt")
     assert mediapipe.read(tmp_path / "folder").frame.tolist() == [1, 3]
+
+
+def test_nobody_in_the_first_picture(tmp_path):
+    folder = formats.mediapipe_solutions(tmp_path, scene(33))
+    (folder / "cam01_000000.json").write_text("null")
+    assert recognise(folder) == "mediapipe"
+    people = mediapipe.read(folder)
+    assert people.frame.tolist() == [1, 2, 3] and people.ran.tolist() == [0, 1, 2, 3]

@@ -3,7 +3,9 @@
 import json
 
 import numpy as np
+import pytest
 
+from dior.errors import DiorError
 from dior.ingest.readers import mlkit
 from tests.ingest import formats
 from tests.ingest.formats import scene
@@ -49,3 +51,15 @@ def test_a_digit_within_a_key_is_no_number(tmp_path):
     path.write_text("\n".join([whole[0], whole[1].replace('"type": 4, "x"', '"type": 4, "x1"')]))
     people = mlkit.read(path)
     assert np.isnan(people.uv[1, 4]).all() and np.isfinite(people.uv[1, 5]).all()
+
+
+@pytest.mark.parametrize("null", [False, True], ids=["many at a time", "one by one"])
+def test_two_people_in_a_line_are_refused(tmp_path, null):
+    path = formats.mlkit(tmp_path, scene(33))
+    lines = [json.loads(line) for line in path.read_text().splitlines()]
+    lines[1]["landmarks"] += lines[1]["landmarks"][7:8]
+    if null:
+        lines[0]["landmarks"][0]["x"] = None
+    path.write_text("\n".join(map(json.dumps, lines)))
+    with pytest.raises(DiorError, match=r"mlkit.jsonl: line 2 has the type 7 twice"):
+        mlkit.read(path)
