@@ -4,10 +4,10 @@ INPUTS   the labels of the points; the subject's name or prefix; a lab's own nam
 OUTPUTS  the place of each marker, and what a person should know of how it was found
 A marker of the lab's own that the sheet gives a `joint` is found by that name beside those of Plug-in-Gait.
 
-A marker is, in this order: what the sheet says; a label that is spelled right; one in small letters or with other signs
-around it; one behind a word and an underscore, as Motive writes the subject where it is not told to write a colon
-(docs.optitrack.com, Data Export: C3D, Colon Name Separation); a guess: one label alone that spells side and marker
-otherwise, such as L_ASI or Asi-Left.
+A marker is, in this order: what the sheet says; a label that is spelled right; one in small letters, as a name of the
+sheet may be, too, or with other signs around it; one behind a word and an underscore, as Motive writes the subject
+where it is not told to write a colon (docs.optitrack.com, Data Export: C3D, Colon Name Separation); a guess: one label
+alone that spells side and marker otherwise, such as L_ASI or Asi-Left.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dior.arrays import AnyPath
-from dior.body.names import PLUG_IN_GAIT_39
+from dior.body.names import HALPE_136, PLUG_IN_GAIT_39, WHOLEBODY_133
 from dior.body.spellings import joint_of, words_of
 from dior.errors import DiorError
 from dior.project import schema_check
@@ -60,7 +60,9 @@ def _check_row(row: Mapping[str, str], where: str) -> None:
         raise DiorError(
             f"{where}: '{name}' needs either `marker`, what it is of Plug-in-Gait's, or `joint`, a name of its own"
         )
-    if joint and (joint_of(joint) or joint.upper() in PLUG_IN_GAIT_39):
+    if ":" in name:
+        raise DiorError(f"{where}: the name '{name}' is found in no file; leave out what stands up to its colon")
+    if joint and (joint_of(joint) or joint in (*HALPE_136, *WHOLEBODY_133) or joint.upper() in PLUG_IN_GAIT_39):
         raise DiorError(
             f"{where}: the joint '{joint}' of '{name}' is one of a detector's, or a marker of Plug-in-Gait, so another "
             "place of the body; give it a name such as left_epicondyle"
@@ -117,7 +119,7 @@ def _said(
     place: dict[str, int], words: dict[str, str], best: dict[str, int], listed: int
 ) -> list[tuple[str, str, str]]:
     said = []
-    by_sheet = [marker for marker in place if best[marker] == BY_SHEET]
+    by_sheet = [marker for marker in place if best[marker] == BY_SHEET or marker not in PLUG_IN_GAIT_39]
     if listed:
         text = f"{len(by_sheet)} of {len(place)} markers have the names that {SHEET} gives them"
         if own := [marker for marker in by_sheet if marker not in PLUG_IN_GAIT_39]:
@@ -136,6 +138,9 @@ def _read(word: str, named: Mapping[str, str]) -> tuple[str, int] | None:
     marker = word.strip(" .*_-'\"\0").upper()
     if marker in PLUG_IN_GAIT_39:
         return marker, EXACT if marker == word else ALIKE
+    alike = [name for name in named if name.lower() == word.lower()]
+    if len(alike) == 1:
+        return named[alike[0]], ALIKE
     words = words_of(word)
     spelled = (_SIDES.get(words[0], words[0]) + "".join(words[1:])).upper() if words else ""
     return (spelled, GUESSED) if spelled in PLUG_IN_GAIT_39 else None

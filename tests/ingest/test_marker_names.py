@@ -74,11 +74,24 @@ def test_a_marker_of_the_labs_own_is_a_further_joint(tmp_path):
         (("a", "", "left_knee"), "'left_knee' of 'a' is one of a detector's"),
         (("a", "", "lasi"), "'lasi' of 'a' is one of a detector's"),
         (("a", "", "Left Thing"), "joint"),
+        (("a", "", "left_hand_03"), "'left_hand_03' of 'a' is one of a detector's"),
+        (("Ann:a", "", "left_trochanter"), "'Ann:a' is found in no file; leave out"),
     ],
 )
 def test_a_joint_that_cannot_be(tmp_path, row, text):
     with pytest.raises(DiorError, match=rf"config/markers\.tsv line 2.*{text}"):
         marker_names.sheet(own_sheet(tmp_path / "m.tsv", row), "c3d")
+
+
+def test_a_name_of_the_sheet_in_other_letters():
+    named = {"L_FTC": "left_trochanter", "L_FAL": "LANK", "a": "LTIB", "A": "LTHI"}
+    places, said = found([*PLAIN, "l_ftc", "S01:l_fal", "a"], named)
+    assert places["left_trochanter"] == "l_ftc" and places["LANK"] == "S01:l_fal" and places["LTIB"] == "a"
+    ((_, code, text),) = said
+    assert code == "markers_by_sheet" and text.endswith("does not have left_trochanter")
+    # what is spelled as the sheet has it, or as Plug-in-Gait has it, goes before it
+    assert found([*PLAIN, "l_ftc", "L_FTC"], named)[0]["left_trochanter"] == "L_FTC"
+    assert found([*PLAIN, "l_fal", "LANK"], named)[0]["LANK"] == "LANK"
 
 
 @pytest.mark.parametrize("word", ["L_KNE", "L.Kne", "LeftKNE", "KNE_L", "kne left"])
