@@ -264,6 +264,11 @@ def _check_anybody(people: People, path: AnyPath, where: str) -> None:
             f"{where}: no person found in any of {len(people.ran)} frames of {path}; "
             "is this the right camera and format? If the camera is long-range, say so in its YAML"
         )
+    if not people.score.any():
+        raise DiorError(
+            f"{where}: no joint in {path} has a score above 0, and such joints count as not detected; write the tool's "
+            "scores into it, or 1 where it has none"
+        )
 
 
 def _check_own_rows(others: dict[str, People], people: People, camera: str, path: AnyPath, sequence: str) -> None:

@@ -36,6 +36,9 @@ BLOCK = 1 << 13
 # no picture is this large; beyond it float32 loses a tenth of a pixel
 FAR_PX = 1e6
 
+# chosen: the peaks of networks that give no probability, such as RTMW, go to 10 or so
+MOST_SCORE = 20.0
+
 # as a file holds them: not checked yet
 Numbers: TypeAlias = Sequence[Any] | Ints
 
@@ -74,7 +77,7 @@ def gathered(
     the frames that the detector looked at (those of `frame` where it does not say) and `stamp_ns` their stamps;
     `by_stamp` as of `People`. A person is counted by its place among those of its frame, one without any joint is left
     out. `points` is written to and not copied: it is the largest thing that a reader has. Raises DiorError for frames
-    and coordinates that cannot be.
+    and coordinates that cannot be, and for scores in percent.
     """
     frames = whole_numbers(path, frame)
     points = np.asarray(points, float).reshape(len(frames), len(joints), 3)
@@ -99,6 +102,8 @@ def gathered(
             f"{path}: frame {frames[row]} has {joints[joint]} at ({u:.6g}, {v:.6g}), which is in no picture; "
             "is the file damaged?"
         )
+    if np.nanmax(score, initial=0.0) > MOST_SCORE and float(np.nanmedian(score[~missing])) > MOST_SCORE:
+        raise DiorError(f"{path}: half of its scores are above {MOST_SCORE:g}; are they percent? Divide them by 100")
     np.clip(np.nan_to_num(score, copy=False), 0.0, 1.0, out=score)
     seen = ~missing.all(axis=1)
     rows = slice(None) if seen.all() else seen

@@ -175,3 +175,16 @@ def test_fractions_need_the_picture_size(tmp_path):
             sequence="walk", pattern=str(path), cameras=["cam01"], format="auto", frames=tmp_path / "frames.parquet",
             out=tmp_path / "out.parquet", findings=tmp_path / "f.parquet",
         )  # fmt: skip
+
+
+@pytest.mark.parametrize("writer", [formats.mmpose_video, formats.openpose, formats.deeplabcut])
+def test_scores_that_are_none(tmp_path, writer):
+    def scored(times):
+        return {f: [one * (1, 1, times) for one in people] for f, people in scene(17).items()}
+
+    with pytest.raises(DiorError, match="half of its scores are above 20; are they percent"):
+        run(tmp_path, writer(tmp_path / "percent", scored(100)))
+    with pytest.raises(DiorError, match="no joint in .* has a score above 0"):
+        run(tmp_path, writer(tmp_path / "none", scored(0)))
+    # the peaks of networks that give no probability
+    run(tmp_path, writer(tmp_path / "peaks", scored(12)))
