@@ -23,6 +23,8 @@ CONVENTIONS = ("cTw", "wTc")
 LARGEST = 1e7
 # chosen: rounding to four digits; what is further off is no rotation
 ORTHONORMAL = 1e-3
+# chosen: px; a picture of 100 px would show 150 degrees, beyond any lens that is read
+LEAST_FOCAL = 10.0
 # chosen: of a picture's sides; principal points of whole pictures are this near to the middle
 NEAR_CENTRE = 0.2
 Part = TypeVar("Part")
@@ -168,16 +170,21 @@ def intrinsics(camera: GivenCamera, distortion_model: str, where: str) -> Intrin
             f"{distortion_model}; delete the key there"
         )
     found = checked(lens.width, lens.height, lens.K, model, lens.distortion, where)
-    _check_centre(found, where)
+    _check_pixels(found, where)
     return found
 
 
-def _check_centre(lens: Intrinsics, where: str) -> None:
-    """Raise DiorError where the principal point lies outside the picture, with what that looks like.
+def _check_pixels(lens: Intrinsics, where: str) -> None:
+    """Raise DiorError where K is no pixels, or the principal point lies outside the picture, with what that looks like.
 
     Only of files: a bag says of which part of the sensor its pictures are, and there it may lie outside.
     """
     focal, centre, sides = np.array([[lens.fx, lens.fy], [lens.cx, lens.cy], [lens.width, lens.height]])
+    if focal.max() < LEAST_FOCAL:
+        raise DiorError(
+            f"{where}: the focal lengths {lens.fx:g} and {lens.fy:g} are no pixels; if K is in fractions of the "
+            f"picture, multiply its first row by {lens.width} and its second by {lens.height}"
+        )
     if in_frame(lens, centre):
         return
     if np.abs(focal / sides - 0.5).max() < NEAR_CENTRE:

@@ -95,6 +95,10 @@ def test_a_world_that_is_no_floor_is_refused_unless_the_walk_gives_one(every):
         ("[[600, 0, 0], [0, 600, 0], [320, 240, 1]]", "last row 0, 0, 1, and has .*; it looks transposed: write it by"),
         ("[[600, 0, 320], [9, 600, 240], [0, 0, 1]]", "K must have 0 below its diagonal"),
         ("[[600, 0, 320], [0, 600, 240], [0, 0, 0]]", "K must have .* the last row 0, 0, 1"),
+        (
+            "[[0.9, 0, 0.5], [0, 1.25, 0.5], [0, 0, 1]]",
+            "0.9 and 1.25 are no pixels; .* row by 640 and its second by 480",
+        ),
         ("[[320, 0, 600], [0, 240, 600], [0, 0, 1]]", "600, 600 lies outside .* 640 x 480 px; .* were exchanged"),
         (
             "[[1800, 0, 960], [0, 1800, 540], [0, 0, 1]]",
