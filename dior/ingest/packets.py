@@ -29,6 +29,8 @@ from dior.ingest.videos import DecodedPicture
 KINDS = (messages.PACKET, messages.THEORA)
 # FFmpeg's decoders by what the names of encoders have in them
 CODECS = {"264": "h264", "265": "hevc", "hevc": "hevc", "av1": "av1", "vp9": "vp9", "vpx": "vp8", "mjpeg": "mjpeg"}
+# FFmpeg's own decoder of AV1 needs a graphics card; this one may give a picture only after some more packets
+SOFTWARE, AT_ONCE = {"av1": "libdav1d"}, {"av1": {"max_frame_delay": "1"}}
 KEY = 1
 # of the first byte of Theora's packets; its headers; FFmpeg's word for pictures that use all of 0 to 255
 IS_HEADER, NO_KEY, HEADERS, FULL_RANGE = 0x80, 0x40, 3, 2
@@ -228,7 +230,8 @@ def _decoder(codec: str, where: str) -> Any:
         import av
     except ImportError:
         raise DiorError(f"{where}: packets of a video need PyAV; install it: pip install -e '.[video]'") from None
-    decoder = av.CodecContext.create(codec, "r")
+    decoder = av.CodecContext.create(SOFTWARE.get(codec, codec), "r")
+    decoder.options = AT_ONCE.get(codec, {})
     av.logging.set_level(None)
     # a picture's slices: whole pictures at once would come later by as many as there are threads
     decoder.thread_type = "SLICE"

@@ -45,6 +45,9 @@ def greys(table, folder):
         ("mcap zstd", {}),
         ("db3 message", {}),
         ("mcap", {"encoder": "libx265"}),
+        ("mcap", {"encoder": "libsvtav1"}),
+        ("mcap", {"encoder": "libvpx"}),
+        ("mcap", {"encoder": "libvpx-vp9"}),
         ("mcap", {"gop": 100}),
     ],
 )
