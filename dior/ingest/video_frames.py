@@ -113,6 +113,9 @@ def by_flash(found: Mapping[str, Film], beside: bool = False) -> dict[str, Film]
     """The films, those whose start is uncertain, and which no sound told, moved to where they saw the same flash;
     `beside` as of `by_sound`."""
     seen = {camera: video_flash.flashes(film.index.light, film.index.pts_ns) for camera, film in found.items()}
+    if any(len(one.at_s) > 1 for one in seen.values() if one):
+        # which of several it was that a camera saw alone is not told, and two may each have seen another
+        seen = {camera: one if one and len(one.at_s) > 1 else None for camera, one in seen.items()}
     return _moved(found, seen, video_flash, "flash", beside)
 
 

@@ -152,3 +152,12 @@ def test_beside_a_camera_that_is_no_video_a_flash_tells_nothing_of_it(tmp_path):
         assert [film.stamps.apart_sigma_s for film in films.values()] == pytest.approx([apart_s] * 2, abs=1e-4)
         first, second = (int(film.stamps.stamp_ns[0]) for film in films.values())
         assert (second - first) / 1e9 == pytest.approx(1.0, abs=1e-6)
+
+
+def test_where_a_third_saw_two_flashes_one_in_each_of_two_is_not_the_same(tmp_path):
+    for camera, flashes in (("cam01", [20]), ("cam02", [45]), ("cam03", [20, 45])):
+        write(tmp_path / f"{camera}.mp4", [numbered(i) // (1 if i in flashes else 3) for i in range(70)])
+    videos = {camera: tmp_path / f"{camera}.mp4" for camera in ("cam01", "cam02", "cam03")}
+    films = video_frames.films("w", dict.fromkeys(videos, "video0"), Recorded(videos), None)
+    assert {film.stamps.source for film in films.values()} == {"none"}
+    assert len({int(film.stamps.stamp_ns[0]) for film in films.values()}) == 1
