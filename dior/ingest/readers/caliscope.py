@@ -37,7 +37,7 @@ DESCRIPTIONS = (
         score="none: 1",
         nobody="not told apart from not run",
         refused="a file without `frame_index`, which older versions wrote; no `cam_id` that is the number at the end "
-        "of the camera's name",
+        "of the camera's name; two cameras with the rows of one",
         samples=(
             Sample(
                 "caliscope CSV",
