@@ -112,18 +112,20 @@ def find(
             f"than {FEWEST} are no such marker set; its labels are {', '.join(words[:LISTED]) or 'none'}{more}. "
             f"Were they labelled before the export? If they have names of your lab's, list them in {SHEET}"
         )
-    return Found(place, _said(place, {marker: parts[i][1] for marker, i in place.items()}, best, len(named)))
+    return Found(place, _said(place, {marker: parts[i][1] for marker, i in place.items()}, best, named))
 
 
 def _said(
-    place: dict[str, int], words: dict[str, str], best: dict[str, int], listed: int
+    place: dict[str, int], words: dict[str, str], best: dict[str, int], named: Mapping[str, str]
 ) -> list[tuple[str, str, str]]:
     said = []
     by_sheet = [marker for marker in place if best[marker] == BY_SHEET or marker not in PLUG_IN_GAIT_39]
-    if listed:
+    if named:
         text = f"{len(by_sheet)} of {len(place)} markers have the names that {SHEET} gives them"
         if own := [marker for marker in by_sheet if marker not in PLUG_IN_GAIT_39]:
             text += f", of which Plug-in-Gait does not have {', '.join(own)}"
+        if gone := sorted({*named.values()} - {*PLUG_IN_GAIT_39, *place}):
+            text += f"; {', '.join(gone)} of that sheet it has not"
         said.append(("info", "markers_by_sheet", text))
     if guessed := [f"{words[marker]} for {marker}" for marker in place if best[marker] == GUESSED]:
         text = f"by their spelling alone are taken {', '.join(guessed)}; look, and list them in {SHEET}"

@@ -57,7 +57,7 @@ def test_a_marker_of_the_labs_own_is_a_further_joint(tmp_path):
     np.testing.assert_allclose(got.points[:, -1], points[:, -1], atol=1e-6)
     ((_, code, text),) = got.said
     assert code == "markers_by_sheet" and text.startswith("1 of 25 markers have")
-    assert text.endswith("of which Plug-in-Gait does not have left_trochanter")
+    assert text.endswith("of which Plug-in-Gait does not have left_trochanter; gone of that sheet it has not")
     # it is projected as the others are, and the body hides it
     camera = ring(3)[0]
     uv, _, status = reproject.labels(camera, got.points, got.markers)
