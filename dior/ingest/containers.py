@@ -177,6 +177,8 @@ def _format(bag: AnyPath, path: Path) -> tuple[str, str]:
         return "video", HINTS["video"]
     if not head:
         raise DiorError(f"{shown}: the bag is empty; copy it again from the recording computer")
+    if any(magic.startswith(head) for magic in FORMATS):
+        raise DiorError(f"{shown}: the bag ends after {len(head)} bytes; copy it again from the recording computer")
     if head.startswith(b"#ROSBAG V1"):
         raise DiorError(f"{shown}: this is a bag of the old format 1; convert it with `rosbag fix`")
     raise DiorError(

@@ -144,6 +144,8 @@ def _is(root: AnyPath, path: str) -> bool:
 def _guess(root: AnyPath, path: str) -> str:
     """What is there instead: the nearest name in its folder, or the nearest folder."""
     whole = Path(root, path)
+    if whole.is_symlink():
+        return f"; it is a link to {os.readlink(whole)}, and that is not there"
     if whole.parent.is_dir():
         return nearest(whole.name, _names_in(str(whole.parent)))
     missing = next(one for one in reversed(whole.parents) if not one.is_dir())

@@ -77,6 +77,17 @@ def names_of_files(project):
     ]
 
 
+def links_to_nothing(project):
+    for path, to in (("out_1/mlkit/cam01.jsonl", "cam01.json"), ("in_1/mocap.c3d", "../mocap.c3d")):
+        (project / f"data/{path}").unlink()
+        (project / f"data/{path}").symlink_to(to)
+    return [
+        r"sequences.tsv:3 'out_1': data/out_1/mlkit/cam01.jsonl is not there \(detections of cam01\); it is a link to "
+        "cam01.json, and that is not there$",
+        r"sequences.tsv:4 'in_1': data/in_1/mocap.c3d is not there \(motion capture\); it is a link to ../mocap.c3d",
+    ]
+
+
 def broken_bags(project):
     for name in ("out_1/a.bag", "in_1/a.bag"):
         path = project / "data" / name
@@ -316,7 +327,8 @@ LENS = (
     "translation = [0.0, 0.0, 0.0]\nfisheye = false\n"
 )
 BROKEN = [
-    nothing_there, names_of_files, broken_bags, wrong_topics, pictures_and_lenses, lenses_of_another_size, other_times,
+    nothing_there, names_of_files, links_to_nothing, broken_bags, wrong_topics, pictures_and_lenses,
+    lenses_of_another_size, other_times,
     marks_and_boxes, what_detectors_found, motion_captures, files_and_recordings, sheets_and_recordings,
     odd_recordings, still_to_do, silent_cameras, videos,
 ]  # fmt: skip

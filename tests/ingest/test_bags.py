@@ -226,12 +226,15 @@ def test_a_pipe_is_not_waited_for(tmp_path):
 
 
 def test_not_a_bag_and_empty_file(tmp_path):
-    (tmp_path / "a.bag").write_text("SQLite format 3")
+    (tmp_path / "a.bag").write_text("SQLite format 4")
     with pytest.raises(DiorError, match=r"a\.bag: this is not a bag .* ROS 1 \.bag files, ROS 2"):
         index(tmp_path, [tmp_path / "a.bag"])
     (tmp_path / "b.bag").write_bytes(b"")
     with pytest.raises(DiorError, match=r"b\.bag: the bag is empty"):
         index(tmp_path, [tmp_path / "b.bag"])
+    (tmp_path / "c.bag").write_bytes(b"#ROSBAG V2")
+    with pytest.raises(DiorError, match=r"c\.bag: the bag ends after 10 bytes; copy it again"):
+        index(tmp_path, [tmp_path / "c.bag"])
 
 
 def test_topic_not_in_the_bag_lists_those_there(tmp_path):
