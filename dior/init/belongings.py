@@ -7,12 +7,12 @@ Where two are as likely a cell is TODO and names both.
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import PurePosixPath
+from pathlib import Path, PurePosixPath
 from typing import TypeAlias
 
 from dior.ingest.readers import READERS
 from dior.ingest.trigger_log import Capture
-from dior.init import cameras, names
+from dior.init import cameras, copies, names
 from dior.init.cameras import Filmed
 from dior.init.found import Detected, Found, Mocap
 from dior.init.walks import Walk, walks_named
@@ -38,7 +38,8 @@ class Cell:
 
 @dataclass(frozen=True, eq=False)
 class Owned:
-    """What is of one walk. `files`: path and tool of the detections of each camera; `markers`: its motion capture."""
+    """What is of one walk. `files`: path and tool of the detections of each camera; `unread`: why those of a camera
+    cannot be read; `markers`: its motion capture; `doubts`: what a person should look at."""
 
     mocap: Cell = Cell()
     trigger: Cell = Cell()
@@ -46,38 +47,67 @@ class Owned:
     stamps: Cell = Cell()
     files: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     markers: Mocap | None = None
+    unread: Mapping[str, str] = field(default_factory=dict)
+    doubts: tuple[str, ...] = ()
 
 
 def owned(
-    found: Found, filmed: Sequence[tuple[Walk, list[Filmed], str]], known: Collection[str]
+    root: Path, found: Found, filmed: Sequence[tuple[Walk, list[Filmed], str]], known: Collection[str]
 ) -> tuple[list[Owned], list[list[Filmed]], list[tuple[str, str]]]:
     """What is of each walk; its cameras, called as its detections; (path, reason) of what is of none.
 
     `filmed`: walks with their cameras and `videos` of the sheet; `known`: names that are those of cameras.
     """
     walks = [walk for walk, _, _ in filmed]
-    sets, why, aside = detections_of(found, walks, [mine for _, mine, _ in filmed], known)
+    sets, why, aside = detections_of(root, found, walks, [mine for _, mine, _ in filmed], known)
     of_walks = _called_as_detections(filmed, sets)
-    mocap, triggers, markers, left = mocap_of(found, walks, known)
+    mocap, triggers, markers, left = mocap_of(root, found, walks, known)
+    aside += left
+    lost, left = lost_of(found, walks, known)
     aside += left
     stamps, left = stamps_of(found, walks, of_walks, known)
     aside += left
     every = []
     for i, mine in enumerate(of_walks):
         called = {one.name for one in mine}
-        cell = chosen(sets.get(i, ()), called, why.get(i, ""))
-        if i in mocap and cell.text == WORD:
+        cell, doubts = chosen(sets.get(i, ()), called, why.get(i, ""))
+        if i in mocap and i not in sets:
             cell = Cell("", "none were found, and indoors none are needed")
         # which camera is far away any of them tells
         fitting = [(of, tool) for whole, of, tool in sets.get(i, ()) if cell.text == whole or f" {whole}" in cell.text]
         files, tool = fitting[0] if fitting else ({}, "")
         of_cameras = {camera: (path, tool) for path, name in files.items() for camera in ([name] if name else called)}
+        unread = {
+            name: f"{path}: {reason}"
+            for whole, _, _ in sets.get(i, ()) if cell.text == whole
+            for name in called - of_cameras.keys()
+            for path, reason in found.aside if path == whole.replace("{camera}", name)
+        }  # fmt: skip
+        broken = markers[i].broken if i in markers else ""
+        doubts += [f"{markers[i].path} could not be read: {broken}"] if broken else []
         every.append(
             Owned(
-                mocap.get(i, Cell()), triggers.get(i, Cell()), cell, stamps.get(i, Cell()), of_cameras, markers.get(i)
+                mocap.get(i, Cell()), triggers.get(i, Cell()), cell, stamps.get(i, Cell()), of_cameras, markers.get(i),
+                unread, (*lost.get(i, ()), *doubts, *unread.values()),
             )
-        )
+        )  # fmt: skip
     return every, of_walks, aside
+
+
+def lost_of(
+    found: Found, walks: Sequence[Walk], known: Collection[str]
+) -> tuple[dict[int, list[str]], list[tuple[str, str]]]:
+    """By walk what is to be said of its recordings that cannot be read; (path, reason) of those of no walk."""
+    lost: dict[int, list[str]] = {}
+    aside = []
+    for path, reason in found.broken:
+        named, _ = walks_named(path, walks, known)
+        if len(named) == 1:
+            at = next(i for i, walk in enumerate(walks) if walk is named[0])
+            lost.setdefault(at, []).append(f"{path} could not be read ({reason}); its cameras are left out")
+        else:
+            aside.append((path, reason))
+    return lost, aside
 
 
 def _called_as_detections(
@@ -99,7 +129,7 @@ def either(options: Sequence[str]) -> str:
 
 
 def mocap_of(
-    found: Found, walks: Sequence[Walk], known: Collection[str]
+    root: Path, found: Found, walks: Sequence[Walk], known: Collection[str]
 ) -> tuple[dict[int, Cell], dict[int, Cell], dict[int, Mocap], list[tuple[str, str]]]:
     """By walk its motion capture and its trigger log; the files; what belongs to none."""
     options: dict[int, list[tuple[Mocap, str, bool]]] = {}
@@ -119,10 +149,11 @@ def mocap_of(
         for walk in named if len(named) <= 1 else []:
             at = next(i for i, other in enumerate(walks) if other is walk)
             options.setdefault(at, []).append((one, f"{one.path} {why}", False))
+        unread = f"could not be read ({one.broken}); " if one.broken else ""
         if not named:
-            aside.append((one.path, why))
+            aside.append((one.path, f"{unread}{why}"))
         elif len(named) > 1:
-            aside.append((one.path, f"may be of {len(named)} walks; name it in the row of the right one"))
+            aside.append((one.path, f"{unread}may be of {len(named)} walks; name it in the row of the right one"))
     cells: dict[int, Cell] = {}
     files: dict[int, Mocap] = {}
     for i, mine in options.items():
@@ -130,12 +161,19 @@ def mocap_of(
             one for one in mine if names.walk_key(one[0].path, known) in walks[i].keys] or mine  # fmt: skip
         aside += [(one[0].path, f"is of the walk of {sure[0][0].path} by its name, and that is nearer") for one in mine
                   if one not in sure]  # fmt: skip
+        first, *others = copies.in_order(root, [one.path for one, _, _ in sure])
+        again = [path for path in others if copies.same_files(root / first, root / path)]
+        aside += [(path, f"is a copy of {first}, which is used") for path in again]
+        sure = [one for one in sure if one[0].path not in again]
         if len(sure) == 1:
             files[i], reason, _ = sure[0]
             cells[i] = Cell(files[i].path, f"{reason} ({_about(files[i])})")
+            if files[i].broken:
+                cells[i] = Cell(either([files[i].path]), f"{reason}; copy it again, or empty this for a walk outdoors")
         else:
             paths = [one.path for one, _, _ in sure]
-            cells[i] = Cell(either(paths), f"{len(paths)} files with motion capture may be of it")
+            unread = "".join(f"; {one.path} could not be read ({one.broken})" for one, _, _ in sure if one.broken)
+            cells[i] = Cell(either(paths), f"{len(paths)} files with motion capture may be of it{unread}")
     triggers = {i: _trigger(found, logged[i], files.get(i)) for i in cells if logged[i]}
     return cells, triggers, files, aside
 
@@ -181,7 +219,7 @@ def _saved_after(mocap: Mocap, walks: Sequence[Walk]) -> Walk | None:
 
 
 def detections_of(
-    found: Found, walks: Sequence[Walk], of_walks: Sequence[Sequence[Filmed]], known: Collection[str]
+    root: Path, found: Found, walks: Sequence[Walk], of_walks: Sequence[Sequence[Filmed]], known: Collection[str]
 ) -> tuple[dict[int, list[Detections]], dict[int, str], list[tuple[str, str]]]:
     """By walk the sets of detections that are its: (path with {camera}, camera's name by path, tool), and why they are
     its; what belongs to none. `known`: all names of cameras."""
@@ -208,7 +246,31 @@ def detections_of(
                 aside += [(path, "one path with {camera} in it must tell whose each is; rename them") for path in paths]
             else:
                 sets.setdefault(at, []).append((*given, tool))
+    for at, of_walk in sets.items():
+        sets[at], left = _once(root, of_walk)
+        aside += left
     return sets, why, aside
+
+
+def _once(root: Path, sets: Sequence[Detections]) -> tuple[list[Detections], list[tuple[str, str]]]:
+    """Sets of detections without those that are copies of others, and (path, reason) of these."""
+    kept: list[Detections] = []
+    aside: list[tuple[str, str]] = []
+    order = copies.in_order(root, [whole for whole, _, _ in sets])
+    for whole, of, tool in sorted(sets, key=lambda one: order.index(one[0])):
+        files = {name: path for path, name in of.items()}
+        same = next((other for other in kept if other[2] == tool and _agree(root, files, other[1])), None)
+        if same is None:
+            kept.append((whole, of, tool))
+        else:
+            aside += [(path, f"is a copy of that of {same[0]}, which is used") for path in of]
+    return [one for one in sets if one in kept], aside
+
+
+def _agree(root: Path, files: Mapping[str, str], other: Mapping[str, str]) -> bool:
+    """Whether the files of the cameras, by name, are there in another set (names by path) with the same content."""
+    theirs = {name: path for path, name in other.items()}
+    return all(name in theirs and copies.same_files(root / path, root / theirs[name]) for name, path in files.items())
 
 
 def _walk_of(one: Detected, walks: Sequence[Walk], known: Collection[str]) -> tuple[int | None, str]:
@@ -252,16 +314,37 @@ def stamps_of(
     return cells, aside
 
 
-def chosen(sets: Sequence[Detections], called: Collection[str], why: str) -> Cell:
-    """The cell of a walk's detections, `why` they are its."""
-    good = [(whole, tool) for whole, of, tool in sets if {*of.values()} <= {*called, ""}]
+def chosen(sets: Sequence[Detections], called: Collection[str], why: str) -> tuple[Cell, list[str]]:
+    """The cell of a walk's detections, `why` they are its; what a person should look at."""
+    good = [one for one in sets if _fit(one, called)]
     if len(good) > 1:
-        return Cell(
-            either([whole for whole, _ in good]), "all of them may be meant; other tools' go into detectors.tsv"
+        cell = Cell(
+            either([whole for whole, _, _ in good]), "all of them may be meant; other tools' go into detectors.tsv"
         )
-    if good:
-        return Cell(good[0][0], f"output of {READERS[good[0][1]].tool}: {why}")
-    if sets:
+    elif good:
+        cell = Cell(good[0][0], f"output of {READERS[good[0][2]].tool}: {why}")
+    elif sets:
         there = ", ".join(sorted({name for _, of, _ in sets for name in of.values()}))
-        return Cell(WORD, f"they are of {there}, and the cameras are {', '.join(sorted(called))}; rename them")
-    return Cell(WORD, "none were found: a path with {camera} in it, or the word detect")
+        return Cell(WORD, f"they are of {there}, and the cameras are {', '.join(sorted(called))}; rename them, or look "
+                    "for the recordings of the others"), []  # fmt: skip
+    else:
+        return Cell(WORD, "none were found: a path with {camera} in it, or the word detect"), []
+    lost = sorted({name for one in good for name in _others(one, called)})
+    said = f"no recording of {', '.join(lost)} was found; detections of {'it' if len(lost) == 1 else 'them'} are there"
+    return cell, [said] if lost else []
+
+
+def _fit(one: Detections, called: Collection[str]) -> bool:
+    """Whether detections are called as the cameras: those that are not have no recording, and are no camera that is
+    called otherwise."""
+    others = _others(one, called)
+    if not others:
+        return True
+    without = {*called} - {*one[1].values()}
+    alike = {names.numbers(name)[-1:] for name in others} & {names.numbers(name)[-1:] for name in without}
+    return len(without) < len({*called}) and not alike
+
+
+def _others(one: Detections, called: Collection[str]) -> set[str]:
+    """Those of whom there are detections, and who are none of the cameras."""
+    return {*one[1].values()} - {*called, ""}

@@ -69,8 +69,18 @@ def filmed(walk: Walk, known: Collection[str]) -> tuple[list[Filmed], str, list[
         )
         return in_bags, "", [(one.path, why) for one in others]
     whole, called = given
-    of_videos = [Filmed(called[one.path], one.kind, one.streams[0], (one.path,)) for one in others]
-    return sorted((*in_bags, *of_videos), key=lambda one: one.name), whole, []
+    # pictures that were made a video to be looked at
+    twice = {one.name.casefold(): one.paths[0] for one in in_bags}
+    left = [
+        (one.path, f"{called[one.path]} is in {bag}, and that is used; call it otherwise if it is another camera")
+        for one in others
+        if (bag := twice.get(called[one.path].casefold()))
+    ]
+    of_videos = [
+        Filmed(called[one.path], one.kind, one.streams[0], (one.path,)) for one in others
+        if called[one.path].casefold() not in twice
+    ]  # fmt: skip
+    return sorted((*in_bags, *of_videos), key=lambda one: one.name), whole if of_videos else "", left
 
 
 def _in_bags(recordings: Sequence[Recording]) -> list[Filmed]:
@@ -78,18 +88,23 @@ def _in_bags(recordings: Sequence[Recording]) -> list[Filmed]:
     chosen = {one.path: _chosen(one) for one in recordings}
     topics = sorted({topic for picked in chosen.values() for topic in picked})
     called = _called(topics)
-    for topic in topics:
-        holding = [one for one in recordings if topic in chosen[one.path]]
-        apart = _apart(holding, topic)
+    of_topics = {topic: _apart([one for one in recordings if topic in chosen[one.path]], topic) for topic in topics}
+    words = Counter(word for apart, several in of_topics.values() if several for _, word in apart)
+    for topic, (apart, several) in of_topics.items():
         for bags, word in apart:
             stream, others = chosen[bags[0].path][topic]
             info = _info(topic, bags[0].topics)
             reasons = [f"in {', '.join(PurePosixPath(one.path).name for one in bags)}"]
             reasons += [f"chosen before {', '.join(others)}"] if others else []
-            name = called[topic] if len(apart) == 1 else word or f"{called[topic]}_{len(found) + 1}"
+            name = called[topic]
+            if len(apart) > 1:
+                # a computer's word is the name of its only camera
+                name = f"{name}_{word or len(found) + 1}" if words[word] > 1 or not word else word
             name = name if re.search(r"[A-Za-z]", name) else f"cam{name}"
+            # session.yaml is the file of none
+            name = names.unique(name, [*(one.name for one in found), "session"])
             told = word and all(word in PurePosixPath(one.path).name for one in bags)
-            bag = "" if len(apart) == 1 else word if told else WORD
+            bag = "" if not several else word if told else WORD
             paths = tuple(one.path for one in bags)
             found.append(Filmed(name, "bag", stream, paths, bag, info, tuple(reasons)))
     return sorted(found, key=lambda one: one.name)
@@ -135,21 +150,24 @@ def _called(topics: Sequence[str]) -> dict[str, str]:
     return called
 
 
-def _apart(recordings: Sequence[Recording], topic: str) -> list[tuple[list[Recording], str]]:
-    """Groups of bags that hold a topic, one for each camera, with the word by which their names are known.
+def _apart(recordings: Sequence[Recording], topic: str) -> tuple[list[tuple[list[Recording], str]], bool]:
+    """Groups of bags that hold a topic, one for each camera, with the word by which their names are known; whether they
+    have to be known by it.
 
-    Bags that ran at once with the same topic are of different cameras, those that follow each other of one.
+    Bags that ran at once with the same topic are of different cameras, those that follow each other of one. What is in
+    another one again is left out.
     """
+    first = [one for one in recordings if topic not in dict(one.again)] or list(recordings)
     if not any(overlap(a, b) > 0 for i, a in enumerate(recordings) for b in recordings[i + 1 :]):
         # nothing tells of bags without times: two computers do not record the same camera
         if len(recordings) == 1 or all(one.first_ns for one in recordings):
-            return [(list(recordings), "")]
+            return [(first, "")], False
     given = names.pattern([one.path for one in recordings])
     words = given[1] if given else {}
     groups: dict[str, list[Recording]] = {}
-    for one in recordings:
+    for one in first:
         groups.setdefault(words.get(one.path, one.path), []).append(one)
-    return [(mine, word if word in words.values() else "") for word, mine in groups.items()]
+    return [(mine, word if word in words.values() else "") for word, mine in groups.items()], True
 
 
 def _info(topic: str, there: Mapping[str, str]) -> str:
@@ -164,20 +182,25 @@ def _info(topic: str, there: Mapping[str, str]) -> str:
 def renamed(cameras: Collection[str], wanted: Collection[str]) -> dict[str, str] | None:
     """What cameras are called so that `wanted` are among their names: spelled otherwise, or with the same numbers.
 
-    None where that does not tell, or where nothing has to be renamed.
+    Of some of `wanted` there may be no camera, or of some cameras none of `wanted`, but not both. None where that does
+    not tell, or where nothing has to be renamed.
     """
-    if set(wanted) <= set(cameras):
+    if set(wanted) <= set(cameras) or set(cameras) <= set(wanted):
         return None
     for alike in (names.plain, lambda name: str(names.numbers(name)[-1:])):
         mine = {alike(name): name for name in cameras}
         if len(mine) == len(cameras) and len({alike(name) for name in wanted}) == len(wanted):
-            if all(alike(name) in mine for name in wanted) and "()" not in map(alike, wanted):
-                changed = {mine[alike(name)]: name for name in wanted}
+            theirs = {*map(alike, wanted)}
+            if (theirs <= {*mine} or {*mine} <= theirs) and "()" not in theirs | {*mine}:
+                changed = {mine[alike(name)]: name for name in wanted if alike(name) in mine}
                 after = [changed.get(name, name) for name in cameras]
                 return changed if len({name.casefold() for name in after}) == len(after) else None
     return None
 
 
 def called_anew(cameras: Sequence[Filmed], changed: Mapping[str, str]) -> list[Filmed]:
-    """The same with other names."""
-    return sorted((replace(one, name=changed.get(one.name, one.name)) for one in cameras), key=lambda one: one.name)
+    """The same with other names; as they are where two would be called alike."""
+    anew = [replace(one, name=changed.get(one.name, one.name)) for one in cameras]
+    if len({one.name.casefold() for one in anew}) < len(anew):
+        return list(cameras)
+    return sorted(anew, key=lambda one: one.name)

@@ -34,14 +34,14 @@ def of(root: Path, found: Found, devices: Sequence[str] = ()) -> Capture:
     given = sorted(
         {name for one in found.calibrations for camera in one.cameras for name in (camera.name, *camera.also)}
     )
-    told = _told(found, given)
+    from_bags = _told(found, given)
     filmed: list[tuple[Walk, list[Filmed], str]] = []
-    for walk in walks.walks_of(found.recordings, told):
+    for walk in walks.walks_of(found.recordings, from_bags):
         mine, videos, left = cameras.filmed(walk, given)
         aside += left
         filmed += [(walk, mine, videos)] if mine else []
-    known = sorted({*told, *(one.name for _, mine, _ in filmed for one in mine if _is_word(one.name))})
-    owned, of_walks, left = belongings.owned(found, filmed, known)
+    known = sorted({*from_bags, *(one.name for _, mine, _ in filmed for one in mine if _is_word(one.name))})
+    owned, of_walks, left = belongings.owned(root, found, filmed, known)
     aside += left
     taken = [
         Taken("", walk, tuple(mine), _subject(walk, its.markers), videos, its)
@@ -51,6 +51,8 @@ def of(root: Path, found: Found, devices: Sequence[str] = ()) -> Capture:
     used = {path for session in found_sessions for lensed in session.lenses.values() for path in lensed.files}
     why = "is a calibration whose cameras are called as none of a walk, or another one is nearer to it"
     aside += [(one.path, why) for one in found.calibrations if one.path not in used]
+    told = {said for its in owned for said in its.unread.values()}
+    aside = [(path, reason) for path, reason in aside if f"{path}: {reason}" not in told]
     return Capture(tuple(found_sessions), first, tuple(sorted(aside)))
 
 

@@ -8,9 +8,10 @@ Of a recording its index is read (`glance`), of everything else the beginning, b
 
 import os
 import re
+import shlex
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 from dior.body.spellings import joint_of
 from dior.calibrate.readers import files as calibrations
@@ -32,14 +33,16 @@ FEWEST_PICTURES, MANY_FILES = 30, 20
 SINCE_ITS_START_NS = video_stamps.NO_DATE_NS
 CALIBRATIONS = (".toml", ".yaml", ".yml", ".xml", ".json", ".xcp", ".txt", ".pickle")
 BAG_ENDINGS = (".bag", ".db3", ".mcap")
+# of what `videos` reads
+VIDEO_ENDINGS = (".mp4", ".mov", ".avi", ".mkv", ".m4v")
+C3D_ENDING = ".c3d"
 # what separates paths, wildcards, quotes, line ends, what is no UTF-8, and blanks that a sheet strips
 UNWRITABLE = re.compile(r'[;{}"\x00-\x1f\x7f\ud800-\udfff]|^\s|\s$')
 # beside a database of ROS 2
 JOURNALS = ("-wal", "-shm")
+NONE_OF_THEM = "is no recording, motion capture, detections or calibration that is read"
 # what operating systems leave
 LITTER = ("thumbs.db", "desktop.ini")
-# a C3D's second byte (https://www.c3d.org/HTML/Documents/theheadersection.htm)
-C3D_MARK = 0x50
 HEAD_BYTES = 1 << 12
 USUAL_FPS = 30.0
 
@@ -49,7 +52,8 @@ class Recording:
     """A bag, video or folder of pictures (`kind`: bag, video, pictures) at `path`, and its `streams` of pictures.
 
     `first_ns`, `last_ns`: when the pictures were taken, None if nothing tells; `by`: stamps, creation or name, what
-    that is by; a name's is in no known time zone. `topics`: all that are in it, with their message types.
+    that is by; a name's is in no known time zone. `topics`: all that are in it, with their message types; `again`:
+    (topic, path) of those whose pictures are in another one, too.
     """
 
     path: str
@@ -59,12 +63,13 @@ class Recording:
     last_ns: int | None
     by: str
     topics: dict[str, str] = field(default_factory=dict)
+    again: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True)
 class Mocap:
     """A file with motion capture: `tool`, length in s (None without a rate), what its labels begin with; `saved_ns`:
-    when it was written; `note`: what a person should know of its markers."""
+    when it was written; `note`: what a person should know of its markers; `broken`: why it cannot be read."""
 
     path: str
     tool: str
@@ -72,6 +77,7 @@ class Mocap:
     prefixes: tuple[str, ...]
     saved_ns: int
     note: str = ""
+    broken: str = ""
 
 
 @dataclass(frozen=True)
@@ -93,7 +99,8 @@ class Calibration:
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """All that lies below a folder, in the order of the paths, which are relative to it. `aside`: (path, reason)."""
+    """All that lies below a folder, in the order of the paths, which are relative to it. `aside`: (path, reason), and
+    `broken` those of recordings that cannot be read."""
 
     recordings: list[Recording] = field(default_factory=list)
     mocap: list[Mocap] = field(default_factory=list)
@@ -102,6 +109,7 @@ class Found:
     calibrations: list[Calibration] = field(default_factory=list)
     trigger_logs: list[tuple[str, tuple[trigger_log.Capture, ...]]] = field(default_factory=list)
     aside: list[tuple[str, str]] = field(default_factory=list)
+    broken: list[tuple[str, str]] = field(default_factory=list)
 
 
 def look(root: Path, below: Path) -> Found:
@@ -109,24 +117,57 @@ def look(root: Path, below: Path) -> Found:
     found = Found()
     every = list(_units(below))
     for path in reporting(every, lambda: len(every), "files", str(below)):
-        shown = path.relative_to(root).as_posix()
+        shown = path.relative_to(root).as_posix() if path != root else root.name
         if UNWRITABLE.search(shown):
             found.aside.append((repr(shown), "has a sign in its name that no sheet can hold; rename it"))
             continue
         try:
             _sort(path, shown, found)
         except (DiorError, OSError, ValueError) as error:
-            found.aside.append((shown, _reason(error, path, shown)))
+            _put_broken(path, shown, reason_of(error, path, shown), found)
     return found
 
 
-def _reason(error: Exception, path: Path, shown: str) -> str:
+def _missing_right(path: Path, shown: str) -> str:
+    """What gives the right to read a file, or the outermost folder that bars the way to it."""
+    steps = [*reversed(PurePosixPath(shown).parents[:-1]), PurePosixPath(shown)]
+    above = path.parents[len(steps) - 1]
+    barred = next((one for one in steps if not os.access(above / one, os.R_OK | os.X_OK)), steps[-1])
+    return f"u+r{'x' if os.path.isdir(above / barred) else ''} {shlex.quote(str(barred))}"
+
+
+def _put_broken(path: Path, shown: str, reason: str, found: Found) -> None:
+    """Put what cannot be read where it would belong, by its name if its bytes do not say."""
+    name = path.name.lower()
+    if any(end in name for end in BAG_ENDINGS) or name.endswith(VIDEO_ENDINGS):
+        found.broken.append((shown, reason))
+    elif name.endswith(C3D_ENDING):
+        found.mocap.append(_broken_mocap(path, shown, "C3D", reason))
+    else:
+        found.aside.append((shown, reason))
+
+
+def _broken_mocap(path: Path, shown: str, tool: str, reason: str) -> Mocap:
+    try:
+        saved_ns = path.stat().st_mtime_ns
+    except OSError:
+        saved_ns = 0
+    return Mocap(shown, tool, None, (), saved_ns, broken=reason)
+
+
+def reason_of(error: Exception, path: Path, shown: str) -> str:
+    """What an error says of the file `path`, without its name in it, which is `shown` otherwise."""
+    if isinstance(error, FileNotFoundError) and path.is_symlink():
+        return "is a link to a file or folder that is not there"
+    if isinstance(error, PermissionError):
+        return f"{error.strerror}; try `chmod {_missing_right(path, shown)}`"
     text = error.strerror or "" if isinstance(error, OSError) else str(error)
     return text.replace(str(path), shown).removeprefix(f"{shown}: ")
 
 
-def _units(folder: Path) -> Iterator[Path]:
-    """Files, and folders that are one thing: a bag of ROS 2, pictures, a detector's files of a recording."""
+def _units(folder: Path, around: tuple[Path, ...] = ()) -> Iterator[Path]:
+    """Files, links to nothing, and folders that are one thing: a bag of ROS 2, pictures, a detector's files of a
+    recording. `around`: the folders around this one, where they are in truth, which no link leads back to."""
     try:
         entries = sorted(os.scandir(folder), key=lambda entry: entry.name)
     except OSError:
@@ -134,7 +175,7 @@ def _units(folder: Path) -> Iterator[Path]:
         yield folder
         return
     shown = [entry for entry in entries if not entry.name.startswith(".") and entry.name.lower() not in LITTER]
-    files = [entry.name for entry in shown if entry.is_file()]
+    files = [entry.name for entry in shown if not _is_folder(entry) and _is_file(entry)]
     if containers.METADATA in files and any(any(end in name for end in BAG_ENDINGS) for name in files):
         yield folder
         return
@@ -146,11 +187,27 @@ def _units(folder: Path) -> Iterator[Path]:
         rest -= pictures or written
     yield from (folder / name for name in files if name in rest and not name.endswith(JOURNALS))
     # of a project that lies there all but its recordings is its own
-    own = ("config", "results", "logs") if (folder / "config/config.yaml").is_file() else ()
+    own = ("config", "results", "logs") if os.path.isfile(folder / "config/config.yaml") else ()
+    around = (*around, Path(os.path.realpath(folder)))
     for entry in shown:
-        around = entry.is_symlink() and folder.resolve().is_relative_to(Path(entry.path).resolve())
-        if entry.is_dir() and entry.name not in own and not around:
-            yield from _units(Path(entry.path))
+        back = entry.is_symlink() and any(one.is_relative_to(os.path.realpath(entry.path)) for one in around)
+        if _is_folder(entry) and entry.name not in own and not back:
+            yield from _units(Path(entry.path), around)
+
+
+def _is_folder(entry: os.DirEntry[str]) -> bool:
+    try:
+        return entry.is_dir()
+    except OSError:
+        return False
+
+
+def _is_file(entry: os.DirEntry[str]) -> bool:
+    """Whether it is a file, or a link to nothing or to what may not be looked at: who opens it says why."""
+    try:
+        return entry.is_file() or entry.is_symlink() and not os.path.exists(entry.path)
+    except OSError:
+        return True
 
 
 def _is_of_pictures(folder: Path, written: set[str]) -> bool:
@@ -168,22 +225,18 @@ def _is_of_pictures(folder: Path, written: set[str]) -> bool:
 
 
 def _sort(path: Path, shown: str, found: Found) -> None:
-    """Put a file or folder where it belongs."""
+    """Put a file or folder where it belongs. Raises DiorError, OSError or ValueError for what cannot be read."""
     if path.is_dir():
         _sort_folder(path, shown, found)
         return
     with open(path, "rb") as stream:
         head = stream.read(HEAD_BYTES)
     if not head:
-        found.aside.append((shown, "is empty"))
-    elif _is_recording(path, head):
+        raise DiorError("is empty")
+    if _is_recording(path, head):
         _add_recording(path, shown, "video" if videos.is_video(head) else "bag", found)
     elif _is_mocap(path, head):
-        one = _mocap(path, shown)
-        if one is None:
-            found.aside.append((shown, "holds the joints of a skeleton, and no markers on a body"))
-        else:
-            found.mocap.append(one)
+        _add_mocap(path, shown, found)
     else:
         _sort_text(path, shown, head, found)
 
@@ -213,9 +266,8 @@ def _is_recording(path: Path, head: bytes) -> bool:
 
 
 def _is_mocap(path: Path, head: bytes) -> bool:
-    return mocap_files.recognise(path) != mocap_files.C3D or len(head) > 1 and (
-        path.suffix.lower() == ".c3d" and head[1] == C3D_MARK
-    )  # fmt: skip
+    # a C3D whose beginning is damaged is one, too
+    return mocap_files.recognise(path) != mocap_files.C3D or path.suffix.lower() == C3D_ENDING
 
 
 def _add_recording(path: Path, shown: str, kind: str, found: Found) -> None:
@@ -225,7 +277,11 @@ def _add_recording(path: Path, shown: str, kind: str, found: Found) -> None:
     if names.GALLERY.search(shown):
         found.aside.append((shown, "is no walk by its name; pictures from all around have a row in gallery.tsv"))
         return
-    there = glance(path)
+    try:
+        there = glance(path)
+    except DiorError as error:
+        found.broken.append((shown, reason_of(error, path, shown)))
+        return
     streams = tuple(one for one in there if one.kind in PICTURES and not one.topic.endswith(videos.STORED))
     enough = tuple(one for one in streams if one.count >= FEWEST_PICTURES and not one.why_not)
     if not enough:
@@ -261,9 +317,14 @@ def _timed(recording: Recording) -> Recording:
     return recording
 
 
-def _mocap(path: Path, shown: str) -> Mocap | None:
-    """What a file with motion capture says; None for what another tool made of pictures."""
-    kind, capture = mocap_files.read(path)
+def _add_mocap(path: Path, shown: str, found: Found) -> None:
+    """Add a file with motion capture, but not what another tool made of pictures."""
+    try:
+        kind, capture = mocap_files.read(path)
+    except DiorError as error:
+        tool = mocap_files.READERS[mocap_files.recognise(path)].tool
+        found.mocap.append(_broken_mocap(path, shown, tool, reason_of(error, path, shown)))
+        return
     begins = [label.partition(":")[0] for label in capture.labels if ":" in label]
     note = ""
     try:
@@ -273,11 +334,12 @@ def _mocap(path: Path, shown: str) -> Mocap | None:
     except DiorError:
         joints = [label for label in capture.labels if joint_of(label.rpartition(":")[2])]
         if len(joints) >= marker_names.FEWEST:
-            return None
+            found.aside.append((shown, "holds the joints of a skeleton, and no markers on a body"))
+            return
         note = "its labels are none of Plug-in-Gait's: config/markers.tsv says which is which"
     seconds = capture.frames / capture.rate if capture.rate else None
     tool = mocap_files.READERS[kind].tool
-    return Mocap(shown, tool, seconds, tuple(sorted(set(begins))), path.stat().st_mtime_ns, note)
+    found.mocap.append(Mocap(shown, tool, seconds, tuple(sorted(set(begins))), path.stat().st_mtime_ns, note))
 
 
 def _sort_text(path: Path, shown: str, head: bytes, found: Found) -> None:
@@ -293,9 +355,9 @@ def _sort_text(path: Path, shown: str, head: bytes, found: Found) -> None:
         try:
             found.calibrations.append(Calibration(shown, tuple(calibrations.cameras(path))))
         except DiorError as error:
-            found.aside.append((shown, _reason(error, path, shown)))
+            found.aside.append((shown, reason_of(error, path, shown)))
     else:
-        found.aside.append((shown, "is no recording, motion capture, detections or calibration that is read"))
+        found.aside.append((shown, NONE_OF_THEM))
 
 
 def _detected(path: Path, shown: str, tool: str) -> Detected:

@@ -9,16 +9,18 @@ there is overwritten, and no recording is copied.
 
 import os
 import shlex
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from dior.errors import DiorError, many
+from dior.init import again, copies, names, written
 from dior.init import capture as captures
-from dior.init import names, written
 from dior.init.capture import Capture
-from dior.init.found import look
-from dior.init.sessions import Session
+from dior.init.found import NONE_OF_THEM, Found, look
+from dior.init.sessions import Session, Taken
+from dior.init.walks import listed
 from dior.project import init as empty
 from dior.project import todos
 from dior.project.contents import bags_of
@@ -50,30 +52,34 @@ def run(folder: Path, *, as_from: Path | None = None, dry_run: bool = False) -> 
     holds nothing yet; `dry_run`: write nothing, show the table.
     Raises DiorError where there is nothing to make a project of, and, without `as_from`, where there is a config.
     """
+    empty.check_folder(folder)
     if as_from is None:
         if dry_run:
             raise DiorError("--dry-run shows what is found in recordings; name their folder by --from")
         empty.run(folder)
         return
     recordings = as_from.resolve()
+    if recordings.is_file():
+        raise DiorError(f"{as_from}: is a file; name the folder that the recordings are in")
     if not recordings.is_dir():
         raise DiorError(f"{as_from}: there is no such folder; name the one that the recordings are in")
     root = _data_root(folder, recordings)
     lenses = read_config(folder).get("lenses") if (folder / "config/config.yaml").exists() else None
-    found = captures.of(root, look(root, recordings), sorted(lenses or {}))
+    there = {kind: _sheet(folder, kind) for kind in SHEETS}
+    below = look(root, recordings)
+    copies.without_copies(root, below, _recordings_of(there["sequences"]))
+    found = captures.of(root, below, sorted(lenses or {}))
     if not found.sessions:
         raise DiorError(
-            f"{as_from}: no recording with pictures of a walk is below it{_some_aside(found.aside)}; bags, videos and "
-            "folders of pictures are read (docs/bags.md, docs/videos.md)"
+            f"{as_from}: no recording with pictures of a walk is below it{_some_aside(below, found.aside)}; bags, "
+            "videos and folders of pictures are read (docs/bags.md, docs/videos.md)"
         )
-    there = {kind: _sheet(folder, kind) for kind in SHEETS}
-    found, new = _beside(found, there["sequences"], _sessions_there(folder))
+    found, new = _beside(root, found, there["sequences"], _sessions_there(folder))
     files = _files(folder, root, found, new, there)
     print(written.table(found, new))
-    for doubt in [doubt for session in found.sessions for one in session.taken for doubt in one.walk.doubts]:
-        print(f"Look: {doubt}.\n")
+    _tell_doubts(found)
     _tell_aside(found)
-    _tell_changes(root, found, new, there["sequences"])
+    _tell_changes(folder, root, found, new, there["sequences"], files)
     if dry_run:
         print(f"Nothing was written; it would be {_listed(files)}.")
         return
@@ -116,29 +122,48 @@ def _sessions_there(folder: Path) -> set[str]:
     return {one.name for one in path.iterdir() if one.is_dir()} if path.is_dir() else set()
 
 
-def _beside(found: Capture, sheet: Sheet | None, sessions_there: set[str]) -> tuple[Capture, list[str]]:
+def _beside(root: Path, found: Capture, sheet: Sheet | None, sessions_there: set[str]) -> tuple[Capture, list[str]]:
     """The capture with walks and sessions called as in the sheet, and the names of the walks that are not in it."""
-    rows = sheet.rows if sheet else ()
-    owner = {path: row for row in rows for path in _paths(row)}
+    rows = _rows(sheet)
+    owner = {_real(root, path): row for row in rows for path in _paths(row)}
     taken_names = [row.get("sequence", "") for row in rows]
-    names_used, new, sessions = [*sessions_there], [], []
+    names_used, new, sessions = [*sessions_there, *(row.get("session", "") for row in rows)], [], []
     for session in found.sessions:
-        known = [owner[path] for one in session.taken for path in one.paths if path in owner]
+        mine = [next(filter(None, (owner.get(_real(root, path)) for path in one.paths)), None) for one in session.taken]
         # of several the one with the most walks, the first by name
-        folders = sorted({row.get("session", "") for row in known} - {""})
-        name = max(folders, key=lambda one: sum(row.get("session") == one for row in known)) if folders else (
-            names.unique(session.name, names_used))  # fmt: skip
-        names_used.append(name)
-        taken = []
-        for one in session.taken:
-            row = next((owner[path] for path in one.paths if path in owner), None)
+        known = Counter(sorted(row["session"] for row in mine if row and row.get("session")))
+        usual = known.most_common(1)[0][0] if known else names.unique(session.name, names_used)
+        names_used.append(usual)
+        parts: dict[str, list[Taken]] = {}
+        for one, row in zip(session.taken, mine, strict=True):
             called = row.get("sequence", one.name) if row else names.unique(one.name, taken_names)
             if row is None:
                 new.append(called)
                 taken_names.append(called)
-            taken.append(replace(one, name=called))
-        sessions.append(replace(session, name=name, taken=tuple(taken)))
+            row = row or {}
+            # a person may have put the walks of a session apart
+            parts.setdefault(row.get("session") or usual, []).append(
+                replace(one, name=called, environment=_said(row.get("environment", "")))
+            )
+        sessions += [replace(session, name=name, taken=tuple(part)) for name, part in parts.items()]
     return replace(found, sessions=tuple(sessions)), new
+
+
+def _said(cell: str) -> str:
+    return "" if cell.startswith(todos.WORD) else cell
+
+
+def _real(root: Path, path: str) -> str:
+    """A recording by where it is, whichever links lead there."""
+    return os.path.realpath(root / path)
+
+
+def _recordings_of(sheet: Sheet | None) -> list[str]:
+    return [path for row in _rows(sheet) for path in _paths(row)]
+
+
+def _rows(sheet: Sheet | None) -> tuple[Row, ...]:
+    return sheet.rows if sheet else ()
 
 
 def _paths(row: Row) -> list[str]:
@@ -159,16 +184,17 @@ def _files(
         replace(session, taken=tuple(one for one in session.taken if one.name in new)) for session in found.sessions
     ]
     fresh = [session for session in fresh if session.taken]
-    for session in fresh:
-        if not (folder / "config/sessions" / session.name / "session.yaml").exists():
-            for path, text in written.session_files(session, lenses).items():
-                if not (folder / "config" / path).exists():
-                    files[path] = text
+    excluded = {row.get("sequence", "") for row in _rows(there["sequences"]) if row.get("exclude_reason")}
+    used = [replace(session, taken=tuple(one for one in session.taken if one.name not in excluded))
+            for session in found.sessions]  # fmt: skip
+    files |= again.session_files(folder, [session for session in used if session.taken], lenses)
     _check_columns(fresh, there["sequences"])
     people = sorted({one.subject.text for session in fresh for one in session.taken if not one.subject.asked})
+    if there["subjects"] is None:
+        people = sorted({*people, *(_said(row.get("subject", "")) for row in _rows(there["sequences"]))} - {""})
     if any(one.subject.asked for session in fresh for one in session.taken) and there["subjects"] is None:
         people = people or [todos.WORD]
-    listed = {row.get("subject", "") for row in there["subjects"].rows} if there["subjects"] else set()
+    listed = {row.get("subject", "") for row in _rows(there["subjects"])}
     rows = {
         "subjects": lambda columns: written.people_rows([one for one in people if one not in listed], columns),
         "sequences": lambda columns: written.walk_rows(fresh, columns, _orders(fresh, there["sequences"])),
@@ -202,7 +228,7 @@ def _check_columns(fresh: Iterable[Session], sheet: Sheet | None) -> None:
 def _orders(sessions: Iterable[Session], sheet: Sheet | None) -> dict[str, int]:
     """session_order of each new walk: after those that are in the sheet."""
     last: dict[str, int] = {}
-    for row in sheet.rows if sheet else ():
+    for row in _rows(sheet):
         order = row.get("session_order", "")
         last[row.get("session", "")] = max(last.get(row.get("session", ""), 0), int(order) if order.isdecimal() else 0)
     orders = {}
@@ -218,8 +244,11 @@ def _relative(root: Path, folder: Path) -> str:
     return str(root) if path.split(os.sep).count("..") > MOST_UP else Path(path).as_posix()
 
 
-def _some_aside(aside: Sequence[tuple[str, str]]) -> str:
-    return f"; {aside[0][0]} {aside[0][1]}" if aside else ""
+def _some_aside(found: Found, aside: Sequence[tuple[str, str]]) -> str:
+    """One of the reasons why there is nothing, the likeliest: a recording that cannot be read."""
+    broken = dict(found.broken)
+    by_use = sorted(aside, key=lambda one: (one[0] not in broken, one[1] == NONE_OF_THEM))
+    return f"; {by_use[0][0]}: {by_use[0][1]}" if by_use else ""
 
 
 def _tell_aside(found: Capture) -> None:
@@ -238,15 +267,28 @@ def _tell_aside(found: Capture) -> None:
     print()
 
 
-def _tell_changes(root: Path, found: Capture, new: Sequence[str], sheet: Sheet | None) -> None:
-    """Say which rows lack files, and what could be filled in by now."""
+def _tell_doubts(found: Capture) -> None:
+    """What a person should look at, of several walks once."""
+    walks: dict[str, list[str]] = {}
+    for session in found.sessions:
+        for one in session.taken:
+            for doubt in one.doubts:
+                walks.setdefault(doubt, []).append(one.name)
+    for doubt, of in walks.items():
+        print(f"Look: {listed(of)}: {doubt}.\n")
+
+
+def _tell_changes(
+    folder: Path, root: Path, found: Capture, new: Sequence[str], sheet: Sheet | None, files: Mapping[str, str]
+) -> None:
+    """Say which rows lack files, what could be filled in by now, and which files of the project are gone."""
     if sheet is None:
         return
     for row in sheet.rows:
-        gone = [path for path in _paths(row) if not _is_there(root, path)]
-        if gone:
-            print(f"config/sequences.tsv: the files of {row.get('sequence')} are gone: {', '.join(gone)}")
+        if lost := again.gone(folder, root, row):
+            print(f"config/sequences.tsv: the files of {row.get('sequence')} are gone: {', '.join(lost)}")
     rows = {row.get("sequence", ""): row for row in sheet.rows}
+    named = {_real(root, path) for path in _recordings_of(sheet)}
     for session in found.sessions:
         for one in session.taken:
             if one.name in new:
@@ -256,12 +298,18 @@ def _tell_changes(root: Path, found: Capture, new: Sequence[str], sheet: Sheet |
                 said, now = rows[one.name].get(column, ""), cells[column]
                 if now and not now.startswith(todos.WORD) and (not said or said.startswith(todos.WORD)):
                     print(f"config/sequences.tsv: {column} of {one.name} may be {now} by now")
-
-
-def _is_there(root: Path, path: str) -> bool:
-    if "{camera}" not in path:
-        return (root / path).exists()
-    return any(root.glob(path.replace("{camera}", "*")))
+            more = [path for path in one.paths if _real(root, path) not in named]
+            if more:
+                print(
+                    f"config/sequences.tsv: {listed(more)} may be of {one.name}, too; put it into that row, and its "
+                    f"cameras into config/sessions/{session.name}/session.yaml: called again, this writes their files"
+                )
+    for said in again.lost_files(folder, sheet.rows, files):
+        print(said)
+    known = {row.get("session", "") for row in sheet.rows}
+    anew = [f"config/{path}" for path in files if path.startswith("sessions/") and path.split("/")[1] in known]
+    if anew:
+        print(f"Gone, so made anew from the recordings, with what was filled in asked again: {', '.join(anew)}")
 
 
 def _tell_next(folder: Path, found: Capture, files: Mapping[str, str], new: Sequence[str]) -> None:
@@ -276,7 +324,7 @@ def _tell_next(folder: Path, found: Capture, files: Mapping[str, str], new: Sequ
     where = shlex.quote(str(folder.resolve()))
     if left:
         are = "is" if len(left) == 1 else "are"
-        config = folder / "config"
+        config = shlex.quote(str(folder / "config"))
         print(f"{many(len(left), 'value')} {are} TODO, which only you know: `grep -rn TODO {config}`. Then type")
     else:
         print("Type")
@@ -287,5 +335,6 @@ def _listed(files: Mapping[str, str]) -> str:
     shown = [path for path in files if "/" not in path]
     cameras = sum(path.startswith("sessions/") and not path.endswith("/session.yaml") for path in files)
     sessions = sum(path.endswith("/session.yaml") for path in files)
-    shown += [f"{many(sessions, 'session')} with {many(cameras, 'camera')}"] if sessions else []
+    if sessions or cameras:
+        shown.append(" with ".join(many(*one) for one in ((sessions, "session"), (cameras, "camera")) if one[0]))
     return ", ".join(shown) or "nothing"

@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 
 from dior.arrays import Ints
-from dior.errors import DiorError
 from dior.ingest.readers import READERS
 from dior.init import names
 from dior.init.cameras import Filmed
@@ -44,13 +43,10 @@ class Role:
     reason: str
 
 
-def seen(path: Path, tool: str, camera: Filmed) -> Seen | None:
-    """What is in the detections of a camera; None where they cannot be read, which the step `detections` says why."""
+def seen(path: Path, tool: str, camera: Filmed) -> Seen:
+    """What is in the detections of a camera. Raises DiorError, ValueError or OSError where they cannot be read."""
     reader = READERS[tool]
-    try:
-        people = reader.read(path, camera.name)
-    except (DiorError, ValueError, OSError):
-        return None
+    people = reader.read(path, camera.name)
     pictures = camera.stream.count if reader.silent else max(len(people.ran), 1)
     if not len(people.frame):
         return Seen(0, pictures, np.nan, *_ends(people.ran))
@@ -64,8 +60,11 @@ def _ends(ran: Ints) -> tuple[int, int]:
     return (int(ran[0]), int(ran[-1])) if len(ran) else (0, 0)
 
 
-def roles_of(cameras: Sequence[Filmed], detected: Mapping[str, Sequence[Seen]], outdoors: bool) -> dict[str, Role]:
-    """The role of each camera. `detected`: by camera what was seen in some walks, nothing of one without detections."""
+def roles_of(
+    cameras: Sequence[Filmed], detected: Mapping[str, Sequence[Seen]], outdoors: bool, unread: Mapping[str, str]
+) -> dict[str, Role]:
+    """The role of each camera. `detected`: by camera what was seen in some walks, nothing of one without detections;
+    `unread`: by camera why these cannot be read."""
     heights = {
         name: float(np.nanmax([one.height_px for one in of])) for name, of in detected.items()
         if of and not all(np.isnan(one.height_px) for one in of)
@@ -74,14 +73,15 @@ def roles_of(cameras: Sequence[Filmed], detected: Mapping[str, Sequence[Seen]], 
     for camera in cameras:
         others = [height for name, height in heights.items() if name != camera.name]
         roles[camera.name] = _role(
-            camera, detected.get(camera.name, ()), float(np.median(others or [np.nan])), outdoors
-        )
+            camera, detected.get(camera.name, ()), float(np.median(others or [np.nan])), outdoors,
+            unread.get(camera.name, ""),
+        )  # fmt: skip
     if all(role.role == "long_range" for role in roles.values()):
         return {name: Role(WORD, f"close or long_range: {role.reason}, as in all") for name, role in roles.items()}
     return roles
 
 
-def _role(camera: Filmed, detected: Sequence[Seen], others_px: float, outdoors: bool) -> Role:
+def _role(camera: Filmed, detected: Sequence[Seen], others_px: float, outdoors: bool, unread: str) -> Role:
     if detected:
         somebody, pictures = (sum(getattr(one, key) for one in detected) for key in ("somebody", "pictures"))
         where = f"in {somebody} of {pictures} pictures"
@@ -91,6 +91,8 @@ def _role(camera: Filmed, detected: Sequence[Seen], others_px: float, outdoors: 
         if height < TINY_PX and height < TINY_SHARE * others_px:
             return Role("long_range", f"people are {height:.0f} px tall in it, and {others_px:.0f} px in the others")
         return Role("close", f"somebody was detected {where}, {height:.0f} px tall")
+    if unread:
+        return Role(WORD, f"close or long_range: its detections could not be read ({unread})")
     if np.isfinite(others_px):
         return Role("long_range", "there are detections of the other cameras and none of it")
     if re.search(names.FAR, f"{camera.name} {camera.topic}"):

@@ -18,7 +18,7 @@ from dior.ingest import containers, messages
 from dior.init import names, roles
 from dior.init.belongings import Cell, Owned
 from dior.init.cameras import Filmed
-from dior.init.found import Calibration
+from dior.init.found import Calibration, reason_of
 from dior.init.roles import Role, Seen
 from dior.init.walks import Walk
 from dior.project.todos import WORD
@@ -51,7 +51,8 @@ class Lensed:
 
 @dataclass(frozen=True, eq=False)
 class Taken:
-    """A walk as a row of the sheet: `name`, its cameras, `videos` (a path with {camera}), and what is its."""
+    """A walk as a row of the sheet: `name`, its cameras, `videos` (a path with {camera}), and what is its;
+    `environment`: as a sheet that is there says."""
 
     name: str
     walk: Walk
@@ -59,10 +60,16 @@ class Taken:
     subject: Cell
     videos: str
     owned: Owned
+    environment: str = ""
 
     @property
     def indoor(self) -> bool:
-        return bool(self.owned.mocap.text)
+        return self.environment == "indoor" if self.environment else bool(self.owned.mocap.text)
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What a person should look at."""
+        return (*self.walk.doubts, *self.owned.doubts)
 
     @property
     def paths(self) -> tuple[str, ...]:
@@ -119,14 +126,14 @@ def sessions_of(
     for key, mine in groups.items():
         name = _session_name(str(key[1]), mine, [other.name for other in sessions])
         filmed = _over_all(mine)
-        seen = _seen(root, mine)
+        seen, unread = _seen(root, mine)
         lensed = {
             camera.name: _lensed(root, _calibrated(mine[0], camera, calibrations), camera, devices) for camera in filmed
         }
         why = [f"{len(mine)} walks" if len(mine) > 1 else "1 walk", "indoors" if mine[0].indoor else "outdoors"]
         why += [f"in {key[1]}"] if key[1] else []
         why += ["with the same cameras on one day, so with the same poses"] if len(mine) > 1 else []
-        found = roles.roles_of(filmed, seen, not mine[0].indoor)
+        found = roles.roles_of(filmed, seen, not mine[0].indoor, unread)
         sessions.append(Session(name, tuple(mine), ", ".join(why), tuple(filmed), found, lensed))
         first = first if first.text else _first_frame(seen, filmed)
     return sessions, first
@@ -155,15 +162,22 @@ def _over_all(taken: Sequence[Taken]) -> list[Filmed]:
     return found
 
 
-def _seen(root: Path, taken: Sequence[Taken]) -> dict[str, list[Seen]]:
-    """By camera what was detected in the first walks that have detections."""
+def _seen(root: Path, taken: Sequence[Taken]) -> tuple[dict[str, list[Seen]], dict[str, str]]:
+    """By camera what was detected in the first walks that have detections, and why they cannot be read."""
     found: dict[str, list[Seen]] = {}
+    unread: dict[str, str] = {}
     for one in [one for one in taken if one.owned.files][:LOOKED_AT]:
+        unread |= one.owned.unread
         for camera in one.cameras:
             path, tool = one.owned.files.get(camera.name, ("", ""))
-            if path and (what := roles.seen(root / path, tool, camera)):
+            try:
+                what = roles.seen(root / path, tool, camera) if path else None
+            except (DiorError, ValueError, OSError) as error:
+                unread[camera.name] = f"{path}: {reason_of(error, root / path, path)}"
+                continue
+            if what:
                 found.setdefault(camera.name, []).append(what)
-    return found
+    return found, unread
 
 
 def _first_frame(seen: Mapping[str, Sequence[Seen]], filmed: Sequence[Filmed]) -> Cell:

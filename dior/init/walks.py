@@ -131,17 +131,17 @@ def _reasons(group: Sequence[Recording], keys: dict[str, str]) -> tuple[str, ...
     if len(group) == 1:
         return ()
     shown = [PurePosixPath(one.path).name for one in group]
-    listed = _listed(shown if len({*shown}) == len(shown) else [one.path for one in group])
+    which = listed(shown if len({*shown}) == len(shown) else [one.path for one in group])
     dated = [one for one in group if one.by in ("stamps", "creation")]
     if len(dated) == len(group):
         together = min(one.last_ns or 0 for one in group) - max(one.first_ns or 0 for one in group)
         how = f"at the same time for {together / 1e9:.1f} s" if together > 0 else "one after the other without a break"
-        return (f"{listed} were recorded {how}",)
+        return (f"{which} were recorded {how}",)
     if all(one.by == "name" for one in group):
-        return (f"the names of {listed} have the same date and time, to {NAMED_NS // 10**9} s",)
+        return (f"the names of {which} have the same date and time, to {NAMED_NS // 10**9} s",)
     alike = len({keys[one.path] for one in group}) == 1
     why = "have the same name but for the camera's" if alike else "lie in one folder"
-    return (f"{listed} {why}, and not all tell when they were recorded",)
+    return (f"{which} {why}, and not all tell when they were recorded",)
 
 
 def _doubts(group: Sequence[Recording], groups: Iterable[Sequence[Recording]], keys: dict[str, str]) -> tuple[str, ...]:
@@ -154,15 +154,25 @@ def _doubts(group: Sequence[Recording], groups: Iterable[Sequence[Recording]], k
         before = 0 < _first_ns(other) < first_ns
         if alike and before and not topics & {topic for one in other for topic in one.topics}:
             later = (first_ns - _first_ns(other)) / 1e9
-            mine, theirs = (_listed([one.path for one in each]) for each in (group, other))
+            mine, theirs = (listed([one.path for one in each]) for each in (group, other))
             doubts.append(
                 f"{mine} began {later:.0f} s after {theirs}, which is called the same and holds other cameras: two "
                 "walks by time; if a clock was wrong, put it into that one's row"
             )
-    return tuple(doubts)
+    return (*doubts, *_twice(group))
 
 
-def _listed(words: Sequence[str]) -> str:
+def _twice(group: Sequence[Recording]) -> list[str]:
+    """What is said of bags of which some topics, but not all, are in another one."""
+    return [
+        f"{one.path} has the pictures of {topic} that {path} has, and those are used"
+        for one in group
+        for topic, path in one.again
+    ]
+
+
+def listed(words: Sequence[str]) -> str:
+    """Words in one phrase, of many the first."""
     # chosen: what a line holds
     if len(words) > 4:
         return f"{', '.join(words[:2])} and {len(words) - 2} more"

@@ -12,6 +12,7 @@ from datetime import UTC, datetime
 from pathlib import PurePosixPath
 from typing import Any
 
+from dior.errors import DiorError
 from dior.geometry.camera import MODELS
 from dior.ingest.bags import camera_info_topic
 from dior.init.cameras import Filmed
@@ -117,7 +118,7 @@ def reasons(session: Session, one: Taken) -> str:
     said = [
         f"{one.name}: {when(one)}",
         *one.walk.reasons,
-        *one.walk.doubts,
+        *one.doubts,
         one.subject.reason and f"subject: {one.subject.reason}",
     ]
     said.append(
@@ -150,11 +151,17 @@ def people_rows(people: Iterable[str], columns: Sequence[str]) -> str:
 
 def session_files(session: Session, lenses_there: Mapping[str, str] | None) -> dict[str, str]:
     """Text by path below config/ of a session's YAML files. `lenses_there`: `lenses` of a config.yaml that is there
-    already, None for one that is written now."""
+    already, None for one that is written now. Raises DiorError where two of them would be one file."""
     folder = f"sessions/{session.name}"
     files = {f"{folder}/session.yaml": _session_yaml(session)}
     for camera in session.cameras:
-        files[f"{folder}/{camera.name}.yaml"] = _camera_yaml(session, camera, lenses_there)
+        path = f"{folder}/{camera.name}.yaml"
+        if path.casefold() in {one.casefold() for one in files}:
+            raise DiorError(
+                f"config/{path} would be written twice: the camera in {', '.join(camera.paths)} is called as another "
+                "one, or as session.yaml; rename its file, or put it elsewhere"
+            )
+        files[path] = _camera_yaml(session, camera, lenses_there)
     return files
 
 

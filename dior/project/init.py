@@ -4,6 +4,7 @@ INPUTS: the templates of `dior/project/templates/` and the columns of the sheets
 with config.yaml, the sheets with headers only, and one commented session with one commented camera.
 """
 
+import os
 import shlex
 from pathlib import Path
 
@@ -23,6 +24,7 @@ def run(folder: Path) -> None:
     """
     if not folder.name and folder == Path():
         raise DiorError("name the folder of the new project, such as ../my_capture")
+    check_folder(folder)
     if (folder / "config").exists():
         raise DiorError(f"{folder / 'config'} exists already; choose another folder or remove it first")
     for path, text in contents().items():
@@ -31,6 +33,15 @@ def run(folder: Path) -> None:
         f"Wrote {folder / 'config'}. Fill in sequences.tsv, subjects.tsv and sessions/{SESSION} (a file per camera), "
         f"then type\n  dior run {shlex.quote(str(folder.resolve()))}"
     )
+
+
+def check_folder(folder: Path) -> None:
+    """Raise DiorError where a project's folder, or its config, cannot be made: a file is in its place."""
+    for path in (folder, folder / "config"):
+        found = next((one for one in (path, *path.parents) if os.path.lexists(one)), path)
+        if os.path.lexists(found) and not os.path.isdir(found):
+            what = "a link to nothing" if not os.path.exists(found) else "a file"
+            raise DiorError(f"{found}: is {what}, and a project is a folder; choose another name, or move it away")
 
 
 def contents() -> dict[str, str]:

@@ -32,12 +32,13 @@ def bag(
 
 
 def pictures(folder, cameras, count=30):
-    """A folder of pictures per camera."""
+    """A folder of pictures per camera, no two of which are the same."""
     jpeg = bagfiles.encoded(PICTURE, ".jpg").tobytes()
     for camera in cameras:
         (folder / camera).mkdir(parents=True)
         for i in range(count):
-            (folder / f"{camera}/{i:03d}.jpg").write_bytes(jpeg)
+            # behind the end of a JPEG anything may stand
+            (folder / f"{camera}/{i:03d}.jpg").write_bytes(jpeg + f"{folder}/{camera}".encode())
 
 
 def mlkit(path, height_px=40.0, count=COUNT, first_ns=None, rate_hz=RATE_HZ, nobody=False):

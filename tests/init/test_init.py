@@ -3,6 +3,8 @@
 import os
 import re
 import shutil
+import subprocess
+import sys
 import time
 
 import numpy as np
@@ -48,19 +50,6 @@ def fill(folder, **answers):
 
 def contents(folder):
     return {path.relative_to(folder): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
-
-
-@pytest.fixture
-def lab(tmp_path):
-    """Two outdoor walks and an indoor one on the next day, in folders of their own, and things that belong to none."""
-    recordings = tmp_path / "recordings"
-    small.outdoor(recordings, "out_1")
-    small.outdoor(recordings, "out_2", 100)
-    small.outdoor(recordings, "in_1", 86400, far=None)
-    small.c3d(recordings / "in_1/trial.c3d", "Anna:")
-    (recordings / "notes.txt").write_text("it rained")
-    small.bag(recordings / "calibration/board", ["cam01"])
-    return tmp_path
 
 
 def test_a_capture_becomes_a_project_that_loads_once_it_is_filled_in(lab, capsys):
@@ -150,7 +139,7 @@ def test_called_again_it_adds_what_is_new_and_changes_nothing_else(lab, capsys):
     assert list(found) == ["out_1", "lawn", "in_1", "out_3", "out_4"]
     assert (found["out_3"]["session"], found["out_3"]["session_order"]) == ("outdoor", "9")
     assert (found["out_4"]["session"], found["out_4"]["session_order"]) == ("outdoor_2", "1")
-    assert "the files of in_1 are gone: in_1/pc1.bag" in said
+    assert "the files of in_1 are gone: bags in_1/pc1.bag, mocap in_1/trial.c3d, detections in_1/mlkit" in said
     _, said = made(lab, capsys)
     assert "Nothing is new" in said and contents(folder) == after
 
@@ -173,8 +162,9 @@ def rows_of_text(folder):
 
 
 def test_where_two_are_possible_it_asks(lab):
-    shutil.copytree(lab / "recordings/out_1/mlkit", lab / "recordings/out_1/mlkit_old")
-    small.c3d(lab / "recordings/in_1/trial_2.c3d", "Anna:")
+    for camera in ("cam01", "cam02", "cam03"):
+        small.mlkit(lab / f"recordings/out_1/mlkit_old/{camera}.jsonl", height_px=38.0)
+    small.c3d(lab / "recordings/in_1/trial_2.c3d", "Anna:", ("LASI", "RASI", "LPSI", "RPSI", "RKNE"))
     found = rows_of_text(made(lab)[0])
     assert found["out_1"]["detections"] == "TODO: out_1/mlkit/{camera}.jsonl or out_1/mlkit_old/{camera}.jsonl"
     assert found["in_1"]["mocap"] == "TODO: in_1/trial.c3d or in_1/trial_2.c3d"
@@ -258,7 +248,7 @@ def test_an_empty_folder_and_none_are_one_sentence(tmp_path, capsys):
         made(tmp_path)
     (tmp_path / "recordings/pc1.bag").write_bytes(b"#ROSBAG V2.0\nxx")
     assert main.main(["init", str(tmp_path / "project"), "--from", str(tmp_path / "recordings")]) == 1
-    assert "pc1.bag the bag is truncated" in capsys.readouterr().err and not (tmp_path / "project").exists()
+    assert "pc1.bag: the bag is truncated" in capsys.readouterr().err and not (tmp_path / "project").exists()
 
 
 def test_recordings_elsewhere_are_another_project(lab, tmp_path):
@@ -465,3 +455,101 @@ def test_real_recordings_of_others(shared, tmp_path, capsys):
         assert found["role"] == "close" and found["locate"] == "reference"
         # the poses are the same in both files, the lenses are not
         assert found["reference"] == {"file": "reference/calibration.toml", "name": f"cam_{camera[3:]}"}
+
+
+def test_motion_capture_that_cannot_be_read_is_no_walk_outdoors(lab, capsys):
+    for i, content in enumerate((b"", b"\0" * 600, (lab / "recordings/in_1/trial.c3d").read_bytes()[:600], None)):
+        path = lab / "recordings/in_1/trial.c3d"
+        path.unlink()
+        if content is None:
+            path.symlink_to("elsewhere.c3d")
+        else:
+            path.write_bytes(content)
+        init.run(lab / f"project_{i}", as_from=lab / "recordings")
+        said = capsys.readouterr().out
+        found = rows_of_text(lab / f"project_{i}")["in_1"]
+        assert (found["environment"], found["mocap"]) == ("indoor", "TODO: in_1/trial.c3d")
+        assert "Look: in_1: in_1/trial.c3d could not be read: " in said and "no motion capture belongs" not in said
+        text = " ".join((lab / f"project_{i}/config/sequences.tsv").read_text().replace("\n#", "").split())
+        assert "trial.c3d could not be read: " in text.partition("in_1: ")[2]
+        assert yaml_of(lab / f"project_{i}", "sessions/indoor/cam01")["locate"] == "marks"
+
+
+def test_of_two_files_with_motion_capture_the_broken_one_is_told(lab):
+    (lab / "recordings/in_1/trial_2.c3d").write_bytes(b"")
+    found = rows_of_text(made(lab)[0])["in_1"]
+    assert found["mocap"] == "TODO: in_1/trial.c3d or in_1/trial_2.c3d"
+    text = " ".join((lab / "project/config/sequences.tsv").read_text().replace("\n#", "").split())
+    assert "in_1/trial_2.c3d could not be read (is empty)" in text
+
+
+def test_detections_that_cannot_be_read_make_no_camera_far_away(lab, capsys):
+    shutil.rmtree(lab / "recordings/out_2")
+    mlkit = lab / "recordings/out_1/mlkit"
+    (mlkit / "cam02.jsonl").write_text("")
+    (mlkit / "cam03.jsonl").write_text((mlkit / "cam03.jsonl").read_text()[:-3])
+    folder, said = made(lab, capsys)
+    assert "Look: out_1: out_1/mlkit/cam02.jsonl: is empty" in said
+    for camera, words in (("cam02", "is empty"), ("cam03", "line 40")):
+        text = (folder / f"config/sessions/outdoor/{camera}.yaml").read_text()
+        assert "role: TODO" in text and words in " ".join(text.replace("\n#", "").split())
+    assert yaml_of(folder, "sessions/outdoor/cam01")["role"] == "close"
+
+
+def test_cameras_without_a_recording_are_named_and_nothing_is_to_be_renamed(tmp_path, capsys):
+    for i, walk in enumerate(("a", "b")):
+        small.bag(tmp_path / f"recordings/{walk}/pc1", ("camera_1", "camera_2"), 100 * i)
+        for camera in ("cam01", "cam02", "cam03", "cam04"):
+            small.mlkit(tmp_path / f"recordings/{walk}/mlkit/{camera}.jsonl")
+    folder, said = made(tmp_path, capsys)
+    assert "Look: a and b: no recording of cam03, cam04 was found; detections of them are there." in said
+    assert rows_of_text(folder)["a"]["detections"] == "a/mlkit/{camera}.jsonl" and "rename" not in said
+    assert yaml_of(folder, "sessions/outdoor/session")["cameras"] == ["cam01", "cam02"]
+    assert yaml_of(folder, "sessions/outdoor/cam01")["role"] == "close"
+
+
+def test_a_recording_that_cannot_be_read_is_told_of_its_walk(lab, capsys):
+    (lab / "recordings/out_1/pc2.bag").write_bytes(b"#ROSBAG V2")
+    (lab / "recordings/out_2/pc2.bag").unlink()
+    (lab / "recordings/out_2/pc2.bag").symlink_to("pc3.bag")
+    _, said = made(lab, capsys)
+    assert "Look: out_1: out_1/pc2.bag could not be read (the bag ends after 10 bytes; copy it again" in said
+    assert "Look: out_2: out_2/pc2.bag could not be read (is a link to a file or folder that is not there)" in said
+    assert "Look: out_1 and out_2: no recording of cam03 was found" in said
+
+
+@pytest.mark.parametrize("place", ["kf", "kf/config", "kf/deeper/project"])
+@pytest.mark.parametrize("recordings", [True, False])
+def test_a_file_in_the_place_of_the_project_is_one_sentence(lab, place, recordings):
+    (lab / place).parent.mkdir(exist_ok=True, parents=True)
+    file = lab / place if place == "kf/config" else lab / "kf"
+    if place == "kf/deeper/project":
+        shutil.rmtree(file)
+    file.write_text("mine")
+    folder = lab / "kf" if place == "kf/config" else lab / place
+    with pytest.raises(DiorError, match=rf"{file}: is a file, and a project is a folder"):
+        init.run(folder, as_from=lab / "recordings" if recordings else None)
+    with pytest.raises(DiorError, match="kf: is a file; name the folder|config: is a file; name the folder"):
+        init.run(lab / "project", as_from=file)
+
+
+def test_what_may_not_be_looked_at_is_named_with_the_fix(lab):
+    """Told by another process: who runs the tests may look at everything."""
+    recordings = lab / "recordings"
+    (recordings / "out_2").chmod(0)
+    (recordings / "out_1/pc2.bag").chmod(0)
+    (recordings / "out_1/mlkit").chmod(0o444)
+    command = [sys.executable, "-m", "dior.cli.main", "init", str(lab / "project"), "--from", str(recordings)]
+    if os.geteuid() == 0:
+        command = ["setpriv", "--bounding-set=-dac_override,-dac_read_search", *command]
+        if shutil.which("setpriv") is None:
+            pytest.skip("there is no setpriv, and root may look at everything")
+    try:
+        done = subprocess.run(command, capture_output=True, text=True)
+    finally:
+        for path in ("out_2", "out_1/pc2.bag", "out_1/mlkit"):
+            (recordings / path).chmod(0o755)
+    assert done.returncode == 0, done.stderr
+    assert "out_2: Permission denied; try `chmod u+rx out_2`" in done.stdout
+    assert "out_1/pc2.bag could not be read (Permission denied; try `chmod u+r out_1/pc2.bag`)" in done.stdout
+    assert "out_1/mlkit/3 files *.jsonl: Permission denied; try `chmod u+rx out_1/mlkit`" in done.stdout

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from dior.errors import DiorError
 from dior.ingest.glance import Stream
 from dior.init import roles
 from dior.init.cameras import Filmed
@@ -19,7 +20,9 @@ def camera(name, topic="/x"):
 def found(outdoors=True, **seen):
     names = sorted({"a", "b", "c", *seen})
     told = {name: [one] for name, one in seen.items() if one}
-    return {name: one.role for name, one in roles.roles_of([camera(name) for name in names], told, outdoors).items()}
+    return {
+        name: one.role for name, one in roles.roles_of([camera(name) for name in names], told, outdoors, {}).items()
+    }
 
 
 @pytest.mark.parametrize("one", [NOBODY, FAR, None, Seen(0, 100, np.nan, 0, 99)])
@@ -48,4 +51,11 @@ def test_detections_are_measured(tmp_path):
     nobody = roles.seen(tmp_path / "b.jsonl", "mlkit", camera("b"))
     assert nobody.somebody == 0 and nobody.pictures == 40 and np.isnan(nobody.height_px)
     (tmp_path / "a.jsonl").write_text("{")
-    assert roles.seen(tmp_path / "a.jsonl", "mlkit", camera("a")) is None
+    with pytest.raises(DiorError, match="a.jsonl"):
+        roles.seen(tmp_path / "a.jsonl", "mlkit", camera("a"))
+
+
+def test_of_a_camera_whose_detections_cannot_be_read_it_is_asked():
+    told = {name: [NEAR] for name in ("a", "b")}
+    of = roles.roles_of([camera(name) for name in ("a", "b", "c")], told, True, {"c": "c.jsonl is empty"})
+    assert [one.role for one in of.values()] == ["close", "close", "TODO"] and "c.jsonl is empty" in of["c"].reason
