@@ -375,7 +375,7 @@ def run(
     derivative = partial(by_close, rig) if rig else None
     compared, prior_px = other_drawers.Apart(), margins(settings)[2]
     if how["from"] == "boxes":
-        by_drawer = [hand_boxes.read_drawers(boxes[walk.name], walk.rows["frame"]) for walk in walks]
+        by_drawer = [hand_boxes.read_drawers(boxes[walk.name], walk.rows["frame"], walk.size) for walk in walks]
         compared = other_drawers.apart(by_drawer)
         settings = settings | {"align": how | {"habit_px": other_drawers.habit(prior_px, compared)}}
     trusted = freedom(settings, [walk.held for walk in walks], max(walk.most_s for walk in walks))

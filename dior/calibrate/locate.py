@@ -69,8 +69,7 @@ def locate(camera: Camera, xyz: Floats, uv: Floats, ransac_px: float, where: str
     open, the camera below the floor.
     """
     xyz, uv = np.asarray(xyz, float), np.asarray(uv, float)
-    if len(xyz) < FEWEST:
-        raise DiorError(f"{where}: {len(xyz)} usable marks, but at least {FEWEST} are needed; mark more points")
+    check_enough(where, len(xyz))
     needed = max(FEWEST, int(np.ceil(SHARE_OF_CONSENSUS * len(xyz))))
     inlier = _consensus(camera.intrinsics, xyz, uv, ransac_px)
     if inlier.sum() < FEWEST:
@@ -95,6 +94,12 @@ def locate(camera: Camera, xyz: Floats, uv: Floats, ransac_px: float, where: str
     miss = project(placed, xyz[inlier])[0] - uv[inlier]
     residual = residuals(placed, xyz, uv)
     return Located(wTc, residual, inlier, *_standard_errors(J, residual[inlier]), J, miss, said)
+
+
+def check_enough(where: str, count: int) -> None:
+    """Refuse so few usable marks that no pose follows from them."""
+    if count < FEWEST:
+        raise DiorError(f"{where}: {count} usable marks, but at least {FEWEST} are needed; mark more points")
 
 
 def _no_consensus(where: str, inlier: Bools, ransac_px: float) -> DiorError:

@@ -91,6 +91,7 @@ def run(
             raise DiorError(f"sequence {sequence}: there are no labels of camera '{camera}'{nearest(camera, grids)}")
     found, per_frame = _coverage(grids, roles)
     rig = read_cameras(cameras)
+    sizes = {name: (camera.intrinsics.width, camera.intrinsics.height) for name, camera in rig.items()}
     spread = label_errors.sigmas(labels, rig)
     true = label_grids([Path(truth) / "labels_2d.parquet"]) if truth else {}
     found += _sigmas(grids, roles, spread)
@@ -101,7 +102,10 @@ def run(
     ):
         found += part
         per_frame += part_frames
-    checked = {camera: check_files.check_points(path, sequence, grids[camera]) for camera, path in checks.items()}
+    checked = {
+        camera: check_files.check_points(path, sequence, grids[camera], sizes.get(camera))
+        for camera, path in checks.items()
+    }
     found += _marks(roles, yardsticks.marks, sequence) + _checks(grids, roles, checked)
     found += _swaps(roles, detected.swaps) + _truth_3d(skeleton, truth, sequence)
     tables.write(out, "metrics", rows.metric_columns(found, subject, sequence))
@@ -198,8 +202,9 @@ def _boxes(
     for camera, path in sorted(drawn.boxes.items()):
         if roles[camera] != "long_range":
             continue
-        grid, edge = grids[camera], occluded_edge(rig[camera])
-        used, *others = hand_boxes.read_drawers(path, grid.frames).values() or [hand_boxes.NONE]
+        grid, edge, lens = grids[camera], occluded_edge(rig[camera]), rig[camera].intrinsics
+        drawers = hand_boxes.read_drawers(path, grid.frames, (lens.width, lens.height))
+        used, *others = drawers.values() or [hand_boxes.NONE]
         hand = labels_in_boxes.of_frames(grid, *used)
         figures = labels_in_boxes.figures(grid, hand, edge)
         figures += labels_in_boxes.left_out(grid, hand, *_left_out(drawn.left_out, sequence, camera), edge)

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from dior.arrays import Bools, Floats
 from dior.errors import DiorError
+from dior.project.pixels import in_picture
 
 # chosen: thresholds in pixels are given for this focal length (of a 1080p camera) and scaled to the camera's own
 REFERENCE_FX = 1680.0
@@ -252,10 +253,8 @@ def reprojection_errors(cameras: Sequence[Camera], points: Floats, uv: Floats) -
 
 
 def in_frame(intrinsics: Intrinsics, uv: Floats) -> Bools:
-    """Whether pixels (..., 2) lie in the picture; its edge is half a pixel outside the outermost centres."""
-    with np.errstate(invalid="ignore"):
-        u, v = uv[..., 0], uv[..., 1]
-        return (u >= -0.5) & (u < intrinsics.width - 0.5) & (v >= -0.5) & (v < intrinsics.height - 0.5)
+    """Whether pixels (..., 2) lie in the camera's picture."""
+    return in_picture(uv, intrinsics.width, intrinsics.height)
 
 
 def rays(camera: Camera, uv: ArrayLike) -> Floats:

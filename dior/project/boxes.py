@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dior.arrays import AnyPath, Bools, Floats, Ints
-from dior.errors import DiorError, nearest
+from dior.errors import DiorError, Faults, nearest
+from dior.project.pixels import in_picture
 from dior.project.plain_text import rows_of
 
 # no picture is this large
@@ -25,6 +26,8 @@ COLUMNS = ("frame", "u_min", "v_min", "u_max", "v_max")
 DRAWER = "drawer"  # a further column, which may be there
 # frames (B,) and edges (B, 4) px of boxes
 Boxes: TypeAlias = tuple[Ints, Floats]
+# width and height px of pictures
+Size: TypeAlias = tuple[int, int]
 NONE: Boxes = (np.zeros(0, np.int64), np.zeros((0, 4)))
 # chosen: one box in so many is kept back, and none where a sequence has fewer than so many of a camera
 ONE_IN, FEWEST = 5, 15
@@ -34,20 +37,20 @@ FOLDS = 5  # chosen: fits in which a part of the boxes is left out; each has fou
 NEAR_LINE_PX, OFF_LINE, SEVERAL = 3.0, 4.0, 3
 
 
-def read(path: AnyPath, frames: ArrayLike) -> Boxes:
+def read(path: AnyPath, frames: ArrayLike, size: Size | None = None) -> Boxes:
     """Boxes as frames (B,) and edges (B, 4) px in the order u_min, v_min, u_max, v_max, sorted by frame: those of the
     drawer who is named first. As `read_drawers`.
     """
-    return next(iter(read_drawers(path, frames).values()), NONE)
+    return next(iter(read_drawers(path, frames, size).values()), NONE)
 
 
-def read_drawers(path: AnyPath, frames: ArrayLike) -> dict[str, Boxes]:
+def read_drawers(path: AnyPath, frames: ArrayLike, size: Size | None = None) -> dict[str, Boxes]:
     """By drawer, in the order of their first boxes, frames (B,) and edges (B, 4) px sorted by frame; "" is one of whom
     no name is given.
 
-    `frames`: the frames of the recording. Raises DiorError, naming file and line, for a malformed row, a box that is
-    inside out or has no area, a frame that the recording does not have, a second box of one frame by the same drawer,
-    and a drawer who is written in two ways.
+    `frames`: the frames of the recording, `size` of its pictures, where they are known. Raises DiorError for all rows
+    together, naming file and line: malformed, a box that is inside out, has no area or lies beside the picture, a frame
+    that the recording does not have, a second box of one frame by the same drawer, a drawer who is written in two ways.
     """
     path = Path(path)
     lines = rows_of(path, path)
@@ -61,32 +64,48 @@ def read_drawers(path: AnyPath, frames: ArrayLike) -> dict[str, Boxes]:
     known = set(np.asarray(frames).tolist())
     drawn: dict[str, dict[int, list[float]]] = {}
     spelt: dict[str, str] = {}
+    faults = Faults()
     for number, words in lines[1:]:
         where = f"{path}, line {number}"
-        box = _row(words, header, where)
-        if box is None:
-            continue
-        frame, edges = box
-        if frame not in known:
-            raise DiorError(
-                f"{where}: frame {frame} is not in the recording, whose frames are "
-                f"{min(known, default=0)} to {max(known, default=-1)}; frames count from 0"
-            )
-        drawer = words[-1] if DRAWER in header else ""
-        first = spelt.setdefault(drawer.casefold(), drawer)
-        if first != drawer:
-            raise DiorError(
-                f"{where}: the drawers '{first}' and '{drawer}' differ by capitals alone; write one person in one way"
-            )
-        boxes = drawn.setdefault(drawer, {})
-        if frame in boxes:
-            by = f" of drawer '{drawer}'" if drawer else ""
-            raise DiorError(
-                f"{where}: frame {frame} has a second box{by}; keep the one of the subject, or name in the column "
-                f"'{DRAWER}' who drew which"
-            )
-        boxes[frame] = edges
+        with faults.kept():
+            box = _row(words, header, where)
+            if box is None:
+                continue
+            frame, edges = box
+            if frame not in known:
+                raise DiorError(
+                    f"{where}: frame {frame} is not in the recording, whose frames are "
+                    f"{min(known, default=0)} to {max(known, default=-1)}; frames count from 0"
+                )
+            if size:
+                _check_beside(edges, size, where)
+            drawer = words[-1] if DRAWER in header else ""
+            first = spelt.setdefault(drawer.casefold(), drawer)
+            if first != drawer:
+                raise DiorError(
+                    f"{where}: the drawers '{first}' and '{drawer}' differ by capitals alone; write one person in one "
+                    "way"
+                )
+            boxes = drawn.setdefault(drawer, {})
+            if frame in boxes:
+                by = f" of drawer '{drawer}'" if drawer else ""
+                raise DiorError(
+                    f"{where}: frame {frame} has a second box{by}; keep the one of the subject, or name in the column "
+                    f"'{DRAWER}' who drew which"
+                )
+            boxes[frame] = edges
+    faults.tell()
     return {drawer: _sorted(boxes) for drawer, boxes in drawn.items()}
+
+
+def _check_beside(edges: list[float], size: Size, where: str) -> None:
+    """A box may stick out of the picture, but nobody sees a body most of which is outside."""
+    middle = (np.array(edges[:2]) + edges[2:]) / 2
+    if not in_picture(middle, *size):
+        raise DiorError(
+            f"{where}: the middle of the box, ({middle[0]:g}, {middle[1]:g}), is outside of the {size[0]}x{size[1]} "
+            "picture; was it drawn in pictures of another size?"
+        )
 
 
 def _sorted(boxes: dict[int, list[float]]) -> Boxes:

@@ -361,6 +361,17 @@ def test_the_covariance_has_blocks_with_the_close_cameras(tmp_path):
     assert joint[0, 6 + 5] == pytest.approx(1e-4 / 60, rel=0.2)
 
 
+@pytest.mark.parametrize("source", ["boxes", "marks"])
+def test_what_lies_beside_the_picture_places_no_camera(tmp_path, source):
+    _, files, _, _ = prepared(tmp_path, source)
+    path = tmp_path / {"boxes": "walk.cam04.csv", "marks": "cam04.marks.csv"}[source]
+    header, first, *lines = path.read_text().splitlines()
+    moved = "0,1270,300,1310,400" if source == "boxes" else "walk,6,left_heel,1280,300"
+    path.write_text("\n".join([header, moved, *lines]) + "\n")
+    with pytest.raises(DiorError, match=r"line 2: .* is outside of the 1280x720 picture"):
+        run_in(tmp_path, **files)
+
+
 def test_what_is_missing_is_said(tmp_path):
     _, files, _, _ = prepared(tmp_path, "boxes")
     with pytest.raises(DiorError, match="no config/boxes file"):

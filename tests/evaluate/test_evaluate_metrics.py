@@ -300,13 +300,15 @@ def test_marks_of_this_sequence_and_hand_checks(tmp_path, uv):
         ("walk,1,nose,x,2", "line 2"),
         ("other,1,nose,1,2", "'other', not 'walk'"),
         ("walk,1", "line 2"),
+        ("walk,1,nose,64,2", "line 2: (64, 2) is outside of the 64x48 picture"),
+        ("walk,1,nose,x,2\nwalk,1,nose,1,2\nwalk,1,nose,1,3", "line 4: nose of frame 1 is there already"),
     ],
 )
 def test_bad_checks_are_refused(tmp_path, uv, row, words):
     path = tmp_path / "walk.cam01.csv"
     path.write_text(f"sequence,frame,joint,u,v\n{row}\n")
     with pytest.raises(DiorError) as caught:
-        checks.check_points(path, "walk", label_grid(tmp_path / "l.parquet", uv))
+        checks.check_points(path, "walk", label_grid(tmp_path / "l.parquet", uv), (64, 48))
     assert words in str(caught.value)
 
 

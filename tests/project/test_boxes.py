@@ -1,9 +1,11 @@
 """Boxes of several drawers, and in which fit each box is left out."""
 
+import re
+
 import numpy as np
 import pytest
 
-from dior.errors import DiorError
+from dior.errors import DiorError, DiorErrors
 from dior.project import boxes
 
 HEADER = "frame,u_min,v_min,u_max,v_max,drawer\n"
@@ -49,6 +51,22 @@ def test_slips_are_said_with_their_line(tmp_path, text, words):
     with pytest.raises(DiorError) as caught:
         boxes.read_drawers(written(tmp_path, text), FRAMES)
     assert words in str(caught.value)
+
+
+def test_all_slips_of_a_file_are_said_together(tmp_path):
+    path = written(tmp_path, HEADER + "400,1,2,3,4,max\n3,3,2,1,4,max\n4,1,2,3,4,max\nfive,1,2,3,4,max\n")
+    with pytest.raises(DiorErrors) as caught:
+        boxes.read_drawers(path, FRAMES)
+    assert [re.search(r"line \d", str(error))[0] for error in caught.value.found] == ["line 2", "line 3", "line 5"]
+
+
+def test_a_box_may_stick_out_of_the_picture_and_not_lie_beside_it(tmp_path):
+    path = written(tmp_path, HEADER + "3,-9,2,9,4,max\n4,-9,2,7,4,max\n5,60,40,67,55,max\n")
+    assert len(boxes.read(path, FRAMES)[0]) == 3
+    with pytest.raises(DiorErrors) as caught:
+        boxes.read(path, FRAMES, (64, 48))
+    first, second = map(str, caught.value.found)
+    assert "line 3: the middle of the box, (-1, 3), is outside of the 64x48 picture" in first and "line 4" in second
 
 
 def test_each_fit_leaves_out_as_many_boxes_spread_over_the_walk():

@@ -18,9 +18,10 @@ import numpy as np
 from dior.arrays import AnyPath, Bools, Floats, Ints, Texts
 from dior.calibrate.marks.pnp import Mark
 from dior.clocks.axis import sample, seconds
-from dior.errors import DiorError, nearest
+from dior.errors import DiorError, Faults, nearest
 from dior.geometry.camera import Camera, Intrinsics, in_frame, project
 from dior.project.boxes import FAR_PX
+from dior.project.pixels import in_picture
 from dior.project.plain_text import rows_of
 from dior.tables import tables
 from dior.tables.tables import Finding
@@ -60,23 +61,29 @@ class Marks:
 def read(path: AnyPath) -> Marks:
     """Marks of a CSV file; `xyz` is NaN where the file has none.
 
-    Raises DiorError that names the file and the line: no such file, wrong columns, a value that is no number, a
-    part of xyz only, the same joint marked twice on a frame.
+    Raises DiorError that names the file and the line: no such file, wrong columns; for all lines together a value that
+    is no number, a part of xyz only, the same joint marked twice on a frame.
     """
     path = Path(path)
     if not path.is_file():
         raise DiorError(f"{path}: there is no such file; mark at least 4 points or choose another `locate`")
     (_, header), *lines = rows_of(path, path) or [(1, [""])]
     _check_header(path, header)
-    rows = [_row(f"{path} line {line}", line, header, cells) for line, cells in lines]
+    rows: list[Line] = []
     first: dict[tuple[str, int, str], int] = {}
-    for row in rows:
-        key = row[0], row[1], row[2]
-        if key in first:
-            raise DiorError(
-                f"{path} line {row[3]}: {key[2]} on frame {key[1]} of {key[0]} is marked already on line {first[key]}"
-            )
-        first[key] = row[3]
+    faults = Faults()
+    for number, cells in lines:
+        with faults.kept():
+            row = _row(f"{path} line {number}", number, header, cells)
+            key = row[0], row[1], row[2]
+            if key in first:
+                raise DiorError(
+                    f"{path} line {number}: {key[2]} on frame {key[1]} of {key[0]} is marked already on line "
+                    f"{first[key]}"
+                )
+            first[key] = number
+            rows.append(row)
+    faults.tell()
     sequence, frame, joint, line, uv, xyz = zip(*rows, strict=True) if rows else ((),) * 6
     return Marks(
         np.array(sequence, object),
@@ -161,9 +168,7 @@ def times(
         where = f"{path} line {marks.line[i]}"
         sequence, joint = marks.sequence[i], marks.joint[i]
         stamp = _stamp(where, stamps, sequence, marks.frame[i], camera)
-        if not in_frame(intrinsics, marks.uv[i]):
-            u, v = marks.uv[i]
-            raise DiorError(f"{where}: ({u:g}, {v:g}) is outside of the {intrinsics.width}x{intrinsics.height} picture")
+        check_inside(where, marks.uv[i], intrinsics.width, intrinsics.height)
         if np.isfinite(marks.xyz[i]).all():
             continue
         if sequence not in motions:
@@ -173,6 +178,12 @@ def times(
             raise DiorError(f"{where}: '{joint}' is not a marker of {sequence}{nearest(joint, motion.joints)}")
         t[i] = seconds(stamp, motion.t0_ns)
     return t
+
+
+def check_inside(where: str, uv: Floats, width: int, height: int) -> None:
+    """Refuse a mark at a pixel `uv` (2,) that its picture does not have."""
+    if not in_picture(uv, width, height):
+        raise DiorError(f"{where}: ({uv[0]:g}, {uv[1]:g}) is outside of the {width}x{height} picture")
 
 
 def in_world(

@@ -139,9 +139,7 @@ def fit(
     which hides the joints beyond it" the one is chosen that the edges agree with best; `occluder` (auto, none, below,
     above) may say which. Raises DiorError (beginning with `where`) with too little to fit.
     """
-    count = np.isfinite(seen.edges).sum() + np.isfinite(seen.clicks).sum()
-    if count < FEWEST:
-        raise DiorError(f"{where}: {count} usable edges and clicked coordinates; draw boxes on at least 4 pictures")
+    check_enough(where, int(np.isfinite(seen.edges).sum() + np.isfinite(seen.clicks).sum()))
     readings = READINGS[occluder] if np.isfinite(seen.edges).any() else ("",)
     tried, error = [], None
     for hides in readings:
@@ -165,6 +163,12 @@ def fit(
     # the labels may as well be where the next reading has them: as far off is one standard deviation
     step = tried[min(elsewhere, key=lambda i: lead[i])].values[:9] - found.values
     return replace(found, ahead=ahead, covariance=found.covariance + np.outer(step, step))
+
+
+def check_enough(where: str, count: int) -> None:
+    """Refuse so few edges and clicked coordinates that nothing is fitted."""
+    if count < FEWEST:
+        raise DiorError(f"{where}: {count} usable edges and clicked coordinates; draw boxes on at least 4 pictures")
 
 
 def again(start: Camera, freedom: Freedom, seen: EdgeObservations, found: Fitted, where: str) -> tuple[Camera, Floats]:

@@ -54,6 +54,11 @@ class FilmedWalk:
     most_s: float = lag.WINDOW_S
 
     @property
+    def size(self) -> hand_boxes.Size:
+        """Width and height px of the pictures."""
+        return int(self.rows["width"][0]), int(self.rows["height"][0])
+
+    @property
     def points(self) -> Floats:
         """(F, J, 3) m at the pictures."""
         return self.track.at(self.seconds)
@@ -101,7 +106,7 @@ def given_clock(camera: str, frames: Path, offsets: Path | None) -> ClockValues:
 
 def from_boxes(walk: FilmedWalk, path: Path) -> tuple[Ints, Floats]:
     """Pictures (F,) with a box that is not kept back, by their row, and its edges (F, 4) px."""
-    numbers, edges = hand_boxes.read(path, walk.rows["frame"])
+    numbers, edges = hand_boxes.read(path, walk.rows["frame"], walk.size)
     fitted = ~hand_boxes.kept_back(numbers)
     return np.searchsorted(walk.rows["frame"], numbers[fitted]), edges[fitted]
 
@@ -119,6 +124,7 @@ def from_marks(walk: FilmedWalk, marks: hand_marks.Marks, path: Path) -> tuple[I
         found = np.flatnonzero(walk.rows["frame"] == mine.frame[i])
         if not len(found):
             raise DiorError(f"{where}: {walk.name} has no frame {mine.frame[i]} of this camera")
+        hand_marks.check_inside(where, mine.uv[i], *walk.size)
         rows.append(found[0])
     shown, at = np.unique(np.array(rows, int), return_inverse=True)
     clicks = np.full((len(shown), len(walk.joints), 2), np.nan)

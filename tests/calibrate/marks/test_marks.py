@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dior.calibrate.marks import marks
-from dior.errors import DiorError
+from dior.errors import DiorError, DiorErrors
 from tests.rig import ring
 
 T0 = 1_708_000_000_000_000_000
@@ -68,6 +68,12 @@ def test_bad_lines_are_named(tmp_path, text, message):
     with pytest.raises(DiorError, match=message) as error:
         marks.read(write(tmp_path, text))
     assert "cam01.marks.csv" in str(error.value)
+
+
+def test_all_bad_lines_are_named_together(tmp_path):
+    with pytest.raises(DiorErrors) as error:
+        marks.read(write(tmp_path, HEADER + "a,0,LASI,one,2\na,0,LASI,1,2\na,-1,LASI,1,2\n"))
+    assert ["line 2" in str(error.value.found[0]), "line 4" in str(error.value.found[1])] == [True, True]
 
 
 def test_no_file(tmp_path):
