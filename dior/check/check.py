@@ -7,27 +7,30 @@ Walks with an exclude_reason are not looked at, nor are those of people who may 
 a project will make is looked at when it is there. Nothing is written.
 """
 
+import errno
 import json
+import os
 import re
 import shlex
 from collections.abc import Iterable
 from contextlib import chdir
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from dior.check import computer, lenses, motion, named_frames, recordings
-from dior.check.notes import Notes
+from dior.check import computer, found_people, lenses, motion, named_frames, recordings
+from dior.check.notes import Notes, of_sentence
 from dior.errors import DiorError, Faults, many
-from dior.project import missing
+from dior.project import missing, todos
 from dior.project.contents import Project
 from dior.project.missing import Fault, line_of
+from dior.project.plain_text import unreadable
 from dior.project.project import as_far_as_it_goes, read_config, sheets
 
 # chosen: what a screen shows of a file, and of the walks with the same fault
 MOST_OF_A_FILE, MOST_WALKS = 20, 3
-# how the sentences of the project's own reader begin
-WHERE = re.compile(r"(config/[^\s:,]+)(?:,? line (\d+))?: (.*)", re.DOTALL)
+# chosen: of faults of a file that are alike but for their numbers as many are shown one by one
+MOST_ALIKE = 3
 # a key of a YAML file in such a sentence
 KEY = re.compile(r"'(\w+)[\w.]*'")
 
@@ -61,17 +64,36 @@ def run(project: Path = Path("."), *, as_json: bool = False) -> int:
 
 def look() -> tuple[Notes, computer.Plan | None]:
     """What is found of the project in the working directory, and what a run on it takes, where that can be told."""
-    notes, faults = Notes(), Faults()
-    project = as_far_as_it_goes(Path("."), faults)
-    for error in faults.found:
-        notes.faults.append(_of_config(str(error)))
-    if project is None:
+    notes = Notes()
+    notes.faults += barred_folders()
+    if notes.faults:
+        return notes, None
+    unfinished, faults = todos.found("."), Faults()
+    project = as_far_as_it_goes(Path("."), faults, unfinished=unfinished)
+    # what a value must not be that is still to be filled in need not be said
+    told = [error for error in faults.found if not unfinished or todos.WORD not in str(error)]
+    notes.faults += [_of_config(str(error)) for error in (*todos.errors(unfinished), *told)]
+    if told or unfinished:
         notes.faults += _of_sheet()
+    if project is None:
         return notes, None
     (_, lines), _ = sheets(".")
     notes.faults += missing.of_project(project, lines)
     plan = _look_at_recordings(project, lines, notes)
     return notes, plan if not notes.faults else None
+
+
+def barred_folders() -> list[Fault]:
+    """The folders of config/ in which one has no right to look: of what is in them nothing can be said."""
+    faults: list[Fault] = []
+
+    def barred(error: OSError) -> None:
+        faults.append(of_sentence(str(unreadable(error.filename, error.filename, error)), error.filename))
+
+    for folder, _, _ in os.walk("config", onerror=barred):
+        if not os.access(folder, os.X_OK):
+            barred(PermissionError(errno.EACCES, os.strerror(errno.EACCES), folder))
+    return sorted(set(faults), key=str)
 
 
 def _look_at_recordings(project: Project, lines: dict[str, int], notes: Notes) -> computer.Plan:
@@ -81,7 +103,7 @@ def _look_at_recordings(project: Project, lines: dict[str, int], notes: Notes) -
     if not can_see_videos:
         paths = [path for path in paths if path not in _video_files(project)]
     seen = recordings.look_at(paths)
-    recorded, markers = {}, {}
+    recorded, markers, drawn = {}, {}, {}
     for walk in project.sequences:
         line = lines[walk]
         recorded[walk] = recordings.of_walk(project, walk, line, seen, notes)
@@ -89,11 +111,11 @@ def _look_at_recordings(project: Project, lines: dict[str, int], notes: Notes) -
         found = motion.of_walk(project, walk, line, in_bags, notes)
         if found is not None:
             markers[walk] = found
-        named_frames.of_walk(project, walk, recorded[walk], notes)
-    named_frames.of_detections(project, lines, recorded, notes)
+        drawn[walk] = named_frames.of_walk(project, walk, recorded[walk], notes)
+    found_people.of_walks(project, lines, recorded, notes)
     for session in project.sessions:
         lenses.of_session(project, session, recorded, notes)
-        named_frames.of_marks(project, session, recorded, markers, notes)
+        named_frames.of_session(project, session, recorded, markers, drawn, notes)
     plan = computer.plan(project, recorded)
     computer.check_room(project, plan, notes)
     return plan
@@ -101,25 +123,24 @@ def _look_at_recordings(project: Project, lines: dict[str, int], notes: Notes) -
 
 def _video_files(project: Project) -> set[str]:
     named = (path for walk in project.sequences for path in project.videos(walk).values())
-    return {path for path in named if Path(path).is_file()}
+    return {path for path in named if os.path.isfile(path)}
 
 
 def _of_config(text: str) -> Fault:
     """A sentence of the project's reader as a fault of its file."""
-    found = WHERE.match(text)
-    if not found:
-        return Fault("config/", None, text)
-    file, line, rest = found.groups()
-    key = KEY.search(rest)
-    at = int(line) if line else line_of(".", file, key[1]) if key and file.endswith(".yaml") else None
-    return Fault(file, at, rest)
+    fault = of_sentence(text, "config/")
+    key = KEY.search(fault.text)
+    if fault.line or not key or not fault.file.endswith(".yaml"):
+        return fault
+    return replace(fault, line=line_of(".", fault.file, key[1]))
 
 
 def _of_sheet() -> list[Fault]:
-    """What is missing of the recordings, where the project cannot be read but its sheet and config.yaml can."""
+    """What is missing of the recordings of walks that are left out, where the sheet and config.yaml can be read."""
     try:
-        data_root = read_config(".").get("data_root", "data")
-        return missing.of_sheet(".", data_root) if isinstance(data_root, str) else []
+        config = read_config(".")
+        data_root = None if "simulate" in config else config.get("data_root", "data")
+        return missing.of_sheet(".", data_root) if data_root is None or isinstance(data_root, str) else []
     except DiorError:
         return []
 
@@ -140,10 +161,30 @@ def _shown(faults: list[dict[str, Any]]) -> list[str]:
     """Lines for people: each file, and below it what is wrong."""
     lines = []
     for file in dict.fromkeys(fault["file"] for fault in faults):
-        mine = [fault for fault in faults if fault["file"] == file]
-        lines += [file, *(f"  {_sentence(fault)}" for fault in mine[:MOST_OF_A_FILE])]
+        mine = _folded([fault for fault in faults if fault["file"] == file])
+        lines += [file, *(f"  {sentence}" for sentence in mine[:MOST_OF_A_FILE])]
         lines += [f"  and {len(mine) - MOST_OF_A_FILE} more"] if len(mine) > MOST_OF_A_FILE else []
     return lines
+
+
+def _folded(faults: list[dict[str, Any]]) -> list[str]:
+    """A sentence for each fault of a file, of many that are alike for the first."""
+    alike: dict[str, list[dict[str, Any]]] = {}
+    for fault in faults:
+        alike.setdefault(_shape(fault), []).append(fault)
+    sentences = []
+    for fault in faults:
+        same = alike[_shape(fault)]
+        if len(same) <= MOST_ALIKE:
+            sentences.append(_sentence(fault))
+        elif fault is same[0]:
+            last = f", to line {same[-1]['line']}" if same[-1]["line"] else ""
+            sentences.append(f"{_sentence(fault)}; and {len(same) - 1} more like it{last}")
+    return sentences
+
+
+def _shape(fault: dict[str, Any]) -> str:
+    return re.sub(r"\d+", "0", fault["text"])
 
 
 def _sentence(fault: dict[str, Any]) -> str:

@@ -119,7 +119,7 @@ def check_room(project: Project, plan: Plan, notes: Notes) -> None:
 
 def check_packages(project: Project, notes: Notes) -> bool:
     """Look whether the packages are there that the project asks for; whether videos can be looked into."""
-    videos = [path for walk in project.sequences for path in project.videos(walk).values() if Path(path).is_file()]
+    videos = [path for walk in project.sequences for path in project.videos(walk).values() if os.path.isfile(path)]
     lacking = {package: find_spec(package[0]) is None for package in (AV, ONNX, TORCH)}
     if videos and lacking[AV]:
         notes.fault("config/sequences.tsv", None, f"{videos[0]} is a video, which needs PyAV; {_install(AV)}")

@@ -21,7 +21,7 @@ from dior.ingest import bags, messages
 from dior.ingest.containers import BROKEN
 from dior.ingest.glance import first_message
 from dior.project.contents import Project
-from dior.project.missing import line_of
+from dior.project.missing import can_be_read, line_of
 
 
 def of_session(project: Project, session: str, recorded: Mapping[str, Mapping[str, Recorded]], notes: Notes) -> None:
@@ -32,7 +32,7 @@ def of_session(project: Project, session: str, recorded: Mapping[str, Mapping[st
             reference = settings["reference"]
             path = Path(project.in_data(reference["file"]))
             with notes.kept(shown, line_of(project.root, shown, "reference")):
-                if path.exists():
+                if can_be_read(".", str(path)):
                     files.camera(path, reference["name"])
         first = recorded.get(project.first_sequence(session), {}).get(name)
         lens = None
@@ -51,7 +51,7 @@ def _lens(
     source, model = settings["intrinsics"], settings.get("distortion_model", "")
     if isinstance(source, dict):
         path = Path(project.in_data(source["file"])) if "file" in source else None
-        return intrinsics.from_file(path, source["name"], model) if path and path.exists() else None
+        return intrinsics.from_file(path, source["name"], model) if path and can_be_read(".", str(path)) else None
     if first is None or not first.width:
         return None
     info = _camera_info(first, settings)

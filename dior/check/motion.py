@@ -5,6 +5,7 @@ OUTPUTS  the markers by walk; faults in `Notes`
 Of a C3D its header is read; what is wrong with its coordinates shows when the step mocap reads these.
 """
 
+import os
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from dior.check.notes import Notes
 from dior.check.recordings import Recorded
 from dior.ingest import marker_names, mocap, mocap_files, trigger_log
 from dior.project.contents import Project
-from dior.project.missing import SEQUENCES
+from dior.project.missing import SEQUENCES, can_be_read
 
 # chosen: a text of this size is read whole in a tenth of a second; a longer one takes too long for a check
 MOST_TEXT_BYTES = 1 << 21
@@ -26,15 +27,16 @@ def of_walk(
         with notes.kept(SEQUENCES, line, walk):
             _check_log(project, walk, log, list(recorded))
     found = None
-    for path in filter(_is_looked_into, project.mocap(walk)):
+    for path in project.mocap(walk):
         with notes.kept(SEQUENCES, line, walk):
-            found = _markers(project, walk, path)
+            found = _markers(project, walk, path) if _is_looked_into(path) else None
     return found
 
 
 def _is_looked_into(path: str) -> bool:
-    file = Path(path)
-    return file.is_file() and (mocap_files.recognise(file) == mocap_files.C3D or file.stat().st_size < MOST_TEXT_BYTES)
+    if not can_be_read(".", path) or not os.path.isfile(path):
+        return False
+    return mocap_files.recognise(path) == mocap_files.C3D or os.path.getsize(path) < MOST_TEXT_BYTES
 
 
 def _markers(project: Project, walk: str, path: str) -> frozenset[str]:
@@ -50,7 +52,7 @@ def _markers(project: Project, walk: str, path: str) -> frozenset[str]:
 
 def _check_log(project: Project, walk: str, log: str, recorded: list[Recorded]) -> None:
     stamps = [ns for one in recorded for ns in (one.first_ns, one.last_ns) if ns is not None]
-    if Path(log).exists() and stamps:
+    if can_be_read(".", log) and stamps:
         c3d = Path(next(iter(project.mocap(walk)), "")).name
         captures = trigger_log.read(log)
         trigger_log.choose(captures, min(stamps), max(stamps), log, name=project.capture(walk), c3d=c3d)

@@ -1,10 +1,15 @@
 """What a check has found: faults, with which a run would fail, and warnings, with which it would not."""
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from dior.errors import DiorError, DiorErrors
+from dior.errors import Faults
 from dior.project.missing import Fault
+from dior.project.plain_text import unreadable
+
+# how the sentences of those who read a file begin
+_WHERE = re.compile(r"(config(?:/[^\s:,]*)?)(?:,? line (\d+))?: (.*)", re.DOTALL)
 
 
 class Notes:
@@ -22,11 +27,23 @@ class Notes:
 
     @contextmanager
     def kept(self, file: str, line: int | None, walk: str = "") -> Iterator[None]:
-        """Keep what is wrong with what is done within, to be mended in that file."""
+        """Keep what is wrong with what is done within, to be mended in that file, on that line unless the sentences
+        name the file and another."""
+        faults = Faults()
         try:
-            yield
-        except DiorErrors as several:
-            for error in several.found:
-                self.fault(file, line, str(error), walk)
-        except DiorError as error:
-            self.fault(file, line, str(error), walk)
+            with faults.kept():
+                yield
+        except OSError as error:
+            path = str(error.filename or file)
+            faults.found.append(unreadable(path, path, error))
+        self.faults += [of_sentence(str(one), file, line, walk) for one in faults.found]
+
+
+def of_sentence(text: str, file: str, line: int | None = None, walk: str = "") -> Fault:
+    """A sentence as a fault of `file`, or of that of config/ which it begins with, whose name and line are then not
+    said a second time."""
+    found = _WHERE.fullmatch(text)
+    if not found:
+        return Fault(file, line, text, walk)
+    named, at, rest = found.groups()
+    return Fault(named, int(at) if at else line if named == file else None, rest, walk)

@@ -7,6 +7,7 @@ middle of a recording is only seen when it is read. Of videos it is not judged w
 """
 
 import multiprocessing
+import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
@@ -21,7 +22,8 @@ from dior.ingest.bag_reader import full_name
 from dior.ingest.glance import Stream, glance, is_packed
 from dior.ingest.messages import PICTURES
 from dior.project.contents import Project
-from dior.project.missing import SEQUENCES, line_of
+from dior.project.missing import SEQUENCES, can_be_read, line_of
+from dior.project.plain_text import unreadable
 from dior.project.run import cores
 
 # chosen: fewer are looked at sooner than a second process has begun
@@ -51,9 +53,13 @@ class Recorded:
     paths: tuple[str, ...]
 
 
+# by walk and camera
+AllRecorded: TypeAlias = Mapping[str, Mapping[str, Recorded]]
+
+
 def look_at(paths: Iterable[str]) -> Seen:
     """What is in each of the recordings that are there."""
-    known = [path for path in dict.fromkeys(paths) if Path(path).exists()]
+    known = [path for path in dict.fromkeys(paths) if can_be_read(".", path)]
     return dict(zip(known, side_by_side(_seen, known), strict=True))
 
 
@@ -71,6 +77,8 @@ def _seen(path: str) -> InIt:
         return None if is_packed(path) else glance(path)
     except DiorError as error:
         return error
+    except OSError as error:
+        return unreadable(error.filename or path, error.filename or path, error)
 
 
 def of_walk(project: Project, walk: str, line: int, seen: Seen, notes: Notes) -> dict[str, Recorded]:
@@ -97,7 +105,7 @@ def _of_camera(project: Project, walk: str, camera: str, seen: Seen, notes: Note
     topic = full_name(project.topics(walk)[camera])
     if filmed:
         paths, key = [project.videos(walk)[camera]], "video"
-        if Path(paths[0]).is_dir():
+        if os.path.isdir(paths[0]):
             topic = picture_folders.TOPIC
             if "fps" not in settings["video"] and camera not in project.sidecars(walk):
                 text = f"{paths[0]} is a folder of pictures, which have no time; give `video: {{fps: ...}}`, or stamps"

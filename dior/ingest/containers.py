@@ -18,7 +18,7 @@ from tempfile import TemporaryDirectory
 from typing import TypeVar
 
 from dior.arrays import AnyPath
-from dior.errors import DiorError
+from dior.errors import DiorError, many
 from dior.formats import BagFormat
 from dior.ingest import packets, picture_folders, video_audio, videos
 from dior.ingest.bag_reader import ZSTD_MAGIC, Message, opened
@@ -38,7 +38,9 @@ HINTS = {
 }
 # of an MCAP file, where its header names the profile: magic, kind, size, length of the text
 PROFILE_AT = 8 + 1 + 8 + 4
+HEAD_BYTES = PROFILE_AT + 4
 METADATA = "metadata.yaml"
+COPY = "copy it again from the recording computer"
 DESCRIPTIONS = (
     BagFormat(
         key="ros1",
@@ -176,13 +178,16 @@ def _format(bag: AnyPath, path: Path) -> tuple[str, str]:
     if videos.is_video(head):
         return "video", HINTS["video"]
     if not head:
-        raise DiorError(f"{shown}: the bag is empty; copy it again from the recording computer")
+        raise DiorError(f"{shown}: the bag is empty; {COPY}")
     if any(magic.startswith(head) for magic in FORMATS):
-        raise DiorError(f"{shown}: the bag ends after {len(head)} bytes; copy it again from the recording computer")
+        raise DiorError(f"{shown}: the bag ends after {many(len(head), 'byte')}; {COPY}")
     if head.startswith(b"#ROSBAG V1"):
         raise DiorError(f"{shown}: this is a bag of the old format 1; convert it with `rosbag fix`")
+    short, fix = "", ""
+    if len(head) < HEAD_BYTES:
+        short, fix = f", and ends after {many(len(head), 'byte')}", f"{COPY}; "
     raise DiorError(
-        f"{shown}: this is not a bag (it begins with {head[:12]!r}); "
+        f"{shown}: this is not a bag (it begins with {head[:12]!r}{short}); {fix}"
         "bags are ROS 1 .bag files, ROS 2 .db3 or .mcap files, or their folders, videos mp4, mov, avi or mkv"
     )
 
@@ -190,7 +195,7 @@ def _format(bag: AnyPath, path: Path) -> tuple[str, str]:
 def _head(bag: AnyPath, path: Path) -> bytes:
     try:
         with open(path, "rb") as stream:
-            return stream.read(PROFILE_AT + 4)
+            return stream.read(HEAD_BYTES)
     except OSError as error:
         raise DiorError(f"{bag}: {Path(path).name} cannot be read ({error.strerror})") from None
 

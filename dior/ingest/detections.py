@@ -10,6 +10,7 @@ OUTPUTS  `detections` table, complete camera x frame x joint, recorded pixels, o
          they lie on the pictures.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -75,8 +76,7 @@ def run(
             raise DiorError(f"{where}: {frames} has no frame of this camera")
         path = Path(pattern.replace("{camera}", camera))
         reader = READERS[format_of(path, format, where)]
-        if "{camera}" not in pattern and len(cameras) > 1 and not reader.all_cameras:
-            raise DiorError(f"{sequence}: `detections` in sequences.tsv is '{pattern}', which needs a {{camera}} in it")
+        check_pattern(sequence, pattern, cameras, reader)
         people = of_recording(path, reader, camera, mine, where, first_frame)
         _check_anybody(people, path, where)
         if "{camera}" not in pattern:
@@ -128,6 +128,12 @@ def format_of(path: Path, wanted: str, where: str) -> str:
         shape = "the folder of the files" if READERS[found].shape == "folder" else "the file itself"
         raise DiorError(f"{where}: {path} is {READERS[found].tool} output, but `detections` must name {shape}")
     return found
+
+
+def check_pattern(sequence: str, pattern: str, cameras: Sequence[str], reader: Reader) -> None:
+    """Refuse one file for several cameras, of a tool whose files hold one."""
+    if "{camera}" not in pattern and len(cameras) > 1 and not reader.all_cameras:
+        raise DiorError(f"{sequence}: `detections` in sequences.tsv is '{pattern}', which needs a {{camera}} in it")
 
 
 def of_recording(

@@ -7,10 +7,12 @@ sentences that name the file, line or key and the likely fix.
 import difflib
 import os
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
 from dior.errors import DiorError, Faults, nearest
+from dior.paths import AnyPath
 from dior.project.bumps import session_folder
 from dior.project.contents import Project
 from dior.project.schema_check import Row, Rows, check, read_yaml
@@ -49,9 +51,9 @@ def check_sheets(project: Project, people: Rows, lines: dict[str, int]) -> None:
         _check_pseudonyms(people)
     for name in project.sequences:
         where = f"config/sequences.tsv line {lines[name]}"
-        with faults.kept():
-            _check_references(project, project.rows[name], people, where)
-            _check_name(project.rows[name], people, where)
+        for check_row in (_check_subject, _check_session, _check_detector, _check_paths, _check_name):
+            with faults.kept():
+                check_row(project, project.rows[name], people, where)
     faults.tell()
 
 
@@ -142,41 +144,58 @@ def _check_people(project: Project) -> None:
 
 
 def check_camera(camera: dict[str, Any], shown: str) -> None:
-    """A camera must have what its `locate` needs."""
-    _check_intrinsics(camera, shown)
-    if {"lens", "distortion_model"} <= camera.keys():
-        raise DiorError(f"{shown}: 'lens' and 'distortion_model' say the same thing; delete one of them")
+    """A camera must have what its `locate` needs. Raises DiorError for all that it has not."""
+    faults = Faults()
+    with faults.kept():
+        _check_intrinsics(camera, shown)
     for key in ("topic", "camera_info"):
-        _check_begin(camera.get(key, ""), f"{shown}: '{key}'", "/")
-    if not camera["topic"] and camera["intrinsics"] == "camera_info":
-        raise DiorError(
-            f"{shown}: 'intrinsics' is camera_info, which bags have and videos have not; give a file or a board, or, "
-            "for a camera that is in bags, its 'topic'"
-        )
+        with faults.kept():
+            _check_begin(camera.get(key, ""), f"{shown}: '{key}'", "/")
     if "reference" in camera:
-        _check_path(camera["reference"]["file"], f"{shown}: 'reference.file'")
+        with faults.kept():
+            _check_path(camera["reference"]["file"], f"{shown}: 'reference.file'")
+    faults.found += [DiorError(f"{shown}: {text}") for text in _contradictions(camera)]
+    faults.tell()
+
+
+def _contradictions(camera: dict[str, Any]) -> Iterator[str]:
+    """What a camera's keys say that does not go together."""
+    tape = camera.get("tape")
+    if {"lens", "distortion_model"} <= camera.keys():
+        yield "'lens' and 'distortion_model' say the same thing; delete one of them"
+    if not camera["topic"] and camera["intrinsics"] == "camera_info":
+        yield (
+            "'intrinsics' is camera_info, which bags have and videos have not; give a file or a board, or, for a "
+            "camera that is in bags, its 'topic'"
+        )
+    yield from _of_locate(camera)
+    off = _distance(tape["position_m"], tape["target_m"]) if tape else 1.0
+    if off < SAME_PLACE_M:
+        yield "'tape.target_m' is the camera's own position, so it looks nowhere"
+    if off > FARTHEST_M[camera["role"]]:
+        yield (
+            f"'tape.position_m' is {off:.0f} m from 'tape.target_m'; both are metres from the origin on the floor, not "
+            "centimetres or degrees of latitude"
+        )
+
+
+def _of_locate(camera: dict[str, Any]) -> Iterator[str]:
+    """What does not go together with `locate`: its role, or, where that does, the sections for it."""
     locate = camera["locate"]
     if locate == "align" and camera["role"] != "long_range":
-        raise DiorError(f"{shown}: 'locate: align' is for long_range cameras; a close one has marks, tape or reference")
+        yield "'locate: align' is for long_range cameras; a close one has marks, tape or reference"
+        return
     if locate in ("tape", "apriltag") and camera["role"] != "close":
-        raise DiorError(f"{shown}: a long_range camera is not adjusted after 'locate: {locate}'; use 'locate: align'")
+        yield f"a long_range camera is not adjusted after 'locate: {locate}'; use 'locate: align'"
+        return
     if locate in ("tape", "align") and "tape" not in camera:
-        raise DiorError(f"{shown}: 'locate: {locate}' needs the key 'tape' with the measured position_m")
+        yield f"'locate: {locate}' needs the key 'tape' with the measured position_m"
     if locate == "reference" and "reference" not in camera:
-        raise DiorError(f"{shown}: 'locate: reference' needs the key 'reference' with file and name")
+        yield "'locate: reference' needs the key 'reference' with file and name"
     if locate != "align" and any(camera["nudge"].values()):
-        raise DiorError(f"{shown}: 'nudge' has no effect with 'locate: {locate}'; only align uses it")
+        yield f"'nudge' has no effect with 'locate: {locate}'; only align uses it"
     if "align" in camera and locate != "align":
-        raise DiorError(f"{shown}: the section 'align' has no effect with 'locate: {locate}'")
-    if "tape" in camera and _distance(camera["tape"]["position_m"], camera["tape"]["target_m"]) < SAME_PLACE_M:
-        raise DiorError(f"{shown}: 'tape.target_m' is the camera's own position, so it looks nowhere")
-    if "tape" in camera:
-        off, most = _distance(camera["tape"]["position_m"], camera["tape"]["target_m"]), FARTHEST_M[camera["role"]]
-        if off > most:
-            raise DiorError(
-                f"{shown}: 'tape.position_m' is {off:.0f} m from 'tape.target_m'; both are metres from the origin on "
-                "the floor, not centimetres or degrees of latitude"
-            )
+        yield f"the section 'align' has no effect with 'locate: {locate}'"
 
 
 def lens_model(name: str, lenses: dict[str, str], shown: str) -> str:
@@ -248,28 +267,39 @@ def _check_pseudonyms(subjects: Rows) -> None:
                 )
 
 
-def _check_references(project: Project, row: Row, people: Rows, where: str) -> None:
-    name = row["sequence"]
+def _check_subject(project: Project, row: Row, people: Rows, where: str) -> None:
     if row["subject"] not in people:
         raise DiorError(
-            f"{where}: sequence '{name}' is of subject '{row['subject']}', who is not in config/subjects.tsv"
+            f"{where}: sequence '{row['sequence']}' is of subject '{row['subject']}', who is not in config/subjects.tsv"
             f"{nearest(row['subject'], people)}"
         )
-    folder = project.root / "config/sessions"
-    if not (folder / session_folder(row["session"]) / "session.yaml").is_file():
-        there = sorted(os.listdir(folder)) if folder.is_dir() else []
-        raise DiorError(
-            f"{where}: session '{row['session']}' of sequence '{name}' has no "
-            f"{project.session_file(row['session'])}{nearest(row['session'], there)}"
-        )
-    if project.detected_here(name):
-        _check_detector(project, f"{where}: sequence '{name}' has 'detections: detect'")
+
+
+def _check_session(project: Project, row: Row, people: Rows, where: str) -> None:
+    if told := no_session(project.root, row):
+        raise DiorError(f"{where}: {told}")
+
+
+def no_session(root: AnyPath, row: Row) -> str:
+    """What to say of a row of sequences.tsv whose session has no files, "" where it has."""
+    folder, name = Path(root, "config/sessions"), session_folder(row["session"])
+    if (folder / name / "session.yaml").is_file():
+        return ""
+    there = sorted(os.listdir(folder)) if folder.is_dir() else []
+    fix = nearest(row["session"], [one for one in there if one != name])
+    if not fix:
+        other = "copy the folder of another session" if there else "`dior init <new folder>` makes one to copy"
+        fix = f"; {other}" if name not in there else "; it lists the session's cameras"
+    return f"session '{row['session']}' of sequence '{row['sequence']}' has no config/sessions/{name}/session.yaml{fix}"
+
+
+def _check_paths(project: Project, row: Row, people: Rows, where: str) -> None:
     for column in ("bags", "videos", "stamps", "mocap", "detections", "trigger_log", "truth"):
         for path in row[column].split(";"):
             _check_path(path.replace("{camera}", "") if column in PATTERNS else path, f"{where}: {column}")
             if os.path.isabs(path.strip()):
                 raise DiorError(f"{where}: {column} '{path.strip()}' must be relative to data_root")
-    _check_begin(project.capture(name), f"{where}: the capture behind # in trigger_log", "")
+    _check_begin(project.capture(row["sequence"]), f"{where}: the capture behind # in trigger_log", "")
 
 
 def _check_path(path: str, what: str) -> None:
@@ -286,7 +316,10 @@ def _check_begin(word: str, what: str, before: str) -> None:
         raise DiorError(f"{what} is '{word}', which begins with - as the options of a command do; {fix}")
 
 
-def _check_detector(project: Project, asking: str) -> None:
+def _check_detector(project: Project, row: Row, people: Rows, where: str) -> None:
+    if not project.detected_here(row["sequence"]):
+        return
+    asking = f"{where}: sequence '{row['sequence']}' has 'detections: detect'"
     model = project.config["detector"]["model"]
     if not model:
         raise DiorError(f"{asking}, which needs the pose network `detector.model` in config/config.yaml")
@@ -301,7 +334,7 @@ def _distance(a: Sequence[float], b: Sequence[float]) -> float:
     return sum((x - y) ** 2 for x, y in zip(a, b, strict=True)) ** 0.5
 
 
-def _check_name(row: Row, people: Rows, where: str) -> None:
+def _check_name(project: Project, row: Row, people: Rows, where: str) -> None:
     """The names of sequences and sessions go into the release, so they must not hold the name of a subject."""
     for column in ("sequence", "session"):
         for subject in people:

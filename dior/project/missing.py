@@ -8,7 +8,6 @@ whenever `snakemake -n` plans.
 
 import os
 import re
-from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
@@ -18,8 +17,9 @@ from dior.errors import nearest
 from dior.paths import AnyPath
 from dior.project.consent import processed
 from dior.project.contents import Project, bags_of
-from dior.project.plain_text import rows_of, text_of
-from dior.project.schema_check import Row
+from dior.project.cross_checks import no_session
+from dior.project.plain_text import barred_by, right_to, text_of
+from dior.project.schema_check import Row, as_written
 
 SEQUENCES, CONFIG = "config/sequences.tsv", "config/config.yaml"
 # chosen: no file of config/ whose lines are told is longer
@@ -49,29 +49,29 @@ def of_project(project: Project, lines: dict[str, int]) -> list[Fault]:
     return [*_of_walks(project, lines), *_of_cameras(project), *_of_sheets(project)]
 
 
-def of_sheet(root: AnyPath, data_root: str) -> list[Fault]:
-    """What is missing of the recordings that sequences.tsv names, those of cameras apart, however wrong the rest of the
-    project is. Raises DiorError where the sheet cannot be read."""
-    if found := _no_data_root(root, data_root):
-        return [found]
-    people = {row["subject"]: row for _, row in _as_written(root, "config/subjects.tsv")}
-    written = _as_written(root, SEQUENCES)
+def of_sheet(root: AnyPath, data_root: str | None) -> list[Fault]:
+    """What is missing of the sessions and recordings that sequences.tsv names, those of cameras apart, however wrong
+    the rest of the project is; without `data_root` of the sessions alone. Raises DiorError where a sheet cannot be
+    read."""
+    subjects = "config/subjects.tsv"
+    people = {row["subject"]: row for _, row in as_written(Path(root, subjects), subjects)}
+    written = as_written(Path(root, SEQUENCES), SEQUENCES)
     walks: dict[tuple[str, ...], Row] = {
         (row["sequence"], str(line)): row for line, row in written if not row["exclude_reason"]
     }
-    return [
-        _absent(root, path, what, name, int(line))
-        for (name, line), row in processed(walks, people)[0].items()
+    rows = [(int(line), row) for (_, line), row in processed(walks, people)[0].items()]
+    without = [(line, row, told) for line, row in rows if row["session"] and (told := no_session(root, row))]
+    faults = [Fault(SEQUENCES, line, told, row["sequence"]) for line, row, told in without]
+    if data_root is None:
+        return faults
+    if found := _no_data_root(root, data_root):
+        return [*faults, found]
+    return faults + [
+        _absent(root, path, what, row["sequence"], line)
+        for line, row in rows
         for what, path in _named(row, data_root)
-        if not _is(root, path)
+        if not can_be_read(root, path)
     ]
-
-
-def _as_written(root: AnyPath, shown: str) -> Iterator[tuple[int, Row]]:
-    """Line and cells by column of each row of a sheet, whatever is in them."""
-    (_, header), *rows = rows_of(Path(root, shown), shown, "\t") or [(1, [""])]
-    for line, cells in rows:
-        yield line, defaultdict(str, zip(header, cells, strict=False))
 
 
 def _named(row: Row, data_root: str) -> Iterator[tuple[str, str]]:
@@ -84,8 +84,10 @@ def _named(row: Row, data_root: str) -> Iterator[tuple[str, str]]:
 
 def _no_data_root(root: AnyPath, data_root: str) -> Fault | None:
     path = os.path.join(root, data_root)
-    if os.path.isdir(path):
+    if os.path.isdir(path) and os.access(path, os.X_OK):
         return None
+    if barred_by(path):
+        return Fault(CONFIG, line_of(root, CONFIG, "data_root"), f"data_root: {_why_not(root, data_root, '')}")
     above = Path(os.path.abspath(path)).parent
     there = [name for name in _names_in(str(above)) if (above / name).is_dir()]
     guess = nearest(os.path.basename(data_root.rstrip("/")), there)
@@ -99,7 +101,7 @@ def _of_walks(project: Project, lines: dict[str, int]) -> Iterator[Fault]:
     words |= {"trigger": "trigger log", "detections": "detections"}
     for name in project.sequences:
         for key, path in project.recordings(name).items():
-            if not _is(project.root, path):
+            if not can_be_read(project.root, path):
                 kind, _, camera = key.partition(".")
                 what = words[kind.partition("_")[0]] + (f" of {camera}" if camera else "")
                 yield _absent(project.root, path, what, name, lines[name])
@@ -116,29 +118,40 @@ def _of_cameras(project: Project) -> Iterator[Fault]:
                 named["intrinsics"] = board["path"] if board else lens["file"]
             for key, path in named.items():
                 path = project.in_data(path)
-                if not _is(project.root, path):
+                if not can_be_read(project.root, path):
                     line = line_of(project.root, shown, key)
-                    yield Fault(shown, line, f"'{key}' names {path}, which is not there{_guess(project.root, path)}")
+                    yield Fault(shown, line, f"'{key}': {_why_not(project.root, path, '')}")
 
 
 def _of_sheets(project: Project) -> Iterator[Fault]:
     for row in project.gallery.values():
         path = project.in_data((row["path"] or row["bag"]).rstrip("/"))
-        if not _is(project.root, path):
-            yield Fault("config/gallery.tsv", None, f"there is no {path}{_guess(project.root, path)}")
+        if not can_be_read(project.root, path):
+            yield Fault("config/gallery.tsv", None, _why_not(project.root, path, ""))
     for name in project.sequences:
         for row in project.detectors_of(name):
-            if not _is(project.root, row["path"]):
-                text = f"{row['path']} is not there{_guess(project.root, row['path'])}"
-                yield Fault("config/detectors.tsv", None, text, name)
+            if not can_be_read(project.root, row["path"]):
+                yield Fault("config/detectors.tsv", None, _why_not(project.root, row["path"], ""), name)
 
 
 def _absent(root: AnyPath, path: str, what: str, walk: str, line: int) -> Fault:
-    return Fault(SEQUENCES, line, f"'{walk}': {path} is not there ({what}){_guess(root, path)}", walk)
+    return Fault(SEQUENCES, line, f"'{walk}': {_why_not(root, path, what)}", walk)
 
 
-def _is(root: AnyPath, path: str) -> bool:
-    return os.path.exists(os.path.join(root, path))
+def can_be_read(root: AnyPath, path: str) -> bool:
+    """Whether a recording is there and one has the right to look into it."""
+    there = os.path.join(root, path)
+    return os.path.exists(there) and os.access(there, os.R_OK | (os.X_OK if os.path.isdir(there) else 0))
+
+
+def _why_not(root: AnyPath, path: str, what: str) -> str:
+    """What to say of a recording that cannot be read."""
+    there, of = os.path.join(root, path), f" ({what})" if what else ""
+    if around := barred_by(there):
+        return f"you have no right to look into {path}{of}; {right_to(around)}"
+    if os.path.islink(there):
+        return f"{path}{of} is a link to {os.readlink(there)}, which is not there; copy the file here, or mend the link"
+    return f"{path} is not there{of}{_guess(root, path)}"
 
 
 def _guess(root: AnyPath, path: str) -> str:

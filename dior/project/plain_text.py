@@ -9,8 +9,10 @@ import csv
 import errno
 import io
 import os
+import shlex
 import stat
 from collections.abc import Iterator
+from pathlib import Path
 from typing import TypeAlias
 
 from dior.errors import DiorError
@@ -26,6 +28,8 @@ MOST_CELLS = 1000
 UTF_8_MARK = b"\xef\xbb\xbf"
 UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 SAVE = "save it again as UTF-8 (in Excel as 'CSV UTF-8')"
+# what no spreadsheet writes
+SAVE_TEXT = "save it again as UTF-8 (in the list of encodings where your editor has 'Save as')"
 # Excel has UTF-8 for commas only
 SAVE_TABS = (
     "save it again as UTF-8 with tabs between the columns (LibreOffice: 'Text CSV', with tabs; from Excel as "
@@ -55,10 +59,33 @@ def bytes_of(path: AnyPath, shown: AnyPath, most_bytes: int = MOST_BYTES) -> byt
         with open(path, "rb") as stream:
             return stream.read()
     except (FileNotFoundError, NotADirectoryError):
-        raise DiorError(f"{shown}: there is no such file") from None
+        link = f" as that to which it is a link, {os.readlink(path)}; mend the link" if os.path.islink(path) else ""
+        raise DiorError(f"{shown}: there is no such file{link}") from None
     except OSError as error:
-        fix = f"; try `chmod u+r {shown}`" if error.errno == errno.EACCES else ""
-        raise DiorError(f"{shown}: cannot be read ({error.strerror}){fix}") from None
+        raise unreadable(path, shown, error) from None
+
+
+def unreadable(path: AnyPath, shown: AnyPath, error: OSError) -> DiorError:
+    """What to say of a file or folder that the system does not let one read, `shown` being its name in messages."""
+    if error.errno != errno.EACCES:
+        return DiorError(f"{shown}: cannot be read ({error.strerror})")
+    return DiorError(f"{shown}: cannot be read ({error.strerror}); {right_to(barred_by(path) or path)}")
+
+
+def right_to(path: AnyPath) -> str:
+    """How one gets the right to look into a file or folder."""
+    return f"try `chmod -R u+rX {shlex.quote(str(path))}`, or ask whose it is"
+
+
+def barred_by(path: AnyPath) -> str:
+    """The outermost of a path and the folders around it that one has no right to look into; "" where one may read it,
+    or where it is not there."""
+    path = Path(path)
+    for part in [*reversed(path.parents), path]:
+        wanted = os.X_OK if part != path else os.R_OK | (os.X_OK if os.path.isdir(part) else 0)
+        if os.path.exists(part) and not os.access(part, wanted):
+            return str(part)
+    return ""
 
 
 def text_of(path: AnyPath, shown: AnyPath, most_bytes: int = MOST_BYTES) -> str:
@@ -74,7 +101,7 @@ def unmarked(content: bytes, shown: AnyPath) -> bytes:
 
 
 def _save(shown: AnyPath) -> str:
-    return SAVE_TABS if str(shown).endswith(".tsv") else SAVE
+    return {".tsv": SAVE_TABS, ".csv": SAVE}.get(os.path.splitext(shown)[1].lower(), SAVE_TEXT)
 
 
 def _decoded(content: bytes, shown: AnyPath) -> str:

@@ -15,7 +15,7 @@ complained about.
 """
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -25,7 +25,8 @@ from dior.paths import AnyPath
 from dior.project import bumps, cross_checks, licenses, sessions, todos
 from dior.project.consent import consents, processed
 from dior.project.contents import Project
-from dior.project.schema_check import Row, Rows, check, read_sheet, read_yaml
+from dior.project.schema_check import Row, Rows, check, columns_of, read_sheet, read_yaml
+from dior.project.todos import Todo
 
 
 def load(root: AnyPath, config: dict[str, Any] | None = None) -> Project:
@@ -37,6 +38,7 @@ def load(root: AnyPath, config: dict[str, Any] | None = None) -> Project:
     `config` is the content of config.yaml where the caller has read it already (Snakemake's `config`, which may hold
     changes made on its command line).
     """
+    todos.check(root)
     faults = Faults()
     project = as_far_as_it_goes(root, faults, config)
     faults.tell()
@@ -44,14 +46,16 @@ def load(root: AnyPath, config: dict[str, Any] | None = None) -> Project:
     return project
 
 
-def as_far_as_it_goes(root: AnyPath, faults: Faults, config: dict[str, Any] | None = None) -> Project | None:
-    """The same, what is wrong being kept in `faults`: without the sessions whose files are wrong, their walks excluded;
-    None where nothing is left, or where the config or a sheet is wrong."""
+def as_far_as_it_goes(
+    root: AnyPath, faults: Faults, config: dict[str, Any] | None = None, unfinished: Iterable[Todo] = ()
+) -> Project | None:
+    """The same, what is wrong being kept in `faults`: without the sessions whose files are wrong, or `unfinished`,
+    their walks excluded; None where nothing is left, or where the config or a sheet is wrong or unfinished.
+
+    What is kept may be of the `unfinished` values, too: the word is in such a sentence."""
     root = Path(root)
-    with faults.kept():
-        todos.check(root)
-    if faults.found:
-        return None
+    # by the folders of their files
+    to_do = {os.path.dirname(todo.path) for todo in unfinished}
     with faults.kept():
         config = _plain(config) if config is not None else read_config(root)
         check(config, "config", "config/config.yaml")
@@ -85,7 +89,7 @@ def as_far_as_it_goes(root: AnyPath, faults: Faults, config: dict[str, Any] | No
         cross_checks.check_sheets(project, people, lines)
     with faults.kept():
         cross_checks.check_gallery(project, people, gallery_lines)
-    if faults.found:
+    if faults.found or "config" in to_do:
         sessions.check_alone(root, faults)
         return None
     project = _by_pseudonym(project, people)
@@ -94,7 +98,9 @@ def as_far_as_it_goes(root: AnyPath, faults: Faults, config: dict[str, Any] | No
         before = len(faults.found)
         with faults.kept():
             sessions.read(project, session)
-        if len(faults.found) > before:
+        if session not in project.session_files:
+            sessions.check_cameras_alone(root, bumps.session_folder(session), faults)
+        if len(faults.found) > before or os.path.dirname(project.session_file(session)) in to_do:
             broken.add(session)
     left = _without(project, broken) if broken else project
     if left is not None:
@@ -136,8 +142,8 @@ def read_config(root: AnyPath) -> dict[str, Any]:
     path = Path(root) / shown
     if not path.exists():
         raise DiorError(
-            f"{shown}: there is no such file; name the folder that holds config/ with --directory, or make one with "
-            "`dior init <folder>`"
+            f"{shown}: there is no such file; name the folder that holds config/ (`dior check <folder>`, `dior run "
+            "<folder>`), or make one with `dior init <folder>`"
         )
     content = read_yaml(path, shown)
     if not isinstance(content, dict):
@@ -168,11 +174,21 @@ def sheets(root: AnyPath) -> tuple[tuple[Rows, dict[str, int]], tuple[Rows, dict
     sequences, subjects = "config/sequences.tsv", "config/subjects.tsv"
     faults = Faults()
     with faults.kept():
-        walks = read_sheet(Path(root) / sequences, "sequences", "sequence", sequences)
+        walks = _needed_sheet(root, sequences, "sequence")
     with faults.kept():
-        people = read_sheet(Path(root) / subjects, "subjects", "subject", subjects)
+        people = _needed_sheet(root, subjects, "subject")
     faults.tell()
     return walks, people
+
+
+def _needed_sheet(root: AnyPath, shown: str, key: str) -> tuple[Rows, dict[str, int]]:
+    kind = f"{key}s"
+    if not os.path.lexists(Path(root, shown)):
+        raise DiorError(
+            f"{shown}: there is no such file; write one with a row for each {key} and the columns "
+            f"{', '.join(columns_of(kind))}, separated by tabs (`dior init <new folder>` makes one to copy)"
+        )
+    return read_sheet(Path(root, shown), kind, key, shown)
 
 
 def _optional_sheet(

@@ -7,6 +7,7 @@ valid name, and those of one file come together.
 
 import math
 import re
+from collections import defaultdict
 from collections.abc import Callable
 from copy import deepcopy
 from functools import cache
@@ -120,6 +121,12 @@ def read_sheet(
             _check_case(shown, key, line_of)
     faults.tell()
     return rows, line_of
+
+
+def as_written(path: AnyPath, shown: AnyPath) -> list[tuple[int, Row]]:
+    """Line and cells by column of each row of a sheet, whatever is in them. Raises DiorError where it is no sheet."""
+    (_, header), *rows = rows_of(path, shown, "\t") or [(1, [""])]
+    return [(line, defaultdict(str, zip(header, cells, strict=False))) for line, cells in rows]
 
 
 def _check_case(shown: str, key: str, line_of: dict[str, int]) -> None:

@@ -15,7 +15,7 @@ from dior.paths import AnyPath
 from dior.project import bumps, cross_checks
 from dior.project.contents import Project
 from dior.project.marks_file import MarkedLines, read_marks
-from dior.project.schema_check import check, read_yaml
+from dior.project.schema_check import as_written, check, read_yaml
 
 
 def read(project: Project, session: str) -> None:
@@ -43,13 +43,35 @@ def read(project: Project, session: str) -> None:
 
 
 def check_alone(root: AnyPath, faults: Faults) -> None:
-    """Keep what is wrong in the files of all sessions, each looked at alone, where the sheets are wrong already."""
-    for path in sorted(Path(root).glob("config/sessions/*/*.yaml")):
+    """Keep what is wrong in the files of the sessions of walks that are not excluded, each looked at alone, where the
+    sheets are wrong already."""
+    for folder in _named(root):
+        shown = f"config/sessions/{folder}/session.yaml"
+        if Path(root, shown).is_file():
+            with faults.kept():
+                check(read_yaml(Path(root, shown), shown), "session", shown)
+        check_cameras_alone(root, folder, faults)
+
+
+def check_cameras_alone(root: AnyPath, folder: str, faults: Faults) -> None:
+    """The same of the cameras of the session in a folder of config/sessions/, where its session.yaml is wrong."""
+    for path in sorted(Path(root, "config/sessions", folder).glob("*.yaml")):
+        if path.name == "session.yaml":
+            continue
         shown = path.relative_to(root).as_posix()
         with faults.kept():
-            content = check(read_yaml(path, shown), "session" if path.name == "session.yaml" else "camera", shown)
-            if path.name != "session.yaml":
-                cross_checks.check_camera(content, shown)
+            cross_checks.check_camera(check(read_yaml(path, shown), "camera", shown), shown)
+
+
+def _named(root: AnyPath) -> list[str]:
+    """Folders of the sessions of the walks that are not excluded; of all, where the sheet cannot be read."""
+    shown = "config/sequences.tsv"
+    try:
+        rows = as_written(Path(root, shown), shown)
+    except DiorError:
+        return sorted(path.name for path in Path(root).glob("config/sessions/*"))
+    named = {row["session"] for _, row in rows if not row["exclude_reason"]}
+    return sorted(name for name in named if name and "/" not in name)
 
 
 def _elsewhere(project: Project, session: str) -> set[str]:

@@ -3,9 +3,10 @@
 INPUTS   a project's config/: its sheets, config.yaml and the files of its sessions
 OUTPUTS  a `Todo` for each, in the order of the files; a DiorError that names them all
 `dior init --from` writes them where nobody but the lab knows. In a comment the word is no TODO, and the row of a walk
-that is excluded may wait. Loads no numerics.
+that is excluded may wait, but not the reason. Loads no numerics.
 """
 
+import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,17 +34,22 @@ def found(root: AnyPath) -> list[Todo]:
     config = Path(root) / "config"
     paths = [path for pattern in FILES for path in sorted(config.glob(pattern)) if path.is_file()]
     # nearly all files have none, and this is asked whenever the workflow is read
-    holding = [path for path in paths if WORD.encode() in path.read_bytes()]
+    holding = [path for path in paths if os.access(path, os.R_OK) and WORD.encode() in path.read_bytes()]
     return [Todo(f"config/{path.relative_to(config).as_posix()}", *at) for path in holding for at in _in_file(path)]
 
 
 def check(root: AnyPath) -> None:
     """Raise a DiorError that names every TODO of a project, a line for each file."""
+    if told := errors(found(root)):
+        raise DiorErrors(told)
+
+
+def errors(todos: Iterable[Todo]) -> list[DiorError]:
+    """What is to be said of them, one for each file."""
     of_files: dict[str, list[Todo]] = {}
-    for todo in found(root):
+    for todo in todos:
         of_files.setdefault(todo.path, []).append(todo)
-    if of_files:
-        raise DiorErrors(DiorError(sentence(todos)) for todos in of_files.values())
+    return [DiorError(sentence(of_one)) for of_one in of_files.values()]
 
 
 def sentence(todos: list[Todo]) -> str:
@@ -78,6 +84,6 @@ def _in_sheet(path: Path) -> Iterator[tuple[int, str]]:
     (_, header), *rows = rows_of(path, path, "\t") or [(1, [""])]
     for line, cells in rows:
         row = dict(zip(header, cells, strict=False))
-        if row.get("exclude_reason"):
-            continue
+        if reason := row.get("exclude_reason"):
+            row = {"exclude_reason": reason}
         yield from ((line, column) for column, cell in row.items() if cell.startswith(WORD))

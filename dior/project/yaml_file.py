@@ -52,10 +52,11 @@ def yaml_of(text: str, shown: AnyPath) -> Any:
         line = mark.line + 1 if mark else text.count("\n", 0, at) + 1 if isinstance(at, int) else None
         where = f" line {line}" if line else ""
         reason = getattr(error, "problem", None) or str(error).split("\n")[0]
-        two = "another document" in reason
-        fix = (
-            "are two files joined? keep what is on one side of its `---`" if two else "check the indentation and quotes"
-        )
+        fix = "check the indentation and quotes"
+        if "another document" in reason:
+            fix = "are two files joined? keep what is on one side of its `---`"
+        elif line and "\t" in "".join(text.split("\n")[line - 1 : line]):
+            fix = "a line is indented with blanks, and this one holds a tab; replace it"
         raise DiorError(f"{shown}{where}: not valid YAML ({reason}); {fix}") from None
     return {} if content is None else content
 

@@ -15,8 +15,8 @@ COLOUR, FAR, LAB = "/cam0{}/color/image_raw/compressed", "/cam03/image", "/cam01
 NO_DISTORTION = (0.0,) * 5
 
 
-def bag(path, topics, start_s=0.0, size=SIZE, count=COUNT, stamped=True, lenses=True):
-    """A ROS 1 bag of some cameras, and of their `lenses`."""
+def bag(path, topics, start_s=0.0, size=SIZE, count=COUNT, stamped=True, lenses=True, form="ros1"):
+    """A bag of some cameras, and of their `lenses`; of ROS 1, or of another of `bagfiles.FORMATS`."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.unlink(missing_ok=True)
     shown = {"format": "jpeg", "data": encoded(picture(90, size), ".jpg")}
@@ -31,14 +31,15 @@ def bag(path, topics, start_s=0.0, size=SIZE, count=COUNT, stamped=True, lenses=
                 continue
             lens = topic.removesuffix("/compressed").rpartition("/")[0] + "/camera_info"
             sent.append(info(lens, stamp, NO_DISTORTION, size=size))
-    return write(path.with_suffix(""), sent, "ros1", chunk=20_000)
+    return write(path.with_suffix(""), sent, form, chunk=20_000)
 
 
-def detections(path, first=0, count=COUNT):
-    """ML Kit's lines."""
+def detections(path, first=0, count=COUNT, start_s=0.0):
+    """ML Kit's lines, for a bag that began at `start_s`."""
     path.parent.mkdir(parents=True, exist_ok=True)
     body = [{"type": i, "x": 20.0 + i, "y": 10.0 + i, "inFrameLikelihood": 0.9} for i in range(len(MLKIT_33))]
-    lines = [{"frame": i, "stamp_ns": T0 + i * STEP, "landmarks": body} for i in range(first, first + count)]
+    begun = T0 + round(1e9 * start_s)
+    lines = [{"frame": i, "stamp_ns": begun + i * STEP, "landmarks": body} for i in range(first, first + count)]
     path.write_text("".join(json.dumps(line) + "\n" for line in lines))
 
 
@@ -55,5 +56,5 @@ def record(data):
     for walk in ("out_1", "out_2"):
         bag(data / walk / "a.bag", [COLOUR.format(1), FAR])
         bag(data / walk / "b.bag", [COLOUR.format(2)], 0.2)
-        for camera in ("cam01", "cam02"):
-            detections(data / walk / "mlkit" / f"{camera}.jsonl")
+        for camera, start_s in (("cam01", 0.0), ("cam02", 0.2)):
+            detections(data / walk / "mlkit" / f"{camera}.jsonl", start_s=start_s)

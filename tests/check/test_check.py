@@ -1,13 +1,16 @@
 """Of broken projects `dior check` tells all that is wrong at once, by file and line; and nothing of whole ones."""
 
 import json
+import os
 import re
 import shutil
+import tempfile
+from contextlib import chdir, redirect_stderr, redirect_stdout
 from pathlib import Path
 
 import pytest
 
-from dior.check import check, computer, recordings
+from dior.check import check, computer, found_people, recordings
 from dior.cli import main
 from dior.errors import DiorError
 from dior.project import missing
@@ -31,6 +34,7 @@ def data(tmp_path_factory):
 def project(root, data):  # noqa: F811
     """A whole project, to be broken."""
     shutil.copytree(data, root / "data")
+    edit(root, "sessions/lab/cam01.marks.csv", "in_1,3,LASI", "in_1,3,RASI,12,30\nin_1,9,RASI,13,31\nin_1,3,LASI")
     return root
 
 
@@ -112,7 +116,7 @@ def wrong_topics(project):
 
 
 def pictures_and_lenses(project):
-    recorded.bag(project / "data/out_2/b.bag", [recorded.COLOUR.format(2)], size=(24, 32))
+    recorded.bag(project / "data/out_2/b.bag", [recorded.COLOUR.format(2)], 0.2, size=(24, 32))
     edit(project, "sessions/field/cam03.yaml", "topic: /cam03/image\n", "topic: /cam03/image\ncamera_info: /lens\n")
     lens = "topic: /cam01/image\nintrinsics: {file: lens.toml, name: cam9}\n"
     edit(project, "sessions/lab/cam01.yaml", "topic: /cam01/image\n", lens)
@@ -132,13 +136,14 @@ def lenses_of_another_size(project):
     edit(project, "sessions/field/cam01.yaml", "locate: tape", "intrinsics: {chessboard: {path: board, rows: 7, "
          "columns: 4, square_m: 0.06}}\nlocate: tape")  # fmt: skip
     return [
-        r"sessions/field/cam01.yaml:3 'intrinsics' names data/board, which is not there",
+        r"sessions/field/cam01.yaml:3 'intrinsics': data/board is not there",
         r"sessions/lab/cam01.yaml:3 cam01: the pictures are 64x48 but the intrinsics are for 1920x1080",
     ]
 
 
 def other_times(project):
     recorded.bag(project / "data/out_1/b.bag", [recorded.COLOUR.format(2)], 5.0)
+    recorded.detections(project / "data/out_1/mlkit/cam02.jsonl", start_s=5.0)
     log = project / "data/in_1/trigger.jsonl"
     log.write_text(log.read_text().replace(str(recorded.T0), str(recorded.T0 + 10**11)))
     return [
@@ -151,16 +156,23 @@ def other_times(project):
 def marks_and_boxes(project):
     edit(project, "sessions/lab/cam01.marks.csv", "3,LASI", "3,LASY")
     edit(project, "sessions/lab/cam01.marks.csv", "9,LASI", "90,LASI")
-    edit(project, "boxes/out_1.cam03.csv", "v_max\n", "v_max\n12,1,1,9,9\n400,1,1,9,9\n")
-    edit(project, "checks/out_1.cam01.csv", "u,v\n", "u,v\nout_1,40,LASI,3,4\n")
+    edit(project, "sessions/lab/cam01.marks.csv", "RASI,12,30", "RASI,12,48")
+    boxes = "v_max\n12,1,1,9,9\n400,1,1,9,9\n13,9,1,1,9\n14,60,1,70,9\n"
+    edit(project, "boxes/out_1.cam03.csv", "v_max\n", boxes)
+    edit(project, "checks/out_1.cam01.csv", "u,v\n", "u,v\nout_1,40,LASI,3,4\nout_2,4,LASI,3,4\nout_1,4,LASI,3,-4\n")
     (project / "config/people").mkdir()
     (project / "config/people/out_1.yaml").write_text("seeds: [{camera: cam01, frame: 50, u: 1.5, v: 2}]\n")
     return [
-        r"boxes/out_1.cam03.csv: .*line 3: frame 400 is not in the recording, whose frames are 0 to 39",
-        r"checks/out_1.cam01.csv:2 frame 40 is not in 'out_1', whose frames are 0 to 39",
+        r"boxes/out_1.cam03.csv:3 frame 400 is not in the recording, whose frames are 0 to 39",
+        r"boxes/out_1.cam03.csv:4 the box is inside out",
+        r"boxes/out_1.cam03.csv:5 the middle of the box, \(65, 5\), is outside of the 64x48 picture; was it drawn in",
+        r"checks/out_1.cam01.csv:2 frame 40 is not in the recording",
+        r"checks/out_1.cam01.csv:3 is of sequence 'out_2', not 'out_1'",
+        r"checks/out_1.cam01.csv:4 \(3, -4\) is outside of the 64x48 picture",
         r"people/out_1.yaml: seed 1: frame 50 is not in 'out_1'",
-        r"sessions/lab/cam01.marks.csv:2 'LASY' is no marker of the motion capture of 'in_1' \(did you mean 'LASI'\?\)",
-        r"sessions/lab/cam01.marks.csv:3 frame 90 is not in 'in_1', whose frames are 0 to 39; is it of another walk",
+        r"sessions/lab/cam01.marks.csv:2 \(12, 48\) is outside of the 64x48 picture",
+        r"sessions/lab/cam01.marks.csv:4 'LASY' is no marker of the motion capture of 'in_1' \(did you mean 'LASI'\?\)",
+        r"sessions/lab/cam01.marks.csv:5 frame 90 is not in 'in_1', whose frames are 0 to 39; is it of another walk",
     ]
 
 
@@ -177,6 +189,48 @@ def what_detectors_found(project):
         r"sequences.tsv:3 out_1, cam01: .* has frames 1 to 40, and the recording has frames 0 to 39; are they counted "
         r"from 1\? Then `detector.first_frame` in config.yaml should be 1",
         r"sequences.tsv:3 out_1, cam02: .* has frames 0 to 89, and the recording has frames 0 to 39; are they of",
+    ]
+
+
+def too_few_marks(project):
+    edit(project, "sessions/lab/cam01.marks.csv", "in_1,9,LASI,11,21\n", "in_1,9,LASI,eleven,21\n")
+    aligned(project, "from: marks")
+    marks = "sequence,frame,joint,u,v\n" + "".join(f"out_1,{i},nose,3,4\n" for i in range(3)) + "out_2,3,nose,3,4\n"
+    (project / "config/sessions/field/cam03.marks.csv").write_text(marks)
+    return [
+        r"sessions/field/cam03.marks.csv: 6 usable edges and clicked coordinates; draw boxes on at least 4 pictures",
+        r"sessions/lab/cam01.marks.csv:5 u is 'eleven', not a number",
+    ]
+
+
+def too_few_boxes(project):
+    edit(project, "sessions/lab/cam01.marks.csv", "in_1,9,LASI,11,21\n", "")
+    aligned(project, "from: boxes")
+    edit(project, "boxes/out_1.cam03.csv", "v_max\n", "v_max\n12,1,1,9,9\n13,,,,\n")
+    return [
+        r"boxes/out_1.cam03.csv: 4 usable edges and clicked coordinates; draw boxes on at least 4 pictures",
+        r"sessions/lab/cam01.marks.csv: 3 usable marks, but at least 4 are needed; mark more points",
+    ]
+
+
+def aligned(project, how):
+    nudged, fitted = "nudge: {azimuth_deg: 0.2}", f"align: {{{how}, sequences: [out_1]}}"
+    edit(project, "sessions/field/cam03.yaml", nudged, fitted)
+
+
+def detections_of_others(project):
+    """Of another time, cut off, one file for two cameras, a folder whose last file is cut off."""
+    mlkit = project / "data/out_1/mlkit"
+    recorded.detections(mlkit / "cam01.jsonl", start_s=-60.0)
+    text = (mlkit / "cam02.jsonl").read_text()
+    (mlkit / "cam02.jsonl").write_text(text[:-30])
+    edit(project, "sequences.tsv", "out_2/mlkit/{camera}.jsonl", "out_2/all.csv")
+    rows = [",".join([f"walk_{i}.jpg", "walks", *["5"] * 99]) for i in range(recorded.COUNT)]
+    (project / "data/out_2/all.csv").write_text("\n".join([*rows, rows[0][:-2]]))
+    return [
+        r"sequences.tsv:2 data/out_2/all.csv: the last line has 100 columns, and that before it 101; was the detector",
+        r"sequences.tsv:3 out_1, cam01: data/out_1/mlkit/cam01.jsonl has a stamp 60.0 s before the first picture",
+        r"sequences.tsv:3 data/out_1/mlkit/cam02.jsonl: the last line: not the JSON of ML Kit .*was the detec",
     ]
 
 
@@ -211,11 +265,15 @@ def test_what_is_unusual_is_no_mistake(project, capsys):
     recorded.bag(project / "data/out_1/c.bag", [recorded.COLOUR.format(1)], -1.0, lenses=False)
     edit(project, "sequences.tsv", "out_1/a.bag", "out_1/c.bag;out_1/a.bag")
     marks = "sequence,frame,joint,u,v,x,y,z\nin_1,3,LASI,10,20,,,\nin_1,9,corner,11,21,1,2,0\n"
+    marks += "in_1,9,LASI,63.4,47.4,,,\nin_1,9,RASI,-0.5,-0.5,,,\n"
     (project / "config/sessions/lab/cam01.marks.csv").write_text(marks)
     edit(project, "config.yaml", "data_root: data\n", "data_root: data\ndetector: {first_frame: 1}\n")
     for walk in ("out_1", "out_2"):
-        for camera in ("cam01", "cam02"):
-            recorded.detections(project / "data" / walk / "mlkit" / f"{camera}.jsonl", 1)
+        for camera, start_s in (("cam01", -recorded.STEP / 1e9), ("cam02", 0.2 - recorded.STEP / 1e9)):
+            recorded.detections(project / "data" / walk / "mlkit" / f"{camera}.jsonl", 1, start_s=start_s)
+    # a box that sticks out, and hand checks that are still to be marked
+    edit(project, "boxes/out_1.cam03.csv", "v_max\n", "v_max\n12,50,1,75,20\n13,,,,\n")
+    edit(project, "checks/out_1.cam01.csv", "u,v\n", "u,v\nout_1,3,nose,,\n")
     faults, warnings, _ = found(project, capsys)
     assert not faults and not warnings
 
@@ -258,13 +316,70 @@ def sheets_and_recordings(project):
 
 
 def still_to_do(project):
-    edit(project, "sessions/field/cam01.yaml", "role: close", "role: TODO")
+    """It hides nothing else of the same files, nor a session that is not there."""
+    edit(project, "sessions/field/cam01.yaml", "role: close", "role: TODO\ncolour: red")
+    edit(project, "config.yaml", "data_root: data\n", "data_root: data\npeople: TODO\ntime: {max_gap: much}\n")
     edit(project, "sequences.tsv", "out_1\t9\tS01", "out_1\t9\tTODO: S01 or S02")
+    edit(project, "sequences.tsv", "out_2\t10\tS02\tfield\toutdoor", "out_2\t10\tS02\tfeild\toutside")
+    edit(project, "sequences.tsv", "\train", "\tTODO: why?")
     (project / "data/in_1/a.bag").unlink()
     return [
-        r"sequences.tsv: still TODO: subject \(line 3\)",
+        r"config.yaml: still TODO: people \(line 2\)",
+        r"config.yaml:3 'time.max_gap' is 'much' but should be a number",
+        r"sequences.tsv: still TODO: subject \(line 3\), exclude_reason \(line 5\)",
+        r"sequences.tsv:2 'environment' is 'outside'",
+        r"sequences.tsv:2 session 'feild' of sequence 'out_2' has no config/sessions/feild/session.yaml \(did you",
         r"sequences.tsv:4 'in_1': data/in_1/a.bag is not there",
         r"sessions/field/cam01.yaml: still TODO: role \(line 1\)",
+        r"sessions/field/cam01.yaml:2 unknown key 'colour'",
+    ]
+
+
+def still_to_do_in_a_session(project):
+    """The walks of the others are looked at."""
+    edit(project, "sessions/field/cam01.yaml", "/cam01/color/image_raw/compressed", "TODO")
+    edit(project, "sessions/field/session.yaml", "cameras", "kameras")
+    edit(project, "sessions/field/cam02.yaml", "role: close", "role: clse")
+    edit(project, "sessions/field/cam03.yaml", "topic: /cam", "lens: d455\ndistortion_model: plumb_bob\ntopic: -cam")
+    edit(project, "sessions/lab/cam01.yaml", "/cam01/image", "/cam01/imag")
+    (project / "data/out_1/b.bag").unlink()
+    return [
+        r"sequences.tsv:3 'out_1': data/out_1/b.bag is not there",
+        r"sessions/field/cam01.yaml: still TODO: topic \(line 2\)",
+        r"sessions/field/cam02.yaml:1 'role' is 'clse'",
+        r"sessions/field/cam03.yaml:2 'lens' and 'distortion_model' say the same thing",
+        r"sessions/field/cam03.yaml:4 'topic' is '-cam03/image', which begins with -",
+        r"sessions/field/session.yaml:1 unknown key 'kameras' \(did you mean 'cameras'\?\)",
+        r"sessions/lab/cam01.yaml:2 /cam01/imag is not there",
+    ]
+
+
+def links_and_folders(project):
+    (project / "data/in_1/a.bag").unlink()
+    (project / "data/in_1/a.bag").symlink_to("/nowhere/a.bag")
+    (project / "data/out_1/b.bag").write_bytes(b"0123456789")
+    (project / "config/boxes/out_1.cam03.csv").unlink()
+    (project / "config/boxes/out_1.cam03.csv").mkdir()
+    return [
+        r"boxes/out_1.cam03.csv: is a folder; put the file there, or remove it",
+        r"sequences.tsv:3 'out_1': data/out_1/b.bag: this is not a bag \(it begins with b'0123456789', and ends after "
+        r"10 bytes\); copy it again",
+        r"sequences.tsv:4 'in_1': data/in_1/a.bag \(bag\) is a link to /nowhere/a.bag, which is not there; copy the",
+    ]
+
+
+def ways_of_writing(project):
+    path = project / "config/config.yaml"
+    path.write_bytes(path.read_bytes() + "# Größe\n".encode("latin-1"))
+    edit(project, "sessions/field/session.yaml", "adjust: {out_1", "adjust:\n\tout_1: {")
+    (project / "config/subjects.tsv").unlink()
+    (project / "config/sessions/lab/cam01.yaml").unlink()
+    (project / "config/sessions/lab/cam01.yaml").symlink_to("/nowhere/cam01.yaml")
+    return [
+        r"config.yaml:4 the byte 0xf6 is not UTF-8, .*; save it again as UTF-8 \(in the list of encodings where",
+        r"sessions/field/session.yaml:3 not valid YAML .*; a line is indented with blanks, and this one holds a tab",
+        r"sessions/lab/cam01.yaml: there is no such file as that to which it is a link, /nowhere/cam01.yaml; mend",
+        r"subjects.tsv: there is no such file; write one with a row for each subject and the columns subject, pseu",
     ]
 
 
@@ -330,7 +445,8 @@ BROKEN = [
     nothing_there, names_of_files, links_to_nothing, broken_bags, wrong_topics, pictures_and_lenses,
     lenses_of_another_size, other_times,
     marks_and_boxes, what_detectors_found, motion_captures, files_and_recordings, sheets_and_recordings,
-    odd_recordings, still_to_do, silent_cameras, videos,
+    odd_recordings, still_to_do, still_to_do_in_a_session, silent_cameras, videos, too_few_marks, too_few_boxes,
+    detections_of_others, links_and_folders, ways_of_writing,
 ]  # fmt: skip
 
 
@@ -351,6 +467,113 @@ def test_people_read_it_by_file_with_the_walks_of_a_fault_named_once(project, ca
     at = lines.index("config/sessions/field/cam02.yaml")
     assert lines[at + 1].startswith("  line 2: /cam02/colour/image_raw/") and lines[at + 1].endswith("(out_1, out_2)")
     assert lines[-1] == f"3 to mend in 3 files; then: dior check {project}"
+
+
+def test_of_many_faults_that_are_alike_people_read_the_first(project, capsys):
+    rows = "".join(f"in_1,{frame},LASI,10,20\n" for frame in range(100, 150))
+    edit(project, "sessions/lab/cam01.marks.csv", "in_1,9,LASI,11,21\n", f"in_1,9,LASY,11,21\n{rows}")
+    assert main.main(["check", str(project)]) == 1
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "config/sessions/lab/cam01.marks.csv" and lines[3] == "" and lines[4].startswith("51 to mend")
+    assert "'LASY' is no marker" in lines[1] and lines[2].startswith("  line 6: frame 100 is not in 'in_1', whose")
+    assert lines[2].endswith("is it of another walk?; and 49 more like it, to line 55")
+    assert len(found(project, capsys)[0]) == 51
+
+
+def test_the_ends_of_detections_are_told_as_their_reader_would_have_them(tmp_path):
+    """JSON lines by frame or by stamp, whatever the file is called, a list, rows; of each, whole and cut off."""
+    line = '{"frame": %d, "stamp_ns": %d, "landmarks": []}\n'
+    stamped = '{"timestamp_ms": %d, "pose_landmarks": []}\n'
+    numbered = '{"frame": %d, "timestamp_ms": 5, "pose_landmarks": []}\n'
+    for kind, text, ends in (
+        ("mlkit", "".join(line % (i, 50 - i) for i in range(9, 2, -1)), ((3, 9), (41, 47))),
+        ("mlkit", line % (4, 7), ((4, 4), (7, 7))),
+        ("mediapipe", "".join(stamped % i for i in range(3)), (None, (0, 2_000_000))),
+        ("mediapipe", "".join(numbered % i for i in range(3)), ((0, 2), None)),
+        ("coco", '[{"image_id": 1, "keypoints": []}, {"image_id": 2, "keypoints": []}]', (None, None)),
+        ("yolo", "0 1 2 3\n1 1 2 3\n2 1 2 3\n", (None, None)),
+    ):
+        path = tmp_path / "cam01.json"
+        path.write_text(f"\ufeff{text}")
+        told = found_people._ends(path, kind)
+        assert (told.frames, told.stamps) == ends
+        path.write_text(text.rstrip()[:-1])
+        with pytest.raises(DiorError, match="was the detector interrupted"):
+            found_people._ends(path, kind)
+    path.write_text("\n".join(['{"frame": 0}', '{"frame": 1, "long": "%s"}' % ("x" * 2 * found_people.END_BYTES)]))
+    assert found_people._ends(path, "mlkit").frames is None
+
+
+@pytest.mark.parametrize("form", ["db3", "mcap", "mcap zstd", "db3 alone", "mcap alone"])
+def test_bags_of_ros_2_whole_and_broken(form, project, capsys):
+    path = recorded.bag(project / "data/in_1/a.bag", [recorded.LAB], form=form)
+    name = path.relative_to(project / "data").as_posix()
+    edit(project, "sequences.tsv", "in_1/a.bag", name)
+    faults, warnings, plan = found(project, capsys)
+    assert not faults and not warnings and plan["pictures"] == 280
+    edit(project, "sessions/lab/cam01.yaml", "/cam01/image", "/cam01/picture")
+    files = [path] if path.is_file() else sorted(one for one in path.iterdir() if one.suffix != ".yaml")
+    assert re.match(
+        r"sessions/lab/cam01.yaml:2 /cam01/picture is not there \(did you mean", found(project, capsys)[0][0]
+    )
+    content = files[0].read_bytes()
+    files[0].write_bytes(content[: len(content) // 2])
+    faults, *_ = found(project, capsys)
+    assert len(faults) == 1 and faults[0].startswith(f"sequences.tsv:4 'in_1': data/{name}: ")
+    assert "truncated or was not closed" in faults[0]
+    files[0].unlink()
+    faults, *_ = found(project, capsys)
+    assert (
+        len(faults) == 1 and faults[0].startswith(f"sequences.tsv:4 'in_1': data/{name}") and "not there" in faults[0]
+    )
+
+
+def as_nobody(function, folder):
+    """What a function prints that is called in a folder by a user who is not root."""
+    # what it imports may not be readable by others
+    with tempfile.TemporaryFile("w+") as printed:
+        child = os.fork()
+        if not child:
+            with redirect_stdout(printed), redirect_stderr(printed):
+                if os.geteuid() == 0:
+                    os.setgroups([])
+                    os.setgid(65534)
+                    os.setuid(65534)
+                os.chdir(folder)
+                function()
+            printed.flush()
+            os._exit(0)
+        os.waitpid(child, 0)
+        printed.seek(0)
+        return printed.read()
+
+
+def test_what_one_may_not_read_is_told_with_the_rest(project):
+    """By somebody else than root, in a folder that everybody may enter, with blanks in its name."""
+    with tempfile.TemporaryDirectory(prefix="dior check ") as folder:
+        project = Path(shutil.copytree(project, Path(folder, "my walks")))
+        for path in (Path(folder), *Path(folder).rglob("*")):
+            path.chmod(0o755 if path.is_dir() else 0o644)
+        with chdir(folder):
+            assert main.main(["check", "my walks"]) == 0
+        closed = ["config/sessions/lab/cam01.yaml", "data/out_1/a.bag", "data/out_2/mlkit", "data/in_1/mocap.c3d"]
+        for name in closed:
+            (project / name).chmod(0)
+
+        def told():
+            return as_nobody(lambda: main.main(["check", "my walks"]), folder)
+
+        text = told()
+        for name in closed:
+            assert f"try `chmod -R u+rX {name}`, or ask whose it is" in text
+        assert text.endswith("5 to mend in 2 files; then: dior check 'my walks'\n")
+        (project / "config/sessions/field").chmod(0o600)
+        assert told().startswith("config/sessions/field\n  cannot be read (Permission denied); try `chmod")
+        (project / "config/sessions/field").chmod(0o755)
+        (project / "data").chmod(0)
+        assert "data_root: you have no right to look into data; try `chmod -R u+rX data`" in told()
+        for name in ("data", *closed):
+            (project / name).chmod(0o755)
 
 
 def test_a_walk_that_is_excluded_or_of_somebody_who_did_not_agree_is_not_looked_at(project, capsys):

@@ -43,6 +43,12 @@ def test_a_project_with_any_is_not_read_and_all_are_told(asking):
     ]
 
 
+def test_a_reason_that_is_to_do_leaves_no_walk_out(root):  # noqa: F811
+    edit(root, "sequences.tsv", "11\tS01", "11\tTODO")
+    edit(root, "sequences.tsv", "\train", "\tTODO: why?")
+    assert todos.found(root) == [Todo("config/sequences.tsv", 5, "exclude_reason")]
+
+
 def test_what_is_broken_is_left_to_who_reads_it(root):  # noqa: F811
     (root / "config/config.yaml").write_text("TODO: [\n")
     (root / "config/gallery.tsv").write_text("# TODO\n")

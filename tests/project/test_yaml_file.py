@@ -64,6 +64,15 @@ def test_what_no_person_means_is_refused_soon(tmp_path, text, sentence):
     assert refused(tmp_path, text).startswith(sentence)
 
 
+def test_the_fix_is_for_what_was_typed(tmp_path):
+    assert refused(tmp_path, "a:\n\tb: 1\n").endswith(
+        "a line is indented with blanks, and this one holds a tab; replace it"
+    )
+    assert refused(tmp_path, "a: [1\n").endswith("check the indentation and quotes")
+    # no spreadsheet writes YAML
+    assert "Excel" not in refused(tmp_path, "a: é\n".encode("latin-1"))
+
+
 def test_what_a_person_may_write_is_read(tmp_path):
     text = "\ufeffa: &x {b: 1, c: [1.5, yes, ~, 2024-02-29]}\nd: *x\ne: {<<: *x, b: 2}\nf: 1_000\n"
     content = read(tmp_path, text)

@@ -66,7 +66,7 @@ def read(path: AnyPath) -> People:
         pictures = [(0, _whole_file(path), str(path))]
     else:
         entries = _entries(path)
-        stamps = [_stamp_ns(one) for one, _ in entries]
+        stamps = [stamp_ns_of(one) for one, _ in entries]
         by_stamp = None not in stamps and not any("frame" in one for one, _ in entries)
         pictures = [(i if by_stamp else _frame(one, where), one, where) for i, (one, where) in enumerate(entries)]
     frames: list[Any] = []
@@ -109,7 +109,7 @@ def _frame(content: Any, where: str) -> Any:
     return content["frame"]
 
 
-def _stamp_ns(content: Any) -> int | None:
+def stamp_ns_of(content: Any) -> int | None:
     """When a picture was taken, by its entry; None where that does not say it."""
     for key, ns in (("stamp_ns", 1), ("timestamp_ms", 1_000_000)):
         stamp = content.get(key) if isinstance(content, dict) else None
