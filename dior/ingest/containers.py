@@ -40,6 +40,8 @@ HINTS = {
 PROFILE_AT = 8 + 1 + 8 + 4
 HEAD_BYTES = PROFILE_AT + 4
 METADATA = "metadata.yaml"
+# how the files end that it names
+OF_ROS_2 = (".db3", ".mcap", ".zstd")
 COPY = "copy it again from the recording computer"
 DESCRIPTIONS = (
     BagFormat(
@@ -178,7 +180,7 @@ def _format(bag: AnyPath, path: Path) -> tuple[str, str]:
     if videos.is_video(head):
         return "video", HINTS["video"]
     if not head:
-        raise DiorError(f"{shown}: the bag is empty; {COPY}")
+        raise DiorError(f"{shown}: the file is empty; {COPY}")
     if any(magic.startswith(head) for magic in FORMATS):
         raise DiorError(f"{shown}: the bag ends after {many(len(head), 'byte')}; {COPY}")
     if head.startswith(b"#ROSBAG V1"):
@@ -218,6 +220,11 @@ def _listed(folder: Path) -> list[Path]:
     from dior.project.schema_check import read_yaml
 
     path = folder / METADATA
+    if not path.is_file() and not any(one.suffix in OF_ROS_2 for one in folder.iterdir()):
+        raise DiorError(
+            f"{folder}: this folder holds neither pictures ({', '.join(picture_folders.SUFFIXES)}) nor a ROS 2 bag "
+            f"({METADATA} and its files); name another, or {COPY}"
+        )
     if not path.is_file():
         raise DiorError(
             f"{folder}: there is no {METADATA} in this folder, so the recording was not closed; "

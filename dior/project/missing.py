@@ -156,7 +156,8 @@ def _why_not(root: AnyPath, path: str, what: str) -> str:
 
 def _guess(root: AnyPath, path: str) -> str:
     """What is there instead: the nearest name in its folder, or the nearest folder."""
-    whole = Path(root, path)
+    # what is in a folder is asked once, and that of another project may be called the same
+    whole = Path(os.path.abspath(os.path.join(root, path)))
     if whole.is_symlink():
         return f"; it is a link to {os.readlink(whole)}, and that is not there"
     if whole.parent.is_dir():
@@ -168,7 +169,7 @@ def _guess(root: AnyPath, path: str) -> str:
 
 @cache
 def _names_in(folder: str) -> tuple[str, ...]:
-    return tuple(sorted(os.listdir(folder))) if os.path.isdir(folder) else ()
+    return tuple(sorted(os.listdir(folder))) if os.path.isdir(folder) and os.access(folder, os.R_OK) else ()
 
 
 def line_of(root: AnyPath, shown: str, key: str) -> int | None:

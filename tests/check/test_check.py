@@ -98,7 +98,7 @@ def broken_bags(project):
         path.write_bytes(path.read_bytes()[:-2000])
     (project / "data/out_2/b.bag").write_bytes(b"")
     return [
-        r"sequences.tsv:2 'out_2': data/out_2/b.bag: the bag is empty",
+        r"sequences.tsv:2 'out_2': data/out_2/b.bag: the file is empty",
         r"sequences.tsv:3 'out_1': data/out_1/a.bag: the bag is truncated",
         r"sequences.tsv:4 'in_1': data/in_1/a.bag: the bag is truncated",
     ]
@@ -427,6 +427,24 @@ def videos(project):
         r"sessions/field/cam02.yaml:1 data/out_1/cam02.mp4 is a folder of pictures, which have no time; give `video:",
         r"sessions/field/cam02.yaml:1 /video3 is not there .*; of pictures there are /video0, /video0/stored",
     ]
+
+
+def test_of_broken_videos_it_is_said_what_they_are(project, capsys):
+    filmed(project)
+    edit(project, "sessions/field/cam02.yaml", "role", "video: {fps: 30}\nrole")
+    path, folder = project / "data/out_2/cam02.mp4", project / "data/out_1/cam02.mp4"
+    content = path.read_bytes()
+    path.write_bytes(content[: len(content) // 2])
+    for picture in folder.iterdir():
+        picture.rename(picture.with_suffix(".txt"))
+    first, second = found(project, capsys)[0]
+    assert first.startswith("sequences.tsv:2 'out_2': data/out_2/cam02.mp4: the video is truncated or was not closed")
+    assert second.startswith("sequences.tsv:3 'out_1': data/out_1/cam02.mp4: this folder holds neither pictures (.jpeg")
+    path.write_bytes(b"")
+    shutil.rmtree(folder)
+    first, second = found(project, capsys)[0]
+    assert "data/out_2/cam02.mp4: the file is empty; copy it again" in first
+    assert "data/out_1/cam02.mp4 is not there (video of cam02)" in second
 
 
 def test_of_whole_videos_nothing_is_wrong(project, capsys):

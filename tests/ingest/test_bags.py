@@ -230,7 +230,7 @@ def test_not_a_bag_and_empty_file(tmp_path):
     with pytest.raises(DiorError, match=r"a\.bag: this is not a bag .* ROS 1 \.bag files, ROS 2"):
         index(tmp_path, [tmp_path / "a.bag"])
     (tmp_path / "b.bag").write_bytes(b"")
-    with pytest.raises(DiorError, match=r"b\.bag: the bag is empty"):
+    with pytest.raises(DiorError, match=r"b\.bag: the file is empty"):
         index(tmp_path, [tmp_path / "b.bag"])
     (tmp_path / "c.bag").write_bytes(b"#ROSBAG V2")
     with pytest.raises(DiorError, match=r"c\.bag: the bag ends after 10 bytes; copy it again"):

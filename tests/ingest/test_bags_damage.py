@@ -161,7 +161,7 @@ def test_flipped_bits_in_metadata(tmp_path_factory):
 
 
 def test_empty_and_wrong_files(tmp_path):
-    assert outcome(tmp_path, b"").endswith("the bag is empty; copy it again from the recording computer")
+    assert outcome(tmp_path, b"").endswith("the file is empty; copy it again from the recording computer")
     jpeg = cv2.imencode(".jpg", picture(3))[1].tobytes()
     stream = io.BytesIO()
     np.save(stream, np.zeros(3))
