@@ -158,8 +158,6 @@ def _guess(root: AnyPath, path: str) -> str:
     """What is there instead: the nearest name in its folder, or the nearest folder."""
     # what is in a folder is asked once, and that of another project may be called the same
     whole = Path(os.path.abspath(os.path.join(root, path)))
-    if whole.is_symlink():
-        return f"; it is a link to {os.readlink(whole)}, and that is not there"
     if whole.parent.is_dir():
         return nearest(whole.name, _names_in(str(whole.parent)))
     missing = next(one for one in reversed(whole.parents) if not one.is_dir())

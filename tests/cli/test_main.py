@@ -65,7 +65,8 @@ def test_a_folder_that_cannot_be_made_is_one_sentence(folder, tmp_path, monkeypa
     (tmp_path / "file").write_text("")
     for words in (["init", folder], ["simulate", "--write-config", folder], ["simulate_mocap", *OF_A_WALK, folder]):
         code, text = said(capsys, *words)
-        assert code == 1 and text.startswith(f"dior {words[0]}: {folder.removesuffix('/below')}") and text.count("\n") == 1, text
+        named = f"dior {words[0]}: {folder.removesuffix('/below')}"
+        assert code == 1 and text.startswith(named) and text.count("\n") == 1, text
 
 
 OF_A_WALK = ["--settings", '{"duration_s": 1}', "--sequence", "indoor_01", "--out"]
