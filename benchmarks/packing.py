@@ -96,6 +96,11 @@ def wander(rng, *shape, step):
     return np.cumsum(rng.normal(0, step, shape), axis=0).astype(np.float32)
 
 
+KINDS = (
+    "labels", "pixels", "covers", "skeletons", "frames", "detections", "clocks", "quantiles", "provenance",
+)  # fmt: skip
+
+
 class Sources:
     """The tables of a project of DIOR's size, as the steps leave them; `results` is their folder."""
 
@@ -103,9 +108,7 @@ class Sources:
         config.write(settings.from_dict({"subjects": PEOPLE, "sequences": WALKS}), root / "config")
         self.project, self.results = projects.load(root), root / "results"
         self.rng = np.random.default_rng(0)
-        self.files = {
-            name: [] for name in ("labels", "pixels", "skeletons", "frames", "detections", "clocks", "provenance")
-        }
+        self.files = {name: [] for name in KINDS}
         for sequence in self.project.sequences:
             self._walk(sequence)
 
@@ -221,7 +224,7 @@ def measure_labels(root):
         package.run(
             project=root, config=None, of_walks=package.WalkFiles(**sources.files),
             of_cameras=package.CameraFiles(marks=[], cameras=sources.cameras(), covariances=[]), metrics=[],
-            gallery=None, steps={}, out=out,
+            findings=[], gallery=None, steps={}, out=out,
         )  # fmt: skip
     with told("tarballs"):
         for part in [*sources.project.released_subjects, checksums.METADATA]:

@@ -26,6 +26,7 @@ from dior.project.contents import Project
 from dior.project.missing import Fault, line_of
 from dior.project.plain_text import unreadable
 from dior.project.project import as_far_as_it_goes, read_config, sheets
+from dior.release import citation
 
 # chosen: what a screen shows of a file, and of the walks with the same fault
 MOST_OF_A_FILE, MOST_WALKS = 20, 3
@@ -46,8 +47,10 @@ def run(project: Path = Path("."), *, as_json: bool = False) -> int:
     with chdir(project):
         notes, plan = look()
     faults, warnings = _together(notes.faults), _together(notes.warnings)
+    release = notes.before_release
     if as_json:
-        print(json.dumps({"faults": faults, "warnings": warnings, "plan": plan and asdict(plan)}, indent=2))
+        told = {"faults": faults, "warnings": warnings, "plan": plan and asdict(plan), "before_release": release}
+        print(json.dumps(told, indent=2))
         return int(bool(faults))
     shown = shlex.quote(str(project))
     lines = _shown(faults)
@@ -58,6 +61,7 @@ def run(project: Path = Path("."), *, as_json: bool = False) -> int:
         lines += ["", f"{len(faults)} to mend in {many(files, 'file')}; then: dior check {shown}"]
     elif plan:
         lines += ["", *_warned(len(warnings)), f"{plan} Type", f"  dior run {shown}"]
+        lines += ["", "Before a release:", *(f"  {line}" for line in release)] if release else []
     print("\n".join(lines).strip())
     return int(bool(faults))
 
@@ -79,6 +83,7 @@ def look() -> tuple[Notes, computer.Plan | None]:
         return notes, None
     (_, lines), _ = sheets(".")
     notes.faults += missing.of_project(project, lines)
+    notes.before_release += citation.lacks(project.config["release"]) if project.released_subjects else []
     plan = _look_at_recordings(project, lines, notes)
     return notes, plan if not notes.faults else None
 

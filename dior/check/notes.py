@@ -13,11 +13,12 @@ _WHERE = re.compile(r"(config(?:/[^\s:,]*)?)(?:,? line (\d+))?: (.*)", re.DOTALL
 
 
 class Notes:
-    """`faults` and `warnings`, as they were found."""
+    """`faults` and `warnings`, as they were found; `before_release`: sentences on what a release would lack."""
 
     def __init__(self) -> None:
         self.faults: list[Fault] = []
         self.warnings: list[Fault] = []
+        self.before_release: list[str] = []
 
     def fault(self, file: str, line: int | None, text: str, walk: str = "") -> None:
         self.faults.append(Fault(file, line, text, walk))

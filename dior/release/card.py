@@ -12,13 +12,17 @@ from typing import Any, TypeAlias
 import numpy as np
 import pyarrow as pa
 
+from dior.body.names import bones_of
 from dior.errors import many
 from dior.evaluate import statistics
+from dior.evaluate.metrics import QUANTILES
 from dior.project import licenses
 from dior.release import citation, escape
 from dior.release.layout import Part
 from dior.release.people_tables import Walks
 from dior.release.suspect import RedLight
+from dior.report.headline import Line
+from dior.report.numbers import show
 from dior.tables import tables
 from dior.tables.schemas import METRICS, PICTURE, SCHEMAS, VOCABULARY
 from dior.tables.words import SPLITS
@@ -56,11 +60,13 @@ def text(
     example: str,
     checked: list[tuple[str, str, str]],
     lights: list[RedLight],
+    headline: list[Line],
+    joints: dict[str, list[str]],
 ) -> str:
     """The card. `release`: the section of the config; `walks`: the released ones (people_tables.py); `counted`: rows
     of `statistics.rows_of` for them; `figures`: rows of metrics.csv; `parts`: of layout.py, those that there are;
     `example`: the name of a labels file; `checked`: (session, camera, reason) of `heads_checked`; `lights`:
-    what is red of the labels.
+    what is red of the labels; `headline`: how good they are; `joints`: of the labels by environment.
     """
     from jinja2 import Environment, StrictUndefined
 
@@ -87,7 +93,9 @@ def text(
         properties=statistics.properties(counted),
         described=[(part, _columns(part.table)) for part in parts],
         metric_columns=tables.columns_of("metrics"),
-        figures=[figure for figure in map(_figure, figures) if figure],
+        headline=headline,
+        skeletons=[(name, each, _edges(each)) for name, each in joints.items()],
+        figures=_figures(figures, walks),
         metrics={name: meaning for name, meaning in METRICS.items() if _has(figures, name)},
         example=example,
         checked=checked,
@@ -163,10 +171,26 @@ def _by_camera(counted: Rows) -> list[tuple[str, str, str, dict[str, int]]]:
     ]
 
 
-def _figure(row: dict[str, Any]) -> tuple[Any, ...] | None:
-    """A pooled figure as cells of the card's table; nothing for one of a subject, sequence or joint."""
-    if row["subject"] or row["sequence"] or row["joint"]:
-        return None
-    where = row["camera"] or row["role"] or "all"
-    value = "" if np.isnan(row["value"]) else f"{row['value']:.3g}"
-    return row["metric"], row["tool"], where.replace("_", "-"), value, row["unit"], row["n"]
+def _edges(joints: list[str]) -> list[tuple[str, str]]:
+    """The bones between joints, by their names."""
+    return [(joints[a], joints[b]) for a, b in bones_of(joints)]
+
+
+def _figures(rows: Rows, walks: Walks) -> list[tuple[str, str, str, str, str, int]]:
+    """(metric, tool, session, camera or role, value with its unit, n) for the card's table: pooled over everything, by
+    role, and by session and camera, since the cameras of two sessions may have one name.
+    """
+    found: dict[tuple[str, str, str, str], tuple[float, int, str]] = {}
+    for row in rows:
+        pooled = not (row["subject"] or row["sequence"] or row["joint"] or row["camera"])
+        of_camera = row["sequence"] in walks and row["camera"] and not row["joint"]
+        # the mean of quantiles is no quantile
+        if not (pooled or (of_camera and row["metric"] not in QUANTILES)):
+            continue
+        session = walks[row["sequence"]]["session"] if of_camera else ""
+        where = row["camera"] if of_camera else (row["role"] or "all").replace("_", "-")
+        key = row["metric"], row["tool"], session, where
+        mean, n, unit = found.get(key, (0.0, 0, row["unit"]))
+        total = n + row["n"]
+        found[key] = (mean * n + row["value"] * row["n"]) / total if total else np.nan, total, unit
+    return [(*key, show(value, unit), n) for key, (value, n, unit) in sorted(found.items())]

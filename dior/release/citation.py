@@ -13,6 +13,18 @@ from dior.release import escape
 MESSAGE = "If you use this dataset, please cite it as below."
 # the format asks for an author; so does nobody where the config names none
 NOBODY = "anonymous"
+# a new project's, of dior/project/templates/config.yaml
+TITLE = "A gait dataset"
+
+
+def lacks(release: dict[str, Any]) -> list[str]:
+    """What of the `release:` section is as the template has it, as sentences: others would cite that."""
+    found = []
+    if not release["authors"]:
+        found.append(f"config/config.yaml: release.authors is empty, so that the citation names the author '{NOBODY}'")
+    if release["title"] == TITLE:
+        found.append(f"config/config.yaml: release.title is still '{TITLE}', the template's")
+    return found
 
 
 def text(release: dict[str, Any]) -> str:

@@ -43,6 +43,7 @@ from dior.release import (
     walk_files,
 )
 from dior.release.people_tables import Walks
+from dior.report import headline
 from dior.tables import tables
 from dior.tables.files import folder_written_whole, write_text
 
@@ -56,7 +57,8 @@ class WalkFiles:
 
     `labels`: tables `labels_2d`; `pixels`: tables `released_frames`; `covers`: tables `released_covers`, in files
     <sequence>.<camera>.covers.parquet; `skeletons`: tables `skeletons_3d`; `frames`: tables `frames`; `detections`:
-    tables `detections`; `clocks`: tables `offsets`; `provenance`: checksums of the recordings, a JSON file each.
+    tables `detections`; `clocks`: tables `offsets`; `quantiles`: tables `label_quantiles`; `provenance`: checksums of
+    the recordings, a JSON file each.
     """
 
     labels: list[Path]
@@ -66,6 +68,7 @@ class WalkFiles:
     frames: list[Path]
     detections: list[Path]
     clocks: list[Path]
+    quantiles: list[Path]
     provenance: list[Path]
 
 
@@ -133,6 +136,8 @@ def run(
         print(f"release: {line}", file=sys.stderr)
     without_place = {name: suspect.without_place(lights, name) for name in walks}
     made_of = provenance_json.of(loaded, walks, recordings, steps, suspect.told(lights))
+    for line in citation.lacks(loaded.config["release"]):
+        print(f"release: {line}", file=sys.stderr)
     with folder_written_whole(out) as folder:
         with ThreadPoolExecutor(THREADS) as pool:
             written = pool.map(
@@ -161,7 +166,8 @@ def run(
         write_text(folder / "metrics.csv", as_csv(rows))
         counted = _counted(folder, walks, roles, sources, pictures.get("angle", ()))
         looked_at = [row for row in zip(rig["session"], rig["camera"], rig["heads_checked"], strict=True) if row[2]]
-        _write_about(folder, loaded, walks, counted, rows, made_of, looked_at, lights)
+        good = headline.lines(_told(walks, roles, rows, lights), headline.read(of_walks.quantiles))
+        _write_about(folder, loaded, walks, counted, rows, made_of, looked_at, lights, good)
         checksums.write(folder)
 
 
@@ -237,6 +243,37 @@ def _counted(
     return statistics.rows_of(walks, roles, labels, skeletons, frames, angles=angles)
 
 
+def _told(
+    walks: Walks, roles: dict[tuple[str, str], str], rows: list[dict[str, Any]], lights: list[suspect.RedLight]
+) -> dict[tuple[str, str], headline.Told]:
+    """What the card's first lines are made of: labels that are red and that nobody accepts are not in the release."""
+    red = {(light.sequence, light.camera) for light in lights if not light.accepted}
+    figures: dict[tuple[str, str], dict[str, float]] = {}
+    for row in rows:
+        if row["sequence"] and row["camera"] and not row["joint"] and not row["tool"]:
+            figures.setdefault((row["sequence"], row["camera"]), {})[row["metric"]] = row["value"]
+    return {
+        (name, camera): headline.Told(
+            (walk["environment"], roles[walk["session"], camera]),
+            "bad" if {(name, camera), (name, "")} & red else "good",
+            figures.get((name, camera), {}),
+        )
+        for name, walk in walks.items()
+        for camera in walk["cameras"]
+    }
+
+
+def _joints(folder: Path, walks: Walks) -> dict[str, list[str]]:
+    """The joints of the labels by environment, as the first recording of each has them."""
+    found: dict[str, list[str]] = {}
+    for name, walk in walks.items():
+        paths = sorted(folder.glob(f"labels_2d/{walk['subject']}/{name}.*.parquet"))
+        if walk["environment"] not in found and paths:
+            joints = tables.read(paths[0], "labels_2d", ["joint"])["joint"]
+            found[walk["environment"]] = tables.ordered_unique(joints)
+    return dict(sorted(found.items()))
+
+
 def _write_about(
     folder: Path,
     project: projects.Project,
@@ -246,12 +283,14 @@ def _write_about(
     made_of: dict[str, Any],
     checked: list[tuple[str, str, str]],
     lights: list[suspect.RedLight],
+    good: list[headline.Line],
 ) -> None:
     """Write what tells about the release: card, licence, citation, Croissant and provenance."""
     release = project.config["release"]
     parts = layout.parts_of(folder)
     example = min(path.relative_to(folder).as_posix() for path in folder.glob("labels_2d/*/*.parquet"))
-    write_text(folder / "README.md", card.text(release, walks, counted, figures, parts, example, checked, lights))
+    text = card.text(release, walks, counted, figures, parts, example, checked, lights, good, _joints(folder, walks))
+    write_text(folder / "README.md", text)
     write_text(folder / "LICENSE", licenses.text(release, project.root))
     write_text(folder / "CITATION.cff", citation.text(release))
     described = croissant.content(folder, release, card.summary(walks, counted))

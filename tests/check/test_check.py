@@ -56,7 +56,7 @@ def test_of_a_whole_project_it_says_what_will_be_done_and_what_to_type(project, 
     assert text.startswith(
         "All is well.\n3 walks of 2 sessions, 4 s in all: 7 recordings of cameras, 280 pictures, in 5"
     )
-    assert text.endswith(f"Type\n  dior run {project}\n")
+    assert f"Type\n  dior run {project}\n\nBefore a release:\n  config/config.yaml: release.authors" in text
     faults, warnings, plan = found(project, capsys)
     assert not faults and not warnings
     assert (plan["walks"], plan["recordings"], plan["pictures"], plan["files"]) == (3, 7, 280, 5)

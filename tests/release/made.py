@@ -216,6 +216,7 @@ def project(root, walks=WALKS):
         "cameras",
         "covariances",
         "clocks",
+        "quantiles",
     )
     found = {name: [] for name in (*lists, "provenance")}
 

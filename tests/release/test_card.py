@@ -2,16 +2,18 @@
 
 import json
 import re
+from pathlib import Path
 
 import pytest
 import yaml
 
 from dior.errors import DiorError
 from dior.project import licenses
-from dior.release import citation
+from dior.release import card, citation
 from dior.tables import tables
 from tests.release.made import PSEUDONYM, RELEASE, build, sheets
 
+ROOT = Path(__file__).parents[2]
 FACTS = {
     "version": "1.2.3",
     "title": "Walks",
@@ -27,12 +29,12 @@ def test_the_card(built):
     out = built["out"]
     text = (out / "README.md").read_text()
     _, front, body = text.split("---\n", 2)
-    card = yaml.safe_load(front)
-    assert card["pretty_name"] == RELEASE["title"] and card["license"] == "cc-by-nc-4.0"
-    assert card["size_categories"] == ["n<1K"]
-    for part in card["configs"]:
+    heading = yaml.safe_load(front)
+    assert heading["pretty_name"] == RELEASE["title"] and heading["license"] == "cc-by-nc-4.0"
+    assert heading["size_categories"] == ["n<1K"]
+    for part in heading["configs"]:
         assert list(out.glob(part["data_files"])), part
-    assert [part["config_name"] for part in card["configs"] if part.get("default")] == ["labels_2d"]
+    assert [part["config_name"] for part in heading["configs"] if part.get("default")] == ["labels_2d"]
     assert (
         "3 walks of 2 subjects (1 indoor, 2 outdoor): 27 labels inside the picture on 27 frames. Some cameras" in body
     )
@@ -40,7 +42,11 @@ def test_the_card(built):
     assert "| outdoor | cam02 | long-range | 2 | 6 | 6 | 0.500 |" in body
     assert "| Multi-view | yes | 3 cameras |" in body and "| 2D pose | yes | 27 keypoints |" in body
     assert "| MoCap pose | yes | 9 of 27 pictures |" in body and "| Gallery from all around | no | 0 pictures |" in body
-    assert "| coverage |  | all | 0.775 | share | 40 |" in body
+    assert "| coverage |  |  | all | 77.5 % | 40 |" in body
+    assert re.search(r"\| indoors \| not known \|  \|  \| .*without a sigma", body)
+    assert "Indoor, 2: " in body
+    # what only the project has is not pointed at
+    assert "docs/" not in body and "results/" not in body and "config/" not in body
     assert "by Person, A.; The Lab." in body and "hold for the cameras as given" in body
     for name in (
         "labels_2d", "skeletons_3d", "released_frames", "released_detections", "released_boxes", "released_marks",
@@ -138,3 +144,21 @@ def test_a_harmless_title_is_shown_as_it_is(made):
     out = build(made, config=made["config"] | {"release": RELEASE | {"title": title}})
     assert f"# {title}\n" in (out / "README.md").read_text()
     assert f"title = {{{{{title}}}}}," in (out / "README.md").read_text()
+
+
+def test_cameras_of_one_name_in_two_sessions_are_two_rows():
+    walks = {"in_1": {"session": "lab_1"}, "in_2": {"session": "lab_1"}, "out_1": {"session": "field_1"}}
+    row = {"metric": "check_error", "tool": "", "subject": "p1", "camera": "cam04", "role": "close", "joint": "",
+           "unit": "px", "n": 10}  # fmt: skip
+    rows = [row | {"sequence": "in_1", "value": 1.0}, row | {"sequence": "in_2", "value": 4.0, "n": 20},
+            row | {"sequence": "out_1", "value": 9.0}]  # fmt: skip
+    assert card._figures(rows, walks) == [
+        ("check_error", "", "field_1", "cam04", "9.00 px", 10), ("check_error", "", "lab_1", "cam04", "3.00 px", 30)
+    ]  # fmt: skip
+
+
+def test_a_new_projects_title_and_no_authors_are_told():
+    assert len(citation.lacks(FACTS | {"title": citation.TITLE})) == 2
+    assert citation.lacks(FACTS | {"authors": ["A"]}) == []
+    template = (ROOT / "dior/project/templates/config.yaml").read_text()
+    assert yaml.safe_load(template)["release"]["title"] == citation.TITLE

@@ -123,6 +123,7 @@ rule package:
         ],
         covariances=released_covariances(),
         clocks=released_clocks(),
+        quantiles=released("results/evaluate/{sequence}.quantiles.parquet"),
         metrics=released_metrics(),
         findings=released_findings(),
         gallery=released_gallery(),

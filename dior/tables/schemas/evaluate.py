@@ -7,7 +7,7 @@ METRICS = {
     "error_to_truth_3d": "distance of the 3D keypoint from the true one, as is",
     "error_to_truth_3d_aligned": "the same after rigid alignment without scaling",
     "in_box_share": "share of the in-frame labels inside the hand-drawn box of the subject",
-    "in_box_expected": "share that perfect labels would score in boxes drawn like these (docs/figures.md)",
+    "in_box_expected": "share that perfect labels would score in boxes drawn like these",
     "held_back_share": "share of the in-frame labels inside those hand-drawn boxes that no step has fitted to",
     "held_back_expected": "share that perfect labels would score in them",
     "held_back_offset_u": "centre of the label box minus that of such a hand box, to the right, of the former's height",
