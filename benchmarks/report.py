@@ -98,7 +98,7 @@ def write(root):
         "root": root, "title": "DIOR size",
         "evaluated": report.Evaluated(csv, files["frame_metrics"], files["quantiles"], counted, recognition=[]),
         "findings": [findings], "scene": report.Scene(cameras, covariances, turns=[], skeletons=files["skeletons"]),
-        "times": report.Times(**times), "media": report.Media(overlays, clips=[]), "effort": None,
+        "times": report.Times(**times), "media": report.Media(overlays, clips=[], scenes=[]), "effort": None,
         "out": root / "report", "out_timing": root / "timing.csv",
     }  # fmt: skip
 

@@ -12,7 +12,7 @@ STAGES = {
     "label": ("reproject", "people"),
     "evaluate": ("moved", "evaluate", "detectors", "zoom", "to_mark", "metrics", "statistics"),
     "reid": ("inputs", "recognise"),
-    "report": ("reid", "overlays", "clip", "report"),
+    "report": ("reid", "overlays", "clip", "viewer", "report"),
     "release": ("provenance", "heads", "pixels", "package", "sign", "exports", "tarballs"),
 }
 # step -> the module of the package that runs it, without `dior.`
@@ -29,6 +29,7 @@ PLACES = {
     "recognise": "results/reid",
     "overlays": "results/report",
     "clip": "results/report",
+    "viewer": "results/report",
     "package": "results/release",
     "sign": "results/release",
     "exports": "results/release",

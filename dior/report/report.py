@@ -3,8 +3,9 @@
 INPUTS   the project's sheets, results/evaluate/metrics.csv, `frame_metrics`, `findings`, `cameras`, `skeletons_3d`,
          `stamp_audit`, `dropped_frames`, `frames`, `offsets`, `clock_costs`, contact sheets (overlays)
          statistics.csv, and what is there of re-identification (reid.py), the jobs' timings and effort.tsv (cost.py)
-OUTPUTS  <out>/index.html, written last; <out>/sequences/<sequence>.html; <out>/assets/plots/*.svg; <out>/cost.html,
-         <out>/verdict.txt, which a run ends with, and results/timing.csv
+OUTPUTS  <out>/index.html, written last; <out>/sequences/<sequence>.html, and <sequence>.3d.html with <out>/viewer/*
+         (scene_pages.py); <out>/assets/plots/*.svg; <out>/cost.html, <out>/verdict.txt, which a run ends with, and
+         results/timing.csv
 """
 
 import shutil
@@ -39,6 +40,7 @@ from dior.report import (
     worst_pictures,
 )
 from dior.report import clocks as sequence_clocks
+from dior.report import scene_pages as spaces
 from dior.report import stamps as sequence_stamps
 from dior.report.figures import Figures
 from dior.report.verdict import sentence
@@ -144,11 +146,13 @@ class Media:
     """Pictures and films that the pages show.
 
     `overlays`: the contact sheets `<out>/assets/<sequence>/<camera>.jpg`; `clips`:
-    `<out>/assets/<sequence>/clip.webm`, each with its poster beside it.
+    `<out>/assets/<sequence>/clip.webm`, each with its poster beside it; `scenes`: `<out>/assets/<sequence>/scene.js`,
+    each with the folder pictures beside it.
     """
 
     overlays: list[Path]
     clips: list[Path]
+    scenes: list[Path]
 
 
 def run(
@@ -196,6 +200,7 @@ def run(
     made = Figures(folder, project, rows, recorded)
     sections = [*made.paper(), *made.truth(), *made.clocks(clocked)]
     scenes = [*made.scenes(stations, scene.skeletons), *made.certainty(scene.covariances, scene.turns)]
+    walks = spaces.headers(media.scenes)
     timelines = {figure["title"]: figure for figure in made.timelines()}
     stamps = {figure["title"]: figure for figure in made.stamps(audited)}
     tried = made.clock_costs(clocked)
@@ -207,8 +212,10 @@ def run(
     cost.write(environment, project, statistics_csv.of(counted, "frames"), effort, out_timing, out / "cost.html")
     sequence_pages.write(
         environment, out, title, shown, found, {s: _names(project, s) for s in project.sequences}, timelines, stamps,
-        {sequence: one.rows for sequence, one in audited.items()}, clocked, tried, cards.clips_of(media.clips, out),
+        {sequence: one.rows for sequence, one in audited.items()}, clocked, tried,
+        cards.clips_of(media.clips, out), walks,
     )  # fmt: skip
+    spaces.write(environment, out, title, walks)
     page = environment.get_template("index.html.j2").render(
         title=title,
         dataset=dataset.section(counted),

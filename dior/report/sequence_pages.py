@@ -31,13 +31,14 @@ def write(
     clocks: Mapping[str, SequenceClocks],
     clock_costs: Mapping[str, Shown],
     clips: Mapping[str, dict[str, str]],
+    scenes: Mapping[str, dict[str, Any]],
 ) -> None:
     """Write the pages of `cards`, each linked to the one before and after, and remove those of other sequences.
 
     `environment`: Jinja's; `findings`: (scope, severity, code, text) of the whole project; `names`: sequence -> the
     words that a finding's scope may be made of to be about it; `timelines`, `stamps` (figures), `stamp_rows`, `clocks`
-    (`clocks.SequenceClocks`), `clock_costs` (figures) and `clips` (dicts video, poster) by sequence, each only where
-    there is one.
+    (`clocks.SequenceClocks`), `clock_costs` (figures), `clips` (dicts video, poster) and `scenes` (headers of scene.js)
+    by sequence, each only where there is one.
     """
     template, sequences = environment.get_template("sequence.html.j2"), [card["sequence"] for card in cards]
     folder = out / "sequences"
@@ -55,9 +56,11 @@ def write(
             clocks=clocks.get(sequence),
             clock_costs=clock_costs.get(sequence),
             clip=clips.get(sequence),
+            scene=scenes.get(sequence),
             findings=shown(own),
         )
         write_text(folder / f"{sequence}.html", page)
+    kept = {*sequences, *(f"{sequence}.3d" for sequence in scenes)}
     for path in folder.glob("*.html"):
-        if path.stem not in sequences:
+        if path.stem not in kept:
             path.unlink()

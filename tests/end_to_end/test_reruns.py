@@ -154,7 +154,7 @@ def test_what_is_read_before_the_first_step_is_wrong_at_every_run(project, copy,
 
 # the rules that read a file themselves, by what is changed in it: a byte in the middle of the text or at one end
 READ_BY = {
-    f"{OUTDOOR}/pc1.bag": {"frames", "audit", "overlays", "clip", "pixels", "provenance"},
+    f"{OUTDOOR}/pc1.bag": {"frames", "audit", "overlays", "clip", "viewer", "pixels", "provenance"},
     f"{INDOOR}/mocap.c3d": {"mocap", "provenance"},
     f"{OUTDOOR}/mlkit/cam02.jsonl": {"detections", "provenance"},
     f"{OUTDOOR}/yolo.json": {"detectors"},

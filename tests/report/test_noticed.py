@@ -127,7 +127,7 @@ def test_the_page_has_the_words_of_each(capture, tmp_path):
             skeletons=[path for path in capture.skeletons if "indoor_01" not in path.name],
         ),
         times=page.Times(**files, clocks=capture.clocks, clock_costs=capture.clock_costs),
-        media=page.Media(overlays=[], clips=[]),
+        media=page.Media(overlays=[], clips=[], scenes=[]),
         effort=None,
         out=tmp_path / "report",
         out_timing=tmp_path / "timing.csv",

@@ -6,8 +6,9 @@ import pytest
 
 from dior.evaluate import statistics
 from dior.ingest import audit
-from dior.report import report
+from dior.report import report, scene_file
 from dior.tables import tables
+from dior.tables.files import write_text
 from tests.report import test_reid
 
 
@@ -46,7 +47,7 @@ def counted(capture):
     return made
 
 
-def write(capture, out):
+def write(capture, out, scenes=()):
     report.run(
         root=capture.root,
         title="A & B",
@@ -60,7 +61,7 @@ def write(capture, out):
         findings=capture.findings,
         scene=report.Scene(capture.cameras, capture.covariances, capture.turns, capture.skeletons),
         times=report.Times(**audited(capture), clocks=capture.clocks, clock_costs=capture.clock_costs),
-        media=report.Media(overlays=[], clips=[]),
+        media=report.Media(overlays=[], clips=[], scenes=list(scenes)),
         effort=None,
         out=out,
         out_timing=out.parent / "timing.csv",
@@ -176,3 +177,25 @@ def test_two_runs_give_the_same_bytes(made, capture, tmp_path):
         return {p.relative_to(folder).as_posix(): hashlib.sha256(p.read_bytes()).hexdigest() for p in files}
 
     assert hashes(out) == hashes(tmp_path / "again")
+
+
+def test_a_sequence_with_3d_has_a_page_for_it(capture, tmp_path):
+    out, camera = tmp_path / "report", {"name": "cam01", "tile": [320, 180], "colour": "#0072B2", "rays": "labels"}
+    moment = {"camera": "cam01", "frame": 7, "time": 0.25, "text": "Furthest from the truth: 3.00 px"}
+    header = {"joints": ["nose"], "cameras": [camera], "moments": [moment]}
+    scenes = {}
+    for sequence, told in (("outdoor_01", header), ("outdoor_02", None)):
+        scenes[sequence] = out / f"assets/{sequence}/scene.js"
+        write_text(scenes[sequence], scene_file.text_of(told, {}))
+    for name in ("old.html", "outdoor_02.3d.html"):
+        write_text(out / "sequences" / name, "")
+    write(capture, out, scenes.values())
+    assert {path.name for path in (out / "sequences").glob("*3d*")} == {"outdoor_01.3d.html"}
+    assert {path.name for path in (out / "viewer").iterdir()} == {"three.min.js", "viewer.css", "viewer.js"}
+    beside = (out / "sequences/outdoor_01.html").read_text()
+    assert 'href="outdoor_01.3d.html"' in beside and 'href="outdoor_01.3d.html#camera=cam01&amp;frame=7"' in beside
+    assert "3d.html" not in (out / "sequences/outdoor_02.html").read_text() + (out / "index.html").read_text()
+    page = (out / "sequences/outdoor_01.3d.html").read_text()
+    links = re.findall(r'(?:src|href)="([^"#]+)', page)
+    assert "../viewer/three.min.js" in links and all((out / "sequences" / link).is_file() for link in links)
+    assert "onclick" not in page and 'type="module"' not in page and "http" not in page

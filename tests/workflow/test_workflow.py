@@ -103,7 +103,9 @@ def test_the_tables_of_reid_are_asked_for_where_their_page_is(tmp_path, monkeypa
 # writes into its folder, and parameters that re-run it
 ALONE = {
     "input": {
-        **dict.fromkeys(("audit", "detect", "clocks", "align", "follow", "zoom", "overlays", "clip"), {"bags"}),
+        **dict.fromkeys(
+            ("audit", "detect", "clocks", "align", "follow", "zoom", "overlays", "clip", "viewer"), {"bags"}
+        ),
         **dict.fromkeys(("simulate", "simulate_mocap"), {"motion"}),
         "pixels": {"bags"},
         "heads": {"bags"},
@@ -117,7 +119,7 @@ ALONE = {
         "simulate": {"bags", "detections", "truth"},
         "simulate_gallery": {"frontal", "down"},
         "reid": {"page", "plots"},
-        "report": {"page", "sequences", "cost", "verdict", "plots"},
+        "report": {"page", "sequences", "cost", "verdict", "plots", "viewer"},
     },
     "params": {
         "mocap": {"prefix"},

@@ -158,6 +158,10 @@ def all_clips():
     return [f"results/report/assets/{sequence}/clip.webm" for sequence in SEQUENCES]
 
 
+def all_scenes():
+    return [f"results/report/assets/{sequence}/scene.js" for sequence in SEQUENCES]
+
+
 def all_overlays():
     return [
         f"results/report/assets/{sequence}/{camera}.jpg"

@@ -59,6 +59,35 @@ rule clip:
         dior("clip")
 
 
+rule viewer:
+    """Gather the 3D, the cameras and a picture of each every second for the page that shows them over time."""
+    input:
+        bags=simulated(picture_files),
+        frames="results/frames/{sequence}.parquet",
+        clocks=all_clocks,
+        timeline="results/timeline/{sequence}.parquet",
+        skeleton=skeleton,
+        cameras=sequence_cameras,
+        covariance=sequence_covariance,
+        labels=labels,
+        detections=outdoor_only("results/triangulate/{sequence}.detections.parquet"),
+        frame_metrics="results/evaluate/{sequence}.frames.parquet",
+    output:
+        out="results/report/assets/{sequence}/scene.js",
+        out_pictures=directory("results/report/assets/{sequence}/pictures"),
+    log:
+        "logs/viewer/{sequence}.log",
+    benchmark:
+        "logs/viewer/{sequence}.benchmark.tsv"
+    params:
+        data_root=data_root,
+        min_score=CONFIG["detector"]["min_score"],
+        contents=contents_of(recorded(picture_files)),
+        code=code("report.viewer"),
+    shell:
+        dior("viewer")
+
+
 rule report:
     """Write the page."""
     input:
@@ -77,12 +106,14 @@ rule report:
         clock_costs=report_clock_costs(),
         overlays=all_overlays(),
         clips=all_clips(),
+        scenes=all_scenes(),
         statistics="results/evaluate/statistics.csv",
         effort=PROJECT.effort(),
         recognition=existing_recognition(),
     output:
         page="results/report/index.html",
         sequences=directory("results/report/sequences"),
+        viewer=directory("results/report/viewer"),
         cost="results/report/cost.html",
         verdict="results/report/verdict.txt",
         out_timing="results/timing.csv",
