@@ -249,6 +249,7 @@
       this.world.add(sun);
       this.controls = new THREE.OrbitControls(this.eye, canvas);
       this.controls.addEventListener("change", () => this.draw());
+      canvas.addEventListener("webglcontextrestored", () => this.draw());
       this.groups = { floor: this.floor(), cameras: this.cameras(), path: this.path() };
       this.body();
       this.rays();
@@ -277,13 +278,16 @@
       return Number.isFinite(low[0]) ? [low, high] : [[0, 0, 1], [0, 0, 1]];
     }
 
+    /** Squares of a metre, or larger ones where the walk is so long, or its unit so wrong, that they would be too many. */
     floor() {
-      const [low, high] = this.box();
-      const from = [0, 1].map((axis) => Math.floor(low[axis] - 1.5)), to = [0, 1].map((axis) => Math.ceil(high[axis] + 1.5));
+      const [low, high] = this.box(), span = Math.max(high[0] - low[0], high[1] - low[1], 1);
+      const side = 10 ** Math.max(0, Math.ceil(Math.log10(span / 60)));
+      one("#square").textContent = `${side} m`;
+      const from = [0, 1].map((axis) => Math.floor(low[axis] / side - 1.5)), to = [0, 1].map((axis) => Math.ceil(high[axis] / side + 1.5));
       const points = [];
       for (let x = from[0]; x <= to[0]; x++) points.push([x, from[1], 0], [x, to[1], 0]);
       for (let y = from[1]; y <= to[1]; y++) points.push([from[0], y, 0], [to[0], y, 0]);
-      this.grid = this.lines(points, "#888888");
+      this.grid = this.lines(points.map((point) => point.map((value) => value * side)), "#888888");
       // the world's axes, a metre each: x, y, z
       const axes = [[[1, 0, 0], "#d1495b"], [[0, 1, 0], "#3a9d5d"], [[0, 0, 1], "#3d7dd8"]];
       this.grid.add(...axes.map(([end, colour]) => this.lines([[0, 0, 0.004], [end[0], end[1], end[2] + 0.004]], colour)));
@@ -498,9 +502,10 @@
     go(position, target, fov, flying) {
       const from = { position: this.eye.position.clone(), target: this.controls.target.clone(), fov: this.eye.fov };
       const begun = performance.now(), flight = (this.flight = (this.flight || 0) + 1);
+      // the time of a picture that was begun before this may lie before it
       const step = (now) => {
         if (flight !== this.flight) return;
-        const share = flying && !still.matches ? Math.min((now - begun) / FLIGHT, 1) : 1;
+        const share = flying && !still.matches ? Math.min(Math.max(now - begun, 0) / FLIGHT, 1) : 1;
         const eased = share * share * (3 - 2 * share);
         this.eye.position.lerpVectors(from.position, position, eased);
         this.controls.target.lerpVectors(from.target, target, eased);
@@ -515,6 +520,7 @@
 
     resize() {
       const { clientWidth: width, clientHeight: height } = this.canvas.parentElement;
+      if (!width || !height) return;
       const first = this.width === undefined;
       this.width = width;
       this.height = height;
@@ -592,7 +598,7 @@
 
     function tick(now) {
       if (since === null) return;
-      const time = since.time + ((now - since.now) / 1000) * Number(one("#speed").value) * scene.time_steps;
+      const time = since.time + (Math.max(now - since.now, 0) / 1000) * Number(one("#speed").value) * scene.time_steps;
       const index = nearest(walk.time, time), ended = time >= walk.time[walk.count - 1];
       if (ended) stop();
       // a link of each instant would be one too many for some browsers
