@@ -87,7 +87,8 @@ def test_slider_buttons_and_keys_move_all_at_once(browser, made):
     browser.open(made, "#frame=40", READY)
     browser.run("document.querySelector('#slider').focus()")
     browser.press("ArrowRight")
-    assert at(browser) == 41 and browser.run("location.hash") == "#frame=41"
+    assert at(browser) == 41
+    browser.until("location.hash === '#frame=41'")
     click(browser, "#on")
     click(browser, "#on")
     click(browser, "#back")
@@ -108,7 +109,7 @@ def test_it_plays_and_stops_at_the_end(browser, made):
     assert browser.run("document.querySelector('#play').textContent") == "Pause"
     browser.until(f"document.querySelector('#slider').value === '{FRAMES - 1}'")
     browser.until("document.querySelector('#play').textContent === 'Play'")
-    assert browser.run("location.hash") == f"#frame={FRAMES - 1}"
+    browser.until(f"location.hash === '#frame={FRAMES - 1}'")
 
 
 def test_the_browser_has_the_numbers_of_the_tables(browser, given, made):

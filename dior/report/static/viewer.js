@@ -12,6 +12,8 @@
   const HOME_FOV = 40;
   // m above and below a person who is seen from far away
   const AROUND = 2.5;
+  // ms without another frame after which the link is that of this one: browsers take a hundred in half a minute
+  const LINK_AFTER = 200;
   // how long a flight to a camera takes, ms
   const FLIGHT = 700;
   const one = (selector) => document.querySelector(selector);
@@ -555,7 +557,7 @@
 
   function begin(walk) {
     const pictures = new Pictures(walk), slider = one("#slider"), play = one("#play");
-    let space = null, at = 0, since = null;
+    let space = null, at = 0, since = null, linking = 0;
     try {
       space = new Space(walk, one("#stage canvas"));
     } catch (error) {
@@ -587,7 +589,8 @@
         if (index === at) item.setAttribute("aria-current", "true");
         else item.removeAttribute("aria-current");
       }
-      if (link) history.replaceState(null, "", `#frame=${number}`);
+      clearTimeout(linking);
+      if (link) linking = setTimeout(() => history.replaceState(null, "", `#frame=${number}`), LINK_AFTER);
     }
 
     function stop() {
@@ -601,8 +604,7 @@
       const time = since.time + (Math.max(now - since.now, 0) / 1000) * Number(one("#speed").value) * scene.time_steps;
       const index = nearest(walk.time, time), ended = time >= walk.time[walk.count - 1];
       if (ended) stop();
-      // a link of each instant would be one too many for some browsers
-      if (index !== at || ended) show(index, ended);
+      if (index !== at || ended) show(index);
       if (!ended) requestAnimationFrame(tick);
     }
 
