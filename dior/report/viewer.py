@@ -50,6 +50,7 @@ MOST_MOMENTS = 5
 PICTURES_BYTES, PER_S = 2_000_000, 120.0
 # of WebP, which looks better than JPEG at half the bytes; the first that fits
 QUALITIES = (70, 60, 50, 40, 30, 20, 10, 5, 1)
+TILE_BYTES = 20_000  # chosen: more than a small picture takes at the best of them, so that nothing has to be tried
 WHOLE_QUALITY = 50  # chosen: compression hides nothing of what a label is a few pixels off from
 # a label in steps of an eighth of a pixel, a time in tenths of a millisecond, a ray's slope in parts of 16 000
 PIXEL_STEPS, TIME_STEPS, RAY_STEPS = 8, 10_000, 16_000
@@ -268,7 +269,8 @@ def _encoded(tiles: Mapping[str, list[Picture]], most: float) -> dict[str, bytes
             sum(len(own) * len(_webp(own[len(own) // 2], QUALITIES[i], name)) for name, own in sheets.items()) <= most
         )
 
-    first = bisect_left(range(len(QUALITIES) - 1), True, key=fits)
+    surely = sum(map(len, tiles.values())) * TILE_BYTES <= most
+    first = 0 if surely else bisect_left(range(len(QUALITIES) - 1), True, key=fits)
     for quality in QUALITIES[first:]:
         found = {f"{name}.{i}.webp": _webp(s, quality, name) for name, own in sheets.items() for i, s in enumerate(own)}
         if sum(map(len, found.values())) <= most:
@@ -371,7 +373,9 @@ def _rounded(values: NDArray[Any], digits: int) -> list[Any]:
 
 
 def _tenths(times: Floats) -> NDArray[np.int32]:
-    return np.rint(times * TIME_STEPS).astype(np.int32)
+    """Times, s, in whole TIME_STEPS; those of a clock that is days off end where int32 does."""
+    limits = np.iinfo(np.int32)
+    return np.rint(np.clip(times * TIME_STEPS, limits.min, limits.max)).astype(np.int32)
 
 
 def _whole(values: Floats) -> NDArray[np.int16]:

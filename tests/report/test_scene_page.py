@@ -1,6 +1,7 @@
 """The page "3D with time", opened from disk in Chromium: what its slider, links and buttons do."""
 
 import base64
+import re
 
 import cv2
 import numpy as np
@@ -56,6 +57,13 @@ def click(page, selector):
 def choose(page, selector, value):
     page.run(f"{{ const one = document.querySelector('{selector}'); one.value = '{value}';"
              " one.dispatchEvent(new Event('change')); }")  # fmt: skip
+
+
+def test_three_js_has_the_parts_that_are_used_and_no_others():
+    used = set(re.findall(r"\bTHREE\.(\w+)", (scene_pages.STATIC / "viewer.js").read_text()))
+    (listed, other) = re.findall(r"export \{(.*?)\}", (scene_pages.STATIC / "three.entry.js").read_text(), re.DOTALL)
+    assert used == {*listed.replace(",", " ").split(), *other.split()}
+    assert "Permission is hereby granted" in (scene_pages.STATIC / "three.min.js").read_text()
 
 
 def test_it_opens_from_disk_and_asks_for_nothing_else(browser, made):
