@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from dior.arrays import AnyPath
+from dior.arrays import AnyPath, Table
 from dior.report.numbers import show
 from dior.tables import tables
 
@@ -23,6 +23,18 @@ SECTIONS = {
 MOST = 5
 
 
+def by_recording(table: Table, metric: str, sign: int) -> dict[tuple[str, str], tuple[float, int]]:
+    """(sequence, camera) -> value and frame of the picture that is worst by a metric of the `frame_metrics` of one
+    sequence; `sign` +1: large is bad."""
+    rows = tables.rows(table, (table["metric"] == metric) & np.isfinite(table["value"]))
+    found = {}
+    for camera in tables.ordered_unique(rows["camera"]):
+        mine = tables.of_camera(rows, camera)
+        i = int(np.argmax(sign * mine["value"]))
+        found[mine["sequence"][i], camera] = (float(mine["value"][i]), int(mine["frame"][i]))
+    return found
+
+
 def of_sections(paths: Iterable[AnyPath]) -> dict[str, dict[str, Any] | None]:
     """Section -> dict words, pictures: the worst picture of each of the MOST worst recordings."""
     wanted = {metric for metric, *_ in SECTIONS.values()}
@@ -30,12 +42,7 @@ def of_sections(paths: Iterable[AnyPath]) -> dict[str, dict[str, Any] | None]:
     for path in paths:
         table = tables.read(path, "frame_metrics", ["metric", "sequence", "camera", "frame", "value"])
         for metric, sign, *_ in SECTIONS.values():
-            rows = tables.rows(table, (table["metric"] == metric) & np.isfinite(table["value"]))
-            for camera in tables.ordered_unique(rows["camera"]):
-                mine = tables.of_camera(rows, camera)
-                i = int(np.argmax(sign * mine["value"]))
-                recording = (mine["sequence"][i], camera)
-                worst[metric][recording] = (float(mine["value"][i]), int(mine["frame"][i]))
+            worst[metric] |= by_recording(table, metric, sign)
     found: dict[str, dict[str, Any] | None] = {}
     for section, (metric, sign, unit, words) in SECTIONS.items():
         ordered = sorted(worst[metric].items(), key=lambda item: (-sign * item[1][0], item[0]))[:MOST]

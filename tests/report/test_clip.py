@@ -35,23 +35,57 @@ def test_frames_are_spread_where_nothing_is_measured():
     assert picture_choice.spread(np.arange(2), 3) == [(0, ""), (1, "")] and picture_choice.spread(np.arange(0), 3) == []
 
 
-def test_the_middle_of_what_all_cameras_have():
+def test_the_middle_of_what_all_cameras_have_where_nothing_is_measured():
     times = {"a": np.arange(0, 10, 0.1), "b": np.arange(2, 12, 0.1)}
-    moments = clip.middle(times, 10.0, 4.0)
+    moments = clip.shown_moments(times, 10.0, 4.0, None)
     assert len(moments) == 40 and (moments[0] + moments[-1] + 0.1) / 2 == pytest.approx((2 + 9.9) / 2)
-    assert clip.middle(times, 10.0, 99.0)[0] == pytest.approx(2.0)
-    assert len(clip.middle({"a": np.array([0.0, 1.0]), "b": np.array([5.0, 6.0])}, 10.0, 4.0)) == 1
+    assert clip.shown_moments(times, 10.0, 99.0, None)[0] == pytest.approx(2.0)
+    apart = {"a": np.array([0.0, 1.0]), "b": np.array([5.0, 6.0])}
+    assert len(clip.shown_moments(apart, 10.0, 4.0, None)) == 1
     assert clip.nearest(np.array([0.0, 1.0, 2.0]), np.array([-1, 0.4, 0.6, 1.5, 9])).tolist() == [0, 0, 1, 1, 2]
 
 
-def test_a_long_range_view_holds_the_person_of_all_pictures():
+@pytest.mark.parametrize(("worst", "first"), [(6.0, 6.0 - clip.BEFORE_S), (2.1, 2.0), (9.8, 5.9), (50.0, 5.9)])
+def test_it_begins_at_the_worst_moment_within_what_all_cameras_have(worst, first):
+    times = {"a": np.arange(0, 10, 0.1), "b": np.arange(2, 12, 0.1)}
+    moments = clip.shown_moments(times, 10.0, 4.0, worst)
+    assert moments[0] == pytest.approx(first) and len(moments) == 40
+
+
+def test_the_worst_picture_is_that_of_the_first_measure_that_there_is():
+    metrics = {
+        "metric": np.array(["error_to_truth_2d", "reprojection_error", "reprojection_error"], object),
+        "sequence": np.array(["w"] * 3, object), "camera": np.array(["a", "a", "b"], object),
+        "frame": np.array([0, 1, 2]), "value": np.array([99.0, 3.0, 5.0]),
+    }  # fmt: skip
+    index = {"camera": np.array(["a", "a", "b", "b"], object), "frame": np.array([0, 1, 0, 2])}
+    times = {"a": np.array([0.0, 1.0]), "b": np.array([7.0, 8.0])}
+    assert clip.worst_time(metrics, index, times) == 8.0
+    assert clip.worst_time({key: value[:0] for key, value in metrics.items()}, index, times) is None
+
+
+def test_a_view_holds_the_person_of_all_pictures():
     body = np.array([[100.0, 50.0], [110.0, 75.0]])
     uv = np.stack([body + (x, 0) for x in range(40)])
-    view = clip.still(1280, 720, uv, True)
-    assert view.scale == pytest.approx(0.7 * 480 / 49)
-    inside = view.of(uv.reshape(-1, 2))
-    assert (inside >= 0).all() and (inside <= np.array(view.size)).all() and view.size == clip.TILE
-    assert clip.still(1088, 1920, uv, False).size == (153, 270)
+    first, *others = clip.views(1280, 720, uv, 15.0)
+    assert first.scale == pytest.approx(0.7 * 480 / 49) and all(one == first for one in others)
+    inside = first.of(uv.reshape(-1, 2))
+    assert (inside >= 0).all() and (inside <= np.array(first.size)).all() and first.size == clip.TILE
+    nobody = clip.views(1088, 1920, np.full((3, 2, 2), np.nan), 15.0)
+    assert [view.size for view in nobody] == [(153, 270)] * 3
+
+
+def test_a_view_follows_who_walks_through_the_whole_picture():
+    body = np.array([[0.0, 200.0], [60.0, 380.0]])
+    uv = np.stack([body + (x, 0) for x in np.linspace(100, 1100, 60)])
+    uv[20:23] = np.nan
+    each = clip.views(1280, 720, uv, 15.0)
+    assert len({view.scale for view in each}) == 1 and each[0].scale > 2 * 480 / 1280
+    steps = np.diff([view.origin[0] for view in each])
+    assert (steps >= 0).all() and steps.max() < 40
+    for view, labels in zip(each, uv, strict=True):
+        inside = view.of(labels)
+        assert (np.isnan(inside) | ((inside > -1) & (inside < np.array(clip.TILE) + 1))).all()
 
 
 @pytest.fixture(scope="module")
@@ -67,11 +101,12 @@ def walk(tmp_path_factory):
     bags = [folder / WALK / f"{computer}.bag" for computer in ("pc1", "pc2")]
     (folder / "made").mkdir()
     labels_from(folder, bags, folder, folder / "made")
+    tables.write(folder / "made/frame_metrics.parquet", "frame_metrics", {})
     return {
         "sequence": WALK, "frames": folder / f"made/{WALK}.parquet", "clocks": [folder / "made/clocks.parquet"],
         "timeline": folder / "made/timeline.parquet", "data_root": folder,
         "labels": [folder / f"made/{camera}.labels.parquet" for camera in CAMERAS],
-        "roles": dict.fromkeys(CAMERAS, "close"), "seconds": 0.5,
+        "frame_metrics": folder / "made/frame_metrics.parquet", "seconds": 0.5,
     }  # fmt: skip
 
 
@@ -86,7 +121,7 @@ def test_the_clip_plays_and_is_the_same_bytes_again(walk, tmp_path):
     assert len(shown) == 7 and shown[0].shape == (540, 960, 3)
     assert film.get(cv2.CAP_PROP_FPS) == pytest.approx(15, abs=0.1)
     poster = cv2.imread(str(tmp_path / "a.jpg"))
-    assert np.abs(poster.astype(float) - shown[3]).mean() < 6
+    assert np.abs(poster.astype(float) - shown[0]).mean() < 6
     # every camera has its quarter, with the room in it
     for top, left in ((0, 0), (0, 480), (270, 0), (270, 480)):
         assert poster[top : top + 270, left : left + 480].mean() > 100

@@ -42,6 +42,7 @@ rule clip:
         clocks=all_clocks,
         timeline="results/timeline/{sequence}.parquet",
         labels=labels,
+        frame_metrics="results/evaluate/{sequence}.frames.parquet",
     output:
         out="results/report/assets/{sequence}/clip.webm",
         poster="results/report/assets/{sequence}/clip.poster.jpg",
@@ -51,7 +52,6 @@ rule clip:
         "logs/clip/{sequence}.benchmark.tsv"
     params:
         data_root=data_root,
-        roles=roles,
         seconds=CONFIG["report"]["clip_seconds"],
         contents=contents_of(recorded(picture_files)),
         code=code("report.clip"),
