@@ -11,12 +11,12 @@ usual (the recorder or network could not follow), `between_bags` where the recor
 `not_sent` (camera or driver left it out). `same_stamp` and `same_picture` are repeated messages. Where only the
 header's clock jumps nothing is missing; that is a finding.
 
-A video has one clock: its receive stamps count as the header's. What is in it, or in a bag as a packet of one, and
-gives no picture is `not_decoded`, what was to come after a video's end `cut_off`; the finding `video_stamps` tells what
-its stamps are by.
+A video has one clock: its receive stamps count as the header's. What is in it, or in a bag, and gives no picture is
+`not_decoded`, what was to come after a video's end `cut_off`; the finding `video_stamps` tells what its stamps are by.
 """
 
 import json
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -32,6 +32,7 @@ from dior.ingest import stamps, video_starts
 from dior.ingest.frames import NOT_DECODED, check_usable
 from dior.ingest.stamps import JUMP_NS
 from dior.tables import tables
+from dior.tables.words import MOST_LOST
 
 # 1.5: half-way between one period and two. 2.0 chosen: later than pictures come while a recorder keeps up
 GAP_PERIODS, BEHIND_PERIODS = 1.5, 2.0
@@ -67,13 +68,15 @@ MOST_DRIFT_SIGMA_PPM = 20.0
 class Audit:
     """`row`: one row of `stamp_audit` by column; `dropped`: (frame, stamp_ns, reason) per missing or repeated picture.
 
-    `jumps`: (frame, step of the header clock in s) of the jumps of the clock; `glitches`: stamps that were restored.
+    `jumps`: (frame, step of the header clock in s) of the jumps of the clock; `glitches`: stamps that were restored;
+    `undecoded`: why pictures of a bag could not be decoded.
     """
 
     row: dict[str, Any]
     dropped: tuple[tuple[int, int, str], ...]
     jumps: tuple[tuple[int, float], ...]
     glitches: tuple[stamps.Glitch, ...] = ()
+    undecoded: tuple[str, ...] = ()
 
 
 def run(*, sequence: str, frames: Path, data_root: Path, out: Path, out_dropped: Path, findings: Path) -> None:
@@ -86,6 +89,7 @@ def run(*, sequence: str, frames: Path, data_root: Path, out: Path, out_dropped:
     repeats = _repeats(table, data_root)
     rows, dropped, found = [], [], []
     for camera in tables.ordered_unique(table["camera"]):
+        audits: list[tuple[str, dict[str, Any], Audit]] = []
         own = tables.of_camera(table, camera)
         where = f"{sequence}, {camera}"
         check_usable(own["stamp_ns"], own["receive_ns"], where)
@@ -97,15 +101,22 @@ def run(*, sequence: str, frames: Path, data_root: Path, out: Path, out_dropped:
             mine = own["bag"] == bag
             audited = audit(tables.rows(own, mine), repeats[table["camera"] == camera][mine])
             audited = of_video(audited, film["lost"]) if film else audited
-            if packets := not_decoded.get(camera, {}).get(bag):
-                audited = with_lost(audited, _undecoded(packets, own))
+            if undecoded := not_decoded.get(camera, {}).get(bag):
+                of_bag = _undecoded(undecoded, own)
+                audited = with_lost(audited, [(frame, stamp, NOT_DECODED) for frame, stamp, _ in of_bag])
+                audited = replace(audited, undecoded=tuple(why for *_, why in of_bag))
             looked = black[mine]
             seen = {"looked_at": int((looked >= 0).sum()), "black": int((looked > 0).sum())}
             rows.append({"camera": camera, "bag": bag, **audited.row, **seen})
-            dropped += [(camera, *lost) for lost in audited.dropped]
-            findings_of = judge(rows[-1], audited, bag, bool(film)) + (_by_what(bag, film) if film else [])
+            audits.append((bag, rows[-1], audited))
+            dropped += [(camera, *missing) for missing in audited.dropped]
+        # a bag of some seconds has a large share of few pictures
+        lost, pictures = (sum(row[key] for _, row, _ in audits) for key in ("lost", "pictures"))
+        for bag, row, audited in audits:
+            findings_of = judge(row, audited, bag, bool(film), lost / (lost + pictures))
+            findings_of += _by_what(bag, film) if film else []
             found += [(f"{sequence}/{camera}", *finding) for finding in findings_of]
-        dropped += [(camera, *lost) for lost in _between_bags(own)]
+        dropped += [(camera, *missing) for missing in _between_bags(own)]
     tables.write(out, "stamp_audit", {key: [row[key] for row in rows] for key in tables.columns_of("stamp_audit")})
     dropped.sort()
     columns = zip(tables.columns_of("dropped_frames"), zip(*dropped, strict=True) if dropped else [()] * 4, strict=True)
@@ -177,19 +188,20 @@ def with_lost(audited: Audit, lost: Sequence[tuple[int, int, str]]) -> Audit:
         if one[2] not in ("not_sent", "recorder_behind") or not (np.abs(known - one[1]) < near).any()
     ]  # fmt: skip
     again = sum(one[2] in ("not_sent", "recorder_behind") for one in others)
-    row = audited.row | {"lost": again + len(lost)}
     dropped = sorted([*others, *((frame, stamp, reason) for frame, stamp, reason in lost)])
+    # those that come at even steps leave none between the stamps
+    gaps = {frame for frame, _, reason in dropped if reason not in REPEATED}
+    row = audited.row | {"lost": again + len(lost), "gaps": len(gaps)}
     return replace(audited, row=row, dropped=tuple(dropped))
 
 
-def _undecoded(packets: Sequence[int], own: Table) -> list[tuple[int, int, str]]:
-    """(frame before, stamp_ns, reason) of packets without a picture, those with one in another bag left out."""
+def _undecoded(lost: Sequence[tuple[int, str]], own: Table) -> list[tuple[int, int, str]]:
+    """(frame before, stamp_ns, why) of messages without a picture, `lost` (stamp_ns, why), those with one in another
+    bag left out."""
     there = set(stamps.header_ns(own).tolist())
-    before = np.maximum(np.searchsorted(own["stamp_ns"], packets) - 1, 0)
+    before = np.maximum(np.searchsorted(own["stamp_ns"], [stamp for stamp, _ in lost]) - 1, 0)
     return [
-        (int(own["frame"][i]), stamp, "not_decoded")
-        for i, stamp in zip(before, packets, strict=True)
-        if stamp not in there
+        (int(own["frame"][i]), stamp, why) for i, (stamp, why) in zip(before, lost, strict=True) if stamp not in there
     ]
 
 
@@ -303,8 +315,22 @@ def _black(frames: Table, data_root: Path) -> Ints:
     return black
 
 
-def judge(row: dict[str, Any], audited: Audit, bag: str, is_video: bool = False) -> list[tuple[str, str, str]]:
-    """What a person should see of an audit, of its row in `stamp_audit`: (severity, code, text) tuples."""
+def _why(audited: Audit) -> str:
+    """What else than gaps between the stamps says that pictures are lost, the most frequent causes first."""
+    cut = sum(reason == "cut_off" for _, _, reason in audited.dropped)
+    frames = [frame for frame, _, reason in audited.dropped if reason == NOT_DECODED]
+    text = f"; {cut} of them behind the end of the file" if cut else ""
+    if frames:
+        text += f"; {len(frames)} of them cannot be decoded, the first after frame {min(frames)}"
+    whys = Counter(audited.undecoded).most_common()
+    return text + (": " if whys else "") + ", ".join(f"{why} ({count})" for why, count in whys)
+
+
+def judge(
+    row: dict[str, Any], audited: Audit, bag: str, is_video: bool = False, lost_share: float = 0.0
+) -> list[tuple[str, str, str]]:
+    """What a person should see of an audit, of its row in `stamp_audit`: (severity, code, text) tuples. `lost_share`:
+    share of the pictures that the whole recording lost."""
     found = []
     period_ms = 1e3 / row["nominal_hz"] if row["nominal_hz"] else np.nan
 
@@ -316,8 +342,8 @@ def judge(row: dict[str, Any], audited: Audit, bag: str, is_video: bool = False)
         behind = sum(reason == "recorder_behind" for _, _, reason in audited.dropped)
         late = f", {behind} of them while the recorder was behind" if behind else ""
         gaps = f"in {many(row['gaps'], 'gap')}, the longest {row['longest_gap_s']:.2f} s"
-        # whether that is too much, the report's summary says for the recording as a whole
-        add(False, "pictures_lost", f"{many(row['lost'], 'picture')} lost ({share:.1%}) {gaps}{late}")
+        text = f"{many(row['lost'], 'picture')} lost ({share:.1%}) {gaps}{late}{_why(audited)}"
+        add(lost_share > MOST_LOST, "pictures_lost", text)
     for code, what in REPEATED.items():
         if row[code]:
             share = row[code] / row["pictures"]

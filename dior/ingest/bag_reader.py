@@ -14,12 +14,15 @@ from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 from urllib.parse import quote
 
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 # chosen: more than any picture has; what is compressed must not expand without end
 MESSAGE_LIMIT = 1 << 28
+
+# of a message without a picture: its topic's full name, header stamp (ns), and why there is none
+Lost: TypeAlias = tuple[str, int, str]
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from dior.arrays import AnyPath, Table
 from dior.errors import DiorError, nearest
 from dior.ingest import containers, messages, picture_folders, videos
-from dior.ingest.bag_reader import Message, full_name
+from dior.ingest.bag_reader import Lost, Message, full_name
 from dior.ingest.containers import BROKEN
 from dior.ingest.containers import messages as messages_of
 from dior.ingest.containers import topics as topics_of
@@ -78,31 +78,50 @@ def holding(there: dict[Path, Topics], topic: str, where: str) -> list[Path]:
     return found
 
 
-def index(bag: Path, topics: Sequence[str], lost: list[tuple[str, int]] | None = None) -> Table:
+def index(bag: Path, topics: Sequence[str], lost: list[Lost] | None = None) -> Table:
     """Index of the pictures of `topics` in one bag, in the order of its files, as a dict of arrays.
 
-    `lost` is told full name and header stamp (ns) of the packets of a video that give no picture.
+    `lost` is told what gives no picture: packets of a video, and messages whose picture is damaged.
 
     Keys: topic (as given), stamp_ns, receive_ns, nth (which message of that topic and receive stamp), height, width
-    (px). No picture is decoded but those of packets. Raises DiorError for a broken bag, a topic that holds no pictures,
-    a bad picture header.
+    (px). No picture is decoded but those of packets. Raises DiorError for a broken bag and a topic that holds no
+    picture that is read.
     """
+    lost = [] if lost is None else lost
     if containers.is_video(bag):
         return _of_video([(topic, containers.video_index(bag, topic)) for topic in topics])
     columns: dict[str, list[Any]] = {key: [] for key in ("topic", "stamp_ns", "receive_ns", "nth", "height", "width")}
     given = {full_name(topic): topic for topic in topics}
     count: Counter[str] = Counter()
+    readable: set[str] = set()
+    refused: dict[str, str] = {}
     for message, nth in _reported(bag, given, lost):
         topic = given[message.topic]
         try:
             stamp_ns, height, width = messages.picture_of(message.kind, message.raw, message.wire)
         except BROKEN as error:
-            where = _file_of(message) or f"{bag}: message {count[topic]} of {topic}"
-            raise DiorError(f"{where} has no readable picture ({error})") from None
+            own = _file_of(message)
+            where = own or f"{bag}: message {count[topic]} of {topic}"
+            mend = "; remove it or copy it again" if own else ""
+            refusal = f"{where} has no readable picture ({error}){mend}"
+            taken_ns, *_ = messages.told(message.kind, message.raw, message.wire)
+            # what is no damage is so of all pictures of a topic, unless it has given some
+            is_one = isinstance(error, messages.Damaged) or topic in readable
+            if own or taken_ns is None or not is_one:
+                raise DiorError(refusal) from None
+            refused.setdefault(topic, refusal)
+            lost.append((message.topic, taken_ns, str(error)))
+            count[topic] += 1
+            continue
         count[topic] += 1
+        readable.add(topic)
         row = (topic, stamp_ns, message.receive_ns, nth, height, width)
         for key, value in zip(columns, row, strict=True):
             columns[key].append(value)
+    for topic, refusal in refused.items():
+        if topic not in readable:
+            others = f", nor has any other of the {count[topic]}" if count[topic] > 1 else ""
+            raise DiorError(f"{refusal}{others}; exclude the sequence or drop the camera")
     kinds: dict[str, type] = {"topic": object, "nth": np.int32, "height": np.int32, "width": np.int32}
     return {key: np.array(values, kinds.get(key, np.int64)) for key, values in columns.items()}
 
@@ -127,7 +146,7 @@ def _numbered(
     bag: Path,
     wanted: Collection[str],
     received: Collection[int] | None = None,
-    lost: list[tuple[str, int]] | None = None,
+    lost: list[Lost] | None = None,
 ) -> Iterator[tuple[Message, int]]:
     """Yield (message, nth): which one it is, from 0, of those of its topic and receive stamp."""
     before: Counter[tuple[str, int]] = Counter()
@@ -137,9 +156,7 @@ def _numbered(
         before[key] += 1
 
 
-def _reported(
-    bag: Path, given: Collection[str], lost: list[tuple[str, int]] | None = None
-) -> Iterator[tuple[Message, int]]:
+def _reported(bag: Path, given: Collection[str], lost: list[Lost] | None = None) -> Iterator[tuple[Message, int]]:
     """`_numbered` of all messages of some topics, its progress reported."""
 
     def total() -> int:

@@ -21,7 +21,7 @@ from dior.arrays import AnyPath
 from dior.errors import DiorError, many
 from dior.formats import BagFormat
 from dior.ingest import packets, picture_folders, video_audio, videos
-from dior.ingest.bag_reader import ZSTD_MAGIC, Message, opened
+from dior.ingest.bag_reader import ZSTD_MAGIC, Lost, Message, opened
 
 BROKEN = (ValueError, LookupError, OSError, EOFError, OverflowError, MemoryError)
 # first bytes -> the format and what may save a damaged file of it
@@ -103,12 +103,12 @@ def messages(
     bag: AnyPath,
     wanted: Collection[str],
     received: Collection[int] | None = None,
-    lost: list[tuple[str, int]] | None = None,
+    lost: list[Lost] | None = None,
 ) -> Iterator[Message]:
     """Yield the `Message`s of the topics `wanted` (full names), only of the receive stamps `received` if given.
 
     Packets of a video are decoded, from the key frame before; the packets themselves are not given. `lost` is told
-    topic and header stamp (ns) of those that give no picture. Raises DiorError for a broken bag.
+    which of them give no picture. Raises DiorError for a broken bag.
     """
     unpacker = packets.Unpacker(bag, received, [] if lost is None else lost)
     for path in _files(bag):

@@ -10,7 +10,8 @@ OUTPUTS  `frames` table: cameras in the order of their names, frames numbered fr
 Of a video `bag` is its path, `topic` the stream (`videos`), `receive_ns` the picture's time in the file, the stamp is
 as `video_stamps` has it and `restored_sigma_s` what the step of the file's time leaves open. The metadata `videos`
 tells by camera what its stamps are by, how well their start is known, and which pictures cannot be read. Of packets of
-a video in a bag (`packets`) the metadata NOT_DECODED tells by camera and bag the stamps of those that give no picture.
+a video in a bag (`packets`) and of damaged pictures the metadata NOT_DECODED tells by camera and bag the stamps of
+those that give no picture, and why.
 """
 
 import json
@@ -27,6 +28,7 @@ from dior.arrays import Bools, Ints, Table
 from dior.errors import DiorError
 from dior.ingest import bags as rosbag
 from dior.ingest import packets, stamps, video_frames
+from dior.ingest.bag_reader import Lost
 from dior.tables import tables
 
 # chosen: a recorder that splits its bags leaves less than that between them; lags vary by less from one to the next, by
@@ -73,19 +75,19 @@ def run(
         for camera, topic in topics.items()
     }
     indexes: dict[str, dict[str, Table]] = {camera: {} for camera in topics}
-    not_decoded: dict[str, dict[str, list[int]]] = {}
+    not_decoded: dict[str, dict[str, list[tuple[int, str]]]] = {}
     began: list[int] = []
     for bag in bags:
         wanted = {camera: topics[camera] for camera, holding in holders.items() if bag in holding}
         _check_one_camera(wanted, f"{sequence}: {bag}")
         if wanted:
-            lost: list[tuple[str, int]] = []
+            lost: list[Lost] = []
             index = rosbag.index(bag, list(wanted.values()), lost)
-            _check_complete(bag, there[bag], index, list(wanted.values()))
+            _check_complete(bag, there[bag], index, list(wanted.values()), lost)
             began.append(int(index["stamp_ns"].min()))
             for camera, topic in wanted.items():
                 indexes[camera][_relative(bag, data_root)] = index
-                if own := [stamp_ns for name, stamp_ns in lost if name == rosbag.full_name(topic)]:
+                if own := [(stamp_ns, why) for name, stamp_ns, why in lost if name == rosbag.full_name(topic)]:
                     not_decoded.setdefault(camera, {})[_relative(bag, data_root)] = own
     films = video_frames.films(sequence, filmed, recorded, min(began, default=None))
     check_overlap(sequence, [*_spans(topics, indexes), *(films[camera].span() for camera in sorted(films))], by_hand)
@@ -173,11 +175,13 @@ def _relative(bag: Path, data_root: Path) -> str:
     return Path(os.path.relpath(bag, data_root)).as_posix()
 
 
-def _check_complete(bag: Path, there: dict[str, tuple[str, int]], index: Table, topics: list[str]) -> None:
-    """Refuse a bag that says it holds other messages than are there."""
+def _check_complete(
+    bag: Path, there: dict[str, tuple[str, int]], index: Table, topics: list[str], lost: list[Lost]
+) -> None:
+    """Refuse a bag that says it holds other messages than are there, those without a picture (`lost`) among them."""
     for topic in topics:
         kind, said = there[rosbag.full_name(topic)]
-        found = int((index["topic"] == topic).sum())
+        found = int((index["topic"] == topic).sum()) + sum(name == rosbag.full_name(topic) for name, *_ in lost)
         # what comes before a key frame is no picture
         if said != found and kind not in packets.KINDS:
             raise DiorError(f"{bag}: it says it holds {said} messages of {topic}, but there are {found}; copy it again")

@@ -64,7 +64,10 @@ def _streams(path: Path, container: str) -> list[Stream]:
 
 def _of_bag(ends: Ends) -> Stream:
     first_ns, size, why_not = _told(ends.first)
-    last_ns, *_ = _told(ends.last)
+    last_ns, last_size, why_last = _told(ends.last)
+    if why_not:
+        # one picture may be damaged
+        size, why_not = last_size, why_last
     return _stream(ends.topic, ends.kind, ends.count, (first_ns, last_ns), size, why_not)
 
 

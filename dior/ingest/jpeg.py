@@ -46,6 +46,18 @@ def segments(data: bytes | memoryview) -> Iterator[tuple[int, bytes | memoryview
         at = end
 
 
+def check_whole(data: bytes | memoryview) -> None:
+    """Raise ValueError where the bytes end before the picture does."""
+    at = len(SOI)
+    for marker, segment in segments(data):
+        at += len(segment)
+        if marker in FRAMES:
+            break
+    # a thumbnail's comes before the frame header; a walk through the scans takes as long as decoding them
+    if bytes(data[at:]).rfind(EOI) < 0:
+        raise ValueError("its JPEG data are cut off")
+
+
 def frame_size(data: bytes | memoryview) -> tuple[int, int]:
     """(height, width) px as the frame header says. Raises ValueError where there is none."""
     for marker, segment in segments(data):

@@ -4,9 +4,11 @@ INPUTS   a message's bytes, its type and its wire ("ros1" or "cdr"); or, of wire
          pictures of videos (type Image, with `picture` and `content()` besides) and of folders (CompressedImage).
 OUTPUTS  header stamp (int64 ns since the Unix epoch, 0 where the driver set none), picture size (px), BGR picture,
          CameraInfo.
-rosbags' type store decodes. ValueError means damage.
+rosbags' type store decodes. ValueError means that it is no picture that is read; `Damaged`, that this one message's
+bytes are at fault.
 """
 
+import zlib
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
@@ -78,20 +80,20 @@ DESCRIPTIONS = (
         key="sensor_msgs/CompressedImage",
         what="pictures in files",
         read="JPEG and PNG; EXIF's orientation is ignored",
-        refused="`compressedDepth`, and other formats",
+        refused="`compressedDepth`, and other formats. One that is empty or cut off is a lost picture",
     ),
     MessageFormat(
         key="sensor_msgs/Image",
         what="pictures in pixels",
         read="`rgb8`, `bgr8`, `rgba8`, `bgra8`, `mono8` (`8UC1`), `yuyv` (`yuv422_yuy2`, `YUYV`), `uyvy` "
         "(`yuv422`), padded rows too",
-        refused="other encodings, by their names; fewer bytes than the rows need",
+        refused="other encodings, by their names. One with fewer bytes than its rows need is a lost picture",
     ),
     MessageFormat(
         key="ffmpeg_image_transport_msgs/FFMPEGPacket",
         what="pictures as a video",
         read="H.264, HEVC, AV1, VP8, VP9, MJPEG; of ROS 1 and ROS 2, by PyAV (the extra `video`). Packets before the "
-        "first key frame, and from a lost or damaged one to the next key frame, give no picture",
+        "first key frame, and from a lost, damaged or overtaken one to the next key frame, give no picture",
         refused="other encoders, by their names; a sensor's colour filter (bayer)",
     ),
     MessageFormat(
@@ -113,6 +115,10 @@ DESCRIPTIONS = (
         "binning that contradict the sizes",
     ),
 )
+
+
+class Damaged(ValueError):
+    """A picture whose own bytes are empty, cut off or contradict each other, in a message that is whole."""
 
 
 @dataclass(frozen=True)
@@ -165,9 +171,13 @@ def decoded(kind: str, raw: Any, wire: str) -> Any:
 
 
 def picture_of(kind: str, raw: Any, wire: str) -> tuple[int, int, int]:
-    """(header stamp in ns, height, width) of an image message. The size is one of a picture. Raises ValueError."""
+    """(header stamp in ns, height, width) of an image message, whose bytes are all there. The size is one of a picture.
+    Raises ValueError."""
     message = _image(kind, raw, wire)
-    return stamp_ns(message), *_size(message, kind, wire)
+    taken_ns, size = stamp_ns(message), _size(message, kind, wire)
+    if kind == COMPRESSED:
+        _check_whole(memoryview(message.data))
+    return taken_ns, *size
 
 
 def told(kind: str, raw: Any, wire: str) -> tuple[int | None, tuple[int, int] | None, str]:
@@ -287,24 +297,50 @@ def _size(message: Any, kind: str, wire: str) -> tuple[int, int]:
             _check_layout(message)
         height, width = message.height, message.width
     else:
-        height, width = _compressed_size(memoryview(message.data))
+        height, width = _compressed_size(memoryview(message.data), message.format)
     return checked_size(height, width)
 
 
 def checked_size(height: int, width: int) -> tuple[int, int]:
-    """A size that a picture may have, as it is. Raises ValueError for another."""
+    """A size that a picture may have, as it is. Raises Damaged for another."""
     if not 0 < height * width <= MOST_PIXELS or max(height, width) >= 1 << 16:
-        raise ValueError(f"it claims to be {width}x{height} px")
+        raise Damaged(f"it claims to be {width}x{height} px")
     return height, width
 
 
-def _compressed_size(data: memoryview) -> tuple[int, int]:
-    """(height, width) px of a JPEG or PNG file. Raises ValueError."""
-    if data[:8] == PNG_MAGIC and len(data) >= 24:
+def _compressed_size(data: memoryview, said: str = "") -> tuple[int, int]:
+    """(height, width) px of a JPEG or PNG file; `said`: its message's word for the format. Raises ValueError."""
+    if len(data) < len(jpeg.SOI):
+        raise Damaged("it is empty")
+    if data[:8] == PNG_MAGIC[: len(data)]:
+        if len(data) < 24:
+            raise Damaged("its PNG data are cut off")
         return int.from_bytes(data[20:24], "big"), int.from_bytes(data[16:20], "big")
     if data[:2] != jpeg.SOI:
-        raise ValueError("neither JPEG nor PNG")
-    return jpeg.frame_size(data)
+        raise ValueError("neither JPEG nor PNG" + (f", its format is '{said:.40}'" if said else ""))
+    try:
+        return jpeg.frame_size(data)
+    except ValueError as error:
+        raise Damaged(str(error)) from None
+
+
+def _check_whole(data: memoryview) -> None:
+    """Raise Damaged for a JPEG or PNG file that is cut off, and for a PNG file with a wrong byte: OpenCV gives no
+    picture of these."""
+    if data[:2] == jpeg.SOI:
+        try:
+            return jpeg.check_whole(data)
+        except ValueError as error:
+            raise Damaged(str(error)) from None
+    at, kind = len(PNG_MAGIC), b""
+    while kind != b"IEND":
+        # length, kind, content and checksum of a chunk (the PNG specification, 5.3)
+        end = at + 8 + int.from_bytes(data[at : at + 4], "big")
+        if end + 4 > len(data):
+            raise Damaged("its PNG data are cut off")
+        if zlib.crc32(data[at + 4 : end]) != int.from_bytes(data[end : end + 4], "big"):
+            raise Damaged("its PNG data are damaged")
+        at, kind = end + 4, bytes(data[at + 4 : at + 8])
 
 
 def _check_layout(message: Any) -> None:
@@ -313,7 +349,7 @@ def _check_layout(message: Any) -> None:
     if encoding not in ENCODINGS:
         raise ValueError(f"encoding '{encoding}' is not one of {', '.join(ENCODINGS)}")
     if step < width * ENCODINGS[encoding] or len(message.data) < message.height * step:
-        raise ValueError(
+        raise Damaged(
             f"{len(message.data)} bytes in rows of {step} are too few for {width}x{message.height} px of {encoding}"
         )
     if ENCODINGS[encoding] == 2 and width % 2:

@@ -11,8 +11,10 @@ packets with headers come first, under the first picture's stamp, and once more 
 first byte bit 7 is a header, bit 6 no key frame; an empty packet is the picture before again; `packetno` counts. Its
 pictures use all of 0 to 255.
 
-What cannot be decoded gives no picture: packets before the first key frame of a recording, and those from a lost or
-damaged one, or an empty one of ffmpeg's, to the next key frame, for the decoder would make up what they are made of.
+What cannot be decoded gives no picture: packets before the first key frame of a recording, and those from a lost,
+damaged or overtaken one, or an empty one of ffmpeg's, to the next key frame, for the decoder would make up what they
+are made of. A count that steps by more than 1 may be one of which packets were dropped (`topic_tools drop`), so key
+frames alone are read then. A packet that comes twice counts once.
 """
 
 import os
@@ -23,7 +25,7 @@ from typing import Any
 from dior.arrays import AnyPath
 from dior.errors import DiorError
 from dior.ingest import messages
-from dior.ingest.bag_reader import Message
+from dior.ingest.bag_reader import Lost, Message
 from dior.ingest.videos import DecodedPicture
 
 KINDS = (messages.PACKET, messages.THEORA)
@@ -36,6 +38,13 @@ KEY = 1
 IS_HEADER, NO_KEY, HEADERS, FULL_RANGE = 0x80, 0x40, 3, 2
 # of H.264 and HEVC: a count that goes back by more is that of an encoder that began anew
 MOST_REORDERED = 16
+# chosen: B-frames make every third step go back or more, a network that lets a packet overtake another one of many
+MOST_BACK = 1 / 8
+# why packets give no picture
+EARLY, HEADLESS = "before a key frame", "without theora's three headers before them"
+MISSING = "behind packets that are missing by their count (`pts`), up to the next key frame"
+BACK = "behind one that another overtook, up to the next key frame"
+DAMAGED = "in or behind a damaged packet, up to the next key frame"
 REPUBLISH = (
     "play the bag beside `ros2 run image_transport republish`, from its transport to compressed, and record the topic "
     "that this publishes"
@@ -56,11 +65,11 @@ class _Packet:
 @dataclass
 class Unpacker:
     """Decodes the packets of a bag's topics; only the pictures `received` then (ns) are given, all where it is None.
-    Then `lost` is told topic and header stamp (ns) of the packets that gave none."""
+    Then `lost` is told which packets gave none."""
 
     bag: AnyPath
     received: Collection[int] | None
-    lost: list[tuple[str, int]] = field(default_factory=list)
+    lost: list[Lost] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self._streams: dict[str, _Stream] = {}
@@ -74,7 +83,7 @@ class Unpacker:
             yield from stream.coded(_codec(content.encoding, stream.where))
             packet = _Packet(content.pts, bool(content.flags & KEY), data, content.header)
         elif data and data[0] & IS_HEADER:
-            yield from stream.headed(data, bool(content.b_o_s))
+            yield from stream.headed(data)
             return
         else:
             packet = _Packet(content.packetno, bool(data and not data[0] & NO_KEY), data, content.header)
@@ -86,6 +95,11 @@ class Unpacker:
         for topic, stream in self._streams.items():
             yield from stream.ended()
             self._told(topic, stream)
+            if stream.back > MOST_BACK * stream.count:
+                raise DiorError(
+                    f"{stream.where}: its packets are in another order than its pictures (B-frames), which the "
+                    f"transport ffmpeg does not make; {REPUBLISH}"
+                )
             if self.received is None and not stream.shown:
                 needs = f"a key frame of {stream.codec}, as its encoding says"
                 if not stream.codec:
@@ -97,63 +111,80 @@ class Unpacker:
 
     def _told(self, topic: str, stream: "_Stream") -> None:
         if self.received is None:
-            self.lost += [(topic, messages.stamp_ns(packet)) for packet in stream.lost]
+            self.lost += [(topic, messages.stamp_ns(packet), why) for packet, why in stream.lost]
         stream.lost.clear()
 
 
 @dataclass
 class _Stream:
-    """The decoder of a topic; `where` it is, for messages; its `codec`, "" of Theora, whose `headers` have come.
+    """The decoder of a topic; `where` it is, for messages; its `codec`, "" of Theora, whose `headers` by their
+    first byte have come.
 
     `sent`: message and packet by the number of one whose picture has not come; `waiting`: packets since the key frame
-    that nobody wanted so far; `whole`: none is missing since then; `lost`: those that give no picture; `frame`: the
-    last one.
+    that nobody wanted so far; `whole`: none is missing since then, else `why`; `last`: number, stamp and data of the
+    packet before; `back`: how many went back behind it; `lost`: those that give no picture, and why; `frame`: the last
+    one.
     """
 
     where: str
     decoder: Any = None
     codec: str = ""
-    headers: list[bytes] = field(default_factory=list)
+    headers: dict[int, bytes] = field(default_factory=dict)
     count: int = 0
     shown: int = 0
     whole: bool = False
-    last: int = -1
+    why: str = EARLY
+    last: tuple[int, int, bytes] = (-1, 0, b"")
+    back: int = 0
     sent: dict[int, tuple[Message, _Packet]] = field(default_factory=dict)
     waiting: list[tuple[int, _Packet]] = field(default_factory=list)
-    lost: list[_Packet] = field(default_factory=list)
+    lost: list[tuple[_Packet, str]] = field(default_factory=list)
     frame: Any = None
 
     def coded(self, codec: str) -> Iterator[Message]:
         """Packets of FFmpeg's `codec` follow: where it is another one than before, with a decoder of its own."""
         if codec != self.codec:
             yield from self.ended()
-            self.decoder, self.codec, self.whole = _decoder(codec, self.where), codec, False
+            self.decoder, self.codec = _decoder(codec, self.where), codec
+            self._broken(EARLY)
 
-    def headed(self, data: bytes, begins: bool) -> Iterator[Message]:
-        """One of Theora's headers; with the third there is a decoder for what follows."""
-        if begins:
-            yield from self.ended()
-            self.decoder, self.headers, self.whole = None, [], False
-        self.headers.append(data)
+    def headed(self, data: bytes) -> Iterator[Message]:
+        """One of Theora's headers; with the third there is a decoder for what follows. One that is sent again says
+        nothing."""
+        kind = data[0]
+        if self.headers.get(kind) == data:
+            return
+        yield from self.ended()
+        self.decoder = None
+        self._broken(HEADLESS)
+        # the first one's are others
+        self.headers = {kind: data} if kind == IS_HEADER else self.headers | {kind: data}
         if len(self.headers) == HEADERS:
             self.decoder = _decoder("theora", self.where)
-            self.decoder.extradata = b"".join(len(one).to_bytes(2, "big") + one for one in self.headers)
+            in_order = [self.headers[key] for key in sorted(self.headers)]
+            self.decoder.extradata = b"".join(len(one).to_bytes(2, "big") + one for one in in_order)
+            self._broken(EARLY)
+
+    def _broken(self, why: str) -> None:
+        """What follows cannot be decoded up to the next key frame."""
+        self.whole, self.why = False, why
 
     def given(self, message: Message, packet: _Packet, wanted: bool) -> Iterator[Message]:
+        here, (last, *_) = (packet.number, messages.stamp_ns(packet), packet.data), self.last
+        if here == self.last:
+            return
         if packet.is_key:
             yield from self.ended()
             self.whole = self.decoder is not None
-        elif self.last - MOST_REORDERED <= packet.number < self.last:
-            raise DiorError(
-                f"{self.where}: its packets are in another order than its pictures (B-frames), which the transport "
-                f"ffmpeg does not make; {REPUBLISH}"
-            )
-        elif packet.number != self.last + 1:
-            self.whole = False
-        self.last = packet.number
+        elif last - MOST_REORDERED <= packet.number < last:
+            self.back += 1
+            self._broken(BACK)
+        elif packet.number != last + 1 and self.whole:
+            self._broken(MISSING)
+        self.last = here
         self.count += 1
         if not self.whole:
-            self.lost.append(packet)
+            self.lost.append((packet, self.why))
             return
         self.waiting.append((self.count, packet))
         if wanted:
@@ -168,7 +199,7 @@ class _Stream:
         if not self.whole:
             return
         if not packet.data and self.codec:
-            self.whole = False
+            self._broken(DAMAGED)
             return
         if not packet.data:
             yield from self._shown(number, self.frame)
@@ -179,7 +210,7 @@ class _Stream:
         try:
             frames = self.decoder.decode(one)
         except av.FFmpegError:
-            self.whole = False
+            self._broken(DAMAGED)
             return
         for frame in frames:
             yield from self._shown(frame.pts, frame)
@@ -196,12 +227,12 @@ class _Stream:
             except (av.FFmpegError, EOFError):
                 pass
             self.decoder.flush_buffers()
-        self.lost += [packet for _, packet in self.sent.values()]
+        self.lost += [(packet, DAMAGED) for _, packet in self.sent.values()]
         self.sent = {}
 
     def _shown(self, number: int, frame: Any) -> Iterator[Message]:
         if frame is None or frame.is_corrupt:
-            self.whole = False
+            self._broken(DAMAGED)
             return
         self.frame = frame
         if number in self.sent and self.whole:

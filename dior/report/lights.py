@@ -15,6 +15,7 @@ from dior.geometry import culprit
 from dior.geometry.camera import REFERENCE_FX
 from dior.report.key_figures import Row
 from dior.report.numbers import show
+from dior.tables.words import MOST_LOST
 
 # scope, severity, code, text
 Finding: TypeAlias = tuple[str, str, str, str]
@@ -51,7 +52,7 @@ LIMITS = (
         "a camera that looks elsewhere has all its labels outside, and nothing else shows it", "camera",
     ),
     Limit(
-        "lost_pictures", 0.01, 0.05, 1, "share", "{} of the pictures were lost in the recording",
+        "lost_pictures", MOST_LOST, 0.05, 1, "share", "{} of the pictures were lost in the recording",
         "estimated from gaps between the stamps; labels are never made up for lost pictures",
     ),
     Limit(

@@ -259,8 +259,8 @@ def test_bag_without_any_message(tmp_path):
 
 @pytest.mark.parametrize("data", [b"\xff\xd8\x00\x01\x02\x03", b"\xff\xd8\xff\xe0", b"GIF89a", b""])
 def test_bad_picture_header_names_bag_topic_and_message(tmp_path, data):
-    messages = [*pictures([T0]), (TOPIC, T0 + 10**9, compressed(T0 + 9, data))]
-    with pytest.raises(DiorError, match=rf"a\.bag: message 1 of {TOPIC} has no readable picture"):
+    messages = [(TOPIC, T0, compressed(T0, data)), (TOPIC, T0 + 10**9, compressed(T0 + 10**9, data))]
+    with pytest.raises(DiorError, match=rf"a\.bag: message 0 of {TOPIC} has no readable picture"):
         index(tmp_path, [write_bag(tmp_path / "a.bag", messages)])
 
 
@@ -291,8 +291,10 @@ def test_bag_or_topic_given_twice(tmp_path):
 
 
 def test_picture_that_cannot_be_decoded(tmp_path):
-    data = encoded(picture(1)).tobytes()[:40]
+    data = encoded(picture(1)).tobytes()
     table = rows(write_bag(tmp_path / "a.bag", [(TOPIC, T0, compressed(T0, data))]))
+    (tmp_path / "a.bag").unlink()
+    write_bag(tmp_path / "a.bag", [(TOPIC, T0, compressed(T0, data[:40]))])
     with pytest.raises(DiorError, match=rf"a\.bag: the picture of {TOPIC} received at {T0} ns cannot be decoded"):
         list(bags.read_pictures(table, tmp_path))
 

@@ -1,5 +1,7 @@
-"""Pictures whose bytes are damaged inside a whole bag: refused with bag, topic and stamp, never half decoded."""
+"""Pictures whose bytes are damaged inside a whole bag: lost, or refused with bag, topic and stamp, never half
+decoded."""
 
+import re
 import struct
 import time
 import tracemalloc
@@ -10,10 +12,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dior.errors import DiorError
-from dior.ingest import bags, messages
+from dior.ingest import audit, bags, frames, messages
 from dior.ingest.containers import BROKEN
+from dior.tables import tables
 from tests.cases import some
-from tests.ingest.bagfiles import T0, info, packed, picture, raw, serialized, write
+from tests.ingest.bagfiles import T0, encoded, info, packed, picture, raw, serialized, write
 
 TOPIC = "/cam01/image_raw"
 RAW = {"rgb8": 3, "bgr8": 3, "mono8": 1, "yuyv": 2, "yuv422_yuy2": 2}
@@ -23,8 +26,8 @@ VALUES = (0, 1, 7, 8, 1 << 13, 1 << 16, 1 << 20, (1 << 31) - 1, 1 << 31, (1 << 3
 SECONDS, BYTES = 3.0, 32 << 20
 
 
-def sent_as(encoding, stamp_ns=T0):
-    image = picture(90, (HEIGHT, WIDTH))
+def sent_as(encoding, stamp_ns=T0, grey=90):
+    image = picture(grey, (HEIGHT, WIDTH))
     if encoding in RAW:
         return raw(TOPIC, stamp_ns, image[..., : RAW[encoding]], encoding)
     return packed(TOPIC, stamp_ns, image, {"jpeg": ".jpg", "png": ".png"}[encoding])
@@ -168,3 +171,79 @@ def changed_somewhere(message, data):
     for bit in data.draw(st.lists(st.integers(0, 8 * len(changed) - 1), min_size=1, max_size=3)):
         changed[bit // 8] ^= 1 << bit % 8
     return bytes(changed[: data.draw(st.just(len(changed)) | st.integers(0, len(changed)))])
+
+
+CUT = {"empty": slice(0, 0), "a few bytes": slice(0, 10), "in its head": slice(0, 80), "in its pixels": slice(0, -9)}
+
+
+def several(encoding, stamps):
+    return [sent_as(encoding, stamp, 20 + 9 * i) for i, stamp in enumerate(stamps)]
+
+
+def of_damage(folder, made):
+    """The stamps of the pictures that are read, (stamp, reason) of the lost ones, and what the audit says."""
+    topics = {"cam01": made[0].topic}
+    frames.run(sequence="walk", bags=[write(folder / "walk", made, "mcap")], data_root=folder, topics=topics,
+               out=folder / "frames.parquet")  # fmt: skip
+    audit.run(sequence="walk", frames=folder / "frames.parquet", data_root=folder, out=folder / "a.parquet",
+              out_dropped=folder / "d.parquet", findings=folder / "f.parquet")  # fmt: skip
+    table, lost = tables.read(folder / "frames.parquet", "frames"), tables.read(folder / "d.parquet", "dropped_frames")
+    assert len(list(bags.read_pictures(table, folder))) == len(table["frame"])
+    found = tables.read(folder / "f.parquet", "findings")
+    said = list(zip(found["severity"], found["code"], found["text"], strict=True))
+    return table["stamp_ns"].tolist(), list(zip(lost["frame"], lost["stamp_ns"], lost["reason"], strict=True)), said
+
+
+@pytest.mark.parametrize("cut", CUT)
+@pytest.mark.parametrize("encoding", ["jpeg", "png", "bgr8"])
+@pytest.mark.parametrize("number", [0, 7])
+def test_one_damaged_picture_is_a_lost_one(tmp_path, encoding, cut, number):
+    stamps = [T0 + 33_000_000 * i for i in range(23)]
+    made = several(encoding, stamps)
+    made[number].content["data"] = made[number].content["data"][CUT[cut]]
+    there, lost, said = of_damage(tmp_path, made)
+    assert there == [stamp for i, stamp in enumerate(stamps) if i != number]
+    assert lost == [(max(number - 1, 0), stamps[number], "not_decoded")]
+    ((severity, code, text),) = said
+    assert (severity, code) == ("warning", "pictures_lost") and text.startswith("walk: 1 picture lost (4.3%) in 1 gap")
+    assert f"1 of them cannot be decoded, the first after frame {max(number - 1, 0)}: " in text
+
+
+def test_a_png_with_a_wrong_byte_is_a_lost_picture(tmp_path):
+    stamps = [T0 + 33_000_000 * i for i in range(9)]
+    made = several("png", stamps)
+    made[4].content["data"] = made[4].content["data"].copy()
+    made[4].content["data"][60] ^= 0x5A
+    there, lost, _ = of_damage(tmp_path, made)
+    assert there == stamps[:4] + stamps[5:] and lost == [(3, stamps[4], "not_decoded")]
+
+
+@pytest.mark.parametrize("encoding, why", [("jpeg", "it is empty"), ("bgr8", "0 bytes in rows of 48 are too few .*")])
+def test_where_all_are_damaged_it_is_one_error(tmp_path, encoding, why):
+    made = several(encoding, [T0 + 33_000_000 * i for i in range(9)])
+    for one in made:
+        one.content["data"] = one.content["data"][:0]
+    with pytest.raises(DiorError) as caught:
+        of_damage(tmp_path, made)
+    said = rf"{tmp_path}/walk: message 0 of {TOPIC} has no readable picture \({why}\), nor has any other of the 9; "
+    assert re.fullmatch(f"{said}exclude the sequence or drop the camera", str(caught.value))
+
+
+def test_a_jpeg_with_a_thumbnail_or_bytes_behind_it_is_whole(tmp_path):
+    whole = encoded(picture(90, (HEIGHT, WIDTH)), ".jpg").tobytes()
+    thumb = b"\xff\xe1" + (2 + len(whole)).to_bytes(2, "big") + whole
+    stamps = [T0 + 33_000_000 * i for i in range(9)]
+    made = several("jpeg", stamps)
+    made[3].content["data"] = np.frombuffer(whole + bytes(50), np.uint8)
+    made[5].content["data"] = np.frombuffer(whole[:2] + thumb + whole[2:], np.uint8)
+    made[6].content["data"] = np.frombuffer((whole[:2] + thumb + whole[2:])[:-30], np.uint8)
+    there, *_ = of_damage(tmp_path, made)
+    assert there == stamps[:6] + stamps[7:]
+
+
+def test_another_format_is_named(tmp_path):
+    made = several("jpeg", [T0 + 33_000_000 * i for i in range(9)])
+    for one in made:
+        one.content.update(format="h264", data=np.arange(90, dtype=np.uint8))
+    with pytest.raises(DiorError, match=r"no readable picture \(neither JPEG nor PNG, its format is 'h264'\)"):
+        of_damage(tmp_path, made)

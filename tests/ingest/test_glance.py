@@ -101,6 +101,14 @@ def test_what_has_no_picture_does_not_stop_the_others(tmp_path):
     assert not camera.why_not and "16UC1" in seen.why_not and "depth picture" in seen_packed.why_not
 
 
+@pytest.mark.parametrize("number", [0, 4])
+def test_a_damaged_picture_at_an_end_hides_no_camera(tmp_path, number):
+    made = [packed("/cam01/image/compressed", T0 + 10**8 * i, picture(9 * i)) for i in range(5)]
+    made[number].content["data"] = made[number].content["data"][:0]
+    (one,) = glance(write(tmp_path / "walk", made, "mcap"))
+    assert (one.height, one.width, one.why_not, one.first_ns, one.last_ns) == (48, 64, "", T0, T0 + 4 * 10**8)
+
+
 def test_stamps_are_those_of_receiving_where_there_is_no_header_and_zero_where_none_was_set(tmp_path):
 
     unstamped = replace(packed(CAM01, T0, picture(3)), stamp_ns=0)

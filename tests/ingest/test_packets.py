@@ -94,6 +94,12 @@ def test_the_audit_has_a_reason_for_every_picture_that_is_missing(tmp_path):
         out_dropped=tmp_path / "d.parquet", findings=tmp_path / "f.parquet",
     )  # fmt: skip
     lost = tables.read(tmp_path / "d.parquet", "dropped_frames")
+    (said,) = tables.read(tmp_path / "f.parquet", "findings")["text"]
+    assert said == (
+        "walk: 5 pictures lost (25.0%) in 2 gaps, the longest 0.13 s; 4 of them cannot be decoded, the first after "
+        "frame 0: before a key frame (2), behind packets that are missing by their count (`pts`), up to the next key "
+        "frame (2)"
+    )
     found = list(zip(lost["stamp_ns"], lost["reason"], strict=True))
     expected = {3: "not_decoded", 4: "not_decoded", 7: "not_sent", 8: "not_decoded", 9: "not_decoded"}
     assert found == [(STAMPS[i], reason) for i, reason in expected.items()]
@@ -190,6 +196,45 @@ def test_pictures_that_are_sent_in_another_order_are_refused(tmp_path):
         indexed(tmp_path, write(tmp_path / "walk", sent(b_frames=2, gop=8), "mcap"))
 
 
+@pytest.mark.parametrize("at", [7, 9], ids=["within a group", "over a key frame"])
+def test_a_packet_that_overtakes_another_costs_its_group(tmp_path, at):
+    made = sent()
+    one, other = made[at : at + 2]
+    made[at] = replace(other, receive_ns=one.receive_ns)
+    made[at + 1] = replace(one, receive_ns=other.receive_ns)
+    table = indexed(tmp_path, write(tmp_path / "walk", made, "mcap"))
+    lost = (7, 8, 9) if at == 7 else (9, 11, 12, 13, 14)
+    found = sorted(greys(table, tmp_path).values())
+    np.testing.assert_allclose(found, [20 + 10 * i for i in range(COUNT) if i not in lost], atol=3)
+
+
+@pytest.mark.parametrize("at", [5, 7], ids=["key frame", "other"])
+def test_a_packet_that_comes_twice_counts_once(tmp_path, at):
+    made = sent()
+    made.insert(at + 1, replace(made[at], receive_ns=made[at].receive_ns + 1000))
+    table = indexed(tmp_path, write(tmp_path / "walk", made, "mcap"))
+    assert table["stamp_ns"].tolist() == STAMPS
+    found = greys(table, tmp_path)
+    np.testing.assert_allclose([found[i] for i in range(COUNT)], [20 + 10 * i for i in range(COUNT)], atol=3)
+
+
+def test_of_a_count_with_steps_key_frames_alone_are_pictures_and_it_is_said(tmp_path):
+    """As when two of three packets were dropped, of which the decoder would make wrong pictures."""
+    made = sent()
+    for one in made:
+        one.content["pts"] *= 3
+    table = indexed(tmp_path, write(tmp_path / "walk", made, "mcap"))
+    assert table["stamp_ns"].tolist() == STAMPS[::5]
+    audit.run(
+        sequence="walk", frames=tmp_path / "frames.parquet", data_root=tmp_path, out=tmp_path / "a.parquet",
+        out_dropped=tmp_path / "d.parquet", findings=tmp_path / "f.parquet",
+    )  # fmt: skip
+    said = tables.read(tmp_path / "f.parquet", "findings")
+    assert (said["severity"][0], said["code"][0]) == ("warning", "pictures_lost")
+    assert said["text"][0].startswith("walk: 18 pictures lost (78.3%) in 5 gaps")
+    assert "missing by their count (`pts`)" in said["text"][0]
+
+
 def test_a_message_that_is_cut_off(tmp_path):
     raw = b"\0\1\0\0" + bytes(9)
     with pytest.raises(ValueError):
@@ -232,6 +277,29 @@ def test_theora_from_its_middle_and_with_a_packet_lost(tmp_path):
     np.testing.assert_allclose(theora_greys(table, tmp_path), [105, 180, 195, 210], atol=4)
     with pytest.raises(DiorError, match=rf"{IN_THEORA}: no picture can be .*, and theora's three headers before it"):
         of_theora(tmp_path / "without", made[3:])
+
+
+@pytest.mark.parametrize("begins", [0, 1])
+def test_theoras_headers_sent_again_cost_nothing(tmp_path, begins):
+    """As to a subscriber of ROS 1 that comes later."""
+    made = theora(IN_THEORA, THEIRS)
+    again = [replace(one, receive_ns=made[5].receive_ns + 1 + i) for i, one in enumerate(made[:3])]
+    for one in made:
+        one.content["b_o_s"] *= begins
+    table = of_theora(tmp_path, [*made[:6], *again, *made[6:]])
+    assert table["stamp_ns"].tolist() == THEIRS
+    expected = [30 + 15 * i for i in range(theora_sample.COUNT)]
+    np.testing.assert_allclose(theora_greys(table, tmp_path), expected, atol=4)
+
+
+def test_theoras_headers_of_another_stream_begin_anew(tmp_path):
+    """A setup that is another one, and one that lacks."""
+    made = theora(IN_THEORA, THEIRS)
+    other = [replace(made[i], receive_ns=made[5].receive_ns + 1 + i, content=dict(made[i].content)) for i in (0, 1)]
+    other[0].content["data"] = made[0].content["data"].copy()
+    other[0].content["data"][-1] ^= 1
+    table = of_theora(tmp_path, [*made[:6], *other, *made[6:]])
+    assert table["stamp_ns"].tolist() == THEIRS[:3]
 
 
 def test_theoras_empty_packet_is_the_picture_before_again(tmp_path):

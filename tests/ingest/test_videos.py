@@ -261,12 +261,17 @@ def test_a_picture_that_does_not_fit_among_the_numbers_of_a_folder_is_refused_by
 def test_a_damaged_picture_of_a_folder_is_named_by_its_file(tmp_path):
     folder = named(tmp_path / "cam01", ["1.png", "2.png", "3.png"])
     whole = (folder / "2.png").read_bytes()
-    for data, words in ((b"", "is empty"), (b"RIFF0000WEBP", "the picture has no readable picture")):
+    for data, words in (
+        (b"", "is empty"),
+        (b"RIFF0000WEBP", "the picture has no readable picture"),
+        (whole[:60], r"the picture has .*\(its PNG data are cut off\); remove it or copy it again"),
+    ):
         (folder / "2.png").write_bytes(data)
         with pytest.raises(DiorError, match=rf"cam01/2\.png: {words}"):
             indexed(tmp_path, "cam01", rates={"cam01": "25"})
-    (folder / "2.png").write_bytes(whole[:40] + bytes(60))
+    (folder / "2.png").write_bytes(whole)
     table, _ = indexed(tmp_path, "cam01", rates={"cam01": "25"})
+    (folder / "2.png").write_bytes(whole[:40] + bytes(60))
     with pytest.raises(DiorError, match=r"cam01/2\.png: the picture cannot be decoded"):
         list(bags.read_pictures(table, tmp_path))
 

@@ -24,16 +24,19 @@ def scene(seed):
 
 @pytest.fixture
 def recording(tmp_path):
-    """Seven pictures: three JPEG with EXIF, a PNG, two damaged, one JPEG; the arguments of the step."""
+    """Seven pictures: three JPEG with EXIF, a PNG, two damaged since they were indexed, one JPEG; the arguments of the
+    step."""
     sent = [bagfiles.packed(TOPIC, bagfiles.T0 + i * STEP, scene(i), ".png" if i == 3 else ".jpg") for i in range(7)]
     for i in (0, 1, 2):
         data = dirty(sent[i].content["data"].tobytes(), EXIF, COMMENT) + b"behind the end"
         sent[i].content["data"] = np.frombuffer(data, np.uint8)
+    index = tmp_path / "frames.parquet"
+    bag = bagfiles.write(tmp_path / "pc1", sent, "ros1")
+    frames.run(sequence="walk", bags=[bag], data_root=tmp_path, topics={"cam01": TOPIC}, out=index)
+    bag.unlink()
     sent[4].content["data"] = sent[4].content["data"][:-40]
     sent[5].content["data"] = np.concatenate([sent[5].content["data"][:-2], np.frombuffer(b"\xff\xc4\0\5ab", np.uint8)])
-    bag = bagfiles.write(tmp_path / "pc1", sent, "ros1")
-    index = tmp_path / "frames.parquet"
-    frames.run(sequence="walk", bags=[bag], data_root=tmp_path, topics={"cam01": TOPIC}, out=index)
+    bagfiles.write(tmp_path / "pc1", sent, "ros1")
     given = {"sequence": "walk", "subject": "P01", "camera": "cam01", "frames": index, "data_root": tmp_path}
     given |= {"heads": _heads(tmp_path / "heads.parquet", "ok out_of_frame unknown ok ok out_of_frame ok".split())}
     given |= {"covers": _covers(tmp_path / "others.parquet", {}), "out_covers": tmp_path / "covers.parquet"}
