@@ -1,13 +1,15 @@
 """How far apart two videos began, by a flash of light that both saw.
 
-INPUTS   the mean brightness and the times of the pictures of two videos
+INPUTS   the brightness and the times of the pictures of two videos
 OUTPUTS  a lag (s), or that it cannot be told
 
 A flash (a camera's, a lamp that is switched on for a moment, a film's slate with a light) makes a few pictures brighter
 than those before and after. What gets brighter for longer is the exposure's doing, or somebody who passes; what does so
-all the time is flicker. Light that comes back between two legs before the lens, or two black pictures, is no flash
-either: it is no brighter than usual. One flash tells a lag; of several the pattern has to fit one way only. A flash is
-in a picture or in the next, so that a lag is as good as a picture is long.
+all the time is flicker. A flash is all over the picture, where what passes near the lens is in a part of it; when that
+is gone the exposure is still for it, so that nothing is a flash which comes just behind something dark. Light that
+comes back between two legs before the lens, or two black pictures, is no flash either: it is no brighter than usual.
+One flash tells a lag; of several the pattern has to fit one way only. A flash is in a picture or in the next, so that a
+lag is as good as a picture is long.
 """
 
 from dataclasses import dataclass
@@ -18,7 +20,14 @@ from dior.arrays import Bools, Floats, Ints
 
 # chosen: a flash of xenon takes a millisecond, a lamp switched on and off by hand a fifth of a second; exposure
 # controls, and people who pass, take longer
-LONGEST_S = 0.25
+LONGEST_S = 0.2
+# so many more pictures have a part of it, and are none of it; what times are rounded by is no picture
+BESIDE, ROUNDED = 2, 0.01
+# chosen: of the fields of a picture; in so many a flash is, each by a share of the mean; what is in fewer is none, and
+# what is in a number between leaves open which are flashes
+MOST_FIELDS, FEW_FIELDS, OF_MEAN = 0.7, 0.5, 0.25
+# chosen: of 255; black cloth and what is white already do not get brighter, and are not asked where others are enough
+BLACK, WHITE, ENOUGH = 24.0, 240.0, 0.25
 # chosen: of 255; a white sleeve waved before the lens makes 5 or so
 LEAST = 8.0
 # chosen: times as much as pictures usually stand out: flicker, which does so in every second one, tells nothing
@@ -45,8 +54,8 @@ class Flashes:
 
 
 def flashes(light: Floats | None, pts_ns: Ints) -> Flashes | None:
-    """The `Flashes` in pictures of brightness `light` (F,), 0 to 255; None where there are none, too many, or where
-    something else is half as bright as would be one.
+    """The `Flashes` in pictures of brightness `light` (F,), or (F, B) in B fields of each, 0 to 255; None where there
+    are none, too many, or where something else is half as bright as would be one.
 
     `pts_ns` (F,): times in the file.
     """
@@ -54,10 +63,12 @@ def flashes(light: Floats | None, pts_ns: Ints) -> Flashes | None:
 
     if light is None or len(light) < 3:
         return None
+    fields = light.reshape(len(light), -1)
+    light = fields.mean(axis=1)
     seconds = pts_ns / 1e9
     period = float(np.median(np.diff(seconds)))
     # pulses that are shorter are opened away
-    size = max(2, round(LONGEST_S / period))
+    size = int(np.ceil(LONGEST_S / period - ROUNDED)) + BESIDE
     above = light - grey_opening(light, size, mode="nearest")
     # a recording may begin or end within a change that lasts
     above[:size] = above[len(above) - size :] = 0.0
@@ -65,6 +76,10 @@ def flashes(light: Floats | None, pts_ns: Ints) -> Flashes | None:
     usual = median_filter(light, max(3, round(AROUND_S / period)), mode="nearest")
     above[light - usual < SUDDEN * above] = 0.0
     begins, doubtful = (_rises(light, above, above > share * least, size) for share in (1.0, 0.5))
+    begins, doubtful = (
+        one[(_raised(fields, one, size) >= share) & ~_behind_dark(light, above, usual, one, size)]
+        for one, share in ((begins, MOST_FIELDS), (doubtful, FEW_FIELDS))
+    )
     if not 0 < len(begins) <= MOST or len(doubtful) > len(begins):
         return None
     return Flashes(seconds[begins], float(seconds[0]), float(seconds[-1]), period)
@@ -74,6 +89,29 @@ def _rises(light: Floats, above: Floats, bright: Bools, size: int) -> Ints:
     """Where runs begin in a mask (F,) of pictures, of which the brightness (F,) grows suddenly."""
     begins = np.flatnonzero(bright & ~np.r_[False, bright[:-1]])
     return begins[[light[i : i + 2].max() - light[i - 1] > SUDDEN * above[i : i + size].max() for i in begins]]
+
+
+def _raised(fields: Floats, begins: Ints, size: int) -> Floats:
+    """Share (N,) of the fields (F, B), neither black nor white, in which the pictures from `begins` (N,) on are
+    brighter than the one before."""
+    shares = []
+    for i in begins.tolist():
+        means = fields[i : i + size].mean(axis=1)
+        before = fields[i - 1]
+        rise = fields[i + int(np.argmax(means))] - before
+        asked = (before > BLACK) & (before < WHITE)
+        asked = asked if asked.mean() >= ENOUGH else np.ones(len(rise), bool)
+        shares.append(float((rise > OF_MEAN * rise.mean())[asked].mean()))
+    return np.array(shares)
+
+
+def _behind_dark(light: Floats, above: Floats, usual: Floats, begins: Ints, size: int) -> Bools:
+    """Whether (N,) it was darker than usual for a moment just before `begins` (N,), by as much as it is bright."""
+    from scipy.ndimage import grey_closing
+
+    below = np.minimum(grey_closing(light, size, mode="nearest"), usual) - light
+    each = [below[max(i - size, 0) : i].max() > SUDDEN * above[i : i + size].max() for i in begins.tolist()]
+    return np.array(each, bool)
 
 
 def lag(one: Flashes, other: Flashes, about_s: float, most_s: float) -> float | None:

@@ -42,6 +42,8 @@ FIRST_BACK_S = 0.5
 FEWEST_BEYOND = 2
 # chosen: of rows and columns; the mean of a picture is known all the same, at a tenth of a millisecond
 LIGHT_STEP = 8
+# chosen: fields in a row and in a column, of which what passes near the lens covers some at a time
+FIELDS = 8
 # where the file's boxes (ISO/IEC 14496-12, QuickTime) begin, and those that such a file may begin with
 BOX_AT, BOXES = 4, (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip", b"pnot")
 MATROSKA_MAGIC, RIFF_MAGIC, AVI_MAGIC = b"\x1a\x45\xdf\xa3", b"RIFF", b"AVI "
@@ -79,7 +81,8 @@ class VideoIndex:
     `pts_ns` (F,): presentation time in the file; `number` (F,): which picture of the file it is, the lost ones counted;
     `height`, `width` (F,) px; `lost`: (PTS in ns, reason) of pictures that the file had or says it has. `tick_s`: step
     of the file's time; `created_ns`: when the first picture was taken by the file's creation time, since the Unix
-    epoch, None if it says nothing; `light` (F,): mean brightness, 0 to 255, None where nobody looked.
+    epoch, None if it says nothing; `light` (F, FIELDS * FIELDS): mean brightness of the fields of each picture, 0 to
+    255, None where nobody looked.
     """
 
     pts_ns: Ints
@@ -201,7 +204,7 @@ def index(path: Path, topic: str) -> VideoIndex:
     """`VideoIndex` of a stream. Every picture is decoded, as only that tells which can be. Raises ValueError."""
     number, stored = _stream_of(full_name(topic))
     shown: list[tuple[int, int, int]] = []
-    light: list[float] = []
+    light: list[Floats] = []
     with _opened(path) as container:
         stream = _stream(container, number)
         sent = _Sent()
@@ -246,12 +249,20 @@ def index(path: Path, topic: str) -> VideoIndex:
     )
 
 
-def _light(frame: Any) -> float:
-    """Mean brightness of a frame, 0 to 255: of the samples of its first plane, the luma in videos, some of them."""
+def _light(frame: Any) -> Floats:
+    """Mean brightness of the fields of a frame (FIELDS * FIELDS,), 0 to 255: of the samples of its first plane, the
+    luma in videos, some of them."""
+    # what has all its colours in one plane has no plane of luma
+    frame = frame if frame.format.is_planar and not frame.format.is_big_endian else frame.reformat(format="gray")
     plane, bits = frame.planes[0], frame.format.components[0].bits
     samples = np.frombuffer(plane, np.uint8 if bits <= 8 else np.dtype("<u2"))
-    lines = samples.reshape(plane.height, -1)
-    return float(lines[::LIGHT_STEP, : frame.width : LIGHT_STEP].mean()) * 255 / (2**bits - 1)
+    lines = samples.reshape(plane.height, -1)[::LIGHT_STEP, : frame.width : LIGHT_STEP].astype(float)
+    for axis in (0, 1):
+        begins = np.arange(FIELDS) * lines.shape[axis] // FIELDS
+        ends = np.r_[begins[1:], lines.shape[axis]]
+        shape = (-1, 1) if axis == 0 else (1, -1)
+        lines = np.add.reduceat(lines, begins, axis=axis) / np.maximum(ends - begins, 1).reshape(shape)
+    return lines.ravel() * 255 / (2**bits - 1)
 
 
 def sound(path: Path, rate_hz: int, most_s: float) -> tuple[NDArray[np.float64], float]:

@@ -95,6 +95,50 @@ def test_light_between_two_dark_moments_is_no_flash(gap_s, dark_s):
     assert found.at_s == pytest.approx([8.0], abs=0.04)
 
 
+def passing(grey, share, follows, seconds=8.0, fps=30.0, flash_s=None, seed=0):
+    """Light (F, 64) of a picture of 90 grey levels through which something of `grey` and a `share` of its width passes
+    at 4 s within 0.2 s; the exposure follows by `follows` of what is off from picture to picture."""
+    count, gain, found = round(seconds * fps), 1.0, []
+    for i in range(count):
+        fields = np.full((8, 8), 90.0)
+        at = 5 * (i / fps - 4.0)
+        fields[:, np.abs(np.arange(8) / 7 - at) <= share / 2] = grey
+        fields += 110 * (flash_s is not None and abs(i / fps - flash_s) < 0.5 / fps)
+        found.append(np.clip(fields * gain, 0, 255).ravel())
+        gain *= (90 / found[-1].mean()) ** follows
+    noise = np.random.default_rng(seed).normal(0, 0.3, (count, 64))
+    return np.array(found) + noise, np.rint(1e9 * np.arange(count) / fps).astype(np.int64)
+
+
+@pytest.mark.parametrize("follows", [0.0, 0.2, 0.6])
+@pytest.mark.parametrize("grey", [0, 250])
+def test_what_passes_near_the_lens_at_once_is_no_flash_and_hides_none(grey, follows):
+    """Nor is the exposure that followed something dark."""
+    assert video_flash.flashes(*passing(grey, 0.3, follows)) is None
+    found = video_flash.flashes(*passing(grey, 0.3, follows, flash_s=6.0))
+    assert found.at_s == pytest.approx([6.0], abs=0.04)
+
+
+def test_what_covers_more_than_half_of_the_picture_leaves_open_which_is_a_flash():
+    light, pts_ns = passing(90, 0.0, 0.0, flash_s=6.0)
+    assert video_flash.flashes(light, pts_ns) is not None
+    light[100, :38] += 110
+    assert video_flash.flashes(light, pts_ns) is None
+
+
+@pytest.mark.parametrize("fps", [24.0, 25.0, 30.0, 50.0, 60.0, 120.0])
+@pytest.mark.parametrize("phase", [0.0, 0.3, 0.9])
+def test_a_lamp_that_is_on_for_a_fifth_of_a_second_is_told(fps, phase):
+    """A picture's exposure is as long as it is shown, so that a part of the light is in one more."""
+    light, pts_ns = curve(fps=fps)
+    seconds, on_s = pts_ns / 1e9, 5.0 + phase / fps
+    share = np.clip(np.minimum(seconds + 1 / fps, on_s + 0.2) - np.maximum(seconds, on_s), 0, None) * fps
+    found = video_flash.flashes(light + 40 * share, pts_ns)
+    assert found.at_s == pytest.approx([on_s], abs=1.1 / fps)
+    longer = (seconds >= 5) & (seconds < 5.2 + 3 / fps)
+    assert video_flash.flashes(light + 40 * longer, pts_ns) is None
+
+
 def test_strong_flicker_and_what_brightens_by_and_by_tell_nothing():
     light, pts_ns = curve()
     assert video_flash.flashes(changed(light, flicker=20), pts_ns) is None

@@ -12,7 +12,7 @@ import pytest
 
 from dior.calibrate.lens import board
 from dior.errors import DiorError
-from dior.ingest import audit, bags, containers, frames, messages, picture_folders, video_starts
+from dior.ingest import audit, bags, containers, frames, messages, picture_folders, video_starts, videos
 from dior.ingest.video_frames import Recorded
 from dior.tables import tables
 from tests.ingest import bagfiles, videofiles
@@ -388,3 +388,14 @@ def test_the_time_of_creation_is_that_of_the_first_picture_or_with_android_of_th
     assert videos._began(told | {"com.android.version": "14"}, pts_ns) == at - 20 * 10**9
     for nothing in ({}, {"creation_time": "1904-01-01T00:00:00Z"}, {"creation_time": "today"}):
         assert videos._began(nothing, pts_ns) is None
+
+
+@pytest.mark.parametrize("form", ["yuyv422", "uyvy422", "rgb24", "bgra", "gray", "yuv420p", "gbrp"])
+def test_the_light_of_a_picture_is_its_brightness_whatever_the_planes(form):
+    import av
+
+    for grey in (80, 200):
+        picture = np.full((50, 66, 3), grey, np.uint8)
+        light = videos._light(av.VideoFrame.from_ndarray(picture, "bgr24").reformat(format=form))
+        # of yuv black is 16 and white 235
+        assert light.shape == (64,) and light == pytest.approx(grey, abs=14) and np.ptp(light) <= 1
