@@ -22,6 +22,7 @@ from dior.errors import DiorError, many
 from dior.formats import BagFormat
 from dior.ingest import packets, picture_folders, video_audio, videos
 from dior.ingest.bag_reader import ZSTD_MAGIC, Lost, Message, opened
+from dior.project.plain_text import GZIP, UNPACK
 
 BROKEN = (ValueError, LookupError, OSError, EOFError, OverflowError, MemoryError)
 # first bytes -> the format and what may save a damaged file of it
@@ -119,6 +120,7 @@ def messages(
                 continue
             with opened(path, container) as recording:
                 packed = {topic for topic, kind, _ in recording.topics() if kind in packets.KINDS} & {*wanted}
+                _check_one_kind(recording.topics(), packed, path)
                 # before the others, which leave the reader with the chunks of `received` alone
                 for message in recording.messages(packed, None) if packed else ():
                     yield from unpacker.given(message)
@@ -126,6 +128,17 @@ def messages(
         except BROKEN as error:
             raise _damaged(bag, container, hint, error) from None
     yield from unpacker.rest()
+
+
+def _check_one_kind(topics: list[tuple[str, str, int]], packed: Collection[str], path: Path) -> None:
+    """Refuse a topic of a video's packets that holds messages of other types, too."""
+    for topic in sorted(packed):
+        kinds = sorted({kind for name, kind, _ in topics if name == topic})
+        if len(kinds) > 1:
+            raise DiorError(
+                f"{path}: {topic} holds messages of several types ({', '.join(kinds)}), which cannot be told apart; "
+                "record each under a topic of its own"
+            )
 
 
 def is_packed(path: AnyPath) -> bool:
@@ -179,6 +192,8 @@ def _format(bag: AnyPath, path: Path) -> tuple[str, str]:
             return container, hint
     if videos.is_video(head):
         return "video", HINTS["video"]
+    if head.startswith(GZIP):
+        raise DiorError(f"{shown}: {UNPACK}")
     if not head:
         raise DiorError(f"{shown}: the file is empty; {COPY}")
     if any(magic.startswith(head) for magic in FORMATS):

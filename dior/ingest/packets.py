@@ -75,8 +75,15 @@ class Unpacker:
         self._streams: dict[str, _Stream] = {}
 
     def given(self, message: Message) -> Iterator[Message]:
-        """The pictures that are there when the bag's next packet is. Raises ValueError, and DiorError for a codec."""
-        content = messages.decoded(message.kind, message.raw, message.wire)
+        """The pictures that are there when the bag's next packet is. Raises DiorError for a codec, and for a message
+        that is no packet."""
+        try:
+            content = messages.decoded(message.kind, message.raw, message.wire)
+        except ValueError as error:
+            raise DiorError(
+                f"{self.bag}: the message of {message.topic} received at {message.receive_ns} ns is no {message.kind} "
+                f"({error}); was something of another type recorded under this topic? Else copy the bag again"
+            ) from None
         stream = self._streams.setdefault(message.topic, _Stream(f"{self.bag}: {message.topic}"))
         data = content.data.tobytes()
         if message.kind == messages.PACKET:

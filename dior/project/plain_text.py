@@ -26,6 +26,8 @@ MOST_BYTES = 1 << 22
 # chosen: ten times as many as the widest table has
 MOST_CELLS = 1000
 UTF_8_MARK = b"\xef\xbb\xbf"
+# the first bytes (RFC 1952, 2.3.1), and what to do
+GZIP, UNPACK = b"\x1f\x8b", "is compressed with gzip; unpack it: `gunzip -k` keeps the packed file, too"
 UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 SAVE = "save it again as UTF-8 (in Excel as 'CSV UTF-8')"
 # what no spreadsheet writes
@@ -94,7 +96,9 @@ def text_of(path: AnyPath, shown: AnyPath, most_bytes: int = MOST_BYTES) -> str:
 
 
 def unmarked(content: bytes, shown: AnyPath) -> bytes:
-    """The same, or its beginning, without a byte order mark. Raises DiorError for UTF-16."""
+    """The same, or its beginning, without a byte order mark. Raises DiorError for UTF-16 and for what is packed."""
+    if content.startswith(GZIP):
+        raise DiorError(f"{shown}: {UNPACK}")
     if content.startswith(UTF_16):
         raise DiorError(f"{shown}: is UTF-16, as Excel's 'Unicode text' is; {_save(shown)}")
     return content.removeprefix(UTF_8_MARK)

@@ -71,6 +71,7 @@ def test_a_marker_of_the_labs_own_is_a_further_joint(tmp_path):
     [
         (("a", "", ""), "'a' needs either `marker`"),
         (("a", "LASI", "left_trochanter"), "'a' needs either `marker`"),
+        (("a", "", "trochanter_left"), "the side of the joint .* comes first: write left_trochanter"),
         (("a", "", "left_knee"), "'left_knee' of 'a' is one of a detector's"),
         (("a", "", "lasi"), "'lasi' of 'a' is one of a detector's"),
         (("a", "", "Left Thing"), "joint"),

@@ -235,6 +235,21 @@ def test_of_a_count_with_steps_key_frames_alone_are_pictures_and_it_is_said(tmp_
     assert "missing by their count (`pts`)" in said["text"][0]
 
 
+def test_something_of_another_type_under_the_topic_of_packets(tmp_path):
+    other = [packed(TOPIC, STAMPS[i], IMAGES[i]) for i in range(10, COUNT)]
+    with pytest.raises(DiorError, match=rf"walk: the message of {TOPIC} received at \d+ ns is no {messages.PACKET} \("):
+        indexed(tmp_path, write(tmp_path / "walk", [*sent()[:10], *other], "mcap"))
+
+
+def test_two_types_under_the_topic_of_packets(tmp_path):
+    from dior.ingest import containers
+
+    both = [(TOPIC, messages.PACKET, 9), (TOPIC, messages.COMPRESSED, 4)]
+    with pytest.raises(DiorError, match=rf"{TOPIC} holds messages of several types \(ffmpeg.*, sensor_msgs"):
+        containers._check_one_kind(both, {TOPIC}, tmp_path / "walk")
+    containers._check_one_kind(both[:1] + [("/other", messages.COMPRESSED, 4)], {TOPIC}, tmp_path / "walk")
+
+
 def test_a_message_that_is_cut_off(tmp_path):
     raw = b"\0\1\0\0" + bytes(9)
     with pytest.raises(ValueError):

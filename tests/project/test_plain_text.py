@@ -1,5 +1,6 @@
 """Files of people and other programs, whatever is in them: the rows, or one sentence with the line and what to do."""
 
+import gzip
 import os
 import tracemalloc
 
@@ -103,3 +104,15 @@ def test_an_error_is_one_line_that_can_be_printed():
     long = str(DiorError("begin " + "x" * 10_000 + "; the fix"))
     assert len(long) < 1600 and long.startswith("begin") and long.endswith("the fix")
     assert one_line("a  b\u2028c") == "a  b c"
+
+
+def test_what_is_packed_is_to_be_unpacked(tmp_path):
+    """Whether a table, detections or a bag."""
+    from dior.ingest import bags
+    from dior.ingest.readers import recognise
+
+    path = tmp_path / "a.json.gz"
+    path.write_bytes(gzip.compress(b"[]" * 40))
+    for read in (lambda: text_of(path, path), lambda: bags.topics_of(path), lambda: recognise.recognise(path)):
+        with pytest.raises(DiorError, match=r"a\.json\.gz: is compressed with gzip; unpack it: `gunzip -k`"):
+            read()

@@ -116,6 +116,8 @@ def _lens(content: Mapping[str, Any], K: str, D: str, where: str) -> Lens:
     coefficients = matrix(content, D, where).ravel()
     if _is_fisheye(content):
         return Lens(width, height, pinhole, FISHEYE, ())
+    # OpenCV takes none for a lens without distortion
+    coefficients = coefficients if len(coefficients) else np.zeros(4)
     if len(coefficients) not in MODELS:
         raise DiorError(f"{where}: `{D}` must be 4, 5, 8, 12 or 14 numbers, and there is {len(coefficients)}")
     used = coefficients if coefficients[8:].any() else coefficients[:8]

@@ -2,7 +2,8 @@
 
 INPUTS   [{"image_id": frame, "keypoints": [x, y, score, ...], "score"}], pixels, of 17 (COCO), 26 (Halpe), 133 (COCO
          WholeBody) or 136 (Halpe full body) keypoints; (0, 0) is a missing joint. COCO lets the third number be 1 (or
-         0) throughout; then the person's score takes its place. A picture without a person is not in the list.
+         0, or 2 as in its own labels) throughout; then the person's score takes its place. A picture without a person
+         is not in the list.
          Also `predictions.json`, which `save_json` of a validation by Ultralytics writes: results with a "file_name",
          their image_id a text where it is no number (ultralytics 8.4.190, models/yolo/detect/val.py, pred_to_json);
          their pixels are those of `yolo_json`.
@@ -29,7 +30,7 @@ DESCRIPTIONS = (
         file="a file",
         joints="17, 18, 26, 33, 133, 136 by number",
         frame="`image_id`; in Ultralytics' `predictions.json` its last number",
-        score="third number; the person's `score` where it is 1 (or 0) throughout",
+        score="third number; the person's `score` where it is 1 (or 0 or 2) throughout",
         nobody="not told apart from not run",
         refused="another number of keypoints; several models in a file",
         samples=(
@@ -80,6 +81,6 @@ def from_list(content: Any, path: AnyPath, frame_of: Callable[[Any, str], int]) 
         raise DiorError(f"{path} is empty; run the detector")
     points = one_model(people, path)
     given = points[..., 2][np.isfinite(points[..., 2])]
-    if len(given) and given[0] in (0, 1) and (given == given[0]).all() and np.isfinite(score).all():
+    if len(given) and given[0] in (0, 1, 2) and (given == given[0]).all() and np.isfinite(score).all():
         points[..., 2] = np.array(score)[:, None]
     return gathered(path, BY_COUNT[points.shape[1]], frame, points)

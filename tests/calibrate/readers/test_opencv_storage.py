@@ -135,6 +135,9 @@ def test_matrices_as_lists_of_rows(tmp_path):
     path.write_text(json.dumps(content))
     rigs.same_lens(path, "cam01")
     rigs.same_pose(reference_pose(path, "cam01", units="m"), wTc)
+    path.write_text(json.dumps(content | {"distortion_coefficients": []}))
+    rigs.same_lens(path, "cam01", distortion=np.zeros(8))
+    path.write_text(json.dumps(content))
     for key, value in (("camera_matrix", rigs.K.ravel().tolist()), ("R", [[1, 0], [0, 1]]), ("T", [1, 2])):
         path.write_text(json.dumps(content | {key: value}))
         with pytest.raises(DiorError, match=rf"cam01\.json .*`{key}`"):
