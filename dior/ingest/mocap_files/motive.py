@@ -13,7 +13,7 @@ from collections.abc import Iterator
 
 from dior.arrays import AnyPath
 from dior.formats import MocapFormat
-from dior.ingest.mocap_files.capture import Capture, captured, number, numbers, rows
+from dior.ingest.mocap_files.capture import POINT, Capture, captured, number, numbers, rows
 from dior.project.plain_text import Line
 
 AXES = ["X", "Y", "Z"]
@@ -41,10 +41,12 @@ def read(path: AnyPath) -> Capture:
     space = header.get("Coordinate Space") or "Global"
     if space != "Global":
         raise ValueError(f"its Coordinate Space is '{space:.40}'; export it in the global one")
-    labels, places, timed = _markers(lines)
+    labels, places, timed, columns = _markers(lines)
     table: list[list[float]] = []
     before: list[tuple[int, float, float]] = []
     for line, cells in lines:
+        if any(cells[columns:]):
+            raise ValueError(f"line {line} has {len(cells)} columns and its header {columns}; {POINT}")
         # the time of day has no number
         read = [cells[0], *(cells[1:2] if timed else [""]), *(cell for at in places for cell in cells[at : at + 3])]
         values = numbers(line, read, 2 + 3 * len(labels))
@@ -57,9 +59,9 @@ def read(path: AnyPath) -> Capture:
     return captured(labels, header.get("Length Units", ""), "y", hertz, first, count, table, before)
 
 
-def _markers(lines: Iterator[Line]) -> tuple[list[str], list[int], bool]:
-    """Names of the markers, the columns of their x, and whether the second column is the time, from the rows before the
-    numbers. Raises ValueError."""
+def _markers(lines: Iterator[Line]) -> tuple[list[str], list[int], bool, int]:
+    """Names of the markers, the columns of their x, whether the second column is the time, and how many columns there
+    are, from the rows before the numbers. Raises ValueError."""
     about, axes = [], [""]
     for _, axes in lines:
         if axes[0] == FRAME:
@@ -83,4 +85,4 @@ def _markers(lines: Iterator[Line]) -> tuple[list[str], list[int], bool]:
     if not places:
         there = sorted({word for word in kind if word and word != "Type"})
         raise ValueError(f"no column is a Marker's position (there are {', '.join(there)[:80]}); export the markers")
-    return [name[at].strip('"') for at in places], places, axes[1].startswith("Time (")
+    return [name[at].strip('"') for at in places], places, axes[1].startswith("Time ("), len(axes)

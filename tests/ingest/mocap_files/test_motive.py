@@ -1,3 +1,5 @@
+import re
+
 import numpy as np
 import pytest
 
@@ -47,4 +49,11 @@ def test_what_is_no_such_file(tmp_path, old, new, text):
     assert old in content
     path.write_bytes(content.replace(old, new).encode())
     with pytest.raises(DiorError, match=rf"a\.csv: .*{text}"):
+        mocap.read(path)
+
+
+def test_decimal_commas_without_quotes_are_named(tmp_path):
+    path = motive(tmp_path / "a.csv", LABELS, POINTS)
+    path.write_text(re.sub(r"(\d)\.(\d)", r"\1,\2", path.read_text()))
+    with pytest.raises(DiorError, match=r"line \d+ has \d+ columns and its header \d+; decimals must have a point"):
         mocap.read(path)
