@@ -107,8 +107,9 @@ def _line(name: str, far: bool, own: Mapping[tuple[str, str], Told], quantiles: 
     checks = ("check_error", "in_box_share") if far else ("check_error", "reprojection_error")
     unchecked = sum(not set(checks) & set(told.figures) for told in own.values())
     if unchecked:
-        what = "hand boxes or checks" if far else "hand checks"
-        missing.append(f"{many(unchecked, 'recording')} that no {what} and no detections judge")
+        by = "hand boxes (config/boxes/)" if far else "hand checks (config/checks/)"
+        theirs = "is" if unchecked == 1 else "are"
+        missing.append(f"{many(unchecked, 'recording')} {theirs} judged by what made the labels alone; {by} would tell")
     within = show(by_sigma, "px") if np.isfinite(by_sigma) else ""
     at_person = show(radius(m, n, SHARE), "m") if np.isfinite(by_sigma) and len(m) else ""
     return Line(name, within, at_person, tuple(known), tuple(missing))

@@ -190,10 +190,12 @@ def _with_fix(trouble: Trouble, recordings: Sequence[Recording], setting: Settin
             follows = ((own[0].sequence, trouble.text), *trouble.follows)
             text = f"the labels lie {beside_boxes.words(offset)} of the hand boxes".replace("above of", "above")
             trouble = replace(trouble, text=text.replace("below of", "below"), follows=follows)
-            return replace(trouble, fix=_nudged(offset, setting))
+            return replace(trouble, fix=_nudged(offset, setting, f"{own[0].sequence}.{own[0].camera}"))
     if trouble.code == lights.UNCHECKED:
         [first, *_] = trouble.sequences
-        what = f"{MANY_BOXES} boxes or more: `dior run to_mark` draws which pictures"
+        what = (
+            f"{MANY_BOXES} boxes or more; `dior run <this project> to_mark` chooses pictures and writes rows to fill in"
+        )
         return replace(trouble, fix=Fix(f"config/boxes/{first}.{own[0].camera}.csv", what, "tells how good they are"))
     if trouble.code == lights.BESIDE_CULPRIT:
         return trouble
@@ -206,8 +208,8 @@ def _with_fix(trouble: Trouble, recordings: Sequence[Recording], setting: Settin
     return replace(trouble, fix=Fix(file)) if file else trouble
 
 
-def _nudged(offset: beside_boxes.Offset, setting: Setting) -> Fix:
-    """What puts labels right that lie beside the boxes in all recordings alike."""
+def _nudged(offset: beside_boxes.Offset, setting: Setting, recording: str) -> Fix:
+    """What puts labels right that lie beside the boxes in all recordings alike, such as "walk_1.cam04"."""
     says = setting.says
     if says.get("locate") == "align" and not says.get("align") and setting.camera is not None:
         new = beside_boxes.nudge(offset, setting.camera, says.get("nudge") or {})
@@ -215,7 +217,8 @@ def _nudged(offset: beside_boxes.Offset, setting: Setting) -> Fix:
         left = max(sigma for sigma, told in zip(offset.sigma, offset.told, strict=True) if told)
         return Fix(setting.file, what, f"moves the labels onto the boxes, to ± {1.96 * left:.1f} px")
     if says.get("locate") == "align":
-        return Fix(setting.file, "is the tape right, and are the boxes drawn around the subject?")
+        what = "are all of them drawn around the subject, and at the right frames? And is the camera's tape right"
+        return Fix(f"config/boxes/{recording}.csv", f"{what} ({setting.file})?")
     return Fix(setting.file)
 
 

@@ -26,7 +26,8 @@ def sentence(rows: Iterable[CameraRow]) -> str:
         row, first = max(problems, key=lambda problem: lights.LEVELS.index(problem[1].level))
         more = len(problems) - 1
         others = f" {more} more {'is' if more == 1 else 'are'} in the report." if more else ""
-        text += f" {lights.WORDS[first.level].capitalize()}: {_told(row, first)}.{others}"
+        told = _told(row, first)
+        text += f" {lights.WORDS[first.level].capitalize()}: {told}{'' if told.endswith(('.', '?')) else '.'}{others}"
     return text
 
 

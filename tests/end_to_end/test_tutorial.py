@@ -52,7 +52,7 @@ def test_what_is_typed_makes_a_release(tmp_path):
     for number, lines in enumerate(todo):
         for line in lines:
             if line.endswith("dior pseudonyms ../my_capture"):
-                assert f"`TODO`, {len(todos.found(tmp_path / 'my_capture'))} times" in PAGE
+                assert f"`TODO`: {len(todos.found(tmp_path / 'my_capture'))} values" in PAGE
                 fill_in(tmp_path)
                 assert not todos.found(tmp_path / "my_capture")
             if line.endswith("-n"):

@@ -7,6 +7,7 @@ that, in both.
 
 import atexit
 import logging
+import shlex
 import threading
 from collections import Counter
 
@@ -19,6 +20,7 @@ from dior import shortage
 from dior.errors import MOST_FAULTS
 from dior.project import missing, project, rerun_reasons
 from dior.project.forget import left
+from dior.release import citation
 
 # chosen: somebody who looks at a log in a batch system every few minutes sees that it lives
 EVERY_S = 60
@@ -138,6 +140,18 @@ def say_what_to_open():
         LAST_LINES.append(
             f"results/ and logs/ still hold {len(stale)} files and folders of sequences or people that the project no "
             "longer has: `dior forget` lists them, docs/people.md tells more"
+        )
+    ran = {job.rule.name for job in workflow.dag.needrun_jobs(exclude_finished=False)}
+    if "to_mark" in ran:
+        LAST_LINES.append(
+            "Fill in the rows of results/evaluate/to_mark/, then copy boxes/ and checks/ of it to config/"
+        )
+    if "package" in ran:
+        LAST_LINES.extend(
+            f"Before others cite it: {line}" for line in citation.lacks(CONFIG["release"])
+        )
+        LAST_LINES.append(
+            f"The release is made: {os.path.abspath(RELEASE)}; to check it: dior verify {shlex.quote(RELEASE)}"
         )
     pages = ["results/report/index.html", "results/reid/index.html"]
     LAST_LINES.extend(f"Open {os.path.abspath(page)}" for page in pages[1:] if os.path.exists(page))
