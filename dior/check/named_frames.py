@@ -92,7 +92,7 @@ def of_session(
 
 def _check_enough_boxes(project: Project, camera: str, walks: list[str], drawn: AllDrawn, notes: Notes) -> None:
     """Those that are kept back place no camera. Where it is not known of each walk what is drawn, nothing is said."""
-    if not all(camera in drawn[walk] for walk in walks):
+    if not all(camera in drawn.get(walk, {}) for walk in walks):
         return
     used = [~boxes.kept_back(drawn[walk][camera][0]) for walk in walks]
     path = project.boxes(walks[0])[camera]

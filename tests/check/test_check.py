@@ -218,6 +218,18 @@ def aligned(project, how):
     edit(project, "sessions/field/cam03.yaml", nudged, fitted)
 
 
+def boxes_of_walks_that_are_left_out(project):
+    aligned(project, "from: boxes")
+    edit(project, "sessions/field/cam03.yaml", "[out_1]", "[out_1, out_3]")
+    return [r"sessions/field/cam03.yaml: align.sequences names 'out_3', which has an exclude_reason"]
+
+
+def boxes_of_no_walk(project):
+    aligned(project, "from: boxes")
+    edit(project, "sessions/field/cam03.yaml", "[out_1]", "[out_7]")
+    return [r"sessions/field/cam03.yaml: align.sequences: 'out_7' is no sequence of field"]
+
+
 def detections_of_others(project):
     """Of another time, cut off, one file for two cameras, a folder whose last file is cut off."""
     mlkit = project / "data/out_1/mlkit"
@@ -464,6 +476,7 @@ BROKEN = [
     lenses_of_another_size, other_times,
     marks_and_boxes, what_detectors_found, motion_captures, files_and_recordings, sheets_and_recordings,
     odd_recordings, still_to_do, still_to_do_in_a_session, silent_cameras, videos, too_few_marks, too_few_boxes,
+    boxes_of_walks_that_are_left_out, boxes_of_no_walk,
     detections_of_others, links_and_folders, ways_of_writing,
 ]  # fmt: skip
 
