@@ -18,6 +18,8 @@ from dior.init.found import Recording
 TOGETHER = 0.5
 # chosen: a recorder that splits its bags loses less between two of them, and nobody starts it again so soon
 SPLIT_NS = 500_000_000
+# chosen: nobody is back at the start of a walk sooner
+BREAK_NS = 3_000_000_000
 # chosen: dates in names are in whole seconds, of recorders that are started one after the other
 NAMED_NS = 5_000_000_000
 
@@ -136,6 +138,8 @@ def _reasons(group: Sequence[Recording], keys: dict[str, str]) -> tuple[str, ...
     if len(dated) == len(group):
         together = min(one.last_ns or 0 for one in group) - max(one.first_ns or 0 for one in group)
         how = f"at the same time for {together / 1e9:.1f} s" if together > 0 else "one after the other without a break"
+        if together <= 0 and len({frozenset(_filming(one)) for one in group}) > 1:
+            how = "each while another one of them was"
         return (f"{which} were recorded {how}",)
     if all(one.by == "name" for one in group):
         return (f"the names of {which} have the same date and time, to {NAMED_NS // 10**9} s",)
@@ -145,21 +149,64 @@ def _reasons(group: Sequence[Recording], keys: dict[str, str]) -> tuple[str, ...
 
 
 def _doubts(group: Sequence[Recording], groups: Iterable[Sequence[Recording]], keys: dict[str, str]) -> tuple[str, ...]:
-    """Walks before this one that are called alike and hold other cameras: it may be the same one by a wrong clock."""
+    """What a person should look at: walks before this one that are called alike and hold other cameras, which may be
+    the same one by a wrong clock; recordings that are called as another walk's; breaks."""
     doubts = []
-    topics = {topic for one in group for topic in one.topics}
+    topics = {name for one in group for name in _filming(one)}
     first_ns = _first_ns(group)
     for other in groups:
         alike = {keys[one.path] for one in other} & {keys[one.path] for one in group} - {""}
         before = 0 < _first_ns(other) < first_ns
-        if alike and before and not topics & {topic for one in other for topic in one.topics}:
+        if alike and before and not topics & {name for one in other for name in _filming(one)}:
             later = (first_ns - _first_ns(other)) / 1e9
             mine, theirs = (listed([one.path for one in each]) for each in (group, other))
             doubts.append(
                 f"{mine} began {later:.0f} s after {theirs}, which is called the same and holds other cameras: two "
                 "walks by time; if a clock was wrong, put it into that one's row"
             )
-    return (*doubts, *_twice(group))
+    return (*doubts, *_called_as_others(group, groups, keys), *_breaks(group), *_twice(group))
+
+
+def _filming(one: Recording) -> set[str]:
+    """What tells the cameras of a recording from those of others that are called the same: topics, or a video's name
+    for its camera."""
+    if one.kind == "bag":
+        return {*one.topics}
+    return {found[0].casefold() for found in names.DEVICE.finditer(one.path)} or {names.stem(one.path)}
+
+
+def _called_as_others(
+    group: Sequence[Recording], groups: Iterable[Sequence[Recording]], keys: dict[str, str]
+) -> list[str]:
+    """What is said of a walk by time of which one recording is called as another walk's: a clock may have been wrong by
+    as much as lies between walks."""
+    others = [one for other in groups if other is not group for one in other]
+    for one in group:
+        kin = [other for other in others if keys[other.path] == keys[one.path] and not _filming(one) & _filming(other)]
+        beside = [other for other in group if not _alike(keys[other.path], keys[one.path])]
+        if keys[one.path] and kin and beside:
+            return [
+                f"{one.path} is called as {kin[0].path}, and was recorded while {beside[0].path} was: time wins; if a "
+                "clock was wrong, put it into that one's row"
+            ]
+    return []
+
+
+def _alike(key: str, other: str) -> bool:
+    return not key or not other or key == other or names.holds(key, other) or names.holds(other, key)
+
+
+def _breaks(group: Sequence[Recording]) -> list[str]:
+    """What is said of a walk in which a camera's recordings have a break between them, while another one went on."""
+    in_time = sorted((one for one in group if one.first_ns and one.by != "name"), key=lambda one: one.first_ns or 0)
+    for i, one in enumerate(in_time):
+        after = next((other for other in in_time[i + 1 :] if _filming(other) == _filming(one)), None)
+        if after and -overlap(one, after) > BREAK_NS:
+            return [
+                f"between {one.path} and {after.path} there is a break of {-overlap(one, after) / 1e9:.1f} s, in which "
+                "another camera went on; if they are several walks, cut its recording, and make a row of each"
+            ]
+    return []
 
 
 def _twice(group: Sequence[Recording]) -> list[str]:

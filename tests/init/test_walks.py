@@ -36,6 +36,40 @@ def test_time_wins_over_names_and_the_reason_is_told():
     assert not any(one.doubts for one in again), "the same camera, so another walk"
 
 
+def test_a_video_has_its_own_camera():
+    first, second = walks.walks_of([recorded("walk/cam1.mp4", 0), recorded("walk/cam2.mp4", 3600)], [])
+    assert not first.doubts and "walk/cam2.mp4 began 3600 s after walk/cam1.mp4" in second.doubts[0]
+    takes = walks.walks_of([recorded("walk/cam1.mp4", 0), recorded("walk/film/cam1.mp4", 3600)], [])
+    assert not any(one.doubts for one in takes), "the same camera, so another walk"
+
+
+@pytest.mark.parametrize("ending", ["bag", "mp4"])
+def test_a_clock_that_is_wrong_by_as_much_as_lies_between_walks_is_told(ending):
+    first = [recorded(f"walk_{i}/pc1.bag", 100 * i) for i in (1, 2, 3)]
+    late = [recorded(f"walk_{i}/pc2.{ending}", 100 * i + 100, topic="/cam02/image") for i in (1, 2, 3)]
+    found = walks.walks_of([*first, *late], [])
+    assert [len(one.recordings) for one in found] == [1, 2, 2, 1]
+    assert [len(one.doubts) for one in found] == [0, 1, 1, 0]
+    assert (
+        found[1]
+        .doubts[0]
+        .startswith(
+            f"walk_1/pc2.{ending} is called as walk_1/pc1.bag, and was recorded while walk_2/pc1.bag was: time wins"
+        )
+    )
+    alone = walks.walks_of([*first, recorded("walk_1_run/pc2.bag", 100), recorded("take.bag", 200)], [])
+    assert not any(one.doubts for one in alone), "names that are no walk's"
+
+
+def test_a_recording_that_went_on_between_walks_is_told():
+    long = recorded("day/pc1.bag", 0, 210, topic="/cam02/image")
+    (one,) = walks.walks_of([long, *(recorded(f"day/pc2_{i}.bag", 100 * i) for i in range(3))], [])
+    assert "between day/pc2_0.bag and day/pc2_1.bag there is a break of 90.0 s" in one.doubts[0]
+    assert "each while another one of them was" in one.reasons[0]
+    (one,) = walks.walks_of([long, *(recorded(f"day/pc2_{i}.bag", 11 * i) for i in range(3))], [])
+    assert not one.doubts
+
+
 def test_recordings_that_share_less_than_half_are_two_walks():
     assert len(groups(recorded("a.bag", 0), recorded("b.bag", 5.1))) == 2
     assert len(groups(recorded("a.bag", 0), recorded("b.bag", 4.9))) == 1
