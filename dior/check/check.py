@@ -118,12 +118,23 @@ def _look_at_recordings(project: Project, lines: dict[str, int], notes: Notes) -
             markers[walk] = found
         drawn[walk] = named_frames.of_walk(project, walk, recorded[walk], notes)
     found_people.of_walks(project, lines, recorded, notes)
+    _check_views(project, notes)
     for session in project.sessions:
         lenses.of_session(project, session, recorded, notes)
         named_frames.of_session(project, session, recorded, markers, drawn, notes)
     plan = computer.plan(project, recorded)
     computer.check_room(project, plan, notes)
     return plan
+
+
+def _check_views(project: Project, notes: Notes) -> None:
+    """No joint is seen by more close cameras than a session has."""
+    least, file = project.config["adjust"]["min_views"], "config/config.yaml"
+    few = {session: len(project.close(session)) for session in project.sessions if project.window(session)}
+    session, count = min(few.items(), key=lambda one: one[1], default=("", least))
+    if count < least:
+        text = f"'adjust.min_views' is {least}, and {session} has {count} close cameras to adjust; write {count}"
+        notes.fault(file, line_of(".", file, "adjust"), text)
 
 
 def _video_files(project: Project) -> set[str]:

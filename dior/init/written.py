@@ -51,6 +51,12 @@ def config_yaml(data_root: str, capture: Capture) -> str:
     if capture.first_frame.text:
         line = f"  first_frame: {capture.first_frame.text}"
         text = _replaced(text, "  first_frame: 0", f"{_comment(capture.first_frame.reason, '  ')}{line}")
+    two = [
+        session.name for session in capture.sessions if sum(how == "tape" for how in _located(session).values()) == 2
+    ]
+    if two:
+        why = _comment(f"two in {', '.join(two)}, where no more are to be adjusted", "  ")
+        text = _replaced(text, "  min_views: 3", f"{why}  min_views: 2")
     return text
 
 

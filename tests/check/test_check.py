@@ -34,6 +34,7 @@ def data(tmp_path_factory):
 def project(root, data):  # noqa: F811
     """A whole project, to be broken."""
     shutil.copytree(data, root / "data")
+    edit(root, "config.yaml", "triangulate:", "adjust: {min_views: 2}\ntriangulate:")
     edit(root, "sessions/lab/cam01.marks.csv", "in_1,3,LASI", "in_1,3,RASI,12,30\nin_1,9,RASI,13,31\nin_1,3,LASI")
     return root
 
@@ -224,6 +225,11 @@ def boxes_of_walks_that_are_left_out(project):
     return [r"sessions/field/cam03.yaml: align.sequences names 'out_3', which has an exclude_reason"]
 
 
+def more_views_than_cameras(project):
+    edit(project, "config.yaml", "adjust: {min_views: 2}\n", "")
+    return [r"config.yaml: 'adjust.min_views' is 3, and field has 2 close cameras to adjust; write 2"]
+
+
 def boxes_of_no_walk(project):
     aligned(project, "from: boxes")
     edit(project, "sessions/field/cam03.yaml", "[out_1]", "[out_7]")
@@ -320,7 +326,7 @@ def sheets_and_recordings(project):
     (project / "data/in_1/a.bag").unlink()
     (project / "data/in_1/trigger.jsonl").unlink()
     return [
-        r"config.yaml:2 unknown key 'tringulate' \(did you mean 'triangulate'\?\)",
+        r"config.yaml:3 unknown key 'tringulate' \(did you mean 'triangulate'\?\)",
         r"sequences.tsv:4 'in_1': data/in_1/a.bag is not there",
         r"sequences.tsv:4 'in_1': data/in_1/trigger.jsonl is not there",
         r"subjects.tsv:2 'pseudonym' is",
@@ -388,7 +394,7 @@ def ways_of_writing(project):
     (project / "config/sessions/lab/cam01.yaml").unlink()
     (project / "config/sessions/lab/cam01.yaml").symlink_to("/nowhere/cam01.yaml")
     return [
-        r"config.yaml:4 the byte 0xf6 is not UTF-8, .*; save it again as UTF-8 \(in the list of encodings where",
+        r"config.yaml:5 the byte 0xf6 is not UTF-8, .*; save it again as UTF-8 \(in the list of encodings where",
         r"sessions/field/session.yaml:3 not valid YAML .*; a line is indented with blanks, and this one holds a tab",
         r"sessions/lab/cam01.yaml: there is no such file as that to which it is a link, /nowhere/cam01.yaml; mend",
         r"subjects.tsv: there is no such file; write one with a row for each subject and the columns subject, pseu",
@@ -477,6 +483,7 @@ BROKEN = [
     marks_and_boxes, what_detectors_found, motion_captures, files_and_recordings, sheets_and_recordings,
     odd_recordings, still_to_do, still_to_do_in_a_session, silent_cameras, videos, too_few_marks, too_few_boxes,
     boxes_of_walks_that_are_left_out, boxes_of_no_walk,
+    more_views_than_cameras,
     detections_of_others, links_and_folders, ways_of_writing,
 ]  # fmt: skip
 

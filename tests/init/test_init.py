@@ -52,6 +52,13 @@ def contents(folder):
     return {path.relative_to(folder): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
 
 
+@pytest.mark.parametrize("close", [2, 3])
+def test_where_two_cameras_are_adjusted_no_joint_is_seen_by_three(tmp_path, close):
+    small.outdoor(tmp_path / "recordings", "out_1", cameras=[f"cam0{i}" for i in range(close)], far="cam09")
+    folder, _ = made(tmp_path)
+    assert yaml_of(folder, "config")["adjust"]["min_views"] == close
+
+
 def test_a_capture_becomes_a_project_that_loads_once_it_is_filled_in(lab, capsys):
     folder, said = made(lab, capsys)
     sheet = rows(folder)
