@@ -12,7 +12,7 @@ import json
 import os
 import re
 import shlex
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import chdir
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -105,6 +105,7 @@ def _look_at_recordings(project: Project, lines: dict[str, int], notes: Notes) -
     can_see_videos = computer.check_packages(project, notes)
     of_walks = {walk: [*project.bags(walk), *project.videos(walk).values()] for walk in project.sequences}
     paths = [path for named in of_walks.values() for path in named]
+    _check_shared(project, of_walks, lines, notes)
     if not can_see_videos:
         paths = [path for path in paths if path not in _video_files(project)]
     seen = recordings.look_at(paths)
@@ -125,6 +126,21 @@ def _look_at_recordings(project: Project, lines: dict[str, int], notes: Notes) -
     plan = computer.plan(project, recorded)
     computer.check_room(project, plan, notes)
     return plan
+
+
+def _check_shared(
+    project: Project, of_walks: Mapping[str, Sequence[str]], lines: Mapping[str, int], notes: Notes
+) -> None:
+    """A row that was copied may have the recordings of another walk still; two people who are told apart by seeds may
+    be in one recording."""
+    owner: dict[str, str] = {}
+    for walk, paths in sorted(of_walks.items(), key=lambda one: lines[one[0]]):
+        shared = [(path, first) for path in paths if (first := owner.setdefault(os.path.realpath(path), walk)) != walk]
+        for path, first in shared[:1]:
+            two = project.subject_of(walk) != project.subject_of(first)
+            if not (two and project.seeds(walk) and project.seeds(first)):
+                text = f"'{walk}' has {path}, which '{first}' has, too, and both label it; is it of another walk?"
+                notes.warn(missing.SEQUENCES, lines[walk], text, walk)
 
 
 def _check_views(project: Project, notes: Notes) -> None:

@@ -507,6 +507,20 @@ def test_people_read_it_by_file_with_the_walks_of_a_fault_named_once(project, ca
     assert lines[-1] == f"3 to mend in 3 files; then: dior check {project}"
 
 
+def test_a_recording_of_two_walks_is_told_unless_it_is_said_who_is_whose(project, capsys):
+    edit(project, "sequences.tsv", "out_1/a.bag; out_1/b.bag", "out_2/a.bag;out_2/b.bag")
+    edit(project, "sequences.tsv", "out_1/mlkit", "out_2/mlkit")
+    faults, warnings, _ = found(project, capsys)
+    assert not faults and warnings == [
+        "sequences.tsv:3 'out_1' has data/out_2/a.bag, which 'out_2' has, too, and both label it; is it of another "
+        "walk?"
+    ]
+    (project / "config/people").mkdir()
+    for name in ("out_1", "out_2"):
+        (project / f"config/people/{name}.yaml").write_text("seeds: [{camera: cam01, frame: 3, u: 20, v: 20}]\n")
+    assert found(project, capsys)[:2] == ([], [])
+
+
 def test_of_many_faults_that_are_alike_people_read_the_first(project, capsys):
     rows = "".join(f"in_1,{frame},LASI,10,20\n" for frame in range(100, 150))
     edit(project, "sessions/lab/cam01.marks.csv", "in_1,9,LASI,11,21\n", f"in_1,9,LASY,11,21\n{rows}")
