@@ -116,6 +116,28 @@ def _session(row: Row) -> str:
     return bumps.session_folder(row.get("session", ""))
 
 
+def recordings(folder: Path, root: Path, row: Row) -> list[str]:
+    """The bags of a row, and the videos of the cameras that its session has, all that fit where that is not known."""
+    videos = row.get("videos", "")
+    each = _each(folder, root, row, "videos") if videos and not videos.startswith(todos.WORD) else []
+    if videos and not each:
+        each = [os.path.relpath(path, root) for path in _fitting(root, videos)]
+    return [*bags_of({"bags": row.get("bags", "")}), *each]
+
+
+def unlisted(folder: Path, sessions: Iterable[Session]) -> Iterator[str]:
+    """What is to be said of cameras in videos that the session.yaml which is there does not list."""
+    for session in _one_each(sessions):
+        shown = f"config/sessions/{session.name}/session.yaml"
+        there = (_content(folder / shown) or {}).get("cameras") or []
+        for camera in session.cameras if there else ():
+            if camera.kind != "bag" and camera.name not in there:
+                yield (
+                    f"{shown} lists no {camera.name}, of which there is {camera.paths[0]}; add it if it is to be "
+                    "labelled: called again, this writes its file"
+                )
+
+
 def gone(folder: Path, root: Path, row: Row) -> list[str]:
     """The files that a row names and that are not there, with their columns; `root`: what its paths are relative to."""
     cells = {column: row.get(column, "") for column in ("bags", *FILES)}
@@ -159,4 +181,9 @@ def _each(folder: Path, root: Path, row: Row, column: str) -> list[str]:
 
 def _any(root: Path, path: str) -> bool:
     """Whether there is a file of any camera."""
-    return bool(glob.glob(os.path.join(glob.escape(str(root)), "*".join(map(glob.escape, path.split("{camera}"))))))
+    return bool(_fitting(root, path))
+
+
+def _fitting(root: Path, path: str) -> list[str]:
+    """The files that a path with {camera} in it may mean."""
+    return glob.glob(os.path.join(glob.escape(str(root)), "*".join(map(glob.escape, path.split("{camera}")))))

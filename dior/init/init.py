@@ -74,7 +74,7 @@ def run(folder: Path, *, as_from: Path | None = None, dry_run: bool = False) -> 
             f"{as_from}: no recording with pictures of a walk is below it{_some_aside(below, found.aside)}; bags, "
             "videos and folders of pictures are read (docs/bags.md, docs/videos.md)"
         )
-    found, new = _beside(root, found, there["sequences"], _sessions_there(folder))
+    found, new = _beside(folder, root, found, there["sequences"])
     files = _files(folder, root, found, new, there)
     print(written.table(found, new))
     _tell_doubts(found)
@@ -122,14 +122,14 @@ def _sessions_there(folder: Path) -> set[str]:
     return {one.name for one in path.iterdir() if one.is_dir()} if path.is_dir() else set()
 
 
-def _beside(root: Path, found: Capture, sheet: Sheet | None, sessions_there: set[str]) -> tuple[Capture, list[str]]:
+def _beside(folder: Path, root: Path, found: Capture, sheet: Sheet | None) -> tuple[Capture, list[str]]:
     """The capture with walks and sessions called as in the sheet, and the names of the walks that are not in it."""
     rows = _rows(sheet)
-    owner = {_real(root, path): row for row in rows for path in _paths(row)}
+    owner = {_real(root, path): row for row in rows for path in again.recordings(folder, root, row)}
     taken_names = [row.get("sequence", "") for row in rows]
-    names_used, new, sessions = [*sessions_there, *(row.get("session", "") for row in rows)], [], []
+    names_used, new, sessions = [*_sessions_there(folder), *(row.get("session", "") for row in rows)], [], []
     for session in found.sessions:
-        mine = [next(filter(None, (owner.get(_real(root, path)) for path in one.paths)), None) for one in session.taken]
+        mine = [next(filter(None, (owner.get(_real(root, path)) for path in one.files)), None) for one in session.taken]
         # of several the one with the most walks, the first by name
         known = Counter(sorted(row["session"] for row in mine if row and row.get("session")))
         usual = known.most_common(1)[0][0] if known else names.unique(session.name, names_used)
@@ -304,7 +304,7 @@ def _tell_changes(
                     f"config/sequences.tsv: {listed(more)} may be of {one.name}, too; put it into that row, and its "
                     f"cameras into config/sessions/{session.name}/session.yaml: called again, this writes their files"
                 )
-    for said in again.lost_files(folder, sheet.rows, files):
+    for said in (*again.unlisted(folder, found.sessions), *again.lost_files(folder, sheet.rows, files)):
         print(said)
     known = {row.get("session", "") for row in sheet.rows}
     anew = [f"config/{path}" for path in files if path.startswith("sessions/") and path.split("/")[1] in known]

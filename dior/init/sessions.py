@@ -78,6 +78,12 @@ class Taken:
         return (*bags, self.videos) if self.videos else tuple(bags)
 
     @property
+    def files(self) -> tuple[str, ...]:
+        """Its bags, and the videos of its cameras."""
+        bags = [one.path for one in self.walk.recordings if one.kind == "bag"]
+        return (*bags, *(path for one in self.cameras if one.kind != "bag" for path in one.paths))
+
+    @property
     def bags(self) -> str:
         return ";".join(one.path for one in self.walk.recordings if one.kind == "bag")
 

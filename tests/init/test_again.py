@@ -171,3 +171,35 @@ def test_paths_with_signs_and_whole_paths_are_found(lab, capsys, form):
         sheet.write_text(text.replace(";out [1]", f";{lab}/recordings/out [1]"))
     _, said = made(lab, capsys)
     assert "Nothing is new" in said and "are gone" not in said
+
+
+def test_a_video_of_another_camera_and_time_is_a_walk_of_its_own(tmp_path, capsys):
+    videofiles = pytest.importorskip("tests.ingest.videofiles")
+
+    def film(path, hour):
+        path.parent.mkdir(parents=True)
+        pictures = [videofiles.numbered(i + hour) for i in range(30)]
+        videofiles.write(path, pictures, metadata={"creation_time": f"2024-05-01T{hour}:00:00.000000Z"})
+
+    film(tmp_path / "recordings/cam1/0001.mp4", 10)
+    folder, _ = made(tmp_path)
+    film(tmp_path / "recordings/cam2/0001.mp4", 12)
+    made(tmp_path, capsys)
+    before, found = contents(folder), rows_of_text(folder)
+    assert [(name, row["videos"]) for name, row in found.items()] == [
+        ("0001", "{camera}/0001.mp4"), ("0001_2", "{camera}/0001.mp4"),
+    ]  # fmt: skip
+    _, said = made(tmp_path, capsys)
+    assert contents(folder) == before and [one.split()[0] for one in said.split("\n")[1:3]] == ["0001", "0001_2"]
+
+
+def test_a_video_of_a_further_camera_of_a_walk_is_told(tmp_path, capsys):
+    small.pictures(tmp_path / "recordings/w", ["cam1", "cam2"])
+    folder, _ = made(tmp_path)
+    small.pictures(tmp_path / "recordings/w", ["cam3"])
+    _, said = made(tmp_path, capsys)
+    assert "session.yaml lists no cam3, of which there is w/cam3; add it if it is to be labelled" in said
+    session = folder / "config/sessions/outdoor/session.yaml"
+    session.write_text(session.read_text().replace("cam2]", "cam2, cam3]"))
+    _, said = made(tmp_path, capsys)
+    assert "lists no" not in said and (session.parent / "cam3.yaml").exists()
