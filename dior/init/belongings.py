@@ -15,7 +15,7 @@ from dior.ingest.trigger_log import Capture
 from dior.init import cameras, copies, names
 from dior.init.cameras import Filmed
 from dior.init.found import Detected, Found, Mocap
-from dior.init.walks import Walk, walks_named
+from dior.init.walks import Walk, listed, walks_named
 from dior.project.todos import WORD
 
 # chosen: motion capture is saved within so long after a walk, and an hour's difference is a time zone's or a copy's
@@ -61,8 +61,9 @@ def owned(
     walks = [walk for walk, _, _ in filmed]
     sets, why, aside = detections_of(root, found, walks, [mine for _, mine, _ in filmed], known)
     of_walks = _called_as_detections(filmed, sets)
-    mocap, triggers, markers, left = mocap_of(root, found, walks, known)
-    aside += left
+    mocap, triggers, markers, astray, left = mocap_of(root, found, walks, known)
+    aside += [*astray, *left]
+    moving = [path for path, _ in astray if not names.STATIC.search(PurePosixPath(path).stem)]
     lost, left = lost_of(found, walks, known)
     aside += left
     stamps, left = stamps_of(found, walks, of_walks, known)
@@ -85,6 +86,8 @@ def owned(
         }  # fmt: skip
         broken = markers[i].broken if i in markers else ""
         doubts += [f"{markers[i].path} could not be read: {broken}"] if broken else []
+        if moving and i not in mocap:
+            doubts.append(f"of no walk by name or time is {listed(moving)}; if this was indoors, its row needs its own")
         every.append(
             Owned(
                 mocap.get(i, Cell()), triggers.get(i, Cell()), cell, stamps.get(i, Cell()), of_cameras, markers.get(i),
@@ -130,9 +133,10 @@ def either(options: Sequence[str]) -> str:
 
 def mocap_of(
     root: Path, found: Found, walks: Sequence[Walk], known: Collection[str]
-) -> tuple[dict[int, Cell], dict[int, Cell], dict[int, Mocap], list[tuple[str, str]]]:
-    """By walk its motion capture and its trigger log; the files; what belongs to none."""
+) -> tuple[dict[int, Cell], dict[int, Cell], dict[int, Mocap], list[tuple[str, str]], list[tuple[str, str]]]:
+    """By walk its motion capture and its trigger log; the files; what belongs to none, and what is there again."""
     options: dict[int, list[tuple[Mocap, str, bool]]] = {}
+    astray: list[tuple[str, str]] = []
     aside: list[tuple[str, str]] = []
     logged = {i: _logged(found, walk) for i, walk in enumerate(walks)}
     for one in found.mocap:
@@ -151,9 +155,9 @@ def mocap_of(
             options.setdefault(at, []).append((one, f"{one.path} {why}", False))
         unread = f"could not be read ({one.broken}); " if one.broken else ""
         if not named:
-            aside.append((one.path, f"{unread}{why}"))
+            astray.append((one.path, f"{unread}{why}"))
         elif len(named) > 1:
-            aside.append((one.path, f"{unread}may be of {len(named)} walks; name it in the row of the right one"))
+            astray.append((one.path, f"{unread}may be of {len(named)} walks; name it in the row of the right one"))
     cells: dict[int, Cell] = {}
     files: dict[int, Mocap] = {}
     for i, mine in options.items():
@@ -168,6 +172,10 @@ def mocap_of(
         if len(sure) == 1:
             files[i], reason, _ = sure[0]
             cells[i] = Cell(files[i].path, f"{reason} ({_about(files[i])})")
+            stem = PurePosixPath(files[i].path).stem
+            if names.STATIC.search(stem) and not any(names.STATIC.search(key) for key in walks[i].keys):
+                why = f"{reason}; by its name of somebody who stands: name that of the walk, or write it as it is"
+                cells[i] = Cell(either([files[i].path]), why)
             if files[i].broken:
                 cells[i] = Cell(either([files[i].path]), f"{reason}; copy it again, or empty this for a walk outdoors")
         else:
@@ -175,7 +183,7 @@ def mocap_of(
             unread = "".join(f"; {one.path} could not be read ({one.broken})" for one, _, _ in sure if one.broken)
             cells[i] = Cell(either(paths), f"{len(paths)} files with motion capture may be of it{unread}")
     triggers = {i: _trigger(found, logged[i], files.get(i)) for i in cells if logged[i]}
-    return cells, triggers, files, aside
+    return cells, triggers, files, astray, aside
 
 
 def _about(mocap: Mocap) -> str:

@@ -39,6 +39,8 @@ KINDS = frozenset(
 # where pictures of a board lie, and those of people from all around
 BOARD = re.compile(r"board|calib|chess|charuco|checker|intrinsic|extrinsic", re.IGNORECASE)
 GALLERY = re.compile(rf"{_BEGIN}gallery{_END}", re.IGNORECASE)
+# what a lab records of a person who stands, before or after the walks
+STATIC = re.compile(rf"{_BEGIN}(?:static|cal|rom|[tna][ _-]?pose|statisch)[ _-]?[0-9]{{0,3}}{_END}", re.IGNORECASE)
 # of a camera that stands far away
 FAR = re.compile(r"long|far|tele|distan[ct]|weit|fern", re.IGNORECASE)
 _DATE = re.compile(
@@ -164,6 +166,12 @@ def numbers(text: str) -> tuple[int, ...]:
 def plain(name: str) -> str:
     """A name without capitals, separators and zeros before a number: `Cam_01` and `cam1` are alike."""
     return re.sub(r"(?<![0-9])0+(?=[0-9])", "", re.sub(r"[^a-z0-9]", "", name.lower()))
+
+
+def words(key: str) -> tuple[str | int, ...]:
+    """The words and numbers of a key, however they are written: `Walk 01` and `walk_1` are alike."""
+    found = re.findall(r"[^\W\d_]+|\d+", key.casefold())
+    return tuple(int(word) if word.isdecimal() else word for word in found)
 
 
 def pattern(paths: Collection[str], known: Collection[str] = ()) -> tuple[str, dict[str, str]] | None:

@@ -226,6 +226,14 @@ def listed(words: Sequence[str]) -> str:
     return " and ".join(filter(None, (", ".join(words[:-1]), words[-1])))
 
 
+def _end_alike(key: str, other: str) -> bool:
+    """Whether one of two keys ends as the other is called, a word and something else at least, however written."""
+    first, second = names.words(key), names.words(other)
+    count = min(len(first), len(second))
+    ends = first[-count:] if count > 1 else ()
+    return ends == second[-count:] and any(isinstance(word, str) for word in ends)
+
+
 def walks_named(path: str, walks: Sequence[Walk], cameras: Collection[str]) -> tuple[list[Walk], str]:
     """The walks that a file may be of by its name and place, and why; no walk and why not."""
     key = names.walk_key(path, cameras)
@@ -238,6 +246,8 @@ def walks_named(path: str, walks: Sequence[Walk], cameras: Collection[str]) -> t
         ], "has its name in its own"
     if part := [walk for walk in walks if any(names.holds(one, key) for one in walk.keys)]:
         return part, "has a part of its name"
+    if spelled := [walk for walk in walks if any(_end_alike(key, one) for one in walk.keys)]:
+        return spelled, "has its name, spelled otherwise"
     at = names.date_ns(path)
     if at is not None:
         dates = {id(walk): [names.date_ns(one.path) for one in walk.recordings] for walk in walks}

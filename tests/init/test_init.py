@@ -59,6 +59,24 @@ def test_where_two_cameras_are_adjusted_no_joint_is_seen_by_three(tmp_path, clos
     assert yaml_of(folder, "config")["adjust"]["min_views"] == close
 
 
+def test_of_motion_capture_that_is_no_walks_a_person_is_asked(lab, capsys):
+    recordings = lab / "recordings"
+    (recordings / "in_1/trial.c3d").rename(recordings / "in_1/Static 01.c3d")
+    folder, said = made(lab, capsys)
+    row = rows_of_text(folder)["in_1"]
+    assert (row["mocap"], row["environment"]) == ("TODO: in_1/Static 01.c3d", "indoor") and "Look" not in said
+    assert "by its name of somebody who stands" in " ".join((folder / "config/sequences.tsv").read_text().split("\n# "))
+    shutil.rmtree(folder)
+    (recordings / "vicon").mkdir()
+    (recordings / "in_1/Static 01.c3d").rename(recordings / "vicon/gang7.c3d")
+    os.utime(recordings / "vicon/gang7.c3d", ns=(1, 1))
+    _, said = made(lab, capsys)
+    assert (
+        "Look: out_1, out_2 and in_1: of no walk by name or time is vicon/gang7.c3d; if this was indoors, its row "
+        "needs its own" in said
+    )
+
+
 def test_a_capture_becomes_a_project_that_loads_once_it_is_filled_in(lab, capsys):
     folder, said = made(lab, capsys)
     sheet = rows(folder)

@@ -124,7 +124,8 @@ WALKS = [
     [
         ("day1/walk_1/mlkit/cam01.json", [0]), ("day1/walk_10.c3d", [1]), ("mocap/day1/walk_10/trial.c3d", [1]),
         ("mocap/walk_1.c3d", [0]), ("x/trial.c3d", [2]), ("mocap/walk_2.c3d", []), ("mocap/day1/trial.c3d", []),
-        ("mocap/hall.c3d", [2]), ("day1.c3d", [0, 1]),
+        ("mocap/hall.c3d", [2]), ("day1.c3d", [0, 1]), ("mocap/Walk 01.c3d", [0]), ("mocap/Day 1 Walk10.c3d", [1]),
+        ("mocap/gang1.c3d", []), ("mocap/1_10.c3d", []),
     ],
 )  # fmt: skip
 def test_which_walk_a_file_is_of_its_name_or_its_place_tells(path, places):
