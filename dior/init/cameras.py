@@ -67,7 +67,8 @@ def filmed(walk: Walk, known: Collection[str]) -> tuple[list[Filmed], str, list[
             f"rename the files of this walk, such as {PurePosixPath(others[0].path).parent / 'cam01'}"
             f"{PurePosixPath(others[0].path).suffix}"
         )
-        return in_bags, "", [(one.path, why) for one in others]
+        # of two walks by their names they are not to be renamed
+        return in_bags, "", [(one.path, next(iter(walk.doubts), why)) for one in others]
     whole, called = given
     # pictures that were made a video to be looked at
     twice = {one.name.casefold(): one.paths[0] for one in in_bags}

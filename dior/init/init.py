@@ -8,6 +8,7 @@ there is overwritten, and no recording is copied.
 """
 
 import os
+import re
 import shlex
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -32,6 +33,8 @@ from dior.tables.files import write_text
 SHEETS = {"sequences": written.WALKS, "subjects": written.PEOPLE}
 # chosen: what a screen shows
 MOST_ASIDE = 30
+# chosen: of what is alike but for its numbers as many are shown one by one
+MOST_ALIKE = 3
 # chosen: a path with more steps up says less than the whole one
 MOST_UP = 3
 
@@ -268,14 +271,21 @@ def _tell_aside(found: Capture) -> None:
 
 
 def _tell_doubts(found: Capture) -> None:
-    """What a person should look at, of several walks once."""
+    """What a person should look at, of several walks once, of many that are alike but for their numbers the first; the
+    comments of the rows have them all."""
     walks: dict[str, list[str]] = {}
     for session in found.sessions:
         for one in session.taken:
             for doubt in one.doubts:
                 walks.setdefault(doubt, []).append(one.name)
-    for doubt, of in walks.items():
-        print(f"Look: {listed(of)}: {doubt}.\n")
+    alike: dict[str, list[str]] = {}
+    for doubt in walks:
+        alike.setdefault(re.sub(r"\d+", "0", doubt), []).append(doubt)
+    for same in alike.values():
+        shown = same if len(same) <= MOST_ALIKE else same[:1]
+        more = f"; and {len(same) - len(shown)} more like it" if len(same) > len(shown) else ""
+        for doubt in shown:
+            print(f"Look: {listed(walks[doubt])}: {doubt}{more}.\n")
 
 
 def _tell_changes(

@@ -59,6 +59,27 @@ def test_where_two_cameras_are_adjusted_no_joint_is_seen_by_three(tmp_path, clos
     assert yaml_of(folder, "config")["adjust"]["min_views"] == close
 
 
+def test_a_clock_that_is_wrong_in_all_walks_is_told_once(tmp_path, capsys):
+    for i in range(5):
+        small.bag(tmp_path / f"recordings/w_{i}/pc1", ["cam01"], 100 * i, count=30)
+        small.bag(tmp_path / f"recordings/w_{i}/pc2", ["cam02"], 100 * i + 7213, count=30)
+    _, said = made(tmp_path, capsys)
+    assert said.count("Look: ") == 1
+    assert "Look: w_0_2: w_0/pc2.bag began 7213 s after w_0/pc1.bag" in said and "row; and 4 more like it.\n" in said
+
+
+def test_videos_that_names_and_times_put_together_otherwise_are_not_to_be_renamed(tmp_path, capsys):
+    videofiles = pytest.importorskip("tests.ingest.videofiles")
+    for walk in (1, 2):
+        (tmp_path / f"recordings/w_{walk}").mkdir(parents=True)
+        for camera in (1, 2):
+            made_at = {"creation_time": f"2024-05-01T1{walk + camera}:00:00.000000Z"}
+            pictures = [videofiles.numbered(i + 5 * walk + camera) for i in range(30)]
+            videofiles.write(tmp_path / f"recordings/w_{walk}/cam{camera}.mp4", pictures, metadata=made_at)
+    _, said = made(tmp_path, capsys)
+    assert "w_2/cam1.mp4: w_1/cam2.mp4 is called as w_1/cam1.mp4, and was recorded while w_2/cam1.mp4 was" in said
+
+
 def test_of_motion_capture_that_is_no_walks_a_person_is_asked(lab, capsys):
     recordings = lab / "recordings"
     (recordings / "in_1/trial.c3d").rename(recordings / "in_1/Static 01.c3d")
