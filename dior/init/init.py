@@ -138,18 +138,30 @@ def _beside(folder: Path, root: Path, found: Capture, sheet: Sheet | None) -> tu
         usual = known.most_common(1)[0][0] if known else names.unique(session.name, names_used)
         names_used.append(usual)
         parts: dict[str, list[Taken]] = {}
+        # of the walk before, in the order of their times
+        before = usual
         for one, row in zip(session.taken, mine, strict=True):
             called = row.get("sequence", one.name) if row else names.unique(one.name, taken_names)
             if row is None:
                 new.append(called)
                 taken_names.append(called)
+                one = _doubted(one, before, list(known))
             row = row or {}
             # a person may have put the walks of a session apart
-            parts.setdefault(row.get("session") or usual, []).append(
+            before = row.get("session") or before
+            parts.setdefault(before, []).append(
                 replace(one, name=called, environment=_said(row.get("environment", "")))
             )
         sessions += [replace(session, name=name, taken=tuple(part)) for name, part in parts.items()]
     return replace(found, sessions=tuple(sessions)), new
+
+
+def _doubted(one: Taken, session: str, options: Sequence[str]) -> Taken:
+    """A new walk with what is to be said where the walks before it are of several sessions."""
+    if len(options) < 2:
+        return one
+    said = f"of {listed(options)}, which have these cameras, session {session} is that of the walk before it"
+    return replace(one, walk=replace(one.walk, doubts=(*one.walk.doubts, said)))
 
 
 def _said(cell: str) -> str:

@@ -173,6 +173,22 @@ def test_paths_with_signs_and_whole_paths_are_found(lab, capsys, form):
     assert "Nothing is new" in said and "are gone" not in said
 
 
+def test_a_new_walk_is_of_the_session_of_the_walk_before_it(tmp_path, capsys):
+    for i in range(4):
+        small.outdoor(tmp_path / "recordings", f"out_{i}", 100 * i)
+    folder, _ = made(tmp_path)
+    sheet, sessions = folder / "config/sequences.tsv", folder / "config/sessions"
+    sheet.write_text(sheet.read_text().replace("out_3\t4\tTODO\toutdoor", "out_3\t4\tTODO\tpark"))
+    shutil.copytree(sessions / "outdoor", sessions / "park")
+    small.outdoor(tmp_path / "recordings", "out_4", 400)
+    _, said = made(tmp_path, capsys)
+    assert rows_of_text(folder)["out_4"]["session"] == "park"
+    assert line(said, "Look: out_4").endswith(
+        "of outdoor and park, which have these cameras, session park is that of the walk before it."
+    )
+    assert "Look" not in made(tmp_path, capsys)[1]
+
+
 def test_a_video_of_another_camera_and_time_is_a_walk_of_its_own(tmp_path, capsys):
     videofiles = pytest.importorskip("tests.ingest.videofiles")
 
