@@ -147,7 +147,8 @@ def sessions_of(
 
 def _place(one: Taken) -> str:
     """The folders around a walk that are nobody's name."""
-    key = names.without_people(one.walk.keys[0])
+    # its last part is the walk, and not what one of its cameras is called
+    key = names.without_people(names.common(one.walk.keys) or one.walk.keys[0])
     return "/".join(key.split("/")[:-1])
 
 

@@ -133,7 +133,7 @@ def test_a_camera_that_is_called_session_does_not_take_its_file(tmp_path, capsys
     shutil.rmtree(tmp_path / "recordings/w")
     shutil.rmtree(folder)
     small.pictures(tmp_path / "recordings/w", ("session", "door"))
-    with pytest.raises(DiorError, match=r"w/session.yaml would be written twice: the camera in w/session"):
+    with pytest.raises(DiorError, match=r"outdoor/session.yaml would be written twice: the camera in w/session"):
         made(tmp_path)
     assert not folder.exists()
 

@@ -80,6 +80,15 @@ def test_videos_that_names_and_times_put_together_otherwise_are_not_to_be_rename
     assert "w_2/cam1.mp4: w_1/cam2.mp4 is called as w_1/cam1.mp4, and was recorded while w_2/cam1.mp4 was" in said
 
 
+def test_walks_whose_cameras_have_names_of_their_own_are_of_one_session(tmp_path):
+    for walk in ("w_1", "w_2"):
+        small.pictures(tmp_path / f"recordings/{walk}", ["hall", "door"])
+    folder, _ = made(tmp_path)
+    found = rows_of_text(folder)
+    assert {name: row["session"] for name, row in found.items()} == {"w_1": "outdoor", "w_2": "outdoor"}
+    assert yaml_of(folder, "sessions/outdoor/session")["cameras"] == ["door", "hall"]
+
+
 def test_of_motion_capture_that_is_no_walks_a_person_is_asked(lab, capsys):
     recordings = lab / "recordings"
     (recordings / "in_1/trial.c3d").rename(recordings / "in_1/Static 01.c3d")
