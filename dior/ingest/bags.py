@@ -206,7 +206,8 @@ def _picture(message: Message, size: tuple[int, int], where: str) -> NDArray[np.
         return messages.decode(message.kind, message.raw, message.wire, size)
     except BROKEN as error:
         where = _file_of(message) or f"{where} received at {message.receive_ns} ns"
-        raise DiorError(f"{where} cannot be decoded ({error})") from None
+        again = "copy it again, or give the sequence an exclude_reason where it was damaged as it was recorded"
+        raise DiorError(f"{where} cannot be decoded ({error}); {again}") from None
 
 
 def _file_of(message: Message) -> str:
