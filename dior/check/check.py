@@ -131,10 +131,13 @@ def _look_at_recordings(project: Project, lines: dict[str, int], notes: Notes) -
 def _check_shared(
     project: Project, of_walks: Mapping[str, Sequence[str]], lines: Mapping[str, int], notes: Notes
 ) -> None:
-    """A row that was copied may have the recordings of another walk still; two people who are told apart by seeds may
-    be in one recording."""
+    """No bag is twice in a row. One that was copied may have the recordings of another walk still; two people who are
+    told apart by seeds may be in one recording."""
     owner: dict[str, str] = {}
     for walk, paths in sorted(of_walks.items(), key=lambda one: lines[one[0]]):
+        bags = project.bags(walk)
+        for path in sorted({path for path in bags if bags.count(path) > 1}):
+            notes.fault(missing.SEQUENCES, lines[walk], f"'{walk}': bag {path} is given twice; delete one", walk)
         shared = [(path, first) for path in paths if (first := owner.setdefault(os.path.realpath(path), walk)) != walk]
         for path, first in shared[:1]:
             two = project.subject_of(walk) != project.subject_of(first)

@@ -225,6 +225,11 @@ def boxes_of_walks_that_are_left_out(project):
     return [r"sessions/field/cam03.yaml: align.sequences names 'out_3', which has an exclude_reason"]
 
 
+def a_bag_twice(project):
+    edit(project, "sequences.tsv", "out_1/a.bag; out_1/b.bag", "out_1/a.bag;out_1/b.bag;out_1/b.bag")
+    return [r"sequences.tsv:3 'out_1': bag data/out_1/b.bag is given twice; delete one"]
+
+
 def more_views_than_cameras(project):
     edit(project, "config.yaml", "adjust: {min_views: 2}\n", "")
     return [r"config.yaml: 'adjust.min_views' is 3, and field has 2 close cameras to adjust; write 2"]
@@ -483,7 +488,7 @@ BROKEN = [
     marks_and_boxes, what_detectors_found, motion_captures, files_and_recordings, sheets_and_recordings,
     odd_recordings, still_to_do, still_to_do_in_a_session, silent_cameras, videos, too_few_marks, too_few_boxes,
     boxes_of_walks_that_are_left_out, boxes_of_no_walk,
-    more_views_than_cameras,
+    more_views_than_cameras, a_bag_twice,
     detections_of_others, links_and_folders, ways_of_writing,
 ]  # fmt: skip
 
