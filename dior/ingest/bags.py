@@ -8,6 +8,7 @@ OUTPUTS  arrays in memory; the pixels stay in the bags.
 Stamps are int64 ns since the Unix epoch: `stamp_ns` from the message header, `receive_ns` from the bag.
 """
 
+import sys
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -28,13 +29,14 @@ from dior.progress import reporting
 
 __all__ = [
     "bags_with", "camera_info_topic", "full_name", "holding", "index", "read_camera_info", "read_messages",
-    "read_pictures", "repeated", "topics_of",
+    "read_pictures", "read_to_show", "repeated", "topics_of",
 ]  # fmt: skip
 
 # how the topics of pictures end that realsense-viewer records (librealsense, src/media/ros/ros_file_format.h)
 OF_LIBREALSENSE = "/image/data"
 # how the topics of image_transport's plugins end
 TRANSPORTS = ("/compressed", "/ffmpeg", "/theora")
+DAMAGED_GREY = 128  # of a picture on a page that cannot be decoded
 BY_INDEX = "the bag is damaged: copy it again, or make the index anew (`rosbag reindex`, `mcap recover`)"
 # full name -> (message type, number of messages)
 Topics: TypeAlias = dict[str, tuple[str, int]]
@@ -174,6 +176,20 @@ def read_pictures(rows: Table, data_root: AnyPath) -> Iterator[tuple[int, NDArra
     for row, message, path in read_messages(rows, data_root):
         size = (rows["height"][row], rows["width"][row])
         yield row, _picture(message, size, f"{path}: the picture of {rows['topic'][row]}")
+
+
+def read_to_show(rows: Table, data_root: AnyPath) -> Iterator[tuple[int, NDArray[np.uint8]]]:
+    """As `read_pictures`, for pages: a picture that cannot be decoded is grey, and is told on standard error.
+
+    Labels do not need it, and one damaged picture of a walk must not cost the report of all.
+    """
+    for row, message, path in read_messages(rows, data_root):
+        size = (rows["height"][row], rows["width"][row])
+        try:
+            yield row, _picture(message, size, f"{path}: the picture of {rows['topic'][row]}")
+        except DiorError as error:
+            print(f"{error}; it is shown grey", file=sys.stderr)
+            yield row, np.full((*map(int, size), 3), DAMAGED_GREY, np.uint8)
 
 
 def read_messages(rows: Table, data_root: AnyPath) -> Iterator[tuple[int, Message, Path]]:

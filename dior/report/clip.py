@@ -57,7 +57,7 @@ def run(
 ) -> None:
     """Write the clip of one sequence. `labels`: label files; `frame_metrics`: that table; `seconds`: how long, at most.
 
-    Raises DiorError for a camera without labels or offset, and a picture that cannot be read.
+    Raises DiorError for a camera without labels or offset.
     """
     import cv2
 
@@ -109,7 +109,7 @@ def _film(
             # a picture that is shown twice is read once
             each, first = np.unique(numbers, return_index=True)
             wanted = tables.rows(camera.rows, begin + first)
-            for row, picture in bags.read_pictures(wanted, data_root):
+            for row, picture in bags.read_to_show(wanted, data_root):
                 for i in np.flatnonzero(numbers == each[row]):
                     tile = _tile(camera, begin + int(i), picture)
                     film[i, top : top + tile.shape[0], left : left + tile.shape[1]] = tile

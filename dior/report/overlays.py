@@ -102,7 +102,7 @@ def run(
     picked = tables.rows(index, wanted)
     pictures = {
         (picked["camera"][row], int(picked["frame"][row])): picture
-        for row, picture in bags.read_pictures(picked, Path(data_root))
+        for row, picture in bags.read_to_show(picked, Path(data_root))
     }
     for camera, (numbers, boxed) in chosen.items():
         tiles = []

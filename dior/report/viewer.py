@@ -92,7 +92,7 @@ def run(
     `frame_metrics`: table `frame_metrics` of the sequence; `out_pictures`: folder of the pictures to write.
     `detections` may be None.
 
-    Raises DiorError for a camera without labels, pose or offset, and a picture that cannot be read.
+    Raises DiorError for a camera without labels, pose or offset.
     """
     import cv2
 
@@ -247,7 +247,7 @@ def _pictures(
         width = max(view.size[0] for view in pictures.views)
         height = max(view.size[1] for view in pictures.views)
         found: dict[int, Picture] = {}
-        for row, picture in bags.read_pictures(wanted, data_root):
+        for row, picture in bags.read_to_show(wanted, data_root):
             tile = shown_in(pictures.views[row], picture)
             cell = np.zeros((height, width, 3), np.uint8)
             cell[: tile.shape[0], : tile.shape[1]] = tile

@@ -301,6 +301,16 @@ def test_picture_that_cannot_be_decoded(tmp_path):
         list(bags.read_pictures(table, tmp_path))
 
 
+def test_a_page_shows_a_picture_that_cannot_be_decoded_grey(tmp_path, capsys):
+    data = encoded(picture(1)).tobytes()
+    table = rows(write_bag(tmp_path / "a.bag", [(TOPIC, T0, compressed(T0, data))]))
+    (tmp_path / "a.bag").unlink()
+    write_bag(tmp_path / "a.bag", [(TOPIC, T0, compressed(T0, data[:40]))])
+    [(row, shown)] = bags.read_to_show(table, tmp_path)
+    assert row == 0 and shown.shape == picture(1).shape and (shown == bags.DAMAGED_GREY).all()
+    assert "it is shown grey" in capsys.readouterr().err
+
+
 def test_bag_that_changed_after_it_was_indexed(tmp_path):
     table = index(tmp_path, [write_bag(tmp_path / "a.bag", pictures([T0, T0 + 10]))])
     (tmp_path / "a.bag").unlink()

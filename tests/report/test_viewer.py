@@ -17,7 +17,7 @@ MOST_BYTES = 3e6  # of a walk of 3600 instants
 
 @pytest.fixture(autouse=True)
 def made_up(monkeypatch):
-    monkeypatch.setattr(bags, "read_pictures", walks.pictures)
+    monkeypatch.setattr(bags, "read_to_show", walks.pictures)
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +30,7 @@ def made(given, tmp_path_factory):
     """scene.js of the walk; its pictures are beside it."""
     folder = tmp_path_factory.mktemp("made")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(bags, "read_pictures", walks.pictures)
+        patch.setattr(bags, "read_to_show", walks.pictures)
         viewer.run(**given, out=folder / "scene.js", out_pictures=folder / "pictures")
     return folder / "scene.js"
 

@@ -121,7 +121,7 @@ def write(root, count=4, frames=90):
 
 
 def pictures(rows, data_root):
-    """In place of `bags.read_pictures`: a texture that goes by, with the frame's number as a grey corner."""
+    """In place of `bags.read_to_show`: a texture that goes by, with the frame's number as a grey corner."""
     import cv2
 
     large = cv2.resize(TEXTURE, (1440, 960), interpolation=cv2.INTER_CUBIC)
