@@ -1,4 +1,5 @@
-"""How long the report of a dataset of DIOR's size takes, and how large it is: 112 sequences of 4 cameras, no pictures.
+"""How long the report of a dataset of DIOR's size takes, how large it is, and how soon a browser has its pages: 112
+sequences of 4 cameras, no pictures.
 
 usage: python -m benchmarks.report [FOLDER]      (FOLDER for the made-up tables and the report; kept when given)
 
@@ -15,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.viewer import opened
 from dior.body.names import MLKIT_33
 from dior.evaluate import label_errors, metrics, statistics
 from dior.geometry import camera_tables
@@ -262,6 +264,8 @@ def main(folder=None):
     print("|---|---|---|---|")
     print(f"| report, clock | {taken:.1f} s | {LIMIT_S:.0f} s | {taken / LIMIT_S:.2f} |")
     print(f"| size, {files} files | {size / 1e6:.1f} MB | {LIMIT_BYTES / 1e6:.0f} MB | {size / LIMIT_BYTES:.2f} |")
+    for page in ("index.html", f"sequences/{sequences()[-1][0]}.html"):
+        print("\n".join(opened(Path(folder) / "report" / page)))
     print(f"\n{os.cpu_count()} cores, peak memory {peak / 1e6:.0f} MB")
 
 

@@ -17,7 +17,6 @@ from tests.report import chromium, walks
 
 FRAMES, CAMERAS = 3600, 8
 LIMIT_BYTES, LIMIT_OPEN_S = 3e6, 3.0
-ELEMENTS = "document.querySelectorAll('*').length"
 READY = "document.querySelector('main')?.dataset.ready === 'yes'"
 
 
@@ -40,18 +39,25 @@ def size(folder):
     return sum(path.stat().st_size for path in files), len(files)
 
 
-def opened(page):
-    """Seconds until the page works, its elements, the bytes of what it keeps in memory (JavaScript)."""
+def opened(page, ready="document.readyState === 'complete'"):
+    """Lines of the table on a page in Chromium: its elements, the time until it is ready, the memory of its scripts."""
+    if chromium.program() is None:
+        return ["| no Chromium here to open it with | | |"]
     with chromium.opened() as browser:
         browser.size(1440)
-        browser.open(page, ready=READY)
+        browser.open(page, ready=ready)
         # once to start the browser, once to measure
         begun = time.perf_counter()
-        browser.open(page, ready=READY)
+        browser.open(page, ready=ready)
         taken = time.perf_counter() - begun
         assert not browser.said, browser.said
-        heap = browser.call("Runtime.getHeapUsage")
-        return taken, browser.run(ELEMENTS), heap["usedSize"] + heap.get("backingStorageSize", 0)
+        heap, elements = browser.call("Runtime.getHeapUsage"), browser.run("document.querySelectorAll('*').length")
+    memory = heap["usedSize"] + heap.get("backingStorageSize", 0)
+    return [
+        f"| {page.name}, {page.stat().st_size / 1e3:.1f} kB, its elements | {elements} | |",
+        f"| time to open | {taken:.2f} s | {LIMIT_OPEN_S:.0f} s |",
+        f"| memory of its scripts | {memory / 1e6:.0f} MB | |",
+    ]
 
 
 def main(cameras=CAMERAS, folder=None):
@@ -64,16 +70,12 @@ def main(cameras=CAMERAS, folder=None):
     out = page.parents[1]
     beside = out / "assets" / walks.SEQUENCE
     (own, files), (pictures, _), (shared, count) = size(beside), size(beside / "pictures"), size(out / "viewer")
-    taken, elements, kept = opened(page)
     print(f"| a walk of {FRAMES} instants, {cameras} cameras | measured | limit |")
     print("|---|---|---|")
     print(f"| its files, {files} | {own / 1e6:.2f} MB | {LIMIT_BYTES / 1e6:.0f} MB |")
     print(f"| of these scene.js | {(own - pictures) / 1e6:.2f} MB | |")
-    print(f"| its page | {page.stat().st_size / 1e3:.1f} kB | |")
     print(f"| shared by all walks, {count} files | {shared / 1e6:.2f} MB | |")
-    print(f"| elements of the page | {elements} | |")
-    print(f"| time to open | {taken:.1f} s | {LIMIT_OPEN_S:.0f} s |")
-    print(f"| memory of the script | {kept / 1e6:.0f} MB | |")
+    print("\n".join(opened(page, READY)))
     print(f"| the step, CPU, without decoding pictures | {cpu:.1f} s | |")
 
 

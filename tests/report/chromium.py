@@ -92,17 +92,22 @@ class Page:
         self.call("Emulation.setEmulatedMedia", features=[scheme])
 
 
+def program():
+    """The path of a Chromium; None where there is none."""
+    names = ("chromium", "chromium-browser", "google-chrome")
+    return next(filter(None, map(shutil.which, names)), None)
+
+
 @contextmanager
 def opened():
     """A `Page` of a Chromium that ends with it; the test is skipped where there is none."""
-    program = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-    if program is None:
+    if program() is None:
         pytest.skip("no Chromium here: apt-get install chromium")
     (theirs_in, ours_out), (ours_in, theirs_out) = os.pipe(), os.pipe()
 
     with tempfile.TemporaryDirectory(prefix="dior-chromium-", ignore_cleanup_errors=True) as profile:
         # the pipe is of the descriptors 3 and 4
-        words = [program, *FLAGS, f"--user-data-dir={profile}"]
+        words = [program(), *FLAGS, f"--user-data-dir={profile}"]
         shell = f'exec "$@" 3<&{theirs_in} 4>&{theirs_out}'
         browser = subprocess.Popen(
             ["bash", "-c", shell, "bash", *words], pass_fds=(theirs_in, theirs_out), stderr=subprocess.DEVNULL
