@@ -25,7 +25,7 @@ def made(folder, cameras):
     given = walks.write(folder / "tables", cameras, FRAMES)
     out = folder / "report"
     beside = out / "assets" / walks.SEQUENCE
-    bags.read_pictures = walks.pictures
+    bags.read_to_show = walks.pictures
     begun = time.process_time()
     viewer.run(**given, out=beside / "scene.js", out_pictures=beside / "pictures")
     taken = time.process_time() - begun

@@ -27,7 +27,7 @@ def made(given, tmp_path_factory):
     out = tmp_path_factory.mktemp("report")
     beside = out / "assets" / walks.SEQUENCE
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(bags, "read_pictures", walks.pictures)
+        patch.setattr(bags, "read_to_show", walks.pictures)
         viewer.run(**given, out=beside / "scene.js", out_pictures=beside / "pictures")
     scene_pages.write(pages.environment(), out, "A & B", scene_pages.headers([beside / "scene.js"]))
     return out / f"sequences/{walks.SEQUENCE}.3d.html"
