@@ -57,7 +57,7 @@ def poses(path: Path, sigmas: Mapping[str, Floats]) -> None:
     """Standard errors of position and direction, on logarithmic axes. `sigmas`: camera -> (6,), as of `spreads`."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
-    figure, axes = new_figure(1, 2, height=3.4)
+    figure, axes = new_figure(1, 2, height=1.5 + 0.3 * len(sigmas), sharey=True)
     at = np.arange(len(sigmas))
     values = np.stack(list(sigmas.values()))
     for axis, first, names, label in (
@@ -65,21 +65,21 @@ def poses(path: Path, sigmas: Mapping[str, Floats]) -> None:
         (axes[1], 0, OWN_AXES, "direction, degrees"),
     ):
         for i, (name, mark) in enumerate(names):
-            axis.plot(at + 0.16 * (i - 1), values[:, first + i], mark, ms=5, color=COLOURS[i], label=name)
-        axis.set_yscale("log")
+            axis.plot(values[:, first + i], at + 0.2 * (i - 1), mark, ms=5, color=COLOURS[i], label=name)
+        axis.set_xscale("log")
         shown = values[:, first : first + 3]
-        # at least a decade, and room for the legend below
-        axis.set_ylim(min(shown.min() / 6, shown.max() / 20), 1.4 * shown.max())
-        axis.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-        axis.yaxis.set_minor_locator(NullLocator())
-        axis.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        axis.set_xticks(at, list(sigmas))
-        axis.tick_params(axis="x", labelsize=8.5)
-        axis.set_xlim(-0.6, len(sigmas) - 0.4)
-        axis.set_title(label)
-        axis.legend(loc="lower left", fontsize=8, handletextpad=0.1)
-        axis.grid(axis="x", visible=False)
-    axes[0].set_ylabel("standard error")
+        middle = np.sqrt(shown.min() * shown.max())
+        # at least a decade
+        axis.set_xlim(min(shown.min() / 1.4, middle / 3.2), max(shown.max() * 1.4, middle * 3.2))
+        axis.xaxis.set_major_locator(LogLocator(subs=(1, 3)))
+        axis.xaxis.set_minor_locator(NullLocator())
+        axis.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.set_xlabel(label, fontsize=9)
+        axis.grid(axis="y", visible=False)
+        axis.legend(loc="lower left", bbox_to_anchor=(-0.04, 1), ncols=3, fontsize=8, handletextpad=0,
+                    columnspacing=0.5, borderpad=0)  # fmt: skip
+    axes[0].set_yticks(at, list(sigmas), fontsize=9)
+    axes[0].set_ylim(len(sigmas) - 0.5, -0.5)
     save_svg(figure, path)
 
 

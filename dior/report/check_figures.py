@@ -108,7 +108,7 @@ def detectors(table: "pd.DataFrame") -> list[Drawing]:
     ):  # fmt: skip
         own = pooled(table, "role", "tool")
         own = own[(own["metric"] == metric) & (own["tool"] != "")]
-        own = own.assign(close=own["role"] != "long_range").sort_values(["close", "tool"])
+        own = own.assign(close=own["role"] != "long_range", less=-own["value"]).sort_values(["close", "less", "tool"])
         several = own["role"].nunique() > 1
         bars = {row.tool + (f", {row.role.replace('_', ' ')}" if several else ""): _of(row) for row in own.itertuples()}
         if bars:

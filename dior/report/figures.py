@@ -11,11 +11,13 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from dior.arrays import AnyPath, Floats, Ints
+from dior.evaluate import bootstrap
 from dior.evaluate.metrics import COLUMNS
 from dior.geometry.camera import Camera
 from dior.project.project import Project
-from dior.report import certainty, check_figures, clocks, plots, reid, scene, stamps
+from dior.report import certainty, check_figures, clocks, joint_plot, plots, reid, scene, stamps
 from dior.report.cards import FrameMetrics
+from dior.report.check_figures import ALL
 from dior.report.key_figures import Row
 from dior.tables import tables
 
@@ -56,13 +58,13 @@ class Figures:
         own = self.by_camera[(self.by_camera["metric"] == metric) & (self.by_camera["joint"] == "")]
         if own.empty:
             return []
-        own = own.assign(place=own["environment"] + "\n" + own["camera"])
+        own = own.assign(place=own["environment"] + " " + own["camera"])
         points = list(own[[group, colour, "value", "n"]].itertuples(index=False, name=None))
         counts = {str(at): int(n) for at, n in own.groupby(group)["n"].sum().items()}
         total = check_figures.whole(self.table, metric, sum(counts.values()))
         intervals = {at: check_figures.interval(self.table, metric, n, camera=at) for at, n in counts.items()}
-        caption += " One dot per sequence and camera, the bar is the mean weighted by n"
-        caption += ", the line its 95 % interval over the subjects." if total else "."
+        caption += " One dot per sequence and camera; the bar is the mean weighted by n, the number of values"
+        caption += ", the line below it its 95 % interval over the subjects." if total else "."
         alt = f"{title}, {len(points)} values in {len(counts)} groups"
         return [self._draw(name, plots.strip, points, label, title=title, caption=caption, alt=alt,
                            intervals=intervals, total=total)]  # fmt: skip
@@ -116,25 +118,23 @@ class Figures:
 
     def _joints(self, metric: str, title: str, label: str) -> list[Shown]:
         own = self.by_camera[(self.by_camera["metric"] == metric) & (self.by_camera["joint"] != "")]
-        values: dict[str, dict[str, list[tuple[float, int]]]] = {}
+        # group -> joint -> subject -> (sum of the values, n)
+        sums: dict[str, dict[str, dict[str, tuple[float, int]]]] = {}
         for row in own.to_dict("records"):
             group = f"{row['environment']} {row['role'].replace('_', ' ')}".strip()
-            values.setdefault(group, {}).setdefault(row["joint"], []).append((row["value"], row["n"]))
-        # summed one after the other: pandas' sums differ in the last bit, and the figures are compared byte by byte
-        means = {
-            group: {
-                joint: (sum(v * n for v, n in members) / sum(n for _, n in members), sum(n for _, n in members))
-                for joint, members in by_joint.items()
-            }
-            for group, by_joint in values.items()
-        }
+            by_subject = sums.setdefault(group, {}).setdefault(row["joint"], {})
+            # added one after the other: pandas' sums differ in the last bit, and figures are compared byte by byte
+            total, n = by_subject.get(row["subject"], (0.0, 0))
+            by_subject[row["subject"]] = total + row["value"] * row["n"], n + row["n"]
         return [
             self._draw(
-                f"{metric}_joint_{group.replace(' ', '_')}", plots.joints, {group: by_joint}, label,
-                title=f"{title}, {group}", caption="Mean over all sequences and cameras.",
-                alt=f"{title}: bars of {len(by_joint)} joints",
+                f"{metric}_joint_{group.replace(' ', '_')}", joint_plot.draw,
+                {joint: _mean(list(by_subject.values())) for joint, by_subject in sorted(by_joint.items())}, label,
+                title=f"{title}, {group}",
+                caption=f"Means over all sequences and cameras, from the head down. {check_figures.INTERVAL}",
+                alt=f"{title}: {len(by_joint)} joints, left and right beside each other",
             )
-            for group, by_joint in sorted(means.items())
+            for group, by_joint in sorted(sums.items())
         ]  # fmt: skip
 
     def _distribution(self, metric: str, title: str, label: str) -> list[Shown]:
@@ -155,26 +155,28 @@ class Figures:
         values: dict[str, dict[str, tuple[float, int]]] = {}
         own = self.table[self.table["metric"].isin(["adjust_error_before", "adjust_error_after"])]
         for row in own.to_dict("records"):
-            name = " ".join(filter(None, (row["sequence"], row["camera"] or "all")))
+            name = " ".join(filter(None, (row["sequence"], row["camera"] or ALL)))
             values.setdefault(name, {})[row["metric"]] = (row["value"], row["n"])
-        bars = {
+        pairs = {
             name: (pair["adjust_error_before"][0], pair["adjust_error_after"][0], pair["adjust_error_after"][1])
-            for name, pair in sorted(values.items())
+            for name, pair in values.items()
             if len(pair) == 2
         }
-        if not bars:
+        # by size, and all of them last
+        pairs = dict(sorted(pairs.items(), key=lambda one: (one[0] == ALL, -one[1][1], one[0])))
+        if not pairs:
             return []
         return [
             self._draw(
-                "adjust", plots.before_after, bars, "mean error, px", title="Before and after the adjustment",
-                caption="Mean reprojection error of the points used to adjust the cameras.",
-                alt=f"Pairs of bars for {len(bars)} cameras",
+                "adjust", plots.before_after, pairs, "mean error, px", title="Before and after the adjustment",
+                caption="Mean reprojection error of the points used to adjust the cameras; the largest first.",
+                alt=f"Values before and after for {len(pairs)} rows",
             )
         ]  # fmt: skip
 
-    def timelines(self) -> list[Shown]:
-        """One figure per sequence: errors over time, joints without a label, lost pictures."""
-        return [self._timeline(sequence) for sequence in self.project.sequences if self._recorded(sequence)]
+    def timelines(self) -> dict[str, Shown]:
+        """One figure by sequence: errors over time, joints without a label, lost pictures."""
+        return {sequence: self._timeline(sequence) for sequence in self.project.sequences if self._recorded(sequence)}
 
     def _recorded(self, sequence: str) -> dict[str, dict[str, tuple[Ints, Floats, Ints]]]:
         cameras = self.project.cameras_of(sequence)
@@ -205,21 +207,21 @@ class Figures:
             if metric in by_metric
         }
         return self._draw(
-            f"timeline_{sequence}", plots.timeline, lanes, errors, label, title=sequence,
+            f"timeline_{sequence}", plots.timeline, lanes, errors, label, title="Errors, and what is missing",
             caption="Mean error of each picture (top) and what is missing (bottom)." if errors else "What is missing.",
             alt=f"Timeline of {sequence}: {len(lanes)} cameras",
         )  # fmt: skip
 
-    def stamps(self, audited: Mapping[str, stamps.SequenceStamps]) -> list[Shown]:
-        """One figure per sequence of `stamps.SequenceStamps`: when pictures came late, are missing or repeated."""
-        return [
-            self._draw(
-                f"stamps_{sequence}", plots.stamps, one.lags, one.dropped, title=sequence,
+    def stamps(self, audited: Mapping[str, stamps.SequenceStamps]) -> dict[str, Shown]:
+        """One figure by sequence of `stamps.SequenceStamps`: when pictures came late, are missing or repeated."""
+        return {
+            sequence: self._draw(
+                f"stamps_{sequence}", plots.stamps, one.lags, one.dropped, title="Late and lost pictures",
                 caption="A picture that is late only in its receive stamp does no harm: labels use header stamps.",
                 alt=f"Stamps of {sequence}: {len(one.lags)} cameras",
             )
             for sequence, one in audited.items()
-        ]  # fmt: skip
+        }  # fmt: skip
 
     def clock_costs(self, clocked: Mapping[str, clocks.SequenceClocks]) -> dict[str, Shown]:
         """Per sequence of `clocks.SequenceClocks` with costs: how well each offset fits."""
@@ -282,8 +284,9 @@ class Figures:
                 ),
                 self._draw(
                     f"scene_{session}", scene.plan, *drawn, title=f"{session}, from above and from the side",
-                    caption="Squares are cameras with their viewing direction (long range in orange); lines are the "
-                    "mean of the joints over each walk.",
+                    caption="Squares are cameras with their viewing direction (long range in orange; an arrow at the "
+                    "edge where it is far away); lines are the mean of the joints over each walk, with the colours of "
+                    "the picture in space.",
                     alt=f"Session {session} from above and the side: {about}",
                 ),
             ]  # fmt: skip
@@ -312,6 +315,13 @@ class Figures:
                     alt=f"Turns of {len(moved[session])} cameras of session {session} by walk",
                 ))  # fmt: skip
         return figures
+
+
+def _mean(by_subject: list[tuple[float, int]]) -> plots.Value:
+    """The mean of values of which each subject's sum and number are given, with its interval over the subjects."""
+    sums, n = zip(*by_subject, strict=True)
+    low, high = bootstrap.of_mean(np.array(sums), np.array(n))
+    return sum(sums) / sum(n), low, high, sum(n)
 
 
 def _lost_stamps(stamp_ns: Ints) -> Ints:

@@ -3,6 +3,7 @@
 Figures are narrow, with type that can still be read when a phone scales them down.
 """
 
+import io
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
@@ -11,8 +12,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from dior.arrays import Floats
-from dior.report.colours import COLOURS, DARK, GREY, GRID, RED, colours_of
-from dior.tables.files import written_whole
+from dior.report.colours import AT_NIGHT, COLOURS, DARK, GREY, GRID, RED, WHITE, colours_of
+from dior.tables.files import write_text
 from dior.tables.words import DROP_REASON
 
 if TYPE_CHECKING:
@@ -24,6 +25,8 @@ Value: TypeAlias = tuple[float, float, float, int]
 
 # inches; chosen: type of 10 points can still be read where a phone shows it 9 cm wide
 WIDTH = 5.2
+# chosen: of an axis of shares that hardly differ, so that it does not make much of nothing
+FEWEST_PERCENT = 5.0
 # Matplotlib knows its parameters by a Literal of all their names
 STYLE: dict[Any, Any] = {
     "svg.hashsalt": "dior",
@@ -37,6 +40,10 @@ STYLE: dict[Any, Any] = {
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.edgecolor": GREY,
+    # said, not left at black, so that a dark page can exchange it
+    **{key: DARK for key in ("text.color", "axes.labelcolor", "xtick.labelcolor", "ytick.labelcolor")},
+    **{key: GREY for key in ("xtick.color", "ytick.color")},
+    "savefig.transparent": True,
     "axes.grid": True,
     "axes.axisbelow": True,
     "grid.color": GRID,
@@ -64,89 +71,83 @@ def new_figure(rows: int = 1, columns: int = 1, height: float = 3.1, **options: 
 
 
 def save_svg(figure: "Figure", path: Path) -> None:
-    """Write a figure as SVG, without date or version, and close it."""
+    """Write a figure as SVG, without date or version, readable on a light and a dark page, and close it."""
     if layout := figure.get_layout_engine():
         layout.execute(figure)
         # else Matplotlib draws the whole figure twice
         figure.set_layout_engine(None)
-    with written_whole(path) as part:
-        figure.savefig(part, format="svg", metadata={"Date": None, "Creator": None})
+    drawn = io.StringIO()
+    figure.savefig(drawn, format="svg", metadata={"Date": None, "Creator": None})
     _pyplot().close(figure)
+    write_text(path, drawn.getvalue().replace("</defs>", f"{_night()}</defs>", 1))
+
+
+@cache
+def _night() -> str:
+    """A style sheet that exchanges the colours of ink and paper where the reader prefers a dark page.
+
+    Matplotlib writes each colour where it is used, so that only the text of a style tells what it is.
+    """
+    rules = "".join(
+        f'[style*="{what}: {day.lower()}"]{{{what}:{night}!important}}'
+        for day, night in AT_NIGHT.items()
+        for what in ("fill", "stroke")
+    )
+    return f"<style>@media (prefers-color-scheme: dark){{svg{{background:{AT_NIGHT[WHITE]}}}{rules}}}</style>"
 
 
 def strip(
     path: Path,
     points: list[tuple[str, str, float, int]],
     label: str,
-    percent: bool = False,
-    limit: tuple[float, str] | None = None,
     intervals: Mapping[str, tuple[float, float]] | None = None,
     total: Value | None = None,
 ) -> None:
-    """Figures by group: one dot per row, a dark bar at the mean weighted by n.
+    """Figures by group, a row each: one dot per value, a dark bar at the mean weighted by n, which stands beside it.
 
-    `points`: (group, colour group, value, n) tuples; `label` names the vertical axis with its unit; `limit`: (value,
-    text) drawn as a line; `intervals`: group -> (low, high) of its mean; `total`: (value, low, high, n) of all, drawn
-    last.
+    `points`: (group, colour group, value, n) tuples; `label` names the axis with its unit; `intervals`: group -> (low,
+    high) of its mean; `total`: (value, low, high, n) of all, drawn last.
     """
     groups = sorted({p[0] for p in points})
-    crowded = len(groups) > 6
-    kinds = sorted({p[1] for p in points})
-    colours = colours_of(kinds)
-    figure, axis = new_figure()
-    scale = 100 if percent else 1
-    for at, group in enumerate(groups):
-        members = [p for p in points if p[0] == group]
-        spread = (np.arange(len(members)) - (len(members) - 1) / 2) * min(0.12, 0.6 / len(members))
-        for shift, (_, kind, value, _) in zip(spread, sorted(members, key=lambda p: p[1]), strict=True):
-            axis.plot(at + shift, value * scale, "o", ms=5, color=colours[kind], alpha=0.85, mec="white", mew=0.5)
-        n = np.array([p[3] for p in members])
-        mean = scale * np.dot(n, [p[2] for p in members]) / n.sum()
-        low, high = (intervals or {}).get(group, (np.nan, np.nan))
-        _mean(axis, at, mean, scale * low, scale * high, crowded)
-    totals = [sum(p[3] for p in points if p[0] == group) for group in groups]
+    colours = colours_of(sorted({p[1] for p in points}))
+    means: dict[str, Value] = {}
+    for group in groups:
+        n = np.array([p[3] for p in points if p[0] == group])
+        mean = float(np.dot(n, [p[2] for p in points if p[0] == group]) / n.sum())
+        means[group] = mean, *(intervals or {}).get(group, (np.nan, np.nan)), int(n.sum())
     if total:
-        value, low, high, n_all = total
-        _mean(axis, len(groups), scale * value, scale * low, scale * high, crowded)
-        groups, totals = [*groups, "all"], [*totals, n_all]
-    if limit:
-        axis.axhline(limit[0] * scale, color=RED, lw=1, ls=(0, (4, 3)), zorder=0)
-        axis.annotate(limit[1], (0.01, limit[0] * scale), xycoords=("axes fraction", "data"), va="bottom", fontsize=9,
-                      color=RED)  # fmt: skip
-    rotate = len(groups) > 6
-    axis.set_xticks(
-        range(len(groups)),
-        [f"{g}\nn {_short(t)}" if not rotate else f"{g} (n {_short(t)})" for g, t in zip(groups, totals, strict=True)],
-        rotation=60 if rotate else 0,
-        ha="right" if rotate else "center",
-    )
-    axis.set_xlim(-0.6, len(groups) - 0.2)
-    axis.margins(y=0.12)
-    if percent:
-        low = min(p[2] for p in points) * 100
-        axis.set_ylim(max(0, 5 * np.floor((low - 2) / 5)), 101)
-    else:
-        axis.set_ylim(0, None)
-    axis.set_ylabel(label)
-    axis.grid(axis="x", visible=False)
-    if len(kinds) > 1:
+        means["all"] = total
+    figure, axis = new_figure(height=1.1 + 0.42 * len(means))
+    for at, group in enumerate(groups):
+        members = sorted((p for p in points if p[0] == group), key=lambda p: p[1])
+        spread = (np.arange(len(members)) - (len(members) - 1) / 2) * min(0.12, 0.55 / len(members))
+        for shift, (_, kind, value, _) in zip(spread, members, strict=True):
+            axis.plot(value, at + shift, "o", ms=5, color=colours[kind], alpha=0.85, mec=WHITE, mew=0.5)
+    for at, (mean, low, high, _) in enumerate(means.values()):
+        axis.vlines(mean, at - 0.32, at + 0.32, color=DARK, lw=1.8, zorder=1)
+        if np.isfinite([low, high]).all():
+            axis.hlines(at + 0.36, low, high, color=DARK, lw=1.2)
+            axis.vlines([low, high], at + 0.3, at + 0.42, color=DARK, lw=1.2)
+    _rows(axis, list(means), [f"{mean:.3g}" for mean, *_ in means.values()], [one[3] for one in means.values()])
+    axis.set_xlim(0, 1.04 * max(axis.dataLim.x1, *(one[0] for one in means.values())))
+    axis.set_xlabel(label)
+    if len(colours) > 1:
         legend(figure, colours)
     save_svg(figure, path)
 
 
-def _mean(axis: "Axes", at: float, mean: float, low: float, high: float, crowded: bool) -> None:
-    """A bar at a group's mean, its value, and its interval where it is known."""
-    axis.plot([at - 0.32, at + 0.32], [mean, mean], color=DARK, lw=1.8, solid_capstyle="butt", zorder=1)
-    # beside the bar there is room for few groups only
-    place: dict[str, Any] = (
-        {"xytext": (0, 9), "ha": "center", "fontsize": 7.5} if crowded else {"xytext": (3, 0), "fontsize": 9}
-    )
-    xy = (at if crowded else at + 0.32, mean)
-    axis.annotate(f"{mean:.3g}", xy, va="center", textcoords="offset points", color=DARK,
-                  annotation_clip=False, **place)  # fmt: skip
-    if np.isfinite([low, high]).all():
-        axis.vlines(at + 0.28, low, high, color=DARK, lw=1.2)
-        axis.hlines([low, high], at + 0.24, at + 0.32, color=DARK, lw=1.2)
+def _rows(axis: "Axes", names: list[str], values: list[str], counts: list[int]) -> None:
+    """A row each of a horizontal plot, from above: its name on the left, what it shows and of how many on the right."""
+    at = range(len(names))
+    axis.set_yticks(at, names, fontsize=9)
+    axis.set_ylim(len(names) - 0.4, -0.6)
+    axis.tick_params(axis="y", length=0)
+    axis.grid(axis="y", visible=False)
+    right = axis.secondary_yaxis("right")
+    right.spines[:].set_visible(False)
+    texts = [f"{value} (n {short(n)})".strip() for value, n in zip(values, counts, strict=True)]
+    right.set_yticks(at, texts, fontsize=9)
+    right.tick_params(length=0)
 
 
 def legend(figure: "Figure", colours: Mapping[str, str]) -> None:
@@ -158,7 +159,8 @@ def legend(figure: "Figure", colours: Mapping[str, str]) -> None:
                   columnspacing=1.2)  # fmt: skip
 
 
-def _short(n: float) -> str:
+def short(n: float) -> str:
+    """A count in few characters, as plots show it."""
     return f"{n / 1e6:.3g}M" if n >= 1e6 else f"{n / 1e3:.3g}k" if n >= 1e4 else str(int(n))
 
 
@@ -168,43 +170,38 @@ def distribution(path: Path, series: Mapping[str, Floats], label: str) -> None:
     q = np.linspace(0, 1, 201)
     end = max(float(np.quantile(values, 0.99)) for values in series.values())
     for (name, values), colour in zip(sorted(series.items()), COLOURS * 4, strict=False):
-        axis.plot(np.quantile(values, q), 100 * q, color=colour, lw=1.8, label=f"{name} (n {_short(len(values))})")
-    axis.set_xlim(0, end * 1.02 or 1)
+        x = np.quantile(values, q)
+        shown = x <= end
+        # the ends of a curve lie on the frame
+        axis.plot(x[shown], 100 * q[shown], color=colour, lw=1.8, label=f"{name} (n {short(len(values))})",
+                  clip_on=False)  # fmt: skip
+    axis.set_xlim(0, end or 1)
     axis.set_ylim(0, 100)
     axis.set_xlabel(label)
     axis.set_ylabel("share of the pictures, %")
-    axis.legend(loc="lower right")
+    above(figure, axis)
     save_svg(figure, path)
 
 
-def joints(path: Path, values: Mapping[str, Mapping[str, tuple[float, int]]], label: str) -> None:
-    """Means by joint as horizontal bars. `values`: group -> {joint: (value, n)}; one panel per group."""
-    most = max(len(by_joint) for by_joint in values.values())
-    figure, axes = new_figure(1, len(values), height=0.9 + 0.165 * most, squeeze=False)
-    for axis, (group, by_joint), colour in zip(axes[0], sorted(values.items()), COLOURS * 4, strict=False):
-        names = list(by_joint)
-        axis.barh(range(len(names)), [by_joint[name][0] for name in names], color=colour, height=0.7)
-        axis.set_yticks(range(len(names)), [name.replace("_", " ") for name in names], fontsize=7.5)
-        axis.set_ylim(len(names) - 0.4, -0.6)
-        axis.grid(axis="y", visible=False)
-        axis.set_title(f"{group} (n {_short(sum(n for _, n in by_joint.values()))})", fontsize=9)
-        axis.set_xlabel(label, fontsize=9)
-    save_svg(figure, path)
+def above(figure: "Figure", axis: "Axes", columns: int = 2) -> None:
+    """The legend of an axis above all axes of the figure, where it covers nothing."""
+    figure.legend(*axis.get_legend_handles_labels(), loc="outside upper left", ncols=columns, handlelength=1.4,
+                  handletextpad=0.4, columnspacing=1.2)  # fmt: skip
 
 
-def before_after(path: Path, bars: Mapping[str, tuple[float, float, int]], label: str) -> None:
-    """Pairs of bars. `bars`: name -> (before, after, n)."""
-    figure, axis = new_figure(height=2.9)
-    at = np.arange(len(bars))
-    for shift, index, colour, name in ((-0.2, 0, "#b9c0c9", "before"), (0.2, 1, COLOURS[0], "after")):
-        heights = [bar[index] for bar in bars.values()]
-        drawn = axis.bar(at + shift, heights, 0.36, color=colour, label=name)
-        axis.bar_label(drawn, fmt="%.3g", fontsize=9, padding=2)
-    axis.set_xticks(at, [f"{name}\nn {_short(bar[2])}" for name, bar in bars.items()])
-    axis.set_ylabel(label)
-    axis.margins(y=0.15)
-    axis.grid(axis="x", visible=False)
-    figure.legend(loc="outside upper left", ncols=2)
+def before_after(path: Path, pairs: Mapping[str, tuple[float, float, int]], label: str) -> None:
+    """What became of values, a row each in the order given. `pairs`: name -> (before, after, n)."""
+    figure, axis = new_figure(height=1.1 + 0.34 * len(pairs))
+    at = np.arange(len(pairs))
+    before, after = (np.array([pair[i] for pair in pairs.values()]) for i in (0, 1))
+    axis.hlines(at, after, before, color=GREY, lw=1.4)
+    axis.plot(before, at, "o", ms=6, color=GREY, label="before")
+    axis.plot(after, at, "o", ms=6, color=COLOURS[0], label="after")
+    texts = [f"{one:.3g} \u2192 {other:.3g}" for one, other in zip(before, after, strict=True)]
+    _rows(axis, list(pairs), texts, [pair[2] for pair in pairs.values()])
+    axis.set_xlim(0, 1.04 * max(before.max(), after.max()))
+    axis.set_xlabel(label)
+    above(figure, axis)
     save_svg(figure, path)
 
 
@@ -233,16 +230,16 @@ def timeline(
         axis.set_ylim(0, None)
         axis.set_ylabel(label)
     axis = axes[-1, 0]
-    for row, (name, (t, missing, lost)) in enumerate(lanes.items()):
+    for row, (name, (t, missing, lost)) in enumerate(reversed([*lanes.items()])):
         axis.axhline(row, color=GRID, lw=0.8)
         times, share = _binned(t, missing)
         axis.fill_between(times, row, row + 0.8 * share, color=colours[name], lw=0, step="mid")
         axis.plot(lost, np.full(len(lost), row - 0.12), "|", color=RED, ms=5, mew=1)
-    counts = [f"{name}\n{_short(len(lanes[name][0]))} pictures" for name in names]
+    counts = [f"{name}\n{short(len(lanes[name][0]))} pictures" for name in reversed(names)]
     axis.set_yticks(np.arange(len(names)) + 0.3, counts, fontsize=8)
     axis.set_ylim(-0.3, len(names))
     axis.grid(axis="y", visible=False)
-    axis.set_title("joints without a label (full height: all), red: lost pictures", fontsize=9)
+    axis.set_title("share of joints without a label (full height: all); red: lost pictures", fontsize=9)
     axis.set_xlabel("time, s")
     if with_errors:
         figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=4, handlelength=1.2)
@@ -308,21 +305,24 @@ def marks(
         at = np.array([groups.index(group) for group in values]) + apart * (nth - (len(series) - 1) / 2)
         value, low, high = scale * np.array([v[:3] for v in values.values()], float).T.reshape(3, -1)
         axis.hlines(at, low, high, color=colour, lw=1.6)
-        axis.plot(value, at, "osD^"[nth % 4], ms=5.5, color=colour, mec="white", mew=0.6, label=name)
+        # a share of 100 % lies on the frame
+        axis.plot(value, at, "osD^"[nth % 4], ms=5.5, color=colour, mec=WHITE, mew=0.6, label=name, clip_on=False)
     counts = [max((values[g][3] for values in series.values() if g in values), default=0) for g in groups]
-    axis.set_yticks(range(len(groups)), [f"{g} (n {_short(n)})" for g, n in zip(groups, counts, strict=True)],
+    axis.tick_params(axis="y", length=0)
+    axis.set_yticks(range(len(groups)), [f"{g} (n {short(n)})" for g, n in zip(groups, counts, strict=True)],
                     fontsize=9)  # fmt: skip
     axis.set_ylim(len(groups) - 0.5, -0.5)
     axis.grid(axis="y", visible=False)
     for edge in np.arange(len(groups) - 1) + 0.5:
-        axis.axhline(edge, color="#eef0f2", lw=0.8, zorder=0)
+        axis.axhline(edge, color=GRID, lw=0.8, zorder=0)
     if limit:
         # before the axis is cut to what is drawn, so that the limit is on it
         axis.axvline(limit[0] * scale, color=RED, lw=1, ls=(0, (4, 3)), zorder=0)
         figure.text(1, 1, limit[1], color=RED, fontsize=9, ha="right", va="top")
-    _from_zero(axis)
     if percent:
-        axis.set_xlim(max(0, axis.get_xlim()[0]), 101)
+        _shares(axis)
+    else:
+        _from_zero(axis)
     axis.set_xlabel(label)
     if len(series) > 1:
         columns = 3 if max(map(len, series)) < 18 else 2
@@ -340,24 +340,24 @@ def _from_zero(axis: "Axes") -> None:
         axis.set_xlim(0, high)
 
 
+def _shares(axis: "Axes") -> None:
+    """Limits of an axis of per cent around what is drawn, at least FEWEST_PERCENT apart, within 0 and 100."""
+    low, high = axis.dataLim.intervalx
+    more = max(0.08 * (high - low), (FEWEST_PERCENT - (high - low)) / 2)
+    low, high = max(0.0, low - more), min(100.0, high + more)
+    axis.set_xlim(min(low, max(0.0, high - FEWEST_PERCENT)), max(high, min(100.0, low + FEWEST_PERCENT)))
+
+
 def bars(path: Path, values: Mapping[str, Value], label: str, percent: bool = False) -> None:
-    """Horizontal bars with their values, intervals and counts written out. `values`: name -> (value, low, high, n)."""
+    """Horizontal bars with intervals, values and n written out. `values`: name -> (value, low, high, n)."""
     scale = 100 if percent else 1
-    figure, axis = new_figure(height=0.9 + 0.42 * len(values))
+    figure, axis = new_figure(height=0.9 + 0.36 * len(values))
     at = np.arange(len(values))
     value, low, high = scale * np.array([v[:3] for v in values.values()], float).T
     axis.barh(at, value, 0.62, color=COLOURS[4])
     axis.hlines(at, low, high, color=DARK, lw=1.6)
-    ends = np.fmax(value, high)
-    for y, end, shown, one in zip(at, ends, value, values.values(), strict=True):
-        axis.annotate(f"{shown:.1f} (n {_short(one[3])})", (end, y), xytext=(5, 0), textcoords="offset points",
-                      va="center", fontsize=9, annotation_clip=False)  # fmt: skip
-    axis.set_yticks(at, list(values), fontsize=9)
-    axis.set_ylim(len(values) - 0.4, -0.6)
-    axis.set_xlim(0, 130 if percent else 1.3 * np.nanmax(ends))
-    if percent:
-        axis.set_xticks(range(0, 101, 20))
-    axis.grid(axis="y", visible=False)
+    _rows(axis, list(values), [f"{one:.1f}" for one in value], [one[3] for one in values.values()])
+    axis.set_xlim(0, 100 if percent else 1.04 * np.nanmax(np.fmax(value, high)))
     axis.set_xlabel(label)
     save_svg(figure, path)
 
@@ -373,11 +373,13 @@ def cmc(path: Path, series: Mapping[tuple[str, str], list[float]]) -> None:
     for (method, name), shares in series.items():
         ranks = np.arange(1, len(shares) + 1)
         label = f"{method}, {name}" if name else method
-        axis.plot(ranks, 100 * np.array(shares), color=colours[method], ls=styles[name], lw=1.8, label=label)
+        axis.plot(
+            ranks, 100 * np.array(shares), color=colours[method], ls=styles[name], lw=1.8, label=label, clip_on=False
+        )
     last = max(map(len, series.values()))
     axis.set_xlim(1, last)
     axis.set_xticks([1, *range(5, last + 1, 5)])
-    axis.set_ylim(0, 101)
+    axis.set_ylim(0, 100)
     axis.set_xlabel("rank")
     axis.set_ylabel("found among so many, %")
     figure.legend(*axis.get_legend_handles_labels(), loc="outside upper left", ncols=2, handlelength=2.2)

@@ -201,8 +201,7 @@ def run(
     sections = [*made.paper(), *made.truth(), *made.clocks(clocked)]
     scenes = [*made.scenes(stations, scene.skeletons), *made.certainty(scene.covariances, scene.turns)]
     walks = spaces.headers(media.scenes)
-    timelines = {figure["title"]: figure for figure in made.timelines()}
-    stamps = {figure["title"]: figure for figure in made.stamps(audited)}
+    timelines, stamps = made.timelines(), made.stamps(audited)
     tried = made.clock_costs(clocked)
     recognised = made.recognition(evaluated.recognition) if evaluated.recognition else None
     _remove_stale(folder, made.names)

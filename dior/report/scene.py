@@ -14,12 +14,13 @@ import numpy as np
 from dior.arrays import Floats
 from dior.body import names as skeletons
 from dior.geometry.camera import Camera, rays
-from dior.report.colours import COLOURS, DARK, EDGE, GREY, GRID, ORANGE, colours_of
+from dior.report.colours import COLOURS, DARK, EDGE, GREY, GRID, ORANGE, WHITE, colours_of
 from dior.report.plots import new_figure, save_svg
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.text import Annotation
 
 # by sequence, (N, 3) m
 Walks: TypeAlias = Mapping[str, Floats]
@@ -29,6 +30,12 @@ Pose: TypeAlias = tuple[Floats, list[str]]
 NEAR = 20.0
 # of a walk; chosen: a curve looks smooth, the file stays small
 POINTS = 240
+# where else a name may stand: points from what it names, and how it is aligned there
+PLACES = (
+    ((0, 7), "center", "bottom"), ((0, -7), "center", "top"), ((8, 0), "left", "center"), ((-8, 0), "right", "center"),
+    ((8, 14), "left", "bottom"), ((-8, 14), "right", "bottom"), ((8, -14), "left", "top"), ((-8, -14), "right", "top"),
+    ((0, 20), "center", "bottom"), ((0, -20), "center", "top"),
+)  # fmt: skip
 # walks beyond this many have no names beside them; chosen: as many as four rows of the legend hold
 NAMED = 12
 # from where the scene is seen; chosen: floor and heights can both be read
@@ -59,14 +66,38 @@ def space(path: Path, cameras: Sequence[Camera], walks: Walks, pose: Pose | None
         for a, b in skeletons.bones_of(names):
             axis.plot(*(points[[a, b]] @ view.T).T, color=DARK, lw=1)
     size = 0.09 * np.ptp(floor, axis=0).max()
-    for camera in near:
-        _draw_camera(axis, view, camera, size)
-    for camera in cameras:
-        if camera not in near:
-            _draw_far(axis, view, camera, middle, floor)
+    labels = [_draw_camera(axis, view, camera, size) for camera in near]
+    labels += [_draw_far(axis, view, camera, middle, floor) for camera in cameras if camera not in near]
     axis.margins(0.06)
     _legend(figure, walks, colours)
+    _apart(figure, labels)
     save_svg(figure, path)
+
+
+def _apart(figure: "Figure", names: Sequence["Annotation"]) -> None:
+    """Move names that would cover others before them to the first of PLACES around their points that is free."""
+    from matplotlib.patheffects import withStroke
+
+    figure.draw_without_rendering()
+    # the sizes of the axes are known now; a name that moves must not change them
+    figure.set_layout_engine(None)
+    taken = [
+        text.get_window_extent() for axis in figure.axes for text in axis.texts if text.get_text() and text not in names
+    ]
+    for name in names:
+        name.set_in_layout(False)
+        # readable on lines, too
+        name.set_path_effects([withStroke(linewidth=2.5, foreground=WHITE)])
+        first = name.get_position(), name.get_horizontalalignment(), name.get_verticalalignment()
+        for place, ha, va in (first, *PLACES):
+            name.set(position=place, ha=ha, va=va)
+            box = name.get_window_extent().padded(2)
+            if not box.count_overlaps(taken) and figure.bbox.containsx(box.x0) and figure.bbox.containsx(box.x1):
+                break
+        else:
+            name.set(position=first[0], ha=first[1], va=first[2])
+            box = name.get_window_extent()
+        taken.append(box)
 
 
 def _thinned(walks: Walks) -> dict[str, Floats]:
@@ -126,7 +157,7 @@ def _draw_floor(axis: "Axes", view: Floats, floor: Floats) -> None:
                 textcoords="offset points", fontsize=7.5, color=GREY, ha=side, va="top",
             )  # fmt: skip
         axis.annotate(name, tuple(np.array(at) @ view.T), xytext=(4 * away, -15), textcoords="offset points",
-                      fontsize=8.5, color="#5a606a", ha=side, va="top")  # fmt: skip
+                      fontsize=8.5, color=DARK, ha=side, va="top")  # fmt: skip
     corner = min(corners, key=lambda c: np.array(c) @ view[0])
     heights = np.arange(0, 2.1)
     pole = np.array([(corner[0], corner[1], h) for h in heights])
@@ -136,7 +167,7 @@ def _draw_floor(axis: "Axes", view: Floats, floor: Floats) -> None:
                       color=GREY, ha="right", va="center")  # fmt: skip
 
 
-def _draw_camera(axis: "Axes", view: Floats, camera: Camera, size: float) -> None:
+def _draw_camera(axis: "Axes", view: Floats, camera: Camera, size: float) -> "Annotation":
     lens = camera.intrinsics
     corners = np.array([(0, 0), (lens.width, 0), (lens.width, lens.height), (0, lens.height)], float)
     tips = camera.centre + rays(camera, corners) / (rays(camera, corners) @ camera.wRc[:, 2])[:, None] * size
@@ -148,13 +179,13 @@ def _draw_camera(axis: "Axes", view: Floats, camera: Camera, size: float) -> Non
     axis.plot(*(np.array([centre, foot]) @ view.T).T, color=colour, lw=0.8, ls=":")
     at = centre @ view.T
     axis.plot(*at, "o", ms=4, color=colour)
-    axis.annotate(
+    return axis.annotate(
         camera.name, (at[0], at[1]), xytext=(0, 7), textcoords="offset points", fontsize=9, ha="center", color=colour
     )
 
 
-def _draw_far(axis: "Axes", view: Floats, camera: Camera, middle: Floats, floor: Floats) -> None:
-    """An arrow from the floor's edge towards a far camera."""
+def _draw_far(axis: "Axes", view: Floats, camera: Camera, middle: Floats, floor: Floats) -> "Annotation":
+    """An arrow from the floor's edge towards a far camera; returns its name."""
     towards = (camera.centre - middle) * (1, 1, 0)
     distance = np.linalg.norm(camera.centre - middle)
     towards /= np.linalg.norm(towards)
@@ -167,7 +198,7 @@ def _draw_far(axis: "Axes", view: Floats, camera: Camera, middle: Floats, floor:
     axis.annotate("", tip, edge, arrowprops={"arrowstyle": "-|>", "color": ORANGE, "lw": 1.6})
     axis.plot(*tip, alpha=0)
     down = tip[1] < edge[1]
-    axis.annotate(f"{camera.name}, {distance:.0f} m away", tip, xytext=(0, -4 if down else 4), color=ORANGE,
+    return axis.annotate(f"{camera.name}, {distance:.0f} m away", tip, xytext=(0, -4 if down else 4), color=ORANGE,
                   textcoords="offset points", fontsize=9, ha="right" if tip[0] > edge[0] else "left",
                   va="top" if down else "bottom")  # fmt: skip
 
@@ -192,22 +223,18 @@ def plan(path: Path, cameras: Sequence[Camera], walks: Walks, pose: Pose | None)
     The side view looks along the horizontal direction in which there is least to see.
     """
     walks = _thinned(walks)
-    everything = np.concatenate([np.array([c.centre for c in cameras]).reshape(-1, 3), *walks.values()])
-    everything = everything[np.isfinite(everything).all(axis=1)]
-    walked = np.concatenate([*walks.values(), np.empty((0, 3))])
-    walked = walked[np.isfinite(walked).all(axis=1)]
-    far = len(walked) and np.ptp(everything[:, :2], axis=0).max() > 4 * max(np.ptp(walked[:, :2], axis=0).max(), 3)
-    panels = 3 if far else 2
-    figure, axes = new_figure(panels, 1, height=2.4 + 2.6 * (panels - 1), squeeze=False)
-    axes = axes[:, 0]
-    _top(axes[0], cameras, walks, None)
+    middle = _middle(cameras, walks)
+    near = [c for c in cameras if np.linalg.norm(c.centre - middle) <= NEAR]
+    points = np.concatenate([middle[None], *(c.centre[None] for c in near), *walks.values()])
+    points = points[np.isfinite(points).all(axis=1)]
+    high, wide = np.ptp(points[:, 1]), np.ptp(points[:, 0])
+    # the view from above has the same scale both ways
+    top = float(np.clip(4.2 * max(high, 1) / max(wide, 1), 1.6, 4.2))
+    figure, axes = new_figure(2, 1, height=1.6 + top + 1.7, height_ratios=(top, 1.7))
+    names = _top(axes[0], near, [c for c in cameras if c not in near], walks, pose, points, middle)
     axes[0].set_title(f"from above, {len(cameras)} cameras, {len(walks)} walks")
-    if far:
-        near = [c for c in cameras if np.abs(c.centre[:2] - np.median(walked[:, :2], axis=0)).max() < NEAR]
-        _top(axes[1], near, walks, pose)
-        axes[1].set_title("from above, without the far camera")
-    _side(axes[-1], cameras if not far else near, walks, pose, everything if not far else walked)
-    _legend(figure, walks, _walk_colours(walks))
+    names += _side(axes[1], near, walks, pose, points)
+    _apart(figure, names)
     save_svg(figure, path)
 
 
@@ -216,15 +243,23 @@ def _walks(axis: "Axes", walks: Walks, across: Floats, up: Floats) -> None:
         axis.plot(walks[name] @ across, walks[name] @ up, color=colour, lw=1.2, alpha=0.8)
 
 
-def _cameras(axis: "Axes", cameras: Sequence[Camera], across: Floats, up: Floats, extent: float) -> None:
+def _cameras(axis: "Axes", cameras: Sequence[Camera], across: Floats, up: Floats, extent: float) -> list["Annotation"]:
+    """Squares with their viewing directions; returns their names."""
+    names = []
     for camera in cameras:
         centre, ahead = camera.centre, camera.wRc[:, 2]
         x, y = centre @ across, centre @ up
         direction = np.array([ahead @ across, ahead @ up]) * 0.12 * extent
         axis.annotate("", (x + direction[0], y + direction[1]), (x, y), arrowprops={"arrowstyle": "->", "color": GREY})
-        long_range = camera.role == "long_range"
-        axis.plot(x, y, "s", ms=6, color=ORANGE if long_range else DARK)
-        axis.annotate(camera.name, (x, y), xytext=(0, 7), textcoords="offset points", fontsize=8.5, ha="center")
+        axis.plot(x, y, "s", ms=6, color=ORANGE if camera.role == "long_range" else DARK)
+        names.append(_named(axis, camera.name, np.array([x, y])))
+    return names
+
+
+def _named(axis: "Axes", text: str, at: Floats, colour: str = DARK) -> "Annotation":
+    (place, ha, va), *_ = PLACES
+    return axis.annotate(text, (at[0], at[1]), xytext=place, textcoords="offset points", fontsize=8.5, ha=ha, va=va,
+                         color=colour)  # fmt: skip
 
 
 def _pose(axis: "Axes", pose: Pose | None, across: Floats, up: Floats) -> None:
@@ -235,26 +270,50 @@ def _pose(axis: "Axes", pose: Pose | None, across: Floats, up: Floats) -> None:
         axis.plot(points[[a, b]] @ across, points[[a, b]] @ up, color=DARK, lw=1)
 
 
-def _top(axis: "Axes", cameras: Sequence[Camera], walks: Walks, pose: Pose | None) -> None:
+def _top(
+    axis: "Axes",
+    near: Sequence[Camera],
+    far: Sequence[Camera],
+    walks: Walks,
+    pose: Pose | None,
+    points: Floats,
+    middle: Floats,
+) -> list["Annotation"]:
+    """`points` (N, 3) m: what is near; there are arrows towards what is `far` from the `middle` of the walks, (3,) m.
+
+    Returns the names of the cameras.
+    """
     x, y = np.eye(3)[:2]
     _walks(axis, walks, x, y)
-    spread = [np.array([c.centre for c in cameras]).reshape(-1, 3), *walks.values()]
-    extent = np.nanmax(np.ptp(np.concatenate(spread)[:, :2], axis=0), initial=1.0) if len(cameras) else 5.0
-    _cameras(axis, cameras, x, y, extent)
+    low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
+    extent = max(float((high - low).max()), 1.0)
+    names = _cameras(axis, near, x, y, extent)
     _pose(axis, pose, x, y)
-    axis.set_aspect("equal", adjustable="datalim")
-    axis.margins(0.1)
+    for camera in far:
+        away = camera.centre - middle
+        towards = away[:2] / np.linalg.norm(away[:2])
+        start, tip = ((low + high) / 2 + towards * reach * extent for reach in (0.5, 0.68))
+        axis.annotate("", tip, start, arrowprops={"arrowstyle": "-|>", "color": ORANGE, "lw": 1.6})
+        axis.plot(*tip, alpha=0)
+        text = f"{camera.name}, {np.linalg.norm(away):.0f} m away"
+        names.append(_named(axis, text, tip, ORANGE))
+    axis.set_aspect("equal", adjustable="box")
+    axis.margins(0.12)
     axis.set_xlabel("x, m")
     axis.set_ylabel("y, m")
+    return names
 
 
-def _side(axis: "Axes", cameras: Sequence[Camera], walks: Walks, pose: Pose | None, points: Floats) -> None:
+def _side(
+    axis: "Axes", cameras: Sequence[Camera], walks: Walks, pose: Pose | None, points: Floats
+) -> list["Annotation"]:
+    """Along the direction in which `points` (N, 3) m are spread least. Returns the names of the cameras."""
     flat = points[:, :2] - points[:, :2].mean(axis=0)
     across = np.append(np.linalg.svd(flat, full_matrices=False)[2][0], 0.0) if len(flat) > 1 else np.eye(3)[0]
     across = across * np.sign(across[np.abs(across).argmax()])
     up = np.eye(3)[2]
     _walks(axis, walks, across, up)
-    _cameras(axis, cameras, across, up, 8.0)
+    names = _cameras(axis, cameras, across, up, 8.0)
     _pose(axis, pose, across, up)
     axis.axhline(0, color=GREY, lw=1)
     axis.margins(0.12)
@@ -262,3 +321,4 @@ def _side(axis: "Axes", cameras: Sequence[Camera], walks: Walks, pose: Pose | No
     axis.set_title("from the side, heights stretched")
     axis.set_xlabel("along the walk, m")
     axis.set_ylabel("height, m")
+    return names
