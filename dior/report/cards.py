@@ -113,6 +113,13 @@ def shown(findings: Iterable[Finding]) -> list[dict[str, str]]:
     """
     ordered = sorted(set(findings), key=lambda f: (SEVERITY_ORDER.index(f[1]), f[2] not in culprit.CODES, f))
     return [
-        {"where": scope.replace("/", " \u203a "), "severity": severity, "code": code, "text": text}
+        {
+            "where": scope.replace("/", " "),
+            "severity": severity,
+            "level": lights.SEVERITY_LEVEL[severity] if severity != "info" else "none",
+            "word": lights.WORDS[lights.SEVERITY_LEVEL[severity]] if severity != "info" else "note",
+            "code": code,
+            "text": text,
+        }
         for scope, severity, code, text in ordered
     ]

@@ -41,6 +41,7 @@ from dior.report import (
 )
 from dior.report import clocks as sequence_clocks
 from dior.report import scene_pages as spaces
+from dior.report import findings as findings_of_all
 from dior.report import stamps as sequence_stamps
 from dior.report.figures import Figures
 from dior.report.verdict import sentence
@@ -225,7 +226,7 @@ def run(
         columns=overview.COLUMNS,
         where=troubles.where,
         excluded=sorted(project.excluded.items()),
-        findings=cards.shown([finding for finding in found if finding[1] != "info"]),
+        groups=findings_of_all.grouped(findings_of_all.untold(found, table), project.sequences),
         figures=_named(key_figures.table_of(rows, made.environment)),
         sections=sections,
         worst=worst_pictures.of_sections(evaluated.frame_metrics),

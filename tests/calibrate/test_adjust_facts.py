@@ -206,7 +206,7 @@ def test_a_fact_corrects_a_wrong_tape_within_its_sigma_and_says_so(tmp_path, key
     assert abs(apart(found) / apart(ring(3)) - 1 - left) < 2 * share * tape / np.hypot(share, tape)
     assert abs(apart(found) / apart(ring(3)) - 1 - left) < 0.006
     text = told["metric_fact"][0]
-    assert f"measured {value:.3f} +- {sigma:.3f} m" in text and "again" not in text
+    assert f"measured {value:.3f} ± {sigma:.3f} m" in text and "again" not in text
     measured = float(text.split(": ")[1].split(" m,")[0])
     assert abs(measured / value - 1 - left) < 0.006
 
@@ -235,7 +235,7 @@ def test_the_floor_brings_the_world_down(tmp_path):
         found, told = ran(tmp_path, lifted, known)
         ends[floor] = np.mean([c.centre[2] for c in found]) - ring(3)[0].centre[2]
     assert ends[False] > 0.1 and abs(ends[True]) < 0.02
-    assert told["metric_fact"][0].startswith("floor: ") and "measured 0.000 +- 0.005 m" in told["metric_fact"][0]
+    assert told["metric_fact"][0].startswith("floor: ") and "measured 0.000 ± 0.005 m" in told["metric_fact"][0]
 
 
 def test_the_tag_says_how_well_its_corners_fit(tmp_path):

@@ -249,7 +249,7 @@ def test_clocks_that_nobody_gave_are_found(capture, tmp_path, by_s):
         shifted(folder, tmp_path / "in", "cam03", by_s), cameras, tmp_path / "out", clocks="{}\n"
     )
     for text in told(findings, "adjust_clock"):
-        name, value, within = re.match(rf"{SEQUENCE}/(cam..): .* ([+-][.\d]+) ms \+- ([.\d]+) ms from", text).groups()
+        name, value, within = re.match(rf"{SEQUENCE}/(cam..): .* ([+-][.\d]+) ms ± ([.\d]+) ms from", text).groups()
         moved_by[name] = float(value), float(within)
     assert sorted(moved_by) == NAMES[1:]
     for name, (value, within) in moved_by.items():

@@ -117,7 +117,7 @@ def test_findings_are_told_in_words_and_escaped(made):
 
 def test_re_identification_is_shown_where_it_is_there(made):
     out, text = made
-    assert 'href="#recognised"' in text and '<section id="recognised">' in text
+    assert 'href="#recognised"' in text and '<details class="part" id="recognised">' in text
     assert "says nothing about recognising anybody in far pictures" in " ".join(text.split())
     assert (out / "assets/plots/reid_cmc.svg").is_file()
 

@@ -343,7 +343,7 @@ def findings(
             sigma = adjusted.clocks_sigma[i, v, 0]
             if not held:
                 text = (
-                    f"in the middle of the window its clock is {1000 * done.clocks[i, v, 0]:+.1f} ms +- "
+                    f"in the middle of the window its clock is {1000 * done.clocks[i, v, 0]:+.1f} ms ± "
                     f"{1000 * NORMAL_95 * sigma:.1f} ms from that of {timed.names[timed.reference]}, at t0 "
                     f"{1000 * offsets[i, v, 0]:+.1f} ms"
                 )
@@ -353,7 +353,7 @@ def findings(
             if abs(off) > doubtful_s(sigma):
                 text = (
                     f"the offset given by hand, in the middle of the window {1000 * done.clocks[i, v, 0]:+.1f} ms, "
-                    f"contradicts the detections, by which it is {1000 * adjusted.clocks[i, v, 0]:+.1f} ms +- "
+                    f"contradicts the detections, by which it is {1000 * adjusted.clocks[i, v, 0]:+.1f} ms ± "
                     f"{1000 * NORMAL_95 * sigma:.1f} ms there, {abs(off) / period:.1f} pictures off; correct or "
                     f"remove it in config/offsets/{sequence}.yaml"
                 )

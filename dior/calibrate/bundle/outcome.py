@@ -168,7 +168,7 @@ def _known_to(session: str, done: Adjusted) -> list[Finding]:
     found = [(session, "warning" if scale > DOUBTFUL_SCALE else "info", "adjust_uncertainty", text)]
     for fact, value in done.facts:
         off = abs(value - fact.known) / fact.sigma
-        text = f"{fact.name}: {value:.3f} {fact.unit}, measured {fact.known:.3f} +- {fact.sigma:.3f} {fact.unit}"
+        text = f"{fact.name}: {value:.3f} {fact.unit}, measured {fact.known:.3f} ± {fact.sigma:.3f} {fact.unit}"
         if off > 3:
             text += f", {off:.1f} sigmas apart; measure it again"
         found.append((session, "warning" if off > 3 else "info", "metric_fact", text))

@@ -383,7 +383,7 @@ def findings(
     for name, clock in clocks.items():
         own, half = marks.sequence == name, on_axis.NORMAL_95 * clock.sigma(list(clock.gains), spread)[0]
         text = (
-            f"{name}: in the middle of the marks the pictures are {clock.late_s:+.4f} s +- {half:.4f} s (95 %) from "
+            f"{name}: in the middle of the marks the pictures are {clock.late_s:+.4f} s ± {half:.4f} s (95 %) from "
             f"the mocap, by {own.sum()} marks on {len(set(marks.frame[own].tolist()))} frames"
         )
         if half > UNCERTAIN_S:
