@@ -107,7 +107,7 @@ def detectors(table: "pd.DataFrame") -> list[Drawing]:
          "The paper's table 3: at least 20 % of the keypoints of somebody lie in the label box; n are pictures."),
     ):  # fmt: skip
         own = pooled(table, "role", "tool")
-        own = own[(own["metric"] == metric) & (own["tool"] != "")]
+        own = own[(own["metric"] == metric) & (own["tool"] != "") & (own["role"] != "")]
         own = own.assign(close=own["role"] != "long_range", less=-own["value"]).sort_values(["close", "less", "tool"])
         several = own["role"].nunique() > 1
         bars = {row.tool + (f", {row.role.replace('_', ' ')}" if several else ""): _of(row) for row in own.itertuples()}

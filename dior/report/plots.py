@@ -106,10 +106,12 @@ def strip(
     """Figures by group, a row each: one dot per value, a dark bar at the mean weighted by n, which stands beside it.
 
     `points`: (group, colour group, value, n) tuples; `label` names the axis with its unit; `intervals`: group -> (low,
-    high) of its mean; `total`: (value, low, high, n) of all, drawn last.
+    high) of its mean; `total`: (value, low, high, n) of all, drawn last. More colour groups than colours are all grey.
     """
     groups = sorted({p[0] for p in points})
-    colours = colours_of(sorted({p[1] for p in points}))
+    kinds = sorted({p[1] for p in points})
+    several = 1 < len(kinds) <= len(COLOURS)
+    colours = colours_of(kinds) if several else dict.fromkeys(kinds, COLOURS[0] if len(kinds) == 1 else GREY)
     means: dict[str, Value] = {}
     for group in groups:
         n = np.array([p[3] for p in points if p[0] == group])
@@ -117,7 +119,7 @@ def strip(
         means[group] = mean, *(intervals or {}).get(group, (np.nan, np.nan)), int(n.sum())
     if total:
         means["all"] = total
-    figure, axis = new_figure(height=1.1 + 0.42 * len(means))
+    figure, axis = new_figure(height=1.1 + _row_height(len(means)) * len(means))
     for at, group in enumerate(groups):
         members = sorted((p for p in points if p[0] == group), key=lambda p: p[1])
         spread = (np.arange(len(members)) - (len(members) - 1) / 2) * min(0.12, 0.55 / len(members))
@@ -131,9 +133,14 @@ def strip(
     _rows(axis, list(means), [f"{mean:.3g}" for mean, *_ in means.values()], [one[3] for one in means.values()])
     axis.set_xlim(0, 1.04 * max(axis.dataLim.x1, *(one[0] for one in means.values())))
     axis.set_xlabel(label)
-    if len(colours) > 1:
+    if several:
         legend(figure, colours)
     save_svg(figure, path)
+
+
+def _row_height(rows: int) -> float:
+    """Inches of a row; chosen: room for dots beside each other where there are few, a page for many."""
+    return 0.42 if rows <= 8 else 0.3
 
 
 def _rows(axis: "Axes", names: list[str], values: list[str], counts: list[int]) -> None:
@@ -299,7 +306,7 @@ def marks(
     `series`: name -> group -> (value, low, high, n); `label` names the axis with its unit; `limit`: (value, text).
     """
     scale = 100 if percent else 1
-    figure, axis = new_figure(height=1.15 + len(groups) * (0.3 + 0.06 * len(series)))
+    figure, axis = new_figure(height=1.15 + _row_height(len(groups)) * len(groups))
     apart = min(0.22, 0.8 / len(series))
     for nth, ((name, values), colour) in enumerate(zip(series.items(), COLOURS, strict=False)):
         at = np.array([groups.index(group) for group in values]) + apart * (nth - (len(series) - 1) / 2)

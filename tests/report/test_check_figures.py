@@ -55,6 +55,7 @@ def test_an_interval_is_only_that_of_the_same_values():
 def test_detectors_are_drawn_far_ones_first_with_their_roles_where_there_are_both():
     rows = [row("detected_share", 0.5, 8, tool=tool, role="long_range") for tool in ("b", "a")]
     near = row("detected_share", 0.9, 8, tool="a", role="close")
+    rows += [row("detected_share", 0.6, 16, tool="a")]
     assert list(check_figures.detectors(table(*rows))[0].args[0]) == ["a", "b"]
     assert list(check_figures.detectors(table(near, *rows))[0].args[0]) == [
         "a, long range",

@@ -74,6 +74,13 @@ def test_dots_of_equal_values_are_not_cut_and_n_stands_beside_them(drawn, tmp_pa
     assert_whole(drawn[0])
 
 
+def test_more_subjects_than_colours_have_no_legend_that_tells_them_apart(drawn, tmp_path):
+    for number, legends in ((1, 0), (2, 1), (len(colours.COLOURS), 1), (len(colours.COLOURS) + 1, 0)):
+        plots.strip(tmp_path / "s.svg", [("cam01", f"S{i:02d}", 1.0 + i, 9) for i in range(number)], "error, px")
+        assert len(drawn[-1].legends) == legends
+        assert_whole(drawn[-1])
+
+
 def test_no_legend_lies_on_a_curve(drawn, tmp_path):
     rng = np.random.default_rng(5)
     plots.distribution(tmp_path / "d.svg", {name: rng.gamma(2, 1, 300) for name in ("near", "far", "else")}, "px")
