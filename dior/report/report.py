@@ -40,8 +40,8 @@ from dior.report import (
     worst_pictures,
 )
 from dior.report import clocks as sequence_clocks
-from dior.report import scene_pages as spaces
 from dior.report import findings as findings_of_all
+from dior.report import scene_pages as spaces
 from dior.report import stamps as sequence_stamps
 from dior.report.figures import Figures
 from dior.report.verdict import sentence
