@@ -6,6 +6,7 @@ INPUTS   the `release:` section of the config, released walks, what is counted i
 
 import json
 from collections import Counter
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -28,6 +29,8 @@ from dior.tables.schemas import METRICS, PICTURE, SCHEMAS, VOCABULARY
 from dior.tables.words import SPLITS
 
 Rows: TypeAlias = list[dict[str, Any]]
+# metric, tool, session, camera or role
+Place: TypeAlias = tuple[str, str, str, str]
 COUNTED = ("camera_recordings", "frames", "keypoints_2d", "missing_2d")
 TEMPLATE = Path(__file__).with_name("card.md.j2")
 # "mean long-range label sigma per subject": of both axes of a label the root mean square
@@ -95,7 +98,12 @@ def text(
         metric_columns=tables.columns_of("metrics"),
         headline=headline,
         skeletons=[(name, each, _edges(each)) for name, each in joints.items()],
-        figures=_figures(figures, walks),
+        figures=[
+            (*place, show(value, unit), n)
+            for place, (value, unit, n) in pooled_figures(
+                figures, {name: row["session"] for name, row in walks.items()}
+            ).items()
+        ],
         metrics={name: meaning for name, meaning in METRICS.items() if _has(figures, name)},
         example=example,
         checked=checked,
@@ -176,21 +184,21 @@ def _edges(joints: list[str]) -> list[tuple[str, str]]:
     return [(joints[a], joints[b]) for a, b in bones_of(joints)]
 
 
-def _figures(rows: Rows, walks: Walks) -> list[tuple[str, str, str, str, str, int]]:
-    """(metric, tool, session, camera or role, value with its unit, n) for the card's table: pooled over everything, by
-    role, and by session and camera, since the cameras of two sessions may have one name.
+def pooled_figures(rows: Rows, sessions: Mapping[str, str]) -> dict[Place, tuple[float, str, int]]:
+    """Place -> (value, unit, n): pooled over everything, by role, and by session and camera, since the cameras of two
+    sessions may have one name. `rows`: of metrics.csv; `sessions`: sequence -> its session.
     """
-    found: dict[tuple[str, str, str, str], tuple[float, int, str]] = {}
+    found: dict[Place, tuple[float, str, int]] = {}
     for row in rows:
         pooled = not (row["subject"] or row["sequence"] or row["joint"] or row["camera"])
-        of_camera = row["sequence"] in walks and row["camera"] and not row["joint"]
+        of_camera = row["sequence"] in sessions and row["camera"] and not row["joint"]
         # the mean of quantiles is no quantile
         if not (pooled or (of_camera and row["metric"] not in QUANTILES)):
             continue
-        session = walks[row["sequence"]]["session"] if of_camera else ""
+        session = sessions[row["sequence"]] if of_camera else ""
         where = row["camera"] if of_camera else (row["role"] or "all").replace("_", "-")
         key = row["metric"], row["tool"], session, where
-        mean, n, unit = found.get(key, (0.0, 0, row["unit"]))
+        mean, unit, n = found.get(key, (0.0, row["unit"], 0))
         total = n + row["n"]
-        found[key] = (mean * n + row["value"] * row["n"]) / total if total else np.nan, total, unit
-    return [(*key, show(value, unit), n) for key, (value, n, unit) in sorted(found.items())]
+        found[key] = (mean * n + row["value"] * row["n"]) / total if total else np.nan, unit, total
+    return dict(sorted(found.items()))

@@ -107,7 +107,7 @@ def _line(name: str, far: bool, own: Mapping[tuple[str, str], Told], quantiles: 
     checks = ("check_error", "in_box_share") if far else ("check_error", "reprojection_error")
     unchecked = sum(not set(checks) & set(told.figures) for told in own.values())
     if unchecked:
-        by = "hand boxes (config/boxes/)" if far else "hand checks (config/checks/)"
+        by = "hand boxes" if far else "hand checks"
         theirs = "is" if unchecked == 1 else "are"
         missing.append(f"{many(unchecked, 'recording')} {theirs} judged by what made the labels alone; {by} would tell")
     within = show(by_sigma, "px") if np.isfinite(by_sigma) else ""

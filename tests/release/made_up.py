@@ -17,6 +17,7 @@ from dior.geometry import camera_tables
 from dior.project import licenses
 from dior.release import card as cards
 from dior.release import checksums, citation, croissant, metrics_csv
+from dior.report.numbers import show
 from dior.tables import tables
 from tests.rig import camera as camera_at
 
@@ -199,8 +200,8 @@ Version 0.1.0. Licence: [CC0-1.0]({url}).
 |---|---|---|---:|---:|---:|---:|
 {rows}
 
-| figure | tool | over | value | unit | n |
-|---|---|---|---:|---|---:|
+| figure | tool | session | over | value | n |
+|---|---|---|---|---:|---:|
 {figures}
 
 {cited}
@@ -260,7 +261,8 @@ def card(who=EVERYONE, labels_each=10, shown=()):
     rows = [
         f"| {' | '.join(key)} | {n} | {n * FRAMES} | {n * labels_each} | 0.833 |" for key, n in sorted(total.items())
     ]
-    lines = [f"| {' | '.join(map(str, one))} |" for one in map(cards._figure, shown) if one]
+    pooled = cards.pooled_figures(shown, {name: session for name, (_, session, _) in walks(who).items()})
+    lines = [f"| {' | '.join(place)} | {show(value, unit)} | {n} |" for place, (value, unit, n) in pooled.items()]
     return CARD.format(
         rows="\n".join(rows),
         figures="\n".join(lines),

@@ -147,14 +147,15 @@ def test_a_harmless_title_is_shown_as_it_is(made):
 
 
 def test_cameras_of_one_name_in_two_sessions_are_two_rows():
-    walks = {"in_1": {"session": "lab_1"}, "in_2": {"session": "lab_1"}, "out_1": {"session": "field_1"}}
+    walks = {"in_1": "lab_1", "in_2": "lab_1", "out_1": "field_1"}
     row = {"metric": "check_error", "tool": "", "subject": "p1", "camera": "cam04", "role": "close", "joint": "",
            "unit": "px", "n": 10}  # fmt: skip
     rows = [row | {"sequence": "in_1", "value": 1.0}, row | {"sequence": "in_2", "value": 4.0, "n": 20},
             row | {"sequence": "out_1", "value": 9.0}]  # fmt: skip
-    assert card._figures(rows, walks) == [
-        ("check_error", "", "field_1", "cam04", "9.00 px", 10), ("check_error", "", "lab_1", "cam04", "3.00 px", 30)
-    ]  # fmt: skip
+    assert card.pooled_figures(rows, walks) == {
+        ("check_error", "", "field_1", "cam04"): (9.0, "px", 10),
+        ("check_error", "", "lab_1", "cam04"): (3.0, "px", 30),
+    }
 
 
 def test_a_new_projects_title_and_no_authors_are_told():

@@ -12,7 +12,7 @@ import json
 import math
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from dior.project import licenses
@@ -20,10 +20,11 @@ from dior.release import card, citation, croissant, layout
 from dior.release.verify.evidence import Evidence
 from dior.release.verify.folder_or_tarball import File
 from dior.release.verify.walk_checks import Problem
+from dior.report.numbers import show
 from dior.tables.schemas import SCHEMAS
 
 CITED = ("title:", "version:", "license:", "doi:", "year:", "- name:", "- family-names:", "given-names:")
-FIGURES_HEADER = "| figure | tool | over | value | unit | n |"
+FIGURES_HEADER = "| figure | tool | session | over | value | n |"
 # what the rounding to six digits in metrics.csv may do to a figure, as a share of it
 ROUNDED = 1e-5
 BOM = b"\xef\xbb\xbf"
@@ -109,7 +110,8 @@ def _card(release: Evidence, about: dict[str, Any]) -> Iterator[str]:
         yield "cites another title, author, version, year or DOI than provenance.json has"
     if _numbers(_summary(release)) not in map(_numbers, text.splitlines()):
         yield f"has no line with the counts of '{_summary(release)}'"
-    yield from _figures(text, release.files)
+    sessions = {row["sequence"]: row["session"] for row in layout.rows_of(release.tables["sequences"])}
+    yield from _figures(text, release.files, sessions)
 
 
 def plain(text: str) -> str:
@@ -141,7 +143,7 @@ def _summary(release: Evidence) -> str:
     return card.summary(walks, counted)
 
 
-def _figures(text: str, files: dict[str, File]) -> Iterator[str]:
+def _figures(text: str, files: dict[str, File], sessions: Mapping[str, str]) -> Iterator[str]:
     """The rows of the card's table of figures must be rows of metrics.csv."""
     from dior.release.verify import figures
 
@@ -149,36 +151,30 @@ def _figures(text: str, files: dict[str, File]) -> Iterator[str]:
         found = list(figures.read(files["metrics.csv"].read()))
     except ValueError:
         return
-    expected = {cells[:3]: cells[3:] for cells in map(_shown_figure, found) if cells}
+    expected = card.pooled_figures(found, sessions)
     part = text.split(FIGURES_HEADER)[1].split("\n\n")[0].splitlines()[2:] if FIGURES_HEADER in text else []
-    rows = [tuple(cell.strip() for cell in line.strip("|").split("|")) for line in part]
-    stated = {row[:3]: row[3:] for row in rows}
+    stated: dict[card.Place, tuple[str, ...]] = {}
+    for line in part:
+        metric, tool, session, where, *shown = (cell.strip() for cell in [*line.strip("|").split("|"), *" " * 4][:6])
+        stated[metric, tool, session, where] = tuple(shown)
     wrong = [key for key in sorted(stated.keys() | expected.keys()) if not _agree(stated.get(key), expected.get(key))]
     if wrong:
         first = wrong[0]
-        said, right = (" ".join(table[first]).strip() if first in table else "nothing" for table in (stated, expected))
+        said = " ".join(stated[first]) if first in stated else "nothing"
+        value, unit, n = expected.get(first, (math.nan, "", 0))
+        right = f"{show(value, unit)} {n}" if first in expected else "nothing"
         yield (
             f"{len(wrong)} of its figures are not those of metrics.csv, first {' '.join(filter(None, first))}: {said}, "
             f"not {right}"
         )
 
 
-def _shown_figure(row: dict[str, Any]) -> tuple[str, ...] | None:
-    """A pooled figure as the card has it, its value unrounded; None for one of a subject, sequence or joint."""
-    if row["subject"] or row["sequence"] or row["joint"]:
-        return None
-    where = (row["camera"] or row["role"] or "all").replace("_", "-")
-    return row["metric"], row["tool"], where, repr(row["value"]), row["unit"], str(row["n"])
-
-
-def _agree(stated: tuple[str, ...] | None, expected: tuple[str, ...] | None) -> bool:
-    """Whether value, unit and count are the same, the value with three digits of one that was rounded to six."""
-    if stated is None or expected is None or stated[1:] != expected[1:]:
+def _agree(stated: tuple[str, ...] | None, expected: tuple[float, str, int] | None) -> bool:
+    """Whether value, unit and count are the same, the value as it is shown of one that was rounded to six digits."""
+    if stated is None or expected is None:
         return False
-    value = float(expected[0])
-    if math.isnan(value):
-        return stated[0] == ""
-    return stated[0] in {f"{value * (1 + off):.3g}" for off in (-ROUNDED, 0.0, ROUNDED)}
+    value, unit, n = expected
+    return stated in {(show(value * (1 + off), unit), str(n)) for off in (-ROUNDED, 0.0, ROUNDED)}
 
 
 def _croissant(content: dict[str, Any], about: dict[str, Any], release: Evidence) -> Iterator[str]:
