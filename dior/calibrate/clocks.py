@@ -32,6 +32,9 @@ FAR_OFF = 0.9
 # chosen: joints of detectors and of markers are 0.04-0.08 m apart where the C3D is the recording's, and 0.35 m or more
 # with another walk's (`python -m benchmarks.culprit c3d lab`)
 APART_M = 0.2
+# chosen: clocks that are so many pictures and standard errors apart are of other pictures, as joints of detectors and
+# of markers differ by a third of one; beyond MANY it is no counting from 1
+A_PICTURE, MANY_PICTURES, CERTAIN = 0.7, 1.4, 4.0
 NONE = np.zeros(0)
 
 
@@ -92,8 +95,9 @@ def run(
     pictures = tables.read(frames, "frames")
     manual = given_by.by_hand(offsets, tables.ordered_unique(pictures["camera"]))
     seen = tables.read(detected.detections, "detections") if detected.detections else None
+    by_marks = _by_marks(indoors.marked, sequence)
     if mocap:
-        known = _Known(mocap, indoors.marked, manual, search_s(frames, absolute=True))
+        known = _Known(mocap, by_marks, manual, search_s(frames, absolute=True))
         estimates, off = _indoors(sequence, rig, seen, pictures, known, min_score, data_root)
     else:
         off = {}
@@ -103,18 +107,18 @@ def run(
     on_axis.write(written.out, written.out_gains, sequence, used, names, joint)
     tables.write(written.out_costs, "clock_costs", _costs(sequence, estimates))
     period, loose = 1 / rates(pictures, names)[1], loose_s(frames)
-    found = _beside_mocap(sequence, off)
+    found = _beside_mocap(sequence, off) + beside_marks(sequence, estimates, by_marks, names, joint, period)
     found += findings_of(sequence, estimates, manual, names, joint, period, bool(mocap), loose)
     tables.write_findings(written.findings, found)
 
 
 @dataclass(frozen=True)
 class _Known:
-    """What is known of the clocks indoors before: the `mocap` table, what is `marked`, clocks by hand, `manual`, and
-    how far (s) the others may be off, `most_s`."""
+    """What is known of the clocks indoors before: the `mocap` table, clocks by marks, `marked`, and by hand, `manual`,
+    and how far (s) the others may be off, `most_s`."""
 
     mocap: Path
-    marked: list[Path]
+    marked: Mapping[str, on_axis.Clock]
     manual: Mapping[str, on_axis.Clock]
     most_s: float
 
@@ -137,10 +141,7 @@ def _indoors(
 
     mocap, manual = known.mocap, known.manual
     _, motion = read_motion(mocap)
-    kinds = {
-        kind: [path for path in known.marked if f".{kind}." in Path(path).name] for kind in ("clocks", "clock_gains")
-    }
-    by_marks = on_axis.read(kinds["clocks"], kinds["clock_gains"], sequence)
+    by_marks = known.marked
     found, off = {}, {}
     for camera in rig:
         rows = tables.of_camera(pictures, camera.name)
@@ -165,6 +166,52 @@ def _indoors(
         clear = [one for one in tried if not one[3]]
         found[camera.name] = (clear or tried)[0]
     return found, off
+
+
+def _by_marks(marked: Sequence[Path], sequence: str) -> dict[str, on_axis.Clock]:
+    """The clocks that `locate` found from marks, by camera."""
+    kinds = {kind: [path for path in marked if f".{kind}." in Path(path).name] for kind in ("clocks", "clock_gains")}
+    return on_axis.read(kinds["clocks"], kinds["clock_gains"], sequence)
+
+
+def beside_marks(
+    sequence: str,
+    estimates: Mapping[str, on_axis.Estimate],
+    by_marks: Mapping[str, on_axis.Clock],
+    names: Sequence[str],
+    joint: Floats | None,
+    period_s: float,
+) -> list[tuple[str, str, str, str]]:
+    """Whether the clocks from detections or pictures and those `by_marks` differ by a picture; arguments as of
+    `findings_of`. Compared in the middle of the marks."""
+    found = []
+    for name, marks in by_marks.items():
+        clock, _, _, why = estimates.get(name, (marks, NONE, NONE, ""))
+        if why or clock.method == marks.method or {clock.source, marks.source} != {"estimated"}:
+            continue
+        apart = marks.late_s - clock.offset_s - 1e-6 * clock.drift_ppm * marks.middle_s
+        sigma = np.hypot(marks.sigma(names, joint)[0], _sigma_at(clock, marks.middle_s, names, joint))
+        pictures = apart / period_s
+        if not abs(apart) > CERTAIN * sigma or abs(pictures) < A_PICTURE:
+            continue
+        text = (
+            f"the clock by its marks is {abs(apart):.4f} ± {on_axis.NORMAL_95 * sigma:.4f} s (95 %) or "
+            f"{abs(pictures):.1f} pictures {'before' if apart < 0 else 'after'} that from {clock.method}: "
+        )
+        if abs(pictures) > MANY_PICTURES:
+            ask = "are the marks, in its .marks.csv, of these pictures, and the detections of this walk?"
+        elif apart < 0:
+            ask = "do the frames of its .marks.csv count from 1? The first picture is frame 0"
+        else:
+            ask = "do the detections count from 1 (`detector.first_frame`), or are the marks of the pictures before?"
+        found.append((f"{sequence}/{name}", "warning", "marks_clock", text + ask))
+    return found
+
+
+def _sigma_at(clock: on_axis.Clock, at_s: float, names: Sequence[str], joint: Floats | None) -> float:
+    """Standard error (s) of a clock `at_s` after t0."""
+    along = np.array([1.0, 1e-6 * (at_s - clock.middle_s)])
+    return float(np.sqrt(along @ clock.covariance(names, joint) @ along))
 
 
 def _beside_mocap(sequence: str, off: Mapping[str, float]) -> list[tuple[str, str, str, str]]:

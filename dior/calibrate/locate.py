@@ -9,7 +9,7 @@ OpenCV sees ideal normalised points and K = I, so that the lens is the project's
 World in metres, Z up, floor at Z = 0.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -18,9 +18,10 @@ import numpy as np
 
 from dior.arrays import AnyPath, Bools, Floats, Ints
 from dior.calibrate.lens import realsense
-from dior.calibrate.marks import clock_from_marks, pnp
+from dior.calibrate.marks import clock_from_marks, odd_frame, pnp
 from dior.calibrate.marks import marks as hand_marks
 from dior.clocks import by_hand, lag
+from dior.clocks.axis import nominal_fps
 from dior.clocks.clock import Clock, write_all
 from dior.errors import DiorError
 from dior.geometry import camera_tables, covariance
@@ -172,7 +173,10 @@ def _standard_errors(J: Floats, residual_px: Floats) -> tuple[float, float]:
     return float(largest[0]), float(np.degrees(largest[1]))
 
 
-def _findings(scope: str, path: AnyPath, marks: hand_marks.Marks, located: Located, ransac_px: float) -> list[Finding]:
+def _findings(
+    scope: str, path: AnyPath, marks: hand_marks.Marks, located: Located, ransac_px: float, whole: bool
+) -> list[Finding]:
+    """What to say of the marks and the pose; `whole`: a frame is said to be wrong as a whole."""
     inlier, residual = located.inlier, located.residual_px
     found = [
         (scope, "warning", "mark_rejected", f"{path} line {marks.line[i]}: {marks.joint[i]} on frame {marks.frame[i]} "
@@ -184,7 +188,8 @@ def _findings(scope: str, path: AnyPath, marks: hand_marks.Marks, located: Locat
         found.append((scope, "info", "second_pose", located.other))
     used = marks.only(inlier)
     wrong = pnp.suspect(located.jacobian, located.miss)
-    if wrong:
+    # marks of a frame that is wrong as a whole are not wrong one by one
+    if wrong and not whole:
         i, distance, shift = wrong
         found.append(
             (scope, "warning", "mark_suspect", f"{path} line {used.line[i]}: {used.joint[i]} on frame {used.frame[i]} "
@@ -241,6 +246,7 @@ def with_clocks(
     do.
     """
     where = f"{path} ({scope})"
+    all_marks, before = marks, clock
     t = hand_marks.times(marks, path, camera.name, camera.intrinsics, motions, stamps)
     manual = {sequence: one for sequence, one in clock.items() if one[2] == "manual"}
     at = clock_from_marks.places(marks, t, motions, manual, most_s)
@@ -268,15 +274,33 @@ def with_clocks(
             break
         by_marks |= dict(zip(at.names, better.tolist(), strict=True))
 
+    every = clock_from_marks.places(marks, t, motions, given)
+    beside = np.array([by_marks[name] for name in every.names])
+    frame, placed = _frames(marks), camera.at(located.wTc)
+    odd = odd_frame.faults(placed, every, marks.uv, beside, frame, ransac_px, _period_s(stamps))
+    if len(odd) == 1:
+        others = all_marks.only(~np.isin(all_marks.line, marks.line[odd[0].own]))
+        args = path, motions, stamps, before, ransac_px, scope, most_s
+        alone = _alone(camera, others, by_marks, odd[0], every.names, args)
+        if alone is not None:
+            found = odd_frame.findings(scope, path, marks, odd, stamps, left_out=True)
+            return replace(alone, findings=found + alone.findings)
+    findings += odd_frame.findings(scope, path, marks, odd, stamps, left_out=False)
+
     J, agreeing = clock_from_marks.jacobian(camera.at(located.wTc), at, offsets), marks.only(inlier)
     sigma_m, sigma_deg = _standard_errors(J, located.residual_px[located.inlier])
     located = replace(located, jacobian=J, sigma_m=sigma_m, sigma_deg=sigma_deg)
-    frame = np.array([f"{s} {f}" for s, f in zip(agreeing.sequence, agreeing.frame, strict=True)])
     lens = camera.intrinsics.sigma
     by_lens = covariance.by_lens(camera.at(located.wTc), used.xyz[located.inlier]).reshape(-1, 3)
     full, middle, across = clock_from_marks.uncertainty(
-        J, t[inlier], located.miss, agreeing.joint, frame, lens * by_lens
+        J, t[inlier], located.miss, agreeing.joint, frame[inlier], lens * by_lens
     )
+    for fault in odd:
+        # which of them is right is not known, and it may be any
+        step = odd_frame.change(placed, beside, fault)
+        own = [*range(6), *(6 + at.names.index(name) for name in every.names if name in at.names)]
+        moved = [*range(6), *(6 + s for s, name in enumerate(every.names) if name in at.names)]
+        full[np.ix_(own, own)] += np.outer(step[moved], step[moved])
     joint = covariance.joined(full[:6, :6], lens * across, lens**2 * np.eye(3))
     clocks = clock_from_marks.clocks(camera.name, at.names, offsets, full, middle)
     findings += lost + clock_from_marks.findings(scope, clocks, full[:6, :6], agreeing)
@@ -284,6 +308,41 @@ def with_clocks(
         if name not in clocks:
             clocks[name] = Clock(*clock[name])
     return LocatedWithClocks(located, used, dict(clock), clocks, seen.profile, joint, findings)
+
+
+def _frames(marks: hand_marks.Marks) -> Ints:
+    """The frame of each mark (N,): 0, 1, ..., in the order of the file."""
+    names = dict.fromkeys(zip(marks.sequence, marks.frame.tolist(), strict=True))
+    index = {name: i for i, name in enumerate(names)}
+    return np.array([index[name] for name in zip(marks.sequence, marks.frame.tolist(), strict=True)], int)
+
+
+def _period_s(stamps: Mapping[str, tuple[Ints, Ints]]) -> float:
+    """The period of a camera's pictures."""
+    return 1 / max(nominal_fps(ns) for _, ns in stamps.values() if len(ns) > 1)
+
+
+def _alone(
+    camera: Camera,
+    others: hand_marks.Marks,
+    by_marks: Mapping[str, float],
+    odd: odd_frame.Fault,
+    names: Sequence[str],
+    args: tuple[Any, ...],
+) -> LocatedWithClocks | None:
+    """What the `others` than an odd frame tell, None where they do not tell pose and clocks alone: too few, or not what
+    they and the shape of the odd frame's marks tell. `names`: the sequences of its clocks; `args` of `with_clocks`."""
+    frames = set(zip(others.sequence, others.frame.tolist(), strict=True))
+    if len(others) <= 2 * FEWEST or any(sum(own == name for own, _ in frames) < 2 for name in by_marks):
+        return None
+    try:
+        solved = with_clocks(camera, others, *args)
+    except DiorError:
+        return None
+    offsets = np.array([solved.clock[name][0] for name in names])
+    step = odd_frame.change(camera.at(solved.located.wTc), offsets, odd)[:6]
+    doubted = any(code == "frame_suspect" for _, _, code, _ in solved.findings)
+    return None if doubted or not odd_frame.same_pose(step, solved.covariance[:6, :6]) else solved
 
 
 def _lens_models(scope: str, path: AnyPath, lens: Camera, marks: hand_marks.Marks, located: Located) -> list[Finding]:
@@ -405,7 +464,8 @@ def run(
     read = read.only(np.isin(read.sequence, list(given.sequences)))
     solved = with_clocks(lens, read, given.marks, motions, stamps, clock, ransac_px, scope, most_s)
     located, used, spread = solved.located, solved.used, solved.covariance
-    found = solved.findings + _findings(scope, given.marks, used, located, ransac_px)
+    whole = any(code == "frame_suspect" for _, _, code, _ in solved.findings)
+    found = solved.findings + _findings(scope, given.marks, used, located, ransac_px, whole)
     if realsense.is_ambiguous(settings["topic"], lens.intrinsics):
         found += _lens_models(scope, camera_file, lens, used, located)
     found += _next_mark(scope, lens.at(located.wTc), located, spread[:6, :6], used, motions, stamps, solved.clock)

@@ -28,7 +28,7 @@ Row: TypeAlias = dict[str, Any]
 Curve: TypeAlias = tuple[Floats, Floats]
 # where a clock comes from, where that is not the word of table `offsets`
 WORDS = {"cameras": "other cameras", "boxes": "hand boxes", "manual": "by hand", "assumed_zero": "not known"}
-DOUBTED = ("clock_unknown", "clock_contradicts", "clock_off")
+DOUBTED = ("clock_unknown", "clock_contradicts", "clock_off", "marks_clock")
 NOTHING = "\u2013"
 # what the lower panel shows beyond the clocks, and how far it goes to show them; chosen: some pictures at 30 Hz
 ZOOM_MS, WINDOW_MS = 120.0, 2000.0

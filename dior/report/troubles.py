@@ -37,6 +37,7 @@ EXPLAINS: Mapping[str, frozenset[str]] = {
     "clock_contradicts": ASIDE,
     lights.BESIDE_CULPRIT: ASIDE | WORLD | {"coverage"},
     "camera_rolled": ASIDE,
+    "frame_suspect": ASIDE | {"mark_error", "mark_rejected", "pose_uncertain"},
     "mark_error": ASIDE | {"mark_rejected", "mark_suspect", "pose_uncertain"},
     "in_picture_share": ASIDE,
     "beside_boxes": ASIDE,

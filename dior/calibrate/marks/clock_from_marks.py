@@ -193,7 +193,7 @@ def _refined(
     for k in lowest[np.argsort(cost[lowest], kind="stable")][:CANDIDATES]:
         tried = offsets.copy()
         tried[s] = lag.window(LAGS_HZ, part.most_s)[k]
-        end = _end(camera.at(poses[k]), part, uv, tried, s, limit_px)
+        end = arrive(camera.at(poses[k]), part, uv, tried, s, limit_px)
         if end is None or np.abs(end.offsets[s]) > part.most_s:
             continue
         xyz = part.only(end.inlier).at(end.offsets)[0]
@@ -221,7 +221,7 @@ def _variance(end: End, marks: int) -> float:
     return (pnp.CLICK_WORTH * pnp.CLICK_SD_PX**2 + end.cost) / (pnp.CLICK_WORTH + max(2 * marks - 7, 0))
 
 
-def _end(camera: Camera, part: Places, uv: Floats, offsets: Floats, s: int, limit_px: float) -> End | None:
+def arrive(camera: Camera, part: Places, uv: Floats, offsets: Floats, s: int, limit_px: float) -> End | None:
     """`End` from a start, None where fewer than half of the marks agree, of all or of sequence `s`; the net is wide at
     first.
     """
