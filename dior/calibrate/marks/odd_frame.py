@@ -25,7 +25,7 @@ from dior.geometry.camera import Camera, project
 from dior.tables.tables import Finding
 
 FEWEST = 4  # chosen: marks of a frame that can be said to be shifted together
-# chosen, chi2 of the numbers of a fault: `python -m benchmarks.odd_frames` prints what right and wrong frames have
+# chosen, chi2 of the numbers of a fault: nothing is said of right frames (`python -m benchmarks.odd_frames`)
 CERTAIN = 30.0
 # chosen: less is no scrolled picture, but how people click
 LEAST_PX, LEAST_PICTURES = 3.0, 0.5
@@ -183,15 +183,18 @@ def findings(
         return []
     first = found[0]
     if left_out:
-        text = f"{_words(path, marks, first, stamps)}; they are not used, mark them again"
+        text = f"{_words(path, marks, first, stamps)} They are not used, mark them again"
         return [(scope, "warning", "frame_rejected", text)]
     if len(found) == 1:
-        text = f"{_words(path, marks, first, stamps)}; they are used, as the others do not tell the camera alone"
+        text = (
+            f"{_words(path, marks, first, stamps)} They are used, as the others do not tell the camera alone, and its "
+            "sigma is as wide as they disagree"
+        )
         return [(scope, "warning", "frame_suspect", text)]
     names = " and ".join(_frame(marks, fault) for fault in found)
     text = (
         f"{path}: the marks of {names} do not agree, and it cannot be told which are wrong; if it is the first, "
-        f"{_words(path, marks, first, stamps)}; mark a third frame"
+        f"{_words(path, marks, first, stamps)} Mark another frame"
     )
     return [(scope, "warning", "frame_suspect", text)]
 
