@@ -116,6 +116,7 @@ def test_the_page_has_the_words_of_each(capture, tmp_path):
         evaluated=page.Evaluated(
             metrics=tmp_path / "metrics.csv",
             frame_metrics=frame_metrics,
+            quantiles=[path for path in capture.quantiles if "indoor_01" not in path.name],
             statistics=counted(capture),
             recognition=[],
         ),
