@@ -21,9 +21,9 @@ from dior.project.missing import CONFIG, line_of
 from dior.project.run import cores
 from dior.shortage import free_memory, size
 
-# chosen: 9 600 pictures in 8 walks take 178 CPU s by `python -m benchmarks.demo`, most of which are the same for walks
-# of any length, and leave 30 MB; the largest job has 0.3 GB
-WALK_S, PICTURE_S, PICTURE_BYTES, JOB_BYTES = 15.0, 0.0015, 4000, 400_000_000
+# chosen: 9 600 pictures in 8 walks take 285 CPU s by `python -m benchmarks.demo`, most of which are the same for walks
+# of any length, and leave 37 MB; the largest job has 0.3 GB
+WALK_S, PICTURE_S, PICTURE_BYTES, JOB_BYTES = 25.0, 0.0015, 4000, 400_000_000
 # chosen: recordings are read three times (frames, audit, detections), at the rate of a plain hard disk
 READ_TIMES, DISK_BYTES_PER_S = 3, 150e6
 # what asks for a package: its module, the extra of dior that has it
