@@ -132,6 +132,13 @@ def mirrored(name: str) -> str:
     return name
 
 
+def side_of(name: str) -> str:
+    """`left`, `right` or `middle`: on which side of the body a joint or marker is."""
+    if mirrored(name) == name:
+        return "middle"
+    return "left" if name[0] in "lL" else "right"
+
+
 def swap_index(names: Sequence[str]) -> Ints:
     """Index (J,) that exchanges left and right: `uv[..., swap_index(names), :]`. Unpaired joints stay."""
     where = {name: i for i, name in enumerate(names)}

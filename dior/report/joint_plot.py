@@ -33,12 +33,8 @@ ORDER = {
 
 def side_and_name(joint: str) -> tuple[str, str]:
     """(one of SIDES, name without its side) of a joint or marker."""
-    if skeletons.mirrored(joint) == joint:
-        return "middle", joint
-    if joint.startswith(("left_", "right_")):
-        side, _, name = joint.partition("_")
-        return side, name
-    return ("left" if joint[0] == "L" else "right"), joint[1:]
+    side = skeletons.side_of(joint)
+    return side, joint if side == "middle" else joint.removeprefix(f"{side}_") if joint[0].islower() else joint[1:]
 
 
 def part_of(name: str) -> str:

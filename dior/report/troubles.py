@@ -189,8 +189,9 @@ def _with_fix(trouble: Trouble, recordings: Sequence[Recording], setting: Settin
         offset = beside_boxes.together(offsets)
         if offset and any(offset.told) and (len(offsets) == 1 or beside_boxes.alike(offsets)):
             follows = ((own[0].sequence, trouble.text), *trouble.follows)
-            text = f"the labels lie {beside_boxes.words(offset)} of the hand boxes".replace("above of", "above")
-            trouble = replace(trouble, text=text.replace("below of", "below"), follows=follows)
+            side = beside_boxes.words(offset)
+            of = "" if side.endswith(("above", "below")) else " of"
+            trouble = replace(trouble, text=f"the labels lie {side}{of} the hand boxes", follows=follows)
             return replace(trouble, fix=_nudged(offset, setting, f"{own[0].sequence}.{own[0].camera}"))
     if trouble.code == lights.UNCHECKED:
         [first, *_] = trouble.sequences

@@ -147,14 +147,11 @@ def moments(metrics: Table, body: Mapping[str, Any], own: Mapping[str, tuple[Tab
     told: set[str] = set()
     for metric, sign, unit, words in worst_pictures.SECTIONS.values():
         worst = []
-        for camera, (table, times) in own.items():
-            mine = (metrics["metric"] == metric) & (metrics["camera"] == camera) & np.isfinite(metrics["value"])
-            rows = tables.rows(metrics, mine & np.isin(metrics["frame"], table["frame"]))
-            if camera in told or not len(rows["frame"]):
+        for (_, camera), (value, frame) in worst_pictures.by_recording(metrics, metric, sign).items():
+            if camera in told or camera not in own:
                 continue
             told.add(camera)
-            i = int(np.argmax(sign * rows["value"]))
-            frame, value = int(rows["frame"][i]), float(rows["value"][i])
+            table, times = own[camera]
             if unit == "share" and value == 1:
                 continue
             at = float(times[int(np.argmax(table["frame"] == frame))])
@@ -334,7 +331,7 @@ def _scene(
                 "rays": "detections" if uses_detections(camera, seen) else "labels",
             }
         )
-    sides = ["m" if names.mirrored(j) == j else "l" if j[0] in "lL" else "r" for j in joints]
+    sides = [names.side_of(joint)[0] for joint in joints]
     header = {
         "sequence": sequence, "joints": joints, "sides": sides, "bones": names.bones_of(joints).tolist(),
         "origin": origin, "step": step, "least": scene_file.LEAST_M, "ratio": scene_file.RATIO,

@@ -172,6 +172,22 @@ def write_project(root, sequences):
 SEQUENCES = (("indoor_01", "S01", "lab"), ("outdoor_01", "S01", "field"), ("outdoor_02", "S02", "field"))
 
 
+def frame_columns(camera, stamps):
+    """Columns of `frames` of a camera whose pictures, of `stamps`, come as they are taken."""
+    count = len(stamps)
+    return {
+        "camera": repeat([camera], count),
+        "frame": np.arange(count),
+        "stamp_ns": stamps,
+        "receive_ns": stamps,
+        "bag": repeat(["a.bag"], count),
+        "topic": repeat(["t"], count),
+        "nth": np.zeros(count, int),
+        "height": np.full(count, 720),
+        "width": np.full(count, 1280),
+    }
+
+
 def write_sequence(root, number, sequence, subject, session):
     """The tables of a sequence under `<root>/results` and its figures; cam03 loses pictures and has gaps."""
     results, rng = root / "results", np.random.default_rng(number)
@@ -201,19 +217,7 @@ def write_sequence(root, number, sequence, subject, session):
             | {"score": np.full(uv[..., 0].size, 0.9 if someone else np.nan)}
             | {"person": np.full(uv[..., 0].size, 0 if someone else -1)}
         )
-        index.append(
-            {
-                "camera": repeat([camera.name], FRAMES),
-                "frame": frames,
-                "stamp_ns": stamps,
-                "receive_ns": stamps,
-                "bag": repeat(["a.bag"], FRAMES),
-                "topic": repeat(["t"], FRAMES),
-                "nth": np.zeros(FRAMES, int),
-                "height": np.full(FRAMES, 720),
-                "width": np.full(FRAMES, 1280),
-            }
-        )
+        index.append(frame_columns(camera.name, stamps))
     truth = root / f"data/truth/{sequence}"
     tables.write(truth / "labels_2d.parquet", "labels_2d", stacked(true))
     tables.write(truth / "skeletons_3d.parquet", "skeletons_3d", skeleton_columns(subject, sequence, points))

@@ -62,19 +62,7 @@ def write(root, count=4, frames=90):
         columns = conftest.label_columns("S01", SEQUENCE, camera.name, uv, number, stamps, status)
         labels.append(root / f"{camera.name}.labels.parquet")
         tables.write(labels[-1], "labels_2d", columns)
-        index.append(
-            {
-                "camera": repeat([camera.name], frames),
-                "frame": number,
-                "stamp_ns": stamps,
-                "receive_ns": stamps,
-                "bag": repeat(["a.bag"], frames),
-                "topic": repeat(["t"], frames),
-                "nth": np.zeros(frames, int),
-                "height": np.full(frames, 720),
-                "width": np.full(frames, 1280),
-            }  # fmt: skip
-        )
+        index.append(conftest.frame_columns(camera.name, stamps))
         close = camera.role == "close"
         if close:
             seen = uv + rng.normal(0, 2, uv.shape)
