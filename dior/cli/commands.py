@@ -25,6 +25,7 @@ COMMANDS = {
     "check": "dior.check.check",
     "pseudonyms": "dior.project.pseudonyms",
     "run": "dior.project.run",
+    "studio": "dior.studio.studio",
     "verify": "dior.release.verify.verify",
     "diff": "dior.release.diff.diff",
     "formats": "dior.cli.formats",

@@ -50,7 +50,8 @@ def as_far_as_it_goes(
     root: AnyPath, faults: Faults, config: dict[str, Any] | None = None, unfinished: Iterable[Todo] = ()
 ) -> Project | None:
     """The same, what is wrong being kept in `faults`: without the sessions whose files are wrong, or `unfinished`,
-    their walks excluded; None where nothing is left, or where the config or a sheet is wrong or unfinished.
+    their walks excluded; None where nothing is left, or where the config or a sheet is wrong or unfinished. Cameras
+    that are only not marked yet are there.
 
     What is kept may be of the `unfinished` values, too: the word is in such a sentence."""
     root = Path(root)
@@ -100,7 +101,8 @@ def as_far_as_it_goes(
             sessions.read(project, session)
         if session not in project.session_files:
             sessions.check_cameras_alone(root, bumps.session_folder(session), faults)
-        if len(faults.found) > before or os.path.dirname(project.session_file(session)) in to_do:
+        wrong = [fault for fault in faults.found[before:] if not isinstance(fault, sessions.NotMarked)]
+        if wrong or os.path.dirname(project.session_file(session)) in to_do:
             broken.add(session)
     left = _without(project, broken) if broken else project
     if left is not None:

@@ -18,6 +18,10 @@ from dior.project.marks_file import MarkedLines, read_marks
 from dior.project.schema_check import as_written, check, read_yaml
 
 
+class NotMarked(DiorError):
+    """A camera that is placed by marks has none yet."""
+
+
 def read(project: Project, session: str) -> None:
     """Read the files of a session into the project. Raises DiorError for all of its cameras together."""
     shown = project.session_file(session)
@@ -39,6 +43,8 @@ def read(project: Project, session: str) -> None:
     for name in content["cameras"]:
         with faults.kept():
             cameras[name] = _read_camera(project, session, name)
+            if cameras[name]["locate"] == "marks":
+                project.marks[session, name] = _marks(project, session, name)
     faults.tell()
 
 
@@ -153,14 +159,6 @@ def _read_camera(project: Project, session: str, name: str) -> dict[str, Any]:
             )
         scope, what = f"{session}/{name}", "sequence of align.sequences"
         camera["align"]["sequences"] = _agreed(project, session, scope, here, f"{shown}: align.sequences", what)
-    path = project.marks_file(session, name)
-    if camera["locate"] == "marks":
-        if not (project.root / path).is_file():
-            raise DiorError(
-                f"{shown}: 'locate: marks' needs the file {path} with the columns sequence,frame,joint,u,v: 10-20 "
-                "markers clicked on each of 3-10 frames"
-            )
-        project.marks[session, name] = _marks(project, session, name, path)
     return camera
 
 
@@ -175,7 +173,13 @@ def _check_first(project: Project, session: str, shown: str) -> None:
         )
 
 
-def _marks(project: Project, session: str, camera: str, path: str) -> MarkedLines:
+def _marks(project: Project, session: str, camera: str) -> MarkedLines:
+    path = project.marks_file(session, camera)
+    if not (project.root / path).is_file():
+        raise NotMarked(
+            f"{project.camera_file(session, camera)}: 'locate: marks' needs the file {path} with the columns "
+            "sequence,frame,joint,u,v: 10-20 markers clicked on each of 3-10 frames"
+        )
     lines = read_marks(project.root / path, path)
     shown = f"{path} line {min((first for first, _ in lines.values()), default=1)}: the marks"
     used = _agreed(project, session, f"{session}/{camera}", lines, shown, "marked sequence")

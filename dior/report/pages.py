@@ -9,12 +9,12 @@ if TYPE_CHECKING:
 TEMPLATES = Path(__file__).parent / "templates"
 
 
-def environment() -> "jinja2.Environment":
-    """jinja2's, which escapes what is shown and refuses a name that is not given."""
+def environment(templates: Path = TEMPLATES) -> "jinja2.Environment":
+    """jinja2's for a folder of templates; it escapes what is shown and refuses a name that is not given."""
     import jinja2
 
     return jinja2.Environment(
-        loader=jinja2.FileSystemLoader(TEMPLATES),
+        loader=jinja2.FileSystemLoader(templates),
         autoescape=True,
         trim_blocks=True,
         lstrip_blocks=True,

@@ -1,0 +1,73 @@
+"""The pages of the studio as a Starlette application."""
+
+from pathlib import Path
+
+from starlette.applications import Starlette
+from starlette.exceptions import HTTPException
+from starlette.middleware import Middleware
+from starlette.middleware.trustedhost import TrustedHostMiddleware
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+from starlette.routing import Mount
+from starlette.staticfiles import StaticFiles
+
+from dior.errors import DiorError
+from dior.shortage import sentence
+from dior.studio import frames_page, start_page
+from dior.studio.guard import HOSTS, Guard
+from dior.studio.hand_files import Conflict
+from dior.studio.pages import page
+from dior.studio.workspace import Workspace
+
+STATIC = Path(__file__).parent / "static"
+# what each page answers; the order is that of the links on top (`pages.PAGES`)
+ROUTES = [*start_page.ROUTES, *frames_page.ROUTES]
+
+
+def made(workspace: Workspace, token: str) -> Starlette:
+    """The application for a project; `token` is the one of the address that was printed."""
+    static = Mount("/static", StaticFiles(directory=STATIC), name="static")
+    app = Starlette(
+        routes=[*ROUTES, static],
+        middleware=[Middleware(TrustedHostMiddleware, allowed_hosts=HOSTS), Middleware(Guard, token=token)],
+        exception_handlers={
+            Conflict: _conflict,
+            DiorError: _refused,
+            OSError: _refused,
+            HTTPException: _no_page,
+            Exception: _fault,
+        },
+    )
+    app.state.workspace = workspace
+    return app
+
+
+def _conflict(request: Request, error: Exception) -> Response:
+    assert isinstance(error, Conflict)
+    return JSONResponse({"error": str(error), "conflicts": error.rows}, 409)
+
+
+def _refused(request: Request, error: Exception) -> Response:
+    text = str(error)
+    if isinstance(error, OSError):
+        text = sentence(error) or f"{error.filename or 'a file'}: {error.strerror or error}"
+    return _answer(request, text, 422)
+
+
+def _no_page(request: Request, error: Exception) -> Response:
+    assert isinstance(error, HTTPException)
+    text = "There is no such page." if error.status_code == 404 else error.detail
+    return _answer(request, text, error.status_code)
+
+
+def _fault(request: Request, error: Exception) -> Response:
+    # uvicorn prints its trace
+    text = "This is a fault of dior's own; where `dior studio` was typed there is more of it."
+    return JSONResponse({"error": text}, 500)
+
+
+def _answer(request: Request, text: str, status: int) -> Response:
+    """A sentence, for a page's script or as a page."""
+    if "text/html" in request.headers.get("accept", ""):
+        return page(request, "said.html.j2", status, said=text)
+    return JSONResponse({"error": text}, status)

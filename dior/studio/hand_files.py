@@ -1,0 +1,186 @@
+"""Changing the small files of config/ that people also edit by hand: rows of a CSV file, values of a YAML file.
+
+A change says what it found and what it puts there. Other rows, their order and comments stay as they are, and so does
+what somebody else wrote meanwhile: where that is at the same row or key, nothing is written and both are told.
+"""
+
+import csv
+import io
+import os
+import threading
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from dior.errors import DiorError
+from dior.project.plain_text import COMMENT, text_of
+from dior.project.yaml_file import MOST_BYTES, yaml_of
+from dior.tables.files import write_text
+
+# one change at a time, of all files of the project
+_lock = threading.Lock()
+Cells = Sequence[str]
+
+
+@dataclass(frozen=True)
+class Change:
+    """Of one row: the cells of its `key`, and its other cells `before` and `after`; None where there is no row."""
+
+    key: tuple[str, ...]
+    before: tuple[str, ...] | None
+    after: tuple[str, ...] | None
+
+
+class Conflict(DiorError):
+    """Somebody else has changed the same. `rows`: for each its key, `theirs` that is in the file, and `mine`."""
+
+    def __init__(self, path: str, rows: list[dict[str, Any]]) -> None:
+        super().__init__(f"{path}: somebody else has changed the same meanwhile; nothing is written yet")
+        self.rows = rows
+
+
+def change_rows(path: str, keys: Cells, others: Cells, changes: Iterable[Change], check: Callable[[Path], Any]) -> bool:
+    """Change rows of a CSV file, found by the columns `keys`; whether that made a difference.
+
+    `others`: the other columns that changes are about; columns besides stay as they are in rows that are there. A file
+    that is not there is begun. `check` reads the file as it will be, in another place, and raises DiorError where it is
+    refused. Raises Conflict, and DiorError for a file that may not be written or has no such columns.
+    """
+    with _lock:
+        text = _text(path)
+        lines = text.splitlines(keepends=True)
+        end = "\r\n" if text.endswith("\r\n") else "\n"
+        at = next((i for i, line in enumerate(lines) if line.strip() and not line.startswith(COMMENT)), None)
+        if at is None:
+            lines.append(",".join([*keys, *others]) + end)
+            at = len(lines) - 1
+        header = [name.strip() for name in _cells(lines[at].removeprefix("\ufeff"))]
+        missing = [name for name in [*keys, *others] if name not in header]
+        if missing:
+            raise DiorError(f"{path}: column '{missing[0]}' is missing; the first line must name it")
+        found: dict[tuple[str, ...], tuple[int, dict[str, str]]] = {}
+        for i, line in enumerate(lines[at + 1 :], at + 1):
+            if line.strip() and not line.startswith(COMMENT):
+                row = dict(zip(header, map(str.strip, _cells(line)), strict=False))
+                found[tuple(row.get(name, "") for name in keys)] = i, row
+        clashes: list[dict[str, Any]] = []
+        added: list[str] = []
+        for change in changes:
+            i, row = found.get(change.key, (-1, {}))
+            theirs = None if i < 0 else tuple(row.get(name, "") for name in others)
+            if _same(theirs, change.after):
+                continue
+            if not _same(theirs, change.before):
+                clashes.append({"key": change.key, "theirs": theirs, "mine": change.after})
+                continue
+            named = dict(zip([*keys, *others], [*change.key, *(change.after or ())], strict=False))
+            line = _line([named.get(name, row.get(name, "")) for name in header]) + end
+            if i < 0:
+                added.append(line)
+            else:
+                lines[i] = line if change.after is not None else ""
+        if clashes:
+            raise Conflict(path, clashes)
+        if added and lines and not lines[-1].endswith("\n"):
+            lines[-1] += end
+        return _write(path, text, "".join(lines + added), check)
+
+
+def change_value(path: str, key: str, before: Any, after: Any, check: Callable[[Path], Any]) -> bool:
+    """Put `after` at a key at the top of a YAML file, None to remove it; whether that made a difference.
+
+    `before`: what was read there, None for nothing. `check` as of `change_rows`. Raises Conflict and DiorError.
+    """
+    with _lock:
+        text = _text(path)
+        content = yaml_of(text, path)
+        if not isinstance(content, dict):
+            raise DiorError(f"{path}: is no YAML of keys with values")
+        if content.get(key) == after:
+            return False
+        if content.get(key) != before:
+            raise Conflict(path, [{"key": [key], "theirs": content.get(key), "mine": after}])
+        changed = _with_value(text, key, after)
+        wanted = {name: value for name, value in (content | {key: after}).items() if value is not None}
+        if yaml_of(changed, path) != wanted:
+            raise DiorError(f"{path}: '{key}' cannot be changed without changing the rest; change it by hand")
+        return _write(path, text, changed, check)
+
+
+def _with_value(text: str, key: str, value: Any) -> str:
+    """A YAML text with another value, in flow style, at one of its keys at the top."""
+    import yaml
+
+    line = "" if value is None else f"{key}: {yaml.safe_dump(value, default_flow_style=True, width=10**6).strip()}"
+    # of a plain word the end of the document is written, too
+    line = line.removesuffix("...").rstrip()
+    root = yaml.compose(text)
+    pairs = root.value if isinstance(root, yaml.MappingNode) else []
+    at = next(((k.start_mark.index, v.end_mark.index) for k, v in pairs if k.value == key), None)
+    if at is None:
+        gap = "" if not text or text.endswith("\n") else "\n"
+        return f"{text}{gap}{line}\n" if line else text
+    begin, after = at
+    # the end of a block is where the next thing begins, comments before that included
+    block = text[begin:after].rstrip()
+    kept = text[begin + len(block) :]
+    while block.count("\n") and block.rsplit("\n", 1)[1].lstrip().startswith(COMMENT):
+        block = block.rsplit("\n", 1)[0].rstrip()
+        kept = text[begin + len(block) :]
+    return text[:begin] + line + (kept if line else kept.removeprefix("\n"))
+
+
+def _text(path: str) -> str:
+    return text_of(path, path, MOST_BYTES) if os.path.lexists(path) else ""
+
+
+def _cells(line: str) -> list[str]:
+    return next(csv.reader([line.rstrip("\r\n")]), [])
+
+
+def _line(cells: Cells) -> str:
+    stream = io.StringIO()
+    csv.writer(stream, lineterminator="").writerow(cells)
+    return stream.getvalue()
+
+
+def _same(one: Cells | None, other: Cells | None) -> bool:
+    """Whether two rows say the same, however their numbers are written."""
+    if one is None or other is None:
+        return one is other
+    return len(one) == len(other) and all(map(_alike, one, other))
+
+
+def _alike(one: str, other: str) -> bool:
+    try:
+        return one == other or float(one) == float(other)
+    except ValueError:
+        return False
+
+
+def _write(path: str, before: str, after: str, check: Callable[[Path], Any]) -> bool:
+    """Write what is checked, where it is another; a link stays one."""
+    if after == before:
+        return False
+    place = Path(os.path.realpath(path))
+    if place.exists() and not place.stat().st_mode & 0o222:
+        raise DiorError(f"{path}: is read-only; `chmod u+w {path}` lets it be changed")
+    _check(path, after, check)
+    if _text(path) != before:
+        raise DiorError(f"{path}: is being changed elsewhere at this moment; try again")
+    write_text(place, after)
+    return True
+
+
+def _check(path: str, text: str, check: Callable[[Path], Any]) -> None:
+    """Let `check` read the text from a file of the same name, and say what it says of that of the file itself."""
+    from tempfile import TemporaryDirectory
+
+    with TemporaryDirectory(prefix="dior_studio_") as folder:
+        draft = Path(folder) / os.path.basename(path)
+        write_text(draft, text)
+        try:
+            check(draft)
+        except DiorError as error:
+            raise DiorError(str(error).replace(str(draft), path)) from None

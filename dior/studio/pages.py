@@ -1,0 +1,80 @@
+"""What all pages of the studio have in common: their templates, their links, and reading what a request names."""
+
+import json
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from starlette.requests import Request
+from starlette.responses import HTMLResponse
+
+from dior.errors import DiorError, nearest
+from dior.report import pages as report_pages
+from dior.studio.workspace import Workspace
+
+if TYPE_CHECKING:
+    import jinja2
+
+TEMPLATES = Path(__file__).parent / "templates"
+# address and name, as the links on top have them
+PAGES = {"/": "Start", "/frames": "Frames"}
+
+
+@cache
+def _environment() -> "jinja2.Environment":
+    return report_pages.environment(TEMPLATES)
+
+
+def page(request: Request, template: str, status: int = 200, **told: Any) -> HTMLResponse:
+    """A page from its template, which may use what is `told`, and `pages` and `here` for the links on top."""
+    name = workspace_of(request).name
+    text = _environment().get_template(template).render(pages=PAGES, here=request.url.path, project_name=name, **told)
+    return HTMLResponse(text, status)
+
+
+def workspace_of(request: Request) -> Workspace:
+    """What the project has, for the one who asks."""
+    found: Workspace = request.app.state.workspace
+    return found
+
+
+def walk_of(request: Request) -> str:
+    """The walk that a request names. Raises DiorError for one that the project does not have."""
+    project = workspace_of(request).project()
+    return one_of("walk", request.query_params.get("walk", ""), project.sequences)
+
+
+def recording_of(request: Request) -> tuple[str, str]:
+    """The walk and the camera that a request names. Raises DiorError as `walk_of`."""
+    walk = walk_of(request)
+    camera = request.query_params.get("camera", "")
+    return walk, one_of("camera", camera, workspace_of(request).project().cameras_of(walk))
+
+
+def one_of(what: str, word: object, known: Any) -> str:
+    """`word`, where it is one of `known`. Raises DiorError."""
+    if not isinstance(word, str) or word not in known:
+        shown = f"'{word:.40}'" if isinstance(word, str) and word else "none"
+        listed = ", ".join(sorted(known)) or "none"
+        raise DiorError(f"{what} is {shown}, which the project does not have{nearest(word, known)}: there is {listed}")
+    return word
+
+
+def number_of(request: Request, name: str, default: int | None = None) -> int:
+    """A whole number from 0 that a request names. Raises DiorError."""
+    word = request.query_params.get(name, "" if default is None else str(default))
+    # 9 digits are more pictures than any recording has
+    if not (word.isascii() and word.isdecimal() and len(word) < 10):
+        raise DiorError(f"{name} is '{word:.40}', not a whole number from 0")
+    return int(word)
+
+
+async def sent(request: Request) -> dict[str, Any]:
+    """The JSON object that a page has sent. Raises DiorError for anything else."""
+    try:
+        content = json.loads(await request.body())
+    except (ValueError, RecursionError):
+        raise DiorError("what the page sent is no JSON") from None
+    if not isinstance(content, dict):
+        raise DiorError("what the page sent is no JSON object")
+    return content

@@ -1,0 +1,197 @@
+"""What the pages know of a project: its sheets, and tables that steps make of its recordings, before any run.
+
+INPUTS   the project in the working directory, its recordings, results/ where there are any
+OUTPUTS  tables in memory, by the same functions as the steps, whose files lie in a folder that ends with the studio
+A page may be open while files of config/ are edited elsewhere: each request reads what has changed since.
+"""
+
+import os
+import threading
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import TracebackType
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from dior.arrays import Table
+from dior.calibrate import intrinsics
+from dior.calibrate.marks.marks import Motion, read_motion
+from dior.errors import DiorError, Faults
+from dior.geometry.camera import Camera
+from dior.geometry.camera_tables import unplaced
+from dior.ingest import frames, mocap, video_frames
+from dior.project import todos
+from dior.project.contents import Project
+from dior.project.project import as_far_as_it_goes
+from dior.tables import tables
+
+# (path, time of change ns, size) of files
+State: TypeAlias = tuple[tuple[str, int, int], ...]
+
+
+@dataclass(frozen=True)
+class Read:
+    """A project as it was read: `project`, None where the sheets are wrong, what is wrong, and what is still TODO."""
+
+    project: Project | None
+    faults: tuple[DiorError, ...]
+    unfinished: tuple[todos.Todo, ...]
+
+
+class Workspace:
+    """The project in the working directory. To be used in a `with`, which ends with its temporary folder."""
+
+    def __init__(self) -> None:
+        self.name = Path.cwd().name
+        self._folder = TemporaryDirectory(prefix="dior_studio_")
+        self._lock = threading.Lock()
+        self._made: dict[tuple[str, ...], tuple[Any, Any]] = {}
+        self._making: dict[tuple[str, ...], threading.Lock] = {}
+
+    def __enter__(self) -> "Workspace":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._folder.cleanup()
+
+    def read(self) -> Read:
+        """The project as its files are now."""
+
+        def make() -> Read:
+            faults, unfinished = Faults(), todos.found(".")
+            project = as_far_as_it_goes(Path("."), faults, unfinished=unfinished)
+            return Read(project, tuple(faults.found), tuple(unfinished))
+
+        paths = [os.path.join(folder, name) for folder, _, names in os.walk("config") for name in names]
+        return self._kept(("project",), state_of(paths), make)
+
+    def project(self) -> Project:
+        """The project, without the sessions whose files are wrong. Raises DiorError where nothing is left."""
+        read = self.read()
+        if read.project is None:
+            left = [*todos.errors(read.unfinished), *read.faults]
+            raise DiorError(f"config/ cannot be read yet: {left[0]}" if left else "config/ has no walk yet")
+        return read.project
+
+    def frames(self, walk: str, camera: str) -> Table:
+        """Table `frames` of one camera. Raises DiorError as the step does, but not where recordings do not overlap."""
+        project = self.project()
+        settings = project.cameras(project.session_of(walk))[camera]
+        filmed, sidecars, rates = (
+            {one: value for one, value in found.items() if one == camera}
+            for found in (project.videos(walk), project.sidecars(walk), project.video_rates(walk))
+        )
+
+        def make() -> Table:
+            out = Path(self._folder.name) / f"{walk}.{camera}.frames.parquet"
+            frames.run(
+                sequence=walk, bags=[] if filmed else [*map(Path, project.bags(walk))],
+                data_root=Path(project.data_root), topics={camera: project.topics(walk)[camera]}, out=out,
+                by_hand=[camera], in_bags={camera: settings["bag"]} if "bag" in settings else {},
+                recorded=video_frames.Recorded(_paths(filmed), _paths(sidecars), rates),
+            )  # fmt: skip
+            return tables.read(out, "frames")
+
+        key = state_of(project.picture_files(walk)), repr(settings), repr(project.sequence(walk))
+        return self._kept(("frames", walk, camera), key, make)
+
+    def stamps(self, walk: str) -> dict[str, Table]:
+        """The tables of all cameras of a walk that can be read, by name. Raises DiorError where there is none."""
+        found, faults = {}, Faults()
+        for camera in self.project().cameras_of(walk):
+            with faults.kept():
+                found[camera] = self.frames(walk, camera)
+        if not found:
+            faults.tell()
+        return found
+
+    def motion(self, walk: str) -> Motion:
+        """The markers of an indoor walk, as the step `mocap` has them. Raises DiorError as it does."""
+        project = self.project()
+        given = project.mocap(walk)
+        if not given:
+            raise DiorError(f"'{walk}' has no motion capture in sequences.tsv")
+        stamps = list(self.stamps(walk).values())
+        settings, log = project.mocap_settings(walk), project.trigger_log(walk)
+
+        def make() -> Motion:
+            folder = Path(self._folder.name)
+            every = folder / f"{walk}.frames.parquet"
+            out = folder / f"{walk}.mocap.parquet"
+            names = tables.columns_of("frames")
+            tables.write(every, "frames", {name: np.concatenate([one[name] for one in stamps]) for name in names})
+            mocap.run(
+                sequence=walk, subject=project.subject_of(walk), c3d=Path(given[0]), frames=every,
+                trigger_log=Path(log[0]) if log else None, out=out, capture=project.capture(walk),
+                units=settings["units"], up=settings["up"], people=Path("config/subjects.tsv"),
+                session_file=Path(project.session_file(project.session_of(walk))),
+                names=next(map(Path, project.marker_names()), None),
+            )  # fmt: skip
+            return read_motion(out)[1]
+
+        key = state_of([*given, *log, *project.picture_files(walk)]), repr(settings), repr(project.sequence(walk))
+        return self._kept(("mocap", walk), key, make)
+
+    def lens(self, session: str, camera: str) -> Camera:
+        """A camera without a pose, as the step `intrinsics` has it. Raises DiorError as it does."""
+        project = self.project()
+        walk, settings = project.first_sequence(session), project.cameras(session)[camera]
+        pictures, source = self.frames(walk, camera), settings["intrinsics"]
+        given = source if isinstance(source, dict) else {}
+        board = {} if "file" in given else given
+
+        def make() -> Camera:
+            folder = Path(self._folder.name)
+            indexed, out = folder / f"{session}.{camera}.frames.parquet", folder / f"{session}.{camera}.lens.parquet"
+            tables.write(indexed, "frames", pictures)
+            intrinsics.run(
+                session=session, camera=camera, role=settings["role"], topic=settings["topic"] or "",
+                source="board" if board else given.get("file", "camera_info"), name=given.get("name") or "",
+                board=board, distortion_model=settings.get("distortion_model") or "",
+                info_topic=settings.get("camera_info") or "", sigma=str(settings.get("intrinsics_sigma", "")),
+                frames=indexed, sequence=walk, data_root=Path(project.data_root), out=out,
+                findings=folder / f"{session}.{camera}.lens.findings.parquet",
+            )  # fmt: skip
+            return unplaced(out, camera)
+
+        key = state_of(project.picture_files(walk)), repr(settings)
+        return self._kept(("lens", session, camera), key, make)
+
+    def result(self, path: str, name: str, columns: Iterable[str] | None = None) -> Table | None:
+        """A table of results/ as the last run left it, None where there is none."""
+        wanted = None if columns is None else list(columns)
+        state = state_of([path])
+        if not state:
+            return None
+        return self._kept(("result", path, repr(wanted)), state, lambda: tables.read(path, name, wanted))
+
+    def _kept(self, key: tuple[str, ...], state: Any, make: Callable[[], Any]) -> Any:
+        """What `make` gives, made again only where `state` is another than when it was made. One thread makes it."""
+        with self._lock:
+            making = self._making.setdefault(key, threading.Lock())
+        with making:
+            if key not in self._made or self._made[key][0] != state:
+                self._made[key] = state, make()
+            return self._made[key][1]
+
+
+def state_of(paths: Iterable[str]) -> State:
+    """Of the files that are there, sorted; folders count by what is in them."""
+    found = []
+    for path in paths:
+        inside = [os.path.join(path, name) for name in sorted(os.listdir(path))] if os.path.isdir(path) else []
+        for each in [path, *inside]:
+            with suppress(OSError):
+                status = os.stat(each)
+                found.append((each, status.st_mtime_ns, status.st_size))
+    return tuple(sorted(found))
+
+
+def _paths(found: dict[str, str]) -> dict[str, Path]:
+    return {camera: Path(path) for camera, path in found.items()}
