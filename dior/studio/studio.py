@@ -23,15 +23,12 @@ def run(project: Path = Path("."), *, port: int = 0) -> None:
 
     `project`: its folder, where it is not the one that you are in; `port`: where to listen, 0 for 8125 or the next that
     is free.
-    Raises DiorError where there is no project, the packages are not installed, or the port is taken.
+    Raises DiorError where there is no project, and where the port is taken.
     """
     if not (project / CONFIG).is_file():
         raise DiorError(f"{project}: there is no {CONFIG} in it; name the project's folder, or make one: dior init")
-    try:
-        import starlette  # noqa: F401
-        import uvicorn
-    except ImportError:
-        raise DiorError("the pages need two packages more: pip install -e '.[studio]', in the clone of dior") from None
+    import uvicorn
+
     from dior.studio import app
     from dior.studio.workspace import Workspace
 

@@ -1,0 +1,55 @@
+"""Projects that the studio is tried on: a tiny one of few pictures, and the practice capture, served to a browser."""
+
+import shutil
+from contextlib import chdir
+
+import pytest
+from starlette.testclient import TestClient
+
+from dior.studio import app
+from dior.studio.workspace import Workspace
+from tests.check import recorded
+from tests.project.test_project import edit, root  # noqa: F401
+from tests.studio import browser
+
+TOKEN = "a-token"
+HOST = "http://127.0.0.1:8125"
+
+
+@pytest.fixture(scope="session")
+def recordings(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("recorded")
+    recorded.record(folder)
+    return folder
+
+
+@pytest.fixture
+def project(root, recordings):  # noqa: F811
+    """A whole project with its recordings, of 40 pictures a camera; the working directory."""
+    shutil.copytree(recordings, root / "data")
+    edit(root, "config.yaml", "triangulate:", "adjust: {min_views: 2}\ntriangulate:")
+    edit(root, "sessions/lab/cam01.marks.csv", "in_1,3,LASI", "in_1,3,RASI,12,30\nin_1,9,RASI,13,31\nin_1,3,LASI")
+    with chdir(root):
+        yield root
+
+
+@pytest.fixture
+def client(project):
+    """Asks the pages of `project` as a browser does that has been given the address."""
+    with Workspace() as workspace:
+        client = TestClient(app.made(workspace, TOKEN), base_url=HOST, headers={"origin": HOST})
+        client.get("/", params={"token": TOKEN})
+        yield client
+
+
+@pytest.fixture(scope="session")
+def practice(tmp_path_factory):
+    """A capture to practise on, without marks and boxes; not to be changed (`browser.served` takes a copy)."""
+    return browser.practice(tmp_path_factory.mktemp("practice") / "practice")
+
+
+@pytest.fixture(scope="module")
+def chromium():
+    """Playwright's browser; the test is skipped where there is none."""
+    with browser.opened() as found:
+        yield found

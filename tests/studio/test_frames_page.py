@@ -1,0 +1,111 @@
+"""Pictures of recordings, before anything has been run."""
+
+import cv2
+import numpy as np
+
+from dior.ingest import bags, messages
+from dior.studio import pictures
+from dior.tables import tables
+from tests.check.recorded import COUNT, SIZE
+from tests.studio import browser
+
+CAM = {"walk": "out_1", "camera": "cam01"}
+
+
+def decoded(content):
+    return cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)
+
+
+def test_walks_and_recordings_are_listed(client):
+    walks = {one["walk"]: one for one in client.get("/api/walks").json()}
+    assert set(walks) == {"in_1", "out_1", "out_2"} and walks["in_1"]["indoor"]
+    assert walks["out_1"]["cameras"] == {"cam01": "close", "cam02": "close", "cam03": "long_range"}
+    told = client.get("/api/recording", params=CAM).json()
+    assert (told["height"], told["width"]) == SIZE and len(told["seconds"]) == COUNT
+    assert told["seconds"][:2] == [0.0, 0.0333]
+
+
+def test_a_picture_is_the_recorded_bytes(client, project):
+    answer = client.get("/picture", params=CAM | {"frame": 3})
+    assert answer.headers["content-type"] == "image/jpeg"
+    topic = "/cam01/color/image_raw/compressed"
+    message = [*bags.messages_of(project / "data/out_1/a.bag", {topic})][3]
+    assert answer.content == messages.compressed(message.kind, message.raw, message.wire)
+    assert decoded(answer.content).shape[:2] == SIZE
+
+
+def test_a_png_has_the_same_pixels(client):
+    whole = client.get("/picture", params=CAM | {"frame": 3}).content
+    answer = client.get("/picture.png", params=CAM | {"frame": 3})
+    assert "out_1.cam01.3.png" in answer.headers["content-disposition"] and answer.content.startswith(pictures.PNG)
+    assert (decoded(answer.content) == decoded(whole)).all()
+
+
+def test_cameras_at_one_moment_are_the_nearest_in_time(client):
+    # cam02 began 0.2 s later: its frame 0 is at the time of frame 6 of cam01
+    found = client.get("/api/moment", params=CAM | {"frame": 8}).json()
+    assert {name: one["frame"] for name, one in found.items()} == {"cam01": 8, "cam02": 2, "cam03": 8}
+    assert found["cam02"]["later_ms"] == 0.0
+
+
+def test_a_frame_that_is_not_there_is_named(client):
+    answer = client.get("/picture", params=CAM | {"frame": COUNT})
+    assert answer.status_code == 422
+    assert answer.json()["error"] == f"cam01 has no frame {COUNT} in out_1, whose last is {COUNT - 1}"
+
+
+def test_a_bag_that_vanishes_is_said_and_the_others_go_on(client, project):
+    assert client.get("/picture", params=CAM | {"frame": 3}).status_code == 200
+    (project / "data/out_1/a.bag").rename(project / "data/elsewhere.bag")
+    answer = client.get("/picture", params=CAM | {"frame": 4})
+    assert answer.status_code == 422 and "a.bag" in answer.json()["error"]
+    assert client.get("/picture", params=CAM | {"walk": "out_2", "frame": 4}).status_code == 200
+    (project / "data/elsewhere.bag").rename(project / "data/out_1/a.bag")
+    assert client.get("/picture", params=CAM | {"frame": 4}).status_code == 200
+
+
+def test_labels_of_the_last_run_are_given_with_their_sigmas(client, project):
+    assert client.get("/api/drawn", params=CAM | {"frame": 3}).json() == {"labels": [], "bones": [], "detections": []}
+    joints, count = ["left_hip", "left_knee", "nose"], 3
+    columns = {name: [0] * count for name in tables.columns_of("labels_2d")}
+    columns |= {name: ["x"] * count for name in ("subject", "sequence", "camera")}
+    columns |= {"joint": joints, "frame": [3] * 3, "status": ["ok"] * 3, "source": ["mocap"] * 3}
+    columns |= {"u": [1.5, 2, np.nan], "v": [3, 4, np.nan], "sigma_u": [0.5, np.nan, np.nan]}
+    (project / "results/reproject").mkdir(parents=True)
+    tables.write(project / "results/reproject/out_1.cam01.parquet", "labels_2d", columns)
+    told = client.get("/api/drawn", params=CAM | {"frame": 3}).json()
+    assert [one["joint"] for one in told["labels"]] == ["left_hip", "left_knee"]
+    assert told["labels"][0]["sigma_u"] == 0.5 and told["labels"][1]["sigma_u"] is None
+    assert told["bones"] == [["left_hip", "left_knee"]]
+    assert client.get("/api/drawn", params=CAM | {"frame": 4}).json()["labels"] == []
+
+
+def test_small_pictures_are_small(monkeypatch, client):
+    monkeypatch.setattr(pictures, "SMALL_PX", 16)
+    assert decoded(client.get("/picture", params=CAM | {"frame": 3, "small": 1}).content).shape[:2] == (12, 16)
+
+
+def test_a_project_whose_marks_are_missing_can_be_looked_at(client, project):
+    (project / "config/sessions/lab/cam01.marks.csv").unlink()
+    assert client.get("/picture", params={"walk": "in_1", "camera": "cam01", "frame": 0}).status_code == 200
+
+
+def test_a_file_that_is_changed_elsewhere_is_read_again(client, project):
+    sheet = project / "config/sequences.tsv"
+    sheet.write_text(sheet.read_text().replace("out_2", "out_9").replace("data/out_9", "data/out_2"))
+    assert "out_9" in {one["walk"] for one in client.get("/api/walks").json()} or client.get("/").status_code == 200
+
+
+def test_frames_in_a_browser(project, chromium):
+    """One quick page: it opens, keys go through the frames, nothing is said in the console."""
+    with browser.served(project) as address, browser.page(chromium, address, "/frames?walk=out_1&camera=cam01") as one:
+        browser.until_shown(one, 0)
+        one.keyboard.press("ArrowRight")
+        browser.until_shown(one, 1)
+        one.keyboard.press("End")
+        browser.until_shown(one, COUNT - 1)
+        assert one.locator("#number").input_value() == str(COUNT - 1) and f"frame={COUNT - 1}" in one.url
+        one.reload()
+        browser.until_shown(one, COUNT - 1)
+        one.locator("#moment button").nth(1).click()
+        one.wait_for_url("**camera=cam02**")

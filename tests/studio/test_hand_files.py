@@ -1,0 +1,182 @@
+"""Changing the files that people edit: nothing else of them changes, and nobody's work is lost."""
+
+import pytest
+
+from dior.errors import DiorError
+from dior.studio.hand_files import Change, Conflict, change_rows, change_value
+
+KEYS, OTHERS = ("sequence", "frame", "joint"), ("u", "v")
+TEXT = """# by Ann, on Monday
+sequence,frame,joint,u,v,x,y,z
+
+in_1,3,LASI,10.5,20,,,
+# this one is blurred
+in_1,3,"RASI",12,30,1,2,3
+"""
+
+
+def fine(path):
+    path.read_text()
+
+
+@pytest.fixture
+def path(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a.csv").write_text(TEXT)
+    return "a.csv"
+
+
+def read(path):
+    with open(path, newline="") as stream:
+        return stream.read()
+
+
+def changed(path, *changes, check=fine):
+    return change_rows(path, KEYS, OTHERS, [Change(*one) for one in changes], check)
+
+
+def test_a_row_changes_and_all_else_stays(path):
+    assert changed(path, (("in_1", "3", "LASI"), ("10.5", "20"), ("11.25", "21")))
+    assert read(path) == TEXT.replace("10.5,20", "11.25,21")
+    assert changed(path, (("in_1", "3", "LASI"), ("11.25", "21"), ("10.5", "20")))
+    assert read(path) == TEXT
+
+
+def test_columns_that_a_change_is_not_about_stay(path):
+    changed(path, (("in_1", "3", "RASI"), ("12", "30"), ("13", "30")))
+    assert "in_1,3,RASI,13,30,1,2,3\n" in read(path)
+
+
+def test_rows_are_added_at_the_end_and_taken_away(path):
+    changed(path, (("in_1", "9", "LKNE"), None, ("1", "2")))
+    assert read(path) == TEXT + "in_1,9,LKNE,1,2,,,\n"
+    changed(path, (("in_1", "9", "LKNE"), ("1", "2"), None))
+    assert read(path) == TEXT
+
+
+def test_a_file_is_begun(path):
+    changed("sessions/new.csv", (("in_1", "9", "LKNE"), None, ("1", "2")))
+    assert read("sessions/new.csv") == "sequence,frame,joint,u,v\nin_1,9,LKNE,1,2\n"
+
+
+def test_windows_line_ends_and_a_last_line_without_one_stay(path):
+    with open(path, "w", newline="") as stream:
+        stream.write("sequence,frame,joint,u,v\r\nin_1,3,LASI,1,2\r\n")
+    changed(path, (("in_1", "9", "LKNE"), None, ("1", "2")))
+    assert read(path) == "sequence,frame,joint,u,v\r\nin_1,3,LASI,1,2\r\nin_1,9,LKNE,1,2\r\n"
+    with open(path, "w", newline="") as stream:
+        stream.write("sequence,frame,joint,u,v\nin_1,3,LASI,1,2")
+    changed(path, (("in_1", "9", "LKNE"), None, ("1", "2")))
+    assert read(path) == "sequence,frame,joint,u,v\nin_1,3,LASI,1,2\nin_1,9,LKNE,1,2\n"
+
+
+def test_what_says_the_same_is_not_written(path, tmp_path):
+    before = (tmp_path / path).stat().st_ino
+    assert not changed(path, (("in_1", "3", "LASI"), ("10.5", "20"), ("10.50", "20.0")))
+    assert (tmp_path / path).stat().st_ino == before
+
+
+@pytest.mark.parametrize(
+    ("before", "after"), [(("9", "9"), ("1", "1")), (None, ("1", "1")), (("9", "9"), None)]
+)  # fmt: skip
+def test_what_somebody_else_wrote_is_told_and_not_lost(path, before, after):
+    mine = (("in_1", "3", "RASI"), ("12", "30"), ("13", "13"))
+    with pytest.raises(Conflict) as raised:
+        changed(path, mine, (("in_1", "3", "LASI"), before, after))
+    assert raised.value.rows == [{"key": ("in_1", "3", "LASI"), "theirs": ("10.5", "20"), "mine": after}]
+    assert read(path) == TEXT
+
+
+def test_the_same_change_twice_is_no_conflict(path):
+    for _ in range(2):
+        changed(path, (("in_1", "3", "LASI"), ("10.5", "20"), ("1", "2")))
+    assert "in_1,3,LASI,1,2" in read(path)
+
+
+def test_other_rows_of_others_are_kept(path):
+    with open(path, "a") as stream:
+        stream.write("in_1,9,CLAV,5,6,,,\n")
+    changed(path, (("in_1", "3", "LASI"), ("10.5", "20"), ("1", "2")))
+    assert "in_1,9,CLAV,5,6" in read(path) and "in_1,3,LASI,1,2" in read(path)
+
+
+def test_what_the_projects_reader_refuses_is_not_written(path):
+    def refuses(draft):
+        raise DiorError(f"{draft} line 4: u is 'x', not a number")
+
+    with pytest.raises(DiorError, match=r"^a\.csv line 4"):
+        changed(path, (("in_1", "3", "LASI"), ("10.5", "20"), ("x", "2")), check=refuses)
+    assert read(path) == TEXT
+
+
+def test_a_file_that_is_read_only_is_named(path, tmp_path):
+    (tmp_path / path).chmod(0o444)
+    with pytest.raises(DiorError, match="a.csv: is read-only"):
+        changed(path, (("in_1", "3", "LASI"), ("10.5", "20"), ("1", "2")))
+    assert read(path) == TEXT
+
+
+def test_a_link_stays_a_link(path, tmp_path):
+    (tmp_path / "link.csv").symlink_to(tmp_path / path)
+    changed("link.csv", (("in_1", "3", "LASI"), ("10.5", "20"), ("1", "2")))
+    assert (tmp_path / "link.csv").is_symlink() and "in_1,3,LASI,1,2" in read(path)
+
+
+def test_a_column_that_is_not_there_is_named(path):
+    with open(path, "w") as stream:
+        stream.write("sequence,frame,joint,u\n")
+    with pytest.raises(DiorError, match="column 'v' is missing"):
+        changed(path, (("in_1", "3", "LASI"), None, ("1", "2")))
+
+
+YAML = """role: long_range
+# measured twice
+tape: {position_m: [0, 60, 2], sigma_m: 0.3}  # by Ben
+nudge:
+  azimuth_deg: 0.5
+  # by eye
+  elevation_deg: 0
+# the end
+"""
+
+
+@pytest.fixture
+def yaml(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "cam.yaml").write_text(YAML)
+    return "cam.yaml"
+
+
+def test_a_value_changes_and_all_else_stays(yaml):
+    before, after = {"azimuth_deg": 0.5, "elevation_deg": 0}, {"azimuth_deg": -0.25, "elevation_deg": 0.1}
+    assert change_value(yaml, "nudge", before, after, fine)
+    head = YAML.partition("nudge:")[0]
+    assert read(yaml) == head + "nudge: {azimuth_deg: -0.25, elevation_deg: 0.1}\n# the end\n"
+    assert change_value(yaml, "nudge", after, None, fine)
+    assert read(yaml) == head + "# the end\n"
+    assert change_value(yaml, "nudge", None, after, fine)
+    assert read(yaml) == head + "# the end\nnudge: {azimuth_deg: -0.25, elevation_deg: 0.1}\n"
+
+
+def test_a_value_in_one_line_keeps_its_comment(yaml):
+    change_value(yaml, "tape", {"position_m": [0, 60, 2], "sigma_m": 0.3}, {"position_m": [0, 61, 2]}, fine)
+    assert "tape: {position_m: [0, 61, 2]}  # by Ben\n" in read(yaml)
+
+
+def test_a_yaml_file_is_begun(yaml):
+    change_value("offsets/in_1.yaml", "cam01", None, {"offset_s": 0.012}, fine)
+    assert read("offsets/in_1.yaml") == "cam01: {offset_s: 0.012}\n"
+
+
+def test_a_value_that_somebody_else_changed_is_told(yaml):
+    with pytest.raises(Conflict) as raised:
+        change_value(yaml, "nudge", None, {"azimuth_deg": 1}, fine)
+    assert raised.value.rows[0]["theirs"] == {"azimuth_deg": 0.5, "elevation_deg": 0}
+    assert read(yaml) == YAML
+
+
+def test_plain_words_and_numbers(yaml):
+    change_value(yaml, "role", "long_range", "close", fine)
+    assert read(yaml).startswith("role: close\n# measured twice\n")
+    change_value(yaml, "number", None, 3, fine)
+    assert read(yaml).endswith("number: 3\n")
