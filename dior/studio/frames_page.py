@@ -1,6 +1,5 @@
 """Frames: any picture of any camera, by frame, by time, or all cameras at one moment, with labels if there are any."""
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -131,8 +130,9 @@ def _points(table: Table, columns: list[str]) -> list[dict[str, Any]]:
 def _clocks(workspace: Workspace, walk: str) -> dict[str, float]:
     """offset_s by camera as the last run found them, of those that are there."""
     found: dict[str, float] = {}
-    for path in sorted(Path("results").glob(f"*/{walk}.offsets.parquet")):
-        table = workspace.result(str(path), "offsets", ["camera", "offset_s"])
+    names = ["", *(f".{camera}" for camera in workspace.project().cameras_of(walk))]
+    for path in (f"results/{step}/{walk}{name}.parquet" for step in ("clocks", "follow") for name in names):
+        table = workspace.result(path, "offsets", ["camera", "offset_s"])
         if table is not None:
             found |= dict(zip(table["camera"].tolist(), table["offset_s"].tolist(), strict=True))
     return found

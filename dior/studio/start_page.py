@@ -1,16 +1,184 @@
-"""Start: what is left to do, and the line to run next."""
+"""Start: what is left to do by hand, what each would bring, and the line to run next, or a button that runs it."""
+
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from urllib.parse import urlencode
 
 from starlette.requests import Request
-from starlette.responses import Response
+from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
-from dior.studio.pages import page, workspace_of
+from dior.calibrate.marks import marks as hand_marks
+from dior.check import check
+from dior.errors import DiorError, many
+from dior.project import running
+from dior.project.contents import Project
+from dior.project.plain_text import rows_of
+from dior.project.sessions import NotMarked
+from dior.report import last_run
+from dior.studio.pages import PAGES, page, sent, workspace_of
+from dior.studio.runs import Runs
+from dior.tables import tables
+
+# what the docs ask for: docs/formats.md
+FRAMES, MARKS, BOXES = 3, 10, 20
+LIGHTS = {"look": "amber", "bad": "red"}
+VERDICT, REPORT = Path("results/report/verdict.txt"), Path("results/report/index.html")
+# findings that a person answers, and the page on which
+ANSWERED = {
+    "clock_unknown": ("/time", "Set the clock"),
+    "clock_uncertain": ("/time", "Look at the clock"),
+    "who_is_subject": ("/who", "Say who is the subject"),
+    "somebody_else": ("/who", "Look who is the subject"),
+    "mark_rejected": ("/marks", "Look at a mark"),
+    "mark_suspect": ("/marks", "Look at a mark"),
+    "pose_uncertain": ("/marks", "Add marks"),
+    "pose_unchecked": ("/marks", "Add marks"),
+}
+
+
+@dataclass(frozen=True)
+class Task:
+    """One thing to do by hand. `state`: missing, weak or done; `says`: how far it is; `brings`: what it is good for;
+    `link`: the page to do it on, "" where that is an editor."""
+
+    what: str
+    where: str
+    state: str
+    says: str
+    brings: str
+    link: str = ""
 
 
 def start(request: Request) -> Response:
     """The page."""
     read = workspace_of(request).read()
-    return page(request, "start.html.j2", faults=[str(one) for one in read.faults], unfinished=read.unfinished)
+    found = [] if read.project is None else [*tasks(read.project)]
+    unfinished: dict[str, list[str]] = {}
+    for todo in read.unfinished:
+        unfinished.setdefault(todo.path, []).append(f"{todo.key} (line {todo.line})")
+    said = VERDICT.read_text(encoding="utf-8") if VERDICT.is_file() else ""
+    left = [task for task in found if task.state != "done"]
+    return page(
+        request, "start.html.j2", unfinished=unfinished, left=left, done=[task for task in found if task not in left],
+        faults=[] if unfinished else [str(one) for one in read.faults if not isinstance(one, NotMarked)], verdict=said,
+        report=str(REPORT.resolve()) if REPORT.is_file() else "", folder=str(Path.cwd()),
+    )  # fmt: skip
 
 
-ROUTES = [Route("/", start)]
+def tasks(project: Project) -> Iterator[Task]:
+    """What is done by hand in a project, in the order of the sessions, and then what the last run asks."""
+    for session in project.sessions:
+        walks = project.sequences_of(session)
+        for camera, settings in project.cameras(session).items():
+            if settings["locate"] == "marks":
+                yield _marks(project, session, camera, len(walks))
+            if settings["role"] == "long_range" or settings["locate"] == "align":
+                for walk in walks:
+                    yield _boxes(project, walk, camera)
+    yield from _asked(project)
+    yield from _lit(project)
+
+
+def _marks(project: Project, session: str, camera: str, walks: int) -> Task:
+    path, link = project.marks_file(session, camera), _link("/marks", session=session, camera=camera)
+    brings = f"the camera's place; without it there are no labels of {many(walks, 'recording')}"
+    count = frames = 0
+    if Path(path).is_file():
+        try:
+            read = hand_marks.read(path)
+        except DiorError as error:
+            return Task("Mark markers", f"{session} {camera}", "missing", str(error), brings, link)
+        count, frames = len(read), len(set(zip(read.sequence.tolist(), read.frame.tolist(), strict=True)))
+    says = f"{many(count, 'mark')} on {many(frames, 'picture')}; {MARKS} or more on each of {FRAMES} pictures are asked"
+    state = "missing" if count < 4 else "weak" if frames < FRAMES or count < MARKS * FRAMES else "done"
+    return Task("Mark markers", f"{session} {camera}", state, says, brings, link)
+
+
+def _boxes(project: Project, walk: str, camera: str) -> Task:
+    link = _link("/boxes", walk=walk, camera=camera)
+    path, count = project.boxes(walk).get(camera), 0
+    brings = "the camera's direction to a fraction of a pixel, and a judgement of its labels that no step has seen"
+    if path:
+        try:
+            # a row without edges is no box
+            count = sum(any(cells[1:5]) for _, cells in rows_of(path, path)[1:])
+        except DiorError as error:
+            return Task("Draw boxes", f"{walk} {camera}", "missing", str(error), brings, link)
+    says = f"{count} drawn; {BOXES} to 30 are asked"
+    state = "missing" if not count else "weak" if count < BOXES else "done"
+    return Task("Draw boxes", f"{walk} {camera}", state, says, brings, link)
+
+
+def _asked(project: Project) -> Iterator[Task]:
+    """What findings of the last run ask a person."""
+    for path in sorted(Path("results").glob("[a-z]*/**/*.findings.parquet")):
+        for scope, severity, code, text in tables.read_findings(path):
+            if severity == "info" or code not in ANSWERED:
+                continue
+            first, _, camera = scope.partition("/")
+            address, what = ANSWERED[code]
+            named = {"session" if first in project.sessions else "walk": first}
+            yield Task(what, scope.replace("/", " "), "weak", text, "", _link(address, camera=camera, **named))
+
+
+def _lit(project: Project) -> Iterator[Task]:
+    """Cameras whose labels the last report would have looked at."""
+    levels = {name: str(figures.get("level")) for name, figures in last_run.before(REPORT.parent).items()}
+    for session in project.sessions:
+        for camera, settings in project.cameras(session).items():
+            level = levels.get(f"{session}/{camera}")
+            if level not in LIGHTS:
+                continue
+            address = "/long-range" if settings["role"] == "long_range" else "/frames"
+            link = _link(address, session=session, walk=project.first_sequence(session), camera=camera)
+            says = f"{LIGHTS[level]} in the last report, which says why and what to type"
+            yield Task("Look at the labels", f"{session} {camera}", "weak", says, "labels that can be released", link)
+
+
+def _link(address: str, **words: str) -> str:
+    return f"{address}?{urlencode({key: word for key, word in words.items() if word})}" if address in PAGES else ""
+
+
+def checked(request: Request) -> Response:
+    """What `dior check` says, but the marks that are missing."""
+    notes, plan = check.look()
+    told = [
+        {"file": one.file, "line": one.line, "text": one.text, "walk": one.walk}
+        for one in notes.faults
+        if "'locate: marks' needs the file" not in one.text
+    ]
+    return JSONResponse({"faults": told, "warnings": [asdict(one) for one in notes.warnings], "plan": str(plan or "")})
+
+
+def run(request: Request) -> Response:
+    """How the run goes that was begun here, or somewhere else."""
+    return JSONResponse(asdict(_runs(request).told()) | {"elsewhere": running.at_work(".")})
+
+
+async def begin(request: Request) -> Response:
+    """Begin or end a run: {"do": "run", "dry" or "end"}."""
+    wanted = (await sent(request)).get("do")
+    runs = _runs(request)
+    acts = {"run": lambda: runs.begin(), "dry": lambda: runs.begin("-n"), "end": runs.end}
+    if wanted not in acts:
+        raise DiorError(f"do is '{wanted}', none of {', '.join(acts)}")
+    acts[wanted]()
+    return JSONResponse(asdict(runs.told()) | {"elsewhere": ""})
+
+
+def _runs(request: Request) -> Runs:
+    state = request.app.state
+    if not hasattr(state, "runs"):
+        state.runs = Runs()
+    found: Runs = state.runs
+    return found
+
+
+ROUTES = [
+    Route("/", start),
+    Route("/api/check", checked),
+    Route("/api/run", run),
+    Route("/api/run", begin, methods=["POST"]),
+]

@@ -1,0 +1,54 @@
+// The page Start: what `dior check` says, and a run with its progress.
+
+import { ask, element, send } from "./studio.js";
+
+const $ = (id) => document.getElementById(id);
+
+function shown({ state, done, total, lines, dry, elsewhere }) {
+  const running = state === "running";
+  $("run").disabled = $("dry").disabled = running;
+  $("end").hidden = !running;
+  $("going").hidden = state === "none" && !elsewhere;
+  $("progress").hidden = dry || (!running && state !== "done");
+  if (total) $("progress").value = done / total;
+  else $("progress").removeAttribute("value");
+  const words = { running: dry ? "Looking what would run ..." : "At work ...", done: dry ? "" : "Done.", failed: "It ended with an error.", none: elsewhere };
+  $("steps").textContent = `${total && !dry ? `${done} of ${total} steps. ` : ""}${words[state]}`;
+  $("steps").className = state === "failed" ? "bad" : "";
+  $("lines").textContent = lines.join("\n");
+  $("going").dataset.state = state;
+  return running;
+}
+
+async function follow() {
+  let begun = false;
+  while (shown(await ask("/api/run"))) {
+    begun = true;
+    await new Promise((done) => setTimeout(done, 1000));
+  }
+  // what is left may be another by now
+  if (begun && !$("lines").dataset.dry) await again();
+}
+
+/** Put the tasks of the page as it is now in the place of those that are shown. */
+async function again() {
+  const text = await (await fetch(location.href)).text();
+  const fresh = new DOMParser().parseFromString(text, "text/html");
+  for (const [old, now] of [[document.querySelectorAll("main > section:not(:has(#run, #checked))"), fresh.querySelectorAll("main > section:not(:has(#run, #checked))")]]) {
+    old.forEach((one, i) => (now[i] ? one.replaceWith(now[i]) : one.remove()));
+  }
+}
+
+async function act(what) {
+  $("lines").dataset.dry = what === "dry" ? "yes" : "";
+  shown(await send("/api/run", { do: what }));
+  await follow();
+}
+
+for (const what of ["run", "dry", "end"]) $(what).addEventListener("click", () => act(what).catch(() => {}));
+follow();
+
+const { faults, warnings, plan } = await ask("/api/check");
+$("checking").textContent = faults.length ? "A run would fail with:" : warnings.length ? "A run goes on with these:" : plan ? `All is well. ${plan}` : "Nothing else is wrong.";
+$("checked").replaceChildren(...[...faults, ...(faults.length ? [] : warnings)].map((one) =>
+  element("li", {}, element("code", {}, one.line ? `${one.file} line ${one.line}` : one.file), `: ${one.walk ? `${one.walk}: ` : ""}${one.text}`)));
