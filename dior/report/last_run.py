@@ -34,6 +34,11 @@ def compared(folder: Path, now: Figures) -> dict[str, str]:
     return {name: _word(before.get(name), figures) for name, figures in now.items()}
 
 
+def figures(folder: Path) -> Figures:
+    """What the last report in a folder says of each session/camera; nothing where there is none."""
+    return _read(folder / NAME).get("now") or {}
+
+
 def _read(path: Path) -> dict[str, Figures]:
     """What the file holds; nothing where there is none or it is not whole."""
     try:

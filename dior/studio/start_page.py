@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from urllib.parse import urlencode
 
@@ -125,10 +126,10 @@ def _asked(project: Project) -> Iterator[Task]:
 
 def _lit(project: Project) -> Iterator[Task]:
     """Cameras whose labels the last report would have looked at."""
-    levels = {name: str(figures.get("level")) for name, figures in last_run.before(REPORT.parent).items()}
+    levels = {name: one.get("level") for name, one in last_run.figures(REPORT.parent).items()}
     for session in project.sessions:
         for camera, settings in project.cameras(session).items():
-            level = levels.get(f"{session}/{camera}")
+            level = str(levels.get(f"{session}/{camera}"))
             if level not in LIGHTS:
                 continue
             address = "/long-range" if settings["role"] == "long_range" else "/frames"
@@ -161,9 +162,9 @@ async def begin(request: Request) -> Response:
     """Begin or end a run: {"do": "run", "dry" or "end"}."""
     wanted = (await sent(request)).get("do")
     runs = _runs(request)
-    acts = {"run": lambda: runs.begin(), "dry": lambda: runs.begin("-n"), "end": runs.end}
-    if wanted not in acts:
-        raise DiorError(f"do is '{wanted}', none of {', '.join(acts)}")
+    acts = {"run": runs.begin, "dry": partial(runs.begin, "-n"), "end": runs.end}
+    if not isinstance(wanted, str) or wanted not in acts:
+        raise DiorError(f"do is none of {', '.join(acts)}")
     acts[wanted]()
     return JSONResponse(asdict(runs.told()) | {"elsewhere": ""})
 

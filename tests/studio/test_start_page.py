@@ -1,0 +1,113 @@
+"""What the first page says is left to do, and the button that runs the workflow."""
+
+import json
+import shutil
+import time
+
+import pytest
+
+from dior.project.project import load
+from dior.studio import start_page
+from dior.tables import tables
+from tests.studio import browser
+
+
+def tasks(root):
+    return {(task.what, task.where): task for task in start_page.tasks(load(root))}
+
+
+def test_marks_and_boxes_are_counted(project):
+    found = tasks(project)
+    marks, boxes = found["Mark markers", "lab cam01"], found["Draw boxes", "out_1 cam03"]
+    rows = (project / "config/sessions/lab/cam01.marks.csv").read_text().splitlines()[1:]
+    assert marks.says.startswith(f"{len(rows)} marks on ") and marks.state == "weak"
+    header, *_ = (project / "config/boxes/out_1.cam03.csv").read_text().splitlines()
+    drawn = [header, *(f"{frame},1,2,3,4" for frame in range(12)), "12,,,,"]
+    (project / "config/boxes/out_1.cam03.csv").write_text("\n".join(drawn))
+    assert boxes.state != "done"
+    again = tasks(project)["Draw boxes", "out_1 cam03"]
+    assert (again.state, again.says) == ("weak", "12 drawn; 20 to 30 are asked")
+    more = [f"{frame},1,2,3,4" for frame in range(13, 21)]
+    (project / "config/boxes/out_1.cam03.csv").write_text("\n".join([*drawn, *more]))
+    assert tasks(project)["Draw boxes", "out_1 cam03"].state == "done"
+
+
+def test_a_file_that_is_broken_is_a_task_with_its_error(project):
+    with open(project / "config/sessions/lab/cam01.marks.csv", "a") as stream:
+        stream.write("in_1,x,LASI,1,2\n")
+    task = tasks(project)["Mark markers", "lab cam01"]
+    assert task.state == "missing" and "frame is 'x'" in task.says
+
+
+def test_what_the_last_run_asks_is_a_task(project):
+    (project / "results/follow").mkdir(parents=True)
+    found = [
+        ("out_1/cam03", "warning", "clock_unknown", "two lags fit"),
+        ("out_1/cam03", "info", "clock_unknown", "no"),
+    ]
+    tables.write_findings(project / "results/follow/out_1.cam03.findings.parquet", found)
+    task = tasks(project)["Set the clock", "out_1 cam03"]
+    assert task.says == "two lags fit"
+    (project / "results/report").mkdir()
+    session = load(project).session_of("out_1")
+    levels = {f"{session}/cam03": {"level": "look"}, "lab/cam01": {"level": "good"}}
+    (project / "results/report/history.json").write_text(json.dumps({"now": levels, "before": {}}))
+    lit = [task for task in start_page.tasks(load(project)) if task.what == "Look at the labels"]
+    assert [task.where for task in lit] == [f"{session} cam03"] and lit[0].says.startswith("amber")
+
+
+def test_values_that_are_still_to_do_are_listed_by_file(client, project):
+    (project / "config/sessions/lab/cam01.marks.csv").unlink()
+    page = client.get("/").text
+    assert "Mark markers" in page and "TODO" not in page and "needs the file" not in page
+    path = project / "config/sessions/lab/cam01.yaml"
+    path.write_text(path.read_text() + "distortion_model: TODO\n")
+    page = client.get("/").text
+    assert "config/sessions/lab/cam01.yaml</code>" in page and "distortion_model (line" in page
+
+
+def test_check_says_what_else_is_wrong(client, project):
+    (project / "config/sessions/lab/cam01.marks.csv").unlink()
+    (project / "data/out_1/mlkit/cam01.jsonl").unlink()
+    told = client.get("/api/check").json()
+    assert [one["walk"] for one in told["faults"]] == ["out_1"] and "cam01.jsonl" in told["faults"][0]["text"]
+
+
+def test_only_runs_of_dior_can_be_asked_for(client):
+    for words in ({}, {"do": "rm"}, {"do": ["run"]}, {"do": "run --config x=1"}):
+        answer = client.post("/api/run", json=words)
+        assert answer.status_code == 422
+    assert client.get("/api/run").json()["state"] == "none"
+    assert client.post("/api/run", content=b"[1]").status_code == 422
+    assert client.post("/api/run", content=b"{").status_code == 422
+    assert client.post("/api/run", json={"do": "end"}).status_code == 422
+
+
+def ended(client):
+    for _ in range(600):
+        told = client.get("/api/run").json()
+        if told["state"] != "running":
+            return told
+        time.sleep(0.2)
+    raise AssertionError(told)
+
+
+def test_a_dry_run_says_what_would_run(client):
+    client.post("/api/run", json={"do": "dry"})
+    told = ended(client)
+    assert told["state"] == "done" and told["dry"] and any("frames" in line for line in told["lines"])
+
+
+@pytest.mark.slow
+def test_the_button_runs_the_workflow_to_its_end(practice, chromium, tmp_path):
+    project = tmp_path / "capture"
+    shutil.copytree(practice, project)
+    browser.solved(project, "marks")
+    with browser.served(project) as address, browser.page(chromium, address) as one:
+        assert one.locator("text=Draw boxes").count() == 1
+        one.locator("#run").click()
+        one.wait_for_selector("#going[data-state='running']")
+        one.wait_for_selector("#going[data-state='done']", timeout=900_000)
+        assert "steps. Done." in one.locator("#steps").inner_text()
+        one.locator("text=recordings are good").wait_for()
+        assert (project / "results/report/index.html").is_file()
