@@ -50,6 +50,8 @@ def _listening(port: int) -> socket.socket:
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             listening.bind((HOST, number))
+            # who opens the address at once waits, and is not refused
+            listening.listen()
             return listening
         except (OSError, OverflowError) as error:
             listening.close()

@@ -19,6 +19,12 @@ export class Picture {
       gestureSettingsMouse: { clickToZoom: false, dblClickToZoom: false, flickEnabled: false },
       gestureSettingsTouch: { clickToZoom: false, dblClickToZoom: false },
     });
+    // what is shown while one moves through the recording lies over the viewer, whose own pictures take longer to appear
+    this.preview = new Image();
+    this.preview.className = "preview";
+    this.preview.alt = "";
+    this.preview.hidden = true;
+    place.append(this.preview);
     this.layer = document.createElementNS(SVG, "svg");
     this.layer.setAttribute("aria-hidden", "true");
     place.append(this.layer);
@@ -45,6 +51,7 @@ export class Picture {
   open(recording) {
     this.recording = recording;
     this.viewer.world.removeAll();
+    this.preview.hidden = true;
     this.shown = null;
     this.wanted = null;
     this.fitted = false;
@@ -78,7 +85,9 @@ export class Picture {
       image.src = this.address(now.frame, now.small);
       const there = await image.decode().then(() => true, () => false);
       if (now.recording !== this.recording) continue;
-      if (there) await this.put(image.src);
+      if (there && now.small && this.fitted) this.preview.src = image.src;
+      else if (there) await this.put(image.src);
+      this.preview.hidden = !(there && now.small && this.fitted);
       this.shown = now;
       this.place.dataset.frame = there ? now.frame : "none";
       this.place.dataset.small = now.small;
@@ -148,6 +157,10 @@ export class Picture {
   redraw() {
     if (!this.recording || !this.viewer.viewport) return;
     const scale = this.scale;
+    if (!this.preview.hidden) {
+      const [x, y] = this.place_of(-0.5, -0.5);
+      Object.assign(this.preview.style, { left: `${x}px`, top: `${y}px`, width: `${scale * this.recording.width}px` });
+    }
     this.layer.replaceChildren(...this.shapes.map((shape) => drawn(shape, (u, v) => this.place_of(u, v), scale)));
   }
 }
