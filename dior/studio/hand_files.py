@@ -1,4 +1,4 @@
-"""Changing the small files of config/ that people also edit by hand: rows of a CSV file, values of a YAML file.
+"""Changing the small files of config/ that people also edit by hand: rows of a CSV or TSV file, values of a YAML file.
 
 A change says what it found and what it puts there. Other rows, their order and comments stay as they are, and so does
 what somebody else wrote meanwhile: where that is at the same row or key, nothing is written and both are told.
@@ -41,7 +41,7 @@ class Conflict(DiorError):
 
 
 def change_rows(path: str, keys: Cells, others: Cells, changes: Iterable[Change], check: Callable[[Path], Any]) -> bool:
-    """Change rows of a CSV file, found by the columns `keys`; whether that made a difference.
+    """Change rows of a CSV or TSV file, found by the columns `keys`; whether that made a difference.
 
     `others`: the other columns that changes are about; columns besides stay as they are in rows that are there. A file
     that is not there is begun. `check` reads the file as it will be, in another place, and raises DiorError where it is
@@ -49,20 +49,20 @@ def change_rows(path: str, keys: Cells, others: Cells, changes: Iterable[Change]
     """
     with _lock:
         text = _text(path)
-        lines = text.splitlines(keepends=True)
+        lines, between = text.splitlines(keepends=True), "\t" if path.endswith(".tsv") else ","
         end = "\r\n" if text.endswith("\r\n") else "\n"
         at = next((i for i, line in enumerate(lines) if line.strip() and not line.startswith(COMMENT)), None)
         if at is None:
-            lines.append(",".join([*keys, *others]) + end)
+            lines.append(between.join([*keys, *others]) + end)
             at = len(lines) - 1
-        header = [name.strip() for name in _cells(lines[at].removeprefix("\ufeff"))]
+        header = [name.strip() for name in _cells(lines[at].removeprefix("\ufeff"), between)]
         missing = [name for name in [*keys, *others] if name not in header]
         if missing:
             raise DiorError(f"{path}: column '{missing[0]}' is missing; the first line must name it")
         found: dict[tuple[str, ...], tuple[int, dict[str, str]]] = {}
         for i, line in enumerate(lines[at + 1 :], at + 1):
             if line.strip() and not line.startswith(COMMENT):
-                row = dict(zip(header, map(str.strip, _cells(line)), strict=False))
+                row = dict(zip(header, map(str.strip, _cells(line, between)), strict=False))
                 found[tuple(row.get(name, "") for name in keys)] = i, row
         clashes: list[dict[str, Any]] = []
         added: list[str] = []
@@ -75,7 +75,7 @@ def change_rows(path: str, keys: Cells, others: Cells, changes: Iterable[Change]
                 clashes.append({"key": change.key, "theirs": theirs, "mine": change.after})
                 continue
             named = dict(zip([*keys, *others], [*change.key, *(change.after or ())], strict=False))
-            line = _line([named.get(name, row.get(name, "")) for name in header]) + end
+            line = _line([named.get(name, row.get(name, "")) for name in header], between) + end
             if i < 0:
                 added.append(line)
             else:
@@ -135,13 +135,13 @@ def _text(path: str) -> str:
     return text_of(path, path, MOST_BYTES) if os.path.lexists(path) else ""
 
 
-def _cells(line: str) -> list[str]:
-    return next(csv.reader([line.rstrip("\r\n")]), [])
+def _cells(line: str, between: str) -> list[str]:
+    return next(csv.reader([line.rstrip("\r\n")], delimiter=between), [])
 
 
-def _line(cells: Cells) -> str:
+def _line(cells: Cells, between: str) -> str:
     stream = io.StringIO()
-    csv.writer(stream, lineterminator="").writerow(cells)
+    csv.writer(stream, delimiter=between, lineterminator="").writerow(cells)
     return stream.getvalue()
 
 

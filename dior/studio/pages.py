@@ -18,6 +18,15 @@ if TYPE_CHECKING:
 TEMPLATES = Path(__file__).parent / "templates"
 # address and name, as the links on top have them
 PAGES = {"/": "Start", "/frames": "Frames"}
+# what config/effort.tsv calls the work on a page
+WORK = {
+    "/marks": "marks",
+    "/boxes": "boxes",
+    "/long-range": "nudging the long-range camera",
+    "/time": "clocks",
+    "/who": "who is the subject",
+    "/checks": "hand checks",
+}
 
 
 @cache
@@ -28,8 +37,8 @@ def _environment() -> "jinja2.Environment":
 def page(request: Request, template: str, status: int = 200, **told: Any) -> HTMLResponse:
     """A page from its template, which may use what is `told`, and `pages` and `here` for the links on top."""
     name = workspace_of(request).name
-    text = _environment().get_template(template).render(pages=PAGES, here=request.url.path, project_name=name, **told)
-    return HTMLResponse(text, status)
+    common = {"pages": PAGES, "here": request.url.path, "timed": WORK, "project_name": name}
+    return HTMLResponse(_environment().get_template(template).render(common | told), status)
 
 
 def workspace_of(request: Request) -> Workspace:

@@ -39,8 +39,10 @@ def run(project: Path = Path("."), *, port: int = 0) -> None:
     number = listening.getsockname()[1]
     with Workspace() as workspace:
         print(f"Open http://{HOST}:{number}/?token={token}\nCtrl-C ends it.", flush=True)
-        config = uvicorn.Config(app.made(workspace, token), log_level="warning", lifespan="off", ws="none")
+        pages = app.made(workspace, token)
+        config = uvicorn.Config(pages, log_level="warning", lifespan="off", ws="none")
         uvicorn.Server(config).run(sockets=[listening])
+        pages.state.effort.note()
 
 
 def _listening(port: int) -> socket.socket:

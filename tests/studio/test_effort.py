@@ -1,0 +1,45 @@
+"""Minutes at the pages are noted in the sheet that people fill in, beside what they wrote."""
+
+import pytest
+
+from dior.studio.effort import Effort
+
+SHEET = "# noted by Ann\nwhat\tminutes\tcount\ndriving\t40\t\nmarks\t2.5\t48\n"
+
+
+@pytest.fixture
+def sheet(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "config").mkdir()
+    path = tmp_path / "config/effort.tsv"
+    path.write_text(SHEET)
+    return path
+
+
+def test_minutes_are_added_to_what_is_there(sheet):
+    effort = Effort()
+    for _ in range(3):
+        effort.add("marks", 30)
+    effort.add("boxes", 14)
+    assert sheet.read_text() == SHEET.replace("marks\t2.5", "marks\t3.5")
+    effort.note()
+    assert sheet.read_text() == SHEET.replace("marks\t2.5", "marks\t4.0") + "boxes\t0.2\t\n"
+    effort.note()
+    effort.add("boxes", 52)
+    effort.note()
+    assert "boxes\t1.1\t" in sheet.read_text()
+
+
+def test_a_sheet_is_begun_where_there_is_none(sheet):
+    sheet.unlink()
+    Effort().add("clocks", 60)
+    assert sheet.read_text() == "what\tminutes\nclocks\t1.0\n"
+
+
+def test_what_a_page_tells_is_checked(client, project):
+    for told in ({"page": "/", "seconds": 3}, {"page": "/marks"}, {"page": "/marks", "seconds": 61},
+                 {"page": "/marks", "seconds": -1}, {"page": "/marks", "seconds": True}):  # fmt: skip
+        assert client.post("/api/effort", json=told).status_code == 422
+    assert client.post("/api/effort", content=b'{"page": "/marks", "seconds": NaN}').status_code == 422
+    assert client.post("/api/effort", json={"page": "/marks", "seconds": 60}).status_code == 200
+    assert "marks\t" in (project / "config/effort.tsv").read_text()
