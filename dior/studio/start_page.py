@@ -1,6 +1,6 @@
 """Start: what is left to do by hand, what each would bring, and the line to run next, or a button that runs it."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
@@ -162,7 +162,7 @@ async def begin(request: Request) -> Response:
     """Begin or end a run: {"do": "run", "dry" or "end"}."""
     wanted = (await sent(request)).get("do")
     runs = _runs(request)
-    acts = {"run": runs.begin, "dry": partial(runs.begin, "-n"), "end": runs.end}
+    acts: dict[str, Callable[[], None]] = {"run": runs.begin, "dry": partial(runs.begin, "-n"), "end": runs.end}
     if not isinstance(wanted, str) or wanted not in acts:
         raise DiorError(f"do is none of {', '.join(acts)}")
     acts[wanted]()
