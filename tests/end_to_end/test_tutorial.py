@@ -9,6 +9,7 @@ import pytest
 
 from dior.project import todos
 from tests.end_to_end.workflow import ENVIRONMENT, ROOT, edit
+from tests.studio import browser
 
 pytestmark = pytest.mark.slow
 PAGE = (ROOT / "docs/tutorial.md").read_text(encoding="utf-8")
@@ -22,6 +23,9 @@ def blocks():
 def typed(line, folder):
     """Type a line in a folder beside the ones that it makes; returns the exit code and what is said."""
     words = line.replace(".venv/bin/dior", f"{sys.executable} -m dior")
+    if " studio " in line:
+        with browser.served(folder / line.split()[-1]) as address:
+            return 0, address
     done = subprocess.run(words, shell=True, cwd=folder, env=ENVIRONMENT, capture_output=True, text=True)
     return done.returncode, done.stdout + done.stderr
 
