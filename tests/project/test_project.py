@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from dior.errors import DiorError, DiorErrors, nearest
+from dior.errors import DiorError, DiorErrors, Faults, nearest
 from dior.project import licenses, project, schema_check
 
 SEQUENCES = (
@@ -314,7 +314,6 @@ def test_other_free_text_is_taken(root, text):
         ("field/cam01.yaml", "locate: tape", "locate: align", ["is for long_range cameras"]),
         ("field/cam03.yaml", "locate: align", "locate: tape", ["use 'locate: align'"]),
         ("field/cam01.yaml", "locate: tape", "locate: reference", ["needs the key 'reference'"]),
-        ("field/cam01.yaml", "locate: tape", "locate: marks", ["needs the file config/sessions/field/cam01.marks.csv"]),
         ("field/cam01.yaml", "locate: tape", "locate: tpe", ["'locate' is 'tpe'", "did you mean 'tape'"]),
         ("field/cam01.yaml", "locate: tape", "locate: tape\nnudge: {distance_m: 1}", ["'nudge' has no effect"]),
         (
@@ -359,6 +358,14 @@ def test_session_errors(root, file, old, new, parts):
     edit(root, f"sessions/{file}", old, new)
     text = fails(root, *parts)
     assert "config/se" in text
+
+
+def test_a_camera_that_is_not_marked_yet_is_told_and_can_be_looked_at(root):
+    (root / "config/sessions/lab/cam01.marks.csv").unlink()
+    fails(root, "lab/cam01.yaml", "needs the file", "lab/cam01.marks.csv", "3-10 frames")
+    faults = Faults()
+    found = project.as_far_as_it_goes(root, faults)
+    assert len(faults.found) == 1 and "in_1" in found.sequences and "cam01" in found.cameras("lab")
 
 
 @pytest.mark.parametrize(
