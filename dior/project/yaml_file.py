@@ -66,15 +66,21 @@ def scalars_of(path: AnyPath, shown: AnyPath | None = None) -> Iterator[tuple[in
 
     Raises as `read_yaml`.
     """
-    import yaml
-
     text = text_of(path, shown or path, MOST_BYTES)
     # refused here, it is neither deep nor endless
     yaml_of(text, shown or path)
+    for line, keys, node in scalar_nodes(text):
+        yield line, keys, node.value
+
+
+def scalar_nodes(text: str) -> Iterator[tuple[int, str, "yaml.ScalarNode"]]:
+    """The same of a text that `yaml_of` reads, with PyYAML's node of each value, which knows where it stands."""
+    import yaml
+
     yield from _scalars(yaml.compose(text, _base()), ())
 
 
-def _scalars(node: "yaml.Node | None", keys: tuple[str, ...]) -> Iterator[tuple[int, str, str]]:
+def _scalars(node: "yaml.Node | None", keys: tuple[str, ...]) -> Iterator[tuple[int, str, "yaml.ScalarNode"]]:
     import yaml
 
     if isinstance(node, yaml.MappingNode):
@@ -84,7 +90,7 @@ def _scalars(node: "yaml.Node | None", keys: tuple[str, ...]) -> Iterator[tuple[
         for value in node.value:
             yield from _scalars(value, keys)
     elif isinstance(node, yaml.ScalarNode):
-        yield node.start_mark.line + 1, ".".join(keys), node.value
+        yield node.start_mark.line + 1, ".".join(keys), node
 
 
 def _check_events(text: str) -> None:

@@ -14,8 +14,9 @@ from pathlib import Path
 from typing import Any
 
 from dior.errors import DiorError
+from dior.project import todos
 from dior.project.plain_text import COMMENT, text_of
-from dior.project.yaml_file import MOST_BYTES, yaml_of
+from dior.project.yaml_file import MOST_BYTES, read_yaml, scalar_nodes, yaml_of
 from dior.tables.files import write_text
 
 # one change at a time, of all files of the project
@@ -106,6 +107,51 @@ def change_value(path: str, key: str, before: Any, after: Any, check: Callable[[
         if yaml_of(changed, path) != wanted:
             raise DiorError(f"{path}: '{key}' cannot be changed without changing the rest; change it by hand")
         return _write(path, text, changed, check)
+
+
+def fill_in(path: str, line: int, key: str, value: str) -> None:
+    """Put what a person knows in the place of a TODO (`todos.Todo`) of a sheet or a YAML file, as it is typed.
+
+    Raises Conflict where there is none any more, and DiorError for a value that breaks the file.
+    """
+    value = value.strip()
+    if "\n" in value or "\t" in value or not value and not path.endswith(".tsv"):
+        raise DiorError(f"{path}: '{key}' is to be a line of text, without a tab")
+    with _lock:
+        text = _text(path)
+        place = _of_cell(text, line, key) if path.endswith(".tsv") else _of_scalar(text, line, key)
+        if place is None or text[slice(*place)] != todos.WORD:
+            raise Conflict(
+                path, [{"key": [key], "theirs": "" if place is None else text[slice(*place)], "mine": value}]
+            )
+        begin, end = place
+
+        def readable(draft: Path) -> None:
+            if not path.endswith(".tsv"):
+                read_yaml(draft, path)
+
+        _write(path, text, text[:begin] + value + text[end:], readable)
+
+
+def _of_cell(text: str, line: int, key: str) -> tuple[int, int] | None:
+    """Where in the text of a sheet a cell is."""
+    lines = text.splitlines(keepends=True)
+    header = next((one for one in lines if one.strip() and not one.startswith(COMMENT)), "")
+    names = [name.strip() for name in header.removeprefix("\ufeff").rstrip("\r\n").split("\t")]
+    cells = lines[line - 1].rstrip("\r\n").split("\t") if 0 < line <= len(lines) else []
+    if key not in names or len(cells) <= names.index(key):
+        return None
+    before = cells[: names.index(key)]
+    begin = sum(map(len, lines[: line - 1])) + sum(len(cell) + 1 for cell in before)
+    return begin, begin + len(cells[len(before)])
+
+
+def _of_scalar(text: str, line: int, key: str) -> tuple[int, int] | None:
+    """Where in a YAML text the first value that is TODO is, of those of a key (with dots) on a line."""
+    for at, keys, node in scalar_nodes(text):
+        if (at, keys) == (line, key) and node.value == todos.WORD:
+            return node.start_mark.index, node.end_mark.index
+    return None
 
 
 def _with_value(text: str, key: str, value: Any) -> str:

@@ -3,7 +3,9 @@
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from functools import partial
+from itertools import takewhile
 from pathlib import Path
+from typing import Any
 from urllib.parse import urlencode
 
 from starlette.requests import Request
@@ -13,11 +15,12 @@ from starlette.routing import Route
 from dior.calibrate.marks import marks as hand_marks
 from dior.check import check
 from dior.errors import DiorError, many
-from dior.project import running
+from dior.project import running, todos
 from dior.project.contents import Project
 from dior.project.plain_text import rows_of
 from dior.project.sessions import NotMarked
 from dior.report import last_run
+from dior.studio import hand_files
 from dior.studio.pages import PAGES, page, sent, workspace_of
 from dior.studio.runs import Runs
 from dior.tables import tables
@@ -56,16 +59,52 @@ def start(request: Request) -> Response:
     """The page."""
     read = workspace_of(request).read()
     found = [] if read.project is None else [*tasks(read.project)]
-    unfinished: dict[str, list[str]] = {}
+    unfinished: dict[str, list[dict[str, Any]]] = {}
     for todo in read.unfinished:
-        unfinished.setdefault(todo.path, []).append(f"{todo.key} (line {todo.line})")
+        before = unfinished.setdefault(todo.path, [])
+        told = hint(todo)
+        again = bool(before) and before[-1]["told"] == told
+        before.append(asdict(todo) | {"row": row_of(todo), "told": told, "hint": "the same" if again else told})
     said = VERDICT.read_text(encoding="utf-8") if VERDICT.is_file() else ""
     left = [task for task in found if task.state != "done"]
     return page(
         request, "start.html.j2", unfinished=unfinished, left=left, done=[task for task in found if task not in left],
-        faults=[] if unfinished else [str(one) for one in read.faults if not isinstance(one, NotMarked)], verdict=said,
+        faults=[str(one) for one in read.faults if not isinstance(one, NotMarked) and not _of_todo(one, unfinished)],
+        verdict=said,
         report=str(REPORT.resolve()) if REPORT.is_file() else "", folder=str(Path.cwd()),
     )  # fmt: skip
+
+
+def _of_todo(fault: DiorError, unfinished: object) -> bool:
+    """What a value must not be that is still to be filled in need not be said."""
+    return bool(unfinished) and todos.WORD in str(fault)
+
+
+def hint(todo: todos.Todo) -> str:
+    """What the comments of a file say of a value: in a sheet those of its column, else those right above it."""
+    lines = Path(todo.path).read_text(encoding="utf-8").splitlines()
+    if todo.path.endswith(".tsv"):
+        begin = f"# {todo.key}: "
+        return next((line.removeprefix(begin) for line in lines if line.startswith(begin)), "")
+    above = [*takewhile(lambda line: line.lstrip().startswith("#"), reversed(lines[: todo.line - 1]))]
+    return " ".join(line.strip(" #") for line in reversed(above))
+
+
+def row_of(todo: todos.Todo) -> str:
+    """What a row of a sheet is of, by its first cell; of a YAML file the line."""
+    line = Path(todo.path).read_text(encoding="utf-8").splitlines()[todo.line - 1]
+    return line.split("\t")[0] if todo.path.endswith(".tsv") else f"line {todo.line}"
+
+
+async def fill(request: Request) -> Response:
+    """Put what was typed in the place of a TODO: {"path", "line", "key", "value"}."""
+    told = await sent(request)
+    wanted = [todo for todo in todos.found(".") if all(told.get(key) == word for key, word in asdict(todo).items())]
+    value = told.get("value")
+    if not wanted or not isinstance(value, str):
+        raise DiorError("this is no value that is still to be filled in; load the page again")
+    hand_files.fill_in(wanted[0].path, wanted[0].line, wanted[0].key, value)
+    return JSONResponse({})
 
 
 def tasks(project: Project) -> Iterator[Task]:
@@ -179,6 +218,7 @@ def _runs(request: Request) -> Runs:
 
 ROUTES = [
     Route("/", start),
+    Route("/api/fill", fill, methods=["POST"]),
     Route("/api/check", checked),
     Route("/api/run", run),
     Route("/api/run", begin, methods=["POST"]),

@@ -3,7 +3,7 @@
 import pytest
 
 from dior.errors import DiorError
-from dior.studio.hand_files import Change, Conflict, change_rows, change_value
+from dior.studio.hand_files import Change, Conflict, change_rows, change_value, fill_in
 
 KEYS, OTHERS = ("sequence", "frame", "joint"), ("u", "v")
 TEXT = """# by Ann, on Monday
@@ -180,3 +180,40 @@ def test_plain_words_and_numbers(yaml):
     assert read(yaml).startswith("role: close\n# measured twice\n")
     change_value(yaml, "number", None, 3, fine)
     assert read(yaml).endswith("number: 3\n")
+
+
+SHEET = "# height_m: a height\nsubject\theight_m\tconsent\nS01\tTODO\tTODO\nS02\tTODO\tyes\n"
+LENSES = "# which?\nlenses: {a: TODO, b: TODO}\ntape:\n  # where it is\n  position_m: TODO  # m\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "line", "key", "value", "after"),
+    [
+        ("a.tsv", SHEET, 3, "height_m", "1.72", SHEET.replace("S01\tTODO", "S01\t1.72")),
+        ("a.tsv", SHEET, 3, "consent", "no", SHEET.replace("TODO\tTODO", "TODO\tno")),
+        ("a.tsv", SHEET, 4, "height_m", "1.8", SHEET.replace("S02\tTODO", "S02\t1.8")),
+        ("a.yaml", LENSES, 2, "lenses.b", "plumb_bob", LENSES.replace("b: TODO", "b: plumb_bob")),
+        ("a.yaml", LENSES, 5, "tape.position_m", "[4, 2.5, 1]", LENSES.replace("m: TODO", "m: [4, 2.5, 1]")),
+    ],
+)
+def test_a_value_is_filled_in_where_it_is_to_do(path, tmp_path, name, text, line, key, value, after):
+    (tmp_path / name).write_text(text)
+    fill_in(name, line, key, value)
+    assert read(name) == after
+    with pytest.raises(Conflict):
+        fill_in(name, line, key, "another")
+    assert read(name) == after
+
+
+def test_a_cell_may_be_left_empty(path, tmp_path):
+    (tmp_path / "a.tsv").write_text(SHEET)
+    fill_in("a.tsv", 3, "height_m", " ")
+    assert read("a.tsv") == SHEET.replace("S01\tTODO", "S01\t")
+
+
+@pytest.mark.parametrize("value", ["", " ", "a\tb", "a\nb", "[1, 2"])
+def test_what_breaks_the_file_is_not_filled_in(path, tmp_path, value):
+    (tmp_path / "a.yaml").write_text(LENSES)
+    with pytest.raises(DiorError):
+        fill_in("a.yaml", 5, "tape.position_m", value)
+    assert read("a.yaml") == LENSES

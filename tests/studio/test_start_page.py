@@ -63,7 +63,7 @@ def test_values_that_are_still_to_do_are_listed_by_file(client, project):
     path = project / "config/sessions/lab/cam01.yaml"
     path.write_text(path.read_text() + "distortion_model: TODO\n")
     page = client.get("/").text
-    assert "config/sessions/lab/cam01.yaml</code>" in page and "distortion_model (line" in page
+    assert "config/sessions/lab/cam01.yaml</code>" in page and 'data-key="distortion_model"' in page
 
 
 def test_check_says_what_else_is_wrong(client, project):

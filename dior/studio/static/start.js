@@ -1,6 +1,6 @@
 // The page Start: what `dior check` says, and a run with its progress.
 
-import { ask, element, send } from "./studio.js";
+import { ask, element, say, send } from "./studio.js";
 
 const $ = (id) => document.getElementById(id);
 
@@ -45,6 +45,21 @@ async function act(what) {
   await follow();
 }
 
+for (const form of document.querySelectorAll(".todos form")) {
+  form.addEventListener("submit", async (event) => {
+    event.preventDefault();
+    const { path, line, key } = form.dataset;
+    const told = await send("/api/fill", { path, line: Number(line), key, value: form.value.value }).catch(() => null);
+    if (!told) return;
+    if (told.conflicts) return say(`${told.error}: it is '${told.conflicts[0].theirs}' now.`, "error", { "Load the page again": () => location.reload() });
+    say("");
+    const after = [...document.querySelectorAll(".todos input")];
+    const next = after[after.indexOf(form.value) + 1] ?? after[0];
+    form.replaceWith(element("strong", { class: "good" }, form.value.value), " is written");
+    if (next === form.value) location.reload();
+    else next.focus();
+  });
+}
 for (const what of ["run", "dry", "end"]) $(what).addEventListener("click", () => act(what).catch(() => {}));
 follow();
 
