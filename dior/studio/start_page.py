@@ -72,6 +72,7 @@ def start(request: Request) -> Response:
         faults=[str(one) for one in read.faults if not isinstance(one, NotMarked) and not _of_todo(one, unfinished)],
         verdict=said,
         report=str(REPORT.resolve()) if REPORT.is_file() else "", folder=str(Path.cwd()),
+        others=workspace_of(request).others,
     )  # fmt: skip
 
 

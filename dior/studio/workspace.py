@@ -5,15 +5,16 @@ OUTPUTS  tables in memory, by the same functions as the steps, whose files lie i
 A page may be open while files of config/ are edited elsewhere: each request reads what has changed since.
 """
 
+import hashlib
 import os
 import threading
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from tempfile import TemporaryDirectory, gettempdir
 from types import TracebackType
-from typing import Any, TypeAlias
+from typing import IO, Any, TypeAlias
 
 import numpy as np
 
@@ -48,6 +49,7 @@ class Workspace:
     def __init__(self) -> None:
         self.name = Path.cwd().name
         self._folder = TemporaryDirectory(prefix="dior_studio_")
+        self._alone = _lock_of(Path.cwd())
         self._lock = threading.Lock()
         self._made: dict[tuple[str, ...], tuple[Any, Any]] = {}
         self._making: dict[tuple[str, ...], threading.Lock] = {}
@@ -59,6 +61,13 @@ class Workspace:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._folder.cleanup()
+        if self._alone is not None:
+            self._alone.close()
+
+    @property
+    def others(self) -> bool:
+        """Whether another studio was open on the project when this one began."""
+        return self._alone is None
 
     def read(self) -> Read:
         """The project as its files are now."""
@@ -179,6 +188,20 @@ class Workspace:
             if key not in self._made or self._made[key][0] != state:
                 self._made[key] = state, make()
             return self._made[key][1]
+
+
+def _lock_of(project: Path) -> IO[str] | None:
+    """A lock on the project that ends with the process; None where another studio has it."""
+    import fcntl
+
+    name = hashlib.sha256(str(project.resolve()).encode()).hexdigest()[:16]
+    stream = open(Path(gettempdir()) / f"dior_studio_{os.getuid()}_{name}.lock", "w", encoding="utf-8")
+    try:
+        fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        stream.close()
+        return None
+    return stream
 
 
 def state_of(paths: Iterable[str]) -> State:

@@ -1,0 +1,96 @@
+"""What the pages know of a project, and that a full disk, a second studio and a taken port are said."""
+
+import errno
+import os
+import socket
+
+import numpy as np
+import pytest
+
+from dior.calibrate import intrinsics
+from dior.errors import DiorError
+from dior.geometry.camera_tables import unplaced
+from dior.ingest import frames
+from dior.studio import studio
+from dior.studio.workspace import Workspace
+from dior.tables import tables
+
+
+def test_tables_are_those_of_the_steps(project):
+    """Of all cameras together, as a run makes them, and of each alone, as the pages do."""
+    bags = [project / "data/out_1" / name for name in ("a.bag", "b.bag")]
+    with Workspace() as workspace:
+        topics = workspace.project().topics("out_1")
+        frames.run(sequence="out_1", bags=bags, data_root=project / "data", topics=topics, out=project / "f.parquet")
+        whole = tables.read(project / "f.parquet", "frames")
+        for camera in topics:
+            own = workspace.frames("out_1", camera)
+            for name, column in tables.of_camera(whole, camera).items():
+                assert np.array_equal(column, own[name], equal_nan=column.dtype.kind == "f"), name
+
+
+def test_a_lens_is_that_of_the_step(project):
+    with Workspace() as workspace:
+        settings = workspace.project().cameras("field")["cam01"]
+        lens = workspace.lens("field", "cam01")
+        tables.write(project / "f.parquet", "frames", workspace.frames("out_1", "cam01"))
+    intrinsics.run(
+        session="field", camera="cam01", role="close", topic=settings["topic"], source="camera_info", board={},
+        distortion_model=settings.get("distortion_model", ""), sigma=str(settings.get("intrinsics_sigma", "")),
+        frames=project / "f.parquet", sequence="out_1", data_root=project / "data", out=project / "lens.parquet",
+        findings=project / "lens.findings.parquet",
+    )  # fmt: skip
+    assert repr(unplaced(project / "lens.parquet", "cam01")) == repr(lens)
+
+
+def test_markers_are_read_before_anything_is_run(project):
+    with Workspace() as workspace:
+        motion = workspace.motion("in_1")
+        assert "LASI" in motion.joints and motion.xyz.shape[1] == len(motion.joints)
+        assert workspace.motion("in_1") is motion
+        with pytest.raises(DiorError, match="no motion capture"):
+            workspace.motion("out_1")
+
+
+def test_a_second_studio_knows_of_the_first(project):
+    with Workspace() as first:
+        assert not first.others
+        with Workspace() as second:
+            assert second.others
+    with Workspace() as third:
+        assert not third.others
+
+
+def test_a_full_disk_is_said_and_nothing_is_lost(client, project, monkeypatch):
+    path = project / "config/sessions/lab/cam01.yaml"
+    path.write_text(path.read_text() + "distortion_model: TODO\n")
+    before, line = path.read_text(), len(path.read_text().splitlines())
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "x")
+
+    told = {"path": "config/sessions/lab/cam01.yaml", "line": line, "key": "distortion_model", "value": "plumb_bob"}
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "replace", full)
+        answer = client.post("/api/fill", json=told)
+    assert answer.status_code == 422 and "room" in answer.json()["error"] and path.read_text() == before
+    assert client.post("/api/fill", json=told).status_code == 200 and "plumb_bob" in path.read_text()
+
+
+def test_a_port_that_is_taken_is_named_and_the_next_is_looked_for(monkeypatch):
+    with socket.socket() as taken:
+        taken.bind((studio.HOST, 0))
+        taken.listen()
+        number = taken.getsockname()[1]
+        with pytest.raises(DiorError, match=f"port {number} cannot be used"):
+            studio._listening(number)
+        with pytest.raises(DiorError, match="port 99999 cannot be used"):
+            studio._listening(99999)
+        monkeypatch.setattr(studio, "PORT", number)
+        with studio._listening(0) as found:
+            assert found.getsockname()[1] > number
+
+
+def test_a_folder_without_a_project_is_named(tmp_path):
+    with pytest.raises(DiorError, match="there is no config/config.yaml in it"):
+        studio.run(tmp_path)
