@@ -14,6 +14,7 @@ import numpy as np
 from dior.arrays import Floats
 from dior.body import plausible, wrong_world
 from dior.body.proportions import SIDES
+from dior.geometry.rotation import from_rotvec
 
 # chosen: rounds of choosing the standing feet and turning the floor under them
 FLOOR_ROUNDS = 4
@@ -56,14 +57,12 @@ def rebased(points: Floats, joints: Sequence[str]) -> Floats:
 
 def _to_z(direction: Floats) -> Floats:
     """The shortest rotation (3, 3) that makes a direction (3,) of length 1 the Z axis."""
-    from scipy.spatial.transform import Rotation
-
     axis = np.cross(direction, [0.0, 0.0, 1.0])
     size = np.linalg.norm(axis)
     if size < 1e-12:
         return np.eye(3) if direction[2] > 0 else np.diag([1.0, -1.0, -1.0])
     angle = np.arctan2(size, direction[2])
-    return np.asarray(Rotation.from_rotvec(axis / size * angle).as_matrix(), float)
+    return from_rotvec(axis / size * angle)
 
 
 def _standing(points: Floats, joints: Sequence[str]) -> Floats:

@@ -19,6 +19,7 @@ import numpy as np
 from dior.arrays import Bools, Floats
 from dior.clocks import lag
 from dior.geometry.camera import Camera, undistort
+from dior.geometry.rotation import from_rotvec
 
 # chosen, all of them: the lag is to be good to a few hundredths of a second, as a start, in a second or so of computing
 STEPS_HZ, GRID_HZ = 15.0, 60.0  # of the lags, and of the rays that are compared at them
@@ -121,8 +122,6 @@ def _fitted(A: Floats, B: Floats, good: Bools, baseline: Floats, aim_rad: float,
 
     The residual is the sine of the angle by which a ray misses the plane of the other and the baseline.
     """
-    from scipy.spatial.transform import Rotation
-
     line, given = np.repeat(baseline[None], len(B), axis=0), np.zeros((len(B), 6))
     prior = np.repeat([aim_rad**-2, shift_m**-2], 3)
     share = INDEPENDENT / np.maximum(good.sum(axis=1), 1)
@@ -132,7 +131,7 @@ def _fitted(A: Floats, B: Floats, good: Bools, baseline: Floats, aim_rad: float,
         H = weighted @ np.swapaxes(D, 1, 2) + np.diag(prior)
         g = (weighted @ residual[..., None])[..., 0] + given * prior
         step = -np.linalg.solve(H, g[..., None])[..., 0]
-        B = Rotation.from_rotvec(step[:, :3]).as_matrix() @ B
+        B = from_rotvec(step[:, :3]) @ B
         line, given = line + step[:, 3:], given + step
     residual = _missed(A, B, line)[0]
     cost = (np.log1p((residual / LOSS_RAD[-1]) ** 2) * good).sum(axis=1) / np.maximum(good.sum(axis=1), 1)

@@ -12,13 +12,12 @@ import numpy as np
 
 from dior.arrays import Floats, Table
 from dior.geometry import camera as cam
+from dior.geometry.rotation import cross, from_rotvec
 
 
 def moved(camera: cam.Camera, step: Floats) -> cam.Camera:
     """The camera with the error `step` (6,)."""
-    from scipy.spatial.transform import Rotation
-
-    wRc = camera.wRc @ Rotation.from_rotvec(np.asarray(step[:3], float)).as_matrix()
+    wRc = camera.wRc @ from_rotvec(step[:3])
     return camera.at(cam.pose(wRc, camera.centre + step[3:]))
 
 
@@ -66,13 +65,6 @@ def joined(poses: Floats, across: Floats, lenses: Floats) -> Floats:
     out[:, 6:, :, :6] = across.T.reshape(count, 3, count, 6)
     out[:, 6:, :, 6:] = lenses.reshape(count, 3, count, 3)
     return out.reshape(9 * count, 9 * count)
-
-
-def cross(v: Floats) -> Floats:
-    """Matrices (..., 3, 3) with `cross(v) @ w = v x w`."""
-    zero = np.zeros(v.shape[:-1])
-    x, y, z = np.moveaxis(v, -1, 0)
-    return np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(*v.shape[:-1], 3, 3)
 
 
 def _lens(intrinsics: cam.Intrinsics, xy: Floats) -> Floats:

@@ -24,7 +24,7 @@ from dior.arrays import Bools, Floats, Ints
 from dior.body import visibility
 from dior.clocks.persistence import LASTS_S, autocorrelation
 from dior.geometry.camera import Camera
-from dior.geometry.covariance import cross
+from dior.geometry.rotation import cross
 from dior.geometry.triangulation import Views, meet, meet_in_blocks, residuals, rig_of, views_of
 
 # a view disagrees where the residuals are this many times what the noise makes of them; chosen: less leaves out right

@@ -17,6 +17,7 @@ from dior.arrays import Floats
 from dior.errors import DiorError, nearest
 from dior.geometry import camera_tables
 from dior.geometry.camera import Camera, inverse_pose
+from dior.geometry.rotation import rotvec
 from dior.project import project as projects
 from dior.project.run import CONFIG
 from dior.tables.files import folder_written_whole, write_text
@@ -103,8 +104,6 @@ def texts(name: str, cameras: Sequence[Camera], topics: Mapping[str, str]) -> di
 
 def pose2sim(cameras: Sequence[Camera]) -> str:
     """A TOML of Pose2Sim's: a section per camera, Rodrigues vector and translation from the world to it."""
-    from scipy.spatial.transform import Rotation
-
     parts = []
     for camera in cameras:
         lens, cTw = camera.intrinsics, inverse_pose(camera.wTc)
@@ -114,7 +113,7 @@ def pose2sim(cameras: Sequence[Camera]) -> str:
             f"size = {_row([float(lens.width), float(lens.height)])}",
             f"matrix = [{', '.join(_row(row) for row in lens.K)}]",
             f"distortions = {_row(lens.distortion[: 5 if lens.distortion[4] else 4])}",
-            f"rotation = {_row(Rotation.from_matrix(cTw[:3, :3]).as_rotvec())}",
+            f"rotation = {_row(rotvec(cTw[:3, :3]))}",
             f"translation = {_row(cTw[:3, 3])}",
             "fisheye = false\n",
         ]

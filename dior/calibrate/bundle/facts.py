@@ -23,6 +23,7 @@ from dior.calibrate.bundle.uncertainty import Tracks
 from dior.errors import DiorError, nearest
 from dior.geometry import covariance
 from dior.geometry.camera import Camera, project
+from dior.geometry.rotation import rotvec
 
 # People differ by 1-2 % of their height in what is left (neck, head, foot), and a detector's hips and shoulders are
 # not the anatomist's: together 2.5 % of the sum.
@@ -64,12 +65,10 @@ def placed(view: int, prior: Prior) -> Fact:
     """A camera's measured position and its rotation, from a `bundle.Prior`."""
 
     def row(cameras: Sequence[Camera], points: Floats, noise: Floats) -> Row:
-        from scipy.spatial.transform import Rotation
-
         D = np.zeros((6, 6 * len(cameras)))
         D[:3, 6 * view : 6 * view + 3] = np.eye(3) / prior.sigma_rad
         D[3:, 6 * view + 3 : 6 * view + 6] = np.eye(3) / prior.sigma_m
-        turn = Rotation.from_matrix(prior.wRc.T @ cameras[view].wRc).as_rotvec()
+        turn = rotvec(prior.wRc.T @ cameras[view].wRc)
         shift = cameras[view].centre - prior.position
         return Row.of_cameras(np.concatenate([turn / prior.sigma_rad, shift / prior.sigma_m]), D)
 

@@ -22,6 +22,7 @@ from dior.body.proportions import SIDES
 from dior.calibrate.bundle import bundle, facts, in_adjustment, reduced, uncertainty
 from dior.geometry import disagreeing_views
 from dior.geometry.camera import REFERENCE_FX, Camera
+from dior.geometry.rotation import rotvec
 from dior.geometry.triangulation import triangulated
 
 # chosen: what holds the cameras beside the pixels while they are adjusted; larger errors than these are no calibration
@@ -88,9 +89,7 @@ def of(
 
 def moves(before: Sequence[Camera], after: Sequence[Camera]) -> Floats:
     """(6V,) by what turn (rad, about its own axes) and shift (m) each camera has moved."""
-    from scipy.spatial.transform import Rotation
-
-    turns = [Rotation.from_matrix(a.wRc.T @ b.wRc).as_rotvec() for a, b in zip(before, after, strict=True)]
+    turns = [rotvec(a.wRc.T @ b.wRc) for a, b in zip(before, after, strict=True)]
     shifts = [b.centre - a.centre for a, b in zip(before, after, strict=True)]
     return np.concatenate([np.concatenate(pair) for pair in zip(turns, shifts, strict=True)])
 

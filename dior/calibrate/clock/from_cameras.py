@@ -164,7 +164,7 @@ def _unclear(lags: Floats, costs: Floats) -> str:
 
 def _epipolar(one: Camera, other: Camera, x: Floats, y: Floats, steps: Ints) -> tuple[Floats, Ints]:
     """Sums (L,) of capped epipolar distances, at focal length 1, of rays x (T, J, 2) and y `steps` later; counts."""
-    from dior.geometry.covariance import cross
+    from dior.geometry.rotation import cross
 
     bRa = other.wRc.T @ one.wRc
     E = cross(other.wRc.T @ (one.centre - other.centre)) @ bRa
@@ -273,11 +273,12 @@ def _by_chance(
     cameras: Sequence[Camera], points: Floats, used: Bools, noise: fit.SolvedClocks, seconds: Floats
 ) -> Floats:
     """Velocities (T, J, 3) m/s that noise like that of `fit.SolvedClocks` alone would make, drawn anew."""
-    from scipy.signal import lfilter
-
     shape = (*used.shape, 2)
     white = np.random.default_rng(0).standard_normal(shape) * noise.sd_px.reshape(shape[0], 1, shape[2], 1)
-    drawn = lfilter([1.0], [1.0, -noise.keep], white, axis=1)
+    drawn = white
+    # each is what is left of the one before, and new noise
+    for t in range(1, shape[1]):
+        drawn[:, t] += noise.keep * drawn[:, t - 1]
     J = np.stack([covariance.projection(c, points)[0] for c in cameras])
     J = np.nan_to_num(J) * used[..., None, None]
     N = np.einsum("vtjap,vtjaq->tjpq", J, J) + 1e-9 * np.eye(3)

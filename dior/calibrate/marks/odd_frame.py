@@ -22,6 +22,7 @@ from dior.calibrate.marks.clock_from_marks import STAMP_SD_S, Places
 from dior.calibrate.marks.marks import Marks, Stamps
 from dior.geometry import covariance
 from dior.geometry.camera import Camera, project
+from dior.geometry.rotation import rotvec
 from dior.tables.tables import Finding
 
 FEWEST = 4  # chosen: marks of a frame that can be said to be shifted together
@@ -164,9 +165,7 @@ def _fault(
 
 def change(camera: Camera, offsets: Floats, fault: Fault) -> Floats:
     """How the pose and the clocks (6 + S,) change by a fault, in the terms of `dior.geometry.covariance`."""
-    from scipy.spatial.transform import Rotation
-
-    turn = Rotation.from_matrix(camera.wRc.T @ fault.camera.wRc).as_rotvec()
+    turn = rotvec(camera.wRc.T @ fault.camera.wRc)
     return np.concatenate([turn, fault.camera.centre - camera.centre, fault.offsets - offsets])
 
 

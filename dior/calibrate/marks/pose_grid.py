@@ -11,7 +11,7 @@ import numpy as np
 
 from dior.arrays import Bools, Floats
 from dior.geometry.camera import Intrinsics, inverse_pose, pose, undistort
-from dior.geometry.covariance import cross
+from dior.geometry.rotation import cross, from_rotvec
 
 FEWEST = 4  # points that PnP wants for one solution
 SHARE_OF_CONSENSUS = 0.5  # chosen: of the markers, at least, have to be there and agree
@@ -78,10 +78,8 @@ def _miss(wTc: Floats, xyz: Floats, xy: Floats) -> tuple[Floats, Floats]:
 
 def _moved(wTc: Floats, step: Floats) -> Floats:
     """Poses (L, 4, 4) with the errors `step` (L, 6) of `dior.geometry.covariance`."""
-    from scipy.spatial.transform import Rotation
-
     out = wTc.copy()
-    out[:, :3, :3] = wTc[:, :3, :3] @ Rotation.from_rotvec(step[:, :3]).as_matrix()
+    out[:, :3, :3] = wTc[:, :3, :3] @ from_rotvec(step[:, :3])
     out[:, :3, 3] += step[:, 3:]
     return out
 

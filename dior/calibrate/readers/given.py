@@ -15,6 +15,7 @@ import numpy as np
 from dior.arrays import AnyPath, Floats
 from dior.errors import DiorError
 from dior.geometry.camera import MODELS, Intrinsics, in_frame, inverse_pose, pose
+from dior.geometry.rotation import from_rotvec, nearest_rotation
 
 # of a translation, by `reference.units`
 METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
@@ -131,15 +132,13 @@ def size(values: Sequence[float] | Floats, where: str) -> tuple[int, int]:
 
 def rotation(values: Floats, where: str) -> Floats:
     """Rotation (3, 3) from a Rodrigues vector (3,) in rad or a matrix (3, 3). Raises DiorError for what is none."""
-    from scipy.spatial.transform import Rotation
-
     if values.shape == (3,):
         if (turn := float(np.linalg.norm(values))) > 2 * np.pi * 1.01:
             raise DiorError(
                 f"{where}: rotation is a Rodrigues vector of {turn:.0f} rad, more than a whole turn; if it is in "
                 "degrees, multiply it by pi / 180"
             )
-        return Rotation.from_rotvec(values).as_matrix()
+        return from_rotvec(values)
     if np.abs(values @ values.T - np.eye(3)).max() > ORTHONORMAL:
         raise DiorError(f"{where}: rotation is no rotation matrix (its rows must be orthonormal and right-handed)")
     if np.linalg.det(values) < 0:
@@ -147,7 +146,7 @@ def rotation(values: Floats, where: str) -> Floats:
             f"{where}: rotation is no rotation matrix but mirrors, so the calibration is left-handed; export it with a "
             "right-handed world and OpenCV's axes (x right, y down, z forward)"
         )
-    return Rotation.from_matrix(values).as_matrix()
+    return nearest_rotation(values)
 
 
 def intrinsics(camera: GivenCamera, distortion_model: str, where: str) -> Intrinsics:

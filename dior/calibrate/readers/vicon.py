@@ -24,6 +24,7 @@ from dior.calibrate.readers.xml_text import attributes, listed
 from dior.errors import DiorError
 from dior.formats import CalibrationFormat
 from dior.geometry.camera import pose
+from dior.geometry.rotation import from_quaternion
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
@@ -101,11 +102,9 @@ def _lens(element: "Element", where: str) -> Lens:
 
 
 def _pose(element: "Element", where: str) -> Pose:
-    from scipy.spatial.transform import Rotation
-
     frame = _frame(element, where)
     quaternion = listed(frame, "ORIENTATION", 4, where)
     if abs(np.linalg.norm(quaternion) - 1) > UNIT_LENGTH:
         raise DiorError(f"{where}: ORIENTATION is no quaternion of length 1")
-    cRw = Rotation.from_quat(quaternion).as_matrix()
+    cRw = from_quaternion(quaternion)
     return Pose(pose(cRw, -cRw @ listed(frame, "POSITION", 3, where)), "cTw", "mm")
