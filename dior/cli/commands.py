@@ -30,6 +30,7 @@ COMMANDS = {
     "diff": "dior.release.diff.diff",
     "formats": "dior.cli.formats",
     "export-cameras": "dior.release.export_cameras",
+    "export": "dior.release.export_rrd",
     "forget": "dior.project.forget",
     "trigger": "dior.ingest.trigger",
     "simulate": "dior.simulate.config",
@@ -80,7 +81,7 @@ def _first_sentence(module: str) -> str:
         raise ModuleNotFoundError(f"there is no module {module}")
     docstring = Path(spec.origin).read_text(encoding="utf-8").split('"""')[1]
     sentence = " ".join(docstring.split("\n\n")[0].split()).split(". ")[0].rstrip(".")
-    text = re.sub(r"^`dior \w+`: ", "", sentence)
+    text = re.sub(r"^`dior [^`]+`: ", "", sentence)
     return text[:1].upper() + text[1:]
 
 

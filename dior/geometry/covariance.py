@@ -106,9 +106,15 @@ def triangulated(
 
 def point_covariance(table: Table, shape: tuple[int, ...]) -> Floats:
     """Covariance (*shape, 3, 3) m^2 from the sigma and rho columns of a `skeletons_3d` table."""
-    x, y, z, xy, xz, yz = (
-        table[key].reshape(shape).astype(float)
-        for key in ("sigma_x", "sigma_y", "sigma_z", "rho_xy", "rho_xz", "rho_yz")
+    sigmas, rhos = (
+        np.stack([table[key].reshape(shape).astype(float) for key in keys], axis=-1)
+        for keys in (("sigma_x", "sigma_y", "sigma_z"), ("rho_xy", "rho_xz", "rho_yz"))
     )
+    return of_sigmas(sigmas, rhos)
+
+
+def of_sigmas(sigmas: Floats, rhos: Floats) -> Floats:
+    """Covariance (..., 3, 3) of standard errors in x, y, z (..., 3) with the correlations xy, xz, yz (..., 3)."""
+    x, y, z, xy, xz, yz = (values[..., i] for values in (sigmas, rhos) for i in range(3))
     out = np.stack([x * x, xy * x * y, xz * x * z, xy * x * y, y * y, yz * y * z, xz * x * z, yz * y * z, z * z], -1)
-    return out.reshape(*shape, 3, 3)
+    return out.reshape(*x.shape, 3, 3)

@@ -5,6 +5,7 @@ are looked for. `dior.project.project.load` makes it. Loads no numerics.
 """
 
 import os
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -183,6 +184,37 @@ class Project:
         if self.cameras(session)[camera]["locate"] == "reference":
             return f"results/reference/{session}.parquet"
         return f"results/place/{session}/{camera}.parquet"
+
+    def skeleton_table(self, sequence: str) -> str:
+        """The table with a sequence's 3D: mocap indoors, outdoors the triangulation, refined unless that is off."""
+        outdoor = "triangulate" if self.config["refine"]["method"] == "none" else "refine"
+        return f"results/{'mocap' if self.indoor(sequence) else outdoor}/{sequence}.parquet"
+
+    def label_tables(self, sequence: str) -> list[str]:
+        """The tables with the labels of a sequence, one a camera."""
+        return [f"results/reproject/{sequence}.{camera}.parquet" for camera in self.cameras_of(sequence)]
+
+    def clock_tables(self, sequence: str, cameras: Iterable[str], kind: str = "") -> list[str]:
+        """The tables with the clocks of some cameras in a sequence; `kind`: another table of the same steps."""
+        followed, indoor = self.followed(sequence), self.indoor(sequence)
+        return list(
+            dict.fromkeys(
+                f"results/follow/{sequence}.{camera}{kind}.parquet"
+                if camera in followed
+                else f"results/clocks/{sequence}{f'.{camera}' if indoor else ''}{kind}.parquet"
+                for camera in cameras
+            )
+        )
+
+    def camera_tables(self, session: str, cameras: Iterable[str]) -> list[str]:
+        """The tables with the final poses of some cameras of a session."""
+        return list(dict.fromkeys(self.final_cameras(session, camera) for camera in cameras))
+
+    def covariance_table(self, session: str, camera: str) -> str:
+        """The table with the uncertainty of a camera's pose; "" where the step that gives the pose does not know it."""
+        path = self.final_cameras(session, camera)
+        known = ("results/locate/", "results/align/", "results/adjust/", "results/reference/")
+        return path.replace(".parquet", ".covariance.parquet") if path.startswith(known) else ""
 
     def heads_checked(self, session: str) -> dict[str, str]:
         """Cameras whose pictures are released although dior does not say that the heads are covered: name -> reason."""

@@ -100,14 +100,14 @@ def run(
     cv2.setNumThreads(1)
     grids, index = label_grids(labels), tables.read(frames, "frames")
     t0 = int(tables.read(timeline, "timeline", ["stamp_ns"])["stamp_ns"][0])
-    body = _body(skeleton, t0)
+    body = body_of(skeleton, t0)
     if body is None:
         write_text(out, scene_file.text_of(None, {}))
         with folder_written_whole(out_pictures):
             return
     rig = {camera.name: camera for camera in read_placed(cameras, grids, f"sequence {sequence}")}
     times = clocked(index, clocks, t0, sorted(grids), sequence)[0]
-    own = {camera: _in_order(tables.of_camera(index, camera), times[camera]) for camera in grids}
+    own = {camera: in_order(tables.of_camera(index, camera), times[camera]) for camera in grids}
     worst = moments(tables.read(frame_metrics, "frame_metrics"), body, own)
     found = None if detections is None else tables.read(detections, "detections")
     wanted = np.concatenate([every_second(body["time"]), [moment["time"] for moment in worst]])
@@ -135,8 +135,8 @@ def every_second(times: Floats) -> Floats:
 def moments(metrics: Table, body: Mapping[str, Any], own: Mapping[str, tuple[Table, Floats]]) -> list[dict[str, Any]]:
     """The worst moments: of the 3D, and of each camera its worst picture by the first of the report's measures it has.
 
-    `metrics`: a table `frame_metrics`; `body`: `_body`'s; `own`: camera -> its frames table and times. Dicts of camera
-    ("" for the 3D), frame (of the camera, or an instant), time (s) and text.
+    `metrics`: a table `frame_metrics`; `body`: `body_of`'s; `own`: camera -> its frames table and times. Dicts of
+    camera ("" for the 3D), frame (of the camera, or an instant), time (s) and text.
     """
     found = []
     residual = body["residual"]
@@ -162,7 +162,7 @@ def moments(metrics: Table, body: Mapping[str, Any], own: Mapping[str, tuple[Tab
     return [moment | {"time": round(float(moment["time"]), 4)} for moment in inside]
 
 
-def _body(skeleton: Path, t0: int) -> dict[str, Any] | None:
+def body_of(skeleton: Path, t0: int) -> dict[str, Any] | None:
     """The 3D at up to MOST_HZ: joints, instants (N,), time (N,) s, points (N, J, 3) m, sigmas and rhos (N, J, 3), and
     residual (N,) px of all joints; None where no point is known."""
     columns = ("x", "y", "z", "sigma_x", "sigma_y", "sigma_z", "rho_xy", "rho_xz", "rho_yz", "residual_px")
@@ -183,7 +183,7 @@ def _body(skeleton: Path, t0: int) -> dict[str, Any] | None:
     }  # fmt: skip
 
 
-def _in_order(table: Table, times: Floats) -> tuple[Table, Floats]:
+def in_order(table: Table, times: Floats) -> tuple[Table, Floats]:
     """A camera's part of the frames table and its times, by time: a picture may be recorded after a later one."""
     order = np.argsort(times, kind="stable")
     return tables.rows(table, order), times[order]

@@ -1,21 +1,6 @@
 """Input and parameter functions of the rules of reconstruct and label: clocks, cameras and who made the 3D. They only look things up in the project."""
 
 
-def clocks_of(sequence, cameras, kind=""):
-    """The tables with the clocks of some cameras in a sequence."""
-    followed, indoor = PROJECT.followed(sequence), PROJECT.indoor(sequence)
-    return list(
-        dict.fromkeys(
-            (
-                f"results/follow/{sequence}.{camera}{kind}.parquet"
-                if camera in followed
-                else f"results/clocks/{sequence}{f'.{camera}' if indoor else ''}{kind}.parquet"
-            )
-            for camera in cameras
-        )
-    )
-
-
 def timeline_clocks(wildcards):
     return clocks_of(wildcards.sequence, close_names(wildcards))
 

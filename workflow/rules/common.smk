@@ -46,6 +46,10 @@ DETECTED = [sequence for sequence in SEQUENCES if PROJECT.detectors_of(sequence)
 ADJUSTED = [session for session in PROJECT.sessions if PROJECT.window(session)]
 VERSION = CONFIG["release"]["version"]
 RELEASE = f"results/release/dior-{VERSION}"
+# where the tables of a sequence or a session are
+skeleton_of, labels_of = PROJECT.skeleton_table, PROJECT.label_tables
+clocks_of = PROJECT.clock_tables
+cameras_of, covariance_of = PROJECT.camera_tables, PROJECT.covariance_table
 
 
 wildcard_constraints:
@@ -136,33 +140,8 @@ def subject(wildcards):
     return PROJECT.subject_of(wildcards.sequence)
 
 
-def skeleton_of(sequence):
-    """The 3D of a sequence: the mocap indoors, outdoors the triangulation, refined unless that is off."""
-    outdoor = "triangulate" if CONFIG["refine"]["method"] == "none" else "refine"
-    step = "mocap" if PROJECT.indoor(sequence) else outdoor
-    return f"results/{step}/{sequence}.parquet"
-
-
 def skeleton(wildcards):
     return skeleton_of(wildcards.sequence)
-
-
-def covariance_of(session, camera):
-    """The file with the uncertainty of a camera's pose; "" where the step that gives the pose does not know it."""
-    path = PROJECT.final_cameras(session, camera)
-    known = ("results/locate/", "results/align/", "results/adjust/", "results/reference/")
-    return path.replace(".parquet", ".covariance.parquet") if path.startswith(known) else ""
-
-
-def cameras_of(session, names):
-    """The files with the final poses of some cameras of a session."""
-    return list(dict.fromkeys(PROJECT.final_cameras(session, camera) for camera in names))
-
-
-def labels_of(sequence):
-    return [
-        f"results/reproject/{sequence}.{camera}.parquet" for camera in PROJECT.cameras_of(sequence)
-    ]
 
 
 def as_json(value):
