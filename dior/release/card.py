@@ -7,6 +7,7 @@ INPUTS   the `release:` section of the config, released walks, what is counted i
 import json
 from collections import Counter
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -18,7 +19,7 @@ from dior.errors import many
 from dior.evaluate import statistics
 from dior.evaluate.metrics import QUANTILES
 from dior.project import licenses
-from dior.release import citation, escape
+from dior.release import card_picture, citation, escape
 from dior.release.layout import Part
 from dior.release.people_tables import Walks
 from dior.release.suspect import RedLight
@@ -54,6 +55,14 @@ SIZES = (
 )
 
 
+@dataclass(frozen=True)
+class Picture:
+    """`shown`: what the card's picture shows, "" where there is none; `agreed`: whether anybody agreed to pictures."""
+
+    shown: str
+    agreed: bool
+
+
 def text(
     release: dict[str, Any],
     walks: Walks,
@@ -65,11 +74,13 @@ def text(
     lights: list[RedLight],
     headline: list[Line],
     joints: dict[str, list[str]],
+    picture: Picture,
 ) -> str:
     """The card. `release`: the section of the config; `walks`: the released ones (people_tables.py); `counted`: rows
     of `statistics.rows_of` for them; `figures`: rows of metrics.csv; `parts`: of layout.py, those that there are;
     `example`: the name of a labels file; `checked`: (session, camera, reason) of `heads_checked`; `lights`:
-    what is red of the labels; `headline`: how good they are; `joints`: of the labels by environment.
+    what is red of the labels; `headline`: how good they are; `joints`: of the labels by environment; `picture`: what
+    card.jpg shows.
     """
     from jinja2 import Environment, StrictUndefined
 
@@ -109,6 +120,8 @@ def text(
         checked=checked,
         lights=lights,
         sigma_query=SIGMA_QUERY,
+        picture=picture,
+        picture_file=card_picture.FILE,
         splits=SPLITS,
     )
 

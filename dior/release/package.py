@@ -4,7 +4,7 @@ INPUTS   the project's config; `labels_2d` and pictures (`released_frames`) per 
          `frames`, `detections` and the checksums of the recordings per sequence, `marks`, `cameras` and
          `camera_covariance` of the sessions, `offsets` (clocks), `metrics` and `findings`, `gallery` if there is one
 OUTPUT   results/release/dior-<version>/: the tables of layout.py, README.md (dataset card), LICENSE, CITATION.cff,
-         croissant.json, provenance.json, metrics.csv and, last, SHA256SUMS
+         croissant.json, provenance.json, metrics.csv, card.jpg if a picture may be shown and, last, SHA256SUMS
 Units as in dior/tables/schemas/. A subject is its pseudonym in every path and column. Same input, same bytes: no clock,
 no names of machines or files. A subject who did not agree is in no file and no count. What a red light says is wrong
 has no place in it, unless the lab accepts it (suspect.py).
@@ -30,6 +30,7 @@ from dior.project import project as projects
 from dior.release import cameras as rigs
 from dior.release import (
     card,
+    card_picture,
     checksums,
     citation,
     croissant,
@@ -167,7 +168,9 @@ def run(
         counted = _counted(folder, walks, roles, sources, pictures.get("angle", ()))
         looked_at = [row for row in zip(rig["session"], rig["camera"], rig["heads_checked"], strict=True) if row[2]]
         good = headline.lines(_told(walks, roles, rows, lights), headline.read(of_walks.quantiles))
-        _write_about(folder, loaded, walks, counted, rows, made_of, looked_at, lights, good)
+        covered = loaded.config["release"]["faces"] != "shown"
+        shown = card_picture.write(folder, about["sequences"][1], rig) if covered else ""
+        _write_about(folder, loaded, walks, counted, rows, made_of, looked_at, lights, good, shown)
         checksums.write(folder)
 
 
@@ -284,12 +287,16 @@ def _write_about(
     checked: list[tuple[str, str, str]],
     lights: list[suspect.RedLight],
     good: list[headline.Line],
+    shown: str,
 ) -> None:
     """Write what tells about the release: card, licence, citation, Croissant and provenance."""
     release = project.config["release"]
     parts = layout.parts_of(folder)
     example = min(path.relative_to(folder).as_posix() for path in folder.glob("labels_2d/*/*.parquet"))
-    text = card.text(release, walks, counted, figures, parts, example, checked, lights, good, _joints(folder, walks))
+    agreed = any(project.consents(who, "pictures") for who in project.released_subjects)
+    picture = card.Picture(shown, agreed)
+    joints = _joints(folder, walks)
+    text = card.text(release, walks, counted, figures, parts, example, checked, lights, good, joints, picture)
     write_text(folder / "README.md", text)
     write_text(folder / "LICENSE", licenses.text(release, project.root))
     write_text(folder / "CITATION.cff", citation.text(release))

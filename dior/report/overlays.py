@@ -115,8 +115,8 @@ def run(
                 )
             shown = None if found is None else _detected(tables.of_camera(found, camera), number, min_score)
             tile = _tile(picture, grids[camera], number, shown, _box(boxed, number), roles[camera])
-            tiles.append(_captioned(tile, f"{sequence} {camera} frame {number}{', ' if words else ''}{words}"))
-        done, jpeg = cv2.imencode(".jpg", _side_by_side(tiles), [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+            tiles.append(captioned(tile, f"{sequence} {camera} frame {number}{', ' if words else ''}{words}"))
+        done, jpeg = cv2.imencode(".jpg", side_by_side(tiles), [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
         if not done:
             raise DiorError(f"sequence {sequence}, camera {camera}: the contact sheet could not be written as JPEG")
         with written_whole(Path(out) / f"{camera}.jpg") as part:
@@ -241,7 +241,7 @@ def _crosses(canvas: Picture, uv: Floats) -> None:
         cv2.line(canvas, (x - 2, y + 2), (x + 2, y - 2), DETECTION, 1)
 
 
-def _captioned(canvas: Picture, text: str) -> Picture:
+def captioned(canvas: Picture, text: str) -> Picture:
     import cv2
 
     band = np.full((CAPTION_HEIGHT, canvas.shape[1], 3), 32, np.uint8)
@@ -251,7 +251,7 @@ def _captioned(canvas: Picture, text: str) -> Picture:
     return np.vstack([canvas, band])
 
 
-def _side_by_side(tiles: list[Picture]) -> Picture:
+def side_by_side(tiles: list[Picture]) -> Picture:
     height = max(tile.shape[0] for tile in tiles)
     padded = []
     for i, tile in enumerate(tiles):

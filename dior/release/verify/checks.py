@@ -11,6 +11,7 @@ from typing import Any, TypeAlias
 
 from dior.errors import DiorError
 from dior.release.verify import (
+    card_checks,
     cover_checks,
     evidence,
     figures,
@@ -31,6 +32,7 @@ OF_WALK: tuple[Callable[[Walk], list[Problem]], ...] = (
 )
 OF_RELEASE: tuple[Callable[[Evidence], list[Problem]], ...] = (
     release_checks.card,
+    card_checks.check,
     texts.check,
     figures.check,
     light_checks.of_release,
