@@ -60,9 +60,11 @@ def _check_row(row: Mapping[str, str], where: str) -> None:
         raise DiorError(
             f"{where}: '{name}' needs either `marker`, what it is of Plug-in-Gait's, or `joint`, a name of its own"
         )
-    if (words := joint.split("_"))[-1] in _SIDES and len(words) > 1:
-        mend = "_".join(words[-1:] + words[:-1])
-        raise DiorError(f"{where}: the side of the joint '{joint}' of '{name}' comes first: write {mend}")
+    side, *rest = words_of(joint) or [""]
+    # l5 is a vertebra
+    if side in _SIDES and joint.split("_")[0] not in _SIDES and not any(word.isdigit() for word in rest):
+        mend = "_".join([side, *rest])
+        raise DiorError(f"{where}: the side of the joint '{joint}' of '{name}' comes first, as a word: write {mend}")
     if ":" in name:
         raise DiorError(f"{where}: the name '{name}' is found in no file; leave out what stands up to its colon")
     if joint and (joint_of(joint) or joint in (*HALPE_136, *WHOLEBODY_133) or joint.upper() in PLUG_IN_GAIT_39):

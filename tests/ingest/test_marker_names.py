@@ -71,7 +71,9 @@ def test_a_marker_of_the_labs_own_is_a_further_joint(tmp_path):
     [
         (("a", "", ""), "'a' needs either `marker`"),
         (("a", "LASI", "left_trochanter"), "'a' needs either `marker`"),
-        (("a", "", "trochanter_left"), "the side of the joint .* comes first: write left_trochanter"),
+        (("a", "", "trochanter_left"), "the side of the joint .* comes first, as a word: write left_trochanter"),
+        (("a", "", "r_trochanter"), "the side of the joint 'r_trochanter' .*: write right_trochanter"),
+        (("a", "", "greater_trochanter_r"), "the side of the joint .*: write right_greater_trochanter"),
         (("a", "", "left_knee"), "'left_knee' of 'a' is one of a detector's"),
         (("a", "", "lasi"), "'lasi' of 'a' is one of a detector's"),
         (("a", "", "Left Thing"), "joint"),

@@ -20,7 +20,7 @@ from dior.errors import DiorError
 from dior.formats import DetectionFormat, Sample
 from dior.ingest.people import People, gathered
 from dior.ingest.readers.common import INTERRUPTED
-from dior.project.plain_text import each_row
+from dior.project.plain_text import check_delimiter, each_row
 
 LEVELS = (["scorer", "bodyparts", "coords"], ["scorer", "individuals", "bodyparts", "coords"])
 COORDS = ["x", "y", "likelihood"]
@@ -58,6 +58,7 @@ def read(path: AnyPath) -> People:
     rows = each_row(path, path, most_bytes=MOST_BYTES, most_cells=MOST_CELLS)
     header = []
     for _, cells in rows:
+        check_delimiter(cells, f"{path} (a spreadsheet has saved it; give the file of DeepLabCut itself)")
         header.append(cells)
         if cells[0] == "coords":
             break

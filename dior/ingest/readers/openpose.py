@@ -1,7 +1,8 @@
 """Detections of OpenPose as it writes them: a folder with one JSON file per picture.
 
 INPUTS   <anything><frame>[<no digits>].json with `people[].pose_keypoints_2d` = x, y, confidence per joint, pixels;
-         (0, 0, 0) and NaN are a missing joint; `people: []` and `people: [{}]` are nobody. Pose2Sim writes the same of
+         (0, 0, 0) and NaN are a missing joint; `people: []` and `people: [{}]` are nobody. OpenPose of 2017
+         wrote `pose_keypoints`. Pose2Sim writes the same of
          RTMPose by rtmlib (0.10.49, poseEstimation.py, save_to_openpose): 17, 26 or 133 keypoints of a person, frames
          from 0, NaN throughout for somebody whom its tracker lost or a picture on which the network failed.
 OUTPUTS  `People` with the joints of BODY_25, BODY_25B, COCO_17, COCO_18, HALPE_26 or WHOLEBODY_133, told apart by the
@@ -38,7 +39,7 @@ READ_AT_ONCE = 1 << 15
 DESCRIPTIONS = (
     DetectionFormat(
         key="openpose",
-        tool="OpenPose; RTMPose (rtmlib) by Pose2Sim",
+        tool="OpenPose; RTMPose (rtmlib) by Pose2Sim; OpenPose of 2017 (`pose_keypoints`)",
         file="the folder",
         joints="BODY_25, BODY_25B, told apart by the bones, COCO-18; 17 (COCO), 26 (Halpe), 133 (WholeBody)",
         frame="last number in the file's name",
@@ -71,12 +72,14 @@ DESCRIPTIONS = (
 
 class _Person(msgspec.Struct, gc=False):
     pose_keypoints_2d: list[float] = []
+    pose_keypoints: list[float] = []
 
 
 class _Picture(msgspec.Struct, gc=False):
     people: list[_Person]
 
 
+KEYS = _Person.__struct_fields__
 _FILE = msgspec.json.Decoder(_Picture)
 
 
@@ -89,7 +92,7 @@ def read(folder: AnyPath) -> People:
     for of_picture, name in names.items():
         path = f"{folder}/{name}"
         for person in _people(_text(path), path):
-            keypoints = person.pose_keypoints_2d
+            keypoints = person.pose_keypoints_2d or person.pose_keypoints
             if keypoints and len(keypoints) != size:
                 _check_count(len(keypoints), size, path)
                 size = len(keypoints)
@@ -127,7 +130,7 @@ def _people(text: bytes, path: AnyPath) -> list[_Person]:
             raise DiorError(f"{path}: not a JSON file of OpenPose; was it interrupted?") from None
     try:
         people = from_json(text, path, "OpenPose")["people"]
-        return [_Person([number(value) for value in one.get("pose_keypoints_2d", [])]) for one in people]
+        return [_Person(*([number(value) for value in one.get(key, [])] for key in KEYS)) for one in people]
     except (KeyError, TypeError, AttributeError, OverflowError) as error:
         raise DiorError(f"{path} has no people as OpenPose writes them ({error!r:.80})") from None
 

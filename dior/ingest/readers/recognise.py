@@ -53,7 +53,8 @@ def _of_head(head: bytes, alone: bool) -> str | None:
     if _MESSAGE.match(head):
         return "mediapipe"
     line = head.split(b"\n", 1)[0]
-    if line.startswith(b"scorer,"):
+    # its reader says that semicolons are wrong
+    if re.match(rb"scorer[,;\t]", line):
         return "deeplabcut"
     if {caliscope.MARK.encode(), b"keypoint_id"} <= set(line.strip().split(b",")):
         return "caliscope"
@@ -91,4 +92,8 @@ def _of_json(head: bytes) -> str | None:
 def _is_mediapipe(names: set[bytes]) -> bool:
     if names & {b"pose_landmarks", b"poseLandmarks", b"landmark", b"worldLandmarks"}:
         return True
-    return b"landmarks" in names and b"visibility" in names and b"inFrameLikelihood" not in names
+    if b"landmarks" not in names:
+        # a list of landmarks for each picture and nothing else
+        return names == {b"x", b"y", b"z"}
+    # ML Kit's have a number each
+    return not names & {b"inFrameLikelihood", b"type"} and bool(names & {b"x", b"visibility"})

@@ -4,6 +4,7 @@ import pytest
 from dior.body.names import COCO_17, MLKIT_33
 from dior.errors import DiorError
 from dior.ingest.readers import deeplabcut
+from dior.ingest.readers.recognise import recognise
 from tests.ingest import formats
 from tests.ingest.formats import scene
 
@@ -41,6 +42,15 @@ def test_headers_and_rows_that_are_something_else(tmp_path, old, new, text):
         assert deeplabcut.read(path).joints == COCO_17
         return
     with pytest.raises(DiorError, match=text):
+        deeplabcut.read(path)
+
+
+@pytest.mark.parametrize(("mark", "called"), [(";", "semicolons"), ("\t", "tabs")])
+def test_a_file_that_a_spreadsheet_saved(tmp_path, mark, called):
+    path = formats.deeplabcut(tmp_path, scene(17))
+    path.write_text(path.read_text().replace(",", mark))
+    assert recognise(path) == "deeplabcut"
+    with pytest.raises(DiorError, match=f"give the file of DeepLabCut itself.*by commas, not by {called}"):
         deeplabcut.read(path)
 
 

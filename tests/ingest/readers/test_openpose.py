@@ -18,6 +18,16 @@ def test_models_by_their_number_of_keypoints(tmp_path, joints):
     assert people.joints == joints and people.frame.tolist() == [0, 1, 1, 2, 3]
 
 
+def test_the_keys_of_openpose_of_2017(tmp_path):
+    folder = formats.pose2sim(tmp_path, scene(len(COCO_17)))
+    new = openpose.read(folder)
+    for path in folder.glob("*.json"):
+        path.write_text(path.read_text().replace('"pose_keypoints_2d"', '"pose_keypoints"'))
+    old = openpose.read(folder)
+    assert len(old.frame) == len(new.frame) > 0
+    np.testing.assert_array_equal(old.uv, new.uv)
+
+
 def test_somebody_of_nan_only_is_nobody_and_the_others_keep_their_places(tmp_path):
     found = scene(26)
     found[3] = [np.full((26, 3), np.nan), found[3][0]]
