@@ -13,9 +13,12 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
+from dior.errors import many
+
 # chosen: of more changes than these nobody reads the rest; a key that many steps are given counts once
 MOST = 6
 CODE = "the code of "
+AFTER = "after "
 # a word of `contents_of` (workflow/rules/common.smk): a file's name and what is in it
 CONTENT = re.compile(r"(.*) (?:[0-9a-f]{64}|\d+ [0-9a-f]{16}|missing|unreadable)", re.DOTALL)
 # what a digest of the sheets (dior/project/secret.py) and what comes from them is about, by the parameter's name
@@ -70,8 +73,34 @@ def together(counted: Counter[str]) -> str:
     """
     told = [text for text, _ in counted.most_common() if not text.startswith(CODE)]
     code = [text for text in counted if text.startswith(CODE)]
-    told = [*told[:MOST], f"and {len(told) - MOST} more"] if len(told) > MOST else told
-    return "; ".join(told + (code if len(code) <= 2 else [f"{CODE}{len(code)} steps"]))
+    return "; ".join(_first(told) + (code if len(code) <= 2 else [f"{CODE}{len(code)} steps"]))
+
+
+def plan(jobs: Mapping[str, list[list[str]]]) -> list[str]:
+    """What a run would do: a line for each step with its number of jobs and why, and one for all.
+
+    `jobs`: by step, in the order of the lines, for each of its jobs why it would run, `after <step>` being one of that.
+
+    >>> plan({"refine": [["after adjust", "after clocks"]] * 2, "report": [["not made yet"]]})
+    ['refine   2  after adjust, clocks', 'report   1  not made yet', '3 jobs of 2 steps would run. Nothing was run.']
+    """
+    if not jobs:
+        return ["Nothing to do: all that was asked for is there and up to date."]
+    width = max(map(len, jobs))
+    lines = []
+    for step, each in jobs.items():
+        counted = Counter(text for why in each for text in why)
+        # what most jobs have first
+        own = _first([text for text, _ in counted.most_common() if not text.startswith(AFTER)])
+        after = ", ".join(_first([text.removeprefix(AFTER) for text in counted if text.startswith(AFTER)]))
+        lines.append(f"{step:{width}} {len(each):3}  {'; '.join([*own, *([AFTER + after] if after else [])])}")
+    total = sum(map(len, jobs.values()))
+    return [*lines, f"{many(total, 'job')} of {many(len(jobs), 'step')} would run. Nothing was run."]
+
+
+def _first(told: list[str]) -> list[str]:
+    """The first MOST, and how many more there are."""
+    return [*told[:MOST], *([f"and {len(told) - MOST} more"] if len(told) > MOST else [])]
 
 
 def _value(text: str) -> Any:

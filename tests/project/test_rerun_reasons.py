@@ -3,7 +3,7 @@
 import json
 from collections import Counter
 
-from dior.project.rerun_reasons import together, words
+from dior.project.rerun_reasons import plan, together, words
 
 CONFIG = {
     "data_root": "data",
@@ -86,3 +86,13 @@ def test_all_of_them_together_are_short():
 def test_what_cannot_be_read_is_no_error():
     assert words("x", {}, {"<object at 0x1>"}, set(), CONFIG) == ["what x is given"]
     assert words("x", {"a": {1: 2}}, {"{"}, {"{1: 2}"}, CONFIG) == ["a of x"]
+
+
+def test_a_plan_has_a_line_for_each_step():
+    many = [f"config/boxes/{i}.csv" for i in range(9)]
+    assert plan({"align": [many, ["after refine", many[8]]], "reproject": [["after align", "after refine"]] * 4}) == [
+        "align       2  config/boxes/8.csv; " + "; ".join(many[:5]) + "; and 3 more; after refine",
+        "reproject   4  after align, refine",
+        "6 jobs of 2 steps would run. Nothing was run.",
+    ]
+    assert plan({}) == ["Nothing to do: all that was asked for is there and up to date."]

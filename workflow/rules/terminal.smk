@@ -20,6 +20,7 @@ from dior import shortage
 from dior.errors import MOST_FAULTS
 from dior.project import missing, project, rerun_reasons
 from dior.project.forget import left
+from dior.project.steps import MODULES
 from dior.release import citation
 
 # chosen: somebody who looks at a log in a batch system every few minutes sees that it lives
@@ -28,6 +29,7 @@ EVERY_S = 60
 TOLD_TO_END = ("Terminating processes on user request", "Will exit after finishing currently")
 # what is said when this process ends, when Snakemake has said all
 LAST_LINES = []
+DRY = {"-n", "--dry-run", "--dryrun"}
 
 
 class Jobs(logging.Handler):
@@ -112,11 +114,53 @@ def tell_what_is_missing(started):
         raise WorkflowError("what the sheets name is not there")
 
 
+class PlanAlone(logging.Filter):
+    """Of a dry run with bars only the plan is said, and what is wrong."""
+
+    def filter(self, record):
+        begins = getattr(record, "event", None) == LogEvent.WORKFLOW_STARTED
+        # what this run is Snakemake knows when it has begun
+        dry = workflow.dryrun or begins and DRY & set(sys.argv)
+        return not dry or record.levelno >= logging.ERROR
+
+
+def tell_plan(dag, changed):
+    """What a run would do, by step, and why. `changed`: by job what has changed of its parameters, in words."""
+    steps = {}
+    for job in dag.needrun_jobs(exclude_finished=False):
+        if job.output:
+            steps.setdefault(job.rule.name, []).append(why_of(dag, job, changed.get(job, [])))
+    order = {step: at for at, step in enumerate(MODULES)}
+    jobs = {
+        step: steps[step] for step in sorted(steps, key=lambda step: order.get(step, len(order)))
+    }
+    print(*rerun_reasons.plan(jobs), sep="\n", file=sys.stderr)
+    if not steps:
+        say_what_to_open()
+
+
+def why_of(dag, job, changed):
+    """Why a job would run, in words."""
+    reason, made = dag.reason(job), dag.dependencies[job]
+    remade = {other.rule.name for other, files in made.items() if files & reason.updated_input_run}
+    newer = sorted(set(reason.updated_input) - set(reason.updated_input_run))
+    forced = reason.forced and not reason.missing_output
+    return [
+        *(["not made yet"] if reason.missing_output else []),
+        *(["cut short"] if reason.incomplete_output else []),
+        *(["asked for, or a file of it is gone"] if forced else []),
+        *changed,
+        *(["other files than before"] if reason.input_changed and not changed else []),
+        *(f"{path} is newer" for path in newer),
+        *(f"after {step}" for step in sorted(remade, key=list(MODULES).index)),
+    ]
+
+
 def tell_why(dag):
     """Say why jobs run again that have run before: in what Snakemake says of each job, and once for all of them."""
     if not workflow.is_main_process:
         return
-    why = Counter()
+    why, changed = Counter(), {}
     for job in dag.needrun_jobs(exclude_finished=False):
         reason = dag.reason(job)
         # of a job that runs anyway, because of one before it, Snakemake has not asked
@@ -127,10 +171,13 @@ def tell_why(dag):
             job.rule.name, dict(job.params.items()), change.only_old, change.only_new, CONFIG
         )
         why.update(words)
+        changed[job] = words
         if reason.params_changed:
             reason.params_changed = Told(change.only_old, change.only_new, change.files)
             reason.params_changed.words = "; ".join(words)
-    if why:
+    if workflow.dryrun and workflow.output_settings.log_handler_settings:
+        tell_plan(dag, changed)
+    elif why:
         logger.info(f"Runs again because of: {rerun_reasons.together(why)}")
 
 
@@ -188,4 +235,6 @@ def say_last_lines():
 
 if workflow.is_main_process:
     logger.addHandler(JOBS_HEARD)
+    if workflow.output_settings.log_handler_settings:
+        logger.addFilter(PlanAlone())
     atexit.register(say_last_lines)
