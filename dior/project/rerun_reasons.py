@@ -81,18 +81,19 @@ def plan(jobs: Mapping[str, list[list[str]]]) -> list[str]:
 
     `jobs`: by step, in the order of the lines, for each of its jobs why it would run, `after <step>` being one of that.
 
-    >>> plan({"refine": [["after adjust", "after clocks"]] * 2, "report": [["not made yet"]]})
-    ['refine   2  after adjust, clocks', 'report   1  not made yet', '3 jobs of 2 steps would run. Nothing was run.']
+    >>> plan({"refine": [["a.yaml", "after clocks"]] * 2, "report": [["not made yet"]]})
+    ['refine   2  a.yaml; after clocks', 'report   1  not made yet', '3 jobs of 2 steps would run. Nothing was run.']
     """
     if not jobs:
         return ["Nothing to do: all that was asked for is there and up to date."]
-    width = max(map(len, jobs))
+    width, place = max(map(len, jobs)), {step: at for at, step in enumerate(jobs)}
     lines = []
     for step, each in jobs.items():
         counted = Counter(text for why in each for text in why)
         # what most jobs have first
-        own = _first([text for text, _ in counted.most_common() if not text.startswith(AFTER)])
-        after = ", ".join(_first([text.removeprefix(AFTER) for text in counted if text.startswith(AFTER)]))
+        own = _first(sorted((text for text in counted if not text.startswith(AFTER)), key=lambda t: (-counted[t], t)))
+        steps = {text.removeprefix(AFTER) for text in counted if text.startswith(AFTER)}
+        after = ", ".join(_first(sorted(steps, key=lambda step: (place.get(step, len(place)), step))))
         lines.append(f"{step:{width}} {len(each):3}  {'; '.join([*own, *([AFTER + after] if after else [])])}")
     total = sum(map(len, jobs.values()))
     return [*lines, f"{many(total, 'job')} of {many(len(jobs), 'step')} would run. Nothing was run."]

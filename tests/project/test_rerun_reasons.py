@@ -90,7 +90,7 @@ def test_what_cannot_be_read_is_no_error():
 
 def test_a_plan_has_a_line_for_each_step():
     many = [f"config/boxes/{i}.csv" for i in range(9)]
-    assert plan({"align": [many, ["after refine", many[8]]], "reproject": [["after align", "after refine"]] * 4}) == [
+    assert plan({"align": [many, ["after refine", many[8]]], "reproject": [["after refine", "after align"]] * 4}) == [
         "align       2  config/boxes/8.csv; " + "; ".join(many[:5]) + "; and 3 more; after refine",
         "reproject   4  after align, refine",
         "6 jobs of 2 steps would run. Nothing was run.",

@@ -142,17 +142,17 @@ def tell_plan(dag, changed):
 def why_of(dag, job, changed):
     """Why a job would run, in words."""
     reason, made = dag.reason(job), dag.dependencies[job]
+    if reason.missing_output:
+        return ["not made yet"]
     remade = {other.rule.name for other, files in made.items() if files & reason.updated_input_run}
     newer = sorted(set(reason.updated_input) - set(reason.updated_input_run))
-    forced = reason.forced and not reason.missing_output
     return [
-        *(["not made yet"] if reason.missing_output else []),
         *(["cut short"] if reason.incomplete_output else []),
-        *(["asked for, or a file of it is gone"] if forced else []),
+        *(["asked for, or a file of it is gone"] if reason.forced else []),
         *changed,
         *(["other files than before"] if reason.input_changed and not changed else []),
         *(f"{path} is newer" for path in newer),
-        *(f"after {step}" for step in sorted(remade, key=list(MODULES).index)),
+        *(f"{rerun_reasons.AFTER}{step}" for step in remade),
     ]
 
 
