@@ -99,6 +99,6 @@ for name in PROJECT.processed_subjects:
             ],
             [
                 overlay
-                for overlay in all_overlays()
-                if overlay.split("/")[3] in PROJECT.sequences_of_subject(name)
+                for sequence in PROJECT.sequences_of_subject(name)
+                for overlay in overlays_of(sequence)
             ],

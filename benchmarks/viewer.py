@@ -12,7 +12,7 @@ import time
 from pathlib import Path
 
 from dior.ingest import bags
-from dior.report import pages, scene_pages, viewer
+from dior.report import viewer
 from tests.report import chromium, walks
 
 FRAMES, CAMERAS = 3600, 8
@@ -29,8 +29,7 @@ def made(folder, cameras):
     begun = time.process_time()
     viewer.run(**given, out=beside / "scene.js", out_pictures=beside / "pictures")
     taken = time.process_time() - begun
-    scene_pages.write(pages.environment(), out, "A walk", scene_pages.headers([beside / "scene.js"]))
-    return out / f"sequences/{walks.SEQUENCE}.3d.html", taken
+    return walks.write_page(out), taken
 
 
 def size(folder):

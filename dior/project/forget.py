@@ -36,7 +36,7 @@ INSIDE = {
 OF_ALL = {
     "evaluate": ("metrics", "statistics", "to_mark"),
     "reid": ("index", "plots", "table", "cmc", "left_out"),
-    "report": ("index", "cost", "verdict", "history", "plots", "viewer"),
+    "report": ("index", "cost", "verdict", "history", "compared", "plots", "viewer"),
     "tarballs": ("metadata",),
 }
 SUMS, RELEASES = "SHA256SUMS", Path("results/release")

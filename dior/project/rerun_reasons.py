@@ -33,6 +33,8 @@ SHEETS = {
     "subject": "config/subjects.tsv",
     "subjects": "config/subjects.tsv",
     "rows": "config/gallery.tsv",
+    **dict.fromkeys(("about", "within"), "config/sequences.tsv or config/subjects.tsv"),
+    **dict.fromkeys(("before", "after"), "config/sequences.tsv"),
 }
 # whose values come from YAML files, which are told where they are inputs or `contents`
 YAML = {

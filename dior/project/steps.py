@@ -12,7 +12,7 @@ STAGES = {
     "label": ("reproject", "people"),
     "evaluate": ("moved", "evaluate", "detectors", "zoom", "to_mark", "metrics", "statistics"),
     "reid": ("inputs", "recognise"),
-    "report": ("reid", "overlays", "clip", "viewer", "report"),
+    "report": ("reid", "overlays", "clip", "viewer", "page", "report"),
     "release": ("provenance", "heads", "pixels", "package", "sign", "exports", "tarballs"),
 }
 # step -> the module of the package that runs it, without `dior.`
@@ -30,6 +30,7 @@ PLACES = {
     "overlays": "results/report",
     "clip": "results/report",
     "viewer": "results/report",
+    "page": "results/report",
     "package": "results/release",
     "sign": "results/release",
     "exports": "results/release",

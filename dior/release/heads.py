@@ -238,9 +238,7 @@ def red_by(sequence: str, camera: str, judged: Judged, fx: dict[str, float]) -> 
     figures = red_labels.by_camera(tables.read(judged.metrics, "metrics"))
     found = [row for path in judged.noticed for row in tables.read_findings(path)]
     own = dict.fromkeys(
-        finding
-        for name in (camera, "")
-        for finding in lights.findings_of(found, sequence, judged.session_name, "", name)
+        finding for name in (camera, "") for finding in lights.findings_of(found, sequence, [judged.session_name], name)
     )
     why = reasons(figures.get((sequence, camera), {}), fx[camera], list(own), judged.role)
     rig = {name: red_labels.Judged(fx[name], figures.get((sequence, name), {})) for name in (*judged.makers, camera)}

@@ -1,54 +1,33 @@
 """The traffic lights of a sequence and its cameras, as the index and the sequence's page show them.
 
-INPUTS   the project, figures by camera, `frame_metrics` by recording, findings, cameras, contact sheets
-OUTPUTS  dicts for the templates: sequence, about, level, word, notes, cells
+INPUTS   figures, roles and focal lengths by camera, findings, contact sheets
+OUTPUTS  dicts for the templates: sequence, level, word, notes, cells
 """
 
 import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
-from dior.arrays import AnyPath, Floats, Ints
+from dior.arrays import AnyPath
 from dior.errors import DiorError
 from dior.geometry import culprit
-from dior.geometry.camera import Camera
-from dior.project.project import Project
 from dior.report import lights
-from dior.report.key_figures import Row
 from dior.report.lights import Finding
 
-# (sequence, camera) -> metric -> (stamp_ns (N,), value (N,), n (N,)) of `frame_metrics` tables
-FrameMetrics: TypeAlias = dict[tuple[str, str], dict[str, tuple[Ints, Floats, Ints]]]
 SEVERITY_ORDER = ("error", "warning", "info")
 
 
-def rows_by_camera(rows: Iterable[Row]) -> dict[tuple[str, str], dict[str, float]]:
-    """metric -> value by (sequence, camera), of the rows over all joints."""
-    found: dict[tuple[str, str], dict[str, float]] = {}
-    for row in rows:
-        if row["sequence"] and row["camera"] and not row["joint"]:
-            found.setdefault((row["sequence"], row["camera"]), {})[row["metric"]] = row["value"]
-    return found
+def sheets_of(overlays: Iterable[AnyPath], out: AnyPath) -> dict[str, str]:
+    """camera -> link of the contact sheet, of a sequence."""
+    return {path.stem: _link(path, out, "overlays") for path in map(Path, overlays)}
 
 
-def sheets_of(overlays: Iterable[AnyPath], out: AnyPath) -> dict[str, dict[str, str]]:
-    """sequence -> camera -> link of the contact sheet."""
-    links: dict[str, dict[str, str]] = {}
-    for path in map(Path, overlays):
-        links.setdefault(path.parent.name, {})[path.stem] = _link(path, out, "overlays")
-    return links
-
-
-def clips_of(clips: Iterable[AnyPath], out: AnyPath) -> dict[str, dict[str, str]]:
-    """sequence -> dict video, poster: links of its clip and of the picture shown before it runs."""
-    return {
-        path.parent.name: {
-            "video": _link(path, out, "clip"),
-            "poster": _link(path.with_suffix(".poster.jpg"), out, "clip"),
-        }
-        for path in map(Path, clips)
-    }
+def clip_of(clip: Path | None, out: AnyPath) -> dict[str, str] | None:
+    """Links of a clip, `video`, and of the picture shown before it runs, `poster`."""
+    if clip is None:
+        return None
+    return {"video": _link(clip, out, "clip"), "poster": _link(clip.with_suffix(".poster.jpg"), out, "clip")}
 
 
 def _link(path: Path, out: AnyPath, step: str) -> str:
@@ -61,49 +40,66 @@ def _link(path: Path, out: AnyPath, step: str) -> str:
 
 
 def card(
-    project: Project,
     sequence: str,
-    figures: Mapping[tuple[str, str], dict[str, float]],
-    recorded: FrameMetrics,
+    within: Iterable[str],
+    roles: Mapping[str, str],
+    figures: Mapping[str, Mapping[str, float]],
+    fx: Mapping[str, float],
     found: list[Finding],
-    stations: Mapping[str, Mapping[str, Camera]],
-    sheets: Mapping[str, Mapping[str, str]],
+    sheets: Mapping[str, str],
 ) -> dict[str, Any]:
-    session, subject = project.session_of(sequence), project.subject_of(sequence)
-    row = project.sequence(sequence)
-    cells = []
-    for camera, settings in project.cameras(session).items():
-        values = dict(figures.get((sequence, camera), {}))
-        if "coverage" in recorded.get((sequence, camera), {}):
-            values["lost_pictures"] = lights.lost_share(recorded[sequence, camera]["coverage"][0])
-        known = stations.get(session, {}).get(camera)
-        light = lights.judge(
-            values,
-            known.intrinsics.fx if known else None,
-            lights.findings_of(found, sequence, session, subject, camera),
-            settings["role"],
-        )
-        light = lights.beside_culprit(light, found, sequence, camera)
+    """The lights of a sequence and its cameras, for the templates.
+
+    `within`: its session and subject; by camera `roles`, `figures` by metric, focal lengths `fx` px where known and
+    `sheets`, links of contact sheets; `found`: findings, also such as are about others.
+    """
+    cells: list[dict[str, Any]] = []
+    for camera, role in roles.items():
+        values = dict(figures.get(camera, {}))
+        about = lights.findings_of(found, sequence, within, camera)
+        light = lights.beside_culprit(lights.judge(values, fx.get(camera), about, role), found, sequence, camera)
         cells.append(
             {
                 "camera": camera,
-                "role": settings["role"].replace("_", " "),
+                "role": role.replace("_", " "),
                 "light": light,
                 "figures": values,
-                "sheet": sheets.get(sequence, {}).get(camera),
+                "sheet": sheets.get(camera),
             }
         )
-    own = lights.findings_of(found, sequence, session, subject)
+    own = lights.findings_of(found, sequence, within)
     level = lights.worst([*(cell["light"].level for cell in cells), *(lights.SEVERITY_LEVEL[s] for s, _, _ in own)])
     return {
         "sequence": sequence,
-        "about": ", ".join(w for w in (subject, row["environment"], session, row["outfit"], row["walk"]) if w),
         "level": level,
         "word": lights.WORDS[level],
         "notes": [text for severity, _, text in own if severity != "info"],
         "faults": [(lights.SEVERITY_LEVEL[s], code, text) for s, code, text in own if s != "info"],
         "cells": cells,
     }
+
+
+def beyond(card: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any] | None:
+    """What the `card` of a sequence says more than its `own`, by what is known of it alone; None where it is nothing.
+
+    The light of the sequence, `notes` and the `cameras` whose light differs, with what to add to their reasons.
+    """
+    cameras = {}
+    for cell, before in zip(card["cells"], own["cells"], strict=True):
+        light, was = cell["light"], before["light"]
+        reasons = [text for text in light.reasons if text not in was.reasons]
+        if reasons or light.level != was.level:
+            cameras[cell["camera"]] = {"level": light.level, "word": light.word, "reasons": reasons}
+    notes = [text for text in card["notes"] if text not in own["notes"]]
+    if not cameras and not notes:
+        return None
+    return {"level": card["level"], "word": card["word"], "notes": notes, "cameras": cameras}
+
+
+def level_of(severity: str) -> tuple[str, str]:
+    """The level of the light of a finding, and its word."""
+    level = lights.SEVERITY_LEVEL[severity]
+    return ("none", "note") if severity == "info" else (level, lights.WORDS[level])
 
 
 def shown(findings: Iterable[Finding]) -> list[dict[str, str]]:
@@ -116,8 +112,7 @@ def shown(findings: Iterable[Finding]) -> list[dict[str, str]]:
         {
             "where": scope.replace("/", " "),
             "severity": severity,
-            "level": lights.SEVERITY_LEVEL[severity] if severity != "info" else "none",
-            "word": lights.WORDS[lights.SEVERITY_LEVEL[severity]] if severity != "info" else "note",
+            **dict(zip(("level", "word"), level_of(severity), strict=True)),
             "code": code,
             "text": text,
         }

@@ -12,7 +12,7 @@ import numpy as np
 
 from dior.arrays import AnyPath, Floats, Texts
 from dior.report.colours import COLOURS, colours_of
-from dior.report.plots import legend, new_figure, save_svg
+from dior.report.svg import legend, new_figure, save_svg
 from dior.tables import tables
 
 # of a camera: sequences (S,), turn (S,) degrees in whatever direction, its standard error (S,)

@@ -14,14 +14,17 @@ import numpy as np
 from dior.arrays import AnyPath, Floats
 from dior.clocks.clock import NORMAL_95
 from dior.report.colours import GREY, RED, colours_of
+from dior.report.facts import Clock
 from dior.report.lights import Finding
 from dior.report.numbers import show
-from dior.report.plots import legend, new_figure, save_svg
+from dior.report.svg import legend, new_figure, save_svg
 from dior.tables import tables
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+# camera -> its clock
+Known: TypeAlias = Mapping[str, Clock]
 # a row of table `offsets`
 Row: TypeAlias = dict[str, Any]
 # lags (L,) ms and what each costs (L,) px
@@ -41,70 +44,70 @@ STEPS = (1, 2, 3, 5, 7)
 
 @dataclass(frozen=True, eq=False)
 class SequenceClocks:
-    """`clocks`: camera -> (lag in the middle, low, high) ms of its 95 % interval, and the `source` of table `offsets`.
-
+    """`clocks`: camera -> its `Clock`;
     `costs`: camera -> (lags (L,) ms, costs (L,) px); `rows`: what the page's table shows, a dict per camera; `notes`:
     (camera, text) of clocks that are not simply estimated.
     """
 
-    clocks: dict[str, tuple[float, float, float, str]]
+    clocks: dict[str, Clock]
     costs: dict[str, Curve]
     rows: tuple[dict[str, str], ...]
     notes: tuple[tuple[str, str], ...]
 
 
 def read(
+    sequence: str,
+    cameras: Iterable[str],
     offsets: Iterable[AnyPath],
     costs: Iterable[AnyPath],
     findings: Iterable[Finding],
-    cameras: Mapping[str, Iterable[str]],
-) -> dict[str, SequenceClocks]:
-    """`SequenceClocks` by sequence. `offsets`, `costs`: files of those tables, of costs an earlier file goes first.
+) -> SequenceClocks | None:
+    """`SequenceClocks` of a sequence, its `cameras` in the order of the page; None where no clock is told.
 
-    `findings`: (scope, severity, code, text) of the project; `cameras`: sequence -> names in the order of the page.
+    `offsets`, `costs`: files of those tables, of costs an earlier file goes first; `findings`: (scope, severity, code,
+    text).
     """
-    tried: dict[tuple[str, str], Curve] = {}
+    tried: dict[str, Curve] = {}
     for path in costs:
         table = tables.read(path, "clock_costs")
-        for sequence in tables.ordered_unique(table["sequence"]):
-            of_sequence = tables.rows(table, table["sequence"] == sequence)
-            for camera in tables.ordered_unique(of_sequence["camera"]):
-                own = tables.of_camera(of_sequence, camera)
-                tried.setdefault((sequence, camera), (1e3 * own["lag_s"], own["cost_px"]))
+        of_sequence = tables.rows(table, table["sequence"] == sequence)
+        for camera in tables.ordered_unique(of_sequence["camera"]):
+            own = tables.of_camera(of_sequence, camera)
+            tried.setdefault(camera, (1e3 * own["lag_s"], own["cost_px"]))
     said: dict[str, list[str]] = {}
     for scope, _, code, text in findings:
         if code in DOUBTED and text not in said.setdefault(scope, []):
             said[scope].append(text)
-    known = {}
+    known: dict[str, Row] = {}
     for path in offsets:
         table = tables.read(path, "offsets")
-        for i, key in enumerate(zip(table["sequence"], table["camera"], strict=True)):
-            known[key] = {name: values[i] for name, values in table.items()}
-    return {
-        sequence: _of_sequence(sequence, {c: known[sequence, c] for c in names if (sequence, c) in known}, tried, said)
-        for sequence, names in cameras.items()
-        if any((sequence, c) in known for c in names)
-    }
+        for i, (name, camera) in enumerate(zip(table["sequence"], table["camera"], strict=True)):
+            if name == sequence:
+                known[camera] = {key: values[i] for key, values in table.items()}
+    clocks = {camera: known[camera] for camera in cameras if camera in known}
+    return _of_sequence(sequence, clocks, tried, said) if clocks else None
 
 
 def _of_sequence(
-    sequence: str, clocks: Mapping[str, Row], tried: Mapping[tuple[str, str], Curve], said: Mapping[str, list[str]]
+    sequence: str, clocks: Mapping[str, Row], tried: Mapping[str, Curve], said: Mapping[str, list[str]]
 ) -> SequenceClocks:
-    costs = {c: tried[sequence, c] for c in clocks if (sequence, c) in tried}
+    costs = {c: tried[c] for c in clocks if c in tried}
     doubts = {c: said.get(f"{sequence}/{c}", []) for c in clocks}
     notes = []
     for camera, one in clocks.items():
         by_hand = [f"given in config/offsets/{sequence}.yaml"] if one["source"] == "manual" else []
         notes += [(camera, "; ".join(by_hand + doubts[camera]))] if by_hand + doubts[camera] else []
     return SequenceClocks(
-        {
-            c: (*(1e3 * one[key] for key in ("late_s", "late_low", "late_high")), one["source"])
-            for c, one in clocks.items()
-        },
+        {c: _clock(one) for c, one in clocks.items()},
         costs,
         tuple(_row(one, costs.get(c), bool(doubts[c])) for c, one in clocks.items()),
         tuple(notes),
     )
+
+
+def _clock(one: Row) -> Clock:
+    late, low, high = (1e3 * float(one[key]) for key in ("late_s", "late_low", "late_high"))
+    return late, low, high, str(one["source"])
 
 
 def _row(one: Row, costs: Curve | None, doubted: bool) -> dict[str, str]:
@@ -197,13 +200,13 @@ def _decades(axis: "Axes", values: Floats) -> None:
     axis.set_ylim(low, high)
 
 
-def overview(path: Path, groups: Mapping[str, Mapping[str, SequenceClocks]]) -> None:
+def overview(path: Path, groups: Mapping[str, Mapping[str, Known]]) -> None:
     """Clocks of all recordings in their order. `groups`: environment ("indoor", "outdoor") -> sequence ->
-    `SequenceClocks`.
+    `Known`.
 
     Indoors the motion capture starts when it likes, so the cameras' median is drawn by itself and the cameras from it.
     """
-    panels: list[tuple[str, str, dict[str, float], Mapping[str, SequenceClocks] | None]] = []
+    panels: list[tuple[str, str, dict[str, float], Mapping[str, Known] | None]] = []
     for environment, by_sequence in groups.items():
         middles = {name: middle(clocked) if environment == "indoor" else 0.0 for name, clocked in by_sequence.items()}
         if environment == "indoor":
@@ -211,9 +214,7 @@ def overview(path: Path, groups: Mapping[str, Mapping[str, SequenceClocks]]) -> 
             panels.append(("indoor: each camera from that median", "ms", middles, by_sequence))
         else:
             panels.append((f"{environment}: against the first close camera", "offset, ms", middles, by_sequence))
-    colours = colours_of(
-        dict.fromkeys(c for own in groups.values() for clocked in own.values() for c in clocked.clocks)
-    )
+    colours = colours_of(dict.fromkeys(c for own in groups.values() for clocked in own.values() for c in clocked))
     figure, axes = new_figure(len(panels), 1, height=0.5 + 1.75 * len(panels), squeeze=False)
     for axis, (title, label, middles, of_cameras) in zip(axes[:, 0], panels, strict=True):
         axis.set_title(title, fontsize=9)
@@ -234,16 +235,16 @@ def overview(path: Path, groups: Mapping[str, Mapping[str, SequenceClocks]]) -> 
 
 
 def _cameras(
-    axis: "Axes", middles: Mapping[str, float], by_sequence: Mapping[str, SequenceClocks], colours: Mapping[str, str]
+    axis: "Axes", middles: Mapping[str, float], by_sequence: Mapping[str, Known], colours: Mapping[str, str]
 ) -> None:
     """A mark per camera beside the others of its recording: round, square if given by hand, a cross if not known."""
     axis.axhline(0, color=GREY, lw=1, zorder=0)
     for i, (camera, colour) in enumerate(colours.items()):
         place = 0.7 * ((i + 0.5) / len(colours) - 0.5)
         of_camera = [
-            (nth + place, clocked.clocks[camera], middles[name])
+            (nth + place, clocked[camera], middles[name])
             for nth, (name, clocked) in enumerate(by_sequence.items())
-            if camera in clocked.clocks and clocked.clocks[camera][3] != "reference"
+            if camera in clocked and clocked[camera][3] != "reference"
         ]
         for mark, source in (("o", "estimated"), ("s", "manual")):
             own = [(x, *(value - middle for value in one[:3])) for x, one, middle in of_camera if one[3] == source]
@@ -255,15 +256,15 @@ def _cameras(
         axis.plot(lost, np.zeros(len(lost)), "x", ms=6, mew=1.6, color=RED)
 
 
-def middle(clocked: SequenceClocks) -> float:
+def middle(clocked: Known) -> float:
     """Median offset, ms, of the clocks of a sequence that are known; NaN without any."""
     known = _known(clocked)
     return float(np.median(known)) if known else np.nan
 
 
-def in_words(by_sequence: Mapping[str, SequenceClocks]) -> str:
+def in_words(by_sequence: Mapping[str, Known]) -> str:
     """How many clocks there are, how well they are known and how far apart, in one sentence."""
-    clocks = [one for clocked in by_sequence.values() for one in clocked.clocks.values()]
+    clocks = [one for clocked in by_sequence.values() for one in clocked.values()]
     counts = {source: sum(one[3] == source for one in clocks) for source in ("estimated", "manual", "assumed_zero")}
     words = [f"{counts['estimated']} clocks are estimated"]
     words += [f"{counts['manual']} given by hand"] if counts["manual"] else []
@@ -278,11 +279,11 @@ def in_words(by_sequence: Mapping[str, SequenceClocks]) -> str:
     return f"{text}."
 
 
-def least_apart(clocked: SequenceClocks) -> float:
+def least_apart(clocked: Known) -> float:
     """How far apart, ms, two clocks of a recording are at least, by their 95 % intervals."""
-    ends = np.array([one[1:3] for one in clocked.clocks.values() if np.isfinite(one[1:3]).all()])
+    ends = np.array([one[1:3] for one in clocked.values() if np.isfinite(one[1:3]).all()])
     return max(0.0, float(ends[:, 0].max() - ends[:, 1].min())) if len(ends) else 0.0
 
 
-def _known(clocked: SequenceClocks) -> list[float]:
-    return [offset for offset, _, _, source in clocked.clocks.values() if source != "assumed_zero"]
+def _known(clocked: Known) -> list[float]:
+    return [offset for offset, _, _, source in clocked.values() if source != "assumed_zero"]

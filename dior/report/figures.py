@@ -1,6 +1,6 @@
-"""Which figures the report has, in the order of the paper, and what is written below each.
+"""Which figures the index has, in the order of the paper, and what is written below each.
 
-INPUTS   the project's sheets, rows of metrics.csv, `frame_metrics` by sequence and camera, cameras, `skeletons_3d`
+INPUTS   the project's sheets, rows of metrics.csv, the facts of the sequences, cameras
 OUTPUTS  SVG files in one folder, and for each a dict src, title, caption, alt for the page's template
 """
 
@@ -10,46 +10,41 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from dior.arrays import AnyPath, Floats, Ints
+from dior.arrays import AnyPath, Floats
 from dior.evaluate import bootstrap
 from dior.evaluate.metrics import COLUMNS
 from dior.geometry.camera import Camera
 from dior.project.project import Project
-from dior.report import certainty, check_figures, clocks, joint_plot, plots, reid, scene, stamps
-from dior.report.cards import FrameMetrics
+from dior.report import certainty, check_figures, clocks, facts, joint_plot, plots, reid, scene
 from dior.report.check_figures import ALL
+from dior.report.facts import Facts
 from dior.report.key_figures import Row
-from dior.tables import tables
+from dior.report.svg import Shown, drawn
 
 if TYPE_CHECKING:
     import pandas as pd
 
-# what the template shows of a figure: src, title, caption, alt
-Shown: TypeAlias = dict[str, str]
+# where the figures are, from the index
+LINK = "assets/plots"
 # title and figures
 Section: TypeAlias = tuple[str, list[Shown]]
 OF_PICTURE = "mean of a picture, px"
 
 
 class Figures:
-    """Draws what there is data for; `names` are the files made, in `folder`."""
+    """Draws what there is data for into `folder`, of rows of metrics.csv and the facts of the sequences."""
 
-    def __init__(self, folder: Path, project: Project, rows: list[Row], recorded: FrameMetrics) -> None:
-        self.folder, self.project, self.recorded = folder, project, recorded
+    def __init__(self, folder: Path, project: Project, rows: list[Row], told: Iterable[Facts]) -> None:
+        self.folder, self.project, self.told = folder, project, list(told)
         import pandas as pd
 
         self.environment = {name: project.sequence(name)["environment"] for name in project.sequences}
         self.table = pd.DataFrame(rows, columns=COLUMNS)
         own = self.table.query("sequence != '' and camera != ''")
         self.by_camera = own.assign(environment=own["sequence"].map(self.environment).fillna(""))
-        self.names: set[str] = set()
 
-    def _draw(
-        self, name: str, draw: Callable[..., None], *args: Any, title: str, caption: str, alt: str, **options: Any
-    ) -> Shown:
-        self.names.add(f"{name}.svg")
-        draw(self.folder / f"{name}.svg", *args, **options)
-        return {"src": f"assets/plots/{name}.svg", "title": title, "caption": caption, "alt": alt}
+    def _draw(self, name: str, draw: Callable[..., None], *args: Any, **words: Any) -> Shown:
+        return drawn(self.folder, LINK, name, draw, *args, **words)
 
     def _strip(
         self, name: str, metric: str, group: str, colour: str, label: str, title: str, caption: str
@@ -138,14 +133,16 @@ class Figures:
         ]  # fmt: skip
 
     def _distribution(self, metric: str, title: str, label: str) -> list[Shown]:
-        series: dict[str, list[Floats]] = {}
-        for (sequence, camera), by_metric in self.recorded.items():
-            if metric in by_metric and sequence in self.environment:
-                role = self.project.cameras(self.project.session_of(sequence))[camera]["role"].replace("_", " ")
-                series.setdefault(f"{self.environment[sequence]} {role}", []).append(by_metric[metric][1])
+        series: dict[str, list[tuple[list[float], int]]] = {}
+        for one in self.told:
+            cameras = self.project.cameras(self.project.session_of(one.sequence))
+            for camera, recording in one.recordings.items():
+                if recording.spread.get(metric, ([], 0))[1]:
+                    kind = f"{self.environment[one.sequence]} {cameras[camera]['role'].replace('_', ' ')}"
+                    series.setdefault(kind, []).append(recording.spread[metric])
         if not series:
             return []
-        joined = {name: np.concatenate(parts) for name, parts in series.items()}
+        joined = {name: facts.pooled(parts) for name, parts in series.items()}
         caption = "How many pictures are at or below an error; the horizontal axis ends at the 99th percentile."
         alt = f"{title}: cumulative curves of {', '.join(sorted(series))}"
         return [self._draw(f"{metric}_distribution", plots.distribution, joined, label, title=title, caption=caption,
@@ -174,77 +171,20 @@ class Figures:
             )
         ]  # fmt: skip
 
-    def timelines(self) -> dict[str, Shown]:
-        """One figure by sequence: errors over time, joints without a label, lost pictures."""
-        return {sequence: self._timeline(sequence) for sequence in self.project.sequences if self._recorded(sequence)}
-
-    def _recorded(self, sequence: str) -> dict[str, dict[str, tuple[Ints, Floats, Ints]]]:
-        cameras = self.project.cameras_of(sequence)
-        return {c: self.recorded[sequence, c] for c in cameras if "coverage" in self.recorded.get((sequence, c), {})}
-
-    def _timeline(self, sequence: str) -> Shown:
-        recorded = self._recorded(sequence)
-        start = min(by_metric["coverage"][0][0] for by_metric in recorded.values())
-
-        def seconds(stamp_ns: Ints) -> Floats:
-            return (stamp_ns - start) / 1e9
-
-        metric, label = next(
-            (
-                (m, text)
-                for m, text in (("error_to_truth_2d", "to truth, px"), ("reprojection_error", "to detections, px"))
-                if any(m in by_metric for by_metric in recorded.values())
-            ),
-            ("", ""),
-        )
-        lanes = {
-            camera: (seconds(stamps), 1 - share, seconds(_lost_stamps(stamps)))
-            for camera, (stamps, share, _) in ((c, r["coverage"]) for c, r in recorded.items())
-        }
-        errors = {
-            camera: (seconds(by_metric[metric][0]), by_metric[metric][1])
-            for camera, by_metric in recorded.items()
-            if metric in by_metric
-        }
-        return self._draw(
-            f"timeline_{sequence}", plots.timeline, lanes, errors, label, title="Errors, and what is missing",
-            caption="Mean error of each picture (top) and what is missing (bottom)." if errors else "What is missing.",
-            alt=f"Timeline of {sequence}: {len(lanes)} cameras",
-        )  # fmt: skip
-
-    def stamps(self, audited: Mapping[str, stamps.SequenceStamps]) -> dict[str, Shown]:
-        """One figure by sequence of `stamps.SequenceStamps`: when pictures came late, are missing or repeated."""
-        return {
-            sequence: self._draw(
-                f"stamps_{sequence}", plots.stamps, one.lags, one.dropped, title="Late and lost pictures",
-                caption="A picture that is late only in its receive stamp does no harm: labels use header stamps.",
-                alt=f"Stamps of {sequence}: {len(one.lags)} cameras",
-            )
-            for sequence, one in audited.items()
-        }  # fmt: skip
-
-    def clock_costs(self, clocked: Mapping[str, clocks.SequenceClocks]) -> dict[str, Shown]:
-        """Per sequence of `clocks.SequenceClocks` with costs: how well each offset fits."""
-        return {
-            sequence: self._draw(
-                f"clocks_{sequence}", clocks.costs, one, title="Which offset fits",
-                caption="Mean residual with each offset of a camera's clock; a clear minimum tells the clock.",
-                alt=f"Residual over the offset of the clocks of {len(one.costs)} cameras of {sequence}",
-            )
-            for sequence, one in clocked.items()
-            if one.costs
-        }  # fmt: skip
-
     def recognition(self, paths: Iterable[AnyPath]) -> dict[str, Any]:
         """What the page says of re-identification, with its figures."""
         found = reid.read(*paths)
         return reid.section(found) | {"figures": self._measures(lambda _: reid.figures(found))}
 
-    def clocks(self, clocked: Mapping[str, clocks.SequenceClocks]) -> list[Section]:
-        """The section with the clocks of all sequences, by `clocks.SequenceClocks`."""
-        groups: dict[str, dict[str, clocks.SequenceClocks]] = {}
-        for sequence, one in clocked.items():
-            groups.setdefault(self.environment[sequence], {})[sequence] = one
+    def clocks(self) -> list[Section]:
+        """The section with the clocks of all sequences."""
+        clocked: dict[str, clocks.Known] = {}
+        groups: dict[str, dict[str, clocks.Known]] = {}
+        for one in self.told:
+            known = {camera: own.clock for camera, own in one.recordings.items() if own.clock}
+            if known:
+                clocked[one.sequence] = known
+                groups.setdefault(self.environment[one.sequence], {})[one.sequence] = known
         if not groups:
             return []
         figure = self._draw(
@@ -252,21 +192,22 @@ class Figures:
             caption="Above zero a camera took its pictures later than its stamps say: 10 ms are 4 cm of a foot that "
             "swings at 4 m/s. The labels are made with these clocks. Lines are 95 % intervals; squares were given by "
             f"hand, red crosses are not known. {clocks.in_words(clocked)}",
-            alt=f"Clock offsets of {sum(len(one.clocks) for one in clocked.values())} recordings of cameras in "
+            alt=f"Clock offsets of {sum(map(len, clocked.values()))} recordings of cameras in "
             f"{len(clocked)} sequences",
         )  # fmt: skip
         return [("Clocks", [figure])]
 
-    def scenes(self, stations: Mapping[str, Mapping[str, Camera]], paths: Iterable[AnyPath]) -> list[Shown]:
+    def scenes(self, stations: Mapping[str, Mapping[str, Camera]]) -> list[Shown]:
         """Two figures per session: the cameras and the walks in space, and from above and the side."""
         walks: dict[str, dict[str, Floats]] = {}
-        poses: dict[str, scene.Pose | None] = {}
-        for path in paths:
-            sequence, walk, pose = read_walk(path)
-            if sequence in self.environment and len(walk):
-                session = self.project.session_of(sequence)
-                walks.setdefault(session, {})[sequence] = walk
-                poses.setdefault(session, pose)
+        poses: dict[str, scene.Pose] = {}
+        for one in self.told:
+            if one.walk:
+                session = self.project.session_of(one.sequence)
+                walks.setdefault(session, {})[one.sequence] = facts.array_of(one.walk)
+                if one.pose:
+                    points, joints = one.pose
+                    poses.setdefault(session, (facts.array_of(points), joints))
         figures = []
         for session in self.project.sessions:
             cameras = [c for _, c in sorted(stations.get(session, {}).items()) if c.wTc is not None]
@@ -322,33 +263,3 @@ def _mean(by_subject: list[tuple[float, int]]) -> plots.Value:
     sums, n = zip(*by_subject, strict=True)
     low, high = bootstrap.of_mean(np.array(sums), np.array(n))
     return sum(sums) / sum(n), low, high, sum(n)
-
-
-def _lost_stamps(stamp_ns: Ints) -> Ints:
-    """Where pictures are missing: the middle of every gap of at least one and a half median periods, ns."""
-    if len(stamp_ns) < 3:
-        return stamp_ns[:0]
-    stamp_ns = np.sort(stamp_ns)
-    steps = np.diff(stamp_ns)
-    gap = steps >= 1.5 * np.median(steps)
-    return (stamp_ns[:-1][gap] + stamp_ns[1:][gap]) // 2
-
-
-def read_walk(path: AnyPath) -> tuple[str, Floats, scene.Pose | None]:
-    """Of a `skeletons_3d` file: its sequence, the mean of the joints per instant (I, 3) m, and one whole pose.
-
-    The pose, (points (J, 3), joints), is the one with most joints nearest to the middle.
-    """
-    table = tables.read_arrow(path, "skeletons_3d", ["sequence", "joint", "instant", "x", "y", "z"])
-    if not table.num_rows:
-        return "", np.empty((0, 3)), None
-    each = int(np.searchsorted(table["instant"].to_numpy(), table["instant"][0].as_py(), side="right"))
-    points = np.stack([table[c].to_numpy().astype(float).reshape(-1, each) for c in "xyz"], axis=-1)
-    known = np.isfinite(points).all(axis=-1)
-    n = known.sum(axis=1)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        walk = np.where(known[..., None], points, 0.0).sum(axis=1) / n[:, None]
-    best = np.flatnonzero(n == n.max())
-    middle = best[np.abs(best - len(n) // 2).argmin()]
-    joints = table["joint"][:each].to_pylist()
-    return table["sequence"][0].as_py() or "", walk, (points[middle], joints)

@@ -7,8 +7,7 @@ from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
 from dior.errors import many
-from dior.report import lights
-from dior.report.cards import SEVERITY_ORDER
+from dior.report.cards import SEVERITY_ORDER, level_of
 from dior.report.lights import Finding
 from dior.report.overview import CameraRow
 
@@ -31,14 +30,17 @@ class Group:
     others: tuple[tuple[str, str], ...]
 
 
-def untold(findings: Iterable[Finding], table: Iterable[CameraRow]) -> list[Finding]:
-    """Those warnings and errors that no row of the table of cameras tells, as a cause or as what follows from one."""
+def untold(findings: Iterable[Finding], table: Iterable[CameraRow], on_pages: Collection[Finding]) -> list[Finding]:
+    """Those that no row of the table of cameras tells, as a cause or as what follows from one; of notes those that are
+    not `on_pages` of sequences."""
     told: set[str] = set()
     for row in table:
         told |= {one.why for one in row.recordings}
         for trouble in row.troubles:
             told |= {trouble.text, *(text for _, text in trouble.follows)}
-    return [finding for finding in findings if finding[1] != "info" and finding[3] not in told]
+    return [
+        finding for finding in findings if finding[3] not in told and (finding[1] != "info" or finding not in on_pages)
+    ]
 
 
 def grouped(findings: Iterable[Finding], walks: Collection[str]) -> list[Group]:
@@ -51,10 +53,10 @@ def grouped(findings: Iterable[Finding], walks: Collection[str]) -> list[Group]:
 
 
 def _group(code: str, own: list[Finding], walks: Collection[str]) -> Group:
-    level = lights.SEVERITY_LEVEL[own[0][1]]
+    level, word = level_of(own[0][1])
     first = own[0][3]
     others = tuple((_place(scope), text) for scope, _, _, text in own if text != first)
-    return Group(level, lights.WORDS[level], code, _places([scope for scope, *_ in own], walks), first, others)
+    return Group(level, word, code, _places([scope for scope, *_ in own], walks), first, others)
 
 
 def _place(scope: str) -> str:

@@ -11,7 +11,8 @@ import numpy as np
 
 from dior.body import names as skeletons
 from dior.report.colours import COLOURS, DARK, GRID
-from dior.report.plots import Value, legend, new_figure, save_svg, short
+from dior.report.plots import Value
+from dior.report.svg import legend, new_figure, save_svg, short
 
 SIDES = {"left": COLOURS[0], "right": COLOURS[1], "middle": DARK}
 # part of the body -> its joints and markers without their side, as they begin; what is none of these are `OTHERS`

@@ -183,15 +183,13 @@ def about(scope: str, names: Iterable[str]) -> bool:
     return {word for word in scope.split("/") if word} <= set(names)
 
 
-def findings_of(
-    findings: Collection[Finding], sequence: str, session: str, subject: str, camera: str = ""
-) -> list[Told]:
-    """Those of `findings` that are about a sequence, or about one of its cameras.
+def findings_of(findings: Collection[Finding], sequence: str, within: Iterable[str], camera: str = "") -> list[Told]:
+    """Those of `findings` that are about a sequence, or about one of its cameras. `within`: its session and subject.
 
     What is said of a camera that does not belong to the others comes first, and is about the sequence, too: its 3D is
     drawn by it.
     """
-    names = {sequence, session, subject, camera} - {""}
+    names = {sequence, *within, camera} - {""}
     culprits = [
         (severity, code, text)
         for scope, severity, code, text in findings
@@ -256,35 +254,31 @@ def by_mocap(findings: Iterable[Finding]) -> list[Finding]:
     return [finding for finding in findings if finding[2] != "mocap_apart"] + found
 
 
-def noticed(
-    cameras: Mapping[str, Iterable[str]],
-    pictures: Mapping[str, Container[str]],
-    rows: list[Row],
-    environment: Mapping[str, str],
-) -> list[Finding]:
-    """Findings that only show when all sequences are looked at: one that failed, a camera that is missing, high error.
+def noticed(sequence: str, cameras: Iterable[str], pictures: Container[str], labelled: Container[str]) -> list[Finding]:
+    """Findings of what is not there: a sequence that failed, a camera that is missing.
 
-    `cameras`: sequence -> names of its cameras, `pictures`: sequence -> those that have recorded any, where known,
-    `rows`: of metrics.csv, `environment`: sequence -> indoor | outdoor. (scope, severity, code, text) tuples.
+    `pictures`: those of its `cameras` that have recorded any; `labelled`: those that have labels.
+    (scope, severity, code, text) tuples.
     """
-    labelled = {(row["sequence"], row["camera"]) for row in rows if row["metric"] == "coverage"}
-    found = []
-    for sequence, names in cameras.items():
-        if not any((sequence, camera) in labelled for camera in names):
-            text = (
-                "the sequence failed: none of its cameras has labels; the logs say why, and an exclude_reason in "
-                "config/sequences.tsv leaves it out"
-            )
-            found.append((sequence, "error", "sequence_failed", text))
-        for camera in names:
-            if camera not in pictures.get(sequence, names):
-                text = "the camera is missing: the recordings of this sequence have no picture of it"
-                found.append((f"{sequence}/{camera}", "error", "camera_missing", text))
-    return found + _standing_out(rows, environment)
+    cameras, found = list(cameras), []
+    if not any(camera in labelled for camera in cameras):
+        text = (
+            "the sequence failed: none of its cameras has labels; the logs say why, and an exclude_reason in "
+            "config/sequences.tsv leaves it out"
+        )
+        found.append((sequence, "error", "sequence_failed", text))
+    for camera in cameras:
+        if camera not in pictures:
+            text = "the camera is missing: the recordings of this sequence have no picture of it"
+            found.append((f"{sequence}/{camera}", "error", "camera_missing", text))
+    return found
 
 
-def _standing_out(rows: list[Row], environment: Mapping[str, str]) -> list[Finding]:
-    """Findings about sequences whose labels are much further from the detections than those of the others."""
+def standing_out(rows: list[Row], environment: Mapping[str, str]) -> list[Finding]:
+    """Findings about sequences whose labels are much further from the detections than those of the others.
+
+    `rows`: of metrics.csv, `environment`: sequence -> indoor | outdoor.
+    """
     errors = {
         row["sequence"]: row["value"]
         for row in rows

@@ -1,7 +1,7 @@
 """The table on top of the report: a row for each camera of a session, with its recordings, what is wrong and what to
 type; and the same in a sentence for the terminal.
 
-INPUTS   the project, the cards of its sequences (`cards.card`), `frame_metrics`, cameras, clocks
+INPUTS   the project, the cards of its sequences (`cards.card`), facts of its recordings, cameras
 OUTPUT   `CameraRow`s for templates/overview.html.j2; nothing is drawn or written here
 """
 
@@ -13,9 +13,10 @@ from typing import Any
 
 import numpy as np
 
+from dior.errors import many
 from dior.project.project import Project
-from dior.report import beside_boxes, clocks, lights, troubles
-from dior.report.cards import FrameMetrics
+from dior.report import beside_boxes, lights, troubles
+from dior.report.facts import Clock, Recording
 from dior.report.last_run import Figures
 from dior.report.numbers import show
 from dior.report.troubles import Trouble
@@ -23,11 +24,12 @@ from dior.report.troubles import Trouble
 
 @dataclass(frozen=True)
 class Cell:
-    """What a cell shows, what explains it on hover, and what its column is sorted by."""
+    """What a cell shows, what explains it on hover, what its column is sorted by, and whether it is struck out."""
 
     text: str
     title: str = ""
     by: float | str = ""
+    struck: bool = False
 
 
 @dataclass(frozen=True)
@@ -60,6 +62,16 @@ class CameraRow:
     def name(self) -> str:
         return f"{self.session}/{self.camera}"
 
+    @property
+    def told(self) -> tuple[Trouble, ...]:
+        """The troubles that are told at once: the first, and all that are to fix."""
+        return tuple(one for i, one in enumerate(self.troubles) if not i or one.level == "bad")
+
+    @property
+    def more(self) -> tuple[Trouble, ...]:
+        """The others, which are folded."""
+        return tuple(one for one in self.troubles if one not in self.told)
+
 
 COLUMNS = (
     ("\u03c3 of a label", "standard error of one axis of a label, as the labels tell it: in px, and at the person"),
@@ -69,14 +81,15 @@ COLUMNS = (
     ("clock", "how well the camera's clock is known: half a 95 % interval, the widest of its recordings"),
 )
 NOTHING = Cell("\u2013")
+# of more cameras than these the good ones are folded; chosen: as many rows as a screen has
+UNFOLDED = 12
 
 
 def rows(
     project: Project,
     cards: Iterable[Mapping[str, Any]],
-    recorded: FrameMetrics,
+    recorded: Mapping[tuple[str, str], Recording],
     stations: Mapping[str, Mapping[str, Any]],
-    clocked: Mapping[str, clocks.SequenceClocks],
 ) -> list[CameraRow]:
     """A `CameraRow` for each camera of each session, and one for what is about whole walks, the worst first and
     then in the sheet's order."""
@@ -90,7 +103,7 @@ def rows(
         for camera in project.cameras(session):
             seen = [(card, cell) for card in own for cell in card["cells"] if cell["camera"] == camera]
             if seen:
-                of_session.append(_camera(project, session, camera, seen, recorded, stations, clocked))
+                of_session.append(_camera(project, session, camera, seen, recorded, stations))
         by_row = troubles.across({row.camera: row.troubles for row in of_session}, project.window(session))
         found += [_judged(row, by_row[row.camera]) for row in of_session]
     return sorted(found, key=_order)
@@ -105,7 +118,27 @@ def _order(row: CameraRow) -> tuple[int, bool]:
 def _judged(row: CameraRow, own: tuple[Trouble, ...]) -> CameraRow:
     """The row with the troubles that are its own in the end; its light is the worst of these and of its recordings."""
     level = lights.worst((row.level, *(one.level for one in own)))
-    return replace(row, troubles=own, level=level, word=lights.WORDS[level])
+    return replace(row, troubles=own, level=level, word=lights.WORDS[level], cells=_as_lit(row.cells, level))
+
+
+def _as_lit(cells: tuple[Cell, ...], level: str) -> tuple[Cell, ...]:
+    """The cells of a row; where its light is red what its labels say of themselves does not hold."""
+    sigma, *others = cells
+    if level != "bad" or sigma.by == "":
+        return cells
+    return replace(sigma, struck=True, title="does not hold: the labels are not right, and do not know it"), *others
+
+
+def folded(found: Sequence[CameraRow]) -> list[tuple[str, list[CameraRow]]]:
+    """The rows in parts, ("", rows) as they are and, of many cameras, (words, rows) the good ones of a session."""
+    if len(found) <= UNFOLDED:
+        return [("", list(found))]
+    parts = [("", [row for row in found if row.level != "good"])]
+    for session in sorted({row.session for row in found}):
+        good = [row for row in found if row.session == session and row.level == "good"]
+        if good:
+            parts.append((f"{session}: {many(len(good), 'camera')} {'is' if len(good) == 1 else 'are'} good", good))
+    return parts
 
 
 def figures(found: Iterable[CameraRow]) -> Figures:
@@ -130,22 +163,18 @@ def _camera(
     session: str,
     camera: str,
     seen: Sequence[tuple[Mapping[str, Any], Mapping[str, Any]]],
-    recorded: FrameMetrics,
+    recorded: Mapping[tuple[str, str], Recording],
     stations: Mapping[str, Mapping[str, Any]],
-    clocked: Mapping[str, clocks.SequenceClocks],
 ) -> CameraRow:
     settings = project.cameras(session)[camera]
     each, recordings, offsets, lags = [], [], [], []
     for card, cell in seen:
         sequence, light = card["sequence"], cell["light"]
-        offset = beside_boxes.of_recording(
-            recorded.get((sequence, camera), {}), cell["figures"].get("person_height", np.nan)
-        )
+        offset, lag = recorded[sequence, camera].offset, recorded[sequence, camera].clock
         offsets.append(offset)
-        lag = clocked[sequence].clocks.get(camera) if sequence in clocked else None
         lags.append(lag)
         recordings.append(troubles.Recording(sequence, camera, light.faults, offset))
-        cells = _cells([cell["figures"]], [offset], [lag])
+        cells = _as_lit(_cells([cell["figures"]], [offset], [lag]), light.level)
         link = f"sequences/{sequence}.html#{camera}"
         each.append(RecordingRow(sequence, link, light.level, light.word, cells, next(iter(light.reasons), "")))
     file = Path(os.path.relpath(project.camera_file(session, camera), project.root)).as_posix()
@@ -181,7 +210,7 @@ def _whole_walks(session: str, cards: Sequence[Mapping[str, Any]]) -> CameraRow 
 def _cells(
     figures: Sequence[Mapping[str, float]],
     offsets: Sequence[beside_boxes.Offset | None],
-    lags: Sequence[tuple[float, float, float, str] | None],
+    lags: Sequence[Clock | None],
 ) -> tuple[Cell, ...]:
     """Those of COLUMNS of one or several recordings: means over these, and the widest interval of a clock."""
     sigma, metres = _mean(figures, "label_sigma"), _mean(figures, "label_sigma_m")
@@ -211,7 +240,7 @@ def _offset(offset: beside_boxes.Offset | None) -> Cell:
     return Cell(f"{right}, {below} px", title, float(np.hypot(*offset.uv)))
 
 
-def _clock(lags: Sequence[tuple[float, float, float, str]]) -> Cell:
+def _clock(lags: Sequence[Clock]) -> Cell:
     """The widest interval of the clocks; those that nobody knows or that a hand gave are said so."""
     if not lags:
         return NOTHING

@@ -1,20 +1,14 @@
-"""The report's figures, each a function from numbers to an SVG file. Same numbers, same bytes.
+"""The report's figures of all sequences, each a function from numbers to an SVG file. Same numbers, same bytes."""
 
-Figures are narrow, with type that can still be read when a phone scales them down.
-"""
-
-import io
 from collections.abc import Mapping
-from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from dior.arrays import Floats
-from dior.report.colours import AT_NIGHT, COLOURS, DARK, GREY, GRID, RED, WHITE, colours_of
-from dior.tables.files import write_text
-from dior.tables.words import DROP_REASON
+from dior.report.colours import COLOURS, DARK, GREY, GRID, RED, WHITE, colours_of
+from dior.report.svg import legend, new_figure, save_svg, short
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,77 +17,8 @@ if TYPE_CHECKING:
 # value, low, high of its interval (NaN: unknown), n
 Value: TypeAlias = tuple[float, float, float, int]
 
-# inches; chosen: type of 10 points can still be read where a phone shows it 9 cm wide
-WIDTH = 5.2
 # chosen: of an axis of shares that hardly differ, so that it does not make much of nothing
 FEWEST_PERCENT = 5.0
-# Matplotlib knows its parameters by a Literal of all their names
-STYLE: dict[Any, Any] = {
-    "svg.hashsalt": "dior",
-    "svg.fonttype": "path",
-    # text is measured for the layout as it is drawn
-    "text.hinting": "none",
-    "font.family": "DejaVu Sans",
-    "font.size": 10,
-    "axes.titlesize": 10,
-    "axes.titlelocation": "left",
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.edgecolor": GREY,
-    # said, not left at black, so that a dark page can exchange it
-    **{key: DARK for key in ("text.color", "axes.labelcolor", "xtick.labelcolor", "ytick.labelcolor")},
-    **{key: GREY for key in ("xtick.color", "ytick.color")},
-    "savefig.transparent": True,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "grid.color": GRID,
-    "grid.linewidth": 0.8,
-    "legend.frameon": False,
-    "legend.fontsize": 9,
-}
-
-
-@cache
-def _pyplot() -> Any:
-    import matplotlib
-
-    matplotlib.use("Agg")
-    matplotlib.rcdefaults()
-    matplotlib.rcParams.update(STYLE)
-    from matplotlib import pyplot
-
-    return pyplot
-
-
-def new_figure(rows: int = 1, columns: int = 1, height: float = 3.1, **options: Any) -> "tuple[Figure, Any]":
-    """A figure and its axes, one or an array of them, WIDTH wide in the report's style; `height` in inches."""
-    return _pyplot().subplots(rows, columns, figsize=(WIDTH, height), **{"layout": "constrained"} | options)
-
-
-def save_svg(figure: "Figure", path: Path) -> None:
-    """Write a figure as SVG, without date or version, readable on a light and a dark page, and close it."""
-    if layout := figure.get_layout_engine():
-        layout.execute(figure)
-        # else Matplotlib draws the whole figure twice
-        figure.set_layout_engine(None)
-    drawn = io.StringIO()
-    figure.savefig(drawn, format="svg", metadata={"Date": None, "Creator": None})
-    _pyplot().close(figure)
-    write_text(path, drawn.getvalue().replace("</defs>", f"{_night()}</defs>", 1))
-
-
-@cache
-def _night() -> str:
-    """A style sheet that exchanges the colours of ink and paper where the reader prefers a dark page.
-
-    Matplotlib writes each colour where it is used, so that only the text of a style tells what it is.
-    """
-    rules = "".join(
-        f'[style*="{what}: {day.lower()}"]{{{what}:{night}!important}}'
-        for day, night in AT_NIGHT.items()
-        for what in ("fill", "stroke")
-    )
-    return f"<style>@media (prefers-color-scheme: dark){{svg{{background:{AT_NIGHT[WHITE]}}}{rules}}}</style>"
 
 
 def strip(
@@ -157,31 +82,17 @@ def _rows(axis: "Axes", names: list[str], values: list[str], counts: list[int]) 
     right.tick_params(length=0)
 
 
-def legend(figure: "Figure", colours: Mapping[str, str]) -> None:
-    """Names with their colours above the axes of a figure."""
-    from matplotlib.lines import Line2D
-
-    handles = [Line2D([], [], marker="o", ls="", color=c, label=name) for name, c in colours.items()]
-    figure.legend(handles=handles, loc="outside upper left", ncols=min(len(handles), 4), handletextpad=0.2,
-                  columnspacing=1.2)  # fmt: skip
-
-
-def short(n: float) -> str:
-    """A count in few characters, as plots show it."""
-    return f"{n / 1e6:.3g}M" if n >= 1e6 else f"{n / 1e3:.3g}k" if n >= 1e4 else str(int(n))
-
-
-def distribution(path: Path, series: Mapping[str, Floats], label: str) -> None:
-    """Cumulative distributions of values per picture. `series`: name -> values (N,)."""
+def distribution(path: Path, series: Mapping[str, tuple[Floats, Floats, int]], label: str) -> None:
+    """Cumulative distributions of values per picture. `series`: name -> (values (V,) in order, share (V,) of all below
+    each, number of all)."""
     figure, axis = new_figure()
     q = np.linspace(0, 1, 201)
-    end = max(float(np.quantile(values, 0.99)) for values in series.values())
-    for (name, values), colour in zip(sorted(series.items()), COLOURS * 4, strict=False):
-        x = np.quantile(values, q)
+    curves = {name: (np.interp(q, share, values), n) for name, (values, share, n) in series.items()}
+    end = max(float(np.interp(0.99, share, values)) for values, share, _ in series.values())
+    for (name, (x, n)), colour in zip(sorted(curves.items()), COLOURS * 4, strict=False):
         shown = x <= end
         # the ends of a curve lie on the frame
-        axis.plot(x[shown], 100 * q[shown], color=colour, lw=1.8, label=f"{name} (n {short(len(values))})",
-                  clip_on=False)  # fmt: skip
+        axis.plot(x[shown], 100 * q[shown], color=colour, lw=1.8, label=f"{name} (n {short(n)})", clip_on=False)
     axis.set_xlim(0, end or 1)
     axis.set_ylim(0, 100)
     axis.set_xlabel(label)
@@ -210,87 +121,6 @@ def before_after(path: Path, pairs: Mapping[str, tuple[float, float, int]], labe
     axis.set_xlabel(label)
     above(figure, axis)
     save_svg(figure, path)
-
-
-def timeline(
-    path: Path,
-    lanes: Mapping[str, tuple[Floats, Floats, Floats]],
-    errors: Mapping[str, tuple[Floats, Floats]],
-    label: str,
-) -> None:
-    """Errors over time, and below a lane per camera: joints without a label, and pictures lost in the recording.
-
-    `lanes`: camera -> (t (F,) s, missing (F,) share, lost (L,) s); `errors`: camera -> (t (N,) s, value (N,)); `label`
-    names the error with its unit.
-    """
-    names = list(lanes)
-    colours = colours_of(names)
-    with_errors = any(len(t) for t, _ in errors.values())
-    figure, axes = new_figure(
-        1 + with_errors, 1, height=(1.7 if with_errors else 0) + 0.75 + 0.3 * len(names), sharex=True, squeeze=False,
-        gridspec_kw={"height_ratios": ([1.6] if with_errors else []) + [0.45 + 0.3 * len(names)]},
-    )  # fmt: skip
-    if with_errors:
-        axis = axes[0, 0]
-        for name, (t, value) in errors.items():
-            axis.plot(*_binned(t, value), color=colours[name], lw=1.2, label=name)
-        axis.set_ylim(0, None)
-        axis.set_ylabel(label)
-    axis = axes[-1, 0]
-    for row, (name, (t, missing, lost)) in enumerate(reversed([*lanes.items()])):
-        axis.axhline(row, color=GRID, lw=0.8)
-        times, share = _binned(t, missing)
-        axis.fill_between(times, row, row + 0.8 * share, color=colours[name], lw=0, step="mid")
-        axis.plot(lost, np.full(len(lost), row - 0.12), "|", color=RED, ms=5, mew=1)
-    counts = [f"{name}\n{short(len(lanes[name][0]))} pictures" for name in reversed(names)]
-    axis.set_yticks(np.arange(len(names)) + 0.3, counts, fontsize=8)
-    axis.set_ylim(-0.3, len(names))
-    axis.grid(axis="y", visible=False)
-    axis.set_title("share of joints without a label (full height: all); red: lost pictures", fontsize=9)
-    axis.set_xlabel("time, s")
-    if with_errors:
-        figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=4, handlelength=1.2)
-    save_svg(figure, path)
-
-
-def stamps(
-    path: Path, lags: Mapping[str, tuple[Floats, Floats]], dropped: Mapping[str, Mapping[str, list[float]]]
-) -> None:
-    """How late pictures were received, and which are missing or there twice.
-
-    `lags`: camera -> (times (F,) s, lag beyond its median (F,) ms); `dropped`: camera -> reason -> times s.
-    """
-    colours = colours_of(list(lags))
-    # the same colour for a reason in every plot
-    there = {reason for by_reason in dropped.values() for reason in by_reason}
-    kinds = {reason: colour for reason, colour in colours_of(DROP_REASON).items() if reason in there}
-    ratios = (3, 0.5 + 0.5 * len(lags))
-    figure, axes = new_figure(2, 1, height=2.4 + 0.25 * len(lags), sharex=True, height_ratios=ratios)
-    for camera, (t, lag) in lags.items():
-        edges = np.unique(np.linspace(0, len(t), 401).astype(int))[:-1]
-        axes[0].plot(t[edges], np.maximum.reduceat(lag, edges), color=colours[camera], lw=1, label=camera)
-    axes[0].set_ylabel("late, ms")
-    axes[0].set_title("receive minus header stamp, beyond its median", fontsize=9)
-    for lane, camera in enumerate(lags):
-        for reason, times in sorted(dropped.get(camera, {}).items()):
-            axes[1].plot(times, np.full(len(times), lane), "|", ms=9, mew=1.4, color=kinds[reason])
-    for reason, colour in kinds.items():
-        axes[1].plot([], [], "|", ms=9, mew=1.4, color=colour, label=reason.replace("_", " "))
-    axes[1].set_yticks(range(len(lags)), list(lags))
-    axes[1].set_ylim(len(lags) - 0.4, -0.6)
-    axes[1].set_xlabel("time, s")
-    axes[1].set_title("missing and repeated pictures" if kinds else "no picture is missing or there twice", fontsize=9)
-    figure.legend(loc="outside upper left", ncols=4, handlelength=1.2)
-    save_svg(figure, path)
-
-
-def _binned(t: Floats, value: Floats, bins: int = 240) -> tuple[Floats, Floats]:
-    """Means in at most `bins` equal parts, so that an hour draws as fast as a minute."""
-    if len(t) <= bins:
-        return t, value
-    edges = np.linspace(0, len(t), bins + 1).astype(int)[:-1]
-    size = np.diff(np.append(edges, len(t)))
-    return np.add.reduceat(t, edges) / size, np.add.reduceat(value, edges) / size
 
 
 def marks(

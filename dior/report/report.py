@@ -1,16 +1,17 @@
-"""The report: a page for all and one for each sequence, of relative links, readable from disk and on a phone.
+"""The index of the report: what came out of all sequences, of relative links, readable from disk and on a phone.
 
-INPUTS   the project's sheets, results/evaluate/metrics.csv, `frame_metrics`, `findings`, `cameras`, `skeletons_3d`,
-         `stamp_audit`, `dropped_frames`, `frames`, `offsets`, `clock_costs`, contact sheets (overlays)
+INPUTS   the project's sheets, results/evaluate/metrics.csv, what the step page left of each sequence (facts.py),
+         `label_quantiles`, findings that are about several sequences, `cameras`, `camera_covariance`, `camera_turns`,
          statistics.csv, and what is there of re-identification (reid.py), the jobs' timings and effort.tsv (cost.py)
-OUTPUTS  <out>/index.html, written last; <out>/sequences/<sequence>.html, and <sequence>.3d.html with <out>/viewer/*
-         (scene_pages.py); <out>/assets/plots/*.svg; <out>/cost.html, <out>/verdict.txt, which a run ends with, and
-         results/timing.csv
+OUTPUTS  <out>/index.html, written last; <out>/compared.js, what it says more of each sequence than its page;
+         <out>/viewer/*, what the pages in 3D share; <out>/assets/plots/*.svg; <out>/cost.html, <out>/verdict.txt, which
+         a run ends with, and results/timing.csv
 """
 
+import json
 import shutil
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -28,6 +29,7 @@ from dior.report import (
     cards,
     cost,
     dataset,
+    facts,
     headline,
     key_figures,
     last_run,
@@ -35,18 +37,16 @@ from dior.report import (
     numbers,
     overview,
     pages,
-    sequence_pages,
+    shared,
     troubles,
     worst_pictures,
 )
-from dior.report import clocks as sequence_clocks
 from dior.report import findings as findings_of_all
-from dior.report import scene_pages as spaces
-from dior.report import stamps as sequence_stamps
+from dior.report.facts import Facts, Recording
 from dior.report.figures import Figures
 from dior.report.verdict import sentence
 from dior.tables import tables
-from dior.tables.files import write_text
+from dior.tables.files import folder_written_whole, write_text
 from dior.tables.schemas import METRICS
 
 PLOTS = "plots"
@@ -102,12 +102,11 @@ WRONG = {
 class Evaluated:
     """What was counted and measured of the labels.
 
-    `metrics`: metrics.csv; `frame_metrics`: tables `frame_metrics`; `quantiles`: tables `label_quantiles`;
-    `statistics`: statistics.csv; `recognition`: table.csv, cmc.csv and left_out.csv of re-identification, or nothing.
+    `metrics`: metrics.csv; `quantiles`: tables `label_quantiles`; `statistics`: statistics.csv; `recognition`:
+    table.csv, cmc.csv and left_out.csv of re-identification, or nothing.
     """
 
     metrics: Path
-    frame_metrics: list[Path]
     quantiles: list[Path]
     statistics: Path
     recognition: list[Path]
@@ -115,45 +114,14 @@ class Evaluated:
 
 @dataclass(frozen=True)
 class Scene:
-    """Where the cameras and the people were.
+    """Where the cameras were.
 
-    `cameras`: tables `cameras`; `covariances`: tables `camera_covariance`; `turns`: tables `camera_turns`; `skeletons`:
-    tables `skeletons_3d`.
+    `cameras`: tables `cameras`; `covariances`: tables `camera_covariance`; `turns`: tables `camera_turns`.
     """
 
     cameras: list[Path]
     covariances: list[Path]
     turns: list[Path]
-    skeletons: list[Path]
-
-
-@dataclass(frozen=True)
-class Times:
-    """When the pictures were taken: their stamps and the cameras' clocks.
-
-    `audits`: tables `stamp_audit`; `dropped`: tables `dropped_frames`; `frames`: tables `frames`; `clocks`: tables
-    `offsets`; `clock_costs`: tables `clock_costs`, where two have a camera's the first counts.
-    """
-
-    audits: list[Path]
-    dropped: list[Path]
-    frames: list[Path]
-    clocks: list[Path]
-    clock_costs: list[Path]
-
-
-@dataclass(frozen=True)
-class Media:
-    """Pictures and films that the pages show.
-
-    `overlays`: the contact sheets `<out>/assets/<sequence>/<camera>.jpg`; `clips`:
-    `<out>/assets/<sequence>/clip.webm`, each with its poster beside it; `scenes`: `<out>/assets/<sequence>/scene.js`,
-    each with the folder pictures beside it.
-    """
-
-    overlays: list[Path]
-    clips: list[Path]
-    scenes: list[Path]
 
 
 def run(
@@ -161,75 +129,61 @@ def run(
     root: Path,
     title: str,
     evaluated: Evaluated,
+    told: list[Path],
     findings: list[Path],
     scene: Scene,
-    times: Times,
-    media: Media,
     effort: Path | None,
     out: Path,
     out_timing: Path,
 ) -> None:
-    """Write the report of the project in `root` into the folder `out`.
+    """Write the index of the project in `root` into the folder `out`, where the pages of its sequences are.
 
-    `findings`: tables `findings`; `effort`: effort.tsv or None. What it cost goes to `<out>/cost.html` and
-    `out_timing`.
+    `told`: what the step page left of each sequence, facts.json; `findings`: tables `findings` that are about more than
+    one sequence; `effort`: effort.tsv or None. What it cost goes to `<out>/cost.html` and `out_timing`.
     """
     from dior.project import project as projects
 
     project, out = projects.load(root), Path(out)
     rows = metrics_csv.read(evaluated.metrics)
-    recorded = read_frame_metrics(evaluated.frame_metrics)
-    found = [finding for path in findings for finding in tables.read_findings(path)]
-    audited = sequence_stamps.read(times.audits, times.dropped, times.frames)
-    cameras = {s: project.cameras_of(s) for s in project.sequences}
-    found = lights.by_mocap(found)
-    found += lights.noticed(
-        cameras,
-        {name: set(one.lags) for name, one in audited.items()},
-        rows,
-        {name: project.sequence(name)["environment"] for name in project.sequences},
-    )
-    found += [(scope, "info", "no_consent", text) for scope, text in project.left_out] + unanswered(project)
-    clocked = sequence_clocks.read(times.clocks, times.clock_costs, found, cameras)
+    each = [facts.read(path) for path in told]
+    recorded = {(one.sequence, camera): own for one in each for camera, own in one.recordings.items()}
+    environments = {name: project.sequence(name)["environment"] for name in project.sequences}
+    compared = [finding for path in findings for finding in tables.read_findings(path)]
+    compared += lights.standing_out(rows, environments)
+    compared += [(scope, "info", "no_consent", text) for scope, text in project.left_out]
     stations = session_cameras(scene.cameras)
-    sheets = cards.sheets_of(media.overlays, out)
-    by_camera = cards.rows_by_camera(rows)
-    shown = [cards.card(project, s, by_camera, recorded, found, stations, sheets) for s in project.sequences]
-    table = overview.rows(project, shown, recorded, stations, clocked)
+    both = [_cards(project, one, compared, stations) for one in each]
+    shown = [card for card, _ in both]
+    on_pages = dict.fromkeys(finding for one in each for finding in one.findings)
+    found = [*dict.fromkeys([*on_pages, *compared]), *unanswered(project)]
+    table = overview.rows(project, shown, recorded, stations)
     table = overview.with_changes(table, last_run.compared(out, overview.figures(table)))
-    folder = out / "assets" / PLOTS
-    made = Figures(folder, project, rows, recorded)
-    sections = [*made.paper(), *made.truth(), *made.clocks(clocked)]
-    scenes = [*made.scenes(stations, scene.skeletons), *made.certainty(scene.covariances, scene.turns)]
-    walks = spaces.headers(media.scenes)
-    timelines, stamps = made.timelines(), made.stamps(audited)
-    tried = made.clock_costs(clocked)
-    recognised = made.recognition(evaluated.recognition) if evaluated.recognition else None
-    _remove_stale(folder, made.names)
-    _remove_others(out / "assets", project.sequences)
+    with folder_written_whole(out / "assets" / PLOTS) as folder:
+        made = Figures(folder, project, rows, each)
+        sections = [*made.paper(), *made.truth(), *made.clocks()]
+        scenes = [*made.scenes(stations), *made.certainty(scene.covariances, scene.turns)]
+        recognised = made.recognition(evaluated.recognition) if evaluated.recognition else None
+    _remove_others(out, project.sequences)
     counted = statistics_csv.read(evaluated.statistics)
     environment = pages.environment()
     cost.write(environment, project, statistics_csv.of(counted, "frames"), effort, out_timing, out / "cost.html")
-    sequence_pages.write(
-        environment, out, title, shown, found, {s: _names(project, s) for s in project.sequences}, timelines, stamps,
-        {sequence: one.rows for sequence, one in audited.items()}, clocked, tried,
-        cards.clips_of(media.clips, out), walks,
-    )  # fmt: skip
-    spaces.write(environment, out, title, walks)
+    shared.write(out)
+    write_text(out / "compared.js", _script({card["sequence"]: cards.beyond(card, own) for card, own in both}))
     page = environment.get_template("index.html.j2").render(
         title=title,
         dataset=dataset.section(counted),
         tiles=_tiles(project, recorded),
         tally=Counter(cell["light"].level for card in shown for cell in card["cells"]),
-        headline=headline.lines(_told(project, shown), headline.read(evaluated.quantiles)),
-        table=table,
+        headline=headline.lines(_told(environments, shown), headline.read(evaluated.quantiles)),
+        table=overview.folded(table),
         columns=overview.COLUMNS,
         where=troubles.where,
         excluded=sorted(project.excluded.items()),
-        groups=findings_of_all.grouped(findings_of_all.untold(found, table), project.sequences),
-        figures=_named(key_figures.table_of(rows, made.environment)),
+        groups=findings_of_all.grouped(findings_of_all.untold(found, table, on_pages), project.sequences),
+        figures=_named(key_figures.table_of(rows, environments)),
         sections=sections,
-        worst=worst_pictures.of_sections(evaluated.frame_metrics),
+        worst=worst_pictures.of_sections({key: own.worst for key, own in recorded.items()}),
+        in_3d={one.sequence for one in each if one.in_3d},
         scenes=scenes,
         recognised=recognised,
         limits=[_limit(limit) for limit in lights.LIMITS],
@@ -241,37 +195,37 @@ def run(
     write_text(out / "index.html", page)
 
 
-def _told(project: Project, shown: Iterable[dict[str, Any]]) -> dict[tuple[str, str], headline.Told]:
+def _cards(
+    project: Project, one: Facts, compared: list[lights.Finding], stations: Mapping[str, Mapping[str, Camera]]
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The card of a sequence as the index has it, and as its page has it, where nothing is `compared`."""
+    session = project.session_of(one.sequence)
+    within = session, project.subject_of(one.sequence)
+    roles = {name: setting["role"] for name, setting in project.cameras(session).items()}
+    figures = {name: own.figures for name, own in one.recordings.items()}
+    fx = {name: camera.intrinsics.fx for name, camera in stations.get(session, {}).items()}
+    card, own = (
+        cards.card(one.sequence, within, roles, figures, fx, found, {})
+        for found in (one.findings + compared, one.findings)
+    )
+    return card, own
+
+
+def _script(beyond: Mapping[str, Any]) -> str:
+    """What the pages of sequences load: of those of which the index says more than they do."""
+    told = {sequence: more for sequence, more in beyond.items() if more}
+    return f"window.compared = {json.dumps(told, sort_keys=True, indent=1)};\n"
+
+
+def _told(environments: Mapping[str, str], shown: Iterable[dict[str, Any]]) -> dict[tuple[str, str], headline.Told]:
     """What the headline is made of, by sequence and camera."""
     return {
         (card["sequence"], cell["camera"]): headline.Told(
-            (project.sequence(card["sequence"])["environment"], cell["role"].replace(" ", "_")),
-            cell["light"].level,
-            cell["figures"],
+            (environments[card["sequence"]], cell["role"].replace(" ", "_")), cell["light"].level, cell["figures"]
         )
         for card in shown
         for cell in card["cells"]
     }
-
-
-def _names(project: Project, sequence: str) -> set[str]:
-    """The words that the scope of a finding about a sequence may be made of."""
-    session = project.session_of(sequence)
-    return {sequence, session, project.subject_of(sequence), *project.cameras(session)}
-
-
-def read_frame_metrics(paths: Iterable[AnyPath]) -> cards.FrameMetrics:
-    """(sequence, camera) -> metric -> (stamp_ns (N,), value (N,), n (N,)) of `frame_metrics` files."""
-    import pandas as pd
-
-    found: cards.FrameMetrics = {}
-    for path in paths:
-        table = pd.DataFrame(tables.read(path, "frame_metrics"))
-        for key, own in table.groupby(["sequence", "camera", "metric"], sort=False):
-            sequence, camera, metric = map(str, key)
-            values = own["stamp_ns"].to_numpy(), own["value"].to_numpy(), own["n"].to_numpy()
-            found.setdefault((sequence, camera), {})[metric] = values
-    return found
 
 
 def session_cameras(paths: Iterable[AnyPath]) -> dict[str, dict[str, Camera]]:
@@ -283,19 +237,15 @@ def session_cameras(paths: Iterable[AnyPath]) -> dict[str, dict[str, Camera]]:
     return found
 
 
-def _tiles(project: Project, recorded: cards.FrameMetrics) -> list[tuple[str, str]]:
-    pictures = labels = 0
-    for by_metric in recorded.values():
-        if "coverage" in by_metric:
-            _, value, n = by_metric["coverage"]
-            pictures, labels = pictures + len(n), labels + int(np.rint(value * n).sum())
+def _tiles(project: Project, recorded: Mapping[tuple[str, str], Recording]) -> list[tuple[str, str]]:
+    labelled = [one for one in recorded.values() if one.pictures]
     return [
         (numbers.count(len(project.sequences)), "sequences"),
         (numbers.count(len(project.processed_subjects)), "subjects"),
         (numbers.count(len({session_folder(session) for session in project.sessions})), "sessions"),
-        (numbers.count(len(recorded)), "camera recordings"),
-        (numbers.count(pictures), "pictures"),
-        (numbers.count(labels), "2D labels"),
+        (numbers.count(len(labelled)), "camera recordings"),
+        (numbers.count(sum(one.pictures for one in labelled)), "pictures"),
+        (numbers.count(sum(one.labels for one in labelled)), "2D labels"),
     ]
 
 
@@ -327,14 +277,12 @@ def unanswered(project: Project) -> list[lights.Finding]:
     return [("release", "warning", "pictures_unanswered", text)]
 
 
-def _remove_others(assets: Path, sequences: Iterable[str]) -> None:
-    """Remove the pictures of sequences that the project no longer has."""
-    for folder in assets.iterdir() if assets.is_dir() else ():
-        if folder.is_dir() and folder.name not in (*sequences, PLOTS):
+def _remove_others(out: Path, sequences: Iterable[str]) -> None:
+    """Remove the pages and pictures of sequences that the project no longer has."""
+    kept = {*sequences, PLOTS}
+    for folder in (out / "assets").iterdir() if (out / "assets").is_dir() else ():
+        if folder.is_dir() and folder.name not in kept:
             shutil.rmtree(folder)
-
-
-def _remove_stale(folder: Path, names: set[str]) -> None:
-    for path in folder.glob("*.svg") if folder.is_dir() else ():
-        if path.name not in names:
-            path.unlink()
+    for page in (out / "sequences").glob("*.html"):
+        if page.name.partition(".")[0] not in kept:
+            page.unlink()

@@ -15,7 +15,7 @@ from dior.arrays import Floats
 from dior.body import names as skeletons
 from dior.geometry.camera import Camera, rays
 from dior.report.colours import COLOURS, DARK, EDGE, GREY, GRID, ORANGE, WHITE, colours_of
-from dior.report.plots import new_figure, save_svg
+from dior.report.svg import new_figure, save_svg
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,8 +28,6 @@ Walks: TypeAlias = Mapping[str, Floats]
 Pose: TypeAlias = tuple[Floats, list[str]]
 # a camera further than this from the walks is only pointed at, m; chosen: close cameras are within 10, far ones at 60
 NEAR = 20.0
-# of a walk; chosen: a curve looks smooth, the file stays small
-POINTS = 240
 # where else a name may stand: points from what it names, and how it is aligned there
 PLACES = (
     ((0, 7), "center", "bottom"), ((0, -7), "center", "top"), ((8, 0), "left", "center"), ((-8, 0), "right", "center"),
@@ -48,7 +46,7 @@ def space(path: Path, cameras: Sequence[Camera], walks: Walks, pose: Pose | None
     `cameras`: `Camera`s with a pose; `walks`: sequence -> (N, 3) m; `pose`: (points (J, 3) m, joints) or None. A camera
     further than NEAR from the walks is an arrow with its distance.
     """
-    walks = _thinned(walks)
+    walks = dict(sorted(walks.items()))
     middle = _middle(cameras, walks)
     near = [c for c in cameras if np.linalg.norm(c.centre - middle) <= NEAR]
     floor = _floor(near, walks, middle)
@@ -98,11 +96,6 @@ def _apart(figure: "Figure", names: Sequence["Annotation"]) -> None:
             name.set(position=first[0], ha=first[1], va=first[2])
             box = name.get_window_extent()
         taken.append(box)
-
-
-def _thinned(walks: Walks) -> dict[str, Floats]:
-    """At most POINTS of the points of each walk, so that a long session is as small as a short one."""
-    return {name: walk[:: max(1, len(walk) // POINTS)] for name, walk in sorted(walks.items())}
 
 
 def _middle(cameras: Sequence[Camera], walks: Walks) -> Floats:
@@ -222,7 +215,7 @@ def plan(path: Path, cameras: Sequence[Camera], walks: Walks, pose: Pose | None)
 
     The side view looks along the horizontal direction in which there is least to see.
     """
-    walks = _thinned(walks)
+    walks = dict(sorted(walks.items()))
     middle = _middle(cameras, walks)
     near = [c for c in cameras if np.linalg.norm(c.centre - middle) <= NEAR]
     points = np.concatenate([middle[None], *(c.centre[None] for c in near), *walks.values()])

@@ -1,7 +1,7 @@
-"""What the report says of the stamps of each sequence, from the audit's tables.
+"""What the report says of the stamps of a sequence, from the audit's tables.
 
-INPUTS   `stamp_audit`, `dropped_frames` and `frames` tables, a file per sequence, named by it
-OUTPUTS  a `SequenceStamps` per sequence: numbers to draw and rows of text
+INPUTS   its `stamp_audit`, `dropped_frames` and `frames` tables
+OUTPUT   a `SequenceStamps`: numbers to draw and rows of text
 """
 
 from dataclasses import dataclass
@@ -29,18 +29,8 @@ class SequenceStamps:
     rows: tuple[dict[str, str], ...]
 
 
-def read(audits: list[Path], dropped: list[Path], frames: list[Path]) -> dict[str, SequenceStamps]:
-    """`SequenceStamps` by sequence, in the order of `audits`; the three lists hold the same sequences."""
-    lost = {Path(path).name.partition(".")[0]: path for path in dropped}
-    pictures = {Path(path).name.partition(".")[0]: path for path in frames}
-    return {
-        sequence: _recorded(sequence, path, lost[sequence], pictures[sequence])
-        for path in audits
-        for sequence in [Path(path).name.partition(".")[0]]
-    }
-
-
-def _recorded(sequence: str, audit: Path, dropped: Path, frames: Path) -> SequenceStamps:
+def read(sequence: str, audit: Path, dropped: Path, frames: Path) -> SequenceStamps:
+    """`SequenceStamps` of a sequence from its tables `stamp_audit`, `dropped_frames` and `frames`."""
     table = tables.read(frames, "frames", ["camera", "stamp_ns", "receive_ns"])
     start = table["stamp_ns"].min()
     lags, films = {}, video_starts.told(frames)

@@ -1,15 +1,15 @@
 """The pictures at which a figure is worst, so that the index can lead to them.
 
-INPUTS   `frame_metrics` files
+INPUTS   a `frame_metrics` table, or what each sequence left of it
 OUTPUTS  per section of the index: words and the worst picture of each of a few recordings
 """
 
-from collections.abc import Iterable
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from dior.arrays import AnyPath, Table
+from dior.arrays import Table
 from dior.report.numbers import show
 from dior.tables import tables
 
@@ -35,17 +35,15 @@ def by_recording(table: Table, metric: str, sign: int) -> dict[tuple[str, str], 
     return found
 
 
-def of_sections(paths: Iterable[AnyPath]) -> dict[str, dict[str, Any] | None]:
-    """Section -> dict words, pictures: the worst picture of each of the MOST worst recordings."""
-    wanted = {metric for metric, *_ in SECTIONS.values()}
-    worst: dict[str, dict[tuple[str, str], tuple[float, int]]] = {metric: {} for metric in wanted}
-    for path in paths:
-        table = tables.read(path, "frame_metrics", ["metric", "sequence", "camera", "frame", "value"])
-        for metric, sign, *_ in SECTIONS.values():
-            worst[metric] |= by_recording(table, metric, sign)
+def of_sections(worst: Mapping[tuple[str, str], Mapping[str, tuple[float, int]]]) -> dict[str, dict[str, Any] | None]:
+    """Section -> dict words, pictures: the worst picture of each of the MOST worst recordings.
+
+    `worst`: (sequence, camera) -> metric -> value and frame of its worst picture.
+    """
     found: dict[str, dict[str, Any] | None] = {}
     for section, (metric, sign, unit, words) in SECTIONS.items():
-        ordered = sorted(worst[metric].items(), key=lambda item: (-sign * item[1][0], item[0]))[:MOST]
+        own = [(key, by_metric[metric]) for key, by_metric in worst.items() if metric in by_metric]
+        ordered = sorted(own, key=lambda item: (-sign * item[1][0], item[0]))[:MOST]
         pictures = [
             {"sequence": sequence, "camera": camera, "frame": frame, "value": show(value, unit)}
             for (sequence, camera), (value, frame) in ordered

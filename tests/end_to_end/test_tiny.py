@@ -246,8 +246,8 @@ def test_without_a_target_there_is_no_release_but_one_that_is_there_is_kept_up(p
 def test_an_edited_long_range_camera_touches_only_its_own_labels(copy):
     nudge(copy / "config/sessions/field/cam04.yaml", "sigma_m")
     assert planned(copy) == {
-        "align": 1, "follow": 1, "reproject": 1, "evaluate": 1, "overlays": 1, "clip": 1, "viewer": 1, "metrics": 1,
-        "statistics": 1, "heads": 1, "pixels": 1, "report": 1, "package": 1, "exports": 1, "tarballs": 2,
+        "align": 1, "follow": 1, "reproject": 1, "evaluate": 1, "overlays": 1, "clip": 1, "viewer": 1, "page": 1,
+        "metrics": 1, "statistics": 1, "heads": 1, "pixels": 1, "report": 1, "package": 1, "exports": 1, "tarballs": 2,
     }  # fmt: skip
 
 
@@ -332,7 +332,7 @@ def test_an_edited_close_camera_touches_its_session(copy):
     assert planned(copy) == {
         "place": 1, "adjust": 1, "clocks": 1, "timeline": 1, "follow": 1, "triangulate": 1, "refine": 1, "world": 1,
         "align": 1, "reproject": 4, "evaluate": 1,
-        "overlays": 4, "clip": 1, "viewer": 1, "metrics": 1, "statistics": 1, "report": 1,
+        "overlays": 4, "clip": 1, "viewer": 1, "page": 1, "metrics": 1, "statistics": 1, "report": 1,
         "heads": 4, "pixels": 4, "package": 1, "exports": 1, "tarballs": 2,
     }  # fmt: skip
 
@@ -356,7 +356,7 @@ def test_edited_code_of_one_step_reruns_what_depends_on_it(copy, tmp_path):
     assert planned(copy, root=checkout) == {}
     with open(checkout / "dior/report/overlays.py", "a") as stream:
         stream.write("\nMORE = 1\n")
-    assert planned(copy, root=checkout) == {"overlays": 8, "clip": 2, "viewer": 2, "report": 1}
+    assert planned(copy, root=checkout) == {"overlays": 8, "clip": 2, "viewer": 2, "page": 2, "report": 1}
 
 
 def test_a_broken_sequence_does_not_stop_the_others(copy):

@@ -12,8 +12,10 @@ FINE = ("outdoor_01/cam02", "info", "clock_found", "offset +0.0090 s")
 
 
 def told(capture, findings=(UNKNOWN, WRONG, WRONG, FINE)):
-    names = {sequence: list(cameras) for sequence, cameras in CLOCKS.items()}
-    return clocks.read(capture.clocks, capture.clock_costs, findings, names)
+    return {
+        sequence: clocks.read(sequence, cameras, capture.clocks, capture.clock_costs, findings)
+        for sequence, cameras in CLOCKS.items()
+    }
 
 
 def row(capture, sequence, camera, **options):
@@ -39,8 +41,7 @@ def test_what_marks_told_has_their_residuals(capture):
 def test_the_search_of_the_clock_goes_before_that_of_the_marks(capture):
     """The same camera in two tables of costs."""
     table, again = capture.clock_costs[0], [*capture.clock_costs[1:], capture.clock_costs[0]]
-    names = {"indoor_01": ["cam01"]}
-    whole = clocks.read(capture.clocks, [table, *again], (), names)["indoor_01"]
+    whole = clocks.read("indoor_01", ["cam01"], capture.clocks, [table, *again], ())
     assert len(whole.costs["cam01"][0]) == len(LAGS_S)
 
 
@@ -76,23 +77,25 @@ def test_no_cost_is_told_of_an_offset_that_was_not_tried():
 
 def test_how_far_apart_counts_only_what_is_certain(capture):
     """-28 ms and +6 ms, each ± 3.92 ms, and 12 ppm over 1.5 s; a clock that is not known does not count."""
-    each = told(capture)
+    each = {sequence: one.clocks for sequence, one in told(capture).items()}
     assert clocks.least_apart(each["outdoor_02"]) == pytest.approx(34 - 2 * 1.96 * 2)
     assert clocks.least_apart(each["outdoor_01"]) == 50.0
     assert clocks.middle(each["indoor_01"]) == pytest.approx((485 + 499) / 2 + 0.018)
 
 
-def test_a_sequence_without_clocks_is_left_out(capture):
-    assert set(clocks.read(capture.clocks[:1], [], (), {s: list(c) for s, c in CLOCKS.items()})) == {"indoor_01"}
+def test_of_a_sequence_without_clocks_nothing_is_told(capture):
+    found = {name: clocks.read(name, cameras, capture.clocks[:1], [], ()) for name, cameras in CLOCKS.items()}
+    assert [name for name, one in found.items() if one] == ["indoor_01"]
     assert clocks.in_words({}) == "0 clocks are estimated."
 
 
 @pytest.mark.slow
 def test_many_recordings_and_none_that_is_known_can_be_drawn(capture, tmp_path):
-    unknown = clocks.SequenceClocks({"cam01": (0.0, np.nan, np.nan, "assumed_zero")}, {}, (), ())
+    unknown = {"cam01": (0.0, np.nan, np.nan, "assumed_zero")}
     many = {f"walk_{i}": unknown for i in range(clocks.MOST_NAMES + 1)}
-    clocks.overview(tmp_path / "all.svg", {"indoor": many, "outdoor": many | told(capture)})
-    nan = clocks.SequenceClocks(unknown.clocks, {"cam01": (LAGS_S, np.full(len(LAGS_S), np.nan))}, (), ())
+    known = {sequence: one.clocks for sequence, one in told(capture).items()}
+    clocks.overview(tmp_path / "all.svg", {"indoor": many, "outdoor": many | known})
+    nan = clocks.SequenceClocks(unknown, {"cam01": (LAGS_S, np.full(len(LAGS_S), np.nan))}, (), ())
     clocks.costs(tmp_path / "one.svg", nan)
     for name in ("all.svg", "one.svg"):
         assert (tmp_path / name).stat().st_size > 2000

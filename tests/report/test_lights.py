@@ -102,9 +102,9 @@ def test_findings_are_matched_to_what_they_are_about():
         ("walk", "error", "c", "three"),
         ("other/cam01", "error", "d", "four"),
     ]
-    own = lights.findings_of(findings, "walk", "lab", "S01", "cam01")
+    own = lights.findings_of(findings, "walk", ["lab", "S01"], "cam01")
     assert own == [("info", "a", "one"), ("warning", "b", "two")]
-    assert lights.findings_of(findings, "walk", "lab", "S01") == [("error", "c", "three")]
+    assert lights.findings_of(findings, "walk", ["lab", "S01"]) == [("error", "c", "three")]
 
 
 CULPRIT = ("walk/cam02", "error", "culprit_camera", "cam02 does not belong to the others")
@@ -114,13 +114,13 @@ def test_the_culprit_comes_first_and_is_about_the_sequence_too():
     findings = [("lab/cam02", "error", "a", "one"), ("walk", "error", "b", "two"), CULPRIT]
 
     def of(camera=""):
-        return [text for _, _, text in lights.findings_of(findings, "walk", "lab", "S01", camera)]
+        return [text for _, _, text in lights.findings_of(findings, "walk", ["lab", "S01"], camera)]
 
     assert of("cam02") == [CULPRIT[3], "one"] and of() == [CULPRIT[3], "two"] and of("cam01") == []
     both = [("walk/cam01/cam02", "error", "culprit_exchanged", "exchanged")]
-    assert lights.findings_of(both, "walk", "lab", "S01", "cam01") == [("error", "culprit_exchanged", "exchanged")]
-    assert not lights.findings_of(both, "walk", "lab", "S01", "cam03")
-    assert not lights.findings_of(both, "other", "lab", "S01")
+    assert lights.findings_of(both, "walk", ["lab", "S01"], "cam01") == [("error", "culprit_exchanged", "exchanged")]
+    assert not lights.findings_of(both, "walk", ["lab", "S01"], "cam03")
+    assert not lights.findings_of(both, "other", ["lab", "S01"])
     assert [row["code"] for row in cards.shown([("a", "error", "b", "two"), CULPRIT])] == ["culprit_camera", "b"]
 
 

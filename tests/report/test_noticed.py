@@ -1,7 +1,7 @@
 """What went wrong has words of its own: a swapped detector, a failed sequence, a missing camera, a high error."""
 
 import re
-import shutil
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,21 +9,17 @@ import pytest
 
 from dior.reconstruct import triangulate
 from dior.report import lights
-from dior.report import report as page
 from dior.tables import tables
 from tests.report.conftest import SEQUENCES
-from tests.report.test_report import audited, counted
+from tests.report.test_report import pages_of, write
 
-CAMERAS = {"walk_1": ["cam01", "cam02"], "walk_2": ["cam01", "cam02"], "walk_3": ["cam01", "cam02"]}
-OUTDOOR = dict.fromkeys(CAMERAS, "outdoor")
+CAMERAS = ["cam01", "cam02"]
+WALKS = ("walk_1", "walk_2", "walk_3")
+OUTDOOR = dict.fromkeys(WALKS, "outdoor")
 
 
 def row(metric, sequence, camera="", value=1.0, role="close"):
     return {"metric": metric, "sequence": sequence, "camera": camera, "role": role, "joint": "", "value": value}
-
-
-def labelled(*left_out):
-    return [row("coverage", s, c) for s, names in CAMERAS.items() for c in names if (s, c) not in left_out]
 
 
 def codes(found):
@@ -31,28 +27,28 @@ def codes(found):
 
 
 def test_nothing_is_said_of_what_is_there():
-    errors = [row("reprojection_error", name, value=value) for name, value in zip(CAMERAS, (3, 4, 5), strict=True)]
-    assert lights.noticed(CAMERAS, {name: set(CAMERAS[name]) for name in CAMERAS}, labelled() + errors, OUTDOOR) == []
+    errors = [row("reprojection_error", name, value=value) for name, value in zip(WALKS, (3, 4, 5), strict=True)]
+    assert lights.noticed("walk_1", CAMERAS, CAMERAS, CAMERAS) == lights.standing_out(errors, OUTDOOR) == []
 
 
 def test_a_failed_sequence():
-    found = lights.noticed(CAMERAS, {}, labelled(("walk_2", "cam01"), ("walk_2", "cam02")), OUTDOOR)
+    found = lights.noticed("walk_2", CAMERAS, CAMERAS, [])
     assert codes(found) == [("walk_2", "error", "sequence_failed")] and "exclude_reason" in found[0][3]
 
 
 def test_a_missing_camera():
-    found = lights.noticed(CAMERAS, {"walk_1": {"cam01"}}, labelled(("walk_1", "cam02")), OUTDOOR)
+    found = lights.noticed("walk_1", CAMERAS, {"cam01"}, {"cam01"})
     assert codes(found) == [("walk_1/cam02", "error", "camera_missing")] and "no picture of it" in found[0][3]
 
 
 @pytest.mark.parametrize(("value", "stands_out"), [(7.9, False), (8.1, True)])
 def test_high_error_is_one_of_a_sequence_among_others(value, stands_out):
-    errors = [row("reprojection_error", name, value=e) for name, e in zip(CAMERAS, (3, 5, value), strict=True)]
-    found = lights.noticed(CAMERAS, {}, labelled() + errors, OUTDOOR)
+    errors = [row("reprojection_error", name, value=e) for name, e in zip(WALKS, (3, 5, value), strict=True)]
+    found = lights.standing_out(errors, OUTDOOR)
     assert codes(found) == ([("walk_3", "warning", "high_error")] if stands_out else [])
     assert not stands_out or "labels are 8.10 px from the detections, where those of the other" in found[0][3]
     # two walks are too few to say which one is wrong
-    assert lights.noticed(CAMERAS, {}, labelled() + errors[1:], OUTDOOR) == []
+    assert lights.standing_out(errors[1:], OUTDOOR) == []
 
 
 @pytest.mark.parametrize(
@@ -71,7 +67,7 @@ def test_a_swapped_detector(share, finding):
 def cards(report):
     """What the pages of a report say: by sequence the words above its cameras, and those of each camera."""
     found = {}
-    for path in sorted((report / "sequences").glob("*.html")):
+    for path in sorted((report / "sequences").glob("*[0-9].html")):
         text = path.read_text().split("<h2>Findings</h2>")[0]
         head, *cells = text.split('<div class="cell ')
         words = {re.search(r"</span> (\w+) <small>", cell)[1]: cell for cell in cells}
@@ -79,67 +75,48 @@ def cards(report):
     return found
 
 
-def without_camera(path, name, camera):
-    table = tables.read(path, name)
-    tables.write(path, name, tables.rows(table, table["camera"] != camera))
+def changed(tmp_path, name, table, keep):
+    """A copy of a table with the rows that are kept."""
+    path = tmp_path / name / table.name
+    rows = tables.read(table, name)
+    tables.write(path, name, tables.rows(rows, keep(rows)))
+    return path
 
 
 @pytest.mark.slow
 def test_the_page_has_the_words_of_each(capture, tmp_path):
     """indoor_01 failed; outdoor_01 lacks cam03, and cam02's detector is swapped; outdoor_02 has a high error."""
-    originals = audited(capture)
-    files = dict(originals)
-    for kind, name in (("audits", "stamp_audit"), ("dropped", "dropped_frames"), ("frames", "frames")):
-        (tmp_path / kind).mkdir()
-        files[kind] = [tmp_path / kind / path.name for path in files[kind] if "indoor" not in path.name]
-        for path in originals[kind]:
-            shutil.copy(path, tmp_path / kind)
-        without_camera(next(path for path in files[kind] if "outdoor_01" in path.name), name, "cam03")
-    frame_metrics = [path for path in capture.frame_metrics if "indoor_01" not in path.name]
-    lines = capture.metrics.read_text().splitlines()
-    kept = [lines[0]]
-    for line in lines[1:]:
-        cells = dict(zip(lines[0].split(","), line.split(","), strict=True))
-        if cells["sequence"] == "indoor_01" or (cells["sequence"], cells["camera"]) == ("outdoor_01", "cam03"):
-            continue
-        if cells["metric"] == "reprojection_error" and cells["sequence"] == "outdoor_02":
-            cells["value"] = "41.5"
-        kept.append(",".join(cells.values()))
-    (tmp_path / "metrics.csv").write_text("\n".join(kept) + "\n")
-    findings = tmp_path / "findings.parquet"
+    out, pages = tmp_path / "report", pages_of(capture, tmp_path / "report")
+    failed, lacking, high = (pages[name] for name in ("indoor_01", "outdoor_01", "outdoor_02"))
+    nothing = lambda rows: np.zeros(len(rows["camera"]), bool)  # noqa: E731
+    without = lambda rows: rows["camera"] != "cam03"  # noqa: E731
+    for own, keep in ((failed, nothing), (lacking, without)):
+        own["measured"] = replace(
+            own["measured"],
+            metrics=changed(tmp_path, "metrics", own["measured"].metrics, keep),
+            frame_metrics=changed(tmp_path, "frame_metrics", own["measured"].frame_metrics, keep),
+        )
+    kinds = {"audit": "stamp_audit", "dropped": "dropped_frames", "frames": "frames"}
+    lacking["times"] = replace(
+        lacking["times"],
+        **{kind: changed(tmp_path, name, getattr(lacking["times"], kind), without) for kind, name in kinds.items()},
+    )
+    far = tables.read(high["measured"].metrics, "metrics")
+    far["value"] = np.where(far["metric"] == "reprojection_error", 41.5, far["value"])
+    tables.write(tmp_path / "far.parquet", "metrics", far)
+    high["measured"] = replace(high["measured"], metrics=tmp_path / "far.parquet")
     swapped = np.repeat([[False], [True]], 90, axis=1)
     found = triangulate._findings("outdoor_01", ["cam01", "cam02"], swapped, np.full((90, 33), "ok"))
-    tables.write_findings(findings, found)
-    page.run(
-        root=capture.root,
-        title="What went wrong",
-        evaluated=page.Evaluated(
-            metrics=tmp_path / "metrics.csv",
-            frame_metrics=frame_metrics,
-            quantiles=[path for path in capture.quantiles if "indoor_01" not in path.name],
-            statistics=counted(capture),
-            recognition=[],
-        ),
-        findings=[findings],
-        scene=page.Scene(
-            cameras=capture.cameras,
-            covariances=capture.covariances,
-            turns=capture.turns,
-            skeletons=[path for path in capture.skeletons if "indoor_01" not in path.name],
-        ),
-        times=page.Times(**files, clocks=capture.clocks, clock_costs=capture.clock_costs),
-        media=page.Media(overlays=[], clips=[], scenes=[]),
-        effort=None,
-        out=tmp_path / "report",
-        out_timing=tmp_path / "timing.csv",
-    )
-    told = cards(tmp_path / "report")
+    tables.write_findings(tmp_path / "findings.parquet", found)
+    lacking["findings"] = [tmp_path / "findings.parquet"]
+    write(capture, out, pages)
+    told = cards(out)
     assert set(told) == {name for name, _, _ in SEQUENCES}
     assert "the sequence failed: none of its cameras has labels" in told["indoor_01"].head
     assert "the detector is swapped: left and right exchanged at 90 of 90" in told["outdoor_01"].cells["cam02"]
     assert "the camera is missing" in told["outdoor_01"].cells["cam03"]
     assert "labels are 41.5 px from the detections (limit" in told["outdoor_02"].cells["cam01"]
-    index = (tmp_path / "report/index.html").read_text()
+    index = (out / "index.html").read_text()
     assert "the sequence failed" in index and "the camera is missing" in index
     for words, places in (("the sequence failed", 1), ("detector is swapped", 1), ("camera is missing", 1)):
         assert sum(words in cell for c in told.values() for cell in (c.head, *c.cells.values())) == places

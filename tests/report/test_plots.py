@@ -8,7 +8,8 @@ import pytest
 from dior.body.names import HALPE_136, MLKIT_33, PLUG_IN_GAIT_39
 from dior.geometry.camera import Camera, Intrinsics, pose
 from dior.geometry.multiview import look_at
-from dior.report import certainty, colours, joint_plot, plots, scene
+from dior.report import certainty, colours, facts, joint_plot, plots, scene, walk_plots
+from dior.tables.words import DROP_REASON
 
 NONE = (np.nan, np.nan)
 LENS = Intrinsics(1280, 720, 640.0, 640.0, 640.0, 360.0)
@@ -23,11 +24,14 @@ def drawn(monkeypatch):
         figure.draw_without_rendering()
         figures.append(figure)
 
-    for module in (plots, joint_plot, scene, certainty):
+    for module in (plots, walk_plots, joint_plot, scene, certainty):
         monkeypatch.setattr(module, "save_svg", kept)
-    yield figures
-    for figure in figures:
-        plots._pyplot().close(figure)
+    return figures
+
+
+def curve(values):
+    """Values as a distribution is drawn from."""
+    return facts.pooled([facts.spread_of(values)])
 
 
 def dots(axis):
@@ -83,7 +87,9 @@ def test_more_subjects_than_colours_have_no_legend_that_tells_them_apart(drawn, 
 
 def test_no_legend_lies_on_a_curve(drawn, tmp_path):
     rng = np.random.default_rng(5)
-    plots.distribution(tmp_path / "d.svg", {name: rng.gamma(2, 1, 300) for name in ("near", "far", "else")}, "px")
+    plots.distribution(
+        tmp_path / "d.svg", {name: curve(rng.gamma(2, 1, 300)) for name in ("near", "far", "else")}, "px"
+    )
     plots.before_after(tmp_path / "b.svg", {"cam01": (7.0, 1.5, 90), "all": (6.0, 1.4, 180)}, "px")
     plots.cmc(tmp_path / "c.svg", {("gait", name): [0.2, 0.6, 1.0] for name in ("labels", "3D")})
     certainty.poses(tmp_path / "p.svg", {f"cam{i}": np.full(6, 0.1 * i + 0.1) for i in range(4)})
@@ -135,8 +141,28 @@ def test_a_camera_far_away_neither_shrinks_the_others_nor_covers_their_names(dra
     assert not any(box.count_overlaps(boxes[:i]) for i, box in enumerate(boxes))
 
 
+@pytest.mark.parametrize("names", [["cam01"], [f"camera_in_the_corner_{i}" for i in range(9)]])
+def test_what_happens_over_time_has_room_for_its_names_and_legends(names, drawn, tmp_path):
+    """Their margins are fixed."""
+    t = np.linspace(0, 120, 3600)
+    walk_plots.timeline(tmp_path / "t.svg", {n: (t, 0 * t, t[:3]) for n in names}, {n: (t, t) for n in names}, "px")
+    walk_plots.timeline(tmp_path / "l.svg", {n: (t, 0 * t, t[:3]) for n in names}, {}, "px")
+    dropped = {name: {reason: [1.0, 2.0] for reason in DROP_REASON} for name in names}
+    walk_plots.stamps(tmp_path / "s.svg", {name: (t, t) for name in names}, dropped)
+    assert len(drawn) == 3
+    for figure in drawn:
+        whole = figure.bbox
+        for axis in figure.axes:
+            box = axis.get_tightbbox()
+            assert box.x0 >= whole.x0 and box.x1 <= whole.x1 and box.y0 >= whole.y0 and box.y1 <= whole.y1
+            for legend in figure.legends:
+                assert not legend.get_window_extent().overlaps(box)
+        first, *others = [axis.get_tightbbox() for axis in figure.axes]
+        assert all(other.y1 <= first.y0 + 1 for other in others)
+
+
 def test_ink_and_paper_are_exchanged_on_a_dark_page(tmp_path):
-    plots.distribution(tmp_path / "d.svg", {"a": np.arange(9.0)}, "px")
+    plots.distribution(tmp_path / "d.svg", {"a": curve(np.arange(9.0))}, "px")
     text = (tmp_path / "d.svg").read_text()
     assert "@media (prefers-color-scheme: dark)" in text
     said, drawn_in = text.split("</style>", 2)[1:]
@@ -146,7 +172,7 @@ def test_ink_and_paper_are_exchanged_on_a_dark_page(tmp_path):
         inks = luminance(night), luminance(value)
         if value != colours.GRID:
             assert all(contrast(ink, own) >= 2.9 for ink, own in zip(inks, paper, strict=True)), (name, value)
-    plots.distribution(tmp_path / "again.svg", {"a": np.arange(9.0)}, "px")
+    plots.distribution(tmp_path / "again.svg", {"a": curve(np.arange(9.0))}, "px")
     assert (tmp_path / "again.svg").read_text() == text
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dior.ingest import bags
-from dior.report import pages, scene_file, scene_pages, viewer
+from dior.report import scene_file, shared, viewer
 from dior.tables import tables
 from tests.report import chromium, walks
 
@@ -29,8 +29,7 @@ def made(given, tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(bags, "read_to_show", walks.pictures)
         viewer.run(**given, out=beside / "scene.js", out_pictures=beside / "pictures")
-    scene_pages.write(pages.environment(), out, "A & B", scene_pages.headers([beside / "scene.js"]))
-    return out / f"sequences/{walks.SEQUENCE}.3d.html"
+    return walks.write_page(out)
 
 
 @pytest.fixture(scope="module")
@@ -60,10 +59,10 @@ def choose(page, selector, value):
 
 
 def test_three_js_has_the_parts_that_are_used_and_no_others():
-    used = set(re.findall(r"\bTHREE\.(\w+)", (scene_pages.STATIC / "viewer.js").read_text()))
-    (listed, other) = re.findall(r"export \{(.*?)\}", (scene_pages.STATIC / "three.entry.js").read_text(), re.DOTALL)
+    used = set(re.findall(r"\bTHREE\.(\w+)", (shared.STATIC / "viewer.js").read_text()))
+    (listed, other) = re.findall(r"export \{(.*?)\}", (shared.STATIC / "three.entry.js").read_text(), re.DOTALL)
     assert used == {*listed.replace(",", " ").split(), *other.split()}
-    assert "Permission is hereby granted" in (scene_pages.STATIC / "three.min.js").read_text()
+    assert "Permission is hereby granted" in (shared.STATIC / "three.min.js").read_text()
 
 
 def test_it_opens_from_disk_and_asks_for_nothing_else(browser, made):

@@ -7,7 +7,9 @@ from dior.clocks import clock as on_axis
 from dior.geometry import camera_tables
 from dior.geometry.camera import Camera, pose, project
 from dior.geometry.multiview import look_at
+from dior.report import pages, scene_file, shared
 from dior.tables import tables
+from dior.tables.files import write_text
 from tests.report import conftest
 from tests.report.conftest import START_NS, repeat, stacked
 
@@ -106,6 +108,16 @@ def write(root, count=4, frames=90):
         "labels": labels, "detections": root / "found.parquet", "frame_metrics": root / "measured.parquet",
         "min_score": 0.3,
     }  # fmt: skip
+
+
+def write_page(out):
+    """The page in 3D of the walk, whose scene.js is in the report `out` already, and what it shares with others."""
+    scene = scene_file.header_of(out / f"assets/{SEQUENCE}/scene.js")
+    template = pages.environment().get_template("scene.html.j2")
+    text = template.render(title="A & B", sequence=SEQUENCE, scene=scene, before="", after="")
+    write_text(out / f"sequences/{SEQUENCE}.3d.html", text)
+    shared.write(out)
+    return out / f"sequences/{SEQUENCE}.3d.html"
 
 
 def pictures(rows, data_root):

@@ -119,7 +119,7 @@ ALONE = {
         "simulate": {"bags", "detections", "truth"},
         "simulate_gallery": {"frontal", "down"},
         "reid": {"page", "plots"},
-        "report": {"page", "sequences", "cost", "verdict", "plots", "viewer"},
+        "report": {"page", "compared", "cost", "verdict", "plots", "viewer"},
     },
     "params": {
         "mocap": {"prefix"},

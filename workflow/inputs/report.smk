@@ -39,26 +39,27 @@ def own_role(wildcards):
     return f"{wildcards.camera}={camera['role']}"
 
 
-def report_clocks(kind=""):
-    """The clocks of all cameras in all sequences."""
-    return [path for name in SEQUENCES for path in clocks_of(name, PROJECT.cameras_of(name), kind)]
-
-
-def report_clock_costs():
+def clock_costs(wildcards):
     """How well each lag fits: of the clocks, then of those that marks told."""
+    sequence, session = wildcards.sequence, session_of(wildcards)
     located = [
         f"results/locate/{session}/{camera}.clock_costs.parquet"
-        for session in PROJECT.sessions
         for camera, setting in PROJECT.cameras(session).items()
         if setting["locate"] == "marks"
     ]
-    return report_clocks(".costs") + located
+    return clocks_of(sequence, PROJECT.cameras_of(sequence), ".costs") + located
 
 
-def all_findings():
-    """The findings of every step and every unit of it."""
+def own_findings(wildcards):
+    """The findings about a sequence and its session that no other sequence of the session changes."""
+    found = findings_about([wildcards.sequence], [session_of(wildcards)])
+    return [path for path in found if path not in common_findings()]
+
+
+def common_findings():
+    """The findings that a comparison of sequences tells, and those about people."""
     gallery = ["results/gallery/gallery.findings.parquet"] if PROJECT.gallery else []
-    return [*gallery, *findings_about(SEQUENCES, PROJECT.sessions)]
+    return gallery + expand("results/moved/{session}.findings.parquet", session=watched_sessions())
 
 
 def findings_about(sequences, sessions):
@@ -152,22 +153,45 @@ def all_covariances():
     return list(dict.fromkeys(path for path in files if path))
 
 
-def all_clips():
-    if not CONFIG["report"]["clip_seconds"]:
-        return []
-    return [f"results/report/assets/{sequence}/clip.webm" for sequence in SEQUENCES]
+def own_clip(wildcards):
+    wanted = CONFIG["report"]["clip_seconds"]
+    return [f"results/report/assets/{wildcards.sequence}/clip.webm"] if wanted else []
 
 
-def all_scenes():
-    return [f"results/report/assets/{sequence}/scene.js" for sequence in SEQUENCES]
+def own_overlays(wildcards):
+    return overlays_of(wildcards.sequence)
 
 
-def all_overlays():
+def overlays_of(sequence):
     return [
-        f"results/report/assets/{sequence}/{camera}.jpg"
-        for sequence in SEQUENCES
-        for camera in PROJECT.cameras_of(sequence)
+        f"results/report/assets/{sequence}/{camera}.jpg" for camera in PROJECT.cameras_of(sequence)
     ]
+
+
+def within(wildcards):
+    """What a sequence is a part of."""
+    return [session_of(wildcards), subject(wildcards)]
+
+
+def about(wildcards):
+    """What the page of a sequence says of it."""
+    row = PROJECT.sequence(wildcards.sequence)
+    words = (row[key] for key in ("subject", "environment", "session", "outfit", "walk"))
+    return ", ".join(filter(None, words))
+
+
+def before(wildcards):
+    return beside(wildcards.sequence, -1)
+
+
+def after(wildcards):
+    return beside(wildcards.sequence, 1)
+
+
+def beside(sequence, step):
+    """[sequence] that is next to one in the sheet; [] beyond its ends."""
+    at = SEQUENCES.index(sequence) + step
+    return list(SEQUENCES[at : at + 1]) if at >= 0 else []
 
 
 def effort_files(wildcards):

@@ -88,31 +88,64 @@ rule viewer:
         dior("viewer")
 
 
+rule page:
+    """Write the pages of one sequence, and leave for the first page what that needs of it."""
+    input:
+        metrics="results/evaluate/{sequence}.parquet",
+        frame_metrics="results/evaluate/{sequence}.frames.parquet",
+        skeleton=skeleton,
+        findings=own_findings,
+        cameras=sequence_cameras,
+        audit="results/audit/{sequence}.parquet",
+        dropped="results/audit/{sequence}.dropped.parquet",
+        frames="results/frames/{sequence}.parquet",
+        clocks=all_clocks,
+        clock_costs=clock_costs,
+        overlays=own_overlays,
+        clip=own_clip,
+        scene="results/report/assets/{sequence}/scene.js",
+    output:
+        out="results/report/sequences/{sequence}.html",
+        out_3d="results/report/sequences/{sequence}.3d.html",
+        out_facts="results/report/assets/{sequence}/facts.json",
+        out_plots=report(
+            directory("results/report/assets/{sequence}/plots"),
+            patterns=["{name}.svg"],
+            category="Figures",
+            subcategory="{sequence}",
+        ),
+    log:
+        "logs/page/{sequence}.log",
+    benchmark:
+        "logs/page/{sequence}.benchmark.tsv"
+    params:
+        within=within,
+        about=about,
+        roles=roles,
+        title=CONFIG["release"]["title"],
+        before=before,
+        after=after,
+        code=code("report.page"),
+    shell:
+        dior("page")
+
+
 rule report:
-    """Write the page."""
+    """Write the first page, of all sequences."""
     input:
         metrics="results/evaluate/metrics.csv",
-        frame_metrics=expand("results/evaluate/{sequence}.frames.parquet", sequence=SEQUENCES),
         quantiles=expand("results/evaluate/{sequence}.quantiles.parquet", sequence=SEQUENCES),
-        findings=all_findings(),
+        told=expand("results/report/assets/{sequence}/facts.json", sequence=SEQUENCES),
+        findings=common_findings(),
         cameras=all_cameras(),
         covariances=all_covariances(),
         turns=expand("results/moved/{session}.parquet", session=watched_sessions()),
-        skeletons=[skeleton_of(sequence) for sequence in SEQUENCES],
-        audits=expand("results/audit/{sequence}.parquet", sequence=SEQUENCES),
-        dropped=expand("results/audit/{sequence}.dropped.parquet", sequence=SEQUENCES),
-        frames=expand("results/frames/{sequence}.parquet", sequence=SEQUENCES),
-        clocks=report_clocks(),
-        clock_costs=report_clock_costs(),
-        overlays=all_overlays(),
-        clips=all_clips(),
-        scenes=all_scenes(),
         statistics="results/evaluate/statistics.csv",
         effort=PROJECT.effort(),
         recognition=existing_recognition(),
     output:
         page="results/report/index.html",
-        sequences=directory("results/report/sequences"),
+        compared="results/report/compared.js",
         viewer=directory("results/report/viewer"),
         cost="results/report/cost.html",
         verdict="results/report/verdict.txt",

@@ -2,13 +2,15 @@
 // sort, filter and unfold the table of cameras; without it all of the table is shown
 (function () {
   var table = document.getElementById("overview");
-  var bodies = Array.prototype.slice.call(table.tBodies);
+  var bodies = Array.prototype.slice.call(table.querySelectorAll("tbody.camera"));
+  var folds = Array.prototype.slice.call(table.querySelectorAll("tbody.fold"));
+  var open = {}, sorted = false;
   var order = ["bad", "look", "good", "none"];
 
-  function unfold(body, open) {
-    Array.prototype.forEach.call(body.querySelectorAll("tr.recording"), function (row) { row.hidden = !open; });
+  function unfold(body, whole) {
+    Array.prototype.forEach.call(body.querySelectorAll("tr.recording"), function (row) { row.hidden = !whole; });
     var button = body.querySelector("button.more");
-    if (button) button.setAttribute("aria-expanded", String(open));
+    if (button) button.setAttribute("aria-expanded", String(whole));
   }
   bodies.forEach(function (body) {
     unfold(body, false);
@@ -34,6 +36,8 @@
       var descending = head.getAttribute("aria-sort") === "ascending";
       Array.prototype.forEach.call(table.tHead.rows[0].cells, function (one) { one.removeAttribute("aria-sort"); });
       head.setAttribute("aria-sort", descending ? "descending" : "ascending");
+      sorted = true;
+      show();
       bodies.map(function (body, i) { return [key(body, column), i, body]; }).sort(function (a, b) {
         var first = a[0] < b[0] ? -1 : a[0] > b[0] ? 1 : 0;
         return (descending ? -first : first) || a[1] - b[1];
@@ -44,13 +48,30 @@
   var tools = document.getElementById("overview-tools");
   tools.hidden = false;
   var words = tools.querySelector("input[type=search]"), wrong = tools.querySelector("input[type=checkbox]");
-  function filter() {
-    var word = words.value.trim().toLowerCase();
+  // good cameras are folded as long as nobody looks for any
+  function show() {
+    var word = words.value.trim().toLowerCase(), all = word || sorted;
     bodies.forEach(function (body) {
       var named = !word || body.textContent.toLowerCase().indexOf(word) >= 0;
-      body.hidden = !named || (wrong.checked && body.dataset.level === "good");
+      var folded = !all && body.dataset.fold && !open[body.dataset.fold];
+      body.hidden = !named || folded || (wrong.checked && body.dataset.level === "good");
+    });
+    folds.forEach(function (fold) {
+      fold.hidden = all || wrong.checked;
+      fold.querySelector("button").setAttribute("aria-expanded", String(!!open[fold.dataset.fold]));
     });
   }
-  words.addEventListener("input", filter);
-  wrong.addEventListener("change", filter);
+  folds.forEach(function (fold) {
+    fold.querySelector("button").addEventListener("click", function () {
+      open[fold.dataset.fold] = !open[fold.dataset.fold];
+      show();
+    });
+  });
+  window.addEventListener("beforeprint", function () {
+    folds.forEach(function (fold) { open[fold.dataset.fold] = true; });
+    show();
+  });
+  words.addEventListener("input", show);
+  wrong.addEventListener("change", show);
+  show();
 })();
