@@ -177,7 +177,8 @@ def _camera(
         cells = _as_lit(_cells([cell["figures"]], [offset], [lag]), light.level)
         link = f"sequences/{sequence}.html#{camera}"
         each.append(RecordingRow(sequence, link, light.level, light.word, cells, next(iter(light.reasons), "")))
-    file = Path(os.path.relpath(project.camera_file(session, camera), project.root)).as_posix()
+    path = os.path.join(project.root, project.camera_file(session, camera))
+    file = Path(os.path.relpath(path, project.root)).as_posix()
     setting = troubles.Setting(file, settings, stations.get(session, {}).get(camera))
     level = lights.worst(row.level for row in each)
     return CameraRow(

@@ -1,0 +1,33 @@
+"""The table of cameras: what of many is folded, what is told at once, what is struck out."""
+
+from dior.report import overview
+from dior.report.overview import NOTHING, CameraRow, Cell
+from dior.report.troubles import Trouble
+
+SIGMA = Cell("0.50 px", "", 0.5)
+
+
+def camera(session, name, *levels):
+    troubles = tuple(Trouble(level, f"code_{i}", f"trouble {i}", ("walk_1",)) for i, level in enumerate(levels))
+    cells = (SIGMA, *(NOTHING,) * (len(overview.COLUMNS) - 1))
+    return overview._judged(CameraRow(session, name, "close", "good", "good", cells, (), ()), troubles)
+
+
+def test_of_many_cameras_the_good_ones_are_folded_and_no_other():
+    rows = [camera("lab", "cam01", "bad"), camera("field", "cam01", "look")]
+    rows += [camera(session, f"cam{i:02d}") for session in ("lab", "field") for i in range(2, 9)]
+    assert overview.folded(rows[: overview.UNFOLDED]) == [("", rows[: overview.UNFOLDED])]
+    parts = overview.folded(rows)
+    assert parts[0] == ("", rows[:2])
+    assert [words for words, _ in parts[1:]] == ["field: 7 cameras are good", "lab: 7 cameras are good"]
+    assert sorted(row.name for _, part in parts for row in part) == sorted(row.name for row in rows)
+
+
+def test_the_first_trouble_is_told_at_once_and_each_that_is_to_fix():
+    row = camera("lab", "cam01", "bad", "look", "bad", "look")
+    assert [one.text for one in row.told] == ["trouble 0", "trouble 2"]
+    assert [one.text for one in row.more] == ["trouble 1", "trouble 3"]
+
+
+def test_the_sigma_of_a_camera_that_is_red_is_struck_out():
+    assert camera("lab", "cam01", "bad").cells[0].struck and not camera("lab", "cam01", "look").cells[0].struck
