@@ -18,8 +18,10 @@ from dior.tables.files import write_text
 NAME = "history.json"
 # session/camera -> name of a figure -> its value, or the level of the light
 Figures: TypeAlias = dict[str, dict[str, float | str]]
-# chosen: by how much a figure changes before it is worth a word
-WORTH_TELLING = 0.1
+# chosen: by which share of it, and by how much (px), a figure changes before it is worth a word
+WORTH_TELLING, WORTH_PX = 0.1, 0.1
+# the figures that are told, the first that changed, and what the table calls them
+TOLD = {"beside_px": "off hand boxes", "residual_px": "off detections", "sigma_px": "\u03c3 of a label"}
 
 
 def compared(folder: Path, now: Figures) -> dict[str, str]:
@@ -53,9 +55,17 @@ def _word(before: Mapping[str, float | str] | None, now: Mapping[str, float | st
         return "new"
     was, is_now = str(before.get("level", "none")), str(now.get("level", "none"))
     if was != is_now and {was, is_now} <= set(LEVELS):
-        return "better" if LEVELS.index(is_now) < LEVELS.index(was) else "worse"
-    for key in ("beside_px", "residual_px", "sigma_px"):
+        return f"{'better' if LEVELS.index(is_now) < LEVELS.index(was) else 'worse'}{_figure(before, now, ', ')}"
+    return _figure(before, now)
+
+
+def _figure(before: Mapping[str, float | str], now: Mapping[str, float | str], joined: str = "") -> str:
+    """The first figure that changed, in words; "" for none. `joined`: how it goes on behind a word that judges."""
+    for key, name in TOLD.items():
         old, new = before.get(key), now.get(key)
-        if isinstance(old, float) and isinstance(new, float) and abs(new - old) > WORTH_TELLING * max(old, 1e-9):
-            return f"{'better' if new < old else 'worse'}: {old:.2f} to {new:.2f} px"
+        if not (isinstance(old, float) and isinstance(new, float)):
+            continue
+        if abs(new - old) > max(WORTH_TELLING * old, WORTH_PX):
+            judged = joined or f"{'better' if new < old else 'worse'}: "
+            return f"{judged}{name} {old:.2f} to {new:.2f} px"
     return ""
