@@ -36,6 +36,7 @@ FEWEST = 3  # moments of a joint and heading that both sides of a comparison nee
 FEWEST_CELLS = 20  # chosen: several times the three unknowns
 LEAST_DEG = 0.1  # less is no reason to measure a camera again; chosen: 1 cm of shift, 5 m away
 SURE = 20.0  # squared distance in standard errors, 3 degrees of freedom: by chance once in six thousand
+ALIKE = 0.8  # chosen: cameras that explain so much of what the best one does may be it as well
 FLOOR_DEG = 0.01  # added to a turn's standard error; chosen: a tenth of what is told
 HUBER = 2.0  # residuals beyond this many times their median pull no harder; chosen
 
@@ -56,12 +57,14 @@ class Normal:
 
 @dataclass(frozen=True)
 class Change:
-    """Camera (index) that moved before the sequence `first` (index), by how much, and what that explains, px^2."""
+    """Camera (index) that moved before the sequence `first` (index), by how much, and what that explains, px^2;
+    `others`: the cameras that explain nearly as much, the best first."""
 
     camera: int
     first: int
     turn_deg: float
     gain: float
+    others: tuple[int, ...] = ()
 
 
 def normal(cameras: Sequence[Camera], uv: Floats, weights: Floats, names: Sequence[str]) -> Normal:
@@ -144,20 +147,25 @@ def find_change(found: Sequence[Normal]) -> Change | None:
 
     Only the clearest one: where it is put right, the next shows.
     """
-    best = None
+    each: dict[int, list[Change]] = {}
+    sure = set()
     for v in range(len(found[0].g) if len(found) > 1 else 0):
-        each = [_against_others(found, s, v) for s in range(len(found))]
+        alone = [_against_others(found, s, v) for s in range(len(found))]
         for first in range(1, len(found)):
             known = turn(sum(found[1:first], found[0]), sum(found[first + 1 :], found[first]), v)
             if known is None:
                 continue
-            spread = known[1] + np.radians(FLOOR_DEG) ** 2 * np.eye(3) + _scatter(each, first)
-            distance = float(known[0] @ np.linalg.solve(spread, known[0]))
             degrees = float(np.degrees(np.linalg.norm(known[0])))
-            # which camera it was: the one that explains most; the others only give way
-            if degrees >= LEAST_DEG and distance >= SURE and (best is None or known[2] > best.gain):
-                best = Change(v, first, degrees, known[2])
-    return best
+            each.setdefault(first, []).append(Change(v, first, degrees, known[2]))
+            spread = known[1] + np.radians(FLOOR_DEG) ** 2 * np.eye(3) + _scatter(alone, first)
+            if degrees >= LEAST_DEG and float(known[0] @ np.linalg.solve(spread, known[0])) >= SURE:
+                sure.add(each[first][-1])
+    if not sure:
+        return None
+    # which camera it was: the one that explains most; the others only give way, though one may be told more surely
+    first = max(sure, key=lambda change: change.gain).first
+    best, *rest = sorted(each[first], key=lambda change: -change.gain)
+    return replace(best, others=tuple(one.camera for one in rest if one.gain >= ALIKE * best.gain))
 
 
 def _scatter(each: Sequence[Turn | None], first: int) -> Floats:
@@ -248,10 +256,11 @@ def _findings(
         return []
     name, first = names[change.camera], sequences[change.first]
     folder = session.partition("@")[0]
+    doubt = "".join(f" (or {names[i]}: that explains nearly as much)" for i in change.others[:1])
     text = (
-        f"{name} was turned by {change.turn_deg:.2f} degrees between {sequences[change.first - 1]} and {first}, by its "
-        f"residuals against the other cameras; if it was bumped, copy config/sessions/{folder}/{name}.yaml to "
-        f"{name}@{first}.yaml, correct it there, and name a walk from {first} on in session.yaml's `adjust`"
+        f"{name}{doubt} was turned by {change.turn_deg:.2f} degrees between {sequences[change.first - 1]} and {first}, "
+        f"by its residuals against the other cameras; if it was bumped, config/sessions/{folder}/{name}@{first}.yaml "
+        f"says where it stands from {first} on"
     )
     if also:
         text += f"; that it does not belong to the others in {', '.join(also)} is the same fault"

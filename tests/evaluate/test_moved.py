@@ -55,6 +55,23 @@ def test_a_bump_is_found_where_it_was(first, bias):
     assert change.turn_deg == pytest.approx(0.3, abs=0.04)
 
 
+def test_the_camera_that_explains_most_is_named_though_another_that_gives_way_is_told_more_surely(monkeypatch):
+    told = {0: (0.44, 0.05, 37.0), 1: (0.50, 0.20, 42.0), 2: (0.30, 0.20, 20.0)}  # degrees, sigma, px^2
+
+    def turn(before, after, camera):
+        degrees, sigma, gain = told[camera]
+        return np.radians([0, degrees, 0]), np.radians(sigma) ** 2 * np.eye(3), gain
+
+    monkeypatch.setattr(moved, "turn", turn)
+    one = moved.Normal(np.zeros(1), np.zeros((3, 1, 3, 3)), np.zeros((3, 1, 3)))
+    change = moved.find_change([one, one])
+    assert (change.camera, change.first, change.others) == (1, 1, (0,))
+    [(scope, *_, text)] = moved._findings("field", ["a", "b", "c"], ["w1", "w2"], change)
+    assert scope == "field/b" and text.startswith("b (or a: that explains nearly as much) was turned by 0.50 degrees")
+    told[0] = (0.44, 0.2, 37.0)
+    assert moved.find_change([one, one]) is None
+
+
 @pytest.mark.parametrize("bias", [0.0, 4.0])
 def test_cameras_that_stand_still_raise_no_alarm(bias):
     rig = ring(3)
@@ -76,7 +93,12 @@ def test_run_names_camera_and_sequence(tmp_path):
         write(tmp_path, sequence, names, uv)
     run(tmp_path, names, sequences)
     (text,) = tables.read(tmp_path / "findings.parquet", "findings")["text"]
-    assert "cam01 was turned by 0.4" in text and "between walk_1 and walk_2" in text and "cam01@walk_2.yaml" in text
+    assert (
+        text.startswith("cam01 ")
+        and "was turned by 0.4" in text
+        and "between walk_1 and walk_2" in text
+        and "cam01@walk_2.yaml" in text
+    )
     table = tables.read(tmp_path / "turns.parquet", "camera_turns")
     assert len(table["camera"]) == 9
     first = (table["camera"] == "cam01") & (table["sequence"] == "walk_1")
