@@ -262,6 +262,4 @@ def test_a_clock_given_by_hand_that_is_wrong_by_three_pictures_is_named(capture,
     folder, cameras = capture
     _, _, findings = adjusted(shifted(folder, tmp_path / "in", "cam03", 0.05), cameras, tmp_path / "out")
     (text,) = told(findings, "clock_contradicts")
-    assert text.startswith(
-        f"{SEQUENCE}/cam03: the offset given by hand, in the middle of the window +0.0 ms, contradicts"
-    )
+    assert text.startswith(f"{SEQUENCE}/cam03: the clock given by hand is ") and "says +0.0 ms in the middle" in text

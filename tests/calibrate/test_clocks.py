@@ -81,7 +81,7 @@ def test_a_value_by_hand_counts_and_one_that_is_a_picture_wrong_is_named(walk, t
     assert found["cam02"].offset_s == 0.2333 and found["cam03"].given == (0.001, 0.0)
     severity, code, text = said["walk/cam02"]
     assert (severity, code) == ("warning", "clock_contradicts")
-    assert re.search(r"1\.[01] pictures apart", text)
+    assert re.search(r"is 1\.[01] pictures off: config/offsets/walk.yaml", text)
     assert said["walk/cam03"][:2] == ("info", "clock_found")
 
 
@@ -112,4 +112,24 @@ def test_a_clock_by_hand_is_compared_in_the_middle_of_the_recording():
         hand = {"cam02": on_axis.Clock(0.1, drift, "manual", given=(0.0, 0.0))}
         estimates = {"cam02": (found, clocks.NONE, clocks.NONE, "")}
         [(_, _, said, text)] = clocks.findings_of("walk", estimates, hand, [], None, 1 / 30, False)
-        assert said == code and (said == "clock_found" or "1.8 pictures apart" in text)
+        assert said == code and (said == "clock_found" or "1.8 pictures off" in text)
+
+
+def aside(u=0.0, v=0.03):
+    """Detections beside the joints of the motion capture, m, by joint, as a detector's are in all cameras; px per m."""
+    return {f"joint_{i}": np.array([u + 0.01 * (-1) ** i, v]) for i in range(12)}, 130.0
+
+
+def test_a_camera_whose_detections_lie_aside_of_the_others_is_named_with_the_side_of_its_labels():
+    three = {"cam01": aside(), "cam02": aside(0.026), "cam03": aside(0.002)}
+    [(scope, severity, code, text)] = clocks.turned("walk", three)
+    assert (scope, severity, code) == ("walk/cam02", "warning", "camera_turned")
+    assert "its labels lie 3.2 px left of what is detected, 0.025 m at the person" in text
+    [(scope, *_, text)] = clocks.turned("walk", three | {"cam02": aside(0.0, 0.0)})
+    assert scope == "walk/cam02" and "3.9 px below" in text
+
+
+def test_joints_that_a_detector_has_elsewhere_in_all_cameras_turn_none():
+    assert clocks.turned("walk", {name: aside(0.0, 0.06) for name in ("cam01", "cam02", "cam03")}) == []
+    # and with one other camera nobody knows which of them it is
+    assert clocks.turned("walk", {"cam01": aside(), "cam02": aside(0.1)}) == []

@@ -352,10 +352,9 @@ def findings(
             off, period = adjusted.clocks[i, v, 0] - done.clocks[i, v, 0], 1.0 / timed.recorded[i].fps
             if abs(off) > doubtful_s(sigma):
                 text = (
-                    f"the offset given by hand, in the middle of the window {1000 * done.clocks[i, v, 0]:+.1f} ms, "
-                    f"contradicts the detections, by which it is {1000 * adjusted.clocks[i, v, 0]:+.1f} ms ± "
-                    f"{1000 * NORMAL_95 * sigma:.1f} ms there, {abs(off) / period:.1f} pictures off; correct or "
-                    f"remove it in config/offsets/{sequence}.yaml"
+                    f"the clock given by hand is {abs(off) / period:.1f} pictures off: config/offsets/{sequence}.yaml "
+                    f"says {1000 * done.clocks[i, v, 0]:+.1f} ms in the middle of the window, the detections "
+                    f"{1000 * adjusted.clocks[i, v, 0]:+.1f} ms ± {1000 * NORMAL_95 * sigma:.1f} ms"
                 )
                 found.append((scope, "warning", "clock_contradicts", text))
     return found

@@ -129,6 +129,23 @@ def off_m(camera: Camera, motion: WalkerJoints, uv: Floats, elapsed: Floats, lag
     return min(found, default=np.nan)
 
 
+def aside_m(
+    camera: Camera, motion: WalkerJoints, uv: Floats, elapsed: Floats, clock: Clock
+) -> tuple[dict[str, Floats], float]:
+    """How far (2,) m right of and below each joint its detections lie at its depth, the median; and px per m there.
+
+    `clock`: that counts; other arguments as of `from_detections`. Joints that are not seen are left out.
+    """
+    px, depth = cam.project(camera, motion.points)
+    late = clock.offset_s + 1e-6 * clock.drift_ppm * elapsed
+    where = bracket(motion.t, elapsed + late, 2.5 * float(np.median(np.diff(motion.t))))
+    at = blend(np.where(depth > 0, depth, np.nan), *where)
+    off = (uv - blend(px, *where)) * at[..., None] / camera.intrinsics.fx
+    seen = np.flatnonzero(np.isfinite(off).all(axis=-1).any(axis=0))
+    found = {motion.names[i]: np.nanmedian(off[:, i], axis=0) for i in seen.tolist()}
+    return found, camera.intrinsics.fx / float(np.nanmedian(at)) if found else np.nan
+
+
 def fitted(
     camera: Camera, motion: WalkerJoints, uv: Floats, elapsed: Floats, middle: float, start: Floats
 ) -> tuple[Floats, fit.SolvedClocks | None]:

@@ -5,6 +5,7 @@ import pytest
 
 from dior.body.names import MLKIT_33
 from dior.calibrate.clock import from_mocap
+from dior.clocks.clock import Clock
 from dior.geometry.camera import project
 from dior.simulate import settings
 from dior.simulate.motion import motion_of
@@ -117,3 +118,15 @@ def test_how_far_detections_are_from_the_joints_at_the_best_of_some_lags(walk):
     assert 0.05 < from_mocap.off_m(CAMERA, walk[1], uv, elapsed, [-1.0, 0.5]) < 0.13
     assert from_mocap.off_m(CAMERA, walk[1], uv, elapsed, [-1.0]) > 0.2
     assert np.isnan(from_mocap.off_m(CAMERA, walk[1], np.full_like(uv, np.nan), elapsed, [0.5]))
+
+
+def test_how_far_aside_a_turned_camera_sees_each_joint(walk):
+    elapsed = 1.5 + np.arange(150) / 30
+    uv = seen(*walk, elapsed, 0.5)
+    clock = Clock(0.5, source="estimated")
+    right, px_per_m = from_mocap.aside_m(CAMERA, walk[1], uv, elapsed, clock)
+    off, _ = from_mocap.aside_m(CAMERA, walk[1], uv + (3.35, 0.0), elapsed, clock)
+    assert 100 < px_per_m < 180 and set(off) == set(walk[1].names)
+    apart = np.array([off[name] - right[name] for name in off])
+    assert apart[:, 0] == pytest.approx(3.35 / px_per_m, abs=0.006) and apart[:, 1] == pytest.approx(0, abs=0.001)
+    assert from_mocap.aside_m(CAMERA, walk[1], np.full_like(uv, np.nan), elapsed, clock)[0] == {}
