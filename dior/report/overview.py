@@ -177,9 +177,14 @@ def _camera(
         cells = _as_lit(_cells([cell["figures"]], [offset], [lag]), light.level)
         link = f"sequences/{sequence}.html#{camera}"
         each.append(RecordingRow(sequence, link, light.level, light.word, cells, next(iter(light.reasons), "")))
-    path = os.path.join(project.root, project.camera_file(session, camera))
-    file = Path(os.path.relpath(path, project.root)).as_posix()
-    setting = troubles.Setting(file, settings, stations.get(session, {}).get(camera))
+    aligned = tuple(
+        _file(project, session, name)
+        for name, says in project.cameras(session).items()
+        if says.get("align", {}).get("sequences")
+    )
+    setting = troubles.Setting(
+        _file(project, session, camera), settings, stations.get(session, {}).get(camera), aligned
+    )
     level = lights.worst(row.level for row in each)
     return CameraRow(
         session,
@@ -191,6 +196,11 @@ def _camera(
         tuple(troubles.of_camera(recordings, setting)),
         tuple(each),
     )
+
+
+def _file(project: Project, session: str, camera: str) -> str:
+    """A camera's file, below the project."""
+    return Path(os.path.relpath(project.camera_file(session, camera), project.root)).as_posix()
 
 
 def _whole_walks(session: str, cards: Sequence[Mapping[str, Any]]) -> CameraRow | None:

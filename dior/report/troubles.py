@@ -15,6 +15,7 @@ from typing import Any
 from dior.errors import many
 from dior.geometry import culprit
 from dior.geometry.camera import Camera
+from dior.project import bumps
 from dior.report import beside_boxes, lights
 
 # what is seen where labels are drawn aside, whatever did it
@@ -31,14 +32,21 @@ EVERYTHING = frozenset({"*"})
 EXPLAINS: Mapping[str, frozenset[str]] = {
     "sequence_failed": EVERYTHING,
     "camera_missing": EVERYTHING,
-    **dict.fromkeys(culprit.CODES, ASIDE | WORLD | {"clock_contradicts", "camera_bumped", "mark_error", "coverage"}),
+    **dict.fromkeys(
+        culprit.CODES,
+        ASIDE | WORLD | {"clock_contradicts", "camera_bumped", "camera_turned", "mark_error", "coverage"},
+    ),
+    "clock_jump": ASIDE | {"clock_contradicts", "camera_bumped"},
+    # in a walk of the adjustment it turns all cameras, in another it turns its own: either way walk differs from walk
+    "clock_contradicts": ASIDE | {"camera_bumped"},
     "camera_bumped": ASIDE | WORLD,
-    "clock_jump": ASIDE | {"clock_contradicts"},
-    "clock_contradicts": ASIDE,
     lights.BESIDE_CULPRIT: ASIDE | WORLD | {"coverage"},
     "camera_rolled": ASIDE,
-    "frame_suspect": ASIDE | {"mark_error", "mark_rejected", "pose_uncertain"},
-    "mark_error": ASIDE | {"mark_rejected", "mark_suspect", "pose_uncertain"},
+    "frame_suspect": ASIDE | {"mark_error", "mark_rejected", "pose_uncertain", "camera_turned"},
+    "mark_error": ASIDE | {"mark_rejected", "mark_suspect", "pose_uncertain", "camera_turned"},
+    # marks of other frames turn the camera that they place
+    "marks_clock": ASIDE | {"camera_turned", "mark_rejected", "mark_suspect", "pose_uncertain"},
+    "camera_turned": ASIDE | {"mark_rejected", "mark_suspect"},
     "in_picture_share": ASIDE,
     "beside_boxes": ASIDE,
     "in_box_lacking": ASIDE,
@@ -49,8 +57,12 @@ EXPLAINS: Mapping[str, frozenset[str]] = {
 }
 # what is wrong with one camera and draws what is made of all of them
 DRAWS_ALL = frozenset({*culprit.CODES, "clock_contradicts", "clock_jump", "camera_bumped"})
+# of these, what follows from another camera's: elsewhere two of them are two causes
+DRAWN = {"clock_contradicts": "camera_bumped", "clock_jump": "camera_bumped"}
+# what `calibrate.clocks` asks of marks a picture before the detections
+FROM_ONE = "marks.csv count from 1"
 # a file of the project in a sentence
-FILE = re.compile(r"config/[\w./@<>{}-]*\w")
+FILE = re.compile(r"config/[\w./@<>{}-]*\.\w+")
 MANY_BOXES = 20  # chosen: that the light is sure of labels which are 2 px off (docs/figures.md)
 
 
@@ -66,7 +78,7 @@ class Fix:
 @dataclass(frozen=True)
 class Trouble:
     """A cause: how bad (one of `lights.LEVELS`), its code, what is wrong in a sentence, in which sequences, what to
-    type, and the other faults that follow from it, (where, sentence)."""
+    type, and the other faults that follow from it, (where, sentence); `also`: what else is to be typed."""
 
     level: str
     code: str
@@ -74,6 +86,7 @@ class Trouble:
     sequences: tuple[str, ...]
     fix: Fix | None = None
     follows: tuple[tuple[str, str], ...] = ()
+    also: tuple[Fix, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -88,11 +101,13 @@ class Recording:
 
 @dataclass(frozen=True)
 class Setting:
-    """Of a camera: its file, what it says, and where it stands, if that is known."""
+    """Of a camera: its file, what it says, and where it stands, if that is known; `aligned`: the files of the session's
+    cameras that list the walks which they are aligned to."""
 
     file: str
     says: Mapping[str, Any] = field(default_factory=dict)
     camera: Camera | None = None
+    aligned: tuple[str, ...] = ()
 
 
 def of_camera(recordings: Sequence[Recording], setting: Setting) -> list[Trouble]:
@@ -139,27 +154,29 @@ def across(by_camera: Mapping[str, Sequence[Trouble]], adjusted: Iterable[str]) 
     """
     window = set(adjusted)
     found = {camera: list(own) for camera, own in by_camera.items()}
-    for camera, own in by_camera.items():
-        for cause in own:
-            if cause.code not in DRAWS_ALL:
+    causes_of_all = [(camera, one) for camera, own in by_camera.items() for one in own if one.code in DRAWS_ALL]
+    for camera, cause in sorted(causes_of_all, key=lambda each: list(EXPLAINS).index(each[1].code)):
+        if cause not in found[camera]:
+            continue  # it follows from another one
+        reach = None if window & set(cause.sequences) else set(cause.sequences)
+        follows: list[tuple[str, str]] = []
+        level = cause.level
+        for other, theirs in found.items():
+            if other == camera:
                 continue
-            reach = None if window & set(cause.sequences) else set(cause.sequences)
-            follows: list[tuple[str, str]] = []
-            level = cause.level
-            for other, theirs in found.items():
-                if other == camera:
+            for i, one in enumerate(theirs):
+                # a turn is told by comparing all walks of the session
+                drawn = DRAWN.get(cause.code) == one.code
+                within = drawn or reach is None or set(one.sequences) <= reach
+                if (one.code in DRAWS_ALL and not drawn) or not within or not explains(cause.code, one.code):
                     continue
-                for i, one in enumerate(theirs):
-                    within = reach is None or set(one.sequences) <= reach
-                    if one.code in DRAWS_ALL or not within or not explains(cause.code, one.code):
-                        continue
-                    level = lights.worst((level, one.level))
-                    if one.code != lights.BESIDE_CULPRIT:
-                        follows += [(f"{', '.join(one.sequences)} {other}".strip(), one.text), *one.follows]
-                    text = f"this follows from {camera}, which is to be mended first"
-                    theirs[i] = Trouble(one.level, lights.BESIDE_CULPRIT, text, one.sequences)
-            at = found[camera].index(cause)
-            found[camera][at] = replace(cause, level=level, follows=tuple(dict.fromkeys((*cause.follows, *follows))))
+                level = lights.worst((level, one.level))
+                if one.code != lights.BESIDE_CULPRIT:
+                    follows += [(f"{', '.join(one.sequences)} {other}".strip(), one.text), *one.follows]
+                text = f"this follows from {camera}, which is to be mended first"
+                theirs[i] = Trouble(one.level, lights.BESIDE_CULPRIT, text, one.sequences)
+        at = found[camera].index(cause)
+        found[camera][at] = replace(cause, level=level, follows=tuple(dict.fromkeys((*cause.follows, *follows))))
     return {camera: _once(own) for camera, own in found.items()}
 
 
@@ -202,12 +219,55 @@ def _with_fix(trouble: Trouble, recordings: Sequence[Recording], setting: Settin
     if trouble.code == lights.BESIDE_CULPRIT:
         return trouble
     if trouble.code == "clock_contradicts":
-        [first, *_] = trouble.sequences
-        what = f"leave out or correct {own[0].camera}"
-        return replace(trouble, fix=Fix(f"config/offsets/{first}.yaml", what, "the recording tells its clock"))
+        fixes = [
+            Fix(f"config/offsets/{one.sequence}.yaml", f"remove the line of {one.camera}", "the recording tells it")
+            for one in own
+        ]
+        return replace(trouble, fix=fixes[0], also=tuple(fixes[1:]))
+    if trouble.code == "camera_turned":
+        return _turned(trouble, recordings, setting)
+    if trouble.code == "marks_clock" and FROM_ONE in trouble.text:
+        return replace(
+            trouble, fix=Fix(_marks(setting), "subtract 1 from every frame", "the pose and the clock by them")
+        )
     named = FILE.search(trouble.text)
     file = named[0] if named else setting.file
+    if trouble.code == "camera_bumped" and bumps.MARK in file:
+        return _bumped(trouble, setting, file.removesuffix(".yaml").partition(bumps.MARK)[2])
     return replace(trouble, fix=Fix(file)) if file else trouble
+
+
+def _turned(trouble: Trouble, recordings: Sequence[Recording], setting: Setting) -> Trouble:
+    """The trouble with what to type where a camera's pose is off in all of its walks, or from one of them on."""
+    names = [one.sequence for one in recordings]
+    first = len(names) - len(trouble.sequences)
+    if first > 0 and tuple(names[first:]) == trouble.sequences:
+        return _bumped(trouble, setting, names[first])
+    if setting.says.get("locate") != "marks":
+        return replace(trouble, fix=Fix(setting.file))
+    what = "mark the frames again, each picture at its full size; the pose is all that these marks say"
+    return replace(trouble, fix=Fix(_marks(setting), what))
+
+
+def _marks(setting: Setting) -> str:
+    """The file of a camera's marks, beside its own."""
+    return setting.file.removesuffix(".yaml") + ".marks.csv"
+
+
+def _bumped(trouble: Trouble, setting: Setting, first: str) -> Trouble:
+    """The trouble with what to type where a camera stands elsewhere from the sequence `first` on."""
+    stem = setting.file.removesuffix(".yaml").partition(bumps.MARK)[0]
+    folder = stem.rpartition("/")[0]
+    own = f"{stem}{bumps.MARK}{first}"
+    copied = Fix(f"{own}.yaml", f"cp {stem}.yaml {own}.yaml", f"from {first} on the camera has a pose of its own")
+    if setting.says.get("locate") == "marks":
+        return replace(
+            trouble, fix=copied, also=(Fix(f"{own}.marks.csv", f"10-20 markers on each of 3 pictures of {first}"),)
+        )
+    window = Fix(f"{folder}/session.yaml", f"adjust: {{..., {first}: {{}}}}")
+    listed = [f"{own}.yaml" if file == f"{stem}.yaml" else file for file in setting.aligned]
+    aligned = [Fix(file, f"align: {{sequences: [..., {first}]}}") for file in listed]
+    return replace(trouble, fix=copied, also=(window, *aligned))
 
 
 def _nudged(offset: beside_boxes.Offset, setting: Setting, recording: str) -> Fix:

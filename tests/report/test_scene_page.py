@@ -173,4 +173,4 @@ def test_it_fits_a_phone_and_a_desk_in_light_and_dark(browser, made, width, dark
     browser.open(made, ready=READY)
     assert browser.run("document.documentElement.scrollWidth") == width
     paper = browser.run("getComputedStyle(document.body).backgroundColor")
-    assert (paper == "rgb(20, 23, 28)") == dark
+    assert (paper == "rgb(20, 24, 29)") == dark

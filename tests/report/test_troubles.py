@@ -92,3 +92,47 @@ def test_where_names_few_walks_and_counts_many():
     assert troubles.where(trouble("a", "w1"), ["w1"]) == ""
     assert troubles.where(trouble("a", "w1", "w2"), names) == "in w1 and w2"
     assert troubles.where(trouble("a", *names[:4]), names) == "in 4 of 12 recordings: w0, w1, w2, ..."
+
+
+def test_a_wrong_clock_by_hand_is_behind_the_turn_that_it_makes_in_the_same_camera_and_in_another():
+    found = troubles.across(
+        {"cam02": [trouble("clock_contradicts", "w1")], "cam03": [trouble("camera_bumped", "w1", "w2", level="bad")]},
+        ["w3"],
+    )
+    assert found["cam02"][0].level == "bad" and found["cam03"][0].code == lights.BESIDE_CULPRIT
+    faults = (("look", "clock_contradicts", "1.0 pictures off"), ("bad", "camera_bumped", "turned by 1.3 degrees"))
+    [one] = troubles.of_camera([Recording("w1", "cam02", faults)], Setting("c.yaml"))
+    assert (one.code, one.level) == ("clock_contradicts", "bad")
+    assert one.fix.file == "config/offsets/w1.yaml" and one.fix.what == "remove the line of cam02"
+
+
+def test_a_bump_says_all_that_is_to_be_typed():
+    text = "cam02 was turned by 0.5 degrees; config/sessions/field/cam02@w3.yaml says where it stands"
+    faults = (("bad", "camera_bumped", text),)
+    folder = "config/sessions/field"
+    tape = Setting(f"{folder}/cam02.yaml", {"locate": "tape"}, aligned=(f"{folder}/cam04.yaml",))
+    [found] = troubles.of_camera([Recording(walk, "cam02", faults) for walk in ("w1", "w2", "w3")], tape)
+    typed = [(one.file, one.what) for one in (found.fix, *found.also)]
+    assert typed == [
+        (f"{folder}/cam02@w3.yaml", f"cp {folder}/cam02.yaml {folder}/cam02@w3.yaml"),
+        (f"{folder}/session.yaml", "adjust: {..., w3: {}}"),
+        (f"{folder}/cam04.yaml", "align: {sequences: [..., w3]}"),
+    ]
+
+
+def test_a_pose_that_is_off_in_all_walks_is_marked_again_and_one_from_a_walk_on_has_a_file_of_its_own():
+    faults = (("look", "camera_turned", "its labels lie 3.4 px left"), ("look", "error_to_truth_2d", "3.6 px"))
+    marked = Setting("config/sessions/lab/cam02.yaml", {"locate": "marks"})
+    [found] = troubles.of_camera([Recording("w1", "cam02", faults), Recording("w2", "cam02", faults)], marked)
+    assert found.code == "camera_turned" and found.fix.file == "config/sessions/lab/cam02.marks.csv"
+    [found] = troubles.of_camera([Recording("w1", "cam02", ()), Recording("w2", "cam02", faults)], marked)
+    assert found.fix.file == "config/sessions/lab/cam02@w2.yaml"
+    assert [one.file for one in found.also] == ["config/sessions/lab/cam02@w2.marks.csv"]
+
+
+def test_marks_that_count_from_1_say_what_to_do_with_their_frames():
+    text = "the clock by its marks is 1.0 pictures before: do the frames of its .marks.csv count from 1?"
+    faults = (("look", "marks_clock", text), ("look", "camera_turned", "its labels lie 3.4 px left"))
+    [found] = troubles.of_camera([Recording("w1", "cam02", faults)], Setting("config/sessions/lab/cam02.yaml"))
+    assert found.code == "marks_clock" and found.fix.file == "config/sessions/lab/cam02.marks.csv"
+    assert found.fix.what == "subtract 1 from every frame"
