@@ -200,7 +200,8 @@ def _camera(
 
 def _file(project: Project, session: str, camera: str) -> str:
     """A camera's file, below the project."""
-    return Path(os.path.relpath(project.camera_file(session, camera), project.root)).as_posix()
+    path = os.path.join(project.root, project.camera_file(session, camera))
+    return Path(os.path.relpath(path, project.root)).as_posix()
 
 
 def _whole_walks(session: str, cards: Sequence[Mapping[str, Any]]) -> CameraRow | None:
