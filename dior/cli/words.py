@@ -6,7 +6,6 @@ SCORE = "score from which a detection counts"
 
 TEXTS = {
     "adaptations": "what the networks are given: as_is, scaled, canonical",
-    "audits": "tables `stamp_audit` of all sequences",
     "bags": "bags of the sequence",
     "board": "the board that the intrinsics are found with, {} for none",
     "boxes": "boxes drawn by hand, CSV",
@@ -18,7 +17,6 @@ TEXTS = {
     "capture": "name of the capture in the trigger's log, where it is not the C3D's",
     "checks": "joints clicked by hand to check the labels with",
     "chunks": "sequences that each recording of a camera is cut into",
-    "clips": "films of the sequences",
     "clock_costs": "tables `clock_costs`: how well each lag fits",
     "clock_gains": "tables `clock_gains`: the effect of the cameras' errors on the clocks",
     "clocks": "tables `offsets` of the cameras' clocks",

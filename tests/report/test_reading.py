@@ -125,8 +125,8 @@ def test_the_index_tells_no_finding_that_the_table_of_cameras_tells():
         ("walk_1", "info", "adjusted", "all is well"),
         ("release", "warning", "pictures_unanswered", "of 2 people nothing is known"),
     ]
-    assert findings.untold(found, [row(told)]) == [found[-1]]
-    assert findings.untold(found, [row()]) == [found[0], found[1], found[-1]]
+    assert findings.untold(found, [row(told)], {found[2]}) == [found[-1]]
+    assert findings.untold(found, [row()], {found[2]}) == [found[0], found[1], found[-1]]
 
 
 def test_findings_that_say_the_same_are_one_with_their_walks():
