@@ -12,7 +12,7 @@ from dior.body import names
 from dior.errors import DiorError
 from dior.studio.pages import number_of, page, recording_of, workspace_of
 from dior.studio.pictures import Pictures, kind_of
-from dior.studio.workspace import Workspace, state_of
+from dior.studio.workspace import Workspace
 from dior.tables import tables
 
 # a picture does not change; its address has a word for the state of its file
@@ -49,7 +49,7 @@ def recording(request: Request) -> Response:
         "width": int(table["width"][0]),
         "height": int(table["height"][0]),
         "seconds": np.round((stamps - stamps[0]) / 1e9, 4).tolist(),
-        "version": f"{hash(state_of(workspace.project().picture_files(walk))) & 0xFFFFFFFF:08x}",
+        "version": workspace.version(walk),
     })  # fmt: skip
 
 

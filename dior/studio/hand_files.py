@@ -102,7 +102,7 @@ def change_value(path: str, key: str, before: Any, after: Any, check: Callable[[
             return False
         if content.get(key) != before:
             raise Conflict(path, [{"key": [key], "theirs": content.get(key), "mine": after}])
-        changed = _with_value(text, key, after)
+        changed = _with_value(text, key, before, after)
         wanted = {name: value for name, value in (content | {key: after}).items() if value is not None}
         if yaml_of(changed, path) != wanted:
             raise DiorError(f"{path}: '{key}' cannot be changed without changing the rest; change it by hand")
@@ -154,20 +154,22 @@ def _of_scalar(text: str, line: int, key: str) -> tuple[int, int] | None:
     return None
 
 
-def _with_value(text: str, key: str, value: Any) -> str:
-    """A YAML text with another value, in flow style, at one of its keys at the top."""
+def _with_value(text: str, key: str, before: Any, value: Any) -> str:
+    """A YAML text with another value, in flow style, at one of its keys at the top; `before`: what is there."""
     import yaml
 
-    line = "" if value is None else f"{key}: {yaml.safe_dump(value, default_flow_style=True, width=10**6).strip()}"
-    # of a plain word the end of the document is written, too
-    line = line.removesuffix("...").rstrip()
+    line = "" if value is None else f"{key}: {_flow(value)}"
     root = yaml.compose(text)
     pairs = root.value if isinstance(root, yaml.MappingNode) else []
-    at = next(((k.start_mark.index, v.end_mark.index) for k, v in pairs if k.value == key), None)
+    at = next(((k.start_mark.index, v) for k, v in pairs if k.value == key), None)
     if at is None:
         gap = "" if not text or text.endswith("\n") else "\n"
         return f"{text}{gap}{line}\n" if line else text
-    begin, after = at
+    begin, node = at
+    inside = _inside(text, node, before, value)
+    if inside is not None:
+        return inside
+    after = node.end_mark.index
     # the end of a block is where the next thing begins, comments before that included
     block = text[begin:after].rstrip()
     kept = text[begin + len(block) :]
@@ -175,6 +177,44 @@ def _with_value(text: str, key: str, value: Any) -> str:
         block = block.rsplit("\n", 1)[0].rstrip()
         kept = text[begin + len(block) :]
     return text[:begin] + line + (kept if line else kept.removeprefix("\n"))
+
+
+def _inside(text: str, node: Any, before: Any, value: Any) -> str | None:
+    """The same where only entries of a mapping change or come to it: how the others are written, and comments between
+    them, stay. None where that cannot be, as entries go or what changes is no plain value."""
+    import yaml
+
+    if not (isinstance(node, yaml.MappingNode) and node.value and isinstance(value, dict)):
+        return None
+    there = {k.value: v for k, v in node.value}
+    if any(name not in value for name in there):
+        return None
+    last = node.value[-1][1]
+    # of a mapping in lines of its own, the end of the line has the last entry's comment
+    end = last.end_mark.index if node.flow_style else text.find("\n", last.end_mark.index)
+    end = len(text) if end < 0 else end
+    gap = ", " if node.flow_style else "\n" + " " * node.start_mark.column
+    edits = [(end, end, "".join(f"{gap}{name}: {_flow(new)}" for name, new in value.items() if name not in there))]
+    for name, old in there.items():
+        if value[name] == before[name]:
+            continue
+        if not isinstance(old, yaml.ScalarNode):
+            return None
+        edits.append((old.start_mark.index, old.end_mark.index, _flow(value[name])))
+    if not isinstance(last, yaml.ScalarNode) and not last.flow_style:
+        return None
+    for start, stop, new in sorted(edits, reverse=True):
+        text = text[:start] + new + text[stop:]
+    return text
+
+
+def _flow(value: Any) -> str:
+    """A value in YAML, on one line."""
+    import yaml
+
+    # of a plain word the end of the document is written, too
+    written = yaml.safe_dump(value, default_flow_style=True, sort_keys=False, width=10**6).strip()
+    return written.removesuffix("...").rstrip()
 
 
 def _text(path: str) -> str:

@@ -120,6 +120,10 @@ class Workspace:
             faults.tell()
         return found
 
+    def version(self, walk: str) -> str:
+        """A word for the state of the files that a walk's pictures are read from, for their addresses."""
+        return f"{hash(state_of(self.project().picture_files(walk))) & 0xFFFFFFFF:08x}"
+
     def motion(self, walk: str) -> Motion:
         """The markers of an indoor walk, as the step `mocap` has them. Raises DiorError as it does."""
         project = self.project()
@@ -179,6 +183,10 @@ class Workspace:
         if not state:
             return None
         return self._kept(("result", path, repr(wanted)), state, lambda: tables.read(path, name, wanted))
+
+    def kept(self, key: tuple[str, ...], state: Any, make: Callable[[], Any]) -> Any:
+        """For a page: what `make` gives, made again only where `state` is another. `key`: the page's own."""
+        return self._kept(("page", *key), state, make)
 
     def _kept(self, key: tuple[str, ...], state: Any, make: Callable[[], Any]) -> Any:
         """What `make` gives, made again only where `state` is another than when it was made. One thread makes it."""

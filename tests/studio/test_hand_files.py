@@ -151,7 +151,7 @@ def test_a_value_changes_and_all_else_stays(yaml):
     before, after = {"azimuth_deg": 0.5, "elevation_deg": 0}, {"azimuth_deg": -0.25, "elevation_deg": 0.1}
     assert change_value(yaml, "nudge", before, after, fine)
     head = YAML.partition("nudge:")[0]
-    assert read(yaml) == head + "nudge: {azimuth_deg: -0.25, elevation_deg: 0.1}\n# the end\n"
+    assert read(yaml) == YAML.replace("azimuth_deg: 0.5", "azimuth_deg: -0.25").replace("n_deg: 0\n", "n_deg: 0.1\n")
     assert change_value(yaml, "nudge", after, None, fine)
     assert read(yaml) == head + "# the end\n"
     assert change_value(yaml, "nudge", None, after, fine)
@@ -217,3 +217,40 @@ def test_what_breaks_the_file_is_not_filled_in(path, tmp_path, value):
     with pytest.raises(DiorError):
         fill_in("a.yaml", 5, "tape.position_m", value)
     assert read("a.yaml") == LENSES
+
+
+IN_LINES = """role: long_range
+tape:
+  position_m: [0.000, 60.10, 1.9]  # by laser
+  # as we measured it twice
+  roll_deg: 2  # by eye
+  sigma_m: 0.3 # a tape
+# the end
+locate: align
+"""
+IN_ONE = "tape: {position_m: [0.000, 60.10, 1.9], sigma_m: 0.3}  # by Ann\nlocate: align\n"
+TAPE = {"position_m": [0.0, 60.1, 1.9], "sigma_m": 0.3}
+
+
+@pytest.mark.parametrize(
+    ("text", "before", "after", "becomes"),
+    [
+        (IN_ONE, TAPE, TAPE | {"roll_deg": 1.5}, IN_ONE.replace("0.3}", "0.3, roll_deg: 1.5}")),
+        (IN_ONE, TAPE, TAPE | {"sigma_m": 0.2}, IN_ONE.replace("0.3}", "0.2}")),
+        (IN_LINES, TAPE | {"roll_deg": 2}, TAPE | {"roll_deg": -2.5}, IN_LINES.replace("deg: 2 ", "deg: -2.5 ")),
+        (
+            IN_LINES.replace("  roll_deg: 2  # by eye\n", ""), TAPE, TAPE | {"roll_deg": 1.0},
+            IN_LINES.replace("  roll_deg: 2  # by eye\n", "").replace("a tape\n", "a tape\n  roll_deg: 1.0\n"),
+        ),
+        ("tape: {a: 1}", {"a": 1}, {"a": 1, "b": 2.0}, "tape: {a: 1, b: 2.0}"),
+        ("tape:\n  a: 1", {"a": 1}, {"a": 1, "b": 2.0}, "tape:\n  a: 1\n  b: 2.0"),
+        ("a: 1\n", None, {"z": 1.0, "a": 2}, "a: 1\ntape: {z: 1.0, a: 2}\n"),
+        ("tape: {}\n", {}, {"z": 1.0}, "tape: {z: 1.0}\n"),
+        ("tape: {a: 1, b: 2} # c\n", {"a": 1, "b": 2}, {"a": 1}, "tape: {a: 1} # c\n"),
+    ],
+)  # fmt: skip
+def test_entries_change_where_they_stand(tmp_path, monkeypatch, text, before, after, becomes):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "cam04.yaml").write_text(text)
+    assert change_value("cam04.yaml", "tape", before, after, lambda path: path.read_text())
+    assert (tmp_path / "cam04.yaml").read_text() == becomes
