@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dior.arrays import Floats, Ints
+from dior.arrays import Bools, Floats, Ints
 from dior.body import names
 from dior.calibrate.outline import tracks
 from dior.clocks import by_hand
@@ -107,7 +107,7 @@ def lines(camera: Camera, points: Floats, joints: Sequence[str]) -> list[dict[st
     uv = cam.project(camera, points)[0]
     bones = names.bones_of(joints)
     ends = np.round(uv[:, bones].reshape(len(uv), len(bones), 4), 2)
-    known = np.isfinite(ends).all(axis=-1)
+    known: Bools = np.isfinite(ends).all(axis=-1)
     side = [side_of_bone(joints[a], joints[b]) for a, b in bones]
     mine = {name: np.array([one == name for one in side], bool) for name in SIDES}
     return [
@@ -125,7 +125,7 @@ def side_of_bone(one: str, other: str) -> str:
 def around(camera: Camera, points: Floats) -> Floats:
     """Boxes (F, 4) px around the projected points (F, J, 3) m, NaN of pictures without any."""
     uv = cam.project(camera, points)[0]
-    known = np.isfinite(uv).all(axis=-1)[..., None]
+    known: Bools = np.asarray(np.isfinite(uv).all(axis=-1))[..., None]
     low = np.where(known, uv, np.inf).min(axis=1, initial=np.inf)
     high = np.where(known, uv, -np.inf).max(axis=1, initial=-np.inf)
     found = np.concatenate([low, high], axis=1)

@@ -151,6 +151,11 @@ class Workspace:
         key = state_of([*given, *log, *project.picture_files(walk)]), repr(settings), repr(project.sequence(walk))
         return self._kept(("mocap", walk), key, make)
 
+    def motion_file(self, walk: str) -> Path:
+        """The table that `motion` is read from. Raises DiorError as it does."""
+        self.motion(walk)
+        return Path(self._folder.name) / f"{walk}.mocap.parquet"
+
     def lens(self, session: str, camera: str) -> Camera:
         """A camera without a pose, as the step `intrinsics` has it. Raises DiorError as it does."""
         project = self.project()

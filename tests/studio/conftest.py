@@ -1,6 +1,8 @@
 """Projects that the studio is tried on: a tiny one of few pictures, and the practice capture, served to a browser."""
 
 import shutil
+import subprocess
+import sys
 from contextlib import chdir
 
 import pytest
@@ -46,6 +48,16 @@ def client(project):
 def practice(tmp_path_factory):
     """A capture to practise on, without marks and boxes; not to be changed (`browser.served` takes a copy)."""
     return browser.practice(tmp_path_factory.mktemp("practice") / "practice")
+
+
+@pytest.fixture(scope="module")
+def ran(practice, tmp_path_factory):
+    """A copy of the practice capture, solved, after `dior run`."""
+    project = tmp_path_factory.mktemp("ran") / "practice"
+    shutil.copytree(practice, project)
+    browser.solved(project, "marks", "boxes")
+    subprocess.run([sys.executable, "-m", "dior", "run", str(project)], check=True, stdout=subprocess.DEVNULL)
+    return project
 
 
 @pytest.fixture(scope="module")
