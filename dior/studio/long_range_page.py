@@ -100,7 +100,10 @@ def told(request: Request) -> Response:
     """Of one camera: its file, its pictures with their boxes, and how the workflow uses the nudge."""
     workspace = workspace_of(request)
     session, camera = _camera(workspace.project(), request.query_params)
-    view = _views(request)[session, camera] = view_of(workspace, session, camera)
+    try:
+        view = _views(request)[session, camera] = view_of(workspace, session, camera)
+    except skeletons.NotYet as error:
+        return JSONResponse({"lacks": str(error)})
     path, content = view.path, view.content
     away = by_eye(path, content, view.lens).centre - np.array(content["tape"].get("target_m", (0, 0, 0)))
     return JSONResponse({
@@ -303,7 +306,7 @@ def says(content: Mapping[str, Any], view: View) -> str:
 
 
 def view_of(workspace: Workspace, session: str, camera: str) -> View:
-    """The `View` of a camera, kept until something that it is made of changes. Raises DiorError without any 3D."""
+    """The `View` of a camera, kept until something that it is made of changes. Raises NotYet without any 3D."""
     project = workspace.project()
     walks = project.sequences_of(session)
     path, content = _file(project, session, camera)
@@ -325,7 +328,9 @@ def view_of(workspace: Workspace, session: str, camera: str) -> View:
             except DiorError as error:
                 without.append(str(error))
         if not any(len(scene.frames) for scene in scenes):
-            raise DiorError(without[0] if without else f"no walk of {session} has 3D in the pictures of {camera}")
+            raise skeletons.NotYet(
+                without[0] if without else f"no walk of {session} has 3D in the pictures of {camera}"
+            )
         return View(path, content, lens, _a_dozen(scenes), run, tuple(without))
 
     found: View = workspace.kept(("long_range", session, camera), key, make)
@@ -468,11 +473,11 @@ def _number(name: str, word: Any, most: float) -> float:
 
 
 def _file(project: Project, session: str, camera: str) -> tuple[str, dict[str, Any]]:
-    """A camera's file and what is in it. Raises DiorError for one that is not located by align."""
+    """A camera's file and what is in it. Raises NotYet for one that is not located by align."""
     path = project.camera_file(session, camera)
     content = read_yaml(path)
     if content.get("locate") != "align":
-        raise DiorError(f"{path}: a nudge counts with `locate: align` alone; here it is {content.get('locate')}")
+        raise skeletons.NotYet(f"{path}: a nudge counts with `locate: align` alone; here it is {content.get('locate')}")
     return path, content
 
 

@@ -29,6 +29,10 @@ SIDES = ("left", "right", "middle")
 FEET = re.compile(r"(left|right)_(ankle|heel|foot_index|big_toe|small_toe)|[LR](ANK|HEE|TOE)")
 
 
+class NotYet(DiorError):
+    """What a page is about is made by a later step, or by hand before: it says so and shows nothing."""
+
+
 @dataclass(frozen=True, eq=False)
 class Body:
     """The `track` of the `joints` on the walk's axis, which begins at `t0_ns`; `source`: what it is from, in words."""
@@ -50,7 +54,7 @@ def body_file(project: Project, walk: str) -> str:
 
 
 def body_of(workspace: Workspace, walk: str) -> Body:
-    """The `Body` of a walk. Raises DiorError where there is none yet."""
+    """The `Body` of a walk. Raises NotYet where there is none, and DiorError as `Workspace.motion`."""
     project = workspace.project()
     path = body_file(project, walk)
     table = workspace.result(path, "skeletons_3d")
@@ -59,7 +63,7 @@ def body_of(workspace: Workspace, walk: str) -> Body:
     if project.indoor(walk):
         motion = workspace.motion(walk)
         return Body(tracks.BodyTrack(motion.t, motion.xyz), motion.t0_ns, motion.joints, "the motion capture")
-    raise DiorError(f"{walk} has no 3D yet ({path}): `dior run` makes it of the close cameras")
+    raise NotYet(f"{walk} has no 3D yet ({path}): `dior run` makes it of the close cameras")
 
 
 def clock_file(project: Project, walk: str, camera: str, kind: str = "") -> str:

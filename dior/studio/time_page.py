@@ -73,7 +73,10 @@ def told(request: Request) -> Response:
     walk, camera = recording_of(request)
     workspace = workspace_of(request)
     project = workspace.project()
-    view = _views(request)[walk, camera] = view_of(workspace, walk, camera)
+    try:
+        view = _views(request)[walk, camera] = view_of(workspace, walk, camera)
+    except skeletons.NotYet as error:
+        return JSONResponse({"lacks": str(error)})
     found, rows = view.found, view.rows
     given = by_hand_of(walk, camera)
     used = skeletons.clock_by_hand(project, walk, camera) or found.clock or Clock(0.0)
@@ -171,7 +174,7 @@ def _given(walk: str) -> dict[str, Any]:
 
 
 def view_of(workspace: Workspace, walk: str, camera: str) -> View:
-    """The `View` of a camera in a walk. Raises DiorError where there is no 3D or no pose yet."""
+    """The `View` of a camera in a walk. Raises NotYet where there is no 3D or no pose."""
     found = found_of(workspace, walk, camera)
     body, rows = skeletons.body_of(workspace, walk), workspace.frames(walk, camera)
     clock = skeletons.clock_by_hand(workspace.project(), walk, camera) or found.clock or Clock(0.0)
@@ -213,14 +216,14 @@ def found_of(workspace: Workspace, walk: str, camera: str) -> Found:
         def make() -> Found:
             pose = skeletons.pose_of_run(project, session, camera)
             if pose is None:
-                raise DiorError(f"{placed} has no pose of {camera}; its findings say why")
+                raise skeletons.NotYet(f"{placed} has no pose of {camera}; its findings say why")
             return _found(pose, walk, offsets, [one for one in costs if Path(one).is_file()], findings)
 
         key = state_of([placed, offsets, findings, *costs])
         found: Found = workspace.kept(("clock", walk, camera), key, make)
         return found
     if project.cameras(session)[camera]["locate"] != "marks" or not project.indoor(walk):
-        raise DiorError(f"{camera} has no pose yet ({placed}): `dior run` places it first")
+        raise skeletons.NotYet(f"{camera} has no pose yet ({placed}): `dior run` places it first")
     return _by_marks(workspace, walk, camera)
 
 
@@ -241,7 +244,7 @@ def _by_marks(workspace: Workspace, walk: str, camera: str) -> Found:
     session = project.session_of(walk)
     walks, marks = project.marks_sequences(session, camera), project.marks_file(session, camera)
     if not walks:
-        raise DiorError(f"{camera} of {session} has no marks yet: mark joints on the page Marks")
+        raise skeletons.NotYet(f"{camera} of {session} has no marks yet: mark joints on the page Marks")
     settings, path = project.config["locate"], project.camera_file(session, camera)
     offsets = [one for each in walks for one in project.offsets(each)]
 

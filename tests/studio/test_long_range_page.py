@@ -15,6 +15,7 @@ from dior.studio import long_range_page as page
 from dior.studio import skeletons
 from dior.tables import tables
 from tests.studio import browser
+from tests.studio.nudging import opened, pressed
 
 F = 760.0
 TAPE = {"position_m": [0.0, 60.0, 1.0], "target_m": [0.0, 0.0, 1.0]}
@@ -170,10 +171,10 @@ CAM = {"session": "field", "camera": "cam03"}
 def test_long_range_cameras_are_listed_and_one_without_3d_says_so(client):
     assert client.get("/api/long-range/cameras").json() == [CAM | {"locate": "align"}]
     answer = client.get("/api/long-range", params=CAM)
-    assert answer.status_code == 422 and "has no 3D yet" in answer.json()["error"] and "dior run" in answer.text
+    assert "has no 3D yet" in answer.json()["lacks"] and "dior run" in answer.text
     assert client.get("/long-range").status_code == 200
     close = client.get("/api/long-range", params=CAM | {"camera": "cam01"})
-    assert "a nudge counts with `locate: align` alone; here it is tape" in close.json()["error"]
+    assert "a nudge counts with `locate: align` alone; here it is tape" in close.json()["lacks"]
 
 
 def test_nudge_and_roll_are_written_and_all_else_stays(client, project):
@@ -220,19 +221,6 @@ def off(one):
     return [float(word) for word in words.split(",")]
 
 
-def pressed(one, key):
-    """Press a key and wait until what it does is drawn: ms it took."""
-    count = one.get_attribute("#crops", "data-count")
-    one.keyboard.press(key)
-    one.wait_for_function(f"document.querySelector('#crops').dataset.count !== '{count}'")
-    return float(one.get_attribute("#crops", "data-redraw"))
-
-
-def redraws(one, times=100):
-    """ms that each of so many steps of a nudge takes from the key to the drawn skeletons, as the page measures it."""
-    return [pressed(one, "ArrowRight" if i % 2 else "ArrowLeft") for i in range(times)]
-
-
 @pytest.mark.slow
 def test_a_camera_that_is_half_a_degree_off_is_nudged_and_its_labels_are_right(ran, chromium):
     """The practice capture's far camera: by keys until the page says that the labels are on the boxes; then a run."""
@@ -241,7 +229,7 @@ def test_a_camera_that_is_half_a_degree_off_is_nudged_and_its_labels_are_right(r
     # its tape is 0.29 degrees off, the other way
     path.write_text(begun + "nudge: {azimuth_deg: 0.21, elevation_deg: 0.3, distance_m: 0}  # by Ann\n")
     with browser.served(ran) as address, browser.page(chromium, address, "/long-range") as one:
-        one.wait_for_selector("#crops[data-count]")
+        opened(one)
         one.wait_for_function("document.querySelector('#words').textContent.includes('boxes')")
         assert one.locator("#crops .piece").count() == page.PICTURES
         assert off(one)[0] > 6 and off(one)[1] > 3

@@ -117,7 +117,7 @@ def test_cameras_and_walks_that_are_not_there_are_named(client):
 
 def test_without_a_run_the_page_says_what_is_missing(client):
     answer = client.get("/api/time", params=OUT)
-    assert answer.status_code == 422 and "`dior run` places it first" in answer.json()["error"]
+    assert "`dior run` places it first" in answer.json()["lacks"]
     assert client.get("/time").status_code == 200
 
 

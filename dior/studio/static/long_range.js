@@ -146,6 +146,7 @@ function writable() {
 
 async function open(session, camera, kept = null) {
   const found = await ask("/api/long-range", { session, camera });
+  if (found.lacks) return lacking(found.lacks);
   told = { ...found, session, camera };
   remember({ session, camera });
   const { nudge, tape } = told;
@@ -176,13 +177,20 @@ async function open(session, camera, kept = null) {
   set(kept?.now ?? now, false);
 }
 
+/** Show nothing but why. */
+function lacking(why) {
+  $("none").hidden = false;
+  $("none").textContent = why && `Nothing can be shown yet: ${why}.`;
+  $("tools").hidden = true;
+  crops.open([], { width: 1, height: 1 }, String);
+}
+
 async function choose(session, camera) {
   try {
     await open(session, camera);
   } catch (error) {
     if (!error.said) throw error;
-    $("tools").hidden = true;
-    crops.open([], { width: 1, height: 1 }, String);
+    lacking("");
   }
 }
 
@@ -242,7 +250,4 @@ onKeys(key);
 const cameras = await ask("/api/long-range/cameras");
 fill($("camera"), cameras.map((one) => [`${one.session}/${one.camera}`, `${one.camera} of ${one.session}`]), `${state().session}/${state().camera}`);
 if (cameras.length) await choose(...$("camera").value.split("/"));
-else {
-  $("none").hidden = false;
-  $("none").textContent = "This project has no long-range camera: role: long_range and locate: align in a camera's file make one.";
-}
+else lacking("this project has no long-range camera; role: long_range and locate: align in a camera's file make one");

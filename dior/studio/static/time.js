@@ -134,7 +134,7 @@ function under(event) {
 
 function look(one) {
   const [u, v, right, below] = one.crop;
-  picture.look((u + right) / 2, (v + below) / 2, Math.min(8, 0.4 * $("picture").clientHeight / Math.max(20, below - v, right - u)));
+  picture.look((u + right) / 2, (v + below) / 2, Math.min(8, 0.25 * $("picture").clientHeight / Math.max(20, below - v, right - u)));
 }
 
 async function put(after) {
@@ -166,7 +166,13 @@ async function accept() {
 async function open(walk, camera, frame) {
   const params = { walk, camera };
   const [found, recording] = await Promise.all([ask("/api/time", params), ask("/api/recording", params)]);
+  if (found.lacks) {
+    lacking(found.lacks);
+    scrub.open({ ...recording, walk, camera }, frame ?? 0);
+    return;
+  }
   told = { ...found, walk, camera };
+  $("none").hidden = true;
   $("tools").hidden = false;
   const start = ms(told.used.offset_s);
   Object.assign($("dial"), { min: Math.round(start) - NEAR_MS, max: Math.round(start) + NEAR_MS, disabled: told.reference });
@@ -181,6 +187,16 @@ async function open(walk, camera, frame) {
   if (at) look(at);
 }
 
+/** Show the picture alone, and why. */
+function lacking(why) {
+  told = null;
+  $("tools").hidden = true;
+  $("none").hidden = false;
+  $("none").textContent = why && `The clock cannot be shown yet: ${why}.`;
+  crops.open([], { width: 1, height: 1 }, String);
+  show(null);
+}
+
 async function choose(walk, camera, frame) {
   const one = walks.find((each) => each.walk === walk) ?? walks[0];
   fill($("walk"), walks.map((each) => [each.walk, `${each.walk} (${each.session})`]), one.walk);
@@ -190,10 +206,7 @@ async function choose(walk, camera, frame) {
     await open(one.walk, $("camera").value, frame);
   } catch (error) {
     if (!error.said) throw error;
-    told = null;
-    $("tools").hidden = true;
-    crops.open([], { width: 1, height: 1 }, String);
-    show(null);
+    lacking("");
   }
 }
 
