@@ -117,7 +117,7 @@ async function put(changes) {
 
 async function fit() {
   $("fit").disabled = true;
-  $("fitted").textContent = "The camera is being fitted to the boxes, as dior align does it. This takes some seconds.";
+  $("fitted").textContent = `The camera is being fitted to the ${told.proposed.from}, as dior align does it. This takes some seconds.`;
   try {
     const found = await send("/api/long-range/fit", { ...whose(), ...now });
     document.querySelector("[name=pose][value=fit]").disabled = false;
@@ -161,6 +161,7 @@ async function open(session, camera, kept = null) {
   $("clocks").replaceChildren(...[...told.clocks.map((text) => `Clock of ${text}.`), ...told.without].map((text) => element("li", {}, text)));
   document.querySelector("[name=pose][value=run]").disabled = !told.run;
   $("fit").disabled = !told.proposed;
+  $("fit").textContent = `Align by ${told.proposed?.from ?? "boxes"}`;
   if (!told.proposed) $("fitted").textContent = "There are not enough boxes of this camera yet: four pictures at least, thirty are good.";
   if (JSON.stringify(told.pictures) !== JSON.stringify(crops.pieces.map((one) => one.picture))) {
     crops.open(told.pictures, told, (one) => `${one.walk}, frame ${one.frame}`);
