@@ -28,6 +28,12 @@ def solved(project, *parts):
         shutil.copytree(project / "solution/boxes", project / "config/boxes", dirs_exist_ok=True)
 
 
+def run(project, *recordings):
+    """`dior run`, as far as the labels of some recordings need it: "outdoor_01.cam04"."""
+    targets = [f"results/reproject/{one}.parquet" for one in recordings]
+    subprocess.run([sys.executable, "-m", "dior", "run", str(project), *targets], check=True, stdout=subprocess.DEVNULL)
+
+
 @contextmanager
 def served(project):
     """The address that `dior studio` prints for a project, while it runs."""

@@ -10,7 +10,7 @@ def pressed(one, key):
     """Press a key and wait until what it does is drawn: ms it took."""
     count = one.get_attribute("#crops", "data-count")
     one.keyboard.press(key)
-    one.wait_for_function(f"document.querySelector('#crops').dataset.count !== '{count}'")
+    one.wait_for_selector(f"#crops:not([data-count='{count}'])")
     return float(one.get_attribute("#crops", "data-redraw"))
 
 

@@ -137,7 +137,7 @@ def test_a_clock_is_overridden_and_accepted_again(ran, chromium):
             one.keyboard.press(key)
         assert float(one.locator("#offset").input_value()) == pytest.approx(float(was) + 11)
         one.keyboard.press("o")
-        one.wait_for_function("document.querySelector('#counts').textContent.startsWith('By hand')")
+        one.wait_for_selector("#counts:has-text('By hand')")
         [line] = [line for line in path.read_text().splitlines() if line.startswith("cam02")]
         assert f"offset_s: {(float(was) + 11) / 1e3:.4f}".rstrip("0") in line and "sigma_s: 0.005" in line
         assert path.read_text().startswith(text)
@@ -145,6 +145,6 @@ def test_a_clock_is_overridden_and_accepted_again(ran, chromium):
         one.wait_for_selector("#crops[data-count]")
         assert float(one.locator("#offset").input_value()) == pytest.approx(float(was) + 11)
         one.keyboard.press("a")
-        one.wait_for_function("document.querySelector('#counts').textContent.startsWith('The estimate counts')")
+        one.wait_for_selector("#counts:has-text('The estimate counts')")
         assert path.read_text() == text and one.locator("#offset").input_value() == was
         assert one.locator("#curve path").count() == 1

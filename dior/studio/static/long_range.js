@@ -126,7 +126,8 @@ async function fit() {
     await draw();
     $("fitted").replaceChildren(
       element("strong", {}, `It moves the labels by ${found.moves_px.toFixed(1)} px at the person, from the nudge above. `),
-      ...found.said.map((one) => element("span", { class: one.severity === "info" ? "" : "look" }, `${one.text}. `)),
+      ...found.said.filter((one) => one.severity !== "info").map((one) => element("span", { class: "look" }, `${one.text}. `)),
+      element("details", {}, element("summary", {}, "What the fit found"), ...found.said.filter((one) => one.severity === "info").map((one) => element("p", {}, `${one.text}.`))),
     );
     writable();
   } catch (error) {
