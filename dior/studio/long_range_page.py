@@ -245,7 +245,7 @@ def label_grid(camera: Camera, scene: Scene) -> LabelGrid:
     """The labels of the pictures that have boxes."""
     uv = cam.project(camera, scene.boxed_points)[0]
     inside: Bools = cam.in_frame(camera.intrinsics, uv)
-    missing: Bools = ~np.isfinite(scene.boxed_points).all(axis=-1)
+    missing = np.asarray(~np.isfinite(scene.boxed_points).all(axis=-1))
     shown = np.where(inside[..., None], uv, np.nan)
     return LabelGrid(camera.name, scene.boxed, scene.boxed, scene.joints, shown, inside, missing)
 

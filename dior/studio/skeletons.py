@@ -111,7 +111,7 @@ def lines(camera: Camera, points: Floats, joints: Sequence[str]) -> list[dict[st
     uv = cam.project(camera, points)[0]
     bones = names.bones_of(joints)
     ends = np.round(uv[:, bones].reshape(len(uv), len(bones), 4), 2)
-    known: Bools = np.isfinite(ends).all(axis=-1)
+    known = np.asarray(np.isfinite(ends).all(axis=-1))
     side = [side_of_bone(joints[a], joints[b]) for a, b in bones]
     mine = {name: np.array([one == name for one in side], bool) for name in SIDES}
     return [

@@ -191,7 +191,7 @@ def fastest(camera: Camera, points: Floats, stamps_ns: Ints, count: int) -> Ints
     uv = cam.project(camera, points)[0]
     moved = np.linalg.norm(np.diff(uv, axis=0), axis=-1) / np.maximum(np.diff(stamps_ns)[:, None] / 1e9, 1e-3)
     speed = np.full(len(uv), -np.inf)
-    inside = cam.in_frame(camera.intrinsics, uv).all(axis=1)
+    inside = np.asarray(cam.in_frame(camera.intrinsics, uv).all(axis=1))
     known = np.isfinite(moved).any(axis=1) & inside[1:]
     speed[1:][known] = np.nanmax(moved[known], axis=1)
     apart, found = len(uv) / (2 * count), list[int]()
@@ -233,9 +233,9 @@ def _found(camera: Camera, walk: str, offsets: str | Path, costs: list[Any], fin
     rows = list(zip(*(said[key].tolist() for key in keys), strict=True)) if said else []
     known = Path(offsets).is_file()
     clocks = on_axis.read([offsets], sequence=walk) if known else {}
-    by_walk = told_clocks.read([offsets], costs, rows, {walk: [camera.name]}) if known else {}
+    told = told_clocks.read(walk, [camera.name], [offsets], costs, rows) if known else None
     own = tuple((severity, text) for scope, severity, _, text in rows if scope == f"{walk}/{camera.name}")
-    return Found(camera, clocks.get(camera.name), by_walk.get(walk), own)
+    return Found(camera, clocks.get(camera.name), told, own)
 
 
 def _by_marks(workspace: Workspace, walk: str, camera: str) -> Found:
