@@ -17,7 +17,7 @@ from zlib import crc32
 
 import numpy as np
 
-from dior.arrays import AnyPath
+from dior.arrays import AnyPath, Ints, Table
 from dior.evaluate import checks
 from dior.project import boxes
 from dior.tables import tables
@@ -67,7 +67,7 @@ def _lots(path: Path, count: int) -> Iterator[Lot]:
     """(lot, (subject, camera), path, frame, row, joint) of the `count` lowest lots of a file."""
     table = tables.read(path, "labels_2d", ["subject", "camera", "joint", "frame", "status"])
     ok = np.flatnonzero(table["status"] == "ok")
-    lot = _generator(path).random(len(table["status"]))[ok]
+    lot = _generator(path.stem).random(len(table["status"]))[ok]
     for i in np.argsort(lot, kind="stable")[:count]:
         row = ok[i]
         cell = (table["subject"][row], table["camera"][row])
@@ -75,16 +75,29 @@ def _lots(path: Path, count: int) -> Iterator[Lot]:
 
 
 def frames(path: Path, count: int = FRAMES) -> list[int]:
-    """`count` frames of a label file, one of each of as many equal parts of the frames that have a label in them."""
-    table = tables.read(path, "labels_2d", ["frame", "status"])
-    seen = np.unique(table["frame"][(table["status"] == "ok") | (table["status"] == "occluded")])
-    parts = np.array_split(seen, min(count, len(seen))) if len(seen) else []
-    generator = _generator(path)
-    return [int(part[int(generator.random() * len(part))]) for part in parts]
+    """`count` frames of a label file, as `spread` draws them among those that have a label in them."""
+    return spread(labelled(tables.read(path, "labels_2d", ["frame", "status"])), path.stem, count)
 
 
-def _generator(path: Path) -> np.random.Generator:
-    return np.random.default_rng([SEED, crc32(path.stem.encode())])
+def labelled(labels: Table) -> Ints:
+    """Frames (F,) in which something of the body is labelled, ascending, by the columns frame and status."""
+    return np.unique(labels["frame"][(labels["status"] == "ok") | (labels["status"] == "occluded")])
+
+
+def spread(among: Ints, name: str, count: int = FRAMES, had: Iterable[int] = ()) -> list[int]:
+    """Of the frames `among` (F,), ascending, one of each of `count` equal parts; and those that somebody `had` before,
+    which take the place of the lot of their part. `name`: <sequence>.<camera>, whose lots they are.
+    """
+    kept = set(had)
+    parts = np.array_split(among, min(count, len(among))) if len(among) else []
+    generator = _generator(name)
+    lots = [int(part[int(generator.random() * len(part))]) for part in parts]
+    free = [lot for lot, part in zip(lots, parts, strict=True) if not any(part[0] <= one <= part[-1] for one in kept)]
+    return sorted(kept.union(free))
+
+
+def _generator(name: str) -> np.random.Generator:
+    return np.random.default_rng([SEED, crc32(name.encode())])
 
 
 def _write(path: Path, columns: Sequence[str], lines: Sequence[str]) -> None:

@@ -1,7 +1,8 @@
 """Hand-drawn boxes around the person in a long-range picture.
 
 INPUTS   `boxes/<sequence>.<camera>.csv`: `frame,u_min,v_min,u_max,v_max`, px, and where several people drew, `drawer`.
-         A row with no edge is one of `to_mark` that is not drawn yet, or where nobody is seen: no box.
+         A row with no edge is no box: where it names a drawer, nobody was seen by them; where it does not, it is one of
+         `to_mark` that is not drawn yet, or one where nobody is seen.
 OUTPUT   frames and edges; which of them are kept back: no step that fits anything to boxes uses those, so that they may
          judge what came of it; in which fit each of the others is left out; recorded px
 
@@ -96,6 +97,17 @@ def read_drawers(path: AnyPath, frames: ArrayLike, size: Size | None = None) -> 
             boxes[frame] = edges
     faults.tell()
     return {drawer: _sorted(boxes) for drawer, boxes in drawn.items()}
+
+
+def without_edges(path: AnyPath) -> dict[str, list[int]]:
+    """By drawer, "" where none is named, the frames of the rows that have no edge, ascending; of a file that
+    `read_drawers` reads."""
+    lines = rows_of(path, path)
+    found: dict[str, set[int]] = {}
+    for _, words in lines[1:]:
+        if not any(words[1 : len(COLUMNS)]) and words[0].isdecimal():
+            found.setdefault(words[-1] if DRAWER in lines[0][1] else "", set()).add(int(words[0]))
+    return {drawer: sorted(frames) for drawer, frames in found.items()}
 
 
 def _check_beside(edges: list[float], size: Size, where: str) -> None:

@@ -41,12 +41,20 @@ class Conflict(DiorError):
         self.rows = rows
 
 
-def change_rows(path: str, keys: Cells, others: Cells, changes: Iterable[Change], check: Callable[[Path], Any]) -> bool:
+def change_rows(
+    path: str,
+    keys: Cells,
+    others: Cells,
+    changes: Iterable[Change],
+    check: Callable[[Path], Any],
+    columns: Cells = (),
+) -> bool:
     """Change rows of a CSV or TSV file, found by the columns `keys`; whether that made a difference.
 
     `others`: the other columns that changes are about; columns besides stay as they are in rows that are there. A file
-    that is not there is begun. `check` reads the file as it will be, in another place, and raises DiorError where it is
-    refused. Raises Conflict, and DiorError for a file that may not be written or has no such columns.
+    that is not there is begun, with `columns` or these; one that lacks some of `columns` gets them, empty.
+    `check` reads the file as it will be, in another place, and raises DiorError where it is refused. Raises Conflict,
+    and DiorError for a file that may not be written or has no such columns.
     """
     with _lock:
         text = _text(path)
@@ -54,8 +62,9 @@ def change_rows(path: str, keys: Cells, others: Cells, changes: Iterable[Change]
         end = "\r\n" if text.endswith("\r\n") else "\n"
         at = next((i for i, line in enumerate(lines) if line.strip() and not line.startswith(COMMENT)), None)
         if at is None:
-            lines.append(between.join([*keys, *others]) + end)
+            lines.append(between.join(columns or [*keys, *others]) + end)
             at = len(lines) - 1
+        lines = _with_columns(lines, at, columns, between, end)
         header = [name.strip() for name in _cells(lines[at].removeprefix("\ufeff"), between)]
         missing = [name for name in [*keys, *others] if name not in header]
         if missing:
@@ -83,13 +92,30 @@ def change_rows(path: str, keys: Cells, others: Cells, changes: Iterable[Change]
                 lines[i] = line if change.after is not None else ""
         if clashes:
             raise Conflict(path, clashes)
+        lines = [line for line in lines if line]  # without rows that are taken away
         if added and lines and not lines[-1].endswith("\n"):
             lines[-1] += end
         return _write(path, text, "".join(lines + added), check)
 
 
+def _with_columns(lines: list[str], at: int, columns: Cells, between: str, end: str) -> list[str]:
+    """The lines of a file with its header in line `at`, with what its header lacks of `columns` as further ones."""
+    header = [name.strip() for name in _cells(lines[at].removeprefix("\ufeff"), between)]
+    more = [name for name in columns if name not in header]
+    if not more:
+        return lines
+    out = lines[:at]
+    for i, line in enumerate(lines[at:]):
+        row = line.strip() and not line.startswith(COMMENT)
+        cells = [line.rstrip("\r\n"), *(more if i == 0 else [""] * len(more))]
+        out.append(between.join(cells) + end if row else line)
+    return out
+
+
 def change_value(path: str, key: str, before: Any, after: Any, check: Callable[[Path], Any]) -> bool:
     """Put `after` at a key at the top of a YAML file, None to remove it; whether that made a difference.
+
+    A file of which nothing is left is removed.
 
     `before`: what was read there, None for nothing. `check` as of `change_rows`. Raises Conflict and DiorError.
     """
@@ -106,6 +132,9 @@ def change_value(path: str, key: str, before: Any, after: Any, check: Callable[[
         wanted = {name: value for name, value in (content | {key: after}).items() if value is not None}
         if yaml_of(changed, path) != wanted:
             raise DiorError(f"{path}: '{key}' cannot be changed without changing the rest; change it by hand")
+        if not changed.strip():
+            os.unlink(path)
+            return True
         return _write(path, text, changed, check)
 
 

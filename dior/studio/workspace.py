@@ -24,12 +24,15 @@ from dior.calibrate.marks.marks import Motion, read_motion
 from dior.errors import DiorError, Faults
 from dior.geometry.camera import Camera
 from dior.geometry.camera_tables import unplaced
-from dior.ingest import frames, mocap, video_frames
+from dior.ingest import detections, frames, mocap, moving, video_frames
 from dior.project import todos
 from dior.project.contents import Project
 from dior.project.project import as_far_as_it_goes
+from dior.release.look import reader
 from dior.tables import tables
 
+# chosen: a person is 20 px tall in pictures that wide, and more would not show what moves better
+SCENE_PX = 1280
 # (path, time of change ns, size) of files
 State: TypeAlias = tuple[tuple[str, int, int], ...]
 
@@ -180,6 +183,52 @@ class Workspace:
 
         key = state_of(project.picture_files(walk)), repr(settings)
         return self._kept(("lens", session, camera), key, make)
+
+    def scene(self, walk: str, camera: str) -> tuple[int, moving.Scene | None]:
+        """A camera's pictures without what moves, so many times smaller that they are SCENE_PX wide at most; None where
+        none can be read."""
+        table, root = self.frames(walk, camera), Path(self.project().data_root)
+        width = int(table["width"][0])
+        factor = next((one for one in (1, 2, 4) if width <= one * SCENE_PX), 8)
+
+        def make() -> moving.Scene | None:
+            some = reader(table, root)(moving.samples(len(table["frame"])), factor)
+            pictures = [picture for _, picture in some]
+            return moving.scene_of(pictures) if pictures else None
+
+        return factor, self._kept(("scene", walk, camera), state_of(self.project().picture_files(walk)), make)
+
+    def detected(self, walk: str) -> tuple[Table, Table]:
+        """Tables `detections` and `detected_people` of the close cameras, of the last run or, where there is none, as
+        the step `detections` reads them, but not compared with the pictures. Raises DiorError as it does."""
+        found = self.result(f"results/detections/{walk}.parquet", "detections")
+        others = self.result(f"results/detections/{walk}.people.parquet", "detected_people")
+        if found is not None and others is not None:
+            return found, others
+        project = self.project()
+        pattern = project.detections_pattern(walk)
+        if not pattern or project.detected_here(walk):
+            raise DiorError(
+                f"'{walk}' has no detections yet; " + ("run the workflow" if pattern else "name them in the sheet")
+            )
+        close, settings = project.close(project.session_of(walk)), project.config["detector"]
+        pictures = [self.frames(walk, camera) for camera in close]
+
+        def make() -> tuple[Table, Table]:
+            folder = Path(self._folder.name)
+            indexed, out, people = (folder / f"{walk}.{name}.parquet" for name in ("close", "detections", "people"))
+            names = tables.columns_of("frames")
+            tables.write(indexed, "frames", {name: np.concatenate([one[name] for one in pictures]) for name in names})
+            detections.run(
+                sequence=walk, pattern=pattern, cameras=close, format=settings["format"], frames=indexed, looked_at=[],
+                out=out, findings=folder / f"{walk}.detections.findings.parquet",
+                first_frame=settings["first_frame"], out_people=people,
+            )  # fmt: skip
+            return tables.read(out, "detections"), tables.read(people, "detected_people")
+
+        files = [path for what, path in project.recordings(walk).items() if what.startswith("detections.")]
+        key = state_of([*files, *project.picture_files(walk)]), repr(settings), repr(project.sequence(walk))
+        return self._kept(("detected", walk), key, make)
 
     def result(self, path: str, name: str, columns: Iterable[str] | None = None) -> Table | None:
         """A table of results/ as the last run left it, None where there is none."""

@@ -90,3 +90,11 @@ def test_edges_at_what_hides_a_part_are_told_from_the_bodys_own_however_they_are
     # one or two that are off were drawn amiss: of the body's own there would be more
     assert boxes.at_line(np.r_[edges, own[:2]], boxes.line_of(edges)).all()
     assert not boxes.at_line(np.array([np.nan]), np.nan).any()
+
+
+def test_rows_without_edges_are_told_by_who_wrote_them(tmp_path):
+    path = written(tmp_path, HEADER + "# at the large screen\n9,,,,,zoe\n1,,,,,\n7,5,6,7,8,zoe\n4,,,,,zoe\nx,,,,,\n")
+    assert boxes.without_edges(path) == {"zoe": [4, 9], "": [1]}
+    path = written(tmp_path, "frame,u_min,v_min,u_max,v_max\n3,,,,\n2,1,2,3,4\n")
+    assert boxes.without_edges(path) == {"": [3]}
+    assert boxes.without_edges(written(tmp_path, HEADER)) == {}

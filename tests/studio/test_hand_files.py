@@ -254,3 +254,34 @@ def test_entries_change_where_they_stand(tmp_path, monkeypatch, text, before, af
     (tmp_path / "cam04.yaml").write_text(text)
     assert change_value("cam04.yaml", "tape", before, after, lambda path: path.read_text())
     assert (tmp_path / "cam04.yaml").read_text() == becomes
+
+
+def test_a_column_is_added_to_the_rows_that_are_there_and_not_to_comments(path):
+    change = Change(("in_1", "3", "LASI"), ("10.5", "20"), ("11", "20"))
+    assert change_rows(path, KEYS, OTHERS, [change], fine, ("joint", "seen", "by"))
+    assert read(path) == (
+        "# by Ann, on Monday\nsequence,frame,joint,u,v,x,y,z,seen,by\n\nin_1,3,LASI,11,20,,,,,\n# this one is blurred\n"
+        'in_1,3,"RASI",12,30,1,2,3,,\n'
+    )
+
+
+def test_a_file_is_begun_with_the_columns_that_are_named(path):
+    columns = ("frame", "u", "v", "drawer")
+    change_rows(
+        "boxes/new.csv", ("frame", "drawer"), ("u", "v"), [Change(("7", "ann"), None, ("1", "2"))], fine, columns
+    )
+    assert read("boxes/new.csv") == "frame,u,v,drawer\n7,1,2,ann\n"
+
+
+def test_where_the_last_row_goes_and_one_comes_no_line_is_empty(path):
+    changed(path, (("in_1", "3", "RASI"), ("12", "30"), None), (("in_1", "9", "LKNE"), None, ("1", "2")))
+    assert read(path).endswith("# this one is blurred\nin_1,9,LKNE,1,2,,,\n")
+
+
+def test_a_yaml_file_of_which_nothing_is_left_is_removed(path, tmp_path):
+    change_value("who.yaml", "seeds", None, [1], fine)
+    assert change_value("who.yaml", "seeds", [1], None, fine)
+    assert not (tmp_path / "who.yaml").exists()
+    (tmp_path / "who.yaml").write_text("# by Ann\nseeds: [1]\n")
+    change_value("who.yaml", "seeds", [1], None, fine)
+    assert read("who.yaml").startswith("# by Ann")

@@ -36,7 +36,8 @@ export class Picture {
     this.viewer.addHandler("canvas-drag", (event) => {
       if (!this.drags || !this.recording) return;
       event.preventDefaultAction = true;
-      this.dragged ??= this.at(event.position);
+      // the first of these events comes when the pointer has moved already
+      this.dragged ??= this.at(event.position.minus(event.delta));
       onDrag(this.dragged, this.at(event.position), false);
     });
     this.viewer.addHandler("canvas-drag-end", (event) => {

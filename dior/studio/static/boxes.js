@@ -1,0 +1,399 @@
+// The page Boxes.
+
+import { Picture } from "./picture.js";
+import { ask, element, fill, onKeys, remember, say, send, state } from "./studio.js";
+
+const $ = (id) => document.getElementById(id);
+const SCALE = 8; // screen pixels a pixel of the picture
+const STEP = 0.25; // px
+const AHEAD = 3; // pictures that are asked for before they are wanted
+// a body is offered where something moves to so many px only, so that nobody accepts it as it lies
+const COARSE = 4;
+// body heights a second: nobody goes faster
+const FAST = 2.5;
+
+const picture = new Picture($("picture"), { onClick: clicked, onDrag: dragged });
+let walks = [];
+let recording = null;
+let told = null; // what /api/boxes says
+let at = 0; // which of its frames
+let box = null; // the one on the picture: [u_min, v_min, u_max, v_max]
+let touched = false; // whether the person has put it there
+let corner = null; // the first of two clicks
+let moving = []; // boxes around what moves in this picture
+let movers = new Map(); // by frame, what /api/boxes/moving answers
+let looking = null; // which of `moving` is looked at
+let writing = Promise.resolve();
+
+const entry = () => told.frames[at];
+const drawn = (one) => one.box?.length === 4;
+const middle = ([a, b, c, d]) => [(a + c) / 2, (b + d) / 2];
+const rounded = (edges) => edges.map((edge) => Math.round(edge * 100) / 100);
+const asked = () => ({ walk: recording.walk, camera: recording.camera });
+
+/** What moves in a frame; asked once. */
+function movingIn(frame) {
+  if (!movers.has(frame)) movers.set(frame, ask("/api/boxes/moving", { ...asked(), frame }).catch(() => []));
+  return movers.get(frame);
+}
+
+/** Of the boxes that are drawn, the two around a frame, or the nearest. */
+function neighbours(frame) {
+  const some = told.frames.filter((one) => drawn(one) && one.frame !== frame);
+  return [some.findLast((one) => one.frame < frame), some.find((one) => one.frame > frame)].filter(Boolean);
+}
+
+/** Where the person is to be looked for: what moves nearest to where the boxes around say; [u, v] or null. */
+function expected(frame) {
+  const near = neighbours(frame);
+  if (!near.length) return moving.length ? middle(moving[0]) : null;
+  const seconds = (one) => Math.abs(recording.seconds[one.frame] - recording.seconds[frame]);
+  const total = near.reduce((sum, one) => sum + seconds(one), 0);
+  const share = near.length === 1 || !total ? [1, 0] : [seconds(near[1]) / total, seconds(near[0]) / total];
+  const place = [0, 1].map((axis) => near.reduce((sum, one, i) => sum + share[i] * middle(one.box)[axis], 0));
+  const tall = near[0].box[3] - near[0].box[1];
+  const reach = tall * (1 + FAST * Math.min(...near.map(seconds)));
+  const off = (one) => Math.hypot(middle(one)[0] - place[0], middle(one)[1] - place[1]);
+  const best = [...moving].sort((a, b) => off(a) - off(b))[0];
+  return best && off(best) <= reach ? middle(best) : place;
+}
+
+/** Width and height of the box that is offered: those of the one drawn nearest in time, else of a person far away. */
+function size(frame) {
+  const near = neighbours(frame).sort((a, b) => Math.abs(a.frame - frame) - Math.abs(b.frame - frame))[0];
+  return near ? [near.box[2] - near.box[0], near.box[3] - near.box[1]] : [recording.height / 80, recording.height / 32];
+}
+
+/** Offer a box of the last one's size around a place. */
+function offer(place) {
+  const [wide, high] = size(entry().frame);
+  const [u, v] = place.map((one) => Math.round(one / COARSE) * COARSE);
+  box = [u - wide / 2, v - high / 2, u + wide / 2, v + high / 2];
+  touched = false;
+}
+
+function look(u, v, scale = SCALE) {
+  picture.look(u, v, scale);
+  picture.drags = true;
+  redraw();
+}
+
+function whole() {
+  picture.whole();
+  picture.drags = false;
+  redraw();
+}
+
+/** Show one of the frames, with its box or one that is offered. */
+async function go(index) {
+  at = Math.min(Math.max(0, index), told.frames.length - 1);
+  const { frame } = entry();
+  remember({ frame });
+  [corner, box, moving, looking] = [null, null, [], null];
+  $("picture").dataset.ready = "";
+  $("whole").src = picture.address(frame, false);
+  for (const one of told.frames.slice(at + 1, at + 1 + AHEAD)) {
+    picture.prefetch(one.frame);
+    movingIn(one.frame);
+  }
+  list();
+  picture.shapes = [];
+  await Promise.all([picture.show(frame), movingIn(frame).then((found) => { if (frame === entry().frame) moving = found; })]);
+  if (frame !== entry().frame) return;
+  if (drawn(entry())) {
+    box = [...entry().box];
+    touched = true;
+    look(...middle(box));
+  } else {
+    const place = expected(frame);
+    offer(place ?? [recording.width / 2, recording.height / 2]);
+    if (place) look(...middle(box));
+    else whole();
+  }
+  $("picture").dataset.ready = frame;
+  labels();
+}
+
+/** Go on to the next that is not drawn yet after this one, or the next of all. */
+function next() {
+  const later = told.frames.findIndex((one, i) => i > at && one.box === null);
+  if (later >= 0) return go(later);
+  const left = told.frames.findIndex((one) => one.box === null);
+  if (left >= 0) return go(left);
+  say(`All ${told.frames.length} pictures are done: they are in ${told.file}.`);
+  return go(at);
+}
+
+/** Write what is said of this frame, and go on meanwhile. */
+function put(after) {
+  const one = entry();
+  const before = one.box;
+  one.box = after;
+  const row = { ...asked(), drawer: told.drawer, frame: one.frame };
+  const mine = told;
+  writing = writing.then(() => write(mine, one, row, before, after));
+  return writing;
+}
+
+async function write(mine, one, row, before, after) {
+  const again = (found) => {
+    one.box = after;
+    list();
+    writing = writing.then(() => write(mine, one, row, found, after));
+  };
+  const back = (value) => {
+    // another may have been accepted meanwhile
+    if (one.box === after) one.box = value;
+    if (mine === told) list();
+  };
+  try {
+    const found = await send("/api/boxes", { ...row, before, after });
+    if (!found.conflicts) return;
+    const { theirs } = found.conflicts[0];
+    const there = theirs === null || theirs.every((cell) => cell === "") && !row.drawer ? null : theirs.filter((cell) => cell !== "").map(Number);
+    back(there);
+    const words = there === null ? "is not drawn any more" : there.length ? `has the box ${there.join(", ")} now` : "has nobody now";
+    say(`Frame ${row.frame} has been changed elsewhere meanwhile: it ${words}. Nothing of yours is written.`, "error", {
+      "Keep mine": () => again(there),
+      "Take theirs": () => go(mine.frames.indexOf(one)),
+    });
+  } catch (error) {
+    if (!error.said) throw error;
+    back(before);
+    say(`Frame ${row.frame} is not written: ${error.message}`, "error", { "Write it again": () => again(before) });
+  }
+}
+
+function accept() {
+  if (corner) return;
+  if (!touched) {
+    say("This box is offered for its size only: move it with the arrow keys, or draw one, then accept it.");
+    return;
+  }
+  say("");
+  const now = rounded(box);
+  if (!drawn(entry()) || entry().box.some((edge, i) => edge !== now[i])) put(now);
+  next();
+}
+
+function nobody() {
+  if (!told.drawer) {
+    say("Say who draws first, by a name or a letter: a row without edges and without a name is one that is not drawn yet.", "error");
+    $("drawer").focus();
+    return;
+  }
+  say("");
+  if (entry().box?.length !== 0) put([]);
+  next();
+}
+
+function undraw() {
+  if (entry().box !== null) put(null);
+  go(at);
+}
+
+function place(edges) {
+  const [a, b, c, d] = edges;
+  box = [Math.min(a, c), Math.min(b, d), Math.max(a, c), Math.max(b, d)];
+  touched = true;
+}
+
+function clicked(u, v) {
+  if (!picture.drags) {
+    offer([u, v]);
+    look(u, v);
+  } else if (!corner) {
+    corner = [u, v];
+    redraw();
+  } else {
+    const from = corner;
+    corner = null;
+    if (u !== from[0] && v !== from[1]) place([...from, u, v]);
+    redraw();
+  }
+}
+
+function dragged(from, to) {
+  corner = null;
+  if (Math.abs(from[0] - to[0]) < STEP || Math.abs(from[1] - to[1]) < STEP) return;
+  place([...from, ...to]);
+  redraw();
+}
+
+/** Move the box, or with Shift its right and lower edge. */
+function nudge(key, event) {
+  if (!box) return;
+  const step = event.repeat ? 4 * STEP : STEP;
+  const [du, dv] = { ArrowLeft: [-step, 0], ArrowRight: [step, 0], ArrowUp: [0, -step], ArrowDown: [0, step] }[key];
+  const [a, b, c, d] = box;
+  box = event.shiftKey
+    ? [a, b, Math.max(c + du, a + STEP), Math.max(d + dv, b + STEP)]
+    : [a + du, b + dv, c + du, d + dv];
+  touched = true;
+  corner = null;
+  const [x, y] = picture.place_of(...middle(box));
+  const inside = x > 40 && y > 40 && x < picture.place.clientWidth - 40 && y < picture.place.clientHeight - 40;
+  if (picture.drags && !inside) picture.look(...middle(box));
+  redraw();
+}
+
+/** Look at the next thing that moves. */
+function mover() {
+  if (!moving.length) return say("Nothing moves in this picture against the others.");
+  looking = looking === null ? 0 : (looking + 1) % moving.length;
+  offer(middle(moving[looking]));
+  look(...middle(box));
+}
+
+let shapesOfLabels = [];
+async function labels() {
+  shapesOfLabels = [];
+  const { frame } = entry();
+  if ($("labels").checked) {
+    const found = await ask("/api/drawn", { ...asked(), frame });
+    if (frame !== entry().frame) return;
+    shapesOfLabels = found.labels.map((one) => ({ kind: "dot", u: one.u, v: one.v, class: one.side }));
+    if (!shapesOfLabels.length) say("The last run has no labels in this picture.");
+  }
+  redraw();
+}
+
+function redraw() {
+  const shapes = [...shapesOfLabels];
+  if (box) shapes.push({ kind: "box", u: box[0], v: box[1], to: [box[2], box[3]], class: touched ? "boxed" : "offered" });
+  if (corner) shapes.push({ kind: "cross", u: corner[0], v: corner[1], class: "boxed" });
+  picture.shapes = shapes;
+  picture.redraw();
+  inset();
+  const one = entry();
+  const numbers = box ? `${(box[2] - box[0]).toFixed(2)} × ${(box[3] - box[1]).toFixed(2)} px at (${box[0].toFixed(2)}, ${box[1].toFixed(2)})` : "";
+  const words = one.box === null ? (touched ? "not accepted yet" : "offered for its size") : one.box.length ? (same() ? "accepted" : "changed, not accepted yet") : "nobody is seen here, you said";
+  $("now").textContent = `Picture ${at + 1} of ${told.frames.length}, frame ${one.frame}: ${numbers}, ${words}.`;
+  Object.assign($("picture").dataset, { box: box ? box.map((edge) => edge.toFixed(3)).join(" ") : "", touched });
+}
+
+const same = () => drawn(entry()) && rounded(box).every((edge, i) => edge === entry().box[i]);
+
+/** The enlarged part, and what moves, on the whole picture. */
+function inset() {
+  const { width, height } = recording;
+  $("marks").setAttribute("viewBox", `0 0 ${width} ${height}`);
+  const [a, b] = picture.at({ x: 0, y: 0 });
+  const [c, d] = picture.at({ x: picture.place.clientWidth, y: picture.place.clientHeight });
+  const made = (name, attributes) => {
+    const one = document.createElementNS("http://www.w3.org/2000/svg", name);
+    for (const [key, value] of Object.entries(attributes)) one.setAttribute(key, value);
+    return one;
+  };
+  $("marks").replaceChildren(
+    made("rect", { x: a, y: b, width: c - a, height: d - b, class: "view" }),
+    ...moving.map((one) => { const [cx, cy] = middle(one); return made("circle", { cx, cy, r: width / 50, class: "mover" }); }),
+  );
+}
+
+/** The list of the frames, and what the file says. */
+function list() {
+  const done = told.frames.filter((one) => one.box !== null).length;
+  $("count").textContent = `${done} of ${told.frames.length} pictures are done`;
+  $("frames").replaceChildren(...told.frames.map((one, i) => {
+    const words = one.box === null ? "not drawn yet" : one.box.length ? "drawn" : "nobody";
+    return element("button", {
+      type: "button", class: words.split(" ")[0], title: `frame ${one.frame}: ${words}`, "aria-label": `frame ${one.frame}, ${words}`,
+      "aria-current": i === at && "true", onclick: () => { go(i); focus(); },
+    }, one.box === null ? String(one.frame) : one.box.length ? `${one.frame} ✓` : `${one.frame} –`);
+  }));
+  const others = told.drawers.filter((one) => one.name !== told.drawer);
+  const by = (one) => (one.name ? `by ${one.name}` : "without a name");
+  const named = (one) => `${one.boxes} ${one.boxes === 1 ? "box" : "boxes"} ${by(one)}`;
+  $("who").textContent = [
+    told.drawer ? "" : "Without a name N (nobody) cannot be said.",
+    others.length ? `The file has ${others.map(named).join(", ")}, too: all stay. The steps use the boxes ${by(told.drawers[0])}, others only judge.` : "",
+  ].join(" ").trim();
+  const from = told.labelled ? "that have labels of the last run" : "of the recording, as nothing was labelled yet";
+  $("file").textContent = `${told.file}: a row for each picture, with the four edges in px and who drew. The pictures are one of each of equal parts of those ${from}, drawn with a fixed seed, and all that are in the file. `
+    + "A row without edges and with a name: this drawer saw nobody. Without edges and without a name, or no row: not drawn yet. The steps take neither for a box. Of 15 boxes or more one in five is kept back from every fit, to judge.";
+}
+
+function focus() {
+  document.activeElement?.blur();
+  picture.viewer.canvas.focus({ preventScroll: true });
+}
+
+/** What the file has for this drawer, and the first picture that is not drawn, or `frame`. */
+async function load(frame) {
+  const drawer = $("drawer").value.trim();
+  const count = Number(state().count) || 25;
+  const found = await ask("/api/boxes", { ...asked(), drawer, count });
+  told = { ...found, drawer };
+  if (!told.frames.length) {
+    say("The last run has no label in any picture of this camera, so that there is nothing to draw.");
+    return;
+  }
+  const wanted = told.frames.findIndex((one) => one.frame === frame);
+  const open = told.frames.findIndex((one) => one.box === null);
+  await go(wanted >= 0 ? wanted : Math.max(open, 0));
+}
+
+async function choose(walk, camera, frame = null) {
+  const one = walks.find((each) => each.walk === walk) ?? walks[0];
+  fill($("walk"), walks.map((each) => [each.walk, `${each.walk} (${each.session})`]), one.walk);
+  fill($("camera"), one.far.map((name) => [name, name]), camera);
+  remember({ walk: one.walk, camera: $("camera").value });
+  movers = new Map();
+  const words = { walk: one.walk, camera: $("camera").value };
+  recording = { ...await ask("/api/recording", words), ...words };
+  picture.open(recording);
+  await load(frame);
+}
+
+async function named() {
+  const drawer = $("drawer").value.trim();
+  remember({ drawer });
+  localStorage.setItem("drawer", drawer);
+  await load(entry()?.frame ?? null);
+}
+
+const acts = {
+  Enter: accept, Backspace: () => go(at - 1), Delete: undraw, n: nobody, m: mover, 0: whole,
+  8: () => look(...middle(box)), "+": () => { picture.zoom(1.5); redraw(); }, "=": () => { picture.zoom(1.5); redraw(); }, "-": () => { picture.zoom(1 / 1.5); redraw(); },
+  Escape: () => { corner = null; redraw(); }, l: () => { $("labels").checked = !$("labels").checked; labels(); },
+};
+
+onKeys((key, event) => {
+  // a key that is held down to move the box accepts nothing
+  if (!told?.frames.length || event.repeat && !key.startsWith("Arrow")) return false;
+  if (event.target.closest("button, a, summary, input") && ["Enter", " "].includes(key)) return false;
+  if (key.startsWith("Arrow")) nudge(key, event);
+  else if (key.toLowerCase() in acts) acts[key.toLowerCase()]();
+  else if (key in acts) acts[key]();
+  else return false;
+  return true;
+});
+for (const [id, act] of Object.entries({ accept, nobody, back: () => go(at - 1), undraw })) $(id).addEventListener("click", () => { act(); if (document.activeElement !== $("drawer")) focus(); });
+$("labels").addEventListener("change", labels);
+$("more").addEventListener("click", async () => { remember({ count: told.frames.length + 25 }); await load(null); });
+$("walk").addEventListener("change", () => choose($("walk").value, null));
+$("camera").addEventListener("change", () => choose($("walk").value, $("camera").value));
+$("drawer").addEventListener("change", named);
+$("drawer").addEventListener("keydown", (event) => { if (event.key === "Enter") { event.preventDefault(); focus(); } });
+$("whole").addEventListener("click", (event) => {
+  const { width, height } = recording;
+  const [u, v] = [(event.offsetX / $("whole").clientWidth) * width - 0.5, (event.offsetY / $("whole").clientHeight) * height - 0.5];
+  if (!drawn(entry())) offer([u, v]);
+  look(u, v);
+});
+picture.onShown = (frame, small, there) => { if (!there) say(`The picture of frame ${frame} cannot be read; go on to another.`, "error"); };
+
+walks = (await ask("/api/walks"))
+  .map((one) => ({ ...one, far: Object.keys(one.cameras).filter((name) => one.cameras[name] === "long_range") }))
+  .filter((one) => one.far.length);
+$("drawer").value = state().drawer ?? localStorage.getItem("drawer") ?? "";
+if ($("drawer").value) remember({ drawer: $("drawer").value });
+if (!walks.length) $("none").hidden = false;
+else {
+  await choose(state().walk, state().camera, state().frame ? Number(state().frame) : null);
+  if (!$("drawer").value && told.named.length) {
+    const take = (name) => () => { $("drawer").value = name; named(); };
+    say("Who draws?", "", { ...Object.fromEntries(told.named.map((name) => [name, take(name)])), "Somebody else": () => $("drawer").focus() });
+  }
+}
