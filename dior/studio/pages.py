@@ -17,7 +17,14 @@ if TYPE_CHECKING:
 
 TEMPLATES = Path(__file__).parent / "templates"
 # address and name, as the links on top have them
-PAGES = {"/": "Start", "/frames": "Frames", "/boxes": "Boxes", "/long-range": "Long range", "/time": "Time"}
+PAGES = {
+    "/": "Start",
+    "/frames": "Frames",
+    "/boxes": "Boxes",
+    "/long-range": "Long range",
+    "/time": "Time",
+    "/who": "Who",
+}
 # what config/effort.tsv calls the work on a page
 WORK = {
     "/marks": "marks",
