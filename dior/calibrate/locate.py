@@ -372,9 +372,7 @@ def _next_mark(
 ) -> list[Finding]:
     """Finding on the marker, on a picture with marks, that would make the labels on the walks most certain."""
     candidates = hand_marks.unmarked(marks, camera, motions, stamps, clock)
-    places = np.concatenate([motion.xyz[:: max(1, len(motion.t) // 20)].reshape(-1, 3) for motion in motions.values()])
-    sd_px = np.sqrt(pnp.variance(located.miss, located.miss.size - located.jacobian.shape[1]))
-    best = pnp.best_next(camera, spread, sd_px, candidates, places[np.isfinite(places).all(axis=1)])
+    best = pnp.best_next(camera, spread, click_sd_px(located), candidates, label_places(motions))
     if best is None:
         return []
     mark, before, after = best
@@ -383,6 +381,17 @@ def _next_mark(
         f"{mark.joint} on frame {mark.frame} of {mark.sequence} would help most, to {after:.2f} px"
     )
     return [(scope, "info", "next_mark", text)]
+
+
+def click_sd_px(located: Located) -> float:
+    """Standard deviation of a mark's coordinate, as the residuals have it."""
+    return float(np.sqrt(pnp.variance(located.miss, located.miss.size - located.jacobian.shape[1])))
+
+
+def label_places(motions: Mapping[str, hand_marks.Motion]) -> Floats:
+    """Places (P, 3) m at which labels will be: the markers at some 20 instants of each walk."""
+    places = np.concatenate([motion.xyz[:: max(1, len(motion.t) // 20)].reshape(-1, 3) for motion in motions.values()])
+    return np.asarray(places[np.isfinite(places).all(axis=1)], float)
 
 
 def _distance(residual_px: float) -> str:

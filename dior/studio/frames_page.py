@@ -57,7 +57,7 @@ def picture(request: Request) -> Response:
     """One picture: JPEG, or PNG where that was recorded; `small=1` for one that is quick to send."""
     walk, camera = recording_of(request)
     frame, small = number_of(request, "frame"), number_of(request, "small", 0)
-    content = _pictures(request).read(walk, camera, frame, bool(small))
+    content = pictures_of(request).read(walk, camera, frame, bool(small))
     return Response(content, media_type=kind_of(content), headers={"cache-control": KEPT})
 
 
@@ -67,7 +67,7 @@ def png(request: Request) -> Response:
 
     walk, camera = recording_of(request)
     frame = number_of(request, "frame")
-    content = np.frombuffer(_pictures(request).read(walk, camera, frame), np.uint8)
+    content = np.frombuffer(pictures_of(request).read(walk, camera, frame), np.uint8)
     decoded = cv2.imdecode(content, cv2.IMREAD_COLOR)
     if decoded is None:
         raise DiorError(f"frame {frame} of {camera} in {walk} cannot be decoded")
@@ -138,7 +138,8 @@ def _clocks(workspace: Workspace, walk: str) -> dict[str, float]:
     return found
 
 
-def _pictures(request: Request) -> Pictures:
+def pictures_of(request: Request) -> Pictures:
+    """The pictures that all pages share."""
     state = request.app.state
     if not hasattr(state, "pictures"):
         state.pictures = Pictures(workspace_of(request))

@@ -20,6 +20,7 @@ TEMPLATES = Path(__file__).parent / "templates"
 PAGES = {
     "/": "Start",
     "/frames": "Frames",
+    "/marks": "Marks",
     "/boxes": "Boxes",
     "/long-range": "Long range",
     "/time": "Time",

@@ -24,7 +24,7 @@ from dior.calibrate.marks.marks import Motion, read_motion
 from dior.errors import DiorError, Faults
 from dior.geometry.camera import Camera
 from dior.geometry.camera_tables import unplaced
-from dior.ingest import detections, frames, mocap, moving, video_frames
+from dior.ingest import detections, frames, mocap, moving, video_frames, video_starts
 from dior.project import todos
 from dior.project.contents import Project
 from dior.project.project import as_far_as_it_goes
@@ -101,7 +101,7 @@ class Workspace:
         )
 
         def make() -> Table:
-            out = Path(self._folder.name) / f"{walk}.{camera}.frames.parquet"
+            out = self._frames_file(walk, camera)
             frames.run(
                 sequence=walk, bags=[] if filmed else [*map(Path, project.bags(walk))],
                 data_root=Path(project.data_root), topics={camera: project.topics(walk)[camera]}, out=out,
@@ -112,6 +112,14 @@ class Workspace:
 
         key = state_of(project.picture_files(walk)), repr(settings), repr(project.sequence(walk))
         return self._kept(("frames", walk, camera), key, make)
+
+    def _frames_file(self, walk: str, camera: str) -> Path:
+        return Path(self._folder.name) / f"{walk}.{camera}.frames.parquet"
+
+    def search_s(self, walk: str, camera: str) -> float:
+        """How far (s, either way) the clock of a camera may be off the motion capture's. Raises as `frames`."""
+        self.frames(walk, camera)
+        return video_starts.search_s(self._frames_file(walk, camera), absolute=True)
 
     def stamps(self, walk: str) -> dict[str, Table]:
         """The tables of all cameras of a walk that can be read, by name. Raises DiorError where there is none."""

@@ -14,8 +14,8 @@ export class Picture {
     this.shown = null;
     this.loading = false;
     this.viewer = OpenSeadragon({
-      element: place, drawer: "canvas", showNavigationControl: false, maxZoomPixelRatio: 32, minZoomImageRatio: 0.8,
-      visibilityRatio: 0.3, animationTime: 0, springStiffness: 100, imageSmoothingEnabled: false, zoomPerScroll: 1.25,
+      element: place, drawer: "canvas", preserveViewport: true, showNavigationControl: false, maxZoomPixelRatio: 32,
+      minZoomImageRatio: 0.8, visibilityRatio: 0.3, animationTime: 0, springStiffness: 100, imageSmoothingEnabled: false, zoomPerScroll: 1.25,
       gestureSettingsMouse: { clickToZoom: false, dblClickToZoom: false, flickEnabled: false },
       gestureSettingsTouch: { clickToZoom: false, dblClickToZoom: false },
     });

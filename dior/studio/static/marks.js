@@ -1,0 +1,469 @@
+// The page Marks.
+
+import { Picture } from "./picture.js";
+import { Scrub } from "./scrub.js";
+import { ask, element, fill, remember, say, send, state } from "./studio.js";
+
+const $ = (id) => document.getElementById(id);
+const picture = new Picture($("picture"), { onClick: (u, v) => place(u, v) });
+const scrub = new Scrub(picture, { onFrame: (frame, moving) => moving || arrived(), onKey: key });
+
+window.dior = { picture }; // for tests, which look for a pixel's place on the screen
+const STEP = 0.25; // px that an arrow moves a mark by
+const MANY = 10; // residuals are drawn so many times as long as they are
+let walks = [];
+let walk, camera, told; // `told`: what /api/marks says
+let marks = new Map(); // "walk frame joint" -> [u, v], of all walks
+let residuals = new Map(); // the same -> [px, whether it is used]
+let answer = {};
+let errors = null; // as the last search of the clocks has them
+let chosen = null; // the marker that the next click places
+let byHand = false; // whether the person chose it
+let selected = null; // the mark of this frame that the arrows move
+let cursor = null; // the crosshair, where the keyboard has moved it
+let pointer = null; // where the mouse is on the picture
+let unseen = new Set(); // marks that the person cannot see
+let [done, undone] = [[], []];
+let queue = Promise.resolve(); // changes are sent one after the other
+let asking = null;
+let first = Promise.resolve(); // until the marks as they are have been answered once
+
+const idOf = (joint, frame = scrub.at, on = walk) => `${on} ${frame} ${joint}`;
+const markOf = (joint) => marks.get(idOf(joint));
+
+// changes
+
+/** Put [u, v] or null at a mark, and remember how to undo it. */
+function put(joint, after, frame = scrub.at) {
+  const change = { key: [walk, frame, joint], before: marks.get(idOf(joint, frame)) ?? null, after };
+  set(change);
+  done.push(change);
+  undone = [];
+  save([change]);
+}
+
+function set({ key: [on, frame, joint], after }) {
+  if (after) marks.set(idOf(joint, frame, on), after);
+  else marks.delete(idOf(joint, frame, on));
+  show();
+}
+
+function save(changes) {
+  const where = { walk, camera };
+  queue = queue.then(async () => {
+    const found = await send("/api/marks/change", { ...where, changes });
+    $("picture").dataset.sent = Number($("picture").dataset.sent ?? 0) + 1;
+    if (where.walk !== walk || where.camera !== camera) return;
+    if (found.conflicts) return disputed(found, changes);
+    took(found.rows);
+    solve();
+  }).catch((error) => { if (!error.said) throw error; return reload(); });
+  return queue;
+}
+
+function took(rows) {
+  marks = new Map(rows.map(([on, frame, joint, u, v]) => [idOf(joint, frame, on), [u, v]]));
+  $("picture").dataset.saved = rows.length;
+  show();
+}
+
+/** Somebody else has changed the same marks: whose shall stay? */
+function disputed({ error, conflicts }, changes) {
+  const words = (one) => (one ? `at ${one.map(Number).join(", ")}` : "removed");
+  const each = conflicts.map(({ key: [, frame, joint], theirs, mine }) => `${joint} on frame ${frame}: theirs ${words(theirs)}, mine ${words(mine)}.`);
+  done = done.filter((one) => !changes.includes(one));
+  say(`${error}. ${each.join(" ")}`, "error", {
+    "Keep mine": () => {
+      const again = conflicts.map(({ key: [on, frame, joint], theirs, mine }) => ({
+        key: [on, Number(frame), joint], before: theirs && theirs.map(Number), after: mine && mine.map(Number),
+      }));
+      done.push(...again);
+      again.forEach(set);
+      save(again);
+    },
+    "Take theirs": reload,
+  });
+}
+
+async function reload() {
+  took((await ask("/api/marks", { walk, camera })).rows);
+  solve();
+}
+
+function step(from, to, way) {
+  const change = from.pop();
+  if (!change) return;
+  to.push(change);
+  const [on, frame, joint] = change.key;
+  const wanted = way === "undo" ? { key: change.key, before: change.after, after: change.before } : change;
+  set(wanted);
+  if (on === walk && frame !== scrub.at) scrub.go(frame);
+  if (on === walk) choose(joint);
+  save([wanted]);
+}
+
+// marking
+
+async function place(u, v) {
+  if (!chosen) return say("Every marker of this frame is marked or not visible; F goes to the frame that helps most.");
+  say("");
+  const [joint, frame, at] = [chosen, scrub.at, picture.recording];
+  chosen = null;
+  const rounded = [u, v].map((one) => Math.round(one * 100) / 100);
+  let found = { u: rounded[0], v: rounded[1] };
+  if ($("snaps").checked) found = await ask("/api/marks/snap", { walk, camera, frame, u: rounded[0], v: rounded[1] });
+  if (at !== picture.recording) return;
+  if (frame === scrub.at) {
+    selected = joint;
+    // an answer that came meanwhile may have asked for it again
+    if (!chosen || chosen === joint) [chosen, byHand] = [following(joint), false];
+  }
+  put(joint, [found.u, found.v], frame);
+}
+
+/** The marker to ask for, on this frame and not marked: what helps most, or else what is easy to tell. */
+function following(after = null) {
+  const free = (joint) => !markOf(joint) && joint !== after && !unseen.has(idOf(joint));
+  const hidden = new Set((answer.predicted ?? []).filter((one) => one.hidden).map((one) => one.joint));
+  const rest = told.markers.map((one) => one.name).filter((joint) => !hidden.has(joint));
+  return [...(answer.order ?? told.easy), ...rest].find(free) ?? null;
+}
+
+function choose(joint, own = true) {
+  chosen = joint;
+  byHand = own;
+  selected = markOf(joint) ? joint : null;
+  show();
+  const at = markOf(joint) ?? predictedAt(joint);
+  if (at && !inView(at)) picture.look(...at);
+  $("markers").querySelector("[aria-pressed=true]")?.scrollIntoView({ block: "nearest" });
+}
+
+function predictedAt(joint) {
+  const one = (answer.predicted ?? []).find((each) => each.joint === joint);
+  return one && [one.u, one.v];
+}
+
+function inView([u, v]) {
+  const [x, y] = picture.place_of(u, v);
+  return x > 20 && y > 20 && x < picture.place.clientWidth - 20 && y < picture.place.clientHeight - 20;
+}
+
+function beside(way) {
+  const names = told.markers.map((one) => one.name);
+  const at = names.indexOf(chosen ?? selected);
+  choose(names[(at + way + names.length) % names.length]);
+}
+
+function notVisible() {
+  if (!chosen) return;
+  unseen.add(idOf(chosen));
+  choose(following(), false);
+}
+
+async function nextMark() {
+  const best = answer.best;
+  const there = following();
+  // of this frame if there is one left, or else of the frame where one helps most
+  if (there || !best) return there ? choose(there, false) : nextFrame();
+  if (best.walk === walk) {
+    scrub.go(best.frame);
+    choose(best.joint);
+  }
+}
+
+async function nextFrame() {
+  await queue;
+  await first;
+  if (answer.frame) return goTo(answer.frame.frame);
+  const found = await ask("/api/marks/first", { walk, camera });
+  if (found.frame === scrub.at && answer.why) say("Before the marks tell a pose no other frame is known to be better.");
+  goTo(found.frame, found.box);
+}
+
+let zoomed = null; // the frame whose person is brought into view when it is known where it is
+
+function goTo(frame, box = null) {
+  zoomed = frame;
+  scrub.go(frame);
+  if (box) frameBox(box);
+}
+
+function frameBox([left, top, right, bottom]) {
+  const { clientWidth, clientHeight } = picture.place;
+  const scale = Math.min(clientWidth / (right - left + 40), clientHeight / (bottom - top + 60), 8);
+  picture.look((left + right) / 2, (top + bottom) / 2, scale);
+}
+
+/** Zoom to the person, where its markers are known. */
+function person() {
+  const known = (answer.predicted ?? []).map((one) => [one.u, one.v]);
+  const points = known.length ? known : told.markers.map((one) => markOf(one.name)).filter(Boolean);
+  if (points.length < 2) return;
+  const [us, vs] = [points.map(([u]) => u), points.map(([, v]) => v)];
+  frameBox([Math.min(...us), Math.min(...vs), Math.max(...us), Math.max(...vs)]);
+}
+
+// what the server says of the marks
+
+async function solve() {
+  asking?.abort();
+  const mine = (asking = new AbortController());
+  const where = { walk, camera, frame: scrub.at };
+  $("answer").dataset.busy = true;
+  let once;
+  first = new Promise((done) => { once = done; });
+  try {
+    for (const full of [0, 1]) {
+      const found = await ask("/api/marks/pose", { ...where, full }, { signal: mine.signal });
+      if (mine !== asking) return;
+      if (found.void) return;
+      answered(found);
+      once();
+      if (!found.unfinished) break;
+    }
+    $("answer").dataset.busy = false;
+  } catch (error) {
+    if (error.name !== "AbortError" && !error.said) throw error;
+  } finally {
+    once();
+  }
+}
+
+function answered(found) {
+  answer = found;
+  errors = found.errors ?? (found.unfinished ? errors : null);
+  residuals = new Map((found.residuals ?? []).map(([on, frame, joint, px, used]) => [idOf(joint, frame, on), [px, used]]));
+  if (chosen && markOf(chosen) && chosen !== selected) chosen = null;
+  // who aims at a marker is not asked for another one, but nobody aims at what cannot be seen
+  const hidden = (found.predicted ?? []).some((one) => one.joint === chosen && one.hidden);
+  if (hidden && !byHand) chosen = null;
+  chosen ??= following();
+  if (zoomed === scrub.at && found.predicted) {
+    zoomed = null;
+    person();
+  }
+  say_answer();
+  show();
+}
+
+function say_answer() {
+  const lines = [];
+  const line = (text, kind, ...buttons) => lines.push(element("p", { class: kind }, text, ...buttons));
+  const button = (name, act) => element("button", { type: "button", onclick: act }, name);
+  const { wrong = [], best, frame } = answer;
+  if (answer.why) line(answer.why, answer.residuals ? "look" : "");
+  if (errors) {
+    const clock = errors.clocks[walk];
+    const parts = [`Camera to ${errors.pose_mm ?? "?"} mm and ${errors.pose_deg ?? "?"}°`];
+    if (clock) parts.push(`clock ${clock.late_s >= 0 ? "+" : "−"}${Math.abs(clock.late_s).toFixed(4)} s to ${clock.half_ms ?? "?"} ms (95 %)`);
+    if (errors.label_px !== null) parts.push(`its share of a label is ${errors.label_px} px`);
+    const enough = answer.enough ? " This is enough for this camera." : "";
+    line(`${parts.join("; ")}.`, answer.errors ? (enough ? "good" : "") : "older", enough);
+  } else if (answer.residuals && answer.frames === 1) {
+    line("The pose is a first guess: one frame does not tell the clock. After six marks or more, mark a second frame (F).", "look");
+  } else if (answer.residuals && !answer.why) {
+    line("The clock is being searched …");
+  }
+  for (const one of wrong) line(one.text, "bad", button("Show it", () => { scrub.go(one.frame); choose(one.joint); }));
+  for (const text of answer.notes ?? []) line(text, "look");
+  if (best && best.walk === walk && best.after < 0.99 * best.before) {
+    const text = `Of all markers ${best.joint} on frame ${best.frame} helps most (N): labels from ${best.before} to ${best.after} px.`;
+    line(text, "", best.frame === scrub.at ? "" : button("Go there", () => { scrub.go(best.frame); choose(best.joint); }));
+  }
+  if (frame) line(frame.text, "", button("Go there (F)", () => goTo(frame.frame)));
+  else if (!answer.residuals) line("Begin where the person is whole and large.", "", button("Find a frame (F)", nextFrame));
+  $("answer").replaceChildren(...lines);
+}
+
+// what is shown
+
+function show() {
+  if (!told) return;
+  const wrong = new Set((answer.wrong ?? []).filter((one) => one.walk === walk && one.frame === scrub.at).map((one) => one.joint));
+  const predicted = new Map((answer.predicted ?? []).map((one) => [one.joint, one]));
+  shapes(wrong, predicted);
+  list(wrong, predicted);
+  for (const dot of document.querySelectorAll(".body circle")) {
+    const joint = dot.dataset.marker;
+    dot.setAttribute("class", joint === chosen ? "asked" : wrong.has(joint) ? "bad" : markOf(joint) ? "done" : "");
+  }
+  const words = told.markers.find((one) => one.name === chosen)?.words;
+  const name = element("strong", {}, chosen ?? "");
+  $("prompt").replaceChildren(...(chosen
+    ? [markOf(chosen) ? "Move " : "Click ", name, words ? `, the ${words}.` : "."]
+    : ["Every marker of this frame is marked or not visible."]));
+  $("undo").disabled = !done.length;
+  $("redo").disabled = !undone.length;
+  $("unseen").disabled = !chosen;
+}
+
+function shapes(wrong, predicted) {
+  const drawn = [];
+  if ($("predicts").checked) {
+    for (const [joint, { u, v, hidden }] of predicted) {
+      if (markOf(joint)) continue;
+      const kind = `predicted ${hidden ? "hidden" : ""} ${joint === chosen ? "asked" : ""}`;
+      drawn.push({ kind: "ring", u, v, r: joint === chosen ? 9 : 4, class: kind });
+      if (joint === chosen) drawn.push({ kind: "text", u, v, text: joint, dx: 12 });
+    }
+  }
+  const near = picture.viewer.viewport && picture.recording && picture.scale > 2;
+  for (const { name } of told.markers) {
+    const at = markOf(name);
+    if (!at) continue;
+    const [u, v] = at;
+    const to = predicted.get(name);
+    const residual = residuals.get(idOf(name));
+    if (to) drawn.push({ kind: "line", u, v, to: [u + MANY * (to.u - u), v + MANY * (to.v - v)], class: "residual" });
+    drawn.push({ kind: "cross", u, v, r: 7, class: `mark ${wrong.has(name) ? "wrong" : ""}` });
+    if (name === selected) drawn.push({ kind: "ring", u, v, r: 11, class: "chosen" });
+    const px = residual?.[0]?.toFixed(1);
+    if (near || wrong.has(name) || name === selected) drawn.push({ kind: "text", u, v, text: px ? `${name} ${px}` : name });
+    else if (px) drawn.push({ kind: "text", u, v, text: px });
+  }
+  if (cursor) drawn.push({ kind: "cross", u: cursor[0], v: cursor[1], r: 16, class: "cursor" });
+  picture.shapes = drawn;
+  picture.redraw();
+}
+
+function list(wrong, predicted) {
+  const place = $("markers");
+  if (place.children.length !== told.markers.length) {
+    place.replaceChildren(...told.markers.map(({ name, words }) => element("li", {},
+      element("button", { type: "button", "data-joint": name, title: words, onclick: () => choose(name) }, name, element("span")))));
+  }
+  for (const one of place.querySelectorAll("button")) {
+    const joint = one.dataset.joint;
+    const [px, used] = residuals.get(idOf(joint)) ?? [null, true];
+    const hidden = !markOf(joint) && (predicted.get(joint)?.hidden || unseen.has(idOf(joint)));
+    const text = markOf(joint) ? (px === null ? "marked" : `${px.toFixed(2)} px${used ? "" : ", not used"}`) : hidden ? "not visible" : "";
+    one.lastElementChild.textContent = text;
+    one.setAttribute("aria-pressed", joint === chosen);
+    one.className = wrong.has(joint) ? "bad" : hidden ? "hidden" : "";
+  }
+}
+
+function arrived() {
+  const own = `${walk} ${camera} ${scrub.at}`;
+  if (arrived.last === own) return;
+  arrived.last = own;
+  // what is known of another frame is not true here
+  answer = { ...answer, predicted: [], order: undefined };
+  selected = null;
+  [chosen, byHand] = [told ? following() : null, false];
+  show();
+  solve();
+}
+
+// keys
+
+function key(name, event) {
+  if (event.target === $("frame") && name.startsWith("Arrow")) return false;
+  // Enter presses the button that has the focus
+  if (name === "Enter" && event.target.closest("button, summary, a")) return false;
+  const arrows = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
+  if (name in arrows) return move(arrows[name], event.shiftKey);
+  const acts = {
+    Enter: () => place(...(cursor ?? pointer ?? centre())),
+    Escape: () => { selected = null; cursor ??= centre(); show(); },
+    Delete: remove, Backspace: remove,
+    ",": () => scrub.go(scrub.at - 1), ".": () => scrub.go(scrub.at + 1),
+    "<": () => scrub.go(scrub.at - 10), ">": () => scrub.go(scrub.at + 10),
+    j: () => beside(1), k: () => beside(-1), n: nextMark, f: nextFrame, x: notVisible, z: person,
+    s: () => toggle("snaps"), p: () => toggle("predicts"),
+  };
+  const act = acts[name] ?? acts[name.toLowerCase()];
+  if (!act) return false;
+  act();
+  return true;
+}
+
+function move([right, down], far) {
+  if (selected && markOf(selected)) {
+    const [u, v] = markOf(selected);
+    const by = far ? 4 * STEP : STEP;
+    put(selected, [u + by * right, v + by * down].map((one) => Math.round(one * 100) / 100));
+    return true;
+  }
+  const by = (far ? 80 : 8) / picture.scale;
+  const { width, height } = picture.recording;
+  const [u, v] = cursor ?? centre();
+  cursor = [Math.min(Math.max(u + by * right, 0), width - 1), Math.min(Math.max(v + by * down, 0), height - 1)];
+  if (!inView(cursor)) picture.look(...cursor);
+  show();
+  return true;
+}
+
+function centre() {
+  return picture.at({ x: picture.place.clientWidth / 2, y: picture.place.clientHeight / 2 });
+}
+
+function remove() {
+  if (!selected) return;
+  const joint = selected;
+  selected = null;
+  put(joint, null);
+  choose(joint);
+}
+
+function toggle(id) {
+  $(id).checked = !$(id).checked;
+  show();
+}
+
+document.addEventListener("keydown", (event) => {
+  if (!(event.ctrlKey || event.metaKey) || event.altKey) return;
+  const name = event.key.toLowerCase();
+  if (name === "z" && !event.shiftKey) step(done, undone, "undo");
+  else if (name === "y" || name === "z") step(undone, done, "redo");
+  else return;
+  event.preventDefault();
+});
+picture.place.addEventListener("pointermove", (event) => {
+  if (!picture.recording) return;
+  const box = picture.place.getBoundingClientRect();
+  pointer = picture.at({ x: event.clientX - box.left, y: event.clientY - box.top });
+  if (cursor) { cursor = null; show(); }
+});
+picture.place.addEventListener("pointerleave", () => { pointer = null; });
+for (const dot of document.querySelectorAll(".body circle")) {
+  dot.addEventListener("click", () => told?.markers.some((one) => one.name === dot.dataset.marker) && choose(dot.dataset.marker));
+}
+$("undo").addEventListener("click", () => step(done, undone, "undo"));
+$("redo").addEventListener("click", () => step(undone, done, "redo"));
+$("unseen").addEventListener("click", notVisible);
+$("predicts").addEventListener("change", show);
+picture.viewer.addHandler("zoom", () => show());
+window.addEventListener("focus", () => told && queue.then(reload));
+
+// which camera
+
+async function open(wanted, name, frame) {
+  const one = walks.find((each) => each.walk === wanted) ?? walks.find((each) => each.session === state().session) ?? walks[0];
+  fill($("walk"), walks.map((each) => [each.walk, each.walk]), one.walk);
+  fill($("camera"), Object.keys(one.cameras).map((each) => [each, each]), name);
+  [told, answer, errors, chosen, selected, cursor, done, undone, unseen] = [null, {}, null, null, null, null, [], [], new Set()];
+  residuals = new Map();
+  $("markers").replaceChildren();
+  [walk, camera] = [one.walk, $("camera").value];
+  remember({ walk, camera });
+  const where = { walk, camera };
+  const [found, recording] = await Promise.all([ask("/api/marks", where), ask("/api/recording", where)]);
+  if (where.walk !== walk || where.camera !== camera) return;
+  told = found;
+  $("note").hidden = !found.note;
+  $("note").textContent = found.note;
+  arrived.last = null;
+  took(found.rows);
+  scrub.open({ ...recording, ...where }, frame);
+  chosen = following();
+  say_answer();
+  show();
+}
+
+$("walk").addEventListener("change", () => open($("walk").value, camera, 0));
+$("camera").addEventListener("change", () => open(walk, $("camera").value, scrub.at));
+walks = (await ask("/api/walks")).filter((one) => one.indoor);
+if (walks.length) await open(state().walk, state().camera, Number(state().frame) || 0);
+else say("The project has no walk with motion capture, whose markers could be marked.");

@@ -1,0 +1,369 @@
+"""The page Marks: what it saves and refuses, and the practice capture marked in a browser."""
+
+import csv
+import json
+import re
+import shutil
+import subprocess
+import sys
+import time
+
+import cv2
+import numpy as np
+import pytest
+
+from dior.calibrate.marks import marks as hand_marks
+from dior.tables import tables
+from tests.studio import browser
+
+CAM = {"walk": "in_1", "camera": "cam01"}
+FILE = "config/sessions/lab/cam01.marks.csv"
+
+
+def sent(*changes):
+    return {**CAM, "changes": [{"key": key, "before": before, "after": after} for key, before, after in changes]}
+
+
+def changed(client, *changes):
+    return client.post("/api/marks/change", json=sent(*changes))
+
+
+def test_the_markers_of_the_walk_and_the_rows_of_the_file(client):
+    told = client.get("/api/marks", params=CAM).json()
+    assert told["path"] == FILE and told["note"] == ""
+    assert ["in_1", 3, "LASI", 10.0, 20.0] in told["rows"] and len(told["rows"]) == 4
+    named = {one["name"]: one for one in told["markers"]}
+    assert named["LASI"]["side"] == "left" and "pelvis" in named["LASI"]["words"]
+    assert set(told["easy"]) <= set(named)
+
+
+def test_a_mark_is_placed_moved_removed_and_all_of_it_undone(client, project):
+    before = (project / FILE).read_text()
+    key = ["in_1", 12, "RASI"]
+    for then, now in [(None, [20, 21]), ([20, 21], [20.25, 21]), ([20.25, 21], None)]:
+        answer = changed(client, (key, then, now))
+        assert answer.status_code == 200
+        kept = [row[3:] for row in answer.json()["rows"] if row[:3] == key]
+        assert kept == ([] if now is None else [now])
+        assert (project / FILE).read_text().startswith(before)
+    assert (project / FILE).read_text() == before
+
+
+def test_other_rows_and_comments_and_places_stay(client, project):
+    (project / FILE).write_text(
+        "# by N. N.\nsequence,frame,joint,u,v,x,y,z\nin_1,3,LASI,10,20,,,\nin_1,3,post,30,31,0.5,0.25,1\n"
+    )
+    answer = changed(client, (["in_1", 3, "post"], [30, 31], [31, 31]), (["in_1", 4, "LASI"], None, [11, 20]))
+    assert answer.status_code == 200
+    assert (project / FILE).read_text() == (
+        "# by N. N.\nsequence,frame,joint,u,v,x,y,z\nin_1,3,LASI,10,20,,,\nin_1,3,post,31.00,31.00,0.5,0.25,1\n"
+        "in_1,4,LASI,11.00,20.00,,,\n"
+    )
+    assert "post" in {one["name"] for one in client.get("/api/marks", params=CAM).json()["markers"]}
+
+
+def test_a_file_is_begun(client, project):
+    (project / FILE).unlink()
+    assert client.get("/api/marks", params=CAM).json()["rows"] == []
+    assert changed(client, (["in_1", 3, "LASI"], None, [10, 20])).status_code == 200
+    assert len(hand_marks.read(project / FILE)) == 1
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ((["in_1", 3, "LASI"], [10, 20], [64, 20]), "outside of the 64x48 picture"),
+        ((["in_1", 40, "LASI"], None, [10, 20]), "no frame 40"),
+        ((["in_1", 4, "LASSI"], None, [10, 20]), "did you mean 'LASI'"),
+        ((["out_1", 4, "LASI"], None, [10, 20]), "walk is 'out_1'"),
+        ((["in_1", "4", "LASI"], None, [10, 20]), "without a frame"),
+        ((["in_1", 4, "LASI"], None, [10, "here"]), "no two pixels"),
+        ((["in_1", 4, "LASI"], None, [10, float("nan")]), "outside of the 64x48 picture"),
+        ((["in_1", 4], None, None), "without its sequence"),
+    ],
+)
+def test_what_is_no_mark_is_refused_and_nothing_written(client, project, change, said):
+    before = (project / FILE).read_text()
+    # as a page may write what JSON does not have: NaN
+    kind = {"content-type": "application/json"}
+    answer = client.post("/api/marks/change", content=json.dumps(sent(change)), headers=kind)
+    assert answer.status_code == 422 and said in answer.json()["error"]
+    assert (project / FILE).read_text() == before
+
+
+def test_a_mark_that_somebody_else_has_moved_is_a_conflict_with_both(client, project):
+    key = ["in_1", 3, "LASI"]
+    path = project / FILE
+    path.write_text(path.read_text().replace("in_1,3,LASI,10,20", "in_1,3,LASI,15,25"))
+    answer = changed(client, (key, [10, 20], [11, 20]))
+    assert answer.status_code == 409 and "somebody else" in answer.json()["error"]
+    [clash] = answer.json()["conflicts"]
+    assert clash == {"key": ["in_1", "3", "LASI"], "theirs": ["15", "25"], "mine": ["11.00", "20.00"]}
+    assert "15,25" in path.read_text()
+    # mine is kept by saying what theirs is
+    assert changed(client, (key, [15, 25], [11, 20])).status_code == 200
+
+
+def test_a_click_goes_to_the_blob_or_stays(client):
+    # the pictures of the tiny project have noise and no markers
+    told = client.get("/api/marks/snap", params=CAM | {"frame": 3, "u": 20.25, "v": 21}).json()
+    assert told["found"] or (told["u"], told["v"]) == (20.25, 21)
+    assert client.get("/api/marks/snap", params=CAM | {"frame": 3, "u": "", "v": 1}).status_code == 422
+
+
+def test_what_few_marks_say(client, project):
+    (project / FILE).write_text("sequence,frame,joint,u,v\nin_1,3,LASI,10,20\n")
+    told = client.get("/api/marks/pose", params=CAM | {"frame": 3}).json()
+    assert told["why"].startswith("3 marks more") and not told["unfinished"]
+    # marks that fit no pose are said, not an error of the page
+    path = project / FILE
+    path.write_text(path.read_text() + "in_1,3,RASI,60,2\nin_1,3,LPSI,1,40\nin_1,3,RPSI,33,3\n")
+    answer = client.get("/api/marks/pose", params=CAM | {"frame": 3})
+    assert answer.status_code == 200 and ("why" in answer.json())
+
+
+# the practice capture in a browser
+
+PLACE = """([u, v]) => { const { picture } = window.dior, [x, y] = picture.place_of(u, v),
+  box = picture.place.getBoundingClientRect(); return [box.left + x, box.top + y]; }"""
+
+
+def until(one, script, most_s=90.0):
+    """Wait until a script is true; the pages' policy forbids Playwright's own way."""
+    begun = time.monotonic()
+    while not one.evaluate(script):
+        assert time.monotonic() - begun < most_s, script
+        one.wait_for_timeout(30)
+
+
+def ready(one):
+    until(one, "document.querySelectorAll('#markers button').length > 30")
+    one.wait_for_selector("#picture[data-small='false']")
+
+
+def answered(one):
+    until(one, "document.querySelector('#answer').dataset.busy === 'false'")
+
+
+def frame_of(one):
+    return int(one.locator("#number").input_value())
+
+
+def asked(one):
+    name = one.locator("#prompt strong")
+    return name.inner_text() if name.count() else ""
+
+
+def saved(one, count):
+    until(one, f"document.querySelector('#picture').dataset.saved === '{count}'")
+
+
+def truth_of(project, camera):
+    """(frame, marker) -> pixel, of those that are seen."""
+    table = tables.read(project / "recordings/truth/indoor_01/labels_2d.parquet", "labels_2d")
+    own = (table["camera"] == camera) & (table["status"] == "ok")
+    keys = zip(table["frame"][own].tolist(), table["joint"][own], strict=True)
+    return dict(zip(keys, np.stack([table["u"][own], table["v"][own]], axis=1), strict=True))
+
+
+def rows_of(project, camera):
+    path = project / f"config/sessions/lab/{camera}.marks.csv"
+    if not path.is_file():
+        return {}
+    with path.open(newline="") as lines:
+        return {(int(row["frame"]), row["joint"]): (float(row["u"]), float(row["v"])) for row in csv.DictReader(lines)}
+
+
+@pytest.fixture
+def unmarked(practice, tmp_path):
+    """A copy of the practice capture in which all cameras but cam01 are marked."""
+    project = tmp_path / "practice"
+    shutil.copytree(practice, project)
+    browser.solved(project, "marks", "boxes")
+    (project / "config/sessions/lab/cam01.marks.csv").unlink()
+    return project
+
+
+def picture_of(one, frame):
+    """A picture as the page has it, in grey."""
+    address = one.url.partition("/marks")[0] + f"/picture?walk=indoor_01&camera=cam01&frame={frame}"
+    return cv2.imdecode(np.frombuffer(one.request.get(address).body(), np.uint8), cv2.IMREAD_GRAYSCALE)
+
+
+def clear(truth, frame, name, grey):
+    """Whether a marker is seen on a frame, and no other is so near that a click of 2 px may be on it.
+
+    The body that is drawn hides some that the truth, whose limbs are thinner, calls seen.
+    """
+    uv = truth.get((frame, name))
+    if uv is None or not (10 < uv[0] < 1270 and 10 < uv[1] < 710):
+        return False
+    near = [np.linalg.norm(uv - other) for (f, joint), other in truth.items() if f == frame and joint != name]
+    u, v = uv.round().astype(int)
+    return min(near, default=np.inf) > 9 and grey[v - 1 : v + 2, u - 1 : u + 2].max() > 220
+
+
+def mark_as_asked(one, truth, count, rng, before=0):
+    """Place `count` markers on the frame as the page asks for them, each up to 2 px beside its true place."""
+    placed = before
+    while placed < before + count:
+        name = asked(one)
+        assert name, "the page asks for nothing"
+        frame = frame_of(one)
+        if not clear(truth, frame, name, picture_of(one, frame)):
+            one.keyboard.press("x")
+            continue
+        angle, far = rng.uniform(0, 2 * np.pi), 2 * np.sqrt(rng.uniform())
+        u, v = truth[frame, name] + far * np.array([np.cos(angle), np.sin(angle)])
+        one.mouse.click(*one.evaluate(PLACE, [float(u), float(v)]))
+        placed += 1
+        saved(one, placed)
+        answered(one)
+    return placed
+
+
+def to_next_frame(one):
+    before = frame_of(one)
+    one.keyboard.press("f")
+    until(one, f"document.querySelector('#number').value !== '{before}'")
+    browser.until_shown(one, frame_of(one))
+    answered(one)
+
+
+@pytest.mark.slow
+def test_a_camera_is_marked_and_then_its_pose_and_clock_are_right(unmarked, chromium):
+    truth, rng = truth_of(unmarked, "cam01"), np.random.default_rng(11)
+    with browser.served(unmarked) as address, browser.page(chromium, address, "/marks?session=lab&camera=cam01") as one:
+        ready(one)
+        to_next_frame(one)
+        assert "4 marks more" in one.locator("#answer").inner_text()
+        mark_as_asked(one, truth, 5, rng)
+        said = one.locator("#answer").inner_text()
+        assert one.locator("#picture svg .predicted").count() > 10, said
+        assert "one frame does not tell the clock" in said
+        to_next_frame(one)
+        mark_as_asked(one, truth, 4, rng, before=5)
+        to_next_frame(one)
+        mark_as_asked(one, truth, 3, rng, before=9)
+        told = one.evaluate("fetch('/api/marks/pose?walk=indoor_01&camera=cam01&frame=0&full=1').then((r) => r.json())")
+        shown = one.locator("#answer").inner_text()
+    rows = rows_of(unmarked, "cam01")
+    assert len(rows) == 12 and len({frame for frame, _ in rows}) == 3
+    off = {key: float(np.linalg.norm(np.subtract(uv, truth[key]))) for key, uv in rows.items()}
+    assert max(off.values()) < 1.0, off
+    assert max(px for *_, px, used in told["residuals"] if used) < 1.0 and all(used for *_, used in told["residuals"])
+    assert not told["why"] and not told["wrong"]
+    assert "Camera to" in shown and "ms (95 %)" in shown
+    camera = tables.read(unmarked / "recordings/truth/indoor_01/cameras.parquet", "cameras", ["camera", "offset_s"])
+    late_s = float(camera["offset_s"][camera["camera"] == "cam01"][0])
+    clock = told["errors"]["clocks"]["indoor_01"]
+    # half of a 95 % interval, three times
+    assert abs(clock["late_s"] - late_s) < 3e-3 * clock["half_ms"]
+
+
+@pytest.mark.slow
+def test_keys_alone_place_move_undo_and_redo(unmarked, chromium):
+    with (
+        browser.served(unmarked) as address,
+        browser.page(chromium, address, "/marks?session=lab&camera=cam01&frame=48") as one,
+    ):
+        ready(one)
+        first = asked(one)
+        one.keyboard.press("s")
+        assert not one.locator("#snaps").is_checked()
+        for key in ("Escape", "Shift+ArrowLeft", "ArrowUp", "Enter"):
+            one.keyboard.press(key)
+        saved(one, 1)
+        [(key, placed)] = rows_of(unmarked, "cam01").items()
+        assert key == (48, first) and asked(one) not in ("", first)
+
+        def at(u, v):
+            until(one, f"document.querySelector('#picture').dataset.sent === '{sends.pop(0)}'")
+            assert rows_of(unmarked, "cam01") == ({(48, first): (u, v)} if u is not None else {})
+
+        sends = list(range(2, 20))
+        u, v = placed
+        for press, now in [
+            ("ArrowRight", (u + 0.25, v)),
+            ("Shift+ArrowDown", (u + 0.25, v + 1)),
+            ("Control+z", (u + 0.25, v)),
+            ("Control+z", (u, v)),
+            ("Control+z", (None, None)),
+            ("Control+y", (u, v)),
+            ("Control+y", (u + 0.25, v)),
+            ("Delete", (None, None)),
+            ("Control+z", (u + 0.25, v)),
+        ]:
+            one.keyboard.press(press)
+            at(*now)
+        one.keyboard.press("j")
+        other = asked(one)
+        one.keyboard.press("k")
+        assert asked(one) != other
+        # the wheel
+        box = one.locator("#picture").bounding_box()
+        one.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+        for _ in range(20):
+            one.mouse.wheel(0, -300)
+            one.wait_for_timeout(30)
+        assert one.evaluate("window.dior.picture.scale") >= 16
+
+
+@pytest.mark.slow
+def test_two_tabs_at_the_same_mark_are_told_of_each_other(unmarked, chromium):
+    path = "/marks?session=lab&camera=cam01&frame=48"
+    with (
+        browser.served(unmarked) as address,
+        browser.page(chromium, address, path) as one,
+        browser.page(chromium, address, path) as other,
+    ):
+        ready(one)
+        ready(other)
+        one.keyboard.press("s")
+        one.mouse.click(*one.evaluate(PLACE, [500.0, 300.0]))
+        saved(one, 1)
+        name = rows_of(unmarked, "cam01").popitem()[0][1]
+        other.keyboard.press("s")
+        other.locator(f"#markers [data-joint={name}]").click()
+        other.mouse.click(*other.evaluate(PLACE, [510.0, 310.0]))
+        other.locator("#said .error").wait_for()
+        assert "somebody else" in other.locator("#said").inner_text() and name in other.locator("#said").inner_text()
+        theirs = rows_of(unmarked, "cam01")[48, name]
+        np.testing.assert_allclose(theirs, (500, 300), atol=0.6)
+        other.locator("#said button", has_text="Keep mine").click()
+        until(other, "document.querySelector('#picture').dataset.sent === '2'")
+        np.testing.assert_allclose(rows_of(unmarked, "cam01")[48, name], (510, 310), atol=0.6)
+        # now the first one is older
+        one.locator(f"#markers [data-joint={name}]").click()
+        one.keyboard.press("ArrowRight")
+        one.locator("#said .error").wait_for()
+        one.locator("#said button", has_text="Take theirs").click()
+        until(one, f"document.querySelector('#markers [data-joint={name}]').innerText.includes('marked')")
+        one.keyboard.press("ArrowRight")
+        until(one, "document.querySelector('#picture').dataset.sent === '3'")
+        np.testing.assert_allclose(rows_of(unmarked, "cam01")[48, name], (510.25, 310), atol=0.6)
+        # refused writes are said in the console, too
+        assert all("409" in text for text in one.said + other.said)
+        one.said.clear()
+        other.said.clear()
+
+
+@pytest.mark.slow
+def test_a_mark_that_is_moved_runs_what_depends_on_its_camera_and_nothing_else(unmarked, chromium):
+    browser.solved(unmarked, "marks")
+    dior = [sys.executable, "-m", "dior", "run", str(unmarked)]
+    assert subprocess.run(dior, capture_output=True).returncode == 0
+    key = next(iter(rows_of(unmarked, "cam01")))
+    path = f"/marks?session=lab&camera=cam01&frame={key[0]}"
+    with browser.served(unmarked) as address, browser.page(chromium, address, path) as one:
+        ready(one)
+        one.locator(f"#markers [data-joint={key[1]}]").click()
+        one.keyboard.press("ArrowRight")
+        until(one, "document.querySelector('#picture').dataset.sent === '1'")
+    told = subprocess.run([*dior, "-n"], capture_output=True, text=True)
+    said = told.stdout + told.stderr
+    assert "Runs again because of: config/sessions/lab/cam01.marks.csv\n" in said
+    # of the four cameras one is located, and its labels alone are projected again
+    counts = dict(re.findall(r"^ *(\w+) +(\d+) *$", said, re.MULTILINE))
+    assert counts["locate"] == counts["reproject"] == "1"
+    assert not {"frames", "mocap", "intrinsics", "detections", "adjust", "triangulate"} & set(counts), said
