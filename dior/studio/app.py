@@ -13,7 +13,17 @@ from starlette.staticfiles import StaticFiles
 
 from dior.errors import DiorError
 from dior.shortage import sentence
-from dior.studio import boxes_page, effort, frames_page, long_range_page, marks_page, start_page, time_page, who_page
+from dior.studio import (
+    boxes_page,
+    checks_page,
+    effort,
+    frames_page,
+    long_range_page,
+    marks_page,
+    start_page,
+    time_page,
+    who_page,
+)
 from dior.studio.guard import HOSTS, Guard
 from dior.studio.hand_files import Conflict
 from dior.studio.pages import page
@@ -21,7 +31,7 @@ from dior.studio.workspace import Workspace
 
 STATIC = Path(__file__).parent / "static"
 # what each page answers; the order is that of the links on top (`pages.PAGES`)
-PARTS = (start_page, frames_page, marks_page, boxes_page, long_range_page, time_page, who_page, effort)
+PARTS = (start_page, frames_page, marks_page, boxes_page, long_range_page, time_page, who_page, checks_page, effort)
 ROUTES = [route for part in PARTS for route in part.ROUTES]
 
 

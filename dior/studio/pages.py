@@ -25,6 +25,7 @@ PAGES = {
     "/long-range": "Long range",
     "/time": "Time",
     "/who": "Who",
+    "/checks": "Hand checks",
 }
 # what config/effort.tsv calls the work on a page
 WORK = {
