@@ -20,8 +20,9 @@ LEAST_CONTRAST = 20.0
 LEAST_ROUND = 0.45
 # chosen: of the brightest within reach; what is fainter is an edge's ringing in the JPEG beside a marker
 LEAST_SHARE = 0.5
-# of a blob's own brightness: where the outline at half of it is not round, a bright arm around it may be in it
-LEVELS = (0.5, 0.7)
+# of a blob's own brightness, where its outline is. Chosen: half, and more where what is added to it by that has many
+# times as many pixels, as a bright arm around it has
+LEVELS, GROWN = (0.5, 0.7, 0.85), 2.5
 
 
 def snapped(grey: NDArray[np.uint8], u: float, v: float) -> Floats | None:
@@ -56,20 +57,12 @@ def snapped(grey: NDArray[np.uint8], u: float, v: float) -> Floats | None:
 
 def _middle(hat: Floats, peaks: Bools, row: int, column: int) -> Floats | None:
     """The middle (2,) of the blob around a peak of `hat`; None where it is not round or too wide."""
-    found = (_outlined(hat, peaks, row, column, level) for level in LEVELS)
-    return next((middle for middle in found if middle is not None), None)
-
-
-def _outlined(hat: Floats, peaks: Bools, row: int, column: int, level: float) -> Floats | None:
-    """`_middle` of what is as bright as `level` of the peak."""
-    import cv2
-
-    high = (hat >= level * hat[row, column]).astype(np.uint8)
-    labels: NDArray[Any] = cv2.connectedComponents(high, connectivity=4)[1]
-    own = labels == labels[row, column]
-    rows, columns = np.nonzero(own)
-    if rows.max() - rows.min() >= WIDEST_PX or columns.max() - columns.min() >= WIDEST_PX:
+    outlines = [_outline(hat, row, column, level) for level in LEVELS]
+    pairs = zip(outlines, outlines[1:], strict=False)
+    own = next((outer for outer, inner in pairs if outer.sum() <= GROWN * inner.sum() and _narrow(outer)), outlines[-1])
+    if not _narrow(own):
         return None
+    rows, columns = np.nonzero(own)
     at = np.stack([columns, rows], axis=1).astype(float)
     # of two blobs that touch, each has what is nearer to it
     others = np.argwhere(peaks & own)[:, ::-1]
@@ -82,3 +75,18 @@ def _outlined(hat: Floats, peaks: Bools, row: int, column: int, level: float) ->
     spread = (weight[:, None] * off).T @ off / weight.sum() + np.eye(2) / 12
     shorter, longer = np.sqrt(np.linalg.eigvalsh(spread))
     return middle if shorter >= LEAST_ROUND * longer else None
+
+
+def _outline(hat: Floats, row: int, column: int, level: float) -> Bools:
+    """The pixels around a peak that are as bright as `level` of it."""
+    import cv2
+
+    labels: NDArray[Any] = cv2.connectedComponents((hat >= level * hat[row, column]).astype(np.uint8), connectivity=4)[
+        1
+    ]
+    return np.asarray(labels == labels[row, column])
+
+
+def _narrow(own: Bools) -> bool:
+    """Whether what is outlined is no wider than a marker."""
+    return all(np.ptp(places) < WIDEST_PX for places in np.nonzero(own))

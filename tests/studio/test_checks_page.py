@@ -8,6 +8,7 @@ from dior.studio import checks_page
 from dior.tables import tables
 from tests.check.recorded import COUNT, SIZE
 from tests.evaluate.test_to_mark import JOINTS
+from tests.studio import browser
 
 FILE = "config/checks/in_1.cam01.csv"
 
@@ -123,3 +124,38 @@ def test_the_view_does_not_tell_where_the_label_is(client, labelled):
 )
 def test_where_it_goes_on(clicked, at):
     assert checks_page.resume(clicked) == at
+
+
+@pytest.mark.slow
+def test_points_are_clicked_accepted_gone_back_to_and_gone_on_with(labelled, chromium):
+    def points_of_file():
+        return (labelled / FILE).read_text().splitlines()[1:] if (labelled / FILE).exists() else []
+
+    def shown(one, point):
+        one.wait_for_selector(f"#picture[data-point='{point}']")
+
+    with browser.served(labelled) as address:
+        with browser.page(chromium, address, "/checks") as one:
+            shown(one, 0)
+            assert one.locator("#accept").is_disabled() and "Point 1 of 100" in one.locator("#progress").inner_text()
+            box = one.locator("#picture").bounding_box()
+            one.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+            one.keyboard.press("ArrowRight")
+            one.keyboard.press("Enter")
+            shown(one, 1)
+            one.wait_for_selector("#picture[data-saved='1']")
+            [first] = points_of_file()
+            one.keyboard.press("x")
+            shown(one, 2)
+            one.wait_for_selector("#picture[data-saved='2']")
+            assert points_of_file()[0] == first and points_of_file()[1].endswith(",,")
+            one.keyboard.press("Backspace")
+            shown(one, 1)
+            one.keyboard.press("ArrowDown")
+            one.keyboard.press("Enter")
+            shown(one, 2)
+            one.wait_for_selector("#picture[data-saved='3']")
+            assert not points_of_file()[1].endswith(",,")
+        with browser.page(chromium, address, "/checks") as one:
+            shown(one, 2)
+            assert "2 clicked, 0 cannot be seen" in one.locator("#progress").inner_text()
