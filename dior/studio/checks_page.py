@@ -163,7 +163,10 @@ def _sample(workspace: Workspace, kept: dict[object, list[Point]]) -> list[Point
         kept.clear()
         found = _written(written) if written else to_mark.labels(paths)
         kept[state] = [
-            Point(*path.stem.rsplit(".", 1), frame, joint) for path, rows in found.items() for frame, joint in rows
+            Point(walk, camera, frame, joint)
+            for path, rows in found.items()
+            for walk, camera in [path.stem.rsplit(".", 1)]
+            for frame, joint in rows
         ]
     known = {(walk, camera) for walk in project.sequences for camera in project.cameras_of(walk)}
     return [point for point in kept[state] if (point.walk, point.camera) in known]
