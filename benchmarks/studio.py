@@ -1,31 +1,37 @@
 """How fast the pages of the studio answer, on the capture that one practises on, over loopback and over a slow line.
 
-usage: python -m benchmarks.studio [PROJECT]      (a practice capture; without one it is made, in half a minute)
+usage: python -m benchmarks.studio [pictures] [keystrokes] [nudge]      (all three)
 
 `frame`: a 1280x720 picture of a bag from asking to its last byte, drawn by chance from all cameras; at most 100 ms
 (p90) on an idle machine. `again`: one that was asked for before. `small`: one as it is shown while one moves through
 the recording. `index`: the first question to a camera, which reads the recording through.
 `line`: in Chromium, over a line of 10 Mbit/s and 40 ms (its own throttle): pictures that are shown a second while the
-slider is dragged through the recording, and how long after it stops the whole picture is there. Skipped where Chromium
-or Playwright is not installed.
+slider is dragged through the recording, and how long after it stops the whole picture is there. It needs Chromium and
+Playwright.
+`keystrokes`: what a practised person needs for 25 boxes by the keystroke-level model, of what a browser test has
+pressed and moved (tests/studio/keystrokes.py). `nudge`: from a key to the skeletons that it has moved, in a dozen
+pictures of a long-range camera; at most 50 ms (p90) on an idle machine.
 """
 
 import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+import shutil
 import sys
 import tempfile
 import time
 import urllib.request
+from functools import partial
 from http.cookiejar import CookieJar
 from pathlib import Path
 from urllib.parse import urlencode
 
 import numpy as np
 
-from tests.studio import browser
+from tests.studio import browser, keystrokes, nudging
 
+KINDS = ("pictures", "keystrokes", "nudge")
 DRAWN, FRAMES = 100, 290  # of 300 pictures of a camera some may be lost
 LINE = {"offline": False, "latency": 40, "downloadThroughput": 10e6 / 8, "uploadThroughput": 10e6 / 8}
 DRAGGED_S = 4.0
@@ -95,12 +101,35 @@ def over_a_line(address):
         context.close()
 
 
+def nudged(folder, practice):
+    """The times from a key to the skeletons that it has moved."""
+    project = copied(folder, practice, "nudged")
+    browser.solved(project, "marks", "boxes")
+    browser.run(project)
+    with browser.served(project) as address, browser.opened() as chromium:
+        with browser.page(chromium, address, "/long-range") as page:
+            nudging.opened(page)
+            report("nudge", [ms / 1000 for ms in nudging.redraws(page)])
+
+
+def copied(folder, practice, name):
+    return Path(shutil.copytree(practice, Path(folder) / name))
+
+
 def main():
+    kinds = sys.argv[1:] or KINDS
+    if not set(kinds) <= set(KINDS):
+        sys.exit(__doc__)
     with tempfile.TemporaryDirectory() as folder:
-        project = Path(sys.argv[1]) if len(sys.argv) > 1 else browser.practice(Path(folder) / "practice")
-        with browser.served(project) as address:
-            answers(address)
-            over_a_line(address)
+        practice = browser.practice(Path(folder) / "practice")
+        if "pictures" in kinds:
+            with browser.served(copied(folder, practice, "pictures")) as address:
+                answers(address)
+                over_a_line(address)
+        if "keystrokes" in kinds:
+            keystrokes.print_boxes(partial(copied, folder, practice))
+        if "nudge" in kinds:
+            nudged(folder, practice)
 
 
 if __name__ == "__main__":
