@@ -260,11 +260,13 @@ def _clock(lags: Sequence[Clock]) -> Cell:
     if unknown:
         text = "unknown" if unknown == len(lags) else f"unknown in {unknown} of {len(lags)}"
         return Cell(text, "taken as it is", np.inf)
-    half = max((high - low) / 2 for _, low, high, _ in lags)
+    # what is typed without its error is not known exactly: nothing has checked it
+    told = [(high - low) / 2 for _, low, high, source in lags if source != "manual" or high > low]
+    typed = sum(source == "manual" for *_, source in lags)
+    half = max(told, default=np.nan)
     if all(source == "reference" for *_, source in lags):
         return Cell("reference", "the other clocks are told by this one", 0.0)
-    by_hand = ", by hand" if any(source == "manual" for *_, source in lags) else ""
+    words = [f"\u00b1 {half:.0f} ms"] if np.isfinite(half) else []
+    words += ["by hand" if typed == len(lags) else f"{typed} by hand"] if typed else []
     late = ", ".join(f"{one:+.1f}" for one, *_ in lags[:6])
-    return Cell(
-        f"\u00b1 {half:.0f} ms{by_hand}" if np.isfinite(half) else f"given{by_hand}", f"late by {late} ms", half
-    )
+    return Cell(", ".join(words) or "given", f"late by {late} ms", half)

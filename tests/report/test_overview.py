@@ -1,5 +1,7 @@
 """The table of cameras: what of many is folded, what is told at once, what is struck out."""
 
+import pytest
+
 from dior.report import overview
 from dior.report.overview import NOTHING, CameraRow, Cell
 from dior.report.troubles import Trouble
@@ -31,3 +33,17 @@ def test_the_first_trouble_is_told_at_once_and_each_that_is_to_fix():
 
 def test_the_sigma_of_a_camera_that_is_red_is_struck_out():
     assert camera("lab", "cam01", "bad").cells[0].struck and not camera("lab", "cam01", "look").cells[0].struck
+
+
+@pytest.mark.parametrize(
+    ("lags", "text"),
+    [
+        ([(1.0, -2.0, 4.0, "estimated")], "\u00b1 3 ms"),
+        ([(1.0, 1.0, 1.0, "manual")], "by hand"),
+        ([(1.0, -4.0, 6.0, "manual")], "\u00b1 5 ms, by hand"),
+        ([(1.0, 1.0, 1.0, "manual"), (0.0, -45.0, 45.0, "estimated")], "\u00b1 45 ms, 1 by hand"),
+        ([(0.0, 0.0, 0.0, "reference")], "reference"),
+    ],
+)
+def test_a_clock_that_was_typed_is_not_said_to_be_exact(lags, text):
+    assert overview._clock(lags).text == text

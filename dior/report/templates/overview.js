@@ -22,7 +22,7 @@
   window.addEventListener("beforeprint", function () { bodies.forEach(function (body) { unfold(body, true); }); });
 
   function key(body, column) {
-    if (column === 0) return body.dataset.name;
+    if (column === 1) return body.dataset.name;
     var cell = body.rows[0].cells[column];
     if (cell.dataset.by === undefined) return order.indexOf(body.dataset.level);
     return cell.dataset.by === "" ? Infinity : Number(cell.dataset.by.replace("inf", "Infinity"));
