@@ -34,9 +34,9 @@ _MIDDLE = {
     "STRN": ("lower end of the breastbone", 0, 63, "F"),
     "RBAK": ("right shoulder blade; there is none on the left", -12, 55, "B"),
 }
-# before a pose is known: what is told apart at a glance, from above to below
+# before a pose is known: what is told apart at a glance; head, hands and feet first, as a pose wants marks apart
 EASY = (
-    "LFHD RFHD LBHD RBHD LSHO RSHO C7 CLAV LELB RELB LWRB RWRB LWRA RWRA LKNE RKNE LANK RANK LTOE RTOE LHEE RHEE"
+    "LFHD RFHD LWRB RWRB LTOE RTOE LBHD RBHD C7 CLAV LSHO RSHO LELB RELB LKNE RKNE LANK RANK LWRA RWRA LHEE RHEE"
 ).split()
 
 

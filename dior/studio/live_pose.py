@@ -184,12 +184,14 @@ def unmarked(given: Given, answer: Answer, sequence: str, frame: int) -> list[Ma
     ]  # fmt: skip
 
 
-def ranked(given: Given, answer: Answer, candidates: Sequence[Mark]) -> list[tuple[Mark, float, float]]:
-    """At most 8 of the candidates, that first which helps the labels most, then that which helps most beside it, and so
-    on; with the camera's share of a label, px (1 sigma of u or v), before and after."""
+def ranked(
+    given: Given, answer: Answer, candidates: Sequence[Mark], most: int = RANKED
+) -> list[tuple[Mark, float, float]]:
+    """At most so many of the candidates, that first which helps the labels most, then that which helps most beside it,
+    and so on; with the camera's share of a label, px (1 sigma of u or v), before and after."""
     left, spread, places = list(candidates), answer.spread, locate.label_places(given.motions)
     found: list[tuple[Mark, float, float]] = []
-    while left and len(found) < RANKED:
+    while left and len(found) < most:
         best = pnp.best_next(answer.camera, spread, answer.sd_px, left, places)
         if best is None:
             break

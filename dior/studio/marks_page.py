@@ -296,7 +296,7 @@ def _told(given: Given, answer: Answer, walk: str, frame: int) -> dict[str, Any]
         if name in given.motions
         for one in live_pose.unmarked(given, answer, name, number)
     ]
-    best = next(iter(live_pose.ranked(given, answer, everywhere)[:1]), None)
+    best = next(iter(live_pose.ranked(given, answer, everywhere, most=1)), None)
     known = _tells_clocks(given) and answer.searched
     return {
         "residuals": [

@@ -10,6 +10,7 @@ const scrub = new Scrub(picture, { onFrame: (frame, moving) => moving || arrived
 
 window.dior = { picture }; // for tests, which look for a pixel's place on the screen
 const STEP = 0.25; // px that an arrow moves a mark by
+const SURE = 6; // px, expected error of where markers are, for the view to go there
 const MANY = 10; // residuals are drawn so many times as long as they are
 let walks = [];
 let walk, camera, told; // `told`: what /api/marks says
@@ -241,7 +242,9 @@ function answered(found) {
   chosen ??= following();
   if (zoomed === scrub.at && found.predicted) {
     zoomed = null;
-    person();
+    // a pose that is hardly known puts the person beside where it is
+    if ((found.best?.before ?? 0) < SURE) person();
+    else picture.whole();
   }
   say_answer();
   show();
