@@ -26,6 +26,7 @@ from dior.project.plain_text import rows_of
 from dior.studio import body_figure
 from dior.studio.hand_files import Change, change_rows
 from dior.studio.pages import number_of, one_of, page, recording_of, sent, workspace_of
+from dior.studio.skeletons import NotYet
 from dior.studio.workspace import Workspace, state_of
 
 DRAWN = Path("results/evaluate/to_mark/checks")
@@ -55,7 +56,10 @@ def points(request: Request) -> Response:
     state = request.app.state
     if not hasattr(state, "sample"):
         state.sample = {}
-    drawn = _sample(workspace, state.sample)
+    try:
+        drawn = _sample(workspace, state.sample)
+    except NotYet as error:
+        return JSONResponse({"lacks": str(error)})
     clicked = {point: _clicked(point, rows) for (_, rows, own) in _files(drawn) for point in own}
     return JSONResponse({
         "points": [
@@ -152,12 +156,12 @@ def _file(walk: str, camera: str) -> str:
 
 
 def _sample(workspace: Workspace, kept: dict[object, list[Point]]) -> list[Point]:
-    """The points in their order. Raises DiorError where there are no labels yet."""
+    """The points in their order. Raises NotYet where there are no labels yet."""
     project = workspace.project()
     written = sorted(DRAWN.glob("*.csv"))
     paths = written or _indoor(project)
     if not paths:
-        raise DiorError("there are no indoor labels to check yet: the workflow has to run first")
+        raise NotYet("There are no indoor labels to check yet: `dior run` makes them.")
     state = state_of(map(str, paths))
     if state not in kept:
         kept.clear()

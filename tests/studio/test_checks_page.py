@@ -89,9 +89,9 @@ def test_what_is_no_point_is_refused(client, labelled, change, said):
     assert not (labelled / FILE).exists()
 
 
-def test_without_labels_it_says_what_is_missing(client, project):
+def test_without_labels_it_says_what_is_missing(client):
     answer = client.get("/api/checks")
-    assert answer.status_code == 422 and "has to run first" in answer.json()["error"]
+    assert answer.status_code == 200 and "dior run" in answer.json()["lacks"]
 
 
 def test_the_view_does_not_tell_where_the_label_is(client, labelled):

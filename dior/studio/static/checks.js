@@ -125,8 +125,9 @@ $("unseen").addEventListener("click", () => decide([]));
 $("back").addEventListener("click", () => go(at - 1));
 try {
   const found = await ask("/api/checks");
-  points = found.points;
-  await go(found.at);
+  points = found.points ?? [];
+  if (found.lacks) say(found.lacks);
+  else await go(found.at);
 } catch (error) {
   if (!error.said) throw error;
 }
