@@ -15,6 +15,7 @@ as a hash of so little can be turned back into names; what the release has of th
 import hashlib
 import json
 import platform
+import re
 from collections.abc import Iterator
 from importlib import metadata
 from pathlib import Path
@@ -114,5 +115,7 @@ def _digests(project: Project, paths: dict[str, str]) -> dict[str, str]:
 
 def versions() -> dict[str, str]:
     """Versions of Python and of what dior depends on, by name."""
-    names = [line for line in metadata.requires("dior") or () if "extra ==" not in line]
+    needed = [line for line in metadata.requires("dior") or () if "extra ==" not in line]
+    # a requirement may go on with the versions that it takes
+    names = [re.split(r"[^\w.-]", line)[0] for line in needed]
     return {"python": platform.python_version(), **{name: metadata.version(name) for name in sorted(names)}}

@@ -6,7 +6,7 @@ import json
 import pytest
 
 from dior.errors import DiorError
-from dior.release import provenance
+from dior.release import provenance, provenance_json
 
 
 def test_files_and_folders_are_told_by_what_they_are_for(tmp_path):
@@ -29,3 +29,9 @@ def test_a_recording_that_is_gone_is_named(tmp_path):
     with pytest.raises(DiorError, match="walk, mocap: .*gone.c3d does not exist"):
         provenance.run(sequence="walk", recordings={"mocap": tmp_path / "gone.c3d"}, out=tmp_path / "out.json")
     assert not (tmp_path / "out.json").exists()
+
+
+def test_a_requirement_that_names_its_versions_is_told_by_its_name(monkeypatch):
+    needed = ["numpy>=2,<3", "PyYAML", 'torch; extra == "reid"', "rosbags[x] ~= 0.11 ; python_version > '3'"]
+    monkeypatch.setattr(provenance_json.metadata, "requires", lambda name: needed)
+    assert list(provenance_json.versions()) == ["python", "PyYAML", "numpy", "rosbags"]
