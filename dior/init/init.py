@@ -350,7 +350,7 @@ def _tell_next(folder: Path, found: Capture, files: Mapping[str, str], new: Sequ
         print(f"{many(len(left), 'value')} {are} TODO, which only you know: `grep -rn TODO {config}`. Then type")
     else:
         print("Type")
-    print(f"  dior pseudonyms {where}\n  dior check {where}")
+    print(f"  dior pseudonyms {where}\n  dior check {where}\n  dior studio {where}")
 
 
 def _listed(files: Mapping[str, str]) -> str:

@@ -138,18 +138,18 @@ def change_value(path: str, key: str, before: Any, after: Any, check: Callable[[
         return _write(path, text, changed, check)
 
 
-def fill_in(path: str, line: int, key: str, value: str) -> None:
-    """Put what a person knows in the place of a TODO (`todos.Todo`) of a sheet or a YAML file, as it is typed.
+def fill_in(path: str, line: int, key: str, value: str, before: str = todos.WORD) -> None:
+    """Put what a person knows in the place of a TODO (`todos.Todo`), or of `before`, in a sheet or a YAML file.
 
-    Raises Conflict where there is none any more, and DiorError for a value that breaks the file.
+    Raises Conflict where `before` is not there any more, and DiorError for a value that breaks the file.
     """
     value = value.strip()
     if "\n" in value or "\t" in value or not value and not path.endswith(".tsv"):
         raise DiorError(f"{path}: '{key}' is to be a line of text, without a tab")
     with _lock:
         text = _text(path)
-        place = _of_cell(text, line, key) if path.endswith(".tsv") else _of_scalar(text, line, key)
-        if place is None or text[slice(*place)] != todos.WORD:
+        place = _of_cell(text, line, key) if path.endswith(".tsv") else _of_scalar(text, line, key, before)
+        if place is None or text[slice(*place)] != before:
             raise Conflict(
                 path, [{"key": [key], "theirs": "" if place is None else text[slice(*place)], "mine": value}]
             )
@@ -175,11 +175,17 @@ def _of_cell(text: str, line: int, key: str) -> tuple[int, int] | None:
     return begin, begin + len(cells[len(before)])
 
 
-def _of_scalar(text: str, line: int, key: str) -> tuple[int, int] | None:
-    """Where in a YAML text the first value that is TODO is, of those of a key (with dots) on a line."""
+def _of_scalar(text: str, line: int, key: str, value: str) -> tuple[int, int] | None:
+    """Where in a YAML text the first value that is written so is, of those of a key (with dots) on a line."""
     for at, keys, node in scalar_nodes(text):
-        if (at, keys) == (line, key) and node.value == todos.WORD:
-            return node.start_mark.index, node.end_mark.index
+        begin = node.start_mark.index
+        if (at, keys) != (line, key):
+            continue
+        if text.startswith(value, begin):
+            return begin, begin + len(value)
+        # of a list the first value is found
+        if value.startswith("[") and text.startswith(value, text.rfind("[", 0, begin)):
+            return text.rfind("[", 0, begin), text.rfind("[", 0, begin) + len(value)
     return None
 
 

@@ -1,5 +1,6 @@
 """Start: what is left to do by hand, what each would bring, and the line to run next, or a button that runs it."""
 
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from functools import partial
@@ -100,12 +101,27 @@ def row_of(todo: todos.Todo) -> str:
 async def fill(request: Request) -> Response:
     """Put what was typed in the place of a TODO: {"path", "line", "key", "value"}."""
     told = await sent(request)
-    wanted = [todo for todo in todos.found(".") if all(told.get(key) == word for key, word in asdict(todo).items())]
-    value = told.get("value")
-    if not wanted or not isinstance(value, str):
+    path, line, key, value = (told.get(name) for name in ("path", "line", "key", "value"))
+    # what was filled in on this page may be mended on it
+    filled: dict[todos.Todo, str] = request.app.state.filled
+    wanted = next(
+        (one for one in [*todos.found("."), *filled] if (one.path, one.line, one.key) == (path, line, key)), None
+    )
+    if wanted is None or not isinstance(value, str):
         raise DiorError("this is no value that is still to be filled in; load the page again")
-    hand_files.fill_in(wanted[0].path, wanted[0].line, wanted[0].key, value)
-    return JSONResponse({})
+    value = as_typed(wanted.path, value)
+    hand_files.fill_in(wanted.path, wanted.line, wanted.key, value, filled.get(wanted, todos.WORD))
+    filled[wanted] = value
+    read = workspace_of(request).read()
+    wrong = [str(one) for one in read.faults if wanted.path in str(one) and not _of_todo(one, read.unfinished)]
+    return JSONResponse({"value": value, "wrong": [one for one in wrong if not isinstance(one, NotMarked)]})
+
+
+def as_typed(path: str, value: str) -> str:
+    """A value as its file takes it: numbers with commas, as one notes a place, are a list in YAML."""
+    value = value.strip()
+    numbers = r"-?[\d.]+(\s*,\s*-?[\d.]+)+"
+    return f"[{value}]" if path.endswith(".yaml") and re.fullmatch(numbers, value) else value
 
 
 def tasks(project: Project) -> Iterator[Task]:

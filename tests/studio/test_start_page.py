@@ -111,3 +111,21 @@ def test_the_button_runs_the_workflow_to_its_end(practice, chromium, tmp_path):
         assert "steps. Done." in one.locator("#steps").inner_text()
         one.locator("text=recordings are good").wait_for()
         assert (project / "results/report/index.html").is_file()
+
+
+def test_a_value_that_is_wrong_is_said_and_can_be_mended_on_the_page(client, project):
+    path = project / "config/sessions/field/cam01.yaml"
+    text = path.read_text()
+    assert "position_m: [" in text
+    line = next(i for i, one in enumerate(text.splitlines(), 1) if "position_m: [" in one)
+    begin = text.index("position_m: [") + len("position_m: ")
+    path.write_text(text[:begin] + "TODO" + text[text.index("]", begin) + 1 :])
+    told = {"path": "config/sessions/field/cam01.yaml", "line": line, "key": "tape.position_m"}
+    answer = client.post("/api/fill", json=told | {"value": "nowhere"}).json()
+    assert answer["wrong"] and "position_m" in answer["wrong"][0]
+    answer = client.post("/api/fill", json=told | {"value": " 4.0, 2.5, -1.5 "}).json()
+    assert answer == {"value": "[4.0, 2.5, -1.5]", "wrong": []} and "position_m: [4.0, 2.5, -1.5]" in path.read_text()
+    assert client.post("/api/fill", json=told | {"value": "[5, 2.5, 1.5]"}).json()["wrong"] == []
+    assert "position_m: [5, 2.5, 1.5]" in path.read_text()
+    path.write_text(path.read_text().replace("[5,", "[6,"))
+    assert client.post("/api/fill", json=told | {"value": "[7, 2.5, 1.5]"}).status_code == 409

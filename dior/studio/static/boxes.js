@@ -306,7 +306,7 @@ function list() {
   const by = (one) => (one.name ? `by ${one.name}` : "without a name");
   const named = (one) => `${one.boxes} ${one.boxes === 1 ? "box" : "boxes"} ${by(one)}`;
   $("who").textContent = [
-    told.drawer ? "" : "Without a name N (nobody) cannot be said.",
+    told.drawer ? "" : "To say Nobody (N), fill in who draws.",
     others.length ? `The file has ${others.map(named).join(", ")}, too: all stay. The steps use the boxes ${by(told.drawers[0])}, others only judge.` : "",
   ].join(" ").trim();
   const from = told.labelled ? "that have labels of the last run" : "of the recording, as nothing was labelled yet";

@@ -106,6 +106,7 @@ function step(from, to, way) {
 // marking
 
 async function place(u, v) {
+  zoomed = null;
   if (!chosen) return say("Every marker of this frame is marked or not visible; F goes to the frame that helps most.");
   say("");
   const [joint, frame, at] = [chosen, scrub.at, picture.recording];
@@ -236,9 +237,7 @@ function answered(found) {
   errors = found.errors ?? (found.unfinished ? errors : null);
   residuals = new Map((found.residuals ?? []).map(([on, frame, joint, px, used]) => [idOf(joint, frame, on), [px, used]]));
   if (chosen && markOf(chosen) && chosen !== selected) chosen = null;
-  // who aims at a marker is not asked for another one, but nobody aims at what cannot be seen
-  const hidden = (found.predicted ?? []).some((one) => one.joint === chosen && one.hidden);
-  if (hidden && !byHand) chosen = null;
+  // who aims at a marker is not asked for another one meanwhile: the click would be saved under its name
   chosen ??= following();
   if (zoomed === scrub.at && found.predicted) {
     zoomed = null;
@@ -270,7 +269,10 @@ function say_answer() {
   }
   for (const one of wrong) line(one.text, "bad", button("Show it", () => { scrub.go(one.frame); choose(one.joint); }));
   for (const text of answer.notes ?? []) line(text, "look");
-  if (best && best.walk === walk && best.after < 0.99 * best.before) {
+  if ((answer.predicted ?? []).some((one) => one.joint === chosen && one.hidden) && !markOf(chosen)) {
+    line(`The body hides ${chosen} here, as far as the pose tells: X goes on to the next.`, "look");
+  }
+  if (best && best.walk === walk && best.after < 0.99 * best.before && !unseen.has(idOf(best.joint, best.frame))) {
     const text = `Of all markers ${best.joint} on frame ${best.frame} helps most (N): labels from ${best.before} to ${best.after} px.`;
     line(text, "", best.frame === scrub.at ? "" : button("Go there", () => { scrub.go(best.frame); choose(best.joint); }));
   }

@@ -53,11 +53,13 @@ for (const form of document.querySelectorAll(".todos form")) {
     if (!told) return;
     if (told.conflicts) return say(`${told.error}: it is '${told.conflicts[0].theirs}' now.`, "error", { "Load the page again": () => location.reload() });
     say("");
-    const after = [...document.querySelectorAll(".todos input")];
-    const next = after[after.indexOf(form.value) + 1] ?? after[0];
-    form.replaceWith(element("strong", { class: "good" }, form.value.value), " is written");
-    if (next === form.value) location.reload();
-    else next.focus();
+    form.value.value = told.value;
+    form.dataset.done = told.wrong.length ? "wrong" : "right";
+    form.parentElement.querySelector("p")?.remove();
+    form.after(element("p", { class: told.wrong.length ? "bad" : "good" }, told.wrong.length ? told.wrong.join(" ") : "Written."));
+    const left = [...document.querySelectorAll(".todos form:not([data-done=right])")];
+    if (!left.length) return location.reload();
+    (told.wrong.length ? form : left.find((one) => one.compareDocumentPosition(form) & Node.DOCUMENT_POSITION_PRECEDING) ?? left[0]).value.focus();
   });
 }
 for (const what of ["run", "dry", "end"]) $(what).addEventListener("click", () => act(what).catch(() => {}));
