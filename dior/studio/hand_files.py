@@ -7,6 +7,7 @@ what somebody else wrote meanwhile: where that is at the same row or key, nothin
 import csv
 import io
 import os
+import stat
 import threading
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -15,7 +16,7 @@ from typing import Any
 
 from dior.errors import DiorError
 from dior.project import todos
-from dior.project.plain_text import COMMENT, text_of
+from dior.project.plain_text import COMMENT, rows_of, text_of
 from dior.project.yaml_file import MOST_BYTES, read_yaml, scalar_nodes, yaml_of
 from dior.tables.files import write_text
 
@@ -113,26 +114,36 @@ def _with_columns(lines: list[str], at: int, columns: Cells, between: str, end: 
 
 
 def change_value(path: str, key: str, before: Any, after: Any, check: Callable[[Path], Any]) -> bool:
-    """Put `after` at a key at the top of a YAML file, None to remove it; whether that made a difference.
+    """`change_values` of one key."""
+    return change_values(path, [(key, before, after)], check)
 
-    A file of which nothing is left is removed.
 
-    `before`: what was read there, None for nothing. `check` as of `change_rows`. Raises Conflict and DiorError.
+def change_values(path: str, changes: Iterable[tuple[str, Any, Any]], check: Callable[[Path], Any]) -> bool:
+    """Put other values at keys at the top of a YAML file, all or none; whether that made a difference.
+
+    `changes`: of each its key, what was read there, None for nothing, and what comes there, None to remove it. A file
+    of which nothing is left is removed. `check` as of `change_rows`. Raises Conflict and DiorError.
     """
     with _lock:
-        text = _text(path)
-        content = yaml_of(text, path)
-        if not isinstance(content, dict):
-            raise DiorError(f"{path}: is no YAML of keys with values")
-        if content.get(key) == after:
-            return False
-        if content.get(key) != before:
-            raise Conflict(path, [{"key": [key], "theirs": content.get(key), "mine": after}])
-        changed = _with_value(text, key, before, after)
-        wanted = {name: value for name, value in (content | {key: after}).items() if value is not None}
-        if yaml_of(changed, path) != wanted:
-            raise DiorError(f"{path}: '{key}' cannot be changed without changing the rest; change it by hand")
-        if not changed.strip():
+        text = changed = _text(path)
+        clashes: list[dict[str, Any]] = []
+        for key, before, after in changes:
+            content = yaml_of(changed, path)
+            if not isinstance(content, dict):
+                raise DiorError(f"{path}: is no YAML of keys with values")
+            if content.get(key) == after:
+                continue
+            if content.get(key) != before:
+                clashes.append({"key": [key], "theirs": content.get(key), "mine": after})
+                continue
+            changed = _with_value(changed, key, before, after)
+            wanted = {name: value for name, value in (content | {key: after}).items() if value is not None}
+            if yaml_of(changed, path) != wanted:
+                raise DiorError(f"{path}: '{key}' cannot be changed without changing the rest; change it by hand")
+        if clashes:
+            raise Conflict(path, clashes)
+        if changed != text and not changed.strip():
+            _check_writable(path)
             os.unlink(path)
             return True
         return _write(path, text, changed, check)
@@ -144,11 +155,13 @@ def fill_in(path: str, line: int, key: str, value: str, before: str = todos.WORD
     Raises Conflict where `before` is not there any more, and DiorError for a value that breaks the file.
     """
     value = value.strip()
-    if "\n" in value or "\t" in value or not value and not path.endswith(".tsv"):
-        raise DiorError(f"{path}: '{key}' is to be a line of text, without a tab")
+    sheet = path.endswith(".tsv")
+    # splitlines knows all that ends a line, to YAML or to a spreadsheet
+    if len(value.splitlines()) > 1 or "\t" in value or value.startswith(COMMENT) or not value and not sheet:
+        raise DiorError(f"{path}: '{key}' is to be a line of text, without a tab and no comment")
     with _lock:
         text = _text(path)
-        place = _of_cell(text, line, key) if path.endswith(".tsv") else _of_scalar(text, line, key, before)
+        place = _of_cell(text, line, key) if sheet else _of_scalar(text, line, key, before)
         if place is None or text[slice(*place)] != before:
             raise Conflict(
                 path, [{"key": [key], "theirs": "" if place is None else text[slice(*place)], "mine": value}]
@@ -156,7 +169,9 @@ def fill_in(path: str, line: int, key: str, value: str, before: str = todos.WORD
         begin, end = place
 
         def readable(draft: Path) -> None:
-            if not path.endswith(".tsv"):
+            if sheet:
+                rows_of(draft, path, "\t")
+            else:
                 read_yaml(draft, path)
 
         _write(path, text, text[:begin] + value + text[end:], readable)
@@ -284,14 +299,24 @@ def _write(path: str, before: str, after: str, check: Callable[[Path], Any]) -> 
     """Write what is checked, where it is another; a link stays one."""
     if after == before:
         return False
-    place = Path(os.path.realpath(path))
-    if place.exists() and not place.stat().st_mode & 0o222:
-        raise DiorError(f"{path}: is read-only; `chmod u+w {path}` lets it be changed")
+    place = _check_writable(path)
     _check(path, after, check)
     if _text(path) != before:
         raise DiorError(f"{path}: is being changed elsewhere at this moment; try again")
+    mode = stat.S_IMODE(place.stat().st_mode) if place.exists() else None
     write_text(place, after)
+    if mode is not None:
+        # who may read and write it stays: others of a group may work in the same folder
+        os.chmod(place, mode)
     return True
+
+
+def _check_writable(path: str) -> Path:
+    """Where the file is, which may be a link. Raises DiorError where it is read-only."""
+    place = Path(os.path.realpath(path))
+    if place.exists() and not place.stat().st_mode & 0o222:
+        raise DiorError(f"{path}: is read-only; `chmod u+w {path}` lets it be changed")
+    return place
 
 
 def _check(path: str, text: str, check: Callable[[Path], Any]) -> None:

@@ -3,7 +3,7 @@
 import pytest
 
 from dior.errors import DiorError
-from dior.studio.hand_files import Change, Conflict, change_rows, change_value, fill_in
+from dior.studio.hand_files import Change, Conflict, change_rows, change_value, change_values, fill_in
 
 KEYS, OTHERS = ("sequence", "frame", "joint"), ("u", "v")
 TEXT = """# by Ann, on Monday
@@ -285,3 +285,38 @@ def test_a_yaml_file_of_which_nothing_is_left_is_removed(path, tmp_path):
     (tmp_path / "who.yaml").write_text("# by Ann\nseeds: [1]\n")
     change_value("who.yaml", "seeds", [1], None, fine)
     assert read("who.yaml").startswith("# by Ann")
+
+
+def test_who_may_change_a_file_stays(path, tmp_path):
+    (tmp_path / path).chmod(0o664)
+    changed(path, (("in_1", "3", "LASI"), ("10.5", "20"), ("1", "2")))
+    assert (tmp_path / path).stat().st_mode & 0o777 == 0o664
+
+
+def test_values_change_together_or_not_at_all(yaml):
+    before = read(yaml)
+    nudge, tape = {"azimuth_deg": 0.5, "elevation_deg": 0}, {"position_m": [0, 60, 2], "sigma_m": 0.3}
+    turned = ("nudge", nudge, {"azimuth_deg": 1, "elevation_deg": 0})
+    with pytest.raises(Conflict) as raised:
+        change_values(yaml, [turned, ("tape", {}, {"roll_deg": 1})], fine)
+    assert [one["key"] for one in raised.value.rows] == [["tape"]] and read(yaml) == before
+    change_values(yaml, [turned, ("tape", tape, tape | {"roll_deg": 1})], fine)
+    assert "azimuth_deg: 1\n" in read(yaml) and "roll_deg: 1" in read(yaml) and "# by Ben" in read(yaml)
+
+
+def test_a_file_that_is_read_only_is_not_removed_either(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a.yaml").write_text("cam01: 1\n")
+    (tmp_path / "a.yaml").chmod(0o444)
+    with pytest.raises(DiorError, match="a.yaml: is read-only"):
+        change_value("a.yaml", "cam01", 1, None, fine)
+    assert read("a.yaml") == "cam01: 1\n"
+
+
+@pytest.mark.parametrize("value", ["a\rb", "a\x0bb", "a\x85b", "a\u2028b", "# none", '"'])
+def test_a_value_that_would_break_the_sheet_is_refused(tmp_path, monkeypatch, value):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a.tsv").write_text("subject\theight_m\nS01\tTODO\nS02\t1.7\n")
+    with pytest.raises(DiorError, match=r"^a\.tsv"):
+        fill_in("a.tsv", 2, "height_m", value)
+    assert "TODO" in read("a.tsv")
