@@ -127,7 +127,10 @@ def _change(workspace: Workspace, content: dict[str, Any]) -> Response:
         checks.points(draft, walk, range(len(table["frame"])), size=size)
 
     key = walk, str(frame), joint
-    changed = Change(key, _cells(_pixel(content.get("before"))), _cells(after))
+    before = _pixel(content.get("before"))
+    # as the file has it, which others may have written with more digits
+    had = None if before is None else tuple(map(str, before)) or ("", "")
+    changed = Change(key, had, _cells(after))
     change_rows(_file(walk, camera), KEYS, OTHERS, [changed], check)
     return JSONResponse({"written": True})
 
@@ -221,9 +224,12 @@ def _clicked(point: Point, rows: Mapping[tuple[str, str, str], tuple[str, str]])
     if cells is None:
         return None
     try:
-        return [float(one) for one in cells] if any(cells) else []
+        found = [float(one) for one in cells] if any(cells) else []
     except ValueError:
-        raise DiorError(f"{_file(point.walk, point.camera)}: '{','.join(cells):.40}' is no pixel") from None
+        found = [np.nan]
+    if not np.isfinite(found).all():
+        raise DiorError(f"{_file(point.walk, point.camera)}: '{','.join(cells):.40}' is no pixel")
+    return found
 
 
 def _labels(workspace: Workspace, walk: str, camera: str, columns: list[str]) -> Table:

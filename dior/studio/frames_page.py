@@ -86,6 +86,8 @@ def moment(request: Request) -> Response:
     walk, camera = recording_of(request)
     frame = number_of(request, "frame")
     workspace = workspace_of(request)
+    # raises where this one cannot be read; of the others those that can
+    workspace.frames(walk, camera)
     stamps = workspace.stamps(walk)
     if frame >= len(stamps[camera]["stamp_ns"]):
         raise DiorError(f"{camera} has no frame {frame} in {walk}")

@@ -35,7 +35,7 @@ from dior.project.contents import Project
 from dior.project.yaml_file import read_yaml
 from dior.report import beside_boxes
 from dior.studio import skeletons
-from dior.studio.hand_files import change_value
+from dior.studio.hand_files import change_values
 from dior.studio.pages import one_of, page, sent, workspace_of
 from dior.studio.workspace import Workspace, state_of
 from dior.tables import tables
@@ -134,12 +134,13 @@ def told(request: Request) -> Response:
 def drawn(request: Request) -> Response:
     """The skeleton in all pictures, and how it lies in the boxes, with a pose: eye (with four numbers), run or fit."""
     words = request.query_params
-    # files are looked at when the page is opened, not at each of the many steps of a nudge
-    key = words.get("session", ""), words.get("camera", "")
+    workspace = workspace_of(request)
+    project = workspace.project()
+    # what is made of files is looked at when the page is opened, not at each of the many steps of a nudge
+    key = _camera(project, words)
     view = _views(request).get(key)
-    if view is None:
-        workspace = workspace_of(request)
-        view = _views(request)[key] = view_of(workspace, *_camera(workspace.project(), words))
+    if view is None or not all(scene.walk in project.sequences for scene in view.scenes):
+        view = _views(request)[key] = view_of(workspace, *key)
     return JSONResponse(in_pictures(view, _posed(request, view, words)))
 
 
@@ -174,9 +175,10 @@ async def save(request: Request) -> Response:
         session, camera = _camera(project, words)
         path, _ = _file(project, session, camera)
         changes = words.get("changes")
-        for change in changes if isinstance(changes, list) else []:
-            key = one_of("key", change.get("key") if isinstance(change, dict) else None, ("nudge", "tape", "align"))
-            change_value(path, key, change.get("before"), change.get("after"), checked)
+        given = [one if isinstance(one, dict) else {} for one in (changes if isinstance(changes, list) else [])]
+        keys = [one_of("key", one.get("key"), ("nudge", "tape", "align")) for one in given]
+        values = [(one.get("before"), one.get("after")) for one in given]
+        change_values(path, [(key, *each) for key, each in zip(keys, values, strict=True)], checked)
         content = read_yaml(path)
         return {"file": path, **{key: content.get(key) for key in ("nudge", "tape", "align")}}
 

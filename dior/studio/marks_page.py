@@ -95,7 +95,11 @@ def _changed(workspace: Workspace, session: str, camera: str, one: Any, there: M
         hand_marks.check_inside(where, np.array(after), int(table["width"][0]), int(table["height"][0]))
         if not ((there.sequence == walk) & (there.frame == frame) & (there.joint == joint)).any():
             one_of("marker", joint, workspace.motion(walk).joints)
-    return Change((walk, str(frame), joint), _cells(_pixel(one.get("before"))), _cells(after))
+    before = _pixel(one.get("before"))
+    # as the file has it, which others may have written with more digits
+    return Change(
+        (walk, str(frame), joint), None if before is None else (str(before[0]), str(before[1])), _cells(after)
+    )
 
 
 def _pixel(given: Any) -> tuple[float, float] | None:
@@ -135,7 +139,8 @@ def snap(request: Request) -> Response:
     walk, camera = recording_of(request)
     try:
         u, v = (float(request.query_params.get(name, "")) for name in "uv")
-    except ValueError:
+        round(u), round(v)  # no NaN and no infinity
+    except (ValueError, OverflowError):
         raise DiorError("u and v are the pixel that was clicked") from None
     found = blobs.snapped(_grey(request, walk, camera, number_of(request, "frame")), u, v)
     return JSONResponse({

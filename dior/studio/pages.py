@@ -15,6 +15,7 @@ from dior.studio.workspace import Workspace
 if TYPE_CHECKING:
     import jinja2
 
+DEEPEST = 20  # chosen: what pages send is four deep
 TEMPLATES = Path(__file__).parent / "templates"
 # address and name, as the links on top have them
 PAGES = {
@@ -88,11 +89,24 @@ def number_of(request: Request, name: str, default: int | None = None) -> int:
 
 
 async def sent(request: Request) -> dict[str, Any]:
-    """The JSON object that a page has sent. Raises DiorError for anything else."""
+    """The JSON object that a page has sent. Raises DiorError for anything else, also for what can be read but not be
+    written again: NaN, numbers that no float has, halves of letters, and lists in lists without end."""
     try:
-        content = json.loads(await request.body())
+        content = json.loads(await request.body(), parse_int=_whole)
+        json.dumps(content, allow_nan=False, ensure_ascii=False).encode()
     except (ValueError, RecursionError):
         raise DiorError("what the page sent is no JSON") from None
-    if not isinstance(content, dict):
+    if not isinstance(content, dict) or _deep(content, DEEPEST):
         raise DiorError("what the page sent is no JSON object")
     return content
+
+
+def _whole(digits: str) -> int | float:
+    """A whole number, or where it has more digits than any has that is meant, the float nearest to it."""
+    return int(digits) if len(digits) < 16 else float(digits)
+
+
+def _deep(content: Any, left: int) -> bool:
+    """Whether lists and objects are in each other more than `left` times."""
+    inside = content.values() if isinstance(content, dict) else content if isinstance(content, list) else ()
+    return left < 0 or any(_deep(one, left - 1) for one in inside)

@@ -48,8 +48,9 @@ class Pictures:
         except bags.BROKEN as error:
             raise DiorError(f"{path}: frame {frame} of {camera} cannot be decoded ({error})") from None
         with self._lock:
+            # another request may have read the same meanwhile
+            self._size += len(found) - len(self._kept.get(key, b""))
             self._kept[key] = found
-            self._size += len(found)
             while self._size > MOST_KEPT:
                 self._size -= len(self._kept.popitem(last=False)[1])
         return found

@@ -175,6 +175,8 @@ def _asked(project: Project) -> Iterator[Task]:
             if severity == "info" or code not in ANSWERED:
                 continue
             first, _, camera = scope.partition("/")
+            if first not in project.sequences and first not in project.sessions:
+                continue  # somebody who may not be processed any more, or a walk that is excluded
             address, what = ANSWERED[code]
             named = {"session" if first in project.sessions else "walk": first}
             yield Task(what, scope.replace("/", " "), "weak", text, "", _link(address, camera=camera, **named))

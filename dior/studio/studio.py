@@ -41,8 +41,11 @@ def run(project: Path = Path("."), *, port: int = 0) -> None:
         print(f"Open http://{HOST}:{number}/?token={token}\nCtrl-C ends it.", flush=True)
         pages = app.made(workspace, token)
         config = uvicorn.Config(pages, log_level="warning", lifespan="off", ws="none")
-        uvicorn.Server(config).run(sockets=[listening])
-        pages.state.effort.note()
+        try:
+            uvicorn.Server(config).run(sockets=[listening])
+        finally:
+            # Ctrl-C is raised once more when the server has ended
+            pages.state.effort.note()
 
 
 def _listening(port: int) -> socket.socket:

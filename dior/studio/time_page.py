@@ -114,10 +114,11 @@ def told(request: Request) -> Response:
 def drawn(request: Request) -> Response:
     """The skeleton by a clock, `offset_s` and `drift_ppm`, in the pictures to look at and in the one of `frame`."""
     words = request.query_params
-    key = words.get("walk", ""), words.get("camera", "")
+    # the walk may be one of the project no longer
+    key = recording_of(request)
     view = _views(request).get(key)
     if view is None:
-        view = _views(request)[key] = view_of(workspace_of(request), *recording_of(request))
+        view = _views(request)[key] = view_of(workspace_of(request), *key)
     frame = number_of(request, "frame", 0)
     if frame >= len(view.rows["frame"]):
         raise DiorError(f"{key[1]} has no frame {frame} in {key[0]}")

@@ -11,6 +11,7 @@ import threading
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass
+from glob import glob
 from pathlib import Path
 from tempfile import TemporaryDirectory, gettempdir
 from types import TracebackType
@@ -80,7 +81,8 @@ class Workspace:
             project = as_far_as_it_goes(Path("."), faults, unfinished=unfinished)
             return Read(project, tuple(faults.found), tuple(unfinished))
 
-        paths = [os.path.join(folder, name) for folder, _, names in os.walk("config") for name in names]
+        # folders may be links, which os.walk leaves out; sessions are two deep, and what is in them one more
+        paths = [path for depth in range(1, 5) for path in glob("/".join(["config", *["*"] * depth]))]
         return self._kept(("project",), state_of(paths), make)
 
     def project(self) -> Project:

@@ -159,3 +159,21 @@ def test_points_are_clicked_accepted_gone_back_to_and_gone_on_with(labelled, chr
         with browser.page(chromium, address, "/checks") as one:
             shown(one, 2)
             assert "2 clicked, 0 cannot be seen" in one.locator("#progress").inner_text()
+
+
+@pytest.mark.parametrize("cells", ["nan,5", "5,inf", "x,5", "5"])
+def test_a_row_that_is_no_pixel_is_said(client, labelled, cells):
+    point = sample(client)[0][0]
+    (labelled / FILE).parent.mkdir(exist_ok=True)
+    (labelled / FILE).write_text(f"sequence,frame,joint,u,v\nin_1,{point['frame']},{point['joint']},{cells}\n")
+    answer = client.get("/api/checks")
+    assert answer.status_code == 422 and FILE in answer.json()["error"]
+
+
+def test_a_row_with_more_digits_can_be_changed(client, labelled):
+    point = sample(client)[0][0]
+    (labelled / FILE).parent.mkdir(exist_ok=True)
+    (labelled / FILE).write_text(f"sequence,frame,joint,u,v\nin_1,{point['frame']},{point['joint']},10.123,20.4567\n")
+    point = sample(client)[0][0]
+    assert write(client, point, point["clicked"], [11, 21]).status_code == 200
+    assert ",11.00,21.00" in (labelled / FILE).read_text()

@@ -1,5 +1,11 @@
 """Minutes at the pages are noted in the sheet that people fill in, beside what they wrote."""
 
+import re
+import signal
+import subprocess
+import sys
+from urllib.request import HTTPCookieProcessor, Request, build_opener
+
 import pytest
 
 from dior.studio.effort import Effort
@@ -43,3 +49,15 @@ def test_what_a_page_tells_is_checked(client, project):
     assert client.post("/api/effort", content=b'{"page": "/marks", "seconds": NaN}').status_code == 422
     assert client.post("/api/effort", json={"page": "/marks", "seconds": 60}).status_code == 200
     assert "marks\t" in (project / "config/effort.tsv").read_text()
+
+
+def test_what_is_not_noted_yet_is_noted_at_the_end(project):
+    with subprocess.Popen([sys.executable, "-m", "dior", "studio", "."], stdout=subprocess.PIPE, text=True) as studio:
+        address = re.search(r"http\S+", studio.stdout.readline())[0]
+        origin = address.partition("/?")[0]
+        asking = build_opener(HTTPCookieProcessor())
+        asking.open(address).read()
+        told = b'{"page": "/marks", "seconds": 30}'
+        asking.open(Request(f"{origin}/api/effort", told, {"Origin": origin})).read()
+        studio.send_signal(signal.SIGINT)
+    assert "marks\t0.5" in (project / "config/effort.tsv").read_text()

@@ -1,12 +1,16 @@
 """Pictures of recordings, before anything has been run."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import cv2
 import numpy as np
 
 from dior.ingest import bags, messages
 from dior.studio import pictures
+from dior.studio.workspace import Workspace
 from dior.tables import tables
 from tests.check.recorded import COUNT, SIZE
+from tests.project.test_project import edit
 from tests.studio import browser
 
 CAM = {"walk": "out_1", "camera": "cam01"}
@@ -109,3 +113,20 @@ def test_frames_in_a_browser(project, chromium):
         browser.until_shown(one, COUNT - 1)
         one.locator("#moment button").nth(1).click()
         one.wait_for_url("**camera=cam02**")
+
+
+def test_a_camera_that_cannot_be_read_is_named_where_the_others_can(client, project):
+    edit(project, "sessions/field/cam02.yaml", "/cam02/color", "/cam02/colour")
+    answer = client.get("/api/moment", params=CAM | {"camera": "cam02", "frame": 3})
+    assert answer.status_code == 422 and "/cam02/colour" in answer.json()["error"]
+    assert set(client.get("/api/moment", params=CAM | {"frame": 8}).json()) == {"cam01", "cam03"}
+
+
+def test_a_picture_that_many_ask_for_is_kept_once(project):
+    with Workspace() as workspace:
+        shared = pictures.Pictures(workspace)
+        workspace.frames("out_1", "cam01")
+        with ThreadPoolExecutor(8) as pool:
+            for frame in range(COUNT):
+                assert len({*pool.map(lambda _: shared.read("out_1", "cam01", frame), range(8))}) == 1  # noqa: B023
+        assert shared._size == sum(map(len, shared._kept.values()))

@@ -14,6 +14,7 @@ import pytest
 
 from dior.calibrate.marks import marks as hand_marks
 from dior.tables import tables
+from tests.project.test_project import edit
 from tests.studio import browser
 
 CAM = {"walk": "in_1", "camera": "cam01"}
@@ -78,7 +79,7 @@ def test_a_file_is_begun(client, project):
         ((["out_1", 4, "LASI"], None, [10, 20]), "walk is 'out_1'"),
         ((["in_1", "4", "LASI"], None, [10, 20]), "without a frame"),
         ((["in_1", 4, "LASI"], None, [10, "here"]), "no two pixels"),
-        ((["in_1", 4, "LASI"], None, [10, float("nan")]), "outside of the 64x48 picture"),
+        ((["in_1", 4, "LASI"], None, [10, float("nan")]), "is no JSON"),
         ((["in_1", 4], None, None), "without its sequence"),
     ],
 )
@@ -367,3 +368,12 @@ def test_a_mark_that_is_moved_runs_what_depends_on_its_camera_and_nothing_else(u
     counts = dict(re.findall(r"^ *(\w+) +(\d+) *$", said, re.MULTILINE))
     assert counts["locate"] == counts["reproject"] == "1"
     assert not {"frames", "mocap", "intrinsics", "detections", "adjust", "triangulate"} & set(counts), said
+
+
+def test_a_mark_with_more_digits_can_be_changed(client, project):
+    edit(project, "sessions/lab/cam01.marks.csv", "in_1,3,RASI,12,30", "in_1,3,RASI,12.3456,30.125")
+    own = {"walk": "in_1", "camera": "cam01"}
+    *key, u, v = next(row for row in client.get("/api/marks", params=own).json()["rows"] if row[2] == "RASI")
+    change = {"key": key, "before": [u, v], "after": [11, 21]}
+    assert client.post("/api/marks/change", json=own | {"changes": [change]}).status_code == 200
+    assert "in_1,3,RASI,11.00,21.00" in (project / "config/sessions/lab/cam01.marks.csv").read_text()

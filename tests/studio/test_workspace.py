@@ -11,9 +11,10 @@ from dior.calibrate import intrinsics
 from dior.errors import DiorError
 from dior.geometry.camera_tables import unplaced
 from dior.ingest import frames
-from dior.studio import studio
+from dior.studio import app, studio
 from dior.studio.workspace import Workspace
 from dior.tables import tables
+from tests.project.test_project import edit
 
 
 def test_tables_are_those_of_the_steps(project):
@@ -94,3 +95,23 @@ def test_a_port_that_is_taken_is_named_and_the_next_is_looked_for(monkeypatch):
 def test_a_folder_without_a_project_is_named(tmp_path):
     with pytest.raises(DiorError, match="there is no config/config.yaml in it"):
         studio.run(tmp_path)
+
+
+def test_a_folder_that_is_a_link_is_looked_into(project):
+    (project / "config/sessions/lab").rename(project / "elsewhere")
+    (project / "config/sessions/lab").symlink_to(project / "elsewhere")
+    with Workspace() as workspace:
+        assert not workspace.read().faults
+        (project / "elsewhere/cam01.yaml").write_text("role: [")
+        assert "cam01.yaml" in str(workspace.read().faults[0])
+
+
+def test_who_is_not_to_be_processed_any_more_is_shown_no_more(client, project):
+    own = {"walk": "out_2", "camera": "cam01", "frame": 3, "u": 1, "v": 1}
+    assert client.get("/picture", params=own).status_code == 200
+    edit(project, "subjects.tsv", "no\tyes", "no\tno")
+    paths = [route.path for route in app.ROUTES if "GET" in (route.methods or ()) and "long-range" not in route.path]
+    for path in paths:
+        answer = client.get(path, params=own)
+        assert "out_2" not in answer.text.replace("walk is 'out_2', which the project does not have", ""), path
+        assert answer.status_code in (200, 422) and not answer.headers["content-type"].startswith("image"), path
