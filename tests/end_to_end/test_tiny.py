@@ -356,7 +356,9 @@ def test_edited_code_of_one_step_reruns_what_depends_on_it(copy, tmp_path):
     assert planned(copy, root=checkout) == {}
     with open(checkout / "dior/report/overlays.py", "a") as stream:
         stream.write("\nMORE = 1\n")
-    assert planned(copy, root=checkout) == {"overlays": 8, "clip": 2, "viewer": 2, "page": 2, "report": 1}
+    # the card's picture is drawn by it, too
+    released = {"package": 1, "exports": 1, "tarballs": 2}
+    assert planned(copy, root=checkout) == {"overlays": 8, "clip": 2, "viewer": 2, "page": 2, "report": 1} | released
 
 
 def test_a_broken_sequence_does_not_stop_the_others(copy):
@@ -412,9 +414,10 @@ def test_snakemakes_own_report(project, tmp_path):
     snakemake(project, "--report", tmp_path / "report.zip")
     snakemake(project, "--report", tmp_path / "report.html")
     with zipfile.ZipFile(tmp_path / "report.zip") as packed:
-        found = {Path(name).name: packed.read(name) for name in packed.namelist()}
+        # figures of walks have the same names as those of all
+        found = {(Path(name).name, packed.read(name)) for name in packed.namelist()}
     for path in (*(project / "results/report/assets/plots").glob("*.svg"), *(project / "results").glob("*/*.csv")):
-        assert found[path.name] == path.read_bytes(), path.name
+        assert (path.name, path.read_bytes()) in found, path.name
     page = (tmp_path / "report.html").read_text()
     assert "metrics.csv" in page and not re.findall(r'(?:src|href)="https?://[^"]*"', page)
 
