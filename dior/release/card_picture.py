@@ -157,10 +157,11 @@ def _panel(source: Source, recording: str, environment: str, role: str) -> Panel
 def _under(covers: Table, low: Floats, high: Floats, numbers: Ints, uv: Floats) -> Bools:
     """Which labels uv (F, J, 2) px of the frames `numbers` (F,) lie in the covers of what else moves, whose edges are
     `low` and `high` (C, 2) px."""
-    found = np.zeros(uv.shape[:2], bool)
-    for i in np.flatnonzero(covers["what"] == "other"):
-        at = np.searchsorted(numbers, covers["frame"][i])
-        found[at] |= ((uv[at] >= low[i] - 0.5) & (uv[at] <= high[i] - 0.5)).all(axis=-1)
+    found, other = np.zeros(uv.shape[:2], bool), covers["what"] == "other"
+    at = np.searchsorted(numbers, covers["frame"][other])
+    low, high = (edges[other][:, None] - 0.5 for edges in (low, high))
+    # a frame may have several
+    np.logical_or.at(found, at, ((uv[at] >= low) & (uv[at] <= high)).all(axis=-1))
     return found
 
 

@@ -37,8 +37,8 @@ from dior.report import (
     numbers,
     overview,
     pages,
-    shared,
     troubles,
+    viewer_files,
     worst_pictures,
 )
 from dior.report import findings as findings_of_all
@@ -167,7 +167,7 @@ def run(
     counted = statistics_csv.read(evaluated.statistics)
     environment = pages.environment()
     cost.write(environment, project, statistics_csv.of(counted, "frames"), effort, out_timing, out / "cost.html")
-    shared.write(out)
+    viewer_files.write(out)
     write_text(out / "compared.js", _script({card["sequence"]: cards.beyond(card, own) for card, own in both}))
     page = environment.get_template("index.html.j2").render(
         title=title,

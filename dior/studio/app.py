@@ -49,7 +49,7 @@ def made(workspace: Workspace, token: str) -> Starlette:
             Exception: _fault,
         },
     )
-    app.state.workspace, app.state.effort, app.state.filled = workspace, effort.Effort(), {}
+    app.state.workspace, app.state.effort, app.state.in_memory = workspace, effort.Effort(), {}
     return app
 
 

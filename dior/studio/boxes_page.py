@@ -25,7 +25,7 @@ from dior.project import boxes
 from dior.project.plain_text import rows_of
 from dior.release.look import reader
 from dior.studio.hand_files import Change, change_rows
-from dior.studio.pages import number_of, one_of, page, recording_of, sent, workspace_of
+from dior.studio.pages import number_of, page, recording_in, recording_of, sent, workspace_of
 from dior.studio.workspace import Workspace
 
 # chosen: of 15 boxes or more one in five is kept back, so that 20 are left to place a camera by
@@ -102,12 +102,9 @@ def read(workspace: Workspace, walk: str, camera: str) -> tuple[dict[str, boxes.
 def write(workspace: Workspace, content: dict[str, Any]) -> None:
     """Change the row of a frame and a drawer as the page has sent it. Raises DiorError and Conflict."""
     project = workspace.project()
-    walk = one_of("walk", content.get("walk"), project.sequences)
-    camera = one_of("camera", content.get("camera"), project.cameras_of(walk))
-    frames = workspace.frames(walk, camera)
+    walk, camera = recording_in(project, content)
     frame, drawer = content.get("frame"), _name(content.get("drawer"))
-    if not isinstance(frame, int) or isinstance(frame, bool) or not 0 <= frame < len(frames["frame"]):
-        raise DiorError(f"{camera} has no frame {frame} in {walk}")
+    frames = workspace.frames_with(walk, camera, frame)
     before, after = (_cells(content.get(word)) for word in ("before", "after"))
     if after == NO_EDGES and not drawer:
         raise DiorError(
@@ -134,9 +131,7 @@ def write(workspace: Workspace, content: dict[str, Any]) -> None:
 
 def moving_in(workspace: Workspace, walk: str, camera: str, frame: int) -> Floats:
     """`moves` of one picture: (N, 4) px."""
-    table = workspace.frames(walk, camera)
-    if frame >= len(table["frame"]):
-        raise DiorError(f"{camera} has no frame {frame} in {walk}, whose last is {len(table['frame']) - 1}")
+    table = workspace.frames_with(walk, camera, frame)
     factor, scene = workspace.scene(walk, camera)
     read_pictures = reader(table, Path(workspace.project().data_root))
     picture = next((one for _, one in read_pictures(np.array([frame]), factor)), None)

@@ -24,8 +24,18 @@ from dior.evaluate import checks, to_mark
 from dior.project.contents import Project
 from dior.project.plain_text import rows_of
 from dior.studio import body_figure
-from dior.studio.hand_files import Change, change_rows
-from dior.studio.pages import number_of, one_of, page, recording_of, sent, workspace_of
+from dior.studio.hand_files import Change, cells_of, change_rows
+from dior.studio.pages import (
+    in_memory,
+    number_of,
+    one_of,
+    page,
+    pixel_of,
+    recording_in,
+    recording_of,
+    sent,
+    workspace_of,
+)
 from dior.studio.skeletons import NotYet
 from dior.studio.workspace import Workspace, state_of
 
@@ -53,11 +63,8 @@ def page_of_checks(request: Request) -> Response:
 def points(request: Request) -> Response:
     """The sample with what is clicked so far, and the point to go on with; no label."""
     workspace = workspace_of(request)
-    state = request.app.state
-    if not hasattr(state, "sample"):
-        state.sample = {}
     try:
-        drawn = _sample(workspace, state.sample)
+        drawn = _sample(workspace, in_memory(request, "sample"))
     except NotYet as error:
         return JSONResponse({"lacks": str(error)})
     clicked = {point: _clicked(point, rows) for (_, rows, own) in _files(drawn) for point in own}
@@ -111,15 +118,12 @@ async def change(request: Request) -> Response:
 
 def _change(workspace: Workspace, content: dict[str, Any]) -> Response:
     project = workspace.project()
-    walk = one_of("walk", content.get("walk"), project.sequences)
-    camera = one_of("camera", content.get("camera"), project.cameras_of(walk))
-    frame, joint = content.get("frame"), content.get("joint")
-    table = workspace.frames(walk, camera)
-    if isinstance(frame, bool) or not isinstance(frame, int) or not 0 <= frame < len(table["frame"]):
-        raise DiorError(f"{camera} has no frame {frame} in {walk}, whose last is {len(table['frame']) - 1}")
-    joint = one_of("joint", joint, set(_labels(workspace, walk, camera, ["joint"])["joint"]))
+    walk, camera = recording_in(project, content)
+    frame = content.get("frame")
+    table = workspace.frames_with(walk, camera, frame)
+    joint = one_of("joint", content.get("joint"), set(_labels(workspace, walk, camera, ["joint"])["joint"]))
     size = int(table["width"][0]), int(table["height"][0])
-    after = _pixel(content.get("after"))
+    after = pixel_of(content.get("after"))
     if after:
         hand_marks.check_inside(f"{joint} on frame {frame} of {walk}", np.array(after), *size)
 
@@ -127,31 +131,12 @@ def _change(workspace: Workspace, content: dict[str, Any]) -> Response:
         checks.points(draft, walk, range(len(table["frame"])), size=size)
 
     key = walk, str(frame), joint
-    before = _pixel(content.get("before"))
+    before = pixel_of(content.get("before"))
     # as the file has it, which others may have written with more digits
     had = None if before is None else tuple(map(str, before)) or ("", "")
-    changed = Change(key, had, _cells(after))
+    changed = Change(key, had, cells_of(after))
     change_rows(_file(walk, camera), KEYS, OTHERS, [changed], check)
     return JSONResponse({"written": True})
-
-
-def _pixel(given: Any) -> tuple[float, ...] | None:
-    if given is None:
-        return None
-    try:
-        found = tuple(float(one) for one in given)
-    except (TypeError, ValueError):
-        found = (0.0,)
-    if len(found) not in (0, 2):
-        raise DiorError("the page has sent a place that is no two pixels")
-    return found
-
-
-def _cells(uv: tuple[float, ...] | None) -> tuple[str, ...] | None:
-    """Cells of u and v: empty ones for a point that cannot be seen, None for no row."""
-    if uv is None:
-        return None
-    return tuple(f"{one:.2f}" for one in uv) or ("", "")
 
 
 def _file(walk: str, camera: str) -> str:
@@ -181,13 +166,8 @@ def _sample(workspace: Workspace, kept: dict[object, list[Point]]) -> list[Point
 
 def _indoor(project: Project) -> list[Path]:
     """Tables of labels of the indoor walks."""
-    paths = [
-        Path(f"results/reproject/{walk}.{camera}.parquet")
-        for walk in project.sequences
-        if project.indoor(walk)
-        for camera in project.cameras_of(walk)
-    ]
-    return [path for path in paths if path.is_file()]
+    paths = [path for walk in project.sequences if project.indoor(walk) for path in project.label_tables(walk)]
+    return [Path(path) for path in paths if Path(path).is_file()]
 
 
 def _written(paths: Sequence[Path]) -> dict[Path, list[tuple[int, str]]]:

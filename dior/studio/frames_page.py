@@ -10,7 +10,7 @@ from starlette.routing import Route
 from dior.arrays import Table
 from dior.body import names
 from dior.errors import DiorError
-from dior.studio.pages import number_of, page, recording_of, workspace_of
+from dior.studio.pages import in_memory, number_of, page, recording_of, workspace_of
 from dior.studio.pictures import Pictures, kind_of
 from dior.studio.workspace import Workspace
 from dior.tables import tables
@@ -87,10 +87,8 @@ def moment(request: Request) -> Response:
     frame = number_of(request, "frame")
     workspace = workspace_of(request)
     # raises where this one cannot be read; of the others those that can
-    workspace.frames(walk, camera)
+    workspace.frames_with(walk, camera, frame)
     stamps = workspace.stamps(walk)
-    if frame >= len(stamps[camera]["stamp_ns"]):
-        raise DiorError(f"{camera} has no frame {frame} in {walk}")
     clocks = _clocks(workspace, walk)
     times = {name: table["stamp_ns"] + round(1e9 * clocks.get(name, 0.0)) for name, table in stamps.items()}
     at = times[camera][frame]
@@ -132,8 +130,8 @@ def _points(table: Table, columns: list[str]) -> list[dict[str, Any]]:
 def _clocks(workspace: Workspace, walk: str) -> dict[str, float]:
     """offset_s by camera as the last run found them, of those that are there."""
     found: dict[str, float] = {}
-    names = ["", *(f".{camera}" for camera in workspace.project().cameras_of(walk))]
-    for path in (f"results/{step}/{walk}{name}.parquet" for step in ("clocks", "follow") for name in names):
+    project = workspace.project()
+    for path in project.clock_tables(walk, project.cameras_of(walk)):
         table = workspace.result(path, "offsets", ["camera", "offset_s"])
         if table is not None:
             found |= dict(zip(table["camera"].tolist(), table["offset_s"].tolist(), strict=True))
@@ -142,10 +140,7 @@ def _clocks(workspace: Workspace, walk: str) -> dict[str, float]:
 
 def pictures_of(request: Request) -> Pictures:
     """The pictures that all pages share."""
-    state = request.app.state
-    if not hasattr(state, "pictures"):
-        state.pictures = Pictures(workspace_of(request))
-    found: Pictures = state.pictures
+    found: Pictures = in_memory(request, "pictures", lambda: Pictures(workspace_of(request)))
     return found
 
 

@@ -99,6 +99,11 @@ def change_rows(
         return _write(path, text, "".join(lines + added), check)
 
 
+def cells_of(uv: Sequence[float] | None) -> tuple[str, ...] | None:
+    """Cells of u and v, px: empty ones for a point that cannot be seen, None for no row."""
+    return None if uv is None else tuple(f"{one:.2f}" for one in uv) or ("", "")
+
+
 def _with_columns(lines: list[str], at: int, columns: Cells, between: str, end: str) -> list[str]:
     """The lines of a file with its header in line `at`, with what its header lacks of `columns` as further ones."""
     header = [name.strip() for name in _cells(lines[at].removeprefix("\ufeff"), between)]

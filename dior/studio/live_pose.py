@@ -155,8 +155,8 @@ def markers_at(given: Given, clock: Mapping[str, ClockValues], sequence: str, fr
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """The markers of a sequence on one frame: `uv` (J, 2) px where the pose puts them, NaN outside of the picture;
-    `hidden` (J,): behind a part of the body; `xyz` (J, 3) m."""
+    """The markers of a sequence on frames: `uv` (..., J, 2) px where the pose puts them, NaN outside of the picture;
+    `hidden` (..., J): behind a part of the body; `xyz` (..., J, 3) m."""
 
     uv: Floats
     hidden: Bools
@@ -165,12 +165,18 @@ class Seen:
 
 def seen(given: Given, answer: Answer, sequence: str, frame: int) -> Seen:
     """Where the markers of a frame are by the answer."""
-    xyz = markers_at(given, answer.clock, sequence, np.array([frame]))
-    uv, depth = project(answer.camera, xyz[0])
+    found = seen_on(given, answer, sequence, np.array([frame]))
+    return Seen(found.uv[0], found.hidden[0], found.xyz[0])
+
+
+def seen_on(given: Given, answer: Answer, sequence: str, frames: Ints) -> Seen:
+    """The same of frames (F,)."""
+    xyz = markers_at(given, answer.clock, sequence, frames)
+    uv, depth = project(answer.camera, xyz)
     with np.errstate(invalid="ignore"):
         inside = (depth > 0) & in_frame(answer.camera.intrinsics, uv)
-    hidden = visibility.hidden(answer.camera, xyz, given.motions[sequence].joints)[0]
-    return Seen(np.where(inside[:, None], uv, np.nan), hidden, xyz[0])
+    hidden = visibility.hidden(answer.camera, xyz, given.motions[sequence].joints)
+    return Seen(np.where(inside[..., None], uv, np.nan), hidden, xyz)
 
 
 def unmarked(given: Given, answer: Answer, sequence: str, frame: int) -> list[Mark]:

@@ -36,11 +36,11 @@ from dior.project.yaml_file import read_yaml
 from dior.report import beside_boxes
 from dior.studio import skeletons
 from dior.studio.hand_files import change_values
-from dior.studio.pages import one_of, page, sent, workspace_of
+from dior.studio.pages import in_memory, one_of, page, sent, within, workspace_of
 from dior.studio.workspace import Workspace, state_of
 from dior.tables import tables
 
-PICTURES = 12  # the issue's: a dozen pictures at once
+PICTURES = 12  # chosen: as many as are seen at once, each as large as a hand
 FEWEST_BOXES = 4  # as many as `boxes_fit` asks for
 ROLL = "roll_deg"
 NUDGE = ("azimuth_deg", "elevation_deg", "distance_m")
@@ -316,7 +316,7 @@ def view_of(workspace: Workspace, session: str, camera: str) -> View:
     files = [skeletons.offsets_file(walk) for walk in walks] + [project.final_cameras(session, camera)]
     for walk in walks:
         clock = skeletons.clock_file(project, walk, camera)
-        files += [skeletons.body_file(project, walk), clock, *project.boxes(walk).values(), *project.mocap(walk)]
+        files += [project.skeleton_table(walk), clock, *project.boxes(walk).values(), *project.mocap(walk)]
         files += project.picture_files(walk)
     key = state_of(files), id(lens), repr(content)
 
@@ -404,9 +404,9 @@ def fit_to_boxes(
     for walk in walks:
         one_of("sequence of align", walk, project.sequences_of(session))
     outdoors = any(not project.indoor(walk) for walk in walks)
-    close = [project.final_cameras(session, name) for name in project.close(session)] if outdoors else []
-    close = [one for one in dict.fromkeys(close) if Path(one).is_file()]
-    spreads = [one.replace(".parquet", ".covariance.parquet") for one in close]
+    names = project.close(session) if outdoors else []
+    close = [one for one in project.camera_tables(session, names) if Path(one).is_file()]
+    spreads = dict.fromkeys(project.covariance_table(session, name) for name in names)
     boxes = [project.boxes(walk)[camera] for walk in walks if camera in project.boxes(walk)]
     marks = project.marks_file(session, camera)
     with TemporaryDirectory(prefix="dior_studio_") as name:
@@ -417,7 +417,7 @@ def fit_to_boxes(
         frames = [folder / f"{walk}.parquet" for walk in walks]
         for walk, out in zip(walks, frames, strict=True):
             tables.write(out, "frames", workspace.frames(walk, camera))
-        bodies = [Path(skeletons.body_file(project, walk)) for walk in walks]
+        bodies = [Path(project.skeleton_table(walk)) for walk in walks]
         missing = [str(body) for body in bodies if not body.is_file()]
         if missing:
             raise DiorError(f"{missing[0]} is not there: `dior run` makes it first")
@@ -431,7 +431,7 @@ def fit_to_boxes(
                 ),
                 data_root=Path(project.data_root),
                 triangulated_by=align.CloseCameras(
-                    [*map(Path, close)], [Path(one) for one in spreads if Path(one).is_file()]
+                    [*map(Path, close)], [Path(one) for one in spreads if one and Path(one).is_file()]
                 ),
                 out=folder / "camera.parquet", out_covariance=folder / "covariance.parquet",
                 out_without=folder / "left_out.parquet", findings=folder / "findings.parquet",
@@ -458,20 +458,10 @@ def _posed(request: Request, view: View, words: Mapping[str, Any]) -> Camera:
 
 def _nudged(content: Mapping[str, Any], words: Mapping[str, Any]) -> dict[str, Any]:
     """The content of a camera's file with the nudge and the roll that a page names; those that it does not stay."""
-    given = {name: _number(name, words[name], most) for name, most in MOST.items() if name in words}
+    given = {name: within(name, words[name], most) for name, most in MOST.items() if name in words}
     nudge = (content.get("nudge") or {}) | {name: given[name] for name in NUDGE if name in given}
     tape = content["tape"] | ({ROLL: given[ROLL]} if ROLL in given else {})
     return {**content, "tape": tape, "nudge": nudge}
-
-
-def _number(name: str, word: Any, most: float) -> float:
-    try:
-        value = float(word)
-    except (TypeError, ValueError):
-        value = math.nan
-    if not abs(value) <= most:
-        raise DiorError(f"{name} is '{word!s:.40}', not a number from {-most:g} to {most:g}")
-    return value
 
 
 def _file(project: Project, session: str, camera: str) -> tuple[str, dict[str, Any]]:
@@ -500,21 +490,12 @@ def _clock_in_words(scene: Scene) -> str:
 
 
 def _views(request: Request) -> dict[tuple[str, str], View]:
-    found: dict[tuple[str, str], View] = _remembered(request, "long_range_views")
+    found: dict[tuple[str, str], View] = in_memory(request, "long_range_views")
     return found
 
 
 def _fits(request: Request) -> dict[tuple[str, str], Camera]:
-    found: dict[tuple[str, str], Camera] = _remembered(request, "long_range_fits")
-    return found
-
-
-def _remembered(request: Request, name: str) -> dict[tuple[str, str], Any]:
-    """What this page keeps in memory, by session and camera."""
-    state = request.app.state
-    if not hasattr(state, name):
-        setattr(state, name, {})
-    found: dict[tuple[str, str], Any] = getattr(state, name)
+    found: dict[tuple[str, str], Camera] = in_memory(request, "long_range_fits")
     return found
 
 

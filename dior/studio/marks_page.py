@@ -11,6 +11,7 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
+from dior.arrays import Bools, Ints
 from dior.body import names
 from dior.calibrate import locate
 from dior.calibrate.marks import marks as hand_marks
@@ -20,9 +21,19 @@ from dior.clocks.axis import seconds
 from dior.errors import DiorError, many
 from dior.studio import blobs, body_figure, frames_to_mark, live_pose
 from dior.studio.frames_page import pictures_of
-from dior.studio.hand_files import Change, change_rows
+from dior.studio.hand_files import Change, cells_of, change_rows
 from dior.studio.live_pose import Answer, Given
-from dior.studio.pages import number_of, one_of, page, recording_of, sent, workspace_of
+from dior.studio.pages import (
+    in_memory,
+    number_of,
+    one_of,
+    page,
+    pixel_of,
+    recording_in,
+    recording_of,
+    sent,
+    workspace_of,
+)
 from dior.studio.workspace import Workspace, state_of
 
 KEYS, OTHERS = ("sequence", "frame", "joint"), ("u", "v")
@@ -66,8 +77,7 @@ async def change(request: Request) -> Response:
 
 def _change(workspace: Workspace, content: dict[str, Any]) -> Response:
     project = workspace.project()
-    walk = one_of("walk", content.get("walk"), project.sequences)
-    camera = one_of("camera", content.get("camera"), project.cameras_of(walk))
+    walk, camera = recording_in(project, content)
     session = project.session_of(walk)
     wanted = content.get("changes")
     if not isinstance(wanted, list) or not 0 < len(wanted) <= MOST_CHANGES:
@@ -88,32 +98,21 @@ def _changed(workspace: Workspace, session: str, camera: str, one: Any, there: M
         raise DiorError("the page has sent a change without a frame and a marker")
     after = _pixel(one.get("after"))
     if after is not None:
-        table = workspace.frames(walk, camera)
-        if not 0 <= frame < len(table["frame"]):
-            raise DiorError(f"{camera} has no frame {frame} in {walk}, whose last is {len(table['frame']) - 1}")
+        table = workspace.frames_with(walk, camera, frame)
         where = f"{joint} on frame {frame} of {walk}"
         hand_marks.check_inside(where, np.array(after), int(table["width"][0]), int(table["height"][0]))
         if not ((there.sequence == walk) & (there.frame == frame) & (there.joint == joint)).any():
             one_of("marker", joint, workspace.motion(walk).joints)
     before = _pixel(one.get("before"))
     # as the file has it, which others may have written with more digits
-    return Change(
-        (walk, str(frame), joint), None if before is None else (str(before[0]), str(before[1])), _cells(after)
-    )
+    return Change((walk, str(frame), joint), None if before is None else tuple(map(str, before)), cells_of(after))
 
 
-def _pixel(given: Any) -> tuple[float, float] | None:
-    if given is None:
-        return None
-    try:
-        u, v = (float(one) for one in given)
-    except (TypeError, ValueError):
-        raise DiorError("the page has sent a place that is no two pixels") from None
-    return u, v
-
-
-def _cells(uv: tuple[float, float] | None) -> tuple[str, ...] | None:
-    return None if uv is None else tuple(f"{one:.2f}" for one in uv)
+def _pixel(given: Any) -> tuple[float, ...] | None:
+    found = pixel_of(given)
+    if found == ():
+        raise DiorError("the page has sent a place that is no two pixels")
+    return found
 
 
 def _read(path: str | Path) -> Marks:
@@ -187,10 +186,7 @@ def pose(request: Request) -> Response:
     """What the marks say now, and what it means for one frame; `full=1`: after a search of the clocks."""
     walk, camera = recording_of(request)
     frame, full = number_of(request, "frame"), number_of(request, "full", 0)
-    state = request.app.state
-    if not hasattr(state, "live"):
-        state.live = Live(workspace_of(request))
-    live: Live = state.live
+    live: Live = in_memory(request, "live", lambda: Live(workspace_of(request)))
     return JSONResponse(live.told(walk, camera, frame, bool(full)))
 
 
@@ -379,7 +375,7 @@ def _frame(given: Given, answer: Answer, walk: str) -> dict[str, Any] | None:
     frames = passing if len(passing) else frames_to_mark.spread(len(times))
     marked = np.unique(given.marks.frame[given.marks.sequence == walk])
     frames = np.setdiff1d(frames, marked)
-    frames = frames[[_well_seen(given, answer, walk, frame) for frame in frames.tolist()]] if len(frames) else frames
+    frames = frames[_well_seen(given, answer, walk, frames)]
     if not len(frames) or not len(marked):
         return None if not len(frames) else _offered(int(frames[len(frames) // 2]), len(passing) > 0, None, 0)
     places = frames_to_mark.middle(live_pose.markers_at(given, answer.clock, walk, frames))
@@ -395,10 +391,11 @@ def _offered(frame: int, passes: bool, away_m: float | None, marked: int) -> dic
     return {"frame": frame, "text": frames_to_mark.sentence(frame, passes, away_m, marked)}
 
 
-def _well_seen(given: Given, answer: Answer, walk: str, frame: int) -> bool:
-    found = live_pose.seen(given, answer, walk, frame)
-    clear = np.isfinite(found.uv).all(axis=1) & ~found.hidden
-    return bool(clear.sum() >= max(locate.FEWEST, LEAST_SEEN * len(clear)))
+def _well_seen(given: Given, answer: Answer, walk: str, frames: Ints) -> Bools:
+    """On which of the frames (F,) enough markers are in the picture and not hidden."""
+    found = live_pose.seen_on(given, answer, walk, frames)
+    clear = np.isfinite(found.uv).all(axis=-1) & ~found.hidden
+    return np.asarray(clear.sum(axis=1) >= max(locate.FEWEST, LEAST_SEEN * clear.shape[1]))
 
 
 def _number(value: float, digits: int) -> float | None:

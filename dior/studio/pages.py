@@ -1,6 +1,8 @@
 """What all pages of the studio have in common: their templates, their links, and reading what a request names."""
 
 import json
+import math
+from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -9,6 +11,7 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse
 
 from dior.errors import DiorError, nearest
+from dior.project.contents import Project
 from dior.report import pages as report_pages
 from dior.studio.workspace import Workspace
 
@@ -64,10 +67,14 @@ def walk_of(request: Request) -> str:
 
 
 def recording_of(request: Request) -> tuple[str, str]:
-    """The walk and the camera that a request names. Raises DiorError as `walk_of`."""
-    walk = walk_of(request)
-    camera = request.query_params.get("camera", "")
-    return walk, one_of("camera", camera, workspace_of(request).project().cameras_of(walk))
+    """The walk and the camera that a request names. Raises DiorError as `recording_in`."""
+    return recording_in(workspace_of(request).project(), request.query_params)
+
+
+def recording_in(project: Project, words: Mapping[str, Any]) -> tuple[str, str]:
+    """The walk and the camera that `words` name. Raises DiorError for what the project does not have."""
+    walk = one_of("walk", words.get("walk", ""), project.sequences)
+    return walk, one_of("camera", words.get("camera", ""), project.cameras_of(walk))
 
 
 def one_of(what: str, word: object, known: Any) -> str:
@@ -86,6 +93,36 @@ def number_of(request: Request, name: str, default: int | None = None) -> int:
     if not (word.isascii() and word.isdecimal() and len(word) < 10):
         raise DiorError(f"{name} is '{word:.40}', not a whole number from 0")
     return int(word)
+
+
+def within(name: str, word: object, most: float) -> float:
+    """The number `word`, where it is from -most to most. Raises DiorError, which says the `name`."""
+    try:
+        value = float(word)  # type: ignore[arg-type]  # what is no number is refused just here
+    except (TypeError, ValueError):
+        value = math.nan
+    if not abs(value) <= most:
+        raise DiorError(f"{name} is '{word!s:.40}', not a number from {-most:g} to {most:g}")
+    return value
+
+
+def pixel_of(given: Any) -> tuple[float, ...] | None:
+    """A place (u, v) that a page has sent, () for one that cannot be seen, None for none. Raises DiorError."""
+    if given is None:
+        return None
+    try:
+        found = tuple(float(one) for one in given)
+    except (TypeError, ValueError):
+        found = (math.nan,)
+    if len(found) not in (0, 2):
+        raise DiorError("the page has sent a place that is no two pixels")
+    return found
+
+
+def in_memory(request: Request, name: str, make: Callable[[], Any] = dict) -> Any:
+    """What a page keeps as long as the studio runs, made when it is first asked for; by default a dict."""
+    kept: dict[str, Any] = request.app.state.in_memory
+    return kept[name] if name in kept else kept.setdefault(name, make())
 
 
 async def sent(request: Request) -> dict[str, Any]:

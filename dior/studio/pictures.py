@@ -33,9 +33,7 @@ class Pictures:
 
         Raises DiorError for a frame that is not there and a picture that cannot be read.
         """
-        table = self.workspace.frames(walk, camera)
-        if frame >= len(table["frame"]):
-            raise DiorError(f"{camera} has no frame {frame} in {walk}, whose last is {len(table['frame']) - 1}")
+        table = self.workspace.frames_with(walk, camera, frame)
         key = walk, camera, frame, small, int(table["stamp_ns"][frame])
         with self._lock:
             if key in self._kept:

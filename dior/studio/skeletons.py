@@ -47,16 +47,10 @@ class Body:
         return self.track.at(seconds(stamps_ns, self.t0_ns, offset_s, drift_ppm))
 
 
-def body_file(project: Project, walk: str) -> str:
-    """The table that labels are made from: the motion capture indoors, outdoors the refined or triangulated 3D."""
-    outdoors = "triangulate" if project.config["refine"]["method"] == "none" else "refine"
-    return f"results/{'mocap' if project.indoor(walk) else outdoors}/{walk}.parquet"
-
-
 def body_of(workspace: Workspace, walk: str) -> Body:
     """The `Body` of a walk. Raises NotYet where there is none, and DiorError as `Workspace.motion`."""
     project = workspace.project()
-    path = body_file(project, walk)
+    path = project.skeleton_table(walk)
     table = workspace.result(path, "skeletons_3d")
     if table is not None:
         return workspace.kept(("body", walk), state_of([path]), lambda: Body(*tracks.read(table), path))
@@ -68,9 +62,8 @@ def body_of(workspace: Workspace, walk: str) -> Body:
 
 def clock_file(project: Project, walk: str, camera: str, kind: str = "") -> str:
     """The table of a camera's clock in a walk, or of that `kind` beside it: ".costs", ".findings"."""
-    if camera in project.followed(walk):
-        return f"results/follow/{walk}.{camera}{kind}.parquet"
-    return f"results/clocks/{walk}{f'.{camera}' if project.indoor(walk) else ''}{kind}.parquet"
+    [path] = project.clock_tables(walk, [camera], kind)
+    return path
 
 
 def clock_of_run(workspace: Workspace, walk: str, camera: str) -> on_axis.Clock | None:

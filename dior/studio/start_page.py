@@ -9,10 +9,12 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
 
+from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
+from dior.calibrate.locate import FEWEST
 from dior.calibrate.marks import marks as hand_marks
 from dior.check import check
 from dior.errors import DiorError, many
@@ -22,12 +24,14 @@ from dior.project.plain_text import rows_of
 from dior.project.sessions import NotMarked
 from dior.report import last_run
 from dior.studio import hand_files
-from dior.studio.pages import PAGES, page, sent, workspace_of
+from dior.studio.live_pose import FRAMES
+from dior.studio.pages import PAGES, in_memory, page, sent, workspace_of
 from dior.studio.runs import Runs
+from dior.studio.workspace import Read, Workspace
 from dior.tables import tables
 
 # what the docs ask for: docs/formats.md
-FRAMES, MARKS, BOXES = 3, 10, 20
+MARKS, BOXES = 10, 20
 LIGHTS = {"look": "amber", "bad": "red"}
 VERDICT, REPORT = Path("results/report/verdict.txt"), Path("results/report/index.html")
 # findings that a person answers, and the page on which
@@ -70,16 +74,18 @@ def start(request: Request) -> Response:
     left = [task for task in found if task.state != "done"]
     return page(
         request, "start.html.j2", unfinished=unfinished, left=left, done=[task for task in found if task not in left],
-        faults=[str(one) for one in read.faults if not isinstance(one, NotMarked) and not _of_todo(one, unfinished)],
+        faults=[str(one) for one in _faults(read)],
         verdict=said,
         report=str(REPORT.resolve()) if REPORT.is_file() else "", folder=str(Path.cwd()),
         others=workspace_of(request).others,
     )  # fmt: skip
 
 
-def _of_todo(fault: DiorError, unfinished: object) -> bool:
-    """What a value must not be that is still to be filled in need not be said."""
-    return bool(unfinished) and todos.WORD in str(fault)
+def _faults(read: Read) -> list[DiorError]:
+    """What is wrong with the files, but marks that are missing, which are a task, and what a value must not be that is
+    still to be filled in."""
+    told = [one for one in read.faults if not isinstance(one, NotMarked)]
+    return [one for one in told if not read.unfinished or todos.WORD not in str(one)]
 
 
 def hint(todo: todos.Todo) -> str:
@@ -101,9 +107,13 @@ def row_of(todo: todos.Todo) -> str:
 async def fill(request: Request) -> Response:
     """Put what was typed in the place of a TODO: {"path", "line", "key", "value"}."""
     told = await sent(request)
+    filled: dict[todos.Todo, str] = in_memory(request, "filled")
+    return JSONResponse(await run_in_threadpool(_filled, workspace_of(request), told, filled))
+
+
+def _filled(workspace: Workspace, told: dict[str, Any], filled: dict[todos.Todo, str]) -> dict[str, Any]:
+    """What is written, and what is `wrong` with it; `filled`: what was filled in here may be mended here."""
     path, line, key, value = (told.get(name) for name in ("path", "line", "key", "value"))
-    # what was filled in on this page may be mended on it
-    filled: dict[todos.Todo, str] = request.app.state.filled
     wanted = next(
         (one for one in [*todos.found("."), *filled] if (one.path, one.line, one.key) == (path, line, key)), None
     )
@@ -112,9 +122,9 @@ async def fill(request: Request) -> Response:
     value = as_typed(wanted.path, value)
     hand_files.fill_in(wanted.path, wanted.line, wanted.key, value, filled.get(wanted, todos.WORD))
     filled[wanted] = value
-    read = workspace_of(request).read()
-    wrong = [str(one) for one in read.faults if wanted.path in str(one) and not _of_todo(one, read.unfinished)]
-    return JSONResponse({"value": value, "wrong": [one for one in wrong if not isinstance(one, NotMarked)]})
+    read = workspace.read()
+    wrong = [str(one) for one in _faults(read) if wanted.path in str(one)]
+    return {"value": value, "wrong": wrong}
 
 
 def as_typed(path: str, value: str) -> str:
@@ -149,7 +159,7 @@ def _marks(project: Project, session: str, camera: str, walks: int) -> Task:
             return Task("Mark markers", f"{session} {camera}", "missing", str(error), brings, link)
         count, frames = len(read), len(set(zip(read.sequence.tolist(), read.frame.tolist(), strict=True)))
     says = f"{many(count, 'mark')} on {many(frames, 'picture')}; {MARKS} or more on each of {FRAMES} pictures are asked"
-    state = "missing" if count < 4 else "weak" if frames < FRAMES or count < MARKS * FRAMES else "done"
+    state = "missing" if count < FEWEST else "weak" if frames < FRAMES or count < MARKS * FRAMES else "done"
     return Task("Mark markers", f"{session} {camera}", state, says, brings, link)
 
 
@@ -201,14 +211,13 @@ def _link(address: str, **words: str) -> str:
 
 
 def checked(request: Request) -> Response:
-    """What `dior check` says, but the marks that are missing."""
+    """What `dior check` says, but the marks that are missing, which are a task."""
     notes, plan = check.look()
-    told = [
-        {"file": one.file, "line": one.line, "text": one.text, "walk": one.walk}
-        for one in notes.faults
-        if "'locate: marks' needs the file" not in one.text
-    ]
-    return JSONResponse({"faults": told, "warnings": [asdict(one) for one in notes.warnings], "plan": str(plan or "")})
+    not_marked = {str(one) for one in workspace_of(request).read().faults if isinstance(one, NotMarked)}
+    faults = [asdict(one) for one in notes.faults if f"{one.file}: {one.text}" not in not_marked]
+    return JSONResponse(
+        {"faults": faults, "warnings": [asdict(one) for one in notes.warnings], "plan": str(plan or "")}
+    )
 
 
 def run(request: Request) -> Response:
@@ -228,10 +237,7 @@ async def begin(request: Request) -> Response:
 
 
 def _runs(request: Request) -> Runs:
-    state = request.app.state
-    if not hasattr(state, "runs"):
-        state.runs = Runs()
-    found: Runs = state.runs
+    found: Runs = in_memory(request, "runs", Runs)
     return found
 
 

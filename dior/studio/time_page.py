@@ -6,7 +6,6 @@ OUTPUTS  config/offsets/<walk>.yaml; lines px at a clock that the page names
 """
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -31,13 +30,14 @@ from dior.project.yaml_file import read_yaml
 from dior.report import clocks as told_clocks
 from dior.studio import skeletons
 from dior.studio.hand_files import change_value
-from dior.studio.pages import number_of, page, recording_of, sent, workspace_of
+from dior.studio.pages import in_memory, number_of, page, recording_of, sent, within, workspace_of
 from dior.studio.skeletons import Body
 from dior.studio.workspace import Workspace, state_of
 from dior.tables import tables
 
 PICTURES = 6  # chosen: as many as there is room for below the picture
-MOST_S = 20.0  # chosen: of a lag; further than any search goes
+# chosen: further than any search goes
+MOST = {"offset_s": 20.0, "drift_ppm": 1e4}
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,9 +120,8 @@ def drawn(request: Request) -> Response:
     if view is None:
         view = _views(request)[key] = view_of(workspace_of(request), *key)
     frame = number_of(request, "frame", 0)
-    if frame >= len(view.rows["frame"]):
-        raise DiorError(f"{key[1]} has no frame {frame} in {key[0]}")
-    offset_s, drift_ppm = _number("offset_s", words), _number("drift_ppm", words)
+    workspace_of(request).frames_with(*key, frame)
+    offset_s, drift_ppm = (within(name, words.get(name, 0), most) for name, most in MOST.items())
     shown = lines_at(view, np.append(view.chosen, frame), offset_s, drift_ppm)
     return JSONResponse({"pictures": shown[:-1], "frame": shown[-1]})
 
@@ -280,22 +279,8 @@ def _plain(values: Floats, digits: int) -> list[float | None]:
     return [round(one, digits) if math.isfinite(one) else None for one in values.tolist()]
 
 
-def _number(name: str, words: Mapping[str, str]) -> float:
-    most = MOST_S if name == "offset_s" else 1e4
-    try:
-        value = float(words.get(name, "0"))
-    except ValueError:
-        value = math.nan
-    if not abs(value) <= most:
-        raise DiorError(f"{name} is '{words[name]:.40}', not a number from {-most:g} to {most:g}")
-    return value
-
-
 def _views(request: Request) -> dict[tuple[str, str], View]:
-    state = request.app.state
-    if not hasattr(state, "time_views"):
-        state.time_views = {}
-    found: dict[tuple[str, str], View] = state.time_views
+    found: dict[tuple[str, str], View] = in_memory(request, "time_views")
     return found
 
 

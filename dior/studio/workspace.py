@@ -123,6 +123,21 @@ class Workspace:
         self.frames(walk, camera)
         return video_starts.search_s(self._frames_file(walk, camera), absolute=True)
 
+    def frames_with(self, walk: str, camera: str, frame: object) -> Table:
+        """`frames`, of which `frame` is one. Raises DiorError where it is not."""
+        table = self.frames(walk, camera)
+        count = len(table["frame"])
+        if isinstance(frame, bool) or not isinstance(frame, int) or not 0 <= frame < count:
+            raise DiorError(f"{camera} has no frame {frame!s:.40} in {walk}, whose last is {count - 1}")
+        return table
+
+    def _written(self, name: str, pictures: Iterable[Table]) -> Path:
+        """A file of the table `frames` of several cameras, for a step to read."""
+        out, parts = Path(self._folder.name) / name, list(pictures)
+        columns = tables.columns_of("frames")
+        tables.write(out, "frames", {key: np.concatenate([one[key] for one in parts]) for key in columns})
+        return out
+
     def stamps(self, walk: str) -> dict[str, Table]:
         """The tables of all cameras of a walk that can be read, by name. Raises DiorError where there is none."""
         found, faults = {}, Faults()
@@ -148,10 +163,7 @@ class Workspace:
 
         def make() -> Motion:
             folder = Path(self._folder.name)
-            every = folder / f"{walk}.frames.parquet"
-            out = folder / f"{walk}.mocap.parquet"
-            names = tables.columns_of("frames")
-            tables.write(every, "frames", {name: np.concatenate([one[name] for one in stamps]) for name in names})
+            every, out = self._written(f"{walk}.frames.parquet", stamps), folder / f"{walk}.mocap.parquet"
             mocap.run(
                 sequence=walk, subject=project.subject_of(walk), c3d=Path(given[0]), frames=every,
                 trigger_log=Path(log[0]) if log else None, out=out, capture=project.capture(walk),
@@ -179,8 +191,8 @@ class Workspace:
 
         def make() -> Camera:
             folder = Path(self._folder.name)
-            indexed, out = folder / f"{session}.{camera}.frames.parquet", folder / f"{session}.{camera}.lens.parquet"
-            tables.write(indexed, "frames", pictures)
+            indexed = self._written(f"{session}.{camera}.frames.parquet", [pictures])
+            out = folder / f"{session}.{camera}.lens.parquet"
             intrinsics.run(
                 session=session, camera=camera, role=settings["role"], topic=settings["topic"] or "",
                 source="board" if board else given.get("file", "camera_info"), name=given.get("name") or "",
@@ -226,9 +238,8 @@ class Workspace:
 
         def make() -> tuple[Table, Table]:
             folder = Path(self._folder.name)
-            indexed, out, people = (folder / f"{walk}.{name}.parquet" for name in ("close", "detections", "people"))
-            names = tables.columns_of("frames")
-            tables.write(indexed, "frames", {name: np.concatenate([one[name] for one in pictures]) for name in names})
+            indexed = self._written(f"{walk}.close.parquet", pictures)
+            out, people = (folder / f"{walk}.{name}.parquet" for name in ("detections", "people"))
             detections.run(
                 sequence=walk, pattern=pattern, cameras=close, format=settings["format"], frames=indexed, looked_at=[],
                 out=out, findings=folder / f"{walk}.detections.findings.parquet",

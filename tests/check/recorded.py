@@ -1,6 +1,7 @@
 """Recordings for the project of tests/project/test_project.py: an indoor walk and two outdoors, of few pictures."""
 
 import json
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -8,6 +9,7 @@ import numpy as np
 from dior.body.names import MLKIT_33
 from tests.ingest.bagfiles import T0, encoded, info, packed, picture, write
 from tests.ingest.c3d_files import PLACES, c3d_bytes, person
+from tests.project.test_project import edit
 
 COUNT, STEP = 40, 33_333_333
 SIZE = (48, 64)
@@ -45,6 +47,14 @@ def detections(path, first=0, count=COUNT, start_s=0.0):
 
 def c3d(path, labels=tuple(PLACES), **more):
     path.write_bytes(c3d_bytes(list(labels), 1000 * person(labels, 130), **more))
+
+
+def of_project(root, data):
+    """The project in `root` (tests/project/test_project.py) with its recordings, `record`ed in the folder `data`."""
+    shutil.copytree(data, root / "data")
+    edit(root, "config.yaml", "triangulate:", "adjust: {min_views: 2}\ntriangulate:")
+    edit(root, "sessions/lab/cam01.marks.csv", "in_1,3,LASI", "in_1,3,RASI,12,30\nin_1,9,RASI,13,31\nin_1,3,LASI")
+    return root
 
 
 def record(data):

@@ -33,10 +33,7 @@ def data(tmp_path_factory):
 @pytest.fixture
 def project(root, data):  # noqa: F811
     """A whole project, to be broken."""
-    shutil.copytree(data, root / "data")
-    edit(root, "config.yaml", "triangulate:", "adjust: {min_views: 2}\ntriangulate:")
-    edit(root, "sessions/lab/cam01.marks.csv", "in_1,3,LASI", "in_1,3,RASI,12,30\nin_1,9,RASI,13,31\nin_1,3,LASI")
-    return root
+    return recorded.of_project(root, data)
 
 
 def found(folder, capsys):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dior.ingest import bags
-from dior.report import scene_file, shared, viewer
+from dior.report import scene_file, viewer, viewer_files
 from dior.tables import tables
 from tests.report import chromium, walks
 
@@ -59,10 +59,10 @@ def choose(page, selector, value):
 
 
 def test_three_js_has_the_parts_that_are_used_and_no_others():
-    used = set(re.findall(r"\bTHREE\.(\w+)", (shared.STATIC / "viewer.js").read_text()))
-    (listed, other) = re.findall(r"export \{(.*?)\}", (shared.STATIC / "three.entry.js").read_text(), re.DOTALL)
+    used = set(re.findall(r"\bTHREE\.(\w+)", (viewer_files.STATIC / "viewer.js").read_text()))
+    (listed, other) = re.findall(r"export \{(.*?)\}", (viewer_files.STATIC / "three.entry.js").read_text(), re.DOTALL)
     assert used == {*listed.replace(",", " ").split(), *other.split()}
-    assert "Permission is hereby granted" in (shared.STATIC / "three.min.js").read_text()
+    assert "Permission is hereby granted" in (viewer_files.STATIC / "three.min.js").read_text()
 
 
 def test_it_opens_from_disk_and_asks_for_nothing_else(browser, made):

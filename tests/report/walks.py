@@ -7,7 +7,7 @@ from dior.clocks import clock as on_axis
 from dior.geometry import camera_tables
 from dior.geometry.camera import Camera, pose, project
 from dior.geometry.multiview import look_at
-from dior.report import pages, scene_file, shared
+from dior.report import pages, scene_file, viewer_files
 from dior.tables import tables
 from dior.tables.files import write_text
 from tests.report import conftest
@@ -116,7 +116,7 @@ def write_page(out):
     template = pages.environment().get_template("scene.html.j2")
     text = template.render(title="A & B", sequence=SEQUENCE, scene=scene, before="", after="")
     write_text(out / f"sequences/{SEQUENCE}.3d.html", text)
-    shared.write(out)
+    viewer_files.write(out)
     return out / f"sequences/{SEQUENCE}.3d.html"
 
 

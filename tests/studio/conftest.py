@@ -9,7 +9,7 @@ from starlette.testclient import TestClient
 from dior.studio import app
 from dior.studio.workspace import Workspace
 from tests.check import recorded
-from tests.project.test_project import edit, root  # noqa: F401
+from tests.project.test_project import root  # noqa: F401
 from tests.studio import browser
 
 TOKEN = "a-token"
@@ -26,9 +26,7 @@ def recordings(tmp_path_factory):
 @pytest.fixture
 def project(root, recordings):  # noqa: F811
     """A whole project with its recordings, of 40 pictures a camera; the working directory."""
-    shutil.copytree(recordings, root / "data")
-    edit(root, "config.yaml", "triangulate:", "adjust: {min_views: 2}\ntriangulate:")
-    edit(root, "sessions/lab/cam01.marks.csv", "in_1,3,LASI", "in_1,3,RASI,12,30\nin_1,9,RASI,13,31\nin_1,3,LASI")
+    recorded.of_project(root, recordings)
     with chdir(root):
         yield root
 

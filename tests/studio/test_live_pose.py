@@ -92,3 +92,13 @@ def test_a_frame_outside_of_the_capture_has_no_markers():
     answer = live_pose.at_once(own, {"walk_1": OFFSET_S})
     assert np.isnan(live_pose.seen(own, answer, "walk_1", 199).uv).all()
     assert not live_pose.unmarked(own, answer, "walk_1", 199)
+
+
+def test_frames_at_once_are_those_one_by_one():
+    own = given(marked([60], 0.41))
+    answer, frames = live_pose.at_once(own, {"walk_1": 0.41}), np.array([10, 60, 140])
+    every = live_pose.seen_on(own, answer, "walk_1", frames)
+    for i, frame in enumerate(frames.tolist()):
+        one = live_pose.seen(own, answer, "walk_1", frame)
+        for name in ("uv", "hidden", "xyz"):
+            assert np.array_equal(getattr(every, name)[i], getattr(one, name), equal_nan=name != "hidden")

@@ -151,7 +151,7 @@ def why_of(dag, job, changed):
         *(["asked for, or a file of it is gone"] if reason.forced else []),
         *changed,
         *(["other files than before"] if reason.input_changed and not changed else []),
-        *(f"{path} is newer" for path in newer),
+        *(f"{path} is newer" for path in newer if path not in changed),
         *(f"{rerun_reasons.AFTER}{step}" for step in remade),
     ]
 

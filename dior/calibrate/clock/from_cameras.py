@@ -274,8 +274,7 @@ def _by_chance(
 ) -> Floats:
     """Velocities (T, J, 3) m/s that noise like that of `fit.SolvedClocks` alone would make, drawn anew."""
     shape = (*used.shape, 2)
-    white = np.random.default_rng(0).standard_normal(shape) * noise.sd_px.reshape(shape[0], 1, shape[2], 1)
-    drawn = white
+    drawn = np.random.default_rng(0).standard_normal(shape) * noise.sd_px.reshape(shape[0], 1, shape[2], 1)
     # each is what is left of the one before, and new noise
     for t in range(1, shape[1]):
         drawn[:, t] += noise.keep * drawn[:, t - 1]

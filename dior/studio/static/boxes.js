@@ -1,9 +1,8 @@
 // The page Boxes.
 
 import { Picture } from "./picture.js";
-import { ask, element, fill, onKeys, remember, say, send, state } from "./studio.js";
+import { $, ask, element, fill, onKeys, remember, say, send, state, svg } from "./studio.js";
 
-const $ = (id) => document.getElementById(id);
 const SCALE = 8; // screen pixels a pixel of the picture
 const STEP = 0.25; // px
 const AHEAD = 3; // pictures that are asked for before they are wanted
@@ -280,14 +279,9 @@ function inset() {
   $("marks").setAttribute("viewBox", `0 0 ${width} ${height}`);
   const [a, b] = picture.at({ x: 0, y: 0 });
   const [c, d] = picture.at({ x: picture.place.clientWidth, y: picture.place.clientHeight });
-  const made = (name, attributes) => {
-    const one = document.createElementNS("http://www.w3.org/2000/svg", name);
-    for (const [key, value] of Object.entries(attributes)) one.setAttribute(key, value);
-    return one;
-  };
   $("marks").replaceChildren(
-    made("rect", { x: a, y: b, width: c - a, height: d - b, class: "view" }),
-    ...moving.map((one) => { const [cx, cy] = middle(one); return made("circle", { cx, cy, r: width / 50, class: "mover" }); }),
+    svg("rect", { x: a, y: b, width: c - a, height: d - b, class: "view" }),
+    ...moving.map((one) => { const [cx, cy] = middle(one); return svg("circle", { cx, cy, r: width / 50, class: "mover" }); }),
   );
 }
 

@@ -1,9 +1,8 @@
 // The page Hand checks: one point of the sample at a time, its label hidden.
 
 import { Picture } from "./picture.js";
-import { ask, element, onKeys, say, send } from "./studio.js";
+import { $, ask, element, onKeys, say, send } from "./studio.js";
 
-const $ = (id) => document.getElementById(id);
 const STEP = 0.25; // px that an arrow moves the point by
 const picture = new Picture($("picture"), { onClick: (u, v) => put([u, v]) });
 const recordings = new Map(); // "walk camera" -> what /api/recording says

@@ -1,7 +1,8 @@
 // Enlarged pieces of several pictures at once, with a skeleton over each. Pixels are as recorded: (0, 0) is the centre of
 // the top-left one.
 
-const SVG = "http://www.w3.org/2000/svg";
+import { svg } from "./studio.js";
+
 const FEWEST_PX = 24; // of a piece
 const AROUND = 1.3; // a piece is that much larger than the person
 
@@ -15,22 +16,22 @@ export class Crops {
   open(pictures, { width, height }, name) {
     this.pieces = pictures.map((picture) => {
       const query = new URLSearchParams({ walk: picture.walk, camera: picture.camera, frame: picture.frame, v: picture.version });
-      const svg = made("svg", { "aria-hidden": "true" });
-      const layers = Object.fromEntries(["middle", "left", "right"].map((side) => [side, made("path", { class: `shape crop ${side}` })]));
-      svg.append(made("image", { href: `/picture?${query}`, x: -0.5, y: -0.5, width, height }));
+      const layer = svg("svg", { "aria-hidden": "true" });
+      const layers = Object.fromEntries(["middle", "left", "right"].map((side) => [side, svg("path", { class: `shape crop ${side}` })]));
+      layer.append(svg("image", { href: `/picture?${query}`, x: -0.5, y: -0.5, width, height }));
       if (picture.box) {
         const [u, v, right, below] = picture.box;
-        svg.append(made("rect", { x: u, y: v, width: right - u, height: below - v, class: "shape crop boxed" }));
+        layer.append(svg("rect", { x: u, y: v, width: right - u, height: below - v, class: "shape crop boxed" }));
       }
-      svg.append(...Object.values(layers));
-      return { picture, svg, layers };
+      layer.append(...Object.values(layers));
+      return { picture, layer, layers };
     });
-    this.place.replaceChildren(...this.pieces.map(({ picture, svg }) => {
+    this.place.replaceChildren(...this.pieces.map(({ picture, layer }) => {
       const words = document.createElement("span");
       words.textContent = name(picture);
       const piece = document.createElement(this.onPick ? "button" : "div");
       piece.className = "piece";
-      piece.append(svg, words);
+      piece.append(layer, words);
       if (this.onPick) Object.assign(piece, { type: "button", onclick: () => this.onPick(picture) });
       return piece;
     }));
@@ -39,10 +40,10 @@ export class Crops {
 
   zoom(factor) {
     this.factor = Math.min(16, Math.max(0.1, this.factor * factor));
-    for (const { picture, svg } of this.pieces) {
+    for (const { picture, layer } of this.pieces) {
       const [u, v, right, below] = picture.crop;
       const side = Math.max(FEWEST_PX, AROUND * Math.max(right - u, below - v)) / this.factor;
-      svg.setAttribute("viewBox", `${(u + right - side) / 2} ${(v + below - side) / 2} ${side} ${side}`);
+      layer.setAttribute("viewBox", `${(u + right - side) / 2} ${(v + below - side) / 2} ${side} ${side}`);
     }
   }
 
@@ -54,12 +55,6 @@ export class Crops {
       }
     });
   }
-}
-
-function made(name, attributes) {
-  const one = document.createElementNS(SVG, name);
-  for (const [key, value] of Object.entries(attributes)) one.setAttribute(key, value);
-  return one;
 }
 
 /** Calls `ask(wanted)` and then `use(answer, wanted)`, one at a time; of what is wanted meanwhile only the last. */

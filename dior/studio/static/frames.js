@@ -2,9 +2,8 @@
 
 import { Picture } from "./picture.js";
 import { Scrub } from "./scrub.js";
-import { ask, element, fill, remember, state } from "./studio.js";
+import { $, ask, element, fill, remember, state } from "./studio.js";
 
-const $ = (id) => document.getElementById(id);
 const picture = new Picture($("picture"));
 const scrub = new Scrub(picture, { onFrame: (frame, moving) => moving || later(frame), onKey: key });
 let walks = [];

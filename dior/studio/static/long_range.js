@@ -1,9 +1,8 @@
 // The page Long range: the skeleton in a dozen enlarged pictures follows the nudge.
 
 import { Crops, latest, whileHeld } from "./crops.js";
-import { ask, element, fill, onKeys, remember, say, send, state } from "./studio.js";
+import { $, ask, element, fill, onKeys, remember, say, send, state } from "./studio.js";
 
-const $ = (id) => document.getElementById(id);
 const NAMES = ["azimuth_deg", "elevation_deg", "distance_m", "roll_deg"];
 const crops = new Crops($("crops"));
 const dials = Object.fromEntries([...document.querySelectorAll(".dial")].map((one) => [one.dataset.of, one]));

@@ -2,9 +2,8 @@
 
 import { Picture } from "./picture.js";
 import { Scrub } from "./scrub.js";
-import { ask, element, fill, remember, say, send, state } from "./studio.js";
+import { $, ask, element, fill, remember, say, send, state } from "./studio.js";
 
-const $ = (id) => document.getElementById(id);
 const picture = new Picture($("picture"), { onClick: (u, v) => place(u, v) });
 const scrub = new Scrub(picture, { onFrame: (frame, moving) => moving || arrived(), onKey: key });
 

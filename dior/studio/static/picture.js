@@ -1,7 +1,7 @@
 // A picture of a recording that is zoomed and moved, with what is drawn on it. (u, v) are pixels as recorded: (0, 0) is
 // the centre of the top-left one.
 
-const SVG = "http://www.w3.org/2000/svg";
+import { svg } from "./studio.js";
 
 export class Picture {
   /** In an element. `onClick(u, v, event)`; `onDrag([u, v], [u, v], done)` where `this.drags` is true. */
@@ -25,8 +25,7 @@ export class Picture {
     this.preview.alt = "";
     this.preview.hidden = true;
     place.append(this.preview);
-    this.layer = document.createElementNS(SVG, "svg");
-    this.layer.setAttribute("aria-hidden", "true");
+    this.layer = svg("svg", { "aria-hidden": "true" });
     place.append(this.layer);
     this.viewer.addHandler("update-viewport", () => this.redraw());
     this.viewer.addHandler("canvas-key", (event) => { event.preventDefaultAction = true; });
@@ -181,9 +180,5 @@ function drawn(shape, place_of, scale) {
     text: () => ["text", { x: x + (shape.dx ?? 8), y: y + (shape.dy ?? -6) }],
   };
   const [name, attributes] = kinds[shape.kind]();
-  const made = document.createElementNS(SVG, name);
-  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
-  if (shape.kind === "text") made.textContent = shape.text;
-  made.setAttribute("class", `shape ${shape.kind} ${shape.class ?? ""}`);
-  return made;
+  return svg(name, { ...attributes, class: `shape ${shape.kind} ${shape.class ?? ""}` }, shape.kind === "text" ? shape.text : null);
 }

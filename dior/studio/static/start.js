@@ -1,8 +1,7 @@
 // The page Start: what `dior check` says, and a run with its progress.
 
-import { ask, element, say, send } from "./studio.js";
+import { $, ask, element, say, send } from "./studio.js";
 
-const $ = (id) => document.getElementById(id);
 
 function shown({ state, done, total, lines, dry, elsewhere }) {
   const running = state === "running";

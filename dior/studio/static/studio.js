@@ -55,6 +55,17 @@ export function element(name, attributes = {}, ...children) {
   return made;
 }
 
+/** The element with an id. */
+export const $ = (id) => document.getElementById(id);
+
+/** An element of SVG with attributes and a text. */
+export function svg(name, attributes = {}, text = null) {
+  const made = document.createElementNS("http://www.w3.org/2000/svg", name);
+  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
+  if (text !== null) made.textContent = text;
+  return made;
+}
+
 /** The page's state: the words of its address. */
 export function state() {
   return Object.fromEntries(new URLSearchParams(location.search));

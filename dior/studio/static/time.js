@@ -3,10 +3,8 @@
 import { Crops, latest, whileHeld } from "./crops.js";
 import { Picture } from "./picture.js";
 import { Scrub } from "./scrub.js";
-import { ask, element, fill, remember, say, send, state } from "./studio.js";
+import { $, ask, element, fill, remember, say, send, state, svg } from "./studio.js";
 
-const $ = (id) => document.getElementById(id);
-const SVG = "http://www.w3.org/2000/svg";
 const NEAR_MS = 250; // of the curve and the dial, either way
 const [WIDE, HIGH, LEFT, BELOW] = [280, 150, 34, 18];
 const picture = new Picture($("picture"));
@@ -95,14 +93,14 @@ function curve() {
   const [low, high] = [Math.min(...seen.map(([, y]) => y)), Math.max(...seen.map(([, y]) => y))];
   const px = (x) => LEFT + ((x - span[0]) / (span[1] - span[0])) * (WIDE - LEFT - 6);
   const py = (y) => 8 + ((high - y) / (high - low || 1)) * (HIGH - BELOW - 14);
-  const line = (x, name) => drawn("line", { x1: px(x), x2: px(x), y1: 4, y2: HIGH - BELOW, class: name });
-  const label = (x, y, text, anchor) => drawn("text", { x, y, "text-anchor": anchor, class: "tick" }, text);
+  const line = (x, name) => svg("line", { x1: px(x), x2: px(x), y1: 4, y2: HIGH - BELOW, class: name });
+  const label = (x, y, text, anchor) => svg("text", { x, y, "text-anchor": anchor, class: "tick" }, text);
   const parts = [];
   if (told.interval) {
     const [from, to] = told.interval.map(px);
-    parts.push(drawn("rect", { x: from, y: 4, width: Math.max(3, to - from), height: HIGH - BELOW - 4, class: "interval" }));
+    parts.push(svg("rect", { x: from, y: 4, width: Math.max(3, to - from), height: HIGH - BELOW - 4, class: "interval" }));
   }
-  parts.push(drawn("path", { d: seen.map(([x, y], i) => `${i ? "L" : "M"}${px(x).toFixed(1)} ${py(y).toFixed(1)}`).join(""), class: "cost" }));
+  parts.push(svg("path", { d: seen.map(([x, y], i) => `${i ? "L" : "M"}${px(x).toFixed(1)} ${py(y).toFixed(1)}`).join(""), class: "cost" }));
   if (told.estimate) parts.push(line(middle, "estimate"));
   parts.push(line(late(offset), "offset"));
   parts.push(label(LEFT - 4, py(low) + 4, low.toFixed(low < 10 ? 1 : 0), "end"), label(LEFT - 4, py(high) + 4, high.toFixed(high < 10 ? 1 : 0), "end"));
@@ -116,13 +114,6 @@ function said(lag) {
   const { lag_ms: lags, cost_px: costs } = told.curve;
   const i = lags.reduce((best, x, at) => (Math.abs(x - lag) < Math.abs(lags[best] - lag) ? at : best), 0);
   return `At ${signed(lags[i])} it costs ${costs[i] === null ? "an unknown amount" : `${costs[i].toFixed(2)} px`}.`;
-}
-
-function drawn(name, attributes, text = "") {
-  const one = document.createElementNS(SVG, name);
-  for (const [key, value] of Object.entries(attributes)) one.setAttribute(key, value);
-  one.textContent = text;
-  return one;
 }
 
 /** The lag under the pointer. */

@@ -1,8 +1,7 @@
 // The page Who.
 
-import { ask, element, onKeys, remember, say, send, state } from "./studio.js";
+import { $, ask, element, onKeys, remember, say, send, state, svg } from "./studio.js";
 
-const $ = (id) => document.getElementById(id);
 const STATES = {
   mocap: ["nobody to name", "Indoors the motion capture says who the subject is."],
   alone: ["nobody to name", "The detections have one person only in every picture: nobody needs to be named."],
@@ -21,13 +20,6 @@ const undone = { undo: [], redo: [] };
 
 const seedOf = (camera, frame) => told.seeds.findIndex((one) => one.camera === camera && one.frame === frame);
 const plain = (seeds) => (seeds.length ? seeds : null);
-
-function svg(name, attributes, text) {
-  const made = document.createElementNS("http://www.w3.org/2000/svg", name);
-  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
-  if (text) made.textContent = text;
-  return made;
-}
 
 /** Write other seeds; `past` is where what was there is kept. */
 async function put(after, past) {
