@@ -65,7 +65,7 @@ def read(paths: Iterable[AnyPath]) -> Quantiles:
 def lines(recordings: Mapping[tuple[str, str], Told], quantiles: Quantiles) -> list[Line]:
     """A `Line` for each kind of camera that there is.
 
-    What is red is not counted: it is told how many recordings those are.
+    What is red is left out: it is told how many recordings those are.
     """
     found = []
     for kind, name in KINDS.items():
@@ -82,7 +82,7 @@ def _line(name: str, far: bool, own: Mapping[tuple[str, str], Told], quantiles: 
     by_sigma = radius(px, n, SHARE)
     known, missing = [], []
     if np.isfinite(by_sigma):
-        known.append("by the labels' own sigmas")
+        known.append("expected, by the labels' own sigmas")
     for metric, words in (
         ("error_to_truth_2d", "measured: 95 % within {} of the simulated truth"),
         ("check_error", "measured: 95 % within {} of the hand checks"),
@@ -95,10 +95,10 @@ def _line(name: str, far: bool, own: Mapping[tuple[str, str], Told], quantiles: 
         known.append(shares)
     red = len(own) - len(good)
     if red:
-        missing.append(f"{many(red, 'recording')} to fix {'is' if red == 1 else 'are'} not counted")
+        missing.append(f"{many(red, 'recording')} to fix {'is' if red == 1 else 'are'} left out of these figures")
     look = sum(told.level == "look" for told in good.values())
     if look:
-        missing.append(f"{many(look, 'recording')} to look at {'is' if look == 1 else 'are'} counted")
+        missing.append(f"{many(look, 'recording')} to look at {'is' if look == 1 else 'are'} in these figures")
     unknown = sum("label_sigma" not in quantiles.get(key, {}) for key in good)
     if unknown:
         missing.append(

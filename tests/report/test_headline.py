@@ -26,7 +26,7 @@ def test_it_is_pooled_over_the_recordings_of_a_kind():
 def test_what_is_red_is_not_counted_and_told():
     found = {("w", "cam01"): Told(INDOOR, "good", SEEN), ("w", "cam02"): Told(INDOOR, "bad", SEEN)}
     [line] = headline.lines(found, {("w", "cam01"): sigma(0.5), ("w", "cam02"): sigma(50.0)})
-    assert line.within == "1.22 px" and line.missing == ("1 recording to fix is not counted",)
+    assert line.within == "1.22 px" and line.missing == ("1 recording to fix is left out of these figures",)
 
 
 def test_labels_without_a_sigma_are_not_said_to_be_good():
@@ -43,4 +43,4 @@ def test_what_nothing_judges_is_told(kind, figures):
 def test_what_was_measured_stands_beside_it():
     own = sigma(0.5) | {"check_error": (np.linspace(0, 10, PARTS), 40)}
     [line] = headline.lines({("w", "cam01"): Told(INDOOR, "good", {"check_error": 5.0})}, {("w", "cam01"): own})
-    assert line.known[0] == "by the labels' own sigmas" and "of the hand checks" in line.known[1]
+    assert line.known[0] == "expected, by the labels' own sigmas" and "of the hand checks" in line.known[1]
