@@ -54,7 +54,7 @@ def test_a_film_that_could_not_be_written_whole(tmp_path):
         "import numpy as np; from pathlib import Path; from dior.report import clip\n"
         "from dior.project import init\n"
         f"film = np.random.default_rng(0).integers(0, 255, (20, 360, 640, 3), np.uint8)\n"
-        f"init.run = lambda folder: clip._write(Path({str(tmp_path)!r}) / 'a.webm', film, 10.0, 'walk_1')\n"
+        f"init.run = lambda folder: clip._write(Path({str(tmp_path)!r}) / 'a.webm', film, (640, 360), 10.0, 'walk_1')\n"
         "init.run.__annotations__ = {'folder': Path}\n"
     )
     code, said = run(["init", "x"], "RLIMIT_FSIZE", 20_000, before)

@@ -144,7 +144,7 @@ def test_nothing_is_left_of_who_withdrew(after):
 def test_the_run_says_what_is_left_elsewhere(after):
     folder, text = after
     assert "files and folders of sequences or people that the project no longer has: `dior forget`" in text
-    page = (folder / "results/report/sequences/lawn_basalt.html").read_text()
+    page = (folder / "results/report/index.html").read_text()
     assert "1 window of the adjustment is not used: no consent" in page
     assert "1 sequence of align.sequences is not used: no consent" in page
 

@@ -136,6 +136,15 @@ rule report:
         metrics="results/evaluate/metrics.csv",
         quantiles=expand("results/evaluate/{sequence}.quantiles.parquet", sequence=SEQUENCES),
         told=expand("results/report/assets/{sequence}/facts.json", sequence=SEQUENCES),
+        # not read, but linked to: they are made again where they are gone
+        pages=expand(
+            [
+                "results/report/sequences/{sequence}.html",
+                "results/report/sequences/{sequence}.3d.html",
+                "results/report/assets/{sequence}/plots",
+            ],
+            sequence=SEQUENCES,
+        ),
         findings=common_findings(),
         cameras=all_cameras(),
         covariances=all_covariances(),
