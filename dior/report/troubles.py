@@ -51,6 +51,8 @@ EXPLAINS: Mapping[str, frozenset[str]] = {
     "beside_boxes": ASIDE,
     "in_box_lacking": ASIDE,
     "in_box_share": ASIDE,
+    # the recorder's own finding, and the share that the light is by
+    "pictures_lost": frozenset({"lost_pictures"}),
     "high_error": frozenset({"reprojection_error"}),
     "reprojection_error": frozenset({"error_to_truth_2d", "high_error"}),
     "check_error": frozenset({"error_to_truth_2d"}),
@@ -61,6 +63,8 @@ DRAWS_ALL = frozenset({*culprit.CODES, "clock_contradicts", "clock_jump", "camer
 DRAWN = {"clock_contradicts": "camera_bumped", "clock_jump": "camera_bumped"}
 # what `calibrate.clocks` asks of marks a picture before the detections
 FROM_ONE = "marks.csv count from 1"
+# what is so in the recording: no file of the project mends it
+RECORDED = frozenset({"pictures_lost", "lost_pictures", "same_stamp", "same_picture"})
 # a file of the project in a sentence
 FILE = re.compile(r"config/[\w./@<>{}-]*\.\w+")
 MANY_BOXES = 20  # chosen: that the light is sure of labels which are 2 px off (docs/figures.md)
@@ -216,7 +220,7 @@ def _with_fix(trouble: Trouble, recordings: Sequence[Recording], setting: Settin
             f"{MANY_BOXES} boxes or more; `dior run <this project> to_mark` chooses pictures and writes rows to fill in"
         )
         return replace(trouble, fix=Fix(f"config/boxes/{first}.{own[0].camera}.csv", what, "tells how good they are"))
-    if trouble.code == lights.BESIDE_CULPRIT:
+    if trouble.code == lights.BESIDE_CULPRIT or trouble.code in RECORDED:
         return trouble
     if trouble.code == "clock_contradicts":
         fixes = [

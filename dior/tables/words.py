@@ -11,8 +11,9 @@ SKELETON_STATUS = ("ok", "too_few_views", "rejected", "gap_filled", "suspect")
 OFFSET_SOURCE = ("estimated", "manual", "reference", "assumed_zero")
 CLOCK_METHOD = ("", "detections", "marks", "pictures", "cameras", "boxes")
 DROP_REASON = ("not_sent", "recorder_behind", "between_bags", "same_stamp", "same_picture", "not_decoded", "cut_off")
-# chosen: above this share of pictures lost, whatever the reason, a person would want to see it
-MOST_LOST = 0.01
+# chosen: above this share of pictures lost, whatever the reason, a person would want to see it. A recorder that is well
+# loses one of a hundred, which in a walk of some seconds may be two or three
+MOST_LOST = 0.03
 HEAD_STATUS = ("ok", "out_of_frame", "unknown", "uncertain", "red", "unseen", "beside")
 NO_IMAGE = (
     *("no_consent", "head_unknown", "head_uncertain", "head_red", "head_unseen", "head_beside", "not_readable"),

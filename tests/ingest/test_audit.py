@@ -61,7 +61,7 @@ def test_every_lost_picture_has_its_stamp_and_reason():
     assert "1 of them while the recorder was behind" in text
     assert (severity, code) == ("info", "pictures_lost") and "5 pictures lost (1.7%) in 3 gaps" in text
     # of the whole recording, of which this may be a short part
-    [(severity, *_)] = audit.judge({**done.row, "black": 0}, done, "a.bag", lost_share=0.011)
+    [(severity, *_)] = audit.judge({**done.row, "black": 0}, done, "a.bag", lost_share=0.031)
     assert severity == "warning"
 
 

@@ -136,3 +136,13 @@ def test_marks_that_count_from_1_say_what_to_do_with_their_frames():
     [found] = troubles.of_camera([Recording("w1", "cam02", faults)], Setting("config/sessions/lab/cam02.yaml"))
     assert found.code == "marks_clock" and found.fix.file == "config/sessions/lab/cam02.marks.csv"
     assert found.fix.what == "subtract 1 from every frame"
+
+
+def test_pictures_that_a_recorder_lost_are_one_trouble_and_no_file_of_the_project_mends_it():
+    faults = (
+        ("look", "lost_pictures", "3.3 % of the pictures were lost in the recording"),
+        ("look", "pictures_lost", "a.bag: 8 pictures lost (3.3%) in 6 gaps"),
+    )
+    [found] = troubles.of_camera([Recording("walk_1", "cam01", faults)], Setting("config/sessions/lab/cam01.yaml"))
+    assert (found.code, found.fix) == ("pictures_lost", None)
+    assert found.follows == (("walk_1", faults[0][2]),)
