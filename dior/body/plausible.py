@@ -120,7 +120,8 @@ def check_height(
         raise DiorError(
             f"{where}: {subject} would be {100 * abs(off):.0f} cm {'taller' if off > 0 else 'smaller'} than "
             f"config/subjects.tsv says, more than {100 * limit:.0f} cm (physics.stature_share); correct height_m, or "
-            "the scale by the tape, the tag's size_m and the other metric facts, or is somebody else walking?"
+            "the scale by the tape, the tag's size_m and the other metric facts; where somebody else walks, too, say "
+            "which is the subject in config/people/<sequence>.yaml (docs/people.md)"
         )
 
 

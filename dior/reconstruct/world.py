@@ -26,7 +26,7 @@ MEND = {
     },
     "triangulated": {
         "world_scale": "is the board's square_m, the tape, the tag's size_m or the unit of the reference calibration "
-        "wrong, or height_m, or is somebody else walking?",
+        "wrong, or height_m, or is it somebody else (config/people/<sequence>.yaml says who is the subject)?",
         "world_left_handed": "is the reference calibration right-handed, and does the detector see mirrored pictures?",
         "world_axes": "set `reference.world: from_walk`, or correct tag.up and tag.normal",
         "world_floor": "is Z = 0 the floor in the reference calibration (`reference.world: from_walk` makes it), "
