@@ -117,6 +117,7 @@ def _evaluated(made, name):
         detected=evaluate.Detected(
             None if indoor else made.made("triangulate", name, ".detections"), project.config["detector"]["min_score"],
             None if indoor else made.made("triangulate", name, ".swaps"),
+            [made.made("clocks", name, ".aside")] if indoor else [],
         ),
         yardsticks=evaluate.Yardsticks(
             {one: made.folder / path for one, path in project.boxes(name).items()},
@@ -125,6 +126,7 @@ def _evaluated(made, name):
         ),
         out=made.made("evaluate", name), out_frames=made.made("evaluate", name, ".frames"),
         out_checks=made.made("evaluate", name, ".checks"), out_quantiles=made.made("evaluate", name, ".quantiles"),
+        findings=made.made("evaluate", name, ".findings"),
     )  # fmt: skip
     return made.made("evaluate", name)
 

@@ -147,7 +147,7 @@ def _clocks(capture, name, cameras, covariance, marked=()):
         ),
         frames=capture.made("frames", name), indoors=clocks.Indoors(mocap, marked),
         offsets=_offsets(capture, name), data_root=capture.folder / "data",
-        written=_clock_files(capture, "clocks", name),
+        written=_clock_files(capture, "clocks", name), out_aside=capture.made("clocks", name, ".aside"),
     )  # fmt: skip
     timeline.run(
         sequence=name, frames=capture.made("frames", name), cameras=project.close(project.session_of(name)),

@@ -13,15 +13,15 @@ import numpy as np
 
 from benchmarks.clocks_detections import recorded, seen_by
 from dior.body.names import MLKIT_33
-from dior.calibrate import clocks
 from dior.calibrate.clock import from_mocap
+from dior.evaluate.turned import turned
 from dior.geometry import covariance
 
 TURN_DEG = 0.3
 
 
 def aside(level, seed, seconds):
-    """Camera -> `clocks.Aside` with its pose right and with it turned, and the camera that is drawn."""
+    """Camera -> `turned.Aside` with its pose right and with it turned, and the camera that is drawn."""
     settings, walk, motion, views, found = recorded(level, "indoor", seed, seconds, apart_s=0.02)
     ticks = np.arange(int((seconds + 1) * settings.mocap_hz)) / settings.mocap_hz
     walker = from_mocap.walker_of(ticks, motion.at(ticks)[1], list(motion.names), list(MLKIT_33))
@@ -59,10 +59,10 @@ def main():
         named = right = alarms = 0
         most = 0.0
         for seed in range(1, seeds + 1):
-            clean, turned, who = aside(level, seed, seconds)
-            said = [scope for scope, *_ in clocks.turned("walk", turned)]
+            clean, moved, who = aside(level, seed, seconds)
+            said = [scope for scope, *_ in turned("walk", moved)]
             named, right = named + bool(said), right + (said == [f"walk/{who}"])
-            alarms, most = alarms + bool(clocks.turned("walk", clean)), max(most, beside(clean))
+            alarms, most = alarms + bool(turned("walk", clean)), max(most, beside(clean))
         print(f"{level:<10}{named:>7}{right:>14}{alarms:>14}{most:>11.4f}", flush=True)
 
 

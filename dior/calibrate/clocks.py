@@ -2,7 +2,8 @@
 
 INPUTS   cameras and their covariance, detections, frames, indoors the mocap and what locate found from marks;
          config/offsets/<sequence>.yaml where a person overrides
-OUTPUTS  `offsets` and `clock_gains` (dior/clocks/clock.py), `clock_costs` (how well each lag fits), findings
+OUTPUTS  `offsets` and `clock_gains` (dior/clocks/clock.py), `clock_costs` (how well each lag fits),
+         `detection_offsets` (indoors: where detections lie beside the joints, for `evaluate.turned`), findings
 Indoors in the order of how certain they are: detections (`clock.from_mocap`), marks (locate), silhouettes in the
 pictures (`outline.clock_from_pictures`). Outdoors the first close camera by name is the reference
 (`clock.from_cameras`). A long-range camera's clock is `follow`'s. Where the data cannot tell, the clock is zero, its
@@ -32,10 +33,6 @@ FAR_OFF = 0.9
 # chosen: joints of detectors and of markers are 0.04-0.08 m apart where the C3D is the recording's, and 0.35 m or more
 # with another walk's (`python -m benchmarks.culprit c3d lab`)
 APART_M = 0.2
-# chosen: a camera is turned whose detections lie so much further (m) to one side of the joints than the others' do,
-# 0.22 degrees 4.5 m away, and so many standard errors over the joints. Right cameras are left less by a detector's
-# constants (`python -m benchmarks.turned`)
-TURNED_M, TURNED_SIGMAS = 0.0175, 3.0
 # chosen: clocks that are so many pictures and standard errors apart are of other pictures, as joints of detectors and
 # of markers differ by a third of one; beyond MANY it is no counting from 1
 A_PICTURE, MANY_PICTURES, CERTAIN = 0.7, 1.4, 4.0
@@ -91,10 +88,11 @@ def run(
     offsets: Path | None,
     data_root: Path,
     written: on_axis.ClockFiles,
+    out_aside: Path,
 ) -> None:
-    """Write the clocks of one sequence.
+    """Write the clocks of one sequence, and indoors where its detections lie beside the joints.
 
-    `offsets`: the YAML file of clocks given by hand, or None.
+    `offsets`: the YAML file of clocks given by hand, or None; `out_aside`: table `detection_offsets`, empty outdoors.
     """
     names, covariance, mocap, min_score = placed.names, placed.covariance, indoors.mocap, detected.min_score
     rig = camera_tables.read_placed(placed.cameras, names, sequence)
@@ -113,11 +111,8 @@ def run(
     on_axis.write(written.out, written.out_gains, sequence, used, names, joint)
     tables.write(written.out_costs, "clock_costs", _costs(sequence, estimates))
     period, loose = 1 / rates(pictures, names)[1], loose_s(frames)
-    found = (
-        _beside_mocap(sequence, off)
-        + turned(sequence, aside)
-        + beside_marks(sequence, estimates, by_marks, names, joint, period)
-    )
+    tables.write(out_aside, "detection_offsets", _aside_columns(sequence, aside))
+    found = _beside_mocap(sequence, off) + beside_marks(sequence, estimates, by_marks, names, joint, period)
     found += findings_of(sequence, estimates, manual, names, joint, period, bool(mocap), loose)
     tables.write_findings(written.findings, found)
 
@@ -246,35 +241,12 @@ def _beside_mocap(sequence: str, off: Mapping[str, float]) -> list[tuple[str, st
     ]
 
 
-def turned(sequence: str, aside: Mapping[str, Aside]) -> list[tuple[str, str, str, str]]:
-    """Whether the detections of one camera lie further to one side of the joints than those of the others do.
-
-    A detector's joints lie beside those of the motion capture in all cameras alike: a camera is compared with the
-    middle of the others', joint by joint, and needs two others. Named is the worst, which makes the others look off.
-    """
-    found: list[tuple[float, str, str]] = []
-    for name, (own, px_per_m) in aside.items():
-        others = [one for other, (one, _) in aside.items() if other != name]
-        joints = [joint for joint in own if all(joint in one for one in others)]
-        if len(others) < 2 or len(joints) < 2:
-            continue
-        apart = np.array([own[joint] - np.median([one[joint] for one in others], axis=0) for joint in joints])
-        mean, sigma = apart.mean(axis=0), apart.std(axis=0, ddof=1) / np.sqrt(len(joints))
-        told = np.abs(mean) > np.maximum(TURNED_M, TURNED_SIGMAS * sigma)
-        # labels lie on the other side of detections than these of them
-        sides = ("right of" if mean[0] < 0 else "left of", "below" if mean[1] < 0 else "above")
-        words = " and ".join(
-            f"{abs(m) * px_per_m:.1f} px {side}" for m, side, yes in zip(mean, sides, told, strict=True) if yes
-        )
-        found.append((float(np.linalg.norm(mean[told])), name, words))
-    far, name, words = max(found, default=(0.0, "", ""))
-    if not far:
-        return []
-    text = (
-        f"the pose of {name} is off: its labels lie {words} what is detected, {far:.3f} m at the person, compared with "
-        "the other cameras"
-    )
-    return [(f"{sequence}/{name}", "warning", "camera_turned", text)]
+def _aside_columns(sequence: str, aside: Mapping[str, Aside]) -> dict[str, list[Any]]:
+    """Columns of `detection_offsets`, a row for each camera and joint."""
+    each = [(name, joint, *by, scale) for name, (own, scale) in aside.items() for joint, by in own.items()]
+    camera, joints, right, down, px_per_m = zip(*each, strict=True) if each else ((),) * 5
+    columns = {"camera": camera, "joint": joints, "right_m": right, "down_m": down, "px_per_m": px_per_m}
+    return {"sequence": [sequence] * len(each)} | {key: list(values) for key, values in columns.items()}
 
 
 def _by_pictures(

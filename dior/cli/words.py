@@ -72,6 +72,7 @@ TEXTS = {
     "networks": "files of weights by network",
     "offsets": "YAML files with clocks given by hand",
     "out": "file or folder to write",
+    "out_aside": TABLE,
     "out_checks": TABLE,
     "out_quantiles": TABLE,
     "out_clock_costs": TABLE,

@@ -7,6 +7,7 @@ OUTPUTS  results/evaluate/<sequence>.parquet         `metrics`, every row a mean
          results/evaluate/<sequence>.frames.parquet  `frame_metrics`, the same per picture, for the report's timelines
          results/evaluate/<sequence>.checks.parquet  `check_errors`, every hand check, for quantiles over sequences
          results/evaluate/<sequence>.quantiles.parquet  `label_quantiles`, how sigmas and measured errors are spread
+         results/evaluate/<sequence>.findings.parquet  what only all cameras of a sequence together tell (`turned`)
 
 Pixels are recorded (distorted) pixels, lengths metres, shares 0 to 1.
 """
@@ -21,7 +22,7 @@ import numpy as np
 from dior.arrays import Floats, Ints, Table
 from dior.errors import DiorError, nearest
 from dior.evaluate import checks as check_files
-from dior.evaluate import label_errors, labels_in_boxes, reprojection, rows
+from dior.evaluate import label_errors, labels_in_boxes, reprojection, rows, turned
 from dior.evaluate import truth as against
 from dior.evaluate.grids import LabelGrid, distance, label_grids, onto, value_grid
 from dior.geometry.camera import Camera, occluded_edge
@@ -41,12 +42,13 @@ class Detected:
     """What the labels were made of, where they were made of detections.
 
     `detections`: their table, or None; `min_score`: score below which a detection is not compared with; `swaps`: where
-    left and right were exchanged, or None.
+    left and right were exchanged, or None; `aside`: indoors the tables `detection_offsets` of the cameras.
     """
 
     detections: Path | None
     min_score: float
     swaps: Path | None
+    aside: list[Path]
 
 
 @dataclass(frozen=True)
@@ -78,6 +80,7 @@ def run(
     out_frames: Path,
     out_checks: Path,
     out_quantiles: Path,
+    findings: Path,
 ) -> None:
     """Evaluate one sequence.
 
@@ -114,6 +117,7 @@ def run(
     tables.write(out_checks, "check_errors", _stacked(each, subject, sequence))
     quantiles = _quantiles(grids, roles, spread, checked, true)
     tables.write(out_quantiles, "label_quantiles", _stacked(quantiles, subject, sequence))
+    tables.write_findings(findings, turned.turned(sequence, turned.read(detected.aside)))
 
 
 def _stacked(parts: Sequence[Table], subject: str, sequence: str) -> Table:

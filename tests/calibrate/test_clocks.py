@@ -52,7 +52,7 @@ def run(folder, out, by_hand="", detections="detections.parquet", **placed):
         detected=clocks.Detected(folder / detections if detections else None, min_score=0.3, max_gap=2.5),
         frames=folder / "frames.parquet", indoors=clocks.Indoors(mocap=None, marked=[]),
         offsets=out / "walk.yaml" if by_hand else None, data_root=folder,
-        written=on_axis.ClockFiles(*(out / f"{kind}.parquet" for kind in "cgkf")),
+        written=on_axis.ClockFiles(*(out / f"{kind}.parquet" for kind in "cgkf")), out_aside=out / "a.parquet",
     )  # fmt: skip
     found = tables.read(out / "f.parquet", "findings")
     said = {s: (v, c, t) for s, v, c, t in zip(*(found[k] for k in ("scope", "severity", "code", "text")), strict=True)}
@@ -113,23 +113,3 @@ def test_a_clock_by_hand_is_compared_in_the_middle_of_the_recording():
         estimates = {"cam02": (found, clocks.NONE, clocks.NONE, "")}
         [(_, _, said, text)] = clocks.findings_of("walk", estimates, hand, [], None, 1 / 30, False)
         assert said == code and (said == "clock_found" or "1.8 pictures off" in text)
-
-
-def aside(u=0.0, v=0.03):
-    """Detections beside the joints of the motion capture, m, by joint, as a detector's are in all cameras; px per m."""
-    return {f"joint_{i}": np.array([u + 0.01 * (-1) ** i, v]) for i in range(12)}, 130.0
-
-
-def test_a_camera_whose_detections_lie_aside_of_the_others_is_named_with_the_side_of_its_labels():
-    three = {"cam01": aside(), "cam02": aside(0.026), "cam03": aside(0.002)}
-    [(scope, severity, code, text)] = clocks.turned("walk", three)
-    assert (scope, severity, code) == ("walk/cam02", "warning", "camera_turned")
-    assert "its labels lie 3.2 px left of what is detected, 0.025 m at the person" in text
-    [(scope, *_, text)] = clocks.turned("walk", three | {"cam02": aside(0.0, 0.0)})
-    assert scope == "walk/cam02" and "3.9 px below" in text
-
-
-def test_joints_that_a_detector_has_elsewhere_in_all_cameras_turn_none():
-    assert clocks.turned("walk", {name: aside(0.0, 0.06) for name in ("cam01", "cam02", "cam03")}) == []
-    # and with one other camera nobody knows which of them it is
-    assert clocks.turned("walk", {"cam01": aside(), "cam02": aside(0.1)}) == []

@@ -65,10 +65,11 @@ def run(tmp_path, labels, **given):
     evaluate.run(
         sequence="walk", subject="S1", labels=[labels], skeleton=inputs["skeleton"], cameras=poses,
         roles=inputs["roles"],
-        detected=evaluate.Detected(inputs["detections"], inputs["min_score"], inputs["swaps"]),
+        detected=evaluate.Detected(inputs["detections"], inputs["min_score"], inputs["swaps"], []),
         yardsticks=evaluate.Yardsticks(*(inputs[key] for key in ("boxes", "left_out", "marks", "checks", "truth"))),
         out=tmp_path / "walk.parquet", out_frames=tmp_path / "walk.frames.parquet",
         out_checks=tmp_path / "walk.checks.parquet", out_quantiles=tmp_path / "walk.quantiles.parquet",
+        findings=tmp_path / "walk.findings.parquet",
     )  # fmt: skip
     return read_metrics(tmp_path / "walk.parquet")
 

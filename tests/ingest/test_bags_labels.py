@@ -99,6 +99,7 @@ def labels_from(simulated, bags, data_root, out, trigger_log=None, offsets=None)
         written=ClockFiles(
             clocked, out / "clock_gains.parquet", out / "costs.parquet", findings=out / "findings.parquet"
         ),
+        out_aside=out / "aside.parquet",
     )  # fmt: skip
     timeline.run(
         sequence=WALK, frames=indexed, cameras=CAMERAS, clocks=[clocked], mocap=markers, max_gap=1.5,

@@ -242,12 +242,13 @@ def figures(folder, who=EVERYONE):
             skeleton=None,
             cameras=[poses],
             roles={camera: role(session, camera) for camera in CAMERAS},
-            detected=evaluate.Detected(None, 0.3, None),
+            detected=evaluate.Detected(None, 0.3, None, []),
             yardsticks=evaluate.Yardsticks({"cam02": drawn}, [], [], {}, None),
             out=paths[-1],
             out_frames=steps / "frames.parquet",
             out_checks=steps / "checks.parquet",
             out_quantiles=steps / "quantiles.parquet",
+            findings=steps / "findings.parquet",
         )
     return metrics_csv.released(paths, {name: {"subject": subject} for name, (subject, *_) in walks(who).items()})
 

@@ -240,12 +240,13 @@ def write_sequence(root, number, sequence, subject, session):
         skeleton=skeleton,
         cameras=[poses],
         roles={camera.name: camera.role for camera in cameras},
-        detected=evaluate.Detected(detections, 0.3, None),
+        detected=evaluate.Detected(detections, 0.3, None, []),
         yardsticks=evaluate.Yardsticks(boxes, [], [], {}, truth),
         out=results / f"evaluate/{sequence}.parquet",
         out_frames=results / f"evaluate/{sequence}.frames.parquet",
         out_checks=results / f"evaluate/{sequence}.checks.parquet",
         out_quantiles=results / f"evaluate/{sequence}.quantiles.parquet",
+        findings=results / f"evaluate/{sequence}.findings.parquet",
     )
     return SimpleNamespace(labels=labels, detections=detections, boxes=boxes, skeleton=skeleton)
 

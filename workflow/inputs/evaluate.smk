@@ -11,6 +11,14 @@ def outdoor_only(path):
     return file
 
 
+def detection_offsets(wildcards):
+    """Where the detections of each camera lie beside the motion capture."""
+    sequence = wildcards.sequence
+    if not PROJECT.indoor(sequence):
+        return []
+    return clocks_of(sequence, PROJECT.clocked(sequence), ".aside")
+
+
 def hand_boxes(wildcards):
     return list(PROJECT.boxes(wildcards.sequence).values())
 

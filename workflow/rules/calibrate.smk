@@ -172,6 +172,7 @@ rule clocks:
         out="results/clocks/{recording}.parquet",
         out_gains="results/clocks/{recording}.gains.parquet",
         out_costs="results/clocks/{recording}.costs.parquet",
+        out_aside="results/clocks/{recording}.aside.parquet",
         findings="results/clocks/{recording}.findings.parquet",
     log:
         "logs/clocks/{recording}.log",

@@ -56,7 +56,7 @@ wildcard_constraints:
     sequence=r"[A-Za-z0-9_-]+",
     session=r"[A-Za-z0-9_@-]+",
     camera=r"[A-Za-z0-9_-]+",
-    recording=r"[A-Za-z0-9_-]+(\.(?!gains\.|costs\.|findings\.)[A-Za-z0-9_-]+)?",
+    recording=r"[A-Za-z0-9_-]+(\.(?!gains\.|costs\.|aside\.|findings\.)[A-Za-z0-9_-]+)?",
     subject=r"[A-Za-z0-9_-]+",
 
 

@@ -38,6 +38,7 @@ rule evaluate:
         cameras=sequence_cameras,
         detections=outdoor_only("results/triangulate/{sequence}.detections.parquet"),
         swaps=outdoor_only("results/triangulate/{sequence}.swaps.parquet"),
+        aside=detection_offsets,
         boxes=hand_boxes,
         left_out=left_out_boxes,
         checks=hand_checks,
@@ -48,6 +49,7 @@ rule evaluate:
         out_frames="results/evaluate/{sequence}.frames.parquet",
         out_checks="results/evaluate/{sequence}.checks.parquet",
         out_quantiles="results/evaluate/{sequence}.quantiles.parquet",
+        findings="results/evaluate/{sequence}.findings.parquet",
     log:
         "logs/evaluate/{sequence}.log",
     benchmark:

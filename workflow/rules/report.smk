@@ -133,11 +133,8 @@ rule page:
 rule report:
     """Write the first page, of all sequences."""
     input:
-        metrics="results/evaluate/metrics.csv",
-        quantiles=expand("results/evaluate/{sequence}.quantiles.parquet", sequence=SEQUENCES),
-        told=expand("results/report/assets/{sequence}/facts.json", sequence=SEQUENCES),
         # not read, but linked to: they are made again where they are gone
-        pages=expand(
+        expand(
             [
                 "results/report/sequences/{sequence}.html",
                 "results/report/sequences/{sequence}.3d.html",
@@ -145,6 +142,9 @@ rule report:
             ],
             sequence=SEQUENCES,
         ),
+        metrics="results/evaluate/metrics.csv",
+        quantiles=expand("results/evaluate/{sequence}.quantiles.parquet", sequence=SEQUENCES),
+        told=expand("results/report/assets/{sequence}/facts.json", sequence=SEQUENCES),
         findings=common_findings(),
         cameras=all_cameras(),
         covariances=all_covariances(),

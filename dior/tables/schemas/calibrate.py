@@ -101,6 +101,14 @@ TABLES = {
         ("lag_s", "float64", "s", "offset that was tried"),
         ("cost_px", "float64", "px", "robust mean residual with it"),
     ),
+    "detection_offsets": (
+        ("sequence", "text"),
+        ("camera", "text"),
+        ("joint", "text"),
+        ("right_m", "float64", "m", "how far right of the joint of the motion capture it is detected, at its depth"),
+        ("down_m", "float64", "m", "how far below"),
+        ("px_per_m", "float64", "px/m", "size of a metre in the pictures there"),
+    ),
     "left_out_boxes": (
         ("sequence", "text"),
         ("camera", "text"),

@@ -100,14 +100,14 @@ def evaluated(arguments):
         evaluate.run(
             sequence=name, subject=who, labels=[results / f"reproject/{name}.{camera}.parquet" for camera in
             project.ROLES], skeleton=None, cameras=[results / f"place/{session}.parquet"], roles=project.ROLES,
-            detected=evaluate.Detected(detected if detected.exists() else None, 0.3, None),
+            detected=evaluate.Detected(detected if detected.exists() else None, 0.3, None, []),
             yardsticks=evaluate.Yardsticks(
                 {"cam02": boxes / f"{name}.cam02.csv"} if (boxes / f"{name}.cam02.csv").exists() else {}, [],
                 [results / "locate/field/cam01.marks.parquet"] if session == "field" else [],
                 {"cam01": checks / f"{name}.cam01.csv"} if (checks / f"{name}.cam01.csv").exists() else {}, None,
             ),
             out=results / f"evaluate/{name}.parquet", out_frames=results / "f.parquet",
-            out_checks=results / "c.parquet", out_quantiles=results / "q.parquet",
+            out_checks=results / "c.parquet", out_quantiles=results / "q.parquet", findings=results / "e.parquet",
         )  # fmt: skip
     return arguments
 
