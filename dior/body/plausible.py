@@ -20,6 +20,9 @@ from dior.errors import DiorError
 FEET = ("heel", "foot_index", "big_toe")
 STANDING_SHARE = 0.25  # of the heights of heels and toes; chosen: a foot stands for 60 % of a stride, its heel for less
 HEIGHT_SIGMAS = 4  # chosen: by chance once in 16 000
+OTHERS_WALK = (
+    "where somebody else walks, too, say which is the subject in config/people/<sequence>.yaml (docs/people.md)"
+)
 # chosen: beyond any adult and any child of school age, to catch a wrong scale, floor or vertical and no unusual person
 LIMITS: dict[str, Any] = {
     "stature_m": [1.0, 2.2],
@@ -120,8 +123,7 @@ def check_height(
         raise DiorError(
             f"{where}: {subject} would be {100 * abs(off):.0f} cm {'taller' if off > 0 else 'smaller'} than "
             f"config/subjects.tsv says, more than {100 * limit:.0f} cm (physics.stature_share); correct height_m, or "
-            "the scale by the tape, the tag's size_m and the other metric facts; where somebody else walks, too, say "
-            "which is the subject in config/people/<sequence>.yaml (docs/people.md)"
+            f"the scale by the tape, the tag's size_m and the other metric facts; {OTHERS_WALK}"
         )
 
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from dior.arrays import Bools, Floats
+from dior.body.plausible import OTHERS_WALK
 from dior.calibrate.bundle import reduced
 from dior.calibrate.bundle.bundle import Prior
 from dior.calibrate.bundle.facts import Fact
@@ -86,7 +87,7 @@ def check_end(done: Adjusted, uv: Floats, limit_px: float, where: str) -> None:
         raise DiorError(
             f"{where}: {done.disagreeing:.0%} of the detections disagree with the other views of their joint, more "
             f"than {MOST_DISAGREEING:.0%}; a local minimum or wrong detections, so place the cameras better "
-            "(tape.position_m, tape.target_m) or choose other instants in session.yaml"
+            f"(tape.position_m, tape.target_m) or choose other instants in session.yaml; {OTHERS_WALK}"
         )
     mean = np.nanmean(done.after_px)
     if mean > limit_px:
@@ -97,7 +98,7 @@ def check_end(done: Adjusted, uv: Floats, limit_px: float, where: str) -> None:
             f"{where}: the adjustment ends at a mean of {mean:.1f} px ({per_camera}), above the limit of "
             f"{limit_px:.1f} px (adjust.max_mean_px scaled by fx), a local minimum or wrong detections; place the "
             f"cameras better (tape.position_m, tape.target_m), first {worst}, which fits worst for its focal length, "
-            "and look at its detections and intrinsics"
+            f"and look at its detections and intrinsics; {OTHERS_WALK}"
         )
 
 
