@@ -62,7 +62,7 @@ def hidden(camera: Camera, points: Floats, names: Sequence[str]) -> Bools:
     sight = points - eye
     far = np.linalg.norm(sight, axis=-1)
     with np.errstate(invalid="ignore"):
-        sight = sight / far[..., None]
+        sight = np.ascontiguousarray(np.moveaxis(sight / far[..., None], -1, 0))
         for start, end, r0, r1 in _both_sides():
             if start in at and end in at:
                 a, b = at[start] - eye, at[end] - eye
@@ -78,23 +78,21 @@ def _both_sides() -> Iterator[tuple[str, str, float, float]]:
 
 
 def _behind(sight: Floats, far: Floats, a: Floats, b: Floats, r0: float, r1: float) -> Bools:
-    """Whether joints `far` (F, J) m along unit `sight` (F, J, 3) lie behind the limb from a to b (F, 3), eye at 0."""
+    """Whether joints `far` (F, J) m along unit `sight` (3, F, J) lie behind the limb from a to b (F, 3), eye at 0."""
     axis = b - a
-    length2 = np.maximum((axis**2).sum(axis=-1), 1e-8)[:, None]
-    along = np.einsum("fjk,fk->fj", sight, axis)
-    start = np.einsum("fjk,fk->fj", sight, a)
-    onto = (a * axis).sum(axis=-1)[:, None]
+    along, start = (np.einsum("kfj,fk->fj", sight, v) for v in (axis, a))
+    length2, onto, a2 = ((v * w).sum(axis=-1)[:, None] for v, w in ((axis, axis), (a, axis), (a, a)))
+    length2 = np.maximum(length2, 1e-8)
     # the points of the line of sight and of the axis that are nearest to each other
     share = np.clip((along * start - onto) / np.maximum(length2 - along**2, 1e-8), 0.0, 1.0)
-    near = a[:, None] + share[..., None] * axis[:, None]
-    depth = np.einsum("fjk,fjk->fj", sight, near)
+    depth = start + share * along
     radius = r0 + share * (r1 - r0)
-    gap2 = radius**2 - ((near**2).sum(axis=-1) - depth**2)
+    gap2 = radius**2 - (a2 + share * (2 * onto + share * length2) - depth**2)
     enters = depth - np.sqrt(np.maximum(gap2, 0.0))
     # the joint's own distance from the axis
-    joint = far[..., None] * sight - a[:, None]
-    s = np.clip(np.einsum("fjk,fk->fj", joint, axis) / length2, 0.0, 1.0)
-    own = np.linalg.norm(joint - s[..., None] * axis[:, None], axis=-1) <= OWN * (r0 + s * (r1 - r0))
+    joint = far * along - onto
+    s = np.clip(joint / length2, 0.0, 1.0)
+    own = far * (far - 2 * start) + a2 + s * (s * length2 - 2 * joint) <= (OWN * (r0 + s * (r1 - r0))) ** 2
     return (gap2 > 0) & (far - enters > np.where(own, OWN_DEPTH, OTHER_DEPTH) * radius)
 
 

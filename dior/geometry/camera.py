@@ -127,21 +127,18 @@ def _polynomial(distortion: tuple[float, ...], xy: Floats) -> Floats:
     )
 
 
-def _polynomial_jacobian(distortion: tuple[float, ...], xy: Floats) -> Floats:
-    """Derivative of `_polynomial` (..., 2, 2)."""
+def _polynomial_slopes(distortion: tuple[float, ...], xy: Floats) -> tuple[Floats, Floats, Floats]:
+    """Derivative of `_polynomial`: of x by x, of either by the other, which are the same, and of y by y, each (...)."""
     k1, k2, p1, p2, k3, k4, k5, k6 = distortion
     x, y = xy[..., 0], xy[..., 1]
     r2 = x * x + y * y
     top, bottom = 1 + r2 * (k1 + r2 * (k2 + r2 * k3)), 1 + r2 * (k4 + r2 * (k5 + r2 * k6))
     radial = top / bottom
     slope = ((k1 + r2 * (2 * k2 + r2 * 3 * k3)) - radial * (k4 + r2 * (2 * k5 + r2 * 3 * k6))) / bottom
-    cross = 2 * x * y * slope + 2 * p1 * x + 2 * p2 * y
-    return np.stack(
-        [
-            np.stack([radial + 2 * x * x * slope + 2 * p1 * y + 6 * p2 * x, cross], axis=-1),
-            np.stack([cross, radial + 2 * y * y * slope + 6 * p1 * y + 2 * p2 * x], axis=-1),
-        ],
-        axis=-2,
+    return (
+        radial + 2 * x * x * slope + 2 * p1 * y + 6 * p2 * x,
+        2 * x * y * slope + 2 * p1 * x + 2 * p2 * y,
+        radial + 2 * y * y * slope + 6 * p1 * y + 2 * p2 * x,
     )
 
 
@@ -203,7 +200,7 @@ def _fold(distortion: tuple[float, ...]) -> float:
     radii = np.linspace(0.0, 5.0, 2001)
     along = np.stack([radii, np.zeros_like(radii)], axis=-1)
     radial_only = (*distortion[:2], 0.0, 0.0, *distortion[4:])
-    bad = _polynomial_jacobian(radial_only, along)[:, 0, 0] <= 0
+    bad = _polynomial_slopes(radial_only, along)[0] <= 0
     return radii[np.argmax(bad)] if bad.any() else np.inf
 
 
@@ -218,6 +215,22 @@ def distort(intrinsics: Intrinsics, xy: ArrayLike) -> Floats:
         beyond = folded(intrinsics.distortion, xy)[..., None]
         recorded = np.where(beyond, np.nan, _polynomial(intrinsics.distortion, xy))
     return recorded * (intrinsics.fx, intrinsics.fy) + (intrinsics.cx, intrinsics.cy)
+
+
+def slopes(intrinsics: Intrinsics, xy: Floats, uv: Floats) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats]]:
+    """Derivatives px of recorded pixels uv (2, ...) by the ideal coordinates xy (..., 2) that they show.
+
+    A pair of u, by x and by y, and one of v.
+    """
+    xx, across, yy = np.ones(xy.shape[:-1]), np.zeros(xy.shape[:-1]), np.ones(xy.shape[:-1])
+    if any(intrinsics.distortion) and intrinsics.model == "inverse_brown_conrady":
+        recorded = np.stack([(uv[0] - intrinsics.cx) / intrinsics.fx, (uv[1] - intrinsics.cy) / intrinsics.fy], axis=-1)
+        a, b, c = _polynomial_slopes(intrinsics.distortion, recorded)
+        det = a * c - b * b
+        xx, across, yy = c / det, -b / det, a / det
+    elif any(intrinsics.distortion):
+        xx, across, yy = _polynomial_slopes(intrinsics.distortion, xy)
+    return (intrinsics.fx * xx, intrinsics.fx * across), (intrinsics.fy * across, intrinsics.fy * yy)
 
 
 def undistort(intrinsics: Intrinsics, uv: ArrayLike) -> Floats:

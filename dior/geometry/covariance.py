@@ -12,7 +12,7 @@ import numpy as np
 
 from dior.arrays import Floats, Table
 from dior.geometry import camera as cam
-from dior.geometry.rotation import cross, from_rotvec
+from dior.geometry.rotation import from_rotvec
 
 
 def moved(camera: cam.Camera, step: Floats) -> cam.Camera:
@@ -21,25 +21,53 @@ def moved(camera: cam.Camera, step: Floats) -> cam.Camera:
     return camera.at(cam.pose(wRc, camera.centre + step[3:]))
 
 
+def linear(camera: cam.Camera, points: Floats, with_lens: bool = False) -> tuple[Floats, Floats, Floats]:
+    """The recorded pixels (2, ...) of points (3, ...) m, and how they move with the point and with the camera.
+
+    Derivatives (2, 3, ...) px/m by the point and (2, 6, ...) by the camera's error, (2, 9, ...) with that of its lens.
+    NaN behind the camera and where the lens model has no answer. The points are the last axes here: numpy goes through
+    long rows many times as fast as through as many small matrices.
+    """
+    lens, R = camera.intrinsics, camera.wRc
+    p = np.tensordot(R, np.stack([along - at for along, at in zip(points, camera.centre, strict=True)]), (0, 0))
+    with np.errstate(all="ignore"):
+        z = np.where(p[2] > 0, p[2], np.nan)
+        xy = np.moveaxis(p[:2] / z, 0, -1)
+        uv = np.moveaxis(cam.distort(lens, xy), -1, 0)
+        z = np.where(np.isfinite(uv).all(axis=0), z, np.nan)
+        # of the pixel, by the point in the camera's axes
+        by_axes = np.stack(
+            [[x / z, y / z, -(x * xy[..., 0] + y * xy[..., 1]) / z] for x, y in cam.slopes(lens, xy, uv)]
+        )
+    by_point = product(by_axes, R.T)
+    # p(w) = exp(-w) p = p - w x p = p + [p]x w
+    turn = np.stack([np.cross(row, p, axis=0) for row in by_axes])
+    by_camera = [turn, -by_point]
+    if with_lens:
+        by_lens = np.zeros_like(by_point) + 0 * z
+        by_lens[:, 0] = uv[0] - lens.cx, uv[1] - lens.cy
+        by_lens[0, 1] = by_lens[1, 2] = lens.fx + 0 * z
+        by_camera.append(by_lens)
+    return uv, by_point, np.concatenate(by_camera, axis=1)
+
+
+def product(A: Floats, B: Floats) -> Floats:
+    """Matrices (a, b, ...) times matrices (b, c, ...): their product at each point."""
+    return np.einsum("ab...,bc...->ac...", A, B)
+
+
+def matrices(rows: Floats) -> Floats:
+    """Rows (a, b, ...) as matrices (..., a, b)."""
+    return np.ascontiguousarray(np.moveaxis(rows, (0, 1), (-2, -1)))
+
+
 def projection(camera: cam.Camera, points: Floats) -> tuple[Floats, Floats]:
     """Derivatives of the recorded pixel by the world point (..., 2, 3) px/m and by the camera's error (..., 2, 6).
 
     `points` (..., 3) m; NaN behind the camera and where the lens model has no answer.
     """
-    p = (np.asarray(points, float) - camera.centre) @ camera.wRc
-    z = p[..., 2]
-    with np.errstate(all="ignore"):
-        z = np.where(z > 0, z, np.nan)
-        xy = p[..., :2] / z[..., None]
-        lens = _lens(camera.intrinsics, xy)
-        by_axes = np.zeros((*z.shape, 2, 3))  # of the ideal coordinates, by the point in the camera's axes
-        by_axes[..., 0, 0] = by_axes[..., 1, 1] = 1 / z
-        by_axes[..., :, 2] = -xy / z[..., None]
-    by_axes = lens @ by_axes
-    by_point = by_axes @ camera.wRc.T
-    # p(w) = exp(-w) p = p - w x p = p + [p]x w
-    turn = by_axes @ cross(p)
-    return by_point, np.concatenate([turn, -by_point], axis=-1)
+    _, by_point, by_camera = linear(camera, np.moveaxis(np.asarray(points, float), -1, 0))
+    return matrices(by_point), matrices(by_camera)
 
 
 def by_lens(camera: cam.Camera, points: Floats) -> Floats:
@@ -47,13 +75,7 @@ def by_lens(camera: cam.Camera, points: Floats) -> Floats:
 
     `points` (..., 3) m; NaN where there is no pixel.
     """
-    lens = camera.intrinsics
-    uv = cam.project(camera, points)[0]
-    out = np.zeros((*uv.shape, 3))
-    out[..., 0] = uv - (lens.cx, lens.cy)
-    out[..., 0, 1] = out[..., 1, 2] = lens.fx
-    known = np.all(np.isfinite(uv), axis=-1)
-    return np.where(np.asarray(known)[..., None, None], out, np.nan)
+    return matrices(linear(camera, np.moveaxis(np.asarray(points, float), -1, 0), with_lens=True)[2][:, 6:])
 
 
 def joined(poses: Floats, across: Floats, lenses: Floats) -> Floats:
@@ -67,16 +89,6 @@ def joined(poses: Floats, across: Floats, lenses: Floats) -> Floats:
     return out.reshape(9 * count, 9 * count)
 
 
-def _lens(intrinsics: cam.Intrinsics, xy: Floats) -> Floats:
-    """Derivative (..., 2, 2) px of the recorded pixel by the ideal normalised coordinates (..., 2)."""
-    step = 1e-6
-    columns = [
-        (cam.distort(intrinsics, xy + d) - cam.distort(intrinsics, xy - d)) / (2 * step)
-        for d in (np.array([step, 0.0]), np.array([0.0, step]))
-    ]
-    return np.stack(columns, axis=-1)
-
-
 def triangulated(
     cameras: Sequence[cam.Camera], points: Floats, information: Floats, with_lenses: bool = False
 ) -> tuple[Floats, Floats]:
@@ -86,22 +98,30 @@ def triangulated(
     by the errors of the V cameras that the point was made with (implicit function theorem at the least squares
     solution), (..., 3, 9V) with those of their lenses. NaN with fewer than two views.
     """
-    by_point, by_camera = zip(*(projection(camera, points) for camera in cameras), strict=True)
-    if with_lenses:
-        lenses = [by_lens(camera, points) for camera in cameras]
-        by_camera = tuple(np.concatenate(pair, axis=-1) for pair in zip(by_camera, lenses, strict=True))
-    say = np.asarray(information, float)
-    used = say[..., 0, 0] > 0
-    J = [np.where(u[..., None, None], j, 0.0) for u, j in zip(used, by_point, strict=True)]
-    C = [np.where(u[..., None, None], c, 0.0) for u, c in zip(used, by_camera, strict=True)]
-    weighted = [np.swapaxes(j, -1, -2) @ w for j, w in zip(J, say, strict=True)]
-    N = sum(wj @ j for wj, j in zip(weighted, J, strict=True))
-    enough = used.sum(axis=0) >= 2
-    N = np.where(enough[..., None, None], N, np.eye(3))
-    noise = np.linalg.inv(N)
-    by_cameras = -noise @ np.concatenate([wj @ c for wj, c in zip(weighted, C, strict=True)], axis=-1)
-    missing = ~enough[..., None, None]
-    return np.where(missing, np.nan, noise), np.where(missing, np.nan, by_cameras)
+    along = np.moveaxis(np.asarray(points, float), -1, 0)
+    views = [linear(camera, along, with_lenses)[1:] for camera in cameras]
+    say = np.moveaxis(np.asarray(information, float), (-2, -1), (0, 1))
+    noise, pulls = inherited([by_point for by_point, _ in views], np.moveaxis(say, 2, 0))
+    used = say[0, 0] > 0
+    moves = [product(pull, np.where(u, by, 0.0)) for pull, (_, by), u in zip(pulls, views, used, strict=True)]
+    return matrices(noise), matrices(np.concatenate(moves, axis=1))
+
+
+def inherited(by_point: Sequence[Floats], information: Floats) -> tuple[Floats, list[Floats]]:
+    """What triangulated points inherit of the pixels that they were made of: covariance (3, 3, ...), and how they move,
+    (3, 2, ...) a view, with an error of what its camera shows of them.
+
+    `by_point` (2, 3, ...) of each view (`linear`), `information` (V, 2, 2, ...) as of `triangulated`. NaN with fewer
+    than two views.
+    """
+    used = information[:, 0, 0] > 0
+    J = [np.where(u, j, 0.0) for u, j in zip(used, by_point, strict=True)]
+    weighted = [product(np.swapaxes(j, 0, 1), w) for j, w in zip(J, information, strict=True)]
+    N = sum((product(wj, j) for wj, j in zip(weighted, J, strict=True)), np.zeros(()))
+    # its inverse by cofactors
+    a, b, c = (np.cross(N[i - 2], N[i - 1], axis=0) for i in range(3))
+    noise = np.stack([a, b, c]) / np.where(used.sum(axis=0) >= 2, (N[0] * a).sum(axis=0), np.nan)
+    return noise, [-product(noise, wj) for wj in weighted]
 
 
 def point_covariance(table: Table, shape: tuple[int, ...]) -> Floats:

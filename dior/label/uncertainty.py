@@ -33,6 +33,11 @@ class Timing:
     elapsed: Floats
     stamp_sigma: Floats | None = None
 
+    def at(self, rows: slice) -> "Timing":
+        """Of some of the pictures."""
+        sigma = None if self.stamp_sigma is None else self.stamp_sigma[rows]
+        return Timing(self.clocks, self.velocity[rows], self.elapsed[rows], sigma)
+
 
 def of_labels(
     camera: Camera,
@@ -49,26 +54,42 @@ def of_labels(
     motion capture. `joint` (6N, 6N), or with their lenses (9N, 9N): covariance of the errors of the cameras called
     `names`, in which are the makers and `camera`. Without `timing` the clocks are right.
     """
-    by_point, by_camera = cov.projection(camera, points)
+    rows = max(1, cam.BLOCK // int(np.prod(points.shape[1:-1])))
+    blocks = [slice(start, start + rows) for start in range(0, len(points), rows)]
+    each = [_of_block(camera, points[at], noise[at], makers, names, joint, timing and timing.at(at)) for at in blocks]
+    return np.concatenate([np.empty((0, *points.shape[1:-1], 2, 2)), *each])
+
+
+def _of_block(
+    camera: Camera,
+    points: Floats,
+    noise: Floats,
+    makers: Sequence[Camera],
+    names: Sequence[str],
+    joint: Floats,
+    timing: Timing | None,
+) -> Floats:
+    """`of_labels` of so few points that what is made of them stays in the cache of a processor."""
     each = len(joint) // len(names)
-    by_all = np.zeros((*points.shape[:-1], 2, len(names), each))
-    by_all[..., names.index(camera.name), :6] = by_camera
-    if each == 9:
-        by_all[..., names.index(camera.name), 6:] = cov.by_lens(camera, points)
-    late: dict[str, Floats] = {}
-    if timing:
-        late[camera.name] = (by_point @ timing.velocity[..., None])[..., 0]
+    along = np.moveaxis(points, -1, 0)
+    views = {name: cov.linear(c, along, each == 9) for name, c in {c.name: c for c in (camera, *makers)}.items()}
+    _, by_point, by_camera = views[camera.name]
+    by_all = np.zeros((len(names), each, 2, *points.shape[:-1]))
+    by_all[names.index(camera.name)] = np.swapaxes(by_camera, 0, 1)
+    velocity = np.moveaxis(timing.velocity, -1, 0)[:, None] if timing else np.zeros((3, 1))
+    late = {camera.name: cov.product(by_point, velocity)[:, 0]} if timing else {}
     if makers:
-        seen = np.stack([cam.in_frame(c.intrinsics, cam.project(c, points)[0]) for c in makers])
-        spread, moves = cov.triangulated(makers, points, seen[..., None, None] * np.eye(2), each == 9)
-        moves = (by_point @ moves).reshape(*points.shape[:-1], 2, len(makers), each)
-        for i, maker in enumerate(makers):
-            by_all[..., names.index(maker.name), :] += moves[..., i, :]
+        seen = np.stack([cam.in_frame(c.intrinsics, np.moveaxis(views[c.name][0], 0, -1)) for c in makers])
+        by_maker = [np.where(shown, views[c.name][1], 0.0) for c, shown in zip(makers, seen, strict=True)]
+        say = seen[:, None, None] * np.eye(2).reshape(2, 2, *(1,) * len(along.shape[1:]))
+        for maker, shown, J, pull in zip(makers, seen, by_maker, cov.inherited(by_maker, say)[1], strict=True):
+            pull = cov.product(by_point, pull)
+            moves = cov.product(pull, np.where(shown, views[maker.name][2], 0.0))
+            by_all[names.index(maker.name)] += np.swapaxes(moves, 0, 1)
             if timing:
-                J = np.where(seen[i][..., None, None], cov.projection(maker, points)[0], 0.0)
-                back = by_point @ spread @ np.swapaxes(J, -1, -2) @ J @ timing.velocity[..., None]
-                late[maker.name] = late.get(maker.name, np.zeros(1)) - back[..., 0]
-    out = by_point @ noise @ np.swapaxes(by_point, -1, -2)
+                back = cov.product(pull, cov.product(J, velocity))[:, 0]
+                late[maker.name] = late.get(maker.name, 0.0) + back
+    out = cov.product(cov.product(by_point, np.moveaxis(noise, (-2, -1), (0, 1))), np.swapaxes(by_point, 0, 1))
     if timing:
         for name, moved in late.items():
             clock = timing.clocks[name]
@@ -76,14 +97,16 @@ def of_labels(
             variance = clock.given[0] ** 2 + (after * clock.given[1]) ** 2
             if name == camera.name and timing.stamp_sigma is not None:
                 variance = variance + timing.stamp_sigma**2
-            out = out + variance[:, None, None, None] * moved[..., :, None] * moved[..., None, :]
+            out += variance[:, None] * moved[:, None] * moved
             for by, gain in clock.gains.items():
                 # a clock that was fitted to a camera which is not here keeps only its own error
                 if by in names:
-                    own = gain[0] + after[:, None] * gain[1]
-                    by_all[..., names.index(by), :6] += moved[..., None] * own[:, None, None]
-    by_all = by_all.reshape(*points.shape[:-1], 2, each * len(names))
-    return out + by_all @ joint @ np.swapaxes(by_all, -1, -2)
+                    own = gain[0][:, None] + gain[1][:, None] * after
+                    by_all[names.index(by), :6] += moved * own[:, None, :, None]
+    by_all = by_all.reshape(each * len(names), 2, -1)
+    carried = (joint @ by_all.reshape(len(joint), -1)).reshape(by_all.shape)
+    out += np.einsum("kap,kbp->abp", by_all, carried).reshape(out.shape)
+    return cov.matrices(out)
 
 
 def columns(covariance: Floats) -> tuple[Floats, Floats, Floats]:

@@ -83,5 +83,5 @@ def test_a_missing_joint_hides_nothing(seen):
 def test_a_joint_is_hidden_by_a_limb_of_10_cm_radius(beside, behind, told):
     """An upright limb 5 m from the eye at 0, its axis `beside` the line of sight, the joint `behind` the axis, m."""
     a, b = (np.array([[5.0, beside, z]]) for z in (-1.0, 1.0))
-    sight, far = np.array([[[1.0, 0.0, 0.0]]]), np.array([[5.0 + behind]])
+    sight, far = np.array([1.0, 0.0, 0.0]).reshape(3, 1, 1), np.array([[5.0 + behind]])
     assert visibility._behind(sight, far, a, b, 0.1, 0.1)[0, 0] == told
