@@ -172,11 +172,11 @@ def tracks(people: People, stamps_ns: Ints) -> Ints:
         return out
     looked_at = np.diff(stamps_ns[people.ran]) / 1e9
     share = float(np.median(looked_at)) / PERIOD_S if len(looked_at) else 1.0
-    when = ((stamps_ns - stamps_ns[0]) / 1e9)[people.frame]
+    when, extent = ((stamps_ns - stamps_ns[0]) / 1e9)[people.frame], _extent(people.uv)
     starts = np.flatnonzero(np.diff(people.frame, prepend=-1)).tolist()
     if len(starts) == len(out) and np.diff(when).max() <= MEMORY_S:
         rows = np.arange(1, len(out))
-        if (_moved(people, when, share, rows, rows - 1) ** 2 <= LINK).all():
+        if (_moved(people, extent, when, share, rows, rows - 1) ** 2 <= LINK).all():
             return out
     last: list[int] = []
     for begin, end in zip(starts, [*starts[1:], len(out)], strict=True):
@@ -184,7 +184,7 @@ def tracks(people: People, stamps_ns: Ints) -> Ints:
         now = np.arange(begin, end)
         a, b = np.repeat(now, len(recent)), np.tile(recent, len(now))
         before = np.array(last, int)[b]
-        step = _moved(people, when, share, a, before) ** 2 if len(b) else np.empty(0)
+        step = _moved(people, extent, when, share, a, before) ** 2 if len(b) else np.empty(0)
         taken: dict[int, int] = {}
         for i in np.lexsort((step, -people.frame[before])).tolist():
             if step[i] <= LINK and a[i] not in taken and b[i] not in taken.values():
@@ -279,26 +279,28 @@ def _steps(people: People, when: Floats, share: float, a: Ints, b: Ints) -> Floa
     """Cost of the step from people `b` to people `a` (N,): the square of their distance over their reach, up to 1 of it
     as noise, which counts by the time that a picture stands for.
     """
-    moved = _moved(people, when, share, a, b)
+    moved = _moved(people, _extent(people.uv), when, share, a, b)
     noise = share * np.minimum((moved / max(share, 1.0)) ** 2, 1.0)
     return np.minimum(noise + np.maximum(moved**2 - 1.0, 0.0), JUMP)
 
 
-def _moved(people: People, when: Floats, share: float, a: Ints, b: Ints) -> Floats:
+def _moved(people: People, extent: Floats, when: Floats, share: float, a: Ints, b: Ints) -> Floats:
     """Distance of people `a` from people `b` (N,) over what they could have moved in the time between.
+
+    `extent` (P,) px of all of them.
 
     The distance is the mean over the joints that both have, also with left and right exchanged: a detector that
     exchanges them has not found another person. Without a common joint the middles are compared.
     """
-    uv, swap, extent = people.uv, swap_index(people.joints), _extent(people.uv)
+    uv, swap = people.uv, swap_index(people.joints)
     distance = np.empty(len(a))
     for part in range(0, len(a), BLOCK):
         uv_a, uv_b = uv[a[part : part + BLOCK]], uv[b[part : part + BLOCK]]
         distance[part : part + BLOCK] = np.fmin(_mean_distance(uv_a, uv_b), _mean_distance(uv_a, uv_b[:, swap]))
     apart = np.isnan(distance)
     if apart.any():
-        middle = np.nanmean(uv, axis=1)
-        distance[apart] = np.hypot(*(middle[a[apart]] - middle[b[apart]]).T)
+        middle_a, middle_b = (np.nanmean(uv[rows[apart]], axis=1) for rows in (a, b))
+        distance[apart] = np.hypot(*(middle_a - middle_b).T)
     # the time from one slow picture to the next is no gap: a person reaches as far as at 30 Hz, in several steps
     slow = max(share, 1.0)
     periods = np.maximum((when[a] - when[b]) / PERIOD_S - (slow - 1), 1.0)

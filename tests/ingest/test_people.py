@@ -245,6 +245,16 @@ def test_who_passes_where_another_was_lost_keeps_his_track():
     assert len(set(number[found.person == 0].tolist())) == 1 and len(set(number.tolist())) == 2
 
 
+def test_sizes_are_measured_once_however_many_pictures_there_are(monkeypatch):
+    """Of all people for each picture an hour would take a day."""
+    walk = [(t, 0, (100 + 4 * t, 200), 1.0, 0.9) for t in range(40)]
+    measured, extent = [], module._extent
+    monkeypatch.setattr(module, "_extent", lambda uv: measured.append(len(uv)) or extent(uv))
+    found = people(sorted(walk + [(t, 1, (900, 200), 1.0, 0.9) for t in range(20)]))
+    module.tracks(found, stamps(40))
+    assert sum(measured) == len(found.frame)
+
+
 def test_two_people_have_a_track_each_whatever_their_order():
     found = []
     for t in range(30):
