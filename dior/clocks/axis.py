@@ -66,8 +66,13 @@ def blend(values: Floats, before: Ints, after: Ints, weight: Floats) -> Floats:
     """Values (F, ...) at bracketed queries (Q, ...): linear, NaN where there is no bracket or an end is missing."""
     values = np.asarray(values, float)
     w = weight.reshape(-1, *(1,) * (values.ndim - 1))
-    mixed = np.where(w > 0, values[before] * (1 - w) + values[after] * w, values[before])
-    return np.where((before < 0).reshape(w.shape), np.nan, mixed)
+    # in place: what is interpolated is large, and memory that is new costs more than the sums
+    mixed, later = values[before], values[after]
+    mixed *= 1 - w
+    later *= w
+    mixed += later
+    mixed[before < 0] = np.nan
+    return mixed
 
 
 def sample(times: Floats, values: Floats, queries: Floats, max_gap_s: float) -> Floats:

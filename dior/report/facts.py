@@ -161,11 +161,12 @@ def walk_of(path: AnyPath) -> tuple[Points, tuple[Points, list[str]] | None]:
 
     The pose, (points (J, 3), joints), is the one with most joints nearest to the middle.
     """
-    table = tables.read_arrow(path, "skeletons_3d", ["joint", "instant", "x", "y", "z"])
-    if not table.num_rows:
+    table = tables.read_coded(path, "skeletons_3d", ["joint", "instant", "x", "y", "z"])
+    instant, joint = table["instant"], table["joint"]
+    if not len(instant):
         return [], None
-    each = int(np.searchsorted(table["instant"].to_numpy(), table["instant"][0].as_py(), side="right"))
-    points = np.stack([table[c].to_numpy().astype(float).reshape(-1, each) for c in "xyz"], axis=-1)
+    each = int(np.searchsorted(instant, instant[0], side="right"))
+    points = np.stack([table[c].astype(float).reshape(-1, each) for c in "xyz"], axis=-1)
     known = np.isfinite(points).all(axis=-1)
     n = known.sum(axis=1)
     if not n.any():
@@ -174,7 +175,8 @@ def walk_of(path: AnyPath) -> tuple[Points, tuple[Points, list[str]] | None]:
         walk = np.where(known[..., None], points, 0.0).sum(axis=1) / n[:, None]
     best = np.flatnonzero(n == n.max())
     middle = best[np.abs(best - len(n) // 2).argmin()]
-    return _to_mm(walk[:: max(1, len(walk) // POINTS)]), (_to_mm(points[middle]), table["joint"][:each].to_pylist())
+    names = [joint.words[i] for i in joint.index[:each]]
+    return _to_mm(walk[:: max(1, len(walk) // POINTS)]), (_to_mm(points[middle]), names)
 
 
 def _to_mm(points: Floats) -> Points:
