@@ -41,7 +41,7 @@ def linear(camera: cam.Camera, points: Floats, with_lens: bool = False) -> tuple
         )
     by_point = product(by_axes, R.T)
     # p(w) = exp(-w) p = p - w x p = p + [p]x w
-    turn = np.stack([np.cross(row, p, axis=0) for row in by_axes])
+    turn = np.stack([by_axes[:, i - 2] * p[i - 1] - by_axes[:, i - 1] * p[i - 2] for i in range(3)], axis=1)
     by_camera = [turn, -by_point]
     if with_lens:
         by_lens = np.zeros_like(by_point) + 0 * z

@@ -27,7 +27,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from dior.arrays import Bools, Floats
+from dior.arrays import Bools, Floats, Ints
 from dior.calibrate.outline import edge_errors, seen_edges
 from dior.calibrate.outline.edge_errors import EdgeResiduals
 from dior.calibrate.outline.seen_edges import EdgeObservations, Freedom
@@ -229,7 +229,7 @@ class Reading:
         for scale in SCALES:
             for _ in range(2):
                 self.values = self.values + self._step(self.rows(), scale)
-        return self.cost(SCALES[-1] / CUT) + (0 if self.side is not None else count - len(self.rows().kind))
+        return self.cost(SCALES[-1] / CUT) + (0 if self.side is not None else count - len(self.residuals()[0]))
 
     def _try_another(self, walk: int, where: str) -> None:
         """Another clock of this walk, if all pictures together agree better with it."""
@@ -325,6 +325,27 @@ class Reading:
         """`EdgeResiduals` of every edge and click at the present values."""
         camera = self.camera()
         points, velocity, since = self.seen.at(self.clocks)
+        uv, frame, joint, axis, kind, residual = self._compared(camera, points)
+        by_point, by_camera = covariance.projection(camera, points[frame, joint])
+        at = np.arange(len(frame))
+        lens = camera.intrinsics
+        J = np.zeros((len(frame), len(self.values)))
+        J[:, :6] = by_camera[at, axis]
+        J[:, SHIFT] = J[:, 3:6] @ self.axes
+        J[:, FOCAL] = (uv[frame, joint] - (lens.cx, lens.cy))[at, axis]
+        J[at, 7 + axis] = _outwards(kind)
+        if self.seen.tracks:
+            by_time = np.einsum("ni,ni->n", by_point[at, axis], velocity[frame, joint])
+            J[at, 9 + 2 * self.seen.walk[frame]] = by_time
+            J[at, 10 + 2 * self.seen.walk[frame]] = 1e-6 * by_time * since[frame]
+        return EdgeResiduals(frame, joint, axis, kind, residual, J, by_point[at, axis], by_camera[at, axis])
+
+    def residuals(self) -> tuple[Ints, Floats]:
+        """Side and residual px, (N,), of every edge and click: `rows` without the derivatives."""
+        return self._compared(self.camera(), self.seen.points_at(self.clocks))[-2:]
+
+    def _compared(self, camera: cam.Camera, points: Floats) -> tuple[Floats, Ints, Ints, Ints, Ints, Floats]:
+        """Pixels (F, J, 2), and frame, joint, axis, side and residual px, (N,), of every edge and click."""
         uv, depth = cam.project(camera, points)
         shown, perhaps, cut = self.visible(uv)
         edges = np.where(np.any(shown, axis=1)[:, None], self.seen.edges, np.nan)
@@ -343,26 +364,13 @@ class Reading:
         frame, side = np.nonzero(np.isfinite(edges))
         joint = outwards.argmax(axis=1)[frame, side]
         clicked = np.argwhere(np.isfinite(self.seen.clicks) & np.isfinite(uv))
-        sign = np.concatenate([OUTWARDS[side], np.zeros(len(clicked))])
+        kind = np.concatenate([side, np.full(len(clicked), -1)])
         frame, joint, axis = (
             np.concatenate(pair).astype(int) for pair in zip((frame, joint, AXIS[side]), clicked.T, strict=True)
         )
         observed = np.concatenate([edges[np.isfinite(edges)], self.seen.clicks[tuple(clicked.T)]])
-        by_point, by_camera = covariance.projection(camera, points[frame, joint])
-        at = np.arange(len(frame))
-        lens = camera.intrinsics
-        J = np.zeros((len(frame), len(self.values)))
-        J[:, :6] = by_camera[at, axis]
-        J[:, SHIFT] = J[:, 3:6] @ self.axes
-        J[:, FOCAL] = (uv[frame, joint] - (lens.cx, lens.cy))[at, axis]
-        J[at, 7 + axis] = sign
-        if self.seen.tracks:
-            by_time = np.einsum("ni,ni->n", by_point[at, axis], velocity[frame, joint])
-            J[at, 9 + 2 * self.seen.walk[frame]] = by_time
-            J[at, 10 + 2 * self.seen.walk[frame]] = 1e-6 * by_time * since[frame]
-        model = uv[frame, joint, axis] + sign * (self.values[7 + axis] + np.nan_to_num(flesh[frame, joint]))
-        kind = np.concatenate([side, np.full(len(clicked), -1)])
-        return EdgeResiduals(frame, joint, axis, kind, observed - model, J, by_point[at, axis], by_camera[at, axis])
+        margin = self.values[7 + axis] + np.nan_to_num(flesh[frame, joint])
+        return uv, frame, joint, axis, kind, observed - (uv[frame, joint, axis] + _outwards(kind) * margin)
 
     def _step(self, rows: EdgeResiduals, scale: float) -> Floats:
         weight = edge_errors.weights(rows.residual, scale)
@@ -388,7 +396,7 @@ class Reading:
     def labels_differ(self, other: Reading) -> bool:
         """Whether this reading puts the body elsewhere than `other`: by more than OTHER_LABELS of its height."""
         ours, theirs = (
-            cam.project(reading.camera(), reading.seen.at(reading.clocks)[0])[0] for reading in (self, other)
+            cam.project(reading.camera(), reading.seen.points_at(reading.clocks))[0] for reading in (self, other)
         )
         low, high = _extremes(ours, np.all(np.isfinite(ours), axis=-1))
         height = np.nanmedian((high - low).max(axis=1))
@@ -398,11 +406,11 @@ class Reading:
 
     def cost(self, sd_px: float) -> float:
         """Chi2 of the edges, no more than that of an outlier each, and of the priors; `sd_px` of an edge."""
-        rows = self.rows()
-        z2 = (rows.residual / sd_px) ** 2
-        missing = np.isfinite(self.seen.edges).sum() - (rows.kind >= 0).sum()
+        kind, residual = self.residuals()
+        z2 = (residual / sd_px) ** 2
+        missing = np.isfinite(self.seen.edges).sum() - (kind >= 0).sum()
         prior = self.values[self.free] @ self.prior[np.ix_(self.free, self.free)] @ self.values[self.free]
-        lost = np.isfinite(self.seen.clicks).sum() - (rows.kind < 0).sum() + missing
+        lost = np.isfinite(self.seen.clicks).sum() - (kind < 0).sum() + missing
         hiding = lost if self.seen.tracks else 0.0
         if self.side is not None:
             hiding = missing + self.charge
@@ -448,6 +456,11 @@ class Reading:
             camera, self.values[:9], spread[:9, :9], residual, agree, clicks, self.sd, inflation,
             by_cameras=by_cameras, clocks=self.clocks, clock_sigma=sigma, points=points,
         )  # fmt: skip
+
+
+def _outwards(kind: Ints) -> Floats:
+    """Which way is outwards of each side (N,), 0 for a click."""
+    return np.where(kind >= 0, OUTWARDS[kind], 0.0)
 
 
 def _extremes(uv: Floats, known: Bools) -> tuple[Floats, Floats]:

@@ -114,7 +114,7 @@ def estimate(
     best = int(np.nanargmin(costs))
     reading.clocks[0, 0] = lags_of(costs)[best]
     given, gains, sd, speed = _refine(reading, camera, seen, makers)
-    count = len(reading.rows().residual)
+    count = len(reading.residuals()[1])
     given = np.hypot((max(given[0], width(reading, limit, sd)), given[1]), (trails_m / speed, 0.0))
     offset, drift = reading.clocks[0]
     # the fit has the time in the middle, the formula that at t0
@@ -162,13 +162,12 @@ def curve(reading: boxes_fit.Reading, limit_px: float) -> Floats:
 
 def cost_at(reading: boxes_fit.Reading, limit_px: float) -> float:
     """Robust rms px of the edges at the reading's clock; an edge that cannot be compared counts as in the mean."""
-    rows = reading.rows()
-    if len(rows.residual) < max(FEWEST, np.isfinite(reading.seen.edges).sum() / 3):
+    kind, residual = reading.residuals()
+    if len(residual) < max(FEWEST, np.isfinite(reading.seen.edges).sum() / 3):
         return np.nan
-    own = rows.residual.copy()
-    for kind in np.unique(rows.kind):
-        own[rows.kind == kind] -= np.median(own[rows.kind == kind])
-    return np.sqrt(np.minimum(own**2, limit_px**2).mean())
+    for one in np.unique(kind):
+        residual[kind == one] -= np.median(residual[kind == one])
+    return np.sqrt(np.minimum(residual**2, limit_px**2).mean())
 
 
 def width(reading: boxes_fit.Reading, limit_px: float, sd: float) -> float:
@@ -182,7 +181,7 @@ def width(reading: boxes_fit.Reading, limit_px: float, sd: float) -> float:
         reading.clocks[0, 0] = kept[9] + late_s
         return cost_at(reading, limit_px)
 
-    chi2 = len(reading.rows().residual) * lag.curve(cost, NEAR_S) ** 2 / sd**2
+    chi2 = len(reading.residuals()[1]) * lag.curve(cost, NEAR_S) ** 2 / sd**2
     reading.values = kept
     if not np.isfinite(chi2).any():
         return 0.0

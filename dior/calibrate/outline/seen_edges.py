@@ -6,11 +6,12 @@ pictures is to be found, too, it has the 3D of each walk at any moment (`tracks`
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from dior.arrays import Floats, Ints
+from dior.arrays import Bools, Floats, Ints
 from dior.calibrate.outline.tracks import BodyTrack
 from dior.clocks import lag
 
@@ -76,15 +77,24 @@ class EdgeObservations:
     def at(self, clocks: Floats) -> tuple[Floats, Floats, Floats]:
         """Points (F, J, 3) m with clocks (K, 2) s and ppm that are off, their velocities, and the time (F,) s from the
         middle of the walk."""
-        if not self.tracks:
-            return self.points, np.zeros(self.points.shape), np.zeros(len(self.points))
-        points, velocity, since = self.points.copy(), np.zeros(self.points.shape), np.zeros(len(self.points))
+        velocity, since = np.zeros(self.points.shape), np.zeros(len(self.points))
+        for track, mine, after, moments in self._moments(clocks):
+            velocity[mine], since[mine] = track.velocity(moments), after
+        return self.points_at(clocks), velocity, since
+
+    def points_at(self, clocks: Floats) -> Floats:
+        """The points of `at` alone."""
+        points = self.points.copy() if self.tracks else self.points
+        for track, mine, _, moments in self._moments(clocks):
+            points[mine] = track.at(moments)
+        return points
+
+    def _moments(self, clocks: Floats) -> Iterator[tuple[BodyTrack, Bools, Floats, Floats]]:
+        """Of each walk its track, pictures (F,), how long after its middle they are and where on its time axis, s."""
         for k, track in enumerate(self.tracks):
             mine = self.walk == k
-            since[mine] = self.seconds[mine] - self.middle_s(k)
-            moments = self.seconds[mine] + clocks[k, 0] + 1e-6 * clocks[k, 1] * since[mine]
-            points[mine], velocity[mine] = track.at(moments), track.velocity(moments)
-        return points, velocity, since
+            after = self.seconds[mine] - self.middle_s(k)
+            yield track, mine, after, self.seconds[mine] + clocks[k, 0] + 1e-6 * clocks[k, 1] * after
 
     def only(self, walk: int, lag_s: float = 0.0) -> EdgeObservations:
         """One walk alone, its pictures `lag_s` later."""

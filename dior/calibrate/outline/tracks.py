@@ -5,6 +5,7 @@ OUTPUTS  points and velocities at other moments; NaN in gaps and outside
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -25,8 +26,12 @@ class BodyTrack:
 
     def at(self, moments: Floats) -> Floats:
         """Points (F, J, 3) m at moments (F,) s, linear between the instants."""
-        gap = 1.5 * np.median(np.diff(self.seconds)) if len(self.seconds) > 1 else SAME_TIME_S
-        return sample(self.seconds, self.points, moments, gap)
+        return sample(self.seconds, self.points, moments, self._gap_s)
+
+    @cached_property
+    def _gap_s(self) -> float:
+        """How far apart the instants may be between which there is a point."""
+        return 1.5 * float(np.median(np.diff(self.seconds))) if len(self.seconds) > 1 else SAME_TIME_S
 
     def velocity(self, moments: Floats) -> Floats:
         """Velocities (F, J, 3) m/s at moments (F,) s; 0 where they are not known."""
