@@ -98,7 +98,6 @@ for name in PROJECT.processed_subjects:
                 for sequence in PROJECT.sequences_of_subject(name)
             ],
             [
-                overlay
+                f"results/report/assets/{sequence}/sheets"
                 for sequence in PROJECT.sequences_of_subject(name)
-                for overlay in overlays_of(sequence)
             ],

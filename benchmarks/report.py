@@ -97,7 +97,7 @@ def write(root):
         gap = "no detections between 1.2 s and 1.9 s"
         tables.write_findings(findings, [(f"{sequence}/cam02", "warning", "gap", gap)])
         for camera in CAMERAS:
-            write_text(assets / f"{camera}.jpg", "")
+            write_text(assets / "sheets" / f"{camera}.jpg", "")
         write_text(assets / "scene.js", scene_file.text_of(None, {}))
         pages[sequence] = {
             "sequence": sequence, "within": [session, subject], "about": f"{subject}, {env}, {session}",
@@ -107,7 +107,7 @@ def write(root):
             "findings": [findings], "cameras": [poses[session]],
             "times": page.Times(files["audit"], files["dropped"], files["frames"], [files["clocks"]],
                                 [files["clock_costs"]]),
-            "media": page.Media([assets / f"{camera}.jpg" for camera in CAMERAS], None, assets / "scene.js"),
+            "media": page.Media(assets / "sheets", None, assets / "scene.js"),
             "out": out / f"sequences/{sequence}.html", "out_3d": out / f"sequences/{sequence}.3d.html",
             "out_facts": assets / "facts.json", "out_plots": assets / "plots",
         }  # fmt: skip

@@ -18,9 +18,9 @@ from dior.report.lights import Finding
 SEVERITY_ORDER = ("error", "warning", "info")
 
 
-def sheets_of(overlays: Iterable[AnyPath], out: AnyPath) -> dict[str, str]:
-    """camera -> link of the contact sheet, of a sequence."""
-    return {path.stem: _link(path, out, "overlays") for path in map(Path, overlays)}
+def sheets_of(overlays: Path, out: AnyPath) -> dict[str, str]:
+    """camera -> link of the contact sheet, of those in a folder."""
+    return {path.stem: _link(path, out, "overlays") for path in sorted(overlays.glob("*.jpg"))}
 
 
 def clip_of(clip: Path | None, out: AnyPath) -> dict[str, str] | None:

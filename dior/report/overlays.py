@@ -26,7 +26,7 @@ from dior.project import boxes as hand_boxes
 from dior.report import picture_choice
 from dior.report.colours import BOX, DETECTION, LEFT, MIDDLE, OUTLIER, RIGHT
 from dior.tables import tables
-from dior.tables.files import written_whole
+from dior.tables.files import folder_written_whole
 
 # BGR (H, W, 3) uint8; OpenCV's own types are wider
 Picture: TypeAlias = NDArray[Any]
@@ -72,7 +72,7 @@ def run(
 ) -> None:
     """Write `<out>/<camera>.jpg` for every camera with labels.
 
-    `labels`: label files, `boxes`: camera -> CSV, `cameras`: the poses of those; `roles`: camera -> close | long_range;
+    `labels`: label files, `boxes`: camera -> CSV, `cameras`: the poses of all; `roles`: camera -> close | long_range;
     `per_camera`: how many pictures are drawn. `detections` and `swaps` may be None.
     """
     import cv2
@@ -104,6 +104,7 @@ def run(
         (picked["camera"][row], int(picked["frame"][row])): picture
         for row, picture in bags.read_to_show(picked, Path(data_root))
     }
+    sheets = {}
     for camera, (numbers, boxed) in chosen.items():
         tiles = []
         for number, words in numbers:
@@ -119,8 +120,10 @@ def run(
         done, jpeg = cv2.imencode(".jpg", side_by_side(tiles), [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
         if not done:
             raise DiorError(f"sequence {sequence}, camera {camera}: the contact sheet could not be written as JPEG")
-        with written_whole(Path(out) / f"{camera}.jpg") as part:
-            part.write_bytes(jpeg.tobytes())
+        sheets[camera] = jpeg.tobytes()
+    with folder_written_whole(out) as folder:
+        for camera, sheet in sheets.items():
+            (folder / f"{camera}.jpg").write_bytes(sheet)
 
 
 def view_of(width: int, height: int, tile: tuple[int, int], whole: float, uv: Floats, zoomed: bool) -> TileView:
@@ -148,9 +151,9 @@ def _exchanged(swaps: Table | None, camera: str) -> Table | None:
 
 def _detected(table: Table, number: int, min_score: float) -> tuple[Floats, list[str]] | None:
     rows = tables.rows(table, table["frame"] == number)
-    values, _, joints = value_grid(rows, "frame", "u", "v", "score")
-    if not joints:
+    if not len(rows["frame"]):
         return None
+    values, _, joints = value_grid(rows, "frame", "u", "v", "score")
     with np.errstate(invalid="ignore"):
         sure = values[0, :, 2] >= min_score
     return np.where(sure[:, None], values[0, :, :2], np.nan), joints

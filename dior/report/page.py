@@ -52,11 +52,11 @@ class Times:
 class Media:
     """Pictures and films that the page shows.
 
-    `overlays`: the contact sheets `<report>/assets/<sequence>/<camera>.jpg`; `clip`: a film with its poster beside it,
-    or none; `scene`: scene.js with the folder pictures beside it.
+    `overlays`: the folder of the contact sheets, `<camera>.jpg`; `clip`: a film with its poster beside it, or none;
+    `scene`: scene.js with the folder pictures beside it.
     """
 
-    overlays: list[Path]
+    overlays: Path
     clip: Path | None
     scene: Path
 

@@ -61,7 +61,7 @@ def pages_of(capture, out):
             "measured": page.Measured(measures, measures.with_suffix(".frames.parquet"), own.skeleton),
             "findings": [about(capture, sequence)], "cameras": [capture.root / f"results/cameras/{session}.parquet"],
             "times": page.Times(*audited(capture, sequence), capture.clocks, capture.clock_costs),
-            "media": page.Media([], None, assets / "scene.js"),
+            "media": page.Media(assets / "sheets", None, assets / "scene.js"),
             "out": out / f"sequences/{sequence}.html", "out_3d": out / f"sequences/{sequence}.3d.html",
             "out_facts": assets / "facts.json", "out_plots": assets / "plots",
         }  # fmt: skip

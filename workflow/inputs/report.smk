@@ -1,42 +1,9 @@
 """Input and parameter functions of the rules of report. They only look things up in the project."""
 
 
-def own_label(wildcards):
-    return f"results/reproject/{wildcards.sequence}.{wildcards.camera}.parquet"
-
-
-def own_detections(wildcards):
-    session = session_of(wildcards)
-    drawn = not PROJECT.indoor(wildcards.sequence) and wildcards.camera in PROJECT.close(session)
-    return f"results/triangulate/{wildcards.sequence}.detections.parquet" if drawn else []
-
-
-def own_swaps(wildcards):
-    drawn = own_detections(wildcards)
-    return f"results/triangulate/{wildcards.sequence}.swaps.parquet" if drawn else []
-
-
 def own_boxes(wildcards):
     path = PROJECT.boxes(wildcards.sequence).get(wildcards.camera)
     return [path] if path else []
-
-
-def own_boxed_camera(wildcards):
-    """The pose of the camera where boxes are drawn in its pictures."""
-    return (
-        [PROJECT.final_cameras(session_of(wildcards), wildcards.camera)]
-        if own_boxes(wildcards)
-        else []
-    )
-
-
-def own_boxes_words(wildcards):
-    return [f"{wildcards.camera}={path}" for path in own_boxes(wildcards)]
-
-
-def own_role(wildcards):
-    camera = PROJECT.cameras(session_of(wildcards))[wildcards.camera]
-    return f"{wildcards.camera}={camera['role']}"
 
 
 def clock_costs(wildcards):
@@ -157,16 +124,6 @@ def all_covariances():
 def own_clip(wildcards):
     wanted = CONFIG["report"]["clip_seconds"]
     return [f"results/report/assets/{wildcards.sequence}/clip.webm"] if wanted else []
-
-
-def own_overlays(wildcards):
-    return overlays_of(wildcards.sequence)
-
-
-def overlays_of(sequence):
-    return [
-        f"results/report/assets/{sequence}/{camera}.jpg" for camera in PROJECT.cameras_of(sequence)
-    ]
 
 
 def within(wildcards):

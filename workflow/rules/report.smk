@@ -6,29 +6,28 @@ Outputs: results/report/index.html with its assets beside it; it opens from disk
 
 
 rule overlays:
-    """Draw the labels of one camera on a few of its pictures."""
+    """Draw the labels of each camera of a sequence on a few of its pictures."""
     input:
         bags=simulated(picture_files),
         frames="results/frames/{sequence}.parquet",
-        labels=own_label,
-        detections=own_detections,
-        swaps=own_swaps,
-        boxes=own_boxes,
-        cameras=own_boxed_camera,
+        labels=labels,
+        detections=outdoor_only("results/triangulate/{sequence}.detections.parquet"),
+        swaps=outdoor_only("results/triangulate/{sequence}.swaps.parquet"),
+        boxes=hand_boxes,
+        cameras=sequence_cameras,
     output:
-        "results/report/assets/{sequence}/{camera}.jpg",
+        out=directory("results/report/assets/{sequence}/sheets"),
     log:
-        "logs/overlays/{sequence}.{camera}.log",
+        "logs/overlays/{sequence}.log",
     benchmark:
-        "logs/overlays/{sequence}.{camera}.benchmark.tsv"
+        "logs/overlays/{sequence}.benchmark.tsv"
     params:
-        out="results/report/assets/{sequence}",
         data_root=data_root,
-        boxes=own_boxes_words,
-        roles=own_role,
+        boxes=named(PROJECT.boxes),
+        roles=roles,
         per_camera=CONFIG["report"]["overlay_frames"],
         min_score=CONFIG["detector"]["min_score"],
-        contents=contents_of(own_boxes, recorded(picture_files)),
+        contents=contents_of(hand_boxes, recorded(picture_files)),
         code=code("report.overlays"),
     shell:
         dior("overlays")
@@ -101,7 +100,7 @@ rule page:
         frames="results/frames/{sequence}.parquet",
         clocks=all_clocks,
         clock_costs=clock_costs,
-        overlays=own_overlays,
+        overlays="results/report/assets/{sequence}/sheets",
         clip=own_clip,
         scene="results/report/assets/{sequence}/scene.js",
     output:
