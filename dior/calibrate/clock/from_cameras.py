@@ -319,18 +319,26 @@ def _lines(values: Floats, step: float) -> tuple[Floats, Floats]:
     lag = np.arange(-reach, reach + 1)
     bell = np.exp(-0.5 * (lag * step / SMOOTH_S) ** 2)
     padded = np.pad(values, ((reach, reach), (0, 0), (0, 0)), constant_values=np.nan)
-    known = np.all(np.isfinite(padded), axis=-1, keepdims=True)
-    filled = np.where(known, padded, 0.0)
-    n = t = tt = y = ty = 0.0
+    known: Bools = np.all(np.isfinite(padded), axis=-1)
+    # the coordinates first: numpy is slow along an axis of three
+    filled = np.moveaxis(np.where(known[..., None], padded, 0.0), -1, 0).copy()
+    n, t, tt = np.zeros((3, *values.shape[:2]))
+    y, ty = np.zeros((2, 3, *values.shape[:2]))
     for k, weight in zip(lag, bell, strict=True):
         at = slice(reach + k, len(padded) - reach + k)
         w = weight * known[at]
-        n, t, tt = n + w, t + w * k, tt + w * k * k
-        y, ty = y + w * filled[at], ty + w * k * filled[at]
+        y += w * filled[:, at]
+        n += w
+        w *= k
+        ty += w * filled[:, at]
+        t += w
+        w *= k
+        tt += w
     spread = n * tt - t * t
     enough = (n > 0.4 * bell.sum()) & (spread > 1e-9)
     slope = np.where(enough, (n * ty - t * y) / np.where(enough, spread, 1.0), np.nan)
-    return (y - slope * t) / np.where(enough, n, np.nan), slope / step
+    value = (y - slope * t) / np.where(enough, n, np.nan)
+    return np.moveaxis(value, 0, -1), np.moveaxis(slope, 0, -1) / step
 
 
 def _left(points: Floats, names: Sequence[str]) -> Floats:
