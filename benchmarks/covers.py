@@ -27,13 +27,11 @@ EVERY = 3
 
 def ratios(data, covers, how):
     """What each cover of a picture shows beside its cells, over what encoding these leaves."""
-    found = []
+    found, table = [], cover_checks.luma_table(data)
     for cover in cover_checks._covers(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR), covers, how):
         left, means = cover.fitted(cover.part)
-        again = jpeg.encoded(cover.drawn(means), *jpeg.settings(data))
-        coded = cv2.imdecode(np.frombuffer(again, np.uint8), cv2.IMREAD_COLOR)
         # less than a twentieth of a grey level is nothing
-        found.append(left / max(cover.fitted(coded)[0], 0.05))
+        found.append(left / max(cover.fitted(cover_checks.coded(cover.drawn(means), table))[0], 0.05))
     return found
 
 

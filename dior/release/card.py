@@ -19,7 +19,7 @@ from dior.errors import many
 from dior.evaluate import statistics
 from dior.evaluate.metrics import QUANTILES
 from dior.project import licenses
-from dior.release import card_picture, citation, escape
+from dior.release import card_picture, citation, escape, transform
 from dior.release.layout import Part
 from dior.release.people_tables import Walks
 from dior.release.suspect import RedLight
@@ -122,6 +122,7 @@ def text(
         sigma_query=SIGMA_QUERY,
         picture=picture,
         picture_file=card_picture.FILE,
+        lossless=transform.library() is not None,
         splits=SPLITS,
     )
 

@@ -7,7 +7,7 @@ the head itself has about three by three. A Gaussian blur can be undone.
 """
 
 from collections.abc import Sequence
-from typing import Any
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,8 @@ from dior.arrays import Bools, Floats, Ints
 CELLS = 4
 # a cell is at least this wide and high, px, so that a head of five pixels becomes one colour
 CELL_PX = 4
+# sides of boxes that are remembered; chosen: those of some pictures
+SIDES = 256
 # what `filled` leaves, the middle of 0..255
 GREY = 128
 
@@ -49,22 +51,42 @@ def cover(picture: NDArray[np.uint8], box: Sequence[float] | Floats, how: str, w
     `whole`: all of the box, not only the ellipse in it. `how`: `blurred` and `pixelated` leave the mean colours of a
     few cells, `filled` nothing.
     """
-    import cv2
-
     rows, columns = inside(box, *picture.shape[:2])
     part = picture[rows, columns]
     if not part.size:
         return
-    if how == "filled":
-        instead: NDArray[Any] = np.full_like(part, GREY)
-    else:
-        size = (part.shape[0], part.shape[1])
-        instead = _from_cells(cv2.resize(part, _cells(size), interpolation=cv2.INTER_AREA), size, how)
     if whole:
-        part[:] = instead
+        part[:] = instead(part, how)
         return
     at = [np.arange(piece.start, piece.stop) for piece in (rows, columns)]
-    np.copyto(part, instead, where=ellipse(box, *at)[..., None])
+    np.copyto(part, instead(part, how), where=ellipse(box, *at)[..., None])
+
+
+def instead(part: NDArray[np.uint8], how: str) -> NDArray[np.uint8]:
+    """What covers a `part` (h, w, 3) of a picture."""
+    if how == "filled":
+        return np.full_like(part, GREY)
+    planes = from_cells(np.moveaxis(part, -1, 0).astype(np.float32), how)
+    return np.moveaxis(np.rint(planes), 0, -1).clip(0, 255).astype(np.uint8)
+
+
+def from_cells(planes: Floats, how: str) -> Floats:
+    """Planes (..., h, w) float32 of what is left of such planes: the means of the cells, `blurred` or `pixelated`."""
+    (down, rows), (across, columns) = (_sides(side, how) for side in planes.shape[-2:])
+    return rows @ (down @ planes @ across.T) @ columns.T
+
+
+@lru_cache(SIDES)
+def _sides(side: int, how: str) -> tuple[Floats, Floats]:
+    """(R, side) how much each of the pixels along a side counts in the R cells, and (side, R) the cells in each of the
+    pixels; float32."""
+    import cv2
+
+    cells, eye = _cells(side), np.eye(side, dtype=np.float32)
+    means = cv2.resize(eye, (side, cells), interpolation=cv2.INTER_AREA)
+    smooth = cv2.INTER_NEAREST if how == "pixelated" else cv2.INTER_LINEAR
+    shown = cv2.resize(np.eye(cells, dtype=np.float32), (cells, side), interpolation=smooth)
+    return np.asarray(means), np.asarray(shown)
 
 
 def weights(size: tuple[int, int], how: str) -> tuple[Floats, Floats]:
@@ -74,21 +96,10 @@ def weights(size: tuple[int, int], how: str) -> tuple[Floats, Floats]:
     """
     if how == "filled":
         return np.ones((size[0], 1)), np.ones((size[1], 1))
-    across, down = _cells(size)
-    rows = _from_cells(np.eye(down), (size[0], down), how)
-    columns = _from_cells(np.eye(across), (size[1], across), how)
+    rows, columns = (_sides(side, how)[1].astype(float) for side in size)
     return rows, columns
 
 
-def _cells(size: tuple[int, int]) -> tuple[int, int]:
-    """How many cells a box of `size` (h, w) px has across and down."""
-    high, wide = (int(np.clip(side // CELL_PX, 1, CELLS)) for side in size)
-    return wide, high
-
-
-def _from_cells(cells: NDArray[Any], size: tuple[int, int], how: str) -> NDArray[Any]:
-    """A picture of `size` (h, w) px of the colours of its cells."""
-    import cv2
-
-    smooth = cv2.INTER_NEAREST if how == "pixelated" else cv2.INTER_LINEAR
-    return cv2.resize(cells, size[::-1], interpolation=smooth)
+def _cells(side: int) -> int:
+    """How many cells a box has along a side of so many px."""
+    return int(np.clip(side // CELL_PX, 1, CELLS))

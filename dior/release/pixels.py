@@ -3,9 +3,10 @@
 INPUTS   the `frames` index, the bags below data_root, `heads` (where the head is, on a coarse grid), `other_covers`
 OUTPUTS  `released_frames` table with the pictures as JPEG; `released_covers`: what is covered in them; findings
 Nothing here looks at labels: as long as the boxes of `heads` stay, so do the pictures, byte by byte. A picture without
-anything to cover is passed on as recorded, one with a head is decoded, covered and encoded again by the recorder's own
-tables; what was no JPEG is encoded at quality 95. Only the picture's own segments are written: no EXIF, no comment,
-nothing after its end. A picture that cannot be released is null and says why.
+anything to cover is passed on as recorded; of one with covers only the blocks that these touch change (jpeg_covers.py).
+What that cannot be done with is decoded, covered and encoded again by the recorder's own tables, at quality 95 what was
+no JPEG. Only the picture's own segments are written: no EXIF, no comment, nothing after its end. A picture that cannot
+be released is null and says why.
 """
 
 import sys
@@ -22,8 +23,9 @@ from dior.errors import DiorError
 from dior.ingest import bags, messages
 from dior.ingest.containers import BROKEN
 from dior.progress import reporting
-from dior.release import head_blur, jpeg, shift_stamps
+from dior.release import head_blur, jpeg, jpeg_covers, shift_stamps
 from dior.release.heads import EDGES
+from dior.release.jpeg_covers import Cover
 from dior.shortage import sentence
 from dior.tables import tables
 from dior.tables.files import written_whole
@@ -232,17 +234,21 @@ def released(message: Any, size: tuple[int, int], box: Floats | None, others: li
     if tuple(said) != tuple(size):
         raise ValueError(f"it is {said[1]}x{said[0]} px where its index says {size[1]}x{size[0]}")
     data = messages.compressed(message.kind, raw, message.wire)
+    covers = [Cover(tuple(other.tolist()), True) for other in others]
+    covers += [Cover(tuple(box.tolist()), False)] if box is not None else []
+    how = faces if faces != "shown" else "blurred"
     quality, sampling = jpeg.QUALITY, jpeg.SAMPLING
     if data is not None and data.startswith(jpeg.SOI):
+        found = jpeg_covers.covered(data, covers, how) if covers else None
+        if found is not None:
+            return found
         stripped, plain = jpeg.bare(data)
-        if plain and box is None and not others:
+        if plain and not covers:
             return stripped
         quality, sampling = jpeg.settings(stripped)
     picture = messages.decode(message.kind, raw, message.wire, size)
-    for other in others:
-        head_blur.cover(picture, other, faces if faces != "shown" else "blurred", whole=True)
-    if box is not None:
-        head_blur.cover(picture, box, faces)
+    for cover in covers:
+        head_blur.cover(picture, cover.box, how, cover.whole)
     return jpeg.encoded(picture, quality, sampling)
 
 

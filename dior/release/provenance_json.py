@@ -17,6 +17,7 @@ import json
 import platform
 import re
 from collections.abc import Iterator
+from contextlib import suppress
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -114,8 +115,13 @@ def _digests(project: Project, paths: dict[str, str]) -> dict[str, str]:
 
 
 def versions() -> dict[str, str]:
-    """Versions of Python and of what dior depends on, by name."""
+    """Versions of Python and of what dior depends on, by name: what is there of it, as some is not made for every kind
+    of machine."""
     needed = [line for line in metadata.requires("dior") or () if "extra ==" not in line]
     # a requirement may go on with the versions that it takes
-    names = [re.split(r"[^\w.-]", line)[0] for line in needed]
-    return {"python": platform.python_version(), **{name: metadata.version(name) for name in sorted(names)}}
+    names = {re.split(r"[^\w.-]", line)[0] for line in needed}
+    found = {"python": platform.python_version()}
+    for name in sorted(names):
+        with suppress(metadata.PackageNotFoundError):
+            found[name] = metadata.version(name)
+    return found

@@ -7,7 +7,7 @@ import pytest
 
 from dior.errors import DiorError
 from dior.ingest import frames
-from dior.release import head_blur, jpeg, pixels
+from dior.release import head_blur, jpeg, pixels, transform
 from dior.tables import tables
 from tests.ingest import bagfiles
 from tests.release.test_jpeg import COMMENT, EXIF, dirty
@@ -90,6 +90,26 @@ def test_pictures_of_a_camera(recording):
         assert np.abs(found[:, 48:] - scene(i).astype(int)[:, 48:]).mean() < 4
     (text,) = tables.read(given["findings"], "findings")["text"]
     assert text.startswith("2 of 7 pictures cannot be read") and "frame 4" in text
+
+
+def test_a_recorded_picture_keeps_what_no_cover_touches(recording, monkeypatch):
+    sent, given = recording
+    pixels.run(**given)
+    kept = tables.read(given["out"], "released_frames")["image"]
+    # the blocks of 16 x 16 px that the ellipse is in, and what decoders smooth across their edge
+    for i in (0, 6):
+        same = decoded(kept[i]) == decoded(sent[i].content["data"].tobytes())
+        assert same[:, 50:].all() and not same[8:32, 16:28].all()
+    # where the library is not, the whole picture is decoded, as that of a PNG always is
+    monkeypatch.setattr(transform, "library", lambda: None)
+    given["out"].unlink()
+    pixels.run(**given)
+    again = tables.read(given["out"], "released_frames")
+    assert again["no_image"].tolist() == ["", "", "head_unknown", "", "not_readable", "not_readable", ""]
+    for i in (0, 6):
+        assert kept[i] != again["image"][i]
+        assert np.abs(decoded(kept[i]).astype(int) - decoded(again["image"][i])).mean() < 4
+    assert [kept[i] == again["image"][i] for i in (1, 3)] == [True, True]
 
 
 def test_a_picture_is_not_lost_because_memory_is_short(recording, monkeypatch):

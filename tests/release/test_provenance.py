@@ -33,5 +33,6 @@ def test_a_recording_that_is_gone_is_named(tmp_path):
 
 def test_a_requirement_that_names_its_versions_is_told_by_its_name(monkeypatch):
     needed = ["numpy>=2,<3", "PyYAML", 'torch; extra == "reid"', "rosbags[x] ~= 0.11 ; python_version > '3'"]
+    needed.append("not-made-for-this-machine>=1; platform_machine == 'elsewhere'")
     monkeypatch.setattr(provenance_json.metadata, "requires", lambda name: needed)
     assert list(provenance_json.versions()) == ["python", "PyYAML", "numpy", "rosbags"]

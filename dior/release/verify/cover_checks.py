@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dior.arrays import Bools, Floats, Ints, Table
-from dior.release import head_blur, jpeg
+from dior.release import head_blur, jpeg, jpeg_covers
 from dior.release.heads import EDGES
 from dior.release.verify import walk_checks
 from dior.release.verify.evidence import Walk
@@ -28,6 +28,8 @@ TIMES, MORE = 2.0, 2.0
 LEAST_PIXELS, MOST_PIXELS = 4, 200
 # of a JPEG, which are coded together
 BLOCK = 16
+# of BGR, ITU-R BT.601
+GREYS = np.array([0.114, 0.587, 0.299])
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +54,7 @@ class Cover:
         """Where the pixels are in the part."""
         return self.y + self.corner[0], self.x + self.corner[1]
 
-    def fitted(self, part: NDArray[np.uint8]) -> tuple[float, Floats]:
+    def fitted(self, part: NDArray[np.uint8] | Floats) -> tuple[float, Floats]:
         """What cells do not explain of such a part, root mean square of grey levels, and their colours (R, C, 3)."""
         count = self.cells[0] * self.cells[1]
         some = slice(None, None, max(1, len(self.y) // (MOST_PIXELS * count)))
@@ -60,7 +62,7 @@ class Cover:
         y, x = self.at
         colours = part[y[some], x[some]].astype(float)
         means = np.linalg.pinv(weights.T @ weights) @ (weights.T @ colours)
-        grey = (colours - weights @ means) @ np.array([0.114, 0.587, 0.299])  # BGR, ITU-R BT.601
+        grey = (colours - weights @ means) @ GREYS
         return float(np.sqrt(np.mean(grey**2))), means.reshape(*self.cells, 3)
 
     def drawn(self, means: Floats) -> NDArray[np.uint8]:
@@ -98,14 +100,26 @@ def shows(data: bytes, covers: Table, how: str) -> bool:
     picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
     if picture is None:
         return False
+    table = luma_table(data)
     for cover in _covers(np.asarray(picture, np.uint8), covers, how):
         if len(cover.y) >= LEAST_PIXELS * cover.cells[0] * cover.cells[1]:
             left, means = cover.fitted(cover.part)
-            coded = jpeg.encoded(cover.drawn(means), *jpeg.settings(data))
-            again = cv2.imdecode(np.frombuffer(coded, np.uint8), cv2.IMREAD_COLOR)
-            if left > TIMES * cover.fitted(np.asarray(again, np.uint8))[0] + MORE:
+            if left > TIMES * cover.fitted(coded(cover.drawn(means), table))[0] + MORE:
                 return True
     return False
+
+
+def luma_table(data: bytes) -> tuple[int, ...]:
+    """The quantisation table of a JPEG file's luma; of one that `jpeg.frame_of` does not take, one that loses
+    nothing."""
+    frame = jpeg.frame_of(data)
+    return frame.components[0].table if frame else (1,) * 64
+
+
+def coded(part: NDArray[np.uint8], table: tuple[int, ...]) -> Floats:
+    """A part (h, w, 3) of a BGR picture, from the corner of a block on, in grey, as encoding its luma by a quantisation
+    table leaves it."""
+    return np.repeat(jpeg_covers.coded(part @ GREYS, table)[..., None], 3, axis=2)
 
 
 def _covers(picture: NDArray[np.uint8], covers: Table, how: str) -> Iterator[Cover]:

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from dior.release import head_blur, jpeg
+from dior.release import head_blur, jpeg, jpeg_covers
 from dior.release.verify import cover_checks
 from dior.release.verify.evidence import Setup, Walk
 from dior.release.verify.folder_or_tarball import File
@@ -47,6 +47,24 @@ def test_a_cover_is_told_from_what_is_below_it(how, quality):
     assert not shows(covered(image, COVERS, how), COVERS)
     for i, cover in enumerate(COVERS):
         assert shows(covered(image, COVERS[:i] + COVERS[i + 1 :], how), [cover]), cover
+
+
+@pytest.mark.parametrize("how", ["blurred", "pixelated", "filled"])
+def test_covers_in_the_blocks_of_a_recorded_picture(how):
+    """Of tables that no encoder here has, coarse ones, too, and of a grey picture."""
+    coloured, grey = jpeg.encoded(picture(), 50), cv2.imencode(".jpg", picture()[..., 0], [1, 50])[1].tobytes()
+    odd = bytearray(coloured)
+    for at in (i for i in range(len(odd)) if odd[i : i + 2] == b"\xff\xdb"):
+        odd[at + 5 : at + 69] = [min(255, step + 40) for step in odd[at + 5 : at + 69]]
+    for data in (coloured, grey, bytes(odd)):
+        sound = [
+            jpeg_covers.Cover(box, what == "other") for what, box in sorted(COVERS, key=lambda one: one[0] == "head")
+        ]
+        assert not cover_checks.shows(jpeg_covers.covered(data, sound, how), table(COVERS), how)
+    for what, box in COVERS:
+        left = [one for one in sound if one.box != box]
+        bare = jpeg_covers.covered(coloured, left, how)
+        assert cover_checks.shows(bare, table([(what, box)]), how), box
 
 
 def test_another_way_to_cover_is_told_as_well():
