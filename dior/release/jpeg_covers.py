@@ -35,15 +35,18 @@ class Cover:
     whole: bool
 
 
+# rows and columns of a component's blocks or samples
+Place = tuple[slice, slice]
+
+
 @dataclass(frozen=True, eq=False)
 class _Mask:
-    """A cover in the samples of a component: the rectangle of `blocks` around it, the `part` of its samples in the box,
-    which of them are filled (`fill`), the blocks (r, c, 1) that these `touch`, and how many rows and columns of samples
-    (`inside`) of the rectangle are in the picture."""
+    """Covers in the samples of a component that share blocks: the rectangle of `blocks` around them, of each cover in
+    turn the part of its samples in the box and which of them are filled (`fills`), the blocks (r, c, 1) that these
+    `touch`, and how many rows and columns of samples (`inside`) of the rectangle are in the picture."""
 
-    blocks: tuple[slice, slice]
-    part: tuple[slice, slice]
-    fill: Bools
+    blocks: Place
+    fills: list[tuple[Place, Bools]]
     touch: Bools
     inside: tuple[int, int]
 
@@ -64,37 +67,65 @@ def covered(data: bytes, covers: Sequence[Cover], how: str) -> bytes | None:
 
     def change(components: list[NDArray[np.int16]]) -> None:
         for (step, table), numbers in kinds.items():
-            for cover in covers:
-                mask = _mask(cover, (frame.height, frame.width), step)
-                if mask is not None:
-                    _cover([components[number] for number in numbers], mask, table, how)
+            for mask in _masks(tuple(covers), (frame.height, frame.width), step):
+                _cover([components[number] for number in numbers], mask, table, how)
 
     return transform.changed(data, len(frame.components), change)
 
 
 @lru_cache(MASKS)
-def _mask(cover: Cover, size: tuple[int, int], step: tuple[int, int]) -> _Mask | None:
-    """The mask of a cover in a picture of `size` (height, width) px, in a component of which a sample stands for `step`
-    (down, across) px; None for one outside of the picture."""
-    px = head_blur.inside(cover.box, *size)
-    samples = [slice(side.start // by, -(-side.stop // by)) for side, by in zip(px, step, strict=True)]
-    shape = [side.stop - side.start for side in samples]
-    if not all(shape):
-        return None
-    fill: Bools = np.ones(shape, bool)
-    if not cover.whole:
-        at = [np.arange(side.start * by, side.stop * by) for side, by in zip(samples, step, strict=True)]
-        within = head_blur.ellipse(cover.box, *at).reshape(shape[0], step[0], shape[1], step[1])
-        fill = np.asarray(within.any(axis=(1, 3)))
-    blocks = [slice(side.start // BLOCK, -(-side.stop // BLOCK)) for side in samples]
+def _masks(covers: tuple[Cover, ...], size: tuple[int, int], step: tuple[int, int]) -> list[_Mask]:
+    """The masks of covers in a picture of `size` (height, width) px, in a component of which a sample stands for `step`
+    (down, across) px. What shares blocks is one mask, for a block is encoded once."""
+    found: list[tuple[Place, list[tuple[int, Place, Bools]]]] = []
+    for number, cover in enumerate(covers):
+        part, fill = _filled(cover, size, step)
+        if not fill.size:
+            continue
+        blocks = _slices([(side.start // BLOCK, -(-side.stop // BLOCK)) for side in part])
+        fills = [(number, part, fill)]
+        while met := [one for one in found if _meet(one[0], blocks)]:
+            for one in met:
+                found.remove(one)
+                fills += one[1]
+                blocks = _slices(
+                    [(min(a.start, b.start), max(a.stop, b.stop)) for a, b in zip(one[0], blocks, strict=True)]
+                )
+        found.append((blocks, fills))
+    return [_mask(blocks, fills, size, step) for blocks, fills in found]
+
+
+def _mask(blocks: Place, fills: list[tuple[int, Place, Bools]], size: tuple[int, int], step: tuple[int, int]) -> _Mask:
+    """The mask of covers, with their numbers, by their samples in the whole component."""
     first = [side.start * BLOCK for side in blocks]
-    part = [slice(side.start - at, side.stop - at) for side, at in zip(samples, first, strict=True)]
-    count = [side.stop - side.start for side in blocks]
-    filled = np.zeros((count[0], BLOCK, count[1], BLOCK), bool)
-    filled.reshape(count[0] * BLOCK, -1)[part[0], part[1]] = fill
-    touch = np.asarray(filled.any(axis=(1, 3)))[..., None]
+    down, across = (side.stop - side.start for side in blocks)
+    own, filled = [], np.zeros((down * BLOCK, across * BLOCK), bool)
+    for _, part, fill in sorted(fills, key=lambda one: one[0]):
+        own.append((_slices([(side.start - at, side.stop - at) for side, at in zip(part, first, strict=True)]), fill))
+        filled[own[-1][0]] |= fill
+    touch = filled.reshape(down, BLOCK, across, BLOCK).any(axis=(1, 3))
     ends = [-(-side // by) - at for side, by, at in zip(size, step, first, strict=True)]
-    return _Mask((blocks[0], blocks[1]), (part[0], part[1]), fill, touch, (ends[0], ends[1]))
+    return _Mask(blocks, own, np.asarray(touch)[..., None], (ends[0], ends[1]))
+
+
+def _filled(cover: Cover, size: tuple[int, int], step: tuple[int, int]) -> tuple[Place, Bools]:
+    """The samples of a component in a cover's box, and which of them it fills; none for one outside of the picture."""
+    px = head_blur.inside(cover.box, *size)
+    part = _slices([(side.start // by, -(-side.stop // by)) for side, by in zip(px, step, strict=True)])
+    rows, columns = (np.arange(side.start * by, side.stop * by) for side, by in zip(part, step, strict=True))
+    shape = len(rows) // step[0], len(columns) // step[1]
+    if cover.whole or not all(shape):
+        return part, np.ones(shape, bool)
+    within = head_blur.ellipse(cover.box, rows, columns).reshape(shape[0], step[0], shape[1], step[1])
+    return part, np.asarray(within.any(axis=(1, 3)))
+
+
+def _slices(sides: Sequence[tuple[int, int]]) -> Place:
+    return slice(*sides[0]), slice(*sides[1])
+
+
+def _meet(one: Place, other: Place) -> bool:
+    return all(a.start < b.stop and b.start < a.stop for a, b in zip(one, other, strict=True))
 
 
 def _cover(components: list[NDArray[np.int16]], mask: _Mask, table: tuple[int, ...], how: str) -> None:
@@ -102,9 +133,10 @@ def _cover(components: list[NDArray[np.int16]], mask: _Mask, table: tuple[int, .
     own = [blocks[mask.blocks] for blocks in components]
     # as a decoder shows them: what it does not show of a block is not passed on
     samples = np.rint(_samples(np.stack(own), table)).clip(-MIDDLE, MIDDLE - 1)
-    part = samples[:, *mask.part]
-    instead = head_blur.GREY - MIDDLE if how == "filled" else head_blur.from_cells(part, how)
-    np.copyto(part, instead, where=mask.fill)
+    for place, fill in mask.fills:
+        part = samples[:, *place]
+        instead = head_blur.GREY - MIDDLE if how == "filled" else head_blur.from_cells(part, how)
+        np.copyto(part, instead, where=fill)
     # beyond the edges the recorder may have put anything, such as the edge's own samples
     rows, columns = mask.inside
     if rows < samples.shape[1]:

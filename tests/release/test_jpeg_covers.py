@@ -194,6 +194,20 @@ def test_nothing_is_left_beyond_the_edges_of_the_picture(sampling):
         assert not part[-2:, -2:].any()
 
 
+def test_covers_that_share_blocks_are_encoded_once():
+    """As if all samples were decoded, covered one after the other, and encoded again."""
+    data = file_of(scene(SIZES[0])[..., 0], 20)
+    table = jpeg.frame_of(data).components[0].table
+    samples = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE)
+    for cover in COVERS:
+        three = np.repeat(samples[..., None], 3, axis=2)
+        head_blur.cover(three, cover.box, "filled", cover.whole)
+        samples = three[..., 0]
+    expected = jpeg_covers._quantised(samples[None].astype(float) - 128, table)[0]
+    own = touched(data, COVERS)[0][0]
+    assert (coefficients(jpeg_covers.covered(data, COVERS, "filled"))[0][own] == expected[own]).all()
+
+
 def test_covers_outside_of_the_picture():
     data = file_of(scene(SIZES[0]))
     out = jpeg_covers.covered(
@@ -205,7 +219,7 @@ def test_covers_outside_of_the_picture():
 def test_same_bytes():
     data = file_of(scene(SIZES[1]))
     first = jpeg_covers.covered(data, COVERS, "blurred")
-    jpeg_covers._bases.cache_clear(), jpeg_covers._mask.cache_clear()
+    jpeg_covers._bases.cache_clear(), jpeg_covers._masks.cache_clear()
     assert jpeg_covers.covered(data, COVERS, "blurred") == first
 
 

@@ -22,7 +22,7 @@ from dior.release.verify.walk_checks import PARTS, Problem, pictures_in
 from dior.tables import tables
 
 # Of what the cells leave over (grey levels, root mean square): so many times what encoding leaves, and more. Chosen:
-# it is never more than 1.5 times as much in sound releases (`python -m benchmarks.covers`), and far more in bare ones.
+# sound releases take up a third of MORE (`python -m benchmarks.covers`), and bare ones far more than all.
 TIMES, MORE = 2.0, 2.0
 # pixels a cell, below which the fit explains anything, and above which more say no more; chosen
 LEAST_PIXELS, MOST_PIXELS = 4, 200
@@ -117,9 +117,10 @@ def luma_table(data: bytes) -> tuple[int, ...]:
 
 
 def coded(part: NDArray[np.uint8], table: tuple[int, ...]) -> Floats:
-    """A part (h, w, 3) of a BGR picture, from the corner of a block on, in grey, as encoding its luma by a quantisation
-    table leaves it."""
-    return np.repeat(jpeg_covers.coded(part @ GREYS, table)[..., None], 3, axis=2)
+    """A part (h, w, 3) of a BGR picture, from the corner of a block on, as encoding its luma by a quantisation table
+    and rounding its colours leave it."""
+    luma = part @ GREYS
+    return np.rint(part + (jpeg_covers.coded(luma, table) - luma)[..., None]).clip(0, 255)
 
 
 def _covers(picture: NDArray[np.uint8], covers: Table, how: str) -> Iterator[Cover]:
