@@ -9,7 +9,7 @@ import yaml
 
 from dior.errors import DiorError
 from dior.project import licenses
-from dior.release import card, citation
+from dior.release import card, citation, transform
 from dior.tables import tables
 from tests.release.made import PSEUDONYM, RELEASE, build, sheets
 
@@ -71,6 +71,14 @@ def test_who_has_looked_at_the_heads_is_told(made):
     rig = tables.read(out / "cameras.parquet", "released_cameras")
     told = dict(zip(zip(rig["session"], rig["camera"], strict=True), rig["heads_checked"], strict=True))
     assert told.pop(("field", "cam02")) == "all of walk_2 looked at" and set(told.values()) == {""}
+
+
+def test_what_covering_leaves_of_a_picture_is_told(made, monkeypatch):
+    body = " ".join((build(made) / "README.md").read_text().split())
+    assert "nothing is lost outside of the covers" in body and "is encoded again as a whole, one" not in body
+    monkeypatch.setattr(transform, "library", lambda: None)
+    body = " ".join((build(made) / "README.md").read_text().split())
+    assert "A picture with a cover is encoded again as a whole" in body and "nothing is lost" not in body
 
 
 def test_a_simulated_capture_says_so(made, tmp_path):

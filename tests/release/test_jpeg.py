@@ -54,6 +54,18 @@ def test_restart_markers_do_not_end_a_scan(picture):
     assert jpeg.bare(dirty(data, EXIF))[0] == jpeg.bare(data)[0]
 
 
+def test_fill_bytes_before_a_marker_are_no_data_of_a_scan(picture):
+    data = file_of(picture, cv2.IMWRITE_JPEG_PROGRESSIVE, 1)
+    ends = [found.start() for found in MARKER.finditer(data, data.index(b"\xff\xda") + 12)]
+    filled = data
+    for end in reversed(ends):
+        filled = filled[:end] + b"\xff\xff" + filled[end:]
+    scans = [
+        [bytes(part).lstrip(b"\xff") for marker, part in segments(one) if marker == SCAN] for one in (data, filled)
+    ]
+    assert len(ends) > 3 and len(scans[0]) > 2 and scans[0] == scans[1]
+
+
 def test_colours_of_an_adobe_segment_are_told(picture):
     assert not jpeg.bare(dirty(file_of(picture), segment(0xEE, b"Adobe\0d\0\0\0\0\0")))[1]
 
