@@ -24,6 +24,8 @@ from dior.tables.result_checksums import file_sha256
 PACKAGE = Path(__file__).parents[1]
 # what numbers are computed with; other packages read and write, and a new version of them re-runs nothing
 NUMERIC = ("numpy", "opencv-python-headless", "gtsam", "scipy")
+# packages that are not made for every kind of machine: without one the steps that have this file write something else
+BESIDE = {"release/transform.py": "turbojpeg"}
 NOT_CODE = {"cli"}
 # the constant in which readers describe their formats (dior/formats.py): words for people
 WORDS = "DESCRIPTIONS"
@@ -47,14 +49,19 @@ def code_hash(*modules: str) -> str:
 
     It covers the modules; every dior module they import (inside functions, too); of each table whose name one of
     these spells the columns' names, types, units and words; the files that are no Python and that those name
-    (templates; the JSON schemas, whose defaults are filled in); and the installed versions of the numeric packages.
+    (templates; the JSON schemas, whose defaults are filled in); and the installed versions of the numeric packages
+    and of those of BESIDE.
     Comments, docstrings and the descriptions of formats, columns and keys do not count, so that an edit of those
     re-runs nothing, except those of columns in the steps that show them: who imports `dior.tables.schemas`.
     """
     digest = hashlib.sha256()
-    for name, meaning in covered(*modules):
+    every = covered(*modules)
+    for name, meaning in every:
         digest.update(f"{name}\0{meaning}\0".encode())
     digest.update(_versions().encode())
+    for name, package in BESIDE.items():
+        if name in dict(every):
+            digest.update(f"\0{package}=={_version(package)}".encode())
     return digest.hexdigest()[:16]
 
 
@@ -76,6 +83,14 @@ def _name(path: Path) -> str:
 @cache
 def _versions() -> str:
     return "\0".join(f"{package}=={metadata.version(package)}" for package in NUMERIC)
+
+
+def _version(package: str) -> str:
+    """Of a package, "" where it is not installed."""
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return ""
 
 
 def _tables_room() -> Path:

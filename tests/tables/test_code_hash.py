@@ -111,6 +111,19 @@ def test_another_version_of_a_numeric_package_changes_every_step(monkeypatch):
     clear()
 
 
+def test_a_package_that_is_not_everywhere_changes_the_steps_that_need_it(monkeypatch):
+    before, version = each(), by_content.metadata.version
+
+    def without(package):
+        if package == "turbojpeg":
+            raise by_content.metadata.PackageNotFoundError(package)
+        return version(package)
+
+    monkeypatch.setattr(by_content.metadata, "version", without)
+    assert changed(before, each()) == {"pixels", "package"}
+    clear()
+
+
 def test_how_types_are_made_changes_every_step_with_a_table(package):
     before = unedited()
     edit(package / "tables/schemas/__init__.py", "pa.binary()", "pa.large_binary()")
