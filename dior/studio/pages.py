@@ -17,6 +17,7 @@ from dior.studio.workspace import Workspace
 
 if TYPE_CHECKING:
     import jinja2
+    import markupsafe
 
 DEEPEST = 20  # chosen: what pages send is four deep
 TEMPLATES = Path(__file__).parent / "templates"
@@ -44,7 +45,17 @@ WORK = {
 
 @cache
 def _environment() -> "jinja2.Environment":
-    return report_pages.environment(TEMPLATES)
+    found = report_pages.environment(TEMPLATES)
+    found.filters["prose"] = prose
+    return found
+
+
+def prose(text: str) -> "markupsafe.Markup":
+    """A text for a page; what is between backticks is code, as `prose` of studio.js has it."""
+    from markupsafe import Markup, escape
+
+    parts = enumerate(text.split("`"))
+    return Markup("").join(Markup("<code>{}</code>").format(part) if i % 2 else escape(part) for i, part in parts)
 
 
 def page(request: Request, template: str, status: int = 200, **told: Any) -> HTMLResponse:

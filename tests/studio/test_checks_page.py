@@ -158,7 +158,7 @@ def test_points_are_clicked_accepted_gone_back_to_and_gone_on_with(labelled, chr
             assert not points_of_file()[1].endswith(",,")
         with browser.page(chromium, address, "/checks") as one:
             shown(one, 2)
-            assert "2 clicked, 0 cannot be seen" in one.locator("#progress").inner_text()
+            assert "2 clicked, 0 not seen" in one.locator("#progress").inner_text()
 
 
 @pytest.mark.parametrize("cells", ["nan,5", "5,inf", "x,5", "5"])

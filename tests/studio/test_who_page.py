@@ -199,7 +199,7 @@ def test_the_subject_is_named_by_a_click_and_by_a_key_and_the_step_takes_them(ch
         keystrokes.until(lambda: page.locator("#seeds button").count() == 1)
         page.keyboard.press("y")
         keystrokes.until(lambda: page.locator("#seeds button").count() == 2)
-        assert "named" in page.inner_text("#walks")
+        assert "done" in page.inner_text("#walks")
     # the step takes whom was pointed at: the detections that it chose are theirs
     snakemake(project, "results/triangulate/outdoor_01.parquet")
     chosen = tables.read(project / "results/triangulate/outdoor_01.detections.parquet", "detections")

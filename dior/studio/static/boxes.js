@@ -1,7 +1,7 @@
 // The page Boxes.
 
 import { Picture } from "./picture.js";
-import { $, ask, element, fill, onKeys, remember, say, send, state, svg } from "./studio.js";
+import { $, ask, element, fill, onKeys, onUndo, remember, say, send, state, svg } from "./studio.js";
 
 const SCALE = 8; // screen pixels a pixel of the picture
 const STEP = 0.25; // px
@@ -23,6 +23,7 @@ let moving = []; // boxes around what moves in this picture
 let movers = new Map(); // by frame, what /api/boxes/moving answers
 let looking = null; // which of `moving` is looked at
 let writing = Promise.resolve();
+let [done, undone] = [[], []]; // what was said of frames: {frame, before, after}
 
 const entry = () => told.frames[at];
 const drawn = (one) => one.box?.length === 4;
@@ -42,19 +43,37 @@ function neighbours(frame) {
   return [some.findLast((one) => one.frame < frame), some.find((one) => one.frame > frame)].filter(Boolean);
 }
 
-/** Where the person is to be looked for: what moves nearest to where the boxes around say; [u, v] or null. */
-function expected(frame) {
+/** Where the boxes around a frame have the person: [u, v], and how far off that may be, px; null where there is none. */
+function between(frame) {
   const near = neighbours(frame);
-  if (!near.length) return moving.length ? middle(moving[0]) : null;
+  if (!near.length) return null;
   const seconds = (one) => Math.abs(recording.seconds[one.frame] - recording.seconds[frame]);
   const total = near.reduce((sum, one) => sum + seconds(one), 0);
   const share = near.length === 1 || !total ? [1, 0] : [seconds(near[1]) / total, seconds(near[0]) / total];
   const place = [0, 1].map((axis) => near.reduce((sum, one, i) => sum + share[i] * middle(one.box)[axis], 0));
   const tall = near[0].box[3] - near[0].box[1];
-  const reach = tall * (1 + FAST * Math.min(...near.map(seconds)));
-  const off = (one) => Math.hypot(middle(one)[0] - place[0], middle(one)[1] - place[1]);
+  return [place, tall * (1 + FAST * Math.min(...near.map(seconds)))];
+}
+
+const apart = (a, b) => Math.hypot(a[0] - b[0], a[1] - b[1]);
+
+/** Where the person is to be looked for: what moves nearest to where the boxes around say; [u, v] or null. */
+function expected(frame) {
+  const found = between(frame);
+  if (!found) return moving.length ? middle(moving[0]) : null;
+  const [place, reach] = found;
+  const off = (one) => apart(middle(one), place);
   const best = [...moving].sort((a, b) => off(a) - off(b))[0];
   return best && off(best) <= reach ? middle(best) : place;
+}
+
+/** Why a box may be beside the person, or "". */
+function doubt(frame, edges) {
+  const found = between(frame);
+  if (found && apart(middle(edges), found[0]) > found[1]) return `is ${apart(middle(edges), found[0]).toFixed(0)} px from where the other boxes expect the person`;
+  const [a, b, c, d] = edges;
+  const moves = moving.some(([left, top, right, bottom]) => left < c && right > a && top < d && bottom > b);
+  return moving.length && !moves ? "has nothing in it that moves, and something moves elsewhere" : "";
 }
 
 /** Width and height of the box that is offered: those of the one drawn nearest in time, else of a person far away. */
@@ -119,13 +138,31 @@ function next() {
   if (later >= 0) return go(later);
   const left = told.frames.findIndex((one) => one.box === null);
   if (left >= 0) return go(left);
-  say(`All ${told.frames.length} pictures are done: they are in ${told.file}.`);
+  say(`All ${told.frames.length} pictures are done.`);
   return go(at);
 }
 
-/** Write what is said of this frame, and go on meanwhile. */
+/** Write what is said of this frame, and go on meanwhile; it can be undone. */
 function put(after) {
-  const one = entry();
+  done.push({ frame: entry().frame, before: entry().box, after });
+  undone = [];
+  return say_of(entry(), after);
+}
+
+/** Take the last thing that was said of a frame back, or say it again, and go there. */
+function step(from, to, way) {
+  const change = from.pop();
+  if (!change) return;
+  to.push(change);
+  say("");
+  const index = told.frames.findIndex((one) => one.frame === change.frame);
+  say_of(told.frames[index], way === "undo" ? change.before : change.after);
+  go(index);
+}
+const undo = () => step(done, undone, "undo");
+const redo = () => step(undone, done, "redo");
+
+function say_of(one, after) {
   const before = one.box;
   one.box = after;
   const row = { ...asked(), drawer: told.drawer, frame: one.frame };
@@ -163,21 +200,28 @@ async function write(mine, one, row, before, after) {
   }
 }
 
+/** Whether the picture that is asked about is on the page: nothing is said of one that nobody has seen. */
+const ready = () => $("picture").dataset.ready === String(entry().frame);
+
 function accept() {
-  if (corner) return;
+  if (corner || !ready()) return;
   if (!touched) {
-    say("This box is offered for its size only: move it with the arrow keys, or draw one, then accept it.");
+    say("The dashed box is a first guess. Move it with the arrow keys, or draw one, then accept it.");
     return;
   }
   say("");
   const now = rounded(box);
+  const { frame } = entry();
+  const why = doubt(frame, now);
   if (!drawn(entry()) || entry().box.some((edge, i) => edge !== now[i])) put(now);
   next();
+  if (why) say(`The box of frame ${frame} ${why}. Ctrl Z takes it back.`, "look", { Undo: undo, "It is right": () => {} });
 }
 
 function nobody() {
+  if (!ready()) return;
   if (!told.drawer) {
-    say("Say who draws first, by a name or a letter: a row without edges and without a name is one that is not drawn yet.", "error");
+    say("Fill in who draws first, a name or a letter: that nobody is there is written under a name.", "error");
     $("drawer").focus();
     return;
   }
@@ -266,7 +310,9 @@ function redraw() {
   inset();
   const one = entry();
   const numbers = box ? `${(box[2] - box[0]).toFixed(2)} × ${(box[3] - box[1]).toFixed(2)} px at (${box[0].toFixed(2)}, ${box[1].toFixed(2)})` : "";
-  const words = one.box === null ? (touched ? "not accepted yet" : "offered for its size") : one.box.length ? (same() ? "accepted" : "changed, not accepted yet") : "nobody is seen here, you said";
+  $("undo").disabled = !done.length;
+  $("redo").disabled = !undone.length;
+  const words = one.box === null ? (touched ? "not accepted yet" : "a first guess: move it, or draw one") : one.box.length ? (same() ? "accepted" : "changed, not accepted yet") : "nobody is seen here, you said";
   $("now").textContent = `Picture ${at + 1} of ${told.frames.length}, frame ${one.frame}: ${numbers}, ${words}.`;
   Object.assign($("picture").dataset, { box: box ? box.map((edge) => edge.toFixed(3)).join(" ") : "", touched });
 }
@@ -300,12 +346,12 @@ function list() {
   const by = (one) => (one.name ? `by ${one.name}` : "without a name");
   const named = (one) => `${one.boxes} ${one.boxes === 1 ? "box" : "boxes"} ${by(one)}`;
   $("who").textContent = [
-    told.drawer ? "" : "To say Nobody (N), fill in who draws.",
-    others.length ? `The file has ${others.map(named).join(", ")}, too: all stay. The steps use the boxes ${by(told.drawers[0])}, others only judge.` : "",
+    told.drawer ? "" : "For Nobody (N) a name is needed.",
+    others.length ? `There are ${others.map(named).join(", ")}, too: all stay. The camera is fitted to the boxes ${by(told.drawers[0])}; the others show how far two people differ.` : "",
   ].join(" ").trim();
-  const from = told.labelled ? "that have labels of the last run" : "of the recording, as nothing was labelled yet";
-  $("file").textContent = `${told.file}: a row for each picture, with the four edges in px and who drew. The pictures are one of each of equal parts of those ${from}, drawn with a fixed seed, and all that are in the file. `
-    + "A row without edges and with a name: this drawer saw nobody. Without edges and without a name, or no row: not drawn yet. The steps take neither for a box. Of 15 boxes or more one in five is kept back from every fit, to judge.";
+  const from = told.labelled ? "that the last run has labelled" : "of the recording";
+  $("file").replaceChildren(element("code", {}, told.file), " has a row for each picture: its four edges in px, and who drew. A row with a name and without edges: nobody was seen. "
+    + `The pictures are spread over those ${from}, the same each time. Of 15 boxes or more one in five is not used to fit the camera: it judges the fit.`);
 }
 
 function focus() {
@@ -329,6 +375,7 @@ async function load(frame) {
 }
 
 async function choose(walk, camera, frame = null) {
+  [done, undone] = [[], []];
   const one = walks.find((each) => each.walk === walk) ?? walks[0];
   fill($("walk"), walks.map((each) => [each.walk, `${each.walk} (${each.session})`]), one.walk);
   fill($("camera"), one.far.map((name) => [name, name]), camera);
@@ -342,6 +389,7 @@ async function choose(walk, camera, frame = null) {
 
 async function named() {
   const drawer = $("drawer").value.trim();
+  [done, undone] = [[], []];
   remember({ drawer });
   localStorage.setItem("drawer", drawer);
   await load(entry()?.frame ?? null);
@@ -349,13 +397,14 @@ async function named() {
 
 const acts = {
   Enter: accept, Backspace: () => go(at - 1), Delete: undraw, n: nobody, m: mover, 0: whole,
-  8: () => look(...middle(box)), "+": () => { picture.zoom(1.5); redraw(); }, "=": () => { picture.zoom(1.5); redraw(); }, "-": () => { picture.zoom(1 / 1.5); redraw(); },
+  8: () => box && look(...middle(box)), "+": () => { picture.zoom(1.5); redraw(); }, "=": () => { picture.zoom(1.5); redraw(); }, "-": () => { picture.zoom(1 / 1.5); redraw(); },
   Escape: () => { corner = null; redraw(); }, l: () => { $("labels").checked = !$("labels").checked; labels(); },
 };
 
+onUndo(() => told?.frames.length && undo(), () => told?.frames.length && redo());
 onKeys((key, event) => {
   // a key that is held down to move the box accepts nothing
-  if (!told?.frames.length || event.repeat && !key.startsWith("Arrow")) return false;
+  if (!told?.frames.length || !$("picture").dataset.frame || event.repeat && !key.startsWith("Arrow")) return false;
   if (event.target.closest("button, a, summary, input") && ["Enter", " "].includes(key)) return false;
   if (key.startsWith("Arrow")) nudge(key, event);
   else if (key.toLowerCase() in acts) acts[key.toLowerCase()]();
@@ -363,7 +412,7 @@ onKeys((key, event) => {
   else return false;
   return true;
 });
-for (const [id, act] of Object.entries({ accept, nobody, back: () => go(at - 1), undraw })) $(id).addEventListener("click", () => { act(); if (document.activeElement !== $("drawer")) focus(); });
+for (const [id, act] of Object.entries({ accept, nobody, back: () => go(at - 1), undraw, undo, redo })) $(id).addEventListener("click", () => { act(); if (document.activeElement !== $("drawer")) focus(); });
 $("labels").addEventListener("change", labels);
 $("more").addEventListener("click", async () => { remember({ count: told.frames.length + 25 }); await load(null); });
 $("walk").addEventListener("change", () => choose($("walk").value, null));

@@ -81,12 +81,12 @@ function show() {
   const words = point && (point.words.toLowerCase() === point.joint.toLowerCase() ? "" : `, the ${point.words}`);
   $("prompt").replaceChildren(...(point
     ? ["Click ", element("strong", {}, point.joint), `${words}. ${point.camera}, frame ${point.frame} of ${point.walk}.`]
-    : [points.length ? "That was the last one. The next run of the workflow uses them." : ""]));
+    : [points.length ? "That was the last one. The report of the next run uses them." : ""]));
   const done = points.filter((one) => one.clicked !== null).length;
   const seen = points.filter((one) => one.clicked?.length).length;
   $("progress").textContent = point
-    ? `Point ${at + 1} of ${points.length}; ${seen} clicked, ${done - seen} cannot be seen.`
-    : `${seen} clicked, ${done - seen} cannot be seen, of ${points.length}.`;
+    ? `Point ${at + 1} of ${points.length}: ${seen} clicked, ${done - seen} not seen so far.`
+    : `${seen} clicked, ${done - seen} not seen, of ${points.length}.`;
   for (const dot of document.querySelectorAll(".body circle")) {
     dot.setAttribute("class", dot.dataset.marker === point?.joint ? "asked" : "");
   }
@@ -101,7 +101,7 @@ onKeys((name, event) => {
   const arrows = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
   if (name in arrows) {
     const by = event.shiftKey ? 4 * STEP : STEP;
-    if (picture.recording) put((uv ?? middle()).map((one, i) => one + by * arrows[name][i]));
+    if (picture.recording && open()) put((uv ?? middle()).map((one, i) => one + by * arrows[name][i]));
     return true;
   }
   if (name === "Enter" && event.target.closest("summary, a, button:not(#accept)")) return false;

@@ -73,11 +73,11 @@ function key(name) {
   const box = { l: "labels", d: "detections" }[name.toLowerCase()];
   if (!box) return false;
   $(box).checked = !$(box).checked;
-  draw(scrub.at);
+  if (picture.recording) draw(scrub.at);
   return true;
 }
 
-for (const id of ["labels", "detections"]) $(id).addEventListener("change", () => draw(scrub.at));
+for (const id of ["labels", "detections"]) $(id).addEventListener("change", () => picture.recording && draw(scrub.at));
 $("walk").addEventListener("change", () => choose($("walk").value, $("camera").value, 0));
 $("camera").addEventListener("change", () => choose($("walk").value, $("camera").value, scrub.at));
 walks = await ask("/api/walks");

@@ -1,7 +1,7 @@
 // The page Long range: the skeleton in a dozen enlarged pictures follows the nudge.
 
 import { Crops, latest, whileHeld } from "./crops.js";
-import { $, ask, element, fill, onKeys, remember, say, send, state } from "./studio.js";
+import { $, ask, element, fill, onKeys, onUndo, prose, remember, say, send, state } from "./studio.js";
 
 const NAMES = ["azimuth_deg", "elevation_deg", "distance_m", "roll_deg"];
 const crops = new Crops($("crops"));
@@ -109,14 +109,14 @@ async function put(changes) {
     });
     return;
   }
-  say(`Written to ${answer.file}. The labels have it after the next dior run.`);
+  say(`Written to ${answer.file}. The labels have it after the next run.`);
   const kept = { now, before };
   await open(told.session, told.camera, kept);
 }
 
 async function fit() {
   $("fit").disabled = true;
-  $("fitted").textContent = `The camera is being fitted to the ${told.proposed.from}, as dior align does it. This takes some seconds.`;
+  $("fitted").textContent = `The camera is being fitted to the ${told.proposed.from}. This takes some seconds.`;
   try {
     const found = await send("/api/long-range/fit", { ...whose(), ...now });
     document.querySelector("[name=pose][value=fit]").disabled = false;
@@ -157,7 +157,7 @@ async function open(session, camera, kept = null) {
   }
   $("none").hidden = true;
   $("tools").hidden = false;
-  $("says").textContent = told.says;
+  $("says").replaceChildren(...prose(told.says));
   $("clocks").replaceChildren(...[...told.clocks.map((text) => `Clock of ${text}.`), ...told.without].map((text) => element("li", {}, text)));
   document.querySelector("[name=pose][value=run]").disabled = !told.run;
   $("fit").disabled = !told.proposed;
@@ -181,7 +181,7 @@ async function open(session, camera, kept = null) {
 /** Show nothing but why. */
 function lacking(why) {
   $("none").hidden = false;
-  $("none").textContent = why && `Nothing can be shown yet: ${why}.`;
+  $("none").replaceChildren(...prose(why && `Nothing can be shown yet: ${why}.`));
   $("tools").hidden = true;
   crops.open([], { width: 1, height: 1 }, String);
 }
@@ -247,6 +247,7 @@ $("fit").addEventListener("click", fit);
 $("write").addEventListener("click", () => put([{ key: "align", before: told.align, after: told.align ? null : told.proposed }]));
 $("camera").addEventListener("change", () => choose(...$("camera").value.split("/")));
 onKeys(key);
+onUndo(() => told && undo(past, future), () => told && undo(future, past));
 
 const cameras = await ask("/api/long-range/cameras");
 fill($("camera"), cameras.map((one) => [`${one.session}/${one.camera}`, `${one.camera} of ${one.session}`]), `${state().session}/${state().camera}`);

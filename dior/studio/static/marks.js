@@ -2,7 +2,7 @@
 
 import { Picture } from "./picture.js";
 import { Scrub } from "./scrub.js";
-import { $, ask, element, fill, remember, say, send, state } from "./studio.js";
+import { $, ask, element, fill, onUndo, prose, remember, say, send, state } from "./studio.js";
 
 const picture = new Picture($("picture"), { onClick: (u, v) => place(u, v) });
 const scrub = new Scrub(picture, { onFrame: (frame, moving) => moving || arrived(), onKey: key });
@@ -11,6 +11,8 @@ window.dior = { picture }; // for tests, which look for a pixel's place on the s
 const STEP = 0.25; // px that an arrow moves a mark by
 const SURE = 6; // px, expected error of where markers are, for the view to go there
 const MANY = 10; // residuals are drawn so many times as long as they are
+// a click that is further from where its marker is expected may be a slip: px at least, and times the expected error
+const [FAR, TIMES] = [30, 10];
 let walks = [];
 let walk, camera, told; // `told`: what /api/marks says
 let marks = new Map(); // "walk frame joint" -> [u, v], of all walks
@@ -19,15 +21,17 @@ let answer = {};
 let errors = null; // as the last search of the clocks has them
 let chosen = null; // the marker that the next click places
 let byHand = false; // whether the person chose it
+let aimed = false; // whether the pointer or the crosshair has moved since it is asked for
 let selected = null; // the mark of this frame that the arrows move
 let cursor = null; // the crosshair, where the keyboard has moved it
 let pointer = null; // where the mouse is on the picture
 let unseen = new Set(); // marks that the person cannot see
-let [done, undone] = [[], []];
+let [done, undone] = [[], []]; // changes of marks, and markers that were said not to be visible
 let queue = Promise.resolve(); // changes are sent one after the other
 let asking = null;
 let first = Promise.resolve(); // until the marks as they are have been answered once
 
+const NONE_LEFT = "Nothing is left on this frame: every marker is marked, hidden, or not visible to you.";
 const idOf = (joint, frame = scrub.at, on = walk) => `${on} ${frame} ${joint}`;
 const markOf = (joint) => marks.get(idOf(joint));
 
@@ -93,8 +97,15 @@ async function reload() {
 function step(from, to, way) {
   const change = from.pop();
   if (!change) return;
+  if (document.querySelector("#said .look")) say("");
   to.push(change);
   const [on, frame, joint] = change.key;
+  if (change.unseen) {
+    if (frame !== scrub.at) scrub.go(frame);
+    if (way === "undo") unseen.delete(idOf(joint));
+    else unseen.add(idOf(joint));
+    return choose(way === "undo" ? joint : following(joint));
+  }
   const wanted = way === "undo" ? { key: change.key, before: change.after, after: change.before } : change;
   set(wanted);
   if (on === walk && frame !== scrub.at) scrub.go(frame);
@@ -106,9 +117,10 @@ function step(from, to, way) {
 
 async function place(u, v) {
   zoomed = null;
-  if (!chosen) return say("Every marker of this frame is marked or not visible; F goes to the frame that helps most.");
+  if (!chosen) return say(`${NONE_LEFT} F goes to the frame that helps most.`);
   say("");
   const [joint, frame, at] = [chosen, scrub.at, picture.recording];
+  const expected = predictedAt(joint);
   chosen = null;
   const rounded = [u, v].map((one) => Math.round(one * 100) / 100);
   let found = { u: rounded[0], v: rounded[1] };
@@ -117,9 +129,22 @@ async function place(u, v) {
   if (frame === scrub.at) {
     selected = joint;
     // an answer that came meanwhile may have asked for it again
-    if (!chosen || chosen === joint) [chosen, byHand] = [following(joint), false];
+    if (!chosen || chosen === joint) ask_for(following(joint));
   }
   put(joint, [found.u, found.v], frame);
+  const [why, buttons] = doubt(joint, found, expected);
+  if (why) say(`${why} Ctrl Z takes it back.`, "look", { Undo: undo, ...buttons, "It is right": () => {} });
+}
+
+/** Why a mark that was placed may be a slip, or "", and buttons for that. `expected`: where the pose has it, if there is
+ * one. */
+function doubt(joint, { u, v, found }, expected) {
+  if (expected) {
+    const off = Math.hypot(u - expected[0], v - expected[1]);
+    if (off > Math.max(FAR, TIMES * (answer.best?.before ?? 0))) return [`${joint} is ${off.toFixed(0)} px from where the other marks expect it.`, {}];
+  }
+  if (found !== false) return ["", {}];
+  return [`There is no bright marker within 5 px of the click: ${joint} is where you clicked.`, { "Do not snap (S)": () => toggle("snaps") }];
 }
 
 /** The marker to ask for, on this frame and not marked: what helps most, or else what is easy to tell. */
@@ -130,14 +155,22 @@ function following(after = null) {
   return [...(answer.order ?? told.easy), ...rest].find(free) ?? null;
 }
 
+function ask_for(joint, own = false) {
+  [chosen, byHand, aimed] = [joint, own, false];
+}
+
 function choose(joint, own = true) {
-  chosen = joint;
-  byHand = own;
+  ask_for(joint, own);
   selected = markOf(joint) ? joint : null;
   show();
   const at = markOf(joint) ?? predictedAt(joint);
   if (at && !inView(at)) picture.look(...at);
   $("markers").querySelector("[aria-pressed=true]")?.scrollIntoView({ block: "nearest" });
+}
+
+/** Whether the body hides a marker of this frame, as far as the pose tells. */
+function hides(joint) {
+  return (answer.predicted ?? []).some((one) => one.joint === joint && one.hidden);
 }
 
 function predictedAt(joint) {
@@ -157,10 +190,15 @@ function beside(way) {
 }
 
 function notVisible() {
-  if (!chosen) return;
+  if (!chosen || markOf(chosen)) return;
+  done.push({ key: [walk, scrub.at, chosen], unseen: true });
+  undone = [];
   unseen.add(idOf(chosen));
   choose(following(), false);
 }
+
+const undo = () => step(done, undone, "undo");
+const redo = () => step(undone, done, "redo");
 
 async function nextMark() {
   const best = answer.best;
@@ -237,7 +275,8 @@ function answered(found) {
   residuals = new Map((found.residuals ?? []).map(([on, frame, joint, px, used]) => [idOf(joint, frame, on), [px, used]]));
   if (chosen && markOf(chosen) && chosen !== selected) chosen = null;
   // who aims at a marker is not asked for another one meanwhile: the click would be saved under its name
-  chosen ??= following();
+  if (chosen && !byHand && !aimed && hides(chosen)) chosen = null;
+  if (!chosen) ask_for(following());
   if (zoomed === scrub.at && found.predicted) {
     zoomed = null;
     // a pose that is hardly known puts the person beside where it is
@@ -250,7 +289,7 @@ function answered(found) {
 
 function say_answer() {
   const lines = [];
-  const line = (text, kind, ...buttons) => lines.push(element("p", { class: kind }, text, ...buttons));
+  const line = (text, kind, ...buttons) => lines.push(element("p", { class: kind }, ...prose(text), ...buttons));
   const button = (name, act) => element("button", { type: "button", onclick: act }, name);
   const { wrong = [], best, frame } = answer;
   if (answer.why) line(answer.why, answer.residuals ? "look" : "");
@@ -268,8 +307,8 @@ function say_answer() {
   }
   for (const one of wrong) line(one.text, "bad", button("Show it", () => { scrub.go(one.frame); choose(one.joint); }));
   for (const text of answer.notes ?? []) line(text, "look");
-  if ((answer.predicted ?? []).some((one) => one.joint === chosen && one.hidden) && !markOf(chosen)) {
-    line(`The body hides ${chosen} here, as far as the pose tells: X goes on to the next.`, "look");
+  if (chosen && hides(chosen) && !markOf(chosen)) {
+    line(`The body should hide ${chosen} here. Where you do not see it: X, and the next one is asked for.`, "look");
   }
   if (best && best.walk === walk && best.after < 0.99 * best.before && !unseen.has(idOf(best.joint, best.frame))) {
     const text = `Of all markers ${best.joint} on frame ${best.frame} helps most (N): labels from ${best.before} to ${best.after} px.`;
@@ -296,10 +335,10 @@ function show() {
   const name = element("strong", {}, chosen ?? "");
   $("prompt").replaceChildren(...(chosen
     ? [markOf(chosen) ? "Move " : "Click ", name, words ? `, the ${words}.` : "."]
-    : ["Every marker of this frame is marked or not visible."]));
+    : [NONE_LEFT]));
   $("undo").disabled = !done.length;
   $("redo").disabled = !undone.length;
-  $("unseen").disabled = !chosen;
+  $("unseen").disabled = !chosen || Boolean(markOf(chosen));
 }
 
 function shapes(wrong, predicted) {
@@ -340,11 +379,12 @@ function list(wrong, predicted) {
   for (const one of place.querySelectorAll("button")) {
     const joint = one.dataset.joint;
     const [px, used] = residuals.get(idOf(joint)) ?? [null, true];
-    const hidden = !markOf(joint) && (predicted.get(joint)?.hidden || unseen.has(idOf(joint)));
-    const text = markOf(joint) ? (px === null ? "marked" : `${px.toFixed(2)} px${used ? "" : ", not used"}`) : hidden ? "not visible" : "";
+    const yours = unseen.has(idOf(joint));
+    const text = markOf(joint) ? (px === null ? "marked" : `${px.toFixed(2)} px${used ? "" : ", not used"}`)
+      : yours ? "you: not visible" : predicted.get(joint)?.hidden ? "hidden, it seems" : "";
     one.lastElementChild.textContent = text;
     one.setAttribute("aria-pressed", joint === chosen);
-    one.className = wrong.has(joint) ? "bad" : hidden ? "hidden" : "";
+    one.className = wrong.has(joint) ? "bad" : markOf(joint) ? "" : yours ? "unseen" : predicted.get(joint)?.hidden ? "hidden" : "";
   }
 }
 
@@ -355,7 +395,7 @@ function arrived() {
   // what is known of another frame is not true here
   answer = { ...answer, predicted: [], order: undefined };
   selected = null;
-  [chosen, byHand] = [told ? following() : null, false];
+  ask_for(told ? following() : null);
   show();
   solve();
 }
@@ -363,6 +403,7 @@ function arrived() {
 // keys
 
 function key(name, event) {
+  if (!told || !picture.recording) return false;
   if (event.target === $("frame") && name.startsWith("Arrow")) return false;
   // Enter presses the button that has the focus
   if (name === "Enter" && event.target.closest("button, summary, a")) return false;
@@ -393,6 +434,7 @@ function move([right, down], far) {
   const by = (far ? 80 : 8) / picture.scale;
   const { width, height } = picture.recording;
   const [u, v] = cursor ?? centre();
+  aimed = true;
   cursor = [Math.min(Math.max(u + by * right, 0), width - 1), Math.min(Math.max(v + by * down, 0), height - 1)];
   if (!inView(cursor)) picture.look(...cursor);
   show();
@@ -416,26 +458,20 @@ function toggle(id) {
   show();
 }
 
-document.addEventListener("keydown", (event) => {
-  if (!(event.ctrlKey || event.metaKey) || event.altKey) return;
-  const name = event.key.toLowerCase();
-  if (name === "z" && !event.shiftKey) step(done, undone, "undo");
-  else if (name === "y" || name === "z") step(undone, done, "redo");
-  else return;
-  event.preventDefault();
-});
+onUndo(undo, redo);
 picture.place.addEventListener("pointermove", (event) => {
   if (!picture.recording) return;
   const box = picture.place.getBoundingClientRect();
   pointer = picture.at({ x: event.clientX - box.left, y: event.clientY - box.top });
+  aimed = true;
   if (cursor) { cursor = null; show(); }
 });
 picture.place.addEventListener("pointerleave", () => { pointer = null; });
 for (const dot of document.querySelectorAll(".body circle")) {
   dot.addEventListener("click", () => told?.markers.some((one) => one.name === dot.dataset.marker) && choose(dot.dataset.marker));
 }
-$("undo").addEventListener("click", () => step(done, undone, "undo"));
-$("redo").addEventListener("click", () => step(undone, done, "redo"));
+$("undo").addEventListener("click", undo);
+$("redo").addEventListener("click", redo);
 $("unseen").addEventListener("click", notVisible);
 $("predicts").addEventListener("change", show);
 picture.viewer.addHandler("zoom", () => show());
@@ -457,11 +493,11 @@ async function open(wanted, name, frame) {
   if (where.walk !== walk || where.camera !== camera) return;
   told = found;
   $("note").hidden = !found.note;
-  $("note").textContent = found.note;
+  $("note").replaceChildren(...prose(found.note));
   arrived.last = null;
   took(found.rows);
   scrub.open({ ...recording, ...where }, frame);
-  chosen = following();
+  ask_for(following());
   say_answer();
   show();
 }

@@ -1,7 +1,7 @@
 // A picture of a recording that is zoomed and moved, with what is drawn on it. (u, v) are pixels as recorded: (0, 0) is
 // the centre of the top-left one.
 
-import { svg } from "./studio.js";
+import { awaited, svg } from "./studio.js";
 
 export class Picture {
   /** In an element. `onClick(u, v, event)`; `onDrag([u, v], [u, v], done)` where `this.drags` is true. */
@@ -55,6 +55,7 @@ export class Picture {
     this.shown = null;
     this.wanted = null;
     this.fitted = false;
+    delete this.place.dataset.frame;
   }
 
   address(frame, small) {
@@ -83,7 +84,7 @@ export class Picture {
       const now = this.wanted;
       const image = new Image();
       image.src = this.address(now.frame, now.small);
-      const there = await image.decode().then(() => true, () => false);
+      const there = await awaited(image.decode()).then(() => true, () => false);
       if (now.recording !== this.recording) continue;
       if (there && now.small && this.fitted) this.preview.src = image.src;
       else if (there) await this.put(image.src);
@@ -135,16 +136,19 @@ export class Picture {
   }
 
   whole() {
+    if (!this.recording) return;
     const { width, height } = this.recording;
     this.viewer.viewport.fitBounds(new OpenSeadragon.Rect(0, 0, 1, height / width), true);
   }
 
   zoom(factor) {
+    if (!this.fitted) return;
     this.viewer.viewport.zoomBy(factor, null, true).applyConstraints(true);
   }
 
   /** Bring a pixel into the middle, at `scale` screen pixels a pixel, or as it is. */
   look(u, v, scale = null) {
+    if (!this.recording) return;
     const { width } = this.recording;
     const point = new OpenSeadragon.Point((u + 0.5) / width, (v + 0.5) / width);
     if (scale) this.viewer.viewport.zoomTo((scale * width) / this.place.clientWidth, null, true);

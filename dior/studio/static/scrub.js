@@ -38,6 +38,7 @@ export class Scrub {
   }
 
   key(key, event) {
+    if (!this.seconds) return false;
     const step = event.shiftKey ? 10 : 1;
     const acts = {
       ArrowLeft: () => this.go(this.at - step, event.repeat),

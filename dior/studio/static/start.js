@@ -1,7 +1,6 @@
 // The page Start: what `dior check` says, and a run with its progress.
 
-import { $, ask, element, say, send } from "./studio.js";
-
+import { $, ask, element, prose, say, send } from "./studio.js";
 
 function shown({ state, done, total, lines, dry, elsewhere }) {
   const running = state === "running";
@@ -55,7 +54,7 @@ for (const form of document.querySelectorAll(".todos form")) {
     form.value.value = told.value;
     form.dataset.done = told.wrong.length ? "wrong" : "right";
     form.parentElement.querySelector("p")?.remove();
-    form.after(element("p", { class: told.wrong.length ? "bad" : "good" }, told.wrong.length ? told.wrong.join(" ") : "Written."));
+    form.after(element("p", { class: told.wrong.length ? "bad" : "good" }, ...prose(told.wrong.length ? told.wrong.join(" ") : "Written.")));
     const left = [...document.querySelectorAll(".todos form:not([data-done=right])")];
     if (!left.length) return location.reload();
     (told.wrong.length ? form : left.find((one) => one.compareDocumentPosition(form) & Node.DOCUMENT_POSITION_PRECEDING) ?? left[0]).value.focus();
@@ -67,4 +66,4 @@ follow();
 const { faults, warnings, plan } = await ask("/api/check");
 $("checking").textContent = faults.length ? "A run would fail with:" : warnings.length ? "A run goes on with these:" : plan ? `All is well. ${plan}` : "Nothing else is wrong.";
 $("checked").replaceChildren(...[...faults, ...(faults.length ? [] : warnings)].map((one) =>
-  element("li", {}, element("code", {}, one.line ? `${one.file} line ${one.line}` : one.file), `: ${one.walk ? `${one.walk}: ` : ""}${one.text}`)));
+  element("li", {}, element("code", {}, one.line ? `${one.file} line ${one.line}` : one.file), ...prose(`: ${one.walk ? `${one.walk}: ` : ""}${one.text}`))));

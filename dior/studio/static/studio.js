@@ -14,7 +14,7 @@ export async function send(path, content) {
 
 async function reach(address, options) {
   try {
-    return await fetch(address, options);
+    return await awaited(fetch(address, options));
   } catch (error) {
     if (error.name === "AbortError") throw error;
     throw failed("The studio does not answer: it has ended, or the line to it is cut. Nothing that is shown here is lost while this page stays open.");
@@ -28,6 +28,26 @@ async function answered(response) {
   throw failed(found.error);
 }
 
+const GLANCE_MS = 300; // chosen: what is there sooner needs no word
+let [waiting, since] = [0, 0];
+
+/** The same promise; the page says that it is at work where that takes longer than a glance. */
+export async function awaited(promise) {
+  if (!waiting) since = performance.now();
+  waiting += 1;
+  setTimeout(busy, GLANCE_MS);
+  try {
+    return await promise;
+  } finally {
+    waiting -= 1;
+    busy();
+  }
+}
+
+function busy() {
+  document.body.toggleAttribute("data-busy", waiting > 0 && performance.now() - since >= GLANCE_MS - 1);
+}
+
 function failed(text) {
   say(text, "error");
   return Object.assign(new Error(text), { said: true });
@@ -37,7 +57,7 @@ function failed(text) {
 export function say(text, kind = "", buttons = {}) {
   const place = document.getElementById("said");
   if (!text) return place.replaceChildren();
-  const words = element("p", { class: kind }, text);
+  const words = element("p", { class: kind }, ...prose(text));
   for (const [name, act] of Object.entries(buttons)) {
     words.append(element("button", { type: "button", onclick: () => { say(""); act(); } }, name));
   }
@@ -53,6 +73,11 @@ export function element(name, attributes = {}, ...children) {
   }
   made.append(...children);
   return made;
+}
+
+/** The parts of a text; what is between backticks is code. */
+export function prose(text) {
+  return text.split("`").map((part, i) => (i % 2 ? element("code", {}, part) : part));
 }
 
 /** The element with an id. */
@@ -85,6 +110,18 @@ export function remember(words) {
 export function fill(select, options, wanted) {
   select.replaceChildren(...options.map(([value, text]) => element("option", { value }, text)));
   if (options.some(([value]) => value === wanted)) select.value = wanted;
+}
+
+/** Call `undo` for Ctrl Z, and `redo` for Ctrl Y and Ctrl Shift Z, outside of fields, which have an undo of their own. */
+export function onUndo(undo, redo) {
+  document.addEventListener("keydown", (event) => {
+    if (!(event.ctrlKey || event.metaKey) || event.altKey || event.target.closest("input[type=text], input[type=number]")) return;
+    const name = event.key.toLowerCase();
+    if (name === "z" && !event.shiftKey) undo();
+    else if (name === "y" || name === "z") redo();
+    else return;
+    event.preventDefault();
+  });
 }
 
 /** Call `act(key, event)` for keys that are pressed outside of fields to type in. */

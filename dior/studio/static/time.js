@@ -3,7 +3,7 @@
 import { Crops, latest, whileHeld } from "./crops.js";
 import { Picture } from "./picture.js";
 import { Scrub } from "./scrub.js";
-import { $, ask, element, fill, remember, say, send, state, svg } from "./studio.js";
+import { $, ask, element, fill, prose, remember, say, send, state, svg } from "./studio.js";
 
 const NEAR_MS = 250; // of the curve and the dial, either way
 const [WIDE, HIGH, LEFT, BELOW] = [280, 150, 34, 18];
@@ -139,8 +139,8 @@ async function put(after) {
     });
     return;
   }
-  say(after ? `Written to ${answer.file}. The labels have it after the next dior run.`
-    : `${camera} is taken out of ${answer.file}: the next dior run takes what the recording tells.`);
+  say(after ? `Written to ${answer.file}. The labels have it after the next run.`
+    : `${camera} is taken out of ${answer.file}: the next run takes what the recording tells.`);
   told.given = answer.given;
   words();
   set(offset);
@@ -183,7 +183,7 @@ function lacking(why) {
   told = null;
   $("tools").hidden = true;
   $("none").hidden = false;
-  $("none").textContent = why && `The clock cannot be shown yet: ${why}.`;
+  $("none").replaceChildren(...prose(why && `The clock cannot be shown yet: ${why}.`));
   crops.open([], { width: 1, height: 1 }, String);
   show(null);
 }

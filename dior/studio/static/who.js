@@ -1,15 +1,15 @@
 // The page Who.
 
-import { $, ask, element, onKeys, remember, say, send, state, svg } from "./studio.js";
+import { $, ask, element, onKeys, onUndo, prose, remember, say, send, state, svg } from "./studio.js";
 
 const STATES = {
-  mocap: ["nobody to name", "Indoors the motion capture says who the subject is."],
-  alone: ["nobody to name", "The detections have one person only in every picture: nobody needs to be named."],
-  told: ["nobody to name", "Several people are in the pictures, and the last run told the subject from the others: nobody needs to be named."],
+  mocap: ["nothing to do", "Indoors the motion capture says where the subject is."],
+  alone: ["nothing to do", "There is one person only in every picture."],
+  told: ["nothing to do", "Several people are in the pictures, and the last run told the subject from the others."],
   look: ["have a look", "Several people are in the pictures, and at times the last run saw only somebody else. If that is the subject, click them."],
-  open: ["open", "Several people are in the pictures, and the last run could not tell who is the subject: click them in each camera."],
-  unknown: ["not run yet", "Several people are in the pictures. Whether dior can tell the subject from them the next run says; you can name the subject now."],
-  named: ["named", "The subject is named."],
+  open: ["to do", "Several people are in the pictures, and the last run could not tell who the subject is: click the subject in each camera."],
+  unknown: ["not run yet", "Several people are in the pictures. The next run may tell the subject from them by itself; you can click the subject now."],
+  named: ["done", "You have clicked the subject."],
 };
 let walks = [];
 let told = null; // what /api/who says of the walk that is shown
@@ -51,6 +51,9 @@ function back(from, to) {
   if (last) put(last, undone[to]);
 }
 
+const undo = () => back("undo", "redo");
+const redo = () => back("redo", "undo");
+
 /** Read the file and what is said of the walk again. */
 async function refresh() {
   told = await ask("/api/who", { walk: told.walk });
@@ -69,7 +72,7 @@ function list() {
   if (!told) return;
   $("title").textContent = told.walk;
   $("state").textContent = STATES[told.state][1];
-  $("words").textContent = told.words ? `The last run says: ${told.words}.` : "";
+  $("words").replaceChildren(...(told.words ? prose(`The last run says: ${told.words}.`) : []));
   $("problem").textContent = told.problem;
   const without = told.close.filter((camera) => !told.seeds.some((one) => one.camera === camera));
   const named = told.seeds.map((one, i) => element("li", {},
@@ -77,7 +80,7 @@ function list() {
     element("button", { type: "button", onclick: () => { undone.redo = []; put(told.seeds.filter((_, j) => j !== i), undone.undo); } }, `Remove ${one.camera}, frame ${one.frame}`)));
   if (told.seeds.length && without.length) named.push(element("li", { class: "soft" }, `Not yet in ${without.join(", ")}.`));
   $("seeds").replaceChildren(...named);
-  $("file").textContent = told.state === "mocap" ? "" : `${told.file}: the seeds that the step triangulate takes the subject by; they go before every choice of its own.`;
+  $("file").textContent = told.state === "mocap" ? "" : `Your clicks are in ${told.file}. The next run follows whom you clicked.`;
   for (const id of ["undo", "redo"]) $(id).disabled = !undone[id].length;
 }
 
@@ -99,7 +102,7 @@ function draw() {
       const image = event.currentTarget;
       name(camera, (event.offsetX / image.clientWidth) * width - 0.5, (event.offsetY / image.clientHeight) * height - 0.5);
     };
-    const buttons = people.map((one, i) => element("button", { type: "button", "aria-pressed": String(tracks.has(one.track)), onclick: () => name(camera, one.u, one.v).then(() => focusAgain(camera, i)) }, `${i + 1} is the subject`));
+    const buttons = people.map((one, i) => element("button", { type: "button", "aria-pressed": String(tracks.has(one.track)), onclick: () => name(camera, one.u, one.v).then(() => focusAgain(camera, i)) }, people.length === 1 ? "This is the subject" : `${i + 1} is the subject`));
     return element("figure", { "data-camera": camera, "data-frame": frame },
       element("div", { class: "inset" }, element("img", { src, alt: `${camera}, frame ${frame}: ${people.length} people`, onclick: click }), layer),
       element("figcaption", {}, `${camera}, frame ${frame} `, ...(buttons.length ? buttons : ["nobody was detected"])));
@@ -155,7 +158,7 @@ onKeys((key, event) => {
   if (!told?.start || event.target === $("frame") && key.startsWith("Arrow")) return false;
   const acts = {
     arrowleft: () => go(at - step(event)), arrowright: () => go(at + step(event)),
-    z: () => back("undo", "redo"), y: () => back("redo", "undo"),
+    z: undo, y: redo,
   };
   if (!(key.toLowerCase() in acts)) return false;
   acts[key.toLowerCase()]();
@@ -164,8 +167,9 @@ onKeys((key, event) => {
 $("frame").addEventListener("change", () => go(Number($("frame").value)));
 $("before").addEventListener("click", () => go(at - 1));
 $("after").addEventListener("click", () => go(at + 1));
-$("undo").addEventListener("click", () => back("undo", "redo"));
-$("redo").addEventListener("click", () => back("redo", "undo"));
+$("undo").addEventListener("click", undo);
+$("redo").addEventListener("click", redo);
+onUndo(() => told && undo(), () => told && redo());
 
 walks = (await ask("/api/walks")).map((one) => ({ walk: one.walk, indoor: one.indoor, state: one.indoor ? "mocap" : null }));
 const first = walks.find((one) => one.walk === state().walk) ?? walks.find((one) => !one.indoor) ?? walks[0];
