@@ -20,6 +20,7 @@ from dior.studio import (
     frames_page,
     long_range_page,
     marks_page,
+    report_page,
     start_page,
     time_page,
     who_page,
@@ -31,7 +32,10 @@ from dior.studio.workspace import Workspace
 
 STATIC = Path(__file__).parent / "static"
 # what each page answers; the order is that of the links on top (`pages.PAGES`)
-PARTS = (start_page, frames_page, marks_page, boxes_page, long_range_page, time_page, who_page, checks_page, effort)
+PARTS = (
+    start_page, frames_page, marks_page, boxes_page, long_range_page, time_page, who_page, checks_page, effort,
+    report_page,
+)  # fmt: skip
 ROUTES = [route for part in PARTS for route in part.ROUTES]
 
 
@@ -50,6 +54,7 @@ def made(workspace: Workspace, token: str) -> Starlette:
         },
     )
     app.state.workspace, app.state.effort, app.state.in_memory = workspace, effort.Effort(), {}
+    app.state.token = token
     return app
 
 

@@ -14,6 +14,8 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import PlainTextResponse, RedirectResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from dior.studio import report_page
+
 HOSTS = ["127.0.0.1", "localhost"]
 MOST_BYTES = 1 << 20  # chosen: of what a page sends; a file of marks has a tenth
 READING = ("GET", "HEAD")
@@ -43,14 +45,15 @@ class Guard:
             if message["type"] == "http.response.start":
                 headers = MutableHeaders(scope=message)
                 for name, value in HEADERS.items():
-                    headers[name] = value
+                    # the report's files have a policy of their own
+                    headers.setdefault(name, value)
                 headers.setdefault("cache-control", "no-store")
             await send(message)
 
         refusal, headers = self._refusal(scope), Headers(scope=scope)
         if not refusal and self._given(scope):
             answer: ASGIApp = self._with_cookie(scope)
-        elif not refusal and not self._known(headers, scope):
+        elif not refusal and not self._known(headers, scope) and not self._of_report(scope):
             answer = PlainTextResponse("Open the address that `dior studio` has printed, with its token.\n", 403)
         elif refusal:
             answer = PlainTextResponse(refusal + "\n", 403)
@@ -82,6 +85,9 @@ class Guard:
         except CookieError:
             return False
         return cookie is not None and self._is_token(cookie.value)
+
+    def _of_report(self, scope: Scope) -> bool:
+        return scope["method"] in READING and report_page.opens(scope["path"], self.token)
 
     def _is_token(self, given: str) -> bool:
         return hmac.compare_digest(given.encode("utf-8", "replace"), self.token.encode())

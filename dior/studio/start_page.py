@@ -23,7 +23,7 @@ from dior.project.contents import Project
 from dior.project.plain_text import rows_of
 from dior.project.sessions import NotMarked
 from dior.report import last_run
-from dior.studio import hand_files
+from dior.studio import hand_files, report_page
 from dior.studio.live_pose import FRAMES
 from dior.studio.pages import PAGES, in_memory, page, sent, workspace_of
 from dior.studio.runs import Runs
@@ -33,7 +33,7 @@ from dior.tables import tables
 # what the docs ask for: docs/formats.md
 MARKS, BOXES = 10, 20
 LIGHTS = {"look": "amber", "bad": "red"}
-VERDICT, REPORT = Path("results/report/verdict.txt"), Path("results/report/index.html")
+VERDICT, REPORT = report_page.FOLDER / "verdict.txt", report_page.FOLDER / "index.html"
 # findings that a person answers, and the page on which
 ANSWERED = {
     "clock_unknown": ("/time", "Set the clock"),
@@ -76,7 +76,7 @@ def start(request: Request) -> Response:
         request, "start.html.j2", unfinished=unfinished, left=left, done=[task for task in found if task not in left],
         faults=[str(one) for one in _faults(read)],
         verdict=said,
-        report=str(REPORT.resolve()) if REPORT.is_file() else "", folder=str(Path.cwd()),
+        report=report_page.address(request.app.state.token), on_disk=str(REPORT.resolve()), folder=str(Path.cwd()),
         others=workspace_of(request).others,
     )  # fmt: skip
 
