@@ -31,6 +31,10 @@ SAME_PLACE_M = 0.01
 FARTHEST_M = {"close": 100.0, "long_range": 2000.0}
 
 
+class NotMarked(DiorError):
+    """The marks or boxes that a camera is placed by are still to be made."""
+
+
 def check_config(config: dict[str, Any]) -> None:
     """Paths in config.yaml must be such as a command line and Snakemake take as they are."""
     paths = {"data_root": [config["data_root"]], "detector.model": [config["detector"]["model"]]}
@@ -240,10 +244,10 @@ def _check_align(project: Project, session: str, camera: str) -> None:
         if name not in here:
             raise DiorError(f"{shown}: align.sequences: '{name}' is no sequence of {session}{nearest(name, here)}")
         if how["from"] == "boxes" and camera not in project.boxes(name):
-            raise DiorError(f"{shown}: 'align.from: boxes' needs the file config/boxes/{name}.{camera}.csv")
+            raise NotMarked(f"{shown}: 'align.from: boxes' needs the file config/boxes/{name}.{camera}.csv")
     path = project.marks_file(session, camera)
     if how["from"] == "marks" and not (project.root / path).is_file():
-        raise DiorError(f"{shown}: 'align.from: marks' needs the file {path}")
+        raise NotMarked(f"{shown}: 'align.from: marks' needs the file {path}")
 
 
 def _check_pseudonyms(subjects: Rows) -> None:

@@ -101,7 +101,7 @@ def as_far_as_it_goes(
             sessions.read(project, session)
         if session not in project.session_files:
             sessions.check_cameras_alone(root, bumps.session_folder(session), faults)
-        wrong = [fault for fault in faults.found[before:] if not isinstance(fault, sessions.NotMarked)]
+        wrong = [fault for fault in faults.found[before:] if not isinstance(fault, cross_checks.NotMarked)]
         if wrong or os.path.dirname(project.session_file(session)) in to_do:
             broken.add(session)
     left = _without(project, broken) if broken else project

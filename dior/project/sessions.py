@@ -18,10 +18,6 @@ from dior.project.marks_file import MarkedLines, read_marks
 from dior.project.schema_check import as_written, check, read_yaml
 
 
-class NotMarked(DiorError):
-    """A camera that is placed by marks has none yet."""
-
-
 def read(project: Project, session: str) -> None:
     """Read the files of a session into the project. Raises DiorError for all of its cameras together."""
     shown = project.session_file(session)
@@ -176,7 +172,7 @@ def _check_first(project: Project, session: str, shown: str) -> None:
 def _marks(project: Project, session: str, camera: str) -> MarkedLines:
     path = project.marks_file(session, camera)
     if not (project.root / path).is_file():
-        raise NotMarked(
+        raise cross_checks.NotMarked(
             f"{project.camera_file(session, camera)}: 'locate: marks' needs the file {path} with the columns "
             "sequence,frame,joint,u,v: 10-20 markers clicked on each of 3-10 frames"
         )

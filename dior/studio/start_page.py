@@ -20,8 +20,8 @@ from dior.check import check
 from dior.errors import DiorError, many
 from dior.project import running, todos
 from dior.project.contents import Project
+from dior.project.cross_checks import NotMarked
 from dior.project.plain_text import rows_of
-from dior.project.sessions import NotMarked
 from dior.report import last_run
 from dior.studio import hand_files, report_page
 from dior.studio.live_pose import FRAMES
@@ -82,8 +82,8 @@ def start(request: Request) -> Response:
 
 
 def _faults(read: Read) -> list[DiorError]:
-    """What is wrong with the files, but marks that are missing, which are a task, and what a value must not be that is
-    still to be filled in."""
+    """What is wrong with the files, but marks and boxes that are missing, which are a task, and what a value must not
+    be that is still to be filled in."""
     told = [one for one in read.faults if not isinstance(one, NotMarked)]
     return [one for one in told if not read.unfinished or todos.WORD not in str(one)]
 
@@ -211,7 +211,7 @@ def _link(address: str, **words: str) -> str:
 
 
 def checked(request: Request) -> Response:
-    """What `dior check` says, but the marks that are missing, which are a task."""
+    """What `dior check` says, but the marks and boxes that are missing, which are a task."""
     notes, plan = check.look()
     not_marked = {str(one) for one in workspace_of(request).read().faults if isinstance(one, NotMarked)}
     faults = [asdict(one) for one in notes.faults if f"{one.file}: {one.text}" not in not_marked]

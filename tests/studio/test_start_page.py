@@ -9,6 +9,7 @@ import pytest
 from dior.project.project import load
 from dior.studio import start_page
 from dior.tables import tables
+from tests.project.test_project import edit
 from tests.studio import browser
 
 
@@ -64,6 +65,22 @@ def test_values_that_are_still_to_do_are_listed_by_file(client, project):
     path.write_text(path.read_text() + "distortion_model: TODO\n")
     page = client.get("/").text
     assert "config/sessions/lab/cam01.yaml</code>" in page and 'data-key="distortion_model"' in page
+
+
+@pytest.mark.parametrize(
+    ("kind", "task"), [("boxes, sequences: [out_1]", "Draw boxes"), ("marks, sequences: [out_1]", "")]
+)
+def test_what_a_camera_is_aligned_to_and_is_not_made_yet_is_no_fault(client, project, kind, task):
+    (project / "config/boxes/out_1.cam03.csv").unlink()
+    edit(project, "sessions/field/cam03.yaml", "nudge: {azimuth_deg: 0.2}", f"align: {{from: {kind}}}")
+    page = client.get("/").text
+    assert "needs the file" not in page and task in page
+    assert not client.get("/api/check").json()["faults"]
+
+
+def test_what_is_between_backticks_is_code_and_nothing_else_is(client):
+    told = client.get("/api/marks", params={"walk": "`<b>`"}, headers={"accept": "text/html"}).text
+    assert "<code>&lt;b&gt;</code>" in told and "<b>" not in told
 
 
 def test_check_says_what_else_is_wrong(client, project):
