@@ -1,6 +1,6 @@
 """How fast the pages of the studio answer, on the capture that one practises on, over loopback and over a slow line.
 
-usage: python -m benchmarks.studio [pictures] [keystrokes] [nudge]      (all three)
+usage: python -m benchmarks.studio [pictures] [keystrokes] [nudge] [live]      (all four)
 
 `frame`: a 1280x720 picture of a bag from asking to its last byte, drawn by chance from all cameras; at most 100 ms
 (p90) on an idle machine. `again`: one that was asked for before. `small`: one as it is shown while one moves through
@@ -8,15 +8,19 @@ the recording. `index`: the first question to a camera, which reads the recordin
 `line`: in Chromium, over a line of 10 Mbit/s and 40 ms (its own throttle): pictures that are shown a second while the
 slider is dragged through the recording, and how long after it stops the whole picture is there. It needs Chromium and
 Playwright.
-`keystrokes`: what a practised person needs for 25 boxes by the keystroke-level model, of what a browser test has
-pressed and moved (tests/studio/keystrokes.py). `nudge`: from a key to the skeletons that it has moved, in a dozen
-pictures of a long-range camera; at most 50 ms (p90) on an idle machine.
+`keystrokes`: what a practised person needs for 25 boxes and for the marks of four cameras, until the page says that
+they are enough, by the keystroke-level model, of what a browser test has pressed and moved
+(tests/studio/keystrokes.py). `nudge`: from a key to the skeletons that it has moved, in a dozen pictures of a
+long-range camera; at most 50 ms (p90) on an idle machine. `live`: what the page Marks is answered while the marks of a
+camera become more, from the fourth on: `pose` with the clock that is known so far, at most 300 ms (p90) on an idle
+machine, and `clock` from then until the clock has been searched, too, with what would help most.
 """
 
 import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+import json
 import shutil
 import sys
 import tempfile
@@ -31,10 +35,11 @@ import numpy as np
 
 from tests.studio import browser, keystrokes, nudging
 
-KINDS = ("pictures", "keystrokes", "nudge")
+KINDS = ("pictures", "keystrokes", "nudge", "live")
 DRAWN, FRAMES = 100, 290  # of 300 pictures of a camera some may be lost
 LINE = {"offline": False, "latency": 40, "downloadThroughput": 10e6 / 8, "uploadThroughput": 10e6 / 8}
 DRAGGED_S = 4.0
+MARKED, MOST_MARKS = "cam01", 40
 
 
 def report(name, seconds):
@@ -42,8 +47,8 @@ def report(name, seconds):
     print(f"{name:6}  median {np.median(ms):6.1f} ms   p90 {np.percentile(ms, 90):6.1f} ms   worst {ms.max():6.1f} ms")
 
 
-def answers(address):
-    """The times of the server's answers."""
+def asker(address):
+    """A function (path, **words) that asks the server: seconds, and the answer's bytes."""
     base = address.partition("/?")[0]
     opener = urllib.request.build_opener(urllib.request.HTTPCookieProcessor(CookieJar()))
     opener.open(address).read()
@@ -53,6 +58,12 @@ def answers(address):
         content = opener.open(f"{base}{path}?{urlencode(words)}").read()
         return time.perf_counter() - begun, content
 
+    return timed
+
+
+def answers(address):
+    """The times of the server's answers."""
+    timed = asker(address)
     cameras = [(walk, f"cam0{number}") for walk in ("indoor_01", "outdoor_01") for number in range(1, 5)]
     report("index", [timed("/api/recording", walk=walk, camera=camera)[0] for walk, camera in cameras])
     generator = np.random.default_rng(1)
@@ -112,6 +123,25 @@ def nudged(folder, practice):
             report("nudge", [ms / 1000 for ms in nudging.redraws(page)])
 
 
+def live(project):
+    """The times of the answers to growing marks of a camera."""
+    path = project / f"config/sessions/lab/{MARKED}.marks.csv"
+    header, *rows = (project / f"solution/sessions/lab/{MARKED}.marks.csv").read_text().splitlines()
+    own, pose, clock = {"walk": "indoor_01", "camera": MARKED}, [], []
+    with browser.served(project) as address:
+        timed = asker(address)
+        timed("/api/marks/pose", **own, frame=0)  # what is read once
+        for count in range(4, min(len(rows), MOST_MARKS) + 1):
+            path.write_text("\n".join([header, *rows[:count]]) + "\n")
+            frame = rows[count - 1].split(",")[1]
+            seconds, content = timed("/api/marks/pose", **own, frame=frame)
+            pose.append(seconds)
+            if json.loads(content)["unfinished"]:
+                clock.append(timed("/api/marks/pose", **own, frame=frame, full=1)[0])
+    report("pose", pose)
+    report("clock", clock)
+
+
 def copied(folder, practice, name):
     return Path(shutil.copytree(practice, Path(folder) / name))
 
@@ -128,8 +158,11 @@ def main():
                 over_a_line(address)
         if "keystrokes" in kinds:
             keystrokes.print_boxes(partial(copied, folder, practice))
+            keystrokes.print_marks(partial(copied, folder, practice))
         if "nudge" in kinds:
             nudged(folder, practice)
+        if "live" in kinds:
+            live(copied(folder, practice, "live"))
 
 
 if __name__ == "__main__":

@@ -13,11 +13,16 @@ import numpy as np
 
 from dior.simulate import config, scene, settings, truth
 from dior.simulate.motion import motion_of
-from tests.studio import browser
+from tests.studio import browser, marking
 
 KEY_S, MOVE_S, CLICK_S, THOUGHT_S = 0.28, 1.1, 0.2, 1.2
 HELD_S, REPEATS_HZ = 0.5, 30.0
 WALK, CAMERA, SCALE = "outdoor_01", "cam04", 8
+INDOORS = ("cam01", "cam02", "cam03", "cam04")
+# chosen: px of the screen that a click is beside its aim; px between markers that are told apart where the person is
+# enlarged
+AIM_PX, APART_PX = 2.0, 5.0
+A_FRAME, FRAMES = 8, 6  # chosen: marks that are placed on a frame before going on; frames at most
 STEP = 0.25  # px of an arrow key
 
 
@@ -55,6 +60,11 @@ class Person:
         self.page.mouse.move(*end, steps=4)
         self.page.mouse.up()
         self.moves += 2
+        self.clicks += 1
+
+    def click(self, place):
+        self.page.mouse.click(*place)
+        self.moves += 1
         self.clicks += 1
 
     def think(self):
@@ -174,6 +184,55 @@ def boxes(chromium, project, draw, count=25):
         # the page goes on while it writes
         until(lambda: path.exists() and len(path.read_text().splitlines()) == count + 1)
     return person
+
+
+def marks(chromium, project, camera):
+    """`Person` who has marked an indoor camera as the page asks, on the frames that it offers, and whether it has said
+    that this is enough. Each click is up to 2 px of the screen beside the marker, and snaps."""
+    truth, rng, enough, placed = marking.truth_of(project, camera), np.random.default_rng(5), False, 0
+    address = f"/marks?session=lab&camera={camera}"
+    with browser.served(project) as served, browser.page(chromium, served, address) as page:
+        person = Person(page)
+        marking.ready(page)
+        for _ in range(FRAMES):
+            before = marking.frame_of(page)
+            person.think()
+            person.press("f")
+            marking.until(page, f"document.querySelector('#number').value !== '{before}'")
+            frame = marking.frame_of(page)
+            browser.until_shown(page, frame)
+            marking.answered(page)
+            grey = marking.picture_of(page, frame, camera)
+            here = 0
+            while here < A_FRAME and (name := marking.asked(page)) and not enough:
+                # where on the body it sits is looked up for each
+                person.think()
+                if not marking.clear(truth, frame, name, grey, APART_PX):
+                    person.press("x")
+                    continue
+                far, angle = AIM_PX * np.sqrt(rng.uniform()), rng.uniform(0, 2 * np.pi)
+                far /= page.evaluate("window.dior.picture.scale")
+                u, v = truth[frame, name] + far * np.array([np.cos(angle), np.sin(angle)])
+                person.click(page.evaluate(marking.PLACE, [float(u), float(v)]))
+                here, placed = here + 1, placed + 1
+                marking.saved(page, placed)
+                marking.answered(page)
+                enough = "This is enough" in page.inner_text("#answer")
+            if enough:
+                break
+    return person, enough
+
+
+def print_marks(project_of):
+    """Print what the marks of four indoor cameras take; `project_of(name)`: a practice project that has none."""
+    project, total = project_of("marked"), 0.0
+    with browser.opened() as chromium:
+        for camera in INDOORS:
+            person, enough = marks(chromium, project, camera)
+            total += person.seconds
+            count = len(marking.rows_of(project, camera))
+            print(f"{count} marks of {camera}{'' if enough else ', not enough yet'}: {person}")
+    print(f"marks of {len(INDOORS)} cameras: {total / 60:.1f} minutes")
 
 
 def print_boxes(project_of):

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from tests.studio import browser
-from tests.studio.test_marks_page import PLACE, asked, clear, frame_of, picture_of, ready, truth_of, until
+from tests.studio.marking import PLACE, asked, clear, frame_of, picture_of, ready, truth_of, until
 
 pytestmark = pytest.mark.slow
 README = (Path(__file__).parents[2] / "README.md").read_text()

@@ -1,21 +1,31 @@
 """The page Marks: what it saves and refuses, and the practice capture marked in a browser."""
 
-import csv
 import json
 import re
 import shutil
 import subprocess
 import sys
-import time
 
-import cv2
 import numpy as np
 import pytest
 
 from dior.calibrate.marks import marks as hand_marks
 from dior.tables import tables
 from tests.project.test_project import edit
-from tests.studio import browser
+from tests.studio import browser, keystrokes
+from tests.studio.marking import (
+    PLACE,
+    answered,
+    asked,
+    clear,
+    frame_of,
+    picture_of,
+    ready,
+    rows_of,
+    saved,
+    truth_of,
+    until,
+)  # fmt: skip
 
 CAM = {"walk": "in_1", "camera": "cam01"}
 FILE = "config/sessions/lab/cam01.marks.csv"
@@ -125,55 +135,6 @@ def test_what_few_marks_say(client, project):
 
 # the practice capture in a browser
 
-PLACE = """([u, v]) => { const { picture } = window.dior, [x, y] = picture.place_of(u, v),
-  box = picture.place.getBoundingClientRect(); return [box.left + x, box.top + y]; }"""
-
-
-def until(one, script, most_s=90.0):
-    """Wait until a script is true; the pages' policy forbids Playwright's own way."""
-    begun = time.monotonic()
-    while not one.evaluate(script):
-        assert time.monotonic() - begun < most_s, script
-        one.wait_for_timeout(30)
-
-
-def ready(one):
-    until(one, "document.querySelectorAll('#markers button').length > 30")
-    one.wait_for_selector("#picture[data-small='false']")
-
-
-def answered(one):
-    until(one, "document.querySelector('#answer').dataset.busy === 'false'")
-
-
-def frame_of(one):
-    return int(one.locator("#number").input_value())
-
-
-def asked(one):
-    name = one.locator("#prompt strong")
-    return name.inner_text() if name.count() else ""
-
-
-def saved(one, count):
-    until(one, f"document.querySelector('#picture').dataset.saved === '{count}'")
-
-
-def truth_of(project, camera):
-    """(frame, marker) -> pixel, of those that are seen."""
-    table = tables.read(project / "recordings/truth/indoor_01/labels_2d.parquet", "labels_2d")
-    own = (table["camera"] == camera) & (table["status"] == "ok")
-    keys = zip(table["frame"][own].tolist(), table["joint"][own], strict=True)
-    return dict(zip(keys, np.stack([table["u"][own], table["v"][own]], axis=1), strict=True))
-
-
-def rows_of(project, camera):
-    path = project / f"config/sessions/lab/{camera}.marks.csv"
-    if not path.is_file():
-        return {}
-    with path.open(newline="") as lines:
-        return {(int(row["frame"]), row["joint"]): (float(row["u"]), float(row["v"])) for row in csv.DictReader(lines)}
-
 
 @pytest.fixture
 def unmarked(practice, tmp_path):
@@ -183,25 +144,6 @@ def unmarked(practice, tmp_path):
     browser.solved(project, "marks", "boxes")
     (project / "config/sessions/lab/cam01.marks.csv").unlink()
     return project
-
-
-def picture_of(one, frame):
-    """A picture as the page has it, in grey."""
-    address = one.url.partition("/marks")[0] + f"/picture?walk=indoor_01&camera=cam01&frame={frame}"
-    return cv2.imdecode(np.frombuffer(one.request.get(address).body(), np.uint8), cv2.IMREAD_GRAYSCALE)
-
-
-def clear(truth, frame, name, grey):
-    """Whether a marker is seen on a frame, and no other is so near that a click of 2 px may be on it.
-
-    The body that is drawn hides some that the truth, whose limbs are thinner, calls seen.
-    """
-    uv = truth.get((frame, name))
-    if uv is None or not (10 < uv[0] < 1270 and 10 < uv[1] < 710):
-        return False
-    near = [np.linalg.norm(uv - other) for (f, joint), other in truth.items() if f == frame and joint != name]
-    u, v = uv.round().astype(int)
-    return min(near, default=np.inf) > 9 and grey[v - 1 : v + 2, u - 1 : u + 2].max() > 220
 
 
 def mark_as_asked(one, truth, count, rng, before=0):
@@ -379,3 +321,43 @@ def test_a_mark_with_more_digits_can_be_changed(client, project):
     change = {"key": key, "before": [u, v], "after": [11, 21]}
     assert client.post("/api/marks/change", json=own | {"changes": [change]}).status_code == 200
     assert "in_1,3,RASI,11.00,21.00" in (project / "config/sessions/lab/cam01.marks.csv").read_text()
+
+
+@pytest.mark.slow
+def test_the_marks_of_a_camera_take_a_practised_person_two_and_a_half_minutes(chromium, practice, tmp_path):
+    project = shutil.copytree(practice, tmp_path / "counted")
+    person, enough = keystrokes.marks(chromium, project, "cam01")
+    assert enough and person.seconds <= 150, str(person)
+    truth = truth_of(project, "cam01")
+    off = [np.linalg.norm(np.subtract(uv, truth[key])) for key, uv in rows_of(project, "cam01").items()]
+    assert len(off) >= 12 and max(off) < 1.5
+
+
+@pytest.mark.slow
+def test_what_is_not_seen_and_a_click_beside_everything_are_told_and_taken_back(chromium, practice, tmp_path):
+    project = shutil.copytree(practice, tmp_path / "slips")
+    browser.solved(project, "marks")
+    with browser.served(project) as address, browser.page(chromium, address, "/marks?session=lab&camera=cam01") as one:
+        ready(one)
+        answered(one)
+        one.keyboard.press("f")
+        until(one, "document.querySelector('#number').value !== '0'")
+        browser.until_shown(one, frame_of(one))
+        answered(one)
+        # whom the body hides is not asked for, and told apart from what the person does not see
+        name, rows = asked(one), len(rows_of(project, "cam01"))
+        assert "hidden" not in one.locator(f"#markers [data-joint={name}]").inner_text()
+        assert one.locator("#markers", has_text="hidden, it seems").count()
+        one.keyboard.press("x")
+        assert "you: not visible" in one.locator(f"#markers [data-joint={name}]").inner_text() and asked(one) != name
+        one.keyboard.press("Control+z")
+        assert "visible" not in one.locator(f"#markers [data-joint={name}]").inner_text() and asked(one) == name
+        # a click on the wall
+        one.keyboard.press("0")
+        one.mouse.click(*one.evaluate(PLACE, [40.0, 40.0]))
+        one.locator("#said .look").wait_for()
+        assert re.search(rf"{name} is \d+ px from where the other marks expect it", one.locator("#said").inner_text())
+        saved(one, rows + 1)
+        one.keyboard.press("Control+z")
+        saved(one, rows)
+        assert not one.locator("#said p").count() and asked(one) == name
