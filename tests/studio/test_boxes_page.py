@@ -289,3 +289,48 @@ def test_twenty_five_boxes_take_a_practised_person_two_minutes(chromium, practic
     off = [np.abs(np.array(edges_of(row)) - keystrokes.true_boxes()[frame]).max()
            for frame, row in rows_of(path).items()]  # fmt: skip
     assert len(off) == 25 and max(off) < 0.5
+
+
+@pytest.mark.slow
+def test_what_is_said_of_a_picture_is_undone_and_made_again_and_a_box_beside_everything_is_told(
+    chromium, practice, tmp_path
+):
+    project = shutil.copytree(practice, tmp_path / "undone")
+    true, path = keystrokes.true_boxes(), project / "config/boxes/outdoor_01.cam04.csv"
+
+    def written():
+        rows = rows_of(path) if path.exists() else {}
+        return {frame: row["u_min"] != "" for frame, row in rows.items()}
+
+    with browser.served(project) as address, browser.page(chromium, address, "/boxes?drawer=ann") as page:
+        person = keystrokes.Person(page)
+        first = keystrokes.frame_shown(page)
+        keystrokes.draw_with_mouse(person, first, true[first])
+        person.press("Enter")
+        keystrokes.until(lambda: written() == {first: True} and keystrokes.frame_shown(page) != first)
+        assert not page.locator("#said .look").count()
+        second = keystrokes.frame_shown(page)
+        person.press("n")
+        keystrokes.until(lambda: written() == {first: True, second: False})
+        keystrokes.until(lambda: keystrokes.frame_shown(page) not in (first, second))
+        third = keystrokes.frame_shown(page)
+        for key, rows, frame in [
+            ("Control+z", {first: True}, second),
+            ("Control+z", {}, first),
+            ("Control+y", {first: True}, first),
+            ("Control+Shift+Z", {first: True, second: False}, second),
+        ]:
+            person.press(key)
+            keystrokes.until(lambda rows=rows, frame=frame: (written(), keystrokes.frame_shown(page)) == (rows, frame))
+        # one far from the person, who is in it by no edge
+        person.press("Enter")
+        page.locator("#frames button", has_text=str(third)).first.click()
+        keystrokes.until(lambda: keystrokes.frame_shown(page) == third)
+        aside = true[third] + [60, 0, 60, 0]
+        keystrokes.draw_with_mouse(person, third, aside)
+        person.press("Enter")
+        page.locator("#said .look").wait_for()
+        assert f"box of frame {third}" in page.inner_text("#said")
+        keystrokes.until(lambda: third in written())
+        page.locator("#said button", has_text="Undo").click()
+        keystrokes.until(lambda: third not in written())

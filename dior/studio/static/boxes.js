@@ -377,7 +377,7 @@ async function load(frame) {
 async function choose(walk, camera, frame = null) {
   [done, undone] = [[], []];
   const one = walks.find((each) => each.walk === walk) ?? walks[0];
-  fill($("walk"), walks.map((each) => [each.walk, `${each.walk} (${each.session})`]), one.walk);
+  fill($("walk"), walks.map((each) => [each.walk, each.walk]), one.walk);
   fill($("camera"), one.far.map((name) => [name, name]), camera);
   remember({ walk: one.walk, camera: $("camera").value });
   movers = new Map();

@@ -80,7 +80,7 @@ function list() {
     element("button", { type: "button", onclick: () => { undone.redo = []; put(told.seeds.filter((_, j) => j !== i), undone.undo); } }, `Remove ${one.camera}, frame ${one.frame}`)));
   if (told.seeds.length && without.length) named.push(element("li", { class: "soft" }, `Not yet in ${without.join(", ")}.`));
   $("seeds").replaceChildren(...named);
-  $("file").textContent = told.state === "mocap" ? "" : `Your clicks are in ${told.file}. The next run follows whom you clicked.`;
+  $("file").textContent = told.state === "mocap" ? "" : `A click is written to ${told.file}; the next run follows whom you clicked.`;
   for (const id of ["undo", "redo"]) $(id).disabled = !undone[id].length;
 }
 
