@@ -7,6 +7,7 @@ what somebody else wrote meanwhile: where that is at the same row or key, nothin
 import csv
 import io
 import os
+import re
 import stat
 import threading
 from collections.abc import Callable, Iterable, Sequence
@@ -16,7 +17,7 @@ from typing import Any
 
 from dior.errors import DiorError
 from dior.project import todos
-from dior.project.plain_text import COMMENT, rows_of, text_of
+from dior.project.plain_text import COMMENT, UTF_8_MARK, rows_of, text_of
 from dior.project.yaml_file import MOST_BYTES, read_yaml, scalar_nodes, yaml_of
 from dior.tables.files import write_text
 
@@ -59,20 +60,20 @@ def change_rows(
     """
     with _lock:
         text = _text(path)
-        lines, between = text.splitlines(keepends=True), "\t" if path.endswith(".tsv") else ","
-        end = "\r\n" if text.endswith("\r\n") else "\n"
-        at = next((i for i, line in enumerate(lines) if line.strip() and not line.startswith(COMMENT)), None)
+        lines, between, end = _lines(text), "\t" if path.endswith(".tsv") else ",", _end(text)
+        at = next((i for i, line in enumerate(lines) if _is_row(line, between)), None)
         if at is None:
+            lines = _closed(lines, end)
             lines.append(between.join(columns or [*keys, *others]) + end)
             at = len(lines) - 1
         lines = _with_columns(lines, at, columns, between, end)
-        header = [name.strip() for name in _cells(lines[at].removeprefix("\ufeff"), between)]
+        header = [name.strip() for name in _cells(lines[at], between)]
         missing = [name for name in [*keys, *others] if name not in header]
         if missing:
             raise DiorError(f"{path}: column '{missing[0]}' is missing; the first line must name it")
         found: dict[tuple[str, ...], tuple[int, dict[str, str]]] = {}
         for i, line in enumerate(lines[at + 1 :], at + 1):
-            if line.strip() and not line.startswith(COMMENT):
+            if _is_row(line, between):
                 row = dict(zip(header, map(str.strip, _cells(line, between)), strict=False))
                 found[tuple(row.get(name, "") for name in keys)] = i, row
         clashes: list[dict[str, Any]] = []
@@ -94,8 +95,8 @@ def change_rows(
         if clashes:
             raise Conflict(path, clashes)
         lines = [line for line in lines if line]  # without rows that are taken away
-        if added and lines and not lines[-1].endswith("\n"):
-            lines[-1] += end
+        if added:
+            lines = _closed(lines, end)
         return _write(path, text, "".join(lines + added), check)
 
 
@@ -106,15 +107,14 @@ def cells_of(uv: Sequence[float] | None) -> tuple[str, ...] | None:
 
 def _with_columns(lines: list[str], at: int, columns: Cells, between: str, end: str) -> list[str]:
     """The lines of a file with its header in line `at`, with what its header lacks of `columns` as further ones."""
-    header = [name.strip() for name in _cells(lines[at].removeprefix("\ufeff"), between)]
+    header = [name.strip() for name in _cells(lines[at], between)]
     more = [name for name in columns if name not in header]
     if not more:
         return lines
     out = lines[:at]
     for i, line in enumerate(lines[at:]):
-        row = line.strip() and not line.startswith(COMMENT)
         cells = [line.rstrip("\r\n"), *(more if i == 0 else [""] * len(more))]
-        out.append(between.join(cells) + end if row else line)
+        out.append(between.join(cells) + end if _is_row(line, between) else line)
     return out
 
 
@@ -141,9 +141,9 @@ def change_values(path: str, changes: Iterable[tuple[str, Any, Any]], check: Cal
             if content.get(key) != before:
                 clashes.append({"key": [key], "theirs": content.get(key), "mine": after})
                 continue
-            changed = _with_value(changed, key, before, after)
             wanted = {name: value for name, value in (content | {key: after}).items() if value is not None}
-            if yaml_of(changed, path) != wanted:
+            changed = _with_value(changed, key, before, after)
+            if not _says(changed, path, wanted):
                 raise DiorError(f"{path}: '{key}' cannot be changed without changing the rest; change it by hand")
         if clashes:
             raise Conflict(path, clashes)
@@ -152,6 +152,14 @@ def change_values(path: str, changes: Iterable[tuple[str, Any, Any]], check: Cal
             os.unlink(path)
             return True
         return _write(path, text, changed, check)
+
+
+def _says(text: str, path: str, wanted: dict[str, Any]) -> bool:
+    """Whether that is what a YAML text says."""
+    try:
+        return bool(yaml_of(text, path) == wanted)
+    except DiorError:
+        return False
 
 
 def fill_in(path: str, line: int, key: str, value: str, before: str = todos.WORD) -> None:
@@ -184,9 +192,9 @@ def fill_in(path: str, line: int, key: str, value: str, before: str = todos.WORD
 
 def _of_cell(text: str, line: int, key: str) -> tuple[int, int] | None:
     """Where in the text of a sheet a cell is."""
-    lines = text.splitlines(keepends=True)
-    header = next((one for one in lines if one.strip() and not one.startswith(COMMENT)), "")
-    names = [name.strip() for name in header.removeprefix("\ufeff").rstrip("\r\n").split("\t")]
+    lines = _lines(text)
+    header = next((one for one in lines if _is_row(one, "\t")), "")
+    names = [name.strip() for name in header.rstrip("\r\n").split("\t")]
     cells = lines[line - 1].rstrip("\r\n").split("\t") if 0 < line <= len(lines) else []
     if key not in names or len(cells) <= names.index(key):
         return None
@@ -213,13 +221,16 @@ def _with_value(text: str, key: str, before: Any, value: Any) -> str:
     """A YAML text with another value, in flow style, at one of its keys at the top; `before`: what is there."""
     import yaml
 
-    line = "" if value is None else f"{key}: {_flow(value)}"
-    root = yaml.compose(text)
+    line, end = "" if value is None else f"{key}: {_flow(value)}", _end(text)
+    try:
+        root = yaml.compose(text)
+    except yaml.YAMLError:
+        # what libyaml reads, PyYAML need not, such as a tab before a value
+        return ""
     pairs = root.value if isinstance(root, yaml.MappingNode) else []
     at = next(((k.start_mark.index, v) for k, v in pairs if k.value == key), None)
     if at is None:
-        gap = "" if not text or text.endswith("\n") else "\n"
-        return f"{text}{gap}{line}\n" if line else text
+        return "".join([*_closed(_lines(text), end), line + end]) if line else text
     begin, node = at
     inside = _inside(text, node, before, value)
     if inside is not None:
@@ -231,7 +242,7 @@ def _with_value(text: str, key: str, before: Any, value: Any) -> str:
     while block.count("\n") and block.rsplit("\n", 1)[1].lstrip().startswith(COMMENT):
         block = block.rsplit("\n", 1)[0].rstrip()
         kept = text[begin + len(block) :]
-    return text[:begin] + line + (kept if line else kept.removeprefix("\n"))
+    return text[:begin] + line + (kept if line else kept.removeprefix(end))
 
 
 def _inside(text: str, node: Any, before: Any, value: Any) -> str | None:
@@ -246,9 +257,9 @@ def _inside(text: str, node: Any, before: Any, value: Any) -> str | None:
         return None
     last = node.value[-1][1]
     # of a mapping in lines of its own, the end of the line has the last entry's comment
-    end = last.end_mark.index if node.flow_style else text.find("\n", last.end_mark.index)
+    end = last.end_mark.index if node.flow_style else text.find(_end(text), last.end_mark.index)
     end = len(text) if end < 0 else end
-    gap = ", " if node.flow_style else "\n" + " " * node.start_mark.column
+    gap = ", " if node.flow_style else _end(text) + " " * node.start_mark.column
     edits = [(end, end, "".join(f"{gap}{name}: {_flow(new)}" for name, new in value.items() if name not in there))]
     for name, old in there.items():
         if value[name] == before[name]:
@@ -270,6 +281,27 @@ def _flow(value: Any) -> str:
     # of a plain word the end of the document is written, too
     written = yaml.safe_dump(value, default_flow_style=True, sort_keys=False, width=10**6).strip()
     return written.removesuffix("...").rstrip()
+
+
+def _lines(text: str) -> list[str]:
+    """The lines of a text with their ends, as csv has them: `str.splitlines` knows more, which may be in a comment."""
+    return re.findall(r"[^\r\n]*(?:\r\n|\r|\n)|[^\r\n]+", text)
+
+
+def _end(text: str) -> str:
+    """What ends the lines of a text."""
+    found = re.search(r"\r\n|\r|\n", text)
+    return found[0] if found else "\n"
+
+
+def _closed(lines: list[str], end: str) -> list[str]:
+    """The lines, the last of which has its end, too."""
+    return [*lines[:-1], lines[-1].rstrip("\r\n") + end] if lines else []
+
+
+def _is_row(line: str, between: str) -> bool:
+    """Whether a line is one of a table (`plain_text.rows_of`)."""
+    return bool(line.strip().strip(between + " ")) and not line.lstrip().startswith(COMMENT)
 
 
 def _text(path: str) -> str:
@@ -309,7 +341,9 @@ def _write(path: str, before: str, after: str, check: Callable[[Path], Any]) -> 
     if _text(path) != before:
         raise DiorError(f"{path}: is being changed elsewhere at this moment; try again")
     mode = stat.S_IMODE(place.stat().st_mode) if place.exists() else None
-    write_text(place, after)
+    # without the mark, Excel takes it for Latin-1 the next time
+    marked = mode is not None and place.read_bytes().startswith(UTF_8_MARK)
+    write_text(place, UTF_8_MARK.decode() + after if marked else after)
     if mode is not None:
         # who may read and write it stays: others of a group may work in the same folder
         os.chmod(place, mode)

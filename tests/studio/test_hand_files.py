@@ -320,3 +320,67 @@ def test_a_value_that_would_break_the_sheet_is_refused(tmp_path, monkeypatch, va
     with pytest.raises(DiorError, match=r"^a\.tsv"):
         fill_in("a.tsv", 2, "height_m", value)
     assert "TODO" in read("a.tsv")
+
+
+ROW = (("in_1", "3", "LASI"), ("10.5", "20"), ("11.25", "21"))
+
+
+@pytest.mark.parametrize(
+    "before",
+    [
+        "\ufeffsequence,frame,joint,u,v\r\nin_1,3,LASI,10.5,20\r\n",
+        "sequence,frame,joint,u,v\r\nin_1,3,LASI,10.5,20\r\n",
+        "sequence,frame,joint,u,v\rin_1,3,LASI,10.5,20\r",
+        "  # a comment\n,,,,\nsequence,frame,joint,u,v\nin_1,3,LASI,10.5,20\n",
+        "sequence,frame,joint,u,v\nin_1,3,LASI,10.5,20\n# a page\x0cin_1,3,LASI,9,9\n# a line\u2028in_1,3,LASI,9,9\n",
+    ],
+)
+def test_a_file_stays_as_its_editor_writes_it(path, before):
+    with open(path, "w", newline="") as stream:
+        stream.write(before)
+    assert changed(path, ROW)
+    assert read(path) == before.replace("10.5,20", "11.25,21")
+
+
+def test_what_is_added_ends_as_the_lines_before(path):
+    with open(path, "w", newline="") as stream:
+        stream.write("sequence,frame,joint,u,v\r\nin_1,3,LASI,10.5,20")
+    changed(path, ROW, (("in_1", "4", "LASI"), None, ("1", "2")))
+    assert read(path) == "sequence,frame,joint,u,v\r\nin_1,3,LASI,11.25,21\r\nin_1,4,LASI,1,2\r\n"
+
+
+def test_a_header_is_put_below_a_comment_that_does_not_end(path):
+    with open(path, "w") as stream:
+        stream.write("# by Ann")
+    changed(path, (("in_1", "4", "LASI"), None, ("1", "2")))
+    assert read(path) == "# by Ann\nsequence,frame,joint,u,v\nin_1,4,LASI,1,2\n"
+
+
+@pytest.mark.parametrize(
+    ("before", "change", "after"),
+    [
+        ("\ufeffa: 1\r\n", ("a", 1, 5), "\ufeffa: 5\r\n"),
+        ("a: 1\r\nb: 2\r\n", ("c", None, {"x": 1}), "a: 1\r\nb: 2\r\nc: {x: 1}\r\n"),
+        ("a: 1\r\nb: 2\r\n", ("a", 1, None), "b: 2\r\n"),
+        (
+            "a:\r\n  x: 1  # why\r\nb: 2\r\n",
+            ("a", {"x": 1}, {"x": 1, "z": 3}),
+            "a:\r\n  x: 1  # why\r\n  z: 3\r\nb: 2\r\n",
+        ),
+    ],
+)
+def test_a_yaml_file_stays_as_its_editor_writes_it(tmp_path, before, change, after):
+    path = str(tmp_path / "a.yaml")
+    with open(path, "w", newline="", encoding="utf-8") as stream:
+        stream.write(before)
+    assert change_values(path, [change], fine)
+    assert read(path) == after
+
+
+@pytest.mark.parametrize("text", ["a:\t1\n", "---\na: 1\n...\n", "{a: 1}\n"])
+def test_yaml_that_cannot_be_changed_is_said_in_a_sentence(tmp_path, text):
+    path = tmp_path / "a.yaml"
+    path.write_text(text)
+    with pytest.raises(DiorError, match="change it by hand"):
+        change_values(str(path), [("b", None, 2)], fine)
+    assert path.read_text() == text
