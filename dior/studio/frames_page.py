@@ -70,7 +70,7 @@ def png(request: Request) -> Response:
     content = np.frombuffer(pictures_of(request).read(walk, camera, frame), np.uint8)
     decoded = cv2.imdecode(content, cv2.IMREAD_COLOR)
     if decoded is None:
-        raise DiorError(f"frame {frame} of {camera} in {walk} cannot be decoded")
+        raise DiorError(f"{walk}: frame {frame} of {camera} cannot be decoded, its data are damaged; save another")
     done, found = cv2.imencode(".png", decoded)
     if not done:
         raise DiorError("the picture could not be written as PNG")

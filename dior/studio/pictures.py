@@ -13,6 +13,8 @@ from dior.studio.workspace import Workspace
 from dior.tables import tables
 
 PNG = b"\x89PNG"
+# how the content of the segment begins (CIPA DC-008, 4.5.4), and where it must be: a segment has 64 kB at most
+EXIF, FIRST_BYTES = b"Exif\0\0", 1 << 17
 # bytes of pictures that are kept; chosen: some hundred, for who goes back and forth
 MOST_KEPT = 64 << 20
 # chosen: raw pictures are compressed so that a marker of 2 px stays where it is, small ones so that a slow line has
@@ -26,7 +28,8 @@ class Pictures:
 
     def __init__(self, workspace: Workspace) -> None:
         self.workspace, self._size, self._lock = workspace, 0, Lock()
-        self._kept = OrderedDict[tuple[object, ...], bytes]()
+        # each with the table that it was found by: a recording that is another by now has another
+        self._kept = OrderedDict[tuple[object, ...], tuple[tables.Table, bytes]]()
 
     def read(self, walk: str, camera: str, frame: int, small: bool = False) -> bytes:
         """A JPEG, or a PNG where that is what was recorded; `small`: SMALL_PX wide at most.
@@ -34,11 +37,11 @@ class Pictures:
         Raises DiorError for a frame that is not there and a picture that cannot be read.
         """
         table = self.workspace.frames_with(walk, camera, frame)
-        key = walk, camera, frame, small, int(table["stamp_ns"][frame])
+        key = walk, camera, frame, small
         with self._lock:
-            if key in self._kept:
+            if key in self._kept and self._kept[key][0] is table:
                 self._kept.move_to_end(key)
-                return self._kept[key]
+                return self._kept[key][1]
         rows = tables.rows(table, np.array([frame]))
         _, message, path = next(bags.read_messages(rows, self.workspace.project().data_root))
         try:
@@ -47,10 +50,10 @@ class Pictures:
             raise DiorError(f"{path}: frame {frame} of {camera} cannot be decoded ({error})") from None
         with self._lock:
             # another request may have read the same meanwhile
-            self._size += len(found) - len(self._kept.get(key, b""))
-            self._kept[key] = found
+            self._size += len(found) - len(self._kept.get(key, (table, b""))[1])
+            self._kept[key] = table, found
             while self._size > MOST_KEPT:
-                self._size -= len(self._kept.popitem(last=False)[1])
+                self._size -= len(self._kept.popitem(last=False)[1][1])
         return found
 
 
@@ -62,8 +65,22 @@ def kind_of(picture: bytes) -> str:
 def _whole(message: bags.Message, rows: tables.Table) -> bytes:
     recorded = messages.compressed(message.kind, message.raw, message.wire)
     if recorded is not None and (recorded.startswith(PNG) or recorded.startswith(jpeg.SOI)):
-        return recorded
+        return _as_decoded(recorded)
     return _encoded(messages.decode(message.kind, message.raw, message.wire, _size(rows)), QUALITY)
+
+
+def _as_decoded(recorded: bytes) -> bytes:
+    """A picture's file without its Exif data: a browser turns it by these, and pixels are as decoded."""
+    at, parts = len(jpeg.SOI), [recorded[: len(jpeg.SOI)]]
+    if recorded.startswith(PNG) or EXIF not in recorded[:FIRST_BYTES]:
+        return recorded
+    # a segment is 0xff, its kind, and its length with the two bytes of that; the pictures' is the last
+    while recorded[at : at + 1] == b"\xff" and recorded[at + 1 : at + 2] not in (b"\xda", b"\xff", b""):
+        end = at + 2 + int.from_bytes(recorded[at + 2 : at + 4], "big")
+        if not recorded[at + 4 : end].startswith(EXIF):
+            parts.append(recorded[at:end])
+        at = end
+    return b"".join([*parts, recorded[at:]])
 
 
 def _small(message: bags.Message, rows: tables.Table) -> bytes:

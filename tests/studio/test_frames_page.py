@@ -9,7 +9,9 @@ from dior.ingest import bags, messages
 from dior.studio import pictures
 from dior.studio.workspace import Workspace
 from dior.tables import tables
+from tests.check import recorded
 from tests.check.recorded import COUNT, SIZE
+from tests.ingest import bagfiles
 from tests.project.test_project import edit
 from tests.studio import browser
 
@@ -36,6 +38,36 @@ def test_a_picture_is_the_recorded_bytes(client, project):
     message = [*bags.messages_of(project / "data/out_1/a.bag", {topic})][3]
     assert answer.content == messages.compressed(message.kind, message.raw, message.wire)
     assert decoded(answer.content).shape[:2] == SIZE
+
+
+def test_a_browser_does_not_turn_a_picture(client, project):
+    plain = bagfiles.encoded(bagfiles.picture(90, SIZE), ".jpg").tobytes()
+    # Exif of a camera that was held upright: orientation 6, a quarter turn
+    exif = b"Exif\0\0MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0"
+    turned = plain[:2] + b"\xff\xe1" + (len(exif) + 2).to_bytes(2, "big") + exif + plain[2:]
+    assert decoded(turned).shape[:2] == SIZE[::-1]
+    content = {"format": "jpeg", "data": np.frombuffer(turned, np.uint8)}
+    stamps = [bagfiles.T0 + i * recorded.STEP for i in range(2)]
+    sent = [bagfiles.Sent(recorded.LAB, one, one, bagfiles.PACKED, content) for one in stamps]
+    (project / "data/in_1/a.bag").unlink()
+    bagfiles.write(project / "data/in_1/a", sent, "ros1")
+    own = {"walk": "in_1", "camera": "cam01", "frame": 1}
+    assert client.get("/picture", params=own).content == plain
+    assert decoded(client.get("/picture.png", params=own).content).shape[:2] == SIZE
+
+
+def test_a_recording_that_is_another_by_now_is_shown(client, project):
+    before = client.get("/picture", params=CAM | {"frame": 3}).content
+    bag = project / "data/out_1/a.bag"
+    bag.unlink()
+    topics = [recorded.COLOUR.format(1), recorded.FAR]
+    stamps = [bagfiles.T0 + i * recorded.STEP for i in range(COUNT)]
+    bagfiles.write(
+        bag.with_suffix(""),
+        [bagfiles.packed(topic, one, bagfiles.picture(200), ".jpg") for one in stamps for topic in topics],
+        "ros1",
+    )
+    assert client.get("/picture", params=CAM | {"frame": 3}).content != before
 
 
 def test_a_png_has_the_same_pixels(client):
@@ -133,4 +165,4 @@ def test_a_picture_that_many_ask_for_is_kept_once(project):
         with ThreadPoolExecutor(8) as pool:
             for frame in range(COUNT):
                 assert len({*pool.map(lambda _: shared.read("out_1", "cam01", frame), range(8))}) == 1  # noqa: B023
-        assert shared._size == sum(map(len, shared._kept.values()))
+        assert shared._size == sum(len(content) for _, content in shared._kept.values())
