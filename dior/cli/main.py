@@ -125,6 +125,9 @@ def end(code: int) -> None:
     on a busy machine now and then aborts it ("terminate called without an active exception"), for which a whole job
     would be lost, or a release that is right called damaged.
     """
+    # what Python would do at an exit
+    if containers := sys.modules.get("dior.ingest.containers"):
+        containers.remove_unpacked()
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(code)

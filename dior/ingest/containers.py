@@ -12,6 +12,7 @@ for a conversion before the first look at its data.
 import os
 import shutil
 from collections.abc import Callable, Collection, Iterator
+from contextlib import ExitStack
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -69,6 +70,7 @@ DESCRIPTIONS = (
     ),
 )
 Found = TypeVar("Found")
+_unpacked_folders = ExitStack()
 
 
 def topics(bag: AnyPath) -> dict[str, tuple[str, int]]:
@@ -266,12 +268,19 @@ def _unpacked(bag: Path, path: Path) -> Path:
     return Path(folder.name) / "bag"
 
 
+def remove_unpacked() -> None:
+    """Remove what is unpacked; called when the process ends (`dior.cli.main`), which is at once."""
+    _unpacked_folders.close()
+    _unpacked_folder.cache_clear()
+
+
 @cache
 def _unpacked_folder(bag: str, path: str, _mtime_ns: int, _size: int) -> TemporaryDirectory[str]:
-    """A temporary folder, removed when the process ends, with the file `bag` in it."""
+    """A temporary folder, until `remove_unpacked`, with the file `bag` in it."""
     from backports import zstd
 
-    folder = TemporaryDirectory(prefix="dior_")
+    folder = TemporaryDirectory(prefix="dior_", ignore_cleanup_errors=True)
+    _unpacked_folders.callback(folder.cleanup)
     try:
         with zstd.open(path, "rb") as packed, open(os.path.join(folder.name, "bag"), "wb") as plain:
             shutil.copyfileobj(packed, plain, 1 << 20)

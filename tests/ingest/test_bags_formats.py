@@ -1,7 +1,10 @@
 """The same tiny capture in every format gives the same table, the same pictures and the same lens."""
 
 import json
+import os
 import sqlite3
+import subprocess
+import sys
 from dataclasses import replace
 
 import cv2
@@ -319,3 +322,13 @@ def test_whole_file_is_unpacked_once_per_process(tmp_path, monkeypatch):
     monkeypatch.setattr(containers.shutil, "copyfileobj", lambda *a: copies.append(1) or original(*a))
     table = index(tmp_path, [bag])
     assert len(dict(bags.read_pictures(table, tmp_path))) == 12 and len(copies) == 1
+
+
+def test_what_is_unpacked_is_gone_when_a_step_has_ended(tmp_path):
+    bag = write(tmp_path / "walk", capture(), "db3 file")
+    kept = tmp_path / "kept"
+    kept.mkdir()
+    words = ["--sequence", "walk", "--bags", bag, "--data-root", tmp_path, "--topics", f"cam01={JPEG}"]
+    command = [sys.executable, "-m", "dior", "frames", *words, "--out", tmp_path / "frames.parquet"]
+    subprocess.run(command, env=os.environ | {"TMPDIR": str(kept)}, check=True)
+    assert (tmp_path / "frames.parquet").is_file() and not [*kept.iterdir()]
