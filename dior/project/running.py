@@ -38,10 +38,10 @@ def begin(root: AnyPath) -> bool:
     with ExitStack() as open_files:
         stream = open_files.enter_context(open(path, "a+", encoding="utf-8"))
         try:
-            if not _locked(stream):
+            if not locked(stream):
                 raise DiorError(f"{_who(path)}; wait until it has ended, or end it there with `kill -INT <process>`")
             with open(Path(root) / JOBS, "a", encoding="utf-8") as jobs:
-                if not _locked(jobs):
+                if not locked(jobs):
                     raise DiorError(
                         "jobs of a run that was killed are still at work in this folder; wait until they have ended "
                         "(`pgrep -af dior` shows them)"
@@ -61,11 +61,13 @@ def at_work(root: AnyPath) -> str:
     path = Path(root) / RUN
     if not path.exists():
         return ""
-    with open(path, "a", encoding="utf-8") as stream:
-        try:
-            return "" if _locked(stream) else _who(path)
-        except OSError:
-            return ""
+    try:
+        # network file systems lock only what is open for writing
+        with open(path, "a", encoding="utf-8") as stream:
+            return "" if locked(stream) else _who(path)
+    except OSError:
+        # no locks here, or somebody else's folder
+        return ""
 
 
 @contextmanager
@@ -77,15 +79,16 @@ def job() -> Iterator[None]:
         return
     with open(path, "a", encoding="utf-8") as stream:
         try:
-            _locked(stream, together=True)
+            locked(stream, together=True)
         except OSError:
             # no locks here
             pass
         yield
 
 
-def _locked(stream: IO[str], together: bool = False) -> bool:
-    """Whether a lock was got, alone or `together` with others; another process may have it. OSError: no locks here."""
+def locked(stream: IO[str] | int, together: bool = False) -> bool:
+    """Whether a lock on an open file or folder was got, alone or `together` with others; another process may have it.
+    OSError: no locks here."""
     try:
         import fcntl
     except ImportError:

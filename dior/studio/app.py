@@ -1,5 +1,6 @@
 """The pages of the studio as a Starlette application."""
 
+from contextlib import suppress
 from pathlib import Path
 
 from starlette.applications import Starlette
@@ -28,6 +29,7 @@ from dior.studio import (
 from dior.studio.guard import HOSTS, Guard
 from dior.studio.hand_files import Conflict
 from dior.studio.pages import page
+from dior.studio.runs import Runs
 from dior.studio.workspace import Workspace
 
 STATIC = Path(__file__).parent / "static"
@@ -56,6 +58,16 @@ def made(workspace: Workspace, token: str) -> Starlette:
     app.state.workspace, app.state.effort, app.state.in_memory = workspace, effort.Effort(), {}
     app.state.token = token
     return app
+
+
+def close(app: Starlette) -> None:
+    """End what the pages have begun, and note how long people were at them."""
+    runs: Runs | None = app.state.in_memory.get("runs")
+    if runs is not None and runs.close():
+        # the terminal may be gone
+        with suppress(OSError):
+            print("The run that was begun on the page is ended, too: `dior run` goes on where it was.", flush=True)
+    app.state.effort.note()
 
 
 def _conflict(request: Request, error: Exception) -> Response:

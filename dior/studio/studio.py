@@ -6,20 +6,26 @@ The server listens on this computer alone. Over SSH: `ssh -L 8125:127.0.0.1:8125
 is printed, in the browser at home.
 """
 
+import logging
 import os
 import secrets
+import signal
 import socket
+from contextlib import nullcontext
 from pathlib import Path
+from typing import Any
 
 from dior.errors import DiorError
 from dior.project.run import CONFIG
 
 HOST = "127.0.0.1"
 PORT = 8125  # chosen: registered by nobody
+# chosen: what is being saved is saved by then; who has stopped to read an answer is not waited for
+GRACE_S = 1
 
 
-def run(project: Path = Path("."), *, port: int = 0) -> None:
-    """Serve the pages of a project until Ctrl-C.
+def run(project: Path = Path("."), *, port: int = 0) -> int:
+    """Serve the pages of a project until Ctrl-C; returns what a shell says of the signal that ended it.
 
     `project`: its folder, where it is not the one that you are in; `port`: where to listen, 0 for 8125 or the next that
     is free.
@@ -37,15 +43,33 @@ def run(project: Path = Path("."), *, port: int = 0) -> None:
     listening = _listening(port)
     token = secrets.token_urlsafe(24)
     number = listening.getsockname()[1]
+    ended: list[int] = []
     with Workspace() as workspace:
-        print(f"Open http://{HOST}:{number}/?token={token}\nCtrl-C ends it.", flush=True)
         pages = app.made(workspace, token)
-        config = uvicorn.Config(pages, log_level="warning", lifespan="off", ws="none")
+        config = uvicorn.Config(
+            pages, log_level="warning", lifespan="off", ws="none", timeout_graceful_shutdown=GRACE_S
+        )  # fmt: skip
+        server = uvicorn.Server(config)
+        # uvicorn ends itself by the signal once more, and what is below would not be done; nor does it know SIGHUP,
+        # which is a connection by SSH that is cut
+        server.capture_signals = nullcontext  # type: ignore[method-assign,assignment]
+
+        def end(number: int, frame: Any) -> None:
+            ended.append(number)
+            # which answers are cut off is nobody's concern
+            logging.getLogger("uvicorn.error").setLevel(logging.CRITICAL)
+            server.handle_exit(number, frame)
+
+        for ending in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            # of `nohup`
+            if signal.getsignal(ending) is not signal.SIG_IGN:
+                signal.signal(ending, end)
+        print(f"Open http://{HOST}:{number}/?token={token}\nCtrl-C ends it.", flush=True)
         try:
-            uvicorn.Server(config).run(sockets=[listening])
+            server.run(sockets=[listening])
         finally:
-            # Ctrl-C is raised once more when the server has ended
-            pages.state.effort.note()
+            app.close(pages)
+    return 128 + ended[0] if ended else 0
 
 
 def _listening(port: int) -> socket.socket:

@@ -5,7 +5,6 @@ OUTPUTS  tables in memory, by the same functions as the steps, whose files lie i
 A page may be open while files of config/ are edited elsewhere: each request reads what has changed since.
 """
 
-import hashlib
 import os
 import threading
 from collections.abc import Callable, Iterable
@@ -13,9 +12,9 @@ from contextlib import suppress
 from dataclasses import dataclass
 from glob import glob
 from pathlib import Path
-from tempfile import TemporaryDirectory, gettempdir
+from tempfile import TemporaryDirectory
 from types import TracebackType
-from typing import IO, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -26,7 +25,7 @@ from dior.errors import DiorError, Faults
 from dior.geometry.camera import Camera
 from dior.geometry.camera_tables import unplaced
 from dior.ingest import detections, frames, mocap, moving, video_frames, video_starts
-from dior.project import todos
+from dior.project import running, todos
 from dior.project.contents import Project
 from dior.project.project import as_far_as_it_goes
 from dior.release.look import reader
@@ -52,7 +51,7 @@ class Workspace:
 
     def __init__(self) -> None:
         self.name = Path.cwd().name
-        self._folder = TemporaryDirectory(prefix="dior_studio_")
+        self._folder = TemporaryDirectory(prefix="dior_studio_", ignore_cleanup_errors=True)
         self._alone = _lock_of(Path.cwd())
         self._lock = threading.Lock()
         self._made: dict[tuple[str, ...], tuple[Any, Any]] = {}
@@ -66,7 +65,7 @@ class Workspace:
     ) -> None:
         self._folder.cleanup()
         if self._alone is not None:
-            self._alone.close()
+            os.close(self._alone)
 
     @property
     def others(self) -> bool:
@@ -273,18 +272,18 @@ class Workspace:
             return self._made[key][1]
 
 
-def _lock_of(project: Path) -> IO[str] | None:
-    """A lock on the project that ends with the process; None where another studio has it."""
-    import fcntl
+def _lock_of(project: Path) -> int | None:
+    """The project's folder, open and locked until it is closed; None where another studio has it.
 
-    name = hashlib.sha256(str(project.resolve()).encode()).hexdigest()[:16]
-    stream = open(Path(gettempdir()) / f"dior_studio_{os.getuid()}_{name}.lock", "w", encoding="utf-8")
-    try:
-        fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        stream.close()
-        return None
-    return stream
+    A folder, since no file is to be left of it, however the process ends, and one that is taken away might be another's
+    already. Some network file systems know no such locks; there no studio sees another.
+    """
+    folder = os.open(project, os.O_RDONLY)
+    with suppress(OSError):
+        if not running.locked(folder):
+            os.close(folder)
+            return None
+    return folder
 
 
 def state_of(paths: Iterable[str]) -> State:

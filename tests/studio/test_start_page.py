@@ -57,6 +57,13 @@ def test_what_the_last_run_asks_is_a_task(project):
     assert [task.where for task in lit] == [f"{session} cam03"] and lit[0].says.startswith("amber")
 
 
+def test_what_a_killed_run_left_does_not_hide_the_other_tasks(client, project):
+    (project / "results/follow").mkdir(parents=True)
+    (project / "results/follow/out_1.cam03.findings.parquet").write_bytes(b"PAR1 and no more")
+    page = client.get("/").text
+    assert "Run it again" in page and "out_1.cam03.findings.parquet" in page and "Draw boxes" in page
+
+
 def test_values_that_are_still_to_do_are_listed_by_file(client, project):
     (project / "config/sessions/lab/cam01.marks.csv").unlink()
     page = client.get("/").text
