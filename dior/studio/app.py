@@ -28,7 +28,7 @@ from dior.studio import (
 )
 from dior.studio.guard import HOSTS, Guard
 from dior.studio.hand_files import Conflict
-from dior.studio.pages import page
+from dior.studio.pages import Unknown, page, workspace_of
 from dior.studio.runs import Runs
 from dior.studio.workspace import Workspace
 
@@ -79,6 +79,10 @@ def _refused(request: Request, error: Exception) -> Response:
     text = str(error)
     if isinstance(error, OSError):
         text = sentence(error) or f"{error.filename or 'a file'}: {error.strerror or error}"
+    if isinstance(error, Unknown):
+        # a session whose files are wrong is left out
+        wrong = start_page.faults_of(workspace_of(request).read())
+        text += "".join(f"; or is it left out because of this? {one}" for one in wrong[:1])
     return _answer(request, text, 422)
 
 

@@ -6,6 +6,7 @@ A page tells how many seconds somebody was at it (static/studio.js: who has not 
 import threading
 from pathlib import Path
 
+from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
@@ -60,7 +61,7 @@ async def add(request: Request) -> Response:
     page, seconds = one_of("page", told.get("page"), WORK), told.get("seconds")
     if isinstance(seconds, bool) or not isinstance(seconds, (int, float)) or not 0 <= seconds <= MOST_S:
         raise DiorError(f"seconds is no number from 0 to {MOST_S:.0f}")
-    request.app.state.effort.add(WORK[page], float(seconds))
+    await run_in_threadpool(request.app.state.effort.add, WORK[page], float(seconds))
     return JSONResponse({})
 
 

@@ -43,6 +43,10 @@ WORK = {
 }
 
 
+class Unknown(DiorError):
+    """A word that the project does not have, such as a walk."""
+
+
 @cache
 def _environment() -> "jinja2.Environment":
     found = report_pages.environment(TEMPLATES)
@@ -89,11 +93,11 @@ def recording_in(project: Project, words: Mapping[str, Any]) -> tuple[str, str]:
 
 
 def one_of(what: str, word: object, known: Any) -> str:
-    """`word`, where it is one of `known`. Raises DiorError."""
+    """`word`, where it is one of `known`. Raises Unknown."""
     if not isinstance(word, str) or word not in known:
         shown = f"'{word:.40}'" if isinstance(word, str) and word else "none"
         listed = ", ".join(sorted(known)) or "none"
-        raise DiorError(f"{what} is {shown}, which the project does not have{nearest(word, known)}: there is {listed}")
+        raise Unknown(f"{what} is {shown}, which the project does not have{nearest(word, known)}: there is {listed}")
     return word
 
 

@@ -74,14 +74,14 @@ def start(request: Request) -> Response:
     left = [task for task in found if task.state != "done"]
     return page(
         request, "start.html.j2", unfinished=unfinished, left=left, done=[task for task in found if task not in left],
-        faults=[str(one) for one in _faults(read)],
+        faults=[str(one) for one in faults_of(read)],
         verdict=said,
         report=report_page.address(request.app.state.token), on_disk=str(REPORT.resolve()), folder=str(Path.cwd()),
         others=workspace_of(request).others,
     )  # fmt: skip
 
 
-def _faults(read: Read) -> list[DiorError]:
+def faults_of(read: Read) -> list[DiorError]:
     """What is wrong with the files, but marks and boxes that are missing, which are a task, and what a value must not
     be that is still to be filled in."""
     told = [one for one in read.faults if not isinstance(one, NotMarked)]
@@ -124,7 +124,7 @@ def _filled(workspace: Workspace, told: dict[str, Any], filled: dict[todos.Todo,
     hand_files.fill_in(wanted.path, wanted.line, wanted.key, value, filled.get(wanted, todos.WORD))
     filled[wanted] = value
     read = workspace.read()
-    wrong = [str(one) for one in _faults(read) if wanted.path in str(one)]
+    wrong = [str(one) for one in faults_of(read) if wanted.path in str(one)]
     return {"value": value, "wrong": wrong}
 
 

@@ -115,3 +115,12 @@ def test_who_is_not_to_be_processed_any_more_is_shown_no_more(client, project):
         answer = client.get(path, params=own)
         assert "out_2" not in answer.text.replace("walk is 'out_2', which the project does not have", ""), path
         assert answer.status_code in (200, 422) and not answer.headers["content-type"].startswith("image"), path
+
+
+@pytest.mark.parametrize("damage", [lambda text: text.replace(b",", b";"), lambda text: text + b"# K\xe4the\n"])
+def test_a_file_that_cannot_be_read_is_named_where_its_walk_is_asked_for(client, project, damage):
+    path = project / "config/sessions/lab/cam01.marks.csv"
+    path.write_bytes(damage(path.read_bytes()))
+    answer = client.get("/picture", params={"walk": "in_1", "camera": "cam01", "frame": 0})
+    assert answer.status_code == 422 and "config/sessions/lab/cam01.marks.csv" in answer.json()["error"]
+    assert client.get("/picture", params={"walk": "out_1", "camera": "cam01", "frame": 0}).status_code == 200
