@@ -166,3 +166,33 @@ def test_a_picture_that_many_ask_for_is_kept_once(project):
             for frame in range(COUNT):
                 assert len({*pool.map(lambda _: shared.read("out_1", "cam01", frame), range(8))}) == 1  # noqa: B023
         assert shared._size == sum(len(content) for _, content in shared._kept.values())
+
+
+def test_pictures_are_kept_up_to_so_many_bytes(project, monkeypatch):
+    monkeypatch.setattr(pictures, "MOST_KEPT", 3000)
+    with Workspace() as workspace:
+        shared = pictures.Pictures(workspace)
+        for frame in range(COUNT):
+            shared.read("out_1", "cam01", frame)
+        assert 0 < shared._size <= 3000 and list(shared._kept)[-1] == ("out_1", "cam01", COUNT - 1, False)
+        monkeypatch.setattr(pictures, "MOST_KEPT", 1)
+        # one that is larger than all that is kept is shown all the same
+        assert shared.read("out_1", "cam01", 0) and not shared._kept and not shared._size
+
+
+def test_pictures_are_shown_while_others_are_asked_for_and_something_is_saved(client):
+    """Twenty at once."""
+    marks = {"walk": "in_1", "camera": "cam01", "session": "lab"}
+
+    def one(number):
+        if number % 10 == 0:
+            u = [10 + number, 10 + number + 10]
+            change = {"key": ["in_1", 3, "LASI"], "before": [u[0], 20], "after": [u[1], 20]}
+            return client.post("/api/marks/change", json=marks | {"changes": [change]}).status_code
+        return client.get("/picture", params=CAM | {"frame": number % COUNT}).status_code
+
+    with ThreadPoolExecutor(20) as pool:
+        answers = [*pool.map(one, range(40))]
+    assert {answers[number] for number in range(40) if number % 10} == {200}
+    # the first is saved; each of the others as it came after the one before, or is told of it
+    assert answers[0] == 200 and {*answers[::10]} <= {200, 409}

@@ -28,8 +28,18 @@ def test_the_printed_address_becomes_a_cookie_and_leaves_the_address_bar(strange
     assert stranger.get("/frames").status_code == 200
 
 
-def test_a_redirect_leads_to_no_other_computer(stranger):
-    assert stranger.get(f"{HOST}//evil.example/", params={"token": TOKEN}).headers["location"] == "/evil.example/"
+@pytest.mark.parametrize(
+    ("path", "location"),
+    [
+        ("//evil.example/", "/evil.example/"),
+        ("/%5Cevil.example/", "/%5Cevil.example/"),
+        ("/%09/evil.example/", "/%09/evil.example/"),
+        ("/%2F/evil.example/", "/evil.example/"),
+        ("/http://evil.example/", "/http://evil.example/"),
+    ],
+)
+def test_a_redirect_leads_to_no_other_computer(stranger, path, location):
+    assert stranger.get(f"{HOST}{path}", params={"token": TOKEN}).headers["location"] == location
 
 
 @pytest.mark.parametrize(
