@@ -33,6 +33,9 @@ from dior.tables import tables
 
 # chosen: a person is 20 px tall in pictures that wide, and more would not show what moves better
 SCENE_PX = 1280
+# of what is large, how many are kept; chosen: a scene of one camera in one walk has 4 MB, and so has a table; a page of
+# a session reads the tables of all its walks
+LAST = {"scene": 8, "result": 100}
 # (path, time of change ns, size) of files
 State: TypeAlias = tuple[tuple[str, int, int], ...]
 
@@ -267,9 +270,16 @@ class Workspace:
         with self._lock:
             making = self._making.setdefault(key, threading.Lock())
         with making:
-            if key not in self._made or self._made[key][0] != state:
-                self._made[key] = state, make()
-            return self._made[key][1]
+            with self._lock:
+                found = self._made.pop(key, None)
+            if found is None or found[0] != state:
+                found = state, make()
+            with self._lock:
+                # the last one that was asked for comes last
+                self._made[key] = found
+                for old in [one for one in self._made if one[0] == key[0]][: -LAST.get(key[0], len(self._made))]:
+                    del self._made[old]
+            return found[1]
 
 
 def _lock_of(project: Path) -> int | None:

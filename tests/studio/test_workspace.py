@@ -124,3 +124,18 @@ def test_a_file_that_cannot_be_read_is_named_where_its_walk_is_asked_for(client,
     answer = client.get("/picture", params={"walk": "in_1", "camera": "cam01", "frame": 0})
     assert answer.status_code == 422 and "config/sessions/lab/cam01.marks.csv" in answer.json()["error"]
     assert client.get("/picture", params={"walk": "out_1", "camera": "cam01", "frame": 0}).status_code == 200
+
+
+def test_of_what_is_large_the_last_are_kept(project, monkeypatch):
+    monkeypatch.setattr("dior.studio.workspace.LAST", {"scene": 2})
+    made = []
+    with Workspace() as workspace:
+        for name in "abacb":
+            workspace._kept(("scene", name), 1, lambda name=name: made.append(name) or name)
+            workspace._kept(("other", name), 1, lambda name=name: made.append(name.upper()) or name)
+        assert "".join(made) == "aAbBcCb"
+        assert [key[1] for key in workspace._made if key[0] == "scene"] == ["c", "b"]
+        # what cannot be made is asked for again
+        for _ in range(2):
+            with pytest.raises(ZeroDivisionError):
+                workspace._kept(("scene", "d"), 1, lambda: 1 / 0)
