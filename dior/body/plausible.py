@@ -21,7 +21,8 @@ FEET = ("heel", "foot_index", "big_toe")
 STANDING_SHARE = 0.25  # of the heights of heels and toes; chosen: a foot stands for 60 % of a stride, its heel for less
 HEIGHT_SIGMAS = 4  # chosen: by chance once in 16 000
 OTHERS_WALK = (
-    "where somebody else walks, too, say which is the subject in config/people/<sequence>.yaml (docs/people.md)"
+    "where somebody else walks, too, adjust with a walk, or with pictures of it, where nobody does (`adjust` in "
+    "session.yaml)"
 )
 # chosen: beyond any adult and any child of school age, to catch a wrong scale, floor or vertical and no unusual person
 LIMITS: dict[str, Any] = {
