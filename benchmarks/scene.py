@@ -53,8 +53,9 @@ def camera(name, azimuth_deg, distance_m=DISTANCE_M, height_m=HEIGHT_M, fx=FX, r
     return Camera(name, Intrinsics(1280, 720, fx, fx, 639.5, 359.5), pose(look_at(centre, target), centre), role)
 
 
-def make(level="ideal", seed=0, frames=400, cameras=None, walk="across", take=0, **errors):
-    """`Scene` of one walk. `cameras`: true `Camera`s, else three around; `errors`: keys of the simulated detector.
+def make(level="ideal", seed=0, frames=400, cameras=None, walk="across", take=0, motion=None, **errors):
+    """`Scene` of one walk. `cameras`: true `Camera`s, else three around; `errors`: keys of the simulated detector;
+    `motion`: a `Motion`, else that of the level.
 
     `take` counts the walks of one person with one detector, which the seed decides.
     """
@@ -75,7 +76,7 @@ def make(level="ideal", seed=0, frames=400, cameras=None, walk="across", take=0,
     )
     sequence = replace(levels.sequences(settings)[-1], walk=walk)
     seconds = np.arange(frames) / FPS
-    motion = motion_of(settings, sequence)
+    motion = motion or motion_of(settings, sequence)
     landmarks, _ = motion.at(seconds)
     views = {c.name: _view(settings, sequence, motion, c, seconds, landmarks) for c in cameras}
     if level == "real":

@@ -10,7 +10,7 @@ PACKAGE = Path(dior.__file__).parent
 # each room may import those before it; docs/architecture.md draws it
 ROOMS = (
     ("errors", "progress", "paths", "arrays", "shortage", "formats", "tables", "project", "geometry", "body", "clocks")
-    + ("ingest", "calibrate", "reconstruct", "label", "evaluate", "reid", "report", "release")
+    + ("gait", "ingest", "calibrate", "reconstruct", "label", "evaluate", "reid", "report", "release")
     + ("init", "check", "studio", "simulate", "cli")
 )
 CALIBRATE = ("readers", "lens", "marks", "clock", "outline", "bundle")

@@ -17,7 +17,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dior.arrays import Floats
+from dior.arrays import Bools, Floats, Ints
 from dior.simulate.body import Body, Segments, landmarks, markers
 from dior.simulate.patterns import WALK, Pattern
 
@@ -97,6 +97,17 @@ def _from_below(values: Floats, reach: int) -> Floats:
     return np.convolve(lowest, bell / bell.sum(), mode="valid")
 
 
+@dataclass(frozen=True, eq=False)
+class Contacts:
+    """Rows in the order of time: `seconds` (E,), `foot` (E,) 0 left and 1 right, `strike` (E,) or else toe off, and
+    where the heel rests in that stance, `heel` (E, 2) m."""
+
+    seconds: Floats
+    foot: Ints
+    strike: Bools
+    heel: Floats
+
+
 @dataclass(frozen=True)
 class Walker:
     """A person who walks back and forth.
@@ -159,6 +170,10 @@ class Walker:
     def _angles(self) -> tuple[Curve, Curve, Curve]:
         return _cycle(self.pattern.hip), _cycle(self.pattern.knee), _cycle(self.pattern.ankle)
 
+    def _behind(self, side: int) -> float:
+        """How much later than the left one this foot comes down, share of the cycle."""
+        return 0.0 if side > 0 else self.pattern.second
+
     def _foot_angle(self, phase: Floats) -> Floats:
         """Angle of the sole to the floor (rad, toes up positive): the published angles, flat where they nearly are."""
         hip, knee, ankle = (curve(np.mod(phase, 1.0)) for curve in self._angles)
@@ -181,7 +196,7 @@ class Walker:
     def _footprint(self, cycle: Floats, side: int) -> tuple[Floats, Floats]:
         """Place of the flat foot's ankle (T, 3) and its yaw (T,); `cycle` counts the leg's heel contacts."""
         place, _, _, s_of = self._tables
-        phase = cycle + (0.0 if side > 0 else 0.5)
+        phase = cycle + self._behind(side)
         x, y, yaw = np.moveaxis(place(s_of(phase + self.pattern.midstance)), -1, 0)
         out = side * self.pattern.feet_apart * self.body.height
         ankle = np.stack([x - out * np.sin(yaw), y + out * np.cos(yaw), np.full_like(x, self.body.ankle_height)], -1)
@@ -199,7 +214,7 @@ class Walker:
 
     def _free(self, phase: Floats, side: int, height: Curve) -> Floats:
         """Ankle (T, 3) as the published joint angles alone give it; `phase` of that leg."""
-        centre, axes, heading = self._pelvis(phase if side > 0 else phase + 0.5, height)
+        centre, axes, heading = self._pelvis(phase + self._behind(side), height)
         hip = centre + axes @ np.array([0.0, side * self.body.half_hips, 0.0])
         h, k, _ = (curve(np.mod(phase, 1.0)) for curve in self._angles)
         forward = self.body.thigh * np.sin(h) + self.body.shank * np.sin(h - k)
@@ -254,7 +269,7 @@ class Walker:
             for side in (1, -1):
                 centre, axes, _ = self._pelvis(phase, height)
                 hip = axes @ np.array([0.0, side * self.body.half_hips, 0.0])
-                ankle = self._ankle(phase if side > 0 else phase - 0.5, side, height)[0]
+                ankle = self._ankle(phase - self._behind(side), side, height)[0]
                 away2 = ((centre + hip - ankle)[..., :2] ** 2).sum(axis=-1)
                 reach = np.sqrt(np.maximum((STRETCH * legs) ** 2 - away2, 0.0))
                 limit = np.minimum(limit, ankle[..., 2] + reach - hip[..., 2])
@@ -265,6 +280,26 @@ class Walker:
         """Height of the pelvis (m) that the gait would like: lowest at each leg's midstance, two times per cycle."""
         dip = self.pattern.bounce * (1 + np.cos(4 * np.pi * (phase - self.pattern.midstance))) / 2
         return (self.pattern.height - dip) * self.body.height * self.body.long_legs
+
+    @cached_property
+    def contacts(self) -> "Contacts":
+        """When each foot touches the floor and when it leaves it, from how it is planted."""
+        _, _, phase_of, _ = self._tables
+        t = np.arange(-1.0, self.until, 0.001)
+        rows: list[tuple[float, int, bool, float, float]] = []
+        for number, side in enumerate((1, -1)):
+            phase = phase_of(t) - self._behind(side)
+            cycles = np.arange(np.floor(phase[0]), np.ceil(phase[-1]) + 1)
+            flat, yaw = self._footprint(cycles, side)
+            heel = flat[:, :2] + self.body.heel[0] * np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)
+            for strike, after in ((True, -self.pattern.lands), (False, self.pattern.toe_off + self.pattern.rolls)):
+                inside = (cycles + after >= phase[0]) & (cycles + after <= phase[-1])
+                when = np.interp(cycles[inside] + after, phase, t)
+                rows += [
+                    (s, number, strike, x, y) for s, (x, y) in zip(when.tolist(), heel[inside].tolist(), strict=True)
+                ]
+        table = np.array(sorted(rows))
+        return Contacts(table[:, 0], table[:, 1].astype(int), table[:, 2] > 0, table[:, 3:])
 
     def segments(self, t: Floats) -> Segments:
         """Origin (T, 3) and axes (T, 3, 3) of every segment at times `t` (T,), s; see `body.landmarks`."""
@@ -280,7 +315,7 @@ class Walker:
         head_axes = _axes(heading)
         found["head"] = (shoulders + head_axes @ np.array([body.part(0.012), 0.0, body.part(0.118)]), head_axes)
         for name, side in (("left", 1), ("right", -1)):
-            found |= self._leg(name, side, phase if side > 0 else phase - 0.5, centre, pelvis)
+            found |= self._leg(name, side, phase - self._behind(side), centre, pelvis)
             found |= self._arm(name, side, turn if side > 0 else turn - np.pi, shoulders, chest_axes)
         return found
 

@@ -22,7 +22,9 @@ class Pattern:
     place of the ankle; `height` and `bounce`: of the hips at most, and how much lower they are at midstance, body
     heights; `clearance` (m): of a foot from the floor in the middle of its swing, at least; `arm` (degrees): middle and
     amplitude of the shoulder's flexion and of the elbow's; `lean`: of the trunk, degrees; `strides`: a function of the
-    speed (m/s) and the body height (m) that gives the strides per second.
+    speed (m/s) and the body height (m) that gives the strides per second. `lands`: share of the
+    cycle for which the heel is on the floor before it is at rest, and `rolls`: for which the toes are after the ball
+    has left; `second`: when in the cycle of the left foot the right one comes down, not halfway where somebody limps.
 
     What people differ in, of which the curves say nothing: `quickness`: more strides than usual at a speed, a factor;
     `sway` of the hips and `feet_apart`, of each foot from the middle, body heights; `hips_turn`, `hips_drop` and
@@ -40,6 +42,9 @@ class Pattern:
     arm: tuple[float, float, float, float]
     lean: float
     strides: Callable[[Any, float], Any]
+    rolls: float
+    lands: float = 0.007
+    second: float = 0.5
     quickness: float = 1.0
     sway: float = 0.011
     feet_apart: float = 0.026
@@ -65,6 +70,9 @@ def running_cadence(speed: ArrayLike, height: float) -> Floats:
     return 1.25 + 0.05 * np.asarray(speed)
 
 
+# `lands` and `rolls` of WALK are chosen on real walks with events (../shared/data/mocap), since bodies here have
+# neither soft heels nor toes: at a real toe off the marker behind the toes has 0.9 of the walking speed. Those of RUN
+# are a guess.
 # Winter, The Biomechanics and Motor Control of Human Gait, 2nd ed. (1991), natural cadence, as read off its mean
 # curves; they agree with Kadaba et al., J. Orthop. Res. 8 (1990) 383-392 where the hip is taken against the vertical.
 # Arms: shoulder 24 degrees back to 8 forward, elbow 20-40 (Murray et al. 1967, Am. J. Phys. Med.).
@@ -80,6 +88,7 @@ WALK = Pattern(
     arm=(-8.0, 16.0, 30.0, 10.0),
     lean=3.0,
     strides=walking_cadence,
+    rolls=0.045,
 )
 # Novacheck, The biomechanics of running, Gait and Posture 7 (1998) 77-95, as read off its curves, for a jog
 RUN = Pattern(
@@ -94,6 +103,7 @@ RUN = Pattern(
     arm=(-15.0, 25.0, 90.0, 10.0),
     lean=8.0,
     strides=running_cadence,
+    rolls=0.06,
 )
 
 # How people differ: standard deviations of the curves' middles and of their first two harmonics (degrees, each of sine

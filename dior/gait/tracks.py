@@ -1,0 +1,157 @@
+"""What the gait of one walker is measured from: pelvis, heels and toes over time, at any frame rate.
+
+INPUTS   joints or markers (T, J, 3) m by name, their covariance and the share of it that lasts, times (T,) s
+OUTPUTS  `Tracks`; values and velocities at any times between the frames
+World with Z up, metres, seconds. Feet stand in the order left, right.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dior.arrays import Bools, Floats
+
+SIDES = ("left", "right")
+# the first of which all are there is taken; markers of Plug-in-Gait, then what detectors name
+PELVIS = (
+    ("LASI", "RASI", "LPSI", "RPSI"),
+    ("LASI", "RASI"),
+    ("LPSI", "RPSI"),
+    ("left_hip", "right_hip"),
+    ("mid_hip",),
+)
+HEEL = ({"left": "LHEE", "right": "RHEE"}, {"left": "left_heel", "right": "right_heel"})
+TOE = (
+    {"left": "LTOE", "right": "RTOE"},
+    {"left": "left_foot_index", "right": "right_foot_index"},
+    {"left": "left_big_toe", "right": "right_big_toe"},
+)
+# of a marker whose error nobody knows; chosen: ten times a motion capture's noise, for the skin beneath it
+MARKER_SIGMA_M = 0.002
+# s, in which the error of a refined joint forgets; chosen by benchmarks.gait
+REFINED_S = 0.12
+# over this a track is bridged; chosen: a tenth of a stride, in which no foot leaves the floor and comes down again
+BRIDGED_S = 0.1
+# velocities are differences over twice this; chosen: shorter is noise, longer blurs a foot that lands
+HALF_S = 0.02
+# terms of the derivative of a cubic spline, which fall by 2 - sqrt(3) from one to the next
+_TERMS = 12
+
+
+@dataclass(frozen=True, eq=False)
+class Tracks:
+    """Of one walker: `seconds` (T,), evenly spaced; `pelvis` (T, 3), `heel` and `toe` (T, 2, 3) m, NaN where unknown.
+
+    `heel_covariance`, `toe_covariance` (T, 2, 3, 3) m^2 of their errors; `heel_lasting`, `toe_lasting` (T, 2): which
+    share of it lasts for a second and more. `noise_time_s`: in which the correlation of the rest falls to exp(-1/2), 0
+    for white noise.
+    """
+
+    seconds: Floats
+    pelvis: Floats
+    heel: Floats
+    toe: Floats
+    heel_covariance: Floats
+    toe_covariance: Floats
+    heel_lasting: Floats
+    toe_lasting: Floats
+    noise_time_s: float = 0.0
+
+    def on_belt(self, belt: Floats) -> "Tracks":
+        """The same in the axes of a treadmill's belt that moves with `belt` (2,) m/s: there the walker goes forward."""
+        gone = np.zeros((len(self.seconds), 3))
+        gone[:, :2] = np.outer(self.seconds - self.seconds[:1], belt)
+        feet = gone[:, None]
+        return replace(self, pelvis=self.pelvis - gone, heel=self.heel - feet, toe=self.toe - feet)
+
+
+def of_joints(
+    seconds: Floats,
+    points: Floats,
+    names: Sequence[str],
+    covariance: Floats | None = None,
+    lasting: Floats | None = None,
+    noise_time_s: float = 0.0,
+) -> Tracks | None:
+    """`Tracks` from joints or markers `points` (T, J, 3) m; None where there is no pelvis, heel or toe among `names`.
+
+    `covariance` (T, J, 3, 3) m^2 and `lasting` (T, J) as in `Tracks`; NaN or None: a marker's.
+    """
+    pelvis = next((group for group in PELVIS if set(group) <= set(names)), None)
+    heel, toe = (next((k for k in kinds if set(k.values()) <= set(names)), None) for kinds in (HEEL, TOE))
+    if pelvis is None or heel is None or toe is None:
+        return None
+    at = {name: j for j, name in enumerate(names)}
+
+    def both(which: dict[str, str]) -> tuple[Floats, Floats, Floats]:
+        index = [at[which[side]] for side in SIDES]
+        shape = (len(points), len(index))
+        C = np.full((*shape, 3, 3), np.nan) if covariance is None else covariance[:, index]
+        share = np.zeros(shape) if lasting is None else np.nan_to_num(lasting[:, index])
+        unknown: Bools = np.asarray(~np.isfinite(C).all(axis=(-1, -2)))
+        C = np.where(unknown[..., None, None], MARKER_SIGMA_M**2 * np.eye(3), C)
+        return points[:, index], C, share
+
+    heels, toes = both(heel), both(toe)
+    middle = points[:, [at[name] for name in pelvis]].mean(axis=1)
+    return Tracks(seconds, middle, heels[0], toes[0], heels[1], toes[1], heels[2], toes[2], noise_time_s)
+
+
+def bridged(seconds: Floats, values: Floats) -> tuple[Floats, Bools]:
+    """Values (T, 3) without NaN, and which of them are known or within a gap of at most `BRIDGED_S` (T,).
+
+    What is longer is filled too, by a line, and not to be used.
+    """
+    known: Bools = np.asarray(np.isfinite(values).all(axis=-1))
+    if known.sum() < 2:
+        return np.zeros_like(values), np.zeros(len(values), bool)
+    rows = np.flatnonzero(known)
+    filled = np.stack([np.interp(seconds, seconds[rows], values[rows, i]) for i in range(values.shape[-1])], axis=-1)
+    after = np.searchsorted(rows, np.arange(len(values)))
+    before = np.clip(after - (~known), 0, len(rows) - 1)
+    inside = known | ((after > 0) & (after < len(rows)))
+    after = np.minimum(after, len(rows) - 1)
+    gap = seconds[rows[after]] - seconds[rows[before]]
+    return filled, inside & (known | (gap <= BRIDGED_S + 1e-9))
+
+
+def at(seconds: Floats, values: Floats, times: Floats) -> Floats:
+    """Values (..., C) at any `times` (...) of a cubic spline through `values` (T, C) at even `seconds` (T,)."""
+    step = (seconds[-1] - seconds[0]) / (len(seconds) - 1)
+    slope = _slopes(values)
+    where = np.clip((times - seconds[0]) / step, 0.0, len(seconds) - 1.0)
+    k = np.minimum(where.astype(int), len(seconds) - 2)
+    u = (where - k)[..., None]
+    a, b, da, db = values[k], values[k + 1], slope[k], slope[k + 1]
+    return a + u * (da + u * (3 * (b - a) - 2 * da - db + u * (2 * (a - b) + da + db)))
+
+
+def _slopes(values: Floats) -> Floats:
+    """Slopes (T, C) per frame of a cubic spline through `values` (T, C), which goes on straight at its ends.
+
+    The slopes m of a cubic spline fulfil m[i-1] + 4 m[i] + m[i+1] = 3 (x[i+1] - x[i-1]); the inverse of that falls off
+    by a constant factor.
+    """
+    pad = _TERMS + 1
+    many = np.arange(1, pad + 1)[:, None]
+    first, last = values[0], values[-1]
+    before = first - (many[::-1]) * (values[1] - first)
+    after = last + many * (last - values[-2])
+    x = np.concatenate([before, values, after])
+    right = 3 * (x[2:] - x[:-2])
+    weights = (np.sqrt(3) - 2) ** np.abs(np.arange(-_TERMS, _TERMS + 1)) / (2 * np.sqrt(3))
+    return np.stack([np.convolve(column, weights, "valid") for column in right.T], axis=-1)
+
+
+def velocity(seconds: Floats, values: Floats, times: Floats, half_s: float = HALF_S) -> Floats:
+    """Velocities (..., C) at `times` (...): differences over `half_s` to either side, less where the track ends."""
+    first = np.clip(times - half_s, seconds[0], seconds[-1])
+    last = np.clip(times + half_s, seconds[0], seconds[-1])
+    return (at(seconds, values, last) - at(seconds, values, first)) / (last - first)[..., None]
+
+
+def velocity_variance(variance: Floats, noise_time_s: float, half_s: float = HALF_S) -> Floats:
+    """Variance (m/s)^2 of `velocity` along an axis in which positions have `variance` m^2, without what lasts."""
+    alike = np.exp(-0.5 * (2 * half_s / noise_time_s) ** 2) if noise_time_s > 0 else 0.0
+    return 2 * variance * (1 - alike) / (2 * half_s) ** 2
