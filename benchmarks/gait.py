@@ -179,9 +179,11 @@ def errors_of_rows(rows, pooled, true):
             each.setdefault(row.name, []).append((row.value - ends[k, 1], row.sigma))
             matched.setdefault((row.name, tracks.SIDES[row.side]), []).append(ends[k, 1])
     for one in pooled:
-        truth = matched.get((one.name, one.side))
-        if truth is not None and len(truth) == one.count:
-            means.setdefault(one.name, []).append((one.value - np.mean(truth), one.sigma))
+        sides = tracks.SIDES if one.side == "both" else (one.side,)
+        truth = [matched[one.name, side] for side in sides if (one.name, side) in matched]
+        if truth and sum(map(len, truth)) == one.count:
+            name = one.name if one.side == "both" else f"{one.name} of a side"
+            means.setdefault(name, []).append((one.value - np.mean([np.mean(t) for t in truth]), one.sigma))
     return each, means
 
 
@@ -203,14 +205,18 @@ def print_events(case, found):
 
 
 def print_parameters(each, means):
-    print(f"   {'':<34}{'steps':>6}{'mean':>9}{'sd':>9}{'held':>8}{'means':>10}{'mean':>9}{'sd':>9}{'held':>8}")
+    print(
+        f"   {'':<34}{'steps':>6}{'mean':>9}{'sd':>9}{'held':>8}{'walks':>10}{'mean':>9}{'sd':>9}{'held':>8}"
+        f"{'sides':>10}{'mean':>9}{'sd':>9}{'held':>8}"
+    )
     for case in CASES:
         for name in FIGURES:
             if (case, name) not in each:
                 continue
             line = f"   {case:<12}{name:<22}"
-            for width, sums in ((6, each), (10, means)):
-                off, sigma = np.array(sums.get((case, name), [(np.nan, np.nan)])).T
+            of_side = (case, f"{name} of a side")
+            for width, sums, key in ((6, each, (case, name)), (10, means, (case, name)), (10, means, of_side)):
+                off, sigma = np.array(sums.get(key, [(np.nan, np.nan)])).T
                 line += f"{len(off):>{width}}{off.mean():>9.4f}{off.std():>9.4f}{held(off, sigma):>8.1%}"
             print(line)
 

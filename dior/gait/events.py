@@ -18,7 +18,7 @@ import numpy as np
 from dior.arrays import Bools, Floats, Ints, Texts
 from dior.gait import progression
 from dior.gait.progression import Progression
-from dior.gait.tracks import SIDES, Tracks, at, bridged, velocity, velocity_variance
+from dior.gait.tracks import PELVIS_BRIDGED_S, SIDES, Tracks, at, bridged, velocity, velocity_variance
 
 STRIKE, OFF = "heel_strike", "toe_off"
 # s, of the times at which everything is looked at; events lie between them
@@ -43,12 +43,14 @@ LONGEST = 1.6
 AT_REST, RUNNING_BELOW = 0.3, 0.5
 # at an end of what is known an event may be another one's half; chosen
 END_S = 0.1
+# of a found belt's velocity, which heels and toes that roll hide; chosen on simulated walks (benchmarks.gait)
+BELT_SHARE = 0.015
 # of a stance, in which the heel rests, and the toe: after the strike has ended, before they rise; chosen
 RESTS, TOE_RESTS = (0.2, 0.45), (0.3, 0.55)
 # s, what is left of an event without any error of a label: how one step differs from the next, and how people and the
 # feet of one person differ, in when a foot has that speed. Chosen on simulated people (benchmarks.gait), walking and
 # running; strikes of the two real walks scatter more, by 15 ms, with what whoever marked them did
-STEP_SD_S, SIDE_SD_S, PERSON_SD_S, RUNNER_SD_S = 0.005, 0.003, 0.005, 0.015
+STEP_SD_S, SIDE_SD_S, PERSON_SD_S, RUNNER_SD_S = 0.004, 0.003, 0.0065, 0.015
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +122,8 @@ def _slips(tracks: Tracks, events: Events) -> tuple[Floats, float]:
                 each.append(np.median(spans, axis=0))
     if len(each) < 2:
         return np.zeros(2), 0.0
-    return np.mean(each, axis=0), float(np.std(each, axis=0, ddof=1).max() / np.sqrt(len(each)))
+    sigma = float(np.std(each, axis=0, ddof=1).max() / np.sqrt(len(each)))
+    return np.mean(each, axis=0), float(np.hypot(sigma, BELT_SHARE * np.linalg.norm(events.belt)))
 
 
 def _found(tracks: Tracks, times: Floats, belt: Floats) -> Events:
@@ -182,7 +185,8 @@ def _foot(tracks: Tracks, side: int, times: Floats, going: Progression) -> _Foot
         along = np.einsum("ti,tij,tj->t", h, C, h)
         sigmas.append(np.sqrt(velocity_variance(along, tracks.noise_time_s)) / speed)
         known &= np.interp(times, tracks.seconds, fine.astype(float)) > 0.999
-    known &= np.interp(times, tracks.seconds, bridged(tracks.seconds, tracks.pelvis)[1].astype(float)) > 0.999
+    fine = bridged(tracks.seconds, tracks.pelvis, PELVIS_BRIDGED_S)[1]
+    known &= np.interp(times, tracks.seconds, fine.astype(float)) > 0.999
     return _Foot(shares[0], shares[1], (shares[0] + shares[1]) / 2, sigmas[0], sigmas[1], known)
 
 

@@ -19,7 +19,8 @@ import numpy as np
 
 from dior.arrays import Bools, Floats
 from dior.gait.events import LONGEST, RESTS, SIDE_SD_S, Events
-from dior.gait.tracks import SIDES, Tracks, at, bridged
+from dior.gait.progression import STRIDE_HALF_S
+from dior.gait.tracks import SIDES, Tracks, at, bridged, velocity
 
 # unit by parameter, in the order of the tables
 STEP = {
@@ -39,6 +40,13 @@ WALKING_ONLY = ("double_support_share",)
 PRINT_SD_M = 0.002
 # normal distribution
 IN_95 = 1.96
+# m, along an axis: how far a detector's idea of a heel is off all along, by another way left and right, of which the
+# covariance of the labels has too little; chosen on simulated walks (benchmarks.gait)
+DETECTED_M = 0.006
+# of the rest of a variance, this share lasts for longer than a stance; chosen on simulated walks (benchmarks.gait)
+SLOW = 0.5
+# of the time in which a heel rests, so much is seen; chosen
+HALF_SEEN = 0.5
 # of the error that lasts for a second, this share of the standard deviation is gone by the next print of a foot, which
 # stands elsewhere before the cameras; chosen on simulated walks (benchmarks.gait)
 FADES = 0.3
@@ -114,19 +122,24 @@ def _prints(tracks: Tracks, events: Events) -> tuple[Floats, _Errors]:
     prints, spread, lasts = np.full((count, 2), np.nan), np.zeros((count, 2, 2)), np.zeros((count, 2, 2))
     filled = [bridged(tracks.seconds, tracks.heel[:, side]) for side in range(len(SIDES))]
     step = (tracks.seconds[-1] - tracks.seconds[0]) / (len(tracks.seconds) - 1)
+    usual = _usual_stance(events)
     for i in np.flatnonzero(events.strike).tolist():
         side = events.side[i]
         after = np.flatnonzero((events.side == side) & (np.arange(count) > i))
         # without the toe off that ends it, as long as the stances before
-        end = events.seconds[after[0]] if len(after) and not events.strike[after[0]] else np.nan
-        stance = end - events.seconds[i] if np.isfinite(end) else _usual_stance(events)
+        end = events.seconds[after[0]] if len(after) and not events.strike[after[0]] else np.inf
+        stance = end - events.seconds[i]
+        # of a toe off after one that was missed
+        stance = stance if stance <= LONGEST * usual else usual
         first, last = (events.seconds[i] + share * stance for share in RESTS)
         inside = (tracks.seconds >= first) & (tracks.seconds <= last) & filled[side][1]
-        if not inside.any():
+        # half of it would be another part of the stance
+        if inside.sum() * step < HALF_SEEN * (last - first):
             continue
         prints[i] = np.median(filled[side][0][inside, :2], axis=0)
         C = tracks.heel_covariance[inside, side, :2, :2].mean(axis=0)
         share = float(tracks.heel_lasting[inside, side].mean())
+        share += (1 - share) * SLOW
         # a mean over a window has fewer independent errors than frames
         alike = max(step, np.sqrt(2 * np.pi) * tracks.noise_time_s)
         spread[i] = C * (1 - share) * min(1.0, alike / max(last - first, step))
@@ -135,11 +148,15 @@ def _prints(tracks: Tracks, events: Events) -> tuple[Floats, _Errors]:
     same_kind = events.strike[:, None] == events.strike
     same_side = events.side[:, None] == events.side
     own = own + events.shared_s**2 * same_kind + SIDE_SD_S**2 * (same_kind & same_side)
-    root = np.sqrt(np.maximum(np.einsum("eii->ei", lasts), 0.0))
-    constant = np.zeros((count, count, 2, 2))
-    for axis in range(2):
-        alike = np.outer(root[:, axis], root[:, axis]) * same_side
-        constant[:, :, axis, axis] = alike * ((1 - FADES**2) + FADES**2 * np.eye(count))
+    # what lasts, skin or a detector's idea of a heel, turns round with the walker
+    pelvis = bridged(tracks.seconds, tracks.pelvis)[0]
+    x, y = velocity(tracks.seconds, pelvis, events.seconds, STRIDE_HALF_S)[:, :2].T
+    c, n = np.cos(np.arctan2(y, x)), np.sin(np.arctan2(y, x))
+    turned = np.stack([np.stack([c, -n], axis=-1), np.stack([n, c], axis=-1)], axis=-2)
+    sd = np.sqrt(np.maximum(np.trace(lasts, axis1=-2, axis2=-1) / 2, 0.0))
+    sd = np.hypot(sd, DETECTED_M) if tracks.noise_time_s > 0 else sd
+    alike = np.outer(sd, sd) * same_side * ((1 - FADES**2) + FADES**2 * np.eye(count))
+    constant = alike[..., None, None] * np.einsum("pik,qjk->pqij", turned, turned)
     constant[np.arange(count), np.arange(count)] += spread + PRINT_SD_M**2 * np.eye(2)
     # a belt that is faster moves later prints further
     late = events.seconds - events.seconds.mean()

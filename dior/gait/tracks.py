@@ -27,12 +27,16 @@ TOE = (
     {"left": "left_foot_index", "right": "right_foot_index"},
     {"left": "left_big_toe", "right": "right_big_toe"},
 )
-# of a marker whose error nobody knows; chosen: ten times a motion capture's noise, for the skin beneath it
-MARKER_SIGMA_M = 0.002
+# of a marker whose error nobody knows, along an axis: ten times a motion capture's noise, and how far the skin beneath
+# it is off at the same moment of every stride; chosen: skin moves by 5 to 10 mm (Leardini et al., Gait & Posture 21
+# (2005) 212-225), on a foot rather less
+MARKER_SIGMA_M, SKIN_SIGMA_M = 0.002, 0.005
 # s, in which the error of a refined joint forgets; chosen by benchmarks.gait
 REFINED_S = 0.12
 # over this a track is bridged; chosen: a tenth of a stride, in which no foot leaves the floor and comes down again
 BRIDGED_S = 0.1
+# and the pelvis, which goes on as it went; chosen: about a step
+PELVIS_BRIDGED_S = 0.5
 # velocities are differences over twice this; chosen: shorter is noise, longer blurs a foot that lands
 HALF_S = 0.02
 # terms of the derivative of a cubic spline, which fall by 2 - sqrt(3) from one to the next
@@ -90,16 +94,17 @@ def of_joints(
         C = np.full((*shape, 3, 3), np.nan) if covariance is None else covariance[:, index]
         share = np.zeros(shape) if lasting is None else np.nan_to_num(lasting[:, index])
         unknown: Bools = np.asarray(~np.isfinite(C).all(axis=(-1, -2)))
-        C = np.where(unknown[..., None, None], MARKER_SIGMA_M**2 * np.eye(3), C)
-        return points[:, index], C, share
+        marker = MARKER_SIGMA_M**2 + SKIN_SIGMA_M**2
+        C = np.where(unknown[..., None, None], marker * np.eye(3), C)
+        return points[:, index], C, np.where(unknown, SKIN_SIGMA_M**2 / marker, share)
 
     heels, toes = both(heel), both(toe)
     middle = points[:, [at[name] for name in pelvis]].mean(axis=1)
     return Tracks(seconds, middle, heels[0], toes[0], heels[1], toes[1], heels[2], toes[2], noise_time_s)
 
 
-def bridged(seconds: Floats, values: Floats) -> tuple[Floats, Bools]:
-    """Values (T, 3) without NaN, and which of them are known or within a gap of at most `BRIDGED_S` (T,).
+def bridged(seconds: Floats, values: Floats, longest_s: float = BRIDGED_S) -> tuple[Floats, Bools]:
+    """Values (T, 3) without NaN, and which of them are known or within a gap of at most `longest_s` (T,).
 
     What is longer is filled too, by a line, and not to be used.
     """
@@ -113,7 +118,7 @@ def bridged(seconds: Floats, values: Floats) -> tuple[Floats, Bools]:
     inside = known | ((after > 0) & (after < len(rows)))
     after = np.minimum(after, len(rows) - 1)
     gap = seconds[rows[after]] - seconds[rows[before]]
-    return filled, inside & (known | (gap <= BRIDGED_S + 1e-9))
+    return filled, inside & (known | (gap <= longest_s + 1e-9))
 
 
 def at(seconds: Floats, values: Floats, times: Floats) -> Floats:
