@@ -20,7 +20,6 @@ from dior.gait import progression
 from dior.gait.progression import Progression
 from dior.gait.tracks import PELVIS_BRIDGED_S, SIDES, Tracks, at, bridged, velocity, velocity_variance
 
-STRIKE, OFF = "heel_strike", "toe_off"
 # s, of the times at which everything is looked at; events lie between them
 STEP_S = 0.005
 # forward speeds of the heel before its strike and of the toe after it is off, walking speeds, and by which share of a

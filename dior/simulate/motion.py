@@ -15,7 +15,7 @@ from dior.arrays import Bools, Floats
 from dior.body.names import MLKIT_33, PLUG_IN_GAIT_39
 from dior.errors import DiorError
 from dior.simulate import body as bodies
-from dior.simulate.gait import Walker
+from dior.simulate.gait import Contacts, Walker
 from dior.simulate.patterns import RUN, WALK, of_person
 from dior.simulate.settings import Sequence, Settings, generator, motion_path, person
 from dior.simulate.soft_tissue import movement
@@ -34,13 +34,15 @@ LOOPS: dict[str, dict[str, Any]] = {
 
 @dataclass(frozen=True)
 class Motion:
-    """A walk. `names` of the markers; `at(t)` gives landmarks and markers, `seen(t)` (T, M) where a marker was seen."""
+    """A walk. `names` of the markers; `at(t)` gives landmarks and markers, `seen(t)` (T, M) where a marker was seen;
+    `contacts` of the feet with the floor, None where nobody knows them."""
 
     names: tuple[str, ...]
     height: float
     at: Callable[[Floats], tuple[Floats, Floats]]
     seen: Callable[[Floats], Bools]
     lasts_s: float = np.inf
+    contacts: Contacts | None = None
 
 
 def mocap_lasts(settings: Settings) -> float:
@@ -95,7 +97,13 @@ def _motion(settings: Settings, sequence: Sequence) -> tuple[Motion, float]:
         until=settings.duration_s + 2.0,
         **LOOPS.get(sequence.walk, {}),
     )
-    motion = Motion(PLUG_IN_GAIT_39, body.height, walker.at, lambda t: np.ones((len(t), len(PLUG_IN_GAIT_39)), bool))
+    motion = Motion(
+        PLUG_IN_GAIT_39,
+        body.height,
+        walker.at,
+        lambda t: np.ones((len(t), len(PLUG_IN_GAIT_39)), bool),
+        contacts=walker.contacts,
+    )
     return motion, float(pattern.strides(speed, body.height) * pattern.quickness)
 
 

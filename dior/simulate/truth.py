@@ -1,8 +1,9 @@
 """What is true of a simulated walk, and the tables that say so.
 
 INPUTS   settings and a sequence's name
-OUTPUTS  `View` of each camera in memory; truth/<sequence>/{labels_2d,skeletons_3d,cameras,detections}.parquet; of the
-         second person, where everybody is detected, second_{labels_2d,skeletons_3d}.parquet
+OUTPUTS  `View` of each camera in memory; truth/<sequence>/{labels_2d,skeletons_3d,cameras,detections,contacts}.parquet,
+         the last without rows where the motion is that of a C3D; of the second person, where everybody is detected,
+         second_{labels_2d,skeletons_3d}.parquet
 Indoors the joints are the markers and, after them, the landmarks; outdoors the landmarks. World metres, Z up; pixels
 as recorded.
 """
@@ -22,6 +23,7 @@ from dior.geometry.camera import Camera
 from dior.simulate import bystander, draw, scene
 from dior.simulate.bystander import SecondPerson
 from dior.simulate.clocks import Clock, clocks_of
+from dior.simulate.gait import Contacts
 from dior.simulate.motion import Motion, mocap_lasts, motion_of
 from dior.simulate.settings import Sequence, Settings, generator
 from dior.tables import tables
@@ -180,6 +182,7 @@ def write(
         "simulated_detections",
         _stacked(_detections(views[camera], done) for camera, done in found.items()),
     )
+    tables.write(folder / "contacts.parquet", "contacts", _contacts(settings, sequence, motion, views))
 
 
 def write_second(settings: Settings, sequence: Sequence, views: dict[str, View], folder: Path) -> None:
@@ -223,6 +226,24 @@ def _instants(settings: Settings, sequence: Sequence, views: dict[str, View]) ->
         return mocap_seconds(settings)
     last = max(v.seconds[-1] for v in views.values())
     return np.arange(int(np.floor(last * settings.fps)) + 1) / settings.fps
+
+
+def _contacts(settings: Settings, sequence: Sequence, motion: Motion, views: dict[str, View]) -> Table:
+    """When the subject's feet touch the floor and leave it, in the time of the truth."""
+    known = motion.contacts
+    if known is None:
+        known = Contacts(np.empty(0), np.empty(0, int), np.empty(0, bool), np.empty((0, 2)))
+    instants, (_, t0) = _instants(settings, sequence, views), clocks_of(settings, sequence)
+    rows = np.flatnonzero((known.seconds >= instants[0]) & (known.seconds <= instants[-1]))
+    return {
+        "subject": np.full(len(rows), sequence.subject, object),
+        "sequence": np.full(len(rows), sequence.name, object),
+        "foot": np.array(["left", "right"], object)[known.foot[rows]],
+        "event": np.where(known.strike[rows], "heel_strike", "toe_off").astype(object),
+        "stamp_ns": t0 + np.round(known.seconds[rows] * 1e9).astype(np.int64),
+        "x": known.heel[rows, 0],
+        "y": known.heel[rows, 1],
+    }
 
 
 def _skeleton(settings: Settings, sequence: Sequence, motion: Motion, views: dict[str, View]) -> Table:

@@ -21,6 +21,8 @@ NO_IMAGE = (
 COVER = ("head", "other")
 MARK_KIND = ("mark", "check")
 SPLITS = {"subject": ("train", "val", "test"), "range": ("gallery", "probe"), "outfit": ("gallery", "probe")}
+FOOT = ("left", "right")
+GAIT_EVENT = ("heel_strike", "toe_off")
 SEVERITY = ("info", "warning", "error")
 # of tables about everybody in a sequence, whose rows are
 WHO = (

@@ -58,6 +58,22 @@ def test_mocap_has_the_same_bytes_and_is_the_truth(tiny, tmp_path):
     assert error.std() == pytest.approx(used.mocap_noise_mm / 1000, rel=0.05)
 
 
+def test_the_truth_says_when_feet_touch_the_floor(tiny):
+    _, folder = tiny
+    for walk in ("indoor_01", "outdoor_01"):
+        true = tables.read(folder / f"truth/{walk}/contacts.parquet", "contacts")
+        points, joints = tables.grid(tables.read(folder / f"truth/{walk}/skeletons_3d.parquet", "skeletons_3d"), *"xyz")
+        stamps = np.unique(tables.read(folder / f"truth/{walk}/skeletons_3d.parquet", "skeletons_3d")["stamp_ns"])
+        strikes = true["event"] == "heel_strike"
+        assert strikes.any() and (true["stamp_ns"] >= stamps[0]).all() and (true["stamp_ns"] <= stamps[-1]).all()
+        for foot, when, x, y in zip(*(true[key][strikes] for key in ("foot", "stamp_ns", "x", "y")), strict=True):
+            # a tenth of a second later the foot stands
+            frame = np.searchsorted(stamps, when + 100_000_000)
+            if frame < len(stamps):
+                heel = points[frame, joints.index(f"{foot}_heel")]
+                assert np.linalg.norm(heel[:2] - (x, y)) < 0.02 and heel[2] < 0.06
+
+
 def test_detections_are_the_truth_plus_the_noise_they_say(tiny):
     used, folder = tiny
     true = tables.read(folder / "truth/outdoor_01/labels_2d.parquet", "labels_2d")

@@ -1,6 +1,17 @@
-"""Tables of dior.simulate: what the simulator did to a detection."""
+"""Tables of dior.simulate: what the simulator did to a detection, and when feet touch the floor."""
+
+from dior.tables.words import FOOT, GAIT_EVENT
 
 TABLES = {
+    "contacts": (
+        ("subject", "text"),
+        ("sequence", "text"),
+        ("foot", FOOT),
+        ("event", GAIT_EVENT),
+        ("stamp_ns", "int64", "ns"),
+        ("x", "float64", "m", "where the heel rests in that stance"),
+        ("y", "float64", "m"),
+    ),
     "simulated_detections": (
         ("camera", "text"),
         ("frame", "int32"),
