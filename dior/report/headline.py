@@ -31,11 +31,15 @@ KINDS = {
 
 @dataclass(frozen=True)
 class Told:
-    """A recording of a camera: its kind, (environment, role), its level of `lights.LEVELS` and figures by metric."""
+    """A recording of a camera: its kind, (environment, role), its level of `lights.LEVELS` and figures by metric.
+
+    `aside`: something draws its labels aside, which their sigmas do not know.
+    """
 
     kind: tuple[str, str]
     level: str
     figures: Mapping[str, float]
+    aside: bool = False
 
 
 @dataclass(frozen=True)
@@ -65,7 +69,7 @@ def read(paths: Iterable[AnyPath]) -> Quantiles:
 def lines(recordings: Mapping[tuple[str, str], Told], quantiles: Quantiles) -> list[Line]:
     """A `Line` for each kind of camera that there is.
 
-    What is red is left out: it is told how many recordings those are.
+    What is red or `aside` is left out: it is told how many recordings those are.
     """
     found = []
     for kind, name in KINDS.items():
@@ -76,7 +80,7 @@ def lines(recordings: Mapping[tuple[str, str], Told], quantiles: Quantiles) -> l
 
 
 def _line(name: str, far: bool, own: Mapping[tuple[str, str], Told], quantiles: Quantiles) -> Line:
-    good = {key: told for key, told in own.items() if told.level != "bad"}
+    good = {key: told for key, told in own.items() if told.level != "bad" and not told.aside}
     px, n = _stacked(good, quantiles, "label_sigma")
     m, _ = _stacked(good, quantiles, "label_sigma_m")
     by_sigma = radius(px, n, SHARE)
@@ -87,15 +91,14 @@ def _line(name: str, far: bool, own: Mapping[tuple[str, str], Told], quantiles: 
         ("error_to_truth_2d", "measured: 95 % within {} of the simulated truth"),
         ("check_error", "measured: 95 % within {} of the hand checks"),
     ):
-        values, count = _stacked(own, quantiles, metric)
+        values, count = _stacked(good, quantiles, metric)
         if len(values):
             known.append(words.format(show(pooled_quantile(values, count, SHARE), "px")))
     shares = _in_boxes(own)
     if shares:
         known.append(shares)
-    red = len(own) - len(good)
-    if red:
-        missing.append(f"{many(red, 'recording')} to fix {'is' if red == 1 else 'are'} left out of these figures")
+    if wrong := len(own) - len(good):
+        missing.append(f"{many(wrong, 'recording')} to mend {'is' if wrong == 1 else 'are'} left out of these figures")
     look = sum(told.level == "look" for told in good.values())
     if look:
         missing.append(f"{many(look, 'recording')} to look at {'is' if look == 1 else 'are'} in these figures")

@@ -141,6 +141,17 @@ def folded(found: Sequence[CameraRow]) -> list[tuple[str, list[CameraRow]]]:
     return parts
 
 
+def aside(table: Iterable[CameraRow]) -> set[tuple[str, str]]:
+    """The recordings (sequence, camera) of which something draws the labels aside, which their sigmas do not know."""
+    return {
+        (sequence, row.camera)
+        for row in table
+        for trouble in row.troubles
+        if troubles.EXPLAINS.get(trouble.code, frozenset()) >= troubles.ASIDE
+        for sequence in trouble.sequences
+    }
+
+
 def figures(found: Iterable[CameraRow]) -> Figures:
     """What is kept of a run, to be compared with the next (`last_run`)."""
     names = ("sigma_px", "coverage", "residual_px", "beside_px")

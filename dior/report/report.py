@@ -11,7 +11,7 @@ OUTPUTS  <out>/index.html, written last; <out>/compared.js, what it says more of
 import json
 import shutil
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -174,7 +174,7 @@ def run(
         dataset=dataset.section(counted),
         tiles=_tiles(project, recorded),
         tally=Counter(cell["light"].level for card in shown for cell in card["cells"]),
-        headline=headline.lines(_told(environments, shown), headline.read(evaluated.quantiles)),
+        headline=headline.lines(_told(environments, shown, overview.aside(table)), headline.read(evaluated.quantiles)),
         table=overview.folded(table),
         columns=overview.COLUMNS,
         where=troubles.where,
@@ -217,12 +217,17 @@ def _script(beyond: Mapping[str, Any]) -> str:
     return f"window.compared = {json.dumps(told, sort_keys=True, indent=1)};\n"
 
 
-def _told(environments: Mapping[str, str], shown: Iterable[dict[str, Any]]) -> dict[tuple[str, str], headline.Told]:
-    """What the headline is made of, by sequence and camera."""
+def _told(
+    environments: Mapping[str, str], shown: Iterable[dict[str, Any]], aside: Collection[tuple[str, str]]
+) -> dict[tuple[str, str], headline.Told]:
+    """What the headline is made of, by sequence and camera; of those whose labels lie `aside`, too."""
     return {
         (card["sequence"], cell["camera"]): headline.Told(
-            (environments[card["sequence"]], cell["role"].replace(" ", "_")), cell["light"].level, cell["figures"]
-        )
+            (environments[card["sequence"]], cell["role"].replace(" ", "_")),
+            cell["light"].level,
+            cell["figures"],
+            (card["sequence"], cell["camera"]) in aside,
+        )  # fmt: skip
         for card in shown
         for cell in card["cells"]
     }

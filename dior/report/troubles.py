@@ -63,8 +63,11 @@ DRAWS_ALL = frozenset({*culprit.CODES, "clock_contradicts", "clock_jump", "camer
 DRAWN = {"clock_contradicts": "camera_bumped", "clock_jump": "camera_bumped"}
 # what `calibrate.clocks` asks of marks a picture before the detections
 FROM_ONE = "marks.csv count from 1"
-# what is so in the recording: no file of the project mends it
-RECORDED = frozenset({"pictures_lost", "lost_pictures", "same_stamp", "same_picture"})
+# what no file of the project mends, or one that the sentence names: how it was recorded, and what says that, not why
+WITHOUT_FILE = frozenset({
+    "pictures_lost", "lost_pictures", "same_stamp", "same_picture", "subject_left_out", "error_to_truth_2d",
+    "clock_unknown",
+})  # fmt: skip
 # a file of the project in a sentence
 FILE = re.compile(r"config/[\w./@<>{}-]*\.\w+")
 MANY_BOXES = 20  # chosen: that the light is sure of labels which are 2 px off (docs/figures.md)
@@ -72,7 +75,8 @@ MANY_BOXES = 20  # chosen: that the light is sure of labels which are 2 px off (
 
 @dataclass(frozen=True)
 class Fix:
-    """What to type: `file` of the project, `what` to write there, "" where the sentence says it, and what it brings."""
+    """What to type: `file` of the project, "" where it is a command, `what` to write there, "" where the sentence says
+    it, and what it brings."""
 
     file: str
     what: str = ""
@@ -125,9 +129,8 @@ def of_camera(recordings: Sequence[Recording], setting: Setting) -> list[Trouble
         names = tuple(dict.fromkeys(recording.sequence for recording, *_ in each))
         level = lights.worst(level for _, level, _, _ in each)
         text = next(text for _, own, text, _ in each if own == level)
-        others = dict.fromkeys(text for _, _, text, _ in each)
         follows = [(one.sequence, text) for one, _, _, below in each for _, text in below]
-        follows += [(each[0][0].sequence, other) for other in others if other != text]
+        follows += [(one.sequence, other) for one, _, other, _ in each if other != text]
         found.append(
             _with_fix(Trouble(level, code, text, names, None, tuple(dict.fromkeys(follows))), recordings, setting)
         )
@@ -220,7 +223,7 @@ def _with_fix(trouble: Trouble, recordings: Sequence[Recording], setting: Settin
             f"{MANY_BOXES} boxes or more; `dior run <this project> to_mark` chooses pictures and writes rows to fill in"
         )
         return replace(trouble, fix=Fix(f"config/boxes/{first}.{own[0].camera}.csv", what, "tells how good they are"))
-    if trouble.code == lights.BESIDE_CULPRIT or trouble.code in RECORDED:
+    if trouble.code == lights.BESIDE_CULPRIT or trouble.code in WITHOUT_FILE:
         return trouble
     if trouble.code == "clock_contradicts":
         fixes = [
@@ -249,8 +252,9 @@ def _turned(trouble: Trouble, recordings: Sequence[Recording], setting: Setting)
         return _bumped(trouble, setting, names[first])
     if setting.says.get("locate") != "marks":
         return replace(trouble, fix=Fix(setting.file))
-    what = "mark the frames again, each picture at its full size; the pose is all that these marks say"
-    return replace(trouble, fix=Fix(_marks(setting), what))
+    what = "mark the frames again, each picture at its full size"
+    why = "that marks fit each other is no proof: marks that are off alike give a pose that is off"
+    return replace(trouble, fix=Fix(_marks(setting), what, why))
 
 
 def _marks(setting: Setting) -> str:
@@ -263,14 +267,14 @@ def _bumped(trouble: Trouble, setting: Setting, first: str) -> Trouble:
     stem = setting.file.removesuffix(".yaml").partition(bumps.MARK)[0]
     folder = stem.rpartition("/")[0]
     own = f"{stem}{bumps.MARK}{first}"
-    copied = Fix(f"{own}.yaml", f"cp {stem}.yaml {own}.yaml", f"from {first} on the camera has a pose of its own")
+    copied = Fix("", f"cp {stem}.yaml {own}.yaml", f"from {first} on the camera has a pose of its own")
     if setting.says.get("locate") == "marks":
         return replace(
             trouble, fix=copied, also=(Fix(f"{own}.marks.csv", f"10-20 markers on each of 3 pictures of {first}"),)
         )
-    window = Fix(f"{folder}/session.yaml", f"adjust: {{..., {first}: {{}}}}")
+    window = Fix(f"{folder}/session.yaml", f"{first}: {{}}", "a line more below adjust:")
     listed = [f"{own}.yaml" if file == f"{stem}.yaml" else file for file in setting.aligned]
-    aligned = [Fix(file, f"align: {{sequences: [..., {first}]}}") for file in listed]
+    aligned = [Fix(file, first, "one more of the sequences of align:") for file in listed]
     return replace(trouble, fix=copied, also=(window, *aligned))
 
 
@@ -281,7 +285,8 @@ def _nudged(offset: beside_boxes.Offset, setting: Setting, recording: str) -> Fi
         new = beside_boxes.nudge(offset, setting.camera, says.get("nudge") or {})
         what = f"nudge: {{{', '.join(f'{key}: {value:g}' for key, value in new.items())}}}"
         left = max(sigma for sigma, told in zip(offset.sigma, offset.told, strict=True) if told)
-        return Fix(setting.file, what, f"moves the labels onto the boxes, to ± {1.96 * left:.1f} px")
+        instead = "instead of the nudge that is there, " if says.get("nudge") else ""
+        return Fix(setting.file, what, f"{instead}moves the labels onto the boxes, to ± {1.96 * left:.1f} px")
     if says.get("locate") == "align":
         what = "are all of them drawn around the subject, and at the right frames? And is the camera's tape right"
         return Fix(f"config/boxes/{recording}.csv", f"{what} ({setting.file})?")

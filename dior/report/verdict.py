@@ -6,7 +6,7 @@ OUTPUT   a line of text: results/report/verdict.txt
 
 from collections.abc import Iterable
 
-from dior.errors import one_line
+from dior.errors import many, one_line
 from dior.report import lights, troubles
 from dior.report.overview import CameraRow
 from dior.report.troubles import Trouble
@@ -40,4 +40,7 @@ def _told(row: CameraRow, trouble: Trouble) -> str:
     fix = trouble.fix
     if fix is None or (not fix.what and fix.file in why):
         return text
-    return f"{text}; in {fix.file}: {fix.what}" if fix.what else f"{text}; its file is {fix.file}"
+    if not fix.what:
+        return f"{text}; its file is {fix.file}"
+    more = f" ({many(len(trouble.also), 'other thing')} to type in the report)" if trouble.also else ""
+    return f"{text}; {f'in {fix.file}' if fix.file else 'type'}: {fix.what}{more}"

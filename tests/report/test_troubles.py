@@ -114,9 +114,9 @@ def test_a_bump_says_all_that_is_to_be_typed():
     [found] = troubles.of_camera([Recording(walk, "cam02", faults) for walk in ("w1", "w2", "w3")], tape)
     typed = [(one.file, one.what) for one in (found.fix, *found.also)]
     assert typed == [
-        (f"{folder}/cam02@w3.yaml", f"cp {folder}/cam02.yaml {folder}/cam02@w3.yaml"),
-        (f"{folder}/session.yaml", "adjust: {..., w3: {}}"),
-        (f"{folder}/cam04.yaml", "align: {sequences: [..., w3]}"),
+        ("", f"cp {folder}/cam02.yaml {folder}/cam02@w3.yaml"),
+        (f"{folder}/session.yaml", "w3: {}"),
+        (f"{folder}/cam04.yaml", "w3"),
     ]
 
 
@@ -126,7 +126,7 @@ def test_a_pose_that_is_off_in_all_walks_is_marked_again_and_one_from_a_walk_on_
     [found] = troubles.of_camera([Recording("w1", "cam02", faults), Recording("w2", "cam02", faults)], marked)
     assert found.code == "camera_turned" and found.fix.file == "config/sessions/lab/cam02.marks.csv"
     [found] = troubles.of_camera([Recording("w1", "cam02", ()), Recording("w2", "cam02", faults)], marked)
-    assert found.fix.file == "config/sessions/lab/cam02@w2.yaml"
+    assert found.fix.what.endswith(" config/sessions/lab/cam02@w2.yaml")
     assert [one.file for one in found.also] == ["config/sessions/lab/cam02@w2.marks.csv"]
 
 
@@ -146,3 +146,16 @@ def test_pictures_that_a_recorder_lost_are_one_trouble_and_no_file_of_the_projec
     [found] = troubles.of_camera([Recording("walk_1", "cam01", faults)], Setting("config/sessions/lab/cam01.yaml"))
     assert (found.code, found.fix) == ("pictures_lost", None)
     assert found.follows == (("walk_1", faults[0][2]),)
+
+
+def test_what_is_said_otherwise_of_another_walk_stands_with_that_walk():
+    """The sentence of the first walk is the cause's own."""
+
+    def says(walk, px):
+        return Recording(walk, "cam01", (("bad", "high_error", f"{px} px"),))
+
+    [found] = troubles.of_camera([says("walk_1", 3.4), says("walk_2", 3.1)], Setting("c.yaml"))
+    assert (found.text, found.follows) == ("3.4 px", (("walk_2", "3.1 px"),))
+    worse = [Recording("walk_1", "cam01", (("look", "high_error", "3.1 px"),)), says("walk_2", 3.4)]
+    [found] = troubles.of_camera(worse, Setting("c.yaml"))
+    assert (found.text, found.follows) == ("3.4 px", (("walk_1", "3.1 px"),))
