@@ -90,6 +90,13 @@ def test_a_link_leads_to_a_frame_and_to_a_camera_s_own(browser, made):
     browser.until("document.querySelector('#note').textContent.includes('cam09')")
 
 
+def test_without_a_link_it_begins_where_there_is_somebody(browser, made):
+    browser.open(made, "#frame=45", READY)
+    browser.run("viewer.walk.numbers.joints.fill(-32768, 0, 7 * 3 * viewer.walk.joints)")
+    browser.run("location.hash = ''")
+    browser.until("document.querySelector('#slider').value === '7'")
+
+
 def test_slider_buttons_and_keys_move_all_at_once(browser, made):
     browser.open(made, "#frame=40", READY)
     browser.run("document.querySelector('#slider').focus()")

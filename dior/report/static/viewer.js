@@ -92,6 +92,12 @@
       return [0, 1, 2].map((axis) => scene.origin[axis] + steps[at + axis] * scene.step);
     }
 
+    /** The first instant at which a joint is known, else the very first. */
+    get first() {
+      for (let index = 0; index < this.count; index++) if (this.middle(index)) return index;
+      return 0;
+    }
+
     middle(index) {
       const sum = [0, 0, 0];
       let known = 0;
@@ -648,7 +654,7 @@
       else if (space) say("");
       for (const [name, figure] of pictures.figures) figure.classList.toggle("named", name === camera && index >= 0);
       stop();
-      show(Math.max(index, 0), false);
+      show(index < 0 ? walk.first : index, false);
     }
 
     slider.max = walk.count - 1;
