@@ -118,13 +118,25 @@ def _order(row: CameraRow) -> tuple[int, bool]:
 def _judged(row: CameraRow, own: tuple[Trouble, ...]) -> CameraRow:
     """The row with the troubles that are its own in the end; its light is the worst of these and of its recordings."""
     level = lights.worst((row.level, *(one.level for one in own)))
-    return replace(row, troubles=own, level=level, word=lights.WORDS[level], cells=_as_lit(row.cells, level))
+    aside = {sequence for one in own if _draws_aside(one) for sequence in one.sequences}
+    each = tuple(
+        replace(one, cells=_struck(one.cells)) if one.level == "bad" or one.sequence in aside else one
+        for one in row.recordings
+    )
+    wrong = level == "bad" or bool(each) and all(one.cells[0].struck for one in each)
+    cells = _struck(row.cells) if wrong else row.cells
+    return replace(row, troubles=own, level=level, word=lights.WORDS[level], cells=cells, recordings=each)
 
 
-def _as_lit(cells: tuple[Cell, ...], level: str) -> tuple[Cell, ...]:
-    """The cells of a row; where its light is red what its labels say of themselves does not hold."""
+def _draws_aside(trouble: Trouble) -> bool:
+    """Whether it draws labels aside, which their sigmas do not know."""
+    return troubles.EXPLAINS.get(trouble.code, frozenset()) >= troubles.ASIDE
+
+
+def _struck(cells: tuple[Cell, ...]) -> tuple[Cell, ...]:
+    """The cells of a row whose labels are wrong: what they say of themselves does not hold."""
     sigma, *others = cells
-    if level != "bad" or sigma.by == "":
+    if sigma.by == "":
         return cells
     return replace(sigma, struck=True, title="does not hold: the labels are not right, and do not know it"), *others
 
@@ -142,12 +154,12 @@ def folded(found: Sequence[CameraRow]) -> list[tuple[str, list[CameraRow]]]:
 
 
 def aside(table: Iterable[CameraRow]) -> set[tuple[str, str]]:
-    """The recordings (sequence, camera) of which something draws the labels aside, which their sigmas do not know."""
+    """The recordings (sequence, camera) of which something draws the labels aside."""
     return {
         (sequence, row.camera)
         for row in table
         for trouble in row.troubles
-        if troubles.EXPLAINS.get(trouble.code, frozenset()) >= troubles.ASIDE
+        if _draws_aside(trouble)
         for sequence in trouble.sequences
     }
 
@@ -185,7 +197,7 @@ def _camera(
         offsets.append(offset)
         lags.append(lag)
         recordings.append(troubles.Recording(sequence, camera, light.faults, offset))
-        cells = _as_lit(_cells([cell["figures"]], [offset], [lag]), light.level)
+        cells = _cells([cell["figures"]], [offset], [lag])
         link = f"sequences/{sequence}.html#{camera}"
         each.append(RecordingRow(sequence, link, light.level, light.word, cells, next(iter(light.reasons), "")))
     aligned = tuple(

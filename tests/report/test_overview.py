@@ -3,7 +3,7 @@
 import pytest
 
 from dior.report import overview
-from dior.report.overview import NOTHING, CameraRow, Cell
+from dior.report.overview import NOTHING, CameraRow, Cell, RecordingRow
 from dior.report.troubles import Trouble
 
 SIGMA = Cell("0.50 px", "", 0.5)
@@ -33,6 +33,19 @@ def test_the_first_trouble_is_told_at_once_and_each_that_is_to_fix():
 
 def test_the_sigma_of_a_camera_that_is_red_is_struck_out():
     assert camera("lab", "cam01", "bad").cells[0].struck and not camera("lab", "cam01", "look").cells[0].struck
+
+
+def test_the_sigma_of_walks_that_something_draws_aside_is_struck_out_and_of_a_camera_all_of_whose_walks_are():
+    def row(*aside):
+        cells = (SIGMA, *(NOTHING,) * (len(overview.COLUMNS) - 1))
+        each = tuple(RecordingRow(walk, "", "look", "", cells, "") for walk in ("walk_1", "walk_2"))
+        own = Trouble("look", "camera_turned", "its labels lie 3.4 px left", aside)
+        return overview._judged(CameraRow("lab", "cam01", "close", "look", "", cells, (), each), (own,))
+
+    one, both = row("walk_2"), row("walk_1", "walk_2")
+    assert [each.cells[0].struck for each in (*one.recordings, one)] == [False, True, False]
+    assert [each.cells[0].struck for each in (*both.recordings, both)] == [True, True, True]
+    assert overview.aside([one]) == {("walk_2", "cam01")}
 
 
 @pytest.mark.parametrize(
