@@ -112,7 +112,8 @@ def _line(name: str, far: bool, own: Mapping[tuple[str, str], Told], quantiles: 
     if unchecked:
         by = "hand boxes" if far else "hand checks"
         theirs = "is" if unchecked == 1 else "are"
-        missing.append(f"{many(unchecked, 'recording')} {theirs} measured by nothing independent; {by} would tell")
+        only = f"{many(unchecked, 'recording')} {theirs} judged by what made the labels alone"
+        missing.append(f"{only}; {by} would tell how far off they are")
     within = show(by_sigma, "px") if np.isfinite(by_sigma) else ""
     at_person = show(radius(m, n, SHARE), "m") if np.isfinite(by_sigma) and len(m) else ""
     return Line(name, within, at_person, tuple(known), tuple(missing))

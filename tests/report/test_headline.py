@@ -46,7 +46,7 @@ def test_labels_without_a_sigma_are_not_said_to_be_good():
 @pytest.mark.parametrize(("kind", "figures"), [(INDOOR, {"mark_error": 1.0}), (FAR, {"reprojection_error": 1.0})])
 def test_what_nothing_judges_is_told(kind, figures):
     [line] = headline.lines({("w", "cam01"): Told(kind, "good", figures)}, {("w", "cam01"): sigma(0.5)})
-    assert "1 recording is measured by nothing independent; hand" in line.missing[0]
+    assert "1 recording is judged by what made the labels alone; hand" in line.missing[0]
 
 
 def test_what_was_measured_stands_beside_it():
