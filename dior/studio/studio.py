@@ -60,10 +60,10 @@ def run(project: Path = Path("."), *, port: int = 0) -> int:
             logging.getLogger("uvicorn.error").setLevel(logging.CRITICAL)
             server.handle_exit(number, frame)
 
-        for ending in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-            # of `nohup`
-            if signal.getsignal(ending) is not signal.SIG_IGN:
-                signal.signal(ending, end)
+        # what a shell begins in the background ignores Ctrl-C, and so would all runs of the pages; `nohup` is meant
+        hung_up = [] if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN else [signal.SIGHUP]
+        for ending in (signal.SIGINT, signal.SIGTERM, *hung_up):
+            signal.signal(ending, end)
         print(f"Open http://{HOST}:{number}/?token={token}\nCtrl-C ends it.", flush=True)
         try:
             server.run(sockets=[listening])

@@ -51,8 +51,10 @@ def test_what_a_page_tells_is_checked(client, project):
     assert "marks\t" in (project / "config/effort.tsv").read_text()
 
 
-def test_what_is_not_noted_yet_is_noted_at_the_end(project):
-    with subprocess.Popen([sys.executable, "-m", "dior", "studio", "."], stdout=subprocess.PIPE, text=True) as studio:
+@pytest.mark.parametrize("before", ["", "trap '' INT; "], ids=["", "begun in the background"])
+def test_what_is_not_noted_yet_is_noted_at_the_end(project, before):
+    command = ["sh", "-c", before + 'exec "$@"', "sh", sys.executable, "-m", "dior", "studio", "."]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as studio:
         address = re.search(r"http\S+", studio.stdout.readline())[0]
         origin = address.partition("/?")[0]
         asking = build_opener(HTTPCookieProcessor())
@@ -60,4 +62,8 @@ def test_what_is_not_noted_yet_is_noted_at_the_end(project):
         told = b'{"page": "/marks", "seconds": 30}'
         asking.open(Request(f"{origin}/api/effort", told, {"Origin": origin})).read()
         studio.send_signal(signal.SIGINT)
+        try:
+            assert studio.wait(60) == 128 + signal.SIGINT
+        finally:
+            studio.kill()
     assert "marks\t0.5" in (project / "config/effort.tsv").read_text()

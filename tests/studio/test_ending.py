@@ -105,7 +105,10 @@ def test_a_signal_ends_the_studio_also_where_somebody_has_stopped_to_read(projec
             assert slow.recv(15) == b"HTTP/1.1 200 OK"
             assert any(kept.iterdir())
             studio.send_signal(ending)
-            rest = studio.communicate(timeout=60)[0]
+            try:
+                rest = studio.communicate(timeout=60)[0]
+            finally:
+                studio.kill()
     assert studio.returncode == 128 + ending
     # what has been read with the first line is no more in it
     assert rest.strip() in ("", "Ctrl-C ends it.")
