@@ -24,6 +24,8 @@ AT_WORK = "#!/bin/sh\necho a line\necho 3 words of it\nsleep 100\n"
 @pytest.fixture
 def at_work(project, monkeypatch):
     """The runs of the pages, of which one is at work, and its job."""
+    # tests that a shell began in the background ignore it, and so would what they begin; the studio does not
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
     program = project / "program"
     program.write_text(AT_WORK)
     program.chmod(program.stat().st_mode | stat.S_IXUSR)
@@ -32,6 +34,7 @@ def at_work(project, monkeypatch):
     found.begin()
     yield found, until(lambda: psutil.Process(found._process.pid).children())[0]
     found.close()
+    signal.signal(signal.SIGINT, before)
 
 
 def until(told):
