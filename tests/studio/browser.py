@@ -29,7 +29,7 @@ def solved(project, *parts):
 
 
 def run(project, *recordings):
-    """`dior run`, as far as the labels of some recordings need it: "outdoor_01.cam04"."""
+    """`dior run`, as far as the labels of some recordings need it, "outdoor_01.cam04"; without any, to the report."""
     targets = [f"results/reproject/{one}.parquet" for one in recordings]
     subprocess.run([sys.executable, "-m", "dior", "run", str(project), *targets], check=True, stdout=subprocess.DEVNULL)
 

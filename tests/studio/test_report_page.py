@@ -121,6 +121,7 @@ HOSTILE = """<!doctype html><title>report</title><img id="picture" src="/picture
 def test_in_a_browser_the_report_is_whole_and_a_hostile_one_reaches_nothing(ran, chromium):
     import json
 
+    browser.run(ran)
     with browser.served(ran) as address, browser.page(chromium, address) as one:
         with one.context.expect_page() as opened:
             one.get_by_role("link", name="Open the report").click()
