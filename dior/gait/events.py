@@ -15,10 +15,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dior.arrays import Bools, Floats, Ints, Texts
+from dior.arrays import Bools, Floats, Ints, Texts, runs_of
 from dior.gait import progression
 from dior.gait.progression import Progression
-from dior.gait.tracks import PELVIS_BRIDGED_S, SIDES, Tracks, at, bridged, velocity, velocity_variance
+from dior.gait.tracks import (
+    PELVIS_BRIDGED_S,
+    SIDES,
+    Tracks,
+    bridged,
+    curve,
+    known_at,
+    velocity,
+    velocity_variance,
+)
 
 # s, of the times at which everything is looked at; events lie between them
 STEP_S = 0.005
@@ -76,6 +85,12 @@ class Events:
         """Standard error (E,) s of each event, `clock_s` that of the clock that its time is told on."""
         return np.sqrt(self.sigma_s**2 + self.shared_s**2 + SIDE_SD_S**2 + clock_s**2)
 
+    def stances(self, side: int) -> Ints:
+        """The strike and the toe off (S, 2) of each stance of a foot, rows of which both were found."""
+        own = np.flatnonzero(self.side == side)
+        pairs = np.stack([own[:-1], own[1:]], axis=-1)
+        return pairs[self.strike[pairs[:, 0]] & ~self.strike[pairs[:, 1]]]
+
 
 @dataclass(frozen=True, eq=False)
 class _Foot:
@@ -109,15 +124,11 @@ def _slips(tracks: Tracks, events: Events) -> tuple[Floats, float]:
     each = []
     for track, rests in ((tracks.heel, RESTS), (tracks.toe, TOE_RESTS)):
         for side in range(len(SIDES)):
-            place = bridged(tracks.seconds, track[:, side])[0]
-            own = np.flatnonzero(events.side == side)
-            spans = []
-            for a, b in zip(own[:-1], own[1:], strict=True):
-                if events.strike[a] and not events.strike[b]:
-                    when = events.seconds[a] + np.array(rests) * (events.seconds[b] - events.seconds[a])
-                    first, last = at(tracks.seconds, place, when)
-                    spans.append((last - first)[:2] / (when[1] - when[0]))
-            if spans:
+            strike, off = events.seconds[events.stances(side)].T
+            if len(strike):
+                along = curve(tracks.seconds, bridged(tracks.seconds, track[:, side])[0])
+                first, last = (strike + share * (off - strike) for share in rests)
+                spans = (along(last) - along(first))[:, :2] / (last - first)[:, None]
                 each.append(np.median(spans, axis=0))
     if len(each) < 2:
         return np.zeros(2), 0.0
@@ -183,16 +194,9 @@ def _foot(tracks: Tracks, side: int, times: Floats, going: Progression) -> _Foot
         C = covariance[frame, side, :2, :2] * (1 - lasting[frame, side])[:, None, None]
         along = np.einsum("ti,tij,tj->t", h, C, h)
         sigmas.append(np.sqrt(velocity_variance(along, tracks.noise_time_s)) / speed)
-        known &= np.interp(times, tracks.seconds, fine.astype(float)) > 0.999
-    fine = bridged(tracks.seconds, tracks.pelvis, PELVIS_BRIDGED_S)[1]
-    known &= np.interp(times, tracks.seconds, fine.astype(float)) > 0.999
+        known &= known_at(tracks.seconds, fine, times)
+    known &= known_at(tracks.seconds, bridged(tracks.seconds, tracks.pelvis, PELVIS_BRIDGED_S)[1], times)
     return _Foot(shares[0], shares[1], (shares[0] + shares[1]) / 2, sigmas[0], sigmas[1], known)
-
-
-def _runs(mask: Bools) -> list[tuple[int, int]]:
-    """First and last index of each run of true values."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
-    return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def _swings(middle: Floats, known: Bools, times: Floats) -> list[tuple[int, int, int]]:
@@ -202,11 +206,11 @@ def _swings(middle: Floats, known: Bools, times: Floats) -> list[tuple[int, int,
     """
     shortest = round(SHORTEST_S / STEP_S)
     fast = (middle > 1.0) & known
-    for first, last in _runs(~fast):
+    for first, end in runs_of(~fast).tolist():
         # a break of noise, not of what is unknown
-        if last - first + 1 < shortest and known[first : last + 1].all() and 0 < first and last < len(fast) - 1:
-            fast[first : last + 1] = True
-    runs = [(a, b) for a, b in _runs(fast) if b - a + 1 >= shortest and middle[a : b + 1].max() > SWING_SHARE]
+        if end - first < shortest and known[first:end].all() and 0 < first and end < len(fast):
+            fast[first:end] = True
+    runs = [(a, b - 1) for a, b in runs_of(fast).tolist() if b - a >= shortest and middle[a:b].max() > SWING_SHARE]
     unknown = np.flatnonzero(~known)
     found = []
     for i, (a, b) in enumerate(runs):

@@ -20,7 +20,7 @@ import numpy as np
 from dior.arrays import Bools, Floats
 from dior.gait.events import LONGEST, RESTS, SIDE_SD_S, Events
 from dior.gait.progression import STRIDE_HALF_S
-from dior.gait.tracks import SIDES, Tracks, at, bridged, velocity
+from dior.gait.tracks import SIDES, Tracks, bridged, curve, known_at, velocity
 
 # unit by parameter, in the order of the tables
 STEP = {
@@ -45,6 +45,8 @@ IN_95 = 1.96
 DETECTED_M = 0.006
 # of the rest of a variance, this share lasts for longer than a stance; chosen on simulated walks (benchmarks.gait)
 SLOW = 0.5
+# chosen: of a stance, where none was found whole
+USUAL_STANCE_S = 0.6
 # of the time in which a heel rests, so much is seen; chosen
 HALF_SEEN = 0.5
 # of the error that lasts for a second, this share of the standard deviation is gone by the next print of a foot, which
@@ -106,8 +108,9 @@ def of_walk(tracks: Tracks, events: Events) -> tuple[list[Row], list[Pooled]]:
         return [], list(_pooled({}, _Errors(np.zeros((0, 0)), np.zeros((0, 0, 2, 2))), events))
     tracks = tracks.on_belt(events.belt)
     prints, errors = _prints(tracks, events)
+    toes = _toes(tracks, events)
     found = sorted(
-        [*_steps(tracks, events, prints), *_strides(tracks, events, prints)], key=lambda row: (row[3], row[2], row[1])
+        [*_steps(toes, events, prints), *_strides(toes, events, prints)], key=lambda row: (row[3], row[2], row[1])
     )
     rows = [Row(n, side, start, end, v.value, errors.sigma(v)) for n, side, start, end, v in found]
     values: dict[tuple[str, int], list[Value]] = {}
@@ -165,15 +168,9 @@ def _prints(tracks: Tracks, events: Events) -> tuple[Floats, _Errors]:
 
 
 def _usual_stance(events: Events) -> float:
-    """Median (s) of the time from a strike to the toe off of the same foot; a second's share where there is none."""
-    spans = [
-        events.seconds[k[j + 1]] - events.seconds[k[j]]
-        for side in range(len(SIDES))
-        for k in (np.flatnonzero(events.side == side),)
-        for j in range(len(k) - 1)
-        if events.strike[k[j]] and not events.strike[k[j + 1]]
-    ]
-    return float(np.median(spans)) if spans else 0.6
+    """Median (s) of the time from a strike to the toe off of the same foot."""
+    stances = np.concatenate([events.stances(side) for side in range(len(SIDES))])
+    return float(np.median(np.diff(events.seconds[stances]))) if len(stances) else USUAL_STANCE_S
 
 
 def _time(events: Events, first: int, last: int) -> Value:
@@ -231,7 +228,7 @@ def _unit(vector: Floats) -> Floats:
     return vector / max(float(np.linalg.norm(vector)), 1e-9)
 
 
-def _steps(tracks: Tracks, events: Events, prints: Floats) -> list[Found]:
+def _steps(toes: Floats, events: Events, prints: Floats) -> list[Found]:
     chain = _chain(events)
     found: list[Found] = []
     for i, (before, here, good) in enumerate(chain):
@@ -258,26 +255,29 @@ def _steps(tracks: Tracks, events: Events, prints: Floats) -> list[Found]:
             by[after] -= share * across
             found.append(("step_width", side, start, end, Value(width.value, width.by_event, by)))
         if earlier is not None:
-            toe = _toe_length(tracks, events, before, here, earlier, prints)
+            toe = _toe_length(toes, events, before, here, earlier, prints)
             if toe is not None:
                 found.append(("step_length_toe", side, start, end, toe))
     return found
 
 
-def _toe(tracks: Tracks, side: int, when: float) -> Floats:
-    """The toe (3,) m at a time, NaN where it is not known."""
-    filled, fine = bridged(tracks.seconds, tracks.toe[:, side])
-    near = np.interp(when, tracks.seconds, fine.astype(float))
-    return at(tracks.seconds, filled, np.array(when)) if near > 0.999 else np.full(3, np.nan)
+def _toes(tracks: Tracks, events: Events) -> Floats:
+    """The toe (E, 3) m of each event's foot at that time, NaN where it is not known."""
+    found = np.full((len(events.seconds), 3), np.nan)
+    for side in range(len(SIDES)):
+        filled, fine = bridged(tracks.seconds, tracks.toe[:, side])
+        own = (events.side == side) & known_at(tracks.seconds, fine, events.seconds)
+        found[own] = curve(tracks.seconds, filled)(events.seconds[own])
+    return found
 
 
 def _toe_length(
-    tracks: Tracks, events: Events, before: int, here: int, earlier: int | None, prints: Floats
+    toes: Floats, events: Events, before: int, here: int, earlier: int | None, prints: Floats
 ) -> Value | None:
-    """Plug-in-Gait's step length, or with `earlier` None the stride length from `before` to `here`."""
-    places = {i: _toe(tracks, int(events.side[i]), float(events.seconds[i])) for i in (before, here)}
-    step = places[here] - places[before]
-    line = step if earlier is None else places[here] - _toe(tracks, int(events.side[here]), events.seconds[earlier])
+    """Plug-in-Gait's step length, or with `earlier` None the stride length from `before` to `here`; `earlier`: the
+    strike of the same foot before."""
+    step = toes[here] - toes[before]
+    line = step if earlier is None else toes[here] - toes[earlier]
     if not np.isfinite([*step, *line]).all():
         return None
     # the toes' errors are taken as the heels'
@@ -286,7 +286,7 @@ def _toe_length(
     return Value(float(step @ u), like.by_event, like.by_print)
 
 
-def _strides(tracks: Tracks, events: Events, prints: Floats) -> list[Found]:
+def _strides(toes: Floats, events: Events, prints: Floats) -> list[Found]:
     chain = _chain(events)
     found: list[Found] = []
     for (first, other, good), (_, last, also) in zip(chain[:-1], chain[1:], strict=True):
@@ -301,7 +301,7 @@ def _strides(tracks: Tracks, events: Events, prints: Floats) -> list[Found]:
         if np.isfinite(prints[[first, last]]).all():
             length = _along(prints, first, last, _unit(prints[last] - prints[first]), events)
             of |= {"stride_length": length, "stride_speed": _ratio(length, stride)}
-        toe = _toe_length(tracks, events, first, last, None, prints)
+        toe = _toe_length(toes, events, first, last, None, prints)
         if toe is not None:
             of["stride_length_toe"] = toe
         between = range(first + 1, last)

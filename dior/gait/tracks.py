@@ -7,10 +7,14 @@ World with Z up, metres, seconds. Feet stand in the order left, right.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dior.arrays import Bools, Floats
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 SIDES = ("left", "right")
 # the first of which all are there is taken; markers of Plug-in-Gait, then what detectors name
@@ -39,8 +43,6 @@ BRIDGED_S = 0.1
 PELVIS_BRIDGED_S = 0.5
 # velocities are differences over twice this; chosen: shorter is noise, longer blurs a foot that lands
 HALF_S = 0.02
-# terms of the derivative of a cubic spline, which fall by 2 - sqrt(3) from one to the next
-_TERMS = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,39 +123,24 @@ def bridged(seconds: Floats, values: Floats, longest_s: float = BRIDGED_S) -> tu
     return filled, inside & (known | (gap <= longest_s + 1e-9))
 
 
-def at(seconds: Floats, values: Floats, times: Floats) -> Floats:
-    """Values (..., C) at any `times` (...) of a cubic spline through `values` (T, C) at even `seconds` (T,)."""
-    step = (seconds[-1] - seconds[0]) / (len(seconds) - 1)
-    slope = _slopes(values)
-    where = np.clip((times - seconds[0]) / step, 0.0, len(seconds) - 1.0)
-    k = np.minimum(where.astype(int), len(seconds) - 2)
-    u = (where - k)[..., None]
-    a, b, da, db = values[k], values[k + 1], slope[k], slope[k + 1]
-    return a + u * (da + u * (3 * (b - a) - 2 * da - db + u * (2 * (a - b) + da + db)))
+def known_at(seconds: Floats, known: Bools, times: Floats) -> Bools:
+    """Whether a track is known in the frames on either side of `times` (...)."""
+    return np.asarray(np.interp(times, seconds, known.astype(float)) > 0.999)
 
 
-def _slopes(values: Floats) -> Floats:
-    """Slopes (T, C) per frame of a cubic spline through `values` (T, C), which goes on straight at its ends.
+def curve(seconds: Floats, values: Floats) -> "CubicSpline":
+    """A cubic spline through `values` (T, C) at `seconds` (T,), which goes on straight at its ends."""
+    from scipy.interpolate import CubicSpline
 
-    The slopes m of a cubic spline fulfil m[i-1] + 4 m[i] + m[i+1] = 3 (x[i+1] - x[i-1]); the inverse of that falls off
-    by a constant factor.
-    """
-    pad = _TERMS + 1
-    many = np.arange(1, pad + 1)[:, None]
-    first, last = values[0], values[-1]
-    before = first - (many[::-1]) * (values[1] - first)
-    after = last + many * (last - values[-2])
-    x = np.concatenate([before, values, after])
-    right = 3 * (x[2:] - x[:-2])
-    weights = (np.sqrt(3) - 2) ** np.abs(np.arange(-_TERMS, _TERMS + 1)) / (2 * np.sqrt(3))
-    return np.stack([np.convolve(column, weights, "valid") for column in right.T], axis=-1)
+    return CubicSpline(seconds, values, bc_type="natural")
 
 
 def velocity(seconds: Floats, values: Floats, times: Floats, half_s: float = HALF_S) -> Floats:
     """Velocities (..., C) at `times` (...): differences over `half_s` to either side, less where the track ends."""
     first = np.clip(times - half_s, seconds[0], seconds[-1])
     last = np.clip(times + half_s, seconds[0], seconds[-1])
-    return (at(seconds, values, last) - at(seconds, values, first)) / (last - first)[..., None]
+    along = curve(seconds, values)
+    return np.asarray((along(last) - along(first)) / (last - first)[..., None])
 
 
 def velocity_variance(variance: Floats, noise_time_s: float, half_s: float = HALF_S) -> Floats:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dior.arrays import Bools, Floats
+from dior.arrays import Bools, Floats, runs_of
 from dior.body.names import COCO_17
 from dior.reid.inputs import filled
 
@@ -164,8 +164,7 @@ def _smoothed(values: Floats, half: int) -> Floats:
 
 def _stretches(straight: Bools, fps: float) -> list[tuple[int, int]]:
     """Begin and end of the runs of `straight` of at least STRETCH_S."""
-    ends = np.flatnonzero(np.diff(np.concatenate([[False], straight, [False]]).astype(int))).reshape(-1, 2)
-    return [(a, b) for a, b in ends.tolist() if b - a >= STRETCH_S * fps]
+    return [(a, b) for a, b in runs_of(straight).tolist() if b - a >= STRETCH_S * fps]
 
 
 def _along(vectors: Floats, axis: Floats) -> Floats:

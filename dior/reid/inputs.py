@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dior.arrays import AnyPath, Bools, Floats, Ints, Table, Texts
+from dior.arrays import AnyPath, Bools, Floats, Ints, Table, Texts, runs_of
 from dior.body.coco17 import coco17
 from dior.body.names import COCO_17
 from dior.clocks import clock as on_axis
@@ -203,7 +203,7 @@ def cut(track: CameraWalk, length: int = LENGTH, chunks: int = 1, gap_s: float =
 
 def _whole(whole: Bools, length: int) -> tuple[int, int]:
     """First frame and number of frames of the run of `whole` (F,) that `cut` takes."""
-    ends = np.flatnonzero(np.diff(np.concatenate([[False], whole, [False]]).astype(int))).reshape(-1, 2)
+    ends = runs_of(whole)
     if not len(ends):
         return 0, 0
     counts = ends[:, 1] - ends[:, 0]

@@ -13,8 +13,8 @@ from dior.studio.workspace import Workspace
 from dior.tables import tables
 
 PNG = b"\x89PNG"
-# how the content of the segment begins (CIPA DC-008, 4.5.4), and where it must be: a segment has 64 kB at most
-EXIF, FIRST_BYTES = b"Exif\0\0", 1 << 17
+# how the content of the segment begins (CIPA DC-008, 4.5.4)
+EXIF = b"Exif\0\0"
 # bytes of pictures that are kept; chosen: some hundred, for who goes back and forth
 MOST_KEPT = 64 << 20
 # chosen: raw pictures are compressed so that a marker of 2 px stays where it is, small ones so that a slow line has
@@ -71,16 +71,13 @@ def _whole(message: bags.Message, rows: tables.Table) -> bytes:
 
 def _as_decoded(recorded: bytes) -> bytes:
     """A picture's file without its Exif data: a browser turns it by these, and pixels are as decoded."""
-    at, parts = len(jpeg.SOI), [recorded[: len(jpeg.SOI)]]
-    if recorded.startswith(PNG) or EXIF not in recorded[:FIRST_BYTES]:
-        return recorded
-    # a segment is 0xff, its kind, and its length with the two bytes of that; the pictures' is the last
-    while recorded[at : at + 1] == b"\xff" and recorded[at + 1 : at + 2] not in (b"\xda", b"\xff", b""):
-        end = at + 2 + int.from_bytes(recorded[at + 2 : at + 4], "big")
-        if not recorded[at + 4 : end].startswith(EXIF):
-            parts.append(recorded[at:end])
-        at = end
-    return b"".join([*parts, recorded[at:]])
+    try:
+        head = [bytes(segment) for _, segment in jpeg.before_data(recorded)]
+    except ValueError:
+        return recorded  # a PNG, or damaged before its first pixel
+    # fill bytes may come before a segment's marker; its length has two bytes
+    kept = [segment for segment in head if not segment.lstrip(b"\xff")[3:].startswith(EXIF)]
+    return b"".join([jpeg.SOI, *kept, recorded[len(jpeg.SOI) + sum(map(len, head)) :]])
 
 
 def _small(message: bags.Message, rows: tables.Table) -> bytes:
