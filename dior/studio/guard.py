@@ -47,7 +47,9 @@ class Guard:
                 for name, value in HEADERS.items():
                     # the report's files have a policy of their own
                     headers.setdefault(name, value)
-                headers.setdefault("cache-control", "no-store")
+                # scripts are kept and asked for again by their hash: over a slow line they take longer than a picture
+                static = scope["path"].startswith("/static/")
+                headers.setdefault("cache-control", "no-cache" if static else "no-store")
             await send(message)
 
         refusal, headers = self._refusal(scope), Headers(scope=scope)

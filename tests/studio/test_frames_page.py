@@ -144,11 +144,37 @@ def test_frames_in_a_browser(project, chromium):
         browser.until_shown(one, 1)
         one.keyboard.press("End")
         browser.until_shown(one, COUNT - 1)
-        assert one.locator("#number").input_value() == str(COUNT - 1) and f"frame={COUNT - 1}" in one.url
+        assert one.locator("#number").input_value() == str(COUNT - 1)
+        one.wait_for_url(f"**frame={COUNT - 1}")
         one.reload()
         browser.until_shown(one, COUNT - 1)
         one.locator("#moment button").nth(1).click()
         one.wait_for_url("**camera=cam02**")
+
+
+def test_the_address_follows_a_dragged_slider_seldom(project, chromium):
+    """A browser asks for the icon at each change of the address: over a slow line that kept the pictures waiting."""
+    with browser.served(project) as address, browser.page(chromium, address, "/frames?walk=out_1&camera=cam01") as one:
+        browser.until_shown(one, 0)
+        one.evaluate("""() => {
+          window.changes = 0;
+          const own = history.replaceState.bind(history);
+          history.replaceState = (...given) => { window.changes++; own(...given); };
+          const slider = document.querySelector("#frame");
+          for (let i = 0; i <= 50; i++) {
+            slider.value = slider.max * (i / 50);
+            slider.dispatchEvent(new Event("input"));
+          }
+        }""")
+        one.wait_for_url(f"**frame={COUNT - 1}")
+        assert one.evaluate("window.changes") <= 3
+
+
+def test_scripts_are_kept_by_a_browser_and_answers_are_not(client):
+    script = client.get("/static/studio.js")
+    assert script.headers["cache-control"] == "no-cache"
+    assert client.get("/static/studio.js", headers={"if-none-match": script.headers["etag"]}).status_code == 304
+    assert client.get("/api/walks").headers["cache-control"] == "no-store"
 
 
 def test_a_camera_that_cannot_be_read_is_named_where_the_others_can(client, project):

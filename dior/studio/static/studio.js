@@ -96,13 +96,28 @@ export function state() {
   return Object.fromEntries(new URLSearchParams(location.search));
 }
 
-/** Put words into the address, so that the page can be linked and loaded again; "" takes one out. */
+const REMEMBERED_MS = 400;
+const address = { words: {}, at: -Infinity, timer: null };
+
+/** Put words into the address, so that the page can be linked and loaded again; "" takes one out. While they change fast
+ * the last ones get there: a browser asks for the page's icon at each change, before the next picture, and some allow a
+ * hundred in half a minute. */
 export function remember(words) {
+  Object.assign(address.words, words);
+  clearTimeout(address.timer);
+  const wait = address.at + REMEMBERED_MS - performance.now();
+  if (wait > 0) address.timer = setTimeout(putIntoAddress, wait);
+  else putIntoAddress();
+}
+
+function putIntoAddress() {
   const query = new URLSearchParams(location.search);
-  for (const [key, value] of Object.entries(words)) {
+  for (const [key, value] of Object.entries(address.words)) {
     if (value === "" || value === null) query.delete(key);
     else query.set(key, value);
   }
+  address.words = {};
+  address.at = performance.now();
   history.replaceState(null, "", `${location.pathname}?${query}`);
 }
 
