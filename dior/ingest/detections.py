@@ -364,7 +364,8 @@ def _findings(
             f"{camera}: more than one person in {several} of {frames} frames; "
             f"which of them is the subject was ambiguous in {ambiguous}"
         )
-        found.append(("warning" if ambiguous else "info", "several_people", text))
+        # who is the subject is decided where all cameras are seen together, and what they leave open is said there
+        found.append(("info", "several_people", text))
     if left_out:
         text = f"{camera}: in {left_out} of {frames} frames only somebody else was found; they are left empty"
         found.append(("warning" if left_out > FEW * frames else "info", "subject_left_out", text))
