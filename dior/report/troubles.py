@@ -28,13 +28,18 @@ WORLD = frozenset({
     "world_scale", "world_bones", "world_left_handed", "world_axes", "world_floor", "world_vertical", "world_speed",
 })  # fmt: skip
 EVERYTHING = frozenset({"*"})
+# of a whole walk -> what its cameras lack by it
+OF_WALK: Mapping[str, frozenset[str]] = dict.fromkeys(
+    ("who_is_subject", "somebody_else"), frozenset({"coverage", "missing_3d", "clock_unknown"})
+)
 # cause -> what follows from it, the first causes first; of two that are there the first is the cause
 EXPLAINS: Mapping[str, frozenset[str]] = {
     "sequence_failed": EVERYTHING,
     "camera_missing": EVERYTHING,
+    **OF_WALK,
     **dict.fromkeys(
         culprit.CODES,
-        ASIDE | WORLD | {"clock_contradicts", "camera_bumped", "camera_turned", "mark_error", "coverage"},
+        ASIDE | WORLD | {"clock_contradicts", "camera_bumped", "camera_turned", "mark_error", "coverage", "missing_3d"},
     ),
     "clock_jump": ASIDE | {"clock_contradicts", "camera_bumped"},
     # in a walk of the adjustment it turns all cameras, in another it turns its own: either way walk differs from walk
@@ -58,7 +63,7 @@ EXPLAINS: Mapping[str, frozenset[str]] = {
     "check_error": frozenset({"error_to_truth_2d"}),
 }
 # what is wrong with one camera and draws what is made of all of them
-DRAWS_ALL = frozenset({*culprit.CODES, "clock_contradicts", "clock_jump", "camera_bumped"})
+DRAWS_ALL = frozenset({*culprit.CODES, *OF_WALK, "clock_contradicts", "clock_jump", "camera_bumped"})
 # of these, what follows from another camera's: elsewhere two of them are two causes
 DRAWN = {"clock_contradicts": "camera_bumped", "clock_jump": "camera_bumped"}
 # what `calibrate.clocks` asks of marks a picture before the detections
@@ -165,7 +170,8 @@ def across(by_camera: Mapping[str, Sequence[Trouble]], adjusted: Iterable[str]) 
     for camera, cause in sorted(causes_of_all, key=lambda each: list(EXPLAINS).index(each[1].code)):
         if cause not in found[camera]:
             continue  # it follows from another one
-        reach = None if window & set(cause.sequences) else set(cause.sequences)
+        poses = cause.code not in OF_WALK and window & set(cause.sequences)
+        reach = None if poses else set(cause.sequences)
         follows: list[tuple[str, str]] = []
         level = cause.level
         for other, theirs in found.items():
@@ -180,7 +186,7 @@ def across(by_camera: Mapping[str, Sequence[Trouble]], adjusted: Iterable[str]) 
                 level = lights.worst((level, one.level))
                 if one.code != lights.BESIDE_CULPRIT:
                     follows += [(f"{', '.join(one.sequences)} {other}".strip(), one.text), *one.follows]
-                text = f"this follows from {camera}, which is to be mended first"
+                text = f"this follows from {camera or 'the whole walk'}, which is to be mended first"
                 theirs[i] = Trouble(one.level, lights.BESIDE_CULPRIT, text, one.sequences)
         at = found[camera].index(cause)
         found[camera][at] = replace(cause, level=level, follows=tuple(dict.fromkeys((*cause.follows, *follows))))

@@ -80,6 +80,22 @@ def test_elsewhere_it_is_behind_what_is_wrong_in_its_own_walk_alone():
     assert troubles.across(given, ["w3"])["cam03"] == (given["cam03"][0],)
 
 
+def test_who_is_followed_in_a_walk_is_behind_what_its_cameras_lack():
+    given = {
+        "": [trouble("somebody_else", "w1"), trouble("missing_3d", "w1")],
+        "cam01": [trouble("coverage", "w1", level="bad")],
+        "cam02": [trouble("coverage", "w2")],
+    }
+    # a walk of the adjustment, which this says nothing of
+    found = troubles.across(given, ["w1"])
+    assert found[""][0].level == "bad" and ("w1 cam01", "coverage of w1") in found[""][0].follows
+    assert found["cam01"][0].code == lights.BESIDE_CULPRIT and "the whole walk" in found["cam01"][0].text
+    assert found["cam02"] == (given["cam02"][0],)
+    faults = (("look", "missing_3d", "41 % of the joints"), ("look", "somebody_else", "see config/people/w1.yaml"))
+    [one] = troubles.of_camera([Recording("w1", "", faults)], Setting(""))
+    assert one.code == "somebody_else" and one.fix.file == "config/people/w1.yaml"
+
+
 def test_two_causes_are_both_told():
     given = {"cam02": [trouble("culprit_camera", "w1")], "cam03": [trouble("clock_contradicts", "w1")]}
     found = troubles.across(given, ["w1"])
