@@ -212,6 +212,7 @@ def adjusted(capture, session):
             detections=[capture.made("detections", name) for name in window],
             frames=[capture.made("frames", name) for name in window],
             offsets=[_offsets(capture, name) for name in window], window=window,
+            everybody_seen=[capture.made("detections", name, ".people") for name in window],
         ),
         choices=adjust.Choices(**choices, max_gap=project.config["time"]["max_gap"]),
         measured=adjust.Measured(project.metric_facts(session), marks=[], marked=[], tags=[]),

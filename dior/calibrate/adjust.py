@@ -21,7 +21,7 @@ A reprojection error is the mean distance in recorded pixels. World in metres, Z
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +41,7 @@ from dior.calibrate.bundle import window as seen_in
 from dior.calibrate.bundle.outcome import Adjusted
 from dior.calibrate.lens import realsense
 from dior.clocks import by_hand as clocks
-from dior.errors import DiorError, nearest
+from dior.errors import DiorError, many, nearest
 from dior.geometry import camera_tables, covariance
 from dior.geometry.camera import REFERENCE_FX, Camera, pose, reprojection_errors
 from dior.geometry.multiview import rotation_z
@@ -99,13 +99,14 @@ class Walks:
     """What the cameras recorded of the sequences, in files named by their sequence.
 
     `detections`: tables `detections`; `frames`: tables `frames`; `offsets`: YAML files with clocks given by hand;
-    `window`: which instants of each sequence take part.
+    `window`: which instants of each sequence take part; `everybody_seen`: tables `detected_people`.
     """
 
     detections: list[Path]
     frames: list[Path]
     offsets: list[Path]
     window: dict[str, Any]
+    everybody_seen: list[Path] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -201,7 +202,6 @@ def run(
     start_priors = [prior_of(camera, settings[camera.name]) for camera in placed]
     priors = [beside_tag(p, c, settings[c.name]) for p, c in zip(start_priors, placed, strict=True)]
     names = [camera.name for camera in placed]
-    timed = in_adjustment.of(recorded, list(window.values()), names, given, choices.min_views)
     corners = seen_in.tag_corners(placed, measured.tags, f"session {session}")
     stated = seen_in.metric_facts(known, list(window)) + corners
     clicked = {Path(path).name.partition(".")[0].partition("@")[0]: path for path in measured.marks}
@@ -209,40 +209,53 @@ def run(
     points = seen_in.marked(clicked, names, wanted, measured.marked, MARK_SIGMA_PX)
     cost = _sampled_cost(placed, start_priors, huber_px)
 
+    def timed_of(recorded: Sequence[seen_in.Recorded]) -> in_adjustment.Sequences:
+        return in_adjustment.of(recorded, list(window.values()), names, given, choices.min_views)
+
+    def solved(timed: in_adjustment.Sequences) -> tuple[Adjusted | None, DiorError | np.linalg.LinAlgError | None]:
+        """Where the adjustment ends, and what is wrong with it."""
+        try:
+            done = adjustment.adjust(
+                placed, timed, priors, huber_px, max_mean_px, f"session {session}", None, stated, points,
+                intrinsics_sigma, start_priors,
+            )  # fmt: skip
+        except (DiorError, np.linalg.LinAlgError) as error:
+            return None, error
+        try:
+            _check_people(done, timed, session, list(window), known, physics)
+        except DiorError as error:
+            return done, error
+        return done, None
+
+    timed = timed_of(recorded)
+
     def far_off() -> str:
         off = adjustment.how_far_off(placed, start_priors)
         return culprits.far_off(timed, list(window), cost, lambda wide: wide.start(placed, *off))
 
-    try:
-        done = adjustment.adjust(
-            placed, timed, priors, huber_px, max_mean_px, f"session {session}", None, stated, points, intrinsics_sigma,
-            start_priors,
-        )  # fmt: skip
-    except (DiorError, np.linalg.LinAlgError) as error:
-        said = str(error) if isinstance(error, DiorError) else f"session {session}: the adjustment diverges"
-        why = far_off() or culprits.sentence(placed, timed, list(window), cost)
-        raise DiorError((why and f"session {session}: {why}. Without that: ") + said) from error
-    uv, tracks, parts = timed.observations(done.clocks)
+    done, wrong = solved(timed)
+    if wrong:
+        # who is the subject was guessed camera by camera: where two people walk, two cameras may have two subjects
+        calm, left_out = _alone(recorded, placed, list(window), walks.everybody_seen)
+        without = timed_of(calm)
+        again, still = solved(without) if left_out else (None, wrong)
+        if not still:
+            timed, done, wrong = without, again, None
+            text = (
+                f"with the {many(left_out, 'picture')} in which somebody else is seen, too, the adjustment ends wrong; "
+                "it is made without them"
+            )
+            found.append((session, "info", "others_left_out", text))
+    if wrong or done is None:
+        said = str(wrong) if isinstance(wrong, DiorError) else f"session {session}: the adjustment diverges"
+        why = far_off() or ("" if done else culprits.sentence(placed, timed, list(window), cost))
+        raise DiorError((why and f"session {session}: {why}. Without that: ") + said) from wrong
+    uv, _, parts = timed.observations(done.clocks)
     for sequence, part, instants in zip(window, parts, window.values(), strict=True):
         text = f"{len(part.joint)} joints at {part.count} of {instants['count']} instants of {sequence} used"
         found.append((session, "info" if len(part.joint) else "warning", "adjust_window", text))
     alone = _by_detections_alone(placed, priors, huber_px, max_mean_px, start_priors, timed, intrinsics_sigma)
     found += in_adjustment.findings(session, list(window), timed, done, alone)
-    for i, (sequence, part) in enumerate(zip(window, parts, strict=True)):
-        skeleton = np.full((len(part.seconds), len(part.names), 3), np.nan)
-        skeleton[part.instant, part.joint] = done.points[tracks.sequence == i]
-        scope = f"session {session}, {sequence}"
-        try:
-            people.check(skeleton, part.names, scope, physics, part.seconds)
-        except DiorError as error:
-            why = far_off()
-            raise DiorError((why and f"session {session}: {why}. Without that: ") + str(error)) from error
-        for person in known.get("heights", []):
-            if sequence in person["sequences"]:
-                share = (people.LIMITS | physics)["stature_share"]
-                people.check_height(
-                    skeleton, part.names, scope, person["subject"], person["height_m"], person["sigma_m"], share
-                )
     found += outcome.findings(session, placed, priors, done)
     found += _lens_models(
         session, yamls, {name: s["topic"] for name, s in settings.items()}, done, uv, start_priors, huber_px
@@ -254,6 +267,43 @@ def run(
         camera_tables.write_camera_covariance(written.out_covariance, names, spread, session)
     tables.write(written.out_metrics, "metrics", outcome.metrics(done))
     tables.write_findings(written.findings, found)
+
+
+def _check_people(
+    done: Adjusted,
+    timed: in_adjustment.Sequences,
+    session: str,
+    sequences: Sequence[str],
+    known: Mapping[str, Any],
+    physics: dict[str, Any],
+) -> None:
+    """Raises DiorError where the joints of a sequence are no person's, or not of the one who was measured."""
+    _, tracks, parts = timed.observations(done.clocks)
+    for i, (sequence, part) in enumerate(zip(sequences, parts, strict=True)):
+        skeleton = np.full((len(part.seconds), len(part.names), 3), np.nan)
+        skeleton[part.instant, part.joint] = done.points[tracks.sequence == i]
+        scope = f"session {session}, {sequence}"
+        people.check(skeleton, part.names, scope, physics, part.seconds)
+        for person in known.get("heights", []):
+            if sequence in person["sequences"]:
+                share = (people.LIMITS | physics)["stature_share"]
+                people.check_height(
+                    skeleton, part.names, scope, person["subject"], person["height_m"], person["sigma_m"], share
+                )
+
+
+def _alone(
+    recorded: Sequence[seen_in.Recorded], cameras: Sequence[Camera], sequences: Sequence[str], paths: Sequence[Path]
+) -> tuple[list[seen_in.Recorded], int]:
+    """What was recorded without the pictures in which several people are seen, and how many of these there are."""
+    files = {Path(path).name.partition(".")[0]: path for path in paths}
+    out, left_out = [], 0
+    for sequence, own in zip(sequences, recorded, strict=True):
+        if sequence in files:
+            own, count = seen_in.alone(own, cameras, tables.read(files[sequence], "detected_people"))
+            left_out += count
+        out.append(own)
+    return out, left_out
 
 
 def _as_mounted(

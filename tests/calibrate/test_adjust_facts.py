@@ -80,7 +80,10 @@ def clicked(folder, points, cameras=None, sigma_px=0.3):
     return paths
 
 
-def ran(folder, placed, known=None, marks=(), tags=(), sigma_m=0.3, sequences=("walk",), taped=True, physics=None):
+def ran(
+    folder, placed, known=None, marks=(), tags=(), sigma_m=0.3, sequences=("walk",), taped=True, physics=None,
+    everybody=(),
+):  # fmt: skip
     """Adjust the `placed` cameras; returns those adjusted, their covariance and the texts of the findings by code."""
     files = []
     for camera in placed:
@@ -95,6 +98,7 @@ def ran(folder, placed, known=None, marks=(), tags=(), sigma_m=0.3, sequences=("
             detections=[folder / f"detections/{name}.parquet" for name in sequences],
             frames=[folder / f"frames/{name}.parquet" for name in sequences], offsets=[],
             window={name: {"first": 0, "count": MOMENTS, "step": 1} for name in sequences},
+            everybody_seen=list(everybody),
         ),
         choices=adjust.Choices(
             min_score=0.4, min_views=3, huber_px=15.0, max_mean_px=12.0, max_gap=1.5
@@ -126,6 +130,28 @@ def test_a_tag_decides_the_scale_and_the_place_of_cameras_without_a_tape(tmp_pat
     at = np.add.outer(6 * np.arange(3), [3, 4, 5]).ravel()
     # 9 degrees of freedom: 99.9 % are below 28; here it is about 2, as the mean of four pictures counts as one picture
     assert 0.5 < shift @ np.linalg.solve(joint[np.ix_(at, at)], shift) < 28
+
+
+def test_pictures_of_two_people_take_no_part_where_the_adjustment_ends_wrong_with_them(tmp_path):
+    recorded(tmp_path)
+    path, second = tmp_path / "detections/walk.parquet", range(15, 50)
+    table = tables.read(path, "detections")
+    # one camera follows somebody else
+    other = (table["camera"] == "cam01") & np.isin(table["frame"], second)
+    table["u"] = np.where(other, 1.3 * table["u"] + 150 * np.sin(table["frame"]), table["u"])
+    tables.write(path, "detections", table)
+    seen = [(camera.name, frame, 0) for camera in ring(3) for frame in range(MOMENTS)]
+    seen += [(camera.name, frame, 1) for camera in ring(3) for frame in second]
+    camera, frame, person = zip(*sorted(seen), strict=True)
+    everybody = {"camera": camera, "frame": frame, "person": person, "track": person, "joint": ["nose"] * len(seen)}
+    everybody |= dict.fromkeys("uv", np.ones(len(seen))) | {"score": np.ones(len(seen))}
+    tables.write(tmp_path / "walk.people.parquet", "detected_people", everybody)
+    placed = scaled(ring(3), 1.0)
+    with pytest.raises(DiorError, match="above the floor"):
+        ran(tmp_path, placed)
+    found, texts = ran(tmp_path, placed, everybody=[tmp_path / "walk.people.parquet"])
+    assert f"the {3 * len(second)} pictures in which somebody else" in texts["others_left_out"][0]
+    assert all(outcome.shift_and_turn(true, one)[1] < 0.3 for one, true in zip(found, ring(3), strict=True))
 
 
 def test_only_what_is_marked_in_the_pictures_of_these_sequences_counts(tmp_path):

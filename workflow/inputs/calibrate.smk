@@ -96,12 +96,12 @@ def marked_offsets(wildcards):
     return [path for sequence in names for path in PROJECT.offsets(sequence)]
 
 
-def adjusted(step):
+def adjusted(step, kind=""):
     """Tables of a step for the sequences whose instants adjust uses."""
 
     def files(wildcards):
         names = PROJECT.window(wildcards.session)
-        return [f"results/{step}/{sequence}.parquet" for sequence in names]
+        return [f"results/{step}/{sequence}{kind}.parquet" for sequence in names]
 
     return files
 

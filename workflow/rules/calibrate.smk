@@ -126,6 +126,7 @@ rule adjust:
         cameras=placed,
         camera_files=close_yamls,
         detections=adjusted("detections"),
+        everybody_seen=adjusted("detections", ".people"),
         frames=adjusted("frames"),
         offsets=adjusted_offsets,
         marks=fact_marks,

@@ -5,7 +5,7 @@ OUTPUTS  recorded pixels of every joint at every instant, which joint, instant a
 """
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -70,6 +70,21 @@ def recorded(
         uv, joints = confident(detections, camera.name, len(times), min_score, where)
         seen.append(from_cameras.TimedDetections(times, uv, max_gap / own[camera.name], most_s))
     return Recorded(tuple(seen), tuple(joints), fps)
+
+
+def alone(found: Recorded, cameras: Sequence[Camera], everybody: Table) -> tuple[Recorded, int]:
+    """The same without what is detected in pictures of more than one person, and how many of these there are.
+
+    `everybody`: table `detected_people` of the sequence.
+    """
+    seen, left_out = [], 0
+    for camera, own in zip(cameras, found.seen, strict=True):
+        mine = tables.of_camera(everybody, camera.name)
+        frame, _ = np.unique(np.stack([mine["frame"], mine["person"]]), axis=1)
+        several = np.bincount(frame, minlength=len(own.uv)) > 1
+        left_out += int(several.sum())
+        seen.append(replace(own, uv=np.where(several[:, None, None], np.nan, own.uv)))
+    return replace(found, seen=tuple(seen)), left_out
 
 
 def confident(detections: Table, camera: str, count: int, min_score: float, where: str) -> tuple[Floats, list[str]]:
