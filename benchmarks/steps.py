@@ -144,6 +144,7 @@ def _clocks(capture, name, cameras, covariance, marked=()):
         detected=clocks.Detected(
             capture.made("detections", name), min_score=project.config["detector"]["min_score"],
             max_gap=project.config["time"]["max_gap"],
+            everybody_seen=None if indoor else capture.made("detections", name, ".people"),
         ),
         frames=capture.made("frames", name), indoors=clocks.Indoors(mocap, marked),
         offsets=_offsets(capture, name), data_root=capture.folder / "data",

@@ -227,25 +227,22 @@ def run(
             return done, error
         return done, None
 
-    timed = timed_of(recorded)
-
     def far_off() -> str:
         off = adjustment.how_far_off(placed, start_priors)
         return culprits.far_off(timed, list(window), cost, lambda wide: wide.start(placed, *off))
 
-    done, wrong = solved(timed)
-    if wrong:
-        # who is the subject was guessed camera by camera: where two people walk, two cameras may have two subjects
-        calm, left_out = _alone(recorded, placed, list(window), walks.everybody_seen)
-        without = timed_of(calm)
-        again, still = solved(without) if left_out else (None, wrong)
-        if not still:
-            timed, done, wrong = without, again, None
-            text = (
-                f"with the {many(left_out, 'picture')} in which somebody else is seen, too, the adjustment ends wrong; "
-                "it is made without them"
-            )
-            found.append((session, "info", "others_left_out", text))
+    alone, left_out = _alone(recorded, placed, list(window), walks.everybody_seen)
+    tried = [recorded]
+    if left_out:
+        tried.insert(0 if seen_in.are_few(left_out, recorded) else 1, alone)
+    for own in tried:
+        timed = timed_of(own)
+        done, wrong = solved(timed)
+        if not wrong:
+            break
+    if own is alone:
+        text = f"made without the {many(left_out, 'picture')} in which somebody else is seen, too"
+        found.append((session, "info", "others_left_out", text))
     if wrong or done is None:
         said = str(wrong) if isinstance(wrong, DiorError) else f"session {session}: the adjustment diverges"
         why = far_off() or ("" if done else culprits.sentence(placed, timed, list(window), cost))
@@ -254,8 +251,8 @@ def run(
     for sequence, part, instants in zip(window, parts, window.values(), strict=True):
         text = f"{len(part.joint)} joints at {part.count} of {instants['count']} instants of {sequence} used"
         found.append((session, "info" if len(part.joint) else "warning", "adjust_window", text))
-    alone = _by_detections_alone(placed, priors, huber_px, max_mean_px, start_priors, timed, intrinsics_sigma)
-    found += in_adjustment.findings(session, list(window), timed, done, alone)
+    by_itself = _by_detections_alone(placed, priors, huber_px, max_mean_px, start_priors, timed, intrinsics_sigma)
+    found += in_adjustment.findings(session, list(window), timed, done, by_itself)
     found += outcome.findings(session, placed, priors, done)
     found += _lens_models(
         session, yamls, {name: s["topic"] for name, s in settings.items()}, done, uv, start_priors, huber_px

@@ -59,12 +59,13 @@ class Detected:
     """The detections, and which of them count.
 
     `detections`: a table or None; `min_score`: score from which a detection counts; `max_gap`: nominal periods between
-    two pictures over which is interpolated.
+    two pictures over which is interpolated; `everybody_seen`: table `detected_people`.
     """
 
     detections: Path | None
     min_score: float
     max_gap: float
+    everybody_seen: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -105,7 +106,7 @@ def run(
         estimates, off, aside = _indoors(sequence, rig, seen, pictures, known, min_score, data_root)
     else:
         off, aside = {}, {}
-        estimates = _outdoors(sequence, rig, seen, pictures, min_score, detected.max_gap, search_s(frames))
+        estimates = _outdoors(sequence, rig, seen, pictures, detected, search_s(frames))
     joint = camera_tables.read_camera_covariance(covariance, names) if covariance else None
     used = {name: manual.get(name, clock) for name, (clock, *_) in estimates.items()}
     on_axis.write(written.out, written.out_gains, sequence, used, names, joint)
@@ -265,8 +266,7 @@ def _outdoors(
     rig: list[Camera],
     seen: Table | None,
     pictures: Table,
-    min_score: float,
-    max_gap: float,
+    detected: Detected,
     most_s: float,
 ) -> dict[str, on_axis.Estimate]:
     from dior.calibrate.bundle import window
@@ -280,7 +280,10 @@ def _outdoors(
             c.name: (known, NONE, NONE, "") if c.name == reference else (on_axis.Clock(0.0), NONE, NONE, why)
             for c in rig
         }
-    found = window.recorded(rig, seen, pictures, min_score, max_gap, sequence, most_s)
+    found = window.recorded(rig, seen, pictures, detected.min_score, detected.max_gap, sequence, most_s)
+    if detected.everybody_seen:
+        alone, left_out = window.alone(found, rig, tables.read(detected.everybody_seen, "detected_people"))
+        found = alone if window.are_few(left_out, [found]) else found
     grid = instants(found.fps, max(own.elapsed[-1] for own in found.seen))
     return from_cameras.from_detections(rig, found.seen, found.names, grid, found.fps)
 

@@ -132,7 +132,8 @@ def test_a_tag_decides_the_scale_and_the_place_of_cameras_without_a_tape(tmp_pat
     assert 0.5 < shift @ np.linalg.solve(joint[np.ix_(at, at)], shift) < 28
 
 
-def test_pictures_of_two_people_take_no_part_where_the_adjustment_ends_wrong_with_them(tmp_path):
+@pytest.mark.parametrize("most", [0.1, 0.7])
+def test_pictures_of_two_people_take_no_part_where_they_are_few_or_it_ends_wrong_with_them(tmp_path, monkeypatch, most):
     recorded(tmp_path)
     path, second = tmp_path / "detections/walk.parquet", range(15, 50)
     table = tables.read(path, "detections")
@@ -149,6 +150,7 @@ def test_pictures_of_two_people_take_no_part_where_the_adjustment_ends_wrong_wit
     placed = scaled(ring(3), 1.0)
     with pytest.raises(DiorError, match="above the floor"):
         ran(tmp_path, placed)
+    monkeypatch.setattr(window, "MOST_OTHERS", most)
     found, texts = ran(tmp_path, placed, everybody=[tmp_path / "walk.people.parquet"])
     assert f"the {3 * len(second)} pictures in which somebody else" in texts["others_left_out"][0]
     assert all(outcome.shift_and_turn(true, one)[1] < 0.3 for one, true in zip(found, ring(3), strict=True))

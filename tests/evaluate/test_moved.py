@@ -55,6 +55,15 @@ def test_a_bump_is_found_where_it_was(first, bias):
     assert change.turn_deg == pytest.approx(0.3, abs=0.04)
 
 
+@pytest.mark.parametrize(("degrees", "said"), [(0.12, False), (0.3, True)])
+def test_of_two_walks_which_do_not_tell_how_walks_differ_less_is_believed(monkeypatch, degrees, said):
+    known = np.radians([0, degrees, 0]), np.radians(0.005) ** 2 * np.eye(3), 40.0
+    monkeypatch.setattr(moved, "turn", lambda before, after, camera: known)
+    one = moved.Normal(np.zeros(1), np.zeros((3, 1, 3, 3)), np.zeros((3, 1, 3)))
+    assert (moved.find_change([one, one]) is not None) == said
+    assert moved.find_change([one, one, one]) is not None
+
+
 def test_the_camera_that_explains_most_is_named_though_another_that_gives_way_is_told_more_surely(monkeypatch):
     told = {0: (0.44, 0.05, 37.0), 1: (0.50, 0.20, 42.0), 2: (0.30, 0.20, 20.0)}  # degrees, sigma, px^2
 

@@ -366,6 +366,13 @@ def clocked_detections(wildcards):
     return f"results/detections/{sequence}.parquet" if there_are else []
 
 
+def clocked_everybody(wildcards):
+    """Whom the cameras of an outdoor sequence see."""
+    sequence = clocked_sequence(wildcards)
+    there_are = clocked_detections(wildcards) and not PROJECT.indoor(sequence)
+    return f"results/detections/{sequence}.people.parquet" if there_are else []
+
+
 def clocked_bags(wildcards):
     """The pictures of an indoor sequence, where nothing else tells the time."""
     sequence = clocked_sequence(wildcards)

@@ -164,6 +164,7 @@ rule clocks:
         cameras=clocked_cameras,
         covariance=clocked_covariance,
         detections=clocked_detections,
+        everybody_seen=clocked_everybody,
         frames=clocked_frames,
         mocap=clocked_mocap,
         marked=marked_clocks,

@@ -22,6 +22,8 @@ from dior.errors import DiorError
 from dior.geometry.camera import Camera
 from dior.tables import tables
 
+MOST_OTHERS = 0.5  # of the pictures; chosen: half of a walk tells poses and clocks nearly as well as all of it
+
 
 @dataclass(frozen=True, eq=False)
 class InWindow:
@@ -73,7 +75,8 @@ def recorded(
 
 
 def alone(found: Recorded, cameras: Sequence[Camera], everybody: Table) -> tuple[Recorded, int]:
-    """The same without what is detected in pictures of more than one person, and how many of these there are.
+    """The same without what is detected in pictures of more than one person, and how many of these there are: who is
+    the subject was guessed camera by camera, and where two people walk two cameras may have two subjects.
 
     `everybody`: table `detected_people` of the sequence.
     """
@@ -85,6 +88,11 @@ def alone(found: Recorded, cameras: Sequence[Camera], everybody: Table) -> tuple
         left_out += int(several.sum())
         seen.append(replace(own, uv=np.where(several[:, None, None], np.nan, own.uv)))
     return replace(found, seen=tuple(seen)), left_out
+
+
+def are_few(left_out: int, found: Sequence[Recorded]) -> bool:
+    """Whether enough is left without so many pictures of the sequences."""
+    return left_out <= MOST_OTHERS * sum(len(own.uv) for one in found for own in one.seen)
 
 
 def confident(detections: Table, camera: str, count: int, min_score: float, where: str) -> tuple[Floats, list[str]]:
