@@ -179,12 +179,13 @@ def findings(
         view, t = _picture(worth[0].first, worth[0].last, frames)
         if state == UNDECIDED:
             height = "" if measured else "enter height_m in config/subjects.tsv, or "
-            advice = f"{height}point at the subject in"
+            advice = f"{height}point at the subject"
         else:
-            advice = "if that is the subject, point at them in"
+            advice = "if that is the subject, point at them"
         text = (
-            f"{shown}{more}: {sentence}; {advice} {file}, such as `seeds: [{{camera: {cameras[view]}, frame: "
-            f"{frames[view, t]}, u: <u>, v: <v>}}]` with the pixel of their middle"
+            f"{shown}{more}: {sentence}; {advice} on the page Who of `dior studio`, or in {file}, such as "
+            f"`seeds: [{{camera: {cameras[view]}, frame: {frames[view, t]}, u: <u>, v: <v>}}]` with the pixel of their "
+            "middle"
         )
         out.append((sequence, "warning", code, text))
     if not any(one.state == UNDECIDED for one in choice.stretches):

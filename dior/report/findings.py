@@ -37,7 +37,7 @@ def untold(findings: Iterable[Finding], table: Iterable[CameraRow], on_pages: Co
     for row in table:
         told |= {one.why for one in row.recordings}
         for trouble in row.troubles:
-            told |= {trouble.text, *(text for _, text in trouble.follows)}
+            told |= {trouble.text, *(text for _, text in (*trouble.alike, *trouble.follows))}
     return [
         finding for finding in findings if finding[3] not in told and (finding[1] != "info" or finding not in on_pages)
     ]

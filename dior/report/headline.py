@@ -98,7 +98,10 @@ def _line(name: str, far: bool, own: Mapping[tuple[str, str], Told], quantiles: 
     if shares:
         known.append(shares)
     if wrong := len(own) - len(good):
-        missing.append(f"{many(wrong, 'recording')} to mend {'is' if wrong == 1 else 'are'} left out of these figures")
+        are = "is" if wrong == 1 else "are"
+        missing.append(
+            f"{many(wrong, 'recording')} with labels that are drawn aside, or red, {are} left out of these figures"
+        )
     look = sum(told.level == "look" for told in good.values())
     if look:
         missing.append(f"{many(look, 'recording')} to look at {'is' if look == 1 else 'are'} in these figures")

@@ -244,14 +244,15 @@ def session_cameras(paths: Iterable[AnyPath]) -> dict[str, dict[str, Camera]]:
 
 def _tiles(project: Project, recorded: Mapping[tuple[str, str], Recording]) -> list[tuple[str, str]]:
     labelled = [one for one in recorded.values() if one.pictures]
-    return [
-        (numbers.count(len(project.sequences)), "sequences"),
-        (numbers.count(len(project.processed_subjects)), "subjects"),
-        (numbers.count(len({session_folder(session) for session in project.sessions})), "sessions"),
-        (numbers.count(len(labelled)), "camera recordings"),
-        (numbers.count(sum(one.pictures for one in labelled)), "pictures"),
-        (numbers.count(sum(one.labels for one in labelled)), "2D labels"),
+    tiles = [
+        (len(project.sequences), "sequence"),
+        (len(project.processed_subjects), "subject"),
+        (len({session_folder(session) for session in project.sessions}), "session"),
+        (len(labelled), "camera recording"),
+        (sum(one.pictures for one in labelled), "picture"),
+        (sum(one.labels for one in labelled), "2D label"),
     ]
+    return [(numbers.count(count), name if count == 1 else f"{name}s") for count, name in tiles]
 
 
 def _named(lines: list[dict[str, str]]) -> list[dict[str, str]]:

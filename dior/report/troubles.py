@@ -91,7 +91,8 @@ class Fix:
 @dataclass(frozen=True)
 class Trouble:
     """A cause: how bad (one of `lights.LEVELS`), its code, what is wrong in a sentence, in which sequences, what to
-    type, and the other faults that follow from it, (where, sentence); `also`: what else is to be typed."""
+    type, and the other faults that follow from it, (where, sentence); `also`: what else is to be typed; `alike`: the
+    same in other sequences, where it says other figures, and `of` then the sequence of the sentence."""
 
     level: str
     code: str
@@ -100,6 +101,8 @@ class Trouble:
     fix: Fix | None = None
     follows: tuple[tuple[str, str], ...] = ()
     also: tuple[Fix, ...] = ()
+    alike: tuple[tuple[str, str], ...] = ()
+    of: str = ""
 
 
 @dataclass(frozen=True)
@@ -133,12 +136,11 @@ def of_camera(recordings: Sequence[Recording], setting: Setting) -> list[Trouble
     for code, each in heads.items():
         names = tuple(dict.fromkeys(recording.sequence for recording, *_ in each))
         level = lights.worst(level for _, level, _, _ in each)
-        text = next(text for _, own, text, _ in each if own == level)
-        follows = [(one.sequence, text) for one, _, _, below in each for _, text in below]
-        follows += [(one.sequence, other) for one, _, other, _ in each if other != text]
-        found.append(
-            _with_fix(Trouble(level, code, text, names, None, tuple(dict.fromkeys(follows))), recordings, setting)
-        )
+        of, text = next((one.sequence, text) for one, own, text, _ in each if own == level)
+        below = tuple(dict.fromkeys((one.sequence, text) for one, _, _, own in each for _, text in own))
+        alike = tuple((one.sequence, other) for one, _, other, _ in each if other != text)
+        told = Trouble(level, code, text, names, None, below, (), alike, of if alike else "")
+        found.append(_with_fix(told, recordings, setting))
     return sorted(found, key=lambda one: -lights.LEVELS.index(one.level))
 
 
@@ -185,7 +187,7 @@ def across(by_camera: Mapping[str, Sequence[Trouble]], adjusted: Iterable[str]) 
                     continue
                 level = lights.worst((level, one.level))
                 if one.code != lights.BESIDE_CULPRIT:
-                    follows += [(f"{', '.join(one.sequences)} {other}".strip(), one.text), *one.follows]
+                    follows += [(f"{', '.join(one.sequences)} {other}".strip(), one.text), *one.alike, *one.follows]
                 text = f"this follows from {camera or 'the whole walk'}, which is to be mended first"
                 theirs[i] = Trouble(one.level, lights.BESIDE_CULPRIT, text, one.sequences)
         at = found[camera].index(cause)
@@ -218,10 +220,12 @@ def _with_fix(trouble: Trouble, recordings: Sequence[Recording], setting: Settin
     if trouble.code in ("beside_boxes", "in_box_lacking", "in_box_share") and offsets:
         offset = beside_boxes.together(offsets)
         if offset and any(offset.told) and (len(offsets) == 1 or beside_boxes.alike(offsets)):
-            follows = ((own[0].sequence, trouble.text), *trouble.follows)
+            each = ((trouble.of or own[0].sequence, trouble.text), *trouble.alike)
+            follows = (*each, *trouble.follows)
             side = beside_boxes.words(offset)
             of = "" if side.endswith(("above", "below")) else " of"
-            trouble = replace(trouble, text=f"the labels lie {side}{of} the hand boxes", follows=follows)
+            text = f"the labels lie {side}{of} the hand boxes"
+            trouble = replace(trouble, text=text, follows=follows, alike=(), of="")
             return replace(trouble, fix=_nudged(offset, setting, f"{own[0].sequence}.{own[0].camera}"))
     if trouble.code == lights.UNCHECKED:
         [first, *_] = trouble.sequences
@@ -300,8 +304,11 @@ def _nudged(offset: beside_boxes.Offset, setting: Setting, recording: str) -> Fi
 
 
 def where(trouble: Trouble, recorded: Iterable[str]) -> str:
-    """In which recordings: "in all 4 recordings", "in walk_1 and walk_3", "in 5 of 12 recordings: walk_1, ..."."""
+    """In which recordings: "in all 4 recordings", "in walk_1 and walk_3", "in 5 of 12 recordings: walk_1, ...", "in
+    walk_1; the same in 4 of 12"."""
     names, whole = trouble.sequences, list(recorded)
+    if trouble.of:
+        return f"in {trouble.of}; the same in {len(names)} of {len(whole)} recordings"
     if len(names) == len(whole):
         return "" if len(whole) == 1 else f"in all {many(len(whole), 'recording')}"
     if len(names) <= 2:

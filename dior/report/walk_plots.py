@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 # inches: room for a title above axes and for the time below them
 TITLE, TIME = 0.27, 0.5
+# steps without a value over which no line is drawn; chosen: a few pictures that are lost leave the line whole
+GAP = 5
 # inches left of axes: at least for the numbers of the upper ones and their label
 LEFT = 0.66
 
@@ -73,7 +75,7 @@ def timeline(
     if with_errors:
         axis = axes[0]
         for name, (t, value) in errors.items():
-            axis.plot(*_binned(t, value), color=colours[name], lw=1.2, label=name)
+            axis.plot(*_broken(*_binned(t, value)), color=colours[name], lw=1.2, label=name)
         axis.set_ylim(0, None)
         axis.set_ylabel(label)
     axis = axes[-1]
@@ -121,6 +123,13 @@ def stamps(
     axes[1].set_title("missing and repeated pictures" if kinds else "no picture is missing or there twice", fontsize=9)
     figure.legend(loc="upper left", ncols=columns, handlelength=1.2)
     save_svg(figure, path)
+
+
+def _broken(t: Floats, value: Floats) -> tuple[Floats, Floats]:
+    """The same with a NaN where nothing is known for several steps, so that no line is drawn across."""
+    steps = np.diff(t)
+    gaps = 1 + np.flatnonzero(steps > GAP * np.median(steps)) if len(steps) else np.zeros(0, int)
+    return np.insert(t, gaps, np.nan), np.insert(value, gaps, np.nan)
 
 
 def _binned(t: Floats, value: Floats, bins: int = 240) -> tuple[Floats, Floats]:

@@ -26,7 +26,9 @@ def test_it_is_pooled_over_the_recordings_of_a_kind():
 def test_what_is_red_is_not_counted_and_told():
     found = {("w", "cam01"): Told(INDOOR, "good", SEEN), ("w", "cam02"): Told(INDOOR, "bad", SEEN)}
     [line] = headline.lines(found, {("w", "cam01"): sigma(0.5), ("w", "cam02"): sigma(50.0)})
-    assert line.within == "1.22 px" and line.missing == ("1 recording to mend is left out of these figures",)
+    assert line.within == "1.22 px" and line.missing == (
+        "1 recording with labels that are drawn aside, or red, is left out of these figures",
+    )
 
 
 def test_what_is_drawn_aside_is_left_out_of_what_is_expected_and_of_what_is_measured():
@@ -35,7 +37,7 @@ def test_what_is_drawn_aside_is_left_out_of_what_is_expected_and_of_what_is_meas
     found = {("w", "cam01"): Told(INDOOR, "good", SEEN), ("w", "cam02"): Told(INDOOR, "look", SEEN, aside=True)}
     [line] = headline.lines(found, {("w", "cam01"): right, ("w", "cam02"): off})
     assert line.known[1] == "measured: 95 % within 0.90 px of the simulated truth"
-    assert line.missing == ("1 recording to mend is left out of these figures",)
+    assert line.missing == ("1 recording with labels that are drawn aside, or red, is left out of these figures",)
 
 
 def test_labels_without_a_sigma_are_not_said_to_be_good():

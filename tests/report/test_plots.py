@@ -184,3 +184,12 @@ def luminance(colour):
 
 def contrast(a, b):
     return (max(a, b) + 0.05) / (min(a, b) + 0.05)
+
+
+def test_no_line_is_drawn_where_nothing_is_known():
+    t = np.concatenate([np.arange(10), np.arange(40, 50)]) / 30
+    times, values = walk_plots._broken(t, np.ones(20))
+    assert np.isnan(values[10]) and np.isfinite(np.delete(values, 10)).all() and len(times) == 21
+    few = np.delete(np.arange(30), [7, 8]) / 30
+    assert np.isfinite(walk_plots._broken(few, few)[1]).all()
+    assert len(walk_plots._broken(t[:1], t[:1])[0]) == 1

@@ -171,7 +171,8 @@ def test_what_is_said_otherwise_of_another_walk_stands_with_that_walk():
         return Recording(walk, "cam01", (("bad", "high_error", f"{px} px"),))
 
     [found] = troubles.of_camera([says("walk_1", 3.4), says("walk_2", 3.1)], Setting("c.yaml"))
-    assert (found.text, found.follows) == ("3.4 px", (("walk_2", "3.1 px"),))
+    assert (found.text, found.of, found.alike, found.follows) == ("3.4 px", "walk_1", (("walk_2", "3.1 px"),), ())
+    assert troubles.where(found, ["walk_1", "walk_2"]) == "in walk_1; the same in 2 of 2 recordings"
     worse = [Recording("walk_1", "cam01", (("look", "high_error", "3.1 px"),)), says("walk_2", 3.4)]
     [found] = troubles.of_camera(worse, Setting("c.yaml"))
-    assert (found.text, found.follows) == ("3.4 px", (("walk_1", "3.1 px"),))
+    assert (found.text, found.of, found.alike) == ("3.4 px", "walk_2", (("walk_1", "3.1 px"),))

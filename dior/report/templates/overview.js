@@ -56,6 +56,7 @@
       var folded = !all && body.dataset.fold && !open[body.dataset.fold];
       body.hidden = !named || folded || (wrong.checked && body.dataset.level === "good");
     });
+    document.getElementById("overview-none").hidden = !word || bodies.some(function (body) { return !body.hidden; });
     folds.forEach(function (fold) {
       fold.hidden = all || wrong.checked;
       fold.querySelector("button").setAttribute("aria-expanded", String(!!open[fold.dataset.fold]));
