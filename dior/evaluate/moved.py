@@ -38,9 +38,9 @@ LEAST_DEG = 0.1  # less is no reason to measure a camera again; chosen: 1 cm of 
 SURE = 20.0  # squared distance in standard errors, 3 degrees of freedom: by chance once in six thousand
 ALIKE = 0.8  # chosen: cameras that explain so much of what the best one does may be it as well
 FLOOR_DEG = 0.01  # added to a turn's standard error; chosen: a tenth of what is told
-# how walks differ where a session has two, which do not tell; chosen: a clock that is known to 2.5 ms puts a walker
-# 3 mm aside, 5 m away
-UNTOLD_DEG = 0.03
+# how walks differ where a session has two, which do not tell; chosen: a clock that is known to 4 ms puts a walker
+# 5 mm aside, 5 m away
+UNTOLD_DEG = 0.05
 HUBER = 2.0  # residuals beyond this many times their median pull no harder; chosen
 
 
